@@ -43,7 +43,7 @@ def end_at_touchdown(state: AgentState) -> AgentState:
     if state.phase is Phase.LEAVING:
         phase = Phase.FAILED if state.given_up else Phase.DONE
         cause = state.outcome or state.trouble
-        return replace(state, phase=phase, outcome=f"{cause}; landed{_distance_text(state)}")
+        return replace(state, phase=phase, outcome=f"{cause}; disarmed{_distance_text(state)}")
     where = f"in cell {state.cell}" if state.cell is not None else "outside the area"
     battery = state.vehicle.battery_percent
     charge = "" if battery is None else f", battery {battery} %"

@@ -35,7 +35,7 @@ def test_a_vehicle_with_a_low_battery_returns_while_the_other_flies_on(
     assert report.states[1].outcome == "arrived"
     assert (report.states[2].phase, report.states[2].vehicle.armed) == ("failed", False)
     assert report.states[2].outcome.startswith("battery at 20 %")
-    assert report.states[2].outcome.endswith("; landed")
+    assert report.states[2].outcome.endswith("; disarmed")
     assert record.replay(tmp_path / "run.mcap").difference == ""
 
 
@@ -204,5 +204,5 @@ def test_rules_act_on_a_vehicle_without_position_messages(
     report = fly(pair(), tmp_path, ui=ui)
     assert trouble.modes[2] == ["AUTO", "RTL"]
     assert any(DemandKind.RETURN in line for line in coded(ui.said, "uav2", code))
-    assert report.states[2].outcome.endswith("; landed")
+    assert report.states[2].outcome.endswith("; disarmed")
     assert report.states[1].outcome == "arrived"

@@ -31,7 +31,7 @@ def test_a_fixed_wing_with_a_low_battery_lands_at_home(
     assert trouble.modes[2] == ["Hold", "Mission", "Return"]
     assert coded(ui.said, "uav2", "low-battery")
     assert report.states[2].outcome.startswith("battery at 20 %")
-    assert report.states[2].outcome.endswith("; landed")
+    assert report.states[2].outcome.endswith("; disarmed")
     assert away_m(report, 2, scenario.specs[1].start) < ROLL_OUT_M
     assert report.states[1].outcome == "arrived"
     assert record.replay(tmp_path / "run.mcap").difference == ""
@@ -45,7 +45,7 @@ def test_a_fixed_wing_with_a_critical_battery_lands_at_its_nearest_landing(
     assert trouble.modes[2] == ["Hold", "Mission", "Return", "Mission"]
     state = report.states[2]
     assert state.outcome.startswith("battery at 9 %")
-    assert state.outcome.endswith("; landed")
+    assert state.outcome.endswith("; disarmed")
     assert state.route is not None
     approach = state.route.plan.approach
     assert approach is not None

@@ -267,7 +267,7 @@ def _untrue(monitor: FlightMonitor, report: FlightReport) -> Iterator[str]:
         if state.outcome == "arrived" and (armed or cell not in task.goals):
             yield f"{task.uav} has not arrived: it is in cell {cell}"
         away_m = distance_m(place, monitor.drawn.scenario.specs[index].start)
-        if state.outcome == "return ordered; landed" and (armed or away_m > AT_HOME_M):
+        if state.outcome == "return ordered; disarmed" and (armed or away_m > AT_HOME_M):
             yield f"{task.uav} has not returned: it is {away_m:.0f} m from home"
 
 

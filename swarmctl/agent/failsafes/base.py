@@ -122,9 +122,9 @@ class ActiveRule:
     params: Section
 
 
-def holds_since(since_s: float | None, holds: bool, now: float) -> float | None:
-    """Return the time since which a condition holds without a break [s]; None if it does not hold."""
-    if not holds:
+def true_since(since_s: float | None, is_true: bool, now: float) -> float | None:
+    """Return the time since which a condition is true without a break [s]; None if it is false."""
+    if not is_true:
         return None
     return now if since_s is None else since_s
 

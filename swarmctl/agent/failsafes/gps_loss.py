@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 from pydantic import Field
 
-from swarmctl.agent.failsafes.base import Demand, DemandKind, FailsafeFacts, holds_since
+from swarmctl.agent.failsafes.base import Demand, DemandKind, FailsafeFacts, true_since
 from swarmctl.core.section import Section
 
 NAME = "gps_loss"
@@ -33,9 +33,9 @@ class Params(Section):
 
 @dataclass(frozen=True, slots=True)
 class GpsLossMemory:
-    since_s: float | None = None
+    no_fix_since_s: float | None = None
     """time of the first SYS_STATUS without a fix"""
-    blind_since_s: float | None = None
+    no_position_since_s: float | None = None
     """time of the first telemetry without a position"""
     landing: Demand | None = None
     """demanded landing; it continues after a new fix, because the fix may be lost again"""
@@ -51,20 +51,22 @@ def evaluate(
         # The last telemetry is old: all durations restart, and a demanded landing stays.
         return GpsLossMemory(landing=memory.landing), None
     status_s = vehicle.status_s
-    since_s = None if status_s is None else holds_since(memory.since_s, vehicle.gps_ok is False, status_s)
+    no_fix_since_s = (
+        None if status_s is None else true_since(memory.no_fix_since_s, vehicle.gps_ok is False, status_s)
+    )
     # This duration grows only with each new SYS_STATUS.
-    no_fix_s = None if since_s is None or status_s is None else status_s - since_s
-    blind_since_s = holds_since(memory.blind_since_s, not vehicle.has_position, now)
-    blind_s = None if blind_since_s is None else now - blind_since_s
-    demand = memory.landing or _demand(params, facts, no_fix_s, blind_s)
+    no_fix_s = None if no_fix_since_s is None or status_s is None else status_s - no_fix_since_s
+    no_position_since_s = true_since(memory.no_position_since_s, not vehicle.has_position, now)
+    no_position_s = None if no_position_since_s is None else now - no_position_since_s
+    demand = memory.landing or _demand(params, facts, no_fix_s, no_position_s)
     landing = demand if demand is not None and demand.kind is DemandKind.LAND else None
-    return GpsLossMemory(since_s, blind_since_s, landing), demand
+    return GpsLossMemory(no_fix_since_s, no_position_since_s, landing), demand
 
 
 def _demand(
-    params: Params, facts: FailsafeFacts, no_fix_s: float | None, blind_s: float | None
+    params: Params, facts: FailsafeFacts, no_fix_s: float | None, no_position_s: float | None
 ) -> Demand | None:
-    """Return the demand after `no_fix_s` without a fix and `blind_s` without a position.
+    """Return the demand after `no_fix_s` without a fix and `no_position_s` without a position.
 
     A duration is None while the vehicle has a fix, or a position.
     """
@@ -72,11 +74,11 @@ def _demand(
         return Demand(
             DemandKind.LAND, f"no GPS fix for {params.land_s:g} s, and the autopilot does not react"
         )
-    if blind_s is not None and blind_s >= params.land_s:
-        return _return_or_landing(params, facts, blind_s)
+    if no_position_s is not None and no_position_s >= params.land_s:
+        return _return_or_landing(params, facts, no_position_s)
     if no_fix_s is not None and no_fix_s >= params.seconds:
         text, order = "no GPS fix", "a landing"
-    elif blind_s is not None and blind_s >= params.seconds:
+    elif no_position_s is not None and no_position_s >= params.seconds:
         text, order = "telemetry without a position", "a return or a landing"
     else:
         return None
@@ -84,11 +86,11 @@ def _demand(
     return Demand(DemandKind.WARN, f"{text} for {params.seconds:g} s; {wait}")
 
 
-def _return_or_landing(params: Params, facts: FailsafeFacts, blind_s: float) -> Demand:
+def _return_or_landing(params: Params, facts: FailsafeFacts, no_position_s: float) -> Demand:
     text = f"telemetry without a position for {params.land_s:g} s"
     if facts.vehicle.gps_ok is not True:
         return Demand(DemandKind.LAND, f"{text}, and the autopilot does not react")
-    if blind_s >= 2.0 * params.land_s and facts.vehicle.mode_role != "return":
+    if no_position_s >= 2.0 * params.land_s and facts.vehicle.mode_role != "return":
         text = f"telemetry without a position for {2.0 * params.land_s:g} s"
         return Demand(DemandKind.LAND, f"{text}, and the vehicle does not return")
     return Demand(DemandKind.RETURN, f"{text}, although the GPS has a fix")

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 from pydantic import Field
 
-from swarmctl.agent.failsafes.base import STRENGTH, Demand, DemandKind, FailsafeFacts, has_lasted, holds_since
+from swarmctl.agent.failsafes.base import STRENGTH, Demand, DemandKind, FailsafeFacts, has_lasted, true_since
 from swarmctl.core.section import Section
 
 NAME = "low_battery"
@@ -67,8 +67,8 @@ def evaluate(
     if percent is None or status_s is None or facts.lost:
         return LowBatteryMemory(demanded=memory.demanded), memory.demanded
     # These durations grow only with each new SYS_STATUS.
-    return_since_s = holds_since(memory.return_since_s, percent < params.return_percent, status_s)
-    land_since_s = holds_since(memory.land_since_s, percent < params.land_percent, status_s)
+    return_since_s = true_since(memory.return_since_s, percent < params.return_percent, status_s)
+    land_since_s = true_since(memory.land_since_s, percent < params.land_percent, status_s)
     demanded = memory.demanded
     if has_lasted(land_since_s, params.seconds, status_s):
         demanded = _stronger(demanded, DemandKind.LAND, percent, params.land_percent)

@@ -7,7 +7,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from swarmctl.agent.failsafes.base import Demand, DemandKind, FailsafeFacts, has_lasted, holds_since
+from swarmctl.agent.failsafes.base import Demand, DemandKind, FailsafeFacts, has_lasted, true_since
 from swarmctl.core.planar import PlanarPoint, distance_to_track
 from swarmctl.core.section import Section
 
@@ -56,8 +56,8 @@ def evaluate(
     is_still = (
         facts.vehicle.ground_speed_m_s < MAX_STILL_M_S and abs(facts.vehicle.climb_m_s) < MAX_STILL_CLIMB_M_S
     )
-    off_since_s = holds_since(memory.off_since_s, away_m > params.metres, now)
-    still_since_s = holds_since(memory.still_since_s, is_still, now)
+    off_since_s = true_since(memory.off_since_s, away_m > params.metres, now)
+    still_since_s = true_since(memory.still_since_s, is_still, now)
     demanded = memory.demanded
     if off_since_s is None and still_since_s is None:
         demanded = None

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from swarmctl.agent.failsafes.base import Demand, DemandKind, FailsafeFacts, has_lasted, holds_since
+from swarmctl.agent.failsafes.base import Demand, DemandKind, FailsafeFacts, has_lasted, true_since
 from swarmctl.core.section import Section
 from swarmctl.core.vehicle import STALE_MODE_S
 
@@ -44,7 +44,7 @@ def evaluate(
     is_own = vehicle.mode_role in {"", *facts.own_roles}
     is_new_text = vehicle.status_text != before.text
     memory = TakenOverMemory(
-        holds_since(since_s, not is_own, now),
+        true_since(since_s, not is_own, now),
         facts.orders_given,
         vehicle.status_text,
         now if is_new_text else before.text_s,

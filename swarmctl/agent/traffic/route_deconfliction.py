@@ -99,14 +99,14 @@ def clashes_with(
         for uav, intent in others.items()
         if mine.is_within(intent.bounds, _margins(intent, limits))
     }
-    wider = {uav: intent.limits(limits) for uav, intent in near.items() if any(intent.around_m)}
+    wider = {uav: intent.limits(limits) for uav, intent in near.items() if any(intent.uncertainty_m)}
     return find_clashes(flight, {uav: intent.flight for uav, intent in near.items()}, limits, wider=wider)
 
 
 def _margins(intent: NeighbourIntent, limits: Limits) -> tuple[float, float, float, float]:
     """Return the margins in time, east, north and up [s, m]."""
-    kept = intent.limits(limits) if any(intent.around_m) else limits
-    return TIME_TOLERANCE_S, kept.horizontal_m, kept.horizontal_m, kept.vertical_m
+    pair_limits = intent.limits(limits) if any(intent.uncertainty_m) else limits
+    return TIME_TOLERANCE_S, pair_limits.horizontal_m, pair_limits.horizontal_m, pair_limits.vertical_m
 
 
 def _separates(flight: Trajectory, present: Trajectory | None, other: Trajectory, limits: Limits) -> bool:
@@ -338,12 +338,12 @@ def _heights_m(state: AgentState, plan: FlightPlan) -> list[float]:
     if vehicle.alt_amsl_m is None or vehicle.alt_rel_m is None:
         return []
     home_m = vehicle.alt_amsl_m - vehicle.alt_rel_m
-    keeps_m = HEIGHT_MARGIN * task.separation.limits.vertical_m
+    margin_m = HEIGHT_MARGIN * task.separation.limits.vertical_m
     tops_m = {
-        max(point[2] for point in intent.flight.points) + intent.around_m[1] - home_m
+        max(point[2] for point in intent.flight.points) + intent.uncertainty_m[1] - home_m
         for intent in state.intents.values()
     }
-    candidates = {task.altitude_m, planned_m + keeps_m, *(top_m + keeps_m for top_m in tops_m)}
+    candidates = {task.altitude_m, planned_m + margin_m, *(top_m + margin_m for top_m in tops_m)}
     most_m = ceiling_m(state)
     allowed = sorted(h for h in candidates if task.altitude_m <= h <= most_m and abs(h - planned_m) > 0.1)
     return allowed[:MAX_HEIGHTS]

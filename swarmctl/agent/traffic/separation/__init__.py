@@ -16,7 +16,7 @@ Points are (east, north, up) [m], times are by one clock [s].
 Imports core.
 """
 
-from swarmctl.agent.traffic.separation.approach import Approach, Limits, closest, intervals
+from swarmctl.agent.traffic.separation.approach import Limits, PairDistance, closest, intervals
 from swarmctl.agent.traffic.separation.conflicts import (
     CrossingCounts,
     PairConflict,
@@ -32,11 +32,11 @@ from swarmctl.agent.traffic.separation.trajectory import (
 )
 
 __all__ = [
-    "Approach",
     "CrossingCounts",
     "Limits",
     "LocalPoint",
     "PairConflict",
+    "PairDistance",
     "Trajectory",
     "closest",
     "conflicts",

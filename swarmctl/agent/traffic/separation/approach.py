@@ -22,7 +22,7 @@ class Limits:
 
 
 @dataclass(frozen=True, slots=True)
-class Approach:
+class PairDistance:
     """Distances of two vehicles at one time."""
 
     t_s: float
@@ -43,9 +43,9 @@ class _RelativeMotion:
     at: LocalPoint
     velocity: LocalPoint
 
-    def approach(self, tau_s: float) -> Approach:
+    def distance_at(self, tau_s: float) -> PairDistance:
         e, n, u = (x + v * tau_s for x, v in zip(self.at, self.velocity, strict=True))
-        return Approach(self.begin_s + tau_s, math.hypot(e, n), abs(u))
+        return PairDistance(self.begin_s + tau_s, math.hypot(e, n), abs(u))
 
     def squared_distance(self) -> tuple[float, float, float]:
         """Return (a, b, c) of the squared horizontal distance a·τ² + b·τ + c."""
@@ -53,14 +53,14 @@ class _RelativeMotion:
         return ve * ve + vn * vn, 2.0 * (e * ve + n * vn), e * e + n * n
 
 
-def closest(a: Trajectory, b: Trajectory, limits: Limits) -> Approach | None:
-    """Return the first approach with the least share of the limits; None if the flights share no time."""
+def closest(a: Trajectory, b: Trajectory, limits: Limits) -> PairDistance | None:
+    """Return the first distances with the least share of the limits; None if the flights share no time."""
     found = [_closest(part, limits) for part in _relative_motions(a, b)]
     return min(found, key=lambda at: (limits.share(at.horizontal_m, at.vertical_m), at.t_s), default=None)
 
 
-def nearest(a: Segment, b: Segment) -> Approach | None:
-    """Return the approach with the least straight-line distance; None if the segments share no time."""
+def nearest(a: Segment, b: Segment) -> PairDistance | None:
+    """Return the distances at the least straight-line distance; None if the segments share no time."""
     part = _relative_motion(a, b)
     if part is None:
         return None
@@ -68,7 +68,7 @@ def nearest(a: Segment, b: Segment) -> Approach | None:
     u, vu = part.at[2], part.velocity[2]
     a2, b1 = a2 + vu * vu, b1 + 2.0 * u * vu
     tau_s = -b1 / (2.0 * a2) if a2 > 0.0 else 0.0
-    return part.approach(min(max(tau_s, 0.0), part.lasts_s))
+    return part.distance_at(min(max(tau_s, 0.0), part.lasts_s))
 
 
 def intervals(a: Trajectory, b: Trajectory, limits: Limits) -> tuple[tuple[float, float], ...]:
@@ -124,8 +124,8 @@ def _minus(a: LocalPoint, b: LocalPoint) -> LocalPoint:
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
-def _closest(part: _RelativeMotion, limits: Limits) -> Approach:
-    """Return the approach with the least share.
+def _closest(part: _RelativeMotion, limits: Limits) -> PairDistance:
+    """Return the distances with the least share of the limits.
 
     The share is the greater of two convex functions. Its minimum is at an end, at the minimum of either
     function, or at a crossing of both.
@@ -137,7 +137,7 @@ def _closest(part: _RelativeMotion, limits: Limits) -> Approach:
     at += [-b1 / (2.0 * a2)] if a2 > 0.0 else []
     at += [-u / vu] if vu != 0.0 else []
     at += _roots(a2 / h2 - vu * vu / v2, b1 / h2 - 2.0 * u * vu / v2, c / h2 - u * u / v2)
-    within = (part.approach(tau) for tau in sorted(at) if 0.0 <= tau <= part.lasts_s)
+    within = (part.distance_at(tau) for tau in sorted(at) if 0.0 <= tau <= part.lasts_s)
     return min(within, key=lambda found: limits.share(found.horizontal_m, found.vertical_m))
 
 

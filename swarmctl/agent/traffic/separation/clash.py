@@ -71,12 +71,12 @@ def find_clashes(
     mine, boxes = list(own.segments()), _boxes_of(own)
     found = []
     for uav, flight in others.items():
-        kept = wider.get(uav, limits)
-        near = _near_pairs(boxes, _boxes_of(flight), kept, tolerance_s)
+        pair_limits = wider.get(uav, limits)
+        near = _near_pairs(boxes, _boxes_of(flight), pair_limits, tolerance_s)
         if not near:
             continue
         pieces = list(flight.segments())
-        at_s = (first_clash_s(mine[i], pieces[j], kept, tolerance_s) for i, j in near)
+        at_s = (first_clash_s(mine[i], pieces[j], pair_limits, tolerance_s) for i, j in near)
         first_s = min((t for t in at_s if t is not None), default=None)
         if first_s is not None:
             found.append(Clash(uav, first_s))

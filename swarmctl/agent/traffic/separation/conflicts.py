@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from swarmctl.agent.traffic.separation.approach import Approach, Limits, closest, intervals
+from swarmctl.agent.traffic.separation.approach import Limits, PairDistance, closest, intervals
 from swarmctl.agent.traffic.separation.trajectory import Segment, Trajectory
 
 
@@ -19,7 +19,7 @@ class PairConflict:
     begin_s: float
     end_s: float
     """end of the last conflict of the pair [s]"""
-    closest: Approach
+    closest: PairDistance
 
 
 def conflicts(flights: Mapping[int, Trajectory], limits: Limits) -> tuple[PairConflict, ...]:

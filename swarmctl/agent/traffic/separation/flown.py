@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from swarmctl.agent.traffic.separation.approach import Approach, Limits, nearest, too_close
+from swarmctl.agent.traffic.separation.approach import Limits, PairDistance, nearest, too_close
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Segment
 
 MAX_GAP_S = 3.0
@@ -40,7 +40,7 @@ class FlownSeparation:
         self._here = np.empty((0, 3))
         self._reach_m = np.empty(0)
         """length of the stored segments of each vehicle [m]"""
-        self.nearest: Approach | None = None
+        self.nearest: PairDistance | None = None
         self.between: VehiclePair | None = None
         self.too_close_s: defaultdict[VehiclePair, float] = defaultdict(float)
         """time below both limits [s], by pair"""

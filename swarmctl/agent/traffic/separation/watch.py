@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from swarmctl.agent.traffic.separation.approach import Approach, Limits, closest, intervals
+from swarmctl.agent.traffic.separation.approach import Limits, PairDistance, closest, intervals
 from swarmctl.agent.traffic.separation.trajectory import Bounds, Trajectory
 from swarmctl.core.frames import StateShared
 
@@ -53,14 +53,14 @@ class NeighbourIntent:
     may_change: bool
     """True if the vehicle can change its plan"""
     sent_s: float
-    around_m: tuple[float, float] = (0.0, 0.0)
+    uncertainty_m: tuple[float, float] = (0.0, 0.0)
     """uncertainty of the flight, horizontal and vertical [m]"""
     on_ground: bool = False
     """True if the vehicle is about to take off"""
 
     def limits(self, limits: Limits) -> Limits:
         """Return `limits` enlarged by the uncertainty of the flight."""
-        horizontal_m, vertical_m = self.around_m
+        horizontal_m, vertical_m = self.uncertainty_m
         return Limits(limits.horizontal_m + horizontal_m, limits.vertical_m + vertical_m)
 
 
@@ -69,7 +69,7 @@ class ProximityAlarm:
     """A prediction that another vehicle comes too close."""
 
     other: int
-    approach: Approach
+    approach: PairDistance
     """last prediction, by the vehicle's own clock"""
     clear_since_s: float | None = None
     """time since which the conflict is no longer predicted [s]; None while predicted"""
@@ -134,8 +134,8 @@ def gives_way_to(one: Priority, other: Priority) -> bool:
 
 def clear_height_m(height_m: float, others_m: Sequence[float], limits: Limits) -> float:
     """Return the lowest height at or above `height_m` that is clear of others' heights [m]."""
-    keeps_m = HEIGHT_MARGIN * limits.vertical_m
+    margin_m = HEIGHT_MARGIN * limits.vertical_m
     for other_m in sorted(others_m):
-        if abs(other_m - height_m) < keeps_m:
-            height_m = other_m + keeps_m
+        if abs(other_m - height_m) < margin_m:
+            height_m = other_m + margin_m
     return height_m
