@@ -263,9 +263,8 @@ class AgentState:
     """time of the last speed command, by the vehicle's clock [s]"""
     n_alarms: int = 0
     n_holds: int = 0
-    """number of holds to give way"""
     n_climbs: int = 0
-    """number of climbs to give way"""
+    """number of climbs to give way; `n_holds` likewise"""
     incarnation: int = 0
     """number that grows with each start of the agent's program, part of the names of observations"""
     next_seq: int = 1

@@ -35,16 +35,13 @@ class BrakingStop:
     speed_m_s: float
     """speed before braking [m/s]"""
     brakes_m_s2: float
-    """deceleration [m/s²]"""
 
     @property
     def stops_in_s(self) -> float:
-        """Time until the stop [s]."""
         return self.brakes_in_s + self.speed_m_s / self.brakes_m_s2
 
     @property
     def stops_in_m(self) -> float:
-        """Distance to the stop [m]."""
         return self.brakes_in_m + self.speed_m_s**2 / (2.0 * self.brakes_m_s2)
 
     def time_at(self, distance_m: float) -> float:

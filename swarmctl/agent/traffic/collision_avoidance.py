@@ -76,16 +76,16 @@ def avoid_collisions(state: AgentState) -> StepResult:
     messages: list[ev.Effect] = [
         ev.NotifyOperator(f"{_alarm_text(state, alarm)}{_reaction(state, alarm)}") for alarm in new
     ]
-    done: list[ev.Effect] = []
+    effects: list[ev.Effect] = []
     if state.interrupted_plan is not None and state.phase is Phase.LANDING:
         pass  # `landing_queue` ends this hold
     elif state.interrupted_plan is not None:
-        state, done = _resume_if_clear(state, own, others)
+        state, effects = _resume_if_clear(state, own, others)
     else:
         higher_ids = [alarm for alarm in alarms if not gives_way_by_id(state.task.uav, alarm.other)]
         to_avoid = [alarm for alarm in (*new, *higher_ids) if _has_to_give_way(state, alarm.other)]
-        state, done = _give_way(state, to_avoid, others)
-    return state, [*messages, *done]
+        state, effects = _give_way(state, to_avoid, others)
+    return state, [*messages, *effects]
 
 
 def end_give_way(state: AgentState) -> AgentState:

@@ -52,7 +52,7 @@ WAIT_WITHIN_S = 15.0
 """Time within which a conflict with a vehicle that cannot change its plan causes a wait [s]."""
 MIN_WAIT_S = 3.0
 """Shortest wait [s]: time to stop, and to send the new intent to other vehicles."""
-CLEAR_FOR_S = 20.0
+CLEAR_AHEAD_S = 20.0
 """Time ahead for which the landing has to be predicted clear [s]."""
 STARTS_AFTER_S = (0.0, 2.0, 4.0)
 """Delays of the descent that are checked [s]: a vehicle takes some seconds to follow the order."""
@@ -247,7 +247,7 @@ def _land_if_clear(state: AgentState, here: LocalPoint) -> StepResult:
 
 
 def _descent_conflicts(state: AgentState, waited_for: Mapping[int, NeighbourIntent]) -> tuple[Clash, ...]:
-    """Return the conflicts within CLEAR_FOR_S of a landing that starts now or a little later."""
+    """Return the conflicts within CLEAR_AHEAD_S of a landing that starts now or a little later."""
     here, flight = position_of(state), None
     if here is not None:
         spot, up_m = _landing_spot(state), here[2]
@@ -260,7 +260,7 @@ def _descent_conflicts(state: AgentState, waited_for: Mapping[int, NeighbourInte
         flight = to_shared_frame(state, landing)
     if flight is None:
         return ()
-    limits, until_s = state.task.separation.limits, state.vehicle.time_boot_s + CLEAR_FOR_S
+    limits, until_s = state.task.separation.limits, state.vehicle.time_boot_s + CLEAR_AHEAD_S
     for delay_s in STARTS_AFTER_S:
         clashes = clashes_with(flight.later(delay_s), waited_for, limits)
         if soon := tuple(clash for clash in clashes if clash.at_s < until_s):

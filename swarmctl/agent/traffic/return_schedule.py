@@ -98,7 +98,6 @@ class ReturnSchedule:
     begins_s: Mapping[int, float]
     """start by system id [s], in order of time"""
     all_landed_s: float
-    """latest landing [s]"""
     height_only: tuple[tuple[int, int], ...] = ()
     """pairs that only height can separate: the first vehicle passes near the second vehicle, which holds"""
 
@@ -118,18 +117,18 @@ def schedule_returns(
         for mover in (*start_steps, *waiting)
     }
     height_only = [(mover.uav, holder.uav) for mover in start_steps for holder in passes[mover]]
-    in_the_way = {vehicle: len(passes[vehicle]) for vehicle in waiting}
+    n_in_the_way = {vehicle: len(passes[vehicle]) for vehicle in waiting}
     passed_by: dict[ReturningVehicle, list[ReturningVehicle]] = {vehicle: [] for vehicle in waiting}
     for mover in waiting:
         for holder in passes[mover]:
             passed_by[holder].append(mover)
-    while in_the_way:
-        freest = min(in_the_way, key=in_the_way.__getitem__)
-        height_only += [(freest.uav, holder.uav) for holder in passes[freest] if holder in in_the_way]
-        del in_the_way[freest]
+    while n_in_the_way:
+        freest = min(n_in_the_way, key=n_in_the_way.__getitem__)
+        height_only += [(freest.uav, holder.uav) for holder in passes[freest] if holder in n_in_the_way]
+        del n_in_the_way[freest]
         for mover in passed_by[freest]:
-            if mover in in_the_way:
-                in_the_way[mover] -= 1
+            if mover in n_in_the_way:
+                n_in_the_way[mover] -= 1
         # The vehicles on the path of `freest` start no later.
         from_step = max((start_steps[other] for other in passes[freest] if other in start_steps), default=0)
         start_steps[freest] = _first_free_step(freest, start_steps, from_step, horizontal_m)
@@ -141,40 +140,40 @@ def schedule_returns(
     )
 
 
-def schedule_for(places: Mapping[int, VehiclePosition]) -> ReturnSchedule:
+def schedule_for(positions: Mapping[int, VehiclePosition]) -> ReturnSchedule:
     """Return the schedule for vehicles by system id, from their announced positions and separations."""
-    if not places:
+    if not positions:
         return ReturnSchedule({}, 0.0)
-    first = next(iter(places.values()))
+    first = next(iter(positions.values()))
     frame = LocalFrame(first.lat_deg, first.lon_deg)
     vehicles = [
         ReturningVehicle(
             uav,
-            frame.to_local(place.lat_deg, place.lon_deg),
-            place.alt_amsl_m,
-            frame.to_local(place.home_lat_deg, place.home_lon_deg),
-            place.home_alt_amsl_m,
-            place.speed_m_s,
-            place.is_returning,
+            frame.to_local(position.lat_deg, position.lon_deg),
+            position.alt_amsl_m,
+            frame.to_local(position.home_lat_deg, position.home_lon_deg),
+            position.home_alt_amsl_m,
+            position.speed_m_s,
+            position.is_returning,
         )
-        for uav, place in places.items()
+        for uav, position in positions.items()
     ]
-    keeps = [(MIN_HORIZONTAL_M, MIN_VERTICAL_M), *(place.min_separation_m for place in places.values())]
-    return schedule_returns(
-        vehicles, horizontal_m=max(k[0] for k in keeps), vertical_m=max(k[1] for k in keeps)
-    )
+    least_m = (MIN_HORIZONTAL_M, MIN_VERTICAL_M)
+    limits_m = zip(least_m, *(position.min_separation_m for position in positions.values()), strict=True)
+    horizontal_m, vertical_m = (max(values) for values in limits_m)
+    return schedule_returns(vehicles, horizontal_m=horizontal_m, vertical_m=vertical_m)
 
 
-def is_plausible(place: VehiclePosition) -> bool:
+def is_plausible(position: VehiclePosition) -> bool:
     """Return whether an announced position can be scheduled; otherwise the sender errs or lies."""
-    here, home = (place.lat_deg, place.lon_deg), (place.home_lat_deg, place.home_lon_deg)
+    here, home = (position.lat_deg, position.lon_deg), (position.home_lat_deg, position.home_lon_deg)
     if not all(abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0 for lat_deg, lon_deg in (here, home)):
         return False
     is_near = distance_m(here, home) <= MAX_DISTANCE_M and all(
-        0.0 <= m <= MAX_DISTANCE_M for m in place.min_separation_m
+        0.0 <= m <= MAX_DISTANCE_M for m in position.min_separation_m
     )
-    up_m = place.alt_amsl_m - place.home_alt_amsl_m
-    return is_near and abs(up_m) <= MAX_HEIGHT_M and MIN_SPEED_M_S <= place.speed_m_s < math.inf
+    up_m = position.alt_amsl_m - position.home_alt_amsl_m
+    return is_near and abs(up_m) <= MAX_HEIGHT_M and MIN_SPEED_M_S <= position.speed_m_s < math.inf
 
 
 def position_from_state(state: StateShared, own: VehiclePosition) -> VehiclePosition | None:
@@ -203,9 +202,9 @@ def position_from_state(state: StateShared, own: VehiclePosition) -> VehiclePosi
     )
 
 
-def may_be_returning(place: VehiclePosition, age_s: float) -> bool:
+def may_be_returning(position: VehiclePosition, age_s: float) -> bool:
     """Return whether a vehicle that was returning `age_s` [s] ago may still be on its return."""
-    return age_s <= max(MIN_SILENCE_S, schedule_for({0: place}).all_landed_s)
+    return age_s <= max(MIN_SILENCE_S, schedule_for({0: position}).all_landed_s)
 
 
 def describe_schedule(schedule: ReturnSchedule, names: Mapping[int, str]) -> str:

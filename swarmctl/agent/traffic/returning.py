@@ -8,7 +8,7 @@ Vehicles broadcast their returns, and their holds before a return.
 | two vehicles wait | the lower system id is first |
 | two vehicles started at the same time | within 5 s the vehicle with the higher system id holds again |
 | urgent return (very low battery) | starts at once; other returns are scheduled around it |
-| a vehicle has waited for 120 s | returns in any case; lower system ids up to 60 s earlier, 10 s apart |
+| a vehicle has waited for 120 s | returns in any case; lower system ids up to 60 s earlier, in 10 s steps |
 """
 
 from __future__ import annotations
@@ -188,13 +188,13 @@ def is_return_path_clear(state: AgentState) -> bool:
     if own is None:
         return True
     own = msgspec.structs.replace(own, is_returning=False)
-    places = {}
+    positions = {}
     for uav, report in state.returning_neighbours.items():
-        place = position_from_state(report.state, own)
-        if place is None:
+        position = position_from_state(report.state, own)
+        if position is None:
             continue
         waits = report.state.phase == Phase.HOLDING
         is_first = waits and uav < state.task.uav and now_s - report.at_s <= MAX_WAITING_AGE_S
-        if is_first or (not waits and may_be_returning(place, now_s - report.at_s)):
-            places[uav] = place
-    return not places or schedule_for({**places, state.task.uav: own}).begins_s[state.task.uav] == 0.0
+        if is_first or (not waits and may_be_returning(position, now_s - report.at_s)):
+            positions[uav] = position
+    return not positions or schedule_for({**positions, state.task.uav: own}).begins_s[state.task.uav] == 0.0

@@ -199,8 +199,8 @@ def deconflict(before: AgentState, decided: StepResult, now: float) -> StepResul
     flight = flight_by_plan(before, swap.plan)
     if before.alarms and _changes_height(before, swap.plan):
         return _upload(state, swap, flight)  # an evasive climb comes first
-    old = None if before.route is None else planned_flight(before)
-    clashes = clashes_with_known_intents(state, flight, old)
+    present_flight = None if before.route is None else planned_flight(before)
+    clashes = clashes_with_known_intents(state, flight, present_flight)
     new = [clash for clash in clashes if clash.other not in before.predicted_conflicts | before.deferred_for]
     counts = replace(before.deconfliction, predicted=before.deconfliction.predicted + len(new))
     state = replace(state, deconfliction=counts)
@@ -216,7 +216,7 @@ def deconflict(before: AgentState, decided: StepResult, now: float) -> StepResul
     for height_m in _heights_m(state, swap.plan):
         plan = _with_level_off_if_needed(before, at_height(swap.plan, height_m))
         flight = flight_by_plan(before, plan)
-        if clashes_with_known_intents(state, flight, old):
+        if clashes_with_known_intents(state, flight, present_flight):
             continue
         resolved |= {clash.other for clash in clashes} - before.deferred_for
         state = replace(state, deconfliction=replace(counts, by_height=counts.by_height + len(resolved)))
@@ -274,15 +274,15 @@ def _defer(
         deferred_for=before.deferred_for | others,
     )
     present_clashes = clashes_with_known_intents(state, planned_flight(before))
-    old = [clash for clash in present_clashes if _gives_way(before, clash.other)]
-    near_s = old[0].at_s - state.vehicle.time_boot_s if old else HOLDS_WITHIN_S
+    yielding = [clash for clash in present_clashes if _gives_way(before, clash.other)]
+    near_s = yielding[0].at_s - state.vehicle.time_boot_s if yielding else HOLDS_WITHIN_S
     again_s = RETRY_SOON_S if near_s < 2.0 * SEPARATES_WITHIN_S else RETRY_S
     state = replace(state, retry_at_s=now + again_s)
     holds = before.route is None or (near_s < HOLDS_WITHIN_S and _may_hold(before))
     reaction = "continues to hold" if before.route is None else "holds"
     reaction = f"{reaction} [plan-deferred-hold]" if holds else "keeps its present route [plan-deferred]"
     waits = others | (before.predicted_conflicts if holds else frozenset())
-    if holds or not old:
+    if holds or not yielding:
         by_waiting = state.deconfliction.by_waiting + len(waits - before.deferred_for)
         state = replace(state, deconfliction=replace(state.deconfliction, by_waiting=by_waiting))
     messages: list[ev.Effect] = []
