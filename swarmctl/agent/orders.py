@@ -71,7 +71,7 @@ def _follows(state: AgentState, order: ev.FlightOrder) -> bool:
 
 
 def urgent_return_reason(state: AgentState) -> str:
-    """Return the reason why a failsafe demands an immediate return; "" without such a demand."""
+    """Return the reason why a failsafe demands an immediate return; "" if there is no such demand."""
     return _demanded(state, DemandKind.RETURN)
 
 

@@ -263,8 +263,9 @@ class AgentState:
     """time of the last speed command, by the vehicle's clock [s]"""
     n_alarms: int = 0
     n_holds: int = 0
+    """number of holds for other vehicles"""
     n_climbs: int = 0
-    """number of climbs to give way; `n_holds` likewise"""
+    """number of climbs for other vehicles"""
     incarnation: int = 0
     """number that grows with each start of the agent's program, part of the names of observations"""
     next_seq: int = 1
@@ -299,7 +300,7 @@ class AgentState:
 
     @property
     def alarm(self) -> str:
-        """Active proximity alarms as text; empty without an alarm."""
+        """Active proximity alarms as text; empty if there is none."""
         others = ", ".join(str(alarm.other) for alarm in self.alarms)
         noun = "vehicle" if len(self.alarms) == 1 else "vehicles"
         return f"predicted to come too close to {noun} {others}" if others else ""

@@ -80,7 +80,7 @@ class FailsafeFacts:
     lost: bool = False
     """True while the link is lost; `vehicle` is old then"""
     route: ActiveRoute | None = None
-    """None during a mission change, or without a mission"""
+    """None during a mission change, or if there is no mission"""
     fence: Fence | None = None
     turn_radius_m: float = 0.0
     """turn radius of a fixed wing; 0: a copter"""

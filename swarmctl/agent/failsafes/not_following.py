@@ -46,7 +46,7 @@ def evaluate(
     if facts.activity != "mission":
         return None, None
     if route is None or here is None or facts.lost:
-        # Without data all durations restart, and a demand stays.
+        # If data are missing, all durations restart, and a demand stays.
         kept = None if memory is None else memory.demanded
         return memory and NotFollowingMemory(memory.plan_id, memory.track_m, demanded=kept), kept
     if memory is None or memory.plan_id != route.plan_id:

@@ -217,7 +217,7 @@ def route_index_at(swap: ev.SwapMission, cell: Cell, since: int = 0) -> int | No
 
 
 def is_track_still_good(state: AgentState, p_s: NDArray[np.float64], route_cell: Cell) -> bool:
-    """Return whether the present track is still as good as its route; True without a track."""
+    """Return whether the present track is still as good as its route; True if there is no track."""
     task, swap = state.task, state.route
     if swap is None or swap.track is None or task.any_angle is None or state.route_exposure is None:
         return True

@@ -132,7 +132,7 @@ def splice_on_track(state: AgentState, p_s: NDArray[np.float64]) -> Splice:
 
 
 def is_wall_close(state: AgentState, p_s: NDArray[np.float64]) -> bool:
-    """Return whether a wall is among the next URGENT_CELLS cells of the route; True without a route."""
+    """Return whether a wall is among the next URGENT_CELLS cells of the route; True if there is no route."""
     swap = state.route
     if swap is None:
         return True

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 N_KEPT = 3
-"""number of last swaps that are kept; the longest of these durations is expected"""
+"""number of last swaps with stored durations; the longest stored duration is expected"""
 PRIOR_S = 1.5
 """least expected duration before the first measurement [s]"""
 MARGIN_S = 0.5

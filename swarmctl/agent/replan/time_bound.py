@@ -98,8 +98,8 @@ def swap_cost_cells(state: AgentState, start: Cell, lead_in: LeadIn, splice: Spl
 def route_lost_s(task: Task, cells: Sequence[Cell], joining: JoiningLeg = FROM_A_STOP) -> float:
     """Return the time that a vehicle loses at turns on a route over these cells and on the flight to it [s].
 
-    The result is 0 for a vehicle without a latest arrival. A straightened track turns less than its route, so
-    a vehicle on a track is earlier.
+    The result is 0 if there is no latest arrival. A straightened track turns less than its route, so a
+    vehicle on a track is earlier.
     """
     centres = [task.grid.centre_m(cell) for cell in cells]
     return _lost_s(task, [*joining.path, *centres], joining.initial_m_s)
@@ -236,7 +236,7 @@ def arrival_outside_bound_s(
     arrival_s = lead_in.arrives_s(task.arrival, length_m, lost_s)
     if arrival_s > task.arrival.within_s:
         return arrival_s
-    # The earliest arrival counts to the edge of the goal cell, without any loss.
+    # For the earliest arrival, the route ends at the edge of the goal cell, and no time is lost.
     edge_m = length_m - HALF_CELL * task.grid.cell_size_m
     return lead_in.arrives_s(task.arrival, edge_m) - lead_in.lost_s
 

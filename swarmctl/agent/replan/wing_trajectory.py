@@ -95,7 +95,7 @@ def _to_exit(pattern: LandingPattern, around: list[PlanarPoint]) -> list[PlanarP
 
 
 def _distinct(track: Iterable[PlanarPoint]) -> list[PlanarPoint]:
-    """Return the track without points within 0.1 m of the previous point: such legs have no direction."""
+    """Return the track without points within 0.1 m of the previous point: a leg of 0 m has no direction."""
     kept: list[PlanarPoint] = []
     for point in track:
         if not kept or math.dist(kept[-1], point) > 0.1:

@@ -134,7 +134,7 @@ def _give_way(
 
 
 def may_give_way(state: AgentState) -> bool:
-    """Return whether the vehicle can interrupt its mission: it flies the mission near its cruise height."""
+    """Return whether the vehicle can give way: it flies its mission, not far below cruise height."""
     vehicle, task = state.vehicle, state.task
     if state.task.separation.action == "none" or state.phase is not Phase.FLYING or state.route is None:
         return False

@@ -33,7 +33,7 @@ from swarmctl.core.frames import MAX_AHEAD_S, MAX_POINTS, IntentPoint, IntentSha
 from swarmctl.core.mission import FlightPlan
 
 REPEAT_EVERY_S = 5.0
-"""Interval between intents without a change [s]."""
+"""Interval between unchanged intents [s]."""
 MIN_INTERVAL_S = 1.0
 """Least interval while the vehicle is off its announced position [s]."""
 TOLERANCE_S, TOLERANCE_M = 1.0, 3.0
@@ -152,7 +152,7 @@ def _uncertainty_m(state: AgentState) -> tuple[float, float]:
 
 
 def flight_by_plan(state: AgentState, plan: FlightPlan) -> Trajectory | None:
-    """Return the trajectory of a vehicle in flight that begins `plan` now; None without a position."""
+    """Return the trajectory of a flying vehicle that begins `plan` now; None if its position is unknown."""
     here = position_of(state)
     if here is None:
         return None

@@ -1,4 +1,4 @@
-"""Launch: a vehicle waits on the ground while its first route conflicts with a vehicle in the air. Pure.
+"""Launch: a vehicle waits on the ground while its first route conflicts with another vehicle's flight. Pure.
 
 The first route is checked three times, because mode changes and arming take some seconds.
 

@@ -28,7 +28,7 @@ def own_trajectory(state: AgentState, for_s: float | None = None) -> Trajectory 
     """Return the own trajectory for the next `for_s` seconds (default: the look-ahead time).
 
     A flying vehicle follows its plan at the present speed, or its interrupted plan at cruise speed. In other
-    phases, and during a mission change, the vehicle flies straight on. The result is None without a position.
+    phases, and during a mission change, the vehicle flies straight on. None: the position is unknown.
     """
     vehicle, rules = state.vehicle, state.task.separation
     here = position_of(state)
@@ -46,7 +46,7 @@ def own_trajectory(state: AgentState, for_s: float | None = None) -> Trajectory 
 
 
 def position_of(state: AgentState) -> LocalPoint | None:
-    """Return this vehicle's position; None without a position in the last telemetry."""
+    """Return this vehicle's position; None if the last telemetry has none."""
     vehicle = state.vehicle
     if vehicle.lat_deg is None or vehicle.lon_deg is None or vehicle.alt_rel_m is None:
         return None
@@ -84,7 +84,7 @@ def _along(points: Sequence[LocalPoint], speed_m_s: float, from_s: float, for_s:
 
 
 def hold_trajectory(state: AgentState) -> Trajectory | None:
-    """Return the trajectory of a hold for the look-ahead time; None without a position."""
+    """Return the trajectory of a hold for the look-ahead time; None if the position is unknown."""
     here, rules = position_of(state), state.task.separation
     if here is None:
         return None

@@ -60,7 +60,7 @@ MAX_HEIGHTS = 8
 def clashes_with_known_intents(
     state: AgentState, flight: Trajectory | None, present_flight: Trajectory | None = None
 ) -> tuple[Clash, ...]:
-    """Return the clashes of a flight before its landing with the recent intents, soonest first.
+    """Return the clashes of a flight, up to its landing, with the recent intents, soonest first.
 
     A flight that separates two close vehicles does not clash. `present_flight`: flight of the present plan.
     """

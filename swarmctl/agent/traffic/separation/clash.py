@@ -27,7 +27,7 @@ HEIGHT_TOLERANCE_M = 0.3
 """Accuracy of held and reported heights [m]: plans at exactly the vertical limit do not clash."""
 
 Boxes = NDArray[np.float64]
-"""(segments, 8): least time [s], east, north and up [m] of each segment, then the greatest"""
+"""(segments, 8): least time [s], east, north and up [m] of each segment, then the greatest values"""
 _Times = tuple[float, float]
 """(time of the first vehicle, time of the second vehicle) [s]"""
 _DIRECTIONS = tuple((math.cos(k * math.tau / 8), math.sin(k * math.tau / 8)) for k in range(8))

@@ -108,7 +108,7 @@ def until_landing(flight: Trajectory) -> Trajectory:
 
 
 def landing_start_s(flight: Trajectory) -> float:
-    """Return the start of the final vertical descent [s], or the end of a flight without such a descent."""
+    """Return the start of the final vertical descent [s], or the end of a flight that has no such descent."""
     return flight.times_s[_n_before_landing(flight) - 1]
 
 
