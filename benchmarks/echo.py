@@ -37,7 +37,8 @@ def round_trips_s(count: int, beside: Callable[[], object] | None) -> NDArray[np
     back, stop = threading.Event(), threading.Event()
     worker = threading.Thread(target=_again_and_again, args=(beside, stop))
     with zenoh.open(config) as session:
-        session.declare_subscriber("bench/pong", Callback(lambda _: back.set(), indirect=False))
+        on_pong: Callable[[zenoh.Sample], object] = lambda _: back.set()
+        session.declare_subscriber("bench/pong", Callback(on_pong, indirect=False))
         other = subprocess.Popen(
             [sys.executable, "-c", OTHER_SIDE], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
         )

@@ -245,7 +245,7 @@ async def fly_an_hour(n: int, minutes: Sequence[int]) -> None:
             agent.heard = Heard()
         await asyncio.sleep(1.0)
         if (second + 1) % 60 == 0 and (second + 1) // 60 in minutes:
-            held = max(sum(1 for _ in agent.belief.told()) for agent in agents)
+            held = max(sum(1 for _ in agent.belief.items()) for agent in agents)
             looks = int(agents[0].belief.looks.sum())
             print((second + 1) // 60, looks, held, f"{resident_mb():.1f}", flush=True)
     network.close()
