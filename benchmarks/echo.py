@@ -37,7 +37,10 @@ def round_trips_s(count: int, beside: Callable[[], object] | None) -> NDArray[np
     back, stop = threading.Event(), threading.Event()
     worker = threading.Thread(target=_again_and_again, args=(beside, stop))
     with zenoh.open(config) as session:
-        on_pong: Callable[[zenoh.Sample], object] = lambda _: back.set()
+
+        def on_pong(_: zenoh.Sample) -> None:
+            back.set()
+
         session.declare_subscriber("bench/pong", Callback(on_pong, indirect=False))
         other = subprocess.Popen(
             [sys.executable, "-c", OTHER_SIDE], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True

@@ -69,7 +69,8 @@ def full_fields(sides: tuple[int, ...]) -> Iterator[Table]:
         own = []
         for side in sides:
             exposure, goal = make(side), (side // 2, side - 1)
-            runs: dict[str, Callable[[], object]] = {"swarmctl": lambda: cost_to_go(exposure, [goal], 0.5, PSI)}  # noqa: B023
+            runs: dict[str, Callable[[], object]] = {}
+            runs["swarmctl"] = lambda: cost_to_go(exposure, [goal], 0.5, PSI)  # noqa: B023
             for name, (prepare, largest) in PEERS.items():
                 if side <= largest:
                     runs[name] = prepare(exposure, goal, 0.5, PSI)

@@ -70,7 +70,7 @@ def swap_lines(vehicles: Sequence[dict[str, Any]]) -> list[str]:
     stood = [(name, swaps) for name, swaps in by_name if swaps["stood_still"]]
     failures = [(name, failure) for name, swaps in by_name for failure in swaps["failures"]]
     lines = [
-        f"mission changes in flight: {tried}, of which {failed or 'none'} failed"
+        f"mission changes in flight: {tried}; {failed or 'none'} failed"
         + ("" if stood else "; no vehicle stopped for a change")
     ]
     lines += [
