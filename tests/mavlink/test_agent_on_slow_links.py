@@ -1,4 +1,4 @@
-"""An agent and its vehicle together, over a link that takes a second each way: what is flown in the end."""
+"""An agent and its vehicle together, over a link with one second of delay each way: the track flown."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from swarmctl.planners import PLANNERS, Method
 SIZE_M = 50.0
 WEST = LocalFrame(*HOME).to_geodetic(25.0, -4.5 * SIZE_M)
 GRID = Grid(9, 24, SIZE_M, *WEST)
-"""its vehicle starts west of row 4"""
+"""The vehicle starts west of row 4."""
 ROW = 4
 
 
@@ -47,7 +47,7 @@ def task(**changes: Any) -> Task:
 
 
 class Flight:
-    """The runner's part, on the bench's clock: events of the link in, effects out."""
+    """The part of the runner on the bench's clock: events of the link in, effects out."""
 
     def __init__(self, personality: str, delay_s: float, **changes: Any) -> None:
         self.bench = FlyingBench(personality).prepared()
@@ -143,11 +143,11 @@ class Flight:
             watch()
             return self.state.ended
 
-        assert self.bench.run(500.0, down), "it does not land"
+        assert self.bench.run(500.0, down), "the vehicle does not land"
 
 
-def most_back_m(flown: list[PlanarPoint]) -> float:
-    """By how much a track from west to east comes back to the west at most [m]."""
+def largest_retreat_m(flown: list[PlanarPoint]) -> float:
+    """Return the longest way back to the west on a track from west to east [m]."""
     farthest_m, back_m = -math.inf, 0.0
     for east_m, _ in flown:
         farthest_m = max(farthest_m, east_m)
@@ -159,20 +159,20 @@ def most_back_m(flown: list[PlanarPoint]) -> float:
 @pytest.mark.parametrize("personality", ["ardupilot", "px4"])
 @pytest.mark.parametrize("delay_s", [0.02, 1.0])
 def test_changed_plans_are_flown_without_a_stop_or_a_turn_back(personality: str, delay_s: float) -> None:
-    """Hostiles are heard of six cells ahead on its way, again and again."""
+    """Reports of hostiles six cells ahead on the route arrive at four columns."""
     flight = Flight(personality, delay_s)
-    told = [2, 6, 10, 14]
+    columns = [2, 6, 10, 14]
 
-    def news() -> None:
+    def report_hostiles() -> None:
         cell = GRID.cell_at(*GRID.frame.to_geodetic(*flight.place))
-        if cell is not None and told and cell[1] >= told[0] and flight.state.route is not None:
+        if cell is not None and columns and cell[1] >= columns[0] and flight.state.route is not None:
             ahead = cell[1] + 6
             flight.receives_hostiles(next(at for at in flight.state.route.cells if at[1] == ahead))
-            told.pop(0)
+            columns.pop(0)
 
-    flight.lands(news)
+    flight.lands(report_hostiles)
     assert flight.state.phase is Phase.DONE
     done = flight.ended[1:]
     assert len(done) >= 2
     assert all(isinstance(event, ev.MissionAccepted) and event.stood_still_s == 0.0 for event in done)
-    assert most_back_m(flight.flown) < 2.0
+    assert largest_retreat_m(flight.flown) < 2.0

@@ -1,4 +1,4 @@
-"""The swap of a simulated ArduCopter's mission, which follows every item that is written."""
+"""Swaps of the mission of a simulated ArduCopter, which obeys each item as soon as it is written."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ OLD, NEW = plan(north=8), plan(north=5, east=0.001, alt=33.333)
 
 
 def watched_swap(bench: FlyingBench, new) -> tuple[object, set, set]:
-    """The result, the modes it was in meanwhile, and the places it aimed at."""
+    """Return the result of a swap, the modes during it and the positions aimed at."""
     modes, aims = set(), set()
 
     def watch() -> bool:
@@ -31,7 +31,7 @@ def watched_swap(bench: FlyingBench, new) -> tuple[object, set, set]:
     return bench.session.result, modes, aims
 
 
-def test_the_new_route_is_written_behind_the_old_one_and_taken_over_in_flight():
+def test_the_new_route_is_appended_to_the_old_one_and_flown_without_a_stop():
     bench = FlyingBench("ardupilot").flying(OLD)
     old, aimed_at = bench.session.items, bench.aim
     new = bench.session.mission_items(NEW)
@@ -43,7 +43,7 @@ def test_the_new_route_is_written_behind_the_old_one_and_taken_over_in_flight():
     assert bench.session.items[: len(old)] == old
     assert bench.vehicle.mission.index == len(old)
     assert ProcedureDone("swap", None, 0.0) in bench.events
-    assert bench.run(200, lambda: not bench.session.state.armed), "it lands at the end of the new one"
+    assert bench.run(200, lambda: not bench.session.state.armed), "no landing at the end of the new mission"
     assert bench.vehicle.body.lat_lon_deg == pytest.approx(
         (NEW.landing.lat_deg, NEW.landing.lon_deg), abs=1e-5
     )
@@ -51,7 +51,7 @@ def test_the_new_route_is_written_behind_the_old_one_and_taken_over_in_flight():
 
 @pytest.mark.parametrize("before_m", [45.0, 25.0, 18.0, 13.0, 9.0])
 def test_a_braking_vehicle_does_not_fly_back_to_a_passed_corner(before_m: float) -> None:
-    """It brakes over some 20 m when another item is made current."""
+    """An ArduCopter brakes over some 20 m when another item becomes current."""
     bench = FlyingBench("ardupilot").flying(OLD)
     aside = plan(north=8, east=0.002).track
     new = FlightPlan(OLD.takeoff_alt_m, (*OLD.track[1:5], *aside[4:]), aside[-1])
@@ -72,8 +72,10 @@ def test_a_braking_vehicle_does_not_fly_back_to_a_passed_corner(before_m: float)
 
 
 def test_acknowledgements_without_item_requests_are_understood():
-    """ArduPilot asks when it next sends, and only for what has not come by then (MissionItemProtocol.cpp,
-    queued_request_send): over a quick link it never does."""
+    """ArduPilot requests only the items that have not arrived by its next transmission.
+
+    Over a quick link that is none (MissionItemProtocol.cpp, queued_request_send).
+    """
     bench = FlyingBench("ardupilot").flying(OLD)
     bench.block_down = lambda m: m.get_type() in ("MISSION_REQUEST", "MISSION_REQUEST_INT")
     result, modes, _ = watched_swap(bench, NEW)
@@ -133,7 +135,7 @@ def test_a_swap_on_a_very_bad_link_ends_after_two_minutes_in_hold():
     passed_s = -math.inf
 
     def is_lost(message: Any) -> bool:
-        """One item in six seconds passes, but for the last: ArduPilot gives up after eight."""
+        """Let one item in six seconds pass, except the last; ArduPilot gives up after 8 s."""
         nonlocal passed_s
         if message.get_type() != "MISSION_ITEM_INT":
             return message.get_type() == "MISSION_WRITE_PARTIAL_LIST"

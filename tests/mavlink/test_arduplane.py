@@ -34,7 +34,7 @@ def in_flight(first: FlightPlan = FIRST) -> FlyingBench:
     return bench().flying(first)
 
 
-# --- what is sent
+# --- messages sent
 
 
 def test_the_mission_takes_off_turns_before_corners_and_lands_at_the_goal_or_at_home() -> None:
@@ -42,10 +42,10 @@ def test_the_mission_takes_off_turns_before_corners_and_lands_at_the_goal_or_at_
     assert [item.command for item in items] == [16, 22, 16, 16, 16, 189, 31, 16, 21, 189, 31, 16, 21]
     takeoff, straight, turn = items[1], items[3], items[4]
     assert (takeoff.param1, takeoff.z) == (15.0, LOW_M)
-    # On its way to the third point it turns by 53 degrees: 40 m · tan(θ/2) before the corner.
+    # The plane turns by 53 degrees at the second point: 40 m · tan(θ/2) before the corner.
     corner_rad = math.atan2(400.0, 300.0)
     assert straight.param2 == math.ceil(40.0 * math.tan(corner_rad / 2.0))
-    assert turn.param2 == 1.0, "it is flown over its goal"
+    assert turn.param2 == 1.0, "the plane flies over its goal"
     start, circle, final, down = items[5:9]
     assert (start.x, start.y) == (circle.x, circle.y)
     assert (circle.param2, circle.param4, circle.z) == (RADIUS_M, 1.0, LOW_M)
@@ -78,12 +78,14 @@ def test_a_read_back_equals_the_mission_sent_except_for_storage() -> None:
     assert stored != sent
     assert PLANE.differences(sent, stored) == ()
     wider = replace(stored[3], param2=stored[3].param2 + 1.0)
-    assert PLANE.differences(sent, (*stored[:3], wider, *stored[4:])), "where it turns off matters"
+    assert PLANE.differences(sent, (*stored[:3], wider, *stored[4:])), (
+        "the turning point counts as a difference"
+    )
     other_way = replace(stored[6], param2=-RADIUS_M)
     assert PLANE.differences(sent, (*stored[:6], other_way, *stored[7:]))
 
 
-# --- what is flown
+# --- flights
 
 
 def test_a_launch_begins_at_the_first_item() -> None:
@@ -97,7 +99,7 @@ def test_the_plane_lands_at_its_goal_and_is_made_ready_again_there() -> None:
     flown = in_flight()
     assert landed(flown)
     assert math.dist(here(flown), (400.0, 900.0)) < 60.0
-    # It stays in its landing and does not arm in it (`AP_Arming_Plane::pre_arm_checks`).
+    # ArduPlane stays in its landing item and refuses to arm there (`AP_Arming_Plane::pre_arm_checks`).
     assert flown.do("prepare", basic.prepare, 60.0).failure is None
     assert flown.mode == "GUIDED"
     assert flown.session.state.mission_seq == 1
@@ -115,26 +117,26 @@ def test_a_new_route_is_taken_over_without_a_stop() -> None:
     assert math.dist(here(flown), (400.0, 900.0)) < 60.0
 
 
-def test_it_holds_in_a_circle_at_its_height() -> None:
+def test_a_plane_holds_in_a_circle_at_its_height() -> None:
     flown = in_flight()
     assert flown.do("hold", basic.hold).failure is None
     centre = here(flown)
     flown.run(30.0)
     away_m, heights_m = [], []
 
-    def look() -> bool:
+    def measure() -> bool:
         away_m.append(math.dist(here(flown), centre))
         heights_m.append(flown.session.state.alt_rel_m)
         return False
 
-    flown.run(60.0, look)
+    flown.run(60.0, measure)
     assert flown.mode == "GUIDED"
-    assert max(away_m) < RADIUS_M + 40.0, "it has gone on for a moment, and circles around where that was"
+    assert max(away_m) < RADIUS_M + 40.0, "the circle lies a moment ahead of the command"
     assert max(heights_m) - min(heights_m) < 3.0
     assert flown.session.state.landed is Landed.IN_AIR
 
 
-def test_a_route_is_changed_while_it_holds() -> None:
+def test_the_route_of_a_holding_plane_is_changed() -> None:
     flown = in_flight()
     assert flown.do("hold", basic.hold).failure is None
     done = flown.swap(SECOND, from_hold=True)
@@ -143,7 +145,7 @@ def test_a_route_is_changed_while_it_holds() -> None:
     assert math.dist(here(flown), (400.0, 900.0)) < 60.0
 
 
-def test_it_returns_and_lands_at_home() -> None:
+def test_a_plane_returns_and_lands_at_home() -> None:
     flown = in_flight()
     assert flown.do("return", basic.return_home).failure is None
     assert flown.mode == "RTL"
@@ -163,7 +165,7 @@ def test_a_command_to_land_leads_to_the_nearest_landing() -> None:
 def test_a_command_to_land_during_a_landing_causes_no_go_around() -> None:
     flown = bench().uploaded(FIRST)
     assert flown.do("launch", basic.launch).failure is None
-    assert flown.run(300.0, lambda: flown.session.state.mission_seq == 8), "its final"
+    assert flown.run(300.0, lambda: flown.session.state.mission_seq == 8), "no final approach"
     sent = len(flown.commands)
     assert flown.do("land", basic.land).failure is None
     assert mavlink.MAV_CMD_DO_LAND_START not in flown.commands[sent:]

@@ -1,4 +1,4 @@
-"""Behaviour of real autopilots beyond the protocol, each on the simulated autopilot that has it."""
+"""Behaviour of real autopilots beyond the protocol, each shown on its simulated autopilot."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ BOTH = pytest.mark.parametrize("personality", ["ardupilot", "px4"])
 
 
 def orders(message) -> bool:
-    """It changes what the vehicle flies."""
+    """Return true if the message changes the vehicle's mode, mission or current item."""
     kind = message.get_type()
     changes = (mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_CMD_DO_SET_MISSION_CURRENT)
     return kind == "MISSION_SET_CURRENT" or (kind == "COMMAND_LONG" and message.command in changes)
@@ -48,8 +48,8 @@ def test_a_vehicle_that_holds_takes_a_new_mission_and_flies_it(personality):
 
 @pytest.mark.full
 @BOTH
-def test_a_pilot_that_takes_over_at_any_moment_of_a_swap_keeps_the_vehicle(personality):
-    """By a mode that only a pilot would choose, which the simulated ones take from their own side."""
+def test_a_pilot_takeover_at_any_moment_of_a_swap_is_respected(personality):
+    """The mode is one that only a pilot chooses; the simulated autopilot sets it directly."""
     foreign = 0
     for tenths in range(0, 16, 3):
         bench = FlyingBench(personality).flying(OLD)
@@ -73,8 +73,8 @@ def test_a_pilot_that_takes_over_at_any_moment_of_a_swap_keeps_the_vehicle(perso
 @BOTH
 @pytest.mark.autopilots("2 shorter mission")
 @pytest.mark.autopilots("2 shorter mission", of="px4")
-def test_a_shorter_mission_than_the_current_item_is_begun_at_its_beginning(personality):
-    """By itself ArduPilot would fly on to the deleted place, PX4 to the last one."""
+def test_a_mission_shorter_than_the_current_item_is_flown_from_its_first_item(personality):
+    """Without a new current item ArduPilot flies on to the deleted position and PX4 to the last item."""
     bench = FlyingBench(personality).flying(OLD)
     bench.block = lambda m: m.get_type() == PARTIAL
     first = bench.session.dialect.first_waypoint_seq
@@ -93,8 +93,8 @@ def test_the_new_mission_is_flown_although_its_acknowledgements_are_lost(persona
 
 
 @pytest.mark.autopilots("2 upload is atomic?", "2 re-upload in AUTO", "2 abandoned upload")
-def test_an_upload_that_is_abandoned_in_auto_leaves_the_flight_as_it_was():
-    """ArduPilot writes what comes; so nothing that is flown is written before it holds."""
+def test_an_upload_abandoned_in_auto_does_not_change_the_flight():
+    """ArduPilot stores each item at once; so the swap writes no item in use before the vehicle holds."""
     bench = FlyingBench("ardupilot").flying(OLD)
     old = bench.session.items
     sent = []
@@ -109,15 +109,15 @@ def test_an_upload_that_is_abandoned_in_auto_leaves_the_flight_as_it_was():
     items = bench.session.mission_items(NEW)
     bench.begin("swap", lambda c: basic.swap(c, items))
     assert bench.run(300, lambda: aims.add(bench.aim) or bench.session.busy_with is None)
-    assert bench.session.result.flying == "old", "nothing reaches it any more, but it is heard"
+    assert bench.session.result.flying == "old", "no message reaches the vehicle, but its messages arrive"
     assert "[no-hold]" in bench.session.result.failure
     assert aims <= {(i.x, i.y) for i in old} | {None}
     assert bench.stored[1 : len(old)] == old[1:]
 
 
 @pytest.mark.autopilots("1.7")
-def test_mission_start_is_not_sent_to_a_vehicle_that_has_disarmed_itself():
-    """ArduPilot would accept it, go to AUTO, and stay on the ground."""
+def test_mission_start_is_not_sent_to_a_vehicle_that_disarmed_during_the_launch():
+    """ArduPilot would accept MISSION_START, go to AUTO and stay on the ground."""
     bench = FlyingBench("ardupilot").uploaded(OLD)
 
     def disarm_after_arming(message) -> bool:
@@ -132,7 +132,7 @@ def test_mission_start_is_not_sent_to_a_vehicle_that_has_disarmed_itself():
     assert not bench.vehicle.armed
 
 
-def test_a_return_is_a_mode_and_leads_home():
+def test_a_return_by_mode_leads_home():
     bench = FlyingBench("px4").flying(OLD)
     assert bench.do("return", basic.return_home).failure is None
     assert bench.session.state.mode_role == "return"
@@ -141,7 +141,7 @@ def test_a_return_is_a_mode_and_leads_home():
 
 
 @pytest.mark.autopilots("2 abandoned upload", of="px4")
-def test_an_upload_that_px4_gives_up_is_not_waited_for_in_flight():
+def test_an_upload_that_px4_gave_up_is_repeated():
     bench = FlyingBench("px4").uploaded(OLD)
     bench.block = lambda m: m.get_type() == "MISSION_ITEM_INT" and bench.now < quiet_s
     quiet_s = bench.now + 4.0

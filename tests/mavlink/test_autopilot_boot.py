@@ -1,4 +1,4 @@
-"""From boot to take-off, as each autopilot does it: what it does not tell, undoes, refuses and moves."""
+"""From boot to take-off on each autopilot: missing messages, undone modes, refusals and a moved home."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def test_the_identity_is_requested_at_the_start_and_after_a_reboot():
     bench.run(20)
     bench.inject("reboot:silence_s=1.5")
     assert bench.run(15, lambda: VehicleRebooted() in bench.events), (
-        "its clock tells, which is in what was asked for"
+        "the requested messages hold the clock, which shows the reboot"
     )
     asked = len(bench.of("COMMAND_LONG"))
     assert bench.run(5, lambda: bench.session.state.has_position)
@@ -63,7 +63,7 @@ def test_boot_text_is_neither_a_message_nor_a_vehicle():
 
 
 @pytest.mark.autopilots("1.19", of="px4")
-def test_unknown_messages_belong_to_their_sender_and_are_skipped():
+def test_unknown_messages_are_skipped_and_keep_their_sender():
     bench = FlyingBench("px4").connected()
     data: list[bytes] = []
     bench.overhear = data.append
@@ -76,7 +76,7 @@ def test_unknown_messages_belong_to_their_sender_and_are_skipped():
 
 
 @pytest.mark.autopilots("1.3")
-def test_reasons_for_waiting_come_until_arducopter_has_its_position():
+def test_the_reasons_for_waiting_are_reported_until_arducopter_has_a_position():
     bench = FlyingBench("ardupilot", ready_s=41.0).connected()
     bench.begin("prepare", basic.prepare)
     reasons = set()
@@ -90,12 +90,12 @@ def test_reasons_for_waiting_come_until_arducopter_has_its_position():
     assert bench.session.state.mode == "GUIDED"
     assert any(reason.endswith("[no-position]") for reason in reasons)
     assert any("STABILIZE" in reason and "GUIDED" in reason for reason in reasons)
-    assert any("PreArm: " in reason for reason in reasons), "in its own words"
+    assert any("PreArm: " in reason for reason in reasons), "no text of the vehicle"
 
 
 @pytest.mark.autopilots("1.3")
 def test_a_pre_arm_bit_in_stabilize_is_not_readiness():
-    """It is set there at 20 s, without a position."""
+    """STABILIZE sets the bit at 20 s, without a position."""
     bench = FlyingBench("ardupilot", ready_s=41.0).connected()
     health = []
     bench.block_down = lambda m: (
@@ -114,7 +114,7 @@ def test_a_pre_arm_bit_in_stabilize_is_not_readiness():
 @pytest.mark.autopilots("2 PX4 otherwise", of="px4")
 def test_arming_before_the_position_estimate_is_refused_with_the_text_of_the_vehicle(personality):
     bench = FlyingBench(personality, ready_s=41.0).connected()
-    bench.run(12)  # a fix, and so a place to take off from
+    bench.run(12)  # until a fix gives a position for the take-off
     assert bench.do("hold", basic.hold).failure is None
     assert bench.upload(OLD).failure is None
     failure = bench.do("launch", basic.launch).failure
@@ -132,7 +132,7 @@ def test_arming_before_the_position_estimate_is_refused_with_the_text_of_the_veh
 def test_a_mode_that_the_boot_undoes_is_set_again():
     bench = FlyingBench("ardupilot", ready_s=41.0)
     assert bench.run(5, lambda: bench.session.state.mode != "")
-    assert bench.now < 2.0, "early enough to be undone"
+    assert bench.now < 2.0, "too late for the boot to undo the mode"
     bench.connected()
     assert bench.do("prepare", basic.prepare).failure is None
     assert bench.commands.count(MODE) == 2
@@ -152,7 +152,10 @@ def test_an_acknowledged_mode_counts_only_with_a_heartbeat(personality):
 
 @pytest.mark.autopilots("1.7")
 def test_arducopter_is_armed_in_guided_and_then_its_mission_is_started():
-    """Armed in AUTO it would refuse, and in AUTO without the command sit there until it disarms itself."""
+    """ArduCopter refuses to arm in AUTO.
+
+    Armed and in AUTO without MISSION_START, it stays on the ground until it disarms.
+    """
     bench = FlyingBench("ardupilot").uploaded(OLD)
     before = len(bench.commands)
     modes = []
@@ -168,7 +171,7 @@ def test_arducopter_is_armed_in_guided_and_then_its_mission_is_started():
 @pytest.mark.autopilots("2 PX4 otherwise", of="px4")
 def test_px4_is_armed_in_hold_and_its_mission_mode_starts_it():
     bench = FlyingBench("px4").uploaded(OLD)
-    bench.run(2)  # until it has checked its mission
+    bench.run(2)  # until PX4 has checked its mission
     before = len(bench.commands)
     assert bench.do("launch", basic.launch).failure is None
     orders = [c for c in bench.commands[before:] if c in (ARM, START, MODE)]
@@ -178,7 +181,7 @@ def test_px4_is_armed_in_hold_and_its_mission_mode_starts_it():
 @BOTH
 @pytest.mark.autopilots("2 PX4 otherwise")
 @pytest.mark.autopilots("2 PX4 otherwise", of="px4")
-def test_a_take_off_is_as_high_above_home_as_the_plan_says(personality):
+def test_the_take_off_height_above_home_is_that_of_the_plan(personality):
     """PX4's take-off command, which is not used, counts from mean sea level; home is 300 m above that."""
     bench = FlyingBench(personality).uploaded(OLD)
     assert bench.do("launch", basic.launch).failure is None
@@ -194,7 +197,7 @@ def test_a_launch_begins_at_the_take_off_item_if_the_current_item_moved_on():
     bench.vehicle.modes.enter(3)  # AUTO, by its own switch
     bench.run(10)
     state = bench.session.state
-    assert state.mission_seq not in (None, 0), "it moves on"
+    assert state.mission_seq not in (None, 0), "the current item does not move on"
     assert (state.armed, state.landed) == (False, Landed.ON_GROUND)
     assert "[not-flying]" in bench.swap(plan(north=3)).failure
     flown = []
@@ -218,7 +221,7 @@ def test_a_home_moved_by_arming_is_no_mission_difference():
 
 
 @pytest.mark.autopilots("1.8", "1.12")
-def test_after_a_landing_it_stands_in_auto_at_no_item_and_flies_again_from_its_take_off():
+def test_a_landed_arducopter_stays_in_auto_without_an_item_and_can_fly_its_mission_again():
     bench = FlyingBench("ardupilot").uploaded(plan(north=2))
     for _ in range(2):
         assert bench.do("launch", basic.launch).failure is None
@@ -229,7 +232,7 @@ def test_after_a_landing_it_stands_in_auto_at_no_item_and_flies_again_from_its_t
         refused = bench.swap(OLD)
         assert refused.flying == "old"
         assert refused.failure.endswith("[not-flying]")
-        # It stands at its goal, and may take off there again: by its own mission, back to where it began.
+        # The copter stands at its goal and may take off again; its mission leads back to its start.
         assert bench.do("prepare", basic.prepare).failure is None
 
 
@@ -257,15 +260,15 @@ def test_system_status_decides_neither_landed_state_nor_failsafe():
 @pytest.mark.autopilots("1.14")
 @pytest.mark.autopilots("1.14", of="px4")
 def test_an_unconfirmed_launch_does_not_disarm_a_flying_vehicle(personality):
-    """The vehicle's reports are lost on the way: by all that is known it still stands on the ground."""
+    """The vehicle's reports are lost: the last known state is on the ground."""
     bench = FlyingBench(personality).uploaded(OLD)
     lost = ("EXTENDED_SYS_STATE", "GLOBAL_POSITION_INT")
     bench.block_down = lambda m: m.get_type() in lost
     failure = bench.do("launch", basic.launch).failure
     assert "[no-take-off]" in failure
     disarms = [m for m in bench.of("COMMAND_LONG") if m.command == ARM and m.param1 == 0.0]
-    assert disarms, "it believes it on the ground"
-    assert bench.vehicle.armed, "a flying vehicle refuses it"
+    assert disarms, "no disarming was sent"
+    assert bench.vehicle.armed, "a flying vehicle was disarmed"
     assert bench.vehicle.body.airborne
 
 
@@ -313,7 +316,7 @@ def test_a_command_of_another_ground_station_is_not_overridden(personality):
 def test_a_vehicle_landing_by_another_stations_command_does_not_count_as_on_its_old_plan(
     personality, after_s
 ):
-    """It tells that it lands before a heartbeat tells its mode."""
+    """The report of the landing arrives before a heartbeat with the mode."""
     bench = FlyingBench(personality).flying(OLD)
     bench.run(after_s)
     land = bench.session.dialect.mode_params(bench.session.dialect.land_mode)

@@ -1,4 +1,4 @@
-"""The mission protocol as each autopilot speaks it: what is answered, believed, and said of it."""
+"""The mission protocol in each autopilot's variant: answers, stored items and reports."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ def upload(bench: FlyingBench, items: tuple[MissionItem, ...]) -> basic.Done:
 
 
 def with_item(bench: FlyingBench, **changes: object) -> tuple[MissionItem, ...]:
-    """A short mission with another second-last item."""
+    """Return a short mission with changes in the second-last item."""
     *rest, spoilt, land = bench.session.mission_items(plan(north=2))
     return (*rest, replace(spoilt, **changes), land)
 
 
 @pytest.mark.autopilots("2 item 0")
 def test_a_mission_without_an_item_for_home_fails_its_read_back():
-    """ArduPilot takes it, with ACCEPTED, and puts home in the place of its take-off."""
+    """ArduPilot answers ACCEPTED and writes home over the take-off."""
     bench = FlyingBench("ardupilot").prepared()
     items = bench.session.mission_items(OLD)[1:]
     failure = upload(bench, items).failure
     assert "[read-back-differs]" in failure
     assert "item 0" in failure
-    assert [i.command for i in bench.stored[:2]] == [16, 16], "the take-off is gone"
+    assert [i.command for i in bench.stored[:2]] == [16, 16], "the take-off is still there"
     assert bench.session.items == ()
     assert "[no-mission]" in bench.do("launch", basic.launch).failure
 
@@ -51,17 +51,17 @@ def test_a_plan_has_its_take_off_at_the_item_of_its_autopilot(personality, takeo
 
 @pytest.mark.autopilots("2 count")
 @pytest.mark.autopilots("2 count", of="px4")
-@pytest.mark.parametrize(("personality", "before", "of_nine"), [("ardupilot", 0, 10), ("px4", None, 10)])
-def test_the_count_of_items_includes_home_or_not(personality, before, of_nine):
-    """Eight waypoints, a take-off and a landing; the list has home in front, its total does not."""
+@pytest.mark.parametrize(("personality", "before", "after"), [("ardupilot", 0, 10), ("px4", None, 10)])
+def test_the_count_of_items_includes_home_or_not(personality, before, after):
+    """The plan has ten items with take-off and landing. ArduPilot's list holds home, its total does not."""
     bench = FlyingBench(personality).prepared()
     bench.run(3)
     assert bench.session.state.mission_total == before
     items = bench.session.mission_items(OLD)
     assert upload(bench, items).failure is None
     bench.run(3)
-    assert bench.session.state.mission_total == of_nine
-    assert bench.of("MISSION_COUNT")[-1].count == len(items) == of_nine + (personality == "ardupilot")
+    assert bench.session.state.mission_total == after
+    assert bench.of("MISSION_COUNT")[-1].count == len(items) == after + (personality == "ardupilot")
 
 
 @pytest.mark.autopilots("2 requests")
@@ -69,7 +69,7 @@ def test_the_count_of_items_includes_home_or_not(personality, before, of_nine):
 @pytest.mark.parametrize(
     ("personality", "old_kind", "new_kind"), [("ardupilot", 11, 0), ("px4", 1, 9)], ids=["ardupilot", "px4"]
 )
-def test_both_kinds_of_request_are_answered_alike(personality, old_kind, new_kind):
+def test_both_kinds_of_request_get_the_same_answer(personality, old_kind, new_kind):
     bench = FlyingBench(personality).prepared()
     asked = []
     bench.block_down = lambda m: asked.append(m.get_type())
@@ -83,7 +83,7 @@ def test_both_kinds_of_request_are_answered_alike(personality, old_kind, new_kin
 @pytest.mark.autopilots("2 wrong / duplicate item", of="px4")
 @pytest.mark.parametrize("seed", range(4))
 def test_duplicated_messages_count_once(personality, seed):
-    """ArduPilot complains of every duplicate and goes on, and of a last item that comes once more."""
+    """ArduPilot answers each duplicate with an error and goes on, also after the last item."""
     bench = FlyingBench(personality).prepared()
     bench.spoil(Faults(doubling=1.0, max_delay_s=0.2, seed=seed))
     codes = []
@@ -121,13 +121,13 @@ def test_an_upload_waits_until_another_stations_transfer_has_ended():
 
 @pytest.mark.autopilots("2 second GCS / download during upload", "2 abandoned upload", of="px4")
 def test_an_upload_that_px4_still_expects_does_not_disturb_the_next():
-    """It keeps the old count, or answers ERROR; and gives a transfer up after 5 s without a word."""
+    """PX4 keeps the old count or answers ERROR. After 5 s it gives the transfer up without a message."""
     bench = FlyingBench("px4").prepared()
     first = bench.session.mission_items(OLD)
     bench.begin("upload", lambda c: basic.upload(c, first))
     bench.block = lambda m: m.get_type() in ("MISSION_ACK", "MISSION_ITEM_INT")
     bench.run(0.3)
-    bench.take(bench.session.cancel(bench.now))  # and that it is over does not get through
+    bench.take(bench.session.cancel(bench.now))  # the cancellation is lost as well
     bench.block = lambda m: False
     items = bench.session.mission_items(plan(north=3))
     assert upload(bench, items).failure is None
@@ -150,11 +150,11 @@ def test_an_upload_that_px4_still_expects_does_not_disturb_the_next():
 def test_a_refusal_has_its_mavlink_name_and_an_accepted_item_is_compared(
     personality, changes, ardupilot, px4
 ):
-    """PX4 takes a latitude of 100 degrees, and no altitude; `track_to_land` prevents such plans."""
+    """PX4 accepts a latitude of 100 degrees and a missing altitude; `track_to_land` prevents such plans."""
     bench = FlyingBench(personality).prepared()
     failure = upload(bench, with_item(bench, **changes)).failure
-    says = {"ardupilot": ardupilot, "px4": px4}[personality]
-    assert (failure is None) if says is None else (says in failure)
+    code = {"ardupilot": ardupilot, "px4": px4}[personality]
+    assert (failure is None) if code is None else (code in failure)
     assert (bench.session.items == ()) == (failure is not None)
 
 
@@ -199,7 +199,7 @@ def test_dropped_parameters_of_a_waypoint_are_no_difference_but_kept_ones_are():
 
 
 @pytest.mark.autopilots("2 read-back", of="px4")
-def test_px4_keeps_everything_and_so_anything_else_is_a_difference():
+def test_px4_stores_all_parameters_so_each_change_is_a_difference():
     bench = FlyingBench("px4").prepared()
     items = with_item(bench, param1=2.7, param2=5.0, param3=0.0, param4=math.nan)
     assert upload(bench, items).failure is None
@@ -223,7 +223,7 @@ def test_the_flown_item_is_never_overwritten_and_the_next_is_set_by_a_known_mess
     assert aims <= {(i.x, i.y) for i in old} | {(first.x, first.y)}
     written = {m.seq for _, m in bench.sent[sent:] if m.get_type() == "MISSION_ITEM_INT"}
     if personality == "ardupilot":
-        assert min(written) == len(old), "behind the old ones, one by one"
+        assert min(written) == len(old), "items before the end of the old mission were written"
         assert bench.commands[-10:].count(mavlink.MAV_CMD_DO_SET_MISSION_CURRENT) == 1
     else:
         marked = [m.seq for _, m in bench.sent[sent:] if m.get_type() == "MISSION_ITEM_INT" and m.current]
@@ -246,33 +246,33 @@ def test_px4_gets_its_first_item_by_message_and_confirms_it():
     assert lost[1] - lost[0] >= 1.0, "no acknowledgement exists: the wait is one second"
 
 
-EMPTIES = {
+CLEARINGS = {
     "CLEAR_ALL": mavlink.MAVLink_mission_clear_all_message(1, 1, 0),
     "a count of 0": mavlink.MAVLink_mission_count_message(1, 1, 0, 0),
 }
-ASKS = {"MISSION_REQUEST_INT", "MISSION_REQUEST_LIST", "MISSION_ACK"}
-"""what we say of missions that changes none"""
+READ_ONLY = {"MISSION_REQUEST_INT", "MISSION_REQUEST_LIST", "MISSION_ACK"}
+"""The station's mission messages that change no mission."""
 
 
 def orders_of(bench: FlyingBench, sent: int) -> list[str]:
     """Return the types of the messages after the first `sent` that would change the vehicle's behaviour."""
-    looks = mavlink.MAV_CMD_REQUEST_MESSAGE
+    request = mavlink.MAV_CMD_REQUEST_MESSAGE
     return [
         m.get_type()
         for _, m in bench.sent[sent:]
-        if m.get_type() not in ASKS and getattr(m, "command", 0) != looks
+        if m.get_type() not in READ_ONLY and getattr(m, "command", 0) != request
     ]
 
 
 @pytest.mark.autopilots("2 CLEAR_ALL", of="px4")
-@pytest.mark.parametrize("how", EMPTIES)
+@pytest.mark.parametrize("how", CLEARINGS)
 def test_a_px4_is_released_if_another_station_clears_its_mission(how):
     bench = FlyingBench("px4").flying(OLD)
     sent = len(bench.sent)
-    bench.another_sends(EMPTIES[how])
+    bench.another_sends(CLEARINGS[how])
     bench.run(5)
     assert (bench.stored, bench.mode, bench.aim) == ((), "AUTO.LOITER", None)
-    assert bench.session.items == (), "ours is claimed no more"
+    assert bench.session.items == (), "the own mission still counts as present"
     assert bench.session.state.other_mission
     result = bench.swap(plan(north=5, east=0.001))
     assert (result.flying, bench.mode, bench.stored) == ("theirs", "AUTO.LOITER", ())
@@ -281,37 +281,37 @@ def test_a_px4_is_released_if_another_station_clears_its_mission(how):
 
 
 @pytest.mark.autopilots("2 CLEAR_ALL", of="px4")
-@pytest.mark.parametrize("how", EMPTIES)
+@pytest.mark.parametrize("how", CLEARINGS)
 def test_a_px4_is_released_if_its_mission_is_cleared_before_a_swap(how):
     bench = FlyingBench("px4").flying(OLD)
     sent = len(bench.sent)
-    bench.another_sends(EMPTIES[how])
+    bench.another_sends(CLEARINGS[how])
     result = bench.swap(plan(north=5, east=0.001))
     assert (result.flying, bench.mode, bench.stored) == ("theirs", "AUTO.LOITER", ())
     assert orders_of(bench, sent) == []
 
 
 @pytest.mark.autopilots("2 CLEAR_ALL")
-def test_an_ardupilot_that_flies_its_mission_refuses_to_clear_it_and_flies_on():
+def test_a_flying_ardupilot_refuses_to_clear_its_mission():
     bench = FlyingBench("ardupilot").flying(OLD)
     codes, ours, sent = [], bench.session.items, len(bench.sent)
     bench.block_down = lambda m: m.get_type() == "MISSION_ACK" and codes.append(m.type)
-    bench.another_sends(EMPTIES["CLEAR_ALL"])
+    bench.another_sends(CLEARINGS["CLEAR_ALL"])
     bench.run(15)
     assert codes == [mavlink.MAV_MISSION_ERROR]
     assert bench.holds(ours)
     assert (bench.mode, bench.session.items) == ("AUTO", ours)
     assert not bench.session.state.other_mission
-    assert bench.session.state.mission_seq > 3, "it flies on"
+    assert bench.session.state.mission_seq > 3, "the vehicle does not fly on"
     assert orders_of(bench, sent) == []
 
 
 @pytest.mark.autopilots("2 CLEAR_ALL")
-def test_an_ardupilot_with_a_count_of_0_stops_and_the_own_mission_is_dropped():
-    """It says AUTO all the while."""
+def test_an_ardupilot_stops_at_a_count_of_0_and_is_released():
+    """The vehicle's mode stays AUTO."""
     bench = FlyingBench("ardupilot").flying(OLD)
     sent = len(bench.sent)
-    bench.another_sends(EMPTIES["a count of 0"])
+    bench.another_sends(CLEARINGS["a count of 0"])
     bench.run(15)
     assert (bench.stored, bench.mode, bench.aim) == ((), "AUTO", None)
     assert bench.session.state.ground_speed_m_s < 0.5
@@ -322,10 +322,10 @@ def test_an_ardupilot_with_a_count_of_0_stops_and_the_own_mission_is_dropped():
 
 @pytest.mark.autopilots("2 CLEAR_ALL")
 def test_an_ardupilot_is_released_if_its_mission_is_cleared_before_a_swap():
-    """It says AUTO all the while; but it does not hold what the change was to go behind."""
+    """The vehicle's mode stays AUTO, but the mission to append to is gone."""
     bench = FlyingBench("ardupilot").flying(OLD)
     sent = len(bench.sent)
-    bench.another_sends(EMPTIES["a count of 0"])
+    bench.another_sends(CLEARINGS["a count of 0"])
     result = bench.swap(plan(north=5, east=0.001))
     assert (result.flying, bench.mode, bench.stored) == ("theirs", "AUTO", ())
     assert "[mission-changed]" in result.failure

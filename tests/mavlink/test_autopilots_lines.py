@@ -14,14 +14,14 @@ from autopilot_lines import BOTH, LINES, marked
 
 TESTS = Path(__file__).parents[1]
 
-NOT_OURS: dict[str, str] = {
-    "2 speed": "how fast a transfer is, is the link's and the vehicle's; `benchmarks/links.py` measures it",
+NOT_APPLICABLE: dict[str, str] = {
+    "2 speed": "the speed of a transfer depends on link and vehicle; `benchmarks/links.py` measures it",
 }
 """Lines that do not concern this ground station, with the reason."""
 
 
 def lines_of_autopilots() -> dict[str, frozenset[str]]:
-    """The lines of AUTOPILOTS.md; those of MAVSDK.md are MAVSDK's."""
+    """Return the lines of AUTOPILOTS.md; MAVSDK.md has its own."""
     return {line: of for line, of in LINES.items() if not line.startswith("MAVSDK")}
 
 
@@ -33,27 +33,27 @@ def all_marked() -> list[tuple[str, str, str]]:
 
 
 def test_every_line_is_tested_on_each_of_its_autopilots() -> None:
-    met = {(line, of) for line, of, _ in all_marked()}
+    tested = {(line, of) for line, of, _ in all_marked()}
     wanted = {
         (line, of)
         for line, autopilots in lines_of_autopilots().items()
-        if line not in NOT_OURS
+        if line not in NOT_APPLICABLE
         for of in autopilots
     }
-    assert sorted(wanted - met) == []
+    assert sorted(wanted - tested) == []
 
 
 def test_no_test_names_a_missing_line() -> None:
-    strangers = [
-        f"{test} meets {line!r} of {of}"
+    unknown = [
+        f"{test} names {line!r} of {of}"
         for line, of, test in all_marked()
         if line not in lines_of_autopilots()
         or of not in BOTH
-        or (line not in NOT_OURS and of not in lines_of_autopilots()[line])
+        or (line not in NOT_APPLICABLE and of not in lines_of_autopilots()[line])
     ]
-    assert strangers == []
+    assert unknown == []
 
 
 def test_a_line_that_does_not_apply_has_a_reason_and_no_test() -> None:
-    assert all(line in lines_of_autopilots() and why for line, why in NOT_OURS.items())
-    assert {line for line, _, _ in all_marked()} & set(NOT_OURS) == set()
+    assert all(line in lines_of_autopilots() and why for line, why in NOT_APPLICABLE.items())
+    assert {line for line, _, _ in all_marked()} & set(NOT_APPLICABLE) == set()

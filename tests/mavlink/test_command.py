@@ -55,7 +55,7 @@ def test_in_progress_extends_the_wait():
     assert command.result.outcome is CommandOutcome.ACCEPTED
 
 
-def test_temporarily_rejected_is_not_now_after_a_pause():
+def test_temporarily_rejected_ends_a_command_after_a_pause():
     command = Command(PEER, 300)
     command.start(0.0)
     command.receive(ack(300, 1), 0.6)

@@ -1,4 +1,4 @@
-"""Rows of (state, input, now) -> (output, deadline): waiting, asking, and what all have in common."""
+"""Rows of (state, input, now) -> (output, deadline): waits, requests and their common rules."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from swarmctl.mavlink.protocol.mission_upload import Upload
 from swarmctl.mavlink.protocol.wait import RequestMessage, RequestUntil, WaitUntil, wait
 
 
-def test_a_wait_ends_with_its_condition_or_its_time_out():
+def test_a_wait_ends_at_its_condition_or_its_time_out():
     seen = []
     until = WaitUntil(lambda: bool(seen), 3.0)
     until.start(10.0)
@@ -32,30 +32,33 @@ def test_a_wait_ends_with_its_condition_or_its_time_out():
 def test_a_request_waits_for_a_newer_heartbeat():
     beat = mavlink.MAVLink_heartbeat_message(2, 3, 81, 4, 3, 3)
     seen = [1]
-    look = RequestUntil(PEER, lambda: bool(seen), 2.5)
-    (request,) = look.start(10.0)
+    request_until = RequestUntil(PEER, lambda: bool(seen), 2.5)
+    (request,) = request_until.start(10.0)
     assert (request.command, request.param1) == (512, 0.0)
-    look.receive(ack(512, 0), 10.1)
-    assert look.result is None
+    request_until.receive(ack(512, 0), 10.1)
+    assert request_until.result is None
     seen.clear()
-    look.receive(beat, 10.2)
-    assert look.result is None
-    assert (kinds(look.tick(11.0)), kinds(look.tick(12.0))) == (["COMMAND_LONG"], ["COMMAND_LONG"])
-    assert (look.tick(12.5), look.result) == ([], False)
+    request_until.receive(beat, 10.2)
+    assert request_until.result is None
+    assert (kinds(request_until.tick(11.0)), kinds(request_until.tick(12.0))) == (
+        ["COMMAND_LONG"],
+        ["COMMAND_LONG"],
+    )
+    assert (request_until.tick(12.5), request_until.result) == ([], False)
     again = RequestUntil(PEER, lambda: True, 2.5)
     again.start(0.0)
     again.receive(beat, 0.1)
     assert again.result is True
 
 
-def test_ask_repeats_every_second_until_the_message_comes():
-    ask = RequestMessage(PEER, 148)
-    assert [m.param1 for m in ask.start(0.0)] == [148.0]
-    assert ask.tick(0.5) == []
-    assert kinds(ask.tick(1.0)) == ["COMMAND_LONG"]
+def test_a_message_request_is_repeated_every_second_until_the_message_arrives():
+    pending = RequestMessage(PEER, 148)
+    assert [m.param1 for m in pending.start(0.0)] == [148.0]
+    assert pending.tick(0.5) == []
+    assert kinds(pending.tick(1.0)) == ["COMMAND_LONG"]
     message = mavlink.MAVLink_autopilot_version_message(0, 1, 0, 0, 0, b"", b"", b"", 0, 0, 0)
-    ask.receive(message, 1.5)
-    assert ask.result is message
+    pending.receive(message, 1.5)
+    assert pending.result is message
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""The geofence on both autopilots: uploaded, read back equal, or not believed."""
+"""The geofence on both autopilots: uploaded, and reported only if read back equal."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def test_no_fence_goes_up_to_an_armed_vehicle(personality):
 @pytest.mark.autopilots("2 fence")
 @pytest.mark.autopilots("2 fence", of="px4")
 def test_a_fence_with_a_wrong_vertex_count_differs(personality):
-    """ArduPilot refuses such a fence at the end of the upload. PX4 takes it, with unknown effect."""
+    """ArduPilot refuses such a fence at the end of the upload. PX4 accepts it, with unknown effect."""
     bench = on_the_ground(personality)
     items = tuple(replace(item, param1=6.0) for item in fence_items(SQUARE))
     failure = bench.do("put fence", partial(put_fence, items=items)).failure
@@ -109,8 +109,8 @@ def test_a_fence_with_a_wrong_vertex_count_differs(personality):
 @pytest.mark.full
 @BOTH
 @pytest.mark.autopilots("2 fence use")
-def test_a_vehicle_that_turned_back_at_its_fence_is_not_sent_out_again(personality):
-    """A mission that leads outside is accepted; and an order after the breach would win over the return."""
+def test_a_vehicle_that_returns_from_its_fence_gets_no_new_mission(personality):
+    """The autopilot accepts a mission that leads outside; a command after the breach would end its return."""
     fenced = {
         "ardupilot": {"FENCE_ENABLE": 1, "FENCE_TYPE": 4, "FENCE_ACTION": 1},
         "px4": {"GF_ACTION": 3},
@@ -132,31 +132,31 @@ def test_a_vehicle_that_turned_back_at_its_fence_is_not_sent_out_again(personali
     assert bench.vehicle.body.lat_lon_deg == pytest.approx(HOME, abs=2e-5)
 
 
-def other_sets(name: str, value: float) -> Callable[[FlyingBench], None]:
+def another_station_sets(name: str, value: float) -> Callable[[FlyingBench], None]:
     return lambda bench: bench.another_sets(**{name: value})
 
 
-def other_switches_off(bench: FlyingBench) -> None:
+def another_station_disables(bench: FlyingBench) -> None:
     off = mavlink.MAV_CMD_DO_FENCE_ENABLE, 0, 0.0, *(0.0,) * 6
     bench.another_sends(mavlink.MAVLink_command_long_message(1, 1, *off))
 
 
 ON_THE_GROUND = [
-    # What was done there, what FENCE_TYPE was at boot, and whether the ceiling counts without being enforced.
-    pytest.param(other_sets("FENCE_TYPE", 5.0), 4.0, False, id="FENCE_TYPE with the fence enabled"),
-    pytest.param(other_switches_off, 5.0, False, id="DO_FENCE_ENABLE 0"),
+    # Action on the ground, FENCE_TYPE at boot, and whether the ceiling counts while the fence is disabled.
+    pytest.param(another_station_sets("FENCE_TYPE", 5.0), 4.0, False, id="FENCE_TYPE with the fence enabled"),
+    pytest.param(another_station_disables, 5.0, False, id="DO_FENCE_ENABLE 0"),
     pytest.param(lambda _: None, 5.0, True, id="nothing"),
 ]
 
 
 @pytest.mark.parametrize("enforced", [False, True])
-@pytest.mark.parametrize(("deed", "at_boot", "counts_anyway"), ON_THE_GROUND)
+@pytest.mark.parametrize(("action", "at_boot", "counts_anyway"), ON_THE_GROUND)
 @pytest.mark.autopilots("2 fence use")
-def test_the_limits_of_its_parameters_are_in_force(deed, at_boot, counts_anyway, enforced):
-    """ArduPilot takes up FENCE_TYPE when the fence is enabled; all three read alike (`AC_Fence::update`)."""
+def test_the_fence_limits_in_the_parameters_are_enforced(action, at_boot, counts_anyway, enforced):
+    """ArduPilot applies FENCE_TYPE when the fence is enabled; all cases read back the same (`AC_Fence`)."""
     params = {"FENCE_ENABLE": 1, "FENCE_TYPE": at_boot, "FENCE_ACTION": 1, "FENCE_ALT_MAX": 12}
     bench = FlyingBench("ardupilot", params=params).prepared()
-    deed(bench)
+    action(bench)
     assert (bench.params["FENCE_ENABLE"], bench.params["FENCE_TYPE"]) == (1.0, 5.0)
     if enforced:
         assert bench.do("enable fence", enable_fence).failure is None
@@ -166,7 +166,7 @@ def test_the_limits_of_its_parameters_are_in_force(deed, at_boot, counts_anyway,
     assert turned_back is (enforced or counts_anyway)
 
 
-def test_a_fence_is_enforced_on_the_ground_only_and_an_answer_is_needed():
+def test_a_fence_is_enabled_on_the_ground_only_and_with_an_acknowledgement():
     bench = on_the_ground("ardupilot")
     bench.block_down = lambda m: m.get_type() == "COMMAND_ACK"
     assert "DO_FENCE_ENABLE: no answer" in bench.do("enable fence", enable_fence).failure
@@ -177,7 +177,7 @@ def test_a_fence_is_enforced_on_the_ground_only_and_an_answer_is_needed():
     assert len(bench.sent) == sent
 
 
-def test_another_fence_differs():
+def test_a_different_fence_is_a_difference():
     sent = fence_items(SQUARE)
     assert fence_differences(sent, sent) == ()
     (gap,) = fence_differences(sent, sent[:3])
@@ -185,7 +185,7 @@ def test_another_fence_differs():
     (gap,) = fence_differences(sent, (*sent[:3], replace(sent[3], x=sent[3].x + 1)))
     assert gap.startswith("vertex 3: sent (46.059")
     (gap,) = fence_differences(sent, (replace(sent[0], command=5002), *sent[1:]))
-    assert "command 5002" in gap, "to stay out of is not to stay inside of"
+    assert "command 5002" in gap, "inclusion and exclusion fences differ"
 
 
 def test_an_impossible_fence_is_not_sent():
@@ -199,7 +199,7 @@ def test_an_impossible_fence_is_not_sent():
 @given(
     loss=st.floats(0.0, 0.4), seed=st.integers(0, 10_000), personality=st.sampled_from(["ardupilot", "px4"])
 )
-def test_success_over_a_bad_link_is_always_true(loss, seed, personality):
+def test_success_is_reported_truly_over_a_bad_link(loss, seed, personality):
     bench = on_the_ground(personality, loss=loss, seed=seed)
     if put(bench, SQUARE) is None:
         assert keeps(bench, SQUARE)

@@ -44,15 +44,15 @@ def test_a_mission_is_changed_in_flight_over_a_radio_of_one_kilobyte_a_second(pe
 
 @BOTH
 def test_too_few_positions_before_a_flight_are_reported_with_their_rate(personality: str) -> None:
-    """PX4 comes down to a twentieth of its rates where its radio is full (`Mavlink::update_rate_mult`)."""
+    """PX4 reduces its rates to a twentieth when its radio is full (`Mavlink::update_rate_mult`)."""
     bench = LowBandwidthBench(personality, 6000.0).connected()
     bench.run(10.0)
-    usual_s = bench.do("look", read_instruments).position_every_s
+    usual_s = bench.do("instruments", read_instruments).position_every_s
     assert usual_s == pytest.approx({"ardupilot": 0.25, "px4": 0.2}[personality], abs=0.06)
     numbers = count()
     bench.block_down = lambda m: m.get_type() == "GLOBAL_POSITION_INT" and next(numbers) % 20 != 0
     bench.run(60.0)
-    slow_s = bench.do("look", read_instruments).position_every_s
+    slow_s = bench.do("instruments", read_instruments).position_every_s
     assert slow_s == pytest.approx(20.0 * usual_s, rel=0.2)
     assert slow_s > MAX_PERIOD_S
 
@@ -60,7 +60,7 @@ def test_too_few_positions_before_a_flight_are_reported_with_their_rate(personal
 def test_a_vehicle_that_reports_no_time_still_reports_its_satellites() -> None:
     bench = LowBandwidthBench("ardupilot", 20_000.0).connected()
     bench.block_down = lambda m: m.get_type() == "SYSTEM_TIME"
-    found = bench.do("look", read_instruments)
+    found = bench.do("instruments", read_instruments)
     assert found.unix_s is None
     assert found.gps is not None
 
@@ -70,16 +70,16 @@ def test_every_fast_unneeded_stream_is_stopped_once(personality: str) -> None:
     bench = LowBandwidthBench(personality, 20_000.0, Streaming(stops_others=True)).connected()
     bench.another_streams(mavlink.MAVLINK_MSG_ID_ATTITUDE, mavlink.MAVLINK_MSG_ID_VFR_HUD)
     bench.run(30.0)
-    assert bench.do("look", read_instruments).gps is not None
+    assert bench.do("instruments", read_instruments).gps is not None
     bench.run(30.0)
     stopped = [int(m.param1) for m in bench.of("COMMAND_LONG") if m.command == INTERVAL and m.param2 < 0]
     assert {mavlink.MAVLINK_MSG_ID_ATTITUDE, mavlink.MAVLINK_MSG_ID_VFR_HUD} <= set(stopped) <= UNUSED_IDS
     assert len(stopped) == len(set(stopped))
     times = [now for now, m in bench.sent if m.get_type() == "COMMAND_LONG" and m.param2 < 0]
-    assert min(b - a for a, b in pairwise(times)) > 0.15, "they do not fill the radio"
+    assert min(b - a for a, b in pairwise(times)) > 0.15, "the commands fill the radio"
 
 
-def test_a_stream_of_another_station_is_stopped_more_and_more_rarely() -> None:
+def test_pauses_grow_between_attempts_to_stop_another_stations_stream() -> None:
     bench = LowBandwidthBench("ardupilot", 20_000.0, Streaming(stops_others=True)).connected()
     for _ in range(300):
         bench.another_streams(mavlink.MAVLINK_MSG_ID_ATTITUDE)

@@ -1,4 +1,4 @@
-"""Frames out of anything that comes over a link."""
+"""Frames found in any bytes that arrive over a link."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_signed_frames_are_read_with_their_signature():
     assert Decoder().decode(frames[0]).type == 2
 
 
-def test_a_good_frame_of_an_unknown_message_keeps_its_system_and_is_never_decoded():
+def test_a_valid_frame_of_an_unknown_message_keeps_its_system_id_and_is_never_decoded():
     splitter = FrameSplitter()
     frames = splitter.feed(heartbeat() + unknown_frame(sysid=9) + heartbeat(1))
     assert [f.sysid for f in frames] == [7, 9, 7]
@@ -101,7 +101,7 @@ def test_a_frame_is_found_within_the_remains_of_a_truncated_one():
     texts=st.lists(TEXT, min_size=1, max_size=8),
     cuts=st.lists(st.integers(0, 600), max_size=12),
 )
-def test_every_frame_between_texts_arrives_however_the_stream_is_cut(texts, cuts):
+def test_every_frame_between_texts_arrives_from_any_division_of_the_stream(texts, cuts):
     stream = b"".join(text + heartbeat(i) for i, text in enumerate(texts))
     edges = sorted({0, len(stream), *(c for c in cuts if c < len(stream))})
     splitter = FrameSplitter()

@@ -29,7 +29,7 @@ MANY = tuple(MissionItem(16, 3, 460_000_000 + i, 145_000_000, 20.0 + i) for i in
 
 
 @pytest.mark.parametrize("asks", [True, False])
-def test_each_appended_item_is_announced_with_or_without_a_request(asks):
+def test_each_appended_item_is_announced_and_sent_with_or_without_a_request(asks):
     """ArduPilot asks when it sends next, and only for what has not come by then."""
     append = Append(PEER, 7, ITEMS)
     out = append.start(0.0)
@@ -82,7 +82,7 @@ def test_a_count_request_after_a_loss_finds_the_missing_items():
     assert append.result.failure is None
 
 
-def test_fewer_items_are_under_way_when_each_goes_several_times():
+def test_fewer_items_are_under_way_when_each_is_sent_several_times():
     append = Append(PEER, 7, MANY)
     append.start(0.0)
     append.tick(0.5)
@@ -146,7 +146,7 @@ def test_lost_acknowledgements_do_not_matter_if_the_items_are_stored():
     assert append.result.failure is None
 
 
-def test_a_slow_link_gets_no_request_before_it_can_have_answered():
+def test_a_slow_link_gets_no_request_before_an_answer_is_possible():
     append = Append(PEER, 7, MANY)
     append.start(0.0)
     assert kinds(append.tick(0.5)) == ["MISSION_REQUEST_LIST"]

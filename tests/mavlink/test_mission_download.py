@@ -58,7 +58,7 @@ def test_a_download_requests_eight_items_at_a_time(in_order):
     assert [i.x for i in download.result.items] == list(range(10, 20))
 
 
-def test_a_vehicle_that_serves_any_order_gets_a_new_request_for_a_missing_item():
+def test_a_missing_item_is_requested_again_from_a_vehicle_that_serves_any_order():
     download, _asked = reading(3, in_order=False)
     download.receive(item(0), 4.0)
     download.receive(item(2), 4.0)
@@ -72,7 +72,7 @@ def test_a_late_count_does_not_lengthen_the_wait_for_an_item():
     assert download.next_deadline == 13.5
 
 
-def test_a_vehicle_that_serves_items_in_order_gets_no_repeated_request():
+def test_a_missing_item_is_not_requested_again_from_a_vehicle_that_serves_in_order():
     download, _asked = reading(3, in_order=True)
     download.receive(item(0), 4.0)
     (closing,) = download.tick(download.next_deadline)
@@ -116,7 +116,7 @@ def test_requests_in_the_wrong_order_are_refused_with_an_error():
     assert download.result.outcome is DownloadOutcome.REFUSED
 
 
-def test_an_item_that_was_not_requested_is_from_an_earlier_download():
+def test_an_unrequested_item_is_ignored_as_one_of_an_earlier_download():
     download = Download(PEER)
     download.start(0.0)
     download.receive(mavlink.MAVLink_mission_count_message(255, 190, 2, 0), 0.1)
@@ -124,7 +124,7 @@ def test_an_item_that_was_not_requested_is_from_an_earlier_download():
     assert [m.seq for m in download.receive(item(0), 0.3)] == [1]
 
 
-def test_an_empty_mission_is_a_complete_one():
+def test_an_empty_mission_is_a_complete_download():
     download = Download(PEER)
     download.start(0.0)
     download.receive(mavlink.MAVLink_mission_count_message(255, 190, 0, 0), 0.1)

@@ -114,7 +114,7 @@ def test_a_last_item_under_way_at_the_deadline_may_still_arrive():
     assert upload.result.outcome is UploadOutcome.TOO_LATE
 
 
-def test_on_a_slow_link_a_last_item_may_take_as_long_as_an_answer_does():
+def test_a_last_item_on_a_slow_link_may_take_as_long_as_an_answer():
     upload = Upload(PEER, ITEMS, too_late=lambda _round_trip_s: late)
     late = False
     upload.start(0.0)
@@ -128,7 +128,7 @@ def test_on_a_slow_link_a_last_item_may_take_as_long_as_an_answer_does():
 
 
 @pytest.mark.parametrize(("code", "outcome"), [(0, UploadOutcome.ACCEPTED), (1, UploadOutcome.UNCONFIRMED)])
-def test_an_error_that_cannot_be_the_answer_to_the_last_item_ends_nothing(code, outcome):
+def test_an_error_from_before_the_last_item_does_not_end_the_upload(code, outcome):
     """PX4 refuses a second announcement that arrives when it has the first items."""
     upload = Upload(PEER, ITEMS)
     upload.start(0.0)
@@ -140,7 +140,7 @@ def test_an_error_that_cannot_be_the_answer_to_the_last_item_ends_nothing(code, 
     assert upload.result.outcome is outcome
 
 
-def test_a_vehicle_that_begins_anew_is_answered():
+def test_a_vehicle_that_requests_the_first_item_again_is_answered():
     upload = started_upload(asked=1)
     assert answers(upload, 2, 0.3) == [2]
     assert answers(upload, 0, 0.5) == [0, 0, 1, 1]
@@ -160,7 +160,7 @@ def test_silence_ends_an_upload_after_six_seconds(asked, outcome):
     assert upload.result.outcome is outcome
 
 
-def test_an_upload_ends_if_one_item_is_requested_forever():
+def test_endless_requests_for_one_item_end_the_upload():
     upload, now = started_upload(asked=2), 0.0
     while upload.result is None and now < 100:
         now += 1.0
@@ -181,7 +181,7 @@ def test_an_upload_on_a_slow_link_has_no_time_limit_while_it_progresses():
     assert upload.result.outcome is UploadOutcome.ACCEPTED
 
 
-def test_a_current_item_is_set_by_message_and_seen():
+def test_a_current_item_is_set_by_message_and_confirmed():
     setting = SetCurrent(PEER, 3)
     assert [(m.get_type(), m.seq) for m in setting.start(0.0)] == [("MISSION_SET_CURRENT", 3)]
     assert setting.receive(mavlink.MAVLink_mission_current_message(2), 0.1) == []
@@ -190,7 +190,7 @@ def test_a_current_item_is_set_by_message_and_seen():
     assert setting.result.final
 
 
-def test_a_current_item_that_is_not_seen_may_have_been_set():
+def test_an_unconfirmed_current_item_may_have_been_set():
     setting = SetCurrent(PEER, 3)
     setting.start(0.0)
     assert setting.next_deadline == 1.0

@@ -59,7 +59,7 @@ def taken_over(
 
 @pytest.mark.full
 @pytest.mark.parametrize(("script", "faults"), WIRES, ids=WIRE_NAMES)
-def test_a_pilot_that_takes_over_at_any_moment_of_a_swap_keeps_the_vehicle(script, faults):
+def test_a_pilot_takeover_at_any_moment_of_a_swap_is_respected(script, faults):
     foreign = 0
     for after_s in EVERY_TENTH:
         bench = Bench(script).flying(OLD)
@@ -80,7 +80,7 @@ def test_a_pilot_that_takes_over_at_any_moment_of_a_swap_keeps_the_vehicle(scrip
         pytest.param(*WIRES[1], id=WIRE_NAMES[1]),
     ],
 )
-def test_a_pilot_that_sets_hold_mode_during_a_swap_in_flight_keeps_the_vehicle(script, faults):
+def test_a_pilot_takeover_by_hold_mode_during_a_swap_is_respected(script, faults):
     """Another station commands it in GUIDED. Only a swap that has it hold itself could not tell the two."""
     theirs = 0
     for after_s in EVERY_TENTH[:40]:
@@ -96,7 +96,7 @@ def test_a_pilot_that_sets_hold_mode_during_a_swap_in_flight_keeps_the_vehicle(s
     assert theirs > 0
 
 
-def test_a_swap_leaves_a_holding_vehicle_alone_unless_its_own_hold():
+def test_a_swap_sends_nothing_in_a_hold_that_another_station_ordered():
     bench = Bench().flying(OLD)
     bench.copter.mode = GUIDED
     bench.run(2)
@@ -107,7 +107,7 @@ def test_a_swap_leaves_a_holding_vehicle_alone_unless_its_own_hold():
 
 
 @pytest.mark.parametrize(("script", "faults"), WIRES, ids=WIRE_NAMES)
-def test_a_pilot_that_takes_over_at_any_moment_of_a_launch_keeps_the_vehicle(script, faults):
+def test_a_pilot_takeover_at_any_moment_of_a_launch_is_respected(script, faults):
     foreign = 0
     for after_s in EVERY_TENTH[:40]:
         bench = Bench(script).prepared()
@@ -199,7 +199,7 @@ def test_launch_sends_nothing_if_a_pilot_armed_after_the_last_heartbeat():
     [(2, {"armed": True}, []), (4, {"mode": 3}, [ARM]), (4, {"armed": False}, [ARM])],
     ids=["arms it before we do", "starts the mission before we do", "disarms what we armed"],
 )
-def test_launch_ends_if_a_pilot_does_its_next_step(look, pilot, orders_before):
+def test_launch_ends_if_a_pilot_arms_disarms_or_starts_the_mission(look, pilot, orders_before):
     """Just before the answer to the `look`-th question for a heartbeat."""
     bench = Bench().prepared()
     bench.do("upload", lambda c: basic.upload(c, bench.items(OLD)))
@@ -227,7 +227,7 @@ def test_launch_is_not_begun_in_a_mode_that_a_pilot_chose_after_the_preparations
     assert orders(bench, sent) == []
 
 
-def test_a_launch_that_failed_is_not_disarmed_against_a_pilot():
+def test_a_failed_launch_does_not_disarm_after_a_pilot_takeover():
     bench = Bench(Script(stays_on_ground=True)).prepared()
     bench.do("upload", lambda c: basic.upload(c, bench.items(OLD)))
     bench.take(bench.session.begin("launch", basic.launch, bench.now))
@@ -264,7 +264,7 @@ def test_an_operators_order_is_sent_at_once_and_not_repeated_against_a_pilot(job
 
 @pytest.mark.parametrize("job", [basic.hold, basic.return_home, basic.land])
 @pytest.mark.parametrize("mode", [GUIDED, LOITER])
-def test_a_command_without_an_operators_order_waits_for_a_new_heartbeat(job, mode):
+def test_an_automatic_command_waits_for_a_new_heartbeat(job, mode):
     """A rule's order, while a pilot has acted a moment ago and no heartbeat has told of it."""
     bench = Bench(Script(heartbeats_unasked_only=True)).flying(OLD)
     heartbeats = bench.session.state
@@ -278,7 +278,7 @@ def test_a_command_without_an_operators_order_waits_for_a_new_heartbeat(job, mod
         assert "[taken-over]" in result.failure
 
 
-def test_an_order_of_a_rule_may_follow_the_hold_of_an_interrupted_swap():
+def test_an_automatic_command_may_follow_the_hold_of_an_interrupted_swap():
     bench = Bench(Script(partial_lists=False), Faults(max_delay_s=DELAY_S, seed=5)).flying(OLD)
     bench.take(bench.session.begin("swap", partial(basic.swap, new=bench.items(NEW)), bench.now))
     assert bench.run(20, lambda: bench.copter.mode == GUIDED)

@@ -54,7 +54,9 @@ def states(bench: FlyingBench) -> list[VehicleState]:
 
 
 @AUTOPILOTS
-def test_another_mission_on_a_flying_vehicle_is_noticed_and_the_own_one_dropped(personality: str) -> None:
+def test_another_mission_on_a_flying_vehicle_is_noticed_and_the_own_mission_is_dropped(
+    personality: str,
+) -> None:
     bench = FlyingBench(personality).flying(plan(north=8))
     bench.run(5.0)
     assert bench.session.items
@@ -76,7 +78,9 @@ def test_own_swaps_do_not_count_as_another_mission(personality: str) -> None:
 
 
 @AUTOPILOTS
-def test_a_cleared_mission_counts_as_another_until_the_own_one_is_uploaded_again(personality: str) -> None:
+def test_a_cleared_mission_counts_as_another_until_the_own_mission_is_uploaded_again(
+    personality: str,
+) -> None:
     bench = on_the_ground(personality)
     assert bench.upload(plan(north=4)).failure is None
     bench.run(5.0)
@@ -119,7 +123,7 @@ def test_an_equal_count_or_an_old_firmware_shows_no_other_mission(total: int) ->
     assert not any(watch.shows_other_mission(current(total), float(second)) for second in range(60))
 
 
-def test_a_single_or_old_message_after_an_own_transfer_does_not_count() -> None:
+def test_a_single_or_old_message_after_an_own_transfer_shows_no_other_mission() -> None:
     watch = watching()
     assert not watch.shows_other_mission(current(9), 10.0)
     assert not watch.shows_other_mission(current(7), 10.5)
@@ -181,7 +185,7 @@ def test_home_alone_is_not_requested() -> None:
 
 @AUTOPILOTS
 @pytest.mark.parametrize("within_s", [0.0, 3.0])
-def test_another_mission_of_as_many_items_is_noticed_too(personality: str, within_s: float) -> None:
+def test_another_mission_with_an_equal_count_is_noticed(personality: str, within_s: float) -> None:
     """Also where it is put there as soon as ours is."""
     bench = FlyingBench(personality).flying(plan(north=12))
     assert bench.swap(plan(north=12, east=0.001)).failure is None

@@ -118,7 +118,7 @@ def test_an_integer_parameter_of_px4_takes_no_fraction():
 @given(
     loss=st.floats(0.0, 0.5), seed=st.integers(0, 10_000), personality=st.sampled_from(["ardupilot", "px4"])
 )
-def test_success_over_a_bad_link_is_always_true(loss, seed, personality):
+def test_success_is_reported_truly_over_a_bad_link(loss, seed, personality):
     bench = on_the_ground(personality, loss=loss, seed=seed)
     failure = write(bench, **{WHOLE[personality]: 1, REAL[personality]: 40.0})
     kept = bench.params[WHOLE[personality]] == 1 and bench.params[REAL[personality]] == 40.0

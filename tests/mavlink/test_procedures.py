@@ -128,7 +128,7 @@ def test_a_failed_swap_leaves_and_reports_a_whole_plan_or_hold(script, flying, p
         assert bench.mission_is(OLD)
 
 
-def test_the_return_to_an_appended_plan_leaves_out_the_plans_before_it():
+def test_the_return_to_an_appended_plan_skips_the_plans_before_that_plan():
     bench, appended = Bench().flying(OLD), plan(north=6, east=0.002)
     assert bench.swap(appended).flying == "new"
     bench.copter.script = Script(partial_lists=False, refuse_item=3)
@@ -137,7 +137,7 @@ def test_the_return_to_an_appended_plan_leaves_out_the_plans_before_it():
     assert bench.flies(appended)
 
 
-def test_a_swap_right_after_the_launch_lets_it_climb_first():
+def test_a_swap_right_after_the_launch_waits_for_the_climb():
     bench = Bench(faults=Faults(max_delay_s=0.1)).prepared()
     bench.upload(OLD)
     assert bench.do("launch", basic.launch).failure is None
@@ -172,7 +172,7 @@ def test_a_swap_leaves_a_vehicle_alone_after_a_takeover(mode):
     assert bench.mission_is(OLD)
 
 
-def test_a_pilot_that_takes_over_during_the_upload_keeps_the_vehicle():
+def test_a_pilot_takeover_during_the_upload_is_respected():
     bench = Bench(faults=Faults(max_delay_s=0.3)).flying(OLD)
     bench.take(bench.session.begin("swap", lambda c: basic.swap(c, bench.items(NEW)), bench.now))
     assert bench.run(20, lambda: bench.copter.transfer is not None)
@@ -204,7 +204,7 @@ def test_an_operators_command_is_seen_in_the_heartbeat(procedure, mode):
     assert bench.session.state.mode == mode
 
 
-def test_an_operators_command_outlasts_a_boot_that_undoes_it():
+def test_an_operators_command_is_repeated_after_a_boot_undoes_the_mode():
     bench = Bench(Script(boot_s=4.0)).connected()
     assert bench.do("hold", basic.hold).failure is None
     assert bench.copter.mode_name == "GUIDED"
@@ -222,7 +222,7 @@ def test_a_swap_on_a_perfect_wire_is_quick(script, limit_s):
     assert bench.now - before < limit_s
 
 
-def test_an_upload_on_a_perfect_wire_expects_a_swap_as_quick():
+def test_an_upload_on_a_perfect_wire_predicts_a_quick_swap():
     bench = Bench().prepared()
     uploaded = bench.do("upload", lambda c: basic.upload(c, bench.items(OLD)))
     assert uploaded.swap_takes_s == pytest.approx(0.0, abs=0.2)
@@ -290,7 +290,7 @@ def test_an_upload_during_an_unfinished_transfer_is_repeated_later():
     assert bench.mission_is(OLD)
 
 
-def test_after_a_reboot_the_streams_come_back_and_the_mission_is_in_doubt():
+def test_a_reboot_restarts_the_streams_and_makes_the_mission_unknown():
     bench = Bench().prepared()
     bench.upload(OLD)
     bench.run(10)
@@ -320,7 +320,7 @@ faults = st.builds(
 
 @MODEST
 @given(faults=faults, count=st.integers(1, 12))
-def test_an_upload_reports_success_only_for_exactly_that_mission(faults, count):
+def test_an_upload_reports_success_only_for_the_exact_mission(faults, count):
     bench = Bench(faults=faults)
     assert bench.run(200, lambda: bench.session.state.mode != "")
     what = plan(north=count)
@@ -334,7 +334,7 @@ def test_an_upload_reports_success_only_for_exactly_that_mission(faults, count):
 
 @MODEST
 @given(faults=faults)
-def test_two_uploads_one_after_the_other_never_mix(faults):
+def test_successive_uploads_never_mix(faults):
     bench = Bench(faults=faults)
     assert bench.run(200, lambda: bench.session.state.mode != "")
     bench.take(bench.session.begin("upload", lambda c: basic.upload(c, bench.items(OLD)), bench.now))

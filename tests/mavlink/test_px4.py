@@ -103,7 +103,7 @@ def test_read_back_is_compared_with_item_0_and_modulo_frames(found, equal):
     assert (PX4.differences((WP,), (found,)) == ()) is equal
 
 
-def test_it_takes_off_flies_its_mission_and_lands():
+def test_px4_takes_off_flies_its_mission_and_lands():
     bench = FlyingBench("px4").flying(OLD)
     assert bench.mode == "AUTO.MISSION"
     assert bench.session.state.alt_rel_m == pytest.approx(20.0, abs=1.0)
@@ -111,7 +111,7 @@ def test_it_takes_off_flies_its_mission_and_lands():
     assert not bench.vehicle.body.crashed
 
 
-def test_a_second_launch_begins_at_the_first_item_wherever_the_first_one_ended():
+def test_a_second_launch_begins_at_the_first_item():
     """The index of the vehicle outlives a landing, and the same mission again is no new one to it."""
     bench = FlyingBench("px4").flying(OLD)
     assert bench.do("land", basic.land).failure is None
@@ -185,7 +185,7 @@ def test_an_autopilot_that_overlooks_the_marked_item_gets_a_message():
     assert 224 not in bench.commands
 
 
-def test_a_shorter_mission_than_the_item_flown_is_begun_at_its_beginning():
+def test_a_mission_shorter_than_the_current_item_is_flown_from_its_first_item():
     bench = FlyingBench("px4").flying(OLD)
     assert bench.run(100, lambda: bench.session.state.mission_seq == 7)
     assert bench.swap(plan(north=2, east=0.001)).flying == "new"
@@ -193,7 +193,7 @@ def test_a_shorter_mission_than_the_item_flown_is_begun_at_its_beginning():
 
 
 @pytest.mark.parametrize("at_item", [None, 0, 3], ids=["at the count", "the first item", "in mid-upload"])
-def test_a_refused_mission_leaves_it_flying_the_old_one_without_a_stop(at_item):
+def test_a_vehicle_that_refuses_a_mission_flies_the_old_one_without_a_stop(at_item):
     bench = FlyingBench("px4").flying(OLD)
     old = bench.session.items
     where = "" if at_item is None else f",at_item={at_item}"
@@ -255,7 +255,7 @@ def test_a_swap_leaves_a_vehicle_alone_after_a_takeover(number):
 
 
 @pytest.mark.full
-def test_a_pilots_hold_at_any_moment_of_a_swap_is_not_fought():
+def test_a_pilots_hold_at_any_moment_of_a_swap_is_respected():
     """The vehicle flies on during a swap; a hold comes from another station or a pilot."""
     held = 0
     for tenths in range(30):

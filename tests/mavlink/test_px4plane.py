@@ -48,7 +48,7 @@ def away_m(flown: FlyingBench, point: tuple[float, float]) -> float:
 # --- what is sent
 
 
-def test_the_mission_jumps_over_the_landing_at_home_to_that_at_the_goal() -> None:
+def test_a_jump_in_the_mission_leads_past_the_landing_at_home_to_the_goal() -> None:
     items = PLANE.mission_items(FIRST)
     assert [item.command for item in items] == [22, 16, 16, 16, 177, 189, 31, 21, 177, 31, 21]
     takeoff, jump, start, done = items[0], items[4], items[5], items[8]
@@ -130,7 +130,7 @@ def test_a_launch_begins_at_the_first_item() -> None:
 
 
 @pytest.mark.full
-def test_the_same_mission_again_leads_to_the_goal_again() -> None:
+def test_a_repeated_mission_leads_to_the_goal_again() -> None:
     flown = bench().uploaded(FIRST)
     assert flown.do("launch", basic.launch).failure is None
     assert flown.run(300.0, lambda: flown.session.state.mission_seq == AT_GOAL)
@@ -161,7 +161,7 @@ def test_a_new_route_is_taken_over_without_a_stop(*, leaves_ahead: bool) -> None
 
 
 @pytest.mark.full
-def test_after_a_swap_it_still_returns_home() -> None:
+def test_a_plane_returns_home_after_a_swap() -> None:
     flown = in_flight()
     assert flown.swap(SECOND).failure is None
     assert flown.do("return", basic.return_home).failure is None
@@ -194,7 +194,7 @@ def test_a_plane_that_reaches_its_landing_during_an_upload_lands_at_its_goal() -
     assert away_m(flown, GOAL) < 60.0
 
 
-def test_it_holds_in_a_circle_at_its_height() -> None:
+def test_a_plane_holds_in_a_circle_at_its_height() -> None:
     flown = in_flight()
     flown.run(5.0)
     assert flown.do("hold", basic.hold).failure is None
@@ -207,7 +207,7 @@ def test_it_holds_in_a_circle_at_its_height() -> None:
 
 
 @pytest.mark.full
-def test_a_route_is_changed_while_it_holds() -> None:
+def test_the_route_of_a_holding_plane_is_changed() -> None:
     flown = in_flight()
     assert flown.do("hold", basic.hold).failure is None
     done = flown.swap(SECOND, from_hold=True)
@@ -216,7 +216,7 @@ def test_a_route_is_changed_while_it_holds() -> None:
     assert away_m(flown, GOAL) < 60.0
 
 
-def test_it_returns_and_lands_at_home_in_the_mode_that_returns() -> None:
+def test_a_plane_returns_and_lands_at_home_in_return_mode() -> None:
     flown = in_flight()
     assert flown.do("return", basic.return_home).failure is None
     assert landed(flown)

@@ -58,7 +58,7 @@ def test_a_requested_list_is_recognised_by_its_type(points: int) -> None:
     assert counted(bench) == RallyPoints(points)
 
 
-def test_the_same_answer_of_a_px4_does_not_count() -> None:
+def test_an_unsupported_answer_of_px4_is_not_a_number() -> None:
     """It has them whatever it is built with."""
     bench = Bench(Script(rally_points=None))
     bench.copter.autopilot = mavlink.MAV_AUTOPILOT_PX4
@@ -68,7 +68,7 @@ def test_the_same_answer_of_a_px4_does_not_count() -> None:
 
 
 @BOTH
-def test_a_lost_answer_is_no_number(personality: str) -> None:
+def test_a_lost_answer_gives_no_number(personality: str) -> None:
     bench = on_the_ground(personality)
     bench.block_down = lambda m: m.get_type() == "MISSION_COUNT"
     begun_s = bench.now

@@ -52,7 +52,7 @@ def test_the_item_ahead_is_the_end_of_the_present_leg(
     assert not found.is_late
 
 
-def test_a_later_order_finds_the_vehicle_farther_along() -> None:
+def test_a_later_command_finds_the_vehicle_farther_along() -> None:
     before = state(0.0, 90.0, north_m_s=10.0)
     assert WAY.at(before).item == 0
     assert WAY.at(before).corner_s == pytest.approx(1.0, abs=0.05)
@@ -78,7 +78,7 @@ def test_a_route_without_a_start_begins_at_its_first_item() -> None:
     assert WAY.at(unknown).item == 0
 
 
-def test_items_behind_one_without_a_position_are_not_part_of_the_route() -> None:
+def test_the_route_ends_at_the_first_item_without_a_position() -> None:
     """A fixed wing's landing begins with one."""
     way = RouteProgress(
         state(0.0, 0.0), (item(0.0, 100.0), MissionItem(189, 3, 0, 0, 0.0), item(500.0, 500.0))

@@ -172,7 +172,7 @@ def test_a_new_plan_from_the_passed_corner_on_does_not_lead_back_to_that_corner(
 
 
 @pytest.mark.parametrize("n_lost", [*full_only(0, 1), 3])
-def test_a_vehicle_whose_command_comes_after_the_corner_stays_on_a_known_route(n_lost: int) -> None:
+def test_a_vehicle_with_a_command_after_the_corner_stays_on_a_known_route(n_lost: int) -> None:
     """The vehicle does not cross between the routes, where neither plan leads."""
     bench = flying("ardupilot")
     turns_m = place(bench)[1] + 90.0

@@ -111,7 +111,7 @@ def agrees(bench: FlyingBench, result: basic.Swapped) -> bool:
 @pytest.mark.parametrize("way", WAYS)
 @settings(MODEST, max_examples=examples(8, 4))
 @given(wire=wires, cuts=outages)
-def test_a_swap_never_flies_a_mixture_and_its_result_is_true(way, wire, cuts):
+def test_a_swap_never_flies_a_mixture_and_reports_its_result_truly(way, wire, cuts):
     bench = flying(way)
     monitor, result = swapped(bench, wire, cuts)
     assert agrees(bench, result)

@@ -95,7 +95,7 @@ def test_a_gps_from_before_a_reboot_does_not_count():
     assert booted.state.gps_ok is None
 
 
-def test_a_snapshot_is_complete_with_a_position():
+def test_a_state_is_complete_with_a_position():
     telemetry = folded(heartbeat(3, armed=True), sys_status())
     assert telemetry.receive(position(), 0.0)
     state = telemetry.state
@@ -180,7 +180,7 @@ def test_strikes_are_the_greatest_received_count(messages, strikes):
     assert folded(*messages).state.strikes == strikes
 
 
-def test_a_long_text_is_put_together_and_a_hole_in_it_shown():
+def test_the_parts_of_a_long_text_are_joined_and_a_missing_part_is_marked():
     a, b, c = "a" * 50, "b" * 50, "the end"
     telemetry = folded(
         text(a, 4, 7, 0), text(b, 4, 7, 1), text(c, 4, 7, 2), text(a, 4, 8, 0), text(c, 4, 8, 2)
@@ -227,7 +227,7 @@ def test_a_vehicle_is_ready_only_after_all_messages_arrived():
         (3, 199, "199 of ArduPilot"),
     ],
 )
-def test_other_vehicles_are_refused_by_name(autopilot, kind, name):
+def test_unsupported_vehicles_are_refused_by_name(autopilot, kind, name):
     with pytest.raises(Unsupported, match=name):
         dialect_for(autopilot, kind)
 
@@ -299,7 +299,7 @@ def test_read_back_is_compared_modulo_arducopters_storage(sent, found, equal):
     assert all("item 1" in gap for gap in gaps)
 
 
-def test_a_mission_of_another_length_is_another_mission():
+def test_a_mission_of_another_length_is_different():
     (gap,) = COPTER.differences((WP, WP), (WP,))
     assert re.findall(r"\d+", gap) == ["1", "2"]
 
@@ -332,7 +332,7 @@ def test_only_the_autopilots_heartbeat_makes_a_vehicle(message):
     assert session.link_state is LinkState.NEVER_HEARD
 
 
-def test_missing_streams_are_requested_again_and_more_and_more_rarely():
+def test_pauses_grow_between_requests_for_missing_streams():
     keeper = StreamKeeper(MavlinkPeer(1), {33: 4.0, 1: 1.0})
     assert keeper.tick(0.0) == []
     keeper.demand(0.0)
@@ -365,7 +365,7 @@ def test_a_session_reports_a_closed_list_of_events():
     assert events_of(session, 9.0, heartbeat(0)) == [VehicleRestored(9.0), StateChanged(session.state)]
 
 
-def test_the_first_state_after_a_silence_has_the_mode_of_the_heartbeat_that_ended_it():
+def test_the_first_state_after_a_silence_has_the_mode_of_the_newest_heartbeat():
     session = Session(MavlinkPeer(1))
     events_of(session, 0.0, heartbeat(3, armed=True))
     session.tick(5.0)
@@ -479,7 +479,7 @@ def system_time(boot_ms: int):
     return M.MAVLink_system_time_message(0, boot_ms)
 
 
-def test_a_vehicle_without_positions_still_gives_a_snapshot_every_second():
+def test_a_vehicle_without_positions_still_gives_a_state_every_second():
     """PX4 sends none without a valid one: battery, GPS and mode are judged by all the same."""
     session = Session(MavlinkPeer(1))
     events_of(session, 0.0, heartbeat(3, armed=True), sys_status(), position())
@@ -505,7 +505,7 @@ def test_an_old_position_is_dropped_until_the_next_one_comes():
     assert session.state.position_s == 5.0
 
 
-def test_its_clock_goes_on_without_a_position():
+def test_the_clock_of_a_vehicle_advances_without_a_position():
     session = Session(MavlinkPeer(1))
     events_of(session, 0.0, heartbeat(), position(1000))
     events_of(session, 1.0, heartbeat(), system_time(2000))

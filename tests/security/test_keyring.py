@@ -52,7 +52,7 @@ def test_a_wide_umask_leaves_keys_private(tmp_path: Path) -> None:
     assert load_keyring(tmp_path / "keys", "uav1", NOW).name == "uav1"
 
 
-def test_all_participants_verify_a_signature_as_its_owners_only(folder: Path) -> None:
+def test_a_signature_is_valid_for_its_owner_only(folder: Path) -> None:
     three, router = load_keyring(folder, "uav3", NOW), load_keyring(folder, "router", NOW)
     signature = three.sign(3, b"said")
     assert signature is not None
@@ -65,7 +65,7 @@ def test_all_participants_verify_a_signature_as_its_owners_only(folder: Path) ->
     assert three.sign(1, b"said") is None
 
 
-def test_making_again_keeps_what_is_there_and_adds_what_is_missing(folder: Path) -> None:
+def test_a_second_run_keeps_the_present_keys_and_adds_the_missing_keys(folder: Path) -> None:
     before = {path: path.read_bytes() for path in folder.rglob("*.pem")}
     made = make_keys(folder, [*NAMES, "uav4"], 30, NOW + dt.timedelta(days=1))
     assert [one.name for one in made if one.is_new] == ["uav4"]
@@ -74,7 +74,7 @@ def test_making_again_keeps_what_is_there_and_adds_what_is_missing(folder: Path)
         assert set(load_keyring(folder, name, NOW + dt.timedelta(days=1)).public_keys) == {*NAMES, "uav4"}
 
 
-def test_making_again_marks_the_folders_that_machines_have_to_copy_again(folder: Path) -> None:
+def test_a_second_run_marks_the_folders_to_copy_again(folder: Path) -> None:
     again = make_keys(folder, NAMES, 30, NOW)
     assert not any(one.is_new or one.is_changed for one in again)
     shutil.rmtree(folder / "uav3")
@@ -130,7 +130,7 @@ def test_unusable_keys_are_found_before_they_are_needed(
         assert part in line
 
 
-def test_a_certificate_names_its_owner_this_machine_and_where_it_is_found(folder: Path) -> None:
+def test_a_certificate_names_its_owner_and_all_its_hosts(folder: Path) -> None:
     by_name = {one.name: one for one in make_keys(folder, NAMES, 30, NOW)}
     assert by_name["router"].hosts == ("router", "localhost", "127.0.0.1", "10.0.0.7", "ground.example")
     # Nobody else can stand in for the router's machine.
@@ -308,7 +308,7 @@ def test_a_host_without_a_participant_is_refused(config: Path, tmp_path: Path) -
     assert "NAME=HOST" in result.output
 
 
-def test_a_router_is_printed_for_zenohd(config: Path, tmp_path: Path) -> None:
+def test_the_configuration_of_the_router_is_printed_for_zenohd(config: Path, tmp_path: Path) -> None:
     make_keys(tmp_path / "keys", ["router"], 30, dt.datetime.now(dt.UTC))
     result = CliRunner().invoke(commands(), ["router", "--config", str(config), "--print"])
     assert result.exit_code == 0, result.output
@@ -327,13 +327,15 @@ def test_a_router_is_printed_for_zenohd(config: Path, tmp_path: Path) -> None:
         (["--listen", "tcp/127.0.0.1:0", "--keys", "keys"], 2, "--keys"),
     ],
 )
-def test_a_router_that_cannot_start_says_why(options: list[str], code: int, why: str, config: Path) -> None:
+def test_a_router_that_cannot_start_reports_the_reason(
+    options: list[str], code: int, why: str, config: Path
+) -> None:
     result = CliRunner().invoke(commands(), ["router", "--config", str(config), *options])
     assert result.exit_code == code
     assert why in " ".join(result.output.split())
 
 
-def test_making_again_names_the_folders_to_copy_again(config: Path, tmp_path: Path) -> None:
+def test_the_command_names_the_folders_to_copy_again(config: Path, tmp_path: Path) -> None:
     words = ["keys", "--config", str(config), "--out", str(tmp_path / "keys")]
     outputs = []
     for gone in ("", "", "uav2"):
@@ -350,7 +352,7 @@ def test_making_again_names_the_folders_to_copy_again(config: Path, tmp_path: Pa
         assert str(tmp_path / "keys" / name) in again
 
 
-def test_checking_a_configuration_looks_at_its_keys(config: Path, tmp_path: Path) -> None:
+def test_the_check_of_a_configuration_includes_its_keys(config: Path, tmp_path: Path) -> None:
     words = ["check", "--config", str(config), "--out", str(tmp_path / "runs")]
     missing = CliRunner().invoke(commands(), words)
     assert (missing.exit_code, "keys/uav1: " in missing.stderr) == (1, True)
