@@ -1,4 +1,4 @@
-"""Rows of (state, input, now) -> (output, deadline): items that are put behind those of a mission."""
+"""Rows of (state, input, now) -> (output, deadline): appending items to a mission."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ MANY = tuple(MissionItem(16, 3, 460_000_000 + i, 145_000_000, 20.0 + i) for i in
 
 @pytest.mark.parametrize("asks", [True, False])
 def test_each_appended_item_is_announced_and_sent_with_or_without_a_request(asks):
-    """ArduPilot asks when it sends next, and only for what has not come by then."""
+    """ArduPilot requests only the items that have not arrived by its next transmission."""
     append = Append(PEER, 7, ITEMS)
     out = append.start(0.0)
     assert announced(out) == [(7, 7), (8, 8), (9, 9)]
@@ -69,15 +69,15 @@ def test_a_count_request_after_a_loss_finds_the_missing_items():
     append = Append(PEER, 7, ITEMS)
     append.start(0.0)
     append.receive(mission_ack(0), 0.1)
-    append.receive(mission_ack(1), 0.1)  # for the announcement of the last: the one before was lost
+    append.receive(mission_ack(1), 0.1)  # for the last announcement, as the second was lost
     assert kinds(append.tick(0.6)) == ["MISSION_REQUEST_LIST"]
     out = append.receive(count(8), 0.7)
     assert announced(out) == [(8, 8)] * 2 + [(9, 9)] * 2, "each twice from now on"
     assert items_of(out) == [8, 8, 9, 9]
     append.receive(mission_ack(0), 0.8)
-    assert append.receive(mission_ack(1), 0.8) == [], "of the double"
+    assert append.receive(mission_ack(1), 0.8) == [], "the refusal of the copy is ignored"
     assert kinds(append.receive(mission_ack(0), 0.8)) == ["MISSION_REQUEST_LIST"] * 2
-    assert append.result is None, "of doubles both may be acknowledged"
+    assert append.result is None, "the vehicle may acknowledge both copies"
     append.receive(count(10), 0.9)
     assert append.result.failure is None
 
@@ -100,7 +100,7 @@ def test_missing_items_are_announced_again_while_the_vehicle_waits_for_one():
 
 
 def test_refusals_of_several_requests_on_a_slow_link_do_not_end_the_append():
-    """It is asked twice what it holds before the first answer comes, and waits for an item each time."""
+    """The vehicle gets two count requests before its first answer arrives and refuses both."""
     append = Append(PEER, 7, ITEMS)
     append.start(0.0)
     append.receive(mission_ack(0), 0.1)
@@ -160,7 +160,7 @@ def test_requests_for_stored_items_are_not_answered():
     assert append.receive(request(6), 0.1) == []
     assert append.receive(request(10), 0.1) == []
     assert append.receive(mission_ack(1), 0.1) == [], "an acknowledgement from before"
-    assert append.receive(count(7), 0.1) == [], "nor was it asked"
+    assert append.receive(count(7), 0.1) == [], "no count was requested"
     assert append.result is None
 
 

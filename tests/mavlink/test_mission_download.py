@@ -39,8 +39,8 @@ def item(seq: int):
     )
 
 
-def reading(n_items: int, *, in_order: bool) -> tuple[Download, list[int]]:
-    """Eight at a time, over a link that takes 2 s to answer; and what was asked for first, at 2 s."""
+def started_download(n_items: int, *, in_order: bool) -> tuple[Download, list[int]]:
+    """Return a download over a link with 2 s to an answer, and the items requested first."""
     download = Download(PEER, window=8, in_order=in_order)
     download.start(0.0)
     asked = download.receive(mavlink.MAVLink_mission_count_message(255, 190, n_items, 0), 2.0)
@@ -49,7 +49,7 @@ def reading(n_items: int, *, in_order: bool) -> tuple[Download, list[int]]:
 
 @pytest.mark.parametrize("in_order", [False, True])
 def test_a_download_requests_eight_items_at_a_time(in_order):
-    download, asked = reading(10, in_order=in_order)
+    download, asked = started_download(10, in_order=in_order)
     assert asked == list(range(8))
     for seq in range(10):
         assert download.next_deadline > 4.0, "the answer is on its way"
@@ -59,7 +59,7 @@ def test_a_download_requests_eight_items_at_a_time(in_order):
 
 
 def test_a_missing_item_is_requested_again_from_a_vehicle_that_serves_any_order():
-    download, _asked = reading(3, in_order=False)
+    download, _asked = started_download(3, in_order=False)
     download.receive(item(0), 4.0)
     download.receive(item(2), 4.0)
     assert [m.seq for m in download.tick(download.next_deadline)] == [1]
@@ -73,21 +73,21 @@ def test_a_late_count_does_not_lengthen_the_wait_for_an_item():
 
 
 def test_a_missing_item_is_not_requested_again_from_a_vehicle_that_serves_in_order():
-    download, _asked = reading(3, in_order=True)
+    download, _asked = started_download(3, in_order=True)
     download.receive(item(0), 4.0)
     (closing,) = download.tick(download.next_deadline)
     assert (closing.get_type(), closing.type) == ("MISSION_ACK", 15)
     assert download.result.outcome is DownloadOutcome.BROKEN_OFF
 
 
-def test_repeated_requests_precede_the_next_one():
-    """PX4 takes the number that it told last once more, but none before that."""
+def test_copies_of_a_request_precede_the_next_request():
+    """PX4 answers a repeated request for its last item, but none for an earlier item."""
     download = Download(PEER, window=3, copies=2, in_order=True)
     download.start(0.0)
     asked = download.receive(mavlink.MAVLink_mission_count_message(255, 190, 5, 0), 2.0)
     assert [m.seq for m in asked] == [0, 0, 1, 1, 2, 2]
     assert [m.seq for m in download.receive(item(0), 4.0)] == [3, 3]
-    assert download.receive(item(0), 4.0) == [], "the answer to the copy"
+    assert download.receive(item(0), 4.0) == [], "the answer to the copy is ignored"
     for seq in range(1, 5):
         download.receive(item(seq), 4.5)
     assert [i.x for i in download.result.items] == list(range(10, 15))
@@ -103,7 +103,7 @@ def test_repeated_requests_precede_the_next_one():
         (15, None),
     ],
 )
-def test_only_errors_of_this_download_end_it(code, outcome):
+def test_a_download_ends_only_at_its_own_errors(code, outcome):
     download = Download(PEER)
     download.start(0.0)
     download.receive(mission_ack(code), 0.1)
@@ -111,7 +111,7 @@ def test_only_errors_of_this_download_end_it(code, outcome):
 
 
 def test_requests_in_the_wrong_order_are_refused_with_an_error():
-    download, _asked = reading(3, in_order=True)
+    download, _asked = started_download(3, in_order=True)
     download.receive(mission_ack(1), 3.0)
     assert download.result.outcome is DownloadOutcome.REFUSED
 

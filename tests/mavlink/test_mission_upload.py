@@ -42,12 +42,12 @@ def test_the_count_is_announced_every_second_until_the_first_request():
 @pytest.mark.parametrize(
     ("asked", "message", "outcome"),
     [
-        (0, request(2), None),  # an earlier transfer goes on
+        (0, request(2), None),  # from an earlier transfer
         (0, request(0, kind=1), None),
         (0, request(0, to=254), None),
         (2, request(7), None),
-        (2, mission_ack(0), None),  # late, of an earlier transfer: not all was sent
-        (2, mission_ack(13), None),  # a duplicate; it goes on asking
+        (2, mission_ack(0), None),  # late, from an earlier transfer: some items are not sent yet
+        (2, mission_ack(13), None),  # for a duplicate; the vehicle continues its requests
         (0, mission_ack(15), None),  # the earlier transfer is given up
         (2, mission_ack(5, kind=1), None),
         (2, mission_ack(5, to=254), None),
@@ -57,7 +57,7 @@ def test_the_count_is_announced_every_second_until_the_first_request():
         (2, mission_ack(15), UploadOutcome.CANCELLED),
         (3, mission_ack(13), None),
         (3, mission_ack(1), UploadOutcome.UNCONFIRMED),  # a repeated last item after a lost acceptance
-        (2, mission_ack(1), None),  # the same, late, of an earlier transfer
+        (2, mission_ack(1), None),  # late, from an earlier transfer
         (3, mission_ack(0), UploadOutcome.ACCEPTED),
     ],
 )
@@ -91,12 +91,12 @@ def test_an_overdue_item_is_sent_again_with_all_items_behind_it():
     answers(upload, 0, 2.0)
     assert answers(upload, 3, 4.0) == [8, 9, 10]
     again = [seq for seq in range(3, 11) for _ in range(2)]
-    assert answers(upload, 3, 5.0) == again, "an answer takes 2 s, and 3 went 3 s ago"
-    assert answers(upload, 3, 5.9) == [], "it is on its way"
-    assert answers(upload, 3, 6.1) == [3, 3], "but without an answer the upload ends"
+    assert answers(upload, 3, 5.0) == again, "an answer takes 2 s, and item 3 was sent 3 s ago"
+    assert answers(upload, 3, 5.9) == [], "item 3 is on its way"
+    assert answers(upload, 3, 6.1) == [3, 3], "the item is repeated, or the vehicle ends the upload"
     assert answers(upload, 3, 7.0) == []
     assert answers(upload, 3, 8.0) == again
-    assert answers(upload, 4, 10.0) == [11, 11], "twice, as long as something is lost"
+    assert answers(upload, 4, 10.0) == [11, 11], "two copies after a loss"
 
 
 def test_a_last_item_under_way_at_the_deadline_may_still_arrive():

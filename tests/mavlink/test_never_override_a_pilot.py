@@ -1,4 +1,4 @@
-"""A pilot takes over by radio control: no command is sent against that."""
+"""Takeovers by radio control: no command overrides the pilot."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ WIRES = [
     (Script(heartbeats_unasked_only=True), Faults(max_delay_s=DELAY_S, seed=3)),
     (Script(partial_lists=False), Faults(max_delay_s=DELAY_S, seed=4)),
 ]
-WIRE_NAMES = ["perfect wire", "slow wire", "bad wire", "heartbeats unasked only", "no partial lists"]
+WIRE_NAMES = ["perfect wire", "slow wire", "bad wire", "regular heartbeats only", "no partial lists"]
 EVERY_TENTH = [n * 0.1 for n in range(90)]
 
 
 def orders(bench: Bench, since: int) -> list[tuple[float, int]]:
-    """(now, command) of all commands that change a mode or start something."""
+    """Return (now, command) of each command that changes a mode or item, arms or starts."""
     sent = [(now, m.command) for now, m in bench.sent[since:] if m.get_type() == "COMMAND_LONG"]
     return [(now, command) for now, command in sent if command in (MODE, ARM, START, CURRENT)]
 
@@ -35,9 +35,9 @@ def orders(bench: Bench, since: int) -> list[tuple[float, int]]:
 def taken_over(
     bench: Bench, name: str, procedure, after_s: float, mode: int = LOITER
 ) -> tuple[list[tuple[float, int]], object]:
-    """A pilot takes over `after_s` into a procedure, and once more whenever a command crossed that.
+    """Run a procedure with a pilot takeover after `after_s`, repeated after a crossing command.
 
-    Returns the orders that were sent when no heartbeat from before was on its way any more, and the result.
+    Returns the orders sent after the last heartbeat from before the takeover had arrived, and the result.
     """
     take_s = bench.now + after_s
     window_s = bench.faults.max_delay_s + STEP_S / 2
@@ -70,7 +70,7 @@ def test_a_pilot_takeover_at_any_moment_of_a_swap_is_respected(script, faults):
             foreign += 1
             assert result.flying == "theirs"
             assert bench.copter.mode == LOITER
-    assert foreign > 0, "the pilot never came during a swap: the test tests nothing"
+    assert foreign > 0, "no takeover fell within a swap, so nothing was tested"
 
 
 @pytest.mark.parametrize(
@@ -81,7 +81,7 @@ def test_a_pilot_takeover_at_any_moment_of_a_swap_is_respected(script, faults):
     ],
 )
 def test_a_pilot_takeover_by_hold_mode_during_a_swap_is_respected(script, faults):
-    """Another station commands it in GUIDED. Only a swap that has it hold itself could not tell the two."""
+    """Another station sets GUIDED. Only a swap with its own hold cannot tell the two holds apart."""
     theirs = 0
     for after_s in EVERY_TENTH[:40]:
         bench = Bench(script).flying(OLD)
@@ -119,14 +119,14 @@ def test_a_pilot_takeover_at_any_moment_of_a_launch_is_respected(script, faults)
         if result.failure is not None and "LOITER" in result.failure:
             foreign += 1
             assert bench.copter.mode == LOITER
-    assert foreign > 0, "the pilot never came during a launch: the test tests nothing"
+    assert foreign > 0, "no takeover fell within a launch, so nothing was tested"
 
 
 @pytest.mark.parametrize("command", [ARM, START, CURRENT, MODE])
 def test_an_unanswered_command_is_not_repeated_against_a_pilot(command):
-    """Its first one is lost; before the second one would go out the pilot has taken over."""
+    """The first command is lost; the pilot takes over before the time of its repetition."""
     launches = command in (ARM, START)
-    # The mode is set where the swap has to hold for it.
+    # Without partial lists the swap sets a mode, as the vehicle has to hold.
     script = Script(partial_lists=command != MODE)
     bench = Bench(script).prepared() if launches else Bench(script).flying(OLD)
     if launches:
@@ -160,18 +160,18 @@ def test_an_unanswered_command_is_repeated_unless_a_pilot_has_taken_over():
 
 def test_a_temporarily_rejected_command_is_repeated_after_a_new_heartbeat():
     bench = Bench().flying(OLD)
-    real, said = bench.copter.set_mode, []
+    set_mode, answers = bench.copter.set_mode, []
 
     def busy_twice(*params) -> int:
-        said.append(1 if len(said) < 2 else 0)
-        return said[-1] or real(*params)
+        answers.append(1 if len(answers) < 2 else 0)
+        return answers[-1] or set_mode(*params)
 
     bench.copter.set_mode = busy_twice
     begun = len(bench.sent)
     assert bench.do("land", basic.land).failure is None
-    assert said == [1, 1, 0]
-    looks = [m.command for _, m in bench.sent[begun:] if m.command in (512, MODE)]
-    assert looks[:5] == [MODE, 512, MODE, 512, MODE]
+    assert answers == [1, 1, 0]
+    sent = [m.command for _, m in bench.sent[begun:] if m.command in (512, MODE)]
+    assert sent[:5] == [MODE, 512, MODE, 512, MODE]
 
 
 def test_launch_sends_nothing_to_a_vehicle_that_is_armed_already():
@@ -195,12 +195,12 @@ def test_launch_sends_nothing_if_a_pilot_armed_after_the_last_heartbeat():
 
 
 @pytest.mark.parametrize(
-    ("look", "pilot", "orders_before"),
+    ("nth_request", "pilot", "orders_before"),
     [(2, {"armed": True}, []), (4, {"mode": 3}, [ARM]), (4, {"armed": False}, [ARM])],
-    ids=["arms it before we do", "starts the mission before we do", "disarms what we armed"],
+    ids=["arms before the launch does", "starts the mission before the launch does", "disarms the vehicle"],
 )
-def test_launch_ends_if_a_pilot_arms_disarms_or_starts_the_mission(look, pilot, orders_before):
-    """Just before the answer to the `look`-th question for a heartbeat."""
+def test_launch_ends_if_a_pilot_arms_disarms_or_starts_the_mission(nth_request, pilot, orders_before):
+    """The pilot acts just before the answer to the heartbeat request with number `nth_request`."""
     bench = Bench().prepared()
     bench.do("upload", lambda c: basic.upload(c, bench.items(OLD)))
     asked = []
@@ -208,7 +208,7 @@ def test_launch_ends_if_a_pilot_arms_disarms_or_starts_the_mission(look, pilot, 
     def interfere(message) -> bool:
         if message.get_type() == "COMMAND_LONG" and message.command == 512:
             asked.append(message)
-            if len(asked) == look:
+            if len(asked) == nth_request:
                 vars(bench.copter).update(pilot)
         return False
 
@@ -218,7 +218,7 @@ def test_launch_ends_if_a_pilot_arms_disarms_or_starts_the_mission(look, pilot, 
     assert [command for _, command in orders(bench, begun)] == orders_before
 
 
-def test_launch_is_not_begun_in_a_mode_that_a_pilot_chose_after_the_preparations():
+def test_launch_does_not_begin_in_a_mode_chosen_by_a_pilot():
     bench = Bench().prepared()
     bench.do("upload", lambda c: basic.upload(c, bench.items(OLD)))
     bench.copter.mode = LOITER
@@ -265,7 +265,7 @@ def test_an_operators_order_is_sent_at_once_and_not_repeated_against_a_pilot(job
 @pytest.mark.parametrize("job", [basic.hold, basic.return_home, basic.land])
 @pytest.mark.parametrize("mode", [GUIDED, LOITER])
 def test_an_automatic_command_waits_for_a_new_heartbeat(job, mode):
-    """A rule's order, while a pilot has acted a moment ago and no heartbeat has told of it."""
+    """A pilot acted a moment ago, and no heartbeat has reported the change yet."""
     bench = Bench(Script(heartbeats_unasked_only=True)).flying(OLD)
     heartbeats = bench.session.state
     bench.run(3, lambda: bench.session.state is not heartbeats)
@@ -298,4 +298,4 @@ def test_an_operators_order_is_repeated_in_the_previous_mode_and_in_own_modes(mo
     )
     assert bench.do("land", basic.land).failure is None
     assert bench.copter.mode_name == "LAND"
-    assert len(lost) == (1 if mode == 9 else 2), "where it lands already, that is enough"
+    assert len(lost) == (1 if mode == 9 else 2), "a vehicle in LAND gets no second command"

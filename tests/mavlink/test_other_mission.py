@@ -1,4 +1,4 @@
-"""Another ground station puts another mission on a vehicle that flies ours, or is to."""
+"""Missions from another ground station on a vehicle with our mission."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ AUTOPILOTS = pytest.mark.parametrize("personality", ["ardupilot", "px4"])
 
 
 def another_uploads(bench: FlyingBench, north: int) -> None:
-    """By the protocol, as QGroundControl does, from another address."""
+    """Upload by the protocol from another address, as QGroundControl does."""
     items = bench.session.mission_items(plan(north=north, east=-0.002))
     upload = Upload(MavlinkPeer(1, own_sysid=200, own_compid=190), items)
     station = mavlink.MAVLink(None, srcSystem=200, srcComponent=190)
@@ -165,7 +165,7 @@ def accepted(mission_id: int) -> mavlink.MAVLink_mission_ack_message:
 
 @pytest.mark.parametrize("mission_ids", [(6, 8), (6,)])
 def test_the_own_mission_uploaded_again_may_have_another_id(mission_ids: tuple[int, ...]) -> None:
-    """A swap goes back. The mission read back differs slightly from the one sent; an answer may be lost."""
+    """A failed swap restores the mission. Its read-back differs slightly, and an answer may be lost."""
     watch = watching()
     assert not watch.shows_other_mission(current(7, 5), 3.0)
     for mission_id in mission_ids:
@@ -186,7 +186,7 @@ def test_home_alone_is_not_requested() -> None:
 @AUTOPILOTS
 @pytest.mark.parametrize("within_s", [0.0, 3.0])
 def test_another_mission_with_an_equal_count_is_noticed(personality: str, within_s: float) -> None:
-    """Also where it is put there as soon as ours is."""
+    """The other upload may follow directly after the own one."""
     bench = FlyingBench(personality).flying(plan(north=12))
     assert bench.swap(plan(north=12, east=0.001)).failure is None
     bench.run(within_s)
@@ -220,7 +220,7 @@ def test_a_vehicle_with_mission_ids_gets_no_requests() -> None:
 
 
 def test_a_changed_item_is_found_by_the_periodic_requests() -> None:
-    """By a partial list, which leaves the count as it is, far ahead of the vehicle."""
+    """The change comes by a partial list, keeps the count and lies far ahead of the vehicle."""
     bench = FlyingBench("ardupilot").flying(plan(north=8))
     bench.run(3.0)
     seq = len(bench.session.items) - 2

@@ -56,7 +56,7 @@ def test_an_upload_onto_a_flying_vehicle_is_refused():
 def test_launch_takes_off_and_flies_the_mission():
     bench = Bench().flying(OLD)
     assert bench.copter.mode_name == "AUTO"
-    assert bench.run(120, lambda: not bench.copter.armed), "it lands and disarms at the end of its mission"
+    assert bench.run(120, lambda: not bench.copter.armed), "no landing at the end of the mission"
     assert bench.copter.alt == 0.0
 
 
@@ -89,7 +89,7 @@ def test_swap_flies_the_new_plan_from_its_first_waypoint():
     assert 0.0 < result.took_s < 2.0
     assert bench.flies(NEW, behind=OLD)
     assert bench.copter.mode_name == "AUTO"
-    assert bench.copter.seq == len(bench.items(OLD)), "the first item behind the old ones"
+    assert bench.copter.seq == len(bench.items(OLD)), "the current item is not the first appended one"
     assert len(bench.session.items) == len(bench.copter.mission)
 
 
@@ -98,7 +98,7 @@ def test_a_swap_without_partial_lists_is_flown_from_its_first_waypoint():
     result = bench.swap(NEW)
     assert (result.failure, result.flying) == (None, "new")
     modes = [params[1] for command, params in bench.copter.commands if command == 176]
-    assert modes[-2:] == [4.0, 3.0], "it holds meanwhile"
+    assert modes[-2:] == [4.0, 3.0], "no hold during the swap"
     assert bench.mission_is(NEW)
     assert (bench.copter.mode_name, bench.copter.seq) == ("AUTO", 2)
     assert len(bench.session.items) == len(bench.items(NEW))
@@ -180,7 +180,7 @@ def test_a_pilot_takeover_during_the_upload_is_respected():
     assert bench.run(200, lambda: bench.session.busy_with is None)
     assert bench.session.result.flying == "theirs"
     assert bench.copter.mode_name == "LOITER"
-    assert 224 not in [command for command, _ in bench.copter.commands], "nor is its current item changed"
+    assert 224 not in [command for command, _ in bench.copter.commands], "the current item was changed"
 
 
 def test_a_swap_after_a_failed_one_starts_from_hold():
@@ -213,7 +213,7 @@ def test_an_operators_command_is_repeated_after_a_boot_undoes_the_mode():
 @pytest.mark.parametrize(
     ("script", "limit_s"),
     [(Script(), 1.0), (Script(heartbeats_unasked_only=True), 8.0)],
-    ids=["waits for no heartbeat that it can ask for", "waits for the regular ones where it must"],
+    ids=["heartbeats on request", "regular heartbeats only"],
 )
 def test_a_swap_on_a_perfect_wire_is_quick(script, limit_s):
     bench = Bench(script).flying(OLD)
@@ -238,10 +238,10 @@ def test_a_swap_on_a_lost_link_reports_the_last_known_mission(partial_lists):
     assert bench.session.result.flying == ("unknown" if partial_lists else "hold")
     if partial_lists:
         landed = bench.run(200, lambda: not bench.copter.armed)
-        assert landed, "it flies its old plan to the end, whatever stands behind that"
+        assert landed, "the old plan is not flown to its end"
         assert bench.copter.position[0] == pytest.approx(OLD.landing.lat_deg, abs=1e-4)
     else:
-        assert bench.copter.mode_name == "GUIDED", "and the mixture on it is not flown"
+        assert bench.copter.mode_name == "GUIDED", "the stored mixture is flown"
 
 
 def test_a_swap_without_an_answer_to_the_last_mode_command_does_not_report_hold():
@@ -323,11 +323,11 @@ faults = st.builds(
 def test_an_upload_reports_success_only_for_the_exact_mission(faults, count):
     bench = Bench(faults=faults)
     assert bench.run(200, lambda: bench.session.state.mode != "")
-    what = plan(north=count)
-    done = bench.upload(what)
+    mission = plan(north=count)
+    done = bench.upload(mission)
     if done.failure is None:
-        assert bench.mission_is(what)
-        assert bench.session.dialect.differences(bench.items(what), bench.session.items) == ()
+        assert bench.mission_is(mission)
+        assert bench.session.dialect.differences(bench.items(mission), bench.session.items) == ()
     else:
         assert bench.session.items == ()
 

@@ -1,4 +1,4 @@
-"""PX4: what its dialect says, and whole jobs against a simulated one."""
+"""PX4: its dialect, and whole procedures against a simulated vehicle."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def test_a_plan_becomes_takeoff_waypoints_land_without_a_home_placeholder():
 
 
 def test_yaw_is_free_in_flight():
-    """A heading as param4 is kept all the way, and no waypoint is reached before it faces there."""
+    """PX4 would keep a heading in param4 and reach no waypoint before it faces that heading."""
     items = PX4.mission_items(OLD, (46.0, 14.0))
     assert all(math.isnan(item.param4) for item in items)
     assert items == PX4.mission_items(OLD, (46.0, 14.0))
@@ -112,7 +112,7 @@ def test_px4_takes_off_flies_its_mission_and_lands():
 
 
 def test_a_second_launch_begins_at_the_first_item():
-    """The index of the vehicle outlives a landing, and the same mission again is no new one to it."""
+    """PX4 keeps its current item after a landing and after an upload of the same mission."""
     bench = FlyingBench("px4").flying(OLD)
     assert bench.do("land", basic.land).failure is None
     assert bench.run(120, lambda: not bench.session.state.armed)
@@ -166,11 +166,11 @@ def test_a_swap_changes_the_mission_at_once_and_does_not_stop():
     assert bench.session.result.stood_still_s == 0.0
     assert bench.now - before_s < 3.0
     assert modes == {"AUTO.MISSION"}
-    assert aims <= {before_aim, (items[1].x, items[1].y)}, "no other item of either plan was aimed at"
+    assert aims <= {before_aim, (items[1].x, items[1].y)}, "the vehicle aimed at another item"
     assert bench.holds(items)
     assert bench.session.items == bench.stored
     assert bench.vehicle.mission.index == 1
-    assert bench.of(SET_CURRENT) == [], "the item to fly came with the upload"
+    assert bench.of(SET_CURRENT) == [], "the upload marks the item to fly"
 
 
 def test_an_autopilot_that_overlooks_the_marked_item_gets_a_message():
@@ -256,7 +256,7 @@ def test_a_swap_leaves_a_vehicle_alone_after_a_takeover(number):
 
 @pytest.mark.full
 def test_a_pilots_hold_at_any_moment_of_a_swap_is_respected():
-    """The vehicle flies on during a swap; a hold comes from another station or a pilot."""
+    """A swap on PX4 needs no hold; so each hold comes from another station or a pilot."""
     held = 0
     for tenths in range(30):
         bench = FlyingBench("px4").flying(OLD)
@@ -275,7 +275,7 @@ def test_a_pilots_hold_at_any_moment_of_a_swap_is_respected():
 
 
 def test_a_mission_that_the_vehicle_finds_infeasible_ends_with_the_old_one():
-    """It takes such a mission, and holds by itself."""
+    """PX4 accepts such a mission and then enters hold."""
     bench = FlyingBench("px4").flying(OLD)
     far = FlightPlan(20.0, tuple(Waypoint(47.5, 14.5, 20.0) for _ in range(2)), Waypoint(47.5, 14.5, 20.0))
     items = bench.session.dialect.mission_items(far, (47.5, 14.5))
@@ -286,7 +286,7 @@ def test_a_mission_that_the_vehicle_finds_infeasible_ends_with_the_old_one():
 
 
 def test_an_interrupted_read_back_is_repeated():
-    """Asked nothing for 5 s it ends the transfer, and answers no request for an item before the next."""
+    """Without a request for 5 s PX4 ends the transfer; item requests stay unanswered until the next one."""
     bench = FlyingBench("px4").flying(OLD)
     lost = iter(range(7))
     bench.block = lambda m: (

@@ -30,7 +30,7 @@ SETUP = {
 PLANE = dialect_for(mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_TYPE_FIXED_WING)
 GOAL, START = (400.0, 900.0), (0.0, 0.0)
 AT_HOME, AT_GOAL = 6, 9
-"""items of FIRST: their circles"""
+"""The circles before both landings, as items of FIRST."""
 
 
 def bench(**params: float) -> FlyingBench:
@@ -45,14 +45,16 @@ def away_m(flown: FlyingBench, point: tuple[float, float]) -> float:
     return math.dist(here(flown), point)
 
 
-# --- what is sent
+# --- messages sent
 
 
 def test_a_jump_in_the_mission_leads_past_the_landing_at_home_to_the_goal() -> None:
     items = PLANE.mission_items(FIRST)
     assert [item.command for item in items] == [22, 16, 16, 16, 177, 189, 31, 21, 177, 31, 21]
     takeoff, jump, start, done = items[0], items[4], items[5], items[8]
-    assert (takeoff.x, takeoff.y, takeoff.z) == (items[1].x, items[1].y, LOW_M), "it climbs out along a leg"
+    assert (takeoff.x, takeoff.y, takeoff.z) == (items[1].x, items[1].y, LOW_M), (
+        "the climb is not along a leg"
+    )
     assert (jump.frame, jump.param1, jump.param2) == (mavlink.MAV_FRAME_MISSION, AT_GOAL, 1000.0)
     assert (start.frame, start.x, start.y) == (mavlink.MAV_FRAME_MISSION, 0, 0)
     assert (done.frame, done.param1, done.param2) == (mavlink.MAV_FRAME_MISSION, 10, 1000.0)
@@ -65,7 +67,7 @@ def test_a_jump_in_the_mission_leads_past_the_landing_at_home_to_the_goal() -> N
 def test_the_last_waypoint_lies_behind_the_goal() -> None:
     last = PLANE.mission_items(FIRST)[3]
     east_m, north_m = FRAME.to_local(last.x / 1e7, last.y / 1e7)
-    # On from (0, 600) to (400, 900), which are 500 m.
+    # The leg from (0, 600) to (400, 900) is 500 m long and continues past the goal.
     assert (east_m, north_m) == pytest.approx((400 + 30 * 0.8, 900 + 30 * 0.6), abs=0.1)
 
 
@@ -87,7 +89,9 @@ def test_a_read_back_equals_the_mission_sent() -> None:
     stored = bench().uploaded(FIRST).stored
     assert PLANE.differences(sent, stored) == ()
     elsewhere = replace(stored[4], param1=5.0)
-    assert PLANE.differences(sent, (*stored[:4], elsewhere, *stored[5:])), "where it jumps to matters"
+    assert PLANE.differences(sent, (*stored[:4], elsewhere, *stored[5:])), (
+        "the jump target counts as a difference"
+    )
 
 
 def test_the_nearest_landing_has_the_nearest_circle() -> None:
@@ -99,7 +103,7 @@ def test_the_nearest_landing_has_the_nearest_circle() -> None:
     assert nearest_landing((MissionItem(16, 3, 1, 1, 40.0),), VehicleState()) is None
 
 
-# --- what is flown
+# --- flights
 
 
 def test_the_plane_flies_over_its_goal_and_lands_there() -> None:
@@ -257,14 +261,14 @@ def test_a_command_to_land_works_during_a_return() -> None:
 def test_a_command_to_land_during_a_landing_causes_no_go_around() -> None:
     flown = bench().uploaded(FIRST)
     assert flown.do("launch", basic.launch).failure is None
-    assert flown.run(300.0, lambda: flown.session.state.mission_seq == AT_GOAL + 1), "its final"
+    assert flown.run(300.0, lambda: flown.session.state.mission_seq == AT_GOAL + 1), "no final approach"
     sent = len(flown.of("MISSION_SET_CURRENT"))
     assert flown.do("land", basic.land).failure is None
     assert len(flown.of("MISSION_SET_CURRENT")) == sent
     assert landed(flown, 60.0)
 
 
-def test_a_plane_with_unknown_landings_flies_to_the_known_one() -> None:
+def test_a_plane_with_unknown_landings_flies_to_the_known_landing() -> None:
     flown = in_flight()
     flown.session._require_context().verified_items = ()
     assert flown.do("land", basic.land).failure is None

@@ -1,4 +1,4 @@
-"""Number of a vehicle's rally points, to which it would return: reported, or not believed."""
+"""Number of a vehicle's rally points, where a return may end: reported or unknown."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ def counted(bench: Bench | FlyingBench) -> RallyPoints:
     return bench.do("rally points", count_rally_points)
 
 
-def another_puts(bench: FlyingBench, n: int, announced: int | None = None) -> None:
-    """`n` rally points from another ground station, of `announced`."""
+def another_uploads(bench: FlyingBench, n: int, announced: int | None = None) -> None:
+    """Send `n` rally points from another ground station that announces `announced`."""
     bench.another_sends(mavlink.MAVLink_mission_count_message(1, 1, announced or n, RALLY))
     lat, lon = (round(degrees * 1e7) for degrees in HOME)
     for seq in range(n):
@@ -37,16 +37,16 @@ def another_puts(bench: FlyingBench, n: int, announced: int | None = None) -> No
 def test_the_number_of_rally_points_is_reported(personality: str) -> None:
     bench = on_the_ground(personality)
     assert counted(bench) == RallyPoints(0)
-    another_puts(bench, 3)
+    another_uploads(bench, 3)
     assert counted(bench) == RallyPoints(3)
-    # Not the items: of those nothing is asked, and PX4 is free for what comes next.
+    # The items are not requested, so PX4 stays free for the next transfer.
     assert bench.of("MISSION_REQUEST_INT") == []
-    another_puts(bench, 1)
+    another_uploads(bench, 1)
     assert counted(bench) == RallyPoints(1)
 
 
 def test_an_ardupilot_built_without_rally_points_has_none() -> None:
-    """It says that such a list is unsupported (`GCS_MAVLINK::handle_mission_request_list`)."""
+    """ArduPilot answers UNSUPPORTED (`GCS_MAVLINK::handle_mission_request_list`)."""
     bench = Bench(Script(rally_points=None)).connected()
     assert counted(bench) == RallyPoints(0)
 
@@ -59,7 +59,7 @@ def test_a_requested_list_is_recognised_by_its_type(points: int) -> None:
 
 
 def test_an_unsupported_answer_of_px4_is_not_a_number() -> None:
-    """It has them whatever it is built with."""
+    """Each build of PX4 has rally points."""
     bench = Bench(Script(rally_points=None))
     bench.copter.autopilot = mavlink.MAV_AUTOPILOT_PX4
     counts = counted(bench.connected())
@@ -92,8 +92,8 @@ def test_an_answer_to_another_station_or_about_another_list_does_not_count() -> 
 def test_the_count_is_requested_again_while_another_station_uploads() -> None:
     """DENIED while an upload runs (`MissionItemProtocol::handle_mission_request_list`)."""
     bench = on_the_ground("ardupilot")
-    another_puts(bench, 1, announced=2)
-    assert counted(bench) == RallyPoints(1), "not atomic: the one that came stays"
+    another_uploads(bench, 1, announced=2)
+    assert counted(bench) == RallyPoints(1), "the upload is not atomic: the first point stays"
 
 
 @settings(max_examples=examples(25), deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
@@ -109,6 +109,6 @@ def test_the_number_over_a_bad_link_is_right_or_unknown(
     bench = on_the_ground(personality, loss=loss, seed=seed)
     heal, bench.faults = bench.faults, type(bench.faults)()
     if points:
-        another_puts(bench, points)
+        another_uploads(bench, points)
     bench.faults = heal
     assert counted(bench).count in (points, None)

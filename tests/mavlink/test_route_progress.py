@@ -1,4 +1,4 @@
-"""Progress of a vehicle on the route that it is to take over."""
+"""Progress of a vehicle on its new route."""
 
 from __future__ import annotations
 
@@ -28,25 +28,25 @@ def item(east_m: float, north_m: float) -> MissionItem:
     return MissionItem(16, 3, round(lat_deg * 1e7), round(lon_deg * 1e7), 20.0)
 
 
-WAY = RouteProgress(state(0.0, 0.0), (item(0.0, 100.0), item(100.0, 100.0), item(200.0, 100.0)))
+ROUTE = RouteProgress(state(0.0, 0.0), (item(0.0, 100.0), item(100.0, 100.0), item(200.0, 100.0)))
 
-PLACES = [
-    ("where it was told of it", state(0.0, 0.0), 0, 0.0),
+POSITIONS = [
+    ("at the position of the order", state(0.0, 0.0), 0, 0.0),
     ("before the first corner", state(1.0, 60.0), 0, 1.0),
-    ("at a corner, which is still to be passed", state(0.0, 100.0), 0, 0.0),
-    ("behind it", state(30.0, 102.0), 1, 2.0),
-    ("behind the second, straight on", state(130.0, 100.0), 2, 0.0),
-    ("past the last", state(205.0, 100.0), 2, 5.0),
+    ("at a corner ahead", state(0.0, 100.0), 0, 0.0),
+    ("behind the first corner", state(30.0, 102.0), 1, 2.0),
+    ("behind the second corner, straight on", state(130.0, 100.0), 2, 0.0),
+    ("past the last item", state(205.0, 100.0), 2, 5.0),
 ]
 
 
 @pytest.mark.parametrize(
-    ("at", "item_ahead", "cross_track_m"), [p[1:] for p in PLACES], ids=[p[0] for p in PLACES]
+    ("at", "item_ahead", "cross_track_m"), [p[1:] for p in POSITIONS], ids=[p[0] for p in POSITIONS]
 )
 def test_the_item_ahead_is_the_end_of_the_present_leg(
     at: VehicleState, item_ahead: int, cross_track_m: float
 ) -> None:
-    found = WAY.at(at)
+    found = ROUTE.at(at)
     assert found.item == item_ahead
     assert found.cross_track_m == pytest.approx(cross_track_m, abs=0.1)
     assert not found.is_late
@@ -54,33 +54,33 @@ def test_the_item_ahead_is_the_end_of_the_present_leg(
 
 def test_a_later_command_finds_the_vehicle_farther_along() -> None:
     before = state(0.0, 90.0, north_m_s=10.0)
-    assert WAY.at(before).item == 0
-    assert WAY.at(before).corner_s == pytest.approx(1.0, abs=0.05)
-    assert WAY.at(before, later_s=3.0).item == 1
+    assert ROUTE.at(before).item == 0
+    assert ROUTE.at(before).corner_s == pytest.approx(1.0, abs=0.05)
+    assert ROUTE.at(before, later_s=3.0).item == 1
     on = state(10.0, 100.0, east_m_s=10.0)
-    assert WAY.at(on, later_s=10.0).item == 2
+    assert ROUTE.at(on, later_s=10.0).item == 2
 
 
 @pytest.mark.parametrize(("later_s", "is_late"), [(0.0, False), (0.9, False), (1.1, True), (3.0, True)])
 def test_a_vehicle_past_the_splice_point_is_late(later_s: float, is_late: bool) -> None:
-    """Until then corners that both have are passed without harm."""
+    """Before the splice point, corners common to both routes may be passed."""
     flown = (item(0.0, 50.0), item(40.0, 50.0), item(40.0, 400.0))
     new = (item(0.0, 50.0), item(40.0, 50.0), item(40.0, 100.0), item(300.0, 100.0))
-    way = RouteProgress(state(0.0, 0.0), new, flown)
-    assert way.at(state(40.0, 90.0, north_m_s=10.0), later_s).is_late is is_late
-    assert not way.at(state(0.0, 45.0, north_m_s=10.0), later_s).is_late
-    assert way.at(state(40.0, 104.0, north_m_s=10.0)).is_late, "straight on"
+    progress = RouteProgress(state(0.0, 0.0), new, flown)
+    assert progress.at(state(40.0, 90.0, north_m_s=10.0), later_s).is_late is is_late
+    assert not progress.at(state(0.0, 45.0, north_m_s=10.0), later_s).is_late
+    assert progress.at(state(40.0, 104.0, north_m_s=10.0)).is_late, "straight on"
 
 
 def test_a_route_without_a_start_begins_at_its_first_item() -> None:
     unknown = VehicleState()
     assert RouteProgress(unknown, (item(0.0, 100.0),)).at(state(0.0, 0.0)).item == 0
-    assert WAY.at(unknown).item == 0
+    assert ROUTE.at(unknown).item == 0
 
 
 def test_the_route_ends_at_the_first_item_without_a_position() -> None:
-    """A fixed wing's landing begins with one."""
-    way = RouteProgress(
+    """A fixed wing's landing begins with such an item."""
+    progress = RouteProgress(
         state(0.0, 0.0), (item(0.0, 100.0), MissionItem(189, 3, 0, 0, 0.0), item(500.0, 500.0))
     )
-    assert way.at(state(0.0, 300.0)).item == 0
+    assert progress.at(state(0.0, 300.0)).item == 0

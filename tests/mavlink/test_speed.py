@@ -1,4 +1,4 @@
-"""Another speed for a mission under way: sent only to a vehicle that flies it, again while unanswered."""
+"""A new speed during a mission: sent only in mission mode, and repeated while unanswered."""
 
 from __future__ import annotations
 

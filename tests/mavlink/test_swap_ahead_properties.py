@@ -1,6 +1,6 @@
-"""Plans that leave the old one ahead, as they are made in flight, over wires that lose, double and fail.
+"""Plans with a splice point ahead of the vehicle, over wires that lose, double and fail.
 
-Whatever is lost, a vehicle is on the way of one of both plans, or holds, and is never sent back.
+After any loss the vehicle follows one of the two plans or holds, and never flies back.
 """
 
 from __future__ import annotations
@@ -18,8 +18,10 @@ from swarmctl.core.planar import PlanarPoint, distance_to_track
 from swarmctl.mavlink.procedures import basic
 
 BACK_M = {"px4": 8.0, "ardupilot": 60.0}
-"""It comes round a corner. An ArduCopter that was told to turn there and is past it when the order comes,
-brakes and comes back to it, along the way that it came."""
+"""Greatest way back around a corner [m].
+
+An ArduCopter brakes and flies back if the order to turn at a corner arrives behind that corner.
+"""
 BESIDE_M = 8.0
 OLD: list[PlanarPoint] = [(0.0, 60.0), (0.0, 120.0), (0.0, 900.0)]
 

@@ -1,4 +1,4 @@
-"""Swaps over a link that takes a second each way: the vehicle flies on meanwhile, and never back."""
+"""Swaps over a link with one second of delay each way: the vehicle flies on, and never back."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from swarmctl.mavlink.procedures import basic
 SET_CURRENT = int(mavlink.MAV_CMD_DO_SET_MISSION_CURRENT)
 DELAY_S = 1.0
 BACK_M = 1.0
-"""a position is told and flown to within so much"""
+"""Accuracy of the reported and flown positions [m]."""
 TURNS_WITHIN_M = 8.0
-"""it comes round a corner of 90 degrees"""
+"""Greatest distance from the route in a corner of 90 degrees [m]."""
 
 
 def corners(east_m: float, *norths_m: float) -> list[PlanarPoint]:
@@ -30,11 +30,11 @@ def corners(east_m: float, *norths_m: float) -> list[PlanarPoint]:
 
 
 OLD = corners(0.0, 60.0, 120.0, 700.0)
-"""straight on to the north, the second waypoint flown to first"""
+"""A straight route to the north; the vehicle flies to the second waypoint first."""
 
 
 def progress_m(way: list[PlanarPoint], at: PlanarPoint, since_m: float) -> float:
-    """How far along a way a place is, of what lies about `since_m`."""
+    """Return the distance along a route of the point nearest to `at`, within 100 m of `since_m` [m]."""
     best, along_m = (math.inf, since_m), 0.0
     for a, b in pairwise(way):
         leg_m = math.dist(a, b)
@@ -47,7 +47,7 @@ def progress_m(way: list[PlanarPoint], at: PlanarPoint, since_m: float) -> float
 
 
 def swapped(bench: FlyingBench, new: FlightPlan, way: list[PlanarPoint]) -> tuple[basic.Swapped, float]:
-    """The swap, and by how much the vehicle came back at most along `way`, until it has landed [m]."""
+    """Return the swap's result and the longest way back along `way` until the landing [m]."""
     farthest_m, back_m = 0.0, 0.0
     result = None
     items = bench.session.mission_items(new)
@@ -63,7 +63,7 @@ def swapped(bench: FlyingBench, new: FlightPlan, way: list[PlanarPoint]) -> tupl
             result = bench.session.result
         return not bench.vehicle.armed
 
-    assert bench.run(400.0, watch), "it does not land"
+    assert bench.run(400.0, watch), "the vehicle does not land"
     return result, back_m
 
 
@@ -90,7 +90,7 @@ def test_a_plan_that_leaves_the_old_one_ahead_is_flown_without_a_stop_or_a_turn_
 
 @pytest.mark.parametrize("personality", ["ardupilot", "px4"])
 def test_common_corners_are_flown_from_any_position(personality: str) -> None:
-    """The old plan turns before the new one leaves it."""
+    """The old plan has a corner before the splice point."""
     bench = FlyingBench(personality)
     bend = [(0.0, 60.0), (0.0, 150.0), (400.0, 150.0)]
     bench.flying(plan(*bend))
@@ -118,7 +118,7 @@ def test_a_vehicle_past_the_splice_point_flies_on_along_its_old_plan(personality
 @pytest.mark.parametrize("personality", ["ardupilot", *full_only("px4")])
 @pytest.mark.parametrize("ahead_m", [40.0, *full_only(20.0, 30.0, 60.0, 80.0, 100.0)])
 def test_a_vehicle_near_the_splice_point_never_turns_back(personality: str, ahead_m: float) -> None:
-    """Both ways lead north, and the new one from the corner on east."""
+    """Both routes lead north; the new one turns east at the corner."""
     bench = flying(personality)
     turns_m = place(bench)[1] + ahead_m
     new = [(0.0, turns_m), (150.0, turns_m)]
@@ -130,7 +130,7 @@ def test_a_vehicle_near_the_splice_point_never_turns_back(personality: str, ahea
         norths_m.append(place(bench)[1])
         return not bench.vehicle.armed
 
-    assert bench.run(400.0, is_down), "it does not land"
+    assert bench.run(400.0, is_down), "the vehicle does not land"
     flown_to = {"new": new, "old": OLD}[bench.session.result.flying]
     assert place(bench) == pytest.approx(flown_to[-1], abs=3.0)
     assert most_back_m(norths_m) < TURNS_WITHIN_M
@@ -187,12 +187,12 @@ def test_a_vehicle_with_a_command_after_the_corner_stays_on_a_known_route(n_lost
         beside_m.append(min(distance_to_track(place(bench), way) for way in ([(0.0, 0.0), *OLD], new)))
         return not bench.vehicle.armed
 
-    assert bench.run(400.0, is_down), "it does not land"
+    assert bench.run(400.0, is_down), "the vehicle does not land"
     assert max(beside_m) < TURNS_WITHIN_M
 
 
 def test_the_time_of_a_swap_is_measured_by_the_vehicles_clock() -> None:
-    """A question and its answer take 2 s: writing, reading back (two), looking, taking over."""
+    """Each of the five exchanges takes 2 s: upload, read-back (two), heartbeat and current item."""
     bench = flying("ardupilot")
     north_m = place(bench)[1] + 290.0
     new = [(0.0, north_m), (150.0, north_m)]
@@ -200,8 +200,8 @@ def test_the_time_of_a_swap_is_measured_by_the_vehicles_clock() -> None:
     assert 6.0 <= result.took_s <= 12.0
 
 
-def unread(bench: FlyingBench, until: Callable[[], bool]) -> None:
-    """No item that the vehicle tells arrives before that."""
+def block_read_back(bench: FlyingBench, until: Callable[[], bool]) -> None:
+    """Drop the items that the vehicle sends until the condition holds."""
     bench.block_down = lambda m: m.get_type() == "MISSION_ITEM_INT" and not until()
 
 
@@ -209,7 +209,7 @@ def test_a_plan_flown_to_its_end_before_the_read_back_is_reported() -> None:
     bench = flying("px4")
     new = [(0.0, place(bench)[1] + 60.0)]
     items = bench.session.mission_items(plan(*new))
-    unread(bench, lambda: not bench.vehicle.armed)
+    block_read_back(bench, lambda: not bench.vehicle.armed)
     result = bench.do("swap", lambda c: basic.swap(c, items))
     assert not bench.vehicle.armed
     assert (result.failure, result.flying) == (None, "new")
@@ -220,12 +220,12 @@ def test_a_plan_flown_to_its_end_before_the_read_back_is_reported() -> None:
 def test_a_vehicle_that_passed_corners_before_the_read_back_is_not_sent_back(
     later_s: float,
 ) -> None:
-    """PX4 follows when the last item has come; which item it was given as the first, is on its way."""
+    """PX4 follows the new plan at the last item; the upload marks the first item to fly."""
     bench = flying("px4")
     north_m = place(bench)[1]
     new = [(30.0, north_m + 30.0), (30.0, north_m + 60.0), (30.0, north_m + 90.0), (30.0, north_m + 600.0)]
     until_s = bench.now + 8.0 + later_s
-    unread(bench, lambda: bench.now > until_s)
+    block_read_back(bench, lambda: bench.now > until_s)
     result, back_m = swapped(bench, plan(*new), [(0.0, north_m), *new])
     assert (result.failure, result.flying, result.stood_still_s) == (None, "new", 0.0)
     assert back_m < BACK_M
@@ -237,7 +237,7 @@ def test_a_vehicle_that_passed_corners_before_the_read_back_is_not_sent_back(
 def test_a_vehicle_without_a_position_during_a_swap_is_never_sent_back(
     personality: str, blind_s: float
 ) -> None:
-    """On a thin radio no position may come while a mission goes up."""
+    """On a slow radio positions may be missing during an upload."""
     bench = flying(personality, 0.3)
     north_m = place(bench)[1]
     new = [(0.0, north_m + 30.0), (0.0, north_m + 250.0), (150.0, north_m + 250.0)]
@@ -251,7 +251,7 @@ def test_a_vehicle_without_a_position_during_a_swap_is_never_sent_back(
         norths_m.append(place(bench)[1])
         return bench.session.busy_with is None and bench.now > since_s + 60.0
 
-    assert bench.run(120.0, watch), "it does not end"
+    assert bench.run(120.0, watch), "the swap does not end"
     assert most_back_m(norths_m) < TURNS_WITHIN_M
     assert bench.session.result.flying in ("old", "new")
 
@@ -286,19 +286,19 @@ def test_a_held_vehicle_without_a_position_gets_no_plan_that_begins_midway() -> 
 
 @pytest.mark.parametrize("silence_s", [8.0, 20.0, *full_only(3.0, 14.0)])
 def test_a_vehicle_that_is_silent_after_a_complete_upload_is_not_sent_back(silence_s: float) -> None:
-    """PX4 follows it at once; the old plan is behind by when it can be asked again."""
+    """PX4 follows the new plan at once; the splice point is passed before the silence ends."""
     bench = flying("px4", 0.2)
     north_m = place(bench)[1]
     new = [(0.0, north_m + 60.0), (60.0, north_m + 80.0), (150.0, north_m + 100.0), (150.0, north_m + 600.0)]
     items = bench.session.mission_items(plan(*new, leaves_ahead=True))
     begins_s: list[float] = []
 
-    def hears(message: Any) -> bool:
+    def is_lost(message: Any) -> bool:
         if message.get_type() == "MISSION_ACK" and not begins_s:
             begins_s.append(bench.now)
         return bool(begins_s) and bench.now < begins_s[0] + silence_s
 
-    bench.block_down = hears
+    bench.block_down = is_lost
     bench.begin("swap", lambda c: basic.swap(c, items, leaves_ahead=True))
     norths_m: list[float] = []
 
@@ -306,9 +306,11 @@ def test_a_vehicle_that_is_silent_after_a_complete_upload_is_not_sent_back(silen
         norths_m.append(place(bench)[1])
         return bench.session.busy_with is None
 
-    assert bench.run(200.0, ends), "it does not end"
+    assert bench.run(200.0, ends), "the swap does not end"
     bench.run(20.0, lambda: ends() and False)
     assert most_back_m(norths_m) < BACK_M
     if silence_s < 15.0:
         assert (bench.session.result.failure, bench.session.result.flying) == (None, "new")
-        assert 0.0 < bench.session.result.took_s < 10.0, "until it was there, read back or not"
+        assert 0.0 < bench.session.result.took_s < 10.0, (
+            "the time ends with the upload, not with the read-back"
+        )

@@ -1,7 +1,7 @@
-"""Swaps over wires that lose, double, delay and fail, each way there is to swap: no mixture, no untruth.
+"""Swaps of each kind over wires that lose, double, delay and fail: no mixture, no false report.
 
-What a vehicle holds at the end is what the ground station says that it holds, also where it, or its link,
-begins anew in the middle.
+At the end the vehicle holds the mission that the ground station reports, also after a reboot or an
+outage during the swap.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from swarmctl.mavlink.procedures import basic
 
 OLD, NEW, NEWER = plan(north=8), plan(north=6, east=0.001, alt=33.333), plan(north=7, east=-0.001)
 Items = tuple[MissionItem, ...]
-WAYS = ["at once", "behind", "in place"]
+KINDS = ["at once", "behind", "in place"]
 MODEST = settings(deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 
 wires = st.builds(
@@ -36,10 +36,10 @@ outages = st.lists(
 
 
 def flying(way: str) -> FlyingBench:
-    """A vehicle on its way that is swapped like that."""
+    """Return a flying vehicle with that kind of swap."""
     bench = FlyingBench("px4" if way == "at once" else "ardupilot").flying(OLD)
     if way == "in place":
-        # A firmware that does not answer partial lists, so that it has to hold.
+        # This firmware does not answer partial lists, so the vehicle has to hold.
         bench.block = lambda m: m.get_type() == "MISSION_WRITE_PARTIAL_LIST"
     return bench
 
@@ -54,7 +54,7 @@ class MissionMonitor:
         self.behind = self.old + new[self._first :]
 
     def _flies(self, whole: Items, begin: int, end: int) -> bool:
-        """The vehicle's list begins as `whole` does up to `end`, and its current item is in that part."""
+        """Return true if the vehicle holds `whole` up to `end` and flies an item from `begin` to `end`."""
         bench = self._bench
         held = bench.stored[:end]
         same = bench.session.dialect.differences(whole[:end], held) == ()
@@ -79,7 +79,7 @@ class MissionMonitor:
 
 
 def swapped(bench: FlyingBench, wire: Faults, cuts: list[tuple[float, float]]) -> tuple[MissionMonitor, Any]:
-    """The swap over that wire, and what was true of the vehicle at every moment of it."""
+    """Return the monitor and the result of a swap over that wire, without a mixture at any time."""
     new = bench.session.mission_items(NEW)
     monitor = MissionMonitor(bench, new)
     bad: list[float] = []
@@ -94,7 +94,7 @@ def swapped(bench: FlyingBench, wire: Faults, cuts: list[tuple[float, float]]) -
     assert bench.run(900, watch), "the swap does not end"
     result = bench.session.result
     bench.heal()
-    bench.run(3.0, lambda: watch() and False)  # what is still on its way arrives
+    bench.run(3.0, lambda: watch() and False)  # the last messages arrive
     assert bad == []
     return monitor, result
 
@@ -108,7 +108,7 @@ def agrees(bench: FlyingBench, result: basic.Swapped) -> bool:
     return bench.holds(bench.session.items) if bench.session.items else result.flying != "new"
 
 
-@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("way", KINDS)
 @settings(MODEST, max_examples=examples(8, 4))
 @given(wire=wires, cuts=outages)
 def test_a_swap_never_flies_a_mixture_and_reports_its_result_truly(way, wire, cuts):
@@ -116,7 +116,7 @@ def test_a_swap_never_flies_a_mixture_and_reports_its_result_truly(way, wire, cu
     monitor, result = swapped(bench, wire, cuts)
     assert agrees(bench, result)
     if not bench.vehicle.armed:
-        return  # it has landed at the end of one of them meanwhile
+        return  # the vehicle has landed at the end of one of the plans
     if result.flying == "new":
         assert monitor.flies_new()
     if result.flying == "old":
@@ -125,11 +125,11 @@ def test_a_swap_never_flies_a_mixture_and_reports_its_result_truly(way, wire, cu
         assert bench.mode == bench.session.dialect.hold_mode
 
 
-@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("way", KINDS)
 @settings(MODEST, max_examples=examples(6, 3))
 @given(wire=wires, after_s=st.floats(0.0, 3.0), silence_s=st.sampled_from([0.5, 1.5, 8.0]))
 def test_a_vehicle_that_reboots_in_a_swap_is_not_reported_as_flying(way, wire, after_s, silence_s):
-    """Its motors stop; what it holds outlives that. The next swap of it is none, and says so."""
+    """A reboot stops the motors and keeps the mission. The next swap fails and reports the reason."""
     bench = flying(way)
     new = bench.session.mission_items(NEW)
     bench.spoil(wire)
@@ -150,11 +150,11 @@ def test_a_vehicle_that_reboots_in_a_swap_is_not_reported_as_flying(way, wire, a
     assert not bench.vehicle.armed
 
 
-@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("way", KINDS)
 @settings(MODEST, max_examples=examples(5, 3))
 @given(wire=wires, pause_s=st.sampled_from([0.0, 0.4, 3.0]))
 def test_successive_swaps_do_not_mix_their_items(way, wire, pause_s):
-    """An agent uploads the newest plan as soon as the swap before has ended, however it ended."""
+    """An agent uploads the newest plan at the end of each swap, after success or failure."""
     bench = flying(way)
     bench.spoil(wire)
     for new in (NEW, NEWER):
@@ -171,10 +171,10 @@ def test_successive_swaps_do_not_mix_their_items(way, wire, pause_s):
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("way", KINDS)
 @pytest.mark.parametrize("end_s", [0.05, 0.1, 0.2, 0.4, 0.8])
 def test_a_lost_link_in_a_swap_leaves_a_whole_plan(way, end_s):
-    """Whatever the last message was that got through, the vehicle flies one plan to its end; or it holds."""
+    """After any last message the vehicle flies one plan to its end or holds."""
     bench = flying(way)
     new = bench.session.mission_items(NEW)
     monitor = MissionMonitor(bench, new)

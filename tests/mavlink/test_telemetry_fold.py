@@ -76,12 +76,12 @@ def of_gps(present: bool, healthy: bool):
         ([(True, True), (False, True), (True, True)], True),
     ],
     ids=[
-        "not heard",
-        "it has none",
+        "no report",
+        "no receiver",
         "a fix",
         "no fix",
-        "PX4 calls absent what it no longer uses, and healthy",
-        "so does ArduPilot of a receiver that is silent",
+        "PX4 reports an unused receiver as absent and healthy",
+        "ArduPilot reports a silent receiver as absent",
         "a fix again",
     ],
 )
@@ -160,7 +160,7 @@ def test_a_clock_that_goes_back_is_a_reboot_and_clears_the_state():
     ],
 )
 def test_a_clock_younger_than_the_silence_shows_a_reboot(uptime_s, silent_s, reboots):
-    """Its clock may have come past where it was: it was silent for longer than it had run before."""
+    """After a silence longer than the old uptime the new clock may be ahead of the old one."""
     telemetry = folded(position(60_000))
     telemetry.receive(position(round(1000 * uptime_s)), silent_s)
     assert telemetry.n_reboots == reboots
@@ -244,7 +244,7 @@ A, B = Waypoint(46.0, 14.0, 20.0), Waypoint(46.001, 14.0, 20.0)
         (FlightPlan(20.0, (A,), Waypoint(46.001, 14.0, 12.0)), [16, 22, 16, 16, 21]),
         (FlightPlan(20.0, (), B), [16, 22, 16, 21]),
     ],
-    ids=["lands where the track ends", "comes down from another altitude", "only a landing"],
+    ids=["landing at the end of the track", "landing at another position", "only a landing"],
 )
 def test_a_plan_becomes_home_takeoff_waypoints_land(plan, commands):
     items = COPTER.mission_items(plan)
@@ -380,13 +380,13 @@ def test_the_first_state_after_a_silence_has_the_mode_of_the_newest_heartbeat():
     ids=["a companion", "a gimbal", "a ground station"],
 )
 def test_another_sender_with_the_autopilots_component_id_is_ignored(stranger):
-    """Companions are often set up with the vehicle's own system id and component 1."""
+    """Companions are often set up with the vehicle's system id and component 1."""
     session = Session(MavlinkPeer(1))
     events_of(session, 0.0, heartbeat(3, armed=True))
-    looks = lambda ctx: (yield RequestUntil(ctx.peer, lambda: True, 5.0))  # noqa: E731
-    session.begin("look", looks, 0.5)
+    procedure = lambda ctx: (yield RequestUntil(ctx.peer, lambda: True, 5.0))  # noqa: E731
+    session.begin("heartbeat", procedure, 0.5)
     assert events_of(session, 1.0, stranger) == []
-    assert session.busy_with == "look"
+    assert session.busy_with == "heartbeat"
     assert (session.state.mode, session.state.armed) == ("AUTO", True)
     assert session.age_s(1.0) == 1.0
 
@@ -424,7 +424,7 @@ def test_only_the_mark_of_the_built_in_simulator_identifies_it(uid2, simulated):
 
 
 WRAP_MS = 2**32
-"""time_boot_ms begins anew: after 49.7 days"""
+"""`time_boot_ms` wraps to 0 after 49.7 days."""
 
 
 def at(boot_ms: int):
@@ -460,7 +460,7 @@ def test_an_overtaken_message_at_the_wrap_is_no_reboot() -> None:
     [(600.0, 540.0, 0), (600.0, 20.0, 1), (5.0, 4.0, 1), (70.0, 9.5, 0)],
 )
 def test_a_reboot_near_the_wrap_of_the_clock_is_noticed(silent_s, uptime_s, reboots) -> None:
-    """Heard a minute before its clock wraps."""
+    """The last message before the silence comes one minute before the wrap."""
     telemetry = Telemetry(dialect_for(3, 2))
     telemetry.receive(at(WRAP_MS - 60_000), 0.0)
     telemetry.receive(at(WRAP_MS + int(uptime_s * 1000)), silent_s)
@@ -480,7 +480,7 @@ def system_time(boot_ms: int):
 
 
 def test_a_vehicle_without_positions_still_gives_a_state_every_second():
-    """PX4 sends none without a valid one: battery, GPS and mode are judged by all the same."""
+    """PX4 sends no position without a valid estimate; battery, GPS and mode still need checks."""
     session = Session(MavlinkPeer(1))
     events_of(session, 0.0, heartbeat(3, armed=True), sys_status(), position())
     states = []

@@ -1,4 +1,4 @@
-"""Keys of a swarm: made once, added to, loaded whole or refused with what to do."""
+"""Keys of a swarm: made once, extended, and loaded whole or refused with a remedy."""
 
 from __future__ import annotations
 
@@ -54,15 +54,15 @@ def test_a_wide_umask_leaves_keys_private(tmp_path: Path) -> None:
 
 def test_a_signature_is_valid_for_its_owner_only(folder: Path) -> None:
     three, router = load_keyring(folder, "uav3", NOW), load_keyring(folder, "router", NOW)
-    signature = three.sign(3, b"said")
+    signature = three.sign(3, b"text")
     assert signature is not None
     assert len(signature) == 64
-    assert router.verify(3, signature, b"said")
-    assert not router.verify(1, signature, b"said")
-    assert not router.verify(3, signature, b"not said")
-    assert not router.verify(3, b"", b"said")
-    assert not router.verify(9, signature, b"said")
-    assert three.sign(1, b"said") is None
+    assert router.verify(3, signature, b"text")
+    assert not router.verify(1, signature, b"text")
+    assert not router.verify(3, signature, b"other text")
+    assert not router.verify(3, b"", b"text")
+    assert not router.verify(9, signature, b"text")
+    assert three.sign(1, b"text") is None
 
 
 def test_a_second_run_keeps_the_present_keys_and_adds_the_missing_keys(folder: Path) -> None:
@@ -94,36 +94,36 @@ def copied_to_a_companion(folder: Path) -> None:
         shutil.rmtree(folder / name)
 
 
-def all_gone(folder: Path) -> None:
+def without_any_folder(folder: Path) -> None:
     shutil.rmtree(folder)
 
 
-def one_lost_where_they_were_made(folder: Path) -> None:
+def without_one_folder(folder: Path) -> None:
     shutil.rmtree(folder / "uav3")
 
 
-def one_of_another_swarm(folder: Path) -> None:
+def with_a_folder_of_another_swarm(folder: Path) -> None:
     make_keys(folder.parent / "others", ["uav3"], 30, NOW)
     shutil.rmtree(folder / "uav3")
     shutil.copytree(folder.parent / "others" / "uav3", folder / "uav3")
 
 
 FOLDER_CASES: list[tuple[Callable[[Path], None], int, list[str]]] = [
-    # what was done, days later, the lines
+    # change to the folder, days later, lines reported
     (nothing, 0, []),
     (copied_to_a_companion, 0, []),
-    (all_gone, 0, ["keys/uav1: "]),
-    (one_lost_where_they_were_made, 0, ["keys/uav3: "]),
-    (one_of_another_swarm, 0, ["keys/uav1/ca.pem"]),
+    (without_any_folder, 0, ["keys/uav1: "]),
+    (without_one_folder, 0, ["keys/uav3: "]),
+    (with_a_folder_of_another_swarm, 0, ["keys/uav1/ca.pem"]),
     (nothing, 31, [f"keys/{name}/cert.pem was valid until 2030-05-31 12:00 UTC" for name in NAMES]),
 ]
 
 
-@pytest.mark.parametrize(("done", "days", "lines"), FOLDER_CASES)
+@pytest.mark.parametrize(("change", "days", "lines"), FOLDER_CASES)
 def test_unusable_keys_are_found_before_they_are_needed(
-    folder: Path, done: Callable[[Path], None], days: int, lines: list[str]
+    folder: Path, change: Callable[[Path], None], days: int, lines: list[str]
 ) -> None:
-    done(folder)
+    change(folder)
     found = list(find_problems(folder, NAMES, NOW + dt.timedelta(days=days)))
     assert len(found) == len(lines), found
     for line, part in zip(found, lines, strict=True):
@@ -133,7 +133,7 @@ def test_unusable_keys_are_found_before_they_are_needed(
 def test_a_certificate_names_its_owner_and_all_its_hosts(folder: Path) -> None:
     by_name = {one.name: one for one in make_keys(folder, NAMES, 30, NOW)}
     assert by_name["router"].hosts == ("router", "localhost", "127.0.0.1", "10.0.0.7", "ground.example")
-    # Nobody else can stand in for the router's machine.
+    # No other participant's certificate is valid for the router's machine.
     assert by_name["uav3"].hosts == ("uav3", "localhost", "127.0.0.1")
     assert by_name["uav3"].until == NOW + dt.timedelta(days=30)
 
@@ -158,7 +158,7 @@ def with_anothers_signing_key(folder: Path) -> None:
     shutil.copy(folder / "uav1" / "sign.pem", folder / "uav3" / "sign.pem")
 
 
-def named_otherwise(folder: Path) -> None:
+def with_another_name(folder: Path) -> None:
     shutil.rmtree(folder / "uav3")
     shutil.copytree(folder / "uav1", folder / "uav3")
 
@@ -182,7 +182,7 @@ def no_table(folder: Path) -> None:
     (folder / "uav3" / "signers.json").write_text(json.dumps({"uav3": "AAAA"}))
 
 
-def not_there(folder: Path) -> None:
+def without_a_folder(folder: Path) -> None:
     shutil.rmtree(folder / "uav3")
 
 
@@ -200,12 +200,12 @@ BROKEN: dict[Callable[[Path], None], str] = {
     signing_key_readable_by_others: r"uav3/sign.pem .*0604.*chmod 600",
     with_anothers_key: r"uav3/key.pem .*uav3/cert.pem",
     with_anothers_signing_key: r"signers.json .*uav3/sign.pem",
-    named_otherwise: r"uav3/cert.pem .* uav3;",
+    with_another_name: r"uav3/cert.pem .* uav3;",
     of_another_swarm: r"uav3/cert.pem .*uav3/ca.pem",
     cut_off: r"uav3/cert.pem .*PEM",
     no_key: r"uav3/key.pem .*PEM",
     no_table: r"uav3/signers.json ",
-    not_there: r"uav3: .*`swarmctl keys --out ",
+    without_a_folder: r"uav3: .*`swarmctl keys --out ",
 }
 
 
@@ -228,7 +228,7 @@ def test_a_certificate_outside_its_validity_is_refused_with_the_date(
 
 
 MAKING_ON_TOP: dict[Callable[[Path], None], str] = {
-    named_otherwise: r"uav3/cert.pem .* uav3;",
+    with_another_name: r"uav3/cert.pem .* uav3;",
     of_another_swarm: r"uav3/cert.pem .*/ca\b",
     with_anothers_key: r"uav3/key.pem .*uav3/cert.pem",
     cut_off: r"uav3/cert.pem .*PEM",
@@ -256,7 +256,7 @@ def test_an_existing_certificate_without_a_new_host_is_refused(folder: Path) -> 
 
 
 def test_an_unwritable_folder_is_refused_with_its_path(tmp_path: Path) -> None:
-    (tmp_path / "keys").write_text("in the way")
+    (tmp_path / "keys").write_text("a file at the path of the folder")
     with pytest.raises(KeyringError, match=r"keys.*: (Not a directory|File exists)"):
         make_keys(tmp_path / "keys", ["uav1"], 30, NOW)
 
@@ -320,7 +320,7 @@ def test_the_configuration_of_the_router_is_printed_for_zenohd(config: Path, tmp
 
 
 @pytest.mark.parametrize(
-    ("options", "code", "why"),
+    ("options", "code", "reason"),
     [
         ([], 1, "/router: "),
         (["--listen", "nowhere"], 2, "tcp/HOST:PORT"),
@@ -328,11 +328,11 @@ def test_the_configuration_of_the_router_is_printed_for_zenohd(config: Path, tmp
     ],
 )
 def test_a_router_that_cannot_start_reports_the_reason(
-    options: list[str], code: int, why: str, config: Path
+    options: list[str], code: int, reason: str, config: Path
 ) -> None:
     result = CliRunner().invoke(commands(), ["router", "--config", str(config), *options])
     assert result.exit_code == code
-    assert why in " ".join(result.output.split())
+    assert reason in " ".join(result.output.split())
 
 
 def test_the_command_names_the_folders_to_copy_again(config: Path, tmp_path: Path) -> None:
@@ -347,7 +347,7 @@ def test_the_command_names_the_folders_to_copy_again(config: Path, tmp_path: Pat
     assert "uav1" in outputs[0]
     assert "Copy" not in outputs[1]
     table, again = outputs[2].split("Copy these")
-    assert table.count("changed") == 3  # all but the one that is made anew know another signer
+    assert table.count("changed") == 3  # all but uav2 get its new public key
     for name in ("uav1", "uav2", "operator", "router"):
         assert str(tmp_path / "keys" / name) in again
 

@@ -83,7 +83,7 @@ def test_a_command_is_accepted_once() -> None:
 
 @pytest.mark.parametrize("down_s", [0.001, 3.0, 8.0])
 def test_a_command_from_before_the_agents_start_is_refused(down_s: float) -> None:
-    """Also within the tolerance for clocks that differ."""
+    """The refusal also applies within the tolerance for differing clocks."""
     with pytest.raises(BadMessage, match="command-before-start"):
         verifier(began_unix_s=NOW + down_s).verify(KEY, signed(NOW), NOW + 10.0)
 
