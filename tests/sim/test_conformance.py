@@ -73,7 +73,7 @@ def one_check(function: Any, *, category: str = "parameters", limit_s: float = 6
 @pytest.mark.autopilots("2 DO_SET_MISSION_CURRENT", "2 MISSION_WRITE_PARTIAL_LIST", of="px4")
 @pytest.mark.virtual
 @pytest.mark.parametrize(("personality", "kind"), VEHICLES)
-def test_the_simulator_passes_everything(personality: str, kind: str) -> None:
+def test_the_simulator_passes_every_check(personality: str, kind: str) -> None:
     report = conform(FleetWire(fleet(personality, kind)))
     assert describe_failures(report) == ""
     assert report.notes == ()
@@ -324,7 +324,7 @@ def test_a_mission_without_a_copy_is_not_overwritten(patterns: tuple[str, ...]) 
         assert [r for r in report.results if r.check.category == "rally" and r.outcome is Outcome.PASSED]
 
 
-def test_every_category_that_writes_a_plan_saves_it_first() -> None:
+def test_every_category_saves_a_plan_before_writing() -> None:
     """Each category may be selected alone by `--only`."""
     for category in CATEGORIES:
         vehicle = connected(FleetWire(fleet(ready_s=0.0)))

@@ -140,7 +140,7 @@ def test_streams_of_px4_only(peer: MavsdkPeer) -> None:
 
 
 @side_by_side
-def test_info(peer: MavsdkPeer, personality: str) -> None:
+def test_the_info_plugin_has_version_identity_and_speed_factor(peer: MavsdkPeer, personality: str) -> None:
     vehicle, other = peer.take(personality), peer.take(personality)
     version = vehicle.info.get_version()
     numbers = (version.flight_sw_major, version.flight_sw_minor, version.flight_sw_patch)

@@ -99,7 +99,7 @@ def test_mavutil_flies_a_copter_and_the_log_tools_read_its_log(tmp_path: Path) -
 
 
 @pytest.mark.full
-def test_mavutil_hears_px4_over_udp() -> None:
+def test_mavutil_connects_to_px4_over_udp() -> None:
     udp, port = udp_socket()
     udp.close()
     more = ("--personality", "px4", "--speedup", "5", "--url", f"udpout:127.0.0.1:{port}")

@@ -65,7 +65,7 @@ def test_a_closed_standard_output_does_not_end_the_fleet() -> None:
 
 
 @pytest.mark.full
-def test_a_ground_station_hears_a_mixed_fleet() -> None:
+def test_a_ground_station_receives_a_mixed_fleet() -> None:
     udp, port = udp_socket()
     url = f"udpout:127.0.0.1:{port}"
     with udp, simulator("--personality", "ardupilot:1,px4:2", "--speedup", "5", "--url", url) as process:
@@ -112,7 +112,7 @@ def test_a_used_port_is_an_error_with_code_2() -> None:
         (("run", "clean_misson"), "clean_mission?"),
     ],
 )
-def test_a_bad_argument_is_one_line_and_code_2(arguments: tuple[str, ...], found: str) -> None:
+def test_a_bad_argument_causes_one_line_and_exit_code_2(arguments: tuple[str, ...], found: str) -> None:
     done = run(*arguments)
     assert done.returncode == 2
     assert found in done.stderr
@@ -249,7 +249,7 @@ def test_a_list_tolerates_a_full_disk(arguments: tuple[str, ...]) -> None:
 
 @pytest.mark.full
 @pytest.mark.parametrize("arguments", [(), ("run",), ("conformance",)])
-def test_help_has_a_short_name(arguments: tuple[str, ...]) -> None:
+def test_the_help_option_has_a_short_form(arguments: tuple[str, ...]) -> None:
     short, long = run(*arguments, "-h"), run(*arguments, "--help")
     assert short.returncode == long.returncode == 0
     assert short.stdout == long.stdout

@@ -76,7 +76,7 @@ def test_a_failing_test_prints_its_seed_and_a_repeating_command(project: Path) -
 
 @pytest.mark.full
 @pytest.mark.interop
-def test_another_seed_flies_otherwise(project: Path) -> None:
+def test_another_seed_gives_another_flight(project: Path) -> None:
     outputs = [
         run_pytest(project, "-p", MODULE, "-k", "hovers", "--sim-seed", seed).stdout
         for seed in ("12345", "12346")

@@ -190,7 +190,7 @@ def test_a_swarm_of_any_kind(swarm: MakeSwarm, clock: Clock) -> None:
     assert after[1] == before[1]
 
 
-def test_params_are_those_of_the_autopilot(swarm: MakeSwarm, clock: Clock) -> None:
+def test_each_autopilot_has_its_own_parameters(swarm: MakeSwarm, clock: Clock) -> None:
     vehicle = swarm(params={"RTL_ALT": 500})[0]
     read = mavlink.MAVLink_param_request_read_message(vehicle.sysid, 1, b"RTL_ALT", -1)
     clock.run_for(1)
@@ -246,12 +246,12 @@ def test_an_impossible_swarm_is_an_error(swarm: MakeSwarm, options: dict[str, An
     assert found in str(caught.value)
 
 
-def test_one_fleet_a_test(vehicle: Vehicle, swarm: MakeSwarm) -> None:
+def test_each_test_has_one_fleet(vehicle: Vehicle, swarm: MakeSwarm) -> None:
     with pytest.raises(RuntimeError, match="swarm"):
         swarm(count=2)
 
 
-def test_equal_seeds_are_equal_bytes(swarm: MakeSwarm, clock: Clock, sim_seed: int) -> None:
+def test_equal_seeds_give_equal_bytes(swarm: MakeSwarm, clock: Clock, sim_seed: int) -> None:
     options: dict[str, Any] = {"faults": ["packet_loss:rate=0.3"], "personality": "mixed"}
     vehicles = swarm(count=2, **options)
     clock.run_for(20)

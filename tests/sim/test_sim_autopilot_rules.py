@@ -57,7 +57,7 @@ def speed_m_s(station: Station) -> float:
 # -- limits --------------------------------------------------------------------------------------------------
 
 
-def test_a_parameter_of_something_else_leaves_the_speed_of_a_return_alone() -> None:
+def test_an_unrelated_parameter_does_not_change_the_speed_of_a_return() -> None:
     station = Station()
     set_parameter(station, "RTL_SPEED", 300)
     station.fly(20)
@@ -87,7 +87,7 @@ def test_a_changed_speed_holds_until_its_own_parameter_or_the_mode_changes() -> 
     assert speed_m_s(station) == pytest.approx(7.0, abs=0.2)
 
 
-def test_on_px4_no_speed_restores_the_cruising_speed() -> None:
+def test_a_negative_speed_restores_the_cruising_speed_of_px4() -> None:
     station = QuietPx4Station()
     station.upload([takeoff(20), waypoint(2000, 0, 20)])
     station.wait(2)
@@ -101,7 +101,7 @@ def test_on_px4_no_speed_restores_the_cruising_speed() -> None:
     assert speed_m_s(station) == pytest.approx(5.0, abs=0.2)
 
 
-def test_a_voltage_that_no_battery_has_does_not_end_the_log_or_the_vehicle() -> None:
+def test_an_impossible_voltage_is_limited_and_the_vehicle_continues() -> None:
     station = QuietPx4Station(params={"BAT1_V_CHARGED": 3e38, "BAT1_N_CELLS": 12, "SDLOG_MODE": 2})
     station.wait(3)
     assert 0 < station.fleet.world.batteries.voltage_v[0] <= 1000
@@ -123,7 +123,7 @@ def test_a_low_battery_refuses_arming_by_its_limit() -> None:
     assert station.arm() == 0
 
 
-def test_a_battery_that_was_low_since_the_boot_refuses_arming_until_the_next() -> None:
+def test_a_recovered_battery_refuses_arming_until_the_next_boot() -> None:
     station = Station()
     station.set_mode(GUIDED)
     assert station.arm() == 0
@@ -151,7 +151,7 @@ def test_a_silent_ground_station_refuses_arming() -> None:
     assert station.arm() == 0
 
 
-def test_a_failsafe_that_would_act_stops_the_motors_on_the_ground() -> None:
+def test_a_failsafe_with_an_action_stops_the_motors_on_the_ground() -> None:
     station = Station()
     set_parameter(station, "FS_GCS_ENABLE", 1)
     beat(station)
@@ -162,7 +162,7 @@ def test_a_failsafe_that_would_act_stops_the_motors_on_the_ground() -> None:
     assert station.texts()[-2:] == ["GCS Failsafe", "Disarming motors"]
 
 
-def test_a_failsafe_that_only_warns_leaves_the_motors_on() -> None:
+def test_a_failsafe_without_an_action_leaves_the_motors_on() -> None:
     station = Station()
     station.set_mode(GUIDED)
     assert station.arm() == 0
@@ -174,7 +174,7 @@ def test_a_failsafe_that_only_warns_leaves_the_motors_on() -> None:
 
 
 @pytest.mark.parametrize("action", [None, pytest.param(1, marks=pytest.mark.full), 8])
-def test_a_plane_returns_from_a_fence_as_it_comes_and_where_autoland_is_not_possible(
+def test_a_plane_returns_from_a_fence_by_default_and_without_autoland(
     action: int | None,
 ) -> None:
     set_so = {} if action is None else {"FENCE_ACTION": action}
@@ -209,7 +209,7 @@ def test_a_plane_goes_to_the_fences_return_point_in_guided(action: int) -> None:
     assert station.height_m == pytest.approx((-10 + 2 + 100 - 2) / 2, abs=3)
 
 
-def test_a_plane_without_a_return_point_goes_home_at_the_altitude_asked_for() -> None:
+def test_a_plane_without_a_return_point_flies_home_at_the_requested_altitude() -> None:
     station = plane_in_guided({"FENCE_ACTION": 6, "FENCE_TYPE": 2, "FENCE_RADIUS": 300, "FENCE_RET_ALT": 80})
     assert reposition(station, 700, 60) == 0
     set_parameter(station, "FENCE_ENABLE", 1)
@@ -276,7 +276,7 @@ def yaw_setpoint(frame: int, mask: int, yaw_rad: float, **values: float) -> Any:
         (mavlink.MAV_FRAME_BODY_OFFSET_NED, True),
     ],
 )
-def test_a_yaw_in_a_frame_of_the_body_turns_by_that_much(frame: int, turns: bool) -> None:
+def test_a_yaw_in_a_body_frame_is_relative_to_the_heading(frame: int, turns: bool) -> None:
     station = Station()
     station.fly(20)
     assert station.command(mavlink.MAV_CMD_CONDITION_YAW, 90, 0, 1, 0) == 0
@@ -287,7 +287,7 @@ def test_a_yaw_in_a_frame_of_the_body_turns_by_that_much(frame: int, turns: bool
     assert yaw_deg == pytest.approx(120 if turns else 30, abs=2)
 
 
-def test_on_px4_a_yaw_in_a_frame_of_the_body_is_from_north() -> None:
+def test_px4_counts_a_yaw_in_a_body_frame_from_north() -> None:
     station = QuietPx4Station()
     for _ in range(20):
         station.send(yaw_setpoint(mavlink.MAV_FRAME_LOCAL_NED, ONLY_VELOCITY & ~0x400, 1.0, vz=-1.0))
@@ -318,7 +318,7 @@ def test_with_sysid_enforce_only_messages_of_the_ground_station_count() -> None:
     assert station.arm() == 0
 
 
-def test_late_acknowledgements_come_when_they_are_due() -> None:
+def test_late_acknowledgements_are_sent_at_their_time() -> None:
     station = Station()
     station.fleet.inject(parse_fault("slow_ack:delay_s=10,for=1"), station.now)
     station.wait(0.2)
@@ -334,7 +334,7 @@ def test_late_acknowledgements_come_when_they_are_due() -> None:
     assert station.now == pytest.approx(10.2, abs=0.3)
 
 
-def test_the_last_time_stamp_there_is_ends_nothing() -> None:
+def test_the_greatest_time_stamp_does_not_stop_the_telemetry() -> None:
     station = Station()
     station.send(mavlink.MAVLink_setup_signing_message(1, 1, list(range(32)), 2**64 - 1))
     frames = [frame for _, frame in station.fleet.step(3.0)]
@@ -345,7 +345,7 @@ def test_the_last_time_stamp_there_is_ends_nothing() -> None:
 # -- one vehicle, one state ----------------------------------------------------------------------------------
 
 
-def test_a_reboot_in_flight_has_stopped_the_motors_for_everybody() -> None:
+def test_a_reboot_in_flight_disarms_vehicle_flight_and_heartbeat() -> None:
     station = Station()
     station.fly(40)
     station.fleet.inject(parse_fault("reboot:silence_s=5"), station.now)
@@ -367,7 +367,7 @@ def test_a_copter_with_an_empty_battery_falls_out_of_the_sky() -> None:
 @pytest.mark.parametrize(
     ("personality", "name"), [("ardupilot", "AIRSPEED_STALL"), ("px4", "FW_AIRSPD_STALL")]
 )
-def test_the_stall_speed_is_the_parameters(personality: str, name: str) -> None:
+def test_the_stall_speed_follows_its_parameter(personality: str, name: str) -> None:
     made = [plane({name: stall_m_s}, personality) for stall_m_s in (6.0, 9.5)]
     assert [station.fleet.world.dynamics.stall_m_s[0] for station in made] == [6.0, 9.5]
 
@@ -383,7 +383,7 @@ def test_a_higher_stall_speed_takes_a_longer_run_to_leave_the_ground() -> None:
 
 
 @pytest.mark.parametrize("slew_cdeg_s", [1000.0, 6000.0])
-def test_atc_slew_yaw_is_how_fast_it_turns(slew_cdeg_s: float) -> None:
+def test_atc_slew_yaw_is_the_turn_rate(slew_cdeg_s: float) -> None:
     station = Station()
     station.send(mavlink.MAVLink_param_set_message(1, 1, b"ATC_SLEW_YAW", slew_cdeg_s, 9))
     station.fly(20)

@@ -18,7 +18,7 @@ def position_estimated(station: Station) -> bool:
 
 
 @pytest.mark.autopilots("1.2")
-def test_each_boot_brings_nine_pieces_of_text_that_a_strict_parser_does_not_survive() -> None:
+def test_each_boot_sends_nine_texts_that_break_a_strict_parser() -> None:
     station = Station()
     before = station.fleet.boots()
     assert station.command(mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1) == 0
@@ -86,7 +86,7 @@ def test_the_heartbeat_shows_a_new_mode_up_to_a_second_after_the_acknowledgement
 
 
 @pytest.mark.autopilots("1.13")
-def test_status_5_stays_while_a_failsafe_is_latched_even_landed_and_disarmed() -> None:
+def test_a_latched_failsafe_keeps_status_5_after_landing_and_disarming() -> None:
     station = Station()
     for name, value in ((b"BATT_FS_LOW_ACT", 1), (b"BATT_LOW_VOLT", 11)):
         station.send(mavlink.MAVLink_param_set_message(1, 0, name, value, 9))

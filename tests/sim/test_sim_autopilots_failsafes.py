@@ -25,7 +25,7 @@ def wait_beating(station: Station, seconds: float, sysid: int) -> None:
 
 
 @pytest.mark.autopilots("1.20")
-def test_without_gps_in_auto_it_lands_after_8_seconds() -> None:
+def test_a_gps_loss_in_auto_lands_the_copter_after_8_seconds() -> None:
     station = Station()
     station.fly_mission([takeoff(), waypoint(300, 0), waypoint(300, 300)])
     station.until(lambda: station.height_m > 19, 30)
@@ -88,7 +88,7 @@ def test_only_sysid_mygcs_keeps_the_ground_station_failsafe_quiet() -> None:
 @pytest.mark.parametrize(
     ("name", "value"), [("SIM_WIND_SPD", 5.0), ("SIM_ENGINE_FAIL", 1.0), ("SIM_RC_FAIL", 1.0)]
 )
-def test_there_are_more_parameters_to_make_something_fail(name: str, value: float) -> None:
+def test_further_failure_parameters_can_be_set(name: str, value: float) -> None:
     station = Station()
     (before,) = station.send(mavlink.MAVLink_param_request_read_message(1, 0, name.encode(), -1))
     assert before.param_value == 0

@@ -25,7 +25,7 @@ def all_marked() -> list[tuple[str, str, str]]:
     return [found for path in sorted(Path(__file__).parent.glob("test_*.py")) for found in marked(path)]
 
 
-def test_every_line_is_pinned_for_each_autopilot_that_it_speaks_of() -> None:
+def test_every_line_has_a_test_for_each_of_its_autopilots() -> None:
     pinned = {(line, of) for line, of, _ in all_marked()}
     wanted = {(line, of) for line, autopilots in LINES.items() for of in autopilots}
     assert sorted(wanted - pinned) == []

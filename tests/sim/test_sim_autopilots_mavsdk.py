@@ -31,7 +31,7 @@ def send_fence(station: Station, corners: int) -> int:
 
 
 @pytest.mark.autopilots("MAVSDK 5 takeoff", "2 PX4 otherwise")
-def test_take_off_is_in_guided_to_a_height_above_home() -> None:
+def test_take_off_is_flown_in_guided_to_a_height_above_home() -> None:
     station = Station()
     takeoff_to = (mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 15)
     assert station.arm() == ACCEPTED
@@ -60,7 +60,7 @@ def test_px4_enters_its_mode_land_by_a_command() -> None:
 
 
 @pytest.mark.autopilots("MAVSDK 5 goto_location")
-def test_a_place_to_go_to_is_above_mean_sea_level_in_frame_0() -> None:
+def test_a_target_in_frame_0_is_above_mean_sea_level() -> None:
     station = Station()
     station.fly(10)
     there = (round((LAT_DEG + 40 / 111_195) * 1e7), round(LON_DEG * 1e7), ALT_M + 18)
@@ -71,7 +71,7 @@ def test_a_place_to_go_to_is_above_mean_sea_level_in_frame_0() -> None:
 
 
 @pytest.mark.autopilots("MAVSDK 5 goto_location", of="px4")
-def test_px4_turns_to_a_yaw_in_radians_at_a_place_to_go_to() -> None:
+def test_px4_turns_to_the_yaw_of_a_target_in_radians() -> None:
     station = QuietPx4Station()
     station.fly(10)
     there = (round((LAT_DEG + 40 / 111_195) * 1e7), round(LON_DEG * 1e7), ALT_M + 18)
@@ -109,7 +109,7 @@ def test_an_upload_of_a_home_alone_empties_the_mission() -> None:
 
 
 @pytest.mark.autopilots("MAVSDK 5 geofence", "2 fence")
-def test_a_fence_is_taken_but_not_switched_on() -> None:
+def test_an_uploaded_fence_is_not_enabled() -> None:
     station = Station()
     assert send_fence(station, 5) == ACCEPTED
     (value,) = station.send(mavlink.MAVLink_param_request_read_message(1, 0, b"FENCE_ENABLE", -1))

@@ -39,7 +39,7 @@ def send_some(station: Station, announced: int, items: list[dict[str, Any]]) -> 
 
 
 @pytest.mark.autopilots("2 upload is atomic?", "2 re-upload in AUTO", "2 abandoned upload")
-def test_an_upload_that_dies_after_item_2_has_already_turned_the_vehicle() -> None:
+def test_an_upload_abandoned_after_item_2_turns_the_vehicle() -> None:
     station = northbound(more=4)
     before_m = place_m(station)
     send_some(station, 5, [home_item(), takeoff(), waypoint(before_m[0], 500)])
@@ -76,7 +76,7 @@ def test_after_a_shorter_mission_the_index_is_greater_than_the_total() -> None:
 
 
 @pytest.mark.autopilots("2 CLEAR_ALL")
-def test_after_an_empty_upload_in_auto_it_stays_in_auto_and_loiters() -> None:
+def test_after_an_empty_upload_in_auto_the_copter_loiters_in_auto() -> None:
     station = northbound()
     station.count(0)
     station.wait(60)
@@ -91,7 +91,7 @@ def test_after_an_empty_upload_in_auto_it_stays_in_auto_and_loiters() -> None:
 
 
 @pytest.mark.autopilots("2 MISSION_WRITE_PARTIAL_LIST")
-def test_a_partial_write_in_auto_of_the_current_item_turns_the_vehicle_at_once() -> None:
+def test_a_partial_write_of_the_current_item_in_auto_turns_the_vehicle() -> None:
     station = northbound()
     before_m = place_m(station)
     station.send(mavlink.MAVLink_mission_write_partial_list_message(1, 0, 2, 2, 0))
@@ -102,7 +102,7 @@ def test_a_partial_write_in_auto_of_the_current_item_turns_the_vehicle_at_once()
 
 
 @pytest.mark.autopilots("2 DO_SET_MISSION_CURRENT")
-def test_the_last_item_can_be_set_the_next_is_denied_and_0_is_item_1() -> None:
+def test_item_0_selects_item_1_and_an_item_after_the_last_is_denied() -> None:
     station = Station()
     assert station.upload([home_item(), takeoff(), waypoint(50, 0), waypoint(90, 0)]) == 0
     assert [station.command(SET_CURRENT, index) for index in (3, 4, 0)] == [ACCEPTED, DENIED, ACCEPTED]
@@ -110,7 +110,7 @@ def test_the_last_item_can_be_set_the_next_is_denied_and_0_is_item_1() -> None:
 
 
 @pytest.mark.autopilots("2 DO_SET_MISSION_CURRENT")
-def test_setting_the_current_item_with_a_reset_forgets_the_jumps() -> None:
+def test_setting_the_current_item_with_a_reset_restarts_the_jump_counts() -> None:
     def flown(reset: int) -> list[int]:
         station = Station()
         jump = item(mavlink.MAV_CMD_DO_JUMP, param1=2, param2=1)
@@ -156,7 +156,7 @@ def px4_northbound(more: int = 0) -> QuietPx4Station:
 
 
 @pytest.mark.autopilots("2 upload is atomic?", of="px4")
-def test_px4_flies_straight_on_when_an_upload_dies() -> None:
+def test_px4_continues_straight_on_after_an_abandoned_upload() -> None:
     station = px4_northbound(more=2)
     send_some(station, 4, [takeoff(10), waypoint(0, 400, 10)])
     station.wait(16)
@@ -164,7 +164,7 @@ def test_px4_flies_straight_on_when_an_upload_dies() -> None:
 
 
 @pytest.mark.autopilots("2 shorter mission", of="px4")
-def test_px4_flies_to_the_last_item_of_a_mission_that_became_shorter() -> None:
+def test_px4_flies_to_the_last_item_of_a_shortened_mission() -> None:
     station = QuietPx4Station()
     near = [waypoint(10.0 * i, 0, 10) for i in range(1, 4)]
     station.upload_and_wait([takeoff(10), *near, waypoint(600, 0, 10), waypoint(600, 9, 10)])

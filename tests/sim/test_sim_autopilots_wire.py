@@ -30,7 +30,7 @@ def test_mission_requests_to_any_component_are_answered(component: int) -> None:
 
 
 @pytest.mark.autopilots("1.16", "MAVSDK 5 params")
-def test_integer_parameters_say_so_and_are_plain_floats() -> None:
+def test_integer_parameters_have_an_integer_type_and_a_float_value() -> None:
     station = Station()
     station.send(mavlink.MAVLink_param_request_list_message(1, 0))
     values = {m.param_id: m for m in station.of("PARAM_VALUE")}
@@ -44,7 +44,7 @@ def test_integer_parameters_say_so_and_are_plain_floats() -> None:
 
 
 @pytest.mark.autopilots("1.11")
-def test_a_return_goes_to_where_it_was_armed_last() -> None:
+def test_a_return_ends_at_the_place_of_the_last_arming() -> None:
     station = Station()
     station.fly_mission([takeoff(10), waypoint(100, 0, 10), land(100, 0)])
     station.until(lambda: not station.armed, 120)
@@ -58,7 +58,7 @@ def test_a_return_goes_to_where_it_was_armed_last() -> None:
 
 
 @pytest.mark.autopilots("1.11")
-def test_relative_altitudes_are_above_where_it_was_armed_last() -> None:
+def test_relative_altitudes_count_from_the_place_of_the_last_arming() -> None:
     station = Station()
     station.fly(30)
     switch = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
@@ -73,7 +73,7 @@ def test_relative_altitudes_are_above_where_it_was_armed_last() -> None:
 
 
 @pytest.mark.autopilots("1.12")
-def test_a_return_item_never_shows_its_mode() -> None:
+def test_a_return_item_is_flown_in_auto() -> None:
     station = Station()
     rtl = item(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)
     station.fly_mission([takeoff(10), waypoint(40, 0, 10), rtl])
@@ -86,7 +86,7 @@ def test_a_return_item_never_shows_its_mode() -> None:
 
 @pytest.mark.autopilots("2 RTL item")
 @pytest.mark.parametrize("frame", [0, 3, 5, 10, 11])
-def test_a_return_is_taken_in_any_other_frame_too(frame: int) -> None:
+def test_a_return_is_accepted_in_any_frame(frame: int) -> None:
     station = Station()
     rtl = item(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH, frame=frame)
     assert station.upload([home_item(), takeoff(), rtl]) == mavlink.MAV_MISSION_ACCEPTED

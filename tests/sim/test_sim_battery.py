@@ -51,7 +51,7 @@ def test_the_current_rises_as_the_voltage_falls() -> None:
     assert batteries.voltage_v[0] == pytest.approx(12.6 * 0.81 - 0.02 * batteries.current_a[0], abs=0.02)
 
 
-def test_the_load_lowers_the_voltage_at_once_and_it_recovers() -> None:
+def test_the_voltage_falls_with_the_load_and_recovers() -> None:
     batteries = Batteries(1)
     batteries.step(0.1, np.array([0.0]))
     resting_v = float(batteries.voltage_v[0])
@@ -72,7 +72,9 @@ def test_a_sag_is_missing_from_the_voltage_and_not_from_the_charge() -> None:
 
 @settings(max_examples=examples(30), derandomize=True, deadline=None)
 @given(st.lists(st.floats(0.0, 2000.0), min_size=1, max_size=50), st.floats(1.0, 6000.0))
-def test_charge_is_never_won_and_nothing_leaves_its_range(loads_w: list[float], capacity_mah: float) -> None:
+def test_charge_never_increases_and_all_values_stay_in_range(
+    loads_w: list[float], capacity_mah: float
+) -> None:
     batteries = Batteries(1)
     batteries.capacity_mah[:] = capacity_mah
     before = 1.0
@@ -99,7 +101,7 @@ def used_mah(manoeuvre: str, wind: WindSettings | None = None) -> float:
     return body.used_mah - before_mah
 
 
-def test_climbing_speed_and_wind_cost_more_than_hovering() -> None:
+def test_climbing_speed_and_wind_take_more_charge_than_hovering() -> None:
     hover = used_mah("hover")
     assert hover == pytest.approx(15.5 * 30 / 3.6, rel=0.05)  # about 15 A
     assert used_mah("climb") > 1.2 * hover
@@ -107,7 +109,7 @@ def test_climbing_speed_and_wind_cost_more_than_hovering() -> None:
     assert used_mah("hover", WindSettings(12.0, 90.0)) > 1.15 * hover
 
 
-def test_a_plane_that_circles_pays_less_than_a_copter_that_hovers() -> None:
+def test_a_circling_plane_takes_less_charge_than_a_hovering_copter() -> None:
     world = physics_bench.world(planes=True)
     body = physics_bench.plane(world)
     assert body.current_a < 10
@@ -117,7 +119,7 @@ def test_a_plane_that_circles_pays_less_than_a_copter_that_hovers() -> None:
     assert straight.current_a < body.current_a  # lift for a turn has its drag
 
 
-def test_motors_idle_when_armed_and_rest_when_not() -> None:
+def test_armed_motors_idle_and_disarmed_motors_rest() -> None:
     world = physics_bench.world()
     physics_bench.wait(world, 0.5)
     body = physics_bench.copter(world, height_m=None)

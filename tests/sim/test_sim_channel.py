@@ -64,7 +64,7 @@ def binomial_bounds(count: int, rate: float) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize("rate", [0.02, 0.2, 0.7])
-def test_random_loss_loses_its_share_within_binomial_bounds(rate: float) -> None:
+def test_random_loss_has_its_rate_within_binomial_bounds(rate: float) -> None:
     frames = numbered(4000)
     lost = len(frames) - len(Wire(f"packet_loss:rate={rate}").carry(frames))
     low, high = binomial_bounds(len(frames), rate)
@@ -83,7 +83,7 @@ def losses_in_a_row(sent: list[bytes], arrived: list[tuple[bytes, float]]) -> li
     return runs
 
 
-def test_burst_loss_loses_its_share_in_bursts_of_its_length() -> None:
+def test_burst_loss_has_its_rate_and_burst_length() -> None:
     frames = numbered(30_000)
     runs = losses_in_a_row(frames, Wire("burst_loss:rate=0.15,burst_frames=6").carry(frames))
     # Lengths are geometric with mean 6 and standard deviation sqrt(30): five standard errors of the mean.
@@ -135,7 +135,7 @@ def test_every_link_fault_passes_only_its_input_and_ends_every_delay(
 
 
 @pytest.mark.parametrize("name", WIRE)
-def test_equal_seeds_give_equal_bytes_at_equal_times_and_others_do_not(name: str) -> None:
+def test_equal_seeds_give_equal_bytes_and_times_and_other_seeds_do_not(name: str) -> None:
     frames = numbered(300)
     first, again, other = (Wire(name, seed=seed).carry(frames) for seed in (5, 5, 6))
     assert first == again
@@ -151,7 +151,7 @@ def test_delay_and_jitter_stay_within_their_bounds() -> None:
     assert np.ptp(held) > 0.35  # it varies over nearly all of that
 
 
-def test_duplication_copies_its_share() -> None:
+def test_duplication_has_its_rate() -> None:
     frames = numbered(3000)
     counts = Counter(frame for frame, _ in Wire("duplication:rate=0.3").carry(frames))
     low, high = binomial_bounds(len(frames), 0.3)
@@ -181,7 +181,7 @@ def test_flipped_bits_are_noticed_by_the_receivers_checksum() -> None:
     assert [m for m in heard if not m.get_type().startswith("UNKNOWN")] == []
 
 
-def test_a_thin_line_takes_the_time_that_bytes_take() -> None:
+def test_a_slow_line_delays_frames_by_their_length() -> None:
     arrived = Wire("bandwidth:rate_bytes_s=1000,buffer_bytes=1000").carry(numbered(5, 100), gap_s=0.0)
     assert [due_s for _, due_s in arrived] == pytest.approx([0.1, 0.2, 0.3, 0.4, 0.5])
 
@@ -212,7 +212,7 @@ def test_the_other_direction_of_a_fault_is_unimpaired() -> None:
     assert wire.carry(frames, UP) == []
 
 
-def test_frames_do_not_overtake_those_that_a_fault_held_when_it_ended() -> None:
+def test_frames_after_a_delay_fault_do_not_overtake_delayed_frames() -> None:
     wire = Wire("delay:delay_s=2,for=1")
     wire.channel.put(DOWN, b"held", 0.9)
     wire.schedule.tick(1.0)
@@ -267,7 +267,7 @@ def test_sik_radio_shares_the_air_between_both_directions() -> None:
     assert shared_s == pytest.approx(2 * lone_s)
 
 
-def test_sik_radio_reports_itself_to_the_side_whose_heartbeat_it_sends() -> None:
+def test_sik_radio_sends_its_status_to_the_receiver_of_the_heartbeats() -> None:
     wire = Wire("sik_radio:rssi=80,noise=40")
     for second in range(20):
         wire.channel.put(UP, heartbeat(), float(second))

@@ -199,7 +199,7 @@ def test_a_duplicate_frame_counts_one_round() -> None:
         ("plane", "ardupilot", "RTL"),
     ],
 )
-def test_modes_are_set_by_the_numbers_of_each_autopilot(kind: str, personality: str, mode: str) -> None:
+def test_mode_names_map_to_the_numbers_of_each_autopilot(kind: str, personality: str, mode: str) -> None:
     vehicle = f"{{personality: {personality}, type: {kind}}}"
     script = f"[{{takeoff: 30}}, {{at_s: 20, mode: {mode}}}]"
     verdict = flown(f"vehicles: [{vehicle}]\nscript: {script}\nchecks: [mode_is: {mode}]\nuntil_s: 40")

@@ -32,7 +32,7 @@ def test_arming_is_refused_with_the_reason_in_a_text(age_s: float, mode: int, te
     assert not station.armed
 
 
-def test_before_its_home_is_set_a_request_for_it_fails() -> None:
+def test_a_request_for_home_fails_before_home_is_set() -> None:
     station = Station(ready_s=41.0)
     station.wait(3)
     assert station.command(mavlink.MAV_CMD_GET_HOME_POSITION) == FAILED
@@ -70,7 +70,7 @@ def test_idling_disarms_after_ten_seconds() -> None:
 
 
 @pytest.mark.autopilots("1.14")
-def test_disarmed_by_force_in_flight_it_falls() -> None:
+def test_a_copter_disarmed_by_force_in_flight_falls() -> None:
     station = Station()
     station.fly()
     assert station.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0, 21196) == 0
@@ -93,7 +93,7 @@ def test_a_reposition_outside_of_guided_needs_its_flag() -> None:
         pytest.param((mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 0), UNSUPPORTED, id="a reboot of nothing"),
     ],
 )
-def test_commands_that_are_refused(command: tuple[float, ...], result: int) -> None:
+def test_unavailable_commands_are_refused(command: tuple[float, ...], result: int) -> None:
     station = Station()
     assert station.command(int(command[0]), *command[1:]) == result
 
@@ -106,7 +106,7 @@ def test_a_reboot_begins_with_silence() -> None:
     assert station.wait(1) == []
 
 
-def test_home_can_be_set_and_then_stays_when_arming() -> None:
+def test_a_home_set_by_command_stays_when_arming() -> None:
     station = Station()
     assert station.command_int(mavlink.MAV_CMD_DO_SET_HOME, 0, 460600000, 145070000, 250) == 0
     assert station.set_mode(4) == 0
@@ -116,7 +116,7 @@ def test_home_can_be_set_and_then_stays_when_arming() -> None:
     assert (home.latitude, home.longitude, home.altitude) == (460600000, 145070000, 250000)
 
 
-def test_a_position_target_moves_it_in_guided_only() -> None:
+def test_a_position_target_moves_the_copter_in_guided_only() -> None:
     station = Station()
     station.fly()
     target = mavlink.MAVLink_set_position_target_global_int_message(
@@ -158,7 +158,7 @@ def test_the_system_id_cannot_be_set() -> None:
     assert kept.param_value == 1
 
 
-def test_a_speed_parameter_acts() -> None:
+def test_a_speed_parameter_changes_the_speed() -> None:
     station = Station()
     station.send(mavlink.MAVLink_param_set_message(1, 0, b"WPNAV_SPEED", 300, 9))
     station.fly_mission([takeoff(10), waypoint(300, 0, 10)])

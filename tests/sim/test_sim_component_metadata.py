@@ -58,7 +58,7 @@ def test_component_information_basic_has_the_identity() -> None:
     assert [text.rstrip(b"\0") for text in fields[3:]] == [b"PX4", b"SITL", b"1.15.2", b"", b""]
 
 
-def test_another_message_id_gives_none() -> None:
+def test_another_message_id_has_no_metadata() -> None:
     assert METADATA.message(0, 0) is None
 
 

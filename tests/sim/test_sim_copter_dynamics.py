@@ -13,7 +13,7 @@ from sim_vehicle.physics.motion import GRAVITY_M_S2
 from sim_vehicle.physics.wind import WindSettings
 
 
-def test_a_velocity_is_taken_up_at_the_acceleration_limit_and_kept() -> None:
+def test_a_velocity_is_reached_at_the_acceleration_limit_and_kept() -> None:
     world = physics_bench.world()
     body = physics_bench.copter(world)
     body.move((3.0, 4.0, 1.0))
@@ -23,7 +23,7 @@ def test_a_velocity_is_taken_up_at_the_acceleration_limit_and_kept() -> None:
     assert body.velocity_m_s == pytest.approx((3.0, 4.0, 1.0), abs=1e-6)
 
 
-def test_a_velocity_beyond_the_limits_keeps_its_direction_and_is_cut() -> None:
+def test_a_velocity_above_the_limits_is_cut_and_keeps_its_direction() -> None:
     world = physics_bench.world()
     body = physics_bench.copter(world)
     body.move((60.0, 80.0, -9.0))
@@ -31,7 +31,7 @@ def test_a_velocity_beyond_the_limits_keeps_its_direction_and_is_cut() -> None:
     assert body.velocity_m_s == pytest.approx((6.0, 8.0, -1.5), abs=1e-6)
 
 
-def test_it_stops_within_the_braking_distance_and_stays() -> None:
+def test_a_copter_stops_within_the_braking_distance_and_stays() -> None:
     world = physics_bench.world()
     body = physics_bench.copter(world)
     body.move((10.0, 0.0, 0.0))
@@ -44,7 +44,7 @@ def test_it_stops_within_the_braking_distance_and_stays() -> None:
 
 
 @pytest.mark.parametrize(("heading_deg", "rate_deg_s"), [(90.0, 30.0), (-90.0, 30.0), (170.0, 90.0)])
-def test_it_turns_to_a_heading_the_short_way_at_the_rate(heading_deg: float, rate_deg_s: float) -> None:
+def test_a_copter_turns_to_a_heading_the_short_way_at_the_rate(heading_deg: float, rate_deg_s: float) -> None:
     world = physics_bench.world()
     body = physics_bench.copter(world)
     body.face(math.radians(heading_deg), math.radians(rate_deg_s))
@@ -107,7 +107,7 @@ def test_at_rest_on_the_ground_an_accelerometer_feels_only_weight() -> None:
     assert world.dynamics.specific_force_m_s2[0].tolist() == [0.0, 0.0, -GRAVITY_M_S2]
 
 
-def test_it_holds_its_place_in_wind_leaning_into_it_and_paying_for_it() -> None:
+def test_a_copter_in_wind_tilts_holds_its_position_and_uses_more_current() -> None:
     calm, windy = physics_bench.world(), physics_bench.world(wind=WindSettings(10.0, 270.0))
     still, leaning = physics_bench.copter(calm), physics_bench.copter(windy)
     physics_bench.wait(windy, 20.0)
@@ -118,7 +118,7 @@ def test_it_holds_its_place_in_wind_leaning_into_it_and_paying_for_it() -> None:
     assert leaning.current_a > still.current_a * 1.1
 
 
-def test_a_storm_beyond_its_authority_takes_it_along() -> None:
+def test_a_wind_above_the_tilt_limit_carries_a_copter_away() -> None:
     world = physics_bench.world()
     body = physics_bench.copter(world)
     body.set_wind(30.0, 0.0)
@@ -129,7 +129,7 @@ def test_a_storm_beyond_its_authority_takes_it_along() -> None:
     )
 
 
-def test_gusts_move_it_a_little_and_it_comes_back() -> None:
+def test_gusts_move_a_copter_by_less_than_2_m() -> None:
     world = physics_bench.world(wind=WindSettings(6.0, 200.0, 2.0))
     body = physics_bench.copter(world)
     off_m = []
@@ -138,7 +138,7 @@ def test_gusts_move_it_a_little_and_it_comes_back() -> None:
 
 
 @pytest.mark.parametrize(("height_m", "contact_m_s"), [(3.0, math.sqrt(2 * 0.3 * 9.81 * 3.0)), (50.0, 8.0)])
-def test_one_motor_less_it_spins_and_sinks_ever_faster(height_m: float, contact_m_s: float) -> None:
+def test_a_copter_without_one_motor_spins_and_sinks_ever_faster(height_m: float, contact_m_s: float) -> None:
     world = physics_bench.world()
     body = physics_bench.copter(world, height_m=height_m)
     world.motors_lost[0] = 1
@@ -150,7 +150,7 @@ def test_one_motor_less_it_spins_and_sinks_ever_faster(height_m: float, contact_
     assert body.crashed is (height_m > 5)
 
 
-def test_two_motors_less_it_falls_and_is_broken() -> None:
+def test_a_copter_without_two_motors_falls_and_is_broken() -> None:
     world = physics_bench.world()
     body = physics_bench.copter(world)
     world.motors_lost[0] = 2
@@ -166,7 +166,7 @@ def test_two_motors_less_it_falls_and_is_broken() -> None:
     assert not body.airborne
 
 
-def test_motors_that_come_back_save_it() -> None:
+def test_a_copter_with_restored_motors_returns_to_its_position() -> None:
     world = physics_bench.world()
     body = physics_bench.copter(world)
     world.motors_lost[0] = 1
@@ -177,7 +177,7 @@ def test_motors_that_come_back_save_it() -> None:
 
 
 @pytest.mark.parametrize(("sink_m_s", "breaks"), [(4.9, False), (5.2, True)])
-def test_a_contact_above_five_metres_a_second_breaks_it(sink_m_s: float, breaks: bool) -> None:
+def test_a_contact_above_five_metres_a_second_breaks_a_copter(sink_m_s: float, breaks: bool) -> None:
     world = physics_bench.world()
     body = physics_bench.copter(world)
     body.move_vertically(-sink_m_s)
@@ -187,7 +187,7 @@ def test_a_contact_above_five_metres_a_second_breaks_it(sink_m_s: float, breaks:
     assert body.take_touchdown_m_s() == 0
 
 
-def test_disarmed_in_the_air_it_falls_and_armed_again_it_catches_itself() -> None:
+def test_a_copter_disarmed_in_the_air_falls_and_recovers_when_armed() -> None:
     world = physics_bench.world()
     body = physics_bench.copter(world, height_m=100.0)
     body.limit(vertical_acceleration_m_s2=10.0)

@@ -105,7 +105,7 @@ def test_without_a_width_no_cell_is_cut_or_padded(columns: list[Column]) -> None
         assert all(shown.cells[row].plain.strip() in line for shown in columns)
 
 
-def test_a_line_loses_words_from_its_end() -> None:
+def test_a_long_line_is_shortened_from_its_end() -> None:
     words = ["12 vehicles", "3 armed", "1 flying"]
     shown = [one_line(words, width, "").plain for width in (40, 25, 12, 6)]
     assert shown == ["12 vehicles  3 armed  1 flying", "12 vehicles  3 armed", "12 vehicles", "12 ve…"]
@@ -256,7 +256,7 @@ def test_continued_lines_are_indented() -> None:
     ]
 
 
-def test_a_list_on_a_pipe_has_one_line_an_entry() -> None:
+def test_a_list_on_a_pipe_has_one_line_per_entry() -> None:
     app = Typer(add_completion=False, rich_markup_mode=None)
     app.command()(run)
     done = CliRunner().invoke(app, ["--list", "--list-checks"])

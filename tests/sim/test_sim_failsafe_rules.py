@@ -58,7 +58,7 @@ def plane(mode: int, **params: float) -> Station:
 # -- the battery ---------------------------------------------------------------------------------------------
 
 
-def test_a_low_battery_before_arming_does_not_consume_the_failsafe() -> None:
+def test_a_low_battery_before_arming_leaves_the_failsafe_ready() -> None:
     there = station(BATT_LOW_VOLT=11.5, BATT_FS_LOW_ACT=2, BATT_LOW_TIMER=2, SIM_BATT_VOLTAGE=11.0)
     there.wait(15)
     assert not any("is low" in text for text in there.texts())
@@ -70,7 +70,7 @@ def test_a_low_battery_before_arming_does_not_consume_the_failsafe() -> None:
     assert there.until(lambda: there.mode == "RTL", 10) >= 2
 
 
-def test_the_worse_of_two_limits_passed_at_once_counts() -> None:
+def test_the_worse_of_two_battery_limits_counts() -> None:
     there = station(BATT_LOW_VOLT=11.5, BATT_FS_LOW_ACT=2, BATT_CRT_VOLT=11.0, BATT_FS_CRT_ACT=1)
     there.fly(20)
     set_parameter(there, "SIM_BATT_VOLTAGE", 10.5)
@@ -105,7 +105,7 @@ def test_battery_actions_of_quadplanes_map_to_those_of_planes(action: int, mode:
 
 
 @pytest.mark.parametrize(("kind", "is_watched"), [("copter", True), ("plane", False)])
-def test_as_it_comes_a_plane_watches_no_voltage(*, kind: str, is_watched: bool) -> None:
+def test_the_voltage_is_watched_by_default_on_a_copter_only(*, kind: str, is_watched: bool) -> None:
     there = station(kind, BATT_LOW_TIMER=1)
     assert there.set_mode({"copter": GUIDED, "plane": PLANE_TAKEOFF}[kind]) == 0
     assert there.arm() == 0
@@ -118,7 +118,7 @@ def test_as_it_comes_a_plane_watches_no_voltage(*, kind: str, is_watched: bool) 
 
 
 @pytest.mark.parametrize(("starts", "mode"), [(True, "AUTO"), (False, "RTL")])
-def test_a_planes_battery_lands_it_where_its_mission_does_else_returns(*, starts: bool, mode: str) -> None:
+def test_a_low_battery_starts_the_mission_landing_of_a_plane_or_a_return(*, starts: bool, mode: str) -> None:
     there = station("plane", BATT_LOW_VOLT=11.5, BATT_FS_LOW_ACT=2, BATT_LOW_TIMER=1)
     items = landing_mission()
     there.upload(items if starts else items[:3])
@@ -133,7 +133,7 @@ def test_a_planes_battery_lands_it_where_its_mission_does_else_returns(*, starts
         there.until(lambda: there.height_m < 0.1, 200)
 
 
-def test_a_plane_that_lands_by_its_mission_is_not_called_back() -> None:
+def test_failsafes_do_not_interrupt_a_mission_landing() -> None:
     there = station("plane", BATT_LOW_VOLT=11.5, BATT_FS_LOW_ACT=1, BATT_LOW_TIMER=1, FS_LONG_ACTN=1)
     there.upload([home_item(), takeoff(50), waypoint(0, 600, 40), land(0, 0)])
     there.set_mode(PLANE_AUTO)
@@ -164,7 +164,9 @@ def test_a_plane_that_lands_by_its_mission_is_not_called_back() -> None:
         (3, ALT_HOLD, "LAND"),
     ],
 )
-def test_the_action_of_a_lost_position(action: int, begun_in: int, ends_in: str) -> None:
+def test_the_action_of_a_lost_position_follows_parameter_and_mode(
+    action: int, begun_in: int, ends_in: str
+) -> None:
     there = station(FS_EKF_ACTION=action)
     there.fly(80)
     inject(there, "gps_loss")
@@ -175,7 +177,7 @@ def test_the_action_of_a_lost_position(action: int, begun_in: int, ends_in: str)
     assert "EKF Failsafe" in there.texts()
 
 
-def test_without_a_remote_control_either_a_lost_position_lands() -> None:
+def test_a_lost_position_without_a_remote_control_lands() -> None:
     there = station(FS_EKF_ACTION=2, FS_OPTIONS=4)
     there.fly(40)
     inject(there, "rc_loss")
@@ -254,7 +256,7 @@ def test_a_brake_or_land_without_a_position_lands() -> None:
         (16, AUTO, "RTL", "GCS Failsafe"),
     ],
 )
-def test_modes_in_which_a_copter_continues_without_a_ground_station(
+def test_fs_options_lets_a_copter_continue_without_a_ground_station(
     options: int, mode: int, ends_in: str, text: str
 ) -> None:
     there = station(FS_GCS_ENABLE=1, FS_OPTIONS=options)
@@ -274,7 +276,7 @@ def test_pilot_modes_continue_without_a_ground_station_by_default() -> None:
 
 
 @pytest.mark.parametrize(("watched", "mode"), [(0, "GUIDED"), (1, "RTL")])
-def test_a_copters_remote_control_is_lost_after_a_second_if_it_is_watched(watched: int, mode: str) -> None:
+def test_a_watched_remote_control_is_lost_after_a_second(watched: int, mode: str) -> None:
     there = station(FS_THR_ENABLE=watched)
     there.fly(20)
     inject(there, "rc_loss")
@@ -319,7 +321,9 @@ def test_a_plane_without_a_remote_control_acts_in_two_stages(
     ("short_action", "mode", "at_short"),
     [(1, PLANE_GUIDED, "CIRCLE"), (2, MANUAL, "FBWA"), (3, MANUAL, "MANUAL"), (4, MANUAL, "FBWB")],
 )
-def test_a_planes_short_failsafe_by_its_parameter(short_action: int, mode: int, at_short: str) -> None:
+def test_the_short_failsafe_of_a_plane_follows_its_parameter(
+    short_action: int, mode: int, at_short: str
+) -> None:
     there = plane(mode, FS_SHORT_ACTN=short_action)
     inject(there, "rc_loss")
     there.wait(2)
@@ -332,7 +336,7 @@ def test_without_a_short_failsafe_the_long_one_counts_from_the_last_frame() -> N
     assert there.until(lambda: there.mode == "RTL", 10) == pytest.approx(3, abs=0.2)
 
 
-def test_a_plane_that_hears_its_remote_control_in_time_takes_its_mode_back() -> None:
+def test_a_plane_resumes_its_mode_when_the_remote_control_returns_in_time() -> None:
     there = plane(FBWB)
     inject(there, "rc_loss:for=3")
     there.until(lambda: there.mode == "CIRCLE", 3)
@@ -341,9 +345,7 @@ def test_a_plane_that_hears_its_remote_control_in_time_takes_its_mode_back() -> 
 
 
 @pytest.mark.parametrize(("mode", "ends_in"), [(MANUAL, "RTL"), (PLANE_GUIDED, "GUIDED")])
-def test_a_plane_without_a_ground_station_returns_from_the_modes_a_pilot_flies(
-    mode: int, ends_in: str
-) -> None:
+def test_a_plane_without_a_ground_station_returns_from_pilot_modes(mode: int, ends_in: str) -> None:
     there = plane(mode, FS_GCS_ENABL=1)
     beat(there)
     there.wait(6)
@@ -351,7 +353,7 @@ def test_a_plane_without_a_ground_station_returns_from_the_modes_a_pilot_flies(
     assert f"GCS Failsafe On: {ends_in}" in there.texts()
 
 
-def test_a_plane_whose_throttle_failsafe_is_off_does_not_miss_its_remote_control() -> None:
+def test_a_plane_without_a_throttle_failsafe_ignores_a_lost_remote_control() -> None:
     there = plane(MANUAL, THR_FAILSAFE=0)
     inject(there, "rc_loss")
     there.wait(8)
@@ -373,7 +375,7 @@ def test_a_lost_remote_control_refuses_arming(kind: str) -> None:
     assert there.arm() == 0
 
 
-def test_a_copter_that_lost_its_remote_control_before_it_was_forced_to_arm_stays_armed() -> None:
+def test_a_copter_forced_to_arm_without_a_remote_control_stays_armed() -> None:
     there = station()
     inject(there, "rc_loss")
     there.set_mode(GUIDED)
@@ -383,7 +385,7 @@ def test_a_copter_that_lost_its_remote_control_before_it_was_forced_to_arm_stays
     assert there.armed
 
 
-def test_no_force_arms_a_copter_that_needs_a_position_and_has_none() -> None:
+def test_a_copter_without_a_needed_position_cannot_be_forced_to_arm() -> None:
     there = station(ready_s=41.0)
     there.wait(5)
     there.set_mode(GUIDED)

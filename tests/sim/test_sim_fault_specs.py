@@ -40,7 +40,7 @@ class Ward:
         self.schedule.replace(0, key, specs, now)
 
 
-def test_the_text_of_the_command_line() -> None:
+def test_a_fault_is_parsed_from_the_command_line() -> None:
     spec = parse_fault("packet_loss:rate=0.2,at=30,for=10,sysid=2")
     assert spec == FaultSpec(fault="packet_loss", params={"rate": "0.2"}, vehicles=[2], at_s=30, for_s=10)
     assert spec.parameters().model_dump() == {"rate": 0.2, "direction": "both"}
@@ -86,7 +86,7 @@ def test_an_unknown_word_without_a_similar_one_gets_no_suggestion(text: str) -> 
     assert "?" not in str(caught.value)
 
 
-def test_no_finding_is_in_the_words_of_a_library() -> None:
+def test_every_invalid_value_is_reported_with_its_code() -> None:
     for fault in describe():
         for parameter in fault.parameters:
             with pytest.raises(FaultError) as caught:
@@ -97,7 +97,7 @@ def test_no_finding_is_in_the_words_of_a_library() -> None:
             assert "[fault-value]" in text
 
 
-def test_the_dictionary_of_a_scenario_is_checked_alike() -> None:
+def test_the_fields_of_a_scenario_fault_are_checked_like_the_text() -> None:
     good = {"fault": "delay", "params": {"delay_s": 1}, "vehicles": [1], "at_s": 5, "for_s": 2}
     assert str(FaultSpec.model_validate(good)) == "delay:delay_s=1,at=5,for=2,sysid=1"
     with pytest.raises(ValidationError, match=r"delay_s\?.*\[fault-key\]"):
@@ -111,7 +111,7 @@ def test_the_dictionary_of_a_scenario_is_checked_alike() -> None:
     st.text(max_size=40)
     | st.from_regex(r"[a-z_]{1,12}:([a-z_]{1,8}=[-0-9a-z.+]{0,6},?){0,4}", fullmatch=True)
 )
-def test_no_text_is_an_error_of_another_kind(text: str) -> None:
+def test_any_text_is_a_fault_or_a_fault_error(text: str) -> None:
     try:
         spec = parse_fault(text)
     except FaultError:
@@ -163,7 +163,7 @@ def test_faults_begin_and_end_at_their_times_on_their_vehicles() -> None:
     assert seen[15.0] == [(False, 2.0)] * 3
 
 
-def test_a_fault_is_over_when_both_of_its_kind_are() -> None:
+def test_a_fault_ends_with_the_last_of_its_kind() -> None:
     ward = Ward(
         "gps_loss:at=0,for=10", "gps_loss:at=5,for=10", "battery_sag:sag_v=0.1", "battery_sag:sag_v=0.2,for=9"
     )
@@ -181,7 +181,7 @@ def test_a_fault_of_an_unknown_vehicle_is_refused() -> None:
         Ward("gps_loss:sysid=2+9", sysids=(1, 2, 3, 7))
 
 
-def test_a_system_id_that_occurs_on_two_links_means_both() -> None:
+def test_a_system_id_on_two_links_selects_both_vehicles() -> None:
     ward = Ward("gps_loss:sysid=2", sysids=(1, 2, 1, 2))
     ward.schedule.tick(0.0)
     assert [a.gps_lost for a in ward.injected_faults] == [False, True, False, True]
@@ -220,7 +220,7 @@ def test_a_clock_keeps_its_accumulated_drift() -> None:
     assert ward.injected_faults[0].clock_offset_s(1000.0) == pytest.approx(0.1)
 
 
-def test_acknowledgements_are_lost_at_their_share() -> None:
+def test_acknowledgements_are_lost_at_their_rate() -> None:
     ward = Ward("absent_ack:rate=0.5,sysid=1", "absent_ack:sysid=2")
     ward.schedule.tick(0.0)
     lost = [sum(a.loses_ack() for _ in range(1000)) for a in ward.injected_faults]
@@ -228,7 +228,7 @@ def test_acknowledgements_are_lost_at_their_share() -> None:
     assert lost[1:] == [1000, 0]
 
 
-def test_reboot_is_handed_on_with_its_silence() -> None:
+def test_a_reboot_has_its_silence() -> None:
     ward = Ward("reboot:at=7,silence_s=3,sysid=3")
     ward.schedule.tick(7.0)
     assert ward.reboots == [(2, 7.0, 3.0)]
@@ -281,13 +281,13 @@ def test_motors_fail_one_by_one_or_all() -> None:
         (mavlink.FAILURE_UNIT_SENSOR_BARO, STUCK, mavlink.MAV_SYS_STATUS_SENSOR_ABSOLUTE_PRESSURE),
     ],
 )
-def test_a_sensor_that_fails_is_unhealthy(unit: int, kind: int, bit: int) -> None:
+def test_a_failed_sensor_is_unhealthy(unit: int, kind: int, bit: int) -> None:
     ward = Ward()
     assert inject(ward, unit, kind) == ACCEPTED
     assert ward.injected_faults[0].unhealthy_sensors == bit
 
 
-def test_a_link_switched_off_by_command_returns_by_itself() -> None:
+def test_a_link_switched_off_by_command_returns_after_30_seconds() -> None:
     ward = Ward()
     assert inject(ward, mavlink.FAILURE_UNIT_SYSTEM_MAVLINK_SIGNAL, OFF) == ACCEPTED
     ward.schedule.tick(1.2)
@@ -308,7 +308,7 @@ def test_a_failure_ended_before_its_start_never_begins() -> None:
 
 @settings(derandomize=True, deadline=None, max_examples=examples(200))
 @given(*[st.floats(width=32) | st.integers(-1, 110).map(float)] * 3)
-def test_any_parameters_are_answered(unit: float, kind: float, instance: float) -> None:
+def test_a_failure_command_with_any_parameters_is_answered(unit: float, kind: float, instance: float) -> None:
     ward = Ward()
     assert inject_failure(unit, kind, instance, ward.replace, 1.0) in (ACCEPTED, UNSUPPORTED)
 
@@ -337,5 +337,5 @@ def test_a_simulation_parameter_is_a_fault(name: str, values: dict[str, float], 
     assert [str(spec) for spec in found[1]] == expected
 
 
-def test_other_parameters_are_none() -> None:
+def test_another_parameter_is_no_fault() -> None:
     assert faults_of("WPNAV_SPEED", lambda _: 1.0) is None

@@ -77,7 +77,7 @@ def test_commands_get_lost_on_the_way_to_the_vehicle() -> None:
     assert there.mode == "ALT_HOLD"
 
 
-def test_delay_delays_question_and_answer() -> None:
+def test_a_delay_applies_to_request_and_answer() -> None:
     there = station("delay:delay_s=0.5")
     message = mavlink.MAVLink_param_request_read_message(1, 1, b"SYSID_MYGCS", -1)
     assert there.send(message) == []
@@ -87,7 +87,7 @@ def test_delay_delays_question_and_answer() -> None:
     assert [m.param_value for m in there.of("PARAM_VALUE")] == [255]
 
 
-def test_an_outage_is_silence_both_ways_and_then_all_is_well() -> None:
+def test_an_outage_is_silence_in_both_directions_until_its_end() -> None:
     there = station("link_outage:at=3,for=4")
     there.wait(3.0)
     assert there.heard
@@ -99,7 +99,7 @@ def test_an_outage_is_silence_both_ways_and_then_all_is_well() -> None:
     assert there.set_mode(GUIDED) == 0
 
 
-def test_corrupted_commands_are_not_obeyed_and_corrupted_telemetry_not_believed() -> None:
+def test_corrupted_commands_and_corrupted_telemetry_are_ignored() -> None:
     there = station("corruption:rate=1")
     there.send(mavlink.MAVLink_set_mode_message(1, 1, GUIDED))
     there.wait(10)
@@ -108,7 +108,7 @@ def test_corrupted_commands_are_not_obeyed_and_corrupted_telemetry_not_believed(
     assert len(there.raw) > 100
 
 
-def test_a_bad_radio_reports_itself_and_a_mission_still_gets_up_with_patience() -> None:
+def test_a_bad_radio_sends_its_status_and_a_mission_upload_succeeds() -> None:
     there = station("sik_radio:rate=0.1")
     beat = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3)
     for _ in range(10):
@@ -153,17 +153,17 @@ def heard_in(steps_s: float, *, seed: int = 3) -> dict[int, bytes]:
     return out
 
 
-def test_two_runs_with_one_seed_are_equal_byte_for_byte_and_another_seed_is_not() -> None:
+def test_equal_seeds_give_equal_bytes_and_another_seed_does_not() -> None:
     first = heard_in(0.1)
     assert first == heard_in(0.1)
     assert first != heard_in(0.1, seed=4)
 
 
-def test_it_does_not_matter_how_often_the_fleet_is_stepped() -> None:
+def test_the_bytes_do_not_depend_on_the_size_of_a_step() -> None:
     assert heard_in(0.5) == heard_in(0.1) == heard_in(0.025)
 
 
-def test_a_fault_on_one_vehicle_leaves_the_bytes_of_the_others_alone() -> None:
+def test_a_fault_on_one_vehicle_does_not_change_the_bytes_of_another() -> None:
     def run(*faults: str) -> dict[int, bytes]:
         out: dict[int, bytes] = {0: b"", 1: b""}
         there = fleet(2, *faults)
@@ -187,7 +187,7 @@ def test_a_refused_mission_is_not_kept() -> None:
     assert there.upload(MISSION) == 0
 
 
-def test_a_mission_refused_at_an_item_has_kept_those_before() -> None:
+def test_a_mission_refused_at_an_item_keeps_the_items_before() -> None:
     there = station()
     inject(there, "mission_refused:result=denied,at_item=2")
     assert there.upload(MISSION) == mavlink.MAV_MISSION_DENIED
@@ -201,7 +201,7 @@ def command(there: Station, number: int, *params: float) -> list[int]:
     return [m.result for m in replies if m.get_type() == "COMMAND_ACK"]
 
 
-def test_slow_acknowledgements_come_late_and_with_the_next_sequence_number() -> None:
+def test_slow_acknowledgements_are_late_and_have_the_next_sequence_number() -> None:
     there = station("slow_ack:delay_s=2")
     assert command(there, mavlink.MAV_CMD_DO_SET_MODE, 1, GUIDED) == []
     assert there.mode == "GUIDED"
@@ -213,7 +213,7 @@ def test_slow_acknowledgements_come_late_and_with_the_next_sequence_number() -> 
     assert sequence == [(sequence[0] + i) % 256 for i in range(len(sequence))]
 
 
-def test_absent_acknowledgements_leave_no_gap() -> None:
+def test_absent_acknowledgements_leave_no_gap_in_the_sequence() -> None:
     there = station("absent_ack")
     assert command(there, mavlink.MAV_CMD_DO_SET_MODE, 1, GUIDED) == []
     there.wait(5)
@@ -224,7 +224,7 @@ def test_absent_acknowledgements_leave_no_gap() -> None:
 
 
 @pytest.mark.parametrize(("answer", "result"), [("accepted", 0), ("refused", mavlink.MAV_RESULT_FAILED)])
-def test_a_stuck_mode_stays_for_every_answer(answer: str, result: int) -> None:
+def test_a_stuck_mode_stays_with_every_kind_of_answer(answer: str, result: int) -> None:
     there = station(f"stuck_mode:answer={answer},for=10")
     assert there.set_mode(GUIDED) == result
     assert there.mode == "STABILIZE"
@@ -249,7 +249,7 @@ def test_an_unhealthy_sensor_shows_in_its_bit_and_keeps_the_vehicle_from_arming(
     assert there.arm() == 0
 
 
-def test_charge_taken_away_keeps_draining() -> None:
+def test_a_battery_with_removed_charge_continues_to_drain() -> None:
     there = station()
     there.fly(20)
     inject(there, "battery_sag:sag_v=0,at_most=0.3")
@@ -271,7 +271,7 @@ def test_a_drifting_clock_shows_in_time_since_boot_and_timesync() -> None:
 # -- flying -----------------------------------------------------------------------------------------------
 
 
-def test_a_reboot_in_flight_is_silence_a_fall_and_boot_text() -> None:
+def test_a_reboot_in_flight_causes_silence_a_fall_and_boot_text() -> None:
     there = station()
     there.fly(30)
     boots = there.fleet.boots()[0]
@@ -287,7 +287,7 @@ def test_a_reboot_in_flight_is_silence_a_fall_and_boot_text() -> None:
     assert there.heartbeat().custom_mode == 0
 
 
-def test_a_gps_glitch_carries_the_vehicle_away_in_truth() -> None:
+def test_a_gps_glitch_moves_the_true_position() -> None:
     there = station()
     there.fly(20)
     before = there.fleet.truth()
@@ -300,7 +300,7 @@ def test_a_gps_glitch_carries_the_vehicle_away_in_truth() -> None:
     assert seen_m == pytest.approx(0.0, abs=3.0)
 
 
-def test_a_sagging_battery_is_seen_and_recovers() -> None:
+def test_a_battery_sag_is_reported_and_ends() -> None:
     there = station()
     volts = there.ask(mavlink.MAVLINK_MSG_ID_SYS_STATUS).voltage_battery / 1000
     inject(there, "battery_sag:sag_v=1.5,for=5")
@@ -332,7 +332,7 @@ def test_a_copter_without_motors_comes_down(motors: int, at_least_m_s: float) ->
     assert 40 / took_s > at_least_m_s
 
 
-def test_all_faults_at_once_stop_nothing() -> None:
+def test_a_fleet_with_all_faults_at_once_continues() -> None:
     troubled = fleet(4, *[f"{name}:at=2,for=20" for name in FAULTS], *[f"{name}:at=12" for name in FAULTS])
     codec = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
     for step in range(400):
@@ -379,7 +379,7 @@ def test_ardupilot_has_no_failure_command() -> None:
 
 
 @pytest.mark.autopilots("MAVSDK 5 failure", of="px4")
-def test_px4_injects_failures_only_where_its_parameter_allows_it() -> None:
+def test_px4_injects_failures_only_with_sys_failure_en() -> None:
     vehicle = {"sysid": 1, "lat_deg": LAT_DEG, "lon_deg": LON_DEG, "personality": "px4"}
     there = Station(Fleet(scenario(vehicles=[vehicle]), ready_s=0.0))
     gps_off = (mavlink.MAV_CMD_INJECT_FAILURE, mavlink.FAILURE_UNIT_SENSOR_GPS, mavlink.FAILURE_TYPE_OFF)
@@ -421,7 +421,7 @@ def test_a_trusted_link_needs_no_signature() -> None:
     assert there.mode == "GUIDED"
 
 
-def test_px4_knows_no_signing() -> None:
+def test_px4_ignores_a_signing_setup() -> None:
     vehicle = {"sysid": 1, "lat_deg": LAT_DEG, "lon_deg": LON_DEG, "personality": "px4"}
     there = Station(Fleet(scenario(vehicles=[vehicle]), ready_s=0.0))
     there.send(mavlink.MAVLink_setup_signing_message(1, 1, list(KEY), START))

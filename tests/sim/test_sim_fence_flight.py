@@ -60,7 +60,7 @@ def test_enabling_the_fence_by_another_number_fails() -> None:
 
 
 @pytest.mark.autopilots("2 fence use")
-def test_it_is_not_armed_outside_the_fence() -> None:
+def test_a_vehicle_outside_the_fence_is_not_armed() -> None:
     station = fenced(*square(50, north_m=200))
     assert station.set_mode(GUIDED) == 0
     assert station.arm() == mavlink.MAV_RESULT_FAILED
@@ -83,7 +83,7 @@ def test_a_reposition_out_of_the_fence_fails() -> None:
 
 
 @pytest.mark.autopilots("2 fence use")
-def test_a_mission_out_of_the_fence_is_flown_until_the_breach_and_a_mode_change_after_it_wins() -> None:
+def test_a_mode_change_after_a_breach_resumes_a_mission_out_of_the_fence() -> None:
     station = fenced()
     station.fly_mission([takeoff(), waypoint(400, 0), land(400, 0)])
     station.until(lambda: station.mode == "RTL", 60)
@@ -112,7 +112,7 @@ def test_a_return_into_the_fence_clears_the_breach_and_its_status() -> None:
     assert (status.breach_status, status.breach_type) == (0, mavlink.FENCE_BREACH_NONE)
 
 
-def test_a_hole_in_the_fence_is_kept_out_of() -> None:
+def test_a_copter_returns_at_the_edge_of_an_exclusion_zone() -> None:
     station = fenced(*square(300), *square(20, north_m=120, command=5002))
     station.fly_mission([takeoff(), waypoint(200, 0), land(200, 0)])
     station.until(lambda: station.mode == "RTL", 60)
@@ -127,7 +127,7 @@ def test_a_hole_in_the_fence_is_kept_out_of() -> None:
         pytest.param(8, "FENCE_ALT_MIN", 10.0, (150, 0, 2), "Min Alt fence breached", id="minimum altitude"),
     ],
 )
-def test_limits_by_parameter(
+def test_a_limit_by_parameter_is_breached(
     kind: int, name: str, value: float, target: tuple[float, ...], text: str
 ) -> None:
     station = fenced(kind=kind)
@@ -140,7 +140,7 @@ def test_limits_by_parameter(
 @pytest.mark.parametrize(
     ("action", "mode"), [(0, "AUTO"), (2, "LAND"), (4, "BRAKE")], ids=["report only", "land", "brake"]
 )
-def test_the_action_of_a_breach(action: int, mode: str) -> None:
+def test_the_action_of_a_breach_follows_its_parameter(action: int, mode: str) -> None:
     station = fenced()
     set_parameter(station, "FENCE_ACTION", action)
     station.fly_mission([takeoff(), waypoint(400, 0)])
@@ -150,7 +150,7 @@ def test_the_action_of_a_breach(action: int, mode: str) -> None:
 
 
 @pytest.mark.parametrize("enabled_anew", [False, True])
-def test_a_later_limit_counts_after_the_next_enabling_of_the_fence(enabled_anew: bool) -> None:
+def test_a_new_limit_counts_after_the_next_enabling_of_the_fence(enabled_anew: bool) -> None:
     station = fenced(kind=4)
     set_parameter(station, "FENCE_ALT_MAX", 15)
     set_parameter(station, "FENCE_TYPE", 5)
@@ -164,7 +164,7 @@ def test_a_later_limit_counts_after_the_next_enabling_of_the_fence(enabled_anew:
     assert ("Max Alt fence breached" in station.texts()) == enabled_anew
 
 
-def test_a_breach_of_the_circle_that_goes_unheeded_acts_again_20_m_farther_out() -> None:
+def test_an_overruled_breach_of_the_circle_acts_again_20_m_farther_out() -> None:
     station = fenced(kind=2)
     set_parameter(station, "FENCE_RADIUS", 60.0)
     set_parameter(station, "WPNAV_SPEED", 600.0)
@@ -216,7 +216,7 @@ def test_a_return_stays_under_the_fence() -> None:
         pytest.param(3, 0.4, 15.0, marks=pytest.mark.full),
     ],
 )
-def test_close_to_home_a_return_climbs_into_the_cone_of_rtl_cone_slope_only(
+def test_a_return_close_to_home_climbs_to_the_cone_of_rtl_cone_slope(
     north_m: float, slope: float, highest_m: float
 ) -> None:
     station = Station()
@@ -244,7 +244,7 @@ def test_a_return_goes_to_the_nearest_rally_point() -> None:
     assert math.dist(place_m(station), (90, 0)) < 1.0
 
 
-def test_px4_keeps_a_fence_that_home_is_outside_of_but_does_not_obey_it() -> None:
+def test_px4_stores_and_ignores_a_fence_without_home_inside() -> None:
     station = QuietPx4Station()
     station.wait(1.0)
     assert upload(station, square(50, north_m=300), FENCE) == 0

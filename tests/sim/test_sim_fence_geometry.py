@@ -44,13 +44,13 @@ def fence(*items: Item) -> Fence:
     ("north_m", "east_m", "margin_m"),
     [(0, 0, 100), (0, 90, 10), (95, -95, 5), (0, 110, -10), (103, 104, -5), (-300, 0, -200)],
 )
-def test_a_square_to_stay_inside_of(north_m: float, east_m: float, margin_m: float) -> None:
+def test_a_square_inclusion_zone(north_m: float, east_m: float, margin_m: float) -> None:
     made = fence(*polygon(POLYGON, SQUARE))
     assert made.margin_m(*at(north_m, east_m)) == pytest.approx(margin_m, abs=0.05)
     assert made.breaches(*at(north_m, east_m)) == (margin_m < 0)
 
 
-def test_a_circle_and_a_polygon_to_stay_out_of_inside_a_polygon_to_stay_in() -> None:
+def test_exclusion_zones_inside_an_inclusion_zone() -> None:
     hole = polygon(EXCLUDED, [(20, 20), (40, 20), (30, 50)])
     made = fence(
         circle(NOT_CIRCLE, -50, -50, 20), *polygon(POLYGON, SQUARE), *hole, circle(CIRCLE, 0, 0, 120)
@@ -93,7 +93,7 @@ def test_a_concave_and_a_self_intersecting_polygon() -> None:
     ]
 
 
-def test_a_fence_over_the_date_line() -> None:
+def test_a_fence_across_the_antimeridian() -> None:
     made = fence(*polygon(POLYGON, SQUARE, lat=-17.0, lon=179.9999))
     assert not made.breaches(*at(0, 80, lat=-17.0, lon=179.9999))
     assert made.breaches(*at(0, 120, lat=-17.0, lon=179.9999))
@@ -115,14 +115,14 @@ def test_the_return_point_is_the_given_one_or_the_middle() -> None:
     assert fence().return_point_deg is None
 
 
-def test_the_middle_of_a_polygon_across_the_antimeridian_is_there() -> None:
+def test_a_polygon_across_the_antimeridian_has_its_middle_there() -> None:
     corners_deg = ((9.99, 179.98), (9.99, -179.99), (10.01, -179.99), (10.01, 179.98))
     items = (Item(POLYGON, param1=4, x=round(lat * 1e7), y=round(lon * 1e7)) for lat, lon in corners_deg)
     made = fence(*items)
     assert made.return_point_deg == pytest.approx((10.0, 179.995))
 
 
-def test_zones_that_forbid_a_place_can_be_disregarded() -> None:
+def test_violated_zones_can_be_discarded() -> None:
     made = fence(*polygon(POLYGON, SQUARE), circle(NOT_CIRCLE, 0, 0, 10), circle(CIRCLE, 0, 0, 50))
     assert made.discard_violated(*at(0, 0)) == 1
     assert made.discard_violated(*at(0, 70)) == 1
@@ -136,7 +136,7 @@ def test_zones_that_forbid_a_place_can_be_disregarded() -> None:
     st.floats(-600, 600),
     st.floats(-600, 600),
 )
-def test_a_star_shaped_polygon_as_its_angles_say(
+def test_a_star_shaped_polygon_contains_the_points_inside_its_edges(
     spokes: list[tuple[float, float]], north_m: float, east_m: float
 ) -> None:
     """Inside where the ray from the middle meets the edge behind the point."""
@@ -168,7 +168,7 @@ def test_metres_per_degree_agree_with_the_projection(
     assert distance_m((lat, lon), place) == pytest.approx(math.hypot(north_m, east_m), abs=1.0, rel=2e-3)
 
 
-def test_the_nearest_rally_point_or_home() -> None:
+def test_the_nearest_of_home_and_rally_points_is_found() -> None:
     rally = Rally()
     near, far = (Item(5100, x=round(at(n, 0)[0] * 1e7), y=round(LON * 1e7), z=30) for n in (100.0, 400.0))
     rally.replace([far, near])

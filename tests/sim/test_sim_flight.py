@@ -24,7 +24,7 @@ def test_a_mission_after_a_full_boot_is_flown_at_wpnav_speed() -> None:
     assert 9.5 < max(speeds) < 10.3  # WPNAV_SPEED 1000 cm/s
 
 
-def test_a_waypoint_is_passed_within_the_radius_and_without_a_wild_overshoot() -> None:
+def test_a_waypoint_is_passed_within_the_radius_and_with_a_small_overshoot() -> None:
     station = Station()
     station.fly_mission([takeoff(), waypoint(200, 0), waypoint(200, 200), land(200, 200)])
     farthest_m = 0.0
@@ -114,7 +114,7 @@ def test_a_guided_take_off_and_then_auto_flies_the_mission() -> None:
 
 
 @pytest.mark.autopilots("1.7")
-def test_auto_options_3_lets_it_arm_and_fly_in_auto() -> None:
+def test_auto_options_3_allows_arming_and_flying_in_auto() -> None:
     station = Station()
     station.send(mavlink.MAVLink_param_set_message(1, 0, b"AUTO_OPTIONS", 3, 9))
     assert station.upload([home_item(), takeoff(10), land(0, 0)]) == 0
@@ -214,7 +214,7 @@ def test_landing_is_slow_below_ten_metres() -> None:
 @pytest.mark.parametrize(
     "mode", [5, 7, 2, 16, 0], ids=["LOITER", "CIRCLE", "ALT_HOLD", "POSHOLD", "STABILIZE"]
 )
-def test_without_a_stick_it_sinks_into_the_ground(mode: int) -> None:
+def test_a_copter_in_a_pilot_mode_without_sticks_sinks_to_the_ground(mode: int) -> None:
     station = Station()
     station.fly(20)
     assert station.set_mode(mode) == 0
@@ -228,7 +228,7 @@ def test_without_a_stick_it_sinks_into_the_ground(mode: int) -> None:
 @pytest.mark.parametrize(
     "mode", [pytest.param(17, id="BRAKE"), pytest.param(4, id="GUIDED", marks=pytest.mark.full)]
 )
-def test_it_holds_in_flight(mode: int) -> None:
+def test_a_copter_holds_its_position_in_brake_and_guided(mode: int) -> None:
     station = Station()
     station.fly_mission([takeoff(), waypoint(500, 0), land(500, 0)])
     station.until(lambda: place_m(station)[0] > 100)
@@ -291,7 +291,7 @@ def test_setting_the_current_item_in_flight_changes_the_target_at_once() -> None
     assert [m.seq for m in station.of("MISSION_CURRENT")] == [3]
 
 
-def test_the_battery_runs_down_faster_in_the_air_and_an_empty_one_brings_it_down() -> None:
+def test_flight_drains_the_battery_until_the_copter_comes_down() -> None:
     vehicle = scenario().vehicles[0].model_copy(update={"params": {"BATT_CAPACITY": 250.0}})
     station = Station(Fleet(scenario().model_copy(update={"vehicles": [vehicle]}), ready_s=0))
     full_v = station.ask(mavlink.MAVLINK_MSG_ID_SYS_STATUS).voltage_battery

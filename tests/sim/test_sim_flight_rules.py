@@ -74,7 +74,7 @@ def test_a_refused_reposition_changes_no_mode() -> None:
     assert station.mode == "GUIDED"
 
 
-def test_a_reposition_to_height_0_is_to_no_height() -> None:
+def test_a_reposition_to_height_0_is_denied() -> None:
     station = Station()
     station.fly(20)
     assert reposition(station, 30, 0.0, -1, 1) == 2  # DENIED
@@ -82,7 +82,7 @@ def test_a_reposition_to_height_0_is_to_no_height() -> None:
     assert station.height_m == pytest.approx(20, abs=1)
 
 
-def test_a_reposition_has_no_say_in_the_speed() -> None:
+def test_a_reposition_does_not_change_the_speed() -> None:
     station = Station()
     station.fly(20)
     assert reposition(station, 300, 20, 2.0, 1) == 0
@@ -90,7 +90,7 @@ def test_a_reposition_has_no_say_in_the_speed() -> None:
     assert station.fleet.truth().speed_m_s[0] > 8  # WPNAV_SPEED
 
 
-def test_a_limping_copter_that_came_down_stays_down_when_its_motor_is_back() -> None:
+def test_a_copter_grounded_by_a_lost_motor_stays_down_when_the_motor_returns() -> None:
     station = Station()
     station.fly(4)
     station.fleet.inject(parse_fault("motor_loss:for=6"), station.now)
@@ -114,7 +114,7 @@ def test_an_unknown_battery_capacity_has_no_effect() -> None:
 
 
 @pytest.mark.parametrize(("frame", "value"), [(1, math.nan), (77, 0.0)])
-def test_set_points_that_say_nothing_do_not_keep_offboard_alive(frame: int, value: float) -> None:
+def test_set_points_without_any_field_do_not_keep_offboard_active(frame: int, value: float) -> None:
     station = QuietPx4Station()
     station.fly(10)
     station.stream_setpoints(1.0, 0, 0, 10)
@@ -134,7 +134,7 @@ def test_set_points_that_say_nothing_do_not_keep_offboard_alive(frame: int, valu
 # -- ArduPlane -------------------------------------------------------------------------------------------
 
 
-def test_a_plane_stays_in_the_mode_that_took_it_off_and_circles() -> None:
+def test_a_plane_circles_in_its_take_off_mode() -> None:
     station = airborne_plane()
     station.wait(60)
     assert station.heartbeat().custom_mode == TAKEOFF_MODE
@@ -169,7 +169,7 @@ def test_fbwa_does_not_hold_height() -> None:
     "speed_m_s",
     [pytest.param(None, marks=pytest.mark.full), pytest.param(12.0, marks=pytest.mark.full), 21.0],
 )
-def test_turns_are_counted_however_fast_they_are_flown(speed_m_s: float | None) -> None:
+def test_turns_are_counted_at_any_speed(speed_m_s: float | None) -> None:
     station = plane()
     speed = [item(mavlink.MAV_CMD_DO_CHANGE_SPEED, param1=0, param2=speed_m_s)] if speed_m_s else []
     turns = item(mavlink.MAV_CMD_NAV_LOITER_TURNS, 300, 0, 50, param1=3)
@@ -187,7 +187,7 @@ def test_turns_are_counted_however_fast_they_are_flown(speed_m_s: float | None) 
     assert abs(swept_rad) / (2 * math.pi) == pytest.approx(3, abs=0.4)
 
 
-def test_a_change_of_altitude_on_the_way_is_flown_straight() -> None:
+def test_a_change_of_altitude_in_a_mission_is_flown_straight() -> None:
     station = plane()
     fly_plane_mission(
         station,

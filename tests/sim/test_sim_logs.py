@@ -372,7 +372,7 @@ def test_a_full_log_accepts_events_but_no_samples(tmp_path: Path) -> None:
     assert "Log is full, samples stop" in [m.Message for m in of(messages, "MSG")]
 
 
-def test_without_room_for_logs_nothing_is_recorded() -> None:
+def test_a_recorder_without_room_records_nothing() -> None:
     recorder = FlightRecorder(DataFlashLog, LogLimits(logs=0))
     recorded(recorder, 10.0, 1.0)
     assert (recorder.logs, recorder.log_for_event(10.5), recorder.recording) == ([], None, False)

@@ -89,7 +89,7 @@ def test_items_refused_by_ardupilot(command: int, sent: dict[str, Any], result: 
     assert store_item(Item(command, **sent)) == result
 
 
-def test_a_plane_keeps_the_radii_of_a_waypoint_and_knows_no_spline() -> None:
+def test_a_plane_stores_the_radii_of_a_waypoint_and_refuses_a_spline() -> None:
     stored = store_plane_item(Item(16, 3, 5.0, 30.7, 400.0, NAN, 1, 1, 50.0))
     assert isinstance(stored, Item)
     assert (stored.param1, stored.param2, stored.param3, stored.param4) == (0, 30, 255, 0)
@@ -122,7 +122,7 @@ def test_storing_a_stored_item_again_changes_nothing(
         )
 
 
-def test_turns_are_flown_around_the_place() -> None:
+def test_turns_are_flown_around_the_position() -> None:
     station = Station()
     station.fly_mission([takeoff(), item(TURNS, 80, 0, 20, param1=2, param3=20), waypoint(0, 0), land(0, 0)])
     station.until(lambda: reached(station)[-1:] == [1], 60)
@@ -143,7 +143,7 @@ def test_turns_are_flown_around_the_place() -> None:
     assert "Mission: 2 LoitTurns" in station.texts()
 
 
-def test_a_delay_holds_the_vehicle_where_it_is() -> None:
+def test_a_delay_holds_the_vehicle_at_its_position() -> None:
     station = Station()
     station.fly_mission([takeoff(10), waypoint(30, 0, 10), item(DELAY, param1=8), waypoint(60, 0, 10)])
     station.until(lambda: reached(station)[-1:] == [2], 60)
@@ -152,7 +152,7 @@ def test_a_delay_holds_the_vehicle_where_it_is() -> None:
     assert place_m(station)[0] == pytest.approx(30, abs=3)
 
 
-def test_a_change_of_altitude_at_a_place() -> None:
+def test_a_change_of_altitude_at_a_position() -> None:
     station = Station()
     station.fly_mission([takeoff(10), item(TO_ALT, 40, 0, 35), land(40, 0)])
     station.until(lambda: reached(station)[-1:] == [2], 90)
@@ -160,7 +160,7 @@ def test_a_change_of_altitude_at_a_place() -> None:
     assert place_m(station)[0] == pytest.approx(40, abs=2)
 
 
-def test_a_condition_of_distance_holds_a_do_command_back() -> None:
+def test_a_distance_condition_delays_a_do_command() -> None:
     station = Station()
     station.fly_mission(
         [
@@ -177,7 +177,7 @@ def test_a_condition_of_distance_holds_a_do_command_back() -> None:
     assert station.fleet.truth().speed_m_s[0] == pytest.approx(3, abs=0.3)
 
 
-def test_a_condition_of_yaw_turns_the_vehicle() -> None:
+def test_a_yaw_condition_turns_the_vehicle() -> None:
     station = Station()
     station.stream(mavlink.MAVLINK_MSG_ID_ATTITUDE)
     station.fly_mission([takeoff(10), item(YAW, param1=135), waypoint(300, 0, 10), land(300, 0)])
@@ -202,7 +202,7 @@ def test_a_landing_sequence_and_a_missing_payload_do_not_stop_a_mission() -> Non
     assert reached(station) == [1, *range(2, 10)]
 
 
-def test_home_can_be_set_on_the_way() -> None:
+def test_a_mission_can_set_home() -> None:
     station = Station()
     home = item(mavlink.MAV_CMD_DO_SET_HOME, 50, 0, 0, param1=0)
     station.fly_mission([takeoff(10), home, waypoint(100, 0, 10), item(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)])
@@ -232,7 +232,7 @@ def test_px4_flies_a_mission_over_its_do_commands_and_holds_at_the_end() -> None
 
 
 @pytest.mark.autopilots("2 CLEAR_ALL", "MAVSDK 5 clear_mission", of="px4")
-def test_px4_stops_with_a_text_where_its_mission_was_cleared() -> None:
+def test_px4_stops_with_a_text_when_its_mission_is_cleared() -> None:
     station = QuietPx4Station()
     station.upload_and_wait([takeoff(10), waypoint(300, 0, 10)])
     station.change(4, 4)

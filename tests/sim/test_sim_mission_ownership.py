@@ -67,7 +67,7 @@ def highest_m(station: Station, seconds: int) -> float:
 # -- a list that was cut under the index -----------------------------------------------------------------
 
 
-def test_a_mission_cut_under_its_index_on_the_ground_starts_over() -> None:
+def test_a_mission_shortened_below_its_index_on_the_ground_starts_over() -> None:
     station = Station()
     assert station.upload([home_item(), takeoff(10), *[waypoint(10 * i, 0, 10) for i in range(5)]]) == 0
     assert station.command(mavlink.MAV_CMD_DO_SET_MISSION_CURRENT, 5) == ACCEPTED
@@ -79,7 +79,7 @@ def test_a_mission_cut_under_its_index_on_the_ground_starts_over() -> None:
     assert station.texts().count("Mission: 1 Takeoff") == 1
 
 
-def test_a_mission_cut_under_its_index_while_another_mode_flew_starts_over() -> None:
+def test_a_mission_shortened_below_its_index_in_another_mode_starts_over() -> None:
     station = Station()
     station.fly_mission([takeoff(10), waypoint(40, 0, 10), waypoint(300, 0, 10)])
     station.until(lambda: current(station) == 3, 90)
@@ -90,7 +90,7 @@ def test_a_mission_cut_under_its_index_while_another_mode_flew_starts_over() -> 
     assert current(station) == 1
 
 
-def test_a_do_command_that_came_to_the_current_index_is_carried_out_on_the_way() -> None:
+def test_a_do_command_uploaded_at_the_current_index_is_executed() -> None:
     station = Station()
     station.fly_mission([takeoff(10), waypoint(80, 0, 10), waypoint(300, 0, 10)])
     station.until(lambda: current(station) == 2, 60)
@@ -115,7 +115,7 @@ def test_do_commands_before_a_selected_command_run_with_it() -> None:
     assert float(station.fleet.truth().speed_m_s[0]) == pytest.approx(3.0, abs=0.2)
 
 
-def test_a_condition_is_still_waited_for_after_another_mode_flew() -> None:
+def test_a_condition_continues_after_a_flight_in_another_mode() -> None:
     station = Station()
     near = item(mavlink.MAV_CMD_CONDITION_DISTANCE, param1=100)
     slower = item(mavlink.MAV_CMD_DO_CHANGE_SPEED, param1=1, param2=3)
@@ -160,7 +160,7 @@ def test_a_new_mission_during_a_pause_is_flown_after_the_pause() -> None:
     station.until(lambda: current(station) == 3, 90)
 
 
-def test_after_a_pause_the_vehicle_flies_on_to_a_command_that_was_deleted() -> None:
+def test_a_vehicle_flies_to_a_deleted_command_after_a_pause() -> None:
     station = Station()
     station.fly_mission([takeoff(10), waypoint(20, 0, 10), waypoint(120, 0, 10)])
     station.until(lambda: current(station) == 3 and north_m(station) > 40, 60)
@@ -175,7 +175,7 @@ def test_after_a_pause_the_vehicle_flies_on_to_a_command_that_was_deleted() -> N
 
 
 @pytest.mark.parametrize("command", [16, 19, 93, 112])
-def test_px4_treats_a_nan_hold_or_delay_as_none(command: int) -> None:
+def test_px4_skips_a_nan_hold_or_delay(command: int) -> None:
     station = QuietPx4Station()
     placed = command in (16, 19)
     waits = item(command, 20, 0, 10.0, param1=NAN, frame=6 if placed else 2)
@@ -184,7 +184,7 @@ def test_px4_treats_a_nan_hold_or_delay_as_none(command: int) -> None:
     station.until(lambda: north_m(station) > 38, 90)
 
 
-def test_px4_survives_a_change_of_speed_of_no_kind() -> None:
+def test_px4_continues_after_a_speed_change_of_a_nan_type() -> None:
     station = QuietPx4Station()
     speed = item(mavlink.MAV_CMD_DO_CHANGE_SPEED, frame=2, param1=NAN, param2=3.0)
     station.upload_and_wait([takeoff(10), speed, waypoint(40, 0, 10.0)])
@@ -192,7 +192,7 @@ def test_px4_survives_a_change_of_speed_of_no_kind() -> None:
     station.until(lambda: north_m(station) > 38, 90)
 
 
-def test_an_altitude_of_zero_is_one_for_px4_and_the_present_one_for_arducopter() -> None:
+def test_px4_flies_to_a_zero_altitude_and_arducopter_keeps_its_altitude() -> None:
     copter, px4 = Station(), QuietPx4Station()
     copter.fly_mission([takeoff(15), waypoint(60, 0, 0.0), waypoint(100, 0, 15.0)])
     copter.until(lambda: current(copter) == 3, 90)
@@ -211,7 +211,7 @@ def test_an_altitude_of_zero_is_one_for_px4_and_the_present_one_for_arducopter()
     ("frame", "z", "expected_m"),
     [pytest.param(3, 60.0, 60.0, marks=pytest.mark.full), (0, ALT_M + 40.0, 40.0), (3, 5.0, 15.0)],
 )
-def test_arducopter_returns_at_the_altitude_of_the_rally_point_if_that_is_above_the_return_altitude(
+def test_arducopter_returns_at_the_higher_of_rally_point_and_return_altitude(
     frame: int, z: float, expected_m: float
 ) -> None:
     station = Station()
@@ -252,7 +252,7 @@ def test_arduplane_circles_at_the_altitude_of_its_rally_point() -> None:
 
 
 @pytest.mark.parametrize("items", [(2, 5), (0, 2), (1, 0), (NAN, 0)])
-def test_arducopter_starts_no_part_of_a_mission(items: tuple[float, float]) -> None:
+def test_arducopter_refuses_to_start_part_of_a_mission(items: tuple[float, float]) -> None:
     station = Station()
     assert station.upload([home_item(), takeoff(10), waypoint(50, 0, 10)]) == 0
     assert station.set_mode(GUIDED) == ACCEPTED
@@ -269,7 +269,7 @@ def test_px4_starts_at_the_requested_item() -> None:
     assert current(station) == 2
 
 
-def test_px4_hands_a_return_as_the_last_item_to_its_mode_and_does_not_report_it() -> None:
+def test_px4_flies_a_return_as_the_last_item_in_its_mode_without_a_report() -> None:
     station = QuietPx4Station()
     rtl = item(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH, frame=2, x=0, y=0)
     station.upload_and_wait([takeoff(10), waypoint(30, 0, 10.0), rtl])

@@ -19,7 +19,7 @@ def mission(n: int) -> list[dict[str, Any]]:
 
 
 @pytest.mark.autopilots("2 item 0")
-def test_item_0_has_the_exact_place_and_the_altitude_of_home() -> None:
+def test_item_0_has_the_exact_position_and_the_altitude_of_home() -> None:
     station = Station()
     sent = mission(3)
     sent[0] = waypoint(5000, 5000, 77.0)
@@ -43,7 +43,7 @@ def test_item_0_has_the_exact_place_and_the_altitude_of_home() -> None:
         ),
     ],
 )
-def test_read_back_differs(sent: dict[str, Any], kept: dict[str, Any]) -> None:
+def test_read_back_items_have_their_stored_form(sent: dict[str, Any], kept: dict[str, Any]) -> None:
     station = Station()
     assert station.upload([home_item(), takeoff(), waypoint(10, 0) | sent]) == 0
     got = station.download()[2]
@@ -57,7 +57,7 @@ def test_a_jump_to_home_is_refused() -> None:
 
 
 @pytest.mark.autopilots("2 error codes")
-def test_too_many_items() -> None:
+def test_a_mission_with_too_many_items_is_refused() -> None:
     station = Station()
     assert acks(station.count(651)) == [mavlink.MAV_MISSION_NO_SPACE]
     assert "Only 650 items are supported" in station.texts()
@@ -65,7 +65,7 @@ def test_too_many_items() -> None:
 
 
 @pytest.mark.autopilots("2 abandoned upload")
-def test_an_abandoned_upload_asks_seven_times_and_gives_up_with_a_text() -> None:
+def test_an_abandoned_upload_ends_with_a_text_after_seven_requests() -> None:
     station = Station()
     new = mission(5)
     station.count(5)
@@ -97,7 +97,7 @@ def test_a_download_by_a_second_ground_station_is_denied_during_an_upload() -> N
 
 
 @pytest.mark.autopilots("2 requests")
-def test_legacy_float_items_are_taken_and_given() -> None:
+def test_legacy_float_items_are_accepted_and_sent() -> None:
     station = Station()
     station.count(2)
     station.send(station.item_message(0, home_item()))
@@ -127,7 +127,7 @@ def test_partial_writes_of_a_bad_range_are_refused(start: int, end: int) -> None
     assert acks(replies) == [mavlink.MAV_MISSION_ERROR]
 
 
-def test_part_of_a_list_cannot_be_asked_for() -> None:
+def test_part_of_a_list_cannot_be_requested() -> None:
     station = Station()
     assert station.upload(mission(5)) == 0
     assert station.send(mavlink.MAVLink_mission_request_partial_list_message(1, 0, 2, 4, 0)) == []

@@ -49,7 +49,7 @@ def reached(pilot: IdlePilot) -> list[int]:
     return [index for what, index in pilot.log if what == "reached"]
 
 
-def test_px4_goes_over_every_item_and_reports_it() -> None:
+def test_px4_reaches_and_reports_every_item() -> None:
     mission, pilot = px4(Item(TAKEOFF), Item(SPEED), Item(SPEED), Item(WP), Item(LAND))
     assert fly(mission, pilot) == [0, 1, 2, 3, 4]
     assert mission.index == 4
@@ -74,7 +74,7 @@ def test_px4_moves_nothing_while_disarmed_and_begins_when_armed() -> None:
     assert pilot.log == [("started", 0), ("fly", TAKEOFF)]
 
 
-def test_px4_keeps_its_place_over_a_change_of_mode_and_starts_over_only_after_the_last_item() -> None:
+def test_px4_keeps_its_index_over_a_mode_change_until_the_mission_is_complete() -> None:
     mission, pilot = px4(Item(TAKEOFF), Item(WP), Item(WP), Item(LAND))
     fly(mission, pilot, steps=4)
     assert mission.index == 2
@@ -133,7 +133,7 @@ def test_px4_waits_for_a_delay_and_a_turn() -> None:
 
 
 @pytest.mark.autopilots("2 re-upload in AUTO", "2 CLEAR_ALL", of="px4")
-def test_px4_in_flight_takes_a_new_mission_at_its_index_and_an_empty_one_ends_it() -> None:
+def test_px4_in_flight_continues_a_new_mission_and_ends_at_an_empty_one() -> None:
     mission, pilot = px4(*[Item(WP)] * 6)
     fly(mission, pilot, steps=6)
     assert mission.index == 3
@@ -157,7 +157,7 @@ def test_px4_flies_no_infeasible_mission() -> None:
 
 
 @pytest.mark.parametrize("bad", [jump(9, 1), jump(0, -1)], ids=["nowhere", "to itself"])
-def test_px4_survives_jumps_that_lead_nowhere(bad: Item) -> None:
+def test_px4_survives_invalid_jumps(bad: Item) -> None:
     mission, pilot = px4(bad, Item(WP))
     fly(mission, pilot)
     assert mission.state in (MissionState.COMPLETE, MissionState.ACTIVE)
@@ -182,7 +182,7 @@ def test_ardupilot_runs_do_commands_beside_the_next_leg_and_reports_them() -> No
     ]
 
 
-def test_ardupilot_waits_for_a_distance_and_forgets_it_at_the_next_command() -> None:
+def test_ardupilot_waits_for_a_distance_until_the_next_command() -> None:
     mission, pilot = ardupilot(Item(TAKEOFF), Item(DISTANCE, param1=20.0), Item(SPEED), Item(WP), Item(WP))
     mission.start_or_resume(pilot)
     pilot.arrived = True
@@ -195,7 +195,7 @@ def test_ardupilot_waits_for_a_distance_and_forgets_it_at_the_next_command() -> 
     assert not mission.waiting
 
 
-def test_ardupilot_begins_only_the_first_do_command_behind_the_last_leg() -> None:
+def test_ardupilot_begins_only_the_first_do_command_after_the_last_leg() -> None:
     mission, pilot = ardupilot(Item(TAKEOFF), Item(SPEED, param1=1), Item(SPEED, param1=2))
     fly(mission, pilot)
     assert [what for what in pilot.log if what[0] == "do"] == [("do", SPEED)]
@@ -272,7 +272,7 @@ def change(event: str, mission: Mission, pilot: IdlePilot, new: list[Item], inde
 
 @settings(derandomize=True, deadline=None, max_examples=examples(200))
 @given(ITEMS, ITEMS, EVENTS, st.sampled_from([px4, ardupilot]), st.integers(0, 9))
-def test_no_order_of_events_breaks_a_mission(
+def test_a_mission_stays_consistent_under_any_events(
     items: list[Item], others: list[Item], events: list[str], make: Any, index: int
 ) -> None:
     mission, pilot = make(*items)

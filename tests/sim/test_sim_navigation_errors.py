@@ -18,7 +18,7 @@ def off_m(world: World, index: int = 0) -> float:
     return math.hypot(*truth_m(world, index))
 
 
-def test_without_noise_and_drift_it_knows_exactly() -> None:
+def test_an_estimate_without_noise_and_drift_is_exact() -> None:
     world = physics_bench.world()
     body = physics_bench.copter(world)
     body.fly_to(100, 50, physics_bench.GROUND_M + 30)
@@ -50,7 +50,7 @@ def test_the_receiver_has_the_noise_and_drift_of_its_settings() -> None:
     assert estimate.std() < 1.6  # filtered: the drift stays, the noise goes
 
 
-def test_it_holds_its_place_steadily_by_a_noisy_estimate() -> None:
+def test_a_copter_with_a_noisy_estimate_holds_its_position() -> None:
     world = physics_bench.world(gps=GpsSettings())
     body = physics_bench.copter(world)
     speeds = []
@@ -60,7 +60,7 @@ def test_it_holds_its_place_steadily_by_a_noisy_estimate() -> None:
     assert body.airborne
 
 
-def test_a_glitch_is_not_believed_at_first_and_then_takes_the_vehicle_away() -> None:
+def test_a_glitch_is_rejected_at_first_and_then_moves_the_vehicle() -> None:
     world = physics_bench.world()
     body = physics_bench.copter(world)
     world.gps_offset_m[0] = (40.0, 0.0, 0.0)
@@ -85,7 +85,7 @@ def test_a_slow_glitch_is_followed() -> None:
     assert truth_m(world) == pytest.approx((0.0, -19.9), abs=0.5)
 
 
-def test_height_is_the_barometers_and_no_glitch_moves_it() -> None:
+def test_a_glitch_does_not_change_the_barometric_height() -> None:
     world = physics_bench.world()
     body = physics_bench.copter(world)
     world.gps_offset_m[0] = (0.0, 0.0, 30.0)
@@ -94,7 +94,7 @@ def test_height_is_the_barometers_and_no_glitch_moves_it() -> None:
     assert body.alt_amsl_m == pytest.approx(physics_bench.GROUND_M + 50, abs=0.1)
 
 
-def test_after_the_gps_is_lost_it_reckons_drifts_and_gives_up_its_position() -> None:
+def test_a_copter_without_gps_dead_reckons_drifts_and_loses_its_position() -> None:
     world = physics_bench.world()
     body = physics_bench.copter(world)
     body.take_events()
@@ -127,7 +127,7 @@ def test_dead_reckoning_lasts_eight_seconds() -> None:
     assert not world.position_ok[0]
 
 
-def test_estimated_and_true_places_are_those_of_the_map() -> None:
+def test_estimated_and_true_positions_agree_with_the_map() -> None:
     world = physics_bench.world()
     body = physics_bench.copter(world)
     world.gps_offset_m[0] = (3.0, 0.0, 0.0)

@@ -51,7 +51,7 @@ def test_a_bad_url_is_refused(text: str) -> None:
 
 @PROPERTY
 @given(st.text(max_size=30))
-def test_any_text_is_a_url_or_an_error_that_names_it(text: str) -> None:
+def test_any_text_is_a_url_or_an_error_with_that_text(text: str) -> None:
     try:
         url = parse_url(text)
     except UrlError as error:
@@ -108,7 +108,7 @@ def test_a_bad_home_is_refused(text: str) -> None:
         parse_home(text)
 
 
-def test_wind() -> None:
+def test_a_wind_is_parsed() -> None:
     assert parse_wind("5,270") == {"speed_m_s": 5, "from_deg": 270}
     assert parse_wind("5,270,2") == {"speed_m_s": 5, "from_deg": 270, "gust_m_s": 2}
 
@@ -202,7 +202,7 @@ def test_a_bad_line_of_a_parameter_file_is_named(tmp_path: Path) -> None:
     ]
 
 
-def test_options_on_top_of_a_scenario(tmp_path: Path) -> None:
+def test_options_override_a_scenario(tmp_path: Path) -> None:
     path = tmp_path / "two.yaml"
     path.write_text("home: {lat_deg: 46, lon_deg: 14.5}\ncount: 2\nseed: 3\nfaults: ['gps_loss:at=5']\n")
     options = FleetOptions(

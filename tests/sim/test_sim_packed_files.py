@@ -233,5 +233,5 @@ def test_the_file_tree_of_px4_has_the_metadata() -> None:
         (4_107_542_400, "2100-03-01/00_00_00.ulg"),
     ],
 )
-def test_px4s_logs_are_named_by_date_and_time(utc_s: float, name: str) -> None:
+def test_logs_of_px4_are_named_by_date_and_time(utc_s: float, name: str) -> None:
     assert px4_log_name(StoredLog(1, utc_s, utc_s, bytearray())) == name

@@ -97,7 +97,7 @@ def test_every_setting_of_a_check_is_on_the_page() -> None:
 
 
 @pytest.mark.parametrize(("fixture", "kind"), [("vehicle", Vehicle), ("clock", Clock), ("link", ServedFleet)])
-def test_every_attribute_of_a_fixture_is_on_the_page_and_has_its_help(fixture: str, kind: type) -> None:
+def test_every_fixture_attribute_is_on_the_page_and_has_its_help(fixture: str, kind: type) -> None:
     public = [name for name in vars(kind) if not name.startswith("_")]
     on_the_page = set(re.findall(rf"`{fixture}\.(\w+)", page("testing")))
     assert set(public) - on_the_page == set()

@@ -21,7 +21,7 @@ def from_centre_m(body: Body, centre_m: tuple[float, float] = (0.0, 0.0)) -> flo
     return math.hypot(body.position_m[0] - centre_m[0], body.position_m[1] - centre_m[1])
 
 
-def test_it_rolls_to_flying_speed_climbs_out_straight_and_then_circles() -> None:
+def test_a_plane_rolls_takes_off_climbs_straight_and_circles() -> None:
     world = physics_bench.world(planes=True)
     body = physics_bench.plane(world, height_m=None)
     body.loiter(0, 0, UP_M)
@@ -35,7 +35,7 @@ def test_it_rolls_to_flying_speed_climbs_out_straight_and_then_circles() -> None
     assert abs(body.position_m[2] - UP_M) <= 5
 
 
-def test_told_nothing_it_stays_on_the_ground() -> None:
+def test_a_plane_without_an_order_stays_on_the_ground() -> None:
     world = physics_bench.world(planes=True)
     body = physics_bench.plane(world, height_m=None)
     physics_bench.wait(world, 5.0)
@@ -47,7 +47,7 @@ def test_told_nothing_it_stays_on_the_ground() -> None:
     "radius_m",
     [pytest.param(60.0, marks=pytest.mark.full), -60.0, pytest.param(100.0, marks=pytest.mark.full)],
 )
-def test_it_loiters_on_a_circle_instead_of_hovering(radius_m: float) -> None:
+def test_a_plane_loiters_on_a_circle(radius_m: float) -> None:
     world = physics_bench.world(planes=True)
     body = physics_bench.plane(world)
     body.loiter(200, 100, UP_M, radius_m)
@@ -69,7 +69,7 @@ def test_it_loiters_on_a_circle_instead_of_hovering(radius_m: float) -> None:
     assert world.dynamics.attitude_rad[0, 0] == pytest.approx(bank, abs=0.02)
 
 
-def test_the_narrowest_turn_is_that_of_the_bank_limit() -> None:
+def test_the_bank_limit_sets_the_narrowest_turn() -> None:
     world = physics_bench.world(planes=True)
     body = physics_bench.plane(world)
     body.limit(bank_limit_deg=30.0)
@@ -84,7 +84,7 @@ def test_the_narrowest_turn_is_that_of_the_bank_limit() -> None:
     assert 15.0 / fastest == pytest.approx(wide_m, rel=0.02)
 
 
-def test_it_passes_a_waypoint_and_flies_on_along_the_leg() -> None:
+def test_a_plane_continues_along_the_leg_after_a_waypoint() -> None:
     world = physics_bench.world(planes=True)
     body = physics_bench.plane(world)
     body.fly_to(0, 600, UP_M)
@@ -107,7 +107,7 @@ def test_the_next_leg_begins_where_the_last_one_ended() -> None:
     assert body.position_m[1] == pytest.approx(600, abs=2.0)  # on the leg, not on a line from where it turned
 
 
-def test_ground_speed_is_airspeed_plus_wind_and_it_holds_its_track() -> None:
+def test_a_plane_in_a_crosswind_holds_its_track() -> None:
     world = physics_bench.world(planes=True, wind=WindSettings(8.0, 270.0))
     body = physics_bench.plane(world)
     body.fly_to(0, 300, UP_M)
@@ -120,7 +120,7 @@ def test_ground_speed_is_airspeed_plus_wind_and_it_holds_its_track() -> None:
     assert body.velocity_m_s[:2] == pytest.approx((0, math.sqrt(15.0**2 - 8.0**2)), abs=0.05)
 
 
-def test_a_headwind_above_its_airspeed_blows_it_back() -> None:
+def test_a_headwind_above_the_airspeed_blows_a_plane_back() -> None:
     world = physics_bench.world(planes=True)
     body = physics_bench.plane(world)
     body.fly_to(0, 5000, UP_M)
@@ -131,7 +131,7 @@ def test_a_headwind_above_its_airspeed_blows_it_back() -> None:
     assert body.airborne
 
 
-def test_its_circle_over_the_ground_stays_round_in_wind() -> None:
+def test_a_circle_over_the_ground_stays_round_in_wind() -> None:
     world = physics_bench.world(planes=True, wind=WindSettings(6.0, 300.0))
     body = physics_bench.plane(world)
     physics_bench.wait(world, 40.0)
@@ -140,7 +140,7 @@ def test_its_circle_over_the_ground_stays_round_in_wind() -> None:
     assert max(map(abs, off_m)) < 5.0
 
 
-def test_it_climbs_and_sinks_within_its_limits() -> None:
+def test_a_plane_climbs_and_sinks_within_its_limits() -> None:
     world = physics_bench.world(planes=True)
     body = physics_bench.plane(world)
     rates = []
@@ -157,7 +157,9 @@ def test_it_climbs_and_sinks_within_its_limits() -> None:
 @pytest.mark.parametrize(
     ("asked_m_s", "flown_m_s"), [pytest.param(18.0, 18.0, marks=pytest.mark.full), (40.0, 22.0), (2.0, 10.0)]
 )
-def test_it_flies_at_the_airspeed_asked_for_within_its_limits(asked_m_s: float, flown_m_s: float) -> None:
+def test_a_plane_flies_at_the_requested_airspeed_within_its_limits(
+    asked_m_s: float, flown_m_s: float
+) -> None:
     world = physics_bench.world(planes=True)
     body = physics_bench.plane(world)
     body.limit(speed_m_s=asked_m_s)
@@ -165,7 +167,7 @@ def test_it_flies_at_the_airspeed_asked_for_within_its_limits(asked_m_s: float, 
     assert world.dynamics.airspeed_m_s[0] == pytest.approx(flown_m_s, abs=1e-6)
 
 
-def test_below_the_stall_speed_it_sinks() -> None:
+def test_a_plane_below_the_stall_speed_sinks() -> None:
     world = physics_bench.world(planes=True)
     body = physics_bench.plane(world)
     body.limit(airspeed_min_m_s=4.0, speed_m_s=5.0)
@@ -184,7 +186,7 @@ def test_below_the_stall_speed_it_sinks() -> None:
         pytest.param("disarmed", marks=pytest.mark.full),
     ],
 )
-def test_without_power_it_glides_down_eight_metres_forward_for_one(cause: str) -> None:
+def test_a_plane_without_power_glides_eight_metres_forward_for_one_down(cause: str) -> None:
     world = physics_bench.world(planes=True)
     body = physics_bench.plane(world)
     body.fly_to(0, 3000, UP_M)
@@ -215,7 +217,7 @@ def test_without_power_it_glides_down_eight_metres_forward_for_one(cause: str) -
         WindSettings(5.0, 90.0, 1.0),
     ],
 )
-def test_it_lands_along_a_slope_flares_and_rolls_out(wind: WindSettings) -> None:
+def test_a_plane_lands_along_a_slope_flares_and_rolls_out(wind: WindSettings) -> None:
     world = physics_bench.world(planes=True, wind=wind)
     body = physics_bench.plane(world)
     body.fly_to(0, -600, UP_M)
@@ -256,7 +258,7 @@ def test_a_velocity_is_a_course_and_a_climb() -> None:
     assert world.dynamics.airspeed_m_s[0] == pytest.approx(15.0, abs=1e-6)
 
 
-def test_stop_circles_here() -> None:
+def test_a_stopped_plane_circles_at_its_position() -> None:
     world = physics_bench.world(planes=True)
     body = physics_bench.plane(world)
     body.fly_to(0, 2000, UP_M)

@@ -63,7 +63,7 @@ def sent_home(**params: float) -> Station:
     return station
 
 
-def test_a_return_that_lands_by_the_mission_is_home_first() -> None:
+def test_a_return_with_autoland_flies_home_first() -> None:
     station = sent_home(RTL_AUTOLAND=1.0)
     assert (station.mode, current(station)) == ("RTL", 2)
     station.until(lambda: station.mode == "AUTO", 120)
@@ -81,7 +81,7 @@ def test_a_return_may_go_to_the_landing_at_once() -> None:
 
 
 @pytest.mark.parametrize("autoland", [0.0, pytest.param(3.0, marks=pytest.mark.full)])
-def test_without_it_a_return_circles_over_home(autoland: float) -> None:
+def test_a_return_without_autoland_circles_over_home(autoland: float) -> None:
     station = sent_home(RTL_AUTOLAND=autoland)
     station.wait(100)
     assert station.mode == "RTL"
@@ -89,7 +89,7 @@ def test_without_it_a_return_circles_over_home(autoland: float) -> None:
 
 
 @pytest.mark.parametrize("way", [pytest.param(1.0, marks=pytest.mark.full), -1.0])
-def test_a_circle_is_left_at_its_altitude_and_toward_the_next_place(way: float) -> None:
+def test_a_plane_leaves_a_circle_at_its_altitude_and_toward_the_next_item(way: float) -> None:
     station = plane()
     circle = to_altitude(600, 0, 25, way * RADIUS_M)
     beyond = waypoint(600, 900, 25), waypoint(3000, 900, 25)
@@ -137,7 +137,7 @@ def landed_by_its_mission() -> Station:
 
 @pytest.mark.full
 @pytest.mark.parametrize("mode", [AUTO, GUIDED])
-def test_after_a_landing_by_its_mission_it_does_not_arm_in_that_landing(mode: int) -> None:
+def test_a_landed_plane_does_not_arm_in_its_landing_sequence(mode: int) -> None:
     station = landed_by_its_mission()
     assert current(station) == 6, "the landing stays the one that is flown"
     station.set_mode(mode)

@@ -56,7 +56,7 @@ def test_takeoff_altitude_is_above_mean_sea_level_and_hold_follows() -> None:
 
 @pytest.mark.autopilots("MAVSDK 5 takeoff", of="px4")
 @pytest.mark.parametrize("altitude_m", [NAN, 5.0])
-def test_takeoff_without_an_altitude_or_too_low_goes_to_the_parameters_height(altitude_m: float) -> None:
+def test_takeoff_without_an_altitude_or_too_low_climbs_to_mis_takeoff_alt(altitude_m: float) -> None:
     station = QuietPx4Station(params={"MIS_TAKEOFF_ALT": 8.0})
     assert station.arm() == ACCEPTED
     assert station.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, NAN, NAN, NAN, altitude_m) == ACCEPTED
@@ -66,7 +66,7 @@ def test_takeoff_without_an_altitude_or_too_low_goes_to_the_parameters_height(al
     assert raised is (altitude_m == 5.0)
 
 
-def test_armed_in_takeoff_mode_it_takes_off() -> None:
+def test_arming_in_takeoff_mode_starts_the_take_off() -> None:
     station = QuietPx4Station()
     assert station.change(AUTO, TAKEOFF) == ACCEPTED
     station.wait(5)
@@ -77,7 +77,7 @@ def test_armed_in_takeoff_mode_it_takes_off() -> None:
 
 
 @pytest.mark.autopilots("2 PX4 otherwise", of="px4")
-def test_armed_without_any_heartbeat_of_a_ground_station() -> None:
+def test_arming_and_hold_need_no_heartbeat_of_a_ground_station() -> None:
     station = QuietPx4Station()
     station.fly(10)
     station.wait(30)
@@ -100,7 +100,7 @@ def test_disarming_in_flight_is_temporarily_rejected_unless_forced() -> None:
     station.until(lambda: not station.fleet.truth().airborne[0], 20)
 
 
-def test_land_slows_down_and_disarms_two_seconds_after_touchdown() -> None:
+def test_a_landing_slows_down_and_disarms_two_seconds_after_touchdown() -> None:
     station = QuietPx4Station()
     station.fly(20)
     assert station.command(mavlink.MAV_CMD_NAV_LAND) == ACCEPTED
@@ -119,7 +119,7 @@ def test_land_slows_down_and_disarms_two_seconds_after_touchdown() -> None:
     assert station.mode == "Hold"  # the last mode it may be armed in
 
 
-def test_return_climbs_comes_home_descends_and_lands() -> None:
+def test_a_return_climbs_flies_home_descends_and_lands() -> None:
     station = QuietPx4Station()
     station.fly(12)
     there = (round((LAT_DEG + 60 * NORTH_DEG_PER_M) * E7), round(LON_DEG * E7), ALT_M + 12)
@@ -143,7 +143,7 @@ def test_return_climbs_comes_home_descends_and_lands() -> None:
         (12, 30),
     ],  # there; twice NAV_ACC_RAD; a cone of 45 deg; beyond
 )
-def test_within_rtl_min_dist_a_return_climbs_into_a_cone_only(north_m: float, highest_m: float) -> None:
+def test_a_return_within_rtl_min_dist_climbs_to_a_cone(north_m: float, highest_m: float) -> None:
     station = QuietPx4Station()
     station.fly(5)
     there = (round((LAT_DEG + north_m * NORTH_DEG_PER_M) * E7), round(LON_DEG * E7), ALT_M + 5)
@@ -157,7 +157,7 @@ def test_within_rtl_min_dist_a_return_climbs_into_a_cone_only(north_m: float, hi
     assert reached_m == pytest.approx(highest_m, abs=0.7)
 
 
-def test_a_return_waits_over_home_or_stays_there() -> None:
+def test_a_negative_rtl_land_delay_keeps_a_return_over_home() -> None:
     station = QuietPx4Station(params={"RTL_LAND_DELAY": -1.0})
     station.fly(20)
     assert station.change(AUTO, RETURN) == ACCEPTED
@@ -170,7 +170,7 @@ def test_a_return_waits_over_home_or_stays_there() -> None:
 
 
 @pytest.mark.autopilots("1.17", "MAVSDK 5 goto_location", of="px4")
-def test_reposition_as_long_is_flown_in_hold() -> None:
+def test_a_reposition_as_command_long_is_flown_in_hold() -> None:
     station = QuietPx4Station()
     station.fly(10)
     place = (LAT_DEG + 30 * NORTH_DEG_PER_M, LON_DEG, ALT_M + 20)
@@ -179,7 +179,7 @@ def test_reposition_as_long_is_flown_in_hold() -> None:
     assert station.mode == "Hold"
 
 
-def test_reposition_without_the_flag_is_unsupported_and_a_fence_keeps_it_inside() -> None:
+def test_a_reposition_needs_its_flag_and_a_target_inside_the_fence() -> None:
     station = QuietPx4Station(params={"GF_MAX_HOR_DIST": 50.0})
     station.fly(10)
     far = (LAT_DEG + 200 * NORTH_DEG_PER_M, LON_DEG, ALT_M + 10)
@@ -203,7 +203,7 @@ def test_speed_follows_the_parameter_and_the_command() -> None:
     assert station.fleet.truth().speed_m_s[0] == pytest.approx(9.0, abs=0.5)
 
 
-def test_altitude_change_holds_the_place() -> None:
+def test_a_change_of_altitude_keeps_the_position() -> None:
     station = QuietPx4Station()
     station.fly(10)
     assert station.command(mavlink.MAV_CMD_DO_CHANGE_ALTITUDE, ALT_M + 25) == ACCEPTED
@@ -211,7 +211,7 @@ def test_altitude_change_holds_the_place() -> None:
     assert away_m(station) < 2
 
 
-def test_orbit_circles_a_place() -> None:
+def test_an_orbit_circles_a_point() -> None:
     station = QuietPx4Station()
     station.fly(10)
     orbit = (20.0, 4.0, 0, NAN, LAT_DEG, LON_DEG, ALT_M + 10)
@@ -257,7 +257,7 @@ def test_offboard_needs_setpoints_first() -> None:
     )
 
 
-def test_armed_in_offboard_a_setpoint_above_takes_off() -> None:
+def test_a_setpoint_above_an_armed_copter_in_offboard_starts_the_take_off() -> None:
     station = QuietPx4Station()
     station.stream_setpoints(1.5, 0, 0, 5)
     assert station.change(OFFBOARD) == ACCEPTED
@@ -267,7 +267,7 @@ def test_armed_in_offboard_a_setpoint_above_takes_off() -> None:
 
 
 @pytest.mark.parametrize(("action", "mode"), [(0, "Return"), (4, "Land"), (5, "Hold")])
-def test_lost_setpoints_end_offboard_as_the_parameter_says(action: int, mode: str) -> None:
+def test_com_obl_rc_act_is_the_reaction_to_lost_setpoints(action: int, mode: str) -> None:
     # Without a pilot position mode (0) cannot run, and what is left is a return.
     station = QuietPx4Station(params={"COM_OBL_RC_ACT": action, "COM_OF_LOSS_T": 1.0})
     station.fly(10)
@@ -284,7 +284,7 @@ def test_lost_setpoints_end_offboard_as_the_parameter_says(action: int, mode: st
 # -- missions --------------------------------------------------------------------------------------------
 
 
-def test_a_mission_lands_where_it_says() -> None:
+def test_a_mission_lands_at_its_landing_item() -> None:
     station = QuietPx4Station()
     station.upload_and_wait([takeoff(10), waypoint(30, 0, 10), land(30, 20)])
     assert station.command(mavlink.MAV_CMD_MISSION_START) == ACCEPTED
@@ -293,7 +293,7 @@ def test_a_mission_lands_where_it_says() -> None:
 
 
 @pytest.mark.autopilots("2 pause/continue", "MAVSDK 5 hold", "MAVSDK 5 start_mission", of="px4")
-def test_hold_stops_a_mission_on_its_way() -> None:
+def test_hold_stops_a_vehicle_during_its_mission() -> None:
     station = QuietPx4Station()
     station.upload_and_wait([takeoff(10), waypoint(100, 0, 10), waypoint(100, 50, 10)])
     assert station.command(mavlink.MAV_CMD_MISSION_START) == ACCEPTED
@@ -320,7 +320,7 @@ def test_a_landing_inside_a_mission_does_not_disarm() -> None:
 # -- failsafes -------------------------------------------------------------------------------------------
 
 
-def test_a_lost_ground_station_is_answered_after_a_while_in_hold() -> None:
+def test_a_lost_ground_station_causes_a_hold_and_then_the_failsafe() -> None:
     station = QuietPx4Station(params={"COM_DL_LOSS_T": 6})
     station.fly(10)
     station.beat()
@@ -350,7 +350,7 @@ def test_a_mode_chosen_during_the_hold_takes_over() -> None:
     assert station.mode == "Mission"
 
 
-def test_a_mere_warning_during_the_hold_changes_nothing() -> None:
+def test_a_warning_during_the_hold_does_not_end_the_hold() -> None:
     station = QuietPx4Station(params={"COM_DL_LOSS_T": 2, "BAT_LOW_THR": 0.5, "BAT_CRIT_THR": 0.1})
     station.fly(10)
     station.beat()
@@ -364,7 +364,7 @@ def test_a_mere_warning_during_the_hold_changes_nothing() -> None:
 
 @pytest.mark.autopilots("2 fence use", of="px4")
 @pytest.mark.parametrize(("action", "mode"), [(1, "Mission"), (2, "Hold"), (5, "Land")])
-def test_a_fence_around_home_acts_as_the_parameter_says(action: int, mode: str) -> None:
+def test_gf_action_is_the_reaction_to_a_breach_of_the_fence_around_home(action: int, mode: str) -> None:
     station = QuietPx4Station(params={"GF_ACTION": action, "GF_MAX_HOR_DIST": 30.0, "COM_FAIL_ACT_T": 0.0})
     station.upload_and_wait([takeoff(10), waypoint(150, 0, 10), waypoint(150, 10, 10)])
     assert station.command(mavlink.MAV_CMD_MISSION_START) == ACCEPTED
@@ -374,7 +374,7 @@ def test_a_fence_around_home_acts_as_the_parameter_says(action: int, mode: str) 
     assert "Failsafe activated" in station.texts()
 
 
-def test_the_battery_has_its_stages() -> None:
+def test_each_battery_limit_has_its_reaction() -> None:
     params = {"COM_LOW_BAT_ACT": 3, "COM_FAIL_ACT_T": 0.0, "BAT1_CAPACITY": 250.0}
     station = QuietPx4Station(
         params={**params, "BAT_LOW_THR": 0.5, "BAT_CRIT_THR": 0.4, "BAT_EMERGEN_THR": 0.3}
@@ -414,7 +414,7 @@ def charge_state(station: QuietPx4Station) -> int:
     return int(station.ask(mavlink.MAVLINK_MSG_ID_BATTERY_STATUS).charge_state)
 
 
-def test_an_empty_battery_brings_down_every_flight() -> None:
+def test_an_empty_battery_ends_every_flight() -> None:
     station = QuietPx4Station(params=BATTERY)
     for _ in range(2):
         station.fly(10)
@@ -447,7 +447,7 @@ def test_the_charge_state_follows_the_battery_on_the_ground(share: float, level:
     assert charge_state(station) == mavlink.MAV_BATTERY_CHARGE_STATE_OK
 
 
-def test_a_battery_that_was_critical_when_it_armed_is_no_failsafe() -> None:
+def test_a_battery_critical_at_arming_causes_no_failsafe() -> None:
     station = QuietPx4Station(params={**BATTERY, "COM_ARM_BAT_MIN": 0.2})
     station.fleet.inject(parse_fault("battery_sag:sag_v=0,at_most=0.3"), station.now)
     station.wait(2)
@@ -499,7 +499,7 @@ def test_a_terminated_flight_stays_terminated_until_the_next_boot(terminate: Any
     assert station.heartbeat().system_status == mavlink.MAV_STATE_STANDBY
 
 
-def test_a_failsafe_that_disarms_is_no_termination() -> None:
+def test_a_disarming_failsafe_does_not_terminate() -> None:
     station = QuietPx4Station(params={"COM_DL_LOSS_T": 2, "COM_FAIL_ACT_T": 0.0})
     station.fly(20)
     station.beat()
@@ -509,7 +509,7 @@ def test_a_failsafe_that_disarms_is_no_termination() -> None:
 
 
 @pytest.mark.parametrize("rate_deg_s", [10.0, 45.0])
-def test_mpc_yawrauto_max_is_how_fast_it_turns(rate_deg_s: float) -> None:
+def test_mpc_yawrauto_max_is_the_turn_rate(rate_deg_s: float) -> None:
     station = QuietPx4Station(params={"MPC_YAWRAUTO_MAX": rate_deg_s})
     station.fly(20)
     east = (round(LAT_DEG * E7), round((LON_DEG + 0.01) * E7), ALT_M + 20)

@@ -37,7 +37,7 @@ def prearm_ok(station: Px4Station) -> bool:
 # -- boot and readiness ----------------------------------------------------------------------------------
 
 
-def test_boots_into_hold_without_non_mavlink_bytes() -> None:
+def test_px4_boots_into_hold_without_non_mavlink_bytes() -> None:
     station = Px4Station()
     station.wait(1.0)
     assert station.raw[0] == 0xFD
@@ -49,7 +49,7 @@ def test_boots_into_hold_without_non_mavlink_bytes() -> None:
 
 
 @pytest.mark.autopilots("2 PX4 otherwise", of="px4")
-def test_ready_after_36_to_38_seconds_and_until_then_temporarily_rejected() -> None:
+def test_arming_is_temporarily_rejected_for_36_to_38_seconds() -> None:
     station = Px4Station(ready_s=None)
     station.wait(36.0)
     assert not prearm_ok(station)
@@ -97,7 +97,7 @@ def test_streams_flow_without_a_request() -> None:
 
 
 @pytest.mark.autopilots("1.19", of="px4")
-def test_messages_pymavlink_does_not_know_come_as_phantoms_without_a_system_id() -> None:
+def test_messages_unknown_to_pymavlink_are_parsed_without_a_system_id() -> None:
     station = Px4Station()
     station.wait(10.0)
     phantoms = {m.get_type() for m in station.heard if m.get_type().startswith("UNKNOWN_")}
@@ -111,7 +111,7 @@ def test_the_answer_to_a_ping_is_not_answered() -> None:
     assert [m for m in replies if m.get_type() == "PING"] == []
 
 
-def test_data_streams_are_not_known() -> None:
+def test_data_streams_are_unsupported() -> None:
     station = Px4Station()
     station.wait(2.0)
     station.send(mavlink.MAVLink_request_data_stream_message(1, 1, mavlink.MAV_DATA_STREAM_ALL, 10, 1))
@@ -168,7 +168,7 @@ def test_standard_modes() -> None:
 # -- arming ----------------------------------------------------------------------------------------------
 
 
-def test_armed_on_the_ground_it_disarms_after_10_seconds() -> None:
+def test_a_vehicle_armed_on_the_ground_disarms_after_10_seconds() -> None:
     station = Px4Station()
     assert station.arm() == ACCEPTED
     assert station.heartbeat().base_mode == 29 | mavlink.MAV_MODE_FLAG_SAFETY_ARMED
@@ -179,7 +179,7 @@ def test_armed_on_the_ground_it_disarms_after_10_seconds() -> None:
     assert "Disarmed by auto preflight disarming" in station.texts()
 
 
-def test_disarm_delay_is_a_parameter() -> None:
+def test_a_negative_com_disarm_prflt_prevents_disarming() -> None:
     station = Px4Station(params={"COM_DISARM_PRFLT": -1.0})
     assert station.arm() == ACCEPTED
     station.wait(60.0)
@@ -196,7 +196,7 @@ def test_disarm_delay_is_a_parameter() -> None:
         (AUTO, MISSION, "No valid mission available"),
     ],
 )
-def test_modes_that_may_not_be_armed_in(main: int, sub: int, reason: str) -> None:
+def test_arming_is_refused_in_some_modes(main: int, sub: int, reason: str) -> None:
     station = Px4Station()
     assert station.change(main, sub) == ACCEPTED
     assert station.arm() == TEMPORARILY_REJECTED
@@ -217,7 +217,7 @@ def test_a_watched_ground_station_is_required_for_arming() -> None:
     assert station.arm() == ACCEPTED
 
 
-def test_a_reboot_of_nothing_is_accepted() -> None:
+def test_a_reboot_command_without_a_component_is_accepted() -> None:
     assert Px4Station().command(mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 0) == ACCEPTED
 
 
@@ -270,7 +270,7 @@ def test_calibration_progress_is_reported_in_texts() -> None:
 
 @settings(derandomize=True, deadline=None, max_examples=examples(30))
 @given(st.integers(-(2**31), 2**31 - 1))
-def test_every_integer_survives(number: int) -> None:
+def test_every_integer_is_stored_exactly(number: int) -> None:
     station = Px4Station()
     payload_before = len(station.raw)
     wire = struct.pack("<i", number)
@@ -309,7 +309,7 @@ def test_the_list_begins_with_a_hash_that_changes_with_the_values() -> None:
 
 @settings(derandomize=True, deadline=None, max_examples=examples(20))
 @given(st.lists(st.floats(allow_nan=True, allow_infinity=True, width=32), min_size=7, max_size=7), st.data())
-def test_no_command_breaks_the_vehicle(params: list[float], data: st.DataObject) -> None:
+def test_the_vehicle_survives_any_commands(params: list[float], data: st.DataObject) -> None:
     station = Px4Station()
     known = sorted(station.fleet.vehicles[0].personality.commands)
     for command in (*data.draw(st.lists(st.sampled_from(known), max_size=4)), 22):
@@ -350,7 +350,7 @@ def test_a_mission_without_the_required_landing_is_kept_and_not_flown() -> None:
     assert len(station.download()) == 2
 
 
-def test_a_mission_that_begins_too_far_away_is_kept_and_not_flown() -> None:
+def test_a_mission_with_a_distant_start_is_kept_and_not_flown() -> None:
     station = Px4Station()
     nowhere = {**takeoff(), "x": 0, "y": 0}  # a place of its own, where others mean "here"
     station.upload_and_wait([nowhere, waypoint(30, 0)])
@@ -387,7 +387,7 @@ def test_the_list_ends_when_a_ground_station_sends_the_hash() -> None:
     assert listed() == whole  # the next list is a new one
 
 
-def test_a_list_that_begins_again_has_no_hash() -> None:
+def test_a_repeated_list_has_no_hash() -> None:
     station = Px4Station()
     for _ in range(100):
         before = len(station.of("PARAM_VALUE"))
@@ -448,7 +448,7 @@ def _obeys(target: tuple[int, int], name: str) -> bool:
         ("setpoint", (0, 1)),
     ],
 )
-def test_a_message_is_for_whoever_it_names_and_few_are_for_all(name: str, systems: tuple[int, ...]) -> None:
+def test_px4_obeys_only_setpoints_among_messages_to_all_systems(name: str, systems: tuple[int, ...]) -> None:
     for system in (0, 1):
         assert _obeys((system, 0), name) == _obeys((system, 1), name) == (system in systems)
         if name != "origin":  # which names no component
@@ -456,7 +456,7 @@ def test_a_message_is_for_whoever_it_names_and_few_are_for_all(name: str, system
 
 
 @pytest.mark.parametrize("target", [(0, 77), (1, 0), (1, 77)])
-def test_it_introduces_itself_to_whoever_asks_all(target: tuple[int, int]) -> None:
+def test_px4_answers_a_capability_request_to_any_target(target: tuple[int, int]) -> None:
     station = Px4Station()
     ask = (mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES, 0, 1, 0, 0, 0, 0, 0, 0)
     replies = station.send(mavlink.MAVLink_command_long_message(*target, *ask))

@@ -43,7 +43,7 @@ def flying_its_mission(**params: float) -> Px4Station:
         (MISSION_EXCEPTED, HOLD, RETURN),
     ],
 )
-def test_modes_that_go_on_without_a_remote_control(excepted: int, sub: int, ends_in: int) -> None:
+def test_com_rcl_except_selects_modes_without_a_remote_control(excepted: int, sub: int, ends_in: int) -> None:
     station = flying_its_mission(COM_RCL_EXCEPT=excepted)
     assert station.change(AUTO, sub) == ACCEPTED
     inject(station, "rc_loss")
@@ -52,7 +52,7 @@ def test_modes_that_go_on_without_a_remote_control(excepted: int, sub: int, ends
 
 
 @pytest.mark.parametrize("after_s", [0.5, 3.0])
-def test_after_which_time_a_remote_control_counts_as_lost(after_s: float) -> None:
+def test_com_rc_loss_t_is_the_time_limit_of_the_remote_control(after_s: float) -> None:
     station = flying_its_mission(COM_RC_LOSS_T=after_s)
     inject(station, "rc_loss")
     station.wait(after_s - 0.3)
@@ -62,7 +62,7 @@ def test_after_which_time_a_remote_control_counts_as_lost(after_s: float) -> Non
 
 
 @pytest.mark.parametrize(("without_gps", "result"), [(1, ACCEPTED), (0, TEMPORARILY_REJECTED)])
-def test_whether_it_arms_without_a_gps_where_a_pilot_flies(without_gps: int, result: int) -> None:
+def test_com_arm_wo_gps_allows_arming_without_gps_in_a_pilot_mode(without_gps: int, result: int) -> None:
     """With stick input disabled no pilot is required."""
     station = Px4Station(params={"COM_ARM_WO_GPS": without_gps, "COM_RC_IN_MODE": 4})
     inject(station, "gps_loss")
@@ -79,7 +79,7 @@ def gps_bits(station: Px4Station) -> tuple[bool, bool]:
     return bool(bits[0] & GPS), bool(bits[1] & GPS)
 
 
-def test_its_gps_is_present_while_the_estimator_uses_it() -> None:
+def test_gps_is_present_in_sys_status_while_the_estimator_uses_gps() -> None:
     station = flying_its_mission()
     assert gps_bits(station) == (True, True)
     inject(station, "gps_loss:for=5")

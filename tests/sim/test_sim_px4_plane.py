@@ -105,7 +105,7 @@ def test_a_steeper_slope_is_flown_if_its_parameter_allows_it() -> None:
 # --- how it flies one
 
 
-def test_it_climbs_straight_on_toward_the_place_of_its_take_off() -> None:
+def test_a_plane_climbs_straight_toward_its_take_off_item() -> None:
     station = flown([up(30.0), waypoint(600, 600, 40), *HOME])
     sides: list[float] = []
 
@@ -127,7 +127,7 @@ def test_the_turn_before_a_waypoint_depends_on_the_speed_and_not_on_the_item() -
         assert 450 - place_m(station)[0] == pytest.approx(0.32 * 0.7 * 10.0 * 15.0, abs=3)
 
 
-def test_too_low_at_a_waypoint_it_circles_there_until_it_is_up() -> None:
+def test_a_plane_too_low_at_a_waypoint_circles_to_its_altitude() -> None:
     station = flown([up(), waypoint(300, 0, 120), waypoint(1500, 0, 120), *HOME], NAV_FW_ALT_RAD=10.0)
     station.until(lambda: current(station) == 1 and away_m(station, 300, 0) < 40, 60)
     station.until(lambda: current(station) == 2, 120)
@@ -135,7 +135,7 @@ def test_too_low_at_a_waypoint_it_circles_there_until_it_is_up() -> None:
     assert away_m(station, 300, 0) < 2 * RADIUS_M
 
 
-def test_it_keeps_its_height_until_it_is_on_the_circle_and_leaves_it_toward_the_landing() -> None:
+def test_a_plane_descends_on_the_circle_and_leaves_toward_the_landing() -> None:
     station = flown([up(), waypoint(300, 0, 60), *down(-100, 0)])
     station.until(lambda: current(station) == 2, 120)
     station.until(lambda: away_m(station, -350, RADIUS_M) < 150, 120)
@@ -192,7 +192,7 @@ def test_a_return_lands_by_the_mission_according_to_rtl_type(
         assert station.custom_mode == (AUTO, RETURN)
 
 
-def test_the_first_landing_of_the_list_is_the_one_a_return_goes_to() -> None:
+def test_a_return_uses_the_first_landing_of_the_list() -> None:
     """A landing at its target before DO_LAND_START takes its place (mavlink_mission.cpp)."""
     station = flown([*ROUTE, *down(900, 0), *HOME], RTL_TYPE=1)
     station.until(lambda: current(station) == 2, 120)
@@ -201,7 +201,7 @@ def test_the_first_landing_of_the_list_is_the_one_a_return_goes_to() -> None:
     assert away_m(station, 900, 0) < 120
 
 
-def test_below_the_height_to_return_at_it_climbs_where_it_is() -> None:
+def test_a_plane_below_its_return_altitude_climbs_at_its_position() -> None:
     station = flown([*ROUTE, *HOME], RTL_RETURN_ALT=80.0)
     station.until(lambda: current(station) == 2, 120)
     before = place_m(station)
@@ -210,7 +210,7 @@ def test_below_the_height_to_return_at_it_climbs_where_it_is() -> None:
     assert math.dist(place_m(station), before) < 3 * RADIUS_M
 
 
-def test_rally_points_that_are_nearer_take_the_place_of_the_landing() -> None:
+def test_a_nearer_rally_point_replaces_the_landing_of_a_return() -> None:
     station = plane(RTL_TYPE=1)
     station.upload_and_wait([*ROUTE, *HOME])
     rally = item(mavlink.MAV_CMD_NAV_RALLY_POINT, 900, 0, 40)
@@ -237,7 +237,7 @@ def test_rally_points_that_are_nearer_take_the_place_of_the_landing() -> None:
         [*ROUTE, land_start(), order(mavlink.MAV_CMD_NAV_LAND) | {"frame": 6}],
     ],
 )
-def test_a_landing_without_a_place_is_none_to_return_to(items: list[dict[str, Any]], kind: int) -> None:
+def test_a_return_ignores_a_landing_without_a_position(items: list[dict[str, Any]], kind: int) -> None:
     station = flown(items, RTL_TYPE=kind)
     station.until(lambda: current(station) == 2, 120)
     assert station.change(AUTO, RETURN) == 0
@@ -247,7 +247,7 @@ def test_a_landing_without_a_place_is_none_to_return_to(items: list[dict[str, An
 
 
 @pytest.mark.full
-def test_along_its_mission_it_flies_on_from_where_it_is() -> None:
+def test_a_return_along_the_mission_begins_at_the_current_item() -> None:
     station = flown([*ROUTE, waypoint(600, 600, 40), *HOME], RTL_TYPE=2)
     station.until(lambda: current(station) == 1 and place_m(station)[0] > 300, 120)
     assert station.change(AUTO, RETURN) == 0
@@ -268,7 +268,7 @@ def test_a_return_does_not_interrupt_a_landing() -> None:
     assert away_m(station, 0, 0) < 60
 
 
-def test_told_to_land_it_circles_down_where_it_is() -> None:
+def test_a_plane_in_land_mode_circles_down_at_its_position() -> None:
     station = flown([*ROUTE, *HOME])
     station.until(lambda: current(station) == 2, 120)
     before = place_m(station)
@@ -277,7 +277,7 @@ def test_told_to_land_it_circles_down_where_it_is() -> None:
     assert math.dist(place_m(station), before) < 3 * RADIUS_M
 
 
-def test_told_to_start_its_landing_on_the_ground_it_arms() -> None:
+def test_do_land_start_on_the_ground_arms_the_plane() -> None:
     """A ground station should therefore check before it commands this."""
     station = plane()
     station.upload_and_wait([*ROUTE, *HOME])

@@ -18,7 +18,7 @@ ONLY_PX4 = {
 
 
 @pytest.mark.parametrize("message_id", sorted(ONLY_PX4))
-def test_it_comes_at_the_rate_asked_for(message_id: int) -> None:
+def test_a_message_of_px4_has_the_requested_rate(message_id: int) -> None:
     station = Px4Station()
     station.stream(message_id, hz=5)
     assert len([m for m in station.wait(10) if m.get_msgId() == message_id]) == pytest.approx(50, abs=1)
@@ -30,7 +30,7 @@ def test_a_distance_sensor_can_be_requested_and_an_unknown_message_cannot() -> N
     assert station.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, 140, 1e5) == FAILED  # until 1.13
 
 
-def test_flight_information_counts_flights_and_knows_when_this_one_began() -> None:
+def test_flight_information_has_the_count_and_the_start_of_flights() -> None:
     station = Px4Station()
     station.wait(5)
     before = station.ask(FLIGHT_INFORMATION)
@@ -47,7 +47,7 @@ def test_flight_information_counts_flights_and_knows_when_this_one_began() -> No
     assert after.flight_uuid == before.flight_uuid + 1
 
 
-def test_ground_truth_and_odometry_agree_with_where_the_vehicle_is() -> None:
+def test_ground_truth_and_odometry_agree_with_the_true_position() -> None:
     station = Px4Station()
     station.fly(15)
     station.wait(10)
@@ -68,14 +68,14 @@ def test_ground_truth_and_odometry_agree_with_where_the_vehicle_is() -> None:
     assert all(1100 < pulse < 1900 for pulse in outputs.actuator[:4])
 
 
-def test_home_is_set_with_the_position_so_that_whoever_waits_for_it_may_arm() -> None:
+def test_home_is_set_with_the_position_and_arming_is_possible() -> None:
     station = Px4Station(ready_s=None)
     station.until(lambda: bool(station.of("HOME_POSITION")), 60)
     assert station.now == pytest.approx(37, abs=1)
     assert station.arm() == ACCEPTED
 
 
-def test_its_receiver_reports_a_3d_fix() -> None:
+def test_the_receiver_of_px4_reports_a_3d_fix() -> None:
     station = Px4Station()
     station.wait(1)
     assert station.ask(mavlink.MAVLINK_MSG_ID_GPS_RAW_INT).fix_type == mavlink.GPS_FIX_TYPE_3D_FIX
@@ -103,7 +103,7 @@ def test_the_origin_moves_and_local_coordinates_with_it() -> None:
     assert (home.x, home.z) == pytest.approx((-111.2, -10), abs=1)
 
 
-def test_ardupilot_takes_an_origin_only_while_it_has_none() -> None:
+def test_ardupilot_accepts_only_the_first_origin() -> None:
     station = Station(ready_s=41.0)
     station.wait(5)
     assert set_origin(station) == [round((LAT_DEG + 0.001) * 1e7)]

@@ -152,7 +152,7 @@ def test_a_failed_run_exits_with_1_and_its_command_repeats_it(hop: Path, tmp_pat
         assert (tmp_path / "first/hop" / name).read_bytes() == (tmp_path / "again/hop" / name).read_bytes()
 
 
-def test_several_scenarios_fail_if_one_does(hop: Path, tmp_path: Path) -> None:
+def test_one_failed_scenario_fails_the_run(hop: Path, tmp_path: Path) -> None:
     hop.write_text(HOVER)
     bad = tmp_path / "low.yaml"
     bad.write_text(HOVER.replace("max_height_m: 12", "max_height_m: 1"))
@@ -211,7 +211,7 @@ def test_speedup_paces_the_run(hop: Path, tmp_path: Path) -> None:
 # -- tlogs -----------------------------------------------------------------------------------------------
 
 
-def test_a_tlog_is_read_by_mavutil(hop: Path, tmp_path: Path) -> None:
+def test_mavutil_reads_a_tlog(hop: Path, tmp_path: Path) -> None:
     hop.write_text(HOVER + "faults: [sik_radio]\n")
     invoke(hop, "--out", tmp_path / "out")
     log = mavutil.mavlink_connection(str(tmp_path / "out/hop/vehicle-1.tlog"))
@@ -230,7 +230,7 @@ def test_a_tlog_is_read_by_mavutil(hop: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.interop
-def test_a_tlog_is_read_by_mavlogdump(hop: Path, tmp_path: Path) -> None:
+def test_mavlogdump_reads_a_tlog(hop: Path, tmp_path: Path) -> None:
     hop.write_text(HOVER)
     invoke(hop, "--out", tmp_path / "out")
     tool = Path(sys.executable).parent / "mavlogdump.py"

@@ -181,7 +181,7 @@ vehicles:
         assert spec.goal_m() == (30, 40)
 
 
-def test_faults_are_written_as_on_the_command_line_or_by_their_fields(tmp_path: Path) -> None:
+def test_a_fault_is_a_command_line_text_or_a_mapping(tmp_path: Path) -> None:
     scenario = from_yaml(
         tmp_path,
         HOME
@@ -216,7 +216,7 @@ faults: ["gps_loss:at=3"]
 # -- YAML: errors ----------------------------------------------------------------------------------------
 
 
-def test_all_mistakes_are_reported_at_once_with_line_and_cure(tmp_path: Path) -> None:
+def test_all_mistakes_are_reported_at_once_with_line_and_correction(tmp_path: Path) -> None:
     lines = refused(
         tmp_path,
         HOME
@@ -360,7 +360,7 @@ def test_a_served_fleet_accepts_late_faults() -> None:
     assert late.faults[0].at_s > late.until_s
 
 
-def test_the_goal_is_the_last_place_that_the_mission_flies_to(tmp_path: Path) -> None:
+def test_the_goal_is_the_last_position_of_the_mission(tmp_path: Path) -> None:
     scenario = from_yaml(
         tmp_path,
         HOME

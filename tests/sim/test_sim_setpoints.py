@@ -63,7 +63,7 @@ BOTH = pytest.mark.parametrize("flying", [ardupilot, px4])
 
 
 @BOTH
-def test_an_attitude_is_flown_and_accelerates_by_its_lean(flying: Callable[[], Station]) -> None:
+def test_an_attitude_accelerates_a_copter_by_its_tilt(flying: Callable[[], Station]) -> None:
     station = flying()
     hold(station, attitude(0, 0, 0), 4)
     hold(station, attitude(0, -10, 0), 3)
@@ -99,7 +99,7 @@ def test_thrust_above_hovering_climbs_and_below_sinks(flying: Callable[[], Stati
 
 
 @BOTH
-def test_body_rates_turn_the_vehicle_and_lean_it(flying: Callable[[], Station]) -> None:
+def test_body_rates_turn_and_tilt_the_vehicle(flying: Callable[[], Station]) -> None:
     station = flying()
     hold(station, attitude(0, 0, 0), 4)
     hold(station, rates(0, 0, 30), 2)
@@ -122,7 +122,7 @@ def test_an_acceleration_is_flown(flying: Callable[[], Station]) -> None:
     assert station.ask(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT).vz / 100 == pytest.approx(-1.0, abs=0.3)
 
 
-def test_an_attitude_setpoint_without_a_successor_expires_and_the_vehicle_stops() -> None:
+def test_a_vehicle_stops_after_its_last_attitude_setpoint() -> None:
     station = ardupilot()
     hold(station, attitude(0, -10, 0), 3)
     station.wait(12)
@@ -150,7 +150,7 @@ def test_an_invalid_setpoint_changes_nothing(message: Any) -> None:
     assert station.mode == "GUIDED"
 
 
-def test_a_plane_turns_toward_a_lean() -> None:
+def test_a_plane_turns_toward_its_roll() -> None:
     """A roll to the right turns a plane to the right."""
     station = QuietPx4Station("plane")
     assert station.arm() == 0

@@ -37,7 +37,7 @@ def packed(message: mavlink.MAVLink_message, codec: mavlink.MAVLink | None = Non
     return bytes(message.pack(codec or station(None), **kwargs))
 
 
-def test_without_a_key_all_passes_as_it_is() -> None:
+def test_frames_pass_unchanged_without_a_key() -> None:
     signing = Signing()
     frame = packed(attitude())
     assert signing.sign(frame, 0, 1.0) == frame
@@ -71,7 +71,7 @@ def test_longest_and_shortest_frames_are_signed() -> None:
         assert heard.get_signed()
 
 
-def test_another_key_is_not_believed() -> None:
+def test_a_frame_of_another_key_is_refused() -> None:
     signed = keyed().sign(packed(attitude()), 0, 1.0)
     assert [m.get_type() for m in station(bytes(32)).parse_buffer(signed)] == ["BAD_DATA"]
     assert not keyed().accepts(packed(attitude(), station(bytes(31) + b"x")), 1.0)
@@ -99,7 +99,7 @@ def test_signed_frames_are_accepted_once() -> None:
     assert signing.refused == 1
 
 
-def test_an_older_frame_of_a_stream_is_refused_and_another_stream_has_its_own_time() -> None:
+def test_each_stream_refuses_its_older_frames() -> None:
     signing = keyed()
     early = packed(attitude(), station(timestamp=START + 100))
     late = packed(attitude(), station(timestamp=START + 200))
@@ -126,14 +126,14 @@ def test_a_forged_frame_does_not_move_the_clock_of_its_stream() -> None:
 
 @settings(derandomize=True, deadline=None, max_examples=examples(100))
 @given(st.integers(0, 10_000), st.integers(1, 255))
-def test_no_changed_byte_goes_unnoticed(place: int, change: int) -> None:
+def test_a_frame_with_a_changed_byte_is_refused(place: int, change: int) -> None:
     frame = bytearray(packed(attitude(), station()))
     place %= len(frame) - 1
     frame[1 + place] ^= change
     assert not keyed().accepts(bytes(frame), 0.0)
 
 
-def test_unsigned_is_refused_but_for_the_radios_report() -> None:
+def test_an_unsigned_frame_is_refused_except_radio_status() -> None:
     signing = keyed()
     assert not signing.accepts(packed(attitude()), 0.0)
     assert not signing.accepts(packed(attitude(), force_mavlink1=True), 0.0)
@@ -146,7 +146,7 @@ def setup_message(key: bytes = KEY, timestamp: int = START) -> mavlink.MAVLink_s
     return mavlink.MAVLink_setup_signing_message(1, 1, list(key), timestamp)
 
 
-def test_a_key_is_set_up_over_the_wire_and_taken_away_again() -> None:
+def test_a_key_is_set_and_removed_by_messages() -> None:
     signing = Signing()
     (message,) = station(None).parse_buffer(packed(setup_message()))
     assert signing.set_up(message, 3.0, armed=False)
@@ -167,7 +167,7 @@ def test_a_reboot_keeps_the_key_and_forgets_the_streams() -> None:
     assert signing.accepts(frame, 0.0)
 
 
-def test_more_streams_than_there_is_room_for_are_refused() -> None:
+def test_streams_above_the_limit_are_refused() -> None:
     signing = keyed()
     accepted = [signing.accepts(packed(attitude(), station(link_id=i)), 0.0) for i in range(20)]
     assert accepted == [True] * 16 + [False] * 4

@@ -104,7 +104,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Ground, list[Any]]:
 
 
 @pytest.mark.autopilots("MAVSDK 5 log_files")
-def test_the_log_shows_the_flight_that_telemetry_showed(flown: tuple[Ground, list[Any]]) -> None:
+def test_positions_in_the_log_agree_with_telemetry(flown: tuple[Ground, list[Any]]) -> None:
     station, messages = flown
     told = {m.time_boot_ms: m for m in station.of("GLOBAL_POSITION_INT")}
     compared = 0
@@ -119,7 +119,7 @@ def test_the_log_shows_the_flight_that_telemetry_showed(flown: tuple[Ground, lis
     assert max(m.RelHomeAlt for m in of(messages, "POS")) == pytest.approx(15.0, abs=1.0)
 
 
-def test_the_log_tells_the_story_of_the_flight(flown: tuple[Ground, list[Any]]) -> None:
+def test_the_log_has_texts_events_modes_and_items_of_the_flight(flown: tuple[Ground, list[Any]]) -> None:
     station, messages = flown
     texts = [m.Message for m in of(messages, "MSG")]
     assert texts[0].startswith("ArduCopter V4.6.2")
@@ -151,7 +151,7 @@ def test_each_flight_is_a_log_and_they_can_be_erased() -> None:
     assert [m.num_logs for m in station.log_list()] == [0]
 
 
-def test_ardupilot_wants_to_be_disarmed_for_a_download() -> None:
+def test_ardupilot_refuses_a_download_while_armed() -> None:
     station = Ground(fleet())
     station.fly(10.0)
     assert station.log_list() == []
@@ -188,7 +188,7 @@ def test_a_reboot_ends_the_log_and_keeps_it(tmp_path: Path) -> None:
     assert len(station.log(entry.id)) == entry.size > 0
 
 
-def test_the_parameters_come_as_a_file() -> None:
+def test_the_parameters_are_downloaded_as_a_file() -> None:
     station = Ground(fleet(params={"RTL_ALT": 3000}))
     data = mavftp.MAVFTP.ftp_param_decode(station.file(b"@PARAM/param.pck?withdefaults=1"))
     assert data is not None
@@ -199,7 +199,7 @@ def test_the_parameters_come_as_a_file() -> None:
     assert any(text.startswith("ArduCopter V4.6.2") for text in station.texts())
 
 
-def test_a_mission_put_as_a_file_is_the_mission() -> None:
+def test_a_mission_is_uploaded_as_a_file() -> None:
     station = Ground(fleet())
     assert station.upload([home_item(), takeoff(), waypoint(10, 10)]) == 0
     content = station.file(b"@MISSION/mission.dat")
@@ -209,7 +209,7 @@ def test_a_mission_put_as_a_file_is_the_mission() -> None:
     assert [m.command for m in station.download()] == [16, 22, 16, 16]
 
 
-def test_a_refused_mission_is_refused_as_a_file_too() -> None:
+def test_an_invalid_mission_is_refused_as_a_file() -> None:
     station = Ground(fleet())
     assert station.upload([home_item(), takeoff(), waypoint(10, 10)]) == 0
     content = station.file(b"@MISSION/mission.dat")
@@ -238,7 +238,7 @@ def test_px4_logs_from_the_boot_to_the_first_disarming_and_then_each_flight() ->
         assert name in content
 
 
-def test_px4s_logs_are_files_by_day_and_time() -> None:
+def test_logs_of_px4_are_files_by_day_and_time() -> None:
     station = px4()
     (day,) = [
         line
@@ -258,7 +258,7 @@ def test_only_ardupilot_serves_files_to_any_component(personality: str, answers:
     assert sum(m.get_type() == "FILE_TRANSFER_PROTOCOL" for m in replies) == answers
 
 
-def test_px4s_metadata_is_found_and_describes_its_parameters() -> None:
+def test_the_metadata_of_px4_describes_its_parameters() -> None:
     station = px4()
     request = mavlink.MAVLink_command_long_message(
         1, 1, mavlink.MAV_CMD_REQUEST_MESSAGE, 0, 397, 0, 0, 0, 0, 0, 0

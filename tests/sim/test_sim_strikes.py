@@ -19,9 +19,7 @@ ENTRIES = 4000
     ("cell", "strength"),
     [((2, 2), 0.6), ((2, 3), 0.3), ((1, 2), 0.3), ((3, 3), 0.1), ((1, 1), 0.1), ((2, 4), 0.0), ((4, 2), 0.0)],
 )
-def test_the_share_of_entries_that_are_struck_is_the_firing_strength(
-    cell: tuple[int, int], strength: float
-) -> None:
+def test_the_share_of_struck_entries_is_the_firing_strength(cell: tuple[int, int], strength: float) -> None:
     # Eq. 1, within four standard deviations of the binomial
     threats = Threats(5, 5, 50.0, STRENGTH, [(2, 2)])
     rng = np.random.default_rng(11)
@@ -30,14 +28,14 @@ def test_the_share_of_entries_that_are_struck_is_the_firing_strength(
     assert abs(hits - ENTRIES * strength) <= 4 * deviation
 
 
-def test_every_hostile_in_reach_draws_for_itself() -> None:
+def test_every_hostile_in_reach_fires_independently() -> None:
     threats = Threats(3, 3, 50.0, (1.0, 0.9, 0.8), [(r, c) for r in range(3) for c in range(3)])
     rng = np.random.default_rng(5)
     hits = [len(threats.fire(4, rng)) for _ in range(500)]
     assert np.mean(hits) == pytest.approx(1 + 4 * 0.9 + 4 * 0.8, abs=0.2)
 
 
-def test_cells_grow_north_and_east_from_the_south_west_corner() -> None:
+def test_cells_count_north_and_east_from_the_south_west_corner() -> None:
     threats = Threats(3, 4, 50.0, STRENGTH, [])
     places = np.array([[0.0, 0, 9], [199.9, 0, 9], [0, 149.9, 9], [60, 110, 9], [-0.1, 5, 9], [5, 150.0, 9]])
     cells = threats.cells(places).tolist()

@@ -49,7 +49,7 @@ def test_without_a_request_there_are_no_streams() -> None:
 
 @pytest.mark.autopilots("1.1")
 @pytest.mark.parametrize("message_id", sorted(ASKED_FOR))
-def test_each_message_comes_at_the_rate_asked_for_and_stops(message_id: int) -> None:
+def test_each_message_has_the_requested_rate_and_can_be_stopped(message_id: int) -> None:
     station = Station()
     station.stream(message_id, hz=5)
     rate = [m for m in station.wait(10) if m.get_msgId() == message_id]
@@ -156,7 +156,7 @@ def flight_bytes(step_s: float, seed: int = 1) -> list[tuple[int, bytes]]:
     return out
 
 
-def test_two_equal_runs_give_the_same_bytes_however_often_they_are_stepped() -> None:
+def test_equal_runs_give_equal_bytes_with_any_step() -> None:
     once = flight_bytes(0.1)
     assert flight_bytes(0.02) == once
     assert flight_bytes(1.0) == once
@@ -164,7 +164,7 @@ def test_two_equal_runs_give_the_same_bytes_however_often_they_are_stepped() -> 
     assert any(b"STRIKE" in frame for _, frame in once)
 
 
-def test_strikes_that_were_stopped_do_not_come_back_with_another_stream() -> None:
+def test_stopped_strike_messages_stay_stopped_with_another_stream() -> None:
     area = {"origin_lat_deg": LAT_DEG, "origin_lon_deg": LON_DEG, "rows": 3, "cols": 3, "cell_size_m": 50.0}
     extra = {"area": area, "firing_strength": (1.0, 0.5, 0.1), "hostiles": [[0, 0]]}
     station = Station(Fleet(scenario(**extra), ready_s=0))

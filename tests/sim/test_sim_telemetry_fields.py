@@ -227,7 +227,9 @@ def test_a_field_equals_the_true_value(
 
 
 @pytest.mark.parametrize("personality", BOTH)
-def test_the_flight_shows_signs_and_units(flights: dict[str, Flight], personality: str) -> None:
+def test_values_of_the_flight_distinguish_signs_and_units(
+    flights: dict[str, Flight], personality: str
+) -> None:
     facts = flights[personality].facts
     assert facts.north_m_s > 2
     assert facts.east_m_s < -1
@@ -247,7 +249,7 @@ def _tells(station: Station, message_id: int) -> bool:
 
 
 @pytest.mark.parametrize("personality", BOTH)
-def test_there_is_no_target_on_the_ground(personality: str) -> None:
+def test_a_vehicle_on_the_ground_reports_no_target(personality: str) -> None:
     station = Station(_fleet(personality))
     station.wait(1)
     assert not _tells(station, GLOBAL_TARGET)
@@ -259,7 +261,7 @@ def test_there_is_no_target_on_the_ground(personality: str) -> None:
         assert (told.type_mask, told.x, told.y, told.z, told.vx) == (0x0C07, 0, 0, 0, 0)
 
 
-def test_ardupilot_tells_of_a_target_in_modes_that_have_one() -> None:
+def test_ardupilot_reports_a_target_in_modes_with_a_target() -> None:
     station = Station(_fleet("ardupilot"))
     station.fly_mission([takeoff(), waypoint(60, 0), land(60, 0)])
     station.wait(2)
@@ -298,7 +300,7 @@ def test_a_velocity_setpoint_is_the_local_target(personality: str) -> None:
     assert not _tells(station, GLOBAL_TARGET)
 
 
-def test_px4_holds_a_place_that_it_tells() -> None:
+def test_px4_reports_the_position_of_its_hold() -> None:
     station = Station(_fleet("px4"))
     _take_off(station, "px4")
     station.wait(10)
@@ -308,7 +310,7 @@ def test_px4_holds_a_place_that_it_tells() -> None:
 
 
 @pytest.mark.parametrize(("personality", "mask"), [("ardupilot", None), ("px4", POSITION_ONLY)])
-def test_a_plane_tells_of_its_next_place(personality: str, mask: int | None) -> None:
+def test_a_plane_reports_its_next_position(personality: str, mask: int | None) -> None:
     station = Station(_fleet(personality, "plane", wind_m_s=0.0))
     assert not _tells(station, GLOBAL_TARGET)  # in MANUAL, or on the ground
     if personality == "ardupilot":

@@ -125,7 +125,7 @@ def test_a_wrong_fence_is_refused_at_the_end_and_the_old_one_kept(
     assert len(bench.download(FENCE)) == 4
 
 
-def test_a_polygon_that_changes_its_kind_or_count_on_the_way_is_refused() -> None:
+def test_a_polygon_with_mixed_kinds_or_counts_is_refused() -> None:
     bench = ardupilot()
     mixed = square()
     mixed[2] |= {"command": EXCLUDED}
@@ -188,7 +188,7 @@ def test_part_of_a_fence_can_be_replaced() -> None:
     assert results(bench.item(fields(4, POLYGON, param1=4.0), FENCE)) == [INVALID_SEQUENCE]
 
 
-def test_reading_beyond_the_fence() -> None:
+def test_an_item_beyond_the_fence_cannot_be_read() -> None:
     bench = ardupilot()
     bench.upload(square(), FENCE)
     assert results(bench.read(4, FENCE)) == [ERROR]
@@ -243,7 +243,7 @@ def test_refused_rally_points(sent: dict[str, Any], result: int) -> None:
     assert bench.upload([fields(0, **({"command": RALLY_POINT} | sent))], RALLY) == result
 
 
-def test_rally_points_are_not_atomic_and_limited() -> None:
+def test_rally_uploads_are_limited_and_not_atomic() -> None:
     bench = ardupilot()
     points = [fields(seq, RALLY_POINT) for seq in range(4)]
     bench.upload(points, RALLY)
@@ -261,7 +261,7 @@ def test_rally_points_are_not_atomic_and_limited() -> None:
 
 @pytest.mark.autopilots("2 types 2 / 3 / 255")
 @pytest.mark.parametrize("kind", [3, 4, 255])
-def test_other_types_are_unsupported_and_nothing_is_cleared(kind: int) -> None:
+def test_unknown_mission_types_are_unsupported_and_clear_nothing(kind: int) -> None:
     bench = ardupilot()
     for upload, of_kind in ((waypoints(3), MISSION), (square(), FENCE), ([fields(0, RALLY_POINT)], RALLY)):
         assert bench.upload(upload, of_kind) == ACCEPTED
@@ -270,7 +270,7 @@ def test_other_types_are_unsupported_and_nothing_is_cleared(kind: int) -> None:
     assert [len(bench.download(of_kind)) for of_kind in (MISSION, FENCE, RALLY)] == [3, 4, 1]
 
 
-def test_the_next_deadline_is_that_of_whoever_waits() -> None:
+def test_the_next_deadline_is_the_earliest_of_the_uploads() -> None:
     bench = ardupilot()
     assert bench.machine.next_deadline_s == math.inf
     bench.count(3)
@@ -284,7 +284,7 @@ def test_the_next_deadline_is_that_of_whoever_waits() -> None:
     assert bench.machine.next_deadline_s == math.inf
 
 
-def test_a_request_lost_on_the_way_is_made_again_on_a_repeated_count() -> None:
+def test_a_lost_request_is_repeated_on_a_repeated_count() -> None:
     bench = ardupilot()
     bench.count(3)
     bench.item(fields(0))
@@ -292,7 +292,7 @@ def test_a_request_lost_on_the_way_is_made_again_on_a_repeated_count() -> None:
     assert requests(bench.item(fields(0))) == [1]
 
 
-def test_an_item_with_current_2_is_where_to_go_now() -> None:
+def test_an_item_with_current_2_is_a_guided_target() -> None:
     bench = ardupilot()
     assert results(bench.item(fields(0, current=2))) == [ERROR]
     bench.pilot.armed = True
@@ -315,7 +315,7 @@ def test_a_refused_mission() -> None:
     assert bench.calls[-1] == ("stored", MISSION, 3)
 
 
-def test_this_autopilot_keeps_no_ids() -> None:
+def test_ardupilot_has_no_mission_ids() -> None:
     bench = ardupilot()
     bench.upload(waypoints(3))
     assert bench.machine.ids == (0, 0, 0)

@@ -128,7 +128,7 @@ def test_px4_never_stores_part_of_a_list(script: list[Any]) -> None:
 @pytest.mark.parametrize("make", [ardupilot, px4], ids=["ardupilot", "px4"])
 @settings(derandomize=True, deadline=None, max_examples=examples(60))
 @given(lost=st.lists(st.booleans(), max_size=40))
-def test_an_upload_over_a_link_with_losses_ends_in_the_whole_mission(make: Any, lost: list[bool]) -> None:
+def test_an_upload_over_a_lossy_link_stores_the_whole_mission(make: Any, lost: list[bool]) -> None:
     """A station that repeats the count until it is requested, and answers every request, succeeds."""
     bench: Bench = make()
     losses = iter(lost)

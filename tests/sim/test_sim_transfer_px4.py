@@ -31,7 +31,7 @@ ACCEPTED, ERROR = 0, 1
 
 
 @pytest.mark.autopilots("2 requests", of="px4")
-def test_the_very_first_request_is_a_legacy_one_and_then_int() -> None:
+def test_the_first_request_is_a_legacy_one() -> None:
     bench = px4()
     assert kinds(bench.count(3)) == ["MISSION_REQUEST"]
     assert kinds(bench.item(fields(0))) == ["MISSION_REQUEST_INT"]
@@ -64,7 +64,7 @@ def test_the_same_mission_again_changes_nothing() -> None:
 
 
 @pytest.mark.autopilots("2 abandoned upload", of="px4")
-def test_an_abandoned_upload_is_asked_for_every_quarter_second_and_dropped_without_an_ack() -> None:
+def test_an_abandoned_upload_is_requested_every_250_ms_and_ends_without_an_ack() -> None:
     bench = px4()
     bench.count(4)
     bench.item(fields(0))
@@ -91,7 +91,7 @@ def test_a_download_during_an_upload_gets_no_answer() -> None:
 
 
 @pytest.mark.autopilots("2 second GCS / download during upload", of="px4")
-def test_another_count_during_an_upload_is_an_error_but_at_item_0_the_old_count_stays() -> None:
+def test_another_count_during_an_upload_is_an_error_except_at_item_0() -> None:
     bench = px4()
     bench.count(4)
     assert requests(bench.count(2)) == [0]
@@ -122,7 +122,7 @@ def test_counts_beyond_the_storage_are_refused() -> None:
 
 
 @pytest.mark.autopilots("2 read-back", of="px4")
-def test_no_altitude_autocontinue_and_places_of_commands_are_kept() -> None:
+def test_a_nan_altitude_autocontinue_and_coordinates_are_kept() -> None:
     bench = px4()
     sent = [
         fields(0, frame=3, z=math.nan),
@@ -179,7 +179,7 @@ def test_rally_points_are_kept_with_their_frame() -> None:
 
 
 @pytest.mark.autopilots("2 types 2 / 3 / 255", of="px4")
-def test_clear_all_clears_all() -> None:
+def test_clear_all_clears_every_list() -> None:
     bench = px4()
     bench.upload(waypoints(3))
     bench.upload(square(), FENCE)
@@ -198,7 +198,7 @@ def test_a_mission_count_of_0_leaves_the_fence() -> None:
     assert len(bench.download(FENCE)) == 4
 
 
-def test_the_opaque_id_in_the_ack_is_the_one_of_the_download_and_of_the_lists() -> None:
+def test_ack_and_count_have_the_same_opaque_id() -> None:
     bench = px4()
     bench.count(2)
     bench.item(fields(0))
@@ -214,7 +214,7 @@ def test_the_opaque_id_in_the_ack_is_the_one_of_the_download_and_of_the_lists() 
     assert count[10:-2] == struct.pack("<HBBB", 2, 255, 190, 0) + struct.pack("<I", mission_id)
 
 
-def test_equal_lists_have_equal_ids_and_others_do_not() -> None:
+def test_equal_lists_have_equal_ids_and_different_lists_do_not() -> None:
     one, two, three = px4(), px4(), px4()
     one.upload(waypoints(4))
     two.upload(waypoints(4))
@@ -239,7 +239,7 @@ def test_a_download_asks_in_order_and_an_unexpected_request_ends_it() -> None:
     assert bench.read(0) == []  # no transfer: silence
 
 
-def test_a_stranger_is_rejected_with_a_text() -> None:
+def test_a_second_ground_station_is_rejected_with_a_text() -> None:
     bench = px4()
     bench.count(2)
     assert bench.item(fields(0), peer=OTHER) == []
@@ -272,7 +272,7 @@ def test_an_item_of_another_list_is_an_error_and_the_upload_continues() -> None:
     assert bench.upload(square()) == ERROR  # vertices are not for a mission
 
 
-def test_legacy_items_are_taken_and_given() -> None:
+def test_legacy_items_are_accepted_and_sent() -> None:
     bench = px4()
     bench.count(1)
     legacy = mavlink.MAVLink_mission_item_message(1, 1, 0, 3, 16, 0, 1, 0, 0, 0, 0, 46.05, 14.51, 12.0, 0)
@@ -283,7 +283,7 @@ def test_legacy_items_are_taken_and_given() -> None:
     assert (got.x, got.y, got.z) == pytest.approx((46.05, 14.51, 12.0), abs=1e-5)
 
 
-def test_only_messages_to_this_autopilot_are_for_it() -> None:
+def test_messages_to_another_autopilot_are_ignored() -> None:
     bench = px4()
     for system, component in ((0, 0), (2, 1), (1, 154)):
         assert bench.send(mavlink.MAVLink_mission_count_message(system, component, 2, 0)) == []

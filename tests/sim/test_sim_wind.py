@@ -10,14 +10,14 @@ from sim_vehicle.physics.wind import GUST_TIME_S, WindSettings
 @pytest.mark.parametrize(
     ("from_deg", "east_north"), [(0.0, (0, -7)), (90.0, (-7, 0)), (180.0, (0, 7)), (270.0, (7, 0))]
 )
-def test_it_blows_away_from_where_it_comes(from_deg: float, east_north: tuple[float, float]) -> None:
+def test_wind_blows_away_from_its_direction(from_deg: float, east_north: tuple[float, float]) -> None:
     world = physics_bench.world(2, wind=WindSettings(7.0, from_deg))
     assert world.wind_m_s == pytest.approx(np.array([(*east_north, 0)] * 2), abs=1e-9)
     physics_bench.wait(world, 1.0)
     assert world.wind_m_s == pytest.approx(np.array([(*east_north, 0)] * 2), abs=1e-9)
 
 
-def test_gusts_have_the_deviation_and_the_memory_they_were_given() -> None:
+def test_gusts_have_the_given_deviation_and_correlation_time() -> None:
     world = physics_bench.world(40, wind=WindSettings(5.0, 270.0, 2.0))
     history = []
     for _ in range(4000):
@@ -31,7 +31,7 @@ def test_gusts_have_the_deviation_and_the_memory_they_were_given() -> None:
     assert kept == pytest.approx(1 / np.e, abs=0.06)
 
 
-def test_a_vehicle_may_have_its_own_wind_and_give_it_back() -> None:
+def test_a_vehicle_may_have_its_own_wind_until_a_reset() -> None:
     world = physics_bench.world(2, wind=WindSettings(3.0, 0.0))
     first = physics_bench.copter(world, 0, height_m=None)
     first.set_wind(9.0, 90.0)
@@ -43,7 +43,7 @@ def test_a_vehicle_may_have_its_own_wind_and_give_it_back() -> None:
     assert world.wind_m_s == pytest.approx(np.array([(0, -3, 0)] * 2), abs=1e-6)
 
 
-def test_airspeed_is_against_the_air() -> None:
+def test_airspeed_is_relative_to_the_air() -> None:
     world = physics_bench.world(wind=WindSettings(6.0, 0.0))
     body = physics_bench.copter(world, height_m=None)
     assert world.dynamics.airspeed_m_s[0] == 0  # nothing is measured on the ground

@@ -52,19 +52,19 @@ def rows(world: World, index: int) -> list[list[float]]:
 
 @settings(max_examples=examples(6, least=2), derandomize=True, deadline=None)
 @given(st.lists(st.tuples(st.booleans(), st.integers(0, 50)), min_size=2, max_size=6))
-def test_together_each_flies_as_it_would_alone(fleet: list[tuple[bool, int]]) -> None:
+def test_a_vehicle_flies_alike_alone_and_in_a_fleet(fleet: list[tuple[bool, int]]) -> None:
     together = flown([plane for plane, _ in fleet], [seed for _, seed in fleet])
     for index, (plane, seed) in enumerate(fleet):
         assert rows(together, index) == rows(flown([plane], [seed]), 0)
 
 
-def test_equal_seeds_are_equal_and_others_are_not() -> None:
+def test_equal_seeds_give_equal_worlds_and_other_seeds_do_not() -> None:
     first, again, other = flown([False], [1]), flown([False], [1]), flown([False], [2])
     assert rows(first, 0) == rows(again, 0)
     assert rows(first, 0) != rows(other, 0)
 
 
-def test_draws_do_not_depend_on_how_many_draw() -> None:
+def test_draws_do_not_depend_on_the_number_of_generators() -> None:
     alone = Normals([np.random.default_rng(7)], 3)
     among = Normals([np.random.default_rng(seed) for seed in range(5, 75)], 3)
     for _ in range(3 * BLOCK_ROWS):
@@ -109,7 +109,7 @@ def test_only_vehicles_with_an_event_are_woken() -> None:
     assert world.has_event.tolist() == [False, True, False]
 
 
-def test_limits_are_kept_where_the_equations_stand() -> None:
+def test_invalid_limits_are_ignored_or_bounded() -> None:
     world = physics_bench.world(planes=True)
     body = physics_bench.plane(world, height_m=None)
     before = world.dynamics.speed_m_s[0]
