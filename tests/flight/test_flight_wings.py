@@ -124,7 +124,7 @@ def test_a_px4_whose_return_does_not_end_at_its_landing_stays_on_the_ground(
     report = fly(winged(simulate={"autopilot": ["px4plane", "ardupilot"]}), tmp_path)
     assert not any(state.armed_seen for state in report.states.values())
     (text,) = report.trouble
-    assert re.match(r"uav1: parameters: .*RTL_TYPE 0; .*RTL_TYPE 1 ", text)
+    assert re.match(r"uav1: parameters: .*RTL_TYPE 0, .*\b1 ", text)
 
 
 @pytest.mark.parametrize("autopilot", ["arduplane", "px4plane"])
