@@ -161,7 +161,7 @@ def test_no_room_imports_a_room_above_it() -> None:
         above.add(room)
 
 
-def test_a_foreign_package_is_imported_only_where_it_belongs() -> None:
+def test_a_foreign_package_is_imported_only_by_the_modules_of_its_row() -> None:
     wrong = [
         (module, package)
         for package, parts in ONLY_IN.items()
@@ -177,7 +177,7 @@ def test_a_pure_module_reads_no_clock_and_does_no_io() -> None:
     assert {module: names for module, names in impure.items() if names} == {}
 
 
-def test_a_module_that_calls_itself_pure_is_held_to_it() -> None:
+def test_a_module_with_pure_in_its_docstring_is_in_the_list_of_pure_modules() -> None:
     pure = {
         name for name in MODULES if "Pure." in (ast.get_docstring(ast.parse(MODULES[name].read_text())) or "")
     }
@@ -196,6 +196,6 @@ def test_every_name_of_the_tables_is_a_module() -> None:
     assert named - MODULES.keys() == set()
 
 
-def test_nothing_stays_loose_at_the_top() -> None:
+def test_every_module_at_the_top_belongs_to_a_room() -> None:
     loose = {path.name for path in (ROOT / "swarmctl").glob("*.py")}
     assert loose <= {"__init__.py", "__main__.py"}

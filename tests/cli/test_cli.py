@@ -35,7 +35,7 @@ def test_the_version_is_printed() -> None:
     assert re.fullmatch(r"swarmctl \S+\n", result.output)
 
 
-def test_help_names_every_command_and_where_to_start() -> None:
+def test_help_names_every_command_and_the_first_step() -> None:
     result = swarmctl("--help")
     assert result.exit_code == 0
     for word in ("fly", "plan", "check", "replay", "schema", "--example swarm"):
@@ -98,7 +98,7 @@ def test_the_schema_has_the_sections() -> None:
     assert schema["additionalProperties"] is False
 
 
-def test_a_record_replays_the_same_and_a_changed_one_does_not(
+def test_a_record_replays_with_equal_decisions_and_a_changed_record_does_not(
     small_flight: CliFlight, tmp_path: Path
 ) -> None:
     same = swarmctl("replay", small_flight.run)
@@ -110,7 +110,7 @@ def test_a_record_replays_the_same_and_a_changed_one_does_not(
     assert "uav2" in differs.stderr
 
 
-def test_the_record_of_a_process_that_died_replays_up_to_its_cut(
+def test_the_record_of_a_killed_process_replays_up_to_its_end(
     small_flight: CliFlight, tmp_path: Path
 ) -> None:
     whole = swarmctl("replay", small_flight.run)
@@ -127,7 +127,7 @@ def test_the_record_of_a_process_that_died_replays_up_to_its_cut(
     assert 0 < n_whole[0] < n_whole[1] <= n_whole[2] <= n_events
 
 
-def test_a_record_with_a_changed_byte_replays_or_is_called_damaged(
+def test_a_record_with_a_changed_byte_replays_or_is_reported_as_damaged(
     small_flight: CliFlight, tmp_path: Path
 ) -> None:
     content = (small_flight.run / "run.mcap").read_bytes()

@@ -13,7 +13,7 @@ from swarmctl.config.roster import load_roster
 
 
 @pytest.mark.parametrize("command", [("check", "--out", "runs"), ("plan", "--out", "runs")])
-def test_an_example_is_used_as_its_file_is(
+def test_an_example_gives_the_same_result_as_its_file(
     command: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)

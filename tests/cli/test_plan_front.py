@@ -105,7 +105,7 @@ def test_a_limited_search_is_marked(small: Path, tmp_path: Path) -> None:
     assert all(v["routes"] for v in content["vehicles"])
 
 
-def test_more_vehicles_than_fit_on_a_sheet_get_another(tmp_path: Path) -> None:
+def test_vehicles_that_do_not_fit_on_a_sheet_get_another_sheet(tmp_path: Path) -> None:
     file = tmp_path / "many.yaml"
     file.write_text(SMALL.replace("count: 2, arrive_within_s: 88", "count: 8"))
     _, _, files = front_of(file, tmp_path / "runs")
@@ -176,7 +176,7 @@ def test_a_configured_route_off_the_front_differs_from_all_routes_on_it() -> Non
     assert front.panel_of(vehicle).chosen_track is None
 
 
-def test_every_route_has_its_chance_shown_or_not(small: Path, tmp_path: Path) -> None:
+def test_every_route_has_a_chance_even_if_the_table_omits_it(small: Path, tmp_path: Path) -> None:
     (vehicle,) = front.fronts(after_looking(40, 0.6))
     assert len(vehicle.shown) < len(vehicle.candidates)
     _, content, _ = front_of(small, tmp_path / "runs")

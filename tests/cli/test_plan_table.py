@@ -117,7 +117,7 @@ PRODUCTS = [
 
 
 @pytest.mark.parametrize(("value", "text"), PRODUCTS)
-def test_a_product_is_printed_as_0_only_if_it_is_0(value: float, text: str) -> None:
+def test_only_a_product_of_0_is_printed_as_0(value: float, text: str) -> None:
     assert product_text(value) == text
 
 

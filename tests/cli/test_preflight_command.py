@@ -112,7 +112,7 @@ def test_a_check_that_cannot_be_waived_is_refused_before_the_flight(
     assert error in result.stderr
 
 
-def test_an_agent_refuses_such_a_waiver_too(tmp_path: Path) -> None:
+def test_an_agent_refuses_a_check_that_cannot_be_waived(tmp_path: Path) -> None:
     words = ("agent", "--config", config(tmp_path, SMALL), "--uav", "uav1", "--launch", "when-ready")
     result = swarmctl(*words, "--waive", "identity")
     assert result.exit_code == 2

@@ -80,7 +80,7 @@ def test_a_compiler_that_fails_is_an_error_and_leaves_nothing_ready() -> None:
     assert not machine_code.is_ready()
 
 
-def test_without_a_folder_for_machine_code_the_process_compiles_by_itself(
+def test_a_machine_without_a_folder_for_machine_code_gets_advice(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(machine_code, "numba_cache", lambda: None)

@@ -26,7 +26,9 @@ def test_a_good_configuration_has_no_problems(tmp_path: Path) -> None:
     assert problems(GOOD, tmp_path) == []
 
 
-def test_a_start_between_two_others_by_longitude_does_not_hide_that_they_are_near(tmp_path: Path) -> None:
+def test_starts_that_are_too_near_are_found_with_a_third_start_between_their_longitudes(
+    tmp_path: Path,
+) -> None:
     third = "  - {name: c, url: 'udpin://:14550', sysid: 3, goal: [6, 9], "
     third += "start: {lat_deg: 46.005, lon_deg: 13.990002}}"
     near = GOOD.replace("46.001, lon_deg: 13.99}", "46.0, lon_deg: 13.990004}")
@@ -126,7 +128,7 @@ def test_a_goal_behind_a_wall_is_unreachable_and_named(tmp_path: Path) -> None:
     )
 
 
-def test_vehicles_too_many_for_their_goal_are_refused(tmp_path: Path) -> None:
+def test_too_many_vehicles_for_one_goal_are_refused(tmp_path: Path) -> None:
     crowd = "area: {origin_lat_deg: 46.0, origin_lon_deg: 14.0, rows: 20, cols: 20, cell_size_m: 10}\n"
     crowd += "threats: {count: 2}\nsimulate: {count: 30, goal: [3, 19]}\n"
     assert_problems(list(set(problems(crowd, tmp_path))), [(":3: simulate.goal", "30", "1.7 m", "3 m")])

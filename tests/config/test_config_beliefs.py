@@ -52,7 +52,7 @@ def test_the_number_of_hostiles_is_a_number_or_a_distribution(
     assert model.Config.model_validate_json(read.model_dump_json()) == read
 
 
-def test_the_truth_is_drawn_from_what_is_announced(tmp_path: Path) -> None:
+def test_the_true_number_is_drawn_from_the_announced_distribution(tmp_path: Path) -> None:
     read = loaded(tmp_path, "{distribution: weights, weights: {4: 1, 8: 3}}")
     sizes = [len(scenario.build(read.model_copy(update={"seed": seed})).hostiles) for seed in range(200)]
     assert set(sizes) == {4, 8}

@@ -27,7 +27,7 @@ def problems(**sections: object) -> list[str]:
 ONE_GOAL = {"count": 2, "goal": [4, 7]}
 
 
-def test_altitude_steps_separate_by_themselves() -> None:
+def test_altitude_steps_alone_separate_vehicles() -> None:
     assert problems(flight={}, simulate=ONE_GOAL) == []
 
 
@@ -66,7 +66,7 @@ def test_altitudes_with_hardly_more_than_the_limit_between_them_are_refused_with
     assert problems(separation={"vertical_m": vertical_m}, flight={"altitude_step_m": apart_m}) == []
 
 
-def test_altitudes_of_fixed_wings_differ_by_as_much() -> None:
+def test_altitudes_of_fixed_wings_differ_by_the_vertical_separation() -> None:
     """They need time slots as well."""
     found = problems(
         area={**AREA, "rows": 12, "cols": 12},
@@ -78,7 +78,7 @@ def test_altitudes_of_fixed_wings_differ_by_as_much() -> None:
     assert_problems([hardly], [("flight.altitude_step_m", "30 and 38 m", " 9.6 m or more")])
 
 
-def test_launch_delays_separate_if_they_are_long_enough() -> None:
+def test_long_launch_delays_separate_vehicles() -> None:
     """The second vehicle reaches the common goal after the first has descended far enough."""
     assert problems(simulate={**ONE_GOAL, "delay_step_s": 0.5}) != []
     assert problems(simulate={**ONE_GOAL, "delay_step_s": 5.0}) == []

@@ -103,7 +103,7 @@ def test_a_track_keeps_its_ends_clear_of_walls_and_has_no_more_items(
 @BOTH
 @given(case=cases(7))
 @QUICK
-def test_no_track_has_fewer_legs_or_as_many_and_a_shorter_length(
+def test_a_track_has_the_fewest_legs_and_the_least_length_among_those(
     measure: ExposureMeasure, case: Case
 ) -> None:
     route, threat = case.route, case.threat
@@ -210,7 +210,7 @@ def test_a_long_route_is_straightened() -> None:
 @BOTH
 @given(case=cases(), radius=st.sampled_from([0.0, 0.4]))
 @QUICK
-def test_every_cell_under_a_track_has_one_of_the_route_beside_it(
+def test_every_cell_under_a_track_has_a_route_cell_beside_it(
     measure: ExposureMeasure, case: Case, radius: float
 ) -> None:
     try:
@@ -343,7 +343,7 @@ def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]
     return abs(math.atan2(ix * oy - iy * ox, ix * ox + iy * oy))
 
 
-def test_an_unflyable_zigzag_becomes_straight_even_at_a_loss() -> None:
+def test_an_unflyable_zigzag_becomes_straight_even_with_more_exposure() -> None:
     p_s = np.full((3, 9), 0.4)
     route = tuple((k % 2, k) for k in range(9))
     for cell in route:

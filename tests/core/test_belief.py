@@ -60,7 +60,7 @@ def test_merging_known_observations_returns_the_same_belief(observations) -> Non
 
 @QUICK
 @given(observations, st.integers(0, ROWS * COLS))
-def test_occupancy_is_a_probability_whatever_was_announced(observations, n_hostiles) -> None:
+def test_occupancy_is_a_probability_for_any_announced_number(observations, n_hostiles) -> None:
     belief = Belief.prior(ROWS, COLS, n_hostiles).merge(observations)
     p = belief.occupancy()
     assert p.shape == (ROWS, COLS)

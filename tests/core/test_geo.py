@@ -16,7 +16,9 @@ QUICK = settings(max_examples=examples(40), deadline=None, derandomize=True)
     east=st.floats(-2e4, 2e4),
     north=st.floats(-2e4, 2e4),
 )
-def test_there_and_back_is_the_same_point(lat: float, lon: float, east: float, north: float) -> None:
+def test_a_conversion_and_its_inverse_give_the_same_point(
+    lat: float, lon: float, east: float, north: float
+) -> None:
     frame = LocalFrame(lat, lon)
     assert frame.to_local(*frame.to_geodetic(east, north)) == pytest.approx((east, north), abs=1e-4)
 
@@ -40,7 +42,7 @@ def test_axes_point_north_and_east() -> None:
     assert lat == pytest.approx(47.0, abs=1e-5)
 
 
-def test_arrays_give_what_single_points_give() -> None:
+def test_arrays_and_single_points_give_equal_results() -> None:
     frame = LocalFrame(-35.36, 149.16)
     east, north = np.array([0.0, 120.0, -40.0]), np.array([0.0, 33.0, 900.0])
     lats, lons = frame.to_geodetic(east, north)

@@ -53,7 +53,7 @@ def test_points_in_and_around_the_area(
 
 @QUICK
 @given(east_m=st.floats(-2000, 2000), north_m=st.floats(-2000, 2000))
-def test_no_border_cell_is_nearer_than_the_nearest(east_m: float, north_m: float) -> None:
+def test_the_nearest_border_cell_has_the_least_distance(east_m: float, north_m: float) -> None:
     def gap(cell: Cell) -> float:
         south, west = cell[0] * 50.0, cell[1] * 50.0
         return math.hypot(

@@ -120,7 +120,7 @@ def test_occupancy_depends_on_the_set_of_observations_alone(observations, sensor
 
 @QUICK
 @given(st.integers(0, 400), st.lists(st.integers(0, 200), min_size=2, max_size=2))
-def test_eq_4_is_the_limit_of_both(n_hostiles: int, split: list[int]) -> None:
+def test_eq_4_is_the_limit_for_a_perfect_sensor_and_a_known_number(n_hostiles: int, split: list[int]) -> None:
     # no misses, no false alarms, and a prior over n_HA that has shrunk to a number
     n_clear, n_held = split
     parts = [((0, 0), 401 - n_clear - n_held), ((1, 0), n_clear), ((1, 1), n_held)]
@@ -170,7 +170,7 @@ def test_independent_cells_are_the_binomial_prior() -> None:
     np.testing.assert_allclose(belief.occupancy(), p, rtol=1e-12)
 
 
-def test_repeated_looks_count_and_the_total_informs_the_unseen() -> None:
+def test_repeated_looks_count_and_the_total_changes_unobserved_cells() -> None:
     belief = Belief.prior(10, 10, 6, ERRING)
     unseen, hit = [belief.occupancy()[9, 9]], [belief.occupancy()[0, 0]]
     for seq in range(1, 6):
@@ -235,7 +235,7 @@ def test_occupancy_on_large_areas_adds_up_and_is_calibrated(
         assert abs(float(truth[band].sum() - p[band].sum())) < 4.0 * sigma + 1e-6
 
 
-def test_very_many_looks_break_nothing() -> None:
+def test_thousands_of_looks_give_valid_probabilities() -> None:
     looks, hits = np.array([[2000, 2000, 1000, 0]], np.int32), np.array([[0, 2000, 500, 0]], np.int32)
     for count in (HostileCount.known(2), HostileCount.uniform(0, 4)):
         p = Belief(count, ERRING, LookCounts(looks, hits), 0, ObservationLog(), 0, {}).occupancy()
@@ -262,7 +262,7 @@ FOUND_TOO_MANY = [
     [row[1:] for row in FOUND_TOO_MANY],
     ids=[r[0] for r in FOUND_TOO_MANY],
 )
-def test_more_found_than_announced_keeps_probabilities_valid(
+def test_more_hostiles_than_announced_keep_probabilities_valid(
     count: HostileCount, sensor: SensorModel, n_looks: int, too_low: bool
 ) -> None:
     seen = tuple((0, col, True) for col in range(3))
@@ -281,7 +281,7 @@ def test_all_cells_are_occupied_if_fewer_are_left_than_hostiles() -> None:
         assert belief.occupancy()[0].tolist() == [0.0, 0.0, 0.0, 0.0, 1.0]
 
 
-def test_a_look_teaches_as_long_as_a_cell_is_not_certain() -> None:
+def test_an_observation_is_informative_until_its_cell_is_certain() -> None:
     cells = ((0, 0, True), (0, 1, False), (0, 2, True))
     before = [Observation(1, 1, 0.0, ((0, 0, True), (0, 1, False)))]
     expected = {
@@ -300,7 +300,7 @@ def test_a_sensor_without_information_is_refused(rates: tuple[float, float]) -> 
         SensorModel(*rates)
 
 
-def test_priors_over_the_number_are_the_distributions_they_are_named_for() -> None:
+def test_priors_over_the_number_equal_the_distributions_of_their_names() -> None:
     poisson = HostileCount.poisson(3.0, 400)
     assert poisson.mean == pytest.approx(3.0, rel=1e-12)
     assert poisson.pmf[2] == pytest.approx(math.exp(-3.0) * 4.5, rel=1e-12)

@@ -40,7 +40,7 @@ def exact_crossings(a: Cell, b: Cell) -> list[tuple[Cell, Fraction]]:
 
 @QUICK
 @given(CELL, CELL)
-def test_between_centres_the_cells_and_ways_are_exact(a: Cell, b: Cell) -> None:
+def test_the_cells_and_crossings_between_centres_are_exact(a: Cell, b: Cell) -> None:
     under = crossed_cells((centre(a), centre(b)))
     if a == b:
         assert under.cells == (a,)
@@ -139,7 +139,7 @@ def test_a_clear_leg_keeps_away_from_every_wall(p_s: np.ndarray, seed: int) -> N
         assert clear
 
 
-def test_the_integral_is_that_of_many_samples() -> None:
+def test_the_integral_equals_the_sum_over_many_samples() -> None:
     p_s = np.random.default_rng(5).random((7, 7))
     a, b = (0.3, 6.2), (6.7, 0.9)
     under = crossed_cells((a, b))

@@ -27,7 +27,7 @@ POINT = st.tuples(st.floats(-20.0, 20.0), st.floats(-20.0, 20.0))
         ((0.5, 0.0), math.inf),  # back
     ],
 )
-def test_an_arc_begins_where_geometry_says(after: GridPoint, away: float) -> None:
+def test_an_arc_begins_at_the_computed_distance_from_the_corner(after: GridPoint, away: float) -> None:
     assert tangent_length((0.0, 0.0), (1.0, 0.0), after, 3.0) == pytest.approx(away)
 
 
@@ -67,7 +67,7 @@ def test_a_rounded_track_keeps_its_ends_and_names_the_leg_of_each_piece() -> Non
     assert length == pytest.approx(30.0 - 2 * (4.0 - math.pi), abs=0.02)
 
 
-def test_on_the_spot_a_track_is_its_corners() -> None:
+def test_a_track_with_radius_0_is_its_corners() -> None:
     corners = [(0.5, 0.5), (3.5, 0.5), (0.5, 0.5)]
     assert rounded(corners, 0.0) == (corners, [0, 1])
     assert rounded(corners[:1], 4.0) == (corners[:1], [])

@@ -121,7 +121,7 @@ def test_a_route_that_must_not_be_too_short_is_not_pulled() -> None:
     assert pulled_track(task, replace(problem, min_length_cells=2.3), route) is None
 
 
-def test_the_chance_at_take_off_is_of_the_track_and_by_the_belief_of_that_moment() -> None:
+def test_the_chance_at_take_off_is_computed_for_the_track_with_the_belief_at_take_off() -> None:
     plain = scenario(ExposureMeasure.INTEGRAL)
     task = plain.tasks[0]
     seen = Observation(9, 1, 0.0, tuple((12, col, (12, col) in plain.hostiles) for col in range(16)))

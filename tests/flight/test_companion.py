@@ -295,7 +295,7 @@ def test_an_operator_holds_a_vehicle_on_the_ground_and_launches_it_later(tmp_pat
         ("udpin://127.0.0.1:0", "serial:///dev/ttyACM0:57600", False, "serial:///dev/ttyACM0:57600"),
     ],
 )
-def test_a_simulated_vehicle_gets_its_own_port_and_a_given_url_makes_it_a_real_one(
+def test_a_simulated_vehicle_gets_its_own_port_and_a_vehicle_with_a_url_is_real(
     url: str, given: str | None, simulated: bool, reached_at: str
 ) -> None:
     whole = small(simulate={"count": 3, "url": url})

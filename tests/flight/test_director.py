@@ -255,7 +255,7 @@ def test_a_vehicle_far_from_its_start_is_not_flown() -> None:
     assert all("launch" not in link.calls for link in ground.links)
 
 
-def test_a_launch_that_fails_does_not_stop_the_others() -> None:
+def test_a_failed_launch_does_not_stop_other_vehicles() -> None:
     ground = Ground(fails={1: LaunchFailed("uav1: arming refused")})
     states: list[tuple[str, str]] = []
 

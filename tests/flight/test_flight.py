@@ -212,7 +212,7 @@ def test_a_silent_vehicle_is_shown_lost_and_then_restored(tmp_path: Path) -> Non
 
 
 @pytest.mark.full
-def test_the_others_fly_on_without_a_vehicle_that_stays_silent(tmp_path: Path) -> None:
+def test_a_swarm_flies_on_without_a_vehicle_that_stays_silent(tmp_path: Path) -> None:
     scenario = small(flight={"lost_timeout_s": 40.0})
     report = fly(scenario, tmp_path, address_of=silent(2, 25.0))
     assert [report.states[n].outcome for n in (1, 3)] == ["arrived"] * 2
@@ -255,7 +255,7 @@ def test_ctrl_c_holds_and_then_acts_as_configured(
         assert line.endswith("[in-air]") is not landed
 
 
-def test_a_missed_deadline_is_reported_with_the_vehicles_names(tmp_path: Path) -> None:
+def test_a_missed_deadline_is_reported_with_the_names_of_the_vehicles(tmp_path: Path) -> None:
     ui = Ui()
     report = fly(small(flight={"on_exit_deadline_s": 2.0}), tmp_path, address_of=interrupting(40.0), ui=ui)
     assert report.ended == "stopped"
@@ -271,7 +271,7 @@ def test_ctrl_c_twice_leaves_at_once(tmp_path: Path) -> None:
     assert len(report.final_states) == 3
 
 
-def test_before_the_launch_ctrl_c_leaves_everything_on_the_ground(tmp_path: Path) -> None:
+def test_ctrl_c_before_the_launch_keeps_every_vehicle_on_the_ground(tmp_path: Path) -> None:
     report = fly(small(), tmp_path, address_of=interrupting(3.0))
     assert report.ended == "stopped"
     assert not any(s.vehicle.armed for s in report.states.values())
@@ -374,7 +374,7 @@ def test_a_terminal_that_goes_away_does_not_end_the_flight(error: BaseException,
     assert report.all_arrived
 
 
-def test_a_full_disk_costs_the_record_and_not_the_flight(
+def test_a_full_disk_ends_the_record_and_not_the_flight(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(*_: object) -> None:

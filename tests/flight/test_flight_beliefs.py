@@ -89,7 +89,7 @@ def test_equal_seeds_give_equal_sensor_errors_to_the_byte(tmp_path: Path) -> Non
     assert one["run.mcap"] != other["run.mcap"]
 
 
-def test_the_summary_tells_the_three_chances_apart(doubtful: Flight) -> None:
+def test_the_summary_has_three_different_chances(doubtful: Flight) -> None:
     scenario, report, folder = doubtful
     summary = json.loads((folder / "summary.json").read_text())
     assert summary["hostiles"]["announced"] == {"distribution": "poisson", "mean": 24.0}

@@ -96,7 +96,7 @@ def test_every_command_on_the_wire_is_in_the_evidence(flown: Path) -> None:
 
 
 @pytest.mark.virtual
-def test_a_changed_plan_is_recorded_before_it_is_sent_and_its_items_are_one_line(flown: Path) -> None:
+def test_a_changed_plan_is_recorded_before_its_upload_and_its_items_are_one_line(flown: Path) -> None:
     """The hash of the decision is that of the plan in the record of the run."""
     entries, n_changes = evidence(flown).entries, 0
     plans = [(recorded["vehicle"], recorded["effect"]["plan"]) for recorded in effects(flown, "SwapMission")]
@@ -215,6 +215,6 @@ def test_an_operators_request_and_its_answer_are_one_entry() -> None:
     assert what == {"asks": "weights", "w": 0.2, "firing_strength": (0.7, 0.3, 0.1)}
 
 
-def test_an_order_of_its_own_process_is_a_decision_and_no_operators_action() -> None:
+def test_an_order_from_the_vehicles_own_process_is_recorded_as_a_decision() -> None:
     entries = event_entries(ev.OperatorCommand(ev.FlightOrder.HOLD), [ev.Command(ev.FlightOrder.HOLD)])
     assert entries == [("note", {"decided": "hold"})]

@@ -158,7 +158,7 @@ def test_the_lost_link_action_may_be_to_fly_on(tmp_path: Path, monkeypatch: pyte
     assert report.states[2].outcome == "arrived"
 
 
-def test_a_vehicle_blown_towards_the_fence_holds_before_it_and_returns_from_beyond(
+def test_a_vehicle_holds_before_the_fence_and_returns_from_beyond_the_fence(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     trouble = Trouble(wind={"speed_m_s": 25.0, "from_deg": 0.0, "gust_m_s": 0.0})

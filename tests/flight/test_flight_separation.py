@@ -94,7 +94,7 @@ def test_the_higher_system_id_holds_until_the_other_has_passed(tmp_path: Path) -
 
 @pytest.mark.full
 @pytest.mark.usefixtures("uncompared")
-def test_the_lower_system_id_holds_if_the_other_does_not_hear_it(tmp_path: Path) -> None:
+def test_the_lower_system_id_holds_if_the_higher_one_does_not_receive_its_states(tmp_path: Path) -> None:
     mute = {"bus": "memory", "quiet": [{"from_s": 0.0, "uavs": [1]}]}
     separation, shown = meeting(tmp_path, "hold", communication=mute)
     assert separation["too_close"] == []

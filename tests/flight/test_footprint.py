@@ -78,7 +78,7 @@ def test_misses_and_false_alarms_have_the_configured_rates() -> None:
     assert np.mean(of_clear) == pytest.approx(0.05, abs=4 * (0.0475 / 30_000) ** 0.5)
 
 
-def test_equal_seeds_err_alike_and_others_do_not() -> None:
+def test_equal_seeds_give_equal_errors_and_different_seeds_do_not() -> None:
     model = SensorModel(0.3, 0.2)
     one, same, other = (there_and_back(sensor(model, seed), 20) for seed in (1, 1, 2))
     assert one == same

@@ -183,13 +183,13 @@ def test_an_agent_answers_an_order_by_its_phase(
     assert story.state.phase is phase
 
 
-def test_orders_of_its_own_process_get_no_answer() -> None:
+def test_orders_from_the_agents_own_process_get_no_answer() -> None:
     for begun in (waiting, standby, flying, done):
         for order in FlightOrder:
             assert not [e for e in begun()(ev.OperatorCommand(order)) if isinstance(e, ev.Answer)]
 
 
-def test_its_own_process_does_not_launch_a_vehicle_that_an_operator_holds() -> None:
+def test_the_agents_own_process_does_not_launch_a_vehicle_that_an_operator_holds() -> None:
     story = standby()
     story(ev.OperatorCommand(HOLD, 1))
     assert story(ev.OperatorCommand(LAUNCH)) == []
@@ -443,7 +443,7 @@ def test_only_an_answer_signed_by_the_asked_vehicle_counts(
     assert "1 answer" in answer.note
 
 
-def test_two_answers_for_one_swarm_both_count_for_nothing() -> None:
+def test_two_answers_for_one_swarm_are_both_discarded() -> None:
     async def scene() -> None:
         bus = Crowd(forged)
         bus.serve("swarmctl/test/station/request/weights/operator", lambda _k, _p, r: r(forged("", b"")))
@@ -459,7 +459,7 @@ STATION = client.FlightEndpoints(
 )
 
 
-def test_each_agent_answers_for_itself_without_delaying_others() -> None:
+def test_each_agent_sends_its_own_answer_without_delaying_others() -> None:
     async def scene() -> tuple[OperatorAnswer, float]:
         bus = MemoryBus()
         Ground(bus)

@@ -174,7 +174,7 @@ def test_a_waived_check_is_reported_recorded_and_does_not_stop_the_flight(
     assert [(c["vehicle"], c["check"], c["found"]) for c in waived] == [("uav1", "battery", "50 %")]
 
 
-def test_a_waiver_for_one_vehicle_is_not_for_another(afflict: Afflict, tmp_path: Path) -> None:
+def test_a_waiver_for_one_vehicle_does_not_apply_to_another(afflict: Afflict, tmp_path: Path) -> None:
     afflict("battery_sag:sag_v=0,at_most=0.2")
     report = checked(small(), tmp_path, Waiver("battery", "uav2"))
     assert [text.split(":")[0] for text in report.trouble] == ["uav1", "uav3"]

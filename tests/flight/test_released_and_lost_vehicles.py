@@ -74,7 +74,7 @@ def test_ctrl_c_sends_no_order_to_a_released_vehicle(tmp_path: Path, monkeypatch
 
 
 @pytest.mark.full
-def test_the_header_tells_the_effect_of_ctrl_c(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_header_states_the_effect_of_ctrl_c(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ui = Ui()
     inject(taken((LANDS_AT_S, "LAND")), monkeypatch)
     fly(pair(flight={"altitude_m": 15.0, "on_exit": "land"}), tmp_path, ui=ui)
@@ -86,7 +86,7 @@ def test_the_header_tells_the_effect_of_ctrl_c(tmp_path: Path, monkeypatch: pyte
 
 
 @pytest.mark.full
-def test_a_silent_vehicle_is_lost_in_the_table_and_its_giving_up_is_reported(tmp_path: Path) -> None:
+def test_a_silent_vehicle_is_shown_as_lost_and_its_loss_is_reported(tmp_path: Path) -> None:
     ui = Ui()
     scenario = small(flight={"altitude_m": 15.0, "lost_timeout_s": 40.0})
     report = fly(scenario, tmp_path, address_of=silent(2, 25.0), ui=ui)

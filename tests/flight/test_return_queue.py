@@ -54,7 +54,7 @@ def test_a_vehicle_alone_returns_at_once() -> None:
     assert Peers().may_return(0.0)
 
 
-def test_a_vehicle_waits_for_another_on_its_return_path_until_that_is_down() -> None:
+def test_a_vehicle_waits_until_another_on_its_return_path_has_landed() -> None:
     peers = Peers()
     for second in range(60):
         peers.told[3] = state(second, Phase.LEAVING)
@@ -125,7 +125,9 @@ def lands(**changes: Any) -> bool:
     ],
     ids=["under it", "and on its way down", "on the ground", "22 m away", "above it", "at its height"],
 )
-def test_a_vehicle_does_not_land_on_one_of_another_process(changes: dict[str, Any], *, may: bool) -> None:
+def test_a_vehicle_does_not_land_on_a_vehicle_of_another_process(
+    changes: dict[str, Any], *, may: bool
+) -> None:
     assert lands(**changes) is may
 
 

@@ -157,7 +157,7 @@ def test_a_planner_without_w_refuses_a_change_of_w(name: str) -> None:
     assert answer_to(story(ev.WeightsChanged(4, strength=STRONGER)), 4).outcome == "taken"
 
 
-def test_weights_during_a_lost_link_are_taken_for_later() -> None:
+def test_weights_during_a_lost_link_apply_after_the_link_is_restored() -> None:
     story = Story().flying()
     story(ev.LinkLost(4.0))
     answer = answer_to(story(ev.WeightsChanged(1, w=1.0)), 1)

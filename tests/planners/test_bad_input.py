@@ -31,7 +31,7 @@ ROW = Problem(np.array([[0.1, 0.2, 0.3, 0.4]]), (0, 0), ((0, 3),), 0.5, 0.1)
 
 @every_search
 @pytest.mark.parametrize("turned", [False, True])
-def test_in_a_single_row_or_column_there_is_one_way(search: Search, turned: bool) -> None:
+def test_a_single_row_or_column_has_one_route(search: Search, turned: bool) -> None:
     problem, cells = ROW, ((0, 0), (0, 1), (0, 2), (0, 3))
     if turned:
         problem = Problem(ROW.exposure.T.copy(), (0, 0), ((3, 0),), 0.5, 0.1)
@@ -42,19 +42,19 @@ def test_in_a_single_row_or_column_there_is_one_way(search: Search, turned: bool
 
 
 @every_search
-def test_an_area_of_one_cell(search: Search) -> None:
+def test_an_area_of_one_cell_has_a_route_of_one_cell(search: Search) -> None:
     assert search(Problem(np.array([[0.7]]), (0, 0), ((0, 0),), 0.5, 0.1)).cells == ((0, 0),)
 
 
 @every_search
-def test_a_goal_walled_in_by_a_maximum_exposure(search: Search) -> None:
+def test_a_goal_behind_a_maximum_exposure_is_unreachable(search: Search) -> None:
     limited = dataclasses.replace(ROW, max_exposure=0.25)
     with pytest.raises(Unreachable):
         search(limited)
 
 
 @bounded_search
-def test_a_bound_no_way_can_keep_because_there_is_no_way(search: Search) -> None:
+def test_an_unreachable_goal_with_a_bound_is_unreachable_and_not_too_far(search: Search) -> None:
     limited = dataclasses.replace(ROW, max_exposure=0.25, max_length_cells=2.0)
     with pytest.raises(Unreachable) as caught:
         search(limited)
@@ -62,7 +62,7 @@ def test_a_bound_no_way_can_keep_because_there_is_no_way(search: Search) -> None
 
 
 @bounded_search
-def test_a_bound_shorter_than_the_shortest_way(search: Search) -> None:
+def test_a_bound_below_the_shortest_route_is_an_error_with_that_route(search: Search) -> None:
     with pytest.raises(BoundTooTight) as caught:
         search(dataclasses.replace(ROW, max_length_cells=2.9))
     assert caught.value.nearest.cells == ((0, 0), (0, 1), (0, 2), (0, 3))
@@ -79,7 +79,9 @@ def test_exposures_of_any_size_are_weighed(search: Search, scale: float) -> None
 
 @every_search
 @pytest.mark.parametrize("start", [(0, 0), (1, 1)])
-def test_where_nothing_is_dangerous_the_shortest_way_is_taken(search: Search, start: tuple[int, int]) -> None:
+def test_the_route_over_a_field_without_exposure_is_the_shortest(
+    search: Search, start: tuple[int, int]
+) -> None:
     route = search(Problem(np.zeros((4, 6)), start, ((3, 5),), 1.0, 0.1))
     rows, cols = 3 - start[0], 5 - start[1]
     assert route.length_cells == pytest.approx(max(rows, cols) + min(rows, cols) * (math.sqrt(2.0) - 1.0))

@@ -19,7 +19,7 @@ EXACT = Params(max_labels=0)
 
 @settings(max_examples=examples(300), deadline=None, derandomize=True)
 @given(problem=small_problems(), share=st.floats(0.0, 1.1), on_a_route=st.booleans())
-def test_nothing_within_the_bound_is_less_exposed_and_of_equals_none_is_shorter(
+def test_a_route_has_the_least_exposure_within_the_bound_and_then_the_least_length(
     problem: Problem, share: float, on_a_route: bool
 ) -> None:
     points = all_points(problem)
@@ -38,7 +38,7 @@ def test_nothing_within_the_bound_is_less_exposed_and_of_equals_none_is_shorter(
 
 @settings(max_examples=examples(100), deadline=None, derandomize=True)
 @given(problem=small_problems(), share=st.floats(0.0, 1.0), max_labels=st.integers(1, 30))
-def test_when_the_budget_is_spent_the_best_so_far_comes_with_what_is_proved(
+def test_a_spent_budget_gives_the_best_route_so_far_and_a_lower_bound(
     problem: Problem, share: float, max_labels: int
 ) -> None:
     points = all_points(problem)
@@ -57,7 +57,9 @@ def test_when_the_budget_is_spent_the_best_so_far_comes_with_what_is_proved(
 
 @pytest.mark.parametrize("shape", [(3, 5), *full_only(((4, 4),))])
 @pytest.mark.parametrize("seed", [0, 1, *full_only(*range(2, 10))])
-def test_from_corner_to_corner_of_a_larger_map(shape: tuple[int, int], seed: int) -> None:
+def test_routes_between_corners_of_a_larger_map_are_the_least_exposed(
+    shape: tuple[int, int], seed: int
+) -> None:
     rng = np.random.default_rng(seed)
     field = rng.random(shape) ** 4
     free = Problem(field, (0, 0), ((shape[0] - 1, shape[1] - 1),), 0.5, 1.0)
@@ -81,7 +83,7 @@ def rough(seed: int) -> Problem:
 
 
 @pytest.mark.parametrize("bound", [65.0, *full_only(63.0, 68.0)])
-def test_what_is_proved_grows_with_the_budget_until_it_is_the_cost(bound: float) -> None:
+def test_the_lower_bound_grows_with_the_budget_up_to_the_cost(bound: float) -> None:
     gains = []
     for seed in range(8):
         bounded = dataclasses.replace(rough(seed), max_length_cells=bound)
@@ -99,7 +101,7 @@ def test_what_is_proved_grows_with_the_budget_until_it_is_the_cost(bound: float)
     assert max(gains) > 0.01  # what a sweep of w leaves lying
 
 
-def test_a_lower_bound_on_length_is_refused_with_the_planner_that_keeps_one() -> None:
+def test_a_least_length_is_refused_with_the_name_of_a_planner_that_supports_it() -> None:
     with pytest.raises(BadProblem, match="time_bound"):
         constrained.plan(dataclasses.replace(rough(0), min_length_cells=3.0), EXACT)
 
@@ -112,6 +114,6 @@ def test_a_bound_that_no_route_keeps_is_an_error_with_the_shortest_route() -> No
     assert constrained.measure(bounded, caught.value.nearest.cells, EXACT) == math.inf
 
 
-def test_a_budget_below_nothing_is_refused_where_the_configuration_is_read() -> None:
+def test_a_negative_budget_is_refused_when_the_configuration_is_read() -> None:
     with pytest.raises(ValueError, match="max_labels"):
         method("constrained", PLANNERS["constrained"], {"max_labels": -1})

@@ -35,7 +35,7 @@ def eq5(p_s: NDArray[np.float64], cells: tuple[Cell, ...], w: float, psi: float)
     ("w", "cost", "length", "total", "safety"),
     [(0.0, 0.4, 4.0, 1.7, 0.0756), (0.5, 0.391421356, 6.828427, 0.1, 0.9), (1.0, 0.1, None, 0.1, 0.9)],
 )
-def test_five_by_five_of_the_model(
+def test_routes_on_five_by_five_cells_equal_those_of_the_model(
     w: float, cost: float, length: float | None, total: float, safety: float
 ) -> None:
     occupied = np.zeros((5, 5))
@@ -78,7 +78,7 @@ def scipy_costs(
 @pytest.mark.parametrize("w", [0.0, 0.5, 1.0, None])
 @pytest.mark.parametrize("shape", [(1, 1), (1, 9), (9, 1), (2, 2), (7, 12), (20, 20), (33, 18)])
 @pytest.mark.parametrize("levels", ["random", "mostly zero", "all zero", "few", "walls"])
-def test_the_field_is_scipys(shape: tuple[int, int], w: float | None, levels: str) -> None:
+def test_the_field_equals_that_of_scipy(shape: tuple[int, int], w: float | None, levels: str) -> None:
     rng = np.random.default_rng([*shape, len(levels), 0 if w is None else int(10 * w) + 1])
     p_s = {
         "random": rng.random(shape),
@@ -118,7 +118,7 @@ def simple_paths(cells: tuple[Cell, ...], shape: tuple[int, int], goal: Cell) ->
 
 
 @pytest.mark.parametrize("shape", [(1, 3), (2, 2), (2, 3), (3, 3), (2, 4)])
-def test_no_path_whatever_is_cheaper_and_of_equals_none_is_shorter(shape: tuple[int, int]) -> None:
+def test_a_route_has_the_least_cost_of_all_paths_and_then_the_least_length(shape: tuple[int, int]) -> None:
     rng = np.random.default_rng(shape)
     start, goal = (0, 0), (shape[0] - 1, shape[1] - 1)
     paths = list(simple_paths((start,), shape, goal))
@@ -133,7 +133,7 @@ def test_no_path_whatever_is_cheaper_and_of_equals_none_is_shorter(shape: tuple[
 
 @settings(max_examples=examples(40), deadline=None, derandomize=True)
 @given(st.integers(0, 10_000), st.sampled_from([0.0, 0.3, 1.0]))
-def test_many_goals_cost_what_the_best_single_one_costs(seed: int, w: float) -> None:
+def test_the_cost_with_several_goals_is_that_of_the_best_goal(seed: int, w: float) -> None:
     rng = np.random.default_rng(seed)
     p_s = rng.random((6, 8)).round(1)
     goals = tuple((int(rng.integers(6)), int(rng.integers(8))) for _ in range(3))
@@ -144,7 +144,7 @@ def test_many_goals_cost_what_the_best_single_one_costs(seed: int, w: float) -> 
 
 @settings(max_examples=examples(40), deadline=None, derandomize=True)
 @given(st.integers(0, 10_000), st.sampled_from([0.0, 0.5, 1.0]), st.sampled_from(["prior", "levels", "zero"]))
-def test_a_replan_without_news_gives_the_rest_of_the_route(seed: int, w: float, kind: str) -> None:
+def test_a_replan_without_changes_gives_the_rest_of_the_route(seed: int, w: float, kind: str) -> None:
     rng = np.random.default_rng(seed)
     p_s = {
         "prior": exposure(np.full((12, 15), 0.06), FiringStrength(0.6, 0.3, 0.1)),
@@ -158,7 +158,7 @@ def test_a_replan_without_news_gives_the_rest_of_the_route(seed: int, w: float, 
 
 
 @pytest.mark.parametrize("kind", ["prior", "random"])
-def test_a_swarm_gets_the_routes_its_vehicles_would_get(kind: str) -> None:
+def test_a_plan_for_a_swarm_has_the_routes_of_its_single_vehicles(kind: str) -> None:
     rng = np.random.default_rng(2)
     p_s = rng.random((30, 40)) if kind == "random" else exposure(np.full((30, 40), 0.06), FIRING)
     p_s[10:20, 20] = math.inf
@@ -173,7 +173,7 @@ def test_a_swarm_gets_the_routes_its_vehicles_would_get(kind: str) -> None:
         field.paths_from([(0, 0), (30, 0)])
 
 
-def test_rounding_in_the_last_place_does_not_move_a_route() -> None:
+def test_rounding_errors_do_not_change_a_route() -> None:
     rng = np.random.default_rng(7)
     for _ in range(20):
         # few levels, so that many routes cost the same and only rounding could tell them apart
@@ -186,7 +186,7 @@ def test_rounding_in_the_last_place_does_not_move_a_route() -> None:
             )
 
 
-def test_w_0_is_the_shortest_route_whatever_the_threat() -> None:
+def test_the_route_at_w_0_is_the_shortest_for_any_threat() -> None:
     # ERRATUM: a paragraph of the paper's results swaps w = 0 and w = 1; Eq. 5 decides.
     p_s = np.zeros((5, 5))
     p_s[2, 1:4] = 0.9

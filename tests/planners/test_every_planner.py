@@ -55,7 +55,7 @@ def test_a_route_leads_from_the_start_to_a_goal_and_visits_no_cell_twice(
 @every_planner
 @QUICK
 @given(problem=problems())
-def test_what_a_route_says_of_itself_is_so(planner: Planner, problem: Problem) -> None:
+def test_the_measures_of_a_route_are_those_of_its_cells(planner: Planner, problem: Problem) -> None:
     route = solve(planner, problem)
     assert route.length_cells == length_cells(route.cells)
     assert route.exposure_sum == exposure_sum(problem.exposure, route.cells)
@@ -65,13 +65,13 @@ def test_what_a_route_says_of_itself_is_so(planner: Planner, problem: Problem) -
 @every_planner
 @QUICK
 @given(problem=problems())
-def test_its_measure_of_its_own_route_is_the_routes_cost(planner: Planner, problem: Problem) -> None:
+def test_the_measure_of_a_planned_route_is_the_cost_of_the_route(planner: Planner, problem: Problem) -> None:
     route = solve(planner, problem)
     assert planner.measure(problem, route.cells, planner.Params()) == pytest.approx(route.cost, rel=1e-12)
 
 
 @every_planner
-def test_its_measure_of_a_route_through_a_wall_is_infinite(planner: Planner) -> None:
+def test_the_measure_of_a_route_through_a_wall_is_infinite(planner: Planner) -> None:
     field = np.full((2, 3), 0.1)
     field[0, 1] = 0.5
     problem = Problem(field, (0, 0), ((0, 2),), 0.5, 0.1)
@@ -107,7 +107,7 @@ def test_equal_input_gives_equal_output(planner: Planner, problem: Problem) -> N
 @every_planner
 @QUICK
 @given(problem=problems())
-def test_the_problem_is_left_as_it_was(planner: Planner, problem: Problem) -> None:
+def test_planning_does_not_change_the_problem(planner: Planner, problem: Problem) -> None:
     before = problem.exposure.copy()
     problem.exposure.flags.writeable = False
     solve(planner, problem)
@@ -115,7 +115,7 @@ def test_the_problem_is_left_as_it_was(planner: Planner, problem: Problem) -> No
 
 
 @every_planner
-def test_it_says_whether_it_goes_by_w(planner: Planner) -> None:
+def test_only_a_planner_that_declares_w_uses_w(planner: Planner) -> None:
     field = np.random.default_rng(4).random((9, 15))
     problem = Problem(field, (4, 0), ((4, 14),), 0.0, 0.3)
     routes = {solve(planner, dataclasses.replace(problem, w=w)).cells for w in (0.0, 0.5, 1.0)}
@@ -123,13 +123,13 @@ def test_it_says_whether_it_goes_by_w(planner: Planner) -> None:
 
 
 @every_planner
-def test_at_the_goal_already_there_is_nothing_to_fly(planner: Planner) -> None:
+def test_a_start_at_the_goal_gives_a_route_of_one_cell(planner: Planner) -> None:
     route = solve(planner, Problem(np.full((3, 3), 0.5), (1, 1), ((0, 0), (1, 1)), 0.5, 0.1))
     assert route == Route(((1, 1),), 0.0, 0.0, 0.0, 1.0)
 
 
 @every_planner
-def test_walls_are_walked_round(planner: Planner) -> None:
+def test_a_route_leads_around_walls(planner: Planner) -> None:
     walled = np.zeros((3, 5))
     walled[:2, 2] = math.inf
     for w in (0.0, 0.5, 1.0):
@@ -157,7 +157,7 @@ def test_no_route_enters_a_wall_or_passes_the_corner_of_one(
 
 @every_planner
 @pytest.mark.parametrize("w", [0.0, 0.5, 1.0])
-def test_where_walls_leave_no_way_it_says_so(planner: Planner, w: float) -> None:
+def test_a_goal_behind_walls_is_unreachable(planner: Planner, w: float) -> None:
     walled = np.zeros((3, 5))
     walled[:, 2] = math.inf
     with pytest.raises(Unreachable):
@@ -167,7 +167,7 @@ def test_where_walls_leave_no_way_it_says_so(planner: Planner, w: float) -> None
 
 
 @every_planner
-def test_one_may_leave_a_wall_one_stands_in(planner: Planner) -> None:
+def test_a_route_may_leave_a_wall_at_its_start(planner: Planner) -> None:
     walled = np.zeros((1, 4))
     walled[0, 0] = math.inf
     assert solve(planner, Problem(walled, (0, 0), ((0, 3),), 0.5, 0.1)).length_cells == 3.0
@@ -213,9 +213,7 @@ NAN_FIELD[2, 3], NEGATIVE_FIELD[1, 4] = math.nan, -0.1
         ({"psi_per_cell": math.nan}, "nan"),
     ],
 )
-def test_a_problem_without_a_meaning_is_refused_with_the_value_found(
-    change: dict[str, object], found: str
-) -> None:
+def test_an_invalid_problem_is_refused_with_the_found_value(change: dict[str, object], found: str) -> None:
     start: Cell = (0, 0)
     sound = Problem(FIELD, start, ((3, 4),), 0.5, 0.1)
     with pytest.raises(BadProblem) as caught:
@@ -223,7 +221,7 @@ def test_a_problem_without_a_meaning_is_refused_with_the_value_found(
     assert found in str(caught.value)
 
 
-def test_lists_arrays_and_a_single_goal_will_do() -> None:
+def test_lists_arrays_and_a_single_goal_are_accepted() -> None:
     sound = Problem(FIELD, (0, 0), ((3, 4),), 0.5, 0.1)
     for exposure in (FIELD.tolist(), FIELD.astype(np.float32), FIELD.T.copy().T):
         for start in ([0, 0], np.array([0, 0])):

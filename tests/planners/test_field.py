@@ -39,7 +39,7 @@ def field_of(kind: str, shape: tuple[int, int], rng: np.random.Generator) -> NDA
 @pytest.mark.parametrize("kind", KINDS)
 @settings(max_examples=examples(25), deadline=None, derandomize=True)
 @given(seed=st.integers(0, 10_000), w=st.sampled_from([0.0, 0.5, 0.95, 1.0]))
-def test_no_neighbour_betters_a_cost_and_one_accounts_for_it(kind: str, seed: int, w: float) -> None:
+def test_each_cost_is_the_least_that_a_neighbour_offers(kind: str, seed: int, w: float) -> None:
     rng = np.random.default_rng(seed)
     shape = (int(rng.integers(1, 40)), int(rng.integers(1, 40)))
     p_s = field_of(kind, shape, rng)
@@ -74,7 +74,7 @@ def best_offer(
 
 
 @pytest.mark.parametrize("large", [1, 10**9])
-def test_an_exposure_changed_in_place_is_seen(large: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_exposure_changed_in_place_changes_the_field(large: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(dijkstra, "LARGE_AREA_CELLS", large)
     p_s = np.full((5, 5), 0.1)
     problem = Problem(p_s, (2, 0), ((2, 4),), 0.9, 0.01)
@@ -87,7 +87,7 @@ def test_an_exposure_changed_in_place_is_seen(large: int, monkeypatch: pytest.Mo
 
 
 @pytest.mark.parametrize("large", [1, 10**9])
-def test_what_was_planned_before_changes_nothing(large: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_earlier_plans_do_not_change_a_field(large: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(dijkstra, "LARGE_AREA_CELLS", large)
     monkeypatch.setattr(dijkstra, "MAX_KEPT_CELLS", 500)
     rng = np.random.default_rng(3)

@@ -40,7 +40,7 @@ def same(found: list[Point], expected: list[Point]) -> bool:
 
 @settings(max_examples=examples(250), deadline=None, derandomize=True)
 @given(small_problems())
-def test_it_is_what_no_way_beats_in_both(problem: Problem) -> None:
+def test_the_front_has_the_routes_that_no_other_route_dominates(problem: Problem) -> None:
     points = all_points(problem)
     if not points:
         with pytest.raises(Unreachable):
@@ -76,7 +76,7 @@ def front_by_exchange(field: NDArray[np.float64], start: Cell, goal: Cell) -> li
 
 @pytest.mark.parametrize("kind", ["any", "few", "mostly zero"])
 @pytest.mark.parametrize("seed", [0, 1, 2, 58])
-def test_on_a_larger_map_too(kind: str, seed: int) -> None:
+def test_the_front_of_a_larger_map_equals_an_exchange_between_cells(kind: str, seed: int) -> None:
     """Routes of seed 58 differ in length by rounding only, and others by less than half a cell."""
     rng = np.random.default_rng(seed)
     shape = (9, 11)
@@ -100,7 +100,7 @@ def rough_front(seed: int) -> Front:
 
 
 @pytest.mark.parametrize("seed", [0, 1, *full_only(2, 3)])
-def test_dijkstra_gives_a_point_for_just_the_w_of_its_range(seed: int) -> None:
+def test_dijkstra_finds_each_point_for_every_w_of_its_range(seed: int) -> None:
     front = rough_front(seed)
     ranges = [
         (route, between) for route, between in zip(front.routes, front.w_ranges, strict=True) if between
@@ -119,7 +119,7 @@ def test_dijkstra_gives_a_point_for_just_the_w_of_its_range(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", [0, *full_only(1, 2)])
-def test_no_planner_beats_it_and_what_keeps_a_bound_lies_on_it(seed: int) -> None:
+def test_no_planner_is_better_than_the_front_and_routes_within_a_bound_lie_on_it(seed: int) -> None:
     points = points_of(rough_front(seed))
     for w in np.linspace(0.0, 1.0, 21).tolist():
         found = dijkstra.plan(dataclasses.replace(rough(seed), w=w), dijkstra.Params())
@@ -140,7 +140,7 @@ def test_no_planner_beats_it_and_what_keeps_a_bound_lies_on_it(seed: int) -> Non
 
 @settings(max_examples=examples(60), deadline=None, derandomize=True)
 @given(seed=st.integers(0, 3), ends=st.tuples(st.floats(35.0, 70.0), st.floats(39.0, 70.0)))
-def test_within_bounds_it_is_the_part_between_them(seed: int, ends: tuple[float, float]) -> None:
+def test_the_front_within_bounds_is_the_part_between_them(seed: int, ends: tuple[float, float]) -> None:
     least, greatest = min(ends), max(ends)
     whole = rough_front(seed)
     inside = [
@@ -159,14 +159,14 @@ def test_within_bounds_it_is_the_part_between_them(seed: int, ends: tuple[float,
     assert part.w_ranges == tuple(between for _, _, between in inside)
 
 
-def test_a_route_on_an_edge_of_the_hull_is_of_no_w() -> None:
+def test_a_route_on_an_edge_of_the_hull_has_no_range_of_w() -> None:
     front = pareto_front(three_arms())
     assert points_of(front) == [(2.0, 2.0), (3.0, 1.0), (4.0, 0.0)]
     assert front.supported == (True, False, True)
     assert front.w_ranges == ((0.0, 0.5), None, (0.5, 1.0))
 
 
-def test_where_length_weighs_nothing_a_w_finds_the_ends_alone() -> None:
+def test_a_front_without_weight_of_length_has_ranges_of_w_only_at_its_ends() -> None:
     front = pareto_front(dataclasses.replace(rough(0), psi_per_cell=0.0))
     assert points_of(front) == points_of(pareto_front(rough(0)))
     assert front.w_ranges[0] == (0.0, 0.0)
@@ -174,7 +174,7 @@ def test_where_length_weighs_nothing_a_w_finds_the_ends_alone() -> None:
     assert not any(front.w_ranges[1:-1])
 
 
-def test_with_the_labels_spent_the_supported_points_are_all_there_and_the_others_are_true() -> None:
+def test_a_spent_label_budget_keeps_all_supported_points_and_only_points_of_the_front() -> None:
     field = np.random.default_rng(5).random((80, 80)) * 0.3
     problem = Problem(field, (0, 0), ((79, 79),), 0.5, 0.15)
     whole = pareto_front(problem, max_labels=0)
@@ -192,7 +192,9 @@ def test_with_the_labels_spent_the_supported_points_are_all_there_and_the_others
 @pytest.mark.parametrize(
     ("window", "nearest"), [((0.0, 38.0), 39.0), ((39.1, 39.2), 39.0), ((900.0, math.inf), None)]
 )
-def test_bounds_that_no_point_keeps(window: tuple[float, float], nearest: float | None) -> None:
+def test_bounds_without_a_point_are_an_error_with_the_nearest_route(
+    window: tuple[float, float], nearest: float | None
+) -> None:
     bounded = dataclasses.replace(rough(0), min_length_cells=window[0], max_length_cells=window[1])
     with pytest.raises(BoundTooTight) as caught:
         pareto_front(bounded)
@@ -205,7 +207,7 @@ def test_a_negative_budget_is_refused() -> None:
         pareto_front(rough(0), max_labels=-5)
 
 
-def test_at_the_goal_the_front_is_a_point() -> None:
+def test_the_front_of_a_start_at_the_goal_is_one_point() -> None:
     front = pareto_front(Problem(np.ones((2, 2)), (1, 1), ((1, 1),), 0.5, 0.1))
     assert points_of(front) == [(0.0, 0.0)]
     assert (front.supported, front.w_ranges, front.complete) == ((True,), ((0.0, 1.0),), True)

@@ -17,11 +17,11 @@ PROBLEM = Problem(FIELD, (6, 0), ((6, 19),), 0.5, 0.13, max_length_cells=25.0)
 
 
 @pytest.mark.parametrize("name", PLANNERS)
-def test_plan_asks_the_planner_of_that_name(name: str) -> None:
+def test_plan_uses_the_planner_of_the_given_name(name: str) -> None:
     assert plan(PROBLEM, name) == PLANNERS[name].plan(PROBLEM, PLANNERS[name].Params())
 
 
-def test_plan_without_a_name_is_the_papers() -> None:
+def test_plan_without_a_name_uses_the_planner_of_the_paper() -> None:
     assert plan(PROBLEM) == plan(PROBLEM, "dijkstra")
 
 
@@ -89,7 +89,7 @@ def in_threads(work: Callable[[int], list[bool]]) -> list[bool]:
 
 @pytest.mark.usefixtures("hurried")
 @pytest.mark.parametrize("large", [1, 10**9])
-def test_threads_that_plan_at_once_find_what_each_would_find_alone(
+def test_threads_that_plan_at_the_same_time_find_the_routes_of_single_threads(
     large: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(dijkstra, "LARGE_AREA_CELLS", large)

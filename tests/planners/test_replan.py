@@ -79,7 +79,7 @@ def boxes(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("walls", [0.0, 0.1])
 @settings(max_examples=examples(25), deadline=None, derandomize=True)
 @given(seed=st.integers(0, 10_000), w=st.sampled_from([0.0, 0.3, 0.5, 0.9, 1.0]))
-def test_every_answer_is_that_of_a_fresh_search(walls: float, seed: int, w: float) -> None:
+def test_every_replanned_route_equals_that_of_a_new_search(walls: float, seed: int, w: float) -> None:
     rng = np.random.default_rng(seed)
     shape = (int(rng.integers(3, 28)), int(rng.integers(3, 40)))
     world = World(rng, shape, walls)
@@ -155,7 +155,7 @@ def test_any_cell_may_take_any_value_at_any_time(kind: str, seed: int, w: float,
 
 
 @pytest.mark.usefixtures("boxes")
-def test_arbitrary_changes_of_the_layers_are_taken_in() -> None:
+def test_arbitrary_changes_of_the_layers_change_the_route() -> None:
     rng = np.random.default_rng(5)
     layers = Layers(rng.random((20, 60)) * 0.3, rng.random((20, 60)), 0.2)
     planner = Replanner(layers, ((10, 59),), 0.7, 0.2)
@@ -173,7 +173,7 @@ def test_arbitrary_changes_of_the_layers_are_taken_in() -> None:
 @pytest.mark.usefixtures("boxes")
 @settings(max_examples=examples(60), deadline=None, derandomize=True)
 @given(seed=st.integers(0, 10_000), w=st.sampled_from([0.6, 0.95]))
-def test_gates_that_open_and_close_far_from_the_route_are_noticed(seed: int, w: float) -> None:
+def test_gates_that_open_and_close_far_from_the_route_change_it(seed: int, w: float) -> None:
     rng = np.random.default_rng(seed)
     known = rng.random((25, 40)) * 0.05
     ridges = [(row, col) for row in range(3, 25, 4) for col in range(40)]
@@ -201,7 +201,7 @@ def test_gates_that_open_and_close_far_from_the_route_are_noticed(seed: int, w: 
 @pytest.mark.parametrize("walls", [0.0, 0.05])
 @settings(max_examples=examples(40), deadline=None, derandomize=True)
 @given(seed=st.integers(0, 10_000), w=st.sampled_from([0.5, 0.9, 1.0]))
-def test_a_whole_new_exposure_finds_out_itself_what_changed(walls: float, seed: int, w: float) -> None:
+def test_the_changes_of_a_new_exposure_are_found(walls: float, seed: int, w: float) -> None:
     rng = np.random.default_rng(seed)
     shape = (25, 40)
     base = rng.random(shape) * rng.choice([0.05, 1.0])
@@ -220,7 +220,7 @@ def test_a_whole_new_exposure_finds_out_itself_what_changed(walls: float, seed: 
 
 
 @pytest.mark.usefixtures("boxes")
-def test_a_wall_in_all_but_name_that_goes_leaves_no_rounding_behind() -> None:
+def test_a_removed_cell_of_huge_exposure_leaves_no_rounding_error() -> None:
     wall, start, goal = 1e17, (30, 0), (30, 79)
     for share in np.linspace(0.05, 0.95, 19):
         known = np.full((40, 80), 0.38)
@@ -237,7 +237,7 @@ def test_a_wall_in_all_but_name_that_goes_leaves_no_rounding_behind() -> None:
         agree(planner, known, start, 1.0, 0.1)
 
 
-def test_at_the_goal_the_route_is_one_cell() -> None:
+def test_the_route_of_a_start_at_the_goal_is_one_cell() -> None:
     planner = Replanner(Layers(np.ones((3, 3)), np.ones((3, 3)), 0.1), ((1, 1),), 0.5, 0.1)
     assert planner.route((1, 1)) == ((1, 1),)
 

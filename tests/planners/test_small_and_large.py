@@ -75,7 +75,7 @@ def areas_up_to(n_cells: int) -> Iterator[None]:
 
 @FEW
 @given(problem=problems())
-def test_the_fields_are_equal_and_so_is_every_route(problem: Problem) -> None:
+def test_fields_and_routes_are_equal_with_and_without_compiled_code(problem: Problem) -> None:
     asked = problem.exposure, problem.goals, problem.w, problem.psi_per_cell
     small = spread(*asked)
     with areas_up_to(0):
@@ -127,7 +127,9 @@ def content(answered: object) -> object:
 @pytest.mark.parametrize("search", SEARCHES.values(), ids=SEARCHES.keys())
 @FEW
 @given(problem=problems())
-def test_every_planner_finds_the_same(search: Callable[[Problem], Route | Front], problem: Problem) -> None:
+def test_every_planner_gives_equal_results_with_and_without_compiled_code(
+    search: Callable[[Problem], Route | Front], problem: Problem
+) -> None:
     small = answer(search, problem)
     with areas_up_to(0):
         large = answer(search, problem)
@@ -164,7 +166,7 @@ def machine_code() -> dict[str, int]:
     }
 
 
-def test_once_warmed_up_a_large_area_waits_for_no_compiler() -> None:
+def test_a_large_area_needs_no_compiler_after_the_warm_up() -> None:
     reports: list[tuple[int, int]] = []
     warm_up(lambda done, total: reports.append((done, total)))
     assert [done for done, _ in reports] == list(range(len(reports)))

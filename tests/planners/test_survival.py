@@ -28,7 +28,7 @@ def test_the_route_of_least_exposure_need_not_have_the_greatest_safety_factor() 
     assert safest.cost == pytest.approx(-math.log(0.5476))
 
 
-def test_on_random_fields_the_two_differ_in_a_few_per_cent_of_the_cases_and_never_the_other_way() -> None:
+def test_the_safest_route_is_never_less_safe_and_differs_on_a_few_per_cent_of_random_fields() -> None:
     rng = np.random.default_rng(1)
     better = 0
     for _ in range(300):
@@ -42,7 +42,7 @@ def test_on_random_fields_the_two_differ_in_a_few_per_cent_of_the_cases_and_neve
 
 @settings(max_examples=examples(150), deadline=None, derandomize=True)
 @given(small_problems(walls=False))
-def test_no_way_is_safer_and_where_all_are_lost_none_enters_fewer_certain_losses(problem: Problem) -> None:
+def test_a_route_enters_the_fewest_certain_losses_and_is_then_the_safest(problem: Problem) -> None:
     found = ways(problem.exposure.shape, problem.start, frozenset(problem.goals))
     flat = problem.exposure.reshape(-1)
     certain = found.entered @ (flat >= 1.0)
@@ -65,7 +65,7 @@ def test_no_way_is_safer_and_where_all_are_lost_none_enters_fewer_certain_losses
         (math.inf, None),  # a wall lets nobody through
     ],
 )
-def test_a_certain_loss_is_entered_where_there_is_no_other_way(
+def test_a_certain_loss_is_entered_only_on_the_only_route(
     certain: float, cells: tuple[tuple[int, int], ...] | None
 ) -> None:
     problem = Problem(np.array([[0.0, certain, 0.2]]), (0, 0), ((0, 2),), 0.5, 0.1)
@@ -79,7 +79,7 @@ def test_a_certain_loss_is_entered_where_there_is_no_other_way(
     assert route.cost == pytest.approx(CERTAIN_LOSS - math.log(0.8))
 
 
-def test_round_a_certain_loss_however_long_the_way() -> None:
+def test_a_route_of_any_length_around_a_certain_loss_is_taken() -> None:
     field = np.full((3, 40), 0.9)
     field[0, 20] = field[1, 20] = 1.0
     route = survival.plan(Problem(field, (0, 0), ((0, 39),), 0.0, 0.1), PARAMS)

@@ -82,7 +82,7 @@ def test_every_search_is_a_route_of_dijkstras_and_few_are_needed(seed: int) -> N
             assert route.exposure_sum == pytest.approx(searched.exposure_sum)
 
 
-def test_no_w_however_close_finds_a_better_one_within_the_bound() -> None:
+def test_no_w_finds_a_better_route_within_the_bound() -> None:
     field = terrain(3, 30)
     free = Problem(field, (15, 0), ((15, 29),), 0.5, 0.15)
     every_w = [
@@ -108,14 +108,14 @@ def test_a_looser_bound_brings_the_longer_and_less_exposed_route() -> None:
     assert (long.length_cells, long.exposure_sum) == (pytest.approx(2.0 * math.sqrt(2.0)), 0.0)
 
 
-def test_a_route_that_ties_with_a_shorter_one_wherever_it_is_cheapest_is_found_by_no_w() -> None:
+def test_a_route_that_never_beats_a_shorter_one_is_found_by_no_w() -> None:
     bounded = dataclasses.replace(three_arms(), max_length_cells=3.5)
     assert time_bound.plan(bounded, LEAST_EXPOSED).exposure_sum == 2.0
     with pytest.raises(BoundTooTight):
         time_bound.plan(dataclasses.replace(bounded, min_length_cells=2.5), LEAST_EXPOSED)
 
 
-def test_a_bound_equal_to_a_length_but_for_rounding_is_kept() -> None:
+def test_a_bound_that_differs_from_a_length_by_rounding_is_kept() -> None:
     bound = math.nextafter(2.0 * math.sqrt(2.0), 0.0)
     found = time_bound.plan(dataclasses.replace(detours(), max_length_cells=bound), LEAST_EXPOSED)
     assert found.exposure_sum == 0.0
@@ -136,7 +136,9 @@ def test_a_bound_equal_to_a_length_but_for_rounding_is_kept() -> None:
     ],
 )
 @pytest.mark.parametrize("params", [LEAST_EXPOSED, LEAST_DISTANT])
-def test_bounds_that_no_route_keeps(window: tuple[float, float], nearest: float, params: Params) -> None:
+def test_bounds_without_a_route_are_an_error_with_the_nearest_route(
+    window: tuple[float, float], nearest: float, params: Params
+) -> None:
     problem = dataclasses.replace(detours(), min_length_cells=window[0], max_length_cells=window[1])
     with pytest.raises(BoundTooTight) as caught:
         time_bound.plan(problem, params)
@@ -145,7 +147,7 @@ def test_bounds_that_no_route_keeps(window: tuple[float, float], nearest: float,
     assert time_bound.measure(problem, caught.value.nearest.cells, params) == math.inf
 
 
-def test_a_vehicle_at_the_goal_cannot_wait_there() -> None:
+def test_a_least_length_is_refused_for_a_start_at_the_goal() -> None:
     problem = Problem(np.zeros((2, 2)), (0, 0), ((0, 0),), 0.5, 1.0, min_length_cells=3.0)
     with pytest.raises(BoundTooTight) as caught:
         time_bound.plan(problem, LEAST_EXPOSED)

@@ -37,7 +37,9 @@ ROOT2 = math.sqrt(2.0)
         (["###.", "#s#.", "###G"], None),  # and no route leads from wall to wall
     ],
 )
-def test_the_shortest_way_round_walls(area: list[str], length: float | None, quarter_turns: int) -> None:
+def test_the_shortest_route_leads_around_walls(
+    area: list[str], length: float | None, quarter_turns: int
+) -> None:
     drawn = np.rot90(np.array([list(row) for row in area]), quarter_turns)
     p_s = np.where((drawn == "#") | (drawn == "s"), math.inf, 0.1)
     (start,), (goal,) = cells_where(np.char.upper(drawn) == "S"), cells_where(drawn == "G")
@@ -94,7 +96,7 @@ def walled_areas(draw: st.DrawFn) -> NDArray[np.float64]:
 
 @settings(max_examples=examples(80), deadline=None, derandomize=True)
 @given(p_s=walled_areas(), w=st.sampled_from([0.0, 0.5, 1.0]), data=st.data())
-def test_between_walls_the_way_is_the_best_of_those_that_are_open(
+def test_the_route_between_walls_is_the_best_of_all_open_routes(
     p_s: NDArray[np.float64], w: float, data: st.DataObject
 ) -> None:
     cells = list(np.ndindex(*p_s.shape))

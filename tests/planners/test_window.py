@@ -27,14 +27,14 @@ def problem(
     )
 
 
-def test_without_a_least_length_it_is_the_least_exposed_within_the_bound() -> None:
+def test_a_window_without_a_least_length_gives_the_least_exposed_route_within_the_bound() -> None:
     asked = problem(most=10.0)
     found = window.plan(asked, PARAMS)
     assert found.cost == pytest.approx(constrained.plan(asked, constrained.Params()).cost)
 
 
 @pytest.mark.parametrize("least", [12.0, 14.0, 18.0])
-def test_a_longer_way_than_any_that_w_finds_crosses_itself_nowhere(least: float) -> None:
+def test_a_route_longer_than_those_of_any_w_visits_no_cell_twice(least: float) -> None:
     asked = problem(least=least, most=least + 2.0)
     found = window.plan(asked, PARAMS)
     assert least <= length_cells(found.cells) <= least + 2.0
@@ -44,7 +44,7 @@ def test_a_longer_way_than_any_that_w_finds_crosses_itself_nowhere(least: float)
     assert found.cost == pytest.approx(exposure_sum(asked.exposure, found.cells))
 
 
-def test_over_walls_it_does_not_go_either() -> None:
+def test_a_route_of_a_window_crosses_no_wall() -> None:
     asked = problem(least=12.0, most=16.0)
     walled = asked.exposure.copy()
     walled[2:6, 4] = math.inf
@@ -53,13 +53,13 @@ def test_over_walls_it_does_not_go_either() -> None:
     assert math.isfinite(window.measure(asked, found.cells, PARAMS))
 
 
-def test_where_none_is_long_enough_the_longest_that_was_found_comes_with_the_error() -> None:
+def test_a_window_beyond_all_routes_is_an_error_with_the_longest_found_route() -> None:
     with pytest.raises(BoundTooTight) as caught:
         window.plan(problem(3, 3, least=30.0, most=40.0), PARAMS)
     assert 2.0 < length_cells(caught.value.nearest.cells) < 30.0
 
 
-def test_a_route_outside_the_window_measures_nothing() -> None:
+def test_the_measure_of_a_route_outside_the_window_is_infinite() -> None:
     asked = problem(least=12.0, most=16.0)
     short = constrained.plan(problem(), constrained.Params()).cells
     assert window.measure(asked, short, PARAMS) == math.inf
@@ -67,7 +67,7 @@ def test_a_route_outside_the_window_measures_nothing() -> None:
 
 @settings(derandomize=True, deadline=None, max_examples=examples(30))
 @given(seed=st.integers(0, 10_000), least=st.floats(2.0, 7.0))
-def test_it_finds_no_route_that_is_better_than_the_best_of_all(seed: int, least: float) -> None:
+def test_no_found_route_is_better_than_the_best_of_all_routes(seed: int, least: float) -> None:
     """On areas so small that every way can be counted."""
     asked = problem(3, 3, least=least, most=least + 1.5, seed=seed)
     every = ways((3, 3), asked.start, frozenset(asked.goals)).points(asked.exposure)

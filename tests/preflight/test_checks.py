@@ -170,7 +170,7 @@ def test_the_battery_lasts_for_the_route_and_the_way_back_with_a_reserve() -> No
     assert finding("battery", state(battery_percent=39)).ok
 
 
-def test_every_kind_of_lithium_battery_may_use_its_low_voltage() -> None:
+def test_the_low_voltage_of_every_kind_of_lithium_battery_is_accepted() -> None:
     # Three cells of lithium polymer (twice), six of lithium ion, four of lithium iron phosphate.
     for low_v, reported_v in ((10.5, 12.6), (10.5, 11.1), (16.8, 25.2), (15.6, 21.6), (11.2, 14.4)):
         assert finding("battery", low_at(low_v, reported_v=reported_v)).ok

@@ -140,12 +140,12 @@ def test_declared_values_have_their_parameters(firmware, policy, name, good, bad
     ("policy", "name"),
     [({"lost_link": "land"}, "NAV_DLL_ACT"), ({"low_battery": "land"}, "COM_LOW_BAT_ACT")],
 )
-def test_a_px4_plane_cannot_be_declared_to_land_wherever_it_is(policy: dict[str, str], name: str) -> None:
+def test_an_immediate_landing_cannot_be_declared_for_a_px4_plane(policy: dict[str, str], name: str) -> None:
     with pytest.raises(NoParameterTable, match=rf"{name} has no value for preflight\.policy\."):
         wanted(PX4_PLANE, **policy)
 
 
-def test_names_follow_the_version() -> None:
+def test_parameter_names_depend_on_the_firmware_version() -> None:
     watched = {"lost_link": "return"}
     assert "SYSID_MYGCS" in wanted(Firmware("ArduCopter", (4, 6)), **watched)
     assert "MAV_GCS_SYSID" in wanted(Firmware("ArduCopter", (4, 7)), **watched)
@@ -163,7 +163,9 @@ def test_names_follow_the_version() -> None:
         ("WPNAV_ACCEL", 250, 500),
     ],
 )
-def test_a_copter_of_a_swarm_is_not_faster_than_others_assume(name, as_it_comes, faster) -> None:
+def test_the_speed_of_a_copter_is_at_most_the_speed_that_other_vehicles_assume(
+    name, as_it_comes, faster
+) -> None:
     intent = DeclaredBehaviour(
         Policy(), gcs_sysid=255, altitude_m=40.0, ceiling_m=90.0, speed_m_s=10.0, among_others=True
     )
@@ -200,7 +202,7 @@ def test_a_firmware_without_a_table_is_refused(firmware) -> None:
         wanted(firmware)
 
 
-def test_under_a_low_ceiling_it_returns_below_it() -> None:
+def test_the_return_altitude_is_below_a_low_ceiling() -> None:
     low = DeclaredBehaviour(Policy(), gcs_sysid=255, altitude_m=8.0, ceiling_m=12.0)
     for firmware, name, most in ((COPTER, "RTL_ALT", 1200.0), (PX4, "RTL_RETURN_ALT", 12.0)):
         (parameter,) = (w for w in parameters_for(firmware, low) if w.name == name)

@@ -84,7 +84,7 @@ def test_a_whole_chain_is_reported_with_its_final_hash(run: Run, tmp_path: Path)
     }
 
 
-def test_a_changed_line_is_named_with_what_was_expected(run: Run, tmp_path: Path) -> None:
+def test_a_changed_line_is_reported_with_the_expected_value(run: Run, tmp_path: Path) -> None:
     run.evidence.to_vehicle(1, HOLD)
     run.evidence.to_vehicle(1, ARM)
     run.evidence.close()

@@ -99,7 +99,7 @@ def test_an_empty_file_is_not_closed() -> None:
 
 @settings(derandomize=True, deadline=None, max_examples=examples(300))
 @given(data=st.data())
-def test_no_line_can_be_changed_removed_or_moved_unnoticed(data: st.DataObject) -> None:
+def test_every_changed_removed_or_moved_line_is_found(data: st.DataObject) -> None:
     lines = written()
     i = data.draw(st.integers(0, len(lines) - 1))
     how = data.draw(st.sampled_from(["flip", "drop", "double", "swap"]))

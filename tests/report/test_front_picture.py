@@ -67,7 +67,7 @@ def marks(axes: Axes) -> list[tuple[float, float, str]]:
     ]
 
 
-def test_every_route_is_a_point_and_hollow_if_no_w_finds_it() -> None:
+def test_every_route_is_a_point_and_routes_of_no_w_are_hollow() -> None:
     shown = panel(9)
     (chart,) = charts(drawn(shown))
     found = marks(chart)
@@ -95,7 +95,7 @@ def test_chart_and_map_show_a_route_in_one_colour() -> None:
     assert len({to_rgb(colour) for colour in colours(6)}) == 6
 
 
-def test_the_configured_route_is_ringed_and_named() -> None:
+def test_the_configured_route_has_a_ring_and_a_label() -> None:
     shown = panel()
     (chart,) = charts(drawn(shown))
     (ring,) = [line for line in chart.lines if line.get_marker() == "o" and line.get_markersize() > 8.0]
@@ -142,7 +142,7 @@ def test_a_bound_far_beyond_the_front_does_not_squeeze_it() -> None:
     assert "within 9000 s" not in {text.get_text() for text in chart.texts}
 
 
-def test_the_seconds_above_are_those_from_take_off() -> None:
+def test_the_upper_axis_has_the_seconds_from_take_off() -> None:
     (chart,) = charts(drawn(panel()))
     (seconds,) = chart.child_axes
     low, high = seconds.get_xlim()

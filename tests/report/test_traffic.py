@@ -40,7 +40,7 @@ def test_only_arming_messages_count_as_arming() -> None:
     assert arms(mavlink.MAVLink_command_int_message(1, 1, 0, 400, 0, 0, 1, 0, 0, 0, 0, 0, 0))
 
 
-def test_an_upload_is_its_announcement_and_one_entry_of_all_its_items() -> None:
+def test_an_upload_is_recorded_as_its_announcement_and_one_entry_of_all_items() -> None:
     traffic = Traffic()
     assert [w["message"] for _, w in traffic.sent(mavlink.MAVLink_mission_count_message(1, 1, 3))] == [
         "MISSION_COUNT"
@@ -165,14 +165,14 @@ def effect(changed: str, before: object, after: object) -> dict[str, object]:
 
 
 @pytest.mark.parametrize("turned", [False, True], ids=["landed first", "disarmed first"])
-def test_disarming_after_a_landing_is_not_unasked(turned: bool) -> None:
+def test_a_disarming_after_a_landing_is_expected(turned: bool) -> None:
     down = [effect("landed", "IN_AIR", "ON_GROUND"), effect("armed", True, False)]
     summary = digest([effect("landed", "UNDEFINED", "IN_AIR"), *(reversed(down) if turned else down)])
     assert summary.unasked == {}
     assert summary.n_disarmed_on_ground == {"alpha": 1}
 
 
-def test_disarming_in_the_air_is_unasked() -> None:
+def test_a_disarming_in_the_air_is_unexpected() -> None:
     summary = digest([effect("landed", "UNDEFINED", "IN_AIR"), effect("armed", True, False)])
     assert summary.unasked == {"alpha": {"armed False": 1}}
 

@@ -41,7 +41,7 @@ def no_flight(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 HERE, THERE = BusEndpoint("127.0.0.1", 4001), BusEndpoint("127.0.0.1", 4002)
 
 
-def test_a_flight_is_found_by_its_name_as_long_as_it_lasts(no_flight: Path) -> None:
+def test_a_flight_is_found_by_its_name_until_its_end(no_flight: Path) -> None:
     with directory.registered("one", HERE), directory.registered("two", THERE):
         assert client.find("two", None, None) == client.FlightEndpoints("two", THERE)
         assert stat.S_IMODE(no_flight.stat().st_mode) == 0o700
