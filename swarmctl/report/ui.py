@@ -67,10 +67,10 @@ class UiObserver:
             self.ui.say(f"{after.task.name}: {after.late}")
         if after.lost is not before.lost:
             text = (
-                "telemetry has stopped; an order to hold, return or land is sent now, and repeated when "
-                "telemetry is back [telemetry-lost]"
+                "telemetry has stopped; orders may not reach the vehicle and are repeated when telemetry is "
+                "back [telemetry-lost]"
                 if after.lost
-                else "telemetry is back; an order that had no effect is repeated [telemetry-back]"
+                else "telemetry is back; orders without an effect are repeated [telemetry-back]"
             )
             self.ui.say(f"{after.task.name}: {text}")
         for effect in effects:
