@@ -1,4 +1,4 @@
-"""The policy of one vehicle, told as stories: events in, effects out."""
+"""The policy of one vehicle as stories: events in, effects out."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def without_messages(effects: list[ev.Effect]) -> list[ev.Effect]:
 
 
 BOOTED = {"mode": "STABILIZE", "mode_role": "other", "armed": False, "time_boot_s": 900.0}
-"""a heartbeat after a boot that its clock has not told of yet"""
+"""A heartbeat after a boot, before a message with the vehicle's clock."""
 
 
 def waiting() -> Story:
@@ -62,7 +62,7 @@ def test_nothing_is_sent_to_a_vehicle_that_is_not_ready() -> None:
     assert story.state.phase is Phase.WAITING
 
 
-def test_from_ready_to_launch() -> None:
+def test_a_ready_vehicle_gets_its_mission_and_is_launched() -> None:
     story = Story()
     story(ev.Ready())
     swap = story.swap()
@@ -93,15 +93,15 @@ def test_a_received_observation_is_not_published_again() -> None:
 
 
 @pytest.mark.parametrize("occupied", [True, False])
-def test_a_contradicting_sighting_is_published_as_one(occupied: bool) -> None:
+def test_a_contradicting_sighting_is_published_as_a_contradiction(occupied: bool) -> None:
     story = Story().flying()
     story.hear((4, 1, occupied), (5, 1, False))
-    look = ev.Observed(((4, 1, not occupied), (5, 1, False)))
-    (effect,) = (e for e in story(look) if isinstance(e, ev.Publish))
+    observed = ev.Observed(((4, 1, not occupied), (5, 1, False)))
+    (effect,) = (e for e in story(observed) if isinstance(e, ev.Publish))
     assert isinstance(effect.message, Observation)
     assert effect.message.cells == ((4, 1, not occupied),)
     assert effect.against == ((4, 1),)
-    assert story(look) == []  # once: what both saw is known now, and occupied wins
+    assert story(observed) == []  # published once; occupied takes precedence
     assert story.state.belief.occupancy()[4, 1] == 1.0
 
 
@@ -117,14 +117,14 @@ def test_a_hostile_ahead_changes_the_mission_and_names_the_observation() -> None
     assert story.state.replans == 1
 
 
-def test_news_without_effect_ahead_changes_no_mission() -> None:
+def test_observations_without_effect_ahead_change_no_mission() -> None:
     story = Story().flying()
     story.hear((0, 8, False))
     assert story.tick() == []
     assert not story.state.dirty
 
 
-def test_news_during_a_mission_change_counts_after_it() -> None:
+def test_observations_during_a_mission_change_count_afterwards() -> None:
     story = Story().flying()
     story.hear((4, 4, True))
     first = story.swap()
@@ -133,14 +133,14 @@ def test_news_during_a_mission_change_counts_after_it() -> None:
         assert story.tick() == []
     story.accept()
     story.now += 2.0
-    story.over((4, 0))  # it has followed meanwhile
+    story.over((4, 0))  # the vehicle flies on meanwhile
     second = story.swap()
     assert second.plan_id > first.plan_id
     assert second.because == ((2, 0, 2), (2, 0, 3))
     assert not {(3, 4), (4, 4), (5, 4)} & set(second.cells)
 
 
-def test_replanning_starts_from_where_the_vehicle_is() -> None:
+def test_replanning_starts_from_the_position_of_the_vehicle() -> None:
     story = Story().flying()
     story.over((4, 3))
     story.hear((4, 5, True))
@@ -159,7 +159,7 @@ def test_a_leg_through_a_neighbouring_cell_changes_no_mission() -> None:
     assert story.tick() == []
 
 
-def test_a_failed_mission_change_that_left_the_old_plan_is_retried() -> None:
+def test_a_failed_mission_change_is_retried() -> None:
     story = Story().flying()
     story.hear((4, 4, True))
     swap = story.swap()
@@ -194,7 +194,7 @@ def test_trouble_of_a_failed_mission_change_ends_over_the_goal() -> None:
     assert (story.state.phase, story.state.trouble) == (Phase.LANDING, "")
 
 
-def test_a_mission_change_that_fails_over_the_goal_is_no_trouble() -> None:
+def test_a_failed_mission_change_over_the_goal_is_no_trouble() -> None:
     story = Story().flying()
     story.hear((4, 4, True))
     swap = story.swap()
@@ -214,7 +214,7 @@ def test_other_trouble_stays_without_a_mission_change() -> None:
     assert story.state.trouble.endswith("[rebooted]")
 
 
-def test_a_vehicle_left_in_hold_gets_a_plan_even_if_nothing_is_new() -> None:
+def test_a_vehicle_left_in_hold_gets_a_plan_even_without_observations() -> None:
     story = Story().flying()
     before = story.state.route
     story.hear((4, 4, True))
@@ -226,7 +226,7 @@ def test_a_vehicle_left_in_hold_gets_a_plan_even_if_nothing_is_new() -> None:
     assert story.swap().cells[-1] == before.cells[-1]
 
 
-def test_a_vehicle_whose_mission_cannot_be_changed_returns() -> None:
+def test_a_vehicle_returns_after_repeated_failures_to_change_its_mission() -> None:
     story = Story().flying()
     for seq in range(1, MAX_FAILED_SWAPS + 1):
         story.hear((4, 1 + seq, True), seq=seq)
@@ -248,7 +248,7 @@ def test_a_lost_vehicle_gets_no_mission_until_its_link_is_back() -> None:
     assert (4, 4) not in story.swap().cells
 
 
-def test_a_vehicle_taken_over_is_released() -> None:
+def test_a_vehicle_is_released_after_a_takeover() -> None:
     story = Story().flying()
     story.hear((4, 4, True))
     swap = story.swap()
@@ -273,7 +273,7 @@ def test_a_takeover_is_detected_without_a_position() -> None:
     assert without_messages(story(ev.TelemetryReceived(lost_gps))) == [ev.Release()]
 
 
-def test_a_foreign_hold_releases_it_but_a_late_heartbeat_of_its_own_swap_does_not() -> None:
+def test_a_foreign_hold_releases_the_vehicle_but_a_late_heartbeat_of_a_swap_does_not() -> None:
     story = Story().flying()
     story.over((4, 1), mode_role="hold")
     story.over((4, 1), mode_role="mission")
@@ -284,7 +284,7 @@ def test_a_foreign_hold_releases_it_but_a_late_heartbeat_of_its_own_swap_does_no
 
 
 @pytest.mark.parametrize("order", [ev.FlightOrder.HOLD, ev.FlightOrder.RETURN, ev.FlightOrder.LAND])
-def test_a_pilot_who_takes_over_after_an_order_is_not_ordered_again(order: ev.FlightOrder) -> None:
+def test_an_order_is_not_repeated_after_a_pilot_takeover(order: ev.FlightOrder) -> None:
     story = Story().flying()
     story(ev.OperatorCommand(order))
     story(ev.OrderFailed(order, "no answer"))
@@ -310,18 +310,18 @@ def test_a_vehicle_armed_by_another_operator_is_not_launched() -> None:
     assert story(ev.OperatorCommand(ev.FlightOrder.LAUNCH)) == []
 
 
-def test_a_pilot_who_takes_over_during_the_launch_is_not_landed() -> None:
+def test_a_failed_launch_causes_no_landing_after_a_pilot_takeover() -> None:
     story = Story().launching()
     assert without_messages(story.over((4, 0), mode="ALT_HOLD", mode_role="other")) == [ev.Release()]
     assert story(ev.OrderFailed(ev.FlightOrder.LAUNCH, "its mode is ALT_HOLD")) == []
 
 
 @pytest.mark.parametrize("order", [ev.FlightOrder.HOLD, ev.FlightOrder.RETURN])
-def test_an_aborted_launch_lands_whatever_is_ordered_afterwards(order: ev.FlightOrder) -> None:
+def test_an_aborted_launch_lands_despite_a_later_order(order: ev.FlightOrder) -> None:
     story = Story().launching()
     assert orders(story(ev.OperatorCommand(order))) == [ev.FlightOrder.LAND]
     assert story(ev.OperatorCommand(ev.FlightOrder.RETURN)) == []
-    # The last heartbeat before said "disarmed"; the arm command was on its way.
+    # The last heartbeat shows a disarmed vehicle; the arm command is on its way.
     story.over((4, 0), armed=False)
     assert not story.state.ended
     story.over((4, 0), armed=True, mode_role="land")
@@ -352,7 +352,7 @@ def test_a_vehicle_that_reboots_on_the_ground_is_prepared_again() -> None:
     assert orders(story.accept()) == [ev.FlightOrder.LAUNCH]
 
 
-def test_without_a_route_it_keeps_its_plan() -> None:
+def test_a_vehicle_without_a_route_keeps_its_plan() -> None:
     wall = frozenset((row, col) for row in range(6, 9) for col in range(3) if (row, col) != (7, 1))
     story = Story(no_fly=wall).flying()
     before = story.state.route
@@ -363,7 +363,7 @@ def test_without_a_route_it_keeps_its_plan() -> None:
     assert "(7, 1)" in story.state.trouble
 
 
-def test_in_hold_without_a_route_it_returns() -> None:
+def test_a_holding_vehicle_without_a_route_returns() -> None:
     wall = frozenset((row, col) for row in range(6, 9) for col in range(3) if (row, col) != (7, 1))
     story = Story(no_fly=wall).flying()
     story.hear((4, 4, True))
@@ -373,7 +373,7 @@ def test_in_hold_without_a_route_it_returns() -> None:
     assert orders(story.tick()) == [ev.FlightOrder.RETURN]
 
 
-def test_a_landing_beside_the_goal_is_no_arrival() -> None:
+def test_a_landing_beside_the_goal_is_not_an_arrival() -> None:
     story = Story().flying()
     story.over((4, 8))
     story.over((5, 8), armed=False)
@@ -421,28 +421,28 @@ def test_a_recalled_vehicle_reports_a_landing_away_from_home(cell: Cell, away: l
     story = Story().flying()
     lat_deg, lon_deg = GRID.centre((4, 0))
     home = {"home_lat_deg": lat_deg, "home_lon_deg": lon_deg}
-    story.over((4, 8), **home)  # it lands there
+    story.over((4, 8), **home)  # the landing position
     story(ev.OperatorCommand(ev.FlightOrder.RETURN))
     story.over(cell, armed=False, landed=Landed.ON_GROUND, **home)
     assert (story.state.phase, story.state.ordered) == (Phase.DONE, ev.FlightOrder.RETURN)
     assert re.findall(r"\d+ m", story.state.outcome) == away
 
 
-def test_over_its_goal_it_gets_no_other_route() -> None:
+def test_a_vehicle_over_its_goal_gets_no_new_route() -> None:
     story = Story().flying()
     story.over((4, 8))
     story.hear((4, 8, True))
     assert story.tick() == []
 
 
-def test_a_landing_short_of_the_goal_is_a_failure_with_its_place() -> None:
+def test_a_landing_short_of_the_goal_is_a_failure_with_its_cell() -> None:
     story = Story().flying()
     story.over((4, 3), armed=False, landed=Landed.ON_GROUND)
     assert story.state.phase is Phase.FAILED
     assert "(4, 3)" in story.state.outcome
 
 
-def test_over_its_goal_in_hold_it_is_ordered_to_land() -> None:
+def test_a_holding_vehicle_over_its_goal_is_ordered_to_land() -> None:
     story = Story().flying()
     story.hear((4, 4, True))
     swap = story.swap()
@@ -454,21 +454,25 @@ def test_over_its_goal_in_hold_it_is_ordered_to_land() -> None:
     assert (story.state.phase, story.state.outcome) == (Phase.DONE, "arrived")
 
 
-@pytest.mark.parametrize("seen", [True, False])
-def test_an_order_missed_during_a_lost_link_is_repeated(seen: bool) -> None:
+@pytest.mark.parametrize("received", [True, False])
+def test_an_order_missed_during_a_lost_link_is_repeated(received: bool) -> None:
     story = Story().flying()
     story(ev.LinkLost(5.0))
     story(ev.OperatorCommand(ev.FlightOrder.RETURN))
-    story(ev.OrderDone(ev.FlightOrder.RETURN) if seen else ev.OrderFailed(ev.FlightOrder.RETURN, "no answer"))
+    story(
+        ev.OrderDone(ev.FlightOrder.RETURN)
+        if received
+        else ev.OrderFailed(ev.FlightOrder.RETURN, "no answer")
+    )
     story(ev.LinkRestored())
-    role = "return" if seen else "mission"
-    assert orders(story.over((4, 1), mode_role=role)) == ([] if seen else [ev.FlightOrder.RETURN])
+    role = "return" if received else "mission"
+    assert orders(story.over((4, 1), mode_role=role)) == ([] if received else [ev.FlightOrder.RETURN])
 
 
 @pytest.mark.parametrize(
     ("armed", "expected", "phase"), [(False, [], Phase.FAILED), (True, [ev.FlightOrder.LAND], Phase.LEAVING)]
 )
-def test_a_failed_launch_lands_a_vehicle_that_it_armed(
+def test_a_failed_launch_lands_an_armed_vehicle(
     armed: bool, expected: list[ev.FlightOrder], phase: Phase
 ) -> None:
     story = Story().launching()
@@ -477,7 +481,7 @@ def test_a_failed_launch_lands_a_vehicle_that_it_armed(
     assert story.state.phase is phase
 
 
-def test_on_the_ground_an_order_to_leave_ends_it_without_a_command() -> None:
+def test_a_return_order_on_the_ground_ends_the_flight_without_a_command() -> None:
     story = Story()
     story(ev.Ready())
     assert story(ev.OperatorCommand(ev.FlightOrder.RETURN)) == []
@@ -486,7 +490,7 @@ def test_on_the_ground_an_order_to_leave_ends_it_without_a_command() -> None:
 
 
 @pytest.mark.parametrize("order", [ev.FlightOrder.HOLD, ev.FlightOrder.RETURN, ev.FlightOrder.LAND])
-def test_an_order_in_flight_is_followed_and_ends_the_planning(order: ev.FlightOrder) -> None:
+def test_an_order_in_flight_is_sent_and_ends_the_planning(order: ev.FlightOrder) -> None:
     story = Story().flying()
     assert orders(story(ev.OperatorCommand(order))) == [order]
     story.hear((4, 4, True))
@@ -501,7 +505,7 @@ def test_an_observation_outside_the_area_is_refused_and_counted() -> None:
     assert story.state.refused == 1
 
 
-def test_its_state_is_shared_about_once_a_second_of_its_own_time() -> None:
+def test_the_state_is_shared_about_once_a_second_by_the_vehicles_clock() -> None:
     story = Story().flying()
     shared = 0
     for tenth in range(100, 150):
@@ -520,7 +524,7 @@ def test_flown_exposure_uses_the_belief_at_the_choice_of_each_cell() -> None:
     assert story.state.flown_safety < 1.0
 
 
-def test_no_route_enters_a_forbidden_cell() -> None:
+def test_routes_avoid_forbidden_cells() -> None:
     wall = frozenset((row, 4) for row in range(8))
     story = Story(no_fly=wall)
     story(ev.Ready())
@@ -535,7 +539,7 @@ OBSERVED = st.lists(
 
 @given(OBSERVED, st.randoms(use_true_random=False))
 @settings(max_examples=examples(40), deadline=None, derandomize=True)
-def test_the_order_in_which_news_arrives_does_not_change_the_route(
+def test_the_sequence_of_observations_does_not_change_the_route(
     rows: list[tuple[int, int, int, int, bool]], random: object
 ) -> None:
     unique = {(observer, seq): (r, c, o) for observer, seq, r, c, o in rows}
@@ -556,7 +560,7 @@ def test_the_order_in_which_news_arrives_does_not_change_the_route(
     assert ends[0].route.cells == ends[1].route.cells
 
 
-def test_a_single_disarmed_heartbeat_in_the_air_ends_nothing() -> None:
+def test_a_single_disarmed_heartbeat_in_the_air_does_not_end_the_flight() -> None:
     story = Story().flying()
     up = {"armed": False, "landed": Landed.IN_AIR}
     story.over((4, 1), **up)

@@ -18,7 +18,7 @@ ROW_M = GRID.centre_m((4, 4))[1]
 
 
 class ArrivalStory(Story):
-    """Vehicle 1 flies east along row 4 to its goal cell, which begins at 400 m; vehicle 2 arrives with it."""
+    """A flight of vehicle 1 east along row 4 to its goal cell at 400 m; vehicle 2 has to arrive with it."""
 
     def __init__(self, uav: int = 1, w: float = 0.5, **simultaneous: float) -> None:
         super().__init__(uav=uav, w=w, arrival_group=ArrivalGroup({1: 0, 2: 1}, **simultaneous))
@@ -44,12 +44,12 @@ def test_a_single_vehicle_flies_at_full_speed_and_reports_its_earliest_arrival()
     story = ArrivalStory()
     (message,) = (e.message for e in story.at(100.0) if isinstance(e, ev.Publish))
     assert isinstance(message, StateShared)
-    # 300 m to the edge of its goal cell at 10 m/s; it brakes for the landing inside the cell.
+    # 300 m to the edge of the goal cell at 10 m/s; the braking for the landing is inside the cell.
     assert message.earliest_in_s == pytest.approx(30.0, abs=0.5)
     assert speeds(story.effects) == []
 
 
-def test_a_vehicle_slows_down_for_a_slower_one() -> None:
+def test_a_vehicle_slows_down_for_a_slower_vehicle() -> None:
     story = ArrivalStory()
     story.other(60.0)
     (speed_m_s,) = speeds(story.at(100.0))
@@ -57,7 +57,7 @@ def test_a_vehicle_slows_down_for_a_slower_one() -> None:
     assert orders(story.effects) == []
 
 
-def test_a_faster_vehicle_changes_nothing() -> None:
+def test_a_faster_vehicle_does_not_change_the_speed() -> None:
     story = ArrivalStory()
     story.other(20.0)
     assert speeds(story.at(100.0)) == []
@@ -73,7 +73,7 @@ def test_a_vehicle_follows_a_later_arrival_but_not_with_every_message() -> None:
     assert second_m_s < first_m_s
 
 
-def test_a_vehicle_does_not_wait_for_one_that_has_given_up() -> None:
+def test_a_vehicle_does_not_wait_for_a_vehicle_without_an_arrival_time() -> None:
     story = ArrivalStory()
     story.other(60.0)
     story.at(100.0)
@@ -82,7 +82,7 @@ def test_a_vehicle_does_not_wait_for_one_that_has_given_up() -> None:
     assert speeds(story.at(112.0, ground_speed_m_s=6.0)) == [10.0]
 
 
-def test_with_spacing_the_first_vehicle_is_early_enough_for_the_next() -> None:
+def test_with_spacing_the_first_vehicle_is_due_before_the_next() -> None:
     story = ArrivalStory(spacing_s=20.0)
     story.other(70.0)
     (speed_m_s,) = speeds(story.at(100.0))
@@ -92,7 +92,7 @@ def test_with_spacing_the_first_vehicle_is_early_enough_for_the_next() -> None:
 def test_an_arrived_vehicle_keeps_its_position_in_the_order() -> None:
     story = ArrivalStory(uav=2, spacing_s=20.0)
     story.other(-1.0, uav=1)
-    (speed_m_s,) = speeds(story.at(300.0))  # 10 s from its goal, due 20 s after the other
+    (speed_m_s,) = speeds(story.at(300.0))  # 10 s from the goal, due 20 s after vehicle 1
     assert speed_m_s < 7.0
 
 
@@ -126,7 +126,7 @@ def test_a_refused_full_speed_is_set_again() -> None:
     assert speeds(story.at(104.0)) == [10.0]
 
 
-# routes that use spare time
+# --- routes that use spare time
 
 
 def next_swap(story: ArrivalStory) -> ev.SwapMission | None:
@@ -134,8 +134,7 @@ def next_swap(story: ArrivalStory) -> ev.SwapMission | None:
 
 
 def test_an_early_vehicle_takes_a_safer_route() -> None:
-    """With w = 0 the vehicle flies straight; with spare time it flies around the hostile, and is still in
-    time."""
+    """With w = 0 the vehicle flies straight; with spare time it avoids the hostile and arrives in time."""
     story = ArrivalStory(w=0.0)
     story.hear((4, 5, True))
     assert next_swap(story) is None
@@ -157,7 +156,7 @@ def test_an_early_vehicle_with_a_minimum_speed_takes_a_longer_route() -> None:
     story.at(60.0)
     swap = next_swap(story)
     assert swap is not None
-    # 68 s at 8 m/s at least, and at 10 m/s in time.
+    # The route takes at least 68 s at 8 m/s and is in time at 10 m/s.
     assert 0.8 * 640.0 < 60.0 + swap.length_m < 700.0
     story.accept()
     story.state = replace(story.state, swapped_boot_s=-100.0)
@@ -173,7 +172,7 @@ def test_a_slightly_early_vehicle_only_flies_slower() -> None:
     assert next_swap(story) is None
 
 
-def test_a_vehicle_that_becomes_the_last_takes_its_best_route_again() -> None:
+def test_the_new_last_vehicle_takes_its_best_route_again() -> None:
     story = ArrivalStory(w=0.0)
     story.hear((4, 5, True))
     story.tick()

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from agent_stories import codes, orders, publications
-from collision_stories import MID_M, Approached, operator_texts
+from collision_stories import MID_M, ApproachStory, operator_texts
 
 from swarmctl.agent.failsafes.base import Fence
 from swarmctl.agent.state import Phase
@@ -25,7 +25,7 @@ def acknowledged(effects: list[ev.Effect]) -> tuple[int, ...]:
 
 
 def test_the_higher_system_id_holds_and_reports_it() -> None:
-    story = Approached()
+    story = ApproachStory()
     story.crossing(1)
     effects = story.at(125.0)
     assert orders(effects) == [ev.FlightOrder.HOLD]
@@ -36,7 +36,7 @@ def test_the_higher_system_id_holds_and_reports_it() -> None:
 
 
 def test_the_lower_system_id_continues_and_reports_it() -> None:
-    story = Approached()
+    story = ApproachStory()
     story.crossing(3)
     effects = story.at(125.0)
     assert orders(effects) == []
@@ -44,27 +44,27 @@ def test_the_lower_system_id_continues_and_reports_it() -> None:
 
 
 @pytest.mark.parametrize("hears", [(), (1, 4)])
-def test_the_lower_system_id_gives_way_to_a_vehicle_that_does_not_acknowledge_hearing_it(
+def test_the_lower_system_id_gives_way_without_an_acknowledgement(
     hears: tuple[int, ...],
 ) -> None:
-    """A vehicle that does not hear another one cannot give way to it."""
-    story = Approached()
+    """A vehicle cannot give way to a vehicle whose messages do not arrive."""
+    story = ApproachStory()
     story.crossing(3, hears=hears)
     effects = story.at(125.0)
     assert orders(effects) == [ev.FlightOrder.HOLD]
     assert codes(effects) == ["alarm-not-heard"]
 
 
-def test_it_gives_way_as_soon_as_the_acknowledgement_ends() -> None:
-    story = Approached()
+def test_a_vehicle_gives_way_as_soon_as_the_acknowledgement_ends() -> None:
+    story = ApproachStory()
     story.crossing(3)
     assert orders(story.at(125.0)) == []
     story.other(3, MID_M[0], MID_M[1] - 95.0, (0.0, 10.0, 0.0), hears=())
     assert orders(story.at(135.0)) == [ev.FlightOrder.HOLD]
 
 
-def test_its_state_lists_the_vehicles_heard_recently() -> None:
-    story = Approached()
+def test_the_state_lists_the_recently_received_vehicles() -> None:
+    story = ApproachStory()
     story.crossing(1)
     story.other(3, MID_M[0], MID_M[1] + 60.0, (10.0, 0.0, 0.0))
     story.other(4, 9000.0, 9000.0, (0.0, 0.0, 0.0))
@@ -73,19 +73,19 @@ def test_its_state_lists_the_vehicles_heard_recently() -> None:
     for _ in range(4):
         story.other(3, MID_M[0], MID_M[1] + 60.0, (10.0, 0.0, 0.0))
         story.at(112.0)
-    assert acknowledged(story.at(113.0)) == (3,), "of 1 nothing was heard for longer than a state is trusted"
+    assert acknowledged(story.at(113.0)) == (3,), "the last state of vehicle 1 has expired"
 
 
 def test_an_alarm_is_reported_once() -> None:
-    story = Approached()
+    story = ApproachStory()
     story.crossing(3)
     assert operator_texts(story.at(125.0)) != []
     story.crossing(3)
     assert operator_texts(story.at(130.0)) == []
 
 
-def test_a_vehicle_that_has_landed_is_not_taken_for_a_silent_one() -> None:
-    story = Approached()
+def test_a_landed_vehicle_does_not_count_as_silent() -> None:
+    story = ApproachStory()
     story.crossing(1)
     story.at(125.0)
     story(ev.OrderDone(ev.FlightOrder.HOLD))
@@ -98,7 +98,7 @@ def test_a_vehicle_that_has_landed_is_not_taken_for_a_silent_one() -> None:
 
 
 def test_a_vehicle_on_the_ground_shares_no_alarm() -> None:
-    story = Approached(action="none")
+    story = ApproachStory(action="none")
     story.crossing(1)
     story.at(125.0)
     down = {"armed": False, "landed": Landed.ON_GROUND}
@@ -107,15 +107,15 @@ def test_a_vehicle_on_the_ground_shares_no_alarm() -> None:
 
 
 def test_action_none_only_reports_the_alarm() -> None:
-    story = Approached(action="none")
+    story = ApproachStory(action="none")
     story.crossing(1)
     effects = story.at(125.0)
     assert orders(effects) == []
     assert len(operator_texts(effects)) == 1
 
 
-def test_it_plans_again_and_resumes_after_the_other_has_passed() -> None:
-    story = Approached()
+def test_a_holding_vehicle_plans_again_and_resumes_after_the_crossing() -> None:
+    story = ApproachStory()
     story.crossing(1)
     story.at(125.0)
     story(ev.OrderDone(ev.FlightOrder.HOLD))
@@ -127,7 +127,7 @@ def test_it_plans_again_and_resumes_after_the_other_has_passed() -> None:
             break
         assert orders(effects) == []
     assert codes(effects) == ["resumes"]
-    assert 3 <= second <= 12  # about when it crosses; 85 m are left to there
+    assert 3 <= second <= 12  # about the time of the crossing, 85 m ahead
     assert story.swap().plan.track
     story.accept()
     story.at(141.0)
@@ -135,8 +135,8 @@ def test_it_plans_again_and_resumes_after_the_other_has_passed() -> None:
     assert story.state.ended is False
 
 
-def test_it_climbs_if_a_hold_would_be_too_close() -> None:
-    story = Approached()
+def test_a_vehicle_climbs_if_a_hold_would_be_too_close() -> None:
+    story = ApproachStory()
     story.other(1, 230.0, MID_M[1], (-10.0, 0.0, 0.0))  # head-on
     effects = story.at(125.0)
     assert orders(effects) == []
@@ -145,7 +145,7 @@ def test_it_climbs_if_a_hold_would_be_too_close() -> None:
 
 
 def test_a_climb_clears_all_vehicles_nearby() -> None:
-    story = Approached(action="climb")
+    story = ApproachStory(action="climb")
     story.other(3, 150.0, MID_M[1] + 15.0, (10.0, 0.0, 0.0), alt_rel_m=34.0)
     story.crossing(1)
     story.at(125.0)
@@ -154,20 +154,20 @@ def test_a_climb_clears_all_vehicles_nearby() -> None:
 
 def test_heights_are_compared_above_the_sea() -> None:
     for amsl_m, alarmed in ((330.0, True), (336.0, False)):
-        story = Approached()
+        story = ApproachStory()
         story.crossing(1, alt_amsl_m=amsl_m)
         assert bool(operator_texts(story.at(125.0, alt_amsl_m=330.0))) is alarmed
 
 
 @pytest.mark.parametrize("changes", [{"alt_rel_m": 0.2}, {"alt_rel_m": 34.0}])
 def test_a_vehicle_on_the_ground_or_high_enough_raises_no_alarm(changes: dict[str, float]) -> None:
-    story = Approached()
+    story = ApproachStory()
     story.crossing(1, **changes)
     assert operator_texts(story.at(125.0)) == []
 
 
 def test_the_least_distance_includes_vehicles_of_other_processes() -> None:
-    story, closeness = Approached(), SeparationStatistics()
+    story, closeness = ApproachStory(), SeparationStatistics()
     for second in range(8):
         story.at(100.0 + 10.0 * second)
         closeness.moved(story.state, float(second), story.now)
@@ -180,7 +180,7 @@ def test_the_least_distance_includes_vehicles_of_other_processes() -> None:
 
 
 def test_an_operators_order_takes_precedence() -> None:
-    story = Approached()
+    story = ApproachStory()
     story.crossing(1)
     story.at(125.0)
     assert orders(story(ev.OperatorCommand(ev.FlightOrder.RETURN))) == [ev.FlightOrder.RETURN]
@@ -190,16 +190,16 @@ def test_an_operators_order_takes_precedence() -> None:
 
 
 @pytest.mark.parametrize("phase", ["landing", "leaving", "holding", "released"])
-def test_the_lower_system_id_gives_way_to_a_vehicle_that_cannot(phase: str) -> None:
-    story = Approached()
+def test_the_lower_system_id_gives_way_to_a_vehicle_unable_to_give_way(phase: str) -> None:
+    story = ApproachStory()
     story.crossing(3, phase=phase)
     effects = story.at(125.0)
     assert orders(effects) == [ev.FlightOrder.HOLD]
     assert codes(effects) == ["alarm-yields"]
 
 
-def test_it_gives_way_if_the_other_loses_the_ability_after_the_alarm() -> None:
-    story = Approached()
+def test_a_vehicle_gives_way_if_vehicle_3_becomes_unable_after_the_alarm() -> None:
+    story = ApproachStory()
     story.crossing(3)
     assert orders(story.at(125.0)) == []
     story.other(3, MID_M[0], MID_M[1] - 95.0, (0.0, 10.0, 0.0), phase="leaving")
@@ -207,7 +207,7 @@ def test_it_gives_way_if_the_other_loses_the_ability_after_the_alarm() -> None:
 
 
 def test_a_returning_vehicle_is_not_stopped() -> None:
-    story = Approached()
+    story = ApproachStory()
     story(ev.OperatorCommand(ev.FlightOrder.RETURN))
     story(ev.OrderDone(ev.FlightOrder.RETURN))
     story.other(1, 200.0, MID_M[1], (0.0, 0.0, 0.0))
@@ -218,16 +218,15 @@ def test_a_returning_vehicle_is_not_stopped() -> None:
 
 
 def test_an_evasive_climb_respects_the_ceiling() -> None:
-    story = Approached(action="climb", fence=Fence((), 36.0))
+    story = ApproachStory(action="climb", fence=Fence((), 36.0))
     story.crossing(1)
     story.at(125.0)
     assert story.tick() == []
     assert story.state.height_offset_m == 0.0
 
 
-def codes_while_holding(story: Approached, seconds: int, **standing: Any) -> list[str]:
-    """Return the codes of the messages while vehicle 1 blocks the route of vehicle 2, which holds 25 m
-    away."""
+def codes_while_holding(story: ApproachStory, seconds: int, **standing: Any) -> list[str]:
+    """Return the codes of the messages while vehicle 2 holds 25 m away from vehicle 1 on its route."""
     found_codes = []
     still = {"ground_speed_m_s": 0.0, "east_m_s": 0.0, "mode": "GUIDED", "mode_role": "hold"}
     for _ in range(seconds):
@@ -236,8 +235,8 @@ def codes_while_holding(story: Approached, seconds: int, **standing: Any) -> lis
     return found_codes
 
 
-def test_after_a_long_hold_it_resumes_above_the_other() -> None:
-    story = Approached()
+def test_a_vehicle_resumes_above_the_blocking_vehicle_after_a_long_hold() -> None:
+    story = ApproachStory()
     story.crossing(1)
     story.at(125.0)
     story(ev.OrderDone(ev.FlightOrder.HOLD))
@@ -246,8 +245,8 @@ def test_after_a_long_hold_it_resumes_above_the_other() -> None:
     assert story.swap().plan.landing.alt_rel_m == pytest.approx(33.6)
 
 
-def test_without_a_clear_height_it_holds_on_and_reports_repeatedly() -> None:
-    story = Approached(fence=Fence((), 36.0))
+def test_a_vehicle_without_a_clear_height_keeps_holding_and_reports_repeatedly() -> None:
+    story = ApproachStory(fence=Fence((), 36.0))
     story.crossing(1)
     story.at(125.0)
     story(ev.OrderDone(ev.FlightOrder.HOLD))
@@ -255,31 +254,33 @@ def test_without_a_clear_height_it_holds_on_and_reports_repeatedly() -> None:
     assert story.state.interrupted_plan is not None
 
 
-def test_a_holding_vehicle_stays_clear_of_a_silent_one() -> None:
-    story = Approached()
+def test_a_holding_vehicle_stays_clear_of_a_silent_vehicle() -> None:
+    story = ApproachStory()
     story.crossing(1)
     story.at(125.0)
     story(ev.OrderDone(ev.FlightOrder.HOLD))
     still = {"ground_speed_m_s": 0.0, "east_m_s": 0.0, "mode": "GUIDED", "mode_role": "hold"}
-    # Vehicle 1 holds over the crossing, is heard once more, and then falls silent.
+    # Vehicle 1 holds over the crossing, sends one more state and then falls silent.
     story.other(1, MID_M[0], MID_M[1], (0.0, 0.0, 0.0))
     found_codes = [operator_texts(story.at(140.0, **still)) for _ in range(50)]
     assert not any(found_codes)
     later = [code for _ in range(150) for code in codes(story.at(140.0, **still))]
     assert {"keeps-holding", "resumes-higher"} & set(later)
-    assert story.state.interrupted_plan is None, "resumes above that place, or after three minutes"
+    assert story.state.interrupted_plan is None, (
+        "the vehicle resumes above that position or after three minutes"
+    )
 
 
 @pytest.mark.parametrize(
     ("uav", "east_m", "north_m", "up_m", "goes_on"),
     [(3, 134.0, 3.0, 32.9, True), (1, 134.0, 3.0, 32.9, False), (3, 146.0, 0.0, 30.0, False)],
-    ids=["beside", "of a lower id", "ahead"],
+    ids=["vehicle beside", "vehicle with a lower id", "vehicle ahead"],
 )
 def test_the_lower_system_id_resumes_when_both_hold_too_close(
     uav: int, east_m: float, north_m: float, up_m: float, goes_on: bool
 ) -> None:
-    """The route leads east, away from the one beside."""
-    story = Approached()
+    """The route leads east, away from a vehicle beside it."""
+    story = ApproachStory()
     story.crossing(4, phase="landing")
     story.at(125.0)
     story(ev.OrderDone(ev.FlightOrder.HOLD))
@@ -287,7 +288,7 @@ def test_the_lower_system_id_resumes_when_both_hold_too_close(
     found_codes = []
     for _ in range(50):
         story.other(4, MID_M[0], MID_M[1], (0.0, 0.0, 0.0), alt_rel_m=0.0)  # landed
-        place = (east_m, MID_M[1] + north_m)
-        story.other(uav, *place, (0.0, 0.0, 0.0), alt_rel_m=up_m)  # holds as well
+        position_m = (east_m, MID_M[1] + north_m)
+        story.other(uav, *position_m, (0.0, 0.0, 0.0), alt_rel_m=up_m)  # holds as well
         found_codes += codes(story.at(140.0, **still))
     assert ("resumes" in found_codes) is goes_on

@@ -1,4 +1,4 @@
-"""The splice point of a fixed wing's new plan, and the corners that it still flies to."""
+"""The splice point of a fixed wing's new plan, and the remaining corners before it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SCENARIO = build(winged())
 GRID = SCENARIO.grid
 WING, _ = SCENARIO.tasks
 ROUTE = tuple((3, col) for col in range(12))
-"""straight east"""
+"""A route straight to the east."""
 
 
 def flying(east_m: float, task=WING, **changes) -> AgentState:
@@ -36,9 +36,9 @@ def flying(east_m: float, task=WING, **changes) -> AgentState:
 
 
 @pytest.mark.parametrize("took_s", [(), (0.4,), (4.5,), (0.4, 9.5, 0.4)])
-def test_a_new_plan_of_a_fixed_wing_turns_off_ahead_of_the_end_of_the_swap(took_s) -> None:
+def test_a_new_plan_of_a_fixed_wing_leaves_the_old_one_after_the_end_of_the_swap(took_s) -> None:
     times = SwapTimes(took_s, took_s)
-    # At 15 m/s, 17 m before a turn by 45°; for the duration of its own swaps, and at least 2 s.
+    # 15 m/s for the duration of a swap, at least 2 s, and 17 m before a turn by 45°.
     needs_m = 15.0 * max(2.0, times.expected_s) + 40.0 * math.tan(math.radians(22.5))
     for east_m in range(60, 160, 7):
         here: Cell = (3, east_m // 50)
@@ -59,14 +59,14 @@ def test_a_vehicle_without_a_route_keeps_only_its_cell() -> None:
 @pytest.mark.parametrize(
     ("east_m", "corners", "expected"),
     [
-        (110.0, [(3, 2), (3, 8)], [(3, 8)]),  # over it
+        (110.0, [(3, 2), (3, 8)], [(3, 8)]),  # over the first corner
         (140.0, [(3, 2), (3, 4), (7, 8)], [(3, 4), (7, 8)]),  # 85 m before the turn
         (195.0, [(3, 3), (3, 4), (7, 8)], [(7, 8)]),  # in the turn by the end of the swap
-        (-60.0, [(3, 0), (3, 8)], [(3, 0), (3, 8)]),  # on its way in
-        (560.0, [(3, 11)], [(3, 11)]),  # its goal is always flown to
+        (-60.0, [(3, 0), (3, 8)], [(3, 0), (3, 8)]),  # on the way to the entry
+        (560.0, [(3, 11)], [(3, 11)]),  # the goal is always kept
     ],
 )
-def test_a_fixed_wing_skips_corners_behind_it_or_too_near_to_turn_at(east_m, corners, expected) -> None:
+def test_a_fixed_wing_skips_corners_behind_or_too_near_to_turn_at(east_m, corners, expected) -> None:
     position = GRID.frame.to_geodetic(east_m, 175.0)
     assert list(corners_ahead(WING, corners, position)) == expected
     assert math.isclose(WING.turn_radius_m, 40.0)

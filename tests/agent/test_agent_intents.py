@@ -42,8 +42,8 @@ def intents(effects: list[ev.Effect]) -> list[IntentShared]:
     return [message for message in publications(effects) if isinstance(message, IntentShared)]
 
 
-class Flier(Story):
-    """Vehicle 2, flying east along row 4 at 10 m/s."""
+class IntentStory(Story):
+    """A flight of vehicle 2 east along row 4 at 10 m/s."""
 
     def __init__(self, action: AvoidanceAction = "hold", **changes: Any) -> None:
         super().__init__(**{"uav": 2, "separation": replace(SeparationRules(), action=action), **changes})
@@ -74,7 +74,7 @@ class Flier(Story):
 
 
 def test_an_intent_in_flight_reaches_to_the_landing() -> None:
-    (intent,) = intents(Flier().effects)
+    (intent,) = intents(IntentStory().effects)
     first, *_, last = intent.points
     assert first.in_s == 0.0
     assert GRID.frame.to_local(first.lat_deg, first.lon_deg)[0] == pytest.approx(75.0, abs=0.01)
@@ -87,7 +87,7 @@ def test_an_intent_in_flight_reaches_to_the_landing() -> None:
 
 
 def test_an_intent_is_repeated_at_its_interval() -> None:
-    story = Flier()
+    story = IntentStory()
     since_s, east_m = 0.0, 75.0
     while since_s < REPEAT_EVERY_S - 1.5:
         since_s, east_m = since_s + 1.0, east_m + 10.0
@@ -96,15 +96,15 @@ def test_an_intent_is_repeated_at_its_interval() -> None:
     assert intents(story.effects) or intents(story.at(east_m + 20.0))
 
 
-def test_a_vehicle_off_its_time_sends_a_new_intent() -> None:
-    story = Flier()
+def test_a_vehicle_behind_its_intent_sends_a_new_intent() -> None:
+    story = IntentStory()
     assert intents(story.at(81.0)) == []
-    (intent,) = intents(story.at(81.0))  # it was to be at 95 m
+    (intent,) = intents(story.at(81.0))  # 95 m by the intent
     assert GRID.frame.to_local(intent.points[0].lat_deg, intent.points[0].lon_deg)[0] == pytest.approx(81.0)
 
 
 def test_the_intent_of_a_hold_is_fixed() -> None:
-    story = Flier()
+    story = IntentStory()
     story(ev.OperatorCommand(ev.FlightOrder.HOLD))
     (intent,) = intents(story.at(100.0, ground_speed_m_s=0.0, east_m_s=0.0, mode_role="hold"))
     assert [p.in_s for p in intent.points] == [0.0, HOLD_DURATION_S]
@@ -113,11 +113,11 @@ def test_the_intent_of_a_hold_is_fixed() -> None:
 
 
 def test_a_return_withdraws_the_intent() -> None:
-    story = Flier()
+    story = IntentStory()
     story(ev.OperatorCommand(ev.FlightOrder.RETURN))
     (intent,) = intents(story.at(130.0, mode="RTL", mode_role="return"))
     assert intent.points == ()
-    other = Flier()
+    other = IntentStory()
     other.crossing(1)
     assert 1 in other.state.intents
     other(ev.Intents(((1, 0.0, intent),)))
@@ -127,8 +127,8 @@ def test_a_return_withdraws_the_intent() -> None:
 # --- a new plan
 
 
-def changes_its_plan(story: Flier) -> list[ev.Effect]:
-    """Report a hostile ahead on its row, and decide."""
+def report_hostile_ahead(story: IntentStory) -> list[ev.Effect]:
+    """Report a hostile ahead on the row and let the agent decide."""
     story.hear((4, 6, True), observer=9)
     return story.tick()
 
@@ -138,9 +138,9 @@ def heights(effects: list[ev.Effect]) -> list[float]:
 
 
 def test_a_new_plan_without_conflict_is_uploaded_and_announced() -> None:
-    story = Flier()
+    story = IntentStory()
     story.other(1, (0.0, 0.0, 0.0), (60.0, 400.0, 0.0))
-    effects = changes_its_plan(story)
+    effects = report_hostile_ahead(story)
     assert heights(effects) == [30.0]
     (intent,) = intents(effects)
     assert intent.plan_id == story.state.pending.plan_id  # type: ignore[union-attr]
@@ -149,10 +149,10 @@ def test_a_new_plan_without_conflict_is_uploaded_and_announced() -> None:
 
 @pytest.mark.parametrize("uav", [1, 3])
 def test_a_new_plan_gives_way_to_earlier_plans(uav: int) -> None:
-    """Also to a higher system id, which has its plan already."""
-    story = Flier()
+    """The rule also holds for the earlier plan of a higher system id."""
+    story = IntentStory()
     story.crossing(uav)
-    effects = changes_its_plan(story)
+    effects = report_hostile_ahead(story)
     assert heights(effects) == [pytest.approx(33.6)]
     assert codes(effects) == ["height-change"]
     assert f"vehicle {uav} " in operator_texts(effects)[0]
@@ -160,18 +160,18 @@ def test_a_new_plan_gives_way_to_earlier_plans(uav: int) -> None:
     assert {round(p.alt_amsl_m, 1) for p in intents(effects)[0].points[1:-2]} == {AMSL_M + 3.6}
 
 
-def low(**changes: Any) -> Flier:
+def below_ceiling(**changes: Any) -> IntentStory:
     """Return a vehicle that may not climb above 33 m."""
-    return Flier(fence=Fence((), 36.0), **changes)
+    return IntentStory(fence=Fence((), 36.0), **changes)
 
 
 def test_without_a_free_height_a_new_plan_is_deferred() -> None:
-    story = low()
-    # Its own row is free; a route around the hostile conflicts with one of these.
+    story = below_ceiling()
+    # The row of vehicle 2 is free; each route around the hostile has a conflict.
     for uav, north_m in ((1, MID_M[1] + 100.0), (3, MID_M[1] - 100.0)):
         story.other(uav, (0.0, MID_M[0] + 50.0, north_m), (90.0, MID_M[0] + 55.0, north_m))
     before = story.state.route
-    effects = changes_its_plan(story)
+    effects = report_hostile_ahead(story)
     assert heights(effects) == []
     assert codes(effects) == ["plan-deferred"]
     assert story.state.route is before
@@ -185,10 +185,10 @@ def test_without_a_free_height_a_new_plan_is_deferred() -> None:
 
 
 @pytest.mark.parametrize("action", ["hold", "none"])
-def test_it_holds_if_the_present_plan_conflicts_soon_as_well(action: AvoidanceAction) -> None:
-    story = low(action=action)
+def test_a_vehicle_holds_if_the_present_plan_conflicts_soon_as_well(action: AvoidanceAction) -> None:
+    story = below_ceiling(action=action)
     story.crossing(3, may_change=False)
-    effects = changes_its_plan(story)
+    effects = report_hostile_ahead(story)
     assert heights(effects) == []
     if action == "none":
         assert orders(effects) == []
@@ -196,7 +196,7 @@ def test_it_holds_if_the_present_plan_conflicts_soon_as_well(action: AvoidanceAc
     assert orders(effects) == [ev.FlightOrder.HOLD]
     assert codes(effects)[-1] == "plan-deferred-hold"
     assert [p.in_s for p in intents(effects)[0].points] == [0.0, HOLD_DURATION_S]
-    # Again when the other has passed.
+    # The vehicle plans again when vehicle 1 has passed.
     story.other(3, (0.0, 0.0, 0.0), (60.0, 400.0, 0.0))
     still = {"ground_speed_m_s": 0.0, "east_m_s": 0.0, "mode_role": "hold"}
     for _ in range(9):
@@ -207,11 +207,11 @@ def test_it_holds_if_the_present_plan_conflicts_soon_as_well(action: AvoidanceAc
 
 
 @pytest.mark.parametrize(("present_m", "clashes"), [(0.0, 0), (6.0, 1), (None, 1)])
-def test_a_plan_that_comes_too_close_has_to_be_clearly_better_than_the_present_one(
+def test_a_plan_that_comes_too_close_has_to_be_clearly_better_than_the_present_plan(
     present_m: float | None, clashes: int
 ) -> None:
     """Vehicle 1 stands 15 m ahead; the limit is 10 m. The new plan passes it at 6.3 m."""
-    story = Flier()
+    story = IntentStory()
     east_m, north_m = 75.0, MID_M[1]
     story.other(1, (0.0, east_m + 15.0, north_m), (60.0, east_m + 15.0, north_m))
     begin_s = story.state.vehicle.time_boot_s
@@ -226,21 +226,21 @@ def test_a_plan_that_comes_too_close_has_to_be_clearly_better_than_the_present_o
 
 
 def test_an_old_intent_is_ignored() -> None:
-    story = Flier()
+    story = IntentStory()
     story.crossing(1, age_s=MAX_AGE_S + 1.0)
-    assert heights(changes_its_plan(story)) == [30.0]
+    assert heights(report_hostile_ahead(story)) == [30.0]
 
 
-# --- plans taken before the other's intent arrived
+# --- plans made before the other vehicle's intent arrives
 
 
 @pytest.mark.parametrize(
     ("uav", "may_change", "gives_way"), [(1, True, True), (3, True, False), (3, False, True)]
 )
-def test_the_higher_system_id_gives_way_unless_the_plan_of_the_other_is_fixed(
+def test_the_higher_system_id_gives_way_and_a_fixed_plan_has_priority(
     uav: int, may_change: bool, gives_way: bool
 ) -> None:
-    story = Flier()
+    story = IntentStory()
     effects = story.crossing(uav, may_change=may_change)
     assert bool(operator_texts(effects)) is gives_way
     assert heights(story.tick()) == ([pytest.approx(33.6)] if gives_way else [])
@@ -252,8 +252,8 @@ def test_the_higher_system_id_gives_way_unless_the_plan_of_the_other_is_fixed(
 
 @pytest.mark.parametrize(("may_change", "gives_way"), [(False, True), (True, False)])
 def test_a_landing_already_begun_has_priority(may_change: bool, gives_way: bool) -> None:
-    """For a vehicle en route the height is known, the time of its descent is not."""
-    story, (east_m, north_m) = Flier(), (MID_M[0], MID_M[1] + 5.0)
+    """The height of a vehicle en route is known, but not the time of its descent."""
+    story, (east_m, north_m) = IntentStory(), (MID_M[0], MID_M[1] + 5.0)
     place = GRID.frame.to_geodetic(east_m, north_m)
     in_s = (east_m - 75.0) / 10.0
     down = [(0.0, 8.0), (in_s - 4.0, 8.0), (in_s + 1.0, 0.0), (in_s + 30.0, -30.0)]
@@ -263,7 +263,7 @@ def test_a_landing_already_begun_has_priority(may_change: bool, gives_way: bool)
 
 
 def test_a_conflict_is_reported_and_counted_once() -> None:
-    story = low()
+    story = below_ceiling()
     south = MID_M[1] - 300.0
     for _ in range(3):
         effects = story.other(1, (0.0, 425.0, south), (35.0, 425.0, MID_M[1]), (60.0, 425.0, MID_M[1]))
@@ -278,7 +278,7 @@ def test_a_conflict_is_reported_and_counted_once() -> None:
 
 
 class Swarm:
-    """Two or three vehicles at one height that fly their intents, in a network with delay and loss."""
+    """Two or three vehicles at one height that fly their intents over a network with delay and loss."""
 
     def __init__(self, ways: list[tuple[int, int]]) -> None:
         self.now_s, self.order = 100.0, count()
@@ -382,7 +382,7 @@ def test_no_two_plans_conflict_after_all_intents_have_arrived(
     swap_s: float,
     seed: int,
 ) -> None:
-    """Whatever intents were lost or late before."""
+    """Earlier intents may be lost or late."""
     rng = np.random.default_rng(seed)
     swarm = Swarm(ways)
     swarm.swap_s = lambda: swap_s * rng.random()
@@ -396,8 +396,8 @@ def test_no_two_plans_conflict_after_all_intents_have_arrived(
         a, b = one.state, other.state
         if Phase.FLYING not in (a.phase, b.phase) or a.own_intent is None or b.own_intent is None:
             continue
-        # Descents through another's height are left to collision avoidance. Each vehicle knows the other's
-        # times by its own position, which is up to half a second old.
+        # Collision avoidance handles descents through another vehicle's height. Times are compared by
+        # positions up to 0.5 s old.
         mine, theirs = until_landing(a.own_intent), {b.task.uav: until_landing(b.own_intent)}
         meet = find_clashes(mine, theirs, a.task.separation.limits, TIME_TOLERANCE_S - 0.6)
         assert not meet, (
@@ -420,14 +420,14 @@ def states(effects: list[ev.Effect]) -> list[StateShared]:
     return [message for message in publications(effects) if isinstance(message, StateShared)]
 
 
-def blind(seconds: int) -> tuple[Flier, list[ev.Effect]]:
+def without_position(seconds: int) -> tuple[IntentStory, list[ev.Effect]]:
     """Return vehicle 2, last seen at 75 m on its row, and its effects since."""
-    story = Flier()
+    story = IntentStory()
     return story, [effect for _ in range(seconds) for effect in story.at(75.0, **NOWHERE)]
 
 
 def test_a_vehicle_without_a_position_shares_its_last_one_and_its_age() -> None:
-    _, effects = blind(5)
+    _, effects = without_position(5)
     assert [state.age_s for state in states(effects)] == [1.0, 2.0, 3.0, 4.0, 5.0]
     at = states(effects)[-1]
     assert GRID.frame.to_local(at.lat_deg, at.lon_deg)[0] == pytest.approx(75.0, abs=0.01)
@@ -435,7 +435,7 @@ def test_a_vehicle_without_a_position_shares_its_last_one_and_its_age() -> None:
 
 
 def test_the_intent_without_a_position_has_an_uncertainty() -> None:
-    story, effects = blind(8)
+    story, effects = without_position(8)
     intent = intents(effects)[-1]
     assert [GRID.frame.to_local(p.lat_deg, p.lon_deg)[0] for p in intent.points] == pytest.approx(
         [75.0] * 2, abs=0.01
@@ -447,13 +447,13 @@ def test_the_intent_without_a_position_has_an_uncertainty() -> None:
 
 
 def test_the_last_position_expires() -> None:
-    _, effects = blind(int(LAST_POSITION_S) + 10)
+    _, effects = without_position(int(LAST_POSITION_S) + 10)
     assert intents(effects)[-1].points == ()
     assert intents(effects)[-3].points != ()
 
 
 def test_a_lost_link_shares_the_last_position_once() -> None:
-    story = Flier()
+    story = IntentStory()
     (state,) = states(story(ev.LinkLost(4.0)))
     assert GRID.frame.to_local(state.lat_deg, state.lon_deg)[0] == pytest.approx(75.0, abs=0.01)
 
@@ -463,16 +463,16 @@ def test_a_new_plan_respects_the_uncertainty_of_a_lost_position(
     away_m: float, around_m: float, height_m: float
 ) -> None:
     """Its intent has half the last height, and an uncertainty down to the ground."""
-    story = Flier()
+    story = IntentStory()
     there = (200.0, MID_M[1] - away_m)
     vague = {"up_m": -15.0, "around_m": (around_m, 15.0), "may_change": False}
     story.other(7, (0.0, *there), (60.0, *there), **vague)
-    (height,) = heights(changes_its_plan(story))
+    (height,) = heights(report_hostile_ahead(story))
     assert height == pytest.approx(height_m)
 
 
 def test_an_exaggerated_uncertainty_is_limited() -> None:
-    story = Flier()
+    story = IntentStory()
     story.other(1, (0.0, 75.0, MID_M[1] + 300.0), (60.0, 500.0, MID_M[1] + 300.0), around_m=(1e6, 0.0))
     story.at(85.0)
     assert story.state.predicted_conflicts == frozenset()

@@ -18,8 +18,8 @@ from swarmctl.core.vehicle import Landed
 
 HOME_AMSL_M = 300.0
 GOAL = (4, 8)
-PLACE_M = GRID.centre_m(GOAL)
-"""landing spot of vehicle 2, alone in its cell"""
+SPOT_M = GRID.centre_m(GOAL)
+"""Landing spot of vehicle 2, alone in its cell, as (east, north) [m]."""
 STILL: dict[str, Any] = {"ground_speed_m_s": 0.0, "east_m_s": 0.0}
 HOLDS: dict[str, Any] = {**STILL, "mode": "GUIDED", "mode_role": "hold"}
 
@@ -32,16 +32,16 @@ def swaps(effects: list[ev.Effect]) -> list[ev.SwapMission]:
     return [effect for effect in effects if isinstance(effect, ev.SwapMission)]
 
 
-class OverGoal(Story):
-    """Vehicle 2, arriving at its goal at 30 m."""
+class LandingStory(Story):
+    """The arrival of vehicle 2 at its goal at 30 m."""
 
     def __init__(self, **changes: Any) -> None:
         super().__init__(**{"uav": 2, **changes})
         self.flying()
 
     def at(self, before_m: float, up_m: float = 30.0, **changes: Any) -> list[ev.Effect]:
-        """Report its position `before_m` before its landing spot, at 2 m/s, a second later."""
-        lat_deg, lon_deg = GRID.frame.to_geodetic(PLACE_M[0] - before_m, PLACE_M[1])
+        """Report vehicle 2 one second later, `before_m` before its landing spot, at 2 m/s."""
+        lat_deg, lon_deg = GRID.frame.to_geodetic(SPOT_M[0] - before_m, SPOT_M[1])
         here = {"lat_deg": lat_deg, "lon_deg": lon_deg, "ground_speed_m_s": 2.0, "east_m_s": 2.0}
         here |= {"alt_rel_m": up_m, "alt_amsl_m": HOME_AMSL_M + up_m}
         return self.over(GOAL, **{**here, **changes})
@@ -50,7 +50,7 @@ class OverGoal(Story):
         """Receive an intent of vehicle `uav`, also over the goal: points (seconds from now, metres east of
         the landing spot, height above home)."""
         path = tuple(
-            IntentPoint(t, *GRID.frame.to_geodetic(PLACE_M[0] + east_m, PLACE_M[1]), HOME_AMSL_M + up_m)
+            IntentPoint(t, *GRID.frame.to_geodetic(SPOT_M[0] + east_m, SPOT_M[1]), HOME_AMSL_M + up_m)
             for t, east_m, up_m in points
         )
         intent = IntentShared(1, path, **{"may_change": False, **changes})
@@ -68,8 +68,8 @@ class OverGoal(Story):
         )
         self.other(uav, *points, **changes)
 
-    def waiting(self) -> OverGoal:
-        """Hold for a vehicle that stands below."""
+    def waiting(self) -> LandingStory:
+        """Hold for a vehicle that hovers below."""
         self.at(10.0)
         self.other(1, (0.0, 2.0, 22.0), (30.0, 2.0, 22.0))
         assert orders(self.at(4.0)) == [ev.FlightOrder.HOLD]
@@ -78,7 +78,7 @@ class OverGoal(Story):
 
 
 def test_the_higher_vehicle_waits_over_its_landing_spot() -> None:
-    story = OverGoal()
+    story = LandingStory()
     story.at(10.0)
     assert story.state.phase is Phase.LANDING
     story.passing_below()
@@ -92,7 +92,7 @@ def test_the_higher_vehicle_waits_over_its_landing_spot() -> None:
 
 
 def test_a_landing_is_announced_at_once_as_fixed() -> None:
-    (intent,) = (m for m in publications(OverGoal().at(10.0)) if isinstance(m, IntentShared))
+    (intent,) = (m for m in publications(LandingStory().at(10.0)) if isinstance(m, IntentShared))
     assert not intent.may_change
 
 
@@ -100,19 +100,19 @@ def test_a_landing_is_announced_at_once_as_fixed() -> None:
     ("what", "changes"),
     [
         ("above", {"up_m": 38.0}),
-        ("past by then", {"in_s": 1.0, "up_m": 15.0}),
-        ("time to give way", {"may_change": True, "in_s": 12.0, "up_m": 18.0}),
+        ("vehicle past the spot by then", {"in_s": 1.0, "up_m": 15.0}),
+        ("vehicle with time to give way", {"may_change": True, "in_s": 12.0, "up_m": 18.0}),
     ],
 )
-def test_vehicles_not_in_the_descent_are_not_waited_for(what: str, changes: dict[str, Any]) -> None:
-    story = OverGoal()
+def test_a_landing_does_not_wait_for_vehicles_outside_the_descent(what: str, changes: dict[str, Any]) -> None:
+    story = LandingStory()
     story.at(10.0)
     story.passing_below(**changes)
     assert orders(story.at(4.0)) == [], what
 
 
-def test_it_does_not_wait_where_the_hold_would_block_the_other() -> None:
-    story = OverGoal()
+def test_a_copter_does_not_wait_in_the_way_of_the_landing_vehicle() -> None:
+    story = LandingStory()
     story.at(10.0)
     story.passing_below(up_m=29.0)
     assert orders(story.at(4.0)) == []
@@ -125,8 +125,10 @@ def test_it_does_not_wait_where_the_hold_would_block_the_other() -> None:
         (4.0, {"altitude_m": 4.0}),
     ],
 )
-def test_it_does_not_wait_without_permission_or_near_the_ground(up_m: float, changes: dict[str, Any]) -> None:
-    story = OverGoal(**changes)
+def test_a_copter_does_not_wait_without_permission_or_near_the_ground(
+    up_m: float, changes: dict[str, Any]
+) -> None:
+    story = LandingStory(**changes)
     story.at(10.0, up_m)
     story.passing_below(up_m=max(up_m - 8.0, 0.5), in_s=3.0)
     assert orders(story.at(4.0, up_m)) == []
@@ -134,15 +136,15 @@ def test_it_does_not_wait_without_permission_or_near_the_ground(up_m: float, cha
 
 @pytest.mark.parametrize(("uav", "waits"), [(1, True), (3, False)])
 def test_at_one_height_the_higher_system_id_waits(uav: int, waits: bool) -> None:
-    story = OverGoal()
+    story = LandingStory()
     story.at(30.0)
     story.other(uav, (0.0, 6.0, 30.0), (30.0, 6.0, 30.0))
     effects = story.at(24.0, ground_speed_m_s=8.0, east_m_s=8.0)
     assert bool(orders(effects)) is waits
 
 
-def test_with_a_clear_descent_it_lands_on_its_spot() -> None:
-    story = OverGoal().waiting()
+def test_a_copter_with_a_clear_descent_lands_on_its_spot() -> None:
+    story = LandingStory().waiting()
     for _ in range(3):
         assert orders(story.at(3.0, **HOLDS)) == []
     story.other(1, (0.0, 12.0, 20.0), (50.0, 12.0, 0.0))
@@ -152,7 +154,7 @@ def test_with_a_clear_descent_it_lands_on_its_spot() -> None:
     assert swap.plan.track == ()
     assert swap.plan.landing.alt_rel_m == pytest.approx(30.0)
     place = GRID.frame.to_local(swap.plan.landing.lat_deg, swap.plan.landing.lon_deg)
-    assert place == pytest.approx(PLACE_M, abs=0.1)
+    assert place == pytest.approx(SPOT_M, abs=0.1)
     assert swap.plan.from_hold
     story.accept()
     story.at(1.0, 20.0)
@@ -160,8 +162,8 @@ def test_with_a_clear_descent_it_lands_on_its_spot() -> None:
     assert (story.state.phase, story.state.outcome) == (Phase.DONE, "arrived")
 
 
-def test_over_its_landing_spot_it_lands_where_it_is() -> None:
-    story = OverGoal().waiting()
+def test_a_copter_over_its_landing_spot_lands_there() -> None:
+    story = LandingStory().waiting()
     story.other(1, (0.0, 12.0, 0.2), (0.1, 12.0, 0.0))
     effects = [effect for _ in range(4) for effect in story.at(0.5, **HOLDS)]
     assert orders(effects) == [ev.FlightOrder.LAND]
@@ -169,81 +171,81 @@ def test_over_its_landing_spot_it_lands_where_it_is() -> None:
     assert story.state.phase is Phase.LANDING
 
 
-def test_a_landed_silent_vehicle_is_not_waited_for() -> None:
-    story = OverGoal().waiting()
+def test_a_landing_does_not_wait_for_a_landed_silent_vehicle() -> None:
+    story = LandingStory().waiting()
     story(ev.Intents(((1, 0.0, IntentShared(0)),)))
     found_codes = [code for _ in range(4) for code in codes(story.at(0.5, **HOLDS))]
     assert found_codes == ["descent-clear"]
 
 
 def test_a_long_wait_is_reported_repeatedly() -> None:
-    story, found_codes = OverGoal().waiting(), []
+    story, found_codes = LandingStory().waiting(), []
     for _ in range(130):
         story.other(1, (0.0, 2.0, 20.0), (30.0, 2.0, 20.0))
         found_codes += codes(story.at(3.0, **HOLDS))
     assert found_codes == ["landing-queue-long"] * 2
 
 
-def test_its_mission_is_not_changed_while_it_reports_to_land() -> None:
-    story = OverGoal().waiting()
+def test_the_mission_of_a_landing_copter_is_not_changed() -> None:
+    story = LandingStory().waiting()
     story.other(1, (0.0, 12.0, 0.2), (0.1, 12.0, 0.0))
     for _ in range(5):
         assert swaps(story.at(3.0, landed=Landed.LANDING, **HOLDS)) == []
     assert len(swaps(story.at(3.0, **HOLDS))) == 1
 
 
-def test_without_a_mission_it_lands_where_it_stands() -> None:
-    story = OverGoal().waiting()
+def test_a_copter_without_a_mission_lands_at_its_position() -> None:
+    story = LandingStory().waiting()
     story(ev.Intents(((1, 0.0, IntentShared(0)),)))
     while story.state.pending is None:
         story.at(3.0, **HOLDS)
     plan_id = story.state.pending.plan_id
-    assert orders(story(ev.MissionFailed(plan_id, "old", "it lands just now"))) == [ev.FlightOrder.LAND]
+    assert orders(story(ev.MissionFailed(plan_id, "old", "the vehicle is landing"))) == [ev.FlightOrder.LAND]
     assert story.state.phase is Phase.LANDING
 
 
-def low(story: OverGoal, *heights_m: float) -> list[ev.FlightOrder]:
-    """Return the orders while it descends all the same, half a second each."""
+def descending(story: LandingStory, *heights_m: float) -> list[ev.FlightOrder]:
+    """Return the orders while the vehicle continues its descent, one height each half second."""
     down = {"landed": Landed.LANDING, "ground_speed_m_s": 0.0, "east_m_s": 0.0}
     return [order for up_m in heights_m for order in orders(story.at(0.5, up_m, **down))]
 
 
 def test_an_unconfirmed_hold_is_not_repeated_when_useless() -> None:
-    story = OverGoal()
+    story = LandingStory()
     story.passing_below()
     assert orders(story.at(4.0)) == [ev.FlightOrder.HOLD]
     story(ev.OrderFailed(ev.FlightOrder.HOLD, "no answer"))
     story(ev.Intents(((1, 0.0, IntentShared(0)),)))
-    assert set(low(story, 28.0, 24.0, 20.0, 16.0, 12.0, 10.0, 9.0, 8.0)) == {ev.FlightOrder.LAND}
+    assert set(descending(story, 28.0, 24.0, 20.0, 16.0, 12.0, 10.0, 9.0, 8.0)) == {ev.FlightOrder.LAND}
     assert story.state.interrupted_plan is None
 
 
 def test_a_low_vehicle_is_not_ordered_to_wait_after_a_lost_link() -> None:
-    story = OverGoal()
+    story = LandingStory()
     story.passing_below()
     assert orders(story.at(4.0)) == [ev.FlightOrder.HOLD]
     story(ev.LinkLost(6.0))
-    low(story, 20.0, 15.0, 10.0)
+    descending(story, 20.0, 15.0, 10.0)
     story(ev.LinkRestored())
-    assert set(low(story, 3.0, 2.0, 1.5)) == {ev.FlightOrder.LAND}
+    assert set(descending(story, 3.0, 2.0, 1.5)) == {ev.FlightOrder.LAND}
 
 
 def test_a_low_battery_ends_the_wait_above_the_landing_spot() -> None:
     rules = (ActiveRule(low_battery, low_battery.Params(seconds=0.0)),)
-    story = OverGoal(rules=rules).waiting()
+    story = LandingStory(rules=rules).waiting()
     assert orders(story.at(3.0, battery_percent=24.0, **HOLDS)) == []
     effects = [e for _ in range(3) for e in story.at(3.0, battery_percent=19.0, **HOLDS)]
     assert orders(effects)[:1] == [ev.FlightOrder.LAND]
-    fresh = OverGoal(rules=rules)
+    fresh = LandingStory(rules=rules)
     fresh.at(10.0, battery_percent=9.0)
     fresh.passing_below()
     assert orders(fresh.at(4.0, battery_percent=9.0)) == []
 
 
-def test_a_vehicle_without_an_intent_is_extrapolated() -> None:
-    story = OverGoal()
+def test_the_state_of_a_vehicle_without_an_intent_is_extrapolated() -> None:
+    story = LandingStory()
     story.at(10.0)
-    lat_deg, lon_deg = GRID.frame.to_geodetic(PLACE_M[0], PLACE_M[1] - 40.0)
+    lat_deg, lon_deg = GRID.frame.to_geodetic(SPOT_M[0], SPOT_M[1] - 40.0)
     passing = StateShared(
         time_s=1.0,
         lat_deg=lat_deg,

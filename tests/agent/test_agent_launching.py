@@ -33,9 +33,9 @@ class OnGround(Story):
         self(ev.Ready())
         self.swap()
         self.accept()
-        self.stands()
+        self.wait_on_ground()
 
-    def stands(self) -> list[ev.Effect]:
+    def wait_on_ground(self) -> list[ev.Effect]:
         return self.over((4, 0), **GROUND)
 
     def other(self, *points: tuple[float, float, float, float]) -> list[ev.Effect]:
@@ -65,8 +65,8 @@ def test_a_clear_first_route_launches() -> None:
     assert orders(story.ordered()) == [LAUNCH]
 
 
-@pytest.mark.parametrize("command", [1, None], ids=["by an operator", "by its own process"])
-def test_a_conflict_keeps_it_on_the_ground_and_is_reported_once(command: int | None) -> None:
+@pytest.mark.parametrize("command", [1, None], ids=["by an operator", "by the own process"])
+def test_a_conflict_keeps_the_vehicle_on_the_ground_and_is_reported_once(command: int | None) -> None:
     story = OnGround()
     story.hovers()
     effects = story.ordered(command)
@@ -77,21 +77,21 @@ def test_a_conflict_keeps_it_on_the_ground_and_is_reported_once(command: int | N
     assert "180 s" in text
     assert ("`order launch --uav 2 --ignore 7`" in text) is (command is not None)
     assert [e.answer.note for e in effects if isinstance(e, ev.Answer)] == [text] * (command is not None)
-    assert operator_texts(story.stands()) == []
+    assert operator_texts(story.wait_on_ground()) == []
     story.other((0.0, *MID_M, 30.0), (60.0, *MID_M, 200.0))
-    effects = story.stands()
+    effects = story.wait_on_ground()
     assert orders(effects) == [LAUNCH]
     assert codes(effects) == ["launch-clear"]
     assert (story.state.phase, story.state.trouble) == (Phase.LAUNCHING, "")
 
 
-def test_a_vehicle_passing_over_its_climb_is_waited_for() -> None:
+def test_a_launch_waits_for_a_vehicle_that_crosses_the_climb() -> None:
     story = OnGround()
     east_m, north_m = GRID.centre_m((4, 0))
     story.other((0.0, east_m, north_m - 100.0, 20.0), (20.0, east_m, north_m + 100.0, 20.0))
     assert orders(story.ordered()) == []
     story.now += 12.0
-    assert orders(story.stands()) == [LAUNCH]
+    assert orders(story.wait_on_ground()) == [LAUNCH]
 
 
 def test_a_silent_vehicle_does_not_delay_the_launch() -> None:
@@ -99,10 +99,10 @@ def test_a_silent_vehicle_does_not_delay_the_launch() -> None:
     story.hovers()
     story.ordered()
     story.now += MAX_AGE_S
-    assert orders(story.stands()) == [LAUNCH]
+    assert orders(story.wait_on_ground()) == [LAUNCH]
 
 
-def waits_in_vain(command: int | None) -> tuple[OnGround, list[str]]:
+def wait_until_the_limit(command: int | None) -> tuple[OnGround, list[str]]:
     story = OnGround()
     story.hovers()
     story.ordered(command)
@@ -110,26 +110,26 @@ def waits_in_vain(command: int | None) -> tuple[OnGround, list[str]]:
     for _ in range(int(MAX_LAUNCH_WAIT_S)):
         story.hovers()
         story.now -= 1.0
-        effects = story.stands()
+        effects = story.wait_on_ground()
         assert orders(effects) == []
         texts += operator_texts(effects)
     return story, texts
 
 
-def test_after_the_longest_wait_it_stands_by_for_a_new_order() -> None:
-    story, texts = waits_in_vain(1)
+def test_after_the_longest_wait_the_vehicle_stands_by_for_a_new_order() -> None:
+    story, texts = wait_until_the_limit(1)
     (text,) = texts
     assert "vehicle 7 " in text
     assert "`order launch --uav 2 --ignore 7`" in text
     assert text.endswith("[not-launched]")
     assert story.state.phase is Phase.STANDBY
     story.now += MAX_AGE_S
-    assert orders(story.stands()) == []
+    assert orders(story.wait_on_ground()) == []
     assert orders(story.ordered()) == [LAUNCH]
 
 
-def test_a_launch_by_its_own_process_fails_after_the_longest_wait() -> None:
-    story, _ = waits_in_vain(None)
+def test_a_launch_by_the_own_process_fails_after_the_longest_wait() -> None:
+    story, _ = wait_until_the_limit(None)
     assert story.state.phase is Phase.FAILED
     assert "vehicle 7 " in story.state.outcome
 
@@ -150,7 +150,7 @@ def test_an_order_during_the_wait_cancels_the_launch(order: ev.FlightOrder) -> N
     story.ordered()
     story(ev.OperatorCommand(order, 2))
     story.now += MAX_AGE_S
-    assert orders(story.stands()) == []
+    assert orders(story.wait_on_ground()) == []
     assert story.state.phase is Phase.STANDBY
 
 
@@ -160,22 +160,22 @@ def test_a_refused_launch_may_be_ordered_again() -> None:
     effects = story(ev.OrderFailed(LAUNCH, "battery: found 40 %", nothing_sent=True))
     assert codes(effects) == ["not-launched"]
     assert "40 %" in operator_texts(effects)[0]
-    assert orders(story.stands()) == []
+    assert orders(story.wait_on_ground()) == []
     assert orders(story.ordered()) == [LAUNCH]
 
 
 def about_to_take_off(command: int | None = 1) -> OnGround:
-    """Return a vehicle whose route was clear when the launch was ordered, and is not any more."""
+    """Return a vehicle with a conflict that appears after the launch order."""
     story = OnGround()
     assert orders(story.ordered(command)) == [LAUNCH]
-    story.stands()
+    story.wait_on_ground()
     assert launch_conflict(story.state) == ""
     story.hovers()
     return story
 
 
-@pytest.mark.parametrize("command", [1, None], ids=["by an operator", "by its own process"])
-def test_a_conflict_before_arming_makes_it_wait(command: int | None) -> None:
+@pytest.mark.parametrize("command", [1, None], ids=["by an operator", "by the own process"])
+def test_a_conflict_before_arming_makes_the_vehicle_wait(command: int | None) -> None:
     story = about_to_take_off(command)
     assert "vehicle 7 " in launch_conflict(story.state)
     effects = story.postpone()
@@ -184,15 +184,15 @@ def test_a_conflict_before_arming_makes_it_wait(command: int | None) -> None:
     assert codes(effects) == ["launch-waits"]
     assert "180 s" in operator_texts(effects)[0]
     assert [m.points for m in publications(effects) if isinstance(m, IntentShared)] == [()]
-    assert orders(story.stands()) == []
+    assert orders(story.wait_on_ground()) == []
     story.other((0.0, *MID_M, 30.0), (60.0, *MID_M, 200.0))
-    effects = story.stands()
+    effects = story.wait_on_ground()
     assert orders(effects) == [LAUNCH]
     assert codes(effects) == ["launch-clear"]
 
 
 def test_attempts_do_not_extend_the_longest_wait() -> None:
-    """Also with several launch attempts in between."""
+    """Launch attempts during the wait do not restart the wait."""
     story = about_to_take_off()
     began_s = story.now
     while story.state.phase is not Phase.STANDBY or story.state.launch_ordered:
@@ -202,7 +202,7 @@ def test_attempts_do_not_extend_the_longest_wait() -> None:
             story.now += 10.0
         else:
             story.other((0.0, *MID_M, 30.0), (60.0, *MID_M, 200.0))
-            texts = operator_texts(story.stands())
+            texts = operator_texts(story.wait_on_ground())
     assert story.now - began_s == pytest.approx(MAX_LAUNCH_WAIT_S, abs=15.0)
     assert "vehicle 7 " in texts[-1]
     assert texts[-1].endswith("[not-launched]")
@@ -216,14 +216,14 @@ def test_one_launch_order_arms_once(command: int | None, phase: Phase) -> None:
     assert orders(effects) == []
     assert story.state.phase is phase
     story.now += MAX_AGE_S
-    assert orders(story.stands()) == []
+    assert orders(story.wait_on_ground()) == []
     assert story.state.phase is phase
     if command is not None:
         assert orders(story.ordered()) == [LAUNCH]
 
 
 def test_simultaneous_launches_do_not_wait_for_each_other() -> None:
-    """Both announce their take-off; with a wait neither would fly."""
+    """Both vehicles announce their take-off; if both waited, none would fly."""
     story = OnGround()
     story.ordered()
     path = tuple(IntentPoint(t, *GRID.frame.to_geodetic(*MID_M), AMSL_M) for t in (0.0, 120.0))
@@ -238,21 +238,21 @@ def test_take_off_is_announced_before_and_after() -> None:
     story = OnGround()
     story.ordered()
 
-    def says() -> list[bool]:
+    def announced() -> list[bool]:
         return [m.on_ground for m in publications(story.effects) if isinstance(m, IntentShared)]
 
-    story.stands()
-    assert says() == [True]
+    story.wait_on_ground()
+    assert announced() == [True]
     story(ev.OrderDone(LAUNCH))
     story.over((4, 0), alt_rel_m=1.0, alt_amsl_m=AMSL_M - 29.0)
-    assert says() == [False]
+    assert announced() == [False]
 
 
 # --- launches that ignore other vehicles
 
 
 def test_an_ignored_vehicle_does_not_delay_the_launch() -> None:
-    story, _ = waits_in_vain(1)
+    story, _ = wait_until_the_limit(1)
     story.hovers()
     assert orders(story.ordered()) == []
     effects = story.ordered(ignore=(7,))
@@ -287,7 +287,7 @@ def test_a_repeated_order_does_not_restart_the_wait() -> None:
     for _ in range(60):
         story.hovers()
         story.now -= 1.0
-        story.stands()
+        story.wait_on_ground()
     effects = story.ordered()
     assert orders(effects) == []
     (note,) = (e.answer.note for e in effects if isinstance(e, ev.Answer))

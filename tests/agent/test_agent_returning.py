@@ -35,8 +35,8 @@ HOMES = {"home_lat_deg": LAT_DEG, "home_lon_deg": LON_DEG, "home_alt_amsl_m": AM
 RULES = (ActiveRule(low_battery, low_battery.Params(seconds=0.0)),)
 
 
-class Low(Story):
-    """Vehicle 2, flying east along row 4, 200 m from its take-off; `goes_home` reports another vehicle."""
+class ReturnStory(Story):
+    """A flight of vehicle 2 east along row 4, 200 m from its take-off; `goes_home` adds another return."""
 
     def __init__(self, **changes: Any) -> None:
         super().__init__(**{"uav": 2, "rules": RULES, **changes})
@@ -54,8 +54,7 @@ class Low(Story):
         return self.at(percent, mode="RTL", mode_role="return")
 
     def goes_home(self, uav: int, *, col: int = 6, row: int = 4, **changes: Any) -> None:
-        """Receive the state of a vehicle that returns along row 4 to the take-off of vehicle 2, with
-        `changes`."""
+        """Receive the state of a vehicle that returns along row 4 to the take-off of vehicle 2."""
         lat_deg, lon_deg = GRID.centre((row, col))
         state: dict[str, Any] = {"time_s": self.now, "lat_deg": lat_deg, "lon_deg": lon_deg, "n_found": 0}
         state |= {"alt_rel_m": 34.0, "alt_amsl_m": AMSL_M + 4.0, "phase": "leaving", "n_observed": 0}
@@ -69,8 +68,8 @@ def shared(effects: list[ev.Effect]) -> StateShared:
     return state
 
 
-def test_without_other_returns_it_returns_at_once_and_announces_its_home() -> None:
-    story = Low()
+def test_a_vehicle_alone_returns_at_once_and_announces_its_home() -> None:
+    story = ReturnStory()
     effects = story.at(23)
     assert orders(effects) == [RETURN]
     assert codes(effects) == ["low-battery"]
@@ -79,10 +78,10 @@ def test_without_other_returns_it_returns_at_once_and_announces_its_home() -> No
 
 
 @pytest.mark.parametrize("phase", ["leaving", "released"])
-def test_it_holds_while_another_is_on_its_return_path_and_returns_after_that_has_landed(
+def test_a_vehicle_holds_until_its_return_path_is_clear(
     phase: str,
 ) -> None:
-    story = Low()
+    story = ReturnStory()
     story.goes_home(3, phase=phase)
     effects = story.at(23)
     assert orders(effects) == [HOLD]
@@ -101,8 +100,8 @@ def test_it_holds_while_another_is_on_its_return_path_and_returns_after_that_has
     assert "23 %" in story.state.outcome
 
 
-def test_a_return_elsewhere_is_not_waited_for() -> None:
-    story = Low()
+def test_a_return_does_not_wait_for_a_return_elsewhere() -> None:
+    story = ReturnStory()
     story.goes_home(3, row=8, returns_to=GRID.centre((8, 8)))
     assert orders(story.at(23)) == [RETURN]
 
@@ -110,23 +109,23 @@ def test_a_return_elsewhere_is_not_waited_for() -> None:
 @pytest.mark.parametrize(
     "fields",
     [{"alt_rel_m": MAX_MAGNITUDE}, {"alt_rel_m": -MAX_MAGNITUDE}, {"returns_to": (LAT_DEG, LON_DEG - 2.0)}],
-    ids=["above the air", "under the ground", "155 km away"],
+    ids=["above the atmosphere", "under the ground", "155 km away"],
 )
-def test_an_implausible_state_is_not_waited_for(fields: dict[str, Any]) -> None:
-    story = Low()
+def test_a_return_does_not_wait_for_a_vehicle_with_an_implausible_state(fields: dict[str, Any]) -> None:
+    story = ReturnStory()
     story.goes_home(3, **fields)
     assert orders(story.at(23)) == [RETURN]
 
 
 @pytest.mark.parametrize(("uav", "first"), [(1, True), (3, False)])
 def test_the_lower_system_id_returns_first_when_both_wait(uav: int, *, first: bool) -> None:
-    story = Low()
+    story = ReturnStory()
     story.goes_home(uav, phase="holding")
     assert orders(story.at(23)) == [HOLD if first else RETURN]
 
 
-def waiting(percent: int = 23) -> Low:
-    story = Low()
+def waiting(percent: int = 23) -> ReturnStory:
+    story = ReturnStory()
     story.goes_home(3)
     assert orders(story.at(percent)) == [HOLD]
     story(ev.OrderDone(HOLD))
@@ -143,13 +142,13 @@ def test_a_lower_battery_ends_the_wait() -> None:
     assert orders(story.returns(18)) == []
 
 
-def test_below_the_waiting_charge_it_returns_at_once() -> None:
-    story = Low()
+def test_a_vehicle_below_the_waiting_charge_returns_at_once() -> None:
+    story = ReturnStory()
     story.goes_home(3)
     assert orders(story.at(19)) == [RETURN]
 
 
-def test_below_the_landing_charge_it_lands() -> None:
+def test_a_vehicle_below_the_landing_charge_lands() -> None:
     story = waiting()
     assert orders(story.holds(9)) == [LAND]
 
@@ -178,9 +177,9 @@ def test_waits_that_end_together_are_staggered(higher: tuple[int, ...], before_s
     )
 
 
-def test_a_silent_returning_vehicle_counts_until_it_must_have_landed() -> None:
+def test_a_silent_returning_vehicle_counts_until_its_latest_landing() -> None:
     story = waiting()
-    # 10 s to react, 19 to climb to 60 m, 300 m at half its speed, 75 to come down.
+    # 10 s to react, 19 s to climb to 60 m, 300 m at half the speed and 75 s to descend.
     seconds = next(s for s in range(300) if orders(story.holds()) == [RETURN])
     assert seconds == pytest.approx(MAX_RETURN_WAIT_S, abs=2.0)
 
@@ -189,16 +188,16 @@ def test_a_silent_returning_vehicle_counts_until_it_must_have_landed() -> None:
 def test_the_higher_system_id_holds_again_after_simultaneous_starts(
     uav: int, then: list[ev.FlightOrder]
 ) -> None:
-    story = Low()
+    story = ReturnStory()
     assert orders(story.at(23)) == [RETURN]
     story(ev.OrderDone(RETURN))
     story.goes_home(uav)
     assert orders(story.returns()) == then
 
 
-@pytest.mark.parametrize("on_s", [2, 6], ids=["it settles in between", "it is well on its way in between"])
+@pytest.mark.parametrize("on_s", [2, 6], ids=["return still settling", "return well under way"])
 def test_interruptions_do_not_extend_the_longest_wait(on_s: int) -> None:
-    story = Low()
+    story = ReturnStory()
     (order,), given = orders(story.at(23)), []
     began_s = story.now
     for second in range(4 * int(MAX_RETURN_WAIT_S)):
@@ -223,8 +222,8 @@ def test_a_later_return_has_its_own_wait() -> None:
     assert orders(story.holds(22)) == []
 
 
-def test_after_its_longest_wait_a_started_return_continues() -> None:
-    story = Low()
+def test_a_return_started_after_the_longest_wait_continues() -> None:
+    story = ReturnStory()
     assert orders(story.at(20)) == [RETURN]
     story(ev.OrderDone(RETURN))
     story.goes_home(1)
@@ -233,7 +232,7 @@ def test_after_its_longest_wait_a_started_return_continues() -> None:
 
 
 def test_a_return_under_way_is_not_stopped() -> None:
-    story = Low()
+    story = ReturnStory()
     assert orders(story.at(23)) == [RETURN]
     story(ev.OrderDone(RETURN))
     story.now += SETTLING_S
@@ -241,8 +240,8 @@ def test_a_return_under_way_is_not_stopped() -> None:
     assert orders(story.returns()) == []
 
 
-def test_urgent_demands_return_without_waiting() -> None:
-    story = Low(rules=(ActiveRule(not_following, not_following.Params(seconds=3.0)),))
+def test_an_urgent_demand_causes_a_return_without_a_wait() -> None:
+    story = ReturnStory(rules=(ActiveRule(not_following, not_following.Params(seconds=3.0)),))
     story.goes_home(3)
     given = [order for _ in range(6) for order in orders(story.at(60))]
     assert given == [RETURN]
@@ -259,7 +258,7 @@ def test_an_operators_order_takes_precedence() -> None:
     assert [order for s in range(30) for order in orders(again.holds(22 - s // 10))] == []
 
 
-def called_back(story: Low, after_s: float = 120.0) -> tuple[list[ev.FlightOrder], VehicleAnswer]:
+def recall(story: ReturnStory, after_s: float = 120.0) -> tuple[list[ev.FlightOrder], VehicleAnswer]:
     effects = story(ev.OperatorCommand(RETURN, 7, after_s))
     (answer,) = (e.answer for e in effects if isinstance(e, ev.Answer))
     return orders(effects), answer
@@ -267,9 +266,9 @@ def called_back(story: Low, after_s: float = 120.0) -> tuple[list[ev.FlightOrder
 
 @pytest.mark.parametrize("percent", [19, 23], ids=["urgent", "not urgent"])
 def test_a_recall_does_not_delay_an_urgent_return(percent: int) -> None:
-    story = Low()
+    story = ReturnStory()
     assert orders(story.at(percent)) == [RETURN]
-    given, answer = called_back(story)
+    given, answer = recall(story)
     assert answer.outcome == "taken"
     assert answer.place is not None
     if percent == 23:
@@ -284,7 +283,7 @@ def test_a_recall_does_not_delay_an_urgent_return(percent: int) -> None:
 
 @pytest.mark.parametrize(("command", "after_s"), [(7, 120.0), (None, 0.0), (None, 30.0)])
 def test_a_recall_does_not_stop_a_landing_by_low_battery(command: int | None, after_s: float) -> None:
-    story = Low()
+    story = ReturnStory()
     assert orders(story.at(9)) == [LAND]
     effects = story(ev.OperatorCommand(RETURN, command, after_s))
     assert orders(effects) == []
@@ -297,14 +296,14 @@ def test_a_recall_does_not_stop_a_landing_by_low_battery(command: int | None, af
 
 
 def test_a_recall_of_an_ordered_landing_with_low_battery_starts_at_once() -> None:
-    story = Low()
+    story = ReturnStory()
     story(ev.OperatorCommand(LAND, 1))
     story.at(19, mode="LAND", mode_role="land")
-    assert called_back(story)[0] == [RETURN]
+    assert recall(story)[0] == [RETURN]
 
 
 def test_a_recall_of_an_ordered_hold_with_low_battery_starts_at_once() -> None:
-    story = Low()
+    story = ReturnStory()
     story.at(19)
     story(ev.OperatorCommand(HOLD, 1))
     story(ev.OrderDone(HOLD))
@@ -312,15 +311,15 @@ def test_a_recall_of_an_ordered_hold_with_low_battery_starts_at_once() -> None:
     place = position_for_return(story.state)
     assert place is not None
     assert place.is_returning
-    assert called_back(story)[0] == [RETURN]
+    assert recall(story)[0] == [RETURN]
 
 
 def test_the_schedule_respects_an_urgent_return() -> None:
-    story, other = Low(uav=4), Low(uav=3)
+    story, other = ReturnStory(uav=4), ReturnStory(uav=3)
     story.at(19)
     other.at(60)
-    _, urgent = called_back(story)
-    _, waits = called_back(other)
+    _, urgent = recall(story)
+    _, waits = recall(other)
     assert urgent.place is not None
     assert waits.place is not None
     begins_s = schedule_for({4: urgent.place, 3: waits.place}).begins_s
@@ -340,17 +339,17 @@ def test_a_reboot_ends_the_wait() -> None:
 
 @pytest.mark.parametrize(("up_m", "given"), [(12.0, RETURN), (28.0, HOLD)])
 def test_a_fixed_wing_does_not_hold_during_its_take_off(up_m: float, given: ev.FlightOrder) -> None:
-    story = Low()
+    story = ReturnStory()
     wings = FixedWing(40.0, 30.0, 5.0, 12.0, takeoff_height_m=20.0, home=(LAT_DEG, LON_DEG))
     story.state = replace(story.state, task=replace(story.state.task, wings=wings))
     story.goes_home(3)
     assert orders(story.at(23, alt_rel_m=up_m)) == [given]
 
 
-class Waits:
-    """The part of a swarm member that a shutdown uses."""
+class WaitingMember:
+    """The attributes of a swarm member that a shutdown uses."""
 
-    def __init__(self, story: Low) -> None:
+    def __init__(self, story: ReturnStory) -> None:
         self.story, self.name, self.spec = story, "uav2", SimpleNamespace(sysid=2)
         self.runner = SimpleNamespace(post=story)
 
@@ -359,8 +358,8 @@ class Waits:
         return self.story.state
 
 
-class OthersInTheWay:
-    """Vehicles of other processes that always block the return."""
+class BlockedReturns:
+    """Vehicles of other processes that block each return and landing."""
 
     def may_return(self, place: VehiclePosition, now_s: float) -> bool:
         return False
@@ -371,11 +370,11 @@ class OthersInTheWay:
 
 def test_a_shutdown_keeps_the_return_time_of_a_waiting_vehicle() -> None:
     story = waiting()
-    member: Any = Waits(story)
-    called = Shutdown([member], FlightSection(), lambda _text: None, OthersInTheWay())
+    member: Any = WaitingMember(story)
+    shutdown = Shutdown([member], FlightSection(), lambda _text: None, BlockedReturns())
 
     async def scene() -> list[ev.FlightOrder]:
-        leaving = asyncio.create_task(called.run())
+        leaving = asyncio.create_task(shutdown.run())
         await asyncio.sleep(20.0)
         story.goes_home(3)
         given = orders(story.holds(19))
@@ -391,7 +390,7 @@ def test_three_low_batteries_at_once_return_one_after_the_other(
 ) -> None:
     sag = {"fault": "battery_sag", "params": {"at_most": 0.24, "sag_v": 0.0}, "at_s": 44.0}
     trouble = Trouble(faults=[sag])
-    # 36 m from each other at the start of the returns.
+    # The vehicles are 36 m apart at the start of the returns.
     scenario = gathering(rules={"low_battery": {"wait_percent": 14.0}}, separation={"horizontal_m": 60.0})
     report, ui = fly_with(trouble, tmp_path, monkeypatch, scenario=scenario)
     assert trouble.modes[1] == ["AUTO", "RTL"]

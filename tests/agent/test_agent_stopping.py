@@ -1,4 +1,4 @@
-"""Stories of a vehicle that brakes to a stop before it starts another plan."""
+"""Stories of a vehicle that brakes to a stop before it flies a new plan."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from swarmctl.mavlink.telemetry.vehicle_state import Telemetry
 
 ROW_M = GRID.centre_m((4, 4))[1]
 STOP_COST_S = 10.0 / (2.0 * 2.5) + 10.0 / (2.0 * 2.5)
-"""braking by 2.5 m/s² from 10 m/s, and speeding up by as much"""
+"""Time lost by braking from 10 m/s at 2.5 m/s² and by speeding up at the same rate [s]."""
 
 
 class StopStory(Story):
-    """A flight east along row 4 at 10 m/s; `brakes_m_s2` None: the vehicle turns without a stop."""
+    """A flight east along row 4 at 10 m/s; with `brakes_m_s2=None` the vehicle turns without a stop."""
 
     def __init__(self, brakes_m_s2: float | None, **changes: Any) -> None:
         super().__init__(**{"arrival_group": ArrivalGroup({1: 0, 2: 1}), **changes})
@@ -40,7 +40,7 @@ class StopStory(Story):
         return self.over((4, 1), **{**here, **moves, **changes})
 
     def new_plan(self) -> list[ev.Effect]:
-        """Report a hostile ahead on its row."""
+        """Report a hostile ahead on the row."""
         self.hear((4, 6, True), observer=9)
         return self.tick()
 
@@ -55,7 +55,7 @@ def published_intent(effects: list[ev.Effect]) -> IntentShared:
 
 
 def lands_in_s(intent: IntentShared) -> float:
-    """Return the begin of its descent at the goal."""
+    """Return the time until the descent at the goal [s]."""
     return next(a.in_s for a, b in pairwise(intent.points) if b.alt_amsl_m < a.alt_amsl_m)
 
 
@@ -86,7 +86,7 @@ def test_the_intent_before_a_swap_flies_on_and_then_brakes_to_a_stop() -> None:
 
 
 def landing_delay_s(*stories: Story) -> float:
-    """Return the difference between the landing times in the intents of the two, now."""
+    """Return the difference between the landing times of the two vehicles [s]."""
     lands_s = []
     for story in stories:
         path = planned_flight(story.state)
@@ -111,7 +111,7 @@ def test_the_stop_stays_ahead_while_the_plan_is_pending() -> None:
         assert landing_delay_s(*stories) == pytest.approx(STOP_COST_S, abs=0.1)
 
 
-def test_the_intent_of_a_braking_vehicle_goes_on_braking_and_of_a_stopped_one_speeds_up() -> None:
+def test_the_intent_continues_the_braking_and_then_speeds_up_from_the_stop() -> None:
     stories = pair()
     for story in stories:
         story.at(85.0, 7.5)
@@ -123,7 +123,7 @@ def test_the_intent_of_a_braking_vehicle_goes_on_braking_and_of_a_stopped_one_sp
     assert landing_delay_s(*stories) == pytest.approx(0.0, abs=1e-6)
 
 
-def test_a_failed_swap_costs_nothing_more() -> None:
+def test_a_failed_swap_adds_no_stop_to_the_intent() -> None:
     stories = pair()
     for story in stories:
         assert story.state.pending is not None
@@ -148,7 +148,7 @@ def test_a_holding_vehicle_needs_no_stop() -> None:
     assert plans[0] == plans[1]
 
 
-def test_a_stop_behind_the_goal_costs_nothing() -> None:
+def test_a_stop_behind_the_goal_costs_no_time() -> None:
     here, path = (0.0, 0.0, 30.0), [(60.0, 0.0), (60.0, 30.0)]
     stop = BrakingStop(brakes_in_s=8.0, brakes_in_m=80.0, speed_m_s=10.0, brakes_m_s2=2.5)
     assert fly_with_stop(here, 30.0, path, 10.0, 10.0, stop) == fly_along(here, 30.0, path, 10.0, 10.0)
@@ -174,14 +174,14 @@ def test_the_intent_turns_with_the_plan_before_the_stop() -> None:
 def test_the_deceleration_follows_from_the_firmware(
     autopilot: int, vehicle_type: int, brakes_m_s2: float | None
 ) -> None:
-    """ArduPilot's copters and planes, PX4's copters."""
+    """Cases: ArduPilot's copters and planes, PX4's copters."""
     assert Telemetry(dialect_for(autopilot, vehicle_type)).state.brakes_m_s2 == brakes_m_s2
 
 
 @pytest.mark.parametrize(
     "corner_m", [11.0 - 1e-13, 11.0, 11.0 + 1e-13, 31.0 - 1e-13, 31.0, 31.0 + 1e-13, 31.001]
 )
-def test_a_corner_where_it_brakes_or_stops_is_passed_once(corner_m: float) -> None:
+def test_a_corner_on_the_braking_way_is_passed_once(corner_m: float) -> None:
     here, path = (0.0, 0.0, 30.0), [(corner_m, 0.0), (corner_m, 400.0)]
     path = fly_with_stop(
         here,
@@ -191,6 +191,6 @@ def test_a_corner_where_it_brakes_or_stops_is_passed_once(corner_m: float) -> No
         10.0,
         BrakingStop(brakes_in_s=1.1, brakes_in_m=11.0, speed_m_s=10.0, brakes_m_s2=2.5),
     )
-    path = path.later(50_000.0)  # by the clock of a vehicle that was booted long ago
+    path = path.later(50_000.0)  # the clock of a vehicle booted long ago
     assert 5.1 in [pytest.approx(t - 50_000.0) for t in path.times_s]
     assert path.times_s[-1] > 50_045.0

@@ -20,7 +20,7 @@ ROW_M = GRID.centre_m((4, 4))[1]
 
 
 class SwapStory(Story):
-    """A flight east along row 4 at 10 m/s, from cell (4, 0) to (4, 8); its swaps take `took_s`."""
+    """A flight east along row 4 at 10 m/s, from cell (4, 0) to (4, 8), with swaps of `took_s`."""
 
     def __init__(self, took_s: float | None = None, **changes: Any) -> None:
         super().__init__(**changes)
@@ -50,7 +50,7 @@ def run_swap(story: SwapStory, took_s: float, *cells: tuple[int, int, bool], seq
     return swap
 
 
-# the spacing of swaps
+# --- the spacing of swaps
 
 
 def test_swaps_are_spaced_by_their_duration_and_the_next_plan_uses_all_observations() -> None:
@@ -78,7 +78,7 @@ def test_a_close_wall_is_avoided_at_once() -> None:
     assert near not in story.swap().cells
 
 
-def test_a_clock_that_went_back_delays_no_plan() -> None:
+def test_a_backward_clock_jump_delays_no_plan() -> None:
     story = SwapStory()
     story.at(60.0, time_boot_s=500.0)
     run_swap(story, 4.0, (4, 4, True))
@@ -87,7 +87,7 @@ def test_a_clock_that_went_back_delays_no_plan() -> None:
     assert len(swaps(story.tick())) == 1
 
 
-# the splice point
+# --- the splice point
 
 
 @pytest.mark.parametrize("took_s", [0.4, 4.0, 8.0])
@@ -137,7 +137,7 @@ def _turns(cells: tuple[tuple[int, int], ...]) -> Any:
         yield i, (here[0] - a[0], here[1] - a[1]), here, (b[0] - here[0], b[1] - here[1])
 
 
-def test_an_old_route_into_a_wall_is_left_at_once() -> None:
+def test_a_plan_leaves_an_old_route_into_a_wall_at_once() -> None:
     story = SwapStory(8.0, max_exposure=0.5)
     story.at(80.0)
     story.hear((4, 3, True))
@@ -154,7 +154,7 @@ def test_a_vehicle_that_arrives_before_the_end_of_a_swap_keeps_its_route() -> No
     assert not story.state.dirty
 
 
-def test_the_splice_point_on_a_track_is_the_place_at_the_end_of_the_swap() -> None:
+def test_the_splice_point_on_a_track_is_the_position_at_the_end_of_the_swap() -> None:
     story = Story(
         any_angle=ExposureMeasure.INTEGRAL,
         entry=(0, 0),
@@ -185,7 +185,7 @@ def test_the_splice_point_on_a_track_is_the_place_at_the_end_of_the_swap() -> No
     assert abs(beside_m) < 0.1
 
 
-# measured durations
+# --- measured durations
 
 
 def test_the_worst_of_the_last_three_swaps_is_expected() -> None:
@@ -208,7 +208,7 @@ def test_the_upload_on_the_ground_sets_the_expected_duration_of_the_first_swap()
     assert story.state.swap_times.expected_s == pytest.approx(10.5)
 
 
-def test_a_late_plan_is_made_again_at_once_farther_ahead_and_is_no_failure() -> None:
+def test_a_late_plan_is_replaced_at_once_by_a_plan_that_turns_farther_ahead() -> None:
     story = SwapStory(0.5)
     story.at(30.0)
     story.hear((4, 7, True))
@@ -219,7 +219,7 @@ def test_a_late_plan_is_made_again_at_once_farther_ahead_and_is_no_failure() -> 
         assert orders(story(failed)) == []
         again = story.tick()
         if not again:
-            break  # it will be at its goal before
+            break  # the vehicle would be at its goal before the splice point
     assert story.state.phase is Phase.FLYING
     assert story.state.route is not None
     assert story.state.swap_times.expected_s > 2.0 * PRIOR_S

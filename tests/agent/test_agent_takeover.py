@@ -1,10 +1,10 @@
-"""Ownership of a vehicle: a foreign mode is not overridden; an order of a person holds."""
+"""Ownership of a vehicle: no command overrides a foreign mode, and an operator's order stays in force."""
 
 from __future__ import annotations
 
 import pytest
 from agent_stories import GRID, Story, orders, publications
-from collision_stories import MID_M, Approached
+from collision_stories import MID_M, ApproachStory
 
 from swarmctl.agent.state import Phase
 from swarmctl.core import events as ev
@@ -27,7 +27,7 @@ def wait(story: Story, seconds: int, **vehicle: object) -> list[ev.Effect]:
     return effects
 
 
-def test_a_mission_change_that_finds_another_operator_releases_the_vehicle() -> None:
+def test_a_takeover_during_a_mission_change_releases_the_vehicle() -> None:
     story, swap = swapping()
     assert ev.Release() in story(ev.MissionFailed(swap.plan_id, "theirs", "its mode is GUIDED"))
     assert story.state.phase is Phase.RELEASED
@@ -48,12 +48,12 @@ def test_a_failsafe_hold_after_an_interrupted_mission_change_is_not_overridden()
 
 def test_a_mission_change_that_ended_in_hold_is_resumed() -> None:
     story, swap = swapping()
-    story(ev.MissionFailed(swap.plan_id, "hold", "the new mission is not on it"))
+    story(ev.MissionFailed(swap.plan_id, "hold", "the vehicle does not hold the new mission"))
     (again,) = (e for e in wait(story, 12, **HOLD) if isinstance(e, ev.SwapMission))
     assert again.plan.from_hold
     assert not swap.plan.from_hold
     story(ev.MissionAccepted(again.plan_id))
-    assert ev.Release() in wait(story, 10, **HOLD), "flies again, then another operator sets hold"
+    assert ev.Release() in wait(story, 10, **HOLD), "a second hold is that of another operator"
 
 
 def test_a_refused_return_is_not_repeated_against_a_pilots_hold() -> None:
@@ -65,19 +65,19 @@ def test_a_refused_return_is_not_repeated_against_a_pilots_hold() -> None:
     assert ev.Release() in effects
 
 
-def test_a_refused_return_is_repeated_while_it_flies_its_mission() -> None:
+def test_a_refused_return_is_repeated_in_mission_mode() -> None:
     story = Story().flying()
     (first,) = (e for e in story(ev.OperatorCommand(ev.FlightOrder.RETURN)) if isinstance(e, ev.Command))
     story(ev.OrderFailed(ev.FlightOrder.RETURN, "DO_SET_MODE: TEMPORARILY_REJECTED"))
     again = [e for e in wait(story, 10) if isinstance(e, ev.Command)]
     assert first.by_person
     assert again
-    assert not again[0].by_person, "repeated by the agent: sent after a look at the mode"
+    assert not again[0].by_person, "a repetition by the agent needs a check of the mode"
 
 
 @pytest.mark.parametrize("number", [1, None], ids=["operator", "this process"])
-def test_a_hold_ordered_while_it_gives_way_lasts(number: int | None) -> None:
-    story = Approached()
+def test_an_ordered_hold_outlasts_giving_way(number: int | None) -> None:
+    story = ApproachStory()
     story.crossing(1)
     story.at(125.0)
     story(ev.OrderDone(ev.FlightOrder.HOLD))
@@ -94,7 +94,7 @@ def test_a_hold_ordered_while_it_gives_way_lasts(number: int | None) -> None:
     assert flies_on == []
 
 
-def test_a_released_vehicle_takes_a_persons_order_and_stays_released() -> None:
+def test_a_released_vehicle_obeys_an_operator_and_stays_released() -> None:
     story = Story().flying()
     wait(story, 3, mode="LOITER", mode_role="other")
     assert story.state.phase is Phase.RELEASED
@@ -107,10 +107,12 @@ def test_a_released_vehicle_takes_a_persons_order_and_stays_released() -> None:
     assert isinstance(message, ev.NotifyOperator)
     assert "DENIED" in message.text
     assert orders(wait(story, 10, mode="LOITER", mode_role="other")) == []
-    assert orders(story(ev.OperatorCommand(ev.FlightOrder.RETURN))) == [], "nor does the end of this process"
+    assert orders(story(ev.OperatorCommand(ev.FlightOrder.RETURN))) == [], (
+        "the end of this process sends no order"
+    )
 
 
-def test_a_released_vehicle_shares_its_position_while_it_is_armed() -> None:
+def test_a_released_vehicle_shares_its_position_while_armed() -> None:
     story = Story().flying()
     story.over((4, 1), mode="LOITER", mode_role="other")
     assert story.state.phase is Phase.RELEASED

@@ -31,7 +31,7 @@ DIJKSTRA = PLANNERS["dijkstra"]
 
 
 class TwoRoutes:
-    """A planner that keeps bounds and has two routes, the least exposed and the shortest."""
+    """A planner with bounds and two routes: the least exposed and the shortest."""
 
     Params = DIJKSTRA.Params
 
@@ -40,7 +40,7 @@ class TwoRoutes:
         for route in routes:
             if not math.isinf(cost := self.measure(problem, route.cells, params)):
                 return route_of(problem, route.cells, cost)
-        raise BoundTooTight("none in time", route_of(problem, routes[1].cells, routes[1].exposure_sum))
+        raise BoundTooTight("no route in time", route_of(problem, routes[1].cells, routes[1].exposure_sum))
 
     def measure(self, problem: Problem, cells: Sequence[Cell], _params: Any, /) -> float:
         length = length_cells(cells)
@@ -50,8 +50,8 @@ class TwoRoutes:
 
 
 TWO_ROUTES = Method("two routes", TwoRoutes(), DIJKSTRA.Params())
-# The route along the southern edge has 8 cells, 40 s; at first it is the shortest and the least exposed. The
-# detour around hostiles in the middle of it has about 10 cells, 50 s.
+# The route along the southern edge has 8 cells (40 s) and is at first both shortest and least exposed. The
+# detour around hostiles in its middle has about 10 cells (50 s).
 HOSTILES_ON_ROUTE = ((0, 3, True), (0, 4, True), (0, 5, True))
 
 
@@ -61,7 +61,7 @@ def story(within_s: float = math.inf, after_s: float = 0.0, **changes: Any) -> S
 
 
 def flying(at_s: float = 20.0, **bounds: float) -> Story:
-    """Return a vehicle that was launched at 0 s by its own clock and is over its entry cell at `at_s`."""
+    """Return a vehicle launched at 0 s of its clock and over its entry cell at `at_s`."""
     flight = story(**bounds).launching()
     flight.over((0, 0), time_boot_s=100.0)
     flight(ev.OrderDone(ev.FlightOrder.LAUNCH))
@@ -114,7 +114,7 @@ def test_a_late_vehicle_flies_on_and_reports_its_arrival_time() -> None:
     assert orders(flight.effects) == []
 
 
-def test_a_detour_that_has_become_too_long_is_left() -> None:
+def test_a_detour_is_left_when_it_becomes_too_long() -> None:
     flight = flying(within_s=120.0)
     flight.hear(*HOSTILES_ON_ROUTE)
     around = flight.swap()
@@ -126,7 +126,7 @@ def test_a_detour_that_has_become_too_long_is_left() -> None:
     assert length_cells(straight.cells) < length_cells(around.cells[1:])
 
 
-def test_a_change_that_costs_more_time_than_it_saves_is_not_made() -> None:
+def test_a_mission_change_that_would_cost_the_arrival_in_time_is_not_made() -> None:
     flight = flying(within_s=80.0)
     flight.hear(*HOSTILES_ON_ROUTE)
     flight.tick()
@@ -149,7 +149,7 @@ def test_a_route_into_a_wall_is_left_even_if_the_vehicle_becomes_late() -> None:
     assert flight.state.late != ""
 
 
-def test_a_route_that_would_arrive_too_early_is_left_for_one_that_does_not() -> None:
+def test_a_route_with_a_too_early_arrival_is_replaced_by_a_longer_one() -> None:
     flight = flying(after_s=64.0, within_s=120.0)
     assert flight.state.late_s == pytest.approx(54.5, abs=0.1)
     flight.hear(*HOSTILES_ON_ROUTE)
@@ -175,7 +175,7 @@ def test_a_vehicle_late_before_launch_takes_the_shortest_route() -> None:
     assert flight.state.late_s == pytest.approx(63.36, abs=0.1)
 
 
-def test_the_arrival_is_noted_by_the_vehicles_own_clock() -> None:
+def test_the_arrival_is_recorded_by_the_vehicles_clock() -> None:
     flight = flying(within_s=120.0)
     flight.over((0, 8), time_boot_s=181.5)
     assert flight.state.phase is Phase.LANDING
@@ -212,8 +212,8 @@ TURNS = [
     ("straight on, from a stop", [(0, 0), (900, 0)], 0.0, 0.0, 2.0 + 20.0 / 7.0),
     ("over the goal cell before braking", [(0, 0), (900, 0)], 0.0, 100.0, 0.0),
     ("a turn between long legs", [(0, 0), (400, 0), (400, 400)], 10.0, 0.0, 20.0 / 7.0 + 3.46),
-    ("half of it", [(0, 0), (400, 0), (700, 300)], 10.0, 0.0, 20.0 / 7.0 + 1.64),
-    ("between short ones, a stop", [(0, 0), (400, 0), (400, 40), (800, 40)], 10.0, 0.0, 14.13),
+    ("a turn of half the angle", [(0, 0), (400, 0), (700, 300)], 10.0, 0.0, 20.0 / 7.0 + 1.64),
+    ("turns between short legs, a stop", [(0, 0), (400, 0), (400, 40), (800, 40)], 10.0, 0.0, 14.13),
 ]
 
 
@@ -226,9 +226,8 @@ def test_the_cost_of_braking_and_speeding_up(
     assert lost_s(track, 10.0, initial_m_s=begins, remaining_m=ends) == pytest.approx(lost, abs=0.05)
 
 
-def test_the_detour_needs_time_for_its_turns_too() -> None:
-    """After 10 s the detour from the next centre has 6 + 3√2 cells, 51.2 s, and a swap with a stop takes 3.4
-    s.
+def test_the_turns_of_a_detour_take_time() -> None:
+    """From the next centre the detour has 6 + 3√2 cells (51.2 s), and a swap with a stop takes 3.4 s.
 
     Turns and speeding up cost more than the half cell at the goal saves.
     """
@@ -243,7 +242,7 @@ def test_the_detour_needs_time_for_its_turns_too() -> None:
 def test_a_swap_costs_the_measured_stop_of_the_last_swaps(
     stood_s: tuple[float, ...], goes_around: bool
 ) -> None:
-    """For the detour above, 70.5 s are enough only if the vehicle does not stop."""
+    """For the detour of the test above, 70.5 s are enough only without a stop."""
     flight = flying(at_s=10.0, within_s=70.5)
     flight.state = replace(flight.state, swap_times=SwapTimes((1.0,) * len(stood_s), stood_s))
     flight.hear(*HOSTILES_ON_ROUTE)
@@ -265,7 +264,7 @@ def test_a_swap_costs_more_for_a_vehicle_that_brakes_without_standing(
     assert bool(swaps(flight.tick())) is goes_around
 
 
-def test_a_track_that_has_become_worse_than_its_route_is_planned_again() -> None:
+def test_a_track_that_becomes_worse_than_its_route_is_planned_again() -> None:
     flight = Story(
         any_angle=ExposureMeasure.INTEGRAL,
         entry=(0, 0),
@@ -284,9 +283,9 @@ def test_a_track_that_has_become_worse_than_its_route_is_planned_again() -> None
     assert swaps(flight.tick()) == []
     assert flight.state.route_exposure is flight.state.exposure  # the exposure of the last comparison
     flight.hear((*beside[0], True), seq=2)
-    anew = flight.swap()
-    assert anew.track is not None
-    assert beside[0] not in anew.track.over
+    swap = flight.swap()
+    assert swap.track is not None
+    assert beside[0] not in swap.track.over
 
 
 def test_the_reported_arrival_time_never_rounds_to_the_bound() -> None:
@@ -296,7 +295,7 @@ def test_the_reported_arrival_time_never_rounds_to_the_bound() -> None:
     assert "59.9 s" in early.late
 
 
-def test_an_arrival_before_the_window_opens_does_not_keep_it() -> None:
+def test_the_arrival_time_has_to_lie_within_both_bounds() -> None:
     state = story(within_s=80.0, after_s=60.0).state
     for arrived_s, kept in ((59.0, False), (60.0, True), (80.0, True), (81.0, False)):
         done = replace(state, launched_boot_s=100.0, arrived_boot_s=100.0 + arrived_s)

@@ -1,4 +1,4 @@
-"""Conflicts of planned flights: numbers by hand, against sampling, and the rule of priority."""
+"""Conflicts of planned flights: hand-computed values, samples and the rule of priority."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ NORTH = extrapolate((0.0, -100.0, 40.0), (0.0, 10.0, 0.0), 0.0, 20.0)
 
 
 @pytest.mark.parametrize(("later_s", "is_met"), [(0.0, True), (4.7, True), (4.9, False), (-4.9, False)])
-def test_a_crossing_behind_clashes_within_the_time_tolerance(later_s: float, is_met: bool) -> None:
-    """10 m/s at right angles: each second between them adds √2·10/2 m, so 20 m are kept from 2.83 s on.
+def test_a_later_crossing_clashes_within_the_time_tolerance(later_s: float, is_met: bool) -> None:
+    """At 10 m/s and right angles each second of delay adds √2·10/2 m, so 2.83 s keep 20 m.
 
-    With a tolerance of 2 s they are kept from 4.83 s on.
+    With a tolerance of 2 s the vehicles need a delay of 4.83 s.
     """
     assert bool(met(EAST, NORTH.later(later_s))) is is_met
 
@@ -85,7 +85,7 @@ def test_a_clash_is_found_where_samples_within_the_tolerance_are_too_close(
 def test_no_clash_is_found_where_samples_stay_far_apart(
     a: Trajectory, b: Trajectory, tolerance_s: float
 ) -> None:
-    # More than the time between samples of both, at up to 170 m/s.
+    # The margin covers the time between samples at up to 170 m/s.
     if sampled(a, b, tolerance_s + 1.5) > 8.0:
         assert met(a, b, tolerance_s=tolerance_s) == []
 

@@ -1,4 +1,4 @@
-"""Closest approach of flights: numbers by hand, and against sampling."""
+"""Closest approach of flights: hand-computed values and samples."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def test_vehicles_that_cross_at_right_angles_at_one_height() -> None:
     at = closest(east, north, LIMITS)
     assert at is not None
     assert (at.t_s, at.distance_m) == pytest.approx((10.0, 0.0))
-    # Each is at x from the middle, so their distance is √2·x: 20 m at x = 14.14 m.
+    # Both vehicles are at x from the middle, so their distance is √2·x: 20 m at x = 14.14 m.
     ((begin_s, end_s),) = intervals(east, north, LIMITS)
     assert (begin_s, end_s) == pytest.approx((10.0 - math.sqrt(2.0), 10.0 + math.sqrt(2.0)))
 
@@ -38,7 +38,7 @@ def test_a_climb_through_the_height_of_another() -> None:
     assert intervals(still, climbs, LIMITS) == (pytest.approx((14.0, 18.0)),)
 
 
-def test_at_the_limits_they_are_not_too_close() -> None:
+def test_vehicles_at_the_limits_are_not_too_close() -> None:
     one = extrapolate((0.0, 0.0, 40.0), (5.0, 0.0, 0.0), 0.0, 10.0)
     assert intervals(one, extrapolate((0.0, 20.0, 40.0), (5.0, 0.0, 0.0), 0.0, 10.0), LIMITS) == ()
     assert intervals(one, extrapolate((0.0, 0.0, 45.0), (5.0, 0.0, 0.0), 0.0, 10.0), LIMITS) == ()

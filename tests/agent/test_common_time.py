@@ -1,4 +1,4 @@
-"""The common arrival time: the slowest vehicle sets it, and each computes its own speed."""
+"""The common arrival time: the slowest vehicle sets the time, and each vehicle computes its speed."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ times = st.floats(-50.0, 500.0)
 
 
 @given(st.fixed_dictionaries(dict.fromkeys(RANK, times)), st.floats(0.0, 60.0))
-def test_no_vehicle_is_due_before_its_earliest_arrival_and_one_exactly_then(
+def test_no_vehicle_is_due_before_its_earliest_arrival_and_the_slowest_exactly_then(
     earliest_s: dict[int, float], spacing_s: float
 ) -> None:
     group = ArrivalGroup(RANK, spacing_s)
@@ -42,7 +42,7 @@ def test_no_vehicle_is_due_before_its_earliest_arrival_and_one_exactly_then(
 
 
 @given(times, times, times)
-def test_a_vehicle_that_knows_more_others_is_never_due_earlier(a: float, b: float, c: float) -> None:
+def test_a_vehicle_that_receives_more_vehicles_is_never_due_earlier(a: float, b: float, c: float) -> None:
     group = ArrivalGroup(RANK, 5.0)
     assert agreed_arrival_s(group, {1: a, 4: b}) <= agreed_arrival_s(group, {1: a, 4: b, 9: c})
 
@@ -50,7 +50,7 @@ def test_a_vehicle_that_knows_more_others_is_never_due_earlier(a: float, b: floa
 @pytest.mark.parametrize(
     ("due", "speed"),
     [(100.0, 10.0), (200.0, 5.0), (50.0, 10.0), (1e6, LEAST_SHARE * 10.0)],
-    ids=["just in time", "half as fast", "late anyhow", "slower than it flies"],
+    ids=["just in time", "half as fast", "late at full speed", "below the least speed"],
 )
 def test_the_speed_meets_the_arrival_time(due: float, speed: float) -> None:
     assert speed_for(lambda m_s: 1000.0 / m_s, due, 10.0) == pytest.approx(speed, abs=1e-3)

@@ -11,7 +11,7 @@ from swarmctl.agent.failsafes import fence_ahead
 from swarmctl.agent.failsafes.base import DemandKind, FailsafeFacts, Fence
 
 FENCE = Fence(((-200.0, -200.0), (1200.0, -200.0), (1200.0, 200.0), (-200.0, 200.0)), 60.0)
-"""around the route to the east"""
+"""The fence around the route to the east."""
 
 
 def there(east_m: float, north_m: float, speed_m_s: float = 10.0, **changes: Any) -> FailsafeFacts:
@@ -20,7 +20,7 @@ def there(east_m: float, north_m: float, speed_m_s: float = 10.0, **changes: Any
 
 
 def blown_north(speed_m_s: float, **changes: Any) -> dict[int, DemandKind]:
-    """Return the distance from the fence [m] at which each demand first appears, blown off its route."""
+    """Return the distance to the fence [m] at the first demand of each kind during a drift to the north."""
     rule, found = RuleRunner(fence_ahead, off_route_m=15.0, seconds=2.0), {}
     for north_m in range(0, 230, 2):
         demand = rule(float(north_m), there(500.0, float(north_m), speed_m_s, **changes))
@@ -30,7 +30,7 @@ def blown_north(speed_m_s: float, **changes: Any) -> dict[int, DemandKind]:
 
 
 @pytest.mark.parametrize(("speed_m_s", "stops_m"), [(5.0, 15.0), (10.0, 40.0), (15.0, 75.0)])
-def test_it_holds_inside_the_fence_and_returns_from_outside(speed_m_s: float, stops_m: float) -> None:
+def test_a_vehicle_holds_inside_the_fence_and_returns_from_outside(speed_m_s: float, stops_m: float) -> None:
     found = blown_north(speed_m_s)
     (holds_at, hold), (returns_at, back) = found.items()
     assert (hold, back) == (DemandKind.HOLD, DemandKind.RETURN)
@@ -40,13 +40,13 @@ def test_it_holds_inside_the_fence_and_returns_from_outside(speed_m_s: float, st
 
 
 @pytest.mark.parametrize(("radius_m", "turns_m"), [(40.0, 70.0), (80.0, 110.0)])
-def test_a_fixed_wing_returns_while_it_has_room_to_turn(radius_m: float, turns_m: float) -> None:
+def test_a_fixed_wing_returns_with_enough_room_to_turn(radius_m: float, turns_m: float) -> None:
     ((returns_at, back),) = blown_north(15.0, turn_radius_m=radius_m).items()
     assert back is DemandKind.RETURN
     assert turns_m - 4.0 <= returns_at <= turns_m
 
 
-def test_on_its_route_it_may_fly_near_the_fence() -> None:
+def test_a_route_may_lead_near_the_fence() -> None:
     rule = RuleRunner(fence_ahead)
     near = Fence(((-10.0, -20.0), (1005.0, -20.0), (1005.0, 20.0), (-10.0, 20.0)), 60.0)
     for east_m in range(0, 1000, 5):
@@ -76,11 +76,11 @@ def test_the_rule_is_silent_without_a_fence_on_the_ground_or_with_a_lost_link(
     assert blown_north(10.0, **changes) == {}
 
 
-def test_a_position_outside_counts_only_with_the_next_one() -> None:
+def test_a_single_position_outside_raises_no_demand() -> None:
     rule = RuleRunner(fence_ahead)
     assert rule(0.0, there(0.0, 0.0)) is None
     assert rule(0.25, there(9000.0, 0.0)) is None
-    # Other messages arrive meanwhile; the position is still the same.
+    # Other messages arrive, but no new position.
     assert rule(1.0, there(9000.0, 0.0), position_s=0.25) is None
     assert rule(1.25, there(2.0, 0.0)) is None
     assert rule(1.5, there(9000.0, 0.0)) is None

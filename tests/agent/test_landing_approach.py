@@ -1,4 +1,4 @@
-"""The geometry of a fixed wing's landing: its circle, its final and its heading."""
+"""Geometry of a fixed wing's landing: circle, final and heading."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ headings = st.floats(0.0, math.tau)
 
 
 @given(headings, st.booleans(), st.floats(2.0, 12.0), st.floats(20.0, 200.0))
-def test_the_final_is_as_steep_as_asked_for_and_continues_the_circles_tangent(
+def test_the_final_has_the_configured_glide_angle_and_the_tangent_of_the_circle(
     heading_rad: float, clockwise: bool, glide_deg: float, radius_m: float
 ) -> None:
     wings = replace(WINGS, glide_deg=glide_deg, loiter_radius_m=radius_m)
@@ -72,7 +72,7 @@ def test_the_final_is_as_steep_as_asked_for_and_continues_the_circles_tangent(
     final_m = math.dist(found.final, found.touchdown)
     assert math.degrees(math.atan2(20.0, final_m)) == pytest.approx(glide_deg)
     assert all(math.dist(point, found.centre) == pytest.approx(radius_m) for point in found.circle())
-    # The exit of the circle has the landing heading: the last chord of the circle turns into it.
+    # The circle exit has the landing heading: the last chord differs by half a step.
     (e0, n0), (e1, n1) = found.circle()[-2:]
     turned = math.remainder(heading_rad - math.atan2(e1 - e0, n1 - n0), math.tau)
     assert turned == pytest.approx(math.copysign(math.pi / 16, found.radius_m), abs=1e-6)
@@ -116,7 +116,7 @@ def test_the_least_exposed_pattern_inside_the_fence_is_chosen() -> None:
     assert max(east_m for east_m, _ in found.outline()) <= 100.0
 
 
-def test_the_error_without_room_names_the_needed_lengths() -> None:
+def test_the_error_for_missing_room_names_the_needed_lengths() -> None:
     with pytest.raises(NoApproach, match=r"\b190 m\b.*\b60 m\b"):
         chosen(box(-100.0, -100.0, 100.0, 100.0))
     with pytest.raises(NoApproach):
@@ -124,7 +124,7 @@ def test_the_error_without_room_names_the_needed_lengths() -> None:
 
 
 @given(headings, st.floats(-400.0, 400.0), st.floats(-400.0, 400.0), st.floats(20.0, 60.0))
-def test_the_path_to_the_circle_keeps_the_turn_radius_and_reaches_it(
+def test_the_path_to_the_circle_respects_the_turn_radius_and_ends_at_the_circle(
     heading_rad: float, east_m: float, north_m: float, turn_radius_m: float
 ) -> None:
     there = landing_pattern((0.0, 0.0), NORTH, WINGS, clockwise=True)

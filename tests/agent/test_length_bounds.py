@@ -1,4 +1,4 @@
-"""From a time bound to bounds on length: elapsed time, lead-in and margin."""
+"""Bounds on length from a time bound: elapsed time, lead-in and margin."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ CELL_M = 50.0
 AT_10_M_S = TimeBound(speed_m_s=10.0, within_s=120.0, approach_m=85.0)
 
 
-def test_without_a_bound_every_length_is_good() -> None:
+def test_every_length_is_allowed_without_a_time_bound() -> None:
     assert length_bounds(TimeBound(), CELL_M, before_takeoff(TimeBound(), 40.0)) == LengthBounds(
         0.0, math.inf
     )
@@ -46,17 +46,19 @@ def test_the_early_bound_counts_no_lost_time() -> None:
     assert LengthBounds(4.0, 10.0).misses_by(9.0, 1.5) == pytest.approx(0.5)
 
 
-WAYS = [
+LEAD_INS = [
     ("over the centre of its cell", LeadIn(60.0, 0.0, 0.0), 12.0),
-    ("half a cell before it", LeadIn(60.0, 0.0, 25.0), 11.5),
-    ("half a cell past it", LeadIn(60.0, 0.0, -25.0), 12.5),
+    ("half a cell before the centre", LeadIn(60.0, 0.0, 25.0), 11.5),
+    ("half a cell past the centre", LeadIn(60.0, 0.0, -25.0), 12.5),
     ("still climbing", LeadIn(5.0, 25.0, 85.0), 19.3),
     ("above its altitude", LeadIn(60.0, -3.0, 0.0), 12.0),
     ("late", LeadIn(130.0, 0.0, 0.0), 0.0),
 ]
 
 
-@pytest.mark.parametrize(("underway", "cells"), [way[1:] for way in WAYS], ids=[way[0] for way in WAYS])
+@pytest.mark.parametrize(
+    ("underway", "cells"), [way[1:] for way in LEAD_INS], ids=[way[0] for way in LEAD_INS]
+)
 def test_the_remaining_time_bounds_the_remaining_length_in_flight(underway: LeadIn, cells: float) -> None:
     assert length_bounds(AT_10_M_S, CELL_M, underway) == LengthBounds(0.0, pytest.approx(cells))
 
@@ -65,7 +67,7 @@ def test_the_early_bound_counts_from_the_edge_of_the_goal_cell() -> None:
     between = TimeBound(speed_m_s=10.0, after_s=80.0, within_s=120.0)
     found = length_bounds(between, CELL_M, LeadIn(60.0, 0.0, 0.0))
     assert found == LengthBounds(pytest.approx(4.0 + HALF_DIAGONAL_CELLS), pytest.approx(12.0))
-    # Once the early end has passed, only the late one is left.
+    # After the early bound has passed, only the late bound is left.
     assert length_bounds(between, CELL_M, LeadIn(90.0, 0.0, 0.0)) == LengthBounds(0.0, pytest.approx(6.0))
 
 

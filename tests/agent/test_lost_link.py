@@ -54,7 +54,7 @@ def test_the_rule_is_silent_with_a_link_or_on_the_ground() -> None:
     assert rule(0.0, facts(lost=True, activity="ground")) is None
 
 
-def test_an_old_mode_during_a_lost_link_is_no_takeover() -> None:
+def test_an_old_mode_during_a_lost_link_is_not_a_takeover() -> None:
     rule = RuleRunner(taken_over)
     held = at(0.0, 0.0, mode="GUIDED", mode_role="hold")
     rule(0.0, facts(held))

@@ -12,7 +12,7 @@ from swarmctl.agent.failsafes import low_battery
 from swarmctl.agent.failsafes.base import STRENGTH, DemandKind
 
 
-def test_below_the_first_limit_it_returns_and_below_the_second_it_lands() -> None:
+def test_a_low_battery_demands_a_return_and_then_a_landing() -> None:
     rule = RuleRunner(low_battery, return_percent=25.0, land_percent=10.0, seconds=3.0)
     kinds = {}
     for second, percent in enumerate([30, 26, 25, 24, 24, 24, 24, 9, 9, 9, 9]):
@@ -21,7 +21,7 @@ def test_below_the_first_limit_it_returns_and_below_the_second_it_lands() -> Non
     assert [kinds[s] for s in (5, 6, 9, 10)] == [None, DemandKind.RETURN, DemandKind.RETURN, DemandKind.LAND]
 
 
-def test_a_dip_under_full_thrust_is_no_low_battery() -> None:
+def test_a_voltage_dip_under_full_thrust_is_not_a_low_battery() -> None:
     rule = RuleRunner(low_battery, return_percent=25.0, seconds=3.0)
     for second in range(60):
         percent = 20 if second % 3 else 30
@@ -45,7 +45,7 @@ def test_a_demand_survives_a_recovering_charge() -> None:
     assert rule(1.0, facts(at(0.0, 0.0, battery_percent=60))) == demand
 
 
-def test_on_the_ground_the_rule_is_silent() -> None:
+def test_the_rule_is_silent_on_the_ground() -> None:
     rule = RuleRunner(low_battery, seconds=0.0)
     assert rule(0.0, facts(at(0.0, 0.0, battery_percent=1), activity="ground")) is None
 

@@ -35,7 +35,7 @@ def test_a_gust_raises_no_demand() -> None:
         assert rule(float(second), facts(at(200.0, north_m))) is None
 
 
-def test_a_vehicle_that_stands_still_in_its_mission_is_reported() -> None:
+def test_a_standstill_during_the_mission_is_reported() -> None:
     rule = RuleRunner(not_following, **LIMITS, action="warn")
     stands = at(200.0, 0.0, ground_speed_m_s=0.1)
     assert rule(0.0, facts(stands)) is None

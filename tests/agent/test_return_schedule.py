@@ -49,7 +49,7 @@ def test_crossing_returns_start_one_after_the_other() -> None:
 
 
 def test_a_vehicle_holding_on_anothers_path_leaves_first() -> None:
-    """Even with the longer way home."""
+    """The rule holds even for a vehicle with the longer way home."""
     plan = schedule_returns(
         [vehicle(1, (300.0, 0.0), (0.0, 0.0)), vehicle(2, (150.0, 0.0), (150.0, 400.0))],
         **APART,

@@ -43,11 +43,11 @@ def test_an_alarm_is_raised_for_a_violation_within_the_look_ahead_time() -> None
 def test_an_alarm_ends_with_hysteresis() -> None:
     alarms = head_on(50.0, aside_m=9.0)
     alarms = step(alarms, 45.0, 12.0, 1.0)
-    assert alarms[0].clear_since_s is None  # outside the limits, but not by much
+    assert alarms[0].clear_since_s is None  # outside the limits by too little
     alarms = step(alarms, 40.0, 16.0, 2.0)
     assert alarms[0].clear_since_s == 2.0
     alarms = step(alarms, 35.0, 14.0, 3.0)
-    assert alarms[0].clear_since_s is None  # counts from 0 again
+    assert alarms[0].clear_since_s is None  # the time begins again
     for now_s in (4.0, 5.0):
         alarms = step(alarms, 30.0, 16.0, now_s)
         assert len(alarms) == 1

@@ -25,31 +25,31 @@ def test_a_mode_that_no_agent_sets_releases_at_once() -> None:
     assert "LOITER" in demand.reason
 
 
-def test_an_own_mode_may_be_an_old_heartbeat_for_a_moment() -> None:
+def test_an_own_mode_is_tolerated_for_a_moment_as_an_old_heartbeat() -> None:
     rule = RuleRunner(taken_over)
     assert rule(0.0, facts(GUIDED)) is None
     assert rule(STALE_MODE_S - 0.1, facts(GUIDED)) is None
     assert rule(STALE_MODE_S, facts(GUIDED)) is not None
 
 
-def test_each_order_restarts_that_moment() -> None:
+def test_each_order_restarts_the_tolerance_for_old_heartbeats() -> None:
     rule = RuleRunner(taken_over)
     for second in range(10):
         assert rule(float(second), facts(GUIDED, orders_given=second)) is None
 
 
 def test_only_a_recent_status_text_is_quoted() -> None:
-    for silence_s, told in ((1.0, True), (3.0, False)):
+    for silence_s, is_quoted in ((1.0, True), (3.0, False)):
         rule = RuleRunner(taken_over)
         rule(0.0, facts(at(0.0, 0.0, status_text="Mode change failed")))
         rule(5.0, facts(at(0.0, 0.0, status_text="EKF Failsafe")))
         demand = rule(5.0 + silence_s, facts(replace(LOITER, status_text="EKF Failsafe")))
         assert demand is not None
-        assert ("EKF Failsafe" in demand.reason) is told
+        assert ("EKF Failsafe" in demand.reason) is is_quoted
 
 
 @pytest.mark.parametrize("armed", [True, False])
-def test_arming_a_waiting_vehicle_takes_it_over(armed: bool) -> None:
+def test_arming_of_a_waiting_vehicle_is_a_takeover(armed: bool) -> None:
     demand = RuleRunner(taken_over)(0.0, facts(at(0.0, 0.0, armed=armed), activity="ground"))
     assert (demand is not None) is armed
 

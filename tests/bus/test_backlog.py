@@ -46,7 +46,7 @@ ANY = st.tuples(
     st.sampled_from([(7,), (8,), (7, 8)]),
     st.sampled_from([0, 0, 0, 1]),
 )
-"""sender, kind, receivers, and the number of messages heard before the next is said"""
+"""Sender, type, receivers and the number of messages received before the next one is sent."""
 
 
 @settings(derandomize=True, deadline=None, max_examples=examples(200))
@@ -68,13 +68,13 @@ def test_the_oldest_messages_are_dropped_but_never_the_newest_state(
         waiting = stays
         for _ in range(min(received, len(waiting))):
             assert backlog.popleft() is waiting.pop(0)
-        # Three senders' newest of two kinds to two are 12 messages; else there is room for 18.
+        # The newest of two types from three senders to two receivers are 12 messages; the room is for 18.
         assert sum(one.n_bytes for one in waiting) <= max(ROOM_BYTES, 4 * 12 * 1_100)
     assert [backlog.popleft() for _ in range(len(backlog))] == waiting
 
 
 def known(items: list[BeliefItem]) -> set[int]:
-    """The observations of vehicle 1, each by itself or in a checkpoint."""
+    """Return the observations of vehicle 1, single or in a checkpoint."""
     return {
         seq
         for one in items
@@ -104,7 +104,7 @@ def test_dropped_messages_are_counted_reported_and_requested_again(
                 received[uav] = []
                 incarnations[uav] = swarm.join(uav, received[uav].extend)
             with closing(swarm):
-                # Before the loop comes to it, as where a machine is far too slow.
+                # The messages arrive before the loop delivers any, as on a slow machine.
                 swarm.publish(3, state(46.5))
                 for seq in range(1, 501):
                     swarm.publish(1, observation(1, seq, incarnations[1]))

@@ -1,4 +1,4 @@
-"""Reports of payloads: accepted and refused ones, over every transport; the example; a flight."""
+"""Reports of payloads, accepted and refused, over every transport; the example detector; a flight."""
 
 from __future__ import annotations
 
@@ -66,26 +66,29 @@ def point(cell: tuple[int, int], occupied: bool) -> dict[str, object]:
     return {"lat_deg": lat_deg, "lon_deg": lon_deg, "occupied": occupied}
 
 
-ONE = [[4, 7, True]]
-SEEN = ((4, 7, True),)
-TAKEN: dict[str, tuple[bytes, tuple[tuple[int, int, bool], ...]]] = {
-    "a cell": (report_of(cells=ONE), SEEN),
+ONE_CELL = [[4, 7, True]]
+ONE_OBSERVED = ((4, 7, True),)
+ACCEPTED: dict[str, tuple[bytes, tuple[tuple[int, int, bool], ...]]] = {
+    "a cell": (report_of(cells=ONE_CELL), ONE_OBSERVED),
     "all cells of the area": (
         report_of(cells=[[r, c, False] for r in range(8) for c in range(10)]),
         tuple((r, c, False) for r in range(8) for c in range(10)),
     ),
-    "a point": (report_of(points=[point((4, 7), True)]), SEEN),
+    "a point": (report_of(points=[point((4, 7), True)]), ONE_OBSERVED),
     "points in two cells": (
         report_of(points=[point((4, 7), True), point((0, 0), False)]),
-        (*SEEN, (0, 0, False)),
+        (*ONE_OBSERVED, (0, 0, False)),
     ),
-    "points in one cell that agree": (report_of(points=[point((4, 7), True)] * 3), SEEN),
-    "with its time and name": (report_of(cells=ONE, unix_s=NOW_S - 1.0, source="thermal camera 2"), SEEN),
-    "from a clock that is a little ahead": (report_of(cells=ONE, unix_s=NOW_S + 4.9), SEEN),
-    "just not too old": (report_of(cells=ONE, unix_s=NOW_S - MAX_AGE_S), SEEN),
-    "a time without a fraction": (report_of(cells=ONE, unix_s=int(NOW_S)), SEEN),
-    "with fields of later versions": (report_of(cells=ONE, height_m=3.0, more={"x": [1]}), SEEN),
-    "with null for what is missing": (report_of(cells=ONE, points=None, unix_s=None), SEEN),
+    "points in one cell that agree": (report_of(points=[point((4, 7), True)] * 3), ONE_OBSERVED),
+    "a cell with time and source": (
+        report_of(cells=ONE_CELL, unix_s=NOW_S - 1.0, source="thermal camera 2"),
+        ONE_OBSERVED,
+    ),
+    "a time a little ahead": (report_of(cells=ONE_CELL, unix_s=NOW_S + 4.9), ONE_OBSERVED),
+    "a time at the age limit": (report_of(cells=ONE_CELL, unix_s=NOW_S - MAX_AGE_S), ONE_OBSERVED),
+    "a time without a fraction": (report_of(cells=ONE_CELL, unix_s=int(NOW_S)), ONE_OBSERVED),
+    "fields of later versions": (report_of(cells=ONE_CELL, height_m=3.0, more={"x": [1]}), ONE_OBSERVED),
+    "null for missing fields": (report_of(cells=ONE_CELL, points=None, unix_s=None), ONE_OBSERVED),
 }
 REFUSED: dict[str, tuple[bytes, RejectReason, str]] = {
     "nothing": (b"", RejectReason.MALFORMED, "--schema"),
@@ -93,9 +96,9 @@ REFUSED: dict[str, tuple[bytes, RejectReason, str]] = {
     "no object": (b"[1, 2]", RejectReason.MALFORMED, "Expected `object`"),
     "no text": (b'{"version": 1, "source": "\xff"}', RejectReason.MALFORMED, "utf-8"),
     "too deep": (b'{"x":' * 3000, RejectReason.MALFORMED, "recursion"),
-    "two reports": (report_of(cells=ONE) * 2, RejectReason.MALFORMED, "trailing"),
+    "two reports": (report_of(cells=ONE_CELL) * 2, RejectReason.MALFORMED, "trailing"),
     "no version": (b'{"cells": [[4, 7, true]]}', RejectReason.MALFORMED, "missing required field `version`"),
-    "another version": (report_of(cells=ONE, version=2), RejectReason.VERSION, "found 2"),
+    "another version": (report_of(cells=ONE_CELL, version=2), RejectReason.VERSION, "found 2"),
     "a version of another shape": (
         b'{"version": 2, "cells": 5}',
         RejectReason.VERSION,
@@ -103,7 +106,7 @@ REFUSED: dict[str, tuple[bytes, RejectReason, str]] = {
     ),
     "neither cells nor points": (report_of(), RejectReason.MALFORMED, "`cells` or `points`"),
     "cells and points": (
-        report_of(cells=ONE, points=[point((0, 0), False)]),
+        report_of(cells=ONE_CELL, points=[point((0, 0), False)]),
         RejectReason.MALFORMED,
         "found both",
     ),
@@ -116,13 +119,13 @@ REFUSED: dict[str, tuple[bytes, RejectReason, str]] = {
     ),
     "a row with a fraction": (report_of(cells=[[4.5, 7, True]]), RejectReason.MALFORMED, "Expected `int`"),
     "a row as text": (report_of(cells=[["4", 7, True]]), RejectReason.MALFORMED, "Expected `int`, got `str`"),
-    "a row beyond": (
-        report_of(cells=[*ONE, [8, 7, True]]),
+    "a row above the area": (
+        report_of(cells=[*ONE_CELL, [8, 7, True]]),
         RejectReason.OUTSIDE,
         "cell [8, 7]: ",
     ),
-    "a column beyond": (report_of(cells=[[4, 10, True]]), RejectReason.OUTSIDE, "cell [4, 10]"),
-    "a row below": (report_of(cells=[[-1, 7, True]]), RejectReason.OUTSIDE, "cell [-1, 7]"),
+    "a column beside the area": (report_of(cells=[[4, 10, True]]), RejectReason.OUTSIDE, "cell [4, 10]"),
+    "a negative row": (report_of(cells=[[-1, 7, True]]), RejectReason.OUTSIDE, "cell [-1, 7]"),
     "a huge row": (
         report_of(cells=[[10**400, 7, True]]),
         RejectReason.OUTSIDE,
@@ -144,7 +147,7 @@ REFUSED: dict[str, tuple[bytes, RejectReason, str]] = {
         RejectReason.MALFORMED,
         "<= 90",
     ),
-    "once round the earth": (
+    "a longitude above 180": (
         report_of(points=[{"lat_deg": 46.001, "lon_deg": 374.401, "occupied": True}]),
         RejectReason.MALFORMED,
         "<= 180",
@@ -164,33 +167,37 @@ REFUSED: dict[str, tuple[bytes, RejectReason, str]] = {
         RejectReason.MALFORMED,
         "unix_s",
     ),
-    "too old": (
-        report_of(cells=ONE, unix_s=NOW_S - MAX_AGE_S - 0.2),
+    "a time too long ago": (
+        report_of(cells=ONE_CELL, unix_s=NOW_S - MAX_AGE_S - 0.2),
         RejectReason.STALE,
         "60.2 s",
     ),
     "milliseconds": (
-        report_of(cells=ONE, unix_s=NOW_S * 1000.0),
+        report_of(cells=ONE_CELL, unix_s=NOW_S * 1000.0),
         RejectReason.FUTURE,
         "future",
     ),
-    "from the future": (report_of(cells=ONE, unix_s=NOW_S + 5.2), RejectReason.FUTURE, "5.2 s"),
-    "a long name": (report_of(cells=ONE, source="x" * 33), RejectReason.MALFORMED, "length <= 32"),
-    "a name that moves the cursor": (
-        report_of(cells=ONE, source="\x1b[2J"),
+    "a time in the future": (report_of(cells=ONE_CELL, unix_s=NOW_S + 5.2), RejectReason.FUTURE, "5.2 s"),
+    "a long source": (report_of(cells=ONE_CELL, source="x" * 33), RejectReason.MALFORMED, "length <= 32"),
+    "a source with control characters": (
+        report_of(cells=ONE_CELL, source="\x1b[2J"),
         RejectReason.MALFORMED,
         "`source`",
     ),
-    "too long": (report_of(cells=ONE, source="x" * MAX_BYTES), RejectReason.OVERSIZE, f"at most {MAX_BYTES}"),
+    "too long": (
+        report_of(cells=ONE_CELL, source="x" * MAX_BYTES),
+        RejectReason.OVERSIZE,
+        f"at most {MAX_BYTES}",
+    ),
 }
 
 
 # --- the schema
 
 
-@pytest.mark.parametrize("name", TAKEN)
+@pytest.mark.parametrize("name", ACCEPTED)
 def test_a_report_gives_its_cells(name: str) -> None:
-    data, cells = TAKEN[name]
+    data, cells = ACCEPTED[name]
     assert decode_report(data, GRID, NOW_S)[0] == cells
 
 
@@ -204,8 +211,8 @@ def test_an_invalid_report_is_refused_with_its_reason(name: str) -> None:
 
 
 def test_a_report_names_its_source() -> None:
-    assert decode_report(report_of(cells=ONE, source="geiger"), GRID, NOW_S) == (SEEN, "geiger")
-    assert decode_report(report_of(cells=ONE), GRID, NOW_S) == (SEEN, "")
+    assert decode_report(report_of(cells=ONE_CELL, source="geiger"), GRID, NOW_S) == (ONE_OBSERVED, "geiger")
+    assert decode_report(report_of(cells=ONE_CELL), GRID, NOW_S) == (ONE_OBSERVED, "")
 
 
 numbers = st.integers() | st.floats()
@@ -248,7 +255,7 @@ def test_any_bytes_are_a_report_or_refused(data: bytes) -> None:
     st.booleans(),
 )
 @settings(max_examples=examples(60), deadline=None, derandomize=True)
-def test_a_report_by_position_equals_one_by_cell(
+def test_a_report_by_position_equals_a_report_by_cell(
     cells: list[tuple[int, int]], occupied: bool, by_cell: bool
 ) -> None:
     expected = tuple((row, col, occupied) for row, col in cells)
@@ -259,7 +266,7 @@ def test_a_report_by_position_equals_one_by_cell(
     assert decode_report(encode(report), GRID, NOW_S)[0] == expected
 
 
-def test_the_published_schema_names_every_field_and_what_must_be_there() -> None:
+def test_the_published_schema_has_every_field_and_marks_the_required_ones() -> None:
     found = report_schema()
     report = found["$defs"]["Report"]
     assert set(report["properties"]) == {"version", "cells", "points", "unix_s", "source"}
@@ -269,16 +276,16 @@ def test_the_published_schema_names_every_field_and_what_must_be_there() -> None
     assert set(found["$defs"]["ReportedPoint"]["required"]) == {"lat_deg", "lon_deg", "occupied"}
 
 
-# --- the inlet, over every transport
+# --- reception over every transport
 
 
 class Vehicle:
-    """An agent that takes looks."""
+    """An agent that receives reports."""
 
     def __init__(self, transport: Transport, clock: Callable[[], float] = lambda: NOW_S) -> None:
         self.posted: list[tuple[ReportedCells, str]] = []
         self.said: list[str] = []
-        self._stirred = asyncio.Event()
+        self._changed = asyncio.Event()
         self.receiver = ReportReceiver(
             transport,
             "test",
@@ -291,18 +298,18 @@ class Vehicle:
 
     def _post(self, cells: ReportedCells, source: str) -> None:
         self.posted.append((cells, source))
-        self._stirred.set()
+        self._changed.set()
 
     def _say(self, text: str) -> None:
         self.said.append(text)
-        self._stirred.set()
+        self._changed.set()
 
     async def until(self, condition: Callable[[], bool]) -> None:
-        """Wait for what a report makes true."""
+        """Wait until a report makes the condition true."""
         async with asyncio.timeout(20.0):
             while not condition():
-                self._stirred.clear()
-                await self._stirred.wait()
+                self._changed.clear()
+                await self._changed.wait()
 
 
 @contextmanager
@@ -312,7 +319,7 @@ def in_memory() -> Iterator[tuple[Transport, Transport]]:
 
 
 def endpoint() -> BusEndpoint:
-    """A free port of this machine."""
+    """Return an endpoint at a free port of this machine."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return BusEndpoint("127.0.0.1", probe.getsockname()[1])
@@ -320,7 +327,7 @@ def endpoint() -> BusEndpoint:
 
 @contextmanager
 def over_an_endpoint() -> Iterator[tuple[Transport, Transport]]:
-    """(the agent's bus, the payload's) where one process flies the swarm."""
+    """Yield the buses of the agent and of the payload; one process flies the swarm."""
     key_of_any_vehicle = keys.sensor_report("test", "*")
     at = BusEndpoint("127.0.0.1", 0)
     with ZenohBus(listen=at, ask_keys=(key_of_any_vehicle,), put_keys=(key_of_any_vehicle,)) as agent:
@@ -331,7 +338,7 @@ def over_an_endpoint() -> Iterator[tuple[Transport, Transport]]:
 
 @contextmanager
 def over_a_router() -> Iterator[tuple[Transport, Transport]]:
-    """The same where the agent is a process of its own."""
+    """Yield the buses of the agent and of the payload; each agent is its own process."""
     at = endpoint()
     with (
         ZenohBus(zenoh_config.router(at, "test", [1, 3])),
@@ -351,7 +358,7 @@ def both(request: pytest.FixtureRequest) -> Both:
 
 
 async def answered(payload: Transport, data: bytes) -> ReportAnswer:
-    """Return the agent's answer; ask until the agent can be reached."""
+    """Return the agent's answer; repeat the query until the agent is connected."""
     for _ in range(500):
         if answers := await payload.ask(KEY, data, 5.0):
             return decode_answer(answers[0])
@@ -359,23 +366,25 @@ async def answered(payload: Transport, data: bytes) -> ReportAnswer:
     raise AssertionError("no answer")
 
 
-def test_a_question_is_answered_with_the_accepted_cells(both: Both) -> None:
+def test_a_query_is_answered_with_the_accepted_cells(both: Both) -> None:
     async def scene() -> None:
         with both() as (agent, payload):
             vehicle = Vehicle(agent)
-            assert await answered(payload, report_of(cells=ONE, source="geiger")) == ReportAnswer(True, SEEN)
-            assert vehicle.posted == [(SEEN, "geiger")]
+            assert await answered(payload, report_of(cells=ONE_CELL, source="geiger")) == ReportAnswer(
+                True, ONE_OBSERVED
+            )
+            assert vehicle.posted == [(ONE_OBSERVED, "geiger")]
             assert vehicle.said == []
             assert vehicle.receiver.counts == ReportCounts(1)
 
     asyncio.run(scene())
 
 
-def test_a_question_is_answered_with_the_reason_of_a_refusal(both: Both) -> None:
+def test_a_query_is_answered_with_the_reason_of_a_refusal(both: Both) -> None:
     async def scene() -> None:
         with both() as (agent, payload):
             vehicle = Vehicle(agent)
-            too_long = report_of(cells=ONE, source="x" * MAX_BYTES)
+            too_long = report_of(cells=ONE_CELL, source="x" * MAX_BYTES)
             for data, why in ((report_of(cells=[[99, 0, True]]), "cell [99, 0]"), (too_long, "16384 bytes")):
                 answer = await answered(payload, data)
                 assert not answer.taken
@@ -393,7 +402,7 @@ def test_a_put_report_is_accepted_or_counted(both: Both) -> None:
     async def scene() -> None:
         with both() as (agent, payload):
             vehicle = Vehicle(agent)
-            await answered(payload, report_of(cells=ONE))  # both are there
+            await answered(payload, report_of(cells=ONE_CELL))  # both buses are connected
             payload.put(KEY, report_of(cells=[[1, 1, False]], source="camera"))
             payload.put(KEY, b"nonsense")
             await vehicle.until(lambda: bool(vehicle.receiver.counts.refused))
@@ -415,12 +424,12 @@ def test_a_report_under_a_wildcard_is_refused(key: str, comes_in: bool) -> None:
     async def scene() -> None:
         with over_an_endpoint() as (agent, payload):
             vehicle = Vehicle(agent)
-            await answered(payload, report_of(cells=ONE))
+            await answered(payload, report_of(cells=ONE_CELL))
             assert await payload.ask(key, report_of(cells=[[1, 1, False]]), 5.0) == ()
             payload.put(key, report_of(cells=[[1, 1, False]]))
-            payload.put(KEY, report_of(cells=ONE))
+            payload.put(KEY, report_of(cells=ONE_CELL))
             await vehicle.until(lambda: len(vehicle.posted) == 2)
-            assert vehicle.posted == [(SEEN, ""), (SEEN, "")]
+            assert vehicle.posted == [(ONE_OBSERVED, ""), (ONE_OBSERVED, "")]
             assert vehicle.receiver.counts == ReportCounts(2, {RejectReason.KEY: 2} if comes_in else {})
             assert [key in text for text in vehicle.said] == [True] * comes_in
 
@@ -431,17 +440,17 @@ def test_reports_of_another_vehicle_are_ignored(both: Both) -> None:
     async def scene() -> None:
         with both() as (agent, payload):
             vehicle = Vehicle(agent)
-            await answered(payload, report_of(cells=ONE))
+            await answered(payload, report_of(cells=ONE_CELL))
             for key in ("swarmctl/test/uav/4/inform/look/sensor", "swarmctl/other/uav/3/inform/look/sensor"):
-                assert await payload.ask(key, report_of(cells=ONE), 5.0) == ()
-                payload.put(key, report_of(cells=ONE))
-            await answered(payload, report_of(cells=ONE))
+                assert await payload.ask(key, report_of(cells=ONE_CELL), 5.0) == ()
+                payload.put(key, report_of(cells=ONE_CELL))
+            await answered(payload, report_of(cells=ONE_CELL))
             assert vehicle.receiver.counts == ReportCounts(2)
 
     asyncio.run(scene())
 
 
-# --- how fast, and what is said
+# --- rate limit and messages
 
 
 def test_reports_above_the_rate_limit_are_refused() -> None:
@@ -449,14 +458,14 @@ def test_reports_above_the_rate_limit_are_refused() -> None:
         bus = MemoryBus()
         vehicle = Vehicle(bus)
         for _ in range(BURST):
-            assert (await answered(bus, report_of(cells=ONE))).taken
-        answer = await answered(bus, report_of(cells=ONE))
+            assert (await answered(bus, report_of(cells=ONE_CELL))).taken
+        answer = await answered(bus, report_of(cells=ONE_CELL))
         assert not answer.taken
         await asyncio.sleep(1.0 / PER_S)
-        assert (await answered(bus, report_of(cells=ONE))).taken
-        assert not (await answered(bus, report_of(cells=ONE))).taken
+        assert (await answered(bus, report_of(cells=ONE_CELL))).taken
+        assert not (await answered(bus, report_of(cells=ONE_CELL))).taken
         await asyncio.sleep(10.0)
-        assert [(await answered(bus, report_of(cells=ONE))).taken for _ in range(BURST + 1)] == [
+        assert [(await answered(bus, report_of(cells=ONE_CELL))).taken for _ in range(BURST + 1)] == [
             True
         ] * BURST + [False]
         assert vehicle.receiver.counts == ReportCounts(2 * BURST + 1, {RejectReason.TOO_FAST: 3})
@@ -506,7 +515,7 @@ def test_every_source_of_a_configuration_is_known() -> None:
     assert Sensor().source == "both"
 
 
-def test_a_vehicle_with_an_external_sensor_only_has_no_simulated_one() -> None:
+def test_a_vehicle_with_an_external_sensor_only_has_no_simulated_sensor() -> None:
     assert SOURCES["external"].sensor is NoSensor
     assert NoSensor().observe(VehicleState(lat_deg=46.001, lon_deg=14.401, alt_rel_m=40.0, armed=True)) == ()
 
@@ -514,8 +523,8 @@ def test_a_vehicle_with_an_external_sensor_only_has_no_simulated_one() -> None:
 # --- a flight
 
 
-class Flying(Ui):
-    """Shows nothing, and tells when a vehicle is in the air."""
+class TakeoffUi(Ui):
+    """A user interface that sets an event when one vehicle is in the air."""
 
     def __init__(self, name: str) -> None:
         super().__init__()
@@ -534,7 +543,7 @@ def flown(folder: Path, *reports: tuple[str, int, bytes]) -> tuple[Flight, list[
     answers: list[ReportAnswer] = []
 
     async def scene() -> Flight:
-        bus, ui = MemoryBus(), Flying("uav2")
+        bus, ui = MemoryBus(), TakeoffUi("uav2")
 
         async def payload() -> None:
             for when, uav, data in reports:
@@ -557,7 +566,7 @@ def flown(folder: Path, *reports: tuple[str, int, bytes]) -> tuple[Flight, list[
 
 
 @pytest.mark.full
-def test_a_swarm_with_external_sensors_and_no_reports_keeps_its_routes(tmp_path: Path) -> None:
+def test_a_swarm_without_reports_from_its_external_sensors_keeps_its_routes(tmp_path: Path) -> None:
     blind, _ = flown(tmp_path / "blind")
     assert blind.bug is None
     assert all(state.belief.n_observed == 0 for state in blind.states.values())
@@ -570,14 +579,14 @@ def test_a_swarm_with_external_sensors_flies_by_their_reports_only(tmp_path: Pat
     cells = first_route(task, scenario.prior).cells
     ahead = cells[len(cells) // 2]
     report, answers = flown(
-        tmp_path / "told",
+        tmp_path / "reported",
         ("on the ground", 3, report_of(cells=[[0, 0, False]])),
         ("in flight", 2, report_of(cells=[[*ahead, True]], source="camera")),
         ("in flight", 1, report_of(cells=[[99, 0, True]])),
     )
     assert report.bug is None
     assert [answer.taken for answer in answers] == [True, True, False]
-    for state in report.states.values():  # each knows what two of them were told
+    for state in report.states.values():  # each vehicle has both valid reports
         assert state.belief.known[ahead] == OCCUPIED
         assert state.belief.known[0, 0] == CLEAR
         assert state.belief.n_observed == 2
@@ -595,7 +604,7 @@ def test_a_swarm_with_external_sensors_flies_by_their_reports_only(tmp_path: Pat
 
 
 @pytest.mark.interop
-def test_the_example_reports_once_a_second() -> None:
+def test_the_example_detector_sends_one_report_a_second() -> None:
     async def scene() -> None:
         with ZenohBus(
             listen=BusEndpoint("127.0.0.1", 0), put_keys=(keys.sensor_report("test", "*"),)

@@ -1,4 +1,4 @@
-"""From other threads to the loop: nothing that comes keeps the loop from what else it has to do."""
+"""Deliveries from other threads to the loop: no flood of them blocks the loop."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ pytestmark = pytest.mark.virtual
 
 
 class Work:
-    """A clock by which each delivery takes its time."""
+    """Deliveries with a fixed duration on a manual clock."""
 
     def __init__(self, each_s: float) -> None:
         self.now_s = 0.0

@@ -1,4 +1,4 @@
-"""The agents of a process on a network: the same over every transport, and what the radio model does."""
+"""The agents of a process on a network: the same over every transport, with and without a radio model."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def seen(uav: int, seq: int) -> Observation:
 
 
 class Swarm:
-    """UAVs on one network, and what each is told."""
+    """UAVs on one network, with the observations that each receives."""
 
     def __init__(
         self,
@@ -147,7 +147,7 @@ def test_an_overlong_key_is_refused_without_cost() -> None:
     assert keys.sender_of(longest) == (253, "inform/observation")
 
 
-def test_a_flood_of_invalid_messages_shows_ten_lines() -> None:
+def test_a_flood_of_invalid_messages_is_reported_in_ten_lines() -> None:
     async def scene() -> None:
         lines: list[int] = []
         with closing(MemoryBus()) as transport:
@@ -171,7 +171,7 @@ def test_an_exception_in_an_agent_does_not_end_the_network(bus: Open) -> None:
         with bus() as transport:
             swarm = Swarm(transport, 1, 2, 3)
 
-            def broken(_told: tuple[BeliefItem, ...]) -> None:
+            def broken(_items: tuple[BeliefItem, ...]) -> None:
                 raise RuntimeError("a bug")
 
             with closing(swarm.network):
@@ -182,7 +182,7 @@ def test_an_exception_in_an_agent_does_not_end_the_network(bus: Open) -> None:
     asyncio.run(scene())
 
 
-def test_waiting_news_reaches_an_agent_in_one_call() -> None:
+def test_waiting_observations_reach_an_agent_in_one_call() -> None:
     async def scene() -> None:
         with closing(MemoryBus()) as transport:
             swarm = Swarm(transport, 1, 2, 3)
@@ -218,8 +218,8 @@ def test_a_uav_that_joins_again_learns_earlier_observations() -> None:
     run_virtual(scene())
 
 
-def test_agents_get_news_under_overload(monkeypatch: pytest.MonkeyPatch) -> None:
-    clock = itertools.count(0.0, 0.001)  # each look at it is a message or an agent later
+def test_agents_receive_observations_under_overload(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = itertools.count(0.0, 0.001)  # each reading of the clock is 1 ms later
 
     async def scene() -> int:
         monkeypatch.setattr(asyncio.get_running_loop(), "time", lambda: next(clock))
@@ -232,11 +232,11 @@ def test_agents_get_news_under_overload(monkeypatch: pytest.MonkeyPatch) -> None
                     await asyncio.sleep(0.0)
                 return swarm.received[2].qsize()
 
-    # But for what came in the last moments.
+    # Messages of the last moments may be missing.
     assert run_virtual(scene()) >= 300
 
 
-def test_a_slow_machine_changes_no_order_on_the_virtual_clock() -> None:
+def test_a_slow_machine_does_not_change_the_sequence_on_the_virtual_clock() -> None:
     async def scene() -> None:
         with closing(MemoryBus()) as transport:
             swarm = Swarm(transport, 1, 2, 3)
@@ -264,8 +264,8 @@ def test_a_slow_machine_changes_no_order_on_the_virtual_clock() -> None:
 # --- the model, in simulated time
 
 
-def heard_after(settings: RadioSettings, speedup: float = 1.0, at_s: float = 0.0) -> float | None:
-    """How long after it was said at `at_s` UAV 2 hears UAV 1 [simulated s]; None: not within 30."""
+def reception_delay_s(settings: RadioSettings, speedup: float = 1.0, at_s: float = 0.0) -> float | None:
+    """Return the delay of a message sent at `at_s` from UAV 1 to UAV 2 [simulated s]; None above 30 s."""
 
     async def scene() -> float | None:
         loop = asyncio.get_running_loop()
@@ -288,7 +288,7 @@ def heard_after(settings: RadioSettings, speedup: float = 1.0, at_s: float = 0.0
 
 @pytest.mark.parametrize("speedup", [1.0, 10.0])
 def test_delay_is_in_simulated_seconds(speedup: float) -> None:
-    assert heard_after(RadioSettings(delay_s=2.0), speedup) == pytest.approx(2.0, abs=1e-6)
+    assert reception_delay_s(RadioSettings(delay_s=2.0), speedup) == pytest.approx(2.0, abs=1e-6)
 
 
 @pytest.mark.parametrize("speedup", [1.0, 10.0])
@@ -304,13 +304,13 @@ def test_the_age_of_an_intent_is_in_simulated_seconds(speedup: float) -> None:
     run_virtual(scene())
 
 
-def test_partitions_and_silence_come_and_go() -> None:
+def test_partitions_and_silences_begin_and_end() -> None:
     cut = RadioSettings(partitions=(Partition((frozenset({1}), frozenset({2})), 10.0, 20.0),))
-    assert [heard_after(cut, at_s=t) is not None for t in (5.0, 15.0, 25.0)] == [True, False, True]
+    assert [reception_delay_s(cut, at_s=t) is not None for t in (5.0, 15.0, 25.0)] == [True, False, True]
     quiet = RadioSettings(quiet=(RadioSilence(frozenset({1}), 10.0, 20.0),))
-    assert [heard_after(quiet, at_s=t) is not None for t in (5.0, 15.0, 25.0)] == [True, False, True]
-    hearing = RadioSettings(quiet=(RadioSilence(frozenset({2}), 0.0, 99.0),))
-    assert heard_after(hearing) is not None  # a silenced vehicle receives
+    assert [reception_delay_s(quiet, at_s=t) is not None for t in (5.0, 15.0, 25.0)] == [True, False, True]
+    receiving = RadioSettings(quiet=(RadioSilence(frozenset({2}), 0.0, 99.0),))
+    assert reception_delay_s(receiving) is not None  # a silenced vehicle receives
 
 
 @pytest.mark.parametrize(
@@ -371,7 +371,7 @@ def test_lost_observations_are_recovered() -> None:
 
 
 def test_a_uav_without_losses_sends_no_requests() -> None:
-    """Though all speak all the time, and no two ever know quite the same."""
+    """All UAVs send all the time, and their beliefs always differ slightly."""
 
     async def scene() -> None:
         with closing(MemoryBus()) as transport:
@@ -382,7 +382,7 @@ def test_a_uav_without_losses_sends_no_requests() -> None:
                 asked = {
                     uav: counters.snapshots_asked for uav, counters in swarm.network.all_counters().items()
                 }
-                # Each of the others once, when it was first heard.
+                # One request for each other UAV, after its first message.
                 assert asked == dict.fromkeys(range(1, 6), 4)
 
     run_virtual(scene())
@@ -401,7 +401,7 @@ def test_simultaneous_arrivals_keep_their_order() -> None:
 
 
 async def in_turn(swarm: Swarm, seq: int) -> None:
-    """Everyone sees something, and tells its state."""
+    """Let each UAV publish an observation and its state."""
     for uav in swarm.received:
         swarm.publishes(uav, seq)
         swarm.network.publish(uav, state(46.0 + uav * 1e-4))
@@ -435,7 +435,7 @@ def test_the_nearest_k_are_reached_and_silent_uavs_rank_last(
 @given(
     st.dictionaries(st.integers(2, 20), st.tuples(st.floats(45, 47), st.floats(13, 15))), st.integers(0, 25)
 )
-def test_no_uav_within_k_is_farther_than_one_beyond(alive: Places, k: int) -> None:
+def test_the_k_receivers_are_the_nearest_uavs(alive: Places, k: int) -> None:
     chosen = reached(alive, set(), k)
     assert len(chosen) == min(k, len(alive))
     left = set(alive) - set(chosen)

@@ -1,4 +1,4 @@
-"""The knowledge of one node reaches all nodes, whatever was lost, cut, delayed or restarted before."""
+"""The observations of one node reach all nodes after any loss, cut, delay or restart."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from swarmctl.core.frames import IntentPoint, IntentShared, RefusalReason
 IDS = (1, 2, 3, 4, 5)
 HEALED_S = 40.0
 PHASES = (Phase.explicit, Phase.reuse, Phase.generate)
-"""Shrinking a history takes minutes."""
+"""All phases but shrinking, which takes minutes for a history."""
 
 uavs = st.sampled_from(IDS)
 cells = st.lists(
@@ -48,7 +48,7 @@ def passes(seconds: float) -> Act:
 
 
 def becomes(loss: float, delay_s: float, jitter_s: float, group: frozenset[int], seed: int) -> Act:
-    """The network loses, delays, reorders, and is cut between `group` and the others."""
+    """Make the network lose, delay and reorder messages, with a cut between `group` and the other UAVs."""
     rng = np.random.default_rng(seed)
 
     def carry(sender: int, to: int, _now_s: float) -> float | None:
@@ -80,7 +80,7 @@ acts = st.one_of(
 
 @given(st.lists(acts, max_size=30), st.sampled_from((None, 1, 2)), st.booleans())
 @settings(max_examples=examples(60), deadline=None, phases=PHASES)
-def test_after_any_history_that_ends_connected_all_beliefs_are_equal(
+def test_all_beliefs_are_equal_after_any_history_that_ends_connected(
     history: list[Act], k: int | None, relay: bool
 ) -> None:
     swarm = NodeSwarm(IDS, NodeOptions(ROWS, COLS, k=k, relay=relay, round_trip_s=6.0))
@@ -89,7 +89,7 @@ def test_after_any_history_that_ends_connected_all_beliefs_are_equal(
     becomes(0.0, 0.05, 0.0, frozenset(), 0)(swarm)
     swarm.run(HEALED_S * (1 if k is None else 3))
     assert swarm.agree()
-    # What was on its way when its sender was started again has been overtaken.
+    # Messages from before a restart of their sender have been overtaken.
     assert all(uav.node.counters.refused.keys() <= {RefusalReason.REPLAY} for uav in swarm.uavs.values()), (
         swarm.said
     )
@@ -132,7 +132,7 @@ def test_the_next_state_reveals_a_lost_last_message() -> None:
     assert swarm.agree()
 
 
-def test_a_late_joiner_gets_everything_from_its_first_peer() -> None:
+def test_a_late_joiner_gets_all_observations_from_its_first_peer() -> None:
     swarm = NodeSwarm((1, 2, 3), NodeOptions(ROWS, COLS, sync_every_s=1000.0))
     swarm.carry = lambda sender, to, _now: None if 3 in (sender, to) else 0.01
     for row in range(ROWS):
@@ -147,10 +147,10 @@ def test_a_late_joiner_gets_everything_from_its_first_peer() -> None:
 
 def test_a_uav_outside_all_ranges_keeps_requesting() -> None:
     swarm = NodeSwarm((1, 2, 3), NodeOptions(ROWS, COLS, k=1))
-    for uav, lat_deg in ((1, 46.0), (2, 46.02), (3, 46.021)):  # 1 speaks to 2, and 2 and 3 to each other
+    for uav, lat_deg in ((1, 46.0), (2, 46.02), (3, 46.021)):  # 1 sends to 2; 2 and 3 send to each other
         swarm.uavs[uav].where = (lat_deg, 14.0)
     swarm.run(20.0)
-    swarm.uavs[2].where = (46.001, 14.0)  # 3 speaks to 2, which speaks to 1
+    swarm.uavs[2].where = (46.001, 14.0)  # 3 sends to 2, and 2 sends to 1
     swarm.run(5.0)
     swarm.uavs[1].observe((0, 0, True))
     swarm.run(12.0)
@@ -170,7 +170,7 @@ def test_memory_stays_bounded_in_a_long_flight() -> None:
     for uav in swarm.uavs.values():
         assert uav.belief.looks.sum() == 3 * 2 * n
         assert len(list(uav.belief.items())) <= most
-    # A late joiner gets all that is known, but not the whole history.
+    # A late joiner gets the whole belief, but not the whole history.
     swarm.carry = lambda sender, to, _now: None if {sender, to} & {1} else 0.01
     sent_before = swarm.uavs[2].node.counters.sent_bytes
     swarm.uavs[3].start()
@@ -190,7 +190,7 @@ def test_a_checkpoint_without_new_observations_reaches_the_agent_later() -> None
     assert len(list(before.items())) < 2 * COMPACT_AFTER
 
 
-def test_separated_groups_find_each_other_again() -> None:
+def test_separated_groups_exchange_observations_after_their_reunion() -> None:
     swarm = NodeSwarm((1, 2, 3, 4), NodeOptions(ROWS, COLS, k=1))
     swarm.run(20.0)
     swarm.carry = lambda sender, to, _now: None if (sender <= 2) != (to <= 2) else 0.01
@@ -202,7 +202,7 @@ def test_separated_groups_find_each_other_again() -> None:
     assert swarm.agree()
 
 
-def test_without_sync_what_is_lost_stays_lost_as_in_the_paper() -> None:
+def test_lost_observations_stay_lost_without_sync() -> None:
     swarm = NodeSwarm((1, 2), NodeOptions(ROWS, COLS, sync_every_s=0.0))
     swarm.carry = lambda *_: None
     swarm.uavs[1].observe((0, 0, True))
@@ -245,7 +245,7 @@ def test_relaying_reaches_uavs_beyond_the_observers_range_at_once(relay: bool) -
     assert swarm.agree()
 
 
-# --- where they will be
+# --- intents
 
 
 def intent(plan_id: int) -> IntentShared:
@@ -253,16 +253,16 @@ def intent(plan_id: int) -> IntentShared:
 
 
 def shares_intent(swarm: NodeSwarm, uav: int, plan_id: int) -> None:
-    speaker = swarm.uavs[uav]
-    swarm.take(speaker, speaker.node.publish(intent(plan_id), swarm.now_s, swarm.unix_s))
+    sender = swarm.uavs[uav]
+    swarm.take(sender, sender.node.publish(intent(plan_id), swarm.now_s, swarm.unix_s))
 
 
 def known(swarm: NodeSwarm, uav: int) -> dict[int, int]:
-    """The plans of the others as it knows them."""
+    """Return the plan ids of the other UAVs in the node's intents."""
     return {other: intent.plan_id for other, (intent, _) in swarm.uavs[uav].node.intents().items()}
 
 
-def test_the_newest_intent_is_known_to_all_receivers() -> None:
+def test_all_receivers_keep_the_newest_intent() -> None:
     swarm = NodeSwarm((1, 2, 3))
     delays = iter((2.0, 2.0, 0.1, 0.1))
     swarm.carry = lambda sender, _to, _now: next(delays) if sender == 1 else 0.1
@@ -272,8 +272,8 @@ def test_the_newest_intent_is_known_to_all_receivers() -> None:
     swarm.carry = at_once
     swarm.run(3.0)
     assert known(swarm, 2) == known(swarm, 3) == {1: 6}
-    said_s = swarm.uavs[2].node.intents()[1][1]
-    assert said_s == pytest.approx(UNIX_S + 0.5)
+    sent_s = swarm.uavs[2].node.intents()[1][1]
+    assert sent_s == pytest.approx(UNIX_S + 0.5)
 
 
 def test_snapshots_have_intents() -> None:
@@ -291,8 +291,8 @@ def test_snapshots_have_intents() -> None:
 def test_a_forged_intent_is_refused() -> None:
     swarm = NodeSwarm((1, 2, 3))
     swarm.run(2.0)
-    speaker = swarm.uavs[3]
-    (out,) = speaker.node.publish(intent(5), swarm.now_s, swarm.unix_s).messages
+    sender = swarm.uavs[3]
+    (out,) = sender.node.publish(intent(5), swarm.now_s, swarm.unix_s).messages
     swarm.deliver(1, 2, out.act, out.data)
     assert known(swarm, 2) == {}
     assert swarm.uavs[2].node.counters.refused[RefusalReason.SOURCE] == 1

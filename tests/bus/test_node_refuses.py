@@ -1,4 +1,4 @@
-"""Messages that a node refuses: each refusal is counted by its reason, and changes nothing."""
+"""Messages that a node refuses: each refusal is counted by its reason and leaves the belief unchanged."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from swarmctl.core.frames import (
 from swarmctl.core.observation import Checkpoint, Observation, checkpoint
 
 MOST = MAX_WORK_PER_PERIOD // WORK_PER_MESSAGE
-"""messages that are taken at once"""
+"""Messages accepted at once."""
 
 
 def seen(seq: int = 1, *cells: tuple[int, int, bool], observer: int = 1, incarnation: int = 1) -> Observation:
@@ -49,7 +49,7 @@ SEAL = FrameCodec("test")
 
 
 def padded(content: Content) -> bytes:
-    """A frame that is just not too long, with a field that no version has."""
+    """Return a frame just within the length limit, padded with an unknown field."""
     body = msgspec.msgpack.decode(SEAL.encode(frame(content))[2:])
     body["later"] = bytes(MAX_FRAME_BYTES - 1000)
     return bytes((VERSION, 0)) + msgspec.msgpack.encode(body)
@@ -75,8 +75,8 @@ WRONG: dict[str, tuple[int, str, bytes, RefusalReason]] = {
         SEAL.encode(frame(state())).replace(msgspec.msgpack.encode(46.0), msgspec.msgpack.encode(460.0)),
         RefusalReason.MALFORMED,
     ),
-    "under another's key": (2, "inform/state", SEAL.encode(frame(state())), RefusalReason.SOURCE),
-    "under another act": (1, "inform/observation", SEAL.encode(frame(state())), RefusalReason.SOURCE),
+    "the key of another UAV": (2, "inform/state", SEAL.encode(frame(state())), RefusalReason.SOURCE),
+    "another act": (1, "inform/observation", SEAL.encode(frame(state())), RefusalReason.SOURCE),
     "an observation of another UAV as its own": (
         1,
         "inform/observation",
@@ -104,7 +104,7 @@ WRONG: dict[str, tuple[int, str, bytes, RefusalReason]] = {
         RefusalReason.MALFORMED,
     ),
     "an oversized observation": (1, "inform/observation", padded(seen()), RefusalReason.OVERSIZE),
-    "of another swarm's UAV": (
+    "a UAV of another swarm": (
         9,
         "inform/state",
         SEAL.encode(frame(state(), sender=9)),
@@ -142,13 +142,13 @@ WRONG: dict[str, tuple[int, str, bytes, RefusalReason]] = {
         ),
         RefusalReason.OUTSIDE,
     ),
-    "a question passed on": (
+    "a relayed query": (
         1,
         "inform/relayed",
         SEAL.encode(frame(Relayed((SEAL.encode(frame(SnapshotAsked((), ()), sender=3)),)))),
         RefusalReason.MALFORMED,
     ),
-    "a stranger's observation, passed on": (
+    "a relayed observation of an unknown UAV": (
         1,
         "inform/relayed",
         SEAL.encode(frame(Relayed((SEAL.encode(frame(seen(observer=9), sender=9)),)))),
@@ -189,7 +189,7 @@ def test_a_message_from_before_a_restart_is_a_replay() -> None:
     assert of(swarm, 2) == {RefusalReason.REPLAY: 1}
 
 
-def test_replays_do_not_use_up_the_senders_rate() -> None:
+def test_replays_do_not_count_towards_the_senders_rate_limit() -> None:
     swarm = NodeSwarm((1, 2))
     data = SEAL.encode(frame(seen()))
     for _ in range(MOST + 10):
@@ -204,10 +204,10 @@ def test_a_flood_is_refused_and_later_messages_are_accepted() -> None:
         swarm.deliver(1, 2, "inform/state", SEAL.encode(frame(state(), n=n + 1, unix_s=UNIX_S + n * 1e-3)))
     assert of(swarm, 2) == {RefusalReason.TOO_FAST: 100}
     swarm.deliver(3, 2, "inform/observation", SEAL.encode(frame(seen(observer=3), sender=3)))
-    assert swarm.uavs[2].belief.looks.sum() == 1  # a sender within its rate is heard meanwhile
+    assert swarm.uavs[2].belief.looks.sum() == 1  # a sender within its rate limit is still received
 
 
-def test_answers_to_questions_are_limited() -> None:
+def test_the_rate_of_answers_is_limited() -> None:
     swarm = NodeSwarm((1, 2), NodeOptions(ROWS, COLS, sync_every_s=0.0))
     swarm.uavs[2].observe((0, 0, True))
     for n in range(100):
@@ -217,7 +217,7 @@ def test_answers_to_questions_are_limited() -> None:
     assert of(swarm, 2) == {RefusalReason.TOO_FAST: 100 - served}
 
 
-def test_one_name_with_two_contents_is_refused_and_the_first_stays() -> None:
+def test_a_second_content_of_one_observation_is_refused() -> None:
     swarm = NodeSwarm((1, 2))
     swarm.deliver(1, 2, "inform/observation", SEAL.encode(frame(seen(1, (0, 0, False)))))
     swarm.deliver(1, 2, "inform/observation", SEAL.encode(frame(seen(1, (0, 0, True)), n=2)))
@@ -278,7 +278,7 @@ def test_an_observation_that_contradicts_the_uavs_own_is_flagged_and_kept() -> N
 @given(
     st.binary(max_size=400), st.integers(0, 300), st.sampled_from(("inform/state", "inform/snapshot", "x/y"))
 )
-def test_any_bytes_are_handled(data: bytes, sender: int, act: str) -> None:
+def test_any_bytes_are_received_without_an_exception(data: bytes, sender: int, act: str) -> None:
     swarm = NodeSwarm((1, 2))
     swarm.deliver(sender, 2, act, data)
     swarm.deliver(sender, 2, act, bytes((VERSION, 0)) + data)
@@ -306,7 +306,7 @@ SIGNED = FrameCodec("test", sign, verify)
 
 
 def forged(sender: int, content: Content, by: int) -> bytes:
-    """A frame in `sender`'s name with the signature of `by`."""
+    """Return a frame in the name of `sender` with the signature of `by`."""
     return FrameCodec("test", lambda _sender, data: sign(by, data)).encode(
         frame(content, sender=sender, n=500)
     )
@@ -354,7 +354,7 @@ def test_relayed_frames_are_checked_by_their_observers_signature() -> None:
 
 
 def test_a_forger_can_only_forge_its_own_observations() -> None:
-    """A UAV that is taken over has its own key and no other."""
+    """A captured UAV has its own key only."""
     swarm = NodeSwarm((1, 2, 3), seal=SIGNED)
     swarm.uavs[2].observe((0, 0, False))
     swarm.run(2.0)
@@ -368,7 +368,7 @@ def test_a_forger_can_only_forge_its_own_observations() -> None:
     assert dict(swarm.uavs[2].node.counters.flagged) == {1: 1}
 
 
-# --- what a UAV that has been taken over may try
+# --- attacks by a captured UAV
 
 
 def relayed(*frames: bytes, n: int, by: int = 1) -> bytes:
@@ -392,7 +392,7 @@ def test_many_incarnations_of_a_forger_do_not_outvote_observations() -> None:
     assert of(swarm, 2)[RefusalReason.TOO_FAST] == 300 - MAX_INCARNATIONS
 
 
-def test_a_message_with_many_invalid_frames_is_not_decoded_to_its_end() -> None:
+def test_the_decoding_of_a_message_ends_after_many_invalid_frames() -> None:
     swarm = NodeSwarm((1, 2))
     swarm.deliver(1, 2, "inform/relayed", relayed(*[b"x"] * 256, n=10))
     assert of(swarm, 2) == {RefusalReason.MALFORMED: MAX_REFUSED_FRAMES}
@@ -431,9 +431,9 @@ def test_a_request_fits_into_a_message_with_any_gaps() -> None:
     assert max(len(o.data) for o in out) <= MAX_FRAME_BYTES
 
 
-def test_a_peer_with_false_claims_gets_fewer_and_fewer_requests() -> None:
+def test_requests_to_a_peer_with_false_claims_become_rarer() -> None:
     swarm = NodeSwarm((1, 2, 3), NodeOptions(ROWS, COLS, sync_every_s=1000.0))
-    swarm.uavs[1].tell_state = lambda: None  # type: ignore[method-assign]
+    swarm.uavs[1].publish_state = lambda: None  # type: ignore[method-assign]
     for second in range(100):
         claim = msgspec.structs.replace(state(), last_seq=2**50, knows=second)
         claimed = frame(claim, n=100 + 2 * second, unix_s=swarm.unix_s)
@@ -448,7 +448,7 @@ def test_an_old_relayed_state_is_ignored() -> None:
     swarm = NodeSwarm((1, 2, 3))
     old = SEAL.encode(frame(state(46.5), sender=3, n=1, unix_s=UNIX_S - 3600.0))
     swarm.deliver(1, 2, "inform/relayed", relayed(old, n=10))
-    # The asker is told of no state that it could not trust itself.
+    # The answer holds no state that is too old for its receiver.
     swarm.deliver(1, 2, "query-ref/snapshot", SEAL.encode(frame(SnapshotAsked((), ()), n=11)))
     answer = SEAL.decode(swarm.on_the_way[-1][-1]).content
     assert isinstance(answer, Snapshot)

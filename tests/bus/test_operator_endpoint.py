@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from flights import small
-from operator_station import KEY, Station, over_zenoh
+from operator_station import KEY, Station, zenoh_pair
 
 from swarmctl.bus import keys
 from swarmctl.bus.endpoint import BusEndpoint, parse_endpoint
@@ -27,7 +27,7 @@ from swarmctl.station import client
 
 
 def test_a_wildcard_is_refused_and_counted() -> None:
-    """Asked inside the process, where no access rule protects the service."""
+    """The query comes from the same process, where no access rule protects the service."""
 
     async def scene() -> None:
         with ZenohBus() as bus:
@@ -35,20 +35,20 @@ def test_a_wildcard_is_refused_and_counted() -> None:
             for key in ("swarmctl/*/station/request/weights/operator", "swarmctl/test/**", "**"):
                 assert await bus.ask(key, encode(SetWeights(None, w=0.2)), 5.0) == ()
             assert station.posted == []
-            assert station.counts.refused == 1 + 2 + 2  # once at each key that is meant
+            assert station.counts.refused == 1 + 2 + 2  # once for each matched key
 
     asyncio.run(scene())
 
 
-def test_another_process_can_only_ask_under_the_operator_key() -> None:
+def test_another_process_has_access_to_the_operator_key_only() -> None:
     async def scene() -> None:
         received: list[str] = []
-        overheard: list[str] = []
-        with over_zenoh() as (ground, operator):
+        received_by_operator: list[str] = []
+        with zenoh_pair() as (ground, operator):
             station = Station(ground)
             ground.subscribe(keys.inbox("test", 1), lambda key, _: received.append(key))
             ground.subscribe("**", lambda key, _: received.append(key))
-            operator.subscribe("swarmctl/test/**", lambda key, _: overheard.append(key))
+            operator.subscribe("swarmctl/test/**", lambda key, _: received_by_operator.append(key))
             for key in (
                 "swarmctl/test/uav/1/inform/state/9",
                 "swarmctl/test/uav/*/inform/state/9",
@@ -58,14 +58,14 @@ def test_another_process_can_only_ask_under_the_operator_key() -> None:
                 operator.put(key, b"from outside")
             for key in ("swarmctl/*/station/request/weights/operator", "swarmctl/test/**", "**"):
                 assert await operator.ask(key, encode(SetWeights(None, w=0.2)), 5.0) == ()
-            ground.put("swarmctl/test/uav/1/inform/state/2", b"among ourselves")
+            ground.put("swarmctl/test/uav/1/inform/state/2", b"within the swarm")
             # The answer shows that all earlier messages on this connection were handled.
             assert len(await operator.ask(KEY, encode(SetWeights((1,), w=0.2)), 5.0)) == 1
             assert received == ["swarmctl/test/uav/1/inform/state/2"] * 2
             assert station.counts == CommandCounts(passed_on=1, refused=0)
-            # The operator receives its own message, and none of the swarm's.
-            assert "swarmctl/test/uav/1/inform/state/9" in overheard
-            assert "swarmctl/test/uav/1/inform/state/2" not in overheard
+            # The operator receives its own message and no message of the swarm.
+            assert "swarmctl/test/uav/1/inform/state/9" in received_by_operator
+            assert "swarmctl/test/uav/1/inform/state/2" not in received_by_operator
 
     asyncio.run(scene())
 
@@ -78,20 +78,20 @@ def test_a_bus_without_an_endpoint_is_not_reachable() -> None:
     asyncio.run(scene())
 
 
-def taken_port(held: contextlib.ExitStack) -> int:
+def occupied_port(held: contextlib.ExitStack) -> int:
     holder = held.enter_context(contextlib.closing(socket.socket()))
     holder.bind(("127.0.0.1", 0))
     holder.listen()
     return int(holder.getsockname()[1])
 
 
-def test_a_taken_port_is_an_error_with_advice() -> None:
+def test_an_occupied_port_is_an_error_with_advice() -> None:
     async def scene(port: int) -> None:
         with open_bus("test", f"tcp/127.0.0.1:{port}", print):
             pass
 
     with contextlib.ExitStack() as held:
-        port = taken_port(held)
+        port = occupied_port(held)
         with pytest.raises(BusError, match=rf"communication.listen: .*tcp/127.0.0.1:{port}: .*`none`"):
             asyncio.run(scene(port))
         scenario = small(communication={"bus": "zenoh", "listen": f"tcp/127.0.0.1:{port}"})
@@ -104,7 +104,7 @@ def test_an_endpoint_without_a_swarm_is_an_error(monkeypatch: pytest.MonkeyPatch
 
     async def scene() -> None:
         with contextlib.ExitStack() as held:
-            station = client.FlightEndpoints("test", BusEndpoint("127.0.0.1", taken_port(held)))
+            station = client.FlightEndpoints("test", BusEndpoint("127.0.0.1", occupied_port(held)))
         await client.send(station, SetWeights(None, w=0.2))
 
     with pytest.raises(BusError, match=r"tcp/127\.0\.0\.1:.*\[no-swarm-at-endpoint\]"):

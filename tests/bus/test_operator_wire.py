@@ -1,4 +1,4 @@
-"""An operator's commands on the wire: what is taken and what is refused."""
+"""An operator's commands on the wire: accepted and refused."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import msgspec
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from operator_station import ANYWHERE, KEY, Station, over_zenoh
+from operator_station import ANYWHERE, KEY, Station, zenoh_pair
 from profiles import examples
 
 from swarmctl.bus import keys, operator_service
@@ -50,7 +50,7 @@ WRONG: dict[str, tuple[bytes, str]] = {
     "w below 0": (packed(uavs=[1], w=-0.1), "w = -0.1: "),
     "w not a number": (packed(uavs=[1], w=math.nan), "w = nan: "),
     "w a truth value": (packed(uavs=[1], w=True), "Expected `float | null`, got `bool`"),
-    "strengths that grow": (packed(uavs=[1], firing_strength=[0.1, 0.3, 0.6]), "decrease strictly"),
+    "increasing strengths": (packed(uavs=[1], firing_strength=[0.1, 0.3, 0.6]), "decrease strictly"),
     "strengths above 1": (packed(uavs=[1], firing_strength=[1.1, 0.3, 0.1]), "probabilities in [0, 1]"),
     "two strengths": (packed(uavs=[1], firing_strength=[0.6, 0.3]), "length 3, got 2"),
     "nothing to change": (packed(uavs=[1]), "[nothing-to-change]"),
@@ -76,9 +76,9 @@ FOREIGN: dict[str, tuple[bytes, str]] = {
         packed(uavs=list(range(10, 100)), w=0.5),
         "10, 11, 12, 13, 14, 15, 16, 17, 18, 19 and 80 more;",
     ),
-    "too long to be read": (packed(uavs=[1], w=0.5) + bytes(MAX_QUERY_BYTES), "16384 bytes"),
+    "a command above the length limit": (packed(uavs=[1], w=0.5) + bytes(MAX_QUERY_BYTES), "16384 bytes"),
 }
-"""commands that only the operator service can refuse"""
+"""Commands that only the operator service can refuse."""
 
 
 @pytest.mark.parametrize("name", WRONG)
@@ -126,13 +126,13 @@ def in_memory() -> Iterator[tuple[Transport, Transport]]:
 Both = Callable[[], contextlib.AbstractContextManager[tuple[Transport, Transport]]]
 
 
-@pytest.fixture(params=[in_memory, over_zenoh])
+@pytest.fixture(params=[in_memory, zenoh_pair])
 def both(request: pytest.FixtureRequest) -> Both:
     made: Both = request.param
     return made
 
 
-def test_a_command_reaches_the_vehicles_it_names_and_their_answers_come_back(both: Both) -> None:
+def test_a_command_reaches_the_named_vehicles_and_their_answers_return(both: Both) -> None:
     async def scene() -> None:
         with both() as (ground, operator):
             station = Station(ground)
@@ -147,7 +147,7 @@ def test_a_command_reaches_the_vehicles_it_names_and_their_answers_come_back(bot
     asyncio.run(scene())
 
 
-def test_an_invalid_command_reaches_no_vehicle_and_is_counted_shown_and_answered(
+def test_an_invalid_command_is_counted_shown_and_answered_but_reaches_no_vehicle(
     both: Both, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(operator_service, "BURST", 99)
@@ -171,11 +171,11 @@ def test_the_largest_valid_command_is_read() -> None:
     assert len(encode(SetWeights(names, 0.5, (0.7, 0.3, 0.1)))) <= MAX_QUERY_BYTES
 
 
-def test_an_oversized_question_never_reaches_the_service() -> None:
-    """Zenoh drops what is larger than its listener allows; the operator hears of it as of silence."""
+def test_an_oversized_query_never_reaches_the_service() -> None:
+    """Zenoh drops queries above the limit of its listener; the operator gets no answer."""
 
     async def scene() -> None:
-        with over_zenoh() as (ground, operator):
+        with zenoh_pair() as (ground, operator):
             station = Station(ground)
             with suppress(TimeoutError):
                 assert await operator.ask(KEY, bytes(4 * MAX_MESSAGE_BYTES), 0.3) == ()
@@ -192,21 +192,21 @@ def test_commands_above_the_rate_limit_are_refused_and_reported_once_until_a_pau
         bus = MemoryBus()
         station = Station(bus)
 
-        async def give(n: int) -> list[str]:
+        async def send(n: int) -> list[str]:
             answers = [await bus.ask(KEY, encode(SetWeights((1,), w=0.2)), 5.0) for _ in range(n)]
             return [decode_answer(answer).refused for (answer,) in answers]
 
         for flood in (1, 2):
-            refused = await give(30)
+            refused = await send(30)
             assert refused[:8] == [""] * 8
             assert all("[commands-too-fast]" in why for why in refused[8:])
             assert station.counts == CommandCounts(passed_on=8 * flood, refused=22 * flood)
             assert len(station.posted) == 8 * flood
             assert len(station.said) == flood
             await asyncio.sleep(2.0)
-        await give(8)
+        await send(8)
         await asyncio.sleep(0.5)
-        assert await give(2) == ["", ""]
+        assert await send(2) == ["", ""]
         assert len(station.said) == 2
 
     run_virtual(scene())
@@ -216,7 +216,7 @@ def test_wildcards_above_the_rate_limit_are_not_reported() -> None:
     async def scene() -> None:
         bus = MemoryBus()
         station = Station(bus)
-        served = bus._served[KEY]  # which matches no wildcards by itself
+        served = bus._served[KEY]  # the memory bus itself matches no wildcards
         for _ in range(99):
             served("**", b"", lambda _: pytest.fail("a wildcard was answered"))
         assert station.counts.refused == 99
@@ -225,8 +225,8 @@ def test_wildcards_above_the_rate_limit_are_not_reported() -> None:
     run_virtual(scene())
 
 
-def test_questions_displace_no_messages_between_vehicles() -> None:
-    """None is served before the loop turns: what is too much by then is let go, its asker told nothing."""
+def test_queries_do_not_displace_messages_between_vehicles() -> None:
+    """Queries wait for the next turn of the loop; those above the limit are dropped without an answer."""
 
     async def scene() -> None:
         received: list[bytes] = []
@@ -282,7 +282,7 @@ def test_a_busy_vehicle_is_unconfirmed_after_the_time_out() -> None:
     assert client.has_failed(SetWeights(None, w=0.2), answer)
 
 
-def test_a_vehicle_gets_no_new_weights_before_it_has_handled_the_last() -> None:
+def test_a_busy_vehicle_gets_no_new_weights() -> None:
     async def scene() -> None:
         bus, there = MemoryBus(), client.FlightEndpoints("test", ANYWHERE)
         station = Station(bus, slow=(2,))
@@ -299,7 +299,7 @@ def test_a_vehicle_gets_no_new_weights_before_it_has_handled_the_last() -> None:
         assert [(uav, event.command) for uav, event in station.posted] == [(2, 1), (1, 2)]
         assert station.counts == CommandCounts(passed_on=2, refused=1)
 
-        # Its answer comes too late for the sender, and frees the vehicle.
+        # The late answer does not reach the operator, but the vehicle is free again.
         station.service.answered(1, VehicleAnswer(2, "uav2", "taken", 5))
         await client.ask(bus, there, SetWeights((2,), w=0.3))
         assert [(uav, event.command) for uav, event in station.posted] == [(2, 1), (1, 2), (2, 3)]
@@ -307,7 +307,7 @@ def test_a_vehicle_gets_no_new_weights_before_it_has_handled_the_last() -> None:
     run_virtual(scene())
 
 
-def test_a_vehicle_is_named_by_its_name_or_its_system_id() -> None:
+def test_a_vehicle_is_selected_by_its_name_or_its_system_id() -> None:
     async def scene() -> None:
         bus = MemoryBus()
         station = Station(bus)
@@ -320,7 +320,7 @@ def test_a_vehicle_is_named_by_its_name_or_its_system_id() -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "meant"),
+    ("words", "expected"),
     [
         (["alpha"], [3]), (["3"], [3]), ([3], [3]), (["7"], [5]), (["5"], [5]), (["9", "alpha", 3], [3, 9]),
         (["03"], "3 (alpha), 5 (7), 9 (3x), 11 (9x)"),
@@ -328,7 +328,7 @@ def test_a_vehicle_is_named_by_its_name_or_its_system_id() -> None:
         ([""], "3 (alpha)"),
     ],
 )  # fmt: skip
-def test_a_name_or_system_id_means_one_vehicle(words: list[int | str], meant: list[int] | str) -> None:
+def test_a_name_or_system_id_selects_one_vehicle(words: list[int | str], meant: list[int] | str) -> None:
     names = {3: "alpha", 5: "7", 9: "3x", 11: "9x"}
     if isinstance(meant, list):
         assert resolve_vehicles(words, names) == meant

@@ -25,7 +25,7 @@ from swarmctl.core.geo import LatLon, distance_m
 from swarmctl.flight.network import radio_settings
 
 Sent = tuple[int, int, int, float]
-"""sender, to, bytes, seconds since the message before it"""
+"""Sender, receiver, bytes, seconds since the previous message."""
 
 UAVS = st.integers(1, 4)
 SENT = st.lists(st.tuples(UAVS, UAVS, st.integers(1, 3000), st.floats(0.0, 2.0)), max_size=60)
@@ -144,7 +144,7 @@ def test_the_order_of_pairs_does_not_matter(pairs: list[tuple[int, int]]) -> Non
         RadioSettings(loss=0.3, bandwidth_bytes_s=90.0),
     ],
 )
-def test_other_causes_of_loss_do_not_change_later_outcomes(also: RadioSettings) -> None:
+def test_additional_causes_of_loss_do_not_change_the_outcomes_of_other_messages(also: RadioSettings) -> None:
     plain, other = Radio(RadioSettings(loss=0.3), 3), Radio(also, 3)
     other_found = [other.send(1, 2, 100, float(i)) for i in range(200)]
     for is_lost, found in zip(lost_of(plain, 200), other_found, strict=True):
@@ -170,7 +170,7 @@ def test_the_share_and_the_bursts_of_losses_are_as_configured(
     assert sum(bursts) / len(bursts) == pytest.approx(mean_burst, rel=0.1)
 
 
-def test_the_first_message_is_as_likely_lost_as_any() -> None:
+def test_the_first_message_has_the_same_loss_probability() -> None:
     settings = RadioSettings(loss=0.25, loss_burst=10.0)
     first = [Radio(settings, seed).send(1, 2, 1, 0.0) is LossReason.LOSS for seed in range(4000)]
     assert sum(first) / len(first) == pytest.approx(0.25, abs=0.03)
@@ -197,8 +197,8 @@ def test_impossible_bursts_are_refused_with_the_limit() -> None:
 
 
 @given(SENT)
-def test_a_transmitter_sends_no_more_than_its_bandwidth_over_any_time(sent: list[Sent]) -> None:
-    # Of what arrives after a and until b, all was on the air in between.
+def test_a_transmitter_never_exceeds_its_bandwidth(sent: list[Sent]) -> None:
+    # All messages that arrive after a and until b were on the air in that time.
     found = outcomes(Radio(RadioSettings(bandwidth_bytes_s=1000.0, delay_s=0.5), 1), sent)
     for sender in {m[0] for m in sent}:
         left = [(s, m[2]) for m, _, s in found if m[0] == sender and not isinstance(s, LossReason)]
@@ -213,9 +213,9 @@ def test_a_transmitter_sends_no_more_than_its_bandwidth_over_any_time(sent: list
 def test_a_transmitter_queues_messages_and_drops_those_that_wait_too_long() -> None:
     radio = Radio(RadioSettings(bandwidth_bytes_s=100.0, delay_s=0.25), 1)
     assert radio.send(1, 2, 100, 0.0) == 1.25
-    assert radio.send(1, 3, 100, 0.0) == 2.25  # to whomever it goes
-    assert radio.send(2, 3, 100, 0.0) == 1.25  # another's transmitter is another
-    assert radio.send(1, 2, 50, 0.0) == 2.75  # waits 2 s, and no longer
+    assert radio.send(1, 3, 100, 0.0) == 2.25  # for any receiver
+    assert radio.send(2, 3, 100, 0.0) == 1.25  # the transmitter of another UAV is free
+    assert radio.send(1, 2, 50, 0.0) == 2.75  # waits 2 s, the limit
     assert radio.send(1, 2, 1, 0.0) is LossReason.BANDWIDTH
     assert radio.send(1, 2, 50, 0.5) == 3.25
     assert radio.send(1, 2, 100, 60.0) == 61.25
@@ -244,7 +244,7 @@ def test_a_partition_passes_messages_within_a_group() -> None:
     assert radio.send(1, 3, 100, 15.0) is LossReason.PARTITION
 
 
-def test_several_partitions_all_have_to_allow_a_message() -> None:
+def test_a_message_passes_only_if_all_partitions_allow_it() -> None:
     one = Partition((frozenset({1, 2, 3}), frozenset({4})), 0.0, 10.0)
     two = Partition((frozenset({1}), frozenset({2, 3, 4})), 5.0, 15.0)
     radio = Radio(RadioSettings(partitions=(one, two)), 1)

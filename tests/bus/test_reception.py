@@ -21,27 +21,27 @@ SEAL = FrameCodec("test")
 READ = frame_decoder(SEAL, ROWS, COLS)
 PAUSES_S = st.sampled_from((0.1, 0.1, 0.1, 3.0, 6.0, 11.0))
 ON = st.sampled_from((1, 1, 1, 1, 1, 0, 2, -1))
-"""by how much a number goes on from the last"""
+"""Step from the last number to the next."""
 UAVS = (1, 2, 7, 8, 9)
-HEARERS = (7, 8, 9)
+RECEIVERS = (7, 8, 9)
 
 
 class Process:
-    """UAVs 7, 8 and 9; `at_once` where they share a ledger that delivered first."""
+    """UAVs 7, 8 and 9; with `at_once` they share a reception table that delivers first."""
 
     def __init__(self, *, at_once: bool) -> None:
         options = NodeOptions(ROWS, COLS)
         self.table = ReceptionTable(UAVS, options) if at_once else None
         self.nodes = {
             uav: Node(uav, UAVS, options, SEAL, 1, np.random.default_rng(uav), table=self.table)
-            for uav in HEARERS
+            for uav in RECEIVERS
         }
         for uav in (8, 9):
             seen = Observation(uav, 1, 0.0, ((0, 0, False), (0, 1, uav == 9)), 1)
             self.nodes[uav].publish(seen, 0.0, UNIX_S)
         self.n_delivered = 0
 
-    def hear(self, sender: int, frame: Frame, to: tuple[int, ...], now_s: float) -> dict[int, NodeOutput]:
+    def receive(self, sender: int, frame: Frame, to: tuple[int, ...], now_s: float) -> dict[int, NodeOutput]:
         """Return the output of each receiver of a frame under the key of `sender`."""
         decoded, unix_s, outputs = READ(SEAL.encode(frame)), UNIX_S + now_s, {}
         if self.table is not None and sender in UAVS:
@@ -58,12 +58,12 @@ class Process:
 
 
 class Senders:
-    """Numbers what UAVs say, mostly in a row."""
+    """Frames of UAVs with mostly consecutive numbers."""
 
     def __init__(self) -> None:
         self.now_s = 0.0
         self.known = [0, 5]
-        """fingerprints: of no knowledge, of something else, and earlier ones"""
+        """Fingerprints: of an empty belief, of another belief, and earlier ones."""
         self._n = Counter[int]()
         self._seq = Counter[tuple[int, int]]()
 
@@ -80,20 +80,20 @@ class Senders:
 
 @settings(max_examples=examples(200), deadline=None)
 @given(st.data())
-def test_the_table_gives_the_same_result_as_single_nodes(data: st.DataObject) -> None:
+def test_the_reception_table_gives_the_same_result_as_single_nodes(data: st.DataObject) -> None:
     both, senders = (Process(at_once=True), Process(at_once=False)), Senders()
     for i in range(data.draw(st.integers(5, 40))):
         senders.now_s += data.draw(PAUSES_S)
-        for uav in HEARERS:
+        for uav in RECEIVERS:
             nodes = [process.nodes[uav] for process in both]
             if nodes[0].next_deadline_s <= senders.now_s:
                 ticks = [node.tick(senders.now_s, UNIX_S + senders.now_s) for node in nodes]
                 assert ticks[0] == ticks[1]
         message = drawn_message(data, senders) if i > 2 else plain(senders)
         sender = data.draw(st.sampled_from((message.sender,) * 9 + (2,)))
-        to = data.draw(st.sampled_from((HEARERS, HEARERS, HEARERS, (7, 9), (8,))))
-        outputs = [process.hear(sender, message, to, senders.now_s) for process in both]
-        for uav in HEARERS:
+        to = data.draw(st.sampled_from((RECEIVERS, RECEIVERS, RECEIVERS, (7, 9), (8,))))
+        outputs = [process.receive(sender, message, to, senders.now_s) for process in both]
+        for uav in RECEIVERS:
             nodes = [process.nodes[uav] for process in both]
             if uav in to:
                 assert outputs[0][uav] == outputs[1][uav]
@@ -101,10 +101,10 @@ def test_the_table_gives_the_same_result_as_single_nodes(data: st.DataObject) ->
             assert nodes[0].states() == nodes[1].states()
             assert nodes[0].next_deadline_s == nodes[1].next_deadline_s
         if data.draw(st.booleans()):
-            senders.known.append(knows(both, data.draw(st.sampled_from(HEARERS)), senders.now_s))
-    for uav in HEARERS:
+            senders.known.append(fingerprint_of(both, data.draw(st.sampled_from(RECEIVERS)), senders.now_s))
+    for uav in RECEIVERS:
         now_s, unix_s = senders.now_s, UNIX_S + senders.now_s
-        knows(both, uav, now_s)
+        fingerprint_of(both, uav, now_s)
         question = Frame(1, 3, 1, unix_s, SnapshotAsked((), ()))
         answers = [
             process.nodes[uav].receive(1, question.act, SEAL.encode(question), now_s, unix_s)
@@ -113,8 +113,8 @@ def test_the_table_gives_the_same_result_as_single_nodes(data: st.DataObject) ->
         assert [out.data for out in answers[0].messages] == [out.data for out in answers[1].messages]
 
 
-def knows(both: tuple[Process, Process], uav: int, now_s: float) -> int:
-    """The fingerprint of what this UAV knows, by what it says of itself in both."""
+def fingerprint_of(both: tuple[Process, Process], uav: int, now_s: float) -> int:
+    """Return the fingerprint of this UAV's belief from its state, equal in both processes."""
     shared = [process.nodes[uav].publish(state(), now_s, UNIX_S + now_s).messages[0] for process in both]
     contents = [SEAL.decode(out.data).content for out in shared]
     assert shared[0].to == shared[1].to
@@ -123,14 +123,14 @@ def knows(both: tuple[Process, Process], uav: int, now_s: float) -> int:
     return contents[0].knows
 
 
-def test_the_table_delivers_plain_observations_and_states() -> None:
+def test_the_reception_table_delivers_observations_and_states() -> None:
     process, senders = Process(at_once=True), Senders()
     for _ in range(3):
-        process.hear(1, plain(senders), HEARERS, senders.now_s)
+        process.receive(1, plain(senders), RECEIVERS, senders.now_s)
     shared = StateShared(0.0, 46.0, 14.0, 30.0, "flying", 0, 0, 3)
-    process.hear(1, senders.frame(1, 1, shared, 1), HEARERS, senders.now_s)
-    # All but the very first, by which each receiver gets to know the sender.
-    assert process.n_delivered == 3 * len(HEARERS)
+    process.receive(1, senders.frame(1, 1, shared, 1), RECEIVERS, senders.now_s)
+    # The table delivers all messages but the first, which makes the sender known to each receiver.
+    assert process.n_delivered == 3 * len(RECEIVERS)
 
 
 def plain(senders: Senders) -> Frame:

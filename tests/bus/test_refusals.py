@@ -1,4 +1,4 @@
-"""Access rules, tried at the wire: in each row a node tries an action that it has no right to."""
+"""Access rules on the wire: in each row a node tries a forbidden action."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ CERTIFIED = ("tls", "quic")
 
 @dataclass(slots=True)
 class Net:
-    """A star: what each of two vehicles and the ground station hears, and a third vehicle that misbehaves."""
+    """A star with two vehicles, a ground station and their received messages; a third vehicle misbehaves."""
 
     there: BusEndpoint
     router: ZenohBus
@@ -62,7 +62,7 @@ class Net:
         own_key = keys.uav_message(SWARM, 1, "inform/state", 2)
         self.received["one"].clear()
         await until(
-            lambda: own_key in self.received["one"], "uav2 is heard", lambda: self.two.put(own_key, b"")
+            lambda: own_key in self.received["one"], "the message of uav2", lambda: self.two.put(own_key, b"")
         )
         await asyncio.sleep(0.1)
         elsewhere = {key for received in self.received.values() for key in received} - {own_key}
@@ -101,7 +101,7 @@ async def network(protocol: str) -> AsyncIterator[Net]:
 
 
 def raw(configuration: Configuration) -> zenoh.Session:
-    """A client that goes by none of our manners."""
+    """Return a raw Zenoh session without the checks of `ZenohBus`."""
     values = json.loads(configuration.as_json5())
     values["transport"]["link"]["rx"]["max_message_size"] = 1 << 20
     return zenoh.open(zenoh.Config.from_json5(json.dumps(values)))
@@ -124,7 +124,7 @@ def of_another_authority(there: BusEndpoint, folder: Path) -> Configuration:
     make_keys(folder, ["uav3"], 5, NOW)
     own = keys_folder() / "uav3" / "ca.pem"
     stranger = folder / "uav3"
-    # It knows the router's authority, so that it is the router that refuses.
+    # The client trusts the router's authority, so the router refuses the connection.
     return zenoh_config.client(there, Credentials(own, stranger / "cert.pem", stranger / "key.pem"))
 
 
@@ -158,7 +158,7 @@ def test_a_process_without_a_certificate_gets_no_access(
             ZenohBus(client_of(there, "uav1")) as honest,
         ):
             await meet(honest)
-            # By now it has tried several times.
+            # The client has tried several times by now.
             await asyncio.sleep(0.5)
             assert (bus.connected, honest.connected, router.links) == (False, True, 1)
 
@@ -194,21 +194,21 @@ def test_a_foreign_certificate_has_no_rights(protocol: str, tmp_path: Path) -> N
     asyncio.run(scene())
 
 
-# --- what a vehicle may put
+# --- keys that a vehicle may put
 
 TO_ONE = keys.uav_message(SWARM, 1, "inform/state", 3)
 PUTS: dict[str, str] = {
     "to every vehicle by a wildcard": f"{ROOT}/uav/*/inform/state/3",
     "to some vehicles by a wildcard": f"{ROOT}/uav/$*1/inform/state/3",
-    "to everybody by a wildcard": f"{ROOT}/**/3",
-    "to whatever there is": "**",
-    "from everybody by a wildcard": f"{ROOT}/uav/1/inform/state/*",
-    "anything to one by a wildcard": f"{ROOT}/uav/1/**",
-    "in the name of another": keys.uav_message(SWARM, 1, "inform/state", 2),
-    "in the name of another, to the station": keys.to_station(SWARM, 2),
-    "in its own name, as a part of another": f"{ROOT}/uav/1/inform/state/2/3",
+    "to all receivers by a wildcard": f"{ROOT}/**/3",
+    "to any key": "**",
+    "from all senders by a wildcard": f"{ROOT}/uav/1/inform/state/*",
+    "any message to one vehicle by a wildcard": f"{ROOT}/uav/1/**",
+    "in the name of another vehicle": keys.uav_message(SWARM, 1, "inform/state", 2),
+    "in the name of another vehicle, to the station": keys.to_station(SWARM, 2),
+    "in its own name, below another key": f"{ROOT}/uav/1/inform/state/2/3",
     "as the operator": keys.request(SWARM, "weights", 1),
-    "as another's payload": keys.sensor_report(SWARM, 1),
+    "as the payload of another vehicle": keys.sensor_report(SWARM, 1),
     "to another swarm": keys.uav_message("other", 1, "inform/state", 3),
 }
 
@@ -226,7 +226,9 @@ def test_a_vehicle_can_put_only_its_own_keys(protocol: str) -> None:
                         received.clear()
                     three.put(key, what.encode())
                     await until(
-                        lambda: TO_ONE in net.received["one"], "uav3 itself", lambda: three.put(TO_ONE, b"")
+                        lambda: TO_ONE in net.received["one"],
+                        "the message of uav3",
+                        lambda: three.put(TO_ONE, b""),
                     )
                     assert {key for received in net.received.values() for key in received} == {TO_ONE}, what
                 assert other == []
@@ -234,7 +236,7 @@ def test_a_vehicle_can_put_only_its_own_keys(protocol: str) -> None:
     asyncio.run(scene())
 
 
-def test_without_certificates_no_wildcard_and_no_other_swarm_gets_through_either() -> None:
+def test_wildcards_and_other_swarms_are_blocked_without_certificates() -> None:
     async def scene() -> None:
         async with network("tcp") as net:
             with ZenohBus(client_of(net.there, "uav3")) as three:
@@ -252,7 +254,7 @@ def test_without_certificates_no_wildcard_and_no_other_swarm_gets_through_either
     asyncio.run(scene())
 
 
-# --- what a vehicle may hear and ask
+# --- keys that a vehicle may receive and query
 
 
 @pytest.mark.parametrize("protocol", CERTIFIED)
@@ -274,7 +276,9 @@ def test_a_vehicle_receives_only_its_own_messages(expression: str, protocol: str
                     net.two.put(for_three, b"")
 
                 await until(
-                    lambda: own and net.received["one"] and net.received["station"], "all others", say
+                    lambda: own and net.received["one"] and net.received["station"],
+                    "all other receivers",
+                    say,
                 )
                 assert set(own) == {for_three}
                 assert set(overheard) <= {for_three}
@@ -336,14 +340,14 @@ def test_an_oversized_message_reaches_no_receiver_and_is_counted(protocol: str) 
         async with network(protocol) as net:
             session = raw(client_of(net.there, "uav3"))
             try:
-                # The first still fits the links, the second does not.
+                # The first message fits the links, the second does not.
                 for size in (MAX_MESSAGE_BYTES + 1, 4 * MAX_MESSAGE_BYTES):
                     session.put(TO_ONE, bytes(size))
-                await until(lambda: net.one.dropped, "the first is counted")
+                await until(lambda: net.one.dropped, "the count of the first message")
                 assert net.received["one"] == []
                 await until(
                     lambda: net.received["one"],
-                    "short ones still come",
+                    "short messages after that",
                     lambda: session.put(TO_ONE, b"short"),
                 )
                 assert net.one.dropped == 1
@@ -356,7 +360,7 @@ def test_an_oversized_message_reaches_no_receiver_and_is_counted(protocol: str) 
 # --- a mesh
 
 
-def test_a_mesh_relays_only_the_swarms_keys_for_its_certificates(tmp_path: Path) -> None:
+def test_a_mesh_relays_the_swarms_keys_for_its_certificates_only(tmp_path: Path) -> None:
     make_keys(tmp_path, ["uav3"], 5, NOW)
     forged = tmp_path / "uav3"
     foreign = Credentials(keys_folder() / "uav3" / "ca.pem", forged / "cert.pem", forged / "key.pem")
@@ -409,7 +413,7 @@ def answers(text: bytes) -> Callable[[str, bytes | None, Callable[[bytes], None]
 
 @pytest.mark.parametrize("protocol", ["tcp", "tls"])
 def test_mesh_nodes_do_not_relay_reports(protocol: str) -> None:
-    """A look has no signature: it is taken at the vehicle's own node, from its certificate or operators."""
+    """A report has no signature; only the vehicle's own node accepts it, by certificate."""
 
     async def scene() -> None:
         async with meshed(protocol) as (places, nodes), AsyncExitStack() as stack:
@@ -423,7 +427,7 @@ def test_mesh_nodes_do_not_relay_reports(protocol: str) -> None:
                 return stack.enter_context(ZenohBus(client_of(places[at], name)))
 
             payload, operator = client(1, "uav1"), client(1, "operator")
-            strangers = {"uav3's own node": nodes[3], "its neighbour": nodes[2]}
+            strangers = {"uav3's own node": nodes[3], "the neighbour of uav1": nodes[2]}
             strangers |= {"uav1's payload at another node": client(2, "uav1")}
             strangers |= {"an operator at another node": client(3, "operator")}
             if protocol == "tls":
@@ -445,8 +449,8 @@ def test_mesh_nodes_do_not_relay_reports(protocol: str) -> None:
     asyncio.run(scene())
 
 
-def test_a_process_that_serves_anothers_key_does_not_hide_its_answer() -> None:
-    """In a mesh any node may serve any key: the asker gets all answers, and finds the author of each."""
+def test_a_forged_answer_does_not_hide_the_true_answer() -> None:
+    """In a mesh any node may serve any key. The sender of the query gets all answers with their authors."""
 
     async def scene() -> None:
         async with meshed("tls") as (places, nodes):

@@ -1,4 +1,4 @@
-"""When a node of a mesh gives its session up for a new one: as a table of what it sees over time."""
+"""Renewal of a mesh node's session: links and missing routes over time."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from swarmctl.bus.transports.renewal import (
 )
 
 SOON, LATE = "0000aa", "ffffbb"
-"""ids of the nodes with the shortest and the longest wait"""
+"""Ids of the nodes with the shortest and the longest wait."""
 
 
 def test_a_neighbour_without_routes_causes_a_renewal_after_a_wait() -> None:
@@ -40,7 +40,7 @@ def test_routes_in_time_restart_the_wait() -> None:
     assert renewal.is_due(SOON, {"2": False}, 104.0, is_missed=False)
 
 
-def test_a_link_that_ends_causes_no_renewal() -> None:
+def test_the_end_of_a_link_causes_no_renewal() -> None:
     renewal = Renewal()
     assert not renewal.is_due(SOON, {"2": False}, 100.0, is_missed=False)
     assert not renewal.is_due(SOON, {}, 101.0, is_missed=False)
@@ -58,7 +58,7 @@ def test_a_neighbour_is_requested_to_renew_after_a_renewal_without_effect() -> N
     assert not any(renewal.is_due(SOON, missing, 110.0 + s, is_missed=False) for s in range(10_000))
 
 
-def test_a_missed_node_renews() -> None:
+def test_a_missed_node_renews_its_session() -> None:
     renewal = Renewal()
     assert not renewal.is_due(SOON, {"2": True}, 100.0, is_missed=True)
     assert renewal.is_due(SOON, {"2": True}, 100.0 + MIN_ROUTE_WAIT_S, is_missed=True)
@@ -84,7 +84,7 @@ def test_the_wait_depends_on_the_id(number: int) -> None:
 
 @given(st.lists(st.sampled_from(["", "2", "3", "23"]), max_size=200))
 def test_a_whole_network_causes_no_renewal(links: list[str]) -> None:
-    """Whichever links come and go."""
+    """The rule holds for any sequence of links."""
     renewal = Renewal()
     for number, ids in enumerate(links):
         assert not renewal.is_due(SOON, dict.fromkeys(ids, True), float(number), is_missed=False)
@@ -92,33 +92,33 @@ def test_a_whole_network_causes_no_renewal(links: list[str]) -> None:
 
 def test_a_missed_neighbour_is_requested_until_routes_exist() -> None:
     """Node `1` does not receive the subscription of node `2`."""
-    told_1: set[str] = set()
-    told_2: set[str] = set()
+    keys_at_1: set[str] = set()
+    keys_at_2: set[str] = set()
 
-    def subscribes(others: set[str]) -> Callable[[str], Callable[[], None]]:
-        def hear(key: str) -> Callable[[], None]:
-            others.add(key)
-            return lambda: others.remove(key)
+    def declare_at(keys: set[str]) -> Callable[[str], Callable[[], None]]:
+        def declare(key: str) -> Callable[[], None]:
+            keys.add(key)
+            return lambda: keys.remove(key)
 
-        return hear
+        return declare
 
     def nowhere(_key: str) -> Callable[[], None]:
         return lambda: None
 
     renewal_1, renewal_2 = Renewal(), Renewal()
-    one = MeshNeighbours("nodes", SOON, subscribes(told_2), told_1.__contains__)
-    two = MeshNeighbours("nodes", LATE, nowhere, told_2.__contains__)
+    one = MeshNeighbours("nodes", SOON, declare_at(keys_at_2), keys_at_1.__contains__)
+    two = MeshNeighbours("nodes", LATE, nowhere, keys_at_2.__contains__)
     assert not one.has_to_renew(renewal_1, [LATE], 100.0)
     assert one.has_to_renew(renewal_1, [LATE], 100.0 + MIN_ROUTE_WAIT_S)
     assert not two.has_to_renew(renewal_2, [SOON], 102.0)
-    assert told_2 == {f"nodes/{SOON}"}
+    assert keys_at_2 == {f"nodes/{SOON}"}
     assert not one.has_to_renew(renewal_1, [LATE], 103.0)
-    assert told_2 == {f"nodes/{SOON}", f"nodes/{LATE}/missed"}
+    assert keys_at_2 == {f"nodes/{SOON}", f"nodes/{LATE}/missed"}
     assert not two.has_to_renew(renewal_2, [SOON], 103.0)
     assert two.has_to_renew(renewal_2, [SOON], 103.0 + MAX_ROUTE_WAIT_S)
-    told_1.add(f"nodes/{LATE}")
+    keys_at_1.add(f"nodes/{LATE}")
     assert not one.has_to_renew(renewal_1, [LATE], 108.0)
-    assert told_2 == {f"nodes/{SOON}"}
+    assert keys_at_2 == {f"nodes/{SOON}"}
 
 
 def test_a_link_that_is_missing_in_two_lists_has_ended() -> None:

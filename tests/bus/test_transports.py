@@ -22,7 +22,7 @@ pytestmark = pytest.mark.interop
 
 @dataclass(frozen=True, slots=True)
 class Ends:
-    """Two vehicles and the operator, each on its own machine where the transport has machines."""
+    """Two vehicles and the operator, each on its own machine if the transport has machines."""
 
     one: Transport
     two: Transport
@@ -109,10 +109,10 @@ def state(to: int, sender: int) -> str:
     return keys.uav_message(SWARM, to, "inform/state", sender)
 
 
-def test_messages_and_questions_reach_their_receiver_in_order(
+def test_messages_and_queries_reach_their_receiver_in_order(
     ends: Callable[[], AbstractContextManager[Ends]],
 ) -> None:
-    """One scene, for each transport takes a while to set up."""
+    """A single scene, as the set-up of a transport takes long."""
 
     async def scene() -> None:
         with ends() as net:
@@ -131,10 +131,12 @@ def test_messages_and_questions_reach_their_receiver_in_order(
 
             net.two.serve(weights, serve)
             await net.met()
-            await until(lambda: received["two"], "heard at all", lambda: net.one.put(state(2, 1), b"hello"))
+            await until(
+                lambda: received["two"], "the first message", lambda: net.one.put(state(2, 1), b"hello")
+            )
             await until(
                 lambda: received["station"],
-                "the station hears at all",
+                "the first message to the station",
                 lambda: net.two.put(keys.to_station(SWARM, 2), b"hello"),
             )
             await asyncio.sleep(0.1)
@@ -145,15 +147,17 @@ def test_messages_and_questions_reach_their_receiver_in_order(
             for number in numbers:
                 net.one.put(state(2, 1), number)
             net.two.put(keys.to_station(SWARM, 2), b"2")
-            await until(lambda: len(received["two"]) >= 100 and received["station"], "all of it")
+            await until(lambda: len(received["two"]) >= 100 and received["station"], "all messages")
             assert received["two"] == [(state(2, 1), n) for n in numbers]
             received["two"].clear()
             dropped = net.one.dropped
             net.one.put(state(2, 1), bytes(MAX_MESSAGE_BYTES + 1))
             assert net.one.dropped == dropped + 1
-            # It goes in fragments, which a busy machine may drop.
+            # The longest message is sent in fragments, which a busy machine may drop.
             longest = bytes(MAX_MESSAGE_BYTES)
-            await until(lambda: received["two"], "the longest", lambda: net.one.put(state(2, 1), longest))
+            await until(
+                lambda: received["two"], "the longest message", lambda: net.one.put(state(2, 1), longest)
+            )
             assert set(received["two"]) == {(state(2, 1), longest)}
             assert received["station"] == [(keys.to_station(SWARM, 2), b"2")]
             assert received["one"] == []
@@ -188,7 +192,7 @@ def test_an_expression_is_a_key_or_a_prefix(
             net.one.subscribe("last", lambda key, _: last.append(key))
             net.one.put(key, b"")
             net.one.put("last", b"")
-            await until(lambda: last, "the last")
+            await until(lambda: last, "the last message")
             assert received == ([key] if is_heard else []) + (["last"] if expression == "**" else [])
 
     asyncio.run(scene())
@@ -213,7 +217,7 @@ def buses_that_report(failures: list[tuple[str, str]]) -> list[Callable[[], Tran
 
 
 @pytest.mark.parametrize("which", [0, 1], ids=["memory", "zenoh"])
-def test_a_bug_in_a_receiver_stops_neither_the_others_nor_the_loop(which: int) -> None:
+def test_a_bug_in_a_receiver_stops_neither_other_receivers_nor_the_loop(which: int) -> None:
     failures: list[tuple[str, str]] = []
 
     def fails(*_: object) -> None:
@@ -230,7 +234,7 @@ def test_a_bug_in_a_receiver_stops_neither_the_others_nor_the_loop(which: int) -
                 bus.put("a/b", bytes((n,)))
             with contextlib.suppress(TimeoutError):
                 await bus.ask("a/q", b"", 0.2)
-            await until(lambda: len(received) == 3 and bus.failed == 4, "the others")
+            await until(lambda: len(received) == 3 and bus.failed == 4, "the other receivers")
             assert received == [b"\0", b"\1", b"\2"]
             assert sorted(failures) == [("a/b", "a bug")] * 3 + [("a/q", "a bug")]
 
@@ -247,7 +251,7 @@ def test_a_subscription_to_anothers_inbox_does_not_divert_its_messages() -> None
             net.one.subscribe(f"swarmctl/{SWARM}/**", lambda key, _: monitored.append(key))
             net.two.subscribe(keys.inbox(SWARM, 2), lambda key, _: received.append(key))
             await net.met()
-            await until(lambda: received, "the other hears", lambda: net.one.put(state(2, 1), b""))
+            await until(lambda: received, "the message to uav2", lambda: net.one.put(state(2, 1), b""))
             assert monitored[0] == state(2, 1)
 
     asyncio.run(scene())
@@ -269,7 +273,7 @@ def test_a_closed_bus_neither_sends_nor_receives() -> None:
     asyncio.run(scene())
 
 
-def test_messages_before_the_session_is_open_are_dropped_and_counted() -> None:
+def test_messages_before_the_opening_of_the_session_are_dropped_and_counted() -> None:
     async def scene() -> None:
         with ZenohBus(client_of(here("tcp"), "uav1")) as bus:
             bus.put(state(2, 1), b"unreceived")

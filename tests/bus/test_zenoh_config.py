@@ -1,4 +1,4 @@
-"""Zenoh's configuration: understood by Zenoh, and right for each place in a network."""
+"""Zenoh's configuration: accepted by Zenoh, and right for each role in a network."""
 
 from __future__ import annotations
 
@@ -52,8 +52,8 @@ def test_a_listening_configuration_has_an_access_list_and_one_protocol(name: str
 
 
 @pytest.mark.parametrize("name", CONFIGURATIONS)
-def test_only_mesh_nodes_have_keys_of_presence(name: str) -> None:
-    """Every node of the swarm may hear under these keys; no node may put or ask."""
+def test_only_mesh_nodes_have_presence_keys(name: str) -> None:
+    """Every node of the swarm may subscribe to these keys; no node may put or query."""
     nodes = CONFIGURATIONS[name].nodes
     assert nodes == ("swarmctl/test/node" if name == "mesh" else "")
     if not nodes:
@@ -69,7 +69,7 @@ def test_only_mesh_nodes_have_keys_of_presence(name: str) -> None:
 
 
 def test_a_vehicles_rights_do_not_depend_on_other_vehicles() -> None:
-    """A hundred vehicles are a list that Zenoh loads in a tenth of a second."""
+    """Zenoh loads a list of a hundred vehicles in 0.1 s."""
     listed = router_rules("test", range(1, 101), certified=True)
     assert max(len(rule["key_exprs"]) for rule in listed["rules"]) <= 300
     assert sum(len(rule["key_exprs"]) for rule in listed["rules"]) < 15_000

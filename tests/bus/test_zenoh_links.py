@@ -1,4 +1,4 @@
-"""Links that break and peers that freeze: what is found again, what never waits, and that a process ends."""
+"""Broken links and frozen peers: reconnection, calls that never block, and the end of a process."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def answer(key: str, payload: bytes | None, reply: Callable[[bytes], None]) -> N
 def test_a_late_or_restarted_router_is_found_each_time(
     protocol: str, lost_after_s: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Subscriptions and questions are declared again, in the same session or the next."""
+    """Subscriptions and queries work again, in the same session or a new one."""
     monkeypatch.setattr(renewal, "LOST_AFTER_S", lost_after_s)
     monkeypatch.setattr(zenoh, "CHECK_EVERY_S", 0.05)
 
@@ -71,19 +71,21 @@ def test_a_late_or_restarted_router_is_found_each_time(
             two.subscribe(keys.inbox(SWARM, 2), lambda _, payload: received.append(payload))
             two.serve(WEIGHTS, answer)
             try:
-                # A killed router is noticed at once over TCP, after the lease over QUIC.
+                # The end of a router is detected at once over TCP, and after the lease over QUIC.
                 for _ in range(2 if protocol == "quic" else 3):
                     dropped = one.dropped
                     one.put(TO_TWO, b"lost")
                     assert one.dropped == dropped + 1
                     await asyncio.to_thread(router.start)
                     began_s = time.monotonic()
-                    await until(lambda: received, "heard again", lambda: one.put(TO_TWO, b"again"))
+                    await until(
+                        lambda: received, "a message after the restart", lambda: one.put(TO_TWO, b"again")
+                    )
                     found_s.append(time.monotonic() - began_s)
                     await meet(operator)
                     await until_answered(operator, WEIGHTS, b"answer", within_s=5.0)
                     router.kill()
-                    await until(lambda: one.links + two.links + operator.links == 0, "the end is noticed")
+                    await until(lambda: one.links + two.links + operator.links == 0, "the end of the links")
                     received.clear()
                     await asyncio.sleep(2 * zenoh.CHECK_EVERY_S if lost_after_s == 0.0 else 0.0)
             finally:
@@ -98,7 +100,7 @@ def test_a_late_or_restarted_router_is_found_each_time(
 
 @pytest.mark.full
 @pytest.mark.parametrize("protocol", ["tcp", "tls", "quic"])
-def test_a_frozen_router_blocks_no_put_and_is_given_up(protocol: str) -> None:
+def test_a_frozen_router_blocks_no_put_and_counts_as_lost(protocol: str) -> None:
     async def scene() -> tuple[float, float, float]:
         with router_process(protocol) as router:
             one = ZenohBus(client_of(router.there, "uav1"))
@@ -124,7 +126,7 @@ def test_a_frozen_router_blocks_no_put_and_is_given_up(protocol: str) -> None:
 
 
 def test_a_frozen_operator_does_not_block_the_loop() -> None:
-    """The asker decides whether an answer may be dropped; a frozen one would be waited for."""
+    """The sender of a query decides whether answers may be dropped; otherwise the node would wait."""
 
     async def scene() -> float:
         asked = asyncio.Event()
@@ -137,12 +139,12 @@ def test_a_frozen_operator_does_not_block_the_loop() -> None:
         there = here("tcp")
         with ZenohBus(listen=there, ask_keys=(WEIGHTS,)) as bus:
             bus.serve(WEIGHTS, serve)
-            asker = [sys.executable, "-c", ASKER, str(there), WEIGHTS]
+            asker = [sys.executable, "-c", FROZEN_OPERATOR, str(there), WEIGHTS]
             process = await asyncio.create_subprocess_exec(*asker)
             try:
                 async with asyncio.timeout(8.0):
                     await asked.wait()
-                await until(lambda: len(replies) == 20, "all questions")
+                await until(lambda: len(replies) == 20, "all queries")
                 process.send_signal(signal.SIGSTOP)
                 longest_s = 0.0
                 for reply in replies:
@@ -157,7 +159,7 @@ def test_a_frozen_operator_does_not_block_the_loop() -> None:
     assert asyncio.run(scene()) < 0.3
 
 
-ASKER = """\
+FROZEN_OPERATOR = """\
 import sys, time, zenoh
 config = zenoh.Config()
 config.insert_json5("mode", '"client"')
@@ -169,8 +171,8 @@ time.sleep(30)
 """
 
 
-def test_a_mesh_uses_a_returned_node_and_bypasses_a_lost_one() -> None:
-    """uav1 and uav2 reach each other by uav3 only; then uav2 is at uav1 too."""
+def test_a_mesh_uses_a_returned_node_and_bypasses_a_lost_node() -> None:
+    """uav1 and uav2 are connected through uav3 only; then uav2 also links to uav1."""
 
     async def scene() -> None:
         places = {uav: here("tcp") for uav in UAVS}
@@ -186,23 +188,23 @@ def test_a_mesh_uses_a_returned_node_and_bypasses_a_lost_one() -> None:
                 received.clear()
                 with node(3):
                     await until(lambda: received, "over two hops", lambda: one.put(TO_TWO, b""))
-                await until(lambda: one.links + two.links == 0, "the end is noticed")
-                # No process is back sooner. Zenoh's routers do not always find routes over a node that is
-                # back within milliseconds, while they are still closing the links to the one before.
+                await until(lambda: one.links + two.links == 0, "the end of the links")
+                # No process restarts sooner. Zenoh's routers do not always find routes over a node that
+                # returns within milliseconds, while the links to its predecessor are still closing.
                 await asyncio.sleep(0.25)
         with node(1, 3, 2) as one, node(2, 3) as two:
             two.subscribe(keys.inbox(SWARM, 2), lambda key, _: received.append(key))
             with node(3) as three:
                 await until(lambda: three.links == 2 and one.links == 2, "a ring")
-                await until(lambda: received, "the ring is known", lambda: one.put(TO_TWO, b""))
+                await until(lambda: received, "a message around the ring", lambda: one.put(TO_TWO, b""))
                 await asyncio.sleep(0.2)
                 received.clear()
                 one.put(TO_TWO, b"")
-                await until(lambda: received, "in a ring")
+                await until(lambda: received, "a message in the ring")
                 await asyncio.sleep(0.2)
                 assert len(received) == 1
             received.clear()
-            await until(lambda: received, "past the one that is gone", lambda: one.put(TO_TWO, b""))
+            await until(lambda: received, "a message past the lost node", lambda: one.put(TO_TWO, b""))
 
     asyncio.run(scene())
 
@@ -210,7 +212,7 @@ def test_a_mesh_uses_a_returned_node_and_bypasses_a_lost_one() -> None:
 def test_a_mesh_node_with_a_link_and_no_routes_renews_its_session_once(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """The other is as of an older version, and says nothing of itself; what was declared is, again."""
+    """The other node has an older version without presence keys. The new session repeats all declarations."""
     monkeypatch.setattr(renewal, "MIN_ROUTE_WAIT_S", 0.3)
     monkeypatch.setattr(renewal, "MAX_ROUTE_WAIT_S", 0.3)
     monkeypatch.setattr(zenoh, "RENEWAL_PAUSE_S", 0.1)
@@ -229,9 +231,9 @@ def test_a_mesh_node_with_a_link_and_no_routes_renews_its_session_once(
         ):
             one.subscribe(keys.inbox(SWARM, 1), lambda key, _: received.append(key))
             one.serve(keys.request(SWARM, "weights", 1), answer)
-            await until(lambda: came.count(True) == 2, "it begins anew")
+            await until(lambda: came.count(True) == 2, "the second session")
             key = keys.uav_message(SWARM, 1, "inform/state", 2)
-            await until(lambda: received, "what is put", lambda: two.put(key, b""))
+            await until(lambda: received, "the message of uav2", lambda: two.put(key, b""))
             assert await two.ask(keys.request(SWARM, "weights", 1), b"", 5.0) == (b"answer",)
             await asyncio.sleep(0.7)
             assert came.count(True) == 2
@@ -269,7 +271,7 @@ def test_a_whole_mesh_keeps_its_sessions(monkeypatch: pytest.MonkeyPatch) -> Non
 
 # --- a process ends
 
-LIVES = """\
+PROCESS = """\
 import asyncio, contextlib, signal, sys
 from pathlib import Path
 from swarmctl.bus.transports import process_exit, zenoh_config
@@ -308,15 +310,15 @@ def test_a_process_ends_on_ctrl_c_in_any_state_of_its_link(state: str, protocol:
     own = credentials(protocol, "uav1")
     paths = [] if own is None else [str(own.ca), str(own.certificate), str(own.key)]
 
-    def life(there: BusEndpoint) -> subprocess.Popen[str]:
-        until_what = "connecting" if state == "connecting" else "connected"
-        command = [sys.executable, "-c", LIVES, str(there), until_what, *paths]
+    def started(there: BusEndpoint) -> subprocess.Popen[str]:
+        state_before_ready = "connecting" if state == "connecting" else "connected"
+        command = [sys.executable, "-c", PROCESS, str(there), state_before_ready, *paths]
         return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
     with router_process(protocol) as router:
         if state == "connecting":
             router.kill()
-        with life(router.there) as process:
+        with started(router.there) as process:
             try:
                 assert process.stdout is not None
                 assert process.stdout.readline() == "ready\n"
@@ -324,7 +326,7 @@ def test_a_process_ends_on_ctrl_c_in_any_state_of_its_link(state: str, protocol:
                     router.kill()
                 if state.startswith("router frozen"):
                     router.signal(signal.SIGSTOP)
-                # Time for queues to fill, and in one case for the link to be given up.
+                # The queues fill, and in one case the link is lost.
                 time.sleep(2.5 if state.endswith("long") else 0.3)
                 process.send_signal(signal.SIGINT)
                 began_s = time.monotonic()

@@ -1,4 +1,4 @@
-"""Links to simulated autopilots that boot anew, speak unknown messages and print text, on a virtual clock."""
+"""Links to simulated autopilots that reboot, send unknown messages and print text, on a virtual clock."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from swarmctl.links.transports.memory import MemoryWire
 
 
 class FleetWorld:
-    """Simulated vehicles, of which each boot sends from a port of its own, as ArduPilot's UDP does."""
+    """Simulated vehicles; each boot sends from a new port, as ArduPilot's UDP does."""
 
     def __init__(self, *personalities: str) -> None:
         vehicles = [
@@ -42,9 +42,9 @@ class FleetWorld:
 
     def _to_vehicles(self, data: bytes, address: Any) -> None:
         self.sent_to.append(address)
-        here = [i for i in range(len(self.fleet.vehicles)) if self.port(i) == address]
+        targets = [i for i in range(len(self.fleet.vehicles)) if self.port(i) == address]
         now = asyncio.get_running_loop().time()
-        self._from(self.fleet.receive(data, now, peer=address, reach=here))
+        self._from(self.fleet.receive(data, now, peer=address, reach=targets))
 
     def _from(self, frames: Any) -> None:
         for index, data in frames:
@@ -81,7 +81,7 @@ def test_a_rebooted_vehicle_is_followed_to_its_new_port():
             new = world.port(0)
             assert new != old
             assert AddressChanged(f"{new[0]}:{new[1]}") in world.events
-            assert any(not data.startswith(b"\xfd") for data in world.raw), "its boot printed text"
+            assert any(not data.startswith(b"\xfd") for data in world.raw), "no text printed by the boot"
             await until(lambda: link.state().has_position)
             world.sent_to.clear()
             await link.prepare(60, lambda _: None)

@@ -40,8 +40,8 @@ def test_two_vehicles_with_one_system_id_are_a_conflict_and_the_second_is_ignore
     play(story())
 
 
-class Unrecorded:
-    """Takes all it is told, and cannot keep it."""
+class FailingEvidence:
+    """Evidence that accepts each message and cannot store any."""
 
     def to_vehicle(self, sysid, message, by=""):
         return True
@@ -53,11 +53,13 @@ class Unrecorded:
         return "the disk is full"
 
 
-def test_no_vehicle_is_armed_while_its_evidence_is_not_safe_on_disk():
+def test_no_vehicle_is_armed_before_its_evidence_is_on_disk():
     async def story():
         world = World(Copter(1))
         world.front = FrontEnd(
-            wall_time_us=lambda: 1_700_000_000_000_000, memory={"test": world.wire}, evidence=Unrecorded()
+            wall_time_us=lambda: 1_700_000_000_000_000,
+            memory={"test": world.wire},
+            evidence=FailingEvidence(),
         )
         async with world:
             link = world.link()
@@ -71,7 +73,7 @@ def test_no_vehicle_is_armed_while_its_evidence_is_not_safe_on_disk():
     play(story())
 
 
-def test_a_companion_with_the_vehicles_system_id_moves_nothing():
+def test_a_companion_with_the_vehicles_system_id_does_not_change_the_address():
     async def story():
         async with World(Copter(1)) as world:
             link = world.link()
@@ -110,7 +112,7 @@ def test_frames_go_to_the_vehicles_address_only_and_one_heartbeat_to_each():
     play(story())
 
 
-def test_one_system_id_cannot_be_two_vehicles_on_one_endpoint():
+def test_two_vehicles_with_one_system_id_on_one_endpoint_are_refused():
     async def story():
         async with World(Copter(1)) as world:
             await world.link().connect(10)
@@ -168,7 +170,7 @@ def test_the_tlog_is_read_by_pymavlink_with_both_directions(tmp_path):
 
 
 @pytest.mark.parametrize("path", ["/dev/full", "/no/such/folder/alpha.tlog"])
-def test_a_tlog_that_cannot_be_written_ends_with_one_message_but_not_the_link(path):
+def test_an_unwritable_tlog_is_reported_once_and_the_link_stays(path):
     async def story():
         async with World(Copter(1), tlog=Path(path)) as world:
             link = world.link()
@@ -205,7 +207,7 @@ def test_received_frames_are_on_disk_within_two_seconds(tmp_path):
 
 
 def test_a_closed_front_end_sends_nothing_and_leaves_no_timers():
-    """A run that fails leaves them as they are: in the middle of something, and asking for telemetry."""
+    """A failing run closes the front end during an upload and with open telemetry requests."""
 
     async def story():
         failures: list[dict] = []
@@ -221,7 +223,7 @@ def test_a_closed_front_end_sends_nothing_and_leaves_no_timers():
             await world.front.close()
             await asyncio.sleep(0.01)
             n_sent = len(world.to_vehicles)
-            assert world.to_vehicles[-1][0][7:10] == b"\x2f\0\0", "MISSION_ACK: that the upload is over"
+            assert world.to_vehicles[-1][0][7:10] == b"\x2f\0\0", "no MISSION_ACK that cancels the upload"
             await asyncio.sleep(120)
             assert len(world.to_vehicles) == n_sent
             assert failures == []
@@ -231,15 +233,15 @@ def test_a_closed_front_end_sends_nothing_and_leaves_no_timers():
     play(story())
 
 
-def test_a_channel_that_is_detached_sends_nothing():
+def test_a_detached_channel_sends_nothing():
     async def story():
         async with World(Copter(1)) as world:
             link = world.link()
             await link.connect(10)
-            channel, question = link._channel, mavlink.MAVLink_mission_request_list_message(1, 1, 0)
+            channel, request = link._channel, mavlink.MAVLink_mission_request_list_message(1, 1, 0)
             for attached in (True, False):
                 world.to_vehicles.clear()
-                channel.send([question])
+                channel.send([request])
                 await asyncio.sleep(0.01)
                 assert (len(world.to_vehicles) == 1) == attached
                 channel.detach()

@@ -1,4 +1,4 @@
-"""A message that would arm a vehicle does not reach it if the evidence cannot be written."""
+"""Messages that would arm a vehicle: not sent if the evidence cannot be written."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 
 import pytest
-from forward_world import WATCHER, Watching
+from forward_world import WATCHER, ForwardReceiver
 from link_world import World, north, play, until
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scripted_copter import Copter
@@ -20,53 +20,53 @@ from swarmctl.report.evidence.hooks import Evidence
 ARM, START = mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_MISSION_START
 
 
-class WrittenWorld(World):
-    """A copter, and a book of evidence whose disk can fill up."""
+class EvidenceWorld(World):
+    """A copter and an evidence file on a disk that can fill up."""
 
     def __init__(self, folder: Path) -> None:
         super().__init__(Copter(1))
         loop = asyncio.get_running_loop()
-        self.book = EvidenceFile(
+        self.evidence_file = EvidenceFile(
             folder / FILE_NAME, {}, unix_s=loop.time, run_s=loop.time, say=self.said.append
         )
-        self.watching = Watching()
+        self.watching = ForwardReceiver()
         self.front = FrontEnd(
             wall_time_us=self._wall,
             memory={"test": self.wire, "watcher": self.watching.wire},
-            evidence=Evidence(self.book, {1: "alpha"}),
+            evidence=Evidence(self.evidence_file, {1: "alpha"}),
             say=self.said.append,
         )
 
     async def __aexit__(self, *error: object) -> None:
         await super().__aexit__(*error)
-        self.book.close()
+        self.evidence_file.close()
 
     def disk_is_full(self) -> str:
         """Fill the disk from now on; as a launch check, report no vehicle in the way."""
         full = os.open("/dev/full", os.O_WRONLY)
-        os.dup2(full, self.book._file.fileno())
+        os.dup2(full, self.evidence_file._file.fileno())
         os.close(full)
         return ""
 
-    def given(self) -> list[int]:
+    def launch_commands(self) -> list[int]:
         return [number for number, _ in self.copters[1].commands if number in (ARM, START)]
 
 
 def test_an_arming_command_that_cannot_be_recorded_is_not_sent(tmp_path: Path) -> None:
-    """The disk has all before, and fills up right before the order."""
+    """The disk stores all earlier messages and fills up right before the command."""
 
     async def story() -> None:
-        async with WrittenWorld(tmp_path) as world:
+        async with EvidenceWorld(tmp_path) as world:
             link = world.link()
             await link.connect(10)
             await link.prepare(30, lambda _: None)
             await link.upload(north(8))
             with pytest.raises(LaunchFailed, match=r"\[no-arming\]"):
                 await link.launch(world.disk_is_full)
-            assert world.given() == []
+            assert world.launch_commands() == []
             assert not world.copters[1].armed
             assert "[evidence-ended]" in world.said[0]
-            # A command that arms no vehicle still goes out.
+            # A command that cannot arm a vehicle is still sent.
             await link.return_home()
             assert world.copters[1].mode_name == "RTL"
 
@@ -75,7 +75,7 @@ def test_an_arming_command_that_cannot_be_recorded_is_not_sent(tmp_path: Path) -
 
 def test_an_arming_command_of_another_station_that_cannot_be_recorded_is_not_sent(tmp_path: Path) -> None:
     async def story() -> None:
-        async with WrittenWorld(tmp_path) as world:
+        async with EvidenceWorld(tmp_path) as world:
             await world.front.forward(WATCHER, commands=True)
             world.watching.wire.from_vehicle(b"", "station")
             await world.link().connect(10)
@@ -84,6 +84,6 @@ def test_an_arming_command_of_another_station_that_cannot_be_recorded_is_not_sen
             world.watching.say(mavlink.MAVLink_command_long_message(1, 1, ARM, 0, 1, 0, 0, 0, 0, 0, 0))
             world.watching.say(mavlink.MAVLink_command_long_message(1, 1, 176, 0, 1, 4, 0, 0, 0, 0, 0))
             await until(lambda: world.copters[1].mode_name == "GUIDED", 5)
-            assert world.given() == []
+            assert world.launch_commands() == []
 
     play(story())

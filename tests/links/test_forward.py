@@ -7,7 +7,7 @@ import socket
 from typing import Any
 
 import pytest
-from forward_world import WATCHER, Watching
+from forward_world import WATCHER, ForwardReceiver
 from link_world import HURRY, WIRE, World, play, until
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -42,7 +42,7 @@ class WatchedWorld(World):
     def __init__(self, *copters: Copter, commands: bool = False) -> None:
         super().__init__(*copters)
         self.recorder = SentRecorder()
-        self.watching = Watching()
+        self.watching = ForwardReceiver()
         self.said: list[str] = []
         self.front = FrontEnd(
             wall_time_us=self._wall,
@@ -55,7 +55,7 @@ class WatchedWorld(World):
     async def __aenter__(self) -> WatchedWorld:
         await super().__aenter__()
         await self.front.forward(WATCHER, commands=self._commands)
-        self.watching.wire.from_vehicle(b"", "station")  # its address is known after its first packet
+        self.watching.wire.from_vehicle(b"", "station")  # the first packet shows the station's address
         await asyncio.sleep(0)
         return self
 
@@ -63,14 +63,14 @@ class WatchedWorld(World):
 HOLD = mavlink.MAVLink_command_long_message(1, 1, 176, 0, 1, 4, 0, 0, 0, 0, 0)
 
 
-def test_a_watcher_sees_all_vehicles_and_what_is_sent_to_them() -> None:
+def test_a_watching_station_receives_all_messages_from_and_to_the_vehicles() -> None:
     async def story() -> None:
         async with WatchedWorld(Copter(1), Copter(2)) as world:
             links = [world.link(1), world.link(2, "beta")]
             for link in links:
                 await link.connect(10)
                 await link.prepare(30, lambda _: None)
-            received = world.watching.heard()
+            received = world.watching.received()
             beats = {m.get_srcSystem() for m in received if m.get_type() == "HEARTBEAT"}
             assert beats == {1, 2, 255}
             assert {(m.get_type(), m.get_srcSystem()) for m in received} >= {
@@ -125,7 +125,7 @@ def test_frames_are_forwarded_unchanged() -> None:
     play(story())
 
 
-def test_a_watchers_frames_reach_no_vehicle() -> None:
+def test_frames_of_a_watching_station_reach_no_vehicle() -> None:
     async def story() -> None:
         copter = Copter(1)
         async with WatchedWorld(copter) as world:
@@ -150,7 +150,7 @@ def test_a_permitted_command_of_another_station_arrives_and_is_recorded_under_it
             await until(lambda: copters[0].mode_name == "GUIDED", 5)
             assert copters[1].mode_name == "STABILIZE"
             assert (1, "COMMAND_LONG", "station 252 at memory:watcher") in world.recorder.sent
-            acks = [m for m in world.watching.heard() if m.get_type() == "COMMAND_ACK"]
+            acks = [m for m in world.watching.received() if m.get_type() == "COMMAND_ACK"]
             assert any(m.command == 176 for m in acks)
 
     play(story())
@@ -159,7 +159,7 @@ def test_a_permitted_command_of_another_station_arrives_and_is_recorded_under_it
 @pytest.mark.parametrize("arms", [0, 1])
 @pytest.mark.parametrize("code", [21196, 21196.4, 2989, float("nan")])
 def test_a_forced_arming_or_disarming_of_another_station_is_never_passed_on(arms: int, code: float) -> None:
-    """PX4 rounds the code; a vehicle that is disarmed in flight falls."""
+    """PX4 rounds the code, and a vehicle disarmed in flight falls."""
     rest = (arms, code, 0, 0, 0, 0, 0)
 
     async def story() -> None:
@@ -213,26 +213,26 @@ def test_only_the_target_of_an_outgoing_endpoint_may_command() -> None:
         made.setblocking(False)
         return made
 
-    async def story(watcher: socket.socket, stranger: socket.socket) -> None:
+    async def story(target_socket: socket.socket, other_socket: socket.socket) -> None:
         world = World(Copter(1))
         async with world:
-            target = Endpoint("udpout", "127.0.0.1", watcher.getsockname()[1])
+            target = Endpoint("udpout", "127.0.0.1", target_socket.getsockname()[1])
             await world.front.forward(target, commands=True)
             link = world.link()
             await link.connect(10)
             async with asyncio.timeout(10):
-                _, ours = await asyncio.get_running_loop().sock_recvfrom(watcher, 2048)
+                _, ours = await asyncio.get_running_loop().sock_recvfrom(target_socket, 2048)
             commands = world.copters[1].commands
             station = mavlink.MAVLink(None, srcSystem=252, srcComponent=190)
-            for sender, marker in ((stranger, 3.0), (watcher, 4.0)):
+            for sender, marker in ((other_socket, 3.0), (target_socket, 4.0)):
                 params = (marker, 0, 0, 0, 0, 0, 0)
-                ask = mavlink.MAVLink_command_long_message(1, 1, 520, 0, *params)
-                sender.sendto(bytes(ask.pack(station)), ("127.0.0.1", ours[1]))
+                command = mavlink.MAVLink_command_long_message(1, 1, 520, 0, *params)
+                sender.sendto(bytes(command.pack(station)), ("127.0.0.1", ours[1]))
             await until(lambda: any(c == 520 for c, _ in commands), 10)
             assert [params[0] for c, params in commands if c == 520] == [4.0]
 
-    with udp() as watcher, udp() as stranger:
-        asyncio.run(story(watcher, stranger))
+    with udp() as target_socket, udp() as other_socket:
+        asyncio.run(story(target_socket, other_socket))
 
 
 def test_a_command_that_may_not_be_recorded_is_not_passed_on() -> None:
@@ -270,7 +270,7 @@ def test_a_forwarding_loop_is_refused_in_either_order(target: str, vehicles: str
     asyncio.run(story())
 
 
-def test_a_udp_socket_that_takes_nothing_drops_instead_of_filling_memory() -> None:
+def test_a_blocked_udp_socket_drops_frames_instead_of_filling_memory() -> None:
     async def story() -> None:
         here = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         here.bind(("127.0.0.1", 0))
@@ -278,28 +278,28 @@ def test_a_udp_socket_that_takes_nothing_drops_instead_of_filling_memory() -> No
         await udp.open(lambda _data, _address: None)
         (peer,) = udp.peers()
 
-        class Stuck(socket.socket):
+        class BlockedSocket(socket.socket):
             def sendto(self, *_: Any) -> int:
                 raise BlockingIOError
 
         transport: Any = udp._transport
-        stuck = Stuck(fileno=socket.dup(transport._sock.fileno()))
-        stuck.setblocking(False)
-        original, transport._sock = transport._sock, stuck
+        blocked = BlockedSocket(fileno=socket.dup(transport._sock.fileno()))
+        blocked.setblocking(False)
+        original, transport._sock = transport._sock, blocked
         for _ in range(100):
             udp.send(bytes(10_000), peer)
         assert transport.get_write_buffer_size() < 100_000
         transport._loop._remove_writer(transport._sock_fd)
         transport._buffer.clear()
         transport._sock = original
-        stuck.close()
+        blocked.close()
         await udp.close()
         here.close()
 
     asyncio.run(story())
 
 
-def test_a_tcp_watcher_that_does_not_read_delays_nothing() -> None:
+def test_a_watching_tcp_station_that_does_not_read_causes_no_delay() -> None:
     async def story() -> None:
         wire = MemoryWire()
         async with FrontEnd(wall_time_us=lambda: 0, memory={"test": wire}) as front:

@@ -1,4 +1,4 @@
-"""At which address a vehicle is: rows of (sender, time) -> verdict."""
+"""The address of a vehicle: rows of (sender, time) -> verdict."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ OK, MOVED, DROPPED, CONFLICT = (
         "one vehicle",
         "a reboot comes back from another port after a silence",
         "a quick reboot is followed once the old port has been silent",
-        "two at once: reported once, the second dropped",
-        "a third one is reported too",
-        "the first one of two falls silent",
+        "two senders at once: reported once, the second dropped",
+        "a third sender is reported as well",
+        "the first of two senders falls silent",
     ],
 )
-def test_story(story):
+def test_the_verdicts_on_a_sequence_of_senders(story):
     route = AddressTracker()
     assert [(sender, now, route.receive(sender, now)) for sender, now, _ in story] == story

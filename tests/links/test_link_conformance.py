@@ -1,6 +1,6 @@
 """Behaviour of every link, over the front end and a memory wire.
 
-`direct` on a virtual clock; `mavsdk` keeps to the machine's, so it flies copters that live ten times as fast.
+`direct` runs on a virtual clock. `mavsdk` needs the machine's clock, so its copters run ten times as fast.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ REAL = {"mavsdk"}
 EVERY_LINK = pytest.mark.parametrize(
     "kind", [pytest.param(k, marks=pytest.mark.interop if k in REAL else ()) for k in LINKS]
 )
-"""Every link in the short run too."""
+"""Each link, also in the short run."""
 
 
 @pytest.fixture(
@@ -47,7 +47,7 @@ EVERY_LINK = pytest.mark.parametrize(
     ]
 )
 def kind(request) -> str:
-    """The name of a link."""
+    """Return the name of a link."""
     return request.param
 
 
@@ -69,7 +69,7 @@ def test_a_whole_flight_with_a_swap(kind):
             await until(lambda: link.state().mission_seq == 3)
             await link.swap(north(6, east=0.002))
             assert [i.command for i in link.items()] == [16, 22, *[16] * 8, 21, *[16] * 6, 21]
-            assert link.items()[11].y == round(14.508 * 1e7), "the new route stands behind the old one"
+            assert link.items()[11].y == round(14.508 * 1e7), "the new route is not appended to the old one"
             await until(lambda: not copter.armed, 200)
             assert 0.0 <= link.age_s() <= 1.1
             done = [e.name for e in world.events if isinstance(e, ProcedureDone)]
@@ -79,7 +79,7 @@ def test_a_whole_flight_with_a_swap(kind):
     play(story(), real=kind != "direct")
 
 
-def test_a_vehicle_that_is_only_connected_gets_a_request_for_its_identity_only(kind):
+def test_a_newly_connected_vehicle_gets_an_identity_request_only(kind):
     async def story():
         async with World(Copter(1), kind=kind) as world:
             link = world.link()
@@ -93,7 +93,7 @@ def test_a_vehicle_that_is_only_connected_gets_a_request_for_its_identity_only(k
     play(story(), real=kind != "direct")
 
 
-def test_identify_finds_that_another_vehicle_answers_now(kind):
+def test_identify_detects_another_vehicle(kind):
     async def story():
         async with World(Copter(1), kind=kind) as world:
             link = world.link()
@@ -116,12 +116,12 @@ def test_an_order_interrupts_identify(kind):
             link = world.link()
             await link.connect(10)
             world.wire.to_vehicles = lambda data, address: None
-            asking = asyncio.create_task(link.identify(30))
+            identifying = asyncio.create_task(link.identify(30))
             await asyncio.sleep(1)
             world.wire.to_vehicles = world._to_vehicles
             await link.hold()
             with pytest.raises(LinkError, match=r"by hold \[interrupted\]"):
-                await asking
+                await identifying
 
     play(story(), real=kind != "direct")
 
@@ -137,7 +137,7 @@ def test_no_answer_names_vehicle_endpoint_time_and_other_systems(kind):
     play(story(), real=kind != "direct")
 
 
-def test_a_vehicle_that_cannot_be_flown_is_refused_by_name(kind):
+def test_an_unsupported_vehicle_is_refused_by_name(kind):
     async def story():
         async with World(Copter(1, autopilot=17), kind=kind) as world:
             with pytest.raises(UnsupportedVehicle, match="alpha "):
@@ -242,7 +242,7 @@ def test_hold_interrupts_a_swap_and_other_calls_are_refused_as_busy(kind):
 
 
 @pytest.mark.full
-def test_cancelling_a_call_cancels_it_on_the_wire(kind):
+def test_a_cancelled_upload_is_cancelled_on_the_vehicle(kind):
     async def story():
         copter = Copter(1)
         async with World(copter, kind=kind) as world:
@@ -263,7 +263,7 @@ def test_cancelling_a_call_cancels_it_on_the_wire(kind):
     play(story(), real=kind != "direct")
 
 
-def test_parameters_fence_and_instruments_are_read_before_a_flight(kind):
+def test_parameters_fence_and_instruments_are_read_on_the_ground(kind):
     async def story():
         async with World(Copter(1, Script(rally_points=2)), kind=kind) as world:
             link = world.link()
@@ -283,7 +283,7 @@ def test_parameters_fence_and_instruments_are_read_before_a_flight(kind):
     play(story(), real=kind != "direct")
 
 
-def test_a_lost_vehicle_is_reported_with_its_age_and_taken_up_again_from_another_address(kind):
+def test_a_lost_vehicle_is_reported_with_its_age_and_restored_at_another_address(kind):
     async def story():
         async with World(Copter(1), kind=kind) as world:
             link = world.link()

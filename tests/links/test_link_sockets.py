@@ -20,7 +20,7 @@ from swarmctl.links.url import Endpoint
 
 pytestmark = pytest.mark.interop
 HOST = "127.0.0.1"
-AWAKE = Script(boot_s=0.0)
+BOOTED = Script(boot_s=0.0)
 
 
 def free_port(kind: int = socket.SOCK_DGRAM) -> int:
@@ -38,7 +38,7 @@ def play(story) -> None:
 
 
 def copter_s() -> float:
-    """Return the time of the copters [s], which live in a hurry."""
+    """Return the copters' time, which runs faster than the machine's [s]."""
     return HURRY * asyncio.get_running_loop().time()
 
 
@@ -53,7 +53,7 @@ async def until(condition) -> None:
 
 
 async def pump(copter: Copter, send) -> None:
-    """Play a copter whose bytes leave through `send`."""
+    """Run a copter and pass its bytes to `send`."""
     while True:
         for frame in copter.step(copter_s()):
             send(frame)
@@ -72,8 +72,8 @@ async def playing(copter: Copter, send):
             await task
 
 
-class Peer(asyncio.DatagramProtocol):
-    """A copter behind a UDP socket of its own."""
+class CopterSocket(asyncio.DatagramProtocol):
+    """A copter behind its own UDP socket."""
 
     def __init__(self, copter: Copter, to=None) -> None:
         self.copter, self.to = copter, to
@@ -91,9 +91,9 @@ class Peer(asyncio.DatagramProtocol):
             self.transport.sendto(frame, self.to)
 
 
-async def udp_peer(copter: Copter, to=None, port: int = 0) -> Peer:
+async def udp_peer(copter: Copter, to=None, port: int = 0) -> CopterSocket:
     loop = asyncio.get_running_loop()
-    _, peer = await loop.create_datagram_endpoint(lambda: Peer(copter, to), local_addr=(HOST, port))
+    _, peer = await loop.create_datagram_endpoint(lambda: CopterSocket(copter, to), local_addr=(HOST, port))
     return peer
 
 
@@ -112,7 +112,7 @@ def test_udp_follows_a_reboot_to_another_port(monkeypatch):
         async with front_end() as front:
             events: list = []
             alpha = link(front, here, events)
-            copter = Copter(1, AWAKE)
+            copter = Copter(1, BOOTED)
             await front.open(here)
             first = await udp_peer(copter, (HOST, here.port))
             async with playing(copter, first.send):
@@ -135,7 +135,7 @@ def test_udp_reports_two_vehicles_with_one_system_id():
         async with front_end() as front:
             events: list = []
             alpha = link(front, here, events)
-            copter, double = Copter(1, AWAKE), Copter(1, AWAKE)
+            copter, double = Copter(1, BOOTED), Copter(1, BOOTED)
             await front.open(here)
             a = await udp_peer(copter, (HOST, here.port))
             b = await udp_peer(double, (HOST, here.port))
@@ -151,7 +151,7 @@ def test_udp_reports_two_vehicles_with_one_system_id():
 
 def test_udpout_sends_the_first_packet():
     async def story():
-        copter, port = Copter(1, AWAKE), free_port()
+        copter, port = Copter(1, BOOTED), free_port()
         peer = await udp_peer(copter, port=port)
         async with front_end() as front, playing(copter, peer.send):
             await link(front, Endpoint("udpout", HOST, port)).connect(10)
@@ -163,7 +163,7 @@ def test_udpout_sends_the_first_packet():
 @pytest.mark.parametrize(
     ("kind", "sock"), [("udpin", socket.SOCK_DGRAM), ("tcpin", socket.SOCK_STREAM)], ids=["udp", "tcp"]
 )
-def test_a_port_that_is_taken_is_a_clear_error(kind, sock):
+def test_an_occupied_port_is_a_clear_error(kind, sock):
     async def story():
         with socket.socket(socket.AF_INET, sock) as other:
             other.bind((HOST, 0))
@@ -192,7 +192,7 @@ def test_two_front_ends_cannot_share_a_udp_port():
 @pytest.mark.parametrize(
     "endpoint",
     [Endpoint("udpin", "192.0.2.1", 14550), Endpoint("udpout", "no-such-host.invalid", 1)],
-    ids=["not our address", "no such host"],
+    ids=["address of another machine", "no such host"],
 )
 def test_an_impossible_address_is_a_clear_error(endpoint):
     async def story():
@@ -217,9 +217,9 @@ async def serve_tcp(copter: Copter, port: int):
 
 
 @pytest.mark.autopilots("1.18")
-def test_tcp_out_connects_when_the_vehicle_comes_up_and_again_when_it_was_cut():
+def test_tcp_out_connects_to_a_late_vehicle_and_again_after_a_cut():
     async def story():
-        copter, port = Copter(1, AWAKE), free_port(socket.SOCK_STREAM)
+        copter, port = Copter(1, BOOTED), free_port(socket.SOCK_STREAM)
         there = Endpoint("tcpout", HOST, port)
         async with front_end() as front:
             alpha = link(front, there)
@@ -238,7 +238,7 @@ def test_tcp_out_connects_when_the_vehicle_comes_up_and_again_when_it_was_cut():
 
 def test_tcp_in_serves_the_vehicle_that_connects():
     async def story():
-        copter, port = Copter(1, AWAKE), free_port(socket.SOCK_STREAM)
+        copter, port = Copter(1, BOOTED), free_port(socket.SOCK_STREAM)
         here = Endpoint("tcpin", HOST, port)
         async with front_end() as front:
             alpha = link(front, here)
@@ -264,7 +264,7 @@ def test_serial_works_through_a_pseudo_terminal_and_survives_its_end():
         own_end, their_end = os.openpty()
         tty.setraw(own_end)
         tty.setraw(their_end)
-        copter = Copter(1, AWAKE)
+        copter = Copter(1, BOOTED)
         loop = asyncio.get_running_loop()
 
         def answer():

@@ -1,4 +1,4 @@
-"""The URL forms people know from MAVSDK and pymavlink."""
+"""URL forms of MAVSDK and pymavlink."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ def test_a_command_is_sent_once_and_only_as_requested():
     gate.permit(HOLD)
     assert not gate.lets_out(LAND)
     assert gate.lets_out(HOLD)
-    assert not gate.lets_out(HOLD), "MAVSDK repeats it by itself"
+    assert not gate.lets_out(HOLD), "a repetition by MAVSDK was sent"
     gate.permit(HOLD)
     gate.revoke(HOLD)
     assert not gate.lets_out(HOLD)
@@ -73,7 +73,7 @@ def test_no_unrequested_message_of_mavsdk_is_sent(message):
 def test_a_mission_passes_only_during_a_transfer():
     gate = MavsdkGate()
     assert not gate.lets_out(COUNT)
-    assert not gate.lets_in(REQUEST), "the answer is our own conversation's to give"
+    assert not gate.lets_in(REQUEST), "a request that the link itself answers reached MAVSDK"
     gate.is_transferring = True
     assert gate.lets_out(COUNT)
     assert gate.lets_in(REQUEST)

@@ -1,4 +1,4 @@
-"""Behaviour of `link: mavsdk` beyond that of every link."""
+"""Behaviour of `link: mavsdk` alone."""
 
 from __future__ import annotations
 
@@ -27,20 +27,20 @@ def sent_of(world: World, kind: str) -> list:
     return [m for m in messages if m.get_type() == kind]
 
 
-def test_a_command_that_mavsdk_repeats_does_not_reach_a_vehicle_that_a_pilot_has_taken_over():
+def test_a_command_repeated_by_mavsdk_is_dropped_after_a_pilot_takeover():
     async def story():
         async with world_of(Copter(1)) as world:
             link = await flying(world)
             world.to_vehicles.clear()
             copter = world.copters[1]
 
-            hear = copter.on_command_long
+            on_command_long = copter.on_command_long
 
             def taken_over(m) -> None:
                 if m.command == mavlink.MAV_CMD_DO_SET_MODE:
-                    copter.mode = LOITER  # and the command is lost
+                    copter.mode = LOITER  # the command is lost
                 else:
-                    hear(m)
+                    on_command_long(m)
 
             copter.on_command_long = taken_over
             with pytest.raises(CommandFailed, match="LOITER"):
@@ -71,7 +71,7 @@ def test_an_upload_without_its_last_acknowledgement_is_read_back():
             await link.upload(north(4))
             assert lost
             assert len(link.items()) == len(copter.mission) == 7
-            assert len(sent_of(world, "MISSION_COUNT")) == 1, "it was not sent again"
+            assert len(sent_of(world, "MISSION_COUNT")) == 1, "the mission was sent again"
 
     play(story(), real=True)
 
@@ -115,7 +115,7 @@ def test_mavsdk_needs_the_real_clock():
     play(story())
 
 
-def test_one_system_id_cannot_be_two_vehicles_of_mavsdk():
+def test_two_mavsdk_vehicles_with_one_system_id_are_refused():
     async def story():
         async with world_of(Copter(1)) as world:
             await world.link().connect(5)

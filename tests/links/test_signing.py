@@ -34,11 +34,11 @@ from swarmctl.security.mavlink_key import TimestampFile, read_mavlink_key
 
 KEY = bytes(range(32))
 START = ticks(1_767_225_600_000_000)
-"""the beginning of 2026"""
+"""The beginning of 2026."""
 
 
-class Memory:
-    """A store that lives as long as a test."""
+class MemoryStore:
+    """A timestamp store in memory."""
 
     def __init__(self) -> None:
         self.kept = 0
@@ -54,7 +54,7 @@ class Memory:
 
 
 def peer(key: bytes = KEY, *, timestamp: int = START, link_id: int = 0, sysid: int = 1) -> mavlink.MAVLink:
-    """pymavlink, which signs and wants signatures."""
+    """Return a pymavlink codec that signs and requires signatures."""
     codec = mavlink.MAVLink(None, srcSystem=sysid, srcComponent=1)
     codec.robust_parsing = True
     codec.signing.secret_key, codec.signing.sign_outgoing = key, True
@@ -70,10 +70,10 @@ def sent_by(codec: mavlink.MAVLink, message: Any = None) -> bytes:
 
 
 def signing(**more: Any) -> Signing:
-    return Signing(KEY, Memory(), **more)
+    return Signing(KEY, MemoryStore(), **more)
 
 
-def test_the_time_stamp_counts_10_microseconds_since_2015() -> None:
+def test_the_timestamp_counts_10_microseconds_since_2015() -> None:
     assert ticks(1_420_070_400_000_000) == 0
     assert ticks(1_420_070_401_000_019) == TICKS_PER_S + 1
     assert ticks(0) == 0
@@ -128,14 +128,14 @@ def test_another_key_and_a_changed_byte_are_refused() -> None:
     assert ours.accepts(good, START)
 
 
-def test_a_new_stream_may_be_a_minute_behind_and_no_more() -> None:
+def test_a_new_stream_may_be_at_most_a_minute_behind() -> None:
     ours = signing()
     assert ours.accepts(sent_by(peer(timestamp=START - 60 * TICKS_PER_S)), START)
     assert not ours.accepts(sent_by(peer(timestamp=START - 60 * TICKS_PER_S - 1, sysid=2)), START)
     assert ours.refused == {LATE: 1}
 
 
-def test_each_link_component_and_system_has_a_time_of_its_own() -> None:
+def test_each_link_component_and_system_has_its_own_timestamp() -> None:
     ours = signing()
     assert ours.accepts(sent_by(peer(timestamp=START + 10)), START)
     assert ours.accepts(sent_by(peer(timestamp=START + 5, link_id=1)), START)
@@ -152,8 +152,8 @@ def test_the_own_time_follows_the_latest_received_timestamp_under_the_key() -> N
 DAY = 24 * 3600 * TICKS_PER_S
 
 
-def test_a_stamp_more_than_a_day_ahead_is_refused_and_not_followed() -> None:
-    store = Memory()
+def test_a_timestamp_more_than_a_day_ahead_is_refused_and_does_not_move_the_own_time() -> None:
+    store = MemoryStore()
     ours = Signing(KEY, store)
     assert ours.accepts(sent_by(peer(timestamp=START + DAY)), START)
     assert not ours.accepts(sent_by(peer(timestamp=START + DAY + 1, sysid=2)), START)
@@ -165,7 +165,7 @@ def test_a_stamp_more_than_a_day_ahead_is_refused_and_not_followed() -> None:
 
 
 def test_a_vehicle_with_a_later_timestamp_is_accepted_after_the_clock_went_back_by_a_year() -> None:
-    store = Memory()
+    store = MemoryStore()
     stamp = Signing(KEY, store).sign(0, START).timestamp
     after = Signing(KEY, store)
     assert after.accepts(sent_by(peer(timestamp=stamp)), START - 365 * DAY)
@@ -173,7 +173,7 @@ def test_a_vehicle_with_a_later_timestamp_is_accepted_after_the_clock_went_back_
 
 
 def test_a_key_without_remaining_timestamps_is_refused_at_the_start() -> None:
-    store = Memory()
+    store = MemoryStore()
     store.kept = LAST_TIMESTAMP
     with pytest.raises(ValueError, match=r"\[timestamps-used-up\]"):
         Signing(KEY, store)
@@ -186,10 +186,10 @@ def test_a_key_without_remaining_timestamps_is_refused_at_the_start() -> None:
         max_size=6,
     )
 )
-def test_no_time_stamp_is_used_twice_over_crashes_and_clocks_that_go_back(
+def test_no_timestamp_is_used_twice_after_crashes_and_backward_clock_jumps(
     runs: list[tuple[int, int, int]],
 ) -> None:
-    store, last, clock = Memory(), -1, START
+    store, last, clock = MemoryStore(), -1, START
     for jump, count, step_s in runs:
         clock += jump
         ours = Signing(KEY, store)
@@ -201,7 +201,7 @@ def test_no_time_stamp_is_used_twice_over_crashes_and_clocks_that_go_back(
 
 
 def test_the_store_is_written_ahead_and_rarely() -> None:
-    store = Memory()
+    store = MemoryStore()
     ours = Signing(KEY, store)
     ours.sign(0, START)
     assert store.kept == START + RESERVE_TICKS
@@ -212,15 +212,15 @@ def test_the_store_is_written_ahead_and_rarely() -> None:
 
 
 class Disk:
-    """A pool whose tasks are done when a test says so."""
+    """A pool that delays its writes until `turn`, if `answers_at_once` is false."""
 
     def __init__(self) -> None:
         self.answers_at_once = True
         self.waited_s: list[float] = []
-        self._asked: list[tuple[Waited, Any, int]] = []
+        self._asked: list[tuple[WriteFuture, Any, int]] = []
 
-    def submit(self, keep: Any, timestamp: int) -> Waited:
-        self._asked.append((Waited(self.waited_s), keep, timestamp))
+    def submit(self, keep: Any, timestamp: int) -> WriteFuture:
+        self._asked.append((WriteFuture(self.waited_s), keep, timestamp))
         future = self._asked[-1][0]
         if self.answers_at_once:
             self.turn()
@@ -232,8 +232,8 @@ class Disk:
             future.set_result(keep(timestamp))
 
 
-class Waited(Future[None]):
-    """A write that does not wait; the waits that were requested are noted."""
+class WriteFuture(Future[None]):
+    """The future of a write; `exception` records the requested wait and returns at once."""
 
     def __init__(self, waited_s: list[float]) -> None:
         super().__init__()
@@ -245,8 +245,8 @@ class Waited(Future[None]):
         return super().exception(0.0)
 
 
-def test_a_slow_disk_delays_nothing_and_no_timestamp_is_above_the_stored_one() -> None:
-    store, disk = Memory(), Disk()
+def test_a_slow_disk_causes_no_delay_and_no_timestamp_above_the_stored_one() -> None:
+    store, disk = MemoryStore(), Disk()
     ours = Signing(KEY, store, pool=disk)
     ours.sign(0, START)
     disk.answers_at_once = False
@@ -259,8 +259,8 @@ def test_a_slow_disk_delays_nothing_and_no_timestamp_is_above_the_stored_one() -
     assert ours.trouble == ""
 
 
-def test_a_jump_of_the_clock_is_waited_for_also_while_the_store_is_written() -> None:
-    store, disk = Memory(), Disk()
+def test_a_clock_jump_waits_for_the_store_even_during_a_write() -> None:
+    store, disk = MemoryStore(), Disk()
     ours = Signing(KEY, store, pool=disk)
     ours.sign(0, START)
     disk.answers_at_once = False
@@ -271,7 +271,7 @@ def test_a_jump_of_the_clock_is_waited_for_also_while_the_store_is_written() -> 
 
 
 def test_a_disk_without_an_answer_is_reported_and_awaited_once() -> None:
-    store, disk = Memory(), Disk()
+    store, disk = MemoryStore(), Disk()
     disk.answers_at_once = False
     ours = Signing(KEY, store, pool=disk)
     for second in range(100):
@@ -283,21 +283,21 @@ def test_a_disk_without_an_answer_is_reported_and_awaited_once() -> None:
     assert ours.sign(0, START + 200 * TICKS_PER_S).timestamp < store.kept
 
 
-def test_a_file_written_by_a_thread_stays_ahead_too(tmp_path: Path) -> None:
+def test_a_timestamp_file_written_by_a_thread_stays_ahead(tmp_path: Path) -> None:
     file = TimestampFile(tmp_path / "key")
     with ThreadPoolExecutor(1) as pool:
         ours = Signing(KEY, file, pool=pool)
         for second in range(0, 300, 7):
             stamp = ours.sign(0, START + second * TICKS_PER_S).timestamp
             if second % 3 == 0:
-                # A jump, as after a stamp of a station whose clock is ahead.
+                # A jump, as after a timestamp from a station with its clock ahead.
                 stamp = ours.sign(0, stamp + 2 * RESERVE_TICKS).timestamp
             assert stamp < file.load()
     assert ours.trouble == ""
 
 
 def test_a_store_that_cannot_be_written_is_an_error_at_the_start_and_a_message_in_flight() -> None:
-    store = Memory()
+    store = MemoryStore()
     ours = Signing(KEY, store)
     store.full = True
     assert ours.sign(0, START).timestamp == START
@@ -307,7 +307,7 @@ def test_a_store_that_cannot_be_written_is_an_error_at_the_start_and_a_message_i
         Signing(KEY, store)
 
 
-def test_the_timestamp_file_never_goes_back_and_an_invalid_content_is_named(tmp_path: Path) -> None:
+def test_the_timestamp_file_never_goes_back_and_invalid_content_is_reported(tmp_path: Path) -> None:
     one, other = TimestampFile(tmp_path / "key"), TimestampFile(tmp_path / "key")
     assert one.load() == 0
     one.save(START)
@@ -345,7 +345,7 @@ def test_an_invalid_key_is_refused_with_the_expected_form(tmp_path: Path, text: 
         read_mavlink_key(key_file(tmp_path, text))
 
 
-def test_a_key_that_others_can_read_and_one_of_zeros_are_refused(tmp_path: Path) -> None:
+def test_a_world_readable_key_and_a_key_of_zeros_are_refused(tmp_path: Path) -> None:
     with pytest.raises(KeyringError, match="0640"):
         read_mavlink_key(key_file(tmp_path, "11" * 32, 0o640))
     with pytest.raises(KeyringError, match="zero"):

@@ -39,7 +39,7 @@ def test_pymavlink_verifies_all_frames_of_a_signed_flight_both_ways(tmp_path: Pa
 
 
 @pytest.mark.parametrize("key", [None, bytes(31) + b"x"])
-def test_without_its_key_a_vehicle_answers_nothing(tmp_path: Path, key: bytes | None) -> None:
+def test_a_vehicle_does_not_answer_without_its_key(tmp_path: Path, key: bytes | None) -> None:
     async def story() -> None:
         async with SignedWorld(tmp_path, key=key) as world:
             with pytest.raises(NoAnswer) as caught:
@@ -94,7 +94,7 @@ def test_a_vehicle_with_a_late_clock_learns_the_time_and_is_accepted(tmp_path: P
     play(story())
 
 
-def test_the_vehicle_accepts_a_second_run_whose_clock_went_back(tmp_path: Path) -> None:
+def test_the_vehicle_accepts_a_second_run_after_the_clock_went_back(tmp_path: Path) -> None:
     async def story(behind_us: int) -> None:
         async with SignedWorld(tmp_path) as world:
             world.front._wall_time_us = world.front._shared.guard._wall_time_us = lambda: (

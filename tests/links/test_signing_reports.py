@@ -1,4 +1,4 @@
-"""Messages about frames that are refused while vehicles fly: at once, for each vehicle, and again."""
+"""Messages about refused frames in flight: at once for each vehicle, and once a minute."""
 
 from __future__ import annotations
 
@@ -45,8 +45,8 @@ def forged(sysid: int, key: bytes | None = None, now_s: float = 0.0) -> bytes:
     return bytes(HEARTBEAT.pack(codec))
 
 
-class Keyed(Fleet):
-    """Vehicles that were given the key over USB, and a link on which others speak as well from 20 s on."""
+class SigningFleet(Fleet):
+    """Vehicles with the key, set over USB; from 20 s on other senders use the same link."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
@@ -67,7 +67,7 @@ class Keyed(Fleet):
 def test_a_flight_reports_refused_frames_at_once_every_minute_and_at_the_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(virtual_simulator, "Fleet", Keyed)
+    monkeypatch.setattr(virtual_simulator, "Fleet", SigningFleet)
     key = tmp_path / "swarm.key"
     key.write_text(KEY.hex())
     key.chmod(0o600)
@@ -91,13 +91,13 @@ def test_a_flight_reports_refused_frames_at_once_every_minute_and_at_the_end(
     ):
         assert text.startswith(values[0])
         assert all(value in text for value in values[1:])
-    # A minute later of each, while it goes on.
+    # A minute later each report is repeated while the frames continue.
     assert [re.sub(r"\(6[12] ", "(1 ", text) for text in reports[3:]] == first
     assert "links.signing_key" in end
     assert all(int(re.findall(rf"(\d+) {why}", end)[0]) > 61 for why in (OTHER_KEY, UNSIGNED))
     lines = [json.loads(line) for line in (tmp_path / "run" / FILE_NAME).read_text().splitlines()]
     noted = [(line["vehicle"], line["what"]["said"]) for line in lines if "[frames-refused]" in str(line)]
-    # The sum at the end is a remark of the flight as a whole.
+    # The sum at the end belongs to the flight as a whole.
     assert noted[0] == ("uav1", first[0].removeprefix("uav1: "))
     assert len([vehicle for vehicle, _ in noted]) == len(reports) + 1
 

@@ -244,7 +244,7 @@ A, B = Waypoint(46.0, 14.0, 20.0), Waypoint(46.001, 14.0, 20.0)
         (FlightPlan(20.0, (A,), Waypoint(46.001, 14.0, 12.0)), [16, 22, 16, 16, 21]),
         (FlightPlan(20.0, (), B), [16, 22, 16, 21]),
     ],
-    ids=["landing at the end of the track", "landing at another position", "only a landing"],
+    ids=["landing at the end of the track", "landing from another altitude", "only a landing"],
 )
 def test_a_plan_becomes_home_takeoff_waypoints_land(plan, commands):
     items = COPTER.mission_items(plan)
