@@ -26,7 +26,8 @@ def flight_table(summary: dict[str, Any]) -> FittedTable:
         Column("vehicle", "left"), Column("flown\n[m]"), Column("time\n[s]"), *[BOUND] * has_bounds,
         Column("ΣP_s", rank=3), Column("∏\n(1−P_s)", rank=4), Column("chance at\ntake-off"),
         Column("95 %\ninterval", rank=6), Column("by true\nhostiles", rank=2), Column("strikes"),
-        Column("replans", rank=1), Column("messages\nsent", rank=5), Column("outcome", "left", wraps_at=OUTCOME_WIDTH),
+        Column("replans", rank=1), Column("messages\nsent", rank=5),
+        Column("outcome", "left", wraps_at=OUTCOME_WIDTH),
     )  # fmt: skip
     table = FittedTable(columns, caption=[LEGEND, *swarm_lines(summary)], elsewhere="summary.json")
     for vehicle in vehicles:
