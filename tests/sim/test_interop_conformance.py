@@ -109,13 +109,13 @@ def test_an_interrupted_suite_lands_the_vehicle(number: signal.Signals) -> None:
         try:
             observer.until(lambda m: m.get_type() == "GLOBAL_POSITION_INT" and m.relative_alt > 8000)
             process.send_signal(number)
-            out, said = process.communicate(timeout=LIMIT_S)
+            out, errors = process.communicate(timeout=LIMIT_S)
         finally:
             process.kill()
         # Without a landing the vehicle would stay armed for longer than this wait.
         observer.until(lambda m: m.get_type() == "HEARTBEAT" and m.autopilot == 3 and not m.base_mode & 128)
-    assert process.returncode == 130, out + said
-    assert "[restoring]" in said
+    assert process.returncode == 130, out + errors
+    assert "[restoring]" in errors
     assert "checks" in out  # the matrix of the finished checks
 
 
@@ -132,11 +132,11 @@ def test_an_interrupted_scenario_writes_no_verdict(number: signal.Signals, tmp_p
             assert time.monotonic() < end_s
             time.sleep(0.05)
         process.send_signal(number)
-        out, said = process.communicate(timeout=LIMIT_S)
+        out, errors = process.communicate(timeout=LIMIT_S)
     finally:
         process.kill()
-    assert process.returncode == 130, out + said
-    assert said.count("\n") == 1
+    assert process.returncode == 130, out + errors
+    assert errors.count("\n") == 1
     assert not list(tmp_path.glob("*/verdict.json"))
 
 
@@ -184,11 +184,11 @@ def test_an_unplugged_serial_device_ends_with_a_report(tmp_path: Path) -> None:
             while "heartbeat.once_a_second" not in (line := process.stdout.readline()):
                 assert line, process.communicate(timeout=LIMIT_S)
             pulled.set()
-            out, said = process.communicate(timeout=LIMIT_S)
+            out, errors = process.communicate(timeout=LIMIT_S)
         finally:
             process.kill()
-    assert process.returncode == 1, out + said
-    assert said == ""
+    assert process.returncode == 1, out + errors
+    assert errors == ""
     assert "[vehicle-silent]" in out
     assert "[vehicle-lost]" in out
 
@@ -202,7 +202,7 @@ def test_a_returning_serial_device_is_opened_again(tmp_path: Path) -> None:
         assert wire.receive(LIMIT_S) == b"before"
         device.pull()
         assert wire.receive(0.1) is None
-        wire.send(b"to nobody")
+        wire.send(b"unplugged")
         end = device.plug_in()
         assert wire.receive(0.0) is None
         os.write(end, b"after")

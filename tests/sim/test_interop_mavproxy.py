@@ -63,7 +63,7 @@ def test_mavproxy_sets_up_and_flies_an_ardupilot_copter(tmp_path: Path) -> None:
                 proxy.expect(rf"^5001 0 {corner}")
             proxy.ask("fence enable", r"DO_FENCE_ENABLE: ACCEPTED")
 
-            # Its prompt tells every mode; what it announces is one in two seconds at most.
+            # MAVProxy's prompt shows every mode; its announcements are limited to one in 2 s.
             proxy.ask("mode GUIDED", r"GUIDED> ")
             proxy.ask("arm throttle", r"\bARMED")
             proxy.ask("takeoff 15", r"NAV_TAKEOFF: ACCEPTED")
@@ -128,7 +128,7 @@ def asked(proxy: MAVProxy, command: str, pattern: str, condition: Callable[[floa
 
 
 def extract_mission(folder: Path, *, wanted: list[int]) -> None:
-    """pymavlink's mavmission reads the plan from MAVProxy's log of the flight."""
+    """Read the plan from MAVProxy's log of the flight by pymavlink's mavmission."""
     (log,) = folder.glob("test/logs/*/flight1/flight.tlog")
     tool = Path(sys.executable).with_name("mavmission.py")
     plan = folder / "from_log.txt"

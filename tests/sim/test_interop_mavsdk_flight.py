@@ -92,8 +92,8 @@ def test_landing_in_place_and_termination_in_flight(fast: MavsdkPeer, personalit
     vehicle.in_mode(FlightMode.LAND)
     vehicle.disarmed()
     if not vehicle.px4:
-        # In LAND it goes to what MAVSDK takes for hold before it arms, and ArduPilot does not arm in BRAKE;
-        # a failed take-off leaves GUIDED.
+        # In LAND, MAVSDK sets its hold mode (BRAKE) before it arms, and ArduPilot does not arm in BRAKE.
+        # A failed take-off leaves the mode GUIDED.
         assert refusal(vehicle.action.arm) == "FAILED"
         assert refusal(vehicle.action.takeoff) == "FAILED"
         vehicle.in_mode(OFFBOARD)

@@ -42,10 +42,10 @@ def unready() -> Iterator[MavsdkPeer]:
         yield found
 
 
-def first(vehicle: Vehicle, what: str) -> Any:
+def first(vehicle: Vehicle, stream: str) -> Any:
     """Return the next value of a stream."""
     values = StreamedValues()
-    getattr(vehicle.telemetry, f"subscribe_{what}")(values, None)
+    getattr(vehicle.telemetry, f"subscribe_{stream}")(values, None)
     return values.next()
 
 
@@ -62,12 +62,12 @@ def test_telemetry_has_the_requested_rate(peer: MavsdkPeer, personality: str) ->
         first(vehicle, "armed")  # from the heartbeat, the only message
         assert math.isnan(telemetry.position().latitude_deg)
         assert math.isnan(telemetry.battery().voltage_v)
-    ours = RATED_BY[personality]
-    for what in (*RATED, *ours):
-        getattr(telemetry, f"set_rate_{what}")(10.0)
-    others = RATED_BY["ardupilot" if vehicle.px4 else "px4"]
-    for what in (*others, NEVER_RATED):
-        refused = refusal(getattr(telemetry, f"set_rate_{what}"), 10.0)
+    own_streams = RATED_BY[personality]
+    for stream in (*RATED, *own_streams):
+        getattr(telemetry, f"set_rate_{stream}")(10.0)
+    other_streams = RATED_BY["ardupilot" if vehicle.px4 else "px4"]
+    for stream in (*other_streams, NEVER_RATED):
+        refused = refusal(getattr(telemetry, f"set_rate_{stream}"), 10.0)
         assert refused == ("UNKNOWN" if vehicle.px4 else "COMMAND_DENIED")  # MAVSDK maps FAILED to this
     for rate_hz in (10.0, 2.0):
         telemetry.set_rate_attitude_euler(rate_hz)
@@ -86,8 +86,15 @@ def test_telemetry_has_the_requested_rate(peer: MavsdkPeer, personality: str) ->
 def test_telemetry_of_a_vehicle_on_the_ground(peer: MavsdkPeer, personality: str) -> None:
     vehicle = peer.take(personality)
     telemetry = vehicle.telemetry
-    for what in ("landed_state", "battery", "gps_info", "unix_epoch_time", "attitude_quaternion", "raw_gps"):
-        getattr(telemetry, f"set_rate_{what}")(10.0)
+    for stream in (
+        "landed_state",
+        "battery",
+        "gps_info",
+        "unix_epoch_time",
+        "attitude_quaternion",
+        "raw_gps",
+    ):
+        getattr(telemetry, f"set_rate_{stream}")(10.0)
     vehicle.ready()
     here, home = telemetry.position(), telemetry.home()
     assert here.latitude_deg == pytest.approx(LAT_DEG, abs=2e-5)
@@ -120,8 +127,8 @@ def test_telemetry_of_a_vehicle_on_the_ground(peer: MavsdkPeer, personality: str
 def test_streams_of_px4_only(peer: MavsdkPeer) -> None:
     vehicle = peer.take("px4")
     telemetry = vehicle.telemetry
-    for what in RATED_BY["px4"]:
-        getattr(telemetry, f"set_rate_{what}")(10.0)
+    for stream in RATED_BY["px4"]:
+        getattr(telemetry, f"set_rate_{stream}")(10.0)
     vehicle.ready()
     assert first(vehicle, "altitude").altitude_amsl_m == pytest.approx(ALT_M, abs=1.5)
     truth = first(vehicle, "ground_truth")
@@ -129,7 +136,7 @@ def test_streams_of_px4_only(peer: MavsdkPeer) -> None:
     odometry = first(vehicle, "odometry")
     assert (
         odometry.frame_id == Odometry.MavFrame.UNDEF
-    )  # MAVSDK knows no local frame but of vision and estimators
+    )  # MAVSDK has local frames only for vision and estimators
     assert math.hypot(odometry.position_body.x_m, odometry.position_body.y_m) < 1.5
     assert first(vehicle, "actuator_output_status").active == 4
     assert first(vehicle, "scaled_pressure").absolute_pressure_hpa == pytest.approx(956, abs=3)
@@ -151,7 +158,7 @@ def test_the_info_plugin_has_version_identity_and_speed_factor(peer: MavsdkPeer,
     assert len(ids) == 2
     first(vehicle, "attitude_euler")
     vehicle.until(lambda: factor(vehicle) is not None, "speed factor", 10)
-    # From the time between two messages, which a busy machine bunches.
+    # The factor comes from the time between two messages; a busy machine bunches messages.
     assert factor(vehicle) == pytest.approx(SPEEDUP, rel=0.8)
 
 
@@ -207,7 +214,7 @@ def test_unanswered_requests_time_out(peer: MavsdkPeer) -> None:
         assert get.param.get_param_int("RTL_ALT") == 1500
 
     def later_of_ardupilot() -> None:
-        # It looks for a parameter of later versions first.
+        # MAVSDK requests a parameter of later versions first.
         older.action.set_return_to_launch_altitude(27.0)
         assert older.param.get_param_int("RTL_ALT") == 2700
 
@@ -258,10 +265,10 @@ def test_refusals_of_a_vehicle_on_the_ground(peer: MavsdkPeer, personality: str)
         assert refusal(action.terminate) == "COMMAND_DENIED"
         action.set_gps_global_origin(place[0], place[1], here.absolute_altitude_m)
     else:
-        # Once the estimator has an origin it keeps it, and says nothing.
+        # An estimator with an origin keeps that origin and does not answer.
         assert refusal(action.set_gps_global_origin, *place) == "TIMEOUT"
     north_deg = here.latitude_deg + 0.001
-    # In a frame relative to home, so that only PX4 takes the altitude for what MAVSDK says it is.
+    # MAVSDK sends the altitude in a frame relative to home; only PX4 reads it as above mean sea level.
     action.set_home(False, north_deg, here.longitude_deg, here.absolute_altitude_m - 10)
     vehicle.until(lambda: abs(vehicle.telemetry.home().latitude_deg - north_deg) < 1e-6, "home moved", 10)
     assert not vehicle.telemetry.armed()
@@ -285,4 +292,4 @@ def test_early_arming_is_refused_with_a_reason_and_a_reboot_restarts_the_boot(
     if not vehicle.px4:
         first(vehicle, "armed")
         vehicle.ask_for_telemetry()  # a reboot ends its streams
-    vehicle.until(back, "a clock that began anew", 20)
+    vehicle.until(back, "a clock that restarted", 20)

@@ -25,7 +25,7 @@ from station import LAT_DEG, LON_DEG, home_item, item, land, takeoff, waypoint
 
 pytestmark = [pytest.mark.interop, pytest.mark.full]
 ROUTE = [takeoff(7.0), waypoint(25, 0, 7.0), waypoint(25, 25, 9.4), land(25, 25)]
-# ArduPilot asks again for an item after a second of its own, and refuses one that then comes twice.
+# ArduPilot repeats a request after 1 s of simulated time and refuses an item that arrives twice.
 SITE = ("--home", f"{LAT_DEG},{LON_DEG},300", "--speedup", "12", "--ready-s", "0")
 NAN = math.nan
 
@@ -38,8 +38,8 @@ def copters() -> Iterator[MavsdkPeer]:
 
 @pytest.fixture(scope="module")
 def planes() -> Iterator[MavsdkPeer]:
-    patient = ("--param", "LAND_DISARMDELAY=0", "--param", "COM_DISARM_PRFLT=-1")
-    with connected("--type", "plane", "--personality", "ardupilot:1,px4:1", *SITE, *patient) as peer:
+    slow_disarming = ("--param", "LAND_DISARMDELAY=0", "--param", "COM_DISARM_PRFLT=-1")
+    with connected("--type", "plane", "--personality", "ardupilot:1,px4:1", *SITE, *slow_disarming) as peer:
         yield peer
 
 
@@ -57,7 +57,7 @@ def upload(vehicle: Vehicle, route: Sequence[dict[str, Any]]) -> list[dict[str, 
 
 
 def until_accepted(vehicle: Vehicle, call: Callable[..., Any], *arguments: Any, but: str) -> None:
-    """Repeat a call while its result is a temporary one; raise others."""
+    """Repeat a call while its result is temporary; raise every other failure."""
 
     def accepted() -> bool:
         try:

@@ -88,11 +88,11 @@ def test_another_seed_gives_another_flight(project: Path) -> None:
 
 @pytest.mark.full
 @pytest.mark.interop
-@pytest.mark.parametrize("also_by_name", [[], ["-p", MODULE]], ids=["entry point", "and by name"])
+@pytest.mark.parametrize("also_by_name", [[], ["-p", MODULE]], ids=["entry point", "entry point and -p"])
 def test_an_installed_package_needs_no_option(project: Path, also_by_name: list[str]) -> None:
-    distribution = project / "installed" / "somebody-1.0.dist-info"
+    distribution = project / "installed" / "another-1.0.dist-info"
     distribution.mkdir(parents=True)
-    (distribution / "METADATA").write_text("Metadata-Version: 2.1\nName: somebody\nVersion: 1.0\n")
+    (distribution / "METADATA").write_text("Metadata-Version: 2.1\nName: another\nVersion: 1.0\n")
     entry_points = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["entry-points"]["pytest11"]
     lines = [f"{name} = {module}\n" for name, module in entry_points.items()]
     (distribution / "entry_points.txt").write_text("[pytest11]\n" + "".join(lines))
@@ -120,9 +120,9 @@ def test_warnings_of_a_served_fleet_are_in_the_report_of_a_failing_test(project:
     (project / "checks of mine" / "test_mine.py").write_text(
         "import socket\n"
         "def test_alone(vehicle, link, clock):\n"
-        "    with socket.socket() as nobody:\n"
-        "        nobody.bind(('127.0.0.1', 0))\n"
-        "        link.serve(f'tcpout:127.0.0.1:{nobody.getsockname()[1]}', speedup=10)\n"
+        "    with socket.socket() as unused:\n"
+        "        unused.bind(('127.0.0.1', 0))\n"
+        "        link.serve(f'tcpout:127.0.0.1:{unused.getsockname()[1]}', speedup=10)\n"
         "        clock.run_for(1)\n"
         "        assert vehicle.armed\n"
     )
@@ -167,16 +167,16 @@ def test_a_failing_test_leaves_readable_tlogs(project: Path) -> None:
     assert len(list((project / "base").glob("tlogs[0-9]*"))) == 1  # none of passing tests
     assert sorted(path.name for path in Path(folder).iterdir()) == ["vehicle-1.tlog", "vehicle-2.tlog"]
     log = mavutil.mavlink_connection(str(Path(folder) / "vehicle-2.tlog"))
-    heard: dict[str, list[float]] = {}
+    times_by_type: dict[str, list[float]] = {}
     while (message := log.recv_match()) is not None:
         if not message.get_type().startswith("UNKNOWN"):  # pymavlink's dialect lacks some messages of PX4
             assert message.get_srcSystem() in (2, 255)
-        heard.setdefault(message.get_type(), []).append(message._timestamp)
+        times_by_type.setdefault(message.get_type(), []).append(message._timestamp)
     log.close()
-    assert "BAD_DATA" not in heard
-    assert {"HEARTBEAT", "COMMAND_LONG", "COMMAND_ACK", "LOCAL_POSITION_NED"} <= set(heard)
-    assert heard["HEARTBEAT"] == sorted(heard["HEARTBEAT"])
-    assert heard["HEARTBEAT"][-1] - heard["HEARTBEAT"][0] > 6
+    assert "BAD_DATA" not in times_by_type
+    assert {"HEARTBEAT", "COMMAND_LONG", "COMMAND_ACK", "LOCAL_POSITION_NED"} <= set(times_by_type)
+    assert times_by_type["HEARTBEAT"] == sorted(times_by_type["HEARTBEAT"])
+    assert times_by_type["HEARTBEAT"][-1] - times_by_type["HEARTBEAT"][0] > 6
 
 
 @pytest.mark.interop

@@ -177,8 +177,8 @@ def test_a_failsafe_without_an_action_leaves_the_motors_on() -> None:
 def test_a_plane_returns_from_a_fence_by_default_and_without_autoland(
     action: int | None,
 ) -> None:
-    set_so = {} if action is None else {"FENCE_ACTION": action}
-    station = plane_in_guided({"FENCE_TYPE": 2, "FENCE_RADIUS": 300, **set_so})
+    action_parameter = {} if action is None else {"FENCE_ACTION": action}
+    station = plane_in_guided({"FENCE_TYPE": 2, "FENCE_RADIUS": 300, **action_parameter})
     assert reposition(station, 700, 60) == 0
     station.wait(1)
     set_parameter(station, "FENCE_ENABLE", 1)

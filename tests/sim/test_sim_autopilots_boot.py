@@ -77,8 +77,8 @@ def test_the_heartbeat_shows_a_new_mode_up_to_a_second_after_the_acknowledgement
         mode = STABILIZE if station.mode == "GUIDED" else GUIDED
         set_mode = mavlink.MAVLink_command_long_message(1, 0, 176, 0, 1, mode, 0, 0, 0, 0, 0)
         assert [m.get_type() for m in station.send(set_mode)] == ["COMMAND_ACK"]
-        acknowledged_s, heard = station.now, len(station.of("HEARTBEAT"))
-        station.until(lambda heard=heard: len(station.of("HEARTBEAT")) > heard, 2)
+        acknowledged_s, n_before = station.now, len(station.of("HEARTBEAT"))
+        station.until(lambda n_before=n_before: len(station.of("HEARTBEAT")) > n_before, 2)
         assert station.of("HEARTBEAT")[-1].custom_mode == mode
         lags_s.append(station.now - acknowledged_s)
     assert min(lags_s) < 0.3

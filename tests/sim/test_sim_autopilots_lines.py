@@ -10,12 +10,12 @@ from autopilot_lines import LINES, marked
 
 # Observations without a possible test: the line, the part of it, and the reason.
 NOT_PINNED = (
-    ("1.16", "1376 params", "only parameters that something acts by are there"),
+    ("1.16", "1376 params", "the simulator has only parameters with an effect"),
     ("1.19", "410 (EVENT) among the unknown ones", "no events are sent; 380, 411 and 436 are"),
     (
         "2 speed",
         "600 items in 3.4 s, 8 items in 10 ms",
-        "a link's and a processor's time; here both are the host's",
+        "times of a link and a processor; here both depend on the host",
     ),
 )
 

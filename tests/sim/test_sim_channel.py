@@ -26,13 +26,13 @@ WIRE = (
 
 
 class Wire:
-    """One channel with faults, given as on the command line."""
+    """A channel with faults; each fault has the form of the command line."""
 
     def __init__(self, *texts: str, seed: int = 1) -> None:
         self.channel = Channel()
         injected_faults = InjectedFaults(np.random.default_rng(0))
-        patient = VehicleAccess(lambda: self.channel, injected_faults, lambda _now, _silence_s: None)
-        self.schedule = Schedule([parse_fault(text) for text in texts], [1], lambda _: patient, seed)
+        access = VehicleAccess(lambda: self.channel, injected_faults, lambda _now, _silence_s: None)
+        self.schedule = Schedule([parse_fault(text) for text in texts], [1], lambda _: access, seed)
         self.schedule.tick(0.0)
 
     def carry(
@@ -58,7 +58,7 @@ def heartbeat() -> bytes:
 
 
 def binomial_bounds(count: int, rate: float) -> tuple[float, float]:
-    """Between which the number of losses lies but for one case in a million."""
+    """Return the least and greatest number of losses, with a probability of 1e-6 outside."""
     low, high = stats.binom.interval(1 - 1e-6, count, rate)
     return float(low), float(high)
 
@@ -173,12 +173,12 @@ def test_flipped_bits_are_noticed_by_the_receivers_checksum() -> None:
         1 <= sum((a ^ b).bit_count() for a, b in zip(frame, good, strict=True)) <= 3
         for (frame, _), good in zip(arrived, sent, strict=True)
     )
-    heard = []
+    parsed = []
     for frame, _ in arrived:
         receiver = mavlink.MAVLink(None)
         receiver.robust_parsing = True
-        heard += [m for m in receiver.parse_buffer(frame + bytes(300)) or [] if m.get_type() != "BAD_DATA"]
-    assert [m for m in heard if not m.get_type().startswith("UNKNOWN")] == []
+        parsed += [m for m in receiver.parse_buffer(frame + bytes(300)) or [] if m.get_type() != "BAD_DATA"]
+    assert [m for m in parsed if not m.get_type().startswith("UNKNOWN")] == []
 
 
 def test_a_slow_line_delays_frames_by_their_length() -> None:

@@ -114,13 +114,13 @@ def test_a_mission_with_jumps_is_complete_after_the_last_round(personality: str)
     parser = mavlink.MAVLink(None)
     parser.robust_parsing = True
 
-    def heard(_index: int, frame: bytes, _now: float) -> None:
+    def record(_index: int, frame: bytes, _now: float) -> None:
         for message in parser.parse_buffer(frame) or ():
             if message.get_type() == "MISSION_ITEM_REACHED":
                 reached.append(message.seq)
 
     scenario = parse_scenario(HOME + text + "checks: [mission_complete]\nuntil_s: 80", "test.yaml")
-    run = Run(scenario, on_frame=heard)
+    run = Run(scenario, on_frame=record)
     while run.step() and not run.station.contacts[0].progress.done:
         pass
     assert reached.count(max(reached)) == 3
@@ -228,12 +228,12 @@ def test_arming_waits_for_readiness(personality: str, script: str) -> None:
     scenario = parse_scenario(HOME.replace("ready_s: 0", "ready_s: 20") + text, "test.yaml")
     attempts: list[float] = []
 
-    def heard(_index: int, frame: bytes, now: float) -> None:
+    def record(_index: int, frame: bytes, now: float) -> None:
         (message,) = mavlink.MAVLink(None).parse_buffer(frame)
         if message.get_type() == "COMMAND_LONG" and message.command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM:
             attempts.append(now)
 
-    run = Run(scenario, on_frame=heard)
+    run = Run(scenario, on_frame=record)
     assert run.run().passed
     assert len(attempts) == 1
     assert not [text for text in run.station.contacts[0].texts if text.startswith("Arm:")]

@@ -112,7 +112,7 @@ def test_a_copter_in_wind_tilts_holds_its_position_and_uses_more_current() -> No
     still, leaning = physics_bench.copter(calm), physics_bench.copter(windy)
     physics_bench.wait(windy, 20.0)
     assert leaning.position_m == pytest.approx((0, 0, physics_bench.GROUND_M + 50), abs=0.1)
-    # It faces north; wind from the west is leant against to the left.
+    # The copter faces north and tilts to the left, against wind from the west.
     assert windy.dynamics.attitude_rad[0, 0] == pytest.approx(-math.atan2(1.6, GRAVITY_M_S2), abs=1e-3)
     assert windy.dynamics.airspeed_m_s[0] == pytest.approx(10.0, abs=0.01)
     assert leaning.current_a > still.current_a * 1.1

@@ -25,58 +25,58 @@ STABILIZE, ALT_HOLD, AUTO, GUIDED, LOITER, RTL, LAND, BRAKE = 0, 2, 3, 4, 5, 6, 
 MANUAL, CIRCLE, FBWA, FBWB, PLANE_AUTO, PLANE_LOITER, PLANE_TAKEOFF, PLANE_GUIDED = 0, 1, 5, 6, 10, 12, 13, 15
 
 
-def station(kind: str = "copter", *, ready_s: float = 0.0, **params: float) -> Station:
+def start_station(kind: str = "copter", *, ready_s: float = 0.0, **params: float) -> Station:
     vehicle = {"sysid": 1, "lat_deg": LAT_DEG, "lon_deg": LON_DEG, "alt_amsl_m": ALT_M, "type": kind}
     return Station(Fleet(scenario(vehicles=[vehicle | {"params": WITHOUT_LOG | params}]), ready_s=ready_s))
 
 
-def inject(there: Station, fault: str) -> None:
-    there.fleet.inject(parse_fault(fault), there.now)
+def inject(station: Station, fault: str) -> None:
+    station.fleet.inject(parse_fault(fault), station.now)
 
 
-def set_parameter(there: Station, name: str, value: float) -> None:
-    there.send(mavlink.MAVLink_param_set_message(1, 0, name.encode(), value, 9))
+def set_parameter(station: Station, name: str, value: float) -> None:
+    station.send(mavlink.MAVLink_param_set_message(1, 0, name.encode(), value, 9))
 
 
-def beat(there: Station) -> None:
+def beat(station: Station) -> None:
     message = mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_GCS, 8, 0, 0, mavlink.MAV_STATE_ACTIVE, 3)
-    there.send(message)
+    station.send(message)
 
 
 def plane(mode: int, **params: float) -> Station:
     """Return a station with the vehicle in the air, in that mode."""
-    there = station("plane", **params)
-    there.set_mode(PLANE_TAKEOFF)
-    assert there.arm() == 0
-    there.until(lambda: there.height_m > 45, 60)
+    station = start_station("plane", **params)
+    station.set_mode(PLANE_TAKEOFF)
+    assert station.arm() == 0
+    station.until(lambda: station.height_m > 45, 60)
     if mode == PLANE_AUTO:
-        there.upload([home_item(), waypoint(5000, 0, 60)])
-    assert there.set_mode(mode) == 0
-    return there
+        station.upload([home_item(), waypoint(5000, 0, 60)])
+    assert station.set_mode(mode) == 0
+    return station
 
 
 # -- the battery ---------------------------------------------------------------------------------------------
 
 
 def test_a_low_battery_before_arming_leaves_the_failsafe_ready() -> None:
-    there = station(BATT_LOW_VOLT=11.5, BATT_FS_LOW_ACT=2, BATT_LOW_TIMER=2, SIM_BATT_VOLTAGE=11.0)
-    there.wait(15)
-    assert not any("is low" in text for text in there.texts())
-    assert there.heartbeat().system_status == mavlink.MAV_STATE_STANDBY
-    set_parameter(there, "SIM_BATT_VOLTAGE", 12.6)
-    there.wait(1)
-    there.fly(20)
-    set_parameter(there, "SIM_BATT_VOLTAGE", 10.5)
-    assert there.until(lambda: there.mode == "RTL", 10) >= 2
+    station = start_station(BATT_LOW_VOLT=11.5, BATT_FS_LOW_ACT=2, BATT_LOW_TIMER=2, SIM_BATT_VOLTAGE=11.0)
+    station.wait(15)
+    assert not any("is low" in text for text in station.texts())
+    assert station.heartbeat().system_status == mavlink.MAV_STATE_STANDBY
+    set_parameter(station, "SIM_BATT_VOLTAGE", 12.6)
+    station.wait(1)
+    station.fly(20)
+    set_parameter(station, "SIM_BATT_VOLTAGE", 10.5)
+    assert station.until(lambda: station.mode == "RTL", 10) >= 2
 
 
 def test_the_worse_of_two_battery_limits_counts() -> None:
-    there = station(BATT_LOW_VOLT=11.5, BATT_FS_LOW_ACT=2, BATT_CRT_VOLT=11.0, BATT_FS_CRT_ACT=1)
-    there.fly(20)
-    set_parameter(there, "SIM_BATT_VOLTAGE", 10.5)
-    there.until(lambda: there.mode != "GUIDED", 15)
-    assert there.mode == "LAND"
-    assert not any("is low" in text for text in there.texts())
+    station = start_station(BATT_LOW_VOLT=11.5, BATT_FS_LOW_ACT=2, BATT_CRT_VOLT=11.0, BATT_FS_CRT_ACT=1)
+    station.fly(20)
+    set_parameter(station, "SIM_BATT_VOLTAGE", 10.5)
+    station.until(lambda: station.mode != "GUIDED", 15)
+    assert station.mode == "LAND"
+    assert not any("is low" in text for text in station.texts())
 
 
 def landing_mission() -> list[dict]:  # type: ignore[type-arg]
@@ -92,60 +92,60 @@ def landing_mission() -> list[dict]:  # type: ignore[type-arg]
 
 @pytest.mark.parametrize(("action", "mode"), [(4, "AUTO"), (5, "GUIDED"), (6, "AUTO"), (7, "RTL")])
 def test_battery_actions_of_quadplanes_map_to_those_of_planes(action: int, mode: str) -> None:
-    there = station("plane", BATT_LOW_VOLT=11.5, BATT_FS_LOW_ACT=action, BATT_LOW_TIMER=1)
-    there.upload(landing_mission())
-    there.set_mode(PLANE_TAKEOFF)
-    assert there.arm() == 0
-    there.until(lambda: there.height_m > 45, 60)
-    there.set_mode(PLANE_GUIDED)
-    set_parameter(there, "SIM_BATT_VOLTAGE", 11.0)
-    there.until(lambda: any("is low" in text for text in there.texts()), 10)
-    there.wait(1)
-    assert there.mode == mode
+    station = start_station("plane", BATT_LOW_VOLT=11.5, BATT_FS_LOW_ACT=action, BATT_LOW_TIMER=1)
+    station.upload(landing_mission())
+    station.set_mode(PLANE_TAKEOFF)
+    assert station.arm() == 0
+    station.until(lambda: station.height_m > 45, 60)
+    station.set_mode(PLANE_GUIDED)
+    set_parameter(station, "SIM_BATT_VOLTAGE", 11.0)
+    station.until(lambda: any("is low" in text for text in station.texts()), 10)
+    station.wait(1)
+    assert station.mode == mode
 
 
 @pytest.mark.parametrize(("kind", "is_watched"), [("copter", True), ("plane", False)])
 def test_the_voltage_is_watched_by_default_on_a_copter_only(*, kind: str, is_watched: bool) -> None:
-    there = station(kind, BATT_LOW_TIMER=1)
-    assert there.set_mode({"copter": GUIDED, "plane": PLANE_TAKEOFF}[kind]) == 0
-    assert there.arm() == 0
+    station = start_station(kind, BATT_LOW_TIMER=1)
+    assert station.set_mode({"copter": GUIDED, "plane": PLANE_TAKEOFF}[kind]) == 0
+    assert station.arm() == 0
     if kind == "copter":
-        assert there.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 20) == 0
-    there.until(lambda: there.height_m > 15, 60)
-    set_parameter(there, "SIM_BATT_VOLTAGE", 10.0)
-    there.wait(5)
-    assert any("is low" in text for text in there.texts()) == is_watched
+        assert station.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 20) == 0
+    station.until(lambda: station.height_m > 15, 60)
+    set_parameter(station, "SIM_BATT_VOLTAGE", 10.0)
+    station.wait(5)
+    assert any("is low" in text for text in station.texts()) == is_watched
 
 
 @pytest.mark.parametrize(("starts", "mode"), [(True, "AUTO"), (False, "RTL")])
 def test_a_low_battery_starts_the_mission_landing_of_a_plane_or_a_return(*, starts: bool, mode: str) -> None:
-    there = station("plane", BATT_LOW_VOLT=11.5, BATT_FS_LOW_ACT=2, BATT_LOW_TIMER=1)
+    station = start_station("plane", BATT_LOW_VOLT=11.5, BATT_FS_LOW_ACT=2, BATT_LOW_TIMER=1)
     items = landing_mission()
-    there.upload(items if starts else items[:3])
-    there.set_mode(PLANE_TAKEOFF)
-    assert there.arm() == 0
-    there.until(lambda: there.height_m > 45, 60)
-    there.set_mode(PLANE_GUIDED)
-    set_parameter(there, "SIM_BATT_VOLTAGE", 11.0)
-    there.until(lambda: there.mode == mode, 10)
+    station.upload(items if starts else items[:3])
+    station.set_mode(PLANE_TAKEOFF)
+    assert station.arm() == 0
+    station.until(lambda: station.height_m > 45, 60)
+    station.set_mode(PLANE_GUIDED)
+    set_parameter(station, "SIM_BATT_VOLTAGE", 11.0)
+    station.until(lambda: station.mode == mode, 10)
     if starts:
-        assert "Landing sequence start" in there.texts()
-        there.until(lambda: there.height_m < 0.1, 200)
+        assert "Landing sequence start" in station.texts()
+        station.until(lambda: station.height_m < 0.1, 200)
 
 
 def test_failsafes_do_not_interrupt_a_mission_landing() -> None:
-    there = station("plane", BATT_LOW_VOLT=11.5, BATT_FS_LOW_ACT=1, BATT_LOW_TIMER=1, FS_LONG_ACTN=1)
-    there.upload([home_item(), takeoff(50), waypoint(0, 600, 40), land(0, 0)])
-    there.set_mode(PLANE_AUTO)
-    assert there.arm() == 0
-    there.until(lambda: there.fleet.vehicles[0].mission.index == 3, 200)
-    there.wait(1)
-    set_parameter(there, "SIM_BATT_VOLTAGE", 11.0)
-    inject(there, "rc_loss")
-    there.wait(8)
-    assert any("is low" in text for text in there.texts())
-    assert there.mode == "AUTO"
-    there.until(lambda: there.height_m < 0.1, 100)
+    station = start_station("plane", BATT_LOW_VOLT=11.5, BATT_FS_LOW_ACT=1, BATT_LOW_TIMER=1, FS_LONG_ACTN=1)
+    station.upload([home_item(), takeoff(50), waypoint(0, 600, 40), land(0, 0)])
+    station.set_mode(PLANE_AUTO)
+    assert station.arm() == 0
+    station.until(lambda: station.fleet.vehicles[0].mission.index == 3, 200)
+    station.wait(1)
+    set_parameter(station, "SIM_BATT_VOLTAGE", 11.0)
+    inject(station, "rc_loss")
+    station.wait(8)
+    assert any("is low" in text for text in station.texts())
+    assert station.mode == "AUTO"
+    station.until(lambda: station.height_m < 0.1, 100)
 
 
 # -- the position --------------------------------------------------------------------------------------------
@@ -167,40 +167,40 @@ def test_failsafes_do_not_interrupt_a_mission_landing() -> None:
 def test_the_action_of_a_lost_position_follows_parameter_and_mode(
     action: int, begun_in: int, ends_in: str
 ) -> None:
-    there = station(FS_EKF_ACTION=action)
-    there.fly(80)
-    inject(there, "gps_loss")
-    there.wait(7)
-    assert there.set_mode(begun_in) == 0
-    there.wait(2)
-    assert there.mode == ends_in
-    assert "EKF Failsafe" in there.texts()
+    station = start_station(FS_EKF_ACTION=action)
+    station.fly(80)
+    inject(station, "gps_loss")
+    station.wait(7)
+    assert station.set_mode(begun_in) == 0
+    station.wait(2)
+    assert station.mode == ends_in
+    assert "EKF Failsafe" in station.texts()
 
 
 def test_a_lost_position_without_a_remote_control_lands() -> None:
-    there = station(FS_EKF_ACTION=2, FS_OPTIONS=4)
-    there.fly(40)
-    inject(there, "rc_loss")
-    there.until(lambda: "Radio Failsafe - Continuing Guided Mode" in there.texts(), 3)
-    inject(there, "gps_loss")
-    there.until(lambda: there.mode == "LAND", 12)
+    station = start_station(FS_EKF_ACTION=2, FS_OPTIONS=4)
+    station.fly(40)
+    inject(station, "rc_loss")
+    station.until(lambda: "Radio Failsafe - Continuing Guided Mode" in station.texts(), 3)
+    inject(station, "gps_loss")
+    station.until(lambda: station.mode == "LAND", 12)
 
 
 def test_without_a_threshold_the_position_is_not_watched() -> None:
-    there = station(FS_EKF_THRESH=0)
-    there.fly(40)
-    inject(there, "gps_loss")
-    there.wait(20)
-    assert there.mode == "GUIDED"
-    assert "EKF Failsafe" not in there.texts()
+    station = start_station(FS_EKF_THRESH=0)
+    station.fly(40)
+    inject(station, "gps_loss")
+    station.wait(20)
+    assert station.mode == "GUIDED"
+    assert "EKF Failsafe" not in station.texts()
 
 
 def test_a_return_without_remote_control_lands_despite_its_final_height() -> None:
-    there = station(RTL_ALT_FINAL=500, RTL_LOIT_TIME=1000)
-    there.fly(20)
-    inject(there, "rc_loss")
-    there.until(lambda: there.mode == "RTL", 5)
-    there.until(lambda: not there.armed, 120)
+    station = start_station(RTL_ALT_FINAL=500, RTL_LOIT_TIME=1000)
+    station.fly(20)
+    inject(station, "rc_loss")
+    station.until(lambda: station.mode == "RTL", 5)
+    station.until(lambda: not station.armed, 120)
 
 
 # -- links ---------------------------------------------------------------------------------------------------
@@ -221,28 +221,28 @@ def test_a_return_without_remote_control_lands_despite_its_final_height() -> Non
     ],
 )
 def test_the_action_of_a_failsafe_follows_its_parameter(parameter: str, value: float, mode: str) -> None:
-    there = station("copter", **{parameter: value, "BATT_LOW_VOLT": 11.5, "BATT_LOW_TIMER": 1})
-    there.set_mode(GUIDED)
-    assert there.arm() == 0
-    there.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 20)
-    there.until(lambda: there.height_m > 19, 30)
+    station = start_station("copter", **{parameter: value, "BATT_LOW_VOLT": 11.5, "BATT_LOW_TIMER": 1})
+    station.set_mode(GUIDED)
+    assert station.arm() == 0
+    station.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 20)
+    station.until(lambda: station.height_m > 19, 30)
     if parameter == "FS_GCS_ENABLE":
-        beat(there)
+        beat(station)
     elif parameter == "FS_THR_ENABLE":
-        inject(there, "rc_loss")
+        inject(station, "rc_loss")
     else:
-        set_parameter(there, "SIM_BATT_VOLTAGE", 11.0)
-    there.until(lambda: there.mode == mode, 10)
+        set_parameter(station, "SIM_BATT_VOLTAGE", 11.0)
+    station.until(lambda: station.mode == mode, 10)
 
 
 def test_a_brake_or_land_without_a_position_lands() -> None:
-    there = station(FS_THR_ENABLE=7)
-    there.fly(80)
-    inject(there, "gps_loss")
-    there.set_mode(ALT_HOLD)
-    there.until(lambda: not there.fleet.vehicles[0].position_known(there.now), 10)
-    inject(there, "rc_loss")
-    there.until(lambda: there.mode == "LAND", 5)
+    station = start_station(FS_THR_ENABLE=7)
+    station.fly(80)
+    inject(station, "gps_loss")
+    station.set_mode(ALT_HOLD)
+    station.until(lambda: not station.fleet.vehicles[0].position_known(station.now), 10)
+    inject(station, "rc_loss")
+    station.until(lambda: station.mode == "LAND", 5)
 
 
 @pytest.mark.parametrize(
@@ -259,32 +259,32 @@ def test_a_brake_or_land_without_a_position_lands() -> None:
 def test_fs_options_lets_a_copter_continue_without_a_ground_station(
     options: int, mode: int, ends_in: str, text: str
 ) -> None:
-    there = station(FS_GCS_ENABLE=1, FS_OPTIONS=options)
-    there.fly_mission([takeoff(60), waypoint(2000, 0, 60)])
-    there.until(lambda: there.height_m > 59, 60)
-    beat(there)
-    assert there.set_mode(mode) == 0
-    there.wait(6)
-    assert there.mode == ends_in
-    assert text in there.texts()
+    station = start_station(FS_GCS_ENABLE=1, FS_OPTIONS=options)
+    station.fly_mission([takeoff(60), waypoint(2000, 0, 60)])
+    station.until(lambda: station.height_m > 59, 60)
+    beat(station)
+    assert station.set_mode(mode) == 0
+    station.wait(6)
+    assert station.mode == ends_in
+    assert text in station.texts()
 
 
 def test_pilot_modes_continue_without_a_ground_station_by_default() -> None:
-    there = station()
-    (option,) = there.send(mavlink.MAVLink_param_request_read_message(1, 0, b"FS_OPTIONS", -1))
+    station = start_station()
+    (option,) = station.send(mavlink.MAVLink_param_request_read_message(1, 0, b"FS_OPTIONS", -1))
     assert option.param_value == 16
 
 
 @pytest.mark.parametrize(("watched", "mode"), [(0, "GUIDED"), (1, "RTL")])
 def test_a_watched_remote_control_is_lost_after_a_second(watched: int, mode: str) -> None:
-    there = station(FS_THR_ENABLE=watched)
-    there.fly(20)
-    inject(there, "rc_loss")
-    there.wait(0.9)
-    assert there.mode == "GUIDED"
-    there.wait(0.4)
-    assert there.mode == mode
-    assert there.fleet.vehicles[0].failsafes.rc_lost == bool(watched)
+    station = start_station(FS_THR_ENABLE=watched)
+    station.fly(20)
+    inject(station, "rc_loss")
+    station.wait(0.9)
+    assert station.mode == "GUIDED"
+    station.wait(0.4)
+    assert station.mode == mode
+    assert station.fleet.vehicles[0].failsafes.rc_lost == bool(watched)
 
 
 @pytest.mark.parametrize(
@@ -306,15 +306,15 @@ def test_a_watched_remote_control_is_lost_after_a_second(watched: int, mode: str
 def test_a_plane_without_a_remote_control_acts_in_two_stages(
     long_action: int, mode: int, at_short: str, at_long: str
 ) -> None:
-    there = plane(mode, FS_LONG_ACTN=long_action)
-    inject(there, "rc_loss")
-    there.wait(1.3)
-    assert there.mode == at_short
-    there.wait(4.5)
-    assert there.mode == at_short
-    there.wait(0.5)
-    assert there.mode == at_long
-    assert f"RC Long Failsafe On: {at_long}" in there.texts()
+    station = plane(mode, FS_LONG_ACTN=long_action)
+    inject(station, "rc_loss")
+    station.wait(1.3)
+    assert station.mode == at_short
+    station.wait(4.5)
+    assert station.mode == at_short
+    station.wait(0.5)
+    assert station.mode == at_long
+    assert f"RC Long Failsafe On: {at_long}" in station.texts()
 
 
 @pytest.mark.parametrize(
@@ -324,40 +324,40 @@ def test_a_plane_without_a_remote_control_acts_in_two_stages(
 def test_the_short_failsafe_of_a_plane_follows_its_parameter(
     short_action: int, mode: int, at_short: str
 ) -> None:
-    there = plane(mode, FS_SHORT_ACTN=short_action)
-    inject(there, "rc_loss")
-    there.wait(2)
-    assert there.mode == at_short
+    station = plane(mode, FS_SHORT_ACTN=short_action)
+    inject(station, "rc_loss")
+    station.wait(2)
+    assert station.mode == at_short
 
 
 def test_without_a_short_failsafe_the_long_one_counts_from_the_last_frame() -> None:
-    there = plane(MANUAL, FS_SHORT_ACTN=3, FS_LONG_TIMEOUT=3)
-    inject(there, "rc_loss")
-    assert there.until(lambda: there.mode == "RTL", 10) == pytest.approx(3, abs=0.2)
+    station = plane(MANUAL, FS_SHORT_ACTN=3, FS_LONG_TIMEOUT=3)
+    inject(station, "rc_loss")
+    assert station.until(lambda: station.mode == "RTL", 10) == pytest.approx(3, abs=0.2)
 
 
 def test_a_plane_resumes_its_mode_when_the_remote_control_returns_in_time() -> None:
-    there = plane(FBWB)
-    inject(there, "rc_loss:for=3")
-    there.until(lambda: there.mode == "CIRCLE", 3)
-    there.until(lambda: there.mode == "FBWB", 5)
-    assert there.texts()[-2:] == ["RC Short Failsafe: switched to CIRCLE", "Short Failsafe Cleared"]
+    station = plane(FBWB)
+    inject(station, "rc_loss:for=3")
+    station.until(lambda: station.mode == "CIRCLE", 3)
+    station.until(lambda: station.mode == "FBWB", 5)
+    assert station.texts()[-2:] == ["RC Short Failsafe: switched to CIRCLE", "Short Failsafe Cleared"]
 
 
 @pytest.mark.parametrize(("mode", "ends_in"), [(MANUAL, "RTL"), (PLANE_GUIDED, "GUIDED")])
 def test_a_plane_without_a_ground_station_returns_from_pilot_modes(mode: int, ends_in: str) -> None:
-    there = plane(mode, FS_GCS_ENABL=1)
-    beat(there)
-    there.wait(6)
-    assert there.mode == ends_in
-    assert f"GCS Failsafe On: {ends_in}" in there.texts()
+    station = plane(mode, FS_GCS_ENABL=1)
+    beat(station)
+    station.wait(6)
+    assert station.mode == ends_in
+    assert f"GCS Failsafe On: {ends_in}" in station.texts()
 
 
 def test_a_plane_without_a_throttle_failsafe_ignores_a_lost_remote_control() -> None:
-    there = plane(MANUAL, THR_FAILSAFE=0)
-    inject(there, "rc_loss")
-    there.wait(8)
-    assert there.mode == "MANUAL"
+    station = plane(MANUAL, THR_FAILSAFE=0)
+    inject(station, "rc_loss")
+    station.wait(8)
+    assert station.mode == "MANUAL"
 
 
 # -- arming --------------------------------------------------------------------------------------------------
@@ -365,46 +365,46 @@ def test_a_plane_without_a_throttle_failsafe_ignores_a_lost_remote_control() -> 
 
 @pytest.mark.parametrize("kind", ["copter", "plane"])
 def test_a_lost_remote_control_refuses_arming(kind: str) -> None:
-    there = station(kind)
-    inject(there, "rc_loss:for=5")
-    there.set_mode(GUIDED if kind == "copter" else PLANE_GUIDED)
-    there.wait(2)
-    assert there.arm() == FAILED
-    assert "Arm: Radio failsafe on" in there.texts()
-    there.wait(5)
-    assert there.arm() == 0
+    station = start_station(kind)
+    inject(station, "rc_loss:for=5")
+    station.set_mode(GUIDED if kind == "copter" else PLANE_GUIDED)
+    station.wait(2)
+    assert station.arm() == FAILED
+    assert "Arm: Radio failsafe on" in station.texts()
+    station.wait(5)
+    assert station.arm() == 0
 
 
 def test_a_copter_forced_to_arm_without_a_remote_control_stays_armed() -> None:
-    there = station()
-    inject(there, "rc_loss")
-    there.set_mode(GUIDED)
-    there.wait(2)
-    assert there.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1, FORCE) == 0
-    there.wait(3)
-    assert there.armed
+    station = start_station()
+    inject(station, "rc_loss")
+    station.set_mode(GUIDED)
+    station.wait(2)
+    assert station.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1, FORCE) == 0
+    station.wait(3)
+    assert station.armed
 
 
 def test_a_copter_without_a_needed_position_cannot_be_forced_to_arm() -> None:
-    there = station(ready_s=41.0)
-    there.wait(5)
-    there.set_mode(GUIDED)
-    assert there.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1, FORCE) == FAILED
-    assert "Arm: Need Position Estimate" in there.texts()
-    assert not there.armed
-    there.set_mode(STABILIZE)
-    assert there.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1, FORCE) == 0
+    station = start_station(ready_s=41.0)
+    station.wait(5)
+    station.set_mode(GUIDED)
+    assert station.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1, FORCE) == FAILED
+    assert "Arm: Need Position Estimate" in station.texts()
+    assert not station.armed
+    station.set_mode(STABILIZE)
+    assert station.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1, FORCE) == 0
 
 
 def test_a_fence_around_home_needs_a_position_in_every_mode() -> None:
-    there = station(ready_s=41.0, FENCE_ENABLE=1)
-    there.wait(5)
-    assert there.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1, FORCE) == FAILED
-    assert "Arm: Fence enabled, need position estimate" in there.texts()
+    station = start_station(ready_s=41.0, FENCE_ENABLE=1)
+    station.wait(5)
+    assert station.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1, FORCE) == FAILED
+    assert "Arm: Fence enabled, need position estimate" in station.texts()
 
 
 def test_a_plane_may_be_forced_to_arm_without_a_position() -> None:
-    there = station("plane", ready_s=41.0)
-    there.wait(5)
-    there.set_mode(PLANE_GUIDED)
-    assert there.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1, FORCE) == 0
+    station = start_station("plane", ready_s=41.0)
+    station.wait(5)
+    station.set_mode(PLANE_GUIDED)
+    assert station.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1, FORCE) == 0

@@ -1,4 +1,4 @@
-"""Faults as they are written down, planned, and described."""
+"""Faults: their text, their schedule and their descriptions."""
 
 from typing import Any
 
@@ -19,17 +19,17 @@ from sim_vehicle.vehicle.injected_faults import InjectedFaults, ModeStuck
 from sim_vehicle.wire.channel import Channel
 
 
-class Ward:
-    """Some vehicles that faults can act on."""
+class FaultyVehicles:
+    """The vehicles of a schedule: injected faults, channels and reboots."""
 
     def __init__(self, *texts: str, sysids: tuple[int, ...] = (1, 2, 3)) -> None:
         self.injected_faults = [InjectedFaults(np.random.default_rng(i)) for i in range(len(sysids))]
         self.channels = [Channel() for _ in sysids]
         self.reboots: list[tuple[int, float, float]] = []
         specs = [parse_fault(text) for text in texts]
-        self.schedule = Schedule(specs, sysids, self._patient, seed=3)
+        self.schedule = Schedule(specs, sysids, self._access, seed=3)
 
-    def _patient(self, index: int) -> VehicleAccess:
+    def _access(self, index: int) -> VehicleAccess:
         return VehicleAccess(
             lambda: self.channels[index],
             self.injected_faults[index],
@@ -152,11 +152,11 @@ def test_every_fault_is_described_with_its_parameters() -> None:
 
 
 def test_faults_begin_and_end_at_their_times_on_their_vehicles() -> None:
-    ward = Ward("gps_loss:at=10,for=5,sysid=2", "battery_sag:sag_v=2,at=12")
+    vehicles = FaultyVehicles("gps_loss:at=10,for=5,sysid=2", "battery_sag:sag_v=2,at=12")
     seen = {}
     for now in (0.0, 9.95, 10.0, 12.0, 15.0):
-        ward.schedule.tick(now)
-        seen[now] = [(a.gps_lost, a.battery_sag_v) for a in ward.injected_faults]
+        vehicles.schedule.tick(now)
+        seen[now] = [(a.gps_lost, a.battery_sag_v) for a in vehicles.injected_faults]
     assert seen[9.95] == [(False, 0.0)] * 3
     assert seen[10.0] == [(False, 0.0), (True, 0.0), (False, 0.0)]
     assert seen[12.0] == [(False, 2.0), (True, 2.0), (False, 2.0)]
@@ -164,74 +164,74 @@ def test_faults_begin_and_end_at_their_times_on_their_vehicles() -> None:
 
 
 def test_a_fault_ends_with_the_last_of_its_kind() -> None:
-    ward = Ward(
+    vehicles = FaultyVehicles(
         "gps_loss:at=0,for=10", "gps_loss:at=5,for=10", "battery_sag:sag_v=0.1", "battery_sag:sag_v=0.2,for=9"
     )
-    ward.schedule.tick(6.0)
-    assert ward.injected_faults[0].battery_sag_v == pytest.approx(0.3)
-    ward.schedule.tick(12.0)
-    assert ward.injected_faults[0].gps_lost
-    assert ward.injected_faults[0].battery_sag_v == 0.1
-    ward.schedule.tick(15.0)
-    assert not ward.injected_faults[0].gps_lost
+    vehicles.schedule.tick(6.0)
+    assert vehicles.injected_faults[0].battery_sag_v == pytest.approx(0.3)
+    vehicles.schedule.tick(12.0)
+    assert vehicles.injected_faults[0].gps_lost
+    assert vehicles.injected_faults[0].battery_sag_v == 0.1
+    vehicles.schedule.tick(15.0)
+    assert not vehicles.injected_faults[0].gps_lost
 
 
 def test_a_fault_of_an_unknown_vehicle_is_refused() -> None:
     with pytest.raises(FaultError, match=r" 9; .* 1-3, 7 \[fault-vehicle\]"):
-        Ward("gps_loss:sysid=2+9", sysids=(1, 2, 3, 7))
+        FaultyVehicles("gps_loss:sysid=2+9", sysids=(1, 2, 3, 7))
 
 
 def test_a_system_id_on_two_links_selects_both_vehicles() -> None:
-    ward = Ward("gps_loss:sysid=2", sysids=(1, 2, 1, 2))
-    ward.schedule.tick(0.0)
-    assert [a.gps_lost for a in ward.injected_faults] == [False, True, False, True]
+    vehicles = FaultyVehicles("gps_loss:sysid=2", sysids=(1, 2, 1, 2))
+    vehicles.schedule.tick(0.0)
+    assert [a.gps_lost for a in vehicles.injected_faults] == [False, True, False, True]
 
 
 def test_an_injected_fault_begins_at_once_and_lasts_for_its_duration() -> None:
-    ward = Ward()
-    ward.schedule.tick(20.0)
-    ward.schedule.inject(parse_fault("stuck_mode:answer=refused,for=5,sysid=1"), 20.0)
-    assert ward.injected_faults[0].mode_stuck is ModeStuck.REFUSED
-    assert ward.schedule.names(0) == ("stuck_mode",)
-    ward.schedule.tick(25.0)
-    assert ward.injected_faults[0].mode_stuck is None
+    vehicles = FaultyVehicles()
+    vehicles.schedule.tick(20.0)
+    vehicles.schedule.inject(parse_fault("stuck_mode:answer=refused,for=5,sysid=1"), 20.0)
+    assert vehicles.injected_faults[0].mode_stuck is ModeStuck.REFUSED
+    assert vehicles.schedule.names(0) == ("stuck_mode",)
+    vehicles.schedule.tick(25.0)
+    assert vehicles.injected_faults[0].mode_stuck is None
 
 
 def test_a_ramp_grows_to_its_offset_and_leaves_nothing_behind() -> None:
-    ward = Ward("gps_glitch:east_m=0,north_m=50,ramp_s=10,for=20")
+    vehicles = FaultyVehicles("gps_glitch:east_m=0,north_m=50,ramp_s=10,for=20")
     offsets = []
     for tick in range(400):
-        ward.schedule.tick(tick * 0.05)
-        offsets.append(ward.injected_faults[1].gps_offset_m[1])
+        vehicles.schedule.tick(tick * 0.05)
+        offsets.append(vehicles.injected_faults[1].gps_offset_m[1])
     assert offsets[100] == pytest.approx(25.0)
     assert offsets[200:] == [50.0] * 200
     assert np.all(np.diff(offsets) >= 0)
-    ward.schedule.tick(20.0)
-    assert ward.injected_faults[1].gps_offset_m == (0.0, 0.0, 0.0)
+    vehicles.schedule.tick(20.0)
+    assert vehicles.injected_faults[1].gps_offset_m == (0.0, 0.0, 0.0)
 
 
 def test_a_clock_keeps_its_accumulated_drift() -> None:
-    ward = Ward("clock_drift:drift_ppm=2000,at=100,for=50")
+    vehicles = FaultyVehicles("clock_drift:drift_ppm=2000,at=100,for=50")
     for now in (0.0, 100.0):
-        ward.schedule.tick(now)
-        assert ward.injected_faults[0].clock_offset_s(now) == 0.0
-    assert ward.injected_faults[0].clock_offset_s(125.0) == pytest.approx(0.05)
-    ward.schedule.tick(150.0)
-    assert ward.injected_faults[0].clock_offset_s(1000.0) == pytest.approx(0.1)
+        vehicles.schedule.tick(now)
+        assert vehicles.injected_faults[0].clock_offset_s(now) == 0.0
+    assert vehicles.injected_faults[0].clock_offset_s(125.0) == pytest.approx(0.05)
+    vehicles.schedule.tick(150.0)
+    assert vehicles.injected_faults[0].clock_offset_s(1000.0) == pytest.approx(0.1)
 
 
 def test_acknowledgements_are_lost_at_their_rate() -> None:
-    ward = Ward("absent_ack:rate=0.5,sysid=1", "absent_ack:sysid=2")
-    ward.schedule.tick(0.0)
-    lost = [sum(a.loses_ack() for _ in range(1000)) for a in ward.injected_faults]
+    vehicles = FaultyVehicles("absent_ack:rate=0.5,sysid=1", "absent_ack:sysid=2")
+    vehicles.schedule.tick(0.0)
+    lost = [sum(a.loses_ack() for _ in range(1000)) for a in vehicles.injected_faults]
     assert 400 < lost[0] < 600
     assert lost[1:] == [1000, 0]
 
 
 def test_a_reboot_has_its_silence() -> None:
-    ward = Ward("reboot:at=7,silence_s=3,sysid=3")
-    ward.schedule.tick(7.0)
-    assert ward.reboots == [(2, 7.0, 3.0)]
+    vehicles = FaultyVehicles("reboot:at=7,silence_s=3,sysid=3")
+    vehicles.schedule.tick(7.0)
+    assert vehicles.reboots == [(2, 7.0, 3.0)]
 
 
 # -- MAV_CMD_INJECT_FAILURE -------------------------------------------------------------------------------
@@ -243,33 +243,33 @@ OK, OFF, STUCK, WRONG = (
 )  # fmt: skip
 
 
-def inject(ward: Ward, unit: int, kind: int, instance: int = 0, now: float = 1.0) -> int:
-    return inject_failure(unit, kind, instance, ward.replace, now)
+def inject(vehicles: FaultyVehicles, unit: int, kind: int, instance: int = 0, now: float = 1.0) -> int:
+    return inject_failure(unit, kind, instance, vehicles.replace, now)
 
 
 def test_a_failure_begins_changes_and_ends() -> None:
-    ward = Ward()
+    vehicles = FaultyVehicles()
     gps = mavlink.FAILURE_UNIT_SENSOR_GPS
-    assert inject(ward, gps, OFF) == ACCEPTED
-    assert ward.injected_faults[0].gps_lost
-    assert not ward.injected_faults[1].gps_lost
-    assert inject(ward, gps, WRONG) == ACCEPTED
-    assert not ward.injected_faults[0].gps_lost
-    assert ward.injected_faults[0].gps_offset_m == (100.0, 0.0, 0.0)
-    assert inject(ward, gps, OK) == ACCEPTED
-    assert ward.schedule.names(0) == ()
-    assert ward.injected_faults[0].gps_offset_m == (0.0, 0.0, 0.0)
+    assert inject(vehicles, gps, OFF) == ACCEPTED
+    assert vehicles.injected_faults[0].gps_lost
+    assert not vehicles.injected_faults[1].gps_lost
+    assert inject(vehicles, gps, WRONG) == ACCEPTED
+    assert not vehicles.injected_faults[0].gps_lost
+    assert vehicles.injected_faults[0].gps_offset_m == (100.0, 0.0, 0.0)
+    assert inject(vehicles, gps, OK) == ACCEPTED
+    assert vehicles.schedule.names(0) == ()
+    assert vehicles.injected_faults[0].gps_offset_m == (0.0, 0.0, 0.0)
 
 
 def test_motors_fail_one_by_one_or_all() -> None:
-    ward = Ward()
+    vehicles = FaultyVehicles()
     motor = mavlink.FAILURE_UNIT_SYSTEM_MOTOR
     lost = []
     for kind, instance in ((OFF, 2), (OFF, 2), (OFF, 3), (OK, 2), (OFF, 0), (OK, 0)):
-        assert inject(ward, motor, kind, instance) == ACCEPTED
-        lost.append(ward.injected_faults[0].motors_lost)
+        assert inject(vehicles, motor, kind, instance) == ACCEPTED
+        lost.append(vehicles.injected_faults[0].motors_lost)
     assert lost == [1, 1, 2, 1, 4, 0]
-    assert inject(ward, motor, OFF, 9) == UNSUPPORTED
+    assert inject(vehicles, motor, OFF, 9) == UNSUPPORTED
 
 
 @pytest.mark.parametrize(
@@ -282,35 +282,35 @@ def test_motors_fail_one_by_one_or_all() -> None:
     ],
 )
 def test_a_failed_sensor_is_unhealthy(unit: int, kind: int, bit: int) -> None:
-    ward = Ward()
-    assert inject(ward, unit, kind) == ACCEPTED
-    assert ward.injected_faults[0].unhealthy_sensors == bit
+    vehicles = FaultyVehicles()
+    assert inject(vehicles, unit, kind) == ACCEPTED
+    assert vehicles.injected_faults[0].unhealthy_sensors == bit
 
 
 def test_a_link_switched_off_by_command_returns_after_30_seconds() -> None:
-    ward = Ward()
-    assert inject(ward, mavlink.FAILURE_UNIT_SYSTEM_MAVLINK_SIGNAL, OFF) == ACCEPTED
-    ward.schedule.tick(1.2)
-    assert ward.schedule.names(0) == ()  # the acknowledgement gets out
-    ward.schedule.tick(1.4)
-    assert ward.schedule.names(0) == ("link_outage",)
-    ward.schedule.tick(31.4)
-    assert ward.schedule.names(0) == ()
+    vehicles = FaultyVehicles()
+    assert inject(vehicles, mavlink.FAILURE_UNIT_SYSTEM_MAVLINK_SIGNAL, OFF) == ACCEPTED
+    vehicles.schedule.tick(1.2)
+    assert vehicles.schedule.names(0) == ()  # the acknowledgement is still sent
+    vehicles.schedule.tick(1.4)
+    assert vehicles.schedule.names(0) == ("link_outage",)
+    vehicles.schedule.tick(31.4)
+    assert vehicles.schedule.names(0) == ()
 
 
 def test_a_failure_ended_before_its_start_never_begins() -> None:
-    ward = Ward()
-    inject(ward, mavlink.FAILURE_UNIT_SYSTEM_MAVLINK_SIGNAL, OFF)
-    inject(ward, mavlink.FAILURE_UNIT_SYSTEM_MAVLINK_SIGNAL, OK, now=1.1)
-    ward.schedule.tick(5.0)
-    assert ward.schedule.names(0) == ()
+    vehicles = FaultyVehicles()
+    inject(vehicles, mavlink.FAILURE_UNIT_SYSTEM_MAVLINK_SIGNAL, OFF)
+    inject(vehicles, mavlink.FAILURE_UNIT_SYSTEM_MAVLINK_SIGNAL, OK, now=1.1)
+    vehicles.schedule.tick(5.0)
+    assert vehicles.schedule.names(0) == ()
 
 
 @settings(derandomize=True, deadline=None, max_examples=examples(200))
 @given(*[st.floats(width=32) | st.integers(-1, 110).map(float)] * 3)
 def test_a_failure_command_with_any_parameters_is_answered(unit: float, kind: float, instance: float) -> None:
-    ward = Ward()
-    assert inject_failure(unit, kind, instance, ward.replace, 1.0) in (ACCEPTED, UNSUPPORTED)
+    vehicles = FaultyVehicles()
+    assert inject_failure(unit, kind, instance, vehicles.replace, 1.0) in (ACCEPTED, UNSUPPORTED)
 
 
 # -- SIM_ parameters --------------------------------------------------------------------------------------

@@ -46,7 +46,7 @@ def notices(station: Station) -> list[tuple[int, str]]:
 
 
 def fenced(*fence: dict[str, Any], kind: int = 4) -> Station:
-    """On the ground with an enabled fence of some types (bits of FENCE_TYPE)."""
+    """Return a copter on the ground with an enabled fence; `kind` has the bits of FENCE_TYPE."""
     station = Station()
     assert upload(station, list(fence) or square(100), FENCE) == 0
     set_parameter(station, "FENCE_TYPE", kind)
@@ -149,19 +149,19 @@ def test_the_action_of_a_breach_follows_its_parameter(action: int, mode: str) ->
     assert station.mode == mode
 
 
-@pytest.mark.parametrize("enabled_anew", [False, True])
-def test_a_new_limit_counts_after_the_next_enabling_of_the_fence(enabled_anew: bool) -> None:
+@pytest.mark.parametrize("enabled_again", [False, True])
+def test_a_new_limit_counts_after_the_next_enabling_of_the_fence(enabled_again: bool) -> None:
     station = fenced(kind=4)
     set_parameter(station, "FENCE_ALT_MAX", 15)
     set_parameter(station, "FENCE_TYPE", 5)
-    if enabled_anew:
+    if enabled_again:
         set_parameter(station, "FENCE_ENABLE", 0)
         set_parameter(station, "FENCE_ENABLE", 1)
     assert station.set_mode(GUIDED) == 0
     assert station.arm() == 0
     assert station.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 20) == 0
     station.wait(20)
-    assert ("Max Alt fence breached" in station.texts()) == enabled_anew
+    assert ("Max Alt fence breached" in station.texts()) == enabled_again
 
 
 def test_an_overruled_breach_of_the_circle_acts_again_20_m_farther_out() -> None:
@@ -174,7 +174,7 @@ def test_an_overruled_breach_of_the_circle_acts_again_20_m_farther_out() -> None
     overruled_s = station.now
     station.wait(0.2)
     station.until(lambda: station.mode == "RTL", 60)
-    assert station.now - overruled_s > 10  # the pilot is left alone for so long
+    assert station.now - overruled_s > 10  # time without another reaction
     assert 105 < place_m(station)[0] < 150
     texts = [text for _, text in notices(station)]
     assert texts == ["Circle fence breached", "Manual recovery started", "Circle fence breached"]

@@ -139,7 +139,7 @@ def test_violated_zones_can_be_discarded() -> None:
 def test_a_star_shaped_polygon_contains_the_points_inside_its_edges(
     spokes: list[tuple[float, float]], north_m: float, east_m: float
 ) -> None:
-    """Inside where the ray from the middle meets the edge behind the point."""
+    """A point is inside if its ray from the middle meets the edge behind the point."""
     turn = 2 * math.pi / sum(share for _, share in spokes)
     angle, corners = 0.0, []
     for radius_m, share in spokes:

@@ -1,4 +1,4 @@
-"""Rules of the air that are easy to get wrong: what vehicles do, and do not do, by themselves."""
+"""Rules of flight that are easy to get wrong, for each autopilot."""
 
 import math
 from typing import Any

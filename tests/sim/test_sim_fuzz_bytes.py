@@ -122,7 +122,7 @@ def test_broken_frames_and_messages_over_impaired_links(name: str, wire: str) ->
     bench.check()
 
 
-# -- the same again --------------------------------------------------------------------------------------
+# -- repeated attacks ------------------------------------------------------------------------------------
 
 
 def digest(name: str, kind: str, **extra: Any) -> str:

@@ -1,4 +1,4 @@
-"""Properties of the motion, whatever the plan: limits kept, every waypoint met, the ground reached softly."""
+"""Properties of the motion on any plan: kept limits, reached waypoints and soft landings."""
 
 import math
 

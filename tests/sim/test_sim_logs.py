@@ -26,7 +26,7 @@ HOME = (47.397, 8.545, 488.0)
 BOTH = pytest.mark.parametrize("format_", [DataFlashLog, UlogLog], ids=["dataflash", "ulog"])
 
 
-def facts(**changes: Any) -> LogStart:
+def log_start(**changes: Any) -> LogStart:
     parameters = {"SYSID": 3, "SPEED": 7.5}
     values: dict[str, Any] = {
         "utc_s": UTC_S, "boot_s": BOOT_S, "banner": ("ArduCopter V4.6.2 (sim)", "Frame: QUAD/X"),
@@ -51,7 +51,7 @@ def sample(**changes: Any) -> Sample:
 
 def flight(log: FlightLog, *, mode: int = 4, next_mode: int = 6) -> None:
     """Write each kind of entry once, at known times."""
-    log.begin(ARM_S, facts(mode=mode))
+    log.begin(ARM_S, log_start(mode=mode))
     log.origin(ARM_S, *HOME)
     log.home(ARM_S, *HOME)
     log.armed(ARM_S, True)
@@ -113,7 +113,7 @@ def test_pymavlink_reads_the_state_of_a_dataflash_log(dataflash: list[Any]) -> N
 
 
 def test_a_dataflash_log_has_the_time_of_day(dataflash: list[Any]) -> None:
-    """The reader computes it from GPS week and time of week."""
+    """The reader computes the time of day from GPS week and time of week."""
     assert of(dataflash, "POS")[0]._timestamp == pytest.approx(UTC_S + 1, abs=0.01)
 
 
@@ -295,7 +295,7 @@ def test_any_state_of_a_vehicle_can_be_logged(
     utc_s: float,
 ) -> None:
     log = format_()
-    log.begin(ARM_S, facts(utc_s=utc_s, banner=()))
+    log.begin(ARM_S, log_start(utc_s=utc_s, banner=()))
     lat_deg, lon_deg, alt_m, up_m, north_m, east_m, gps_lat_deg, gps_alt_m, current_a = numbers
     roll_rad, pitch_rad, yaw_rad = angles
     log.sample(
@@ -324,7 +324,7 @@ def test_logs_are_equal_byte_for_byte(format_: Any) -> None:
 
 
 def recorded(recorder: FlightRecorder, start_s: float, seconds: float) -> None:
-    recorder.begin(start_s, facts(utc_s=UTC_S + start_s))
+    recorder.begin(start_s, log_start(utc_s=UTC_S + start_s))
     for tick in range(round(seconds * 10)):
         now = start_s + tick / 10
         if recorder.due(now):
@@ -356,7 +356,7 @@ def test_samples_come_at_the_rate_of_the_limits(tmp_path: Path) -> None:
 
 def test_a_full_log_accepts_events_but_no_samples(tmp_path: Path) -> None:
     recorder = FlightRecorder(DataFlashLog, LogLimits(log_bytes=20_000))
-    recorder.begin(10.0, facts())
+    recorder.begin(10.0, log_start())
     for tick in range(1000):
         recorder.sample(10 + tick / 10, sample())
     log = recorder.log_for_event(200.0)
@@ -380,7 +380,7 @@ def test_a_recorder_without_room_records_nothing() -> None:
 
 def test_erasing_the_current_log_ends_it() -> None:
     recorder = FlightRecorder(DataFlashLog, LogLimits())
-    recorder.begin(10.0, facts())
+    recorder.begin(10.0, log_start())
     recorder.remove(recorder.logs[0])
     assert (recorder.logs, recorder.recording, recorder.due(11.0)) == ([], False, False)
     recorder.end(12.0)

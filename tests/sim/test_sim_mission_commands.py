@@ -111,7 +111,7 @@ def test_storing_a_stored_item_again_changes_nothing(
     stored = store(Item(command, frame, p1, p2, p3, p4, x, x, z))
     if isinstance(stored, Item):
         again = store(stored)
-        # centimetres are cut once more, as they are in the storage
+        # centimetres are cut a second time, as in the storage
         assert again.z == pytest.approx(stored.z, abs=0.011, rel=1e-6)
         assert (again.param1, again.param2, again.param3, again.param4, again.x) == (
             stored.param1,

@@ -1,4 +1,4 @@
-"""Missions that change, pause and hold nonsense while they are flown: nothing hangs, nothing breaks."""
+"""Missions with changes, pauses and invalid values in flight."""
 
 from typing import Any
 
@@ -64,7 +64,7 @@ def highest_m(station: Station, seconds: int) -> float:
     return max(heights)
 
 
-# -- a list that was cut under the index -----------------------------------------------------------------
+# -- a mission shorter than its index --------------------------------------------------------------------
 
 
 def test_a_mission_shortened_below_its_index_on_the_ground_starts_over() -> None:
@@ -171,7 +171,7 @@ def test_a_vehicle_flies_to_a_deleted_command_after_a_pause() -> None:
     station.until(lambda: north_m(station) > 119, 60)
 
 
-# -- numbers that are none -------------------------------------------------------------------------------
+# -- invalid and zero numbers ----------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("command", [16, 19, 93, 112])
@@ -196,7 +196,7 @@ def test_px4_flies_to_a_zero_altitude_and_arducopter_keeps_its_altitude() -> Non
     copter, px4 = Station(), QuietPx4Station()
     copter.fly_mission([takeoff(15), waypoint(60, 0, 0.0), waypoint(100, 0, 15.0)])
     copter.until(lambda: current(copter) == 3, 90)
-    assert copter.height_m == pytest.approx(15, abs=2.0)  # as high as it was when it set out
+    assert copter.height_m == pytest.approx(15, abs=2.0)  # the altitude before this leg
     px4.upload_and_wait([takeoff(15), waypoint(60, 0, 0.0)])
     assert px4.command(mavlink.MAV_CMD_MISSION_START, -1) == ACCEPTED
     px4.until(lambda: north_m(px4) > 50, 90)

@@ -34,7 +34,7 @@ def ardupilot(*items: Item) -> tuple[Mission, IdlePilot]:
 
 
 def fly(mission: Mission, pilot: IdlePilot, *, steps: int = 100) -> list[int]:
-    """Arm and go on until the mission is over; the indices reached."""
+    """Arm, fly until the mission is complete, and return the reached indices."""
     pilot.armed = True
     mission.start_or_resume(pilot)
     for step in range(steps):
@@ -46,7 +46,7 @@ def fly(mission: Mission, pilot: IdlePilot, *, steps: int = 100) -> list[int]:
 
 
 def reached(pilot: IdlePilot) -> list[int]:
-    return [index for what, index in pilot.log if what == "reached"]
+    return [index for event, index in pilot.log if event == "reached"]
 
 
 def test_px4_reaches_and_reports_every_item() -> None:
@@ -84,7 +84,7 @@ def test_px4_keeps_its_index_over_a_mode_change_until_the_mission_is_complete() 
     assert mission.index == 2
     fly(mission, pilot)
     assert mission.index == 3
-    mission.start_or_resume(pilot)  # still in the air: it is over
+    mission.start_or_resume(pilot)  # still in the air: the mission is complete
     assert pilot.log[-1] == ("no mission", -1)
     mission.stop()
     mission.reset()
@@ -156,7 +156,7 @@ def test_px4_flies_no_infeasible_mission() -> None:
     assert pilot.log[-1] == ("fly", WP)
 
 
-@pytest.mark.parametrize("bad", [jump(9, 1), jump(0, -1)], ids=["nowhere", "to itself"])
+@pytest.mark.parametrize("bad", [jump(9, 1), jump(0, -1)], ids=["target after the end", "endless to itself"])
 def test_px4_survives_invalid_jumps(bad: Item) -> None:
     mission, pilot = px4(bad, Item(WP))
     fly(mission, pilot)
@@ -173,7 +173,7 @@ def test_ardupilot_runs_do_commands_beside_the_next_leg_and_reports_them() -> No
     for second in range(1, 6):
         mission.update(pilot, float(second))
     assert reached(pilot) == [1, 2, 3, 4]
-    assert [what for what in pilot.log if what[0] in ("fly", "do")] == [
+    assert [event for event in pilot.log if event[0] in ("fly", "do")] == [
         ("fly", TAKEOFF),
         ("fly", WP),
         ("do", SPEED),
@@ -198,7 +198,7 @@ def test_ardupilot_waits_for_a_distance_until_the_next_command() -> None:
 def test_ardupilot_begins_only_the_first_do_command_after_the_last_leg() -> None:
     mission, pilot = ardupilot(Item(TAKEOFF), Item(SPEED, param1=1), Item(SPEED, param1=2))
     fly(mission, pilot)
-    assert [what for what in pilot.log if what[0] == "do"] == [("do", SPEED)]
+    assert [event for event in pilot.log if event[0] == "do"] == [("do", SPEED)]
     assert mission.state is MissionState.COMPLETE
 
 
@@ -236,11 +236,11 @@ EVENTS = st.lists(
 )
 
 
-def happen(event: str, mission: Mission, pilot: IdlePilot, index: int) -> None:
-    """Events of a mission other than changes of its items."""
+def apply_event(event: str, mission: Mission, pilot: IdlePilot, index: int) -> None:
+    """Apply an event that does not change the items of the mission."""
     pilot.armed = event == "arm" or (pilot.armed and event != "disarm")
     pilot.arrived = event == "arrive" or (pilot.arrived and event != "depart")
-    befall = {
+    action = {
         "disarm": mission.reset,
         "enter": lambda: mission.start_or_resume(pilot),
         "leave": mission.stop,
@@ -250,12 +250,12 @@ def happen(event: str, mission: Mission, pilot: IdlePilot, index: int) -> None:
         "resume": lambda: mission.resume(pilot),
         "reboot": mission.reboot,
     }.get(event)
-    if befall is not None:
-        befall()
+    if action is not None:
+        action()
 
 
 def change(event: str, mission: Mission, pilot: IdlePilot, new: list[Item], index: int) -> None:
-    """Another list: at once as PX4 takes one, or item by item."""
+    """Change the items of the mission: at once on PX4, item by item on ArduPilot."""
     if isinstance(mission, Px4Mission):
         mission.replace(pilot, new if event in ("new", "write") else new[: index // 2])
         assert mission.index < max(mission.count, 1)
@@ -280,7 +280,7 @@ def test_a_mission_stays_consistent_under_any_events(
         if event in CHANGES:
             change(event, mission, pilot, others, index)
         else:
-            happen(event, mission, pilot, index)
+            apply_event(event, mission, pilot, index)
         mission.update(pilot, float(step))
         assert mission.reported_state in MissionState
         if mission.current_item is not None and isinstance(mission, Px4Mission):

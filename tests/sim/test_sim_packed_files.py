@@ -49,7 +49,7 @@ def made(parameters: dict[str, tuple[float, float]]) -> list[Parameter]:
 def test_pymavlink_reads_packed_parameters(
     parameters: dict[str, tuple[float, float]], defaults: bool
 ) -> None:
-    """Names come in any order with any common beginnings."""
+    """Names have any order and any common beginnings."""
     content = pack_parameters(made(parameters), "withdefaults=1" if defaults else "")
     data = decoded(content)
     assert {name.decode(): value for name, value, _ in data.params} == {
@@ -106,7 +106,7 @@ def test_any_upload_is_accepted_or_refused(content: bytes, head: bool) -> None:
 
 
 class Vehicle:
-    """The parameters and items behind an ArduPilot's files."""
+    """The parameters and mission items of an ArduPilot's files."""
 
     def __init__(self) -> None:
         self.values = {row.name: row for row in FEW}

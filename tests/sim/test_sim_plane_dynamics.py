@@ -73,7 +73,7 @@ def test_the_bank_limit_sets_the_narrowest_turn() -> None:
     world = physics_bench.world(planes=True)
     body = physics_bench.plane(world)
     body.limit(bank_limit_deg=30.0)
-    body.loiter(0, 0, UP_M, 5.0)  # narrower than it can fly
+    body.loiter(0, 0, UP_M, 5.0)  # narrower than the bank limit allows
     physics_bench.wait(world, 20.0)
     places = []
     physics_bench.wait(world, 15.0, lambda: places.append(body.position_m[:2]))
@@ -114,7 +114,7 @@ def test_a_plane_in_a_crosswind_holds_its_track() -> None:
     physics_bench.until(world, lambda: body.reached)
     body.fly_to(0, 3000, UP_M)
     physics_bench.wait(world, 40.0)
-    # The wind triangle: it heads to the left of its track by asin(8 / 15).
+    # The wind triangle: the plane heads to the left of its track by asin(8 / 15).
     assert body.position_m[0] == pytest.approx(0, abs=0.5)
     assert math.remainder(body.heading_rad, 2 * math.pi) == pytest.approx(-math.asin(8.0 / 15.0), abs=0.01)
     assert body.velocity_m_s[:2] == pytest.approx((0, math.sqrt(15.0**2 - 8.0**2)), abs=0.05)
@@ -205,7 +205,7 @@ def test_a_plane_without_power_glides_eight_metres_forward_for_one_down(cause: s
     assert forward_m / 10 == pytest.approx(1.3 * 8.0, abs=0.3)  # best glide: 1.3 times the stall speed
     assert world.dynamics.throttle[0] == 0
     physics_bench.until(world, lambda: not body.airborne)
-    assert body.take_touchdown_m_s() < 1.0  # it flares by itself
+    assert body.take_touchdown_m_s() < 1.0  # after a flare
     assert not body.crashed
 
 

@@ -32,7 +32,7 @@ def plane(**params: float) -> Station:
 
 
 def place(station: Station) -> tuple[float, float]:
-    """North and east of where it took off [m]."""
+    """Return the position north and east of the take-off [m]."""
     truth = station.fleet.truth()
     north_m = (float(truth.lat_deg[0]) - LAT_DEG) * METRES_A_DEGREE
     east_m = (float(truth.lon_deg[0]) - LON_DEG) * METRES_A_DEGREE * math.cos(math.radians(LAT_DEG))
@@ -99,16 +99,16 @@ def test_a_plane_leaves_a_circle_at_its_altitude_and_toward_the_next_item(way: f
     station.until(lambda: current(station) == 2, 60)
     radii_m, sides = [], []
 
-    def left() -> bool:
+    def is_circle_left() -> bool:
         north_m, east_m = place(station)
         radii_m.append(math.hypot(north_m - 600, east_m))
         sides.append(north_m - 600)
         return current(station) == 3
 
-    station.until(left, 200)
+    station.until(is_circle_left, 200)
     assert station.height_m == pytest.approx(25, abs=6)
     assert radii_m[-1] == pytest.approx(RADIUS_M, abs=15)
-    # Clockwise it flies east at the north of its circle, counter-clockwise at the south.
+    # A clockwise plane flies east at the north of its circle; a counter-clockwise one at the south.
     assert sides[-1] * way > 0.8 * RADIUS_M
     station.wait(3.0)
     heading_deg = station.ask(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT).hdg / 100
@@ -120,8 +120,8 @@ def test_a_plane_leaves_a_circle_at_its_altitude_and_toward_the_next_item(way: f
 )
 def test_a_waypoint_sets_its_acceptance_radius(radius_m: float, nearest_m: float) -> None:
     station = plane()  # WP_RADIUS is 90 m as it comes
-    told = item(mavlink.MAV_CMD_NAV_WAYPOINT, 800, 0, 50, param2=radius_m)
-    assert station.upload([home_item(), takeoff(50), told, waypoint(800, 1500, 50)]) == 0
+    wide_waypoint = item(mavlink.MAV_CMD_NAV_WAYPOINT, 800, 0, 50, param2=radius_m)
+    assert station.upload([home_item(), takeoff(50), wide_waypoint, waypoint(800, 1500, 50)]) == 0
     assert station.set_mode(AUTO) == 0
     assert station.arm() == 0
     station.until(lambda: current(station) == 3, 120)
@@ -139,7 +139,7 @@ def landed_by_its_mission() -> Station:
 @pytest.mark.parametrize("mode", [AUTO, GUIDED])
 def test_a_landed_plane_does_not_arm_in_its_landing_sequence(mode: int) -> None:
     station = landed_by_its_mission()
-    assert current(station) == 6, "the landing stays the one that is flown"
+    assert current(station) == 6, "the current item is still the landing"
     station.set_mode(mode)
     assert station.arm() == mavlink.MAV_RESULT_FAILED
     assert "Arm: In landing sequence" in station.texts()

@@ -29,7 +29,7 @@ NORTH_DEG_PER_M = 1 / 111_195.0
 
 
 def position_m(station: QuietPx4Station) -> tuple[float, float]:
-    """North and east of the start, in truth."""
+    """Return the true position north and east of the start [m]."""
     truth = station.fleet.truth()
     return (truth.lat_deg[0] - LAT_DEG) * 111_195.0, (truth.lon_deg[0] - LON_DEG) * 77_450.0
 
@@ -116,7 +116,7 @@ def test_a_landing_slows_down_and_disarms_two_seconds_after_touchdown() -> None:
     station.until(lambda: not station.armed, 10)
     assert station.now - touched_s == pytest.approx(2.0, abs=0.3)  # COM_DISARM_LAND
     assert station.texts()[-2:] == ["Landing detected", "Disarmed by landing"]
-    assert station.mode == "Hold"  # the last mode it may be armed in
+    assert station.mode == "Hold"  # the last mode in which arming is allowed
 
 
 def test_a_return_climbs_flies_home_descends_and_lands() -> None:
@@ -268,7 +268,7 @@ def test_a_setpoint_above_an_armed_copter_in_offboard_starts_the_take_off() -> N
 
 @pytest.mark.parametrize(("action", "mode"), [(0, "Return"), (4, "Land"), (5, "Hold")])
 def test_com_obl_rc_act_is_the_reaction_to_lost_setpoints(action: int, mode: str) -> None:
-    # Without a pilot position mode (0) cannot run, and what is left is a return.
+    # Without a pilot, position mode (0) is not available, and PX4 returns instead.
     station = QuietPx4Station(params={"COM_OBL_RC_ACT": action, "COM_OF_LOSS_T": 1.0})
     station.fly(10)
     station.stream_setpoints(1.5, 0, 0, 10)
@@ -306,7 +306,7 @@ def test_hold_stops_a_vehicle_during_its_mission() -> None:
 
 
 def test_a_landing_inside_a_mission_does_not_disarm() -> None:
-    """Commander::handleAutoDisarm: not in mission mode before the mission is finished."""
+    """`Commander::handleAutoDisarm` does not disarm in mission mode before the end of the mission."""
     station = QuietPx4Station()
     station.upload_and_wait([takeoff(10), land(30, 20), waypoint(60, 20, 10)])
     assert station.command(mavlink.MAV_CMD_MISSION_START) == ACCEPTED

@@ -63,7 +63,7 @@ def test_com_rc_loss_t_is_the_time_limit_of_the_remote_control(after_s: float) -
 
 @pytest.mark.parametrize(("without_gps", "result"), [(1, ACCEPTED), (0, TEMPORARILY_REJECTED)])
 def test_com_arm_wo_gps_allows_arming_without_gps_in_a_pilot_mode(without_gps: int, result: int) -> None:
-    """With stick input disabled no pilot is required."""
+    """COM_RC_IN_MODE 4 disables stick input, so arming requires no pilot."""
     station = Px4Station(params={"COM_ARM_WO_GPS": without_gps, "COM_RC_IN_MODE": 4})
     inject(station, "gps_loss")
     station.wait(3.0)
@@ -73,7 +73,7 @@ def test_com_arm_wo_gps_allows_arming_without_gps_in_a_pilot_mode(without_gps: i
 
 
 def gps_bits(station: Px4Station) -> tuple[bool, bool]:
-    """Present and healthy, by the last SYS_STATUS."""
+    """Return the present and healthy bits of the GPS in the last SYS_STATUS."""
     status = station.of("SYS_STATUS")[-1]
     bits = status.onboard_control_sensors_present, status.onboard_control_sensors_health
     return bool(bits[0] & GPS), bool(bits[1] & GPS)

@@ -28,12 +28,12 @@ def circle(north_m: float, east_m: float, up_m: float = 20.0, radius_m: float = 
 
 
 def down(north_m: float, east_m: float) -> list[dict[str, Any]]:
-    """Flying north, out of a circle to the east."""
+    """Return a landing northward out of a circle with its centre in the east."""
     return [circle(north_m - 250, east_m + RADIUS_M), land(north_m, east_m)]
 
 
 def up(height_m: float = 20.0) -> dict[str, Any]:
-    """North."""
+    """Return a take-off to the north."""
     return takeoff(height_m) | {k: v for k, v in waypoint(200, 0).items() if k in ("x", "y")}
 
 
@@ -61,7 +61,7 @@ def away_m(station: QuietPx4Station, north_m: float, east_m: float) -> float:
     return math.dist(place_m(station), (north_m, east_m))
 
 
-# --- which missions it flies
+# -- feasible missions ------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -102,7 +102,7 @@ def test_a_steeper_slope_is_flown_if_its_parameter_allows_it() -> None:
     assert not [text for text in station.texts() if text.startswith("Mission rejected")]
 
 
-# --- how it flies one
+# -- missions in flight -----------------------------------------------------------------------------------
 
 
 def test_a_plane_climbs_straight_toward_its_take_off_item() -> None:
@@ -163,7 +163,7 @@ def test_a_restarted_landing_spirals_down_around_its_position() -> None:
     assert away_m(station, 0, 0) == pytest.approx(RADIUS_M, abs=40)
 
 
-# --- how it returns
+# -- returns ----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.full
@@ -193,7 +193,7 @@ def test_a_return_lands_by_the_mission_according_to_rtl_type(
 
 
 def test_a_return_uses_the_first_landing_of_the_list() -> None:
-    """A landing at its target before DO_LAND_START takes its place (mavlink_mission.cpp)."""
+    """A landing item before DO_LAND_START replaces it as the landing (mavlink_mission.cpp)."""
     station = flown([*ROUTE, *down(900, 0), *HOME], RTL_TYPE=1)
     station.until(lambda: current(station) == 2, 120)
     assert station.change(AUTO, RETURN) == 0
@@ -278,7 +278,7 @@ def test_a_plane_in_land_mode_circles_down_at_its_position() -> None:
 
 
 def test_do_land_start_on_the_ground_arms_the_plane() -> None:
-    """A ground station should therefore check before it commands this."""
+    """A ground station should check that the plane is in the air before this command."""
     station = plane()
     station.upload_and_wait([*ROUTE, *HOME])
     assert station.command(mavlink.MAV_CMD_DO_LAND_START) == 0

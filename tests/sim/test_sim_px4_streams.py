@@ -1,4 +1,4 @@
-"""Messages that only PX4 streams, where its home and origin come from, and the count of its flights."""
+"""Messages that only PX4 streams, the sources of its home and origin, and the count of its flights."""
 
 import math
 

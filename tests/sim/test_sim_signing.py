@@ -1,4 +1,4 @@
-"""MAVLink 2 signing of finished frames, judged by pymavlink's own."""
+"""MAVLink 2 signing of finished frames, compared with pymavlink."""
 
 import pytest
 from hypothesis import given, settings
@@ -54,11 +54,11 @@ def test_pymavlink_accepts_signed_frames(text: bytes, severity: int, seq: int) -
     message = mavlink.MAVLink_statustext_message(severity, text)
     signed = keyed().sign(packed(message, codec), 9, 5.0)
     receiver = station()
-    (heard,) = receiver.parse_buffer(signed)
-    assert heard.get_type() == "STATUSTEXT"
-    assert heard.get_signed()
-    assert heard.get_link_id() == 9
-    assert heard.severity == severity
+    (parsed,) = receiver.parse_buffer(signed)
+    assert parsed.get_type() == "STATUSTEXT"
+    assert parsed.get_signed()
+    assert parsed.get_link_id() == 9
+    assert parsed.severity == severity
     assert receiver.signing.goodsig_count == 1
 
 
@@ -67,8 +67,8 @@ def test_longest_and_shortest_frames_are_signed() -> None:
     signing = keyed()
     longest = mavlink.MAVLink_file_transfer_protocol_message(0, 1, 1, [1] * 251)
     for message in (mavlink.MAVLink_system_time_message(0, 0), longest):
-        (heard,) = receiver.parse_buffer(signing.sign(packed(message), 0, 1.0))
-        assert heard.get_signed()
+        (parsed,) = receiver.parse_buffer(signing.sign(packed(message), 0, 1.0))
+        assert parsed.get_signed()
 
 
 def test_a_frame_of_another_key_is_refused() -> None:

@@ -45,7 +45,7 @@ def test_cells_count_north_and_east_from_the_south_west_corner() -> None:
 
 
 def area_station(firing_strength: tuple[float, float, float]) -> Station:
-    """The vehicle starts 25 m south of the middle of column 0; hostile in cell (3, 0), cells of 50 m."""
+    """Return a vehicle 25 m south of the middle of column 0; cell (3, 0) of 50 m is hostile."""
     origin_lat_deg, origin_lon_deg = LAT_DEG + 25 / 111_195, LON_DEG - 25 / 77_450
     area = {"origin_lat_deg": origin_lat_deg, "origin_lon_deg": origin_lon_deg}
     area |= {"rows": 6, "cols": 6, "cell_size_m": 50.0}

@@ -1,4 +1,4 @@
-"""Each number of a flight in wind against what is really so: units, signs, frames, for both autopilots."""
+"""Each number of a flight in wind against the true value: units, signs, frames, for both autopilots."""
 
 import math
 from collections.abc import Callable
@@ -24,7 +24,7 @@ LOCAL_TARGET = mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED
 
 
 @dataclass
-class Facts:
+class TrueState:
     """The true state in SI units; positions are metres from the start."""
 
     north_m: float
@@ -36,7 +36,7 @@ class Facts:
     used_j: float  # by the reported voltage and current
     used_mah: float
     throttle: float  # share, as reported
-    ampere: float  # as told
+    ampere: float  # as reported
     remaining: float
     capacity_mah: float
 
@@ -54,7 +54,7 @@ class Facts:
 
     @property
     def wind_m_s(self) -> tuple[float, float]:
-        """North and east, where it blows to."""
+        """The velocity of the air, north and east."""
         towards = math.radians(WIND_FROM_DEG + 180)
         return WIND_M_S * math.cos(towards), WIND_M_S * math.sin(towards)
 
@@ -99,7 +99,7 @@ def _place_m(station: Station) -> tuple[float, float, float]:
 
 
 class Flight:
-    """A vehicle on its way through the wind to a higher goal, and its reports."""
+    """A vehicle that flies in wind to a higher goal, and its reports."""
 
     def __init__(self, personality: str) -> None:
         self.station = station = Station(_fleet(personality))
@@ -115,20 +115,20 @@ class Flight:
         )
         batteries = station.of("BATTERY_STATUS")
         ampere = [m.current_battery / 100 for m in batteries]
-        self.facts = Facts(
+        self.true_state = TrueState(
             *here_m,
             north_m_s,
             east_m_s,
             up_m_s,
             used_j=sum(m.voltages[0] / 1000 * a * 0.1 for m, a in zip(batteries, ampere, strict=True)),
             used_mah=sum(a * 0.1 / 3.6 for a in ampere),
-            throttle=self.told("VFR_HUD").throttle / 100,
+            throttle=self.report("VFR_HUD").throttle / 100,
             ampere=ampere[-1],
             remaining=float(station.fleet.truth().battery_remaining[0]),
             capacity_mah=CAPACITY_MAH[personality],
         )
 
-    def told(self, name: str) -> Any:
+    def report(self, name: str) -> Any:
         return self.station.ask(getattr(mavlink, f"MAVLINK_MSG_ID_{name}"))
 
 
@@ -137,7 +137,7 @@ def flights() -> dict[str, Flight]:
     return {personality: Flight(personality) for personality in BOTH}
 
 
-Expected = Callable[[Facts], float]
+Expected = Callable[[TrueState], float]
 BOTH, ARDUPILOT, PX4 = ("ardupilot", "px4"), ("ardupilot",), ("px4",)
 # message, field, expected value, tolerance, autopilot
 ROWS: tuple[tuple[str, str, Expected, float, tuple[str, ...]], ...] = (
@@ -223,26 +223,26 @@ def test_a_field_equals_the_true_value(
     flights: dict[str, Flight], message: str, field: str, expected: Expected, near: float, personality: str
 ) -> None:
     flight = flights[personality]
-    assert getattr(flight.told(message), field) == pytest.approx(expected(flight.facts), abs=near)
+    assert getattr(flight.report(message), field) == pytest.approx(expected(flight.true_state), abs=near)
 
 
 @pytest.mark.parametrize("personality", BOTH)
 def test_values_of_the_flight_distinguish_signs_and_units(
     flights: dict[str, Flight], personality: str
 ) -> None:
-    facts = flights[personality].facts
-    assert facts.north_m_s > 2
-    assert facts.east_m_s < -1
-    assert facts.up_m_s > 0.5
-    assert 20 < facts.goal_m < 160
-    assert facts.throttle > 0.1
-    assert facts.used_j > 1000
+    true_state = flights[personality].true_state
+    assert true_state.north_m_s > 2
+    assert true_state.east_m_s < -1
+    assert true_state.up_m_s > 0.5
+    assert 20 < true_state.goal_m < 160
+    assert true_state.throttle > 0.1
+    assert true_state.used_j > 1000
 
 
 # -- reports of targets -----------------------------------------------------------------------------------
 
 
-def _tells(station: Station, message_id: int) -> bool:
+def _reports(station: Station, message_id: int) -> bool:
     ask = mavlink.MAV_CMD_REQUEST_MESSAGE
     replies = station.send(mavlink.MAVLink_command_long_message(1, 0, ask, 0, message_id, *[0.0] * 6))
     return any(m.get_msgId() == message_id for m in replies)
@@ -252,30 +252,30 @@ def _tells(station: Station, message_id: int) -> bool:
 def test_a_vehicle_on_the_ground_reports_no_target(personality: str) -> None:
     station = Station(_fleet(personality))
     station.wait(1)
-    assert not _tells(station, GLOBAL_TARGET)
-    assert not _tells(station, LOCAL_TARGET)
+    assert not _reports(station, GLOBAL_TARGET)
+    assert not _reports(station, LOCAL_TARGET)
     if personality == "ardupilot":
         assert station.set_mode(4) == 0  # GUIDED begins with a velocity of 0
-        assert not _tells(station, GLOBAL_TARGET)
-        told = station.ask(LOCAL_TARGET)
-        assert (told.type_mask, told.x, told.y, told.z, told.vx) == (0x0C07, 0, 0, 0, 0)
+        assert not _reports(station, GLOBAL_TARGET)
+        target = station.ask(LOCAL_TARGET)
+        assert (target.type_mask, target.x, target.y, target.z, target.vx) == (0x0C07, 0, 0, 0, 0)
 
 
 def test_ardupilot_reports_a_target_in_modes_with_a_target() -> None:
     station = Station(_fleet("ardupilot"))
     station.fly_mission([takeoff(), waypoint(60, 0), land(60, 0)])
     station.wait(2)
-    assert not _tells(station, GLOBAL_TARGET)  # it takes off
+    assert not _reports(station, GLOBAL_TARGET)  # during take-off
     station.until(lambda: station.fleet.truth().speed_m_s[0] > 3, 60)
     assert station.ask(GLOBAL_TARGET).lat_int == pytest.approx((LAT_DEG + 60 / NORTH_M_DEG) * 1e7, abs=30)
-    assert not _tells(station, LOCAL_TARGET)
+    assert not _reports(station, LOCAL_TARGET)
     assert station.set_mode(17) == 0  # BRAKE
-    assert not _tells(station, GLOBAL_TARGET)
+    assert not _reports(station, GLOBAL_TARGET)
     assert station.set_mode(6) == 0  # RTL
     station.wait(5)
     assert station.ask(GLOBAL_TARGET).lat_int == pytest.approx(LAT_DEG * 1e7, abs=30)
     station.until(lambda: station.height_m < 5, 120)
-    assert not _tells(station, GLOBAL_TARGET)  # it lands
+    assert not _reports(station, GLOBAL_TARGET)  # during landing
 
 
 @pytest.mark.parametrize("personality", BOTH)
@@ -290,29 +290,29 @@ def test_a_velocity_setpoint_is_the_local_target(personality: str) -> None:
         assert station.command(mavlink.MAV_CMD_DO_SET_MODE, 1, 6) == 0  # Offboard
     station.send(order)
     station.wait(0.4)
-    told = station.ask(LOCAL_TARGET)
-    assert (told.vx, told.vy, told.vz) == (3.0, -2.0, -0.5)
+    target = station.ask(LOCAL_TARGET)
+    assert (target.vx, target.vy, target.vz) == (3.0, -2.0, -0.5)
     if personality == "px4":
-        assert told.type_mask == 0x0007
-        assert all(map(math.isnan, (told.x, told.y, told.z)))
+        assert target.type_mask == 0x0007
+        assert all(map(math.isnan, (target.x, target.y, target.z)))
     else:
-        assert (told.type_mask, told.x, told.y, told.z) == (0x0C07, 0, 0, 0)
-    assert not _tells(station, GLOBAL_TARGET)
+        assert (target.type_mask, target.x, target.y, target.z) == (0x0C07, 0, 0, 0)
+    assert not _reports(station, GLOBAL_TARGET)
 
 
 def test_px4_reports_the_position_of_its_hold() -> None:
     station = Station(_fleet("px4"))
     _take_off(station, "px4")
     station.wait(10)
-    told = station.ask(GLOBAL_TARGET)
-    assert told.alt == pytest.approx(ALT_M + HEIGHT_M, abs=0.5)
-    assert told.lat_int == pytest.approx(LAT_DEG * 1e7, abs=100)
+    target = station.ask(GLOBAL_TARGET)
+    assert target.alt == pytest.approx(ALT_M + HEIGHT_M, abs=0.5)
+    assert target.lat_int == pytest.approx(LAT_DEG * 1e7, abs=100)
 
 
 @pytest.mark.parametrize(("personality", "mask"), [("ardupilot", None), ("px4", POSITION_ONLY)])
 def test_a_plane_reports_its_next_position(personality: str, mask: int | None) -> None:
     station = Station(_fleet(personality, "plane", wind_m_s=0.0))
-    assert not _tells(station, GLOBAL_TARGET)  # in MANUAL, or on the ground
+    assert not _reports(station, GLOBAL_TARGET)  # in MANUAL, or on the ground
     if personality == "ardupilot":
         assert station.upload([home_item(), takeoff(40), waypoint(500, 0, 40)]) == 0
         assert station.set_mode(10) == 0
@@ -322,8 +322,8 @@ def test_a_plane_reports_its_next_position(personality: str, mask: int | None) -
         assert station.command(mavlink.MAV_CMD_NAV_TAKEOFF, NAN, NAN, NAN, NAN, NAN, NAN, ALT_M + 40) == 0
     station.until(lambda: station.height_m > 20, 60)
     assert station.ask(GLOBAL_TARGET).alt > ALT_M + 20
-    assert _tells(station, LOCAL_TARGET) == (mask is not None)
+    assert _reports(station, LOCAL_TARGET) == (mask is not None)
     if mask is not None:
-        told = station.ask(LOCAL_TARGET)
-        assert told.type_mask == mask
-        assert all(map(math.isnan, (told.vx, told.yaw)))
+        target = station.ask(LOCAL_TARGET)
+        assert target.type_mask == mask
+        assert all(map(math.isnan, (target.vx, target.yaw)))

@@ -170,9 +170,9 @@ def test_an_abandoned_fence_upload_leaves_the_old_fence() -> None:
     bench.upload(square(), FENCE)
     bench.count(3, FENCE)
     bench.item(ring(3)[0], FENCE)
-    heard = bench.wait(9)
-    assert requests(heard) == [1] * 7
-    assert results(heard) == [CANCELLED]
+    replies = bench.wait(9)
+    assert requests(replies) == [1] * 7
+    assert results(replies) == [CANCELLED]
     assert bench.texts == ["Fence upload timeout"]
     assert len(bench.download(FENCE)) == 4
 

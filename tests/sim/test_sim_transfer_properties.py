@@ -1,4 +1,4 @@
-"""Any order of mission messages, from two ground stations, with gaps: what holds whatever comes."""
+"""Properties of mission transfers under any order of messages, from two ground stations, with gaps."""
 
 from typing import Any
 
@@ -72,7 +72,7 @@ messages = st.one_of(
 )
 events = st.lists(
     st.one_of(
-        st.tuples(st.just("say"), st.sampled_from(PEERS), messages),
+        st.tuples(st.just("send"), st.sampled_from(PEERS), messages),
         st.tuples(st.just("wait"), st.sampled_from([0.1, 0.3, 1.1, 6.0]), st.none()),
     ),
     max_size=30,
@@ -80,11 +80,11 @@ events = st.lists(
 
 
 def play(bench: Bench, script: list[Any]) -> None:
-    for what, who_or_how_long, message in script:
-        if what == "wait":
-            bench.wait(who_or_how_long)
+    for action, peer_or_wait_s, message in script:
+        if action == "wait":
+            bench.wait(peer_or_wait_s)
         else:
-            bench.send(message, who_or_how_long)
+            bench.send(message, peer_or_wait_s)
         assert bench.machine.next_deadline_s >= bench.now - 1e-6 or not bench.wait(0.05)
 
 
@@ -107,19 +107,19 @@ def test_a_clean_upload_succeeds_after_anything(make: Any, script: list[Any]) ->
 @settings(derandomize=True, deadline=None, max_examples=examples(100))
 @given(script=events)
 def test_px4_never_stores_part_of_a_list(script: list[Any]) -> None:
-    """A stored list is empty or was announced and sent completely, by its size."""
+    """A stored list is empty or has the size of an announced list."""
     bench = px4()
     bench.upload(waypoints(4))
     sizes: set[int] = {0, 4}
-    for what, who, message in script:
+    for action, peer_or_wait_s, message in script:
         before = stored(bench)
-        if what == "wait":
-            bench.wait(who)
+        if action == "wait":
+            bench.wait(peer_or_wait_s)
             assert stored(bench) == before
             continue
         if message.get_type() == "MISSION_COUNT":
             sizes.add(message.count)
-        replies = bench.send(message, who)
+        replies = bench.send(message, peer_or_wait_s)
         if stored(bench) != before:
             assert 0 in results(replies)
         assert all(len(items) in sizes for items in stored(bench))
@@ -129,29 +129,29 @@ def test_px4_never_stores_part_of_a_list(script: list[Any]) -> None:
 @settings(derandomize=True, deadline=None, max_examples=examples(60))
 @given(lost=st.lists(st.booleans(), max_size=40))
 def test_an_upload_over_a_lossy_link_stores_the_whole_mission(make: Any, lost: list[bool]) -> None:
-    """A station that repeats the count until it is requested, and answers every request, succeeds."""
+    """The station repeats the count until the first request and answers every request."""
     bench: Bench = make()
     losses = iter(lost)
     items = waypoints(5)
 
-    def through(replies: list[Any]) -> list[Any]:
+    def after_loss(replies: list[Any]) -> list[Any]:
         return [] if next(losses, False) else replies
 
     accepted = False
-    wanted = through(bench.count(5)) if not next(losses, False) else []
+    wanted = after_loss(bench.count(5)) if not next(losses, False) else []
     for _ in range(200):
         if 0 in results(wanted):
             accepted = True
             break
         asked = requests(wanted)
         if asked:
-            wanted = through(bench.item(items[asked[-1]])) if not next(losses, False) else []
+            wanted = after_loss(bench.item(items[asked[-1]])) if not next(losses, False) else []
         else:
-            heard = through(bench.wait(1.05))
-            if not heard and bench.machine.next_deadline_s == float("inf"):
+            replies = after_loss(bench.wait(1.05))
+            if not replies and bench.machine.next_deadline_s == float("inf"):
                 if bench.mission.count == 5:
                     break  # only the acknowledgement was lost
-                heard = bench.count(5)
-            wanted = heard
+                replies = bench.count(5)
+            wanted = replies
     assert accepted or bench.mission.count == 5
     assert [item.x for item in bench.mission.items] == [values["x"] for values in items]

@@ -68,9 +68,9 @@ def test_an_abandoned_upload_is_requested_every_250_ms_and_ends_without_an_ack()
     bench = px4()
     bench.count(4)
     bench.item(fields(0))
-    heard = bench.wait(5.1)
-    assert requests(heard) == [1] * 19
-    assert results(heard) == []
+    replies = bench.wait(5.1)
+    assert requests(replies) == [1] * 19
+    assert results(replies) == []
     assert bench.texts == ["Operation timeout"]
     assert bench.wait(10) == []
     assert bench.machine.next_deadline_s == math.inf

@@ -1,4 +1,4 @@
-"""Wind: where it blows to, how strong its gusts are, and that each vehicle may have its own."""
+"""Wind: its direction, the strength of its gusts, and winds of single vehicles."""
 
 import numpy as np
 import physics_bench
