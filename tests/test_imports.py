@@ -1,4 +1,4 @@
-"""Import rules as data, checked against the code: one row a room."""
+"""Import rules as data, compared with the code: one row for each room."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ ROOMS: dict[str, set[str]] = {
     "sim_vehicle": set(),
 }  # fmt: skip
 
-# Module -> what it alone may import beyond the row of its room.
+# Module -> additional rooms that only this module may import.
 ALONE: dict[str, set[str]] = {
     # The one file in which both packages meet: the simulator on the virtual clock.
     "swarmctl.flight.virtual_simulator": {"sim_vehicle"},
 }
 
-# Rooms of the simulator, held together as loosely.
+# Rooms of the simulator, by the same rule.
 SIMULATOR: dict[str, set[str]] = {
     "sim_vehicle.physics": set(),
     "sim_vehicle.wire": {"physics", "epoch"},
@@ -45,11 +45,11 @@ SIMULATOR: dict[str, set[str]] = {
     "sim_vehicle.vehicle": {"physics", "wire", "files", "personalities.base", "faults", "epoch"},
     "sim_vehicle.faults": {"vehicle.injected_faults", "wire", "ranges", "epoch"},
     "sim_vehicle.links": set(),
-    # It checks any autopilot, so it must not depend on the simulated ones.
+    # The conformance suite checks any autopilot, so it must not depend on the simulated ones.
     "sim_vehicle.conformance": {"links.url"},
 }
 
-# Package of others -> the only modules that may import it.
+# Foreign package -> the only modules that may import it.
 ONLY_IN: dict[str, set[str]] = {
     "zenoh": {"swarmctl.bus.transports.zenoh"},
     "cryptography": {"swarmctl.security"},

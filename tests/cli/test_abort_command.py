@@ -33,7 +33,7 @@ def ordered(order: str, uav: int) -> str:
 
 
 @pytest.mark.parametrize(
-    ("words", "why"),
+    ("words", "reason"),
     [
         ("--all", "Missing argument"),
         ("stop --all", "Invalid value for"),
@@ -44,10 +44,10 @@ def ordered(order: str, uav: int) -> str:
         ("return --all --config nowhere.yaml", "nowhere.yaml: "),
     ],
 )
-def test_an_unclear_abort_is_a_usage_error(words: str, why: str) -> None:
+def test_an_unclear_abort_is_a_usage_error(words: str, reason: str) -> None:
     result = abort(words)
     assert result.exit_code == 2
-    assert why in result.stderr
+    assert reason in result.stderr
 
 
 def test_an_abort_without_a_running_swarm_is_an_error() -> None:

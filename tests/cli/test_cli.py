@@ -1,4 +1,4 @@
-"""The command line as a person meets it: what it says, and the exit code."""
+"""Output and exit codes of the command line."""
 
 from __future__ import annotations
 

@@ -43,7 +43,7 @@ def test_an_unknown_example_is_refused_with_the_known_ones() -> None:
 def test_fly_and_preflight_take_an_example(tmp_path: Path) -> None:
     checked = swarmctl("preflight", "--example", "mixed", "--clock", "virtual")
     assert checked.exit_code == OK, checked.output
-    # It is read and found to have no vehicles that `--real` could mean.
+    # The example has no vehicle for `--real`.
     refused = swarmctl("fly", "--example", "mixed", "--real", "--out", tmp_path / "runs")
     assert refused.exit_code == USAGE
     assert refused.stderr.startswith("--real: ")

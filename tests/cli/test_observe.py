@@ -57,7 +57,7 @@ def no_flight(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @contextmanager
 def beside(bus_of: Callable[[ExitStack], Transport]) -> Iterator[list[tuple[ReportedCells, str]]]:
-    """Vehicle 3 of the swarm `test` takes reports by a bus while the command line runs beside it."""
+    """Yield the reports to vehicle 3 of the swarm `test`, by a bus in another thread."""
     ready, over = threading.Event(), threading.Event()
     taken: list[tuple[ReportedCells, str]] = []
 
@@ -80,14 +80,14 @@ def beside(bus_of: Callable[[ExitStack], Transport]) -> Iterator[list[tuple[Repo
 
 
 def flying() -> AbstractContextManager[list[tuple[ReportedCells, str]]]:
-    """One process flies the swarm and is found on this machine."""
+    """Return a swarm of one process, which the command line finds on this machine."""
     return beside(lambda stack: stack.enter_context(open_bus("test", "tcp/127.0.0.1:0", print)))
 
 
 def through(
     router: Configuration, agent: Configuration
 ) -> AbstractContextManager[list[tuple[ReportedCells, str]]]:
-    """The agent of vehicle 3 is a process of its own, which a router connects."""
+    """Return a swarm in which vehicle 3 has its own agent, connected by a router."""
 
     def bus_of(stack: ExitStack) -> Transport:
         stack.enter_context(ZenohBus(router))
@@ -183,7 +183,7 @@ def test_a_report_to_a_flight_that_has_ended_is_an_error(no_flight: Path) -> Non
 
 
 @pytest.mark.parametrize(
-    ("words", "why"),
+    ("words", "reason"),
     [
         ("--cell 4,7 --clear", "[which-vehicle]"),
         ("--uav uav3 --cell 4,7 --clear", "--uav 'uav3': "),
@@ -204,12 +204,12 @@ def test_a_report_to_a_flight_that_has_ended_is_an_error(no_flight: Path) -> Non
         ("--uav 3 --cell 4,7 --clear --config nowhere.yaml", "nowhere.yaml: "),
     ],
 )
-def test_an_unclear_report_is_a_usage_error(words: str, why: str, no_flight: Path) -> None:
+def test_an_unclear_report_is_a_usage_error(words: str, reason: str, no_flight: Path) -> None:
     path = no_flight / "test.yaml"
     path.write_text(CONFIGURATION)
     result = ran(*(str(path) if word == "F" else word for word in words.split()))
     assert result.exit_code == 2
-    assert why in result.stderr
+    assert reason in result.stderr
 
 
 def test_the_schema_of_reports_is_printed(no_flight: Path) -> None:
@@ -219,14 +219,14 @@ def test_the_schema_of_reports_is_printed(no_flight: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("reply", "why"),
+    ("reply", "reason"),
     [
         (b"nonsense", "test at tcp/127.0.0.1:7447"),
         (b'{"why": "because"}', "missing required field `taken`"),
         (None, "no-answer"),
     ],
 )
-def test_an_invalid_answer_is_an_error_and_not_a_bug(reply: bytes | None, why: str) -> None:
+def test_an_invalid_answer_is_an_error_and_not_a_bug(reply: bytes | None, reason: str) -> None:
     async def scene() -> None:
         bus: Transport = MemoryBus()
         bus.serve(
@@ -234,7 +234,7 @@ def test_an_invalid_answer_is_an_error_and_not_a_bug(reply: bytes | None, why: s
             lambda _key, _payload, answer: None if reply is None else answer(reply),
         )
         station = FlightEndpoints("test", BusEndpoint("127.0.0.1", 7447))
-        with pytest.raises(NoAnswer, match=why):
+        with pytest.raises(NoAnswer, match=reason):
             await observe.send_report(bus, station, 3, Report(1, cells=((4, 7, True),)))
 
     run_virtual(scene())

@@ -1,4 +1,4 @@
-"""`swarmctl plan --front` as a person meets it."""
+"""Output and files of `swarmctl plan --front`."""
 
 from __future__ import annotations
 
@@ -221,7 +221,7 @@ def test_the_table_has_the_planners_route_beside_those_of_the_paper(small: Path,
 
 
 def after_looking(rows: int, share: float) -> Scenario:
-    """One vehicle that is to cross `rows` × `rows` cells of which a share has been looked at."""
+    """Return a vehicle before `rows` × `rows` cells, of which a share has been observed."""
     area = {"origin_lat_deg": 46.0, "origin_lon_deg": 14.4, "rows": rows, "cols": rows, "cell_size_m": 50.0}
     scenario = small_swarm(
         area=area, threats={"count": rows**2 // 16}, planner={"name": "time_bound"}, simulate={"count": 1}
@@ -239,7 +239,7 @@ def test_a_long_front_shows_its_ends_its_knees_and_the_configured_route() -> Non
     assert n > front.MAX_ROWS
     assert len(vehicle.shown) == front.MAX_ROWS
     assert {0, n - 1, vehicle.chosen_index} <= set(vehicle.shown)
-    # None that some w finds is left out before one that no w finds.
+    # The table omits routes that no w finds before routes of some w.
     supported = {i for i, some_w_finds_it in enumerate(vehicle.front.supported) if some_w_finds_it}
     assert supported <= set(vehicle.shown) or set(vehicle.shown) - {0, n - 1} <= supported
     (line,) = front.front_notes([vehicle])
@@ -247,7 +247,7 @@ def test_a_long_front_shows_its_ends_its_knees_and_the_configured_route() -> Non
     assert "front.json" in line
     table = front.front_table([vehicle]).at()
     assert table.row_count == front.MAX_ROWS
-    # What is left out lies close to the line through what is shown.
+    # Omitted routes lie close to the line through the shown routes.
     points = np.array([(r.length_cells, r.exposure_sum) for r in vehicle.front.routes])
     shown = points[list(vehicle.shown)]
     off = np.abs(np.interp(points[:, 0], shown[:, 0], shown[:, 1]) - points[:, 1]) / np.ptp(points[:, 1])

@@ -1,4 +1,4 @@
-"""`swarmctl plan --known RUN`: planning with what an earlier run has seen."""
+"""`swarmctl plan --known RUN`: planning with the observations of an earlier run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`swarmctl plan` without `--front`: what its table says is what would be flown."""
+"""`swarmctl plan` without `--front`: its table has the routes that the vehicles would fly."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def test_the_weights_are_in_numerical_order() -> None:
 def test_a_time_bound_is_for_the_configured_route_alone() -> None:
     crossing = {"area": LARGER, "threats": {"count": 14}, "planner": {"name": "constrained"}}
     free = small(**crossing, simulate={"count": 3})
-    # As much as it takes straight across, and a little for leaving the ground.
+    # The bound is the time straight across the area, and a little for the take-off.
     within_s = max(before_takeoff(t.arrival, t.altitude_m).arrives_s(t.arrival, 750.0) for t in free.tasks)
     bounded = small(**crossing, simulate={"count": 3, "arrive_within_s": within_s + 2.0})
     papers, others = (

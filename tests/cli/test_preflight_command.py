@@ -1,4 +1,4 @@
-"""`swarmctl preflight` and `--waive` as an operator meets them."""
+"""Output and exit codes of `swarmctl preflight` and `--waive`."""
 
 from __future__ import annotations
 

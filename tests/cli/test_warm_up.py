@@ -1,4 +1,4 @@
-"""Machine code for large areas: compiled in a process of its own, and not needed for small ones."""
+"""Machine code for large areas: a separate process compiles it, and small areas need none."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def printed(on: Console) -> str:
 
 
 def compiler(program: str) -> list[str]:
-    """A process in place of the compiler."""
+    """Return the command of a process in place of the compiler."""
     return [sys.executable, "-c", program]
 
 

@@ -195,7 +195,7 @@ def test_a_name_that_matches_two_vehicles_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_vehicle_with_an_error_is_not_reported_as_missing(tmp_path: Path) -> None:
-    """One correction of the vehicle corrects everything."""
+    """A correction of the vehicle's entry removes all these problems."""
     file = tmp_path / "swarm.yaml"
     section = "communication: {quiet: [{uavs: [alpha]}], mesh: {alpha: tcp/10.0.0.1:7447}}\n"
     file.write_text(f"{REST}{SIMULATED}{ALPHA.replace('sysid: 2', 'sysid: 900')}{section}")

@@ -67,7 +67,7 @@ def test_altitudes_with_hardly_more_than_the_limit_between_them_are_refused_with
 
 
 def test_altitudes_of_fixed_wings_differ_by_the_vertical_separation() -> None:
-    """They need time slots as well."""
+    """Fixed wings need time slots as well."""
     found = problems(
         area={**AREA, "rows": 12, "cols": 12},
         simulate={"count": 2, "autopilot": "arduplane", "start_distance_m": 150.0},

@@ -18,7 +18,7 @@ TIGHT = {
     "area": {"rows": 2},
     "preflight": {"fence": {"polygon": [{"lat_deg": lat, "lon_deg": lon} for lat, lon in CORNERS]}},
 }
-"""a fence about 20 m around two rows of cells"""
+"""a fence with a margin of about 20 m around two rows of cells"""
 
 
 def plane(**changes: Any) -> dict[str, Any]:

@@ -39,7 +39,7 @@ class Case:
 
 @st.composite
 def cases(draw: st.DrawFn, largest: int = 16) -> Case:
-    """A route of the planner over a random field with walls, flat parts and cells known to be clear."""
+    """Draw a planned route over a random field with walls, flat parts and cells known to be clear."""
     rng = np.random.default_rng(draw(st.integers(0, 2**32)))
     rows, cols = draw(st.integers(2, largest)), draw(st.integers(2, largest))
     p_s = rng.choice([0.0, 0.13, 0.13, 0.3], (rows, cols)) + rng.random((rows, cols)) * draw(
@@ -56,7 +56,7 @@ def cases(draw: st.DrawFn, largest: int = 16) -> Case:
 
 
 def measures(threat: ThreatMap, cells: list[Cell], measure: ExposureMeasure) -> np.ndarray:
-    """Length and exposures of the straight legs between cells, one leg after the other."""
+    """Return length and exposures of the straight legs between cells, leg by leg."""
     points = [centre(cell) for cell in cells]
     under = crossed_cells(points)
     length = sum(math.dist(a, b) for a, b in itertools.pairwise(points))
@@ -251,7 +251,7 @@ assert TRACK.corners == ((0, 0), (3, 8))
         ({(3, 8): 0.6}, (0, 1), True),  # on both, so only the planner can help
         ({(1, 3): math.inf}, (0, 1), False),
         ({(1, 3): 0.3, (0, 4): 0.4}, (0, 1), True),  # the route is worse
-        ({(0, 1): 0.9, (1, 3): 0.3}, (1, 1), False),  # it was, behind
+        ({(0, 1): 0.9, (1, 3): 0.3}, (1, 1), False),  # the route was worse, but behind the vehicle
     ],
 )
 def test_new_exposure_ahead_ends_a_track(news: dict[Cell, float], over: Cell, holds: bool) -> None:

@@ -179,7 +179,7 @@ def test_a_checkpoint_replaces_its_observations_in_any_order(log, random, data) 
             after = 0 if first is None else first.upto
             first = checkpoint(first, observed[after:upto], COLS, ROWS * COLS)
             observations.append(first)
-            # Its observations may be missing, come before it or come after it.
+            # Observations of the checkpoint may be missing, or come before or after the checkpoint.
             observations = [s for s in observations if not (s in observed[:upto] and random.random() < 0.5)]
     random.shuffle(observations)
     one_by_one = Belief.prior(ROWS, COLS, 6)

@@ -81,7 +81,7 @@ def test_length_counts_a_diagonal_as_root_two() -> None:
 
 
 def test_least_exposure_is_not_greatest_safety() -> None:
-    # ERRATUM: the paper says the two routes are one.
+    # ERRATUM: the paper says that the two routes are the same.
     p_s = np.array([[0.0, 0.50, 0.0, 0.0], [0.0, 0.26, 0.26, 0.0]])
     one_cell, two_cells = [(0, 0), (0, 1), (0, 2)], [(0, 0), (1, 1), (1, 2)]
     assert exposure_sum(p_s, one_cell) == pytest.approx(0.50)
@@ -91,7 +91,7 @@ def test_least_exposure_is_not_greatest_safety() -> None:
 
 
 def test_the_sum_of_exposures_is_no_probability() -> None:
-    # ERRATUM: the paper calls P_s one.
+    # ERRATUM: the paper calls P_s a probability.
     p_s = exposure(np.ones((3, 3)), FiringStrength(0.9, 0.5, 0.3))
     assert p_s[1, 1] == pytest.approx(4.1)
 

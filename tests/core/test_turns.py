@@ -44,7 +44,7 @@ def test_an_arc_has_the_radius_and_touches_both_legs(
         share = away / math.dist(corner, towards)
         on_leg = tuple(c + share * (t - c) for c, t in zip(corner, towards, strict=True))
         assert math.dist(end, on_leg) < 1e-6
-    # The centre lies across the leg from where the arc begins, and at one distance from all of the arc.
+    # The centre lies perpendicular to the leg at the arc's start, at the same distance from every point.
     (bx, by), (cx, cy) = points[0], corner
     length = math.dist(points[0], corner)
     normal = ((by - cy) / length, (cx - bx) / length)

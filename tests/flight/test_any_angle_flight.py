@@ -45,7 +45,7 @@ def scenario(counting: ExposureMeasure | None, seed: int = 3) -> Scenario:
 
 
 def missions(folder: Path) -> list[dict[str, Any]]:
-    """Every mission given to a vehicle, in the order of the record."""
+    """Return every mission sent to a vehicle, in the order of the record."""
     return [recorded["effect"] for recorded in effects(folder, "SwapMission")]
 
 
@@ -158,7 +158,7 @@ def test_the_chance_at_take_off_is_computed_for_the_track_with_the_belief_at_tak
 
 
 def losing_turns(planner: str) -> set[tuple[Cell, ...]]:
-    """The corners, at w = 0 and w = 1, of what a vehicle flies that cannot turn as its route does."""
+    """Return the corners, at w = 0 and w = 1, of the track of a vehicle with wide turns."""
     plain = small(area=LARGER, threats={"count": 14}, planner={"name": planner}, flight=ON)
     task = replace(plain.tasks[0], turn_radius_m=60.0)
     problem = Problem(0.9 * np.random.default_rng(0).random((16, 16)), (3, 0), ((3, 12),), 1.0, 0.1)
@@ -247,7 +247,7 @@ def test_a_wall_of_threats_ahead_on_the_track_changes_the_mission() -> None:
     assert swap.track is not None
     assert swap.cells[0] == beside[0]
     assert beside[-1] not in swap.track.over
-    # The vehicle stays on its old plan where the change fails, and it is still one to be changed.
+    # The change fails: the vehicle stays on its old plan, and that plan still needs a change.
     flight.fold(ev.MissionFailed(swap.plan_id, "old", "no answer"))
     flight.now += RETRY_AFTER_S
     again = flight.tick()

@@ -97,7 +97,7 @@ def test_an_operator_launches_holds_and_recalls_three_agents(tmp_path: Path) -> 
 
 @pytest.fixture(scope="module")
 def returned(tmp_path_factory: pytest.TempPathFactory) -> FlightReport:
-    """The flight of a vehicle that its operator has recalled."""
+    """Return the report on a flight with a recall by the operator."""
 
     async def scene() -> FlightReport:
         swarm = Swarm(tmp_path_factory.mktemp("returned"))

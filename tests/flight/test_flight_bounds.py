@@ -1,4 +1,4 @@
-"""Whole flights on the virtual clock under a time bound, and by the planners that are not the paper's."""
+"""Whole flights on the virtual clock under a time bound, and by planners beyond the paper."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ WITHIN_S = 108.0
 
 
 def swarm(planner: dict[str, Any], **bounds: float) -> Scenario:
-    """Two copters over 14 × 14 cells with 14 hostiles; they need 89.5 and 91.5 s at least."""
+    """Return two copters over 14 × 14 cells with 14 hostiles; they need at least 89.5 s and 91.5 s."""
     simulate = {"count": 2, "ready_s": 3.0, **bounds}
-    flight = {"altitude_m": 40.0}  # the climb is part of what they need
+    flight = {"altitude_m": 40.0}  # the climb is part of these times
     return small(area=AREA, threats={"count": 14}, planner=planner, simulate=simulate, flight=flight)
 
 
@@ -124,7 +124,7 @@ def test_the_tightest_accepted_bound_is_kept_around_many_corners(speed_m_s: floa
         first_route(bounded(30.0).tasks[0], free.prior)
     nearest = refused.value.nearest
     tightest_s = math.ceil(10.0 * arrives_s(task, nearest.length_cells, nearest.cells)) / 10.0
-    assert len(ends_and_turns(nearest.cells)) >= 7  # it does turn
+    assert len(ends_and_turns(nearest.cells)) >= 7  # the route has corners
     ui = Ui()
     (vehicle,) = flown(bounded(tightest_s), tmp_path, ui)
     assert vehicle["arrival_bound_kept"] is True
@@ -138,7 +138,7 @@ def test_a_missed_bound_changes_the_exit_code_and_is_shown(
 ) -> None:
     monkeypatch.setattr(
         "swarmctl.config.checks.check_config", lambda config: ()
-    )  # which would refuse the bound
+    )  # the checks would refuse the bound
     file = tmp_path / "late.yaml"
     sections = "threats: {count: 0}\nplanner: {name: time_bound}\ncommunication: {bus: memory}\n"
     area = "area: {origin_lat_deg: 46.0, origin_lon_deg: 14.4, rows: 4, cols: 4, cell_size_m: 50}\n"

@@ -97,7 +97,7 @@ def test_every_command_on_the_wire_is_in_the_evidence(flown: Path) -> None:
 
 @pytest.mark.virtual
 def test_a_changed_plan_is_recorded_before_its_upload_and_its_items_are_one_line(flown: Path) -> None:
-    """The hash of the decision is that of the plan in the record of the run."""
+    """The hash in the decision equals the hash of the plan in the record of the run."""
     entries, n_changes = evidence(flown).entries, 0
     plans = [(recorded["vehicle"], recorded["effect"]["plan"]) for recorded in effects(flown, "SwapMission")]
     for name in ("uav1", "uav2", "uav3"):

@@ -66,11 +66,17 @@ def test_a_disabled_rule_leaves_the_vehicle_to_its_own_failsafe(
 def test_a_pilot_or_another_station_takes_over_and_is_not_fought(
     mode: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A switch of the radio control changes the mode just as a station's command does, and no heartbeat
-    tells which it was."""
+    """A switch of the radio control changes the mode as a station's command does.
+
+    A heartbeat does not show the source of the change.
+    """
     trouble = Trouble(actions=[(30.0, select_mode(2, mode)), (120.0, select_mode(2, "LAND"))])
     report, ui = fly_with(trouble, tmp_path, monkeypatch, scenario=pair())
-    assert trouble.modes[2] == ["AUTO", mode, *["LAND"] * (mode == "GUIDED")]  # the others come down before
+    assert trouble.modes[2] == [
+        "AUTO",
+        mode,
+        *["LAND"] * (mode == "GUIDED"),
+    ]  # the other vehicles land earlier
     released = f"uav2: {Phase.FLYING} → {Phase.RELEASED} "
     assert any(line.startswith(released) and mode in line for line in ui.said)
     assert report.states[2].phase == "released"
@@ -169,8 +175,8 @@ def test_a_vehicle_holds_before_the_fence_and_returns_from_beyond_the_fence(
     assert DemandKind.RETURN in returns
 
 
-def silent_of_position(frames: list[tuple[int, bytes]], sysid: int) -> list[tuple[int, bytes]]:
-    """Without that vehicle's GLOBAL_POSITION_INT, as from a PX4 that has lost its place."""
+def without_position(frames: list[tuple[int, bytes]], sysid: int) -> list[tuple[int, bytes]]:
+    """Return the frames without GLOBAL_POSITION_INT of a vehicle, as from a PX4 without a position."""
     position = mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT
     return [
         (index, frame)
@@ -194,12 +200,12 @@ def test_rules_act_on_a_vehicle_without_position_messages(
     trouble = sagging(sag[0]) if sag else Trouble()
     inject(trouble, monkeypatch)
 
-    class Blind(virtual_simulator.Fleet):  # type: ignore[misc, name-defined]
+    class FleetWithoutPosition(virtual_simulator.Fleet):  # type: ignore[misc, name-defined]
         def step(self, now: float) -> Any:
             frames = super().step(now)
-            return silent_of_position(frames, 2) if now > 30.0 else frames
+            return without_position(frames, 2) if now > 30.0 else frames
 
-    monkeypatch.setattr(virtual_simulator, "Fleet", Blind)
+    monkeypatch.setattr(virtual_simulator, "Fleet", FleetWithoutPosition)
     ui = Ui()
     report = fly(pair(), tmp_path, ui=ui)
     assert trouble.modes[2] == ["AUTO", "RTL"]

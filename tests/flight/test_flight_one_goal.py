@@ -44,7 +44,7 @@ class SeparationMonitor:
 
 
 def two() -> Scenario:
-    """3.5 m apart in height, and to arrive together."""
+    """Return two vehicles, 3.5 m apart in height, with simultaneous arrival."""
     return small(
         seed=28,
         area={**AREA, "rows": 5},

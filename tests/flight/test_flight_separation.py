@@ -32,7 +32,7 @@ def test_the_least_distance_flown_is_in_the_summary(tmp_path: Path) -> None:
     separation = json.loads((tmp_path / "summary.json").read_text())["separation"]
     least, lines = separation["least_distance"], swarm_lines(report.summary)
     one, other = (report.statistics.vehicles[int(name[3:])] for name in least["vehicles"])
-    # As far apart as the flown tracks, which are points every quarter of a second, and no farther.
+    # The distance equals that of the flown tracks, which have a point every quarter of a second.
     frame = scenario.grid.frame
     here, there = ([frame.to_local(*p) for p in v.flown] for v in (one, other))
     assert least["horizontal_m"] >= min(abs(a[1] - b[1]) for a in here for b in there) - 1.0
@@ -51,7 +51,7 @@ def uncompared(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def meeting(folder: Path, action: str, **sections: Any) -> tuple[dict[str, Any], list[str]]:
-    """Two copters, 1.5 m apart in height, come to one goal at one time; the summary and what was said."""
+    """Fly two copters, 1.5 m apart in height, to one goal at one time; return summary and messages."""
     scenario = small(
         simulate={"count": 2, "goal": [4, 7], "ready_s": 3.0},
         flight={"altitude_m": 15.0, "altitude_step_m": 1.5},
@@ -60,7 +60,7 @@ def meeting(folder: Path, action: str, **sections: Any) -> tuple[dict[str, Any],
         **sections,
     )
     ui = Ui()
-    # Before the flight this is found out, and an operator has to say that he wants it.
+    # Preflight finds this conflict, so the operator has to waive the check.
     report = fly(scenario, folder, ui=ui, options=FlightOptions(waivers=(Waiver("separation"),)))
     assert [state.outcome for state in report.states.values()] == ["arrived", "arrived"]
     return report.summary["separation"], ui.said
@@ -194,7 +194,7 @@ def test_one_of_two_meeting_routes_is_flown_at_another_height(tmp_path: Path) ->
     assert plans["by_height"] >= 1
     assert plans["unresolved"] == 0
     assert any(f": {plans['predicted']}; " in line for line in separation["lines"])
-    # Both had changed before either knew: of the two it is the one with the higher system id.
+    # Both changed before either knew of the other's change; the higher system id gives way.
     assert coded(shown, "uav2", "route-conflict") or coded(shown, "uav2", "height-change")
     assert not [line for line in shown if line.startswith("uav1: ") and re.search(CONFLICTS, line)]
 

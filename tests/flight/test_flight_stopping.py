@@ -24,7 +24,7 @@ MOST_M = 13.0
 
 
 class TrajectoryRecorder:
-    """Record of the trajectory told at each change of plan, and of the vehicles' positions."""
+    """Record of the trajectory sent at each change of plan, and of the vehicles' positions."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self._step = step
@@ -44,7 +44,7 @@ class TrajectoryRecorder:
         return after, effects
 
     def off_m(self) -> list[float]:
-        """How far they were from there, so long after a plan was told as no other one was."""
+        """Return distances between sent and true positions, AFTER_S after each plan that was not replaced."""
         found = []
         for uav, plans in self.plans.items():
             for (at_s, path), (next_s, _) in pairwise([*plans, (math.inf, None)]):

@@ -28,7 +28,7 @@ PLANE, COPTER = 1, 2
 
 
 def kinds(folder: Path, names: list[str]) -> list[int]:
-    """MAV_TYPE of each vehicle, by its own heartbeats in its tlog."""
+    """Return MAV_TYPE of each vehicle, by the heartbeats in its tlog."""
     found = []
     for sysid, name in enumerate(names, start=1):
         log = mavutil.mavlink_connection(str(folder / f"{name}.tlog"))
@@ -159,4 +159,4 @@ def test_fixed_wings_arrive_together_above_their_minimum_speed(autopilot: str, t
     lines = (tmp_path / "evidence.jsonl").read_text().splitlines()
     commands = [entry["what"] for entry in map(json.loads, lines) if entry["kind"] == "command"]
     speeds = [what["param2"] for what in commands if what.get("command") == "DO_CHANGE_SPEED"]
-    assert min(speeds) == 13.5, "it would be told 12.6 otherwise"
+    assert min(speeds) == 13.5, "without the limit the speed would be 12.6 m/s"

@@ -133,7 +133,9 @@ def test_ctrl_c_ends_every_process_even_with_a_stopped_router(place: Field) -> N
         for process in (agent, station):
             process.send_signal(signal.SIGINT)
         assert agent.wait(timeout=20.0) == 130
-        assert station.wait(timeout=20.0) == 0  # it was to show them until then, and so has the router to run
+        assert (
+            station.wait(timeout=20.0) == 0
+        )  # the station shows the vehicles until their landing, so the router still runs
     finally:
         router.send_signal(signal.SIGCONT)
     router.send_signal(signal.SIGINT)

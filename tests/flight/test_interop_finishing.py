@@ -1,4 +1,4 @@
-"""Ctrl-C after the landing: the files of the run are written all the same."""
+"""Ctrl-C after the landing: the program still writes the files of the run."""
 
 from __future__ import annotations
 

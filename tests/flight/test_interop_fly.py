@@ -245,7 +245,7 @@ def test_a_simulator_that_dies_is_reported_with_its_vehicles(tmp_path: Path) -> 
 def children_with(mark: str) -> list[int]:
     found = []
     for path in Path("/proc").glob("[0-9]*/cmdline"):
-        with suppress(OSError):  # it has ended meanwhile
+        with suppress(OSError):  # the process has ended meanwhile
             if mark in path.read_text(errors="replace"):
                 found.append(int(path.parent.name))
     return found

@@ -84,7 +84,7 @@ def test_one_of_two_swarms_takes_a_command_and_the_other_is_unaffected(place: Pl
             assert re.match(r"uav2: w = 0\.9 .*\d", taken.stdout)
             read_until(one, taken.stdout.strip().partition(";")[0])
 
-            # Neither changes anything, so both may run at once.
+            # Neither command changes a file, so both may run at the same time.
             with ThreadPoolExecutor() as pool:
                 refused = [
                     pool.submit(place.set, *words, "--w", "0.1")

@@ -105,7 +105,7 @@ def test_checks_long_before_the_order_to_launch_are_repeated(waits_s: float, che
 
 
 def test_a_launch_waits_for_a_vehicle_that_enters_its_route_during_the_checks() -> None:
-    """Between the order and the arming its checks may take half a minute."""
+    """The checks between the order and the arming may take half a minute."""
     scenario = small(simulate={"count": 1}, threats={"count": 0})
     ground = Ground(scenario, launch="ordered", clearance=Clearance(lasts_s=10.0))
     frame, (lat_deg, lon_deg) = scenario.grid.frame, scenario.specs[0].start

@@ -63,7 +63,7 @@ class Swarm:
         return self.net.start(machine, [*program, *words, "--config", "swarm.yaml"], log)
 
     def load(self, machine: str, *words: str) -> Process:
-        """A process that begins when `enter` is called."""
+        """Return a loaded process that begins at a call of `enter`."""
         return self.start(machine, *words, program=[sys.executable, "-c", LOADED])
 
     def start_agents(self) -> None:
@@ -72,16 +72,16 @@ class Swarm:
 
     def wait_until_ready(self) -> None:
         for agent in self.agents.values():
-            agent.says("[ready]", within_s=STARTED_S)
-            agent.says(REACHED)
+            agent.wait_for("[ready]", within_s=STARTED_S)
+            agent.wait_for(REACHED)
 
     def order(self, process: Process, what: str) -> bool:
         """Give the order and return whether all agents have taken it; `process` is loaded."""
-        process.says("loaded", within_s=STARTED_S)
+        process.wait_for("loaded", within_s=STARTED_S)
         process.enter()
         all_have = process.ended(20.0) == 0
         taken = [f"{name}: {what} ordered" for name in self.names]
-        assert all_have == (process.lines() == ["loaded", *taken]), process.said
+        assert all_have == (process.lines() == ["loaded", *taken]), process.output
         return all_have
 
     def summary(self, name: str) -> dict[str, Any]:
@@ -121,7 +121,7 @@ def marks(processes: Iterable[Process]) -> dict[Process, int]:
 
 @pytest.fixture
 def swarm(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Swarm]:
-    if reason := namespaces.why_not():
+    if reason := namespaces.reason_unavailable():
         pytest.skip(reason)
     count, cols, communication, bridges = request.param
     (tmp_path / "swarm.yaml").write_text(CONFIG.format(count=count, cols=cols, communication=communication))
@@ -142,11 +142,11 @@ def test_a_star_network_survives_its_router_a_cut_link_and_an_agent(swarm: Swarm
     station = swarm.start(STATION, "watch")
     launch, again = swarm.load(STATION, "order", "launch", "--all"), swarm.load(ROUTER, "router")
     swarm.wait_until_ready()
-    station.says(": connected", within_s=STARTED_S)
-    again.says("loaded", within_s=STARTED_S)
-    assert swarm.order(launch, "launch"), launch.said
+    station.wait_for(": connected", within_s=STARTED_S)
+    again.wait_for("loaded", within_s=STARTED_S)
+    assert swarm.order(launch, "launch"), launch.output
     for name in swarm.names:
-        station.says(f"{name}: flying")
+        station.wait_for(f"{name}: flying")
 
     _router_killed_and_started_again(swarm, router, again, station)
     router = again
@@ -154,7 +154,7 @@ def test_a_star_network_survives_its_router_a_cut_link_and_an_agent(swarm: Swarm
     missed_s = _one_dies_and_one_is_cut_off(swarm, router, station, dead, "uav2")
 
     for agent in swarm.agents.values():
-        agent.says("1 of 1 arrived", within_s=60.0)
+        agent.wait_for("1 of 1 arrived", within_s=60.0)
         assert agent.ended(10.0) == 0
     for process in (station, router):
         process.interrupt()
@@ -167,13 +167,13 @@ def _router_killed_and_started_again(swarm: Swarm, router: Process, again: Proce
     before = marks([station, *swarm.agents.values()])
     router.kill()
     for agent in swarm.agents.values():
-        agent.says(MISSING, since=before[agent])
-    station.says("not connected", since=before[station])
+        agent.wait_for(MISSING, since=before[agent])
+    station.wait_for("not connected", since=before[station])
     before = marks([station, *swarm.agents.values()])
     again.enter()
     for agent in swarm.agents.values():
-        agent.says(REACHED, since=before[agent])
-    station.says(": connected", since=before[station])
+        agent.wait_for(REACHED, since=before[agent])
+    station.wait_for(": connected", since=before[station])
 
 
 def _one_dies_and_one_is_cut_off(
@@ -184,22 +184,22 @@ def _one_dies_and_one_is_cut_off(
     before = marks([station, router, agent])
     swarm.net.cut(cut)
     dead.kill()
-    agent.says(MISSING, since=before[agent])
-    router.says(f"{cut} at ", " has disconnected", since=before[router])
+    agent.wait_for(MISSING, since=before[agent])
+    router.wait_for(f"{cut} at ", " has disconnected", since=before[router])
     for silent in (cut, "uav6"):
-        station.says(f"{silent}: flying", " s old", since=before[station])
+        station.wait_for(f"{silent}: flying", " s old", since=before[station])
     missed_s = time.time()
     before = marks([station, agent])
     swarm.net.heal(cut)
-    agent.says(REACHED, since=before[agent])
-    station.says(f"{cut}: flying", since=before[station], but_not=" s old")
+    agent.wait_for(REACHED, since=before[agent])
+    station.wait_for(f"{cut}: flying", since=before[station], but_not=" s old")
     return missed_s
 
 
 def _all_know_the_same(swarm: Swarm, station: Process, missed_s: float, apart: tuple[str, str]) -> None:
     """Check that all beliefs are equal at the end, and that those of `apart` differed before."""
     then = swarm.beliefs(missed_s)
-    assert differ(*(then[name] for name in apart)), "nothing was seen during the cut: it shows nothing"
+    assert differ(*(then[name] for name in apart)), "no observation was made during the cut"
     at_the_end = swarm.beliefs()
     known = {name: (belief.n_observed, belief.n_found) for name, belief in at_the_end.items()}
     first = at_the_end[apart[0]]
@@ -209,7 +209,7 @@ def _all_know_the_same(swarm: Swarm, station: Process, missed_s: float, apart: t
         assert (vehicle["cells_own"] + vehicle["cells_heard"], vehicle["hostiles_known"]) == known[name]
         assert vehicle["network"]["refused"] == {}
         assert vehicle["network"]["flagged"] == {}
-    assert set(re.findall(r"(\d+) messages refused", station.said)) == {"0"}
+    assert set(re.findall(r"(\d+) messages refused", station.output)) == {"0"}
 
 
 MESH = ", ".join(f'uav{n}: "tls/{AT[f"uav{n}"]}:7447"' for n in range(1, 5))
@@ -227,22 +227,22 @@ def test_a_mesh_splits_and_joins_again(swarm: Swarm) -> None:
     launch, hold = (swarm.load(STATION, "order", what, "--all") for what in ("launch", "hold"))
     swarm.wait_until_ready()
     for name in swarm.names:
-        station.says(f"{name}: standby", within_s=STARTED_S)
-    hold.says("loaded", within_s=STARTED_S)
-    assert swarm.order(launch, "launch"), launch.said
+        station.wait_for(f"{name}: standby", within_s=STARTED_S)
+    hold.wait_for("loaded", within_s=STARTED_S)
+    assert swarm.order(launch, "launch"), launch.output
     for name in swarm.names:
-        station.says(f"{name}: flying")
+        station.wait_for(f"{name}: flying")
 
     before = station.mark()
     swarm.net.cut("east")
     for name in ("uav3", "uav4"):
-        station.says(f"{name}: flying", " s old", since=before)
+        station.wait_for(f"{name}: flying", " s old", since=before)
     missed_s = time.time()
-    assert not re.search(r"uav[12]: .* ago", station.said[before:])
+    assert not re.search(r"uav[12]: .* ago", station.output[before:])
     before = station.mark()
     swarm.net.heal("east")
     for name in ("uav3", "uav4"):
-        station.says(f"{name}: flying", since=before, but_not=" s old")
+        station.wait_for(f"{name}: flying", since=before, but_not=" s old")
 
     # A request before all routes are back may be lost; the operator sees that and orders again.
     _until_all_follow(swarm, hold, "hold")
@@ -299,14 +299,14 @@ def test_all_routes_of_a_mesh_return_after_each_cut(swarm: Swarm) -> None:
         words = [sys.executable, "-c", NODE, "apart", str(uav), *places]
         nodes.append(swarm.net.start(name, words, swarm.folder / f"{name}.log"))
     for node in nodes:
-        node.says(ALL, within_s=STARTED_S)
+        node.wait_for(ALL, within_s=STARTED_S)
     for cut_s in (2.0, 2.6, 4.0):
         before = marks(nodes)
         swarm.net.cut("east")
         time.sleep(cut_s)
         swarm.net.heal("east")
         for node in nodes:
-            node.says("hears", since=before[node], but_not=ALL)
+            node.wait_for("hears", since=before[node], but_not=ALL)
         until(lambda: all(node.lines()[-1] == ALL for node in nodes), lambda: _last_lines(nodes), 40.0)
 
 
@@ -323,7 +323,7 @@ def _until_all_follow(swarm: Swarm, process: Process, what: str) -> None:
         given.append(swarm.load(STATION, "order", what, "--all"))
         return False
 
-    until(all_have_taken_it, lambda: given[-1].said, 30.0)
+    until(all_have_taken_it, lambda: given[-1].output, 30.0)
 
 
 def _until_all_agree(swarm: Swarm) -> None:

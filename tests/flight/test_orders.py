@@ -127,7 +127,7 @@ def done() -> Story:
 HOLD, RETURN, LAND, LAUNCH = FlightOrder.HOLD, FlightOrder.RETURN, FlightOrder.LAND, FlightOrder.LAUNCH
 STAYS, DOWN = "[stays-on-ground]", "[launch-aborted]"
 MATRIX: list[tuple[Callable[[], Story], FlightOrder, str, str, list[FlightOrder], Phase]] = [
-    # state, order, answer, its note, what the vehicle is told, state then
+    # state, order, answer, note of the answer, order to the vehicle, next state
     (waiting, LAUNCH, "refused", "waiting [not-ready]", [], Phase.WAITING),
     (uploading, LAUNCH, "refused", "uploading [not-ready]", [], Phase.UPLOADING),
     (standby, LAUNCH, "taken", "", [LAUNCH], Phase.LAUNCHING),
@@ -206,7 +206,7 @@ def test_a_hold_cancels_a_launch_that_waits_for_a_plan() -> None:
 
 
 def test_a_reboot_cancels_a_launch_that_waits_for_a_plan() -> None:
-    """Nobody stands there any more when it is ready again."""
+    """The order came before the reboot, and the situation around the vehicle may have changed since."""
     story = replanning()
     story(ev.OperatorCommand(LAUNCH, 1))
     story(ev.Rebooted())
@@ -230,7 +230,7 @@ OPERATORS, OF_UAV2 = b"operator".ljust(64), b"uav2".ljust(64)
 
 
 class Guarded:
-    """The vehicle's signing: checks the operator's name before requests, puts its own before answers."""
+    """Stand-in for a vehicle's signing: checks a prefix of requests and adds a prefix to answers."""
 
     def verify_command(self, key: str, payload: bytes) -> bytes:
         if not payload.startswith(OPERATORS):
@@ -242,7 +242,7 @@ class Guarded:
 
 
 class Operators:
-    """The operator's signing, for the same names."""
+    """Stand-in for an operator's signing, with the same prefixes."""
 
     def sign_command(self, _key: str, command: bytes) -> bytes:
         return OPERATORS + command
@@ -309,7 +309,7 @@ def test_orders_and_weights_have_keys_of_their_own() -> None:
 
 
 def test_orders_do_not_wait_for_weights() -> None:
-    """Neither for an agent that has not come to new ones, nor for a flood of them."""
+    """An order waits neither for an agent that is slow to accept weights, nor for a flood of weights."""
 
     async def scene() -> None:
         bus = MemoryBus()
@@ -401,7 +401,7 @@ def test_without_keys_the_rate_limit_is_shared_by_all_senders() -> None:
 
 
 class Crowd(MemoryBus):
-    """A bus on which others answer, too."""
+    """A bus with additional responders."""
 
     def __init__(self, *others: Callable[[str, bytes], bytes]) -> None:
         super().__init__()

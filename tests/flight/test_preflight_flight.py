@@ -117,7 +117,7 @@ def test_parameters_are_set_only_if_configured(afflict: Afflict, tmp_path: Path)
 def test_ardupilots_fence_is_enabled_after_its_limits_are_set(
     enabled: int, afflict: Afflict, tmp_path: Path
 ) -> None:
-    # It takes up which limits count when FENCE_ENABLE changes, or by command (`AC_Fence::update`, `enable`).
+    # ArduPilot reads fence limits when FENCE_ENABLE changes, or by command (`AC_Fence::update`, `enable`).
     afflict(params={1: {"FENCE_TYPE": 4, "FENCE_ENABLE": enabled}})
     simulate = {"count": 1, "ready_s": 1.0}
     assert fly(small(preflight={"set_parameters": True}, simulate=simulate), tmp_path).all_arrived
@@ -238,7 +238,7 @@ def test_an_old_battery_message_does_not_count(tmp_path: Path, monkeypatch: pyte
 
     holds: list[bool] = []
 
-    class Dumb(virtual_simulator.Fleet):  # type: ignore[misc, name-defined]
+    class FleetWithoutSysStatus(virtual_simulator.Fleet):  # type: ignore[misc, name-defined]
         def step(self, now: float) -> Any:
             return without(super().step(now))
 
@@ -247,7 +247,7 @@ def test_an_old_battery_message_does_not_count(tmp_path: Path, monkeypatch: pyte
                 holds.append(True)
             return without(super().receive(*args, **kwargs))
 
-    monkeypatch.setattr(virtual_simulator, "Fleet", Dumb)
+    monkeypatch.setattr(virtual_simulator, "Fleet", FleetWithoutSysStatus)
     report = checked(small(simulate={"count": 2, "ready_s": 1.0}), tmp_path)
     assert holds
     assert failing(report) == [("uav2", "position"), ("uav2", "battery")]

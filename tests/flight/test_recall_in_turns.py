@@ -260,7 +260,7 @@ def test_ctrl_c_lands_a_vehicle_above_another_when_the_lower_one_is_down(tmp_pat
     assert [line.partition("; ")[2] for line in report.final_states] == ["landed", "landed"]
     assert coded(ui.said, "uav2", "waits-to-land")
     down_s = [report.statistics.vehicles[uav].last_s for uav in (1, 2)]
-    assert down_s[1] - down_s[0] > 20.0  # it comes down from 21 m, of which the last 10 m take 20 s
+    assert down_s[1] - down_s[0] > 20.0  # the descent is 21 m, and the last 10 m take 20 s
 
 
 @pytest.mark.full

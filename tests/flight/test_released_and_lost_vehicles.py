@@ -39,7 +39,7 @@ def pair(**sections: object) -> Scenario:
 
 
 def taken(*then: tuple[float, str]) -> Trouble:
-    """A pilot takes over the second vehicle after 30 s, and then selects these modes."""
+    """Return a takeover of the second vehicle by a pilot after 30 s, who then selects these modes."""
     return Trouble(actions=[(at_s, select_mode(2, mode)) for at_s, mode in ((30.0, "GUIDED"), *then)])
 
 
@@ -123,19 +123,19 @@ def test_the_map_marks_a_lost_vehicle(tmp_path: Path, monkeypatch: pytest.Monkey
 
 
 def arms(sysid: int) -> Callable[[Fleet], None]:
-    """Another station arms a vehicle, whatever its own checks say."""
+    """Return an action of another station that arms a vehicle without its pre-arm checks."""
 
-    def deed(fleet: Fleet) -> None:
+    def action(fleet: Fleet) -> None:
         station = mavlink.MAVLink(None, 200, 190)
         arm = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
         message = station.command_long_encode(sysid, 1, arm, 0, 1, 21196, 0, 0, 0, 0, 0)
         fleet.receive(message.pack(station), asyncio.get_running_loop().time(), peer="another station")
 
-    return deed
+    return action
 
 
 def armed_early() -> Trouble:
-    """Another station arms the second vehicle while the first is not ready yet."""
+    """Return the arming of the second vehicle by another station before the first vehicle is ready."""
     unfit = {"fault": "sensor_unhealthy", "params": {"sensor": "mag"}, "vehicles": [1], "for_s": 15.0}
     return Trouble(faults=[unfit], actions=[(10.0, arms(2))])
 

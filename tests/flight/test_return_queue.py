@@ -43,8 +43,8 @@ class Peers:
     """A vehicle's queue and the states that it has received."""
 
     def __init__(self, uav: int = 2) -> None:
-        self.told: dict[int, StateShared] = {}
-        self.turns = ReturnQueue(uav, lambda: self.told)
+        self.states: dict[int, StateShared] = {}
+        self.turns = ReturnQueue(uav, lambda: self.states)
 
     def may_return(self, now_s: float) -> bool:
         return self.turns.may_return(OWN, now_s)
@@ -57,15 +57,15 @@ def test_a_vehicle_alone_returns_at_once() -> None:
 def test_a_vehicle_waits_until_another_on_its_return_path_has_landed() -> None:
     peers = Peers()
     for second in range(60):
-        peers.told[3] = state(second, Phase.LEAVING)
+        peers.states[3] = state(second, Phase.LEAVING)
         assert not peers.may_return(float(second))
-    peers.told[3] = state(61.0, Phase.DONE)
+    peers.states[3] = state(61.0, Phase.DONE)
     assert peers.may_return(61.0)
 
 
 def test_a_vehicle_does_not_wait_for_a_return_path_that_does_not_meet_its_own() -> None:
     peers = Peers()
-    peers.told[3] = state(0.0, Phase.LEAVING, lon_deg=14.42, home=(46.0, 14.42))
+    peers.states[3] = state(0.0, Phase.LEAVING, lon_deg=14.42, home=(46.0, 14.42))
     assert peers.may_return(0.0)
 
 
@@ -74,24 +74,24 @@ def test_the_lower_system_id_of_two_waiting_vehicles_returns_first(phase: Phase)
     """A vehicle reports its hold a moment after it begins."""
     peers = Peers()
     for tenth in range(int(10.0 * SLOT_S)):
-        peers.told[1] = state(0.1 * tenth, phase)
+        peers.states[1] = state(0.1 * tenth, phase)
         assert not peers.may_return(0.1 * tenth)
     lower = Peers(1)
-    lower.told[2] = state(0.0, Phase.HOLDING)
+    lower.states[2] = state(0.0, Phase.HOLDING)
     assert lower.may_return(0.0)
 
 
 def test_a_vehicle_that_keeps_holding_does_not_block_the_queue() -> None:
     peers = Peers()
-    peers.told[1] = state(0.0, Phase.HOLDING)
+    peers.states[1] = state(0.0, Phase.HOLDING)
     assert not peers.may_return(0.0)
-    peers.told[1] = state(SLOT_S, Phase.HOLDING)
+    peers.states[1] = state(SLOT_S, Phase.HOLDING)
     assert peers.may_return(SLOT_S)
 
 
 def test_a_silent_returning_vehicle_counts_until_it_must_be_down() -> None:
     peers = Peers()
-    peers.told[3] = state(0.0, Phase.LEAVING)
+    peers.states[3] = state(0.0, Phase.LEAVING)
     # 10 s to react, 10 to climb to 60 m, 445 m at half its speed, 75 to come down.
     assert not peers.may_return(0.0)
     assert not peers.may_return(180.0)
@@ -100,7 +100,7 @@ def test_a_silent_returning_vehicle_counts_until_it_must_be_down() -> None:
 
 def test_a_silent_holding_vehicle_does_not_block_the_queue() -> None:
     peers = Peers()
-    peers.told[1] = state(0.0, Phase.HOLDING)
+    peers.states[1] = state(0.0, Phase.HOLDING)
     assert not peers.may_return(0.0)
     assert peers.may_return(MIN_SILENCE_S + 1.0)
 
@@ -109,7 +109,7 @@ def lands(**changes: Any) -> bool:
     """Return whether vehicle 2, 40 m above home, may land with this state of vehicle 3."""
     peers = Peers()
     fields: dict[str, Any] = {"lat_deg": OWN.lat_deg, "lon_deg": OWN.lon_deg, "alt_amsl_m": 330.0, **changes}
-    peers.told[3] = msgspec.structs.replace(state(0.0, Phase.HOLDING), **fields)
+    peers.states[3] = msgspec.structs.replace(state(0.0, Phase.HOLDING), **fields)
     return peers.turns.may_land(OWN, 0.0)
 
 
@@ -123,7 +123,7 @@ def lands(**changes: Any) -> bool:
         ({"alt_amsl_m": 350.0}, True),
         ({"alt_amsl_m": 340.0}, True),
     ],
-    ids=["under it", "and on its way down", "on the ground", "22 m away", "above it", "at its height"],
+    ids=["below", "below and descending", "on the ground", "22 m away", "above", "at equal height"],
 )
 def test_a_vehicle_does_not_land_on_a_vehicle_of_another_process(
     changes: dict[str, Any], *, may: bool
@@ -133,7 +133,7 @@ def test_a_vehicle_does_not_land_on_a_vehicle_of_another_process(
 
 def test_the_lower_system_id_lands_first_at_equal_heights() -> None:
     peers = Peers()
-    peers.told[1] = msgspec.structs.replace(
+    peers.states[1] = msgspec.structs.replace(
         state(0.0, Phase.HOLDING), lat_deg=OWN.lat_deg, alt_amsl_m=OWN.alt_amsl_m
     )
     assert not peers.turns.may_land(OWN, 0.0)
@@ -141,7 +141,9 @@ def test_the_lower_system_id_lands_first_at_equal_heights() -> None:
 
 def test_a_silent_vehicle_below_blocks_the_landing_until_it_must_be_down() -> None:
     peers = Peers()
-    peers.told[3] = msgspec.structs.replace(state(0.0, Phase.LEAVING), lat_deg=OWN.lat_deg, alt_amsl_m=330.0)
+    peers.states[3] = msgspec.structs.replace(
+        state(0.0, Phase.LEAVING), lat_deg=OWN.lat_deg, alt_amsl_m=330.0
+    )
     assert not peers.turns.may_land(OWN, 0.0)
     assert not peers.turns.may_land(OWN, 55.0)
     assert peers.turns.may_land(OWN, 57.0)  # 45 m at 0.8 m/s
@@ -209,4 +211,4 @@ def test_ctrl_c_of_several_agents_lands_the_upper_vehicle_when_the_lower_one_is_
 
     inject(Trouble(on_step=note), monkeypatch)
     pressing(tmp_path, monkeypatch, scenario, 60.0)
-    assert down_s[2] - down_s[1] > 20.0  # it comes down from 21 m, of which the last 10 m take 20 s
+    assert down_s[2] - down_s[1] > 20.0  # the descent is 21 m, and the last 10 m take 20 s

@@ -94,7 +94,7 @@ def test_a_pending_plan_is_kept_and_the_next_one_has_the_new_weights() -> None:
     assert story.tick() == []
     story.accept()
     story.now += 2.0
-    story.over((4, 0))  # it has followed meanwhile
+    story.over((4, 0))  # the vehicle has followed its plan meanwhile
     swap = story.swap()
     assert swap.plan_id == 3
     assert swap.length_m == 8 * 50.0
@@ -104,7 +104,7 @@ def test_flown_exposure_counts_as_believed_at_the_decision() -> None:
     story = Story().flying()
     assert story.state.exposure is not None
     at_decision = float(story.state.exposure[4, 1])
-    story(ev.WeightsChanged(1, strength=STRONGER))  # and no decision since
+    story(ev.WeightsChanged(1, strength=STRONGER))  # without a later decision
     story.over((4, 1))
     assert story.state.flown_exposure == pytest.approx(at_decision)
 

@@ -45,7 +45,7 @@ def test_the_identity_is_requested_at_the_start_and_after_a_reboot():
 def test_boot_text_is_neither_a_message_nor_a_vehicle():
     bench = on_the_ground("ardupilot")
     data: list[bytes] = []
-    bench.overhear = data.append
+    bench.on_datagram = data.append
     events = len(bench.events)
     bench.inject("reboot:silence_s=1.5")
     bench.run(15)
@@ -66,7 +66,7 @@ def test_boot_text_is_neither_a_message_nor_a_vehicle():
 def test_unknown_messages_are_skipped_and_keep_their_sender():
     bench = FlyingBench("px4").connected()
     data: list[bytes] = []
-    bench.overhear = data.append
+    bench.on_datagram = data.append
     bench.run(15)
     frames = [frame for piece in data for frame in FrameSplitter().feed(piece)]
     unknown = {frame.msgid for frame in frames if not frame.known}

@@ -11,7 +11,7 @@ import pytest
 from flying_bench import Faults, FlyingBench
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from metric_plans import most_back_m, place, plan
+from metric_plans import most_backwards_m, place, plan
 from profiles import examples
 
 from swarmctl.core.planar import PlanarPoint, distance_to_track
@@ -70,7 +70,7 @@ def test_a_vehicle_follows_the_old_or_new_route_and_never_turns_back(
     assert bench.run(900.0, watch), "the swap does not end"
     result: Any = bench.session.result
     bench.run(20.0, lambda: watch() and False)
-    assert most_back_m(norths_m) < BACK_M[personality]
+    assert most_backwards_m(norths_m) < BACK_M[personality]
     assert max(beside_m) < BESIDE_M
     if bench.session.busy_with is None:
         assert (result.failure is None) == (result.flying == "new")

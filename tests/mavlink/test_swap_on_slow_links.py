@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 from flying_bench import FlyingBench
-from metric_plans import most_back_m, place, plan
+from metric_plans import most_backwards_m, place, plan
 from profiles import full_only
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -133,7 +133,7 @@ def test_a_vehicle_near_the_splice_point_never_turns_back(personality: str, ahea
     assert bench.run(400.0, is_down), "the vehicle does not land"
     flown_to = {"new": new, "old": OLD}[bench.session.result.flying]
     assert place(bench) == pytest.approx(flown_to[-1], abs=3.0)
-    assert most_back_m(norths_m) < TURNS_WITHIN_M
+    assert most_backwards_m(norths_m) < TURNS_WITHIN_M
 
 
 @pytest.mark.parametrize(
@@ -252,7 +252,7 @@ def test_a_vehicle_without_a_position_during_a_swap_is_never_sent_back(
         return bench.session.busy_with is None and bench.now > since_s + 60.0
 
     assert bench.run(120.0, watch), "the swap does not end"
-    assert most_back_m(norths_m) < TURNS_WITHIN_M
+    assert most_backwards_m(norths_m) < TURNS_WITHIN_M
     assert bench.session.result.flying in ("old", "new")
 
 
@@ -308,7 +308,7 @@ def test_a_vehicle_that_is_silent_after_a_complete_upload_is_not_sent_back(silen
 
     assert bench.run(200.0, ends), "the swap does not end"
     bench.run(20.0, lambda: ends() and False)
-    assert most_back_m(norths_m) < BACK_M
+    assert most_backwards_m(norths_m) < BACK_M
     if silence_s < 15.0:
         assert (bench.session.result.failure, bench.session.result.flying) == (None, "new")
         assert 0.0 < bench.session.result.took_s < 10.0, (

@@ -1,4 +1,4 @@
-"""Problems without an answer, or with an evident one, for every search."""
+"""Problems without a route, or with an evident route, for every search."""
 
 import dataclasses
 import math

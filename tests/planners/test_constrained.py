@@ -1,4 +1,4 @@
-"""The least exposed of all ways within a bound, against every way there is."""
+"""The least exposed route within a bound, compared with all routes."""
 
 import dataclasses
 import math
@@ -98,7 +98,7 @@ def test_the_lower_bound_grows_with_the_budget_up_to_the_cost(bound: float) -> N
         assert steps[-1].lower_bound == best
         gains.append(time_bound.plan(bounded, time_bound.Params()).exposure_sum - best)
     assert min(gains) >= 0.0
-    assert max(gains) > 0.01  # what a sweep of w leaves lying
+    assert max(gains) > 0.01  # exposure that a sweep of w does not save
 
 
 def test_a_least_length_is_refused_with_the_name_of_a_planner_that_supports_it() -> None:

@@ -1,4 +1,4 @@
-"""Eq. 5 against the model's numbers, against scipy and against trying everything."""
+"""Eq. 5 compared with the model's numbers, with scipy and with all paths."""
 
 import math
 from collections.abc import Iterator
@@ -49,7 +49,7 @@ def test_routes_on_five_by_five_cells_equal_those_of_the_model(
 
 
 def is_open(p_s: NDArray[np.float64], here: Cell, there: Cell) -> bool:
-    """No wall is entered, and none passed at its corner but out of one."""
+    """Return whether a step enters no wall and passes no corner of a wall; a step out of a wall may."""
     beside = p_s[here[0], there[1]], p_s[there[0], here[1]]
     return math.isfinite(p_s[there]) and (math.isinf(p_s[here]) or max(beside) < math.inf)
 
@@ -57,7 +57,7 @@ def is_open(p_s: NDArray[np.float64], here: Cell, there: Cell) -> bool:
 def scipy_costs(
     p_s: NDArray[np.float64], goals: tuple[Cell, ...], w: float, psi: float
 ) -> NDArray[np.float64]:
-    """Least cost from every cell to the nearest goal, by another implementation on an explicit graph."""
+    """Return the least cost from every cell to the nearest goal, by scipy on an explicit graph."""
     rows, cols = p_s.shape
     tails, heads, costs = [], [], []
     for row in range(rows):

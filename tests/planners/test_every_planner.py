@@ -1,4 +1,4 @@
-"""Properties of every planner in the registry, whatever it minimises."""
+"""Properties of every planner in the registry."""
 
 import dataclasses
 import math

@@ -1,4 +1,4 @@
-"""The field is one and the same whatever finds it, and the memory of old fields is not their content."""
+"""Cost fields: every search finds the same field, and stored fields do not change later results."""
 
 import math
 
@@ -25,7 +25,7 @@ def field_of(kind: str, shape: tuple[int, int], rng: np.random.Generator) -> NDA
     values = rng.random(shape)
     if kind == "mostly zero":
         return np.where(rng.random(shape) < 0.2, values, 0.0)
-    if kind == "ridges":  # long ways that turn back and back again, which no sweep finds at once
+    if kind == "ridges":  # long routes with many reversals, which need several sweeps
         values *= 0.01
         values[::4, :-1] = 5.0
         values[2::4, 1:] = 5.0
@@ -55,7 +55,7 @@ def test_each_cost_is_the_least_that_a_neighbour_offers(kind: str, seed: int, w:
 def best_offer(
     p_s: NDArray[np.float64], cost: NDArray[np.float64], w: float, psi: float
 ) -> NDArray[np.float64]:
-    """Bellman's equation, in NumPy over the whole area at once."""
+    """Return the right side of Bellman's equation, in NumPy over the whole area."""
     rows, cols = cost.shape
     wall = np.isinf(p_s)
     through = np.pad(np.where(wall, np.inf, cost + w * np.where(wall, 0.0, p_s)), 1, constant_values=np.inf)

@@ -1,4 +1,4 @@
-"""The whole front: against every way there is, on larger maps against fronts passed from cell to cell."""
+"""The whole front, compared with all routes, and on larger maps with an exchange between cells."""
 
 import dataclasses
 import functools
@@ -54,7 +54,7 @@ def test_the_front_has_the_routes_that_no_other_route_dominates(problem: Problem
 
 
 def front_by_exchange(field: NDArray[np.float64], start: Cell, goal: Cell) -> list[Point]:
-    """Every cell extends the points of its neighbours by a step, until no point is new."""
+    """Return the front by an exchange: cells extend their neighbours' points until no point is new."""
     cells = list(np.ndindex(*field.shape))
     known: dict[Cell, list[Point]] = {cell: [] for cell in cells}
     known[goal] = [(0.0, 0.0)]
@@ -77,7 +77,7 @@ def front_by_exchange(field: NDArray[np.float64], start: Cell, goal: Cell) -> li
 @pytest.mark.parametrize("kind", ["any", "few", "mostly zero"])
 @pytest.mark.parametrize("seed", [0, 1, 2, 58])
 def test_the_front_of_a_larger_map_equals_an_exchange_between_cells(kind: str, seed: int) -> None:
-    """Routes of seed 58 differ in length by rounding only, and others by less than half a cell."""
+    """Some routes of seed 58 differ in length by rounding only, and some by less than half a cell."""
     rng = np.random.default_rng(seed)
     shape = (9, 11)
     field = {

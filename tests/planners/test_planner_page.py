@@ -1,4 +1,4 @@
-"""The page on the planner library says what is true: its example runs as printed."""
+"""The page on the planner library: its example runs as printed."""
 
 import re
 from pathlib import Path

@@ -49,7 +49,7 @@ def test_an_unknown_planner_or_option_is_refused_with_the_known_ones(
 
 
 def example_of(documented: object) -> str:
-    """The indented lines of its documentation."""
+    """Return the indented lines of an object's documentation."""
     return "\n".join(line[4:] for line in (getdoc(documented) or "").splitlines() if line.startswith("    "))
 
 
@@ -74,7 +74,7 @@ def test_the_example_of_the_replanner_runs() -> None:
 
 @pytest.fixture
 def hurried() -> Iterator[None]:
-    """Threads take turns as often as they can."""
+    """Let threads switch as often as possible."""
     before = sys.getswitchinterval()
     sys.setswitchinterval(1e-6)
     yield
@@ -117,7 +117,7 @@ def test_threads_that_plan_at_the_same_time_find_the_routes_of_single_threads(
 def test_threads_may_share_a_field() -> None:
     walled = np.where(np.random.default_rng(3).random((60, 80)) < 0.1, np.inf, 0.1)
     walled[30, 79] = walled[:, 0] = 0.1
-    for w in (0.0, 1.0):  # many ways of equal cost, so that lengths have to be found out
+    for w in (0.0, 1.0):  # many routes of equal cost, so that the length decides
         starts = [(row, 0) for row in range(60)]
         alone = [cost_to_go(walled, [(30, 79)], w, 0.1).cells_from(start) for start in starts]
         for _ in range(5):

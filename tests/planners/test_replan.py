@@ -1,4 +1,4 @@
-"""Replanning is exact: after any history of observations it answers as a search of the whole area would."""
+"""Replanning is exact: after any observations its route equals that of a search of the whole area."""
 
 import math
 
@@ -19,7 +19,7 @@ KERNEL = FiringStrength(0.6, 0.3, 0.1).kernel
 
 
 class World:
-    """Hostiles that are found cell by cell, and the layers that follow (Eq. 3 over Eq. 4)."""
+    """Hostiles found cell by cell, and the layers of exposure from them (Eq. 3 over Eq. 4)."""
 
     def __init__(self, rng: np.random.Generator, shape: tuple[int, int], walls: float) -> None:
         self.truth = rng.random(shape) < 0.08
@@ -29,7 +29,7 @@ class World:
         self.refresh()
 
     def look(self, cell: Cell) -> list[Cell]:
-        """The 3 × 3 cells around are seen; returns the cells whose layers that changes."""
+        """Observe the 3 × 3 cells around a cell and return the cells with changed layers."""
         self.seen[tuple(slice(max(i - 1, 0), i + 2) for i in cell)] = True
         self.refresh()
         rows, cols = self.truth.shape
@@ -55,7 +55,7 @@ class World:
 def agree(
     planner: Replanner, exposure: NDArray[np.float64], start: Cell, w: float, psi: float
 ) -> Route | None:
-    """Both find the same route, or both none."""
+    """Check that the replanner and a new search find the same route, or both none; return the route."""
     problem = Problem(exposure, start, planner.goals, w, psi)
     try:
         expected = dijkstra.plan(problem, dijkstra.Params())
@@ -69,7 +69,7 @@ def agree(
 
 @pytest.fixture
 def boxes(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Small boxes, and no fear of large ones, so that small areas show what large ones do."""
+    """Set small boxes and no limit on large ones, so that small areas behave as large ones."""
     monkeypatch.setattr(replan, "FIRST_MARGIN_CELLS", 1)
     monkeypatch.setattr(replan, "LARGEST_BOX_SHARE", 0.9)
     monkeypatch.setattr(replan, "SAMPLE_STRIDE", 3)
@@ -188,7 +188,7 @@ def test_gates_that_open_and_close_far_from_the_route_change_it(seed: int, w: fl
         gates = [ridges[int(i)] for i in rng.integers(len(ridges), size=2)]
         for gate in gates:
             known[gate] = rng.choice([0.0, 3.0, 9.0], p=[0.7, 0.15, 0.15])
-        if rng.random() < 0.3:  # dearer where it is to fly, so that what lies far off begins to pay
+        if rng.random() < 0.3:  # a dearer route, so that far gates become worthwhile
             ahead = planner.route(start)[1:4]
             for cell in ahead:
                 known[cell] += 1.0
@@ -224,11 +224,11 @@ def test_a_removed_cell_of_huge_exposure_leaves_no_rounding_error() -> None:
     wall, start, goal = 1e17, (30, 0), (30, 79)
     for share in np.linspace(0.05, 0.95, 19):
         known = np.full((40, 80), 0.38)
-        known[5, 1:79] = 0.0  # a free way to one side, which the wall closes
+        known[5, 1:79] = 0.0  # a free route to one side, which the wall closes
         known[:28, 40] = 0.0
         by_side = float(cost_to_go(known, goal, 1.0, 0.1).cost[start])
         known[:28, 40] = wall
-        # Straight on costs more, by less than the digits that a sum with the wall in it has.
+        # The straight route costs more, by less than the precision of a sum that includes the wall.
         known[30] = (by_side + share * np.spacing(wall)) / 79
         planner = Replanner(known, goal, 1.0, 0.1)
         planner.route(start)
@@ -267,12 +267,12 @@ def test_bad_layers_are_refused() -> None:
 
 
 @pytest.mark.parametrize("p_unseen", [math.nan, -1.0, -0.05, math.inf])
-@pytest.mark.parametrize("told", [True, False])
-def test_an_invalid_p_unseen_is_refused(p_unseen: float, told: bool) -> None:
+@pytest.mark.parametrize("notified", [True, False])
+def test_an_invalid_p_unseen_is_refused(p_unseen: float, notified: bool) -> None:
     layers = Layers(np.full((9, 9), 0.1), np.ones((9, 9)), 0.1)
     planner = Replanner(layers, ((4, 8),), 0.5, 0.1)
     layers.p_unseen = p_unseen
-    if told:
+    if notified:
         planner.changed([])
     with pytest.raises(BadProblem, match="p_unseen"):
         planner.route((4, 0))

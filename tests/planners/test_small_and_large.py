@@ -1,4 +1,4 @@
-"""Small areas, searched without compiled code, have the same answers as large ones: bit for bit."""
+"""Searches with and without compiled code give equal results, bit for bit."""
 
 import contextlib
 import inspect
@@ -66,7 +66,7 @@ def problems(draw: st.DrawFn) -> Problem:
 
 @contextlib.contextmanager
 def areas_up_to(n_cells: int) -> Iterator[None]:
-    """Areas of at most this size are small ones, and nothing is kept from searches before."""
+    """Treat areas up to this size as small, without stored fields of earlier searches."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(field, "SMALL_CELLS", n_cells)
         patch.setattr(dijkstra, "_fields", Pool())
@@ -107,7 +107,7 @@ SEARCHES: dict[str, Callable[[Problem], Route | Front]] = {
 
 
 def answer(search: Callable[[Problem], Route | Front], problem: Problem) -> object:
-    """Return the result of a search, or its error with what that holds."""
+    """Return the result of a search, or its error with the error's content."""
     try:
         return search(problem)
     except BoundTooTight as error:
@@ -156,7 +156,7 @@ print(len(found), [name for name in ("numba", "llvmlite", *{FOREIGN}) if name in
 
 
 def machine_code() -> dict[str, int]:
-    """How many versions of each kernel are compiled in this process."""
+    """Return the number of compiled versions of each kernel in this process."""
     modules = (bounds, buckets, descent, labels, lattice, sweep)
     return {
         f"{module.__name__}.{name}": len(compiled(kernel).signatures)  # type: ignore[attr-defined]

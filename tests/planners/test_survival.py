@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from brute_force import TIE, small_problems, ways
+from brute_force import TIE, all_routes, small_problems
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from profiles import examples
@@ -43,7 +43,7 @@ def test_the_safest_route_is_never_less_safe_and_differs_on_a_few_per_cent_of_ra
 @settings(max_examples=examples(150), deadline=None, derandomize=True)
 @given(small_problems(walls=False))
 def test_a_route_enters_the_fewest_certain_losses_and_is_then_the_safest(problem: Problem) -> None:
-    found = ways(problem.exposure.shape, problem.start, frozenset(problem.goals))
+    found = all_routes(problem.exposure.shape, problem.start, frozenset(problem.goals))
     flat = problem.exposure.reshape(-1)
     certain = found.entered @ (flat >= 1.0)
     rest = found.entered @ -np.log1p(-np.where(flat >= 1.0, 0.0, flat))
@@ -60,9 +60,9 @@ def test_a_route_enters_the_fewest_certain_losses_and_is_then_the_safest(problem
 @pytest.mark.parametrize(
     ("certain", "cells"),
     [
-        (1.0, ((0, 0), (0, 1), (0, 2))),  # the only way leads through it
+        (1.0, ((0, 0), (0, 1), (0, 2))),  # the only route leads through the certain loss
         (7.5, ((0, 0), (0, 1), (0, 2))),
-        (math.inf, None),  # a wall lets nobody through
+        (math.inf, None),  # a wall lets no route through
     ],
 )
 def test_a_certain_loss_is_entered_only_on_the_only_route(

@@ -1,4 +1,4 @@
-"""Figure 7 against every way there is, and against `dijkstra` at the w that were searched."""
+"""Figure 7, compared with all routes, and with `dijkstra` at the searched values of w."""
 
 import dataclasses
 import math
@@ -96,7 +96,7 @@ def test_no_w_finds_a_better_route_within_the_bound() -> None:
 
 
 def detours() -> Problem:
-    """Straight on, 2 cells through 1.0; or round it, 2√2 cells through nothing."""
+    """Return a problem with two routes: 2 cells with exposure 1.0, and 2√2 cells without exposure."""
     field = np.array([[9.0, 0.0, 9.0], [0.0, 1.0, 0.0]])
     return Problem(field, (1, 0), ((1, 2),), 0.5, 1.0)
 

@@ -1,4 +1,4 @@
-"""No way leads through a wall, nor past the corner of one: against a search that tries every edge."""
+"""Routes pass through no wall and past no corner of a wall, compared with a search over every edge."""
 
 import itertools
 import math
@@ -22,17 +22,17 @@ ROOT2 = math.sqrt(2.0)
     ("area", "length"),
     [
         (["S.", ".G"], ROOT2),
-        (["S#", ".G"], 2.0),  # one wall beside the diagonal: round it
+        (["S#", ".G"], 2.0),  # a wall beside the diagonal: the route leads around it
         (["S.", "#G"], 2.0),
         (["S#", "#G"], None),  # two walls that touch at a corner let no route through
         (["S.#..", ".#..G"], None),
-        (["S..", ".G.", "..#"], ROOT2),  # a wall ahead is not beside
-        (["S..", "##.", "G.."], 6.0),  # neither end of a wall is cut short
+        (["S..", ".G.", "..#"], ROOT2),  # a wall ahead does not block a diagonal
+        (["S..", "##.", "G.."], 6.0),  # a route cuts no corner at either end of a wall
         (["S...", ".##.", ".##.", "...G"], 6.0),
         (["S....", "..#..", "....G"], 4.0 + ROOT2),
-        (["s..", "...", "..G"], 2.0 * ROOT2),  # a small s stands in a wall: it may leave,
+        (["s..", "...", "..G"], 2.0 * ROOT2),  # a small s is a start in a wall: the route may leave it,
         ([".#G", "#s#", ".#."], ROOT2),  # also where there are walls on all four sides,
-        (["s#.", "#.#", ".#G"], None),  # but once it is out, walls stop it too
+        (["s#.", "#.#", ".#G"], None),  # but walls stop it after that
         (["###", "#s#", "##G"], ROOT2),
         (["###.", "#s#.", "###G"], None),  # and no route leads from wall to wall
     ],
@@ -69,8 +69,7 @@ def is_edge(p_s: NDArray[np.float64], here: Cell, there: Cell) -> bool:
 def least_costs(
     p_s: NDArray[np.float64], goals: tuple[Cell, ...], w: float, psi: float
 ) -> dict[Cell, tuple[float, float]]:
-    """Least (cost by Eq. 5, length) from every cell to a goal: all edges over and over until nothing gets
-    less (Bellman and Ford)."""
+    """Return the least (cost by Eq. 5, length) from every cell to a goal, by Bellman and Ford."""
     cells = list(np.ndindex(*p_s.shape))
     edges = [
         (m, n, math.dist(m, n), w * p_s[n])
@@ -89,7 +88,7 @@ def least_costs(
 @st.composite
 def walled_areas(draw: st.DrawFn) -> NDArray[np.float64]:
     rows, cols = draw(st.integers(1, 6)), draw(st.integers(1, 6))
-    # Sums of these have no rounding, so equal costs are equal and the length decides here as there.
+    # Sums of these values have no rounding: equal costs are exactly equal, and the length decides.
     level = st.sampled_from([0.0, 0.25, 0.5, 0.5, math.inf, math.inf])
     return np.array(draw(st.lists(level, min_size=rows * cols, max_size=rows * cols))).reshape(rows, cols)
 

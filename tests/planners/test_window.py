@@ -1,4 +1,4 @@
-"""Routes that take their time: the least exposed within a window of lengths."""
+"""Routes of the planner `window`: the least exposed within a window of lengths."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from brute_force import ways
+from brute_force import all_routes
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from profiles import examples
@@ -68,9 +68,9 @@ def test_the_measure_of_a_route_outside_the_window_is_infinite() -> None:
 @settings(derandomize=True, deadline=None, max_examples=examples(30))
 @given(seed=st.integers(0, 10_000), least=st.floats(2.0, 7.0))
 def test_no_found_route_is_better_than_the_best_of_all_routes(seed: int, least: float) -> None:
-    """On areas so small that every way can be counted."""
+    """The areas are so small that the test can enumerate every route."""
     asked = problem(3, 3, least=least, most=least + 1.5, seed=seed)
-    every = ways((3, 3), asked.start, frozenset(asked.goals)).points(asked.exposure)
+    every = all_routes((3, 3), asked.start, frozenset(asked.goals)).points(asked.exposure)
     fits = [exposed for length, exposed in every if least - 1e-9 <= length <= least + 1.5 + 1e-9]
     try:
         found = window.plan(asked, PARAMS)

@@ -1,4 +1,4 @@
-"""Each check passes on a fit vehicle, and fails on one unfit or unknown fact at a time."""
+"""Each check passes on a fit vehicle and fails on a single unfit or unknown fact."""
 
 from __future__ import annotations
 

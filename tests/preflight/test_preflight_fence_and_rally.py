@@ -23,7 +23,7 @@ from swarmctl.report.outcome import FlightReport
 pytestmark = pytest.mark.virtual
 
 NEVER = replace(DEFAULT_OPTIONS, launch="never")
-Deed = Callable[[Fleet], None]
+FleetAction = Callable[[Fleet], None]
 
 
 def failing(report: FlightReport) -> dict[tuple[str, str], str]:
@@ -36,16 +36,16 @@ def failing(report: FlightReport) -> dict[tuple[str, str], str]:
     }
 
 
-def another_sends(message: Callable[[mavlink.MAVLink], mavlink.MAVLink_message]) -> Deed:
-    def deed(fleet: Fleet) -> None:
+def another_sends(message: Callable[[mavlink.MAVLink], mavlink.MAVLink_message]) -> FleetAction:
+    def action(fleet: Fleet) -> None:
         station = mavlink.MAVLink(None, OTHER_STATION, 190)
         now = asyncio.get_running_loop().time()
         fleet.receive(message(station).pack(station), now, peer="another station")
 
-    return deed
+    return action
 
 
-def sets(name: str, value: float) -> Deed:
+def sets(name: str, value: float) -> FleetAction:
     real = mavlink.MAV_PARAM_TYPE_REAL32
     return another_sends(lambda station: station.param_set_encode(1, 1, name.encode(), value, real))
 
@@ -65,16 +65,16 @@ FAR_ABOVE_M = 1000.0
 
 
 @pytest.mark.parametrize(
-    ("at_boot", "deed"),
+    ("at_boot", "action"),
     [({"FENCE_TYPE": 4.0}, sets("FENCE_TYPE", 5.0)), ({}, switches_off)],
     ids=["FENCE_TYPE", "DO_FENCE_ENABLE 0"],
 )
 @pytest.mark.autopilots("2 fence use")
 def test_a_fence_with_correct_parameters_is_enforced_before_arming(
-    at_boot: dict[str, float], deed: Deed, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    at_boot: dict[str, float], action: FleetAction, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seen: list[Fleet] = []
-    inject(Trouble(params=at_boot, actions=[(0.3, deed), (0.4, seen.append)]), monkeypatch)
+    inject(Trouble(params=at_boot, actions=[(0.3, action), (0.4, seen.append)]), monkeypatch)
     report = fly(small(simulate={"count": 1, "ready_s": 1.0}), tmp_path, options=NEVER)
     assert failing(report) == {}
     vehicle = seen[0].vehicles[0]
@@ -89,11 +89,11 @@ def drop_acknowledgements(command: int, monkeypatch: pytest.MonkeyPatch) -> None
     def is_ack(frame: bytes) -> bool:
         return frame[7:10] == b"\x4d\0\0" and int.from_bytes(frame[10:12], "little") == command
 
-    class Dumb(virtual_simulator.Fleet):  # type: ignore[misc, name-defined]
+    class LossyFleet(virtual_simulator.Fleet):  # type: ignore[misc, name-defined]
         def receive(self, *args: object, **kwargs: object) -> list[tuple[int, bytes]]:
             return [(i, frame) for i, frame in super().receive(*args, **kwargs) if not is_ack(frame)]
 
-    monkeypatch.setattr(virtual_simulator, "Fleet", Dumb)
+    monkeypatch.setattr(virtual_simulator, "Fleet", LossyFleet)
 
 
 def test_a_fence_that_may_not_be_enforced_keeps_the_vehicle_on_the_ground(
@@ -149,12 +149,12 @@ def test_a_vehicle_that_does_not_report_its_rally_points_fails(
 ) -> None:
     """The other facts are still collected."""
 
-    class Dumb(virtual_simulator.Fleet):  # type: ignore[misc, name-defined]
+    class LossyFleet(virtual_simulator.Fleet):  # type: ignore[misc, name-defined]
         def receive(self, *args: object, **kwargs: object) -> list[tuple[int, bytes]]:
             frames = super().receive(*args, **kwargs)
             return [(i, f) for i, f in frames if f[7:10] != b"\x2c\0\0" or f[14:15] != b"\x02"]
 
-    monkeypatch.setattr(virtual_simulator, "Fleet", Dumb)
+    monkeypatch.setattr(virtual_simulator, "Fleet", LossyFleet)
     swarm = {"count": 1, "ready_s": 1.0, "autopilot": autopilot}
     ui = Ui()
     report = fly(small(simulate=swarm), tmp_path, options=NEVER, ui=ui)

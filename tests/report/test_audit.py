@@ -31,7 +31,7 @@ def audit(*words: str | Path) -> Result:
 
 
 class Run:
-    """A run folder in which evidence is kept."""
+    """A run folder with evidence."""
 
     def __init__(self, folder: Path) -> None:
         self.said: list[str] = []

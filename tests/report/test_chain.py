@@ -83,7 +83,7 @@ def test_an_entry_after_the_closing_one_is_a_fault() -> None:
         chain.append("closed", None, {"entries": 1}, unix_s=1e9, run_s=1.0),
     ]
     assert check(lines).fault is None
-    # Number and hashes of this entry are right; it is wrong by its place alone.
+    # Number and hashes of this entry are correct; only its position is wrong.
     fault = check([*lines, chain.append("note", None, {}, unix_s=1e9, run_s=2.0)]).fault
     assert fault is not None
     assert fault.line == 3

@@ -1,4 +1,4 @@
-"""Evidence on a slow or failing disk: nothing else waits for it, but arming does."""
+"""Evidence on a slow or failing disk: only arming waits for the disk."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def test_a_blocked_disk_delays_neither_the_loop_nor_the_order_of_entries(
         assert len(disk.synced) == before
         disk.free.set()
         assert await run.evidence.wait_until_stored() == ""
-        # One was under way, and one more took all the rest.
+        # One sync was running, and one more stored all other entries.
         assert len(disk.synced) == before + 2
         run.evidence.close()
         checked = check(run.lines)

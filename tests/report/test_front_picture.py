@@ -20,7 +20,7 @@ GRID = Grid(20, 20, 50.0, 46.0, 14.4)
 
 
 def panel(n: int = 5, name: str = "uav1", **changes: object) -> FrontPanel:
-    """A front of n routes from 950 m on, every third inside the hull; the second is configured."""
+    """Return a front of n routes from 950 m on, every third inside the hull; the second is configured."""
     start = GRID.frame.to_geodetic(-60.0, 525.0)
     exposure = np.full((20, 20), 0.132)
     exposure[5, 5] = math.inf
@@ -54,12 +54,12 @@ def drawn(*panels: FrontPanel) -> Figure:
 
 
 def charts(figure: Figure) -> list[Axes]:
-    """The key is first; then chart and map of each vehicle."""
+    """Return the chart of each vehicle; the legend is first, then chart and map of each vehicle."""
     return figure.axes[1::2]
 
 
 def marks(axes: Axes) -> list[tuple[float, float, str]]:
-    """(x, y, face) of every point of a chart but the ring around the configured one."""
+    """Return (x, y, face) of every point of a chart, without the ring around the configured route."""
     lines = [line for line in axes.lines if line.get_marker() == "o" and line.get_markersize() < 8.0]
     return [
         (float(line.get_xdata()[0]), float(line.get_ydata()[0]), str(line.get_markerfacecolor()))
@@ -104,7 +104,7 @@ def test_the_configured_route_has_a_ring_and_a_label() -> None:
 
 
 OFF = [GRID.centre((3, col)) for col in (0, 9, 19)]
-"""a track that is none of a front's"""
+"""a track that is not on the front"""
 
 
 def test_a_configured_route_off_the_front_is_drawn_on_the_map_and_filled_in_the_chart() -> None:

@@ -17,7 +17,7 @@ from swarmctl.report.pictures.sheet import draw_map, figure_of
 
 
 def picture(n_vehicles: int = 2, rows: int = 20, cols: int = 20, **changes: object) -> MapPicture:
-    """Hostiles at (15, 5), which was found, and (15, 15), which was not; the west half was seen."""
+    """Return a map with a found hostile at (15, 5), another at (15, 15), and an observed west half."""
     grid = Grid(rows, cols, 50.0, 47.4, 8.5)
     known = np.full((rows, cols), UNKNOWN, dtype=np.int8)
     known[:, : cols // 2] = CLEAR
@@ -46,7 +46,7 @@ def picture(n_vehicles: int = 2, rows: int = 20, cols: int = 20, **changes: obje
 
 
 def cell_pixels(path: Path, shown: MapPicture, cell: Cell) -> NDArray[np.int64]:
-    """The pixels of a cell without its rim, (n, n, 3), 0 to 255."""
+    """Return the pixels of a cell without its rim, (n, n, 3), 0 to 255."""
     pixels = np.asarray(np.round(imread(path)[..., :3] * 255), dtype=np.int64)
     to_pixels = figure_of(shown).axes[0].transData.transform
     size, (row, col) = shown.grid.cell_size_m, cell

@@ -210,7 +210,9 @@ def test_items_appended_one_by_one_are_one_entry(copies: int) -> None:
     for seq in (13, 12, 11):
         other.sent(partial(seq))
         other.sent(item(seq))
-    assert other.unrecorded_entries()[0][1]["sha256"] == items[1]["sha256"], "whatever their order"
+    assert other.unrecorded_entries()[0][1]["sha256"] == items[1]["sha256"], (
+        "the hash does not depend on the order"
+    )
 
 
 def test_a_request_between_partial_lists_does_not_divide_them_and_an_order_does() -> None:
@@ -240,7 +242,7 @@ def test_refused_partial_lists_are_recorded_with_their_items() -> None:
     ]
     traffic.sent(mavlink.MAVLink_mission_ack_message(1, 1, 0))
     ((kind, _),) = traffic.received(mavlink.MAVLink_mission_ack_message(255, 190, 1))
-    assert kind == "acknowledgement", "after the transfer it is an entry of its own"
+    assert kind == "acknowledgement", "after the transfer an acknowledgement is a separate entry"
 
 
 def test_a_running_transfer_is_recorded_so_far_and_only_once() -> None:

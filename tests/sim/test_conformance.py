@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 import typer
-from bent_vehicle import GROUND, BentWire, Obstinate, conform, connected, describe_failures, fleet, named
+from bent_vehicle import GROUND, BentWire, DroppingWire, conform, connected, describe_failures, fleet, named
 from fleet_wire import FleetWire
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.generator.mavcrc import x25crc
@@ -473,7 +473,7 @@ def test_a_parameter_is_restored_after_the_time_limit_on_a_lossy_link() -> None:
             vehicle.wait(100.0)
         return "never"
 
-    vehicle = connected(Obstinate(fleet(ready_s=0.0), unsaved))
+    vehicle = connected(DroppingWire(fleet(ready_s=0.0), unsaved))
     before = parameters.read(vehicle, "RTL_ALT").value
     report = run(vehicle, [one_check(too_slow, limit_s=10.0)])
     assert len(report.results) == 1

@@ -4,7 +4,7 @@ import hashlib
 from typing import Any
 
 import pytest
-from bent_vehicle import GROUND, HOME, Obstinate, conform, failures_with, fleet, named
+from bent_vehicle import GROUND, HOME, DroppingWire, conform, failures_with, fleet, named
 from fleet_wire import FleetWire
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -181,7 +181,7 @@ def test_an_unrestored_default_rate_is_noticed(personality: str) -> None:
         return [mavlink.MAVLink_command_ack_message(message.command, 0, 0, 0, 255, 190)]
 
     for before in ((), ("messages.interval.10_hz",), ("messages.interval.4_hz",)):
-        wire = Obstinate(fleet(personality, ready_s=0.0), to_default, accepted)
+        wire = DroppingWire(fleet(personality, ready_s=0.0), to_default, accepted)
         assert outcomes(wire, *before, "messages.interval.default")["messages.interval.default"] is (
             Outcome.FAILED
         )
@@ -197,7 +197,7 @@ def with_a_log() -> Fleet:
     return inner
 
 
-class LateWire(Obstinate):
+class LateWire(DroppingWire):
     """Connects to a fleet 200 s after its start."""
 
     def __init__(self, ignored: str = "") -> None:

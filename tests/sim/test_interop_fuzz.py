@@ -54,10 +54,10 @@ def only_flood_warnings(text: str) -> bool:
 
 def wait_for_answer(ground: Ground, ts1: int, target: int) -> None:
     """Repeat a request with each heartbeat until its answer, because a flood may lose it."""
-    begin = len(ground.heard)
+    begin = len(ground.received)
     while not any(
         m.get_type() == "TIMESYNC" and m.ts1 == ts1 and m.get_srcSystem() == target
-        for m in ground.heard[begin:]
+        for m in ground.received[begin:]
     ):
         ground.send(heartbeat())
         ground.send(mavlink.MAVLink_timesync_message(0, ts1))

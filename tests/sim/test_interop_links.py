@@ -41,7 +41,7 @@ def test_the_whole_fleet_uses_one_udp_socket() -> None:
     more = ("--count", "3", "--sysid", "11", "--speedup", "5", "--url", f"udpout:127.0.0.1:{port}")
     with udp, simulator(*more):
         ground = Ground(udp)
-        while ground.heard_systems != {11, 12, 13}:
+        while ground.received_systems != {11, 12, 13}:
             ground.until(lambda m: m.get_type() == "HEARTBEAT")
             addresses.add(ground.address)
     assert len(addresses) == 1
@@ -58,8 +58,8 @@ def test_vehicles_on_separate_ports_receive_their_own_messages() -> None:
         # A command to everybody on one port reaches the vehicle that is there and no other.
         grounds[1].answered(5, 2)
         grounds[2].answered(6, 3)
-        assert [m for m in grounds[2].heard if m.get_type() == "TIMESYNC" and m.ts1 == 5] == []
-        assert [ground.heard_systems for ground in grounds] == [{1}, {2}, {3}]
+        assert [m for m in grounds[2].received if m.get_type() == "TIMESYNC" and m.ts1 == 5] == []
+        assert [ground.received_systems for ground in grounds] == [{1}, {2}, {3}]
     for udp in opened:
         udp.close()
 
@@ -73,7 +73,7 @@ def test_system_ids_restart_on_each_port() -> None:
         first, second = (Ground(udp) for udp in opened)
         first.systems(1, 250)
         second.systems(1, 5)
-        assert max(second.heard_systems) == 5
+        assert max(second.received_systems) == 5
     for udp in opened:
         udp.close()
 
@@ -98,7 +98,7 @@ def test_a_rebooted_vehicle_returns_from_another_port() -> None:
             ground.send(mavlink.MAVLink_timesync_message(0, 101), address)
         ground.answered(102, 2, moved)
         ground.answered(103, 1, shared)
-        answers = [m.get_srcSystem() for m in ground.heard if m.get_type() == "TIMESYNC" and m.ts1 == 101]
+        answers = [m.get_srcSystem() for m in ground.received if m.get_type() == "TIMESYNC" and m.ts1 == 101]
         assert sorted(answers) == [1, 2]
 
 
@@ -112,7 +112,7 @@ def test_messages_from_another_port_are_ignored() -> None:
         ground.systems(1)
         Ground(stranger, ground.address).send(mavlink.MAVLink_timesync_message(0, 7))
         ground.answered(8, 1)
-        assert [m.ts1 for m in ground.heard if m.get_type() == "TIMESYNC" and m.tc1] == [8]
+        assert [m.ts1 for m in ground.received if m.get_type() == "TIMESYNC" and m.tc1] == [8]
 
 
 @pytest.mark.full
@@ -221,7 +221,7 @@ def test_a_reboot_closes_the_connection_of_a_vehicle_with_its_own_port() -> None
             with client(port + 10) as again:
                 again.systems(2)
             first.answered(4, 1)
-            assert first.heard_systems == {1}
+            assert first.received_systems == {1}
 
 
 def test_a_tcp_client_reconnects() -> None:

@@ -72,7 +72,7 @@ def test_a_ground_station_receives_a_mixed_fleet() -> None:
         assert "1 ardupilot copter and 2 px4 copters, sysid 1-3" in line(process)
         ground = Ground(udp)
         ground.systems(1, 2, 3)
-    autopilots = {m.get_srcSystem(): m.autopilot for m in ground.heard if m.get_type() == "HEARTBEAT"}
+    autopilots = {m.get_srcSystem(): m.autopilot for m in ground.received if m.get_type() == "HEARTBEAT"}
     assert autopilots == {1: 3, 2: 12, 3: 12}
 
 
@@ -170,7 +170,7 @@ def test_manual_time_stands_still_between_steps() -> None:
             assert line(process) == f"at {at_s}\n"
             ground.systems(1, 2)
             ground.answered(at_s, 1)
-            beats = [m.get_srcSystem() for m in ground.heard if m.get_type() == "HEARTBEAT"]
+            beats = [m.get_srcSystem() for m in ground.received if m.get_type() == "HEARTBEAT"]
             assert abs(beats.count(1) - at_s) <= 1
             assert abs(beats.count(2) - at_s) <= 1
         process.stdin.write("quit\n")

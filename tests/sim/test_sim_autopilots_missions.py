@@ -137,7 +137,7 @@ def test_set_current_after_an_upload_in_auto_flies_the_new_plan_from_its_start()
     new = [home_item(), waypoint(50, 60), waypoint(50, 200), waypoint(0, 200)]
     assert station.upload(new) == ACCEPTED
     assert station.command(SET_CURRENT, 1) == ACCEPTED
-    station.heard.clear()
+    station.received.clear()
     station.until(lambda: reached(station) == [1, 2, 3], 120)
     assert station.mode == "AUTO"
 
@@ -178,6 +178,6 @@ def test_px4_flies_to_the_last_item_of_a_shortened_mission() -> None:
 def test_px4_set_current_0_after_an_upload_flies_the_new_plan_from_its_start() -> None:
     station = px4_northbound(more=2)
     assert station.upload([waypoint(60, 40, 10), waypoint(60, 120, 10), waypoint(0, 120, 10)]) == ACCEPTED
-    station.heard.clear()
+    station.received.clear()
     station.send(mavlink.MAVLink_mission_set_current_message(1, 1, 0))
     station.until(lambda: reached(station) == [0, 1, 2], 200)

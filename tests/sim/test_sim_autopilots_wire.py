@@ -77,10 +77,10 @@ def test_a_return_item_is_flown_in_auto() -> None:
     station = Station()
     rtl = item(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)
     station.fly_mission([takeoff(10), waypoint(40, 0, 10), rtl])
-    begun = len(station.heard)
+    begun = len(station.received)
     station.until(lambda: not station.armed, 120)
     station.wait(5)
-    beats = [m for m in station.heard[begun:] if m.get_type() == "HEARTBEAT"]
+    beats = [m for m in station.received[begun:] if m.get_type() == "HEARTBEAT"]
     assert {m.custom_mode for m in beats} == {AUTO}
 
 

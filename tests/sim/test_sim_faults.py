@@ -56,12 +56,15 @@ def test_loss_from_the_start_shows_as_gaps_in_the_sequence() -> None:
     there = station("packet_loss:rate=0.3,direction=from_vehicle,at=1")
     there.stream(POSITION, hz=10)
     there.wait(1.0)
-    there.heard.clear()
+    there.received.clear()
     there.wait(60)
     positions = len(there.of("GLOBAL_POSITION_INT"))
     assert 360 < positions < 480  # 600 less 30 %, within five standard deviations
-    gaps = [(b.get_seq() - a.get_seq()) % 256 - 1 for a, b in zip(there.heard, there.heard[1:], strict=False)]
-    assert 0.2 < sum(gaps) / (sum(gaps) + len(there.heard)) < 0.4
+    gaps = [
+        (b.get_seq() - a.get_seq()) % 256 - 1
+        for a, b in zip(there.received, there.received[1:], strict=False)
+    ]
+    assert 0.2 < sum(gaps) / (sum(gaps) + len(there.received)) < 0.4
 
 
 def test_commands_get_lost_on_the_way_to_the_vehicle() -> None:
@@ -90,7 +93,7 @@ def test_a_delay_applies_to_request_and_answer() -> None:
 def test_an_outage_is_silence_in_both_directions_until_its_end() -> None:
     there = station("link_outage:at=3,for=4")
     there.wait(3.0)
-    assert there.heard
+    assert there.received
     assert said_nothing(there, 3.9)
     there.send(mavlink.MAVLink_set_mode_message(1, 1, GUIDED))
     there.wait(1.2)
@@ -114,19 +117,19 @@ def test_a_bad_radio_sends_its_status_and_a_mission_upload_succeeds() -> None:
     for _ in range(10):
         there.send(beat)
         there.wait(1.0)
-    radios = [m for m in there.heard if m.get_type() == "RADIO_STATUS"]
+    radios = [m for m in there.received if m.get_type() == "RADIO_STATUS"]
     assert len(radios) == 10
     assert {m.get_srcSystem() for m in radios} == {51}
-    done = len(acks(there.heard))
+    done = len(acks(there.received))
     there.send(mavlink.MAVLink_mission_count_message(1, 1, len(MISSION), 0))
     answered: set[int] = set()
     for _ in range(600):
-        if len(acks(there.heard)) > done:
+        if len(acks(there.received)) > done:
             break
         for request in [m for m in there.wait(0.1) if m.get_type() == "MISSION_REQUEST"]:
             answered.add(request.seq)
             there.send(there.item_message(request.seq, MISSION[request.seq]))
-    assert acks(there.heard)[-1] == mavlink.MAV_MISSION_ACCEPTED
+    assert acks(there.received)[-1] == mavlink.MAV_MISSION_ACCEPTED
     assert answered == set(range(len(MISSION)))
 
 
@@ -192,7 +195,7 @@ def test_a_mission_refused_at_an_item_keeps_the_items_before() -> None:
     inject(there, "mission_refused:result=denied,at_item=2")
     assert there.upload(MISSION) == mavlink.MAV_MISSION_DENIED
     assert there.wait(9.0) is not None
-    assert acks(there.heard) == [mavlink.MAV_MISSION_DENIED]
+    assert acks(there.received) == [mavlink.MAV_MISSION_DENIED]
 
 
 def command(there: Station, number: int, *params: float) -> list[int]:
@@ -209,7 +212,7 @@ def test_slow_acknowledgements_are_late_and_have_the_next_sequence_number() -> N
     assert there.of("COMMAND_ACK") == []
     there.wait(0.3)
     assert [m.result for m in there.of("COMMAND_ACK")] == [0]
-    sequence = [m.get_seq() for m in there.heard]
+    sequence = [m.get_seq() for m in there.received]
     assert sequence == [(sequence[0] + i) % 256 for i in range(len(sequence))]
 
 
@@ -219,7 +222,7 @@ def test_absent_acknowledgements_leave_no_gap_in_the_sequence() -> None:
     there.wait(5)
     assert there.mode == "GUIDED"
     assert there.of("COMMAND_ACK") == []
-    sequence = [m.get_seq() for m in there.heard]
+    sequence = [m.get_seq() for m in there.received]
     assert sequence == [(sequence[0] + i) % 256 for i in range(len(sequence))]
 
 

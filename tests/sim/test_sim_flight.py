@@ -286,7 +286,7 @@ def test_setting_the_current_item_in_flight_changes_the_target_at_once() -> None
     assert station.command(set_current, 0) == 0  # restart: through the take-off to item 2
     station.wait(1)
     assert station.ask(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT).seq == 2
-    station.heard.clear()
+    station.received.clear()
     station.send(mavlink.MAVLink_mission_set_current_message(1, 0, 3))
     assert [m.seq for m in station.of("MISSION_CURRENT")] == [3]
 

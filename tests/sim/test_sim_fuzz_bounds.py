@@ -61,7 +61,7 @@ def test_a_parameter_list_is_complete_during_a_flood() -> None:
     bench = Bench("ardupilot", "copter")
     bench.put(b"".join(bench.frame(message) for message in storm("parameters")))
     bench.wait(2.0)
-    values = [m for _, m in bench.heard if m.get_type() == "PARAM_VALUE"]
+    values = [m for _, m in bench.received if m.get_type() == "PARAM_VALUE"]
     last = values[-values[0].param_count :]
     assert [m.param_index for m in last] == list(range(values[0].param_count))
 

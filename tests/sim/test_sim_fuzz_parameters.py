@@ -84,6 +84,6 @@ def test_a_nan_value_is_refused(name: str, kind: str, value: float) -> None:
     for parameter, usual in personality.parameters.items():
         if not (personality.parameters_byte_wise and isinstance(usual, int)):
             bench.send(mavlink.MAVLink_param_set_message(1, 1, parameter.encode(), value, REAL))
-    reported = [m.param_value for _, m in bench.heard if m.get_type() == "PARAM_VALUE"]
+    reported = [m.param_value for _, m in bench.received if m.get_type() == "PARAM_VALUE"]
     assert reported
     assert all(map(math.isfinite, reported))

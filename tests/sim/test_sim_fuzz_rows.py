@@ -54,7 +54,7 @@ def test_an_interval_beyond_the_range_of_its_message(name: str, kind: str) -> No
     assert bench.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, ATTITUDE, 3.4e38) == ACCEPTED
     bench.command(mavlink.MAV_CMD_GET_MESSAGE_INTERVAL, ATTITUDE)
     bench.command(mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAVLINK_MSG_ID_MESSAGE_INTERVAL, ATTITUDE)
-    reported = [m.interval_us for _, m in bench.heard if m.get_type() == "MESSAGE_INTERVAL"]
+    reported = [m.interval_us for _, m in bench.received if m.get_type() == "MESSAGE_INTERVAL"]
     assert reported
     assert set(reported) == {2**31 - 1}
 
@@ -134,7 +134,7 @@ def test_a_position_outside_the_earth_in_a_legacy_item(name: str, kind: str, at:
     bench.send(mavlink.MAVLink_mission_count_message(1, 1, 2, 0))
     for seq in range(2):
         bench.send(mavlink.MAVLink_mission_item_message(1, 1, seq, 3, 22, 0, 1, 0, 0, 0, 0, at, at, 20, 0))
-    assert any(m.get_type() == "MISSION_ACK" and m.type != ACCEPTED for _, m in bench.heard)
+    assert any(m.get_type() == "MISSION_ACK" and m.type != ACCEPTED for _, m in bench.received)
     bench.check()
 
 

@@ -71,7 +71,7 @@ def test_an_abandoned_upload_ends_with_a_text_after_seven_requests() -> None:
     station.count(5)
     for seq in range(3):
         station.send(station.item_message(seq, new[seq]))
-    station.heard.clear()
+    station.received.clear()
     station.wait(9)
     assert [m.seq for m in station.of("MISSION_REQUEST")] == [3] * 7
     assert "Mission upload timeout" in station.texts()

@@ -74,9 +74,9 @@ def test_a_mode_set_right_after_boot_stays() -> None:
 def test_streams_flow_without_a_request() -> None:
     station = Px4Station()
     station.wait(2.0)
-    before = len(station.heard)
+    before = len(station.received)
     station.wait(10.0)
-    names = [m.get_type() for m in station.heard[before:]]
+    names = [m.get_type() for m in station.received[before:]]
     for name, expected in {
         "HEARTBEAT": 10,
         "GLOBAL_POSITION_INT": 50,
@@ -100,9 +100,9 @@ def test_streams_flow_without_a_request() -> None:
 def test_messages_unknown_to_pymavlink_are_parsed_without_a_system_id() -> None:
     station = Px4Station()
     station.wait(10.0)
-    phantoms = {m.get_type() for m in station.heard if m.get_type().startswith("UNKNOWN_")}
+    phantoms = {m.get_type() for m in station.received if m.get_type().startswith("UNKNOWN_")}
     assert phantoms >= {"UNKNOWN_380", "UNKNOWN_411", "UNKNOWN_436"}
-    ids = {(m.get_srcSystem(), m.get_seq()) for m in station.heard if m.get_type() in phantoms}
+    ids = {(m.get_srcSystem(), m.get_seq()) for m in station.received if m.get_type() in phantoms}
     assert ids == {(0, 0)}
 
 

@@ -30,16 +30,18 @@ class Ground(Station):
     """A station with log and file messages."""
 
     def log_list(self) -> list[Any]:
-        before = len(self.heard)
+        before = len(self.received)
         self.send(mavlink.MAVLink_log_request_list_message(self.target, 1, 0, 0xFFFF))
         self.wait(0.5)
-        return [m for m in self.heard[before:] if m.get_type() == "LOG_ENTRY"]
+        return [m for m in self.received[before:] if m.get_type() == "LOG_ENTRY"]
 
     def log(self, log_id: int) -> bytes:
-        before = len(self.heard)
+        before = len(self.received)
         self.send(mavlink.MAVLink_log_request_data_message(self.target, 1, log_id, 0, 2**32 - 1))
         self.until(lambda: self.of("LOG_DATA") and self.of("LOG_DATA")[-1].count < 90, 60)
-        chunks = {m.ofs: bytes(m.data[: m.count]) for m in self.heard[before:] if m.get_type() == "LOG_DATA"}
+        chunks = {
+            m.ofs: bytes(m.data[: m.count]) for m in self.received[before:] if m.get_type() == "LOG_DATA"
+        }
         self.send(mavlink.MAVLink_log_request_end_message(self.target, 1))
         return b"".join(chunks[offset] for offset in sorted(chunks))
 

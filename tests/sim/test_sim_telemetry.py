@@ -41,7 +41,7 @@ ASKED_FOR = (
 def test_without_a_request_there_are_no_streams() -> None:
     station = Station(ready_s=41.0)
     station.wait(60)
-    counts = Counter(m.get_type() for m in station.heard)
+    counts = Counter(m.get_type() for m in station.received)
     assert set(counts) == UNASKED
     assert counts["HEARTBEAT"] == 60
     assert counts["HOME_POSITION"] == counts["GPS_GLOBAL_ORIGIN"] == 1

@@ -212,7 +212,7 @@ def test_a_given_endpoint_needs_no_search(
 
 
 @pytest.mark.parametrize(
-    ("swarm", "config", "connect", "why"),
+    ("swarm", "config", "connect", "reason"),
     [
         (None, None, "tcp/ground:7447", "which-swarm"),
         ("one", None, "ground:7447", "tcp/HOST:PORT"),
@@ -226,9 +226,9 @@ def test_a_given_endpoint_needs_no_search(
     ],
 )
 def test_options_that_name_no_swarm_are_refused(
-    no_flight: Path, swarm: str | None, config: Any, connect: str | None, why: str
+    no_flight: Path, swarm: str | None, config: Any, connect: str | None, reason: str
 ) -> None:
-    with pytest.raises(client.BadOptions, match=why):
+    with pytest.raises(client.BadOptions, match=reason):
         client.find(swarm, config, connect)
 
 
@@ -274,7 +274,7 @@ def test_a_flights_age_is_in_its_largest_unit(age_s: float, text: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "why"),
+    ("words", "reason"),
     [
         ("--w 0.5", "[which-vehicles]"),
         ("--all --uav 1 --w 0.5", "[which-vehicles]"),
@@ -291,10 +291,10 @@ def test_a_flights_age_is_in_its_largest_unit(age_s: float, text: str) -> None:
         ("--all --w 0.5 --config nowhere.yaml", "nowhere.yaml: "),
     ],
 )
-def test_an_unclear_command_is_a_usage_error(words: str, why: str, no_flight: Path) -> None:
+def test_an_unclear_command_is_a_usage_error(words: str, reason: str, no_flight: Path) -> None:
     result = CliRunner().invoke(cli, ["set", *words.split()])
     assert result.exit_code == 2
-    assert why in result.stderr
+    assert reason in result.stderr
 
 
 def test_a_command_without_a_running_swarm_is_an_error(no_flight: Path) -> None:

@@ -1,4 +1,4 @@
-"""Recall of agents on machines of their own, when some answers are lost."""
+"""Recall of agents on separate machines, with lost answers."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ def place(way_deg: float = 0.01) -> VehiclePosition:
 
 @dataclass
 class Agents:
-    """The network: agents that take each order, and what becomes of their answers."""
+    """A network of agents that accept each order, and of answers that may be lost."""
 
     places: dict[int, VehiclePosition | None]
     answers: Callable[[int, int], bool] = lambda _uav, _times: True
-    """whether the answer to the n-th question of a vehicle comes"""
+    """True for each delivered answer, by vehicle and number of the question"""
     in_touch: Callable[[int], bool] = lambda _uav: True
     taken: list[tuple[int, float]] = field(default_factory=list)
     """(uav, after_s) of each order, in their order"""
@@ -71,7 +71,7 @@ def test_a_vehicle_with_a_lost_answer_is_asked_again_and_gets_its_turn() -> None
     agents = Agents({1: place(), 2: place(0.0102)}, lambda uav, times: uav == 1 or times > 1)
     answers = recalled(agents)
     assert {v.outcome for v in answers.values()} == {"taken"}
-    # What is left of the first time, and then a turn behind the nearer one.
+    # The rest of the first wait, and then a turn after the nearer vehicle.
     assert [after_s for uav, after_s in agents.taken if uav == 2][:2] == [
         FALLBACK_RETURN_S,
         FALLBACK_RETURN_S - TIMEOUT_S,
@@ -86,7 +86,7 @@ def test_no_vehicle_returns_while_an_unconfirmed_one_may() -> None:
     assert answers[2].outcome == "unconfirmed"
     assert "120 s" in answers[2].note
     assert sum(1 for uav, _ in agents.taken if uav == 2) == MAX_ATTEMPTS
-    # 120 s until it begins, and as long as a return takes: reacting, climbing 20 m, 773 m at half its speed,
+    # 120 s until the return begins, and the return: reaction, climb of 20 m, 773 m at half the speed,
     # 60 m down.
     assert agents.last(1) > FALLBACK_RETURN_S + 10.0 + 20.0 / 1.5 + 773.0 / 5.0 + 60.0 / 0.8
 

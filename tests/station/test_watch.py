@@ -1,4 +1,4 @@
-"""The ground station's view: what is taken of what comes, and how it is shown."""
+"""The ground station's view: accepted and refused states, and their display."""
 
 from __future__ import annotations
 
@@ -189,7 +189,7 @@ STRANGE = st.one_of(
 
 
 def written(content: dict[str, Any], unix_s: float, incarnation: int, n: int) -> bytes:
-    """Return an encoded frame that keeps to the form, and to nothing else."""
+    """Return an encoded frame with a valid form and arbitrary values."""
     frame = {"sender": 1, "incarnation": incarnation, "n": n, "unix_s": unix_s, "content": content}
     return bytes((VERSION, UNSIGNED)) + msgspec.msgpack.encode(frame)
 
@@ -205,10 +205,10 @@ SEEN = st.tuples(
 @example([(SANE | {"late_s": float("inf"), "plan_id": 2**63 - 1}, UNIX_S, 1, 1)])
 @settings(max_examples=examples(300), deadline=None, derandomize=True)
 def test_extreme_states_do_not_widen_the_table(
-    told: list[tuple[dict[str, Any], float, int, int]],
+    states: list[tuple[dict[str, Any], float, int, int]],
 ) -> None:
     seen = board()
-    for content, unix_s, incarnation, n in told:
+    for content, unix_s, incarnation, n in states:
         seen.receive(key(1), written(content, unix_s, incarnation, n), 0.0, UNIX_S)
         view = seen.view("", 0.0)
         text(view)

@@ -1,4 +1,4 @@
-"""One agent, told as a story: events in, effects and state out."""
+"""One agent in a sequence of events: events in, effects and state out."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def task(**changes: object) -> Task:
 
 
 class Story:
-    """Folds events one after the other and keeps what came of the last."""
+    """An agent that handles events one after the other; it keeps the effects of the last."""
 
     def __init__(self, **changes: object) -> None:
         self.state = begin(task(**changes), Belief.prior(GRID.rows, GRID.cols, 4))

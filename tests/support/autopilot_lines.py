@@ -1,7 +1,7 @@
-"""The lines of what was observed on the two autopilots, and which tests say that they pin one.
+"""The lines of the notes on the two autopilots, and the markers of tests that cover a line.
 
-A test says which by `@pytest.mark.autopilots("1.14", "2 error codes", of="px4")`: numbers of section 1 and
-rows of section 2 of AUTOPILOTS.md, and rows of MAVSDK.md; without `of` it is ArduPilot.
+A marker is `@pytest.mark.autopilots("1.14", "2 error codes", of="px4")`: numbers of section 1 and rows of
+section 2 of AUTOPILOTS.md, and rows of MAVSDK.md. A marker without `of` means ArduPilot.
 """
 
 import ast
@@ -12,16 +12,16 @@ ARDUPILOT, PX4 = frozenset({"ardupilot"}), frozenset({"px4"})
 BOTH = ARDUPILOT | PX4
 
 LINES: dict[str, frozenset[str]] = {
-    "1.1": ARDUPILOT,  # streams are asked for, and again after a reboot
+    "1.1": ARDUPILOT,  # streams are requested, and again after a reboot
     "1.2": ARDUPILOT,  # bytes that are no MAVLink
-    "1.3": ARDUPILOT,  # 41 s until it is ready
+    "1.3": ARDUPILOT,  # 41 s until the vehicle is ready
     "1.4": ARDUPILOT,  # a mode set in the first 2 s is undone
-    "1.5": BOTH,  # numbers of the modes; what is acknowledged, and how late a heartbeat shows it
-    "1.6": ARDUPILOT,  # what holds altitude without RC, and what does not
-    "1.7": ARDUPILOT,  # how a mission begins
-    "1.8": ARDUPILOT,  # with a take-off
-    "1.9": ARDUPILOT,  # an empty one
-    "1.10": ARDUPILOT,  # it moves on while disarmed
+    "1.5": BOTH,  # numbers of the modes; the acknowledgement, and the delay until a heartbeat shows the mode
+    "1.6": ARDUPILOT,  # modes that hold altitude without RC
+    "1.7": ARDUPILOT,  # the start of a mission
+    "1.8": ARDUPILOT,  # a mission with a take-off
+    "1.9": ARDUPILOT,  # an empty mission
+    "1.10": ARDUPILOT,  # the current item advances while the vehicle is disarmed
     "1.11": ARDUPILOT,  # home moves
     "1.12": ARDUPILOT,  # after the landing
     "1.13": ARDUPILOT,  # system_status
@@ -44,7 +44,7 @@ LINES: dict[str, frozenset[str]] = {
     "2 wrong / duplicate item": BOTH,
     "2 error codes": BOTH,
     "2 RTL item": BOTH,
-    "2 frame 2 on a WP": ARDUPILOT,  # with PX4 it was not tried
+    "2 frame 2 on a WP": ARDUPILOT,  # not tried with PX4
     "2 read-back": BOTH,
     "2 DO_SET_MISSION_CURRENT": BOTH,
     "2 MISSION_SET_CURRENT": BOTH,
@@ -54,7 +54,7 @@ LINES: dict[str, frozenset[str]] = {
     "2 fence use": BOTH,
     "2 speed": frozenset(),
     "2 types 2 / 3 / 255": BOTH,
-    "2 PX4 otherwise": BOTH,  # the altitude of a take-off is told of both
+    "2 PX4 otherwise": BOTH,  # the altitude of a take-off, of both autopilots
     "MAVSDK 3 replace mid-flight": BOTH,
     "MAVSDK 5 takeoff": BOTH,
     "MAVSDK 5 hold": BOTH,
@@ -74,7 +74,7 @@ LINES: dict[str, frozenset[str]] = {
 
 
 def marked(path: Path) -> Iterator[tuple[str, str, str]]:
-    """Line, autopilot and test of each marker in a file."""
+    """Yield line, autopilot and test of each marker in a file."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if not isinstance(node, ast.FunctionDef):
             continue

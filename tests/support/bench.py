@@ -1,4 +1,4 @@
-"""A session and a scripted copter, whose every answer a test can choose."""
+"""A session and a scripted copter; a test can choose every answer of the copter."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["STEP_S", "Bench", "Faults", "plan"]
 
 
 def plan(*, north: int = 5, alt: float = 20.0, east: float = 0.0) -> FlightPlan:
-    """`north` waypoints 111 m apart going north, then a landing on the last one."""
+    """Return a plan of `north` waypoints 111 m apart going north, with a landing on the last."""
     return north_of_home(north=north, step_deg=0.001, alt=alt, east=east)
 
 
@@ -34,11 +34,14 @@ class Bench(WireBench):
         return self.session.dialect.mission_items(plan)
 
     def mission_is(self, plan: FlightPlan) -> bool:
-        """Exactly this plan is on the vehicle, by its own memory; item 0 aside."""
+        """Return whether the vehicle's memory has exactly this plan, without item 0."""
         return [m[:5] for m in self.copter.mission][1:] == self._stored(plan)[1:]
 
     def flies(self, plan: FlightPlan, *, behind: FlightPlan | None = None) -> bool:
-        """Its list has this whole plan, alone or `behind` another one, and its current item is of it."""
+        """Return whether the vehicle flies this plan.
+
+        The vehicle's list has the whole plan, alone or `behind` another; the current item is of this plan.
+        """
         before = self._stored(plan)[:2] if behind is None else self._stored(behind)
         begin, tail = len(before), self._stored(plan)[2:]
         held = [m[:5] for m in self.copter.mission]

@@ -1,4 +1,4 @@
-"""A vehicle for the conformance suite on the virtual clock, and one with an altered output."""
+"""A vehicle for the conformance suite on the virtual clock, and a vehicle with altered output."""
 
 from collections.abc import Callable, Collection
 from typing import Any
@@ -67,27 +67,27 @@ class BentWire(FleetWire):
             if message.get_type() == "BAD_DATA" or message.get_type().startswith("UNKNOWN_"):
                 out += bytes(message.get_msgbuf())
                 continue
-            for failures_with in self._alter(message):
+            for altered in self._alter(message):
                 codec = mavlink.MAVLink(None, message.get_srcSystem(), message.get_srcComponent())
                 codec.seq = message.get_seq()
-                out += bytes(failures_with.pack(codec))
+                out += bytes(altered.pack(codec))
         return out
 
 
-class Obstinate(FleetWire):
-    """A wire that drops the messages that `ignores` selects; `answers` answers them instead."""
+class DroppingWire(FleetWire):
+    """A wire that drops the messages selected by `ignores` and returns the messages of `answers`."""
 
     def __init__(
         self, inner: Fleet, ignores: Callable[[Any], bool], answers: Callable[[Any], list[Any]] = lambda _: []
     ) -> None:
         super().__init__(inner)
         self._ignores, self._answers = ignores, answers
-        self._heard = mavlink.MAVLink(None)
-        self._heard.robust_parsing = True
+        self._decoder = mavlink.MAVLink(None)
+        self._decoder.robust_parsing = True
         self._codec = mavlink.MAVLink(None, 1, 1)
 
     def send(self, data: bytes) -> None:
-        for message in self._heard.parse_buffer(data) or ():
+        for message in self._decoder.parse_buffer(data) or ():
             if message.get_type() != "BAD_DATA" and self._ignores(message):
                 self._queue.extend(bytes(answer.pack(self._codec)) for answer in self._answers(message))
                 return

@@ -1,4 +1,4 @@
-"""Every way through a small area, to hold searches against: no search of its own to be wrong in."""
+"""Every route through a small area, by enumeration, as the reference for searches."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ Point = tuple[float, float]
 
 
 @dataclass(frozen=True)
-class Ways:
-    """All ways from a start to the first of some goals that visit no cell twice."""
+class EnumeratedRoutes:
+    """All routes without a repeated cell from a start to the first reached goal."""
 
     lengths: NDArray[np.float64]
     entered: NDArray[np.float64]
-    """(ways, cells), 1 where a way enters a cell"""
+    """(routes, cells), 1 for each cell that a route enters"""
     touched: NDArray[np.float64]
-    """(ways, cells), 1 where it enters a cell or passes its corner"""
+    """(routes, cells), 1 for each cell that a route enters or whose corner the route passes"""
 
     def points(self, exposure: NDArray[np.float64]) -> list[Point]:
-        """Length and exposure of every way that no wall closes."""
+        """Return length and exposure of every route that touches no wall."""
         walls = np.isinf(exposure).reshape(-1)
         is_open = self.touched @ walls == 0.0
         sums = self.entered[is_open] @ np.where(walls, 0.0, exposure.reshape(-1))
@@ -40,21 +40,21 @@ class Ways:
 
 
 @functools.cache
-def ways(shape: tuple[int, int], start: Cell, goals: frozenset[Cell]) -> Ways:
-    """For walls that leave the start free."""
+def all_routes(shape: tuple[int, int], start: Cell, goals: frozenset[Cell]) -> EnumeratedRoutes:
+    """Return all routes; the results hold for areas with no wall at the start."""
     found = list(_walk((start,), _neighbours(shape), goals))
     n_steps = [len(cells) - 1 for cells in found]
-    way = np.repeat(np.arange(len(found)), n_steps)
+    route = np.repeat(np.arange(len(found)), n_steps)
     here = np.array([cell for cells in found for cell in cells[:-1]], dtype=int).reshape(-1, 2).T
     there = np.array([cell for cells in found for cell in cells[1:]], dtype=int).reshape(-1, 2).T
     entered = np.zeros((len(found), *shape))
-    entered[way, *there] = 1.0
+    entered[route, *there] = 1.0
     touched = entered.copy()
-    touched[way, here[0], there[1]] = touched[way, there[0], here[1]] = 1.0
-    n_diagonal = np.bincount(way, (here != there).all(axis=0), minlength=len(found))
+    touched[route, here[0], there[1]] = touched[route, there[0], here[1]] = 1.0
+    n_diagonal = np.bincount(route, (here != there).all(axis=0), minlength=len(found))
     lengths = n_steps - n_diagonal + n_diagonal * math.sqrt(2.0)
     flat = (len(found), -1)
-    return Ways(lengths, entered.reshape(flat), touched.reshape(flat))
+    return EnumeratedRoutes(lengths, entered.reshape(flat), touched.reshape(flat))
 
 
 def _neighbours(shape: tuple[int, int]) -> dict[Cell, list[Cell]]:
@@ -77,13 +77,13 @@ def _walk(
 
 
 def all_points(problem: Problem) -> list[Point]:
-    """(length, exposure) of every way."""
-    found = ways(problem.exposure.shape, problem.start, frozenset(problem.goals))
+    """Return (length, exposure) of every route."""
+    found = all_routes(problem.exposure.shape, problem.start, frozenset(problem.goals))
     return found.points(problem.passable)
 
 
 def front_of(points: list[Point]) -> list[Point]:
-    """Return the points that no other dominates, by length; points closer than TIE are one."""
+    """Return the non-dominated points, by length; points closer than TIE are one."""
     front: list[Point] = []
     for length, exposure in sorted((round(length, 9), exposure) for length, exposure in points):
         if not front or exposure < front[-1][1] - TIE:
@@ -110,7 +110,10 @@ def found_by_some_w(points: list[Point]) -> list[Point]:
 
 @st.composite
 def small_problems(draw: st.DrawFn, *, walls: bool = True) -> Problem:
-    """Few levels, whose sums tie, exactly or but for rounding, and many, whose sums do not."""
+    """Draw problems with few levels of exposure or with many.
+
+    Sums of few levels tie, some exactly and some up to rounding. Sums of many levels do not tie.
+    """
     shape = draw(st.sampled_from([(1, 5), (2, 2), (2, 4), (3, 3), (3, 3), (3, 4), (4, 3)]))
     n = shape[0] * shape[1]
     kind = draw(st.sampled_from(["exact", "rounded", "any", "any"]))
@@ -134,8 +137,10 @@ def small_problems(draw: st.DrawFn, *, walls: bool = True) -> Problem:
 
 
 def three_arms() -> Problem:
-    """Three ways between walls, to three goals: (length, exposure) is (2, 2), (3, 1) and (4, 0), on one
-    line."""
+    """Return a problem with three routes between walls to three goals.
+
+    (length, exposure) is (2, 2), (3, 1) and (4, 0): three points on one line.
+    """
     field = np.full((4, 7), np.inf)
     field[0, :] = field[:, 2] = 0.0
     field[0, 0], field[3, 2] = 2.0, 1.0

@@ -1,4 +1,4 @@
-"""One flight by the command line, as a process, for all tests that read what it leaves."""
+"""A flight by the command line, as a process, for all tests that read its files."""
 
 from __future__ import annotations
 

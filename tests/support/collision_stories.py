@@ -14,8 +14,8 @@ from swarmctl.core.frames import StateShared
 MID_M = GRID.centre_m((4, 4))
 
 
-class Approached(Story):
-    """Vehicle 2 flies east along row 4 at 10 m/s; `other` tells of vehicle 1 or 3."""
+class ApproachStory(Story):
+    """Vehicle 2 flies east along row 4 at 10 m/s; `other` delivers a state of vehicle 1 or 3."""
 
     def __init__(self, action: AvoidanceAction = "hold", uav: int = 2, **changes: Any) -> None:
         super().__init__(uav=uav, separation=replace(SeparationRules(), action=action), **changes)
@@ -24,21 +24,24 @@ class Approached(Story):
 
     def at(self, east_m: float, **changes: Any) -> list[ev.Effect]:
         lat_deg, lon_deg = GRID.frame.to_geodetic(east_m, MID_M[1])
-        told = {"lat_deg": lat_deg, "lon_deg": lon_deg, "ground_speed_m_s": 10.0, "east_m_s": 10.0}
-        return self.over((4, 2), **{**told, **changes})
+        position = {"lat_deg": lat_deg, "lon_deg": lon_deg, "ground_speed_m_s": 10.0, "east_m_s": 10.0}
+        return self.over((4, 2), **{**position, **changes})
 
     def other(
         self, uav: int, east_m: float, north_m: float, velocity: tuple[float, float, float], **changes: Any
     ) -> None:
         lat_deg, lon_deg = GRID.frame.to_geodetic(east_m, north_m)
-        told = {"time_s": 1.0, "lat_deg": lat_deg, "lon_deg": lon_deg, "alt_rel_m": 30.0, "phase": "flying"}
-        told |= {"n_observed": 0, "n_found": 0, "velocity_m_s": velocity, "hears": (self.state.task.uav,)}
-        told |= changes
-        self(ev.Neighbours(((uav, StateShared(**told)),)))
+        shared = {"time_s": 1.0, "lat_deg": lat_deg, "lon_deg": lon_deg, "alt_rel_m": 30.0, "phase": "flying"}
+        shared |= {"n_observed": 0, "n_found": 0, "velocity_m_s": velocity, "hears": (self.state.task.uav,)}
+        shared |= changes
+        self(ev.Neighbours(((uav, StateShared(**shared)),)))
         self.now -= 1.0
 
     def crossing(self, uav: int, **changes: Any) -> None:
-        """Over the middle of the area when vehicle 2 would be there; what it tells is a second old then."""
+        """Deliver the state, one second old, of a vehicle over the middle of the area.
+
+        Vehicle 2 would be over the middle at the same time.
+        """
         self.other(uav, MID_M[0], MID_M[1] - 110.0, (0.0, 10.0, 0.0), **changes)
 
 

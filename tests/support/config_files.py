@@ -1,4 +1,4 @@
-"""A configuration that is valid, and the problems found in one that is not."""
+"""A valid configuration, and the problems found in a configuration."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def problems(text: str, tmp_path: Path) -> list[str]:
 
 
 def assert_problems(found: Sequence[str], expected: Sequence[Sequence[str]]) -> None:
-    """Each line of `found` begins with its place (`:line: key`), and has the values and names that follow."""
+    """Check that each line of `found` begins with its place (`:line: key`) and has the expected values."""
     assert len(found) == len(expected), found
     for line, (place, *values) in zip(found, expected, strict=True):
         assert line.startswith(f"{place}: "), line

@@ -45,7 +45,7 @@ class StubLink:
     fails: Exception | None = None
     calls: list[str] = field(default_factory=list)
     answers: Identity | None = None
-    """the vehicle that answers later, if it is another one"""
+    """identity of a different vehicle that answers later"""
     age: float = 0.0
     prepares_s: float = 0.0
 

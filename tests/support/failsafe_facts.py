@@ -1,4 +1,4 @@
-"""Facts for rules, with all as it should be unless a test says otherwise."""
+"""Facts for failsafe rules: a vehicle without a fault, unless a test changes a fact."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ FRAME = LocalFrame(46.0, 14.4)
 
 
 def at(east_m: float, north_m: float, **changes: Any) -> VehicleState:
-    """A copter that flies its mission, so far from the frame's origin."""
+    """Return a copter that flies its mission, at this offset from the frame's origin."""
     lat_deg, lon_deg = FRAME.to_geodetic(east_m, north_m)
     flies = VehicleState(
         lat_deg=lat_deg,
@@ -30,7 +30,7 @@ def at(east_m: float, north_m: float, **changes: Any) -> VehicleState:
 
 
 def facts(vehicle: VehicleState | None = None, **changes: Any) -> FailsafeFacts:
-    """It flies its mission to the east, along the frame's axis."""
+    """Return the facts of a vehicle that flies its mission to the east, along the frame's axis."""
     points = tuple(FRAME.to_geodetic(east_m, 0.0) for east_m in (100.0, 1000.0))
     known = FailsafeFacts(
         vehicle or at(0.0, 0.0),
@@ -50,7 +50,7 @@ class RuleRunner:
         self._memory: Any = None
 
     def __call__(self, now: float, known: FailsafeFacts, **stamps: Any) -> Demand | None:
-        """Return the rule's demand on facts that have just come in, unless `stamps` say otherwise."""
+        """Return the rule's demand on facts received at `now`, or at the times in `stamps`."""
         young = {"heartbeat_s": now, "status_s": now, "position_s": now, **stamps}
         known = replace(known, vehicle=replace(known.vehicle, **young))
         self._memory, demand = self._rule.evaluate(self._params, self._memory, known, now)

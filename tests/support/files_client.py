@@ -33,7 +33,7 @@ class MessageCodec:
 
 @dataclass(frozen=True)
 class FtpReply:
-    """One answer of the server."""
+    """An answer of the server."""
 
     seq: int
     session: int

@@ -61,7 +61,7 @@ def items_from(items: Sequence[Any], index: int) -> FlownItems:
         if item.command == JUMP:
             index, jumps = int(item.param1), jumps + 1
             continue
-        if item.command == TAKEOFF:  # its place is where the vehicle stands
+        if item.command == TAKEOFF:  # a take-off has the position of the vehicle on the ground
             way.append((TAKEOFF, 0, 0, 0.0))
         elif item.command in FLOWN:
             way.append((item.command, item.x, item.y, 0.0 if item.command == LAND else item.z))
@@ -85,7 +85,7 @@ class FlightMonitor:
     drawn: RandomFlight
     fleet: Fleet | None = None
     truth: Truth | None = None
-    ways: dict[int, list[tuple[float, FlownItems, LatLon]]] = field(default_factory=dict)
+    flown: dict[int, list[tuple[float, FlownItems, LatLon]]] = field(default_factory=dict)
     """flown items and position of each vehicle in mission mode, at each change"""
     close: dict[tuple[int, int], list[float]] = field(default_factory=dict)
     """times at which two vehicles were too close in the air"""
@@ -117,7 +117,7 @@ class FlightMonitor:
             if up and vehicle.booted and vehicle.mode.behaviour is Behaviour.MISSION:
                 mission = vehicle.mission
                 items = [mission.item(i) for i in range(mission.count)]
-                way, seen = items_from(items, mission.index), self.ways.setdefault(uav, [])
+                way, seen = items_from(items, mission.index), self.flown.setdefault(uav, [])
                 if mission.current_item is not None and (not seen or seen[-1][1] != way):
                     seen.append((now, way, (float(truth.lat_deg[index]), float(truth.lon_deg[index]))))
         self._look_apart(now, truth)
@@ -165,8 +165,8 @@ def _plans(monitor: FlightMonitor, folder: Path, uav: int, name: str) -> list[tu
 
 
 def _mixtures(monitor: FlightMonitor, folder: Path) -> Iterator[str]:
-    """Yield missions that were flown and are not one plan from some item on."""
-    for uav, flown in monitor.ways.items():
+    """Yield flown missions that are not the rest of one plan."""
+    for uav, flown in monitor.flown.items():
         if uav in monitor.drawn.foreign:
             continue
         plans = _plans(monitor, folder, uav, f"uav{uav}")
@@ -176,7 +176,7 @@ def _mixtures(monitor: FlightMonitor, folder: Path) -> Iterator[str]:
 
 
 def _is_planned(way: FlownItems, place: LatLon, plans: Sequence[FlownItems]) -> bool:
-    """Return whether the items are a plan from some item on.
+    """Return whether the items are the rest of one plan.
 
     Waypoints of earlier plans on the straight line to its first item may precede it.
     """

@@ -52,7 +52,9 @@ def small(**sections: object) -> Scenario:
         "area": AREA,
         "threats": {"count": 5},
         "communication": {"bus": "memory"},
-        "flight": {"altitude_m": 15.0},  # to climb to the usual 40 and back is a quarter of the work
+        "flight": {
+            "altitude_m": 15.0
+        },  # the climb to the usual 40 m and the descent are a quarter of the work
         "simulate": {"count": 3, "ready_s": 3.0},
     }
     return build(Config.model_validate_json(json.dumps({**content, **sections})))
@@ -68,7 +70,7 @@ def fly(
     options: FlightOptions = DEFAULT_OPTIONS,
     bus: Transport | None = None,
 ) -> FlightReport:
-    """Fly on the virtual clock and write the run folder; raise a bug unless it is `broken` on purpose."""
+    """Fly on the virtual clock and write the run folder; raise a bug unless `broken` is set."""
     folder.mkdir(parents=True, exist_ok=True)
     flight = app.fly(
         scenario,

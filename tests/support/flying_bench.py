@@ -1,4 +1,4 @@
-"""A session and a vehicle of the simulator, which flies as an autopilot does."""
+"""A session and a vehicle of the simulator."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ __all__ = ["ALT_M", "HOME", "Faults", "FlyingBench", "on_the_ground", "plan"]
 
 
 def plan(*, north: int = 5, alt: float = 20.0, east: float = 0.0) -> FlightPlan:
-    """`north` waypoints 55 m apart going north, then a landing on the last one."""
+    """Return a plan of `north` waypoints 55 m apart going north, with a landing on the last."""
     return north_of_home(north=north, step_deg=0.0005, alt=alt, east=east)
 
 
 class FlyingBench(WireBench):
     STEP_S = 0.05
     UNUSED_EVERY_S: float | None = 1.0
-    """Interval of the streams that a session has no use for; None: as often as the vehicle sends them."""
+    """Interval of the streams that a session does not use; None: the vehicle's own interval."""
 
     def __init__(
         self,
@@ -66,7 +66,7 @@ class FlyingBench(WireBench):
         self.fleet.inject(parse_fault(fault), self.now)
 
     def another_sends(self, message: Any) -> None:
-        """Another ground station; what it is answered comes to us as well."""
+        """Send a message from another ground station; the session receives the answers as well."""
         data = message.pack(self._other)
         self._down(frame for _, frame in self.fleet.receive(data, self.now, peer="other"))
 
@@ -75,7 +75,7 @@ class FlyingBench(WireBench):
             kind = mavlink.MAV_PARAM_TYPE_REAL32
             self.another_sends(mavlink.MAVLink_param_set_message(1, 1, name.encode(), value, kind))
 
-    # what is true
+    # true state of the vehicle
 
     @property
     def params(self) -> Any:
@@ -87,12 +87,12 @@ class FlyingBench(WireBench):
 
     @property
     def mode(self) -> str:
-        """The vehicle's own mode, under the ground station's name for it."""
+        """The vehicle's true mode, by the ground station's name."""
         return self.session.dialect.mode_name(self.vehicle.mode.number)
 
     @property
     def stored(self) -> tuple[MissionItem, ...]:
-        """The mission by the vehicle's own memory."""
+        """The mission in the vehicle's memory."""
         mission = self.vehicle.mission
         items = (mission.item(i) for i in range(mission.count))
         return tuple(
@@ -100,12 +100,12 @@ class FlyingBench(WireBench):
             for i in items
         )
 
-    def holds(self, what: tuple[MissionItem, ...]) -> bool:
-        return bool(what) and self.session.dialect.differences(what, self.stored) == ()
+    def holds(self, items: tuple[MissionItem, ...]) -> bool:
+        return bool(items) and self.session.dialect.differences(items, self.stored) == ()
 
     @property
     def aim(self) -> tuple[int, int] | None:
-        """The place (degE7) of the item that it flies; None where it flies none, or one without a place."""
+        """The position (degE7) of the flown item; None without a flown item or without a position."""
         flown = self.vehicle.mission.current_item
         flies = flown is not None and self.mode == self.session.dialect.mission_mode
         return (flown.x, flown.y) if flies and flown.x else None
@@ -114,7 +114,7 @@ class FlyingBench(WireBench):
 def on_the_ground(
     personality: str, *, loss: float = 0.0, seed: int = 0, params: dict[str, float] | None = None
 ) -> FlyingBench:
-    """Heard for a second, standing, disarmed; then the wire loses that share."""
+    """Return a disarmed vehicle on the ground after a second of contact; then the wire has this loss."""
     bench = FlyingBench(personality, params=params, ready_s=0.0).connected()
     bench.run(1.0)
     bench.spoil(Faults(loss=loss, seed=seed))

@@ -1,4 +1,4 @@
-"""A station that a link is forwarded to."""
+"""A station that receives a forwarded link."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from swarmctl.links.url import Endpoint
 WATCHER = Endpoint("memory", "watcher")
 
 
-class Watching:
+class ForwardReceiver:
     """A receiver of forwarded frames on a memory wire, which can also send."""
 
     def __init__(self) -> None:
@@ -20,7 +20,7 @@ class Watching:
         self.wire.to_vehicles = lambda data, _address: self.frames.append(data)
         self.frames: list[bytes] = []
 
-    def heard(self) -> list[Any]:
+    def received(self) -> list[Any]:
         parser = mavlink.MAVLink(None)
         return [m for frame in self.frames for m in parser.parse_buffer(frame)]
 

@@ -55,7 +55,7 @@ def likely_commands(bench: Bench, source: random.Random) -> Iterator[Any]:
             source.choice((0.0, 0.0, 1.0, 1.0, 2.0, 3.0, math.nan, number("float", source))) for _ in range(7)
         ]
         sysid = source.choice((1, 2))
-        if command in (246, 185):  # not here: a vehicle that is off, or falls, misses the other attacks
+        if command in (246, 185):  # left out: a vehicle that is off, or falls, misses the other attacks
             continue
         if source.random() < 0.5:
             at_deg = source.choice(((LAT_DEG, LON_DEG), (math.nan, math.nan), (0.0, 0.0), (1e9, LON_DEG)))
@@ -166,7 +166,7 @@ ATTACKS: dict[str, Attack] = {
 }
 
 
-# What one frame may make a vehicle send at once: every parameter, or what a long transfer sends unpaced.
+# Most frames that a vehicle sends in answer to one frame: every parameter, or a long unpaced transfer.
 MOST_FRAMES = 450
 BY_THE_RULES = (flown_missions, written_files, flown_logs, likely_commands)
 

@@ -15,7 +15,7 @@ from sim_vehicle.scenarios import Scenario
 CRAFT = [(name, kind) for name in ("ardupilot", "px4") for kind in ("copter", "plane")]
 STATIONS = ((255, 190), (254, 1))
 STEP_S = 0.1
-FLUSH = b"\0" * 300  # more than the longest frame, because a length byte in garbage may cover it
+FLUSH = b"\0" * 300  # longer than the longest frame: a length byte in garbage may span a whole frame
 KEY = bytes(range(7, 39))
 BOOT_S = 1.5
 # Messages whose fields may hold no number, as their descriptions say; NaN in any other frame is a mistake.
@@ -56,7 +56,7 @@ class Bench:
         self.fleet = Fleet(scenario(name, kind, **extra), ready_s=0.0)
         self.now = 0.0
         self.raw: list[bytes] = []
-        self.heard: list[tuple[float, Any]] = []
+        self.received: list[tuple[float, Any]] = []
         self.most_frames = 0  # most frames in answer to one frame
         self.spoilt = bool(extra.get("faults"))
         self._codecs = {station: mavlink.MAVLink(None, *station) for station in STATIONS}
@@ -64,7 +64,7 @@ class Bench:
         self._hearing.robust_parsing = True
         self.wait(STEP_S)
 
-    # -- talking -----------------------------------------------------------------------------------------
+    # -- messages ----------------------------------------------------------------------------------------
 
     def frame(self, message: Any, station: int = 0, *, mavlink1: bool = False) -> bytes:
         codec = self._codecs[STATIONS[station]]
@@ -83,12 +83,12 @@ class Bench:
         return self._take(frames)
 
     def wait(self, seconds: float) -> list[Any]:
-        before = len(self.heard)
+        before = len(self.received)
         end = self.now + seconds
         while self.now < end - 1e-9:
             self.now = min(self.now + STEP_S, end)
             self._take(self.fleet.step(self.now))
-        return [message for _, message in self.heard[before:]]
+        return [message for _, message in self.received[before:]]
 
     def _take(self, frames: list[tuple[int, bytes]]) -> list[Any]:
         made = []
@@ -97,7 +97,7 @@ class Bench:
             for message in self._hearing.parse_buffer(frame) or ():
                 self._look_at(index, frame, message)
                 made.append(message)
-        self.heard += [(self.now, message) for message in made]
+        self.received += [(self.now, message) for message in made]
         return made
 
     def _look_at(self, index: int, frame: bytes, message: Any) -> None:
@@ -160,7 +160,7 @@ class Bench:
             codec.signing.timestamp = 10**12 + 1
             codec.signing.sign_outgoing = True
 
-    # -- what has to hold --------------------------------------------------------------------------------
+    # -- invariants --------------------------------------------------------------------------------------
 
     def sent(self) -> bytes:
         """Return every byte from the fleet."""
@@ -172,7 +172,7 @@ class Bench:
             self.put(FLUSH, peer=station)
         self.put(FLUSH, peer="noise")
         self.wait(BOOT_S + STEP_S)  # a reboot may have been requested
-        for sysid in (1, 2):  # and another rate of heartbeats, or none
+        for sysid in (1, 2):  # an attack may have changed or stopped the heartbeats
             self.command(
                 mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAVLINK_MSG_ID_HEARTBEAT, 0, sysid=sysid
             )

@@ -1,4 +1,4 @@
-"""Copters on a memory wire with a link to each: on a virtual clock, or in real time and in a hurry."""
+"""Copters on a memory wire with a link to each: on a virtual clock, or faster than real time."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from swarmctl.links.url import Endpoint
 
 WIRE = Endpoint("memory", "test")
 HURRY = 25.0
-"""seconds of a copter's life in one of a link that keeps to the machine's clock"""
+"""speed-up: seconds of a copter's time in one second of the machine's clock"""
 
 
 class VirtualLoop(asyncio.SelectorEventLoop):
-    """Time jumps to the next timer as soon as nothing else is to be done."""
+    """An event loop whose time jumps to the next timer when no task is ready."""
 
     virtual_s = 0.0
 
@@ -34,7 +34,7 @@ class VirtualLoop(asyncio.SelectorEventLoop):
 
 
 def play(story, *, real: bool = False) -> None:
-    """Run an async story on a virtual clock, at most an hour of it; or in real time, at most a minute."""
+    """Run an async story for at most an hour on a virtual clock, or at most a minute of real time."""
 
     async def bounded():
         async with asyncio.timeout(60 if real else 3600):
@@ -90,7 +90,7 @@ class World:
                 self.wire.from_vehicle(frame, self.address[copter.sysid])
 
     def now_s(self) -> float:
-        """By the copters' clocks."""
+        """Time on the copters' clocks [s]."""
         return (asyncio.get_running_loop().time() - self._began_s) * self.pace
 
     async def _fly(self) -> None:
@@ -113,7 +113,7 @@ class World:
 
 async def until(condition, limit_s: float = 60.0) -> None:
     async with asyncio.timeout(limit_s):
-        while not condition():  # noqa: ASYNC110 - what a link reports is not all there is
+        while not condition():  # noqa: ASYNC110 - not every condition has an event
             await asyncio.sleep(0.02)
 
 
@@ -128,7 +128,7 @@ async def flying(world: World):
 
 
 def asked_of(world: World) -> set[tuple[str, float]]:
-    """(message, its first parameter) of all that went out to the vehicles, heartbeats aside."""
+    """Return (message, first parameter) of all messages to the vehicles, without heartbeats."""
     parser = mavlink.MAVLink(None)
     parser.robust_parsing = True
     messages = [m for data, _ in world.to_vehicles for m in parser.parse_buffer(data) or []]

@@ -18,13 +18,13 @@ FRAME = LocalFrame(*HOME)
 
 
 def route(*points: tuple[float, float], leaves_ahead: bool = False) -> FlightPlan:
-    """By (east, north) of home [m]; it lands at the last."""
+    """Return a plan over points (east, north) of home [m], with a landing at the last."""
     track = tuple(Waypoint(*FRAME.to_geodetic(*point), 20.0) for point in points)
     return FlightPlan(20.0, track, track[-1], leaves_ahead=leaves_ahead)
 
 
 class LowBandwidthBench(FlyingBench):
-    """Each way takes `rate_bytes_s`; a datagram that would wait longer than `BUFFER_S` is lost."""
+    """A radio with `rate_bytes_s` each way; a datagram that would wait longer than `BUFFER_S` is lost."""
 
     BUFFER_S = 1.0
     AIR_S = 0.02

@@ -46,7 +46,7 @@ ARDUPILOT_RATES = ("health", "home", "in_air", "position", "velocity_ned", "atti
 
 
 class Vehicle:
-    """One system and its plug-ins; `until` evaluates its condition at each telemetry update."""
+    """A system of MAVSDK and its plug-ins; `until` evaluates its condition at each telemetry update."""
 
     def __init__(self, system: Any, personality: str) -> None:
         self.system, self.personality = system, personality
@@ -106,7 +106,7 @@ class Vehicle:
     def _on_text(self, text: Any, _user_data: Any) -> None:
         self.texts.append(text.text)
 
-    # -- what it does --------------------------------------------------------------------------------------
+    # -- actions -------------------------------------------------------------------------------------------
 
     def until(self, condition: Callable[[], Any], what: str, limit_s: float = FLIGHT_S) -> None:
         end_s = time.monotonic() + limit_s
@@ -159,7 +159,7 @@ class Vehicle:
     def disarmed(self) -> None:
         self.until(lambda: not self.telemetry.armed(), "disarmed")
 
-    # -- where it is ---------------------------------------------------------------------------------------
+    # -- state ---------------------------------------------------------------------------------------------
 
     @property
     def mode(self) -> FlightMode:

@@ -1,4 +1,4 @@
-"""Plans by metres from home, and how a simulated vehicle flies them."""
+"""Plans in metres from home, and measures of their flights."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ALT_M = 20.0
 
 
 def plan(*points: PlanarPoint, leaves_ahead: bool = False) -> FlightPlan:
-    """By (east, north) of home [m]; it lands at the last."""
+    """Return a plan over points (east, north) of home [m], with a landing at the last."""
     track = tuple(Waypoint(*FRAME.to_geodetic(*point), ALT_M) for point in points)
     return FlightPlan(ALT_M, track, track[-1], leaves_ahead=leaves_ahead)
 
@@ -25,6 +25,6 @@ def place(bench: FlyingBench) -> PlanarPoint:
     return FRAME.to_local(*bench.vehicle.body.lat_lon_deg)
 
 
-def most_back_m(norths_m: Sequence[float]) -> float:
-    """By how much one that is to fly north came back at most, by where it was one moment after the other."""
+def most_backwards_m(norths_m: Sequence[float]) -> float:
+    """Return the greatest way back south [m] in successive north coordinates of a vehicle."""
     return max(most - now for most, now in zip(accumulate(norths_m, max), norths_m, strict=True))

@@ -1,7 +1,7 @@
 """Network namespaces on bridges, with processes in them, as machines for tests.
 
 A namespace lives as long as the process that holds it. That process ends when its standard input is closed,
-so also when the tests are killed. The namespace of the tests sees nothing of it.
+so also when the tests are killed. The namespace of the tests is not changed.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def until(true: Callable[[], object], what: Callable[[], str], within_s: float) 
 
 
 @functools.cache
-def why_not() -> str:
+def reason_unavailable() -> str:
     """Return why no namespaces can be made here; empty if they can."""
     if missing := [tool for tool in TOOLS if shutil.which(tool) is None]:
         return f"no network namespaces: {', '.join(missing)} not found (packages iproute2, util-linux)"
@@ -60,31 +60,33 @@ class Process:
             )
 
     @property
-    def said(self) -> str:
+    def output(self) -> str:
         return self.log.read_text(errors="replace")
 
     def lines(self, since: int = 0) -> list[str]:
         """Return whole lines from character `since` on."""
-        return self.said[since:].split("\n")[:-1]
+        return self.output[since:].split("\n")[:-1]
 
     def mark(self) -> int:
         """Return a value of `since` for the output from now on."""
-        return len(self.said)
+        return len(self.output)
 
-    def says(self, *texts: str, since: int = 0, within_s: float = 20.0, but_not: str = "\0") -> None:
+    def wait_for(self, *texts: str, since: int = 0, within_s: float = 20.0, but_not: str = "\0") -> None:
         """Wait for a line with all of these texts and without `but_not`."""
 
-        def has_said() -> bool:
+        def is_printed() -> bool:
             return any(
                 all(text in line for text in texts) and but_not not in line for line in self.lines(since)
             )
 
         def over() -> bool:
-            return has_said() or self._process.poll() is not None
+            return is_printed() or self._process.poll() is not None
 
         what = f"{self.log.name}: {' … '.join(texts)}"
-        until(over, lambda: f"{what}\nbut\n{self.said[since:]}", within_s)
-        assert has_said(), f"it ended with {self._process.poll()} before {what}\nbut\n{self.said}"
+        until(over, lambda: f"{what}\nbut\n{self.output[since:]}", within_s)
+        assert is_printed(), (
+            f"the process ended with {self._process.poll()} before {what}\nbut\n{self.output}"
+        )
 
     def enter(self) -> None:
         """Type an empty line."""
@@ -102,7 +104,7 @@ class Process:
 
     def ended(self, within_s: float) -> int:
         """Wait for the end of the process and return its exit code."""
-        until(lambda: self._process.poll() is not None, lambda: f"the end of\n{self.said}", within_s)
+        until(lambda: self._process.poll() is not None, lambda: f"the end of\n{self.output}", within_s)
         return int(self._process.returncode)
 
 

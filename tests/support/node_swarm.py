@@ -17,7 +17,7 @@ from swarmctl.core.observation import Observation
 UNIX_S = 1_800_000_000.0
 ROWS = COLS = 8
 Carry = Callable[[int, int, float], float | None]
-"""(sender, to, now) -> delay, or None where it is lost"""
+"""(sender, to, now) -> delay, or None for a lost message"""
 
 
 def at_once(_sender: int, _to: int, _now_s: float) -> float | None:
@@ -52,13 +52,13 @@ class Uav:
         self.swarm.take(self, self.node.publish(seen, self.swarm.now_s, self.swarm.unix_s, against))
         return seen
 
-    def tell_state(self) -> None:
+    def publish_state(self) -> None:
         message = state(*self.where)
         self.swarm.take(self, self.node.publish(message, self.swarm.now_s, self.swarm.unix_s))
 
 
 class NodeSwarm:
-    """Carries bytes between nodes by `carry`, in simulated time; every UAV tells its state once a second."""
+    """Nodes in simulated time; `carry` delays or loses messages; each UAV sends its state every second."""
 
     def __init__(
         self, ids: Iterable[int], options: NodeOptions | None = None, seal: FrameCodec | None = None
@@ -104,7 +104,7 @@ class NodeSwarm:
                     self.take(uav, uav.node.tick(self.now_s, self.unix_s))
             if int(self.now_s) != int(self.now_s - 0.1):
                 for uav in self.uavs.values():
-                    uav.tell_state()
+                    uav.publish_state()
 
     def agree(self) -> bool:
         """Return true if all UAVs have the same belief."""

@@ -1,4 +1,4 @@
-"""A ground station with a desk at which operators' commands are taken, for tests."""
+"""A ground station with an operator service, for tests."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ANYWHERE = BusEndpoint("127.0.0.1", 0)
 
 
 class Station:
-    """A desk with two agents that take everything at once, unless they are slow."""
+    """An operator service with two agents that accept every command at once, unless they are slow."""
 
     def __init__(self, transport: Transport, *, slow: tuple[int, ...] = ()) -> None:
         self.said: list[str] = []
@@ -37,8 +37,8 @@ class Station:
 
 
 @contextmanager
-def over_zenoh() -> Iterator[tuple[Transport, Transport]]:
-    """(the ground station's bus, the operator's), as two processes would have them."""
+def zenoh_pair() -> Iterator[tuple[Transport, Transport]]:
+    """Yield the buses of the ground station and of the operator, as in two processes."""
     with ZenohBus(listen=ANYWHERE, ask_keys=(KEY,)) as ground:
         assert ground.endpoint is not None
         with ZenohBus(connect=ground.endpoint) as operator:

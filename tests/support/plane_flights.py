@@ -27,7 +27,7 @@ def at(east_m: float, north_m: float, up_m: float = ALT_M) -> Waypoint:
 
 
 def landing_at(east_m: float, north_m: float) -> Approach:
-    """Flying north, out of a circle to the east of the way."""
+    """Return a landing to the north, out of a circle to the east of the path."""
     return Approach(
         at(east_m + RADIUS_M, north_m - 250.0, LOW_M),
         RADIUS_M,
@@ -37,7 +37,7 @@ def landing_at(east_m: float, north_m: float) -> Approach:
 
 
 def plan(*points: Point, to: Point = (400.0, 900.0)) -> FlightPlan:
-    """North over the points, and down at `to`; its home landing is where it takes off."""
+    """Return a plan north over the points, with a landing at `to` and the home landing at the take-off."""
     track = tuple(at(*point) for point in (*points, to))
     return FlightPlan(
         LOW_M, track, at(*to), 40.0, approach=landing_at(*to), home_approach=landing_at(0.0, 0.0)
@@ -62,7 +62,7 @@ def here(bench: WireBench) -> Point:
 
 
 def nearest_m(bench: FlyingBench, point: Point, seconds: float) -> float:
-    """How near it comes to a point within a time."""
+    """Return the least distance to a point within a time."""
     found: list[float] = []
 
     def look() -> bool:

@@ -29,7 +29,7 @@ def plan(*points_m: tuple[float, float], up_m: float = 40.0) -> FlightPlan:
 
 
 def flight(*points_m: tuple[float, float], speed_m_s: float = 10.0, up_m: float = 40.0) -> Trajectory:
-    """Up in 16 s, along the points, down in 40 s."""
+    """Return a trajectory with a climb of 16 s, the points, and a descent of 40 s."""
     times_s, points = [0.0, 16.0], [(*points_m[0], 0.0), (*points_m[0], up_m)]
     for a, b in pairwise(points_m):
         times_s.append(times_s[-1] + math.dist(a, b) / speed_m_s)

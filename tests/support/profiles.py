@@ -1,4 +1,4 @@
-"""How deep the tests look: `pytest` is the short run, `pytest --full` the deep one."""
+"""The two runs of the tests: `pytest` is the short run, `pytest --full` the full run."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ import pytest
 VARIABLE = "SWARMCTL_TESTS"
 """Environment variable that carries the choice to the workers of xdist: `full`, or not set."""
 SHORT_SHARE = 5
-"""A short run draws one in so many of the examples of a full run …"""
+"""Share of a full run's examples that a short run draws: one in this number"""
 SHORT_LEAST = 10
-"""… and at least so many."""
+"""Least number of examples in a short run"""
 
 
 def is_full() -> bool:

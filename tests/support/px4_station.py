@@ -124,7 +124,7 @@ class QuietPx4Station(Px4Station):
         self, kind: str = "copter", *, params: dict[str, float] | None = None, **options: Any
     ) -> None:
         super().__init__(kind, params={"SDLOG_MODE": -1} | (params or {}), **options)
-        before = len(self.heard)
+        before = len(self.received)
         for message_id in personality_of("px4", kind).default_rates_hz:
             self.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, -1)
-        del self.heard[before:]
+        del self.received[before:]

@@ -1,4 +1,4 @@
-"""Contents of a run folder's `run.mcap`, by another reader than the program's own."""
+"""Contents of a run folder's `run.mcap`, by a reader independent of the program."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """A small ArduCopter for tests, written from the notes on the real one and independent of `sim_vehicle`.
 
-Bytes in, bytes out, virtual time. Its upload is not atomic, it asks by MISSION_REQUEST again every second and
-gives up after eight, it answers duplicates with INVALID_SEQUENCE and a repeated last item with ERROR, and it
-flies whatever its mission list holds at the moment.
+Bytes in, bytes out, virtual time. Its upload is not atomic: the copter flies the present content of its list.
+The copter repeats MISSION_REQUEST every second and ends an upload after eight requests. It answers duplicates
+with INVALID_SEQUENCE and a repeated last item with ERROR.
 """
 
 from __future__ import annotations
@@ -23,30 +23,30 @@ class Script:
     """Faults and peculiarities of a vehicle."""
 
     boot_s: float = 2.0
-    """a mode set before is undone"""
+    """time until which a set mode is undone"""
     ready_at_s: float = 5.0
     refuse_arming: str = ""
     late_texts: bool = False
-    """its texts come after its acknowledgements"""
+    """the copter sends its texts after its acknowledgements"""
     refuse_mode: str = ""
     refuse_set_current: bool = False
     refuse_item: int | None = None
     """MISSION_ACK INVALID for this item, once for each entry of `refusals_left`"""
     refusals_left: int = 1
     partial_lists: bool = True
-    """it answers MISSION_WRITE_PARTIAL_LIST"""
+    """support of MISSION_WRITE_PARTIAL_LIST"""
     stays_on_ground: bool = False
     never_moves: bool = False
     heartbeats_unasked_only: bool = False
-    """it sends one a second, but none for MAV_CMD_REQUEST_MESSAGE"""
+    """a heartbeat every second, but none in answer to MAV_CMD_REQUEST_MESSAGE"""
     spoil_item: int | None = None
-    """stored half a kilometre off, without a word"""
+    """an item that is stored 500 m off, without an error"""
     rally_points: int | None = 0
-    """None: it is built without them"""
+    """None: firmware without rally points"""
     fences: bool = True
-    """it is built with them: it answers MAV_CMD_DO_FENCE_ENABLE"""
+    """firmware with fences, which answers MAV_CMD_DO_FENCE_ENABLE"""
     speeds: bool = True
-    """whether it accepts MAV_CMD_DO_CHANGE_SPEED"""
+    """support of MAV_CMD_DO_CHANGE_SPEED"""
 
 
 @dataclass

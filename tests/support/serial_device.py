@@ -8,7 +8,7 @@ from pathlib import Path
 class SerialDevice:
     """A pseudo-terminal behind the symbolic link `name`.
 
-    The number of a closed terminal may be reused by another test; a link of its own avoids a mix-up.
+    Another test may reuse the number of a closed terminal; a separate link avoids a mix-up.
     """
 
     def __init__(self, name: Path) -> None:

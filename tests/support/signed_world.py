@@ -29,7 +29,7 @@ WATCHER = Endpoint("memory", "watcher")
 
 
 class SignedWorld:
-    """One simulated copter with a key, and a ground station with another or the same, or none."""
+    """A simulated copter with a key, and a ground station with the same key, another key or no key."""
 
     key = KEY
 

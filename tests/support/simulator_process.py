@@ -116,7 +116,7 @@ class Ground:
         self.codec = mavlink.MAVLink(None, srcSystem=sysid, srcComponent=190)
         self._decoder = mavlink.MAVLink(None)
         self._decoder.robust_parsing = True
-        self.heard: list[Any] = []
+        self.received: list[Any] = []
         self.raw = b""
 
     def __enter__(self) -> "Ground":
@@ -129,8 +129,8 @@ class Ground:
         left_s = until_s - time.monotonic()
         file = self._source if isinstance(self._source, int) else self._source.fileno()
         if left_s <= 0 or not select.select([file], [], [], left_s)[0]:
-            kinds = sorted({m.get_type() for m in self.heard})
-            raise AssertionError(f"not within {LIMIT_S} s; heard {kinds}")
+            kinds = sorted({m.get_type() for m in self.received})
+            raise AssertionError(f"not within {LIMIT_S} s; received {kinds}")
         if isinstance(self._source, int):
             data = os.read(self._source, 65_536)
         elif self._source.type == socket.SOCK_DGRAM:
@@ -142,17 +142,17 @@ class Ground:
         self.raw += data
         for message in self._decoder.parse_buffer(data) or ():
             if message.get_type() != "BAD_DATA":
-                self.heard.append(message)
+                self.received.append(message)
 
     def until(self, condition: Callable[[Any], bool]) -> Any:
         """Return the next message that satisfies a condition."""
         end_s = time.monotonic() + LIMIT_S
-        begin = len(self.heard)
+        begin = len(self.received)
         while True:
-            for message in self.heard[begin:]:
+            for message in self.received[begin:]:
                 if condition(message):
                     return message
-            begin = len(self.heard)
+            begin = len(self.received)
             self._read(end_s)
 
     def systems(self, *sysids: int) -> None:
@@ -167,8 +167,8 @@ class Ground:
         self.until(is_last)
 
     @property
-    def heard_systems(self) -> set[int]:
-        return {m.get_srcSystem() for m in self.heard if m.get_type() == "HEARTBEAT"}
+    def received_systems(self) -> set[int]:
+        return {m.get_srcSystem() for m in self.received if m.get_type() == "HEARTBEAT"}
 
     def send(self, message: Any, address: Any = None) -> None:
         self.send_raw(message.pack(self.codec), address)

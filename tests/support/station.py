@@ -64,7 +64,7 @@ def place_m(station: "Station") -> tuple[float, float]:
 
 
 class Station:
-    """A ground station of one vehicle; `heard` keeps every message, `raw` every byte.
+    """A ground station of one vehicle; `received` keeps every message, `raw` every byte.
 
     By default the vehicle is an ArduCopter without a log.
     """
@@ -81,7 +81,7 @@ class Station:
         self.codec = mavlink.MAVLink(None, srcSystem=sysid, srcComponent=190)
         self._decoder = mavlink.MAVLink(None)
         self._decoder.robust_parsing = True
-        self.heard: list[Any] = []
+        self.received: list[Any] = []
         self.raw = b""
         self._take(self.fleet.step(0.0))
 
@@ -91,21 +91,21 @@ class Station:
             self.raw += frame
             for message in self._decoder.parse_buffer(frame) or ():
                 if message.get_type() != "BAD_DATA" and sysid == self.target:
-                    self.heard.append(message)
+                    self.received.append(message)
 
     def send(self, message: Any) -> list[Any]:
         """Send a message; return the immediate answers."""
-        before = len(self.heard)
+        before = len(self.received)
         self._take(self.fleet.receive(message.pack(self.codec), self.now))
-        return self.heard[before:]
+        return self.received[before:]
 
     def wait(self, seconds: float) -> list[Any]:
-        before = len(self.heard)
+        before = len(self.received)
         end = self.now + seconds
         while self.now < end - 1e-9:
             self.now = min(self.now + STEP_S, end)
             self._take(self.fleet.step(self.now))
-        return self.heard[before:]
+        return self.received[before:]
 
     def until(self, condition: Callable[[], bool], limit_s: float = 300.0) -> float:
         """Advance time until `condition`; return the elapsed time [s]."""
@@ -183,7 +183,7 @@ class Station:
     # -- state --------------------------------------------------------------------------------------------
 
     def of(self, kind: str) -> list[Any]:
-        return [m for m in self.heard if m.get_type() == kind]
+        return [m for m in self.received if m.get_type() == kind]
 
     def texts(self) -> list[str]:
         return [m.text for m in self.of("STATUSTEXT")]

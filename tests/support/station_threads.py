@@ -14,7 +14,7 @@ from swarmctl.bus.transports.open import open_bus
 
 @contextmanager
 def station_in_a_thread() -> Iterator[Station]:
-    """A ground station that listens while the command line runs beside it."""
+    """Yield a ground station that listens in a thread while the command line runs."""
     ready, over = threading.Event(), threading.Event()
     made: list[Station] = []
 

@@ -81,7 +81,7 @@ def square(
 
 
 class Bench:
-    """One machine and the bytes between it and its ground stations."""
+    """A transfer machine, and the bytes between the machine and its ground stations."""
 
     def __init__(self, make: Callable[["Bench"], Any]) -> None:
         self.now = 100.0
@@ -93,12 +93,12 @@ class Bench:
         self.refusal: Any = None
         self._codecs: dict[tuple[int, int], mavlink.MAVLink] = {}
         self._vehicle = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
-        self._ears = mavlink.MAVLink(None)
+        self._decoder = mavlink.MAVLink(None)
         self._out: list[Any] = []
         self.machine = make(self)
 
     def take(self, message: Any) -> None:
-        self._out += self._ears.parse_buffer(message.pack(self._vehicle)) or []
+        self._out += self._decoder.parse_buffer(message.pack(self._vehicle)) or []
 
     def go(self, item: Item, altitude_only: bool) -> bool:
         self.calls.append(("guided", item.z, altitude_only))
@@ -110,10 +110,10 @@ class Bench:
     def send(self, message: Any, peer: tuple[int, int] = GCS) -> list[Any]:
         """Deliver one message of a ground station; return the immediate answers."""
         codec = self._codecs.setdefault(peer, mavlink.MAVLink(None, srcSystem=peer[0], srcComponent=peer[1]))
-        (heard,) = self._ears.parse_buffer(message.pack(codec)) or []
+        (received,) = self._decoder.parse_buffer(message.pack(codec)) or []
         self._out = []
-        if self.machine.handles(heard.get_type()):
-            self.machine.receive(heard, self.now)
+        if self.machine.handles(received.get_type()):
+            self.machine.receive(received, self.now)
         return self._out
 
     def wait(self, seconds: float) -> list[Any]:

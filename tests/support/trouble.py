@@ -1,4 +1,4 @@
-"""Whole flights on the virtual clock in which something goes wrong with a simulated vehicle."""
+"""Whole flights on the virtual clock with faults of a simulated vehicle."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ MODES = {"LOITER": 5, "RTL": 6, "GUIDED": 4, "LAND": 9, "AUTO": 3}
 
 @dataclass
 class Trouble:
-    """Faults, wind and parameters of the simulator, and others' actions, by the run's clock [s]."""
+    """Faults, wind and parameters of the simulator, and actions of other stations, by the run's clock [s]."""
 
     faults: list[dict[str, Any]] = field(default_factory=list)
     wind: dict[str, float] | None = None

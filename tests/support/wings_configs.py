@@ -11,7 +11,7 @@ AREA = {"origin_lat_deg": 46.0, "origin_lon_deg": 14.4, "rows": 12, "cols": 12, 
 
 
 def winged(**sections: Any) -> Config:
-    """A fixed wing and a copter over 12 × 12 cells, unless `sections` say otherwise."""
+    """Return a configuration of a fixed wing and a copter over 12 × 12 cells, changed by `sections`."""
     content: dict[str, Any] = {
         "area": AREA,
         "threats": {"count": 5},

@@ -1,6 +1,6 @@
 """A session and a vehicle on one virtual clock, with a wire between them that loses, doubles and delays.
 
-What is at the other end is a subclass's: `Bench` has a scripted copter, `FlyingBench` the simulator.
+A subclass has the vehicle: `Bench` a scripted copter, `FlyingBench` a vehicle of the simulator.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ class Faults:
     loss: float = 0.0
     doubling: float = 0.0
     max_delay_s: float = 0.0
-    """drawn for each datagram, so they overtake each other"""
+    """greatest delay; each datagram has its own, so datagrams may overtake each other"""
     seed: int = 0
 
 
 def north_of_home(*, north: int, step_deg: float, alt: float, east: float) -> FlightPlan:
-    """`north` waypoints `step_deg` apart going north, then a landing on the last one."""
+    """Return a plan of `north` waypoints `step_deg` apart going north, with a landing on the last."""
     points = tuple(Waypoint(HOME[0] + step_deg * i, HOME[1] + east, alt) for i in range(1, north + 1))
     return FlightPlan(alt, points, points[-1])
 
@@ -42,19 +42,19 @@ class WireBench:
         self.session = Session(MavlinkPeer(1))
         self.faults = faults or Faults()
         self.delay_s = 0.0
-        """of everything, each way"""
+        """delay of every datagram in each direction"""
         self.now = 0.0
         self.events: list[Any] = []
         self.sent: list[tuple[float, Any]] = []
-        """(now, message) of everything the session has sent"""
+        """(now, message) of each message from the session"""
         self.block = lambda message: False
-        """what the wire swallows on the way to the vehicle"""
+        """messages that the wire drops on their way to the vehicle"""
         self.block_down = lambda message: False
-        self.overhear = lambda data: None
-        """told of every datagram that comes from the vehicle"""
+        self.on_datagram = lambda data: None
+        """callback for every datagram from the vehicle"""
         self.silent = False
         self.outages: list[tuple[float, float]] = []
-        """(from, until) in which nothing gets through"""
+        """(from, until) of outages; the wire drops every datagram"""
         self._rng = random.Random(self.faults.seed)
         self._encoder, self._decoder = Encoder(), Decoder()
         self._queue: list[tuple[float, int, bool, bytes]] = []
@@ -64,7 +64,7 @@ class WireBench:
     # the vehicle
 
     def vehicle_receives(self, data: bytes) -> Iterable[bytes]:
-        """Its answers, a datagram each."""
+        """Return the vehicle's answers, a datagram each."""
         raise NotImplementedError
 
     def vehicle_steps(self) -> Iterable[bytes]:
@@ -104,7 +104,7 @@ class WireBench:
 
     def _deliver(self) -> None:
         if self._delivers:
-            return  # what is answered joins the queue
+            return  # answers join the queue
         self._delivers = True
         while self._queue and self._queue[0][0] <= self.now:
             _, _, up, data = heapq.heappop(self._queue)
@@ -115,7 +115,7 @@ class WireBench:
         self._delivers = False
 
     def _hear(self, data: bytes) -> None:
-        self.overhear(data)
+        self.on_datagram(data)
         for frame in FrameSplitter().feed(data):
             message = self._decoder.decode(frame)
             if message is not None and not self.block_down(message):
@@ -131,13 +131,13 @@ class WireBench:
 
     @property
     def commands(self) -> list[int]:
-        """The MAV_CMDs that the session has sent, in order."""
+        """Return the MAV_CMDs that the session has sent, in order."""
         return [m.command for m in self.of("COMMAND_LONG")]
 
     # time
 
     def run(self, seconds: float, until: Any = lambda: False) -> bool:
-        """Let time pass; True as soon as `until()` holds."""
+        """Let time pass; return True as soon as `until()` holds."""
         end = self.now + seconds
         while self.now < end:
             if until():
@@ -167,7 +167,7 @@ class WireBench:
     # stories
 
     def connected(self) -> Self:
-        assert self.run(60, lambda: self.session.state.mode != ""), "it is never heard"
+        assert self.run(60, lambda: self.session.state.mode != ""), "no heartbeat was received"
         self.take(self.session.keep_streams(self.now))
         return self
 
@@ -182,7 +182,7 @@ class WireBench:
         return self
 
     def flying(self, first: FlightPlan) -> Self:
-        """In the air, on its way to the second waypoint of `first`."""
+        """Return the bench with the vehicle in flight to the second waypoint of `first`."""
         self.uploaded(first)
         assert self.do("launch", basic.launch).failure is None
         second = self.session.dialect.first_waypoint_seq + 1

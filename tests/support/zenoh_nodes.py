@@ -1,4 +1,4 @@
-"""Participants of a swarm's network for tests: keys, routers, and waiting for what a network does."""
+"""Participants of a swarm's network for tests: keys, routers, and waits for events of the network."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ NOW = dt.datetime.now(dt.UTC)
 @functools.cache
 def _keys() -> tuple[tempfile.TemporaryDirectory[str], Path]:
     folder = tempfile.TemporaryDirectory()
-    # An authority that is older than all its certificates, also than those that have expired.
+    # The authority is older than all its certificates, including expired ones.
     make_keys(Path(folder.name), [], 5, NOW - dt.timedelta(days=10))
     make_keys(Path(folder.name), NAMES, 5, NOW)
     return folder, Path(folder.name)
@@ -78,7 +78,7 @@ def client_of(there: BusEndpoint, name: str) -> Configuration:
 
 
 async def until(true: Callable[[], object], what: str, again: Callable[[], object] | None = None) -> None:
-    """Wait for something that another thread or process does, doing `again` meanwhile."""
+    """Wait for an effect of another thread or process; call `again` meanwhile."""
     try:
         async with asyncio.timeout(8.0):
             while not true():
@@ -116,7 +116,7 @@ asyncio.run(router.run(configuration, lambda text: print(text, flush=True)))
 
 
 class RouterProcess:
-    """A router of its own process, which can be killed, frozen, and started again at the same place."""
+    """A router in its own process; a test can kill, freeze and restart it at the same endpoint."""
 
     def __init__(self, there: BusEndpoint) -> None:
         self.there = there
@@ -150,7 +150,7 @@ class RouterProcess:
         self._process = None
 
     def ended(self) -> int:
-        """Its exit code, once it has ended by itself."""
+        """Wait for the end of the process and return its exit code."""
         assert self._process is not None
         return self._process.wait(8.0)
 
