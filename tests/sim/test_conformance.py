@@ -54,7 +54,7 @@ def test_a_pattern_is_a_category_a_beginning_or_a_shell_pattern() -> None:
 
 
 def store_mission(vehicle: VehicleUnderTest, items: list[plans.PlanItem]) -> None:
-    """Give the vehicle a mission of its own, of which the suite has no copy."""
+    """Store a mission on the vehicle; the suite has no copy of it."""
     vehicle.saved_plans.add(plans.MISSION)
     plans.upload_or_fail(vehicle, items)
     vehicle.saved_plans.clear()
@@ -325,7 +325,7 @@ def test_a_mission_without_a_copy_is_not_overwritten(patterns: tuple[str, ...]) 
 
 
 def test_every_category_saves_a_plan_before_writing() -> None:
-    """Each category may be selected alone by `--only`."""
+    """`--only` may select each category alone."""
     for category in CATEGORIES:
         vehicle = connected(FleetWire(fleet(ready_s=0.0)))
         items = plans.sample_plan(vehicle, 4)
@@ -342,7 +342,7 @@ def test_every_category_saves_a_plan_before_writing() -> None:
 
 
 class InterruptingWire(FleetWire):
-    """Raises Ctrl-C in the air, and again during the landing."""
+    """A wire that raises Ctrl-C in the air and again during the landing."""
 
     remaining = 1
 
@@ -408,7 +408,7 @@ def test_a_flight_ends_on_the_ground_when_the_output_is_closed() -> None:
 
 
 class OutageWire(FleetWire):
-    """Loses all messages for `lasts_s` [s] from a height of `up_m` on."""
+    """A wire that loses all messages for `lasts_s` [s] after the vehicle reaches `up_m` [m]."""
 
     def __init__(self, inner: Any, *, up_m: float, lasts_s: float) -> None:
         super().__init__(inner)

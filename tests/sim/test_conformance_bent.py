@@ -157,7 +157,7 @@ def test_silence_passes_no_check() -> None:
 
 def test_missing_frames_fail_the_framing_check() -> None:
     class PausingWire(FleetWire):
-        """Loses all messages for 3.5 s after the start."""
+        """A wire that loses all messages for 3.5 s after the start."""
 
         def receive(self, timeout_s: float) -> bytes | None:
             data = super().receive(timeout_s)
@@ -171,7 +171,7 @@ def test_missing_frames_fail_the_framing_check() -> None:
 
 @pytest.mark.parametrize("personality", ["ardupilot", "px4"])
 def test_an_unrestored_default_rate_is_noticed(personality: str) -> None:
-    """With any rate set before."""
+    """The outcome does not depend on a rate that was set before."""
 
     def to_default(message: Any) -> bool:
         kind = message.get_type()
@@ -191,14 +191,14 @@ ENDED = "logs.download_can_be_ended"
 
 
 def with_a_log() -> Fleet:
-    """Return a PX4 fleet with a log, which PX4 writes from its boot on."""
+    """Return a PX4 fleet with a log; PX4 logs from its boot."""
     inner = fleet("px4", ready_s=0.0)
     inner.step(200.0)
     return inner
 
 
 class LateWire(DroppingWire):
-    """Connects to a fleet 200 s after its start."""
+    """A wire that connects to a fleet 200 s after its start."""
 
     def __init__(self, ignored: str = "") -> None:
         super().__init__(with_a_log(), lambda message: message.get_type() == ignored)
@@ -220,8 +220,8 @@ def test_the_check_of_download_ends_is_skipped_without_a_log() -> None:
     assert outcomes(FleetWire(fleet(ready_s=0.0)), ENDED) == {ENDED: Outcome.SKIPPED}
 
 
-class CredulousWire(FleetWire):
-    """Makes a vehicle accept wrong or replayed signatures, by signing them again."""
+class UncheckedSignatureWire(FleetWire):
+    """A wire that signs frames again, as if the vehicle accepted wrong or replayed signatures."""
 
     stamp = 0
 
@@ -252,7 +252,7 @@ class CredulousWire(FleetWire):
     ],
 )
 def test_an_unchecked_signature_is_noticed(wire: dict[str, bool], failed: set[str]) -> None:
-    report = conform(CredulousWire(fleet(ready_s=0.0), **wire), "signing.refuses*")
+    report = conform(UncheckedSignatureWire(fleet(ready_s=0.0), **wire), "signing.refuses*")
     assert named(report, Outcome.FAILED) == failed
     assert named(report, Outcome.SKIPPED) == set()
 

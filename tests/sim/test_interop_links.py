@@ -55,7 +55,7 @@ def test_vehicles_on_separate_ports_receive_their_own_messages() -> None:
         grounds = [Ground(udp) for udp in opened]
         for sysid, ground in enumerate(grounds, 1):
             ground.systems(sysid)
-        # A command to everybody on one port reaches the vehicle that is there and no other.
+        # A broadcast command on one port reaches the vehicle of this port only.
         grounds[1].answered(5, 2)
         grounds[2].answered(6, 3)
         assert [m for m in grounds[2].received if m.get_type() == "TIMESYNC" and m.ts1 == 5] == []
@@ -93,7 +93,7 @@ def test_a_rebooted_vehicle_returns_from_another_port() -> None:
         assert b"Init ArduCopter" in ground.raw
         ground.answered(99, 2, moved)
         ground.answered(100, 1, shared)
-        # MAVSDK sends everything to every address it knows: each vehicle takes it once all the same.
+        # MAVSDK sends each message to every known address; each vehicle still receives it once.
         for address in (moved, shared):
             ground.send(mavlink.MAVLink_timesync_message(0, 101), address)
         ground.answered(102, 2, moved)
@@ -295,18 +295,18 @@ def test_a_stalled_client_costs_bounded_memory_and_gets_whole_frames() -> None:
 
 
 def test_a_serial_line_carries_the_fleet() -> None:
-    ours, theirs = os.openpty()
-    tty.setraw(ours)
-    tty.setraw(theirs)
+    ground_end, fleet_end = os.openpty()
+    tty.setraw(ground_end)
+    tty.setraw(fleet_end)
     with simulator(
-        "--count", "2", "--speedup", "5", "--url", f"serial:{os.ttyname(theirs)}:57600"
+        "--count", "2", "--speedup", "5", "--url", f"serial:{os.ttyname(fleet_end)}:57600"
     ) as process:
-        assert f"serial {os.ttyname(theirs)}:57600" in line(process)
-        ground = Ground(ours)
+        assert f"serial {os.ttyname(fleet_end)}:57600" in line(process)
+        ground = Ground(ground_end)
         ground.systems(1, 2)
         ground.answered(11, 2)
-    os.close(ours)
-    os.close(theirs)
+    os.close(ground_end)
+    os.close(fleet_end)
 
 
 # -- several at once, and nonsense -------------------------------------------------------------------------

@@ -15,7 +15,7 @@ SET_CURRENT = mavlink.MAV_CMD_DO_SET_MISSION_CURRENT
 RESTARTED = (2, "Auto mission changed, restarted command")
 
 
-def said(station: Station) -> list[tuple[int, str]]:
+def restart_texts(station: Station) -> list[tuple[int, str]]:
     return [(m.severity, m.text) for m in station.of("STATUSTEXT") if m.text.startswith("Auto mission")]
 
 
@@ -43,7 +43,7 @@ def test_an_upload_abandoned_after_item_2_turns_the_vehicle() -> None:
     station = northbound(more=4)
     before_m = place_m(station)
     send_some(station, 5, [home_item(), takeoff(), waypoint(before_m[0], 500)])
-    assert said(station) == [RESTARTED]
+    assert restart_texts(station) == [RESTARTED]
     station.wait(20)
     north_m, east_m = place_m(station)
     assert east_m > 60
@@ -56,7 +56,7 @@ def test_each_changed_item_restarts_the_current_command_once() -> None:
     station = northbound(more=2)
     new = [home_item(), takeoff(), *(waypoint(300, 100.0 * i) for i in range(3))]
     assert station.upload(new) == ACCEPTED
-    assert said(station) == [RESTARTED] * 3
+    assert restart_texts(station) == [RESTARTED] * 3
     assert station.mode == "AUTO"
 
 
@@ -67,7 +67,7 @@ def test_after_a_shorter_mission_the_index_is_greater_than_the_total() -> None:
     station.fly_mission([takeoff(), *legs[:2], waypoint(200, 0), waypoint(300, 0)])
     station.until(lambda: reached(station) == [1, 2, 3], 60)
     assert station.upload([home_item(), takeoff(), *legs[:2]]) == ACCEPTED
-    assert said(station)[-1][1] == "Auto mission changed but failed to restart command"
+    assert restart_texts(station)[-1][1] == "Auto mission changed but failed to restart command"
     station.until(lambda: place_m(station)[0] > 198, 60)
     station.wait(1)
     current = station.ask(CURRENT)

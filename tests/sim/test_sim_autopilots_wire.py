@@ -62,7 +62,7 @@ def test_relative_altitudes_count_from_the_place_of_the_last_arming() -> None:
     station = Station()
     station.fly(30)
     switch = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
-    assert station.command(switch, 0, 21_196) == 0  # the only way here to be armed at another height
+    assert station.command(switch, 0, 21_196) == 0  # arms at another height
     station.wait(0.5)
     assert station.command(switch, 1, 21_196) == 0
     position = station.ask(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT)
@@ -109,7 +109,7 @@ def test_a_waypoint_in_the_mission_frame_is_flown_above_mean_sea_level() -> None
         (b"SYSID_MYGCS", 1e6, 32_767.0),
         (b"RTL_ALT", 100_000.0, 100_000.0),
         (b"RTL_SPEED", 99.6, 99.0),  # cut, not rounded
-        (b"RTL_SPEED", 99.995, 100.0),  # but for what was meant to be whole
+        (b"RTL_SPEED", 99.995, 100.0),  # rounding errors of whole numbers are corrected
         (b"RTL_SPEED", -1.9, -1.0),
         (b"WPNAV_SPEED", 123.5, 123.5),
     ],

@@ -259,7 +259,7 @@ def test_the_leg_after_an_interrupted_one_begins_at_rest() -> None:
 
     station.until(turns, 60)
     assert (max(speeds_m_s) > 9, min(speeds_m_s) < 1.5) == (True, True)
-    assert place_m(station)[0] - begun_m > 15, "it stops ahead"
+    assert place_m(station)[0] - begun_m > 15, "the copter stops ahead"
 
 
 def test_a_change_far_ahead_does_not_disturb_the_current_leg() -> None:

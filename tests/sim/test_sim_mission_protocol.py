@@ -14,7 +14,7 @@ WP, JUMP, RTL = (
 
 
 def mission(n: int) -> list[dict[str, Any]]:
-    """Home, take-off and waypoints, n items."""
+    """Return n items: home, take-off and waypoints."""
     return [home_item(), takeoff(), *(waypoint(10.0 * i, 0) for i in range(2, n))]
 
 

@@ -352,12 +352,12 @@ def test_a_mission_without_the_required_landing_is_kept_and_not_flown() -> None:
 
 def test_a_mission_with_a_distant_start_is_kept_and_not_flown() -> None:
     station = Px4Station()
-    nowhere = {**takeoff(), "x": 0, "y": 0}  # a place of its own, where others mean "here"
-    station.upload_and_wait([nowhere, waypoint(30, 0)])
+    without_position = {**takeoff(), "x": 0, "y": 0}  # latitude 0 and longitude 0, not the current position
+    station.upload_and_wait([without_position, waypoint(30, 0)])
     assert any(text.startswith("First waypoint too far away: ") for text in station.texts())
     assert station.command(mavlink.MAV_CMD_MISSION_START) == DENIED
     station.set_parameter("MIS_DIST_1WP", 0.0)
-    station.upload_and_wait([nowhere, waypoint(40, 0)])
+    station.upload_and_wait([without_position, waypoint(40, 0)])
     assert station.command(mavlink.MAV_CMD_MISSION_START) == ACCEPTED
 
 
@@ -379,8 +379,10 @@ def test_the_list_ends_when_a_ground_station_sends_the_hash() -> None:
     for _ in range(100):  # until the link has no room for more at a time
         if listed() < whole:
             break
-    told = struct.unpack("<f", struct.pack("<I", 0x1234))[0]
-    station.send(mavlink.MAVLink_param_set_message(1, 1, b"_HASH_CHECK", told, mavlink.MAV_PARAM_TYPE_UINT32))
+    hash_value = struct.unpack("<f", struct.pack("<I", 0x1234))[0]
+    station.send(
+        mavlink.MAVLink_param_set_message(1, 1, b"_HASH_CHECK", hash_value, mavlink.MAV_PARAM_TYPE_UINT32)
+    )
     before = len(station.of("PARAM_VALUE"))
     station.wait(2.0)
     assert len(station.of("PARAM_VALUE")) == before
@@ -392,8 +394,8 @@ def test_a_repeated_list_has_no_hash() -> None:
     for _ in range(100):
         before = len(station.of("PARAM_VALUE"))
         station.send(mavlink.MAVLink_param_request_list_message(1, 1))
-        heard = station.of("PARAM_VALUE")[before:]
-        if not heard or heard[-1].param_index + 1 < heard[-1].param_count:
+        listed_values = station.of("PARAM_VALUE")[before:]
+        if not listed_values or listed_values[-1].param_index + 1 < listed_values[-1].param_count:
             break
     before = len(station.of("PARAM_VALUE"))
     station.send(mavlink.MAVLink_param_request_list_message(1, 1))
@@ -451,7 +453,7 @@ def _obeys(target: tuple[int, int], name: str) -> bool:
 def test_px4_obeys_only_setpoints_among_messages_to_all_systems(name: str, systems: tuple[int, ...]) -> None:
     for system in (0, 1):
         assert _obeys((system, 0), name) == _obeys((system, 1), name) == (system in systems)
-        if name != "origin":  # which names no component
+        if name != "origin":  # the message has no target component
             assert not _obeys((system, 77), name)
 
 

@@ -73,7 +73,7 @@ class Ground(Station):
         self.ftp(Opcode.TERMINATE_SESSION)
 
     def hop(self) -> None:
-        """Up, and down again until the motors stop."""
+        """Take off, land, and wait until the motors stop."""
         self.fly(10.0)
         assert self.set_mode(9) == 0
         self.until(lambda: not self.armed)
@@ -94,7 +94,7 @@ def of(messages: list[Any], kind: str) -> list[Any]:
 
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Ground, list[Any]]:
-    """A mission flown by an ArduCopter, and its downloaded log."""
+    """Return the station after a mission of an ArduCopter, and the downloaded log."""
     station = Ground(fleet())
     station.stream(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, hz=10.0)
     station.fly_mission([takeoff(15.0), waypoint(40.0, 0.0, 15.0), land(40.0, 30.0)])
@@ -108,10 +108,10 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Ground, list[Any]]:
 @pytest.mark.autopilots("MAVSDK 5 log_files")
 def test_positions_in_the_log_agree_with_telemetry(flown: tuple[Ground, list[Any]]) -> None:
     station, messages = flown
-    told = {m.time_boot_ms: m for m in station.of("GLOBAL_POSITION_INT")}
+    sent_positions = {m.time_boot_ms: m for m in station.of("GLOBAL_POSITION_INT")}
     compared = 0
     for logged in of(messages, "POS"):
-        message = told.get(round(logged.TimeUS / 1000))
+        message = sent_positions.get(round(logged.TimeUS / 1000))
         if message is not None:
             compared += 1
             assert abs(logged.Lat - message.lat * 1e-7) < 2e-7
