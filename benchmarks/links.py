@@ -1,17 +1,16 @@
 """Costs of the links `direct` and `mavsdk`: uploads and swaps over bad radio, and CPU.
 
-Run: `pip install -e .`, then `python benchmarks/links.py [--quick]`. Options choose the rows:
-`--only uploads,swaps,cpu`, `--links direct,mavsdk`, `--vehicles 1,50`, `--items 10,50,200`, `--losses 0,0.3`,
-`--delays 0,1`. Nothing is asserted; the load of the machine is printed.
+Nothing is asserted; the load of the machine is printed. Options choose the rows; for example
+`--only uploads --links direct --vehicles 50 --items 10,50 --losses 0,0.3 --delays 0,1`.
 
-- `direct` flies on the virtual clock: its times are vehicle seconds, beside wall seconds.
-- `mavsdk` needs the machine's clock: all of its rows take hours.
-- Datagrams are lost and delayed one by one in both directions and include streams; messages are those of
-  missions.
-- A mission is wrong if the link reports it as verified and the vehicle, read without loss afterwards, has
-  another one. Roundings of its autopilot do not count.
-- A swap's plan leaves the old one ahead of the vehicle, as in flight, by default as far as an agent's longest
-  splice (`--ahead-s`). A vehicle that has passed this point before the swap is late. 0: a plan from anywhere.
+- `direct` runs on the virtual clock. Its times are in simulated seconds, except the wall time.
+- `mavsdk` runs in real time. All of its rows take hours.
+- Losses and delays of datagrams are independent, in both directions.
+- Datagrams include streams. Messages are mission messages only.
+- WRONG: the link reports a mission as verified, and the vehicle has another mission. The benchmark reads it
+  without loss. Roundings of the autopilot do not count.
+- late: the vehicle passed the splice point before the swap. The splice point is on the old mission,
+  `--ahead-s` ahead of the vehicle; the default is an agent's greatest.
 """
 
 from __future__ import annotations
@@ -33,9 +32,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from rich import box
 from rich.console import Console
 from rich.table import Table
+from tables import describe_load, make_table
 
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.scenarios import default_scenario
@@ -54,34 +53,35 @@ from swarmctl.mavlink.protocol.mission_download import item_of
 
 HOME = (46.0490, 14.5060, 300.0)
 M_PER_DEG = 111_195.0
-"""of latitude"""
+"""length of a degree of latitude [m]"""
 STEP_S = 0.05
 RATES_HZ = {33: 5, 30: 5, 74: 4, 1: 2, 24: 1, 147: 1, 42: 1}
-"""message id -> rate: 19 a second beside the heartbeat"""
+"""message id -> messages a second: 19 in all, besides the heartbeat"""
 VEHICLES, ITEMS, LOSSES, DELAYS_S = (1, 50), (10, 50, 200), (0.0, 0.05, 0.2, 0.3), (0.0, 1.0)
 LIMIT_S = {"direct": 3600.0, "mavsdk": 240.0}
+"""link -> time after which a transfer is given up"""
 AHEAD_S = swap_times.MAX_EXPECTED_S
 SETTLE_S, MEASURE_S = 8.0, 15.0
 MISSION_MESSAGES = frozenset({37, 38, 39, 40, 41, 43, 44, 45, 47, 51, 73})
-"""ids of transfer messages, and of MISSION_SET_CURRENT"""
+"""ids of the messages of mission transfers, and of MISSION_SET_CURRENT"""
 DIALECTS = {
     "ardupilot": dialect_for(mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, mavlink.MAV_TYPE_QUADROTOR),
     "px4": dialect_for(mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_TYPE_QUADROTOR),
 }
-BEFORE_TRIES = 4
-"""number of items on a vehicle before a swap, uploaded without loss"""
-MOST_SAID = 6
-"""reasons of refusals"""
+MAX_UPLOADS_BEFORE_SWAP = 4
+"""attempts to upload the mission that a swap replaces"""
+MAX_REASONS = 6
+"""reasons of refusals that a caption lists"""
 
 
-class Radio:
+class LossyFleet:
     """A fleet behind a wire that loses and delays each datagram independently."""
 
     def __init__(self, personality: str, count: int, seed: int = 1) -> None:
         self.fleet = Fleet(default_scenario(count, home=HOME, personality=personality), ready_s=0)
         self.wire = MemoryWire()
-        self.wire.to_vehicles = self._up
-        self.loss, self.delay_s, self.datagrams, self.messages = 0.0, 0.0, 0, 0
+        self.wire.to_vehicles = self._send_to_vehicles
+        self.loss, self.delay_s, self.n_datagrams, self.n_messages = 0.0, 0.0, 0, 0
         self._rng = random.Random(seed)
         self._loop = asyncio.get_running_loop()
         self._began_s = self._arrives_s = self._loop.time()
@@ -89,138 +89,145 @@ class Radio:
     def now_s(self) -> float:
         return self._loop.time() - self._began_s
 
-    def _carry(self, call: object, data: bytes, *args: object) -> None:
-        assert callable(call)
-        self.datagrams += 1
-        self.messages += sum(msgid in MISSION_MESSAGES for msgid in msgids_in(data))
+    def _carry(self, deliver: object, data: bytes, *args: object) -> None:
+        assert callable(deliver)
+        self.n_datagrams += 1
+        self.n_messages += sum(msgid in MISSION_MESSAGES for msgid in msgids_in(data))
         if self._rng.random() >= self.loss:
-            # One after the other: timers of one moment are called in any order.
+            # Arrival times differ, because timers of equal time fire in any order.
             after = math.nextafter(self._arrives_s, math.inf)
             self._arrives_s = max(self._loop.time() + self.delay_s, after)
-            self._loop.call_at(self._arrives_s, call, data, *args)
+            self._loop.call_at(self._arrives_s, deliver, data, *args)
 
-    def _up(self, data: bytes, address: object) -> None:
-        self._carry(self._hear, data)
+    def _send_to_vehicles(self, data: bytes, address: object) -> None:
+        self._carry(self._receive, data)
 
-    def _hear(self, data: bytes) -> None:
-        self._down(self.fleet.receive(data, self.now_s()))
+    def _receive(self, data: bytes) -> None:
+        self._send_to_station(self.fleet.receive(data, self.now_s()))
 
-    def _down(self, frames: list[tuple[int, bytes]]) -> None:
+    def _send_to_station(self, frames: list[tuple[int, bytes]]) -> None:
         for _, data in frames:
             self._carry(self.wire.from_vehicle, data, "fleet")
 
     async def fly(self) -> None:
+        """Step the fleet until cancelled."""
         while True:
-            self._down(self.fleet.step(self.now_s()))
+            self._send_to_station(self.fleet.step(self.now_s()))
             await asyncio.sleep(STEP_S)
 
     def mission_of(self, sysid: int) -> tuple[MissionItem, ...]:
         """Return the vehicle's mission, read without the lossy wire."""
         encoder = Encoder(254, 190)
-        ask = mavlink.MAVLink_mission_request_list_message(sysid, 1)
-        (count,) = self._asked(encoder.pack(ask, 0), "MISSION_COUNT")
-        found = []
+        request = mavlink.MAVLink_mission_request_list_message(sysid, 1)
+        (count,) = self._request(encoder.pack(request, 0), "MISSION_COUNT")
+        items = []
         for seq in range(count.count):
-            ask = mavlink.MAVLink_mission_request_int_message(sysid, 1, seq)
-            (item,) = self._asked(encoder.pack(ask, 0), "MISSION_ITEM_INT")
-            found.append(item_of(item))
-        return tuple(found)
+            request = mavlink.MAVLink_mission_request_int_message(sysid, 1, seq)
+            (item,) = self._request(encoder.pack(request, 0), "MISSION_ITEM_INT")
+            items.append(item_of(item))
+        return tuple(items)
 
-    def _asked(self, data: bytes, kind: str) -> list[Message]:
+    def _request(self, data: bytes, message_type: str) -> list[Message]:
+        """Return the answers of this type to a request."""
         decoder = Decoder()
-        frames = self.fleet.receive(data, self.now_s(), peer="judge")
+        frames = self.fleet.receive(data, self.now_s(), peer="benchmark")
         messages = [decoder.decode(f) for _, answer in frames for f in FrameSplitter().feed(answer)]
-        return [m for m in messages if m is not None and m.get_type() == kind]
+        return [m for m in messages if m is not None and m.get_type() == message_type]
 
 
 @dataclass
-class Outcome:
-    """The results of one case."""
+class CaseResult:
+    """The results of one case, with `count` transfers at once."""
 
     times_s: list[float] = field(default_factory=list)
-    endings: Counter[str] = field(default_factory=Counter)
-    why: Counter[str] = field(default_factory=Counter)
-    """reasons of refusals, without names and numbers"""
-    datagrams: int = 0
-    messages: int = 0
+    """times of verified transfers"""
+    outcomes: Counter[str] = field(default_factory=Counter)
+    refusal_reasons: Counter[str] = field(default_factory=Counter)
+    """without names and numbers"""
+    n_datagrams: int = 0
+    n_messages: int = 0
     wall_s: float = 0.0
 
 
-def plan(items: int, east_deg: float, apart_deg: float = 1e-4) -> FlightPlan:
-    """Return a mission of about this many items, eleven metres apart."""
-    points = tuple(Waypoint(HOME[0] + apart_deg * i, HOME[1] + east_deg, 20.0) for i in range(1, items - 2))
+def make_plan(n_items: int, east_deg: float, spacing_deg: float = 1e-4) -> FlightPlan:
+    """Return a plan to the north with about this many mission items, by default 11 m apart."""
+    points = tuple(
+        Waypoint(HOME[0] + spacing_deg * i, HOME[1] + east_deg, 20.0) for i in range(1, n_items - 2)
+    )
     return FlightPlan(20.0, points, points[-1])
 
 
-def change(items: int, state: VehicleState, ahead_s: float) -> FlightPlan:
-    """Return another mission for a vehicle flying north, which leaves its track `ahead_s` ahead of it."""
-    new = plan(items, 0.001)
+def make_changed_plan(n_items: int, state: VehicleState, ahead_s: float) -> FlightPlan:
+    """Return another plan for a vehicle flying north, spliced `ahead_s` ahead of it; 0: without a splice."""
+    new = make_plan(n_items, 0.001)
     if not ahead_s or state.lat_deg is None:
         return new
-    leaves = Waypoint(state.lat_deg + state.ground_speed_m_s * ahead_s / M_PER_DEG, HOME[1], 20.0)
-    track = tuple(replace(p, lat_deg=p.lat_deg + leaves.lat_deg - HOME[0]) for p in new.track[:-1])
-    return replace(new, track=(leaves, *track), landing=(track or (leaves,))[-1], leaves_ahead=True)
+    splice = Waypoint(state.lat_deg + state.ground_speed_m_s * ahead_s / M_PER_DEG, HOME[1], 20.0)
+    track = tuple(replace(p, lat_deg=p.lat_deg + splice.lat_deg - HOME[0]) for p in new.track[:-1])
+    return replace(new, track=(splice, *track), landing=(track or (splice,))[-1], leaves_ahead=True)
 
 
-async def case(
+async def run_case(
     name: str,
     personality: str,
     count: int,
-    items: int,
+    n_items: int,
     loss: float,
     delay_s: float,
     *,
     swap: bool,
     ahead_s: float,
-) -> Outcome:
-    radio, outcome = Radio(personality, count), Outcome()
-    flying = asyncio.create_task(radio.fly())
-    async with FrontEnd(wall_time_us=lambda: 0, memory={"fleet": radio.wire}) as front_end:
+) -> CaseResult:
+    """Upload or swap a mission of `count` vehicles at once, by the link `name`."""
+    fleet, result = LossyFleet(personality, count), CaseResult()
+    flying = asyncio.create_task(fleet.fly())
+    async with FrontEnd(wall_time_us=lambda: 0, memory={"fleet": fleet.wire}) as front_end:
         links = {
             i: LINKS[name](
                 front_end, Endpoint("memory", "fleet"), i, name=f"v{i}", on_event=lambda _event: None
             )
             for i in range(1, count + 1)
         }
-        await asyncio.gather(*(ready(link, swap) for link in links.values()))
-        radio.loss, radio.delay_s, radio.datagrams, radio.messages = loss, delay_s, 0, 0
+        await asyncio.gather(*(prepare(link, swap) for link in links.values()))
+        fleet.loss, fleet.delay_s, fleet.n_datagrams, fleet.n_messages = loss, delay_s, 0, 0
         began_s = time.perf_counter()
         await asyncio.gather(
             *(
                 transfer(
                     link,
-                    change(items, link.state(), ahead_s if swap else 0.0),
-                    outcome,
+                    make_changed_plan(n_items, link.state(), ahead_s if swap else 0.0),
+                    result,
                     LIMIT_S[name],
                     swap=swap,
                 )
                 for link in links.values()
             )
         )
-        outcome.wall_s = time.perf_counter() - began_s
-        outcome.datagrams, outcome.messages = radio.datagrams, radio.messages
+        result.wall_s = time.perf_counter() - began_s
+        result.n_datagrams, result.n_messages = fleet.n_datagrams, fleet.n_messages
         for sysid, link in links.items():
-            claimed = link.items()
-            if claimed and DIALECTS[personality].differences(claimed, radio.mission_of(sysid)):
-                outcome.endings["WRONG"] += 1
+            reported = link.items()
+            if reported and DIALECTS[personality].differences(reported, fleet.mission_of(sysid)):
+                result.outcomes["WRONG"] += 1
     flying.cancel()
-    return outcome
+    return result
 
 
-async def ready(link: Link, swap: bool) -> None:
+async def prepare(link: Link, swap: bool) -> None:
+    """Connect to the vehicle and, before a swap, bring it into flight."""
     await link.connect(20)
     await link.prepare(60, lambda _reasons: None)
     if swap:
-        # So long that it does not end before the slowest swap does.
-        await uploaded(link, plan(60, 0.0, 1e-3))
+        # The mission lasts longer than the slowest swap.
+        await upload_with_retries(link, make_plan(60, 0.0, 1e-3))
         await link.launch()
-        while (link.state().mission_seq or 0) < 3:  # noqa: ASYNC110 - nobody tells of it
+        while (link.state().mission_seq or 0) < 3:  # noqa: ASYNC110 - no event
             await asyncio.sleep(0.2)
 
 
-async def uploaded(link: Link, old: FlightPlan) -> None:
-    """Upload with retries: on a busy machine fifty vehicles at once are sometimes too many for MAVSDK."""
-    for _ in range(BEFORE_TRIES):
+async def upload_with_retries(link: Link, old: FlightPlan) -> None:
+    """Upload a plan; on a busy machine, some uploads of fifty at once by MAVSDK fail."""
+    for _ in range(MAX_UPLOADS_BEFORE_SWAP):
         try:
             await link.upload(old)
         except UploadFailed as refused:
@@ -230,87 +237,98 @@ async def uploaded(link: Link, old: FlightPlan) -> None:
     raise failure
 
 
-async def transfer(link: Link, new: FlightPlan, outcome: Outcome, limit_s: float, *, swap: bool) -> None:
+async def transfer(link: Link, new: FlightPlan, result: CaseResult, limit_s: float, *, swap: bool) -> None:
+    """Upload or swap, and add the time and outcome to `result`."""
     began_s = asyncio.get_running_loop().time()
     try:
         async with asyncio.timeout(limit_s):
             await (link.swap(new) if swap else link.upload(new))
     except LinkError as refused:
         is_late = isinstance(refused, SwapFailed) and refused.is_late
-        outcome.endings["late" if is_late else "refused"] += 1
-        outcome.why[re.sub(r"\d+", "N", str(refused).split("): ", 1)[-1])] += 1
+        result.outcomes["late" if is_late else "refused"] += 1
+        result.refusal_reasons[re.sub(r"\d+", "N", str(refused).split("): ", 1)[-1])] += 1
     except TimeoutError:
-        outcome.endings[f"not in {limit_s:.0f} s"] += 1
+        result.outcomes[f"not in {limit_s:.0f} s"] += 1
     else:
-        outcome.endings["verified"] += 1
-        outcome.times_s.append(asyncio.get_running_loop().time() - began_s)
+        result.outcomes["verified"] += 1
+        result.times_s.append(asyncio.get_running_loop().time() - began_s)
 
 
-def transfers(chosen: argparse.Namespace, *, swap: bool) -> Iterator[Table]:
-    what = "verified swap in flight" if swap else "verified upload"
+def transfer_tables(options: argparse.Namespace, *, swap: bool) -> Iterator[Table]:
+    """Measure the uploads, or the swaps, of all options cases."""
+    kind = "Verified swap in flight" if swap else "Verified upload"
     for personality in ("ardupilot", "px4"):
-        made = table(f"{what}, {personality}", "link", "vehicles", "items", "loss [%]", "delay [s]",
-                     "p50 [s]", "last [s]", "datagrams each", "messages each", "wall [s]",
-                     "outcome")  # fmt: skip
-        cases = itertools.product(chosen.vehicles, chosen.items, chosen.losses, chosen.delays)
-        why = Counter[str]()
-        for count, items, loss, delay_s in cases:
-            for name in chosen.links:
-                seldom = name == "mavsdk" and (swap or count > 1) and items > 10
-                if chosen.quick and (seldom or items == 200 or loss == 0.05):
+        table = make_table(
+            f"{kind}, {personality}",
+            *("link", "vehicles", "items", "loss [%]", "delay [s]", "p50 [s]", "max [s]", "datagrams each"),
+            *("messages each", "wall time [s]", "outcomes"),
+            left=["link", "outcomes"],
+        )
+        cases = itertools.product(options.vehicles, options.items, options.losses, options.delays)
+        refusal_reasons = Counter[str]()
+        for count, n_items, loss, delay_s in cases:
+            for name in options.links:
+                is_slow = name == "mavsdk" and (swap or count > 1) and n_items > 10
+                if options.quick and (is_slow or n_items == 200 or loss == 0.05):
                     continue
                 run = run_virtual if name == "direct" else asyncio.run
-                story = case(
-                    name, personality, count, items, loss, delay_s, swap=swap, ahead_s=chosen.ahead_s
+                case = run_case(
+                    name, personality, count, n_items, loss, delay_s, swap=swap, ahead_s=options.ahead_s
                 )
-                done = run(story)
-                why += done.why
-                p50, last = np.quantile(done.times_s, [0.5, 1.0]) if done.times_s else (np.nan, np.nan)
+                result = run(case)
+                refusal_reasons += result.refusal_reasons
+                p50, maximum = np.quantile(result.times_s, [0.5, 1.0]) if result.times_s else (np.nan, np.nan)
                 row = (
-                    name, str(count), str(items), f"{100 * loss:.0f}", f"{delay_s:g}", f"{p50:.2f}",
-                    f"{last:.2f}", f"{done.datagrams / count:,.0f}", f"{done.messages / count:,.0f}",
-                    f"{done.wall_s:.1f}",
-                    ", ".join(f"{n} {how}" for how, n in done.endings.items()),
+                    name, str(count), str(n_items), f"{100 * loss:.0f}", f"{delay_s:g}", f"{p50:.2f}",
+                    f"{maximum:.2f}", f"{result.n_datagrams / count:,.0f}",
+                    f"{result.n_messages / count:,.0f}", f"{result.wall_s:.1f}",
+                    ", ".join(f"{n} {outcome}" for outcome, n in result.outcomes.items()),
                 )  # fmt: skip
-                made.add_row(*row)
-                # Who has not the hours for all of it keeps what there is.
-                print(f"{what}, {personality}:", *row, file=sys.stderr, flush=True)
-        said = [f"{n} refused: {text}" for text, n in why.most_common(MOST_SAID)]
-        made.caption = "\n".join((load(), *said))
-        yield made
+                table.add_row(*row)
+                # An interrupted run keeps the rows so far.
+                print(f"{kind}, {personality}:", *row, file=sys.stderr, flush=True)
+        refusals = [f"{n} refused: {reason}" for reason, n in refusal_reasons.most_common(MAX_REASONS)]
+        table.caption = "\n".join((describe_load(), *refusals))
+        yield table
 
 
-def uploads(chosen: argparse.Namespace) -> Iterator[Table]:
-    yield from transfers(chosen, swap=False)
+def uploads(options: argparse.Namespace) -> Iterator[Table]:
+    yield from transfer_tables(options, swap=False)
 
 
-def swaps(chosen: argparse.Namespace) -> Iterator[Table]:
-    yield from transfers(chosen, swap=True)
+def swaps(options: argparse.Namespace) -> Iterator[Table]:
+    yield from transfer_tables(options, swap=True)
 
 
-def cpu(chosen: argparse.Namespace) -> Iterator[Table]:
-    """Measure in real time over UDP: the fleet is a process of its own, the ground station this one."""
-    made = table("the ground station's CPU, one core is 100 %", "link", "vehicles", "msg/s", "CPU [%]",
-                 "most RSS so far [MB]")  # fmt: skip
-    for count, name in itertools.product((1, 50, 250), chosen.links):
-        made.add_row(name, str(count), *asyncio.run(ground(name, count, 5.0 if chosen.quick else MEASURE_S)))
-    made.caption = load()
-    yield made
+def cpu(options: argparse.Namespace) -> Iterator[Table]:
+    """Measure the load of the ground station in real time over UDP; the fleet is another process."""
+    table = make_table(
+        "Load of the ground station",
+        *("link", "vehicles", "messages/s", "CPU [% of a core]", "memory so far, max [MB]"),
+        left=["link"],
+    )
+    for count, name in itertools.product((1, 50, 250), options.links):
+        table.add_row(
+            name, str(count), *asyncio.run(station_load(name, count, 5.0 if options.quick else MEASURE_S))
+        )
+    table.caption = describe_load()
+    yield table
 
 
-async def ground(name: str, count: int, measure_s: float) -> tuple[str, str, str]:
+async def station_load(name: str, count: int, measure_s: float) -> tuple[str, str, str]:
+    """Return messages a second, CPU load [%] and the greatest memory of this process so far [MB]."""
     endpoint = parse_url(f"udpin://127.0.0.1:{20_000 + os.getpid() % 10_000}")
     command = [sys.executable, "-m", "sim_vehicle", "--count", str(count), "--ready-s", "0", "--no-table",
                "--url", f"udpout:127.0.0.1:{endpoint.port}"]  # fmt: skip
-    heard = 0
+    n_received = 0
 
-    def count_in(splitter_feed: object) -> object:
-        def feed(data: bytes, address: object) -> None:
-            nonlocal heard
-            heard += sum(1 for _ in msgids_in(data))
-            splitter_feed(data, address)  # type: ignore[operator]
+    def counting(receive: object) -> object:
+        def count_and_receive(data: bytes, address: object) -> None:
+            nonlocal n_received
+            n_received += sum(1 for _ in msgids_in(data))
+            receive(data, address)  # type: ignore[operator]
 
-        return feed
+        return count_and_receive
 
     async with FrontEnd(wall_time_us=lambda: 0) as front_end:
         await front_end.open(endpoint)
@@ -325,16 +343,16 @@ async def ground(name: str, count: int, measure_s: float) -> tuple[str, str, str
             await asyncio.gather(*(link.connect(60) for link in links))
             await asyncio.gather(*(link.prepare(60, lambda _reasons: None) for link in links))
             for link in links:
-                ask_for_streams(link)
+                request_streams(link)
                 await asyncio.sleep(0.002)
             await asyncio.sleep(SETTLE_S)
             line = front_end._lines[endpoint]
             protocol = line.transport
-            protocol._receive = count_in(protocol._receive)  # type: ignore[attr-defined]
+            protocol._receive = counting(protocol._receive)  # type: ignore[attr-defined]
             began_s, used_s = time.perf_counter(), time.process_time()
             await asyncio.sleep(measure_s)
             used = (time.process_time() - used_s) / (time.perf_counter() - began_s)
-            rate = heard / (time.perf_counter() - began_s)
+            rate = n_received / (time.perf_counter() - began_s)
             for link in links:
                 link.close()
         finally:
@@ -345,15 +363,15 @@ async def ground(name: str, count: int, measure_s: float) -> tuple[str, str, str
 
 
 def msgids_in(data: bytes) -> Iterator[int]:
-    """Count unsigned MAVLink 2 frames by their headers; the fleet puts several into a datagram."""
+    """Yield the message ids in a datagram of unsigned MAVLink 2 frames, by their headers."""
     at = 0
     while at + 12 <= len(data):
         yield int.from_bytes(data[at + 7 : at + 10], "little")
         at += 12 + data[at + 1]
 
 
-def ask_for_streams(link: Link) -> None:
-    """Request more messages than the link needs."""
+def request_streams(link: Link) -> None:
+    """Request the messages of RATES_HZ, more than the link needs."""
     channel = link._channel  # type: ignore[attr-defined]
     channel.send(
         [
@@ -363,54 +381,55 @@ def ask_for_streams(link: Link) -> None:
     )
 
 
-def table(title: str, *columns: str) -> Table:
-    made = Table(title=title, box=box.SIMPLE_HEAD)
-    for column in columns:
-        made.add_column(
-            column.replace("[", "\\["), justify="left" if column in ("link", "outcome") else "right"
-        )
-    return made
-
-
-def load() -> str:
-    return f"load of the machine: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores"
-
-
 PARTS = {part.__name__: part for part in (uploads, swaps, cpu)}
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="fewer and shorter cases")
-    parser.add_argument("--only", type=names, default=[*PARTS], help="which parts, with commas")
-    parser.add_argument("--links", type=names, default=["direct", "mavsdk"], help="which links, with commas")
-    parser.add_argument("--vehicles", type=numbers, default=VEHICLES, help="of a transfer, with commas")
-    parser.add_argument("--items", type=numbers, default=ITEMS, help="of a transfer, with commas")
-    parser.add_argument("--losses", type=shares, default=LOSSES, help="of datagrams, with commas")
-    parser.add_argument("--delays", type=shares, default=DELAYS_S, help="each way [s], with commas")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--quick", action="store_true", help="fewer and shorter cases; with `mavsdk`, still many minutes"
+    )
+    parser.add_argument(
+        "--only",
+        type=split,
+        default=[*PARTS],
+        metavar="PARTS",
+        help=f"parts to run, with commas: {','.join(PARTS)}",
+    )
+    parser.add_argument(
+        "--links", type=split, default=["direct", "mavsdk"], help="links to measure: direct,mavsdk"
+    )
+    parser.add_argument("--vehicles", type=integers, default=VEHICLES, help="vehicles at once: 1,50")
+    parser.add_argument("--items", type=integers, default=ITEMS, help="items of a mission: 10,50,200")
+    parser.add_argument(
+        "--losses", type=floats, default=LOSSES, help="lost share of datagrams: 0,0.05,0.2,0.3"
+    )
+    parser.add_argument("--delays", type=floats, default=DELAYS_S, help="delays each way [s]: 0,1")
     parser.add_argument(
         "--ahead-s",
         type=float,
         default=AHEAD_S,
-        help="so far ahead a swap's plan leaves the old one; 0: nowhere",
+        help="time to the splice point of a swap [s], default %(default)g; 0: none",
     )
-    chosen = parser.parse_args()
+    options = parser.parse_args()
     console = Console(width=130)
-    for name in chosen.only:
-        for made in PARTS[name](chosen):
-            console.print(made)
+    for name in options.only:
+        for table in PARTS[name](options):
+            console.print(table)
 
 
-def names(text: str) -> list[str]:
+def split(text: str) -> list[str]:
     return text.split(",")
 
 
-def shares(text: str) -> list[float]:
-    return [float(number) for number in names(text)]
+def floats(text: str) -> list[float]:
+    return [float(number) for number in split(text)]
 
 
-def numbers(text: str) -> list[int]:
-    return [int(number) for number in names(text)]
+def integers(text: str) -> list[int]:
+    return [int(number) for number in split(text)]
 
 
 if __name__ == "__main__":

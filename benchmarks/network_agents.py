@@ -1,129 +1,127 @@
-"""Agents that observe at random and share observations without planning; the times of their arrival."""
+"""Agents that make random observations and share them without planning, and the times of delivery."""
 
 from __future__ import annotations
 
 import asyncio
-import os
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from rich import box
-from rich.table import Table
 
 from swarmctl.bus.network import Network, RunClock
 from swarmctl.core.belief import Belief
 from swarmctl.core.frames import StateShared
+from swarmctl.core.grid import Cell
 from swarmctl.core.inference.sensor import PERFECT, SensorModel
 from swarmctl.core.observation import BeliefItem, Observation
 
 SWARM = "bench"
 ROWS = COLS = 100
-CELLS_SEEN = 9
+CELLS_PER_OBSERVATION = 9
 DRAIN_S = 1.0
-"""time after the last observation from which a missing one counts as not delivered"""
-ERRING = SensorModel(p_miss=0.1, p_false_alarm=0.02)
+"""time after the last observation; an observation that is missing then counts as not delivered"""
+IMPERFECT = SensorModel(p_miss=0.1, p_false_alarm=0.02)
 
 
 @dataclass
-class Heard:
-    """Times at which observations were merged elsewhere, by the machine's monotonic clock [s]."""
+class DeliveryLog:
+    """Times at which agents published and merged observations, by the machine's monotonic clock [s]."""
 
-    said_s: dict[tuple[int, int], float] = field(default_factory=dict)
-    recipients: dict[tuple[int, int], int] = field(default_factory=dict)
+    published_s: dict[tuple[int, int], float] = field(default_factory=dict)
+    """(observer, seq) -> time"""
+    n_recipients: dict[tuple[int, int], int] = field(default_factory=dict)
+    """(observer, seq) -> agents to which the observer sent it"""
     merged: list[tuple[int, int, float]] = field(default_factory=list)
     """(observer, seq, time)"""
 
-    def add(self, told: Sequence[BeliefItem], now_s: float) -> None:
-        for item in told:
+    def add_merged(self, items: Sequence[BeliefItem], now_s: float) -> None:
+        for item in items:
             if isinstance(item, Observation):
                 self.merged.append((item.observer, item.seq, now_s))
 
-    def figures(self) -> tuple[float, float, float]:
-        """Return p50 and p99 to the last recipient [ms], and the delivered share.
+    def statistics(self) -> tuple[float, float, float]:
+        """Return p50 and p99 of the time to the last recipient [ms], and the delivered share.
 
-        With a range, others get an observation seconds later from whom they ask: the first so many are taken
-        for those it was sent to.
+        Agents out of range request the observation, and receive it seconds later. So only the first
+        deliveries count, as many as the observation had recipients.
         """
-        last, came, expected = [], 0, 0
-        all_times: dict[tuple[int, int], list[float]] = {}
+        latencies_s, n_delivered, n_expected = [], 0, 0
+        merge_times_s: dict[tuple[int, int], list[float]] = {}
         for observer, seq, now_s in self.merged:
-            all_times.setdefault((observer, seq), []).append(now_s)
-        for name, n in self.recipients.items():
-            times = sorted(all_times.get(name, ()))[:n]
-            came, expected = came + len(times), expected + n
-            if n and len(times) == n:
-                last.append(times[-1] - self.said_s[name])
-        p50, p99 = np.quantile(last, [0.5, 0.99]) * 1e3 if last else (np.nan, np.nan)
-        return float(p50), float(p99), came / max(expected, 1)
+            merge_times_s.setdefault((observer, seq), []).append(now_s)
+        for observation, n in self.n_recipients.items():
+            times_s = sorted(merge_times_s.get(observation, ()))[:n]
+            n_delivered, n_expected = n_delivered + len(times_s), n_expected + n
+            if n and len(times_s) == n:
+                latencies_s.append(times_s[-1] - self.published_s[observation])
+        p50, p99 = np.quantile(latencies_s, [0.5, 0.99]) * 1e3 if latencies_s else (np.nan, np.nan)
+        return float(p50), float(p99), n_delivered / max(n_expected, 1)
 
 
 class Agent:
-    """An agent that observes at random, merges observations and shares its state once a second."""
+    """An agent that makes random observations, merges received ones and shares its state once a second."""
 
     def __init__(
-        self, network: Network, uav: int, heard: Heard, rows: int = ROWS, sensor: SensorModel = PERFECT
+        self, network: Network, uav: int, log: DeliveryLog, rows: int = ROWS, sensor: SensorModel = PERFECT
     ) -> None:
-        self.uav, self.network, self.heard, self.rows = uav, network, heard, rows
+        self.uav, self.network, self.log, self.rows = uav, network, log, rows
         self.belief = Belief.prior(rows, rows, 200, sensor)
         self.seq = 0
-        self.seen: list[tuple[tuple[int, int, bool], ...]] = []
-        self.incarnation = network.join(uav, self._told)
+        self.prepared: list[tuple[tuple[int, int, bool], ...]] = []
+        """cells of the next observations, drawn before the measurement"""
+        self.incarnation = network.join(uav, self._merge)
         self._rng = np.random.default_rng(uav)
-        # Side by side on a line, ten metres apart.
+        # The agents stand on a line, ten metres apart.
         network.moved(uav, 46.0, 14.0 + 1.3e-4 * uav)
 
-    def _told(self, told: tuple[BeliefItem, ...]) -> None:
-        self.belief = self.belief.merge(told)
-        self.heard.add(told, time.monotonic())
+    def _merge(self, items: tuple[BeliefItem, ...]) -> None:
+        self.belief = self.belief.merge(items)
+        self.log.add_merged(items, time.monotonic())
 
-    def look(self, middle: tuple[int, int] | None = None) -> None:
-        cells = self.seen.pop() if middle is None and self.seen else self._cells(middle)
+    def observe(self, middle: Cell | None = None) -> None:
+        """Merge and publish one observation around `middle`, or around a random cell."""
+        cells = self.prepared.pop() if middle is None and self.prepared else self._draw_cells(middle)
         self.seq += 1
         now_s = time.monotonic()
-        seen = Observation(self.uav, self.seq, now_s, cells, self.incarnation)
-        self.belief = self.belief.merge((seen,))
-        self.heard.said_s[self.uav, self.seq] = now_s
-        self.heard.recipients[self.uav, self.seq] = self.network.publish(self.uav, seen)
+        observation = Observation(self.uav, self.seq, now_s, cells, self.incarnation)
+        self.belief = self.belief.merge((observation,))
+        self.log.published_s[self.uav, self.seq] = now_s
+        self.log.n_recipients[self.uav, self.seq] = self.network.publish(self.uav, observation)
 
-    def _cells(self, middle: tuple[int, int] | None = None) -> tuple[tuple[int, int, bool], ...]:
-        """Return the cells of one observation."""
+    def _draw_cells(self, middle: Cell | None = None) -> tuple[tuple[int, int, bool], ...]:
+        """Return the cells of one observation of an empty area; false alarms are random."""
         row, col = middle or self._rng.integers(1, self.rows - 1, 2).tolist()
-        wrong = self._rng.random(CELLS_SEEN) < self.belief.sensor.p_false_alarm
-        around = [(row + i, col + j) for i in (-1, 0, 1) for j in (-1, 0, 1)]
+        false_alarms = self._rng.random(CELLS_PER_OBSERVATION) < self.belief.sensor.p_false_alarm
+        cells = [(row + i, col + j) for i in (-1, 0, 1) for j in (-1, 0, 1)]
         return tuple(
-            (r, c, bool(w)) for (r, c), w in zip(around, wrong, strict=True) if max(r, c) < self.rows
+            (r, c, bool(occupied))
+            for (r, c), occupied in zip(cells, false_alarms, strict=True)
+            if max(r, c) < self.rows
         )
 
-    def tell_state(self) -> None:
+    def publish_state(self) -> None:
         lon_deg = 14.0 + 1.3e-4 * self.uav
         n_observed = self.belief.n_observed
         self.network.publish(self.uav, StateShared(0.0, 46.0, lon_deg, 30.0, "flying", n_observed, 0))
 
-    async def fly(self, rate_per_s: float, begin_s: float, seconds: float) -> None:
-        """Run from `begin_s` of the loop's clock on; a late agent catches up."""
-        # What a sensor would show is made up beforehand: it is not what is measured.
-        self.seen = [self._cells() for _ in range(round(seconds * rate_per_s))]
+    async def fly(self, rate_per_s: float, begin_s: float, duration_s: float) -> None:
+        """Observe and share from `begin_s` of the loop's clock on; an agent that is late catches up."""
+        # The sensor's results are drawn first, because the benchmark does not measure their cost.
+        self.prepared = [self._draw_cells() for _ in range(round(duration_s * rate_per_s))]
         async with asyncio.TaskGroup() as tasks:
-            tasks.create_task(self._every(1.0, begin_s - 1.0, seconds + 1.0, self.tell_state))
-            tasks.create_task(self._every(1.0 / rate_per_s, begin_s, seconds, self.look))
+            tasks.create_task(self._repeat(1.0, begin_s - 1.0, duration_s + 1.0, self.publish_state))
+            tasks.create_task(self._repeat(1.0 / rate_per_s, begin_s, duration_s, self.observe))
 
-    async def _every(self, period_s: float, begin_s: float, seconds: float, act: object) -> None:
-        assert callable(act)
+    async def _repeat(self, period_s: float, begin_s: float, duration_s: float, action: object) -> None:
+        assert callable(action)
         loop = asyncio.get_running_loop()
         phase_s = period_s * float(self._rng.random())
-        for i in range(round(seconds / period_s)):
+        for i in range(round(duration_s / period_s)):
             await asyncio.sleep(begin_s + phase_s + i * period_s - loop.time())
-            act()
+            action()
 
 
-def clock() -> RunClock:
+def make_clock() -> RunClock:
+    """Return a clock whose zero is that of the running loop."""
     return RunClock(time.time() - asyncio.get_running_loop().time())
-
-
-def table(title: str, *columns: str) -> Table:
-    made = Table(title=f"{title}\nload of the machine {os.getloadavg()[0]:.1f}", box=box.SIMPLE_HEAD)
-    for column in columns:
-        made.add_column(column, justify="right")
-    return made

@@ -1,6 +1,6 @@
-"""Other libraries, each solving Eq. 5 from one goal as nearly as it can.
+"""Searches of other libraries from one goal, with costs as near to Eq. 5 as each library allows.
 
-Every peer is a function that prepares a field and returns the function to be timed.
+Each function here prepares the graph of a field, and returns the call to be timed.
 """
 
 from __future__ import annotations
@@ -19,66 +19,72 @@ from skimage.graph import MCP_Geometric
 
 Floats = NDArray[np.float64]
 Goal = tuple[int, int]
-Run = Callable[[], object]
+TimedCall = Callable[[], object]
 
-STEPS = [(dr, dc) for dr in (-1, 0, 1) for dc in (-1, 0, 1) if (dr, dc) != (0, 0)]
+MOVES = [(dr, dc) for dr in (-1, 0, 1) for dc in (-1, 0, 1) if (dr, dc) != (0, 0)]
 
 
-def edges(shape: tuple[int, int]) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
-    """Return every edge backwards (the cell entered, the cell left) and its length."""
+def reversed_moves(shape: tuple[int, int]) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
+    """Return all moves between neighbour cells: destination cells, origin cells and lengths [cells].
+
+    The searches start at the goal, so each graph has an edge from the destination to the origin.
+    """
     rows, cols = shape
     index = np.arange(rows * cols).reshape(shape)
-    tails, heads, lengths = [], [], []
-    for dr, dc in STEPS:
-        left = index[max(0, -dr) : rows - max(0, dr), max(0, -dc) : cols - max(0, dc)].ravel()
-        tails.append(left + dr * cols + dc)
-        heads.append(left)
-        lengths.append(np.full(left.size, math.hypot(dr, dc)))
-    return np.concatenate(tails), np.concatenate(heads), np.concatenate(lengths)
+    destinations, origins, lengths = [], [], []
+    for dr, dc in MOVES:
+        origin = index[max(0, -dr) : rows - max(0, dr), max(0, -dc) : cols - max(0, dc)].ravel()
+        destinations.append(origin + dr * cols + dc)
+        origins.append(origin)
+        lengths.append(np.full(origin.size, math.hypot(dr, dc)))
+    return np.concatenate(destinations), np.concatenate(origins), np.concatenate(lengths)
 
 
-class Csr:
-    """Return the graph for scipy, and the cell and the length of each stored weight."""
+class ScipyGraph:
+    """A graph for scipy whose weights can be refreshed in place."""
 
     def __init__(self, exposure: Floats, w: float, psi: float) -> None:
-        entered, left, length = edges(exposure.shape)
+        destination, origin, length = reversed_moves(exposure.shape)
         size = exposure.size
-        # The place of each edge in the matrix, so that a refresh writes nothing but the weights.
-        self.graph = csr_array((np.arange(1.0, length.size + 1.0), (entered, left)), shape=(size, size))
+        # The first weights number the moves, to learn their order in the matrix for the refreshes.
+        self.graph = csr_array((np.arange(1.0, length.size + 1.0), (destination, origin)), shape=(size, size))
         order = self.graph.data.astype(np.int64) - 1
-        self._entered, self._length = entered[order], (1.0 - w) * psi * length[order]
+        self._destination, self._length = destination[order], (1.0 - w) * psi * length[order]
         self._w = w
         self.refresh(exposure)
 
     def refresh(self, exposure: Floats) -> None:
-        np.take(exposure.ravel(), self._entered, out=self.graph.data)
+        np.take(exposure.ravel(), self._destination, out=self.graph.data)
         self.graph.data *= self._w
         self.graph.data += self._length
 
 
-def scipy_built(exposure: Floats, goal: Goal, w: float, psi: float) -> Run:
-    csr, source = Csr(exposure, w, psi), goal[0] * exposure.shape[1] + goal[1]
-    return lambda: dijkstra(csr.graph, indices=source)
+def scipy_built(exposure: Floats, goal: Goal, w: float, psi: float) -> TimedCall:
+    prepared, source = ScipyGraph(exposure, w, psi), goal[0] * exposure.shape[1] + goal[1]
+    return lambda: dijkstra(prepared.graph, indices=source)
 
 
-def scipy_refreshed(exposure: Floats, goal: Goal, w: float, psi: float) -> Run:
-    csr, source = Csr(exposure, w, psi), goal[0] * exposure.shape[1] + goal[1]
+def scipy_refreshed(exposure: Floats, goal: Goal, w: float, psi: float) -> TimedCall:
+    prepared, source = ScipyGraph(exposure, w, psi), goal[0] * exposure.shape[1] + goal[1]
 
     def run() -> object:
-        csr.refresh(exposure)
-        return dijkstra(csr.graph, indices=source)
+        prepared.refresh(exposure)
+        return dijkstra(prepared.graph, indices=source)
 
     return run
 
 
-def skimage_mcp(exposure: Floats, goal: Goal, w: float, psi: float) -> Run:
-    """A step costs its length times the mean of both cells' costs: not Eq. 5, but as near as it comes."""
+def skimage_mcp(exposure: Floats, goal: Goal, w: float, psi: float) -> TimedCall:
+    """Prepare scikit-image, where a move costs its length times the mean of both cells' costs.
+
+    Eq. 5 takes the exposure of the destination; this library offers no such cost.
+    """
     costs = (1.0 - w) * psi + w * exposure
     return lambda: MCP_Geometric(costs).find_costs([goal])
 
 
-def tcod_dijkstra(exposure: Floats, goal: Goal, w: float, psi: float) -> Run:
-    """Whole numbers, and a diagonal step costs 3/2 of a straight one."""
+def tcod_dijkstra(exposure: Floats, goal: Goal, w: float, psi: float) -> TimedCall:
+    """Prepare tcod, where costs are integers and a diagonal move costs 3/2 of a straight move."""
     costs = np.maximum(1000.0 * ((1.0 - w) * psi + w * exposure) / 2.0, 1.0).astype(np.int32)
 
     def run() -> object:
@@ -89,26 +95,26 @@ def tcod_dijkstra(exposure: Floats, goal: Goal, w: float, psi: float) -> Run:
     return run
 
 
-def rustworkx_dijkstra(exposure: Floats, goal: Goal, w: float, psi: float) -> Run:
-    entered, left, length = edges(exposure.shape)
-    weights = (1.0 - w) * psi * length + w * exposure.ravel()[entered]
+def rustworkx_dijkstra(exposure: Floats, goal: Goal, w: float, psi: float) -> TimedCall:
+    destination, origin, length = reversed_moves(exposure.shape)
+    weights = (1.0 - w) * psi * length + w * exposure.ravel()[destination]
     graph = rustworkx.PyDiGraph()
     graph.add_nodes_from(range(exposure.size))
-    graph.add_edges_from(list(zip(entered.tolist(), left.tolist(), weights.tolist(), strict=True)))
+    graph.add_edges_from(list(zip(destination.tolist(), origin.tolist(), weights.tolist(), strict=True)))
     source = goal[0] * exposure.shape[1] + goal[1]
     return lambda: rustworkx.digraph_dijkstra_shortest_path_lengths(graph, source, float)
 
 
-def networkx_dijkstra(exposure: Floats, goal: Goal, w: float, psi: float) -> Run:
-    entered, left, length = edges(exposure.shape)
-    weights = (1.0 - w) * psi * length + w * exposure.ravel()[entered]
+def networkx_dijkstra(exposure: Floats, goal: Goal, w: float, psi: float) -> TimedCall:
+    destination, origin, length = reversed_moves(exposure.shape)
+    weights = (1.0 - w) * psi * length + w * exposure.ravel()[destination]
     graph = networkx.DiGraph()
-    graph.add_weighted_edges_from(zip(entered.tolist(), left.tolist(), weights.tolist(), strict=True))
+    graph.add_weighted_edges_from(zip(destination.tolist(), origin.tolist(), weights.tolist(), strict=True))
     source = goal[0] * exposure.shape[1] + goal[1]
     return lambda: networkx.single_source_dijkstra_path_length(graph, source)
 
 
-PEERS: dict[str, tuple[Callable[[Floats, Goal, float, float], Run], int]] = {
+PEERS: dict[str, tuple[Callable[[Floats, Goal, float, float], TimedCall], int]] = {
     "scipy, graph built": (scipy_built, 2000),
     "scipy, weights refreshed": (scipy_refreshed, 2000),
     "scikit-image MCP": (skimage_mcp, 2000),
@@ -116,4 +122,4 @@ PEERS: dict[str, tuple[Callable[[Floats, Goal, float, float], Run], int]] = {
     "rustworkx": (rustworkx_dijkstra, 300),
     "networkx": (networkx_dijkstra, 300),
 }
-"""name -> its preparation, and the largest side to try: beyond it, building the graph takes minutes"""
+"""name -> preparation, and greatest side of the area [cells]; a larger graph takes minutes to build"""

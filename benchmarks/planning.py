@@ -1,7 +1,7 @@
-"""Planning times as ratios to other libraries, measured in one run on one core.
+"""Planning times on one core, as ratios to the times of other libraries in the same run.
 
-Run: `pip install -e '.[bench]'`, then `python benchmarks/planning.py` (some minutes; `--quick` leaves out the
-largest area). Times are medians of this machine at this moment; compared functions are timed alternately.
+First `pip install -e '.[bench]'`. The run takes some minutes. Times are medians on this machine at this
+moment. Compared functions run alternately, so that noise affects all of them.
 """
 
 from __future__ import annotations
@@ -19,51 +19,48 @@ import psutil
 from echo import round_trips_s
 from numpy.typing import NDArray
 from peers import PEERS
-from rich import box
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
-from scenes import Crossing, observed, random_field
+from scenes import Crossing, observed_field, random_field
+from tables import make_table
 
+from swarmctl.core.grid import Cell
 from swarmctl.planners import Problem, constrained, plan, time_bound, warm_up
 from swarmctl.planners.dijkstra import CostToGo, cost_to_go
 from swarmctl.planners.kernels import spread
 from swarmctl.planners.replan import Replanner
 
 PSI = 0.132
-"""the prior P_s of an inner cell: 6 hostiles in 100 cells at 0.6/0.3/0.1"""
+"""prior P_s of an inner cell: 6 hostiles in 100 cells with firing strengths 0.6, 0.3 and 0.1"""
 Floats = NDArray[np.float64]
-console = Console(width=110)
+console = Console(width=130)
 
 
-def timed(run: Callable[[], object]) -> float:
+def call_s(run: Callable[[], object]) -> float:
+    """Return the wall time of one call [s]."""
     began_s = time.perf_counter()
     run()
     return time.perf_counter() - began_s
 
 
-def in_turns(runs: dict[str, Callable[[], object]], times: int) -> dict[str, float]:
-    """Return the median of each [s]; they run alternately, so that noise affects all of them."""
-    found: dict[str, list[float]] = {name: [] for name in runs}
-    for _ in range(times):
+def medians_s(runs: dict[str, Callable[[], object]], n_times: int) -> dict[str, float]:
+    """Return the median time of each function [s]; the functions run alternately."""
+    times_s: dict[str, list[float]] = {name: [] for name in runs}
+    for _ in range(n_times):
         for name, run in runs.items():
-            found[name].append(timed(run))
-    return {name: float(np.median(several)) for name, several in found.items()}
+            times_s[name].append(call_s(run))
+    return {name: float(np.median(each_s)) for name, each_s in times_s.items()}
 
 
-def table(title: str, *columns: str) -> Table:
-    made = Table(title=title, box=box.SIMPLE_HEAD, title_justify="left")
-    for index, column in enumerate(columns):
-        made.add_column(column, justify="left" if index == 0 else "right")
-    return made
-
-
-def full_fields(sides: tuple[int, ...]) -> Iterator[Table]:
-    """Compare the cost-to-go field of the whole area with the peers."""
-    for kind, make in (("as observed, w = 0.5", observed), ("random in [0, 0.3], w = 0.5", random_field)):
-        made = table(
-            f"cost to go from every cell, P_s {kind}: times longer than swarmctl takes",
-            "peer",
+def field_tables(sides: tuple[int, ...]) -> Iterator[Table]:
+    """Compare the time for the cost-to-go field of the whole area with the times of other libraries."""
+    for kind, make in (("after observations", observed_field), ("random in [0, 0.3]", random_field)):
+        table = make_table(
+            f"Cost-to-go field, P_s {kind}, w = 0.5: times in multiples of the time of cost_to_go",
+            "search",
             *(f"{side}²" for side in sides),
+            left=["search"],
         )
         ratios: dict[str, list[str]] = {name: [] for name in PEERS}
         own = []
@@ -74,76 +71,74 @@ def full_fields(sides: tuple[int, ...]) -> Iterator[Table]:
             for name, (prepare, largest) in PEERS.items():
                 if side <= largest:
                     runs[name] = prepare(exposure, goal, 0.5, PSI)
-            found = in_turns(runs, 3 if side >= 1000 else 7)
+            found = medians_s(runs, 3 if side >= 1000 else 7)
             own.append(found["swarmctl"] / side**2)
             for name in PEERS:
                 ratios[name].append(f"{found[name] / found['swarmctl']:.1f}" if name in found else "–")
             del runs
             gc.collect()
         for name, row in ratios.items():
-            made.add_row(name, *row)
-        made.add_section()
-        made.add_row("swarmctl [ns a cell]", *(f"{1e9 * s:.1f}" for s in own))
-        yield made
+            table.add_row(name, *row)
+        table.add_section()
+        table.add_row(escape("cost_to_go [ns a cell]"), *(f"{1e9 * s:.1f}" for s in own))
+        yield table
 
 
-def hard_fields(side: int) -> Table:
-    """Measure cases in which the sweeps do not help: random costs with little weight on length, and walls."""
-    made = table(
-        f"{side}², harder fields: ns a cell, and times scipy (graph built)", "P_s", "w", "ns a cell", "ratio"
+def hard_field_table(side: int) -> Table:
+    """Measure fields that the sweeps of the search do not speed up: w near 1, random costs, walls."""
+    table = make_table(
+        f"Harder fields of {side}² cells",
+        *("P_s", "w", "cost_to_go [ns a cell]", "scipy, graph built [ratio]"),
+        left=["P_s"],
     )
     rng = np.random.default_rng(5)
     walled = random_field(side)
     walled[rng.random(walled.shape) < 0.1] = np.inf
     walled[side // 2, side - 1] = 0.1
     for name, exposure, w in (
-        ("as observed", observed(side), 0.9),
-        ("as observed", observed(side), 1.0),
+        ("after observations", observed_field(side), 0.9),
+        ("after observations", observed_field(side), 1.0),
         ("random", random_field(side), 0.9),
         ("random", random_field(side), 1.0),
-        ("random, a tenth walls", walled, 0.5),
+        ("random, a tenth of the cells walls", walled, 0.5),
     ):
         goal = (side // 2, side - 1)
         runs: dict[str, Callable[[], object]] = {"swarmctl": lambda: cost_to_go(exposure, [goal], w, PSI)}  # noqa: B023
         runs["scipy"] = PEERS["scipy, graph built"][0](np.minimum(exposure, 1e6), goal, w, PSI)
-        found = in_turns(runs, 3)
+        found = medians_s(runs, 3)
         ratio = found["scipy"] / found["swarmctl"]
-        made.add_row(name, f"{w:g}", f"{1e9 * found['swarmctl'] / side**2:.1f}", f"{ratio:.1f}")
-    return made
+        table.add_row(name, f"{w:g}", f"{1e9 * found['swarmctl'] / side**2:.1f}", f"{ratio:.1f}")
+    return table
 
 
 TURNS = 10
-"""observations of one crossing, so that the vehicle is about half-way at each"""
+"""observations in one area; few, so that the vehicle stays about half-way"""
 
 
-def replans(side: int, times: int) -> Table:
+def replan_table(side: int, times: int) -> Table:
     """Compare a replan after one new 3 × 3 observation with a new field of the whole area.
 
-    Every tenth time another area is drawn; its first field does not count.
+    The area changes after each TURNS replans. The first field of an area does not count.
     """
-    made = table(
-        f"{side}², vehicle half-way, one 3 × 3 observation: replanning against a fresh field",
-        "who observes, where to, w",
-        "fresh [ms]",
-        "replan p50",
-        "p99",
-        "fresh / p50",
-        "fresh / p99",
-        "cells",
+    table = make_table(
+        f"Replans on {side}² cells, vehicle half-way, after one 3 × 3 observation",
+        *("observer, goal, w", "new field [ms]", "replan p50 [ms]", "p99 [ms]"),
+        *("new field / p50", "new field / p99", "cells searched"),
+        left=["observer, goal, w"],
     )
     straight, aside, near = (side // 2, side - 1), (side * 3 // 10, side - 1), (side // 2 - 20, side - 1)
-    for who, goal, seen, anywhere, w in (
-        ("itself, straight across, 0.5", straight, 0.0, False, 0.5),
-        ("itself, a third seen, 0.5", near, 0.33, False, 0.5),
-        ("itself, a third seen, 0.9", near, 0.33, False, 0.9),
-        ("itself, a third seen, 1", near, 0.33, False, 1.0),
-        ("itself, goal well to one side, 0.5", aside, 0.0, False, 0.5),
+    for name, goal, seen_share, anywhere, w in (
+        ("vehicle, straight across, 0.5", straight, 0.0, False, 0.5),
+        ("vehicle, a third seen, 0.5", near, 0.33, False, 0.5),
+        ("vehicle, a third seen, 0.9", near, 0.33, False, 0.9),
+        ("vehicle, a third seen, 1", near, 0.33, False, 1.0),
+        ("vehicle, goal to one side, 0.5", aside, 0.0, False, 0.5),
         ("a peer anywhere, straight across, 0.5", straight, 0.0, True, 0.5),
         ("a peer anywhere, a third seen, 0.5", near, 0.33, True, 0.5),
     ):
-        fresh, replan, searched = [], [], []
+        new_field_s, replan_s, searched = [], [], []
         for seed in range(times // TURNS):
-            crossing = Crossing(side, goal, seen, seed)
+            crossing = Crossing(side, goal, seen_share, seed)
             planner = Replanner(crossing.layers, [goal], w, PSI)
             route = planner.route(crossing.position)
             for turn in range(TURNS):
@@ -153,87 +148,94 @@ def replans(side: int, times: int) -> Table:
                     crossing.position = crossing.position if anywhere else route[1]
                     route = planner.route(crossing.position)
 
-                def again() -> None:
+                def replan() -> None:
                     nonlocal route
                     planner.changed(cells)  # noqa: B023
                     route = planner.route(crossing.position)  # noqa: B023
 
-                replan.append(timed(again))
+                replan_s.append(call_s(replan))
                 searched.append(planner.searched_cells)
                 if turn == 0:
                     exposure = crossing.layers.known + crossing.layers.p_unseen * crossing.layers.unseen
                     full: list[CostToGo] = []
-                    fresh.append(timed(lambda: full.append(cost_to_go(exposure, [goal], w, PSI))))  # noqa: B023
+                    new_field_s.append(call_s(lambda: full.append(cost_to_go(exposure, [goal], w, PSI))))  # noqa: B023
                     assert full[0].cells_from(crossing.position) == route, "replanning is exact"
-        f, p50, p99 = np.median(fresh), np.median(replan), np.quantile(replan, 0.99)
-        made.add_row(
-            who, f"{1e3 * f:.1f}", f"{1e3 * p50:.2f}", f"{1e3 * p99:.2f}", f"{f / p50:.1f}",
-            f"{f / p99:.1f}", f"{int(np.median(searched))}",
+        field, p50, p99 = np.median(new_field_s), np.median(replan_s), np.quantile(replan_s, 0.99)
+        table.add_row(
+            name, f"{1e3 * field:.1f}", f"{1e3 * p50:.2f}", f"{1e3 * p99:.2f}", f"{field / p50:.1f}",
+            f"{field / p99:.1f}", f"{int(np.median(searched))}",
         )  # fmt: skip
-    return made
+    return table
 
 
-def swarm(side: int, count: int) -> Table:
-    """Measure vehicles with one goal, which share one search."""
-    made = table(f"{count} vehicles with one goal on {side}²", "", "[ms]", "ratio")
-    exposure, goal = observed(side), (side // 2, side - 1)
+def swarm_table(side: int, count: int) -> Table:
+    """Compare a replan of one vehicle with a replan of all vehicles, which share one search."""
+    table = make_table(f"{count} vehicles with one goal on {side}² cells", "vehicles", "replan [ms]", "ratio")
+    exposure, goal = observed_field(side), (side // 2, side - 1)
     starts = [(int(row), 0) for row in np.linspace(0, side - 1, count)]
 
-    def replan(of: list[tuple[int, int]]) -> None:
-        cost_to_go(exposure, [goal], 0.5, PSI).paths_from(of)
+    def replan(cells: list[Cell]) -> None:
+        cost_to_go(exposure, [goal], 0.5, PSI).paths_from(cells)
 
-    found = in_turns({"one": lambda: replan(starts[count // 3 :][:1]), "all": lambda: replan(starts)}, 41)
+    found = medians_s({"one": lambda: replan(starts[count // 3 :][:1]), "all": lambda: replan(starts)}, 41)
     for name, s in found.items():
-        made.add_row(f"{name} replanned", f"{1e3 * s:.2f}", f"{s / found['one']:.2f}")
-    return made
+        table.add_row(name, f"{1e3 * s:.2f}", f"{s / found['one']:.2f}")
+    return table
 
 
-def bounded(side: int, n_fields: int) -> Table:
-    """Measure the planners that keep a bound, in units of one search.
+def bound_table(side: int, n_fields: int) -> Table:
+    """Measure the planners that keep a bound; the unit is the time of one search.
 
-    A search is a field of the whole area in reused memory, at w = 0.5 or at the weights that the planner
-    searched; weights nearer to 1 take longer.
+    A search is a field of the whole area in reused memory. One unit has w = 0.5. The other has the
+    weights that the planner searched, because a search at a weight near 1 takes longer.
     """
-    made = table(
-        f"{side}², a bound halfway along the front, {n_fields} fields each: time in searches",
-        "planner, P_s",
-        "made",
-        "at w = 0.5: p50",
-        "p90",
-        "at its own w: p50",
-        "p90",
-        "proved exact",
+    table = make_table(
+        f"A length bound halfway along the front, {n_fields} fields of {side}² cells: time in searches",
+        *(
+            "planner, P_s",
+            "searches made",
+            "unit w = 0.5: p50",
+            "p90",
+            "unit own w: p50",
+            "p90",
+            "proved exact",
+        ),
+        left=["planner, P_s"],
     )
     planners = (("time_bound", time_bound), ("constrained", constrained))
-    for kind, make in (("random", random_field), ("as observed", observed)):
+    for kind, make in (("random", random_field), ("after observations", observed_field)):
         for name, planner in planners:
-            made_n, by_half, by_own, exact = [], [], [], 0
+            n_searches, in_searches, in_own_searches, n_exact = [], [], [], 0
             for seed in range(n_fields):
-                problem = halfway(make(side, seed))
+                problem = bounded_crossing(make(side, seed))
                 route = planner.plan(problem, planner.Params())
-                taken_s = min(timed(lambda: planner.plan(problem, planner.Params())) for _ in range(3))  # noqa: B023
+                taken_s = min(call_s(lambda: planner.plan(problem, planner.Params())) for _ in range(3))  # noqa: B023
                 own_s = [search_s(problem, searched.w) for searched in route.searched]
-                made_n.append(len(own_s))
-                by_half.append(taken_s / search_s(problem, 0.5))
-                by_own.append(taken_s / np.mean(own_s))
-                exact += route.lower_bound is not None and route.cost <= route.lower_bound * (1 + 1e-9)
-            made.add_row(
+                n_searches.append(len(own_s))
+                in_searches.append(taken_s / search_s(problem, 0.5))
+                in_own_searches.append(taken_s / np.mean(own_s))
+                n_exact += route.lower_bound is not None and route.cost <= route.lower_bound * (1 + 1e-9)
+            table.add_row(
                 f"{name}, {kind}",
-                f"{np.median(made_n):.0f}",
-                *(f"{np.quantile(of, q):.1f}" for of in (by_half, by_own) for q in (0.5, 0.9)),
-                f"{exact} of {n_fields}" if name == "constrained" else "–",
+                f"{np.median(n_searches):.0f}",
+                *(
+                    f"{np.quantile(ratios, q):.1f}"
+                    for ratios in (in_searches, in_own_searches)
+                    for q in (0.5, 0.9)
+                ),
+                f"{n_exact} of {n_fields}" if name == "constrained" else "–",
             )
-    return made
+    return table
 
 
 def search_s(problem: Problem, w: float) -> float:
     """Return the time of one field of the whole area [s]."""
     field = spread(problem.exposure, problem.goals, w, PSI)
-    return min(timed(lambda: spread(problem.exposure, problem.goals, w, PSI, into=field)) for _ in range(3))
+    return min(call_s(lambda: spread(problem.exposure, problem.goals, w, PSI, into=field)) for _ in range(3))
 
 
-def halfway(exposure: Floats) -> Problem:
-    """Return a crossing bounded by the mean of the shortest and the least exposed route's lengths."""
+def bounded_crossing(exposure: Floats) -> Problem:
+    """Return a crossing with a length bound: the mean of the shortest and the least exposed route."""
     side = exposure.shape[0]
     start, goals = (side // 2, 0), ((side // 3, side - 1),)
     lengths = []
@@ -244,16 +246,16 @@ def halfway(exposure: Floats) -> Problem:
     return Problem(exposure, start, goals, 0.5, PSI, max_length_cells=sum(lengths) / 2)
 
 
-def memory(side: int) -> Table:
-    """Measure the memory of a field, and the growth after a thousand replans."""
-    made = table("memory", "", "")
-    process, exposure = psutil.Process(os.getpid()), observed(side)
+def memory_table(side: int) -> Table:
+    """Measure the memory of a field, and the growth in a thousand replans."""
+    table = make_table("Memory", "", "")
+    process, exposure = psutil.Process(os.getpid()), observed_field(side)
     gc.collect()
     before = process.memory_info().rss
     field = cost_to_go(exposure, [(side // 2, side - 1)], 0.5, PSI)
     field.cells_from((side // 3, 0))
     held = process.memory_info().rss - before
-    made.add_row(f"the field of {side}² and a route in it, bytes a cell", f"{held / side**2:.1f}")
+    table.add_row(escape(f"a field of {side}² cells and a route [bytes/cell]"), f"{held / side**2:.1f}")
     del field
     crossing = Crossing(side, (side // 2, side - 1), 0.0)
     planner = Replanner(crossing.layers, [crossing.goal], 0.5, PSI)
@@ -264,51 +266,57 @@ def memory(side: int) -> Table:
         if turn in (100, 1099):
             gc.collect()
             held_mb.append(process.memory_info().rss / 2**20)
-    made.add_row("a thousand replans later, MB more", f"{held_mb[1] - held_mb[0]:+.1f}")
-    return made
+    table.add_row(escape("growth in a thousand replans [MB]"), f"{held_mb[1] - held_mb[0]:+.1f}")
+    return table
 
 
-def echo(side: int, count: int) -> Table:
-    """Measure whether other threads of the process run while a planner searches."""
-    made = table(
-        f"a Zenoh echo over TCP, {count} times", "beside it in the process", "p50 [ms]", "p99", "max"
+def echo_table(side: int, count: int) -> Table:
+    """Measure the latency of other threads of the process while a planner searches."""
+    table = make_table(
+        f"A Zenoh echo over TCP, {count} times",
+        *("a thread of the same process computes", "p50 [ms]", "p99 [ms]", "max [ms]"),
+        left=["a thread of the same process computes"],
     )
-    exposure, goal = observed(side), (side // 2, side - 1)
+    exposure, goal = observed_field(side), (side // 2, side - 1)
     problem = Problem(exposure, (side // 2, 0), (goal,), 0.5, PSI)
-    in_time = halfway(observed(200))
-    for name, beside in (
+    with_bound = bounded_crossing(observed_field(200))
+    for name, background_task in (
         ("nothing", None),
-        (f"the full field of {side}² without a pause", lambda: cost_to_go(exposure, [goal], 0.5, PSI)),
-        (f"dijkstra on {side}² without a pause", lambda: plan(problem)),
-        ("constrained on 200² without a pause", lambda: plan(in_time, "constrained")),
+        (f"fields of {side}² cells", lambda: cost_to_go(exposure, [goal], 0.5, PSI)),
+        (f"dijkstra on {side}² cells", lambda: plan(problem)),
+        ("constrained on 200² cells", lambda: plan(with_bound, "constrained")),
     ):
-        p50, p99, top = 1e3 * np.quantile(round_trips_s(count, beside), (0.5, 0.99, 1.0))
-        made.add_row(name, f"{p50:.2f}", f"{p99:.2f}", f"{top:.2f}")
-    return made
+        p50, p99, maximum = 1e3 * np.quantile(round_trips_s(count, background_task), (0.5, 0.99, 1.0))
+        table.add_row(name, f"{p50:.2f}", f"{p99:.2f}", f"{maximum:.2f}")
+    return table
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument(
-        "--quick", action="store_true", help="leave out the largest area, and most repetitions"
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument(
-        "--memory", action="store_true", help="only the memory, of a process that did nothing else"
+        "--quick",
+        action="store_true",
+        help="without the largest area and most repetitions, about two minutes",
     )
-    asked = parser.parse_args()
-    quick: bool = asked.quick
+    parser.add_argument(
+        "--memory", action="store_true", help="the memory alone, in a process without other measurements"
+    )
+    options = parser.parse_args()
+    quick: bool = options.quick
     warm_up()
-    if asked.memory:
-        console.print(memory(1000))
+    if options.memory:
+        console.print(memory_table(1000))
         return
-    for made in full_fields((100, 300, 1000) if quick else (100, 300, 1000, 2000)):
-        console.print(made)
-    console.print(hard_fields(1000))
-    console.print(replans(1000, 100 if quick else 1000))
-    console.print(swarm(200, 50))
-    console.print(bounded(200, 10 if quick else 50))
+    for table in field_tables((100, 300, 1000) if quick else (100, 300, 1000, 2000)):
+        console.print(table)
+    console.print(hard_field_table(1000))
+    console.print(replan_table(1000, 100 if quick else 1000))
+    console.print(swarm_table(200, 50))
+    console.print(bound_table(200, 10 if quick else 50))
     subprocess.run([sys.executable, __file__, "--memory"], check=True)
-    console.print(echo(1000, 500 if quick else 3000))
+    console.print(echo_table(1000, 500 if quick else 3000))
 
 
 if __name__ == "__main__":
