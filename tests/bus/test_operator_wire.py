@@ -328,12 +328,12 @@ def test_a_vehicle_is_selected_by_its_name_or_its_system_id() -> None:
         ([""], "3 (alpha)"),
     ],
 )  # fmt: skip
-def test_a_name_or_system_id_selects_one_vehicle(words: list[int | str], meant: list[int] | str) -> None:
+def test_a_name_or_system_id_selects_one_vehicle(words: list[int | str], expected: list[int] | str) -> None:
     names = {3: "alpha", 5: "7", 9: "3x", 11: "9x"}
-    if isinstance(meant, list):
-        assert resolve_vehicles(words, names) == meant
+    if isinstance(expected, list):
+        assert resolve_vehicles(words, names) == expected
     else:
-        with pytest.raises(ValueError, match=re.escape(meant)):
+        with pytest.raises(ValueError, match=re.escape(expected)):
             resolve_vehicles(words, names)
 
 
