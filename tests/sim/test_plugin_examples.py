@@ -39,7 +39,7 @@ class Lander:
             self._send(mavlink.MAVLink_command_long_message(target, 1, land, 0, 0, 0, 0, 0, 0, 0, 0))
 
 
-def test_lands_on_a_low_battery(vehicle: Vehicle, clock: Clock) -> None:
+def test_a_vehicle_lands_on_a_low_battery(vehicle: Vehicle, clock: Clock) -> None:
     lander = Lander(vehicle.send)
 
     def pump() -> bool:
@@ -60,23 +60,23 @@ def test_lands_on_a_low_battery(vehicle: Vehicle, clock: Clock) -> None:
 # -- a ground station with a socket, under test in real time -----------------------------------------------
 
 
-def count_heartbeats(url: str, wanted: int) -> set[int]:
+def received_sysids(url: str, wanted: int) -> set[int]:
     """Return the vehicles that a ground station hears on a link."""
     connection = mavutil.mavlink_connection(url, source_system=255)
-    heard: set[int] = set()
-    while len(heard) < wanted:
+    sysids: set[int] = set()
+    while len(sysids) < wanted:
         connection.mav.heartbeat_send(mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, 0)
         message = connection.recv_match(type="HEARTBEAT", blocking=True, timeout=1)
         if message is not None and message.autopilot != mavlink.MAV_AUTOPILOT_INVALID:
-            heard.add(message.get_srcSystem())
+            sysids.add(message.get_srcSystem())
     connection.close()
-    return heard
+    return sysids
 
 
 @pytest.mark.interop
-def test_hears_every_vehicle_over_udp(swarm: MakeSwarm, link: ServedFleet) -> None:
+def test_every_vehicle_is_received_over_udp(swarm: MakeSwarm, link: ServedFleet) -> None:
     swarm(count=3, personality="mixed")
-    assert count_heartbeats(link.url, wanted=3) == {1, 2, 3}
+    assert received_sysids(link.url, wanted=3) == {1, 2, 3}
 
 
 @pytest.mark.interop
