@@ -1,7 +1,7 @@
 """The files of one vehicle: generated files, and a small writable area.
 
-Paths are case-sensitive and absolute, with or without a leading `/`. A directory exists if it was created, is
-writable, or contains a file or directory. A path to read can have a query after `?`
+Paths are case-sensitive and start at the root; a leading `/` is optional. A directory exists if it was
+created, is writable, or contains a file or directory. A path to read can have a query after `?`
 (`@PARAM/param.pck?start=10`).
 """
 
@@ -143,7 +143,10 @@ class FileSystem:
         content[offset : offset + len(data)] = data
 
     def close(self, path: str) -> None:
-        """Close a written file; a generated file receives its new content, or raises FileError."""
+        """Close a written file, and pass new content to a generated file's `write`.
+
+        Raises FileError if a generated file cannot use the content.
+        """
         source = self._sources().get(path)
         if source is None or source.write is None or path not in self._files:
             return
@@ -185,12 +188,17 @@ class FileSystem:
         self._created.discard(path)
 
     def rename(self, old: str, new: str) -> None:
-        """Rename a written file, or a created directory with its content."""
+        """Rename a written file, or a created directory with its content.
+
+        A file replaces a written file of the new name. Raises FileError for any other existing name.
+        """
         old, new = normal(old), normal(new)
         sources = self._sources()
         if new in sources or self._is_directory(new, sources):
             raise FileError(errno.EEXIST)
         if old in self._created:
+            if new in self._files:
+                raise FileError(errno.EEXIST)
             if f"{new}/".startswith(f"{old}/"):
                 raise FileError(errno.EINVAL)
             self._check_writable(new, sources)

@@ -250,6 +250,15 @@ def test_a_file_is_written_read_checksummed_renamed_and_removed(rules: FtpRules)
     assert [line for line in listed(c, b"/disk") if line != b"S"] == []
 
 
+@BOTH
+def test_a_directory_is_not_renamed_onto_a_file(rules: FtpRules) -> None:
+    c = client(rules)
+    assert c.one(Opcode.CREATE_DIRECTORY, b"/disk/a").opcode == Opcode.ACK
+    c.one(Opcode.TERMINATE_SESSION, session=opened(c, b"/disk/f", Opcode.CREATE_FILE))
+    assert c.one(Opcode.RENAME, b"/disk/a\0/disk/f").error == FtpError.FILE_EXISTS
+    assert [line for line in listed(c, b"/disk") if line != b"S"] == [b"Da", b"Ff\t0"]
+
+
 def test_the_disk_space_is_limited() -> None:
     c = client(ftp.PX4)
     session = opened(c, b"/disk/f", Opcode.CREATE_FILE)
