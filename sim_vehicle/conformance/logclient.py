@@ -12,7 +12,10 @@ LIST_S = 4.0  # longest wait for the first LOG_ENTRY after a request
 
 
 def entries(vehicle: VehicleUnderTest) -> dict[int, Any]:
-    """Return LOG_ENTRY by log id; raise Skip if an autopilot with unknown support does not answer."""
+    """Return LOG_ENTRY by log id.
+
+    Without an answer: raise CheckFailed if the autopilot is known to serve logs (`dialect.logs`), else Skip.
+    """
     mark = vehicle.mark()
     for _ in range(3):
         vehicle.send(mavlink.MAVLink_log_request_list_message(*vehicle.target, 0, 0xFFFF))
@@ -40,7 +43,10 @@ def newest(vehicle: VehicleUnderTest) -> Any:
 
 
 def data(vehicle: VehicleUnderTest, log_id: int, offset: int, count: int) -> bytes:
-    """Return `count` bytes of a log, or fewer at its end; lost parts are requested up to seven times more."""
+    """Return up to `count` bytes of a log.
+
+    The result is shorter at the end of the log, and if a part is still missing after eight requests.
+    """
     parts: dict[int, bytes] = {}
     end: int | None = None
     for _ in range(8):

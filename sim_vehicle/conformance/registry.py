@@ -34,7 +34,7 @@ class Check:
     dialects: frozenset[str]  # names of the autopilots' dialects; empty: all
     kind: str | None  # copter or plane; None: both
     airborne: bool  # True: the check starts in flight
-    pins: str  # source of the statement: MAVLink, or a line of notes/AUTOPILOTS.md
+    source: str  # document of the expected behaviour: MAVLink, or a line of notes/AUTOPILOTS.md
     limit_s: float  # time limit [s of vehicle time]
 
     @property
@@ -58,7 +58,7 @@ def check(
     dialects: Iterable[str] = (),
     kind: str | None = None,
     airborne: bool = False,
-    pins: str = "MAVLink",
+    source: str = "MAVLink",
     limit_s: float = 60.0,
 ) -> Callable[[CheckFunction], CheckFunction]:
     """Register a function under `category.name`; raise ValueError for a bad name or permission."""
@@ -81,7 +81,7 @@ def check(
             frozenset(dialects),
             kind,
             airborne,
-            pins,
+            source,
             limit_s,
         )
         return function
@@ -98,7 +98,10 @@ def all_checks() -> list[Check]:
 
 
 def select(patterns: Iterable[str]) -> list[Check]:
-    """Return the checks that match a pattern (`mission.*`, `fence`), or all; raise ValueError for none."""
+    """Return the checks that match any of the patterns (`mission.*`, `fence`); without patterns, all checks.
+
+    Raises ValueError if no check matches.
+    """
     cleaned = [pattern.strip() for pattern in patterns if pattern.strip()]
     chosen = [
         found

@@ -126,7 +126,7 @@ def as_json(report: RunReport, url: str) -> str:
                     "result": result.outcome.value,
                     "seen": result.seen,
                     "took_s": round(result.took_s, 3),
-                    "pins": result.check.pins,
+                    "source": result.check.source,
                 }
                 for result in report.results
             ],

@@ -1,7 +1,8 @@
 """Listing, download and erasure of flight logs over MAVLink, a state machine without I/O.
 
-LOG_ENTRY and LOG_DATA have no target. ArduPilot serves one ground station at a time and refuses requests of
-other stations. PX4 serves several ground stations at once.
+LOG_ENTRY and LOG_DATA have no target. ArduPilot serves one ground station at a time. During a transfer,
+ArduPilot refuses LOG_REQUEST_LIST and LOG_REQUEST_DATA of other stations; LOG_REQUEST_END and LOG_ERASE of
+any station end the transfer. PX4 serves several ground stations at once.
 """
 
 from collections.abc import Callable
@@ -25,7 +26,7 @@ class LogRules:
     first_id: int  # id of the oldest log
     one_at_a_time: bool  # True: a transfer must end before the next transfer
     refused_armed: str  # STATUSTEXT of a refusal while armed; "": logs are served while armed
-    list_first: bool  # True: data requires a list request since the last LOG_REQUEST_END
+    list_first: bool  # True: data requires an earlier list request, which END, ERASE or a reboot cancels
 
 
 ARDUPILOT = LogRules(
@@ -73,7 +74,7 @@ class LogTransfer:
         self._send, self._send_text, self._armed = send, send_text, armed
         self._pacer = Pacer(bytes_s, max_bytes_at_once)
         self._transfers: dict[tuple[int, int], _Transfer] = {}
-        self._listed: dict[tuple[int, int], None] = {}  # stations with a list request, in order
+        self._listed: dict[tuple[int, int], None] = {}  # stations with a list request, latest last
         self._refusal_announced = False
         self._handlers: dict[str, Callable[[Any, tuple[int, int]], None]] = {
             "LOG_REQUEST_LIST": self._request_list,

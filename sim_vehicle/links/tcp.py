@@ -38,7 +38,7 @@ class _Connections:
 
         def ended(_reason: str) -> None:
             self._remove(stream)
-            self._ended()
+            self._on_peer_closed()
 
         stream = Stream(
             connected.fileno(),
@@ -53,8 +53,8 @@ class _Connections:
     def _received(self, data: bytes, peer: Hashable) -> None:
         self._callbacks.received(data, peer, None)
 
-    def _ended(self) -> None:
-        """React to a connection that has ended, but not to a connection that this link closes."""
+    def _on_peer_closed(self) -> None:
+        """React after the other end has closed a connection, or after a transfer has failed."""
 
     def _remove(self, stream: Stream) -> None:
         self._dropped += stream.dropped
@@ -205,7 +205,7 @@ class TcpOut(_Connections):
             )
         self._schedule_retry()
 
-    def _ended(self) -> None:
+    def _on_peer_closed(self) -> None:
         self._schedule_retry()
 
     def _schedule_retry(self) -> None:

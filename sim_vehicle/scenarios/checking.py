@@ -16,7 +16,7 @@ class CheckFailure:
 
     check: str  # name, argument, times and vehicles
     sysid: int
-    link: int
+    link: int  # number of the vehicle's link
     t_s: float
     found: str  # measured value
 
@@ -87,7 +87,7 @@ class RunningCheck:
             return []
         if self.spec.when == "always":
             # A check fails if the run ended before `from_s`, or if no step was between the check's times.
-            unseen = ["no evaluation of the check [not-evaluated]"] * len(self._selected)
+            unseen = ["no step of the run between the check's times [not-evaluated]"] * len(self._selected)
             return [] if self._evaluated else self._fail(self._undecided.copy(), view, unseen)
         if self.spec.when == "end":
             holds, _ = self._check.function(view, self.spec.value)
@@ -106,7 +106,10 @@ class RunningCheck:
             self._nearest_m[nearer], self._nearest_s[nearer] = away_m[nearer], view.now
 
     def _at_closest_approach(self, found: Measured) -> Measured:
-        """Return each vehicle's smallest distance to its event as text; without such an event, `found`."""
+        """Return each vehicle's smallest distance to the checked place and its time, as text.
+
+        Without a finite distance, return the vehicle's text from `found`.
+        """
         if self.spec.when != "eventually":
             return found
         return [

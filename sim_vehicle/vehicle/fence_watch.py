@@ -42,7 +42,8 @@ class FenceWatch:
         self.count = 0
         self.last_s = 0.0  # start of the latest breach
         self._enabled_by_parameter = vehicle.flight_parameters.fence_enabled
-        self._latched_limits = self._configured()
+        # limits set when the fence was enabled; only these are enforced if `fence_limits_latch`
+        self._limits_at_enabling = self._configured()
         self._floor_enforced = False  # the minimum altitude is enforced
         # breached limit -> distance beyond the limit at which the fence acts again
         self._next_breach_m: dict[str, float] = {}
@@ -57,12 +58,12 @@ class FenceWatch:
         by_parameter = self._vehicle.flight_parameters.fence_enabled
         if by_parameter != self._enabled_by_parameter:
             self._enabled_by_parameter, self._enabled_by_command = by_parameter, None
-            self._latched_limits = self._configured()
+            self._limits_at_enabling = self._configured()
 
     def set_enabled(self, *, on: bool) -> None:
         """Enable or disable the fence by command; a change of the parameter ends the override."""
         self._enabled_by_command = on
-        self._latched_limits = self._latched_limits | self._configured() if on else frozenset()
+        self._limits_at_enabling = self._limits_at_enabling | self._configured() if on else frozenset()
 
     def _configured(self) -> frozenset[str]:
         """Return the limits set by the parameters, except the minimum altitude."""
@@ -93,7 +94,7 @@ class FenceWatch:
 
     @property
     def ceiling_amsl_m(self) -> float:
-        """Highest altitude that the autopilot itself flies to [m above mean sea level]; inf: no limit."""
+        """Highest altitude of a return if `return_under_fence` [m above mean sea level]; inf: no limit."""
         flight_parameters = self._vehicle.flight_parameters
         if not self.enabled:
             return math.inf
@@ -117,7 +118,7 @@ class FenceWatch:
         found = self._beyond_here_m() if self.enabled else {}
         return f"Vehicle breaching {names_of(frozenset(found))}" if found else None
 
-    def pilot_took_over(self, now: float) -> None:
+    def mode_changed_by_station(self, now: float) -> None:
         """In a breach, suspend actions for RECOVERY_S after a mode change by a ground station."""
         if self.breached:
             self._recovers_until_s = now + RECOVERY_S
@@ -176,7 +177,7 @@ class FenceWatch:
         if flight_parameters.fence_polygons and vehicle.fence.breaches(lat_deg, lon_deg):
             beyond_m[POLYGON] = 0.0
         if vehicle.personality.fence_limits_latch:
-            enforced = self._latched_limits | {ALTITUDE_MIN}
+            enforced = self._limits_at_enabling | {ALTITUDE_MIN}
             beyond_m = {limit: distance for limit, distance in beyond_m.items() if limit in enforced}
         return {limit: distance for limit, distance in beyond_m.items() if distance >= 0}
 

@@ -42,7 +42,7 @@ class Modes:
             return False
         if vehicle.armed and not self._may_enter(mode, now):
             return False
-        vehicle.fence_watch.pilot_took_over(now)
+        vehicle.fence_watch.mode_changed_by_station(now)
         self._enter(mode)
         return True
 

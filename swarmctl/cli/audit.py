@@ -175,7 +175,7 @@ def _table(summary: Digest) -> FittedTable:
             printable(_counted(row.answers)),
             str(row.refused or ""),
             str(row.unanswered or ""),
-            printable(_grouped(row.seen)),
+            printable(_grouped(row.effects)),
         )
     return table
 

@@ -21,7 +21,7 @@ def check_communication(config: Config) -> Iterator[ConfigProblem]:
     yield from _check_radio(communication)
     yield from _check_transport(communication)
     if names:  # another check reports a configuration without vehicles
-        yield from _check_times(communication, names)
+        yield from _check_period_vehicles(communication, names)
         yield from _check_mesh(communication, names)
 
 
@@ -38,7 +38,7 @@ def _check_radio(c: Communication) -> Iterator[ConfigProblem]:
         yield ConfigProblem((*SECTION, "loss_burst"), str(error), depends_on=(*SECTION, "loss"))
     if 0.0 < c.sync_every_s < c.delay_s:
         text = f"{c.sync_every_s:g} is shorter than delay_s = {c.delay_s:g}: a UAV would repeat a request "
-        text += f"before the first arrives; give {c.delay_s:g} or more, or 0 to turn the exchange off"
+        text += f"before the first arrives; give {c.delay_s:g} or more, or 0 for no such requests"
         yield ConfigProblem((*SECTION, "sync_every_s"), text, depends_on=(*SECTION, "delay_s"))
 
 
@@ -77,7 +77,7 @@ def _is_certified(text: str) -> bool:
     return text != NO_ENDPOINT and parse_endpoint(text).is_certified
 
 
-def _check_times(c: Communication, names: Mapping[int, str]) -> Iterator[ConfigProblem]:
+def _check_period_vehicles(c: Communication, names: Mapping[int, str]) -> Iterator[ConfigProblem]:
     """Yield problems of vehicles in partitions and quiet times: unknown, or named twice."""
     for i, partition in enumerate(c.partitions):
         here: KeyPath = (*SECTION, "partitions", i, "groups")
@@ -96,7 +96,7 @@ def _check_times(c: Communication, names: Mapping[int, str]) -> Iterator[ConfigP
 
 
 def _check_mesh(c: Communication, names: Mapping[int, str]) -> Iterator[ConfigProblem]:
-    """Yield problems of the mesh: unknown vehicles, and vehicles without exactly one separate endpoint."""
+    """Yield problems of the mesh: unknown vehicles, and missing, repeated or shared endpoints."""
     if not c.mesh:
         return
     here: KeyPath = (*SECTION, "mesh")
@@ -121,7 +121,10 @@ def _check_mesh(c: Communication, names: Mapping[int, str]) -> Iterator[ConfigPr
 def _resolve(
     words: Mapping[KeyPath, VehicleRef], names: Mapping[int, str]
 ) -> tuple[dict[KeyPath, int], list[ConfigProblem]]:
-    """Return each word's vehicle, by the word's path, and problems of words without exactly one vehicle."""
+    """Return the system id of each vehicle reference, by its path, and problems of the references.
+
+    A reference has a problem if it matches no vehicle, or two.
+    """
     uavs: dict[KeyPath, int] = {}
     problems = []
     for path, word in words.items():

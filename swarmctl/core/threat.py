@@ -1,4 +1,4 @@
-"""The firing strength of a hostile, Eq. 1."""
+"""The firing strength of a hostile, Eq. 1 of the paper."""
 
 from __future__ import annotations
 
@@ -10,7 +10,10 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, slots=True)
 class FiringStrength:
-    """Hit probabilities on entry into the hostile's cell, an adjacent cell, or a diagonal neighbour.
+    """Hit probabilities on entry into a cell near a hostile.
+
+    `direct`: the hostile's own cell; `first_neighbour`: a cell with a shared edge; `second_neighbour`: a cell
+    with only a shared corner.
 
     Raises ValueError unless 0 ≤ second_neighbour < first_neighbour < direct ≤ 1.
     """

@@ -99,7 +99,8 @@ class FrontEnd:
     async def forward(self, endpoint: Endpoint, *, commands: bool = False) -> None:
         """Copy the frames of vehicles and of this program to the stations at an endpoint.
 
-        If `commands`, frames of these stations reach the vehicles, except forced arming and disarming.
+        If `commands`, frames of these stations reach the vehicles. Exceptions: frames refused by signing,
+        forced arming and disarming, and commands that the evidence recorder forbids.
         Raises TransportError, and LinkError for a loop or if unknown stations could command.
         """
         refuse_loops([endpoint], list(self._lines))
@@ -140,14 +141,14 @@ class FrontEnd:
     ) -> Channel:
         """Return the channel of one system id on an open endpoint; `on_message` gets messages of `read_ids`.
 
-        Raises LinkError if another link on this endpoint, or this station, has the system id.
+        Raises LinkError if another vehicle on this endpoint, or this station, has the system id.
         """
         line = self._lines[endpoint]
         if sysid in line.channels:
             raise LinkError(
                 f"system id {sysid} is used by two vehicles on {endpoint}; give one vehicle another id "
-                "(ArduPilot: parameter SYSID_THISMAV, from 4.7 on MAV_SYSID; PX4: MAV_SYS_ID) or its own "
-                "link [system-id-twice]"
+                "(ArduPilot: parameter SYSID_THISMAV, or MAV_SYSID since version 4.7; PX4: MAV_SYS_ID) or "
+                "its own link [system-id-twice]"
             )
         if sysid == self.sysid:
             raise LinkError(
@@ -163,7 +164,7 @@ class FrontEnd:
         return frozenset(self._lines[endpoint].systems) if endpoint in self._lines else frozenset()
 
     def last_refusal_on(self, endpoint: Endpoint, sysid: int) -> str:
-        """Return the reason for the last refused frame of an autopilot; empty if none was refused."""
+        """Return why the last refused frame of an autopilot was refused; empty if none was."""
         return self._lines[endpoint].last_refusals.get(sysid, "") if endpoint in self._lines else ""
 
     async def why_not_arm(self) -> str:

@@ -1,4 +1,4 @@
-"""Events of a vehicle's session, a closed list, and the vehicle's identity."""
+"""The events of a vehicle's session (`SessionEvent` has all of them), and the vehicle's identity."""
 
 from __future__ import annotations
 
@@ -40,7 +40,15 @@ class FirstHeartbeat:
 
 @dataclass(frozen=True, slots=True)
 class StateChanged:
-    """New state: at each position, at once after a change of mode or mission, else about once a second."""
+    """A new state of the vehicle.
+
+    | occasion | delay |
+    |---|---|
+    | GLOBAL_POSITION_INT | none |
+    | a change of mode, arming or `other_mission` | none |
+    | the first heartbeat after a loss | none |
+    | other telemetry | about 1 s after the last state |
+    """
 
     state: VehicleState
 

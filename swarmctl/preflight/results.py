@@ -20,7 +20,7 @@ class CheckResult:
     waived: bool = False
     """True if the check failed and an operator waived the failure"""
     set_by_fly: str = ""
-    """changes by which `fly` corrects the failure before arming, as text; only for `preflight`"""
+    """changes by which `swarmctl fly` would correct the failure, as text; empty in a run of `fly` itself"""
 
     @property
     def passes(self) -> bool:

@@ -67,8 +67,8 @@ class UiObserver:
             self.ui.say(f"{after.task.name}: {after.late}")
         if after.lost is not before.lost:
             text = (
-                "telemetry has stopped; orders may not reach the vehicle and are repeated when telemetry is "
-                "back [telemetry-lost]"
+                "telemetry has stopped; orders may not reach the vehicle, and orders without an effect are "
+                "repeated when telemetry is back [telemetry-lost]"
                 if after.lost
                 else "telemetry is back; orders without an effect are repeated [telemetry-back]"
             )

@@ -19,22 +19,20 @@ from cryptography.x509.oid import NameOID
 
 AUTHORITY = "ca"
 """folder of the certificate authority"""
+_COPY_AGAIN = "copy the whole folder again from the machine where `swarmctl keys` ran"
 PARTICIPANT_NAME = re.compile(r"uav[1-9][0-9]{0,2}|operator|router")
-"""names of participants"""
+"""valid names of participants; the pattern also takes uav255 to uav999"""
 
 
 class KeyringError(Exception):
-    """A fault of a folder of keys; the text has file, reason and advice."""
+    """A fault of keys or their folder, or an invalid name of a participant or host."""
 
 
 def read(path: Path) -> bytes:
     try:
         return path.read_bytes()
     except OSError as error:
-        raise KeyringError(
-            f"{path}: {error.strerror or error}; copy the whole folder again from "
-            "the machine where `swarmctl keys` ran"
-        ) from error
+        raise KeyringError(f"{path}: {error.strerror or error}; {_COPY_AGAIN}") from error
 
 
 def read_certificate(path: Path) -> x509.Certificate:
@@ -82,7 +80,7 @@ def check_name(path: Path, certificate: x509.Certificate, name: str) -> None:
     names = certificate.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
     if [attribute.value for attribute in names] != [name]:
         raise KeyringError(
-            f"{path} is not the certificate of {name}; remove the folder, or give another folder"
+            f"{path} is not the certificate of {name}; remove {path.parent}, or give another folder of keys"
         )
 
 
@@ -122,7 +120,7 @@ def check_private(path: Path) -> None:
     try:
         mode = stat.S_IMODE(path.stat().st_mode)
     except OSError as error:
-        raise KeyringError(f"{path}: {error.strerror or error}") from error
+        raise KeyringError(f"{path}: {error.strerror or error}; {_COPY_AGAIN}") from error
     if mode & 0o077:
         raise KeyringError(f"{path} is open to other users (mode {mode:04o}); run chmod 600 {path}")
 

@@ -1,4 +1,4 @@
-"""Recall of a swarm: the vehicles return one after the other, so that their routes do not conflict."""
+"""Recall of a swarm: scheduled start times for the returns, so that no two vehicles conflict."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from swarmctl.station import client
 from swarmctl.station.client import UNSIGNED, CommandSigning, FlightEndpoints
 
 FALLBACK_RETURN_S = 120.0
-"""time after which a holding vehicle returns without a turn, because the station may be lost"""
+"""time after which a holding vehicle without a start time returns [s], because the station may be lost"""
 MAX_ATTEMPTS = 3
-"""largest number of attempts per vehicle; an unconfirmed return may delay the other vehicles' turns"""
+"""largest number of times that one command is sent to a vehicle; unconfirmed returns may delay the others"""
 
 
 async def send(
@@ -27,7 +27,7 @@ async def send(
     credentials: Credentials | None = None,
     signing: CommandSigning = UNSIGNED,
 ) -> OperatorAnswer:
-    """Send a command as `client.send` does; after an order to return, one vehicle after the other returns.
+    """Send a command as `client.send` does; an order to return also schedules the vehicles' returns.
 
     Raises BusError, BadOptions and NoAnswer.
     """
@@ -38,7 +38,7 @@ async def send(
 async def ask(
     bus: Transport, flight: FlightEndpoints, command: Request, signing: CommandSigning = UNSIGNED
 ) -> OperatorAnswer:
-    """Send a command over an open bus; after an order to return, one vehicle after the other returns.
+    """Send a command over an open bus; an order to return also schedules the vehicles' returns.
 
     Raises BadOptions and NoAnswer.
     """
@@ -51,8 +51,8 @@ async def ask(
     )
     recalled = [v for v in first_answers if v.outcome == "taken"]
     places = {v.uav: v.place for v in recalled if v.place is not None and is_plausible(v.place)}
-    turns = schedule_for(places)
-    landed_s = turns.all_landed_s if len(turns.begins_s) == len(recalled) else math.inf
+    schedule = schedule_for(places)
+    landed_s = schedule.all_landed_s if len(schedule.begins_s) == len(recalled) else math.inf
     extra_delay_s = 0.0
     if any(v.outcome == "unconfirmed" for v in first_answers) and landed_s > FALLBACK_RETURN_S - (
         _now_s() - began_s
@@ -60,20 +60,22 @@ async def ask(
         alone = [schedule_for({uav: place}).all_landed_s for uav, place in places.items()]
         extra_delay_s = FALLBACK_RETURN_S + max(alone, default=FALLBACK_RETURN_S)
 
-    async def give_turn(vehicle: VehicleAnswer) -> VehicleAnswer:
+    async def send_start_time(vehicle: VehicleAnswer) -> VehicleAnswer:
         # Vehicles at unknown positions return after the expected landings of the vehicles at known positions.
-        after_s = min(extra_delay_s + turns.begins_s.get(vehicle.uav, turns.all_landed_s), MAX_AFTER_S)
-        turn = msgspec.structs.replace(command, uavs=(vehicle.uav,), after_s=after_s)
-        (answer,) = await _send_repeatedly(bus, flight, turn, signing)
+        begins_s = schedule.begins_s.get(vehicle.uav, schedule.all_landed_s)
+        after_s = min(extra_delay_s + begins_s, MAX_AFTER_S)
+        delayed = msgspec.structs.replace(command, uavs=(vehicle.uav,), after_s=after_s)
+        (answer,) = await _send_repeatedly(bus, flight, delayed, signing)
         if answer.outcome == "taken":
             return answer
         note = (
-            f"the vehicle holds, but has not confirmed its turn; without a turn, it returns "
-            f"{FALLBACK_RETURN_S:g} s after the first command and ignores other vehicles: {answer.note}"
+            "the vehicle holds, but has not confirmed its start time; if it did not receive the time, it "
+            f"returns {FALLBACK_RETURN_S:g} s after the first command and ignores other vehicles: "
+            f"{answer.note}"
         )
         return msgspec.structs.replace(vehicle, note=note)
 
-    answers = {answer.uav: answer for answer in await asyncio.gather(*map(give_turn, recalled))}
+    answers = {answer.uav: answer for answer in await asyncio.gather(*map(send_start_time, recalled))}
     return OperatorAnswer(
         tuple(answers.get(v.uav) or _with_unconfirmed_note(v, extra_delay_s) for v in first_answers)
     )
@@ -104,7 +106,7 @@ async def _send_repeatedly(
 def _with_unconfirmed_note(vehicle: VehicleAnswer, extra_delay_s: float) -> VehicleAnswer:
     if vehicle.outcome != "unconfirmed":
         return vehicle
-    others = "wait for its expected landing" if extra_delay_s else "are expected to land before"
+    others = "wait for its expected landing" if extra_delay_s else "are expected to have landed by then"
     note = (
         f"if the vehicle took the command, it holds and returns after {FALLBACK_RETURN_S:g} s; the other "
         f"vehicles {others}: {vehicle.note}"

@@ -130,10 +130,10 @@ def test_a_digest_pairs_commands_with_answers_and_effects() -> None:
         ]
     )
     mode, arming = summary.rows
-    assert (mode.sent, dict(mode.answers), mode.unanswered, dict(mode.seen)) == (
+    assert (mode.sent, dict(mode.answers), mode.unanswered, dict(mode.effects)) == (
         1, {"ACCEPTED": 1}, 0, {"mode GUIDED": 1},
     )  # fmt: skip
-    assert (arming.sent, arming.refused, arming.unanswered, dict(arming.seen)) == (2, 1, 1, {})
+    assert (arming.sent, arming.refused, arming.unanswered, dict(arming.effects)) == (2, 1, 1, {})
     assert summary.unasked == {"uav1": {"mode LOITER": 1}}
     assert [e["kind"] for e in summary.people] == ["waiver"]
 

@@ -55,7 +55,7 @@ def by_command_int(vehicle: VehicleUnderTest) -> str:
     return "ACCEPTED"
 
 
-@check("arming.by_second_station", needs=[ARM], limit_s=200, pins="AUTOPILOTS 1.15")
+@check("arming.by_second_station", needs=[ARM], limit_s=200, source="AUTOPILOTS 1.15")
 def by_second_station(vehicle: VehicleUnderTest) -> str:
     """A second station can arm and disarm."""
     flying.wait_ready(vehicle)
@@ -78,7 +78,7 @@ def strange_parameter(vehicle: VehicleUnderTest) -> str:
 
 
 @check(
-    "arming.system_status", needs=[ARM], dialects=("ardupilot", "px4"), limit_s=200, pins="AUTOPILOTS 1.13"
+    "arming.system_status", needs=[ARM], dialects=("ardupilot", "px4"), limit_s=200, source="AUTOPILOTS 1.13"
 )
 def system_status(vehicle: VehicleUnderTest) -> str:
     """On the ground an armed vehicle reports STANDBY (ArduPilot) or ACTIVE (PX4)."""
@@ -91,7 +91,7 @@ def system_status(vehicle: VehicleUnderTest) -> str:
     return str(mavlink.enums["MAV_STATE"][seen].name)
 
 
-@check("arming.prearm_bit", needs=[ARM], limit_s=200, pins="AUTOPILOTS 1.3: readiness")
+@check("arming.prearm_bit", needs=[ARM], limit_s=200, source="AUTOPILOTS 1.3: readiness")
 def prearm_bit(vehicle: VehicleUnderTest) -> str:
     """A vehicle with a set pre-arm bit can be armed."""
     flying.wait_ready(vehicle)
@@ -104,7 +104,7 @@ def prearm_bit(vehicle: VehicleUnderTest) -> str:
     return "set, and the vehicle armed"
 
 
-@check("arming.mode_not_armable", needs=[ARM], dialects=("ardupilot",), limit_s=200, pins="AUTOPILOTS 1.7")
+@check("arming.mode_not_armable", needs=[ARM], dialects=("ardupilot",), limit_s=200, source="AUTOPILOTS 1.7")
 def mode_not_armable(vehicle: VehicleUnderTest) -> str:
     """The vehicle refuses arming in AUTO, and sends the reason as a text."""
     flying.wait_ready(vehicle)
@@ -122,7 +122,10 @@ def mode_not_armable(vehicle: VehicleUnderTest) -> str:
 
 
 @check(
-    "arming.refusal_has_a_reason", needs=[ARM], limit_s=200, pins="AUTOPILOTS 1.3: reason only in STATUSTEXT"
+    "arming.refusal_has_a_reason",
+    needs=[ARM],
+    limit_s=200,
+    source="AUTOPILOTS 1.3: reason only in STATUSTEXT",
 )
 def refusal_has_a_reason(vehicle: VehicleUnderTest) -> str:
     """Outside of an enabled fence arming is refused, and a text names the breach."""
@@ -144,7 +147,7 @@ def refusal_has_a_reason(vehicle: VehicleUnderTest) -> str:
     return texts[0]
 
 
-@check("arming.sets_home", needs=[ARM], limit_s=200, pins="AUTOPILOTS 1.11: home is re-set at every arming")
+@check("arming.sets_home", needs=[ARM], limit_s=200, source="AUTOPILOTS 1.11: home is re-set at every arming")
 def sets_home(vehicle: VehicleUnderTest) -> str:
     """After arming, home is within 5 m of the vehicle."""
     known_behaviour(vehicle, ardupilot=True, px4=True)
@@ -165,7 +168,7 @@ def sets_home(vehicle: VehicleUnderTest) -> str:
     kind="copter",
     dialects=("ardupilot", "px4"),
     limit_s=250,
-    pins="AUTOPILOTS 1.7: auto-disarms after DISARM_DELAY 10 s",
+    source="AUTOPILOTS 1.7: auto-disarms after DISARM_DELAY 10 s",
 )
 def idle_disarms(vehicle: VehicleUnderTest) -> str:
     """An armed vehicle on the ground disarms after the configured delay."""
@@ -184,7 +187,7 @@ def idle_disarms(vehicle: VehicleUnderTest) -> str:
     needs=[ARM],
     dialects=("ardupilot", "px4"),
     limit_s=200,
-    pins="AUTOPILOTS 1.14: p2=21196",
+    source="AUTOPILOTS 1.14: p2=21196",
 )
 def by_force(vehicle: VehicleUnderTest) -> str:
     """Forced arming and disarming (parameter 2 = 21196) are accepted."""
@@ -201,7 +204,7 @@ def by_force(vehicle: VehicleUnderTest) -> str:
     needs=[ARM, "reboot"],
     dialects=("ardupilot", "px4"),
     limit_s=200,
-    pins="AUTOPILOTS 2: reboot is DENIED when armed",
+    source="AUTOPILOTS 2: reboot is DENIED when armed",
 )
 def reboot_is_refused(vehicle: VehicleUnderTest) -> str:
     """An armed vehicle does not reboot."""
@@ -222,7 +225,7 @@ def reboot_is_refused(vehicle: VehicleUnderTest) -> str:
     dialects=("ardupilot",),
     kind="copter",
     limit_s=200,
-    pins="AUTOPILOTS 1.7: MISSION_START on a disarmed vehicle is ACCEPTED, sets AUTO, and nothing flies",
+    source="AUTOPILOTS 1.7: MISSION_START on a disarmed vehicle is ACCEPTED, sets AUTO, and nothing flies",
 )
 def mission_start_disarmed(vehicle: VehicleUnderTest) -> str:
     """MISSION_START on a disarmed vehicle is accepted, and the vehicle stays disarmed."""

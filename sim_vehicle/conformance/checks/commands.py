@@ -140,7 +140,7 @@ def all_components(vehicle: VehicleUnderTest) -> str:
     return "answered"
 
 
-@check("commands.target.other_component", pins="AUTOPILOTS 1.15: target_component is ignored")
+@check("commands.target.other_component", source="AUTOPILOTS 1.15: target_component is ignored")
 def other_component(vehicle: VehicleUnderTest) -> str:
     """A command to component 77 is executed by ArduPilot and ignored by PX4."""
     executes = known_behaviour(vehicle, ardupilot=True, px4=False)
@@ -151,7 +151,7 @@ def other_component(vehicle: VehicleUnderTest) -> str:
     return "executed" if seen else "ignored"
 
 
-@check("commands.station.any_is_obeyed", pins="AUTOPILOTS 1.15: commands from any GCS sysid are obeyed")
+@check("commands.station.any_is_obeyed", source="AUTOPILOTS 1.15: commands from any GCS sysid are obeyed")
 def any_station(vehicle: VehicleUnderTest) -> str:
     """The command of a second ground station is acknowledged, to that station or to all systems."""
     ack = vehicle.ask(vehicle.command_long(REQUEST, VERSION), "COMMAND_ACK", source=SECOND_STATION)

@@ -118,7 +118,7 @@ def exclusion_circle(vehicle: VehicleUnderTest) -> str:
 
 
 @check(
-    "fence.read_back_frame", claims=CLAIMS, pins="AUTOPILOTS 2: fence read back frame 0 / read-back frame 5"
+    "fence.read_back_frame", claims=CLAIMS, source="AUTOPILOTS 2: fence read back frame 0 / read-back frame 5"
 )
 def read_back_frame(vehicle: VehicleUnderTest) -> str:
     """Items are read back in frame 0 on ArduPilot and in frame 5 on PX4."""
@@ -129,7 +129,9 @@ def read_back_frame(vehicle: VehicleUnderTest) -> str:
 
 
 @check(
-    "fence.relative_frame", claims=CLAIMS, pins="AUTOPILOTS 2: fence frames 0,3,5,6 / frame 0 and 3 accepted"
+    "fence.relative_frame",
+    claims=CLAIMS,
+    source="AUTOPILOTS 2: fence frames 0,3,5,6 / frame 0 and 3 accepted",
 )
 def relative_frame(vehicle: VehicleUnderTest) -> str:
     """Items in frame 3 are accepted."""
@@ -142,7 +144,7 @@ def relative_frame(vehicle: VehicleUnderTest) -> str:
     "fence.mission_frame",
     claims=CLAIMS,
     dialects=("ardupilot",),
-    pins="AUTOPILOTS 2: fence frames (2 refused)",
+    source="AUTOPILOTS 2: fence frames (2 refused)",
 )
 def fence_mission_frame(vehicle: VehicleUnderTest) -> str:
     """Items in frame 2 are refused."""
@@ -151,7 +153,7 @@ def fence_mission_frame(vehicle: VehicleUnderTest) -> str:
     return seen
 
 
-@check("fence.two_vertices", claims=CLAIMS, pins="AUTOPILOTS 2: 2-vertex polygon -> ERROR")
+@check("fence.two_vertices", claims=CLAIMS, source="AUTOPILOTS 2: 2-vertex polygon -> ERROR")
 def two_vertices(vehicle: VehicleUnderTest) -> str:
     """A polygon of two vertices is refused."""
     seen = _result(vehicle, polygon(vehicle, SQUARE[:2]))
@@ -161,7 +163,7 @@ def two_vertices(vehicle: VehicleUnderTest) -> str:
     return seen
 
 
-@check("fence.wrong_vertex_count", claims=CLAIMS, pins="AUTOPILOTS 2: wrong vertex count")
+@check("fence.wrong_vertex_count", claims=CLAIMS, source="AUTOPILOTS 2: wrong vertex count")
 def wrong_vertex_count(vehicle: VehicleUnderTest) -> str:
     """A polygon of four vertices with a vertex count of 6 is an ERROR on ArduPilot, ACCEPTED on PX4."""
     expected = known_behaviour(vehicle, ardupilot="ERROR", px4="ACCEPTED")
@@ -170,7 +172,9 @@ def wrong_vertex_count(vehicle: VehicleUnderTest) -> str:
 
 
 @check(
-    "fence.refusal_keeps_the_old", claims=CLAIMS, pins="AUTOPILOTS 2: fence atomic, old fence kept on failure"
+    "fence.refusal_keeps_the_old",
+    claims=CLAIMS,
+    source="AUTOPILOTS 2: fence atomic, old fence kept on failure",
 )
 def old_fence_stays(vehicle: VehicleUnderTest) -> str:
     """After a refused upload the vehicle keeps its old fence."""
@@ -185,7 +189,7 @@ def old_fence_stays(vehicle: VehicleUnderTest) -> str:
     "fence.self_intersecting",
     claims=CLAIMS,
     dialects=("ardupilot",),
-    pins="AUTOPILOTS 2: self-intersecting accepted",
+    source="AUTOPILOTS 2: self-intersecting accepted",
 )
 def self_intersecting(vehicle: VehicleUnderTest) -> str:
     """A self-intersecting polygon is accepted, and its vertices are read back exactly."""
@@ -197,7 +201,7 @@ def self_intersecting(vehicle: VehicleUnderTest) -> str:
     "fence.too_large",
     claims=CLAIMS,
     dialects=("ardupilot",),
-    pins="AUTOPILOTS 2: 200 -> NO_SPACE",
+    source="AUTOPILOTS 2: 200 -> NO_SPACE",
     limit_s=90,
 )
 def too_large(vehicle: VehicleUnderTest) -> str:
@@ -212,7 +216,10 @@ def too_large(vehicle: VehicleUnderTest) -> str:
 
 
 @check(
-    "fence.total_parameter", claims=CLAIMS, dialects=("ardupilot",), pins="AUTOPILOTS 2: FENCE_TOTAL reads 6"
+    "fence.total_parameter",
+    claims=CLAIMS,
+    dialects=("ardupilot",),
+    source="AUTOPILOTS 2: FENCE_TOTAL reads 6",
 )
 def total_parameter(vehicle: VehicleUnderTest) -> str:
     """FENCE_TOTAL reads 6 for a polygon of four vertices."""
@@ -254,7 +261,7 @@ def wrong_command(vehicle: VehicleUnderTest) -> str:
     "fence.interleaved_with_mission",
     claims=CLAIMS,
     dialects=("ardupilot",),
-    pins="AUTOPILOTS 2: mission and fence uploads may run interleaved",
+    source="AUTOPILOTS 2: mission and fence uploads may run interleaved",
 )
 def interleaved(vehicle: VehicleUnderTest) -> str:
     """A mission and a fence can be uploaded at the same time, item by item."""
@@ -284,7 +291,7 @@ def interleaved(vehicle: VehicleUnderTest) -> str:
     return "both ACCEPTED"
 
 
-@check("fence.enable_command", claims=CLAIMS, pins="AUTOPILOTS 2: MAV_CMD_DO_FENCE_ENABLE(207)")
+@check("fence.enable_command", claims=CLAIMS, source="AUTOPILOTS 2: MAV_CMD_DO_FENCE_ENABLE(207)")
 def enable_command(vehicle: VehicleUnderTest) -> str:
     """DO_FENCE_ENABLE is ACCEPTED on ArduPilot, without a change of FENCE_ENABLE, and UNSUPPORTED on PX4."""
     expected = known_behaviour(vehicle, ardupilot="ACCEPTED", px4="UNSUPPORTED")

@@ -44,7 +44,7 @@ def status_active(vehicle: VehicleUnderTest) -> str:
     return "ACTIVE"
 
 
-@check("flight.disarm_is_refused", airborne=True, limit_s=300, pins="AUTOPILOTS 1.14: Disarm in flight")
+@check("flight.disarm_is_refused", airborne=True, limit_s=300, source="AUTOPILOTS 1.14: Disarm in flight")
 def disarm_refused(vehicle: VehicleUnderTest) -> str:
     """Disarming in flight without force is refused."""
     if vehicle.dialect.disarm_refused is None:
@@ -64,7 +64,7 @@ def disarm_refused(vehicle: VehicleUnderTest) -> str:
     airborne=True,
     kind="copter",
     limit_s=300,
-    pins="AUTOPILOTS 1.6: BRAKE, GUIDED hold altitude",
+    source="AUTOPILOTS 1.6: BRAKE, GUIDED hold altitude",
 )
 def hold_keeps(vehicle: VehicleUnderTest) -> str:
     """After 10 s in the hold mode, the position has changed by at most 2.5 m and the height by 1 m."""
@@ -101,7 +101,7 @@ def hold_circles(vehicle: VehicleUnderTest) -> str:
     dialects=("ardupilot",),
     kind="copter",
     limit_s=300,
-    pins="AUTOPILOTS 1.6: LOITER descended into the ground",
+    source="AUTOPILOTS 1.6: LOITER descended into the ground",
 )
 def loiter_sinks(vehicle: VehicleUnderTest) -> str:
     """LOITER without an RC throttle descends more than 3 m in 3 s."""
@@ -117,7 +117,7 @@ def loiter_sinks(vehicle: VehicleUnderTest) -> str:
 # -- repositioning ---------------------------------------------------------------------------------------
 
 
-@check("flight.reposition.goes_there", airborne=True, kind="copter", limit_s=300, pins="AUTOPILOTS 1.17")
+@check("flight.reposition.goes_there", airborne=True, kind="copter", limit_s=300, source="AUTOPILOTS 1.17")
 def reposition_copter(vehicle: VehicleUnderTest) -> str:
     """DO_REPOSITION as COMMAND_INT moves the vehicle to a position and height."""
     target = plans.offset(flying.last_position(vehicle), NORTH_M, NORTH_M / 2)
@@ -155,7 +155,7 @@ def reposition_changes_mode(vehicle: VehicleUnderTest) -> str:
     "flight.reposition.by_command_long",
     airborne=True,
     limit_s=300,
-    pins="AUTOPILOTS 1.17: LONG -> UNSUPPORTED",
+    source="AUTOPILOTS 1.17: LONG -> UNSUPPORTED",
 )
 def reposition_long(vehicle: VehicleUnderTest) -> str:
     """DO_REPOSITION as COMMAND_LONG is UNSUPPORTED on ArduPilot and accepted by PX4."""
@@ -221,7 +221,7 @@ def yaw_turns(vehicle: VehicleUnderTest) -> str:
     return f"{heading_deg} to {target_deg} deg in {took_s:.1f} s"
 
 
-@check("flight.pause", airborne=True, kind="copter", limit_s=300, pins="AUTOPILOTS 2: pause/continue (193)")
+@check("flight.pause", airborne=True, kind="copter", limit_s=300, source="AUTOPILOTS 2: pause/continue (193)")
 def pause(vehicle: VehicleUnderTest) -> str:
     """After an accepted DO_PAUSE_CONTINUE ArduPilot stands still; PX4 answers UNSUPPORTED."""
     expected = known_behaviour(vehicle, ardupilot=None, px4="UNSUPPORTED")
@@ -239,7 +239,7 @@ def pause(vehicle: VehicleUnderTest) -> str:
     airborne=True,
     dialects=("ardupilot",),
     limit_s=300,
-    pins="AUTOPILOTS 1.9",
+    source="AUTOPILOTS 1.9",
 )
 def empty_mission(vehicle: VehicleUnderTest) -> str:
     """AUTO with an empty mission is refused in the air."""

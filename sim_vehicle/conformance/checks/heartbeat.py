@@ -32,7 +32,7 @@ def arrives(vehicle: VehicleUnderTest) -> str:
     return f"system {vehicle.identity.sysid}, component {vehicle.identity.component}"
 
 
-@check("heartbeat.once_a_second", pins="AUTOPILOTS 1.1: HEARTBEAT (1 Hz)")
+@check("heartbeat.once_a_second", source="AUTOPILOTS 1.1: HEARTBEAT (1 Hz)")
 def once_a_second(vehicle: VehicleUnderTest) -> str:
     """The mean rate is 1 Hz."""
     beats = _heartbeats(vehicle)
@@ -95,7 +95,7 @@ def custom_mode_flag(vehicle: VehicleUnderTest) -> str:
     return f"base_mode {flags:#04x}"
 
 
-@check("heartbeat.mode_is_known", pins="AUTOPILOTS 1.5")
+@check("heartbeat.mode_is_known", source="AUTOPILOTS 1.5")
 def mode_is_known(vehicle: VehicleUnderTest) -> str:
     """custom_mode is in the range of this autopilot's mode numbers."""
     number = vehicle.mode
@@ -116,7 +116,7 @@ def disarmed_on_the_ground(vehicle: VehicleUnderTest) -> str:
     return "disarmed"
 
 
-@check("heartbeat.system_status", pins="AUTOPILOTS 1.13")
+@check("heartbeat.system_status", source="AUTOPILOTS 1.13")
 def system_status(vehicle: VehicleUnderTest) -> str:
     """Before arming, system_status is a known MAV_STATE, and not ACTIVE."""
     status = vehicle.heartbeat.system_status

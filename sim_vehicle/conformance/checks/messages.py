@@ -72,7 +72,7 @@ def _rate_check(rate_hz: float, seconds: float) -> Callable[[VehicleUnderTest], 
 
 
 for _rate, _seconds in ((0.5, 10.0), (1.0, 8.0), (4.0, 5.0), (10.0, 4.0)):
-    check(f"messages.interval.{_rate:g}_hz", pins="AUTOPILOTS 1.1")(_rate_check(_rate, _seconds))
+    check(f"messages.interval.{_rate:g}_hz", source="AUTOPILOTS 1.1")(_rate_check(_rate, _seconds))
 
 
 @check("messages.interval.stops")
@@ -172,7 +172,9 @@ def _request_streams(vehicle: VehicleUnderTest, stream: int, rate_hz: int, start
     vehicle.send(mavlink.MAVLink_request_data_stream_message(*vehicle.target, stream, rate_hz, start))
 
 
-@check("messages.streams.position", dialects=("ardupilot",), pins="AUTOPILOTS 1.1: REQUEST_DATA_STREAM works")
+@check(
+    "messages.streams.position", dialects=("ardupilot",), source="AUTOPILOTS 1.1: REQUEST_DATA_STREAM works"
+)
 def stream_position(vehicle: VehicleUnderTest) -> str:
     """REQUEST_DATA_STREAM of the position brings GLOBAL_POSITION_INT at the rate, within 25 %."""
     _request_streams(vehicle, mavlink.MAV_DATA_STREAM_POSITION, 4, 1)
@@ -184,7 +186,7 @@ def stream_position(vehicle: VehicleUnderTest) -> str:
     return f"{seen_hz:.1f} Hz"
 
 
-@check("messages.streams.all", dialects=("ardupilot",), pins="AUTOPILOTS 1.1: id 0, 4 Hz")
+@check("messages.streams.all", dialects=("ardupilot",), source="AUTOPILOTS 1.1: id 0, 4 Hz")
 def stream_all(vehicle: VehicleUnderTest) -> str:
     """Stream id 0 at 4 Hz brings position, attitude, SYS_STATUS, VFR_HUD and GPS_RAW_INT."""
     _request_streams(vehicle, mavlink.MAV_DATA_STREAM_ALL, 4, 1)
@@ -210,7 +212,7 @@ def stream_stop(vehicle: VehicleUnderTest) -> str:
 @check(
     "messages.streams.sent_without_request",
     dialects=("px4",),
-    pins="AUTOPILOTS 2: streams flow without a request",
+    source="AUTOPILOTS 2: streams flow without a request",
 )
 def default_streams(vehicle: VehicleUnderTest) -> str:
     """PX4 streams attitude, position and SYS_STATUS without a request."""

@@ -33,7 +33,7 @@ def requests_in_order(vehicle: VehicleUnderTest) -> str:
     return f"0 to {len(items) - 1}"
 
 
-@check("mission.upload.kind_of_request", pins="AUTOPILOTS 2: requests")
+@check("mission.upload.kind_of_request", source="AUTOPILOTS 2: requests")
 def kind_of_request(vehicle: VehicleUnderTest) -> str:
     """ArduPilot requests items with MISSION_REQUEST, PX4 with MISSION_REQUEST_INT after its first request."""
     later = known_behaviour(vehicle, ardupilot="MISSION_REQUEST", px4="MISSION_REQUEST_INT")
@@ -51,7 +51,7 @@ def ack_is_addressed(vehicle: VehicleUnderTest) -> str:
     return f"to {ack.target_system}"
 
 
-@check("mission.upload.legacy_items", pins="AUTOPILOTS 2: legacy float items also taken")
+@check("mission.upload.legacy_items", source="AUTOPILOTS 2: legacy float items also taken")
 def legacy_items(vehicle: VehicleUnderTest) -> str:
     """An upload with MISSION_ITEM (floats) is accepted, and read back within 3 m."""
     items = plans.sample_plan(vehicle)
@@ -116,7 +116,7 @@ def announced_twice(vehicle: VehicleUnderTest) -> str:
 # -- download --------------------------------------------------------------------------------------------
 
 
-@check("mission.download.counts_what_was_sent", pins="AUTOPILOTS 2: count")
+@check("mission.download.counts_what_was_sent", source="AUTOPILOTS 2: count")
 def counts(vehicle: VehicleUnderTest) -> str:
     """MISSION_COUNT is the number of uploaded items (ArduPilot: with home)."""
     items = plans.sample_plan(vehicle)
@@ -192,7 +192,7 @@ def by_second_station(vehicle: VehicleUnderTest) -> str:
     return f"{len(back)} items"
 
 
-@check("mission.download.item_zero", pins="AUTOPILOTS 2: item 0 is home")
+@check("mission.download.item_zero", source="AUTOPILOTS 2: item 0 is home")
 def item_zero(vehicle: VehicleUnderTest) -> str:
     """Item 0 is home on ArduPilot, even after the upload of another item 0, and an ordinary item on PX4."""
     is_home = known_behaviour(vehicle, ardupilot=True, px4=False)
@@ -210,7 +210,7 @@ def item_zero(vehicle: VehicleUnderTest) -> str:
     return "home" if is_home else "as sent"
 
 
-@check("mission.download.beyond_the_end", pins="AUTOPILOTS 2: wrong item")
+@check("mission.download.beyond_the_end")
 def beyond_the_end(vehicle: VehicleUnderTest) -> str:
     """A request for a missing item is refused with an acknowledgement."""
     plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
@@ -259,7 +259,7 @@ def when_empty(vehicle: VehicleUnderTest) -> str:
     return "ACCEPTED"
 
 
-@check("mission.clear.all_types", pins="AUTOPILOTS 2: types 2 / 3 / 255")
+@check("mission.clear.all_types", source="AUTOPILOTS 2: types 2 / 3 / 255")
 def clear_all_types(vehicle: VehicleUnderTest) -> str:
     """MISSION_CLEAR_ALL of type 255 clears the mission on PX4, and is UNSUPPORTED on ArduPilot."""
     clears = known_behaviour(vehicle, ardupilot=False, px4=True)
@@ -274,7 +274,7 @@ def clear_all_types(vehicle: VehicleUnderTest) -> str:
 
 @check(
     "mission.target.other_component",
-    pins="AUTOPILOTS 1.15: mission requests to comp 0, 77 or 190 are executed",
+    source="AUTOPILOTS 1.15: mission requests to comp 0, 77 or 190 are executed",
 )
 def other_component(vehicle: VehicleUnderTest) -> str:
     """A mission request to component 77 is answered by ArduPilot and ignored by PX4."""
@@ -287,7 +287,7 @@ def other_component(vehicle: VehicleUnderTest) -> str:
     return "answered" if executes else "ignored"
 
 
-@check("mission.type.plan_of_no_kind", pins="AUTOPILOTS 2: types 2 / 3 / 255")
+@check("mission.type.plan_of_no_kind", source="AUTOPILOTS 2: types 2 / 3 / 255")
 def plan_of_type_3(vehicle: VehicleUnderTest) -> str:
     """A list request of type 3 is UNSUPPORTED on ArduPilot, and has count 0 on PX4."""
     known_behaviour(vehicle, ardupilot=True, px4=True)

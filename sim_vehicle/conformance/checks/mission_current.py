@@ -22,7 +22,7 @@ def _has_been_current(vehicle: VehicleUnderTest, mark: int, seq: int) -> bool:
     return any(message.seq == seq for message in vehicle.since(mark, "MISSION_CURRENT"))
 
 
-@check("mission.current.total", pins="AUTOPILOTS 2: MISSION_CURRENT.total does not include home")
+@check("mission.current.total", source="AUTOPILOTS 2: MISSION_CURRENT.total does not include home")
 def current_total(vehicle: VehicleUnderTest) -> str:
     """MISSION_CURRENT.total is the number of items without home; an unknown autopilot may report 0."""
     items = plans.sample_plan(vehicle)
@@ -34,7 +34,7 @@ def current_total(vehicle: VehicleUnderTest) -> str:
     return str(total)
 
 
-@check("mission.current.total_of_nothing", pins="AUTOPILOTS 2: total 65535 with no mission")
+@check("mission.current.total_of_nothing", source="AUTOPILOTS 2: total 65535 with no mission")
 def total_of_nothing(vehicle: VehicleUnderTest) -> str:
     """Without a mission, total is 65535 on PX4 and 0 or 65535 on ArduPilot."""
     allowed = known_behaviour(vehicle, ardupilot={0, NO_MISSION_TOTAL}, px4={NO_MISSION_TOTAL})
@@ -45,7 +45,7 @@ def total_of_nothing(vehicle: VehicleUnderTest) -> str:
     return str(total)
 
 
-@check("mission.current.state", pins="AUTOPILOTS 2: mission_state is 0 always (PX4)")
+@check("mission.current.state", source="AUTOPILOTS 2: mission_state is 0 always (PX4)")
 def current_state(vehicle: VehicleUnderTest) -> str:
     """An upload changes mission_state from NO_MISSION to NOT_STARTED or COMPLETE; PX4 always reports 0."""
     empty, waiting = known_behaviour(vehicle, ardupilot=(1, 2), px4=(0, 0))
@@ -60,7 +60,7 @@ def current_state(vehicle: VehicleUnderTest) -> str:
     return f"{empty}, {state}"
 
 
-@check("mission.current.set_by_message", pins="AUTOPILOTS 2: MISSION_SET_CURRENT (41) works")
+@check("mission.current.set_by_message", source="AUTOPILOTS 2: MISSION_SET_CURRENT (41) works")
 def set_by_message(vehicle: VehicleUnderTest) -> str:
     """MISSION_SET_CURRENT makes an item current, and MISSION_CURRENT reports this item."""
     plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
@@ -83,7 +83,7 @@ def set_beyond_the_end(vehicle: VehicleUnderTest) -> str:
     return f"seq {seq}"
 
 
-@check("mission.current.set_by_command", pins="AUTOPILOTS 2: DO_SET_MISSION_CURRENT (224)")
+@check("mission.current.set_by_command", source="AUTOPILOTS 2: DO_SET_MISSION_CURRENT (224)")
 def set_by_command(vehicle: VehicleUnderTest) -> str:
     """DO_SET_MISSION_CURRENT is accepted by ArduPilot as LONG and INT, and UNSUPPORTED on PX4."""
     expected = known_behaviour(vehicle, ardupilot="ACCEPTED", px4="UNSUPPORTED")
@@ -99,7 +99,7 @@ def set_by_command(vehicle: VehicleUnderTest) -> str:
 @check(
     "mission.current.command_beyond_the_end",
     dialects=("ardupilot",),
-    pins="AUTOPILOTS 2: out of range DENIED(2)",
+    source="AUTOPILOTS 2: out of range DENIED(2)",
 )
 def command_beyond_the_end(vehicle: VehicleUnderTest) -> str:
     """DO_SET_MISSION_CURRENT of a missing item is DENIED."""
@@ -111,7 +111,7 @@ def command_beyond_the_end(vehicle: VehicleUnderTest) -> str:
 
 
 @check(
-    "mission.current.command_restart", dialects=("ardupilot",), pins="AUTOPILOTS 2: 0 = restart (goes to 1)"
+    "mission.current.command_restart", dialects=("ardupilot",), source="AUTOPILOTS 2: 0 = restart (goes to 1)"
 )
 def command_restart(vehicle: VehicleUnderTest) -> str:
     """DO_SET_MISSION_CURRENT 0 is accepted, and item 0 or 1 becomes current."""

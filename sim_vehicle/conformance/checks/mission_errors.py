@@ -60,12 +60,13 @@ _CASES: tuple[tuple[str, str, Callable[[PlanItem], PlanItem], dict[str, str]], .
 
 
 for _name, _content, _change, _outcomes in _CASES:
-    check(f"mission.error.{_name}", dialects=tuple(_outcomes), pins="AUTOPILOTS 2: error codes")(
+    _row = "RTL item" if _name.startswith("return_") else "error codes"
+    check(f"mission.error.{_name}", dialects=tuple(_outcomes), source=f"AUTOPILOTS 2: {_row}")(
         _outcome_check(_change, _content, **_outcomes)
     )
 
 
-@check("mission.error.unknown_command", pins="AUTOPILOTS 2: command unknown UNSUPPORTED(3)")
+@check("mission.error.unknown_command", source="AUTOPILOTS 2: error codes")
 def unknown_command(vehicle: VehicleUnderTest) -> str:
     """An item with an unknown command is UNSUPPORTED."""
     equal(
@@ -78,7 +79,7 @@ def unknown_command(vehicle: VehicleUnderTest) -> str:
     return "UNSUPPORTED"
 
 
-@check("mission.error.unknown_frame", pins="AUTOPILOTS 2: frame UNSUPPORTED_FRAME(2)")
+@check("mission.error.unknown_frame", source="AUTOPILOTS 2: error codes")
 def unknown_frame(vehicle: VehicleUnderTest) -> str:
     """A waypoint in MAV_FRAME_BODY_NED is UNSUPPORTED_FRAME."""
     item = plans.waypoint(plans.current_position(vehicle), 30, 0, frame=mavlink.MAV_FRAME_BODY_NED)
@@ -86,7 +87,7 @@ def unknown_frame(vehicle: VehicleUnderTest) -> str:
     return "UNSUPPORTED_FRAME"
 
 
-@check("mission.error.too_many", pins="AUTOPILOTS 2: too many NO_SPACE(4)", limit_s=40)
+@check("mission.error.too_many", source="AUTOPILOTS 2: error codes", limit_s=40)
 def too_many(vehicle: VehicleUnderTest) -> str:
     """MISSION_COUNT 3000 is refused with NO_SPACE by ArduPilot; PX4 requests the first item."""
     refuses = known_behaviour(vehicle, ardupilot=True, px4=False)
@@ -102,7 +103,7 @@ def too_many(vehicle: VehicleUnderTest) -> str:
     return "item 0 requested"
 
 
-@check("mission.error.item_without_upload", pins="AUTOPILOTS 2: wrong item")
+@check("mission.error.item_without_upload")
 def item_without_upload(vehicle: VehicleUnderTest) -> str:
     """An item without an upload is refused and changes nothing."""
     items = plans.sample_plan(vehicle)

@@ -16,7 +16,7 @@ FLY_S = 300.0  # time limit of a check
 PASS_M = 4.0  # a waypoint within this distance counts as passed
 
 
-@check("mission-flight.flies_every_item", needs=[ARM], kind="copter", limit_s=FLY_S, pins="AUTOPILOTS 1.7")
+@check("mission-flight.flies_every_item", needs=[ARM], kind="copter", limit_s=FLY_S, source="AUTOPILOTS 1.7")
 def flies_every_item(vehicle: VehicleUnderTest) -> str:
     """By mission the vehicle takes off, passes each waypoint, reports progress, lands and disarms."""
     items = missions.items(vehicle)
@@ -64,7 +64,7 @@ def counts_upwards(vehicle: VehicleUnderTest) -> str:
     airborne=True,
     kind="copter",
     limit_s=FLY_S,
-    pins="AUTOPILOTS 2: mission_state is 0 always (PX4)",
+    source="AUTOPILOTS 2: mission_state is 0 always (PX4)",
 )
 def state_is_active(vehicle: VehicleUnderTest) -> str:
     """During a mission, mission_state is ACTIVE on ArduPilot and 0 on PX4."""
@@ -81,7 +81,7 @@ def state_is_active(vehicle: VehicleUnderTest) -> str:
     kind="copter",
     dialects=("ardupilot",),
     limit_s=FLY_S,
-    pins="AUTOPILOTS 1.12: after landing+disarm MISSION_CURRENT goes back to seq 0, state 5",
+    source="AUTOPILOTS 1.12: after landing+disarm MISSION_CURRENT goes back to seq 0, state 5",
 )
 def after_landing(vehicle: VehicleUnderTest) -> str:
     """After a landing by mission, MISSION_CURRENT has seq 0 and state COMPLETE; the mode stays AUTO."""
@@ -107,7 +107,7 @@ def after_landing(vehicle: VehicleUnderTest) -> str:
     kind="copter",
     dialects=("ardupilot",),
     limit_s=FLY_S,
-    pins="AUTOPILOTS 1.8: Auto: Missing Takeoff Cmd",
+    source="AUTOPILOTS 1.8: Auto: Missing Takeoff Cmd",
 )
 def without_takeoff(vehicle: VehicleUnderTest) -> str:
     """An armed vehicle on the ground refuses AUTO, with a text, if the mission has no take-off."""
@@ -132,7 +132,7 @@ def without_takeoff(vehicle: VehicleUnderTest) -> str:
     kind="copter",
     dialects=("ardupilot",),
     limit_s=FLY_S,
-    pins="AUTOPILOTS 1.7: Arm + mode AUTO alone does not take off",
+    source="AUTOPILOTS 1.7: Arm + mode AUTO alone does not take off",
 )
 def auto_mode_does_not_take_off(vehicle: VehicleUnderTest) -> str:
     """An armed vehicle in AUTO stays on the ground and disarms within 25 s."""
@@ -152,7 +152,7 @@ def auto_mode_does_not_take_off(vehicle: VehicleUnderTest) -> str:
     kind="copter",
     dialects=("px4",),
     limit_s=FLY_S,
-    pins="AUTOPILOTS 2: armed in mission mode it starts by itself",
+    source="AUTOPILOTS 2: armed in mission mode it starts by itself",
 )
 def starts_when_armed(vehicle: VehicleUnderTest) -> str:
     """In the mission mode, arming starts the flight."""
@@ -195,7 +195,7 @@ def speed_item(vehicle: VehicleUnderTest) -> str:
     kind="copter",
     dialects=("ardupilot",),
     limit_s=FLY_S,
-    pins="AUTOPILOTS 2: fence use: fly until the breach -> RTL",
+    source="AUTOPILOTS 2: fence use: fly until the breach -> RTL",
 )
 def fence_breach(vehicle: VehicleUnderTest) -> str:
     """A mission that leaves the fence is accepted; after the breach the vehicle sends a text and returns."""

@@ -33,7 +33,7 @@ def jump_by_message(vehicle: VehicleUnderTest) -> str:
     kind="copter",
     dialects=("ardupilot",),
     limit_s=FLY_S,
-    pins="AUTOPILOTS 2: DO_SET_MISSION_CURRENT (224)",
+    source="AUTOPILOTS 2: DO_SET_MISSION_CURRENT (224)",
 )
 def jump_by_command(vehicle: VehicleUnderTest) -> str:
     """DO_SET_MISSION_CURRENT in flight makes the previous waypoint current."""
@@ -48,7 +48,7 @@ def jump_by_command(vehicle: VehicleUnderTest) -> str:
     airborne=True,
     kind="copter",
     limit_s=FLY_S,
-    pins="AUTOPILOTS 2: pause/continue (193) ACCEPTED, mission_state 4",
+    source="AUTOPILOTS 2: pause/continue (193) ACCEPTED, mission_state 4",
 )
 def pause_and_go_on(vehicle: VehicleUnderTest) -> str:
     """DO_PAUSE_CONTINUE (ArduPilot) or a change of mode (PX4) pauses and continues a mission."""
@@ -82,7 +82,7 @@ def pause_and_go_on(vehicle: VehicleUnderTest) -> str:
     airborne=True,
     kind="copter",
     limit_s=FLY_S,
-    pins="AUTOPILOTS 2: CLEAR_ALL while flying the mission",
+    source="AUTOPILOTS 2: CLEAR_ALL while flying the mission",
 )
 def clear_in_flight(vehicle: VehicleUnderTest) -> str:
     """ArduPilot in AUTO answers MISSION_CLEAR_ALL with ERROR; PX4 accepts the message and holds."""
@@ -105,7 +105,7 @@ def clear_in_flight(vehicle: VehicleUnderTest) -> str:
     kind="copter",
     dialects=("ardupilot",),
     limit_s=FLY_S,
-    pins="AUTOPILOTS 2: COUNT 0 is accepted in AUTO, vehicle then loiters",
+    source="AUTOPILOTS 2: COUNT 0 is accepted in AUTO, vehicle then loiters",
 )
 def count_zero_in_flight(vehicle: VehicleUnderTest) -> str:
     """An empty upload in AUTO is accepted, and the vehicle stops at its height."""
@@ -124,7 +124,7 @@ def count_zero_in_flight(vehicle: VehicleUnderTest) -> str:
     airborne=True,
     kind="copter",
     limit_s=FLY_S,
-    pins="AUTOPILOTS 2: re-upload in AUTO/mission mode",
+    source="AUTOPILOTS 2: re-upload in AUTO/mission mode",
 )
 def upload_in_flight(vehicle: VehicleUnderTest) -> str:
     """An upload in flight is accepted and keeps the current index; the vehicle flies to the new waypoint."""
@@ -153,7 +153,7 @@ def upload_in_flight(vehicle: VehicleUnderTest) -> str:
     kind="copter",
     dialects=("px4",),
     limit_s=FLY_S,
-    pins="AUTOPILOTS 2: shorter mission than the current index: index moved to last item",
+    source="AUTOPILOTS 2: shorter mission than the current index: index moved to last item",
 )
 def shorter_upload(vehicle: VehicleUnderTest) -> str:
     """The upload of a shorter mission in flight makes its last item current."""
@@ -172,7 +172,7 @@ def shorter_upload(vehicle: VehicleUnderTest) -> str:
     kind="copter",
     dialects=("px4",),
     limit_s=FLY_S,
-    pins="AUTOPILOTS 2: upload is atomic? Yes: the old mission stays",
+    source="AUTOPILOTS 2: upload is atomic? Yes: the old mission stays",
 )
 def abandoned_in_flight(vehicle: VehicleUnderTest) -> str:
     """An abandoned upload in flight does not interrupt the mission."""

@@ -19,7 +19,7 @@ def _point(vehicle: VehicleUnderTest, **changes: Any) -> PlanItem:
     return replace(plans.waypoint(plans.current_position(vehicle), 60, 40), **changes)
 
 
-@check("mission.readback.relative_frame", pins=PINS)
+@check("mission.readback.relative_frame", source=PINS)
 def relative_frame(vehicle: VehicleUnderTest) -> str:
     """Frame 6 is read back as 3 on ArduPilot and as 6 on PX4."""
     expected = known_behaviour(vehicle, ardupilot=3, px4=6)
@@ -27,7 +27,7 @@ def relative_frame(vehicle: VehicleUnderTest) -> str:
     return f"6 -> {expected}"
 
 
-@check("mission.readback.global_frame", pins=PINS)
+@check("mission.readback.global_frame", source=PINS)
 def global_frame(vehicle: VehicleUnderTest) -> str:
     """Frame 0 is read back as 0 on ArduPilot and as 5 on PX4."""
     expected = known_behaviour(vehicle, ardupilot=0, px4=5)
@@ -35,7 +35,7 @@ def global_frame(vehicle: VehicleUnderTest) -> str:
     return f"0 -> {expected}"
 
 
-@check("mission.readback.terrain_frame", dialects=("ardupilot",), pins=PINS)
+@check("mission.readback.terrain_frame", dialects=("ardupilot",), source=PINS)
 def terrain_frame(vehicle: VehicleUnderTest) -> str:
     """Frame 11 is read back as 10."""
     equal(plans.store_and_read(vehicle, _point(vehicle, frame=11)).frame, 10, "frame")
@@ -43,7 +43,9 @@ def terrain_frame(vehicle: VehicleUnderTest) -> str:
 
 
 @check(
-    "mission.readback.mission_frame", dialects=("ardupilot",), pins="AUTOPILOTS 2: frame 2 (MISSION) on a WP"
+    "mission.readback.mission_frame",
+    dialects=("ardupilot",),
+    source="AUTOPILOTS 2: frame 2 (MISSION) on a WP",
 )
 def mission_frame(vehicle: VehicleUnderTest) -> str:
     """A waypoint in frame 2 is accepted and read back in frame 0."""
@@ -51,7 +53,7 @@ def mission_frame(vehicle: VehicleUnderTest) -> str:
     return "2 -> 0"
 
 
-@check("mission.readback.altitude", pins=PINS)
+@check("mission.readback.altitude", source=PINS)
 def altitude(vehicle: VehicleUnderTest) -> str:
     """20.3 m is read back as 20.29 m on ArduPilot (truncated to centimetres) and as 20.3 m on PX4."""
     expected = known_behaviour(vehicle, ardupilot=20.29, px4=20.3)
@@ -59,7 +61,7 @@ def altitude(vehicle: VehicleUnderTest) -> str:
     return f"20.3 -> {expected}"
 
 
-@check("mission.readback.altitude_thirds", pins=PINS)
+@check("mission.readback.altitude_thirds", source=PINS)
 def altitude_thirds(vehicle: VehicleUnderTest) -> str:
     """33.333 m is read back as 33.33 m on ArduPilot and as 33.333 m on PX4."""
     expected = known_behaviour(vehicle, ardupilot=33.33, px4=33.333)
@@ -67,7 +69,7 @@ def altitude_thirds(vehicle: VehicleUnderTest) -> str:
     return f"33.333 -> {expected}"
 
 
-@check("mission.readback.waypoint_parameters", kind="copter", pins=PINS)
+@check("mission.readback.waypoint_parameters", kind="copter", source=PINS)
 def waypoint_parameters(vehicle: VehicleUnderTest) -> str:
     """Parameters (2.7, 5, 6, 90) are read back as (2, 0, 0, 0) on ArduPilot and unchanged on PX4."""
     sent = (2.7, 5.0, 6.0, 90.0)
@@ -78,7 +80,7 @@ def waypoint_parameters(vehicle: VehicleUnderTest) -> str:
     return f"{sent} -> {expected}"
 
 
-@check("mission.readback.nan_yaw", pins=PINS)
+@check("mission.readback.nan_yaw", source=PINS)
 def nan_yaw(vehicle: VehicleUnderTest) -> str:
     """NaN as parameter 4 is read back as 0 on ArduPilot and as NaN on PX4."""
     keeps_nan = known_behaviour(vehicle, ardupilot=False, px4=True)
@@ -87,7 +89,7 @@ def nan_yaw(vehicle: VehicleUnderTest) -> str:
     return f"NaN -> {value:g}"
 
 
-@check("mission.readback.loiter_time", dialects=("ardupilot",), pins=PINS)
+@check("mission.readback.loiter_time", dialects=("ardupilot",), source=PINS)
 def loiter_time(vehicle: VehicleUnderTest) -> str:
     """A radius of 25 m in LOITER_TIME is read back as 1, the direction."""
     item = _point(vehicle, command=mavlink.MAV_CMD_NAV_LOITER_TIME, params=(12, 0, 25, 0))
@@ -96,7 +98,7 @@ def loiter_time(vehicle: VehicleUnderTest) -> str:
     return "25 -> 1"
 
 
-@check("mission.readback.land_yaw", dialects=("ardupilot",), kind="copter", pins=PINS)
+@check("mission.readback.land_yaw", dialects=("ardupilot",), kind="copter", source=PINS)
 def land_yaw(vehicle: VehicleUnderTest) -> str:
     """Parameter 4 of LAND, sent as 0, is read back as 1."""
     equal(
@@ -108,7 +110,9 @@ def land_yaw(vehicle: VehicleUnderTest) -> str:
 
 
 @check(
-    "mission.readback.current_flag", dialects=("ardupilot",), pins="AUTOPILOTS 2: current is 0 on every item"
+    "mission.readback.current_flag",
+    dialects=("ardupilot",),
+    source="AUTOPILOTS 2: current is 0 on every item",
 )
 def current_flag(vehicle: VehicleUnderTest) -> str:
     """The field `current` of every item is read back as 0."""
@@ -120,7 +124,7 @@ def current_flag(vehicle: VehicleUnderTest) -> str:
 @check(
     "mission.readback.frame_without_place",
     dialects=("ardupilot",),
-    pins="AUTOPILOTS 2: non-position items ->0",
+    source="AUTOPILOTS 2: non-position items ->0",
 )
 def frame_without_place(vehicle: VehicleUnderTest) -> str:
     """DO_CHANGE_SPEED in frame 2 is read back in frame 0."""

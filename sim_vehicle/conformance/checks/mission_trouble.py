@@ -17,7 +17,7 @@ N_OLD, N_NEW = 7, 5  # items without home: in the earlier mission, in the interr
 
 @check(
     "mission.trouble.asks_again",
-    pins="AUTOPILOTS 2: abandoned upload, re-request every 1 s / 0.25 s",
+    source="AUTOPILOTS 2: abandoned upload, re-request every 1 s / 0.25 s",
     limit_s=60,
 )
 def requests_again(vehicle: VehicleUnderTest) -> str:
@@ -58,7 +58,7 @@ def late_item(vehicle: VehicleUnderTest) -> str:
 
 @check(
     "mission.trouble.gives_up",
-    pins="AUTOPILOTS 2: after 8 s ACK OPERATION_CANCELLED(15) / 5 s no ACK",
+    source="AUTOPILOTS 2: after 8 s ACK OPERATION_CANCELLED(15) / 5 s no ACK",
     limit_s=60,
 )
 def gives_up(vehicle: VehicleUnderTest) -> str:
@@ -76,7 +76,7 @@ def gives_up(vehicle: VehicleUnderTest) -> str:
     return f"after {last_s:.1f} s"
 
 
-@check("mission.trouble.abandoned_upload", pins="AUTOPILOTS 2: upload is atomic?", limit_s=60)
+@check("mission.trouble.abandoned_upload", source="AUTOPILOTS 2: upload is atomic?", limit_s=60)
 def abandoned_upload(vehicle: VehicleUnderTest) -> str:
     """An abandoned upload leaves new and old items on ArduPilot, and the old mission on PX4."""
     atomic = known_behaviour(vehicle, ardupilot=False, px4=True)
@@ -91,7 +91,7 @@ def abandoned_upload(vehicle: VehicleUnderTest) -> str:
     return "the old mission" if atomic else "3 new, the rest old"
 
 
-@check("mission.trouble.refused_item", pins="AUTOPILOTS 2: a refused upload leaves a mixture")
+@check("mission.trouble.refused_item", source="AUTOPILOTS 2: a refused upload leaves a mixture")
 def refused_item(vehicle: VehicleUnderTest) -> str:
     """A refused last item leaves new and old items on ArduPilot, and the old mission on PX4."""
     atomic = known_behaviour(vehicle, ardupilot=False, px4=True)
@@ -128,7 +128,7 @@ def cancelled(vehicle: VehicleUnderTest) -> str:
     return "ACCEPTED"
 
 
-@check("mission.trouble.duplicate_item", pins="AUTOPILOTS 2: wrong / duplicate item", limit_s=60)
+@check("mission.trouble.duplicate_item", source="AUTOPILOTS 2: wrong / duplicate item", limit_s=60)
 def duplicate_item(vehicle: VehicleUnderTest) -> str:
     """ArduPilot answers a repeated item with INVALID_SEQUENCE, PX4 ignores it; the upload continues."""
     is_answered = known_behaviour(vehicle, ardupilot=True, px4=False)
@@ -159,7 +159,8 @@ def duplicate_item(vehicle: VehicleUnderTest) -> str:
 
 
 @check(
-    "mission.trouble.last_item_again", pins="AUTOPILOTS 2: a repeated last item -> ERROR(1) / ACCEPTED again"
+    "mission.trouble.last_item_again",
+    source="AUTOPILOTS 2: a repeated last item -> ERROR(1) / ACCEPTED again",
 )
 def last_item_again(vehicle: VehicleUnderTest) -> str:
     """A last item, repeated as after a lost MISSION_ACK, is answered ERROR (ArduPilot) or ACCEPTED (PX4)."""
@@ -177,7 +178,7 @@ def last_item_again(vehicle: VehicleUnderTest) -> str:
 @check(
     "mission.trouble.second_station",
     dialects=("ardupilot",),
-    pins="AUTOPILOTS 2: DENIED(14) both",
+    source="AUTOPILOTS 2: DENIED(14) both",
     limit_s=60,
 )
 def second_station(vehicle: VehicleUnderTest) -> str:
@@ -194,7 +195,7 @@ def second_station(vehicle: VehicleUnderTest) -> str:
 
 @check(
     "mission.trouble.download_during_upload",
-    pins="AUTOPILOTS 2: second GCS / download during upload",
+    source="AUTOPILOTS 2: second GCS / download during upload",
     limit_s=60,
 )
 def download_during_upload(vehicle: VehicleUnderTest) -> str:
@@ -214,7 +215,7 @@ def download_during_upload(vehicle: VehicleUnderTest) -> str:
 @check(
     "mission.trouble.same_station_restarts",
     dialects=("ardupilot",),
-    pins="AUTOPILOTS 2: same GCS may restart",
+    source="AUTOPILOTS 2: same GCS may restart",
 )
 def same_station_restarts(vehicle: VehicleUnderTest) -> str:
     """The uploading station may restart its upload."""
@@ -233,7 +234,7 @@ def _write_partial(vehicle: VehicleUnderTest, first: int, last: int) -> int:
     return mark
 
 
-@check("mission.partial.writes", pins="AUTOPILOTS 2: MISSION_WRITE_PARTIAL_LIST (38)")
+@check("mission.partial.writes", source="AUTOPILOTS 2: MISSION_WRITE_PARTIAL_LIST (38)")
 def partial_writes(vehicle: VehicleUnderTest) -> str:
     """MISSION_WRITE_PARTIAL_LIST replaces items 2 and 3 on ArduPilot; PX4 does not answer."""
     works = known_behaviour(vehicle, ardupilot=True, px4=False)
@@ -259,7 +260,7 @@ def partial_writes(vehicle: VehicleUnderTest) -> str:
     return "ACCEPTED"
 
 
-@check("mission.partial.appends", dialects=("ardupilot",), pins="AUTOPILOTS 2: may append at start=count")
+@check("mission.partial.appends", dialects=("ardupilot",), source="AUTOPILOTS 2: may append at start=count")
 def partial_appends(vehicle: VehicleUnderTest) -> str:
     """A partial write that begins directly after the last item appends an item."""
     items = plans.sample_plan(vehicle)
@@ -275,7 +276,7 @@ def partial_appends(vehicle: VehicleUnderTest) -> str:
     return f"{len(items)} items"
 
 
-@check("mission.partial.bad_range", dialects=("ardupilot",), pins="AUTOPILOTS 2: bad range ERROR(1)")
+@check("mission.partial.bad_range", dialects=("ardupilot",), source="AUTOPILOTS 2: bad range ERROR(1)")
 def partial_bad_range(vehicle: VehicleUnderTest) -> str:
     """A partial write that would leave a gap after the last item is answered ERROR."""
     items = plans.sample_plan(vehicle)

@@ -40,10 +40,10 @@ def _set_mode_check(role: str) -> Callable[[VehicleUnderTest], str]:
 
 
 for _role in MODE_ROLES:
-    check(f"modes.set.{_role}", pins="AUTOPILOTS 1.5", limit_s=200)(_set_mode_check(_role))
+    check(f"modes.set.{_role}", source="AUTOPILOTS 1.5", limit_s=200)(_set_mode_check(_role))
 
 
-@check("modes.set.mission_when_empty", dialects=("ardupilot",), pins="AUTOPILOTS 1.9: an empty mission")
+@check("modes.set.mission_when_empty", dialects=("ardupilot",), source="AUTOPILOTS 1.9: an empty mission")
 def mission_when_empty(vehicle: VehicleUnderTest) -> str:
     """A disarmed vehicle without a mission accepts AUTO."""
     vehicle.send(mavlink.MAVLink_mission_clear_all_message(*vehicle.target, 0))
@@ -109,7 +109,7 @@ def by_command_int(vehicle: VehicleUnderTest) -> str:
     return "ACCEPTED"
 
 
-@check("modes.set_mode_message", pins="AUTOPILOTS 1.5: the SET_MODE message is not acked (PX4 does ack it)")
+@check("modes.set_mode_message", source="AUTOPILOTS 1.5: the SET_MODE message is not acked (PX4 does ack it)")
 def set_mode_message(vehicle: VehicleUnderTest) -> str:
     """SET_MODE changes the mode; PX4 acknowledges the message, ArduPilot does not."""
     acked = known_behaviour(vehicle, ardupilot=False, px4=True)
@@ -122,7 +122,7 @@ def set_mode_message(vehicle: VehicleUnderTest) -> str:
     return "acknowledged" if acked else "not acknowledged"
 
 
-@check("modes.heartbeat_follows", pins="AUTOPILOTS 1.5: the heartbeat lags the ack by up to 1 s")
+@check("modes.heartbeat_follows", source="AUTOPILOTS 1.5: the heartbeat lags the ack by up to 1 s")
 def heartbeat_follows(vehicle: VehicleUnderTest) -> str:
     """The heartbeat shows a new mode within 1.5 s of the acknowledgement."""
     flying.set_ready_mode(vehicle)

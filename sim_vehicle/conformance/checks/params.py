@@ -121,7 +121,7 @@ def read_long_name(vehicle: VehicleUnderTest) -> str:
     return names[0]
 
 
-@check("parameters.read.unknown_name", pins="AUTOPILOTS 1.16")
+@check("parameters.read.unknown_name", source="AUTOPILOTS 1.16")
 def read_unknown(vehicle: VehicleUnderTest) -> str:
     """A read of an unknown name is not answered."""
     parameters.read(vehicle, next(iter(parameters.listed(vehicle))))  # confirms that the vehicle answers
@@ -213,7 +213,7 @@ def set_repeated(vehicle: VehicleUnderTest) -> str:
     return f"{name} = {value}"
 
 
-@check("parameters.set.unknown_name", pins="AUTOPILOTS 1.16: PARAM_SET of an unknown name: no reply at all")
+@check("parameters.set.unknown_name", source="AUTOPILOTS 1.16: PARAM_SET of an unknown name: no reply at all")
 def set_unknown(vehicle: VehicleUnderTest) -> str:
     """PARAM_SET of an unknown name is not answered."""
     parameters.read(vehicle, next(iter(parameters.listed(vehicle))))  # confirms that the vehicle answers
@@ -262,7 +262,7 @@ def set_wrong_type(vehicle: VehicleUnderTest) -> str:
 
 @check(
     "parameters.encoding",
-    pins="AUTOPILOTS 1.16: byte-wise in PX4 (MAV_SYS_ID reads 1.4e-45 if not reinterpreted)",
+    source="AUTOPILOTS 1.16: byte-wise in PX4 (MAV_SYS_ID reads 1.4e-45 if not reinterpreted)",
 )
 def encoding(vehicle: VehicleUnderTest) -> str:
     """The parameter with the system id has the right value in the autopilot's encoding."""

@@ -20,7 +20,7 @@ def _points(vehicle: VehicleUnderTest, count: int = 3) -> list[PlanItem]:
     return [replace(blank, x=x, y=y, z=20.0 + i) for i, (x, y) in enumerate(places)]
 
 
-@check("rally.is_empty_at_first", claims=CLAIMS, pins="AUTOPILOTS 2: rally ok (count 0)")
+@check("rally.is_empty_at_first", claims=CLAIMS, source="AUTOPILOTS 2: rally ok (count 0)")
 def empty(vehicle: VehicleUnderTest) -> str:
     """After MISSION_CLEAR_ALL the count is 0."""
     known_behaviour(vehicle, ardupilot=True, px4=True)

@@ -43,7 +43,7 @@ def _reboot(vehicle: VehicleUnderTest) -> float:
     return MAX_REBOOT_S
 
 
-@check("reboot.answers_again", needs=[REBOOT], limit_s=120, pins="AUTOPILOTS 1.18: Reboot (246)")
+@check("reboot.answers_again", needs=[REBOOT], limit_s=120, source="AUTOPILOTS 1.18: Reboot (246)")
 def answers_again(vehicle: VehicleUnderTest) -> str:
     """A reboot is acknowledged, and the vehicle answers again within 60 s."""
     return f"after {_reboot(vehicle):.1f} s"
@@ -63,7 +63,7 @@ def clock_restarts(vehicle: VehicleUnderTest) -> str:
     "reboot.streams_are_forgotten",
     needs=[REBOOT],
     limit_s=120,
-    pins="AUTOPILOTS 1.1: Re-request after a reboot",
+    source="AUTOPILOTS 1.1: Re-request after a reboot",
 )
 def streams_forgotten(vehicle: VehicleUnderTest) -> str:
     """After a reboot, ArduPilot streams no attitude or position without a request; PX4 streams attitude."""
@@ -88,7 +88,7 @@ def streams_forgotten(vehicle: VehicleUnderTest) -> str:
     needs=[REBOOT],
     dialects=("ardupilot",),
     limit_s=120,
-    pins="AUTOPILOTS 1.2: At every boot the link carries plain text",
+    source="AUTOPILOTS 1.2: At every boot the link carries plain text",
 )
 def boot_text(vehicle: VehicleUnderTest) -> str:
     """A boot writes plain text to the link."""
@@ -134,7 +134,7 @@ def fence_stays(vehicle: VehicleUnderTest) -> str:
     return "4 items"
 
 
-@check("reboot.not_ready_at_once", needs=[REBOOT, ARM], limit_s=300, pins="AUTOPILOTS 1.3: Wait about 41 s")
+@check("reboot.not_ready_at_once", needs=[REBOOT, ARM], limit_s=300, source="AUTOPILOTS 1.3: Wait about 41 s")
 def not_ready_at_once(vehicle: VehicleUnderTest) -> str:
     """After a boot, arming is refused with a text; a vehicle that reports readiness can be armed."""
     if vehicle.dialect.arm_refused is None:

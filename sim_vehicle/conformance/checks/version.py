@@ -71,7 +71,7 @@ def claims_integer_missions(vehicle: VehicleUnderTest) -> str:
     return "MISSION_INT"
 
 
-@check("version.claims_a_parameter_encoding", pins="AUTOPILOTS 1.16")
+@check("version.claims_a_parameter_encoding", source="AUTOPILOTS 1.16")
 def claims_a_parameter_encoding(vehicle: VehicleUnderTest) -> str:
     """An encoding of parameters is claimed and agrees with the known encoding of the autopilot."""
     as_bytes = vehicle.identity.claims("PARAM_ENCODE_BYTEWISE")
@@ -90,7 +90,9 @@ def claims_command_int(vehicle: VehicleUnderTest) -> str:
 
 
 @check(
-    "version.claims_fence_and_rally", dialects=("ardupilot", "px4"), pins="AUTOPILOTS 2: fence, types 2/3/255"
+    "version.claims_fence_and_rally",
+    dialects=("ardupilot", "px4"),
+    source="AUTOPILOTS 2: fence, types 2/3/255",
 )
 def claims_fence_and_rally(vehicle: VehicleUnderTest) -> str:
     """MISSION_FENCE and MISSION_RALLY are claimed."""

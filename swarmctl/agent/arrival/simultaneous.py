@@ -26,11 +26,11 @@ MIN_INTERVAL_S = 2.0
 MIN_CHANGE_M_S = 0.2
 """least speed change that is sent [m/s]"""
 FIXED_SPEED_WITHIN_S = 4.0
-"""time to the goal below which the speed is not changed [s], because the vehicle brakes there"""
+"""time to the goal at full speed below which the speed stays [s], because the vehicle brakes there"""
 UNKNOWN_M_S = 0.0
 """value of `AgentState.speed_m_s` while the vehicle's speed setting is unknown [m/s]"""
 BEFORE_ARRIVAL = frozenset({Phase.STANDBY, Phase.LAUNCHING, Phase.FLYING})
-"""phases in which other vehicles take the arrival of this vehicle into account"""
+"""phases in which this vehicle is still to arrive"""
 
 
 def earliest_in_s(state: AgentState) -> float | None:
@@ -50,7 +50,7 @@ def earliest_in_s(state: AgentState) -> float | None:
 def note_arrival_times(state: AgentState, states: Sequence[tuple[int, StateShared]]) -> AgentState:
     """Store the earliest arrivals of other vehicles, by this vehicle's clock.
 
-    Vehicles that do not fly to a goal are removed.
+    Vehicles without an arrival time (None) are removed.
     """
     if state.task.arrival_group is None:
         return state
@@ -100,7 +100,8 @@ class _PathToGoal:
     initial_m_s: float
     """present speed [m/s]"""
     takeoff_s: float
-    """remaining lift-off and climb of a copter, or remaining ground roll of a fixed wing [s]"""
+    """lift-off and remaining climb of a copter, or ground roll of a fixed wing [s]; 0 s for the lift-off
+    and the ground roll after arming"""
     stop: BrakingStop | None = None
     """stop before the start of a new plan"""
     turn_radius_m: float | None = None

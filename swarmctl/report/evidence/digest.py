@@ -1,4 +1,4 @@
-"""A digest of a chain: commands by vehicle, their answers and observed effects; people's actions. Pure."""
+"""A digest of the evidence chain: commands by vehicle, answers and effects; people's actions. Pure."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _CHANGED_PART = {
     "MISSION_SET_CURRENT": "mission_seq",
 }
 """command -> the part of a vehicle's state that changes when the vehicle follows the command"""
-_ANSWERED = frozenset({_ITEMS, "MISSION_CLEAR_ALL", *_PARAMETERS})
+_EXPECTS_ANSWER = frozenset({_ITEMS, "MISSION_CLEAR_ALL", *_PARAMETERS})
 """messages, besides commands, that count as unanswered until an acknowledgement"""
 _NO_REFUSAL = frozenset({"ACCEPTED", "IN_PROGRESS", "PARAM_VALUE", "INVALID_SEQUENCE"})
 """ArduPilot answers INVALID_SEQUENCE to a repeated mission item, and continues the transfer"""
@@ -43,10 +43,10 @@ class CommandRow:
     sent: int = 0
     answers: Counter[str] = field(default_factory=Counter)
     unanswered: int = 0
-    seen: Counter[str] = field(default_factory=Counter)
+    effects: Counter[str] = field(default_factory=Counter)
     """first matching change of the vehicle's state after a command -> number of commands"""
     is_in_transfer: bool = False
-    """True after an entry with items of a transfer; further entries of the same transfer may follow"""
+    """True from an entry with mission items until the next announcement: one transfer counts once"""
     by_others: int = 0
     """number of messages from other stations, included in `sent`"""
 
@@ -107,7 +107,7 @@ def _count_command(
         return  # more items of the same transfer
     row.is_in_transfer = name == _ITEMS
     row.sent += 1
-    row.unanswered += "command" in what or name in _ANSWERED
+    row.unanswered += "command" in what or name in _EXPECTS_ANSWER
     row.by_others += "by" in what
     if name in _CHANGED_PART:
         asked[vehicle, _CHANGED_PART[name]] = row
@@ -148,6 +148,6 @@ def _count_change(
     text = f"{part} {what.get('to')}"
     row = asked.pop((vehicle, part), None)
     if row is not None:
-        row.seen[text] += 1
+        row.effects[text] += 1
     elif part in ("mode", "armed") and what.get("from") != _NO_MODE:
         found.unasked.setdefault(vehicle, Counter())[text] += 1
