@@ -71,3 +71,13 @@ def test_a_track_with_radius_0_is_its_corners() -> None:
     corners = [(0.5, 0.5), (3.5, 0.5), (0.5, 0.5)]
     assert rounded(corners, 0.0) == (corners, [0, 1])
     assert rounded(corners[:1], 4.0) == (corners[:1], [])
+
+
+def test_arcs_without_a_straight_piece_between_them_share_a_point() -> None:
+    corners = [(0.1, 0.1), (4.1, 0.1), (4.1, 8.1), (8.1, 8.1)]
+    points, legs = rounded(corners, 4.0)
+    assert points[0] == corners[0]
+    assert points[-1] == corners[-1]
+    assert min(math.dist(a, b) for a, b in itertools.pairwise(points)) > 0.01
+    assert len(legs) == len(points) - 1
+    assert set(legs) == {0, 1, 2}

@@ -13,6 +13,8 @@ from swarmctl.core.any_angle.track import GridPoint
 
 ARC_ERROR = 0.005
 """greatest distance between an arc and its straight pieces [cells]"""
+SAME_POINT = 1e-9
+"""distance below which two points of a track are one point [cells]"""
 
 
 def tangent_length(before: GridPoint, corner: GridPoint, after: GridPoint, radius: float) -> float:
@@ -55,15 +57,21 @@ def arc(before: GridPoint, corner: GridPoint, after: GridPoint, radius: float) -
 def rounded(points: Sequence[GridPoint], radius: float) -> tuple[list[GridPoint], list[int]]:
     """Return the points of a track with arcs for corners, and the leg of each piece between two points.
 
-    The first half of an arc belongs to the leg before the corner.
+    The first half of an arc belongs to the leg before the corner. Two arcs without a straight piece between
+    them share a point.
     """
     if len(points) < 2:
         return list(points), []
-    flown, legs = [points[0]], []
+    ends: list[tuple[GridPoint, int]] = []
     for leg, (before, corner, after) in enumerate(zip(points, points[1:], points[2:], strict=False)):
         turn = arc(before, corner, after, radius)
-        flown += turn
-        legs += [leg] * (1 + (len(turn) - 1) // 2) + [leg + 1] * (len(turn) - 1 - (len(turn) - 1) // 2)
+        middle = 1 + (len(turn) - 1) // 2
+        ends += [(point, leg if k < middle else leg + 1) for k, point in enumerate(turn)]
+    flown, legs = [points[0]], []
+    for point, leg in ends:
+        if min(math.dist(flown[-1], point), math.dist(points[-1], point)) > SAME_POINT:
+            flown.append(point)
+            legs.append(leg)
     return [*flown, points[-1]], [*legs, len(points) - 2]
 
 
