@@ -225,6 +225,8 @@ def checked_field(
 
     An array of float64 is not copied. Raises BadProblem for values that Eq. 5 does not allow.
     """
+    if isinstance(exposure, np.ma.MaskedArray):
+        raise BadProblem("exposure is a masked array: expected a plain one, such as exposure.filled(np.inf)")
     array = np.asarray(exposure)
     if array.dtype.kind not in "fiu":
         raise BadProblem(f"exposure of type {array.dtype}: expected an array of numbers")
@@ -265,6 +267,17 @@ def checked_cell(what: str, cell: object, exposure: NDArray[np.float64]) -> Cell
             f"{what} {(row, col)} is outside the area: expected row 0..{rows - 1} and column 0..{cols - 1}"
         )
     return row, col
+
+
+def checked_count(what: str, value: object) -> int:
+    """Return a whole number, 0 or more. Raises BadProblem; `what` names the number in the message."""
+    try:
+        count = operator.index(value)  # type: ignore[arg-type]
+    except TypeError:
+        count = -1
+    if count < 0:
+        raise BadProblem(f"{what} = {value!r}: expected a whole number, 0 or more")
+    return count
 
 
 def _number(what: str, value: object) -> float:

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 from swarmctl.core import exposure as measures
 from swarmctl.core.grid import Cell
 from swarmctl.planners import bounds, kernels
-from swarmctl.planners.base import BadProblem, Problem, Route, is_open, route_of
+from swarmctl.planners.base import BadProblem, Problem, Route, checked_count, is_open, route_of
 from swarmctl.planners.envelope import Envelope, SummedRoute
 
 SMALL_GAP = 0.02
@@ -37,14 +37,14 @@ class Params:
     """greatest number of labels of about 50 bytes each; 0 or None: no limit"""
 
     def __post_init__(self) -> None:
-        if self.max_labels is not None and self.max_labels < 0:
-            raise ValueError(f"max_labels = {self.max_labels}: expected 0 or more")
+        if self.max_labels is not None:
+            checked_count("max_labels", self.max_labels)
 
 
 def plan(problem: Problem, params: Params) -> Route:
     """Return the least exposed route within the upper bound on length; among equal routes the shortest.
 
-    w and ψ have no influence. `cost` is ΣP_s, and `lower_bound` equals `cost` (None if the start is a goal).
+    w and ψ have no influence. `cost` is ΣP_s, and `lower_bound` equals `cost`.
     If `max_labels` are used up, the route is the best so far, and its `lower_bound` may be less. Raises
     Unreachable, BoundTooTight with the shortest route, and BadProblem for a lower bound on length.
     """
@@ -55,7 +55,7 @@ def plan(problem: Problem, params: Params) -> Route:
             "constrained keeps an upper bound only; use time_bound for an arrival window, or fly slower"
         )
     if problem.start in problem.goals:
-        return route_of(problem, (problem.start,), 0.0)
+        return replace(route_of(problem, (problem.start,), 0.0), lower_bound=0.0)
     envelope = Envelope(problem)
     greatest = bounds.window(problem)[1]
     if math.isinf(greatest):

@@ -12,7 +12,7 @@ import math
 from dataclasses import dataclass, field
 
 from swarmctl.planners import bounds, kernels
-from swarmctl.planners.base import BadProblem, Problem, Route, eq5_route
+from swarmctl.planners.base import Problem, Route, checked_count, eq5_route
 from swarmctl.planners.envelope import Envelope, SummedRoute
 
 MAX_LABELS = 20_000_000
@@ -43,12 +43,10 @@ class Front:
 def pareto_front(problem: Problem, *, max_labels: int | None = None) -> Front:
     """Return all non-dominated points (length, ΣP_s) within the bounds on length, with a route each.
 
-    `max_labels` limits the number of labels (None: MAX_LABELS; 0: no limit). Raises BadProblem for a negative
+    `max_labels` limits the number of labels (None: MAX_LABELS; 0: no limit). Raises BadProblem for an invalid
     limit, Unreachable, and BoundTooTight if the complete front has no point within the bounds.
     """
-    budget = MAX_LABELS if max_labels is None else max_labels
-    if budget < 0:
-        raise BadProblem(f"max_labels = {budget}: expected 0 or more")
+    budget = MAX_LABELS if max_labels is None else checked_count("max_labels", max_labels)
     envelope = Envelope(problem)
     if problem.start in problem.goals:
         return _front(envelope, _Points(SummedRoute((problem.start,), 0.0, 0.0)))

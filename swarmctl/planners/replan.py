@@ -77,15 +77,17 @@ class Replanner:
         replanner.route((250, 100))                      # searches a small part of the area
 
     The routes are those of `dijkstra` without a maximum exposure, ties included. `exposure` is an array, or
-    `Layers` if all cells not seen have the same p_O. An array of floats is not copied: change it in place and
-    call `changed`, or pass another array to `renew`. Raises BadProblem as a Problem does.
+    `Layers` if all cells not seen have the same p_O. The array is not copied: change it in place and call
+    `changed`, or pass another array to `renew`. Raises BadProblem as a Problem does, and for an array that is
+    not of native float64, because only a copy of it could be searched.
     """
 
     def __init__(
         self, exposure: Layers | NDArray[np.float64], goals: Sequence[Cell], w: float, psi_per_cell: float
     ) -> None:
         if not isinstance(exposure, Layers):
-            exposure = Layers.of(checked_field(exposure, goals, w, psi_per_cell)[0])
+            exposure = Layers.of(_kept(checked_field(exposure, goals, w, psi_per_cell)[0], exposure))
+        _kept(exposure.known, exposure.known)
         if exposure.known.shape != exposure.unseen.shape:
             raise BadProblem(
                 f"layers of shape {exposure.known.shape} and {exposure.unseen.shape}: expected the same"
@@ -128,18 +130,22 @@ class Replanner:
     def renew(self, exposure: NDArray[np.float64]) -> None:
         """Replace P_s, shape (rows, cols); the cost of every cell is compared with the older field.
 
-        A contiguous, writeable array of floats is not copied. Raises BadProblem for a wrong shape or value.
+        The array is not copied. Raises BadProblem for a wrong shape, type or value.
         """
-        checked_field(exposure, self.goals, self._w, self._psi)
+        _kept(checked_field(exposure, self.goals, self._w, self._psi)[0], exposure)
         if exposure.shape != self._layers.known.shape:
             raise BadProblem(
                 f"exposure of shape {exposure.shape}: expected {self._layers.known.shape}, as before"
             )
-        exposure = compilable(exposure)
         self._layers = Layers.of(exposure)
         self._p_unseen = 0.0
         self._sampled_ratio, cells, costs = compiled(bounds.compare)(
-            exposure, self._w, self._field.step, self._field.straight, SAMPLE_STRIDE, exposure.size // 50 + 50
+            compilable(exposure),
+            self._w,
+            self._field.step,
+            self._field.straight,
+            SAMPLE_STRIDE,
+            exposure.size // 50 + 50,
         )
         self._outdated = self._outdated or self._sampled_ratio == 0.0
         if not self._outdated:
@@ -251,3 +257,14 @@ class Replanner:
         step, greatest = self._field.step, self._field.greatest
         fallen = step + (greatest - step) * self._layers.p_unseen / self._p_unseen
         return self._sampled_ratio * (fallen / greatest if greatest > 0.0 else 1.0)
+
+
+def _kept(array: Floats, given: object) -> Floats:
+    """Return the array if it is the given one; raise BadProblem if it is a copy with other types."""
+    if array is not given or array.dtype != np.float64 or not array.dtype.isnative:
+        found = f"an array of {given.dtype}" if isinstance(given, np.ndarray) else f"a {type(given).__name__}"
+        raise BadProblem(
+            f"exposure is {found}: expected an array of float64, as the planner keeps it without a copy; "
+            "give np.array(exposure, dtype=np.float64)"
+        )
+    return array

@@ -3,11 +3,12 @@
 import dataclasses
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
 
-from swarmctl.planners import PLANNERS, BoundTooTight, Problem, Route, Unreachable, pareto_front
+from swarmctl.planners import PLANNERS, BadProblem, BoundTooTight, Problem, Route, Unreachable, pareto_front
 
 Search = Callable[[Problem], Route]
 
@@ -92,3 +93,20 @@ def test_a_route_may_leave_a_wall_that_it_starts_in(search: Search) -> None:
     field = np.array([[0.0, 0.1, 0.0], [np.inf, np.inf, 0.0], [0.0, 0.3, 0.0]])
     route = search(Problem(field, (1, 0), ((1, 2),), 1.0, 0.1))
     assert route.cells == ((1, 0), (0, 1), (0, 2), (1, 2))
+
+
+def test_a_masked_exposure_is_refused() -> None:
+    with pytest.raises(BadProblem):
+        Problem(np.ma.masked_array(np.full((2, 2), 0.1), np.eye(2)), (0, 0), ((1, 1),), 0.5, 0.1)
+
+
+@pytest.mark.parametrize("max_labels", ["5", 2.5, -1])
+def test_an_invalid_number_of_labels_is_refused(max_labels: Any) -> None:
+    with pytest.raises(BadProblem):
+        pareto_front(ROW, max_labels=max_labels)
+    with pytest.raises(BadProblem):
+        PLANNERS["constrained"].Params(max_labels=max_labels)
+
+
+def test_a_start_at_the_goal_is_proved_least_exposed() -> None:
+    assert by("constrained")(Problem(np.ones((2, 2)), (0, 0), ((0, 0),), 0.5, 0.1)).lower_bound == 0.0

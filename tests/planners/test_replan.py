@@ -1,6 +1,7 @@
 """Replanning is exact: after any observations its route equals that of a search of the whole area."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -240,6 +241,37 @@ def test_a_removed_cell_of_huge_exposure_leaves_no_rounding_error() -> None:
 def test_the_route_of_a_start_at_the_goal_is_one_cell() -> None:
     planner = Replanner(Layers(np.ones((3, 3)), np.ones((3, 3)), 0.1), ((1, 1),), 0.5, 0.1)
     assert planner.route((1, 1)) == ((1, 1),)
+
+
+@pytest.mark.parametrize(
+    "exposure",
+    [
+        np.ones((3, 4), dtype=np.int64),
+        np.ones((3, 4), dtype=np.float32),
+        np.ones((3, 4), dtype=">f8"),
+        np.ma.masked_array(np.ones((3, 4)), np.eye(3, 4)),
+        [[1.0, 1.0, 1.0, 1.0]] * 3,
+    ],
+    ids=["int64", "float32", "big-endian", "masked", "a list"],
+)
+def test_an_exposure_that_only_a_copy_could_hold_is_refused(exposure: Any) -> None:
+    with pytest.raises(BadProblem):
+        Replanner(exposure, (2, 3), 0.5, 0.1)
+    planner = Replanner(np.ones((3, 4)), (2, 3), 0.5, 0.1)
+    with pytest.raises(BadProblem):
+        planner.renew(exposure)
+
+
+@pytest.mark.parametrize("renewed", [False, True])
+def test_changes_of_a_strided_exposure_are_seen(renewed: bool) -> None:
+    exposure = np.full((6, 40), 0.1)[::2, ::2]
+    planner = Replanner(np.ones((3, 20)) if renewed else exposure, (1, 19), 1.0, 0.1)
+    if renewed:
+        planner.renew(exposure)
+    assert (1, 10) in planner.route((1, 0))
+    exposure[1, 10] = math.inf
+    planner.changed([(1, 10)])
+    assert (1, 10) not in planner.route((1, 0))
 
 
 def test_bad_layers_are_refused() -> None:
