@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -119,11 +120,11 @@ class Belief:
         """Return the belief before any observation.
 
         If the number of hostiles is exact and the sensor is perfect, the result is the paper's belief. Raises
-        ValueError for an area without cells or for more hostiles than cells.
+        ValueError for an area without cells, and for hostiles that are no number or more than the cells.
         """
         if rows < 1 or cols < 1:
             raise ValueError(f"an area of {rows} × {cols} cells: expected at least 1 × 1")
-        count = HostileCount.known(hostiles) if isinstance(hostiles, int) else hostiles
+        count = hostiles if isinstance(hostiles, HostileCount) else HostileCount.known(_whole(hostiles))
         if count.greatest > rows * cols:
             raise ValueError(
                 f"{count.greatest} hostiles in {rows} × {cols} cells: expected 0 to {rows * cols}, "
@@ -351,6 +352,13 @@ class Belief:
         if self.sensor.is_perfect and self.count.is_number:
             return occupancy.eq4(self.count.greatest, classes)
         return occupancy.bayes(self.count, self.sensor, classes)
+
+
+def _whole(number: object) -> int:
+    try:
+        return operator.index(number)  # type: ignore[arg-type]
+    except TypeError:
+        raise ValueError(f"hostiles = {number!r}: expected a whole number or a HostileCount") from None
 
 
 def _joined(cells: Iterable[bytes]) -> NDArray[np.int64]:

@@ -151,6 +151,13 @@ def test_known_cells_are_read_only() -> None:
             belief.known[0, 0] = CLEAR
 
 
+def test_a_number_of_hostiles_is_any_whole_number() -> None:
+    assert Belief.prior(5, 5, np.int64(3)).occupancy() == pytest.approx(Belief.prior(5, 5, 3).occupancy())
+    for hostiles in (3.0, "3"):
+        with pytest.raises(ValueError, match="hostiles"):
+            Belief.prior(5, 5, hostiles)  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize(("rows", "cols", "n"), [(0, 5, 0), (5, 5, -1), (5, 5, 26)])
 def test_an_impossible_prior_is_refused(rows: int, cols: int, n: int) -> None:
     with pytest.raises(ValueError, match=rf"{rows} × {cols}|\[{n}\]"):

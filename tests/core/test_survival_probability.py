@@ -218,3 +218,12 @@ def test_equal_generators_give_equal_estimates() -> None:
         survival_probability(belief, STRENGTH, STRAIGHT, np.random.default_rng(7)) for _ in range(2)
     )
     assert one == other
+
+
+@pytest.mark.parametrize("cell", [(-1, 0), (0, 5), (5, 0)])
+def test_a_route_out_of_the_area_is_refused(cell: Cell) -> None:
+    belief = Belief.prior(5, 5, 3)
+    with pytest.raises(ValueError, match="outside"):
+        survival_probability(belief, STRENGTH, [(0, 0), cell], np.random.default_rng(0))
+    with pytest.raises(ValueError, match="outside"):
+        survival_among([(1, 1)], STRENGTH, [(0, 0), cell], (5, 5))

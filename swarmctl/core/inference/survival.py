@@ -65,7 +65,7 @@ def survival_probability(
     over the worlds has the same mean as the share of surviving vehicles, and a smaller variance
     (Rao-Blackwell). The interval is the normal interval of this average. If the average rests on few worlds,
     the interval is widened to cover Wilson's interval. If every cell in reach is certain, the interval is a
-    point. Raises ValueError for fewer than 2 worlds.
+    point. Raises ValueError for fewer than 2 worlds, and for a cell outside the area.
     """
     if n_worlds < 2:
         raise ValueError(f"{n_worlds} worlds: expected 2 or more")
@@ -108,7 +108,7 @@ def survival_among(
 ) -> float:
     """Return the exact probability, ∏(1 − fs), that a vehicle survives a route among known hostiles.
 
-    The start cell does not count.
+    The start cell does not count. Raises ValueError for a cell outside the area.
     """
     reached, entries = _in_reach(shape, cells)
     is_occupied = np.isin(reached, [row * shape[1] + col for row, col in hostiles])
@@ -152,6 +152,10 @@ def _in_reach(shape: tuple[int, ...], cells: Sequence[Cell]) -> tuple[NDArray[np
     """
     rows, cols = shape
     entered = np.array(cells[1:], dtype=np.int64).reshape(-1, 1, 2)
+    is_outside = ((entered < 0) | (entered >= (rows, cols))).any(axis=2)
+    if is_outside.any():
+        row, col = (int(index) for index in entered[is_outside][0])
+        raise ValueError(f"the route enters cell ({row}, {col}), outside the area of {rows} × {cols} cells")
     around = entered + np.array([(dr, dc) for dr in (-1, 0, 1) for dc in (-1, 0, 1)])
     steps = np.abs(around - entered).sum(axis=2)
     inside = ((around >= 0) & (around < (rows, cols))).all(axis=2)
