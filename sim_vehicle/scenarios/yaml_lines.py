@@ -8,6 +8,9 @@ import yaml
 
 KeyPath = tuple[str | int, ...]
 
+MAX_VALUES = 300_000
+"""greatest number of keys and list items, with aliases expanded"""
+
 
 class FileSyntaxError(ValueError):
     """A syntax error or a duplicate key; `line` counts from 1."""
@@ -63,13 +66,18 @@ def _parse_yaml(text: str) -> Document:
     except yaml.YAMLError as error:
         raise FileSyntaxError(1, f"invalid YAML: {str(error).splitlines()[0]}") from error
     except RecursionError as error:
-        raise FileSyntaxError(1, "the nesting is too deep") from error
+        raise FileSyntaxError(
+            1, "the nesting is too deep, or an alias contains itself; remove levels"
+        ) from error
     finally:
         if loader is not None:
             loader.dispose()
 
 
 def _walk(node: yaml.Node, path: KeyPath, lines: dict[KeyPath, int]) -> None:
+    if len(lines) > MAX_VALUES:
+        text = f"the file has more than {MAX_VALUES} values, with its aliases expanded; remove aliases"
+        raise FileSyntaxError(node.start_mark.line + 1, text)
     if isinstance(node, yaml.MappingNode):
         for key_node, value_node in node.value:
             key_path = (*path, str(key_node.value))

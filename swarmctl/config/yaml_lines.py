@@ -9,6 +9,9 @@ import yaml
 
 KeyPath = tuple[str | int, ...]
 
+MAX_VALUES = 300_000
+"""greatest number of keys and list items, with aliases expanded"""
+
 
 class YamlError(ValueError):
     """Malformed YAML, or a repeated key; `line` is the line number, from 1."""
@@ -51,12 +54,17 @@ def parse(text: str) -> Document:
         raise YamlError(line, f"the YAML is malformed: {error.problem or error.context}") from error
     except yaml.YAMLError as error:
         raise YamlError(1, f"the YAML is malformed: {str(error).splitlines()[0]}") from error
+    except RecursionError as error:
+        raise YamlError(1, "the nesting is too deep, or an alias contains itself; remove levels") from error
     finally:
         if loader is not None:
             loader.dispose()
 
 
 def _walk(node: yaml.Node, path: KeyPath, lines: dict[KeyPath, int]) -> None:
+    if len(lines) > MAX_VALUES:
+        text = f"the file has more than {MAX_VALUES} values, with its aliases expanded; remove aliases"
+        raise YamlError(node.start_mark.line + 1, text)
     if isinstance(node, yaml.MappingNode):
         for key_node, value_node in node.value:
             here = (*path, str(key_node.value))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -35,6 +36,10 @@ def test_starts_that_are_too_near_are_found_with_a_third_start_between_their_lon
     assert_problems(problems(f"{near}{third}\n", tmp_path), [(":8: vehicles", "a and b")])
 
 
+MILLION_ALIASES = "[&a [0,0,0,0,0,0,0,0,0,0]" + "".join(
+    f", &{name} [{','.join(10 * [f'*{before}'])}]" for before, name in pairwise("abcdef")
+)
+MILLION_ALIASES += "]"
 BAD: list[tuple[str, str, str, list[tuple[str, ...]]]] = [
     ("an unknown key", "rows: 20", "rosw: 20, rows: 20", [(":2: area.rosw", "'rows'")]),
     ("a missing key", "cell_size_m: 50", "", [(":2: area.cell_size_m",)]),
@@ -102,6 +107,8 @@ BAD: list[tuple[str, str, str, list[tuple[str, ...]]]] = [
     ),
     ("a NUL byte", "name: test", "name: te\0st", [(":1",)]),
     ("malformed YAML", "vehicles:", "vehicles: [", [(":9",)]),
+    ("an alias within itself", "vehicles:", "x: &a [*a]\nvehicles:", [(":1",)]),
+    ("aliases by the million", "vehicles:", f"x: {MILLION_ALIASES}\nvehicles:", [(":8",)]),
     ("a key twice", "planner:", "name: again\nplanner:", [(":6", "'name'", "line 1")]),
 ]
 

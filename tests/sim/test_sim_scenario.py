@@ -256,6 +256,7 @@ faults: [packet_los]
         ("", 1, "`vehicles`"),
         ("just words", 1, "'just words'"),
         ("count: 1\ncount: 2", 2, "key 'count' is a duplicate of line 1"),
+        ("count: &a [*a]", 1, ""),
         ("a: [", 1, "YAML"),
         (HOME + "count: 0", 2, "count: must be at least 1, found 0"),
         ("count: 2", 1, "`home`"),
