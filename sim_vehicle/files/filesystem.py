@@ -153,6 +153,11 @@ class FileSystem:
         if not source.write(bytes(self._files.pop(path))):
             raise FileError(errno.EINVAL)
 
+    def discard_upload(self, path: str) -> None:
+        """Forget the unfinished upload of a generated file, if there is one."""
+        if path in self._sources():
+            self._files.pop(path, None)
+
     def truncate(self, path: str, size: int) -> None:
         path = normal(path)
         content = self._written(path)

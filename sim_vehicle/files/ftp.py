@@ -134,7 +134,9 @@ class FtpServer:
             self._abandon()
 
     def reset(self) -> None:
-        """Forget the open file and the burst after a reboot; written bytes remain."""
+        """Forget the open file and the burst after a reboot; bytes written to other files remain."""
+        if self._open is not None:
+            self._files.discard_upload(self._open.path)
         self._open = self._burst = self._last = None
 
     # -- answering ---------------------------------------------------------------------------------------

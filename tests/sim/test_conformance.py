@@ -525,3 +525,16 @@ def test_a_bad_argument_is_named(arguments: list[str], found: str) -> None:
     result = command(*arguments)
     assert result.exit_code == 2
     assert found in result.output
+
+
+def test_a_cameras_heartbeat_is_not_the_vehicles() -> None:
+    def with_camera(message: Any) -> list[Any]:
+        if message.get_type() != "HEARTBEAT":
+            return [message]
+        camera = mavlink.MAVLink_heartbeat_message(
+            mavlink.MAV_TYPE_CAMERA, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
+        )
+        return [message, camera]
+
+    vehicle = connected(BentWire(fleet(), with_camera))
+    assert vehicle.heartbeat.autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA

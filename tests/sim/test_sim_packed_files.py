@@ -186,6 +186,16 @@ def test_uploaded_parameters_are_set_and_unknown_ones_ignored() -> None:
     assert decoded(vehicle.files.read("@PARAM/param.pck")) is not None
 
 
+def test_a_reboot_discards_an_unfinished_upload() -> None:
+    vehicle = Vehicle()
+    client = FtpClient(vehicle.files, ftp.ARDUPILOT)
+    client.one(Opcode.CREATE_FILE, b"@PARAM/param.pck")
+    client.one(Opcode.WRITE_FILE, b"half", offset=0)
+    client.server.reset()
+    data = decoded(vehicle.files.read("@PARAM/param.pck"))
+    assert [(n.decode(), v) for n, v, _ in data.params] == [(row.name, row.value) for row in FEW]
+
+
 def test_a_mission_is_read_and_replaced_as_a_file() -> None:
     vehicle = Vehicle()
     client = FtpClient(vehicle.files, ftp.ARDUPILOT)
