@@ -14,15 +14,15 @@ MAX_OFFSET_M = 1e6  # limit of gps_glitch
 N_MOTORS = 4
 
 
-def _gps(read: Read) -> list[FaultSpec]:
+def _gps(read: Read, _lat_deg: float) -> list[FaultSpec]:
     return [FaultSpec(fault="gps_loss")] if read("SIM_GPS_DISABLE") else []
 
 
-def _glitch(read: Read) -> list[FaultSpec]:
-    """Return the GPS glitch: X [degrees of latitude], Y [degrees of longitude at the equator], Z [m]."""
+def _glitch(read: Read, lat_deg: float) -> list[FaultSpec]:
+    """Return the GPS glitch: X [degrees of latitude], Y [degrees of longitude], Z [m]."""
     offsets = {
         "north_m": read("SIM_GPS_GLITCH_X") * METRES_PER_DEGREE,
-        "east_m": read("SIM_GPS_GLITCH_Y") * METRES_PER_DEGREE,
+        "east_m": read("SIM_GPS_GLITCH_Y") * METRES_PER_DEGREE * math.cos(math.radians(lat_deg)),
         "up_m": read("SIM_GPS_GLITCH_Z"),
     }
     if not any(offsets.values()):
@@ -31,7 +31,7 @@ def _glitch(read: Read) -> list[FaultSpec]:
     return [FaultSpec(fault="gps_glitch", params=params)]
 
 
-def _engine(read: Read) -> list[FaultSpec]:
+def _engine(read: Read, _lat_deg: float) -> list[FaultSpec]:
     """Return the loss of the motors in a mask; a thrust above one half is no loss."""
     mask = read("SIM_ENGINE_FAIL")
     if not math.isfinite(mask) or read("SIM_ENGINE_MUL") > 0.5:
@@ -40,7 +40,7 @@ def _engine(read: Read) -> list[FaultSpec]:
     return [FaultSpec(fault="motor_loss", params={"motors": motors})] if motors else []
 
 
-_GROUPS: dict[str, Callable[[Read], list[FaultSpec]]] = {
+_GROUPS: dict[str, Callable[[Read, float], list[FaultSpec]]] = {
     "SIM_GPS_DISABLE": _gps,
     "SIM_GPS_GLITCH_X": _glitch,
     "SIM_GPS_GLITCH_Y": _glitch,
@@ -50,10 +50,11 @@ _GROUPS: dict[str, Callable[[Read], list[FaultSpec]]] = {
 }
 
 
-def faults_of(name: str, read: Read) -> tuple[str, Sequence[FaultSpec]] | None:
+def faults_of(name: str, read: Read, lat_deg: float) -> tuple[str, Sequence[FaultSpec]] | None:
     """Return a key and the faults for a changed parameter, or None if the parameter never causes a fault.
 
+    lat_deg: latitude of the vehicle.
     Parameters of one fault have the same key, see `Schedule.replace`.
     """
     faults = _GROUPS.get(name)
-    return None if faults is None else (faults.__name__, faults(read))
+    return None if faults is None else (faults.__name__, faults(read, lat_deg))

@@ -251,7 +251,7 @@ class Autopilot:
 
     def update_parameter_faults(self, name: str) -> None:
         """Begin or end the faults that a simulation parameter (SIM_*) sets."""
-        found = faults_of(name, self.params.__getitem__)
+        found = faults_of(name, self.params.__getitem__, self.body.lat_lon_deg[0])
         if found is not None:
             self.replace_faults(*found, self.now)
 
