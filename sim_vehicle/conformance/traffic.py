@@ -182,11 +182,13 @@ class Traffic:
                 continue
             entry = ReceivedFrame(self.now, kind, message, sysid, component, seq, raw)
             self.received.append(entry)
-            if kind == "HEARTBEAT" and not is_autopilot(message):
-                continue
-            self.last[kind] = entry
+            self._keep_latest(entry)
             if kind == "STATUSTEXT":
                 self.texts.append((self.now, message.severity, message.text))
+
+    def _keep_latest(self, entry: ReceivedFrame) -> None:
+        if entry.kind != "HEARTBEAT" or is_autopilot(entry.message):
+            self.last[entry.kind] = entry
 
     def mark(self) -> int:
         """Return a mark: the index that the next frame will have in `received`."""

@@ -49,7 +49,9 @@ class VehicleUnderTest(Traffic):
         self.dialect = dialect_of(beat.autopilot, beat.type)
         self._wire.follow(entry.sysid)
         self.received = [e for e in self.received if e.sysid == entry.sysid]
-        self.last = {e.kind: e for e in self.received if e.kind != "HEARTBEAT" or is_autopilot(e.message)}
+        self.last = {}
+        for received in self.received:
+            self._keep_latest(received)
         for command in (mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES):
             params = (mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,) if command == 512 else (1,)
             for _ in range(3):
