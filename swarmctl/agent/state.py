@@ -300,10 +300,12 @@ class AgentState:
 
     @property
     def alarm(self) -> str:
-        """Active proximity alarms as text; empty if there is none."""
+        """Active proximity alarms as text; empty if there is none, or if the flight has ended."""
+        if self.ended or not self.alarms:
+            return ""
         others = ", ".join(str(alarm.other) for alarm in self.alarms)
         noun = "vehicle" if len(self.alarms) == 1 else "vehicles"
-        return f"predicted to come too close to {noun} {others}" if others else ""
+        return f"predicted to come too close to {noun} {others}"
 
     @property
     def late(self) -> str:

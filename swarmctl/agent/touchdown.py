@@ -34,7 +34,7 @@ def may_be_armed(state: AgentState) -> bool:
 
 def end_at_touchdown(state: AgentState) -> AgentState:
     """Return the state with the outcome of the flight, for a vehicle that is disarmed after its launch."""
-    state = replace(state, pending=None, alarms=())
+    state = replace(state, pending=None)
     # A hold that was ordered just above the ground does not prevent the touchdown.
     holds_over_goal = state.phase is Phase.HOLDING and state.arrived_boot_s is not None
     at_goal = state.phase is Phase.LANDING or holds_over_goal

@@ -103,7 +103,7 @@ def vehicle_row(
         link=_link(state, age_s) + (f", {refused} refused" if refused else ""),
         weights=_weights(state),
         silence=("given up" if age_s > lost_timeout_s else "lost") if is_lost_in_air(state) else "",
-        note=note or ("" if state.ended else state.alarm) or state.outcome or state.trouble or state.late,
+        note=note or state.alarm or state.outcome or state.trouble or state.late,
     )
 
 
