@@ -262,7 +262,9 @@ def _check_entry(config: Config, grid: Grid, index: int) -> Iterator[ConfigProbl
     if inside is not None and inside in config.area.no_fly:
         text = f"the start is in cell {inside} of area.no_fly; move it"
         yield ConfigProblem((*here, "start"), text)
-    if vehicle.entry is not None and (problems := list(_check_given_entry(config, grid, index, inside))):
+    if vehicle.entry is not None and (
+        problems := list(_check_given_entry(config, grid, index, vehicle.entry))
+    ):
         yield from problems
         return
     entry = vehicle.entry or entry_of(config, grid, start)
@@ -279,13 +281,10 @@ def _check_entry(config: Config, grid: Grid, index: int) -> Iterator[ConfigProbl
         yield ConfigProblem((*here, "start"), text)
 
 
-def _check_given_entry(
-    config: Config, grid: Grid, index: int, inside: Cell | None
-) -> Iterator[ConfigProblem]:
-    """Yield the problem of a configured entry cell. `inside`: the start's cell, None outside the area."""
-    entry, where = config.vehicles[index].entry, ("vehicles", index, "entry")
-    assert entry is not None
-    if inside is not None:
+def _check_given_entry(config: Config, grid: Grid, index: int, entry: Cell) -> Iterator[ConfigProblem]:
+    """Yield the problem of a configured entry cell."""
+    start, where = config.vehicles[index].start, ("vehicles", index, "entry")
+    if (inside := grid.cell_at(start.lat_deg, start.lon_deg)) is not None:
         text = f"the start is inside the area, in cell {inside}, so there is no entry; remove this key"
         yield ConfigProblem(where, text)
     elif not grid.contains(entry):
