@@ -69,9 +69,12 @@ def rounded(points: Sequence[GridPoint], radius: float) -> tuple[list[GridPoint]
         ends += [(point, leg if k < middle else leg + 1) for k, point in enumerate(turn)]
     flown, legs = [points[0]], []
     for point, leg in ends:
-        if min(math.dist(flown[-1], point), math.dist(points[-1], point)) > SAME_POINT:
+        if math.dist(flown[-1], point) > SAME_POINT:
             flown.append(point)
             legs.append(leg)
+    if legs and math.dist(flown[-1], points[-1]) <= SAME_POINT:
+        flown.pop()
+        legs.pop()
     return [*flown, points[-1]], [*legs, len(points) - 2]
 
 
