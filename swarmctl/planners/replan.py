@@ -85,9 +85,9 @@ class Replanner:
     def __init__(
         self, exposure: Layers | NDArray[np.float64], goals: Sequence[Cell], w: float, psi_per_cell: float
     ) -> None:
+        _require_float64(exposure.known if isinstance(exposure, Layers) else exposure)
         if not isinstance(exposure, Layers):
-            exposure = Layers.of(_kept(checked_field(exposure, goals, w, psi_per_cell)[0], exposure))
-        _kept(exposure.known, exposure.known)
+            exposure = Layers.of(checked_field(exposure, goals, w, psi_per_cell)[0])
         if exposure.known.shape != exposure.unseen.shape:
             raise BadProblem(
                 f"layers of shape {exposure.known.shape} and {exposure.unseen.shape}: expected the same"
@@ -132,7 +132,8 @@ class Replanner:
 
         The array is not copied. Raises BadProblem for a wrong shape, type or value.
         """
-        _kept(checked_field(exposure, self.goals, self._w, self._psi)[0], exposure)
+        _require_float64(exposure)
+        checked_field(exposure, self.goals, self._w, self._psi)
         if exposure.shape != self._layers.known.shape:
             raise BadProblem(
                 f"exposure of shape {exposure.shape}: expected {self._layers.known.shape}, as before"
@@ -259,12 +260,12 @@ class Replanner:
         return self._sampled_ratio * (fallen / greatest if greatest > 0.0 else 1.0)
 
 
-def _kept(array: Floats, given: object) -> Floats:
-    """Return the array if it is the given one; raise BadProblem if it is a copy with other types."""
-    if array is not given or array.dtype != np.float64 or not array.dtype.isnative:
-        found = f"an array of {given.dtype}" if isinstance(given, np.ndarray) else f"a {type(given).__name__}"
+def _require_float64(exposure: object) -> None:
+    """Raise BadProblem for anything but an array of native float64, because only a copy could be searched."""
+    if not isinstance(exposure, np.ndarray) or exposure.dtype != np.float64:
+        kind = getattr(exposure, "dtype", None)
+        found = f"a {type(exposure).__name__}" if kind is None else f"an array of {kind}"
         raise BadProblem(
             f"exposure is {found}: expected an array of float64, as the planner keeps it without a copy; "
             "give np.array(exposure, dtype=np.float64)"
         )
-    return array
