@@ -87,6 +87,12 @@ class Px4Mission(Mission):
         else:
             self.state, self._disarmed_after_active = MissionState.NOT_STARTED, False
 
+    def check_again(self, pilot: Pilot) -> None:
+        """Check the mission after a change of the fence; a flyable active mission repeats its item."""
+        self._valid = self._feasible(self.items)
+        if self.state is MissionState.ACTIVE:
+            self._activate(pilot)
+
     # -- execution ----------------------------------------------------------------------------------------
 
     def start_or_resume(self, pilot: Pilot, *, restart: bool = False) -> None:
@@ -95,6 +101,7 @@ class Px4Mission(Mission):
         if restart:
             self.index, self._at_end = 0, False
         if pilot.armed:
+            self._valid = self._feasible(self.items)  # each activation checks again (Mission::on_activation)
             self._activate(pilot)
 
     def stop(self) -> None:
@@ -129,6 +136,7 @@ class Px4Mission(Mission):
         if not self._in_mission_mode or not pilot.armed or self.paused:
             return
         if self.state not in (MissionState.ACTIVE, MissionState.COMPLETE) or self._disarmed_after_active:
+            self._valid = self._feasible(self.items)
             self._activate(pilot)
         for _ in range(MAX_ITEMS_PER_UPDATE):
             item = self.current_item
@@ -150,7 +158,6 @@ class Px4Mission(Mission):
             self.index, self._at_end = 0, False
             self._jumps.clear()
         self._disarmed_after_active = False
-        self._valid = self._valid or self._feasible(self.items)
         found = None if self._at_end or not self._valid else self._resolve(self.index, count_jumps=False)
         if found is None:
             self.state, self.current_item = MissionState.COMPLETE, None

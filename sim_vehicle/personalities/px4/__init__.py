@@ -56,13 +56,15 @@ def _transfer(vehicle: Vehicle) -> Px4Transfer:
         send_text=vehicle.send_text,
         replace=replace_mission,
         set_current=set_current,
-        changed=lambda kind: _check_fence(vehicle) if kind == mavlink.MAV_MISSION_TYPE_FENCE else None,
+        changed=lambda kind: (
+            _check_fence(vehicle, mission) if kind == mavlink.MAV_MISSION_TYPE_FENCE else None
+        ),
         refusal=lambda: vehicle.injected_faults.mission_refusal,
     )
 
 
-def _check_fence(vehicle: Vehicle) -> None:
-    """Stop enforcing the zones of a new fence that home or the flying vehicle violates."""
+def _check_fence(vehicle: Vehicle, mission: Px4Mission) -> None:
+    """Check the mission again, and drop the zones of a new fence that home or the flying vehicle violates."""
     if vehicle.home_and_rally.home is not None and vehicle.fence.discard_violated(
         *vehicle.home_and_rally.home_deg
     ):
@@ -70,6 +72,8 @@ def _check_fence(vehicle: Vehicle) -> None:
     watched = vehicle.flight.flying and vehicle.flight_parameters.fence_enabled
     if watched and vehicle.fence.discard_violated(*vehicle.body.lat_lon_deg):
         vehicle.announce("fence_without_vehicle")
+    if not mission.empty:
+        mission.check_again(vehicle.flight.pilot)
 
 
 # Rules for the target of a message. The fleet passes only messages to this system or to all systems (0).

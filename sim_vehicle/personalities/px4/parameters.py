@@ -128,7 +128,7 @@ _COMMON: dict[str, float | int] = _NO_EFFECT | {
     "GF_MAX_HOR_DIST": 0.0,  # m from home, 0 none
     "GF_MAX_VER_DIST": 0.0,  # m above home, 0 none
     # mission and return
-    "MIS_DIST_1WP": 10_000.0,  # m
+    "MIS_DIST_1WP": 900.0,  # m; 1.16: 10000, and only a warning
     "MIS_TKO_LAND_REQ": 0,  # 0 nothing, 1 take-off, 2 landing, 3 both, 4 both or neither
     "NAV_LOITER_RAD": 80.0,  # m
     "RTL_CONE_ANG": 45,  # multicopter: deg, half angle, within RTL_MIN_DIST; 0: always RTL_RETURN_ALT
