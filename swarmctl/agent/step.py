@@ -94,10 +94,11 @@ def _ready(state: AgentState, _event: ev.Ready, _now: float) -> StepResult:
 
 
 def _rebooted(state: AgentState, _event: ev.Rebooted, _now: float) -> StepResult:
+    if state.ended:
+        return state, []
     if state.phase not in ON_GROUND:
-        # The vehicle's clock restarted at 0.
-        placed = replace(state.last_position, time_boot_s=0.0)
-        return replace(state, last_position=placed, trouble="the vehicle has rebooted [rebooted]"), []
+        # Its mode, mission and position estimate began anew, so nothing that this agent knows holds.
+        return release_vehicle(state, "the vehicle rebooted during its flight [rebooted]")
     if state.launch_wait_since_boot_s is not None and not state.launch_is_operators:
         # This process orders its own launch only once, so no order would follow after the reboot.
         return cancel_launch(state, "the vehicle rebooted while it waited for its launch")

@@ -18,6 +18,7 @@ from swarmctl.cli.configuration import (
 )
 from swarmctl.cli.console import ConfigOrExampleOption, ExampleOption, OutOption, out
 from swarmctl.config.scenario import Scenario
+from swarmctl.preflight.checks import battery
 
 
 def register(cli: typer.Typer) -> None:
@@ -30,7 +31,8 @@ def check(
     """Check a configuration and this machine, and list the problems, without a flight."""
     config = config_or_example(config, example)
     scenario = load_scenario_or_exit(config)
-    require_flyable(config, scenario, out_folder, keys_problem_lines(config, _key_problems(scenario)))
+    problems = [*keys_problem_lines(config, _key_problems(scenario)), *battery.problems(scenario)]
+    require_flyable(config, scenario, out_folder, problems)
     out.print(f"{config}: no problems. {describe(scenario)}", highlight=False, soft_wrap=True)
     real = [spec.name for spec in scenario.specs if not spec.simulated]
     if real and scenario.config.preflight.endurance_s is None:

@@ -20,12 +20,11 @@ from swarmctl.core.mission import FlightPlan, MissionItem
 from swarmctl.links.base import FenceFailed, Identity, Link, LinkError
 from swarmctl.mavlink.firmware import firmware_of
 from swarmctl.mavlink.telemetry.instruments import Instruments
+from swarmctl.preflight.checks.battery import SIMULATED_ENDURANCE_S
 from swarmctl.preflight.declared import declared_behaviour
 from swarmctl.preflight.facts import OtherVehicle, PreflightFacts
 from swarmctl.preflight.policy import NoParameterTable, RequiredParameter, parameters_for
-
-SIMULATED_ENDURANCE_S = 1400.0
-"""flight time of a simulated battery: 6600 mAh at 11.4 V give 1513 s of hover at 179 W; climbs take more"""
+from swarmctl.preflight.policy.required import corrections
 
 
 class ConnectedAgent(Protocol):
@@ -71,6 +70,7 @@ class FactCollector:
     unix_s_at_zero: wall time at which the clock of the running loop showed 0 [s]
     speedup: simulated seconds in a second of the loop's clock
     free_clocks: True if the dates of simulated vehicles differ from this machine's date
+    is_before_fly: True in a run of checks only, so that `fly` may still set parameters
     """
 
     def __init__(
@@ -80,12 +80,14 @@ class FactCollector:
         unix_s_at_zero: float,
         speedup: float,
         free_clocks: bool,
+        is_before_fly: bool,
         say: Callable[[str], None],
     ) -> None:
         self._scenario = scenario
         self._unix_s_at_zero = unix_s_at_zero
         self._speedup = speedup
         self._free_clocks = free_clocks
+        self._fly_may_set = is_before_fly and scenario.config.preflight.set_parameters
         self._say = say
         self.fence_polygon = scenario.fence_polygon
         separation = scenario.config.separation
@@ -160,6 +162,8 @@ class FactCollector:
             required_parameters=required,
             no_table_because=no_table_because,
             parameters=answers.parameters,
+            fly_sets=corrections(required, answers.parameters) if self._fly_may_set else {},
+            may_set_parameters=section.set_parameters,
             fence=self.fence_polygon,
             fence_items=answers.fence,
             fence_failure=answers.fence_failure,

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Coroutine, Iterable, Mapping, Sequence
+from collections.abc import Callable, Coroutine, Iterable, Sequence
 from typing import Any
 
 from swarmctl.agent.traffic.separation.conflicts import CrossingCounts, count_crossings
 from swarmctl.agent.traffic.separation.trajectory import until_landing
 from swarmctl.config.scenario import Scenario
 from swarmctl.links.base import FenceFailed, ParametersFailed
-from swarmctl.preflight.checks import CHECKS, parameters, separation
+from swarmctl.preflight.checks import CHECKS, separation
 from swarmctl.preflight.collection import FactCollector, VehicleToCheck
-from swarmctl.preflight.facts import PreflightFacts
-from swarmctl.preflight.policy import RequiredParameter
+from swarmctl.preflight.facts import PreflightFacts, changes
+from swarmctl.preflight.policy.required import corrections
 from swarmctl.preflight.results import CheckResult
 from swarmctl.preflight.waivers import Waiver
 
@@ -50,9 +50,13 @@ class Preflight:
         self._say = say
         self._on_waived = on_waived
         self._sets_parameters = sets_parameters and scenario.config.preflight.set_parameters
-        self._fly_sets_parameters = not sets_parameters and scenario.config.preflight.set_parameters
         self._collector = FactCollector(
-            scenario, unix_s_at_zero=unix_s_at_zero, speedup=speedup, free_clocks=free_clocks, say=say
+            scenario,
+            unix_s_at_zero=unix_s_at_zero,
+            speedup=speedup,
+            free_clocks=free_clocks,
+            is_before_fly=not sets_parameters,
+            say=say,
         )
 
     async def set_up(self, vehicle: VehicleToCheck) -> None:
@@ -75,11 +79,10 @@ class Preflight:
         required, _ = self._collector.required_parameters(vehicle)
         link = vehicle.runner.link
         found = await link.read_parameters([r.name for r in required])
-        corrections = _corrections(required, found)
-        if corrections:
-            await link.set_parameters(corrections)
+        if new := corrections(required, found):
+            await link.set_parameters(new)
             text = "parameters written permanently, as the configuration declares"
-            self._say(f"{vehicle.spec.name}: {text}: {_changes(corrections, found)}")
+            self._say(f"{vehicle.spec.name}: {text}: {changes(new, found)}")
 
     async def failures(
         self, vehicles: Sequence[VehicleToCheck], everyone: Sequence[VehicleToCheck]
@@ -128,36 +131,4 @@ class Preflight:
         for check in CHECKS:
             finding = check.check(facts)
             waived = check.WAIVABLE and any(w.covers(check.NAME, facts.name) for w in self._waivers)
-            may_be_set = check.NAME == parameters.NAME and not finding.ok
-            yield CheckResult(
-                facts.name,
-                check.NAME,
-                check.WAIVABLE,
-                finding,
-                waived and not finding.ok,
-                self._set_by_fly(facts) if may_be_set else "",
-            )
-
-    def _set_by_fly(self, facts: PreflightFacts) -> str:
-        """Return the changes by `fly` as text; empty if `fly` cannot correct all wrong parameters."""
-        required, found = facts.required_parameters, facts.parameters
-        corrections = _corrections(required, found)
-        uncorrected = [r for r in required if r.name not in corrections and not r.met_by(found)]
-        if not self._fly_sets_parameters or facts.no_table_because or uncorrected or not corrections:
-            return ""
-        return f"`fly` sets: {_changes(corrections, found)}"
-
-
-def _corrections(required: Sequence[RequiredParameter], found: Mapping[str, float]) -> dict[str, float]:
-    """Return the values to set, by name, for wrong parameters that the vehicle reported."""
-    return {
-        r.name: value
-        for r in required
-        if r.name in found
-        and not r.accepts(found[r.name])
-        and (value := r.corrected(found[r.name])) is not None
-    }
-
-
-def _changes(corrections: Mapping[str, float], found: Mapping[str, float]) -> str:
-    return ", ".join(f"{name} {found[name]:g} → {value:g}" for name, value in corrections.items())
+            yield CheckResult(facts.name, check.NAME, check.WAIVABLE, finding, waived and not finding.ok)

@@ -54,6 +54,10 @@ class PreflightFacts:
     """reason why the required parameters are unknown; empty if they are known"""
     parameters: Mapping[str, float]
     """reported values, by name"""
+    fly_sets: Mapping[str, float]
+    """values that `swarmctl fly` sets before its checks, by name; empty in a run of `fly` itself"""
+    may_set_parameters: bool
+    """preflight.set_parameters"""
     fence: tuple[LatLon, ...]
     """configured corners"""
     fence_items: tuple[MissionItem, ...] | None
@@ -92,6 +96,18 @@ class Finding:
     found: str
     wanted: str
     cure: str = ""
+    set_by_fly: bool = False
+    """True if `swarmctl fly` removes the cause before arming"""
+
+    @classmethod
+    def cured_by_fly(cls, found: str, wanted: str, facts: PreflightFacts) -> Finding:
+        """Return a failure that ends with the parameters of `fly_sets`."""
+        return cls(False, found, wanted, f"`fly` sets: {changes(facts.fly_sets, facts.parameters)}", True)
+
+
+def changes(new: Mapping[str, float], found: Mapping[str, float]) -> str:
+    """Return changes of parameters as text."""
+    return ", ".join(f"{name} {found[name]:g} → {value:g}" for name, value in new.items())
 
 
 def without_route(facts: PreflightFacts, wanted: str) -> tuple[str, str, str]:

@@ -32,7 +32,7 @@ def _verdict(result: CheckResult | None) -> Text:
         return _FAILS
     if result.waived:
         return _WAIVED
-    if result.set_by_fly:
+    if result.finding.set_by_fly:
         return _SET_BY_FLY
     return _PASSES if result.finding.ok else _FAILS
 
@@ -48,7 +48,7 @@ def failures(checked: Mapping[str, Sequence[CheckResult]]) -> Table:
         for result in results:
             finding = result.finding
             if not finding.ok:
-                cure = "waived by the operator" if result.waived else result.set_by_fly or finding.cure
+                cure = "waived by the operator" if result.waived else finding.cure
                 grid.add_row(
                     *(Text(t) for t in (result.vehicle, result.check, finding.found, finding.wanted, cure))
                 )

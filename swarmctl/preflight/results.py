@@ -19,12 +19,10 @@ class CheckResult:
     finding: Finding
     waived: bool = False
     """True if the check failed and an operator waived the failure"""
-    set_by_fly: str = ""
-    """changes by which `swarmctl fly` would correct the failure, as text; empty in a run of `fly` itself"""
 
     @property
     def passes(self) -> bool:
-        return self.finding.ok or self.waived or bool(self.set_by_fly)
+        return self.finding.ok or self.waived or self.finding.set_by_fly
 
     def __str__(self) -> str:
         finding = self.finding

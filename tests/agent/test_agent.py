@@ -203,15 +203,17 @@ def test_a_failed_mission_change_over_the_goal_is_no_trouble() -> None:
     assert (story.state.phase, story.state.trouble) == (Phase.LANDING, "")
 
 
-def test_other_trouble_stays_without_a_mission_change() -> None:
+def test_a_vehicle_that_reboots_in_flight_is_released_for_that_reason() -> None:
     story = Story().flying()
     story.hear((4, 4, True))
-    story(ev.MissionFailed(story.swap().plan_id, "old", PAST, is_late=True))
-    story(ev.Rebooted())
-    for col in range(1, 7):
-        story.over((4, col))
-    assert story.tick() == []
-    assert story.state.trouble.endswith("[rebooted]")
+    story.swap()
+    booted = BOOTED | {"landed": Landed.IN_AIR}
+    assert orders(story.over((4, 1), **booted)) == []
+    assert story.state.phase is Phase.FLYING
+    assert story(ev.Rebooted()) == [ev.Release()]
+    assert story.state.phase is Phase.RELEASED
+    assert "[rebooted]" in story.state.outcome
+    assert orders(story.over((4, 1), **booted)) == []
 
 
 def test_a_vehicle_left_in_hold_gets_a_plan_even_without_observations() -> None:

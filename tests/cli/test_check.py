@@ -80,3 +80,13 @@ def test_a_missing_endurance_is_a_hint_for_real_vehicles(given: bool, tmp_path: 
     hints = [line for line in result.output.splitlines() if "preflight.endurance_s" in line]
     assert len(hints) == (0 if given else 1)
     assert all("alpha, beta" in line for line in hints)
+
+
+def test_a_flight_beyond_a_full_battery_is_a_problem_with_its_line(tmp_path: Path) -> None:
+    file = config(tmp_path, "null")
+    file.write_text(file.read_text().replace("endurance_s: 900", "endurance_s: 60"))
+    result = swarmctl("check", "--config", file, "--out", tmp_path)
+    assert result.exit_code == 1
+    assert f"{file}:7: alpha: battery: " in result.stderr
+    assert f"{file}:8: beta: battery: " in result.stderr
+    assert "preflight.endurance_s" in result.stderr

@@ -190,6 +190,7 @@ REQUIRED = (
     RequiredParameter("AIRSPEED_MIN", "wings.min_speed_m_s: 11", least=0.0, most=11.0),
     RequiredParameter("AIRSPEED_CRUISE", "speed_m_s: 15", least=14.5, most=15.5),
     RequiredParameter("Q_ENABLE", "airframe: plane", values=(0.0,)),
+    RequiredParameter("RTL_AUTOLAND", "a return that ends in a landing", 1.0, (1.0,)),
 )
 RIGHT = {
     "FENCE_ENABLE": 1.0,
@@ -198,6 +199,7 @@ RIGHT = {
     "AIRSPEED_MIN": 9.0,
     "AIRSPEED_CRUISE": 15.0,
     "Q_ENABLE": 0.0,
+    "RTL_AUTOLAND": 1.0,
 }
 
 
@@ -226,6 +228,25 @@ def test_the_cure_names_the_parameters_and_the_settings_that_correct_them(
     assert not found.ok
     settings = {BY_PROGRAM, POLICY, WINGS, "speed_m_s", "airframe"}
     assert {word for word in {*RIGHT, *settings} if word in found.cure} == named
+
+
+def test_the_checks_say_which_parameters_fly_sets() -> None:
+    """A plane with a landing in its mission refuses to arm by a parameter that `fly` sets before arming."""
+    reported = RIGHT | {"RTL_AUTOLAND": 0.0, "Q_ENABLE": 1.0}
+    texts = ("DO_LAND_START set and RTL_AUTOLAND disabled", "Compass not calibrated")
+    plane = but(required_parameters=REQUIRED, parameters=reported, may_set_parameters=True)
+    unready = replace(STATE, ready=False, not_ready=texts[:1])
+    before_fly = replace(plane, fly_sets={"RTL_AUTOLAND": 1.0}, state=unready)
+    position = finding("position", before_fly)
+    assert (position.ok, position.set_by_fly) == (False, True)
+    assert "RTL_AUTOLAND 0 → 1" in position.cure
+    two_reasons = replace(unready, not_ready=("; ".join(texts),))
+    assert not finding("position", replace(before_fly, state=two_reasons)).set_by_fly
+    for facts in (before_fly, plane):
+        found = finding("parameters", facts)
+        assert (found.ok, found.set_by_fly) == (False, False)
+        assert all(name in found.cure for name in ("RTL_AUTOLAND", "Q_ENABLE"))
+        assert BY_PROGRAM not in found.cure
 
 
 def test_an_unsupported_firmware_is_reported_with_the_supported_versions() -> None:

@@ -57,7 +57,8 @@ def evaluate(
         return memory, None
     if vehicle.other_mission and (demand := _other_mission(facts)) is not None:
         return memory, demand
-    if is_own:
+    # A disarmed vehicle has ended its flight, or rebooted; no operator has chosen its boot mode.
+    if is_own or not (vehicle.armed or facts.activity in ("ground", "launch")):
         return memory, None
     # The mode may be an outdated report of a mode that this agent set: wait for the next heartbeat.
     if vehicle.mode_role in ("hold", "mission") and not has_lasted(memory.foreign_since_s, STALE_MODE_S, now):

@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
-from swarmctl.core.geo import distance_m
+from collections.abc import Iterator
+
+from swarmctl.agent.replan.copter_trajectory import from_takeoff
+from swarmctl.agent.replan.decide import first_flight, first_problem, first_route
+from swarmctl.agent.traffic.separation.trajectory import Trajectory
+from swarmctl.config.scenario import Scenario
+from swarmctl.core.geo import LatLon, distance_m
+from swarmctl.core.mission import FlightPlan
 from swarmctl.preflight.facts import MAX_AGE_S, Finding, PreflightFacts, without_route
 
 NAME = "battery"
 WAIVABLE = True
 FULL_PERCENT = 100.0
+SIMULATED_ENDURANCE_S = 1400.0
+"""flight time of a simulated battery: 6600 mAh at 11.4 V give 1513 s of hover at 179 W; climbs take more"""
 
 
 def check(facts: PreflightFacts) -> Finding:
@@ -17,7 +26,7 @@ def check(facts: PreflightFacts) -> Finding:
     duration_s = flight_s(facts)
     if duration_s is None:
         return Finding(False, *without_route(facts, "a route and the way back"))
-    needed_percent = 100.0 * duration_s / facts.endurance_s + facts.reserve_percent
+    needed_percent = charge_percent(duration_s, facts.endurance_s, facts.reserve_percent)
     reserve = f"{facts.reserve_percent:g} % reserve"
     wanted = f"{needed_percent:.0f} % ({duration_s:.0f} s to the goal and back, and {reserve})"
     percent = facts.state.battery_percent
@@ -29,7 +38,7 @@ def check(facts: PreflightFacts) -> Finding:
     if not _is_low_voltage_safe(facts):
         return Finding(False, *_unsafe_low_voltage(facts))
     is_enough = percent >= needed_percent
-    return Finding(is_enough, f"{percent} %", wanted, "" if is_enough else _cure(needed_percent))
+    return Finding(is_enough, f"{percent} %", wanted, "" if is_enough else _advice(needed_percent))
 
 
 LOW_NAME = "BATT_LOW_VOLT"
@@ -54,13 +63,6 @@ def _unsafe_low_voltage(facts: PreflightFacts) -> tuple[str, str, str]:
     return f"{low} at a voltage of {reported_v:.1f} V", wanted, cure
 
 
-def _cure(needed_percent: float) -> str:
-    if needed_percent <= FULL_PERCENT:
-        return "charge the battery, or shorten the route"
-    keys = "preflight.endurance_s or preflight.reserve_percent"
-    return f"a full battery is not enough: shorten the route, or correct {keys}"
-
-
 def flight_s(facts: PreflightFacts) -> float | None:
     """Return the time of the first route and of a straight return to the present position [s].
 
@@ -69,6 +71,38 @@ def flight_s(facts: PreflightFacts) -> float | None:
     state = facts.state
     if facts.trajectory is None or facts.plan is None or state.lat_deg is None or state.lon_deg is None:
         return None
-    end = (facts.plan.landing.lat_deg, facts.plan.landing.lon_deg)
-    route_s = facts.trajectory.times_s[-1] - facts.trajectory.times_s[0]
-    return route_s + distance_m(end, (state.lat_deg, state.lon_deg)) / facts.speed_m_s
+    return out_and_back_s(facts.trajectory, facts.plan, (state.lat_deg, state.lon_deg), facts.speed_m_s)
+
+
+def out_and_back_s(trajectory: Trajectory, plan: FlightPlan, start: LatLon, speed_m_s: float) -> float:
+    """Return the time of a route and of a straight return from its end to `start` [s]."""
+    end = (plan.landing.lat_deg, plan.landing.lon_deg)
+    return trajectory.times_s[-1] - trajectory.times_s[0] + distance_m(end, start) / speed_m_s
+
+
+def charge_percent(duration_s: float, endurance_s: float, reserve_percent: float) -> float:
+    """Return the charge that a flight needs, as a share of a full battery."""
+    return 100.0 * duration_s / endurance_s + reserve_percent
+
+
+def _advice(needed_percent: float) -> str:
+    if needed_percent <= FULL_PERCENT:
+        return "charge the battery, or shorten the route"
+    keys = "preflight.endurance_s or preflight.reserve_percent"
+    return f"a full battery is not enough: shorten the route, or correct {keys}"
+
+
+def problems(scenario: Scenario) -> Iterator[str]:
+    """Yield a line for each vehicle whose first route and way back need more than a full"""
+    section = scenario.config.preflight
+    for spec, task in zip(scenario.specs, scenario.tasks, strict=True):
+        endurance_s = section.endurance_s or (SIMULATED_ENDURANCE_S if spec.simulated else None)
+        if endurance_s is None:
+            continue
+        plan = first_flight(task, first_problem(task, scenario.prior), first_route(task, scenario.prior))
+        flight = from_takeoff(task, plan, spec.start)
+        duration_s = out_and_back_s(flight, plan, spec.start, spec.speed_m_s)
+        percent = charge_percent(duration_s, endurance_s, section.reserve_percent)
+        if percent > FULL_PERCENT:
+            text = f"the first route and the way back take {duration_s:.0f} s and need {percent:.0f} %"
+            yield f"{spec.name}: battery: {text} of a battery of {endurance_s:g} s; {_advice(percent)}"

@@ -22,12 +22,10 @@ def check(facts: PreflightFacts) -> Finding:
     wrong = [r for r in facts.required_parameters if not r.met_by(facts.parameters)]
     if not wrong:
         return Finding(True, f"{len(facts.required_parameters)} parameters as declared", _WANTED)
-    return Finding(
-        False,
-        "; ".join(f"{r.name} {_value(facts, r)}, wanted {r} ({r.declared})" for r in wrong),
-        _WANTED,
-        _cure(facts, wrong),
-    )
+    found = "; ".join(f"{r.name} {_value(facts, r)}, wanted {r} ({r.declared})" for r in wrong)
+    if all(r.name in facts.fly_sets for r in wrong):
+        return Finding.cured_by_fly(found, _WANTED, facts)
+    return Finding(False, found, _WANTED, _cure(facts, wrong))
 
 
 def _cure(facts: PreflightFacts, wrong: Sequence[RequiredParameter]) -> str:
@@ -43,7 +41,7 @@ def _cure(facts: PreflightFacts, wrong: Sequence[RequiredParameter]) -> str:
             by_policy.setdefault(r.declared.split(":")[0], []).append(r.name)
     keys = sorted({text.split(":")[0] for text in declared if text.split(":")[0].isidentifier()})
     texts = [
-        f"set {_names(settable)} on the vehicle, or set preflight.set_parameters: true" if settable else "",
+        _setting(facts, settable) if settable else "",
         f"set {_names(by_hand)} on the vehicle by hand" if by_hand else "",
         *(f"or, for {_names(by_policy[key])} only, declare another {key}" for key in sorted(by_policy)),
         "or correct `wings`" if any(text.startswith("wings.") for text in declared) else "",
@@ -51,6 +49,15 @@ def _cure(facts: PreflightFacts, wrong: Sequence[RequiredParameter]) -> str:
         f"check the vehicle's link, or use a firmware with {_names(unreported)}" if unreported else "",
     ]
     return "; ".join(text for text in texts if text)
+
+
+def _setting(facts: PreflightFacts, names: Sequence[str]) -> str:
+    """Return the cure for wrong parameters that `fly` can set."""
+    if facts.fly_sets:
+        return f"`fly` sets {_names(names)}"
+    if facts.may_set_parameters:
+        return f"set {_names(names)} on the vehicle: the values written by this program have no effect"
+    return f"set {_names(names)} on the vehicle, or set preflight.set_parameters: true"
 
 
 def _names(names: Sequence[str]) -> str:

@@ -25,5 +25,8 @@ def check(facts: PreflightFacts) -> Finding:
         return Finding(False, found, wanted, "find out why the vehicle no longer sends SYS_STATUS")
     if not state.ready:
         reasons = "; ".join(state.not_ready) or "no reason reported"
+        if all(any(name in reason for name in facts.fly_sets) for reason in reasons.split("; ")):
+            # Such as RTL_AUTOLAND 0 with a landing in the mission of an ArduPlane.
+            return Finding.cured_by_fly(f"not ready to arm: {reasons}", wanted, facts)
         return Finding(False, f"not ready to arm: {reasons}", wanted, "remove the reported causes")
     return Finding(True, f"{state.lat_deg:.6f}, {state.lon_deg:.6f}, ready to arm", wanted)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from swarmctl.mavlink.protocol.parameters import same_value
@@ -62,6 +62,17 @@ class RequiredParameter:
             above = "above 0" if self.least <= MIN_ABOVE_ZERO else f"{self.least:g} or more"
             texts.append(above if math.isinf(self.most) else f"{self.least:g} to {self.most:g}")
         return " or ".join(texts)
+
+
+def corrections(required: Sequence[RequiredParameter], found: Mapping[str, float]) -> dict[str, float]:
+    """Return the values to set, by name, for wrong parameters that the vehicle reported."""
+    return {
+        r.name: value
+        for r in required
+        if r.name in found
+        and not r.accepts(found[r.name])
+        and (value := r.corrected(found[r.name])) is not None
+    }
 
 
 def one_of(
