@@ -103,7 +103,8 @@ class FlightParameters:
     loiter_leaves_aligned: bool = False  # a circle to an altitude ends only toward the next position
     return_lands: int = 0  # use of the mission's landing in a return; 0: never, 1: over home, 2: at once
     waypoints_set_radius: bool = True  # an item can set its acceptance radius; else waypoint_radius_m
-    # altitude tolerance at a waypoint; a plane outside the tolerance circles to the altitude
+    # altitude tolerance at a waypoint: a plane outside the tolerance circles to the altitude, and a mission of
+    # PX4 begins with a climb if its first item is higher than the tolerance
     waypoint_height_m: float = math.inf
     circles_first: bool = False  # flies to a circle at the present altitude, then changes altitude
     takeoff_straight: bool = False  # climbs straight towards the take-off position; else in circles

@@ -56,6 +56,7 @@ class MissionPilot:
         self._under_way = False  # on a leg to a waypoint
         self._after_braking_m_s: float | None = None  # pass speed of the leg that begins after braking
         self._following: Item | None = None
+        self._climbing = False  # in place, before the leg to the current item
 
     # -- state --------------------------------------------------------------------------------------------
 
@@ -66,7 +67,7 @@ class MissionPilot:
     @property
     def busy(self) -> bool:
         """True while a wait, braking or a manoeuvre is in progress."""
-        waiting = self._wait_until_s is not None or self._after_braking_m_s is not None
+        waiting = self._wait_until_s is not None or self._after_braking_m_s is not None or self._climbing
         return self._manoeuvre is not None or waiting
 
     @property
@@ -76,7 +77,7 @@ class MissionPilot:
     def forget(self) -> None:
         """Forget the current command."""
         self._manoeuvre, self._wait_until_s, self._wanted_heading_rad = None, None, None
-        self._under_way, self._after_braking_m_s = False, None
+        self._under_way, self._after_braking_m_s, self._climbing = False, None, False
 
     # -- navigation commands ------------------------------------------------------------------------------
 
@@ -84,10 +85,53 @@ class MissionPilot:
         flight = self._flight
         interrupted = self._under_way
         self.forget()
-        flight.taking_off = item.command in TAKEOFFS
+        self._following = following
         self._target_m = flight.guided_target_m = self._goal_m(item)
+        self._climbing = self._climbs_first(item)
+        flight.taking_off = item.command in TAKEOFFS or (self._climbing and not flight.body.airborne)
         if not flight.flying:
             return
+        if self._climbing:
+            self._begin_climb()
+        else:
+            self._begin(item, interrupted=interrupted)
+
+    def _climbs_first(self, item: Item) -> bool:
+        """Return True if the vehicle climbs in place before it flies to `item` (`checkClimbRequired`)."""
+        flight = self._flight
+        climbs = flight.mission.climbs_first and item.command not in (*TAKEOFFS, *LANDINGS)
+        if flight.body.airborne:
+            flight.mission.climbs_first = False
+        tolerance_m = flight.flight_parameters.waypoint_height_m
+        return climbs and self._target_m[2] - flight.body.alt_amsl_m > tolerance_m
+
+    def _begin_climb(self) -> None:
+        """Climb to the altitude of the target; a plane climbs straight ahead from the ground, else in circles."""
+        body = self._flight.body
+        east_m, north_m, _ = body.position_m
+        if body.plane and not body.airborne:
+            place_m = self._straight_ahead(body.heading_rad)
+            self._flight.go(
+                (*place_m, self._target_m[2] + CLIMB_MARGIN_M), self._flight.flight_parameters.speed_m_s
+            )
+        else:
+            self._flight.go((east_m, north_m, self._target_m[2]))
+
+    def _climb_done(self, item: Item) -> bool:
+        """Continue the climb; at its end begin the leg to `item` and return True."""
+        flight = self._flight
+        if not flight.body.airborne:
+            self._begin_climb()
+            return False
+        tolerance_m = flight.flight_parameters.waypoint_height_m
+        if flight.body.alt_amsl_m < self._target_m[2] - tolerance_m:
+            return False
+        self._climbing = flight.taking_off = flight.mission.climbs_first = False
+        self._begin(item, interrupted=False)
+        return True
+
+    def _begin(self, item: Item, *, interrupted: bool) -> None:
+        flight, following = self._flight, self._following
         if item.command in LANDINGS:
             # Without an approach line a plane spirals down.
             self._manoeuvre = Landing(flight, item.place_deg, circles=flight.mission.without_approach)
@@ -101,7 +145,6 @@ class MissionPilot:
         elif item.command == mavlink.MAV_CMD_NAV_LOITER_TO_ALT and flight.body.plane:
             self._manoeuvre = circle_to_altitude(flight, item, following)
         else:
-            self._following = following
             flight.body.limit(acceptance_radius_m=self._radius_m(item))
             self._under_way = not flight.taking_off
             if interrupted and self._under_way and flight.flight_parameters.begins_legs_at_rest:
@@ -147,6 +190,10 @@ class MissionPilot:
             ahead_m = body.locate(*item.place_deg)
             if math.dist(ahead_m, (east_m, north_m)) > MIN_DIRECTION_M:
                 heading_rad = math.atan2(ahead_m[0] - east_m, ahead_m[1] - north_m)
+        return self._straight_ahead(heading_rad)
+
+    def _straight_ahead(self, heading_rad: float) -> tuple[float, float]:
+        east_m, north_m, _ = self._flight.body.position_m
         return east_m + AHEAD_M * math.sin(heading_rad), north_m + AHEAD_M * math.cos(heading_rad)
 
     def _pass_speed_m_s(self, item: Item, following: Item | None) -> float:
@@ -171,6 +218,8 @@ class MissionPilot:
     def navigation_done(self, now: float) -> bool:
         item = self._flight.mission.current_item
         if item is None:
+            return False
+        if self._climbing and not self._climb_done(item):
             return False
         if item.command in TAKEOFFS:
             return self._takeoff_done()

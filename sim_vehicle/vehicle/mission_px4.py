@@ -6,6 +6,7 @@ vehicle does not advance.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -36,15 +37,19 @@ class Px4Mission(Mission):
     """Mission with items from index 0; the vehicle stores but does not fly an infeasible mission.
 
     A return item calls `go_home`, which leaves the mission mode. The item stays current and is never reported
-    as reached.
+    as reached. A vehicle climbs in place to its first item; a take-off of a multicopter is then a position
+    (`Mission::handleTakeoff`).
     """
 
     def __init__(
         self,
         feasible: Callable[[Sequence[Item]], bool] = _always,
         go_home: Callable[[], None] = _nothing,
+        *,
+        plane: bool = False,
     ) -> None:
-        super().__init__(home=lambda: Item(mavlink.MAV_CMD_NAV_WAYPOINT))
+        super().__init__(home=lambda: Item(mavlink.MAV_CMD_NAV_WAYPOINT), climbs_first=True)
+        self._plane = plane
         self.disarms_on_landing = False
         self._feasible, self._go_home = feasible, go_home
         self._valid = True
@@ -97,7 +102,7 @@ class Px4Mission(Mission):
 
     def start_or_resume(self, pilot: Pilot, *, restart: bool = False) -> None:
         """Enter the mission mode; an armed vehicle continues at once, a disarmed vehicle after arming."""
-        self.paused, self._in_mission_mode = False, True
+        self.paused, self._in_mission_mode, self.climbs_first = False, True, True
         if restart:
             self.index, self._at_end = 0, False
         if pilot.armed:
@@ -112,7 +117,7 @@ class Px4Mission(Mission):
     def reset(self) -> None:
         """Stop after disarming or a reboot; the index stays."""
         self._disarmed_after_active = self._disarmed_after_active or self._was_active
-        self.current_item, self.paused = None, False
+        self.current_item, self.paused, self.climbs_first = None, False, True
         if self.state is not MissionState.COMPLETE:
             self.state = MissionState.NOT_STARTED
 
@@ -179,7 +184,11 @@ class Px4Mission(Mission):
         pilot.mission_ended()
 
     def _begin(self, pilot: Pilot, index: int) -> None:
-        self.index, self.current_item, self._condition_begun_s = index, self.items[index], None
+        self.index, self.current_item, self._condition_begun_s = (
+            index,
+            self._as_flown(self.items[index]),
+            None,
+        )
         self.paused = False
         pilot.mission_item_started(index, self.current_item)
         if self.current_item.command == mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH:
@@ -188,6 +197,11 @@ class Px4Mission(Mission):
             pilot.start_navigation(self.current_item, self._following(index))
         else:
             pilot.do(self.current_item)
+
+    def _as_flown(self, item: Item) -> Item:
+        if self._plane or item.command != mavlink.MAV_CMD_NAV_TAKEOFF:
+            return item
+        return replace(item, command=mavlink.MAV_CMD_NAV_WAYPOINT, param1=0.0, param2=0.0)
 
     def _done(self, pilot: Pilot, item: Item, now: float) -> bool:
         if item.command in NAVIGATION:

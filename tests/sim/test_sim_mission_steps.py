@@ -71,7 +71,7 @@ def test_px4_moves_nothing_while_disarmed_and_begins_when_armed() -> None:
     assert pilot.log == []
     pilot.armed = True
     mission.update(pilot, 1.0)
-    assert pilot.log == [("started", 0), ("fly", TAKEOFF)]
+    assert pilot.log == [("started", 0), ("fly", WP)]  # a climb in place, then a waypoint
 
 
 def test_px4_keeps_its_index_over_a_mode_change_until_the_mission_is_complete() -> None:

@@ -22,7 +22,7 @@ from sim_vehicle.vehicle.mission_px4 import Px4Mission
 from sim_vehicle.vehicle.transfer.px4 import Px4Transfer
 
 MAX_MISSION_ITEMS = 6000
-MISSION_CHECK_S = 0.7  # duration of the feasibility check after an upload
+MISSION_CHECK_S = 0.1  # interval of the health checks, which see a new mission
 READY_S = 37.0  # time from boot to a position estimate
 
 
@@ -31,7 +31,7 @@ def _mission(vehicle: Vehicle) -> Px4Mission:
         vehicle.announce("returning")
         vehicle.modes.enter_behaviour(Behaviour.RETURN)
 
-    return Px4Mission(feasible=lambda items: feasible(vehicle, items), go_home=go_home)
+    return Px4Mission(lambda items: feasible(vehicle, items), go_home, plane=vehicle.body.plane)
 
 
 def _transfer(vehicle: Vehicle) -> Px4Transfer:
@@ -39,7 +39,8 @@ def _transfer(vehicle: Vehicle) -> Px4Transfer:
     assert isinstance(mission, Px4Mission)
 
     def replace_mission(items: Sequence[Item], current: int) -> None:
-        vehicle.modes.mission_checked_s = vehicle.now + MISSION_CHECK_S
+        if not vehicle.modes.mission_ready(vehicle.now):  # an earlier good mission counts until the check
+            vehicle.modes.mission_checked_s = vehicle.now + MISSION_CHECK_S
         mission.replace(vehicle.flight.pilot, items, current)
 
     def set_current(index: int) -> None:

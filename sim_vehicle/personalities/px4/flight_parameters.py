@@ -168,6 +168,7 @@ def copter_flight_parameters(params: Parameters) -> FlightParameters:
         acceleration_m_s2=_positive(params["MPC_ACC_HOR"]),
         vertical_acceleration_m_s2=_positive(min(params["MPC_ACC_UP_MAX"], params["MPC_ACC_DOWN_MAX"])),
         takeoff_speed_m_s=_positive(params["MPC_TKO_SPEED"]),
+        waypoint_height_m=_positive(params["NAV_MC_ALT_RAD"]),
         return_speed_m_s=cruise_m_s,
         yaw_rate_deg_s=_positive(params["MPC_YAWRAUTO_MAX"]),
         return_height_at=_return_height(params),

@@ -73,7 +73,6 @@ _NO_EFFECT_COPTER: dict[str, float | int] = {
     "MPC_LAND_ALT3": 1.0,  # m
     "MPC_LAND_CRWL": 0.3,  # m/s
     "MPC_TILTMAX_AIR": 45.0,  # deg
-    "NAV_MC_ALT_RAD": 0.8,  # m
     "RTL_TYPE": 0,
     "SYS_AUTOSTART": 4001,
     "SYS_HAS_NUM_ASPD": 0,
@@ -164,6 +163,7 @@ COPTER: dict[str, float | int] = (
         "MPC_Z_V_AUTO_DN": 1.5,  # m/s
         "MPC_Z_V_AUTO_UP": 3.0,  # m/s
         "NAV_ACC_RAD": 2.0,  # m
+        "NAV_MC_ALT_RAD": 0.8,  # m above or below an item
         "RTL_DESCEND_ALT": 10.0,  # m above home
         "RTL_LAND_DELAY": 0.0,  # s over home, -1: does not land
         "RTL_RETURN_ALT": 30.0,  # m above home
