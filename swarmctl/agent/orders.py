@@ -92,14 +92,14 @@ def _is_released_and_armed(state: AgentState) -> bool:
 
 def _order_answer(state: AgentState, event: ev.OperatorCommand) -> tuple[CommandOutcome, str]:
     order = event.order
-    if _is_released_and_armed(state) and event.command is not None and order is not ev.FlightOrder.LAUNCH:
+    if _is_released_and_armed(state) and event.command is not None and order in ROLE_OF_ORDER:
         return "taken", "another operator controls the vehicle; the order is sent once [sent-once]"
     if state.ended:
         return "over", f"the flight is over: {state.phase}" + (f", {state.outcome}" if state.outcome else "")
     if state.launch_aborted:
         return "refused", "the launch is being aborted; the vehicle lands [launch-aborted]"
-    if order is ev.FlightOrder.LAUNCH:
-        return _launch_answer(state)
+    if order not in ROLE_OF_ORDER:
+        return _launch_answer(state) if order is ev.FlightOrder.LAUNCH else _resume_answer(state)
     if state.phase in ON_GROUND:
         return "taken", "the vehicle stays on the ground until an order to launch [stays-on-ground]"
     if state.phase is Phase.LAUNCHING:
@@ -127,10 +127,8 @@ def _order_answer(state: AgentState, event: ev.OperatorCommand) -> tuple[Command
 
 def _launch_answer(state: AgentState) -> tuple[CommandOutcome, str]:
     if state.phase in (Phase.HOLDING, Phase.LEAVING):
-        return (
-            "refused",
-            f"the vehicle cannot resume its route: {state.outcome or state.phase} [not-resumed]",
-        )
+        advice = "order the vehicle to hold, then to resume"
+        return "refused", f"the vehicle is in flight: {state.outcome or state.phase}; {advice} [not-resumed]"
     if state.phase is Phase.LAUNCHING:
         return "taken", "the vehicle is about to take off [launching]"
     if state.phase not in ON_GROUND:
@@ -145,12 +143,52 @@ def _launch_answer(state: AgentState) -> tuple[CommandOutcome, str]:
     return "taken", ""
 
 
+def _resume_answer(state: AgentState) -> tuple[CommandOutcome, str]:
+    why = _reason_against_resuming(state)
+    return ("refused", why) if why else ("taken", "")
+
+
+def _reason_against_resuming(state: AgentState) -> str:
+    """Return the reason why the vehicle cannot end a hold with a new plan; "" if it can."""
+    if state.phase in ON_GROUND:
+        return "the vehicle is on the ground; order a launch [not-resumed]"
+    if state.phase is not Phase.HOLDING:
+        return f"the vehicle does not hold: {state.outcome or state.phase} [not-resumed]"
+    if state.lost:
+        return "the link is lost; repeat the order when the link is back [not-resumed]"
+    if state.return_latest_boot_s is not None:
+        return "the vehicle holds until its return; order it to hold first [not-resumed]"
+    if not state.order_followed or state.vehicle.mode_role != "hold":
+        return f"the hold is not confirmed, in mode {state.vehicle.mode or 'unknown'} [not-resumed]"
+    demands = (d.reason for d in state.demands if d is not None and d.kind is not DemandKind.WARN)
+    reason = next(demands, "")
+    return f"a failsafe rule demands the end of the route: {reason} [not-resumed]" if reason else ""
+
+
+def _resume(state: AgentState) -> StepResult:
+    """Plan from the hold. A vehicle over its goal lands."""
+    state = replace(state, outcome="", trouble="", return_started_boot_s=None)
+    if state.cell in state.task.goals:
+        boot_s = state.vehicle.time_boot_s
+        return command(state, ev.FlightOrder.LAND, by_person=True, phase=Phase.LANDING, arrived_boot_s=boot_s)
+    return replace(
+        state,
+        phase=Phase.FLYING,
+        ordered=ev.FlightOrder.LAUNCH,
+        hold_is_own=True,
+        route=None,
+        dirty=True,
+    ), []
+
+
 def _apply_order(state: AgentState, event: ev.OperatorCommand, *, remote: bool) -> StepResult:
     order = event.order
-    if _is_released_and_armed(state) and remote and order is not ev.FlightOrder.LAUNCH:
+    if _is_released_and_armed(state) and remote and order in ROLE_OF_ORDER:
         return command(state, order, by_person=True)
     if state.ended or state.launch_aborted or _follows(state, order):
         return state, []
+    if order is ev.FlightOrder.RESUME:
+        return (state, []) if _reason_against_resuming(state) else _resume(state)
     if order is ev.FlightOrder.LAUNCH:
         if state.phase is Phase.LAUNCHING and event.ignore:
             return replace(state, launch_ignored=state.launch_ignored | frozenset(event.ignore)), []

@@ -1,4 +1,4 @@
-"""`swarmctl order`: launch, hold, return or land vehicles, mainly vehicles of `swarmctl agent`."""
+"""`swarmctl order`: launch, resume, hold, return or land vehicles, mainly vehicles of `swarmctl agent`."""
 
 from __future__ import annotations
 
@@ -26,7 +26,9 @@ def register(cli: typer.Typer) -> None:
 
 
 def order(
-    kind: Annotated[FlightOrder, typer.Argument(metavar="launch|hold|return|land", show_default=False)],
+    kind: Annotated[
+        FlightOrder, typer.Argument(metavar="launch|resume|hold|return|land", show_default=False)
+    ],
     uav: UavsOption = None,
     ignore: Annotated[
         list[str] | None,
@@ -43,11 +45,12 @@ def order(
     connect: ConnectOption = None,
     swarm: SwarmOption = None,
 ) -> None:
-    """Order vehicles of a running flight to launch, hold, return or land.
+    """Order vehicles of a running flight to launch, resume, hold, return or land.
 
     The order reaches the vehicles of `swarmctl agent` and of `swarmctl fly`. `fly` refuses an order to launch
     real vehicles. An order to hold, return or land prevents the take-off of a vehicle on the ground until an
-    order to launch. In flight the same order ends the vehicle's route permanently. A launch waits on the
+    order to launch. In flight the same order ends the vehicle's route; after a hold, an order to resume lets
+    the vehicle plan a new route from its position. A launch waits on the
     ground for 3 min at most while another vehicle conflicts with the route. After 3 min the order to launch
     expires; give the order again.
     """

@@ -28,6 +28,8 @@ class FlightOrder(StrEnum):
     """Orders to a vehicle besides its mission."""
 
     LAUNCH = "launch"
+    RESUME = "resume"
+    """end of a hold, with a new plan from the vehicle's position; never a command to the vehicle"""
     HOLD = "hold"
     RETURN = "return"
     LAND = "land"

@@ -52,11 +52,14 @@ class SetWeights(msgspec.Struct, frozen=True, tag="set_weights", forbid_unknown_
 class GiveOrder(
     msgspec.Struct, frozen=True, omit_defaults=True, tag="give_order", forbid_unknown_fields=True
 ):
-    """An operator's command: launch, hold, return or land now. Raises ValueError for invalid values."""
+    """An operator's command to launch, resume, hold, return or land now.
+
+    Raises ValueError for invalid values.
+    """
 
     uavs: tuple[int | str, ...] | None
     """system ids or names; None: all of the swarm"""
-    order: Literal["launch", "hold", "return", "land"]
+    order: Literal["launch", "resume", "hold", "return", "land"]
     after_s: float = 0.0
     """time for which the vehicle holds before a return, while other vehicles return [s]"""
     ignore: tuple[int | str, ...] = msgspec.field(default=(), name="past")

@@ -106,6 +106,27 @@ def holding() -> Story:
     return story
 
 
+def held() -> Story:
+    story = holding()
+    story(ev.OrderDone(FlightOrder.HOLD))
+    story.over((4, 1), mode="GUIDED", mode_role="hold")
+    return story
+
+
+def held_over_the_goal() -> Story:
+    story = landing()
+    story(ev.OperatorCommand(FlightOrder.HOLD, 1))
+    story(ev.OrderDone(FlightOrder.HOLD))
+    story.over((4, 8), mode="GUIDED", mode_role="hold")
+    return story
+
+
+def held_without_link() -> Story:
+    story = held()
+    story(ev.LinkLost(4.0))
+    return story
+
+
 def leaving() -> Story:
     story = flying()
     story(ev.OperatorCommand(FlightOrder.RETURN, 1))
@@ -125,6 +146,7 @@ def done() -> Story:
 
 
 HOLD, RETURN, LAND, LAUNCH = FlightOrder.HOLD, FlightOrder.RETURN, FlightOrder.LAND, FlightOrder.LAUNCH
+RESUME = FlightOrder.RESUME
 STAYS, DOWN = "[stays-on-ground]", "[launch-aborted]"
 MATRIX: list[tuple[Callable[[], Story], FlightOrder, str, str, list[FlightOrder], Phase]] = [
     # state, order, answer, note of the answer, order to the vehicle, next state
@@ -140,6 +162,14 @@ MATRIX: list[tuple[Callable[[], Story], FlightOrder, str, str, list[FlightOrder]
     (holding, LAUNCH, "refused", "[not-resumed]", [], Phase.HOLDING),
     (leaving, LAUNCH, "refused", "[not-resumed]", [], Phase.LEAVING),
     (released, LAUNCH, "over", "LOITER", [], Phase.RELEASED),
+    (standby, RESUME, "refused", "[not-resumed]", [], Phase.STANDBY),
+    (flying, RESUME, "refused", "[not-resumed]", [], Phase.FLYING),
+    (holding, RESUME, "refused", "[not-resumed]", [], Phase.HOLDING),
+    (held, RESUME, "taken", "", [], Phase.FLYING),
+    (held_over_the_goal, RESUME, "taken", "", [LAND], Phase.LANDING),
+    (held_without_link, RESUME, "refused", "[not-resumed]", [], Phase.HOLDING),
+    (leaving, RESUME, "refused", "[not-resumed]", [], Phase.LEAVING),
+    (released, RESUME, "over", "LOITER", [], Phase.RELEASED),
     (done, LAUNCH, "over", "done, arrived", [], Phase.DONE),
     (waiting, HOLD, "taken", STAYS, [], Phase.WAITING),
     (uploading, RETURN, "taken", STAYS, [], Phase.UPLOADING),
@@ -181,6 +211,16 @@ def test_an_agent_answers_an_order_by_its_phase(
     assert bool(note) == bool(answer.answer.note)
     assert orders(effects) == sent
     assert story.state.phase is phase
+
+
+def test_a_vehicle_that_resumes_plans_anew_from_its_hold() -> None:
+    story = held()
+    story.hear((4, 4, True))
+    story(ev.OperatorCommand(RESUME, 2))
+    swap = story.swap()
+    assert (swap.plan.from_hold, swap.plan.leaves_ahead) == (True, False)
+    assert swap.cells[0] == (4, 1)
+    assert (4, 4) not in swap.cells
 
 
 def test_orders_from_the_agents_own_process_get_no_answer() -> None:
