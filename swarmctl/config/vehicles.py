@@ -36,7 +36,12 @@ class Simulate(Section):
     """Simulated vehicles along one side of the area. The simulator starts and stops with the flight."""
 
     count: int = Field(ge=1, le=250, description="Number of simulated vehicles, named uav1, uav2, ….")
-    speedup: float = Field(1.0, ge=1.0, le=100.0, description="Simulated seconds in a second of real time.")
+    speedup: float = Field(
+        1.0,
+        ge=1.0,
+        le=100.0,
+        description="Greatest number of simulated seconds in a second of real time; on a busy machine fewer.",
+    )
     autopilot: Autopilot | Literal["mixed"] | Annotated[tuple[Autopilot, ...], Field(min_length=1)] = Field(
         "ardupilot",
         description="Autopilot of the vehicles; arduplane and px4plane are fixed wings. A list is assigned "

@@ -100,7 +100,9 @@ async def fly(
     try:
         async with (
             contextlib.AsyncExitStack() as opened,
-            open_resources(scenario, folder, clock, address_of, bus, run.ui.say, evidence) as resources,
+            open_resources(
+                scenario, folder, clock, address_of, bus, run.ui.say, evidence, run.is_behind
+            ) as resources,
         ):
             observers = (recorder, run.statistics, UiObserver(run.ui, run.names), evidence)
             network = opened.enter_context(contextlib.closing(_network(run, resources, observers)))
@@ -146,6 +148,10 @@ class _Run:
     def names(self) -> dict[int, str]:
         """The vehicles' names by system id."""
         return {task.uav: task.name for task in self.scenario.tasks}
+
+    def is_behind(self) -> bool:
+        """Return whether an agent has unprocessed events."""
+        return any(member.runner.is_behind for member in self.members)
 
     def note_error(self, error: Exception) -> None:
         self.failures += _single_errors(error)

@@ -108,6 +108,7 @@ class Runner:
         self._offload = offload
         self._inbox: deque[ev.Event] = deque()
         self._wake = asyncio.Event()
+        self._is_running = False
         self._job: asyncio.Task[None] | None = None
         self._ending: set[asyncio.Task[None]] = set()
         """earlier jobs that were cancelled; the next job waits for their end"""
@@ -197,6 +198,18 @@ class Runner:
 
     async def run(self) -> None:
         """Fold events until cancelled; a cancellation also ends the jobs."""
+        self._is_running = True
+        try:
+            await self._fold_all()
+        finally:
+            self._is_running = False
+
+    @property
+    def is_behind(self) -> bool:
+        """Return whether `run` has not folded all events yet, for example during a long search."""
+        return self._is_running and bool(self._inbox or self._received)
+
+    async def _fold_all(self) -> None:
         async with asyncio.TaskGroup() as jobs:
             while True:
                 await self._wake.wait()

@@ -1,4 +1,9 @@
-"""The simulator process beside a flight. Both processes share only a file and a port."""
+"""The simulator process beside a flight. Both processes share a file, a port, and the simulator's clock.
+
+The ground station steps the simulator's clock (`sim_vehicle --step`). It grants the next step after all
+telemetry of the last step has been processed. So a slow ground station slows the simulator down, and never
+flies by old telemetry.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +13,7 @@ import json
 import math
 import os
 import sys
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Coroutine
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,6 +27,16 @@ from swarmctl.mavlink.firmware import Firmware
 from swarmctl.preflight.declared import simulated_parameters
 
 STOP_DEADLINE_S = 5.0
+STEP_S = 0.1
+"""longest step of the simulator's clock [s]"""
+STEP_WALL_S = 0.05
+"""longest step, in real time [s]: a shorter step at a low speed-up lets the vehicles answer sooner"""
+CATCH_UP_S = 0.2
+"""longest delay that faster steps make up, in real time [s]; a longer delay slows the flight down"""
+ANSWER = b"at "
+"""beginning of the simulator's answer to a step"""
+CHECK_S = 0.001
+"""time between two checks whether the ground station has processed all telemetry [s]"""
 BATTERY_MAH = 6600.0
 """battery capacity of simulated ArduPilot vehicles [mAh], enough for heights of hundreds of metres"""
 
@@ -126,31 +141,69 @@ def _heading_deg(scenario: Scenario, spec: Spec) -> float:
 
 
 @contextlib.asynccontextmanager
-async def running(scenario: Scenario, url: str, folder: Path) -> AsyncIterator[asyncio.Task[None]]:
-    """Run the simulator process; the yielded task raises SimulatorFailed when the process ends."""
+async def running(
+    scenario: Scenario, url: str, folder: Path, has_unprocessed: Callable[[], bool]
+) -> AsyncIterator[asyncio.Task[None]]:
+    """Run the simulator process; the yielded task raises SimulatorFailed when the process ends.
+
+    has_unprocessed: function that returns whether received telemetry still waits; the simulator waits then.
+    """
     simulate = scenario.config.simulate
     assert simulate is not None
     file, log = folder / "scenario.json", folder / "simulator.log"
     file.write_text(json.dumps(scenario_json(scenario), indent=1) + "\n", encoding="utf-8")
     command = [
         sys.executable, "-m", "sim_vehicle",
-        "--scenario", str(file), "--url", url, "--speedup", str(simulate.speedup),
+        "--scenario", str(file), "--url", url, "--step",
         "--ready-s", str(simulate.ready_s), "--parent-pid", str(os.getpid()),
     ]  # fmt: skip
-    with log.open("wb") as output:
+    with log.open("wb", buffering=0) as output:
         # In a new session Ctrl-C does not end the simulator, whose vehicles the shutdown still needs.
+        pipe = asyncio.subprocess.PIPE
         process = await asyncio.create_subprocess_exec(
-            *command, stdin=asyncio.subprocess.DEVNULL, stdout=output, stderr=output, start_new_session=True
+            *command, stdin=pipe, stdout=pipe, stderr=output, start_new_session=True
         )
-    watch = asyncio.create_task(_watch(process, log))
-    try:
-        yield watch
-    finally:
-        await cancelled(watch)
-        await _stop(process)
+        assert process.stdin is not None
+        assert process.stdout is not None
+        steps = step_clock(process.stdin, process.stdout, output.write, simulate.speedup, has_unprocessed)
+        watch = asyncio.create_task(_watch(process, steps, log))
+        try:
+            yield watch
+        finally:
+            await cancelled(watch)
+            await _stop(process)
+            rest = (await process.stdout.read()).splitlines(keepends=True)
+            output.writelines(line for line in rest if not line.startswith(ANSWER))
 
 
-async def _watch(process: asyncio.subprocess.Process, log: Path) -> None:
+async def step_clock(
+    requests: asyncio.StreamWriter,
+    answers: asyncio.StreamReader,
+    log: Callable[[bytes], object],
+    speedup: float,
+    has_unprocessed: Callable[[], bool],
+) -> None:
+    """Step the simulator's clock until the end of `answers`, at most `speedup` times as fast as real time."""
+    loop = asyncio.get_running_loop()
+    step_s = min(STEP_S, STEP_WALL_S * speedup)
+    due_s = loop.time()
+    with contextlib.suppress(ConnectionError):
+        while True:
+            requests.write(f"step {step_s:g}\n".encode())
+            await requests.drain()
+            while not (line := await answers.readline()).startswith(ANSWER):
+                if not line:
+                    return
+                log(line)
+            # Polled: the end of the processing raises no event.
+            while has_unprocessed():  # noqa: ASYNC110
+                await asyncio.sleep(CHECK_S)
+            due_s = max(due_s + step_s / speedup, loop.time() - CATCH_UP_S)
+            await asyncio.sleep(due_s - loop.time())
+
+
+async def _watch(process: asyncio.subprocess.Process, steps: Coroutine[Any, Any, None], log: Path) -> None:
+    await steps
     code = await process.wait()
     how = f"was killed by signal {-code}" if code < 0 else f"ended with code {code}"
     lines = log.read_text(encoding="utf-8", errors="replace").strip().splitlines()

@@ -66,8 +66,12 @@ async def open_resources(
     bus: Transport | None,
     say: Callable[[str], None],
     evidence: Evidence,
+    is_behind: Callable[[], bool],
 ) -> AsyncIterator[FlightResources]:
-    """Open the resources of a flight; close them at the end, except `bus`, an already open bus."""
+    """Open the resources of a flight; close them at the end, except `bus`, an already open bus.
+
+    is_behind: function that returns whether an agent has unprocessed events; a simulator process waits then.
+    """
     wire, began_ns = MemoryWire(), epoch_ns(clock)
     loop = asyncio.get_running_loop()
 
@@ -104,7 +108,11 @@ async def open_resources(
                 endpoint = parse_url(_simulated_url(scenario))
                 await front_end.open(endpoint)
                 url = f"{'udpout' if endpoint.kind == 'udpin' else 'tcpout'}://{_connect_address(endpoint)}"
-                simulator_task = await stack.enter_async_context(simulator.running(scenario, url, folder))
+                simulator_task = await stack.enter_async_context(
+                    simulator.running(
+                        scenario, url, folder, lambda: front_end.has_unread(endpoint) or is_behind()
+                    )
+                )
         if not is_small(scenario.grid.n_cells):
             # Loading the planner's machine code takes at least a second, too long for a pause in flight.
             if clock == "real":

@@ -176,6 +176,10 @@ class FrontEnd:
         fault = self._lines[endpoint].transport.trouble if endpoint in self._lines else ""
         return "; ".join(text for text in (fault, self.refusal_summary) if text)
 
+    def has_unread(self, endpoint: Endpoint) -> bool:
+        """Return whether received bytes wait at an endpoint."""
+        return endpoint in self._lines and self._lines[endpoint].transport.has_unread
+
     @property
     def refusal_summary(self) -> str:
         """Return the numbers of refused frames and dropped commands, and signing faults; empty if none."""

@@ -294,3 +294,23 @@ def test_a_missing_serial_device_is_a_clear_error():
                 await front.open(Endpoint("serial", "/dev/no-such-tty", baud=57600))
 
     play(story())
+
+
+@pytest.mark.parametrize("kind", ["udpin", "tcpin"])
+def test_bytes_that_the_loop_has_not_read_count_as_unread(kind: str) -> None:
+    socket_kind = socket.SOCK_DGRAM if kind == "udpin" else socket.SOCK_STREAM
+    endpoint = Endpoint(kind, HOST, free_port(socket_kind))
+
+    async def story() -> None:
+        async with front_end() as ground:
+            assert not ground.has_unread(endpoint)
+            await ground.open(endpoint)
+            with socket.socket(socket.AF_INET, socket_kind) as sender:
+                sender.connect((HOST, endpoint.port))
+                await until(lambda: kind == "udpin" or ground._lines[endpoint].transport.peers())
+                assert not ground.has_unread(endpoint)
+                sender.send(bytes(20))
+                assert ground.has_unread(endpoint)
+                await until(lambda: not ground.has_unread(endpoint))
+
+    play(story())

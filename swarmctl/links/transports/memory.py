@@ -42,6 +42,7 @@ class MemoryTransport:
     """Transport on the ground's end of a wire."""
 
     trouble = ""
+    has_unread = False
 
     def __init__(self, wire: MemoryWire) -> None:
         self._wire = wire

@@ -100,6 +100,10 @@ class SerialPort:
     def peers(self) -> tuple[Address, ...]:
         return (self._endpoint.host,)
 
+    @property
+    def has_unread(self) -> bool:
+        return False  # only a simulator waits for unread bytes, and no simulator is on a serial line
+
     async def close(self) -> None:
         self._receive = None
         if self._reopening is not None:

@@ -7,7 +7,7 @@ import errno
 from collections.abc import Callable
 
 from swarmctl.links.base import TransportError
-from swarmctl.links.transports.base import Address, Receive
+from swarmctl.links.transports.base import Address, Receive, is_readable
 from swarmctl.links.url import Endpoint
 
 _SEND_LIMIT = 1 << 16
@@ -87,6 +87,10 @@ class TcpServer:
     def peers(self) -> tuple[Address, ...]:
         return tuple(self._connections)
 
+    @property
+    def has_unread(self) -> bool:
+        return any(is_readable(connection.transport) for connection in self._connections.values())
+
     async def close(self) -> None:
         if self._server is not None:
             self._server.close()
@@ -153,6 +157,10 @@ class TcpClient:
 
     def peers(self) -> tuple[Address, ...]:
         return () if self._connection is None else (self._connection.address,)
+
+    @property
+    def has_unread(self) -> bool:
+        return self._connection is not None and is_readable(self._connection.transport)
 
     async def close(self) -> None:
         self._receive = None

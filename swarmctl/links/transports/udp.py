@@ -8,7 +8,7 @@ import socket
 from typing import cast
 
 from swarmctl.links.base import TransportError
-from swarmctl.links.transports.base import Address, Receive
+from swarmctl.links.transports.base import Address, Receive, is_readable
 from swarmctl.links.url import Endpoint
 
 _RECEIVE_BUFFER = 1 << 20
@@ -70,6 +70,10 @@ class Udp(asyncio.DatagramProtocol):
 
     def peers(self) -> tuple[Address, ...]:
         return () if self._peer is None else (self._peer,)
+
+    @property
+    def has_unread(self) -> bool:
+        return is_readable(self._transport)
 
     async def close(self) -> None:
         if self._transport is not None:
