@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from sim_vehicle.conformance.guard import ALTER, ARM, REBOOT
+from sim_vehicle.conformance.guard import ALTER, ARM, CRASH, REBOOT
 from sim_vehicle.conformance.registry import select
 from sim_vehicle.conformance.report import as_json, describe_vehicle, list_checks, matrix, print_result
 from sim_vehicle.conformance.runner import RunReport, granted_permissions, run
@@ -42,6 +42,10 @@ def conformance(
         bool,
         typer.Option("--allow-alter", help="Allow erasing logs, setting a signing key, calibrating sensors."),
     ] = False,
+    allow_crash: Annotated[
+        bool,
+        typer.Option("--allow-crash", help="Allow, as the last checks, frames that ended a known firmware."),
+    ] = False,
     ground_only: Annotated[
         bool, typer.Option("--ground-only", help="Arm nothing, not even the simulator.")
     ] = False,
@@ -75,7 +79,7 @@ def conformance(
     except (ValueError, UrlError, WireError) as error:
         raise _usage(error) from error
     with contextlib.closing(wire):
-        allow = {ARM: allow_arm, REBOOT: allow_reboot, ALTER: allow_alter}
+        allow = {ARM: allow_arm, REBOOT: allow_reboot, ALTER: allow_alter, CRASH: allow_crash}
         vehicle = VehicleUnderTest(wire)
         try:
             identity = vehicle.connect(sysid)

@@ -14,8 +14,9 @@ from sim_vehicle.conformance.outgoing import OutgoingFrame
 ARM = "arm"  # motors turn, or the vehicle flies
 REBOOT = "reboot"
 ALTER = "alter"  # a lasting change: logs, calibration, stored parameters, signing key
+CRASH = "crash"  # a known firmware ended by it; asked after all other checks and after the restoration
 SIMULATOR = "simulator"  # only for the simulator
-PERMISSIONS = frozenset({ARM, REBOOT, ALTER, SIMULATOR})
+PERMISSIONS = frozenset({ARM, REBOOT, ALTER, CRASH, SIMULATOR})
 
 _COMMAND_PERMISSIONS = {
     mavlink.MAV_CMD_NAV_TAKEOFF: ARM,
@@ -26,6 +27,10 @@ _COMMAND_PERMISSIONS = {
     mavlink.MAV_CMD_PREFLIGHT_STORAGE: ALTER,
     mavlink.MAV_CMD_DO_FLIGHTTERMINATION: SIMULATOR,
 }
+# Commands whose parameter 1 is the id of a message. ArduPilot converts it without a check
+# (GCS_Common.cpp, `handle_command_request_message`), and in its SITL a float exception ends the process.
+_COMMANDS_WITH_AN_ID = frozenset({mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL})
+_ID_LIMIT = 2**24  # MAVLink 2 has message ids of three bytes
 _MESSAGE_PERMISSIONS = {
     "RC_CHANNELS_OVERRIDE": ARM,
     "MANUAL_CONTROL": ARM,
@@ -62,6 +67,8 @@ def permission_for(message: Any) -> str | None:
     kind = message.get_type()
     if kind not in ("COMMAND_LONG", "COMMAND_INT"):
         return _MESSAGE_PERMISSIONS.get(kind)
+    if message.command in _COMMANDS_WITH_AN_ID and not 0 <= message.param1 < _ID_LIMIT:  # also true for NaN
+        return CRASH
     if message.command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM:
         return None if message.param1 == 0 else ARM
     if message.command == mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN:

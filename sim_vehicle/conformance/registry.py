@@ -10,7 +10,7 @@ import pkgutil
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-from sim_vehicle.conformance.guard import ARM, PERMISSIONS
+from sim_vehicle.conformance.guard import ARM, CRASH, PERMISSIONS
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 CheckFunction = Callable[[VehicleUnderTest], str]
@@ -34,12 +34,18 @@ class Check:
     dialects: frozenset[str]  # names of the autopilots' dialects; empty: all
     kind: str | None  # copter or plane; None: both
     airborne: bool  # True: the check starts in flight
-    source: str  # document of the expected behaviour: MAVLink, or a line of notes/AUTOPILOTS.md
+    # Document of the expected behaviour: MAVLink, a line of notes/AUTOPILOTS.md, or a file of a firmware.
+    source: str
     limit_s: float  # time limit [s of vehicle time]
 
     @property
     def category(self) -> str:
         return self.name.partition(".")[0]
+
+    @property
+    def dangerous(self) -> bool:
+        """Return True if a known firmware ended by this check: it needs an option, and comes last."""
+        return CRASH in self.needs
 
     @property
     def summary(self) -> str:
@@ -94,7 +100,7 @@ def all_checks() -> list[Check]:
     package = importlib.import_module("sim_vehicle.conformance.checks")
     for module in pkgutil.iter_modules(package.__path__):
         importlib.import_module(f"{package.__name__}.{module.name}")
-    return sorted(CHECKS.values(), key=lambda found: CATEGORIES.index(found.category))
+    return sorted(CHECKS.values(), key=lambda found: (found.dangerous, CATEGORIES.index(found.category)))
 
 
 def select(patterns: Iterable[str]) -> list[Check]:

@@ -7,7 +7,8 @@ from enum import Enum
 
 from sim_vehicle.conformance import flying
 from sim_vehicle.conformance.assertions import CheckFailed, Skip
-from sim_vehicle.conformance.guard import ARM, PLAN_NAMES, SIMULATOR
+from sim_vehicle.conformance.boots import BootWatch
+from sim_vehicle.conformance.guard import ARM, PERMISSIONS, PLAN_NAMES, REBOOT, SIMULATOR
 from sim_vehicle.conformance.identity import VehicleIdentity
 from sim_vehicle.conformance.parameters import has, read, restore, write
 from sim_vehicle.conformance.plans import FENCE, MISSION, RALLY, PlanBackup
@@ -16,7 +17,7 @@ from sim_vehicle.conformance.traffic import is_autopilot
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 SILENCE_S = 5.0  # longest wait for a heartbeat after a check; without a heartbeat the check fails
-HEARTBEAT_WAIT_S = 60.0  # longest wait for a heartbeat before the restoration
+HEARTBEAT_WAIT_S = 60.0  # longest wait for a heartbeat after a silence: a boot takes up to a minute
 RESTORE_ATTEMPTS = 3  # this number of interrupts ends the restoration
 LANDING_ATTEMPTS = 3
 # Category that needs a backup of the plans -> types of the plans that must be in the backup.
@@ -27,7 +28,6 @@ WRITES_PLANS = {
 FLIES = frozenset({"flight", "mission-flight"})
 LOW_BATTERY_PERCENT = 20
 RUN_CAPACITY_MAH = 30_000.0  # more than the flights of one run use
-BOOTING_S = 5.0  # shortest time from a boot to the first check
 PREPARATION_S = 400.0  # longest time for taking off or landing between checks
 
 
@@ -70,7 +70,7 @@ def granted_permissions(
     """Return all permissions for the simulator, else those of `allow`; `ground_only` removes ARM."""
     granted = allow - {SIMULATOR}
     if identity.simulator:
-        granted = granted | {"arm", "reboot", "alter", SIMULATOR}
+        granted = PERMISSIONS
     return granted - {ARM} if ground_only else granted
 
 
@@ -92,7 +92,7 @@ def run(
         state.stop_reason = "the vehicle was armed before the run; all checks were skipped [already-armed]"
         state.was_armed = True
     else:
-        _let_boot(vehicle)
+        state.boots.let_boot()
     interrupted = False
     try:
         for check in checks:
@@ -121,11 +121,13 @@ def run(
 class _RunState:
     def __init__(self, vehicle: VehicleUnderTest, on_result: Callable[[CheckResult], None]) -> None:
         self._vehicle, self._on_result = vehicle, on_result
+        self.boots = BootWatch(vehicle)
         self._backup: PlanBackup | None = None
         self._battery_enlarged = False  # also True if the vehicle has no battery parameter
         self._reported: set[int] = set()  # types of unsaved plans that already failed a check
         self.results: list[CheckResult] = []
         self.stop_reason: str | None = None  # reason to skip the remaining checks
+        self._restored: list[str] | None = None  # notes of the restoration before the dangerous checks
         self.was_armed = False  # before the run
 
     def run_check(self, check: Check) -> None:
@@ -138,6 +140,8 @@ class _RunState:
         self._on_result(result)
 
     def _run_check(self, check: Check) -> CheckResult:
+        if check.dangerous and self._restored is None:
+            self._restored, self._backup = self._restore(), None
         if self._backup is None and check.category in WRITES_PLANS:
             self._vehicle.begin_check()
             self._backup = PlanBackup(self._vehicle)
@@ -149,14 +153,24 @@ class _RunState:
             self._battery_enlarged = True
             _enlarge_battery(self._vehicle)
         result = _run_check(self._vehicle, check)
-        if not _alive(self._vehicle):
+        trouble = self._trouble_after(check)
+        if trouble is None:
+            return result
+        seen = f"the vehicle {trouble}; result of the check: {result.seen}"
+        return CheckResult(check, Outcome.FAILED, seen, result.took_s)
+
+    def _trouble_after(self, check: Check) -> str | None:
+        """Return the predicate of a vehicle that fell silent or rebooted unasked; wait until it is back."""
+        silent = not _alive(self._vehicle)
+        if silent and not _sends_heartbeats(self._vehicle, HEARTBEAT_WAIT_S):
             self.stop_reason = (
-                f"the vehicle sent no heartbeat after {check.name}; "
+                f"the vehicle sent no heartbeat for {SILENCE_S + HEARTBEAT_WAIT_S:g} s after {check.name}; "
                 "the remaining checks were skipped [vehicle-silent]"
             )
-            seen = f"the vehicle sent no heartbeat after the check; result of the check: {result.seen}"
-            return CheckResult(check, Outcome.FAILED, seen, result.took_s)
-        return result
+            return "sent no heartbeat after the check"
+        if self.boots.let_boot() and REBOOT not in check.needs:
+            return "rebooted during the check"
+        return f"sent no heartbeat for {SILENCE_S:g} s after the check" if silent else None
 
     def _unsaved(self, check: Check) -> CheckResult | None:
         """Return the result of a check that could overwrite a plan without a copy, else None."""
@@ -179,22 +193,18 @@ class _RunState:
         notes = [self.stop_reason] if self.stop_reason is not None else []
         if self.was_armed:
             return notes
+        if self._restored is not None:  # the dangerous checks change nothing, and may have ended the vehicle
+            return notes + self._restored
+        return notes + self._restore()
+
+    def _restore(self) -> list[str]:
         self._vehicle.begin_check()
-        if self._backup is not None:
-            notes += [
-                f"the {PLAN_NAMES[kind]} could not be saved and was not overwritten: {why} [plan-unsaved]"
-                for kind, why in self._backup.unsaved.items()
-            ]
+        unsaved = {} if self._backup is None else self._backup.unsaved
+        notes = [
+            f"the {PLAN_NAMES[kind]} could not be saved and was not overwritten: {why} [plan-unsaved]"
+            for kind, why in unsaved.items()
+        ]
         return notes + _restore(self._vehicle, self._backup)
-
-
-def _let_boot(vehicle: VehicleUnderTest) -> None:
-    """Wait until `BOOTING_S` after a boot, because ArduPilot undoes mode changes before that time."""
-    try:
-        age_s = vehicle.request("SYSTEM_TIME").time_boot_ms / 1000
-    except (CheckFailed, Skip):
-        return
-    vehicle.wait(max(0.0, BOOTING_S - age_s))
 
 
 def _skip_reason(vehicle: VehicleUnderTest, check: Check) -> str | None:
@@ -306,14 +316,9 @@ def _restore(vehicle: VehicleUnderTest, backup: PlanBackup | None) -> list[str]:
     if ARM in vehicle.permissions:
         vehicle.wait(flying.HEARTBEAT_LAG_S)  # the heartbeat may not yet show a recent arming
     notes = _land(vehicle)
-    if vehicle.armed:
-        # A plan in use must not change.
-        return (
-            [*notes, "the plans were not restored, because the vehicle is armed [not-restored]"]
-            if backup is not None
-            else notes
-        )
-    if backup is not None:
+    if backup is not None and vehicle.armed:  # a plan in use must not change
+        notes.append("the plans were not restored, because the vehicle is armed [not-restored]")
+    elif backup is not None:
         notes += backup.restore()
     return notes + vehicle.restore_all()
 

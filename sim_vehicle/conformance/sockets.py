@@ -13,6 +13,7 @@ from sim_vehicle.conformance.traffic import Wire, WireError
 from sim_vehicle.links.url import Url
 
 DATAGRAM_BYTES = 65_536
+CONNECT_S, SEND_S = 5.0, 5.0  # longest time of the first connection, and of sending one piece
 RECONNECT_S = 0.5  # between attempts to reconnect, for example while a vehicle reboots
 V1, V2 = 0xFE, 0xFD  # first byte of a frame of MAVLink 1 and 2
 ADDRESS_SILENCE_S = 1.0  # [s of vehicle time]; after a longer silence a system id may change its address
@@ -123,6 +124,13 @@ class UdpWire(_VehicleClock):
         self._socket.close()
 
 
+def _connected(url: Url, within_s: float) -> socket.socket:
+    """Return a connection made within this time, with `SEND_S` as its later time-out."""
+    connection = socket.create_connection((url.host, url.port), timeout=within_s)
+    connection.settimeout(SEND_S)
+    return connection
+
+
 class TcpWire(_VehicleClock):
     """A TCP connection that is opened again after a disconnection, for example by a reboot."""
 
@@ -136,7 +144,7 @@ class TcpWire(_VehicleClock):
                 family = socket.AF_INET6 if ":" in url.host else socket.AF_INET
                 self._listener = socket.create_server((url.host, url.port), family=family)
             else:
-                self._connection = socket.create_connection((url.host, url.port), timeout=5.0)
+                self._connection = _connected(url, CONNECT_S)
         except OSError as error:
             remedy = "the port is free" if url.listens else "a vehicle listens at this address"
             raise WireError(f"cannot open {url}: {error.strerror or error}; check that {remedy}") from error
@@ -169,11 +177,10 @@ class TcpWire(_VehicleClock):
             ready, _, _ = select.select([self._listener], [], [], remaining_s)
             if ready:
                 self._connection, _ = self._listener.accept()
+                self._connection.settimeout(SEND_S)
             return bool(ready)
         try:
-            self._connection = socket.create_connection(
-                (self._url.host, self._url.port), timeout=max(remaining_s, 0.01)
-            )
+            self._connection = _connected(self._url, max(remaining_s, 0.01))
         except OSError:
             time.sleep(min(remaining_s, RECONNECT_S))
             return False

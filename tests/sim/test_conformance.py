@@ -443,8 +443,9 @@ def test_a_vehicle_is_landed_and_restored_after_an_outage(up_m: float, lasts_s: 
     items, capacity = plans.sample_plan(vehicle, 6), parameters.read(vehicle, "BATT_CAPACITY").value
     store_mission(vehicle, items)
     report = run(vehicle, select(["flight.hold", "flight.return"]))
-    assert len(report.notes) == 1
-    assert "[vehicle-silent]" in report.notes[0]
+    assert report.count(Outcome.FAILED) >= 1
+    assert report.count(Outcome.PASSED) >= 1  # after the outage the run goes on
+    assert report.notes == ()
     assert not inner.truth().airborne[0]
     assert not inner.truth().armed[0]
     vehicle.begin_check()

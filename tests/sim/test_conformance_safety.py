@@ -1,0 +1,174 @@
+"""The conformance suite is safe for its vehicle: dangerous checks, reboots, restoration, connections."""
+
+import socket
+import threading
+from typing import Any
+
+import pytest
+from bent_vehicle import BentWire, DroppingWire, conform, connected, fleet, named
+from fleet_wire import FleetWire
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.conformance import flying, parameters, plans
+from sim_vehicle.conformance.assertions import Skip
+from sim_vehicle.conformance.guard import ALTER, ARM, CRASH, REBOOT
+from sim_vehicle.conformance.registry import Check, all_checks, select
+from sim_vehicle.conformance.runner import Outcome, granted_permissions, run
+from sim_vehicle.conformance.sockets import TcpWire
+from sim_vehicle.conformance.vehicle import VehicleUnderTest
+from sim_vehicle.links.url import parse_url
+
+REQUEST, INTERVAL = mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
+NAN_ID = "commands.parameters.no_number"
+
+
+def without_simulator_mark(message: Any) -> list[Any]:
+    if message.get_type() == "AUTOPILOT_VERSION":
+        message.uid2 = bytes(18)
+    return [message]
+
+
+def one_check(function: Any, *needs: str) -> Check:
+    return Check("parameters.made_up", function, frozenset(needs), (), frozenset(), None, False, "", 60.0)
+
+
+# -- dangerous checks ------------------------------------------------------------------------------------
+
+
+def test_dangerous_checks_come_last_and_need_their_own_option() -> None:
+    checks = all_checks()
+    dangerous = [found.dangerous for found in checks]
+    assert dangerous == sorted(dangerous)
+    assert NAN_ID in {found.name for found in checks if found.dangerous}
+    allow = frozenset({ARM, REBOOT, ALTER})
+    real = connected(BentWire(fleet(ready_s=0.0), without_simulator_mark))
+    assert CRASH not in granted_permissions(real.identity, allow, ground_only=False)
+    assert CRASH in granted_permissions(real.identity, allow | {CRASH}, ground_only=False)
+    report = run(real, select([NAN_ID]))
+    assert "--allow-crash" in report.results[0].seen
+
+
+@pytest.mark.parametrize("number", [float("nan"), float("inf"), -1.0, 1e30])
+@pytest.mark.parametrize("command", [REQUEST, INTERVAL])
+def test_no_other_check_can_send_a_message_id_that_is_no_number(command: int, number: float) -> None:
+    vehicle = connected(BentWire(fleet(ready_s=0.0), without_simulator_mark))
+    with pytest.raises(Skip, match="--allow-crash"):
+        vehicle.send(vehicle.command_long(command, number))
+
+
+def test_a_vehicle_that_a_dangerous_check_ends_was_restored_before() -> None:
+    class FragileWire(FleetWire):
+        """The vehicle ends at the first message id that is no number."""
+
+        ended = False
+
+        def send(self, data: bytes) -> None:
+            for message in mavlink.MAVLink(None).parse_buffer(data) or ():
+                if message.get_type() == "COMMAND_LONG" and message.param1 != message.param1:
+                    self.ended = True
+            if not self.ended:
+                super().send(data)
+
+        def receive(self, timeout_s: float) -> bytes | None:
+            data = super().receive(timeout_s)
+            return None if self.ended else data
+
+    wire = FragileWire(fleet(ready_s=0.0))
+    vehicle = connected(wire)
+    vehicle.saved_plans.add(plans.MISSION)
+    plans.upload_or_fail(vehicle, items := plans.sample_plan(vehicle, 6))
+    vehicle.saved_plans.clear()
+    report = run(vehicle, select(["mission.clear.empties", NAN_ID]))
+    assert wire.ended
+    assert named(report, Outcome.PASSED) == {"mission.clear.empties"}
+    assert named(report, Outcome.FAILED) == {NAN_ID}
+    assert [note for note in report.notes if "[vehicle-lost]" in note or "[not-restored]" in note] == []
+    wire.ended = False
+    vehicle.begin_check()
+    assert plans.coordinates(vehicle, plans.download(vehicle)) == plans.coordinates(vehicle, items)
+
+
+# -- reboots ---------------------------------------------------------------------------------------------
+
+
+def test_the_run_goes_on_after_an_unasked_reboot() -> None:
+    def reboots(vehicle: VehicleUnderTest) -> str:
+        vehicle.expect_accepted(mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1)
+        vehicle.wait(20.0)
+        return "nothing noticed"
+
+    wire = FleetWire(fleet(ready_s=0.0))
+    vehicle = connected(wire)
+    vehicle.wait(60.0)
+    unasked, asked = one_check(reboots), one_check(reboots, REBOOT)
+    report = run(vehicle, [unasked, asked, *select(["modes.set.manual"])])
+    assert [result.outcome for result in report.results] == [Outcome.FAILED, Outcome.PASSED, Outcome.PASSED]
+    assert "rebooted" in report.results[0].seen
+    assert report.notes == ()
+
+
+def test_a_vehicle_that_does_not_reboot_soon_after_its_boot_is_noticed() -> None:
+    def reboot(message: Any) -> bool:
+        return bool(message.get_type() == "COMMAND_LONG" and message.command == 246 and message.param1 == 1)
+
+    def accepted(message: Any) -> list[Any]:
+        return [mavlink.MAVLink_command_ack_message(message.command, 0, 0, 0, 255, 190)]
+
+    report = conform(DroppingWire(fleet(ready_s=0.0), reboot, accepted), "reboot.answers_again")
+    assert named(report, Outcome.FAILED) == {"reboot.answers_again"}
+
+
+# -- restoration -----------------------------------------------------------------------------------------
+
+
+def test_parameters_are_restored_on_a_vehicle_that_stays_armed() -> None:
+    def stays_armed(message: Any) -> bool:
+        landing = message.get_type() == "COMMAND_LONG" and message.command == 176  # DO_SET_MODE
+        return bool(state["armed"] and (landing or message.get_type() == "SET_MODE" or disarms(message)))
+
+    def disarms(message: Any) -> bool:
+        return bool(message.get_type() == "COMMAND_LONG" and message.command == 400 and message.param1 == 0)
+
+    def arms_and_leaves_a_change(vehicle: VehicleUnderTest) -> str:
+        before = parameters.read(vehicle, "RTL_ALT")
+        vehicle.pending_restores["RTL_ALT"] = lambda: parameters.restore(vehicle, before)
+        parameters.write(vehicle, "RTL_ALT", before.value + 1, before.type)
+        flying.ensure_airborne(vehicle)
+        state["armed"] = True
+        return "armed"
+
+    state = {"armed": False}
+    inner = fleet(ready_s=0.0)
+    vehicle = connected(DroppingWire(inner, stays_armed))
+    before = parameters.read(vehicle, "RTL_ALT").value
+    report = run(vehicle, [one_check(arms_and_leaves_a_change, ARM)])
+    assert inner.truth().armed[0]
+    assert any("could not be landed" in note for note in report.notes)
+    vehicle.begin_check()
+    assert parameters.read(vehicle, "RTL_ALT").value == before
+
+
+# -- connections -----------------------------------------------------------------------------------------
+
+
+def test_a_connection_made_again_keeps_no_short_time_out() -> None:
+    """The time left of a wait of 10 ms would end a longer transmission, and the connection with it."""
+    amount, received = 50_000_000, bytearray()
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        wire = TcpWire(parse_url(f"tcpout:127.0.0.1:{server.getsockname()[1]}"), 1.0)
+        first, _ = server.accept()
+        first.close()
+        wire.receive(0.01)
+        second, _ = server.accept()
+
+        def read() -> None:
+            while piece := second.recv(65_536):
+                received.extend(piece)
+
+        reader = threading.Thread(target=read)
+        reader.start()
+        wire.send(bytes(amount))
+        wire.close()
+        reader.join()
+        second.close()
+    assert len(received) == amount
