@@ -12,10 +12,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from swarmctl.bus import keys, sensor_reports
+from swarmctl.bus.authentication import NO_AUTHENTICATION, Authentication, RequestSigning
 from swarmctl.bus.rate import TokenBucket
 from swarmctl.bus.sensor_reports import RejectedReport, RejectReason, Report, ReportAnswer, ReportedCells
 from swarmctl.bus.transports.base import MAX_QUERY_BYTES, Reply, Transport
 from swarmctl.core.grid import Grid
+from swarmctl.core.messages import BadMessage
 from swarmctl.core.operator_text import printable
 
 PER_S = 50.0
@@ -42,6 +44,7 @@ class ReportReceiver:
 
     clock: wall clock [s since 1970], for the check of a report's time
     post: function that takes an accepted report's cells and source
+    authentication: check of the sender
     tolerance_s: largest lead of a payload's clock [s]
     """
 
@@ -56,6 +59,7 @@ class ReportReceiver:
         say: Callable[[str], None],
         *,
         tolerance_s: float = sensor_reports.CLOCK_TOLERANCE_S,
+        authentication: Authentication = NO_AUTHENTICATION,
     ) -> None:
         self.counts = ReportCounts()
         self._key = keys.sensor_report(swarm, uav)
@@ -64,6 +68,7 @@ class ReportReceiver:
         self._post = post
         self._say = say
         self._tolerance_s = tolerance_s
+        self._authentication = authentication
         self._bucket = TokenBucket(PER_S, BURST)
         self._refused_at_s: dict[RejectReason, float] = {}
         transport.subscribe(self._key, self._handle_put)
@@ -73,9 +78,9 @@ class ReportReceiver:
         self._handle(key, payload)
 
     def _answer_query(self, key: str, payload: bytes | None, reply: Reply) -> None:
-        answer = self._handle(key, payload)
+        answer = sensor_reports.encode(self._handle(key, payload))
         if key == self._key:
-            reply(sensor_reports.encode(answer))
+            reply(answer if payload is None else self._authentication.sign_answer(key, payload, answer))
 
     def _handle(self, key: str, payload: bytes | None) -> ReportAnswer:
         """Handle a report; None stands for a payload above the size limit."""
@@ -89,8 +94,6 @@ class ReportReceiver:
         return ReportAnswer(taken=True, cells=cells)
 
     def _decode(self, key: str, payload: bytes | None, now_s: float) -> tuple[ReportedCells, str]:
-        if not self._bucket.try_take(now_s):
-            raise RejectedReport(RejectReason.TOO_FAST, f"the limit is {PER_S:g} reports a second")
         if key != self._key:
             # A wildcard addresses many vehicles at once, but an observation has one observer.
             raise RejectedReport(RejectReason.KEY, f"{key[:200]}, expected {self._key}")
@@ -98,7 +101,14 @@ class ReportReceiver:
             raise RejectedReport(
                 RejectReason.OVERSIZE, f"more than {MAX_QUERY_BYTES} bytes: send several reports"
             )
-        return sensor_reports.decode_report(payload, self._grid, self._clock(), self._tolerance_s)
+        try:
+            report = self._authentication.verify(key, payload)
+        except BadMessage as error:
+            raise RejectedReport(RejectReason.UNSIGNED, str(error)) from None
+        # After the check: other senders must not use up the payload's rate.
+        if not self._bucket.try_take(now_s):
+            raise RejectedReport(RejectReason.TOO_FAST, f"the limit is {PER_S:g} reports a second")
+        return sensor_reports.decode_report(report, self._grid, self._clock(), self._tolerance_s)
 
     def _refuse(self, bad: RejectedReport, now_s: float) -> ReportAnswer:
         reason, refused = bad.reason, self.counts.refused
@@ -112,10 +122,24 @@ class ReportReceiver:
         return ReportAnswer(taken=False, why=why)
 
 
-async def send_report(bus: Transport, swarm: str, uav: int, report: Report) -> ReportAnswer | None:
+async def send_report(
+    bus: Transport,
+    swarm: str,
+    uav: int,
+    report: Report,
+    signing: RequestSigning = NO_AUTHENTICATION,
+    *,
+    signer: int | None = None,
+) -> ReportAnswer | None:
     """Send a report and return the answer; None if the report reached no agent.
 
-    Raises TimeoutError, and ValueError for an answer that cannot be decoded.
+    `signer`: the vehicle whose agent has its own token; None: one process flies all vehicles. Raises
+    TimeoutError, NotAuthorised, BadMessage for an answer without the token, and ValueError for an answer that
+    cannot be decoded.
     """
-    answers = await bus.ask(keys.sensor_report(swarm, uav), sensor_reports.encode(report), TIMEOUT_S)
-    return sensor_reports.decode_answer(answers[0]) if answers else None
+    key = keys.sensor_report(swarm, uav)
+    payload = signing.sign(signer, key, sensor_reports.encode(report))
+    answers = await bus.ask(key, payload, TIMEOUT_S)
+    if not answers:
+        return None
+    return sensor_reports.decode_answer(signing.verify_answer(signer, key, payload, answers[0]))

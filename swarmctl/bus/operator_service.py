@@ -12,9 +12,9 @@ import asyncio
 from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Protocol
 
 from swarmctl.bus import keys
+from swarmctl.bus.authentication import NO_AUTHENTICATION, Authentication
 from swarmctl.bus.rate import TokenBucket
 from swarmctl.bus.transports.base import MAX_QUERY_BYTES, Reply, Transport
 from swarmctl.core import events as ev
@@ -96,28 +96,6 @@ def no_delays(_uavs: Sequence[int]) -> Mapping[int, float]:
     return {}
 
 
-class CommandSigning(Protocol):
-    """Authentication of commands, and signatures of their answers."""
-
-    def verify_command(self, key: str, payload: bytes) -> bytes:
-        """Return the command in a payload under `key`. Raises BadMessage if the sender is not authorised."""
-
-    def sign_answer(self, key: str, payload: bytes, answer: bytes) -> bytes:
-        """Return the signed answer to a payload."""
-
-
-class _Unsigned:
-    def verify_command(self, _key: str, payload: bytes) -> bytes:
-        return payload
-
-    def sign_answer(self, _key: str, _payload: bytes, answer: bytes) -> bytes:
-        return answer
-
-
-UNSIGNED: CommandSigning = _Unsigned()
-"""no signatures: every sender is accepted"""
-
-
 class OperatorService:
     """The operator service of a process, for the agents that `join` it.
 
@@ -134,13 +112,13 @@ class OperatorService:
         uav: int | None = None,
         refusal: RefusalCheck = accept_all,
         delays: ReturnDelays = no_delays,
-        signing: CommandSigning = UNSIGNED,
+        authentication: Authentication = NO_AUTHENTICATION,
     ) -> None:
         self._counts = counts
         self._keys = {keys.request(swarm, kind, uav): kind for kind in keys.REQUEST_KINDS}
         self._refusal = refusal
         self._return_delays = delays
-        self._signing = signing
+        self._authentication = authentication
         self._say = say
         self._agents: dict[int, tuple[str, Callable[[AgentCommand], None]]] = {}
         self._pending: dict[int, _PendingCommand] = {}
@@ -194,12 +172,12 @@ class OperatorService:
     def _signed_reply(self, key: str, payload: bytes | None, reply: Reply) -> Reply:
         if payload is None:
             return reply
-        return lambda answer: reply(self._signing.sign_answer(key, payload, answer))
+        return lambda answer: reply(self._authentication.sign_answer(key, payload, answer))
 
     def _verified(self, key: str, payload: bytes | None) -> bytes:
         if payload is None:
             raise BadMessage(f"the payload is above the limit of {MAX_QUERY_BYTES} bytes")
-        return self._signing.verify_command(key, payload)
+        return self._authentication.verify(key, payload)
 
     def _execute(self, key: str, verified: bytes, reply: Reply) -> None:
         try:

@@ -56,6 +56,7 @@ class RejectReason(StrEnum):
     STALE = "too old"
     FUTURE = "from the future"
     KEY = "wrong key"
+    UNSIGNED = "not authenticated"
     TOO_FAST = "too fast"
 
 

@@ -12,6 +12,7 @@ import msgspec
 import typer
 
 from swarmctl.bus import directory
+from swarmctl.bus.authentication import RequestSigning
 from swarmctl.bus.transports.base import BusError
 from swarmctl.bus.transports.zenoh_config import Credentials
 from swarmctl.cli.console import err
@@ -28,7 +29,7 @@ from swarmctl.core.messages import GiveOrder, OperatorAnswer, Request, VehicleAn
 from swarmctl.core.operator_text import resolve_vehicles
 from swarmctl.report.answers import order_line
 from swarmctl.station import client, recall
-from swarmctl.station.client import CommandSigning, FlightEndpoints
+from swarmctl.station.client import FlightEndpoints
 
 
 class Manoeuvre(StrEnum):
@@ -79,7 +80,7 @@ async def send_to_valid_names(
     flight: FlightEndpoints,
     command: Request,
     credentials: Credentials | None,
-    signing: CommandSigning,
+    signing: RequestSigning,
 ) -> OperatorAnswer:
     """Send a command to all vehicles with valid names; unknown names become refused answers.
 

@@ -135,7 +135,7 @@ def _fly(
                         waivers=waivers,
                     )
                 )
-        except BusError as error:
+        except (BusError, KeyringError) as error:
             fail([str(error)], FAILED)
         if report.ended == "ended":
             directory.record_end(scenario.config.name, spec.sysid)

@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from swarmctl.bus import external_observations
+from swarmctl.bus.authentication import NO_AUTHENTICATION, NotAuthorised, RequestSigning
 from swarmctl.bus.sensor_reports import (
     MANUAL_SOURCE,
     VERSION,
@@ -24,12 +25,18 @@ from swarmctl.bus.transports.base import BusError, Transport
 from swarmctl.bus.transports.zenoh_config import Credentials
 from swarmctl.cli.configuration import keys_problem_lines, load_roster_or_exit
 from swarmctl.cli.console import FAILED, USAGE, fail, out, say
-from swarmctl.cli.operator_command import ConnectOption, FlyingConfigOption, SwarmOption, find_flight
+from swarmctl.cli.operator_command import (
+    ConnectOption,
+    FlyingConfigOption,
+    SwarmOption,
+    find_flight,
+    signing_for,
+)
 from swarmctl.config import joining
 from swarmctl.config.communication import mesh_endpoints, vehicle_of
 from swarmctl.config.roster import Roster
 from swarmctl.core.grid import Cell
-from swarmctl.core.messages import MAX_SYSTEM_ID
+from swarmctl.core.messages import MAX_SYSTEM_ID, BadMessage
 from swarmctl.security.files import KeyringError
 from swarmctl.station import client
 from swarmctl.station.client import BadOptions, FlightEndpoints, NoAnswer
@@ -86,7 +93,7 @@ def observe(
     try:
         report = make_report(cell or [], at or [], occupied)
         receiver = _vehicle(uav, roster)
-        flight, credentials = _find_flight(swarm, roster, connect, receiver)
+        flight, credentials, signing = _find_flight(swarm, roster, connect, receiver)
     except KeyringError as error:
         fail([str(error)] if config is None else keys_problem_lines(config, [str(error)]), FAILED)
     except BusError as error:
@@ -94,7 +101,7 @@ def observe(
     except ValueError as error:
         fail([str(error)], USAGE)
     try:
-        answer = asyncio.run(_report(flight, credentials, receiver, report))
+        answer = asyncio.run(_report(flight, credentials, receiver, report, signing))
     except (BusError, NoAnswer) as error:
         fail([str(error)], FAILED)
     if not answer.taken:
@@ -152,32 +159,54 @@ def _vehicle(word: str, roster: Roster | None) -> int:
 
 def _find_flight(
     swarm: str | None, roster: Roster | None, connect: str | None, receiver: int
-) -> tuple[FlightEndpoints, Credentials | None]:
-    """Return the flight and the credentials for it. Raises BusError, KeyringError and ValueError."""
+) -> tuple[FlightEndpoints, Credentials | None, RequestSigning]:
+    """Return the flight, the credentials for it and the signing of reports.
+
+    Raises BusError, KeyringError and ValueError.
+    """
     flight = find_flight(swarm, roster, connect)
     if roster is None:
-        return flight, joining.credentials_for(flight.endpoint, None)
+        return flight, joining.credentials_for(flight.endpoint, None), signing_for(flight, None)
     endpoint = mesh_endpoints(roster.communication.mesh, roster.names).get(receiver)
     if endpoint is not None and connect is None and flight.agents:
         # Mesh nodes do not relay reports.
         flight = replace(flight, endpoint=endpoint, others=())
     is_certified = flight.endpoint.is_certified
     keyring = joining.keyring_of(roster, OPERATOR, dt.datetime.now(dt.UTC)) if is_certified else None
-    return flight, joining.credentials_for(flight.endpoint, keyring)
+    # Over a certified link the certificate authenticates the sender.
+    signing = NO_AUTHENTICATION if is_certified else signing_for(flight, None)
+    return flight, joining.credentials_for(flight.endpoint, keyring), signing
 
 
 async def _report(
-    flight: FlightEndpoints, credentials: Credentials | None, uav: int, report: Report
+    flight: FlightEndpoints,
+    credentials: Credentials | None,
+    uav: int,
+    report: Report,
+    signing: RequestSigning,
 ) -> ReportAnswer:
     """Connect, send a report and return the answer. Raises BusError and NoAnswer."""
     with client.connected(flight, credentials) as bus:
-        return await send_report(bus, flight, uav, report)
+        return await send_report(bus, flight, uav, report, signing)
 
 
-async def send_report(bus: Transport, flight: FlightEndpoints, uav: int, report: Report) -> ReportAnswer:
+async def send_report(
+    bus: Transport,
+    flight: FlightEndpoints,
+    uav: int,
+    report: Report,
+    signing: RequestSigning = NO_AUTHENTICATION,
+) -> ReportAnswer:
     """Send a report over an open bus and return the answer. Raises NoAnswer."""
+    signer = uav if flight.agents else None
     try:
-        answer = await external_observations.send_report(bus, flight.swarm, uav, report)
+        answer = await external_observations.send_report(
+            bus, flight.swarm, uav, report, signing, signer=signer
+        )
+    except NotAuthorised as error:
+        raise NoAnswer(str(error)) from None
+    except BadMessage:
+        raise NoAnswer(client.unverified(flight)) from None
     except TimeoutError:
         raise NoAnswer(
             f"{flight.swarm} at {flight.endpoint} did not answer within "

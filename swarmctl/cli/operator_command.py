@@ -6,13 +6,13 @@ import asyncio
 import datetime as dt
 import time
 from collections.abc import Callable, Coroutine
-from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from swarmctl.bus import directory
+from swarmctl.bus.authentication import RequestSigning
 from swarmctl.bus.transports.access import OPERATOR
 from swarmctl.bus.transports.base import BusError
 from swarmctl.bus.transports.zenoh_config import Credentials
@@ -21,9 +21,10 @@ from swarmctl.cli.console import FAILED, USAGE, err, fail, out
 from swarmctl.config import joining
 from swarmctl.config.roster import Roster
 from swarmctl.core.messages import OperatorAnswer, Request, VehicleAnswer
-from swarmctl.security import requests
 from swarmctl.security.files import KeyringError
 from swarmctl.security.participant import Keyring
+from swarmctl.security.requests import OperatorSigning, TokenSigning
+from swarmctl.security.token import Token, token_of_environment
 from swarmctl.station import client
 from swarmctl.station.client import FlightEndpoints
 
@@ -53,7 +54,7 @@ ConnectOption = Annotated[
     ),
 ]
 SendCommand = Callable[
-    [FlightEndpoints, Request, Credentials | None, client.CommandSigning], Coroutine[Any, Any, OperatorAnswer]
+    [FlightEndpoints, Request, Credentials | None, RequestSigning], Coroutine[Any, Any, OperatorAnswer]
 ]
 
 
@@ -70,7 +71,7 @@ def send_or_exit(
         request = make_request()
         flight, keyring = _find_flight_and_keys(swarm, config, connect)
         credentials = joining.credentials_for(flight.endpoint, keyring)
-        signing = client.UNSIGNED if keyring is None else KeyringSigning(flight.swarm, keyring)
+        signing = signing_for(flight, keyring)
         answer = asyncio.run(send(flight, request, credentials, signing))
     except KeyringError as error:
         fail([str(error)] if config is None else keys_problem_lines(config, [str(error)]), FAILED)
@@ -81,19 +82,19 @@ def send_or_exit(
     _print_answer(request, answer, flight, line_of)
 
 
-@dataclass(frozen=True, slots=True)
-class KeyringSigning:
-    """The signing of the operator's commands, and the check of the vehicles' signed answers."""
+def signing_for(flight: FlightEndpoints, keyring: Keyring | None) -> RequestSigning:
+    """Return the signing of requests to a flight: by the operator's keys, or else by the receivers' tokens.
 
-    swarm: str
-    keyring: Keyring
-
-    def sign_command(self, key: str, command: bytes) -> bytes:
-        return requests.sign_command(self.swarm, key, command, time.time(), self.keyring.signing_key.sign)
-
-    def verify_answer(self, uav: int, key: str, command_payload: bytes, data: bytes) -> bytes:
-        verify = partial(self.keyring.verify, uav)
-        return requests.verify_answer(self.swarm, key, command_payload, data, verify)
+    Raises BusError for an unusable folder of running swarms, and KeyringError for an unusable token file.
+    """
+    if keyring is not None:
+        return OperatorSigning(flight.swarm, keyring, time.time)
+    tokens: dict[int | None, Token] = {}
+    if flight.agents:
+        tokens |= {uav: Token(text) for uav, text in directory.agent_tokens(flight.swarm).items()}
+    elif (text := client.local_token(flight)) is not None:
+        tokens[None] = Token(text)
+    return TokenSigning(flight.swarm, tokens, token_of_environment(), time.time)
 
 
 def find_flight(swarm: str | None, roster: Roster | None, connect: str | None) -> FlightEndpoints:
@@ -112,7 +113,7 @@ def _find_flight_and_keys(
     """
     roster = None if config is None else load_roster_or_exit(config)
     flight = find_flight(swarm, roster, connect)
-    # A process that flies all vehicles requires no signature.
+    # A process that flies all vehicles has a token instead of keys.
     if roster is None or not flight.agents:
         return flight, None
     return flight, joining.keyring_of(roster, OPERATOR, dt.datetime.now(dt.UTC))

@@ -15,9 +15,10 @@ from typing import Any
 from swarmctl.agent.state import ARRIVED, AgentState
 from swarmctl.agent.traffic.separation.conflicts import CrossingCounts
 from swarmctl.bus import external_observations
+from swarmctl.bus.authentication import NO_AUTHENTICATION, Authentication
 from swarmctl.bus.network import Network, RunClock
 from swarmctl.bus.node.exchange import NetworkCounters
-from swarmctl.bus.operator_service import UNSIGNED, CommandCounts, CommandSigning
+from swarmctl.bus.operator_service import CommandCounts
 from swarmctl.bus.transports.base import BusError, Transport
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.events import FlightOrder
@@ -50,8 +51,9 @@ from swarmctl.report.outcome import Ending, FlightReport
 from swarmctl.report.record import Recorder
 from swarmctl.report.summary import FlightStatistics, summary
 from swarmctl.report.ui import SafeUi, Ui, UiObserver
+from swarmctl.security.files import KeyringError
 
-EXPECTED_ERRORS = (PreflightFailed, simulator.SimulatorFailed, LinkError, BusError)
+EXPECTED_ERRORS = (PreflightFailed, simulator.SimulatorFailed, LinkError, BusError, KeyringError)
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,8 +66,10 @@ class FlightOptions:
     order_refusal: Callable[[Sequence[Member]], str] | None = None
     """function that returns the reason why operators' orders are refused now, or an empty text; None:
     `operator_orders.unsigned_order_refusal` decides"""
-    signing: CommandSigning = UNSIGNED
-    """verifier of operators' commands and signer of answers"""
+    authentication: Authentication = NO_AUTHENTICATION
+    """check of operators' commands on an open bus; a bus that the flight opens has a token of its own"""
+    report_authentication: Authentication = NO_AUTHENTICATION
+    """check of payloads' reports on an open bus; links with certificates need none"""
     frame_codec: FrameCodec | None = None
     """codec that signs and verifies the messages between vehicles; None: messages are unsigned"""
     signer: Signer | None = None
@@ -208,7 +212,7 @@ def _build_members(
         run.members,
         uav=run.options.operator_service_of,
         order_refusal=run.options.order_refusal,
-        signing=run.options.signing,
+        authentication=resources.token_authentication or run.options.authentication,
     )
     # The summary needs the links of all members, so after an error `members` has all members or none.
     run.members += list(
@@ -223,6 +227,7 @@ def _build_members(
             run.run_clock,
             run.ui.say,
             run.reports,
+            resources.token_authentication or run.options.report_authentication,
         )
     )
     run.network_counters |= network.all_counters()

@@ -5,13 +5,14 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from swarmctl.agent.state import ARRIVED, AgentState, Phase
-from swarmctl.bus.operator_service import UNSIGNED
-from swarmctl.bus.transports.base import Transport
+from swarmctl.bus import directory
+from swarmctl.bus.authentication import NO_AUTHENTICATION
+from swarmctl.bus.transports.base import BusError, Transport
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.bus.transports.subscriptions import ReportOnce
 from swarmctl.bus.transports.zenoh import ZenohBus
@@ -31,9 +32,10 @@ from swarmctl.links.url import parse_url
 from swarmctl.preflight.waivers import Waiver
 from swarmctl.report.outcome import FlightReport
 from swarmctl.report.ui import SafeUi, Ui
+from swarmctl.security import requests
 from swarmctl.security.evidence_keys import EvidenceSigner
 from swarmctl.security.participant import Keyring
-from swarmctl.security.requests import CommandVerifier, sign_answer
+from swarmctl.security.token import new_token, token_of_environment
 
 REPORT_MISSING_AFTER_S = 3.0
 """time from the start to the message about a missing network [s]"""
@@ -110,7 +112,7 @@ async def fly(
     """Fly the vehicle of `scenario_for`. Messages use `network`, or else the open transport `bus`.
 
     If both are None, the vehicle exchanges no messages. The flight continues while the network is missing.
-    Raises BusError if the network cannot be opened.
+    Raises BusError if the network cannot be opened, and KeyringError for an unusable SWARMCTL_TOKEN_FILE.
     """
     (spec,) = scenario.specs
     options = FlightOptions(
@@ -120,12 +122,12 @@ async def fly(
         frame_codec=None
         if keyring is None
         else FrameCodec(scenario.config.name, keyring.sign, keyring.verify),
-        signing=UNSIGNED if keyring is None else _KeyringSigning(scenario, keyring),
+        authentication=NO_AUTHENTICATION if keyring is None else _by_operator(scenario, keyring),
         signer=None if keyring is None else EvidenceSigner(keyring.name, keyring.signing_key),
         waivers=waivers,
     )
 
-    async def flight(bus: Transport) -> FlightReport:
+    async def flight(bus: Transport, options: FlightOptions) -> FlightReport:
         report = await app.fly(
             scenario,
             folder,
@@ -143,29 +145,42 @@ async def fly(
     ui = SafeUi(ui)
     failed = ReportOnce(ui.say)
     if network is None:
-        return await flight(bus or MemoryBus(failed))
-    with ZenohBus(network, on_failure=failed) as zenoh:
+        return await flight(bus or MemoryBus(failed), options)
+    with contextlib.ExitStack() as stack:
+        if keyring is None:
+            options = stack.enter_context(_with_token(scenario, options, ui))
+        zenoh = stack.enter_context(ZenohBus(network, on_failure=failed))
         watch = asyncio.create_task(_report_connection(zenoh, network, ui))
         try:
-            return await flight(zenoh)
+            return await flight(zenoh, options)
         finally:
             await cancelled(watch)
 
 
-class _KeyringSigning:
-    """Verifier of commands that the operator signs after the start, and signer of the vehicle's answers."""
+def _by_operator(scenario: Scenario, keyring: Keyring) -> requests.SignedRequests:
+    tolerance_s = scenario.config.communication.clock_tolerance_s
+    return requests.by_operator(scenario.config.name, keyring, tolerance_s, time.time)
 
-    def __init__(self, scenario: Scenario, keyring: Keyring) -> None:
+
+@contextlib.contextmanager
+def _with_token(scenario: Scenario, options: FlightOptions, ui: Ui) -> Iterator[FlightOptions]:
+    """Yield the options with a token for operators' commands and payloads' reports. Raises KeyringError.
+
+    The token is in the directory of running swarms while the context lasts.
+    """
+    (spec,) = scenario.specs
+    token = token_of_environment() or new_token()
+    with contextlib.ExitStack() as stack:
+        try:
+            stack.enter_context(directory.registered_agent(scenario.config.name, spec.sysid, token.text))
+        except BusError as error:
+            ui.say(
+                "the agent accepts commands and reports only from senders with the same SWARMCTL_TOKEN_FILE: "
+                f"{error} [not-registered]"
+            )
         tolerance_s = scenario.config.communication.clock_tolerance_s
-        self._swarm = scenario.config.name
-        self._sign = keyring.signing_key.sign
-        self._verifier = CommandVerifier(self._swarm, keyring.is_signed_by_operator, time.time(), tolerance_s)
-
-    def verify_command(self, key: str, payload: bytes) -> bytes:
-        return self._verifier.verify(key, payload, time.time())
-
-    def sign_answer(self, key: str, payload: bytes, answer: bytes) -> bytes:
-        return sign_answer(self._swarm, key, payload, answer, self._sign)
+        checked = requests.by_token(scenario.config.name, token, tolerance_s, time.time)
+        yield replace(options, authentication=checked, report_authentication=checked)
 
 
 async def _report_connection(bus: ZenohBus, network: Configuration, ui: Ui) -> None:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial
 
+from swarmctl.bus.authentication import Authentication
 from swarmctl.bus.endpoint import NO_ENDPOINT, parse_endpoint
-from swarmctl.bus.operator_service import CommandCounts, CommandSigning, OperatorService
+from swarmctl.bus.operator_service import CommandCounts, OperatorService
 from swarmctl.bus.transports.base import Transport
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.messages import GiveOrder, Request
@@ -24,7 +25,7 @@ def operator_service_for(
     *,
     uav: int | None,
     order_refusal: Callable[[Sequence[Member]], str] | None,
-    signing: CommandSigning,
+    authentication: Authentication,
 ) -> OperatorService:
     """Return the operator service of vehicle `uav`, or of all vehicles if `uav` is None.
 
@@ -47,15 +48,15 @@ def operator_service_for(
         uav=uav,
         refusal=refusal,
         delays=partial(return_delays_s, members, ui.say),
-        signing=signing,
+        authentication=authentication,
     )
 
 
 def unsigned_order_refusal(scenario: Scenario, members: Sequence[Member], order: GiveOrder) -> str:
     """Return the reason why a process that flies all vehicles refuses an order; empty for an accepted order.
 
-    Orders to this process are not signed. Therefore no order launches a real vehicle, and real vehicles
-    accept orders from this machine only.
+    A token shows only that the sender knows a secret. Therefore no order launches a real vehicle, and real
+    vehicles accept orders from this machine only.
     """
     real = [m.name for m in members if m.identity is None or not m.identity.simulated]
     listen = scenario.config.communication.listen

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from swarmctl.bus import external_observations
+from swarmctl.bus.authentication import Authentication
 from swarmctl.bus.network import Network, RunClock
 from swarmctl.bus.operator_service import OperatorService
 from swarmctl.bus.sensor_reports import MANUAL_SOURCE, ReportedCells
@@ -38,6 +39,8 @@ from swarmctl.planners import is_small, warm_up
 from swarmctl.report.evidence.hooks import Evidence
 from swarmctl.security.files import KeyringError
 from swarmctl.security.mavlink_key import TimestampFile, read_mavlink_key
+from swarmctl.security.requests import by_token
+from swarmctl.security.token import new_token, token_of_environment
 
 Clock = Literal["real", "virtual"]
 VIRTUAL_EPOCH_NS = 1_767_225_600 * 10**9
@@ -55,6 +58,8 @@ class FlightResources:
     simulator_task: asyncio.Task[None] | None
     """the task that runs the simulated vehicles; None without simulated vehicles"""
     evidence: Evidence
+    token_authentication: Authentication | None
+    """check of requests on a bus that this flight has opened; None for a bus that was already open"""
 
 
 @contextlib.asynccontextmanager
@@ -120,11 +125,13 @@ async def open_resources(
             else:
                 warm_up()
         communication = scenario.config.communication
+        authentication: Authentication | None = None
         if bus is None and communication.bus == "zenoh" and clock == "real":
-            bus = stack.enter_context(
-                open_bus(scenario.config.name, communication.listen, say, ReportOnce(say))
-            )
-        yield FlightResources(front_end, bus or MemoryBus(ReportOnce(say)), simulator_task, evidence)
+            name, token = scenario.config.name, token_of_environment() or new_token()
+            authentication = by_token(name, token, communication.clock_tolerance_s, time.time)
+            bus = stack.enter_context(open_bus(name, communication.listen, token.text, say, ReportOnce(say)))
+        transport = bus or MemoryBus(ReportOnce(say))
+        yield FlightResources(front_end, transport, simulator_task, evidence, authentication)
 
 
 def _report_refused(front_end: FrontEnd, evidence: Evidence, say: Callable[[str], None]) -> None:
@@ -162,6 +169,7 @@ def build_members(
     run_clock: RunClock,
     say: Callable[[str], None],
     report_counts: dict[int, external_observations.ReportCounts],
+    report_authentication: Authentication,
 ) -> Iterator[Member]:
     """Build the members of this process, each with its link, its sensor and its agent.
 
@@ -208,6 +216,7 @@ def build_members(
                 on_observed,
                 partial(_say_about, say, spec.name),
                 tolerance_s=scenario.config.communication.clock_tolerance_s,
+                authentication=report_authentication,
             ).counts
         yield Member(spec, runner)
 

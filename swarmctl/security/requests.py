@@ -1,54 +1,62 @@
-"""Signed commands of an operator, safe from forgery, redirection and replay, and signed answers.
+"""Signed requests of operators and payloads, safe from forgery, redirection and replay, and signed answers.
 
-A signed command is 64 bytes of Ed25519 signature and a MessagePack map. The signature covers the swarm's
-name and the map. The map has the command's bus key, so another vehicle refuses the command. An answer's
-signature also covers a hash of the signed command.
+A signed request is 64 bytes of signature, a line of JSON with bus key and time, and the request:
+
+    SIGNATURE {"key":"swarmctl/demo/uav/3/inform/look/sensor","unix_s":1767225600.25} NEWLINE REQUEST
+
+The signature is Ed25519 by the operator's key, or HMAC-SHA512 by the token of the flight. It covers the text
+`swarmctl request`, a zero byte, the swarm's name, a zero byte, and everything after the signature. Because of
+the bus key another vehicle refuses the request. An answer's signature also covers a hash of the request.
 """
 
 from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
 from typing import Annotated
 
 import msgspec
 
+from swarmctl.bus.authentication import NotAuthorised
 from swarmctl.core.frames import SIGNATURE_BYTES
 from swarmctl.core.messages import BadMessage
+from swarmctl.security.participant import Keyring
+from swarmctl.security.token import TOKEN_FILE, Token
 
-MAX_COMMAND_BYTES = 16_000
-MAX_COMMAND_AGE_S = 20.0
-"""largest age of a command; an older command may no longer be right"""
+MAX_REQUEST_AGE_S = 20.0
+"""largest age of a request; an older request may no longer be right"""
+NOT_SIGNED = "the command is not signed by the operator of this swarm; use the operator's keys [not-signed]"
+WRONG_TOKEN = (
+    "the request does not have the token of this flight; send it as the user of the flight, or set "
+    f"{TOKEN_FILE} for both [wrong-token]"
+)
+Sign = Callable[[bytes], bytes]
+Verify = Callable[[bytes, bytes], bool]
+"""function of (signature, data)"""
 
 
-class SignedCommand(msgspec.Struct, frozen=True):
-    """A command, its bus key and its time."""
+class _Header(msgspec.Struct, frozen=True):
+    """The bus key of a request, and its time."""
 
     key: Annotated[str, msgspec.Meta(max_length=200)]
     unix_s: float
-    """time of the command; a verifier refuses a second command with the same time"""
-    command: Annotated[bytes, msgspec.Meta(max_length=MAX_COMMAND_BYTES)]
-
-    def __post_init__(self) -> None:
-        if not math.isfinite(self.unix_s):
-            raise ValueError("the time is not a finite number")
 
 
-_encoder = msgspec.msgpack.Encoder()
-_decoder = msgspec.msgpack.Decoder(SignedCommand)
+_encoder = msgspec.json.Encoder()
+_decoder = msgspec.json.Decoder(_Header)
 
 
-def _signed_command_bytes(swarm: str, body: bytes) -> bytes:
+def _signed_request_bytes(swarm: str, body: bytes) -> bytes:
     return b"swarmctl request\0" + swarm.encode() + b"\0" + body
 
 
-def sign_command(
-    swarm: str, key: str, command: bytes, unix_s: float, sign: Callable[[bytes], bytes]
-) -> bytes:
-    """Return the signed payload of a command under the bus key `key`."""
-    body = _encoder.encode(SignedCommand(key, unix_s, command))
-    return sign(_signed_command_bytes(swarm, body)) + body
+def sign_request(swarm: str, key: str, request: bytes, unix_s: float, sign: Sign) -> bytes:
+    """Return the signed payload of a request under the bus key `key`."""
+    body = _encoder.encode(_Header(key, unix_s)) + b"\n" + request
+    return sign(_signed_request_bytes(swarm, body)) + body
 
 
 def _signed_answer_bytes(swarm: str, key: str, asked: bytes, answer: bytes) -> bytes:
@@ -56,74 +64,150 @@ def _signed_answer_bytes(swarm: str, key: str, asked: bytes, answer: bytes) -> b
     return b"swarmctl answer\0" + swarm.encode() + b"\0" + key.encode() + b"\0" + asked_hash + answer
 
 
-def sign_answer(swarm: str, key: str, asked: bytes, answer: bytes, sign: Callable[[bytes], bytes]) -> bytes:
+def sign_answer(swarm: str, key: str, asked: bytes, answer: bytes, sign: Sign) -> bytes:
     """Return the signed answer to the payload `asked` under `key`."""
     return sign(_signed_answer_bytes(swarm, key, asked, answer)) + answer
 
 
-def verify_answer(
-    swarm: str, key: str, asked: bytes, data: bytes, verify: Callable[[bytes, bytes], bool]
-) -> bytes:
-    """Return the answer to `asked`; `verify` checks the vehicle's signature. Raises BadMessage."""
+def verify_answer(swarm: str, key: str, asked: bytes, data: bytes, verify: Verify) -> bytes:
+    """Return the answer to `asked`; `verify` checks the receiver's signature. Raises BadMessage."""
     signature, answer = data[:SIGNATURE_BYTES], data[SIGNATURE_BYTES:]
     if not verify(signature, _signed_answer_bytes(swarm, key, asked, answer)):
-        raise BadMessage("the answer is not signed by the vehicle")
+        raise BadMessage("the answer is not signed by the receiver of the request")
     return answer
 
 
-class CommandVerifier:
-    """Verifier of commands to an agent: checks signature, bus key and time, and refuses repeated commands.
+@dataclass(slots=True)
+class RequestVerifier:
+    """Verifier of requests: checks signature, bus key and time, and refuses repeated requests."""
 
-    verify: function that checks the operator's signature
-    began_unix_s: start of this process; commands from before may have been executed by another process
-    tolerance_s: greatest time by which the operator's clock may be ahead [s]
-    """
-
-    def __init__(
-        self, swarm: str, verify: Callable[[bytes, bytes], bool], began_unix_s: float, tolerance_s: float
-    ) -> None:
-        self._swarm = swarm
-        self._verify = verify
-        self._began_unix_s = began_unix_s
-        self._tolerance_s = tolerance_s
-        self._accepted_unix_s: set[float] = set()
+    swarm: str
+    is_signed: Verify
+    """function that checks the sender's signature"""
+    began_unix_s: float
+    """start of this process; requests from before may have been executed by another process"""
+    tolerance_s: float
+    """greatest time by which the sender's clock may be ahead [s]"""
+    unsigned: str = NOT_SIGNED
+    """reason for the refusal of a wrong signature"""
+    _accepted: dict[int, set[bytes]] = field(default_factory=dict, init=False)
+    """hashes of the accepted requests, by the whole seconds of their time"""
 
     def verify(self, key: str, data: bytes, unix_s: float) -> bytes:
-        """Return the command. Raises BadMessage, and no other exception, for a refused payload."""
+        """Return the request. Raises BadMessage, and no other exception, for a refused payload."""
         signature, body = data[:SIGNATURE_BYTES], data[SIGNATURE_BYTES:]
-        if not self._verify(signature, _signed_command_bytes(self._swarm, body)):
-            raise BadMessage(
-                "the command is not signed by the operator of this swarm; use the operator's keys "
-                "[not-signed]"
-            )
+        if not self.is_signed(signature, _signed_request_bytes(self.swarm, body)):
+            raise BadMessage(self.unsigned)
+        line, newline, request = body.partition(b"\n")
         try:
-            signed = _decoder.decode(body)
+            header = _decoder.decode(line)
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-            raise BadMessage(f"the payload is not a signed command: {error}") from None
-        if signed.key != key:
-            raise BadMessage(f"the command is for the key {signed.key}, but arrived under {key}")
-        self._check_time(signed.unix_s, unix_s)
-        self._accepted_unix_s = {at_s for at_s in self._accepted_unix_s if at_s > unix_s - MAX_COMMAND_AGE_S}
-        if signed.unix_s in self._accepted_unix_s:
-            raise BadMessage("the same command was received before: a replay [command-replayed]")
-        self._accepted_unix_s.add(signed.unix_s)
-        return signed.command
+            raise BadMessage(f"the payload is not a signed request: {error}") from None
+        if not newline:
+            raise BadMessage("the payload is not a signed request: the line with key and time does not end")
+        if header.key != key:
+            raise BadMessage(f"the request is for the key {header.key}, but arrived under {key}")
+        self._check_time(header.unix_s, unix_s)
+        self._check_is_new(header.unix_s, hashlib.sha256(body).digest(), unix_s)
+        return request
+
+    def _check_is_new(self, given_unix_s: float, request_hash: bytes, unix_s: float) -> None:
+        for second in [s for s in self._accepted if s + 1.0 < unix_s - MAX_REQUEST_AGE_S]:
+            del self._accepted[second]
+        accepted = self._accepted.setdefault(math.floor(given_unix_s), set())
+        if request_hash in accepted:
+            raise BadMessage("the same request was received before: a replay [command-replayed]")
+        accepted.add(request_hash)
 
     def _check_time(self, given_unix_s: float, unix_s: float) -> None:
         age_s = unix_s - given_unix_s
-        if age_s < -self._tolerance_s:
+        if age_s < -self.tolerance_s:
             raise BadMessage(
-                f"the command's time is {-age_s:.0f} s ahead of this machine's clock; check the clocks of "
+                f"the request's time is {-age_s:.0f} s ahead of this machine's clock; check the clocks of "
                 "both machines [command-early]"
             )
-        if given_unix_s < self._began_unix_s:
-            before_s = self._began_unix_s - given_unix_s
+        if given_unix_s < self.began_unix_s:
+            before_s = self.began_unix_s - given_unix_s
             raise BadMessage(
-                f"the command was given {before_s:.1f} s before this agent started; repeat the command. If "
-                "this fails too, check the clocks of both machines [command-before-start]"
+                f"the request was given {before_s:.1f} s before this process started; repeat it. If this "
+                "fails too, check the clocks of both machines [command-before-start]"
             )
-        if age_s > MAX_COMMAND_AGE_S:
+        if age_s > MAX_REQUEST_AGE_S:
             raise BadMessage(
-                f"the command is {age_s:.0f} s old (limit {MAX_COMMAND_AGE_S:g} s); check the clocks of both "
+                f"the request is {age_s:.0f} s old (limit {MAX_REQUEST_AGE_S:g} s); check the clocks of both "
                 "machines [command-old]"
             )
+
+
+@dataclass(frozen=True, slots=True)
+class SignedRequests:
+    """The receiver's side: a verifier of requests from `clock`'s present on, and the signer of answers."""
+
+    verifier: RequestVerifier
+    sign: Sign
+    clock: Callable[[], float]
+    """wall clock [s since 1970]"""
+
+    def verify(self, key: str, payload: bytes) -> bytes:
+        return self.verifier.verify(key, payload, self.clock())
+
+    def sign_answer(self, key: str, payload: bytes, answer: bytes) -> bytes:
+        return sign_answer(self.verifier.swarm, key, payload, answer, self.sign)
+
+
+def by_operator(
+    swarm: str, keyring: Keyring, tolerance_s: float, clock: Callable[[], float]
+) -> SignedRequests:
+    """Return the authentication of an agent with keys: requests of the operator, answers of the vehicle."""
+    verifier = RequestVerifier(swarm, keyring.is_signed_by_operator, clock(), tolerance_s)
+    return SignedRequests(verifier, keyring.signing_key.sign, clock)
+
+
+def by_token(swarm: str, token: Token, tolerance_s: float, clock: Callable[[], float]) -> SignedRequests:
+    """Return the authentication of a process without keys: all who have its token."""
+    verifier = RequestVerifier(swarm, token.verify, clock(), tolerance_s, WRONG_TOKEN)
+    return SignedRequests(verifier, token.sign, clock)
+
+
+@dataclass(frozen=True, slots=True)
+class OperatorSigning:
+    """The signing of requests with the operator's keys, and the check of the vehicles' signed answers."""
+
+    swarm: str
+    keyring: Keyring
+    clock: Callable[[], float]
+
+    def sign(self, _uav: int | None, key: str, request: bytes) -> bytes:
+        return sign_request(self.swarm, key, request, self.clock(), self.keyring.signing_key.sign)
+
+    def verify_answer(self, uav: int | None, key: str, asked: bytes, data: bytes) -> bytes:
+        if uav is None:
+            raise BadMessage("a process that flies all vehicles has no key")
+        return verify_answer(self.swarm, key, asked, data, partial(self.keyring.verify, uav))
+
+
+@dataclass(frozen=True, slots=True)
+class TokenSigning:
+    """The signing of requests with the receivers' tokens, and the check of their signed answers."""
+
+    swarm: str
+    tokens: Mapping[int | None, Token]
+    """by system id of an agent's vehicle; None: the process that flies all vehicles"""
+    other: Token | None
+    """token for all other receivers, of SWARMCTL_TOKEN_FILE"""
+    clock: Callable[[], float]
+
+    def sign(self, uav: int | None, key: str, request: bytes) -> bytes:
+        return sign_request(self.swarm, key, request, self.clock(), self._token(uav).sign)
+
+    def verify_answer(self, uav: int | None, key: str, asked: bytes, data: bytes) -> bytes:
+        return verify_answer(self.swarm, key, asked, data, self._token(uav).verify)
+
+    def _token(self, uav: int | None) -> Token:
+        token = self.tokens.get(uav) or self.other
+        if token is None:
+            raise NotAuthorised(
+                "this user has no token for the receiver, so nothing was sent; run the command as the "
+                f"user of the flight on its machine, or set {TOKEN_FILE} to one file for both [no-token]"
+            )
+        return token

@@ -8,11 +8,11 @@ import re
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
 
 import msgspec
 
 from swarmctl.bus import directory, keys
+from swarmctl.bus.authentication import NO_AUTHENTICATION, NotAuthorised, RequestSigning
 from swarmctl.bus.endpoint import NO_ENDPOINT, BusEndpoint, parse_endpoint
 from swarmctl.bus.operator_service import ANSWER_WITHIN_S, KINDS
 from swarmctl.bus.transports import zenoh_config
@@ -52,28 +52,6 @@ class FlightEndpoints:
     """further endpoints, tried in order"""
     agents: Mapping[int, str] = field(default_factory=dict)
     """vehicles (system id: name) with separate agents; empty: one process answers for all vehicles"""
-
-
-class CommandSigning(Protocol):
-    """The signing of commands, and the check of signed answers."""
-
-    def sign_command(self, key: str, command: bytes) -> bytes:
-        """Return the signed payload of a command under `key`."""
-
-    def verify_answer(self, uav: int, key: str, asked: bytes, data: bytes) -> bytes:
-        """Return the answer of `uav` to the payload `asked`. Raises BadMessage for a forged answer."""
-
-
-class _Unsigned:
-    def sign_command(self, _key: str, command: bytes) -> bytes:
-        return command
-
-    def verify_answer(self, _uav: int, _key: str, _asked: bytes, data: bytes) -> bytes:
-        return data
-
-
-UNSIGNED: CommandSigning = _Unsigned()
-"""commands without signatures; every answer is accepted"""
 
 
 def chosen_vehicles(uavs: list[str], all_vehicles: bool) -> tuple[str, ...] | None:
@@ -158,6 +136,16 @@ def find(
     )
 
 
+def local_token(flight: FlightEndpoints) -> str | None:
+    """Return the token of this user's flight at an endpoint on this machine; None if there is none.
+
+    Raises BusError.
+    """
+    running = [entry for entry in directory.running_swarms() if entry.swarm == flight.swarm]
+    # The host may be written in several ways.
+    return next((entry.token for entry in running if entry.endpoint.port == flight.endpoint.port), None)
+
+
 def describe(flight: directory.RunningSwarm) -> str:
     """Return the swarm, endpoint, age and process of a running flight as text."""
     age = duration_text(time.time() - flight.started_unix_s)
@@ -216,7 +204,7 @@ async def send(
     flight: FlightEndpoints,
     command: Request,
     credentials: Credentials | None = None,
-    signing: CommandSigning = UNSIGNED,
+    signing: RequestSigning = NO_AUTHENTICATION,
 ) -> OperatorAnswer:
     """Send a command and return the answer. Raises BusError, BadOptions and NoAnswer."""
     with connected(flight, credentials) as bus:
@@ -243,18 +231,19 @@ def connected(flight: FlightEndpoints, credentials: Credentials | None = None) -
 
 
 async def ask(
-    bus: Transport, flight: FlightEndpoints, command: Request, signing: CommandSigning = UNSIGNED
+    bus: Transport, flight: FlightEndpoints, command: Request, signing: RequestSigning = NO_AUTHENTICATION
 ) -> OperatorAnswer:
-    """Send a command over an open bus and return the answer. Raises BadOptions and NoAnswer.
-
-    If one process flies all vehicles, neither the command nor the answer is signed.
-    """
+    """Send a command over an open bus and return the answer. Raises BadOptions and NoAnswer."""
     kind = KINDS[type(command)]
     if flight.agents:
         return await _ask_each(bus, flight, kind, command, signing)
     key = keys.request(flight.swarm, kind)
     try:
-        answers = await bus.ask(key, encode(command), TIMEOUT_S)
+        payload = signing.sign(None, key, encode(command))
+    except NotAuthorised as error:
+        raise NoAnswer(str(error)) from None
+    try:
+        answers = await bus.ask(key, payload, TIMEOUT_S)
     except TimeoutError:
         raise NoAnswer(
             f"{flight.swarm} at {flight.endpoint} did not answer within {TIMEOUT_S:g} s. The command may "
@@ -271,7 +260,11 @@ async def ask(
             "the command is unknown; end all processes but one, and check the remaining flight's table"
         )
     try:
-        return decode_answer(answers[0])
+        answer = signing.verify_answer(None, key, payload, answers[0])
+    except BadMessage:
+        raise NoAnswer(unverified(flight)) from None
+    try:
+        return decode_answer(answer)
     except BadMessage as error:
         raise NoAnswer(
             f"{flight.swarm} at {flight.endpoint} sent an invalid answer: {error}. The command may have "
@@ -279,8 +272,17 @@ async def ask(
         ) from error
 
 
+def unverified(flight: FlightEndpoints) -> str:
+    """Return the error for an answer that does not have the flight's token."""
+    return (
+        f"{flight.swarm} at {flight.endpoint} has another token and refused the request, or another program "
+        "answers there; send the request as the user of the flight, or set SWARMCTL_TOKEN_FILE for both "
+        "[wrong-token]"
+    )
+
+
 async def _ask_each(
-    bus: Transport, flight: FlightEndpoints, kind: keys.RequestKind, command: Request, signing: CommandSigning
+    bus: Transport, flight: FlightEndpoints, kind: keys.RequestKind, command: Request, signing: RequestSigning
 ) -> OperatorAnswer:
     """Send a command to the agents of the vehicles in `command.uavs`, all at once. Raises BadOptions."""
     try:
@@ -293,7 +295,10 @@ async def _ask_each(
 
     async def ask_agent(uav: int) -> VehicleAnswer:
         key, name = keys.request(flight.swarm, kind, uav), flight.agents[uav]
-        payload = signing.sign_command(key, encode(msgspec.structs.replace(command, uavs=(uav,))))
+        try:
+            payload = signing.sign(uav, key, encode(msgspec.structs.replace(command, uavs=(uav,))))
+        except NotAuthorised as error:
+            return VehicleAnswer(uav, name, "refused", note=str(error))
         try:
             answers = await bus.ask(key, payload, TIMEOUT_S)
         except TimeoutError:
@@ -307,7 +312,7 @@ async def _ask_each(
 
 
 def _verified_answers(
-    signing: CommandSigning, uav: int, key: str, asked: bytes, answers: Sequence[bytes]
+    signing: RequestSigning, uav: int, key: str, asked: bytes, answers: Sequence[bytes]
 ) -> Iterator[bytes]:
     for data in answers:
         with contextlib.suppress(BadMessage):
@@ -320,7 +325,7 @@ def _one_answer(uav: int, name: str, ended: str, answers: Sequence[bytes], n_dro
         return _decode_one(uav, name, ended, answers)
     warning = (
         f"{n_dropped} answer{'s' if n_dropped > 1 else ''} without the vehicle's signature "
-        "(another process answers for the vehicle, or the vehicle has other keys)"
+        "(another process answers for the vehicle, or the vehicle has other keys or another token)"
     )
     if not answers:
         return VehicleAnswer(uav, name, "unconfirmed", note=f"no signed answer, and {warning}")

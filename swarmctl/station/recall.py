@@ -9,11 +9,12 @@ from collections.abc import Sequence
 import msgspec
 
 from swarmctl.agent.traffic.return_schedule import is_plausible, schedule_for
+from swarmctl.bus.authentication import NO_AUTHENTICATION, RequestSigning
 from swarmctl.bus.transports.base import Transport
 from swarmctl.bus.transports.zenoh_config import Credentials
 from swarmctl.core.messages import MAX_AFTER_S, GiveOrder, OperatorAnswer, Request, VehicleAnswer
 from swarmctl.station import client
-from swarmctl.station.client import UNSIGNED, CommandSigning, FlightEndpoints
+from swarmctl.station.client import FlightEndpoints
 
 FALLBACK_RETURN_S = 120.0
 """time after which a holding vehicle without a start time returns [s], because the station may be lost"""
@@ -25,7 +26,7 @@ async def send(
     flight: FlightEndpoints,
     command: Request,
     credentials: Credentials | None = None,
-    signing: CommandSigning = UNSIGNED,
+    signing: RequestSigning = NO_AUTHENTICATION,
 ) -> OperatorAnswer:
     """Send a command as `client.send` does; an order to return also schedules the vehicles' returns.
 
@@ -36,7 +37,7 @@ async def send(
 
 
 async def ask(
-    bus: Transport, flight: FlightEndpoints, command: Request, signing: CommandSigning = UNSIGNED
+    bus: Transport, flight: FlightEndpoints, command: Request, signing: RequestSigning = NO_AUTHENTICATION
 ) -> OperatorAnswer:
     """Send a command over an open bus; an order to return also schedules the vehicles' returns.
 
@@ -82,7 +83,7 @@ async def ask(
 
 
 async def _send_repeatedly(
-    bus: Transport, flight: FlightEndpoints, command: GiveOrder, signing: CommandSigning
+    bus: Transport, flight: FlightEndpoints, command: GiveOrder, signing: RequestSigning
 ) -> Sequence[VehicleAnswer]:
     """Send a command, repeat it to unconfirmed and silent vehicles, and return the answers.
 

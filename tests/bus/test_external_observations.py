@@ -6,8 +6,10 @@ import asyncio
 import contextlib
 import json
 import math
+import os
 import socket
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -22,6 +24,7 @@ from profiles import examples
 
 from swarmctl.agent.replan.decide import first_route
 from swarmctl.bus import keys
+from swarmctl.bus.authentication import NO_AUTHENTICATION, Authentication
 from swarmctl.bus.endpoint import BusEndpoint
 from swarmctl.bus.external_observations import BURST, PER_S, SHOWN_AGAIN_AFTER_S, ReportCounts, ReportReceiver
 from swarmctl.bus.sensor_reports import (
@@ -41,6 +44,7 @@ from swarmctl.bus.sensor_reports import (
 from swarmctl.bus.transports import zenoh_config
 from swarmctl.bus.transports.base import Transport
 from swarmctl.bus.transports.memory import MemoryBus
+from swarmctl.bus.transports.open import open_bus
 from swarmctl.bus.transports.zenoh import ZenohBus
 from swarmctl.config.model import Sensor
 from swarmctl.core.belief import CLEAR, OCCUPIED
@@ -50,6 +54,8 @@ from swarmctl.flight import app
 from swarmctl.flight.sensors import SOURCES, NoSensor
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.report.outcome import FlightReport as Flight
+from swarmctl.security.requests import by_token
+from swarmctl.security.token import new_token
 
 ROOT = Path(__file__).parents[2]
 KEY = "swarmctl/test/uav/3/inform/look/sensor"
@@ -282,7 +288,12 @@ def test_the_published_schema_has_every_field_and_marks_the_required_ones() -> N
 class Vehicle:
     """An agent that receives reports."""
 
-    def __init__(self, transport: Transport, clock: Callable[[], float] = lambda: NOW_S) -> None:
+    def __init__(
+        self,
+        transport: Transport,
+        clock: Callable[[], float] = lambda: NOW_S,
+        authentication: Authentication = NO_AUTHENTICATION,
+    ) -> None:
         self.posted: list[tuple[ReportedCells, str]] = []
         self.said: list[str] = []
         self._changed = asyncio.Event()
@@ -294,6 +305,7 @@ class Vehicle:
             clock,
             self._post,
             self._say,
+            authentication=authentication,
         )
 
     def _post(self, cells: ReportedCells, source: str) -> None:
@@ -604,14 +616,22 @@ def test_a_swarm_with_external_sensors_flies_by_their_reports_only(tmp_path: Pat
 
 
 @pytest.mark.interop
-def test_the_example_detector_sends_one_report_a_second() -> None:
+def test_the_example_detector_sends_one_report_a_second(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    token = new_token()
+
     async def scene() -> None:
-        with ZenohBus(
-            listen=BusEndpoint("127.0.0.1", 0), put_keys=(keys.sensor_report("test", "*"),)
-        ) as agent:
-            vehicle = Vehicle(agent, time.time)
-            words = [sys.executable, str(ROOT / "configs" / "detector.py"), str(agent.endpoint), "test", "3"]
-            example = await asyncio.create_subprocess_exec(*words)
+        with open_bus("test", "tcp/127.0.0.1:0", token.text, print) as agent:
+            vehicle = Vehicle(agent, time.time, by_token("test", token, 5.0, time.time))
+            example = await asyncio.create_subprocess_exec(
+                sys.executable,
+                ROOT / "configs" / "detector.py",
+                "test",
+                "3",
+                env={**os.environ, "TMPDIR": str(tmp_path)},
+            )
             try:
                 await vehicle.until(lambda: len(vehicle.posted) == 2)
             finally:

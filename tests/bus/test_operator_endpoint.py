@@ -87,7 +87,7 @@ def occupied_port(held: contextlib.ExitStack) -> int:
 
 def test_an_occupied_port_is_an_error_with_advice() -> None:
     async def scene(port: int) -> None:
-        with open_bus("test", f"tcp/127.0.0.1:{port}", print):
+        with open_bus("test", f"tcp/127.0.0.1:{port}", "token", print):
             pass
 
     with contextlib.ExitStack() as held:

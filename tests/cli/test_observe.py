@@ -9,6 +9,7 @@ import re
 import socket
 import tempfile
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import replace
@@ -17,6 +18,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
+from swarmctl.bus import directory
+from swarmctl.bus.authentication import NO_AUTHENTICATION, Authentication
 from swarmctl.bus.endpoint import BusEndpoint, parse_endpoint
 from swarmctl.bus.external_observations import ReportReceiver
 from swarmctl.bus.sensor_reports import Report, ReportedCells, report_schema
@@ -32,6 +35,8 @@ from swarmctl.core.grid import Grid
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.security.issue import make_keys
 from swarmctl.security.participant import load_keyring
+from swarmctl.security.requests import by_token
+from swarmctl.security.token import new_token
 from swarmctl.station.client import FlightEndpoints, NoAnswer
 
 GRID = Grid(8, 8, 50.0, 46.0, 14.4)
@@ -56,7 +61,9 @@ def no_flight(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @contextmanager
-def beside(bus_of: Callable[[ExitStack], Transport]) -> Iterator[list[tuple[ReportedCells, str]]]:
+def beside(
+    bus_of: Callable[[ExitStack], Transport], authentication: Authentication
+) -> Iterator[list[tuple[ReportedCells, str]]]:
     """Yield the reports to vehicle 3 of the swarm `test`, by a bus in another thread."""
     ready, over = threading.Event(), threading.Event()
     taken: list[tuple[ReportedCells, str]] = []
@@ -64,7 +71,14 @@ def beside(bus_of: Callable[[ExitStack], Transport]) -> Iterator[list[tuple[Repo
     async def scene() -> None:
         with ExitStack() as stack:
             ReportReceiver(
-                bus_of(stack), "test", 3, GRID, lambda: 0.0, lambda *seen: taken.append(seen), print
+                bus_of(stack),
+                "test",
+                3,
+                GRID,
+                lambda: 0.0,
+                lambda *seen: taken.append(seen),
+                print,
+                authentication=authentication,
             )
             ready.set()
             await asyncio.to_thread(over.wait)
@@ -81,19 +95,27 @@ def beside(bus_of: Callable[[ExitStack], Transport]) -> Iterator[list[tuple[Repo
 
 def flying() -> AbstractContextManager[list[tuple[ReportedCells, str]]]:
     """Return a swarm of one process, which the command line finds on this machine."""
-    return beside(lambda stack: stack.enter_context(open_bus("test", "tcp/127.0.0.1:0", print)))
+    token = new_token()
+    return beside(
+        lambda stack: stack.enter_context(open_bus("test", "tcp/127.0.0.1:0", token.text, print)),
+        by_token("test", token, 5.0, time.time),
+    )
 
 
 def through(
     router: Configuration, agent: Configuration
 ) -> AbstractContextManager[list[tuple[ReportedCells, str]]]:
     """Return a swarm in which vehicle 3 has its own agent, connected by a router."""
+    token = new_token()
+    has_token = not agent.connect[0].is_certified
 
     def bus_of(stack: ExitStack) -> Transport:
+        if has_token:
+            stack.enter_context(directory.registered_agent("test", 3, token.text))
         stack.enter_context(ZenohBus(router))
         return stack.enter_context(ZenohBus(replace(agent, is_patient=False)))
 
-    return beside(bus_of)
+    return beside(bus_of, by_token("test", token, 5.0, time.time) if has_token else NO_AUTHENTICATION)
 
 
 def accepted(result: Result) -> list[tuple[str, str, str]]:

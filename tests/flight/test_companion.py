@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import datetime as dt
 import json
+import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,6 @@ from swarmctl.bus.endpoint import BusEndpoint
 from swarmctl.bus.transports.base import Failure
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.cli.flights import conclude
-from swarmctl.cli.operator_command import KeyringSigning
 from swarmctl.core.events import FlightOrder
 from swarmctl.core.messages import (
     GiveOrder,
@@ -36,6 +36,7 @@ from swarmctl.links.base import Identity
 from swarmctl.report.outcome import FlightReport
 from swarmctl.security.issue import make_keys
 from swarmctl.security.participant import load_keyring
+from swarmctl.security.requests import OperatorSigning
 from swarmctl.station import client
 
 pytestmark = pytest.mark.virtual
@@ -182,9 +183,9 @@ def test_with_keys_only_the_operators_orders_and_the_vehicles_own_answers_count(
     keyring = {name: load_keyring(tmp_path / "keys", name, now) for name in ("uav1", "uav2", "operator")}
     commands: list[tuple[str, bytes]] = []
 
-    class Operators(KeyringSigning):
-        def sign_command(self, key: str, command: bytes) -> bytes:
-            commands.append((key, super().sign_command(key, command)))
+    class Operators(OperatorSigning):
+        def sign(self, uav: int | None, key: str, request: bytes) -> bytes:
+            commands.append((key, super().sign(uav, key, request)))
             return commands[-1][1]
 
     async def scene(folder: Path, own: str) -> tuple[list[VehicleAnswer], list[VehicleAnswer]]:
@@ -205,7 +206,9 @@ def test_with_keys_only_the_operators_orders_and_the_vehicles_own_answers_count(
         )
         await asyncio.sleep(20.0)
         given = [
-            await client.ask(bus, STATION, GiveOrder((1,), "land"), Operators("small", keyring[name]))
+            await client.ask(
+                bus, STATION, GiveOrder((1,), "land"), Operators("small", keyring[name], time.time)
+            )
             for name in ("operator", "uav2")
         ]
         replayed = decode_answer((await bus.ask(*commands[0], 5.0))[0][64:])

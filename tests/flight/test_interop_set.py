@@ -53,10 +53,13 @@ class Place:
         )
 
     def set(self, *words: str) -> subprocess.CompletedProcess[str]:
+        return self.run("set", *words)
+
+    def run(self, *words: str, **variables: str) -> subprocess.CompletedProcess[str]:
         return subprocess.run(
-            [*SWARMCTL, "set", *words],
+            [*SWARMCTL, *words],
             cwd=self.folder,
-            env=self.environment,
+            env=self.environment | variables,
             timeout=60.0,
             capture_output=True,
             text=True,
@@ -113,6 +116,30 @@ def test_one_of_two_swarms_takes_a_command_and_the_other_is_unaffected(place: Pl
     gone = place.set("--config", "one.yaml", "--all", "--w", "0.1")
     assert gone.returncode == 1
     assert "one" in gone.stderr
+
+
+def test_another_user_can_neither_land_nor_set_the_swarm_and_its_operator_can(place: Place) -> None:
+    stranger = Place(place.folder / "stranger")  # another folder of running swarms: another user's
+    stranger.folder.mkdir()
+    (token := stranger.folder / "token").write_text("0123456789abcdef" * 4)
+    token.chmod(0o600)
+    with place.fly("one") as flight:
+        try:
+            read_until(flight, "uav2: flying")
+            (entry,) = (place.folder / f"swarmctl-{os.getuid()}").glob("one.*.json")
+            there = ["--swarm", "one", "--connect", json.loads(entry.read_text())["endpoint"]]
+            for words in (["abort", "land", "--all"], ["set", "--all", "--w", "0.9"]):
+                refused = stranger.run(*words, *there)
+                assert (refused.returncode, "[no-token]" in refused.stderr) == (1, True), refused
+                refused = stranger.run(*words, *there, SWARMCTL_TOKEN_FILE=str(token))
+                assert (refused.returncode, "[wrong-token]" in refused.stderr) == (1, True), refused
+            read_until(flight, "[wrong-token]")
+            taken = place.run("abort", "land", "--all", *there)
+            assert taken.returncode == 0, taken
+            read_until(flight, "run folder:")
+        finally:
+            flight.kill()
+    assert place.summary("one")["operator_commands"] == {"passed_on": 1, "refused": 2}
 
 
 def weights(summary: dict[str, object]) -> list[list[float]]:

@@ -13,12 +13,11 @@ from flights import small
 
 from swarmctl.agent.state import Phase
 from swarmctl.bus import directory, keys, operator_service
+from swarmctl.bus.authentication import NO_AUTHENTICATION, Authentication
 from swarmctl.bus.endpoint import BusEndpoint
 from swarmctl.bus.operator_service import (
-    UNSIGNED,
     AgentCommand,
     CommandCounts,
-    CommandSigning,
     OperatorService,
 )
 from swarmctl.bus.transports.memory import MemoryBus
@@ -270,9 +269,9 @@ OPERATORS, OF_UAV2 = b"operator".ljust(64), b"uav2".ljust(64)
 
 
 class Guarded:
-    """Stand-in for a vehicle's signing: checks a prefix of requests and adds a prefix to answers."""
+    """Stand-in for a vehicle's authentication: checks a prefix of requests and adds a prefix to answers."""
 
-    def verify_command(self, key: str, payload: bytes) -> bytes:
+    def verify(self, key: str, payload: bytes) -> bytes:
         if not payload.startswith(OPERATORS):
             raise BadMessage(f"no participant of this swarm signed the payload under {key}")
         return payload.removeprefix(OPERATORS)
@@ -284,10 +283,10 @@ class Guarded:
 class Operators:
     """Stand-in for an operator's signing, with the same prefixes."""
 
-    def sign_command(self, _key: str, command: bytes) -> bytes:
+    def sign(self, _uav: int | None, _key: str, command: bytes) -> bytes:
         return OPERATORS + command
 
-    def verify_answer(self, uav: int, key: str, asked: bytes, data: bytes) -> bytes:
+    def verify_answer(self, uav: int | None, key: str, asked: bytes, data: bytes) -> bytes:
         before = f"uav{uav}".encode().ljust(64) + key.encode() + asked
         if not data.startswith(before):
             raise BadMessage("not its own")
@@ -298,7 +297,12 @@ class Ground:
     """The service of one vehicle whose agent takes every command, unless it is slow."""
 
     def __init__(
-        self, bus: MemoryBus, *, slow: bool = False, closed: str = "", signing: CommandSigning = UNSIGNED
+        self,
+        bus: MemoryBus,
+        *,
+        slow: bool = False,
+        closed: str = "",
+        authentication: Authentication = NO_AUTHENTICATION,
     ) -> None:
         self.said: list[str] = []
         self.posted: list[AgentCommand] = []
@@ -310,7 +314,7 @@ class Ground:
             CommandCounts(),
             uav=2,
             refusal=lambda command: closed if isinstance(command, GiveOrder) else "",
-            signing=signing,
+            authentication=authentication,
         )
         self.service.join(2, "uav2", self._post)
 
@@ -380,7 +384,7 @@ def test_a_service_closed_for_orders_gives_the_reason_and_takes_weights() -> Non
 def test_an_unsigned_order_is_refused() -> None:
     async def scene() -> None:
         bus = MemoryBus()
-        ground = Ground(bus, signing=Guarded())
+        ground = Ground(bus, authentication=Guarded())
         command = encode(GiveOrder(None, "land"))
         (data,) = await bus.ask(ORDER, command, 5.0)
         answer = decode_answer(data.removeprefix(OF_UAV2 + ORDER.encode() + command))
@@ -398,7 +402,7 @@ def test_a_flood_of_unsigned_requests_does_not_delay_the_operators_orders() -> N
 
     async def scene() -> None:
         bus, garbage = MemoryBus(), GARBAGE_PER_S * 4
-        ground = Ground(bus, signing=Guarded())
+        ground = Ground(bus, authentication=Guarded())
         served = bus._served[ORDER]
         for n in range(garbage):
             served(ORDER, b"nonsense", lambda _: None)
@@ -416,7 +420,7 @@ def test_a_flood_of_unsigned_requests_does_not_delay_the_operators_orders() -> N
 def test_requests_beyond_the_rate_limit_are_counted_and_not_answered() -> None:
     async def scene() -> None:
         bus, answers = MemoryBus(), []
-        ground = Ground(bus, signing=Guarded())
+        ground = Ground(bus, authentication=Guarded())
         for _ in range(5000):
             bus._served[ORDER](ORDER, b"nonsense", answers.append)
         assert len(answers) == operator_service.CHECKED_BURST
@@ -471,7 +475,7 @@ def test_only_an_answer_signed_by_the_asked_vehicle_counts(
     async def scene(*, is_there: bool) -> VehicleAnswer:
         bus = Crowd(other)
         if is_there:
-            Ground(bus, signing=Guarded(), closed="not now")
+            Ground(bus, authentication=Guarded(), closed="not now")
         (answer,) = (await client.ask(bus, STATION, GiveOrder((2,), "hold"), Operators())).vehicles
         return answer
 
@@ -611,7 +615,7 @@ def test_agents_in_several_processes_are_asked_at_the_router_or_in_the_mesh() ->
 @pytest.mark.usefixtures("no_other_flight")
 def test_a_flight_of_one_process_on_this_machine_comes_first() -> None:
     here = BusEndpoint("127.0.0.1", 4001)
-    with directory.registered("small", here):
+    with directory.registered("small", here, "token"):
         assert meant(APART) == client.FlightEndpoints("small", here)
-    with directory.registered("another", here):
+    with directory.registered("another", here, "token"):
         assert meant(APART).agents == VEHICLES

@@ -42,19 +42,19 @@ HERE, THERE = BusEndpoint("127.0.0.1", 4001), BusEndpoint("127.0.0.1", 4002)
 
 
 def test_a_flight_is_found_by_its_name_until_its_end(no_flight: Path) -> None:
-    with directory.registered("one", HERE), directory.registered("two", THERE):
+    with directory.registered("one", HERE, "token"), directory.registered("two", THERE, "token"):
         assert client.find("two", None, None) == client.FlightEndpoints("two", THERE)
         assert stat.S_IMODE(no_flight.stat().st_mode) == 0o700
     assert directory.running_swarms() == []
 
 
 def test_the_only_flight_need_not_be_named(no_flight: Path) -> None:
-    with directory.registered("one", HERE):
+    with directory.registered("one", HERE, "token"):
         assert client.find(None, None, None) == client.FlightEndpoints("one", HERE)
 
 
 def test_several_flights_need_a_name(no_flight: Path) -> None:
-    with directory.registered("one", HERE), directory.registered("two", THERE):
+    with directory.registered("one", HERE, "token"), directory.registered("two", THERE, "token"):
         with pytest.raises(client.BadOptions, match=r"one .*tcp/127.0.0.1:4001 .*two .*\[which-swarm\]"):
             client.find(None, None, None)
         with pytest.raises(BusError, match=r"three.*one .*two .*\[no-swarm\]"):
@@ -65,7 +65,7 @@ LISTED_FOR_EVER = """\
 import sys, time
 from swarmctl.bus import directory
 from swarmctl.bus.endpoint import BusEndpoint
-with directory.registered("killed", BusEndpoint("127.0.0.1", 4003)):
+with directory.registered("killed", BusEndpoint("127.0.0.1", 4003), "token"):
     print("listed", flush=True)
     time.sleep(60)
 """
@@ -83,7 +83,7 @@ def test_a_killed_flights_record_is_ignored_and_removed_by_the_next_flight(no_fl
     assert len(list(no_flight.iterdir())) == 1
     assert directory.running_swarms() == []
     assert len(list(no_flight.iterdir())) == 1, "readers leave a stale record alone"
-    with directory.registered("next", HERE):
+    with directory.registered("next", HERE, "token"):
         assert [entry.swarm for entry in directory.running_swarms()] == ["next"]
     assert list(no_flight.glob("killed*")) == []
 
@@ -93,7 +93,7 @@ import os, pathlib, signal
 from swarmctl.bus import directory
 from swarmctl.bus.endpoint import BusEndpoint
 pathlib.Path.rename = lambda *_: os.kill(os.getpid(), signal.SIGKILL)
-with directory.registered("killed", BusEndpoint("127.0.0.1", 4003)):
+with directory.registered("killed", BusEndpoint("127.0.0.1", 4003), "token"):
     pass
 """
 
@@ -105,7 +105,7 @@ def test_the_draft_record_of_a_killed_flight_is_ignored_and_removed_by_the_next_
     subprocess.run(command, env={**os.environ, "TMPDIR": str(no_flight.parent)}, check=False)
     assert [path.name[:8] for path in no_flight.iterdir()] == [".killed."]
     assert directory.running_swarms() == []
-    with directory.registered("next", HERE):
+    with directory.registered("next", HERE, "token"):
         pass
     assert list(no_flight.glob(".killed*")) == []
 
@@ -127,7 +127,7 @@ def test_a_flight_that_is_being_registered_is_neither_removed_nor_found(
 
     monkeypatch.setattr(fcntl, "flock", locks)
     monkeypatch.setattr(Path, "rename", renames)
-    with directory.registered("one", HERE):
+    with directory.registered("one", HERE, "token"):
         assert looks == [[], []]
         assert [entry.swarm for entry in directory.running_swarms()] == ["one"]
     assert list(no_flight.glob("*.json")) == []
@@ -140,7 +140,7 @@ def test_a_full_disk_is_an_error_and_leaves_no_record(
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(json, "dump", full)
-    with pytest.raises(BusError, match="No space left"), directory.registered("one", HERE):
+    with pytest.raises(BusError, match="No space left"), directory.registered("one", HERE, "token"):
         pass
     assert list(no_flight.iterdir()) == []
 
@@ -154,7 +154,7 @@ def test_an_invalid_swarm_name_is_refused(name: str) -> None:
 @pytest.mark.parametrize("name", ["a", "7", "a.b", "x" * 64])
 def test_a_valid_swarm_name_is_found(name: str, no_flight: Path) -> None:
     assert small(name=name).config.name == name
-    with directory.registered(name, HERE):
+    with directory.registered(name, HERE, "token"):
         assert client.find(name, None, None) == client.FlightEndpoints(name, HERE)
 
 
@@ -170,7 +170,7 @@ def test_a_flight_that_cannot_be_registered_shows_its_endpoint(no_flight: Path) 
     lines: list[str] = []
 
     async def scene() -> None:
-        with open_bus("test", "tcp/127.0.0.1:0", lines.append) as bus:
+        with open_bus("test", "tcp/127.0.0.1:0", "token", lines.append) as bus:
             assert bus.endpoint is not None
             assert f"--connect {bus.endpoint}" in lines[0]
 
@@ -185,7 +185,7 @@ def test_an_endpoint_open_to_other_machines_is_a_warning(listen: str, warned: bo
     lines: list[str] = []
 
     async def scene() -> None:
-        with open_bus("test", listen, lines.append) as bus:
+        with open_bus("test", listen, "token", lines.append) as bus:
             found = [entry.endpoint for entry in directory.running_swarms()]
             assert found == ([bus.endpoint.client_endpoint] if bus.endpoint is not None else [])
 
@@ -239,11 +239,11 @@ def test_the_configuration_refuses_an_invalid_endpoint() -> None:
 
 
 def test_a_flight_that_has_ended_is_reported_as_ended(no_flight: Path) -> None:
-    with directory.registered("one", HERE):
+    with directory.registered("one", HERE, "token"):
         assert directory.ended_unix_s("one") is None
     with pytest.raises(BusError, match="flight-ended"):
         client.find("one", None, None)
-    with directory.registered("one", HERE):
+    with directory.registered("one", HERE, "token"):
         assert client.find("one", None, None) == client.FlightEndpoints("one", HERE)
 
 

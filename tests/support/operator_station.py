@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from swarmctl.bus.authentication import NO_AUTHENTICATION, Authentication
 from swarmctl.bus.endpoint import BusEndpoint
 from swarmctl.bus.operator_service import CommandCounts, OperatorService
 from swarmctl.bus.transports.base import Transport
@@ -19,11 +20,19 @@ ANYWHERE = BusEndpoint("127.0.0.1", 0)
 class Station:
     """An operator service with two agents that accept every command at once, unless they are slow."""
 
-    def __init__(self, transport: Transport, *, slow: tuple[int, ...] = ()) -> None:
+    def __init__(
+        self,
+        transport: Transport,
+        *,
+        slow: tuple[int, ...] = (),
+        authentication: Authentication = NO_AUTHENTICATION,
+    ) -> None:
         self.said: list[str] = []
         self.counts = CommandCounts()
         self.posted: list[tuple[int, ev.WeightsChanged]] = []
-        self.service = OperatorService(transport, "test", self.said.append, self.counts)
+        self.service = OperatorService(
+            transport, "test", self.said.append, self.counts, authentication=authentication
+        )
         for uav in (1, 2):
             self.service.join(uav, f"uav{uav}", self._agent(uav, slow=uav in slow))
 

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import asyncio
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 from operator_station import Station
 
 from swarmctl.bus.transports.open import open_bus
+from swarmctl.security.requests import by_token
+from swarmctl.security.token import new_token
 
 
 @contextmanager
@@ -19,8 +22,9 @@ def station_in_a_thread() -> Iterator[Station]:
     made: list[Station] = []
 
     async def scene() -> None:
-        with open_bus("test", "tcp/127.0.0.1:0", print) as bus:
-            made.append(Station(bus))
+        token = new_token()
+        with open_bus("test", "tcp/127.0.0.1:0", token.text, print) as bus:
+            made.append(Station(bus, authentication=by_token("test", token, 5.0, time.time)))
             ready.set()
             await asyncio.to_thread(over.wait)
 

@@ -15,12 +15,12 @@ from swarmctl.bus.transports.zenoh_config import standalone
 
 @contextlib.contextmanager
 def open_bus(
-    swarm: str, listen: str, say: Callable[[str], None], on_failure: Failure = report_to_loop
+    swarm: str, listen: str, token: str, say: Callable[[str], None], on_failure: Failure = report_to_loop
 ) -> Iterator[ZenohBus]:
     """Open a session at `listen` for operators' commands and payloads' reports of `swarm` only.
 
-    Registers the flight in the directory of running swarms. If `listen` is `none`, the bus serves this
-    process only. Raises BusError.
+    Registers the flight in the directory of running swarms, with the token that requests need. If `listen` is
+    `none`, the bus serves this process only. Raises BusError.
     """
     if listen == NO_ENDPOINT:
         with ZenohBus(on_failure=on_failure) as bus:
@@ -37,15 +37,16 @@ def open_bus(
         assert bus.endpoint is not None
         address = bus.endpoint.client_endpoint
         try:
-            stack.enter_context(directory.registered(swarm, address))
+            stack.enter_context(directory.registered(swarm, address, token))
         except BusError as error:
             say(
-                f"operators' commands find this swarm with --connect {address} only: {error} [not-registered]"
+                f"operators' commands find this swarm with --connect {address} only, and need the same "
+                f"SWARMCTL_TOKEN_FILE: {error} [not-registered]"
             )
         if not endpoint.is_loopback:
             say(
-                f"{bus.endpoint} is open to other machines without authentication: other machines can change "
-                "this swarm's weights, order simulated vehicles and report for sensors; set "
-                "communication.listen to tcp/127.0.0.1:PORT to prevent this [open-endpoint]"
+                f"{bus.endpoint} is open to other machines without encryption: requests need this flight's "
+                "token, but other machines can read them and use up connections; to prevent this, set "
+                "communication.listen to tcp/127.0.0.1:PORT [open-endpoint]"
             )
         yield bus
