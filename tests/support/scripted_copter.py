@@ -148,7 +148,8 @@ class Copter:
             self.armed = self.armed and self.flies
             return 4 if self.armed else 0
         if self.script.refuse_arming or self.now - self.booted < self.script.ready_at_s:
-            self.text(2, f"Arm: {self.script.refuse_arming or 'Need Position Estimate'}")
+            for _ in range(3):  # as a PX4 repeats its text
+                self.text(2, f"Arm: {self.script.refuse_arming or 'Need Position Estimate'}")
             return 4
         if self.mode_name == "AUTO":
             self.text(2, "Arm: AUTO mode not armable")

@@ -162,7 +162,8 @@ def _either(one: StateCondition, other: StateCondition) -> StateCondition:
 
 
 def _failure(ctx: Context, result: CommandResult, n_texts_before: int) -> str:
-    texts = [text for severity, text in ctx.telemetry.texts_since(n_texts_before) if severity <= WARNING]
+    warnings = (text for severity, text in ctx.telemetry.texts_since(n_texts_before) if severity <= WARNING)
+    texts = list(dict.fromkeys(warnings))  # an autopilot repeats its text for each try
     suffix = f" (the vehicle reports: {'; '.join(texts[-3:])})" if texts else ""
     no_effect = ", but telemetry shows no effect" if result.outcome is CommandOutcome.ACCEPTED else ""
     return f"{result.text}{no_effect}{suffix}"
