@@ -29,7 +29,9 @@ from swarmctl.agent.traffic.separation.watch import (
 from swarmctl.core import events as ev
 from swarmctl.core.any_angle.corners import ExposureMeasure
 from swarmctl.core.belief import Belief
+from swarmctl.core.geo import LatLon
 from swarmctl.core.grid import Cell, Grid
+from swarmctl.core.route import landing_spot
 from swarmctl.core.threat import FiringStrength
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.planners.base import Method, Route
@@ -108,6 +110,11 @@ class Task:
     """distances kept from other vehicles, and the evasive action"""
     arrival_group: ArrivalGroup | None = None
     """vehicles of the simultaneous arrival; None: no simultaneous arrival"""
+
+    def landing_spot(self, goal: Cell) -> LatLon:
+        """Return this vehicle's landing spot in a goal cell."""
+        separation_m = self.separation.limits.horizontal_m
+        return landing_spot(self.grid, goal, self.landing_index, self.landing_count, separation_m)
 
 
 @dataclass(frozen=True, slots=True)

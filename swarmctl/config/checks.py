@@ -24,13 +24,13 @@ from swarmctl.config.wings_checks import check_landings, check_plane, check_wing
 from swarmctl.config.yaml_lines import KeyPath
 from swarmctl.core.geo import distance_m
 from swarmctl.core.grid import Cell, Grid
+from swarmctl.core.route import greatest_landing_spacing_m
 from swarmctl.links.url import parse_url
 from swarmctl.planners import PLANNERS, BoundTooTight, Route, Unreachable
 
 MAX_ALTITUDE_M = 1000.0
 MAX_CELLS = 4_000_000
 MIN_START_DISTANCE_M = 1.0
-MIN_LANDING_DISTANCE_M = 3.0
 
 
 def check_config(config: Config) -> Iterator[ConfigProblem]:
@@ -161,12 +161,12 @@ def _check_approach(scenario: Scenario, spec: Spec, here: KeyPath) -> Iterator[C
 
 
 def _check_landing(scenario: Scenario, task: Task, path: KeyPath) -> Iterator[ConfigProblem]:
-    apart_m = scenario.grid.cell_size_m / (math.isqrt(max(task.landing_count - 1, 0)) + 1)
-    if task.landing_count > 1 and apart_m < MIN_LANDING_DISTANCE_M:
+    limit_m = scenario.config.separation.horizontal_m
+    apart_m = greatest_landing_spacing_m(scenario.grid.cell_size_m, task.landing_count)
+    if task.landing_count > 1 and apart_m < limit_m:
         text = f"{task.landing_count} vehicles with common goals would land {apart_m:.1f} m apart in one cell"
-        yield ConfigProblem(
-            path, f"{text}, less than {MIN_LANDING_DISTANCE_M:g} m; give them goals of their own"
-        )
+        cure = "give them goals of their own, or use larger cells"
+        yield ConfigProblem(path, f"{text}, less than separation.horizontal_m = {limit_m:g} m; {cure}")
 
 
 def _check_unused(config: Config) -> Iterator[ConfigProblem]:

@@ -14,7 +14,9 @@ CORNER_TOLERANCE = 0.02
 follows a leg with about this error. A leg between the centres meets the corner exactly."""
 
 LANDING_SPACING_M = 12.0
-"""Greatest distance between the landing spots in one cell [m]."""
+"""Wanted distance between the landing spots in one cell, for a separation of 10 m or less [m]."""
+LANDING_MARGIN = 1.2
+"""Wanted distance between the landing spots for a greater separation, as a share of the separation."""
 
 
 def ends_and_turns(cells: Sequence[Cell]) -> tuple[Cell, ...]:
@@ -86,22 +88,32 @@ def _plan(grid: Grid, corners: Sequence[Cell], altitude_m: float, landing_lat_lo
     return FlightPlan(altitude_m, track, Waypoint(*landing_lat_lon, altitude_m))
 
 
-def landing_spot(grid: Grid, cell: Cell, index: int, count: int) -> LatLon:
+def landing_spot(grid: Grid, cell: Cell, index: int, count: int, separation_m: float) -> LatLon:
     """Return the landing spot of vehicle `index` of the `count` vehicles that share a goal cell.
 
-    The spots are distinct points inside the cell, on a square lattice about its centre. Their spacing is as
-    large as the cell allows, and at most LANDING_SPACING_M.
+    The spots are distinct points inside the cell, on a square lattice about its centre. Their spacing is the
+    wanted distance for the least separation over ground, or less if the cell is too small for that.
     """
     if not 0 <= index < count:
         raise ValueError(f"landing spot {index} of {count}: expected 0 to {count - 1}")
     east_m, north_m = grid.centre_m(cell)
-    n_cols = math.isqrt(count - 1) + 1
+    n_cols = _landing_columns(count)
     n_rows = -(-count // n_cols)
-    spacing_m = min(LANDING_SPACING_M, grid.cell_size_m / n_cols)
+    wanted_m = max(LANDING_SPACING_M, LANDING_MARGIN * separation_m)
+    spacing_m = min(wanted_m, greatest_landing_spacing_m(grid.cell_size_m, count))
     row, col = divmod(index, n_cols)
     return grid.frame.to_geodetic(
         east_m + (col - (n_cols - 1) / 2) * spacing_m, north_m + (row - (n_rows - 1) / 2) * spacing_m
     )
+
+
+def greatest_landing_spacing_m(cell_size_m: float, count: int) -> float:
+    """Return the greatest distance between the landing spots of `count` vehicles in one cell [m]."""
+    return cell_size_m / _landing_columns(count)
+
+
+def _landing_columns(count: int) -> int:
+    return math.isqrt(count - 1) + 1
 
 
 def _step(here: Cell, there: Cell) -> Cell:

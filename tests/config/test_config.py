@@ -138,7 +138,7 @@ def test_a_goal_behind_a_wall_is_unreachable_and_named(tmp_path: Path) -> None:
 def test_too_many_vehicles_for_one_goal_are_refused(tmp_path: Path) -> None:
     crowd = "area: {origin_lat_deg: 46.0, origin_lon_deg: 14.0, rows: 20, cols: 20, cell_size_m: 10}\n"
     crowd += "threats: {count: 2}\nsimulate: {count: 30, goal: [3, 19]}\n"
-    assert_problems(list(set(problems(crowd, tmp_path))), [(":3: simulate.goal", "30", "1.7 m", "3 m")])
+    assert_problems(list(set(problems(crowd, tmp_path))), [(":3: simulate.goal", "30", "1.7 m", "10 m")])
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:

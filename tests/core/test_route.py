@@ -131,7 +131,7 @@ def test_a_route_without_cells_is_refused() -> None:
 @pytest.mark.parametrize("count", [1, 2, 3, 4, 5, 9, 10, 20, 100])
 def test_vehicles_that_share_a_goal_land_apart_and_inside_it(count: int, cell_size_m: float) -> None:
     grid = Grid(4, 4, cell_size_m, 47.4, 8.5)
-    spots = [landing_spot(grid, (1, 2), index, count) for index in range(count)]
+    spots = [landing_spot(grid, (1, 2), index, count, 10.0) for index in range(count)]
     assert {grid.cell_at(*spot) for spot in spots} == {(1, 2)}
     apart = [distance_m(a, b) for a, b in itertools.combinations(spots, 2)]
     side = next(n for n in range(1, 20) if n * n >= count)
@@ -139,14 +139,19 @@ def test_vehicles_that_share_a_goal_land_apart_and_inside_it(count: int, cell_si
     assert min(apart, default=12.0) <= 12.0 + 1e-3
 
 
+def test_landing_spots_are_as_far_apart_as_a_wide_separation() -> None:
+    spots = [landing_spot(Grid(4, 4, 50.0, 47.4, 8.5), (1, 2), index, 6, 15.0) for index in range(6)]
+    assert min(distance_m(a, b) for a, b in itertools.combinations(spots, 2)) >= 15.0
+
+
 def test_a_single_vehicle_lands_at_the_centre() -> None:
-    assert distance_m(landing_spot(GRID, (3, 3), 0, 1), GRID.centre((3, 3))) < 1e-3
+    assert distance_m(landing_spot(GRID, (3, 3), 0, 1, 10.0), GRID.centre((3, 3))) < 1e-3
 
 
 @pytest.mark.parametrize(("index", "count"), [(1, 1), (-1, 3), (0, 0)])
 def test_an_invalid_landing_index_is_refused(index: int, count: int) -> None:
     with pytest.raises(ValueError, match=f"{index} of {count}"):
-        landing_spot(GRID, (3, 3), index, count)
+        landing_spot(GRID, (3, 3), index, count, 10.0)
 
 
 @given(

@@ -26,7 +26,7 @@ from swarmctl.core.any_angle.corners import ExposureMeasure
 from swarmctl.core.exposure import exposure_sum, length_cells
 from swarmctl.core.grid import Cell
 from swarmctl.core.observation import Observation
-from swarmctl.core.route import ends_and_turns, flight_plan, landing_spot
+from swarmctl.core.route import ends_and_turns, flight_plan
 from swarmctl.core.vehicle import Landed, VehicleState
 from swarmctl.planners import Problem
 from swarmctl.report import first_plans, outputs, record
@@ -89,7 +89,7 @@ def test_without_any_angle_the_lattice_route_is_flown_unchanged(lattice: Path) -
     for task, mission in zip(tasks, firsts, strict=True):
         assert mission["track"] is None
         cells = [tuple(cell) for cell in mission["cells"]]
-        landing = landing_spot(task.grid, cells[-1], task.landing_index, task.landing_count)
+        landing = task.landing_spot(cells[-1])
         plan = flight_plan(task.grid, cells, altitude_m=task.altitude_m, landing_lat_lon=landing)
         sent = [(p["lat_deg"], p["lon_deg"], p["alt_rel_m"]) for p in mission["plan"]["track"]]
         assert sent == [(p.lat_deg, p.lon_deg, p.alt_rel_m) for p in plan.track]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import struct
 from dataclasses import replace
 from typing import Any
 
@@ -17,6 +18,7 @@ from swarmctl.config.preflight import Policy
 from swarmctl.mavlink.events import Identity
 from swarmctl.mavlink.firmware import Firmware, firmware_of
 from swarmctl.preflight.policy import DeclaredBehaviour, NoParameterTable, RequiredParameter, parameters_for
+from swarmctl.preflight.policy.required import above_zero
 
 COPTER, PLANE, PX4 = Firmware("ArduCopter", (4, 6)), Firmware("ArduPlane", (4, 6)), Firmware("PX4", (1, 15))
 COPTER_47, PX4_PLANE = Firmware("ArduCopter", (4, 7)), Firmware("PX4 plane", (1, 15))
@@ -173,6 +175,14 @@ def test_the_speed_of_a_copter_is_at_most_the_speed_that_other_vehicles_assume(
     assert parameter.accepts(as_it_comes)
     assert not parameter.accepts(faster)
     assert parameter.set_to is None, "only the owner sets speeds"
+
+
+@pytest.mark.parametrize("limit", [72.8, 4.1, 0.3])
+def test_a_limit_is_accepted_as_a_vehicle_stores_it(limit: float) -> None:
+    (stored,) = struct.unpack("<f", struct.pack("<f", limit))
+    assert RequiredParameter("FENCE_ALT_MAX", "a fence", limit, least=0.1, most=limit).accepts(stored)
+    assert RequiredParameter("RTL_ALTITUDE", "a return", limit, least=limit, most=99.0).accepts(stored)
+    assert not above_zero("BATT_LOW_VOLT", "a battery").accepts(0.0)
 
 
 def test_accepted_values_are_printed_with_their_limits() -> None:

@@ -25,7 +25,6 @@ from swarmctl.core.geo import LatLon
 from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.mission import Approach
 from swarmctl.core.planar import PlanarPoint
-from swarmctl.core.route import landing_spot
 from swarmctl.planners.base import Unreachable
 
 
@@ -44,7 +43,7 @@ def home_approach(task: Task) -> Approach | None:
 def goal_pattern(task: Task, goal: Cell) -> LandingPattern | None:
     if task.wings is None:
         return None
-    spot = landing_spot(task.grid, goal, task.landing_index, task.landing_count)
+    spot = task.landing_spot(goal)
     home, there = task.grid.frame.to_local(*task.wings.home), task.grid.centre_m(goal)
     return _pattern(
         "at its goal", task, spot, Pose(there, _heading_rad(home, there)), with_path_to_circle=True

@@ -26,7 +26,7 @@ from swarmctl.core.geo import LatLon
 from swarmctl.core.grid import Cell
 from swarmctl.core.mission import FlightPlan, Waypoint
 from swarmctl.core.planar import distance_to_leg
-from swarmctl.core.route import ends_and_turns, flight_plan, landing_spot, track_plan
+from swarmctl.core.route import ends_and_turns, flight_plan, track_plan
 from swarmctl.planners.base import Problem, Route, Unreachable
 
 NO_WAYPOINT_WITHIN_M = 5.0
@@ -108,7 +108,7 @@ def mission_for(
     Raises Unreachable if a fixed wing has no room to land.
     """
     cells = route.cells
-    landing = landing_spot(task.grid, cells[-1], task.landing_index, task.landing_count)
+    landing = task.landing_spot(cells[-1])
     if task.wings is not None:
         flown = _fixed_wing_mission(task, cells if track is None else track.corners, landing, position)
         return replace(flown, leaves_ahead=splice is not None and len(splice.kept) > 1)

@@ -39,7 +39,9 @@ class RequiredParameter:
             return False
         if self.bit is not None:
             return value.is_integer() and not int(value) >> self.bit & 1
-        return any(same_value(value, v) for v in self.values) or self.least <= value <= self.most
+        # A limit that is no float32, such as 72.8, comes back rounded.
+        at_limit = any(math.isclose(value, limit, rel_tol=1e-6) for limit in (self.least, self.most))
+        return at_limit or any(same_value(value, v) for v in self.values) or self.least <= value <= self.most
 
     def met_by(self, reported: Mapping[str, float]) -> bool:
         """Return whether the reported value is accepted.
