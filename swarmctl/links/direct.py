@@ -266,6 +266,7 @@ class DirectLink:
                 on_event=self._on_event,
                 tlog=self._tlog,
                 read_ids=self._session.read_ids,
+                may_move=lambda: self._session.may_change_address,
             )
         except LinkError as error:
             raise LinkError(f"{self.name}: {error}") from None

@@ -136,11 +136,13 @@ class FrontEnd:
         *,
         on_message: Callable[[Message], None],
         on_event: Callable[[ChannelEvent], None],
+        may_move: Callable[[], bool],
         tlog: Path | None = None,
         read_ids: Set[int] = READ_IDS,
     ) -> Channel:
         """Return the channel of one system id on an open endpoint; `on_message` gets messages of `read_ids`.
 
+        `may_move`: as for `AddressTracker`.
         Raises LinkError if another vehicle on this endpoint, or this station, has the system id.
         """
         line = self._lines[endpoint]
@@ -156,7 +158,8 @@ class FrontEnd:
                 "1 to 254 [system-id-own]"
             )
         writer = None if tlog is None else TlogWriter(tlog, self._wall_time_us, self._say)
-        channel = line.channels[sysid] = Channel(line, sysid, on_message, on_event, writer, read_ids)
+        channel = Channel(line, sysid, on_message, on_event, writer, read_ids, may_move)
+        line.channels[sysid] = channel
         return channel
 
     def systems_on(self, endpoint: Endpoint) -> frozenset[int]:

@@ -21,7 +21,7 @@ from swarmctl.mavlink.telemetry.presence import AUTOPILOT_COMPID, own_heartbeat
 _LATE_LIMIT, _SPLITTERS_LIMIT = 64, 1024
 """largest numbers of addresses on one endpoint: of vehicles with a late clock, and of all senders"""
 SILENT_S = 2.0
-"""silence of a vehicle's address after which the vehicle may have a new address"""
+"""silence of a vehicle's address after which the vehicle may have a new address, if it is not alive"""
 
 
 class AddressVerdict(Enum):
@@ -41,9 +41,13 @@ class AddressTracker:
 
     A second address appears when a vehicle on UDP reboots, or when two vehicles have the same system id. If
     there are two vehicles, the first address continues to send.
+
+    may_move: called for a frame from a second address; True if the vehicle's loss is reported and no command
+        to it is under way
     """
 
-    def __init__(self) -> None:
+    def __init__(self, may_move: Callable[[], bool]) -> None:
+        self._may_move = may_move
         self.address: Address | None = None
         self.rival: Address | None = None
         self._received_s = -inf
@@ -58,7 +62,7 @@ class AddressTracker:
                 self._reported.add(self.rival)
                 return AddressVerdict.CONFLICT
             return AddressVerdict.ACCEPTED
-        if self.address is None or now - self._received_s >= SILENT_S:
+        if self.address is None or (now - self._received_s >= SILENT_S and self._may_move()):
             first = self.address is None
             self.address, self.rival = address, None
             self._received_s, self._rival_received_s = now, -inf
@@ -92,8 +96,9 @@ class Channel:
         on_event: Callable[[ChannelEvent], None],
         tlog: TlogWriter | None,
         read_ids: Set[int],
+        may_move: Callable[[], bool],
     ) -> None:
-        self.tracker = AddressTracker()
+        self.tracker = AddressTracker(may_move)
         self.sysid = sysid
         self.read_ids = read_ids
         self.on_message = on_message

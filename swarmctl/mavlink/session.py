@@ -109,6 +109,12 @@ class Session:
         return self._procedure_name if self._driver is not None else None
 
     @property
+    def may_change_address(self) -> bool:
+        """Return whether the vehicle is lost or never heard, and no command or transfer is under way."""
+        is_alive = self._presence.state is LinkState.ALIVE
+        return not is_alive and (self._driver is None or self._driver.is_waiting)
+
+    @property
     def autopilot(self) -> int:
         """Return MAV_AUTOPILOT from the last heartbeat. Raises IllegalEvent before the first."""
         if self._heartbeat is None:

@@ -14,6 +14,15 @@ OK, MOVED, DROPPED, CONFLICT = (
 )
 
 
+def test_a_live_vehicle_keeps_its_address_through_a_silence() -> None:
+    lost = False
+    tracker = AddressTracker(lambda: lost)
+    assert tracker.receive("a", 0.0) is OK
+    assert tracker.receive("b", 9.0) is DROPPED
+    lost = True
+    assert tracker.receive("b", 9.1) is MOVED
+
+
 @pytest.mark.parametrize(
     "story",
     [
@@ -40,5 +49,5 @@ OK, MOVED, DROPPED, CONFLICT = (
     ],
 )
 def test_the_verdicts_on_a_sequence_of_senders(story):
-    route = AddressTracker()
+    route = AddressTracker(lambda: True)
     assert [(sender, now, route.receive(sender, now)) for sender, now, _ in story] == story

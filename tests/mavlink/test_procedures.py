@@ -13,6 +13,7 @@ from scripted_copter import Script
 
 from swarmctl.mavlink.events import ProcedureDone, VehicleRebooted
 from swarmctl.mavlink.procedures import basic
+from swarmctl.mavlink.telemetry.presence import LinkState
 
 OLD, NEW = plan(north=8), plan(north=6, east=0.002, alt=33.333)
 MODEST = settings(
@@ -298,6 +299,18 @@ def test_a_reboot_restarts_the_streams_and_makes_the_mission_unknown():
     assert bench.run(15, lambda: 33 in bench.copter.streams and VehicleRebooted() in bench.events)
     assert bench.session.items == ()
     assert bench.run(15, lambda: set(bench.copter.streams) == {33, 1, 193, 245, 42, 242})
+
+
+def test_the_address_changes_only_after_the_loss_and_not_amid_a_command():
+    bench = Bench().flying(OLD)
+    assert not bench.session.may_change_address
+    bench.silent = True
+    assert bench.run(20, lambda: bench.session.link_state is LinkState.LOST)
+    assert bench.session.may_change_address
+    bench.take(bench.session.begin("hold", basic.hold, bench.now))
+    assert not bench.session.may_change_address
+    assert bench.run(20, lambda: bench.session.busy_with is None)
+    assert bench.session.may_change_address
 
 
 def test_a_vehicle_that_rebooted_while_lost_gets_its_stream_requests_at_once():

@@ -15,6 +15,7 @@ from swarmctl.core.vehicle import VehicleState
 from swarmctl.mavlink.dialects import Dialect
 from swarmctl.mavlink.protocol.codec import Message
 from swarmctl.mavlink.protocol.conversation import Conversation, ConversationState, MavlinkPeer
+from swarmctl.mavlink.protocol.wait import RequestUntil, WaitUntil
 from swarmctl.mavlink.telemetry.vehicle_state import Telemetry
 
 R = TypeVar("R")
@@ -54,6 +55,11 @@ class Driver(Conversation[R]):
         self._procedure = procedure
         self._context = context
         self._current: Conversation[Any] | None = None
+
+    @property
+    def is_waiting(self) -> bool:
+        """Return whether the procedure waits, without a command or a transfer under way."""
+        return isinstance(self._current, WaitUntil | RequestUntil)
 
     def _begin(self, now: float) -> list[Message]:
         self._enter(ConversationState.EXCHANGING)
