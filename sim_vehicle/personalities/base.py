@@ -198,6 +198,8 @@ class Personality:
     stays_armed_in_mission: bool = False  # a landing inside a mission leaves the vehicle armed
     supports_signing: bool = False  # supports MAVLink 2 signing; else signatures are ignored
     disarm_restores_mode: bool = False  # disarming restores the last armable mode, except after a termination
+    accepts_empty_requests: bool = False  # a request for a known message without data is accepted
+    answers_version_request: bool = False  # answers AUTOPILOT_VERSION_REQUEST
     answers_ping: bool = False  # answers PING without a target
     home_is_local: bool = False  # HOME_POSITION also has local coordinates
     home_with_position: bool = False  # home is set with the position estimate, not before

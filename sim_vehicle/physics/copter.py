@@ -135,8 +135,10 @@ def _turn(m: Motion, i: Selection, tilt: Floats, lift: Floats, dt_s: float) -> N
     forward = tilt[0] * sin + tilt[1] * cos
     right = tilt[0] * cos - tilt[1] * sin
     up = np.maximum(lift, 1e-3)
-    roll_rate = (np.arctan2(right, np.hypot(forward, up)) - m.attitude[0][i]) * (airborne / TILT_TIME_S)
-    pitch_rate = (-np.arctan2(forward, up) - m.attitude[1][i]) * (airborne / TILT_TIME_S)
+    roll, pitch = np.arctan2(right, np.hypot(forward, up)) * airborne, -np.arctan2(forward, up) * airborne
+    m.wanted_tilt_rad[0][i], m.wanted_tilt_rad[1][i] = roll, pitch
+    roll_rate = (roll - m.attitude[0][i]) * (airborne / TILT_TIME_S)
+    pitch_rate = (pitch - m.attitude[1][i]) * (airborne / TILT_TIME_S)
     m.attitude_rate[0][i], m.attitude_rate[1][i], m.attitude_rate[2][i] = roll_rate, pitch_rate, yaw_rate
     m.attitude[0][i] += roll_rate * dt_s
     m.attitude[1][i] += pitch_rate * dt_s

@@ -105,7 +105,7 @@ class Dynamics(Motion):
         self.position[2, touches] = self.ground_m[touches]
         self.velocity[2, touches] = 0.0
         self.velocity[:2, touches & (breaks | ~self.planes)] = 0.0
-        self.attitude[:2, touches] = 0.0
+        self.attitude[:2, touches] = self.wanted_tilt_rad[:, touches] = 0.0
         self.attitude_rate[:, touches] = 0.0
         self.airspeed_m_s[touches & ~self.planes] = 0.0
         self.thrust[touches & ~self.planes] = 0.0

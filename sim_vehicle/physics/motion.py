@@ -89,6 +89,7 @@ class Motion:
         self.rate_m_s = np.zeros(n)  # for MotionOrder.RATE, VELOCITY and TILT, up positive
         self.wanted_velocity = np.zeros((2, n))  # for MotionOrder.VELOCITY
         self.wanted_thrust_acceleration = np.zeros((2, n))  # for MotionOrder.TILT: east, north [m/s2]
+        self.wanted_tilt_rad = np.zeros((2, n))  # roll and pitch that a copter turns to
         self.wanted_heading_rad = np.zeros(n)
         self.wanted_yaw_rate_rad_s = np.zeros(n)  # rate of the wanted heading
         self.heading_is_commanded: Bools = np.zeros(n, dtype=bool)  # False: each new leg sets the heading

@@ -171,6 +171,7 @@ class Autopilot:
         self.jobs.reset()
         self.setpoints.reset()
         self.mission.reboot()
+        self.flight.pilot.reboot()
         self.flight.cleared_for_takeoff = False
         self.flight.enter(self.mode)
 

@@ -157,14 +157,14 @@ def get_message_interval(vehicle: Vehicle, command: Command, _now: float) -> int
     message_id = to_int(command.param1)
     if not 0 <= message_id <= 0xFFFF:
         return DENIED
-    interval_us = _interval_us(vehicle, message_id)
+    interval_us = reported_interval_us(vehicle, message_id)
     # MESSAGE_INTERVAL is 0 for an unknown message and -1 for a known message that is not streamed.
     known = vehicle.rates.can_stream(message_id) or message_id in vehicle.one_shot_messages
     vehicle.send(mavlink.MAVLink_message_interval_message(message_id, interval_us if known else 0))
-    return ACCEPTED
+    return ACCEPTED if known else FAILED
 
 
-def _interval_us(vehicle: Vehicle, message_id: int) -> int:
+def reported_interval_us(vehicle: Vehicle, message_id: int) -> int:
     """Return the interval for MESSAGE_INTERVAL [us]; -1: the message is not streamed."""
     interval_s = vehicle.rates.interval_s(message_id)
     return -1 if interval_s is None else round(min(interval_s * 1e6, MAX_INTERVAL_US))
@@ -172,12 +172,9 @@ def _interval_us(vehicle: Vehicle, message_id: int) -> int:
 
 def request_message(vehicle: Vehicle, command: Command, now: float) -> int:
     message_id = to_int(command.param1)
-    if message_id == mavlink.MAVLINK_MSG_ID_MESSAGE_INTERVAL:
-        streamed_id = to_int(command.param2)
-        interval_us = _interval_us(vehicle, streamed_id)
-        vehicle.send(mavlink.MAVLink_message_interval_message(streamed_id & 0xFFFF, interval_us))
-        return ACCEPTED
-    return ACCEPTED if vehicle.send_now(message_id, now, command.param2) else FAILED
+    sent = vehicle.send_now(message_id, now, command.param2)
+    accepts_empty = vehicle.personality.accepts_empty_requests and vehicle.rates.can_stream(message_id)
+    return ACCEPTED if sent or accepts_empty else FAILED
 
 
 def request_capabilities(vehicle: Vehicle, _command: Command, now: float) -> int:

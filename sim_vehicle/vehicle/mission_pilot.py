@@ -13,6 +13,7 @@ from sim_vehicle.vehicle.numbers import finite, to_int
 
 LocalPoint = tuple[float, float, float]
 AHEAD_M = 50_000.0  # length of a straight leg that ends once the vehicle reaches an altitude
+NO_ITEM = 65_535
 MIN_DIRECTION_M = 0.1  # shortest distance that gives a direction
 CLIMB_MARGIN_M = 10.0  # height of a plane's target above the take-off altitude
 ALTITUDE_REACHED_M = 5.0  # altitude tolerance at the end of a leg to an altitude
@@ -57,8 +58,13 @@ class MissionPilot:
         self._after_braking_m_s: float | None = None  # pass speed of the leg that begins after braking
         self._following: Item | None = None
         self._climbing = False  # in place, before the leg to the current item
+        self.item_reached = NO_ITEM  # index of the item reached last since the boot
 
     # -- state --------------------------------------------------------------------------------------------
+
+    def reboot(self) -> None:
+        """Forget the item that was reached last."""
+        self.item_reached = NO_ITEM
 
     @property
     def armed(self) -> bool:
@@ -337,6 +343,7 @@ class MissionPilot:
         self._flight.announce("item_started", index=index, name=name)
 
     def mission_item_reached(self, index: int, item: Item) -> None:
+        self.item_reached = index
         self._flight.send(mavlink.MAVLink_mission_item_reached_message(index))
         if item.command in REPORTED_COMMANDS:
             self._flight.announce("item_reached", index=index)

@@ -32,6 +32,7 @@ def publish(vehicle: Vehicle, now: float) -> None:
     _mission(vehicle)
     status.has_place[i], status.has_setpoint[i] = vehicle.personality.targets(vehicle)
     watch = vehicle.fence_watch
+    status.fence_enabled[i] = watch.enabled
     status.fence_status[i] = bool(watch.breached)
     status.fence_breaches[i] = watch.count
     status.fence_type[i] = watch.kind
@@ -115,6 +116,7 @@ def _mission(vehicle: Vehicle) -> None:
     total = mission.count - 1 if personality.home_item else mission.count
     status.mission_total[i] = total if total > 0 else personality.empty_mission_total
     status.mission_ids[i] = vehicle.transfer.ids
+    status.item_reached[i] = vehicle.flight.pilot.item_reached
     if personality.reports_mission_state:
         status.mission_state[i] = mission.reported_state
         status.mission_mode[i] = 1 if vehicle.mode.behaviour is Behaviour.MISSION else 2

@@ -55,6 +55,11 @@ def _on_data_stream(vehicle: Vehicle, message: Any, now: float) -> None:
                 vehicle.rates.set(message_id, 1.0 / rate_hz if rate_hz else 0.0, now)
 
 
+def _on_version_request(vehicle: Vehicle, _message: Any, now: float) -> None:
+    if vehicle.personality.answers_version_request:
+        vehicle.send_now(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION, now)
+
+
 def _on_timesync(vehicle: Vehicle, message: Any, now: float) -> None:
     if message.tc1 == 0:
         clock_ns = round((now - vehicle.readiness.boot_s + vehicle.clock_ahead_s(now)) * 1e9)
@@ -99,6 +104,7 @@ RECEIVERS: dict[str, Callable[[Vehicle, Any, float], None]] = {
     "PARAM_REQUEST_READ": _on_parameter,
     "PARAM_SET": _on_parameter,
     "REQUEST_DATA_STREAM": _on_data_stream,
+    "AUTOPILOT_VERSION_REQUEST": _on_version_request,
     "TIMESYNC": _on_timesync,
     "PING": _on_ping,
     "MISSION_SET_CURRENT": _on_set_current,

@@ -52,8 +52,10 @@ class Status:
         self.mission_total = column("u2")
         self.mission_state = column("u1")
         self.mission_mode = column("u1")
+        self.item_reached = column("u2")
         self.mission_ids = np.zeros((n, 3), dtype="u4")  # ids of mission, fence, rally points
         # fence
+        self.fence_enabled = column("?")
         self.fence_status = column("u1")
         self.fence_breaches = column("u2")
         self.fence_type = column("u1")

@@ -245,10 +245,10 @@ def test_the_time_of_a_breach_counts_from_the_boot() -> None:
     station.wait(100)
     assert station.command(mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1) == 0
     station.wait(5)
-    assert station.ask(mavlink.MAVLINK_MSG_ID_FENCE_STATUS).breach_time == 0
     set_parameter(station, "FENCE_ALT_MAX", 15)
     set_parameter(station, "FENCE_ACTION", 0)
     set_parameter(station, "FENCE_ENABLE", 1)
+    assert station.ask(mavlink.MAVLINK_MSG_ID_FENCE_STATUS).breach_time == 0
     station.set_mode(GUIDED)
     assert station.arm() == 0
     assert station.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 20) == 0

@@ -3,12 +3,12 @@
 from collections import Counter
 from typing import Any
 
+import ardupilot_messages as firmware
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import LAT_DEG, LON_DEG, Station, land, scenario, takeoff, waypoint
 
 from sim_vehicle.fleet import Fleet
-from sim_vehicle.wire.telemetry import STREAMS
 
 UNASKED = {"HEARTBEAT", "TIMESYNC", "STATUSTEXT", "HOME_POSITION", "GPS_GLOBAL_ORIGIN"}
 NOT_ARDUPILOTS = {
@@ -18,6 +18,7 @@ NOT_ARDUPILOTS = {
     mavlink.MAVLINK_MSG_ID_FLIGHT_INFORMATION,
     mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION,
     mavlink.MAVLINK_MSG_ID_ODOMETRY,
+    mavlink.MAVLINK_MSG_ID_TIMESYNC,
     mavlink.MAVLINK_MSG_ID_WIND_COV,
     380,  # TIME_ESTIMATE_TO_TARGET
     411,  # CURRENT_EVENT_SEQUENCE
@@ -25,16 +26,10 @@ NOT_ARDUPILOTS = {
 }
 ONLY_WITH_HOSTILES = mavlink.MAVLINK_MSG_ID_NAMED_VALUE_INT
 WITHOUT_A_SENSOR = mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR
-ONLY_ON_THE_WAY = {
-    mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT,
-    mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED,
+ASKED_FOR = (firmware.ALWAYS | firmware.COPTER_ONLY | firmware.NOT_IN_MANUAL) - {
+    mavlink.MAVLINK_MSG_ID_HEARTBEAT,
+    mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
 }
-ASKED_FOR = (
-    set(STREAMS)
-    - NOT_ARDUPILOTS
-    - ONLY_ON_THE_WAY
-    - {mavlink.MAVLINK_MSG_ID_HEARTBEAT, ONLY_WITH_HOSTILES, WITHOUT_A_SENSOR}
-)
 
 
 @pytest.mark.autopilots("1.1", "MAVSDK 5 telemetry")

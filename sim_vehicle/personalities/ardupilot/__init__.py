@@ -6,7 +6,7 @@ from types import MappingProxyType
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.personalities.ardupilot import flight_parameters, parameters
+from sim_vehicle.personalities.ardupilot import flight_parameters, messages, parameters
 from sim_vehicle.personalities.ardupilot.commands import PLANE_COMMANDS, start_landing
 from sim_vehicle.personalities.ardupilot.items import store_item, store_plane_item
 from sim_vehicle.personalities.ardupilot.modes import COPTER_MODES, PLANE_MODES, copter_targets, plane_targets
@@ -17,59 +17,6 @@ from sim_vehicle.vehicle.flight_parameters import FailsafeAction
 from sim_vehicle.vehicle.mission import Item, Mission
 from sim_vehicle.vehicle.transfer import ArduPilotTransfer
 from sim_vehicle.vehicle.transfer.stores import FenceStore, MissionStore, RallyStore
-from sim_vehicle.wire.telemetry.px4 import CURRENT_EVENT_SEQUENCE, CURRENT_MODE, TIME_ESTIMATE_TO_TARGET
-
-_STREAMS = {
-    mavlink.MAV_DATA_STREAM_RAW_SENSORS: (
-        mavlink.MAVLINK_MSG_ID_RAW_IMU,
-        mavlink.MAVLINK_MSG_ID_SCALED_IMU2,
-        mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE,
-    ),
-    mavlink.MAV_DATA_STREAM_EXTENDED_STATUS: (
-        mavlink.MAVLINK_MSG_ID_SYS_STATUS,
-        mavlink.MAVLINK_MSG_ID_POWER_STATUS,
-        mavlink.MAVLINK_MSG_ID_MISSION_CURRENT,
-        mavlink.MAVLINK_MSG_ID_GPS_RAW_INT,
-        mavlink.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT,
-        mavlink.MAVLINK_MSG_ID_FENCE_STATUS,
-        mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT,
-    ),
-    mavlink.MAV_DATA_STREAM_RC_CHANNELS: (
-        mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW,
-        mavlink.MAVLINK_MSG_ID_RC_CHANNELS,
-    ),
-    mavlink.MAV_DATA_STREAM_POSITION: (
-        mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
-        mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
-    ),
-    mavlink.MAV_DATA_STREAM_EXTRA1: (mavlink.MAVLINK_MSG_ID_ATTITUDE,),
-    mavlink.MAV_DATA_STREAM_EXTRA2: (mavlink.MAVLINK_MSG_ID_VFR_HUD,),
-    mavlink.MAV_DATA_STREAM_EXTRA3: (
-        mavlink.MAVLINK_MSG_ID_SYSTEM_TIME,
-        mavlink.MAVLINK_MSG_ID_WIND,
-        mavlink.MAVLINK_MSG_ID_BATTERY_STATUS,
-        mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
-        mavlink.MAVLINK_MSG_ID_VIBRATION,
-    ),
-}
-
-# Messages of PX4 that ArduPilot does not stream.
-_UNSUPPORTED = frozenset(
-    {
-        mavlink.MAVLINK_MSG_ID_ACTUATOR_OUTPUT_STATUS,
-        mavlink.MAVLINK_MSG_ID_ALTITUDE,
-        mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS,
-        mavlink.MAVLINK_MSG_ID_FLIGHT_INFORMATION,
-        mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION,
-        mavlink.MAVLINK_MSG_ID_ODOMETRY,
-        mavlink.MAVLINK_MSG_ID_WIND_COV,
-        CURRENT_EVENT_SEQUENCE.message_id,
-        CURRENT_MODE.message_id,
-        TIME_ESTIMATE_TO_TARGET.message_id,
-    }
-)
-
-_DEFAULT_RATES_HZ = {mavlink.MAVLINK_MSG_ID_TIMESYNC: 0.1}
 
 _INFO, _NOTICE = mavlink.MAV_SEVERITY_INFO, mavlink.MAV_SEVERITY_NOTICE
 _WARNING, _CRITICAL = mavlink.MAV_SEVERITY_WARNING, mavlink.MAV_SEVERITY_CRITICAL
@@ -279,9 +226,11 @@ _COPTER = Personality(
     empty_mission_total=0,
     reports_mission_state=True,
     texts=MappingProxyType(_TEXTS),
-    streams=MappingProxyType(_STREAMS),
-    default_rates_hz=MappingProxyType(_DEFAULT_RATES_HZ),
-    unsupported_messages=_UNSUPPORTED,
+    streams=MappingProxyType(messages.COPTER_STREAMS),
+    default_rates_hz=MappingProxyType(messages.COPTER_RATES_HZ),
+    unsupported_messages=messages.UNSUPPORTED,
+    accepts_empty_requests=True,
+    answers_version_request=True,
     one_shot_messages=MappingProxyType({}),
     store_item=store_item,
     max_mission_items=650,
@@ -307,6 +256,8 @@ _PLANE = replace(
     boot_text=(b"\n\nInit ArduPlane V4.6.2 (sim_vehicle)", *_COPTER.boot_text[1:]),
     banner=("ArduPlane V4.6.2 (sim_vehicle)",),
     parameters=MappingProxyType(parameters.PLANE),
+    streams=MappingProxyType(messages.PLANE_STREAMS),
+    default_rates_hz=MappingProxyType(messages.PLANE_RATES_HZ),
     targets=plane_targets,
     flight_parameters=flight_parameters.plane_flight_parameters,
     commands=PLANE_COMMANDS,

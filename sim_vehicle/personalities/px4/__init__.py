@@ -20,6 +20,7 @@ from sim_vehicle.vehicle.flight_parameters import FailsafeAction
 from sim_vehicle.vehicle.mission import Item
 from sim_vehicle.vehicle.mission_px4 import Px4Mission
 from sim_vehicle.vehicle.transfer.px4 import Px4Transfer
+from sim_vehicle.wire.telemetry import ARDUPILOT_ONLY
 
 MAX_MISSION_ITEMS = 6000
 MISSION_CHECK_S = 0.1  # interval of the health checks, which see a new mission
@@ -172,6 +173,7 @@ _UNSUPPORTED = frozenset(
         mavlink.MAVLINK_MSG_ID_RAW_IMU,
         mavlink.MAVLINK_MSG_ID_SCALED_IMU2,
         mavlink.MAVLINK_MSG_ID_WIND,
+        *ARDUPILOT_ONLY,
     }
 )
 

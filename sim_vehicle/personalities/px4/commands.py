@@ -280,6 +280,11 @@ def set_message_interval(vehicle: Vehicle, command: Command, now: float) -> int:
     return FAILED if common.set_message_interval(vehicle, command, now) != ACCEPTED else ACCEPTED
 
 
+def get_message_interval(vehicle: Vehicle, command: Command, now: float) -> int:
+    result = common.get_message_interval(vehicle, command, now)
+    return ACCEPTED if result == FAILED else result
+
+
 def request_message(vehicle: Vehicle, command: Command, now: float) -> int:
     return DENIED if common.request_message(vehicle, command, now) != ACCEPTED else ACCEPTED
 
@@ -367,6 +372,7 @@ COMMANDS: MappingProxyType[int, CommandHandler] = MappingProxyType(
         mavlink.MAV_CMD_PREFLIGHT_STORAGE: storage,
         mavlink.MAV_CMD_RUN_PREARM_CHECKS: run_prearm_checks,
         mavlink.MAV_CMD_SET_MESSAGE_INTERVAL: set_message_interval,
+        mavlink.MAV_CMD_GET_MESSAGE_INTERVAL: get_message_interval,
         mavlink.MAV_CMD_REQUEST_MESSAGE: request_message,
         mavlink.MAV_CMD_GET_HOME_POSITION: get_home,
         mavlink.MAV_CMD_REQUEST_FLIGHT_INFORMATION: flight_information,

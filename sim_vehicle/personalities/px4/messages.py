@@ -9,6 +9,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim_vehicle.personalities.base import Vehicle
 from sim_vehicle.personalities.px4 import modes
 from sim_vehicle.vehicle.behaviour import Behaviour, Mode
+from sim_vehicle.vehicle.commands import reported_interval_us
+from sim_vehicle.vehicle.numbers import to_int
 from sim_vehicle.wire.encode import DefinedMessage, Layout
 
 AVAILABLE_MODES_ID, CURRENT_MODE_ID = 435, 436
@@ -115,7 +117,15 @@ def protocol_version(_vehicle: Vehicle, _parameter: float) -> Sequence[Any]:
     return [DefinedMessage(PROTOCOL_VERSION, version=200, min_version=100, max_version=200)]
 
 
+def message_interval(vehicle: Vehicle, parameter: float) -> Sequence[Any]:
+    """Return MESSAGE_INTERVAL of the message with this id."""
+    message_id = to_int(parameter)
+    interval_us = reported_interval_us(vehicle, message_id)
+    return [mavlink.MAVLink_message_interval_message(message_id & 0xFFFF, interval_us)]
+
+
 ONE_SHOT_MESSAGES = {
+    mavlink.MAVLINK_MSG_ID_MESSAGE_INTERVAL: message_interval,
     AVAILABLE_MODES_ID: available_modes,
     PROTOCOL_VERSION.message_id: protocol_version,
 }

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.wire.encode import Layout, Payloads, layout_of, pack_payloads
-from sim_vehicle.wire.telemetry import motion, px4, sensors, vehicle
+from sim_vehicle.wire.telemetry import ardupilot, motion, px4, sensors, vehicle
 from sim_vehicle.wire.telemetry.view import Columns, View
 
 Builder = Callable[[View], Columns]
@@ -39,6 +39,10 @@ def _no_vehicle(v: View) -> Mask:
     return np.zeros(len(v.i), dtype=bool)
 
 
+def _nothing(_v: View) -> Columns:
+    return {}
+
+
 def _has_home(v: View) -> Mask:
     return v.status.has_home[v.i]
 
@@ -47,10 +51,50 @@ def _threatened(v: View) -> Mask:
     return v.status.threatened[v.i]
 
 
+def _fenced(v: View) -> Mask:
+    return v.status.fence_enabled[v.i]
+
+
 def _has_origin(v: View) -> Mask:
     return v.status.has_origin[v.i]
 
 
+# Messages that ArduPilot knows, of hardware that no simulated vehicle has: a request is accepted, nothing is
+# sent. RC_CHANNELS_RAW is sent on MAVLink 1 links only, PID_TUNING only with GCS_PID_MASK.
+_ARDUPILOT_ABSENT = (
+    mavlink.MAVLINK_MSG_ID_PARAM_VALUE,
+    mavlink.MAVLINK_MSG_ID_RC_CHANNELS_SCALED,
+    mavlink.MAVLINK_MSG_ID_RC_CHANNELS_RAW,
+    mavlink.MAVLINK_MSG_ID_OPTICAL_FLOW,
+    mavlink.MAVLINK_MSG_ID_GPS2_RAW,
+    mavlink.MAVLINK_MSG_ID_GPS_RTK,
+    mavlink.MAVLINK_MSG_ID_GPS2_RTK,
+    mavlink.MAVLINK_MSG_ID_TERRAIN_REQUEST,
+    mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE3,
+    mavlink.MAVLINK_MSG_ID_RANGEFINDER,
+    mavlink.MAVLINK_MSG_ID_CAMERA_FEEDBACK,
+    mavlink.MAVLINK_MSG_ID_MAG_CAL_PROGRESS,
+    mavlink.MAVLINK_MSG_ID_MAG_CAL_REPORT,
+    mavlink.MAVLINK_MSG_ID_PID_TUNING,
+    mavlink.MAVLINK_MSG_ID_DEEPSTALL,
+    mavlink.MAVLINK_MSG_ID_EFI_STATUS,
+    mavlink.MAVLINK_MSG_ID_RPM,
+    mavlink.MAVLINK_MSG_ID_ADSB_VEHICLE,
+    mavlink.MAVLINK_MSG_ID_CAMERA_INFORMATION,
+    mavlink.MAVLINK_MSG_ID_CAMERA_SETTINGS,
+    mavlink.MAVLINK_MSG_ID_CAMERA_CAPTURE_STATUS,
+    mavlink.MAVLINK_MSG_ID_VIDEO_STREAM_INFORMATION,
+    mavlink.MAVLINK_MSG_ID_CAMERA_FOV_STATUS,
+    mavlink.MAVLINK_MSG_ID_CAMERA_THERMAL_RANGE,
+    mavlink.MAVLINK_MSG_ID_GIMBAL_MANAGER_INFORMATION,
+    mavlink.MAVLINK_MSG_ID_GIMBAL_MANAGER_STATUS,
+    mavlink.MAVLINK_MSG_ID_GIMBAL_DEVICE_ATTITUDE_STATUS,
+    mavlink.MAVLINK_MSG_ID_AIS_VESSEL,
+    mavlink.MAVLINK_MSG_ID_GENERATOR_STATUS,
+    mavlink.MAVLINK_MSG_ID_RELAY_STATUS,
+    mavlink.MAVLINK_MSG_ID_WINCH_STATUS,
+    mavlink.MAVLINK_MSG_ID_UAVIONIX_ADSB_OUT_STATUS,
+)
 _TABLE: dict[int, tuple[Builder, Callable[[View], Mask]]] = {
     mavlink.MAVLINK_MSG_ID_HEARTBEAT: (vehicle.heartbeat, _all_vehicles),
     mavlink.MAVLINK_MSG_ID_SYS_STATUS: (vehicle.sys_status, _all_vehicles),
@@ -68,7 +112,7 @@ _TABLE: dict[int, tuple[Builder, Callable[[View], Mask]]] = {
     mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: (vehicle.mission_current, _all_vehicles),
     mavlink.MAVLINK_MSG_ID_HOME_POSITION: (vehicle.home_position, _has_home),
     mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: (vehicle.gps_global_origin, _has_origin),
-    mavlink.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT: (motion.nav_controller_output, _all_vehicles),
+    mavlink.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT: (motion.nav_controller_output, motion.is_steered),
     mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT: (
         motion.position_target_global_int,
         motion.has_global_target,
@@ -87,17 +131,23 @@ _TABLE: dict[int, tuple[Builder, Callable[[View], Mask]]] = {
     mavlink.MAVLINK_MSG_ID_HIGHRES_IMU: (sensors.highres_imu, _all_vehicles),
     mavlink.MAVLINK_MSG_ID_VIBRATION: (sensors.vibration, _all_vehicles),
     mavlink.MAVLINK_MSG_ID_POWER_STATUS: (sensors.power_status, _all_vehicles),
-    mavlink.MAVLINK_MSG_ID_FENCE_STATUS: (vehicle.fence_status, _all_vehicles),
+    mavlink.MAVLINK_MSG_ID_FENCE_STATUS: (vehicle.fence_status, _fenced),
     mavlink.MAVLINK_MSG_ID_RC_CHANNELS: (sensors.rc_channels, _all_vehicles),
     mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: (sensors.servo_output_raw, _all_vehicles),
     mavlink.MAVLINK_MSG_ID_NAMED_VALUE_INT: (vehicle.strikes, _threatened),
     mavlink.MAVLINK_MSG_ID_TIMESYNC: (sensors.timesync, _all_vehicles),
-    mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR: (sensors.distance_sensor, _no_vehicle),
+    mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR: (_nothing, _no_vehicle),
     mavlink.MAVLINK_MSG_ID_ACTUATOR_OUTPUT_STATUS: (px4.actuator_output_status, _all_vehicles),
     mavlink.MAVLINK_MSG_ID_FLIGHT_INFORMATION: (px4.flight_information, _all_vehicles),
     mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION: (px4.hil_state_quaternion, _all_vehicles),
     mavlink.MAVLINK_MSG_ID_ODOMETRY: (px4.odometry, _has_origin),
 }
+_ARDUPILOT_TABLE = {
+    **dict.fromkeys(_ARDUPILOT_ABSENT, (_nothing, _no_vehicle)),
+    **ardupilot.ROWS,
+    mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE2: (sensors.scaled_pressure, _all_vehicles),
+}
+ARDUPILOT_ONLY = frozenset(_ARDUPILOT_TABLE)
 _MISSING_IN_DIALECT: tuple[tuple[Layout, Builder, Callable[[View], Mask]], ...] = (
     (px4.TIME_ESTIMATE_TO_TARGET, px4.time_estimate_to_target, _has_origin),
     (px4.CURRENT_EVENT_SEQUENCE, px4.current_event_sequence, _all_vehicles),
@@ -117,7 +167,8 @@ def _layout(message_id: int) -> Layout:
 
 
 STREAMS: dict[int, Stream] = {
-    message_id: Stream(_layout(message_id), columns, mask) for message_id, (columns, mask) in _TABLE.items()
+    message_id: Stream(_layout(message_id), columns, mask)
+    for message_id, (columns, mask) in (_ARDUPILOT_TABLE | _TABLE).items()
 } | {layout.message_id: Stream(layout, columns, mask) for layout, columns, mask in _MISSING_IN_DIALECT}
 
-__all__ = ["STREAMS", "Stream", "View"]
+__all__ = ["ARDUPILOT_ONLY", "STREAMS", "Stream", "View"]

@@ -139,6 +139,12 @@ def _flying(v: View) -> Bools:
     return np.asarray(v.world.dynamics.airborne[v.i] & v.world.dynamics.armed[v.i])
 
 
+def is_steered(v: View) -> Bools:
+    """Return the mask of vehicles with a navigation controller: not an ArduPlane in MANUAL, mode 0."""
+    manual = v.world.dynamics.planes[v.i] & (v.status.custom_mode[v.i] == 0) & ~_is_px4(v)
+    return np.asarray(~manual)
+
+
 def has_global_target(v: View) -> Bools:
     """Return the mask of vehicles with a global target: ArduCopter and PX4 only in flight."""
     dynamics, i, px4 = v.world.dynamics, v.i, _is_px4(v)

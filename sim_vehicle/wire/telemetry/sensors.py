@@ -102,7 +102,7 @@ def scaled_pressure(v: View) -> Columns:
     }
 
 
-def _magnetic_field_mgauss(v: View) -> Floats:
+def magnetic_field_mgauss(v: View) -> Floats:
     """Return the earth's magnetic field forward and right of each vehicle's heading, and down, (n, 3)."""
     yaw = v.world.dynamics.attitude_rad[v.i, 2]
     north, east, down = FIELD_MGAUSS
@@ -114,7 +114,7 @@ def _magnetic_field_mgauss(v: View) -> Floats:
 def scaled_imu(v: View) -> Columns:
     force_mg = v.world.dynamics.specific_force_m_s2[v.i] / GRAVITY_M_S2 * 1000
     rates_mrad_s = v.world.dynamics.rates_rad_s[v.i] * 1000
-    field_mgauss = _magnetic_field_mgauss(v)
+    field_mgauss = magnetic_field_mgauss(v)
     return {
         "xacc": force_mg[:, 0],
         "yacc": force_mg[:, 1],
@@ -138,7 +138,7 @@ def raw_imu(v: View) -> Columns:
 
 def highres_imu(v: View) -> Columns:
     force, rates = v.world.dynamics.specific_force_m_s2[v.i], v.world.dynamics.rates_rad_s[v.i]
-    field_gauss = _magnetic_field_mgauss(v) / 1000
+    field_gauss = magnetic_field_mgauss(v) / 1000
     up_m = v.world.estimate_m[v.i, 2]
     return {
         "time_usec": v.since_boot_us(),
@@ -170,11 +170,6 @@ def rc_channels(v: View) -> Columns:
     """Return RC_CHANNELS without channels: stick positions are not simulated."""
     channels = {f"chan{n}_raw": UNKNOWN_U16 for n in range(1, 19)}
     return {"time_boot_ms": v.since_boot_ms(), "chancount": 0, "rssi": 255, **channels}
-
-
-def distance_sensor(_v: View) -> Columns:
-    """Return no fields: a ground station can set a rate, but no vehicle has a distance sensor."""
-    return {}
 
 
 def servo_output_raw(v: View) -> Columns:
