@@ -16,7 +16,7 @@ from swarmctl.report.evidence.chain import CheckedChain, Entry, check, signed_co
 from swarmctl.report.evidence.digest import Digest, digest
 from swarmctl.report.evidence.file import FILE_NAME
 from swarmctl.report.tables import Column, FittedTable
-from swarmctl.security.evidence_keys import is_key_of, is_valid_signature
+from swarmctl.security.evidence_keys import is_key_of, is_valid_signature, signer_trouble
 from swarmctl.security.files import KeyringError
 
 UNSIGNED = (
@@ -40,7 +40,10 @@ def audit(
     run: Annotated[Path, typer.Argument(help=f"A run folder, or its {FILE_NAME}.", show_default=False)],
     keys: Annotated[
         Path | None,
-        typer.Option(metavar="FOLDER", help="The swarm's keys; the evidence must be signed by one of them."),
+        typer.Option(
+            metavar="FOLDER",
+            help="The swarm's keys; the operator or the vehicle's own agent must have signed the evidence.",
+        ),
     ] = None,
     shows_all: Annotated[bool, typer.Option("--all", help="Show every entry besides the summary.")] = False,
 ) -> None:
@@ -90,13 +93,11 @@ def _troubles(path: Path, checked: CheckedChain, keys: Path | None) -> Iterator[
             f"cut; the last valid hash is {checked.last_hash} [not-closed]"
         )
     else:
-        yield from _signature_troubles(path, checked, checked.closing, keys)
+        yield from _signature_troubles(path, checked, keys)
 
 
-def _signature_troubles(
-    path: Path, checked: CheckedChain, closing: Entry, keys: Path | None
-) -> Iterator[str]:
-    signature = closing.get("signature")
+def _signature_troubles(path: Path, checked: CheckedChain, keys: Path | None) -> Iterator[str]:
+    signature = checked.signature
     if signature is None:
         if keys is not None:
             yield (
@@ -104,10 +105,9 @@ def _signature_troubles(
                 "[evidence-not-signed]"
             )
         return
-    by, key, value = (str(signature.get(name)) for name in ("by", "key", "signature"))
-    if not is_valid_signature(
-        signed_content(closing["entries"], str(checked.entries[-1]["previous"])), key, value
-    ):
+    by, key = signature.by, signature.key
+    signed = signed_content(len(checked.entries) - 1, checked.entries[-1]["previous"])
+    if not is_valid_signature(signed, key, signature.signature):
         yield (
             f"{path}: the signature by {by} is invalid: the chain was rewritten after it was signed "
             "[signature-invalid]"
@@ -119,15 +119,19 @@ def _signature_troubles(
                 f"{path}: signed by {by} with the key {key}; {keys} has no such key of {by} "
                 "[signed-with-other-key]"
             )
+        elif keys is not None:
+            mentioned = (entry["vehicle"] for entry in checked.entries if entry["vehicle"] is not None)
+            if why := signer_trouble(by, checked.vehicles, mentioned):
+                yield f"{path}: signed by {by}, but {why} [signed-by-another]"
     except KeyringError as error:
         fail([str(error)], USAGE)
 
 
 def _signed_by(checked: CheckedChain, keys: Path | None) -> str:
-    signature = (checked.closing or {}).get("signature")
+    signature = checked.signature
     if signature is None:
         return UNSIGNED
-    signer = printable(f"signed by {signature['by']} with the key {signature['key']}")
+    signer = printable(f"signed by {signature.by} with the key {signature.key}")
     if keys is None:
         return f"{signer}; give --keys FOLDER to check this key"
     return f"{signer}, as {keys} lists it; only the owner of that key could have rewritten the chain"
@@ -138,6 +142,8 @@ def _show(checked: CheckedChain, *, shows_all: bool) -> None:
     began = _time(checked.entries[0])
     say(printable(f"{opened.get('run')}, flown by {opened.get('program')}, began {began}"))
     say(printable(f"configuration SHA-256 {opened.get('configuration_sha256')}"))
+    vehicles = (f"{name} (system {sysid})" for name, sysid in checked.vehicles.items())
+    say(printable(f"vehicles: {', '.join(vehicles) or 'not recorded'}"))
     if shows_all:
         for entry in checked.entries:
             say(_line(entry))

@@ -4,13 +4,21 @@ from __future__ import annotations
 
 import base64
 import binascii
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from cryptography.exceptions import InvalidSignature
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
 
-from swarmctl.security.files import KeyringError, check_private, read_public_keys, read_signing_key
+from swarmctl.bus.transports.access import OPERATOR, name_of
+from swarmctl.security.files import (
+    PARTICIPANT_NAME,
+    KeyringError,
+    check_private,
+    read_public_keys,
+    read_signing_key,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +51,26 @@ def is_valid_signature(data: bytes, key: str, signature: str) -> bool:
     except (ValueError, TypeError, binascii.Error, InvalidSignature):
         return False
     return True
+
+
+def signer_trouble(by: str, vehicles: Mapping[str, int], mentioned: Iterable[str]) -> str:
+    """Return why participant `by` cannot have written the evidence of a run; empty if it can.
+
+    vehicles: system ids of the run's vehicles, by name
+    mentioned: names of the vehicles in the entries
+    """
+    if by == OPERATOR:
+        return ""
+    names = ", ".join(f"{name} (system {sysid})" for name, sysid in vehicles.items())
+    if [name_of(sysid) for sysid in vehicles.values()] != [by]:
+        return (
+            f"the run is of {names or 'no named vehicle'}, so only their own agent or the operator signs it"
+        )
+    others = {name for name in vehicles if PARTICIPANT_NAME.fullmatch(name)} - {by}
+    others |= {name for name in mentioned if name not in vehicles and not name.startswith("system ")}
+    if others:
+        return f"the entries are about {', '.join(sorted(others))}, but {by} flies {names}"
+    return ""
 
 
 def is_key_of(folder: Path, name: str, key: str) -> bool:

@@ -7,15 +7,46 @@ import json
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from typing import Annotated, Any, Literal
+
+import msgspec
 
 FORMAT = 1
 GENESIS = "0" * 64
 """`previous` of the first entry"""
 
 EntryKind = Literal["opened", "command", "acknowledgement", "effect", "waiver", "operator", "note", "closed"]
-KINDS = frozenset(get_args(EntryKind))
-KEYS = frozenset({"n", "unix_s", "run_s", "vehicle", "kind", "what", "previous", "hash"})
+MAX_UNIX_S = 253_402_300_799
+"""end of the year 9999"""
+MAX_SHOWN_CHARS = 200
+
+
+class _Line(msgspec.Struct, forbid_unknown_fields=True):
+    """The keys and types of an entry."""
+
+    n: int
+    unix_s: Annotated[float, msgspec.Meta(ge=0, le=MAX_UNIX_S)]
+    run_s: float
+    vehicle: str | None
+    kind: EntryKind
+    what: dict[str, Any]
+    previous: str
+    hash: str
+
+
+class Signature(msgspec.Struct, frozen=True):
+    """The signature in the closing entry."""
+
+    by: str
+    key: str
+    """public key, in base64"""
+    signature: str
+    """in base64"""
+
+
+class _Opened(msgspec.Struct):
+    vehicles: dict[str, int] = {}
+
 
 Entry = Mapping[str, Any]
 Content = Mapping[str, Any]
@@ -98,6 +129,17 @@ class CheckedChain:
         return self.entries[0]["what"] if self.entries else {}
 
     @property
+    def vehicles(self) -> dict[str, int]:
+        """The system ids of the run's vehicles, by name; empty if the first entry has none."""
+        return msgspec.convert(self.opened, _Opened).vehicles
+
+    @property
+    def signature(self) -> Signature | None:
+        """The signature of the closing entry; None for unsigned evidence."""
+        signature = (self.closing or {}).get("signature")
+        return None if signature is None else msgspec.convert(signature, Signature)
+
+    @property
     def closing(self) -> Content | None:
         """The content of the closing entry; None if there is a fault or no closing entry."""
         is_closed = self.fault is None and self.entries and self.entries[-1]["kind"] == "closed"
@@ -113,7 +155,7 @@ def check(lines: Iterable[bytes]) -> CheckedChain:
         if entry is not None:
             fault = _mismatch(entry, entries, last)
         if entry is None or fault is not None:
-            found, expected = fault or ("", "")
+            found, expected = (text[:MAX_SHOWN_CHARS] for text in fault or ("", ""))
             return CheckedChain(tuple(entries), ChainFault(len(entries) + 1, found, expected), last)
         entries.append(entry)
         last = entry["hash"]
@@ -135,13 +177,22 @@ def _read(line: bytes) -> tuple[Entry | None, _Mismatch | None]:
         is_canonical = canonical(entry) + b"\n" == line
     except (ValueError, RecursionError):
         return None, ("a line that is not JSON", "an entry as this program writes it")
-    if not isinstance(entry, dict) or entry.keys() != KEYS or entry["kind"] not in KINDS:
-        return None, ("a line that is not an entry", f"an object with the keys {', '.join(sorted(KEYS))}")
-    if not isinstance(entry["what"], dict) or not isinstance(entry["n"], int):
-        return None, ("a line that is not an entry", "a number in `n` and an object in `what`")
     if not is_canonical:
         return None, ("another form of JSON than the canonical one", "the line as it was written")
+    try:
+        _check_types(entry)
+    except msgspec.ValidationError as error:
+        return None, ("a line that is not an entry", str(error)[:MAX_SHOWN_CHARS])
     return entry, None
+
+
+def _check_types(entry: Any) -> None:
+    """Raise msgspec.ValidationError unless an entry has all keys, with the right types."""
+    line = msgspec.convert(entry, _Line)
+    if line.kind == "opened":
+        msgspec.convert(line.what, _Opened)
+    elif line.kind == "closed" and line.what.get("signature") is not None:
+        msgspec.convert(line.what["signature"], Signature)
 
 
 def _mismatch(entry: Entry, before: list[Entry], last: str) -> _Mismatch | None:
