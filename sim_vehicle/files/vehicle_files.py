@@ -34,7 +34,7 @@ def ardupilot_files(
     items: Callable[[int], Iterable[Any]],
     set_items: Callable[[int, UploadedMission], bool],
     recorder: FlightRecorder,
-    system: Mapping[str, Callable[[], str]],
+    system: Mapping[str, GeneratedFile],
 ) -> FileSystem:
     """Return ArduPilot's tree: `@PARAM`, `@MISSION`, `@SYS` and the logs; `/APM` is writable.
 
@@ -46,7 +46,7 @@ def ardupilot_files(
     items: returns the stored MISSION_ITEM_INT of a mission type.
     set_items: stores an uploaded mission of a type; returns False if the items are unusable.
     recorder: the recorder of the logs.
-    system: functions that return the texts under `@SYS`, by name.
+    system: files under `@SYS`, by name.
     """
 
     def pack(query: str) -> bytes:
@@ -62,8 +62,8 @@ def ardupilot_files(
     fixed = {"@PARAM/param.pck": GeneratedFile(pack, lambda: len(pack_parameters(parameters())), unpack)}
     for name, kind in MISSION_FILES.items():
         fixed[f"@MISSION/{name}.dat"] = _mission_file(kind, items, set_items)
-    for name, text in system.items():
-        fixed[f"@SYS/{name}"] = _text_file(text)
+    for name, file in system.items():
+        fixed[f"@SYS/{name}"] = file
 
     def sources() -> Mapping[str, GeneratedFile]:
         logs = {f"{ARDUPILOT_LOGS}/{log.number:08d}.BIN": _log_file(log, recorder) for log in recorder.logs}
@@ -115,10 +115,6 @@ def _mission_file(
         size=lambda: len(pack_mission(kind, items(kind))),
         write=write,
     )
-
-
-def _text_file(text: Callable[[], str]) -> GeneratedFile:
-    return GeneratedFile(read=lambda _query: text().encode(), size=lambda: len(text().encode()))
 
 
 def _log_file(log: StoredLog, recorder: FlightRecorder) -> GeneratedFile:

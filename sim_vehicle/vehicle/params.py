@@ -59,9 +59,8 @@ class Parameters:
         self._values = {name: defaults[name] for name in sorted(defaults)}
         for name, value in {**defaults, **start}.items():
             self._values[name] = self._stored_value(name, value)
-        self.defaults = dict(self._values)
+        self._defaults, self._start = defaults, start
         self._names = list(self._values)
-        self._index = {name: index for index, name in enumerate(self._names)}
         self._read_only = read_only
         self._pacer = Pacer()
         self._list_index = len(self._names)  # index of the next parameter in the list; -1: the hash
@@ -78,6 +77,12 @@ class Parameters:
     def items(self) -> Iterator[tuple[str, float | int]]:
         """Return names and values in the order of their indices."""
         return iter(self._values.items())
+
+    @property
+    def defaults(self) -> dict[str, float | int]:
+        """The vehicle's initial values, computed at each access: a fleet stores no second copy."""
+        initial = {**self._defaults, **self._start}
+        return {name: self._stored_value(name, initial[name]) for name in self._names}
 
     def bits(self, name: str) -> int:
         """Return the width of an integer parameter [bits]; 0 for a float."""
@@ -146,7 +151,7 @@ class Parameters:
             if self._byte_wise and message.param_type != self._wire_type(message.param_id):
                 return None  # PX4 does not answer if the type is wrong
             self.set(message.param_id, self._from_wire(message))
-        send(self.value_message(self._index[message.param_id], named=True))
+        send(self.value_message(self._names.index(message.param_id), named=True))
         return str(message.param_id) if kind == "PARAM_SET" else None
 
     def _from_wire(self, message: Any) -> float:

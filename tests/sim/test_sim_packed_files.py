@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.files import ftp_rules as ftp
 from sim_vehicle.files.component_metadata import Component, ComponentMetadata, ParameterMeta
-from sim_vehicle.files.filesystem import FileError, FileSystem
+from sim_vehicle.files.filesystem import FileError, FileSystem, constant
 from sim_vehicle.files.ftp_rules import FtpError, Opcode
 from sim_vehicle.files.logs.dataflash import DataFlashLog
 from sim_vehicle.files.logs.recorder import FlightRecorder, LogLimits, StoredLog
@@ -120,7 +120,7 @@ class Vehicle:
             items=lambda kind: self.missions[kind],
             set_items=self._set_items,
             recorder=self.recorder,
-            system={"uarts.txt": lambda: "UARTV1\n"},
+            system={"uarts.txt": constant(b"UARTV1\n")},
         )
 
     def _set(self, name: str, value: float) -> None:

@@ -1,10 +1,12 @@
 """Parameters of ArduCopter and ArduPlane 4.6, with their names, units and defaults.
 
-Parameters marked "no effect" exist for ground stations that read them. The firmware has the same integer
-parameters. ArduPilot sends all values as floats.
+Parameters marked "no effect" and those of `setup_parameters` exist for ground stations that read them. The
+firmware has the same integer parameters. ArduPilot sends all values as floats.
 """
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sim_vehicle.personalities.ardupilot import setup_parameters
 
 _COMMON: dict[str, float | int] = {
     "ARMING_CHECK": 1,  # 0: mandatory checks only
@@ -45,7 +47,8 @@ _COMMON: dict[str, float | int] = {
     "SYSID_THISMAV": 1,
 }
 
-COPTER: dict[str, float | int] = _COMMON | {
+_COPTER_BASE, _PLANE_BASE = setup_parameters.COPTER | _COMMON, setup_parameters.PLANE | _COMMON
+COPTER: dict[str, float | int] = _COPTER_BASE | {
     "ATC_SLEW_YAW": 6000.0,  # cdeg/s
     "AUTO_OPTIONS": 0,  # bit 0: AUTO can be armed; bit 1: take-off without raising the throttle
     "DISARM_DELAY": 10,  # s, 0 never
@@ -82,7 +85,7 @@ COPTER: dict[str, float | int] = _COMMON | {
     "WPNAV_SPEED_UP": 250.0,  # cm/s
 }
 
-PLANE: dict[str, float | int] = _COMMON | {
+PLANE: dict[str, float | int] = _PLANE_BASE | {
     "AIRSPEED_CRUISE": 15.0,  # m/s
     "AIRSPEED_MAX": 22,  # m/s
     "AIRSPEED_MIN": 9,  # m/s
@@ -130,7 +133,7 @@ _INT16 = (
     " SYSID_THISMAV TKOFF_ALT WP_LOITER_RAD WP_MAX_RADIUS WP_RADIUS"
 )
 _INT32 = "ARMING_CHECK AUTO_OPTIONS BATT_CAPACITY FS_OPTIONS RTL_ALT RTL_LOIT_TIME"
-BITS: dict[str, int] = {
+BITS: dict[str, int] = setup_parameters.BITS | {
     name: bits for bits, names in ((8, _INT8), (16, _INT16), (32, _INT32)) for name in names.split()
 }
 

@@ -11,6 +11,7 @@ from sim_vehicle.files.logs.recorder import LogLimits
 from sim_vehicle.files.packed_files import Parameter, UploadedMission
 from sim_vehicle.files.vehicle_files import ardupilot_files
 from sim_vehicle.personalities.ardupilot.parameters import TOTALS
+from sim_vehicle.personalities.ardupilot.system_files import SYSTEM_FILES
 from sim_vehicle.personalities.base import Vehicle
 from sim_vehicle.vehicle.mission import Item
 from sim_vehicle.vehicle.storage import Storage
@@ -28,9 +29,8 @@ def storage(vehicle: Vehicle, limits: LogLimits) -> Storage:
     stores, params = transfer.stores, vehicle.params
 
     def parameters() -> list[Parameter]:
-        return [
-            Parameter(name, value, params.defaults[name], params.bits(name)) for name, value in params.items()
-        ]
+        defaults = params.defaults
+        return [Parameter(name, value, defaults[name], params.bits(name)) for name, value in params.items()]
 
     def set_parameter(name: str, value: float) -> None:
         if name in params:
@@ -53,7 +53,7 @@ def storage(vehicle: Vehicle, limits: LogLimits) -> Storage:
             items=lambda kind: _items(stores[kind], kind),
             set_items=set_items,
             recorder=recorder,
-            system={},
+            system=SYSTEM_FILES,
         ),
         ftp_rules=ftp_rules.ARDUPILOT,
         log_rules=log_transfer.ARDUPILOT,

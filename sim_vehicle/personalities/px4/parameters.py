@@ -8,6 +8,10 @@ _NO_EFFECT: dict[str, float | int] = {
     # battery, arming, modes
     "BAT1_V_EMPTY": 3.6,  # V a cell
     "BAT1_SOURCE": 0,
+    "BAT1_R_INTERNAL": 0.005,  # ohm
+    "BAT1_V_LOAD_DROP": 0.1,  # V a cell
+    "CBRK_FLIGHTTERM": 121212,
+    "CBRK_IO_SAFETY": 22027,
     "CBRK_SUPPLY_CHK": 894281,
     "CBRK_USB_CHK": 197848,
     "COM_FLTMODE1": -1,
@@ -21,6 +25,7 @@ _NO_EFFECT: dict[str, float | int] = {
     "COM_PREARM_MODE": 0,
     "COM_RC_OVERRIDE": 1,
     "COM_RC_STICK_OV": 30.0,  # %
+    "CP_DIST": -1.0,  # m
     # fence and missions
     "GF_PREDICT": 0,
     "GF_SOURCE": 0,
@@ -42,8 +47,12 @@ _NO_EFFECT: dict[str, float | int] = {
     "SYS_HITL": 0,
     # marks of a calibrated vehicle
     "CAL_ACC0_ID": 1_310_988,
+    "CAL_ACC1_ID": 1_310_996,
     "CAL_GYRO0_ID": 1_310_988,
+    "CAL_GYRO1_ID": 1_310_996,
     "CAL_MAG0_ID": 197_388,
+    "CAL_MAG1_ID": 197_644,
+    "CAL_MAG2_ID": 0,
     "CAL_MAG0_ROT": -1,
     "CAL_MAG_SIDES": 63,
     "SENS_BOARD_ROT": 0,
@@ -57,6 +66,9 @@ _NO_EFFECT: dict[str, float | int] = {
     # RC channels: none mapped
     "RC_CHAN_CNT": 0,
     "RC_MAP_ARM_SW": 0,
+    "RC_MAP_AUX1": 0,
+    "RC_MAP_AUX2": 0,
+    "RC_MAP_FLAPS": 0,
     "RC_MAP_FLTMODE": 0,
     "RC_MAP_KILL_SW": 0,
     "RC_MAP_PITCH": 0,
