@@ -187,6 +187,9 @@ class OperatorService:
         except (BadMessage, ValueError) as error:
             self._refuse(str(error), reply)
             return
+        if not uavs:
+            self._refuse("no vehicle is ready for commands yet; repeat the command [no-vehicle-yet]", reply)
+            return
         # A change of weights causes a new plan; an order does not wait for that plan.
         busy = set() if isinstance(command, GiveOrder) else self._busy.keys() & set(uavs)
         if len(busy) < len(uavs):

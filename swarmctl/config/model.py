@@ -30,6 +30,7 @@ from swarmctl.config.vehicles import Simulate, Vehicle
 from swarmctl.config.wings import WingsSection
 from swarmctl.core.grid import Cell
 from swarmctl.core.inference.sensor import SensorModel
+from swarmctl.core.operator_text import VEHICLE_NAME
 from swarmctl.core.section import Section
 
 
@@ -189,6 +190,15 @@ def _merged(problems: Iterable[ConfigProblem]) -> list[ConfigProblem]:
     return [ConfigProblem(path, "; or ".join(dict.fromkeys(several))) for path, several in texts.items()]
 
 
+NAME_RULES = {
+    SWARM_NAME: "expected up to 64 letters, digits and `_.-`, with a letter or a digit first, because the "
+    "name stands in options, keys of the bus and names of files",
+    VEHICLE_NAME: "expected up to 32 letters, digits and `_.-`, with a letter, a digit or `_` first, because "
+    "the name stands in options and in names of files",
+}
+"""the rule of each pattern of a name"""
+
+
 def _problem(error: dict[str, Any], data: Any) -> ConfigProblem:
     path = _in_file(tuple(error["loc"]), data, keep_last=error["type"] in ("missing", "extra_forbidden"))
     if error["type"] == "extra_forbidden":
@@ -196,6 +206,8 @@ def _problem(error: dict[str, Any], data: Any) -> ConfigProblem:
     text = str(error["msg"]).removeprefix("Value error, ")
     if error["type"] == "missing":
         return ConfigProblem(path, "is missing; add it")
+    if error["type"] == "string_pattern_mismatch":
+        text = NAME_RULES[error["ctx"]["pattern"]]
     if error["type"] == "model_type":
         text = "expected a section, keys with values"
         text += "; to turn the rule off, write null" if path[:1] == ("rules",) else ""

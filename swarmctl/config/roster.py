@@ -19,6 +19,7 @@ from swarmctl.config import yaml_lines
 from swarmctl.config.communication import Communication, mesh_endpoints
 from swarmctl.core.grid import Grid
 from swarmctl.core.messages import MAX_SYSTEM_ID
+from swarmctl.core.operator_text import VEHICLE_NAME
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +67,7 @@ class _Area(_Part):
 
 
 class _Vehicle(_Part):
-    name: str
+    name: Annotated[str, Field(pattern=VEHICLE_NAME)]
     sysid: Annotated[int, Field(ge=1, le=MAX_SYSTEM_ID)]
 
 

@@ -8,6 +8,7 @@ from pydantic import BeforeValidator, Field
 
 from swarmctl.config.links import MavlinkUrl
 from swarmctl.core.grid import Cell
+from swarmctl.core.operator_text import VEHICLE_NAME
 from swarmctl.core.section import NameIn, Section
 from swarmctl.core.vehicle import Airframe
 from swarmctl.links import LINKS
@@ -90,8 +91,9 @@ class Vehicle(Section):
     """A vehicle with a MAVLink URL."""
 
     name: str = Field(
-        pattern=r"^[A-Za-z0-9_.-]{1,32}$",
-        description="Name of the vehicle in commands and reports: up to 32 letters, digits and `_.-`.",
+        pattern=VEHICLE_NAME,
+        description="Name of the vehicle in commands, reports and names of files: up to 32 letters, digits "
+        "and `_.-`, with a letter, a digit or `_` first.",
     )
     url: MavlinkUrl = Field(
         description="MAVLink URL of the vehicle: udpin://HOST:PORT, udpout://HOST:PORT, tcpin://HOST:PORT, "

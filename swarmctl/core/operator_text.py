@@ -9,6 +9,9 @@ from collections.abc import Iterable, Mapping
 MAX_LISTED = 10
 """Greatest number of names listed in an error."""
 
+VEHICLE_NAME = r"^[A-Za-z0-9_][A-Za-z0-9_.-]{0,31}$"
+"""pattern of a vehicle's name: valid as the name of a file and as the value of an option"""
+
 
 def printable(text: str) -> str:
     """Return the text with `?` for each unprintable character, such as a terminal's escapes."""

@@ -32,6 +32,7 @@ from swarmctl.core.messages import (
 from swarmctl.core.operator_text import extended, resolve_vehicles
 
 TIMEOUT_S = ANSWER_WITHIN_S + 2.0
+ENDING_ORDERS = ("hold", "return", "land")
 
 
 class BadOptions(ValueError):
@@ -99,13 +100,13 @@ def find(
     swarm = _swarm_name(swarm, config)
     is_distributed = config is not None and may_span_machines(config)
     if connect is not None:
-        if swarm is None:
-            raise BadOptions("--connect is an endpoint only; add --swarm NAME or --config FILE [which-swarm]")
-        return FlightEndpoints(swarm, _endpoint(connect), agents=names or {} if is_distributed else {})
+        endpoint = _endpoint(connect)
+        swarm = swarm or _swarm_at(endpoint)
+        return FlightEndpoints(swarm, endpoint, agents=names or {} if is_distributed else {})
     if config is not None and is_distributed:
         local = [entry for entry in directory.running_swarms() if entry.swarm == swarm]
-        if len(local) == 1:  # one process on this machine flies all vehicles
-            return FlightEndpoints(local[0].swarm, local[0].endpoint)
+        if local:  # one process on this machine flies all vehicles
+            return _only(local)
         points = entry_points(config)
         return FlightEndpoints(config.name, points[0], tuple(points[1:]), names or {})
     if config is not None:
@@ -118,14 +119,8 @@ def find(
             return FlightEndpoints(config.name, listen.client_endpoint)
     running = directory.running_swarms()
     named = [entry for entry in running if swarm in (None, entry.swarm)]
-    if len(named) == 1:
-        return FlightEndpoints(named[0].swarm, named[0].endpoint)
     if named:
-        flights = ", ".join(map(describe, named))
-        raise BadOptions(
-            f"{len(named)} swarms fly on this machine: {flights}; choose one with --swarm or --connect "
-            "[which-swarm]"
-        )
+        return _only(named)
     if swarm is not None and (ended := ended_text(swarm)):
         raise BusError(f"{ended}; no command was sent [flight-ended]")
     others = f"; running: {', '.join(map(describe, running))}" if running else ""
@@ -133,6 +128,29 @@ def find(
         f"this user has no flight {f'of swarm {swarm} ' if swarm else ''}on this machine that takes "
         f"commands{others}. A flight with --clock virtual, bus: memory or listen: none takes no commands. "
         "For agents on other machines, give --config [no-swarm]"
+    )
+
+
+def _only(flights: Sequence[directory.RunningSwarm]) -> FlightEndpoints:
+    """Return the only flight. Raises BadOptions if there are several."""
+    if len(flights) == 1:
+        return FlightEndpoints(flights[0].swarm, flights[0].endpoint)
+    are_unlike = len({flight.swarm for flight in flights}) == len(flights)
+    option = "--swarm NAME" if are_unlike else f"--connect, such as --connect {flights[0].endpoint}"
+    raise BadOptions(
+        f"{len(flights)} swarms fly on this machine: {', '.join(map(describe, flights))}; choose one with "
+        f"{option} [which-swarm]"
+    )
+
+
+def _swarm_at(endpoint: BusEndpoint) -> str:
+    """Return the name of this user's flight at an endpoint. Raises BadOptions and BusError."""
+    for flight in directory.running_swarms():
+        if flight.endpoint == endpoint:
+            return flight.swarm
+    raise BadOptions(
+        f"this user has no flight at {endpoint} on this machine; add --swarm NAME or --config FILE "
+        "[which-swarm]"
     )
 
 
@@ -364,8 +382,11 @@ def _decode_one(uav: int, name: str, ended: str, answers: Sequence[bytes]) -> Ve
 def has_failed(command: Request, answer: OperatorAnswer) -> bool:
     """Return whether no vehicle took the command, or a vehicle has another outcome than `taken`.
 
-    If the command is for all vehicles, the outcome `over` of some vehicles is no failure.
+    If the command is for all vehicles, the outcome `over` of some vehicles is no failure. An order that ends
+    flights is fulfilled even if all flights are over.
     """
     outcomes = {vehicle.outcome for vehicle in answer.vehicles}
     accepted = {"taken", "over"} if command.uavs is None else {"taken"}
-    return bool(answer.refused) or "taken" not in outcomes or not outcomes <= accepted
+    ends_flights = isinstance(command, GiveOrder) and command.order in ENDING_ORDERS
+    expected = accepted if ends_flights else {"taken"}
+    return bool(answer.refused) or not outcomes & expected or not outcomes <= accepted

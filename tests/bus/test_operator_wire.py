@@ -24,7 +24,10 @@ from swarmctl.bus.transports.zenoh import MAX_PENDING_QUERIES, ZenohBus
 from swarmctl.core import events as ev
 from swarmctl.core.messages import (
     BadMessage,
+    CommandOutcome,
+    GiveOrder,
     OperatorAnswer,
+    Request,
     SetWeights,
     VehicleAnswer,
     decode_answer,
@@ -350,3 +353,31 @@ def test_a_station_without_an_answer_leaves_the_outcome_unknown() -> None:
 
     with pytest.raises(client.NoAnswer, match="no-answer"):
         run_virtual(scene())
+
+
+def test_a_service_without_vehicles_does_not_call_them_busy() -> None:
+    async def scene() -> OperatorAnswer:
+        bus = MemoryBus()
+        operator_service.OperatorService(bus, "test", print, CommandCounts())
+        return await client.ask(bus, client.FlightEndpoints("test", ANYWHERE), GiveOrder(None, "hold"))
+
+    assert run_virtual(scene()).refused.endswith("[no-vehicle-yet]")
+
+
+@pytest.mark.parametrize(
+    ("command", "outcomes", "expected"),
+    [
+        (GiveOrder(None, "land"), ("taken", "over"), False),
+        (GiveOrder(None, "land"), ("over", "over"), False),
+        (GiveOrder(None, "land"), ("over", "refused"), True),
+        (GiveOrder(None, "land"), (), True),
+        (GiveOrder((1, 2), "land"), ("over", "over"), True),
+        (GiveOrder(None, "launch"), ("over", "over"), True),
+        (SetWeights(None, w=0.2), ("over", "over"), True),
+    ],
+)
+def test_a_command_fails_unless_its_purpose_is_reached(
+    command: Request, outcomes: tuple[CommandOutcome, ...], expected: bool
+) -> None:
+    answer = OperatorAnswer(tuple(VehicleAnswer(1, "uav1", outcome) for outcome in outcomes))
+    assert client.has_failed(command, answer) is expected

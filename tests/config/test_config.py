@@ -55,6 +55,12 @@ BAD: list[tuple[str, str, str, list[tuple[str, ...]]]] = [
         "sysid: 1",
         [(":10: vehicles[1].sysid", "1", "udpin://:14550")],
     ),
+    ("a name that is a folder", "name: b", "name: '..'", [(":10: vehicles[1].name", "'..'", "letter")]),
+    ("a name that is an option", "name: b", "name: -rf", [(":10: vehicles[1].name", "'-rf'", "letter")]),
+    ("a hidden name", "name: b", "name: .b", [(":10: vehicles[1].name", "'.b'", "letter")]),
+    ("a name of two key parts", "name: b", "name: a/b", [(":10: vehicles[1].name", "'a/b'", "letter")]),
+    ("a wildcard as a name", "name: b", "name: '*'", [(":10: vehicles[1].name", "'*'", "letter")]),
+    ("a swarm's name that is an option", "name: test", "name: -x", [(":1: name", "'-x'", "letter")]),
     ("one name twice", "name: b", "name: a", [(":10: vehicles[1].name", "'a'")]),
     (
         "a URL of no known form",

@@ -56,6 +56,11 @@ WRONG = [
     ("malformed YAML", "area: {", "swarm.yaml:1: "),
     ("no mapping", "- 1\n", "swarm.yaml:1: "),
     ("an unknown key", GOOD + "communication: {ruoter: tcp/10.0.0.1:7447}\n", "'router'"),
+    (
+        "a name that is an option",
+        GOOD.replace("simulate: {count: 2}", "vehicles: [{name: -rf, sysid: 1}]"),
+        "swarm.yaml:4: vehicles[0].name: ",
+    ),
     ("no vehicle", GOOD.replace("simulate: {count: 2}", ""), "`simulate: {count: 5}`"),
     (
         "a mesh with an unknown vehicle",

@@ -61,6 +61,24 @@ def test_several_flights_need_a_name(no_flight: Path) -> None:
             client.find("three", None, None)
 
 
+def test_two_flights_of_one_name_are_told_apart_by_their_endpoints(no_flight: Path) -> None:
+    with directory.registered("one", HERE, "first" * 8):
+        (record,) = no_flight.glob("one.*.json")
+        other = json.loads(record.read_text()) | {"endpoint": str(THERE), "token": "second" * 8}
+        with (no_flight / "one.1.json").open("w") as file:  # of another process
+            file.write(json.dumps(other))
+            file.flush()
+            fcntl.flock(file, fcntl.LOCK_EX)
+            for config in (None, listening(), listening(router="tcp/10.0.0.1:7447")):
+                name = None if config is None else config.model_copy(update={"name": "one"})
+                with pytest.raises(client.BadOptions, match=r"4002.*4001.*--connect tcp.*\[which-swarm\]"):
+                    client.find("one", name, None)
+            for swarm in ("one", None):
+                found = client.find(swarm, None, str(THERE))
+                assert found == client.FlightEndpoints("one", THERE)
+                assert client.local_token(found) == "second" * 8
+
+
 LISTED_FOR_EVER = """\
 import sys, time
 from swarmctl.bus import directory
