@@ -24,6 +24,7 @@ from sim_vehicle.vehicle.interface import (
     MissionIds,
     ModeControl,
     ReferencePlaces,
+    RemoteInput,
     SetpointControl,
 )
 from sim_vehicle.vehicle.jobs import Jobs
@@ -88,6 +89,9 @@ class Vehicle(Protocol):
 
     @property
     def setpoints(self) -> SetpointControl: ...
+
+    @property
+    def remote(self) -> RemoteInput: ...
 
     @property
     def transfer(self) -> MissionIds: ...
@@ -179,6 +183,8 @@ class Personality:
     max_mission_items: int
     transfer: Callable[[Vehicle], Any]  # the vehicle's side of the mission protocol
     refusals: Callable[[Vehicle, float], list[str]]  # reasons against arming now
+    remote: Callable[[Vehicle], RemoteInput]
+    stick_refusals: Callable[[Vehicle, float], list[str]]  # reasons against arming by the sticks
     ready_s: float  # time from boot to a position estimate
     storage: Callable[[Vehicle, LogLimits], Any]  # logs and files
     banner: tuple[str, ...]  # name and version first
@@ -194,6 +200,7 @@ class Personality:
     force_arms: bool = True  # a forced arming skips the checks except `mandatory_refusals`
     # reasons against a forced arming
     mandatory_refusals: Callable[[Vehicle, float], list[str]] = lambda _vehicle, _now: []
+    refuses_leap: bool = False  # on the ground a manual mode with a high throttle is refused
     landing_disarms: bool = True  # the end of a landing disarms; False: only `disarm_landed_s` disarms
     stays_armed_in_mission: bool = False  # a landing inside a mission leaves the vehicle armed
     supports_signing: bool = False  # supports MAVLink 2 signing; else signatures are ignored

@@ -2,13 +2,14 @@
 
 import math
 
-from sim_vehicle.physics.motion import MAX_YAW_RATE_RAD_S, MotionOrder
+from sim_vehicle.physics.copter import HOVER_THROTTLE
+from sim_vehicle.physics.motion import MotionOrder
 from sim_vehicle.physics.world import World
 
 MIN_LEG_M = 2.0  # shortest leg that sets a copter's heading
 # (lowest, highest) value that the equations of motion support.
 SPEED_RANGE_M_S, ACCELERATION_RANGE_M_S2, RADIUS_RANGE_M = (0.05, 100.0), (0.05, 30.0), (0.05, 1e4)
-YAW_RATE_RANGE_RAD_S = (math.radians(1.0), MAX_YAW_RATE_RAD_S)
+YAW_RATE_RANGE_RAD_S = (math.radians(1.0), math.radians(400.0))
 BANK_RANGE_RAD = (math.radians(5.0), math.radians(75.0))
 MAX_WIND_M_S = 100.0
 STALL_RANGE_M_S = (2.0, 50.0)
@@ -231,7 +232,7 @@ class Body:
             self._set_leg(here[0], here[1], here[0] + east / speed, here[1] + north / speed)
         motion.circle_radius_m[i] = 0.0
         self._begin(MotionOrder.VELOCITY)
-        self._turn(yaw_rad, yaw_rate_rad_s)
+        self.turn(yaw_rad, yaw_rate_rad_s)
 
     def tilt(
         self,
@@ -247,10 +248,28 @@ class Body:
             return
         motion.wanted_thrust_acceleration[:, i] = acceleration_m_s2
         motion.rate_m_s[i] = max(-float(motion.descent_m_s[i]), min(climb_m_s, float(motion.climb_m_s[i])))
-        motion.target[:, i] = self.position_m
-        motion.circle_radius_m[i] = 0.0
+        motion.target[:, i], motion.circle_radius_m[i] = self.position_m, 0.0
         self._begin(MotionOrder.TILT)
-        self._turn(yaw_rad, yaw_rate_rad_s)
+        self.turn(yaw_rad, yaw_rate_rad_s)
+
+    def thrust(
+        self, acceleration_m_s2: tuple[float, float], lift: float, *, yaw_rate_rad_s: float | None = None
+    ) -> None:
+        """Tilt a copter as `tilt` does, with a lift as a multiple of the weight."""
+        i, motion = self._index, self._motion
+        self.tilt(acceleration_m_s2, lift - 1.0, yaw_rate_rad_s=yaw_rate_rad_s)
+        motion.wanted_lift[i] = min(max(lift, 0.0), 1.0 / HOVER_THROTTLE)
+        motion.order[i] = MotionOrder.THRUST
+
+    def bank(
+        self, bank_rad: float, *, climb_m_s: float = 0.0, pitch_rad: float = 0.0, throttle: float = math.nan
+    ) -> None:
+        """Bank a plane, and climb at a rate; with a throttle in [0, 1] climb at an angle, at any airspeed."""
+        i, motion = self._index, self._motion
+        motion.wanted_bank_rad[i], motion.wanted_pitch_rad[i] = bank_rad, pitch_rad
+        motion.wanted_throttle[i], motion.rate_m_s[i] = throttle, climb_m_s
+        motion.target[:, i], motion.circle_radius_m[i] = self.position_m, 0.0
+        self._begin(MotionOrder.STICKS)
 
     def move_vertically(self, rate_m_s: float) -> None:
         """Climb (positive rate) or sink over the target; a plane follows its leg or circle."""
@@ -363,7 +382,8 @@ class Body:
             motion.leg_direction[:, i] = 0.0
             motion.leg_heading_rad[i] = motion.attitude[2, i]
 
-    def _turn(self, yaw_rad: float | None, yaw_rate_rad_s: float | None) -> None:
+    def turn(self, yaw_rad: float | None, yaw_rate_rad_s: float | None) -> None:
+        """Turn a copter to a heading, else at a rate, while it follows its order."""
         i, motion = self._index, self._motion
         if yaw_rad is not None:
             self.face(yaw_rad)

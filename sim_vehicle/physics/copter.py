@@ -46,7 +46,7 @@ def fly(m: Motion, i: Selection, dt_s: float) -> None:
     known_air = m.velocity[:2, i] - m.wind.estimate[:, i]
     known_drag = known_air * (np.hypot(known_air[0], known_air[1]) * DRAG_PER_M)
     tilt = (acceleration + known_drag) * has_thrust
-    tilts = order == MotionOrder.TILT
+    tilts = (order == MotionOrder.TILT) | (order == MotionOrder.THRUST)
     if np.count_nonzero(tilts):
         np.copyto(tilt, m.wanted_thrust_acceleration[:, i], where=tilts & has_thrust)
     climb = _climb(m, i, order, climb_error_m, dt_s)
@@ -115,6 +115,10 @@ def _climb(m: Motion, i: Selection, order: Ints, error_m: Floats, dt_s: float) -
     wanted = np.where(order == MotionOrder.POSITION, wanted, m.effective_rate_m_s[i])
     step = limit * dt_s
     change = np.minimum(np.maximum(wanted - m.velocity[2][i], -step), step)
+    lifts = order == MotionOrder.THRUST
+    if np.count_nonzero(lifts):
+        climb = m.velocity[2][i] / TERMINAL_FALL_M_S  # the drag balances the weight in the fastest fall
+        change = np.where(lifts, GRAVITY_M_S2 * (m.wanted_lift[i] - 1.0 - climb) * dt_s, change)
     falls = order == MotionOrder.FALL
     if np.count_nonzero(falls):
         change = np.where(falls, -GRAVITY_M_S2 * dt_s, change)
@@ -165,5 +169,6 @@ def lifts_off(m: Motion) -> Bools:
     up |= (
         (m.order == MotionOrder.RATE) | (m.order == MotionOrder.VELOCITY) | (m.order == MotionOrder.TILT)
     ) & (m.rate_m_s > 0)
+    up |= (m.order == MotionOrder.THRUST) & (m.wanted_lift > 1.0)
     able = ~(m.crashed | m.exhausted | m.planes | m.airborne) & (m.motors_lost == 0)
     return np.asarray(up & m.armed & able)

@@ -30,6 +30,8 @@ class MotionOrder:
     GLIDE = 4  # a plane: descend along the leg, to touch the ground at the target
     FALL = 5  # no thrust
     TILT = 6  # a copter: accelerate by its tilt, climb at a rate
+    THRUST = 7  # a copter: accelerate by its tilt and by the lift of its motors
+    STICKS = 8  # a plane: bank; climb at a rate, or by pitch and throttle
 
 
 class Motion:
@@ -86,10 +88,15 @@ class Motion:
         self.slope = np.zeros(n)  # for MotionOrder.GLIDE: height lost per length of the leg
         self.pass_speed_m_s = np.zeros(n)  # allowed speed at the target
         self.reached: Bools = np.zeros(n, dtype=bool)  # latched until the next target
-        self.rate_m_s = np.zeros(n)  # for MotionOrder.RATE, VELOCITY and TILT, up positive
+        self.rate_m_s = np.zeros(n)  # for MotionOrder.RATE, VELOCITY, TILT and STICKS, up positive
         self.wanted_velocity = np.zeros((2, n))  # for MotionOrder.VELOCITY
-        self.wanted_thrust_acceleration = np.zeros((2, n))  # for MotionOrder.TILT: east, north [m/s2]
         self.wanted_tilt_rad = np.zeros((2, n))  # roll and pitch that a copter turns to
+        # for MotionOrder.TILT and THRUST: east, north [m/s2]
+        self.wanted_thrust_acceleration = np.zeros((2, n))
+        self.wanted_lift = np.zeros(n)  # for MotionOrder.THRUST: multiple of the weight
+        # for MotionOrder.STICKS; pitch is the angle of climb; throttle nan: rate_m_s and speed_m_s hold
+        self.wanted_bank_rad, self.wanted_pitch_rad = np.zeros(n), np.zeros(n)
+        self.wanted_throttle = np.full(n, np.nan)
         self.wanted_heading_rad = np.zeros(n)
         self.wanted_yaw_rate_rad_s = np.zeros(n)  # rate of the wanted heading
         self.heading_is_commanded: Bools = np.zeros(n, dtype=bool)  # False: each new leg sets the heading

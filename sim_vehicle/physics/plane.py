@@ -31,6 +31,7 @@ FLARE_SINK_M_S, FLARE_GAIN_HZ = 0.4, 0.4  # sink rate at touchdown, and its incr
 ATTACK_RAD = 0.05  # angle of attack at twice the stall speed
 MIN_SPEED_M_S = 3.0  # lowest divisor in place of a smaller airspeed
 MASS_KG, EFFICIENCY, FULL_W = 2.0, 0.5, 300.0
+FULL_CLIMB_M_S = EFFICIENCY * FULL_W / (MASS_KG * GRAVITY_M_S2)  # climb rate by the full power without drag
 
 
 @dataclass(slots=True)
@@ -42,6 +43,7 @@ class _PlaneState:
     powered: Bools
     starts: Bools  # powered and commanded to climb; counts only on the ground
     sinks: Bools  # commanded to descend: RATE or GLIDE
+    throttled: Bools  # powered, and the pilot sets pitch and throttle
     height_m: Floats  # above the ground
     sin_yaw: Floats
     cos_yaw: Floats
@@ -96,6 +98,7 @@ def _state_of(m: Motion, i: Selection) -> _PlaneState:
         airborne=m.airborne[i],
         powered=powered,
         starts=powered & _is_commanded_up(m, i, order),
+        throttled=powered & (order == MotionOrder.STICKS) & ~np.isnan(m.wanted_throttle[i]),
         sinks=((order == MotionOrder.RATE) & (m.effective_rate_m_s[i] < 0)) | (order == MotionOrder.GLIDE),
         height_m=m.position[2][i] - m.ground_m[i],
         sin_yaw=np.sin(yaw),
@@ -105,9 +108,12 @@ def _state_of(m: Motion, i: Selection) -> _PlaneState:
 
 def _is_commanded_up(m: Motion, i: Selection, order: Ints) -> Bools:
     up = (order == MotionOrder.POSITION) & (m.target[2][i] > m.ground_m[i] + 0.1)
-    return np.asarray(
-        up | (((order == MotionOrder.RATE) | (order == MotionOrder.VELOCITY)) & (m.effective_rate_m_s[i] > 0))
-    )
+    at_rate = (order == MotionOrder.RATE) | (order == MotionOrder.VELOCITY)
+    sticks = order == MotionOrder.STICKS
+    throttle = m.wanted_throttle[i]
+    at_rate |= sticks & np.isnan(throttle)
+    up |= sticks & (throttle >= START_THROTTLE / 2) & (m.wanted_pitch_rad[i] >= 0)
+    return np.asarray(up | (at_rate & (m.effective_rate_m_s[i] > 0)))
 
 
 def _bank(m: Motion, i: Selection, state: _PlaneState, dt_s: float) -> Floats:
@@ -125,7 +131,9 @@ def _bank(m: Motion, i: Selection, state: _PlaneState, dt_s: float) -> Floats:
         | (state.order == MotionOrder.FALL)
     )
     limit = m.bank_limit_rad[i] * ~wings_level
-    wanted = np.minimum(np.maximum(np.arctan(air * turn / GRAVITY_M_S2), -limit), limit)
+    wanted = np.arctan(air * turn / GRAVITY_M_S2)
+    wanted = np.where(state.order == MotionOrder.STICKS, m.wanted_bank_rad[i], wanted)
+    wanted = np.minimum(np.maximum(wanted, -limit), limit)
     bank = m.attitude[0][i]
     rate = np.minimum(np.maximum((wanted - bank) / ROLL_TIME_S, -ROLL_RATE_RAD_S), ROLL_RATE_RAD_S)
     return np.asarray((bank + rate * dt_s) * state.airborne)
@@ -166,7 +174,13 @@ def _airspeed(m: Motion, i: Selection, state: _PlaneState, dt_s: float) -> Float
         wanted = np.where(lands, np.minimum(wanted, approach), wanted)
     wanted = np.where(state.powered, wanted, GLIDE_OVER_STALL * stall)
     limit = np.where(state.powered, m.acceleration_limit_m_s2[i], GLIDE_ACCELERATION_M_S2) * dt_s
-    air = np.maximum(air + np.minimum(np.maximum(wanted - air, -limit), limit), 0.0)
+    change = np.minimum(np.maximum(wanted - air, -limit), limit)
+    if np.count_nonzero(state.throttled):  # power that neither drag nor the climb takes
+        drag = air / (GLIDE_RATIO * np.cos(m.attitude[0][i]) ** 2)
+        surplus = m.wanted_throttle[i] * FULL_CLIMB_M_S - drag - m.velocity[2][i]
+        surplus *= GRAVITY_M_S2 * dt_s / np.maximum(air, MIN_SPEED_M_S)
+        change = np.where(state.throttled, np.minimum(surplus, m.airspeed_max_m_s[i] - air), change)
+    air = np.maximum(air + change, 0.0)
     # A sinking plane below the stall speed converts height to speed.
     stalls = air < stall
     if np.count_nonzero(stalls):
@@ -179,11 +193,12 @@ def _climb(m: Motion, i: Selection, state: _PlaneState, air: Floats, bank: Float
     """Return the vertical speed after the step, (n,) [m/s]."""
     error = m.target[2][i] - m.estimate[2][i]
     wanted = np.where(state.order == MotionOrder.POSITION, CLIMB_GAIN_HZ * error, m.effective_rate_m_s[i])
+    wanted = np.where(state.throttled, air * np.sin(m.wanted_pitch_rad[i]), wanted)
     glides = state.order == MotionOrder.GLIDE
     if np.count_nonzero(glides):
         wanted = np.where(glides, _glide_path_climb(m, i), wanted)
     highest = m.climb_m_s[i]
-    wanted = np.minimum(np.maximum(wanted, -m.descent_m_s[i]), highest)
+    wanted = np.where(state.throttled, wanted, np.minimum(np.maximum(wanted, -m.descent_m_s[i]), highest))
     # No climb close to the stall speed.
     cos = np.cos(bank)
     over_stall = air * np.sqrt(cos) / m.stall_m_s[i]
@@ -242,5 +257,6 @@ def _set_power(m: Motion, i: Selection, state: _PlaneState, air: Floats, climb: 
     """Set the power for the climb and for the drag, which grows with the lift in a turn."""
     drag = air / (GLIDE_RATIO * np.cos(bank) ** 2)
     share = (drag + climb) * (MASS_KG * GRAVITY_M_S2 / (EFFICIENCY * FULL_W))
+    share = np.where(state.throttled, m.wanted_throttle[i], share)
     flying = np.minimum(np.maximum(share, 0.0), 1.0) * state.powered
     m.thrust[i] = np.where(state.airborne, flying, START_THROTTLE * state.starts)

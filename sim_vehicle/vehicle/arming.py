@@ -13,6 +13,7 @@ class Arming:
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
         self._armed_at_s = 0.0
+        self._idle_since_s = -math.inf  # the sticks have not prevented the automatic disarming since
         self._flown = self._was_airborne = False
         self._taken_off_at_s = math.nan
 
@@ -69,7 +70,12 @@ class Arming:
             vehicle.announce("arm_refused", reason=reason)
         if reasons:
             vehicle.announce("arm_denied")
-        return not reasons and armable
+        if reasons or not armable:
+            return False
+        reasons = vehicle.personality.stick_refusals(vehicle, now)
+        for reason in reasons:
+            vehicle.announce("sticks_refused", reason=reason)
+        return not reasons
 
     def disarm(self, *, force: bool) -> bool:
         """Stop the motors and return True; return False in the air unless `force` is set.
@@ -112,7 +118,9 @@ class Arming:
             return math.inf
         flight_parameters = vehicle.flight_parameters
         delay_s = flight_parameters.disarm_landed_s if self._flown else flight_parameters.disarm_unflown_s
-        due_s = max(self._armed_at_s, vehicle.flight.ground_since_s) + delay_s
+        if vehicle.remote.keeps_armed(now):
+            self._idle_since_s = now
+        due_s = max(self._armed_at_s, vehicle.flight.ground_since_s, self._idle_since_s) + delay_s
         if self._flown and vehicle.flies_mission and vehicle.personality.stays_armed_in_mission:
             return math.inf
         if vehicle.flight.landed(now) and now + EPSILON_S >= due_s:

@@ -9,7 +9,7 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.personalities.base import Vehicle
-from sim_vehicle.physics.motion import GRAVITY_M_S2
+from sim_vehicle.physics.lean import MAX_LEAN_RAD, lean_acceleration_m_s2
 
 HOVER_THRUST = 0.5
 RATE_IGNORE_BITS = (
@@ -17,7 +17,6 @@ RATE_IGNORE_BITS = (
     mavlink.ATTITUDE_TARGET_TYPEMASK_BODY_PITCH_RATE_IGNORE,
     mavlink.ATTITUDE_TARGET_TYPEMASK_BODY_YAW_RATE_IGNORE,
 )
-MAX_TILT_RAD = math.radians(60.0)
 MAX_RATE_TIME_S = 0.5  # longest time over which the previous rates are integrated
 
 
@@ -55,7 +54,7 @@ class AttitudeSetpoints:
         integrated = [
             angle + rate * duration_s for angle, rate in zip(angles, self._rates_rad_s, strict=True)
         ]
-        roll, pitch = (max(-MAX_TILT_RAD, min(angle, MAX_TILT_RAD)) for angle in integrated)
+        roll, pitch = (max(-MAX_LEAN_RAD, min(angle, MAX_LEAN_RAD)) for angle in integrated)
         self._angles_rad = roll, pitch
         rates = [0.0 if is_ignored else rate for is_ignored, rate in zip(ignored, commanded, strict=True)]
         self._rates_rad_s = rates[0], rates[1]
@@ -68,12 +67,7 @@ class AttitudeSetpoints:
         excess = min(max(thrust, 0.0), 1.0) - HOVER_THRUST if math.isfinite(thrust) else 0.0
         max_climb_m_s = flight_parameters.climb_m_s if excess > 0 else flight_parameters.descent_m_s
         climb_m_s = 2 * excess * max_climb_m_s
-        # Accelerations [m/s2]; the vertical part of the thrust equals the weight.
-        vertical_share = max(math.cos(roll) * math.cos(pitch), math.cos(MAX_TILT_RAD) ** 2)
-        forward = -GRAVITY_M_S2 * math.sin(pitch) * math.cos(roll) / vertical_share
-        right = GRAVITY_M_S2 * math.sin(roll) / vertical_share
-        east = forward * math.sin(yaw) + right * math.cos(yaw)
-        north = forward * math.cos(yaw) - right * math.sin(yaw)
+        east, north = lean_acceleration_m_s2(roll, pitch, yaw)
         yaw_rad = yaw if yaw_rate is None else None
         if body.plane:
             # The target of a plane is its velocity after 1 s of this acceleration.

@@ -117,7 +117,7 @@ class Autopilot:
         self.fence, self.home_and_rally = Fence(), HomeAndRally(self)
         make = personality.mission
         self.mission = Mission(home=self.home_and_rally.home_item) if make is None else make(self)
-        self.modes = Modes(self)
+        self.modes, self.remote = Modes(self), personality.remote(self)
         self.flight = Flight(
             body,
             self.mission,
@@ -132,6 +132,7 @@ class Autopilot:
             start_landing=self._start_landing,
             return_by_mission=lambda: self.personality.return_by_mission(self),
             remote_lost=lambda: self.failsafes.rc_lost,
+            sticks=self.remote.sticks,
             mission_over=self.modes.mission_over,
             set_home=lambda place: self.home_and_rally.set_home(place, self.now, locked=True),
         )
@@ -167,9 +168,8 @@ class Autopilot:
         self.params.reboot()
         self.storage.reboot(now)
         self.signing.reboot()
-        self.sender.reset()
-        self.jobs.reset()
-        self.setpoints.reset()
+        for part in (self.sender, self.jobs, self.setpoints, self.remote):
+            part.reset()
         self.mission.reboot()
         self.flight.pilot.reboot()
         self.flight.cleared_for_takeoff = False

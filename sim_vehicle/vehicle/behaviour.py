@@ -5,7 +5,7 @@ from enum import Enum, auto
 
 
 class Behaviour(Enum):
-    """Behaviour of a vehicle in a mode while no pilot moves the sticks."""
+    """Behaviour of a vehicle in a mode."""
 
     MISSION = auto()
     GUIDED = auto()  # flies to commanded positions, else holds; obeys set-points
@@ -13,9 +13,14 @@ class Behaviour(Enum):
     TAKEOFF = auto()  # climbs to the take-off altitude, then enters FlightParameters.after_takeoff
     RETURN = auto()
     LAND = auto()
-    SINK = auto()  # descends at the pilot's rate: the throttle stick reads its minimum
-    CRUISE = auto()  # a plane: straight on at the present altitude
-    DROP = auto()  # sinks fast, without altitude control: the throttle stick reads its minimum
+    # The sticks fly (`piloting`). At its lowest position the throttle of a copter sinks.
+    MANUAL = auto()  # the sticks set lean and thrust; of a plane bank, pitch and throttle
+    ALTITUDE = auto()  # lean and climb rate
+    POSITION = auto()  # velocity and climb rate
+    CRUISE = auto()  # a plane: bank, climb rate and airspeed
+
+
+PILOTED = frozenset({Behaviour.MANUAL, Behaviour.ALTITUDE, Behaviour.POSITION, Behaviour.CRUISE})
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,5 +36,5 @@ class Mode:
     setpoints_only: bool = False  # requires a stream of set-points (OFFBOARD)
     selectable: bool = True  # a ground station can select this mode
     standard: int = 0  # MAV_STANDARD_MODE
-    needs_pilot: bool = False  # needs manual control while armed (see FlightParameters.pilot_missing)
+    needs_pilot: bool = False  # needs manual control while armed (see `interface.RemoteInput.missing`)
     terminates: bool = False  # ends the flight; only a reboot leaves the mode

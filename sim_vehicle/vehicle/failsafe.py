@@ -21,13 +21,13 @@ _BEHAVIOURS = {
     FailsafeAction.RETURN: Behaviour.RETURN,
     FailsafeAction.LAND: Behaviour.LAND,
     FailsafeAction.RETURN_POINT: Behaviour.GUIDED,
-    FailsafeAction.HOLD_ALTITUDE: Behaviour.SINK,
+    FailsafeAction.HOLD_ALTITUDE: Behaviour.ALTITUDE,
     FailsafeAction.MISSION: Behaviour.MISSION,
 }
 # A failsafe does not interrupt a behaviour of the same or a higher priority; 0 if not listed.
 _BEHAVIOUR_PRIORITY = {Behaviour.RETURN: 1, Behaviour.LAND: 2}
 # required behaviour -> priority; 1 if not listed
-_ACTION_PRIORITY = {Behaviour.LAND: 2, Behaviour.SINK: 2, Behaviour.MISSION: 2}
+_ACTION_PRIORITY = {Behaviour.LAND: 2, Behaviour.ALTITUDE: 2, Behaviour.MISSION: 2}
 
 
 class Failsafes:
@@ -66,6 +66,10 @@ class Failsafes:
         expected = self._vehicle.flight_parameters.gcs_sysid
         if expected is None or sysid == expected:
             self._gcs_heartbeat_s = now
+
+    def receive_remote_frame(self, now: float) -> None:
+        """Process a frame of the remote control that came from a ground station."""
+        self._remote.receive_frame(now)
 
     def update(self, now: float) -> float:
         """Check every failsafe; return the latest time of the next check [s] (inf: none)."""

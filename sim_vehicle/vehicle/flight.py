@@ -8,18 +8,18 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.physics.body import Body
 from sim_vehicle.physics.geodesy import GeodeticPosition
-from sim_vehicle.vehicle.behaviour import Behaviour, Mode
+from sim_vehicle.vehicle.behaviour import PILOTED, Behaviour, Mode
 from sim_vehicle.vehicle.flight_parameters import FlightParameters
 from sim_vehicle.vehicle.manoeuvres import Landing, Manoeuvre, Return, Takeoff
 from sim_vehicle.vehicle.mission import Item, Mission
 from sim_vehicle.vehicle.mission_pilot import MissionPilot, ReturnByMission
+from sim_vehicle.vehicle.piloting import Piloting
+from sim_vehicle.vehicle.sticks import Sticks
 
 LANDED_AFTER_S = 1.0  # time on the ground until the vehicle counts as landed
-DROP_SINK_M_S = 8.0  # sink rate of Behaviour.DROP
 MAX_SPEED_M_S = 50.0
 MAX_ALTITUDE_M = 1e6  # largest absolute altitude
-PILOT_ACCELERATION_M_S2 = 2.5
-RUN_INTERVAL_S = 0.1  # longest time between two runs while a manoeuvre is in progress
+RUN_INTERVAL_S = 0.1  # longest time between two runs by sticks, or while a manoeuvre is in progress
 
 
 class Flight:
@@ -47,6 +47,7 @@ class Flight:
         return_by_mission: Callable[[], tuple[Sequence[Item], float] | None],
         remote_lost: Callable[[], bool],
         set_home: Callable[[GeodeticPosition], None],
+        sticks: Callable[[float], Sticks],
         mission_over: Callable[[], None],
     ) -> None:
         self.body, self.mission, self.home, self.return_place = body, mission, home, return_place
@@ -56,10 +57,10 @@ class Flight:
         self._end_takeoff = taken_off
         self.start_landing, self._return_by_mission = start_landing, return_by_mission
         self.remote_lost = remote_lost
-        self.pilot = MissionPilot(self)
+        self.pilot, self._piloting, self._sticks = MissionPilot(self), Piloting(self), sticks
         self.mission_over = mission_over
         self.cleared_for_takeoff = False  # until disarmed
-        self.behaviour = Behaviour.DROP
+        self.behaviour = Behaviour.MANUAL
         self.landing_now = False
         self.taking_off = False
         self.takeoff_amsl_m: float | None = None  # requested altitude; None: `takeoff_height_m` above home
@@ -152,7 +153,7 @@ class Flight:
         if self.behaviour is Behaviour.MISSION:
             busy = self.pilot.busy or self.mission.waiting or not self.flying
         else:
-            busy = self.armed and self._manoeuvre is not None
+            busy = self.armed and (self._manoeuvre is not None or self.behaviour in PILOTED)
         settling = not self.body.airborne and not self.landed(now)
         return now + RUN_INTERVAL_S if busy or settling else math.inf
 
@@ -168,6 +169,7 @@ class Flight:
         self._manoeuvre, self.guided_target_m = None, None
         self.pilot.forget()
         self.taking_off = False
+        self._piloting.begin()
         self._set_in_flight.clear()
         self.apply_limits()
         self.body.face(None)
@@ -179,8 +181,6 @@ class Flight:
                 self._manoeuvre = Landing(self, None)
             elif mode.behaviour is Behaviour.RETURN:
                 self._manoeuvre = Return(self) if by_mission is None else ReturnByMission(self, *by_mission)
-            elif mode.behaviour is Behaviour.CRUISE:
-                self._cruise()
         self.begin_takeoff()
 
     def begin_takeoff(self) -> None:
@@ -207,8 +207,8 @@ class Flight:
         self.landing_now = self.behaviour is Behaviour.LAND or self.pilot.landing or by_mission
 
     def _run_without_mission(self, now: float) -> None:
-        if self.behaviour in (Behaviour.SINK, Behaviour.DROP):
-            self._sink()
+        if self.behaviour in PILOTED:
+            self._piloting.run(self._sticks(now))
         elif self.behaviour in (Behaviour.LAND, Behaviour.RETURN):
             done = self._manoeuvre.update(now) if self._manoeuvre is not None else self.landed(now)
             if done:
@@ -222,20 +222,6 @@ class Flight:
                 self._manoeuvre = None
         elif self.taking_off and self.body.airborne and self.body.reached:
             self.taking_off, self._manoeuvre = False, None
-
-    def _cruise(self) -> None:
-        """Fly straight on at the lowest airspeed; the throttle stick reads its minimum."""
-        speed_m_s, heading_rad = self.flight_parameters.airspeed_min_m_s, self.body.heading_rad
-        self.limit(speed_m_s=speed_m_s)
-        self.body.move((speed_m_s * math.sin(heading_rad), speed_m_s * math.cos(heading_rad), 0.0))
-
-    def _sink(self) -> None:
-        if not self.body.airborne:
-            self.body.rest()
-            return
-        self.limit(vertical_acceleration_m_s2=PILOT_ACCELERATION_M_S2)
-        pilot_m_s = self.flight_parameters.pilot_descent_m_s
-        self.body.move_vertically(-(pilot_m_s if self.behaviour is Behaviour.SINK else DROP_SINK_M_S))
 
     # -- guided -------------------------------------------------------------------------------------------
 

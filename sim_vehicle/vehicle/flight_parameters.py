@@ -7,6 +7,7 @@ from enum import Enum, auto
 
 from sim_vehicle.files.logs.record import LogWhen
 from sim_vehicle.vehicle.behaviour import Behaviour
+from sim_vehicle.vehicle.sticks import PilotLimits
 
 
 class FailsafeAction(Enum):
@@ -56,7 +57,6 @@ class FlightParameters:
     landing_speed_m_s: float  # below landing_slow_below_m
     landing_slow_below_m: float  # above home
     landing_speed_high_m_s: float  # at greater heights
-    pilot_descent_m_s: float
     # arming and starting
     arming_checks: bool
     mission_mode_armable: bool  # arming is possible in the mission mode
@@ -103,8 +103,8 @@ class FlightParameters:
     loiter_leaves_aligned: bool = False  # a circle to an altitude ends only toward the next position
     return_lands: int = 0  # use of the mission's landing in a return; 0: never, 1: over home, 2: at once
     waypoints_set_radius: bool = True  # an item can set its acceptance radius; else waypoint_radius_m
-    # altitude tolerance at a waypoint: a plane outside the tolerance circles to the altitude, and a mission of
-    # PX4 begins with a climb if its first item is higher than the tolerance
+    # Altitude tolerance at a waypoint. A plane outside of it circles to the altitude; a mission of PX4 begins
+    # with a climb to a first item above it.
     waypoint_height_m: float = math.inf
     circles_first: bool = False  # flies to a circle at the present altitude, then changes altitude
     takeoff_straight: bool = False  # climbs straight towards the take-off position; else in circles
@@ -122,11 +122,13 @@ class FlightParameters:
     rc_short_action: FailsafeAction | None = None  # action before rc_action; None: only rc_action
     rc_watched: bool = True
     rc_lost_unarmed_counts: bool = True  # a loss before arming counts
+    rc_without_receiver: bool = False  # frames come from ground stations only
     rc_timeout_s: float = 0.0  # time without a frame until the loss
     rc_long_s: float = 0.0  # from the short action (without one: from the last RC frame) to rc_action
     position_watched: bool = True
     position_lost_everywhere: bool = False  # acts also in modes that need no position
-    pilot_missing: bool = False  # modes that need manual control cannot run
+    pilot: PilotLimits = field(default_factory=PilotLimits)
+    setpoint_mode: int | None = None  # custom_mode after lost set-points, if a pilot has the sticks
     takeoff_speed_m_s: float | None = None  # None: climb_m_s
     after_takeoff: Behaviour | None = None  # behaviour after the climb; None: hold in the take-off mode
     # Above home; from this height down to landing_slow_below_m the descent slows evenly.

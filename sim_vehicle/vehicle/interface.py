@@ -3,6 +3,7 @@
 `personalities.base.Vehicle` composes these protocols into the whole vehicle.
 """
 
+from collections.abc import Sequence
 from typing import Any, Protocol
 
 from sim_vehicle.physics.body import Body
@@ -11,6 +12,7 @@ from sim_vehicle.vehicle.behaviour import Behaviour, Mode
 from sim_vehicle.vehicle.flight_parameters import FailsafeAction, FlightParameters
 from sim_vehicle.vehicle.mission import Item, Mission
 from sim_vehicle.vehicle.rally import Rally
+from sim_vehicle.vehicle.sticks import Sticks
 
 
 class MessageOutput(Protocol):
@@ -31,6 +33,7 @@ class ModeControl(Protocol):
     """The flight mode and its changes (`modes.Modes`)."""
 
     mission_checked_s: float
+    chosen: bool
 
     @property
     def mode(self) -> Mode: ...
@@ -88,7 +91,39 @@ class FailsafeControl(Protocol):
 
     def gcs_late(self, now: float) -> bool: ...
 
+    def receive_heartbeat(self, sysid: int, now: float) -> None: ...
+
+    def receive_remote_frame(self, now: float) -> None: ...
+
     def act(self, action: FailsafeAction, now: float, *, at_once: bool = ...) -> None: ...
+
+
+class RemoteInput(Protocol):
+    """The remote control or joystick (`remote.Remote` of a personality)."""
+
+    def reset(self) -> None: ...
+
+    def receive(self, message: Any, now: float) -> None:
+        """Process RC_CHANNELS_OVERRIDE or MANUAL_CONTROL."""
+
+    def channels_us(self, now: float) -> Sequence[int]:
+        """Return the pulses of the channels for RC_CHANNELS [us]."""
+        ...
+
+    @property
+    def count(self) -> int:
+        """Number of channels for RC_CHANNELS."""
+        ...
+
+    def sticks(self, now: float) -> Sticks: ...
+
+    def missing(self, now: float) -> bool:
+        """Return True if modes that need a pilot cannot run."""
+        ...
+
+    def keeps_armed(self, now: float) -> bool:
+        """Return True while the sticks prevent the automatic disarming."""
+        ...
 
 
 class FenceControl(Protocol):

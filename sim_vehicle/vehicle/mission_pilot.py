@@ -112,7 +112,7 @@ class MissionPilot:
         return climbs and self._target_m[2] - flight.body.alt_amsl_m > tolerance_m
 
     def _begin_climb(self) -> None:
-        """Climb to the altitude of the target; a plane climbs straight ahead from the ground, else in circles."""
+        """Climb to the target's altitude; a plane climbs straight ahead from the ground, else in circles."""
         body = self._flight.body
         east_m, north_m, _ = body.position_m
         if body.plane and not body.airborne:

@@ -2,8 +2,10 @@
 
 from sim_vehicle.epoch import EPSILON_S
 from sim_vehicle.personalities.base import Vehicle
-from sim_vehicle.vehicle.behaviour import Behaviour, Mode
+from sim_vehicle.vehicle.behaviour import PILOTED, Behaviour, Mode
 from sim_vehicle.vehicle.injected_faults import ModeStuck
+
+LEAP_LIFT = 0.5  # largest thrust, as a multiple of the weight, that cannot begin a take-off
 
 
 class Modes:
@@ -18,6 +20,7 @@ class Modes:
         personality = self._vehicle.personality
         self.mode: Mode = personality.modes[personality.boot_mode]
         self._armable_mode = self.mode
+        self.chosen = False  # a ground station or a pilot has changed the mode since the boot
         self.mission_checked_s = now  # end of the check of a new mission [s]
 
     # -- by a ground station -----------------------------------------------------------------------------
@@ -42,6 +45,7 @@ class Modes:
             return False
         if vehicle.armed and not self._may_enter(mode, now):
             return False
+        self.chosen = True
         vehicle.fence_watch.mode_changed_by_station(now)
         self._enter(mode)
         return True
@@ -53,14 +57,24 @@ class Modes:
             refusal = "mode_needs_position"
         elif mode.setpoints_only and not vehicle.setpoints.streaming(now):
             refusal = "mode_needs_setpoints"
-        elif mode.needs_pilot and vehicle.flight_parameters.pilot_missing:
+        elif mode.needs_pilot and vehicle.remote.missing(now):
             refusal = "mode_needs_pilot"
+        elif self._would_leap(mode, now):
+            refusal = "mode_throttle_high"
         elif mode.behaviour is Behaviour.MISSION and not self._mission_may_start(now):
             refusal = "mode_needs_mission"
         else:
             return True
         vehicle.announce(refusal, mode=mode.name)
         return False
+
+    def _would_leap(self, mode: Mode, now: float) -> bool:
+        """Return True if a vehicle on the ground would take off by entering a manual mode."""
+        vehicle = self._vehicle
+        enters = mode.behaviour is Behaviour.MANUAL and self.mode.behaviour is not Behaviour.MANUAL
+        if not enters or vehicle.body.airborne or not vehicle.personality.refuses_leap:
+            return False
+        return vehicle.flight_parameters.pilot.lift(vehicle.remote.sticks(now).throttle) > LEAP_LIFT
 
     def _mission_may_start(self, now: float) -> bool:
         vehicle = self._vehicle
@@ -98,7 +112,7 @@ class Modes:
     def _forget_landing(self, mode: Mode) -> None:
         """Reset the mission of a landed, disarmed vehicle on the entry into a manual mode."""
         vehicle, mission = self._vehicle, self._vehicle.mission
-        manual = mode.behaviour in (Behaviour.DROP, Behaviour.CRUISE)
+        manual = mode.behaviour in PILOTED
         if mission.stays_landed and mission.in_landing and manual and not vehicle.armed:
             vehicle.announce("mission_reset")
             mission.reset()

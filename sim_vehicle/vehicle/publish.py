@@ -26,6 +26,9 @@ def publish(vehicle: Vehicle, now: float) -> None:
     status.boot_s[i] = vehicle.readiness.boot_s
     status.gps_seen[i] = vehicle.readiness.gps_fix_ready(now)
     status.position_known[i] = vehicle.position_known(now)
+    status.rc_count[i] = vehicle.remote.count
+    channels_us = vehicle.remote.channels_us(now)
+    status.rc_us[i, : len(channels_us)] = channels_us
     _heartbeat(vehicle)
     _health(vehicle, now)
     _places(vehicle)

@@ -94,6 +94,10 @@ def _on_setpoint(vehicle: Vehicle, message: Any, now: float) -> None:
     vehicle.setpoints.receive(message, now)
 
 
+def _on_sticks(vehicle: Vehicle, message: Any, now: float) -> None:
+    vehicle.remote.receive(message, now)
+
+
 RECEIVERS: dict[str, Callable[[Vehicle, Any, float], None]] = {
     "COMMAND_LONG": _on_command,
     "COMMAND_INT": _on_command,
@@ -112,4 +116,6 @@ RECEIVERS: dict[str, Callable[[Vehicle, Any, float], None]] = {
     "SET_POSITION_TARGET_GLOBAL_INT": _on_setpoint,
     "SET_POSITION_TARGET_LOCAL_NED": _on_setpoint,
     "SET_ATTITUDE_TARGET": _on_setpoint,
+    "RC_CHANNELS_OVERRIDE": _on_sticks,
+    "MANUAL_CONTROL": _on_sticks,
 }

@@ -17,11 +17,16 @@ class RemoteWatch:
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
         self.lost = False  # no frame for rc_timeout_s
+        self._frame_s = -math.inf  # last frame from a ground station
         self._since_s = math.inf  # start of the time without frames; inf: frames arrive
         self._loss_counts = True  # the failsafe acts on the present loss
         self._stage: str | None = None  # SHORT or LONG, once begun
         self._long_due_s = math.inf
         self._mode_before, self._mode_after = 0, 0
+
+    def receive_frame(self, now: float) -> None:
+        """Process a frame from a ground station, which counts besides the frames of a receiver."""
+        self._frame_s = now
 
     @property
     def next_s(self) -> float:
@@ -33,12 +38,17 @@ class RemoteWatch:
     def update(self, now: float) -> str | None:
         """Check the link; return the stage that begins now, or None. Announce the end of a loss."""
         vehicle, flight_parameters = self._vehicle, self._vehicle.flight_parameters
-        no_frames = flight_parameters.rc_failed or vehicle.injected_faults.rc_lost
-        if not (no_frames and flight_parameters.rc_watched):
+        failed = flight_parameters.rc_failed or vehicle.injected_faults.rc_lost
+        only_frames = flight_parameters.rc_without_receiver and math.isfinite(self._frame_s)
+        if not ((failed or only_frames) and flight_parameters.rc_watched):
             self._end_loss()
             return None
+        if self._frame_s > self._since_s:
+            self._end_loss()
         if math.isinf(self._since_s):
-            self._since_s = now
+            self._since_s = (
+                now if failed and now - self._frame_s > flight_parameters.rc_timeout_s else self._frame_s
+            )
             self._loss_counts = vehicle.armed or flight_parameters.rc_lost_unarmed_counts
         if not self._loss_counts or self._stage == LONG:
             return None

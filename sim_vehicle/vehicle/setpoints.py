@@ -80,6 +80,10 @@ class Setpoints:
         self.reset()
         if vehicle.mode.setpoints_only:
             vehicle.announce("setpoints_lost")
+            mode = vehicle.flight_parameters.setpoint_mode
+            if mode is not None and not vehicle.remote.missing(now):
+                vehicle.modes.enter(mode)
+                return
             vehicle.failsafes.act(vehicle.flight_parameters.setpoint_action, now, at_once=True)
         elif vehicle.mode.behaviour is Behaviour.GUIDED and vehicle.flight.flying:
             vehicle.body.stop()

@@ -30,6 +30,9 @@ class Status:
         self.sensors = column("u4")  # present sensors
         self.sensors_enabled = column("u4")
         self.health = column("u4")
+        # RC_CHANNELS
+        self.rc_count = column("u1")
+        self.rc_us = np.zeros((n, 18), dtype="u2")
         # state of the vehicle
         self.gps_seen = column("?")  # the first GPS fix after the boot is due
         self.position_known = column("?")

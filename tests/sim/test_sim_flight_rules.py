@@ -161,8 +161,8 @@ def test_height_is_held_in_the_modes_that_control_it(mode: int) -> None:
 def test_fbwa_does_not_hold_height() -> None:
     station = airborne_plane()
     assert station.set_mode(FBWA) == 0
-    station.wait(10)
-    assert station.height_m < 85
+    station.wait(30)
+    assert station.height_m < 90
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from sim_vehicle.personalities.ardupilot import flight_parameters, messages, par
 from sim_vehicle.personalities.ardupilot.commands import PLANE_COMMANDS, start_landing
 from sim_vehicle.personalities.ardupilot.items import store_item, store_plane_item
 from sim_vehicle.personalities.ardupilot.modes import COPTER_MODES, PLANE_MODES, copter_targets, plane_targets
+from sim_vehicle.personalities.ardupilot.remote import Remote, stick_refusals
 from sim_vehicle.personalities.ardupilot.storage import storage
 from sim_vehicle.personalities.base import Personality, Vehicle
 from sim_vehicle.vehicle.behaviour import Behaviour
@@ -28,6 +29,8 @@ _TEXTS = {
     "disarmed_landed": (_INFO, "Disarming motors"),
     "disarmed_unflown": (_INFO, "Disarming motors"),
     "arm_refused": (_CRITICAL, "Arm: {reason}"),
+    "sticks_refused": (_CRITICAL, "Arm: {reason}"),
+    "mode_throttle_high": (_WARNING, "Mode change to {mode} failed: throttle too high"),
     "not_armable": (_CRITICAL, "{mode} mode not armable"),
     "prearm": (_CRITICAL, "PreArm: {reason}"),
     "origin_set": (_INFO, "EKF3 IMU0 origin set"),
@@ -237,6 +240,9 @@ _COPTER = Personality(
     mission=_mission,
     transfer=_transfer,
     refusals=_refusals,
+    remote=Remote,
+    stick_refusals=stick_refusals,
+    refuses_leap=True,
     mandatory_refusals=_mandatory_refusals,
     supports_signing=True,
     failsafe_disarms=True,
@@ -263,6 +269,7 @@ _PLANE = replace(
     commands=PLANE_COMMANDS,
     store_item=store_plane_item,
     failsafe_disarms=False,
+    refuses_leap=False,
     failsafe_modes=MappingProxyType(
         {FailsafeAction.GLIDE: flight_parameters.FBWA, FailsafeAction.LEVEL: flight_parameters.FBWB}
     ),

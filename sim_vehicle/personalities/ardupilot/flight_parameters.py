@@ -4,8 +4,10 @@ import math
 from collections.abc import Callable, Sequence
 
 from sim_vehicle.files.logs.record import LogWhen
+from sim_vehicle.physics.copter import HOVER_THROTTLE
 from sim_vehicle.vehicle.flight_parameters import FailsafeAction, FlightParameters, RallyAltitude
 from sim_vehicle.vehicle.params import Parameters
+from sim_vehicle.vehicle.sticks import PilotLimits
 
 MIN_SPEED_M_S, MAX_SPEED_M_S = 0.1, 50.0
 MIN_RETURN_HEIGHT_M, MIN_CONE_SLOPE = 0.3, 0.5
@@ -167,7 +169,19 @@ def copter_flight_parameters(params: Parameters) -> FlightParameters:
         landing_speed_m_s=_m_s(params, "LAND_SPEED"),
         landing_slow_below_m=params["LAND_ALT_LOW"] / 100,
         landing_speed_high_m_s=_m_s(params, "LAND_SPEED_HIGH", "WPNAV_SPEED_DN"),
-        pilot_descent_m_s=_m_s(params, "PILOT_SPEED_DN", "PILOT_SPEED_UP"),
+        pilot=PilotLimits(
+            lean_deg=params["ANGLE_MAX"] / 100,
+            yaw_rate_deg_s=params["PILOT_Y_RATE"],
+            climb_m_s=_m_s(params, "PILOT_SPEED_UP"),
+            descent_m_s=_m_s(params, "PILOT_SPEED_DN", "PILOT_SPEED_UP"),
+            vertical_acceleration_m_s2=max(params["PILOT_ACCEL_Z"], 10.0) / 100,
+            speed_m_s=_m_s(params, "LOIT_SPEED"),
+            acceleration_m_s2=max(params["LOIT_ACC_MAX"], 10.0) / 100,
+            throttle_deadzone=params["THR_DZ"] / 1000,
+            hover_throttle=HOVER_THROTTLE,
+            throttle_curve=True,
+            lean_keeps_lift=True,
+        ),
         arming_checks=params["ARMING_CHECK"] != 0,
         mission_mode_armable=bool(options & 1),
         mission_takes_off=bool(options & 2),
@@ -258,7 +272,13 @@ def plane_flight_parameters(params: Parameters) -> FlightParameters:
         landing_speed_m_s=2.0,
         landing_slow_below_m=10.0,
         landing_speed_high_m_s=max(params["TECS_SINK_MAX"], MIN_SPEED_M_S),
-        pilot_descent_m_s=3.0,
+        pilot=PilotLimits(
+            lean_deg=params["ROLL_LIMIT_DEG"],
+            climb_m_s=params["FBWB_CLIMB_RATE"],
+            descent_m_s=params["FBWB_CLIMB_RATE"],
+            pitch_up_deg=params["PTCH_LIM_MAX_DEG"],
+            pitch_down_deg=-params["PTCH_LIM_MIN_DEG"],
+        ),
         arming_checks=params["ARMING_CHECK"] != 0,
         mission_mode_armable=True,
         mission_takes_off=True,

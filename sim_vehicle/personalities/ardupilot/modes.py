@@ -16,24 +16,24 @@ def _table(*modes: Mode) -> dict[int, Mode]:
 
 
 COPTER_MODES = _table(
-    Mode(0, "STABILIZE", Behaviour.DROP, armable=True, needs_position=False, base_mode=_STABILIZED),
-    Mode(1, "ACRO", Behaviour.DROP, armable=True, needs_position=False, base_mode=_STABILIZED),
-    Mode(2, "ALT_HOLD", Behaviour.SINK, armable=True, needs_position=False, base_mode=_STABILIZED),
+    Mode(0, "STABILIZE", Behaviour.MANUAL, armable=True, needs_position=False, base_mode=_STABILIZED),
+    Mode(1, "ACRO", Behaviour.MANUAL, armable=True, needs_position=False, base_mode=_STABILIZED),
+    Mode(2, "ALT_HOLD", Behaviour.ALTITUDE, armable=True, needs_position=False, base_mode=_STABILIZED),
     Mode(3, "AUTO", Behaviour.MISSION, base_mode=_GUIDED),
     Mode(4, "GUIDED", Behaviour.GUIDED, armable=True, base_mode=_GUIDED),
-    Mode(5, "LOITER", Behaviour.SINK, armable=True, base_mode=_GUIDED),
+    Mode(5, "LOITER", Behaviour.POSITION, armable=True, base_mode=_GUIDED),
     Mode(6, "RTL", Behaviour.RETURN, base_mode=_GUIDED),
-    Mode(7, "CIRCLE", Behaviour.SINK, base_mode=_GUIDED),
+    Mode(7, "CIRCLE", Behaviour.POSITION, base_mode=_GUIDED),
     Mode(9, "LAND", Behaviour.LAND, needs_position=False, base_mode=_STABILIZED),
-    Mode(16, "POSHOLD", Behaviour.SINK, armable=True, base_mode=_GUIDED),
+    Mode(16, "POSHOLD", Behaviour.POSITION, armable=True, base_mode=_GUIDED),
     Mode(17, "BRAKE", Behaviour.HOLD, base_mode=_GUIDED),
 )
 
 PLANE_MODES = _table(
-    Mode(0, "MANUAL", Behaviour.DROP, armable=True, needs_position=False, base_mode=64),
+    Mode(0, "MANUAL", Behaviour.MANUAL, armable=True, needs_position=False, base_mode=64),
     Mode(1, "CIRCLE", Behaviour.HOLD, armable=True, needs_position=False, base_mode=_PLANE_AUTO),
-    Mode(2, "STABILIZE", Behaviour.DROP, armable=True, needs_position=False, base_mode=_STABILIZED),
-    Mode(5, "FBWA", Behaviour.DROP, armable=True, needs_position=False, base_mode=_STABILIZED),
+    Mode(2, "STABILIZE", Behaviour.MANUAL, armable=True, needs_position=False, base_mode=_STABILIZED),
+    Mode(5, "FBWA", Behaviour.MANUAL, armable=True, needs_position=False, base_mode=_STABILIZED),
     Mode(6, "FBWB", Behaviour.CRUISE, armable=True, needs_position=False, base_mode=_STABILIZED),
     Mode(7, "CRUISE", Behaviour.CRUISE, armable=True, needs_position=False, base_mode=_STABILIZED),
     Mode(10, "AUTO", Behaviour.MISSION, armable=True, base_mode=_PLANE_AUTO),

@@ -31,6 +31,7 @@ _COMMON: dict[str, float | int] = {
     "MIS_RESTART": 0,  # 1: AUTO starts at the beginning
     "MIS_TOTAL": 0,  # stored commands
     "RALLY_TOTAL": 0,
+    "RC_OVERRIDE_TIME": 3.0,  # s, 0: overrides have no effect, -1: no end
     "RC_FS_TIMEOUT": 1.0,  # s without a frame until the remote control counts as lost
     "SIM_BATT_VOLTAGE": 12.6,  # V, full and at rest
     "SIM_ENGINE_FAIL": 0,  # bits of the failing motors
@@ -49,6 +50,7 @@ _COMMON: dict[str, float | int] = {
 
 _COPTER_BASE, _PLANE_BASE = setup_parameters.COPTER | _COMMON, setup_parameters.PLANE | _COMMON
 COPTER: dict[str, float | int] = _COPTER_BASE | {
+    "ANGLE_MAX": 3000,  # cdeg
     "ATC_SLEW_YAW": 6000.0,  # cdeg/s
     "AUTO_OPTIONS": 0,  # bit 0: AUTO can be armed; bit 1: take-off without raising the throttle
     "DISARM_DELAY": 10,  # s, 0 never
@@ -67,8 +69,12 @@ COPTER: dict[str, float | int] = _COPTER_BASE | {
     "LAND_ALT_LOW": 1000,  # cm above home, below which LAND_SPEED applies
     "LAND_SPEED": 50,  # cm/s
     "LAND_SPEED_HIGH": 0,  # cm/s, 0: WPNAV_SPEED_DN
+    "LOIT_ACC_MAX": 500.0,  # cm/s/s
+    "LOIT_SPEED": 1250.0,  # cm/s
+    "PILOT_ACCEL_Z": 250,  # cm/s/s
     "PILOT_SPEED_DN": 0,  # cm/s, 0: PILOT_SPEED_UP
     "PILOT_SPEED_UP": 250,  # cm/s
+    "PILOT_Y_RATE": 202.5,  # deg/s
     "RALLY_INCL_HOME": 1,  # 0: home only if no rally point is in range
     "RALLY_LIMIT_KM": 0.3,  # km, 0: no limit
     "RTL_ALT": 1500,  # cm above home
@@ -77,6 +83,7 @@ COPTER: dict[str, float | int] = _COPTER_BASE | {
     "RTL_CONE_SLOPE": 3.0,  # largest ratio of return height to distance from home; below 0.5: no limit
     "RTL_LOIT_TIME": 5000,  # ms
     "RTL_SPEED": 0,  # cm/s, 0: WPNAV_SPEED
+    "THR_DZ": 100,  # share of the throttle on each side of its middle [0.1 %]
     "WPNAV_ACCEL": 250.0,  # cm/s/s
     "WPNAV_ACCEL_Z": 100.0,  # cm/s/s
     "WPNAV_RADIUS": 200.0,  # cm
@@ -91,6 +98,7 @@ PLANE: dict[str, float | int] = _PLANE_BASE | {
     "AIRSPEED_MIN": 9,  # m/s
     "AIRSPEED_STALL": 0.0,  # m/s, 0: 8 m/s
     "BATT_LOW_VOLT": 0.0,  # V, 0: not watched
+    "FBWB_CLIMB_RATE": 2.0,  # m/s
     "FENCE_ACTION": 1,  # 0 report, 1 RTL, 6 guided, 7 guided with throttle pass-through, 8 AUTOLAND or RTL
     "FENCE_RET_ALT": 0,  # m above home in guided after a breach, 0: half way from floor to ceiling
     "FENCE_TYPE": 4,  # bits as for the copter
@@ -103,6 +111,8 @@ PLANE: dict[str, float | int] = _PLANE_BASE | {
     "FS_SHORT_ACTN": 0,
     "LAND_FLARE_SEC": 2.0,  # s, no effect
     "LAND_DISARMDELAY": 20,  # s, 0 never
+    "PTCH_LIM_MAX_DEG": 20.0,
+    "PTCH_LIM_MIN_DEG": -25.0,
     "Q_ENABLE": 0,  # no effect: no simulated plane hovers
     "RALLY_INCL_HOME": 0,  # 0: home only if no rally point is in range
     "RALLY_LIMIT_KM": 5.0,  # km, 0: no limit
@@ -130,7 +140,7 @@ _INT8 = (
 _INT16 = (
     "AIRSPEED_MAX AIRSPEED_MIN FENCE_RET_ALT FORMAT_VERSION LAND_ALT_LOW LAND_SPEED LAND_SPEED_HIGH MIS_TOTAL"
     " PILOT_SPEED_DN PILOT_SPEED_UP RTL_ALT_FINAL RTL_CLIMB_MIN RTL_RADIUS RTL_SPEED SYSID_MYGCS"
-    " SYSID_THISMAV TKOFF_ALT WP_LOITER_RAD WP_MAX_RADIUS WP_RADIUS"
+    " ANGLE_MAX PILOT_ACCEL_Z SYSID_THISMAV THR_DZ TKOFF_ALT WP_LOITER_RAD WP_MAX_RADIUS WP_RADIUS"
 )
 _INT32 = "ARMING_CHECK AUTO_OPTIONS BATT_CAPACITY FS_OPTIONS RTL_ALT RTL_LOIT_TIME"
 BITS: dict[str, int] = setup_parameters.BITS | {

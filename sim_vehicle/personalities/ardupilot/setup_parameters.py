@@ -199,8 +199,6 @@ SERVO4_TRIM       int16         1500         1500  MP servo
 SERVO4_REVERSED   int8             0            0  MP servo
 SERVO4_FUNCTION   int16           36           21  MP servo
 TERRAIN_ENABLE    int8             1            1  MP planner
-ANGLE_MAX         int16         3000            -  MP planner
-LOIT_SPEED        float       1250.0            -  MP planner
 WP_YAW_BEHAVIOR   int8             2            -  MP planner
 LOG_BITMASK       int32       180222        65535  MP planner
 TERRAIN_FOLLOW    int32            -            0  MAVProxy

@@ -15,6 +15,7 @@ from sim_vehicle.personalities.px4.messages import DEFAULT_RATES_HZ, ONE_SHOT_ME
 from sim_vehicle.personalities.px4.mission_landing import return_by_mission
 from sim_vehicle.personalities.px4.modes import HOLD, MODES, TERMINATION
 from sim_vehicle.personalities.px4.readiness import feasible, refusals
+from sim_vehicle.personalities.px4.remote import Remote, stick_refusals
 from sim_vehicle.vehicle.behaviour import Behaviour
 from sim_vehicle.vehicle.flight_parameters import FailsafeAction
 from sim_vehicle.vehicle.mission import Item
@@ -126,6 +127,8 @@ _TEXTS: dict[str, tuple[int, str]] = {
     "disarmed_unflown": (_INFO, "Disarmed by auto preflight disarming"),
     "arm_refused": (_CRITICAL, "Preflight Fail: {reason}"),
     "prearm_check": (_CRITICAL, "Preflight Fail: {reason}"),
+    "sticks_refused": (_CRITICAL, "Arming denied: {reason}"),
+    "pilot_took_over": (_INFO, "Pilot took over using sticks"),
     "arm_denied": (_CRITICAL, "Arming denied: Resolve system health failures first"),
     "disarm_refused": (_CRITICAL, "Disarming denied: not landed"),
     # modes
@@ -220,6 +223,8 @@ _COPTER = Personality(
     max_mission_items=MAX_MISSION_ITEMS,
     transfer=_transfer,
     refusals=refusals,
+    remote=Remote,
+    stick_refusals=stick_refusals,
     ready_s=READY_S,
     storage=storage.storage,
     banner=("PX4 1.15.2 (sim_vehicle)",),

@@ -8,10 +8,11 @@ from sim_vehicle.personalities.px4 import modes
 from sim_vehicle.vehicle.behaviour import Behaviour
 from sim_vehicle.vehicle.flight_parameters import FailsafeAction, FlightParameters
 from sim_vehicle.vehicle.params import Parameters
+from sim_vehicle.vehicle.sticks import PilotLimits
 
 MIN_SPEED_M_S = 0.1
 DEFAULT_CAPACITY_MAH = 5000.0
-STICKS_DISABLED = 4  # value of COM_RC_IN_MODE
+NO_STICKS = 4  # value of COM_RC_IN_MODE
 MAX_IGNORED_DELAY_S = 0.1  # COM_FAIL_ACT_T up to this value counts as 0
 
 # NAV_DLL_ACT and NAV_RCL_ACT
@@ -50,20 +51,17 @@ _OFFBOARD_ACTIONS = {
     6: FailsafeAction.TERMINATE,
     7: FailsafeAction.DISARM,
 }
+_OFFBOARD_MODES = {0: modes.POSITION, 1: modes.ALTITUDE, 2: modes.MANUAL}
 # COM_RCL_EXCEPT: bit mask -> modes that continue without a remote control
 _RC_EXCEPTIONS = {1: (modes.MISSION,), 2: (modes.HOLD, modes.TAKEOFF), 4: (modes.OFFBOARD,)}
 _LOGS = {-1: LogWhen.NEVER, 0: LogWhen.ARMED, 1: LogWhen.FROM_BOOT, 2: LogWhen.ALWAYS}
 
 
 def _offboard_lost_action(params: Parameters) -> FailsafeAction:
-    """Return the action after a lost offboard link. For a pilot's mode: HOLD, or RETURN without a pilot."""
-    without_pilot = FailsafeAction.RETURN if _pilot_missing(params) else FailsafeAction.HOLD
+    """Return the action after a lost offboard link; for a pilot's mode the action without manual control."""
+    has_sticks = int(params["COM_RC_IN_MODE"]) != NO_STICKS
+    without_pilot = FailsafeAction.RETURN if has_sticks else FailsafeAction.HOLD
     return _OFFBOARD_ACTIONS.get(int(params["COM_OBL_RC_ACT"]), without_pilot)
-
-
-def _pilot_missing(params: Parameters) -> bool:
-    # No simulated vehicle has an RC receiver. PX4 requires no receiver if stick input is disabled.
-    return int(params["COM_RC_IN_MODE"]) != STICKS_DISABLED
 
 
 def _continuing_modes(params: Parameters) -> dict[int, FailsafeAction]:
@@ -120,9 +118,12 @@ def _common(params: Parameters) -> dict[str, object]:
         "rc_action": _LINK_ACTIONS.get(int(params["NAV_RCL_ACT"]), FailsafeAction.NOTHING),
         "rc_action_in": _continuing_modes(params),
         "rc_timeout_s": params["COM_RC_LOSS_T"],
-        "pilot_missing": _pilot_missing(params),
+        "rc_without_receiver": True,
         "setpoint_timeout_s": params["COM_OF_LOSS_T"],
         "setpoint_action": _offboard_lost_action(params),
+        "setpoint_mode": None
+        if int(params["COM_RC_IN_MODE"]) == NO_STICKS
+        else _OFFBOARD_MODES.get(int(params["COM_OBL_RC_ACT"])),
         "position_lost_action": FailsafeAction.LAND,
         "failsafe_delay_s": delay_s if delay_s > MAX_IGNORED_DELAY_S else 0.0,
         "logs": _LOGS.get(int(params["SDLOG_MODE"]), LogWhen.ARMED),
@@ -176,7 +177,19 @@ def copter_flight_parameters(params: Parameters) -> FlightParameters:
         landing_slow_below_m=params["MPC_LAND_ALT2"],
         landing_slowing_below_m=params["MPC_LAND_ALT1"],
         landing_speed_high_m_s=descent_m_s,
-        pilot_descent_m_s=_positive(params["MPC_Z_VEL_MAX_DN"]),
+        pilot=PilotLimits(
+            lean_deg=params["MPC_MAN_TILT_MAX"],
+            yaw_rate_deg_s=params["MPC_MAN_Y_MAX"],
+            climb_m_s=_positive(params["MPC_Z_VEL_MAX_UP"]),
+            descent_m_s=descent_m_s,
+            vertical_acceleration_m_s2=_positive(min(params["MPC_ACC_UP_MAX"], params["MPC_ACC_DOWN_MAX"])),
+            speed_m_s=_positive(min(params["MPC_VEL_MANUAL"], params["MPC_XY_VEL_MAX"])),
+            acceleration_m_s2=_positive(params["MPC_ACC_HOR_MAX"]),
+            throttle_deadzone=params["MPC_HOLD_DZ"] / 2,
+            deadzone=params["MPC_HOLD_DZ"],
+            expo=params["MPC_XY_MAN_EXPO"],
+            idle_throttle=params["MPC_MANTHR_MIN"],
+        ),
     )
 
 
@@ -206,7 +219,13 @@ def plane_flight_parameters(params: Parameters) -> FlightParameters:
         landing_speed_m_s=glide_m_s,
         landing_slow_below_m=10.0,
         landing_speed_high_m_s=sink_m_s,
-        pilot_descent_m_s=sink_m_s,
+        pilot=PilotLimits(
+            lean_deg=params["FW_R_LIM"],
+            climb_m_s=_positive(params["FW_T_CLMB_R_SP"]),
+            descent_m_s=sink_m_s,
+            pitch_up_deg=params["FW_P_LIM_MAX"],
+            pitch_down_deg=-params["FW_P_LIM_MIN"],
+        ),
         airspeed_min_m_s=_positive(params["FW_AIRSPD_MIN"]),
         airspeed_max_m_s=_positive(params["FW_AIRSPD_MAX"]),
         loiter_radius_m=params["NAV_LOITER_RAD"],

@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.personalities.base import Vehicle
 from sim_vehicle.personalities.px4 import modes
-from sim_vehicle.vehicle.behaviour import Behaviour, Mode
+from sim_vehicle.vehicle.behaviour import PILOTED, Mode
 from sim_vehicle.vehicle.commands import reported_interval_us
 from sim_vehicle.vehicle.numbers import to_int
 from sim_vehicle.wire.encode import DefinedMessage, Layout
@@ -84,7 +84,7 @@ PROTOCOL_VERSION = Layout(
 def targets(vehicle: Vehicle) -> tuple[bool, bool]:
     """Return the reported targets (global, local): both in Auto modes, only local in Offboard and Orbit."""
     mode = vehicle.mode
-    has_target = mode.behaviour is not Behaviour.DROP and not mode.needs_pilot
+    has_target = mode.behaviour not in PILOTED
     return has_target and mode.number >> 16 & 0xFF == modes.MAIN_AUTO, has_target
 
 

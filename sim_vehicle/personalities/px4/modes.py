@@ -1,4 +1,4 @@
-"""Flight modes of PX4 1.15: numbers, and behaviour without stick input.
+"""Flight modes of PX4 1.15: numbers and behaviour.
 
 custom_mode on the wire is sub mode << 24 | main mode << 16. A disarmed vehicle accepts a pilot's mode
 (`needs_pilot`). Without manual control, a vehicle does not arm in a pilot's mode, and an armed vehicle does
@@ -73,23 +73,23 @@ def _auto_mode(
 
 
 _MODES = (
-    _pilot_mode(MANUAL, "Manual", Behaviour.DROP, _PILOT),
+    _pilot_mode(MANUAL, "Manual", Behaviour.MANUAL, _PILOT),
     _pilot_mode(
-        ALTITUDE, "Altitude", Behaviour.HOLD, _PILOT, standard=mavlink.MAV_STANDARD_MODE_ALTITUDE_HOLD
+        ALTITUDE, "Altitude", Behaviour.ALTITUDE, _PILOT, standard=mavlink.MAV_STANDARD_MODE_ALTITUDE_HOLD
     ),
     _pilot_mode(
         POSITION,
         "Position",
-        Behaviour.HOLD,
+        Behaviour.POSITION,
         _PILOT,
         needs_position=True,
         standard=mavlink.MAV_STANDARD_MODE_POSITION_HOLD,
     ),
-    _pilot_mode(POSITION_SLOW, "Position Slow", Behaviour.HOLD, _PILOT, needs_position=True),
+    _pilot_mode(POSITION_SLOW, "Position Slow", Behaviour.POSITION, _PILOT, needs_position=True),
     _auto_mode(MISSION, "Mission", Behaviour.MISSION, mavlink.MAV_STANDARD_MODE_MISSION, armable=True),
     _auto_mode(HOLD, "Hold", Behaviour.HOLD, armable=True),
     _auto_mode(RETURN, "Return", Behaviour.RETURN, mavlink.MAV_STANDARD_MODE_SAFE_RECOVERY),
-    _pilot_mode(ACRO, "Acro", Behaviour.DROP, mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED),
+    _pilot_mode(ACRO, "Acro", Behaviour.MANUAL, mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED),
     Mode(
         OFFBOARD,
         "Offboard",
@@ -98,7 +98,7 @@ _MODES = (
         base_mode=mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED,
         setpoints_only=True,
     ),
-    _pilot_mode(STABILIZED, "Stabilized", Behaviour.DROP, _PILOT),
+    _pilot_mode(STABILIZED, "Stabilized", Behaviour.MANUAL, _PILOT),
     _auto_mode(TAKEOFF, "Takeoff", Behaviour.TAKEOFF, mavlink.MAV_STANDARD_MODE_TAKEOFF, armable=True),
     Mode(
         LAND,
@@ -120,7 +120,7 @@ _MODES = (
     Mode(
         TERMINATION,
         "Termination",
-        Behaviour.DROP,
+        Behaviour.MANUAL,
         needs_position=False,
         selectable=False,
         terminates=True,

@@ -23,8 +23,6 @@ _NO_EFFECT: dict[str, float | int] = {
     "COM_OBS_AVOID": 0,
     "COM_POS_FS_EPH": 5.0,  # m
     "COM_PREARM_MODE": 0,
-    "COM_RC_OVERRIDE": 1,
-    "COM_RC_STICK_OV": 30.0,  # %
     "CP_DIST": -1.0,  # m
     # fence and missions
     "GF_PREDICT": 0,
@@ -80,7 +78,6 @@ _NO_EFFECT: dict[str, float | int] = {
 _NO_EFFECT_COPTER: dict[str, float | int] = {
     "CA_AIRFRAME": 0,
     "CA_ROTOR_COUNT": 4,
-    "MPC_ACC_HOR_MAX": 5.0,  # m/s^2
     "MPC_JERK_AUTO": 4.0,  # m/s^3
     "MPC_LAND_ALT3": 1.0,  # m
     "MPC_LAND_CRWL": 0.3,  # m/s
@@ -96,10 +93,7 @@ _NO_EFFECT_PLANE: dict[str, float | int] = {
     "FW_LAUN_DETCN_ON": 0,
     "FW_LND_ABORT": 3,  # bits: 0 terrain not found, 1 lost
     "FW_LND_USETER": 1,
-    "FW_P_LIM_MAX": 30.0,  # deg
-    "FW_P_LIM_MIN": -30.0,  # deg
     "FW_TKO_PITCH_MIN": 10.0,  # deg
-    "FW_T_CLMB_R_SP": 3.0,  # m/s
     "FW_T_SINK_MIN": 2.0,  # m/s
     "SYS_AUTOSTART": 4003,
     "SYS_HAS_NUM_ASPD": 1,
@@ -131,6 +125,8 @@ _COMMON: dict[str, float | int] = _NO_EFFECT | {
     "COM_OF_LOSS_T": 1.0,  # s without a set-point
     "COM_RCL_EXCEPT": 0,  # modes that continue without RC, bits: 0 mission, 1 hold and take-off, 2 offboard
     "COM_RC_LOSS_T": 0.5,  # s without a remote control
+    "COM_RC_OVERRIDE": 1,  # moving sticks take over; bits: 0 from Auto modes, 1 from Offboard
+    "COM_RC_STICK_OV": 30.0,  # % of the range per second from which sticks move
     "COM_RC_IN_MODE": 1,  # 0 RC, 1 joystick, 2 and 3 both, 4 no stick input
     "NAV_DLL_ACT": 0,  # 0 nothing, 1 hold, 2 return, 3 land, 5 terminate, 6 disarm
     "NAV_RCL_ACT": 2,  # as NAV_DLL_ACT
@@ -162,12 +158,19 @@ COPTER: dict[str, float | int] = (
         "MIS_TAKEOFF_ALT": 2.5,  # m above home
         "MPC_ACC_DOWN_MAX": 3.0,  # m/s^2
         "MPC_ACC_HOR": 3.0,  # m/s^2
+        "MPC_ACC_HOR_MAX": 5.0,  # m/s^2 by sticks
         "MPC_ACC_UP_MAX": 4.0,  # m/s^2
         "MPC_LAND_ALT1": 10.0,  # m above home, below which a landing slows
         "MPC_LAND_ALT2": 5.0,  # m above home, below which a landing has MPC_LAND_SPEED
+        "MPC_HOLD_DZ": 0.1,  # share of a stick's range
         "MPC_LAND_SPEED": 0.7,  # m/s
+        "MPC_MANTHR_MIN": 0.08,  # output at the lowest throttle
+        "MPC_MAN_TILT_MAX": 35.0,  # deg
+        "MPC_MAN_Y_MAX": 150.0,  # deg/s
         "MPC_TKO_SPEED": 1.5,  # m/s
+        "MPC_VEL_MANUAL": 10.0,  # m/s
         "MPC_XY_CRUISE": 5.0,  # m/s
+        "MPC_XY_MAN_EXPO": 0.6,
         "MPC_XY_VEL_MAX": 12.0,  # m/s
         "MPC_YAWRAUTO_MAX": 45.0,  # deg/s
         "MPC_Z_VEL_MAX_DN": 1.5,  # m/s
@@ -194,8 +197,11 @@ PLANE: dict[str, float | int] = (
         "FW_AIRSPD_TRIM": 15.0,  # m/s
         "FW_LND_AIRSPD": -1.0,  # m/s, -1: FW_AIRSPD_MIN
         "FW_LND_ANG": 5.0,  # deg
+        "FW_P_LIM_MAX": 30.0,  # deg
+        "FW_P_LIM_MIN": -30.0,  # deg
         "FW_R_LIM": 50.0,  # deg
         "FW_T_CLMB_MAX": 5.0,  # m/s
+        "FW_T_CLMB_R_SP": 3.0,  # m/s by sticks
         "FW_T_SINK_MAX": 5.0,  # m/s
         "FW_T_SINK_R_SP": 2.0,  # m/s
         "MAV_TYPE": 1,

@@ -56,7 +56,7 @@ def _mode_refusals(vehicle: Vehicle, now: float) -> list[str]:
     mode = vehicle.mode
     if not mode.armable:
         return ["Mode not suitable for takeoff"]
-    if mode.needs_pilot and vehicle.flight_parameters.pilot_missing:
+    if mode.needs_pilot and vehicle.remote.missing(now):
         return ["No manual control input"]
     if mode.setpoints_only and not vehicle.setpoints.streaming(now):
         return ["No offboard signal"]

@@ -47,6 +47,10 @@ def _has_home(v: View) -> Mask:
     return v.status.has_home[v.i]
 
 
+def _has_channels(v: View) -> Mask:
+    return np.asarray(v.status.rc_count[v.i] > 0)
+
+
 def _threatened(v: View) -> Mask:
     return v.status.threatened[v.i]
 
@@ -132,7 +136,7 @@ _TABLE: dict[int, tuple[Builder, Callable[[View], Mask]]] = {
     mavlink.MAVLINK_MSG_ID_VIBRATION: (sensors.vibration, _all_vehicles),
     mavlink.MAVLINK_MSG_ID_POWER_STATUS: (sensors.power_status, _all_vehicles),
     mavlink.MAVLINK_MSG_ID_FENCE_STATUS: (vehicle.fence_status, _fenced),
-    mavlink.MAVLINK_MSG_ID_RC_CHANNELS: (sensors.rc_channels, _all_vehicles),
+    mavlink.MAVLINK_MSG_ID_RC_CHANNELS: (sensors.rc_channels, _has_channels),
     mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: (sensors.servo_output_raw, _all_vehicles),
     mavlink.MAVLINK_MSG_ID_NAMED_VALUE_INT: (vehicle.strikes, _threatened),
     mavlink.MAVLINK_MSG_ID_TIMESYNC: (sensors.timesync, _all_vehicles),

@@ -167,9 +167,10 @@ def power_status(_v: View) -> Columns:
 
 
 def rc_channels(v: View) -> Columns:
-    """Return RC_CHANNELS without channels: stick positions are not simulated."""
-    channels = {f"chan{n}_raw": UNKNOWN_U16 for n in range(1, 19)}
-    return {"time_boot_ms": v.since_boot_ms(), "chancount": 0, "rssi": 255, **channels}
+    channels = {f"chan{n + 1}_raw": v.status.rc_us[v.i, n] for n in range(18)}
+    is_px4 = v.status.autopilot[v.i] == mavlink.MAV_AUTOPILOT_PX4
+    rssi = np.where(is_px4, 100, 255)  # of an override; ArduPilot: unknown
+    return {"time_boot_ms": v.since_boot_ms(), "chancount": v.status.rc_count[v.i], "rssi": rssi, **channels}
 
 
 def servo_output_raw(v: View) -> Columns:

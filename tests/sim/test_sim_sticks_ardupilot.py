@@ -1,0 +1,303 @@
+"""Sticks of ArduCopter and ArduPlane: overrides, their time-out, arming, and the flight in each pilot's mode.
+
+The numbers are those of ArduCopter 4.6.2 in software-in-the-loop, for the same inputs.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from station import ALT_M, LAT_DEG, LON_DEG, WITHOUT_LOG, Station, place_m, scenario
+
+from sim_vehicle.fleet import Fleet
+
+STABILIZE, ALT_HOLD, GUIDED, LOITER, POSHOLD = 0, 2, 4, 5, 16
+FBWA, FBWB = 5, 6
+RECEIVER = [1500, 1500, 1000, 1500, 1800, 1000, 1000, 1800]
+NEUTRAL = (1500, 1500, 1500, 1500)
+FAILED = 4
+
+
+def override(station: Station, *pulses_us: int, more: Sequence[int] = ()) -> None:
+    first = [*pulses_us, *[0xFFFF] * (8 - len(pulses_us))]
+    later = [*more, *[0] * (10 - len(more))]
+    station.send(mavlink.MAVLink_rc_channels_override_message(1, 1, *first, *later))
+
+
+def control(station: Station, x: int = 0, y: int = 0, z: int = 500, r: int = 0, target: int = 1) -> None:
+    station.send(mavlink.MAVLink_manual_control_message(target, x, y, z, r, 0))
+
+
+def hold(station: Station, seconds: float, *pulses_us: int) -> None:
+    """Hold the sticks."""
+    for _ in range(round(seconds / 0.2)):
+        override(station, *pulses_us)
+        station.wait(0.2)
+
+
+def channels(station: Station) -> list[int]:
+    message = station.ask(mavlink.MAVLINK_MSG_ID_RC_CHANNELS)
+    return [getattr(message, f"chan{n}_raw") for n in range(1, 9)]
+
+
+def flying(mode: int, height_m: float = 40.0) -> Station:
+    station = Station()
+    station.fly(height_m)
+    override(station, *NEUTRAL)
+    assert station.set_mode(mode) == 0
+    hold(station, 2, *NEUTRAL)
+    return station
+
+
+def velocity_m_s(station: Station) -> tuple[float, float, float]:
+    message = station.ask(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT)
+    return message.vx / 100, message.vy / 100, -message.vz / 100
+
+
+# -- channels --------------------------------------------------------------------------------------------
+
+
+def test_rc_channels_shows_the_receiver_and_overrides_until_rc_override_time() -> None:
+    station = Station()
+    assert station.ask(mavlink.MAVLINK_MSG_ID_RC_CHANNELS).chancount == 8
+    assert channels(station) == RECEIVER
+    override(station, 1600, 1400, 1300, 1700)
+    assert channels(station) == [1600, 1400, 1300, 1700, *RECEIVER[4:]]
+    station.wait(2.8)
+    assert channels(station)[0] == 1600
+    station.wait(0.3)
+    assert channels(station) == RECEIVER
+
+
+@pytest.mark.parametrize(("limit_s", "after_10_s"), [(0.0, 1500), (-1.0, 1600), (20.0, 1600), (5.0, 1500)])
+def test_rc_override_time(limit_s: float, after_10_s: int) -> None:
+    station = Station()
+    station.send(mavlink.MAVLink_param_set_message(1, 1, b"RC_OVERRIDE_TIME", limit_s, 9))
+    override(station, 1600)
+    assert channels(station)[0] == (1500 if limit_s == 0 else 1600)
+    station.wait(10)
+    assert channels(station)[0] == after_10_s
+
+
+def test_zero_releases_one_of_the_first_eight_channels_and_the_largest_value_keeps_it() -> None:
+    station = Station()
+    override(station, 1600, 1400, 1300, 1700)
+    override(station, 0, 0xFFFF, 0, 0)
+    assert channels(station) == [1500, 1400, 1000, 1500, *RECEIVER[4:]]
+    override(station, more=(1900, 1900))
+    override(station, more=(0, 0xFFFE))
+    message = station.ask(mavlink.MAVLINK_MSG_ID_RC_CHANNELS)
+    assert (message.chan9_raw, message.chan10_raw) == (1900, 0)
+
+
+def test_manual_control_sets_four_channels_and_32767_releases_one() -> None:
+    station = Station()
+    control(station, x=500, y=-500, z=250, r=1000)
+    assert channels(station)[:4] == [1250, 1250, 1250, 2000]
+    control(station, x=32767, y=0, z=0, r=0)
+    assert channels(station) == RECEIVER
+    control(station, x=500, z=-5)
+    control(station, x=500, target=2)
+    assert channels(station) == RECEIVER
+
+
+def test_only_the_own_ground_station_has_the_sticks() -> None:
+    station = Station(sysid=254)
+    override(station, 1600)
+    control(station, x=500)
+    assert channels(station) == RECEIVER
+    station.send(mavlink.MAVLink_param_set_message(1, 1, b"SYSID_MYGCS", 254, 9))
+    override(station, 1600)
+    assert channels(station)[0] == 1600
+
+
+# -- arming and modes ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("mode", "pulses_us", "refusal"),
+    [
+        (STABILIZE, (1500, 1500, 1100, 1500), "Throttle too high"),
+        (ALT_HOLD, (1500, 1500, 1500, 1500), "Throttle (RC3) is not neutral"),
+        (LOITER, (1500, 1500, 1650, 1500), "Throttle too high"),
+        (GUIDED, (1500, 1500, 1650, 1500), "Throttle (RC3) is not neutral"),
+        (STABILIZE, (1600, 1500, 1000, 1500), "Roll (RC1) is not neutral"),
+        (GUIDED, (1500, 1500, 1000, 1400), "Yaw (RC4) is not neutral"),
+        (STABILIZE, (1515, 1490, 1020, 1500), None),
+    ],
+)
+def test_arming_needs_the_sticks_at_rest(mode: int, pulses_us: Sequence[int], refusal: str | None) -> None:
+    station = Station()
+    station.set_mode(mode)
+    override(station, *pulses_us)
+    assert station.arm() == (FAILED if refusal else 0)
+    assert refusal is None or f"Arm: {refusal}" in station.texts()
+
+
+def test_a_copter_on_the_ground_does_not_leap_into_a_manual_mode() -> None:
+    station = Station()
+    station.set_mode(GUIDED)
+    assert station.arm() == 0
+    override(station, 1500, 1500, 1700, 1500)
+    assert station.set_mode(STABILIZE) == FAILED
+    assert "Mode change to STABILIZE failed: throttle too high" in station.texts()
+    override(station, 1500, 1500, 1000, 1500)
+    assert station.set_mode(STABILIZE) == 0
+
+
+def test_a_raised_throttle_delays_the_automatic_disarming() -> None:
+    station = Station()
+    station.set_mode(ALT_HOLD)
+    assert station.arm() == 0
+    hold(station, 15, *NEUTRAL)
+    assert station.armed
+    station.wait(14)  # 3 s until the override ends, and DISARM_DELAY
+    assert not station.armed
+
+
+def test_overrides_replace_a_failed_receiver_and_their_end_is_a_radio_failsafe() -> None:
+    station = flying(LOITER)
+    station.send(mavlink.MAVLink_param_set_message(1, 1, b"SIM_RC_FAIL", 1, 9))
+    hold(station, 5, *NEUTRAL)
+    assert station.mode == "LOITER"
+    station.wait(1.3)  # RC_FS_TIMEOUT
+    assert station.mode == "RTL"
+
+
+def test_manual_control_counts_as_a_heartbeat_of_the_ground_station() -> None:
+    station = flying(LOITER)
+    for name, value in ((b"FS_GCS_ENABLE", 1), (b"FS_OPTIONS", 0)):
+        station.send(mavlink.MAVLink_param_set_message(1, 1, name, value, 9))
+    for _ in range(80):
+        control(station)
+        station.wait(0.1)
+    assert station.mode == "LOITER"
+    station.wait(7)
+    assert station.mode == "RTL"
+
+
+# -- copter ----------------------------------------------------------------------------------------------
+
+
+def test_stabilize_takes_off_climbs_and_falls_by_its_throttle() -> None:
+    station = Station()
+    assert station.arm() == 0
+    hold(station, 2, 1500, 1500, 1400, 1500)
+    assert station.height_m < 0.1
+    hold(station, 5, 1500, 1500, 1700, 1500)
+    assert velocity_m_s(station)[2] == pytest.approx(8.5, abs=1.0)
+    assert station.height_m == pytest.approx(32, abs=8)
+    hold(station, 2, 1500, 1500, 1000, 1500)
+    assert velocity_m_s(station)[2] == pytest.approx(-8, abs=3)
+
+
+@pytest.mark.parametrize(
+    ("throttle_us", "climb_m_s"),
+    [(1000, -2.5), (1200, -1.45), (1450, 0.0), (1500, 0.0), (1800, 1.3), (2000, 2.5)],
+)
+def test_alt_hold_climbs_by_the_throttle_outside_its_deadzone(throttle_us: int, climb_m_s: float) -> None:
+    station = flying(ALT_HOLD)
+    hold(station, 3, 1500, 1500, throttle_us, 1500)
+    assert velocity_m_s(station)[2] == pytest.approx(climb_m_s, abs=0.12)
+
+
+@pytest.mark.parametrize(
+    ("roll_us", "pitch_us", "lean_deg"),
+    [(1500, 1000, (0, -30)), (2000, 1500, (30, 0)), (1750, 1500, (14.4, 0)), (2000, 1000, (22, -20.5))],
+)
+def test_alt_hold_leans_up_to_angle_max(roll_us: int, pitch_us: int, lean_deg: tuple[float, float]) -> None:
+    station = flying(ALT_HOLD)
+    hold(station, 2, roll_us, pitch_us, 1500, 1500)
+    attitude = station.ask(mavlink.MAVLINK_MSG_ID_ATTITUDE)
+    assert math.degrees(attitude.roll) == pytest.approx(lean_deg[0], abs=1)
+    assert math.degrees(attitude.pitch) == pytest.approx(lean_deg[1], abs=1)
+
+
+def test_the_yaw_stick_turns_at_pilot_y_rate() -> None:
+    station = flying(ALT_HOLD)
+    hold(station, 1, 1500, 1500, 1500, 2000)
+    rate = station.ask(mavlink.MAVLINK_MSG_ID_ATTITUDE).yawspeed
+    assert math.degrees(rate) == pytest.approx(202.5, abs=3)
+    hold(station, 1, 1500, 1500, 1500, 1500)
+    assert station.ask(mavlink.MAVLINK_MSG_ID_ATTITUDE).yawspeed == pytest.approx(0, abs=0.02)
+
+
+def test_alt_hold_drifts_with_the_wind_and_loiter_does_not() -> None:
+    drifts_m = {}
+    for mode in (ALT_HOLD, LOITER):
+        station = flying(mode)
+        for name, value in ((b"SIM_WIND_SPD", 6), (b"SIM_WIND_DIR", 0)):
+            station.send(mavlink.MAVLink_param_set_message(1, 1, name, value, 9))
+        before_m = place_m(station)
+        hold(station, 10, *NEUTRAL)
+        drifts_m[mode] = place_m(station)[0] - before_m[0]
+    assert drifts_m[ALT_HOLD] < -10
+    assert drifts_m[LOITER] == pytest.approx(0, abs=2)
+
+
+@pytest.mark.parametrize("mode", [LOITER, pytest.param(POSHOLD, marks=pytest.mark.full)])
+def test_loiter_flies_by_the_sticks_brakes_and_holds(mode: int) -> None:
+    station = flying(mode)
+    start_m = place_m(station)
+    hold(station, 1, 1500, 1000, 1500, 1500)
+    assert 1.5 < velocity_m_s(station)[0] < 6  # no leap
+    hold(station, 6, 1500, 1000, 1500, 1500)
+    assert velocity_m_s(station)[0] == pytest.approx(11.5, abs=2)
+    hold(station, 8, *NEUTRAL)
+    held_m = place_m(station)
+    hold(station, 5, *NEUTRAL)
+    assert math.dist(place_m(station), held_m) < 0.3
+    assert held_m[0] - start_m[0] > 60
+    assert station.height_m == pytest.approx(40, abs=1)
+    hold(station, 4, 1500, 1500, 2000, 1500)
+    assert velocity_m_s(station)[2] == pytest.approx(2.5, abs=0.1)
+    assert math.dist(place_m(station), held_m) < 0.5
+
+
+def test_without_overrides_loiter_sinks_with_the_receivers_throttle() -> None:
+    station = flying(LOITER)
+    station.wait(3.5)
+    station.wait(3)
+    assert velocity_m_s(station)[2] == pytest.approx(-2.5, abs=0.1)
+
+
+# -- plane -----------------------------------------------------------------------------------------------
+
+
+def airborne_plane() -> Station:
+    vehicle = {"sysid": 1, "lat_deg": LAT_DEG, "lon_deg": LON_DEG, "alt_amsl_m": ALT_M, "type": "plane"}
+    station = Station(Fleet(scenario(vehicles=[{**vehicle, "params": WITHOUT_LOG}]), ready_s=0.0))
+    assert station.set_mode(13) == 0  # TAKEOFF
+    assert station.arm() == 0
+    station.until(lambda: station.height_m > 49, 60)
+    return station
+
+
+def plane_attitude(station: Station) -> Any:
+    return station.ask(mavlink.MAVLINK_MSG_ID_ATTITUDE)
+
+
+def test_fbwb_banks_climbs_and_sets_the_airspeed() -> None:
+    station = airborne_plane()
+    override(station, *NEUTRAL)
+    assert station.set_mode(FBWB) == 0
+    hold(station, 5, 2000, 1500, 1500, 1500)
+    assert math.degrees(plane_attitude(station).roll) == pytest.approx(45, abs=1)
+    hold(station, 6, 1500, 2000, 2000, 1500)
+    hud = station.ask(mavlink.MAVLINK_MSG_ID_VFR_HUD)
+    assert hud.climb == pytest.approx(2.0, abs=0.3)
+    assert hud.airspeed == pytest.approx(22, abs=1)
+
+
+def test_fbwa_climbs_only_with_power() -> None:
+    station = airborne_plane()
+    override(station, 1500, 2000, 2000, 1500)
+    assert station.set_mode(FBWA) == 0
+    before_m = station.height_m
+    hold(station, 8, 1500, 2000, 2000, 1500)
+    assert station.height_m > before_m + 20
+    top_m = station.height_m
+    hold(station, 20, 1500, 1500, 1000, 1500)
+    assert station.height_m < top_m
