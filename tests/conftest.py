@@ -5,12 +5,16 @@ from __future__ import annotations
 import os
 
 import pytest
+from firmware_builds import OPTIONS, variable
 from hypothesis import settings
 from profiles import VARIABLE, examples, is_full
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--full", action="store_true", help="run everything, with deep profiles")
+    for option in OPTIONS:
+        text = f"program of an autopilot, for tests/firmware (or {variable(option)} in the environment)"
+        parser.addoption(f"--{option}", metavar="PATH", help=text)
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -23,7 +27,13 @@ def pytest_configure(config: pytest.Config) -> None:
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     if is_full():
         return
-    deselected = [item for item in items if item.get_closest_marker("full")]
+    left_out = {"full"} if _wants_firmware(config) else {"full", "firmware"}
+    deselected = [item for item in items if any(item.get_closest_marker(mark) for mark in left_out)]
     if deselected:
         config.hook.pytest_deselected(items=deselected)
-        items[:] = [item for item in items if not item.get_closest_marker("full")]
+        items[:] = [item for item in items if item not in deselected]
+
+
+def _wants_firmware(config: pytest.Config) -> bool:
+    """Return whether the command line has an autopilot or the folder of these tests."""
+    return any(map(config.getoption, OPTIONS)) or any("firmware" in word for word in config.args)

@@ -7,18 +7,23 @@ so also when the tests are killed. The namespace of the tests is not changed.
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import functools
 import os
 import shutil
 import signal
+import socket
 import subprocess
 import time
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 HOLD = "echo held; exec cat"
 TOOLS = ("ip", "nsenter", "setpriv", "unshare")
 POLL_S = 0.05
+CLONE_NEWNET = 0x40000000
+"""of Linux's setns()"""
 
 
 def until(true: Callable[[], object], what: Callable[[], str], within_s: float) -> None:
@@ -161,6 +166,21 @@ class BridgedNetwork:
         """Run a process that ends by itself."""
         command = [*self._inside(name), *words]
         return subprocess.run(command, cwd=cwd, timeout=60.0, capture_output=True, text=True, check=False)
+
+    def udp_socket(self, name: str, port: int = 0) -> socket.socket:
+        """Return a UDP socket of a machine, bound to its loopback, for use in this process."""
+        # setns() changes the namespace of the calling thread only.
+        with ThreadPoolExecutor(1) as thread:
+            return thread.submit(self._bound_socket, self._held[name].pid, port).result()
+
+    @staticmethod
+    def _bound_socket(pid: int, port: int) -> socket.socket:
+        with Path(f"/proc/{pid}/ns/net").open() as namespace:
+            if ctypes.CDLL(None, use_errno=True).setns(namespace.fileno(), CLONE_NEWNET):
+                raise OSError(ctypes.get_errno(), "setns")
+        made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        made.bind(("127.0.0.1", port))
+        return made
 
     def _cable(self, name: str) -> str:
         return f"{name}-to" if name in self._bridges else f"to-{name}"
