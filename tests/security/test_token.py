@@ -155,7 +155,7 @@ def test_a_flight_demands_the_token_of_its_file(users_folder: Path, tmp_path: Pa
     async def scene() -> None:
         evidence = evidence_log.begin(scenario, tmp_path, "real", print)
         async with wiring.open_resources(
-            scenario, tmp_path, "real", undisturbed, None, Ui().say, evidence
+            scenario, tmp_path, "real", undisturbed, None, Ui().say, evidence, lambda: False
         ) as resources:
             (file,) = users_folder.glob("small.*.json")
             assert stat.S_IMODE(users_folder.stat().st_mode) == 0o700
