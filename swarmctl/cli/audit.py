@@ -16,7 +16,7 @@ from swarmctl.report.evidence.chain import CheckedChain, Entry, check, signed_co
 from swarmctl.report.evidence.digest import Digest, digest
 from swarmctl.report.evidence.file import FILE_NAME
 from swarmctl.report.tables import Column, FittedTable
-from swarmctl.security.evidence_keys import is_key_of, is_valid_signature, signer_trouble
+from swarmctl.security.evidence_keys import is_valid_signature, key_trouble, signer_trouble
 from swarmctl.security.files import KeyringError
 
 UNSIGNED = (
@@ -114,11 +114,8 @@ def _signature_troubles(path: Path, checked: CheckedChain, keys: Path | None) ->
         )
         return
     try:
-        if keys is not None and not is_key_of(keys, by, key):
-            yield (
-                f"{path}: signed by {by} with the key {key}; {keys} has no such key of {by} "
-                "[signed-with-other-key]"
-            )
+        if keys is not None and (why := key_trouble(keys, by, key)):
+            yield f"{path}: signed by {by} with the key {key}; {why}"
         elif keys is not None:
             mentioned = (entry["vehicle"] for entry in checked.entries if entry["vehicle"] is not None)
             if why := signer_trouble(by, checked.vehicles, mentioned):

@@ -39,6 +39,16 @@ def keys(
             "repeatable.",
         ),
     ] = None,
+    revoke: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME",
+            help="Revoke the keys of a vehicle, of `operator` or of `router`, and make new ones; repeatable.",
+        ),
+    ] = None,
+    share: Annotated[
+        bool, typer.Option("--share", help="Use the keys of another swarm's folder for this swarm too.")
+    ] = False,
 ) -> None:
     """Make a folder of keys for each vehicle, the operator and the router, to copy to their machines."""
     swarm = load_roster_or_exit(config)
@@ -49,12 +59,24 @@ def keys(
     except ValueError as error:
         fail([f"--host {error}"], USAGE)
     try:
-        made = make_keys(out_folder, names, days, dt.datetime.now(dt.UTC), hosts)
+        now, revoked = dt.datetime.now(dt.UTC), _participants(revoke or [], participants)
+        made = make_keys(out_folder, names, days, now, hosts, swarm=swarm.name, share=share, revoke=revoked)
     except KeyringError as error:
         fail([str(error)], FAILED)
     out.print(_table(made, participants))
     say(_what_to_copy(made))
+    if revoked:
+        say(
+            f"Revoked: {', '.join(revoked)}. Copy the folders to all machines now: running agents refuse the "
+            "old keys a second after the copy. Restart the router and, in a mesh, the agents on the ground."
+        )
     say(f"Keep {out_folder / AUTHORITY} on this machine and secret: its key can certify new participants.")
+
+
+def _participants(words: list[str], participants: dict[str, str]) -> list[str]:
+    """Return the participants that vehicles' names or participants' names stand for."""
+    by_name = {vehicle: participant for participant, vehicle in participants.items()}
+    return list(dict.fromkeys(by_name.get(word, word) for word in words))
 
 
 def _what_to_copy(made: list[ParticipantFolder]) -> str:

@@ -58,7 +58,7 @@ def route(
             f"{endpoint} is open to other machines without authentication: other machines can send as any "
             "vehicle and give commands; use tls/ or quic/ with `swarmctl keys` [open-endpoint]"
         )
-    _run(configuration, swarm.names)
+    _run(configuration, swarm.names, {} if credentials is None else credentials.common_names)
 
 
 def _endpoint(communication: Communication, listen: str) -> BusEndpoint:
@@ -87,8 +87,8 @@ def _credentials(
         fail([str(error)] if keys is not None else keys_problem_lines(config, [str(error)]), FAILED)
 
 
-def _run(configuration: Configuration, names: Mapping[int, str]) -> None:
+def _run(configuration: Configuration, names: Mapping[int, str], common_names: Mapping[str, str]) -> None:
     try:
-        asyncio.run(routing.run(configuration, log, names))
+        asyncio.run(routing.run(configuration, log, names, common_names))
     except BusError as error:
         fail([str(error)], FAILED)

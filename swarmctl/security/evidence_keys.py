@@ -19,6 +19,7 @@ from swarmctl.security.files import (
     read_public_keys,
     read_signing_key,
 )
+from swarmctl.security.revocation import revoked_at
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,8 +74,11 @@ def signer_trouble(by: str, vehicles: Mapping[str, int], mentioned: Iterable[str
     return ""
 
 
-def is_key_of(folder: Path, name: str, key: str) -> bool:
-    """Return whether `folder` lists the public `key` (base64) for `name`. Raises KeyringError."""
+def key_trouble(folder: Path, name: str, key: str) -> str:
+    """Return why the public `key` (base64) is no valid key of `name` in `folder`; empty if it is one.
+
+    The text ends in a code. Raises KeyringError.
+    """
     # All participants of a swarm have the same table.
     tables = sorted(folder.glob("*/signers.json"))
     if not tables:
@@ -82,4 +86,11 @@ def is_key_of(folder: Path, name: str, key: str) -> bool:
             f"{folder}: no subfolder has a signers.json; give a folder made by `swarmctl keys`"
         )
     listed_key = read_public_keys(tables[0]).get(name)
-    return listed_key is not None and base64.b64encode(listed_key.public_bytes_raw()).decode() == key
+    if listed_key is not None and base64.b64encode(listed_key.public_bytes_raw()).decode() == key:
+        return ""
+    if (at := revoked_at(tables[0].parent, name, key)) is not None:
+        return (
+            f"this key was revoked at {at:%Y-%m-%d %H:%M} UTC, so others may have written the evidence "
+            "[signed-with-revoked-key]"
+        )
+    return f"{folder} has no such key of {name} [signed-with-other-key]"

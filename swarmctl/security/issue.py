@@ -30,6 +30,18 @@ from swarmctl.security.files import (
     read_ec_key,
     read_signing_key,
 )
+from swarmctl.security.revocation import (
+    FILE_NAME,
+    SWARMS_FILE,
+    Revoked,
+    check_not_revoked,
+    common_name,
+    encode_revoked,
+    read_revoked,
+    remove_keys,
+    swarms_with,
+    with_revoked,
+)
 
 LOCAL_HOSTS = ("localhost", "127.0.0.1")
 BACKDATED_BY = dt.timedelta(days=1)
@@ -56,22 +68,40 @@ def make_keys(
     days: int,
     now: dt.datetime,
     hosts: Mapping[str, Sequence[str]] | None = None,
+    *,
+    swarm: str | None = None,
+    share: bool = False,
+    revoke: Sequence[str] = (),
 ) -> list[ParticipantFolder]:
     """Make the missing folders of the participants `names`, and check the existing folders.
 
-    New certificates are valid until `days` after `now` (an aware datetime), and a new authority's certificate
-    for ten times as long. `hosts`: participant's name -> hosts beside LOCAL_HOSTS. Raises KeyringError.
+    days: validity of new certificates after `now` (an aware datetime); ten times that of a new authority
+    hosts: participant's name -> hosts beside LOCAL_HOSTS
+    swarm: name of the swarm; another swarm's folder is refused, unless `share`
+    revoke: participants whose present keys are revoked and made anew
+
+    Raises KeyringError.
     """
-    for name in names:
+    for name in (*names, *revoke):
         if not PARTICIPANT_NAME.fullmatch(name):
             raise KeyringError(f"{name!r} is not a participant: expected uav1 to uav254, operator or router")
     hosts = hosts or {}
     try:
         authority = _authority(folder / AUTHORITY, days, now)
+        if swarm is not None and (swarms := swarms_with(folder / AUTHORITY, swarm, share=share)):
+            _write(folder / AUTHORITY / SWARMS_FILE, swarms)
+        hosts = dict(hosts)
+        for name in revoke:
+            # The list first: an interrupted revocation is completed by the next one.
+            _write(folder / FILE_NAME, encode_revoked(with_revoked(folder, name, now)))
+            hosts[name] = (*hosts.get(name, ()), *hosts_of(read_certificate(folder / name / "cert.pem")))
+            remove_keys(folder / name)
+        revoked = read_revoked(folder)
         folders = [
-            _participant(folder / name, name, authority, days, now, hosts.get(name, ())) for name in names
+            _participant(folder / name, name, authority, days, now, hosts.get(name, ()), revoked)
+            for name in names
         ]
-        changed = _distribute_public_keys(folder)
+        changed = _distribute(folder, revoked)
     except OSError as error:
         raise KeyringError(f"{error.filename or folder}: {error.strerror or error}") from error
     return [replace(item, is_changed=not item.is_new and item.name in changed) for item in folders]
@@ -108,12 +138,18 @@ def _authority(folder: Path, days: int, now: dt.datetime) -> _Authority:
 
 
 def _participant(
-    folder: Path, name: str, authority: _Authority, days: int, now: dt.datetime, hosts: Sequence[str]
+    folder: Path,
+    name: str,
+    authority: _Authority,
+    days: int,
+    now: dt.datetime,
+    hosts: Sequence[str],
+    revoked: Revoked,
 ) -> ParticipantFolder:
     if folder.exists():
-        return _check_existing(folder, name, authority, now, hosts)
+        return _check_existing(folder, name, authority, now, hosts, revoked)
     key = ec.generate_private_key(ec.SECP256R1())
-    subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
+    subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, common_name(name, revoked))])
     all_hosts = tuple(dict.fromkeys((name, *LOCAL_HOSTS, *hosts)))
     purposes = [ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH]
     certificate = (
@@ -132,12 +168,18 @@ def _participant(
 
 
 def _check_existing(
-    folder: Path, name: str, authority: _Authority, now: dt.datetime, hosts: Sequence[str]
+    folder: Path,
+    name: str,
+    authority: _Authority,
+    now: dt.datetime,
+    hosts: Sequence[str],
+    revoked: Revoked,
 ) -> ParticipantFolder:
     """Check an existing folder: name, authority, validity, keys and hosts; return the folder."""
     certificate_file = folder / "cert.pem"
     certificate = read_certificate(certificate_file)
-    check_name(certificate_file, certificate, name)
+    check_not_revoked(certificate_file, certificate.serial_number, name, revoked)
+    check_name(certificate_file, certificate, common_name(name, revoked))
     check_issuer(certificate_file, certificate, authority.certificate, folder.parent / AUTHORITY)
     check_validity(certificate_file, certificate, now)
     check_key_pair(folder / "key.pem", certificate_file, certificate)
@@ -151,18 +193,25 @@ def _check_existing(
     return ParticipantFolder(name, folder, False, False, certificate.not_valid_after_utc, certified_hosts)
 
 
-def _distribute_public_keys(folder: Path) -> set[str]:
-    """Write all public keys into every folder, new or existing; return the names of changed folders."""
+def _distribute(folder: Path, revoked: Revoked) -> set[str]:
+    """Write public keys and revoked keys into every folder, new or existing; return the changed folders."""
     folders = sorted(path for path in folder.iterdir() if PARTICIPANT_NAME.fullmatch(path.name))
     public = {
         path.name: read_signing_key(path / "sign.pem").public_key().public_bytes_raw() for path in folders
     }
     text = json.dumps({name: base64.b64encode(key).decode() for name, key in public.items()}, indent=2)
-    content = text.encode() + b"\n"
-    changed = [path for path in folders if not _has_content(path / "signers.json", content)]
+    contents = {"signers.json": text.encode() + b"\n"}
+    if revoked:
+        contents[FILE_NAME] = encode_revoked(revoked)
+    changed = [
+        path / file
+        for path in folders
+        for file, content in contents.items()
+        if not _has_content(path / file, content)
+    ]
     for path in changed:
-        _write(path / "signers.json", content)
-    return {path.name for path in changed}
+        _write(path, contents[path.name])
+    return {path.parent.name for path in changed}
 
 
 def _has_content(path: Path, content: bytes) -> bool:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import datetime as dt
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,6 +27,36 @@ from swarmctl.security.files import (
     read_public_keys,
     read_signing_key,
 )
+from swarmctl.security.revocation import check_not_revoked, common_name, read_revoked
+
+LOOK_EVERY_S = 1.0
+"""time between looks at the table of public keys"""
+
+
+@dataclass(slots=True)
+class PublicKeyTable:
+    """The public keys of all participants, read again after a change of their file.
+
+    So agents in flight refuse a revoked key as soon as the new file is there. A file that cannot be read
+    changes nothing.
+    """
+
+    path: Path
+    keys: Mapping[str, Ed25519PublicKey]
+    _file: tuple[int, ...] = ()
+    """inode, size and time of the file that has `keys`"""
+    _next_look_s: float = 0.0
+
+    def current(self) -> Mapping[str, Ed25519PublicKey]:
+        now_s = time.monotonic()
+        if now_s >= self._next_look_s:
+            self._next_look_s = now_s + LOOK_EVERY_S
+            with contextlib.suppress(OSError, KeyringError):
+                found = self.path.stat()
+                file = (found.st_ino, found.st_size, found.st_mtime_ns)
+                if file != self._file:
+                    self.keys, self._file = read_public_keys(self.path), file
+        return self.keys
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +68,12 @@ class Keyring:
     until: dt.datetime
     """end of the certificate's validity"""
     signing_key: Ed25519PrivateKey
-    public_keys: Mapping[str, Ed25519PublicKey]
+    table: PublicKeyTable
+
+    @property
+    def public_keys(self) -> Mapping[str, Ed25519PublicKey]:
+        """The public keys of all participants, as the file has them now."""
+        return self.table.current()
 
     def sign(self, uav: int, data: bytes) -> bytes | None:
         """Return a signature (64 bytes); None if the keyring does not belong to vehicle `uav`."""
@@ -72,10 +109,17 @@ def load_keyring(folder: Path, name: str, now: dt.datetime) -> Keyring:
             f"{own_folder}: no such folder; make it with `swarmctl keys --out {folder}`, or copy it from the "
             "machine where `swarmctl keys` ran"
         )
-    files = Credentials(own_folder / "ca.pem", own_folder / "cert.pem", own_folder / "key.pem")
+    revoked = read_revoked(own_folder)
+    files = Credentials(
+        own_folder / "ca.pem",
+        own_folder / "cert.pem",
+        own_folder / "key.pem",
+        {participant: common_name(participant, revoked) for participant in revoked},
+    )
     signing_key_file, public_keys_file = own_folder / "sign.pem", own_folder / "signers.json"
     ca, certificate = read_certificate(files.ca), read_certificate(files.certificate)
-    check_name(files.certificate, certificate, name)
+    check_not_revoked(files.certificate, certificate.serial_number, name, revoked)
+    check_name(files.certificate, certificate, common_name(name, revoked))
     check_issuer(files.certificate, certificate, ca, files.ca)
     check_validity(files.ca, ca, now)
     check_validity(files.certificate, certificate, now)
@@ -89,7 +133,8 @@ def load_keyring(folder: Path, name: str, now: dt.datetime) -> Keyring:
             f"participants would refuse messages of {name}; copy the whole folder from the machine where "
             "`swarmctl keys` ran"
         )
-    return Keyring(name, files, certificate.not_valid_after_utc, signing_key, public_keys)
+    table = PublicKeyTable(public_keys_file, public_keys)
+    return Keyring(name, files, certificate.not_valid_after_utc, signing_key, table)
 
 
 def find_problems(folder: Path, names: Sequence[str], now: dt.datetime) -> Iterator[str]:

@@ -12,13 +12,22 @@ from swarmctl.bus.transports.zenoh_config import Configuration
 
 
 async def run(
-    configuration: Configuration, say: Callable[[str], None], names: Mapping[int, str] | None = None
+    configuration: Configuration,
+    say: Callable[[str], None],
+    names: Mapping[int, str] | None = None,
+    common_names: Mapping[str, str] | None = None,
 ) -> None:
     """Route until SIGINT or SIGTERM; report the endpoint, connections and disconnections.
 
-    `names` are the vehicles (system id: name); certificates name vehicles by system id. Raises BusError.
+    names: vehicles (system id: name); certificates name vehicles by system id
+    common_names: common names of certificates that differ from the participant's name, by participant
+
+    Raises BusError.
     """
     vehicles = {name_of(uav): _label(uav, name) for uav, name in (names or {}).items()}
+    for participant, certificate in (common_names or {}).items():
+        vehicles[certificate] = vehicles.get(participant, participant)
+        vehicles[participant] = f"a revoked certificate of {participant}, which may send nothing,"
     stopped = asyncio.Event()
     loop = asyncio.get_running_loop()
 

@@ -5,13 +5,13 @@ same reason a router's rules list each receiver, and include no key such as `uav
 includes `uav/1/*/*/3`, but only UAV 1 receives such a put, and UAV 1 refuses wildcards.
 
 A subject is a certificate's common name: `uav3` (a vehicle's companion and payloads), `operator` (ground
-station and operators' commands), or `router`. Without certificates every process has the rights of all
-subjects.
+station and operators' commands), or `router`; after a revocation `uav3-2`. Without certificates every process
+has the rights of all subjects.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -51,19 +51,26 @@ def operator_endpoint_rules(ask_keys: Sequence[str], put_keys: Sequence[str]) ->
     return _access_control([(None, rules)])
 
 
-def router_rules(swarm: str, uavs: Sequence[int], *, certified: bool) -> dict[str, Any]:
-    """Return the rules of a router whose clients are the vehicles and operators of one swarm."""
+def router_rules(swarm: str, uavs: Sequence[int], *, certified: Mapping[str, str] | None) -> dict[str, Any]:
+    """Return the rules of a router whose clients are the vehicles and operators of one swarm.
+
+    `certified`: common names of certificates that differ from the participant's name; None: no certificates.
+    """
     grants: list[tuple[str | None, list[Rule]]] = [
         (name_of(uav), _vehicle_rules(swarm, uav, uavs)) for uav in uavs
     ]
     grants.append((OPERATOR, _operator_rules(swarm, uavs)))
-    if certified:
-        return _access_control(grants)
+    if certified is not None:
+        return _access_control(grants, certified)
     return _access_control([(None, _merged(rule for _, rules in grants for rule in rules))])
 
 
-def mesh_node_rules(swarm: str, uavs: Sequence[int], *, certified: bool) -> dict[str, Any]:
+def mesh_node_rules(
+    swarm: str, uavs: Sequence[int], *, certified: Mapping[str, str] | None
+) -> dict[str, Any]:
     """Return the rules of a mesh node: only the swarm's keys and, if `certified`, its certificates.
+
+    `certified`: common names of certificates that differ from the participant's name; None: no certificates.
 
     A neighbour relays messages, so a link does not authenticate a message's sender; the receiver checks the
     message's signature. A payload's reports have no signature, so nodes do not relay reports. If `certified`,
@@ -80,10 +87,10 @@ def mesh_node_rules(swarm: str, uavs: Sequence[int], *, certified: bool) -> dict
     def with_reports(reports: tuple[str, ...]) -> list[Rule]:
         return [*shared, Rule((IN,), ("put", "query"), reports), Rule((OUT,), ("reply",), reports)]
 
-    if not certified:
+    if certified is None:
         return _access_control([(None, with_reports(all_reports))])
     vehicles = [(name_of(uav), with_reports((keys.sensor_report(swarm, uav),))) for uav in uavs]
-    return _access_control([*vehicles, (OPERATOR, with_reports(all_reports)), (ROUTER, shared)])
+    return _access_control([*vehicles, (OPERATOR, with_reports(all_reports)), (ROUTER, shared)], certified)
 
 
 def _vehicle_rules(swarm: str, uav: int, uavs: Sequence[int]) -> list[Rule]:
@@ -122,8 +129,11 @@ def _merged(rules: Iterable[Rule]) -> list[Rule]:
     return [Rule(flows, messages, tuple(named)) for (flows, messages), named in merged.items()]
 
 
-def _access_control(grants: Sequence[tuple[str | None, list[Rule]]]) -> dict[str, Any]:
+def _access_control(
+    grants: Sequence[tuple[str | None, list[Rule]]], common_names: Mapping[str, str] | None = None
+) -> dict[str, Any]:
     """Return Zenoh's `access_control`; the subject None matches every process."""
+    certificates = common_names or {}
     rules, subjects, policies = [], [], []
     for name, allowed in grants:
         subject = name or "anybody"
@@ -139,7 +149,8 @@ def _access_control(grants: Sequence[tuple[str | None, list[Rule]]]) -> dict[str
                     "key_exprs": list(rule.keys),
                 }
             )
-        subjects.append({"id": subject} if name is None else {"id": subject, "cert_common_names": [name]})
+        certified = {} if name is None else {"cert_common_names": [certificates.get(name, name)]}
+        subjects.append({"id": subject, **certified})
         policies.append({"rules": ids, "subjects": [subject]})
     return {
         "enabled": True,

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +50,8 @@ class Credentials:
     ca: Path
     certificate: Path
     key: Path
+    common_names: Mapping[str, str] = field(default_factory=dict)
+    """common names of certificates that differ from the participant's name, by participant"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +139,7 @@ def router(
 ) -> Configuration:
     """Return the configuration of the router of a swarm's clients."""
     values = _common("router", listen=listen, credentials=credentials)
-    values["access_control"] = access.router_rules(swarm, uavs, certified=credentials is not None)
+    values["access_control"] = access.router_rules(swarm, uavs, certified=_common_names(credentials))
     return Configuration(values, listen=listen, has_others=True)
 
 
@@ -157,9 +159,13 @@ def mesh_node(
     values = _common("router", listen=listen, connect=neighbours, credentials=credentials)
     # No time-out: Zenoh tries in the background.
     values |= {"connect/timeout_ms": -1, "connect/exit_on_failure": False}
-    values["access_control"] = access.mesh_node_rules(swarm, uavs, certified=credentials is not None)
+    values["access_control"] = access.mesh_node_rules(swarm, uavs, certified=_common_names(credentials))
     nodes = f"{keys.ROOT}/{swarm}/node"
     return Configuration(values, listen=listen, connect=tuple(neighbours), has_others=True, nodes=nodes)
+
+
+def _common_names(credentials: Credentials | None) -> Mapping[str, str] | None:
+    return None if credentials is None else credentials.common_names
 
 
 def _common(
