@@ -191,6 +191,8 @@ class Personality:
     # (global target, local target) reported in the present mode
     targets: Callable[[Vehicle], tuple[bool, bool]]
     # features of one autopilot only
+    # message type -> handler (vehicle, message, time [s]), besides `receivers.RECEIVERS`
+    receivers: Mapping[str, Callable[[Vehicle, Any, float], None]] = field(default_factory=dict)
     parameter_bits: Mapping[str, int] = field(default_factory=dict)  # width of integers; default 32
     mission: Callable[[Vehicle], Mission] | None = None  # None: a mission with home as item 0
     mission_ends_in: Behaviour | None = None  # behaviour after a mission that ends in the air

@@ -220,8 +220,8 @@ class Autopilot:
             self.transfer.receive(message, now)
         elif self.storage.handles(kind):
             self.storage.receive(message, now)
-        elif kind in RECEIVERS:
-            RECEIVERS[kind](self, message, now)
+        elif handler := self.personality.receivers.get(kind, RECEIVERS.get(kind)):
+            handler(self, message, now)
         else:
             return
         self.storage.record_changes(now)

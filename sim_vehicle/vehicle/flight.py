@@ -80,6 +80,11 @@ class Flight:
     def armed(self) -> bool:
         return self.body.armed
 
+    @property
+    def manoeuvre(self) -> Manoeuvre | None:
+        """The manoeuvre in progress, outside of missions."""
+        return self._manoeuvre
+
     def landed(self, now: float) -> bool:
         return not self.body.airborne and now - self._ground_since_s >= LANDED_AFTER_S
 

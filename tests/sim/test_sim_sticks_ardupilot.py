@@ -71,6 +71,7 @@ def test_rc_channels_shows_the_receiver_and_overrides_until_rc_override_time() -
     assert channels(station) == RECEIVER
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("limit_s", "after_10_s"), [(0.0, 1500), (-1.0, 1600), (20.0, 1600), (5.0, 1500)])
 def test_rc_override_time(limit_s: float, after_10_s: int) -> None:
     station = Station()
@@ -147,6 +148,7 @@ def test_a_copter_on_the_ground_does_not_leap_into_a_manual_mode() -> None:
     assert station.set_mode(STABILIZE) == 0
 
 
+@pytest.mark.full
 def test_a_raised_throttle_delays_the_automatic_disarming() -> None:
     station = Station()
     station.set_mode(ALT_HOLD)
@@ -166,6 +168,7 @@ def test_overrides_replace_a_failed_receiver_and_their_end_is_a_radio_failsafe()
     assert station.mode == "RTL"
 
 
+@pytest.mark.full
 def test_manual_control_counts_as_a_heartbeat_of_the_ground_station() -> None:
     station = flying(LOITER)
     for name, value in ((b"FS_GCS_ENABLE", 1), (b"FS_OPTIONS", 0)):
@@ -195,7 +198,14 @@ def test_stabilize_takes_off_climbs_and_falls_by_its_throttle() -> None:
 
 @pytest.mark.parametrize(
     ("throttle_us", "climb_m_s"),
-    [(1000, -2.5), (1200, -1.45), (1450, 0.0), (1500, 0.0), (1800, 1.3), (2000, 2.5)],
+    [
+        (1000, -2.5),
+        (1800, 1.3),
+        *[
+            pytest.param(*row, marks=pytest.mark.full)
+            for row in ((1200, -1.45), (1450, 0.0), (1500, 0.0), (2000, 2.5))
+        ],
+    ],
 )
 def test_alt_hold_climbs_by_the_throttle_outside_its_deadzone(throttle_us: int, climb_m_s: float) -> None:
     station = flying(ALT_HOLD)
@@ -205,7 +215,13 @@ def test_alt_hold_climbs_by_the_throttle_outside_its_deadzone(throttle_us: int, 
 
 @pytest.mark.parametrize(
     ("roll_us", "pitch_us", "lean_deg"),
-    [(1500, 1000, (0, -30)), (2000, 1500, (30, 0)), (1750, 1500, (14.4, 0)), (2000, 1000, (22, -20.5))],
+    [
+        (2000, 1000, (22, -20.5)),
+        *[
+            pytest.param(*row, marks=pytest.mark.full)
+            for row in ((1500, 1000, (0, -30)), (1750, 1500, (14.4, 0)))
+        ],
+    ],
 )
 def test_alt_hold_leans_up_to_angle_max(roll_us: int, pitch_us: int, lean_deg: tuple[float, float]) -> None:
     station = flying(ALT_HOLD)
@@ -224,6 +240,7 @@ def test_the_yaw_stick_turns_at_pilot_y_rate() -> None:
     assert station.ask(mavlink.MAVLINK_MSG_ID_ATTITUDE).yawspeed == pytest.approx(0, abs=0.02)
 
 
+@pytest.mark.full
 def test_alt_hold_drifts_with_the_wind_and_loiter_does_not() -> None:
     drifts_m = {}
     for mode in (ALT_HOLD, LOITER):
@@ -256,6 +273,7 @@ def test_loiter_flies_by_the_sticks_brakes_and_holds(mode: int) -> None:
     assert math.dist(place_m(station), held_m) < 0.5
 
 
+@pytest.mark.full
 def test_without_overrides_loiter_sinks_with_the_receivers_throttle() -> None:
     station = flying(LOITER)
     station.wait(3.5)
@@ -291,6 +309,7 @@ def test_fbwb_banks_climbs_and_sets_the_airspeed() -> None:
     assert hud.airspeed == pytest.approx(22, abs=1)
 
 
+@pytest.mark.full
 def test_fbwa_climbs_only_with_power() -> None:
     station = airborne_plane()
     override(station, 1500, 2000, 2000, 1500)

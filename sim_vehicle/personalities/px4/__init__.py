@@ -10,6 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim_vehicle.personalities.base import Personality, Vehicle
 from sim_vehicle.personalities.px4 import flight_parameters, parameters, storage
 from sim_vehicle.personalities.px4.commands import COMMANDS
+from sim_vehicle.personalities.px4.follow import on_follow_target
 from sim_vehicle.personalities.px4.items import store_item
 from sim_vehicle.personalities.px4.messages import DEFAULT_RATES_HZ, ONE_SHOT_MESSAGES, targets
 from sim_vehicle.personalities.px4.mission_landing import return_by_mission
@@ -224,6 +225,7 @@ _COPTER = Personality(
     transfer=_transfer,
     refusals=refusals,
     remote=Remote,
+    receivers=MappingProxyType({"FOLLOW_TARGET": on_follow_target}),
     stick_refusals=stick_refusals,
     ready_s=READY_S,
     storage=storage.storage,

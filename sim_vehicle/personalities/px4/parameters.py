@@ -154,6 +154,12 @@ COPTER: dict[str, float | int] = (
     _COMMON
     | _NO_EFFECT_COPTER
     | {
+        "FLW_TGT_ALT_M": 0,  # altitude above: 0 home, 1 the ground, 2 the target
+        "FLW_TGT_DST": 8.0,  # m from the target
+        "FLW_TGT_FA": 180.0,  # deg clockwise from the target's course
+        "FLW_TGT_HT": 8.0,  # m
+        "FLW_TGT_MAX_VEL": 5.0,  # m/s around the target
+        "FLW_TGT_RS": 0.1,  # no effect: the target's messages are not filtered
         "MAV_TYPE": 2,
         "MIS_TAKEOFF_ALT": 2.5,  # m above home
         "MPC_ACC_DOWN_MAX": 3.0,  # m/s^2
