@@ -301,7 +301,10 @@ def _mission_accepted(state: AgentState, event: ev.MissionAccepted, _now: float)
     state = replace(state, accepted=swap, pending=None)
     if state.ended:
         return state, []
-    state = replace(state, route=swap, route_exposure=state.exposure, progress=0, failed_swaps=0, trouble="")
+    # The vehicle has flown on since the decision.
+    progress = 0 if state.cell is None else route_index_at(swap, state.cell) or 0
+    state = replace(state, route=swap, route_exposure=state.exposure, progress=progress)
+    state = replace(state, failed_swaps=0, trouble="")
     # A mode change during the swap may have reset the commanded speed.
     state = replace(state, speed_m_s=None if state.speed_m_s is None else UNKNOWN_M_S)
     state = replace(state, hold_is_own=False)

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmctl.agent.replan.stopping import distance_and_speed_after
+from swarmctl.agent.replan.travel_time import ACCELERATION_M_S2
 from swarmctl.agent.state import AgentState, Phase
 from swarmctl.agent.traffic.prediction import track_ahead
 from swarmctl.core.any_angle.track import crossed_cells
@@ -146,15 +147,18 @@ def may_learn_of_walls(state: AgentState) -> bool:
 
 
 def _position_on_route(state: AgentState) -> PlanarPoint | None:
-    """Return the vehicle's position; None if the vehicle is not on its lattice route."""
+    """Return the vehicle's position; None if the vehicle is not on the track of its lattice route."""
     vehicle, swap, grid = state.vehicle, state.route, state.task.grid
     if state.phase is not Phase.FLYING or vehicle.mode_role != "mission" or swap is None:
         return None
     if swap.track is not None or vehicle.lat_deg is None or vehicle.lon_deg is None:
         return None
     here = grid.frame.to_local(vehicle.lat_deg, vehicle.lon_deg)
-    near = [grid.centre_m(cell) for cell in swap.cells[max(state.progress - 1, 0) : state.progress + 3]]
-    return here if distance_to_track(here, near) <= ON_ROUTE_M else None
+    points = [(p.lat_deg, p.lon_deg) for p in swap.plan.waypoints]
+    if swap.plan.begins is None and vehicle.takeoff_lat_lon is not None:
+        points.insert(0, vehicle.takeoff_lat_lon)
+    track = [grid.frame.to_local(*point) for point in points]
+    return here if distance_to_track(here, track) <= ON_ROUTE_M else None
 
 
 def _is_centre_passed(state: AgentState, here: PlanarPoint, index: int) -> bool:
@@ -175,8 +179,12 @@ def _is_centre_passed(state: AgentState, here: PlanarPoint, index: int) -> bool:
 
 
 def _swap_distance_m(state: AgentState) -> float:
-    """Return the distance that the vehicle flies by its old plan until the end of a swap [m]."""
-    return distance_and_speed_after(state, state.swap_times.expected_s)[0]
+    """Return the distance until the end of a swap and the stop that may follow it [m].
+
+    Without room for a stop, the vehicle would fly past the splice point before it turns.
+    """
+    flown_m, speed_m_s = distance_and_speed_after(state, state.swap_times.expected_s)
+    return flown_m + speed_m_s**2 / (2.0 * (state.vehicle.brakes_m_s2 or ACCELERATION_M_S2))
 
 
 def _is_wall(state: AgentState, p_s: NDArray[np.float64], cell: Cell) -> bool:
