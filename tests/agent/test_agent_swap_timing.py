@@ -120,9 +120,9 @@ def test_a_plan_leaves_ahead_of_a_vehicle_on_its_way_to_the_first_centre(east_m:
 
 
 def test_a_copter_has_room_for_a_stop_before_the_splice_point() -> None:
-    """The swap is expected to end after 30 m, and the stop takes 20 m."""
+    """The swap is expected to end after 30 m, and the stop takes 29 m."""
     story = SwapStory(2.0)
-    story.at(30.0, brakes_m_s2=2.5)
+    story.at(30.0)
     story.hear((4, 3, True))
     turns_m = next(east_m for east_m, north_m in story.points(story.swap()) if abs(north_m - ROW_M) < 0.1)
     assert turns_m == pytest.approx(125.0, abs=0.1)

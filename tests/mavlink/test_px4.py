@@ -8,6 +8,8 @@ from dataclasses import replace
 
 import pytest
 from flying_bench import FlyingBench, plan
+from metric_plans import place
+from metric_plans import plan as metric_plan
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from wire_bench import Faults
 
@@ -167,7 +169,7 @@ def test_a_swap_changes_the_mission_at_once_and_does_not_stop():
     assert bench.now - before_s < 3.0
     assert modes == {"AUTO.MISSION"}
     assert aims <= {before_aim, (items[1].x, items[1].y)}, "the vehicle aimed at another item"
-    assert bench.holds(items)
+    assert bench.holds((bench.stored[0], *items[1:])), "the take-off lies where the vehicle is"
     assert bench.session.items == bench.stored
     assert bench.vehicle.mission.index == 1
     assert bench.of(SET_CURRENT) == [], "the upload marks the item to fly"
@@ -277,12 +279,29 @@ def test_a_pilots_hold_at_any_moment_of_a_swap_is_respected():
 def test_a_mission_that_the_vehicle_finds_infeasible_ends_with_the_old_one():
     """PX4 accepts such a mission and then enters hold."""
     bench = FlyingBench("px4").flying(OLD)
-    far = FlightPlan(20.0, tuple(Waypoint(47.5, 14.5, 20.0) for _ in range(2)), Waypoint(47.5, 14.5, 20.0))
-    items = bench.session.dialect.mission_items(far, (47.5, 14.5))
+    takeoff, *rest = bench.session.mission_items(NEW)
+    items = (takeoff, rest[0], takeoff, *rest[1:])
     result = bench.do("swap", lambda c: basic.swap(c, items))
     assert result.flying == "old"
     assert bench.mode == "AUTO.MISSION"
     assert bench.holds(bench.session.items)
+
+
+@pytest.mark.parametrize("refused", [False, True])
+@pytest.mark.parametrize("leaves_ahead", [False, True])
+def test_a_plan_changes_more_than_900_m_from_the_take_off(leaves_ahead, refused):
+    """PX4 1.15 flies no mission whose first position is 900 m (MIS_DIST_1WP) or more from the vehicle."""
+    bench = FlyingBench("px4").flying(metric_plan((0.0, 60.0), (0.0, 1100.0), (0.0, 1500.0)))
+    assert bench.run(200, lambda: place(bench)[1] > 950.0)
+    new = [(0.0, 1150.0), (100.0, 1150.0)] if leaves_ahead else [(20.0, 1010.0), (100.0, 1150.0)]
+    items = bench.session.mission_items(metric_plan(*new))
+    if refused:  # a take-off after a waypoint
+        items = (*items[:2], items[0], *items[2:])
+    result = bench.do("swap", lambda c: basic.swap(c, items, leaves_ahead=leaves_ahead))
+    assert result.flying == ("old" if refused else "new"), result.failure
+    assert bench.mode == "AUTO.MISSION"
+    assert bench.run(200, lambda: not bench.vehicle.armed)
+    assert place(bench) == pytest.approx((0.0, 1500.0) if refused else new[-1], abs=3.0)
 
 
 def test_an_interrupted_read_back_is_repeated():
@@ -295,7 +314,7 @@ def test_an_interrupted_read_back_is_repeated():
     result = bench.swap(NEW)
     assert next(lost, None) is None
     assert (result.failure, result.flying) == (None, "new")
-    assert bench.holds(bench.session.mission_items(NEW))
+    assert bench.holds((bench.stored[0], *bench.session.mission_items(NEW)[1:]))
     assert [m.count for m in bench.of("MISSION_COUNT")] == [
         len(bench.session.mission_items(p)) for p in (OLD, NEW)
     ]

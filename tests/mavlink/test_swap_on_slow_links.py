@@ -139,12 +139,12 @@ def test_a_vehicle_near_the_splice_point_never_turns_back(personality: str, ahea
 @pytest.mark.parametrize(
     ("personality", "delay_s", "holds", "ahead_m", "flying_then"),
     [
-        ("ardupilot", 0.0, False, 4.0, "old"),  # the command could come after the corner
-        ("ardupilot", 0.0, False, 9.0, "new"),
-        ("ardupilot", 0.0, True, 11.5, "old"),
-        ("ardupilot", 0.0, True, 17.0, "new"),
-        ("px4", 0.5, False, 13.0, "old"),  # the last item would come after the corner
-        ("px4", 0.5, False, 20.0, "new"),
+        ("ardupilot", 0.0, False, 17.0, "old"),  # it would stop after the corner, and fly back
+        ("ardupilot", 0.0, False, 38.0, "new"),
+        ("ardupilot", 0.0, True, 17.0, "old"),
+        ("ardupilot", 0.0, True, 42.0, "new"),
+        ("px4", 0.5, False, 20.0, "old"),  # it could not slow down before the corner
+        ("px4", 0.5, False, 50.0, "new"),
     ],
 )
 def test_the_time_until_the_splice_point_decides_on_the_plan(
@@ -157,9 +157,13 @@ def test_the_time_until_the_splice_point_decides_on_the_plan(
     aims = {"old": {(item.x, item.y) for item in bench.session.items}}
     aims["new"] = {(item.x, item.y) for item in new} - aims["old"]
     bench.block = lambda m: holds and m.get_type() == "MISSION_WRITE_PARTIAL_LIST"
-    result = bench.do("swap", lambda c: basic.swap(c, new, leaves_ahead=True))
+    norths_m: list[float] = []
+    bench.begin("swap", lambda c: basic.swap(c, new, leaves_ahead=True))
+    bench.run(20.0, lambda: norths_m.append(place(bench)[1]))
+    result = bench.session.result
     assert (result.flying, result.is_late) == (flying_then, flying_then == "old")
     assert bench.aim in aims[flying_then]
+    assert most_backwards_m(norths_m) < TURNS_WITHIN_M
 
 
 def test_a_new_plan_from_the_passed_corner_on_does_not_lead_back_to_that_corner() -> None:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmctl.agent.replan.stopping import distance_and_speed_after
-from swarmctl.agent.replan.travel_time import ACCELERATION_M_S2
+from swarmctl.agent.replan.travel_time import BRAKING_M_S2
 from swarmctl.agent.state import AgentState, Phase
 from swarmctl.agent.traffic.prediction import track_ahead
 from swarmctl.core.any_angle.track import crossed_cells
@@ -184,7 +184,7 @@ def _swap_distance_m(state: AgentState) -> float:
     Without room for a stop, the vehicle would fly past the splice point before it turns.
     """
     flown_m, speed_m_s = distance_and_speed_after(state, state.swap_times.expected_s)
-    return flown_m + speed_m_s**2 / (2.0 * (state.vehicle.brakes_m_s2 or ACCELERATION_M_S2))
+    return flown_m + speed_m_s**2 / (2.0 * BRAKING_M_S2)
 
 
 def _is_wall(state: AgentState, p_s: NDArray[np.float64], cell: Cell) -> bool:

@@ -11,6 +11,10 @@ from swarmctl.core.mission import FlightPlan, MissionItem
 from swarmctl.mavlink.protocol.command import CommandResult
 from swarmctl.mavlink.protocol.conversation import Conversation, MavlinkPeer
 
+CORNER_BRAKES_M_S2 = 1.75
+"""Deceleration assumed for a copter's stop. The defaults of WPNAV_ACCEL (2.5) and MPC_ACC_HOR (3) are
+higher, but limits of the jerk and late telemetry make the way longer."""
+
 
 class Unsupported(Exception):
     """No dialect for this vehicle."""
@@ -107,6 +111,10 @@ class Dialect(Protocol):
     @property
     def brakes_m_s2(self) -> float | None:
         """Deceleration before the flight to a new current item; None: the vehicle turns without a stop."""
+
+    @property
+    def corner_brakes_m_s2(self) -> float | None:
+        """Deceleration for a copter's stop before a corner; None: the vehicle flies curves."""
 
     @property
     def serves_single_items(self) -> bool:

@@ -15,13 +15,14 @@ from swarmctl.core.mission import MissionItem
 from swarmctl.core.vehicle import Landed, VehicleState
 from swarmctl.mavlink.procedures.guarded import TakenOver, confirm_state, in_modes, send_guarded
 from swarmctl.mavlink.procedures.swap.in_hold import swap_in_hold
-from swarmctl.mavlink.procedures.swap.route_progress import CORNER_MARGIN_S, SAME_PLACE_M, RoutePosition
+from swarmctl.mavlink.procedures.swap.route_progress import CORNER_MARGIN_S, RoutePosition
 from swarmctl.mavlink.procedures.swap.steps import (
     MAX_ITEMS,
     PAST_SPLICE,
     POSITION_UNKNOWN,
     OldPlan,
     SwapPlan,
+    braking_distance_m,
     confirm_flying,
 )
 from swarmctl.mavlink.procedures.verified_upload import read_back
@@ -109,19 +110,13 @@ def _next_item_is_certain(ctx: Context, plan: SwapPlan, later_s: float) -> bool:
     if not plan.leaves_ahead or ctx.state.ground_speed_m_s < STILL_M_S:
         return True
     at = plan.position(ctx, later_s)
-    return at.is_late or (at.corner_s > CORNER_MARGIN_S and not _overshoots_item(ctx, at))
+    is_late = plan.is_past_splice(ctx, later_s)
+    return is_late or (at.corner_s > CORNER_MARGIN_S and not _overshoots_item(ctx, at))
 
 
 def _overshoots_item(ctx: Context, at: RoutePosition) -> bool:
-    """Return whether the vehicle cannot stop before the next item, and would fly back to that item.
-
-    False at the splice point: flying back to that point is better than leaving it out.
-    """
-    brakes_m_s2 = ctx.dialect.brakes_m_s2
-    is_at_splice = at.to_item_m + at.past_splice_m > -SAME_PLACE_M
-    if brakes_m_s2 is None or is_at_splice:
-        return False
-    return at.to_item_m < ctx.state.ground_speed_m_s**2 / (2.0 * brakes_m_s2)
+    """Return whether the vehicle cannot stop before the next item, and would fly back to that item."""
+    return ctx.dialect.brakes_m_s2 is not None and at.to_item_m < braking_distance_m(ctx)
 
 
 def _make_tail_current(

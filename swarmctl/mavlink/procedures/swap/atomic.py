@@ -87,7 +87,7 @@ def _joined(ctx: Context, plan: SwapPlan, old: OldPlan) -> tuple[tuple[MissionIt
     """
     first, n_before = ctx.dialect.first_waypoint_seq, old.seq
     waypoint, on_first_leg = plan.items[first], list[MissionItem]()
-    if _position(old.items[n_before - 1]) == _position(waypoint):
+    if n_before > first and _position(old.items[n_before - 1]) == _position(waypoint):
         n_before -= 1
     else:
         # Old items on the new plan's first leg stay, so that the items after them keep their numbers.
@@ -103,6 +103,18 @@ def _position(item: MissionItem) -> tuple[int, int]:
     return item.x, item.y
 
 
+def _beginning_here(ctx: Context, items: tuple[MissionItem, ...]) -> tuple[MissionItem, ...]:
+    """Return the items with the take-off, which a flying vehicle skips, at the vehicle's position.
+
+    PX4 1.14 and 1.15 do not fly a mission whose first position is MIS_DIST_1WP (900 m) or more from the
+    vehicle (`FeasibilityChecker::checkHorizontalDistanceToFirstWaypoint`); 1.16 only warns.
+    """
+    lat_deg, lon_deg = ctx.state.lat_deg, ctx.state.lon_deg
+    if lat_deg is None or lon_deg is None:
+        return items
+    return (replace(items[0], x=round(lat_deg * 1e7), y=round(lon_deg * 1e7)), *items[1:])
+
+
 def _upload(
     ctx: Context, plan: SwapPlan, items: tuple[MissionItem, ...], marked: int | None, flown: int
 ) -> Procedure[VerifiedUpload]:
@@ -111,6 +123,7 @@ def _upload(
     After a failure `found` has the items on the vehicle, if they could be read.
     """
     yield from confirm_state(ctx, _in_own_modes(plan))
+    items = _beginning_here(ctx, items)
 
     def too_late(round_trip_s: float) -> bool:
         return plan.lacks_position(ctx) or plan.is_past_splice(ctx, round_trip_s)
@@ -208,7 +221,7 @@ def _return_to_old(ctx: Context, plan: SwapPlan, old: OldPlan) -> Procedure[str 
     seq = old.next_item(ctx)
     if seq is None:
         return NOT_ON_OLD_MISSION if old.items else "the old mission is unknown"
-    uploaded = yield from upload_mission(ctx, old.items, seq)
+    uploaded = yield from upload_mission(ctx, _beginning_here(ctx, old.items), seq)
     if uploaded.failure:
         return uploaded.failure
     seq = old.next_item(ctx)  # the vehicle has flown on during the upload

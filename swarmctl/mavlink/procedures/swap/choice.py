@@ -80,6 +80,7 @@ def swap(
     plan = SwapPlan(new, progress, leaves_ahead, own_modes)
     # A vehicle stopped during its climb would fly to the first waypoint at that low altitude.
     yield WaitUntil(lambda: not takes_off(ctx), CLIMB_LIMIT_S)
+    began_s = ctx.state.time_boot_s
     # The last heartbeat may show an earlier mode.
     yield WaitUntil(lambda: ctx.state.mode in plan.own_modes, STALE_MODE_S)
     if ctx.state.mode not in plan.own_modes:
@@ -98,6 +99,6 @@ def swap(
         done = Swapped(str(why), "theirs")
     except NotInControl as why:
         done = Swapped(str(why), "hold" if plan.holds else "unknown")
-    took_s = None if plan.current_since_s is None else max(plan.current_since_s - begin.time_boot_s, 0.0)
+    took_s = None if plan.current_since_s is None else max(plan.current_since_s - began_s, 0.0)
     stood_s = ctx.telemetry.stood_still_s - stood_before_s
     return replace(done, stood_still_s=stood_s, took_s=took_s if done.failure is None else None)
