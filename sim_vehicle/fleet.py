@@ -171,7 +171,7 @@ class Fleet:
 
     def _deliver_one(self, vehicle: Autopilot, message: Any, now: float) -> None:
         """Deliver a message to a vehicle, if the vehicle accepts the signature."""
-        if not self._link_layer.accepts(vehicle.index, message, now):
+        if not self._link_layer.accepts(vehicle.index, message):
             return
         vehicle.receive(message, now)
         self._alarm_s[vehicle.index] = vehicle.alarm_s

@@ -42,8 +42,8 @@ def _on_parameter(vehicle: Vehicle, message: Any, now: float) -> None:
         vehicle.parameter_changed(name)
 
 
-def _on_setup_signing(vehicle: Vehicle, message: Any, now: float) -> None:
-    if vehicle.personality.supports_signing and not vehicle.signing.set_up(message, now, armed=vehicle.armed):
+def _on_setup_signing(vehicle: Vehicle, message: Any, _now: float) -> None:
+    if vehicle.personality.supports_signing and not vehicle.signing.set_up(message, armed=vehicle.armed):
         vehicle.announce("signing_refused")
 
 

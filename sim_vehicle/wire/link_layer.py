@@ -47,19 +47,19 @@ class LinkLayer:
         if self._signings[index].active:
             self._signing[index] = self._signings[index]
 
-    def accepts(self, index: int, message: Any, now: float) -> bool:
+    def accepts(self, index: int, message: Any) -> bool:
         """Return True if a vehicle may obey a message: its signature is valid or not required."""
         signing = self._signing.get(index)
         if signing is None or self._links[index] in self._trusted_links:
             return True
-        return signing.accepts(bytes(message.get_msgbuf()), now)
+        return signing.accepts(bytes(message.get_msgbuf()))
 
     def send(self, frames: Frames, now: float) -> Frames:
         """Sign frames; put the frames of impaired links into channels and return the remaining frames."""
         direct = []
         for index, frame in frames:
             signing = self._signing.get(index)
-            signed = frame if signing is None else signing.sign(frame, self._links[index], now)
+            signed = frame if signing is None else signing.sign(frame, self._links[index])
             channel = self._channels.get(index)
             if channel is None:
                 direct.append((index, signed))

@@ -1,4 +1,7 @@
-"""MAVLink 2 signing of complete frames in simulated time (mavlink.io/en/guide/message_signing.html)."""
+"""MAVLink 2 signing of complete frames (mavlink.io/en/guide/message_signing.html), as in ArduPilot.
+
+Only messages advance the time stamp, which begins a minute after that of the key.
+"""
 
 import hashlib
 import hmac
@@ -12,6 +15,7 @@ from sim_vehicle.wire.frame import HEADER2_BYTES, MAVLINK2
 TICKS_PER_S = 100_000  # a time stamp counts 10 us since the start of 2015
 LAST_TIMESTAMP = 2**48 - 1  # largest time stamp in a signature
 NEW_STREAM_AGE_TICKS = 60 * TICKS_PER_S  # largest age of the first message of a stream
+KEY_LEAD_TICKS = 60 * TICKS_PER_S  # lead of the time stamp over that of a new key, against replays
 MAX_STREAMS = 16
 SIGNED = 0x01  # bit of the incompatibility flags, the third byte
 SIGNATURE_BYTES = 13  # link id, time stamp of 6 bytes, 6 bytes of the hash
@@ -44,7 +48,6 @@ class Signing:
     def __init__(self) -> None:
         self._key: bytes | None = None
         self._timestamp = 0  # latest time stamp sent or received
-        self._timestamp_at_zero = 0  # time stamp at second 0 of the simulation
         self._streams: dict[tuple[int, int, int], int] = {}  # link, system, component -> latest time stamp
         self.refused = 0  # number of refused frames
 
@@ -53,7 +56,7 @@ class Signing:
         """True while a key is set."""
         return self._key is not None
 
-    def set_key(self, key: bytes, timestamp: int, now: float) -> None:
+    def set_key(self, key: bytes, timestamp: int) -> None:
         """Set a key of 32 bytes and the present time stamp [10 us]; both zero: end signing.
 
         The lower 48 bits of the time stamp count. Raise ValueError if the key has another length.
@@ -61,26 +64,24 @@ class Signing:
         if len(key) != len(NO_KEY):
             raise ValueError(f"a signing key has {len(NO_KEY)} bytes, found {len(key)}")
         self._key = None if key == NO_KEY and timestamp == 0 else key
-        timestamp &= LAST_TIMESTAMP
-        self._timestamp = timestamp
-        self._timestamp_at_zero = timestamp - int(now * TICKS_PER_S)
+        self._timestamp = min((timestamp & LAST_TIMESTAMP) + KEY_LEAD_TICKS, LAST_TIMESTAMP)
 
-    def set_up(self, message: Any, now: float, *, armed: bool) -> bool:
+    def set_up(self, message: Any, *, armed: bool) -> bool:
         """Process SETUP_SIGNING; return False without a change if the vehicle is armed."""
         if not armed:
-            self.set_key(bytes(message.secret_key), message.initial_timestamp, now)
+            self.set_key(bytes(message.secret_key), message.initial_timestamp)
         return not armed
 
     def reboot(self) -> None:
         """Forget the known streams; key and time stay."""
         self._streams.clear()
 
-    def sign(self, frame: bytes, link_id: int, now: float) -> bytes:
+    def sign(self, frame: bytes, link_id: int) -> bytes:
         """Return an unsigned MAVLink 2 frame with a signature, or any other frame unchanged."""
         if self._key is None or not _is_unsigned_mavlink2(frame):
             return frame
         # A time stamp at its limit stays there, so receivers reject all later messages of the vehicle.
-        self._timestamp = min(max(self._timestamp + 1, self._clock(now)), LAST_TIMESTAMP)
+        self._timestamp = min(self._timestamp + 1, LAST_TIMESTAMP)
         (crc,) = struct.unpack("<H", frame[-2:])
         crc ^= CRC_CHANGES[len(frame) - 4]  # bytes after the flag's byte, CRC_EXTRA in place of the checksum
         covered = b"".join(
@@ -94,33 +95,29 @@ class Signing:
         )
         return covered + self._hash(covered)
 
-    def accepts(self, frame: bytes, now: float) -> bool:
+    def accepts(self, frame: bytes) -> bool:
         """Return True if a vehicle may obey a frame; the caller has verified the checksum."""
         if self._key is None:
             return True
         signed = frame[0] == MAVLINK2 and bool(frame[2] & SIGNED)
-        accepted = self._verified(frame, now) if signed else _message_id(frame) in UNSIGNED_ALLOWED
+        accepted = (signed and self._verified(frame)) or _message_id(frame) in UNSIGNED_ALLOWED
         self.refused += not accepted
         return accepted
 
-    def _verified(self, frame: bytes, now: float) -> bool:
+    def _verified(self, frame: bytes) -> bool:
         if not hmac.compare_digest(self._hash(frame[:-6]), frame[-6:]):
             return False
         stream = (frame[-SIGNATURE_BYTES], frame[5], frame[6])  # link, system, component
         timestamp = int.from_bytes(frame[-12:-6], "little")
         last = self._streams.get(stream)
         if last is None:
-            present = max(self._timestamp, self._clock(now))
-            if len(self._streams) >= MAX_STREAMS or timestamp + NEW_STREAM_AGE_TICKS < present:
+            if len(self._streams) >= MAX_STREAMS or timestamp + NEW_STREAM_AGE_TICKS < self._timestamp:
                 return False
         elif timestamp <= last:
             return False
         self._streams[stream] = timestamp
         self._timestamp = max(self._timestamp, timestamp)
         return True
-
-    def _clock(self, now: float) -> int:
-        return self._timestamp_at_zero + int(now * TICKS_PER_S)
 
     def _hash(self, covered: bytes) -> bytes:
         assert self._key is not None

@@ -9,6 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim_vehicle.wire.signing import Signing
 
 KEY = bytes(range(32))
+MINUTE = 60 * 100_000  # ticks of a time stamp
 START = 500_000_000_000  # a time stamp of some day in 2020
 
 
@@ -23,9 +24,9 @@ def station(key: bytes | None = KEY, *, timestamp: int = START, link_id: int = 3
     return codec
 
 
-def keyed(*, now: float = 0.0) -> Signing:
+def keyed() -> Signing:
     signing = Signing()
-    signing.set_key(KEY, START, now)
+    signing.set_key(KEY, START)
     return signing
 
 
@@ -40,9 +41,9 @@ def packed(message: mavlink.MAVLink_message, codec: mavlink.MAVLink | None = Non
 def test_frames_pass_unchanged_without_a_key() -> None:
     signing = Signing()
     frame = packed(attitude())
-    assert signing.sign(frame, 0, 1.0) == frame
-    assert signing.accepts(frame, 1.0)
-    assert signing.accepts(packed(attitude(), station()), 1.0)
+    assert signing.sign(frame, 0) == frame
+    assert signing.accepts(frame)
+    assert signing.accepts(packed(attitude(), station()))
     assert not signing.active
 
 
@@ -52,7 +53,7 @@ def test_pymavlink_accepts_signed_frames(text: bytes, severity: int, seq: int) -
     codec = station(None)
     codec.seq = seq
     message = mavlink.MAVLink_statustext_message(severity, text)
-    signed = keyed().sign(packed(message, codec), 9, 5.0)
+    signed = keyed().sign(packed(message, codec), 9)
     receiver = station()
     (parsed,) = receiver.parse_buffer(signed)
     assert parsed.get_type() == "STATUSTEXT"
@@ -67,35 +68,35 @@ def test_longest_and_shortest_frames_are_signed() -> None:
     signing = keyed()
     longest = mavlink.MAVLink_file_transfer_protocol_message(0, 1, 1, [1] * 251)
     for message in (mavlink.MAVLink_system_time_message(0, 0), longest):
-        (parsed,) = receiver.parse_buffer(signing.sign(packed(message), 0, 1.0))
+        (parsed,) = receiver.parse_buffer(signing.sign(packed(message), 0))
         assert parsed.get_signed()
 
 
 def test_a_frame_of_another_key_is_refused() -> None:
-    signed = keyed().sign(packed(attitude()), 0, 1.0)
+    signed = keyed().sign(packed(attitude()), 0)
     assert [m.get_type() for m in station(bytes(32)).parse_buffer(signed)] == ["BAD_DATA"]
-    assert not keyed().accepts(packed(attitude(), station(bytes(31) + b"x")), 1.0)
+    assert not keyed().accepts(packed(attitude(), station(bytes(31) + b"x")))
 
 
-def test_time_stamps_follow_the_clock_and_never_repeat() -> None:
-    signing = keyed(now=10.0)
-    frames = [signing.sign(packed(attitude()), 0, now) for now in (10.0, 10.0, 10.0, 12.5, 12.5)]
-    stamps = [int.from_bytes(frame[-12:-6], "little") for frame in frames]
-    assert stamps == [START + 1, START + 2, START + 3, START + 250_000, START + 250_001]
+def test_time_stamps_begin_a_minute_after_the_key_and_never_repeat() -> None:
+    """As seen on ArduCopter 4.6.2: the first time stamp is 6,000,001 ticks after that of the key."""
+    signing = keyed()
+    stamps = [int.from_bytes(signing.sign(packed(attitude()), 0)[-12:-6], "little") for _ in range(3)]
+    assert stamps == [START + MINUTE + 1, START + MINUTE + 2, START + MINUTE + 3]
 
 
 def test_boot_text_and_mavlink1_are_not_signed() -> None:
     signing = keyed()
     old = packed(attitude(), force_mavlink1=True)
     for data in (b"\n\nInit ArduCopter", b"", old):
-        assert signing.sign(data, 0, 1.0) == data
+        assert signing.sign(data, 0) == data
 
 
 def test_signed_frames_are_accepted_once() -> None:
     signing = keyed()
     frame = packed(attitude(), station())
-    assert signing.accepts(frame, 0.0)
-    assert not signing.accepts(frame, 0.0)  # replayed
+    assert signing.accepts(frame)
+    assert not signing.accepts(frame)  # replayed
     assert signing.refused == 1
 
 
@@ -104,24 +105,32 @@ def test_each_stream_refuses_its_older_frames() -> None:
     early = packed(attitude(), station(timestamp=START + 100))
     late = packed(attitude(), station(timestamp=START + 200))
     elsewhere = packed(attitude(), station(timestamp=START + 150, link_id=4))
-    assert signing.accepts(late, 0.0)
-    assert not signing.accepts(early, 0.0)
-    assert signing.accepts(elsewhere, 0.0)
+    assert signing.accepts(late)
+    assert not signing.accepts(early)
+    assert signing.accepts(elsewhere)
 
 
-def test_a_new_stream_may_be_a_minute_behind_and_no_more() -> None:
-    minute = 60 * 100_000
-    assert keyed().accepts(packed(attitude(), station(timestamp=START - minute)), 0.0)
-    assert not keyed().accepts(packed(attitude(), station(timestamp=START - minute - 1)), 0.0)
-    assert not keyed().accepts(packed(attitude(), station(timestamp=START - minute)), 1.0)
+def test_a_new_stream_may_not_be_older_than_the_key() -> None:
+    """As seen on ArduCopter 4.6.2: 1 s before the key is refused, 1, 20, 59 and 70 s after it are accepted."""
+    assert not keyed().accepts(packed(attitude(), station(timestamp=START - 1)))
+    for later in (0, MINUTE // 60, MINUTE // 3, MINUTE, 2 * MINUTE):
+        assert keyed().accepts(packed(attitude(), station(timestamp=START + later)))
+
+
+def test_a_new_stream_may_be_a_minute_behind_the_latest_message() -> None:
+    for behind, accepted in ((MINUTE, True), (MINUTE + 1, False)):
+        signing = keyed()
+        assert signing.accepts(packed(attitude(), station(timestamp=START + 10 * MINUTE)))
+        late = station(timestamp=START + 10 * MINUTE - behind, link_id=4)
+        assert signing.accepts(packed(attitude(), late)) is accepted
 
 
 def test_a_forged_frame_does_not_move_the_clock_of_its_stream() -> None:
     signing = keyed()
     forged = bytearray(packed(attitude(), station(timestamp=START + 10**9)))
     forged[-1] ^= 1
-    assert not signing.accepts(bytes(forged), 0.0)
-    assert signing.accepts(packed(attitude(), station()), 0.0)
+    assert not signing.accepts(bytes(forged))
+    assert signing.accepts(packed(attitude(), station()))
 
 
 @settings(derandomize=True, deadline=None, max_examples=examples(100))
@@ -130,16 +139,17 @@ def test_a_frame_with_a_changed_byte_is_refused(place: int, change: int) -> None
     frame = bytearray(packed(attitude(), station()))
     place %= len(frame) - 1
     frame[1 + place] ^= change
-    assert not keyed().accepts(bytes(frame), 0.0)
+    assert not keyed().accepts(bytes(frame))
 
 
 def test_an_unsigned_frame_is_refused_except_radio_status() -> None:
     signing = keyed()
-    assert not signing.accepts(packed(attitude()), 0.0)
-    assert not signing.accepts(packed(attitude(), force_mavlink1=True), 0.0)
+    assert not signing.accepts(packed(attitude()))
+    assert not signing.accepts(packed(attitude(), force_mavlink1=True))
     report = mavlink.MAVLink_radio_status_message(80, 80, 100, 40, 40, 0, 0)
-    assert signing.accepts(packed(report), 0.0)
-    assert signing.accepts(packed(report, force_mavlink1=True), 0.0)
+    assert signing.accepts(packed(report))
+    assert signing.accepts(packed(report, force_mavlink1=True))
+    assert signing.accepts(packed(report, station(bytes(31) + b"x")))  # even with a wrong signature
 
 
 def setup_message(key: bytes = KEY, timestamp: int = START) -> mavlink.MAVLink_setup_signing_message:
@@ -149,30 +159,30 @@ def setup_message(key: bytes = KEY, timestamp: int = START) -> mavlink.MAVLink_s
 def test_a_key_is_set_and_removed_by_messages() -> None:
     signing = Signing()
     (message,) = station(None).parse_buffer(packed(setup_message()))
-    assert signing.set_up(message, 3.0, armed=False)
+    assert signing.set_up(message, armed=False)
     assert signing.active
-    assert not signing.accepts(packed(setup_message(bytes(32), 0)), 3.0)  # not by a stranger
+    assert not signing.accepts(packed(setup_message(bytes(32), 0)))  # not by a stranger
     away = packed(setup_message(bytes(32), 0), station())
-    assert signing.accepts(away, 3.0)
-    assert signing.set_up(station(None).parse_buffer(away)[0], 3.0, armed=False)
+    assert signing.accepts(away)
+    assert signing.set_up(station(None).parse_buffer(away)[0], armed=False)
     assert not signing.active
 
 
 def test_a_reboot_keeps_the_key_and_forgets_the_streams() -> None:
     signing = keyed()
     frame = packed(attitude(), station())
-    assert signing.accepts(frame, 0.0)
+    assert signing.accepts(frame)
     signing.reboot()
     assert signing.active
-    assert signing.accepts(frame, 0.0)
+    assert signing.accepts(frame)
 
 
 def test_streams_above_the_limit_are_refused() -> None:
     signing = keyed()
-    accepted = [signing.accepts(packed(attitude(), station(link_id=i)), 0.0) for i in range(20)]
+    accepted = [signing.accepts(packed(attitude(), station(link_id=i))) for i in range(20)]
     assert accepted == [True] * 16 + [False] * 4
 
 
 def test_a_key_of_a_wrong_length_is_an_error() -> None:
     with pytest.raises(ValueError, match="32 bytes, found 5"):
-        Signing().set_key(b"short", START, 0.0)
+        Signing().set_key(b"short", START)

@@ -160,6 +160,11 @@ class Bench:
             codec.signing.timestamp = 10**12 + 1
             codec.signing.sign_outgoing = True
 
+    def set_signatures(self, *, on: bool) -> None:
+        """Sign the stations' messages with their key, or send them unsigned."""
+        for codec in self._codecs.values():
+            codec.signing.sign_outgoing = on
+
     # -- invariants --------------------------------------------------------------------------------------
 
     def sent(self) -> bytes:

@@ -23,6 +23,7 @@ KEY = bytes(range(32))
 
 
 BEGAN_US = 1_767_225_600_000_000
+KEY_AGE_S = 60  # the vehicle's time stamps begin a minute after that of the key
 
 
 WATCHER = Endpoint("memory", "watcher")
@@ -37,7 +38,7 @@ class SignedWorld:
         scenario = {"seed": 1, "vehicles": [{"sysid": 1, "lat_deg": 46.049, "lon_deg": 14.506}]}
         self.fleet = Fleet(Scenario.model_validate(scenario), ready_s=3.0)
         self.vehicle = self.fleet.vehicles[0]
-        self.give_key(KEY, ticks(BEGAN_US) - behind_s * TICKS_PER_S)
+        self.give_key(KEY, ticks(BEGAN_US) - (KEY_AGE_S + behind_s) * TICKS_PER_S)
         self.wire, self.watcher = MemoryWire(), MemoryWire()
         self.wire.to_vehicles = self._to_vehicles
         self.to_vehicles: list[bytes] = []

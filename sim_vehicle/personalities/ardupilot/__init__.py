@@ -21,7 +21,7 @@ from sim_vehicle.vehicle.transfer.stores import FenceStore, MissionStore, RallyS
 
 _INFO, _NOTICE = mavlink.MAV_SEVERITY_INFO, mavlink.MAV_SEVERITY_NOTICE
 _WARNING, _CRITICAL = mavlink.MAV_SEVERITY_WARNING, mavlink.MAV_SEVERITY_CRITICAL
-_ERROR, _EMERGENCY = mavlink.MAV_SEVERITY_ERROR, mavlink.MAV_SEVERITY_EMERGENCY
+_EMERGENCY = mavlink.MAV_SEVERITY_EMERGENCY
 _TEXTS = {
     "armed": (_INFO, "Arming motors"),
     "crashed": (_EMERGENCY, "Crash: Disarming"),
@@ -34,7 +34,7 @@ _TEXTS = {
     "not_armable": (_CRITICAL, "{mode} mode not armable"),
     "prearm": (_CRITICAL, "PreArm: {reason}"),
     "origin_set": (_INFO, "EKF3 IMU0 origin set"),
-    "signing_refused": (_ERROR, "ERROR: Won't setup signing when armed"),
+    "signing_refused": (_WARNING, "ERROR: Won't setup signing when armed"),
     "no_such_mode": (_WARNING, "No such mode {number}"),
     "mode_needs_position": (_WARNING, "Mode change to {mode} failed: requires position"),
     "mission_without_takeoff": (_CRITICAL, "Auto: Missing Takeoff Cmd"),
