@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from swarmctl.config.scenario import Scenario
 from swarmctl.config.specs import Spec
 from swarmctl.mavlink.firmware import Firmware
@@ -21,7 +23,17 @@ def declared_behaviour(scenario: Scenario, spec: Spec) -> DeclaredBehaviour:
         spec.speed_m_s,
         spec.turn_radius_m,
         among_others=len(scenario.swarm) > 1,
+        extent_m=_extent_m(scenario, spec),
     )
+
+
+def _extent_m(scenario: Scenario, spec: Spec) -> float:
+    """Return the greatest distance between two corners of the area, or between a corner and the start [m]."""
+    grid = scenario.grid
+    east_m, north_m = grid.cols * grid.cell_size_m, grid.rows * grid.cell_size_m
+    corners = [(0.0, 0.0), (east_m, 0.0), (0.0, north_m), (east_m, north_m)]
+    start = grid.frame.to_local(*spec.start)
+    return max(math.dist(a, b) for a in corners for b in (*corners, start))
 
 
 _SIMULATED_VALUES = {"BATT_LOW_VOLT": 10.5}  # for a battery of three cells

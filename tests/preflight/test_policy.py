@@ -35,7 +35,7 @@ WINGS = FixedWing(
 def wanted(firmware: Firmware, **policy: Any) -> dict[str, RequiredParameter]:
     wings = WINGS if firmware in (PLANE, PX4_PLANE) else None
     intent = DeclaredBehaviour(Policy(**policy), gcs_sysid=255, altitude_m=40.0, ceiling_m=90.0, wings=wings)
-    intent = replace(intent, speed_m_s=18.0, turn_radius_m=50.0)
+    intent = replace(intent, speed_m_s=18.0, turn_radius_m=50.0, extent_m=2500.0)
     return {w.name: w for w in parameters_for(firmware, intent)}
 
 
@@ -112,6 +112,8 @@ def wanted(firmware: Firmware, **policy: Any) -> dict[str, RequiredParameter]:
         (PX4, {}, "RTL_TYPE", [0], [1, 2, 3, 4, 5]),
         (PX4, {}, "RTL_LAND_DELAY", [0, 5, 300], [-1]),
         (PX4, {}, "MPC_XY_CRUISE", [17.5, 18, 18.5], [5, 17, 19]),
+        (PX4, {}, "MIS_DIST_1WP", [0, -1, 900, 10000], [100, 500]),
+        (PX4_PLANE, {}, "MIS_DIST_1WP", [0, -1, 2500, 10000], [100, 900, 2499]),
         (PX4_PLANE, {"lost_link": "hold"}, "NAV_DLL_ACT", [1], [0, 2, 3]),
         (PX4_PLANE, {"low_battery": "return"}, "COM_LOW_BAT_ACT", [3], [0, 2]),
         (PX4_PLANE, {"fence_breach": "return"}, "GF_ACTION", [3], [0, 2, 5]),
@@ -152,6 +154,7 @@ def test_parameter_names_depend_on_the_firmware_version() -> None:
     assert "SYSID_MYGCS" in wanted(Firmware("ArduCopter", (4, 6)), **watched)
     assert "MAV_GCS_SYSID" in wanted(Firmware("ArduCopter", (4, 7)), **watched)
     assert "COM_DLL_EXCEPT" not in wanted(Firmware("PX4", (1, 15)), **watched)
+    assert "MIS_DIST_1WP" not in wanted(Firmware("PX4", (1, 16)))
     assert wanted(Firmware("PX4", (1, 16)), **watched)["COM_DLL_EXCEPT"].accepts(4.0)
     assert not wanted(Firmware("PX4", (1, 16)), **watched)["COM_DLL_EXCEPT"].accepts(1.0)
 

@@ -30,6 +30,8 @@ class DeclaredBehaviour:
     """turn radius of a fixed wing"""
     among_others: bool = False
     """True if the swarm has other vehicles"""
+    extent_m: float = 0.0
+    """greatest distance between two points of the flight [m]"""
 
     @property
     def lost_link(self) -> str:

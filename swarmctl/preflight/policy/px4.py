@@ -16,6 +16,7 @@ _FENCE = {"return": (3.0,), "land": (5.0,), "hold": (2.0,)}
 _MISSION_BIT = 0  # of COM_DLL_EXCEPT, a parameter since 1.16: no reaction to a lost link in a mission
 _RETURN_ALT_M = 30.0  # of RTL_RETURN_ALT; the default of copters
 _STRAIGHT_HOME = 0.0  # of RTL_TYPE; other values may lead to the mission's landing, at the goal
+_DEFAULT_FIRST_WAYPOINT_M, _MAX_FIRST_WAYPOINT_M = 900.0, 10_000.0  # of MIS_DIST_1WP; 0 or less: no limit
 _MAX_DELAY_S = 300.0  # of RTL_LAND_DELAY; -1: the copter stays in the air over home
 
 _CORNERS = f"turns within {CORNER_RADIUS_M:g} m of a waypoint"
@@ -35,6 +36,8 @@ def copter(behaviour: DeclaredBehaviour, version: Version) -> tuple[RequiredPara
         cruise_speed("MPC_XY_CRUISE", behaviour),
         # Uploaded waypoints do not override this radius (param2).
         RequiredParameter("NAV_ACC_RAD", _CORNERS, CORNER_RADIUS_M, least=0.0, most=CORNER_RADIUS_M),
+        # A mission begins where the vehicle is; during a change of the mission the vehicle flies on.
+        *_first_waypoint(version, _DEFAULT_FIRST_WAYPOINT_M),
     )
 
 
@@ -58,6 +61,8 @@ def plane(behaviour: DeclaredBehaviour, version: Version) -> tuple[RequiredParam
         one_of("GF_ACTION", behaviour.fence_breach, {"return": (3.0,)}, policy.fence_breach),
         *_heights(behaviour),
         *_plane_flight(behaviour, wings),
+        # A launch begins at the first waypoint. A landing from a hold begins far from the mission's begin.
+        *_first_waypoint(version, max(behaviour.extent_m, _DEFAULT_FIRST_WAYPOINT_M)),
         *cruise_and_bank(behaviour, "FW_AIRSPD_TRIM", "FW_R_LIM"),
     )
 
@@ -125,6 +130,15 @@ def _link(
             else ()
         ),
     )
+
+
+def _first_waypoint(version: Version, least_m: float) -> tuple[RequiredParameter, ...]:
+    """Return the requirement that a mission may begin `least_m` [m] from the vehicle; 1.16 only warns."""
+    if version >= (1, 16):
+        return ()
+    needs, least = f"a mission that begins {least_m:.0f} m from the vehicle", float(math.ceil(least_m))
+    written = least if least <= _MAX_FIRST_WAYPOINT_M else 0.0
+    return (RequiredParameter("MIS_DIST_1WP", needs, written, (0.0, -1.0), least=least_m, most=math.inf),)
 
 
 def _heights(behaviour: DeclaredBehaviour) -> tuple[RequiredParameter, ...]:
