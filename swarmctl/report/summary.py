@@ -22,7 +22,7 @@ from swarmctl.config.scenario import Scenario
 from swarmctl.core import events as ev
 from swarmctl.core.belief import Belief
 from swarmctl.core.frames import AgentMessage
-from swarmctl.core.geo import LatLon
+from swarmctl.core.geo import LatLon, distance_m
 from swarmctl.core.inference.survival import survival_among
 from swarmctl.core.observation import Observation
 from swarmctl.core.threat import FiringStrength
@@ -32,6 +32,8 @@ from swarmctl.report.final_state import describe_outcome, final_phase
 from swarmctl.report.separation import SeparationStatistics
 from swarmctl.report.swaps import SwapStatistics
 
+MIN_STEP_M = 1.0
+"""least distance between two kept positions of a flight [m]: a hovering vehicle adds none"""
 MAX_WEIGHTS = 500
 """greatest number of a vehicle's weight changes in the summary; the newest are listed"""
 
@@ -52,7 +54,7 @@ class VehicleStatistics:
     planned: list[LatLon] = field(default_factory=list)
     """points of the first accepted plan"""
     flown: list[LatLon] = field(default_factory=list)
-    """positions while armed, up to the first position after disarming"""
+    """positions while armed, MIN_STEP_M apart, up to the first position after disarming"""
     strikes: list[LatLon] = field(default_factory=list)
     took_off_s: float | None = None
     """time of the first position in `flown`, by the vehicle's clock [s]"""
@@ -130,7 +132,8 @@ class FlightStatistics:
         if state.lat_deg is None or state.lon_deg is None or not (state.armed or before.vehicle.armed):
             return
         here = (state.lat_deg, state.lon_deg)
-        vehicle.flown.append(here)
+        if not vehicle.flown or not state.armed or distance_m(vehicle.flown[-1], here) >= MIN_STEP_M:
+            vehicle.flown.append(here)
         vehicle.strikes += [here] * (state.strikes - before.vehicle.strikes)
         if vehicle.took_off_s is None:
             vehicle.took_off_s = state.time_boot_s
