@@ -111,7 +111,7 @@ def test_each_stream_refuses_its_older_frames() -> None:
 
 
 def test_a_new_stream_may_not_be_older_than_the_key() -> None:
-    """As seen on ArduCopter 4.6.2: 1 s before the key is refused, 1, 20, 59 and 70 s after it are accepted."""
+    """As seen on ArduCopter 4.6.2: 1 s before the key is refused, 1 s to 70 s after it are accepted."""
     assert not keyed().accepts(packed(attitude(), station(timestamp=START - 1)))
     for later in (0, MINUTE // 60, MINUTE // 3, MINUTE, 2 * MINUTE):
         assert keyed().accepts(packed(attitude(), station(timestamp=START + later)))

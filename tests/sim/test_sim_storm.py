@@ -1,4 +1,4 @@
-"""After a storm of random messages of all types a vehicle still answers, unless one of them explains why not."""
+"""After a storm of random messages of all types a vehicle still answers, unless one of them explains it."""
 
 import random
 from typing import Any
