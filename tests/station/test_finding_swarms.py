@@ -11,6 +11,7 @@ import stat
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -176,11 +177,31 @@ def test_a_valid_swarm_name_is_found(name: str, no_flight: Path) -> None:
         assert client.find(name, None, None) == client.FlightEndpoints(name, HERE)
 
 
-def test_a_folder_that_other_users_can_write_to_is_refused(no_flight: Path) -> None:
-    no_flight.mkdir(mode=0o700)
-    no_flight.chmod(0o777)
+def linked(folder: Path) -> None:
+    (folder.parent / "elsewhere").mkdir(mode=0o700)
+    folder.symlink_to(folder.parent / "elsewhere")
+
+
+def of_mode(mode: int) -> Callable[[Path], None]:
+    def made(folder: Path) -> None:
+        folder.mkdir()
+        folder.chmod(mode)
+
+    return made
+
+
+@pytest.mark.parametrize("made", [of_mode(0o777), of_mode(0o750), of_mode(0o705), linked])
+def test_a_folder_that_other_users_have_access_to_is_refused(
+    made: Callable[[Path], None], no_flight: Path
+) -> None:
+    made(no_flight)
     with pytest.raises(BusError, match=r"swarmctl-\d+.*\[open-folder\]"):
         directory.running_swarms()
+    with (
+        pytest.raises(BusError, match=r"\[open-folder\]"),
+        directory.registered("one", HERE, "t" * 32),
+    ):
+        pass
 
 
 def test_a_flight_that_cannot_be_registered_shows_its_endpoint(no_flight: Path) -> None:
