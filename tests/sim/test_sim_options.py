@@ -184,7 +184,7 @@ def test_a_parameter_file_in_the_formats_of_other_tools(tmp_path: Path) -> None:
     path = tmp_path / "some.parm"
     path.write_text("# comment\nWPNAV_SPEED 700\n\nRTL_ALT,2500 # cm\n1\t1\tBATT_CAPACITY\t5000\t9\n")
     assert read_param_file(path) == {"WPNAV_SPEED": 700, "RTL_ALT": 2500, "BATT_CAPACITY": 5000}
-    path.write_text("WPNAV_SPEED 700\nINS_ACC_ID 17\n")
+    path.write_text("WPNAV_SPEED 700\nINS_GYR_CAL 17\n")
     scenario, notes = make_scenario(FleetOptions(param_files=[path], params=["WPNAV_SPEED=800"]))
     assert scenario.vehicles[0].params == {"WPNAV_SPEED": 800}
     assert len(notes) == 1
