@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial
 
-from swarmctl.bus.authentication import Authentication
+from swarmctl.bus.authentication import NO_AUTHENTICATION, Authentication
 from swarmctl.bus.endpoint import NO_ENDPOINT, parse_endpoint
 from swarmctl.bus.operator_service import CommandCounts, OperatorService
 from swarmctl.bus.transports.base import Transport
@@ -34,6 +34,11 @@ def operator_service_for(
     """
 
     def refusal(command: Request) -> str:
+        if authentication is NO_AUTHENTICATION and (real := _real_vehicles(members)):
+            return (
+                f"the bus of this flight authenticates no sender, so real vehicles ({', '.join(real)}) "
+                "refuse commands: give FlightOptions.authentication [orders-need-keys]"
+            )
         if not isinstance(command, GiveOrder):
             return ""
         if order_refusal is not None:
@@ -52,13 +57,17 @@ def operator_service_for(
     )
 
 
+def _real_vehicles(members: Sequence[Member]) -> list[str]:
+    return [m.name for m in members if m.identity is None or not m.identity.simulated]
+
+
 def unsigned_order_refusal(scenario: Scenario, members: Sequence[Member], order: GiveOrder) -> str:
     """Return the reason why a process that flies all vehicles refuses an order; empty for an accepted order.
 
     A token shows only that the sender knows a secret. Therefore no order launches a real vehicle, and real
     vehicles accept orders from this machine only.
     """
-    real = [m.name for m in members if m.identity is None or not m.identity.simulated]
+    real = _real_vehicles(members)
     listen = scenario.config.communication.listen
     if not real:
         return ""

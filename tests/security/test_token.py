@@ -9,21 +9,26 @@ import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from flights import Ui, small
 from operator_station import ANYWHERE, KEY, Station
 
 from swarmctl.bus import directory, keys
+from swarmctl.bus.authentication import NO_AUTHENTICATION
 from swarmctl.bus.external_observations import BURST, ReportReceiver
+from swarmctl.bus.operator_service import CommandCounts
 from swarmctl.bus.sensor_reports import RejectReason, Report, decode_answer
 from swarmctl.bus.sensor_reports import encode as encode_report
+from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.bus.transports.open import open_bus
 from swarmctl.bus.transports.zenoh import ZenohBus
 from swarmctl.core import messages
 from swarmctl.core.grid import Grid
 from swarmctl.core.messages import GiveOrder, SetWeights, encode
-from swarmctl.flight import evidence_log, wiring
+from swarmctl.flight import evidence_log, operator_orders, wiring
 from swarmctl.flight.simulator import undisturbed
 from swarmctl.security.files import KeyringError
 from swarmctl.security.requests import TokenSigning, by_token, sign_request
@@ -174,6 +179,35 @@ def test_a_flight_demands_the_token_of_its_file(users_folder: Path, tmp_path: Pa
 
     asyncio.run(scene())
     assert list(users_folder.glob("*.json")) == []
+
+
+@pytest.mark.parametrize("command", [GiveOrder(None, "land"), SetWeights(None, w=0.2)])
+@pytest.mark.parametrize("is_authenticated", [True, False])
+def test_real_vehicles_take_nothing_from_a_bus_without_authentication(
+    command: messages.Request, is_authenticated: bool
+) -> None:
+    token = new_token()
+    authentication = by_token("small", token, 5.0, time.time) if is_authenticated else NO_AUTHENTICATION
+    signing = TokenSigning("small", {}, token, time.time) if is_authenticated else NO_AUTHENTICATION
+    members: Any = [SimpleNamespace(name="alpha", identity=None)]  # not known to be simulated
+
+    async def scene() -> messages.OperatorAnswer:
+        bus = MemoryBus()
+        service = operator_orders.operator_service_for(
+            small(),
+            bus,
+            Ui(),
+            CommandCounts(),
+            members,
+            uav=None,
+            order_refusal=None,
+            authentication=authentication,
+        )
+        taken = messages.VehicleAnswer(1, "alpha", "taken")
+        service.join(1, "alpha", lambda event: service.answered(event.command, taken))
+        return await client.ask(bus, client.FlightEndpoints("small", ANYWHERE), command, signing)
+
+    assert asyncio.run(scene()).refused.endswith("[orders-need-keys]") is not is_authenticated
 
 
 def test_the_token_of_a_file_serves_several_users_and_machines(
