@@ -160,7 +160,9 @@ class Fleet:
         target = getattr(message, "target_system", 0)
         if target:
             vehicle = self._by_address.get((link, target))
-            addressed = [] if vehicle is None else [vehicle]
+            on_link = self._by_link.get(link, [])
+            # A message to an unknown system reaches a vehicle that is alone on its link, as without a router.
+            addressed = [vehicle] if vehicle is not None else on_link if len(on_link) == 1 else []
         else:
             addressed = self._by_link.get(link, [])
         for vehicle in addressed:

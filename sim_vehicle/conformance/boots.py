@@ -1,10 +1,11 @@
-"""The boots of the vehicle under test: noticed by its own clock, whether asked for or not."""
+"""The clock of the vehicle under test: its boots, whether asked for or not, and its pace."""
 
 from sim_vehicle.conformance.assertions import CheckFailed, Skip
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 BOOTING_S = 5.0  # shortest time from a boot to the next check
 PROVABLE_S = 20.0  # a vehicle that was on for this time shows a new boot by a lower time
+PACE_S = 2.0  # shortest time for a measurement of the pace
 
 
 def time_since_boot_s(vehicle: VehicleUnderTest) -> float | None:
@@ -21,6 +22,7 @@ class BootWatch:
     def __init__(self, vehicle: VehicleUnderTest) -> None:
         self._vehicle = vehicle
         self._latest_s: float | None = None
+        self._pace_from: tuple[float, float] | None = None  # vehicle's time since boot, time of the wire [s]
 
     def let_boot(self) -> bool:
         """Return True after a boot that was not seen before, and at least `BOOTING_S` after any boot.
@@ -30,5 +32,18 @@ class BootWatch:
         before_s, self._latest_s = self._latest_s, time_since_boot_s(self._vehicle)
         if self._latest_s is None:
             return False
+        rebooted = before_s is not None and self._latest_s < before_s
+        self._measure_pace(self._latest_s, rebooted=rebooted)
         self._vehicle.wait(max(0.0, BOOTING_S - self._latest_s))
-        return before_s is not None and self._latest_s < before_s
+        return rebooted
+
+    def _measure_pace(self, boot_s: float, *, rebooted: bool) -> None:
+        """Set the pace of the vehicle's clock since the previous measurement."""
+        wire_s = self._vehicle.wire_s
+        if self._pace_from is None or rebooted:
+            self._pace_from = boot_s, wire_s
+            return
+        passed_s = wire_s - self._pace_from[1]
+        if passed_s >= PACE_S:
+            self._vehicle.set_pace((boot_s - self._pace_from[0]) / passed_s)
+            self._pace_from = boot_s, wire_s

@@ -71,7 +71,8 @@ def set_ready_mode(vehicle: VehicleUnderTest) -> None:
 def is_ready(vehicle: VehicleUnderTest) -> bool:
     """Return True if the pre-arm checks pass (ArduPilot: with a position estimate) or are not reported."""
     status = vehicle.request("SYS_STATUS")
-    if status.onboard_control_sensors_present & PREARM_BIT:
+    # PX4 sets the bit of the health only (SYS_STATUS.hpp).
+    if vehicle.dialect.name == "px4" or status.onboard_control_sensors_present & PREARM_BIT:
         if not status.onboard_control_sensors_health & PREARM_BIT:
             return False
         if vehicle.dialect.name == "ardupilot":

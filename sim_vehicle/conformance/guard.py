@@ -4,6 +4,7 @@ Other systems may receive only frames without an effect. A frame to the vehicle 
 permission. A plan without a saved copy is not overwritten.
 """
 
+import math
 from collections.abc import Set
 from typing import Any
 
@@ -27,10 +28,12 @@ _COMMAND_PERMISSIONS = {
     mavlink.MAV_CMD_PREFLIGHT_STORAGE: ALTER,
     mavlink.MAV_CMD_DO_FLIGHTTERMINATION: SIMULATOR,
 }
-# Commands whose parameter 1 is the id of a message. ArduPilot converts it without a check
-# (GCS_Common.cpp, `handle_command_request_message`), and in its SITL a float exception ends the process.
+# Commands whose parameter 1 is the id of a message; parameter 2 of SET_MESSAGE_INTERVAL is an interval.
+# ArduPilot converts both without a check (GCS_Common.cpp, `handle_command_request_message` and
+# `handle_command_set_message_interval`), and in its SITL a floating point exception ends the process.
 _COMMANDS_WITH_AN_ID = frozenset({mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL})
 _ID_LIMIT = 2**24  # MAVLink 2 has message ids of three bytes
+_INTERVAL_LIMIT = 2**31  # [us]
 _MESSAGE_PERMISSIONS = {
     "RC_CHANNELS_OVERRIDE": ARM,
     "MANUAL_CONTROL": ARM,
@@ -69,6 +72,10 @@ def permission_for(message: Any) -> str | None:
         return _MESSAGE_PERMISSIONS.get(kind)
     if message.command in _COMMANDS_WITH_AN_ID and not 0 <= message.param1 < _ID_LIMIT:  # also true for NaN
         return CRASH
+    if message.command == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL and not abs(message.param2) < _INTERVAL_LIMIT:
+        return CRASH
+    if message.command == mavlink.MAV_CMD_DO_CHANGE_SPEED and not math.isfinite(message.param2):
+        return CRASH  # it also ended ArduCopter in flight
     if message.command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM:
         return None if message.param1 == 0 else ARM
     if message.command == mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN:

@@ -151,6 +151,18 @@ def harmless_change(
     raise Skip("no parameter of this vehicle is known to be safe to change")
 
 
+def wait_for_list(vehicle: VehicleUnderTest, mark: int) -> None:
+    """Wait until no listed PARAM_VALUE has come for `LIST_QUIET_S`, at most `LIST_S`."""
+    end_s = vehicle.now + LIST_S
+    while vehicle.now < end_s:
+        index = vehicle.seek(
+            ("PARAM_VALUE",), lambda m: m.param_index != UNINDEXED, within_s=LIST_QUIET_S, mark=mark
+        )
+        if index is None:
+            return
+        mark = index + 1
+
+
 def fetch_all(vehicle: VehicleUnderTest) -> dict[str, ParameterValue]:
     """Fetch, store and return the parameter list; missing entries are requested by index."""
     by_index: dict[int, ParameterValue] = {}

@@ -22,13 +22,14 @@ ADDRESS_SILENCE_S = 1.0  # [s of vehicle time]; after a longer silence a system 
 class SenderAddresses:
     """The address of each system id on a UDP port.
 
-    The address of a vehicle may change, for example after a reboot. Two senders with one id at the same time
-    are two vehicles; the id then keeps the address of the first sender.
+    A vehicle may change its address when the earlier one has fallen silent, for example after a reboot.
+    Two senders with one id that send by turns are two vehicles; the id then keeps the address of the first.
     """
 
     def __init__(self) -> None:
         self._addresses: dict[int, Any] = {}
         self._latest_s: dict[int, float] = {}
+        self._rivals: set[int] = set()  # ids with frames from another address since the latest of their own
         self._ambiguous: set[int] = set()
 
     @property
@@ -39,14 +40,20 @@ class SenderAddresses:
     def address(self, sysid: int) -> Any | None:
         return self._addresses.get(sysid)
 
+    def is_ambiguous(self, sysid: int) -> bool:
+        """Return True if two senders used this id by turns."""
+        return sysid in self._ambiguous
+
     def received(self, sysid: int, address: Any, now_s: float) -> bool:
-        """Record a sender; return False if the id belongs to another address."""
+        """Record a sender; return False if the id belongs, perhaps still, to another address."""
         recorded = self._addresses.get(sysid)
         if recorded is not None and recorded != address:
-            if now_s - self._latest_s[sysid] <= ADDRESS_SILENCE_S:
-                self._ambiguous.add(sysid)
-            if sysid in self._ambiguous:
+            self._rivals.add(sysid)
+            if sysid in self._ambiguous or now_s - self._latest_s[sysid] <= ADDRESS_SILENCE_S:
                 return False
+        elif sysid in self._rivals:
+            self._ambiguous.add(sysid)
+        self._rivals.discard(sysid)
         self._addresses[sysid], self._latest_s[sysid] = address, now_s
         return True
 
@@ -109,7 +116,7 @@ class UdpWire(_VehicleClock):
         sysid = _source(data)
         if sysid is None or self._senders.received(sysid, address, self.now_s()):
             return data
-        if self._sysid is None:
+        if self._sysid is None and self._senders.is_ambiguous(sysid):
             first = self._senders.address(sysid)
             raise WireError(
                 f"two vehicles use system id {sysid}: one at {first}, one at {address}; "

@@ -18,6 +18,8 @@ REPLY_S = 1.5  # default wait for an answer; an idle autopilot answers much earl
 RESTORE_S = 60.0  # time for undoing a change, even after the time limit of a check
 MAX_SYSID = 250  # highest result of `unused_sysid`; stations often use the system ids above
 EPSILON_S = 1e-6  # tolerance for sums of times
+PACES = 0.1, 10.0  # a measured pace outside of these limits is a wrong clock, not a slow machine
+SAME_PACE = 0.05  # a smaller change of the pace is ignored
 STATION, SECOND_STATION = (255, 190), (254, 191)  # (system id, component id)
 
 
@@ -79,10 +81,28 @@ class Traffic:
         self._parser.robust_parsing = True
         self._next_heartbeat_s = 0.0
         self._sent_tail = b""  # the last bytes sent, because a frame may be sent in pieces
+        # Seconds of the vehicle's clock in a second of the wire, since (time of the wire, `now`).
+        self._pace, self._pace_since = 1.0, (0.0, 0.0)
+
+    @property
+    def wire_s(self) -> float:
+        """Return the time of the wire [s]: wall time, multiplied by the expected speed of the vehicle."""
+        return self._wire.now_s()
 
     @property
     def now(self) -> float:
-        return self._wire.now_s()
+        """Return the vehicle time [s], at the measured pace of the vehicle's clock."""
+        wire_s, now_s = self._pace_since
+        return now_s + (self._wire.now_s() - wire_s) * self._pace
+
+    def set_pace(self, pace: float) -> None:
+        """Go on at the measured pace of the vehicle's clock: a simulation may run slower than expected."""
+        if PACES[0] <= pace <= PACES[1] and abs(pace - self._pace) > SAME_PACE * self._pace:
+            self._pace_since = self._wire.now_s(), self.now
+            self._pace = pace
+
+    def _next_bytes(self, timeout_s: float) -> bytes | None:
+        return self._wire.receive(timeout_s / self._pace)
 
     @property
     def target(self) -> tuple[int, int]:
@@ -164,10 +184,10 @@ class Traffic:
                         mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
                     )
                 )
-        data = self._wire.receive(min(timeout_s, max(0.0, self._next_heartbeat_s - self.now)))
+        data = self._next_bytes(min(timeout_s, max(0.0, self._next_heartbeat_s - self.now)))
         while data is not None:
             self._receive(data)
-            data = self._wire.receive(0.0)
+            data = self._next_bytes(0.0)
 
     def _receive(self, data: bytes) -> None:
         for message in self._parser.parse_buffer(data) or ():

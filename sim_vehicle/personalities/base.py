@@ -170,6 +170,7 @@ class Personality:
     disarm_refused: int  # MAV_RESULT of a refused disarming in flight
     # (own system id, message to this system or to all systems) -> True if the message is processed
     is_addressed: Callable[[int, Any], bool]
+    refuses_foreign_commands: bool  # answers a command to another system or component with FAILED
     acknowledges_set_mode: bool  # the SET_MODE message
     home_item: bool  # item 0 of a mission is home
     empty_mission_total: int  # MISSION_CURRENT.total with no mission

@@ -213,7 +213,11 @@ class Autopilot:
         if kind == "HEARTBEAT":
             self._receive_heartbeat(message, now)
             return
-        if not self.personality.is_addressed(self.sysid, message):
+        foreign = getattr(message, "target_system", 0) not in (0, self.sysid)
+        if foreign or not self.personality.is_addressed(self.sysid, message):
+            if self.personality.refuses_foreign_commands and kind in ("COMMAND_LONG", "COMMAND_INT"):
+                sender = (message.get_srcSystem(), message.get_srcComponent())
+                self.sender.acknowledge(message.command, mavlink.MAV_RESULT_FAILED, 0, sender)
             return
         self.now = now
         if self.transfer.handles(kind):

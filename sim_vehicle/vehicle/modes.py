@@ -43,12 +43,21 @@ class Modes:
         if self.mode.terminates:
             vehicle.announce("mode_terminated", mode=mode.name)
             return False
+        if mode.behaviour is Behaviour.MISSION and self._returns_without_mission:
+            vehicle.announce("no_mission_returns")
+            mode = vehicle.personality.mode_of(Behaviour.RETURN)
         if vehicle.armed and not self._may_enter(mode, now):
             return False
         self.chosen = True
         vehicle.fence_watch.mode_changed_by_station(now)
         self._enter(mode)
         return True
+
+    @property
+    def _returns_without_mission(self) -> bool:
+        """Return True for ArduPlane without a mission: it accepts AUTO and returns (ModeAuto::update)."""
+        personality = self._vehicle.personality
+        return personality.mission_ends_in is Behaviour.RETURN and self._vehicle.mission.empty
 
     def _may_enter(self, mode: Mode, now: float) -> bool:
         """Return True if an armed vehicle can enter the mode; else announce the reason."""

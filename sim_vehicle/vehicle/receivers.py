@@ -16,7 +16,8 @@ COMPONENT = int(mavlink.MAV_COMP_ID_AUTOPILOT1)
 def _on_command(vehicle: Vehicle, message: Any, now: float) -> None:
     command = Command.from_message(message)
     result = commands.execute(vehicle, command, now)
-    vehicle.sender.acknowledge(command.command, result, 0, command.sender)
+    if result != commands.NO_ANSWER:
+        vehicle.sender.acknowledge(command.command, result, 0, command.sender)
     if vehicle.reboot_after_reply:
         vehicle.reboot_after_reply = False
         vehicle.reboot(now)

@@ -50,6 +50,12 @@ class Streams:
         interval_s = float(self._interval_s[ROWS[message_id], vehicle])
         return None if math.isinf(interval_s) else interval_s
 
+    def latest_s(self, vehicle: int, message_id: int) -> float | None:
+        """Return the time of the latest message of a stream [s]; None if the vehicle does not stream it."""
+        row = ROWS[message_id]
+        interval_s = float(self._interval_s[row, vehicle])
+        return None if math.isinf(interval_s) else float(self._due_s[row, vehicle]) - interval_s
+
     def clear(self, vehicle: int) -> None:
         """Stop all streams of a vehicle, as a reboot does."""
         self._interval_s[:, vehicle] = self._due_s[:, vehicle] = np.inf
@@ -101,6 +107,10 @@ class Rates:
     def interval_s(self, message_id: int) -> float | None:
         """Return the interval [s]; None if this vehicle does not stream the message."""
         return self._streams.interval_s(self._vehicle, message_id) if self.can_stream(message_id) else None
+
+    def latest_s(self, message_id: int) -> float | None:
+        """Return the time of the latest message of a stream [s]; None if this vehicle does not stream it."""
+        return self._streams.latest_s(self._vehicle, message_id) if self.can_stream(message_id) else None
 
     def boot(self, now: float, first_s: float) -> None:
         """Reset to the default streams, from `first_s` [s] on."""

@@ -429,7 +429,8 @@ def _obeys(target: tuple[int, int], name: str) -> bool:
     origin = station.ask(mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN)
     replies = station.send(_to(target, name))
     if name in ("arm", "arm_int"):
-        assert bool([m for m in replies if m.get_type() == "COMMAND_ACK"]) == station.armed
+        results = [m.result for m in replies if m.get_type() == "COMMAND_ACK"]
+        assert results == [ACCEPTED if station.armed else FAILED]
         return station.armed
     if name == "origin":
         return bool(station.of("GPS_GLOBAL_ORIGIN")[-1].latitude != origin.latitude)

@@ -1,7 +1,7 @@
-"""PX4 1.15 checks a mission by the distance from the vehicle to its first position (MIS_DIST_1WP)."""
+"""PX4 1.15: the distance of a mission (MIS_DIST_1WP), and answers that differ from other autopilots."""
 
 import pytest
-from px4_station import ACCEPTED, AUTO, DENIED, HOLD, MISSION, TEMPORARILY_REJECTED, QuietPx4Station
+from px4_station import ACCEPTED, AUTO, DENIED, FAILED, HOLD, MISSION, TEMPORARILY_REJECTED, QuietPx4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import item, takeoff, waypoint
 
@@ -57,3 +57,42 @@ def test_a_new_fence_checks_the_flying_mission_again() -> None:
     station.send(part)
     station.wait(1.0)
     assert_refused(station)
+
+
+# -- PX4's answers ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("target", [(1, 77), (0, 0), (9, 1)])
+def test_a_command_to_another_target_is_answered_with_failed(target: tuple[int, int]) -> None:
+    station = QuietPx4Station()
+    before = len(station.received)
+    station.send(mavlink.MAVLink_command_long_message(*target, 400, 0, 1, *[0.0] * 6))
+    answers = [m for m in station.received[before:] if m.get_type() == "COMMAND_ACK"]
+    assert [(m.command, m.result) for m in answers] == [(400, FAILED)]
+    assert not station.armed
+
+
+def test_a_request_without_news_since_the_stream_is_denied() -> None:
+    station = QuietPx4Station()
+    gps, request = mavlink.MAVLINK_MSG_ID_GPS_RAW_INT, mavlink.MAV_CMD_REQUEST_MESSAGE
+    station.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, gps, 1e6)
+    station.until(lambda: bool(station.of("GPS_RAW_INT")), 3)
+    assert station.command(request, gps) == DENIED
+    station.wait(0.5)
+    assert station.command(request, gps) == ACCEPTED
+    assert station.command(request, mavlink.MAVLINK_MSG_ID_MISSION_CURRENT) == DENIED
+
+
+def test_an_arming_parameter_of_two_has_a_text_and_no_acknowledgement() -> None:
+    station = QuietPx4Station()
+    replies = station.send(mavlink.MAVLink_command_long_message(1, 1, 400, 0, 2, *[0.0] * 6))
+    assert [m.get_type() for m in replies] == ["STATUSTEXT"]
+    assert not station.armed
+
+
+def test_parameters_without_a_use_are_read_back_as_0_and_a_yaw_from_0_to_360() -> None:
+    station = QuietPx4Station()
+    sent = {"param1": 2.5, "param2": 3.0, "param3": 7.0, "param4": -90.0}
+    assert station.upload([{**takeoff(), **sent}, waypoint(10, 0, **sent)]) == 0
+    seen = [(m.param1, m.param2, m.param3, round(m.param4, 3)) for m in station.download()]
+    assert seen == [(0.0, 0.0, 0.0, 270.0), (2.5, 3.0, 0.0, 270.0)]

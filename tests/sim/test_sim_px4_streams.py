@@ -77,7 +77,7 @@ def test_home_is_set_with_the_position_and_arming_is_possible() -> None:
 
 def test_the_receiver_of_px4_reports_a_3d_fix() -> None:
     station = Px4Station()
-    station.wait(1)
+    station.wait(1.5)  # PX4 refuses a request right after its stream
     assert station.ask(mavlink.MAVLINK_MSG_ID_GPS_RAW_INT).fix_type == mavlink.GPS_FIX_TYPE_3D_FIX
     assert Station().ask(mavlink.MAVLINK_MSG_ID_GPS_RAW_INT).fix_type == mavlink.GPS_FIX_TYPE_RTK_FIXED
 

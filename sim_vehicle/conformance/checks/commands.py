@@ -15,6 +15,7 @@ from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
 NO_SUCH_COMMAND = 31_999
 VERSION = mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION
 REQUEST = mavlink.MAV_CMD_REQUEST_MESSAGE
+ALIEN = "PX4 mavlink_receiver.cpp, handle_message_command_both: FAILED unless the target was seen"
 CALIBRATION_S = 60.0  # longest wait for the end of a calibration
 
 
@@ -48,10 +49,15 @@ def comes_once(vehicle: VehicleUnderTest) -> str:
 
 @check("commands.ack.is_quick")
 def is_quick(vehicle: VehicleUnderTest) -> str:
-    """The acknowledgement of a short command arrives within 1 s."""
-    began_s = vehicle.now
-    vehicle.ask(vehicle.command_long(REQUEST, VERSION), "COMMAND_ACK", within_s=1.0)
-    return f"{(vehicle.now - began_s) * 1000:.0f} ms"
+    """Of five short commands at least four are acknowledged within 1 s; a link may lose one."""
+    took_s = []
+    for _ in range(5):
+        began_s, mark = vehicle.now, vehicle.mark()
+        vehicle.send(vehicle.command_long(REQUEST, VERSION))
+        if vehicle.wait_for("COMMAND_ACK", lambda m: m.command == REQUEST, within_s=1.0, mark=mark):
+            took_s.append(vehicle.now - began_s)
+    holds(len(took_s) >= 4, f"expected 4 acknowledgements within 1 s each, saw {len(took_s)}")
+    return f"up to {max(took_s) * 1000:.0f} ms"
 
 
 @check("commands.unknown.long")
@@ -100,26 +106,29 @@ def repeated_mode(vehicle: VehicleUnderTest) -> str:
     return "ACCEPTED"
 
 
-@check("commands.target.another_vehicle")
+@check("commands.target.another_vehicle", source=ALIEN)
 def another_vehicle(vehicle: VehicleUnderTest) -> str:
-    """A command to another system is neither executed nor answered."""
-    return _unanswered(vehicle, vehicle.command_long(REQUEST, VERSION, to=(vehicle.unused_sysid(), 1)))
+    """A command to another system is not executed; ArduPilot does not answer it, PX4 answers FAILED."""
+    return _not_executed(vehicle, vehicle.command_long(REQUEST, VERSION, to=(vehicle.unused_sysid(), 1)))
 
 
-@check("commands.target.another_vehicle_int")
+@check("commands.target.another_vehicle_int", source=ALIEN)
 def another_vehicle_int(vehicle: VehicleUnderTest) -> str:
-    """A COMMAND_INT to another system is neither executed nor answered."""
+    """A COMMAND_INT to another system is not executed; ArduPilot is silent, PX4 answers FAILED."""
     message = vehicle.command_int(REQUEST, VERSION)
     message.target_system = vehicle.unused_sysid()
-    return _unanswered(vehicle, message)
+    return _not_executed(vehicle, message)
 
 
-def _unanswered(vehicle: VehicleUnderTest, message: Any) -> str:
+def _not_executed(vehicle: VehicleUnderTest, message: Any) -> str:
+    allowed = [[]] if vehicle.dialect.name == "ardupilot" else [[], ["FAILED"]]
     mark = vehicle.mark()
     vehicle.send(message)
-    vehicle.expect_none("COMMAND_ACK", during_s=1.5, mark=mark)
+    vehicle.wait(1.5)
     equal(vehicle.since(mark, "AUTOPILOT_VERSION"), [], "AUTOPILOT_VERSION")
-    return "no answer"
+    seen = [result_name(m.result) for m in vehicle.since(mark, "COMMAND_ACK") if m.command == message.command]
+    holds(seen in allowed, f"expected no answer, saw {seen}")
+    return ", ".join(seen) or "no answer"
 
 
 @check("commands.target.broadcast")
@@ -140,15 +149,17 @@ def all_components(vehicle: VehicleUnderTest) -> str:
     return "answered"
 
 
-@check("commands.target.other_component", source="AUTOPILOTS 1.15: target_component is ignored")
+@check("commands.target.other_component", source=f"AUTOPILOTS 1.15: target_component is ignored; {ALIEN}")
 def other_component(vehicle: VehicleUnderTest) -> str:
-    """A command to component 77 is executed by ArduPilot and ignored by PX4."""
-    executes = known_behaviour(vehicle, ardupilot=True, px4=False)
+    """A command to component 77 is executed by ArduPilot; PX4 answers FAILED."""
+    expected = known_behaviour(vehicle, ardupilot=("ACCEPTED", True), px4=("FAILED", False))
     mark = vehicle.mark()
     vehicle.send(vehicle.command_long(REQUEST, VERSION, to=(vehicle.identity.sysid, 77)))
-    seen = vehicle.wait_for("COMMAND_ACK", mark=mark) is not None
-    equal(seen, executes, "answered")
-    return "executed" if seen else "ignored"
+    ack = vehicle.expect("COMMAND_ACK", lambda m: m.command == REQUEST, mark=mark)
+    vehicle.wait(0.5)
+    executed = bool(vehicle.since(mark, "AUTOPILOT_VERSION"))
+    equal((result_name(ack.result), executed), expected, "result, executed")
+    return result_name(ack.result)
 
 
 @check("commands.station.any_is_obeyed", source="AUTOPILOTS 1.15: commands from any GCS sysid are obeyed")
@@ -195,7 +206,11 @@ def no_number(vehicle: VehicleUnderTest) -> str:
     return ", ".join(seen)
 
 
-@check("commands.parameters.message_interval_nan")
+@check(
+    "commands.parameters.message_interval_nan",
+    needs=[CRASH],
+    source="ArduPilot GCS_Common.cpp, handle_command_set_message_interval: converts without a check",
+)
 def interval_nan(vehicle: VehicleUnderTest) -> str:
     """An interval of NaN for ATTITUDE causes at most 200 messages in 2 s."""
     vehicle.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, id_of("ATTITUDE"), math.nan)
@@ -209,13 +224,22 @@ def interval_nan(vehicle: VehicleUnderTest) -> str:
 
 @check("commands.progress.ends_in_a_result", needs=[ALTER], limit_s=120)
 def ends_in_a_result(vehicle: VehicleUnderTest) -> str:
-    """A gyroscope calibration has a final acknowledgement, at once or within 60 s of IN_PROGRESS."""
-    mark = vehicle.mark()
-    result = vehicle.command(mavlink.MAV_CMD_PREFLIGHT_CALIBRATION, 1)
-    results = [result_name(m.result) for m in vehicle.since(mark, "COMMAND_ACK")]
-    if result == mavlink.MAV_RESULT_UNSUPPORTED:
+    """A gyroscope calibration has one final acknowledgement, and it comes last, within 60 s."""
+    command, mark = mavlink.MAV_CMD_PREFLIGHT_CALIBRATION, vehicle.mark()
+    vehicle.send(vehicle.command_long(command, 1))
+    final = vehicle.wait_for(
+        "COMMAND_ACK",
+        lambda m: m.command == command and m.result != mavlink.MAV_RESULT_IN_PROGRESS,
+        within_s=CALIBRATION_S,
+        mark=mark,
+    )
+    vehicle.wait(3.0)
+    results = [result_name(m.result) for m in vehicle.since(mark, "COMMAND_ACK") if m.command == command]
+    if results == ["UNSUPPORTED"]:
         raise Skip("the vehicle does not calibrate on command")
-    holds(result != mavlink.MAV_RESULT_IN_PROGRESS, "expected a result after IN_PROGRESS, saw none")
+    holds(final is not None, f"expected a result within {CALIBRATION_S:g} s, saw {results}")
+    finals = [name for name in results if name != "IN_PROGRESS"]
+    equal(results[-1:], finals, "final results, one and last")
     return " then ".join(results)
 
 
@@ -225,7 +249,7 @@ def can_be_cancelled(vehicle: VehicleUnderTest) -> str:
     command = mavlink.MAV_CMD_PREFLIGHT_CALIBRATION
     mark = vehicle.mark()
     vehicle.send(vehicle.command_long(command, 1))
-    first = vehicle.expect("COMMAND_ACK", lambda m: m.command == command, mark=mark)
+    first = vehicle.expect("COMMAND_ACK", lambda m: m.command == command, within_s=CALIBRATION_S, mark=mark)
     if first.result != mavlink.MAV_RESULT_IN_PROGRESS:
         raise Skip(f"the calibration ended at once with {result_name(first.result)}: nothing to cancel")
     vehicle.send_raw(frames.command_cancel(vehicle, command))
@@ -249,7 +273,7 @@ def nothing_to_cancel(vehicle: VehicleUnderTest) -> str:
     return "the next command is ACCEPTED"
 
 
-@check("commands.target.broadcast_is_ignored", dialects=("px4",))
-def px4_ignores_system_0(vehicle: VehicleUnderTest) -> str:
-    """PX4 ignores REQUEST_MESSAGE to system 0."""
-    return _unanswered(vehicle, vehicle.command_long(REQUEST, VERSION, to=(0, 0)))
+@check("commands.target.broadcast_is_refused", dialects=("px4",), source=ALIEN)
+def px4_refuses_system_0(vehicle: VehicleUnderTest) -> str:
+    """PX4 does not execute REQUEST_MESSAGE to system 0."""
+    return _not_executed(vehicle, vehicle.command_long(REQUEST, VERSION, to=(0, 0)))

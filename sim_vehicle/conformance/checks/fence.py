@@ -307,6 +307,8 @@ def enable_command(vehicle: VehicleUnderTest) -> str:
 @check("fence.empty_upload", claims=CLAIMS)
 def empty_upload(vehicle: VehicleUnderTest) -> str:
     """An empty upload is accepted and removes the fence."""
+    plans.upload_or_fail(vehicle, polygon(vehicle), FENCE)
+    equal(plans.count(vehicle, FENCE), len(SQUARE), "items before")
     plans.upload_or_fail(vehicle, [], FENCE)
     equal(plans.count(vehicle, FENCE), 0, "items left")
     return "empty"

@@ -187,7 +187,7 @@ def speed_kept(vehicle: VehicleUnderTest) -> str:
     height_m = flying.height_m(vehicle)
     equal(result_name(flying.reposition(vehicle, target, height_m)), "ACCEPTED", "DO_REPOSITION")
     vehicle.expect_accepted(mavlink.MAV_CMD_DO_CHANGE_SPEED, 1, 4.0, -1)
-    vehicle.wait(6.0)
+    vehicle.wait(8.0)
     speeds = []
     for _ in range(8):
         vehicle.wait(0.5)
@@ -196,14 +196,6 @@ def speed_kept(vehicle: VehicleUnderTest) -> str:
     vehicle.command(mavlink.MAV_CMD_DO_CHANGE_SPEED, 1, 8.0, -1)
     near(mean_m_s, 4.0, 0.8, "mean speed [m/s]")
     return f"{mean_m_s:.2f} m/s"
-
-
-@check("flight.speed.refuses_nonsense", airborne=True, kind="copter", dialects=("ardupilot",), limit_s=300)
-def speed_nonsense(vehicle: VehicleUnderTest) -> str:
-    """A speed of NaN is refused."""
-    seen = result_name(vehicle.command(mavlink.MAV_CMD_DO_CHANGE_SPEED, 1, math.nan, -1))
-    holds(seen != "ACCEPTED", "expected a refusal of NaN, saw ACCEPTED")
-    return seen
 
 
 @check("flight.yaw.turns", airborne=True, kind="copter", dialects=("ardupilot",), limit_s=300)
@@ -239,11 +231,14 @@ def pause(vehicle: VehicleUnderTest) -> str:
     airborne=True,
     dialects=("ardupilot",),
     limit_s=300,
-    source="AUTOPILOTS 1.9",
+    source="AUTOPILOTS 1.9; ArduPlane mode_auto.cpp, ModeAuto::update",
 )
 def empty_mission(vehicle: VehicleUnderTest) -> str:
-    """AUTO with an empty mission is refused in the air."""
+    """AUTO with an empty mission is refused in the air; a plane accepts it and returns."""
     plans.upload_or_fail(vehicle, [])
+    expected = "ACCEPTED" if vehicle.identity.kind == "plane" else "FAILED"
     seen = result_name(flying.try_mode(vehicle, "mission"))
-    equal(seen, "FAILED", "AUTO")
+    equal(seen, expected, "AUTO")
+    if seen == "ACCEPTED":
+        vehicle.wait_until(flying.in_mode(vehicle, "return"), "RTL in the heartbeat", flying.HEARTBEAT_LAG_S)
     return seen

@@ -6,12 +6,12 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance.assertions import CheckFailed, Skip, equal, holds, id_of, near, result_name
 from sim_vehicle.conformance.registry import check
-from sim_vehicle.conformance.vehicle import VehicleUnderTest
+from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
 
 NOT_A_MESSAGE = 16_777_000  # an unused message id
 REQUESTED = (
     "SYS_STATUS", "SYSTEM_TIME", "GPS_RAW_INT", "ATTITUDE", "LOCAL_POSITION_NED", "GLOBAL_POSITION_INT",
-    "MISSION_CURRENT", "VFR_HUD", "BATTERY_STATUS", "EXTENDED_SYS_STATE", "HOME_POSITION",
+    "VFR_HUD", "BATTERY_STATUS", "EXTENDED_SYS_STATE", "HOME_POSITION",
 )  # fmt: skip
 
 
@@ -26,12 +26,30 @@ def _request_check(kind: str) -> Callable[[VehicleUnderTest], str]:
             raise CheckFailed(f"expected {kind} on request: {refusal}") from refusal
         return kind
 
-    run.__doc__ = f"The vehicle sends {kind} on request."
+    run.__doc__ = f"The vehicle sends {kind} on request; PX4 only if it has news since it last sent it."
     return run
 
 
 for _kind in REQUESTED:
-    check(f"messages.request.{_kind.lower()}")(_request_check(_kind))
+    check(
+        f"messages.request.{_kind.lower()}",
+        limit_s=90,
+        source="PX4 mavlink_receiver.cpp, handle_request_message_command: DENIED without news",
+    )(_request_check(_kind))
+
+
+@check(
+    "messages.request.mission_current",
+    source="PX4 mavlink_mission.cpp, send_mission_current: no stream, so a request is DENIED",
+)
+def request_mission_current(vehicle: VehicleUnderTest) -> str:
+    """ArduPilot sends MISSION_CURRENT on request; PX4 answers DENIED and sends it once a second."""
+    expected = known_behaviour(vehicle, ardupilot="ACCEPTED", px4="DENIED")
+    mark = vehicle.mark()
+    result = vehicle.command(mavlink.MAV_CMD_REQUEST_MESSAGE, id_of("MISSION_CURRENT"))
+    equal(result_name(result), expected, "REQUEST_MESSAGE")
+    vehicle.expect("MISSION_CURRENT", within_s=3.0, mark=mark)
+    return result_name(result)
 
 
 @check("messages.request.sends_one")

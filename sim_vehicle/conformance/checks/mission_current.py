@@ -10,6 +10,7 @@ from sim_vehicle.conformance.assertions import CheckFailed, equal, holds, result
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
 
+CHECKED_S = 2.0  # longest time until PX4 has checked a new mission
 NO_MISSION_TOTAL = 65_535
 
 
@@ -60,10 +61,15 @@ def current_state(vehicle: VehicleUnderTest) -> str:
     return f"{empty}, {state}"
 
 
-@check("mission.current.set_by_message", source="AUTOPILOTS 2: MISSION_SET_CURRENT (41) works")
+@check(
+    "mission.current.set_by_message",
+    source="AUTOPILOTS 2: MISSION_SET_CURRENT (41) works; PX4 mavlink_mission.cpp, send: the result of the "
+    "check after an upload, under a second later, brings back the old index",
+)
 def set_by_message(vehicle: VehicleUnderTest) -> str:
     """MISSION_SET_CURRENT makes an item current, and MISSION_CURRENT reports this item."""
     plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
+    vehicle.wait(CHECKED_S)
     for seq in (2, 1):
         mark = vehicle.mark()
         vehicle.send(mavlink.MAVLink_mission_set_current_message(*vehicle.target, seq))

@@ -18,23 +18,25 @@ PASS_M = 4.0  # a waypoint within this distance counts as passed
 
 @check("mission-flight.flies_every_item", needs=[ARM], kind="copter", limit_s=FLY_S, source="AUTOPILOTS 1.7")
 def flies_every_item(vehicle: VehicleUnderTest) -> str:
-    """By mission the vehicle takes off, passes each waypoint, reports progress, lands and disarms."""
+    """By mission the vehicle takes off, passes the waypoints in order and height, reports them, and lands."""
     items = missions.items(vehicle)
     plans.upload_or_fail(vehicle, items)
     place = plans.current_position(vehicle)
     missions.start(vehicle)
     mark = vehicle.mark()
     targets = [plans.offset(place, n, e) for n, e in missions.CORNERS]
-    nearest = [float("inf")] * len(targets)
+    heights_m: list[float] = []  # of the waypoints passed so far, in their order
 
     def done() -> bool:
-        for i, target in enumerate(targets):
-            nearest[i] = min(nearest[i], flying.distance_to_m(vehicle, target))
+        upcoming = targets[len(heights_m) :]
+        if upcoming and flying.distance_to_m(vehicle, upcoming[0]) < PASS_M:
+            heights_m.append(flying.height_m(vehicle))
         return not vehicle.armed
 
     took_s = vehicle.wait_until(done, "landed and disarmed", FLY_S - 30)
-    for i, distance_m in enumerate(nearest):
-        holds(distance_m < PASS_M, f"the vehicle passed waypoint {i + 1} at {distance_m:.1f} m")
+    equal(len(heights_m), len(targets), f"waypoints passed in order within {PASS_M:g} m")
+    for height_m in heights_m:
+        near(height_m, missions.HEIGHT_M, 2.0, "height at a waypoint [m]")
     off_m = flying.distance_to_m(vehicle, targets[-1])
     holds(off_m < 4, f"the vehicle landed {off_m:.1f} m from the last waypoint")
     reached = [m.seq for m in vehicle.since(mark, "MISSION_ITEM_REACHED")]

@@ -11,6 +11,7 @@ from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
 
 FLY_S = 300.0  # time limit of a check
 PASS_M = 4.0  # a waypoint within this distance counts as reached
+PAUSE_S, MAX_DRIFT_M = 5.0, 3.0  # length of a pause, and the longest way of a vehicle that stands still
 SET_CURRENT = mavlink.MAV_CMD_DO_SET_MISSION_CURRENT
 
 
@@ -51,9 +52,14 @@ def jump_by_command(vehicle: VehicleUnderTest) -> str:
     source="AUTOPILOTS 2: pause/continue (193) ACCEPTED, mission_state 4",
 )
 def pause_and_go_on(vehicle: VehicleUnderTest) -> str:
-    """DO_PAUSE_CONTINUE (ArduPilot) or a change of mode (PX4) pauses and continues a mission."""
+    """DO_PAUSE_CONTINUE (ArduPilot) or a change of mode (PX4) stops a mission, and the vehicle then goes on.
+
+    The pause lasts 5 s; afterwards the vehicle reaches the waypoint that was current before the pause.
+    """
     by_command = known_behaviour(vehicle, ardupilot=True, px4=False)
     seq = missions.under_way(vehicle)
+    item = plans.download(vehicle)[seq]
+    waypoint = item.x, item.y
     if by_command:
         vehicle.expect_accepted(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 0)
     else:
@@ -64,17 +70,21 @@ def pause_and_go_on(vehicle: VehicleUnderTest) -> str:
         )
         flying.set_mode(vehicle, "hold")
     vehicle.wait_until(lambda: flying.speed_m_s(vehicle) < 0.6, "a standstill", 15)
+    place = flying.last_position(vehicle)
+    vehicle.wait(PAUSE_S)
+    moved_m = flying.distance_to_m(vehicle, place)
+    holds(moved_m < MAX_DRIFT_M, f"expected a standstill for {PAUSE_S:g} s, saw {moved_m:.1f} m flown")
     if by_command:
-        vehicle.wait(1.0)
         state = vehicle.last["MISSION_CURRENT"].message.mission_state
         equal(state, mavlink.MISSION_STATE_PAUSED, "mission_state")
         vehicle.expect_accepted(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 1)
     else:
         flying.set_mode(vehicle, "mission")
-    vehicle.wait_until(lambda: flying.speed_m_s(vehicle) > 1.0, "a speed above 1 m/s", 15)
-    current = missions.current(vehicle)
-    holds(current in (seq, seq + 1), f"expected item {seq} or {seq + 1} after the pause, saw {current}")
-    return "stopped, then continued"
+    equal(missions.current(vehicle), seq, "current item after the pause")
+    took_s = vehicle.wait_until(
+        lambda: flying.distance_to_m(vehicle, waypoint) < PASS_M, "arrival at the current waypoint", 60
+    )
+    return f"stood within {moved_m:.1f} m, arrived {took_s:.0f} s later"
 
 
 @check(
@@ -156,14 +166,19 @@ def upload_in_flight(vehicle: VehicleUnderTest) -> str:
     source="AUTOPILOTS 2: shorter mission than the current index: index moved to last item",
 )
 def shorter_upload(vehicle: VehicleUnderTest) -> str:
-    """The upload of a shorter mission in flight makes its last item current."""
+    """The upload of a shorter mission in flight makes its last item current, and the vehicle flies there."""
     missions.under_way(vehicle)
     items = missions.items(vehicle, landing=False)[:2]
+    target = plans.offset(flying.last_position(vehicle), -40.0, -30.0)
+    items[1] = replace(items[1], x=target[0], y=target[1])
     plans.upload_or_fail(vehicle, items)
     vehicle.wait_until(
         lambda: missions.current(vehicle) == len(items) - 1, f"item {len(items) - 1} to be current", 5.0
     )
-    return f"index {len(items) - 1}"
+    took_s = vehicle.wait_until(
+        lambda: flying.distance_to_m(vehicle, target) < PASS_M, "arrival at the last item", 90
+    )
+    return f"index {len(items) - 1}, arrived after {took_s:.0f} s"
 
 
 @check(

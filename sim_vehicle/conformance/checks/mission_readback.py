@@ -12,6 +12,7 @@ from sim_vehicle.conformance.plans import PlanItem
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
 
+PX4_PINS = "PX4 mavlink_mission.cpp, format_mavlink_mission_item"
 PINS = "AUTOPILOTS 2: read-back differs"
 
 
@@ -69,15 +70,32 @@ def altitude_thirds(vehicle: VehicleUnderTest) -> str:
     return f"33.333 -> {expected}"
 
 
-@check("mission.readback.waypoint_parameters", kind="copter", source=PINS)
+@check("mission.readback.waypoint_parameters", kind="copter", source=f"{PINS}; {PX4_PINS}")
 def waypoint_parameters(vehicle: VehicleUnderTest) -> str:
-    """Parameters (2.7, 5, 6, 90) are read back as (2, 0, 0, 0) on ArduPilot and unchanged on PX4."""
+    """Parameters (2.7, 5, 6, 90) are read back as (2, 0, 0, 0) on ArduPilot, as (2.7, 5, 0, 90) on PX4."""
     sent = (2.7, 5.0, 6.0, 90.0)
-    expected = known_behaviour(vehicle, ardupilot=(2.0, 0.0, 0.0, 0.0), px4=sent)
+    expected = known_behaviour(vehicle, ardupilot=(2.0, 0.0, 0.0, 0.0), px4=(2.7, 5.0, 0.0, 90.0))
     item = plans.store_and_read(vehicle, _point(vehicle, params=sent))
     for number, value in enumerate((item.param1, item.param2, item.param3, item.param4)):
         near(value, expected[number], 1e-5, f"param{number + 1}")
     return f"{sent} -> {expected}"
+
+
+@check("mission.readback.negative_yaw", dialects=("px4",), source=PX4_PINS)
+def negative_yaw(vehicle: VehicleUnderTest) -> str:
+    """A yaw of -90 degrees is read back as 270 degrees."""
+    near(plans.store_and_read(vehicle, _point(vehicle, params=(0, 0, 0, -90.0))).param4, 270.0, 1e-3, "yaw")
+    return "-90 -> 270"
+
+
+@check("mission.readback.takeoff_parameters", dialects=("px4",), source=PX4_PINS)
+def takeoff_parameters(vehicle: VehicleUnderTest) -> str:
+    """Parameters 1 to 3 of a take-off are read back as 0."""
+    item = _point(vehicle, command=mavlink.MAV_CMD_NAV_TAKEOFF, params=(15, 1, 2, 45))
+    seen = plans.store_and_read(vehicle, item)
+    equal((seen.param1, seen.param2, seen.param3), (0.0, 0.0, 0.0), "param1 to param3")
+    near(seen.param4, 45.0, 1e-3, "yaw")
+    return "0, 0, 0, 45"
 
 
 @check("mission.readback.nan_yaw", source=PINS)

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.conformance import flying, frames
+from sim_vehicle.conformance import flying, frames, plans
 from sim_vehicle.conformance.assertions import CheckFailed, Skip, equal, holds, result_name
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
@@ -43,18 +43,29 @@ for _role in MODE_ROLES:
     check(f"modes.set.{_role}", source="AUTOPILOTS 1.5", limit_s=200)(_set_mode_check(_role))
 
 
-@check("modes.set.mission_when_empty", dialects=("ardupilot",), source="AUTOPILOTS 1.9: an empty mission")
+@check(
+    "modes.set.mission_when_empty",
+    dialects=("ardupilot",),
+    source="AUTOPILOTS 1.9: an empty mission; ArduPlane mode_auto.cpp, ModeAuto::update: then RTL",
+)
 def mission_when_empty(vehicle: VehicleUnderTest) -> str:
-    """A disarmed vehicle without a mission accepts AUTO."""
+    """A disarmed vehicle without a mission accepts AUTO; a plane then changes to RTL."""
     vehicle.send(mavlink.MAVLink_mission_clear_all_message(*vehicle.target, 0))
     vehicle.expect("MISSION_ACK")
-    flying.set_mode(vehicle, "mission")
-    return "ACCEPTED"
+    flying.set_ready_mode(vehicle)
+    equal(result_name(flying.try_mode(vehicle, "mission")), "ACCEPTED", "AUTO")
+    role = "return" if vehicle.identity.kind == "plane" else "mission"
+    vehicle.wait_until(
+        flying.in_mode(vehicle, role), f"the {role} mode in the heartbeat", flying.HEARTBEAT_LAG_S
+    )
+    return f"ACCEPTED, {role}"
 
 
 @check("modes.acks_are_true", limit_s=120)
 def acks_are_true(vehicle: VehicleUnderTest) -> str:
     """An accepted mode appears in the heartbeat; a refused mode does not appear."""
+    if vehicle.dialect.home_item:  # without a mission ArduPlane accepts AUTO and changes to RTL
+        plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
     flying.set_ready_mode(vehicle)
     outcomes = []
     for role, number in vehicle.dialect.modes.items():

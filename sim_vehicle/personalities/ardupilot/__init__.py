@@ -170,6 +170,7 @@ def _battery_refusals(vehicle: Vehicle) -> list[str]:
 
 # Texts of a plane; most failsafe texts have the name of the mode.
 _PLANE_TEXTS = {
+    "no_mission_returns": (_INFO, "Aircraft in auto without a running mission"),
     "rc_short_acted": (_WARNING, "RC Short Failsafe: switched to {mode}"),
     "rc_short_stays": (_WARNING, "RC Short Failsafe On"),
     "rc_short_back": (_WARNING, "Short Failsafe Cleared"),
@@ -222,6 +223,7 @@ _COPTER = Personality(
     arm_refused=mavlink.MAV_RESULT_FAILED,
     disarm_refused=mavlink.MAV_RESULT_FAILED,
     is_addressed=lambda _sysid, _message: True,
+    refuses_foreign_commands=False,
     targets=copter_targets,
     parameter_bits=MappingProxyType(parameters.BITS),
     acknowledges_set_mode=False,

@@ -82,7 +82,8 @@ def arm_disarm(vehicle: Vehicle, command: Command, now: float) -> int:
     if action == 0:
         forced = to_int(command.param2) == common.FORCE
         return ACCEPTED if vehicle.disarm(force=forced) else TEMPORARILY_REJECTED
-    return UNSUPPORTED
+    vehicle.announce("arm_unknown", value=command.param1)
+    return common.NO_ANSWER
 
 
 def takeoff(vehicle: Vehicle, command: Command, now: float) -> int:
@@ -286,6 +287,13 @@ def get_message_interval(vehicle: Vehicle, command: Command, now: float) -> int:
 
 
 def request_message(vehicle: Vehicle, command: Command, now: float) -> int:
+    """Send a message, unless its stream has just sent it and PX4 has no news since."""
+    message_id = to_int(command.param1)
+    latest_s = vehicle.rates.latest_s(message_id)
+    published_s = messages.PUBLISHED_S.get(message_id, 0.0)
+    without_news = latest_s is not None and now - latest_s < published_s
+    if without_news or message_id == mavlink.MAVLINK_MSG_ID_MISSION_CURRENT:
+        return DENIED
     return DENIED if common.request_message(vehicle, command, now) != ACCEPTED else ACCEPTED
 
 

@@ -1,8 +1,10 @@
 """Mission, fence and rally items of PX4: accepted commands and their frames."""
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.vehicle.mission import Item
@@ -82,11 +84,43 @@ _WITHOUT_POSITION = frozenset(
 )
 
 
+def _as_sent(item: Item) -> Item:
+    return item
+
+
+def _yaw_deg(value_deg: float) -> float:
+    """Return a yaw as PX4 sends it back: in single precision, by way of 0 to 2 pi."""
+    if not math.isfinite(value_deg):
+        return value_deg
+    yaw = np.float32(math.radians(np.float32(value_deg))) % np.float32(2 * math.pi)
+    return float(np.float32(math.degrees(yaw)))
+
+
+def _flag(value: float) -> float:
+    return float(value > 0)
+
+
+# Command -> the item as `format_mavlink_mission_item` of PX4 1.15 (mavlink_mission.cpp) sends it back.
+_PARAMETERS: dict[int, Callable[[Item], Item]] = {
+    mavlink.MAV_CMD_NAV_WAYPOINT: lambda i: replace(i, param3=0.0, param4=_yaw_deg(i.param4)),
+    mavlink.MAV_CMD_NAV_LOITER_UNLIM: lambda i: replace(i, param1=0.0, param2=0.0, param4=_yaw_deg(i.param4)),
+    mavlink.MAV_CMD_NAV_LOITER_TIME: lambda i: replace(i, param2=_flag(i.param2), param4=_flag(i.param4)),
+    mavlink.MAV_CMD_NAV_LAND: lambda i: replace(i, param1=0.0, param3=0.0, param4=_yaw_deg(i.param4)),
+    mavlink.MAV_CMD_NAV_LOITER_TO_ALT: lambda i: replace(
+        i, param1=_flag(i.param1), param3=0.0, param4=_flag(i.param4)
+    ),
+    **dict.fromkeys(
+        (mavlink.MAV_CMD_NAV_TAKEOFF, mavlink.MAV_CMD_NAV_VTOL_TAKEOFF, mavlink.MAV_CMD_NAV_VTOL_LAND),
+        lambda i: replace(i, param1=0.0, param2=0.0, param3=0.0, param4=_yaw_deg(i.param4)),
+    ),
+}
+
+
 def store_item(item: Item) -> Item | int:
     """Return PX4's stored form of an item, or the MAV_MISSION_RESULT of a refusal.
 
-    PX4 checks no other value than the ROI mode. A NaN altitude, a latitude of 100 degrees and a jump to a
-    missing item are stored and sent back.
+    PX4 checks no other value than the ROI mode: a NaN altitude, a latitude of 100 degrees and a jump to a
+    missing item are stored and sent back. PX4 drops the parameters that it does not use.
     """
     if item.frame in READ_BACK_FRAME:
         commands, roi_modes, frame = _WITH_POSITION, _ROI_MODES_WITH_POSITION, READ_BACK_FRAME[item.frame]
@@ -98,4 +132,4 @@ def store_item(item: Item) -> Item | int:
         return int(mavlink.MAV_MISSION_UNSUPPORTED)
     if item.command in _ROI_COMMANDS and not (math.isfinite(item.param1) and int(item.param1) in roi_modes):
         return int(mavlink.MAV_MISSION_INVALID_PARAM1)
-    return replace(item, frame=frame)
+    return _PARAMETERS.get(item.command, _as_sent)(replace(item, frame=frame))

@@ -49,6 +49,9 @@ DEFAULT_RATES_HZ: dict[int, float] = {
     mavlink.MAVLINK_MSG_ID_NAMED_VALUE_INT: 1.0,  # strikes; only in a scenario with hostiles
 }
 
+# Message id -> interval of the data behind its stream [s]; a request without news since is DENIED.
+PUBLISHED_S = {mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: 0.125, mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 0.02}
+
 # Messages missing in pymavlink's ArduPilot dialect.
 _AVAILABLE_MODES = Layout(
     AVAILABLE_MODES_ID,
