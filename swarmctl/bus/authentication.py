@@ -12,6 +12,10 @@ class NotAuthorised(Exception):
 class Authentication(Protocol):
     """The check of a request's sender, and the signature of the answer."""
 
+    @property
+    def is_cheap(self) -> bool:
+        """True if a check takes microseconds, so that the number of checks needs no limit."""
+
     def verify(self, key: str, payload: bytes) -> bytes:
         """Return the request in a payload under `key`. Raises BadMessage if the sender is not authorised."""
 
@@ -33,6 +37,8 @@ class RequestSigning(Protocol):
 
 
 class _None:
+    is_cheap = False
+
     def verify(self, _key: str, payload: bytes) -> bytes:
         return payload
 

@@ -37,7 +37,8 @@ PER_S = 4.0
 BURST = 8
 """limits on commands with a valid signature under one key, refused or not: PER_S a second, BURST at once"""
 CHECKED_PER_S = 200.0
-"""limit on signature checks of 0.1 to 0.3 ms under one key; further commands get no check and no answer"""
+"""Limit on signature checks of 0.1 to 0.3 ms under one key; further commands get no check and no answer.
+If checks are cheap, all commands are checked, and further invalid commands get no answer."""
 CHECKED_BURST = 100
 SHOWN_PER_S, SHOWN_BURST = 0.1, 4
 """limits on messages about invalid signatures"""
@@ -154,14 +155,16 @@ class OperatorService:
             if self._is_within_rate(self._wildcard_limit, now_s):
                 self._refuse(f"the key is {key}, expected {' or '.join(self._keys)}", None)
             return
-        if not self._signature_checks[key].try_take(now_s):
+        is_within_limit = self._signature_checks[key].try_take(now_s)
+        if not (is_within_limit or self._authentication.is_cheap):
             self._counts.refused += 1
             return
         reply = self._signed_reply(key, payload, reply)
         try:
             verified = self._verified(key, payload)
         except BadMessage as error:
-            self._refuse(str(error), reply, is_shown=self._shown_invalid.try_take(now_s))
+            is_shown = is_within_limit and self._shown_invalid.try_take(now_s)
+            self._refuse(str(error), reply if is_within_limit else None, is_shown=is_shown)
             return
         # After the signature check: other senders must not use up the operator's rate.
         if self._is_within_rate(self._limits[key], now_s):

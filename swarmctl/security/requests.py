@@ -147,6 +147,8 @@ class SignedRequests:
     sign: Sign
     clock: Callable[[], float]
     """wall clock [s since 1970]"""
+    is_cheap: bool
+    """True for the HMAC of a token, False for Ed25519"""
 
     def verify(self, key: str, payload: bytes) -> bytes:
         return self.verifier.verify(key, payload, self.clock())
@@ -160,13 +162,13 @@ def by_operator(
 ) -> SignedRequests:
     """Return the authentication of an agent with keys: requests of the operator, answers of the vehicle."""
     verifier = RequestVerifier(swarm, keyring.is_signed_by_operator, clock(), tolerance_s)
-    return SignedRequests(verifier, keyring.signing_key.sign, clock)
+    return SignedRequests(verifier, keyring.signing_key.sign, clock, is_cheap=False)
 
 
 def by_token(swarm: str, token: Token, tolerance_s: float, clock: Callable[[], float]) -> SignedRequests:
     """Return the authentication of a process without keys: all who have its token."""
     verifier = RequestVerifier(swarm, token.verify, clock(), tolerance_s, WRONG_TOKEN)
-    return SignedRequests(verifier, token.sign, clock)
+    return SignedRequests(verifier, token.sign, clock, is_cheap=True)
 
 
 @dataclass(frozen=True, slots=True)

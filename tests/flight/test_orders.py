@@ -271,6 +271,8 @@ OPERATORS, OF_UAV2 = b"operator".ljust(64), b"uav2".ljust(64)
 class Guarded:
     """Stand-in for a vehicle's authentication: checks a prefix of requests and adds a prefix to answers."""
 
+    is_cheap = False
+
     def verify(self, key: str, payload: bytes) -> bytes:
         if not payload.startswith(OPERATORS):
             raise BadMessage(f"no participant of this swarm signed the payload under {key}")

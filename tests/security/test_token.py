@@ -19,7 +19,7 @@ from operator_station import ANYWHERE, KEY, Station
 from swarmctl.bus import directory, keys
 from swarmctl.bus.authentication import NO_AUTHENTICATION
 from swarmctl.bus.external_observations import BURST, ReportReceiver
-from swarmctl.bus.operator_service import CommandCounts
+from swarmctl.bus.operator_service import CHECKED_BURST, SHOWN_BURST, CommandCounts
 from swarmctl.bus.sensor_reports import RejectReason, Report, decode_answer
 from swarmctl.bus.sensor_reports import encode as encode_report
 from swarmctl.bus.transports.memory import MemoryBus
@@ -30,6 +30,7 @@ from swarmctl.core.grid import Grid
 from swarmctl.core.messages import GiveOrder, SetWeights, encode
 from swarmctl.flight import evidence_log, operator_orders, wiring
 from swarmctl.flight.simulator import undisturbed
+from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.security.files import KeyringError
 from swarmctl.security.requests import TokenSigning, by_token, sign_request
 from swarmctl.security.token import TOKEN_FILE, Token, new_token, token_of_environment
@@ -106,6 +107,27 @@ def test_another_user_who_knows_port_and_name_changes_nothing() -> None:
                 assert decode_answer(answer[64:]).taken
 
     asyncio.run(scene())
+
+
+def test_a_flood_without_the_token_keeps_no_command_out() -> None:
+    token, answered = new_token(), []
+
+    async def scene() -> None:
+        bus = MemoryBus()
+        station = Station(bus, authentication=by_token("test", token, 5.0, time.time))
+        flight, signing = (
+            client.FlightEndpoints("test", ANYWHERE),
+            TokenSigning("test", {None: token}, None, time.time),
+        )
+        for _ in range(5000):
+            bus._served[KEY](KEY, COMMANDS[KEY], answered.append)
+        answer = await client.ask(bus, flight, SetWeights(None, w=0.2), signing)
+        assert [vehicle.outcome for vehicle in answer.vehicles] == ["taken", "taken"]
+        assert station.counts.refused == 5000
+        assert len(answered) == CHECKED_BURST
+        assert len(station.said) <= SHOWN_BURST
+
+    run_virtual(scene())
 
 
 @pytest.mark.parametrize("tokens", [{}, {None: new_token()}])
