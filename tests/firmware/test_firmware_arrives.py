@@ -6,27 +6,31 @@ from typing import Any
 
 import pytest
 from firmware import Airfield
-from flown_cells import summary
+from flown_cells import NS, summary
 from namespaces import Process
 from recorded import events
 from udp_relay import Radio
 
 COPTER, PLANE, PX4 = "arducopter", "arduplane", "px4"
 FLIGHT_S = 600.0
-OFF_PLAN_M = 12.0
-"""greatest distance of a copter from the cells of its plans, where it turns or receives a new plan"""
-PLANE_OFF_PLAN_M = 40.0
-"""a plane rounds its corners by `wings.turn_radius_m`"""
-LANDED_M = 3.0
+OFF_PLAN_M = {COPTER: 12.0, PX4: 12.0, PLANE: 40.0}
+"""greatest distance from the cells of the plans, at a turn or a new plan; a plane's turn radius is 40 m"""
+BACK_M = 25.0
+"""greatest distance flown back to a new plan, half a cell"""
+LANDED_M = {COPTER: 3.0, PX4: 3.0, PLANE: 20.0}
+"""greatest distance from the goal; a plane flares and rolls out"""
+FAR_M = 900.0
+"""PX4's MIS_DIST_1WP"""
 
 
 def assert_arrived(field: Airfield, flight: Process) -> None:
     assert flight.ended(within_s=FLIGHT_S) == 0
     for name, one in field.flown().items():
-        is_plane = field.kinds[list(field.sysids).index(name)] == PLANE
+        kind = field.kinds[list(field.sysids).index(name)]
         assert one.account["outcome"] == "arrived", one
-        assert one.furthest_m < (PLANE_OFF_PLAN_M if is_plane else OFF_PLAN_M), one
-        assert field.distance_from_goal_m(name) < LANDED_M, one
+        assert one.furthest_m < OFF_PLAN_M[kind], one
+        assert one.back_m < BACK_M, one
+        assert field.distance_from_goal_m(name) < LANDED_M[kind], one
 
 
 @pytest.mark.firmware(COPTER)
@@ -60,8 +64,20 @@ def test_a_plane(field_of: Any) -> None:
 
 @pytest.mark.firmware(PX4)
 def test_two_px4(field_of: Any) -> None:
-    with field_of([PX4] * 2) as field:
+    """PX4 1.15 refuses missions whose first item is far away: plans must change there as well."""
+    with field_of([PX4] * 2, cells=26) as field:
         assert_arrived(field, field.fly())
+        accepted = [one for name in field.sysids for one in far_changes(field, name, "MissionAccepted")]
+        failed = [one for name in field.sysids for one in far_changes(field, name, "MissionFailed")]
+        assert accepted
+        assert not failed
+
+
+def far_changes(field: Airfield, name: str, kind: str) -> list[dict[str, Any]]:
+    """Return the results of changes of plan far from the start."""
+    fixes = field.witness[field.sysids[name]].flown()
+    far_s = next(fix.at_s for fix in fixes if field.distance_from_start_m(name, fix) > FAR_M)
+    return [one for one in events(field.run, kind, name) if one["log_time_ns"] / NS > far_s]
 
 
 @pytest.mark.firmware(COPTER, PLANE, PX4)

@@ -14,7 +14,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from recorded import effects, events
 from udp_relay import Radio
 
-COPTER = "arducopter"
+COPTER, PX4 = "arducopter", "px4"
 PAIR = [COPTER] * 2
 CELLS = 10
 FLIGHT_S = 400.0
@@ -22,7 +22,8 @@ OFF_PLAN_M = 12.0
 LANDED_M = 3.0
 NOTICED_S = 15.0
 """time in which the program notices another mission on an ArduPilot"""
-BRAKE, RTL, LAND = 17, 6, 9
+BRAKE, LAND = 17, 9
+PX4_HOLD, PX4_LAND = 4 << 16 | 3 << 24, 4 << 16 | 6 << 24
 FAILED = 1
 
 
@@ -50,16 +51,22 @@ def end_of(flight: Process) -> int:
     return flight.ended(within_s=FLIGHT_S)
 
 
-@pytest.mark.firmware(COPTER)
-def test_another_stations_mode(field_of: Any) -> None:
-    with field_of(PAIR, cells=CELLS) as field:
-        flight, witness = field.fly(), field.witness
+@pytest.mark.parametrize(
+    ("kind", "hold", "land"),
+    [
+        pytest.param(COPTER, BRAKE, LAND, marks=pytest.mark.firmware(COPTER), id=COPTER),
+        pytest.param(PX4, PX4_HOLD, PX4_LAND, marks=pytest.mark.firmware(PX4), id=PX4),
+    ],
+)
+def test_another_stations_mode(field_of: Any, kind: str, hold: int, land: int) -> None:
+    with field_of([kind] * 2, cells=CELLS) as field:
+        flight, witness, sysid = field.fly(), field.witness, field.sysids["uav1"]
         field.await_column("uav1", 3)
         since_s = time.time()
-        witness.set_mode(1, BRAKE)
+        witness.set_mode(sysid, hold)
         field.await_column("uav2", 7)
-        assert witness[1].mode == BRAKE
-        witness.set_mode(1, LAND)
+        assert witness[sysid].mode == hold
+        witness.set_mode(sysid, land)
         assert end_of(flight) == FAILED
         assert_released(field, "uav1", since_s, within_s=5.0)
         assert_arrived(field, field.flown(uav1=since_s)["uav2"])

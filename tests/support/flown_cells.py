@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
@@ -26,8 +28,8 @@ class Flown:
     """the vehicle in `summary.json`"""
     off_plan: list[tuple[float, float]]
     """time, and distance from the nearest cell of a plan given so far [m], at each position in the air"""
-    start: Fix
-    end: Fix
+    back_m: float
+    """greatest distance flown back to the west, beyond that of the plans: the crossings here are eastward"""
 
     @property
     def furthest_m(self) -> float:
@@ -38,20 +40,27 @@ class Flown:
         return (
             f"{self.name}: {account['outcome']}{account['trouble'] and ' (' + account['trouble'] + ')'}, "
             f"strikes {account['strikes']}, changed {swaps['changed']}, failed {swaps['failed']}, "
-            f"flown {account['flown_m']:.0f} m, off plan {self.furthest_m:.1f} m"
+            f"flown {account['flown_m']:.0f} m, off plan {self.furthest_m:.1f} m, back {self.back_m:.1f} m"
         )
 
 
-def flown(run: Path, name: str, fixes: Sequence[Fix], grid: Grid, until_s: float = float("inf")) -> Flown:
+def flown(run: Path, name: str, fixes: Sequence[Fix], grid: Grid, until_s: float = math.inf) -> Flown:
     """Return the account of one vehicle, with distances up to a time."""
     account = next(one for one in summary(run)["vehicles"] if one["name"] == name)
     plans = [(one["log_time_ns"] / NS, one["effect"]) for one in effects(run, "SwapMission", name)]
-    off_plan = []
+    off_plan, east_m = [], []
     for fix in fixes:
         if fix.at_s < until_s:
             given = [plan for at_s, plan in plans if at_s <= fix.at_s]
             off_plan.append((fix.at_s, off_plan_m(fix, given, fixes[0], grid)))
-    return Flown(name, account, off_plan, fixes[0], fixes[-1])
+            east_m.append(grid.frame.to_local(fix.lat_deg, fix.lon_deg)[0])
+    planned = [[grid.centre_m((row, col))[0] for row, col in plan["cells"]] for _, plan in plans]
+    return Flown(name, account, off_plan, max(0.0, _back_m(east_m) - max(map(_back_m, planned))))
+
+
+def _back_m(east_m: Sequence[float]) -> float:
+    """Return the greatest distance back from the easternmost position so far."""
+    return max((most - now for most, now in zip(accumulate(east_m, max), east_m, strict=True)), default=0.0)
 
 
 def summary(run: Path) -> dict[str, Any]:
