@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import json
 import math
 import os
@@ -14,7 +15,7 @@ from typing import Any
 
 import yaml
 from firmware_builds import Builds
-from firmware_witness import Fix, Witness
+from firmware_witness import Fix, Seen, Witness
 from flown_cells import Flown, flown
 from namespaces import BridgedNetwork, Process, bridged_network
 from swarmctl_process import ROOT, SWARMCTL
@@ -24,6 +25,7 @@ from swarmctl.config.model import Config, load
 from swarmctl.config.scenario import Scenario, build
 from swarmctl.config.specs import Spec
 from swarmctl.core.geo import LatLon, distance_m
+from swarmctl.core.grid import Cell
 
 DESK, BRIDGE, ADDRESS = "desk", "air", "10.231.9.1"
 STATION_PORT, WITNESS_PORT = 14701, 14549
@@ -34,7 +36,7 @@ BOOT_SPEEDUP = 5
 """ArduPilot's clock until it has a position: 8 s of 41"""
 POSITION_S = 120.0
 """time limit for a position after the start, on a busy machine"""
-COLUMN_S = 180.0
+COLUMN_S = 300.0
 FLOWN = "flown"
 """name of the lines about a flight among the properties of a test"""
 PX4_FIRST_SYSID = 20 + os.getpid() % 25 * 8
@@ -113,19 +115,28 @@ class Airfield:
     autopilots: dict[str, Process] = field(default_factory=dict)
     starts: int = 0
 
-    @property
+    @functools.cached_property
     def scenario(self) -> Scenario:
         return build(load(self.config))
 
-    def await_column(self, name: str, col: int) -> None:
-        """Wait until a vehicle flies over a column of the area."""
-        grid, sysid = self.scenario.grid, self.sysids[name]
+    def await_column(self, name: str, col: int) -> Cell:
+        """Wait until a vehicle flies over a column of the area, and return its cell."""
+        seen = self.witness[self.sysids[name]]
 
-        def is_there(witness: Witness) -> bool:
-            cells = (grid.cell_at(fix.lat_deg, fix.lon_deg) for fix in witness[sysid].fixes[-1:])
-            return any(cell is not None and cell[1] >= col for cell in cells)
+        def is_there(_: Witness) -> bool:
+            cell = self._cell(seen)
+            return cell is not None and cell[1] >= col
 
         self.witness.until(is_there, f"{name} in column {col}", COLUMN_S)
+        cell = self._cell(seen)
+        assert cell is not None
+        return cell
+
+    def _cell(self, seen: Seen) -> Cell | None:
+        """Return the cell of the last position of a vehicle."""
+        if not seen.fixes:
+            return None
+        return self.scenario.grid.cell_at(seen.fixes[-1].lat_deg, seen.fixes[-1].lon_deg)
 
     @property
     def config(self) -> Path:
