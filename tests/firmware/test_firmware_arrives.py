@@ -61,7 +61,7 @@ def test_a_plane(field_of: Any) -> None:
 
 @pytest.mark.firmware(PX4)
 def test_two_px4(field_of: Any) -> None:
-    """PX4 1.15 refuses missions that begin far away. Far from take-off an operator reports a hostile ahead."""
+    """PX4 1.15 refuses missions that begin far away. An operator reports a hostile far from take-off."""
     with field_of([PX4] * 2, cells=26) as field:
         flight = field.fly()
         row, col = field.await_column("uav1", 19)
