@@ -80,6 +80,7 @@ def share_state(state: AgentState) -> StepResult:
         velocity_m_s=(last.east_m_s, last.north_m_s, last.climb_m_s),
         hears=received_neighbours(state),
         returns_to=return_target(state),
-        age_s=max(vehicle.time_boot_s - last.time_boot_s, 0.0),
+        age_s=max(vehicle.time_boot_s - last.time_boot_s, 0.0)
+        + (vehicle.delay_s if state.telemetry_is_late else 0.0),
     )
     return replace(state, last_shared_s=vehicle.time_boot_s), [ev.Publish(message)]

@@ -159,6 +159,8 @@ class AgentState:
     """cell below the last position; None outside the area, or before the first position"""
     lost: bool = False
     """True while the link is lost"""
+    telemetry_is_late: bool = False
+    """True while telemetry is too old to decide by it"""
     route: ev.SwapMission | None = None
     """plan being flown, or to be flown after the launch; None while a hold interrupts the plan"""
     accepted: ev.SwapMission | None = None

@@ -26,7 +26,7 @@ from swarmctl.agent.replan.stopping import stop_end_s
 from swarmctl.agent.replan.swap_times import SwapTimes
 from swarmctl.agent.sharing import learn_from_others, learn_from_sensor, share_state
 from swarmctl.agent.state import IN_FLIGHT, ON_GROUND, PLANNING, AgentState, Phase
-from swarmctl.agent.touchdown import end_at_touchdown, may_be_armed, note_disarming
+from swarmctl.agent.touchdown import end_at_touchdown, has_touched_down, may_be_armed, note_disarming
 from swarmctl.agent.traffic.collision_avoidance import avoid_collisions
 from swarmctl.agent.traffic.intents import receive_intents, share_intent
 from swarmctl.agent.traffic.landing_queue import land_after_unconfirmed_hold, queue_for_landing
@@ -37,7 +37,7 @@ from swarmctl.agent.traffic.route_deconfliction import check_own_route, deconfli
 from swarmctl.core import events as ev
 from swarmctl.core.geo import distance_m
 from swarmctl.core.grid import Cell
-from swarmctl.core.vehicle import VehicleState
+from swarmctl.core.vehicle import MAX_DELAY_S, RECENT_DELAY_S, VehicleState
 from swarmctl.planners.base import Unreachable
 
 RETRY_AFTER_S = 5.0
@@ -58,6 +58,7 @@ def needs_tick(state: AgentState, now: float) -> bool:
         and state.pending is None
         and state.interrupted_plan is None
         and not state.lost
+        and not state.telemetry_is_late
         and now >= state.retry_at_s
         # The empty role: the vehicle's mode is not known yet.
         and (state.phase is not Phase.FLYING or state.vehicle.mode_role in {"", *own_mode_roles(state)})
@@ -165,7 +166,7 @@ def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> St
     """Act on new telemetry, in a fixed order of steps.
 
     After a touchdown, a release, a landing after an unconfirmed hold, or a repeated order, the remaining
-    steps wait for the next telemetry.
+    steps wait for the next telemetry; with late telemetry they wait for recent telemetry.
     """
     vehicle = event.state
     state = _update_position(state, vehicle) if vehicle.has_position else replace(state, vehicle=vehicle)
@@ -174,8 +175,8 @@ def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> St
     if is_launched and not (state.armed_seen and launched_s is not None):
         launched_s = vehicle.time_boot_s if launched_s is None else launched_s
         state = replace(state, armed_seen=True, launched_boot_s=launched_s)
-    state = note_disarming(state)
-    if state.phase in IN_FLIGHT and state.armed_seen and not may_be_armed(state):
+    state, delayed = _note_delay(note_disarming(state))
+    if has_touched_down(state):
         # The last state is sent at once, because the process may end soon.
         return share_state(replace(end_at_touchdown(state), last_shared_s=-math.inf))
     state, demanded = apply_failsafes(state, now)
@@ -183,7 +184,11 @@ def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> St
         # A released vehicle in the air still matters to other vehicles.
         state, published = share_intent(state)
         state, shared = share_state(state) if may_be_armed(state) else (state, [])
-        return state, [*demanded, *published, *shared]
+        return state, [*delayed, *demanded, *published, *shared]
+    if state.telemetry_is_late:
+        state, shared = share_state(state)
+        return state, [*delayed, *demanded, *shared]
+    demanded = [*delayed, *demanded]
     state, begun = launch_if_possible(state)
     if state.phase is Phase.FLYING and state.cell in state.task.goals:
         state = replace(state, phase=Phase.LANDING, dirty=False, arrived_boot_s=vehicle.time_boot_s)
@@ -203,6 +208,21 @@ def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> St
     state, intent = _send_intent(state)
     state, shared = share_state(state)
     return state, [*demanded, *begun, *returned, *avoided, *queued, *speed, *intent, *shared]
+
+
+def _note_delay(state: AgentState) -> StepResult:
+    """Note whether the vehicle's telemetry is too old to decide by it, and tell the operator of a change."""
+    delay_s = state.vehicle.delay_s
+    is_late = delay_s > (RECENT_DELAY_S if state.telemetry_is_late else MAX_DELAY_S)
+    if is_late == state.telemetry_is_late:
+        return state, []
+    text = (
+        f"telemetry is {delay_s:.0f} s old (limit {MAX_DELAY_S:g} s); mission changes are suspended until it"
+    )
+    text += " recovers; look at the link and at the load of this machine"
+    if not is_late:
+        text = "telemetry is recent again; mission changes are possible"
+    return replace(state, telemetry_is_late=is_late), [ev.NotifyOperator(f"{text} [telemetry-old]")]
 
 
 def _send_intent(state: AgentState) -> StepResult:

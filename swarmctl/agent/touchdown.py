@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from swarmctl.agent.replan.landing_pattern import ROLL_OUT_M
-from swarmctl.agent.state import ARRIVED, AgentState, Phase
+from swarmctl.agent.state import ARRIVED, IN_FLIGHT, AgentState, Phase
 from swarmctl.core.events import FlightOrder
 from swarmctl.core.geo import distance_m
 from swarmctl.core.vehicle import Landed
@@ -32,13 +32,26 @@ def may_be_armed(state: AgentState) -> bool:
     return vehicle.armed or is_uncertain
 
 
+def has_touched_down(state: AgentState) -> bool:
+    """Return whether the flight ends now: the vehicle is disarmed after its launch.
+
+    A released vehicle ends its flight only at its goal; elsewhere the reason for its release stays.
+    """
+    if not state.armed_seen or may_be_armed(state):
+        return False
+    return state.phase in IN_FLIGHT or (state.phase is Phase.RELEASED and _is_down_at_goal(state))
+
+
 def end_at_touchdown(state: AgentState) -> AgentState:
-    """Return the state with the outcome of the flight, for a vehicle that is disarmed after its launch."""
+    """Return the state with the outcome of the flight, for a vehicle that has touched down.
+
+    A vehicle that landed at its goal has arrived, whatever order it got last.
+    """
     state = replace(state, pending=None)
     # A hold that was ordered just above the ground does not prevent the touchdown.
     holds_over_goal = state.phase is Phase.HOLDING and state.arrived_boot_s is not None
     at_goal = state.phase is Phase.LANDING or holds_over_goal
-    if at_goal and (state.cell in state.task.goals or _rolled_out(state)):
+    if _is_down_at_goal(state) or (at_goal and (state.cell in state.task.goals or _rolled_out(state))):
         return replace(state, phase=Phase.DONE, outcome=ARRIVED)
     if state.phase is Phase.LEAVING:
         phase = Phase.FAILED if state.given_up else Phase.DONE
@@ -50,6 +63,12 @@ def end_at_touchdown(state: AgentState) -> AgentState:
     mode = state.vehicle.mode or "unknown"
     reason = f"the vehicle disarmed {where}, not at its goal, in mode {mode}{charge} [disarmed-on-the-way]"
     return replace(state, phase=Phase.FAILED, outcome=reason)
+
+
+def _is_down_at_goal(state: AgentState) -> bool:
+    """Return whether the vehicle is on the ground in its goal cell, after a flight."""
+    is_down = state.vehicle.landed is Landed.ON_GROUND and not state.launch_aborted
+    return is_down and state.cell in state.task.goals
 
 
 def _distance_text(state: AgentState) -> str:

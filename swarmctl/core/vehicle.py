@@ -12,6 +12,10 @@ ModeRole = Literal["", "hold", "mission", "return", "land", "other"]
 STALE_MODE_S = 2.0
 """time for which a delayed heartbeat may still report the previous mode [s]"""
 
+MAX_DELAY_S, RECENT_DELAY_S = 3.0, 1.5
+"""Greatest delays of telemetry from its sending to its processing: for a change of mission, and for a command
+[s]."""
+
 
 class Landed(IntEnum):
     """MAV_LANDED_STATE."""
@@ -74,6 +78,9 @@ class VehicleState:
     """arrival of the last SYS_STATUS by this program's clock [s]: the time of battery, GPS and readiness"""
     position_s: float | None = None
     """arrival of the last position by this program's clock [s]"""
+
+    delay_s: float = 0.0
+    """time from the sending of this telemetry to its processing, by the vehicle's clock [s]"""
 
     @property
     def takeoff_lat_lon(self) -> tuple[float, float] | None:

@@ -43,6 +43,7 @@ READ_IDS = frozenset(
         mavlink.MAVLINK_MSG_ID_HOME_POSITION,
         mavlink.MAVLINK_MSG_ID_NAMED_VALUE_INT,
         mavlink.MAVLINK_MSG_ID_STATUSTEXT,
+        mavlink.MAVLINK_MSG_ID_TIMESYNC,
         mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
         mavlink.MAVLINK_MSG_ID_COMMAND_ACK,
         mavlink.MAVLINK_MSG_ID_MISSION_ACK,
@@ -258,6 +259,7 @@ class Session:
             if self._streams is not None and self._streams.next_deadline is not None:
                 self._streams.demand(now)
                 step.messages.extend(self._streams.tick(now))
+        step.messages.extend(telemetry.questions(now))
         if self._streams is not None:
             self._streams.on_message(message.get_msgId(), now)
         if silent_s is not None:

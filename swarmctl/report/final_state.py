@@ -6,7 +6,8 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
-from swarmctl.agent.state import AgentState, Phase
+from swarmctl.agent.own_modes import ROLE_OF_ORDER
+from swarmctl.agent.state import ARRIVED, AgentState, Phase
 from swarmctl.agent.touchdown import may_be_armed
 from swarmctl.core.vehicle import Landed, VehicleState
 
@@ -55,14 +56,25 @@ def final_phase(state: AgentState) -> str:
 
 
 def describe_outcome(state: AgentState) -> str:
-    """Return the outcome as text, with the last mode of a released vehicle, and "lost" for a lost vehicle."""
+    """Return the outcome as text, with the last mode of a released vehicle, and "lost" for a lost vehicle.
+
+    The text names an order that the vehicle has never acknowledged or followed.
+    """
     outcome = state.outcome or str(state.phase)
+    if is_unacknowledged(state):
+        outcome = f"{outcome}; the vehicle never acknowledged the order ({state.ordered}) [not-acknowledged]"
     mode = state.vehicle.mode or "unknown"
     if state.phase is Phase.RELEASED and f"in mode {mode}," not in outcome:
         outcome = f"{outcome}; last in mode {mode}"
     if not state.lost or _has_ended_disarmed(state):
         return outcome
     return f"lost; {outcome}" if state.outcome else f"lost; last in mode {mode}"
+
+
+def is_unacknowledged(state: AgentState) -> bool:
+    """Return whether the last order to hold, return or land had no acknowledgement and no effect."""
+    is_ordered = state.ordered in ROLE_OF_ORDER and not state.order_followed
+    return is_ordered and state.phase is not Phase.RELEASED and state.outcome != ARRIVED
 
 
 def describe_final_state(member: Vehicle) -> str:
@@ -80,7 +92,7 @@ def describe_final_state(member: Vehicle) -> str:
     if not vehicle.armed:
         return f"{member.name}: on the ground, disarmed"
     how = state.outcome or state.trouble or str(state.phase)
-    if state.phase in (Phase.HOLDING, Phase.LEAVING) and not state.order_followed:
+    if is_unacknowledged(state):
         how = f"{how}, not confirmed by telemetry"
     mode = vehicle.mode or "?"
     if vehicle.landed is Landed.ON_GROUND:

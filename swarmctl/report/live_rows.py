@@ -130,7 +130,9 @@ def _link(state: AgentState, age_s: float) -> str:
         return NOT_YET
     if state.lost:
         return f"lost for {age_s:.0f} s"
-    return OK if age_s < LATE_HEARTBEAT_S else f"silent for {age_s:.0f} s"
+    if age_s >= LATE_HEARTBEAT_S:
+        return f"silent for {age_s:.0f} s"
+    return f"{state.vehicle.delay_s:.0f} s old" if state.telemetry_is_late else OK
 
 
 def live_table(view: SwarmView, width: int, height: int) -> Group:

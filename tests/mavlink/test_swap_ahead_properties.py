@@ -37,18 +37,35 @@ outages = st.lists(
     max_size=2,
 )
 
+stalls = st.lists(
+    st.tuples(st.floats(0.0, 8.0), st.sampled_from([1.0, 5.0, 20.0])).map(lambda s: (s[0], s[0] + s[1])),
+    max_size=2,
+)
+"""(from, until) of stalls of the ground station, from the begin of the swap"""
+
 
 @pytest.mark.parametrize("personality", ["ardupilot", "px4"])
 @settings(
     deadline=None,
     derandomize=True,
-    max_examples=examples(12, 4),
+    max_examples=examples(24, 4),
     suppress_health_check=list(HealthCheck),
     database=None,
 )
-@given(wire=wires, cuts=outages, delay_s=st.sampled_from([0.0, 0.2, 1.0]), leaves_m=st.floats(20.0, 400.0))
+@given(
+    wire=wires,
+    cuts=outages,
+    stops=stalls,
+    delay_s=st.sampled_from([0.0, 0.2, 1.0]),
+    leaves_m=st.floats(20.0, 400.0),
+)
 def test_a_vehicle_follows_the_old_or_new_route_and_never_turns_back(
-    personality: str, wire: Faults, cuts: list[tuple[float, float]], delay_s: float, leaves_m: float
+    personality: str,
+    wire: Faults,
+    cuts: list[tuple[float, float]],
+    stops: list[tuple[float, float]],
+    delay_s: float,
+    leaves_m: float,
 ) -> None:
     bench = FlyingBench(personality).flying(plan(*OLD))
     bench.run(2.0)
@@ -57,6 +74,7 @@ def test_a_vehicle_follows_the_old_or_new_route_and_never_turns_back(
     items = bench.session.mission_items(plan(*new, leaves_ahead=True))
     bench.delay_s = delay_s
     bench.spoil(wire, *cuts)
+    bench.stalls = [(bench.now + begin, bench.now + end) for begin, end in stops]
     bench.begin("swap", lambda c: basic.swap(c, items, leaves_ahead=True))
     norths_m: list[float] = []
     beside_m: list[float] = []

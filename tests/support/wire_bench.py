@@ -55,6 +55,9 @@ class WireBench:
         self.silent = False
         self.outages: list[tuple[float, float]] = []
         """(from, until) of outages; the wire drops every datagram"""
+        self.stalls: list[tuple[float, float]] = []
+        """(from, until) of stalls: the ground station does nothing, and what arrives waits in its inbox"""
+        self._inbox: list[bytes] = []
         self._rng = random.Random(self.faults.seed)
         self._encoder, self._decoder = Encoder(), Decoder()
         self._queue: list[tuple[float, int, bool, bytes]] = []
@@ -110,9 +113,19 @@ class WireBench:
             _, _, up, data = heapq.heappop(self._queue)
             if up:
                 self._down(self.vehicle_receives(data))
+            elif self.is_stalled or self._inbox:
+                self._inbox.append(data)
             else:
                 self._hear(data)
         self._delivers = False
+
+    @property
+    def is_stalled(self) -> bool:
+        return any(begin <= self.now < end for begin, end in self.stalls)
+
+    def _empty_inbox(self) -> None:
+        while self._inbox:
+            self._hear(self._inbox.pop(0))
 
     def _hear(self, data: bytes) -> None:
         self.on_datagram(data)
@@ -144,6 +157,10 @@ class WireBench:
                 return True
             self.now += self.STEP_S
             self._down(self.vehicle_steps())
+            if self.is_stalled:
+                self._deliver()
+                continue
+            self._empty_inbox()
             self.take(self.session.tick(self.now))
         return bool(until())
 

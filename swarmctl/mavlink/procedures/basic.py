@@ -23,6 +23,7 @@ from swarmctl.mavlink.procedures.swap.atomic import rejection_text
 from swarmctl.mavlink.procedures.swap.choice import swap, swap_takes_s
 from swarmctl.mavlink.procedures.verified_upload import upload_mission
 from swarmctl.mavlink.protocol.codec import Message
+from swarmctl.mavlink.protocol.command import Command
 from swarmctl.mavlink.protocol.outcome import Done, Swapped, Uploaded
 from swarmctl.mavlink.protocol.procedure import Context, Procedure
 from swarmctl.mavlink.protocol.wait import RequestMessage, RequestUntil, WaitUntil
@@ -45,6 +46,8 @@ __all__ = [
 MODE_PERIOD_S = 3.0
 """period for setting the hold mode again before the flight"""
 MODE_TRIES = 3
+SPEED_LASTS_S = 10.0
+"""time for which a commanded speed is right [s]; then the agent decides the speed anew"""
 SAME_THROTTLE = -1.0
 """value of the throttle parameter that does not change the throttle"""
 
@@ -66,7 +69,8 @@ def prepare(ctx: Context) -> Procedure[Done]:
             return Done("the vehicle is already armed; disarm it on the ground, then prepare it [armed]")
         # In the first seconds after boot ArduPilot acknowledges a mode, then leaves that mode silently.
         if has_heartbeat and ctx.state.mode != ctx.dialect.hold_mode:
-            yield command(ctx, mavlink.MAV_CMD_DO_SET_MODE, ctx.dialect.mode_params(ctx.dialect.hold_mode))(0)
+            params = ctx.dialect.mode_params(ctx.dialect.hold_mode)
+            yield Command(ctx.peer, mavlink.MAV_CMD_DO_SET_MODE, *params)
         ready = yield WaitUntil(ctx.after_heartbeat(lambda s: s.ready), MODE_PERIOD_S)
         if ready and ctx.state.ready:
             return Done()
@@ -130,9 +134,9 @@ def set_speed(ctx: Context, speed_m_s: float) -> Procedure[Done]:
     """
     flies = in_modes({ctx.dialect.mission_mode}, armed=True)
     params = float(ctx.dialect.speed_type), speed_m_s, SAME_THROTTLE
-    factory = command(ctx, mavlink.MAV_CMD_DO_CHANGE_SPEED, params)
+    order = command(ctx, mavlink.MAV_CMD_DO_CHANGE_SPEED, params, lasts_s=SPEED_LASTS_S)
     try:
-        return Done((yield from send_acknowledged(ctx, factory, flies)))
+        return Done((yield from send_acknowledged(ctx, order, flies)))
     except NotInControl as why:
         return Done(str(why))
 

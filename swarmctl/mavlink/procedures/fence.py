@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import MissionItem
 from swarmctl.mavlink.procedures.basic import Done
-from swarmctl.mavlink.procedures.guarded import command, send_acknowledged
+from swarmctl.mavlink.procedures.guarded import UNTIL_REPLACED_S, command, send_acknowledged
 from swarmctl.mavlink.procedures.verified_upload import UPLOAD_TRIES, read_back, upload_verified
 from swarmctl.mavlink.protocol.mission_download import DownloadResult
 from swarmctl.mavlink.protocol.mission_upload import Upload
@@ -83,7 +83,8 @@ def enable_fence(ctx: Context) -> Procedure[Done]:
     """
     if ctx.state.armed:
         return Done("the vehicle is armed; enable its fence while it is disarmed on the ground [armed]")
-    return Done((yield from send_acknowledged(ctx, command(ctx, mavlink.MAV_CMD_DO_FENCE_ENABLE, (1.0,)))))
+    order = command(ctx, mavlink.MAV_CMD_DO_FENCE_ENABLE, (1.0,), lasts_s=UNTIL_REPLACED_S)
+    return Done((yield from send_acknowledged(ctx, order)))
 
 
 def read_fence(ctx: Context) -> Procedure[DownloadResult]:

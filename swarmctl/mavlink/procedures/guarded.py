@@ -1,16 +1,20 @@
-"""Guarded commands: commands that never override a pilot or another station.
+"""Guarded commands: commands that never override a pilot or another station, and that are never too late.
 
 A pilot may take over by radio control at any moment, and the regular heartbeat shows this up to a second
-later. So a requested heartbeat precedes every try, unless `skip_first_check` is True or `before` is None.
+later. So a requested heartbeat precedes every try, unless `skip_first_check` is True or `before` is None. A
+heartbeat counts only if telemetry is recent by the vehicle's clock: it may have waited on the link, or in
+this program's own inbox.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence, Set
+from dataclasses import dataclass
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from swarmctl.core.vehicle import VehicleState
+from swarmctl.core.vehicle import MAX_DELAY_S, RECENT_DELAY_S, VehicleState
 from swarmctl.mavlink.protocol.command import Command, CommandOutcome, CommandResult
 from swarmctl.mavlink.protocol.conversation import Conversation
 from swarmctl.mavlink.protocol.procedure import Context, Procedure
@@ -23,9 +27,22 @@ TRIES = 5
 """number of times that an unanswered command is sent"""
 WARNING = int(mavlink.MAV_SEVERITY_WARNING)
 
+WHILE_RECENT_S = MAX_DELAY_S
+"""how long a command means what was meant if it was decided by the position of a moving vehicle [s]"""
+UNTIL_REPLACED_S = math.inf
+"""a command that keeps its meaning until another procedure replaces it, such as an order to hold"""
+
 StateCondition = Callable[[VehicleState], bool]
-CommandFactory = Callable[[int], Conversation[CommandResult]]
-"""function that returns the conversation for one try; its argument is the number of earlier tries"""
+
+
+@dataclass(frozen=True, slots=True)
+class GuardedCommand:
+    """A command, and the time until which it means what was meant. It is never sent after that time."""
+
+    next_try: Callable[[int], Conversation[CommandResult] | None]
+    """function that decides one try, from the number of earlier tries; None: the command would be too late"""
+    until_s: float
+    """by this program's clock [s]"""
 
 
 class NotInControl(Exception):
@@ -41,6 +58,10 @@ def in_modes(modes: Set[str], *, armed: bool | None = None) -> StateCondition:
     return lambda s: s.mode in modes and armed in (None, s.armed)
 
 
+class CommandLate(NotInControl):
+    """A command was not sent, because it no longer means what was meant. It has to be decided anew."""
+
+
 def describe_takeover(state: VehicleState) -> str:
     """Return a message about a mode or an arming that this program has not commanded."""
     arming = "armed" if state.armed else "disarmed"
@@ -52,7 +73,10 @@ def describe_takeover(state: VehicleState) -> str:
 
 def confirm_state(ctx: Context, expected: StateCondition) -> Procedure[None]:
     """Request a heartbeat and check that the vehicle's state fulfils `expected`. Raises NotInControl."""
-    if not (yield RequestUntil(ctx.peer, lambda: True, HEARTBEAT_WAIT_S)):
+    is_recent = ctx.has_recent_telemetry
+    if not (yield RequestUntil(ctx.peer, lambda: True, HEARTBEAT_WAIT_S, counts=is_recent)):
+        if not is_recent():
+            raise NotInControl(describe_old_telemetry(ctx.telemetry.age_s(ctx.now)))
         raise NotInControl(
             f"no heartbeat for {HEARTBEAT_WAIT_S:g} s: mode unknown, no further command is sent [silent]"
         )
@@ -60,9 +84,19 @@ def confirm_state(ctx: Context, expected: StateCondition) -> Procedure[None]:
         raise TakenOver(describe_takeover(ctx.state))
 
 
-def command(ctx: Context, number: int, params: Sequence[float] = ()) -> CommandFactory:
-    """Return a factory for tries of a MAV_CMD."""
-    return lambda attempt: Command(ctx.peer, number, *params, confirmation=attempt)
+def describe_old_telemetry(age_s: float) -> str:
+    """Return a message about telemetry that is too old for a command."""
+    return (
+        f"telemetry is {age_s:.0f} s old (limit {RECENT_DELAY_S:g} s); no further command is sent by it "
+        "[telemetry-old]"
+    )
+
+
+def command(ctx: Context, number: int, params: Sequence[float] = (), *, lasts_s: float) -> GuardedCommand:
+    """Return a MAV_CMD that means what was meant for `lasts_s` from now."""
+    return GuardedCommand(
+        lambda attempt: Command(ctx.peer, number, *params, confirmation=attempt), ctx.now + lasts_s
+    )
 
 
 def set_mode(
@@ -74,18 +108,19 @@ def set_mode(
     skip_first_check: bool = False,
 ) -> Procedure[str | None]:
     """Set a mode by `send_guarded` unless a new heartbeat shows this mode; return the failure."""
-    factory = command(ctx, mavlink.MAV_CMD_DO_SET_MODE, ctx.dialect.mode_params(mode))
+    # The mode is meant until another procedure replaces this one; `before` refuses a mode of another party.
+    order = command(ctx, mavlink.MAV_CMD_DO_SET_MODE, ctx.dialect.mode_params(mode), lasts_s=UNTIL_REPLACED_S)
     after = in_modes({mode}, armed=armed)
     return (
         yield from send_guarded(
-            ctx, factory, before, after, skip_if_done=True, skip_first_check=skip_first_check
+            ctx, order, before, after, skip_if_done=True, skip_first_check=skip_first_check
         )
     )
 
 
 def send_guarded(
     ctx: Context,
-    factory: CommandFactory,
+    order: GuardedCommand,
     before: StateCondition,
     after: StateCondition,
     *,
@@ -102,7 +137,8 @@ def send_guarded(
     skip_if_done: if True, a vehicle that already fulfils `after` does not get the first try either
     skip_first_check: if True, the first try is sent without a new heartbeat, in any state
 
-    Raises NotInControl if a heartbeat shows another state, or if no heartbeat arrives.
+    Raises NotInControl if a heartbeat shows another state, or if no heartbeat arrives in time, and
+    CommandLate if the vehicle does not fulfil `after` when the command has lost its meaning.
     """
     n_texts_before = ctx.telemetry.n_texts
     expected = _either(before, after)
@@ -115,7 +151,7 @@ def send_guarded(
             done = may_be_done and after(ctx.state)
             if done:
                 break
-        result = yield factory(attempt)
+        result = yield _next_try(ctx, order, attempt)
         if result.final:
             break
     if result is None:
@@ -129,27 +165,43 @@ def send_guarded(
 
 
 def send_acknowledged(
-    ctx: Context, factory: CommandFactory, before: StateCondition | None = None
+    ctx: Context, order: GuardedCommand, before: StateCondition | None = None
 ) -> Procedure[str | None]:
     """Send a command whose only confirmation is the acknowledgement; return the failure.
 
-    `before`, if given, is checked by a new heartbeat before each try. Raises NotInControl.
+    `before`, if given, is checked by a new heartbeat before each try. Raises NotInControl, CommandLate.
     """
     failure: str | None = "not tried"
     for attempt in range(TRIES):
         if before is not None:
             yield from confirm_state(ctx, before)
-        result: CommandResult = yield factory(attempt)
+        result: CommandResult = yield _next_try(ctx, order, attempt)
         failure = None if result.outcome is CommandOutcome.ACCEPTED else result.text
         if result.final:
             break
     return failure
 
 
+def _next_try(ctx: Context, order: GuardedCommand, attempt: int) -> Conversation[CommandResult]:
+    """Return the next try. Raises CommandLate."""
+    conversation = order.next_try(attempt) if ctx.now <= order.until_s else None
+    if conversation is None:
+        raise CommandLate(
+            f"a command came too late and was not sent (tries before: {attempt}): its reason may be over "
+            "[command-late]"
+        )
+    return conversation
+
+
 def _await_effect(
     ctx: Context, expected: StateCondition, awaited: StateCondition, wait_s: float
 ) -> Procedure[bool]:
-    yield RequestUntil(ctx.peer, lambda: awaited(ctx.state) or not expected(ctx.state), wait_s)
+    yield RequestUntil(
+        ctx.peer,
+        lambda: awaited(ctx.state) or not expected(ctx.state),
+        wait_s,
+        counts=ctx.has_recent_telemetry,
+    )
     if awaited(ctx.state):
         return True
     if not expected(ctx.state):

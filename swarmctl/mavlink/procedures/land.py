@@ -12,6 +12,8 @@ from swarmctl.core.mission import MissionItem
 from swarmctl.core.vehicle import Landed, VehicleState
 from swarmctl.mavlink.dialects.plan import JUMP, LAND, LAND_START, LOITER_TO_ALT
 from swarmctl.mavlink.procedures.guarded import (
+    UNTIL_REPLACED_S,
+    GuardedCommand,
     NotInControl,
     StateCondition,
     command,
@@ -40,18 +42,17 @@ def land_by_mission(
 
     try:
         if ctx.state.landed is Landed.ON_GROUND:
-            disarm = command(ctx, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (0.0,))
+            number = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
+            disarm = command(ctx, number, (0.0,), lasts_s=UNTIL_REPLACED_S)
             return (
                 yield from send_guarded(ctx, disarm, is_allowed, lambda s: not s.armed, skip_if_done=True)
             )
         if items and lands(ctx.state):
             return None  # a second command would restart the approach
         if dialect.lands_at_nearest:
-            factory = command(ctx, land_command)
+            order = command(ctx, land_command, lasts_s=UNTIL_REPLACED_S)
             return (
-                yield from send_guarded(
-                    ctx, factory, is_allowed, lands, skip_first_check=not check_mode_first
-                )
+                yield from send_guarded(ctx, order, is_allowed, lands, skip_first_check=not check_mode_first)
             )
         circle_seq = nearest_landing(ctx.verified_items, ctx.state)
         if circle_seq is not None:
@@ -62,7 +63,8 @@ def land_by_mission(
             )
         # This command may arm the vehicle, so a new heartbeat always precedes it.
         flies = in_modes(modes, armed=True)
-        return (yield from send_guarded(ctx, command(ctx, land_command), flies, lands))
+        order = command(ctx, land_command, lasts_s=UNTIL_REPLACED_S)
+        return (yield from send_guarded(ctx, order, flies, lands))
     except NotInControl as why:
         return str(why)
 
@@ -73,7 +75,7 @@ def _fly_from_item(
     """Make the vehicle fly its mission from item `seq` on; return the failure."""
     failure = yield from send_guarded(
         ctx,
-        lambda attempt: ctx.dialect.set_current(ctx.peer, seq, attempt),
+        GuardedCommand(lambda attempt: ctx.dialect.set_current(ctx.peer, seq, attempt), UNTIL_REPLACED_S),
         is_allowed,
         lambda s: is_allowed(s) and s.mission_seq == seq,
         skip_first_check=not check_mode_first,

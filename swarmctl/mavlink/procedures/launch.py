@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.vehicle import Landed, VehicleState
 from swarmctl.mavlink.procedures.guarded import (
-    CommandFactory,
+    UNTIL_REPLACED_S,
+    GuardedCommand,
     NotInControl,
     command,
     in_modes,
@@ -21,6 +23,8 @@ from swarmctl.mavlink.protocol.conversation import Conversation
 from swarmctl.mavlink.protocol.outcome import Done, LaunchBlocked
 from swarmctl.mavlink.protocol.procedure import Context, Procedure
 
+LAUNCH_LASTS_S = 15.0
+"""time for which a decision to arm or to take off is valid [s]: people and vehicles nearby move on"""
 CLIMB_WAIT_S = 20.0
 """longest wait until the vehicle has left the ground"""
 BlockedBy = Callable[[], str]
@@ -66,7 +70,7 @@ def _arm(ctx: Context, blocked_by: BlockedBy) -> Procedure[str | None]:
         failure = yield from ensure_current_item(ctx, ctx.dialect.first_seq, holds_disarmed)
         if failure:
             return f"the first mission item cannot be made current: {failure} [no-first-item]"
-    arm = command(ctx, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (1.0,))
+    arm = command(ctx, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (1.0,), lasts_s=LAUNCH_LASTS_S)
     # An unanswered command may have armed the vehicle, so its repetitions are not blocked.
     arm = _checked(blocked_by, arm, tries=1)
     failure = yield from send_guarded(ctx, arm, holds_disarmed, in_modes({hold}, armed=True))
@@ -78,7 +82,7 @@ def _take_off(ctx: Context, blocked_by: BlockedBy) -> Procedure[Done]:
     hold, mission = ctx.dialect.hold_mode, ctx.dialect.mission_mode
     ground_m = ctx.state.alt_rel_m or 0.0
     started = in_modes({mission}, armed=True)
-    start = _checked(blocked_by, command(ctx, *ctx.dialect.start_mission))
+    start = _checked(blocked_by, command(ctx, *ctx.dialect.start_mission, lasts_s=LAUNCH_LASTS_S))
     blocked = ""
     try:
         failure = yield from send_guarded(
@@ -96,7 +100,8 @@ def _take_off(ctx: Context, blocked_by: BlockedBy) -> Procedure[Done]:
     if ctx.state.landed is Landed.ON_GROUND:
         # A flying vehicle would refuse this unforced disarming.
         is_armed, is_disarmed = (in_modes({hold, mission}, armed=armed) for armed in (True, False))
-        disarm = command(ctx, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (0.0,))
+        number = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
+        disarm = command(ctx, number, (0.0,), lasts_s=UNTIL_REPLACED_S)
         yield from send_guarded(ctx, disarm, is_armed, is_disarmed, skip_if_done=True)
     if ctx.state.armed:
         return Done(
@@ -107,15 +112,15 @@ def _take_off(ctx: Context, blocked_by: BlockedBy) -> Procedure[Done]:
     return Done(f"the vehicle does not take off: {failure} [no-take-off]")
 
 
-def _checked(blocked_by: BlockedBy, factory: CommandFactory, tries: int | None = None) -> CommandFactory:
-    """Return `factory` with a check before each try, or before the first `tries`: a block raises _Blocked."""
+def _checked(blocked_by: BlockedBy, order: GuardedCommand, tries: int | None = None) -> GuardedCommand:
+    """Return `order` with a check before each try, or before the first `tries`: a block raises _Blocked."""
 
-    def next_try(attempt: int) -> Conversation[CommandResult]:
+    def next_try(attempt: int) -> Conversation[CommandResult] | None:
         if (tries is None or attempt < tries) and (why := blocked_by()):
             raise _Blocked(why)
-        return factory(attempt)
+        return order.next_try(attempt)
 
-    return next_try
+    return replace(order, next_try=next_try)
 
 
 def _has_left_ground(state: VehicleState, ground_m: float) -> bool:

@@ -6,7 +6,12 @@ from collections.abc import Callable
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from swarmctl.mavlink.procedures.guarded import StateCondition, send_guarded
+from swarmctl.mavlink.procedures.guarded import (
+    UNTIL_REPLACED_S,
+    GuardedCommand,
+    StateCondition,
+    send_guarded,
+)
 from swarmctl.mavlink.protocol.procedure import Context, Procedure
 from swarmctl.mavlink.protocol.wait import RequestUntil
 
@@ -20,27 +25,32 @@ def await_current_item(ctx: Context, is_right: Callable[[int], bool]) -> Procedu
     def is_known() -> bool:
         return ctx.state.mission_seq is not None
 
-    yield RequestUntil(ctx.peer, is_known, CURRENT_WAIT_S, mavlink.MAVLINK_MSG_ID_MISSION_CURRENT)
+    yield RequestUntil(
+        ctx.peer,
+        is_known,
+        CURRENT_WAIT_S,
+        mavlink.MAVLINK_MSG_ID_MISSION_CURRENT,
+        counts=ctx.has_recent_telemetry,
+    )
     return ctx.state.mission_seq is not None and is_right(ctx.state.mission_seq)
 
 
 def ensure_current_item(ctx: Context, seq: int, before: StateCondition) -> Procedure[str | None]:
-    """Make an item current unless it already is; return the failure.
+    """Make an item current on a vehicle on the ground, unless it already is; return the failure.
 
     `before`: as for `send_guarded`. Raises NotInControl.
     """
     if (yield from await_current_item(ctx, lambda current: current == seq)):
         return None
-    return (yield from set_current_item(ctx, seq, before))
+    return (yield from set_current_item(ctx, seq, before, lasts_s=UNTIL_REPLACED_S))
 
 
-def set_current_item(ctx: Context, seq: int, before: StateCondition) -> Procedure[str | None]:
-    """Make an item current; return the failure. Raises NotInControl."""
-    return (
-        yield from send_guarded(
-            ctx,
-            lambda attempt: ctx.dialect.set_current(ctx.peer, seq, attempt),
-            before,
-            lambda s: before(s) and s.mission_seq == seq,
-        )
-    )
+def set_current_item(
+    ctx: Context, seq: int, before: StateCondition, *, lasts_s: float
+) -> Procedure[str | None]:
+    """Make an item current; return the failure. Raises NotInControl.
+
+    lasts_s: time from now for which this item is the right one [s]; a vehicle that flies on passes it.
+    """
+    order = GuardedCommand(lambda attempt: ctx.dialect.set_current(ctx.peer, seq, attempt), ctx.now + lasts_s)
+    return (yield from send_guarded(ctx, order, before, lambda s: before(s) and s.mission_seq == seq))

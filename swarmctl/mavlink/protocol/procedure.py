@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 from swarmctl.core.mission import MissionItem
-from swarmctl.core.vehicle import VehicleState
+from swarmctl.core.vehicle import RECENT_DELAY_S, VehicleState
 from swarmctl.mavlink.dialects import Dialect
 from swarmctl.mavlink.protocol.codec import Message
 from swarmctl.mavlink.protocol.conversation import Conversation, ConversationState, MavlinkPeer
@@ -40,6 +40,10 @@ class Context:
     @property
     def state(self) -> VehicleState:
         return self.telemetry.state
+
+    def has_recent_telemetry(self) -> bool:
+        """Return whether a message that arrives now is recent enough for a command."""
+        return not self.telemetry.is_old(self.now, RECENT_DELAY_S)
 
     def after_heartbeat(self, condition: Callable[[VehicleState], bool]) -> Callable[[], bool]:
         """Return a condition: a heartbeat has arrived after this call, and `condition` holds."""

@@ -44,7 +44,7 @@ def wait(seconds: float) -> WaitUntil:
 class RequestUntil(Conversation[bool]):
     """Repeated request of a message, until the message has arrived and `condition()` holds.
 
-    The result is True, or False after `timeout_s`.
+    The result is True, or False after `timeout_s`. A message counts as arrived only if `counts()` holds then.
 
     The message is usually a heartbeat, the only message with mode and arming. ArduPilot sends a heartbeat
     soon after MAV_CMD_REQUEST_MESSAGE. Other autopilots send a heartbeat every second anyway.
@@ -58,9 +58,11 @@ class RequestUntil(Conversation[bool]):
         condition: Callable[[], bool],
         timeout_s: float,
         message_id: int = mavlink.MAVLINK_MSG_ID_HEARTBEAT,
+        counts: Callable[[], bool] = lambda: True,
     ) -> None:
         super().__init__()
         self._condition = condition
+        self._counts = counts
         self._timeout_s = timeout_s
         self._message_id = message_id
         self._received = False
@@ -72,7 +74,8 @@ class RequestUntil(Conversation[bool]):
         return self._ask(now)
 
     def _on_message(self, message: Message, now: float) -> list[Message]:
-        self._received |= message.get_msgId() == self._message_id
+        if not self._received:
+            self._received = message.get_msgId() == self._message_id and self._counts()
         if self._received and self._condition():
             self._finish(True)
         return []

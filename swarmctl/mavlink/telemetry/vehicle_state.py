@@ -11,10 +11,11 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from swarmctl.core.vehicle import Landed, ModeRole, VehicleState
+from swarmctl.core.vehicle import MAX_DELAY_S, Landed, ModeRole, VehicleState
 from swarmctl.mavlink.dialects import Dialect, Readiness
 from swarmctl.mavlink.protocol.codec import Message
 from swarmctl.mavlink.telemetry.statustext import TextAssembler, strike_count
+from swarmctl.mavlink.telemetry.vehicle_clock import VehicleClock
 
 STILL_M_S, STILL_CLIMB_M_S = 0.5, 0.3
 """a vehicle in the air below both speeds stands still"""
@@ -23,6 +24,8 @@ REBOOT_STEP_S = 3.0
 LATE_MESSAGE_S = 1.0
 """Margin for late messages. A vehicle has rebooted if its time since boot is shorter than the time since the
 previous message of its clock, by more than this margin."""
+CONTINUES_S = 0.5
+"""greatest step of the vehicle's clock between two messages of a vehicle that has not rebooted"""
 CLOCK_WRAP_S = 2**32 / 1000.0
 """period of time_boot_ms, which has 32 bits: 49.7 days"""
 MAX_POSITION_AGE_S = 3.0
@@ -62,6 +65,7 @@ class Telemetry:
         self._state = VehicleState(brakes_m_s2=dialect.brakes_m_s2)
         self._changes: dict[str, Any] = {}
         self._now = 0.0
+        self._clock = VehicleClock()
         self._clock_received_s: float | None = None
         self._clock_reported_s = 0.0
         self._clock_before_s = 0.0
@@ -92,6 +96,7 @@ class Telemetry:
             "HOME_POSITION": self._home_position,
             "STATUSTEXT": self._statustext,
             "NAMED_VALUE_INT": self._named_value_int,
+            "TIMESYNC": self._timesync,
         }
 
     @property
@@ -125,8 +130,19 @@ class Telemetry:
     @property
     def position_age_s(self) -> float:
         """Return the age of the last position at the last message [s]; 0 before the first position."""
-        reported_s = self.state.position_s
-        return 0.0 if reported_s is None else self._now - reported_s
+        return self._clock.age_s(self._now, self.state.time_boot_s) if self.state.has_position else 0.0
+
+    def age_s(self, now: float) -> float:
+        """Return the age of the newest telemetry, by the vehicle's clock [s]; 0 before the first."""
+        return self._clock.age_s(now)
+
+    def is_old(self, now: float, limit_s: float = MAX_DELAY_S) -> bool:
+        """Return whether the newest telemetry is older than `limit_s` and the usual interval on this link."""
+        return self._clock.is_old(now, limit_s)
+
+    def questions(self, now: float) -> list[Message]:
+        """Return the messages that ask for the vehicle's clock while telemetry looks old."""
+        return self._clock.questions(now)
 
     def position_every_s(self, now: float) -> float | None:
         """Return the mean interval of the last positions, `now` included [s]; None before MIN_POSITIONS."""
@@ -217,15 +233,17 @@ class Telemetry:
 
     def _notice_reboot(self, time_boot_s: float) -> bool:
         last_wrap_s = self._clock_reported_s // CLOCK_WRAP_S * CLOCK_WRAP_S
-        received_s, self._clock_received_s, self._clock_reported_s = (
-            self._clock_received_s,
-            self._now,
-            time_boot_s,
-        )
+        received_s, reported_s = self._clock_received_s, self._clock_reported_s
+        self._clock_received_s, self._clock_reported_s = self._now, time_boot_s
         went_back = time_boot_s < self.state.time_boot_s - REBOOT_STEP_S
         ran_s = time_boot_s - last_wrap_s  # below 0: late message from before the wrap
-        has_restarted = received_s is not None and 0.0 <= ran_s < self._now - received_s - LATE_MESSAGE_S
+        # A clock that continues belongs to a message that has waited somewhere.
+        continues = 0.0 <= time_boot_s - reported_s <= CONTINUES_S
+        waited_s = 0.0 if received_s is None or continues else self._now - received_s - LATE_MESSAGE_S
+        has_restarted = 0.0 <= ran_s < waited_s
         if not (went_back or has_restarted):
+            self._clock.receive(time_boot_s, self._now)
+            self._changes["delay_s"] = round(self._clock.age_s(self._now, time_boot_s), 1)
             return False
         # Heartbeats come without a request, so their fields stay; other fields are from before the reboot.
         last = self.state
@@ -245,6 +263,8 @@ class Telemetry:
         self._complaints = ()
         self._missing = set(self._dialect.readiness_ids)
         self.n_reboots += 1
+        self._clock.restart()
+        self._clock.receive(time_boot_s, self._now)
         return True
 
     def _sys_status(self, message: Message) -> bool:
@@ -299,6 +319,10 @@ class Telemetry:
             "home_lon_deg": message.longitude / 1e7,
             "home_alt_amsl_m": message.altitude / 1000.0,
         }
+        return False
+
+    def _timesync(self, message: Message) -> bool:
+        self._clock.receive_answer(message, self._now)
         return False
 
     def _statustext(self, message: Message) -> bool:

@@ -7,13 +7,21 @@ command, the vehicle flies its old route and lands.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
 from swarmctl.core.mission import MissionItem
 from swarmctl.core.vehicle import Landed, VehicleState
-from swarmctl.mavlink.procedures.guarded import TakenOver, confirm_state, in_modes, send_guarded
+from swarmctl.mavlink.procedures.guarded import (
+    UNTIL_REPLACED_S,
+    CommandLate,
+    GuardedCommand,
+    TakenOver,
+    confirm_state,
+    in_modes,
+    send_guarded,
+)
+from swarmctl.mavlink.procedures.set_current import await_current_item
 from swarmctl.mavlink.procedures.swap.in_hold import swap_in_hold
 from swarmctl.mavlink.procedures.swap.route_progress import CORNER_MARGIN_S, RoutePosition
 from swarmctl.mavlink.procedures.swap.steps import (
@@ -26,6 +34,8 @@ from swarmctl.mavlink.procedures.swap.steps import (
     confirm_flying,
 )
 from swarmctl.mavlink.procedures.verified_upload import read_back
+from swarmctl.mavlink.protocol.command import CommandResult
+from swarmctl.mavlink.protocol.conversation import Conversation
 from swarmctl.mavlink.protocol.mission_append import Append, AppendResult
 from swarmctl.mavlink.protocol.mission_download import DownloadOutcome
 from swarmctl.mavlink.protocol.outcome import Swapped
@@ -35,6 +45,8 @@ from swarmctl.mavlink.telemetry.vehicle_state import STILL_M_S
 
 CLEAR_WAIT_S = 10.0
 """longest wait until the vehicle is clear of corners"""
+DECISIONS = 3
+"""how often the change to the new route is decided anew, because a command came too late"""
 
 
 def swap_append(ctx: Context, plan: SwapPlan) -> Procedure[Swapped]:
@@ -62,24 +74,12 @@ def swap_append(ctx: Context, plan: SwapPlan) -> Procedure[Swapped]:
         return Swapped(PAST_SPLICE, "old", is_late=True)
     if not failure:
         # A command is based on telemetry. When the command arrives, that telemetry is one round trip old.
-        later_s = appended.round_trip_s
-        yield WaitUntil(lambda: _next_item_is_certain(ctx, plan, later_s), CLEAR_WAIT_S)
-        late, no_position = is_past(appended.round_trip_s), plan.lacks_position(ctx)
-        if late or no_position or ctx.state.landed is Landed.LANDING:
+        failure, stays = yield from _make_tail_current(ctx, plan, len(stored), tail, appended.round_trip_s)
+        if stays is not None:
             # Another station or the pilot may have ordered a landing.
             yield from confirm_state(ctx, mission)
             ctx.verified_items = stored + found
-            why = (
-                PAST_SPLICE
-                if late
-                else POSITION_UNKNOWN
-                if no_position
-                else "the vehicle is landing [landing]"
-            )
-            return Swapped(why, "old", is_late=late)
-        failure = yield from _make_tail_current(
-            ctx, len(stored), tail, lambda: plan.next_waypoint(ctx, later_s)
-        )
+            return stays
     if not failure:
         plan.record_current(ctx)
         ctx.verified_items, ctx.plan_first_seq = stored + found, len(stored)
@@ -120,17 +120,49 @@ def _overshoots_item(ctx: Context, at: RoutePosition) -> bool:
 
 
 def _make_tail_current(
-    ctx: Context, begin: int, tail: tuple[MissionItem, ...], first: Callable[[], int]
-) -> Procedure[str | None]:
-    """Make item `first()` of the tail current; return the failure. `first` is called before each command."""
+    ctx: Context, plan: SwapPlan, begin: int, tail: tuple[MissionItem, ...], later_s: float
+) -> Procedure[tuple[str | None, Swapped | None]]:
+    """Make the next item of the tail current; return the failure, and the outcome if the old route stays.
+
+    Each try decides its item by the vehicle's position. After a try that is too late the change is decided
+    anew: the command may mean another item then, or none.
+    """
     mission = in_modes({ctx.dialect.mission_mode}, armed=True)
 
     def follows(state: VehicleState) -> bool:
         seq = state.mission_seq
         return mission(state) and seq is not None and begin <= seq < begin + len(tail)
 
-    return (
-        yield from send_guarded(
-            ctx, lambda attempt: ctx.dialect.set_current(ctx.peer, begin + first(), attempt), mission, follows
-        )
-    )
+    def next_try(attempt: int) -> Conversation[CommandResult] | None:
+        is_certain = attempt == 0 or _next_item_is_certain(ctx, plan, later_s)
+        if not is_certain or _stays_on_old(ctx, plan, later_s) is not None:
+            return None
+        return ctx.dialect.set_current(ctx.peer, begin + plan.next_waypoint(ctx, later_s), attempt)
+
+    failure: str | None = None
+    for decision in range(DECISIONS):
+        yield WaitUntil(lambda: _next_item_is_certain(ctx, plan, later_s), CLEAR_WAIT_S)
+        # A command that was sent before this decision may have taken effect.
+        if decision and (yield from await_current_item(ctx, lambda _seq: follows(ctx.state))):
+            return None, None
+        if (stays := _stays_on_old(ctx, plan, later_s)) is not None:
+            return None, stays
+        order = GuardedCommand(next_try, UNTIL_REPLACED_S)
+        try:
+            failure = yield from send_guarded(ctx, order, mission, follows, skip_if_done=decision > 0)
+        except CommandLate as why:
+            failure = str(why)
+        else:
+            break
+    return failure, None
+
+
+def _stays_on_old(ctx: Context, plan: SwapPlan, later_s: float) -> Swapped | None:
+    """Return the outcome if the vehicle has to stay on its old route now, else None."""
+    if plan.is_past_splice(ctx, later_s):
+        return Swapped(PAST_SPLICE, "old", is_late=True)
+    if plan.lacks_position(ctx):
+        return Swapped(POSITION_UNKNOWN, "old")
+    if ctx.state.landed is Landed.LANDING:
+        return Swapped("the vehicle is landing [landing]", "old")
+    return None

@@ -10,6 +10,8 @@ from swarmctl.core.vehicle import Landed
 from swarmctl.mavlink.dialects.plan import LAND, append_items
 from swarmctl.mavlink.procedures.guarded import (
     WARNING,
+    WHILE_RECENT_S,
+    CommandLate,
     StateCondition,
     TakenOver,
     confirm_state,
@@ -235,7 +237,10 @@ def _make_current_and_fly(
 ) -> Procedure[str | None]:
     failure = None
     if not (yield from await_current_item(ctx, is_right)):
-        failure = yield from set_current_item(ctx, seq, _in_own_modes(plan))
+        try:
+            failure = yield from set_current_item(ctx, seq, _in_own_modes(plan), lasts_s=WHILE_RECENT_S)
+        except CommandLate as why:
+            failure = str(why)
     return failure or (yield from _fly_mission_from(ctx, plan, seq))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from swarmctl.core.mission import MissionItem
-from swarmctl.mavlink.procedures.guarded import confirm_state, in_modes, set_mode
+from swarmctl.mavlink.procedures.guarded import UNTIL_REPLACED_S, confirm_state, in_modes, set_mode
 from swarmctl.mavlink.procedures.set_current import set_current_item
 from swarmctl.mavlink.procedures.swap.steps import (
     NOT_ON_OLD_MISSION,
@@ -88,7 +88,7 @@ def _fly_from_hold(
     if uploaded.failure:
         return uploaded.failure
     seq = first_item()
-    failure = yield from set_current_item(ctx, seq, holds)
+    failure = yield from set_current_item(ctx, seq, holds, lasts_s=UNTIL_REPLACED_S)
     if failure:
         return failure
     plan.holds = False

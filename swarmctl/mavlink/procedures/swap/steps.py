@@ -25,7 +25,7 @@ PAST_SPLICE = (
 )
 NOT_ON_OLD_MISSION = "cannot confirm that the vehicle is still on its previous mission"
 POSITION_UNKNOWN = (
-    "the vehicle reports no position, so the next item of the new plan is unknown [no-position]"
+    "the vehicle reports no recent position, so the next item of the new plan is unknown [no-position]"
 )
 
 
@@ -88,8 +88,8 @@ class SwapPlan:
         return self._position
 
     def lacks_position(self, ctx: Context) -> bool:
-        """Return whether the plan needs a position (`leaves_ahead`), but the position is unknown."""
-        return self.leaves_ahead and not ctx.state.has_position
+        """Return whether the plan needs a position (`leaves_ahead`), but it is unknown or old."""
+        return self.leaves_ahead and (not ctx.state.has_position or ctx.telemetry.is_old(ctx.now))
 
     def next_waypoint(self, ctx: Context, later_s: float = 0.0) -> int:
         """Return the index of the next waypoint; 0 if not `leaves_ahead` and the position is late."""
