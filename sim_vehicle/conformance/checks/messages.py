@@ -15,6 +15,11 @@ REQUESTED = (
 )  # fmt: skip
 
 
+# Further messages of ArduPilot, which ground stations show, and a message of hardware that is rarely there.
+ARDUPILOTS = ("AHRS", "AHRS2", "HWSTATUS", "MEMINFO", "MISSION_ITEM_REACHED", "POWER_STATUS", "VIBRATION")
+OF_HARDWARE = "CAMERA_FEEDBACK"
+
+
 def _request_check(kind: str) -> Callable[[VehicleUnderTest], str]:
     def run(vehicle: VehicleUnderTest) -> str:
         try:
@@ -49,6 +54,29 @@ def request_mission_current(vehicle: VehicleUnderTest) -> str:
     result = vehicle.command(mavlink.MAV_CMD_REQUEST_MESSAGE, id_of("MISSION_CURRENT"))
     equal(result_name(result), expected, "REQUEST_MESSAGE")
     vehicle.expect("MISSION_CURRENT", within_s=3.0, mark=mark)
+    return result_name(result)
+
+
+@check("messages.request.of_ardupilot")
+def of_ardupilot(vehicle: VehicleUnderTest) -> str:
+    """ArduPilot sends the messages on request that ground stations show."""
+    for kind in known_behaviour(vehicle, ardupilot=ARDUPILOTS):
+        try:
+            vehicle.request(kind)
+        except Skip as refusal:
+            raise CheckFailed(f"expected {kind} on request: {refusal}") from refusal
+    return ", ".join(ARDUPILOTS)
+
+
+@check("messages.request.without_data")
+def without_data(vehicle: VehicleUnderTest) -> str:
+    """ArduPilot accepts a request for a message that it knows and has no data for, and sends nothing."""
+    expected = known_behaviour(vehicle, ardupilot=mavlink.MAV_RESULT_ACCEPTED)
+    mark = vehicle.mark()
+    result = vehicle.command(mavlink.MAV_CMD_REQUEST_MESSAGE, id_of(OF_HARDWARE))
+    equal(result_name(result), result_name(expected), f"answer to a request for {OF_HARDWARE}")
+    vehicle.wait(1.0)
+    equal(len(vehicle.since(mark, OF_HARDWARE)), 0, OF_HARDWARE)
     return result_name(result)
 
 

@@ -7,7 +7,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim_vehicle.conformance import frames
 from sim_vehicle.conformance.assertions import Skip, equal, holds, result_name
 from sim_vehicle.conformance.registry import check
-from sim_vehicle.conformance.vehicle import VehicleUnderTest
+from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
 
 PROTOCOL = struct.Struct("<HHH")  # the first fields of PROTOCOL_VERSION on the wire
 RELEASES = {0: "development", 64: "alpha", 128: "beta", 192: "candidate", 255: "official"}
@@ -29,6 +29,17 @@ def by_request_capabilities(vehicle: VehicleUnderTest) -> str:
         raise Skip(f"the vehicle answers the deprecated command with {result_name(result)}")
     vehicle.expect("AUTOPILOT_VERSION", mark=mark)
     return "AUTOPILOT_VERSION"
+
+
+@check("version.by_old_message")
+def by_old_message(vehicle: VehicleUnderTest) -> str:
+    """ArduPilot answers AUTOPILOT_VERSION_REQUEST with AUTOPILOT_VERSION, PX4 not at all."""
+    answered = known_behaviour(vehicle, ardupilot=True, px4=False)
+    mark = vehicle.mark()
+    vehicle.send(mavlink.MAVLink_autopilot_version_request_message(*vehicle.target))
+    version = vehicle.wait_for("AUTOPILOT_VERSION", within_s=2.0, mark=mark)
+    equal(version is not None, answered, "AUTOPILOT_VERSION is sent")
+    return "answered" if answered else "not answered"
 
 
 @check("version.same_every_time")
