@@ -68,7 +68,7 @@ ONLY_IN: dict[str, set[str]] = {
         "sim_vehicle.testing.served",
     },
     "matplotlib": {"swarmctl.report.pictures"},
-    "mcap": {"swarmctl.report.record"},
+    "mcap": {"swarmctl.report.record", "swarmctl.report.record_file"},
     "typer": {
         "swarmctl.cli",
         "sim_vehicle.__main__",

@@ -9,7 +9,7 @@ import typer
 
 from swarmctl.cli import machine_code
 from swarmctl.cli.console import FAILED, USAGE, err, fail, out, say
-from swarmctl.report import record
+from swarmctl.report import record, record_file
 
 
 def register(cli: typer.Typer) -> None:
@@ -25,7 +25,7 @@ def replay(
             record.record_path(run),
             lambda config: machine_code.prepare(config.area.rows * config.area.cols, err),
         )
-    except record.RecordError as error:
+    except record_file.RecordError as error:
         fail([str(error)], USAGE)
     if verdict.is_cut:
         say(

@@ -10,7 +10,7 @@ from swarmctl.agent.replan.decide import first_route
 from swarmctl.config.scenario import Scenario, build
 from swarmctl.core.geo import distance_m
 from swarmctl.planners import Unreachable
-from swarmctl.report import record
+from swarmctl.report import record, record_file
 
 MAX_ORIGIN_DISTANCE_M = 0.01
 
@@ -26,7 +26,7 @@ def with_prior_run(scenario: Scenario, run: Path) -> tuple[Scenario, list[str]]:
     """
     try:
         config, observations = record.recorded_observations(run)
-    except record.RecordError as error:
+    except record_file.RecordError as error:
         raise PriorRunError(f"--known {error}") from error
     earlier = build(config)
     if differences := list(_area_differences(earlier, scenario)):

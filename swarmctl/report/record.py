@@ -8,19 +8,14 @@ from __future__ import annotations
 
 import inspect
 import json
-import struct
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from io import SEEK_END, BytesIO
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import msgspec
-from mcap.exceptions import EndOfFile
-from mcap.opcode import Opcode
-from mcap.records import Channel, Message, Metadata
-from mcap.stream_reader import StreamReader
-from mcap.writer import MCAP0_MAGIC, Writer
+from mcap.writer import Writer
 
 from swarmctl import __version__
 from swarmctl.agent.state import AgentState, begin
@@ -31,16 +26,13 @@ from swarmctl.core import events as ev
 from swarmctl.core.frames import AgentMessage
 from swarmctl.core.grid import Cell
 from swarmctl.core.observation import Observation
-from swarmctl.report import foxglove
+from swarmctl.report import foxglove, record_file
+from swarmctl.report.record_file import FORMAT, StoredMessage, StoredRecord
 
-FORMAT = 3
-READABLE = frozenset({"2", "3"})
-"""readable formats; format 2 has a channel for each vehicle and each kind of event and effect"""
 CHUNK_BYTES = 1 << 16
-"""size of a chunk; a crash loses the last chunk, and data in the buffer of the file"""
-
-_RECORD = struct.Struct("<BQ")
-"""opcode and length, before each record of an MCAP file"""
+"""size of a chunk"""
+FLUSH_PERIOD_S = 1.0
+"""longest time without a flush, by the run's clock [s]: a process that is killed loses this time at most"""
 
 EVENTS, EFFECTS, MESSAGES = "/events", "/effects", "/messages"
 """topics of the agents' events, effects and messages"""
@@ -69,14 +61,18 @@ class Recorder:
     """The recorder of one `run.mcap`, an `Observer` of runners. Only `close` writes the index of the file.
 
     A replay reads the agents' events and effects. Positions, routes, hostiles and texts are also recorded in
-    Foxglove's own schemas.
+    Foxglove's own schemas. An effect on a vehicle or on the swarm is in the file before it is performed.
     """
 
-    def __init__(self, path: Path, scenario: Scenario, epoch_ns: int) -> None:
+    def __init__(
+        self, path: Path, scenario: Scenario, epoch_ns: int, earlier: StoredRecord | None = None
+    ) -> None:
+        """Create the file, with a copy of `earlier`, the record of the run that this run continues."""
         self.trouble = ""
         """reason for an early end of the record, such as a full disk; the flight continues"""
         self._path = path
         self._file = path.open("wb")
+        record_file.lock(self._file)
         self._writer = Writer(self._file, chunk_size=CHUNK_BYTES)
         self._writer.start(profile="", library=f"swarmctl {__version__}")
         # A replay builds its agents from the configuration.
@@ -92,6 +88,14 @@ class Recorder:
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
         self._found: set[Cell] = set()
+        self._flushed_s = -math.inf
+        if earlier is not None:
+            self._copy(earlier)
+        self._flush(-math.inf)
+
+    def _copy(self, earlier: StoredRecord) -> None:
+        for message in earlier.messages:
+            self._add(message.topic, message.schema, message.definition, message.data, message.log_time_ns)
 
     def close(self) -> None:
         try:
@@ -118,6 +122,18 @@ class Recorder:
             self._show(foxglove.location_topic(name), "foxglove.LocationFix", fix, now)
         if isinstance(event, ev.Observed):
             self._show_found({(row, col) for row, col, occupied in event.cells if occupied}, now)
+        if any(map(_acts, effects)) or not 0.0 <= now - self._flushed_s < FLUSH_PERIOD_S:
+            self._flush(now)
+
+    def _flush(self, now: float) -> None:
+        """Write everything recorded so far to the file."""
+        self._flushed_s = now
+        if self.trouble:
+            return
+        try:
+            self._writer.flush()  # type: ignore[no-untyped-call]
+        except OSError as error:
+            self._end(error)
 
     def sent(self, uav: int, message: AgentMessage, recipients: int, now: float) -> None:
         self._write(MESSAGES, BusRecord(now, recipients, message, self._names[uav]), now)
@@ -143,18 +159,20 @@ class Recorder:
             self._show(foxglove.FOUND, "foxglove.GeoJSON", shown, now)
 
     def _write(self, topic: str, record: msgspec.Struct, now: float) -> None:
-        self._add(topic, type(record).__name__, type(record), msgspec.json.encode(record), now)
+        data = msgspec.json.encode(record)
+        self._add(topic, type(record).__name__, type(record), data, self._log_time(now))
 
     def _show(self, topic: str, schema: str, content: dict[str, Any], now: float) -> None:
-        self._add(topic, schema, foxglove.SCHEMAS[schema], json.dumps(content).encode(), now)
+        data = json.dumps(content).encode()
+        self._add(topic, schema, foxglove.SCHEMAS[schema], data, self._log_time(now))
 
     def _add(
         self,
         topic: str,
         schema: str,
-        definition: dict[str, Any] | type[msgspec.Struct],
+        definition: bytes | dict[str, Any] | type[msgspec.Struct],
         data: bytes,
-        now: float,
+        time_ns: int,
     ) -> None:
         if self.trouble:
             return
@@ -162,7 +180,6 @@ class Recorder:
             if topic not in self._channels:
                 schema_id = self._schema(schema, definition)
                 self._channels[topic] = self._writer.register_channel(topic, "json", schema_id)
-            time_ns = self._log_time(now)
             self._writer.add_message(self._channels[topic], time_ns, data, time_ns, self._sequence)
             self._sequence += 1
         except OSError as error:
@@ -171,16 +188,26 @@ class Recorder:
     def _end(self, error: OSError) -> None:
         self.trouble = f"{self._path}: the record ends early: {error.strerror or error}"
 
-    def _schema(self, name: str, definition: dict[str, Any] | type[msgspec.Struct]) -> int:
+    def _schema(self, name: str, definition: bytes | dict[str, Any] | type[msgspec.Struct]) -> int:
         if name not in self._schemas:
-            content = definition if isinstance(definition, dict) else object_schema(definition)
-            self._schemas[name] = self._writer.register_schema(
-                name, "jsonschema", json.dumps(content).encode()
-            )
+            if not isinstance(definition, bytes):
+                content = definition if isinstance(definition, dict) else object_schema(definition)
+                definition = json.dumps(content).encode()
+            self._schemas[name] = self._writer.register_schema(name, "jsonschema", definition)
         return self._schemas[name]
 
     def _log_time(self, now: float) -> int:
         return self._epoch_ns + round(now * 1e9)
+
+
+def _acts(effect: ev.Effect) -> bool:
+    """Return whether an effect changes what a vehicle does, or what the swarm or an operator knows."""
+    match effect:
+        case ev.Publish(message):
+            return isinstance(message, Observation)
+        case ev.NotifyOperator():
+            return False
+    return True
 
 
 def object_schema(struct: type[msgspec.Struct]) -> dict[str, Any]:
@@ -197,10 +224,6 @@ def _dedented(schema: Any) -> Any:
     if isinstance(schema, list):
         return [_dedented(part) for part in schema]
     return inspect.cleandoc(schema) if isinstance(schema, str) else schema
-
-
-class RecordError(Exception):
-    """A record that cannot be read; the text holds the file and the fault."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -220,13 +243,22 @@ def replay(path: Path, prepare: Callable[[Config], None] = lambda _: None) -> Re
 
     `prepare` gets the recorded configuration before the replay builds the scenario.
     """
-    content = _read(path)
+    content = read(path)
     prepare(content.config)
-    scenario = build(content.config)
+    return fold(content, build(content.config), lambda *_: None)
+
+
+OnFolded = Callable[[AgentState, ev.Event, AgentState, list[ev.Effect], "Row"], None]
+"""(state before, event, state after, effects, row of the event)"""
+
+
+def fold(content: RecordContent, scenario: Scenario, on_folded: OnFolded) -> ReplayResult:
+    """Fold the recorded events of every agent, compare the effects, and call `on_folded` after each event."""
     states = {task.name: begin(task, scenario.prior) for task in scenario.tasks}
     expected: dict[str, list[ev.Effect]] = {name: [] for name in states}
     events = effects = 0
-    for name, record in content.rows:
+    for row in content.rows:
+        name, record = row.vehicle, row.record
         if isinstance(record, EffectRecord):
             effects += 1
             due = expected[name]
@@ -240,7 +272,10 @@ def replay(path: Path, prepare: Callable[[Config], None] = lambda _: None) -> Re
             text = f"{name} before {record.now_s:.3f} s: nothing recorded, now {expected[name][0]}"
             return ReplayResult(events, effects, text, content.is_cut)
         events += 1
-        states[name], expected[name] = step(states[name], record.event, record.now_s)
+        before = states[name]
+        states[name], folded = step(before, record.event, record.now_s)
+        expected[name] = list(folded)
+        on_folded(before, record.event, states[name], folded, row)
     for name, due in expected.items():
         if due and not content.is_cut:
             return ReplayResult(events, effects, f"{name} at the end: nothing recorded, now {due[0]}")
@@ -249,8 +284,8 @@ def replay(path: Path, prepare: Callable[[Config], None] = lambda _: None) -> Re
 
 def recorded_observations(run: Path) -> tuple[Config, list[Observation]]:
     """Return the configuration of a recorded run and its vehicles' observations. Raises RecordError."""
-    content = _read(record_path(run))
-    effects = (record.effect for _, record in content.rows if isinstance(record, EffectRecord))
+    content = read(record_path(run))
+    effects = (row.record.effect for row in content.rows if isinstance(row.record, EffectRecord))
     messages = (effect.message for effect in effects if isinstance(effect, ev.Publish))
     return content.config, [m for m in messages if isinstance(m, Observation)]
 
@@ -261,80 +296,45 @@ def record_path(run: Path) -> Path:
 
 
 @dataclass(frozen=True, slots=True)
-class _Content:
+class Row:
+    """An event or effect of one vehicle's agent."""
+
+    vehicle: str
+    record: EventRecord | EffectRecord
+    log_time_ns: int
+    """wall time [ns since 1970]"""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordContent:
+    """Configuration, events and effects of a record."""
+
     config: Config
-    rows: list[tuple[str, EventRecord | EffectRecord]]
+    rows: list[Row]
     is_cut: bool
     """True if the record has no end, because the process died"""
+    stored: StoredRecord
 
 
-def _read(path: Path) -> _Content:
+def read(path: Path) -> RecordContent:
     """Return the complete part of a record. Raises RecordError."""
+    stored = record_file.read(path)
     try:
-        with path.open("rb") as file:
-            end, is_cut = _complete_part(file)
-            file.seek(0)
-            metadata, rows = _parsed(BytesIO(file.read(end)))
-        if metadata.get("format") in READABLE:
-            return _Content(Config.model_validate_json(metadata["config"]), list(_records(rows)), is_cut)
-    except FileNotFoundError:
-        raise RecordError(
-            f"{path}: not found; give the folder of a run, which holds run.mcap [no-record]"
-        ) from None
-    except Exception as error:  # a damaged record fails in many ways: JSON, compression, unknown channels
-        reason = str(error) or f"ends early or is damaged ({type(error).__name__})"
-        raise RecordError(f"{path}: cannot be read as a record: {reason} [damaged]") from error
-    text = f"swarmctl {__version__} cannot read this record; use the version that wrote it"
-    raise RecordError(f"{path}: {text} [other-format]")
+        config = Config.model_validate_json(stored.metadata["config"])
+        return RecordContent(config, list(_rows(stored.messages)), stored.is_cut, stored)
+    except Exception as error:  # a damaged record fails in many ways: JSON, unknown keys or kinds of events
+        raise record_file.damaged(path, error) from error
 
 
-def _complete_part(file: BinaryIO) -> tuple[int, bool]:
-    """Return the length of the part with complete records [bytes], and whether the file is cut.
-
-    An MCAP file is a magic number and records of opcode (1 byte), length (8 bytes) and content; the last
-    record is the footer.
-    """
-    size, position = file.seek(0, SEEK_END), len(MCAP0_MAGIC)
-    while position + _RECORD.size <= size:
-        file.seek(position)
-        opcode, length = _RECORD.unpack(file.read(_RECORD.size))
-        if position + _RECORD.size + length > size:
-            break
-        position += _RECORD.size + length
-        if opcode == Opcode.FOOTER:
-            return size, False
-    return min(position, size), True
-
-
-def _parsed(file: BinaryIO) -> tuple[dict[str, str], list[tuple[int, str, bytes]]]:
-    """Return this program's metadata, and number, topic and content of each message."""
-    metadata: dict[str, str] = {}
-    topics: dict[int, str] = {}
-    rows: list[tuple[int, str, bytes]] = []
-    records = StreamReader(file).records
-    while True:
-        try:
-            part = next(records)
-        except (StopIteration, EndOfFile):
-            return metadata, rows
-        match part:
-            case Metadata(name="swarmctl"):
-                metadata = part.metadata
-            case Channel():
-                topics[part.id] = part.topic
-            case Message():
-                rows.append((part.sequence, topics[part.channel_id], part.data))
-
-
-def _records(rows: list[tuple[int, str, bytes]]) -> Iterator[tuple[str, EventRecord | EffectRecord]]:
+def _rows(messages: list[StoredMessage]) -> Iterator[Row]:
     events = msgspec.json.Decoder(EventRecord)
     effects = msgspec.json.Decoder(EffectRecord)
-    for _, topic, data in sorted(rows):
-        _, first, *rest = topic.split("/")
+    for message in messages:
+        _, first, *rest = message.topic.split("/")
         kind = rest[0] if rest else ""
-        if topic == EVENTS or kind == "event":
-            event = events.decode(data)
-            yield event.vehicle or first, event
-        elif topic == EFFECTS or kind == "effect":
-            effect = effects.decode(data)
-            yield effect.vehicle or first, effect
+        if message.topic == EVENTS or kind == "event":
+            event = events.decode(message.data)
+            yield Row(event.vehicle or first, event, message.log_time_ns)
+        elif message.topic == EFFECTS or kind == "effect":
+            effect = effects.decode(message.data)
+            yield Row(effect.vehicle or first, effect, message.log_time_ns)
