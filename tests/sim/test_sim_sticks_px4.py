@@ -159,6 +159,21 @@ def test_a_leaning_copter_sinks_in_stabilized() -> None:
     assert velocity_m_s(station)[2] > 2.0
 
 
+@pytest.mark.full
+def test_a_plane_banks_and_climbs_in_altitude() -> None:
+    station = QuietPx4Station("plane")
+    assert station.arm() == ACCEPTED
+    nowhere = [math.nan] * 6
+    assert station.command(mavlink.MAV_CMD_NAV_TAKEOFF, *nowhere, ALT_M + 60) == ACCEPTED
+    station.until(lambda: station.height_m > 55, 90)
+    hold(station, 1, *CENTRE)
+    assert station.change(ALTITUDE) == ACCEPTED
+    hold(station, 4, -1000, 1000, 500, 0)
+    roll_deg = math.degrees(station.ask(mavlink.MAVLINK_MSG_ID_ATTITUDE).roll)
+    assert roll_deg == pytest.approx(50, abs=2)  # FW_R_LIM
+    assert velocity_m_s(station)[2] == pytest.approx(3.0, abs=0.5)  # FW_T_CLMB_R_SP
+
+
 # -- taking over and loss --------------------------------------------------------------------------------
 
 
