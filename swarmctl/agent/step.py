@@ -24,6 +24,7 @@ from swarmctl.agent.replan.route_to_mission import route_index_at
 from swarmctl.agent.replan.splice import is_wall_close, may_learn_of_walls
 from swarmctl.agent.replan.stopping import stop_end_s
 from swarmctl.agent.replan.swap_times import SwapTimes
+from swarmctl.agent.restart import restart
 from swarmctl.agent.sharing import learn_from_others, learn_from_sensor, share_state
 from swarmctl.agent.state import IN_FLIGHT, ON_GROUND, PLANNING, AgentState, Phase
 from swarmctl.agent.touchdown import end_at_touchdown, has_touched_down, may_be_armed, note_disarming
@@ -269,7 +270,8 @@ def _enter_cell(state: AgentState, cell: Cell) -> AgentState:
 
 
 def _joined(state: AgentState, event: ev.Joined, _now: float) -> StepResult:
-    return replace(state, incarnation=event.incarnation), []
+    # Each incarnation numbers its observations from 1 on.
+    return replace(state, incarnation=event.incarnation, next_seq=1), []
 
 
 def _link_lost(state: AgentState, _event: ev.LinkLost, now: float) -> StepResult:
@@ -376,6 +378,7 @@ def _mission_failed(state: AgentState, event: ev.MissionFailed, now: float) -> S
 
 _HANDLERS: dict[type[Any], Callable[[AgentState, Any, float], StepResult]] = {
     ev.Joined: _joined,
+    ev.Restarted: restart,
     ev.Ready: _ready,
     ev.TelemetryReceived: _telemetry,
     ev.Observed: learn_from_sensor,

@@ -7,7 +7,7 @@ import heapq
 import itertools
 import traceback
 from collections import Counter, deque
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
 from typing import Protocol, TypeVar
@@ -159,6 +159,10 @@ class Network:
             self._transport.put(keys.to_station(self._swarm, uav), output.messages[0].data)
         self._perform(self._members[uav], output)
         return len(output.messages[0].to)
+
+    def restore(self, uav: int, observations: Iterable[tuple[float, Observation]]) -> None:
+        """Give a UAV its own observations of earlier incarnations, each with its unix time [s]."""
+        self._members[uav].node.restore(observations)
 
     def moved(self, uav: int, lat_deg: float, lon_deg: float) -> None:
         """Update a UAV's position between two state messages."""

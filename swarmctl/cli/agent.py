@@ -38,14 +38,17 @@ from swarmctl.cli.flights import (
     uninterrupted,
     with_forwarding,
 )
+from swarmctl.cli.resume import LAST, ResumeOption, load_or_exit
 from swarmctl.config import joining
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.operator_text import extended, resolve_vehicles
 from swarmctl.flight import companion
-from swarmctl.flight.director import Permission
 from swarmctl.flight.gc_tuning import tune_collector
+from swarmctl.flight.permission import Permission
 from swarmctl.links.url import parse_url
 from swarmctl.preflight.waivers import Waiver
+from swarmctl.report import unfinished_run
+from swarmctl.report.unfinished_run import UnfinishedRun
 from swarmctl.security.files import KeyringError
 from swarmctl.security.participant import Keyring
 
@@ -84,6 +87,7 @@ def agent(
     confirm: ConfirmOption = "",
     forward: ForwardOption = None,
     waive: WaiveOption = None,
+    resume: ResumeOption = None,
     out_folder: OutOption = Path("runs"),
     verbose: VerboseOption = False,
 ) -> None:
@@ -91,16 +95,20 @@ def agent(
 
     The agent uploads the mission and, by default, waits for the order to launch. Without the network the
     agent continues the flight with its own knowledge, and synchronises after the network returns.
+
+    With `--resume last`, an agent that is started anew after a crash takes its vehicle over. If its last run
+    has ended in order, or there is none, it begins a new flight.
     """
     swarm_scenario = load_scenario_or_exit(config)
     alone = companion.scenario_for(swarm_scenario, _vehicle(swarm_scenario, uav), _url(url))
+    unfinished = _unfinished_run(resume, out_folder, alone)
     scenario = with_forwarding(alone, forward or [])
     may_arm = arming_permission(scenario, real=real, confirm=confirm)
     keyring = _keyring(config, scenario)
     network = _network(scenario, connect, launch, keyring)
     require_flyable(config, _without_listen(scenario), out_folder)
     waivers = parse_waivers_or_exit(waive, scenario)
-    _fly(scenario, out_folder, launch, network, keyring, may_arm, waivers, verbose=verbose)
+    _fly(scenario, out_folder, launch, network, keyring, may_arm, waivers, unfinished, verbose=verbose)
 
 
 def _fly(
@@ -111,6 +119,7 @@ def _fly(
     keyring: Keyring | None,
     may_arm: Permission,
     waivers: tuple[Waiver, ...],
+    unfinished: UnfinishedRun | None,
     *,
     verbose: bool,
 ) -> None:
@@ -133,6 +142,7 @@ def _fly(
                         network=network,
                         keyring=keyring,
                         waivers=waivers,
+                        resumes=unfinished,
                     )
                 )
         except (BusError, KeyringError) as error:
@@ -140,6 +150,20 @@ def _fly(
         if report.ended == "ended":
             directory.record_end(scenario.config.name, spec.sysid)
         conclude(report, scenario, folder)
+
+
+def _unfinished_run(resume: str | None, runs: Path, scenario: Scenario) -> UnfinishedRun | None:
+    if resume is None:
+        return None
+    (spec,) = scenario.specs
+    run: Path | None = Path(resume)
+    if resume == LAST:
+        run = unfinished_run.last_run(runs, f"{scenario.config.name}-{spec.name}")
+        if run is None or not unfinished_run.is_unfinished(run):
+            say(f"{spec.name}: {runs} has no unfinished run of this vehicle; a new flight begins")
+            return None
+    assert run is not None
+    return load_or_exit(run, scenario)[1]
 
 
 def _vehicle(scenario: Scenario, uav: str) -> int:

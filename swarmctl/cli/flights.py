@@ -19,8 +19,8 @@ from swarmctl.cli.console import FAILED, INTERRUPTED, USAGE, err, fail, out, tim
 from swarmctl.config.links_checks import forwarding_problem
 from swarmctl.config.scenario import Scenario
 from swarmctl.flight import companion
-from swarmctl.flight.director import Permission, PreflightFailed
 from swarmctl.flight.member import Member
+from swarmctl.flight.permission import Permission, PreflightFailed
 from swarmctl.links.url import parse_url
 from swarmctl.preflight.waivers import Waiver, parse_waivers
 from swarmctl.report import outputs

@@ -18,6 +18,7 @@ from swarmctl.cli.configuration import (
 )
 from swarmctl.cli.console import (
     FAILED,
+    USAGE,
     ConfigOrExampleOption,
     ExampleOption,
     OutOption,
@@ -39,6 +40,7 @@ from swarmctl.cli.flights import (
     uninterrupted,
     with_forwarding,
 )
+from swarmctl.cli.resume import ResumeOption, load_or_exit, require_host, run_or_exit
 from swarmctl.config.scenario import Scenario
 from swarmctl.flight import app, evidence_log
 from swarmctl.flight.gc_tuning import tune_collector
@@ -70,25 +72,42 @@ def fly(
     confirm: ConfirmOption = "",
     forward: ForwardOption = None,
     waive: WaiveOption = None,
+    resume: ResumeOption = None,
     out_folder: OutOption = Path("runs"),
     verbose: VerboseOption = False,
 ) -> None:
     """Fly the swarm, simulated or real, from the ground to the last landing."""
-    config = config_or_example(config, example)
-    scenario = with_forwarding(load_scenario_or_exit(config), forward or [])
-    if clock is Clock.VIRTUAL:
+    if resume is None or config is not None or example is not None:
+        config = config_or_example(config, example)
+    given = None if config is None else load_scenario_or_exit(config)
+    scenario, unfinished = given, None
+    if resume is not None:
+        name = "" if given is None else given.config.name
+        run = run_or_exit(resume, out_folder, name)
+        if clock is Clock.VIRTUAL:
+            fail(["--resume: a flight on the virtual clock ends with its program [virtual-clock]"], USAGE)
+        scenario, unfinished = load_or_exit(run, given)
+    assert scenario is not None
+    scenario = with_forwarding(scenario, forward or [])
+    if config is not None and clock is Clock.VIRTUAL:
         require_simulated_clock(config, scenario)
     may_arm = arming_permission(scenario, real=real, confirm=confirm)
-    if clock is Clock.REAL:
+    if config is None:
+        require_host(scenario, out_folder)
+    elif clock is Clock.REAL:
         require_flyable(config, scenario, out_folder)
     options = replace(
-        app.DEFAULT_OPTIONS, signer=_signer(config, scenario), waivers=parse_waivers_or_exit(waive, scenario)
+        app.DEFAULT_OPTIONS,
+        signer=_signer(config, scenario),
+        waivers=parse_waivers_or_exit(waive, scenario),
+        resumes=unfinished,
     )
     folder = run_folder(out_folder, scenario.config.name)
-    out.print(f"{config}: {describe(scenario)}; connecting", highlight=False, soft_wrap=True)
+    subject = config if unfinished is None else unfinished.folder
+    out.print(f"{subject}: {describe(scenario)}; connecting", highlight=False, soft_wrap=True)
     display = terminal(verbose=verbose)
     tune_collector()
-    with uninterrupted() as run:
+    with uninterrupted() as run_flight:
         with display.shown():
             flight = app.fly(
                 scenario,
@@ -98,12 +117,15 @@ def fly(
                 permission=may_arm,
                 options=options,
             )
-            report = run_virtual(flight) if clock is Clock.VIRTUAL else run(flight)
+            report = run_virtual(flight) if clock is Clock.VIRTUAL else run_flight(flight)
         conclude(report, scenario, folder)
 
 
-def _signer(config: Path, scenario: Scenario) -> Signer | None:
+def _signer(config: Path | None, scenario: Scenario) -> Signer | None:
     try:
         return evidence_log.operator_evidence_signer(scenario)
     except KeyringError as error:
-        fail(keys_problem_lines(config, [str(error)]), FAILED)
+        lines = (
+            [f"communication.keys: {error}"] if config is None else keys_problem_lines(config, [str(error)])
+        )
+        fail(lines, FAILED)

@@ -53,8 +53,22 @@ class Joined(_Record, frozen=True):
     """number that grows with each start of the agent's program; part of the names of observations"""
 
 
+class Restarted(_Record, frozen=True):
+    """The agent's program has been started anew, and has compared the vehicle with the earlier record."""
+
+    on_ground: bool = False
+    """True: the vehicle is disarmed on the ground"""
+    reason: str = ""
+    """reason why the program cannot take the vehicle over; empty if it can"""
+
+
 class Ready(_Record, frozen=True):
     """The vehicle answers, has the expected identity, and is ready to arm."""
+
+    firmware: str = ""
+    """name and version; empty in records of earlier versions"""
+    uid2: str = ""
+    """the autopilot's unique id, as hex digits"""
 
 
 class TelemetryReceived(_Record, frozen=True):
@@ -166,6 +180,7 @@ class Tick(_Record, frozen=True):
 
 Event = (
     Joined
+    | Restarted
     | Ready
     | TelemetryReceived
     | Observed

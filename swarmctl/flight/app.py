@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
@@ -24,13 +24,15 @@ from swarmctl.config.scenario import Scenario
 from swarmctl.core.events import FlightOrder
 from swarmctl.core.frames import FrameCodec
 from swarmctl.flight import emergency, evidence_log, simulator
-from swarmctl.flight.director import Director, Launch, Permission, PreflightFailed
+from swarmctl.flight.director import Director, Launch
 from swarmctl.flight.member import Member
 from swarmctl.flight.network import network_of, speedup_of
 from swarmctl.flight.operator_orders import operator_service_for
+from swarmctl.flight.permission import Permission, PreflightFailed
 from swarmctl.flight.return_queue import ReturnQueue
 from swarmctl.flight.runner import Observer
 from swarmctl.flight.simulator import AddressOf, undisturbed
+from swarmctl.flight.takeover import Takeover
 from swarmctl.flight.task_tree import run_tasks, show
 from swarmctl.flight.wiring import (
     Clock,
@@ -51,6 +53,7 @@ from swarmctl.report.outcome import Ending, FlightReport
 from swarmctl.report.record import Recorder
 from swarmctl.report.summary import FlightStatistics, summary
 from swarmctl.report.ui import SafeUi, Ui, UiObserver
+from swarmctl.report.unfinished_run import RecordedVehicle, UnfinishedRun
 from swarmctl.security.files import KeyringError
 
 EXPECTED_ERRORS = (PreflightFailed, simulator.SimulatorFailed, LinkError, BusError, KeyringError)
@@ -76,6 +79,8 @@ class FlightOptions:
     """signer of the evidence at the end of the run; None: the evidence stays unsigned"""
     waivers: tuple[Waiver, ...] = ()
     """preflight checks that an operator lets fail"""
+    resumes: UnfinishedRun | None = None
+    """run whose program died in flight, which this run continues; None: a new flight"""
 
 
 DEFAULT_OPTIONS = FlightOptions()
@@ -98,9 +103,10 @@ async def fly(
     """
     if clock == "real":
         scenario = with_free_port(scenario)
-    run = _Run(scenario, folder, clock, options, SafeUi(ui))
-    recorder = Recorder(folder / "run.mcap", scenario, epoch_ns(clock))
-    evidence = evidence_log.begin(scenario, folder, clock, run.ui.say)
+    run, resumes = _Run(scenario, folder, clock, options, SafeUi(ui)), options.resumes
+    earlier = None if resumes is None else resumes.stored
+    recorder = Recorder(folder / "run.mcap", scenario, epoch_ns(clock), earlier)
+    evidence = evidence_log.begin(scenario, folder, clock, run.ui.say, resumes)
     try:
         async with (
             contextlib.AsyncExitStack() as opened,
@@ -147,6 +153,13 @@ class _Run:
 
     def __post_init__(self) -> None:
         self.run_clock = RunClock(epoch_ns(self.clock) / 1e9, speedup_of(self.scenario, self.clock))
+        if self.options.resumes is not None:
+            self.statistics = self.options.resumes.statistics
+
+    @property
+    def recorded(self) -> Mapping[int, RecordedVehicle]:
+        """The vehicles of the continued run by system id; empty for a new flight."""
+        return {} if self.options.resumes is None else self.options.resumes.vehicles
 
     @property
     def names(self) -> dict[int, str]:
@@ -193,7 +206,9 @@ class _Run:
             payload_reports={uav: asdict(counts) for uav, counts in self.reports.items()},
             crossings=self.crossings[-1] if self.crossings else None,
         )
-        return content | {"preflight": summary_of(self.checked)}
+        resumes = self.options.resumes
+        continued = None if resumes is None else resumes.folder.name
+        return content | {"preflight": summary_of(self.checked), "continues": continued}
 
 
 def _network(run: _Run, resources: FlightResources, observers: Sequence[Observer]) -> Network:
@@ -228,8 +243,11 @@ def _build_members(
             run.ui.say,
             run.reports,
             resources.token_authentication or run.options.report_authentication,
+            run.recorded,
         )
     )
+    for uav, vehicle in run.recorded.items():
+        network.restore(uav, vehicle.observations)
     run.network_counters |= network.all_counters()
 
 
@@ -255,6 +273,16 @@ def _director(run: _Run, permission: Permission, evidence: Evidence, network: Ne
         clearance=clearance,
         launch=run.options.launch,
         return_queue=_return_queue(run, network),
+        takeover=_takeover(run),
+    )
+
+
+def _takeover(run: _Run) -> Takeover | None:
+    if run.options.resumes is None:
+        return None
+    clock = run.run_clock
+    return Takeover(
+        run.recorded, run.scenario.config.flight, unix_s=clock.unix_s, speedup=clock.speedup, say=run.ui.say
     )
 
 

@@ -23,8 +23,9 @@ from swarmctl.core.events import FlightOrder
 from swarmctl.core.frames import FrameCodec
 from swarmctl.flight import app
 from swarmctl.flight.app import FlightOptions
-from swarmctl.flight.director import Launch, Permission
+from swarmctl.flight.director import Launch
 from swarmctl.flight.member import Member
+from swarmctl.flight.permission import Permission
 from swarmctl.flight.simulator import AddressOf, undisturbed
 from swarmctl.flight.supervise import cancelled
 from swarmctl.flight.wiring import Clock
@@ -32,6 +33,7 @@ from swarmctl.links.url import parse_url
 from swarmctl.preflight.waivers import Waiver
 from swarmctl.report.outcome import FlightReport
 from swarmctl.report.ui import SafeUi, Ui
+from swarmctl.report.unfinished_run import UnfinishedRun
 from swarmctl.security import requests
 from swarmctl.security.evidence_keys import EvidenceSigner
 from swarmctl.security.participant import Keyring
@@ -108,6 +110,7 @@ async def fly(
     keyring: Keyring | None = None,
     address_of: AddressOf = undisturbed,
     waivers: tuple[Waiver, ...] = (),
+    resumes: UnfinishedRun | None = None,
 ) -> FlightReport:
     """Fly the vehicle of `scenario_for`. Messages use `network`, or else the open transport `bus`.
 
@@ -125,6 +128,7 @@ async def fly(
         authentication=NO_AUTHENTICATION if keyring is None else _by_operator(scenario, keyring),
         signer=None if keyring is None else EvidenceSigner(keyring.name, keyring.signing_key),
         waivers=waivers,
+        resumes=resumes,
     )
 
     async def flight(bus: Transport, options: FlightOptions) -> FlightReport:

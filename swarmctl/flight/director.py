@@ -18,9 +18,11 @@ from swarmctl.core import events as ev
 from swarmctl.core.geo import distance_m
 from swarmctl.core.operator_text import extended
 from swarmctl.flight.member import POLL_S, Member, names, until
+from swarmctl.flight.permission import Permission, PreflightFailed, not_simulated
 from swarmctl.flight.return_queue import ReturnQueue
 from swarmctl.flight.shutdown import Shutdown
 from swarmctl.flight.supervise import cancelled
+from swarmctl.flight.takeover import Takeover
 from swarmctl.links.base import LinkError
 from swarmctl.report.final_state import FlightEnd, describe_final_state, is_released_in_air
 
@@ -39,18 +41,6 @@ Launch = Literal["when-ready", "ordered", "never"]
 """when-ready: the director launches the vehicles.
 ordered: the director keeps the vehicles ready until an operator orders the launch.
 never: preflight checks only; no vehicle gets the permission to arm."""
-
-
-class PreflightFailed(Exception):
-    """A failed preflight; one line for each reason."""
-
-    def __init__(self, lines: Sequence[str]) -> None:
-        super().__init__("\n".join(lines))
-        self.lines = tuple(lines)
-
-
-Permission = Callable[[Sequence[Member]], None]
-"""a function called with the vehicles that are not simulated; raises PreflightFailed to forbid arming"""
 
 
 class Clearance(Protocol):
@@ -80,8 +70,13 @@ class Director:
         clearance: Clearance,
         launch: Launch = "when-ready",
         return_queue: ReturnQueue | None = None,
+        takeover: Takeover | None = None,
     ) -> None:
-        """`return_queue`: for a process that flies one vehicle of a swarm; None: this process flies all."""
+        """Direct a new flight, or one that another program began.
+
+        return_queue: for a process that flies one vehicle of a swarm; None: this process flies all
+        takeover: for a flight that another program began; None: a new flight
+        """
         self._members = members
         self._flight = flight
         self._seconds_per_delay = seconds_per_delay
@@ -91,6 +86,7 @@ class Director:
         self._when_ready = launch == "when-ready"
         self._checks_only = launch == "never"
         self._return_queue = return_queue
+        self._takeover = takeover
         self.stop = asyncio.Event()
 
     @property
@@ -132,21 +128,36 @@ class Director:
                 await self._clearance.failures(answered, answered)
 
     async def _fly(self) -> None:
-        await self._run_for_all(self._connect)
+        if self._takeover is None:
+            await self._prepare_flight()
         if self._checks_only:
-            self._not_simulated()
-            await self._prepare_all()
             return
-        self._permit()
-        await self._prepare_all()
-        next_step = "launching" if self._when_ready else "waiting for the order to launch"
-        self._say(f"{self._readiness()}; {next_step} [ready]")
-        async with asyncio.TaskGroup() as launches:
+        async with asyncio.TaskGroup() as flights:
             for member in self._members:
-                launches.create_task(self._launch(member))
+                flights.create_task(self._begin_flight(member))
         end = FlightEnd(self._members, self._flight.lost_timeout_s, self._say)
         while not end.reached():  # noqa: ASYNC110 - silence raises no event
             await asyncio.sleep(POLL_S)
+
+    async def _begin_flight(self, member: Member) -> None:
+        """Take the vehicle over if another program began the flight, and launch it from the ground."""
+        if self._takeover is not None:
+            await self._takeover.run(member, lambda m: self._permit([m]))
+            await until(lambda m: not m.runner.is_untaken, [member])
+            if member.state.ended or member.state.phase not in ON_GROUND:
+                return
+        await self._launch(member)
+
+    async def _prepare_flight(self) -> None:
+        await self._run_for_all(self._connect)
+        if self._checks_only:
+            not_simulated(self._members)
+            await self._prepare_all()
+            return
+        self._permit(self._members)
+        await self._prepare_all()
+        next_step = "launching" if self._when_ready else "waiting for the order to launch"
+        self._say(f"{self._readiness()}; {next_step} [ready]")
 
     def _readiness(self) -> str:
         released = [m for m in self._members if self._is_released(m)]
@@ -201,30 +212,14 @@ class Director:
         if not member.runner.is_freshly_cleared and not member.state.ended:
             await self._clear([member])
 
-    def _permit(self) -> None:
-        """Make all vehicles armable, after permission for vehicles not simulated. Raises PreflightFailed."""
-        external = self._not_simulated()
+    def _permit(self, members: Sequence[Member]) -> None:
+        """Make vehicles armable, after permission for those not simulated. Raises PreflightFailed."""
+        external = not_simulated(members)
         if external:
             self._permission(external)
-        for member in self._members:
+        for member in members:
             member.runner.armable = member.identity
             member.runner.check_again = partial(self._clearance.failures, [member], self._members)
-
-    def _not_simulated(self) -> list[Member]:
-        """Return the vehicles that the built-in simulator does not fly.
-
-        Raises PreflightFailed if two vehicles share a system id, or if another vehicle answers in place of a
-        simulated vehicle.
-        """
-        duplicates = [m for m in self._members if m.runner.conflict]
-        if duplicates:
-            advice = "give each vehicle its own system id"
-            raise PreflightFailed([f"{m.name}: {m.runner.conflict}; {advice}" for m in duplicates])
-        external = [m for m in self._members if m.identity is None or not m.identity.simulated]
-        unexpected = [m for m in external if m.spec.simulated]
-        if unexpected:
-            raise PreflightFailed([_unexpected(m) for m in unexpected])
-        return external
 
     async def _run_for_all_reported(self, step: Callable[[Member], Coroutine[None, None, None]]) -> None:
         """Run a preflight step as `_run_for_all` does; report failures at once if other vehicles are busy."""
@@ -290,7 +285,7 @@ class Director:
         """Wait until the vehicle has a verified mission; begin again after each reboot."""
         while not (member.state.phase is Phase.STANDBY or member.state.ended):
             await self._prepare(member)
-            member.runner.post(ev.Ready())
+            member.runner.post(_ready(member))
             await until(lambda m: m.state.phase is not Phase.WAITING or m.state.lost, [member])
             await until(lambda m: m.state.phase is not Phase.UPLOADING or m.state.lost, [member])
             if member.state.lost:
@@ -365,18 +360,14 @@ class Director:
         return member.state.ended or member.silent_for(self._flight.lost_timeout_s)
 
 
+def _ready(member: Member) -> ev.Ready:
+    found = member.identity
+    return ev.Ready() if found is None else ev.Ready(found.firmware, found.uid2.hex())
+
+
 def _needs_preparation(member: Member) -> bool:
     phase = member.state.phase
     return phase is Phase.WAITING or (phase is Phase.STANDBY and not member.runner.cleared.is_set())
-
-
-def _unexpected(member: Member) -> str:
-    found = member.identity.firmware if member.identity is not None else "an unknown autopilot"
-    return (
-        f"{member.name}: found {found} at {member.spec.url}, system id {member.spec.sysid}, expected a "
-        "vehicle of the built-in simulator; stop the autopilot that sends to this port, or list it under "
-        "`vehicles` and fly with --real [not-simulated]"
-    )
 
 
 def _misplaced(member: Member, away_m: float) -> str:

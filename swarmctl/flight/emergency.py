@@ -62,7 +62,11 @@ async def in_turns(
 
 
 def _armed_and_unreleased(members: Sequence[Member]) -> list[Member]:
-    return [m for m in members if m.state.vehicle.armed and m.state.phase is not Phase.RELEASED]
+    return [
+        m
+        for m in members
+        if m.state.vehicle.armed and m.state.phase is not Phase.RELEASED and not m.runner.is_untaken
+    ]
 
 
 async def _order(member: Member, order: FlightOrder, *, check_mode_first: bool) -> bool:

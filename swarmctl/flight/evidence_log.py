@@ -13,10 +13,17 @@ from swarmctl.flight.wiring import Clock, epoch_ns
 from swarmctl.report.evidence.chain import FORMAT, sha256
 from swarmctl.report.evidence.file import FILE_NAME, EvidenceFile
 from swarmctl.report.evidence.hooks import Evidence
+from swarmctl.report.unfinished_run import UnfinishedRun
 from swarmctl.security.evidence_keys import EvidenceSigner, load_evidence_signer
 
 
-def begin(scenario: Scenario, folder: Path, clock: Clock, say: Callable[[str], None]) -> Evidence:
+def begin(
+    scenario: Scenario,
+    folder: Path,
+    clock: Clock,
+    say: Callable[[str], None],
+    resumes: UnfinishedRun | None = None,
+) -> Evidence:
     """Open the evidence file of a run in its folder, in a running loop. Raises OSError."""
     loop = asyncio.get_running_loop()
     began_s, epoch_s = loop.time(), epoch_ns(clock) / 1e9
@@ -28,6 +35,7 @@ def begin(scenario: Scenario, folder: Path, clock: Clock, say: Callable[[str], N
         "configuration_sha256": sha256(config.model_dump_json().encode()),
         "clock": clock,
         "vehicles": {spec.name: spec.sysid for spec in scenario.specs},
+        **({} if resumes is None else {"continues": resumes.evidence}),
     }
     file = EvidenceFile(
         folder / FILE_NAME,

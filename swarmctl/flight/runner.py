@@ -10,7 +10,7 @@ from __future__ import annotations
 import asyncio
 import math
 from collections import deque
-from collections.abc import Awaitable, Callable, Coroutine, Sequence
+from collections.abc import Awaitable, Callable, Coroutine, Iterable, Sequence
 from functools import partial
 from typing import Any, Protocol
 
@@ -47,6 +47,7 @@ from swarmctl.links.base import (
     VehicleRestored,
 )
 
+_LINK_EVENTS = (ev.TelemetryReceived, ev.LinkLost, ev.LinkRestored, ev.Rebooted)
 CRITICAL = 2  # MAV_SEVERITY
 UPLOADS = Backoff(attempts=3, first_s=2.0)
 IDENTIFY_TIMEOUT_S = 15.0
@@ -89,8 +90,15 @@ class Runner:
         *,
         operator_service: OperatorService | None = None,
         offload: bool = False,
+        recorded: AgentState | None = None,
     ) -> None:
-        self.state = begin(task, prior)
+        """`recorded`: the state by an earlier program's record; folding then waits for `take_up`."""
+        self.state = begin(task, prior) if recorded is None else recorded
+        self._may_fold = asyncio.Event()
+        self.is_untaken = recorded is not None
+        """True until the vehicle is compared with its record: nothing may be sent to it before"""
+        if recorded is None:
+            self._may_fold.set()
         self.link = link
         self.armable: Identity | None = None
         """the vehicle that may be armed; no other vehicle is launched at this address. None: no permission"""
@@ -134,7 +142,16 @@ class Runner:
 
     def post(self, event: ev.Event) -> None:
         """Queue an event for `run`."""
+        if not self._may_fold.is_set() and isinstance(event, _LINK_EVENTS):
+            return  # `take_up` brings the latest state
         self._inbox.append(event)
+        self._wake.set()
+
+    def take_up(self, events: Iterable[ev.Event]) -> None:
+        """Begin to fold: first these events about the recorded flight, then the events in the queue."""
+        joined, *later = self._inbox
+        self._inbox = deque((joined, *events, *later))
+        self._may_fold.set()
         self._wake.set()
 
     def _receive(self, items: tuple[BeliefItem, ...]) -> None:
@@ -198,6 +215,7 @@ class Runner:
 
     async def run(self) -> None:
         """Fold events until cancelled; a cancellation also ends the jobs."""
+        await self._may_fold.wait()
         self._is_running = True
         try:
             await self._fold_all()
@@ -232,6 +250,7 @@ class Runner:
             self.state, effects = await asyncio.to_thread(step, before, event, now)
         else:
             self.state, effects = step(before, event, now)
+        self.is_untaken = self.is_untaken and not isinstance(event, ev.Restarted)
         for observer in self._observers:
             observer.folded(before, event, self.state, effects, now)
         for effect in effects:

@@ -122,7 +122,7 @@ async def show(
 
     def refresh() -> None:
         nonlocal samples
-        clocks = [m.state.vehicle.time_boot_s for m in members]
+        clocks = [m.state.vehicle.time_boot_s for m in members if not m.runner.is_untaken]
         samples = [*samples[-20:], (time.monotonic(), max(clocks, default=0.0))]
         (t0, v0), (t1, v1) = samples[0], samples[-1]
         rows = [

@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 import socket
 import time
-from collections.abc import AsyncIterator, Callable, Iterator
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -37,6 +37,7 @@ from swarmctl.links.transports.memory import MemoryWire
 from swarmctl.links.url import Endpoint, parse_url
 from swarmctl.planners import is_small, warm_up
 from swarmctl.report.evidence.hooks import Evidence
+from swarmctl.report.unfinished_run import RecordedVehicle
 from swarmctl.security.files import KeyringError
 from swarmctl.security.mavlink_key import TimestampFile, read_mavlink_key
 from swarmctl.security.requests import by_token
@@ -170,10 +171,12 @@ def build_members(
     say: Callable[[str], None],
     report_counts: dict[int, external_observations.ReportCounts],
     report_authentication: Authentication,
+    recorded: Mapping[int, RecordedVehicle],
 ) -> Iterator[Member]:
     """Build the members of this process, each with its link, its sensor and its agent.
 
-    `report_counts` is filled with each vehicle's counters of payload reports, by system id.
+    `report_counts` is filled with each vehicle's counters of payload reports, by system id. `recorded` are
+    the vehicles of a run that this process continues.
     """
     source = SOURCES[scenario.config.sensor.source]
     links = scenario.config.links
@@ -203,6 +206,7 @@ def build_members(
             observers,
             operator_service=operator_service,
             offload=clock == "real" and scenario.grid.n_cells > OFFLOAD_CELLS,
+            recorded=recorded[spec.sysid].state if spec.sysid in recorded else None,
         )
         relay.runner = runner
         if source.external:

@@ -26,6 +26,7 @@ from swarmctl.mavlink.events import (
     VehicleRebooted,
     VehicleRestored,
 )
+from swarmctl.mavlink.procedures.recognise import Recognised
 from swarmctl.mavlink.protocol.outcome import Swapped
 from swarmctl.mavlink.telemetry.instruments import Instruments
 from swarmctl.mavlink.telemetry.streams import Streaming
@@ -51,6 +52,7 @@ __all__ = [
     "ParametersFailed",
     "PrepareFailed",
     "ProcedureDone",
+    "Recognised",
     "StateChanged",
     "StatusText",
     "Streaming",
@@ -62,6 +64,7 @@ __all__ = [
     "VehicleLost",
     "VehicleRebooted",
     "VehicleRestored",
+    "swap_failed",
 ]
 
 FlyingAfterFailure = Literal["old", "hold", "theirs", "unknown"]
@@ -176,6 +179,19 @@ class SwapFailed(LinkError):
         """True if the vehicle had passed the splice point or left the route of the new plan"""
 
 
+def swap_failed(label: str, done: Swapped) -> SwapFailed:
+    """Return the error of a failed swap; `label` names the vehicle."""
+    flying = "unknown" if done.flying == "new" else done.flying
+    now_flies = {
+        "old": "the vehicle flies its old mission",
+        "hold": "the vehicle holds",
+        "theirs": "the pilot, a failsafe or another station has set the mode",
+        "unknown": "the flown mission is unknown",
+    }[flying]
+    text = f"{label}: mission change failed; {now_flies}. Cause: {done.failure}"
+    return SwapFailed(text, flying=flying, stood_still_s=done.stood_still_s, is_late=done.is_late)
+
+
 class CommandFailed(LinkError):
     """hold, return_home, land or set_speed is not confirmed, or another command has interrupted it."""
 
@@ -243,6 +259,13 @@ class Link(Protocol):
 
         If the plan first follows the old plan (`leaves_ahead`), the vehicle continues at its next item. No
         command follows once another party has chosen a mode. Raises SwapFailed.
+        """
+
+    async def recognise(self, plans: Mapping[int, FlightPlan], candidates: Sequence[int]) -> Recognised:
+        """Find out which of this program's plans a vehicle in flight stores and flies; change nothing.
+
+        A recognised mission counts as verified. `plans`, `candidates`: see `procedures.recognise`. Raises
+        LinkError if the vehicle cannot be read.
         """
 
     async def hold(self, *, check_mode_first: bool = False) -> None:

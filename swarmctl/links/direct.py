@@ -30,6 +30,7 @@ from swarmctl.links.base import (
     SwapFailed,
     UnsupportedVehicle,
     UploadFailed,
+    swap_failed,
 )
 from swarmctl.links.frontend import FrontEnd
 from swarmctl.links.line import Channel
@@ -38,6 +39,7 @@ from swarmctl.links.transports import TRANSPORTS
 from swarmctl.links.url import Endpoint
 from swarmctl.mavlink.procedures import basic, fence, rally
 from swarmctl.mavlink.procedures.basic import Done, Swapped, Uploaded
+from swarmctl.mavlink.procedures.recognise import Recognised, recognise
 from swarmctl.mavlink.protocol import parameters
 from swarmctl.mavlink.protocol.codec import Message
 from swarmctl.mavlink.protocol.conversation import MavlinkPeer
@@ -214,15 +216,16 @@ class DirectLink:
         procedure = partial(basic.swap, new=items, leaves_ahead=plan.leaves_ahead, from_hold=plan.from_hold)
         done: Swapped = await self._perform("swap", procedure)
         if done.failure:
-            flying = "unknown" if done.flying == "new" else done.flying
-            now_flies = {
-                "old": "the vehicle flies its old mission",
-                "hold": "the vehicle holds",
-                "theirs": "the pilot, a failsafe or another station has set the mode",
-                "unknown": "the flown mission is unknown",
-            }[flying]
-            text = f"{self._label}: mission change failed; {now_flies}. Cause: {done.failure}"
-            raise SwapFailed(text, flying=flying, stood_still_s=done.stood_still_s, is_late=done.is_late)
+            raise swap_failed(self._label, done)
+        return done
+
+    async def recognise(self, plans: Mapping[int, FlightPlan], candidates: Sequence[int]) -> Recognised:
+        self._require_connection()
+        self._apply(self._session.keep_streams(self._now()))
+        procedure = partial(recognise, plans=plans, candidates=candidates)
+        done: Done = await self._perform("recognise", procedure)
+        if not isinstance(done, Recognised) or done.failure:
+            raise LinkError(f"{self._label}: the stored mission cannot be read: {done.failure}")
         return done
 
     async def hold(self, *, check_mode_first: bool = False) -> None:

@@ -30,7 +30,7 @@ from swarmctl.core.messages import (
     decode_answer,
 )
 from swarmctl.flight import app, companion, wiring
-from swarmctl.flight.director import Permission
+from swarmctl.flight.permission import Permission
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.links.base import Identity
 from swarmctl.report.outcome import FlightReport

@@ -13,9 +13,10 @@ from swarmctl.bus.network import RunClock
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.core import events as ev
 from swarmctl.core.inference.sensor import PERFECT
-from swarmctl.flight.director import NOT_READY_S, PreflightFailed
+from swarmctl.flight.director import NOT_READY_S
 from swarmctl.flight.member import Member
 from swarmctl.flight.network import network_of
+from swarmctl.flight.permission import PreflightFailed
 from swarmctl.flight.runner import LaunchNotPermitted, Runner
 from swarmctl.flight.sensors.footprint import Footprint
 from swarmctl.flight.virtual_clock import run_virtual

@@ -15,9 +15,10 @@ from swarmctl.config.scenario import Scenario
 from swarmctl.core.inference.sensor import PERFECT
 from swarmctl.core.mission import FlightPlan, MissionItem
 from swarmctl.core.vehicle import VehicleState
-from swarmctl.flight.director import Director, Launch, PreflightFailed
+from swarmctl.flight.director import Director, Launch
 from swarmctl.flight.member import Member
 from swarmctl.flight.network import network_of
+from swarmctl.flight.permission import PreflightFailed
 from swarmctl.flight.runner import Runner
 from swarmctl.flight.sensors.footprint import Footprint
 from swarmctl.flight.virtual_clock import run_virtual

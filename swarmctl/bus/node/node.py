@@ -10,6 +10,7 @@ observations to all UAVs. The node requests missing observations from a peer:
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Iterable
 
 import msgspec
@@ -159,6 +160,15 @@ class Node:
             receivers = self._receivers(now_s)
             self._send(output, state, (*receivers, *self._random_silent_uav(receivers, now_s)), unix_s)
         return output
+
+    def restore(self, observations: Iterable[tuple[float, Observation]]) -> None:
+        """Store own observations of earlier incarnations, each with its unix time, to answer requests."""
+        for unix_s, seen in observations:
+            decoded = self._decode(self._sender.earlier_frame(seen, unix_s))
+            # After more restarts than peers accept, the oldest observations are only in the agent's belief.
+            with contextlib.suppress(MessageRefused):
+                self._replica.add(self._replica.of(seen.source), seen, decoded)
+            self._contradictions.record_own(seen)
 
     def _random_silent_uav(self, receivers: tuple[int, ...], now_s: float) -> tuple[int, ...]:
         """Return a random UAV outside of the communication range and without recent news; () if none.

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from swarmctl.bus.node.exchange import NetworkCounters, OutgoingMessage
 from swarmctl.core.frames import MAX_FRAMES, MAX_INNER_BYTES, Content, Frame, FrameCodec, StateShared, act_of
 from swarmctl.core.geo import LatLon
+from swarmctl.core.observation import Observation
 
 
 class Sender:
@@ -32,6 +33,11 @@ class Sender:
         has_position = isinstance(content, StateShared)
         lat_deg, lon_deg = (None, None) if has_position or self.position is None else self.position
         frame = Frame(self._uav, self._incarnation, self._n, unix_s, content, lat_deg, lon_deg)
+        return self._codec.encode(frame)
+
+    def earlier_frame(self, observation: Observation, unix_s: float) -> bytes:
+        """Return the frame of an observation of an earlier incarnation; such frames are only passed on."""
+        frame = Frame(self._uav, observation.incarnation, observation.seq, unix_s, observation)
         return self._codec.encode(frame)
 
 

@@ -62,6 +62,8 @@ def _request(event: ev.Event, effects: list[ev.Effect]) -> list[NewEntry]:
 
 def _flight_event(event: ev.Event) -> list[NewEntry]:
     match event:
+        case ev.Restarted(reason=reason):
+            return [("note", {"taken over": not reason, **({"why": reason} if reason else {})})]
         case ev.MissionAccepted(plan_id):
             return [("note", {"ended": "mission", "plan": plan_id})]
         case ev.MissionFailed(plan_id, flying, reason):

@@ -1,0 +1,51 @@
+"""A new start of the agent's program while its vehicle flies. Pure.
+
+The state comes from the record of the earlier program. The fold of `Restarted` makes it fit for the new
+program; the events after it tell how a mission change, an order or a launch has ended.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from swarmctl.agent.orders import StepResult, release_vehicle
+from swarmctl.agent.state import ON_GROUND, AgentState, Phase
+from swarmctl.core import events as ev
+from swarmctl.core.vehicle import VehicleState
+
+
+def restart(state: AgentState, event: ev.Restarted, now: float) -> StepResult:
+    """Continue the flight, release the vehicle, or prepare a vehicle on the ground again."""
+    state = _on_new_clock(state, now)
+    if state.ended:
+        return state, []
+    if event.reason:
+        return release_vehicle(state, event.reason)
+    if event.on_ground and (state.phase in ON_GROUND or state.phase is Phase.LAUNCHING):
+        return replace(
+            state,
+            phase=Phase.WAITING,
+            vehicle=VehicleState(),
+            last_position=VehicleState(),
+            route=None,
+            pending=None,
+            ordered=None if state.ordered is ev.FlightOrder.LAUNCH else state.ordered,
+            armed_seen=False,
+            launched_boot_s=None,
+            launch_ordered=False,
+            launch_wait_since_boot_s=None,
+        ), []
+    return state, []
+
+
+def _on_new_clock(state: AgentState, now: float) -> AgentState:
+    """Return the state with all times by the run's clock reset.
+
+    The new program's clock may have another origin. Memories of failsafe rules hold such times; they stay
+    valid if the clock went on, as on the same machine.
+    """
+    last_s = state.vehicle.heartbeat_s
+    if last_s is not None and now < last_s:
+        state = replace(state, memories=())
+    return replace(state, retry_at_s=-math.inf, repeat_order_at_s=math.inf, disarmed_since_s=None)

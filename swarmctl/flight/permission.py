@@ -1,0 +1,45 @@
+"""The permission to arm vehicles that the built-in simulator does not fly."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from swarmctl.flight.member import Member
+
+
+class PreflightFailed(Exception):
+    """A failed preflight; one line for each reason."""
+
+    def __init__(self, lines: Sequence[str]) -> None:
+        super().__init__("\n".join(lines))
+        self.lines = tuple(lines)
+
+
+Permission = Callable[[Sequence[Member]], None]
+"""a function called with the vehicles that are not simulated; raises PreflightFailed to forbid arming"""
+
+
+def not_simulated(members: Sequence[Member]) -> list[Member]:
+    """Return the vehicles that the built-in simulator does not fly.
+
+    Raises PreflightFailed if two vehicles share a system id, or if another vehicle answers in place of a
+    simulated vehicle.
+    """
+    duplicates = [m for m in members if m.runner.conflict]
+    if duplicates:
+        advice = "give each vehicle its own system id"
+        raise PreflightFailed([f"{m.name}: {m.runner.conflict}; {advice}" for m in duplicates])
+    external = [m for m in members if m.identity is None or not m.identity.simulated]
+    unexpected = [m for m in external if m.spec.simulated]
+    if unexpected:
+        raise PreflightFailed([_unexpected(m) for m in unexpected])
+    return external
+
+
+def _unexpected(member: Member) -> str:
+    found = member.identity.firmware if member.identity is not None else "an unknown autopilot"
+    return (
+        f"{member.name}: found {found} at {member.spec.url}, system id {member.spec.sysid}, expected a "
+        "vehicle of the built-in simulator; stop the autopilot that sends to this port, or list it under "
+        "`vehicles` and fly with --real [not-simulated]"
+    )

@@ -1,0 +1,102 @@
+"""Taking over the vehicles of a run whose program died in flight.
+
+Each vehicle goes its own way: connect, permission, comparison with the record, then its agent goes on, lets
+it go, or prepares it on the ground. A vehicle that does not answer delays no other.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Mapping
+
+from swarmctl.agent.state import ENDED, ON_GROUND, Phase
+from swarmctl.config.flight import FlightSection
+from swarmctl.core import events as ev
+from swarmctl.flight import proof
+from swarmctl.flight.member import Member
+from swarmctl.flight.proof import Finding
+from swarmctl.links.base import LinkError
+from swarmctl.report.unfinished_run import RecordedVehicle
+
+RETRY_S = 1.0
+"""time between two attempts to connect or to compare [s]"""
+LET_GO = (
+    "it flies on by itself; command it by another ground station, or by `swarmctl order` [not-taken-over]"
+)
+
+
+class Takeover:
+    """The takeover of a run's vehicles; `run` takes over one vehicle."""
+
+    def __init__(
+        self,
+        recorded: Mapping[int, RecordedVehicle],
+        flight: FlightSection,
+        *,
+        unix_s: Callable[[], float],
+        speedup: float,
+        say: Callable[[str], None],
+    ) -> None:
+        """`speedup`: seconds of the vehicles' clocks in one second of the loop's clock."""
+        self._recorded = recorded
+        self._flight = flight
+        self._unix_s = unix_s
+        self._speedup = speedup
+        self._say = say
+
+    async def run(self, member: Member, permit: Callable[[Member], None]) -> None:
+        """Take over a vehicle or let it go. `permit` raises PreflightFailed if the vehicle must not fly."""
+        if not member.runner.is_untaken:
+            return  # no event of this vehicle was recorded, so its flight is new
+        try:
+            events = await self._events(member, permit)
+        except asyncio.CancelledError:
+            member.runner.take_up([ev.Restarted(reason="the takeover was stopped")])
+            raise
+        restarted = next(event for event in events if isinstance(event, ev.Restarted))
+        self._report(member, restarted)
+        member.runner.take_up(events)
+
+    async def _events(self, member: Member, permit: Callable[[Member], None]) -> list[ev.Event]:
+        recorded = self._recorded[member.spec.sysid]
+        state, clock = recorded.state, asyncio.get_running_loop().time
+        if state.phase in ENDED and not state.vehicle.armed:
+            return [ev.Restarted(on_ground=True)]
+        until_s, failure, is_permitted = clock() + self._flight.lost_timeout_s, "", False
+        while clock() < until_s or not failure:
+            try:
+                if member.identity is None:
+                    member.identity = await member.runner.link.connect(self._flight.connect_timeout_s)
+                if not is_permitted:
+                    permit(member)
+                    is_permitted = True
+                found = await self._find(member, recorded)
+            except LinkError as error:
+                if not failure:
+                    self._say(f"{error}; trying for {self._flight.lost_timeout_s:g} s")
+                failure = str(error)
+            else:
+                if not proof.is_undecided(state, found.state):
+                    return proof.take_over(recorded, found, self._speedup)
+                failure = "the vehicle is armed on the ground, and does not take off"
+            await asyncio.sleep(RETRY_S)
+        silent_s = min(member.runner.link.age_s(), max(self._unix_s() - recorded.last_unix_s, 0.0))
+        is_lost = silent_s > self._flight.connect_timeout_s
+        return [ev.Restarted(reason=failure), *([ev.LinkLost(silent_s)] if is_lost else [])]
+
+    async def _find(self, member: Member, recorded: RecordedVehicle) -> Finding:
+        link, state = member.runner.link, recorded.state
+        identity = await link.identify(self._flight.connect_timeout_s)
+        stored = await link.recognise(recorded.plans, proof.candidates(state))
+        return Finding(identity, link.state(), self._unix_s(), stored)
+
+    def _report(self, member: Member, restarted: ev.Restarted) -> None:
+        state = self._recorded[member.spec.sysid].state
+        if restarted.reason:
+            self._say(f"{member.name}: not taken over: {restarted.reason}; {LET_GO}")
+        elif state.phase in ENDED:
+            self._say(f"{member.name}: its flight had ended before: {state.outcome or state.phase}")
+        elif state.phase in ON_GROUND or (restarted.on_ground and state.phase is Phase.LAUNCHING):
+            self._say(f"{member.name}: on the ground; it is prepared for its launch as in a new flight")
+        else:
+            self._say(f"{member.name}: taken over in phase {state.phase} [taken-up]")

@@ -1,0 +1,137 @@
+"""Recognition of a flown mission: a program that was started anew finds out which of its plans is flown.
+
+Nothing on the vehicle changes. A list on the vehicle may hold more than the flown plan:
+
+| autopilot | before the flown plan | after the flown plan |
+|---|---|---|
+| exchanges whole missions (`uploads_atomically`) | flown items of earlier plans | nothing |
+| uses each item as soon as it is stored | earlier plans, whole or cut | later plans, whole or cut |
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from swarmctl.core.mission import FlightPlan, MissionItem
+from swarmctl.mavlink.dialects import Dialect
+from swarmctl.mavlink.dialects.plan import append_items
+from swarmctl.mavlink.procedures.guarded import NotInControl, confirm_state
+from swarmctl.mavlink.procedures.verified_upload import read_back
+from swarmctl.mavlink.protocol.mission_download import DownloadOutcome
+from swarmctl.mavlink.protocol.outcome import Done
+from swarmctl.mavlink.protocol.procedure import Context, Procedure
+from swarmctl.mavlink.protocol.wait import WaitUntil
+
+STATE_WAIT_S = 10.0
+"""longest wait for position, arming state and current item, which the streams bring"""
+
+
+@dataclass(frozen=True, slots=True)
+class Recognised(Done):
+    """Result of a recognition. A failure means that the vehicle or its mission could not be read."""
+
+    plan_id: int | None = None
+    """the plan that the vehicle flies in mission mode, by its current item; None: another mission"""
+    difference: str = ""
+    """reason why no plan was recognised; empty if one was"""
+    mode_params: tuple[float, ...] = ()
+    """parameters of MAV_CMD_DO_SET_MODE for the vehicle's mode; empty if the mode is unknown"""
+
+
+def recognise(
+    ctx: Context, plans: Mapping[int, FlightPlan], candidates: Sequence[int]
+) -> Procedure[Recognised]:
+    """Read the vehicle's state and mission, and find the flown plan among `candidates`.
+
+    `plans` are all plans that this program has ever given to the vehicle, by number; `candidates` are the
+    numbers of those that the vehicle may fly now, the most likely first.
+    """
+    try:
+        # Only recent telemetry counts: a backlog shows an old picture.
+        yield from confirm_state(ctx, lambda _state: True)
+        yield WaitUntil(lambda: _is_known(ctx), STATE_WAIT_S)
+        if not _is_known(ctx):
+            return Recognised("position, landed state or current item are not reported [incomplete]")
+        read = yield from read_back(ctx)
+        if read.outcome is not DownloadOutcome.COMPLETE:
+            return Recognised(read.text)
+        # During the read-back the vehicle may have reached another item, or another mode.
+        yield from confirm_state(ctx, lambda _state: True)
+    except NotInControl as why:
+        return Recognised(str(why))
+    yield WaitUntil(lambda: ctx.state.mission_seq is not None, STATE_WAIT_S)
+    try:
+        mode_params = ctx.dialect.mode_params(ctx.state.mode)
+    except (KeyError, StopIteration):
+        mode_params = ()
+    seq, start = ctx.state.mission_seq, ctx.state.takeoff_lat_lon
+    if seq is None:
+        return Recognised("no current item is reported [incomplete]")
+    try:
+        missions = {number: ctx.dialect.mission_items(plan, start) for number, plan in plans.items()}
+    except ValueError as error:  # the plans are for another airframe
+        return Recognised(difference=str(error), mode_params=mode_params)
+    found = _flown_plan(ctx.dialect, read.items, seq, missions, candidates)
+    if isinstance(found, str):
+        return Recognised(difference=found, mode_params=mode_params)
+    plan_id, begin = found
+    ctx.verified_items = read.items
+    ctx.plan_first_seq = ctx.dialect.first_waypoint_seq if ctx.dialect.uploads_atomically else begin
+    return Recognised(plan_id=plan_id, mode_params=mode_params)
+
+
+def _is_known(ctx: Context) -> bool:
+    state = ctx.state
+    return state.has_position and state.mission_seq is not None and state.landed != 0
+
+
+def _flown_plan(
+    dialect: Dialect,
+    found: tuple[MissionItem, ...],
+    seq: int,
+    missions: Mapping[int, tuple[MissionItem, ...]],
+    candidates: Sequence[int],
+) -> tuple[int, int] | str:
+    """Return the flown plan and the index of its first waypoint in the list, or the reason if none is."""
+    first = dialect.first_waypoint_seq
+    known = {_place(item) for items in missions.values() for item in items}
+    for number in candidates:
+        items = missions[number]
+        for begin in range(first, len(found) - len(items) + first + 1):
+            end = begin + len(items) - first
+            if not _is_current(dialect, seq, range(begin, end), len(found)):
+                continue
+            expected = append_items(found[:begin], items, first)[begin:]
+            if dialect.differences(expected, found[begin:end], begin):
+                continue
+            if [item.command for item in found[:first]] != [item.command for item in items[:first]]:
+                return "its take-off is not the program's"
+            strange = [
+                i
+                for i in _outside(range(first, len(found)), range(begin, end))
+                if _place(found[i]) not in known
+            ]
+            if strange:
+                return f"item {strange[0]} is of no plan of this program"
+            return number, begin
+    return f"its {len(found)} items from item {seq} on are no plan of this program"
+
+
+def _is_current(dialect: Dialect, seq: int, plan: range, n_items: int) -> bool:
+    """Return whether a vehicle whose current item is `seq` flies the plan with these indices."""
+    if seq in plan:
+        return True
+    if dialect.uploads_atomically:
+        # Earlier items stay in front of the plan, so that the vehicle keeps its current item.
+        return plan.stop == n_items and seq < plan.start
+    is_first = plan.start == dialect.first_waypoint_seq
+    return is_first and seq < plan.start
+
+
+def _outside(indices: range, inside: Collection[int]) -> Iterator[int]:
+    return (i for i in indices if i not in inside)
+
+
+def _place(item: MissionItem) -> tuple[int, int, int]:
+    return item.command, item.x, item.y

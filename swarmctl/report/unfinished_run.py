@@ -1,0 +1,229 @@
+"""A run whose program died in flight: what its files prove about each vehicle, for a program that goes on.
+
+The record gives the agents' states, because an agent is a fold of its events. The evidence, which is written
+before each message, gives the last mode that the program commanded.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from swarmctl.agent.state import AgentState, begin
+from swarmctl.config.model import Config
+from swarmctl.config.scenario import Scenario
+from swarmctl.core import events as ev
+from swarmctl.core.mission import FlightPlan
+from swarmctl.core.observation import Observation
+from swarmctl.report import record, record_file
+from swarmctl.report.evidence import chain
+from swarmctl.report.evidence.file import FILE_NAME
+from swarmctl.report.summary import FlightStatistics
+
+MAX_LAG_S = 5.0
+"""longest time by which the record may end before the evidence; a longer one means that the record failed"""
+
+
+class UnfinishedRunError(Exception):
+    """A run that no program can go on with; the text gives the reason."""
+
+
+@dataclass(slots=True)
+class RecordedVehicle:
+    """A vehicle of the run, by the run's files."""
+
+    state: AgentState
+    """the agent's state after the last recorded event"""
+    plans: dict[int, FlightPlan] = field(default_factory=dict)
+    """all plans that the agent has given to the vehicle, by number"""
+    observations: list[tuple[float, Observation]] = field(default_factory=list)
+    """the vehicle's own observations with their unix times [s]"""
+    firmware: str = ""
+    uid2: str = ""
+    """hex digits; like `firmware` empty if the record has no identity"""
+    last_unix_s: float = 0.0
+    """wall time of the last recorded telemetry"""
+    mode_params: tuple[float, ...] = ()
+    """parameters of the last MAV_CMD_DO_SET_MODE of this program; empty if there was none"""
+
+
+@dataclass(frozen=True, slots=True)
+class UnfinishedRun:
+    """A run that ended without its end, with its files."""
+
+    folder: Path
+    vehicles: dict[int, RecordedVehicle]
+    """by system id"""
+    statistics: FlightStatistics
+    stored: record_file.StoredRecord
+    evidence: dict[str, Any]
+    """name of the run, and number and last hash of its evidence, for the evidence of the next run"""
+    file: BinaryIO
+    """the locked record: no other program can take over this run meanwhile"""
+
+
+def unfinished_content(run: Path) -> tuple[record.RecordContent, BinaryIO]:
+    """Return the content and the locked file of an unfinished run's record. Raises UnfinishedRunError."""
+    path = record.record_path(run)
+    try:
+        content = record.read(path)
+        file = path.open("rb")
+    except (record_file.RecordError, OSError) as error:
+        raise UnfinishedRunError(str(error)) from error
+    if not record_file.lock(file):
+        file.close()
+        raise UnfinishedRunError(
+            f"{run}: another program still writes the record of this run; end that program first, because "
+            "two programs must not command the same vehicles [still-running]"
+        )
+    if not content.is_cut:
+        file.close()
+        raise UnfinishedRunError(
+            f"{run}: the run has ended in order, so there is nothing to go on with; start a new flight "
+            "without --resume, and command vehicles that are still in the air by another ground station "
+            "[run-ended]"
+        )
+    return content, file
+
+
+def rebuild(
+    run: Path, content: record.RecordContent, file: BinaryIO, scenario: Scenario, epoch_ns: int
+) -> UnfinishedRun:
+    """Return the unfinished run, folded from its record. Raises UnfinishedRunError.
+
+    epoch_ns: wall time at time 0 of this program's clock [ns since 1970]
+    """
+    if strangers := {row.vehicle for row in content.rows} - {task.name for task in scenario.tasks}:
+        raise UnfinishedRunError(
+            f"{run}: the record is of other vehicles too: {', '.join(sorted(strangers))}; give the run of "
+            "this vehicle's own agent, or use `swarmctl fly` [other-vehicles]"
+        )
+    vehicles = {task.uav: RecordedVehicle(begin(task, scenario.prior)) for task in scenario.tasks}
+    statistics = FlightStatistics()
+
+    def on_folded(
+        before: AgentState, event: ev.Event, after: AgentState, effects: list[ev.Effect], row: record.Row
+    ) -> None:
+        vehicle, unix_s = vehicles[after.task.uav], row.log_time_ns / 1e9
+        vehicle.state = after
+        statistics.folded(before, event, after, effects, (row.log_time_ns - epoch_ns) / 1e9)
+        match event:
+            case ev.Ready(firmware, uid2):
+                vehicle.firmware, vehicle.uid2 = firmware, uid2
+            case ev.TelemetryReceived():
+                vehicle.last_unix_s = unix_s
+        for effect in effects:
+            match effect:
+                case ev.SwapMission(plan_id, plan):
+                    vehicle.plans[plan_id] = plan
+                case ev.Publish(Observation() as seen):
+                    vehicle.observations.append((unix_s, seen))
+
+    result = record.fold(content, scenario, on_folded)
+    if result.difference:
+        raise UnfinishedRunError(
+            f"{run}: this program decides otherwise than the recorded one: {result.difference}; go on with "
+            "the version that flew the run [other-decisions]"
+        )
+    folder = run if run.is_dir() else run.parent
+    entries, summary = _evidence(folder, max((row.log_time_ns for row in content.rows), default=0) / 1e9)
+    for vehicle in vehicles.values():
+        vehicle.mode_params = _commanded_mode(entries, vehicle.state.task.name)
+    return UnfinishedRun(folder, vehicles, statistics, content.stored, summary, file)
+
+
+def load(
+    run: Path, scenario_of: Callable[[Config], Scenario], epoch_ns: int
+) -> tuple[Scenario, UnfinishedRun]:
+    """Return the scenario and the content of an unfinished run. Raises UnfinishedRunError.
+
+    `scenario_of` gets the recorded configuration.
+    """
+    content, file = unfinished_content(run)
+    try:
+        scenario = scenario_of(content.config)
+        return scenario, rebuild(run, content, file, scenario, epoch_ns)
+    except BaseException:
+        file.close()
+        raise
+
+
+def last_run(runs: Path, name: str = "") -> Path | None:
+    """Return the newest run folder of this name (empty: any) in the folder of runs; None if there is none."""
+    folders = (path.parent for path in runs.glob("*/run.mcap"))
+    found = [folder for folder in folders if not name or _is_named(folder.name, name)]
+    return max(found, key=lambda folder: (folder / "run.mcap").stat().st_mtime_ns, default=None)
+
+
+def is_unfinished(run: Path) -> bool:
+    """Return whether a run's record has no end; also True for a record that cannot be read."""
+    try:
+        return record_file.read(record.record_path(run)).is_cut
+    except record_file.RecordError:
+        return True
+
+
+def differing_sections(recorded: Config, given: Config) -> list[str]:
+    """Return the sections in which two configurations differ; the receivers of --forward do not count."""
+    old, new = (_comparable(config) for config in (recorded, given))
+    return [section for section in old if old[section] != new[section]]
+
+
+def _comparable(config: Config) -> dict[str, Any]:
+    content = config.model_dump(mode="json")
+    content["links"].pop("forward", None)
+    return content
+
+
+def _is_named(folder: str, name: str) -> bool:
+    """Return whether a folder's name is a time stamp, this name, and perhaps a number."""
+    rest = folder[len("yyyymmdd-hhmmss-") :]
+    return rest == name or (rest.startswith(f"{name}-") and rest[len(name) + 1 :].isdigit())
+
+
+def _evidence(folder: Path, recorded_unix_s: float) -> tuple[Sequence[chain.Entry], dict[str, Any]]:
+    path = folder / FILE_NAME
+    try:
+        with path.open("rb") as file:
+            checked = chain.check(file)
+    except OSError as error:
+        raise UnfinishedRunError(
+            f"{path}: cannot be read: {error.strerror or error}; without the evidence of its commands no "
+            "vehicle can be taken over [no-evidence]"
+        ) from error
+    if checked.fault is not None and not _is_last_line_cut(path, len(checked.entries)):
+        raise UnfinishedRunError(
+            f"{path}:{checked.fault.line}: the evidence was changed: {checked.fault.found} instead of "
+            f"{checked.fault.expected}; no vehicle can be taken over by it [evidence-changed]"
+        )
+    # Both files have the changes that the agents' telemetry shows.
+    last_unix_s = max(
+        (entry["unix_s"] for entry in checked.entries if entry["kind"] == "effect"), default=0.0
+    )
+    if last_unix_s > recorded_unix_s + MAX_LAG_S:
+        lag_s = last_unix_s - recorded_unix_s
+        raise UnfinishedRunError(
+            f"{folder}: the record ends {lag_s:.0f} s before the evidence, as on a full disk; the agents' "
+            "last decisions are unknown, so no vehicle can be taken over [record-incomplete]"
+        )
+    summary = {"run": folder.name, "entries": len(checked.entries), "last_hash": checked.last_hash}
+    return checked.entries, summary
+
+
+def _is_last_line_cut(path: Path, n_entries: int) -> bool:
+    """Return whether the only line after the checked entries is a line without its end."""
+    lines = path.read_bytes().splitlines(keepends=True)
+    return len(lines) == n_entries + 1 and not lines[-1].endswith(b"\n")
+
+
+def _commanded_mode(entries: Sequence[chain.Entry], vehicle: str) -> tuple[float, ...]:
+    """Return the parameters of this program's last command to set a mode; empty if there was none."""
+    for entry in reversed(entries):
+        what = entry["what"]
+        if entry["kind"] != "command" or entry["vehicle"] != vehicle or what.get("by"):
+            continue
+        if what.get("command") == "DO_SET_MODE":
+            return what["param1"], what["param2"], what["param3"]
+    return ()

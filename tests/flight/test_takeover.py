@@ -1,0 +1,263 @@
+"""A ground station that died in flight, and the station that goes on with its run."""
+
+from __future__ import annotations
+
+import fcntl
+import random
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from crash_world import Meanwhile, crashed, drift, lost_observations, resume, unfinished
+from flights import AREA, coded, small
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from recorded import effects, events
+from trouble import MODES, OTHER_STATION, Trouble
+from trouble import select_mode as select
+from wings_flights import winged
+
+from sim_vehicle.faults.spec import parse_fault
+from sim_vehicle.fleet import Fleet
+from swarmctl.config.scenario import Scenario
+from swarmctl.flight.app import DEFAULT_OPTIONS
+from swarmctl.mavlink import events as mavlink_events
+from swarmctl.report import record
+from swarmctl.report.evidence.chain import check
+from swarmctl.report.unfinished_run import UnfinishedRunError
+
+SMALLER = {**AREA, "rows": 6, "cols": 6}
+OUTAGES_S = (0.5, 3.0, 5.0, 12.0, 30.0)
+LOSSY = [{"fault": "packet_loss", "params": {"rate": 0.15}, "at_s": 5.0}]
+
+
+def pair(autopilot: str = "ardupilot", **sections: object) -> Scenario:
+    """Return two vehicles over 6 × 6 cells with 4 hostiles."""
+    if autopilot == "arduplane":
+        return winged(**sections)
+    simulate = {"count": 2, "ready_s": 3.0, "autopilot": autopilot}
+    return small(area=SMALLER, threats={"count": 4}, simulate=simulate, **sections)
+
+
+def at(seconds: float) -> Callable[[float, int], bool]:
+    return lambda now, _messages: now >= seconds
+
+
+def drawn_moment(drawn: random.Random) -> Callable[[float, int], bool]:
+    """Return a moment by the messages to the vehicles, most of them for changes of missions, or by time."""
+    n_messages, seconds = drawn.randrange(30, 420), drawn.uniform(1.0, 80.0)
+    if drawn.random() < 0.3:
+        return at(seconds)
+    return lambda now, messages: messages >= n_messages or now >= 80.0
+
+
+def rounds(kind: str, n: int) -> list[object]:
+    """Return parameters of `n` rounds with 10 draws each."""
+    return [
+        pytest.param(kind, range(10 * i, 10 * i + 10), id=f"{kind} {i}", marks=pytest.mark.full)
+        for i in range(1, n + 1)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("kind", "draws"),
+    [
+        pytest.param("ardupilot", [7], id="ardupilot"),
+        *rounds("ardupilot", 7),
+        *rounds("px4", 7),
+        *rounds("lossy", 4),
+        *rounds("arduplane", 2),
+    ],
+)
+def test_a_station_that_dies_at_any_moment_is_continued(
+    kind: str, draws: range, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for draw in draws:
+        drawn = random.Random(f"{kind} {draw}")
+        moment, outage_s = drawn_moment(drawn), drawn.choice(OUTAGES_S)
+        scenario = pair("ardupilot" if kind == "lossy" else kind)
+        trouble = Trouble(faults=LOSSY if kind == "lossy" else [])
+        folder = tmp_path / f"{draw}"
+        with crashed(scenario, folder, monkeypatch, when=moment, trouble=trouble) as crash:
+            assert crash is not None
+            resumed = resume(scenario, crash, tmp_path / f"{draw}-on", monkeypatch, outage_s=outage_s)
+        story = f"{kind} {draw}: crash {crash.at_s:.1f} s, silent {outage_s} s: {resumed.ui.said}"
+        assert set(resumed.outcomes().values()) == {"arrived"}, story
+        assert resumed.broken_rules() == [], story
+        assert lost_observations(resumed) == [], story
+
+
+@pytest.mark.full
+def test_the_record_goes_on_and_both_runs_stay_valid(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A second crash, in the run that went on after the first: its record alone has the whole flight."""
+    scenario = pair()
+    with crashed(scenario, tmp_path / "a", monkeypatch, when=at(20.0)) as first:
+        assert first is not None
+        drift(first, 5.0)
+        run = unfinished(scenario, first)
+        options = replace(DEFAULT_OPTIONS, resumes=run)
+        moment = at(first.at_s + 20.0)
+        second_run = crashed(
+            scenario, tmp_path / "b", monkeypatch, when=moment, options=options, earlier=first
+        )
+        with run.file, second_run as second:
+            assert second is not None
+            resumed = resume(scenario, second, tmp_path / "c", monkeypatch)
+    assert set(resumed.outcomes().values()) == {"arrived"}
+    assert resumed.broken_rules() == []
+    assert lost_observations(resumed) == []
+    assert resumed.report.summary["continues"] == "b-crash"
+    assert len(list(events(tmp_path / "c", "Restarted", "uav1"))) == 2
+    for folder in (tmp_path / "c", first.folder, second.folder):
+        assert record.replay(folder / "run.mcap").difference == ""
+    with (
+        (tmp_path / "c" / "evidence.jsonl").open("rb") as ours,
+        (second.folder / "evidence.jsonl").open("rb") as earlier,
+    ):
+        checked, before = check(ours), check(earlier)
+    assert checked.opened["continues"] == {
+        "run": "b-crash",
+        "entries": len(before.entries),
+        "last_hash": before.last_hash,
+    }
+
+
+def select_mode(mode: str) -> Meanwhile:
+    """Return another station's choice of a mode for the first vehicle."""
+
+    def act(fleet: Fleet, now: float) -> None:
+        station = mavlink.MAVLink(None, OTHER_STATION, 190)
+        enabled = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+        fleet.receive(station.set_mode_encode(1, enabled, MODES[mode]).pack(station), now, peer="another")
+
+    return act
+
+
+def land(fleet: Fleet) -> None:
+    if fleet.vehicles[0].mode.number == MODES["GUIDED"]:
+        select(1, "LAND")(fleet)
+
+
+def reboot(fleet: Fleet, now: float) -> None:
+    fleet.inject(parse_fault("reboot"), now)
+
+
+def command(number: int, *params: float) -> Meanwhile:
+    def act(fleet: Fleet, now: float) -> None:
+        station = mavlink.MAVLink(None, OTHER_STATION, 190)
+        filled = (*params, *[0.0] * (7 - len(params)))
+        message = mavlink.MAVLink_command_long_message(1, 1, number, 0, *filled)
+        fleet.receive(message.pack(station), now, peer="another")
+
+    return act
+
+
+@pytest.mark.full
+@pytest.mark.parametrize(
+    ("meanwhile", "outcome"),
+    [
+        pytest.param(select_mode("RTL"), "in mode RTL", id="return"),
+        pytest.param(select_mode("GUIDED"), "in mode GUIDED", id="hold"),
+        pytest.param(
+            command(mavlink.MAV_CMD_DO_SET_MISSION_CURRENT, 2.0),
+            "item 2",
+            id="item",
+        ),
+        pytest.param(reboot, "rebooted", id="reboot"),
+    ],
+)
+def test_a_vehicle_that_another_station_touched_is_let_go(
+    meanwhile: Meanwhile, outcome: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scenario = pair()
+
+    with crashed(scenario, tmp_path / "a", monkeypatch, when=at(40.0)) as crash:
+        assert crash is not None
+        # A vehicle that its pilot holds has to land some time, or the flight does not end.
+        lands = (crash.at_s + 30.0, land)
+        resumed = resume(scenario, crash, tmp_path / "b", monkeypatch, meanwhile=meanwhile, later=lands)
+    said = resumed.ui.said
+    assert any(line.endswith("[not-taken-over]") and line.startswith("uav1") for line in said), said
+    assert outcome in resumed.outcomes()["uav1"]
+    assert "released" in [s.phase for s in resumed.report.states.values()]
+    given = [entry["now_s"] for entry in effects(resumed.folder, "Command", "uav1")]
+    assert max(given) < crash.at_s
+    assert [line for line in resumed.broken_rules() if line.endswith("[order]")] == []
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("returns_after_s", [20.0, None], ids=["late", "never"])
+def test_a_vehicle_that_does_not_answer_delays_no_other(
+    returns_after_s: float | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scenario = pair()
+    with crashed(scenario, tmp_path / "a", monkeypatch, when=at(30.0)) as crash:
+        assert crash is not None
+        begins_s = crash.at_s + 5.0
+
+        def address_of(sysid: int, now: float) -> tuple[str, int] | None:
+            is_back = returns_after_s is not None and now > begins_s + returns_after_s
+            return None if sysid == 2 and not is_back else ("simulated", sysid)
+
+        resumed = resume(scenario, crash, tmp_path / "b", monkeypatch, address_of=address_of)
+    (taken_s, *_) = (entry["now_s"] for entry in events(resumed.folder, "Restarted", "uav1"))
+    assert taken_s < begins_s + 5.0
+    assert resumed.outcomes()["uav1"] == "arrived"
+    if returns_after_s is None:
+        assert coded(resumed.ui.said, "uav2", "given-up")
+    else:
+        assert resumed.outcomes()["uav2"] == "arrived"
+
+
+@pytest.mark.full
+def test_without_the_permission_no_vehicle_is_taken_over(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scenario = pair()
+    with crashed(scenario, tmp_path / "a", monkeypatch, when=at(30.0)) as crash:
+        assert crash is not None
+        monkeypatch.setattr(mavlink_events, "SIMULATOR_MARK", b"another autopilot")
+        resumed = resume(scenario, crash, tmp_path / "b", monkeypatch)
+    assert resumed.report.ended == "failed"
+    assert all(line.endswith("[not-simulated]") for line in resumed.report.trouble)
+    assert max(entry["now_s"] for entry in effects(resumed.folder, "Command")) < crash.at_s
+    assert all(entry["event"]["reason"] for entry in events(resumed.folder, "Restarted"))
+
+
+def cut(data: bytes) -> bytes:
+    return data[:4]
+
+
+def changed(data: bytes) -> bytes:
+    return data.replace(b'"opened"', b'"OPENED"', 1)
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "code"),
+    [("run.mcap", cut, "damaged"), ("evidence.jsonl", changed, "evidence-changed")],
+)
+def test_a_run_with_changed_files_is_refused(
+    name: str,
+    change: Callable[[bytes], bytes],
+    code: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    scenario = pair()
+    with crashed(scenario, tmp_path / "a", monkeypatch, when=at(1.0)) as crash:
+        assert crash is not None
+    file = crash.folder / name
+    file.write_bytes(change(file.read_bytes()))
+    with pytest.raises(UnfinishedRunError, match=rf"\[{code}\]"):
+        unfinished(scenario, crash)
+
+
+def test_a_run_that_is_still_flown_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scenario = pair()
+    with crashed(scenario, tmp_path / "a", monkeypatch, when=at(1.0)) as crash:
+        assert crash is not None
+        with (crash.folder / "run.mcap").open("ab") as file:
+            fcntl.flock(file, fcntl.LOCK_EX)
+            with pytest.raises(UnfinishedRunError, match=r"\[still-running\]"):
+                unfinished(scenario, crash)
+        unfinished(scenario, crash).file.close()

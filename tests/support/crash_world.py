@@ -1,0 +1,224 @@
+"""Ground stations that die in flight, on the virtual clock: the vehicles fly on, and a new station goes on.
+
+A crash is what SIGKILL leaves: the flying fleet, and the run's files as they are on the disk. The dead
+station's loop is stopped, and its fleet is taken away from it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import shutil
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from flight_monitor import FlightMonitor, findings
+from flights import Ui
+from random_flights import RandomFlight
+from recorded import effects
+from trouble import Trouble
+
+from sim_vehicle.fleet import Fleet
+from swarmctl.config.scenario import Scenario
+from swarmctl.flight import app, virtual_simulator
+from swarmctl.flight.app import DEFAULT_OPTIONS, FlightOptions
+from swarmctl.flight.simulator import AddressOf, undisturbed
+from swarmctl.flight.virtual_clock import VirtualTimeLoop
+from swarmctl.flight.wiring import VIRTUAL_EPOCH_NS
+from swarmctl.report import unfinished_run
+from swarmctl.report.outcome import FlightReport
+
+STEP_S = virtual_simulator.STEP_S
+Meanwhile = Callable[[Fleet, float], None]
+
+
+@dataclass
+class Crash:
+    """What remains of a station."""
+
+    at_s: float
+    fleet: Fleet
+    folder: Path
+
+
+@dataclass
+class Resumed:
+    """The flight after a crash."""
+
+    report: FlightReport
+    ui: Ui
+    folder: Path
+    monitor: FlightMonitor
+
+    def outcomes(self) -> dict[str, str]:
+        return {state.task.name: state.outcome for state in self.report.states.values()}
+
+    def broken_rules(self) -> list[str]:
+        return findings(self.monitor, self.report, self.folder)
+
+
+class Wire:
+    """The fleet as one station knows it; a dead station reaches nothing."""
+
+    def __init__(self, fleet: Fleet, on_use: Callable[[float, int], None]) -> None:
+        self.sysids = fleet.sysids
+        self.is_cut = False
+        self._fleet = fleet
+        self._on_use = on_use
+        self._n_messages = 0
+
+    def step(self, now: float) -> Any:
+        if self.is_cut:
+            return []
+        frames = self._fleet.step(now)
+        self._on_use(now, self._n_messages)
+        return frames
+
+    def receive(self, data: bytes, now: float, **more: Any) -> Any:
+        if self.is_cut:
+            return []
+        answer = self._fleet.receive(data, now, **more)
+        self._n_messages += 1
+        self._on_use(now, self._n_messages)
+        return [] if self.is_cut else answer
+
+
+@contextlib.contextmanager
+def crashed(
+    scenario: Scenario,
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    *,
+    when: Callable[[float, int], bool],
+    trouble: Trouble | None = None,
+    options: FlightOptions = DEFAULT_OPTIONS,
+    earlier: Crash | None = None,
+) -> Iterator[Crash | None]:
+    """Fly until `when(time, number of messages sent to the vehicles)`; yield the crash, None after the end.
+
+    `earlier`: a crash after which this station goes on.
+    """
+    loop, found, wires = VirtualTimeLoop(), list[Crash](), list[Wire]()
+    if earlier is not None:
+        loop.advance(earlier.at_s)
+
+    def on_use(now: float, n_messages: int) -> None:
+        if found or not when(now, n_messages):
+            return
+        copied = folder.with_name(f"{folder.name}-crash")
+        shutil.copytree(folder, copied)
+        found.append(Crash(now, wires[0]._fleet, copied))
+        wires[0].is_cut = True
+        loop.stop()
+
+    def fleet_of(*given: Any, **more: Any) -> Wire:
+        wires.append(Wire(Fleet(*given, **more) if earlier is None else earlier.fleet, on_use))
+        return wires[0]
+
+    scenario_json, added = virtual_simulator.scenario_json, (trouble or Trouble()).added_to
+    folder.mkdir(parents=True)
+    with monkeypatch.context() as patched:
+        patched.setattr(virtual_simulator, "Fleet", fleet_of)
+        patched.setattr(virtual_simulator, "scenario_json", lambda s: added(scenario_json(s)))
+        flight = loop.create_task(_fly(scenario, folder, Ui(), options))
+        flight.add_done_callback(lambda _: loop.stop())
+        loop.run_forever()
+    try:
+        yield found[0] if found else None
+    finally:
+        flight.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            loop.run_until_complete(flight)
+        loop.run_until_complete(loop.shutdown_asyncgens())
+        loop.close()
+
+
+def resume(
+    scenario: Scenario,
+    crash: Crash,
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    *,
+    outage_s: float = 5.0,
+    meanwhile: Meanwhile = lambda _fleet, _now: None,
+    later: tuple[float, Callable[[Fleet], None]] | None = None,
+    address_of: AddressOf = undisturbed,
+    permission: Any = lambda _external: None,
+) -> Resumed:
+    """Let the vehicles fly on alone, then go on with a new station. `meanwhile` acts amid the outage.
+
+    `later`: an action in the flight of the new station, at this time.
+    """
+    drift(crash, outage_s, meanwhile)
+    monitor = FlightMonitor(RandomFlight(scenario, Trouble()))
+    monitor.attend()
+    if later is not None:
+        monitor.drawn.trouble.actions.append(later)
+    loop, ui = VirtualTimeLoop(), Ui()
+    loop.advance(crash.at_s)
+
+    class Watched(Fleet):
+        def step(self, now: float) -> Any:
+            frames = super().step(now)
+            monitor.drawn.trouble.watch(self)
+            return frames
+
+    crash.fleet.__class__ = Watched
+    folder.mkdir(parents=True)
+    run = unfinished(scenario, crash)
+    with monkeypatch.context() as patched, run.file:
+        patched.setattr(virtual_simulator, "Fleet", lambda *_, **__: crash.fleet)
+        options = replace(DEFAULT_OPTIONS, resumes=run)
+        with asyncio.Runner(loop_factory=lambda: loop) as runner:
+            report = runner.run(_fly(scenario, folder, ui, options, address_of, permission))
+    if report.bug is not None:
+        raise report.bug
+    return Resumed(report, ui, folder, monitor)
+
+
+def unfinished(scenario: Scenario, crash: Crash) -> unfinished_run.UnfinishedRun:
+    return unfinished_run.load(crash.folder, lambda _config: scenario, VIRTUAL_EPOCH_NS)[1]
+
+
+def drift(crash: Crash, outage_s: float, meanwhile: Meanwhile = lambda _fleet, _now: None) -> None:
+    """Let the vehicles fly on without a station."""
+    n_steps = round(outage_s / STEP_S)
+    for k in range(1, n_steps + 1):
+        crash.at_s += STEP_S
+        crash.fleet.step(crash.at_s)
+        if k == (n_steps + 1) // 2:
+            meanwhile(crash.fleet, crash.at_s)
+
+
+async def _fly(
+    scenario: Scenario,
+    folder: Path,
+    ui: Ui,
+    options: FlightOptions,
+    address_of: AddressOf = undisturbed,
+    permission: Any = lambda _external: None,
+) -> FlightReport:
+    return await app.fly(
+        scenario,
+        folder,
+        ui,
+        clock="virtual",
+        permission=permission,
+        address_of=address_of,
+        options=options,
+    )
+
+
+def lost_observations(resumed: Resumed) -> list[str]:
+    """Return the recorded observations that no agent knows at the end."""
+    held: dict[tuple[int, int], int] = {}
+    for state in resumed.report.states.values():
+        for item in state.belief.items():
+            number = getattr(item, "upto", None) or item.seq
+            held[item.source] = max(held.get(item.source, 0), number)
+    published = [entry["effect"]["message"] for entry in effects(resumed.folder, "Publish")]
+    names = [(o["observer"], o["incarnation"], o["seq"]) for o in published if "seq" in o]
+    return [str(name) for name in names if held.get(name[:2], 0) < name[2]]
