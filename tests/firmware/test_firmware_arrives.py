@@ -6,7 +6,7 @@ import time
 from typing import Any
 
 import pytest
-from firmware import NAME, Airfield
+from firmware import Airfield
 from flown_cells import summary
 from namespaces import Process
 from recorded import events
@@ -20,6 +20,8 @@ BACK_M = 25.0
 """greatest distance flown back to a new plan, half a cell"""
 LANDED_M = {COPTER: 3.0, PX4: 3.0, PLANE: 20.0}
 """greatest distance from the goal; a plane flares and rolls out"""
+STILL_M, HOLD_S = 0.5, 30.0
+"""a vehicle in hold moves less in 3 s; time limit for it"""
 FAR_M = 900.0
 """PX4's MIS_DIST_1WP"""
 
@@ -68,8 +70,7 @@ def test_two_px4(field_of: Any) -> None:
         assert field.distance_from_start_m("uav1") > FAR_M
         since_ns, hostile = time.time_ns(), f"{row},{col + 4}"
         sysid = str(field.sysids["uav1"])
-        answer = field.swarmctl("observe", "--uav", sysid, "--cell", hostile, "--occupied", "--swarm", NAME)
-        assert answer.returncode == 0, answer.stdout + answer.stderr
+        field.swarmctl("observe", "--uav", sysid, "--cell", hostile, "--occupied")
         assert_arrived(field, flight)
         assert any(one["log_time_ns"] > since_ns for one in events(field.run, "MissionAccepted", "uav1"))
 
@@ -93,3 +94,16 @@ def test_an_outage(field_of: Any, policy: str, outage_s: float) -> None:
         radio.cut_for(outage_s)
         assert_arrived(field, flight)
         assert {one["vehicle"] for one in events(field.run, "LinkRestored")} == {"uav1", "uav2"}
+
+
+@pytest.mark.firmware(COPTER, PX4)
+def test_a_hold_that_is_resumed(field_of: Any) -> None:
+    with field_of([COPTER, PX4], cells=10) as field:
+        flight = field.fly()
+        for name in field.sysids:
+            field.await_column(name, 2)
+        field.order("hold")
+        for name, sysid in field.sysids.items():
+            field.witness.until(lambda w, s=sysid: w[s].stands(STILL_M), f"a hold of {name}", HOLD_S)
+        field.order("resume")
+        assert_arrived(field, flight)

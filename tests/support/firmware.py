@@ -7,7 +7,6 @@ import functools
 import json
 import math
 import os
-import subprocess
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -189,9 +188,14 @@ class Airfield:
         words += ["--out", str(self.folder / "runs"), "--verbose"]
         return self.net.start(DESK, [*SWARMCTL, *words], self.folder / "fly.log")
 
-    def swarmctl(self, *words: str) -> subprocess.CompletedProcess[str]:
-        """Run another command beside the flight."""
-        return self.net.run(DESK, [*SWARMCTL, *words], self.folder)
+    def swarmctl(self, *words: str) -> None:
+        """Run a command beside the flight, which has to succeed."""
+        done = self.net.run(DESK, [*SWARMCTL, *words, "--swarm", NAME], self.folder)
+        assert done.returncode == 0, done.stdout + done.stderr
+
+    def order(self, order: str) -> None:
+        """Give an order to all vehicles."""
+        self.swarmctl("order", order, "--all")
 
     def start(self, name: str, speedup: int = 1) -> None:
         """Start an autopilot, with its parameters in a fresh folder."""

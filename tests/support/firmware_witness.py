@@ -15,6 +15,8 @@ from typing import Any
 from namespaces import until
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from swarmctl.core.geo import distance_m
+
 OTHER_STATION = 250
 POSITION_HZ = 5.0
 ASK_AGAIN_S = 3.0
@@ -63,6 +65,16 @@ class Seen:
     @property
     def height_m(self) -> float:
         return self.fixes[-1].height_m if self.fixes else 0.0
+
+    def stands(self, within_m: float) -> bool:
+        """Return whether the vehicle has moved less in the last 3 s."""
+        if not self.fixes:
+            return False
+        now = self.fixes[-1]
+        recent = [fix for fix in self.fixes if fix.at_s > now.at_s - 3.0]
+        return all(
+            distance_m((fix.lat_deg, fix.lon_deg), (now.lat_deg, now.lon_deg)) < within_m for fix in recent
+        )
 
     def flown(self) -> list[Fix]:
         """Return the positions in the air."""
