@@ -310,6 +310,19 @@ def test_fbwb_banks_climbs_and_sets_the_airspeed() -> None:
 
 
 @pytest.mark.full
+def test_a_plane_glides_without_its_remote_control() -> None:
+    station = airborne_plane()
+    override(station, 1500, 1500, 2000, 1500)
+    assert station.set_mode(FBWA) == 0
+    for name, value in ((b"FS_LONG_ACTN", 2), (b"FS_SHORT_ACTN", 2), (b"SIM_RC_FAIL", 1)):
+        station.send(mavlink.MAVLink_param_set_message(1, 1, name, value, 9))
+    station.wait(12)
+    assert station.mode == "FBWA"
+    assert station.ask(mavlink.MAVLINK_MSG_ID_VFR_HUD).throttle == 0
+    assert velocity_m_s(station)[2] < -0.3
+
+
+@pytest.mark.full
 def test_fbwa_climbs_only_with_power() -> None:
     station = airborne_plane()
     override(station, 1500, 2000, 2000, 1500)

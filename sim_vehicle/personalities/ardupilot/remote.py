@@ -78,9 +78,9 @@ class Remote:
         return len(RECEIVER_US)
 
     def sticks(self, now: float) -> Sticks:
-        """Return the sticks; in the middle while the remote control is lost."""
+        """Return the sticks; in the middle, without power for a plane, while the remote control is lost."""
         if self._vehicle.failsafes.rc_lost:
-            return Sticks()
+            return Sticks(throttle=0.0) if self._vehicle.body.plane else Sticks()
         pulses_us = self.channels_us(now)
         return Sticks(
             roll=_deflection(pulses_us[ROLL]),
@@ -94,7 +94,9 @@ class Remote:
 
     def keeps_armed(self, now: float) -> bool:
         """Return True while the throttle of a copter is up, which delays the automatic disarming."""
-        return not self._vehicle.body.plane and self.sticks(now).throttle > 0
+        vehicle = self._vehicle
+        counts = not vehicle.body.plane and not vehicle.failsafes.rc_lost
+        return counts and _throttle(self.channels_us(now)[THROTTLE]) > 0
 
 
 def _deflection(pulse_us: int) -> float:
