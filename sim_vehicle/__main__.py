@@ -1,4 +1,4 @@
-"""`python -m sim_vehicle`: a fleet on MAVLink links, and the commands `run`, `conformance` and `schema`."""
+"""`python -m sim_vehicle`: a fleet on MAVLink links, and the commands of `COMMANDS`."""
 
 import importlib
 import io
@@ -16,6 +16,7 @@ USAGE_ERROR, INTERRUPTED = 2, 130
 COMMANDS = {
     "run": ("sim_vehicle.scenarios.command", "run"),
     "conformance": ("sim_vehicle.conformance.cli", "conformance"),
+    "conformance-table": ("sim_vehicle.conformance.table", "conformance_table"),
     "schema": ("sim_vehicle.scenarios.command", "schema"),
 }
 DEFAULT_URL = "udpout:127.0.0.1:14550"

@@ -75,6 +75,7 @@ ONLY_IN: dict[str, set[str]] = {
         "sim_vehicle.serving.serve",
         "sim_vehicle.scenarios.command",
         "sim_vehicle.conformance.cli",
+        "sim_vehicle.conformance.table",
     },
     "pytest": {"sim_vehicle.pytest_plugin"},
     "yaml": {"swarmctl.config.yaml_lines", "sim_vehicle.scenarios.yaml_lines"},

@@ -123,21 +123,22 @@ class ComponentMetadata:
         parameter_path = f"{directory}/parameters.json.xz"
         parameter_file = _compressed({"version": 3, "parameters": [_described(p) for p in parameters]})
         self._general_path = f"{directory}/component_general.json.xz"
-        general_file = _compressed(
-            {
-                "version": 1,
-                "vendorName": component.vendor,
-                "modelName": component.model,
-                "firmwareVersion": component.version,
-                "metadataTypes": [
-                    {
-                        "type": PARAMETER_TYPE,
-                        "uri": f"mftp://{parameter_path}",
-                        "fileCrc": checksum(parameter_file),
-                    }
-                ],
-            }
-        )
+        general = {
+            "version": 1,
+            "vendorName": component.vendor,
+            "modelName": component.model,
+            "firmwareVersion": component.version,
+            "metadataTypes": [
+                {
+                    "type": PARAMETER_TYPE,
+                    "uri": f"mftp://{parameter_path}",
+                    "fileCrc": checksum(parameter_file),
+                }
+            ],
+        }
+        general_file = _compressed(general)
+        # PX4 announces the checksum of the file before its compression (generate_crc.py).
+        self._general_crc = checksum(lzma.decompress(general_file))
         self.files: dict[str, bytes] = {
             self._general_path.lstrip("/"): general_file,
             parameter_path.lstrip("/"): parameter_file,
@@ -146,7 +147,7 @@ class ComponentMetadata:
     def message(self, message_id: int, time_boot_ms: int) -> ComponentMessage | None:
         """Return the message with this id, or None if the id is not a message of component metadata."""
         uri = f"mftp://{self._general_path}"
-        crc = checksum(self.files[self._general_path.lstrip("/")])
+        crc = self._general_crc
         component = self._component
         if message_id == COMPONENT_METADATA:
             return ComponentMessage(message_id, time_boot_ms=time_boot_ms, file_crc=crc, uri=uri)

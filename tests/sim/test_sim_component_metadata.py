@@ -42,7 +42,7 @@ def test_component_metadata_names_the_general_file_and_its_checksum() -> None:
     time_ms, crc, uri = struct.unpack("<II100s", payload(397))
     assert time_ms == 1234
     assert uri.rstrip(b"\0") == b"mftp:///etc/extras/component_general.json.xz"
-    content = METADATA.files["etc/extras/component_general.json.xz"]
+    content = lzma.decompress(METADATA.files["etc/extras/component_general.json.xz"])
     assert crc == zlib.crc32(content, 0xFFFFFFFF) ^ 0xFFFFFFFF
 
 

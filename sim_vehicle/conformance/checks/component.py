@@ -47,12 +47,16 @@ def metadata_is_announced(vehicle: VehicleUnderTest) -> str:
     return uri
 
 
-@check("component.general_file_is_valid", limit_s=120)
+@check(
+    "component.general_file_is_valid",
+    limit_s=120,
+    source="PX4 generate_crc.py: the checksum of the file before its compression",
+)
 def general_file(vehicle: VehicleUnderTest) -> str:
-    """The general file has the announced checksum, is JSON, and lists metadata by type."""
+    """The general file, before its compression, has the announced checksum, and lists metadata by type."""
     crc, uri = _metadata(vehicle)
     data, content = _fetch(vehicle, uri)
-    equal(bare_crc32(data), crc, "checksum")
+    equal(bare_crc32(lzma.decompress(data) if uri.endswith(".xz") else data), crc, "checksum")
     entries = content.get("metadataTypes")
     if not isinstance(entries, list) or not entries:
         raise CheckFailed(f"metadataTypes: expected a list with entries, saw {entries!r:.80}")

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.conformance import flying
 from sim_vehicle.conformance.assertions import CheckFailed, Skip, equal, holds, id_of, near, result_name
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
@@ -22,6 +23,7 @@ OF_HARDWARE = "CAMERA_FEEDBACK"
 
 def _request_check(kind: str) -> Callable[[VehicleUnderTest], str]:
     def run(vehicle: VehicleUnderTest) -> str:
+        flying.wait_ready(vehicle)
         try:
             vehicle.request(kind)
         except Skip as refusal:
@@ -38,7 +40,7 @@ def _request_check(kind: str) -> Callable[[VehicleUnderTest], str]:
 for _kind in REQUESTED:
     check(
         f"messages.request.{_kind.lower()}",
-        limit_s=90,
+        limit_s=200,
         source="PX4 mavlink_receiver.cpp, handle_request_message_command: DENIED without news",
     )(_request_check(_kind))
 

@@ -83,10 +83,11 @@ def state_is_active(vehicle: VehicleUnderTest) -> str:
     kind="copter",
     dialects=("ardupilot",),
     limit_s=FLY_S,
-    source="AUTOPILOTS 1.12: after landing+disarm MISSION_CURRENT goes back to seq 0, state 5",
+    source="AUTOPILOTS 1.12: after landing+disarm MISSION_CURRENT goes back to seq 0, state 5; "
+    "AP_Arming_Copter::disarm resets a mission that is not yet complete, which then begins at 1",
 )
 def after_landing(vehicle: VehicleUnderTest) -> str:
-    """After a landing by mission, MISSION_CURRENT has seq 0 and state COMPLETE; the mode stays AUTO."""
+    """After a landing by mission, MISSION_CURRENT is back at seq 0, COMPLETE (or 1, ACTIVE), in AUTO."""
     place = plans.current_position(vehicle)
     plans.upload_or_fail(
         vehicle,
@@ -98,9 +99,11 @@ def after_landing(vehicle: VehicleUnderTest) -> str:
     vehicle.wait_until(lambda: not vehicle.armed, "landed and disarmed", 200)
     vehicle.wait(2.0)
     message = vehicle.request("MISSION_CURRENT")
-    equal((message.seq, message.mission_state), (0, mavlink.MISSION_STATE_COMPLETE), "seq, mission_state")
+    seen = message.seq, message.mission_state
+    expected = (0, mavlink.MISSION_STATE_COMPLETE), (1, mavlink.MISSION_STATE_ACTIVE)
+    holds(seen in expected, f"seq, mission_state: expected one of {expected}, saw {seen}")
     equal(vehicle.mode, flying.mode_number(vehicle, "mission"), "mode")
-    return "seq 0, COMPLETE"
+    return f"seq {message.seq}"
 
 
 @check(
@@ -181,7 +184,7 @@ def speed_item(vehicle: VehicleUnderTest) -> str:
     ]
     plans.upload_or_fail(vehicle, plans.plan(vehicle, plans.takeoff(place, missions.HEIGHT_M), *legs))
     missions.resume(vehicle, missions.first_waypoint(vehicle))
-    vehicle.wait_until(lambda: flying.distance_to_m(vehicle, place) > 30, "30 m from the start", 100)
+    vehicle.wait_until(lambda: flying.distance_to_m(vehicle, place) > 60, "60 m from the start", 100)
     speeds_m_s = []
     for _ in range(6):
         vehicle.wait(0.5)
