@@ -290,8 +290,8 @@ def request_message(vehicle: Vehicle, command: Command, now: float) -> int:
     """Send a message, unless its stream has just sent it and PX4 has no news since."""
     message_id = to_int(command.param1)
     latest_s = vehicle.rates.latest_s(message_id)
-    published_s = messages.PUBLISHED_S.get(message_id, 0.0)
-    without_news = latest_s is not None and now - latest_s < published_s
+    published_s = messages.PUBLISHED_S.get(message_id)
+    without_news = published_s is not None and latest_s is not None and now - latest_s < published_s
     if without_news or message_id == mavlink.MAVLINK_MSG_ID_MISSION_CURRENT:
         return DENIED
     return DENIED if common.request_message(vehicle, command, now) != ACCEPTED else ACCEPTED
