@@ -46,7 +46,7 @@ NAME = f"firmware-{os.getpid()}"
 
 ARDUPILOT_PARAMETERS = {"LOG_BACKEND_TYPE": 0}
 PLANE_PARAMETERS = {"AIRSPEED_CRUISE": 15, "BATT_LOW_VOLT": 10.5}
-PX4_PARAMETERS = {"SDLOG_MODE": -1, "MPC_XY_CRUISE": 10, "MPC_XY_VEL_MAX": 12}
+PX4_PARAMETERS = {"SDLOG_MODE": -1, "MPC_XY_CRUISE": 10, "SIH_LOC_H0": GROUND_AMSL_M}
 
 
 def swarm(
@@ -257,7 +257,6 @@ def _px4(program: Path, instance: int, place: tuple[float, float], folder: Path)
         "PX4_SIM_MODEL": "sihsim_quadx",
         "PX4_HOME_LAT": str(round(place[0] * 1e7)),
         "PX4_HOME_LON": str(round(place[1] * 1e7)),
-        "PX4_HOME_ALT": str(GROUND_AMSL_M),
     }
     settings = [f"{name}={value}" for name, value in environment.items()]
     return ["env", *settings, str(program), "-i", str(instance), "-d", str(program.parents[1] / "etc")]
