@@ -12,8 +12,9 @@ from sim_vehicle.vehicle.behaviour import PILOTED, Behaviour, Mode
 from sim_vehicle.vehicle.flight_parameters import FlightParameters
 from sim_vehicle.vehicle.manoeuvres import Landing, Manoeuvre, Return, Takeoff
 from sim_vehicle.vehicle.mission import Item, Mission
-from sim_vehicle.vehicle.mission_pilot import MissionPilot, ReturnByMission
+from sim_vehicle.vehicle.mission_pilot import MissionPilot
 from sim_vehicle.vehicle.piloting import Piloting
+from sim_vehicle.vehicle.return_by_mission import ReturnByMission
 from sim_vehicle.vehicle.sticks import Sticks
 
 LANDED_AFTER_S = 1.0  # time on the ground until the vehicle counts as landed
