@@ -287,6 +287,21 @@ def test_a_mission_that_the_vehicle_finds_infeasible_ends_with_the_old_one():
     assert bench.holds(bench.session.items)
 
 
+def test_a_late_current_item_leaves_out_no_waypoint_of_the_new_plan():
+    """The vehicle has just passed a corner, and the last MISSION_CURRENT still names this corner."""
+    bench = FlyingBench("px4").flying(metric_plan((0.0, 60.0), (0.0, 120.0), (0.0, 600.0)))
+    bench.block_down = lambda m: m.get_type() == "MISSION_CURRENT"
+    assert bench.run(60, lambda: place(bench)[1] > 135.0)
+    new = [(0.0, 300.0), (150.0, 300.0), (150.0, 450.0)]
+    items = bench.session.mission_items(metric_plan(*new, leaves_ahead=True))
+    bench.begin("swap", lambda c: basic.swap(c, items, leaves_ahead=True))
+    bench.run(2.0)
+    bench.block_down = lambda m: False
+    assert bench.run(60, lambda: bench.session.busy_with is None)
+    assert bench.session.result.flying == "new"
+    assert bench.aim == (items[1].x, items[1].y)
+
+
 @pytest.mark.parametrize("refused", [False, True])
 @pytest.mark.parametrize("leaves_ahead", [False, True])
 def test_a_plan_changes_more_than_900_m_from_the_take_off(leaves_ahead, refused):

@@ -47,6 +47,8 @@ CLEAR_WAIT_S = 10.0
 """longest wait until the vehicle is clear of corners"""
 DECISIONS = 3
 """how often the change to the new route is decided anew, because a command came too late"""
+MAX_BESIDE_LEG_M = 2.0
+"""greatest distance from the route at which a vehicle may begin a new leg"""
 
 
 def swap_append(ctx: Context, plan: SwapPlan) -> Procedure[Swapped]:
@@ -111,12 +113,17 @@ def _next_item_is_certain(ctx: Context, plan: SwapPlan, later_s: float) -> bool:
         return True
     at = plan.position(ctx, later_s)
     is_late = plan.is_past_splice(ctx, later_s)
-    return is_late or (at.corner_s > CORNER_MARGIN_S and not _overshoots_item(ctx, at))
+    return is_late or (at.corner_s > CORNER_MARGIN_S and not _leaves_leg(ctx, at))
 
 
-def _overshoots_item(ctx: Context, at: RoutePosition) -> bool:
-    """Return whether the vehicle cannot stop before the next item, and would fly back to that item."""
-    return ctx.dialect.brakes_m_s2 is not None and at.to_item_m < braking_distance_m(ctx)
+def _leaves_leg(ctx: Context, at: RoutePosition) -> bool:
+    """Return whether the new leg of a vehicle that brakes would leave the route.
+
+    The new leg begins where the vehicle stops: behind the next item, or beside the route soon after a corner.
+    """
+    if ctx.dialect.brakes_m_s2 is None:
+        return False
+    return at.to_item_m < braking_distance_m(ctx) or at.cross_track_m > MAX_BESIDE_LEG_M
 
 
 def _make_tail_current(

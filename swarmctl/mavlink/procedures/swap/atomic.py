@@ -89,12 +89,14 @@ def _joined(ctx: Context, plan: SwapPlan, old: OldPlan) -> tuple[tuple[MissionIt
     """
     first, n_before = ctx.dialect.first_waypoint_seq, old.seq
     waypoint, on_first_leg = plan.items[first], list[MissionItem]()
+    # The plan leaves out items that the vehicle has passed, but the last MISSION_CURRENT may be older.
+    n_before += old.progress.leg_over(waypoint) or 0
     if n_before > first and _position(old.items[n_before - 1]) == _position(waypoint):
         n_before -= 1
     else:
         # Old items on the new plan's first leg stay, so that the items after them keep their numbers.
         for item in old.items[n_before:]:
-            if _position(item) == _position(waypoint) or not plan.progress.first_leg_passes(item):
+            if _position(item) == _position(waypoint) or plan.progress.leg_over(item) != 0:
                 break
             on_first_leg.append(replace(item, z=waypoint.z))
     joined = append_items((*old.items[:n_before], *on_first_leg), plan.items, first)

@@ -102,12 +102,12 @@ class RouteProgress:
         """Return whether the vehicle's position at `begin` and a first item with a position are known."""
         return len(self._points) >= 2
 
-    def first_leg_passes(self, item: MissionItem) -> bool:
-        """Return whether the first leg passes over the item's position."""
-        places = self._to_planar((item,))[1:]
-        return (
-            self.is_known and bool(places) and distance_to_leg(places[0], *self._points[:2]) <= SAME_PLACE_M
-        )
+    def leg_over(self, item: MissionItem) -> int | None:
+        """Return the index of the first leg that passes over the item's position; None if no leg does."""
+        if not self.is_known or not (places := self._to_planar((item,))[1:]):
+            return None
+        legs = enumerate(pairwise(self._points))
+        return next((i for i, leg in legs if distance_to_leg(places[0], *leg) <= SAME_PLACE_M), None)
 
     def is_near_leg_to(self, item: int, state: VehicleState) -> bool:
         """Return whether the vehicle is near the leg to an item; a number beyond the list means the last."""
