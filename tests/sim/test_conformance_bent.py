@@ -94,6 +94,50 @@ def test_an_acknowledged_but_unset_parameter_is_noticed() -> None:
     }
 
 
+def test_a_list_with_gaps_is_noticed() -> None:
+    lost: set[int] = set()
+
+    def alter(message: Any) -> list[Any]:
+        if message.get_type() != "PARAM_VALUE" or message.param_index % 8 or message.param_index in lost:
+            return [message]
+        lost.add(message.param_index)
+        return []
+
+    assert failures_with(alter, "parameters.list.is_complete") == {"parameters.list.is_complete"}
+
+
+def test_every_third_acknowledgement_lost_is_not_quick() -> None:
+    state = {"count": 0}
+
+    def alter(message: Any) -> list[Any]:
+        state["count"] += message.get_type() == "COMMAND_ACK"
+        return [] if message.get_type() == "COMMAND_ACK" and state["count"] % 3 == 0 else [message]
+
+    assert failures_with(alter, "commands.ack.is_quick") == {"commands.ack.is_quick"}
+
+
+def test_a_result_before_the_end_of_a_calibration_is_noticed() -> None:
+    def alter(message: Any) -> list[Any]:
+        if message.get_type() == "COMMAND_ACK" and message.result == mavlink.MAV_RESULT_IN_PROGRESS:
+            early = mavlink.MAVLink_command_ack_message(message.command, 0, 0, 0, 255, 190)
+            return [early, message]
+        return [message]
+
+    name = "commands.progress.ends_in_a_result"
+    assert failures_with(alter, name) == {name}
+
+
+def test_a_fence_that_an_empty_upload_leaves_is_noticed() -> None:
+    def is_empty(message: Any) -> bool:
+        return bool(message.get_type() == "MISSION_COUNT" and message.count == 0 and message.mission_type)
+
+    def accepted(message: Any) -> list[Any]:
+        return [mavlink.MAVLink_mission_ack_message(255, 190, 0, message.mission_type)]
+
+    wire = DroppingWire(fleet(ready_s=0.0), is_empty, accepted)
+    assert outcomes(wire, "fence.empty_upload") == {"fence.empty_upload": Outcome.FAILED}
+
+
 def test_a_slow_heartbeat_is_noticed() -> None:
     state = {"count": 0}
 

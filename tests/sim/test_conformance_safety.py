@@ -172,3 +172,27 @@ def test_a_connection_made_again_keeps_no_short_time_out() -> None:
         reader.join()
         second.close()
     assert len(received) == amount
+
+
+# -- the vehicle's clock ---------------------------------------------------------------------------------
+
+
+def test_rates_hold_on_a_vehicle_at_half_the_expected_speed() -> None:
+    class SlowWire(FleetWire):
+        """A wire whose clock runs twice as fast as the vehicle's."""
+
+        def now_s(self) -> float:
+            return 2.0 * super().now_s()
+
+        def receive(self, timeout_s: float) -> bytes | None:
+            return super().receive(timeout_s / 2.0)
+
+    def waits(vehicle: VehicleUnderTest) -> str:
+        vehicle.wait(10.0)
+        return "waited"
+
+    checks = select(["messages.interval.4_hz", "messages.interval.10_hz", "heartbeat.once_a_second"])
+    report = run(connected(SlowWire(fleet(ready_s=0.0))), [one_check(waits), *checks])
+    assert [(r.check.name, r.seen) for r in report.results if r.outcome is Outcome.FAILED] == []
+    report = run(connected(SlowWire(fleet(ready_s=0.0))), select(["heartbeat.once_a_second"]))
+    assert report.count(Outcome.FAILED) == 1  # without a measurement
