@@ -54,10 +54,7 @@ def flown(items: list[dict[str, Any]], **params: float) -> QuietPx4Station:
 
 
 def current(station: QuietPx4Station) -> int:
-    if not station.of("MISSION_CURRENT"):  # PX4 does not send it on request
-        station.stream(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT, hz=10)
-        station.wait(0.2)
-    return int(station.of("MISSION_CURRENT")[-1].seq)
+    return int(station.ask(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT).seq)
 
 
 def away_m(station: QuietPx4Station, north_m: float, east_m: float) -> float:

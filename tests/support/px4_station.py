@@ -47,6 +47,15 @@ class Px4Station(Station):
     def change(self, main: int, sub: int = 0) -> int:
         return self.command(mavlink.MAV_CMD_DO_SET_MODE, 1, main, sub)
 
+    def ask(self, message_id: int) -> Any:
+        """Request a message and return it; MISSION_CURRENT, which PX4 only streams, is the latest one."""
+        if message_id != mavlink.MAVLINK_MSG_ID_MISSION_CURRENT:
+            return super().ask(message_id)
+        if not self.of("MISSION_CURRENT"):
+            self.stream(message_id, hz=10)
+            self.wait(0.2)
+        return self.of("MISSION_CURRENT")[-1]
+
     def texts(self) -> list[str]:
         """Return the texts, those in several chunks joined by their id."""
         made: list[str] = []
