@@ -107,12 +107,14 @@ def test_the_splice_point_is_ahead_of_the_vehicle_at_the_end_of_the_swap(took_s:
     assert distance_m((swap.plan.begins.lat_deg, swap.plan.begins.lon_deg), _place(30.0)) < 0.1
 
 
-@pytest.mark.parametrize("east_m", [-90.0, -40.0, 10.0])
-def test_a_plan_leaves_ahead_of_a_vehicle_on_its_way_to_the_first_centre(east_m: float) -> None:
-    """The vehicle took off 100 m west of the area."""
+@pytest.mark.parametrize(("east_m", "speed_m_s"), [(-100.0, 0.0), (-90.0, 10.0), (-40.0, 10.0), (10.0, 10.0)])
+def test_a_plan_leaves_ahead_of_a_vehicle_on_its_way_to_the_first_centre(
+    east_m: float, speed_m_s: float
+) -> None:
+    """The vehicle takes off 100 m west of the area, and climbs there."""
     story = SwapStory(0.4)
     home = dict(zip(("home_lat_deg", "home_lon_deg"), _place(-100.0), strict=True))
-    story.at(east_m, **home)
+    story.at(east_m, ground_speed_m_s=speed_m_s, east_m_s=speed_m_s, **home)
     story.hear((4, 5, True))
     swap = story.swap()
     assert swap.plan.leaves_ahead

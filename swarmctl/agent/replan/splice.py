@@ -22,7 +22,7 @@ from swarmctl.agent.state import AgentState, Phase
 from swarmctl.agent.traffic.prediction import track_ahead
 from swarmctl.core.any_angle.track import crossed_cells
 from swarmctl.core.grid import Cell
-from swarmctl.core.mission import Waypoint
+from swarmctl.core.mission import FlightPlan, Waypoint
 from swarmctl.core.planar import PlanarPoint, distance_to_leg, distance_to_track
 
 ON_ROUTE_M = 15.0
@@ -154,11 +154,16 @@ def _position_on_route(state: AgentState) -> PlanarPoint | None:
     if swap.track is not None or vehicle.lat_deg is None or vehicle.lon_deg is None:
         return None
     here = grid.frame.to_local(vehicle.lat_deg, vehicle.lon_deg)
-    points = [(p.lat_deg, p.lon_deg) for p in swap.plan.waypoints]
-    if swap.plan.begins is None and vehicle.takeoff_lat_lon is not None:
-        points.insert(0, vehicle.takeoff_lat_lon)
-    track = [grid.frame.to_local(*point) for point in points]
-    return here if distance_to_track(here, track) <= ON_ROUTE_M else None
+    return here if distance_to_track(here, _flown_track(state, swap.plan)) <= ON_ROUTE_M else None
+
+
+def _flown_track(state: AgentState, plan: FlightPlan) -> list[PlanarPoint]:
+    """Return the points of a plan's flight: its begin in the air or the take-off, waypoints, landing."""
+    takeoff = state.vehicle.takeoff_lat_lon
+    points = [(p.lat_deg, p.lon_deg) for p in (*plan.waypoints, plan.landing)]
+    if plan.begins is None and takeoff is not None:
+        points.insert(0, takeoff)
+    return [state.task.grid.frame.to_local(*point) for point in points]
 
 
 def _is_centre_passed(state: AgentState, here: PlanarPoint, index: int) -> bool:
@@ -175,7 +180,11 @@ def _is_centre_passed(state: AgentState, here: PlanarPoint, index: int) -> bool:
     if index + 1 == len(cells):
         return False
     after = distance_to_leg(here, at, centre(cells[index + 1]))
-    return index == 0 or after < distance_to_leg(here, centre(cells[index - 1]), at)
+    if index > 0:
+        return after < distance_to_leg(here, centre(cells[index - 1]), at)
+    # A plan that begins past the first centre has no waypoint there.
+    begin, first = _flown_track(state, state.route.plan)[:2]
+    return math.dist(first, at) > OVERHEAD_M or after < distance_to_leg(here, begin, first)
 
 
 def _swap_distance_m(state: AgentState) -> float:
