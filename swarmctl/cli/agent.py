@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
+import time
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
@@ -97,7 +98,7 @@ def agent(
     agent continues the flight with its own knowledge, and synchronises after the network returns.
 
     With `--resume last`, an agent that is started anew after a crash takes its vehicle over. If its last run
-    has ended in order, or there is none, it begins a new flight.
+    has ended in order, is older than an hour, or does not exist, it begins a new flight.
     """
     swarm_scenario = load_scenario_or_exit(config)
     alone = companion.scenario_for(swarm_scenario, _vehicle(swarm_scenario, uav), _url(url))
@@ -159,7 +160,7 @@ def _unfinished_run(resume: str | None, runs: Path, scenario: Scenario) -> Unfin
     run: Path | None = Path(resume)
     if resume == LAST:
         run = unfinished_run.last_run(runs, f"{scenario.config.name}-{spec.name}")
-        if run is None or not unfinished_run.is_unfinished(run):
+        if run is None or not unfinished_run.is_unfinished(run, time.time()):
             say(f"{spec.name}: {runs} has no unfinished run of this vehicle; a new flight begins")
             return None
     assert run is not None

@@ -146,7 +146,21 @@ class Director:
             await until(lambda m: not m.runner.is_untaken, [member])
             if member.state.ended or member.state.phase not in ON_GROUND:
                 return
+            await self._prepare_with_others(member)
         await self._launch(member)
+
+    async def _prepare_with_others(self, member: Member) -> None:
+        """Wait until all vehicles on the ground have their first routes, because the checks compare them."""
+
+        def has_route(m: Member) -> bool:
+            return not (m.runner.is_untaken or m.state.phase in (Phase.WAITING, Phase.UPLOADING))
+
+        # `_launch` tries again what fails here.
+        with contextlib.suppress(LinkError, PreflightFailed, TimeoutError):
+            await self._clearance.set_up(member)
+            await self._make_ready(member)
+            async with asyncio.timeout(self._flight.ready_timeout_s):
+                await until(has_route, self._members)
 
     async def _prepare_flight(self) -> None:
         await self._run_for_all(self._connect)

@@ -11,7 +11,7 @@ from functools import partial
 from typing import Protocol
 
 from swarmctl.agent.replan.copter_trajectory import from_takeoff
-from swarmctl.agent.state import ON_GROUND, AgentState, Phase
+from swarmctl.agent.state import IN_FLIGHT, ON_GROUND, AgentState, Phase
 from swarmctl.agent.traffic.separation.approach import Limits
 from swarmctl.agent.traffic.separation.trajectory import Trajectory
 from swarmctl.config.scenario import Scenario
@@ -184,6 +184,12 @@ class FactCollector:
 
     def _others(self, spec: Spec, everyone: Sequence[VehicleToCheck]) -> Iterable[OtherVehicle]:
         identities = {vehicle.spec.name: vehicle.identity for vehicle in everyone}
+        flown = IN_FLIGHT | {Phase.DONE}
+        taken_over = {
+            v.spec.name
+            for v in everyone
+            if v.runner.state.phase in flown and self.trajectories.get(v.spec.name) is None
+        }
         for other in self._scenario.swarm:
             if other.name != spec.name:
                 yield OtherVehicle(
@@ -193,6 +199,7 @@ class FactCollector:
                     identities.get(other.name),
                     self.trajectories.get(other.name),
                     other.airframe,
+                    other.name in taken_over,
                 )
 
     def _clock_offset_s(self, vehicle: VehicleToCheck, everyone: Sequence[VehicleToCheck]) -> float | None:

@@ -26,6 +26,8 @@ class OtherVehicle:
     identity: Identity | None
     trajectory: Trajectory | None
     airframe: Airframe = "copter"
+    was_taken_over: bool = False
+    """True for a vehicle in flight, or down again, that an earlier program launched"""
 
 
 @dataclass(frozen=True, slots=True)

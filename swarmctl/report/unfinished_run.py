@@ -22,6 +22,8 @@ from swarmctl.report.evidence import chain
 from swarmctl.report.evidence.file import FILE_NAME
 from swarmctl.report.summary import FlightStatistics
 
+MAX_AGE_S = 3600.0
+"""age of a record above which no vehicle of the run is in the air any more [s]"""
 MAX_LAG_S = 5.0
 """longest time by which the record may end before the evidence; a longer one means that the record failed"""
 
@@ -157,8 +159,13 @@ def last_run(runs: Path, name: str = "") -> Path | None:
     return max(found, key=lambda folder: (folder / "run.mcap").stat().st_mtime_ns, default=None)
 
 
-def is_unfinished(run: Path) -> bool:
-    """Return whether a run's record has no end; also True for a record that cannot be read."""
+def is_unfinished(run: Path, now_unix_s: float) -> bool:
+    """Return whether a run may still have a vehicle in the air: its record is recent and has no end.
+
+    Also True for a recent record that cannot be read.
+    """
+    if now_unix_s - record.record_path(run).stat().st_mtime > MAX_AGE_S:
+        return False
     try:
         return record_file.read(record.record_path(run)).is_cut
     except record_file.RecordError:

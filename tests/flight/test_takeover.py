@@ -45,10 +45,10 @@ def at(seconds: float) -> Callable[[float, int], bool]:
 
 def drawn_moment(drawn: random.Random) -> Callable[[float, int], bool]:
     """Return a moment by the messages to the vehicles, most of them for changes of missions, or by time."""
-    n_messages, seconds = drawn.randrange(30, 420), drawn.uniform(1.0, 80.0)
+    n_messages, seconds = drawn.randrange(30, 420), drawn.uniform(1.0, 65.0)
     if drawn.random() < 0.3:
         return at(seconds)
-    return lambda now, messages: messages >= n_messages or now >= 80.0
+    return lambda now, messages: messages >= n_messages or now >= 65.0
 
 
 def rounds(kind: str, n: int) -> list[object]:

@@ -20,6 +20,8 @@ def check(facts: PreflightFacts) -> Finding:
 
 
 def _conflict_with(facts: PreflightFacts, other: OtherVehicle) -> str:
+    if other.was_taken_over:
+        return ""  # agents compare its flight with the first route before the launch
     # A copter climbs and descends on the spot, a fixed wing on its route.
     both_copters = facts.airframe == other.airframe == "copter"
     if both_copters and abs(other.altitude_m - facts.altitude_m) >= facts.limits.vertical_m - 1e-9:
