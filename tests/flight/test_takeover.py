@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from crash_world import Meanwhile, crashed, drift, lost_observations, resume, unfinished
+from crash_world import Meanwhile, Moment, crashed, drift, lost_observations, resume, unfinished
 from flights import AREA, coded, small
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from recorded import effects, events
@@ -39,16 +39,23 @@ def pair(autopilot: str = "ardupilot", **sections: object) -> Scenario:
     return small(area=SMALLER, threats={"count": 4}, simulate=simulate, **sections)
 
 
-def at(seconds: float) -> Callable[[float, int], bool]:
-    return lambda now, _messages: now >= seconds
+def at(seconds: float) -> Moment:
+    return lambda now, _sent: now >= seconds
 
 
-def drawn_moment(drawn: random.Random) -> Callable[[float, int], bool]:
-    """Return a moment by the messages to the vehicles, most of them for changes of missions, or by time."""
-    n_messages, seconds = drawn.randrange(30, 420), drawn.uniform(1.0, 65.0)
-    if drawn.random() < 0.3:
+def drawn_moment(drawn: random.Random) -> Moment:
+    """Return a moment by time, by the messages before the launch, or amid the changes of missions."""
+    seconds, n_messages, n_transfers = (
+        drawn.uniform(3.0, 65.0),
+        drawn.randrange(30, 200),
+        drawn.randrange(120),
+    )
+    choice = drawn.random()
+    if choice < 0.3:
         return at(seconds)
-    return lambda now, messages: messages >= n_messages or now >= 65.0
+    if choice < 0.4:
+        return lambda _now, sent: sent.messages >= n_messages
+    return lambda now, sent: sent.transfers > n_transfers or now >= 65.0
 
 
 def rounds(kind: str, n: int) -> list[object]:

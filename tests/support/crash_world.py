@@ -17,6 +17,7 @@ from typing import Any
 import pytest
 from flight_monitor import FlightMonitor, findings
 from flights import Ui
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from random_flights import RandomFlight
 from recorded import effects
 from trouble import Trouble
@@ -32,7 +33,29 @@ from swarmctl.report import unfinished_run
 from swarmctl.report.outcome import FlightReport
 
 STEP_S = virtual_simulator.STEP_S
+TRANSFERS = {
+    mavlink.MAVLINK_MSG_ID_MISSION_COUNT,
+    mavlink.MAVLINK_MSG_ID_MISSION_WRITE_PARTIAL_LIST,
+    mavlink.MAVLINK_MSG_ID_MISSION_ITEM_INT,
+    mavlink.MAVLINK_MSG_ID_MISSION_REQUEST_LIST,
+    mavlink.MAVLINK_MSG_ID_MISSION_REQUEST_INT,
+    mavlink.MAVLINK_MSG_ID_MISSION_SET_CURRENT,
+    mavlink.MAVLINK_MSG_ID_MISSION_ACK,
+    mavlink.MAVLINK_MSG_ID_COMMAND_LONG,
+}
 Meanwhile = Callable[[Fleet, float], None]
+
+
+@dataclass
+class Sent:
+    """Numbers of messages to the vehicles."""
+
+    messages: int = 0
+    transfers: int = 0
+    """of mission transfers and commands while a vehicle is armed"""
+
+
+Moment = Callable[[float, Sent], bool]
 
 
 @dataclass
@@ -66,26 +89,28 @@ class Resumed:
 class Wire:
     """The fleet as one station knows it; a dead station reaches nothing."""
 
-    def __init__(self, fleet: Fleet, on_use: Callable[[float, int], None]) -> None:
+    def __init__(self, fleet: Fleet, on_use: Callable[[float, Sent], None]) -> None:
         self.sysids = fleet.sysids
         self.is_cut = False
         self._fleet = fleet
         self._on_use = on_use
-        self._n_messages = 0
+        self._sent = Sent()
 
     def step(self, now: float) -> Any:
         if self.is_cut:
             return []
         frames = self._fleet.step(now)
-        self._on_use(now, self._n_messages)
+        self._on_use(now, self._sent)
         return frames
 
     def receive(self, data: bytes, now: float, **more: Any) -> Any:
         if self.is_cut:
             return []
         answer = self._fleet.receive(data, now, **more)
-        self._n_messages += 1
-        self._on_use(now, self._n_messages)
+        self._sent.messages += 1
+        in_flight = any(vehicle.armed for vehicle in self._fleet.vehicles)
+        self._sent.transfers += in_flight and int.from_bytes(data[7:10], "little") in TRANSFERS
+        self._on_use(now, self._sent)
         return [] if self.is_cut else answer
 
 
@@ -95,12 +120,12 @@ def crashed(
     folder: Path,
     monkeypatch: pytest.MonkeyPatch,
     *,
-    when: Callable[[float, int], bool],
+    when: Moment,
     trouble: Trouble | None = None,
     options: FlightOptions = DEFAULT_OPTIONS,
     earlier: Crash | None = None,
 ) -> Iterator[Crash | None]:
-    """Fly until `when(time, number of messages sent to the vehicles)`; yield the crash, None after the end.
+    """Fly until `when(time, messages to the vehicles)`; yield the crash, None after the end.
 
     `earlier`: a crash after which this station goes on.
     """
@@ -108,8 +133,8 @@ def crashed(
     if earlier is not None:
         loop.advance(earlier.at_s)
 
-    def on_use(now: float, n_messages: int) -> None:
-        if found or not when(now, n_messages):
+    def on_use(now: float, sent: Sent) -> None:
+        if found or not when(now, sent):
             return
         copied = folder.with_name(f"{folder.name}-crash")
         shutil.copytree(folder, copied)
