@@ -10,6 +10,9 @@ from swarmctl.core.events import FlightOrder
 from swarmctl.core.geo import distance_m
 from swarmctl.core.vehicle import Landed
 
+DISARMED_FOR_S = 4.0
+"""Time of disarmed heartbeats after which a vehicle in the air counts as disarmed [s]: a rebooted ArduPilot
+sends its first message with a clock up to 3 s after its first heartbeat."""
 AT_HOME_M = 15.0
 """Greatest distance from home at which a returned copter counts as at home [m]."""
 
@@ -24,11 +27,13 @@ def note_disarming(state: AgentState) -> AgentState:
 def may_be_armed(state: AgentState) -> bool:
     """Return whether the vehicle is or may be armed.
 
-    A single disarmed heartbeat may be wrong, unless the vehicle also reports that it is on the ground.
+    Disarmed heartbeats in the air may be wrong, or come from a rebooted vehicle before its new clock. They
+    count after DISARMED_FOR_S, or as soon as the vehicle also reports that it is on the ground.
     """
-    vehicle = state.vehicle
-    is_single = state.disarmed_since_s is not None and vehicle.heartbeat_s == state.disarmed_since_s
-    is_uncertain = state.armed_seen and vehicle.landed is not Landed.ON_GROUND and is_single
+    vehicle, since_s = state.vehicle, state.disarmed_since_s
+    now_s = vehicle.heartbeat_s
+    is_recent = since_s is not None and now_s is not None and now_s - since_s < DISARMED_FOR_S
+    is_uncertain = state.armed_seen and vehicle.landed is not Landed.ON_GROUND and is_recent
     return vehicle.armed or is_uncertain
 
 

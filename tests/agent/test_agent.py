@@ -14,6 +14,7 @@ from profiles import examples
 from swarmctl.agent.failsafes import ALWAYS_ON, low_battery
 from swarmctl.agent.failsafes.base import ActiveRule
 from swarmctl.agent.state import ARRIVED, AgentState, Phase
+from swarmctl.agent.touchdown import DISARMED_FOR_S
 from swarmctl.agent.step import MAX_FAILED_SWAPS, RETRY_AFTER_S
 from swarmctl.core import events as ev
 from swarmctl.core.frames import StateShared
@@ -562,7 +563,7 @@ def test_the_sequence_of_observations_does_not_change_the_route(
     assert ends[0].route.cells == ends[1].route.cells
 
 
-def test_a_single_disarmed_heartbeat_in_the_air_does_not_end_the_flight() -> None:
+def test_disarmed_heartbeats_in_the_air_end_the_flight_only_after_some_seconds() -> None:
     story = Story().flying()
     up = {"armed": False, "landed": Landed.IN_AIR}
     story.over((4, 1), **up)
@@ -571,7 +572,7 @@ def test_a_single_disarmed_heartbeat_in_the_air_does_not_end_the_flight() -> Non
     story.over((4, 1))
     story.over((4, 2), **up)
     assert story.state.phase is Phase.FLYING
-    story.over((4, 2), **up)
+    story.over((4, 2), **up, heartbeat_s=story.now + DISARMED_FOR_S)
     assert story.state.phase is Phase.FAILED
     assert "(4, 2)" in story.state.outcome
     assert story.state.outcome.endswith("[disarmed-on-the-way]")
