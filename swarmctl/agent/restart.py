@@ -36,6 +36,9 @@ def restart(state: AgentState, event: ev.Restarted, now: float) -> StepResult:
             launch_ordered=False,
             launch_wait_since_boot_s=None,
         ), []
+    if event.lands and state.phase in (Phase.LAUNCHING, Phase.FLYING):
+        # It has passed its goal cell unseen. The time of its arrival is unknown.
+        return replace(state, phase=Phase.LANDING, dirty=False, intent_sent_boot_s=-math.inf), []
     return state, []
 
 

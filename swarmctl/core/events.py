@@ -58,6 +58,8 @@ class Restarted(_Record, frozen=True):
 
     on_ground: bool = False
     """True: the vehicle is disarmed on the ground"""
+    lands: bool = False
+    """True: the vehicle flies the landing of its plan"""
     reason: str = ""
     """reason why the program cannot take the vehicle over; empty if it can"""
 

@@ -58,8 +58,12 @@ def take_over(recorded: RecordedVehicle, found: Finding, speedup: float) -> list
     if not on_ground:
         reason = reason or _strange(recorded, found)
     if reason:
-        return [ev.Restarted(on_ground, reason), *begins]
-    events: list[ev.Event] = [ev.Restarted(on_ground), ev.LinkRestored()]
+        return [ev.Restarted(on_ground, reason=reason), *begins]
+    if is_undecided(state, vehicle):
+        # An order during a launch ends the launch: the vehicle is disarmed.
+        return [ev.Restarted(), *begins, ev.OperatorCommand(ev.FlightOrder.HOLD)]
+    lands = found.stored.lands and vehicle.mode_role == "mission"
+    events: list[ev.Event] = [ev.Restarted(on_ground, lands), ev.LinkRestored()]
     if state.pending is not None:
         events.append(_end_of_swap(state.pending.plan_id, found))
     if state.phase is Phase.LAUNCHING:
@@ -108,8 +112,6 @@ def _rebooted(recorded: RecordedVehicle, found: Finding, speedup: float) -> str:
 def _strange(recorded: RecordedVehicle, found: Finding) -> str:
     """Return what shows that another party has changed mode, mission or flight of a vehicle in the air."""
     state, vehicle = recorded.state, found.state
-    if is_undecided(state, vehicle):
-        return f"the vehicle is armed on the ground in mode {vehicle.mode}, and does not take off"
     if state.phase in ON_GROUND:
         return f"another operator has armed the vehicle, in mode {vehicle.mode}"
     if not vehicle.armed:
@@ -123,7 +125,7 @@ def _strange(recorded: RecordedVehicle, found: Finding) -> str:
         return ""
     if found.stored.plan_id is None:
         return f"the vehicle flies another mission than recorded: {found.stored.difference}"
-    return _off_plan(state, found)
+    return "" if is_undecided(state, vehicle) else _off_plan(state, found)
 
 
 def _holds_by_command(recorded: RecordedVehicle, found: Finding) -> bool:

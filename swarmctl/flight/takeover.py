@@ -18,6 +18,8 @@ from swarmctl.flight.proof import Finding
 from swarmctl.links.base import LinkError
 from swarmctl.report.unfinished_run import RecordedVehicle
 
+LAUNCH_WAIT_S = 15.0
+"""longest wait for an armed vehicle to take off or to disarm itself, which copters do after 10 s"""
 RETRY_S = 1.0
 """time between two attempts to connect or to compare [s]"""
 LET_GO = (
@@ -63,6 +65,7 @@ class Takeover:
         if state.phase in ENDED and not state.vehicle.armed:
             return [ev.Restarted(on_ground=True)]
         until_s, failure, is_permitted = clock() + self._flight.lost_timeout_s, "", False
+        decided_s = clock() + LAUNCH_WAIT_S
         while clock() < until_s or not failure:
             try:
                 if member.identity is None:
@@ -76,7 +79,7 @@ class Takeover:
                     self._say(f"{error}; trying for {self._flight.lost_timeout_s:g} s")
                 failure = str(error)
             else:
-                if not proof.is_undecided(state, found.state):
+                if not proof.is_undecided(state, found.state) or clock() >= decided_s:
                     return proof.take_over(recorded, found, self._speedup)
                 failure = "the vehicle is armed on the ground, and does not take off"
             await asyncio.sleep(RETRY_S)

@@ -156,6 +156,19 @@ def test_a_vehicle_that_does_as_recorded_is_taken_over(
     assert not story.state.lost
 
 
+def test_a_launch_that_was_interrupted_on_the_ground_is_aborted() -> None:
+    story = launching()
+    taken_over(story, finding(story, IN_HOLD, **{**DOWN, "armed": True}), commanded=GUIDED)
+    assert orders(story.effects) == [ev.FlightOrder.LAND]
+    assert story.state.launch_aborted
+
+
+def test_a_vehicle_in_its_landing_is_past_its_route() -> None:
+    story = flying()
+    taken_over(story, finding(story, replace(FIRST, lands=True)))
+    assert story.state.phase is Phase.LANDING
+
+
 def test_an_order_that_the_vehicle_has_not_received_is_sent_again() -> None:
     story = ordered(ev.FlightOrder.HOLD)()
     taken_over(story, finding(story, FIRST))

@@ -15,8 +15,9 @@ from dataclasses import dataclass
 
 from swarmctl.core.mission import FlightPlan, MissionItem
 from swarmctl.mavlink.dialects import Dialect
-from swarmctl.mavlink.dialects.plan import append_items
+from swarmctl.mavlink.dialects.plan import LAND, append_items
 from swarmctl.mavlink.procedures.guarded import NotInControl, confirm_state
+from swarmctl.mavlink.procedures.land import landing_items
 from swarmctl.mavlink.procedures.verified_upload import read_back
 from swarmctl.mavlink.protocol.mission_download import DownloadOutcome
 from swarmctl.mavlink.protocol.outcome import Done
@@ -33,6 +34,8 @@ class Recognised(Done):
 
     plan_id: int | None = None
     """the plan that the vehicle flies in mission mode, by its current item; None: another mission"""
+    lands: bool = False
+    """True if the current item belongs to the plan's landing"""
     difference: str = ""
     """reason why no plan was recognised; empty if one was"""
     mode_params: tuple[float, ...] = ()
@@ -78,7 +81,8 @@ def recognise(
     plan_id, begin = found
     ctx.verified_items = read.items
     ctx.plan_first_seq = ctx.dialect.first_waypoint_seq if ctx.dialect.uploads_atomically else begin
-    return Recognised(plan_id=plan_id, mode_params=mode_params)
+    lands = seq in landing_items(read.items) or read.items[seq].command == LAND
+    return Recognised(plan_id=plan_id, lands=lands, mode_params=mode_params)
 
 
 def _is_known(ctx: Context) -> bool:
