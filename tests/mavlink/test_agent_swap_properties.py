@@ -47,7 +47,7 @@ outages = st.lists(st.tuples(st.floats(0.0, 120.0), st.sampled_from([1.0, 4.0]))
 @settings(
     deadline=None,
     derandomize=True,
-    max_examples=6,
+    max_examples=2,
     suppress_health_check=list(HealthCheck),
     database=None,
 )
