@@ -48,7 +48,7 @@ def drawn_moment(drawn: random.Random) -> Moment:
     seconds, n_messages, n_transfers = (
         drawn.uniform(3.0, 65.0),
         drawn.randrange(30, 200),
-        drawn.randrange(120),
+        drawn.randrange(60),
     )
     choice = drawn.random()
     if choice < 0.3:
@@ -89,7 +89,10 @@ def test_a_station_that_dies_at_any_moment_is_continued(
             assert crash is not None
             resumed = resume(scenario, crash, tmp_path / f"{draw}-on", monkeypatch, outage_s=outage_s)
         story = f"{kind} {draw}: crash {crash.at_s:.1f} s, silent {outage_s} s: {resumed.ui.said}"
-        assert set(resumed.outcomes().values()) == {"arrived"}, story
+        # A plane stays armed on the ground if its launch is cut off; a copter disarms itself and is launched.
+        aborted = [o for o in resumed.outcomes().values() if o.startswith("launch aborted")]
+        assert kind == "arduplane" or not aborted, story
+        assert {*resumed.outcomes().values()} - {*aborted} <= {"arrived"}, story
         assert resumed.broken_rules() == [], story
         assert lost_observations(resumed) == [], story
 
