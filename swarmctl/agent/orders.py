@@ -15,6 +15,7 @@ from swarmctl.core import events as ev
 from swarmctl.core.messages import CommandOutcome, VehicleAnswer, VehiclePosition
 
 StepResult = tuple[AgentState, list[ev.Effect]]
+REPEAT_WHEN_RECENT = "telemetry is old; repeat the order when telemetry is recent"
 TOUCHING_DOWN_M = 2.0
 """Height above home [m] below which a descending vehicle touches down before it follows another order."""
 
@@ -136,6 +137,8 @@ def _launch_answer(state: AgentState) -> tuple[CommandOutcome, str]:
     # A vehicle must not arm later, after the operator has stopped watching the vehicle.
     if state.lost:
         return "refused", "the link is lost; repeat the order when the link is back [launch-without-link]"
+    if state.telemetry_is_late:
+        return "refused", f"{REPEAT_WHEN_RECENT} [telemetry-old]"
     if state.phase is not Phase.STANDBY:
         return "refused", f"the vehicle is not ready yet: {state.trouble or state.phase} [not-ready]"
     if state.pending is not None:
@@ -156,6 +159,8 @@ def _reason_against_resuming(state: AgentState) -> str:
         return f"the vehicle does not hold: {state.outcome or state.phase} [not-resumed]"
     if state.lost:
         return "the link is lost; repeat the order when the link is back [not-resumed]"
+    if state.telemetry_is_late:
+        return f"{REPEAT_WHEN_RECENT} [not-resumed]"
     if state.return_latest_boot_s is not None:
         return "the vehicle holds until its return; order it to hold first [not-resumed]"
     if not state.order_followed or state.vehicle.mode_role != "hold":

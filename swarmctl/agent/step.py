@@ -217,13 +217,16 @@ def _note_delay(state: AgentState) -> StepResult:
     is_late = delay_s > (RECENT_DELAY_S if state.telemetry_is_late else MAX_DELAY_S)
     if is_late == state.telemetry_is_late:
         return state, []
+    state = replace(state, telemetry_is_late=is_late)
+    if state.ended:
+        return state, []
     text = (
-        f"telemetry is {delay_s:.0f} s old (limit {MAX_DELAY_S:g} s); mission changes are suspended until it"
+        f"telemetry is {delay_s:.0f} s old (limit {MAX_DELAY_S:g} s); launches and mission changes are "
+        "suspended until it recovers; look at the link and at the load of this machine"
+        if is_late
+        else "telemetry is recent again; launches and mission changes are possible"
     )
-    text += " recovers; look at the link and at the load of this machine"
-    if not is_late:
-        text = "telemetry is recent again; mission changes are possible"
-    return replace(state, telemetry_is_late=is_late), [ev.NotifyOperator(f"{text} [telemetry-old]")]
+    return state, [ev.NotifyOperator(f"{text} [telemetry-old]")]
 
 
 def _send_intent(state: AgentState) -> StepResult:

@@ -12,9 +12,14 @@ ModeRole = Literal["", "hold", "mission", "return", "land", "other"]
 STALE_MODE_S = 2.0
 """time for which a delayed heartbeat may still report the previous mode [s]"""
 
-MAX_DELAY_S, RECENT_DELAY_S = 3.0, 1.5
-"""Greatest delays of telemetry from its sending to its processing: for a change of mission, and for a command
-[s]."""
+MAX_DELAY_S = 3.0
+"""greatest delay of telemetry, from its sending to its processing, for a mission change [s]"""
+RECENT_DELAY_S = 1.5
+"""greatest delay of telemetry for a command [s]"""
+
+BRAKING_M_S2 = 1.75
+"""Deceleration assumed for a copter's stop. The defaults of WPNAV_ACCEL (2.5) and MPC_ACC_HOR (3) are higher,
+but limits of the jerk and late telemetry make the stop longer."""
 
 
 class Landed(IntEnum):
@@ -78,7 +83,6 @@ class VehicleState:
     """arrival of the last SYS_STATUS by this program's clock [s]: the time of battery, GPS and readiness"""
     position_s: float | None = None
     """arrival of the last position by this program's clock [s]"""
-
     delay_s: float = 0.0
     """time from the sending of this telemetry to its processing, by the vehicle's clock [s]"""
 

@@ -130,7 +130,7 @@ def _strange(recorded: RecordedVehicle, found: Finding) -> str:
 
 def _holds_by_command(recorded: RecordedVehicle, found: Finding) -> bool:
     was_holding = recorded.state.vehicle.mode_role == "hold"
-    params = found.stored.mode_params
+    params = found.stored.hold_params
     return was_holding or (bool(params) and recorded.mode_params[: len(params)] == params)
 
 

@@ -21,7 +21,7 @@ from swarmctl.mavlink.telemetry.presence import AUTOPILOT_COMPID, own_heartbeat
 _LATE_LIMIT, _SPLITTERS_LIMIT = 64, 1024
 """largest numbers of addresses on one endpoint: of vehicles with a late clock, and of all senders"""
 SILENT_S = 2.0
-"""silence of a vehicle's address after which the vehicle may have a new address, if it is not alive"""
+"""silence of a vehicle's address after which `may_move` decides on a new address"""
 
 
 class AddressVerdict(Enum):

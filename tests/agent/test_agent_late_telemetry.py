@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import pytest
-from agent_stories import Story, codes
+from agent_stories import Story, codes, orders
 
 from swarmctl.agent.own_modes import ROLE_OF_ORDER
 from swarmctl.agent.state import ARRIVED, Phase
 from swarmctl.agent.step import needs_tick
 from swarmctl.core import events as ev
+from swarmctl.core.messages import CommandOutcome
 from swarmctl.core.vehicle import Landed
 from swarmctl.report.final_state import describe_outcome
 from swarmctl.report.live_rows import vehicle_row
@@ -66,3 +67,50 @@ def test_late_telemetry_shows_no_other_operators_mode_and_no_arrival() -> None:
     assert story.state.phase is Phase.FLYING
     story.over((4, 8), mode="GUIDED", mode_role="other")
     assert story.state.phase is Phase.RELEASED
+
+
+GROUND = {"armed": False, "mode": "GUIDED", "mode_role": "hold"}
+
+
+def ready_to_launch() -> Story:
+    story = Story()
+    story(ev.Ready())
+    story.swap()
+    story.accept()
+    return story
+
+
+def test_a_launch_waits_for_recent_telemetry() -> None:
+    """The process orders its own launch once, so this order stays."""
+    story = ready_to_launch()
+    story.over((4, 0), **GROUND, delay_s=8.0)
+    assert orders(story(ev.OperatorCommand(ev.FlightOrder.LAUNCH))) == []
+    assert orders(story.over((4, 0), **GROUND, delay_s=8.0)) == []
+    assert orders(story.over((4, 0), **GROUND)) == [ev.FlightOrder.LAUNCH]
+
+
+@pytest.mark.parametrize(("delay_s", "outcome"), [(8.0, "refused"), (0.0, "taken")])
+@pytest.mark.parametrize("order", [ev.FlightOrder.LAUNCH, ev.FlightOrder.RESUME])
+def test_an_operators_order_to_fly_on_is_refused_while_telemetry_is_late(
+    order: ev.FlightOrder, delay_s: float, outcome: CommandOutcome
+) -> None:
+    """The operator may have stopped watching the vehicle when telemetry recovers."""
+    if order is ev.FlightOrder.LAUNCH:
+        story = ready_to_launch()
+        story.over((4, 0), **GROUND, delay_s=delay_s)
+    else:
+        story = Story().flying()
+        story(ev.OperatorCommand(ev.FlightOrder.HOLD, 1))
+        story(ev.OrderDone(ev.FlightOrder.HOLD))
+        story.over((4, 3), mode="GUIDED", mode_role="hold", delay_s=delay_s)
+    phase = story.state.phase
+    (answer,) = (e.answer for e in story(ev.OperatorCommand(order, 2)) if isinstance(e, ev.Answer))
+    assert answer.outcome == outcome
+    assert (story.state.phase is phase) is (outcome == "refused")
+
+
+def test_a_flight_that_has_ended_reports_no_late_telemetry() -> None:
+    story = Story().flying()
+    story.over((4, 8), armed=False)
+    assert story.state.ended
+    assert codes(story.over((4, 8), armed=False, delay_s=8.0)) == []

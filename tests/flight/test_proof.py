@@ -123,7 +123,7 @@ def taken_over(
 
 
 FIRST, SECOND, NONE = Recognised(plan_id=1), Recognised(plan_id=2), Recognised(difference="item 4 is new")
-IN_HOLD = Recognised(difference="", mode_params=GUIDED)
+IN_HOLD = Recognised(difference="", hold_params=GUIDED)
 
 
 @pytest.mark.parametrize(

@@ -79,7 +79,7 @@ class FailsafeFacts:
     """number of orders given by the agent"""
     lost: bool = False
     """True while the link is lost; `vehicle` is old then"""
-    is_late: bool = False
+    telemetry_is_late: bool = False
     """True while telemetry is too old to show another operator's action"""
     route: ActiveRoute | None = None
     """None during a mission change, or if there is no mission"""

@@ -93,7 +93,7 @@ def failsafe_facts(state: AgentState) -> FailsafeFacts:
         own_roles=own_mode_roles(state),
         orders_given=state.orders_given,
         lost=state.lost,
-        is_late=state.telemetry_is_late,
+        telemetry_is_late=state.telemetry_is_late,
         route=_active_route(state),
         fence=state.task.fence,
         turn_radius_m=0.0 if state.task.wings is None else state.task.turn_radius_m,

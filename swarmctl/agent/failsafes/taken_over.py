@@ -39,7 +39,7 @@ def evaluate(
     _params: Params, memory: TakenOverMemory | None, facts: FailsafeFacts, now: float
 ) -> tuple[TakenOverMemory, Demand | None]:
     vehicle, before = facts.vehicle, memory or TakenOverMemory(text=facts.vehicle.status_text)
-    if facts.is_late:
+    if facts.telemetry_is_late:
         return before, None  # the mode may be from before this agent's last order
     # After an order, a foreign mode may be an intermediate mode of that order.
     since_s = before.foreign_since_s if facts.orders_given == before.orders_given else None

@@ -17,13 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmctl.agent.replan.stopping import distance_and_speed_after
-from swarmctl.agent.replan.travel_time import BRAKING_M_S2
 from swarmctl.agent.state import AgentState, Phase
 from swarmctl.agent.traffic.prediction import track_ahead
 from swarmctl.core.any_angle.track import crossed_cells
 from swarmctl.core.grid import Cell
 from swarmctl.core.mission import FlightPlan, Waypoint
 from swarmctl.core.planar import PlanarPoint, distance_to_leg, distance_to_track
+from swarmctl.core.vehicle import BRAKING_M_S2
 
 ON_ROUTE_M = 15.0
 """Greatest distance from the route at which a vehicle counts as on its route [m]."""

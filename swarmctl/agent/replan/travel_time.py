@@ -21,11 +21,10 @@ from collections.abc import Sequence
 from itertools import accumulate, pairwise
 
 from swarmctl.core.planar import PlanarPoint
+from swarmctl.core.vehicle import BRAKING_M_S2
 
 ACCELERATION_M_S2 = 2.5
 """WPNAV_ACCEL"""
-BRAKING_M_S2 = 1.75
-"""deceleration used in estimates, less than WPNAV_ACCEL"""
 CORNER_RADIUS_M = 2.0
 """WPNAV_RADIUS: greatest distance from a corner at which the vehicle may cut the corner"""
 CORNER_SHARE = 0.75

@@ -36,6 +36,8 @@ def launch_if_possible(state: AgentState) -> StepResult:
     """Launch, or wait for a clear route. Called for each operator's order, plan and telemetry message."""
     if not (state.phase is Phase.STANDBY and state.launch_ordered and state.pending is None):
         return state, []
+    if state.telemetry_is_late:
+        return state, []
     if state.vehicle.mode_role not in {"", *own_mode_roles(state)}:
         # Another operator controls the vehicle, or the vehicle is booting.
         return release_vehicle(

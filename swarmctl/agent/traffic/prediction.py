@@ -8,13 +8,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from swarmctl.agent.replan.travel_time import BRAKING_M_S2
 from swarmctl.agent.state import AgentState, Phase
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory, extrapolate
 from swarmctl.agent.traffic.separation.watch import NeighbourReport
 from swarmctl.core.frames import StateShared
 from swarmctl.core.planar import distance_to_leg
-from swarmctl.core.vehicle import VehicleState
+from swarmctl.core.vehicle import BRAKING_M_S2, VehicleState
 
 MAX_REPORT_AGE_S = 5.0
 """Greatest age of a state from which another vehicle's position is predicted [s]."""

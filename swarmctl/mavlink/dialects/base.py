@@ -11,10 +11,6 @@ from swarmctl.core.mission import FlightPlan, MissionItem
 from swarmctl.mavlink.protocol.command import CommandResult
 from swarmctl.mavlink.protocol.conversation import Conversation, MavlinkPeer
 
-CORNER_BRAKES_M_S2 = 1.75
-"""Deceleration assumed for a copter's stop. The defaults of WPNAV_ACCEL (2.5) and MPC_ACC_HOR (3) are
-higher, but limits of the jerk and late telemetry make the way longer."""
-
 
 class Unsupported(Exception):
     """No dialect for this vehicle."""

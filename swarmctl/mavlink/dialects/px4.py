@@ -15,7 +15,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import FlightPlan, MissionItem, Waypoint
-from swarmctl.mavlink.dialects.base import CORNER_BRAKES_M_S2, Readiness
+from swarmctl.core.vehicle import BRAKING_M_S2
+from swarmctl.mavlink.dialects.base import Readiness
 from swarmctl.mavlink.dialects.plan import LAND, TAKEOFF, WAYPOINT, copter_track, differences, item_at
 from swarmctl.mavlink.protocol.command import CommandResult
 from swarmctl.mavlink.protocol.conversation import Conversation, MavlinkPeer
@@ -128,7 +129,7 @@ class Px4Copter(Px4):
 
     land_mode = "AUTO.LAND"
     land_command = None
-    corner_brakes_m_s2 = CORNER_BRAKES_M_S2
+    corner_brakes_m_s2 = BRAKING_M_S2
     lands_at_nearest = True
     speed_type = int(mavlink.SPEED_TYPE_GROUNDSPEED)
 

@@ -47,7 +47,7 @@ MODE_PERIOD_S = 3.0
 """period for setting the hold mode again before the flight"""
 MODE_TRIES = 3
 SPEED_LASTS_S = 10.0
-"""time for which a commanded speed is right [s]; then the agent decides the speed anew"""
+"""life of a speed command [s]; then the agent decides the speed anew"""
 SAME_THROTTLE = -1.0
 """value of the throttle parameter that does not change the throttle"""
 

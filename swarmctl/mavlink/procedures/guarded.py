@@ -1,4 +1,4 @@
-"""Guarded commands: commands that never override a pilot or another station, and that are never too late.
+"""Guarded commands: they never override a pilot or another station, and they are never sent too late.
 
 A pilot may take over by radio control at any moment, and the regular heartbeat shows this up to a second
 later. So a requested heartbeat precedes every try, unless `skip_first_check` is True or `before` is None. A
@@ -28,21 +28,21 @@ TRIES = 5
 WARNING = int(mavlink.MAV_SEVERITY_WARNING)
 
 WHILE_RECENT_S = MAX_DELAY_S
-"""how long a command means what was meant if it was decided by the position of a moving vehicle [s]"""
+"""life of a command that depends on the position of a moving vehicle [s]"""
 UNTIL_REPLACED_S = math.inf
-"""a command that keeps its meaning until another procedure replaces it, such as an order to hold"""
+"""life of a command that stays right until another procedure replaces it, such as an order to hold"""
 
 StateCondition = Callable[[VehicleState], bool]
 
 
 @dataclass(frozen=True, slots=True)
 class GuardedCommand:
-    """A command, and the time until which it means what was meant. It is never sent after that time."""
+    """A command with the end of its life. It is never sent after that end, but decided anew."""
 
     next_try: Callable[[int], Conversation[CommandResult] | None]
     """function that decides one try, from the number of earlier tries; None: the command would be too late"""
     until_s: float
-    """by this program's clock [s]"""
+    """end of the command's life, by this program's clock [s]"""
 
 
 class NotInControl(Exception):
@@ -59,7 +59,7 @@ def in_modes(modes: Set[str], *, armed: bool | None = None) -> StateCondition:
 
 
 class CommandLate(NotInControl):
-    """A command was not sent, because it no longer means what was meant. It has to be decided anew."""
+    """The life of a command ended before the command was sent. It has to be decided anew."""
 
 
 def describe_takeover(state: VehicleState) -> str:
@@ -87,13 +87,13 @@ def confirm_state(ctx: Context, expected: StateCondition) -> Procedure[None]:
 def describe_old_telemetry(age_s: float) -> str:
     """Return a message about telemetry that is too old for a command."""
     return (
-        f"telemetry is {age_s:.0f} s old (limit {RECENT_DELAY_S:g} s); no further command is sent by it "
-        "[telemetry-old]"
+        f"telemetry is {age_s:.0f} s old (limit {RECENT_DELAY_S:g} s); no further command is sent until it "
+        "recovers [telemetry-old]"
     )
 
 
 def command(ctx: Context, number: int, params: Sequence[float] = (), *, lasts_s: float) -> GuardedCommand:
-    """Return a MAV_CMD that means what was meant for `lasts_s` from now."""
+    """Return a MAV_CMD; `lasts_s` is its life from now [s]."""
     return GuardedCommand(
         lambda attempt: Command(ctx.peer, number, *params, confirmation=attempt), ctx.now + lasts_s
     )
@@ -138,7 +138,7 @@ def send_guarded(
     skip_first_check: if True, the first try is sent without a new heartbeat, in any state
 
     Raises NotInControl if a heartbeat shows another state, or if no heartbeat arrives in time, and
-    CommandLate if the vehicle does not fulfil `after` when the command has lost its meaning.
+    CommandLate if the vehicle does not fulfil `after` at the end of the command's life.
     """
     n_texts_before = ctx.telemetry.n_texts
     expected = _either(before, after)
@@ -187,7 +187,7 @@ def _next_try(ctx: Context, order: GuardedCommand, attempt: int) -> Conversation
     conversation = order.next_try(attempt) if ctx.now <= order.until_s else None
     if conversation is None:
         raise CommandLate(
-            f"a command came too late and was not sent (tries before: {attempt}): its reason may be over "
+            f"the command is too old and was not sent (earlier tries: {attempt}); it has to be decided anew "
             "[command-late]"
         )
     return conversation

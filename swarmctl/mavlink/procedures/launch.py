@@ -24,7 +24,7 @@ from swarmctl.mavlink.protocol.outcome import Done, LaunchBlocked
 from swarmctl.mavlink.protocol.procedure import Context, Procedure
 
 LAUNCH_LASTS_S = 15.0
-"""time for which a decision to arm or to take off is valid [s]: people and vehicles nearby move on"""
+"""life of a command to arm or to take off [s]: people and vehicles nearby move on"""
 CLIMB_WAIT_S = 20.0
 """longest wait until the vehicle has left the ground"""
 BlockedBy = Callable[[], str]

@@ -10,10 +10,11 @@ Nothing on the vehicle changes. A list on the vehicle may hold more than the flo
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from swarmctl.core.mission import FlightPlan, MissionItem
+from swarmctl.core.vehicle import Landed
 from swarmctl.mavlink.dialects import Dialect
 from swarmctl.mavlink.dialects.plan import LAND, append_items
 from swarmctl.mavlink.procedures.guarded import NotInControl, confirm_state
@@ -38,8 +39,8 @@ class Recognised(Done):
     """True if the current item belongs to the plan's landing"""
     difference: str = ""
     """reason why no plan was recognised; empty if one was"""
-    mode_params: tuple[float, ...] = ()
-    """parameters of MAV_CMD_DO_SET_MODE for the vehicle's mode; empty if the mode is unknown"""
+    hold_params: tuple[float, ...] = ()
+    """parameters of MAV_CMD_DO_SET_MODE for the vehicle's hold mode; empty after a failure"""
 
 
 def recognise(
@@ -54,8 +55,6 @@ def recognise(
         # Only recent telemetry counts: a backlog shows an old picture.
         yield from confirm_state(ctx, lambda _state: True)
         yield WaitUntil(lambda: _is_known(ctx), STATE_WAIT_S)
-        if not _is_known(ctx):
-            return Recognised("position, landed state or current item are not reported [incomplete]")
         read = yield from read_back(ctx)
         if read.outcome is not DownloadOutcome.COMPLETE:
             return Recognised(read.text)
@@ -63,31 +62,27 @@ def recognise(
         yield from confirm_state(ctx, lambda _state: True)
     except NotInControl as why:
         return Recognised(str(why))
-    yield WaitUntil(lambda: ctx.state.mission_seq is not None, STATE_WAIT_S)
-    try:
-        mode_params = ctx.dialect.mode_params(ctx.state.mode)
-    except (KeyError, StopIteration):
-        mode_params = ()
     seq, start = ctx.state.mission_seq, ctx.state.takeoff_lat_lon
-    if seq is None:
-        return Recognised("no current item is reported [incomplete]")
+    if seq is None or not _is_known(ctx):
+        return Recognised("position, landed state or current item are not reported [incomplete]")
+    hold_params = ctx.dialect.mode_params(ctx.dialect.hold_mode)
     try:
         missions = {number: ctx.dialect.mission_items(plan, start) for number, plan in plans.items()}
     except ValueError as error:  # the plans are for another airframe
-        return Recognised(difference=str(error), mode_params=mode_params)
+        return Recognised(difference=str(error), hold_params=hold_params)
     found = _flown_plan(ctx.dialect, read.items, seq, missions, candidates)
     if isinstance(found, str):
-        return Recognised(difference=found, mode_params=mode_params)
+        return Recognised(difference=found, hold_params=hold_params)
     plan_id, begin = found
     ctx.verified_items = read.items
     ctx.plan_first_seq = ctx.dialect.first_waypoint_seq if ctx.dialect.uploads_atomically else begin
     lands = seq in landing_items(read.items) or read.items[seq].command == LAND
-    return Recognised(plan_id=plan_id, lands=lands, mode_params=mode_params)
+    return Recognised(plan_id=plan_id, lands=lands, hold_params=hold_params)
 
 
 def _is_known(ctx: Context) -> bool:
     state = ctx.state
-    return state.has_position and state.mission_seq is not None and state.landed != 0
+    return state.has_position and state.mission_seq is not None and state.landed is not Landed.UNDEFINED
 
 
 def _flown_plan(
@@ -111,15 +106,12 @@ def _flown_plan(
                 continue
             if [item.command for item in found[:first]] != [item.command for item in items[:first]]:
                 return "its take-off is not the program's"
-            strange = [
-                i
-                for i in _outside(range(first, len(found)), range(begin, end))
-                if _place(found[i]) not in known
-            ]
-            if strange:
-                return f"item {strange[0]} is of no plan of this program"
+            others = (i for i in range(first, len(found)) if not begin <= i < end)
+            strange = next((i for i in others if _place(found[i]) not in known), None)
+            if strange is not None:
+                return f"item {strange} is of no plan of this program"
             return number, begin
-    return f"its {len(found)} items from item {seq} on are no plan of this program"
+    return f"its items from item {seq} on, of {len(found)}, agree with no plan of this program"
 
 
 def _is_current(dialect: Dialect, seq: int, plan: range, n_items: int) -> bool:
@@ -129,12 +121,7 @@ def _is_current(dialect: Dialect, seq: int, plan: range, n_items: int) -> bool:
     if dialect.uploads_atomically:
         # Earlier items stay in front of the plan, so that the vehicle keeps its current item.
         return plan.stop == n_items and seq < plan.start
-    is_first = plan.start == dialect.first_waypoint_seq
-    return is_first and seq < plan.start
-
-
-def _outside(indices: range, inside: Collection[int]) -> Iterator[int]:
-    return (i for i in indices if i not in inside)
+    return seq < plan.start == dialect.first_waypoint_seq  # the climb before the first plan
 
 
 def _place(item: MissionItem) -> tuple[int, int, int]:

@@ -57,19 +57,17 @@ class VehicleClock:
         if message.tc1 == 0 or message.ts1 not in self._asked_ns:
             return
         boot_s = message.tc1 / 1e9
-        if self._newest_s is not None:
-            self._offset_s = max(self._offset_s, message.ts1 / 1e9 - boot_s)
+        self._offset_s = max(self._offset_s, message.ts1 / 1e9 - boot_s)
         self.receive(boot_s, now)
 
     def age_s(self, now: float, boot_s: float | None = None) -> float:
         """Return the age of the newest message, or of a message from `boot_s`; 0 before the first message."""
         sent_s = self._newest_s if boot_s is None else boot_s
-        return 0.0 if sent_s is None or self._newest_s is None else max(now - sent_s - self._offset_s, 0.0)
+        return 0.0 if sent_s is None else max(now - sent_s - self._offset_s, 0.0)
 
     def is_old(self, now: float, limit_s: float) -> bool:
         """Return whether the newest message is older than `limit_s` and the usual interval of messages."""
-        age_s = self.age_s(now)
-        return age_s > limit_s and age_s > limit_s + self._usual_interval_s()
+        return self.age_s(now) > limit_s + self._usual_interval_s()
 
     def _usual_interval_s(self) -> float:
         """Return the median interval of the last messages, by the vehicle's clock; 0 before the second."""

@@ -129,7 +129,7 @@ class Telemetry:
 
     @property
     def position_age_s(self) -> float:
-        """Return the age of the last position at the last message [s]; 0 before the first position."""
+        """Return the age of the position at the last message [s]; 0 without a position."""
         return self._clock.age_s(self._now, self.state.time_boot_s) if self.state.has_position else 0.0
 
     def age_s(self, now: float) -> float:

@@ -93,7 +93,7 @@ def _advice(needed_percent: float) -> str:
 
 
 def problems(scenario: Scenario) -> Iterator[str]:
-    """Yield a line for each vehicle whose first route and way back need more than a full"""
+    """Yield a line for each vehicle whose first route and way back need more than a full battery."""
     section = scenario.config.preflight
     for spec, task in zip(scenario.specs, scenario.tasks, strict=True):
         endurance_s = section.endurance_s or (SIMULATED_ENDURANCE_S if spec.simulated else None)

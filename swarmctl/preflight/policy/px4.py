@@ -133,7 +133,7 @@ def _link(
 
 
 def _first_waypoint(version: Version, least_m: float) -> tuple[RequiredParameter, ...]:
-    """Return the requirement that a mission may begin `least_m` [m] from the vehicle; 1.16 only warns."""
+    """Return the requirement that a mission may begin `least_m` [m] away; none for 1.16, which only warns."""
     if version >= (1, 16):
         return ()
     needs, least = f"a mission that begins {least_m:.0f} m from the vehicle", float(math.ceil(least_m))

@@ -46,7 +46,7 @@ from swarmctl.mavlink.telemetry.vehicle_state import STILL_M_S
 CLEAR_WAIT_S = 10.0
 """longest wait until the vehicle is clear of corners"""
 DECISIONS = 3
-"""how often the change to the new route is decided anew, because a command came too late"""
+"""greatest number of decisions for the change to the new route; each late command needs a new one"""
 MAX_BESIDE_LEG_M = 2.0
 """greatest distance from the route at which a vehicle may begin a new leg"""
 
@@ -131,8 +131,8 @@ def _make_tail_current(
 ) -> Procedure[tuple[str | None, Swapped | None]]:
     """Make the next item of the tail current; return the failure, and the outcome if the old route stays.
 
-    Each try decides its item by the vehicle's position. After a try that is too late the change is decided
-    anew: the command may mean another item then, or none.
+    Each try decides its item by the vehicle's position. After a late command the change is decided anew: the
+    next item may be another one, or the vehicle may have to stay on its old route.
     """
     mission = in_modes({ctx.dialect.mission_mode}, armed=True)
 
