@@ -105,8 +105,9 @@ async def fly(
         scenario = with_free_port(scenario)
     run, resumes = _Run(scenario, folder, clock, options, SafeUi(ui)), options.resumes
     earlier = None if resumes is None else resumes.stored
-    recorder = Recorder(folder / "run.mcap", scenario, epoch_ns(clock), earlier)
+    # The record last: a run with a record can be continued, and that needs the evidence too.
     evidence = evidence_log.begin(scenario, folder, clock, run.ui.say, resumes)
+    recorder = Recorder(folder / "run.mcap", scenario, epoch_ns(clock), earlier)
     try:
         async with (
             contextlib.AsyncExitStack() as opened,

@@ -6,6 +6,7 @@ MCAP can open the file. Equal runs on the virtual clock write equal bytes.
 
 from __future__ import annotations
 
+import contextlib
 import inspect
 import json
 import math
@@ -67,12 +68,17 @@ class Recorder:
     def __init__(
         self, path: Path, scenario: Scenario, epoch_ns: int, earlier: StoredRecord | None = None
     ) -> None:
-        """Create the file, with a copy of `earlier`, the record of the run that this run continues."""
+        """Create the file, with a copy of `earlier`, the record of the run that this run continues.
+
+        The file gets its name after the copy: a run with half a record could not be continued.
+        """
         self.trouble = ""
         """reason for an early end of the record, such as a full disk; the flight continues"""
         self._path = path
-        self._file = path.open("wb")
-        record_file.lock(self._file)
+        draft = path.with_name(f".{path.name}")
+        self._file = draft.open("wb")
+        with contextlib.suppress(OSError):  # without locks the flight begins, but no program can continue it
+            record_file.lock(self._file)
         self._writer = Writer(self._file, chunk_size=CHUNK_BYTES)
         self._writer.start(profile="", library=f"swarmctl {__version__}")
         # A replay builds its agents from the configuration.
@@ -92,6 +98,7 @@ class Recorder:
         if earlier is not None:
             self._copy(earlier)
         self._flush(-math.inf)
+        draft.rename(path)
 
     def _copy(self, earlier: StoredRecord) -> None:
         for message in earlier.messages:

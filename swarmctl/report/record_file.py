@@ -52,13 +52,14 @@ class StoredRecord:
 
 
 def lock(file: BinaryIO) -> bool:
-    """Lock a record until the file is closed or the process ends; return False if another process has it."""
+    """Lock a record until the file is closed or the process ends; return False if another process has it.
+
+    Raises OSError on a file system without locks.
+    """
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         return False
-    except OSError:  # some network file systems have no locks
-        return True
     return True
 
 
@@ -70,15 +71,17 @@ def read(path: Path) -> StoredRecord:
             file.seek(0)
             metadata, messages = _parsed(BytesIO(file.read(end)))
     except FileNotFoundError:
-        raise RecordError(
-            f"{path}: not found; give the folder of a run, which holds run.mcap [no-record]"
-        ) from None
+        raise not_found(path) from None
     except Exception as error:  # a damaged record fails in many ways: compression, unknown channels
         raise damaged(path, error) from error
     if metadata.get("format") not in READABLE:
         text = f"swarmctl {__version__} cannot read this record; use the version that wrote it"
         raise RecordError(f"{path}: {text} [other-format]")
     return StoredRecord(metadata, sorted(messages, key=lambda message: message.number), is_cut)
+
+
+def not_found(path: Path) -> RecordError:
+    return RecordError(f"{path}: not found; give the folder of a run, which holds run.mcap [no-record]")
 
 
 def damaged(path: Path, error: Exception) -> RecordError:

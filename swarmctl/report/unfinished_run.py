@@ -6,6 +6,7 @@ before each message, gives the last mode that the program commanded.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -53,7 +54,7 @@ class RecordedVehicle:
 
 @dataclass(frozen=True, slots=True)
 class UnfinishedRun:
-    """A run that ended without its end, with its files."""
+    """A run whose program died in flight, with its files."""
 
     folder: Path
     vehicles: dict[int, RecordedVehicle]
@@ -68,26 +69,49 @@ class UnfinishedRun:
 
 def unfinished_content(run: Path) -> tuple[record.RecordContent, BinaryIO]:
     """Return the content and the locked file of an unfinished run's record. Raises UnfinishedRunError."""
+    with contextlib.ExitStack() as opened:
+        try:
+            file = opened.enter_context(_locked(run))
+            # After the lock: until then another program may have written more.
+            content = record.read(record.record_path(run))
+        except record_file.RecordError as error:
+            raise UnfinishedRunError(str(error)) from error
+        if not content.is_cut:
+            raise UnfinishedRunError(
+                f"{run}: the run has ended in order, so there is nothing to go on with; start a new flight "
+                "without --resume, and command vehicles that are still in the air by another ground station "
+                "[run-ended]"
+            )
+        opened.pop_all()
+        return content, file
+
+
+def _locked(run: Path) -> BinaryIO:
+    """Open and lock the record of a run. Raises UnfinishedRunError and RecordError."""
     path = record.record_path(run)
     try:
-        content = record.read(path)
-        file = path.open("rb")
-    except (record_file.RecordError, OSError) as error:
-        raise UnfinishedRunError(str(error)) from error
-    if not record_file.lock(file):
+        file = path.open("r+b")  # network file systems lock only files that are open for writing
+    except FileNotFoundError:
+        raise record_file.not_found(path) from None
+    except OSError as error:
+        raise UnfinishedRunError(
+            f"{path}: cannot be opened for writing: {error.strerror or error}"
+        ) from error
+    try:
+        is_locked = record_file.lock(file)
+    except OSError as error:
+        file.close()
+        raise UnfinishedRunError(
+            f"{path}: cannot be locked: {error.strerror or error}; so another program may still fly these "
+            "vehicles. Make sure that none does, copy the folder to a local disk, and give the copy [no-locks]"
+        ) from error
+    if not is_locked:
         file.close()
         raise UnfinishedRunError(
             f"{run}: another program still writes the record of this run; end that program first, because "
             "two programs must not command the same vehicles [still-running]"
         )
-    if not content.is_cut:
-        file.close()
-        raise UnfinishedRunError(
-            f"{run}: the run has ended in order, so there is nothing to go on with; start a new flight "
-            "without --resume, and command vehicles that are still in the air by another ground station "
-            "[run-ended]"
-        )
-    return content, file
+    return file
 
 
 def rebuild(

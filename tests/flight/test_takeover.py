@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import random
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, BinaryIO
 
 import pytest
 from crash_world import Meanwhile, Moment, crashed, drift, lost_observations, resume, unfinished
@@ -20,9 +22,11 @@ from wings_flights import winged
 from sim_vehicle.faults.spec import parse_fault
 from sim_vehicle.fleet import Fleet
 from swarmctl.config.scenario import Scenario
+from swarmctl.flight import app
 from swarmctl.flight.app import DEFAULT_OPTIONS
+from swarmctl.flight.director import Director
 from swarmctl.mavlink import events as mavlink_events
-from swarmctl.report import record
+from swarmctl.report import record, record_file, unfinished_run
 from swarmctl.report.evidence.chain import check
 from swarmctl.report.unfinished_run import UnfinishedRunError
 
@@ -271,3 +275,84 @@ def test_a_run_that_is_still_flown_is_refused(tmp_path: Path, monkeypatch: pytes
             with pytest.raises(UnfinishedRunError, match=r"\[still-running\]"):
                 unfinished(scenario, crash)
         unfinished(scenario, crash).file.close()
+
+
+def test_what_the_other_program_wrote_until_its_end_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scenario = pair()
+    with crashed(scenario, tmp_path / "a", monkeypatch, when=at(1.0)) as crash:
+        assert crash is not None
+    path = crash.folder / "run.mcap"
+    whole, lock = path.read_bytes(), record_file.lock
+
+    def lock_at_its_end(file: BinaryIO) -> bool:
+        path.write_bytes(whole)
+        return lock(file)
+
+    with unfinished(scenario, crash).file:
+        pass
+    n_messages = len(record_file.read(path).messages)
+    path.write_bytes(whole[: len(whole) // 2])
+    assert len(record_file.read(path).messages) < n_messages
+    monkeypatch.setattr(record_file, "lock", lock_at_its_end)
+    run = unfinished(scenario, crash)
+    with run.file:
+        assert len(run.stored.messages) == n_messages
+
+
+def test_a_run_that_cannot_be_locked_is_refused_but_a_new_flight_begins(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def no_locks(_file: object, _how: int) -> None:
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    scenario = pair()
+    monkeypatch.setattr(record_file.fcntl, "flock", no_locks)
+    with crashed(scenario, tmp_path / "a", monkeypatch, when=at(1.0)) as crash:
+        assert crash is not None
+    with pytest.raises(UnfinishedRunError, match=r"run\.mcap.*\[no-locks\]"):
+        unfinished(scenario, crash)
+
+
+def test_half_a_copy_of_the_earlier_record_is_not_the_last_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scenario = pair()
+    with crashed(scenario, tmp_path / "a", monkeypatch, when=at(1.0)) as crash:
+        assert crash is not None
+    stored, found = record_file.read(crash.folder / "run.mcap"), []
+
+    def copied() -> Iterator[record_file.StoredMessage]:
+        """Look amid the copy, where a crash would leave the files as they are."""
+        yield from stored.messages
+        found.append(unfinished_run.last_run(tmp_path / "new"))
+
+    path = tmp_path / "new" / "b" / "run.mcap"
+    path.parent.mkdir(parents=True)
+    record.Recorder(path, scenario, 0, replace(stored, messages=copied())).close()
+    assert found == [None]
+    assert unfinished_run.last_run(tmp_path / "new") == path.parent
+
+
+def test_ctrl_c_amid_the_takeover_lets_the_vehicles_go(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scenario, made, directors = pair(), app._director, list[Director]()
+
+    def director(*given: Any) -> Director:
+        directors.append(made(*given))
+        return directors[-1]
+
+    monkeypatch.setattr(app, "_director", director)
+    with crashed(scenario, tmp_path / "a", monkeypatch, when=at(20.0)) as crash:
+        assert crash is not None
+        stop = (crash.at_s + 5.5, lambda _fleet: directors[-1].stop.set())
+        resumed = resume(scenario, crash, tmp_path / "b", monkeypatch, later=stop)
+    assert resumed.report.ended == "stopped"
+    assert {state.phase for state in resumed.report.states.values()} == {"released"}
+    assert max(entry["now_s"] for entry in effects(resumed.folder, "Command")) < crash.at_s
+    (stopping,) = [line for line in resumed.ui.said if line.endswith("[stopping]")]
+    assert not any(name in stopping for name in resumed.outcomes())
+    (released,) = [line for line in resumed.ui.said if line.endswith("[released-in-air]")]
+    assert all(name in released for name in resumed.outcomes())
