@@ -103,7 +103,7 @@ def _locked(run: Path) -> BinaryIO:
         file.close()
         raise UnfinishedRunError(
             f"{path}: cannot be locked: {error.strerror or error}; so another program may still fly these "
-            "vehicles. Make sure that none does, copy the folder to a local disk, and give the copy [no-locks]"
+            "vehicles; make sure that none does, and give a copy of the folder on a local disk [no-locks]"
         ) from error
     if not is_locked:
         file.close()

@@ -93,9 +93,10 @@ def make_keys(
         hosts = dict(hosts)
         for name in revoke:
             # The list first: an interrupted revocation is completed by the next one.
-            _write(folder / FILE_NAME, encode_revoked(with_revoked(folder, name, now)))
+            revoked = with_revoked(folder, name, now)
+            _write(folder / FILE_NAME, encode_revoked(revoked))
             hosts[name] = (*hosts.get(name, ()), *hosts_of(read_certificate(folder / name / "cert.pem")))
-            remove_keys(folder / name)
+            remove_keys(folder / name, len(revoked[name]))
         revoked = read_revoked(folder)
         folders = [
             _participant(folder / name, name, authority, days, now, hosts.get(name, ()), revoked)

@@ -12,6 +12,7 @@ participant. Revocation works in two ways:
 from __future__ import annotations
 
 import base64
+import contextlib
 import datetime as dt
 from collections.abc import Mapping
 from pathlib import Path
@@ -89,7 +90,10 @@ def with_revoked(folder: Path, name: str, now: dt.datetime) -> Revoked:
     """Return the list of `folder` with the present keys of participant `name` added. Raises KeyringError."""
     own = folder / name
     if not own.is_dir():
-        raise KeyringError(f"{own}: no such folder, so {name} has no keys to revoke; check name and --out")
+        raise KeyringError(
+            f"{own}: no such folder, so {name} has no keys to revoke; check name and --out. After an "
+            "interrupted revocation, run `swarmctl keys` without --revoke"
+        )
     serial = f"{read_certificate(own / 'cert.pem').serial_number:x}"
     public_key = read_signing_key(own / "sign.pem").public_key().public_bytes_raw()
     revoked = read_revoked(folder)
@@ -100,11 +104,17 @@ def with_revoked(folder: Path, name: str, now: dt.datetime) -> Revoked:
     return {**revoked, name: (*earlier, keys)}
 
 
-def remove_keys(own_folder: Path) -> None:
-    """Remove a participant's folder, so that its keys are made anew. Raises OSError."""
+def remove_keys(own_folder: Path, n_revoked: int) -> None:
+    """Remove a participant's keys, so that new ones are made. Raises OSError.
+
+    The folder is renamed first, so that an interruption leaves no half folder. Files that `swarmctl keys` did
+    not make stay in the renamed folder.
+    """
+    old = own_folder.rename(own_folder.with_name(f"{own_folder.name}-revoked-{n_revoked}"))
     for file in PARTICIPANT_FILES:
-        (own_folder / file).unlink(missing_ok=True)
-    own_folder.rmdir()
+        (old / file).unlink(missing_ok=True)
+    with contextlib.suppress(OSError):
+        old.rmdir()
 
 
 def swarms_with(authority_folder: Path, swarm: str, *, share: bool) -> bytes | None:

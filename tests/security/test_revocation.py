@@ -186,3 +186,34 @@ def test_a_broken_list_is_refused_with_its_file(file: str, content: str, stolen:
 
     with pytest.raises(KeyringError, match=r"revoked\.json"):
         used()
+
+
+def test_a_file_of_the_user_is_kept_and_does_not_stop_the_revocation(folder: Path) -> None:
+    old = (folder / "uav1" / "sign.pem").read_bytes()
+    (folder / "uav1" / "notes.txt").write_text("the blue copter")
+    (made, *_) = make_keys(folder, NAMES, 5, NOW, revoke=["uav1"])
+    assert made.is_new
+    assert (folder / "uav1" / "sign.pem").read_bytes() != old
+    assert [path.read_text() for path in folder.rglob("notes.txt")] == ["the blue copter"]
+    assert old not in {path.read_bytes() for path in folder.rglob("*.pem")}
+
+
+def test_a_revocation_that_was_interrupted_amid_the_removal_is_completed(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    unlink = Path.unlink
+
+    def interrupted(path: Path, *, missing_ok: bool = False) -> None:
+        if path.name == "key.pem":
+            raise KeyboardInterrupt
+        unlink(path, missing_ok=missing_ok)
+
+    old = (folder / "uav1" / "sign.pem").read_bytes()
+    monkeypatch.setattr(Path, "unlink", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        make_keys(folder, NAMES, 5, NOW, revoke=["uav1"])
+    monkeypatch.undo()
+    make_keys(folder, NAMES, 5, NOW)
+    assert (folder / "uav1" / "sign.pem").read_bytes() != old
+    assert len(json.loads((folder / "revoked.json").read_text())["uav1"]) == 1
+    load_keyring(folder, "uav1", NOW)
