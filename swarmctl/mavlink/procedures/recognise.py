@@ -111,7 +111,7 @@ def _flown_plan(
             if strange is not None:
                 return f"item {strange} is of no plan of this program"
             return number, begin
-    return f"its items from item {seq} on, of {len(found)}, agree with no plan of this program"
+    return f"from item {seq} on, its mission agrees with no plan of this program"
 
 
 def _is_current(dialect: Dialect, seq: int, plan: range, n_items: int) -> bool:
