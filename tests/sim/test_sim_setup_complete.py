@@ -91,6 +91,24 @@ def test_the_frame_of_a_copter_needs_no_setup_and_a_plane_has_none() -> None:
         value(station_of(ARDUPILOT, "plane"), "FRAME_CLASS")
 
 
+@pytest.mark.parametrize(
+    ("kind", "name", "width"),
+    [
+        ("copter", "RC_FS_TIMEOUT", mavlink.MAV_PARAM_TYPE_REAL32),
+        ("plane", "RC_FS_TIMEOUT", None),
+        ("plane", "FBWB_CLIMB_RATE", mavlink.MAV_PARAM_TYPE_INT8),
+        ("copter", "FBWB_CLIMB_RATE", None),
+    ],
+)
+def test_parameters_of_one_kind_have_the_type_of_the_firmware(
+    kind: str, name: str, width: int | None
+) -> None:
+    station = station_of(ARDUPILOT, kind)
+    replies = station.send(mavlink.MAVLink_param_request_read_message(1, 1, name.encode(), -1))
+    types = [m.param_type for m in replies if m.get_type() == "PARAM_VALUE"]
+    assert types == ([] if width is None else [width])
+
+
 @BOTH_KINDS
 @pytest.mark.parametrize("personality", list(READ))
 def test_each_parameter_of_a_ground_stations_page_is_answered(personality: str, kind: str) -> None:

@@ -169,12 +169,13 @@ def test_overrides_replace_a_failed_receiver_and_their_end_is_a_radio_failsafe()
 
 
 @pytest.mark.full
-def test_manual_control_counts_as_a_heartbeat_of_the_ground_station() -> None:
+@pytest.mark.parametrize("throttle", [500, -5])  # the sticks of a negative throttle are ignored
+def test_manual_control_counts_as_a_heartbeat_of_the_ground_station(throttle: int) -> None:
     station = flying(LOITER)
     for name, value in ((b"FS_GCS_ENABLE", 1), (b"FS_OPTIONS", 0)):
         station.send(mavlink.MAVLink_param_set_message(1, 1, name, value, 9))
     for _ in range(80):
-        control(station)
+        control(station, z=throttle)
         station.wait(0.1)
     assert station.mode == "LOITER"
     station.wait(7)

@@ -74,6 +74,7 @@ _EKF_ACTIONS = {0: FailsafeAction.WARN, 1: FailsafeAction.LAND, 2: FailsafeActio
 EKF_LANDS_EVERYWHERE = 3  # value of FS_EKF_ACTION
 # Modes of a plane by number. With FS_LONG_ACTN 0, AUTO, GUIDED and RTL continue after a long link loss.
 FBWA, FBWB = 5, 6
+PLANE_RC_TIMEOUT_S = 1.0  # Plane::rc_failsafe_active
 _PILOTED = (0, 2, FBWA, FBWB, 7)
 _CIRCLE, _RTL, _AUTO, _LOITER, _TAKEOFF, _GUIDED = 1, 11, 10, 12, 13, 15
 _MODES_RETURNING_AFTER_LONG_LOSS = (*_PILOTED, _CIRCLE, _LOITER, _TAKEOFF)
@@ -305,7 +306,7 @@ def plane_flight_parameters(params: Parameters) -> FlightParameters:
         rc_action_in=long_action_in,
         rc_short_action=_PLANE_SHORT_ACTIONS.get(short, FailsafeAction.HOLD),
         rc_short_action_in=dict.fromkeys(without_short_action, FailsafeAction.NOTHING),
-        rc_timeout_s=params["RC_FS_TIMEOUT"],
+        rc_timeout_s=PLANE_RC_TIMEOUT_S,
         rc_long_s=params["FS_LONG_TIMEOUT"],
         setpoint_timeout_s=3.0,
         setpoint_action=FailsafeAction.HOLD,

@@ -25,14 +25,12 @@ _COMMON: dict[str, float | int] = {
     "FENCE_MARGIN": 2.0,  # m
     "FENCE_RADIUS": 300.0,  # m around home
     "FENCE_TOTAL": 0,  # stored points
-    "FORMAT_VERSION": 120,  # no effect
     "LOG_BACKEND_TYPE": 1,
     "LOG_DISARMED": 0,
     "MIS_RESTART": 0,  # 1: AUTO starts at the beginning
     "MIS_TOTAL": 0,  # stored commands
     "RALLY_TOTAL": 0,
     "RC_OVERRIDE_TIME": 3.0,  # s, 0: overrides have no effect, -1: no end
-    "RC_FS_TIMEOUT": 1.0,  # s without a frame until the remote control counts as lost
     "SIM_BATT_VOLTAGE": 12.6,  # V, full and at rest
     "SIM_ENGINE_FAIL": 0,  # bits of the failing motors
     "SIM_ENGINE_MUL": 1.0,  # remaining thrust of the failing motors, as a share
@@ -56,6 +54,7 @@ COPTER: dict[str, float | int] = _COPTER_BASE | {
     "DISARM_DELAY": 10,  # s, 0 never
     "FENCE_ACTION": 1,  # 0 report, 1 RTL or land, 2 land, 3 as 1, 4 brake or land, 5 as 1
     "FENCE_TYPE": 7,  # bits: 0 maximum altitude, 1 circle, 2 polygons, 3 minimum altitude
+    "FORMAT_VERSION": 120,  # no effect
     "FRAME_CLASS": 1,  # no effect
     "FRAME_TYPE": 0,  # no effect
     "FS_EKF_ACTION": 1,  # 0 report, 1 land, 2 altitude hold, 3 land even in stabilize
@@ -77,6 +76,7 @@ COPTER: dict[str, float | int] = _COPTER_BASE | {
     "PILOT_Y_RATE": 202.5,  # deg/s
     "RALLY_INCL_HOME": 1,  # 0: home only if no rally point is in range
     "RALLY_LIMIT_KM": 0.3,  # km, 0: no limit
+    "RC_FS_TIMEOUT": 1.0,  # s without a frame until the remote control counts as lost
     "RTL_ALT": 1500,  # cm above home
     "RTL_ALT_FINAL": 0,  # cm above home, hover height at the end of a return; 0: landing
     "RTL_CLIMB_MIN": 0,  # cm
@@ -98,10 +98,11 @@ PLANE: dict[str, float | int] = _PLANE_BASE | {
     "AIRSPEED_MIN": 9,  # m/s
     "AIRSPEED_STALL": 0.0,  # m/s, 0: 8 m/s
     "BATT_LOW_VOLT": 0.0,  # V, 0: not watched
-    "FBWB_CLIMB_RATE": 2.0,  # m/s
+    "FBWB_CLIMB_RATE": 2,  # m/s
     "FENCE_ACTION": 1,  # 0 report, 1 RTL, 6 guided, 7 guided with throttle pass-through, 8 AUTOLAND or RTL
     "FENCE_RET_ALT": 0,  # m above home in guided after a breach, 0: half way from floor to ceiling
     "FENCE_TYPE": 4,  # bits as for the copter
+    "FORMAT_VERSION": 13,  # no effect
     "FS_GCS_ENABL": 0,  # 0 nothing, 1 heartbeats
     # 0 AUTO and GUIDED continue, other modes RTL; 1 RTL, 2 glide, 3 report, 4 AUTO, 5 AUTOLAND or RTL
     "FS_LONG_ACTN": 0,
@@ -131,11 +132,11 @@ PLANE: dict[str, float | int] = _PLANE_BASE | {
 
 # Width of the integer parameters [bits].
 _INT8 = (
-    "BATT_FS_CRT_ACT BATT_FS_LOW_ACT BATT_LOW_TIMER BATT_MONITOR DISARM_DELAY FENCE_ACTION FENCE_ENABLE"
-    " FENCE_TOTAL FENCE_TYPE FRAME_CLASS FRAME_TYPE FS_EKF_ACTION FS_GCS_ENABL FS_GCS_ENABLE FS_LONG_ACTN"
-    " FS_SHORT_ACTN FS_THR_ENABLE LAND_DISARMDELAY LOG_BACKEND_TYPE LOG_DISARMED MIS_RESTART Q_ENABLE"
-    " RALLY_INCL_HOME RALLY_TOTAL RTL_AUTOLAND SIM_ENGINE_FAIL SIM_GPS_DISABLE SIM_RC_FAIL SYSID_ENFORCE"
-    " THR_FAILSAFE"
+    "BATT_FS_CRT_ACT BATT_FS_LOW_ACT BATT_LOW_TIMER BATT_MONITOR DISARM_DELAY FBWB_CLIMB_RATE FENCE_ACTION"
+    " FENCE_ENABLE FENCE_TOTAL FENCE_TYPE FRAME_CLASS FRAME_TYPE FS_EKF_ACTION FS_GCS_ENABL FS_GCS_ENABLE"
+    " FS_LONG_ACTN FS_SHORT_ACTN FS_THR_ENABLE LAND_DISARMDELAY LOG_BACKEND_TYPE LOG_DISARMED MIS_RESTART"
+    " Q_ENABLE RALLY_INCL_HOME RALLY_TOTAL RTL_AUTOLAND SIM_ENGINE_FAIL SIM_GPS_DISABLE SIM_RC_FAIL"
+    " SYSID_ENFORCE THR_FAILSAFE"
 )
 _INT16 = (
     "AIRSPEED_MAX AIRSPEED_MIN FENCE_RET_ALT FORMAT_VERSION LAND_ALT_LOW LAND_SPEED LAND_SPEED_HIGH MIS_TOTAL"

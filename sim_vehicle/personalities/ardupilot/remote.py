@@ -37,10 +37,11 @@ class Remote:
             return
         if message.get_type() == "RC_CHANNELS_OVERRIDE":
             self._override(message, now)
-        elif message.target != vehicle.sysid or not self._control(message, now):
+        elif message.target != vehicle.sysid:
             return
+        elif message.z >= 0 or vehicle.body.plane:  # a copter ignores the sticks of a negative thrust
+            self._control(message, now)
         vehicle.failsafes.receive_heartbeat(sysid, now)
-        vehicle.failsafes.receive_remote_frame(now)
 
     def _override(self, message: Any, now: float) -> None:
         for channel in range(CHANNELS):
@@ -49,11 +50,10 @@ class Remote:
                 continue
             released = pulse_us == RELEASED and channel >= OLD_CHANNELS
             self._overrides[channel] = (0 if released else pulse_us, now)
+        self._vehicle.failsafes.receive_remote_frame(now)
 
-    def _control(self, message: Any, now: float) -> bool:
-        """Set the four axes of MANUAL_CONTROL; return False for a copter with a negative thrust."""
-        if message.z < 0 and not self._vehicle.body.plane:
-            return False
+    def _control(self, message: Any, now: float) -> None:
+        """Set the four axes of MANUAL_CONTROL."""
         middle, ends = MIDDLE_US - LOWEST_US, HIGHEST_US - LOWEST_US
         axes = (
             (ROLL, message.y, middle + message.y / 2),
@@ -63,7 +63,7 @@ class Remote:
         )
         for channel, axis, pulse_us in axes:
             self._overrides[channel] = (0 if axis == NO_AXIS else LOWEST_US + int(pulse_us), now)
-        return True
+        self._vehicle.failsafes.receive_remote_frame(now)
 
     def channels_us(self, now: float) -> Sequence[int]:
         pulses_us = [*RECEIVER_US, *[0] * (CHANNELS - len(RECEIVER_US))]

@@ -1,8 +1,7 @@
-"""Parameters without an effect that ground stations read.
+"""Parameters that ground stations read, and that have no effect on the simulated vehicle.
 
-QGroundControl shows "setup needed" for a vehicle without the parameters of a calibrated one, and each ground
-station has pages that need parameters. The values are those of the firmware 4.6.2 in software, with its own
-defaults of a calibrated vehicle.
+QGroundControl shows "setup needed" for a vehicle without calibration parameters, and pages of each ground
+station need further ones. The values are those of ArduPilot 4.6.2 in SITL, whose sensors are calibrated.
 """
 
 # name, type, value of ArduCopter, value of ArduPlane (-: no such parameter), ground station and its page
