@@ -6,6 +6,8 @@ copter tilts to accelerate and to balance drag. The tilt is limited, so a strong
 The autopilot compensates its estimate of the wind and reacts late to gusts.
 """
 
+import math
+
 import numpy as np
 
 from sim_vehicle.physics.geodesy import Floats
@@ -31,6 +33,7 @@ SPINNING_LIMIT_M_S2 = 0.5  # horizontal acceleration limit with a lost motor
 MOTOR_LOST_SINK_M_S2 = 0.3 * GRAVITY_M_S2  # vertical acceleration limit with one lost motor
 HOVER_W, MASS_KG, EFFICIENCY = 172.0, 1.5, 0.6
 HOVER_THROTTLE = 0.35
+MAX_LEAN_RAD = math.radians(60.0)
 IDLE_W = 16.0
 
 
@@ -172,3 +175,12 @@ def lifts_off(m: Motion) -> Bools:
     up |= (m.order == MotionOrder.THRUST) & (m.wanted_lift > 1.0)
     able = ~(m.crashed | m.exhausted | m.planes | m.airborne) & (m.motors_lost == 0)
     return np.asarray(up & m.armed & able)
+
+
+def lean_acceleration_m_s2(roll_rad: float, pitch_rad: float, yaw_rad: float) -> tuple[float, float]:
+    """Return the acceleration east, north of a copter that leans and keeps its height."""
+    vertical_share = max(math.cos(roll_rad) * math.cos(pitch_rad), math.cos(MAX_LEAN_RAD) ** 2)
+    forward = -GRAVITY_M_S2 * math.sin(pitch_rad) * math.cos(roll_rad) / vertical_share
+    right = GRAVITY_M_S2 * math.sin(roll_rad) / vertical_share
+    east = forward * math.sin(yaw_rad) + right * math.cos(yaw_rad)
+    return east, forward * math.cos(yaw_rad) - right * math.sin(yaw_rad)

@@ -171,14 +171,12 @@ class Scenario(Section):
             *self._mission_problems(),
             *self._threat_problems(),
             *self._unknown_sysids(),
-        ]
-        findings += [
             *self._script_problems(),
             *self._check_requirements(),
             *self._mode_problems(),
             *self._late_steps_and_checks(),
+            *self._distant_vehicles(),
         ]
-        findings += self._distant_vehicles()
         # A fault of `serve --fault` may begin at any time, because `serve` has no end.
         if info.context and info.context.get("from_file"):
             findings += self._late_faults()

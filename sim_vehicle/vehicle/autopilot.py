@@ -146,13 +146,10 @@ class Autopilot:
         self._next_idle_s = float(rng.random())
         # Few phases, so that the fleet encodes 1 Hz messages of many vehicles at a time.
         self._phase_s = math.floor(self._next_idle_s * PHASES) / PHASES
-        self.now = 0.0
-        self.alarm_s = 0.0
-        self.strikes = 0
-        self.boots = 0
+        self.now = self.alarm_s = self._boot_due_s = 0.0
+        self.strikes = self.boots = 0
         self.reboot_after_reply = False
         self.booted = False
-        self._boot_due_s = 0.0
         self._reset(0.0)
 
     def _reset(self, now: float) -> None:
@@ -171,9 +168,7 @@ class Autopilot:
         for part in (self.sender, self.jobs, self.setpoints, self.remote):
             part.reset()
         self.mission.reboot()
-        self.flight.pilot.reboot()
-        self.flight.cleared_for_takeoff = False
-        self.flight.enter(self.mode)
+        self.flight.reboot(self.mode)
 
     # -- output -------------------------------------------------------------------------------------------
 

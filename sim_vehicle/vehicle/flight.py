@@ -165,6 +165,12 @@ class Flight:
 
     # -- modes --------------------------------------------------------------------------------------------
 
+    def reboot(self, mode: Mode) -> None:
+        """Forget the earlier flight after a reboot, and enter the mode of the boot."""
+        self.pilot.reboot()
+        self.cleared_for_takeoff = False
+        self.enter(mode)
+
     def enter(self, mode: Mode) -> None:
         """Leave the present behaviour and begin the behaviour of `mode`."""
         returns = mode.behaviour is Behaviour.RETURN and self.flying

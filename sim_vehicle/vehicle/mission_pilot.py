@@ -93,6 +93,8 @@ class MissionPilot:
         self._following = following
         self._target_m = flight.guided_target_m = self._goal_m(item)
         self._climbing = self._climbs_first(item)
+        if flight.body.airborne:
+            flight.mission.climbs_first = False
         flight.taking_off = item.command in TAKEOFFS or (self._climbing and not flight.body.airborne)
         if not flight.flying:
             return
@@ -105,8 +107,6 @@ class MissionPilot:
         """Return True if the vehicle climbs in place before it flies to `item` (`checkClimbRequired`)."""
         flight = self._flight
         climbs = flight.mission.climbs_first and item.command not in (*TAKEOFFS, *LANDINGS)
-        if flight.body.airborne:
-            flight.mission.climbs_first = False
         tolerance_m = flight.flight_parameters.waypoint_height_m
         return climbs and self._target_m[2] - flight.body.alt_amsl_m > tolerance_m
 

@@ -6,7 +6,7 @@ brakes and holds its place. A plane banks, and climbs by its throttle and pitch 
 
 import math
 
-from sim_vehicle.physics.lean import lean_acceleration_m_s2
+from sim_vehicle.physics.copter import lean_acceleration_m_s2
 from sim_vehicle.vehicle.behaviour import Behaviour
 from sim_vehicle.vehicle.interface import FlightControl
 from sim_vehicle.vehicle.sticks import PilotLimits, Sticks

@@ -58,9 +58,9 @@ _LOGS = {-1: LogWhen.NEVER, 0: LogWhen.ARMED, 1: LogWhen.FROM_BOOT, 2: LogWhen.A
 
 
 def _offboard_lost_action(params: Parameters) -> FailsafeAction:
-    """Return the action after a lost offboard link; for a pilot's mode the action without manual control."""
-    has_sticks = int(params["COM_RC_IN_MODE"]) != NO_STICKS
-    without_pilot = FailsafeAction.RETURN if has_sticks else FailsafeAction.HOLD
+    """Return the action after a lost offboard link, where no pilot can take over."""
+    sticks_enabled = int(params["COM_RC_IN_MODE"]) != NO_STICKS
+    without_pilot = FailsafeAction.RETURN if sticks_enabled else FailsafeAction.HOLD
     return _OFFBOARD_ACTIONS.get(int(params["COM_OBL_RC_ACT"]), without_pilot)
 
 

@@ -9,10 +9,11 @@ from typing import Any
 
 from sim_vehicle.personalities.base import Vehicle
 from sim_vehicle.personalities.px4 import modes
+from sim_vehicle.personalities.px4.flight_parameters import NO_STICKS
 from sim_vehicle.vehicle.behaviour import Behaviour
 from sim_vehicle.vehicle.sticks import Sticks
 
-JOYSTICK_MODES, NO_STICKS = (1, 2, 3), 4  # COM_RC_IN_MODE
+JOYSTICK_MODES = (1, 2, 3)  # COM_RC_IN_MODE
 CHANNELS = 18  # of RC_CHANNELS_OVERRIDE
 IGNORED = 0xFFFF
 MOVING_TIME_S = 0.1  # time constant of the sticks' speed
