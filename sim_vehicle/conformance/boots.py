@@ -1,10 +1,10 @@
-"""The clock of the vehicle under test: its boots, whether asked for or not, and its pace."""
+"""The clock of the vehicle under test: its pace, and reboots that the suite did not ask for."""
 
 from sim_vehicle.conformance.assertions import CheckFailed, Skip
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 BOOTING_S = 5.0  # shortest time from a boot to the next check
-PROVABLE_S = 20.0  # a vehicle that was on for this time shows a new boot by a lower time
+MIN_UPTIME_S = 20.0  # shortest time since the boot before a reboot; a lower time afterwards proves it
 PACE_S = 2.0  # shortest time for a measurement of the pace
 
 
@@ -17,7 +17,7 @@ def time_since_boot_s(vehicle: VehicleUnderTest) -> float | None:
 
 
 class BootWatch:
-    """The vehicle's time since its boot after the latest check."""
+    """Reboots between checks, and the pace of the vehicle's clock, by its time since boot."""
 
     def __init__(self, vehicle: VehicleUnderTest) -> None:
         self._vehicle = vehicle
@@ -25,9 +25,9 @@ class BootWatch:
         self._pace_from: tuple[float, float] | None = None  # vehicle's time since boot, time of the wire [s]
 
     def let_boot(self) -> bool:
-        """Return True after a boot that was not seen before, and at least `BOOTING_S` after any boot.
+        """Wait until `BOOTING_S` after a boot; return True for a reboot since the previous call.
 
-        ArduPilot undoes mode changes before that time.
+        ArduPilot undoes earlier mode changes.
         """
         before_s, self._latest_s = self._latest_s, time_since_boot_s(self._vehicle)
         if self._latest_s is None:

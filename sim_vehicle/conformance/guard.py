@@ -15,7 +15,7 @@ from sim_vehicle.conformance.outgoing import OutgoingFrame
 ARM = "arm"  # motors turn, or the vehicle flies
 REBOOT = "reboot"
 ALTER = "alter"  # a lasting change: logs, calibration, stored parameters, signing key
-CRASH = "crash"  # a known firmware ended by it; asked after all other checks and after the restoration
+CRASH = "crash"  # frames that ended a known firmware; sent after all other checks and the restoration
 SIMULATOR = "simulator"  # only for the simulator
 PERMISSIONS = frozenset({ARM, REBOOT, ALTER, CRASH, SIMULATOR})
 

@@ -44,7 +44,7 @@ class Check:
 
     @property
     def dangerous(self) -> bool:
-        """Return True if a known firmware ended by this check: it needs an option, and comes last."""
+        """Return True for a check that ended a known firmware; it needs an option and runs last."""
         return CRASH in self.needs
 
     @property

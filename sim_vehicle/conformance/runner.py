@@ -153,14 +153,14 @@ class _RunState:
             self._battery_enlarged = True
             _enlarge_battery(self._vehicle)
         result = _run_check(self._vehicle, check)
-        trouble = self._trouble_after(check)
-        if trouble is None:
+        failure = self._failure_after(check)
+        if failure is None:
             return result
-        seen = f"the vehicle {trouble}; result of the check: {result.seen}"
+        seen = f"the vehicle {failure}; result of the check: {result.seen}"
         return CheckResult(check, Outcome.FAILED, seen, result.took_s)
 
-    def _trouble_after(self, check: Check) -> str | None:
-        """Return the predicate of a vehicle that fell silent or rebooted unasked; wait until it is back."""
+    def _failure_after(self, check: Check) -> str | None:
+        """Wait until the vehicle is back; return a text about its silence or unasked reboot, or None."""
         silent = not _alive(self._vehicle)
         if silent and not _sends_heartbeats(self._vehicle, HEARTBEAT_WAIT_S):
             self.stop_reason = (
@@ -169,7 +169,7 @@ class _RunState:
             )
             return "sent no heartbeat after the check"
         if self.boots.let_boot() and REBOOT not in check.needs:
-            return "rebooted during the check"
+            return "rebooted during the check [rebooted]"
         return f"sent no heartbeat for {SILENCE_S:g} s after the check" if silent else None
 
     def _unsaved(self, check: Check) -> CheckResult | None:
@@ -326,13 +326,16 @@ def _restore(vehicle: VehicleUnderTest, backup: PlanBackup | None) -> list[str]:
 def _land(vehicle: VehicleUnderTest) -> list[str]:
     """Land and disarm in up to `LANDING_ATTEMPTS` attempts; return a text for the last failure."""
     if vehicle.armed and ARM not in vehicle.permissions:
-        return ["the vehicle is armed, and landing needs --allow-arm; land the vehicle with another station"]
+        return [
+            "the vehicle is armed, and landing needs --allow-arm; "
+            "land the vehicle with another station [not-landed]"
+        ]
     failure = ""
     for _ in range(LANDING_ATTEMPTS):
         try:
             flying.ensure_landed(vehicle)
         except (CheckFailed, Skip) as error:
-            failure = f"the vehicle could not be landed: {error}; land the vehicle with another station"
+            failure = f"the vehicle did not land: {error}; land the vehicle with another station [not-landed]"
         else:
             return []
         if not _sends_heartbeats(vehicle, HEARTBEAT_WAIT_S):

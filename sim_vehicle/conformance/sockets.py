@@ -29,7 +29,7 @@ class SenderAddresses:
     def __init__(self) -> None:
         self._addresses: dict[int, Any] = {}
         self._latest_s: dict[int, float] = {}
-        self._rivals: set[int] = set()  # ids with frames from another address since the latest of their own
+        self._rivals: set[int] = set()  # ids used by another address since the last frame from their own
         self._ambiguous: set[int] = set()
 
     @property
@@ -45,7 +45,7 @@ class SenderAddresses:
         return sysid in self._ambiguous
 
     def received(self, sysid: int, address: Any, now_s: float) -> bool:
-        """Record a sender; return False if the id belongs, perhaps still, to another address."""
+        """Record a sender; return False while the id belongs to another address."""
         recorded = self._addresses.get(sysid)
         if recorded is not None and recorded != address:
             self._rivals.add(sysid)

@@ -17,7 +17,7 @@ from sim_vehicle.conformance.registry import CATEGORIES
 UNEXPLAINED, USAGE_ERROR = 1, 2  # exit codes
 OUTCOMES = {"p": "passed", "f": "failed", "s": "skipped"}
 NO_RESULT = "."
-# Words of skipped checks that the vehicle was not asked.
+# Parts of the reasons for which a skipped check never ran; such a check is no result.
 NOT_ASKED = (
     "[vehicle-silent]",
     "not permitted",
@@ -39,7 +39,7 @@ class BadResults(ValueError):
 
 @dataclass
 class VehicleResults:
-    """The results of one firmware, or of the simulator in its place."""
+    """The results of one firmware, or of the simulator of the same autopilot."""
 
     name: str  # such as "ArduCopter"
     version: str
@@ -127,7 +127,7 @@ def compact(vehicles: Sequence[VehicleResults]) -> str:
 
 @dataclass(frozen=True, slots=True)
 class _Pair:
-    """One firmware and the simulator in its place."""
+    """One firmware and the simulator of the same autopilot."""
 
     firmware: VehicleResults
     simulator: VehicleResults
@@ -154,7 +154,7 @@ def _order(check: str) -> tuple[int, str]:
 
 
 def pairs(vehicles: Sequence[VehicleResults]) -> list[_Pair]:
-    """Return each firmware with the simulator in its place; raise BadResults for a firmware without it."""
+    """Pair each firmware with the simulator of the same autopilot; raise BadResults if one is missing."""
     simulators = {vehicle.name: vehicle for vehicle in vehicles if vehicle.simulator}
     firmware = [vehicle for vehicle in vehicles if not vehicle.simulator]
     if missing := [vehicle.name for vehicle in firmware if vehicle.name not in simulators]:
@@ -176,7 +176,7 @@ def page(found: Sequence[_Pair]) -> str:
         *(f"- {name}" for name in names),
         "",
         "Frames that end ArduPilot's SITL were not sent (`--allow-crash`). "
-        "Checks that only the simulator can be asked are left out. "
+        "Checks for the simulator only are left out. "
         "A check that depended on the load of the machine was run again.",
         "",
         "A command makes this page from recorded results:",

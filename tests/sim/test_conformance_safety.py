@@ -103,7 +103,7 @@ def test_the_run_goes_on_after_an_unasked_reboot() -> None:
     unasked, asked = one_check(reboots), one_check(reboots, REBOOT)
     report = run(vehicle, [unasked, asked, *select(["modes.set.manual"])])
     assert [result.outcome for result in report.results] == [Outcome.FAILED, Outcome.PASSED, Outcome.PASSED]
-    assert "rebooted" in report.results[0].seen
+    assert "[rebooted]" in report.results[0].seen
     assert report.notes == ()
 
 
@@ -116,6 +116,27 @@ def test_a_vehicle_that_does_not_reboot_soon_after_its_boot_is_noticed() -> None
 
     report = conform(DroppingWire(fleet(ready_s=0.0), reboot, accepted), "reboot.answers_again")
     assert named(report, Outcome.FAILED) == {"reboot.answers_again"}
+
+
+# -- requests --------------------------------------------------------------------------------------------
+
+
+def test_a_check_starts_although_px4_denies_its_requests() -> None:
+    """The stream then brings the message."""
+    denied: list[Any] = []
+
+    def asks_for_status(message: Any) -> bool:
+        return bool(
+            message.get_type() == "COMMAND_LONG" and (message.command, message.param1) == (REQUEST, 1)
+        )
+
+    def denial(message: Any) -> list[Any]:
+        denied.append(message)
+        return [mavlink.MAVLink_command_ack_message(REQUEST, mavlink.MAV_RESULT_DENIED, 0, 0, 255, 190)]
+
+    wire = DroppingWire(fleet("px4", ready_s=0.0), asks_for_status, denial)
+    assert named(conform(wire, "arming.arms_and_disarms"), Outcome.PASSED) == {"arming.arms_and_disarms"}
+    assert denied
 
 
 # -- restoration -----------------------------------------------------------------------------------------
@@ -143,7 +164,7 @@ def test_parameters_are_restored_on_a_vehicle_that_stays_armed() -> None:
     before = parameters.read(vehicle, "RTL_ALT").value
     report = run(vehicle, [one_check(arms_and_leaves_a_change, ARM)])
     assert inner.truth().armed[0]
-    assert any("could not be landed" in note for note in report.notes)
+    assert any("[not-landed]" in note for note in report.notes)
     vehicle.begin_check()
     assert parameters.read(vehicle, "RTL_ALT").value == before
 

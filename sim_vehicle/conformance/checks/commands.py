@@ -15,7 +15,7 @@ from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
 NO_SUCH_COMMAND = 31_999
 VERSION = mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION
 REQUEST = mavlink.MAV_CMD_REQUEST_MESSAGE
-ALIEN = "PX4 mavlink_receiver.cpp, handle_message_command_both: FAILED unless the target was seen"
+FOREIGN = "PX4 mavlink_receiver.cpp, handle_message_command_both: FAILED unless the target was seen"
 CALIBRATION_S = 60.0  # longest wait for the end of a calibration
 
 
@@ -106,13 +106,13 @@ def repeated_mode(vehicle: VehicleUnderTest) -> str:
     return "ACCEPTED"
 
 
-@check("commands.target.another_vehicle", source=ALIEN)
+@check("commands.target.another_vehicle", source=FOREIGN)
 def another_vehicle(vehicle: VehicleUnderTest) -> str:
     """A command to another system is not executed; ArduPilot does not answer it, PX4 answers FAILED."""
     return _not_executed(vehicle, vehicle.command_long(REQUEST, VERSION, to=(vehicle.unused_sysid(), 1)))
 
 
-@check("commands.target.another_vehicle_int", source=ALIEN)
+@check("commands.target.another_vehicle_int", source=FOREIGN)
 def another_vehicle_int(vehicle: VehicleUnderTest) -> str:
     """A COMMAND_INT to another system is not executed; ArduPilot is silent, PX4 answers FAILED."""
     message = vehicle.command_int(REQUEST, VERSION)
@@ -149,7 +149,7 @@ def all_components(vehicle: VehicleUnderTest) -> str:
     return "answered"
 
 
-@check("commands.target.other_component", source=f"AUTOPILOTS 1.15: target_component is ignored; {ALIEN}")
+@check("commands.target.other_component", source=f"AUTOPILOTS 1.15: target_component is ignored; {FOREIGN}")
 def other_component(vehicle: VehicleUnderTest) -> str:
     """A command to component 77 is executed by ArduPilot; PX4 answers FAILED."""
     expected = known_behaviour(vehicle, ardupilot=("ACCEPTED", True), px4=("FAILED", False))
@@ -273,7 +273,7 @@ def nothing_to_cancel(vehicle: VehicleUnderTest) -> str:
     return "the next command is ACCEPTED"
 
 
-@check("commands.target.broadcast_is_refused", dialects=("px4",), source=ALIEN)
+@check("commands.target.broadcast_is_refused", dialects=("px4",), source=FOREIGN)
 def px4_refuses_system_0(vehicle: VehicleUnderTest) -> str:
     """PX4 does not execute REQUEST_MESSAGE to system 0."""
     return _not_executed(vehicle, vehicle.command_long(REQUEST, VERSION, to=(0, 0)))

@@ -14,11 +14,16 @@ REQUESTED = (
     "SYS_STATUS", "SYSTEM_TIME", "GPS_RAW_INT", "ATTITUDE", "LOCAL_POSITION_NED", "GLOBAL_POSITION_INT",
     "VFR_HUD", "BATTERY_STATUS", "EXTENDED_SYS_STATE", "HOME_POSITION",
 )  # fmt: skip
-
-
-# Further messages of ArduPilot, which ground stations show, and a message of hardware that is rarely there.
-ARDUPILOTS = ("AHRS", "AHRS2", "HWSTATUS", "MEMINFO", "MISSION_ITEM_REACHED", "POWER_STATUS", "VIBRATION")
-OF_HARDWARE = "CAMERA_FEEDBACK"
+REQUESTED_OF_ARDUPILOT = (
+    "AHRS",
+    "AHRS2",
+    "HWSTATUS",
+    "MEMINFO",
+    "MISSION_ITEM_REACHED",
+    "POWER_STATUS",
+    "VIBRATION",
+)
+WITHOUT_DATA = "CAMERA_FEEDBACK"  # needs a camera
 
 
 def _request_check(kind: str) -> Callable[[VehicleUnderTest], str]:
@@ -33,7 +38,7 @@ def _request_check(kind: str) -> Callable[[VehicleUnderTest], str]:
             raise CheckFailed(f"expected {kind} on request: {refusal}") from refusal
         return kind
 
-    run.__doc__ = f"The vehicle sends {kind} on request; PX4 only if it has news since it last sent it."
+    run.__doc__ = f"The vehicle sends {kind} on request; PX4 denies a repeated request without news."
     return run
 
 
@@ -61,13 +66,13 @@ def request_mission_current(vehicle: VehicleUnderTest) -> str:
 
 @check("messages.request.of_ardupilot")
 def of_ardupilot(vehicle: VehicleUnderTest) -> str:
-    """ArduPilot sends the messages on request that ground stations show."""
-    for kind in known_behaviour(vehicle, ardupilot=ARDUPILOTS):
+    """ArduPilot sends, on request, further messages that ground stations show."""
+    for kind in known_behaviour(vehicle, ardupilot=REQUESTED_OF_ARDUPILOT):
         try:
             vehicle.request(kind)
         except Skip as refusal:
             raise CheckFailed(f"expected {kind} on request: {refusal}") from refusal
-    return ", ".join(ARDUPILOTS)
+    return ", ".join(REQUESTED_OF_ARDUPILOT)
 
 
 @check("messages.request.without_data")
@@ -75,10 +80,10 @@ def without_data(vehicle: VehicleUnderTest) -> str:
     """ArduPilot accepts a request for a message that it knows and has no data for, and sends nothing."""
     expected = known_behaviour(vehicle, ardupilot=mavlink.MAV_RESULT_ACCEPTED)
     mark = vehicle.mark()
-    result = vehicle.command(mavlink.MAV_CMD_REQUEST_MESSAGE, id_of(OF_HARDWARE))
-    equal(result_name(result), result_name(expected), f"answer to a request for {OF_HARDWARE}")
+    result = vehicle.command(mavlink.MAV_CMD_REQUEST_MESSAGE, id_of(WITHOUT_DATA))
+    equal(result_name(result), result_name(expected), f"answer to a request for {WITHOUT_DATA}")
     vehicle.wait(1.0)
-    equal(len(vehicle.since(mark, OF_HARDWARE)), 0, OF_HARDWARE)
+    equal(len(vehicle.since(mark, WITHOUT_DATA)), 0, WITHOUT_DATA)
     return result_name(result)
 
 

@@ -6,7 +6,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, parameters, plans
 from sim_vehicle.conformance.assertions import Skip, equal, holds, result_name
-from sim_vehicle.conformance.boots import PROVABLE_S
+from sim_vehicle.conformance.boots import MIN_UPTIME_S
 from sim_vehicle.conformance.checks.fence import polygon
 from sim_vehicle.conformance.guard import ARM, REBOOT
 from sim_vehicle.conformance.registry import check
@@ -24,10 +24,10 @@ def _boot_ms(vehicle: VehicleUnderTest) -> int:
 def _reboot(vehicle: VehicleUnderTest) -> float:
     """Reboot the vehicle and wait until it answers again; return the time taken [s].
 
-    The new boot shows by a lower time_boot_ms, so the vehicle first gets `PROVABLE_S` old. Raises Skip if
+    The reboot waits until `MIN_UPTIME_S`, because a lower time_boot_ms proves the new boot. Raises Skip if
     the vehicle refuses.
     """
-    vehicle.wait(max(0.0, PROVABLE_S - _boot_ms(vehicle) / 1000))
+    vehicle.wait(max(0.0, MIN_UPTIME_S - _boot_ms(vehicle) / 1000))
     before_ms = _boot_ms(vehicle)
     result = result_name(vehicle.command(PREFLIGHT, 1))
     if result in ("DENIED", "UNSUPPORTED"):
