@@ -23,8 +23,8 @@ from swarmctl.mavlink.protocol.conversation import Conversation
 from swarmctl.mavlink.protocol.outcome import Done, LaunchBlocked
 from swarmctl.mavlink.protocol.procedure import Context, Procedure
 
-LAUNCH_LASTS_S = 15.0
-"""life of a command to arm or to take off [s]: people and vehicles nearby move on"""
+LAUNCH_LASTS_S = 20.0
+"""life of a decision to arm, and of one to take off [s]: people and vehicles nearby move on"""
 CLIMB_WAIT_S = 20.0
 """longest wait until the vehicle has left the ground"""
 BlockedBy = Callable[[], str]
@@ -60,6 +60,10 @@ def _arm(ctx: Context, blocked_by: BlockedBy) -> Procedure[str | None]:
     Raises NotInControl, and _Blocked while the vehicle is disarmed.
     """
     hold, mission = ctx.dialect.hold_mode, ctx.dialect.mission_mode
+    # The command's life begins here: mode and first item may take long over a bad link.
+    arm = command(ctx, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (1.0,), lasts_s=LAUNCH_LASTS_S)
+    # An unanswered command may have armed the vehicle, so its repetitions are not blocked.
+    arm = _checked(blocked_by, arm, tries=1)
     # After a landing the vehicle stays in mission mode.
     is_disarmed = in_modes({hold, mission}, armed=False)
     failure = yield from set_mode(ctx, hold, is_disarmed, armed=False)
@@ -70,9 +74,6 @@ def _arm(ctx: Context, blocked_by: BlockedBy) -> Procedure[str | None]:
         failure = yield from ensure_current_item(ctx, ctx.dialect.first_seq, holds_disarmed)
         if failure:
             return f"the first mission item cannot be made current: {failure} [no-first-item]"
-    arm = command(ctx, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (1.0,), lasts_s=LAUNCH_LASTS_S)
-    # An unanswered command may have armed the vehicle, so its repetitions are not blocked.
-    arm = _checked(blocked_by, arm, tries=1)
     failure = yield from send_guarded(ctx, arm, holds_disarmed, in_modes({hold}, armed=True))
     return f"the vehicle does not arm: {failure} [no-arming]" if failure else None
 
