@@ -39,7 +39,7 @@ def run_or_exit(given: str, runs: Path, name: str = "") -> Path:
 
 
 def load_or_exit(run: Path, given: Scenario | None = None) -> tuple[Scenario, UnfinishedRun]:
-    """Return the scenario and the content of an unfinished run; exit with the reason if it has no successor.
+    """Return the scenario and the content of an unfinished run; exit with the reason if there is none.
 
     `given` is the scenario of --config, which must be that of the run; None: the recorded configuration.
     """

@@ -56,7 +56,7 @@ def route(
     if credentials is None and not endpoint.is_loopback:
         say(
             f"{endpoint} is open to other machines without authentication: other machines can send as any "
-            "vehicle and give commands; use tls/ or quic/ with `swarmctl keys` [open-endpoint]"
+            "vehicle; use tls/ or quic/ with `swarmctl keys` [open-endpoint]"
         )
     _run(configuration, swarm.names, {} if credentials is None else credentials.common_names)
 

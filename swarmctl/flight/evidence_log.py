@@ -35,7 +35,7 @@ def begin(
         "configuration_sha256": sha256(config.model_dump_json().encode()),
         "clock": clock,
         "vehicles": {spec.name: spec.sysid for spec in scenario.specs},
-        **({} if resumes is None else {"continues": resumes.evidence}),
+        **({} if resumes is None else {"continues": resumes.evidence_summary}),
     }
     file = EvidenceFile(
         folder / FILE_NAME,

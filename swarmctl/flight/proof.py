@@ -35,8 +35,13 @@ class Finding:
 
 def candidates(state: AgentState) -> list[int]:
     """Return the numbers of the plans that the vehicle may fly: one being uploaded, or the one before."""
-    plans = (state.pending, state.route, state.interrupted_plan, state.accepted)
-    return list(dict.fromkeys(swap.plan_id for swap in plans if swap is not None))
+    return list(_possible_swaps(state))
+
+
+def _possible_swaps(state: AgentState) -> dict[int, ev.SwapMission]:
+    """Return the missions that the vehicle may fly by the numbers of their plans, the most likely first."""
+    swaps = (state.pending, state.route, state.interrupted_plan, state.accepted)
+    return {swap.plan_id: swap for swap in swaps if swap is not None}
 
 
 def is_undecided(state: AgentState, vehicle: VehicleState) -> bool:
@@ -113,6 +118,8 @@ def _strange(recorded: RecordedVehicle, found: Finding) -> str:
     """Return what shows that another party has changed mode, mission or flight of a vehicle in the air."""
     state, vehicle = recorded.state, found.state
     if state.phase in ON_GROUND:
+        if not vehicle.armed:
+            return f"the vehicle does not report that it is on the ground, in mode {vehicle.mode}"
         return f"another operator has armed the vehicle, in mode {vehicle.mode}"
     if not vehicle.armed:
         return ""  # landed, by its own report in a moment
@@ -137,21 +144,17 @@ def _holds_by_command(recorded: RecordedVehicle, found: Finding) -> bool:
 def _off_plan(state: AgentState, found: Finding) -> str:
     """Return what shows that a vehicle in mission mode was moved off its plan, or back on it."""
     vehicle, task = found.state, state.task
-    plan_id = found.stored.plan_id
-    swap = next(
-        s
-        for s in (state.pending, state.route, state.interrupted_plan, state.accepted)
-        if s and s.plan_id == plan_id
-    )
+    assert found.stored.plan_id is not None
+    plan = _possible_swaps(state)[found.stored.plan_id].plan
     frame = task.grid.frame
     home = vehicle.takeoff_lat_lon if vehicle.home_lat_deg is not None else state.vehicle.takeoff_lat_lon
-    ways = [(p.lat_deg, p.lon_deg) for p in (*swap.plan.waypoints, swap.plan.landing)]
-    if swap.plan.begins is None and home is not None:
-        ways = [home, *ways]
+    points = [(p.lat_deg, p.lon_deg) for p in (*plan.waypoints, plan.landing)]
+    if plan.begins is None and home is not None:
+        points = [home, *points]
     assert vehicle.lat_deg is not None
     assert vehicle.lon_deg is not None
     off_m = distance_to_track(
-        frame.to_local(vehicle.lat_deg, vehicle.lon_deg), [frame.to_local(*p) for p in ways]
+        frame.to_local(vehicle.lat_deg, vehicle.lon_deg), [frame.to_local(*p) for p in points]
     )
     limit_m = task.grid.cell_size_m if task.wings is None else max(MAX_OFF_ROUTE_M, task.grid.cell_size_m)
     if off_m > limit_m:

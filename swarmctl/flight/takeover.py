@@ -23,7 +23,8 @@ LAUNCH_WAIT_S = 15.0
 RETRY_S = 1.0
 """time between two attempts to connect or to compare [s]"""
 LET_GO = (
-    "it flies on by itself; command it by another ground station, or by `swarmctl order` [not-taken-over]"
+    "the program sends it no command of its own; use another ground station, or `swarmctl order` "
+    "[not-taken-over]"
 )
 
 
@@ -70,6 +71,8 @@ class Takeover:
             try:
                 if member.identity is None:
                     member.identity = await member.runner.link.connect(self._flight.connect_timeout_s)
+                if member.runner.conflict:
+                    return [ev.Restarted(reason=member.runner.conflict)]
                 if not is_permitted:
                     permit(member)
                     is_permitted = True

@@ -61,8 +61,9 @@ class UnfinishedRun:
     """by system id"""
     statistics: FlightStatistics
     stored: record_file.StoredRecord
-    evidence: dict[str, Any]
-    """name of the run, and number and last hash of its evidence, for the evidence of the next run"""
+    """the record's messages, which the record of the next run repeats"""
+    evidence_summary: dict[str, Any]
+    """name of the run, number of entries and last hash of its evidence, for the evidence of the next run"""
     file: BinaryIO
     """the locked record: no other program can take over this run meanwhile"""
 

@@ -474,9 +474,9 @@ def test_a_forged_answer_does_not_hide_the_true_answer() -> None:
 
 def test_an_access_list_denies_by_default() -> None:
     for listed in (
-        access.router_rules(SWARM, UAVS, certified={}),
-        access.router_rules(SWARM, UAVS, certified=None),
-        access.mesh_node_rules(SWARM, UAVS, certified={}),
+        access.router_rules(SWARM, UAVS, common_names={}),
+        access.router_rules(SWARM, UAVS, common_names=None),
+        access.mesh_node_rules(SWARM, UAVS, common_names={}),
         access.operator_endpoint_rules(["a"], ["b"]),
     ):
         assert listed["enabled"] is True

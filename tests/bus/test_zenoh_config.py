@@ -70,7 +70,7 @@ def test_only_mesh_nodes_have_presence_keys(name: str) -> None:
 
 def test_a_vehicles_rights_do_not_depend_on_other_vehicles() -> None:
     """Zenoh loads a list of a hundred vehicles in 0.1 s."""
-    listed = router_rules("test", range(1, 101), certified={})
+    listed = router_rules("test", range(1, 101), common_names={})
     assert max(len(rule["key_exprs"]) for rule in listed["rules"]) <= 300
     assert sum(len(rule["key_exprs"]) for rule in listed["rules"]) < 15_000
 

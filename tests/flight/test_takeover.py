@@ -25,6 +25,7 @@ from swarmctl.config.scenario import Scenario
 from swarmctl.flight import app
 from swarmctl.flight.app import DEFAULT_OPTIONS
 from swarmctl.flight.director import Director
+from swarmctl.links.base import SystemIdConflict
 from swarmctl.mavlink import events as mavlink_events
 from swarmctl.report import record, record_file, unfinished_run
 from swarmctl.report.evidence.chain import check
@@ -221,6 +222,25 @@ def test_a_vehicle_that_does_not_answer_delays_no_other(
         assert coded(resumed.ui.said, "uav2", "given-up")
     else:
         assert resumed.outcomes()["uav2"] == "arrived"
+
+
+@pytest.mark.full
+def test_a_second_sender_with_the_id_of_one_vehicle_stops_no_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scenario, made = pair(), app._director
+
+    def director(run: Any, *given: Any) -> Director:
+        run.members[1].runner.on_link_event(SystemIdConflict("udp://10.0.0.1:14550"))
+        return made(run, *given)
+
+    with crashed(scenario, tmp_path / "a", monkeypatch, when=at(30.0)) as crash:
+        assert crash is not None
+        monkeypatch.setattr(app, "_director", director)
+        resumed = resume(scenario, crash, tmp_path / "b", monkeypatch)
+    assert resumed.report.ended == "ended"
+    assert resumed.outcomes()["uav1"] == "arrived"
+    assert coded(resumed.ui.said, "uav2", "not-taken-over")
 
 
 @pytest.mark.full

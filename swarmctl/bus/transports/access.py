@@ -51,29 +51,31 @@ def operator_endpoint_rules(ask_keys: Sequence[str], put_keys: Sequence[str]) ->
     return _access_control([(None, rules)])
 
 
-def router_rules(swarm: str, uavs: Sequence[int], *, certified: Mapping[str, str] | None) -> dict[str, Any]:
+def router_rules(
+    swarm: str, uavs: Sequence[int], *, common_names: Mapping[str, str] | None
+) -> dict[str, Any]:
     """Return the rules of a router whose clients are the vehicles and operators of one swarm.
 
-    `certified`: common names of certificates that differ from the participant's name; None: no certificates.
+    common_names: those of certificates that differ from the participant's name; None: no certificates
     """
     grants: list[tuple[str | None, list[Rule]]] = [
         (name_of(uav), _vehicle_rules(swarm, uav, uavs)) for uav in uavs
     ]
     grants.append((OPERATOR, _operator_rules(swarm, uavs)))
-    if certified is not None:
-        return _access_control(grants, certified)
+    if common_names is not None:
+        return _access_control(grants, common_names)
     return _access_control([(None, _merged(rule for _, rules in grants for rule in rules))])
 
 
 def mesh_node_rules(
-    swarm: str, uavs: Sequence[int], *, certified: Mapping[str, str] | None
+    swarm: str, uavs: Sequence[int], *, common_names: Mapping[str, str] | None
 ) -> dict[str, Any]:
-    """Return the rules of a mesh node: only the swarm's keys and, if `certified`, its certificates.
+    """Return the rules of a mesh node: only the swarm's bus keys and its certificates, if it has any.
 
-    `certified`: common names of certificates that differ from the participant's name; None: no certificates.
+    common_names: those of certificates that differ from the participant's name; None: no certificates
 
     A neighbour relays messages, so a link does not authenticate a message's sender; the receiver checks the
-    message's signature. A payload's reports have no signature, so nodes do not relay reports. If `certified`,
+    message's signature. With certificates a payload's reports have no signature, so nodes do not relay them:
     a report must arrive over a link with the certificate of the reported vehicle or of an operator.
     """
     root, all_reports = f"{keys.ROOT}/{swarm}", tuple(keys.sensor_report(swarm, uav) for uav in uavs)
@@ -87,10 +89,10 @@ def mesh_node_rules(
     def with_reports(reports: tuple[str, ...]) -> list[Rule]:
         return [*shared, Rule((IN,), ("put", "query"), reports), Rule((OUT,), ("reply",), reports)]
 
-    if certified is None:
+    if common_names is None:
         return _access_control([(None, with_reports(all_reports))])
     vehicles = [(name_of(uav), with_reports((keys.sensor_report(swarm, uav),))) for uav in uavs]
-    return _access_control([*vehicles, (OPERATOR, with_reports(all_reports)), (ROUTER, shared)], certified)
+    return _access_control([*vehicles, (OPERATOR, with_reports(all_reports)), (ROUTER, shared)], common_names)
 
 
 def _vehicle_rules(swarm: str, uav: int, uavs: Sequence[int]) -> list[Rule]:

@@ -139,7 +139,7 @@ def router(
 ) -> Configuration:
     """Return the configuration of the router of a swarm's clients."""
     values = _common("router", listen=listen, credentials=credentials)
-    values["access_control"] = access.router_rules(swarm, uavs, certified=_common_names(credentials))
+    values["access_control"] = access.router_rules(swarm, uavs, common_names=_common_names(credentials))
     return Configuration(values, listen=listen, has_others=True)
 
 
@@ -159,7 +159,7 @@ def mesh_node(
     values = _common("router", listen=listen, connect=neighbours, credentials=credentials)
     # No time-out: Zenoh tries in the background.
     values |= {"connect/timeout_ms": -1, "connect/exit_on_failure": False}
-    values["access_control"] = access.mesh_node_rules(swarm, uavs, certified=_common_names(credentials))
+    values["access_control"] = access.mesh_node_rules(swarm, uavs, common_names=_common_names(credentials))
     nodes = f"{keys.ROOT}/{swarm}/node"
     return Configuration(values, listen=listen, connect=tuple(neighbours), has_others=True, nodes=nodes)
 
