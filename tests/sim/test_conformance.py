@@ -72,7 +72,10 @@ def one_check(function: Any, *, category: str = "parameters", limit_s: float = 6
 @pytest.mark.autopilots("2 item 0", "2 count", "2 RTL item", "MAVSDK 5 mission_raw item 0", of="px4")
 @pytest.mark.autopilots("2 DO_SET_MISSION_CURRENT", "2 MISSION_WRITE_PARTIAL_LIST", of="px4")
 @pytest.mark.virtual
-@pytest.mark.parametrize(("personality", "kind"), VEHICLES)
+@pytest.mark.parametrize(
+    ("personality", "kind"),
+    [pytest.param(*row, marks=pytest.mark.full if row[1] == "plane" else ()) for row in VEHICLES],
+)
 def test_the_simulator_passes_every_check(personality: str, kind: str) -> None:
     report = conform(FleetWire(fleet(personality, kind)))
     assert describe_failures(report) == ""
