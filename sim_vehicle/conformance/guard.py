@@ -75,7 +75,7 @@ def permission_for(message: Any) -> str | None:
     if message.command == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL and not abs(message.param2) < _INTERVAL_LIMIT:
         return CRASH
     if message.command == mavlink.MAV_CMD_DO_CHANGE_SPEED and not math.isfinite(message.param2):
-        return CRASH  # it also ended ArduCopter in flight
+        return CRASH  # such a speed ended ArduCopter in flight
     if message.command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM:
         return None if message.param1 == 0 else ARM
     if message.command == mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN:

@@ -121,26 +121,27 @@ class ComponentMetadata:
     ) -> None:
         self._component = component
         parameter_path = f"{directory}/parameters.json.xz"
-        parameter_file = _compressed({"version": 3, "parameters": [_described(p) for p in parameters]})
+        parameter_file = _compressed(_json({"version": 3, "parameters": [_described(p) for p in parameters]}))
         self._general_path = f"{directory}/component_general.json.xz"
-        general = {
-            "version": 1,
-            "vendorName": component.vendor,
-            "modelName": component.model,
-            "firmwareVersion": component.version,
-            "metadataTypes": [
-                {
-                    "type": PARAMETER_TYPE,
-                    "uri": f"mftp://{parameter_path}",
-                    "fileCrc": checksum(parameter_file),
-                }
-            ],
-        }
-        general_file = _compressed(general)
+        general = _json(
+            {
+                "version": 1,
+                "vendorName": component.vendor,
+                "modelName": component.model,
+                "firmwareVersion": component.version,
+                "metadataTypes": [
+                    {
+                        "type": PARAMETER_TYPE,
+                        "uri": f"mftp://{parameter_path}",
+                        "fileCrc": checksum(parameter_file),
+                    }
+                ],
+            }
+        )
         # PX4 announces the checksum of the file before its compression (generate_crc.py).
-        self._general_crc = checksum(lzma.decompress(general_file))
+        self._general_crc = checksum(general)
         self.files: dict[str, bytes] = {
-            self._general_path.lstrip("/"): general_file,
+            self._general_path.lstrip("/"): _compressed(general),
             parameter_path.lstrip("/"): parameter_file,
         }
 
@@ -196,6 +197,9 @@ def _described(parameter: ParameterMeta) -> dict[str, Any]:
     return described
 
 
-def _compressed(content: Mapping[str, Any]) -> bytes:
-    text = json.dumps(content, separators=(",", ":"), allow_nan=False)
-    return lzma.compress(text.encode(), format=lzma.FORMAT_XZ, check=lzma.CHECK_CRC32, preset=1)
+def _json(content: Mapping[str, Any]) -> bytes:
+    return json.dumps(content, separators=(",", ":"), allow_nan=False).encode()
+
+
+def _compressed(content: bytes) -> bytes:
+    return lzma.compress(content, format=lzma.FORMAT_XZ, check=lzma.CHECK_CRC32, preset=1)

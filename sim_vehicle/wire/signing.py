@@ -1,6 +1,7 @@
 """MAVLink 2 signing of complete frames (mavlink.io/en/guide/message_signing.html), as in ArduPilot.
 
-Only messages advance the time stamp, which begins a minute after that of the key.
+Only messages advance the time stamp, which begins a minute after that of the key. ArduPilot's time stamp also
+follows the date of the first GPS fix after a boot; that of the simulator does not.
 """
 
 import hashlib

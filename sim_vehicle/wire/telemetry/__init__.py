@@ -63,42 +63,6 @@ def _has_origin(v: View) -> Mask:
     return v.status.has_origin[v.i]
 
 
-# Messages that ArduPilot knows, of hardware that no simulated vehicle has: a request is accepted, nothing is
-# sent. RC_CHANNELS_RAW is sent on MAVLink 1 links only, PID_TUNING only with GCS_PID_MASK.
-_ARDUPILOT_ABSENT = (
-    mavlink.MAVLINK_MSG_ID_PARAM_VALUE,
-    mavlink.MAVLINK_MSG_ID_RC_CHANNELS_SCALED,
-    mavlink.MAVLINK_MSG_ID_RC_CHANNELS_RAW,
-    mavlink.MAVLINK_MSG_ID_OPTICAL_FLOW,
-    mavlink.MAVLINK_MSG_ID_GPS2_RAW,
-    mavlink.MAVLINK_MSG_ID_GPS_RTK,
-    mavlink.MAVLINK_MSG_ID_GPS2_RTK,
-    mavlink.MAVLINK_MSG_ID_TERRAIN_REQUEST,
-    mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE3,
-    mavlink.MAVLINK_MSG_ID_RANGEFINDER,
-    mavlink.MAVLINK_MSG_ID_CAMERA_FEEDBACK,
-    mavlink.MAVLINK_MSG_ID_MAG_CAL_PROGRESS,
-    mavlink.MAVLINK_MSG_ID_MAG_CAL_REPORT,
-    mavlink.MAVLINK_MSG_ID_PID_TUNING,
-    mavlink.MAVLINK_MSG_ID_DEEPSTALL,
-    mavlink.MAVLINK_MSG_ID_EFI_STATUS,
-    mavlink.MAVLINK_MSG_ID_RPM,
-    mavlink.MAVLINK_MSG_ID_ADSB_VEHICLE,
-    mavlink.MAVLINK_MSG_ID_CAMERA_INFORMATION,
-    mavlink.MAVLINK_MSG_ID_CAMERA_SETTINGS,
-    mavlink.MAVLINK_MSG_ID_CAMERA_CAPTURE_STATUS,
-    mavlink.MAVLINK_MSG_ID_VIDEO_STREAM_INFORMATION,
-    mavlink.MAVLINK_MSG_ID_CAMERA_FOV_STATUS,
-    mavlink.MAVLINK_MSG_ID_CAMERA_THERMAL_RANGE,
-    mavlink.MAVLINK_MSG_ID_GIMBAL_MANAGER_INFORMATION,
-    mavlink.MAVLINK_MSG_ID_GIMBAL_MANAGER_STATUS,
-    mavlink.MAVLINK_MSG_ID_GIMBAL_DEVICE_ATTITUDE_STATUS,
-    mavlink.MAVLINK_MSG_ID_AIS_VESSEL,
-    mavlink.MAVLINK_MSG_ID_GENERATOR_STATUS,
-    mavlink.MAVLINK_MSG_ID_RELAY_STATUS,
-    mavlink.MAVLINK_MSG_ID_WINCH_STATUS,
-    mavlink.MAVLINK_MSG_ID_UAVIONIX_ADSB_OUT_STATUS,
-)
 _TABLE: dict[int, tuple[Builder, Callable[[View], Mask]]] = {
     mavlink.MAVLINK_MSG_ID_HEARTBEAT: (vehicle.heartbeat, _all_vehicles),
     mavlink.MAVLINK_MSG_ID_SYS_STATUS: (vehicle.sys_status, _all_vehicles),
@@ -146,11 +110,7 @@ _TABLE: dict[int, tuple[Builder, Callable[[View], Mask]]] = {
     mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION: (px4.hil_state_quaternion, _all_vehicles),
     mavlink.MAVLINK_MSG_ID_ODOMETRY: (px4.odometry, _has_origin),
 }
-_ARDUPILOT_TABLE = {
-    **dict.fromkeys(_ARDUPILOT_ABSENT, (_nothing, _no_vehicle)),
-    **ardupilot.ROWS,
-    mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE2: (sensors.scaled_pressure, _all_vehicles),
-}
+_ARDUPILOT_TABLE = dict.fromkeys(ardupilot.ABSENT, (_nothing, _no_vehicle)) | ardupilot.ROWS
 ARDUPILOT_ONLY = frozenset(_ARDUPILOT_TABLE)
 _MISSING_IN_DIALECT: tuple[tuple[Layout, Builder, Callable[[View], Mask]], ...] = (
     (px4.TIME_ESTIMATE_TO_TARGET, px4.time_estimate_to_target, _has_origin),

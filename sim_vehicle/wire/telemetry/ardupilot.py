@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim_vehicle.physics.geodesy import Floats
 from sim_vehicle.physics.motion import Bools
 from sim_vehicle.wire.telemetry.motion import ekf_status_report, quaternion
-from sim_vehicle.wire.telemetry.sensors import magnetic_field_mgauss, wind
+from sim_vehicle.wire.telemetry.sensors import magnetic_field_mgauss, scaled_pressure, wind
 from sim_vehicle.wire.telemetry.view import UNKNOWN_I16, Columns, View
 
 FREE_MEMORY_BYTES, MAX_U16 = 524_288, 65_535
@@ -29,6 +29,42 @@ FAILURE_FLAGS = {
     mavlink.MAV_SYS_STATUS_GEOFENCE: mavlink.HL_FAILURE_FLAG_GEOFENCE,
     mavlink.MAV_SYS_STATUS_AHRS: mavlink.HL_FAILURE_FLAG_ESTIMATOR,
 }
+# Messages that ArduPilot knows, of hardware that no simulated vehicle has: a request is accepted, nothing is
+# sent. RC_CHANNELS_RAW is sent on MAVLink 1 links only, PID_TUNING only with GCS_PID_MASK.
+ABSENT = (
+    mavlink.MAVLINK_MSG_ID_PARAM_VALUE,
+    mavlink.MAVLINK_MSG_ID_RC_CHANNELS_SCALED,
+    mavlink.MAVLINK_MSG_ID_RC_CHANNELS_RAW,
+    mavlink.MAVLINK_MSG_ID_OPTICAL_FLOW,
+    mavlink.MAVLINK_MSG_ID_GPS2_RAW,
+    mavlink.MAVLINK_MSG_ID_GPS_RTK,
+    mavlink.MAVLINK_MSG_ID_GPS2_RTK,
+    mavlink.MAVLINK_MSG_ID_TERRAIN_REQUEST,
+    mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE3,
+    mavlink.MAVLINK_MSG_ID_RANGEFINDER,
+    mavlink.MAVLINK_MSG_ID_CAMERA_FEEDBACK,
+    mavlink.MAVLINK_MSG_ID_MAG_CAL_PROGRESS,
+    mavlink.MAVLINK_MSG_ID_MAG_CAL_REPORT,
+    mavlink.MAVLINK_MSG_ID_PID_TUNING,
+    mavlink.MAVLINK_MSG_ID_DEEPSTALL,
+    mavlink.MAVLINK_MSG_ID_EFI_STATUS,
+    mavlink.MAVLINK_MSG_ID_RPM,
+    mavlink.MAVLINK_MSG_ID_ADSB_VEHICLE,
+    mavlink.MAVLINK_MSG_ID_CAMERA_INFORMATION,
+    mavlink.MAVLINK_MSG_ID_CAMERA_SETTINGS,
+    mavlink.MAVLINK_MSG_ID_CAMERA_CAPTURE_STATUS,
+    mavlink.MAVLINK_MSG_ID_VIDEO_STREAM_INFORMATION,
+    mavlink.MAVLINK_MSG_ID_CAMERA_FOV_STATUS,
+    mavlink.MAVLINK_MSG_ID_CAMERA_THERMAL_RANGE,
+    mavlink.MAVLINK_MSG_ID_GIMBAL_MANAGER_INFORMATION,
+    mavlink.MAVLINK_MSG_ID_GIMBAL_MANAGER_STATUS,
+    mavlink.MAVLINK_MSG_ID_GIMBAL_DEVICE_ATTITUDE_STATUS,
+    mavlink.MAVLINK_MSG_ID_AIS_VESSEL,
+    mavlink.MAVLINK_MSG_ID_GENERATOR_STATUS,
+    mavlink.MAVLINK_MSG_ID_RELAY_STATUS,
+    mavlink.MAVLINK_MSG_ID_WINCH_STATUS,
+    mavlink.MAVLINK_MSG_ID_UAVIONIX_ADSB_OUT_STATUS,
+)
 
 
 def _all(v: View) -> Bools:
@@ -263,4 +299,5 @@ ROWS: dict[int, Row] = {
     mavlink.MAVLINK_MSG_ID_AIRSPEED: (airspeed, _planes),
     mavlink.MAVLINK_MSG_ID_AOA_SSA: (aoa_ssa, _planes),
     mavlink.MAVLINK_MSG_ID_ESC_TELEMETRY_1_TO_4: (esc_telemetry_1_to_4, _all),
+    mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE2: (scaled_pressure, _all),
 }
