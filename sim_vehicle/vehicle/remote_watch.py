@@ -43,12 +43,12 @@ class RemoteWatch:
         if not ((failed or only_frames) and flight_parameters.rc_watched):
             self._end_loss()
             return None
-        if self._frame_s > self._since_s:
+        ends_loss = self._frame_s > self._since_s
+        if ends_loss:
             self._end_loss()
         if math.isinf(self._since_s):
-            self._since_s = (
-                now if failed and now - self._frame_s > flight_parameters.rc_timeout_s else self._frame_s
-            )
+            # A receiver that fails has sent its last frame now.
+            self._since_s = self._frame_s if ends_loss or only_frames else now
             self._loss_counts = vehicle.armed or flight_parameters.rc_lost_unarmed_counts
         if not self._loss_counts or self._stage == LONG:
             return None

@@ -168,6 +168,16 @@ def test_overrides_replace_a_failed_receiver_and_their_end_is_a_radio_failsafe()
     assert station.mode == "RTL"
 
 
+def test_a_receiver_that_fails_after_an_override_counts_until_its_own_failure() -> None:
+    station = flying(LOITER)
+    station.wait(0.5)
+    station.send(mavlink.MAVLink_param_set_message(1, 1, b"SIM_RC_FAIL", 1, 9))
+    station.wait(0.6)
+    assert station.mode == "LOITER"
+    station.wait(0.7)
+    assert station.mode == "RTL"
+
+
 @pytest.mark.full
 @pytest.mark.parametrize("throttle", [500, -5])  # the sticks of a negative throttle are ignored
 def test_manual_control_counts_as_a_heartbeat_of_the_ground_station(throttle: int) -> None:
