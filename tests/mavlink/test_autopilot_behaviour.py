@@ -42,7 +42,7 @@ def test_a_vehicle_that_holds_takes_a_new_mission_and_flies_it(personality):
     first = bench.session.dialect.first_waypoint_seq
     result = bench.swap(NEW, from_hold=True)
     assert (result.failure, result.flying) == (None, "new")
-    assert bench.holds(items)
+    assert bench.holds((bench.stored[0], *items[1:])), "a take-off at item 0 lies where the vehicle is"
     assert bench.aim == (items[first].x, items[first].y)
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import partial
 
 import pytest
-from flying_bench import HOME, Faults, FlyingBench
+from flying_bench import HOME, FlyingBench
 from plane_flights import FIRST, FRAME, LOW_M, RADIUS_M, SECOND, here, landed, nearest_m, plan
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -189,7 +189,9 @@ def test_a_plane_that_reaches_its_landing_during_an_upload_lands_at_its_goal() -
     longer = plan((200.0, 750.0), (250.0, 900.0))
     flown = in_flight()
     assert flown.run(200.0, lambda: flown.session.state.mission_seq == 3 and away_m(flown, GOAL) < 30.0)
-    flown.spoil(Faults(loss=0.3, seed=1))
+    flown.block = lambda message: (
+        message.get_type() == "MISSION_ITEM_INT" and flown.session.state.mission_seq == 3
+    )
     items = flown.session.mission_items(longer)
     done = flown.do("swap", lambda c: basic.swap(c, items, leaves_ahead=True))
     assert done.flying == "old"

@@ -54,10 +54,12 @@ class MissionMonitor:
         self.behind = self.old + new[self._first :]
 
     def _flies(self, whole: Items, begin: int, end: int) -> bool:
-        """Return true if the vehicle holds `whole` up to `end` and flies an item from `begin` to `end`."""
+        """Return true if the vehicle holds `whole` up to `end` and flies an item from `begin` to `end`.
+
+        Item 0 is home, or a take-off that lies where the vehicle was during the swap.
+        """
         bench = self._bench
-        held = bench.stored[:end]
-        same = bench.session.dialect.differences(whole[:end], held) == ()
+        same = bench.session.dialect.differences(whole[1:end], bench.stored[1:end], 1) == ()
         return same and begin <= bench.vehicle.mission.index < end
 
     def flies_old(self) -> bool:
