@@ -181,15 +181,15 @@ def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> St
         # The last state is sent at once, because the process may end soon.
         return share_state(replace(end_at_touchdown(state), last_shared_s=-math.inf))
     state, demanded = apply_failsafes(state, now)
+    demanded = [*delayed, *demanded]
     if state.ended:
         # A released vehicle in the air still matters to other vehicles.
         state, published = share_intent(state)
         state, shared = share_state(state) if may_be_armed(state) else (state, [])
-        return state, [*delayed, *demanded, *published, *shared]
+        return state, [*demanded, *published, *shared]
     if state.telemetry_is_late:
         state, shared = share_state(state)
-        return state, [*delayed, *demanded, *shared]
-    demanded = [*delayed, *demanded]
+        return state, [*demanded, *shared]
     state, begun = launch_if_possible(state)
     if state.phase is Phase.FLYING and state.cell in state.task.goals:
         state = replace(state, phase=Phase.LANDING, dirty=False, arrived_boot_s=vehicle.time_boot_s)
@@ -217,16 +217,14 @@ def _note_delay(state: AgentState) -> StepResult:
     is_late = delay_s > (RECENT_DELAY_S if state.telemetry_is_late else MAX_DELAY_S)
     if is_late == state.telemetry_is_late:
         return state, []
-    state = replace(state, telemetry_is_late=is_late)
-    if state.ended:
-        return state, []
     text = (
         f"telemetry is {delay_s:.0f} s old (limit {MAX_DELAY_S:g} s); launches and mission changes are "
         "suspended until it recovers; look at the link and at the load of this machine"
         if is_late
         else "telemetry is recent again; launches and mission changes are possible"
     )
-    return state, [ev.NotifyOperator(f"{text} [telemetry-old]")]
+    messages: list[ev.Effect] = [] if state.ended else [ev.NotifyOperator(f"{text} [telemetry-old]")]
+    return replace(state, telemetry_is_late=is_late), messages
 
 
 def _send_intent(state: AgentState) -> StepResult:
@@ -329,10 +327,9 @@ def _mission_accepted(state: AgentState, event: ev.MissionAccepted, _now: float)
     # The vehicle has flown on since the decision.
     progress = 0 if state.cell is None else route_index_at(swap, state.cell) or 0
     state = replace(state, route=swap, route_exposure=state.exposure, progress=progress)
-    state = replace(state, failed_swaps=0, trouble="")
+    state = replace(state, failed_swaps=0, trouble="", hold_is_own=False)
     # A mode change during the swap may have reset the commanded speed.
     state = replace(state, speed_m_s=None if state.speed_m_s is None else UNKNOWN_M_S)
-    state = replace(state, hold_is_own=False)
     if state.phase in IN_FLIGHT:
         if event.took_s is not None:
             state = replace(state, swap_times=state.swap_times.measured(event.took_s, event.stood_still_s))
