@@ -182,14 +182,15 @@ def page(found: Sequence[_Pair]) -> str:
         "A command makes this page from recorded results:",
         "",
         "```sh",
-        "python -m sim_vehicle conformance udpin:0.0.0.0:14550 --allow-arm --json copter.json  # and so on",
+        "python -m sim_vehicle conformance udpin:0.0.0.0:14550 --allow-arm --allow-reboot --allow-alter "
+        "--json copter.json  # and so on",
         "python -m sim_vehicle conformance-table *.json --compact docs/firmware.json > docs/firmware.md",
         "```",
         "",
         "## Agreement",
         "",
-        "A cell has the number of checks with the same result on firmware and simulator: passed, or not "
-        "applicable. Differing checks are counted behind it.",
+        "A cell counts the checks with the same result on firmware and simulator: passed, or not applicable. "
+        "The number of differing checks follows.",
         "",
         "| checks of | " + " | ".join(names) + " |",
         "|---|" + "---:|" * len(found),

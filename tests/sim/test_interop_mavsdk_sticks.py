@@ -1,4 +1,4 @@
-"""What MAVSDK's public examples do with a PX4 copter: mission, manual control, follow me."""
+"""MAVSDK's public examples with a PX4 copter: mission, manual control, follow me."""
 
 import contextlib
 import math

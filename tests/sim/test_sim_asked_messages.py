@@ -148,7 +148,7 @@ def test_the_item_reached_last_is_kept_until_a_reboot() -> None:
     reached = mavlink.MAVLINK_MSG_ID_MISSION_ITEM_REACHED
     assert station.ask(reached).seq == 65_535
     station.fly_mission([takeoff(), waypoint(20, 0), land(20, 0)])
-    station.until(lambda: station.of("MISSION_CURRENT")[-1:] != [] or not station.armed, 120)
+    station.until(lambda: bool(station.of("MISSION_ITEM_REACHED")), 120)
     announced = station.of("MISSION_ITEM_REACHED")[-1].seq
     assert station.ask(reached).seq == announced >= 1
     station.until(lambda: not station.armed, 120)

@@ -1,4 +1,4 @@
-"""What ArduCopter and ArduPlane 4.6.2 in software answer to REQUEST_MESSAGE of each message of the dialect.
+"""Answers of ArduCopter and ArduPlane 4.6.2 in software to REQUEST_MESSAGE of each message of the dialect.
 
 Every message of `GCS_MAVLINK::mavlink_id_to_ap_message_id` was requested from the unmodified firmware, on the
 ground without a fence, and in the air after a take-off (ArduCopter in GUIDED, ArduPlane in TAKEOFF).

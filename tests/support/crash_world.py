@@ -60,7 +60,7 @@ Moment = Callable[[float, Sent], bool]
 
 @dataclass
 class Crash:
-    """What remains of a station."""
+    """The remains of a station: the flying fleet, and the files of its run."""
 
     at_s: float
     fleet: Fleet

@@ -50,7 +50,7 @@ class Remote:
         self._sticks, self._sticks_s = sticks, now
         vehicle.failsafes.receive_remote_frame(now)
         if not vehicle.armed and not vehicle.modes.chosen:
-            vehicle.modes.enter(modes.POSITION)  # before anybody has chosen a mode
+            vehicle.modes.enter(modes.POSITION)  # the initial mode with a joystick
         elif vehicle.armed and moving and self._may_take_over() and vehicle.modes.set(modes.POSITION, now):
             vehicle.announce("pilot_took_over")
 
