@@ -158,7 +158,7 @@ def test_the_item_reached_last_is_kept_until_a_reboot() -> None:
 
 
 def test_the_airflow_of_a_plane_follows_the_wind() -> None:
-    station = in_the_air("plane", wind={"speed_m_s": 8.0, "from_deg": 270.0})
+    station = in_the_air("plane", wind={"speed_m_s": 8.0, "from_deg": 0.0})
     air, hud = station.ask(mavlink.MAVLINK_MSG_ID_AIRSPEED), station.ask(mavlink.MAVLINK_MSG_ID_VFR_HUD)
     assert air.airspeed == pytest.approx(hud.airspeed)
     assert air.raw_press == pytest.approx(hud.airspeed**2 / 1.9936, rel=1e-5)
