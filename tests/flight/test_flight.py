@@ -46,7 +46,8 @@ def test_the_shipped_swarm_arrives(shipped: tuple[Scenario, FlightReport, Path])
     _, report, _ = shipped
     assert report.trouble == ()
     assert [s.outcome for s in report.states.values()] == ["arrived"] * 5
-    assert sum(s.replans for s in report.states.values()) > 0
+    # A copter sees one cell ahead, so it has to turn off at the centre of its own cell.
+    assert sum(s.replans for s in report.states.values()) >= 10
     for state in report.states.values():
         assert state.flown_cells[-1] in state.task.goals
         assert state.flown_m > 1000.0

@@ -23,7 +23,6 @@ from swarmctl.core.any_angle.track import crossed_cells
 from swarmctl.core.grid import Cell
 from swarmctl.core.mission import FlightPlan, Waypoint
 from swarmctl.core.planar import PlanarPoint, distance_to_leg, distance_to_track
-from swarmctl.core.vehicle import BRAKING_M_S2
 
 ON_ROUTE_M = 15.0
 """Greatest distance from the route at which a vehicle counts as on its route [m]."""
@@ -188,12 +187,8 @@ def _is_centre_passed(state: AgentState, here: PlanarPoint, index: int) -> bool:
 
 
 def _swap_distance_m(state: AgentState) -> float:
-    """Return the distance until the end of a swap and the stop that may follow it [m].
-
-    Without room for a stop, the vehicle would fly past the splice point before it turns.
-    """
-    flown_m, speed_m_s = distance_and_speed_after(state, state.swap_times.expected_s)
-    return flown_m + speed_m_s**2 / (2.0 * BRAKING_M_S2)
+    """Return the distance that the vehicle flies by its old plan until the end of a swap [m]."""
+    return distance_and_speed_after(state, state.swap_times.expected_s)[0]
 
 
 def _is_wall(state: AgentState, p_s: NDArray[np.float64], cell: Cell) -> bool:

@@ -14,7 +14,6 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import FlightPlan, MissionItem
-from swarmctl.core.vehicle import BRAKING_M_S2
 from swarmctl.mavlink.dialects.base import Readiness
 from swarmctl.mavlink.dialects.plan import LAND, TAKEOFF, WAYPOINT, copter_track, differences, item_at
 from swarmctl.mavlink.protocol.command import Command, CommandResult
@@ -77,7 +76,6 @@ class ArduPilot:
     """ArduPilot ends a transfer after 8 s without an item"""
     uploads_atomically = False
     brakes_m_s2: float | None = None
-    corner_brakes_m_s2: float | None = None
     serves_single_items = True
     lands_at_nearest = True
     may_lack_rally = True
@@ -143,7 +141,6 @@ class ArduCopter(ArduPilot):
     # A leg that does not follow a completed leg begins at rest, at the stopping point
     # (`AC_WPNav::set_wp_destination`).
     brakes_m_s2 = 2.5  # default of WPNAV_ACCEL
-    corner_brakes_m_s2 = BRAKING_M_S2
     speed_type = int(mavlink.SPEED_TYPE_GROUNDSPEED)
 
     def mission_items(self, plan: FlightPlan, start: LatLon | None = None) -> tuple[MissionItem, ...]:

@@ -109,10 +109,6 @@ class Dialect(Protocol):
         """Deceleration before the flight to a new current item; None: the vehicle turns without a stop."""
 
     @property
-    def corner_brakes_m_s2(self) -> float | None:
-        """Deceleration for a copter's stop before a corner; None: the vehicle flies curves."""
-
-    @property
     def serves_single_items(self) -> bool:
         """Return whether the vehicle answers requests for single mission items outside of a transfer."""
 

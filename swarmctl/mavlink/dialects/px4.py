@@ -15,7 +15,6 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import FlightPlan, MissionItem, Waypoint
-from swarmctl.core.vehicle import BRAKING_M_S2
 from swarmctl.mavlink.dialects.base import Readiness
 from swarmctl.mavlink.dialects.plan import LAND, TAKEOFF, WAYPOINT, copter_track, differences, item_at
 from swarmctl.mavlink.protocol.command import CommandResult
@@ -79,7 +78,6 @@ class Px4:
     """PX4 begins at the current item, which landings and uploads do not reset"""
     arms_at_any_item = True
     brakes_m_s2 = None
-    corner_brakes_m_s2: float | None = None
     may_lack_rally = False
     first_waypoint_seq = 1
     """after the take-off; there is no home placeholder"""
@@ -129,7 +127,6 @@ class Px4Copter(Px4):
 
     land_mode = "AUTO.LAND"
     land_command = None
-    corner_brakes_m_s2 = BRAKING_M_S2
     lands_at_nearest = True
     speed_type = int(mavlink.SPEED_TYPE_GROUNDSPEED)
 

@@ -23,14 +23,13 @@ from swarmctl.mavlink.procedures.guarded import (
 )
 from swarmctl.mavlink.procedures.set_current import await_current_item
 from swarmctl.mavlink.procedures.swap.in_hold import swap_in_hold
-from swarmctl.mavlink.procedures.swap.route_progress import CORNER_MARGIN_S, RoutePosition
+from swarmctl.mavlink.procedures.swap.route_progress import CORNER_MARGIN_S, SAME_PLACE_M, RoutePosition
 from swarmctl.mavlink.procedures.swap.steps import (
     MAX_ITEMS,
     PAST_SPLICE,
     POSITION_UNKNOWN,
     OldPlan,
     SwapPlan,
-    braking_distance_m,
     confirm_flying,
 )
 from swarmctl.mavlink.procedures.verified_upload import read_back
@@ -120,10 +119,16 @@ def _leaves_leg(ctx: Context, at: RoutePosition) -> bool:
     """Return whether the new leg of a vehicle that brakes would leave the route.
 
     The new leg begins where the vehicle stops: behind the next item, or beside the route soon after a corner.
+    False at the splice point: flying back to that point is better than leaving it out.
     """
-    if ctx.dialect.brakes_m_s2 is None:
+    brakes_m_s2 = ctx.dialect.brakes_m_s2
+    is_at_splice = at.to_item_m + at.past_splice_m > -SAME_PLACE_M
+    if brakes_m_s2 is None or is_at_splice:
         return False
-    return at.to_item_m < braking_distance_m(ctx) or at.cross_track_m > MAX_BESIDE_LEG_M
+    return (
+        at.to_item_m < ctx.state.ground_speed_m_s**2 / (2.0 * brakes_m_s2)
+        or at.cross_track_m > MAX_BESIDE_LEG_M
+    )
 
 
 def _make_tail_current(

@@ -97,22 +97,12 @@ class SwapPlan:
         return at.item if self.leaves_ahead or not at.is_late else 0
 
     def is_past_splice(self, ctx: Context, round_trip_s: float) -> bool:
-        """Return whether it is too late for the splice point when a message takes effect.
-
-        Then the vehicle is past the splice point or off the plan, or a copter can no longer brake before it.
-        """
-        at = self.position(ctx, round_trip_s)
-        return self.leaves_ahead and (at.is_late or at.past_splice_m > -braking_distance_m(ctx))
+        """Return whether the vehicle is past the splice point or off the plan when a message takes effect."""
+        return self.leaves_ahead and self.position(ctx, round_trip_s).is_late
 
     def record_current(self, ctx: Context) -> None:
         """Record that the plan is current from now on; telemetry shows the new current item later."""
         self.current_since_s = ctx.state.time_boot_s
-
-
-def braking_distance_m(ctx: Context) -> float:
-    """Return the distance in which a copter could stop; 0 for a vehicle that flies curves."""
-    brakes_m_s2 = ctx.dialect.corner_brakes_m_s2
-    return 0.0 if brakes_m_s2 is None else ctx.state.ground_speed_m_s**2 / (2.0 * brakes_m_s2)
 
 
 def takes_off(ctx: Context) -> bool:
