@@ -38,7 +38,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
         "watch",
         "Show the positions and states of a swarm on many machines, until Ctrl-C.",
     ),
-    "order": ("order", "Order vehicles of a running flight to launch, hold, return or land."),
+    "order": ("order", "Order vehicles of a running flight to launch, resume, hold, return or land."),
     "abort": (
         "abort",
         "End the flight of vehicles: hold in place, return, or land in place.",

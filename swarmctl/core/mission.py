@@ -9,6 +9,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+MAX_OVERSHOOT_M = 8.0
+"""Greatest distance past a splice point at which a copter may stop for a new plan [m].
+
+With room for the whole stop, changes would begin a cell later, and a copter sees one cell ahead.
+"""
+
 
 @dataclass(frozen=True, slots=True)
 class Waypoint:

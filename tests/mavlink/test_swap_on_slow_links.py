@@ -139,12 +139,12 @@ def test_a_vehicle_near_the_splice_point_never_turns_back(personality: str, ahea
 @pytest.mark.parametrize(
     ("personality", "delay_s", "holds", "ahead_m", "flying_then"),
     [
-        ("ardupilot", 0.0, False, 17.0, "old"),  # it would stop after the corner, and fly back
-        ("ardupilot", 0.0, False, 38.0, "new"),
+        ("ardupilot", 0.0, False, 9.0, "old"),  # it would stop far past the corner, and fly back
+        ("ardupilot", 0.0, False, 22.0, "new"),
         ("ardupilot", 0.0, True, 17.0, "old"),
-        ("ardupilot", 0.0, True, 42.0, "new"),
-        ("px4", 0.5, False, 20.0, "old"),  # it could not slow down before the corner
-        ("px4", 0.5, False, 50.0, "new"),
+        ("ardupilot", 0.0, True, 30.0, "new"),
+        ("px4", 0.5, False, 13.0, "old"),  # the last item would come after the corner
+        ("px4", 0.5, False, 27.0, "new"),
     ],
 )
 def test_the_time_until_the_splice_point_decides_on_the_plan(

@@ -172,13 +172,14 @@ class Station:
         return items
 
     def ask(self, message_id: int) -> Any:
-        """Request a message and return it."""
+        """Request a message and return it; a PX4 denies a message that it has just streamed."""
         padded = [message_id, 0, 0, 0, 0, 0, 0]
         replies = self.send(
             mavlink.MAVLink_command_long_message(self.target, 0, mavlink.MAV_CMD_REQUEST_MESSAGE, 0, *padded)
         )
-        (message,) = [m for m in replies if m.get_msgId() == message_id]
-        return message
+        answers = [m for m in replies if m.get_msgId() == message_id]
+        streamed = [m for m in self.received if m.get_msgId() == message_id]
+        return (answers or streamed)[-1]
 
     # -- state --------------------------------------------------------------------------------------------
 

@@ -16,12 +16,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmctl.agent.replan.stopping import distance_and_speed_after
+from swarmctl.agent.replan.stopping import distance_and_speed_after, stop_for_new_plan
 from swarmctl.agent.state import AgentState, Phase
 from swarmctl.agent.traffic.prediction import track_ahead
 from swarmctl.core.any_angle.track import crossed_cells
 from swarmctl.core.grid import Cell
-from swarmctl.core.mission import FlightPlan, Waypoint
+from swarmctl.core.mission import MAX_OVERSHOOT_M, FlightPlan, Waypoint
 from swarmctl.core.planar import PlanarPoint, distance_to_leg, distance_to_track
 
 ON_ROUTE_M = 15.0
@@ -187,8 +187,12 @@ def _is_centre_passed(state: AgentState, here: PlanarPoint, index: int) -> bool:
 
 
 def _swap_distance_m(state: AgentState) -> float:
-    """Return the distance that the vehicle flies by its old plan until the end of a swap [m]."""
-    return distance_and_speed_after(state, state.swap_times.expected_s)[0]
+    """Return the least distance to the splice point [m]: the flight by the old plan until the end of a swap.
+
+    A vehicle that brakes for the new plan may stop up to MAX_OVERSHOOT_M past the splice point.
+    """
+    flown_m, stop = distance_and_speed_after(state, state.swap_times.expected_s)[0], stop_for_new_plan(state)
+    return flown_m if stop is None else max(flown_m, stop.stops_in_m - MAX_OVERSHOOT_M)
 
 
 def _is_wall(state: AgentState, p_s: NDArray[np.float64], cell: Cell) -> bool:

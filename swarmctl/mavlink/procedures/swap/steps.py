@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from swarmctl.core.mission import MissionItem
+from swarmctl.core.mission import MAX_OVERSHOOT_M, MissionItem
 from swarmctl.mavlink.procedures.guarded import NotInControl, confirm_state, in_modes, set_mode
 from swarmctl.mavlink.procedures.land import landing_items
 from swarmctl.mavlink.procedures.swap.route_progress import MAX_CROSS_TRACK_M, RoutePosition, RouteProgress
@@ -97,8 +97,13 @@ class SwapPlan:
         return at.item if self.leaves_ahead or not at.is_late else 0
 
     def is_past_splice(self, ctx: Context, round_trip_s: float) -> bool:
-        """Return whether the vehicle is past the splice point or off the plan when a message takes effect."""
-        return self.leaves_ahead and self.position(ctx, round_trip_s).is_late
+        """Return whether it is too late for the splice point when a message takes effect.
+
+        Then the vehicle is past the splice point or off the plan, or would stop too far past that point.
+        """
+        at, brakes_m_s2 = self.position(ctx, round_trip_s), ctx.dialect.brakes_m_s2
+        stop_m = 0.0 if brakes_m_s2 is None else ctx.state.ground_speed_m_s**2 / (2.0 * brakes_m_s2)
+        return self.leaves_ahead and (at.is_late or at.past_splice_m + stop_m > MAX_OVERSHOOT_M)
 
     def record_current(self, ctx: Context) -> None:
         """Record that the plan is current from now on; telemetry shows the new current item later."""
