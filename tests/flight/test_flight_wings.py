@@ -150,7 +150,7 @@ def test_fixed_wings_arrive_together_above_their_minimum_speed(autopilot: str, t
         simulate={"autopilot": autopilot, "count": 3},
         arrival={"mode": "simultaneous", "tolerance_s": 3.0},
         flight={"altitude_m": 30.0, "altitude_step_m": 10.0},
-        wings={"min_speed_m_s": 13.5},
+        wings={"min_speed_m_s": 14.0},
     )
     report = fly(scenario, tmp_path)
     assert [s.outcome for s in report.states.values()] == ["arrived"] * 3
@@ -159,4 +159,4 @@ def test_fixed_wings_arrive_together_above_their_minimum_speed(autopilot: str, t
     lines = (tmp_path / "evidence.jsonl").read_text().splitlines()
     commands = [entry["what"] for entry in map(json.loads, lines) if entry["kind"] == "command"]
     speeds = [what["param2"] for what in commands if what.get("command") == "DO_CHANGE_SPEED"]
-    assert min(speeds) == 13.5, "without the limit the speed would be 12.6 m/s"
+    assert min(speeds) == 14.0, "without the limit the speed would be 13.6 m/s"
