@@ -15,8 +15,9 @@ OK, FAILED, USAGE, BUG, INTERRUPTED = 0, 1, 2, 3, 130
 
 FILE_COLUMNS = 140
 """width of output to a file or a pipe"""
-out = Console(width=None if sys.stdout.isatty() else FILE_COLUMNS)
-err = Console(stderr=True)
+# Without emoji: they would replace a line number such as `:100:`.
+out = Console(width=None if sys.stdout.isatty() else FILE_COLUMNS, emoji=False)
+err = Console(stderr=True, emoji=False)
 
 ConfigOption = Annotated[
     Path,

@@ -63,6 +63,13 @@ class Scenario:
     swarm: tuple[Spec, ...]
     """the vehicles of all processes"""
 
+    @property
+    def true_hostiles(self) -> frozenset[Cell] | None:
+        """The true cells of the hostiles; None if unknown, because nothing simulates them."""
+        config = self.config
+        is_real = config.simulate is None and config.sensor.source == "external"
+        return None if is_real and config.threats.hostiles == "random" else self.hostiles
+
     def only(self, uav: int) -> Scenario:
         """Return the scenario of a process that flies only vehicle `uav`."""
         here = [i for i, spec in enumerate(self.specs) if spec.sysid == uav]

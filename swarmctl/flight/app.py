@@ -108,6 +108,8 @@ async def fly(
     # The record last: a run with a record can be continued, and that needs the evidence too.
     evidence = evidence_log.begin(scenario, folder, clock, run.ui.say, resumes)
     recorder = Recorder(folder / "run.mcap", scenario, epoch_ns(clock), earlier)
+    if resumes is not None:
+        resumes.note_continuation(folder.name)
     try:
         async with (
             contextlib.AsyncExitStack() as opened,

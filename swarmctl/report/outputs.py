@@ -52,7 +52,7 @@ def write_plans(folder: Path, scenario: Scenario, routes: dict[str, tuple[FirstR
     ]
     picture = MapPicture(
         grid=scenario.grid,
-        hostiles=scenario.hostiles,
+        hostiles=scenario.true_hostiles,
         known=scenario.prior.known,
         no_fly=frozenset(scenario.config.area.no_fly),
         tracks=tracks,
@@ -109,7 +109,7 @@ def _flown_picture(scenario: Scenario, report: FlightReport) -> MapPicture:
         )
     return MapPicture(
         grid=scenario.grid,
-        hostiles=scenario.hostiles,
+        hostiles=scenario.true_hostiles,
         known=known_to_any(scenario, report.states),
         no_fly=frozenset(scenario.config.area.no_fly),
         tracks=tracks,
@@ -122,10 +122,9 @@ def _subtitle(scenario: Scenario, routes: str = "") -> str:
     config = scenario.config
     n = len(scenario.specs)
     routes = routes or ", ".join(dict.fromkeys((config.planner.name, scenario.chosen_by)))
-    return (
-        f"{n} vehicle{'s' if n != 1 else ''} · {len(scenario.hostiles)} hostiles · {routes} · "
-        f"seed {config.seed}"
-    )
+    hostiles = scenario.true_hostiles
+    n_hostiles = "unknown" if hostiles is None else len(hostiles)
+    return f"{n} vehicle{'s' if n != 1 else ''} · {n_hostiles} hostiles · {routes} · seed {config.seed}"
 
 
 def _draw(folder: Path, picture: MapPicture) -> None:

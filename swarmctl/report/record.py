@@ -151,13 +151,14 @@ class Recorder:
         self._show(foxglove.LOG, "foxglove.Log", entry, now)
 
     def _show_area(self, now: float) -> None:
-        """Write the area and the true hostiles."""
+        """Write the area and the true hostiles, if something simulates them."""
         grid = self._scenario.grid
         goals = [goal for spec in self._scenario.swarm for goal in spec.goals]
         area = foxglove.area(grid, self._scenario.config.area.no_fly, goals)
         self._show(foxglove.AREA, "foxglove.GeoJSON", area, now)
-        hostiles = foxglove.hostiles(grid, self._scenario.hostiles, "hostile (truth)")
-        self._show(foxglove.HOSTILES, "foxglove.GeoJSON", hostiles, now)
+        if (true_hostiles := self._scenario.true_hostiles) is not None:
+            hostiles = foxglove.hostiles(grid, true_hostiles, "hostile (truth)")
+            self._show(foxglove.HOSTILES, "foxglove.GeoJSON", hostiles, now)
 
     def _show_found(self, cells: set[Cell], now: float) -> None:
         if not cells <= self._found:

@@ -326,11 +326,11 @@ def _takeoff_plan(scenario: Scenario, uav: int, takeoff_plan: TakeoffPlan) -> di
 
 
 def _chance_among_true(scenario: Scenario, state: AgentState) -> float | None:
-    """Return the survival probability over the cells entered, among the true hostiles; None without cells."""
-    if not state.flown_cells:
+    """Return the survival probability over the cells entered, among the true hostiles; None if unknown."""
+    hostiles, shape = scenario.true_hostiles, (scenario.grid.rows, scenario.grid.cols)
+    if not state.flown_cells or hostiles is None:
         return None
-    shape = (scenario.grid.rows, scenario.grid.cols)
-    return survival_among(scenario.hostiles, scenario.strength, state.flown_cells, shape)
+    return survival_among(hostiles, scenario.strength, state.flown_cells, shape)
 
 
 def _plan(route: Route) -> dict[str, Any]:

@@ -25,6 +25,8 @@ from swarmctl.report.summary import FlightStatistics
 
 MAX_AGE_S = 3600.0
 """age of a record above which no vehicle of the run is in the air any more [s]"""
+CONTINUED = "continued_by.txt"
+"""file with the name of the run that goes on with this one"""
 MAX_LAG_S = 5.0
 """longest time by which the record may end before the evidence; a longer one means that the record failed"""
 
@@ -67,6 +69,11 @@ class UnfinishedRun:
     file: BinaryIO
     """the locked record: no other program can take over this run meanwhile"""
 
+    def note_continuation(self, run: str) -> None:
+        """Write the name of the run that goes on with this one, so that no later program does."""
+        with contextlib.suppress(OSError):
+            (self.folder / CONTINUED).write_text(f"{run}\n", encoding="utf-8")
+
 
 def unfinished_content(run: Path) -> tuple[record.RecordContent, BinaryIO]:
     """Return the content and the locked file of an unfinished run's record. Raises UnfinishedRunError."""
@@ -82,6 +89,12 @@ def unfinished_content(run: Path) -> tuple[record.RecordContent, BinaryIO]:
                 f"{run}: the run has ended in order, so there is nothing to go on with; start a new flight "
                 "without --resume, and command vehicles that are still in the air by another ground station "
                 "[run-ended]"
+            )
+        folder = run if run.is_dir() else run.parent
+        with contextlib.suppress(OSError):
+            later = (folder / CONTINUED).read_text(encoding="utf-8").strip()
+            raise UnfinishedRunError(
+                f"{run}: {later} has gone on with this run; give that run [run-continued]"
             )
         opened.pop_all()
         return content, file

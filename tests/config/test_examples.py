@@ -79,3 +79,12 @@ def test_every_key_has_a_description_with_its_unit(key: str, description: str) -
     assert description
     suffix = max((end for end in UNITS if key.endswith(end)), key=len, default="")
     assert UNITS.get(suffix, "") in description
+
+
+def test_nobody_knows_the_true_hostiles_of_a_real_flight(tmp_path: Path) -> None:
+    """A real flight with external sensors has no simulated truth, and must not show one."""
+    file = tmp_path / "mine.yaml"
+    for is_real in (True, False):
+        file.write_text(starter("mine.yaml", 2, real=is_real))
+        hostiles = build(model.load(file, check_config)).true_hostiles
+        assert (hostiles is None) is is_real

@@ -11,6 +11,8 @@ from cli_runner import swarmctl
 from simulator_process import free_udp_port, simulator
 from swarmctl_process import SWARMCTL, read_until, run
 
+from swarmctl.report.unfinished_run import CONTINUED
+
 pytestmark = pytest.mark.interop
 
 NAMES = ("alpha", "beta")
@@ -71,6 +73,9 @@ def test_a_killed_station_is_continued(tmp_path: Path) -> None:
     assert run("audit", new, cwd=tmp_path).returncode == 0
     ended = run("fly", "--resume", new, cwd=tmp_path)
     assert (ended.returncode, "[run-ended]" in ended.stderr) == (1, True)
+    twice = run("fly", "--resume", folder, cwd=tmp_path)
+    assert (twice.returncode, "[run-continued]" in twice.stderr) == (1, True)
+    (folder / CONTINUED).unlink()
     config.write_text(config.read_text().replace("count: 5", "count: 6"))
     other = run("fly", "--config", config, "--resume", folder, cwd=tmp_path)
     assert (other.returncode, "[other-configuration]" in other.stderr) == (1, True)
