@@ -139,6 +139,9 @@ def _show(checked: CheckedChain, *, shows_all: bool) -> None:
     began = _time(checked.entries[0])
     say(printable(f"{opened.get('run')}, flown by {opened.get('program')}, began {began}"))
     say(printable(f"configuration SHA-256 {opened.get('configuration_sha256')}"))
+    if isinstance(earlier := opened.get("continues"), dict):
+        text = f"goes on with {earlier.get('run')} after its {earlier.get('entries')} entries"
+        say(printable(f"{text}, final hash {earlier.get('last_hash')}; its vehicles may be armed since then"))
     vehicles = (f"{name} (system {sysid})" for name, sysid in checked.vehicles.items())
     say(printable(f"vehicles: {', '.join(vehicles) or 'not recorded'}"))
     if shows_all:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich import box
 from rich.table import Table
 
 from swarmctl.bus.endpoint import parse_endpoint
@@ -85,7 +86,7 @@ def _what_to_copy(made: list[ParticipantFolder]) -> str:
     ]
     if not to_copy:
         return "No folder has changed; the machines need no new copies."
-    where = "to the participant's machine, as the folder of communication.keys"
+    where = "into the folder communication.keys of its participant's machine, under the same name"
     if all(participant.is_new for participant in made):
         return f"Copy each folder {where}."
     refusing = "A machine with an old copy refuses the messages of participants with new keys."
@@ -113,11 +114,11 @@ def _configured_hosts(swarm: Roster) -> Iterator[tuple[str, str]]:
 
 
 def _table(made: list[ParticipantFolder], participants: dict[str, str]) -> Table:
-    table = Table(title="keys", title_justify="left")
-    for heading in ("folder", "for", "", "valid until (UTC)", "hosts"):
+    table = Table(box=box.SIMPLE_HEAD, header_style="bold", pad_edge=False, padding=(0, 2, 0, 0))
+    for heading in ("folder", "for", "keys", "valid until (UTC)", "hosts"):
         table.add_column(heading)
     for found in made:
-        owner = participants.get(found.name, "the ground station" if found.name == OPERATOR else "the router")
+        owner = participants.get(found.name, "the operator" if found.name == OPERATOR else "the router")
         state = "made" if found.is_new else "changed" if found.is_changed else "kept"
         until = f"{found.until:%Y-%m-%d %H:%M}"
         table.add_row(str(found.folder), owner, state, until, ", ".join(found.hosts))
