@@ -100,6 +100,6 @@ def test_pymavlink_downloads_all_parameters_of_ardupilot_as_a_file(tmp_path: Pat
             )
             assert "RTL_ALT,1500" in values.read_text()
             assert client.cmd_list(["/"]).error_code == mavftp.FtpError.Success
-            assert {entry.name for entry in client.list_result} == {"@MISSION", "@PARAM", "APM"}
+            assert {entry.name for entry in client.list_result} == {"@MISSION", "@PARAM", "@SYS", "APM"}
         finally:
             link.close()

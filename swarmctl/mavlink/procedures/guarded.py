@@ -27,8 +27,8 @@ TRIES = 5
 """number of times that an unanswered command is sent"""
 WARNING = int(mavlink.MAV_SEVERITY_WARNING)
 
-WHILE_RECENT_S = MAX_DELAY_S
-"""life of a command that depends on the position of a moving vehicle [s]"""
+WHILE_RECENT_S = 2.0 * MAX_DELAY_S
+"""life of a command that depends on the position of a moving vehicle [s]: several tries over a lossy link"""
 UNTIL_REPLACED_S = math.inf
 """life of a command that stays right until another procedure replaces it, such as an order to hold"""
 

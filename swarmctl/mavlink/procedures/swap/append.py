@@ -158,7 +158,8 @@ def _make_tail_current(
         if decision and (yield from await_current_item(ctx, lambda _seq: follows(ctx.state))):
             return None, None
         if (stays := _stays_on_old(ctx, plan, later_s)) is not None:
-            return None, stays
+            # An earlier command may still be on its way, so the vehicle's route is not certain.
+            return (stays.failure, None) if decision and stays.is_late else (None, stays)
         order = GuardedCommand(next_try, UNTIL_REPLACED_S)
         try:
             failure = yield from send_guarded(ctx, order, mission, follows, skip_if_done=decision > 0)
