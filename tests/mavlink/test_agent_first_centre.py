@@ -22,11 +22,12 @@ OUTSIDE_M = 2.0
         *full_only(*((p, m) for p in ("ardupilot", "px4") for m in (45.0, 31.0, 10.0))),
     ],
 )
-@pytest.mark.xfail(reason="a stop past the splice point may leave the cells by 5 m", strict=False)
 def test_a_vehicle_that_arrives_fast_stays_in_the_cells_of_its_plans(
     personality: str, before_m: float
 ) -> None:
     """The vehicle starts 25 m west of the area. Its route turns by 45 degrees at the first centre."""
+    if (personality, before_m) == ("ardupilot", 10.0):
+        pytest.xfail("a stop past the splice point leaves the cells by 5 m")
     flight = AgentFlight(personality, 0.0)
     flight.state = replace(flight.state, swap_times=SwapTimes((0.25,), (0.0,)))
     first_m = GRID.centre_m((ROW, 0))[0]
