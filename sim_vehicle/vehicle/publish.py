@@ -28,7 +28,7 @@ def publish(vehicle: Vehicle, now: float) -> None:
     status.position_known[i] = vehicle.position_known(now)
     status.rc_count[i] = vehicle.remote.count
     channels_us = vehicle.remote.channels_us(now)
-    status.rc_us[i, : len(channels_us)] = [min(max(us, 0), 65535) for us in channels_us]
+    status.rc_us[i, : len(channels_us)] = channels_us
     _heartbeat(vehicle)
     _health(vehicle, now)
     _places(vehicle)

@@ -79,7 +79,7 @@ def test_a_frame_of_another_key_is_refused() -> None:
 
 
 def test_time_stamps_begin_a_minute_after_the_key_and_never_repeat() -> None:
-    """As seen on ArduCopter 4.6.2: the first time stamp is 6,000,001 ticks after that of the key."""
+    """The first time stamp of ArduCopter 4.6.2 was 6,000,001 ticks after that of the key."""
     signing = keyed()
     stamps = [int.from_bytes(signing.sign(packed(attitude()), 0)[-12:-6], "little") for _ in range(3)]
     assert stamps == [START + MINUTE + 1, START + MINUTE + 2, START + MINUTE + 3]
@@ -111,7 +111,7 @@ def test_each_stream_refuses_its_older_frames() -> None:
 
 
 def test_a_new_stream_may_not_be_older_than_the_key() -> None:
-    """As seen on ArduCopter 4.6.2: 1 s before the key is refused, 1 s to 70 s after it are accepted."""
+    """ArduCopter 4.6.2 refused a stamp 1 s before that of the key, and accepted 1 s to 70 s after it."""
     assert not keyed().accepts(packed(attitude(), station(timestamp=START - 1)))
     for later in (0, MINUTE // 60, MINUTE // 3, MINUTE, 2 * MINUTE):
         assert keyed().accepts(packed(attitude(), station(timestamp=START + later)))

@@ -100,7 +100,7 @@ def test_only_the_key_ends_the_signing_and_a_reboot_does_not() -> None:
 
 
 def test_a_trusted_link_accepts_unsigned_messages_and_answers_with_signatures() -> None:
-    """As on SERIAL0 of ArduCopter 4.6.2, where unsigned and wrongly signed requests were answered."""
+    """SERIAL0 of ArduCopter 4.6.2 answered unsigned and wrongly signed requests too."""
     bench = Bench(*ARDUPILOT)
     bench.fleet = Fleet(bench.fleet.scenario, ready_s=0.0, trusted_links=(0,))
     bench.send(random_setup(1))

@@ -62,7 +62,8 @@ class Remote:
             (YAW, message.r, middle + message.r / 2),
         )
         for channel, axis, pulse_us in axes:
-            self._overrides[channel] = (0 if axis == NO_AXIS else LOWEST_US + int(pulse_us), now)
+            # An axis far outside of its range gives a negative pulse, which no message can report.
+            self._overrides[channel] = (0 if axis == NO_AXIS else max(LOWEST_US + int(pulse_us), 1), now)
         self._vehicle.failsafes.receive_remote_frame(now)
 
     def channels_us(self, now: float) -> Sequence[int]:
