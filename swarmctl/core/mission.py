@@ -10,10 +10,7 @@ import math
 from dataclasses import dataclass
 
 MAX_OVERSHOOT_M = 8.0
-"""Greatest distance past a splice point at which a copter may stop for a new plan [m].
-
-With room for the whole stop, changes would begin a cell later, and a copter sees one cell ahead.
-"""
+"""Default of `FlightPlan.max_overshoot_m` [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +59,8 @@ class FlightPlan:
     """position at the time of planning; None on the ground"""
     leaves_ahead: bool = False
     """True if the plan first follows the plan being flown, and leaves it at a splice point ahead"""
+    max_overshoot_m: float = MAX_OVERSHOOT_M
+    """greatest distance past the splice point at which a copter may stop for this plan [m]"""
     from_hold: bool = False
     """True if the vehicle is in hold mode by its agent's order at the time of planning"""
 

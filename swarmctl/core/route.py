@@ -13,6 +13,13 @@ CORNER_TOLERANCE = 0.02
 """Greatest distance at which a leg may pass the corner that two diagonal cells share [cells]. A vehicle
 follows a leg with about this error. A leg between the centres meets the corner exactly."""
 
+MAX_OVERSHOOT_CELLS = 0.4
+"""Greatest distance past the centre of a cell at which a copter may stop for a new plan [cells].
+
+The copter stays in that cell. With room for the whole stop before the centre, changes would begin a cell
+later, and a copter sees one cell ahead.
+"""
+
 LANDING_SPACING_M = 12.0
 """Wanted distance between the landing spots in one cell, for a separation of 10 m or less [m]."""
 LANDING_MARGIN = 1.2
@@ -85,7 +92,8 @@ def track_plan(
 
 def _plan(grid: Grid, corners: Sequence[Cell], altitude_m: float, landing_lat_lon: LatLon) -> FlightPlan:
     track = tuple(Waypoint(*grid.centre(cell), altitude_m) for cell in corners)
-    return FlightPlan(altitude_m, track, Waypoint(*landing_lat_lon, altitude_m))
+    landing = Waypoint(*landing_lat_lon, altitude_m)
+    return FlightPlan(altitude_m, track, landing, max_overshoot_m=MAX_OVERSHOOT_CELLS * grid.cell_size_m)
 
 
 def landing_spot(grid: Grid, cell: Cell, index: int, count: int, separation_m: float) -> LatLon:

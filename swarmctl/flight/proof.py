@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from swarmctl.agent.own_modes import own_mode_roles
+from swarmctl.agent.replan.splice import flown_track
 from swarmctl.agent.state import ENDED, ON_GROUND, AgentState, Phase
 from swarmctl.core import events as ev
 from swarmctl.core.planar import distance_to_track
@@ -23,7 +24,7 @@ SETTLED_S = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """What was found on a vehicle."""
+    """The present state of a vehicle, and the result of the read-back."""
 
     identity: Identity
     state: VehicleState
@@ -146,16 +147,11 @@ def _off_plan(state: AgentState, found: Finding) -> str:
     vehicle, task = found.state, state.task
     assert found.stored.plan_id is not None
     plan = _possible_swaps(state)[found.stored.plan_id].plan
-    frame = task.grid.frame
     home = vehicle.takeoff_lat_lon if vehicle.home_lat_deg is not None else state.vehicle.takeoff_lat_lon
-    points = [(p.lat_deg, p.lon_deg) for p in (*plan.waypoints, plan.landing)]
-    if plan.begins is None and home is not None:
-        points = [home, *points]
     assert vehicle.lat_deg is not None
     assert vehicle.lon_deg is not None
-    off_m = distance_to_track(
-        frame.to_local(vehicle.lat_deg, vehicle.lon_deg), [frame.to_local(*p) for p in points]
-    )
+    here = task.grid.frame.to_local(vehicle.lat_deg, vehicle.lon_deg)
+    off_m = distance_to_track(here, flown_track(task.grid, plan, home))
     limit_m = task.grid.cell_size_m if task.wings is None else max(MAX_OFF_ROUTE_M, task.grid.cell_size_m)
     if off_m > limit_m:
         return f"the vehicle is {off_m:.0f} m off its route, more than {limit_m:.0f} m"

@@ -213,7 +213,13 @@ class DirectLink:
             items = self._session.mission_items(plan)
         except ValueError as error:
             raise SwapFailed(f"{self._label}: the plan cannot be flown: {error}", flying="old") from error
-        procedure = partial(basic.swap, new=items, leaves_ahead=plan.leaves_ahead, from_hold=plan.from_hold)
+        procedure = partial(
+            basic.swap,
+            new=items,
+            leaves_ahead=plan.leaves_ahead,
+            max_overshoot_m=plan.max_overshoot_m,
+            from_hold=plan.from_hold,
+        )
         done: Swapped = await self._perform("swap", procedure)
         if done.failure:
             raise swap_failed(self._label, done)

@@ -90,14 +90,18 @@ def unfinished_content(run: Path) -> tuple[record.RecordContent, BinaryIO]:
                 "without --resume, and command vehicles that are still in the air by another ground station "
                 "[run-ended]"
             )
-        folder = run if run.is_dir() else run.parent
         with contextlib.suppress(OSError):
-            later = (folder / CONTINUED).read_text(encoding="utf-8").strip()
+            later = (_folder(run) / CONTINUED).read_text(encoding="utf-8").strip()
             raise UnfinishedRunError(
                 f"{run}: {later} has gone on with this run; give that run [run-continued]"
             )
         opened.pop_all()
         return content, file
+
+
+def _folder(run: Path) -> Path:
+    """Return the folder of a run, given as its folder or as its record."""
+    return record.record_path(run).parent
 
 
 def _locked(run: Path) -> BinaryIO:
@@ -167,7 +171,7 @@ def rebuild(
             f"{run}: this program decides otherwise than the recorded one: {result.difference}; go on with "
             "the version that flew the run [other-decisions]"
         )
-    folder = run if run.is_dir() else run.parent
+    folder = _folder(run)
     entries, summary = _evidence(folder, max((row.log_time_ns for row in content.rows), default=0) / 1e9)
     for vehicle in vehicles.values():
         vehicle.mode_params = _commanded_mode(entries, vehicle.state.task.name)

@@ -72,6 +72,17 @@ def test_a_vehicle_past_the_splice_point_is_late(later_s: float, is_late: bool) 
     assert progress.at(state(40.0, 104.0, north_m_s=10.0)).is_late, "straight on"
 
 
+@pytest.mark.parametrize(("north_m", "past_splice_m"), [(50.0, -50.0), (100.0, 0.0), (130.0, 30.0)])
+def test_a_corner_of_the_flown_route_is_the_splice_point_of_a_route_straight_on(
+    north_m: float, past_splice_m: float
+) -> None:
+    flown = (item(0.0, 100.0), item(200.0, 100.0))
+    progress = RouteProgress(state(0.0, 0.0), (item(0.0, 400.0), item(200.0, 400.0)), flown)
+    at = progress.at(state(0.0, north_m, north_m_s=10.0))
+    assert at.past_splice_m == pytest.approx(past_splice_m, abs=0.1)
+    assert at.item == 0
+
+
 def test_a_route_without_a_start_begins_at_its_first_item() -> None:
     unknown = VehicleState()
     assert RouteProgress(unknown, (item(0.0, 100.0),)).at(state(0.0, 0.0)).item == 0

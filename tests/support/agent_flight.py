@@ -87,7 +87,13 @@ class AgentFlight:
                 self.bench.begin("upload", lambda c: basic.upload(c, items))
                 return
             self.swaps.append((self.bench.now, effect))
-            job = partial(basic.swap, new=items, leaves_ahead=plan.leaves_ahead, from_hold=plan.from_hold)
+            job = partial(
+                basic.swap,
+                new=items,
+                leaves_ahead=plan.leaves_ahead,
+                max_overshoot_m=plan.max_overshoot_m,
+                from_hold=plan.from_hold,
+            )
             self.bench.begin("swap", job)
         elif isinstance(effect, ev.Command):
             assert effect.order is ev.FlightOrder.LAUNCH, effect

@@ -20,12 +20,16 @@ from swarmctl.agent.replan.stopping import distance_and_speed_after, stop_for_ne
 from swarmctl.agent.state import AgentState, Phase
 from swarmctl.agent.traffic.prediction import track_ahead
 from swarmctl.core.any_angle.track import crossed_cells
-from swarmctl.core.grid import Cell
-from swarmctl.core.mission import MAX_OVERSHOOT_M, FlightPlan, Waypoint
+from swarmctl.core.geo import LatLon
+from swarmctl.core.grid import Cell, Grid
+from swarmctl.core.mission import FlightPlan, Waypoint
 from swarmctl.core.planar import PlanarPoint, distance_to_leg, distance_to_track
+from swarmctl.core.route import MAX_OVERSHOOT_CELLS
 
 ON_ROUTE_M = 15.0
-"""Greatest distance from the route at which a vehicle counts as on its route [m]."""
+"""Greatest distance from the route at which a vehicle counts as on its route, in small cells [m]."""
+ON_ROUTE_CELLS = 0.5
+"""The same distance in cells from 30 m on [cells]; a copter that stopped past a splice point is beside it."""
 OVERHEAD_M = 1.0
 """Greatest distance from a centre at which a vehicle counts as over the centre [m]."""
 MOVING_M_S = 0.5
@@ -153,16 +157,17 @@ def _position_on_route(state: AgentState) -> PlanarPoint | None:
     if swap.track is not None or vehicle.lat_deg is None or vehicle.lon_deg is None:
         return None
     here = grid.frame.to_local(vehicle.lat_deg, vehicle.lon_deg)
-    return here if distance_to_track(here, _flown_track(state, swap.plan)) <= ON_ROUTE_M else None
+    track = flown_track(grid, swap.plan, vehicle.takeoff_lat_lon)
+    greatest_m = max(ON_ROUTE_M, ON_ROUTE_CELLS * grid.cell_size_m)
+    return here if distance_to_track(here, track) <= greatest_m else None
 
 
-def _flown_track(state: AgentState, plan: FlightPlan) -> list[PlanarPoint]:
+def flown_track(grid: Grid, plan: FlightPlan, takeoff: LatLon | None) -> list[PlanarPoint]:
     """Return the points of a plan's flight: its begin in the air or the take-off, waypoints, landing."""
-    takeoff = state.vehicle.takeoff_lat_lon
     points = [(p.lat_deg, p.lon_deg) for p in (*plan.waypoints, plan.landing)]
     if plan.begins is None and takeoff is not None:
         points.insert(0, takeoff)
-    return [state.task.grid.frame.to_local(*point) for point in points]
+    return [grid.frame.to_local(*point) for point in points]
 
 
 def _is_centre_passed(state: AgentState, here: PlanarPoint, index: int) -> bool:
@@ -182,17 +187,19 @@ def _is_centre_passed(state: AgentState, here: PlanarPoint, index: int) -> bool:
     if index > 0:
         return after < distance_to_leg(here, centre(cells[index - 1]), at)
     # A plan that begins past the first centre has no waypoint there.
-    begin, first = _flown_track(state, state.route.plan)[:2]
+    begin, first = flown_track(state.task.grid, state.route.plan, vehicle.takeoff_lat_lon)[:2]
     return math.dist(first, at) > OVERHEAD_M or after < distance_to_leg(here, begin, first)
 
 
 def _swap_distance_m(state: AgentState) -> float:
     """Return the least distance to the splice point [m]: the flight by the old plan until the end of a swap.
 
-    A vehicle that brakes for the new plan may stop up to MAX_OVERSHOOT_M past the splice point.
+    A vehicle that brakes for the new plan may stop up to MAX_OVERSHOOT_CELLS past the splice point.
     """
     flown_m, stop = distance_and_speed_after(state, state.swap_times.expected_s)[0], stop_for_new_plan(state)
-    return flown_m if stop is None else max(flown_m, stop.stops_in_m - MAX_OVERSHOOT_M)
+    if stop is None:
+        return flown_m
+    return max(flown_m, stop.stops_in_m - MAX_OVERSHOOT_CELLS * state.task.grid.cell_size_m)
 
 
 def _is_wall(state: AgentState, p_s: NDArray[np.float64], cell: Cell) -> bool:

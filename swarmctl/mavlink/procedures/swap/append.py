@@ -31,6 +31,7 @@ from swarmctl.mavlink.procedures.swap.steps import (
     OldPlan,
     SwapPlan,
     confirm_flying,
+    stopping_distance_m,
 )
 from swarmctl.mavlink.procedures.verified_upload import read_back
 from swarmctl.mavlink.protocol.command import CommandResult
@@ -121,14 +122,10 @@ def _leaves_leg(ctx: Context, at: RoutePosition) -> bool:
     The new leg begins where the vehicle stops: behind the next item, or beside the route soon after a corner.
     False at the splice point: flying back to that point is better than leaving it out.
     """
-    brakes_m_s2 = ctx.dialect.brakes_m_s2
-    is_at_splice = at.to_item_m + at.past_splice_m > -SAME_PLACE_M
-    if brakes_m_s2 is None or is_at_splice:
+    is_at_splice = abs(at.to_item_m + at.past_splice_m) <= SAME_PLACE_M
+    if ctx.dialect.brakes_m_s2 is None or is_at_splice:
         return False
-    return (
-        at.to_item_m < ctx.state.ground_speed_m_s**2 / (2.0 * brakes_m_s2)
-        or at.cross_track_m > MAX_BESIDE_LEG_M
-    )
+    return at.to_item_m < stopping_distance_m(ctx) or at.cross_track_m > MAX_BESIDE_LEG_M
 
 
 def _make_tail_current(

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from swarmctl.core.mission import MissionItem
+from swarmctl.core.mission import MAX_OVERSHOOT_M, MissionItem
 from swarmctl.core.vehicle import STALE_MODE_S, Landed
 from swarmctl.mavlink.dialects import Dialect
 from swarmctl.mavlink.procedures.guarded import (
@@ -63,12 +63,18 @@ def swap_takes_s(dialect: Dialect, n_items: int, upload_s: float) -> float:
 
 
 def swap(
-    ctx: Context, new: tuple[MissionItem, ...], *, leaves_ahead: bool = False, from_hold: bool = False
+    ctx: Context,
+    new: tuple[MissionItem, ...],
+    *,
+    leaves_ahead: bool = False,
+    max_overshoot_m: float = MAX_OVERSHOOT_M,
+    from_hold: bool = False,
 ) -> Procedure[Swapped]:
     """Fly `new` from its first waypoint; after a failure fly the old mission, or hold. Return the outcome.
 
     leaves_ahead: True if the new mission begins with the old mission's next waypoints, up to a splice point.
         The vehicle continues with its next item. The swap fails if the vehicle has passed the splice point.
+    max_overshoot_m: greatest distance past that point at which a vehicle that brakes may stop [m]
     from_hold: True if this program has set hold mode; otherwise hold mode is another party's choice
 
     After another party has chosen a mode, no command is sent.
@@ -77,7 +83,7 @@ def swap(
     own_modes = {ctx.dialect.mission_mode, *([ctx.dialect.hold_mode] if from_hold else [])}
     old = OldPlan.of(ctx)
     progress = RouteProgress(begin, new[ctx.dialect.first_waypoint_seq :], old.items[old.seq :])
-    plan = SwapPlan(new, progress, leaves_ahead, own_modes)
+    plan = SwapPlan(new, progress, leaves_ahead, max_overshoot_m, own_modes)
     # A vehicle stopped during its climb would fly to the first waypoint at that low altitude.
     yield WaitUntil(lambda: not takes_off(ctx), CLIMB_LIMIT_S)
     began_s = ctx.state.time_boot_s

@@ -59,8 +59,8 @@ class RouteProgress:
         legs_m = [math.dist(a, b) for a, b in pairwise(self._points)]
         self._along_m = [0.0, *accumulate(legs_m)]
         """distance along the route to each point"""
-        self._n_common = self._n_common_corners(self._to_planar(flown))
-        self._splice_m = self._along_m[self._n_common] if self._n_common else math.inf
+        self._splice_m = self._common_m(self._to_planar(flown)) or math.inf
+        """distance along the route to the splice point; infinite if the new route leaves at once"""
 
     def _to_planar(self, items: Sequence[MissionItem]) -> list[PlanarPoint]:
         """Return (0, 0) and the items' positions (east, north) [m] from the vehicle's position at `begin`."""
@@ -69,13 +69,21 @@ class RouteProgress:
         places = ((i.x / 1e7, i.y / 1e7) for i in takewhile(lambda i: i.x or i.y, items))
         return [(0.0, 0.0), *(self._frame.to_local(*place) for place in places)]
 
-    def _n_common_corners(self, flown: Sequence[PlanarPoint]) -> int:
-        """Return how many of the first corners of the new route lie on the flown route."""
+    def _common_m(self, flown: Sequence[PlanarPoint]) -> float:
+        """Return how far the new route follows the flown route, up to a corner of one of them [m]."""
         if len(flown) < 2:
-            return 0
-        return sum(
-            1 for _ in takewhile(lambda p: distance_to_track(p, flown) <= SAME_PLACE_M, self._points[1:])
-        )
+            return 0.0
+        n_corners = _n_first_on(self._points[1:], flown)
+        # On the leg after these corners the flown route may turn off the new route.
+        legs = self._points[: n_corners + 2]
+        turned_off = flown[1 : 1 + _n_first_on(flown[1:], legs)]
+        return max(self._along_m[n_corners], *(self._along(corner) for corner in turned_off), 0.0)
+
+    def _along(self, place: PlanarPoint) -> float:
+        """Return the distance along the route to a place on the route [m]."""
+        legs = list(pairwise(self._points))
+        leg = min(range(len(legs)), key=lambda i: distance_to_leg(place, *legs[i]))
+        return self._along_m[leg] + math.dist(legs[leg][0], place)
 
     def at(self, state: VehicleState, later_s: float = 0.0) -> RoutePosition:
         """Return the position on the route `later_s` after `state`, at the same speed along the route.
@@ -124,12 +132,17 @@ class RouteProgress:
         item = min(sum(end_m < along_m - 0.01 for end_m in ends_m), len(ends_m) - 1)
         if along_m > self._splice_m:
             # The vehicle has followed the old route past the splice point, which stays the next item.
-            item = min(item, self._n_common - 1)
+            item = min(item, sum(end_m < self._splice_m - 0.01 for end_m in ends_m))
         since_corner_m = along_m - self._along_m[item] if item else math.inf
         corner_m = min(abs(ends_m[item] - along_m), since_corner_m)
         return RoutePosition(
             item, cross_track_m, corner_m / speed_m_s, along_m - self._splice_m, ends_m[item] - along_m
         )
+
+
+def _n_first_on(places: Sequence[PlanarPoint], track: Sequence[PlanarPoint]) -> int:
+    """Return how many of the first places lie on a track."""
+    return sum(1 for _ in takewhile(lambda p: distance_to_track(p, track) <= SAME_PLACE_M, places))
 
 
 def _lat_lon(state: VehicleState) -> LatLon | None:

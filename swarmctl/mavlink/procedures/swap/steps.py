@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from swarmctl.core.mission import MAX_OVERSHOOT_M, MissionItem
+from swarmctl.core.mission import MissionItem
 from swarmctl.mavlink.procedures.guarded import NotInControl, confirm_state, in_modes, set_mode
 from swarmctl.mavlink.procedures.land import landing_items
 from swarmctl.mavlink.procedures.swap.route_progress import MAX_CROSS_TRACK_M, RoutePosition, RouteProgress
@@ -69,6 +69,8 @@ class SwapPlan:
     """progress on the items from the first waypoint on"""
     leaves_ahead: bool
     """True if the plan begins like the flown plan, up to a splice point ahead of the vehicle"""
+    max_overshoot_m: float
+    """greatest distance past the splice point at which the vehicle may stop for the plan [m]"""
     own_modes: set[str]
     """modes that count as set by this program; the swap adds the modes that it sets"""
     holds: bool = False
@@ -101,13 +103,19 @@ class SwapPlan:
 
         Then the vehicle is past the splice point or off the plan, or would stop too far past that point.
         """
-        at, brakes_m_s2 = self.position(ctx, round_trip_s), ctx.dialect.brakes_m_s2
-        stop_m = 0.0 if brakes_m_s2 is None else ctx.state.ground_speed_m_s**2 / (2.0 * brakes_m_s2)
-        return self.leaves_ahead and (at.is_late or at.past_splice_m + stop_m > MAX_OVERSHOOT_M)
+        at = self.position(ctx, round_trip_s)
+        stops_past_m = at.past_splice_m + stopping_distance_m(ctx)
+        return self.leaves_ahead and (at.is_late or stops_past_m > self.max_overshoot_m)
 
     def record_current(self, ctx: Context) -> None:
         """Record that the plan is current from now on; telemetry shows the new current item later."""
         self.current_since_s = ctx.state.time_boot_s
+
+
+def stopping_distance_m(ctx: Context) -> float:
+    """Return the distance in which the vehicle stops for a new item [m]; 0 if it turns without a stop."""
+    brakes_m_s2 = ctx.dialect.brakes_m_s2
+    return 0.0 if brakes_m_s2 is None else ctx.state.ground_speed_m_s**2 / (2.0 * brakes_m_s2)
 
 
 def takes_off(ctx: Context) -> bool:
