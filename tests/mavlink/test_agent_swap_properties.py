@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 from swarmctl.agent.state import Phase
 from swarmctl.core.grid import Cell
 
-OUTSIDE_M = 4.0
-"""Greatest distance from the cells of the plans [m]: a simulated copter leaves a corner by some metres."""
+OUTSIDE_M = 8.0
+"""Greatest distance from the cells of the plans [m]: after a hold past a centre, a copter flies straight from
+its place to the next waypoint, beside the diagonal of its cells."""
 N_BESIDE = 3
 """Number of other cells after which a cell may not be entered again: diagonal legs touch the cells beside."""
 
@@ -47,7 +48,7 @@ outages = st.lists(st.tuples(st.floats(0.0, 120.0), st.sampled_from([1.0, 4.0]))
 @settings(
     deadline=None,
     derandomize=True,
-    max_examples=2,
+    max_examples=8,
     suppress_health_check=list(HealthCheck),
     database=None,
 )

@@ -64,7 +64,7 @@ def test_a_later_command_finds_the_vehicle_farther_along() -> None:
 @pytest.mark.parametrize(("later_s", "is_late"), [(0.0, False), (0.9, False), (1.1, True), (3.0, True)])
 def test_a_vehicle_past_the_splice_point_is_late(later_s: float, is_late: bool) -> None:
     """Before the splice point, corners common to both routes may be passed."""
-    flown = (item(0.0, 50.0), item(40.0, 50.0), item(40.0, 400.0))
+    flown = (item(0.0, 0.0), item(0.0, 50.0), item(40.0, 50.0), item(40.0, 400.0))
     new = (item(0.0, 50.0), item(40.0, 50.0), item(40.0, 100.0), item(300.0, 100.0))
     progress = RouteProgress(state(0.0, 0.0), new, flown)
     assert progress.at(state(40.0, 90.0, north_m_s=10.0), later_s).is_late is is_late
@@ -76,11 +76,18 @@ def test_a_vehicle_past_the_splice_point_is_late(later_s: float, is_late: bool) 
 def test_a_corner_of_the_flown_route_is_the_splice_point_of_a_route_straight_on(
     north_m: float, past_splice_m: float
 ) -> None:
-    flown = (item(0.0, 100.0), item(200.0, 100.0))
-    progress = RouteProgress(state(0.0, 0.0), (item(0.0, 400.0), item(200.0, 400.0)), flown)
-    at = progress.at(state(0.0, north_m, north_m_s=10.0))
-    assert at.past_splice_m == pytest.approx(past_splice_m, abs=0.1)
+    flown = (item(0.0, 0.0), item(0.0, 100.0), item(200.0, 100.0))
+    beside_m = 5.0
+    progress = RouteProgress(state(beside_m, 0.0), (item(0.0, 400.0), item(200.0, 400.0)), flown)
+    at = progress.at(state(beside_m, north_m, north_m_s=10.0))
+    assert at.past_splice_m == pytest.approx(past_splice_m, abs=0.2)
     assert at.item == 0
+
+
+def test_a_corner_ahead_is_common_to_both_routes_if_the_vehicle_is_beside_them() -> None:
+    flown = (item(0.0, 0.0), item(0.0, 400.0))
+    progress = RouteProgress(state(5.0, 0.0), (item(0.0, 100.0), item(200.0, 100.0)), flown)
+    assert progress.at(state(5.0, 110.0, north_m_s=10.0)).is_late
 
 
 def test_a_route_without_a_start_begins_at_its_first_item() -> None:

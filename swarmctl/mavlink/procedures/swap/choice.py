@@ -82,7 +82,7 @@ def swap(
     begin, stood_before_s = ctx.state, ctx.telemetry.stood_still_s
     own_modes = {ctx.dialect.mission_mode, *([ctx.dialect.hold_mode] if from_hold else [])}
     old = OldPlan.of(ctx)
-    progress = RouteProgress(begin, new[ctx.dialect.first_waypoint_seq :], old.items[old.seq :])
+    progress = RouteProgress(begin, new[ctx.dialect.first_waypoint_seq :], old.items[max(old.seq - 1, 0) :])
     plan = SwapPlan(new, progress, leaves_ahead, max_overshoot_m, own_modes)
     # A vehicle stopped during its climb would fly to the first waypoint at that low altitude.
     yield WaitUntil(lambda: not takes_off(ctx), CLIMB_LIMIT_S)

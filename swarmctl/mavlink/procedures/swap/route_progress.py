@@ -47,7 +47,8 @@ class RoutePosition:
 class RouteProgress:
     """A route from the vehicle's position at `begin` over `items`, up to the first item without a position.
 
-    `flown`: items of the route before the swap, from the current item on; empty if unknown.
+    `flown`: items of the route before the swap, from the item before the current one on; empty if unknown.
+    If that first item has no position, the vehicle's position at `begin` takes its place.
     """
 
     def __init__(
@@ -59,8 +60,12 @@ class RouteProgress:
         legs_m = [math.dist(a, b) for a, b in pairwise(self._points)]
         self._along_m = [0.0, *accumulate(legs_m)]
         """distance along the route to each point"""
-        self._splice_m = self._common_m(self._to_planar(flown)) or math.inf
+        first_lies = bool(flown) and bool(flown[0].x or flown[0].y)
+        way = self._to_planar(flown)[1:] if first_lies else self._to_planar(flown[1:])
+        self._splice_m = self._common_m(way) or math.inf
         """distance along the route to the splice point; infinite if the new route leaves at once"""
+        self._flown_from = way[0] if self._splice_m < math.inf else None
+        """begin of the flown leg, which the first leg follows; None if the new route leaves at once"""
 
     def _to_planar(self, items: Sequence[MissionItem]) -> list[PlanarPoint]:
         """Return (0, 0) and the items' positions (east, north) [m] from the vehicle's position at `begin`."""
@@ -74,8 +79,9 @@ class RouteProgress:
         if len(flown) < 2:
             return 0.0
         n_corners = _n_first_on(self._points[1:], flown)
-        # On the leg after these corners the flown route may turn off the new route.
-        legs = self._points[: n_corners + 2]
+        # On the leg after these corners the flown route may turn off the new route. A vehicle beside its
+        # route makes no difference.
+        legs = [flown[0], *self._points[1 : n_corners + 2]]
         turned_off = flown[1 : 1 + _n_first_on(flown[1:], legs)]
         return max(self._along_m[n_corners], *(self._along(corner) for corner in turned_off), 0.0)
 
@@ -95,6 +101,9 @@ class RouteProgress:
             return RoutePosition(0, 0.0, math.inf)
         point = self._frame.to_local(*lat_lon)
         legs = [distance_to_leg(point, a, b) for a, b in pairwise(self._points)]
+        if self._flown_from is not None:
+            # A vehicle that began beside the flown leg may still come back to it.
+            legs[0] = min(legs[0], distance_to_leg(point, self._flown_from, self._points[1]))
         # A vehicle at a corner is on both legs; the earlier leg counts, so the corner is still ahead.
         leg = next(i for i, cross_track_m in enumerate(legs) if cross_track_m <= min(legs) + 0.01)
         (ax, ay), (bx, by) = self._points[leg : leg + 2]
