@@ -186,7 +186,7 @@ def test_a_plane_landing_at_its_goal_gets_no_other_mission() -> None:
 
 
 def test_a_plane_that_reaches_its_landing_during_an_upload_lands_at_its_goal() -> None:
-    longer = plan((200.0, 750.0), (250.0, 900.0))
+    longer = plan((230.0, 750.0), (250.0, 900.0))  # not over the goal
     flown = in_flight()
     assert flown.run(200.0, lambda: flown.session.state.mission_seq == 3 and away_m(flown, GOAL) < 30.0)
     flown.block = lambda message: (
