@@ -169,7 +169,7 @@ def _unfinished_run(resume: str | None, runs: Path, scenario: Scenario) -> Unfin
 
 def _vehicle(scenario: Scenario, uav: str) -> int:
     try:
-        (sysid,) = resolve_vehicles([uav], {spec.sysid: spec.name for spec in scenario.swarm})
+        (sysid,) = resolve_vehicles([uav], scenario.config.names)
     except ValueError as error:
         fail([f"--uav {uav}: {error}"], USAGE)
     return sysid
@@ -201,8 +201,7 @@ def _network(
         say(f"{spec.name} flies without a network: `communication` has neither router nor mesh [no-network]")
         return None
     try:
-        names = {other.sysid: other.name for other in scenario.swarm}
-        return joining.as_agent(scenario.config, spec.sysid, names, connect, keyring)
+        return joining.as_agent(scenario.config, spec.sysid, connect, keyring)
     except joining.NoNetwork as error:
         advice = f", or give --connect tcp/HOST:PORT, or fly alone with --launch {Launch.WHEN_READY}"
         fail([extended(str(error), advice if is_isolated and connect is None else "")], USAGE)

@@ -47,6 +47,6 @@ def _key_problems(scenario: Scenario) -> Iterator[str]:
         return
     from swarmctl.security.participant import find_problems  # noqa: PLC0415 - loads cryptography
 
-    names = [name_of(spec.sysid) for spec in scenario.swarm] + [OPERATOR]
+    names = [name_of(uav) for uav in scenario.config.names] + [OPERATOR]
     names += [ROUTER] if communication.router is not None else []
     yield from find_problems(Path(communication.keys), names, dt.datetime.now(dt.UTC))

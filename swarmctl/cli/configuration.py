@@ -7,21 +7,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from swarmctl.cli.console import FAILED, USAGE, err, fail
-from swarmctl.config import roster, yaml_lines
+from swarmctl.config import yaml_lines
 from swarmctl.config.examples import example
-from swarmctl.config.roster import Roster
+from swarmctl.config.problems import ConfigError, ConfigProblem, problem_lines
+from swarmctl.config.roster import Roster, load_roster
 from swarmctl.security.files import KeyringError
 
 if TYPE_CHECKING:
-    from swarmctl.config.model import Config, ConfigProblem
+    from swarmctl.config.model import Config
     from swarmctl.config.scenario import Scenario
 
 
 def load_roster_or_exit(path: Path) -> Roster:
     """Return the roster of a configuration; exit with all problems if the roster is invalid."""
     try:
-        return roster.load_roster(path)
-    except roster.RosterError as error:
+        return load_roster(path)
+    except ConfigError as error:
         fail(error.lines, USAGE)
 
 
@@ -39,7 +40,7 @@ def config_or_example(config: Path | None, name: str | None) -> Path:
 
 def load_scenario_or_exit(path: Path) -> Scenario:
     """Return the scenario of a configuration; exit with all problems if the configuration is invalid."""
-    from swarmctl.config.model import ConfigError, load  # noqa: PLC0415 - unused by commands that send
+    from swarmctl.config.model import load  # noqa: PLC0415 - unused by commands that send
     from swarmctl.config.scenario import build  # noqa: PLC0415
 
     try:
@@ -72,7 +73,6 @@ def require_flyable(path: Path, scenario: Scenario, runs: Path, more: Iterable[s
     A problem of one vehicle or of `links.signing_key` begins with the file and line. `runs` is the parent of
     the run folders. `more` lists problems that the caller has found.
     """
-    from swarmctl.config.model import problem_lines  # noqa: PLC0415
     from swarmctl.preflight import host  # noqa: PLC0415
 
     document = yaml_lines.parse(path.read_text(encoding="utf-8"))
@@ -89,7 +89,6 @@ def require_flyable(path: Path, scenario: Scenario, runs: Path, more: Iterable[s
 
 
 def _signing_key_problems(scenario: Scenario) -> Iterator[ConfigProblem]:
-    from swarmctl.config.model import ConfigProblem  # noqa: PLC0415
     from swarmctl.security.mavlink_key import read_mavlink_key  # noqa: PLC0415
 
     if (file := scenario.config.links.signing_key) is not None:
@@ -101,8 +100,6 @@ def _signing_key_problems(scenario: Scenario) -> Iterator[ConfigProblem]:
 
 def keys_problem_lines(path: Path, problems: Iterable[str]) -> list[str]:
     """Return the problems of the folder `communication.keys`, each with the file and line that name it."""
-    from swarmctl.config.model import ConfigProblem, problem_lines  # noqa: PLC0415 - loads the planners
-
     document = yaml_lines.parse(path.read_text(encoding="utf-8"))
     located = (ConfigProblem(("communication", "keys"), text) for text in problems)
     return problem_lines(path, document, located)

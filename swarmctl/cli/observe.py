@@ -29,7 +29,6 @@ from swarmctl.cli.operator_command import (
     ConnectOption,
     FlyingConfigOption,
     SwarmOption,
-    find_flight,
     signing_for,
 )
 from swarmctl.config import joining
@@ -164,7 +163,7 @@ def _find_flight(
 
     Raises BusError, KeyringError and ValueError.
     """
-    flight = find_flight(swarm, roster, connect)
+    flight = client.find(swarm, roster, connect)
     if roster is None:
         return flight, joining.credentials_for(flight.endpoint, None), signing_for(flight, None)
     endpoint = mesh_endpoints(roster.communication.mesh, roster.names).get(receiver)

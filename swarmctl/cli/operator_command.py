@@ -19,7 +19,6 @@ from swarmctl.bus.transports.zenoh_config import Credentials
 from swarmctl.cli.configuration import keys_problem_lines, load_roster_or_exit
 from swarmctl.cli.console import FAILED, USAGE, err, fail, out
 from swarmctl.config import joining
-from swarmctl.config.roster import Roster
 from swarmctl.core.messages import OperatorAnswer, Request, VehicleAnswer
 from swarmctl.security.files import KeyringError
 from swarmctl.security.participant import Keyring
@@ -97,13 +96,6 @@ def signing_for(flight: FlightEndpoints, keyring: Keyring | None) -> RequestSign
     return TokenSigning(flight.swarm, tokens, token_of_environment(), time.time)
 
 
-def find_flight(swarm: str | None, roster: Roster | None, connect: str | None) -> FlightEndpoints:
-    """Return the flight that the options select (see `client.find`). Raises BadOptions and BusError."""
-    if roster is None:
-        return client.find(swarm, None, connect)
-    return client.find(swarm, roster, connect, roster.names)
-
-
 def _find_flight_and_keys(
     swarm: str | None, config: Path | None, connect: str | None
 ) -> tuple[FlightEndpoints, Keyring | None]:
@@ -112,7 +104,7 @@ def _find_flight_and_keys(
     Raises BusError, KeyringError and ValueError.
     """
     roster = None if config is None else load_roster_or_exit(config)
-    flight = find_flight(swarm, roster, connect)
+    flight = client.find(swarm, roster, connect)
     # A process that flies all vehicles has a token instead of keys.
     if roster is None or not flight.agents:
         return flight, None

@@ -50,7 +50,7 @@ def show(
     swarm = load_roster_or_exit(config)
     try:
         keyring = joining.keyring_of(swarm, OPERATOR, dt.datetime.now(dt.UTC))
-        network = joining.as_station(swarm, swarm.names, connect, keyring)
+        network = joining.as_station(swarm, connect, keyring)
     except KeyringError as error:
         fail(keys_problem_lines(config, [str(error)]), FAILED)
     except joining.NoNetwork as error:

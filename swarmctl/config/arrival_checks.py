@@ -10,7 +10,8 @@ import numpy as np
 from swarmctl.agent.replan.length_bounds import CLIMB_M_S, before_takeoff
 from swarmctl.agent.replan.time_bound import arrives_s
 from swarmctl.agent.state import Task
-from swarmctl.config.model import Config, ConfigProblem
+from swarmctl.config.model import Config
+from swarmctl.config.problems import ConfigProblem
 from swarmctl.config.vehicles import Simulate, Vehicle
 from swarmctl.config.yaml_lines import KeyPath
 from swarmctl.planners import PLANNERS, BadProblem, Method, Problem, Route, method

@@ -14,11 +14,12 @@ from swarmctl.agent.state import Task
 from swarmctl.config.arrival_checks import check_arrival, check_time_bounds, unmet_time_bound
 from swarmctl.config.communication_checks import check_communication
 from swarmctl.config.links_checks import check_links
-from swarmctl.config.model import Config, ConfigProblem
+from swarmctl.config.model import Config
 from swarmctl.config.preflight_checks import check_preflight
+from swarmctl.config.problems import ConfigProblem
 from swarmctl.config.scenario import Scenario, build
 from swarmctl.config.separation_checks import check_separation
-from swarmctl.config.specs import Spec, entry_of, grid_of, on_border, simulated_goals
+from swarmctl.config.specs import Spec, entry_of, on_border, simulated_goals
 from swarmctl.config.threats import Binomial, Poisson, Uniform, Weights
 from swarmctl.config.wings_checks import check_landings, check_plane, check_wings
 from swarmctl.config.yaml_lines import KeyPath
@@ -35,7 +36,7 @@ MIN_START_DISTANCE_M = 1.0
 
 def check_config(config: Config) -> Iterator[ConfigProblem]:
     """Yield problems across sections. Flights are checked only if the sections agree with each other."""
-    grid = grid_of(config)
+    grid = config.grid
     if grid.n_cells > MAX_CELLS:
         text = f"{grid.rows} × {grid.cols} are {grid.n_cells} cells, more than {MAX_CELLS}; use larger cells"
         yield ConfigProblem(("area",), text)

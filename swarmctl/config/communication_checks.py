@@ -7,7 +7,8 @@ from collections.abc import Iterator, Mapping
 from swarmctl.bus.endpoint import NO_ENDPOINT, parse_endpoint
 from swarmctl.bus.radio import gilbert_probabilities
 from swarmctl.config.communication import Communication, VehicleRef, vehicle_of
-from swarmctl.config.model import Config, ConfigProblem
+from swarmctl.config.model import Config
+from swarmctl.config.problems import ConfigProblem
 from swarmctl.config.yaml_lines import KeyPath
 
 SECTION: KeyPath = ("communication",)

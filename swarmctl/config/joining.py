@@ -3,74 +3,59 @@
 from __future__ import annotations
 
 import datetime as dt
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Protocol
 
 from swarmctl.bus.endpoint import BusEndpoint, parse_endpoint
 from swarmctl.bus.transports import zenoh_config
 from swarmctl.bus.transports.zenoh_config import Configuration, Credentials
-from swarmctl.config.communication import Communication, mesh_endpoints
+from swarmctl.config.communication import mesh_endpoints
+from swarmctl.config.roster import Roster
 from swarmctl.security.participant import Keyring, load_keyring
-
-
-class Swarm(Protocol):
-    """A `Config`, or a `Roster`."""
-
-    @property
-    def name(self) -> str: ...
-
-    @property
-    def communication(self) -> Communication: ...
 
 
 class NoNetwork(ValueError):
     """No network for this process; the text names the missing or wrong setting."""
 
 
-def keyring_of(swarm: Swarm, name: str, now: dt.datetime) -> Keyring | None:
+def keyring_of(swarm: Roster, name: str, now: dt.datetime) -> Keyring | None:
     """Return the keys of `name` (`uav3`, `operator`); None if no keys are configured. Raises KeyringError."""
     folder = swarm.communication.keys
     return None if folder is None else load_keyring(Path(folder), name, now)
 
 
-def as_agent(
-    swarm: Swarm, uav: int, names: Mapping[int, str], connect: str | None, keyring: Keyring | None
-) -> Configuration:
-    """Return the network of the agent of vehicle `uav`; `names` has all vehicles, by system id.
+def as_agent(swarm: Roster, uav: int, connect: str | None, keyring: Keyring | None) -> Configuration:
+    """Return the network of the agent of vehicle `uav`.
 
     `connect` replaces `communication.router`. Raises NoNetwork.
     """
     if (router := _router(swarm, connect)) is not None:
         return zenoh_config.client(router, credentials_for(router, keyring))
-    mesh = _mesh(swarm, names)
+    mesh = _mesh(swarm)
     if not mesh:
         raise NoNetwork(
             "`communication` has neither router nor mesh, so agents cannot connect; add a router or a mesh "
             "[no-network]"
         )
     if uav not in mesh:
-        raise NoNetwork(f"communication.mesh has no endpoint for {names[uav]}; add it")
+        raise NoNetwork(f"communication.mesh has no endpoint for {swarm.names[uav]}; add it")
     here = mesh[uav]
     # Only one node of each pair connects: with two links, Zenoh may not notice the loss of a link.
     others = [endpoint for other, endpoint in mesh.items() if other < uav]
-    return zenoh_config.mesh_node(here, others, swarm.name, [*names], credentials_for(here, keyring))
+    return zenoh_config.mesh_node(here, others, swarm.name, [*swarm.names], credentials_for(here, keyring))
 
 
-def as_station(
-    swarm: Swarm, names: Mapping[int, str], connect: str | None, keyring: Keyring | None
-) -> Configuration:
+def as_station(swarm: Roster, connect: str | None, keyring: Keyring | None) -> Configuration:
     """Return the network of a ground station. In a mesh the station opens a connection to every agent.
 
     `connect` replaces `communication.router`. Raises NoNetwork.
     """
     if (router := _router(swarm, connect)) is not None:
         return zenoh_config.client(router, credentials_for(router, keyring))
-    nodes = [*_mesh(swarm, names).values()]
+    nodes = [*_mesh(swarm).values()]
     if not nodes:
         raise NoNetwork("`communication` has neither router nor mesh; add a router or a mesh [no-network]")
     here = BusEndpoint("127.0.0.1", 0, nodes[0].protocol)
-    return zenoh_config.mesh_node(here, nodes, swarm.name, [*names], credentials_for(here, keyring))
+    return zenoh_config.mesh_node(here, nodes, swarm.name, [*swarm.names], credentials_for(here, keyring))
 
 
 def connection_advice(network: Configuration) -> str:
@@ -96,14 +81,14 @@ def credentials_for(endpoint: BusEndpoint, keyring: Keyring | None) -> Credentia
     return keyring.credentials
 
 
-def _mesh(swarm: Swarm, names: Mapping[int, str]) -> dict[int, BusEndpoint]:
+def _mesh(swarm: Roster) -> dict[int, BusEndpoint]:
     try:
-        return mesh_endpoints(swarm.communication.mesh, names)
+        return mesh_endpoints(swarm.communication.mesh, swarm.names)
     except ValueError as error:
         raise NoNetwork(f"communication.mesh: {error}") from None
 
 
-def _router(swarm: Swarm, connect: str | None) -> BusEndpoint | None:
+def _router(swarm: Roster, connect: str | None) -> BusEndpoint | None:
     if connect is None:
         return None if swarm.communication.router is None else parse_endpoint(swarm.communication.router)
     try:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from swarmctl.config.links import Links
-from swarmctl.config.model import Config, ConfigProblem
+from swarmctl.config.model import Config
+from swarmctl.config.problems import ConfigProblem
 from swarmctl.links.forwarding import stranger_warning
 from swarmctl.links.url import parse_url
 

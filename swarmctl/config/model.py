@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -18,12 +17,13 @@ from pydantic import BaseModel, Field, ValidationError
 from swarmctl.bus.keys import SWARM_NAME
 from swarmctl.config import yaml_lines
 from swarmctl.config.arrival import ArrivalSection
-from swarmctl.config.communication import Communication
 from swarmctl.config.failsafes import Rules
 from swarmctl.config.flight import FlightSection
 from swarmctl.config.links import Links
 from swarmctl.config.planner import PlannerSection
 from swarmctl.config.preflight import PreflightSection
+from swarmctl.config.problems import ConfigError, ConfigProblem, problem_lines
+from swarmctl.config.roster import GridArea, Roster
 from swarmctl.config.separation import SeparationSection
 from swarmctl.config.threats import Threats
 from swarmctl.config.vehicles import Simulate, Vehicle
@@ -34,22 +34,9 @@ from swarmctl.core.operator_text import VEHICLE_NAME
 from swarmctl.core.section import Section
 
 
-class Area(Section):
+class Area(GridArea, extra="forbid"):
     """The area with its threats, a grid of square cells."""
 
-    origin_lat_deg: float = Field(
-        ge=-89.0, le=89.0, description="Latitude of the south-west corner, WGS 84 [deg]."
-    )
-    origin_lon_deg: float = Field(
-        ge=-180.0, le=180.0, description="Longitude of the south-west corner, WGS 84 [deg]."
-    )
-    rows: int = Field(
-        ge=1, le=10_000, description="Number of cells from south to north. Row 0 is the southernmost."
-    )
-    cols: int = Field(
-        ge=1, le=10_000, description="Number of cells from west to east. Column 0 is the westernmost."
-    )
-    cell_size_m: float = Field(gt=0.0, description="Side of a cell [m].")
     no_fly: tuple[Cell, ...] = Field((), description="Cells [row, col] that no route enters. Default: none.")
 
 
@@ -72,20 +59,14 @@ class Sensor(Section):
         SensorModel(self.p_miss, self.p_false_alarm)
 
 
-class Config(Section):
+class Config(Roster, extra="forbid"):
     """A swarm and its flight."""
 
-    name: str = Field(
-        "swarm", pattern=SWARM_NAME, description="Name of the swarm on the bus and in the run folder."
-    )
     seed: int = Field(0, ge=0, description="Seed of all random draws. Equal seeds give equal draws.")
     area: Area = Field(description="The area with its threats, a grid of square cells.")
     threats: Threats = Field(description="The hostiles in the area.")
     sensor: Sensor = Field(Sensor(), description="Observations and their errors.")
     planner: PlannerSection = Field(PlannerSection(), description="The choice of routes.")
-    communication: Communication = Field(
-        Communication(), description="Transport, endpoints and radio model of the UAVs' messages."
-    )
     flight: FlightSection = Field(
         FlightSection(), description="Altitudes, tracks and timeouts of the flight, and its end on Ctrl-C."
     )
@@ -105,24 +86,6 @@ class Config(Section):
     vehicles: tuple[Vehicle, ...] = Field((), description="Vehicles by MAVLink URL. Default: none.")
 
 
-@dataclass(frozen=True, slots=True)
-class ConfigProblem:
-    """One error of a configuration: the place in the file, and the error with advice."""
-
-    path: yaml_lines.KeyPath
-    text: str
-    depends_on: yaml_lines.KeyPath = ()
-    """path of another value that causes the problem; if that value is wrong, this problem is not reported"""
-
-
-class ConfigError(Exception):
-    """All errors of a configuration; `lines` has a line for each, such as `file:line: key: error; advice`."""
-
-    def __init__(self, lines: list[str]) -> None:
-        super().__init__("\n".join(lines))
-        self.lines = lines
-
-
 Check = Callable[[Config], Iterable[ConfigProblem]]
 
 
@@ -138,16 +101,10 @@ def load(path: Path, check: Check = lambda _: ()) -> Config:
         raise ConfigError([f"{path}: the file cannot be read: {error}"]) from error
     except yaml_lines.YamlError as error:
         raise ConfigError([f"{path}:{error.line}: {error.text}"]) from error
-    config, problems = _validate(_tupled(document.data), check)
+    config, problems = _validate(document.data, check)
     if problems or config is None:
         raise ConfigError(problem_lines(path, document, problems))
     return config
-
-
-def problem_lines(path: Path, document: yaml_lines.Document, problems: Iterable[ConfigProblem]) -> list[str]:
-    """Return a line for each problem, with file, line and key, in the order of the file."""
-    found = sorted((document.line_of(p.path), _dotted(p.path), p.text) for p in problems)
-    return [f"{path}:{line}: {key}: {text}" for line, key, text in found]
 
 
 def _validate(data: Any, check: Check) -> tuple[Config | None, list[ConfigProblem]]:
@@ -255,13 +212,6 @@ def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
         yield from _models_in(part)
 
 
-def _tupled(data: Any) -> Any:
-    """Return `data` with tuples for lists: validation is strict, and YAML has lists only."""
-    if isinstance(data, dict):
-        return {key: _tupled(value) for key, value in data.items()}
-    return tuple(map(_tupled, data)) if isinstance(data, list) else data
-
-
 def _without(data: Any, paths: list[yaml_lines.KeyPath], here: yaml_lines.KeyPath = ()) -> Any:
     if isinstance(data, dict):
         return {k: _without(v, paths, (*here, k)) for k, v in data.items() if (*here, str(k)) not in paths}
@@ -271,10 +221,3 @@ def _without(data: Any, paths: list[yaml_lines.KeyPath], here: yaml_lines.KeyPat
 def _touches(path: yaml_lines.KeyPath, other: yaml_lines.KeyPath) -> bool:
     shorter = min(len(path), len(other))
     return path[:shorter] == other[:shorter]
-
-
-def _dotted(path: yaml_lines.KeyPath) -> str:
-    text = ""
-    for part in path:
-        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else part
-    return text or "(file)"

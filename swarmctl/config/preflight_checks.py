@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from swarmctl.config.model import Config, ConfigProblem
+from swarmctl.config.model import Config
 from swarmctl.config.preflight import MAX_LOST_LINK_S
+from swarmctl.config.problems import ConfigProblem
 from swarmctl.config.yaml_lines import KeyPath
 from swarmctl.core.planar import crossing_sides
 

@@ -20,7 +20,7 @@ from swarmctl.agent.traffic.separation.watch import SeparationRules
 from swarmctl.config import fence
 from swarmctl.config.failsafes import active_rules
 from swarmctl.config.model import Config
-from swarmctl.config.specs import Spec, grid_of, specs_of, wings_of
+from swarmctl.config.specs import Spec, specs_of, wings_of
 from swarmctl.config.threats import Binomial, Poisson, Uniform, Weights
 from swarmctl.core.belief import Belief
 from swarmctl.core.events import FlightOrder
@@ -113,7 +113,7 @@ class Scenario:
 
 def build(config: Config) -> Scenario:
     """Return the scenario of a configuration without problems (`checks.check_config`)."""
-    grid = grid_of(config)
+    grid = config.grid
     s = config.threats.firing_strength
     strength = FiringStrength(s.direct, s.first_neighbour, s.second_neighbour)
     specs = specs_of(config, grid)

@@ -14,7 +14,7 @@ from swarmctl.agent.traffic.separation.approach import Limits
 from swarmctl.agent.traffic.separation.clash import TIME_TOLERANCE_S
 from swarmctl.agent.traffic.separation.trajectory import Trajectory
 from swarmctl.agent.traffic.separation.watch import HEIGHT_MARGIN
-from swarmctl.config.model import ConfigProblem
+from swarmctl.config.problems import ConfigProblem
 from swarmctl.config.scenario import Scenario
 from swarmctl.config.specs import Spec
 from swarmctl.planners import Route, Unreachable

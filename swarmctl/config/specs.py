@@ -47,11 +47,6 @@ def specs_of(config: Config, grid: Grid) -> tuple[Spec, ...]:
     return (*_simulated(config, grid), *_configured(config, grid))
 
 
-def grid_of(config: Config) -> Grid:
-    a = config.area
-    return Grid(a.rows, a.cols, a.cell_size_m, a.origin_lat_deg, a.origin_lon_deg)
-
-
 def on_border(grid: Grid, cell: Cell) -> bool:
     return cell[0] in (0, grid.rows - 1) or cell[1] in (0, grid.cols - 1)
 

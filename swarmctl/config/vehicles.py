@@ -7,8 +7,8 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field
 
 from swarmctl.config.links import MavlinkUrl
+from swarmctl.config.roster import NamedVehicle, SimulatedCount
 from swarmctl.core.grid import Cell
-from swarmctl.core.operator_text import VEHICLE_NAME
 from swarmctl.core.section import NameIn, Section
 from swarmctl.core.vehicle import Airframe
 from swarmctl.links import LINKS
@@ -33,10 +33,9 @@ ARRIVE_WITHIN = "Latest arrival over the goal cell, after the vehicle's take-off
 ARRIVE_AFTER = "Earliest arrival over the goal cell, after the vehicle's take-off [s]."
 
 
-class Simulate(Section):
+class Simulate(SimulatedCount, extra="forbid"):
     """Simulated vehicles along one side of the area. The simulator starts and stops with the flight."""
 
-    count: int = Field(ge=1, le=250, description="Number of simulated vehicles, named uav1, uav2, ….")
     speedup: float = Field(
         1.0,
         ge=1.0,
@@ -87,19 +86,13 @@ class Start(Section):
     lon_deg: float = Field(ge=-180.0, le=180.0, description="Longitude, WGS 84 [deg].")
 
 
-class Vehicle(Section):
+class Vehicle(NamedVehicle, extra="forbid"):
     """A vehicle with a MAVLink URL."""
 
-    name: str = Field(
-        pattern=VEHICLE_NAME,
-        description="Name of the vehicle in commands, reports and names of files: up to 32 letters, digits "
-        "and `_.-`, with a letter, a digit or `_` first.",
-    )
     url: MavlinkUrl = Field(
         description="MAVLink URL of the vehicle: udpin://HOST:PORT, udpout://HOST:PORT, tcpin://HOST:PORT, "
         "tcpout://HOST:PORT or serial:///dev/ttyUSB0:57600. Several vehicles may share a URL."
     )
-    sysid: int = Field(ge=1, le=254, description="MAVLink system id of the vehicle.")
     link: LinkName = Field("direct", description="Link: direct (this program), or mavsdk (MAVSDK, optional).")
     start: Start = Field(description="Position before take-off, usually outside the area.")
     goal: Cells = Field(description="Goal: a cell [row, col], or a list of cells (a target zone).")

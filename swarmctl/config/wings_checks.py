@@ -8,7 +8,8 @@ from itertools import combinations, pairwise
 
 from swarmctl.agent.replan.landing import goal_pattern, home_approach, home_pattern
 from swarmctl.agent.state import Task
-from swarmctl.config.model import Config, ConfigProblem
+from swarmctl.config.model import Config
+from swarmctl.config.problems import ConfigProblem
 from swarmctl.config.scenario import Scenario
 from swarmctl.config.specs import PLANE_AUTOPILOTS, Spec, simulated_autopilot
 from swarmctl.config.yaml_lines import KeyPath

@@ -24,7 +24,7 @@ class YamlError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Document:
-    """The data of a file, and the line of each path."""
+    """The data of a file, with tuples for lists, and the line of each path."""
 
     data: Any
     lines: dict[KeyPath, int]
@@ -47,7 +47,7 @@ def parse(text: str) -> Document:
             raise YamlError(1, "the file is empty; `swarmctl init FILE` writes a starter configuration")
         lines: dict[KeyPath, int] = {}
         _walk(node, (), lines)
-        return Document(loader.construct_document(node), lines)
+        return Document(_tupled(loader.construct_document(node)), lines)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = mark.line + 1 if mark is not None else 1
@@ -77,3 +77,10 @@ def _walk(node: yaml.Node, path: KeyPath, lines: dict[KeyPath, int]) -> None:
         for index, item in enumerate(node.value):
             lines[(*path, index)] = item.start_mark.line + 1
             _walk(item, (*path, index), lines)
+
+
+def _tupled(data: Any) -> Any:
+    """Return `data` with tuples for lists, because the validation of sections is strict."""
+    if isinstance(data, dict):
+        return {key: _tupled(value) for key, value in data.items()}
+    return tuple(map(_tupled, data)) if isinstance(data, list) else data

@@ -77,7 +77,7 @@ def network_of(
     say: Callable[[int, str], None] = lambda _uav, _text: None,
 ) -> Network:
     """Return the network of a swarm; this process flies some or all of the vehicles."""
-    names = {spec.sysid: spec.name for spec in scenario.swarm}
+    names = scenario.config.names
     return Network(
         transport,
         scenario.config.name,

@@ -19,7 +19,7 @@ from swarmctl.bus.transports import zenoh_config
 from swarmctl.bus.transports.base import BusError, Transport
 from swarmctl.bus.transports.zenoh import ZenohBus
 from swarmctl.bus.transports.zenoh_config import Credentials
-from swarmctl.config.joining import Swarm
+from swarmctl.config.roster import Roster
 from swarmctl.core.messages import (
     BadMessage,
     GiveOrder,
@@ -86,29 +86,24 @@ def strengths(text: str, single: tuple[float | None, ...]) -> tuple[float, float
     return values[0], values[1], values[2]
 
 
-def find(
-    swarm: str | None,
-    config: Swarm | None,
-    connect: str | None,
-    names: Mapping[int, str] | None = None,
-) -> FlightEndpoints:
+def find(swarm: str | None, config: Roster | None, connect: str | None) -> FlightEndpoints:
     """Return the flight that the options select: by endpoint, by name, or the only flight on this machine.
 
-    `names` are the vehicles of `config`; each agent may run on a separate machine. Raises BadOptions, and
-    BusError if this machine has no such flight.
+    Each agent may run on a separate machine. Raises BadOptions, and BusError if this machine has no such
+    flight.
     """
     swarm = _swarm_name(swarm, config)
-    is_distributed = config is not None and may_span_machines(config)
+    agents = config.names if config is not None and may_span_machines(config) else {}
     if connect is not None:
         endpoint = _endpoint(connect)
         swarm = swarm or _swarm_at(endpoint)
-        return FlightEndpoints(swarm, endpoint, agents=names or {} if is_distributed else {})
-    if config is not None and is_distributed:
+        return FlightEndpoints(swarm, endpoint, agents=agents)
+    if config is not None and agents:
         local = [entry for entry in directory.running_swarms() if entry.swarm == swarm]
         if local:  # one process on this machine flies all vehicles
             return _only(local)
         points = entry_points(config)
-        return FlightEndpoints(config.name, points[0], tuple(points[1:]), names or {})
+        return FlightEndpoints(config.name, points[0], tuple(points[1:]), agents)
     if config is not None:
         if config.communication.bus != "zenoh" or config.communication.listen == NO_ENDPOINT:
             raise BadOptions(
@@ -187,18 +182,18 @@ def ended_text(swarm: str, uav: int | None = None) -> str:
     return f"{flight} ended {duration_text(time.time() - ended_unix_s)} ago (see its summary.json)"
 
 
-def may_span_machines(config: Swarm) -> bool:
+def may_span_machines(config: Roster) -> bool:
     """Return whether the swarm's agents may run on separate machines."""
     return config.communication.router is not None or bool(config.communication.mesh)
 
 
-def entry_points(config: Swarm) -> list[BusEndpoint]:
+def entry_points(config: Roster) -> list[BusEndpoint]:
     """Return the endpoints of a swarm on many machines: the router, or all nodes of the mesh."""
     c = config.communication
     return [parse_endpoint(text) for text in ([c.router] if c.router is not None else c.mesh.values())]
 
 
-def _swarm_name(swarm: str | None, config: Swarm | None) -> str | None:
+def _swarm_name(swarm: str | None, config: Roster | None) -> str | None:
     if swarm is not None and not re.fullmatch(keys.SWARM_NAME, swarm):
         raise BadOptions(f"--swarm {swarm!r}: expected a swarm's name, which matches {keys.SWARM_NAME}")
     if swarm is not None and config is not None and swarm != config.name:

@@ -24,15 +24,15 @@ def meshed(mesh: dict[object, str]) -> Config:
 
 @pytest.mark.parametrize("mesh", [BY_NAME, BY_SYSTEM_ID, MIXED], ids=["names", "system ids", "mixed"])
 def test_an_agent_joins_a_mesh_keyed_by_name_or_by_system_id(mesh: dict[object, str]) -> None:
-    network = joining.as_agent(meshed(mesh), 2, NAMES, None, None)
+    network = joining.as_agent(meshed(mesh), 2, None, None)
     assert network == zenoh_config.mesh_node(AT[2], [AT[1]], "small", [1, 2, 3], None)
-    watching = joining.as_station(meshed(mesh), NAMES, None, None)
+    watching = joining.as_station(meshed(mesh), None, None)
     assert watching.connect == tuple(AT.values())
 
 
 def test_a_vehicle_without_an_endpoint_in_the_mesh_is_named() -> None:
     with pytest.raises(NoNetwork, match=r"communication\.mesh.*\buav2\b"):
-        joining.as_agent(meshed({1: str(AT[1])}), 2, NAMES, None, None)
+        joining.as_agent(meshed({1: str(AT[1])}), 2, None, None)
 
 
 @pytest.mark.parametrize(
@@ -42,7 +42,7 @@ def test_a_vehicle_without_an_endpoint_in_the_mesh_is_named() -> None:
 )
 def test_an_ambiguous_mesh_is_refused(mesh: dict[object, str], named: str) -> None:
     with pytest.raises(NoNetwork, match=rf"communication\.mesh: .*\b{named}\b"):
-        joining.as_agent(meshed(mesh), 2, NAMES, None, None)
+        joining.as_agent(meshed(mesh), 2, None, None)
 
 
 @pytest.mark.parametrize(("protocol", "keys_may_be_foreign"), [("tcp", False), ("tls", True), ("quic", True)])

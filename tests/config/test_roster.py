@@ -6,10 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from swarmctl.config import roster
+from swarmctl.config import model
 from swarmctl.config.checks import check_config
 from swarmctl.config.model import load
-from swarmctl.config.roster import RosterError
+from swarmctl.config.problems import ConfigError
+from swarmctl.config.roster import load_roster
 from swarmctl.config.scenario import build
 
 ROOT = Path(__file__).parents[2]
@@ -27,8 +28,8 @@ def test_the_roster_of_a_shipped_configuration_equals_the_part_of_the_whole(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     whole = build(load(path, check_config))
-    monkeypatch.setattr(roster, "_from_whole_configuration", lambda _: pytest.fail("the whole was checked"))
-    found = roster.load_roster(path)
+    monkeypatch.setattr(model, "load", lambda *_: pytest.fail("the whole was checked"))
+    found = load_roster(path)
     assert found.name == whole.config.name
     assert found.communication == whole.config.communication
     assert found.names == {spec.sysid: spec.name for spec in whole.swarm}
@@ -38,17 +39,32 @@ def test_the_roster_of_a_shipped_configuration_equals_the_part_of_the_whole(
 def test_a_mesh_may_name_vehicles_by_system_id(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = tmp_path / "swarm.yaml"
     file.write_text(GOOD + MESH)
-    monkeypatch.setattr(roster, "_from_whole_configuration", lambda _: pytest.fail("the whole was checked"))
-    assert roster.load_roster(file).communication.mesh == {
+    monkeypatch.setattr(model, "load", lambda *_: pytest.fail("the whole was checked"))
+    assert load_roster(file).communication.mesh == {
         "1": "tcp/10.0.0.1:7447",
         "uav2": "tcp/10.0.0.2:7447",
     }
 
 
-def test_errors_in_other_sections_do_not_stop_an_order(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "content",
+    [
+        GOOD + "planner: {w: 7}\nflight: {altitude_m: -1}\nnonsense: 1\n",
+        GOOD.replace("cell_size_m: 50", "cell_size_m: 50, no_fly: [[99, 0]]").replace(
+            "2}", "2, url: nowhere}"
+        ),
+        GOOD.replace("threats: {count: 5}\n", "").replace(
+            "simulate: {count: 2}", "vehicles: [{name: uav1, sysid: 1}, {name: uav2, sysid: 2}]"
+        ),
+    ],
+    ids=["in other sections", "in other keys of the same sections", "keys of the flight are missing"],
+)
+def test_errors_in_other_keys_do_not_stop_an_order(content: str, tmp_path: Path) -> None:
     file = tmp_path / "swarm.yaml"
-    file.write_text(GOOD + "planner: {w: 7}\nflight: {altitude_m: -1}\n")
-    assert roster.load_roster(file).names == {1: "uav1", 2: "uav2"}
+    file.write_text(content)
+    with pytest.raises(ConfigError):
+        load(file, check_config)
+    assert load_roster(file).names == {1: "uav1", 2: "uav2"}
 
 
 WRONG = [
@@ -83,6 +99,6 @@ def test_an_error_in_the_roster_reports_all_errors_of_the_configuration(
     file = tmp_path / "swarm.yaml"
     if content is not None:
         file.write_text(content)
-    with pytest.raises(RosterError) as refused:
-        roster.load_roster(file)
+    with pytest.raises(ConfigError) as refused:
+        load_roster(file)
     assert any(reported in line for line in refused.value.lines), refused.value.lines

@@ -593,7 +593,7 @@ def test_an_unknown_order_is_refused(order: object) -> None:
 
 APART: dict[str, object] = {"router": "tcp/10.0.0.1:7447"}
 MESHED: dict[str, object] = {"mesh": {"uav1": "tcp/10.0.0.1:7447", "uav2": "tcp/10.0.0.2:7447"}}
-VEHICLES = {1: "uav1", 2: "uav2"}
+VEHICLES = {1: "uav1", 2: "uav2", 3: "uav3"}
 ROUTER, OTHER = BusEndpoint("10.0.0.1", 7447), BusEndpoint("10.0.0.2", 7447)
 
 
@@ -604,7 +604,7 @@ def no_other_flight(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def meant(communication: dict[str, object], connect: str | None = None) -> client.FlightEndpoints:
     config = small(communication={"bus": "zenoh", **communication}).config
-    return client.find(None, config, connect, VEHICLES)
+    return client.find(None, config, connect)
 
 
 @pytest.mark.usefixtures("no_other_flight")
