@@ -5,6 +5,7 @@ New information only marks the plan dirty. A later `Tick` plans once with all ne
 
 | part | subject |
 |---|---|
+| `phases` | the phases of a flight, and which phase may follow which |
 | `replan/` | route, and the change of the mission |
 | `traffic/` | distance from other vehicles: launch, route, landing, return |
 | `arrival/` | simultaneous arrival |

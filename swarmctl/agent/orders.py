@@ -10,7 +10,8 @@ import msgspec
 
 from swarmctl.agent.failsafes.base import DemandKind
 from swarmctl.agent.own_modes import ROLE_OF_ORDER, own_mode_roles
-from swarmctl.agent.state import IN_FLIGHT, ON_GROUND, PAST_PLANNING, AgentState, Phase, Task
+from swarmctl.agent.phases import IN_FLIGHT, ON_GROUND, PAST_PLANNING, Phase
+from swarmctl.agent.state import AgentState, Task
 from swarmctl.core import events as ev
 from swarmctl.core.messages import CommandOutcome, VehicleAnswer, VehiclePosition
 
@@ -176,9 +177,8 @@ def _resume(state: AgentState) -> StepResult:
     if state.cell in state.task.goals:
         boot_s = state.vehicle.time_boot_s
         return command(state, ev.FlightOrder.LAND, by_person=True, phase=Phase.LANDING, arrived_boot_s=boot_s)
-    return replace(
-        state,
-        phase=Phase.FLYING,
+    return state.enter(
+        Phase.FLYING,
         ordered=ev.FlightOrder.LAUNCH,
         hold_is_own=True,
         route=None,
@@ -206,7 +206,7 @@ def _apply_order(state: AgentState, event: ev.OperatorCommand, *, remote: bool) 
             state, launch_ordered=False, launch_wait_since_boot_s=None, ordered=order, order_followed=True
         ), []
     if state.phase in ON_GROUND:
-        return replace(state, phase=Phase.DONE, outcome="not launched", pending=None), []
+        return state.enter(Phase.DONE, outcome="not launched", pending=None), []
     if state.phase is Phase.LAUNCHING:
         # The vehicle is armed or will be soon, on the ground or just above it: it has to land.
         changes: dict[str, Any] = {"launch_aborted": True, "outcome": "launch aborted"}
@@ -261,7 +261,7 @@ def command(
     `by_person`: an operator or a recall has just given the order, so it is sent whatever the mode is.
     """
     before = own_mode_roles(state)
-    state = replace(state, **{"pending": None, **changes})
+    state = state.enter(changes.pop("phase", state.phase), **{"pending": None, **changes})
     state = replace(
         state,
         previous_own_roles=before,
@@ -276,4 +276,4 @@ def command(
 def release_vehicle(state: AgentState, why: str) -> StepResult:
     """Release the vehicle to another operator: the agent sends no further commands of its own."""
     outcome = f"{why}; the program now sends only an operator's orders (`swarmctl order`)"
-    return replace(state, phase=Phase.RELEASED, pending=None, dirty=False, outcome=outcome), [ev.Release()]
+    return state.enter(Phase.RELEASED, pending=None, dirty=False, outcome=outcome), [ev.Release()]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from swarmctl.agent.state import ON_GROUND, AgentState, Phase
+from swarmctl.agent.phases import ON_GROUND, Phase
+from swarmctl.agent.state import AgentState
 from swarmctl.core import events as ev
 
 ROLE_OF_ORDER = {ev.FlightOrder.HOLD: "hold", ev.FlightOrder.RETURN: "return", ev.FlightOrder.LAND: "land"}

@@ -10,7 +10,8 @@ import math
 from dataclasses import replace
 
 from swarmctl.agent.orders import StepResult, release_vehicle
-from swarmctl.agent.state import ON_GROUND, AgentState, Phase
+from swarmctl.agent.phases import ON_GROUND, Phase
+from swarmctl.agent.state import AgentState
 from swarmctl.core import events as ev
 from swarmctl.core.vehicle import VehicleState
 
@@ -23,9 +24,8 @@ def restart(state: AgentState, event: ev.Restarted, now: float) -> StepResult:
     if event.reason:
         return release_vehicle(state, event.reason)
     if event.on_ground and (state.phase in ON_GROUND or state.phase is Phase.LAUNCHING):
-        return replace(
-            state,
-            phase=Phase.WAITING,
+        return state.enter(
+            Phase.WAITING,
             vehicle=VehicleState(),
             last_position=VehicleState(),
             route=None,
@@ -38,7 +38,7 @@ def restart(state: AgentState, event: ev.Restarted, now: float) -> StepResult:
         ), []
     if event.lands and state.phase in (Phase.LAUNCHING, Phase.FLYING):
         # It has passed its goal cell unseen. The time of its arrival is unknown.
-        return replace(state, phase=Phase.LANDING, dirty=False, intent_sent_boot_s=-math.inf), []
+        return state.enter(Phase.LANDING, dirty=False, intent_sent_boot_s=-math.inf), []
     return state, []
 
 

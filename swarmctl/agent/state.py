@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from enum import StrEnum
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 from swarmctl.agent.arrival.common_time import ArrivalGroup
 from swarmctl.agent.failsafes import ALWAYS_ON
 from swarmctl.agent.failsafes.base import ActiveRule, Demand, Fence
+from swarmctl.agent.phases import ENDED, Phase, changed
 from swarmctl.agent.replan.landing_pattern import FixedWing
 from swarmctl.agent.replan.length_bounds import UNBOUNDED, TimeBound
 from swarmctl.agent.replan.swap_times import SwapTimes
@@ -38,34 +38,6 @@ from swarmctl.planners.base import Method, Route
 
 ARRIVED = "arrived"
 """outcome of a flight that landed at its goal"""
-
-
-class Phase(StrEnum):
-    WAITING = "waiting"
-    """not ready yet"""
-    UPLOADING = "uploading"
-    """ready; the mission for the launch is being planned or uploaded"""
-    STANDBY = "standby"
-    """on the ground with a verified mission"""
-    LAUNCHING = "launching"
-    FLYING = "flying"
-    LANDING = "landing"
-    """in the goal cell: the vehicle flies to its landing spot, waits above the spot, or descends"""
-    HOLDING = "holding"
-    """holding by an order or a failsafe rule, or until its return"""
-    LEAVING = "leaving"
-    """returning, or landing where it is, by an order or a failsafe rule"""
-    RELEASED = "released"
-    """taken over by a pilot, the autopilot's failsafe or another station; the agent sends no own orders"""
-    DONE = "done"
-    FAILED = "failed"
-
-
-ENDED = frozenset({Phase.RELEASED, Phase.DONE, Phase.FAILED})
-ON_GROUND = frozenset({Phase.WAITING, Phase.UPLOADING, Phase.STANDBY})
-IN_FLIGHT = frozenset({Phase.FLYING, Phase.LANDING, Phase.HOLDING, Phase.LEAVING})
-PAST_PLANNING = ENDED | {Phase.LANDING, Phase.HOLDING, Phase.LEAVING}
-PLANNING = frozenset({Phase.UPLOADING, Phase.STANDBY, Phase.FLYING})
 
 
 @dataclass(frozen=True, slots=True)
@@ -301,6 +273,10 @@ class AgentState:
     """last problem, as text for the operator; empty: none"""
     swap_trouble: str = ""
     """reason of the last failed mission change, as text"""
+
+    def enter(self, phase: Phase, **changes: Any) -> AgentState:
+        """Return the state in another phase, with further changed fields. Raises IllegalTransition."""
+        return replace(self, phase=changed(self.phase, phase), **changes)
 
     @property
     def height_m(self) -> float:

@@ -19,6 +19,7 @@ from swarmctl.agent.orders import (
     weights_changed,
 )
 from swarmctl.agent.own_modes import ROLE_OF_ORDER, own_mode_roles
+from swarmctl.agent.phases import IN_FLIGHT, ON_GROUND, PLANNING, Phase
 from swarmctl.agent.replan.decide import believed_exposure, decide
 from swarmctl.agent.replan.route_to_mission import route_index_at
 from swarmctl.agent.replan.splice import is_wall_close, may_learn_of_walls
@@ -26,7 +27,7 @@ from swarmctl.agent.replan.stopping import stop_end_s
 from swarmctl.agent.replan.swap_times import SwapTimes
 from swarmctl.agent.restart import restart
 from swarmctl.agent.sharing import learn_from_others, learn_from_sensor, share_state
-from swarmctl.agent.state import IN_FLIGHT, ON_GROUND, PLANNING, AgentState, Phase
+from swarmctl.agent.state import AgentState
 from swarmctl.agent.touchdown import end_at_touchdown, has_touched_down, may_be_armed, note_disarming
 from swarmctl.agent.traffic.collision_avoidance import avoid_collisions
 from swarmctl.agent.traffic.intents import receive_intents, share_intent
@@ -92,7 +93,7 @@ def _must_plan_now(state: AgentState) -> bool:
 def _ready(state: AgentState, _event: ev.Ready, _now: float) -> StepResult:
     if state.phase is not Phase.WAITING:
         return state, []
-    return replace(state, phase=Phase.UPLOADING, dirty=True), []
+    return state.enter(Phase.UPLOADING, dirty=True), []
 
 
 def _rebooted(state: AgentState, _event: ev.Rebooted, _now: float) -> StepResult:
@@ -105,7 +106,7 @@ def _rebooted(state: AgentState, _event: ev.Rebooted, _now: float) -> StepResult
         # This process orders its own launch only once, so no order would follow after the reboot.
         return cancel_launch(state, "the vehicle rebooted while it waited for its launch")
     # Readiness and mission have to be checked again.
-    state = replace(state, phase=Phase.WAITING, route=None, pending=None, launch_ordered=False)
+    state = state.enter(Phase.WAITING, route=None, pending=None, launch_ordered=False)
     return replace(
         state,
         launch_wait_since_boot_s=None,
@@ -137,8 +138,8 @@ def _order_done(state: AgentState, event: ev.OrderDone, _now: float) -> StepResu
     state = replace(state, order_followed=True, repeat_order_at_s=math.inf)
     if state.phase is Phase.LAUNCHING:
         return note_takeoff(state), []
-    if state.launch_aborted and not state.vehicle.armed:
-        return replace(state, phase=Phase.DONE), []
+    if state.launch_aborted and not state.vehicle.armed and state.phase is not Phase.FAILED:
+        return state.enter(Phase.DONE), []
     return state, []
 
 
@@ -157,7 +158,7 @@ def _order_failed(state: AgentState, event: ev.OrderFailed, now: float) -> StepR
         return command(state, ev.FlightOrder.LAND, phase=Phase.LEAVING, given_up=True)
     if event.nothing_sent:
         return cancel_launch(state, event.reason)
-    return replace(state, phase=Phase.FAILED, outcome=state.trouble), []
+    return state.enter(Phase.FAILED, outcome=state.trouble), []
 
 
 # --- telemetry and messages of other vehicles
@@ -192,7 +193,7 @@ def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> St
         return state, [*demanded, *shared]
     state, begun = launch_if_possible(state)
     if state.phase is Phase.FLYING and state.cell in state.task.goals:
-        state = replace(state, phase=Phase.LANDING, dirty=False, arrived_boot_s=vehicle.time_boot_s)
+        state = state.enter(Phase.LANDING, dirty=False, arrived_boot_s=vehicle.time_boot_s)
         state = _without_swap_trouble(state)
         # From now on the vehicle has priority over vehicles en route; its intent is due at once.
         state = replace(state, intent_sent_boot_s=-math.inf)
@@ -311,7 +312,7 @@ def _without_swap_trouble(state: AgentState) -> AgentState:
 def _handle_unreachable_goal(state: AgentState) -> StepResult:
     """Keep the present route, or end the flight, because the agent has found no route to a goal."""
     if state.phase in ON_GROUND:
-        return replace(state, phase=Phase.FAILED, outcome=state.trouble), []
+        return state.enter(Phase.FAILED, outcome=state.trouble), []
     if state.route is not None:
         return state, []
     return command(state, state.task.fallback, phase=Phase.LEAVING, given_up=True)
@@ -338,7 +339,7 @@ def _mission_accepted(state: AgentState, event: ev.MissionAccepted, _now: float)
     if event.took_s is not None:
         state = replace(state, swap_times=SwapTimes.expecting(event.took_s))
     if state.phase is Phase.UPLOADING:
-        state = replace(state, phase=Phase.STANDBY)
+        state = state.enter(Phase.STANDBY)
     return launch_if_possible(state)
 
 
@@ -353,7 +354,7 @@ def _mission_failed(state: AgentState, event: ev.MissionFailed, now: float) -> S
     if event.is_late:
         state = replace(state, swap_times=state.swap_times.too_late())
     if state.phase in ON_GROUND:
-        return replace(state, phase=Phase.FAILED, outcome=event.reason), []
+        return state.enter(Phase.FAILED, outcome=event.reason), []
     if event.flying == "theirs" and state.phase in IN_FLIGHT:
         return release_vehicle(state, event.reason)
     state = replace(state, hold_is_own=event.flying == "hold")

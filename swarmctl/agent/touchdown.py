@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from swarmctl.agent.phases import IN_FLIGHT, Phase
 from swarmctl.agent.replan.landing_pattern import ROLL_OUT_M
-from swarmctl.agent.state import ARRIVED, IN_FLIGHT, AgentState, Phase
+from swarmctl.agent.state import ARRIVED, AgentState
 from swarmctl.core.events import FlightOrder
 from swarmctl.core.geo import distance_m
 from swarmctl.core.vehicle import Landed
@@ -57,17 +58,17 @@ def end_at_touchdown(state: AgentState) -> AgentState:
     holds_over_goal = state.phase is Phase.HOLDING and state.arrived_boot_s is not None
     at_goal = state.phase is Phase.LANDING or holds_over_goal
     if _is_down_at_goal(state) or (at_goal and (state.cell in state.task.goals or _rolled_out(state))):
-        return replace(state, phase=Phase.DONE, outcome=ARRIVED)
+        return state.enter(Phase.DONE, outcome=ARRIVED)
     if state.phase is Phase.LEAVING:
         phase = Phase.FAILED if state.given_up else Phase.DONE
         cause = state.outcome or state.trouble
-        return replace(state, phase=phase, outcome=f"{cause}; disarmed{_distance_text(state)}")
+        return state.enter(phase, outcome=f"{cause}; disarmed{_distance_text(state)}")
     where = f"in cell {state.cell}" if state.cell is not None else "outside the area"
     battery = state.vehicle.battery_percent
     charge = "" if battery is None else f", battery {battery} %"
     mode = state.vehicle.mode or "unknown"
     reason = f"the vehicle disarmed {where}, not at its goal, in mode {mode}{charge} [disarmed-on-the-way]"
-    return replace(state, phase=Phase.FAILED, outcome=reason)
+    return state.enter(Phase.FAILED, outcome=reason)
 
 
 def _is_down_at_goal(state: AgentState) -> bool:

@@ -9,7 +9,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from swarmctl.agent.state import ARRIVED, AgentState, Phase
+from swarmctl.agent.phases import Phase
+from swarmctl.agent.state import ARRIVED, AgentState
 from swarmctl.bus import directory
 from swarmctl.bus.authentication import NO_AUTHENTICATION
 from swarmctl.bus.transports.base import BusError, Transport

@@ -12,7 +12,7 @@ from collections.abc import Callable, Coroutine, Sequence
 from functools import partial
 from typing import Literal, Protocol
 
-from swarmctl.agent.state import IN_FLIGHT, ON_GROUND, Phase
+from swarmctl.agent.phases import IN_FLIGHT, ON_GROUND, Phase
 from swarmctl.config.flight import FlightSection
 from swarmctl.core import events as ev
 from swarmctl.core.geo import distance_m

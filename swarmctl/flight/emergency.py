@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 from collections.abc import Callable, Sequence
 
-from swarmctl.agent.state import Phase
+from swarmctl.agent.phases import Phase
 from swarmctl.core.events import FlightOrder
 from swarmctl.flight.member import Member, names
 from swarmctl.flight.shutdown import return_delays_s

@@ -8,8 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from swarmctl.agent.own_modes import own_mode_roles
+from swarmctl.agent.phases import ENDED, ON_GROUND, Phase
 from swarmctl.agent.replan.splice import flown_track
-from swarmctl.agent.state import ENDED, ON_GROUND, AgentState, Phase
+from swarmctl.agent.state import AgentState
 from swarmctl.core import events as ev
 from swarmctl.core.planar import distance_to_track
 from swarmctl.core.vehicle import Landed, VehicleState

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from swarmctl.agent.state import Phase
+from swarmctl.agent.phases import Phase
 from swarmctl.agent.traffic.prediction import AIRBORNE_M
 from swarmctl.agent.traffic.return_schedule import (
     MIN_HORIZONTAL_M,

@@ -14,7 +14,8 @@ from collections.abc import Awaitable, Callable, Coroutine, Iterable, Sequence
 from functools import partial
 from typing import Any, Protocol
 
-from swarmctl.agent.state import ON_GROUND, AgentState, Task, begin
+from swarmctl.agent.phases import ON_GROUND
+from swarmctl.agent.state import AgentState, Task, begin
 from swarmctl.agent.step import needs_tick, step
 from swarmctl.agent.traffic.launching import launch_conflict
 from swarmctl.agent.traffic.neighbours import is_relevant

@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from swarmctl.agent.orders import position_for_return
-from swarmctl.agent.state import IN_FLIGHT, Phase
+from swarmctl.agent.phases import IN_FLIGHT, Phase
 from swarmctl.agent.traffic.return_schedule import MIN_HORIZONTAL_M, describe_schedule, schedule_for
 from swarmctl.config.flight import FlightSection
 from swarmctl.core import events as ev

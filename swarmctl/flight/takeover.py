@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Mapping
 
-from swarmctl.agent.state import ENDED, ON_GROUND, Phase
+from swarmctl.agent.phases import ENDED, ON_GROUND, Phase
 from swarmctl.config.flight import FlightSection
 from swarmctl.core import events as ev
 from swarmctl.flight import proof

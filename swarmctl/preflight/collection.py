@@ -10,8 +10,9 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Protocol
 
+from swarmctl.agent.phases import IN_FLIGHT, ON_GROUND, Phase
 from swarmctl.agent.replan.copter_trajectory import from_takeoff
-from swarmctl.agent.state import IN_FLIGHT, ON_GROUND, AgentState, Phase
+from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.separation.approach import Limits
 from swarmctl.agent.traffic.separation.trajectory import Trajectory
 from swarmctl.config.scenario import Scenario

@@ -7,7 +7,8 @@ from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from swarmctl.agent.own_modes import ROLE_OF_ORDER
-from swarmctl.agent.state import ARRIVED, AgentState, Phase
+from swarmctl.agent.phases import Phase
+from swarmctl.agent.state import ARRIVED, AgentState
 from swarmctl.agent.touchdown import may_be_armed
 from swarmctl.core.vehicle import Landed, VehicleState
 

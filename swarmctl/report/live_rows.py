@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from rich.console import Group
 from rich.text import Text
 
-from swarmctl.agent.state import ARRIVED, ENDED, AgentState, Phase
+from swarmctl.agent.phases import ENDED, Phase
+from swarmctl.agent.state import ARRIVED, AgentState
 from swarmctl.report.final_state import is_lost_in_air
 from swarmctl.report.tables import Column, FittedTable
 

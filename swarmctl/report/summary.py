@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmctl import __version__
-from swarmctl.agent.state import ARRIVED, IN_FLIGHT, AgentState
+from swarmctl.agent.phases import IN_FLIGHT
+from swarmctl.agent.state import ARRIVED, AgentState
 from swarmctl.agent.traffic.separation.conflicts import CrossingCounts
 from swarmctl.bus.node.exchange import NetworkCounters
 from swarmctl.config.scenario import Scenario

@@ -10,7 +10,7 @@ from rich.console import Console, Group
 from rich.live import Live
 from rich.text import Text
 
-from swarmctl.agent.state import Phase
+from swarmctl.agent.phases import Phase
 from swarmctl.report.live_rows import SwarmView, live_table, plain_line
 from swarmctl.report.ui import Ui
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from swarmctl.agent.state import AgentState, Phase
+from swarmctl.agent.phases import Phase
+from swarmctl.agent.state import AgentState
 from swarmctl.core import events as ev
 from swarmctl.core.frames import AgentMessage
 from swarmctl.core.messages import VehicleAnswer

@@ -13,7 +13,8 @@ from profiles import examples
 
 from swarmctl.agent.failsafes import ALWAYS_ON, low_battery
 from swarmctl.agent.failsafes.base import ActiveRule
-from swarmctl.agent.state import ARRIVED, AgentState, Phase
+from swarmctl.agent.phases import Phase
+from swarmctl.agent.state import ARRIVED, AgentState
 from swarmctl.agent.step import MAX_FAILED_SWAPS, RETRY_AFTER_S
 from swarmctl.agent.touchdown import DISARMED_FOR_S
 from swarmctl.core import events as ev

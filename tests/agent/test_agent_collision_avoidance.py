@@ -10,7 +10,7 @@ from agent_stories import codes, orders, publications
 from collision_stories import MID_M, ApproachStory, operator_texts
 
 from swarmctl.agent.failsafes.base import Fence
-from swarmctl.agent.state import Phase
+from swarmctl.agent.phases import Phase
 from swarmctl.agent.step import needs_tick
 from swarmctl.agent.traffic.prediction import silent_neighbours
 from swarmctl.core import events as ev

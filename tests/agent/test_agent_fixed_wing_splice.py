@@ -8,11 +8,12 @@ from dataclasses import replace
 import pytest
 from wings_configs import winged
 
+from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.decide import first_flight, first_problem, first_route
 from swarmctl.agent.replan.route_to_mission import corners_ahead
 from swarmctl.agent.replan.splice import kept_cells
 from swarmctl.agent.replan.swap_times import SwapTimes
-from swarmctl.agent.state import AgentState, Phase, begin
+from swarmctl.agent.state import AgentState, begin
 from swarmctl.config.scenario import build
 from swarmctl.core import events as ev
 from swarmctl.core.grid import Cell

@@ -10,7 +10,7 @@ from agent_stories import GRID, Story, codes, orders, publications
 
 from swarmctl.agent.failsafes import low_battery
 from swarmctl.agent.failsafes.base import ActiveRule
-from swarmctl.agent.state import Phase
+from swarmctl.agent.phases import Phase
 from swarmctl.agent.traffic.separation.watch import SeparationRules
 from swarmctl.core import events as ev
 from swarmctl.core.frames import IntentPoint, IntentShared, StateShared

@@ -6,7 +6,8 @@ import pytest
 from agent_stories import Story, codes, orders
 
 from swarmctl.agent.own_modes import ROLE_OF_ORDER
-from swarmctl.agent.state import ARRIVED, Phase
+from swarmctl.agent.phases import Phase
+from swarmctl.agent.state import ARRIVED
 from swarmctl.agent.step import needs_tick
 from swarmctl.core import events as ev
 from swarmctl.core.messages import CommandOutcome

@@ -9,7 +9,7 @@ import pytest
 from agent_stories import GRID, Story, codes, orders, publications
 from traffic_stories import AMSL_M, MID_M, operator_texts
 
-from swarmctl.agent.state import Phase
+from swarmctl.agent.phases import Phase
 from swarmctl.agent.traffic.intents import MAX_AGE_S
 from swarmctl.agent.traffic.launching import MAX_LAUNCH_WAIT_S, launch_conflict
 from swarmctl.core import events as ev

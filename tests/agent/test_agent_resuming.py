@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from agent_stories import Story, orders
 
-from swarmctl.agent.state import Phase
+from swarmctl.agent.phases import Phase
 from swarmctl.agent.step import MAX_FAILED_SWAPS, RETRY_AFTER_S
 from swarmctl.core import events as ev
 from swarmctl.core.vehicle import Landed

@@ -6,7 +6,7 @@ import pytest
 from agent_stories import GRID, Story, orders, publications
 from collision_stories import MID_M, ApproachStory
 
-from swarmctl.agent.state import Phase
+from swarmctl.agent.phases import Phase
 from swarmctl.core import events as ev
 from swarmctl.core.frames import StateShared
 

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from agent_stories import GRID, Story, orders
 
+from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.decide import first_route
 from swarmctl.agent.replan.length_bounds import TimeBound
 from swarmctl.agent.replan.swap_times import SwapTimes
 from swarmctl.agent.replan.time_bound import is_no_worse, lead_in_to, swap_cost_cells
 from swarmctl.agent.replan.travel_time import lost_s
-from swarmctl.agent.state import Phase
 from swarmctl.core import events as ev
 from swarmctl.core.any_angle.corners import ExposureMeasure
 from swarmctl.core.belief import Belief

@@ -16,7 +16,8 @@ import typer
 from companion_world import NAMES, STATION, Swarm
 from flights import Ui, small
 
-from swarmctl.agent.state import ARRIVED, Phase
+from swarmctl.agent.phases import Phase
+from swarmctl.agent.state import ARRIVED
 from swarmctl.bus.endpoint import BusEndpoint
 from swarmctl.bus.transports.base import Failure
 from swarmctl.bus.transports.memory import MemoryBus

@@ -21,7 +21,7 @@ from profiles import examples
 from pymavlink import mavutil
 from recorded import effects, messages
 
-from swarmctl.agent.state import Phase
+from swarmctl.agent.phases import Phase
 from swarmctl.config import model
 from swarmctl.config.checks import check_config
 from swarmctl.config.scenario import Scenario, build

@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from trouble import Trouble, fly_with, inject, select_mode
 
 from swarmctl.agent.failsafes.base import DemandKind
-from swarmctl.agent.state import Phase
+from swarmctl.agent.phases import Phase
 from swarmctl.config.scenario import Scenario
 from swarmctl.flight import virtual_simulator
 from swarmctl.report import record

@@ -10,7 +10,8 @@ import pytest
 from flights import fly, small
 
 from swarmctl.agent.orders import StepResult
-from swarmctl.agent.state import AgentState, Phase
+from swarmctl.agent.phases import Phase
+from swarmctl.agent.state import AgentState
 from swarmctl.agent.step import step
 from swarmctl.agent.traffic.separation.trajectory import Trajectory
 from swarmctl.core import events as ev

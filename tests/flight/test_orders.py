@@ -11,7 +11,7 @@ import pytest
 from agent_stories import Story, orders
 from flights import small
 
-from swarmctl.agent.state import Phase
+from swarmctl.agent.phases import Phase
 from swarmctl.bus import directory, keys, operator_service
 from swarmctl.bus.authentication import NO_AUTHENTICATION, Authentication
 from swarmctl.bus.endpoint import BusEndpoint

@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 from agent_stories import GRID, Story, orders
 
-from swarmctl.agent.state import ARRIVED, Phase
+from swarmctl.agent.phases import Phase
+from swarmctl.agent.state import ARRIVED
 from swarmctl.core import events as ev
 from swarmctl.core.vehicle import Landed, VehicleState
 from swarmctl.flight import proof

@@ -18,7 +18,8 @@ from trouble import Trouble, fly_with, inject, select_mode
 
 from swarmctl.agent.failsafes import low_battery
 from swarmctl.agent.failsafes.base import ActiveRule
-from swarmctl.agent.state import ARRIVED, Phase
+from swarmctl.agent.phases import Phase
+from swarmctl.agent.state import ARRIVED
 from swarmctl.agent.traffic.return_schedule import MIN_HORIZONTAL_M
 from swarmctl.bus.endpoint import BusEndpoint
 from swarmctl.bus.transports.memory import MemoryBus

@@ -17,7 +17,7 @@ from rich.console import Console
 from trouble import Trouble, fly_with, inject, select_mode
 
 from sim_vehicle.fleet import Fleet
-from swarmctl.agent.state import Phase
+from swarmctl.agent.phases import Phase
 from swarmctl.config.scenario import Scenario
 from swarmctl.flight.app import FlightOptions
 from swarmctl.report.flight_table import flight_table

@@ -16,7 +16,7 @@ from recall_stories import ReturnMonitor, gathering
 from trouble import Trouble, inject
 
 from sim_vehicle.truth import Truth
-from swarmctl.agent.state import Phase
+from swarmctl.agent.phases import Phase
 from swarmctl.agent.traffic.return_schedule import MIN_HORIZONTAL_M, MIN_SILENCE_S
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.frames import StateShared

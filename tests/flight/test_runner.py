@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 from flights import small
 
-from swarmctl.agent.state import AgentState, Phase
+from swarmctl.agent.phases import Phase
+from swarmctl.agent.state import AgentState
 from swarmctl.bus.network import RunClock
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.core import events as ev

@@ -16,7 +16,7 @@ from flights import Ui, coded, small
 from recorded import effects
 from rich.console import Console
 
-from swarmctl.agent.state import Phase
+from swarmctl.agent.phases import Phase
 from swarmctl.bus.endpoint import BusEndpoint
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.config.scenario import Scenario

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from agent_flight import GRID, AgentFlight, largest_retreat_m
 
-from swarmctl.agent.state import Phase
+from swarmctl.agent.phases import Phase
 from swarmctl.core import events as ev
 
 

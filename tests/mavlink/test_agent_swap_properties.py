@@ -10,7 +10,7 @@ from flying_bench import Faults
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from swarmctl.agent.state import Phase
+from swarmctl.agent.phases import Phase
 from swarmctl.core.grid import Cell
 
 OUTSIDE_M = 8.0

@@ -6,7 +6,7 @@ import pytest
 from rich.console import Console
 from rich.text import Text
 
-from swarmctl.agent.state import Phase
+from swarmctl.agent.phases import Phase
 from swarmctl.report.live_rows import SwarmView, VehicleRow, live_table
 from swarmctl.report.tables import Column, FittedTable
 

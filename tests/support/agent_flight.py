@@ -8,7 +8,8 @@ from typing import Any
 
 from flying_bench import HOME, FlyingBench
 
-from swarmctl.agent.state import ON_GROUND, Phase, Task, begin
+from swarmctl.agent.phases import ON_GROUND, Phase
+from swarmctl.agent.state import Task, begin
 from swarmctl.agent.step import needs_tick, step
 from swarmctl.core import events as ev
 from swarmctl.core.belief import Belief

@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 
-from swarmctl.agent.state import Phase, Task, begin
+from swarmctl.agent.phases import Phase
+from swarmctl.agent.state import Task, begin
 from swarmctl.agent.step import needs_tick, step
 from swarmctl.core import events as ev
 from swarmctl.core.belief import Belief

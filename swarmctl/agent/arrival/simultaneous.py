@@ -9,12 +9,13 @@ from itertools import pairwise
 
 from swarmctl.agent.arrival.common_time import ArrivalGroup, due_s, speed_for
 from swarmctl.agent.orders import StepResult
+from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan import travel_time
 from swarmctl.agent.replan.length_bounds import CLIMB_M_S, LIFT_S
 from swarmctl.agent.replan.spare_time import update_spare_time
 from swarmctl.agent.replan.stopping import BrakingStop, after_stop, stop_ahead
 from swarmctl.agent.replan.wing_trajectory import ROLL_S
-from swarmctl.agent.state import ARRIVED, AgentState, Phase
+from swarmctl.agent.state import ARRIVED, AgentState
 from swarmctl.agent.traffic.prediction import track_ahead
 from swarmctl.core import events as ev
 from swarmctl.core.any_angle.turns import rounded

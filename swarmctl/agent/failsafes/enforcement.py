@@ -12,7 +12,8 @@ from swarmctl.agent import failsafes
 from swarmctl.agent.failsafes.base import ActiveRoute, ActiveRule, Activity, Demand, DemandKind, FailsafeFacts
 from swarmctl.agent.orders import StepResult, command, release_vehicle
 from swarmctl.agent.own_modes import own_mode_roles
-from swarmctl.agent.state import AgentState, Phase
+from swarmctl.agent.phases import Phase
+from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.returning import MAX_RETURN_WAIT_S, NOT_WAITING, return_changes, wait_to_return
 from swarmctl.core import events as ev
 

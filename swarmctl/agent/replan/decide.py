@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.length_bounds import LeadIn, before_takeoff
 from swarmctl.agent.replan.route_to_mission import (
     is_track_still_good,
@@ -28,7 +29,7 @@ from swarmctl.agent.replan.time_bound import (
     route_within_bounds,
     swap_cost_cells,
 )
-from swarmctl.agent.state import AgentState, Phase, Task
+from swarmctl.agent.state import AgentState, Task
 from swarmctl.core import events as ev
 from swarmctl.core.belief import Belief
 from swarmctl.core.exposure import exposure, length_cells

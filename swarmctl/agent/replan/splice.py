@@ -16,8 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.stopping import distance_and_speed_after, stop_for_new_plan
-from swarmctl.agent.state import AgentState, Phase
+from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.prediction import track_ahead
 from swarmctl.core.any_angle.track import crossed_cells
 from swarmctl.core.geo import LatLon

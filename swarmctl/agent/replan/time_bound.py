@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.length_bounds import (
     LeadIn,
     LengthBounds,
@@ -15,7 +16,7 @@ from swarmctl.agent.replan.length_bounds import (
 )
 from swarmctl.agent.replan.splice import Splice
 from swarmctl.agent.replan.travel_time import lost_s
-from swarmctl.agent.state import AgentState, Phase, Task
+from swarmctl.agent.state import AgentState, Task
 from swarmctl.core.exposure import length_cells
 from swarmctl.core.geo import distance_m
 from swarmctl.core.grid import Cell

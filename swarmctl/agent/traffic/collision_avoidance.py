@@ -23,8 +23,9 @@ from dataclasses import replace
 import msgspec
 
 from swarmctl.agent.orders import StepResult, command
+from swarmctl.agent.phases import IN_FLIGHT, Phase
 from swarmctl.agent.replan.copter_trajectory import at_height, waypoints_of, with_level_off
-from swarmctl.agent.state import IN_FLIGHT, AgentState, Phase
+from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.prediction import (
     SILENT_S,
     hold_trajectory,

@@ -15,6 +15,7 @@ import math
 from dataclasses import replace
 
 from swarmctl.agent.orders import StepResult
+from swarmctl.agent.phases import IN_FLIGHT, Phase
 from swarmctl.agent.replan import wing_trajectory
 from swarmctl.agent.replan.copter_trajectory import (
     climb_then_fly,
@@ -24,7 +25,7 @@ from swarmctl.agent.replan.copter_trajectory import (
 )
 from swarmctl.agent.replan.length_bounds import LIFT_S
 from swarmctl.agent.replan.stopping import stop_ahead, stop_for_new_plan
-from swarmctl.agent.state import IN_FLIGHT, AgentState, Phase
+from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.prediction import AIRBORNE_M, position_of, stopping_point, track_ahead
 from swarmctl.agent.traffic.separation.trajectory import Bounds, LocalPoint, Trajectory, until_landing
 from swarmctl.agent.traffic.separation.watch import NeighbourIntent

@@ -26,8 +26,9 @@ import msgspec
 from swarmctl.agent.failsafes.base import STRENGTH, DemandKind
 from swarmctl.agent.orders import StepResult, command
 from swarmctl.agent.own_modes import own_mode_roles
+from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.copter_trajectory import fly_along, land_from, waypoints_of
-from swarmctl.agent.state import AgentState, Phase
+from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.collision_avoidance import end_give_way
 from swarmctl.agent.traffic.intents import (
     HOLD_DURATION_S,

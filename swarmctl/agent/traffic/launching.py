@@ -17,8 +17,9 @@ from dataclasses import replace
 
 from swarmctl.agent.orders import StepResult, command, release_vehicle
 from swarmctl.agent.own_modes import own_mode_roles
+from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.copter_trajectory import from_takeoff
-from swarmctl.agent.state import AgentState, Phase
+from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.intents import publish_intent, to_shared_frame
 from swarmctl.agent.traffic.route_deconfliction import clashes_with, known_intents
 from swarmctl.agent.traffic.separation.clash import Clash, describe_clashes
@@ -82,9 +83,8 @@ def postpone_launch(state: AgentState, event: ev.LaunchPostponed, _now: float) -
 
 def note_takeoff(state: AgentState) -> AgentState:
     """Return the state after the take-off; the intent is due at once."""
-    return replace(
-        state,
-        phase=Phase.FLYING,
+    return state.enter(
+        Phase.FLYING,
         launch_wait_since_boot_s=None,
         launch_ignored=frozenset(),
         intent_sent_boot_s=-math.inf,
@@ -98,14 +98,14 @@ def cancel_launch(state: AgentState, why: str) -> StepResult:
         state, launch_ordered=False, launch_wait_since_boot_s=None, trouble=f"not launched: {why}"
     )
     if not state.launch_is_operators:
-        return replace(state, phase=Phase.FAILED, outcome=state.trouble), withdrawn
+        return state.enter(Phase.FAILED, outcome=state.trouble), withdrawn
     text = f"{state.trouble}; the vehicle stands by for another order [not-launched]"
     return state, [*withdrawn, ev.NotifyOperator(text)]
 
 
 def _stand_by(state: AgentState) -> StepResult:
     """Put the vehicle on standby, and withdraw its intent."""
-    state = replace(state, phase=Phase.STANDBY, armed_seen=False, launched_boot_s=None)
+    state = state.enter(Phase.STANDBY, armed_seen=False, launched_boot_s=None)
     return (state, []) if state.own_intent is None else publish_intent(state, None)
 
 

@@ -8,7 +8,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from swarmctl.agent.state import AgentState, Phase
+from swarmctl.agent.phases import Phase
+from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory, extrapolate
 from swarmctl.agent.traffic.separation.watch import NeighbourReport
 from swarmctl.core.frames import StateShared

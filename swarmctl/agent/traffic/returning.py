@@ -22,7 +22,8 @@ import msgspec
 
 from swarmctl.agent.failsafes import lost_link
 from swarmctl.agent.orders import StepResult, command, position_for_return, urgent_return_reason
-from swarmctl.agent.state import IN_FLIGHT, AgentState, Phase
+from swarmctl.agent.phases import IN_FLIGHT, Phase
+from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.return_schedule import may_be_returning, position_from_state, schedule_for
 from swarmctl.agent.traffic.separation.watch import NeighbourReport
 from swarmctl.core import events as ev

@@ -23,8 +23,9 @@ from dataclasses import replace
 import msgspec
 
 from swarmctl.agent.orders import StepResult, command
+from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.copter_trajectory import at_height, with_level_off
-from swarmctl.agent.state import AgentState, FlightComparison, Phase
+from swarmctl.agent.state import AgentState, FlightComparison
 from swarmctl.agent.traffic.collision_avoidance import ceiling_m, least_share, may_give_way
 from swarmctl.agent.traffic.intents import (
     HOLD_DURATION_S,
