@@ -10,6 +10,7 @@ import pytest
 from flying_bench import FlyingBench, plan
 from metric_plans import place
 from metric_plans import plan as metric_plan
+from profiles import full_only
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from wire_bench import Faults
 
@@ -302,8 +303,9 @@ def test_a_late_current_item_leaves_out_no_waypoint_of_the_new_plan():
     assert bench.aim == (items[1].x, items[1].y)
 
 
-@pytest.mark.parametrize("refused", [False, True])
-@pytest.mark.parametrize("leaves_ahead", [False, True])
+@pytest.mark.parametrize(
+    ("leaves_ahead", "refused"), [(True, False), *full_only((True, True), (False, False), (False, True))]
+)
 def test_a_plan_changes_more_than_900_m_from_the_take_off(leaves_ahead, refused):
     """PX4 1.15 flies no mission whose first position is 900 m (MIS_DIST_1WP) or more from the vehicle."""
     bench = FlyingBench("px4").flying(metric_plan((0.0, 60.0), (0.0, 1100.0), (0.0, 1500.0)))
