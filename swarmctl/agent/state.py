@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from swarmctl.agent.arrival.common_time import ArrivalGroup
 from swarmctl.agent.failsafes import ALWAYS_ON
 from swarmctl.agent.failsafes.base import ActiveRule, Demand, Fence
+from swarmctl.agent.flown import Flown
 from swarmctl.agent.phases import ENDED, Phase, changed
 from swarmctl.agent.replan.landing_pattern import FixedWing
 from swarmctl.agent.replan.length_bounds import UNBOUNDED, TimeBound
@@ -255,14 +256,7 @@ class AgentState:
     searches: int = 0
     replans: int = 0
     """number of mission changes in flight"""
-    flown_m: float = 0.0
-    flown_cells: tuple[Cell, ...] = ()
-    flown_exposure: float = 0.0
-    """ΣP_s over the cells entered after the first, by the last decision before the entry; no-fly cells: 0"""
-    flown_safety: float = 1.0
-    """∏(1 − P_s) over the same cells"""
-    no_fly_entered: int = 0
-    """number of entries into no-fly cells"""
+    flown: Flown = field(default_factory=Flown)
     refused: int = 0
     """number of impossible observations received"""
     given_up: bool = False

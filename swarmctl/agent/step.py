@@ -37,7 +37,6 @@ from swarmctl.agent.traffic.neighbours import receive_neighbours
 from swarmctl.agent.traffic.returning import update_return
 from swarmctl.agent.traffic.route_deconfliction import check_own_route, deconflict
 from swarmctl.core import events as ev
-from swarmctl.core.geo import distance_m
 from swarmctl.core.grid import Cell
 from swarmctl.core.vehicle import MAX_DELAY_S, RECENT_DELAY_S, VehicleState
 from swarmctl.planners.base import Unreachable
@@ -244,12 +243,10 @@ def _intents(state: AgentState, event: ev.Intents, now: float) -> StepResult:
 def _update_position(state: AgentState, vehicle: VehicleState) -> AgentState:
     assert vehicle.lat_deg is not None
     assert vehicle.lon_deg is not None
-    before, grid, flown_m = state.vehicle, state.task.grid, state.flown_m
-    if vehicle.armed and before.lat_deg is not None and before.lon_deg is not None:
-        flown_m += distance_m((before.lat_deg, before.lon_deg), (vehicle.lat_deg, vehicle.lon_deg))
-    cell = grid.cell_at(vehicle.lat_deg, vehicle.lon_deg)
+    cell = state.task.grid.cell_at(vehicle.lat_deg, vehicle.lon_deg)
     entered = cell is not None and cell != state.cell and vehicle.armed
-    state = replace(state, vehicle=vehicle, last_position=vehicle, cell=cell, flown_m=flown_m)
+    flown = state.flown.moved(state.vehicle, vehicle)
+    state = replace(state, vehicle=vehicle, last_position=vehicle, cell=cell, flown=flown)
     return _enter_cell(state, cell) if entered and cell is not None else state
 
 
@@ -258,17 +255,7 @@ def _enter_cell(state: AgentState, cell: Cell) -> AgentState:
         state = replace(state, progress=index)
     if state.exposure is None:
         return state
-    is_first, p_s = not state.flown_cells, float(state.exposure[cell])
-    state = replace(state, flown_cells=(*state.flown_cells, cell))
-    if is_first:
-        return state  # the exposure of a planned route does not count the start cell
-    if math.isinf(p_s):
-        return replace(state, no_fly_entered=state.no_fly_entered + 1)
-    return replace(
-        state,
-        flown_exposure=state.flown_exposure + p_s,
-        flown_safety=state.flown_safety * (1.0 - min(p_s, 1.0)),
-    )
+    return replace(state, flown=state.flown.entered(cell, float(state.exposure[cell])))
 
 
 def _joined(state: AgentState, event: ev.Joined, _now: float) -> StepResult:

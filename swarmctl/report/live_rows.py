@@ -119,9 +119,9 @@ def _progress(state: AgentState) -> float:
     if state.phase is Phase.LANDING or state.outcome == ARRIVED:
         return 1.0
     route = state.route or state.interrupted_plan
-    if route is None or len(route.cells) < 2 or not state.flown_cells:
+    if route is None or len(route.cells) < 2 or not state.flown.cells:
         return 0.0
-    entered = len(state.flown_cells)
+    entered = len(state.flown.cells)
     ahead = len(route.cells) - 1 - state.progress
     return entered / max(entered + ahead, 1)
 

@@ -256,15 +256,15 @@ def _vehicle(
         "phase": final_phase(state),
         "flight_time_s": flight.flight_time_s,
         **arrival_of(state),
-        "flown_m": state.flown_m,
+        "flown_m": state.flown.length_m,
         "at_takeoff": None
         if flight.takeoff_plan is None
         else _takeoff_plan(scenario, task.uav, flight.takeoff_plan),
         "chance_among_true_hostiles": _chance_among_true(scenario, state),
-        "exposure_sum_at_decisions": state.flown_exposure,
-        "safety_factor_at_decisions": state.flown_safety,
-        "cells_entered": len(state.flown_cells),
-        "no_fly_cells_entered": state.no_fly_entered,
+        "exposure_sum_at_decisions": state.flown.exposure,
+        "safety_factor_at_decisions": state.flown.safety,
+        "cells_entered": len(state.flown.cells),
+        "no_fly_cells_entered": state.flown.no_fly_entered,
         "strikes": state.vehicle.strikes,
         "searches": state.searches,
         "last_plan": None if state.planned is None else _plan(state.planned),
@@ -277,7 +277,7 @@ def _vehicle(
         "weight_changes": flight.weight_changes,
         "messages_sent": network.sent.total(),
         "network": _network(network),
-        "communication_penalty": scenario.config.communication.penalty_per_m * state.flown_m,
+        "communication_penalty": scenario.config.communication.penalty_per_m * state.flown.length_m,
         "latency": statistics.latencies(task.uav),
         "cells_own": n_own,
         "cells_heard": state.belief.n_observed - n_own,
@@ -329,9 +329,9 @@ def _takeoff_plan(scenario: Scenario, uav: int, takeoff_plan: TakeoffPlan) -> di
 def _chance_among_true(scenario: Scenario, state: AgentState) -> float | None:
     """Return the survival probability over the cells entered, among the true hostiles; None if unknown."""
     hostiles, shape = scenario.true_hostiles, (scenario.grid.rows, scenario.grid.cols)
-    if not state.flown_cells or hostiles is None:
+    if not state.flown.cells or hostiles is None:
         return None
-    return survival_among(hostiles, scenario.strength, state.flown_cells, shape)
+    return survival_among(hostiles, scenario.strength, state.flown.cells, shape)
 
 
 def _plan(route: Route) -> dict[str, Any]:

@@ -387,10 +387,10 @@ def test_a_landing_beside_the_goal_is_not_an_arrival() -> None:
 
 def test_the_start_cell_is_not_counted_and_forbidden_cells_are_counted_separately() -> None:
     story = Story(no_fly=frozenset({(0, 0)})).flying()
-    assert story.state.flown_exposure == 0.0
+    assert story.state.flown.exposure == 0.0
     story.over((0, 0))
-    assert story.state.no_fly_entered == 1
-    assert story.state.flown_exposure == 0.0
+    assert story.state.flown.no_fly_entered == 1
+    assert story.state.flown.exposure == 0.0
 
 
 def test_a_landing_at_the_goal_is_an_arrival() -> None:
@@ -521,11 +521,11 @@ def test_the_state_is_shared_about_once_a_second_by_the_vehicles_clock() -> None
 def test_flown_exposure_uses_the_belief_at_the_choice_of_each_cell() -> None:
     story = Story().flying()
     assert story.state.exposure is not None
-    before = story.state.flown_exposure
+    before = story.state.flown.exposure
     believed = float(story.state.exposure[4, 1])
     story.over((4, 1))
-    assert story.state.flown_exposure - before == pytest.approx(believed)
-    assert story.state.flown_safety < 1.0
+    assert story.state.flown.exposure - before == pytest.approx(believed)
+    assert story.state.flown.safety < 1.0
 
 
 def test_routes_avoid_forbidden_cells() -> None:
@@ -581,22 +581,26 @@ def test_disarmed_heartbeats_in_the_air_end_the_flight_only_after_some_seconds()
 
 def test_failsafes_and_orders_work_without_a_position() -> None:
     story = Story(rules=(*ALWAYS_ON, ActiveRule(low_battery, low_battery.Params()))).flying()
-    flown_m, cell = story.state.flown_m, story.state.cell
+    flown_m, cell = story.state.flown.length_m, story.state.cell
     nowhere = {"lat_deg": None, "lon_deg": None, "alt_rel_m": None, "position_s": 0.0}
     given = [orders(story.over((7, 7), battery_percent=20, **nowhere)) for _ in range(6)]
     assert [ev.FlightOrder.RETURN] in given
     story(ev.OrderFailed(ev.FlightOrder.RETURN, "no answer"))
     again = [orders(story.over((7, 7), mode_role="mission", **nowhere)) for _ in range(6)]
     assert [ev.FlightOrder.RETURN] in again
-    assert (story.state.flown_m, story.state.cell) == (flown_m, cell)
+    assert (story.state.flown.length_m, story.state.cell) == (flown_m, cell)
 
 
 def test_a_repeated_position_adds_no_distance_and_is_not_shared() -> None:
     story = Story().flying()
     story.over((4, 1))
-    flown_m, cells, boot_s = story.state.flown_m, story.state.flown_cells, story.state.vehicle.time_boot_s
+    flown_m, cells, boot_s = (
+        story.state.flown.length_m,
+        story.state.flown.cells,
+        story.state.vehicle.time_boot_s,
+    )
     effects_of_each = [story.over((4, 1), time_boot_s=boot_s, position_s=boot_s) for _ in range(3)]
-    assert (story.state.flown_m, story.state.flown_cells) == (flown_m, cells)
+    assert (story.state.flown.length_m, story.state.flown.cells) == (flown_m, cells)
     assert not any(
         isinstance(message, StateShared) for effects in effects_of_each for message in publications(effects)
     )

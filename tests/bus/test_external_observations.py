@@ -603,7 +603,7 @@ def test_a_swarm_with_external_sensors_flies_by_their_reports_only(tmp_path: Pat
         assert state.belief.known[0, 0] == CLEAR
         assert state.belief.n_observed == 2
     assert report.states[2].replans >= 1
-    assert ahead not in report.states[2].flown_cells
+    assert ahead not in report.states[2].flown.cells
     assert report.all_arrived
     assert [vehicle["looks"] for vehicle in report.summary["vehicles"]] == [
         {"taken": 0, "refused": {RejectReason.OUTSIDE: 1}},

@@ -263,7 +263,7 @@ def test_a_vehicle_on_a_pulled_track_arrives_over_its_goal() -> None:
     for cell in flight.swap.track.over:
         flight.over(cell)
     assert flight.state.phase is Phase.LANDING
-    assert flight.state.flown_cells == flight.swap.track.over
+    assert flight.state.flown.cells == flight.swap.track.over
 
 
 # --- configuration

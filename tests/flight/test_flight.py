@@ -49,8 +49,8 @@ def test_the_shipped_swarm_arrives(shipped: tuple[Scenario, FlightReport, Path])
     # A copter sees one cell ahead, so it has to turn off at the centre of its own cell.
     assert sum(s.replans for s in report.states.values()) >= 10
     for state in report.states.values():
-        assert state.flown_cells[-1] in state.task.goals
-        assert state.flown_m > 1000.0
+        assert state.flown.cells[-1] in state.task.goals
+        assert state.flown.length_m > 1000.0
 
 
 def test_normal_preparation_shows_neither_notes_nor_warnings(tmp_path: Path) -> None:
@@ -95,9 +95,9 @@ def test_the_summary_holds_latencies_and_vehicles(
         == summary["latency"]["observation_to_last_peers_belief_s"]["n"]
     )
     for row, state in zip(summary["vehicles"], report.states.values(), strict=True):
-        assert row["flown_m"] == state.flown_m
+        assert row["flown_m"] == state.flown.length_m
         assert row["strikes"] == state.vehicle.strikes
-        assert row["communication_penalty"] == pytest.approx(0.01 * state.flown_m)
+        assert row["communication_penalty"] == pytest.approx(0.01 * state.flown.length_m)
         assert row["messages_sent"] == sum(row["network"]["sent"].values())
         assert row["network"]["sent"]["inform/state"] % 4 == 0
         assert row["network"]["refused"] == row["network"]["lost"] == {}
@@ -395,8 +395,8 @@ def test_no_route_leads_past_the_corner_of_a_forbidden_cell(tmp_path: Path) -> N
     report = fly(small(area={**AREA, "no_fly": block}), tmp_path)
     assert report.all_arrived
     for state in report.states.values():
-        assert state.no_fly_entered == 0
-        assert not {tuple(cell) for cell in block} & set(state.flown_cells)
+        assert state.flown.no_fly_entered == 0
+        assert not {tuple(cell) for cell in block} & set(state.flown.cells)
 
 
 def test_vehicles_that_share_goals_in_a_chain_land_apart(tmp_path: Path) -> None:

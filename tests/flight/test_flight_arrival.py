@@ -20,7 +20,7 @@ def test_vehicles_arrive_simultaneously_although_routes_change(tmp_path: Path) -
     report = fly(small(arrival={"mode": "simultaneous"}), tmp_path)
     assert [state.outcome for state in report.states.values()] == ["arrived"] * 3
     assert sum(state.replans for state in report.states.values()) > 0
-    lengths_m = [state.flown_m for state in report.states.values()]
+    lengths_m = [state.flown.length_m for state in report.states.values()]
     assert max(lengths_m) - min(lengths_m) > 50.0  # five seconds at full speed
     arrival = json.loads((tmp_path / "summary.json").read_text())["arrival"]
     assert arrival["spread_s"] <= 2.0
@@ -55,7 +55,7 @@ def test_vehicles_choose_longer_routes_where_speed_alone_is_not_enough(
     )
     by_speed = fly(small(seed=6, arrival=staggered), tmp_path / "by_speed")
     assert by_speed.summary["arrival"]["spread_s"] > 25.0
-    flown_m = [run.states[3].flown_m for run in (chosen, by_speed)]
+    flown_m = [run.states[3].flown.length_m for run in (chosen, by_speed)]
     assert flown_m[0] > flown_m[1] + 150.0
 
 

@@ -105,7 +105,7 @@ def test_the_summary_has_three_different_chances(doubtful: Flight) -> None:
         assert start["exposure_sum"] > 1.0  # no chance at all
         exact = math.prod(
             1.0 - by_steps[abs(r - hr) + abs(c - hc)]
-            for r, c in state.flown_cells[1:]
+            for r, c in state.flown.cells[1:]
             for hr, hc in scenario.hostiles
             if max(abs(r - hr), abs(c - hc)) <= 1
         )

@@ -106,7 +106,7 @@ def test_flown_exposure_counts_as_believed_at_the_decision() -> None:
     at_decision = float(story.state.exposure[4, 1])
     story(ev.WeightsChanged(1, strength=STRONGER))  # without a later decision
     story.over((4, 1))
-    assert story.state.flown_exposure == pytest.approx(at_decision)
+    assert story.state.flown.exposure == pytest.approx(at_decision)
 
 
 def test_weights_that_change_no_route_swap_no_mission() -> None:

@@ -173,8 +173,8 @@ def _planning_start(state: AgentState) -> Cell:
     """
     cell = state.cell
     if cell is None:
-        in_flight = state.phase is Phase.FLYING and state.flown_cells
-        return state.flown_cells[-1] if in_flight else state.task.entry
+        in_flight = state.phase is Phase.FLYING and state.flown.cells
+        return state.flown.cells[-1] if in_flight else state.task.entry
     if state.route is None:
         return cell
     if (index := route_index_at(state.route, cell, state.progress)) is not None:

@@ -1,0 +1,40 @@
+"""The flown part of a flight: its length, the cells entered, and their believed exposure. Pure."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from swarmctl.core.geo import distance_m
+from swarmctl.core.grid import Cell
+from swarmctl.core.vehicle import VehicleState
+
+
+@dataclass(frozen=True, slots=True)
+class Flown:
+    length_m: float = 0.0
+    cells: tuple[Cell, ...] = ()
+    exposure: float = 0.0
+    """ΣP_s over the cells entered after the first, by the last decision before the entry; no-fly cells: 0"""
+    safety: float = 1.0
+    """∏(1 − P_s) over the same cells"""
+    no_fly_entered: int = 0
+    """number of entries into no-fly cells"""
+
+    def moved(self, before: VehicleState, after: VehicleState) -> Flown:
+        """Return the record with the way between two positions of an armed vehicle."""
+        if not after.armed or before.lat_deg is None or before.lon_deg is None:
+            return self
+        if after.lat_deg is None or after.lon_deg is None:
+            return self
+        way_m = distance_m((before.lat_deg, before.lon_deg), (after.lat_deg, after.lon_deg))
+        return replace(self, length_m=self.length_m + way_m)
+
+    def entered(self, cell: Cell, p_s: float) -> Flown:
+        """Return the record with one more cell, of believed exposure `p_s`."""
+        entered = replace(self, cells=(*self.cells, cell))
+        if not self.cells:
+            return entered  # the exposure of a planned route does not count the start cell
+        if math.isinf(p_s):
+            return replace(entered, no_fly_entered=self.no_fly_entered + 1)
+        return replace(entered, exposure=self.exposure + p_s, safety=self.safety * (1.0 - min(p_s, 1.0)))
