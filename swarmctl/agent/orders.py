@@ -98,7 +98,7 @@ def _order_answer(state: AgentState, event: ev.OperatorCommand) -> tuple[Command
         return "taken", "another operator controls the vehicle; the order is sent once [sent-once]"
     if state.ended:
         return "over", f"the flight is over: {state.phase}" + (f", {state.outcome}" if state.outcome else "")
-    if state.launch_aborted:
+    if state.launch.is_aborted:
         return "refused", "the launch is being aborted; the vehicle lands [launch-aborted]"
     if order not in ROLE_OF_ORDER:
         return _launch_answer(state) if order is ev.FlightOrder.LAUNCH else _resume_answer(state)
@@ -190,28 +190,29 @@ def _apply_order(state: AgentState, event: ev.OperatorCommand, *, remote: bool) 
     order = event.order
     if _is_released_and_armed(state) and remote and order in ROLE_OF_ORDER:
         return command(state, order, by_person=True)
-    if state.ended or state.launch_aborted or _follows(state, order):
+    if state.ended or state.launch.is_aborted or _follows(state, order):
         return state, []
     if order is ev.FlightOrder.RESUME:
         return (state, []) if _reason_against_resuming(state) else _resume(state)
     if order is ev.FlightOrder.LAUNCH:
         if state.phase is Phase.LAUNCHING and event.ignore:
-            return replace(state, launch_ignored=state.launch_ignored | frozenset(event.ignore)), []
+            ignored = state.launch.ignored | frozenset(event.ignore)
+            return replace(state, launch=replace(state.launch, ignored=ignored)), []
         if state.phase not in ON_GROUND or (state.ordered in ROLE_OF_ORDER and not remote):
             return state, []  # launched already, or kept on the ground by an operator
         ignored = frozenset(event.ignore)
-        return replace(state, launch_ordered=True, launch_is_operators=remote, launch_ignored=ignored), []
+        launch = replace(state.launch, is_ordered=True, is_operators=remote, ignored=ignored)
+        return replace(state, launch=launch), []
     if state.phase in ON_GROUND and remote:
-        return replace(
-            state, launch_ordered=False, launch_wait_since_boot_s=None, ordered=order, order_followed=True
-        ), []
+        return replace(state, launch=state.launch.withdrawn(), ordered=order, order_followed=True), []
     if state.phase in ON_GROUND:
         return state.enter(Phase.DONE, outcome="not launched", pending=None), []
     if state.phase is Phase.LAUNCHING:
         # The vehicle is armed or will be soon, on the ground or just above it: it has to land.
-        changes: dict[str, Any] = {"launch_aborted": True, "outcome": "launch aborted"}
-        return command(state, ev.FlightOrder.LAND, by_person=True, phase=Phase.LEAVING, **changes)
-    changes = {
+        launch, land = replace(state.launch, is_aborted=True), ev.FlightOrder.LAND
+        aborted = {"launch": launch, "outcome": "launch aborted"}
+        return command(state, land, by_person=True, phase=Phase.LEAVING, **aborted)
+    changes: dict[str, Any] = {
         "dirty": False,
         "return_latest_boot_s": None,
         "returns_when_clear": False,

@@ -31,10 +31,7 @@ def restart(state: AgentState, event: ev.Restarted, now: float) -> StepResult:
             route=None,
             pending=None,
             ordered=None if state.ordered is ev.FlightOrder.LAUNCH else state.ordered,
-            armed_seen=False,
-            launched_boot_s=None,
-            launch_ordered=False,
-            launch_wait_since_boot_s=None,
+            launch=state.launch.withdrawn().not_begun(),
         ), []
     if event.lands and state.phase in (Phase.LAUNCHING, Phase.FLYING):
         # It has passed its goal cell unseen. The time of its arrival is unknown.

@@ -14,6 +14,7 @@ from swarmctl.agent.arrival.common_time import ArrivalGroup
 from swarmctl.agent.failsafes import ALWAYS_ON
 from swarmctl.agent.failsafes.base import ActiveRule, Demand, Fence
 from swarmctl.agent.flown import Flown
+from swarmctl.agent.launch import Launch
 from swarmctl.agent.phases import ENDED, Phase, changed
 from swarmctl.agent.replan.landing_pattern import FixedWing
 from swarmctl.agent.replan.length_bounds import UNBOUNDED, TimeBound
@@ -161,13 +162,7 @@ class AgentState:
     """earliest next decision"""
     failed_swaps: int = 0
     """number of failed mission changes since the last success; late changes do not count"""
-    launch_ordered: bool = False
-    launch_is_operators: bool = False
-    """True: an operator ordered the launch; False: the agent's own process"""
-    launch_wait_since_boot_s: float | None = None
-    """start of the wait for a clear first route; a launch attempt in between does not reset it"""
-    launch_ignored: frozenset[int] = frozenset()
-    """vehicles that the launch does not wait for, by an operator's order"""
+    launch: Launch = field(default_factory=Launch)
     ordered: ev.FlightOrder | None = None
     """last order for the vehicle, sent or only noted"""
     order_followed: bool = False
@@ -189,17 +184,12 @@ class AgentState:
     """last states of other vehicles that return or wait to return"""
     repeat_order_at_s: float = math.inf
     """time to repeat an order that the vehicle does not follow; inf: no repetition"""
-    launch_aborted: bool = False
-    launched_boot_s: float | None = None
-    """time at which the vehicle was first seen armed; start of its time bound"""
     arrived_boot_s: float | None = None
     """time at which the vehicle was first seen in its goal cell; None after an order to leave the goal"""
     planned: Route | None = None
     """last answer of the planner, flown or not"""
     late_s: float | None = None
     """predicted arrival after take-off [s], by the last decision; None while within the bound"""
-    armed_seen: bool = False
-    """True once the vehicle was seen armed after its launch order"""
     disarmed_since_s: float | None = None
     """time of the first heartbeat that reports the vehicle disarmed; None while armed"""
     orders_given: int = 0

@@ -101,14 +101,13 @@ def _rebooted(state: AgentState, _event: ev.Rebooted, _now: float) -> StepResult
     if state.phase not in ON_GROUND:
         # Its mode, mission and position estimate began anew, so nothing that this agent knows holds.
         return release_vehicle(state, "the vehicle rebooted during its flight [rebooted]")
-    if state.launch_wait_since_boot_s is not None and not state.launch_is_operators:
+    if state.launch.wait_since_boot_s is not None and not state.launch.is_operators:
         # This process orders its own launch only once, so no order would follow after the reboot.
         return cancel_launch(state, "the vehicle rebooted while it waited for its launch")
     # Readiness and mission have to be checked again.
-    state = state.enter(Phase.WAITING, route=None, pending=None, launch_ordered=False)
+    state = state.enter(Phase.WAITING, route=None, pending=None, launch=state.launch.withdrawn())
     return replace(
         state,
-        launch_wait_since_boot_s=None,
         last_position=VehicleState(),
         trouble="the vehicle has rebooted [rebooted]",
     ), []
@@ -117,7 +116,7 @@ def _rebooted(state: AgentState, _event: ev.Rebooted, _now: float) -> StepResult
 def _operator(state: AgentState, event: ev.OperatorCommand, now: float) -> StepResult:
     state, effects = handle_operator_command(state, event, now)
     state, begun = launch_if_possible(state)
-    waits = state.phase is Phase.STANDBY and state.launch_wait_since_boot_s is not None
+    waits = state.phase is Phase.STANDBY and state.launch.wait_since_boot_s is not None
     if event.order is ev.FlightOrder.LAUNCH and waits:
         effects = [_with_note(effect, state.trouble) for effect in effects]
     return state, [*begun, *effects]
@@ -137,7 +136,7 @@ def _order_done(state: AgentState, event: ev.OrderDone, _now: float) -> StepResu
     state = replace(state, order_followed=True, repeat_order_at_s=math.inf)
     if state.phase is Phase.LAUNCHING:
         return note_takeoff(state), []
-    if state.launch_aborted and not state.vehicle.armed and state.phase is not Phase.FAILED:
+    if state.launch.is_aborted and not state.vehicle.armed and state.phase is not Phase.FAILED:
         return state.enter(Phase.DONE), []
     return state, []
 
@@ -152,7 +151,7 @@ def _order_failed(state: AgentState, event: ev.OrderFailed, now: float) -> StepR
     if state.phase is not Phase.LAUNCHING:
         # The order is repeated while the agent still commands the vehicle.
         return replace(state, repeat_order_at_s=now + RETRY_AFTER_S), []
-    if state.armed_seen or (state.lost and not event.nothing_sent):
+    if state.launch.armed_seen or (state.lost and not event.nothing_sent):
         # The vehicle may be armed without climbing: it must not stay uncontrolled.
         return command(state, ev.FlightOrder.LAND, phase=Phase.LEAVING, given_up=True)
     if event.nothing_sent:
@@ -171,11 +170,8 @@ def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> St
     """
     vehicle = event.state
     state = _update_position(state, vehicle) if vehicle.has_position else replace(state, vehicle=vehicle)
-    launched_s = state.launched_boot_s
-    is_launched = vehicle.armed and (state.phase is Phase.LAUNCHING or state.phase in IN_FLIGHT)
-    if is_launched and not (state.armed_seen and launched_s is not None):
-        launched_s = vehicle.time_boot_s if launched_s is None else launched_s
-        state = replace(state, armed_seen=True, launched_boot_s=launched_s)
+    if vehicle.armed and (state.phase is Phase.LAUNCHING or state.phase in IN_FLIGHT):
+        state = replace(state, launch=state.launch.begun(vehicle.time_boot_s))
     state, delayed = _note_delay(note_disarming(state))
     if has_touched_down(state):
         # The last state is sent at once, because the process may end soon.

@@ -34,7 +34,7 @@ def may_be_armed(state: AgentState) -> bool:
     vehicle, since_s = state.vehicle, state.disarmed_since_s
     now_s = vehicle.heartbeat_s
     is_recent = since_s is not None and now_s is not None and now_s - since_s < DISARMED_FOR_S
-    is_uncertain = state.armed_seen and vehicle.landed is not Landed.ON_GROUND and is_recent
+    is_uncertain = state.launch.armed_seen and vehicle.landed is not Landed.ON_GROUND and is_recent
     return vehicle.armed or is_uncertain
 
 
@@ -43,7 +43,7 @@ def has_touched_down(state: AgentState) -> bool:
 
     A released vehicle ends its flight only at its goal; elsewhere the reason for its release stays.
     """
-    if not state.armed_seen or may_be_armed(state):
+    if not state.launch.armed_seen or may_be_armed(state):
         return False
     return state.phase in IN_FLIGHT or (state.phase is Phase.RELEASED and _is_down_at_goal(state))
 
@@ -73,7 +73,7 @@ def end_at_touchdown(state: AgentState) -> AgentState:
 
 def _is_down_at_goal(state: AgentState) -> bool:
     """Return whether the vehicle is on the ground in its goal cell, after a flight."""
-    is_down = state.vehicle.landed is Landed.ON_GROUND and not state.launch_aborted
+    is_down = state.vehicle.landed is Landed.ON_GROUND and not state.launch.is_aborted
     return is_down and state.cell in state.task.goals
 
 

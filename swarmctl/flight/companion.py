@@ -88,7 +88,7 @@ def ended_by_operator(report: FlightReport) -> list[str]:
 
 
 def _followed_order(state: AgentState) -> bool:
-    flown = state.armed_seen or state.launch_aborted
+    flown = state.launch.armed_seen or state.launch.is_aborted
     return (
         state.phase is Phase.DONE
         and state.outcome != ARRIVED

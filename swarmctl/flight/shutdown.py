@@ -157,7 +157,7 @@ def _is_leaving(member: Member) -> bool:
 def _holds(member: Member) -> bool:
     """Return whether the vehicle follows the order to hold, or needs no order because its flight ends."""
     state = member.state
-    return (state.phase is Phase.HOLDING and state.order_followed) or state.ended or state.launch_aborted
+    return (state.phase is Phase.HOLDING and state.order_followed) or state.ended or state.launch.is_aborted
 
 
 def _returns(member: Member) -> bool:

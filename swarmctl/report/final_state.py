@@ -102,7 +102,7 @@ def describe_final_state(member: Vehicle) -> str:
 
 
 def _landed_note(state: AgentState) -> str:
-    return "; on the ground, disarmed" if state.phase is Phase.RELEASED and state.armed_seen else ""
+    return "; on the ground, disarmed" if state.phase is Phase.RELEASED and state.launch.armed_seen else ""
 
 
 def _height(vehicle: VehicleState) -> str:

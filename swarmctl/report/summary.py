@@ -298,8 +298,8 @@ def _network(counters: NetworkCounters) -> dict[str, Any]:
 def arrival_of(state: AgentState) -> dict[str, Any]:
     """Return the arrival time and its bound. Times count from take-off, by the vehicle's clock [s]."""
     arrival, arrived_s = state.task.arrival, None
-    if state.arrived_boot_s is not None and state.launched_boot_s is not None:
-        arrived_s = state.arrived_boot_s - state.launched_boot_s
+    if state.arrived_boot_s is not None and state.launch.armed_boot_s is not None:
+        arrived_s = state.arrived_boot_s - state.launch.armed_boot_s
     kept = arrived_s is not None and arrival.after_s <= arrived_s <= arrival.within_s
     return {
         "arrived_s": arrived_s,

@@ -330,7 +330,7 @@ def test_an_aborted_launch_lands_despite_a_later_order(order: ev.FlightOrder) ->
     assert not story.state.ended
     story.over((4, 0), armed=True, mode_role="land")
     story.over((4, 0), armed=False, mode_role="land")
-    assert (story.state.phase, story.state.launch_aborted) == (Phase.DONE, True)
+    assert (story.state.phase, story.state.launch.is_aborted) == (Phase.DONE, True)
     assert story.state.outcome != ARRIVED
 
 
@@ -340,7 +340,7 @@ def test_a_launch_aborted_before_arming_ends_with_the_landing_mode() -> None:
     story(ev.OperatorCommand(ev.FlightOrder.HOLD))
     story.over((4, 0), armed=False, mode_role="land")
     story(ev.OrderDone(ev.FlightOrder.LAND))
-    assert (story.state.phase, story.state.launch_aborted) == (Phase.DONE, True)
+    assert (story.state.phase, story.state.launch.is_aborted) == (Phase.DONE, True)
 
 
 def test_a_vehicle_that_reboots_on_the_ground_is_prepared_again() -> None:
@@ -489,7 +489,7 @@ def test_a_return_order_on_the_ground_ends_the_flight_without_a_command() -> Non
     story = Story()
     story(ev.Ready())
     assert story(ev.OperatorCommand(ev.FlightOrder.RETURN)) == []
-    assert (story.state.phase, story.state.armed_seen) == (Phase.DONE, False)
+    assert (story.state.phase, story.state.launch.armed_seen) == (Phase.DONE, False)
     assert story.state.outcome != ARRIVED
 
 

@@ -195,7 +195,7 @@ def test_attempts_do_not_extend_the_longest_wait() -> None:
     """Launch attempts during the wait do not restart the wait."""
     story = about_to_take_off()
     began_s = story.now
-    while story.state.phase is not Phase.STANDBY or story.state.launch_ordered:
+    while story.state.phase is not Phase.STANDBY or story.state.launch.is_ordered:
         if story.state.phase is Phase.LAUNCHING:
             story.hovers()
             texts = operator_texts(story.postpone())

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from agent_stories import GRID, Story, orders
 
+from swarmctl.agent.launch import Launch
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.decide import first_route
 from swarmctl.agent.replan.length_bounds import TimeBound
@@ -77,10 +78,10 @@ def swaps(effects: list[ev.Effect]) -> list[ev.SwapMission]:
 def test_the_bound_counts_from_the_first_armed_heartbeat() -> None:
     flight = story(within_s=90.0).launching()
     flight.over((0, 0), time_boot_s=300.0, armed=False)
-    assert flight.state.launched_boot_s is None
+    assert flight.state.launch.armed_boot_s is None
     flight.over((0, 0), time_boot_s=310.0)
     flight.over((0, 0), time_boot_s=320.0)
-    assert flight.state.launched_boot_s == 310.0
+    assert flight.state.launch.armed_boot_s == 310.0
 
 
 def test_the_detour_is_flown_only_with_enough_time() -> None:
@@ -298,5 +299,5 @@ def test_the_reported_arrival_time_never_rounds_to_the_bound() -> None:
 def test_the_arrival_time_has_to_lie_within_both_bounds() -> None:
     state = story(within_s=80.0, after_s=60.0).state
     for arrived_s, kept in ((59.0, False), (60.0, True), (80.0, True), (81.0, False)):
-        done = replace(state, launched_boot_s=100.0, arrived_boot_s=100.0 + arrived_s)
+        done = replace(state, launch=Launch(armed_boot_s=100.0), arrived_boot_s=100.0 + arrived_s)
         assert arrival_of(done)["arrival_bound_kept"] is kept

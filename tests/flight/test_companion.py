@@ -16,6 +16,7 @@ import typer
 from companion_world import NAMES, STATION, Swarm
 from flights import Ui, small
 
+from swarmctl.agent.launch import Launch
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.state import ARRIVED
 from swarmctl.bus.endpoint import BusEndpoint
@@ -144,7 +145,7 @@ NOT_FOLLOWED: list[tuple[str, dict[str, Any]]] = [
     ("not confirmed by telemetry", {"order_followed": False}),
     ("no order", {"ordered": None}),
     ("ordered to hold", {"ordered": FlightOrder.HOLD}),
-    ("never took off", {"armed_seen": False}),
+    ("never took off", {"launch": Launch()}),
 ]
 
 

@@ -122,7 +122,7 @@ def test_a_px4_whose_return_does_not_end_at_its_landing_stays_on_the_ground(
 
     monkeypatch.setattr("swarmctl.flight.virtual_simulator.scenario_json", set_up_otherwise)
     report = fly(winged(simulate={"autopilot": ["px4plane", "ardupilot"]}), tmp_path)
-    assert not any(state.armed_seen for state in report.states.values())
+    assert not any(state.launch.armed_seen for state in report.states.values())
     (text,) = report.trouble
     assert re.match(r"uav1: parameters: .*RTL_TYPE 0, .*\b1 ", text)
 
@@ -140,7 +140,7 @@ def test_a_fixed_wing_configured_as_a_copter_stays_on_the_ground(autopilot: str,
     )
     ui = Ui()
     report = fly(mistaken, tmp_path, ui=ui)
-    assert not any(state.armed_seen for state in report.states.values())
+    assert not any(state.launch.armed_seen for state in report.states.values())
     assert "airframe: plane" in report.states[1].outcome
 
 

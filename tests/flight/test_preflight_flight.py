@@ -74,7 +74,7 @@ def test_fit_vehicles_pass_every_check_and_none_is_armed(autopilot: str, tmp_pat
     assert {name: len(findings) for name, findings in report.checked.items()} == dict.fromkeys(
         ("uav1", "uav2"), len(CHECKS)
     )
-    assert not any(state.armed_seen or state.vehicle.armed for state in report.states.values())
+    assert not any(state.launch.armed_seen or state.vehicle.armed for state in report.states.values())
 
 
 WRONG = {
@@ -144,7 +144,7 @@ def test_failures_of_two_vehicles_are_one_report_and_no_vehicle_is_armed(
     assert report.ended == "failed"
     assert [text.split(": ")[:2] for text in report.trouble] == [["uav1", "battery"], ["uav3", "parameters"]]
     assert "--waive battery:uav1" in report.trouble[0]
-    assert not any(state.armed_seen for state in report.states.values())
+    assert not any(state.launch.armed_seen for state in report.states.values())
     written = json.loads((tmp_path / "summary.json").read_text())
     assert [(c["vehicle"], c["check"]) for c in written["preflight"] if not c["ok"]] == [
         ("uav1", "battery"),

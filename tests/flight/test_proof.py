@@ -161,7 +161,7 @@ def test_a_launch_that_was_interrupted_on_the_ground_is_aborted() -> None:
     story = launching()
     taken_over(story, finding(story, IN_HOLD, **{**DOWN, "armed": True}), commanded=GUIDED)
     assert orders(story.effects) == [ev.FlightOrder.LAND]
-    assert story.state.launch_aborted
+    assert story.state.launch.is_aborted
 
 
 def test_a_vehicle_in_its_landing_is_past_its_route() -> None:

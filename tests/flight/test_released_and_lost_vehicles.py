@@ -147,7 +147,7 @@ def test_a_vehicle_armed_by_another_station_does_not_keep_the_others_on_the_grou
     report, ui = fly_with(armed_early(), tmp_path, monkeypatch, scenario=pair())
     assert report.ended == "ended"
     assert report.states[1].outcome == "arrived"
-    assert (report.states[2].phase, report.states[2].armed_seen) == ("released", False)
+    assert (report.states[2].phase, report.states[2].launch.armed_seen) == ("released", False)
     released = f"uav2: {Phase.STANDBY} → {Phase.RELEASED} "
     assert any(line.startswith(released) and "GUIDED" in line for line in ui.said)
     assert any("uav2" in line and line.endswith("[ready]") for line in ui.said)

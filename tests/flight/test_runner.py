@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from flights import small
 
+from swarmctl.agent.launch import Launch
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.bus.network import RunClock
@@ -95,7 +96,7 @@ def flying(link: SlowLink, *observers: Notes) -> Runner:
         observers,
     )
     where = VehicleState(lat_deg=46.0, lon_deg=14.0, alt_rel_m=30.0, armed=True)
-    runner.state = replace(runner.state, phase=Phase.FLYING, vehicle=where, armed_seen=True)
+    runner.state = replace(runner.state, phase=Phase.FLYING, vehicle=where, launch=Launch(armed_seen=True))
     return runner
 
 

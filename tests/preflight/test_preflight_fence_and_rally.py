@@ -105,7 +105,7 @@ def test_a_fence_that_may_not_be_enforced_keeps_the_vehicle_on_the_ground(
     ((which, found),) = failing(report).items()
     assert which == ("uav1", "fence")
     assert "DO_FENCE_ENABLE: no answer" in found
-    assert not any(state.armed_seen for state in report.states.values())
+    assert not any(state.launch.armed_seen for state in report.states.values())
 
 
 def test_a_waived_fence_is_not_changed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -131,7 +131,7 @@ def test_rally_points_keep_the_vehicle_on_the_ground(
     (text,) = report.trouble
     assert text.startswith("uav2: rally: ")
     assert "--waive rally:uav2" in text
-    assert not any(state.armed_seen for state in report.states.values())
+    assert not any(state.launch.armed_seen for state in report.states.values())
 
 
 def test_rally_points_may_be_waived(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

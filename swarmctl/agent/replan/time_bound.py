@@ -68,7 +68,7 @@ def lead_in_to(
     otherwise straight to the centre of `start`.
     """
     task, vehicle = state.task, state.vehicle
-    if state.launched_boot_s is None or vehicle.lat_deg is None or vehicle.lon_deg is None:
+    if state.launch.armed_boot_s is None or vehicle.lat_deg is None or vehicle.lon_deg is None:
         return before_takeoff(task.arrival, task.altitude_m)
     grid, here = task.grid, (vehicle.lat_deg, vehicle.lon_deg)
     lead_m = distance_m(here, grid.centre(start))
@@ -77,7 +77,7 @@ def lead_in_to(
     elif ahead is not None and len(ahead) > 1 and state.cell == start:
         step_m = math.dist(ahead[0], ahead[1]) * grid.cell_size_m
         lead_m = distance_m(here, grid.centre(ahead[1])) - step_m
-    elapsed_s = max(vehicle.time_boot_s - state.launched_boot_s, 0.0)
+    elapsed_s = max(vehicle.time_boot_s - state.launch.armed_boot_s, 0.0)
     return LeadIn(elapsed_s, max(task.altitude_m - (vehicle.alt_rel_m or 0.0), 0.0), lead_m)
 
 
@@ -126,7 +126,7 @@ def ahead_lost_s(
     task, vehicle = state.task, state.vehicle
     if splice is not None and splice.leaves_ahead:
         return route_lost_s(task, ahead, JoiningLeg(splice.path, vehicle.ground_speed_m_s))
-    if state.launched_boot_s is None or vehicle.lat_deg is None or vehicle.lon_deg is None:
+    if state.launch.armed_boot_s is None or vehicle.lat_deg is None or vehicle.lon_deg is None:
         return route_lost_s(task, ahead)
     over = ahead[1:] if state.cell == start and len(ahead) > 1 else ahead
     here = task.grid.frame.to_local(vehicle.lat_deg, vehicle.lon_deg)

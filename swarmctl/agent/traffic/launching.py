@@ -35,7 +35,7 @@ STARTS_AFTER_S = (-2.0, 0.0, 2.0, 4.0)
 
 def launch_if_possible(state: AgentState) -> StepResult:
     """Launch, or wait for a clear route. Called for each operator's order, plan and telemetry message."""
-    if not (state.phase is Phase.STANDBY and state.launch_ordered and state.pending is None):
+    if not (state.phase is Phase.STANDBY and state.launch.is_ordered and state.pending is None):
         return state, []
     if state.telemetry_is_late:
         return state, []
@@ -47,9 +47,9 @@ def launch_if_possible(state: AgentState) -> StepResult:
     if clashes := _route_clashes(state, _intents_waited_for(state)):
         return _wait(state, _conflict_text(state, clashes))
     messages: list[ev.Effect] = []
-    if state.launch_wait_since_boot_s is not None:
+    if state.launch.wait_since_boot_s is not None:
         messages.append(ev.NotifyOperator("the wait is over; the vehicle launches [launch-clear]"))
-    if state.launch_ignored and (ignored := _route_clashes(state, known_intents(state))):
+    if state.launch.ignored and (ignored := _route_clashes(state, known_intents(state))):
         messages.append(
             ev.NotifyOperator(
                 f"{_conflict_text(state, ignored)}; the vehicle launches anyway, as ordered [launch-ignores]"
@@ -85,8 +85,7 @@ def note_takeoff(state: AgentState) -> AgentState:
     """Return the state after the take-off; the intent is due at once."""
     return state.enter(
         Phase.FLYING,
-        launch_wait_since_boot_s=None,
-        launch_ignored=frozenset(),
+        launch=state.launch.ended(),
         intent_sent_boot_s=-math.inf,
     )
 
@@ -94,10 +93,8 @@ def note_takeoff(state: AgentState) -> AgentState:
 def cancel_launch(state: AgentState, why: str) -> StepResult:
     """Cancel the launch. After an operator's order the vehicle stands by, otherwise its flight has failed."""
     state, withdrawn = _stand_by(state)
-    state = replace(
-        state, launch_ordered=False, launch_wait_since_boot_s=None, trouble=f"not launched: {why}"
-    )
-    if not state.launch_is_operators:
+    state = replace(state, launch=state.launch.withdrawn(), trouble=f"not launched: {why}")
+    if not state.launch.is_operators:
         return state.enter(Phase.FAILED, outcome=state.trouble), withdrawn
     text = f"{state.trouble}; the vehicle stands by for another order [not-launched]"
     return state, [*withdrawn, ev.NotifyOperator(text)]
@@ -105,12 +102,12 @@ def cancel_launch(state: AgentState, why: str) -> StepResult:
 
 def _stand_by(state: AgentState) -> StepResult:
     """Put the vehicle on standby, and withdraw its intent."""
-    state = state.enter(Phase.STANDBY, armed_seen=False, launched_boot_s=None)
+    state = state.enter(Phase.STANDBY, launch=state.launch.not_begun())
     return (state, []) if state.own_intent is None else publish_intent(state, None)
 
 
 def _intents_waited_for(state: AgentState) -> dict[int, NeighbourIntent]:
-    return {uav: intent for uav, intent in known_intents(state).items() if uav not in state.launch_ignored}
+    return {uav: intent for uav, intent in known_intents(state).items() if uav not in state.launch.ignored}
 
 
 def _route_clashes(state: AgentState, others: Mapping[int, NeighbourIntent]) -> tuple[Clash, ...]:
@@ -133,7 +130,7 @@ def _conflict_text(state: AgentState, clashes: tuple[Clash, ...]) -> str:
 
 def _wait(state: AgentState, why: str, *, again: bool = False) -> StepResult:
     """Wait on the ground, or cancel the launch. Further attempts do not restart the waiting time."""
-    now_s, since_s = state.vehicle.time_boot_s, state.launch_wait_since_boot_s
+    now_s, since_s = state.vehicle.time_boot_s, state.launch.wait_since_boot_s
     begins = since_s is None or now_s < since_s
     since_s = now_s if since_s is None or begins else since_s
     remaining_s = MAX_LAUNCH_WAIT_S - (now_s - since_s)
@@ -142,14 +139,14 @@ def _wait(state: AgentState, why: str, *, again: bool = False) -> StepResult:
         return cancel_launch(state, f"{why}{_ignore_hint(state)}")
     text = f"{why}; the vehicle waits on the ground for at most {remaining_s:.0f} s"
     text += f"{_ignore_hint(state)} [launch-waits]"
-    state = replace(state, launch_wait_since_boot_s=since_s, trouble=text)
+    state = replace(state, launch=replace(state.launch, wait_since_boot_s=since_s), trouble=text)
     return state, [ev.NotifyOperator(text)] if begins or again else []
 
 
 def _ignore_hint(state: AgentState) -> str:
     """Return the command to launch despite conflicts; "" if there are none, or no operator gave the order."""
-    clashes = _route_clashes(state, _intents_waited_for(state)) if state.launch_is_operators else ()
+    clashes = _route_clashes(state, _intents_waited_for(state)) if state.launch.is_operators else ()
     options = " ".join(
-        f"--ignore {uav}" for uav in sorted({*state.launch_ignored, *(clash.other for clash in clashes)})
+        f"--ignore {uav}" for uav in sorted({*state.launch.ignored, *(clash.other for clash in clashes)})
     )
     return f" (launch without waiting: `order launch --uav {state.task.uav} {options}`)" if clashes else ""

@@ -1,0 +1,42 @@
+"""The launch of one vehicle: its order, its wait on the ground, and the arming that was seen. Pure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+
+@dataclass(frozen=True, slots=True)
+class Launch:
+    """Times are by the vehicle's clock."""
+
+    is_ordered: bool = False
+    is_operators: bool = False
+    """True: an operator ordered the launch; False: the agent's own process"""
+    ignored: frozenset[int] = frozenset()
+    """vehicles that the launch does not wait for, by an operator's order"""
+    wait_since_boot_s: float | None = None
+    """start of the wait for a clear first route; a launch attempt in between does not reset it"""
+    is_aborted: bool = False
+    armed_seen: bool = False
+    """True once the vehicle was seen armed after its launch order"""
+    armed_boot_s: float | None = None
+    """time at which the vehicle was first seen armed; start of its time bound"""
+
+    def withdrawn(self) -> Launch:
+        """Return the launch without its order."""
+        return replace(self, is_ordered=False, wait_since_boot_s=None)
+
+    def not_begun(self) -> Launch:
+        """Return the launch of a vehicle that is disarmed again."""
+        return replace(self, armed_seen=False, armed_boot_s=None)
+
+    def begun(self, boot_s: float) -> Launch:
+        """Return the launch of a vehicle that is armed at `boot_s`; only the first time counts."""
+        if self.armed_seen and self.armed_boot_s is not None:
+            return self
+        armed_boot_s = boot_s if self.armed_boot_s is None else self.armed_boot_s
+        return replace(self, armed_seen=True, armed_boot_s=armed_boot_s)
+
+    def ended(self) -> Launch:
+        """Return the launch of a vehicle in flight: it waits for nobody any more."""
+        return replace(self, wait_since_boot_s=None, ignored=frozenset())
