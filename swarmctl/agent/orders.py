@@ -68,7 +68,7 @@ def holding_radius_m(task: Task) -> float:
 
 def _follows(state: AgentState, order: ev.FlightOrder) -> bool:
     """Return whether the vehicle follows this order in flight; a temporary hold does not count."""
-    is_temporary = state.return_latest_boot_s is not None or state.interrupted_plan is not None
+    is_temporary = state.return_wait.latest_boot_s is not None or state.interrupted_plan is not None
     return state.phase in IN_FLIGHT and state.ordered is order and state.order_followed and not is_temporary
 
 
@@ -114,7 +114,9 @@ def _order_answer(state: AgentState, event: ev.OperatorCommand) -> tuple[Command
     notes = []
     if state.lost:
         notes.append("the link is lost; the order is sent now, and repeated after the loss [waits-for-link]")
-    if order is ev.FlightOrder.HOLD and state.returns_when_clear:  # a failsafe demands the return only once
+    if (
+        order is ev.FlightOrder.HOLD and state.return_wait.when_clear
+    ):  # a failsafe demands the return only once
         notes += [
             f"the order cancels the return that a failsafe demanded: {state.outcome} [return-cancelled]"
         ]
@@ -162,7 +164,7 @@ def _reason_against_resuming(state: AgentState) -> str:
         return "the link is lost; repeat the order when the link is back [not-resumed]"
     if state.telemetry_is_late:
         return f"{REPEAT_WHEN_RECENT} [not-resumed]"
-    if state.return_latest_boot_s is not None:
+    if state.return_wait.latest_boot_s is not None:
         return "the vehicle holds until its return; order it to hold first [not-resumed]"
     if not state.order_followed or state.vehicle.mode_role != "hold":
         return f"the hold is not confirmed, in mode {state.vehicle.mode or 'unknown'} [not-resumed]"
@@ -173,7 +175,8 @@ def _reason_against_resuming(state: AgentState) -> str:
 
 def _resume(state: AgentState) -> StepResult:
     """Plan from the hold, as if no change had failed before. A vehicle over its goal lands."""
-    state = replace(state, outcome="", trouble="", return_started_boot_s=None, given_up=False, failed_swaps=0)
+    wait = replace(state.return_wait, started_boot_s=None)
+    state = replace(state, outcome="", trouble="", return_wait=wait, given_up=False, failed_swaps=0)
     if state.cell in state.task.goals:
         boot_s = state.vehicle.time_boot_s
         return command(state, ev.FlightOrder.LAND, by_person=True, phase=Phase.LANDING, arrived_boot_s=boot_s)
@@ -214,18 +217,21 @@ def _apply_order(state: AgentState, event: ev.OperatorCommand, *, remote: bool) 
         return command(state, land, by_person=True, phase=Phase.LEAVING, **aborted)
     changes: dict[str, Any] = {
         "dirty": False,
-        "return_latest_boot_s": None,
-        "returns_when_clear": False,
+        "return_wait": state.return_wait.over(),
         "interrupted_plan": None,
     }
     if (state.vehicle.alt_rel_m or 0.0) > TOUCHING_DOWN_M:
         changes["arrived_boot_s"] = None  # the vehicle is over its goal, but does not land there
-    changes |= {"outcome": f"{order} ordered", "return_started_boot_s": None}
+    changes["outcome"] = f"{order} ordered"
     if not event.after_s:
         phase = Phase.HOLDING if order is ev.FlightOrder.HOLD else Phase.LEAVING
         return command(state, order, by_person=True, **(changes | {"phase": phase}))
     # A recall with a start time: hold until then.
-    changes |= {"phase": Phase.HOLDING, "return_latest_boot_s": state.vehicle.time_boot_s + event.after_s}
+    starts_s = state.vehicle.time_boot_s + event.after_s
+    changes |= {
+        "phase": Phase.HOLDING,
+        "return_wait": replace(changes["return_wait"], latest_boot_s=starts_s),
+    }
     if state.phase is Phase.HOLDING and state.ordered is ev.FlightOrder.HOLD:
         return replace(state, **changes), []
     return command(state, ev.FlightOrder.HOLD, by_person=True, **changes)

@@ -19,6 +19,7 @@ from swarmctl.agent.phases import ENDED, Phase, changed
 from swarmctl.agent.replan.landing_pattern import FixedWing
 from swarmctl.agent.replan.length_bounds import UNBOUNDED, TimeBound
 from swarmctl.agent.replan.swap_times import SwapTimes
+from swarmctl.agent.traffic.return_wait import ReturnWait
 from swarmctl.agent.traffic.separation.clash import Clash
 from swarmctl.agent.traffic.separation.trajectory import Trajectory
 from swarmctl.agent.traffic.separation.watch import (
@@ -171,17 +172,7 @@ class AgentState:
     """own mode roles before the order"""
     hold_is_own: bool = False
     """True if this agent or its swap has set the hold between two plans"""
-    return_latest_boot_s: float | None = None
-    """latest start of the return of a holding vehicle; None: the vehicle does not wait to return"""
-    returns_when_clear: bool = False
-    """True: the return starts as soon as its path is clear; False: at its start time in a recall"""
-    return_checked_boot_s: float = -math.inf
-    return_started_boot_s: float | None = None
-    """start of the return, while the vehicle may still have to hold again; otherwise None"""
-    return_deadline_boot_s: float = -math.inf
-    """end of the longest wait before a return; a second wait does not extend it"""
-    returning_neighbours: Mapping[int, NeighbourReport] = field(default_factory=dict)
-    """last states of other vehicles that return or wait to return"""
+    return_wait: ReturnWait = field(default_factory=ReturnWait)
     repeat_order_at_s: float = math.inf
     """time to repeat an order that the vehicle does not follow; inf: no repetition"""
     arrived_boot_s: float | None = None

@@ -68,7 +68,7 @@ class Shutdown:
         if self._return_queue is not None:
             remaining_s = max(remaining_s, HOLD_DEADLINE_S)
         await self._within(remaining_s, lambda m: m.state.ended, flying)
-        late = [m for m in flying if m.state.return_latest_boot_s is not None]
+        late = [m for m in flying if m.state.return_wait.latest_boot_s is not None]
         if late:
             self._say(RETURN_NOW.format(names(late)))
             for member in late:
@@ -151,7 +151,7 @@ class Shutdown:
 
 
 def _is_leaving(member: Member) -> bool:
-    return member.state.phase is Phase.LEAVING or member.state.returns_when_clear
+    return member.state.phase is Phase.LEAVING or member.state.return_wait.when_clear
 
 
 def _holds(member: Member) -> bool:
@@ -163,7 +163,7 @@ def _holds(member: Member) -> bool:
 def _returns(member: Member) -> bool:
     """Return whether the vehicle returns without waiting for a turn, or has ended its flight."""
     state = member.state
-    return state.ended or (state.return_latest_boot_s is None and state.order_followed)
+    return state.ended or (state.return_wait.latest_boot_s is None and state.order_followed)
 
 
 def _lands(member: Member) -> bool:

@@ -14,7 +14,7 @@ from swarmctl.agent.orders import StepResult, command, release_vehicle
 from swarmctl.agent.own_modes import own_mode_roles
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.returning import MAX_RETURN_WAIT_S, NOT_WAITING, return_changes, wait_to_return
+from swarmctl.agent.traffic.returning import MAX_RETURN_WAIT_S, SHARED_AT_ONCE, start_return, wait_to_return
 from swarmctl.core import events as ev
 
 _ACTIVITY_OF_PHASE: dict[Phase, Activity] = {
@@ -70,12 +70,12 @@ def _is_new(state: AgentState, previous: Demand | None, demand: Demand) -> bool:
     if previous is None or previous.kind is not demand.kind:
         return True
     # A return that has become urgent ends the wait for a clear path.
-    return demand.urgent and not previous.urgent and state.return_latest_boot_s is not None
+    return demand.urgent and not previous.urgent and state.return_wait.latest_boot_s is not None
 
 
 def _reaction(state: AgentState, followed: StepResult | None, demand: Demand) -> str:
     if followed is not None:
-        return f"; the vehicle {_WAITS if followed[0].returns_when_clear else _REACTIONS[demand.kind]}"
+        return f"; the vehicle {_WAITS if followed[0].return_wait.when_clear else _REACTIONS[demand.kind]}"
     if demand.kind is DemandKind.WARN:
         return ""
     does = "returns" if _activity(state) == "return" else "lands"
@@ -135,7 +135,6 @@ def _order_for(state: AgentState, demand: Demand) -> StepResult:
         until_s = state.vehicle.time_boot_s + MAX_RETURN_WAIT_S
         if (waiting := wait_to_return(state, until_s, **changes)) is not None:
             return waiting
-        changes |= return_changes(state, until_s)
-    else:
-        changes |= NOT_WAITING
+        return start_return(state, until_s, **changes)
+    changes |= {"return_wait": state.return_wait.over(), **SHARED_AT_ONCE}
     return command(state, order, phase=Phase.LEAVING if is_leaving else Phase.HOLDING, **changes)

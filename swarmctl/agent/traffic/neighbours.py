@@ -20,7 +20,7 @@ MARGIN_M_S = 5.0
 
 def is_relevant(state: AgentState, uav: int, other: StateShared) -> bool:
     """Return whether the agent uses a state: its sender is near or returns, or arrivals are simultaneous."""
-    returns = other.returns_to is not None or uav in state.returning_neighbours
+    returns = other.returns_to is not None or uav in state.return_wait.neighbours
     return returns or state.task.arrival_group is not None or is_near(state, other)
 
 

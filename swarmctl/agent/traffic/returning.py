@@ -42,15 +42,10 @@ SETTLING_S = 5.0
 """Time after the start of a return in which the vehicle gives way to a simultaneous start [s]."""
 CLIMBED_SHARE = 0.9
 """Share of the cruise altitude above which a fixed wing has finished its take-off."""
+SHARED_AT_ONCE: dict[str, Any] = {"last_shared_s": -math.inf}
+"""changed field after which the state is sent at once"""
 MAX_WAITING_AGE_S = 5.0
 """Silence after which a waiting vehicle no longer counts [s]; returning vehicles: `may_be_returning`."""
-
-NOT_WAITING: dict[str, Any] = {
-    "return_latest_boot_s": None,
-    "returns_when_clear": False,
-    "return_started_boot_s": None,
-    "last_shared_s": -math.inf,  # the state is sent at once
-}
 
 
 def return_target(state: AgentState) -> LatLon | None:
@@ -65,7 +60,7 @@ def return_target(state: AgentState) -> LatLon | None:
         case Phase.LEAVING:
             returns = state.ordered is ev.FlightOrder.RETURN
         case Phase.HOLDING if not state.lost:
-            returns = state.return_latest_boot_s is not None
+            returns = state.return_wait.latest_boot_s is not None
         case Phase.RELEASED:
             returns = vehicle.armed and vehicle.mode_role == "return"
         case _:
@@ -80,13 +75,14 @@ def _returns_on_lost_link(state: AgentState) -> bool:
 def note_returning(state: AgentState, reports: Mapping[int, NeighbourReport]) -> AgentState:
     """Store the last states of vehicles that return or wait to return."""
     now_s = state.vehicle.time_boot_s
-    known = {**state.returning_neighbours, **reports}
+    known = {**state.return_wait.neighbours, **reports}
     kept = {
         uav: report
         for uav, report in known.items()
         if report.state.returns_to is not None and report.at_s <= now_s
     }
-    return state if kept == state.returning_neighbours else replace(state, returning_neighbours=kept)
+    wait = state.return_wait
+    return state if kept == wait.neighbours else replace(state, return_wait=replace(wait, neighbours=kept))
 
 
 def wait_to_return(state: AgentState, until_s: float, **changes: Any) -> StepResult | None:
@@ -96,11 +92,8 @@ def wait_to_return(state: AgentState, until_s: float, **changes: Any) -> StepRes
     """
     if _takes_off(state) or is_return_path_clear(state):
         return None
-    changes |= NOT_WAITING | {
-        "phase": Phase.HOLDING,
-        "return_latest_boot_s": until_s,
-        "returns_when_clear": True,
-    }
+    waiting = state.return_wait.until_clear(until_s)
+    changes |= {"phase": Phase.HOLDING, "return_wait": waiting, **SHARED_AT_ONCE}
     if state.phase is Phase.HOLDING and state.ordered is ev.FlightOrder.HOLD:
         return replace(state, **changes), []
     return command(state, ev.FlightOrder.HOLD, **changes)
@@ -114,38 +107,39 @@ def _takes_off(state: AgentState) -> bool:
     return up_m < min(wings.takeoff_height_m, CLIMBED_SHARE * state.task.altitude_m)
 
 
-def return_changes(state: AgentState, until_s: float) -> dict[str, Any]:
-    """Return the changed fields at the start of a return that may hold again, at most until `until_s`."""
-    return NOT_WAITING | {
-        "return_started_boot_s": state.vehicle.time_boot_s,
-        "return_deadline_boot_s": until_s,
-    }
+def start_return(state: AgentState, until_s: float | None = None, **changes: Any) -> StepResult:
+    """Order the return; `changes` are further changed fields.
+
+    Until `until_s` the return may have to hold again at its start; None: it never does.
+    """
+    wait, now_s = state.return_wait, state.vehicle.time_boot_s
+    started = wait.over() if until_s is None else wait.started(now_s, until_s)
+    changes |= {"return_wait": started, **SHARED_AT_ONCE}
+    return command(state, ev.FlightOrder.RETURN, phase=Phase.LEAVING, **changes)
 
 
 def update_return(state: AgentState) -> StepResult:
     """Start a waiting return, or interrupt a return that has just started. Called for each position."""
-    if state.phase is Phase.HOLDING and state.return_latest_boot_s is not None:
-        return _wait_or_start(state, state.return_latest_boot_s)
-    if state.phase is Phase.LEAVING and state.return_started_boot_s is not None:
-        return _yield_to_simultaneous_start(state, state.return_started_boot_s)
+    if state.phase is Phase.HOLDING and state.return_wait.latest_boot_s is not None:
+        return _wait_or_start(state, state.return_wait.latest_boot_s)
+    if state.phase is Phase.LEAVING and state.return_wait.started_boot_s is not None:
+        return _yield_to_simultaneous_start(state, state.return_wait.started_boot_s)
     return state, []
 
 
 def _wait_or_start(state: AgentState, return_latest_boot_s: float) -> StepResult:
     now_s = state.vehicle.time_boot_s
-    most_s = MAX_RETURN_WAIT_S if state.returns_when_clear else MAX_AFTER_S
+    most_s = MAX_RETURN_WAIT_S if state.return_wait.when_clear else MAX_AFTER_S
     # After a reboot of the vehicle the start time does not fit the vehicle's clock.
     if not 0.0 < return_latest_boot_s - now_s <= most_s:
-        return command(state, ev.FlightOrder.RETURN, phase=Phase.LEAVING, **NOT_WAITING)
-    if not state.returns_when_clear or 0.0 <= now_s - state.return_checked_boot_s < CHECK_EVERY_S:
+        return start_return(state)
+    if not state.return_wait.when_clear or 0.0 <= now_s - state.return_wait.checked_boot_s < CHECK_EVERY_S:
         return state, []
     if return_latest_boot_s - now_s <= STAGGER_S * min(_n_waiting_with_higher_id(state), MAX_STAGGERED):
-        return command(state, ev.FlightOrder.RETURN, phase=Phase.LEAVING, **NOT_WAITING)
+        return start_return(state)
     if not (urgent_return_reason(state) or is_return_path_clear(state)):
-        return replace(state, return_checked_boot_s=now_s), []
-    state, ordered = command(
-        state, ev.FlightOrder.RETURN, phase=Phase.LEAVING, **return_changes(state, return_latest_boot_s)
-    )
+        return replace(state, return_wait=replace(state.return_wait, checked_boot_s=now_s)), []
+    state, ordered = start_return(state, return_latest_boot_s)
     return state, [
         ev.NotifyOperator("the return path is clear; the vehicle returns [return-clear]"),
         *ordered,
@@ -158,23 +152,26 @@ def _n_waiting_with_higher_id(state: AgentState) -> int:
         uav > state.task.uav
         and report.state.phase == Phase.HOLDING
         and now_s - report.at_s <= MAX_WAITING_AGE_S
-        for uav, report in state.returning_neighbours.items()
+        for uav, report in state.return_wait.neighbours.items()
     )
 
 
 def _yield_to_simultaneous_start(state: AgentState, since_s: float) -> StepResult:
     """Hold again if the path is not clear of a vehicle with a lower system id."""
     now_s = state.vehicle.time_boot_s
-    if not 0.0 <= now_s - since_s < SETTLING_S or now_s >= state.return_deadline_boot_s:
-        return replace(state, return_started_boot_s=None), []
+    if not 0.0 <= now_s - since_s < SETTLING_S or now_s >= state.return_wait.deadline_boot_s:
+        return replace(state, return_wait=replace(state.return_wait, started_boot_s=None)), []
     if urgent_return_reason(state):
         return state, []
-    lower = {uav: report for uav, report in state.returning_neighbours.items() if uav < state.task.uav}
-    held = wait_to_return(replace(state, returning_neighbours=lower), state.return_deadline_boot_s)
+    wait = state.return_wait
+    lower = {uav: report for uav, report in wait.neighbours.items() if uav < state.task.uav}
+    with_lower = replace(state, return_wait=replace(wait, neighbours=lower))
+    held = wait_to_return(with_lower, wait.deadline_boot_s)
     if held is None:
         return state, []
     text = "another vehicle started a return at the same time; this vehicle holds until its path is clear"
-    return replace(held[0], returning_neighbours=state.returning_neighbours), [
+    holding = replace(held[0], return_wait=replace(held[0].return_wait, neighbours=wait.neighbours))
+    return holding, [
         ev.NotifyOperator(f"{text} [return-yields]"),
         *held[1],
     ]
@@ -190,7 +187,7 @@ def is_return_path_clear(state: AgentState) -> bool:
         return True
     own = msgspec.structs.replace(own, is_returning=False)
     positions = {}
-    for uav, report in state.returning_neighbours.items():
+    for uav, report in state.return_wait.neighbours.items():
         position = position_from_state(report.state, own)
         if position is None:
             continue
