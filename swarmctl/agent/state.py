@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmctl.agent.arrival.common_time import ArrivalGroup
+from swarmctl.agent.arrival.common_time import ArrivalGroup, CommandedSpeed, CommonArrival
 from swarmctl.agent.failsafes import ALWAYS_ON
 from swarmctl.agent.failsafes.base import ActiveRule, Demand, Fence
 from swarmctl.agent.flown import Flown
@@ -214,16 +214,8 @@ class AgentState:
     holding_since_boot_s: float = math.inf
     """start of the hold that gives way, or time of the last report about this hold"""
     descent_checked_boot_s: float = -math.inf
-    others_earliest_s: Mapping[int, float] = field(default_factory=dict)
-    """earliest arrivals of other vehicles over their goals, by this vehicle's clock"""
-    due_s: float | None = None
-    """this vehicle's time of arrival in the simultaneous arrival, by its own clock"""
-    spare_time_due_s: float | None = None
-    """`due_s` for which spare time was planned; None: no spare time was planned"""
-    speed_m_s: float | None = None
-    """commanded speed on the present plan; None: no command; 0: unknown"""
-    speed_given_s: float = -math.inf
-    """time of the last speed command, by the vehicle's clock [s]"""
+    common_arrival: CommonArrival = field(default_factory=CommonArrival)
+    speed: CommandedSpeed = field(default_factory=CommandedSpeed)
     n_alarms: int = 0
     n_holds: int = 0
     """number of holds for other vehicles"""

@@ -9,7 +9,7 @@ from typing import Any
 
 import msgspec
 
-from swarmctl.agent.arrival.simultaneous import UNKNOWN_M_S, adjust_speed, speed_failed
+from swarmctl.agent.arrival.simultaneous import adjust_speed, speed_failed
 from swarmctl.agent.failsafes.enforcement import apply_failsafes
 from swarmctl.agent.orders import (
     StepResult,
@@ -313,7 +313,7 @@ def _mission_accepted(state: AgentState, event: ev.MissionAccepted, _now: float)
     state = replace(state, route=swap, route_exposure=state.exposure, progress=progress)
     state = replace(state, failed_swaps=0, trouble="", hold_is_own=False)
     # A mode change during the swap may have reset the commanded speed.
-    state = replace(state, speed_m_s=None if state.speed_m_s is None else UNKNOWN_M_S)
+    state = replace(state, speed=state.speed.after_swap())
     if state.phase in IN_FLIGHT:
         if event.took_s is not None:
             state = replace(state, swap_times=state.swap_times.measured(event.took_s, event.stood_still_s))
@@ -333,7 +333,9 @@ def _mission_failed(state: AgentState, event: ev.MissionFailed, now: float) -> S
     failed = state.failed_swaps + (not event.is_late)
     state = replace(state, pending=None, failed_swaps=failed)
     state = replace(state, trouble=event.reason, swap_trouble=event.reason)
-    state = replace(state, speed_m_s=UNKNOWN_M_S)  # a mode change during the swap may have reset the speed
+    state = replace(
+        state, speed=state.speed.unknown()
+    )  # a mode change during the swap may have reset the speed
     if event.is_late:
         state = replace(state, swap_times=state.swap_times.too_late())
     if state.phase in ON_GROUND:

@@ -9,8 +9,7 @@ import pytest
 from agent_stories import GRID, Story, orders
 
 from swarmctl.agent.arrival import simultaneous
-from swarmctl.agent.arrival.common_time import ArrivalGroup
-from swarmctl.agent.arrival.simultaneous import UNKNOWN_M_S
+from swarmctl.agent.arrival.common_time import UNKNOWN_M_S, ArrivalGroup
 from swarmctl.core import events as ev
 from swarmctl.core.frames import StateShared
 
@@ -103,7 +102,7 @@ def test_the_speed_is_set_again_after_a_new_plan() -> None:
     story.hear((4, 4, True))
     story.swap()
     story.accept()
-    assert story.state.speed_m_s == UNKNOWN_M_S
+    assert story.state.speed.m_s == UNKNOWN_M_S
     assert len(speeds(story.at(103.0, ground_speed_m_s=2.0))) == 1
 
 
@@ -183,4 +182,4 @@ def test_the_new_last_vehicle_takes_its_best_route_again() -> None:
     story.other(10.0)
     story.at(62.0, time_boot_s=story.now + 10.0)
     story.at(64.0, time_boot_s=story.now + 20.0)
-    assert story.state.spare_time_due_s is None
+    assert story.state.common_arrival.spare_time_due_s is None

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 LEAST_SHARE = 0.2
 """least speed of an early vehicle, as a share of its full speed"""
 LEAST_M_S = 1.0
 """least speed of an early vehicle [m/s]; below 0.5 m/s, the rule `not_following` may act"""
+UNKNOWN_M_S = 0.0
+"""value of `CommandedSpeed.m_s` while the vehicle's speed setting is unknown [m/s]"""
 N_BISECTIONS = 14
 """number of bisections for a speed, to within about 1 mm/s"""
 
@@ -25,6 +28,36 @@ class ArrivalGroup:
     """greatest difference from the planned arrival times that the report accepts [s]"""
     slowest_m_s: float = 0.0
     """configured least speed of an early vehicle [m/s]"""
+
+
+@dataclass(frozen=True, slots=True)
+class CommonArrival:
+    """The common arrival as one vehicle knows it; times are by its own clock."""
+
+    others_earliest_s: Mapping[int, float] = field(default_factory=dict)
+    """earliest arrivals of other vehicles over their goals"""
+    due_s: float | None = None
+    """this vehicle's time of arrival"""
+    spare_time_due_s: float | None = None
+    """`due_s` for which spare time was planned; None: no spare time was planned"""
+
+
+@dataclass(frozen=True, slots=True)
+class CommandedSpeed:
+    """The speed commanded on the present plan."""
+
+    m_s: float | None = None
+    """None: no command; 0: unknown"""
+    given_boot_s: float = -math.inf
+    """time of the last command, by the vehicle's clock"""
+
+    def unknown(self) -> CommandedSpeed:
+        """Return the speed after a failed command, or after a mode change that may have reset it."""
+        return replace(self, m_s=UNKNOWN_M_S)
+
+    def after_swap(self) -> CommandedSpeed:
+        """Return the speed after a change of the mission: unknown if there was a command."""
+        return self if self.m_s is None else self.unknown()
 
 
 def agreed_arrival_s(group: ArrivalGroup, earliest_s: Mapping[int, float]) -> float:

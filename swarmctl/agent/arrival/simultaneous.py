@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from swarmctl.agent.arrival.common_time import ArrivalGroup, due_s, speed_for
+from swarmctl.agent.arrival.common_time import ArrivalGroup, CommandedSpeed, due_s, speed_for
 from swarmctl.agent.orders import StepResult
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan import travel_time
@@ -28,8 +28,6 @@ MIN_CHANGE_M_S = 0.2
 """least speed change that is sent [m/s]"""
 FIXED_SPEED_WITHIN_S = 4.0
 """time to the goal at full speed below which the speed stays [s], because the vehicle brakes there"""
-UNKNOWN_M_S = 0.0
-"""value of `AgentState.speed_m_s` while the vehicle's speed setting is unknown [m/s]"""
 BEFORE_ARRIVAL = frozenset({Phase.STANDBY, Phase.LAUNCHING, Phase.FLYING})
 """phases in which this vehicle is still to arrive"""
 
@@ -58,8 +56,9 @@ def note_arrival_times(state: AgentState, states: Sequence[tuple[int, StateShare
     now_s = state.vehicle.time_boot_s
     new = {uav: now_s + other.earliest_in_s for uav, other in states if other.earliest_in_s is not None}
     removed = {uav for uav, other in states if other.earliest_in_s is None}
-    kept = {uav: at_s for uav, at_s in state.others_earliest_s.items() if uav not in removed}
-    return replace(state, others_earliest_s={**kept, **new})
+    arrival = state.common_arrival
+    kept = {uav: at_s for uav, at_s in arrival.others_earliest_s.items() if uav not in removed}
+    return replace(state, common_arrival=replace(arrival, others_earliest_s={**kept, **new}))
 
 
 def adjust_speed(state: AgentState) -> StepResult:
@@ -68,26 +67,26 @@ def adjust_speed(state: AgentState) -> StepResult:
     is_under_way = state.phase is Phase.FLYING and state.route is not None and state.pending is None
     if group is None or not is_under_way or state.vehicle.mode_role != "mission" or state.lost:
         return state, []
-    if 0.0 <= now_s - state.speed_given_s < MIN_INTERVAL_S:
+    if 0.0 <= now_s - state.speed.given_boot_s < MIN_INTERVAL_S:
         return state, []
     full_m_s = state.task.arrival.speed_m_s
     path = _path_to_goal(state)
     if path is None or (soonest_s := path.arrives_in_s(full_m_s)) < FIXED_SPEED_WITHIN_S:
         return state, []
-    known = {uav: at_s for uav, at_s in state.others_earliest_s.items() if uav in group.rank}
+    known = {uav: at_s for uav, at_s in state.common_arrival.others_earliest_s.items() if uav in group.rank}
     due = due_s(group, state.task.uav, {**known, state.task.uav: now_s + soonest_s})
     state = update_spare_time(state, due, now_s + soonest_s)
+    state = replace(state, common_arrival=replace(state.common_arrival, due_s=due))
     new_m_s = speed_for(path.arrives_in_s, due - now_s, full_m_s, _slowest_m_s(state, group))
-    present_m_s = full_m_s if state.speed_m_s is None else state.speed_m_s
+    present_m_s = full_m_s if state.speed.m_s is None else state.speed.m_s
     if abs(new_m_s - present_m_s) < MIN_CHANGE_M_S:
-        return replace(state, due_s=due), []
-    state = replace(state, due_s=due, speed_m_s=new_m_s, speed_given_s=now_s)
-    return state, [ev.SetSpeed(new_m_s)]
+        return state, []
+    return replace(state, speed=CommandedSpeed(new_m_s, now_s)), [ev.SetSpeed(new_m_s)]
 
 
 def speed_failed(state: AgentState, event: ev.SpeedFailed, _now: float) -> StepResult:
     """Mark the speed as unknown, so that the agent sets the speed again."""
-    return replace(state, speed_m_s=UNKNOWN_M_S, trouble=event.reason), []
+    return replace(state, speed=state.speed.unknown(), trouble=event.reason), []
 
 
 @dataclass(frozen=True, slots=True)

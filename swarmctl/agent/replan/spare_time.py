@@ -33,8 +33,8 @@ def with_spare_time(state: AgentState, task: Task) -> Task:
     The new method finds the least exposed route. The new bound allows routes on which the copter arrives at
     its due time at a permitted speed.
     """
-    vehicle, due_s = state.vehicle, state.due_s
-    if task.arrival_group is None or state.spare_time_due_s is None or due_s is None:
+    vehicle, due_s = state.vehicle, state.common_arrival.due_s
+    if task.arrival_group is None or state.common_arrival.spare_time_due_s is None or due_s is None:
         return task
     if task.wings is not None or state.phase is not Phase.FLYING:
         return task
@@ -57,11 +57,16 @@ def with_spare_time(state: AgentState, task: Task) -> Task:
 def update_spare_time(state: AgentState, due_s: float, soonest_s: float) -> AgentState:
     """Mark the plan dirty if spare time is new, its due time has changed, or the vehicle is the last one."""
     new_due_s = due_s if is_early(due_s, soonest_s) else None
-    previous_due_s = state.spare_time_due_s
+    previous_due_s = state.common_arrival.spare_time_due_s
     if new_due_s is None:
         # The less exposed route uses up the spare time. Only the last vehicle gives this route up.
         is_last = due_s - soonest_s <= LAST_MARGIN_S and previous_due_s is not None
-        return replace(state, spare_time_due_s=None, dirty=True) if is_last else state
+        return _planning_with(state, None) if is_last else state
     if previous_due_s is not None and math.isclose(previous_due_s, new_due_s, abs_tol=MIN_EARLY_S):
         return state
-    return replace(state, spare_time_due_s=new_due_s, dirty=True)
+    return _planning_with(state, new_due_s)
+
+
+def _planning_with(state: AgentState, spare_time_due_s: float | None) -> AgentState:
+    arrival = replace(state.common_arrival, spare_time_due_s=spare_time_due_s)
+    return replace(state, common_arrival=arrival, dirty=True)

@@ -187,7 +187,7 @@ def to_shared_frame(state: AgentState, flight: Trajectory | None) -> Trajectory 
 def _phase_trajectory(state: AgentState, here: LocalPoint) -> Trajectory | None:
     """Return the trajectory of the present phase from 0 s on, heights above home; None if unknown."""
     task, swap = state.task, state.pending or state.route
-    speed_m_s = state.speed_m_s or task.arrival.speed_m_s
+    speed_m_s = state.speed.m_s or task.arrival.speed_m_s
     if task.wings is not None:
         return _fixed_wing_trajectory(state, here, speed_m_s)
     match state.phase:
