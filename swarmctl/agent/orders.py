@@ -176,7 +176,8 @@ def _reason_against_resuming(state: AgentState) -> str:
 def _resume(state: AgentState) -> StepResult:
     """Plan from the hold, as if no change had failed before. A vehicle over its goal lands."""
     wait = replace(state.return_wait, started_boot_s=None)
-    state = replace(state, outcome="", trouble="", return_wait=wait, given_up=False, failed_swaps=0)
+    swaps = replace(state.swaps, n_failed=0)
+    state = replace(state, outcome="", trouble="", return_wait=wait, given_up=False, swaps=swaps)
     if state.cell in state.task.goals:
         boot_s = state.vehicle.time_boot_s
         return command(state, ev.FlightOrder.LAND, by_person=True, phase=Phase.LANDING, arrived_boot_s=boot_s)

@@ -18,7 +18,7 @@ from swarmctl.agent.launch import Launch
 from swarmctl.agent.phases import ENDED, Phase, changed
 from swarmctl.agent.replan.landing_pattern import FixedWing
 from swarmctl.agent.replan.length_bounds import UNBOUNDED, TimeBound
-from swarmctl.agent.replan.swap_times import SwapTimes
+from swarmctl.agent.replan.swap_times import SwapHistory, SwapTimes
 from swarmctl.agent.traffic.return_wait import ReturnWait
 from swarmctl.agent.traffic.separation.clash import Clash
 from swarmctl.agent.traffic.separation.trajectory import Trajectory
@@ -145,12 +145,7 @@ class AgentState:
     pending: ev.SwapMission | None = None
     """plan being uploaded"""
     swap_times: SwapTimes = field(default_factory=SwapTimes)
-    swapped_boot_s: float = -math.inf
-    """time of the last mission change in flight"""
-    swap_started_boot_s: float = -math.inf
-    """time of the last decision for a mission change"""
-    braking_until_boot_s: float = -math.inf
-    """end of the braking that the last mission change in flight causes"""
+    swaps: SwapHistory = field(default_factory=SwapHistory)
     dirty: bool = False
     """True: the agent has to decide on a plan"""
     because: tuple[ev.ObservationId, ...] = ()
@@ -161,8 +156,6 @@ class AgentState:
     """P_s at the last decision to keep or take the route being flown, (rows, cols)"""
     retry_at_s: float = -math.inf
     """earliest next decision"""
-    failed_swaps: int = 0
-    """number of failed mission changes since the last success; late changes do not count"""
     launch: Launch = field(default_factory=Launch)
     ordered: ev.FlightOrder | None = None
     """last order for the vehicle, sent or only noted"""
@@ -238,8 +231,6 @@ class AgentState:
     """reason for the end of the flight, or for its last change by an order or a failsafe rule, as text"""
     trouble: str = ""
     """last problem, as text for the operator; empty: none"""
-    swap_trouble: str = ""
-    """reason of the last failed mission change, as text"""
 
     def enter(self, phase: Phase, **changes: Any) -> AgentState:
         """Return the state in another phase, with further changed fields. Raises IllegalTransition."""

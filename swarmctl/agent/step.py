@@ -74,7 +74,7 @@ def _was_just_swapped(state: AgentState) -> bool:
     """
     if state.phase is not Phase.FLYING:
         return False
-    return 0.0 <= state.vehicle.time_boot_s - state.swapped_boot_s < state.swap_times.expected_s
+    return 0.0 <= state.vehicle.time_boot_s - state.swaps.done_boot_s < state.swap_times.expected_s
 
 
 def _must_plan_now(state: AgentState) -> bool:
@@ -289,7 +289,7 @@ def _tick(state: AgentState, _event: ev.Tick, now: float) -> StepResult:
 
 def _without_swap_trouble(state: AgentState) -> AgentState:
     """Clear the trouble of a failed mission change, because the vehicle flies its planned mission."""
-    return replace(state, trouble="") if state.trouble and state.trouble == state.swap_trouble else state
+    return replace(state, trouble="") if state.trouble and state.trouble == state.swaps.failure else state
 
 
 def _handle_unreachable_goal(state: AgentState) -> StepResult:
@@ -311,14 +311,14 @@ def _mission_accepted(state: AgentState, event: ev.MissionAccepted, _now: float)
     # The vehicle has flown on since the decision.
     progress = 0 if state.cell is None else route_index_at(swap, state.cell) or 0
     state = replace(state, route=swap, route_exposure=state.exposure, progress=progress)
-    state = replace(state, failed_swaps=0, trouble="", hold_is_own=False)
+    state = replace(state, swaps=replace(state.swaps, n_failed=0), trouble="", hold_is_own=False)
     # A mode change during the swap may have reset the commanded speed.
     state = replace(state, speed=state.speed.after_swap())
     if state.phase in IN_FLIGHT:
         if event.took_s is not None:
             state = replace(state, swap_times=state.swap_times.measured(event.took_s, event.stood_still_s))
-        state = replace(state, braking_until_boot_s=stop_end_s(state))
-        return replace(state, replans=state.replans + 1, swapped_boot_s=state.vehicle.time_boot_s), []
+        swaps = state.swaps.done(state.vehicle.time_boot_s, stop_end_s(state))
+        return replace(state, replans=state.replans + 1, swaps=swaps), []
     if event.took_s is not None:
         state = replace(state, swap_times=SwapTimes.expecting(event.took_s))
     if state.phase is Phase.UPLOADING:
@@ -330,12 +330,10 @@ def _mission_failed(state: AgentState, event: ev.MissionFailed, now: float) -> S
     swap = state.pending
     if swap is None or swap.plan_id != event.plan_id:
         return state, []
-    failed = state.failed_swaps + (not event.is_late)
-    state = replace(state, pending=None, failed_swaps=failed)
-    state = replace(state, trouble=event.reason, swap_trouble=event.reason)
-    state = replace(
-        state, speed=state.speed.unknown()
-    )  # a mode change during the swap may have reset the speed
+    swaps = state.swaps.failed(event.reason, is_late=event.is_late)
+    # A mode change during the swap may have reset the speed.
+    speed = state.speed.unknown()
+    state = replace(state, pending=None, swaps=swaps, speed=speed, trouble=event.reason)
     if event.is_late:
         state = replace(state, swap_times=state.swap_times.too_late())
     if state.phase in ON_GROUND:
@@ -350,7 +348,7 @@ def _mission_failed(state: AgentState, event: ev.MissionFailed, now: float) -> S
         return _without_swap_trouble(state), []
     if state.phase is not Phase.FLYING:
         return state, []
-    if state.failed_swaps >= MAX_FAILED_SWAPS:
+    if state.swaps.n_failed >= MAX_FAILED_SWAPS:
         return command(state, state.task.fallback, phase=Phase.LEAVING, given_up=True)
     # A vehicle that no longer flies its old plan has no route, so it takes any new plan.
     return replace(

@@ -157,7 +157,7 @@ def _off_plan(state: AgentState, found: Finding) -> str:
     if off_m > limit_m:
         return f"the vehicle is {off_m:.0f} m off its route, more than {limit_m:.0f} m"
     before = state.vehicle
-    is_settled = before.time_boot_s - state.swapped_boot_s > SETTLED_S and state.pending is None
+    is_settled = before.time_boot_s - state.swaps.done_boot_s > SETTLED_S and state.pending is None
     if task.wings is not None or not is_settled or before.mission_seq is None or vehicle.mission_seq is None:
         return ""
     if vehicle.mission_seq < before.mission_seq:

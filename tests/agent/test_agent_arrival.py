@@ -10,6 +10,7 @@ from agent_stories import GRID, Story, orders
 
 from swarmctl.agent.arrival import simultaneous
 from swarmctl.agent.arrival.common_time import UNKNOWN_M_S, ArrivalGroup
+from swarmctl.agent.replan.swap_times import SwapHistory
 from swarmctl.core import events as ev
 from swarmctl.core.frames import StateShared
 
@@ -158,7 +159,7 @@ def test_an_early_vehicle_with_a_minimum_speed_takes_a_longer_route() -> None:
     # The route takes at least 68 s at 8 m/s and is in time at 10 m/s.
     assert 0.8 * 640.0 < 60.0 + swap.length_m < 700.0
     story.accept()
-    story.state = replace(story.state, swapped_boot_s=-100.0)
+    story.state = replace(story.state, swaps=SwapHistory(done_boot_s=-100.0))
     assert next_swap(story) is None
 
 

@@ -119,7 +119,7 @@ def test_the_intent_continues_the_braking_and_then_speeds_up_from_the_stop() -> 
     # 3 s for 11.25 m, and 2 s lost by speeding up from a stop; 0.125 s from 7.5 m/s.
     assert landing_delay_s(*stories) == pytest.approx(3.0 - 1.125 + 2.0 - 0.125, abs=0.1)
     for story in stories:
-        story.at(98.0, 2.0, time_boot_s=story.state.swapped_boot_s + 3.1)
+        story.at(98.0, 2.0, time_boot_s=story.state.swaps.done_boot_s + 3.1)
     assert landing_delay_s(*stories) == pytest.approx(0.0, abs=1e-6)
 
 

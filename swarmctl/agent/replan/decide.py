@@ -105,9 +105,9 @@ def _decide_from(
         length_m=flown.length_cells * task.grid.cell_size_m,
         track=track,
     )
+    swaps = replace(state.swaps, decided_boot_s=state.vehicle.time_boot_s)
     state = replace(state, pending=swap, because=(), next_plan_id=state.next_plan_id + 1, must_change=False)
-    state = replace(state, swap_started_boot_s=state.vehicle.time_boot_s)
-    return state, [swap]
+    return replace(state, swaps=swaps), [swap]
 
 
 def _with_kept_cells(task: Task, problem: Problem, route: Route, splice: Splice) -> Route:

@@ -71,9 +71,9 @@ def stop_ahead(state: AgentState) -> BrakingStop | None:
     """Return the stop for the pending plan or the plan just accepted; None if no stop lies ahead."""
     now_s = state.vehicle.time_boot_s
     if state.pending is not None:
-        due_s = state.swap_started_boot_s + state.swap_times.likely_s
+        due_s = state.swaps.decided_boot_s + state.swap_times.likely_s
         return _stop(state, max(due_s - now_s, 0.0)) if state.route is not None else None
-    return _stop(state, 0.0) if state.swapped_boot_s <= now_s < state.braking_until_boot_s else None
+    return _stop(state, 0.0) if state.swaps.done_boot_s <= now_s < state.swaps.braking_until_boot_s else None
 
 
 def _stop(state: AgentState, brakes_in_s: float) -> BrakingStop | None:

@@ -1,7 +1,8 @@
-"""The duration of a vehicle's swaps and their stops, as measured on its last swaps. Pure."""
+"""The last swaps of a vehicle: their durations and stops as measured, and their failures. Pure."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 N_KEPT = 3
@@ -59,6 +60,30 @@ class SwapTimes:
             return None
         longest_s = max(self.stood_s)
         return longest_s if longest_s > MAX_STANDSTILL_S else 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class SwapHistory:
+    """The last mission changes of one vehicle; times are by the vehicle's clock."""
+
+    decided_boot_s: float = -math.inf
+    """time of the last decision for a mission change"""
+    done_boot_s: float = -math.inf
+    """time of the last mission change in flight"""
+    braking_until_boot_s: float = -math.inf
+    """end of the braking that the last mission change in flight causes"""
+    n_failed: int = 0
+    """number of failed mission changes since the last success; late changes do not count"""
+    failure: str = ""
+    """reason of the last failed mission change, as text"""
+
+    def done(self, boot_s: float, braking_until_boot_s: float) -> SwapHistory:
+        """Return the history after a mission change in flight."""
+        return replace(self, done_boot_s=boot_s, braking_until_boot_s=braking_until_boot_s)
+
+    def failed(self, reason: str, *, is_late: bool) -> SwapHistory:
+        """Return the history after a failed mission change."""
+        return replace(self, n_failed=self.n_failed + (not is_late), failure=reason)
 
 
 def _with_margin_s(took_s: float) -> float:
