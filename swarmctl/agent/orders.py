@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import Any
 
@@ -57,7 +56,7 @@ def position_for_return(state: AgentState) -> VehiclePosition | None:
         min_separation_m=(limits.horizontal_m + 2.0 * holding_radius_m(state.task), limits.vertical_m),
         # Also True for an urgent return that a failsafe demands and the vehicle does not follow yet.
         is_returning=_follows(state, ev.FlightOrder.RETURN)
-        or (bool(urgent_return_reason(state)) and state.ordered is not ev.FlightOrder.LAND),
+        or (bool(urgent_return_reason(state)) and state.order.given is not ev.FlightOrder.LAND),
     )
 
 
@@ -69,7 +68,12 @@ def holding_radius_m(task: Task) -> float:
 def _follows(state: AgentState, order: ev.FlightOrder) -> bool:
     """Return whether the vehicle follows this order in flight; a temporary hold does not count."""
     is_temporary = state.return_wait.latest_boot_s is not None or state.interrupted_plan is not None
-    return state.phase in IN_FLIGHT and state.ordered is order and state.order_followed and not is_temporary
+    return (
+        state.phase in IN_FLIGHT
+        and state.order.given is order
+        and state.order.is_followed
+        and not is_temporary
+    )
 
 
 def urgent_return_reason(state: AgentState) -> str:
@@ -85,7 +89,7 @@ def _demanded(state: AgentState, kind: DemandKind) -> str:
 def _would_stop_landing(state: AgentState, event: ev.OperatorCommand) -> bool:
     """Return whether an order is a recall that would stop a landing demanded by a failsafe."""
     is_recall = event.order is ev.FlightOrder.RETURN and (event.after_s > 0.0 or event.command is None)
-    return is_recall and state.ordered is ev.FlightOrder.LAND and bool(_demanded(state, DemandKind.LAND))
+    return is_recall and state.order.given is ev.FlightOrder.LAND and bool(_demanded(state, DemandKind.LAND))
 
 
 def _is_released_and_armed(state: AgentState) -> bool:
@@ -166,7 +170,7 @@ def _reason_against_resuming(state: AgentState) -> str:
         return f"{REPEAT_WHEN_RECENT} [not-resumed]"
     if state.return_wait.latest_boot_s is not None:
         return "the vehicle holds until its return; order it to hold first [not-resumed]"
-    if not state.order_followed or state.vehicle.mode_role != "hold":
+    if not state.order.is_followed or state.vehicle.mode_role != "hold":
         return f"the hold is not confirmed, in mode {state.vehicle.mode or 'unknown'} [not-resumed]"
     demands = (d.reason for d in state.demands if d is not None and d.kind is not DemandKind.WARN)
     reason = next(demands, "")
@@ -183,7 +187,7 @@ def _resume(state: AgentState) -> StepResult:
         return command(state, ev.FlightOrder.LAND, by_person=True, phase=Phase.LANDING, arrived_boot_s=boot_s)
     return state.enter(
         Phase.FLYING,
-        ordered=ev.FlightOrder.LAUNCH,
+        order=replace(state.order, given=ev.FlightOrder.LAUNCH),
         hold_is_own=True,
         route=None,
         dirty=True,
@@ -202,13 +206,13 @@ def _apply_order(state: AgentState, event: ev.OperatorCommand, *, remote: bool) 
         if state.phase is Phase.LAUNCHING and event.ignore:
             ignored = state.launch.ignored | frozenset(event.ignore)
             return replace(state, launch=replace(state.launch, ignored=ignored)), []
-        if state.phase not in ON_GROUND or (state.ordered in ROLE_OF_ORDER and not remote):
+        if state.phase not in ON_GROUND or (state.order.given in ROLE_OF_ORDER and not remote):
             return state, []  # launched already, or kept on the ground by an operator
         ignored = frozenset(event.ignore)
         launch = replace(state.launch, is_ordered=True, is_operators=remote, ignored=ignored)
         return replace(state, launch=launch), []
     if state.phase in ON_GROUND and remote:
-        return replace(state, launch=state.launch.withdrawn(), ordered=order, order_followed=True), []
+        return replace(state, launch=state.launch.withdrawn(), order=state.order.noted(order)), []
     if state.phase in ON_GROUND:
         return state.enter(Phase.DONE, outcome="not launched", pending=None), []
     if state.phase is Phase.LAUNCHING:
@@ -233,7 +237,7 @@ def _apply_order(state: AgentState, event: ev.OperatorCommand, *, remote: bool) 
         "phase": Phase.HOLDING,
         "return_wait": replace(changes["return_wait"], latest_boot_s=starts_s),
     }
-    if state.phase is Phase.HOLDING and state.ordered is ev.FlightOrder.HOLD:
+    if state.phase is Phase.HOLDING and state.order.given is ev.FlightOrder.HOLD:
         return replace(state, **changes), []
     return command(state, ev.FlightOrder.HOLD, by_person=True, **changes)
 
@@ -268,16 +272,9 @@ def command(
 
     `by_person`: an operator or a recall has just given the order, so it is sent whatever the mode is.
     """
-    before = own_mode_roles(state)
-    state = state.enter(changes.pop("phase", state.phase), **{"pending": None, **changes})
-    state = replace(
-        state,
-        previous_own_roles=before,
-        ordered=order,
-        order_followed=False,
-        repeat_order_at_s=math.inf,
-        orders_given=state.orders_given + 1,
-    )
+    sent = state.order.sent(order, own_mode_roles(state))
+    phase = changes.pop("phase", state.phase)
+    state = state.enter(phase, **{"pending": None, **changes, "order": sent})
     return state, [ev.Command(order, by_person)]
 
 

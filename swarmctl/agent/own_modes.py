@@ -15,13 +15,13 @@ def own_mode_roles(state: AgentState) -> frozenset[str]:
         return frozenset({"hold", "mission", "return", "land", "other"})  # a vehicle boots in any mode
     if state.phase in ON_GROUND or state.phase is Phase.LAUNCHING:
         return frozenset({"hold", "mission"})
-    if state.ordered in (None, ev.FlightOrder.LAUNCH):
+    if state.order.given in (None, ev.FlightOrder.LAUNCH):
         # A swap may set hold. The swap checks for another operator's hold.
         in_hold = state.pending is not None or state.hold_is_own
         return frozenset({"mission", "hold"} if in_hold else {"mission"})
-    ordered = {ROLE_OF_ORDER[state.ordered]}
-    if state.task.wings is not None and state.ordered is not ev.FlightOrder.HOLD:
+    ordered = {ROLE_OF_ORDER[state.order.given]}
+    if state.task.wings is not None and state.order.given is not ev.FlightOrder.HOLD:
         # A fixed wing lands by its mission, on an order to land and after a return. The agent cannot notice
         # another operator's mission mode during that time.
         ordered.add("mission")
-    return frozenset(ordered if state.order_followed else ordered | state.previous_own_roles)
+    return frozenset(ordered if state.order.is_followed else ordered | state.order.previous_own_roles)

@@ -30,7 +30,10 @@ def restart(state: AgentState, event: ev.Restarted, now: float) -> StepResult:
             last_position=VehicleState(),
             route=None,
             pending=None,
-            ordered=None if state.ordered is ev.FlightOrder.LAUNCH else state.ordered,
+            order=replace(
+                state.order,
+                given=None if state.order.given is ev.FlightOrder.LAUNCH else state.order.given,
+            ),
             launch=state.launch.withdrawn().not_begun(),
         ), []
     if event.lands and state.phase in (Phase.LAUNCHING, Phase.FLYING):
@@ -48,4 +51,4 @@ def _on_new_clock(state: AgentState, now: float) -> AgentState:
     last_s = state.vehicle.heartbeat_s
     if last_s is not None and now < last_s:
         state = replace(state, memories=())
-    return replace(state, retry_at_s=-math.inf, repeat_order_at_s=math.inf, disarmed_since_s=None)
+    return replace(state, retry_at_s=-math.inf, order=state.order.repeated(math.inf), disarmed_since_s=None)

@@ -14,6 +14,7 @@ from swarmctl.agent.arrival.common_time import ArrivalGroup, CommandedSpeed, Com
 from swarmctl.agent.failsafes import ALWAYS_ON
 from swarmctl.agent.failsafes.base import ActiveRule, Demand, Fence
 from swarmctl.agent.flown import Flown
+from swarmctl.agent.given_order import GivenOrder
 from swarmctl.agent.launch import Launch
 from swarmctl.agent.phases import ENDED, Phase, changed
 from swarmctl.agent.replan.landing_pattern import FixedWing
@@ -116,8 +117,8 @@ class FlightComparison:
 class AgentState:
     """Everything an agent knows; `step` returns a new state and never changes a state in place.
 
-    Fields that end in `_boot_s`, and `last_shared_s`, are times by the vehicle's clock. `repeat_order_at_s`,
-    `retry_at_s` and `disarmed_since_s` are times by the run's clock.
+    Fields that end in `_boot_s`, and `last_shared_s`, are times by the vehicle's clock. `retry_at_s` and
+    `disarmed_since_s` are times by the run's clock.
     """
 
     task: Task
@@ -157,17 +158,10 @@ class AgentState:
     retry_at_s: float = -math.inf
     """earliest next decision"""
     launch: Launch = field(default_factory=Launch)
-    ordered: ev.FlightOrder | None = None
-    """last order for the vehicle, sent or only noted"""
-    order_followed: bool = False
-    """True once the vehicle's mode has confirmed the order, or the order keeps the vehicle on the ground"""
-    previous_own_roles: frozenset[str] = frozenset()
-    """own mode roles before the order"""
+    order: GivenOrder = field(default_factory=GivenOrder)
     hold_is_own: bool = False
     """True if this agent or its swap has set the hold between two plans"""
     return_wait: ReturnWait = field(default_factory=ReturnWait)
-    repeat_order_at_s: float = math.inf
-    """time to repeat an order that the vehicle does not follow; inf: no repetition"""
     arrived_boot_s: float | None = None
     """time at which the vehicle was first seen in its goal cell; None after an order to leave the goal"""
     planned: Route | None = None
@@ -176,7 +170,6 @@ class AgentState:
     """predicted arrival after take-off [s], by the last decision; None while within the bound"""
     disarmed_since_s: float | None = None
     """time of the first heartbeat that reports the vehicle disarmed; None while armed"""
-    orders_given: int = 0
     memories: tuple[Any, ...] = ()
     """memory of each failsafe rule, in the order of `task.rules`"""
     demands: tuple[Demand | None, ...] = ()

@@ -131,9 +131,9 @@ def _with_note(effect: ev.Effect, note: str) -> ev.Effect:
 
 
 def _order_done(state: AgentState, event: ev.OrderDone, _now: float) -> StepResult:
-    if event.order is not state.ordered:
+    if event.order is not state.order.given:
         return state, []
-    state = replace(state, order_followed=True, repeat_order_at_s=math.inf)
+    state = replace(state, order=state.order.followed())
     if state.phase is Phase.LAUNCHING:
         return note_takeoff(state), []
     if state.launch.is_aborted and not state.vehicle.armed and state.phase is not Phase.FAILED:
@@ -142,7 +142,7 @@ def _order_done(state: AgentState, event: ev.OrderDone, _now: float) -> StepResu
 
 
 def _order_failed(state: AgentState, event: ev.OrderFailed, now: float) -> StepResult:
-    if event.order is not state.ordered:
+    if event.order is not state.order.given:
         return state, []
     if state.ended:
         is_late_order = event.order in ROLE_OF_ORDER  # an operator gave the order after the release
@@ -150,7 +150,7 @@ def _order_failed(state: AgentState, event: ev.OrderFailed, now: float) -> StepR
     state = replace(state, trouble=f"{event.order} failed: {event.reason}")
     if state.phase is not Phase.LAUNCHING:
         # The order is repeated while the agent still commands the vehicle.
-        return replace(state, repeat_order_at_s=now + RETRY_AFTER_S), []
+        return replace(state, order=state.order.repeated(now + RETRY_AFTER_S)), []
     if state.launch.armed_seen or (state.lost and not event.nothing_sent):
         # The vehicle may be armed without climbing: it must not stay uncontrolled.
         return command(state, ev.FlightOrder.LAND, phase=Phase.LEAVING, given_up=True)
@@ -195,8 +195,8 @@ def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> St
     state, landed = land_after_unconfirmed_hold(state)
     if landed:
         return state, [*demanded, *landed]
-    if state.phase in IN_FLIGHT and now >= state.repeat_order_at_s and state.ordered is not None:
-        state, again = command(state, state.ordered)
+    if state.phase in IN_FLIGHT and now >= state.order.repeat_at_s and state.order.given is not None:
+        state, again = command(state, state.order.given)
         return state, [*demanded, *again]
     state, returned = update_return(state)
     state, avoided = avoid_collisions(state)
@@ -267,9 +267,9 @@ def _link_lost(state: AgentState, _event: ev.LinkLost, now: float) -> StepResult
 
 def _link_restored(state: AgentState, _event: ev.LinkRestored, now: float) -> StepResult:
     state = replace(state, lost=False)
-    if state.ordered in ROLE_OF_ORDER and not state.order_followed:
+    if state.order.given in ROLE_OF_ORDER and not state.order.is_followed:
         # The next telemetry repeats the order, unless that telemetry shows another operator's mode.
-        return replace(state, repeat_order_at_s=now), []
+        return replace(state, order=state.order.repeated(now)), []
     return state, []
 
 

@@ -82,7 +82,7 @@ def _distance_text(state: AgentState) -> str:
     v = state.vehicle
     if v.lat_deg is None or v.lon_deg is None or v.home_lat_deg is None or v.home_lon_deg is None:
         return ""
-    if state.ordered is not FlightOrder.RETURN:
+    if state.order.given is not FlightOrder.RETURN:
         return ""
     away_m = distance_m((v.lat_deg, v.lon_deg), (v.home_lat_deg, v.home_lon_deg))
     at_home_m = AT_HOME_M if state.task.wings is None else ROLL_OUT_M

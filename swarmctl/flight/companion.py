@@ -93,8 +93,8 @@ def _followed_order(state: AgentState) -> bool:
         state.phase is Phase.DONE
         and state.outcome != ARRIVED
         and flown
-        and state.ordered in (FlightOrder.RETURN, FlightOrder.LAND)
-        and state.order_followed
+        and state.order.given in (FlightOrder.RETURN, FlightOrder.LAND)
+        and state.order.is_followed
     )
 
 

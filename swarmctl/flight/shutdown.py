@@ -157,17 +157,19 @@ def _is_leaving(member: Member) -> bool:
 def _holds(member: Member) -> bool:
     """Return whether the vehicle follows the order to hold, or needs no order because its flight ends."""
     state = member.state
-    return (state.phase is Phase.HOLDING and state.order_followed) or state.ended or state.launch.is_aborted
+    return (
+        (state.phase is Phase.HOLDING and state.order.is_followed) or state.ended or state.launch.is_aborted
+    )
 
 
 def _returns(member: Member) -> bool:
     """Return whether the vehicle returns without waiting for a turn, or has ended its flight."""
     state = member.state
-    return state.ended or (state.return_wait.latest_boot_s is None and state.order_followed)
+    return state.ended or (state.return_wait.latest_boot_s is None and state.order.is_followed)
 
 
 def _lands(member: Member) -> bool:
-    return member.state.ended or member.state.order_followed
+    return member.state.ended or member.state.order.is_followed
 
 
 def _vehicles_below(member: Member, flying: Sequence[Member]) -> list[Member]:

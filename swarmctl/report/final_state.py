@@ -63,7 +63,9 @@ def describe_outcome(state: AgentState) -> str:
     """
     outcome = state.outcome or str(state.phase)
     if is_unacknowledged(state):
-        outcome = f"{outcome}; the vehicle never acknowledged the order ({state.ordered}) [not-acknowledged]"
+        outcome = (
+            f"{outcome}; the vehicle never acknowledged the order ({state.order.given}) [not-acknowledged]"
+        )
     mode = state.vehicle.mode or "unknown"
     if state.phase is Phase.RELEASED and f"in mode {mode}," not in outcome:
         outcome = f"{outcome}; last in mode {mode}"
@@ -74,7 +76,7 @@ def describe_outcome(state: AgentState) -> str:
 
 def is_unacknowledged(state: AgentState) -> bool:
     """Return whether the last order to hold, return or land had no acknowledgement and no effect."""
-    is_ordered = state.ordered in ROLE_OF_ORDER and not state.order_followed
+    is_ordered = state.order.given in ROLE_OF_ORDER and not state.order.is_followed
     return is_ordered and state.phase is not Phase.RELEASED and state.outcome != ARRIVED
 
 

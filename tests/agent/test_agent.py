@@ -428,7 +428,7 @@ def test_a_recalled_vehicle_reports_a_landing_away_from_home(cell: Cell, away: l
     story.over((4, 7), **home)  # the landing position
     story(ev.OperatorCommand(ev.FlightOrder.RETURN))
     story.over(cell, armed=False, landed=Landed.ON_GROUND, **home)
-    assert (story.state.phase, story.state.ordered) == (Phase.DONE, ev.FlightOrder.RETURN)
+    assert (story.state.phase, story.state.order.given) == (Phase.DONE, ev.FlightOrder.RETURN)
     assert re.findall(r"\d+ m", story.state.outcome) == away
 
 

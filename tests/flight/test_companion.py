@@ -16,6 +16,7 @@ import typer
 from companion_world import NAMES, STATION, Swarm
 from flights import Ui, small
 
+from swarmctl.agent.given_order import GivenOrder
 from swarmctl.agent.launch import Launch
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.state import ARRIVED
@@ -89,8 +90,8 @@ def test_an_operator_launches_holds_and_recalls_three_agents(tmp_path: Path) -> 
     assert [list(report.states) for report in reports.values()] == [[1], [2], [3]]
     assert states[1].outcome == ARRIVED
     assert states[1].w == 0.9
-    assert (states[2].phase, states[2].ordered) == (Phase.DONE, FlightOrder.LAND)
-    assert (states[3].phase, states[3].ordered) == (Phase.DONE, FlightOrder.RETURN)
+    assert (states[2].phase, states[2].order.given) == (Phase.DONE, FlightOrder.LAND)
+    assert (states[3].phase, states[3].order.given) == (Phase.DONE, FlightOrder.RETURN)
     assert ARRIVED not in (states[2].outcome, states[3].outcome)
     # Each vehicle's observations are known to the others.
     for uav, state in states.items():
@@ -123,7 +124,7 @@ def code_of(report: FlightReport, folder: Path) -> int:
 def test_a_followed_order_is_no_failure_and_stands_in_the_summary(
     returned: FlightReport, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert (returned.states[2].phase, returned.states[2].ordered) == (Phase.DONE, FlightOrder.RETURN)
+    assert (returned.states[2].phase, returned.states[2].order.given) == (Phase.DONE, FlightOrder.RETURN)
     assert code_of(returned, tmp_path) == 0
     *_, arrived, ended, folder = capsys.readouterr().out.splitlines()
     assert "0 of 1" in arrived
@@ -142,9 +143,9 @@ NOT_FOLLOWED: list[tuple[str, dict[str, Any]]] = [
     ("failed", {"phase": Phase.FAILED}),
     ("released", {"phase": Phase.RELEASED}),
     ("lost on its way", {"phase": Phase.LEAVING}),
-    ("not confirmed by telemetry", {"order_followed": False}),
-    ("no order", {"ordered": None}),
-    ("ordered to hold", {"ordered": FlightOrder.HOLD}),
+    ("not confirmed by telemetry", {"order": GivenOrder(FlightOrder.RETURN)}),
+    ("no order", {"order": GivenOrder()}),
+    ("ordered to hold", {"order": GivenOrder(FlightOrder.HOLD, is_followed=True)}),
     ("never took off", {"launch": Launch()}),
 ]
 

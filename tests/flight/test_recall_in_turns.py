@@ -69,7 +69,7 @@ def test_a_vehicle_holds_until_its_turn_and_then_returns() -> None:
     assert waits(story, 109.9) == []
     assert story.state.phase is Phase.HOLDING
     assert waits(story, 110.1) == [RETURN]
-    assert (story.state.phase, story.state.ordered) == (Phase.LEAVING, RETURN)
+    assert (story.state.phase, story.state.order.given) == (Phase.LEAVING, RETURN)
 
 
 def test_a_later_turn_replaces_the_first_and_an_order_without_a_turn_begins_at_once() -> None:
@@ -139,7 +139,9 @@ def test_a_swarm_in_one_process_returns_in_turns(tmp_path: Path, monkeypatch: py
     assert any(vehicle.note.endswith("[already-done]") for vehicle in answers[1].vehicles)
     assert len(set(monitor.since_s.values())) > 1
     assert monitor.least_m > MIN_HORIZONTAL_M
-    assert [(state.phase, state.ordered) for state in report.states.values()] == [(Phase.DONE, RETURN)] * 3
+    assert [(state.phase, state.order.given) for state in report.states.values()] == [
+        (Phase.DONE, RETURN)
+    ] * 3
     assert coded(ui.said, "returning", "return-schedule")
 
 
@@ -215,7 +217,7 @@ def test_agents_in_several_processes_return_in_turns(tmp_path: Path, monkeypatch
     assert any(vehicle.note.endswith("[already-done]") for vehicle in second.vehicles)
     assert len({round(at_s) for at_s in monitor.since_s.values()}) > 1
     states = [state for report in reports for state in report.states.values()]
-    assert [(state.phase, state.ordered) for state in states] == [(Phase.DONE, RETURN)] * 3
+    assert [(state.phase, state.order.given) for state in states] == [(Phase.DONE, RETURN)] * 3
 
 
 @pytest.mark.full

@@ -92,7 +92,7 @@ def failsafe_facts(state: AgentState) -> FailsafeFacts:
         frame=state.task.grid.frame,
         activity=_activity(state),
         own_roles=own_mode_roles(state),
-        orders_given=state.orders_given,
+        orders_given=state.order.n_given,
         lost=state.lost,
         telemetry_is_late=state.telemetry_is_late,
         route=_active_route(state),
@@ -103,7 +103,7 @@ def failsafe_facts(state: AgentState) -> FailsafeFacts:
 
 def _activity(state: AgentState) -> Activity:
     if state.phase is Phase.LEAVING:
-        return "return" if state.ordered is ev.FlightOrder.RETURN else "land"
+        return "return" if state.order.given is ev.FlightOrder.RETURN else "land"
     return _ACTIVITY_OF_PHASE.get(state.phase, "ground")
 
 

@@ -223,9 +223,7 @@ def _resume(state: AgentState, text: str) -> StepResult:
     state = replace(
         state,
         interrupted_plan=None,
-        ordered=ev.FlightOrder.LAUNCH,
-        order_followed=True,
-        repeat_order_at_s=math.inf,
+        order=state.order.noted(ev.FlightOrder.LAUNCH).followed(),
         hold_is_own=True,
         dirty=True,
     )

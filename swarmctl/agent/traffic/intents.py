@@ -196,7 +196,7 @@ def _phase_trajectory(state: AgentState, here: LocalPoint) -> Trajectory | None:
             return climb_then_fly(here, swap.plan.height_m, waypoints_of(task, swap.plan), speed_m_s, lift_s)
         case Phase.FLYING | Phase.LANDING if swap is not None and state.interrupted_plan is None:
             plan, path = swap.plan, waypoints_of(task, swap.plan)
-            if state.phase is Phase.LANDING and state.ordered is ev.FlightOrder.LAND:
+            if state.phase is Phase.LANDING and state.order.given is ev.FlightOrder.LAND:
                 return land_from([here], [0.0])
             if state.phase is Phase.LANDING and _descends_vertically(here, path[-1], plan.height_m):
                 return land_from([(*path[-1], here[2])], [0.0])
@@ -208,7 +208,7 @@ def _phase_trajectory(state: AgentState, here: LocalPoint) -> Trajectory | None:
         case Phase.FLYING | Phase.LANDING | Phase.HOLDING:
             stop = stopping_point(state, here)
             return Trajectory((0.0, HOLD_DURATION_S), (stop, stop))
-        case Phase.LEAVING if state.ordered is ev.FlightOrder.LAND:
+        case Phase.LEAVING if state.order.given is ev.FlightOrder.LAND:
             return land_from([here], [0.0])
     # A return is not predicted: it begins with a climb to a height that a firmware's parameter sets.
     return None

@@ -92,7 +92,7 @@ def land_after_unconfirmed_hold(state: AgentState) -> StepResult:
     if (
         state.phase is not Phase.LANDING
         or state.interrupted_plan is None
-        or state.order_followed
+        or state.order.is_followed
         or state.lost
     ):
         return state, []
@@ -128,7 +128,7 @@ def _may_wait(state: AgentState) -> bool:
     vehicle, action = state.vehicle, state.task.separation.action
     if action == "none" or state.route is None or state.pending is not None or _is_urgent(state):
         return False
-    follows = state.order_followed or state.ordered in (None, ev.FlightOrder.LAUNCH)
+    follows = state.order.is_followed or state.order.given in (None, ev.FlightOrder.LAUNCH)
     in_own_mode = follows and vehicle.mode_role in own_mode_roles(state)
     is_high = vehicle.alt_rel_m is not None and vehicle.alt_rel_m >= MIN_HEIGHT_M
     return in_own_mode and vehicle.armed and is_high
@@ -228,7 +228,7 @@ def _hold_would_block(state: AgentState, here: LocalPoint, others: Mapping[int, 
 def _land_if_clear(state: AgentState, here: LocalPoint) -> StepResult:
     now_s = state.vehicle.time_boot_s
     # A stopped vehicle may still report LANDING for some seconds.
-    is_holding = state.order_followed and state.vehicle.landed is not Landed.LANDING
+    is_holding = state.order.is_followed and state.vehicle.landed is not Landed.LANDING
     if not is_holding or state.interrupted_plan is None or now_s < state.resume_earliest_boot_s:
         return state, []
     # A silent vehicle with LANDING in its last report counts as landed.
@@ -289,9 +289,7 @@ def _land(state: AgentState) -> StepResult:
         end_give_way(state),
         pending=new,
         next_plan_id=state.next_plan_id + 1,
-        ordered=ev.FlightOrder.LAUNCH,
-        order_followed=True,
-        repeat_order_at_s=math.inf,
+        order=state.order.noted(ev.FlightOrder.LAUNCH).followed(),
         hold_is_own=True,
     )
     return state, [new]

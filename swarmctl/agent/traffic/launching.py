@@ -72,7 +72,7 @@ def launch_conflict(state: AgentState) -> str:
 
 def postpone_launch(state: AgentState, event: ev.LaunchPostponed, _now: float) -> StepResult:
     """Wait on the ground again. After arming, cancel the launch: one order arms the vehicle only once."""
-    if state.phase is not Phase.LAUNCHING or state.ordered is not ev.FlightOrder.LAUNCH:
+    if state.phase is not Phase.LAUNCHING or state.order.given is not ev.FlightOrder.LAUNCH:
         return state, []
     if event.was_armed:
         return cancel_launch(state, f"{event.reason}; the vehicle was disarmed again")

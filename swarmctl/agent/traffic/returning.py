@@ -58,7 +58,7 @@ def return_target(state: AgentState) -> LatLon | None:
         return None
     match state.phase:
         case Phase.LEAVING:
-            returns = state.ordered is ev.FlightOrder.RETURN
+            returns = state.order.given is ev.FlightOrder.RETURN
         case Phase.HOLDING if not state.lost:
             returns = state.return_wait.latest_boot_s is not None
         case Phase.RELEASED:
@@ -94,7 +94,7 @@ def wait_to_return(state: AgentState, until_s: float, **changes: Any) -> StepRes
         return None
     waiting = state.return_wait.until_clear(until_s)
     changes |= {"phase": Phase.HOLDING, "return_wait": waiting, **SHARED_AT_ONCE}
-    if state.phase is Phase.HOLDING and state.ordered is ev.FlightOrder.HOLD:
+    if state.phase is Phase.HOLDING and state.order.given is ev.FlightOrder.HOLD:
         return replace(state, **changes), []
     return command(state, ev.FlightOrder.HOLD, **changes)
 

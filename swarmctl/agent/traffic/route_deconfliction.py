@@ -317,7 +317,7 @@ def _hold(state: AgentState, swap: ev.SwapMission) -> StepResult:
         route=None,
         dirty=False,
         retry_at_s=0.0,
-        n_holds=state.n_holds + (state.ordered is not ev.FlightOrder.HOLD),
+        n_holds=state.n_holds + (state.order.given is not ev.FlightOrder.HOLD),
         resume_earliest_boot_s=now_s + RETRY_S,
         holding_since_boot_s=min(state.holding_since_boot_s, now_s),
         predicted_conflicts=frozenset(),

@@ -1,0 +1,38 @@
+"""The last order of one vehicle. Pure."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from swarmctl.core.events import FlightOrder
+
+
+@dataclass(frozen=True, slots=True)
+class GivenOrder:
+    given: FlightOrder | None = None
+    """last order for the vehicle, sent or only noted"""
+    is_followed: bool = False
+    """True once the vehicle's mode has confirmed the order, or the order keeps the vehicle on the ground"""
+    repeat_at_s: float = math.inf
+    """time to repeat an order that the vehicle does not follow, by the run's clock; inf: no repetition"""
+    previous_own_roles: frozenset[str] = frozenset()
+    """own mode roles before the order"""
+    n_given: int = 0
+    """number of orders so far"""
+
+    def sent(self, order: FlightOrder, own_roles: frozenset[str]) -> GivenOrder:
+        """Return the record of an order that is sent to a vehicle with these own mode roles."""
+        return GivenOrder(order, previous_own_roles=own_roles, n_given=self.n_given + 1)
+
+    def noted(self, order: FlightOrder) -> GivenOrder:
+        """Return the record of an order that the vehicle follows without a message."""
+        return replace(self, given=order, is_followed=True)
+
+    def followed(self) -> GivenOrder:
+        """Return the record after the vehicle has confirmed the order."""
+        return replace(self, is_followed=True, repeat_at_s=math.inf)
+
+    def repeated(self, at_s: float) -> GivenOrder:
+        """Return the record of an order that is repeated at `at_s`; inf: never."""
+        return replace(self, repeat_at_s=at_s)
