@@ -67,7 +67,7 @@ def holding_radius_m(task: Task) -> float:
 
 def _follows(state: AgentState, order: ev.FlightOrder) -> bool:
     """Return whether the vehicle follows this order in flight; a temporary hold does not count."""
-    is_temporary = state.return_wait.latest_boot_s is not None or state.interrupted_plan is not None
+    is_temporary = state.return_wait.latest_boot_s is not None or state.give_way.plan is not None
     return (
         state.phase in IN_FLIGHT
         and state.order.given is order
@@ -223,7 +223,7 @@ def _apply_order(state: AgentState, event: ev.OperatorCommand, *, remote: bool) 
     changes: dict[str, Any] = {
         "dirty": False,
         "return_wait": state.return_wait.over(),
-        "interrupted_plan": None,
+        "give_way": replace(state.give_way, plan=None),
     }
     if (state.vehicle.alt_rel_m or 0.0) > TOUCHING_DOWN_M:
         changes["arrived_boot_s"] = None  # the vehicle is over its goal, but does not land there

@@ -20,6 +20,7 @@ from swarmctl.agent.phases import ENDED, Phase, changed
 from swarmctl.agent.replan.landing_pattern import FixedWing
 from swarmctl.agent.replan.length_bounds import UNBOUNDED, TimeBound
 from swarmctl.agent.replan.swap_times import SwapHistory, SwapTimes
+from swarmctl.agent.traffic.give_way import GiveWay
 from swarmctl.agent.traffic.return_wait import ReturnWait
 from swarmctl.agent.traffic.separation.clash import Clash
 from swarmctl.agent.traffic.separation.trajectory import Trajectory
@@ -177,10 +178,7 @@ class AgentState:
     """recent states of vehicles nearby"""
     alarms: tuple[ProximityAlarm, ...] = ()
     """vehicles predicted to come too close"""
-    interrupted_plan: ev.SwapMission | None = None
-    """plan that the vehicle interrupted to give way in hold; None: no such hold"""
-    gave_way_to: Mapping[int, NeighbourReport] = field(default_factory=dict)
-    """last states of the vehicles to which this vehicle gives way"""
+    give_way: GiveWay = field(default_factory=GiveWay)
     height_offset_m: float = 0.0
     """height above the task's altitude, for separation from other vehicles [m]"""
     must_change: bool = False
@@ -195,10 +193,6 @@ class AgentState:
     deferred_for: frozenset[int] = frozenset()
     """vehicles for which a new plan was deferred"""
     deconfliction: DeconflictionCounts = DeconflictionCounts()
-    resume_earliest_boot_s: float = -math.inf
-    """earliest end of a hold that gives way"""
-    holding_since_boot_s: float = math.inf
-    """start of the hold that gives way, or time of the last report about this hold"""
     descent_checked_boot_s: float = -math.inf
     common_arrival: CommonArrival = field(default_factory=CommonArrival)
     speed: CommandedSpeed = field(default_factory=CommandedSpeed)

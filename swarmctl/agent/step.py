@@ -57,7 +57,7 @@ def needs_tick(state: AgentState, now: float) -> bool:
         state.dirty
         and state.phase in PLANNING
         and state.pending is None
-        and state.interrupted_plan is None
+        and state.give_way.plan is None
         and not state.lost
         and not state.telemetry_is_late
         and now >= state.retry_at_s

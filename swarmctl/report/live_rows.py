@@ -118,7 +118,7 @@ def _weights(state: AgentState) -> str:
 def _progress(state: AgentState) -> float:
     if state.phase is Phase.LANDING or state.outcome == ARRIVED:
         return 1.0
-    route = state.route or state.interrupted_plan
+    route = state.route or state.give_way.plan
     if route is None or len(route.cells) < 2 or not state.flown.cells:
         return 0.0
     entered = len(state.flown.cells)

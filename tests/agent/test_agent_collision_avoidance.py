@@ -185,7 +185,7 @@ def test_an_operators_order_takes_precedence() -> None:
     story.at(125.0)
     assert orders(story(ev.OperatorCommand(ev.FlightOrder.RETURN))) == [ev.FlightOrder.RETURN]
     story.at(130.0, mode="RTL", mode_role="return")
-    assert story.state.interrupted_plan is None
+    assert story.state.give_way.plan is None
     assert story.state.phase is Phase.LEAVING
 
 
@@ -251,7 +251,7 @@ def test_a_vehicle_without_a_clear_height_keeps_holding_and_reports_repeatedly()
     story.at(125.0)
     story(ev.OrderDone(ev.FlightOrder.HOLD))
     assert codes_while_holding(story, 130) == ["keeps-holding"] * 2
-    assert story.state.interrupted_plan is not None
+    assert story.state.give_way.plan is not None
 
 
 def test_a_holding_vehicle_stays_clear_of_a_silent_vehicle() -> None:
@@ -266,9 +266,7 @@ def test_a_holding_vehicle_stays_clear_of_a_silent_vehicle() -> None:
     assert not any(found_codes)
     later = [code for _ in range(150) for code in codes(story.at(140.0, **still))]
     assert {"keeps-holding", "resumes-higher"} & set(later)
-    assert story.state.interrupted_plan is None, (
-        "the vehicle resumes above that position or after three minutes"
-    )
+    assert story.state.give_way.plan is None, "the vehicle resumes above that position or after three minutes"
 
 
 @pytest.mark.parametrize(

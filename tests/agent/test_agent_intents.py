@@ -331,7 +331,7 @@ class Swarm:
             east_m_s=velocity[0],
             north_m_s=velocity[1],
             climb_m_s=velocity[2],
-            mode_role="hold" if state.interrupted_plan is not None else "mission",
+            mode_role="hold" if state.give_way.plan is not None else "mission",
             armed=True,
         )
         self.fold(uav, ev.TelemetryReceived(vehicle))

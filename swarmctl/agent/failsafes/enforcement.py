@@ -125,7 +125,7 @@ def _order_for(state: AgentState, demand: Demand) -> StepResult:
     is_leaving = order is not ev.FlightOrder.HOLD
     changes: dict[str, Any] = {
         "dirty": False,
-        "interrupted_plan": None,
+        "give_way": replace(state.give_way, plan=None),
         # A return or landing without an operator's order counts as a failed flight.
         "given_up": state.given_up or is_leaving,
         "outcome": demand.reason,

@@ -26,6 +26,7 @@ from swarmctl.agent.orders import StepResult, command
 from swarmctl.agent.phases import IN_FLIGHT, Phase
 from swarmctl.agent.replan.copter_trajectory import at_height, waypoints_of, with_level_off
 from swarmctl.agent.state import AgentState
+from swarmctl.agent.traffic.give_way import GiveWay
 from swarmctl.agent.traffic.prediction import (
     SILENT_S,
     hold_trajectory,
@@ -60,9 +61,9 @@ MAX_TOLERANCE_SHARE = 1.0 / 3.0
 
 def avoid_collisions(state: AgentState) -> StepResult:
     """Update the alarms, report new alarms, and give way or resume. Called for each telemetry."""
-    if not (state.neighbours or state.alarms or state.interrupted_plan):
+    if not (state.neighbours or state.alarms or state.give_way.plan):
         return state, []
-    if state.interrupted_plan is not None and state.phase not in (Phase.FLYING, Phase.LANDING):
+    if state.give_way.plan is not None and state.phase not in (Phase.FLYING, Phase.LANDING):
         state = end_give_way(state)  # another order came in between
     before = {alarm.other for alarm in state.alarms}
     own = own_trajectory(state)
@@ -78,9 +79,9 @@ def avoid_collisions(state: AgentState) -> StepResult:
         ev.NotifyOperator(f"{_alarm_text(state, alarm)}{_reaction(state, alarm)}") for alarm in new
     ]
     effects: list[ev.Effect] = []
-    if state.interrupted_plan is not None and state.phase is Phase.LANDING:
+    if state.give_way.plan is not None and state.phase is Phase.LANDING:
         pass  # `landing_queue` ends this hold
-    elif state.interrupted_plan is not None:
+    elif state.give_way.plan is not None:
         state, effects = _resume_if_clear(state, own, others)
     else:
         higher_ids = [alarm for alarm in alarms if not gives_way_by_id(state.task.uav, alarm.other)]
@@ -91,13 +92,7 @@ def avoid_collisions(state: AgentState) -> StepResult:
 
 def end_give_way(state: AgentState) -> AgentState:
     """Return the state after a hold to give way, with the fields of the hold reset."""
-    return replace(
-        state,
-        interrupted_plan=None,
-        gave_way_to={},
-        holding_since_boot_s=math.inf,
-        resume_earliest_boot_s=-math.inf,
-    )
+    return replace(state, give_way=GiveWay())
 
 
 def _has_to_give_way(state: AgentState, other: int) -> bool:
@@ -128,9 +123,9 @@ def _give_way(
     if rules.action == "hold" and not blocked and state.task.wings is None:
         # The vehicle has no route while it holds, and plans a new route when its old route is clear.
         now_s, n, reports = state.vehicle.time_boot_s, state.n_holds + 1, state.neighbours
-        gave_way_to = {alarm.other: reports[alarm.other] for alarm in to_avoid if alarm.other in reports}
-        state = replace(state, gave_way_to=gave_way_to, n_holds=n, holding_since_boot_s=now_s)
-        return command(state, ev.FlightOrder.HOLD, interrupted_plan=state.route, route=None)
+        to = {alarm.other: reports[alarm.other] for alarm in to_avoid if alarm.other in reports}
+        give_way = replace(state.give_way, plan=state.route, to=to, since_boot_s=now_s)
+        return command(state, ev.FlightOrder.HOLD, give_way=give_way, n_holds=n, route=None)
     return _climb(state, others), []
 
 
@@ -163,13 +158,13 @@ def ceiling_m(state: AgentState) -> float:
 def _resume_if_clear(state: AgentState, own: Trajectory, others: dict[int, Trajectory]) -> StepResult:
     """Resume with a new plan if the route is clear; otherwise hold, or try another height."""
     now_s = state.vehicle.time_boot_s
-    if now_s < state.resume_earliest_boot_s:
+    if now_s < state.give_way.earliest_end_boot_s:
         return state, []
     waits = any(_has_to_give_way(state, alarm.other) for alarm in state.alarms)
     if not waits and _is_clear(state, own, others) and not _passes_silent(state):
         text = "the interrupted route is clear of other vehicles; the vehicle holds until it has a new plan"
         return _resume(state, f"{text} [resumes]")
-    if now_s - state.holding_since_boot_s < RETRY_HEIGHT_AFTER_S:
+    if now_s - state.give_way.since_boot_s < RETRY_HEIGHT_AFTER_S:
         return state, []
     return _resume_above(state, others)
 
@@ -210,7 +205,7 @@ def least_share(flight: Trajectory, other: Trajectory, limits: Limits) -> float 
 
 
 def _passes_silent(state: AgentState) -> bool:
-    """Return whether the route passes the last position of a silent vehicle in `gave_way_to`."""
+    """Return whether the route passes the last position of a silent vehicle to which this one gives way."""
     own, limits = own_trajectory(state, SILENT_S), state.task.separation.limits
     return own is not None and any(
         intervals(own, there, limits) for there in silent_neighbours(state).values()
@@ -222,7 +217,7 @@ def _resume(state: AgentState, text: str) -> StepResult:
     messages: list[ev.Effect] = [] if state.deferred_for else [ev.NotifyOperator(text)]
     state = replace(
         state,
-        interrupted_plan=None,
+        give_way=replace(state.give_way, plan=None),
         order=state.order.noted(ev.FlightOrder.LAUNCH).followed(),
         hold_is_own=True,
         dirty=True,
@@ -232,22 +227,24 @@ def _resume(state: AgentState, text: str) -> StepResult:
 
 def _resume_above(state: AgentState, others: dict[int, Trajectory]) -> StepResult:
     """Resume above the other vehicles if that height is clear; otherwise continue to hold."""
-    assert state.interrupted_plan is not None
+    assert state.give_way.plan is not None
     here, higher = position_of(state), _climb(state, others)
-    plan = at_height(state.interrupted_plan.plan, higher.height_m)
+    plan = at_height(state.give_way.plan.plan, higher.height_m)
     if here is not None and state.task.wings is None:
         track = [(*point, 0.0) for point in waypoints_of(state.task, plan)]
         n_passed = len(track) - len(track_ahead(track, here))
         plan = with_level_off(state.task, replace(plan, track=plan.track[n_passed:]), here, 0.0)
-    higher = replace(higher, interrupted_plan=msgspec.structs.replace(state.interrupted_plan, plan=plan))
+    interrupted = msgspec.structs.replace(state.give_way.plan, plan=plan)
+    higher = replace(higher, give_way=replace(higher.give_way, plan=interrupted))
     own = own_trajectory(higher)
     text, now_s = f"the vehicle has held for at least {RETRY_HEIGHT_AFTER_S:.0f} s", state.vehicle.time_boot_s
     clear = own is not None and _is_clear(higher, own, others) and not _passes_silent(higher)
     if higher.height_m > state.height_m and clear:
-        higher = replace(higher, holding_since_boot_s=now_s, deferred_for=frozenset())
+        reported = replace(higher.give_way, since_boot_s=now_s)
+        higher = replace(higher, give_way=reported, deferred_for=frozenset())
         height = f"{higher.height_m:.0f} m, above the other vehicles"
         return _resume(higher, f"{text}; it resumes its route at {height} [resumes-higher]")
-    return replace(state, holding_since_boot_s=now_s), [
+    return replace(state, give_way=replace(state.give_way, since_boot_s=now_s)), [
         ev.NotifyOperator(f"{text}; no height found is clear, so it continues to hold [keeps-holding]")
     ]
 
@@ -269,10 +266,10 @@ def _reaction(state: AgentState, alarm: ProximityAlarm) -> str:
         return "; separation.action is none, so order one vehicle to hold [alarm]"
     if not _has_to_give_way(state, alarm.other):
         return f"; vehicle {alarm.other} gives way [alarm-other-yields]"
-    if not (may_give_way(state) or state.interrupted_plan):
+    if not (may_give_way(state) or state.give_way.plan):
         advice = f"if vehicle {alarm.other} does not give way, order vehicle {alarm.other} to hold"
         return f"; this vehicle cannot give way now; {advice} [alarm-cannot-yield]"
-    action = "continues to hold" if state.interrupted_plan else "gives way"
+    action = "continues to hold" if state.give_way.plan else "gives way"
     report = state.neighbours.get(alarm.other)
     acknowledges = report is None or report.state.phase != Phase.FLYING or _acknowledges(state, report)
     if acknowledges or gives_way_by_id(state.task.uav, alarm.other):

@@ -84,7 +84,7 @@ def may_change(state: AgentState) -> bool:
     """Return whether the vehicle can change its plan, now or after take-off; False while it gives way."""
     is_en_route = state.phase in (Phase.LAUNCHING, Phase.FLYING)
     has_telemetry = state.vehicle.has_position and not state.lost
-    return is_en_route and state.interrupted_plan is None and has_telemetry
+    return is_en_route and state.give_way.plan is None and has_telemetry
 
 
 def _points(state: AgentState, flight: Trajectory) -> tuple[IntentPoint, ...]:
@@ -194,7 +194,7 @@ def _phase_trajectory(state: AgentState, here: LocalPoint) -> Trajectory | None:
         case Phase.LAUNCHING if swap is not None:
             lift_s = LIFT_S if here[2] < AIRBORNE_M else 0.0
             return climb_then_fly(here, swap.plan.height_m, waypoints_of(task, swap.plan), speed_m_s, lift_s)
-        case Phase.FLYING | Phase.LANDING if swap is not None and state.interrupted_plan is None:
+        case Phase.FLYING | Phase.LANDING if swap is not None and state.give_way.plan is None:
             plan, path = swap.plan, waypoints_of(task, swap.plan)
             if state.phase is Phase.LANDING and state.order.given is ev.FlightOrder.LAND:
                 return land_from([here], [0.0])
@@ -223,7 +223,7 @@ def _descends_vertically(here: LocalPoint, spot: tuple[float, float], height_m: 
 def _fixed_wing_trajectory(state: AgentState, here: LocalPoint, speed_m_s: float) -> Trajectory | None:
     """Return the trajectory of a fixed wing that launches, flies its plan or lands; None otherwise."""
     task, swap, vehicle = state.task, state.pending or state.route, state.vehicle
-    if swap is None or state.interrupted_plan is not None:
+    if swap is None or state.give_way.plan is not None:
         return None
     if state.phase in (Phase.LAUNCHING, Phase.FLYING):
         remaining = [

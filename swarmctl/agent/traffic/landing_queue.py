@@ -30,6 +30,7 @@ from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.copter_trajectory import fly_along, land_from, waypoints_of
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.collision_avoidance import end_give_way
+from swarmctl.agent.traffic.give_way import GiveWay
 from swarmctl.agent.traffic.intents import (
     HOLD_DURATION_S,
     planned_flight,
@@ -73,7 +74,7 @@ def queue_for_landing(state: AgentState) -> StepResult:
     """Hold for another vehicle, or land when the descent is clear. Called for each telemetry message."""
     if state.phase is not Phase.LANDING or state.task.wings is not None or state.lost:
         return state, []
-    if state.interrupted_plan is not None and _is_urgent(state):
+    if state.give_way.plan is not None and _is_urgent(state):
         return _land_here(
             state,
             "an urgent failsafe ends the wait; the vehicle lands where it is [landing-urgent]",
@@ -82,7 +83,7 @@ def queue_for_landing(state: AgentState) -> StepResult:
     if here is None or 0.0 <= now_s - state.descent_checked_boot_s < CHECK_EVERY_S:
         return state, []
     state = replace(state, descent_checked_boot_s=now_s)
-    if state.interrupted_plan is not None:
+    if state.give_way.plan is not None:
         return _land_if_clear(state, here)
     return _wait_if_conflicting(state, here) if _may_wait(state) else (state, [])
 
@@ -91,7 +92,7 @@ def land_after_unconfirmed_hold(state: AgentState) -> StepResult:
     """Order the landing if the vehicle has not confirmed the hold, and is too low or has a clear descent."""
     if (
         state.phase is not Phase.LANDING
-        or state.interrupted_plan is None
+        or state.give_way.plan is None
         or state.order.is_followed
         or state.lost
     ):
@@ -100,7 +101,7 @@ def land_after_unconfirmed_hold(state: AgentState) -> StepResult:
     if here is None or up_m is None:
         return state, []
     is_low = up_m < MIN_HEIGHT_M
-    is_hold_needed = state.vehicle.time_boot_s < state.resume_earliest_boot_s or bool(
+    is_hold_needed = state.vehicle.time_boot_s < state.give_way.earliest_end_boot_s or bool(
         _descent_conflicts(state, _flights_waited_for(state, here))
     )
     if is_hold_needed and not is_low:
@@ -113,7 +114,7 @@ def land_after_unconfirmed_hold(state: AgentState) -> StepResult:
 
 
 def _land_here(state: AgentState, text: str) -> StepResult:
-    state, ordered = command(replace(end_give_way(state), route=state.interrupted_plan), ev.FlightOrder.LAND)
+    state, ordered = command(replace(end_give_way(state), route=state.give_way.plan), ev.FlightOrder.LAND)
     state, published = publish_intent(state, planned_flight(state))
     return state, [ev.NotifyOperator(text), *ordered, *published]
 
@@ -157,10 +158,12 @@ def _wait_if_conflicting(state: AgentState, here: LocalPoint) -> StepResult:
     state, ordered = command(
         replace(state, n_holds=state.n_holds + 1, deconfliction=counts),
         ev.FlightOrder.HOLD,
-        interrupted_plan=state.route,
-        gave_way_to={clash.other: reports[clash.other] for clash in clashes if clash.other in reports},
-        holding_since_boot_s=now_s,
-        resume_earliest_boot_s=now_s + MIN_WAIT_S,
+        give_way=GiveWay(
+            plan=state.route,
+            to={clash.other: reports[clash.other] for clash in clashes if clash.other in reports},
+            earliest_end_boot_s=now_s + MIN_WAIT_S,
+            since_boot_s=now_s,
+        ),
     )
     state, published = publish_intent(state, planned_flight(state))
     text = f"the landing would conflict with {describe_clashes(clashes, now_s)}"
@@ -229,22 +232,23 @@ def _land_if_clear(state: AgentState, here: LocalPoint) -> StepResult:
     now_s = state.vehicle.time_boot_s
     # A stopped vehicle may still report LANDING for some seconds.
     is_holding = state.order.is_followed and state.vehicle.landed is not Landed.LANDING
-    if not is_holding or state.interrupted_plan is None or now_s < state.resume_earliest_boot_s:
+    if not is_holding or state.give_way.plan is None or now_s < state.give_way.earliest_end_boot_s:
         return state, []
     # A silent vehicle with LANDING in its last report counts as landed.
-    reports = {uav: r for uav, r in state.gave_way_to.items() if r.state.phase != Phase.LANDING}
-    state = replace(state, gave_way_to=reports)
+    reports = {uav: r for uav, r in state.give_way.to.items() if r.state.phase != Phase.LANDING}
+    state = replace(state, give_way=replace(state.give_way, to=reports))
     clashes = _descent_conflicts(state, _flights_waited_for(state, here))
     if not clashes:
         state, ordered = _land(state)
         state, published = publish_intent(state, planned_flight(state))
         text = "the descent is clear; the vehicle lands [descent-clear]"
         return state, [ev.NotifyOperator(text), *ordered, *published]
-    if now_s - state.holding_since_boot_s < REPORT_EVERY_S:
+    if now_s - state.give_way.since_boot_s < REPORT_EVERY_S:
         return state, []
     text = f"the vehicle has held before its landing for at least {REPORT_EVERY_S:.0f} s; the landing would "
     text += f"still conflict with {describe_clashes(clashes, now_s)}; the vehicle continues to hold"
-    return replace(state, holding_since_boot_s=now_s), [ev.NotifyOperator(f"{text} [landing-queue-long]")]
+    reported = replace(state.give_way, since_boot_s=now_s)
+    return replace(state, give_way=reported), [ev.NotifyOperator(f"{text} [landing-queue-long]")]
 
 
 def _descent_conflicts(state: AgentState, waited_for: Mapping[int, NeighbourIntent]) -> tuple[Clash, ...]:
@@ -270,13 +274,13 @@ def _descent_conflicts(state: AgentState, waited_for: Mapping[int, NeighbourInte
 
 
 def _landing_spot(state: AgentState) -> PlanarPoint:
-    assert state.interrupted_plan is not None
-    return waypoints_of(state.task, state.interrupted_plan.plan)[-1]
+    assert state.give_way.plan is not None
+    return waypoints_of(state.task, state.give_way.plan.plan)[-1]
 
 
 def _land(state: AgentState) -> StepResult:
     """Order the landing if the vehicle is at its landing spot; otherwise upload a mission to the spot."""
-    swap, here, spot = state.interrupted_plan, position_of(state), _landing_spot(state)
+    swap, here, spot = state.give_way.plan, position_of(state), _landing_spot(state)
     assert swap is not None
     assert here is not None
     if math.dist(here[:2], spot) <= AT_SPOT_M:

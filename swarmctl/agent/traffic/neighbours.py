@@ -31,9 +31,9 @@ def receive_neighbours(state: AgentState, event: ev.Neighbours, _now: float) -> 
     known = state.neighbours.items()
     kept = {uav: report for uav, report in known if 0.0 <= now_s - report.at_s <= MAX_REPORT_AGE_S}
     new = {uav: report for uav, report in reports.items() if is_near(state, report.state)}
-    gave_way_to = {uav: reports.get(uav, report) for uav, report in state.gave_way_to.items()}
+    to = {uav: reports.get(uav, report) for uav, report in state.give_way.to.items()}
     state = note_returning(note_arrival_times(state, event.states), reports)
-    return replace(state, neighbours={**kept, **new}, gave_way_to=gave_way_to), []
+    return replace(state, neighbours={**kept, **new}, give_way=replace(state.give_way, to=to)), []
 
 
 def is_near(state: AgentState, other: StateShared) -> bool:

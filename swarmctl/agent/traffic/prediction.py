@@ -35,10 +35,10 @@ def own_trajectory(state: AgentState, for_s: float | None = None) -> Trajectory 
     if here is None:
         return None
     now_s, for_s = vehicle.time_boot_s, rules.look_ahead_s if for_s is None else for_s
-    swap = state.interrupted_plan or (state.route if state.pending is None else None)
+    swap = state.give_way.plan or (state.route if state.pending is None else None)
     if swap is None or state.phase is not Phase.FLYING:
         return extrapolate(here, (vehicle.east_m_s, vehicle.north_m_s, vehicle.climb_m_s), now_s, for_s)
-    speed_m_s = state.task.arrival.speed_m_s if state.interrupted_plan else max(vehicle.ground_speed_m_s, 0.5)
+    speed_m_s = state.task.arrival.speed_m_s if state.give_way.plan else max(vehicle.ground_speed_m_s, 0.5)
     frame = state.task.grid.frame
     points = (*swap.plan.waypoints, swap.plan.landing)
     track = [(*frame.to_local(point.lat_deg, point.lon_deg), point.alt_rel_m) for point in points]
@@ -125,6 +125,6 @@ def silent_neighbours(state: AgentState) -> dict[int, Trajectory]:
     now_s = state.vehicle.time_boot_s
     return {
         uav: extrapolate(_reported_position(state, report.state), (0.0, 0.0, 0.0), now_s, SILENT_S)
-        for uav, report in state.gave_way_to.items()
+        for uav, report in state.give_way.to.items()
         if MAX_REPORT_AGE_S < now_s - report.at_s <= SILENT_S and report.state.alt_rel_m >= AIRBORNE_M
     }

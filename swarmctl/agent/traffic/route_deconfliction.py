@@ -136,7 +136,7 @@ def _separates(flight: Trajectory, present: Trajectory | None, other: Trajectory
 
 def check_own_route(state: AgentState) -> StepResult:
     """Compare the own intent with all others; plan again if this vehicle has to give way."""
-    if state.phase is not Phase.FLYING or state.own_intent is None or state.interrupted_plan is not None:
+    if state.phase is not Phase.FLYING or state.own_intent is None or state.give_way.plan is not None:
         return (
             replace(state, predicted_conflicts=frozenset(), comparisons={})
             if state.predicted_conflicts
@@ -253,7 +253,7 @@ def _upload(state: AgentState, swap: ev.SwapMission, flight: Trajectory | None) 
         pending=swap,
         predicted_conflicts=frozenset(),
         deferred_for=frozenset(),
-        holding_since_boot_s=math.inf,
+        give_way=replace(state.give_way, since_boot_s=math.inf),
     )
     state, published = publish_intent(state, flight)
     return state, [swap, *published]
@@ -313,13 +313,16 @@ def _hold(state: AgentState, swap: ev.SwapMission) -> StepResult:
     state, ordered = command(
         state,
         ev.FlightOrder.HOLD,
-        interrupted_plan=swap,
+        give_way=replace(
+            state.give_way,
+            plan=swap,
+            earliest_end_boot_s=now_s + RETRY_S,
+            since_boot_s=min(state.give_way.since_boot_s, now_s),
+        ),
         route=None,
         dirty=False,
         retry_at_s=0.0,
         n_holds=state.n_holds + (state.order.given is not ev.FlightOrder.HOLD),
-        resume_earliest_boot_s=now_s + RETRY_S,
-        holding_since_boot_s=min(state.holding_since_boot_s, now_s),
         predicted_conflicts=frozenset(),
     )
     state, published = publish_intent(state, planned_flight(state))
