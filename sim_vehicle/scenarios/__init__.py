@@ -1,5 +1,6 @@
 """Scenarios: file format (`model`, `plan`, `steps`), reader (`file`) and runs (`runner`).
 
+`script` is the ground station of a run.
 Begin with `file.load_scenario` and `runner.Run`. Only `command` uses the wall clock.
 """
 

@@ -9,7 +9,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.physics.geodesy import LocalFrame
 from sim_vehicle.scenarios.base import Length, Metres, NoSettings, Number, OneOf, Seconds, Section
-from sim_vehicle.vehicle.mission import NAVIGATION, Item
+from sim_vehicle.station.plan_items import PlanItem
+from sim_vehicle.vehicle.mission import NAVIGATION
 
 Height = Annotated[float, Field(strict=True, gt=0, le=10_000)]
 LANDINGS = frozenset(
@@ -222,7 +223,7 @@ class PlanWriter:
         lat_deg, lon_deg = self._frame.point_to_geodetic(east_m, north_m)
         return round(lat_deg * 1e7), round(lon_deg * 1e7)
 
-    def mission(self, legs: Sequence[Leg], *, home_first: bool) -> list[Item]:
+    def mission(self, legs: Sequence[Leg], *, home_first: bool) -> list[PlanItem]:
         """Return the mission's items; `home_first`: item 0 is a placeholder for home (ArduPilot)."""
         items = [self._item_at(mavlink.MAV_CMD_NAV_WAYPOINT, 0.0, 0.0, 0.0)] if home_first else []
         first, place = len(items), (0.0, 0.0)
@@ -231,8 +232,8 @@ class PlanWriter:
             items.append(self._item(leg, place, first=first))
         return items
 
-    def fence(self, shapes: Sequence[FenceShape]) -> list[Item]:
-        items: list[Item] = []
+    def fence(self, shapes: Sequence[FenceShape]) -> list[PlanItem]:
+        items: list[PlanItem] = []
         for shape in shapes:
             polygon, circle = shape.keep_in or shape.keep_out, shape.keep_in_circle or shape.keep_out_circle
             if polygon is not None:
@@ -251,17 +252,17 @@ class PlanWriter:
                 items.append(self._vertex(command, circle.radius_m, circle.east_m, circle.north_m))
         return items
 
-    def _vertex(self, command: int, param1: float, east_m: float, north_m: float) -> Item:
+    def _vertex(self, command: int, param1: float, east_m: float, north_m: float) -> PlanItem:
         x, y = self.place(east_m, north_m)
-        return Item(command, frame=mavlink.MAV_FRAME_GLOBAL, param1=param1, x=x, y=y)
+        return PlanItem(command, x, y, frame=mavlink.MAV_FRAME_GLOBAL, params=(param1, 0.0, 0.0, 0.0))
 
-    def _item_at(self, command: int, east_m: float, north_m: float, z: float, *params: float) -> Item:
+    def _item_at(self, command: int, east_m: float, north_m: float, z: float, *params: float) -> PlanItem:
         x, y = self.place(east_m, north_m)
         param1, _, param3 = [*params, 0.0, 0.0, 0.0][:3]
         frame = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT
-        return Item(command, frame=frame, param1=param1, param3=param3, x=x, y=y, z=z)
+        return PlanItem(command, x, y, z, frame, (param1, 0.0, param3, 0.0))
 
-    def _item(self, leg: Leg, place: tuple[float, float], *, first: int) -> Item:
+    def _item(self, leg: Leg, place: tuple[float, float], *, first: int) -> PlanItem:
         if leg.takeoff is not None:
             return self._item_at(mavlink.MAV_CMD_NAV_TAKEOFF, *place, leg.takeoff.height_m)
         if leg.waypoint is not None:
@@ -276,7 +277,7 @@ class PlanWriter:
             return self._raw(leg.item)
         return _without_place(leg, first=first)
 
-    def _loiter(self, loiter: Loiter) -> Item:
+    def _loiter(self, loiter: Loiter) -> PlanItem:
         where = (loiter.east_m, loiter.north_m, loiter.height_m)
         if loiter.turns is not None:
             return self._item_at(mavlink.MAV_CMD_NAV_LOITER_TURNS, *where, loiter.turns, 0.0, loiter.radius_m)
@@ -284,37 +285,30 @@ class PlanWriter:
             return self._item_at(mavlink.MAV_CMD_NAV_LOITER_TIME, *where, loiter.for_s, 0.0, loiter.radius_m)
         return self._item_at(mavlink.MAV_CMD_NAV_LOITER_UNLIM, *where, 0.0, 0.0, loiter.radius_m)
 
-    def _raw(self, raw: RawItem) -> Item:
+    def _raw(self, raw: RawItem) -> PlanItem:
         x, y = (0, 0)
         if raw.east_m is not None and raw.north_m is not None:
             x, y = self.place(raw.east_m, raw.north_m)
-        return Item(
+        return PlanItem(
             mavlink_number("MAV_CMD_", raw.command),
-            frame=mavlink_number("MAV_FRAME_", raw.frame),
-            param1=raw.param1,
-            param2=raw.param2,
-            param3=raw.param3,
-            param4=raw.param4,
-            x=x,
-            y=y,
-            z=raw.z,
+            x,
+            y,
+            raw.z,
+            mavlink_number("MAV_FRAME_", raw.frame),
+            (raw.param1, raw.param2, raw.param3, raw.param4),
         )
 
 
-def _without_place(leg: Leg, *, first: int) -> Item:
+def _without_place(leg: Leg, *, first: int) -> PlanItem:
     frame = mavlink.MAV_FRAME_MISSION
     if leg.speed_m_s is not None:
         ground_speed = float(mavlink.SPEED_TYPE_GROUNDSPEED)
-        return Item(
-            mavlink.MAV_CMD_DO_CHANGE_SPEED,
-            frame=frame,
-            param1=ground_speed,
-            param2=leg.speed_m_s,
-            param3=-1.0,
-        )
+        params = (ground_speed, leg.speed_m_s, -1.0, 0.0)
+        return PlanItem(mavlink.MAV_CMD_DO_CHANGE_SPEED, frame=frame, params=params)
     if leg.delay_s is not None:
-        return Item(mavlink.MAV_CMD_NAV_DELAY, frame=frame, param1=leg.delay_s)
+        return PlanItem(mavlink.MAV_CMD_NAV_DELAY, frame=frame, params=(leg.delay_s, 0.0, 0.0, 0.0))
     if leg.jump is not None:
         to = float(leg.jump.to - 1 + first)
-        return Item(mavlink.MAV_CMD_DO_JUMP, frame=frame, param1=to, param2=float(leg.jump.times))
-    return Item(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH, frame=frame)
+        params = (to, float(leg.jump.times), 0.0, 0.0)
+        return PlanItem(mavlink.MAV_CMD_DO_JUMP, frame=frame, params=params)
+    return PlanItem(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH, frame=frame)

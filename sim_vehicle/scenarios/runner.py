@@ -14,7 +14,7 @@ from sim_vehicle.scenarios.checking import CheckFailure, RunningCheck
 from sim_vehicle.scenarios.checks import RunView
 from sim_vehicle.scenarios.model import Scenario
 from sim_vehicle.scenarios.plan import FenceShape
-from sim_vehicle.station.client import FrameSink, Station, StepFailure
+from sim_vehicle.scenarios.script import FrameSink, ScriptStation, StepFailure
 from sim_vehicle.truth import Truth
 
 Corner = tuple[float, float]  # east, north [m]
@@ -89,7 +89,7 @@ class Run:
     ) -> None:
         self.scenario = scenario
         self.fleet = Fleet(scenario)
-        self.station = Station(scenario, on_frame=on_frame)
+        self.station = ScriptStation(scenario, on_frame=on_frame)
         self.now = 0.0
         self._on_failure = on_failure
         self._running_checks = [RunningCheck(spec, scenario) for spec in scenario.checks]

@@ -8,14 +8,14 @@ from sim_vehicle.scenarios.plan import PlanWriter, mavlink_number
 from sim_vehicle.scenarios.steps import ScriptStep
 from sim_vehicle.station.exchanges import (
     ChangeMode,
+    Command,
     Exchange,
-    LongCommand,
-    Reposition,
     Send,
     SetParameter,
     UploadPlan,
     WaitUntilReady,
 )
+from sim_vehicle.station.messages import command_int, command_long
 from sim_vehicle.vehicle.behaviour import Behaviour
 
 NAN = float("nan")
@@ -27,6 +27,7 @@ class StepExchanges:
 
     def __init__(self, spec: VehicleSpec, send: Send) -> None:
         self._spec, self._send = spec, send
+        self._target = spec.sysid, mavlink.MAV_COMP_ID_AUTOPILOT1
         self._personality: Personality = personality_of(spec.personality, spec.kind)
         # PX4's altitudes in commands are above mean sea level in every frame.
         self._altitudes_amsl = self._personality.autopilot == mavlink.MAV_AUTOPILOT_PX4
@@ -41,7 +42,7 @@ class StepExchanges:
             return [self._mission()]
         if chosen == "upload_fence":
             items = self._writer.fence(self._spec.fence)
-            return [UploadPlan(self._spec.sysid, self._send, items, mavlink.MAV_MISSION_TYPE_FENCE)]
+            return [UploadPlan(self._send, self._target, items, mavlink.MAV_MISSION_TYPE_FENCE)]
         if chosen == "start_mission":
             return self._start(step.timeout_s)
         if step.takeoff is not None:
@@ -51,10 +52,9 @@ class StepExchanges:
         if step.goto is not None:
             place = self._writer.place(step.goto.east_m, step.goto.north_m)
             if self._altitudes_amsl:
-                where = (*place, self._spec.alt_amsl_m + step.goto.height_m)
-                return [Reposition(self._spec.sysid, self._send, mavlink.MAV_FRAME_GLOBAL, *where)]
-            where = (*place, step.goto.height_m)
-            return [Reposition(self._spec.sysid, self._send, mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT, *where)]
+                amsl_m = self._spec.alt_amsl_m + step.goto.height_m
+                return [self._reposition(mavlink.MAV_FRAME_GLOBAL, place, amsl_m)]
+            return [self._reposition(mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT, place, step.goto.height_m)]
         if step.param is not None:
             return [self._parameter(name, value) for name, value in step.param.items()]
         if step.arm is not None and step.expect == "accepted":
@@ -78,14 +78,16 @@ class StepExchanges:
         }[step.chosen]()
 
     def _long_command(self, command: int, *params: float) -> Exchange:
-        return LongCommand(self._spec.sysid, self._send, command, params)
+        return Command(self._send, command_long(self._target, command, *params))
+
+    def _reposition(self, frame: int, place: tuple[int, int], z: float) -> Exchange:
+        params = (-1.0, float(mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE), 0.0, NAN)
+        x, y = place
+        command = mavlink.MAV_CMD_DO_REPOSITION
+        return Command(self._send, command_int(self._target, command, *params, frame=frame, x=x, y=y, z=z))
 
     def _mode(self, custom_mode: int) -> Exchange:
-        """Return the change to a mode. PX4 needs main mode and sub mode as separate parameters."""
-        custom = float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED)
-        main, sub = float(custom_mode >> 16 & 0xFF), float(custom_mode >> 24 & 0xFF)
-        params = (custom, main, sub) if main else (custom, float(custom_mode))
-        return ChangeMode(self._spec.sysid, self._send, custom_mode, params)
+        return ChangeMode(self._send, self._target, custom_mode)
 
     def _mode_for(self, behaviour: Behaviour) -> Exchange:
         modes = self._personality.modes.values()
@@ -93,11 +95,11 @@ class StepExchanges:
 
     def _mission(self) -> Exchange:
         items = self._writer.mission(self._spec.mission, home_first=self._personality.home_item)
-        return UploadPlan(self._spec.sysid, self._send, items, mavlink.MAV_MISSION_TYPE_MISSION)
+        return UploadPlan(self._send, self._target, items, mavlink.MAV_MISSION_TYPE_MISSION)
 
     def _wait_and_arm(self, timeout_s: float) -> list[Exchange]:
         arm = self._long_command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
-        return [WaitUntilReady(self._spec.sysid, self._send, READY_WAIT_SHARE * timeout_s), arm]
+        return [WaitUntilReady(self._send, self._target, READY_WAIT_SHARE * timeout_s), arm]
 
     def _start(self, timeout_s: float) -> list[Exchange]:
         arm = self._wait_and_arm(timeout_s)
@@ -118,4 +120,4 @@ class StepExchanges:
 
     def _parameter(self, name: str, value: float) -> Exchange:
         byte_wise = self._personality.parameters_byte_wise
-        return SetParameter(self._spec.sysid, self._send, name, value, byte_wise=byte_wise)
+        return SetParameter(self._send, self._target, name, value, byte_wise=byte_wise)

@@ -8,7 +8,7 @@ from typing import BinaryIO
 
 from sim_vehicle.epoch import EPOCH_US
 from sim_vehicle.scenarios.model import VehicleSpec
-from sim_vehicle.station.client import FrameSink
+from sim_vehicle.scenarios.script import FrameSink
 
 
 class Tlog:

@@ -1,4 +1,5 @@
-"""A ground station without sockets and clocks, for scenarios and for vehicles under test.
+"""The one client of vehicles, without sockets and clocks: for scenarios, the conformance suite and test rigs.
 
-`client` runs a script; `exchanges` has the requests to one vehicle.
+`frames` packs and parses messages. `exchanges` has the requests to one vehicle, `plan_items` and
+`parameter_values` their contents. The simulated vehicles are not imported, so the client fits any vehicle.
 """

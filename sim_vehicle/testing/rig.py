@@ -8,22 +8,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
-from pymavlink.dialects.v20 import ardupilotmega as mavlink
-
 from sim_vehicle.epoch import EPSILON_S
 from sim_vehicle.faults.spec import FaultError, parse_fault
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.personalities import PERSONALITIES
 from sim_vehicle.scenarios import Scenario, ScenarioError, default_scenario, load_scenario
 from sim_vehicle.scenarios.file import parse_data, read_step
+from sim_vehicle.scenarios.script import ScriptStation
 from sim_vehicle.scenarios.steps import ScriptStep
 from sim_vehicle.serving.tlog import tlogs
-from sim_vehicle.station.client import Station
+from sim_vehicle.station.frames import STATION, Receiver, Sender
 from sim_vehicle.wire.outbox import Frames
 
 STEP_S = 0.05  # simulated time of one tick of the test's clock
 HOME = (46.0490, 14.5060, 300.0)  # latitude, longitude [deg], altitude above mean sea level [m]
-GCS_SYSTEM, GCS_COMPONENT = 255, mavlink.MAV_COMP_ID_MISSIONPLANNER
 PEER = "the test"
 MAX_VEHICLES = 10_000
 MAX_OPERATOR_LINES = 20
@@ -73,8 +71,7 @@ class Vehicle:
         self._rig, self.index = rig, index
         assert rig.fleet is not None
         self.sysid, self.link = rig.fleet.sysids[index], rig.fleet.links[index]
-        self._decoder = mavlink.MAVLink(None)
-        self._decoder.robust_parsing = True
+        self._receiver = Receiver()
         self._raw: list[bytes] = []
         self._log: list[tuple[float, bytes]] = []  # time [s] and data, from and to the vehicle
         self._decoded = 0
@@ -95,9 +92,8 @@ class Vehicle:
     def received(self) -> list[Any]:
         """Every valid message from this vehicle, in order; a test may remove processed messages."""
         while self._decoded < len(self._raw):
-            parsed = self._decoder.parse_buffer(self._raw[self._decoded]) or ()
+            self._received += self._receiver.messages(self._raw[self._decoded])
             self._decoded += 1
-            self._received += [message for message in parsed if message.get_type() != "BAD_DATA"]
         return self._received
 
     @property
@@ -185,8 +181,8 @@ class Rig:
         self.vehicles: list[Vehicle] = []
         self.serving: FleetThread | None = None
         self.operator_lines: deque[str] = deque(maxlen=MAX_OPERATOR_LINES)  # output of a server
-        self._codec = mavlink.MAVLink(None, GCS_SYSTEM, GCS_COMPONENT)
-        self._station: Station | None = None
+        self._sender = Sender()
+        self._station: ScriptStation | None = None
         self._now = 0.0
         self._ticks = 0
 
@@ -241,7 +237,7 @@ class Rig:
     def deliver(self, message: Any, vehicle: Vehicle) -> None:
         fleet = self.existing()
         is_message = not isinstance(message, bytes)
-        data = bytes(message.pack(self._codec)) if is_message else message
+        data = self._sender.pack(message) if is_message else message
 
         def received() -> None:
             if is_message:
@@ -264,7 +260,7 @@ class Rig:
 
     def _begin(self, index: int, step: ScriptStep) -> None:
         if self._station is None:
-            self._station = Station(self.existing().scenario, on_frame=self._log_sent)
+            self._station = ScriptStation(self.existing().scenario, on_frame=self._log_sent)
             for vehicle in self.vehicles:
                 for frame in vehicle._raw:
                     self._station.receive(vehicle.index, frame, self.now)
@@ -272,7 +268,7 @@ class Rig:
 
     def _log_sent(self, index: int, frame: bytes, now: float) -> None:
         """Log the messages of the ground station; `take` logs the messages of the vehicle."""
-        if frame[SOURCE_SYSTEM_AT] == GCS_SYSTEM:
+        if frame[SOURCE_SYSTEM_AT] == STATION[0]:
             self.vehicles[index]._log.append((now, frame))
 
     def write_tlogs(self, folder: Path) -> None:

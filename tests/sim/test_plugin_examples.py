@@ -14,7 +14,7 @@ from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.scenarios import ScenarioError
-from sim_vehicle.station.client import Station
+from sim_vehicle.scenarios.script import ScriptStation
 from sim_vehicle.testing.rig import Clock, NotWithinTimeError, Rig, Swarm, Vehicle, scenario_for
 from sim_vehicle.testing.served import ServedFleet
 
@@ -132,13 +132,13 @@ def test_one_thread_runs_a_served_fleet_and_its_ground_station(
     vehicle: Vehicle, link: ServedFleet, clock: Clock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     threads: list[threading.Thread] = []
-    receive = Station.receive
+    receive = ScriptStation.receive
 
-    def received(station: Station, index: int, data: bytes, now: float) -> None:
+    def received(station: ScriptStation, index: int, data: bytes, now: float) -> None:
         threads.append(threading.current_thread())
         receive(station, index, data, now)
 
-    monkeypatch.setattr(Station, "receive", received)
+    monkeypatch.setattr(ScriptStation, "receive", received)
     link.serve(speedup=10)
     clock.run_for(2)
     vehicle.do("takeoff", 5)

@@ -174,8 +174,8 @@ vehicles:
         waypoint, jump, land = items[first + 2], items[first + 3], items[first + 4]
         there = LocalFrame(spec.lat_deg, spec.lon_deg).point_to_local(waypoint.x * 1e-7, waypoint.y * 1e-7)
         assert there == pytest.approx((30, 40), abs=0.02)
-        assert (waypoint.z, waypoint.param1) == (25, 2)
-        assert jump.param1 == first + 2  # the waypoint
+        assert (waypoint.z, waypoint.params[0]) == (25, 2)
+        assert jump.params[0] == first + 2  # the waypoint
         assert land.command == mavlink.MAV_CMD_NAV_LAND
         assert (land.x, land.y) == (waypoint.x, waypoint.y)
         assert spec.goal_m() == (30, 40)

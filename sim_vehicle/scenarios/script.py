@@ -1,4 +1,4 @@
-"""A ground station without I/O, which runs a script and keeps the state of each vehicle."""
+"""A ground station without I/O: it runs the script of a scenario and keeps the state of each vehicle."""
 
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -13,6 +13,8 @@ from sim_vehicle.scenarios.progress import MissionProgress
 from sim_vehicle.scenarios.step_exchanges import StepExchanges
 from sim_vehicle.scenarios.steps import ScriptStep
 from sim_vehicle.station.exchanges import Exchange
+from sim_vehicle.station.frames import NOISE, Receiver, Sender
+from sim_vehicle.station.messages import heartbeat
 from sim_vehicle.wire.frame import HEADER2_BYTES, MAVLINK2
 
 GAP = "[...]"  # text in place of a missing chunk
@@ -38,7 +40,6 @@ PROCESSED_IDS = frozenset(
         mavlink.MAVLINK_MSG_ID_PARAM_VALUE,
     }
 )
-SYSTEM, COMPONENT = 255, mavlink.MAV_COMP_ID_MISSIONPLANNER
 
 FrameSink = Callable[[int, bytes, float], None]  # (index of the vehicle, frame, time [s])
 LinkFrames = list[tuple[int, bytes]]  # (link, frame)
@@ -110,7 +111,7 @@ class Contact:
         return self.status_texts.texts
 
 
-class Station:
+class ScriptStation:
     """A ground station that runs the steps of a script, in parallel for all vehicles.
 
     Parameters
@@ -126,8 +127,8 @@ class Station:
         self.contacts = [Contact(spec) for spec in scenario.vehicles]
         self.failures: list[StepFailure] = []
         self._links = sorted({spec.link for spec in scenario.vehicles})
-        self._codecs = {link: mavlink.MAVLink(None, SYSTEM, COMPONENT) for link in self._links}
-        self._parsers = [_parser() for _ in scenario.vehicles]
+        self._senders = {link: Sender() for link in self._links}
+        self._receivers = [Receiver() for _ in scenario.vehicles]
         self._has_intact_frames = not scenario.faults  # most intact frames need no slow decoding
         self._outbox: LinkFrames = []
         self._now = 0.0
@@ -161,11 +162,11 @@ class Station:
             self.contacts[index].messages += 1
             self._on_frame(index, data, now)
             return
-        for message in self._parsers[index].parse_buffer(data) or ():
-            if message.get_type().startswith(("BAD_DATA", "UNKNOWN_")):
+        for frame in self._receivers[index].frames(data, now):
+            if frame.kind.startswith((NOISE, "UNKNOWN_")):
                 continue  # noise or a damaged header; the codec cannot verify an unknown message
-            self._on_frame(index, bytes(message.get_msgbuf()), now)
-            self._note(index, message, now)
+            self._on_frame(index, frame.raw, now)
+            self._note(index, frame.message, now)
 
     def step(self, now: float) -> LinkFrames:
         """Return the messages to send by `now`, as (link, bytes)."""
@@ -224,7 +225,7 @@ class Station:
         link = self.contacts[index].spec.link
 
         def send(message: Any) -> None:
-            frame = bytes(message.pack(self._codecs[link]))
+            frame = self._senders[link].pack(message)
             self._outbox.append((link, frame))
             self._on_frame(index, frame, self._now)
 
@@ -236,10 +237,7 @@ class Station:
 
     def _send_heartbeat(self) -> None:
         for link in self._links:
-            message = mavlink.MAVLink_heartbeat_message(
-                mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
-            )
-            frame = bytes(message.pack(self._codecs[link]))
+            frame = self._senders[link].pack(heartbeat())
             self._outbox.append((link, frame))
             for index, contact in enumerate(self.contacts):
                 if contact.spec.link == link:
@@ -313,9 +311,3 @@ def _is_plain_telemetry(data: bytes) -> bool:
     """Return True for one whole unsigned frame of a kind that the station does not process."""
     whole = len(data) >= HEADER2_BYTES and data[0] == MAVLINK2 and len(data) == data[1] + EMPTY_FRAME_BYTES
     return whole and int.from_bytes(data[7:10], "little") not in PROCESSED_IDS
-
-
-def _parser() -> mavlink.MAVLink:
-    parser = mavlink.MAVLink(None)
-    parser.robust_parsing = True
-    return parser
