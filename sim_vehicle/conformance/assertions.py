@@ -4,6 +4,8 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.station.messages import enum_name
+
 
 class CheckFailed(Exception):
     """The vehicle behaved wrongly; the text gives the expected and the observed behaviour."""
@@ -18,21 +20,16 @@ def id_of(kind: str) -> int:
     return found
 
 
-def _enum_name(enum: str, value: int, prefix: str) -> str:
-    entry = mavlink.enums[enum].get(value)
-    return entry.name.removeprefix(prefix) if entry is not None else str(value)
-
-
 def result_name(result: int) -> str:
-    return _enum_name("MAV_RESULT", result, "MAV_RESULT_")
+    return enum_name("MAV_RESULT", result, "MAV_RESULT_")
 
 
 def mission_result_name(result: int) -> str:
-    return _enum_name("MAV_MISSION_RESULT", result, "MAV_MISSION_")
+    return enum_name("MAV_MISSION_RESULT", result, "MAV_MISSION_")
 
 
 def command_name(command: int) -> str:
-    return _enum_name("MAV_CMD", command, "MAV_CMD_")
+    return enum_name("MAV_CMD", command, "MAV_CMD_")
 
 
 def equal(seen: Any, expected: Any, label: str) -> None:

@@ -9,6 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim_vehicle.conformance import plans
 from sim_vehicle.conformance.assertions import CheckFailed, Skip, equal, result_name
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
+from sim_vehicle.station import messages
 
 HEIGHT_M, PLANE_HEIGHT_M = 20.0, 50.0  # height of the take-off above home
 READY_S, CLIMB_S, LAND_S = 150.0, 90.0, 240.0  # longest times until ready, at height, landed
@@ -30,16 +31,9 @@ def mode_name(vehicle: VehicleUnderTest, number: int) -> str:
     return f"{names[number]} ({number})" if number in names else str(number)
 
 
-def mode_command(vehicle: VehicleUnderTest, number: int) -> Any:
-    """Return DO_SET_MODE for a custom mode, with the parameters of this autopilot."""
-    if vehicle.dialect.name == "px4":
-        return vehicle.command_long(mavlink.MAV_CMD_DO_SET_MODE, 1, number >> 16 & 0xFF, number >> 24)
-    return vehicle.command_long(mavlink.MAV_CMD_DO_SET_MODE, 1, number)
-
-
 def try_mode(vehicle: VehicleUnderTest, role: str) -> int:
     """Command a mode; return the MAV_RESULT."""
-    return vehicle.result(mode_command(vehicle, mode_number(vehicle, role)))
+    return vehicle.result(messages.set_mode(vehicle.target, mode_number(vehicle, role)))
 
 
 def in_mode(vehicle: VehicleUnderTest, role: str) -> Callable[[], bool]:

@@ -7,10 +7,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.generator.mavcrc import x25crc
 
 from sim_vehicle.conformance.assertions import Skip, result_name
-from sim_vehicle.conformance.identity import ReceivedFrame
 from sim_vehicle.conformance.outgoing import COMMAND_CANCEL, COMMAND_CANCEL_EXTRA
-from sim_vehicle.conformance.traffic import STATION
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
+from sim_vehicle.station.frames import STATION, ReceivedFrame, Source
 
 COMPONENT_METADATA = 397
 AVAILABLE_MODES, CURRENT_MODE = 435, 436
@@ -25,10 +24,10 @@ def frame(
     *,
     incompatible: int = 0,
     compatible: int = 0,
-    source: tuple[int, int] = STATION,
+    source: Source = STATION,
 ) -> bytes:
     """Return an unsigned MAVLink 2 frame with any payload and flags."""
-    codec = vehicle.codec(source)
+    codec = vehicle.sender.codec(source)
     head = struct.pack(
         "<BBBBBB", len(payload), incompatible, compatible, codec.seq, source[0], source[1]
     ) + message_id.to_bytes(3, "little")
@@ -43,14 +42,14 @@ def command_cancel(vehicle: VehicleUnderTest, command: int) -> bytes:
 
 
 def with_bad_crc(vehicle: VehicleUnderTest, message: Any) -> bytes:
-    data = bytearray(vehicle.pack(message))
+    data = bytearray(vehicle.sender.pack(message))
     data[-1] ^= 0x5A
     return bytes(data)
 
 
 def untrimmed(vehicle: VehicleUnderTest, message: Any, crc_extra: int) -> bytes:
     """Return the frame of a message with the trailing zeros that MAVLink 2 senders omit."""
-    raw = vehicle.pack(message)
+    raw = vehicle.sender.pack(message)
     payload = raw[10:-2].ljust(message.unpacker.size, b"\0")
     return frame(vehicle, message.id, payload, crc_extra)
 

@@ -2,6 +2,7 @@
 
 import struct
 from dataclasses import dataclass
+from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -14,7 +15,7 @@ ACK, NAK = 128, 129
 FAIL, FAIL_ERRNO, EOF, UNKNOWN_COMMAND, NOT_FOUND = 1, 2, 6, 7, 10
 HEADER = struct.Struct("<HBBBBBxI")  # seq, session, opcode, size, request opcode, burst complete, offset
 CHUNK = 239  # bytes of data in a full payload
-REPLY_S, ATTEMPTS = 1.5, 4
+REPLY_S = 1.5
 MAX_BYTES = 4_000_000  # `read` stops after these bytes
 
 
@@ -47,24 +48,21 @@ class FtpClient:
         self.vehicle = vehicle
         self.seq = 0
 
-    def send(
+    def message(
         self, opcode: int, data: bytes = b"", *, session: int = 0, offset: int = 0, size: int | None = None
-    ) -> int:
-        """Send a request; return its sequence number. `size` replaces the data's length in the header."""
-        self.seq = (self.seq + 1) % 65_536
-        self.resend(opcode, data, session=session, offset=offset, size=size)
-        return self.seq
-
-    def resend(
-        self, opcode: int, data: bytes = b"", *, session: int = 0, offset: int = 0, size: int | None = None
-    ) -> None:
-        """Send a request with the previous sequence number."""
+    ) -> Any:
+        """Return a request with the present sequence number; `size` replaces the data's length."""
         length = len(data) if size is None else size
         payload = HEADER.pack(self.seq, session, opcode, length, 0, 0, offset) + data
-        message = mavlink.MAVLink_file_transfer_protocol_message(
+        return mavlink.MAVLink_file_transfer_protocol_message(
             0, *self.vehicle.target, payload.ljust(251, b"\0")
         )
-        self.vehicle.send(message)
+
+    def send(self, opcode: int, data: bytes = b"", **fields: int) -> int:
+        """Send a request with the next sequence number; return the number."""
+        self.seq = (self.seq + 1) % 65_536
+        self.vehicle.send(self.message(opcode, data, **fields))
+        return self.seq
 
     def reply(self, mark: int, within_s: float = REPLY_S) -> tuple[Reply, int] | None:
         """Return the first reply after a mark, and the mark after the reply; None after `within_s`."""
@@ -73,18 +71,11 @@ class FtpClient:
             return None
         return _reply(bytes(self.vehicle.received[index].message.payload)), index + 1
 
-    def ask(
-        self, opcode: int, data: bytes = b"", *, session: int = 0, offset: int = 0, size: int | None = None
-    ) -> Reply:
+    def ask(self, opcode: int, data: bytes = b"", **fields: int) -> Reply:
         """Send a request and return the answer; an unanswered request is repeated with the same number."""
-        mark = self.vehicle.mark()
-        self.send(opcode, data, session=session, offset=offset, size=size)
-        for _ in range(ATTEMPTS):
-            found = self.reply(mark)
-            if found is not None:
-                return found[0]
-            self.resend(opcode, data, session=session, offset=offset, size=size)
-        raise CheckFailed(f"expected an answer to FTP operation {opcode}, saw none")
+        self.seq = (self.seq + 1) % 65_536
+        request = self.message(opcode, data, **fields)
+        return _reply(bytes(self.vehicle.ask(request, "FILE_TRANSFER_PROTOCOL").payload))
 
     def reset(self) -> None:
         self.ask(RESET)

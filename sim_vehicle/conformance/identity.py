@@ -1,7 +1,6 @@
-"""The identity of the vehicle under test, and a frame received from it."""
+"""The identity of the vehicle under test."""
 
 from dataclasses import dataclass
-from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -9,28 +8,6 @@ from sim_vehicle.conformance.dialects import PLANE_TYPES
 
 SIMULATOR_MARK = b"sim_vehicle"  # first bytes of the simulator's uid2
 SIGNED = 0x01  # MAVLink 2 incompatibility flag of a signed frame
-
-
-@dataclass(frozen=True, slots=True)
-class ReceivedFrame:
-    """A received frame: arrival time [s of vehicle time], name of the message, decoded message, header."""
-
-    at_s: float
-    kind: str
-    message: Any
-    sysid: int
-    component: int
-    seq: int
-    raw: bytes
-
-    @property
-    def msgid(self) -> int:
-        return int.from_bytes(self.raw[7:10], "little") if self.raw[0] == 0xFD else self.raw[5]
-
-    @property
-    def payload(self) -> bytes:
-        start = 10 if self.raw[0] == 0xFD else 6
-        return self.raw[start : start + self.raw[1]]
 
 
 @dataclass(frozen=True, slots=True)

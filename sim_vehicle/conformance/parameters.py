@@ -1,7 +1,6 @@
 """Parameters, read and written in the encoding of the vehicle."""
 
 import math
-import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -11,27 +10,11 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance.assertions import CheckFailed, Skip
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
+from sim_vehicle.station.parameter_values import from_wire, to_wire
 
 LIST_QUIET_S = 1.5  # after a longer pause in a list, missing entries are requested
 LIST_S = 120.0  # longest time for a parameter list
 UNINDEXED = 65_535  # param_index in ArduPilot's answer by name, and of PX4's _HASH_CHECK
-_FORMATS = {
-    mavlink.MAV_PARAM_TYPE_UINT8: "B",
-    mavlink.MAV_PARAM_TYPE_INT8: "b",
-    mavlink.MAV_PARAM_TYPE_UINT16: "H",
-    mavlink.MAV_PARAM_TYPE_INT16: "h",
-    mavlink.MAV_PARAM_TYPE_UINT32: "I",
-    mavlink.MAV_PARAM_TYPE_INT32: "i",
-    mavlink.MAV_PARAM_TYPE_REAL32: "f",
-}
-INTEGER_RANGES = {
-    mavlink.MAV_PARAM_TYPE_UINT8: (0, 255),
-    mavlink.MAV_PARAM_TYPE_INT8: (-128, 127),
-    mavlink.MAV_PARAM_TYPE_UINT16: (0, 65_535),
-    mavlink.MAV_PARAM_TYPE_INT16: (-32_768, 32_767),
-    mavlink.MAV_PARAM_TYPE_UINT32: (0, 2**32 - 1),
-    mavlink.MAV_PARAM_TYPE_INT32: (-(2**31), 2**31 - 1),
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,20 +36,16 @@ def byte_wise(vehicle: VehicleUnderTest) -> bool:
 
 
 def decode(vehicle: VehicleUnderTest, message: Any) -> ParameterValue:
-    raw, kind = message.param_value, message.param_type
-    if byte_wise(vehicle) and kind in INTEGER_RANGES:
-        size = struct.calcsize(_FORMATS[kind])
-        raw = struct.unpack(f"<{_FORMATS[kind]}", struct.pack("<f", raw)[:size])[0]
-    return ParameterValue(message.param_id, raw, kind, message.param_index, message.param_count)
+    value = from_wire(message.param_value, message.param_type, byte_wise=byte_wise(vehicle))
+    return ParameterValue(
+        message.param_id, value, message.param_type, message.param_index, message.param_count
+    )
 
 
 def set_message(vehicle: VehicleUnderTest, name: str, value: float, kind: int) -> Any:
     """Return PARAM_SET in the encoding of the vehicle."""
-    wire = value
-    if byte_wise(vehicle) and kind in INTEGER_RANGES:
-        packed = struct.pack(f"<{_FORMATS[kind]}", int(value)).ljust(4, b"\0")
-        wire = struct.unpack("<f", packed)[0]
-    return mavlink.MAVLink_param_set_message(*vehicle.target, name.encode(), wire, kind)
+    field = to_wire(value, kind, byte_wise=byte_wise(vehicle))
+    return mavlink.MAVLink_param_set_message(*vehicle.target, name.encode(), field, kind)
 
 
 def read_message(

@@ -9,43 +9,20 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance.assertions import CheckFailed, Skip, equal, mission_result_name
 from sim_vehicle.conformance.guard import PLAN_NAMES
-from sim_vehicle.conformance.traffic import STATION, Condition
+from sim_vehicle.conformance.traffic import Condition
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
+from sim_vehicle.station.exchanges import REQUESTS, UploadPlan
+from sim_vehicle.station.frames import STATION, Source
+from sim_vehicle.station.plan_items import MISSION, PlanItem
 
-MISSION = int(mavlink.MAV_MISSION_TYPE_MISSION)
 FENCE = int(mavlink.MAV_MISSION_TYPE_FENCE)
 RALLY = int(mavlink.MAV_MISSION_TYPE_RALLY)
 ALL = int(mavlink.MAV_MISSION_TYPE_ALL)
-RELATIVE = int(mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT)
 M_PER_DEG = 111_319.5
 POSITION_S = 120.0  # longest wait for a position
 BACKUP_ATTEMPTS = 3  # in each attempt every item is requested up to three times
 TRANSFER_ENDS_S = 6.0  # wait between attempts; PX4 ends a broken transfer after 5 s
-REQUESTS = ("MISSION_REQUEST", "MISSION_REQUEST_INT")
-
-
-@dataclass(frozen=True, slots=True)
-class PlanItem:
-    """An outgoing mission item: x, y [1e-7 deg], z [m]."""
-
-    command: int
-    x: int = 0
-    y: int = 0
-    z: float = 0.0
-    frame: int = RELATIVE
-    params: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
-
-    def message(
-        self, vehicle: VehicleUnderTest, seq: int, kind: int = MISSION, *, as_float: bool = False
-    ) -> Any:
-        """Return MISSION_ITEM_INT, or the legacy MISSION_ITEM."""
-        # The field `current` is 0, because PX4 would start at an item with 1.
-        head = (*vehicle.target, seq, self.frame, self.command, 0, 1, *self.params)
-        if as_float:
-            frame = {5: 0, 6: 3, 11: 10}.get(self.frame, self.frame)
-            head = (*head[:3], frame, *head[4:])
-            return mavlink.MAVLink_mission_item_message(*head, self.x / 1e7, self.y / 1e7, self.z, kind)
-        return mavlink.MAVLink_mission_item_int_message(*head, self.x, self.y, self.z, kind)
+UPLOAD_ATTEMPTS = 8  # transmissions of MISSION_COUNT without a request, in 12 s
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,7 +113,7 @@ def clear_message(vehicle: VehicleUnderTest, kind: int = MISSION) -> Any:
     return mavlink.MAVLink_mission_clear_all_message(*vehicle.target, kind)
 
 
-def for_station(kind: int, source: tuple[int, int] = STATION) -> Condition:
+def for_station(kind: int, source: Source = STATION) -> Condition:
     """Return the condition for messages of this plan type to this station or to all systems."""
     return lambda m: m.mission_type == kind and m.target_system in (0, source[0])
 
@@ -147,7 +124,7 @@ def next_request(
     *,
     mark: int,
     within_s: float = 3.0,
-    source: tuple[int, int] = STATION,
+    source: Source = STATION,
 ) -> tuple[str, int]:
     """Return name and seq of the next MISSION_REQUEST(_INT); raise CheckFailed if none arrives."""
     index = vehicle.seek(REQUESTS, for_station(kind, source), within_s=within_s, mark=mark)
@@ -165,32 +142,19 @@ def upload(
     kind: int = MISSION,
     *,
     as_float: bool = False,
-    source: tuple[int, int] = STATION,
+    source: Source = STATION,
 ) -> UploadResult:
     """Upload a plan; return the outcome, even of a refusal. Raise CheckFailed without MISSION_ACK."""
-    began_s, requests = vehicle.now, list[tuple[str, int]]()
-    mark = vehicle.mark()
-    vehicle.send(count_message(vehicle, len(items), kind), source)
-    condition, timeouts = for_station(kind, source), 0
-    while True:
-        index = vehicle.seek((*REQUESTS, "MISSION_ACK"), condition, within_s=3.0, mark=mark)
-        if index is None:
-            timeouts += 1
-            if timeouts > 3:
-                raise CheckFailed(f"upload: no further message after {len(requests)} requests")
-            if not requests and timeouts == 1:  # MISSION_COUNT may be lost
-                vehicle.send(count_message(vehicle, len(items), kind), source)
-            continue
-        mark, entry = index + 1, vehicle.received[index]
-        if entry.kind == "MISSION_ACK":
-            if entry.message.type == mavlink.MAV_MISSION_INVALID_SEQUENCE and requests:
-                continue  # the answer to a duplicate item
-            return UploadResult(entry.message.type, tuple(requests), entry.message, vehicle.now - began_s)
-        seq = entry.message.seq
-        requests.append((entry.kind, seq))
-        if seq >= len(items):
-            raise CheckFailed(f"upload: the vehicle requested item {seq} of {len(items)}")
-        vehicle.send(items[seq].message(vehicle, seq, kind, as_float=as_float), source)
+    began_s = vehicle.now
+    exchange = UploadPlan(
+        lambda m: vehicle.send(m, source), vehicle.target, items, kind,
+        as_float=as_float, sysid=source[0], attempts=UPLOAD_ATTEMPTS,
+    )  # fmt: skip
+    outcome = vehicle.complete(exchange)
+    if outcome.message is None:
+        raise CheckFailed(f"upload: {outcome.text} after {len(exchange.requests)} requests")
+    result = outcome.message.type
+    return UploadResult(result, tuple(exchange.requests), outcome.message, vehicle.now - began_s)
 
 
 def upload_or_fail(vehicle: VehicleUnderTest, items: Sequence[PlanItem], kind: int = MISSION) -> UploadResult:
@@ -200,13 +164,13 @@ def upload_or_fail(vehicle: VehicleUnderTest, items: Sequence[PlanItem], kind: i
     return done
 
 
-def end_download(vehicle: VehicleUnderTest, kind: int = MISSION, source: tuple[int, int] = STATION) -> None:
+def end_download(vehicle: VehicleUnderTest, kind: int = MISSION, source: Source = STATION) -> None:
     """Acknowledge a download; PX4 accepts no upload before the acknowledgement or a time-out."""
     accepted = mavlink.MAV_MISSION_ACCEPTED
     vehicle.send(mavlink.MAVLink_mission_ack_message(*vehicle.target, accepted, kind), source)
 
 
-def open_list(vehicle: VehicleUnderTest, kind: int = MISSION, source: tuple[int, int] = STATION) -> int:
+def open_list(vehicle: VehicleUnderTest, kind: int = MISSION, source: Source = STATION) -> int:
     """Begin a download; return the number of items. `end_download` ends the download."""
     answer = vehicle.ask(
         request_list(vehicle, kind), "MISSION_COUNT", for_station(kind, source), source=source
@@ -226,7 +190,7 @@ def download(
     kind: int = MISSION,
     *,
     as_float: bool = False,
-    source: tuple[int, int] = STATION,
+    source: Source = STATION,
 ) -> list[Any]:
     """Download and acknowledge the stored items; return their messages."""
     request = (
@@ -268,7 +232,7 @@ def begin_upload(vehicle: VehicleUnderTest, items: list[PlanItem], sent: int) ->
     for _ in range(sent):
         _, seq = next_request(vehicle, MISSION, mark=mark)
         mark = vehicle.mark()
-        vehicle.send(items[seq].message(vehicle, seq))
+        vehicle.send(items[seq].message(vehicle.target, seq))
     next_request(vehicle, MISSION, mark=mark)
     return vehicle.mark()
 

@@ -11,10 +11,11 @@ from sim_vehicle.conformance.boots import BootWatch
 from sim_vehicle.conformance.guard import ARM, PERMISSIONS, PLAN_NAMES, REBOOT, SIMULATOR
 from sim_vehicle.conformance.identity import VehicleIdentity
 from sim_vehicle.conformance.parameters import has, read, restore, write
-from sim_vehicle.conformance.plans import FENCE, MISSION, RALLY, PlanBackup
+from sim_vehicle.conformance.plans import FENCE, RALLY, PlanBackup
 from sim_vehicle.conformance.registry import Check
 from sim_vehicle.conformance.traffic import is_autopilot
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
+from sim_vehicle.station.plan_items import MISSION
 
 SILENCE_S = 5.0  # longest wait for a heartbeat after a check; without a heartbeat the check fails
 HEARTBEAT_WAIT_S = 60.0  # longest wait for a heartbeat after a silence: a boot takes up to a minute

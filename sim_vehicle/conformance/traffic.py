@@ -9,18 +9,22 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance.assertions import CheckFailed, Skip
 from sim_vehicle.conformance.guard import Forbidden, is_for, is_read_only, refusal
-from sim_vehicle.conformance.identity import ReceivedFrame, VehicleIdentity
+from sim_vehicle.conformance.identity import VehicleIdentity
 from sim_vehicle.conformance.outgoing import LONGEST_FRAME, frames_in
+from sim_vehicle.station.exchanges import Exchange, ExchangeOutcome
+from sim_vehicle.station.frames import NOISE, STATION, ReceivedFrame, Receiver, Sender, Source
+from sim_vehicle.station.messages import heartbeat
 
 Condition = Callable[[Any], bool]
 HEARTBEAT_S = 1.0  # period of the station's heartbeats
 REPLY_S = 1.5  # default wait for an answer; an idle autopilot answers much earlier
+ATTEMPTS = 3  # transmissions of a request
 RESTORE_S = 60.0  # time for undoing a change, even after the time limit of a check
 MAX_SYSID = 250  # highest result of `unused_sysid`; stations often use the system ids above
 EPSILON_S = 1e-6  # tolerance for sums of times
 PACES = 0.1, 10.0  # a measured pace outside of these limits is a wrong clock, not a slow machine
 SAME_PACE = 0.05  # a smaller change of the pace is ignored
-STATION, SECOND_STATION = (255, 190), (254, 191)  # (system id, component id)
+SECOND_STATION = (254, 191)
 
 
 class WireError(OSError):
@@ -59,6 +63,7 @@ class Traffic:
     last: latest frame of each kind.
     texts: time [s], severity and text of each STATUSTEXT of the run.
     noise: bytes outside of valid frames since the check began.
+    sender: the encoders of the stations.
     seen_sysids: system ids of all senders so far, including other vehicles.
     saved_plans: MAV_MISSION_TYPE of each saved plan; the suite overwrites only saved plans.
     """
@@ -76,9 +81,7 @@ class Traffic:
         self.deadline_s = math.inf
         self.seen_sysids: set[int] = set()
         self.saved_plans: set[int] = set()
-        self._codecs: dict[tuple[int, int], mavlink.MAVLink] = {}
-        self._parser = mavlink.MAVLink(None)
-        self._parser.robust_parsing = True
+        self.sender, self._receiver = Sender(), Receiver()
         self._next_heartbeat_s = 0.0
         self._sent_tail = b""  # the last bytes sent, because a frame may be sent in pieces
         # Seconds of the vehicle's clock in a second of the wire, since (time of the wire, `now`).
@@ -108,21 +111,9 @@ class Traffic:
     def target(self) -> tuple[int, int]:
         return self.identity.sysid, self.identity.component
 
-    def codec(self, source: tuple[int, int] = STATION) -> mavlink.MAVLink:
-        """Return the MAVLink encoder of a station of the suite."""
-        if source not in self._codecs:
-            self._codecs[source] = mavlink.MAVLink(None, srcSystem=source[0], srcComponent=source[1])
-        return self._codecs[source]
-
-    def pack(self, message: Any, source: tuple[int, int] = STATION) -> bytes:
-        codec = self.codec(source)
-        data = bytes(message.pack(codec))
-        codec.seq = (codec.seq + 1) % 256
-        return data
-
-    def send(self, message: Any, source: tuple[int, int] = STATION) -> None:
+    def send(self, message: Any, source: Source = STATION) -> None:
         """Send a message as a station of the suite; raise the error of `objection`."""
-        self.send_raw(self.pack(message, source))
+        self.send_raw(self.sender.pack(message, source))
 
     def send_raw(self, data: bytes) -> None:
         """Send the bytes, or raise the error of `objection`. Every method sends through this method."""
@@ -179,32 +170,24 @@ class Traffic:
         if self.now >= self._next_heartbeat_s - EPSILON_S:
             self._next_heartbeat_s = self.now + HEARTBEAT_S
             if not self.heartbeats_off:
-                self.send(
-                    mavlink.MAVLink_heartbeat_message(
-                        mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
-                    )
-                )
+                self.send(heartbeat())
         data = self._next_bytes(min(timeout_s, max(0.0, self._next_heartbeat_s - self.now)))
         while data is not None:
             self._receive(data)
             data = self._next_bytes(0.0)
 
     def _receive(self, data: bytes) -> None:
-        for message in self._parser.parse_buffer(data) or ():
-            kind, raw = message.get_type(), bytes(message.get_msgbuf())
-            if kind == "BAD_DATA":
-                self.noise += raw
+        for frame in self._receiver.frames(data, self.now):
+            if frame.kind == NOISE:
+                self.noise += frame.raw
                 continue
-            v2 = raw[0] == 0xFD
-            sysid, component, seq = (raw[5], raw[6], raw[4]) if v2 else (raw[3], raw[4], raw[2])
-            self.seen_sysids.add(sysid)
-            if self.identity.sysid not in (0, sysid):
+            self.seen_sysids.add(frame.sysid)
+            if self.identity.sysid not in (0, frame.sysid):
                 continue
-            entry = ReceivedFrame(self.now, kind, message, sysid, component, seq, raw)
-            self.received.append(entry)
-            self._keep_latest(entry)
-            if kind == "STATUSTEXT":
-                self.texts.append((self.now, message.severity, message.text))
+            self.received.append(frame)
+            self._keep_latest(frame)
+            if frame.kind == "STATUSTEXT":
+                self.texts.append((frame.at_s, frame.message.severity, frame.message.text))
 
     def _keep_latest(self, entry: ReceivedFrame) -> None:
         if entry.kind != "HEARTBEAT" or is_autopilot(entry.message):
@@ -280,20 +263,31 @@ class Traffic:
             raise CheckFailed(f"expected no {kind}, saw {message}")
 
     def ask(
-        self,
-        message: Any,
-        kind: str,
-        where: Condition | None = None,
-        *,
-        within_s: float = REPLY_S,
-        attempts: int = 3,
-        source: tuple[int, int] = STATION,
+        self, message: Any, kind: str, where: Condition | None = None, *, source: Source = STATION
     ) -> Any:
-        """Send a message up to `attempts` times and return the answer; raise CheckFailed if none arrives."""
-        for _ in range(attempts):
+        """Send a message up to `ATTEMPTS` times and return the answer; raise CheckFailed if none arrives."""
+
+        def fits(answer: Any) -> bool:
+            return answer.get_type() == kind and (where is None or where(answer))
+
+        exchange = Exchange(
+            lambda m: self.send(m, source), message, is_answer=fits, resend_s=REPLY_S, attempts=ATTEMPTS
+        )
+        outcome = self.complete(exchange)
+        if outcome.message is None:
+            raise CheckFailed(f"expected {kind} for {message.get_type()}, saw {outcome.text}")
+        return outcome.message
+
+    def complete(self, exchange: Exchange) -> ExchangeOutcome:
+        """Run an exchange with the vehicle to its end."""
+        mark = self.mark()
+        exchange.begin(self.now)
+        while True:
+            for frame in self.received[mark:]:
+                if exchange.outcome is None:
+                    exchange.receive(frame.message, frame.at_s)
+            if exchange.outcome is not None:
+                return exchange.outcome
             mark = self.mark()
-            self.send(message, source)
-            answer = self.wait_for(kind, where, within_s=within_s, mark=mark)
-            if answer is not None:
-                return answer
-        raise CheckFailed(f"expected {kind} for {message.get_type()}, saw none in {attempts} attempts")
+            self._pump(max(0.0, exchange.due_s - self.now))
+            exchange.tick(self.now)

@@ -2,16 +2,19 @@
 
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance.assertions import CheckFailed, Skip, command_name, equal, id_of, result_name
 from sim_vehicle.conformance.dialects import GENERIC, Dialect, dialect_of
-from sim_vehicle.conformance.identity import ReceivedFrame, VehicleIdentity
-from sim_vehicle.conformance.traffic import REPLY_S, STATION, Traffic, Wire, WireError, is_autopilot
+from sim_vehicle.conformance.identity import VehicleIdentity
+from sim_vehicle.conformance.traffic import ATTEMPTS, Traffic, Wire, WireError, is_autopilot
+from sim_vehicle.station.exchanges import Command
+from sim_vehicle.station.frames import STATION, ReceivedFrame, Source
+from sim_vehicle.station.messages import command_int, command_long
 
-IN_PROGRESS_S = 60.0  # longest wait for the final COMMAND_ACK after IN_PROGRESS
 NEWS_S = 3.0  # longest wait for news of a message that was sent before
 CONNECT_S = 30.0  # longest wait for the first heartbeat
 ARMED = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
@@ -53,22 +56,21 @@ class VehicleUnderTest(Traffic):
         self.last = {}
         for received in self.received:
             self._keep_latest(received)
-        for command in (mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES):
-            params = (mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,) if command == 512 else (1,)
-            for _ in range(3):
-                self.send(self.command_long(command, *params))
-                version = self.wait_for("AUTOPILOT_VERSION", within_s=REPLY_S)
-                if version is not None:
-                    self.identity = VehicleIdentity(
-                        entry.sysid,
-                        entry.component,
-                        beat.autopilot,
-                        beat.type,
-                        version.capabilities,
-                        version.flight_sw_version,
-                        bytes(version.uid2),
-                    )
-                    return self.identity
+        for request in (
+            self.command_long(mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION),
+            self.command_long(mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES, 1),
+        ):
+            try:
+                version = self.ask(request, "AUTOPILOT_VERSION")
+            except CheckFailed:
+                continue
+            self.identity = replace(
+                self.identity,
+                capabilities=version.capabilities,
+                software=version.flight_sw_version,
+                uid2=bytes(version.uid2),
+            )
+            break
         return self.identity
 
     @property
@@ -110,50 +112,21 @@ class VehicleUnderTest(Traffic):
         return failures
 
     def command_long(self, command: int, *params: float, confirmation: int = 0, to: Any = None) -> Any:
-        padded = [*params, *[0.0] * (7 - len(params))]
-        return mavlink.MAVLink_command_long_message(*(to or self.target), command, confirmation, *padded)
+        return command_long(to or self.target, command, *params, confirmation=confirmation)
 
-    def command_int(
-        self,
-        command: int,
-        *params: float,
-        frame: int = mavlink.MAV_FRAME_GLOBAL,
-        x: int = 0,
-        y: int = 0,
-        z: float = 0.0,
-    ) -> Any:
-        padded = [*params, *[0.0] * (4 - len(params))]
-        return mavlink.MAVLink_command_int_message(*self.target, frame, command, 0, 0, *padded, x, y, z)
+    def command_int(self, command: int, *params: float, **place: Any) -> Any:
+        """Return COMMAND_INT; `place`: frame, x, y, z."""
+        return command_int(self.target, command, *params, **place)
 
-    def result(self, message: Any, *, source: tuple[int, int] = STATION, attempts: int = 3) -> int:
+    def result(self, message: Any, *, source: Source = STATION, attempts: int = ATTEMPTS) -> int:
         """Send a command up to `attempts` times; return its final MAV_RESULT, or raise CheckFailed."""
-        command = message.command
-        for attempt in range(attempts):
-            if message.get_type() == "COMMAND_LONG":
-                message.confirmation = attempt
-            mark = self.mark()
-            self.send(message, source)
-            ack = self._ack(command, source, mark, REPLY_S)
-            if ack is not None and ack.result == mavlink.MAV_RESULT_IN_PROGRESS:
-                ack = self.wait_for(
-                    "COMMAND_ACK",
-                    lambda m: m.command == command and m.result != mavlink.MAV_RESULT_IN_PROGRESS,
-                    within_s=IN_PROGRESS_S,
-                    mark=mark,
-                )
-            if ack is not None:
-                return int(ack.result)
-        raise CheckFailed(
-            f"expected a COMMAND_ACK for {command_name(command)}, saw none in {attempts} attempts"
+        outcome = self.complete(
+            Command(lambda m: self.send(m, source), message, sysid=source[0], attempts=attempts)
         )
-
-    def _ack(self, command: int, source: tuple[int, int], mark: int, within_s: float) -> Any | None:
-        return self.wait_for(
-            "COMMAND_ACK",
-            lambda m: m.command == command and m.target_system in (0, source[0]),
-            within_s=within_s,
-            mark=mark,
-        )
+        if outcome.message is None:
+            name = command_name(message.command)
+            raise CheckFailed(f"expected a COMMAND_ACK for {name}, saw {outcome.text}")
+        return int(outcome.message.result)
 
     def command(self, command: int, *params: float) -> int:
         """Send COMMAND_LONG; return its final MAV_RESULT."""

@@ -19,8 +19,8 @@ from sim_vehicle.conformance.guard import Forbidden, permission_for
 from sim_vehicle.conformance.registry import CATEGORIES, Check, all_checks, check, select
 from sim_vehicle.conformance.report import as_json
 from sim_vehicle.conformance.runner import Outcome, granted_permissions, run
-from sim_vehicle.conformance.traffic import STATION
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
+from sim_vehicle.station.frames import STATION
 
 VEHICLES = [(name, kind) for name in ("ardupilot", "px4") for kind in ("copter", "plane")]
 
@@ -288,7 +288,7 @@ def test_raw_bytes_need_the_same_permissions_as_messages() -> None:
     vehicle = VehicleUnderTest(FleetWire(fleet(ready_s=0.0)))
     vehicle.connect()
     with pytest.raises(Skip, match="--allow-arm"):
-        vehicle.send_raw(vehicle.pack(arm_message(1)))
+        vehicle.send_raw(vehicle.sender.pack(arm_message(1)))
 
 
 def test_the_unused_system_id_is_not_on_the_link() -> None:

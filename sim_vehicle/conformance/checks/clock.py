@@ -6,8 +6,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance.assertions import Skip, equal, holds, near
 from sim_vehicle.conformance.registry import check
-from sim_vehicle.conformance.traffic import STATION
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
+from sim_vehicle.station.frames import STATION
 
 MAX_SPEEDUP = 20.0  # of a simulation with the date of its host
 Y2020_US = 1_577_836_800_000_000

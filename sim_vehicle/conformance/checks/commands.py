@@ -9,8 +9,10 @@ from sim_vehicle.conformance import flying, frames
 from sim_vehicle.conformance.assertions import CheckFailed, Skip, equal, holds, id_of, result_name
 from sim_vehicle.conformance.guard import ALTER, CRASH
 from sim_vehicle.conformance.registry import check
-from sim_vehicle.conformance.traffic import SECOND_STATION, STATION
+from sim_vehicle.conformance.traffic import SECOND_STATION
 from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
+from sim_vehicle.station.frames import STATION
+from sim_vehicle.station.messages import set_mode
 
 NO_SUCH_COMMAND = 31_999
 VERSION = mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION
@@ -99,7 +101,7 @@ def repeated_mode(vehicle: VehicleUnderTest) -> str:
     """A command for the present mode is accepted."""
     flying.set_ready_mode(vehicle)
     equal(
-        result_name(vehicle.result(flying.mode_command(vehicle, vehicle.mode))),
+        result_name(vehicle.result(set_mode(vehicle.target, vehicle.mode))),
         "ACCEPTED",
         "the present mode",
     )

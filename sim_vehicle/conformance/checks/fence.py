@@ -9,9 +9,11 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import parameters, plans
 from sim_vehicle.conformance.assertions import equal, holds, mission_result_name, near, result_name
-from sim_vehicle.conformance.plans import FENCE, MISSION, PlanItem
+from sim_vehicle.conformance.plans import FENCE
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
+from sim_vehicle.station.exchanges import REQUESTS
+from sim_vehicle.station.plan_items import MISSION, PlanItem
 
 CLAIMS = ("MISSION_FENCE",)
 INCLUSION_VERTEX = mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION
@@ -271,7 +273,7 @@ def interleaved(vehicle: VehicleUnderTest) -> str:
         vehicle.send(plans.count_message(vehicle, len(items), kind))
     results: dict[int, int] = {}
     while len(results) < 2:
-        index = vehicle.seek((*plans.REQUESTS, "MISSION_ACK"), within_s=3.0, mark=mark)
+        index = vehicle.seek((*REQUESTS, "MISSION_ACK"), within_s=3.0, mark=mark)
         holds(index is not None, f"no request or result within 3 s; results so far by type: {results}")
         assert index is not None
         entry, mark = vehicle.received[index], index + 1
@@ -280,7 +282,7 @@ def interleaved(vehicle: VehicleUnderTest) -> str:
             results[kind] = entry.message.type
         else:
             seq = entry.message.seq
-            vehicle.send(sent[kind][seq].message(vehicle, seq, kind))
+            vehicle.send(sent[kind][seq].message(vehicle.target, seq, kind))
     equal(results, {MISSION: 0, FENCE: 0}, "results by type")
     equal(_coordinates(plans.download(vehicle, FENCE)), _coordinates(sent[FENCE]), "fence")
     equal(

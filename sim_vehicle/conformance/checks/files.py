@@ -169,7 +169,7 @@ def repeated(vehicle: VehicleUnderTest) -> str:
         path, _ = _some_file(client)
         first = client.ask(ftp.OPEN_READ, path.encode())
         mark = vehicle.mark()
-        client.resend(ftp.OPEN_READ, path.encode())
+        vehicle.send(client.message(ftp.OPEN_READ, path.encode()))
         again = client.reply(mark)
     holds(again is not None, "expected an answer, saw none")
     assert again is not None

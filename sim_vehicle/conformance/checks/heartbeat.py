@@ -6,9 +6,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance.assertions import CheckFailed, Skip, equal, holds
 from sim_vehicle.conformance.flying import mode_name
-from sim_vehicle.conformance.identity import ReceivedFrame
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
+from sim_vehicle.station.frames import ReceivedFrame
 
 LISTEN_S = 8.0
 MAX_LOST_SHARE = 0.05  # share of frames that a real link may lose

@@ -4,10 +4,11 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import plans
 from sim_vehicle.conformance.assertions import equal, holds, mission_result_name, near
-from sim_vehicle.conformance.plans import MISSION
 from sim_vehicle.conformance.registry import check
-from sim_vehicle.conformance.traffic import SECOND_STATION, STATION
+from sim_vehicle.conformance.traffic import SECOND_STATION
 from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
+from sim_vehicle.station.frames import STATION
+from sim_vehicle.station.plan_items import MISSION
 
 N_MANY_ITEMS = 100
 

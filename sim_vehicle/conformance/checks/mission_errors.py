@@ -8,9 +8,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import plans
 from sim_vehicle.conformance.assertions import equal, holds, mission_result_name
-from sim_vehicle.conformance.plans import MISSION, PlanItem
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
+from sim_vehicle.station.plan_items import MISSION, PlanItem
 
 NO_SUCH_COMMAND = 31_900
 
@@ -109,7 +109,7 @@ def item_without_upload(vehicle: VehicleUnderTest) -> str:
     items = plans.sample_plan(vehicle)
     plans.upload_or_fail(vehicle, items)
     mark = vehicle.mark()
-    vehicle.send(plans.waypoint(plans.current_position(vehicle), 900, 900).message(vehicle, 1))
+    vehicle.send(plans.waypoint(plans.current_position(vehicle), 900, 900).message(vehicle.target, 1))
     ack = vehicle.expect("MISSION_ACK", plans.for_station(MISSION), mark=mark)
     holds(ack.type != mavlink.MAV_MISSION_ACCEPTED, "expected a refusal, saw ACCEPTED")
     equal(plans.coordinates(vehicle, plans.download(vehicle)), plans.coordinates(vehicle, items), "items")

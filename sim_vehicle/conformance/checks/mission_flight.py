@@ -8,9 +8,10 @@ from sim_vehicle.conformance import flying, missions, parameters, plans
 from sim_vehicle.conformance.assertions import Skip, equal, holds, near, result_name
 from sim_vehicle.conformance.checks.fence import fence_in_force, polygon
 from sim_vehicle.conformance.guard import ARM
-from sim_vehicle.conformance.plans import FENCE, PlanItem
+from sim_vehicle.conformance.plans import FENCE
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
+from sim_vehicle.station.plan_items import PlanItem
 
 FLY_S = 300.0  # time limit of a check
 PASS_M = 4.0  # a waypoint within this distance counts as passed

@@ -8,6 +8,7 @@ from sim_vehicle.conformance import flying, missions, plans
 from sim_vehicle.conformance.assertions import equal, holds, mission_result_name, near, result_name
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
+from sim_vehicle.station.plan_items import MISSION
 
 FLY_S = 300.0  # time limit of a check
 PASS_M = 4.0  # a waypoint within this distance counts as reached
@@ -194,7 +195,7 @@ def abandoned_in_flight(vehicle: VehicleUnderTest) -> str:
     seq = missions.under_way(vehicle)
     mark = vehicle.mark()
     vehicle.send(plans.count_message(vehicle, 4))
-    plans.next_request(vehicle, plans.MISSION, mark=mark)
+    plans.next_request(vehicle, MISSION, mark=mark)
     vehicle.wait(7.0)
     holds(missions.current(vehicle) >= seq, f"expected item {seq} or later, saw {missions.current(vehicle)}")
     equal(vehicle.mode, flying.mode_number(vehicle, "mission"), "mode")

@@ -8,9 +8,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import plans
 from sim_vehicle.conformance.assertions import equal, near
-from sim_vehicle.conformance.plans import PlanItem
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
+from sim_vehicle.station.plan_items import PlanItem
 
 PX4_PINS = "PX4 mavlink_mission.cpp, format_mavlink_mission_item"
 PINS = "AUTOPILOTS 2: read-back differs"

@@ -6,10 +6,11 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import plans
 from sim_vehicle.conformance.assertions import CheckFailed, equal, holds, mission_result_name, near
-from sim_vehicle.conformance.plans import MISSION
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.traffic import SECOND_STATION
 from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
+from sim_vehicle.station.exchanges import REQUESTS
+from sim_vehicle.station.plan_items import MISSION
 
 NO_SUCH_COMMAND = 31_900
 N_OLD, N_NEW = 7, 5  # items without home: in the earlier mission, in the interrupted upload
@@ -25,7 +26,7 @@ def requests_again(vehicle: VehicleUnderTest) -> str:
     period_s = known_behaviour(vehicle, ardupilot=1.0, px4=0.25)
     mark = plans.begin_upload(vehicle, plans.sample_plan(vehicle), 2)
     vehicle.wait(3.2)
-    times_s = [e.at_s for e in vehicle.received[mark:] if e.kind in plans.REQUESTS]
+    times_s = [e.at_s for e in vehicle.received[mark:] if e.kind in REQUESTS]
     holds(len(times_s) >= 2, f"expected requests every {period_s:g} s, saw {len(times_s)} in 3.2 s")
     seen_s = (times_s[-1] - times_s[0]) / (len(times_s) - 1)
     plans.cancel_upload(vehicle)
@@ -42,10 +43,8 @@ def late_item(vehicle: VehicleUnderTest) -> str:
     _, seq = plans.next_request(vehicle, MISSION, mark=mark)
     while True:
         mark = vehicle.mark()
-        vehicle.send(items[seq].message(vehicle, seq))
-        index = vehicle.seek(
-            (*plans.REQUESTS, "MISSION_ACK"), plans.for_station(MISSION), within_s=3.0, mark=mark
-        )
+        vehicle.send(items[seq].message(vehicle.target, seq))
+        index = vehicle.seek((*REQUESTS, "MISSION_ACK"), plans.for_station(MISSION), within_s=3.0, mark=mark)
         if index is None:
             raise CheckFailed(f"no answer to item {seq}")
         if vehicle.received[index].kind == "MISSION_ACK":
@@ -67,7 +66,7 @@ def gives_up(vehicle: VehicleUnderTest) -> str:
     mark = plans.begin_upload(vehicle, plans.sample_plan(vehicle), 2)
     began_s = vehicle.now
     vehicle.wait(after_s + 3.0)
-    last_s = max(e.at_s - began_s for e in vehicle.received[mark:] if e.kind in plans.REQUESTS)
+    last_s = max(e.at_s - began_s for e in vehicle.received[mark:] if e.kind in REQUESTS)
     holds(last_s < after_s + 0.6, f"saw a request after {last_s:.1f} s")
     holds(last_s > after_s - 2.0, f"saw requests for only {last_s:.1f} s")
     acks = [m.type for m in vehicle.since(mark, "MISSION_ACK")]
@@ -136,9 +135,7 @@ def duplicate_item(vehicle: VehicleUnderTest) -> str:
     mark, repeated, n_answers = vehicle.mark(), False, 0
     vehicle.send(plans.count_message(vehicle, len(items)))
     while True:
-        index = vehicle.seek(
-            (*plans.REQUESTS, "MISSION_ACK"), plans.for_station(MISSION), within_s=3.0, mark=mark
-        )
+        index = vehicle.seek((*REQUESTS, "MISSION_ACK"), plans.for_station(MISSION), within_s=3.0, mark=mark)
         if index is None:
             raise CheckFailed("the vehicle neither requested nor acknowledged within 3 s")
         entry, mark = vehicle.received[index], index + 1
@@ -148,10 +145,10 @@ def duplicate_item(vehicle: VehicleUnderTest) -> str:
             n_answers += 1
             continue
         seq = entry.message.seq
-        vehicle.send(items[seq].message(vehicle, seq))
+        vehicle.send(items[seq].message(vehicle.target, seq))
         if seq == 1 and not repeated:
             repeated = True
-            vehicle.send(items[seq].message(vehicle, seq))
+            vehicle.send(items[seq].message(vehicle.target, seq))
     equal(mission_result_name(entry.message.type), "ACCEPTED", "upload")
     equal(n_answers > 0, is_answered, "INVALID_SEQUENCE received")
     equal(plans.coordinates(vehicle, plans.download(vehicle)), plans.coordinates(vehicle, items), "items")
@@ -168,7 +165,7 @@ def last_item_again(vehicle: VehicleUnderTest) -> str:
     items = plans.sample_plan(vehicle)
     plans.upload_or_fail(vehicle, items)
     mark, last = vehicle.mark(), len(items) - 1
-    vehicle.send(items[last].message(vehicle, last))
+    vehicle.send(items[last].message(vehicle.target, last))
     ack = vehicle.expect("MISSION_ACK", plans.for_station(MISSION), mark=mark)
     equal(mission_result_name(ack.type), expected, "the last item again")
     equal(plans.coordinates(vehicle, plans.download(vehicle)), plans.coordinates(vehicle, items), "items")
@@ -244,7 +241,7 @@ def partial_writes(vehicle: VehicleUnderTest) -> str:
     if not works:
         vehicle.wait(1.5)
         equal(
-            [e.kind for e in vehicle.received[mark:] if e.kind in (*plans.REQUESTS, "MISSION_ACK")],
+            [e.kind for e in vehicle.received[mark:] if e.kind in (*REQUESTS, "MISSION_ACK")],
             [],
             "answers",
         )
@@ -253,7 +250,7 @@ def partial_writes(vehicle: VehicleUnderTest) -> str:
         items[seq] = plans.waypoint(plans.current_position(vehicle), -50.0 * seq, 0)
         equal(plans.next_request(vehicle, MISSION, mark=mark)[1], seq, "requested item")
         mark = vehicle.mark()
-        vehicle.send(items[seq].message(vehicle, seq))
+        vehicle.send(items[seq].message(vehicle.target, seq))
     ack = vehicle.expect("MISSION_ACK", plans.for_station(MISSION), mark=mark)
     equal(mission_result_name(ack.type), "ACCEPTED", "partial write")
     equal(plans.coordinates(vehicle, plans.download(vehicle)), plans.coordinates(vehicle, items), "items")
@@ -270,7 +267,7 @@ def partial_appends(vehicle: VehicleUnderTest) -> str:
     equal(plans.next_request(vehicle, MISSION, mark=mark)[1], seq, "requested item")
     items.append(plans.waypoint(plans.current_position(vehicle), -90, 0))
     mark = vehicle.mark()
-    vehicle.send(items[seq].message(vehicle, seq))
+    vehicle.send(items[seq].message(vehicle.target, seq))
     equal(vehicle.expect("MISSION_ACK", mark=mark).type, mavlink.MAV_MISSION_ACCEPTED, "partial write")
     equal(plans.coordinates(vehicle, plans.download(vehicle)), plans.coordinates(vehicle, items), "items")
     return f"{len(items)} items"

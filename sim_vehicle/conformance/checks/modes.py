@@ -9,6 +9,7 @@ from sim_vehicle.conformance import flying, frames, plans
 from sim_vehicle.conformance.assertions import CheckFailed, Skip, equal, holds, result_name
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
+from sim_vehicle.station.messages import set_mode
 
 # Roles of modes in `Dialect.modes`, each with its own check.
 MODE_ROLES = (
@@ -113,7 +114,7 @@ def without_custom_flag(vehicle: VehicleUnderTest) -> str:
 def by_command_int(vehicle: VehicleUnderTest) -> str:
     """DO_SET_MODE as COMMAND_INT sets the mode."""
     flying.set_ready_mode(vehicle)
-    command = flying.mode_command(vehicle, flying.mode_number(vehicle, "manual"))
+    command = set_mode(vehicle.target, flying.mode_number(vehicle, "manual"))
     as_int = vehicle.command_int(command.command, command.param1, command.param2, command.param3)
     equal(result_name(vehicle.result(as_int)), "ACCEPTED", "COMMAND_INT")
     vehicle.wait_until(flying.in_mode(vehicle, "manual"), "the mode in the heartbeat", flying.HEARTBEAT_LAG_S)

@@ -10,6 +10,7 @@ from sim_vehicle.conformance.assertions import CheckFailed, Skip, equal, holds, 
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.traffic import SECOND_STATION
 from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
+from sim_vehicle.station.parameter_values import INTEGER_RANGES
 
 NO_SUCH = "NO_SUCH_PARAM"
 SILENT_S = 1.5  # a request without an answer for this time counts as unanswered
@@ -71,7 +72,7 @@ def names_are_valid(vehicle: VehicleUnderTest) -> str:
 def types_are_valid(vehicle: VehicleUnderTest) -> str:
     """Every type is a MAV_PARAM_TYPE of at most 32 bits; on PX4, INT32 or REAL32."""
     types = {found.type for found in parameters.listed(vehicle).values()}
-    allowed = {*parameters.INTEGER_RANGES, mavlink.MAV_PARAM_TYPE_REAL32}
+    allowed = {*INTEGER_RANGES, mavlink.MAV_PARAM_TYPE_REAL32}
     if vehicle.dialect.name == "px4":
         allowed = {mavlink.MAV_PARAM_TYPE_INT32, mavlink.MAV_PARAM_TYPE_REAL32}
     holds(types <= allowed, f"expected types of {sorted(allowed)}, saw {sorted(types - allowed)}")
@@ -82,8 +83,8 @@ def types_are_valid(vehicle: VehicleUnderTest) -> str:
 def values_fit_types(vehicle: VehicleUnderTest) -> str:
     """An integer parameter has a whole value within the range of its type; no value is NaN."""
     for found in parameters.listed(vehicle).values():
-        low, high = parameters.INTEGER_RANGES.get(found.type, (-math.inf, math.inf))
-        valid = found.type not in parameters.INTEGER_RANGES or float(found.value).is_integer()
+        low, high = INTEGER_RANGES.get(found.type, (-math.inf, math.inf))
+        valid = found.type not in INTEGER_RANGES or float(found.value).is_integer()
         holds(valid and low <= found.value <= high, f"{found.name} of type {found.type} is {found.value}")
     return f"{len(vehicle.catalogue)} values"
 
@@ -252,7 +253,7 @@ def integer_stays_whole(vehicle: VehicleUnderTest) -> str:
     if parameters.byte_wise(vehicle):
         raise Skip("integers are sent as their bytes, which have no fraction")
     name, value = _integer_change(vehicle)
-    if parameters.read(vehicle, name).type not in parameters.INTEGER_RANGES:
+    if parameters.read(vehicle, name).type not in INTEGER_RANGES:
         raise Skip(f"{name} is no integer parameter of this vehicle")
     with parameters.changed(vehicle, name, value + 0.7):
         seen = parameters.read(vehicle, name).value

@@ -6,9 +6,10 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import plans
 from sim_vehicle.conformance.assertions import equal, holds, mission_result_name, near
-from sim_vehicle.conformance.plans import RALLY, PlanItem
+from sim_vehicle.conformance.plans import RALLY
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
+from sim_vehicle.station.plan_items import PlanItem
 
 CLAIMS = ("MISSION_RALLY",)
 

@@ -10,8 +10,9 @@ from sim_vehicle.conformance import frames, parameters, plans
 from sim_vehicle.conformance.assertions import equal, holds, result_name
 from sim_vehicle.conformance.guard import SIMULATOR
 from sim_vehicle.conformance.registry import check
-from sim_vehicle.conformance.traffic import SECOND_STATION, STATION
+from sim_vehicle.conformance.traffic import SECOND_STATION
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
+from sim_vehicle.station.frames import STATION
 
 REQUEST = mavlink.MAV_CMD_REQUEST_MESSAGE
 VERSION = mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION
@@ -25,7 +26,7 @@ def _require_answer(vehicle: VehicleUnderTest) -> None:
 
 
 def _request(vehicle: VehicleUnderTest) -> bytes:
-    return vehicle.pack(vehicle.command_long(REQUEST, VERSION))
+    return vehicle.sender.pack(vehicle.command_long(REQUEST, VERSION))
 
 
 def _random_bytes(length: int, seed: int) -> bytes:
@@ -132,7 +133,7 @@ def in_pieces(vehicle: VehicleUnderTest) -> str:
 @check("robustness.frame.mavlink1")
 def mavlink1(vehicle: VehicleUnderTest) -> str:
     """A MAVLink 1 frame is processed."""
-    codec = vehicle.codec()
+    codec = vehicle.sender.codec()
     data = bytes(vehicle.command_long(REQUEST, VERSION).pack(codec, force_mavlink1=True))
     codec.seq = (codec.seq + 1) % 256
     mark = vehicle.mark()
@@ -157,7 +158,7 @@ def untrimmed(vehicle: VehicleUnderTest) -> str:
 def later_version(vehicle: VehicleUnderTest) -> str:
     """A message with the additional fields of a later version is processed."""
     message = vehicle.command_long(REQUEST, VERSION)
-    payload = vehicle.pack(message)[10:-2].ljust(message.unpacker.size, b"\0") + b"\x07\x08"
+    payload = vehicle.sender.pack(message)[10:-2].ljust(message.unpacker.size, b"\0") + b"\x07\x08"
     mark = vehicle.mark()
     vehicle.send_raw(frames.frame(vehicle, message.id, payload, message.crc_extra))
     vehicle.expect("COMMAND_ACK", mark=mark)
@@ -168,7 +169,7 @@ def later_version(vehicle: VehicleUnderTest) -> str:
 def incompatible_flag(vehicle: VehicleUnderTest) -> str:
     """A frame with an unknown incompatibility flag is not answered, as the specification demands."""
     message = vehicle.command_long(REQUEST, VERSION)
-    payload = vehicle.pack(message)[10:-2]
+    payload = vehicle.sender.pack(message)[10:-2]
     mark = vehicle.mark()
     vehicle.send_raw(frames.frame(vehicle, message.id, payload, message.crc_extra, incompatible=0x40))
     vehicle.expect_none("COMMAND_ACK", during_s=1.5, mark=mark)
@@ -180,7 +181,7 @@ def incompatible_flag(vehicle: VehicleUnderTest) -> str:
 def compatible_flag(vehicle: VehicleUnderTest) -> str:
     """A frame with an unknown compatibility flag is processed."""
     message = vehicle.command_long(REQUEST, VERSION)
-    payload = vehicle.pack(message)[10:-2]
+    payload = vehicle.sender.pack(message)[10:-2]
     mark = vehicle.mark()
     vehicle.send_raw(frames.frame(vehicle, message.id, payload, message.crc_extra, compatible=0x40))
     vehicle.expect("COMMAND_ACK", mark=mark)
@@ -190,7 +191,7 @@ def compatible_flag(vehicle: VehicleUnderTest) -> str:
 @check("robustness.frame.sequence_gap")
 def sequence_gap(vehicle: VehicleUnderTest) -> str:
     """The vehicle still answers after a gap in the station's sequence numbers, as after losses."""
-    codec = vehicle.codec()
+    codec = vehicle.sender.codec()
     codec.seq = (codec.seq + 100) % 256
     _require_answer(vehicle)
     return "answered"

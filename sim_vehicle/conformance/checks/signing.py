@@ -9,10 +9,10 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance.assertions import CheckFailed, Skip, equal, holds, result_name
 from sim_vehicle.conformance.guard import ALTER
-from sim_vehicle.conformance.identity import SIGNED, ReceivedFrame
+from sim_vehicle.conformance.identity import SIGNED
 from sim_vehicle.conformance.registry import check
-from sim_vehicle.conformance.traffic import STATION
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
+from sim_vehicle.station.frames import STATION, ReceivedFrame
 
 KEY = hashlib.sha256(b"sim_vehicle conformance").digest()
 OTHER_KEY = hashlib.sha256(b"another key").digest()
@@ -25,7 +25,7 @@ KEY_REMOVAL_ATTEMPTS = 5
 
 def _sign_with(vehicle: VehicleUnderTest, source: tuple[int, int], key: bytes, stamp: int) -> None:
     """Sign all later frames of a station of the suite."""
-    signing = vehicle.codec(source).signing
+    signing = vehicle.sender.codec(source).signing
     signing.secret_key, signing.link_id, signing.timestamp, signing.sign_outgoing = key, 3, stamp, True
 
 
@@ -115,7 +115,7 @@ def _executed(vehicle: VehicleUnderTest, data: bytes) -> bool:
 
 def _require_untrusted_link(vehicle: VehicleUnderTest) -> None:
     """Raise Skip if the vehicle trusts the link and therefore accepts unsigned frames."""
-    if _executed(vehicle, vehicle.pack(vehicle.command_long(REQUEST, VERSION), PLAIN)):
+    if _executed(vehicle, vehicle.sender.pack(vehicle.command_long(REQUEST, VERSION), PLAIN)):
         raise Skip("the vehicle trusts this link and accepts unsigned frames")
     # An answer shows that the link works, so the unsigned request was probably refused, not lost.
     vehicle.ask(vehicle.command_long(REQUEST, VERSION), "COMMAND_ACK", source=SIGNER)
@@ -135,7 +135,7 @@ def refuses_wrong_key(vehicle: VehicleUnderTest) -> str:
     with _signing_key(vehicle) as stamp:
         _require_untrusted_link(vehicle)
         _sign_with(vehicle, FORGER, OTHER_KEY, stamp + 9000)
-        executed = _executed(vehicle, vehicle.pack(vehicle.command_long(REQUEST, VERSION), FORGER))
+        executed = _executed(vehicle, vehicle.sender.pack(vehicle.command_long(REQUEST, VERSION), FORGER))
     holds(not executed, "expected no answer to a wrong key, saw a COMMAND_ACK")
     return "refused"
 
@@ -145,7 +145,7 @@ def refuses_replay(vehicle: VehicleUnderTest) -> str:
     """A repeated signed frame is refused, unless the link is trusted."""
     with _signing_key(vehicle):
         _require_untrusted_link(vehicle)
-        data = vehicle.pack(vehicle.command_long(REQUEST, VERSION), SIGNER)
+        data = vehicle.sender.pack(vehicle.command_long(REQUEST, VERSION), SIGNER)
         holds(_executed(vehicle, data), "the first command was not executed")
         executed = _executed(vehicle, data)
     holds(not executed, "expected no answer to a replay, saw a COMMAND_ACK")
