@@ -191,11 +191,7 @@ def test_a_plane_returns_from_a_fence_by_default_and_without_autoland(
 def test_a_plane_goes_to_the_fences_return_point_in_guided(action: int) -> None:
     station = plane_in_guided({"FENCE_ACTION": action, "FENCE_TYPE": 2, "FENCE_RADIUS": 300})
     point = item(mavlink.MAV_CMD_NAV_FENCE_RETURN_POINT, 0, 150, 0, frame=0)
-    replies = station.send(mavlink.MAVLink_mission_count_message(1, 0, 1, 1))
-    assert [m.seq for m in replies if m.get_type() == "MISSION_REQUEST"] == [0]
-    message = station.item_message(0, point)
-    message.mission_type = mavlink.MAV_MISSION_TYPE_FENCE
-    assert [m.type for m in station.send(message) if m.get_type() == "MISSION_ACK"] == [0]
+    assert station.upload([point], mavlink.MAV_MISSION_TYPE_FENCE) == 0
     assert reposition(station, 700, 60) == 0
     station.wait(1)
     set_parameter(station, "FENCE_ENABLE", 1)

@@ -7,7 +7,7 @@ from px4_station import AUTO as PX4_AUTO
 from px4_station import HOLD, QuietPx4Station
 from px4_station import LAND as PX4_LAND
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import ALT_M, LAT_DEG, LON_DEG, Station, acks, home_item, item, takeoff, waypoint
+from station import ALT_M, LAT_DEG, LON_DEG, Station, home_item, item, takeoff, waypoint
 
 GUIDED, AUTO, RTL, LAND, BRAKE = 4, 3, 6, 9, 17
 ACCEPTED, FAILED = 0, 4
@@ -18,16 +18,9 @@ def north_m(station: Station) -> float:
 
 
 def send_fence(station: Station, corners: int) -> int:
-    replies = station.send(mavlink.MAVLink_mission_count_message(1, 0, corners, 1))
-    for seq in range(corners):
-        angle = 2 * math.pi * seq / corners
-        f = item(5001, 100 * math.cos(angle), 100 * math.sin(angle))
-        place = (f["x"], f["y"])
-        vertex = mavlink.MAVLink_mission_item_int_message(
-            1, 0, seq, 0, 5001, 0, 1, corners, 0, 0, 0, *place, 0, 1
-        )
-        replies = station.send(vertex)
-    return acks(replies)[-1]
+    angles = [2 * math.pi * seq / corners for seq in range(corners)]
+    vertices = [item(5001, 100 * math.cos(a), 100 * math.sin(a), frame=0, param1=corners) for a in angles]
+    return station.upload(vertices, mavlink.MAV_MISSION_TYPE_FENCE)
 
 
 @pytest.mark.autopilots("MAVSDK 5 takeoff", "2 PX4 otherwise")

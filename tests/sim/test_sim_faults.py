@@ -20,6 +20,7 @@ from sim_vehicle.faults import FAULTS
 from sim_vehicle.faults.spec import FaultError, parse_fault
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.scenarios import default_scenario
+from sim_vehicle.station.messages import command_long
 
 GUIDED = 4
 POSITION = mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT
@@ -199,8 +200,7 @@ def test_a_mission_refused_at_an_item_keeps_the_items_before() -> None:
 
 
 def command(station: Station, number: int, *params: float) -> list[int]:
-    padded = [*params, *[0.0] * (7 - len(params))]
-    replies = station.send(mavlink.MAVLink_command_long_message(1, 1, number, 0, *padded))
+    replies = station.send(command_long((1, 1), number, *params))
     return [m.result for m in replies if m.get_type() == "COMMAND_ACK"]
 
 
@@ -405,7 +405,7 @@ START = 600_000_000_000
 
 
 def sign(station: Station, *, out: bool = True) -> None:
-    for codec in (station.codec, station._decoder):
+    for codec in (station.codec, station.receiver.codec):
         codec.signing.secret_key = KEY
         codec.signing.timestamp = START
     station.codec.signing.sign_outgoing = out

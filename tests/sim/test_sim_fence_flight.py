@@ -13,19 +13,6 @@ ENABLE = mavlink.MAV_CMD_DO_FENCE_ENABLE
 GUIDED, AUTO, RTL, LAND = 4, 3, 6, 9
 
 
-def upload(station: Station, items: list[dict[str, Any]], kind: int) -> int:
-    replies = station.send(mavlink.MAVLink_mission_count_message(1, 0, len(items), kind))
-    for seq, f in enumerate(items):
-        replies = station.send(
-            mavlink.MAVLink_mission_item_int_message(
-                1, 0, seq, f["frame"], f["command"], 0, 1,
-                f["param1"], f["param2"], f["param3"], f["param4"], f["x"], f["y"], f["z"], kind,
-            )
-        )  # fmt: skip
-    (result,) = [m.type for m in replies if m.get_type() == "MISSION_ACK"]
-    return int(result)
-
-
 def square(half_m: float, north_m: float = 0.0, command: int = 5001) -> list[dict[str, Any]]:
     corners = ((-1, -1), (1, -1), (1, 1), (-1, 1))
     return [item(command, north_m + a * half_m, b * half_m, param1=4, frame=3) for a, b in corners]
@@ -48,7 +35,7 @@ def notices(station: Station) -> list[tuple[int, str]]:
 def fenced(*fence: dict[str, Any], kind: int = 4) -> Station:
     """Return a copter on the ground with an enabled fence; `kind` has the bits of FENCE_TYPE."""
     station = Station()
-    assert upload(station, list(fence) or square(100), FENCE) == 0
+    assert station.upload(list(fence) or square(100), FENCE) == 0
     set_parameter(station, "FENCE_TYPE", kind)
     set_parameter(station, "FENCE_ENABLE", 1)
     station.wait(1.1)
@@ -235,7 +222,7 @@ def test_a_return_close_to_home_climbs_to_the_cone_of_rtl_cone_slope(
 def test_a_return_goes_to_the_nearest_rally_point() -> None:
     station = Station()
     points = [item(5100, north, 0, 25, frame=3) for north in (90.0, 250.0)]
-    assert upload(station, points, RALLY) == 0
+    assert station.upload(points, RALLY) == 0
     assert parameter(station, "RALLY_TOTAL") == 2
     station.fly_mission([takeoff(), waypoint(300, 0)])
     station.until(lambda: place_m(station)[0] > 120, 60)
@@ -247,7 +234,7 @@ def test_a_return_goes_to_the_nearest_rally_point() -> None:
 def test_px4_stores_and_ignores_a_fence_without_home_inside() -> None:
     station = QuietPx4Station()
     station.wait(1.0)
-    assert upload(station, square(50, north_m=300), FENCE) == 0
+    assert station.upload(square(50, north_m=300), FENCE) == 0
     assert station.texts()[-1] == "Geofence invalid, doesn't contain Home position"
     station.upload_and_wait([takeoff(10), waypoint(60, 0, 10), waypoint(0, 0, 10)])
     assert station.change(4, 4) == 0
@@ -259,7 +246,7 @@ def test_px4_stores_and_ignores_a_fence_without_home_inside() -> None:
 def test_px4_holds_at_the_edge_of_its_fence() -> None:
     station = QuietPx4Station(params={"GF_ACTION": 2})
     station.wait(1.0)
-    assert upload(station, square(80), FENCE) == 0
+    assert station.upload(square(80), FENCE) == 0
     station.upload_and_wait([takeoff(10), waypoint(300, 0, 10)])
     assert station.change(4, 4) == 0
     assert station.arm() == 0

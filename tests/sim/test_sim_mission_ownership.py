@@ -42,18 +42,7 @@ def current(station: Station) -> int:
 
 
 def upload_rally(station: Station, north_m: float, z: float, frame: int = 3) -> None:
-    fields = item(RALLY_POINT, north_m, 0, z, frame=frame)
-    station.send(mavlink.MAVLink_mission_count_message(1, 0, 1, RALLY))
-    (ack,) = [
-        message
-        for message in station.send(
-            mavlink.MAVLink_mission_item_int_message(
-                1, 0, 0, frame, RALLY_POINT, 0, 1, 0, 0, 0, 0, fields["x"], fields["y"], z, RALLY
-            )
-        )
-        if message.get_type() == "MISSION_ACK"
-    ]
-    assert ack.type == 0
+    assert station.upload([item(RALLY_POINT, north_m, 0, z, frame=frame)], RALLY) == 0
 
 
 def highest_m(station: Station, seconds: int) -> float:

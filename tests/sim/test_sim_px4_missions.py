@@ -51,10 +51,7 @@ def test_a_mission_resumed_far_from_its_first_item_is_not_flown() -> None:
 def test_a_new_fence_checks_the_flying_mission_again() -> None:
     station = flying_beyond_the_limit()
     circle = item(mavlink.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION, param1=5000.0, frame=mavlink.MAV_FRAME_GLOBAL)
-    part = station.item_message(0, circle)
-    part.mission_type = mavlink.MAV_MISSION_TYPE_FENCE
-    station.send(mavlink.MAVLink_mission_count_message(1, 1, 1, part.mission_type))
-    station.send(part)
+    assert station.upload([circle], mavlink.MAV_MISSION_TYPE_FENCE) == 0
     station.wait(1.0)
     assert_refused(station)
 

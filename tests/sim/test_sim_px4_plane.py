@@ -214,11 +214,7 @@ def test_a_nearer_rally_point_replaces_the_landing_of_a_return() -> None:
     station = plane(RTL_TYPE=1)
     station.upload_and_wait([*ROUTE, *HOME])
     rally = item(mavlink.MAV_CMD_NAV_RALLY_POINT, 900, 0, 40)
-    kind = mavlink.MAV_MISSION_TYPE_RALLY
-    station.send(mavlink.MAVLink_mission_count_message(1, 1, 1, kind))
-    message = station.item_message(0, rally)
-    message.mission_type = kind
-    station.send(message)
+    assert station.upload([rally], mavlink.MAV_MISSION_TYPE_RALLY) == 0
     assert station.change(AUTO, MISSION) == 0
     assert station.arm() == 0
     station.until(lambda: current(station) == 2, 120)

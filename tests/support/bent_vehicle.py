@@ -11,6 +11,7 @@ from sim_vehicle.conformance.runner import Outcome, RunReport, granted_permissio
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.scenarios import default_scenario
+from sim_vehicle.station.frames import NOISE, Receiver
 
 HOME = (46.0490, 14.5060, 300.0)
 GROUND = ("heartbeat", "version", "parameters", "commands", "mission.download")
@@ -53,8 +54,7 @@ class BentWire(FleetWire):
     def __init__(self, inner: Fleet, alter: Alteration) -> None:
         super().__init__(inner)
         self._alter = alter
-        self._parser = mavlink.MAVLink(None)
-        self._parser.robust_parsing = True
+        self._receiver = Receiver()
         self.armed_seen = False
 
     def receive(self, timeout_s: float) -> bytes | None:
@@ -63,13 +63,13 @@ class BentWire(FleetWire):
         if data is None:
             return None
         out = b""
-        for message in self._parser.parse_buffer(data) or ():
-            if message.get_type() == "BAD_DATA" or message.get_type().startswith("UNKNOWN_"):
-                out += bytes(message.get_msgbuf())
+        for frame in self._receiver.frames(data, 0.0):
+            if frame.kind.startswith((NOISE, "UNKNOWN_")):
+                out += frame.raw
                 continue
-            for altered in self._alter(message):
-                codec = mavlink.MAVLink(None, message.get_srcSystem(), message.get_srcComponent())
-                codec.seq = message.get_seq()
+            for altered in self._alter(frame.message):
+                codec = mavlink.MAVLink(None, frame.sysid, frame.component)
+                codec.seq = frame.seq
                 out += bytes(altered.pack(codec))
         return out
 
@@ -82,13 +82,12 @@ class DroppingWire(FleetWire):
     ) -> None:
         super().__init__(inner)
         self._ignores, self._answers = ignores, answers
-        self._decoder = mavlink.MAVLink(None)
-        self._decoder.robust_parsing = True
+        self._receiver = Receiver()
         self._codec = mavlink.MAVLink(None, 1, 1)
 
     def send(self, data: bytes) -> None:
-        for message in self._decoder.parse_buffer(data) or ():
-            if message.get_type() != "BAD_DATA" and self._ignores(message):
+        for message in self._receiver.messages(data):
+            if self._ignores(message):
                 self._queue.extend(bytes(answer.pack(self._codec)) for answer in self._answers(message))
                 return
         super().send(data)

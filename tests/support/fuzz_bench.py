@@ -11,6 +11,7 @@ from station import ALT_M, LAT_DEG, LON_DEG
 
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.scenarios import Scenario
+from sim_vehicle.station.messages import command_long
 
 CRAFT = [(name, kind) for name in ("ardupilot", "px4") for kind in ("copter", "plane")]
 STATIONS = ((255, 190), (254, 1))
@@ -116,8 +117,7 @@ class Bench:
 
     def command(self, command: int, *params: float, sysid: int = 1) -> int | None:
         """Send COMMAND_LONG and return its immediate result, or None."""
-        padded = [*params, *[0.0] * (7 - len(params))]
-        replies = self.send(mavlink.MAVLink_command_long_message(sysid, 1, command, 0, *padded))
+        replies = self.send(command_long((sysid, 1), command, *params))
         acks = [m.result for m in replies if m.get_type() == "COMMAND_ACK" and m.command == command]
         return acks[-1] if acks else None
 

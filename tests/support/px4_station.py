@@ -1,16 +1,17 @@
 """A ground station for tests with one PX4 vehicle."""
 
 import math
-import struct
 from collections.abc import Sequence
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import ALT_M, LAT_DEG, LON_DEG, Station, acks
+from station import ALT_M, LAT_DEG, LON_DEG, Station
 
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.personalities import personality_of
 from sim_vehicle.scenarios import Scenario
+from sim_vehicle.station.messages import heartbeat
+from sim_vehicle.station.parameter_values import to_wire
 
 ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED = 0, 1, 2, 3, 4
 MANUAL, ALTITUDE, POSITION, AUTO, ACRO, OFFBOARD, STABILIZED = 1, 2, 3, 4, 5, 6, 7
@@ -72,16 +73,6 @@ class Px4Station(Station):
         number = self.heartbeat().custom_mode
         return number >> 16 & 0xFF, number >> 24
 
-    def upload(self, items: Sequence[dict[str, Any]]) -> int:
-        replies = self.count(len(items))
-        for seq, fields in enumerate(items):
-            if acks(replies):
-                break
-            wanted = [m for m in replies if m.get_type() in ("MISSION_REQUEST", "MISSION_REQUEST_INT")]
-            assert [m.seq for m in wanted] == [seq]
-            replies = self.send(self.item_message(seq, fields))
-        return acks(replies)[-1]
-
     def upload_and_wait(self, items: Sequence[dict[str, Any]]) -> None:
         """Upload and wait for the vehicle's check of the mission."""
         assert self.upload(items) == 0
@@ -97,10 +88,9 @@ class Px4Station(Station):
 
     def set_parameter(self, name: str, value: float | int) -> Any:
         """Send PARAM_SET, integers as their bytes; return the PARAM_VALUE."""
-        is_integer = isinstance(value, int)
-        kind = mavlink.MAV_PARAM_TYPE_INT32 if is_integer else mavlink.MAV_PARAM_TYPE_REAL32
-        wire = struct.unpack("<f", struct.pack("<i", value))[0] if is_integer else value
-        replies = self.send(mavlink.MAVLink_param_set_message(1, 1, name.encode(), wire, kind))
+        kind = mavlink.MAV_PARAM_TYPE_INT32 if isinstance(value, int) else mavlink.MAV_PARAM_TYPE_REAL32
+        field = to_wire(value, kind, byte_wise=True)
+        replies = self.send(mavlink.MAVLink_param_set_message(1, 1, name.encode(), field, kind))
         (answer,) = [m for m in replies if m.get_type() == "PARAM_VALUE"]
         return answer
 
@@ -119,11 +109,7 @@ class Px4Station(Station):
 
     def beat(self) -> None:
         """Send a heartbeat."""
-        self.send(
-            mavlink.MAVLink_heartbeat_message(
-                mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
-            )
-        )
+        self.send(heartbeat())
 
 
 class QuietPx4Station(Px4Station):

@@ -7,6 +7,10 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.scenarios import Scenario
+from sim_vehicle.station.exchanges import UploadPlan
+from sim_vehicle.station.frames import Receiver
+from sim_vehicle.station.messages import command_int, command_long
+from sim_vehicle.station.plan_items import MISSION, PlanItem
 
 LAT_DEG, LON_DEG, ALT_M = 46.0490, 14.5060, 300.0
 STEP_S = 0.1
@@ -39,6 +43,12 @@ def item(
         "z": z,
     }
     return values | fields
+
+
+def plan_item(fields: dict[str, Any]) -> PlanItem:
+    f = fields
+    params = (f["param1"], f["param2"], f["param3"], f["param4"])
+    return PlanItem(f["command"], f["x"], f["y"], f["z"], f["frame"], params)
 
 
 def home_item() -> dict[str, Any]:
@@ -79,8 +89,7 @@ class Station:
         self.now = 0.0
         self.target = target
         self.codec = mavlink.MAVLink(None, srcSystem=sysid, srcComponent=190)
-        self._decoder = mavlink.MAVLink(None)
-        self._decoder.robust_parsing = True
+        self.receiver = Receiver()
         self.received: list[Any] = []
         self.raw = b""
         self._take(self.fleet.step(0.0))
@@ -89,9 +98,8 @@ class Station:
         for index, frame in frames:
             sysid = self.fleet.sysids[index]
             self.raw += frame
-            for message in self._decoder.parse_buffer(frame) or ():
-                if message.get_type() != "BAD_DATA" and sysid == self.target:
-                    self.received.append(message)
+            messages = self.receiver.messages(frame)
+            self.received += messages if sysid == self.target else []
 
     def send(self, message: Any) -> list[Any]:
         """Send a message; return the immediate answers."""
@@ -117,20 +125,17 @@ class Station:
 
     # -- conversations -----------------------------------------------------------------------------------
 
+    def _result(self, request: Any) -> int:
+        """Send a command; return the acknowledged result."""
+        replies = self.send(request)
+        (ack,) = [m for m in replies if m.get_type() == "COMMAND_ACK" and m.command == request.command]
+        return int(ack.result)
+
     def command(self, command: int, *params: float) -> int:
-        """Send COMMAND_LONG; return the acknowledged result."""
-        padded = [*params, *[0.0] * (7 - len(params))]
-        replies = self.send(mavlink.MAVLink_command_long_message(self.target, 0, command, 0, *padded))
-        (result,) = [m.result for m in replies if m.get_type() == "COMMAND_ACK" and m.command == command]
-        return int(result)
+        return self._result(command_long((self.target, 0), command, *params))
 
     def command_int(self, command: int, frame: int, x: int, y: int, z: float, *params: float) -> int:
-        padded = [*params, *[0.0] * (4 - len(params))]
-        replies = self.send(
-            mavlink.MAVLink_command_int_message(self.target, 0, frame, command, 0, 0, *padded, x, y, z)
-        )
-        (result,) = [m.result for m in replies if m.get_type() == "COMMAND_ACK" and m.command == command]
-        return int(result)
+        return self._result(command_int((self.target, 0), command, *params, frame=frame, x=x, y=y, z=z))
 
     def set_mode(self, number: int) -> int:
         return self.command(mavlink.MAV_CMD_DO_SET_MODE, 1, number)
@@ -142,25 +147,25 @@ class Station:
         for message_id in message_ids:
             assert self.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, 1e6 / hz) == 0
 
-    def item_message(self, seq: int, fields: dict[str, Any]) -> Any:
-        f = fields
-        return mavlink.MAVLink_mission_item_int_message(
-            self.target, 0, seq, f["frame"], f["command"], 0, 1,
-            f["param1"], f["param2"], f["param3"], f["param4"], f["x"], f["y"], f["z"], 0,
-        )  # fmt: skip
+    def item_message(self, seq: int, fields: dict[str, Any], kind: int = MISSION) -> Any:
+        return plan_item(fields).message((self.target, 0), seq, kind)
 
     def count(self, count: int) -> list[Any]:
         return self.send(mavlink.MAVLink_mission_count_message(self.target, 0, count, 0))
 
-    def upload(self, items: Sequence[dict[str, Any]]) -> int:
-        """Upload every item; return the type of the last acknowledgement."""
-        replies = self.count(len(items))
-        for seq, fields in enumerate(items):
-            if acks(replies):
-                break
-            assert [m.seq for m in replies if m.get_type() == "MISSION_REQUEST"] == [seq]
-            replies = self.send(self.item_message(seq, fields))
-        return acks(replies)[-1]
+    def upload(self, items: Sequence[dict[str, Any]], kind: int = MISSION) -> int:
+        """Upload items, each requested once and in order; return the type of the acknowledgement."""
+        queue: list[Any] = []
+        exchange = UploadPlan(
+            queue.append, (self.target, 0), [plan_item(f) for f in items], kind, sysid=self.codec.srcSystem
+        )
+        exchange.begin(self.now)
+        while queue:
+            for message in self.send(queue.pop()):
+                exchange.receive(message, self.now)
+        assert [seq for _, seq in exchange.requests] == [*range(len(exchange.requests))]
+        assert exchange.outcome is not None
+        return int(exchange.outcome.message.type)
 
     def download(self) -> list[Any]:
         replies = self.send(mavlink.MAVLink_mission_request_list_message(self.target, 0, 0))
@@ -173,10 +178,7 @@ class Station:
 
     def ask(self, message_id: int) -> Any:
         """Request a message and return it; a PX4 denies a message that it has just streamed."""
-        padded = [message_id, 0, 0, 0, 0, 0, 0]
-        replies = self.send(
-            mavlink.MAVLink_command_long_message(self.target, 0, mavlink.MAV_CMD_REQUEST_MESSAGE, 0, *padded)
-        )
+        replies = self.send(command_long((self.target, 0), mavlink.MAV_CMD_REQUEST_MESSAGE, message_id))
         answers = [m for m in replies if m.get_msgId() == message_id]
         streamed = [m for m in self.received if m.get_msgId() == message_id]
         return (answers or streamed)[-1]
