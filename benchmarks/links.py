@@ -43,7 +43,7 @@ from swarmctl.core.mission import FlightPlan, MissionItem, Waypoint
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.links import LINKS
-from swarmctl.links.base import Link, LinkError, SwapFailed, UploadFailed
+from swarmctl.links.base import Link, LinkError, UploadFailed
 from swarmctl.links.frontend import FrontEnd
 from swarmctl.links.transports.memory import MemoryWire
 from swarmctl.links.url import Endpoint, parse_url
@@ -239,16 +239,22 @@ async def upload_with_retries(link: Link, old: FlightPlan) -> None:
 
 async def transfer(link: Link, new: FlightPlan, result: CaseResult, limit_s: float, *, swap: bool) -> None:
     """Upload or swap, and add the time and outcome to `result`."""
-    began_s = asyncio.get_running_loop().time()
+    began_s, failure, is_late = asyncio.get_running_loop().time(), None, False
     try:
         async with asyncio.timeout(limit_s):
-            await (link.swap(new) if swap else link.upload(new))
+            if swap:
+                done = await link.swap(new)
+                failure, is_late = done.failure, done.is_late
+            else:
+                await link.upload(new)
     except LinkError as refused:
-        is_late = isinstance(refused, SwapFailed) and refused.is_late
-        result.outcomes["late" if is_late else "refused"] += 1
-        result.refusal_reasons[re.sub(r"\d+", "N", str(refused).split("): ", 1)[-1])] += 1
+        failure = str(refused).split("): ", 1)[-1]
     except TimeoutError:
         result.outcomes[f"not in {limit_s:.0f} s"] += 1
+        return
+    if failure is not None:
+        result.outcomes["late" if is_late else "refused"] += 1
+        result.refusal_reasons[re.sub(r"\d+", "N", failure)] += 1
     else:
         result.outcomes["verified"] += 1
         result.times_s.append(asyncio.get_running_loop().time() - began_s)

@@ -40,7 +40,6 @@ from swarmctl.links.base import (
     ProcedureDone,
     StateChanged,
     StatusText,
-    SwapFailed,
     SystemIdConflict,
     UploadFailed,
     VehicleLost,
@@ -302,24 +301,21 @@ class Runner:
         self._job = None
 
     async def _swap(self, swap: ev.SwapMission) -> None:
-        on_ground = self.state.phase in ON_GROUND
-        accepted = ev.MissionAccepted(swap.plan_id)
+        plan_id, on_ground = swap.plan_id, self.state.phase in ON_GROUND
         try:
             if on_ground:
                 takes_s = await retrying(lambda: self.link.upload(swap.plan), UPLOADS, UploadFailed)
-                accepted = ev.MissionAccepted(swap.plan_id, takes_s)
-            else:
-                done = await self.link.swap(swap.plan)
-                accepted = ev.MissionAccepted(swap.plan_id, done.took_s, done.stood_still_s)
-        except SwapFailed as error:
-            failed = ev.MissionFailed(
-                swap.plan_id, error.flying, str(error), error.stood_still_s, error.is_late
-            )
-            self.post(failed)
+                self.post(ev.MissionAccepted(plan_id, takes_s))
+                return
+            done = await self.link.swap(swap.plan)
         except LinkError as error:
-            self.post(ev.MissionFailed(swap.plan_id, "unknown", str(error)))
-        else:
-            self.post(accepted)
+            self.post(ev.MissionFailed(plan_id, "unknown", str(error)))
+            return
+        if done.failure is None:
+            self.post(ev.MissionAccepted(plan_id, done.took_s, done.stood_still_s))
+            return
+        text, flying = done.failure_text, done.flying_after_failure
+        self.post(ev.MissionFailed(plan_id, flying, text, done.stood_still_s, done.is_late))
 
     async def _set_speed(self, speed_m_s: float) -> None:
         try:

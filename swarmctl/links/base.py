@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Protocol
 
 from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import FlightPlan, MissionItem
@@ -38,7 +38,6 @@ __all__ = [
     "CommandFailed",
     "FenceFailed",
     "FirstHeartbeat",
-    "FlyingAfterFailure",
     "FramesRefused",
     "Identity",
     "Instruments",
@@ -56,7 +55,6 @@ __all__ = [
     "StateChanged",
     "StatusText",
     "Streaming",
-    "SwapFailed",
     "SystemIdConflict",
     "TransportError",
     "UnsupportedVehicle",
@@ -64,10 +62,7 @@ __all__ = [
     "VehicleLost",
     "VehicleRebooted",
     "VehicleRestored",
-    "swap_failed",
 ]
-
-FlyingAfterFailure = Literal["old", "hold", "theirs", "unknown"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,39 +154,6 @@ class LaunchBlockedError(LaunchFailed):
         """True if the vehicle was armed and has been disarmed again"""
 
 
-class SwapFailed(LinkError):
-    """The new plan is not confirmed as flown; `flying` is the mission or mode of the vehicle.
-
-    old: the previous plan
-    hold: hold in the air
-    theirs: a mode set by the pilot, a failsafe or another station
-    unknown: none of these is certain
-    """
-
-    def __init__(
-        self, text: str, *, flying: FlyingAfterFailure, stood_still_s: float = 0.0, is_late: bool = False
-    ) -> None:
-        super().__init__(text)
-        self.flying = flying
-        self.stood_still_s = stood_still_s
-        """time in hold or without motion in the air, by the vehicle's clock [s]"""
-        self.is_late = is_late
-        """True if the vehicle had passed the splice point or left the route of the new plan"""
-
-
-def swap_failed(label: str, done: Swapped) -> SwapFailed:
-    """Return the error of a failed swap; `label` names the vehicle."""
-    flying = "unknown" if done.flying == "new" else done.flying
-    now_flies = {
-        "old": "the vehicle flies its old mission",
-        "hold": "the vehicle holds",
-        "theirs": "the pilot, a failsafe or another station has set the mode",
-        "unknown": "the flown mission is unknown",
-    }[flying]
-    text = f"{label}: mission change failed; {now_flies}. Cause: {done.failure}"
-    return SwapFailed(text, flying=flying, stood_still_s=done.stood_still_s, is_late=done.is_late)
-
-
 class CommandFailed(LinkError):
     """hold, return_home, land or set_speed is not confirmed, or another command has interrupted it."""
 
@@ -258,7 +220,7 @@ class Link(Protocol):
         """Upload and verify `plan` in flight and fly it, without hold mode if possible.
 
         If the plan first follows the old plan (`leaves_ahead`), the vehicle continues at its next item. No
-        command follows once another party has chosen a mode. Raises SwapFailed.
+        command follows once another party has chosen a mode.
         """
 
     async def recognise(self, plans: Mapping[int, FlightPlan], candidates: Sequence[int]) -> Recognised:

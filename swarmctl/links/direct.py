@@ -27,10 +27,8 @@ from swarmctl.links.base import (
     ParametersFailed,
     PrepareFailed,
     ProcedureDone,
-    SwapFailed,
     UnsupportedVehicle,
     UploadFailed,
-    swap_failed,
 )
 from swarmctl.links.frontend import FrontEnd
 from swarmctl.links.line import Channel
@@ -212,7 +210,7 @@ class DirectLink:
         try:
             items = self._session.mission_items(plan)
         except ValueError as error:
-            raise SwapFailed(f"{self._label}: the plan cannot be flown: {error}", flying="old") from error
+            return Swapped(f"the plan cannot be flown: {error}", "old")
         procedure = partial(
             basic.swap,
             new=items,
@@ -221,8 +219,6 @@ class DirectLink:
             from_hold=plan.from_hold,
         )
         done: Swapped = await self._perform("swap", procedure)
-        if done.failure:
-            raise swap_failed(self._label, done)
         return done
 
     async def recognise(self, plans: Mapping[int, FlightPlan], candidates: Sequence[int]) -> Recognised:

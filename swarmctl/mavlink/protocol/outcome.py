@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from swarmctl.core.events import PlanAfterFailure
+
 FlyingAfterSwap = Literal["new", "old", "hold", "theirs", "unknown"]
 """mission or mode after a swap; theirs: another mode, set by the pilot, a failsafe or another station"""
 
@@ -43,3 +45,19 @@ class Swapped(Done):
     """time until the new plan was current, by the vehicle's clock [s]; None: the new plan is not flown"""
     is_late: bool = False
     """True if the vehicle had passed the splice point or left the route; plan a splice point farther ahead"""
+
+    @property
+    def flying_after_failure(self) -> PlanAfterFailure:
+        """Mission or mode after a failed swap; a new mission that is not confirmed is unknown."""
+        return "unknown" if self.flying == "new" else self.flying
+
+    @property
+    def failure_text(self) -> str:
+        """The failed swap as text, with the mission or mode that the vehicle flies now."""
+        now_flies = {
+            "old": "the vehicle flies its old mission",
+            "hold": "the vehicle holds",
+            "theirs": "the pilot, a failsafe or another station has set the mode",
+            "unknown": "the flown mission is unknown",
+        }[self.flying_after_failure]
+        return f"mission change failed; {now_flies}. Cause: {self.failure}"
