@@ -19,6 +19,8 @@ class Launch:
     is_aborted: bool = False
     armed_seen: bool = False
     """True once the vehicle was seen armed after its launch order"""
+    conflict: str = ""
+    """conflict of the first route during the launch, as text; empty: none"""
     armed_boot_s: float | None = None
     """time at which the vehicle was first seen armed; start of its time bound"""
 

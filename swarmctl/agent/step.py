@@ -32,7 +32,13 @@ from swarmctl.agent.touchdown import end_at_touchdown, has_touched_down, may_be_
 from swarmctl.agent.traffic.collision_avoidance import avoid_collisions
 from swarmctl.agent.traffic.intents import receive_intents, share_intent
 from swarmctl.agent.traffic.landing_queue import land_after_unconfirmed_hold, queue_for_landing
-from swarmctl.agent.traffic.launching import cancel_launch, launch_if_possible, note_takeoff, postpone_launch
+from swarmctl.agent.traffic.launching import (
+    cancel_launch,
+    launch_if_possible,
+    note_takeoff,
+    postpone_launch,
+    watch_first_route,
+)
 from swarmctl.agent.traffic.neighbours import receive_neighbours
 from swarmctl.agent.traffic.returning import update_return
 from swarmctl.agent.traffic.route_deconfliction import check_own_route, deconflict
@@ -116,6 +122,8 @@ def _rebooted(state: AgentState, _event: ev.Rebooted, _now: float) -> StepResult
 def _operator(state: AgentState, event: ev.OperatorCommand, now: float) -> StepResult:
     state, effects = handle_operator_command(state, event, now)
     state, begun = launch_if_possible(state)
+    state, conflict = watch_first_route(state)
+    begun += conflict
     waits = state.phase is Phase.STANDBY and state.launch.wait_since_boot_s is not None
     if event.order is ev.FlightOrder.LAUNCH and waits:
         effects = [_with_note(effect, state.trouble) for effect in effects]
@@ -187,6 +195,8 @@ def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> St
         state, shared = share_state(state)
         return state, [*demanded, *shared]
     state, begun = launch_if_possible(state)
+    state, conflict = watch_first_route(state)
+    begun += conflict
     if state.phase is Phase.FLYING and state.cell in state.task.goals:
         state = state.enter(Phase.LANDING, dirty=False, arrived_boot_s=vehicle.time_boot_s)
         state = _without_swap_trouble(state)
@@ -233,7 +243,9 @@ def _send_intent(state: AgentState) -> StepResult:
 
 def _intents(state: AgentState, event: ev.Intents, now: float) -> StepResult:
     state, _ = receive_intents(state, event, now)
-    return check_own_route(state)
+    state, conflict = watch_first_route(state)
+    state, checked = check_own_route(state)
+    return state, [*conflict, *checked]
 
 
 def _update_position(state: AgentState, vehicle: VehicleState) -> AgentState:

@@ -263,4 +263,11 @@ class NotifyOperator(_Record, frozen=True, tag="Tell"):
     text: str
 
 
-Effect = Publish | SwapMission | Command | SetSpeed | Release | Answer | NotifyOperator
+class LaunchConflict(_Record, frozen=True):
+    """The conflict of the first route has changed, or is over; the launch ends at a conflict."""
+
+    text: str
+    """empty: no conflict"""
+
+
+Effect = Publish | SwapMission | Command | LaunchConflict | SetSpeed | Release | Answer | NotifyOperator

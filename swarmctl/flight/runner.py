@@ -17,7 +17,6 @@ from typing import Any, Protocol
 from swarmctl.agent.phases import ON_GROUND
 from swarmctl.agent.state import AgentState, Task, begin
 from swarmctl.agent.step import needs_tick, step
-from swarmctl.agent.traffic.launching import launch_conflict
 from swarmctl.agent.traffic.neighbours import is_relevant
 from swarmctl.bus.network import Network
 from swarmctl.bus.operator_service import OperatorService
@@ -118,6 +117,8 @@ class Runner:
         self._wake = asyncio.Event()
         self._is_running = False
         self._job: asyncio.Task[None] | None = None
+        self._launch_conflict = ""
+        """conflict of the first route during a launch, as the agent reports it; empty: none"""
         self._ending: set[asyncio.Task[None]] = set()
         """earlier jobs that were cancelled; the next job waits for their end"""
         self._neighbours_read_s = -math.inf
@@ -265,6 +266,8 @@ class Runner:
                     observer.sent(self.state.task.uav, message, recipients, now)
             case ev.SwapMission():
                 self._start(partial(self._swap, effect), jobs)
+            case ev.LaunchConflict(text):
+                self._launch_conflict = text
             case ev.Command(order, by_person):
                 self._start(partial(self._order, order, check_mode_first=not by_person), jobs)
             case ev.SetSpeed(speed_m_s):
@@ -328,7 +331,7 @@ class Runner:
             self.post(ev.OrderFailed(order, reason, nothing_sent=True))
             return
         actions: dict[ev.FlightOrder, Callable[[], Coroutine[Any, Any, None]]] = {
-            ev.FlightOrder.LAUNCH: partial(self.link.launch, lambda: launch_conflict(self.state)),
+            ev.FlightOrder.LAUNCH: partial(self.link.launch, lambda: self._launch_conflict),
             ev.FlightOrder.HOLD: partial(self.link.hold, check_mode_first=check_mode_first),
             ev.FlightOrder.RETURN: partial(self.link.return_home, check_mode_first=check_mode_first),
             ev.FlightOrder.LAND: partial(self.link.land, check_mode_first=check_mode_first),

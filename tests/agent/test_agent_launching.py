@@ -11,7 +11,7 @@ from traffic_stories import AMSL_M, MID_M, operator_texts
 
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.traffic.intents import MAX_AGE_S
-from swarmctl.agent.traffic.launching import MAX_LAUNCH_WAIT_S, launch_conflict
+from swarmctl.agent.traffic.launching import MAX_LAUNCH_WAIT_S
 from swarmctl.core import events as ev
 from swarmctl.core.frames import IntentPoint, IntentShared
 
@@ -54,7 +54,7 @@ class OnGround(Story):
 
     def postpone(self, *, was_armed: bool = False) -> list[ev.Effect]:
         """Postpone the launch as the runner does before arming and before take-off."""
-        why = launch_conflict(self.state)
+        why = self.state.launch.conflict
         assert why
         return self(ev.LaunchPostponed(why, was_armed))
 
@@ -169,7 +169,7 @@ def about_to_take_off(command: int | None = 1) -> OnGround:
     story = OnGround()
     assert orders(story.ordered(command)) == [LAUNCH]
     story.wait_on_ground()
-    assert launch_conflict(story.state) == ""
+    assert story.state.launch.conflict == ""
     story.hovers()
     return story
 
@@ -177,7 +177,7 @@ def about_to_take_off(command: int | None = 1) -> OnGround:
 @pytest.mark.parametrize("command", [1, None], ids=["by an operator", "by the own process"])
 def test_a_conflict_before_arming_makes_the_vehicle_wait(command: int | None) -> None:
     story = about_to_take_off(command)
-    assert "vehicle 7 " in launch_conflict(story.state)
+    assert "vehicle 7 " in story.state.launch.conflict
     effects = story.postpone()
     assert story.state.phase is Phase.STANDBY
     assert orders(effects) == []
@@ -228,7 +228,7 @@ def test_simultaneous_launches_do_not_wait_for_each_other() -> None:
     story.ordered()
     path = tuple(IntentPoint(t, *GRID.frame.to_geodetic(*MID_M), AMSL_M) for t in (0.0, 120.0))
     story(ev.Intents(((7, 0.0, IntentShared(1, path, on_ground=True)),)))
-    assert launch_conflict(story.state) == ""
+    assert story.state.launch.conflict == ""
     later = OnGround()
     later(ev.Intents(((7, 0.0, IntentShared(1, path, on_ground=True)),)))
     assert orders(later.ordered()) == []
@@ -259,17 +259,17 @@ def test_an_ignored_vehicle_does_not_delay_the_launch() -> None:
     assert orders(effects) == [LAUNCH]
     assert codes(effects)[1:] == ["launch-ignores"]
     assert "vehicle 7 " in operator_texts(effects)[1]
-    assert launch_conflict(story.state) == ""
+    assert story.state.launch.conflict == ""
 
 
 def test_a_vehicle_can_be_ignored_during_the_launch() -> None:
     story = OnGround()
     assert orders(story.ordered()) == [LAUNCH]
     story.hovers()
-    assert launch_conflict(story.state)
+    assert story.state.launch.conflict
     (note,) = (e.answer.note for e in story.ordered(2, ignore=(7,)) if isinstance(e, ev.Answer))
     assert note.endswith("[launching]")
-    assert launch_conflict(story.state) == ""
+    assert story.state.launch.conflict == ""
 
 
 def test_other_vehicles_still_delay_the_launch() -> None:
@@ -311,3 +311,11 @@ def test_a_vehicle_armed_during_the_launch_lands() -> None:
     story.over((4, 0))
     effects = story(ev.OrderFailed(LAUNCH, "battery: found 40 %", nothing_sent=True))
     assert orders(effects) == [ev.FlightOrder.LAND]
+
+
+def test_a_conflict_during_the_launch_is_reported_at_its_beginning_and_its_end() -> None:
+    story = OnGround()
+    story.ordered()
+    (found,) = (e for e in story.hovers() if isinstance(e, ev.LaunchConflict))
+    assert "vehicle 7 " in found.text
+    assert ev.LaunchConflict("") in story(ev.Intents(((7, 0.0, IntentShared(2, ())),)))

@@ -55,11 +55,21 @@ def launch_if_possible(state: AgentState) -> StepResult:
                 f"{_conflict_text(state, ignored)}; the vehicle launches anyway, as ordered [launch-ignores]"
             )
         )
-    state, ordered = command(state, ev.FlightOrder.LAUNCH, phase=Phase.LAUNCHING, trouble="")
+    if state.launch.conflict:  # of an earlier launch
+        messages.append(ev.LaunchConflict(""))
+    launch = replace(state.launch, conflict="")
+    state, ordered = command(state, ev.FlightOrder.LAUNCH, phase=Phase.LAUNCHING, launch=launch, trouble="")
     return state, [*messages, *ordered]
 
 
-def launch_conflict(state: AgentState) -> str:
+def watch_first_route(state: AgentState) -> StepResult:
+    """Report a new conflict of the first route, or its end, while the vehicle launches."""
+    if state.phase is not Phase.LAUNCHING or (text := _launch_conflict(state)) == state.launch.conflict:
+        return state, []
+    return replace(state, launch=replace(state.launch, conflict=text)), [ev.LaunchConflict(text)]
+
+
+def _launch_conflict(state: AgentState) -> str:
     """Return the conflicts of the first route as text, for the checks before arming and take-off; "" if none.
 
     Other vehicles that are about to take off do not count. Otherwise two vehicles launched at the same time
