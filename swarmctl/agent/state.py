@@ -20,9 +20,9 @@ from swarmctl.agent.phases import ENDED, Phase, changed
 from swarmctl.agent.replan.landing_pattern import FixedWing
 from swarmctl.agent.replan.length_bounds import UNBOUNDED, TimeBound
 from swarmctl.agent.replan.swap_times import SwapHistory, SwapTimes
+from swarmctl.agent.traffic.conflicts import Conflicts
 from swarmctl.agent.traffic.give_way import GiveWay
 from swarmctl.agent.traffic.return_wait import ReturnWait
-from swarmctl.agent.traffic.separation.clash import Clash
 from swarmctl.agent.traffic.separation.trajectory import Trajectory
 from swarmctl.agent.traffic.separation.watch import (
     DEFAULT_SEPARATION,
@@ -92,26 +92,6 @@ class Task:
         """Return this vehicle's landing spot in a goal cell."""
         separation_m = self.separation.limits.horizontal_m
         return landing_spot(self.grid, goal, self.landing_index, self.landing_count, separation_m)
-
-
-@dataclass(frozen=True, slots=True)
-class DeconflictionCounts:
-    """Numbers of conflicts predicted between plans: all, and by resolution."""
-
-    predicted: int = 0
-    by_height: int = 0
-    by_route: int = 0
-    by_waiting: int = 0
-    """conflicts after which the vehicle kept its previous plan, or held"""
-    ceased: int = 0
-    """conflicts that ended because the other vehicle changed its plan, or times shifted"""
-
-
-@dataclass(frozen=True, slots=True)
-class FlightComparison:
-    own: Trajectory
-    other: NeighbourIntent
-    clash: Clash | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,12 +167,7 @@ class AgentState:
     own_intent: Trajectory | None = None
     """last intent sent; times by the vehicle's clock, heights above the sea"""
     intent_sent_boot_s: float = -math.inf
-    comparisons: Mapping[int, FlightComparison] = field(default_factory=dict)
-    predicted_conflicts: frozenset[int] = frozenset()
-    """vehicles in conflict with the flown route, to which this vehicle has to give way"""
-    deferred_for: frozenset[int] = frozenset()
-    """vehicles for which a new plan was deferred"""
-    deconfliction: DeconflictionCounts = DeconflictionCounts()
+    conflicts: Conflicts = field(default_factory=Conflicts)
     descent_checked_boot_s: float = -math.inf
     common_arrival: CommonArrival = field(default_factory=CommonArrival)
     speed: CommandedSpeed = field(default_factory=CommandedSpeed)

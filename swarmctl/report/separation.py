@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from swarmctl.agent.state import AgentState, DeconflictionCounts
+from swarmctl.agent.state import AgentState
+from swarmctl.agent.traffic.conflicts import DeconflictionCounts
 from swarmctl.agent.traffic.prediction import AIRBORNE_M
 from swarmctl.agent.traffic.separation.conflicts import CrossingCounts
 from swarmctl.agent.traffic.separation.flown import FlownSeparation
@@ -89,7 +90,7 @@ class SeparationStatistics:
 def _plan_conflicts(states: Mapping[int, AgentState]) -> dict[str, int]:
     """Return predicted conflicts of plans and their resolutions, counted at the vehicle that gives way."""
     names = DeconflictionCounts.__slots__
-    added = {name: sum(getattr(state.deconfliction, name) for state in states.values()) for name in names}
+    added = {name: sum(getattr(state.conflicts.counts, name) for state in states.values()) for name in names}
     resolved = sum(n for name, n in added.items() if name != "predicted")
     return added | {"unresolved": added["predicted"] - resolved}
 

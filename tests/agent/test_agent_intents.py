@@ -144,7 +144,7 @@ def test_a_new_plan_without_conflict_is_uploaded_and_announced() -> None:
     assert heights(effects) == [30.0]
     (intent,) = intents(effects)
     assert intent.plan_id == story.state.pending.plan_id  # type: ignore[union-attr]
-    assert story.state.deconfliction.predicted == 0
+    assert story.state.conflicts.counts.predicted == 0
 
 
 @pytest.mark.parametrize("uav", [1, 3])
@@ -156,7 +156,7 @@ def test_a_new_plan_gives_way_to_earlier_plans(uav: int) -> None:
     assert heights(effects) == [pytest.approx(33.6)]
     assert codes(effects) == ["height-change"]
     assert f"vehicle {uav} " in operator_texts(effects)[0]
-    assert (story.state.deconfliction.predicted, story.state.deconfliction.by_height) == (1, 1)
+    assert (story.state.conflicts.counts.predicted, story.state.conflicts.counts.by_height) == (1, 1)
     assert {round(p.alt_amsl_m, 1) for p in intents(effects)[0].points[1:-2]} == {AMSL_M + 3.6}
 
 
@@ -176,7 +176,7 @@ def test_without_a_free_height_a_new_plan_is_deferred() -> None:
     assert codes(effects) == ["plan-deferred"]
     assert story.state.route is before
     assert story.state.pending is None
-    assert story.state.deconfliction.by_waiting == story.state.deconfliction.predicted >= 1
+    assert story.state.conflicts.counts.by_waiting == story.state.conflicts.counts.predicted >= 1
     assert story.tick() == []
     story.now += RETRY_S
     for uav in (1, 3):
@@ -244,7 +244,7 @@ def test_the_higher_system_id_gives_way_and_a_fixed_plan_has_priority(
     effects = story.crossing(uav, may_change=may_change)
     assert bool(operator_texts(effects)) is gives_way
     assert heights(story.tick()) == ([pytest.approx(33.6)] if gives_way else [])
-    assert (story.state.deconfliction.predicted, story.state.deconfliction.by_height) == (
+    assert (story.state.conflicts.counts.predicted, story.state.conflicts.counts.by_height) == (
         gives_way,
         gives_way,
     )
@@ -269,9 +269,9 @@ def test_a_conflict_is_reported_and_counted_once() -> None:
         effects = story.other(1, (0.0, 425.0, south), (35.0, 425.0, MID_M[1]), (60.0, 425.0, MID_M[1]))
         story.tick()
     assert operator_texts(effects) == []
-    assert story.state.deconfliction.predicted == 1
+    assert story.state.conflicts.counts.predicted == 1
     story.other(1, (0.0, 0.0, 0.0), (60.0, 400.0, 0.0))
-    assert story.state.predicted_conflicts == frozenset()
+    assert story.state.conflicts.predicted == frozenset()
 
 
 # --- several agents
@@ -403,10 +403,10 @@ def test_no_two_plans_conflict_after_all_intents_have_arrived(
         assert not meet, (
             a.phase,
             b.phase,
-            a.predicted_conflicts,
-            b.predicted_conflicts,
-            a.deferred_for,
-            b.deferred_for,
+            a.conflicts.predicted,
+            b.conflicts.predicted,
+            a.conflicts.deferred_for,
+            b.conflicts.deferred_for,
         )
 
 
@@ -475,4 +475,4 @@ def test_an_exaggerated_uncertainty_is_limited() -> None:
     story = IntentStory()
     story.other(1, (0.0, 75.0, MID_M[1] + 300.0), (60.0, 500.0, MID_M[1] + 300.0), around_m=(1e6, 0.0))
     story.at(85.0)
-    assert story.state.predicted_conflicts == frozenset()
+    assert story.state.conflicts.predicted == frozenset()

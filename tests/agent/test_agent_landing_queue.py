@@ -88,7 +88,7 @@ def test_the_higher_vehicle_waits_over_its_landing_spot() -> None:
     assert "vehicle 1 " in operator_texts(effects)[0]
     (intent,) = (message for message in publications(effects) if isinstance(message, IntentShared))
     assert {round(point.alt_amsl_m, 1) for point in intent.points} == {HOME_AMSL_M + 30.0}
-    assert (story.state.deconfliction.predicted, story.state.deconfliction.by_waiting) == (1, 1)
+    assert (story.state.conflicts.counts.predicted, story.state.conflicts.counts.by_waiting) == (1, 1)
 
 
 def test_a_landing_is_announced_at_once_as_fixed() -> None:

@@ -214,7 +214,7 @@ def _passes_silent(state: AgentState) -> bool:
 
 def _resume(state: AgentState, text: str) -> StepResult:
     # After a deferred plan, `route_deconfliction` reports when the new plan is clear.
-    messages: list[ev.Effect] = [] if state.deferred_for else [ev.NotifyOperator(text)]
+    messages: list[ev.Effect] = [] if state.conflicts.deferred_for else [ev.NotifyOperator(text)]
     state = replace(
         state,
         give_way=replace(state.give_way, plan=None),
@@ -241,7 +241,9 @@ def _resume_above(state: AgentState, others: dict[int, Trajectory]) -> StepResul
     clear = own is not None and _is_clear(higher, own, others) and not _passes_silent(higher)
     if higher.height_m > state.height_m and clear:
         reported = replace(higher.give_way, since_boot_s=now_s)
-        higher = replace(higher, give_way=reported, deferred_for=frozenset())
+        higher = replace(
+            higher, give_way=reported, conflicts=replace(higher.conflicts, deferred_for=frozenset())
+        )
         height = f"{higher.height_m:.0f} m, above the other vehicles"
         return _resume(higher, f"{text}; it resumes its route at {height} [resumes-higher]")
     return replace(state, give_way=replace(state.give_way, since_boot_s=now_s)), [

@@ -153,10 +153,10 @@ def _wait_if_conflicting(state: AgentState, here: LocalPoint) -> StepResult:
     ]
     if not clashes or _hold_would_block(state, here, others):
         return state, []
-    counts, n, reports = state.deconfliction, len(clashes), state.neighbours
+    counts, n, reports = state.conflicts.counts, len(clashes), state.neighbours
     counts = replace(counts, predicted=counts.predicted + n, by_waiting=counts.by_waiting + n)
     state, ordered = command(
-        replace(state, n_holds=state.n_holds + 1, deconfliction=counts),
+        replace(state, n_holds=state.n_holds + 1, conflicts=replace(state.conflicts, counts=counts)),
         ev.FlightOrder.HOLD,
         give_way=GiveWay(
             plan=state.route,

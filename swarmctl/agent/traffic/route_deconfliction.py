@@ -25,8 +25,9 @@ import msgspec
 from swarmctl.agent.orders import StepResult, command
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.copter_trajectory import at_height, with_level_off
-from swarmctl.agent.state import AgentState, FlightComparison
+from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.collision_avoidance import ceiling_m, least_share, may_give_way
+from swarmctl.agent.traffic.conflicts import DeconflictionCounts, FlightComparison
 from swarmctl.agent.traffic.intents import (
     HOLD_DURATION_S,
     MAX_AGE_S,
@@ -138,23 +139,27 @@ def check_own_route(state: AgentState) -> StepResult:
     """Compare the own intent with all others; plan again if this vehicle has to give way."""
     if state.phase is not Phase.FLYING or state.own_intent is None or state.give_way.plan is not None:
         return (
-            replace(state, predicted_conflicts=frozenset(), comparisons={})
-            if state.predicted_conflicts
+            replace(state, conflicts=replace(state.conflicts, predicted=frozenset(), compared={}))
+            if state.conflicts.predicted
             else state
         ), []
     state, clashes = _update_comparisons(state, state.own_intent)
     found = [clash for clash in clashes if _gives_way(state, clash.other)]
-    if not found and not state.predicted_conflicts:
+    if not found and not state.conflicts.predicted:
         return state, []
     others = frozenset(clash.other for clash in found)
-    new = [clash for clash in found if clash.other not in state.predicted_conflicts | state.deferred_for]
-    counts = state.deconfliction
+    new = [
+        clash
+        for clash in found
+        if clash.other not in state.conflicts.predicted | state.conflicts.deferred_for
+    ]
+    counts = state.conflicts.counts
     counts = replace(
         counts,
         predicted=counts.predicted + len(new),
-        ceased=counts.ceased + len(state.predicted_conflicts - others - state.deferred_for),
+        ceased=counts.ceased + len(state.conflicts.predicted - others - state.conflicts.deferred_for),
     )
-    state = replace(state, predicted_conflicts=others, deconfliction=counts)
+    state = replace(state, conflicts=replace(state.conflicts, predicted=others, counts=counts))
     if not others:
         return state, []
     state = replace(state, dirty=True, must_change=True)
@@ -163,9 +168,13 @@ def check_own_route(state: AgentState) -> StepResult:
     return state, [ev.NotifyOperator(text)] if new else []
 
 
+def _counted(state: AgentState, counts: DeconflictionCounts) -> AgentState:
+    return replace(state, conflicts=replace(state.conflicts, counts=counts))
+
+
 def _update_comparisons(state: AgentState, own: Trajectory) -> tuple[AgentState, tuple[Clash, ...]]:
     """Compare the own flight with changed intents; return its clashes with all intents."""
-    before = {uav: compared for uav, compared in state.comparisons.items() if compared.own is own}
+    before = {uav: compared for uav, compared in state.conflicts.compared.items() if compared.own is own}
     intents = known_intents(state)
     new = {
         uav: intent for uav, intent in intents.items() if uav not in before or before[uav].other is not intent
@@ -179,7 +188,7 @@ def _update_comparisons(state: AgentState, own: Trajectory) -> tuple[AgentState,
         (compared.clash for compared in after.values() if compared.clash is not None),
         key=lambda clash: (clash.at_s, clash.other),
     )
-    return replace(state, comparisons=after), tuple(found)
+    return replace(state, conflicts=replace(state.conflicts, compared=after)), tuple(found)
 
 
 def _gives_way(state: AgentState, other: int) -> bool:
@@ -202,14 +211,19 @@ def deconflict(before: AgentState, decided: StepResult, now: float) -> StepResul
         return _upload(state, swap, flight)  # an evasive climb comes first
     present_flight = None if before.route is None else planned_flight(before)
     clashes = clashes_with_known_intents(state, flight, present_flight)
-    new = [clash for clash in clashes if clash.other not in before.predicted_conflicts | before.deferred_for]
-    counts = replace(before.deconfliction, predicted=before.deconfliction.predicted + len(new))
-    state = replace(state, deconfliction=counts)
-    resolved = before.predicted_conflicts - before.deferred_for
+    new = [
+        clash
+        for clash in clashes
+        if clash.other not in before.conflicts.predicted | before.conflicts.deferred_for
+    ]
+    counts = before.conflicts.counts
+    counts = replace(counts, predicted=counts.predicted + len(new))
+    state = _counted(state, counts)
+    resolved = before.conflicts.predicted - before.conflicts.deferred_for
     if not clashes:
-        state = replace(state, deconfliction=replace(counts, by_route=counts.by_route + len(resolved)))
+        state = _counted(state, replace(counts, by_route=counts.by_route + len(resolved)))
         state, taken = _upload(state, swap, flight)
-        waited = before.route is None and before.deferred_for
+        waited = before.route is None and before.conflicts.deferred_for
         return state, [
             ev.NotifyOperator("the route is clear of other vehicles; the vehicle resumes it [resumes]"),
             *taken,
@@ -219,8 +233,8 @@ def deconflict(before: AgentState, decided: StepResult, now: float) -> StepResul
         flight = flight_by_plan(before, plan)
         if clashes_with_known_intents(state, flight, present_flight):
             continue
-        resolved |= {clash.other for clash in clashes} - before.deferred_for
-        state = replace(state, deconfliction=replace(counts, by_height=counts.by_height + len(resolved)))
+        resolved |= {clash.other for clash in clashes} - before.conflicts.deferred_for
+        state = _counted(state, replace(counts, by_height=counts.by_height + len(resolved)))
         state = replace(state, height_offset_m=height_m - state.task.altitude_m)
         others_text = describe_clashes(clashes, state.vehicle.time_boot_s)
         text = f"at {swap.plan.height_m:.0f} m the new route would conflict with {others_text}; the vehicle "
@@ -251,8 +265,7 @@ def _upload(state: AgentState, swap: ev.SwapMission, flight: Trajectory | None) 
     state = replace(
         state,
         pending=swap,
-        predicted_conflicts=frozenset(),
-        deferred_for=frozenset(),
+        conflicts=replace(state.conflicts, predicted=frozenset(), deferred_for=frozenset()),
         give_way=replace(state.give_way, since_boot_s=math.inf),
     )
     state, published = publish_intent(state, flight)
@@ -264,7 +277,7 @@ def _defer(
 ) -> StepResult:
     """Defer a plan: the vehicle keeps its present route, or holds; the plan is tried again soon."""
     others = frozenset(clash.other for clash in clashes)
-    new = [clash for clash in clashes if clash.other not in before.deferred_for]
+    new = [clash for clash in clashes if clash.other not in before.conflicts.deferred_for]
     state = replace(
         state,
         pending=None,
@@ -272,7 +285,7 @@ def _defer(
         dirty=True,
         must_change=before.must_change,
         late_s=before.late_s,
-        deferred_for=before.deferred_for | others,
+        conflicts=replace(state.conflicts, deferred_for=before.conflicts.deferred_for | others),
     )
     present_clashes = clashes_with_known_intents(state, planned_flight(before))
     yielding = [clash for clash in present_clashes if _gives_way(before, clash.other)]
@@ -282,10 +295,11 @@ def _defer(
     holds = before.route is None or (near_s < HOLDS_WITHIN_S and _may_hold(before))
     reaction = "continues to hold" if before.route is None else "holds"
     reaction = f"{reaction} [plan-deferred-hold]" if holds else "keeps its present route [plan-deferred]"
-    waits = others | (before.predicted_conflicts if holds else frozenset())
+    waits = others | (before.conflicts.predicted if holds else frozenset())
     if holds or not yielding:
-        by_waiting = state.deconfliction.by_waiting + len(waits - before.deferred_for)
-        state = replace(state, deconfliction=replace(state.deconfliction, by_waiting=by_waiting))
+        counts = state.conflicts.counts
+        n_waiting = counts.by_waiting + len(waits - before.conflicts.deferred_for)
+        state = _counted(state, replace(counts, by_waiting=n_waiting))
     messages: list[ev.Effect] = []
     if new:
         others_text = describe_clashes(new, state.vehicle.time_boot_s)
@@ -323,7 +337,7 @@ def _hold(state: AgentState, swap: ev.SwapMission) -> StepResult:
         dirty=False,
         retry_at_s=0.0,
         n_holds=state.n_holds + (state.order.given is not ev.FlightOrder.HOLD),
-        predicted_conflicts=frozenset(),
+        conflicts=replace(state.conflicts, predicted=frozenset()),
     )
     state, published = publish_intent(state, planned_flight(state))
     return state, [*ordered, *published]

@@ -1,0 +1,41 @@
+"""Conflicts of one vehicle's plans with the plans of other vehicles. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from swarmctl.agent.traffic.separation.clash import Clash
+from swarmctl.agent.traffic.separation.trajectory import Trajectory
+from swarmctl.agent.traffic.separation.watch import NeighbourIntent
+
+
+@dataclass(frozen=True, slots=True)
+class DeconflictionCounts:
+    """Numbers of conflicts predicted between plans: all, and by resolution."""
+
+    predicted: int = 0
+    by_height: int = 0
+    by_route: int = 0
+    by_waiting: int = 0
+    """conflicts after which the vehicle kept its previous plan, or held"""
+    ceased: int = 0
+    """conflicts that ended because the other vehicle changed its plan, or times shifted"""
+
+
+@dataclass(frozen=True, slots=True)
+class FlightComparison:
+    own: Trajectory
+    other: NeighbourIntent
+    clash: Clash | None
+
+
+@dataclass(frozen=True, slots=True)
+class Conflicts:
+    compared: Mapping[int, FlightComparison] = field(default_factory=dict)
+    """last comparison with each other vehicle"""
+    predicted: frozenset[int] = frozenset()
+    """vehicles in conflict with the flown route, to which this vehicle has to give way"""
+    deferred_for: frozenset[int] = frozenset()
+    """vehicles for which a new plan was deferred"""
+    counts: DeconflictionCounts = field(default_factory=DeconflictionCounts)
