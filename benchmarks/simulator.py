@@ -28,6 +28,8 @@ from tables import make_table
 
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.scenarios import default_scenario
+from sim_vehicle.station.frames import Sender
+from sim_vehicle.station.messages import command_long
 
 HOME = (46.0490, 14.5060, 300.0)
 VEHICLES_PER_PORT = 250
@@ -116,7 +118,7 @@ def receive(
 
 def start_commands(sysid: int, personality: str = "ardupilot") -> Iterator[bytes]:
     """Yield the frames of the commands for take-off and for the messages of RATES_HZ."""
-    codec = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
+    sender = Sender()
     commands: list[tuple[float, ...]] = [(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)]
     if personality == "ardupilot":
         commands.insert(0, (mavlink.MAV_CMD_DO_SET_MODE, 1, 4))
@@ -125,8 +127,7 @@ def start_commands(sysid: int, personality: str = "ardupilot") -> Iterator[bytes
     else:
         commands.append((mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, HOME[2] + 20))
     for command, *parameters in commands:
-        padded = [*parameters, *[0.0] * (7 - len(parameters))]
-        yield mavlink.MAVLink_command_long_message(sysid, 1, int(command), 0, *padded).pack(codec)
+        yield sender.pack(command_long((sysid, 1), int(command), *parameters))
 
 
 def send_start_commands(

@@ -15,9 +15,8 @@ from sim_vehicle.scenarios.steps import ScriptStep
 from sim_vehicle.station.exchanges import Exchange
 from sim_vehicle.station.frames import NOISE, Receiver, Sender
 from sim_vehicle.station.messages import heartbeat
+from sim_vehicle.station.status_texts import StatusTexts
 from sim_vehicle.wire.frame import HEADER2_BYTES, MAVLINK2
-
-GAP = "[...]"  # text in place of a missing chunk
 
 HEARTBEAT_S = 1.0
 SETTLED_S = 3.0  # delay after the first heartbeat; some autopilots undo an earlier mode change
@@ -43,28 +42,6 @@ PROCESSED_IDS = frozenset(
 
 FrameSink = Callable[[int, bytes, float], None]  # (index of the vehicle, frame, time [s])
 LinkFrames = list[tuple[int, bytes]]  # (link, frame)
-
-
-class StatusTexts:
-    """Texts of STATUSTEXT, assembled from their chunks, in the order of the first received chunks."""
-
-    def __init__(self) -> None:
-        self.texts: list[str] = []
-        self._open: dict[int, tuple[int, dict[int, str]]] = {}  # id -> index in `texts`, chunks by number
-
-    def receive(self, message: Any) -> None:
-        """Process a STATUSTEXT; a text with id 0 has one chunk."""
-        if message.id == 0:
-            self.texts.append(message.text)
-            return
-        index, chunks = self._open.get(message.id, (-1, {}))
-        if index < 0 or chunks.get(message.chunk_seq, message.text) != message.text:
-            # A new text, or a reused id; a repeated chunk has equal text.
-            index, chunks = len(self.texts), {}
-            self._open[message.id] = index, chunks
-            self.texts.append("")
-        chunks[message.chunk_seq] = message.text
-        self.texts[index] = "".join(chunks.get(i, GAP) for i in range(max(chunks) + 1))
 
 
 @dataclass(frozen=True, slots=True)

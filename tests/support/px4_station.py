@@ -12,6 +12,7 @@ from sim_vehicle.personalities import personality_of
 from sim_vehicle.scenarios import Scenario
 from sim_vehicle.station.messages import heartbeat
 from sim_vehicle.station.parameter_values import to_wire
+from sim_vehicle.station.status_texts import StatusTexts
 
 ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED = 0, 1, 2, 3, 4
 MANUAL, ALTITUDE, POSITION, AUTO, ACRO, OFFBOARD, STABILIZED = 1, 2, 3, 4, 5, 6, 7
@@ -58,14 +59,11 @@ class Px4Station(Station):
         return self.of("MISSION_CURRENT")[-1]
 
     def texts(self) -> list[str]:
-        """Return the texts, those in several chunks joined by their id."""
-        made: list[str] = []
+        """Return the texts, with their chunks joined."""
+        texts = StatusTexts()
         for message in self.of("STATUSTEXT"):
-            if message.id and message.chunk_seq:
-                made[-1] += message.text
-            else:
-                made.append(message.text)
-        return made
+            texts.receive(message)
+        return texts.texts
 
     @property
     def custom_mode(self) -> tuple[int, int]:

@@ -12,6 +12,8 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.station.frames import Receiver
+
 LIMIT_S = 20.0
 
 
@@ -114,8 +116,7 @@ class Ground:
     def __init__(self, source: Any, address: Any = None, *, sysid: int = 255) -> None:
         self._source, self.address = source, address
         self.codec = mavlink.MAVLink(None, srcSystem=sysid, srcComponent=190)
-        self._decoder = mavlink.MAVLink(None)
-        self._decoder.robust_parsing = True
+        self._receiver = Receiver()
         self.received: list[Any] = []
         self.raw = b""
 
@@ -140,9 +141,7 @@ class Ground:
             if not data:
                 raise ConnectionError("closed by the simulator")
         self.raw += data
-        for message in self._decoder.parse_buffer(data) or ():
-            if message.get_type() != "BAD_DATA":
-                self.received.append(message)
+        self.received += self._receiver.messages(data)
 
     def until(self, condition: Callable[[Any], bool]) -> Any:
         """Return the next message that satisfies a condition."""
