@@ -3,6 +3,7 @@
 Distances are computed in metres around the checked position, so no map projection is needed.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -61,6 +62,8 @@ class Fence:
     def __init__(self) -> None:
         self.items: tuple[Item, ...] = ()
         self.zones: tuple[Zone, ...] = ()
+        self._checked = (0.0, 0.0, 0.0, 0.0, 0.0)
+        """last checked position [deg], scale there [m/deg], and distance that stays free of breaches [m]"""
         self._compile()
 
     def replace(self, items: Sequence[Item]) -> None:
@@ -101,7 +104,16 @@ class Fence:
 
     def breaches(self, lat_deg: float, lon_deg: float) -> bool:
         """Return True for a position outside an inclusion zone or inside an exclusion zone."""
-        return bool(self.zones) and self.margin_m(lat_deg, lon_deg) < 0
+        if not self.zones:
+            return False
+        lat_checked_deg, lon_checked_deg, north_m, east_m, free_m = self._checked
+        moved_m = math.hypot((lat_deg - lat_checked_deg) * north_m, (lon_deg - lon_checked_deg) * east_m)
+        if moved_m < free_m:
+            return False
+        margin_m = self.margin_m(lat_deg, lon_deg)
+        # The margin shrinks by at most the distance moved; half leaves room for the scale's change.
+        self._checked = (lat_deg, lon_deg, *metres_per_degree(lat_deg), 0.5 * margin_m)
+        return margin_m < 0
 
     def margin_m(self, lat_deg: float, lon_deg: float) -> float:
         """Return the smallest distance to a zone's edge [m], negative on the forbidden side; inf: no zone."""
@@ -111,6 +123,7 @@ class Fence:
 
     def _compile(self) -> None:
         """Build arrays of all polygon edges, one polygon after the other, and of the circles."""
+        self._checked = (0.0, 0.0, 0.0, 0.0, 0.0)
         polygons = [zone for zone in self.zones if zone.radius_m is None]
         sizes = [len(zone.points_deg) for zone in polygons]
         starts = np.cumsum([0, *sizes])[:-1]

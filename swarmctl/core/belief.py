@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -112,6 +112,8 @@ class Belief:
     """checkpoint of each source; it replaces the observations that it summarises"""
     _counts_cache: LookCounts | None = None
     """counts of all observations; None before their first use"""
+    _n_cells_from: dict[int, int] = field(default_factory=dict)
+    """answers of `n_cells_from`, by observer"""
 
     @classmethod
     def prior(
@@ -321,14 +323,15 @@ class Belief:
 
     def n_cells_from(self, observer: int) -> int:
         """Return the number of different cells that this observer has reported."""
-        cells: set[int] = set()
-        for item in self._own_log().items:
-            if item.seen.observer == observer:
-                cells.update(_joined((item.cells[0],)).tolist())
-        for (of_observer, _), checkpoint in self._checkpoints.items():
-            if of_observer == observer:
-                cells.update(checkpoint.counts(self.looks.size).cells.tolist())
-        return len(cells)
+        if observer not in self._n_cells_from:
+            # An observation in a checkpoint adds no cell to those of the checkpoint.
+            parts = [item.cells[0] for item in self._log.items[: self._n] if item.seen.observer == observer]
+            cells = set(_joined(parts).tolist())
+            for (of_observer, _), checkpoint in self._checkpoints.items():
+                if of_observer == observer:
+                    cells.update(checkpoint.counts(self.looks.size).cells.tolist())
+            self._n_cells_from[observer] = len(cells)
+        return self._n_cells_from[observer]
 
     @cached_property
     def _seen_cells(self) -> NDArray[np.int64]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import math
+import time
 from collections.abc import Iterator
 from typing import Protocol
 
@@ -16,6 +18,8 @@ from swarmctl.report.ui import Ui
 
 LINE_EVERY_S = 30.0
 """flight time between two lines about a vehicle [s]"""
+DRAW_EVERY_S = 0.1
+"""shortest wall time between two pictures of the table [s]: on the virtual clock refreshes come faster"""
 MESSAGE_FOR_S = 20.0
 """flight time after which a message below the table disappears [s]"""
 
@@ -34,6 +38,7 @@ class LiveTable:
         self._message = ""
         self._message_s = 0.0
         self._view: SwarmView | None = None
+        self._drawn_s = -math.inf
 
     @contextlib.contextmanager
     def shown(self) -> Iterator[None]:
@@ -56,9 +61,11 @@ class LiveTable:
         self._view = view
         if view.flown_s - self._message_s > MESSAGE_FOR_S:
             self._message = ""
-        self._draw()
+        if time.monotonic() - self._drawn_s >= DRAW_EVERY_S:
+            self._draw()
 
     def _draw(self) -> None:
+        self._drawn_s = time.monotonic()
         message = Text(self._message, style="bright_black")
         size = self._live.console.size
         body = (

@@ -63,6 +63,25 @@ def test_exclusion_zones_inside_an_inclusion_zone() -> None:
     assert len(made.zones) == 4
 
 
+PLACES = st.tuples(st.floats(-150.0, 150.0), st.floats(-150.0, 150.0))
+
+
+@settings(max_examples=examples(50))
+@given(st.lists(PLACES, min_size=2, max_size=20), st.floats(0.01, 1.0))
+def test_a_breach_does_not_depend_on_earlier_positions(
+    places: list[tuple[float, float]], pace: float
+) -> None:
+    """Visit the places in steps of a share `pace` of the way; small steps reuse the last margin."""
+    zones = [*polygon(POLYGON, SQUARE), *polygon(EXCLUDED, [(20, 20), (40, 20), (30, 50)])]
+    visitor, (north_m, east_m) = fence(*zones), places[0]
+    for goal_north_m, goal_east_m in places[1:]:
+        for _ in range(5):
+            north_m += pace * (goal_north_m - north_m)
+            east_m += pace * (goal_east_m - east_m)
+            here = at(north_m, east_m)
+            assert visitor.breaches(*here) == (fence(*zones).margin_m(*here) < 0)
+
+
 def test_no_fence_forbids_nothing() -> None:
     made = fence()
     assert not made.breaches(0, 0)
