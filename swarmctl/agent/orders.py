@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import msgspec
@@ -13,6 +12,7 @@ from swarmctl.agent.phases import IN_FLIGHT, ON_GROUND, PAST_PLANNING, Phase
 from swarmctl.agent.state import AgentState, Task
 from swarmctl.core import events as ev
 from swarmctl.core.messages import CommandOutcome, VehicleAnswer, VehiclePosition
+from swarmctl.core.records import replace
 
 StepResult = tuple[AgentState, list[ev.Effect]]
 REPEAT_WHEN_RECENT = "telemetry is old; repeat the order when telemetry is recent"

@@ -7,12 +7,12 @@ program; the events after it tell how a mission change, an order or a launch has
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 from swarmctl.agent.orders import StepResult, release_vehicle
 from swarmctl.agent.phases import ON_GROUND, Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.core import events as ev
+from swarmctl.core.records import replace
 from swarmctl.core.vehicle import VehicleState
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from swarmctl.agent.arrival.simultaneous import earliest_in_s
 from swarmctl.agent.orders import StepResult
 from swarmctl.agent.state import AgentState
@@ -12,6 +10,7 @@ from swarmctl.agent.traffic.returning import return_target
 from swarmctl.core import events as ev
 from swarmctl.core.frames import MAX_TEXT, StateShared
 from swarmctl.core.observation import MAX_CELLS, BeliefItem, Checkpoint, Observation
+from swarmctl.core.records import replace
 
 SHARE_STATE_EVERY_S = 1.0
 

@@ -94,7 +94,7 @@ class Task:
         return landing_spot(self.grid, goal, self.landing_index, self.landing_count, separation_m)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)  # without slots `replace` is fast
 class AgentState:
     """Everything an agent knows; `step` returns a new state and never changes a state in place.
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import msgspec
@@ -44,6 +43,7 @@ from swarmctl.agent.traffic.returning import update_return
 from swarmctl.agent.traffic.route_deconfliction import check_own_route, deconflict
 from swarmctl.core import events as ev
 from swarmctl.core.grid import Cell
+from swarmctl.core.records import replace
 from swarmctl.core.vehicle import MAX_DELAY_S, RECENT_DELAY_S, VehicleState
 from swarmctl.planners.base import Unreachable
 

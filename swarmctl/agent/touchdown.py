@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from swarmctl.agent.phases import IN_FLIGHT, Phase
 from swarmctl.agent.replan.landing_pattern import ROLL_OUT_M
 from swarmctl.agent.state import ARRIVED, AgentState
 from swarmctl.core.events import FlightOrder
 from swarmctl.core.geo import distance_m
+from swarmctl.core.records import replace
 from swarmctl.core.vehicle import Landed
 
 DISARMED_FOR_S = 4.0

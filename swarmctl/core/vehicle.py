@@ -32,7 +32,7 @@ class Landed(IntEnum):
     LANDING = 4
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)  # without slots `replace` is fast
 class VehicleState:
     """Values of the last telemetry; None for a value not reported yet, and for an outdated position."""
 

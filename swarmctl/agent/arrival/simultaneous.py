@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 from swarmctl.agent.arrival.common_time import ArrivalGroup, CommandedSpeed, due_s, speed_for
@@ -21,6 +21,7 @@ from swarmctl.core import events as ev
 from swarmctl.core.any_angle.turns import rounded
 from swarmctl.core.frames import StateShared
 from swarmctl.core.planar import PlanarPoint
+from swarmctl.core.records import replace
 
 MIN_INTERVAL_S = 2.0
 """least time between two speed changes [s]"""

@@ -5,7 +5,6 @@ Messages to the operator end in the rule's code, such as `[low-battery]`.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 from swarmctl.agent import failsafes
@@ -16,6 +15,7 @@ from swarmctl.agent.phases import Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.returning import MAX_RETURN_WAIT_S, SHARED_AT_ONCE, start_return, wait_to_return
 from swarmctl.core import events as ev
+from swarmctl.core.records import replace
 
 _ACTIVITY_OF_PHASE: dict[Phase, Activity] = {
     Phase.LAUNCHING: "launch",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +35,7 @@ from swarmctl.core.exposure import exposure, length_cells
 from swarmctl.core.geo import LatLon
 from swarmctl.core.grid import Cell
 from swarmctl.core.mission import FlightPlan, Waypoint
+from swarmctl.core.records import replace
 from swarmctl.core.threat import FiringStrength
 from swarmctl.planners.base import BoundTooTight, Problem, Route, route_of
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 from swarmctl.agent.arrival.common_time import least_m_s
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.length_bounds import TimeBound
 from swarmctl.agent.state import AgentState, Task
+from swarmctl.core.records import replace
 from swarmctl.planners import window
 from swarmctl.planners.base import Method
 

@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 import msgspec
 
@@ -48,6 +47,7 @@ from swarmctl.agent.traffic.separation.watch import (
     update_alarms,
 )
 from swarmctl.core import events as ev
+from swarmctl.core.records import replace
 
 RESUME_AFTER_S = (0.0, 2.0, 4.0, 6.0)
 """Delays with which a resumed route has to be clear [s]: a vehicle follows a new plan after some seconds."""

@@ -12,7 +12,6 @@ Without a recent intent of a vehicle, `collision_avoidance` still watches its po
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 from swarmctl.agent.orders import StepResult
 from swarmctl.agent.phases import IN_FLIGHT, Phase
@@ -32,6 +31,7 @@ from swarmctl.agent.traffic.separation.watch import NeighbourIntent
 from swarmctl.core import events as ev
 from swarmctl.core.frames import MAX_AHEAD_S, MAX_POINTS, IntentPoint, IntentShared
 from swarmctl.core.mission import FlightPlan
+from swarmctl.core.records import replace
 
 REPEAT_EVERY_S = 5.0
 """Interval between unchanged intents [s]."""

@@ -19,7 +19,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 
 import msgspec
 
@@ -46,6 +45,7 @@ from swarmctl.agent.traffic.separation.watch import NeighbourIntent
 from swarmctl.core import events as ev
 from swarmctl.core.mission import Waypoint
 from swarmctl.core.planar import PlanarPoint
+from swarmctl.core.records import replace
 from swarmctl.core.vehicle import Landed
 
 CHECK_EVERY_S = 0.2

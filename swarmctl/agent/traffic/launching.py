@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 
 from swarmctl.agent.orders import StepResult, command, release_vehicle
 from swarmctl.agent.own_modes import own_mode_roles
@@ -26,6 +25,7 @@ from swarmctl.agent.traffic.separation.clash import Clash, describe_clashes
 from swarmctl.agent.traffic.separation.trajectory import until_landing
 from swarmctl.agent.traffic.separation.watch import NeighbourIntent
 from swarmctl.core import events as ev
+from swarmctl.core.records import replace
 
 MAX_LAUNCH_WAIT_S = 180.0
 """Longest wait on the ground before the launch is cancelled [s]."""

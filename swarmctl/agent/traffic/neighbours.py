@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 from swarmctl.agent.arrival.simultaneous import note_arrival_times
 from swarmctl.agent.orders import StepResult
@@ -13,6 +12,7 @@ from swarmctl.agent.traffic.returning import note_returning
 from swarmctl.agent.traffic.separation.watch import NeighbourReport
 from swarmctl.core import events as ev
 from swarmctl.core.frames import StateShared
+from swarmctl.core.records import replace
 
 MARGIN_M_S = 5.0
 """Increase of the closing speed that the selection of nearby vehicles allows for [m/s]."""

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 import msgspec
@@ -29,6 +28,7 @@ from swarmctl.agent.traffic.separation.watch import NeighbourReport
 from swarmctl.core import events as ev
 from swarmctl.core.geo import LatLon
 from swarmctl.core.messages import MAX_AFTER_S
+from swarmctl.core.records import replace
 
 MAX_RETURN_WAIT_S = 120.0
 """Longest wait for a clear path [s]; an interrupted return does not extend it."""

@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 
 import msgspec
 
@@ -44,6 +43,7 @@ from swarmctl.agent.traffic.separation.trajectory import Bounds, Trajectory, unt
 from swarmctl.agent.traffic.separation.watch import HEIGHT_MARGIN, NeighbourIntent, gives_way_to
 from swarmctl.core import events as ev
 from swarmctl.core.mission import FlightPlan
+from swarmctl.core.records import replace
 
 RETRY_S = 5.0
 """Time until a deferred plan is tried again [s]."""

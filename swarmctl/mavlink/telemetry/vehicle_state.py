@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -11,6 +10,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from swarmctl.core.records import replace
 from swarmctl.core.vehicle import MAX_DELAY_S, Landed, ModeRole, VehicleState
 from swarmctl.mavlink.dialects import Dialect, Readiness
 from swarmctl.mavlink.protocol.codec import Message
@@ -102,7 +102,7 @@ class Telemetry:
     @property
     def state(self) -> VehicleState:
         if self._changes:
-            self._state = dataclasses.replace(self._state, **self._changes)
+            self._state = replace(self._state, **self._changes)
             self._changes = {}
         return self._state
 
