@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim_vehicle.epoch import EPSILON_S
 from sim_vehicle.faults.schedule import Schedule, VehicleAccess
 from sim_vehicle.faults.spec import FaultSpec
-from sim_vehicle.files.logs.recorder import limits_for
+from sim_vehicle.files.logs.recorder import NO_LOGS, limits_for
 from sim_vehicle.files.logs.sampling import samples
 from sim_vehicle.personalities import personality_of
 from sim_vehicle.physics.body import Body
@@ -55,7 +55,12 @@ class Fleet:
     """
 
     def __init__(
-        self, scenario: Scenario, *, ready_s: float | None = None, trusted_links: Collection[int] = ()
+        self,
+        scenario: Scenario,
+        *,
+        ready_s: float | None = None,
+        trusted_links: Collection[int] = (),
+        keeps_logs: bool = True,
     ) -> None:
         """Create the vehicles of a scenario.
 
@@ -64,6 +69,7 @@ class Fleet:
         scenario: vehicles, area, faults and environment.
         ready_s: time from boot to a position estimate [s]; None: the scenario's time, else the autopilot's.
         trusted_links: links on which vehicles with a signing key accept unsigned messages, as on USB.
+        keeps_logs: False if no station downloads flight logs; the vehicles then record none.
         """
         specs = scenario.vehicles
         area = scenario.area
@@ -77,6 +83,7 @@ class Fleet:
         self._streams = Streams(len(specs), TICK_S)
         self._outbox = Outbox(Encoder(self.sysids, COMPONENT), self.world, self.status)
         chosen_s = ready_s if ready_s is not None else scenario.ready_s
+        log_limits = limits_for(len(specs)) if keeps_logs else NO_LOGS
         self.vehicles: list[Autopilot] = []
         for index, spec in enumerate(specs):
             personality = personality_of(spec.personality, spec.kind)
@@ -96,7 +103,7 @@ class Fleet:
                         generators[index].spawn(1)[0], FaultEffectWriter(self.world, self.status, index)
                     ),
                     replace_faults=partial(self._replace_faults, index),
-                    log_limits=limits_for(len(specs)),
+                    log_limits=log_limits,
                 )
             )
         self._by_address: dict[tuple[int, int], Autopilot] = {}
@@ -256,8 +263,7 @@ class Fleet:
         due = (self._alarm_s <= now + EPSILON_S) | self.world.has_event
         for index in np.flatnonzero(due).tolist():
             vehicle = self.vehicles[index]
-            vehicle.body.take_events()
-            vehicle.update(now)
+            vehicle.decide(now, has_event=vehicle.body.take_events())
             self._alarm_s[index] = vehicle.alarm_s
 
     def _record(self, now: float) -> None:

@@ -146,7 +146,7 @@ class Autopilot:
         self._next_idle_s = float(rng.random())
         # Few phases, so that the fleet encodes 1 Hz messages of many vehicles at a time.
         self._phase_s = math.floor(self._next_idle_s * PHASES) / PHASES
-        self.now = self.alarm_s = self._boot_due_s = 0.0
+        self.now = self.alarm_s = self._update_due_s = self._boot_due_s = 0.0
         self.strikes = self.boots = 0
         self.reboot_after_reply = False
         self.booted = False
@@ -224,7 +224,7 @@ class Autopilot:
         else:
             return
         self.storage.record_changes(now)
-        self.alarm_s = now
+        self.alarm_s = self._update_due_s = now
         self.publish(now)
 
     def _receive_heartbeat(self, heartbeat: Any, now: float) -> None:
@@ -262,6 +262,19 @@ class Autopilot:
 
     # -- time ---------------------------------------------------------------------------------------------
 
+    def decide(self, now: float, *, has_event: bool) -> None:
+        """Update the vehicle if an update is due, else check only the fence; set `alarm_s`."""
+        before = self.fence_watch.breached
+        if has_event or before or not self.booted or self._update_due_s <= now + EPSILON_S:
+            self.update(now)
+            return
+        self.now = now
+        self.fence_watch.update(now)
+        if self.fence_watch.breached:
+            self.update(now)
+        else:
+            self._set_alarm(now)
+
     def update(self, now: float) -> None:
         """Boot if due, check readiness and failsafes, steer, continue transfers, and set `alarm_s`."""
         self.now = now
@@ -289,7 +302,7 @@ class Autopilot:
         # Each vehicle keeps its own phase, so that vehicles booted together decide at different ticks.
         while self._next_idle_s <= now + EPSILON_S:
             self._next_idle_s += IDLE_INTERVAL_S
-        self.alarm_s = min(
+        self._update_due_s = min(
             self._next_idle_s,
             failsafe_s,
             disarm_s,
@@ -300,9 +313,14 @@ class Autopilot:
             self.transfer.next_deadline_s,
             self.storage.next_s(now),
             self.sender.next_s,
-            now + BUSY_INTERVAL_S if self.fence_watch.active or self.params.listing else math.inf,
+            now + BUSY_INTERVAL_S if self.params.listing else math.inf,
         )
+        self._set_alarm(now)
         self.publish(now)
+
+    def _set_alarm(self, now: float) -> None:
+        fence_s = now + BUSY_INTERVAL_S if self.fence_watch.active else math.inf
+        self.alarm_s = min(self._update_due_s, fence_s)
 
     def reboot(self, now: float, silence_s: float = REBOOT_SILENCE_S) -> None:
         """Stop the motors and go silent for `silence_s` [s], then boot."""

@@ -28,7 +28,8 @@ async def fleet_on(
     """Simulate a fleet behind `wire`, on the running loop's clock; yield the task that steps the fleet."""
     simulate = scenario.config.simulate
     assert simulate is not None
-    fleet = Fleet(FleetScenario.model_validate(scenario_json(scenario)), ready_s=simulate.ready_s)
+    fleet_scenario = FleetScenario.model_validate(scenario_json(scenario))
+    fleet = Fleet(fleet_scenario, ready_s=simulate.ready_s, keeps_logs=False)
     loop = asyncio.get_running_loop()
 
     sysid_at: dict[Address, int] = {}

@@ -23,6 +23,9 @@ class LogLimits:
     logs: int = MAX_LOGS  # largest number of logs
 
 
+NO_LOGS = LogLimits(logs=0)
+
+
 def limits_for(fleet_size: int) -> LogLimits:
     """Return one vehicle's limits, so that the logs of the whole fleet need at most about FLEET_BYTES."""
     vehicle_bytes = FLEET_BYTES // max(fleet_size, 1)
