@@ -56,7 +56,7 @@ def fly(m: Motion, i: Selection, dt_s: float) -> None:
     lift = (GRAVITY_M_S2 + (climb - m.velocity[2][i]) / dt_s) * has_thrust
     tilt_limit = MAX_TILT_SLOPE * np.maximum(lift, 0.0)
     size = np.hypot(tilt[0], tilt[1])
-    if np.any(size > tilt_limit):
+    if np.count_nonzero(size > tilt_limit):
         tilt *= np.minimum(1.0, tilt_limit / np.maximum(size, 1e-9))
     change = (tilt - drag) * (dt_s * m.airborne[i])
     m.velocity[:2, i] += change

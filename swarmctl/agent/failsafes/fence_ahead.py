@@ -109,11 +109,11 @@ def _leaves_fence(
     """Return whether a vehicle off its route would leave the fence before it can stop or turn."""
     if memory.course is None or facts.route is None:
         return False
-    track = tuple(facts.frame.to_local(*point) for point in facts.route.points)
-    if distance_to_track(here, track) <= params.off_route_m:
-        return False
     speed_m_s = facts.vehicle.ground_speed_m_s
     braking_m = facts.turn_radius_m or speed_m_s * speed_m_s / (2.0 * DECELERATION_M_S2)
     stops_m = speed_m_s * params.seconds + braking_m
     there = (here[0] + stops_m * memory.course[0], here[1] + stops_m * memory.course[1])
-    return not contains(corners_m, there)
+    if contains(corners_m, there):
+        return False
+    track = tuple(facts.frame.to_local(*point) for point in facts.route.points)
+    return distance_to_track(here, track) > params.off_route_m

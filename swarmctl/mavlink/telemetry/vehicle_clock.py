@@ -67,7 +67,8 @@ class VehicleClock:
 
     def is_old(self, now: float, limit_s: float) -> bool:
         """Return whether the newest message is older than `limit_s` and the usual interval of messages."""
-        return self.age_s(now) > limit_s + self._usual_interval_s()
+        age_s = self.age_s(now)
+        return age_s > limit_s and age_s > limit_s + self._usual_interval_s()
 
     def _usual_interval_s(self) -> float:
         """Return the median interval of the last messages, by the vehicle's clock; 0 before the second."""
