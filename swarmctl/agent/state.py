@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -36,6 +36,7 @@ from swarmctl.core.any_angle.corners import ExposureMeasure
 from swarmctl.core.belief import Belief
 from swarmctl.core.geo import LatLon
 from swarmctl.core.grid import Cell, Grid
+from swarmctl.core.records import replace
 from swarmctl.core.route import landing_spot
 from swarmctl.core.threat import FiringStrength
 from swarmctl.core.vehicle import VehicleState
