@@ -24,8 +24,9 @@ class _Selector(selectors.DefaultSelector):
     loop: VirtualTimeLoop
 
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
-        ready = super().select(0)
-        if ready or timeout == 0:
+        if timeout == 0:
+            return []  # callbacks are ready; sockets come next, before the clock advances
+        if ready := super().select(0):
             return ready
         if timeout is None:
             raise Stalled("nothing is left to wait for on the virtual clock")

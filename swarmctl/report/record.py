@@ -171,7 +171,7 @@ class Recorder:
         self._add(topic, type(record).__name__, type(record), data, self._log_time(now))
 
     def _show(self, topic: str, schema: str, content: dict[str, Any], now: float) -> None:
-        data = json.dumps(content).encode()
+        data = msgspec.json.encode(content)
         self._add(topic, schema, foxglove.SCHEMAS[schema], data, self._log_time(now))
 
     def _add(

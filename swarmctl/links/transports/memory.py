@@ -18,14 +18,20 @@ class MemoryWire:
         self.to_vehicles: Callable[[bytes, Address], None] | None = None
         """callback with bytes from the ground and their target address; set by the vehicles' side"""
         self._to_ground: Receive | None = None
+        self._on_the_way: list[tuple[bytes, Address]] = []
+        """frames to the ground; one turn of the loop delivers all of them"""
 
     def from_vehicle(self, data: bytes, address: Address) -> None:
         """Send bytes from the vehicles' side to the ground; replies go to `address`, an arbitrary name."""
-        asyncio.get_running_loop().call_soon(self._deliver_to_ground, data, address)
+        if not self._on_the_way:
+            asyncio.get_running_loop().call_soon(self._deliver_to_ground)
+        self._on_the_way.append((data, address))
 
-    def _deliver_to_ground(self, data: bytes, address: Address) -> None:
-        if self._to_ground is not None:
-            self._to_ground(data, address)
+    def _deliver_to_ground(self) -> None:
+        arrived, self._on_the_way = self._on_the_way, []
+        for data, address in arrived:
+            if self._to_ground is not None:
+                self._to_ground(data, address)
 
     def from_ground(self, data: bytes, address: Address) -> None:
         asyncio.get_running_loop().call_soon(self._deliver_to_vehicles, data, address)
