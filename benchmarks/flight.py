@@ -1,6 +1,6 @@
 """Wall times of flights on the virtual clock, and latencies from an observation to a changed mission.
 
-The flights have 5, 20 and 100 vehicles. Wall times are of this machine at this moment. The last column is
+The flights have 5, 20, 50 and 100 vehicles. Wall times are of this machine at this moment. The last column is
 the wall time of a vehicle, as a ratio to the flight of 5 vehicles in the same run.
 """
 
@@ -126,7 +126,7 @@ def main() -> None:
     options = parser.parse_args()
     console = Console(width=130)
     warm_up()
-    console.print(virtual_flights((5,) if options.quick else (5, 20, 100)))
+    console.print(virtual_flights((5,) if options.quick else (5, 20, 50, 100)))
     console.print(latencies())
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import overload
 
@@ -14,6 +15,8 @@ Floats = NDArray[np.float64]
 LatLon = tuple[float, float]
 """latitude, longitude [deg], WGS-84"""
 
+POINTS_KEPT = 4096
+"""number of single points that a frame remembers"""
 _ELLIPSOID = Geod(ellps="WGS84")
 
 
@@ -36,6 +39,8 @@ class LocalFrame:
 
     lat_deg: float
     lon_deg: float
+    _local: Callable[[float, float], tuple[float, float]] = field(init=False, repr=False, compare=False)
+    """`to_local` of single points; it remembers the last points, because many vehicles ask for each"""
 
     def __post_init__(self) -> None:
         if not (-90.0 <= self.lat_deg <= 90.0 and -180.0 <= self.lon_deg <= 180.0):
@@ -43,6 +48,8 @@ class LocalFrame:
                 f"origin ({self.lat_deg}, {self.lon_deg}): expected a latitude in [-90, 90] and a longitude "
                 "in [-180, 180], in degrees and in this order"
             )
+        transform = _projection(self.lat_deg, self.lon_deg).transform
+        object.__setattr__(self, "_local", lru_cache(maxsize=POINTS_KEPT)(transform))
 
     @overload
     def to_local(self, lat_deg: float, lon_deg: float) -> tuple[float, float]: ...
@@ -52,6 +59,8 @@ class LocalFrame:
         self, lat_deg: float | Floats, lon_deg: float | Floats
     ) -> tuple[float | Floats, float | Floats]:
         """Return (east, north) [m] of points in degrees; inf or nan for points that cannot be projected."""
+        if isinstance(lat_deg, float) and isinstance(lon_deg, float):
+            return self._local(lon_deg, lat_deg)
         east_m, north_m = _projection(self.lat_deg, self.lon_deg).transform(lon_deg, lat_deg)
         return east_m, north_m
 

@@ -8,13 +8,12 @@ form a convex polygon. So do the relative positions, and the distance of the pol
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarmctl.agent.traffic.separation.approach import Limits
 from swarmctl.agent.traffic.separation.trajectory import Segment, Trajectory
@@ -26,8 +25,6 @@ deviation sends a new intent."""
 HEIGHT_TOLERANCE_M = 0.3
 """Accuracy of held and reported heights [m]: plans at exactly the vertical limit do not clash."""
 
-Boxes = NDArray[np.float64]
-"""(segments, 8): least time [s], east, north and up [m] of each segment, then the greatest values"""
 _Times = tuple[float, float]
 """(time of the first vehicle, time of the second vehicle) [s]"""
 _DIRECTIONS = tuple((math.cos(k * math.tau / 8), math.sin(k * math.tau / 8)) for k in range(8))
@@ -49,12 +46,6 @@ def describe_clashes(clashes: Sequence[Clash], now_s: float) -> str:
     return " and ".join(texts)
 
 
-def _boxes_of(flight: Trajectory) -> Boxes:
-    times, points = np.array(flight.times_s), np.array(flight.points).reshape(-1, 3)
-    low = np.column_stack((times[:-1], np.minimum(points[:-1], points[1:])))
-    return np.hstack((low, np.column_stack((times[1:], np.maximum(points[:-1], points[1:])))))
-
-
 def find_clashes(
     own: Trajectory,
     others: Mapping[int, Trajectory],
@@ -68,27 +59,28 @@ def find_clashes(
     """
     if not others:
         return ()
-    mine, boxes = list(own.segments()), _boxes_of(own)
-    found = []
-    for uav, flight in others.items():
-        pair_limits = wider.get(uav, limits)
-        near = _near_pairs(boxes, _boxes_of(flight), pair_limits, tolerance_s)
-        if not near:
-            continue
-        pieces = list(flight.segments())
-        at_s = (first_clash_s(mine[i], pieces[j], pair_limits, tolerance_s) for i, j in near)
-        first_s = min((t for t in at_s if t is not None), default=None)
-        if first_s is not None:
-            found.append(Clash(uav, first_s))
-    return tuple(sorted(found, key=lambda clash: (clash.at_s, clash.other)))
+    pairs = [(uav, flight, wider.get(uav, limits)) for uav, flight in others.items()]
+    first_s: dict[int, float] = {}
+    for i, k, j in _near_segments(own, [(flight, limits) for _, flight, limits in pairs], tolerance_s):
+        uav, flight, pair_limits = pairs[k]
+        at_s = first_clash_s(own.segment(i), flight.segment(j), pair_limits, tolerance_s)
+        if at_s is not None:
+            first_s[uav] = min(first_s.get(uav, math.inf), at_s)
+    return tuple(sorted((Clash(*found) for found in first_s.items()), key=lambda c: (c.at_s, c.other)))
 
 
-def _near_pairs(mine: Boxes, theirs: Boxes, limits: Limits, tolerance_s: float) -> list[tuple[int, int]]:
-    """Return the pairs of segments whose boxes are within the limits of each other."""
-    reach = np.array((tolerance_s, limits.horizontal_m, limits.horizontal_m, limits.vertical_m))
-    one, other = mine[:, None], theirs[None]
-    near = (one[..., :4] - reach <= other[..., 4:]) & (other[..., :4] - reach <= one[..., 4:])
-    return [(int(i), int(j)) for i, j in np.argwhere(near.all(axis=2))]
+def _near_segments(
+    own: Trajectory, others: Sequence[tuple[Trajectory, Limits]], tolerance_s: float
+) -> Iterator[tuple[int, int, int]]:
+    """Yield (own segment, other flight, its segment) of segments whose boxes are within the limits."""
+    counts = [len(flight.boxes) for flight, _ in others]
+    reach = np.array([(tolerance_s, at.horizontal_m, at.horizontal_m, at.vertical_m) for _, at in others])
+    reach = np.repeat(reach, counts, axis=0)
+    one, other = own.boxes[:, None], np.concatenate([flight.boxes for flight, _ in others])
+    near = (one[..., :4] - reach <= other[:, 4:]) & (other[:, :4] - reach <= one[..., 4:])
+    flight_of = [(k, j) for k, count in enumerate(counts) for j in range(count)]
+    for i, at in np.argwhere(near.all(axis=2)).tolist():
+        yield i, *flight_of[at]
 
 
 def first_clash_s(a: Segment, b: Segment, limits: Limits, tolerance_s: float) -> float | None:

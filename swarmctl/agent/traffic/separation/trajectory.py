@@ -5,11 +5,16 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
 
 LocalPoint = tuple[float, float, float]
 """east, north, up [m]"""
+Boxes = NDArray[np.float64]
+"""(segments, 8): least time [s], east, north and up [m] of each segment, then the greatest values"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +40,8 @@ class Trajectory:
     times_s: tuple[float, ...]
     """strictly increasing"""
     points: tuple[LocalPoint, ...]
+    _boxes: Boxes | None = field(default=None, init=False, repr=False, compare=False)
+    """bounding boxes of the segments; None before their first use"""
 
     def __post_init__(self) -> None:
         if len(self.times_s) != len(self.points):
@@ -47,8 +54,21 @@ class Trajectory:
             raise ValueError("times do not increase: expected each to be later than the previous one")
 
     def segments(self) -> Iterator[Segment]:
-        for (t0, t1), (a, b) in zip(pairwise(self.times_s), pairwise(self.points), strict=True):
-            yield Segment(t0, t1, a, b)
+        return map(self.segment, range(len(self.times_s) - 1))
+
+    def segment(self, i: int) -> Segment:
+        return Segment(self.times_s[i], self.times_s[i + 1], self.points[i], self.points[i + 1])
+
+    @property
+    def boxes(self) -> Boxes:
+        """The bounding boxes of the segments in time and space."""
+        if self._boxes is None:
+            times, points = np.array(self.times_s), np.array(self.points).reshape(-1, 3)
+            low = np.column_stack((times[:-1], np.minimum(points[:-1], points[1:])))
+            high = np.column_stack((times[1:], np.maximum(points[:-1], points[1:])))
+            object.__setattr__(self, "_boxes", np.hstack((low, high)))
+            assert self._boxes is not None
+        return self._boxes
 
     def at(self, t_s: float) -> LocalPoint | None:
         """Return the position at `t_s`; None before and after the flight."""
