@@ -98,7 +98,7 @@ PURE = {
     "swarmctl.preflight.checks", "swarmctl.preflight.policy", "swarmctl.preflight.facts",
     "swarmctl.preflight.declared", "swarmctl.preflight.results", "swarmctl.preflight.waivers",
     "swarmctl.report.foxglove", "swarmctl.report.evidence.chain", "swarmctl.report.evidence.digest",
-    "swarmctl.report.evidence.story", "swarmctl.report.evidence.traffic", "swarmctl.report.evidence.transfer",
+    "swarmctl.report.evidence.commands",
     "sim_vehicle",
 }  # fmt: skip
 # The simulator's only sockets, clocks, tasks and processes.

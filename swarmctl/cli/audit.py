@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Container, Iterator, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
@@ -12,9 +13,10 @@ import typer
 
 from swarmctl.cli.console import FAILED, USAGE, fail, out, say
 from swarmctl.core.operator_text import printable
-from swarmctl.report.evidence.chain import CheckedChain, Entry, check, signed_content
-from swarmctl.report.evidence.digest import Digest, digest
-from swarmctl.report.evidence.file import FILE_NAME
+from swarmctl.report.evidence.chain import FORMAT, CheckedChain, Closed, Entry, check, signed_content
+from swarmctl.report.evidence.commands import CHANGED_PART
+from swarmctl.report.evidence.digest import VehicleDigest, digest
+from swarmctl.report.evidence.log import FILE_NAME, sha256_of
 from swarmctl.report.tables import Column, FittedTable
 from swarmctl.security.evidence_keys import is_valid_signature, key_trouble, signer_trouble
 from swarmctl.security.files import KeyringError
@@ -24,12 +26,6 @@ UNSIGNED = (
     "hash. So note the final hash elsewhere and compare it later, or fly with `communication.keys` "
     "[evidence-not-signed]"
 )
-
-_LEADING = (
-    *("message", "command", "items", "of", "first", "result", "times"),
-    *("changed", "from", "to", "check", "asks", "decided", "ended", "failed"),
-)
-"""keys of an entry, in the order of the output; other keys follow in the order of the file"""
 
 
 def register(cli: typer.Typer) -> None:
@@ -49,113 +45,136 @@ def audit(
 ) -> None:
     """Check the evidence of a run line by line, and summarise it.
 
-    The evidence is a chain: each line has the hash of the line before, and the last line has the number of
-    the lines before it.
+    The evidence is a chain: each line has the hash of the line before. The last line has the hashes of the
+    record and the tlogs. The answers and effects in the table are those in the tlogs.
     """
     if keys is not None and not keys.is_dir():
         fail(
             [f"--keys {keys}: not a folder; give the folder of the swarm's keys (communication.keys)"], USAGE
         )
     path = run / FILE_NAME if run.is_dir() else run
-    checked = _read_chain(path)
-    if checked.entries:
-        _show(checked, shows_all=shows_all)
-    troubles = [printable(text) for text in _troubles(path, checked, keys)]
-    if troubles:
-        fail(troubles, FAILED)
-    n_entries, last_hash = len(checked.entries), checked.last_hash
-    say(f"{path}: complete and unchanged: {n_entries} entries; the final hash is {last_hash}")
-    say(_signed_by(checked, keys))
-
-
-def _read_chain(path: Path) -> CheckedChain:
     try:
         with path.open("rb") as file:
-            return check(file)
+            checked = check(file)
     except FileNotFoundError:
         fail([f"{path}: no such file; give the folder of a run with its {FILE_NAME} [no-evidence]"], USAGE)
     except OSError as error:
         fail([f"{path}: cannot be read: {error.strerror or error}"], USAGE)
+    if checked.other_format:
+        fail([f"{path}: {checked.other_format}"], USAGE)
+    closing = checked.closing or Closed()
+    changed = _changed_files(path.parent, closing, may_miss=not run.is_dir())
+    if checked.entries:
+        _show(checked, _tlogs(path.parent, checked, except_for=changed), shows_all=shows_all)
+    troubles = [*_troubles(path, checked, keys), *changed.values()]
+    if troubles:
+        fail([printable(text) for text in troubles], FAILED)
+    _say(
+        f"{path}: complete and unchanged: {len(checked.entries)} entries, with the hashes of "
+        f"{len(closing.files)} files; the final hash is {checked.last_hash}"
+    )
+    _say(_signed_by(closing, keys))
+
+
+def _say(text: str) -> None:
+    say(printable(text))
+
+
+def _changed_files(folder: Path, closing: Closed, *, may_miss: bool) -> dict[str, str]:
+    """Return messages about the files that differ from the closing entry, by name."""
+    changed = {}
+    for name, expected in closing.files.items():
+        path = folder / Path(name).name
+        try:
+            found = sha256_of(path)
+        except FileNotFoundError:
+            found = expected if may_miss else "no such file"
+        except (OSError, ValueError) as error:
+            found = str(error)
+        if found != expected:
+            changed[name] = (
+                f"{path}: changed after the flight: found {found}, expected the SHA-256 {expected}; the "
+                "table leaves out a changed tlog [file-changed]"
+            )
+    return changed
+
+
+def _tlogs(folder: Path, checked: CheckedChain, except_for: Container[str]) -> dict[str, bytes]:
+    """Return the contents of the tlogs by vehicle."""
+    found = {}
+    for vehicle in checked.opened.vehicles if checked.opened.format == FORMAT else ():
+        name = f"{Path(vehicle).name}.tlog"
+        with contextlib.suppress(OSError, ValueError):
+            if name not in except_for:
+                found[vehicle] = (folder / name).read_bytes()
+    return found
 
 
 def _troubles(path: Path, checked: CheckedChain, keys: Path | None) -> Iterator[str]:
-    if checked.fault is not None:
-        fault = checked.fault
+    """Return the faults of chain and signature."""
+    n, closing = len(checked.entries), checked.closing
+    if checked.fault:
         yield (
-            f"{path}:{fault.line}: the chain breaks at this line: found {fault.found}, expected "
-            f"{fault.expected}; only the {len(checked.entries)} lines before it are unchanged [chain-broken]"
+            f"{path}:{n + 1}: the chain breaks at this line: {checked.fault}; only the {n} lines before it "
+            "are unchanged [chain-broken]"
         )
-    elif not checked.entries:
-        yield f"{path}: the file is empty: the process died at once, or all lines were cut [not-closed]"
-    elif checked.closing is None:
+    elif closing is None:
+        place = f"{path}:{n}" if n else f"{path}"
         yield (
-            f"{path}:{len(checked.entries)}: the evidence is not closed: the process died, or lines were "
-            f"cut; the last valid hash is {checked.last_hash} [not-closed]"
+            f"{place}: the evidence is not closed: the process died, or lines were cut; the last valid "
+            f"hash is {checked.last_hash} [not-closed]"
         )
-    else:
-        yield from _signature_troubles(path, checked, keys)
-
-
-def _signature_troubles(path: Path, checked: CheckedChain, keys: Path | None) -> Iterator[str]:
-    signature = checked.signature
-    if signature is None:
+    elif closing.signature is None:
         if keys is not None:
-            yield (
-                f"{path}: the evidence is not signed; expected a signature by a key of {keys} "
-                "[evidence-not-signed]"
-            )
-        return
-    by, key = signature.by, signature.key
-    signed = signed_content(len(checked.entries) - 1, checked.entries[-1]["previous"])
-    if not is_valid_signature(signed, key, signature.signature):
-        yield (
-            f"{path}: the signature by {by} is invalid: the chain was rewritten after it was signed "
-            "[signature-invalid]"
-        )
-        return
-    try:
-        if keys is not None and (why := key_trouble(keys, by, key)):
-            yield f"{path}: signed by {by} with the key {key}; {why}"
+            text = f"expected a signature by a key of {keys}"
+            yield f"{path}: the evidence is not signed; {text} [evidence-not-signed]"
+    else:
+        by, key, signature = closing.signature.by, closing.signature.key, closing.signature.signature
+        signed = signed_content(n - 1, checked.entries[-1].previous, closing.files)
+        if not is_valid_signature(signed, key, signature):
+            text = "the chain was rewritten after it was signed"
+            yield f"{path}: the signature by {by} is invalid: {text} [signature-invalid]"
         elif keys is not None:
-            mentioned = (entry["vehicle"] for entry in checked.entries if entry["vehicle"] is not None)
-            if why := signer_trouble(by, checked.vehicles, mentioned):
-                yield f"{path}: signed by {by}, but {why} [signed-by-another]"
-    except KeyringError as error:
-        fail([str(error)], USAGE)
+            mentioned = (entry.vehicle for entry in checked.entries if entry.vehicle is not None)
+            try:
+                if why := key_trouble(keys, by, key):
+                    yield f"{path}: signed by {by} with the key {key}; {why}"
+                elif why := signer_trouble(by, checked.opened.vehicles, mentioned):
+                    yield f"{path}: signed by {by}, but {why} [signed-by-another]"
+            except KeyringError as error:
+                fail([str(error)], USAGE)
 
 
-def _signed_by(checked: CheckedChain, keys: Path | None) -> str:
-    signature = checked.signature
-    if signature is None:
+def _signed_by(closing: Closed, keys: Path | None) -> str:
+    if closing.signature is None:
         return UNSIGNED
-    signer = printable(f"signed by {signature.by} with the key {signature.key}")
+    signer = f"signed by {closing.signature.by} with the key {closing.signature.key}"
     if keys is None:
         return f"{signer}; give --keys FOLDER to check this key"
     return f"{signer}, as {keys} lists it; only the owner of that key could have rewritten the chain"
 
 
-def _show(checked: CheckedChain, *, shows_all: bool) -> None:
-    opened = checked.opened
-    began = _time(checked.entries[0])
-    say(printable(f"{opened.get('run')}, flown by {opened.get('program')}, began {began}"))
-    say(printable(f"configuration SHA-256 {opened.get('configuration_sha256')}"))
-    if isinstance(earlier := opened.get("continues"), dict):
-        text = f"goes on with {earlier.get('run')} after its {earlier.get('entries')} entries"
-        say(printable(f"{text}, final hash {earlier.get('last_hash')}; its vehicles may be armed since then"))
-    vehicles = (f"{name} (system {sysid})" for name, sysid in checked.vehicles.items())
-    say(printable(f"vehicles: {', '.join(vehicles) or 'not recorded'}"))
-    if shows_all:
-        for entry in checked.entries:
-            say(_line(entry))
-    summary = digest(checked.entries)
-    out.print(_table(summary))
-    for entry in summary.people:
-        say(_line(entry))
-    for vehicle, changes in summary.unasked.items():
-        say(printable(f"{vehicle}: changes without a recorded command: {_counted(changes)}"))
-    for vehicle, n in summary.n_disarmed_on_ground.items():
-        times = f" × {n}" if n > 1 else ""
-        say(printable(f"{vehicle}: disarmed automatically after landing{times}"))
+def _show(checked: CheckedChain, tlogs: Mapping[str, bytes], *, shows_all: bool) -> None:
+    opened, began = checked.opened, datetime.fromtimestamp(checked.entries[0].unix_s, UTC)
+    _say(f"{opened.run}, flown by {opened.program}, began {began:%Y-%m-%d %H:%M:%S} UTC")
+    _say(f"configuration SHA-256 {opened.configuration_sha256}")
+    if (earlier := opened.continues) is not None:
+        text = f"goes on with {earlier.run} after its {earlier.entries} entries"
+        _say(f"{text}, final hash {earlier.last_hash}; its vehicles may be armed since then")
+    vehicles = ", ".join(f"{name} (system {sysid})" for name, sysid in opened.vehicles.items())
+    _say(f"vehicles: {vehicles or 'not recorded'}")
+    for entry in checked.entries if shows_all else ():
+        _say(_line(entry))
+    digests = digest(checked, tlogs)
+    out.print(_table(digests, tlogs.keys(), are_proved=checked.closing is not None))
+    for entry in checked.entries:
+        if entry.kind in ("waiver", "operator"):
+            _say(_line(entry))
+    for vehicle, found in digests.items():
+        if found.unasked:
+            _say(f"{vehicle}: changes without a recorded command: {_counted(found.unasked)}")
+        if n := found.n_disarmed_on_ground:
+            _say(f"{vehicle}: disarmed automatically after landing{f' × {n}' if n > 1 else ''}")
 
 
 COLUMNS = (
@@ -169,20 +188,27 @@ COLUMNS = (
 )
 
 
-def _table(summary: Digest) -> FittedTable:
+def _table(
+    digests: Mapping[str, VehicleDigest], with_tlog: Container[str], *, are_proved: bool
+) -> FittedTable:
     caption = ["seen: the first change of mode, arming or current item after the command"]
+    if not are_proved:
+        caption.append("answers and effects are from tlogs that the evidence does not cover")
+    if not all(vehicle in with_tlog for vehicle in digests):
+        caption.append("?: no unchanged tlog of format 2, so the answers are unknown")
     table = FittedTable(COLUMNS, caption=caption, elsewhere="`swarmctl audit --all`")
-    for row in summary.rows:
-        others = f" ({row.by_others} by others)" if row.by_others else ""
-        table.add_row(
-            printable(row.vehicle),
-            printable(row.command),
-            f"{row.sent}{others}",
-            printable(_counted(row.answers)),
-            str(row.refused or ""),
-            str(row.unanswered or ""),
-            printable(_grouped(row.effects)),
-        )
+    for vehicle, found in digests.items():
+        for command, row in found.rows.items():
+            cells = (
+                vehicle,
+                command,
+                f"{row.sent} ({row.by_others} by others)" if row.by_others else f"{row.sent}",
+                _counted(row.answers),
+                str(row.refused or ""),
+                str(row.unanswered or "") if vehicle in with_tlog else "?",
+                f"{CHANGED_PART[command]} {_counted(row.effects)}" if row.effects else "",
+            )
+            table.add_row(*map(printable, cells))
     return table
 
 
@@ -190,21 +216,6 @@ def _counted(counter: Counter[str]) -> str:
     return ", ".join(f"{text} × {n}" if n > 1 else text for text, n in counter.items())
 
 
-def _grouped(seen: Counter[str]) -> str:
-    """Return changes as text, grouped by the part of the state: "mission_seq 5, 10; mode AUTO"."""
-    values: dict[str, Counter[str]] = {}
-    for change, n in seen.items():
-        name, _, value = change.partition(" ")
-        values.setdefault(name, Counter())[value] += n
-    return "; ".join(f"{name} {_counted(found)}" for name, found in values.items())
-
-
 def _line(entry: Entry) -> str:
-    what = entry["what"]
-    names = [*(name for name in _LEADING if name in what), *(name for name in what if name not in _LEADING)]
-    text = ", ".join(f"{name} {what[name]}" for name in names if what[name] not in (None, ""))
-    return printable(f"{entry['run_s']:9.3f} s  {entry['vehicle'] or 'all':<8} {entry['kind']:<15} {text}")
-
-
-def _time(entry: Entry) -> str:
-    return f"{datetime.fromtimestamp(entry['unix_s'], UTC):%Y-%m-%d %H:%M:%S} UTC"
+    text = ", ".join(f"{name} {value}" for name, value in entry.what.items() if value not in (None, "", []))
+    return f"{entry.run_s:9.3f} s  {entry.vehicle or 'all':<8} {entry.kind:<9} {text}"

@@ -42,10 +42,11 @@ from swarmctl.cli.flights import (
 )
 from swarmctl.cli.resume import ResumeOption, load_or_exit, require_host, run_or_exit
 from swarmctl.config.scenario import Scenario
-from swarmctl.flight import app, evidence_log
+from swarmctl.flight import app
 from swarmctl.flight.gc_tuning import tune_collector
 from swarmctl.flight.virtual_clock import run_virtual
-from swarmctl.report.evidence.file import Signer
+from swarmctl.report.evidence.log import Signer
+from swarmctl.security.evidence_keys import operator_evidence_signer
 from swarmctl.security.files import KeyringError
 
 
@@ -123,7 +124,7 @@ def fly(
 
 def _signer(config: Path | None, scenario: Scenario) -> Signer | None:
     try:
-        return evidence_log.operator_evidence_signer(scenario)
+        return operator_evidence_signer(scenario.config.communication.keys)
     except KeyringError as error:
         lines = (
             [f"communication.keys: {error}"] if config is None else keys_problem_lines(config, [str(error)])

@@ -23,7 +23,7 @@ from swarmctl.bus.transports.base import BusError, Transport
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.events import FlightOrder
 from swarmctl.core.frames import FrameCodec
-from swarmctl.flight import emergency, evidence_log, simulator
+from swarmctl.flight import emergency, simulator
 from swarmctl.flight.director import Director, Launch
 from swarmctl.flight.member import Member
 from swarmctl.flight.network import network_of, speedup_of
@@ -37,6 +37,7 @@ from swarmctl.flight.task_tree import run_tasks, show
 from swarmctl.flight.wiring import (
     Clock,
     FlightResources,
+    begin_evidence,
     build_members,
     epoch_ns,
     open_resources,
@@ -46,8 +47,7 @@ from swarmctl.links.base import LinkError
 from swarmctl.preflight.conversation import Preflight
 from swarmctl.preflight.results import CheckResult, summary_of
 from swarmctl.preflight.waivers import Waiver
-from swarmctl.report.evidence.file import Signer
-from swarmctl.report.evidence.hooks import Evidence
+from swarmctl.report.evidence.log import Evidence, Signer
 from swarmctl.report.final_state import describe_final_state
 from swarmctl.report.outcome import Ending, FlightReport
 from swarmctl.report.record import Recorder
@@ -106,7 +106,7 @@ async def fly(
     run, resumes = _Run(scenario, folder, clock, options, SafeUi(ui)), options.resumes
     earlier = None if resumes is None else resumes.stored
     # The record last: a run with a record can be continued, and that needs the evidence too.
-    evidence = evidence_log.begin(scenario, folder, clock, run.ui.say, resumes)
+    evidence = begin_evidence(scenario, folder, clock, run.ui.say, resumes)
     recorder = Recorder(folder / "run.mcap", scenario, epoch_ns(clock), earlier)
     if resumes is not None:
         resumes.note_continuation(folder.name)

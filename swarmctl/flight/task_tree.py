@@ -16,7 +16,7 @@ from swarmctl.flight import simulator
 from swarmctl.flight.director import Director
 from swarmctl.flight.member import Member
 from swarmctl.flight.supervise import cancelled
-from swarmctl.report.evidence.hooks import Evidence
+from swarmctl.report.evidence.log import Evidence
 from swarmctl.report.live_rows import SwarmView, vehicle_row
 from swarmctl.report.summary import FlightStatistics
 from swarmctl.report.ui import Ui

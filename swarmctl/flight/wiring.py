@@ -36,8 +36,9 @@ from swarmctl.links.signing import Signing
 from swarmctl.links.transports.memory import MemoryWire
 from swarmctl.links.url import Endpoint, parse_url
 from swarmctl.planners import is_small, warm_up
-from swarmctl.report.evidence.hooks import Evidence
-from swarmctl.report.unfinished_run import RecordedVehicle
+from swarmctl.report.evidence.chain import Opened, sha256
+from swarmctl.report.evidence.log import FILE_NAME, Evidence
+from swarmctl.report.unfinished_run import RecordedVehicle, UnfinishedRun
 from swarmctl.security.files import KeyringError
 from swarmctl.security.mavlink_key import TimestampFile, read_mavlink_key
 from swarmctl.security.requests import by_token
@@ -61,6 +62,31 @@ class FlightResources:
     evidence: Evidence
     token_authentication: Authentication | None
     """check of requests on a bus that this flight has opened; None for a bus that was already open"""
+
+
+def begin_evidence(
+    scenario: Scenario,
+    folder: Path,
+    clock: Clock,
+    say: Callable[[str], None],
+    resumes: UnfinishedRun | None = None,
+) -> Evidence:
+    """Open the evidence of a run in its folder, in a running loop. Raises OSError."""
+    opened = Opened(
+        run=scenario.config.name,
+        configuration_sha256=sha256(scenario.config.model_dump_json().encode()),
+        clock=clock,
+        vehicles={spec.name: spec.sysid for spec in scenario.specs},
+        continues=None if resumes is None else resumes.evidence,
+    )
+    return Evidence(
+        folder / FILE_NAME,
+        opened,
+        now=asyncio.get_running_loop().time,
+        unix_s_at_zero=epoch_ns(clock) / 1e9,
+        say=say,
+        waits_in_thread=clock == "real",
+    )
 
 
 @contextlib.asynccontextmanager
@@ -234,8 +260,6 @@ def _on_observed(evidence: Evidence, runner: Runner, cells: ReportedCells, sourc
     runner.note(text)
     if source == MANUAL_SOURCE:
         evidence.operator("observe", runner.state.task.name, cells=cells)
-    else:
-        evidence.remark(text, runner.state.task.name)
     runner.post(ev.Observed(cells))
 
 

@@ -7,7 +7,7 @@ before each message, gives the last mode that the program commanded.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -20,7 +20,8 @@ from swarmctl.core.mission import FlightPlan
 from swarmctl.core.observation import Observation
 from swarmctl.report import record, record_file
 from swarmctl.report.evidence import chain
-from swarmctl.report.evidence.file import FILE_NAME
+from swarmctl.report.evidence.commands import CHANGED_PART, command_of
+from swarmctl.report.evidence.log import FILE_NAME
 from swarmctl.report.summary import FlightStatistics
 
 MAX_AGE_S = 3600.0
@@ -28,7 +29,7 @@ MAX_AGE_S = 3600.0
 CONTINUED = "continued_by.txt"
 """file with the name of the run that goes on with this one"""
 MAX_LAG_S = 5.0
-"""longest time by which the record may end before the evidence; a longer one means that the record failed"""
+"""longest time by which the record may end before the last command; a longer one means that it failed"""
 
 
 class UnfinishedRunError(Exception):
@@ -64,8 +65,8 @@ class UnfinishedRun:
     statistics: FlightStatistics
     stored: record_file.StoredRecord
     """the record's messages, which the record of the next run repeats"""
-    evidence_summary: dict[str, Any]
-    """name of the run, number of entries and last hash of its evidence, for the evidence of the next run"""
+    evidence: chain.Continued
+    """the evidence of the run, for the evidence of the next run"""
     file: BinaryIO
     """the locked record: no other program can take over this run meanwhile"""
 
@@ -172,10 +173,12 @@ def rebuild(
             "the version that flew the run [other-decisions]"
         )
     folder = _folder(run)
-    entries, summary = _evidence(folder, max((row.log_time_ns for row in content.rows), default=0) / 1e9)
+    checked = _evidence(folder, max((row.log_time_ns for row in content.rows), default=0) / 1e9)
+    commands = _own_commands(checked)
     for vehicle in vehicles.values():
-        vehicle.mode_params = _commanded_mode(entries, vehicle.state.task.name)
-    return UnfinishedRun(folder, vehicles, statistics, content.stored, summary, file)
+        vehicle.mode_params = _commanded_mode(commands, vehicle.state.task.name)
+    evidence = chain.Continued(folder.name, len(checked.entries), checked.last_hash)
+    return UnfinishedRun(folder, vehicles, statistics, content.stored, evidence, file)
 
 
 def load(
@@ -232,7 +235,7 @@ def _is_named(folder: str, name: str) -> bool:
     return rest == name or (rest.startswith(f"{name}-") and rest[len(name) + 1 :].isdigit())
 
 
-def _evidence(folder: Path, recorded_unix_s: float) -> tuple[Sequence[chain.Entry], dict[str, Any]]:
+def _evidence(folder: Path, recorded_unix_s: float) -> chain.CheckedChain:
     path = folder / FILE_NAME
     try:
         with path.open("rb") as file:
@@ -242,37 +245,33 @@ def _evidence(folder: Path, recorded_unix_s: float) -> tuple[Sequence[chain.Entr
             f"{path}: cannot be read: {error.strerror or error}; without the evidence of its commands no "
             "vehicle can be taken over [no-evidence]"
         ) from error
-    if checked.fault is not None and not _is_last_line_cut(path, len(checked.entries)):
+    if checked.other_format:
+        raise UnfinishedRunError(f"{path}: {checked.other_format}")
+    if checked.fault and not checked.is_torn:
         raise UnfinishedRunError(
-            f"{path}:{checked.fault.line}: the evidence was changed: {checked.fault.found} instead of "
-            f"{checked.fault.expected}; no vehicle can be taken over by it [evidence-changed]"
+            f"{path}:{len(checked.entries) + 1}: the evidence was changed: {checked.fault}; no vehicle can "
+            "be taken over by it [evidence-changed]"
         )
-    # Both files have the changes that the agents' telemetry shows.
-    last_unix_s = max(
-        (entry["unix_s"] for entry in checked.entries if entry["kind"] == "effect"), default=0.0
-    )
-    if last_unix_s > recorded_unix_s + MAX_LAG_S:
-        lag_s = last_unix_s - recorded_unix_s
+    # The record has each decision before its command.
+    lag_s = max((entry.unix_s for entry in _own_commands(checked)), default=0.0) - recorded_unix_s
+    if lag_s > MAX_LAG_S:
         raise UnfinishedRunError(
             f"{folder}: the record ends {lag_s:.0f} s before the evidence, as on a full disk; the agents' "
             "last decisions are unknown, so no vehicle can be taken over [record-incomplete]"
         )
-    summary = {"run": folder.name, "entries": len(checked.entries), "last_hash": checked.last_hash}
-    return checked.entries, summary
+    return checked
 
 
-def _is_last_line_cut(path: Path, n_entries: int) -> bool:
-    """Return whether the only line after the checked entries is a line without its end."""
-    lines = path.read_bytes().splitlines(keepends=True)
-    return len(lines) == n_entries + 1 and not lines[-1].endswith(b"\n")
+def _own_commands(checked: chain.CheckedChain) -> list[chain.Entry]:
+    """Return this program's commands that change what a vehicle does."""
+    return [
+        entry
+        for entry in checked.entries
+        if entry.kind == "command" and "by" not in entry.what and command_of(entry.what) in CHANGED_PART
+    ]
 
 
-def _commanded_mode(entries: Sequence[chain.Entry], vehicle: str) -> tuple[float, ...]:
+def _commanded_mode(commands: list[chain.Entry], vehicle: str) -> tuple[float, ...]:
     """Return the parameters of this program's last command to set a mode; empty if there was none."""
-    for entry in reversed(entries):
-        what = entry["what"]
-        if entry["kind"] != "command" or entry["vehicle"] != vehicle or what.get("by"):
-            continue
-        if what.get("command") == "DO_SET_MODE":
-            return what["param1"], what["param2"], what["param3"]
-    return ()
+    modes = [c.what for c in commands if c.vehicle == vehicle and command_of(c.what) == "DO_SET_MODE"]
+    return (modes[-1]["param1"], modes[-1]["param2"], modes[-1]["param3"]) if modes else ()

@@ -44,6 +44,16 @@ def load_evidence_signer(folder: Path, name: str) -> EvidenceSigner:
     return EvidenceSigner(name, read_signing_key(file))
 
 
+def operator_evidence_signer(keys: str | None) -> EvidenceSigner | None:
+    """Return the operator's signer; None if the folder `keys` has no key of the operator.
+
+    Raises KeyringError if the key exists and cannot be used.
+    """
+    if keys is None or not (Path(keys) / OPERATOR / "sign.pem").exists():
+        return None
+    return load_evidence_signer(Path(keys), OPERATOR)
+
+
 def is_valid_signature(data: bytes, key: str, signature: str) -> bool:
     """Return whether the public `key` (base64) verifies `signature` (base64) of `data`."""
     try:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import io
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ import pytest
 from flights import Ui, coded, fly, small
 from interruptions import interrupting, silent
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from recorded import events
 from rich.console import Console
 from trouble import Trouble, fly_with, inject, select_mode
 
@@ -54,9 +54,8 @@ def test_a_released_vehicle_keeps_its_heartbeats_until_it_lands(
     assert coded(ui.said, "uav2", "waiting-for-released")
     (final_state,) = (text for text in report.final_states if text.startswith("uav2"))
     assert "in mode LAND" in final_state
-    evidence = [json.loads(text) for text in (tmp_path / "evidence.jsonl").read_text().splitlines()]
-    (down,) = (e for e in evidence if e["vehicle"] == "uav2" and e["what"].get("to") is False)
-    assert down["run_s"] > LANDS_AT_S
+    telemetry = events(tmp_path, "TelemetryReceived", "uav2")
+    assert max(row["now_s"] for row in telemetry if row["event"]["state"]["armed"]) > LANDS_AT_S
 
 
 @pytest.mark.full

@@ -28,7 +28,7 @@ from swarmctl.flight.director import Director
 from swarmctl.links.base import SystemIdConflict
 from swarmctl.mavlink import events as mavlink_events
 from swarmctl.report import record, record_file, unfinished_run
-from swarmctl.report.evidence.chain import check
+from swarmctl.report.evidence.chain import Continued, check
 from swarmctl.report.unfinished_run import UnfinishedRunError
 
 SMALLER = {**AREA, "rows": 6, "cols": 6}
@@ -130,11 +130,7 @@ def test_the_record_goes_on_and_both_runs_stay_valid(tmp_path: Path, monkeypatch
         (second.folder / "evidence.jsonl").open("rb") as earlier,
     ):
         checked, before = check(ours), check(earlier)
-    assert checked.opened["continues"] == {
-        "run": "b-crash",
-        "entries": len(before.entries),
-        "last_hash": before.last_hash,
-    }
+    assert checked.opened.continues == Continued("b-crash", len(before.entries), before.last_hash)
 
 
 def select_mode(mode: str) -> Meanwhile:
@@ -283,6 +279,24 @@ def test_a_run_with_changed_files_is_refused(
     file.write_bytes(change(file.read_bytes()))
     with pytest.raises(UnfinishedRunError, match=rf"\[{code}\]"):
         unfinished(scenario, crash)
+
+
+def test_a_record_that_ends_long_before_the_commands_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A full disk ended the record, and later there was room for more evidence."""
+    scenario = pair()
+    with crashed(scenario, tmp_path / "a", monkeypatch, when=at(30.0)) as crash:
+        assert crash is not None
+    file = crash.folder / "run.mcap"
+    whole = file.read_bytes()
+    file.write_bytes(whole[: len(whole) // 4])
+    with pytest.raises(UnfinishedRunError, match=r"\[record-incomplete\]"):
+        unfinished(scenario, crash)
+    file.write_bytes(whole)
+    evidence = crash.folder / "evidence.jsonl"
+    evidence.write_bytes(evidence.read_bytes()[:-9])
+    unfinished(scenario, crash).file.close()
 
 
 def test_a_run_that_is_still_flown_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

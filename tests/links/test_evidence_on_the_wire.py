@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import asyncio
-import os
 from pathlib import Path
 
 import pytest
+from evidence_files import ARM as ARMING
+from evidence_files import HOLD, Written
 from forward_world import WATCHER, ForwardReceiver
 from link_world import World, north, play, until
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -14,8 +15,6 @@ from scripted_copter import Copter
 
 from swarmctl.links.base import LaunchFailed
 from swarmctl.links.frontend import FrontEnd
-from swarmctl.report.evidence.file import FILE_NAME, EvidenceFile
-from swarmctl.report.evidence.hooks import Evidence
 
 ARM, START = mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_MISSION_START
 
@@ -25,27 +24,22 @@ class EvidenceWorld(World):
 
     def __init__(self, folder: Path) -> None:
         super().__init__(Copter(1))
-        loop = asyncio.get_running_loop()
-        self.evidence_file = EvidenceFile(
-            folder / FILE_NAME, {}, unix_s=loop.time, run_s=loop.time, say=self.said.append
-        )
+        self.written = Written(folder, asyncio.get_running_loop().time)
         self.watching = ForwardReceiver()
         self.front = FrontEnd(
             wall_time_us=self._wall,
             memory={"test": self.wire, "watcher": self.watching.wire},
-            evidence=Evidence(self.evidence_file, {1: "alpha"}),
+            evidence=self.written.evidence,
             say=self.said.append,
         )
 
     async def __aexit__(self, *error: object) -> None:
         await super().__aexit__(*error)
-        self.evidence_file.close()
+        self.written.evidence.close()
 
     def disk_is_full(self) -> str:
         """Fill the disk from now on; as a launch check, report no vehicle in the way."""
-        full = os.open("/dev/full", os.O_WRONLY)
-        os.dup2(full, self.evidence_file._file.fileno())
-        os.close(full)
+        self.written.fill_disk()
         return ""
 
     def launch_commands(self) -> list[int]:
@@ -65,7 +59,7 @@ def test_an_arming_command_that_cannot_be_recorded_is_not_sent(tmp_path: Path) -
                 await link.launch(world.disk_is_full)
             assert world.launch_commands() == []
             assert not world.copters[1].armed
-            assert "[evidence-ended]" in world.said[0]
+            assert "[evidence-ended]" in world.written.said[0]
             # A command that cannot arm a vehicle is still sent.
             await link.return_home()
             assert world.copters[1].mode_name == "RTL"
@@ -81,8 +75,8 @@ def test_an_arming_command_of_another_station_that_cannot_be_recorded_is_not_sen
             await world.link().connect(10)
             await asyncio.sleep(5)
             world.disk_is_full()
-            world.watching.say(mavlink.MAVLink_command_long_message(1, 1, ARM, 0, 1, 0, 0, 0, 0, 0, 0))
-            world.watching.say(mavlink.MAVLink_command_long_message(1, 1, 176, 0, 1, 4, 0, 0, 0, 0, 0))
+            world.watching.say(ARMING)
+            world.watching.say(HOLD)
             await until(lambda: world.copters[1].mode_name == "GUIDED", 5)
             assert world.launch_commands() == []
 

@@ -1,236 +1,309 @@
-"""A run's evidence on disk, and `swarmctl audit` over it."""
+"""`swarmctl audit`: changed evidence, files and signatures are found and named, never an exception."""
 
 from __future__ import annotations
 
+import contextlib
+import copy
 import datetime as dt
 import json
-import os
-import re
-from collections.abc import Iterator
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
+from evidence_files import ARM, HOLD, Json, Written, chained, entries, tlog
+from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import strategies as st
+from profiles import examples
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from typer.testing import CliRunner, Result
 
 from swarmctl.cli.main import cli
-from swarmctl.report.evidence.chain import canonical, check, sha256
-from swarmctl.report.evidence.file import FILE_NAME, EvidenceFile
-from swarmctl.report.evidence.hooks import Evidence
-from swarmctl.security.evidence_keys import load_evidence_signer
+from swarmctl.report.evidence.log import FILE_NAME
+from swarmctl.security.evidence_keys import EvidenceSigner, load_evidence_signer
 from swarmctl.security.files import KeyringError
 from swarmctl.security.issue import make_keys
 
-ARM = mavlink.MAVLink_command_long_message(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0)
-HOLD = mavlink.MAVLink_command_long_message(1, 1, 176, 0, 1, 4, 0, 0, 0, 0, 0)
-ACK = mavlink.MAVLink_command_ack_message(400, 0)
+ACK = mavlink.MAVLink_command_ack_message(176, 0)
 
 
 def audit(*words: str | Path) -> Result:
-    return CliRunner().invoke(cli, ["audit", *map(str, words)])
+    result = CliRunner().invoke(cli, ["audit", *map(str, words)])
+    assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
+    return result
 
 
-class Run:
-    """A run folder with evidence."""
-
-    def __init__(self, folder: Path) -> None:
-        self.said: list[str] = []
-        self.file = folder / FILE_NAME
-        self.now_s = 0.0
-        self.book = EvidenceFile(
-            self.file,
-            {"run": "test", "program": "swarmctl 0", "configuration_sha256": "00"},
-            unix_s=lambda: 1_700_000_000.0 + self.now_s,
-            run_s=lambda: self.now_s,
-            say=self.said.append,
-        )
-        self.evidence = Evidence(self.book, {1: "alpha"})
+def code_of(result: Result) -> str:
+    """Return the code of the only error; empty without an error."""
+    assert len(result.stderr.splitlines()) == (result.exit_code != 0), result.stderr
+    return result.stderr.strip().rpartition("[")[2].rstrip("]")
 
 
-@pytest.fixture
-def run(tmp_path: Path) -> Iterator[Run]:
-    made = Run(tmp_path)
-    yield made
-    made.evidence.close()
+@pytest.fixture(scope="module")
+def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("keyrings") / "keys"
+    make_keys(folder, ["operator", "router", "uav4", "uav5"], 30, dt.datetime.now(dt.UTC))
+    return folder
 
 
-def test_an_entry_is_in_the_file_before_the_message_leaves(run: Run) -> None:
-    assert run.evidence.to_vehicle(1, ARM)
-    last = json.loads(run.file.read_bytes().splitlines()[-1])
-    assert (last["vehicle"], last["kind"], last["what"]["command"]) == (
-        "alpha", "command", "COMPONENT_ARM_DISARM",
-    )  # fmt: skip
-
-
-def test_a_whole_chain_is_reported_with_its_final_hash(run: Run, tmp_path: Path) -> None:
-    run.evidence.to_vehicle(1, ARM)
-    run.evidence.from_vehicle(1, ACK)
-    run.evidence.waived("alpha", "gps", "indoors")
-    run.evidence.operator("end of the flight", by="signal")
-    run.evidence.close()
-    run.evidence.close()
-    final = json.loads(run.file.read_bytes().splitlines()[-1])["hash"]
-    result = audit(tmp_path)
-    assert result.exit_code == 0, result.output
-    assert "6 entries" in result.output
-    assert final in result.output
-    assert "[evidence-not-signed]" in result.output
-    row = next(line for line in result.output.splitlines() if "COMPONENT_ARM_DISARM" in line)
-    assert row.split()[:4] == ["alpha", "COMPONENT_ARM_DISARM", "1", "ACCEPTED"]
-    by_people = {" ".join(line.split()[3:]) for line in result.output.splitlines() if " s  " in line}
-    assert by_people == {
-        "waiver check gps, because indoors",
-        "operator asks end of the flight, by signal",
-    }
-
-
-def test_a_changed_line_is_reported_with_the_expected_value(run: Run, tmp_path: Path) -> None:
+def flown(folder: Path, signer: EvidenceSigner | None = None) -> Path:
+    """Write a run folder with a record, the tlog of alpha, and evidence; return the folder."""
+    folder.mkdir()
+    run = Written(folder)
     run.evidence.to_vehicle(1, HOLD)
     run.evidence.to_vehicle(1, ARM)
-    run.evidence.close()
-    run.file.write_bytes(run.file.read_bytes().replace(b'"param2":4', b'"param2":5'))
-    result = audit(run.file)
-    assert result.exit_code == 1
-    assert result.stderr.startswith(f"{run.file}:2: ")
-    assert "[chain-broken]" in result.stderr
-    entry = json.loads(run.file.read_bytes().splitlines()[1])
-    found = entry.pop("hash")
-    assert re.findall(r"[0-9a-f]{64}", result.stderr) == [found, sha256(canonical(entry))]
-    assert " 1 lines " in result.stderr
+    run.evidence.waived("alpha", "gps", "indoors")
+    run.evidence.operator("end of the flight", by="signal")
+    (folder / "run.mcap").write_bytes(b"record")
+    (folder / "alpha.tlog").write_bytes(tlog((255, HOLD), (1, ACK), (255, ARM)))
+    run.evidence.close(signer)
+    run.evidence.close(signer)
+    return folder
 
 
-def test_a_crashed_process_leaves_a_chain_that_is_not_closed(run: Run, tmp_path: Path) -> None:
-    run.evidence.to_vehicle(1, ARM)
-    result = audit(tmp_path)
-    assert result.exit_code == 1
-    assert "[not-closed]" in result.stderr
+def test_a_whole_run_is_reported_with_its_table_its_people_and_its_final_hash(tmp_path: Path) -> None:
+    run = flown(tmp_path / "run")
+    result = audit(run)
+    assert result.exit_code == 0, result.output
+    closed = json.loads((run / FILE_NAME).read_bytes().splitlines()[-1])
+    assert closed["hash"] in result.output
+    assert " 6 entries" in result.output
+    assert set(closed["what"]["files"]) == {"alpha.tlog", "run.mcap"}
+    assert "[evidence-not-signed]" in result.output
+    rows = {line.split()[1]: line.split()[2:] for line in result.output.splitlines() if " alpha  " in line}
+    assert rows["DO_SET_MODE"] == ["1", "ACCEPTED"]
+    assert rows["COMPONENT_ARM_DISARM"] == ["1", "1"], "sent, without an answer"
+    people = {" ".join(line.split()[3:]) for line in result.output.splitlines() if " s  " in line}
+    assert people == {"waiver check gps, because indoors", "operator asks end of the flight, by signal"}
+    assert "param2 4" in audit(run, "--all").output
 
 
-def test_a_crash_during_an_upload_keeps_the_items_until_the_last_heartbeat(
-    run: Run,
+def changed(name: str, old: bytes, new: bytes) -> Callable[[Path], object]:
+    return lambda run: (run / name).write_bytes((run / name).read_bytes().replace(old, new, 1))
+
+
+def lines(change: Callable[[list[bytes]], list[bytes]]) -> Callable[[Path], object]:
+    def write(run: Path) -> None:
+        file = run / FILE_NAME
+        file.write_bytes(b"".join(change(file.read_bytes().splitlines(keepends=True))))
+
+    return write
+
+
+def other_run(run: Path) -> None:
+    """Put the valid evidence of another run beside the files."""
+    (run / FILE_NAME).write_bytes(b"".join(chained(entries(files={}))))
+
+
+CHANGES: dict[str, tuple[Callable[[Path], object], str, str]] = {
+    "a changed line": (changed(FILE_NAME, b'"param2":4', b'"param2":5'), "chain-broken", f"{FILE_NAME}:2: "),
+    "a removed line": (lines(lambda all_: all_[:2] + all_[3:]), "chain-broken", f"{FILE_NAME}:3: "),
+    "an inserted line": (lines(lambda all_: all_[:3] + all_[1:]), "chain-broken", f"{FILE_NAME}:4: "),
+    "swapped lines": (
+        lines(lambda all_: [all_[0], all_[2], all_[1], *all_[3:]]), "chain-broken", f"{FILE_NAME}:2: ",
+    ),
+    "a line after the end": (lines(lambda all_: [*all_, all_[1]]), "chain-broken", f"{FILE_NAME}:7: "),
+    "a cut within a line": (lines(lambda all_: [*all_[:4], all_[4][:9]]), "chain-broken", f"{FILE_NAME}:5: "),
+    "cut lines": (lines(lambda all_: all_[:-1]), "not-closed", f"{FILE_NAME}:5: "),
+    "no lines": (lines(lambda _: []), "not-closed", f"{FILE_NAME}: "),
+    "another record": (changed("run.mcap", b"r", b"R"), "file-changed", "run.mcap: "),
+    "another tlog": (changed("alpha.tlog", bytes(8), b"1" * 8), "file-changed", "alpha.tlog: "),
+    "no record": (lambda run: (run / "run.mcap").unlink(), "file-changed", "run.mcap: "),
+    "no evidence": (lambda run: (run / FILE_NAME).unlink(), "no-evidence", f"{FILE_NAME}: "),
+    "a later format": (
+        lines(lambda _: chained(entries(format=3))), "other-format", f"{FILE_NAME}: ",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("change", "code", "where"), CHANGES.values(), ids=CHANGES)
+def test_a_change_is_found_and_its_place_is_named(
+    change: Callable[[Path], object], code: str, where: str, tmp_path: Path
 ) -> None:
-    def item(seq: int) -> mavlink.MAVLink_message:
-        return mavlink.MAVLink_mission_item_int_message(
-            1, 1, seq, 6, 16, 0, 1, 0, 0, 0, 0, 460_000_000, seq, 2.0
-        )
-
-    run.evidence.to_vehicle(1, mavlink.MAVLink_mission_count_message(1, 1, 9))
-    for seq in range(5):
-        run.evidence.to_vehicle(1, item(seq))
-    run.evidence.to_vehicle(0, mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
-    run.evidence.to_vehicle(1, item(5))
-    lines = [json.loads(line) for line in run.file.read_bytes().splitlines()]
-    assert [line["what"].get("message") for line in lines] == [None, "MISSION_COUNT", "MISSION_ITEM_INT"]
-    assert (lines[-1]["vehicle"], lines[-1]["what"]["items"], lines[-1]["what"]["of"]) == ("alpha", 5, 9)
-    shown = audit(run.file, "--all").output
-    assert "items 5, of 9" in shown
-    row = next(line for line in shown.splitlines() if line.startswith(" alpha    MISSION_ITEM_INT"))
-    assert row.split() == ["alpha", "MISSION_ITEM_INT", "1", "1"]  # sent, without an answer
+    run = flown(tmp_path / "run")
+    change(run)
+    result = audit(run)
+    assert code_of(result) == code
+    assert result.exit_code == (2 if code in ("no-evidence", "other-format") else 1)
+    assert result.stderr.startswith(f"{run}/{where}")
 
 
-def test_items_of_another_station_are_recorded_as_its_own(run: Run) -> None:
-    point = mavlink.MAVLink_mission_item_int_message(
-        1, 1, 0, 6, 16, 0, 1, 0, 0, 0, 0, 460_000_000, 145_000_000, 2.0
-    )
-    run.evidence.to_vehicle(1, point, "station 252")
-    run.evidence.to_vehicle(1, mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3), "station 252")
-    assert len(run.file.read_bytes().splitlines()) == 1, "another station's heartbeat writes nothing"
-    for _ in range(2):
-        run.evidence.to_vehicle(0, mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
-    (_opened, line) = [json.loads(line) for line in run.file.read_bytes().splitlines()]
-    assert (line["what"]["items"], line["what"]["by"]) == (1, "station 252")
+def test_the_table_leaves_out_a_changed_tlog(tmp_path: Path) -> None:
+    run = flown(tmp_path / "run")
+    changed("alpha.tlog", bytes(8), b"1" * 8)(run)
+    row = next(line for line in audit(run).output.splitlines() if "DO_SET_MODE" in line)
+    assert row.split()[2:] == ["1", "?"]
 
 
-def test_answers_to_partial_lists_are_recorded_with_a_heartbeat_and_at_the_end(run: Run) -> None:
-    def recorded() -> list[tuple[str, int | None]]:
-        lines = [json.loads(line) for line in run.file.read_bytes().splitlines()]
-        return [(line["what"].get("message", line["kind"]), line["what"].get("times")) for line in lines[1:]]
-
-    announced = mavlink.MAVLink_mission_write_partial_list_message(1, 1, 7, 7)
-    point = mavlink.MAVLink_mission_item_int_message(1, 1, 7, 6, 16, 0, 1, 0, 0, 0, 0, 1, 1, 2.0)
-    for message in (announced, point):
-        run.evidence.to_vehicle(1, message)
-    beat = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
-    run.evidence.to_vehicle(0, beat)
-    run.evidence.from_vehicle(1, mavlink.MAVLink_mission_ack_message(255, 190, 0))
-    sent = [("MISSION_WRITE_PARTIAL_LIST", None), ("MISSION_ITEM_INT", None)]
-    assert recorded() == sent
-    run.evidence.to_vehicle(0, beat)
-    assert recorded() == [*sent, ("MISSION_ACK", 1)]
-    run.evidence.from_vehicle(1, mavlink.MAVLink_mission_ack_message(255, 190, 1))
-    run.evidence.close()
-    assert recorded() == [*sent, ("MISSION_ACK", 1), ("MISSION_ACK", 1), ("closed", None)]
+def test_evidence_alone_is_checked_without_the_other_files(tmp_path: Path) -> None:
+    run = flown(tmp_path / "run")
+    alone = (run / FILE_NAME).rename(tmp_path / "copy.jsonl")
+    assert audit(alone).exit_code == 0
+    (tmp_path / "run.mcap").write_bytes(b"another")
+    assert code_of(audit(alone)) == "file-changed"
 
 
-def test_a_folder_without_evidence_is_a_usage_error(tmp_path: Path) -> None:
-    result = audit(tmp_path)
-    assert result.exit_code == 2
-    assert "[no-evidence]" in result.stderr
+def test_evidence_of_format_1_is_readable() -> None:
+    result = audit(Path(__file__).parent / "evidence_format_1.jsonl", "--all")
+    assert result.exit_code == 0
+    assert " operator " in result.output
+    assert "acknowledgement" in result.output
 
 
-def test_evidence_is_never_written_over(run: Run, tmp_path: Path) -> None:
-    with pytest.raises(FileExistsError):
-        Run(tmp_path)
-
-
-def test_a_full_disk_forbids_arming_and_no_other_command(run: Run) -> None:
-    full = os.open("/dev/full", os.O_WRONLY)
-    os.dup2(full, run.book._file.fileno())
-    os.close(full)
-    assert run.evidence.to_vehicle(1, HOLD)
-    assert not run.evidence.to_vehicle(1, ARM)
-    assert len(run.said) == 1
-    assert run.said[0].endswith("[evidence-ended]")
+def test_a_crashed_process_leaves_a_chain_that_is_not_closed(tmp_path: Path) -> None:
+    run = Written(tmp_path)
+    run.evidence.to_vehicle(1, ARM)
+    assert code_of(audit(tmp_path)) == "not-closed"
     run.evidence.close()
 
 
 class TestSigned:
-    @pytest.fixture
-    def keys(self, tmp_path: Path) -> Path:
-        make_keys(tmp_path / "keys", ["operator", "uav1"], 30, dt.datetime.now(dt.UTC))
-        return tmp_path / "keys"
+    def test_a_signature_names_its_owner(self, keys: Path, tmp_path: Path) -> None:
+        run = flown(tmp_path / "run", load_evidence_signer(keys, "operator"))
+        for words in ((run,), (run, "--keys", keys)):
+            result = audit(*words)
+            assert result.exit_code == 0
+            assert " operator " in result.output
+            assert "[evidence-not-signed]" not in result.output
 
-    def test_a_signature_names_its_owner(self, run: Run, keys: Path) -> None:
-        run.evidence.to_vehicle(1, ARM)
-        run.evidence.close(load_evidence_signer(keys, "operator"))
-        without = audit(run.file)
-        assert without.exit_code == 0
-        assert " operator " in without.output
-        assert "[evidence-not-signed]" not in without.output
-        assert "--keys FOLDER" in without.output
-        assert audit(run.file, "--keys", keys).exit_code == 0
+    def test_unsigned_evidence_is_refused_where_keys_are_given(self, keys: Path, tmp_path: Path) -> None:
+        run = flown(tmp_path / "run")
+        assert code_of(audit(run, "--keys", keys)) == "evidence-not-signed"
 
-    def test_unsigned_evidence_is_refused_where_keys_are_given(self, run: Run, keys: Path) -> None:
-        run.evidence.close()
-        result = audit(run.file, "--keys", keys)
-        assert result.exit_code == 1
-        assert "[evidence-not-signed]" in result.stderr
-
-    def test_a_signature_with_another_key_is_refused(self, run: Run, keys: Path, tmp_path: Path) -> None:
+    def test_a_signature_with_another_key_is_refused(self, keys: Path, tmp_path: Path) -> None:
         make_keys(tmp_path / "other", ["operator"], 30, dt.datetime.now(dt.UTC))
-        run.evidence.close(load_evidence_signer(tmp_path / "other", "operator"))
-        result = audit(run.file, "--keys", keys)
-        assert result.exit_code == 1
-        assert "[signed-with-other-key]" in result.stderr
+        run = flown(tmp_path / "run", load_evidence_signer(tmp_path / "other", "operator"))
+        assert code_of(audit(run, "--keys", keys)) == "signed-with-other-key"
 
-    def test_a_rewritten_chain_does_not_fit_its_signature(self, run: Run, keys: Path) -> None:
-        run.evidence.to_vehicle(1, HOLD)
-        run.evidence.close(load_evidence_signer(keys, "operator"))
-        forged, previous = [], "0" * 64
-        for line in run.file.read_bytes().replace(b'"param2":4', b'"param2":5').splitlines():
-            entry = json.loads(line)
-            del entry["hash"]
-            entry["previous"] = previous
-            previous = sha256(canonical(entry))
-            forged.append(canonical({**entry, "hash": previous}) + b"\n")
-        assert check(forged).closing is not None
-        run.file.write_bytes(b"".join(forged))
-        result = audit(run.file)
-        assert result.exit_code == 1
-        assert "[signature-invalid]" in result.stderr
-        assert " operator " in result.stderr
+    def test_a_signature_with_a_revoked_key_is_refused(self, tmp_path: Path) -> None:
+        keys = tmp_path / "keys"
+        make_keys(keys, ["operator"], 30, dt.datetime.now(dt.UTC))
+        run = flown(tmp_path / "run", load_evidence_signer(keys, "operator"))
+        make_keys(keys, ["operator"], 30, dt.datetime.now(dt.UTC), revoke=["operator"])
+        assert code_of(audit(run, "--keys", keys)) == "signed-with-revoked-key"
 
-    def test_a_key_that_others_can_read_is_not_used(self, keys: Path) -> None:
-        (keys / "operator" / "sign.pem").chmod(0o644)
+    def test_a_signature_under_another_name_is_refused(self, keys: Path, tmp_path: Path) -> None:
+        forged = EvidenceSigner("uav4", load_evidence_signer(keys, "uav5").signing_key)
+        assert code_of(audited(tmp_path, keys, RUN, forged)) == "signed-with-other-key"
+
+    @pytest.mark.parametrize(
+        ("old", "new"), [(b'"param2":4', b'"param2":5'), (b'"run.mcap":"', b'"run.mcap":"0')]
+    )
+    def test_a_rewritten_chain_does_not_fit_its_signature(
+        self, old: bytes, new: bytes, keys: Path, tmp_path: Path
+    ) -> None:
+        run = flown(tmp_path / "run", load_evidence_signer(keys, "operator"))
+        content = (run / FILE_NAME).read_bytes()
+        whole, forged = (
+            [*map(json.loads, data.splitlines())] for data in (content, content.replace(old, new))
+        )
+        for entry in (*whole, *forged):
+            del entry["hash"], entry["previous"]
+        assert b"".join(chained(whole)) == content
+        alone = tmp_path / "alone.jsonl"
+        alone.write_bytes(b"".join(chained(forged)))
+        assert code_of(audit(alone)) == "signature-invalid"
+        del forged[-1]["what"]["signature"]
+        alone.write_bytes(b"".join(chained(forged)))
+        assert "[evidence-not-signed]" in audit(alone).output
+
+    def test_a_key_that_others_can_read_is_not_used(self, tmp_path: Path) -> None:
+        make_keys(tmp_path / "keys", ["operator"], 30, dt.datetime.now(dt.UTC))
+        (tmp_path / "keys" / "operator" / "sign.pem").chmod(0o644)
         with pytest.raises(KeyringError, match="chmod 600"):
-            load_evidence_signer(keys, "operator")
+            load_evidence_signer(tmp_path / "keys", "operator")
+
+
+RUN = entries(
+    ("command", {"message": "COMMAND_LONG", "command": "COMPONENT_ARM_DISARM", "by": "udpin://:14550"}),
+    ("command", {"message": "MISSION_ITEM_INT", "seq": 3}),
+    ("operator", {"asks": "hold", "outcome": "taken"}),
+    vehicle="uav4",
+    vehicles={"uav4": 4},
+)
+
+
+def audited(folder: Path, keys: Path, run: list[Json], signer: EvidenceSigner | None = None) -> Result:
+    (folder / FILE_NAME).write_bytes(b"".join(chained(copy.deepcopy(run), signer)))
+    return audit(folder, "--all", "--keys", keys)
+
+
+SIGNERS: dict[str, tuple[str, Any, str, str]] = {
+    "its own agent": ("uav4", {"uav4": 4}, "uav4", ""),
+    "its own agent, another name": ("uav4", {"alpha": 4}, "alpha", ""),
+    "the operator": ("operator", {"uav4": 4, "uav5": 5}, "uav4", ""),
+    "another agent": ("uav5", {"uav4": 4}, "uav4", "signed-by-another"),
+    "another agent that changes the system id": ("uav5", {"uav4": 5}, "uav4", "signed-by-another"),
+    "another agent that changes the vehicles": ("uav5", {"uav5": 5}, "uav4", "signed-by-another"),
+    "one of two agents": ("uav5", {"uav4": 4, "uav5": 5}, "uav4", "signed-by-another"),
+    "an agent, without vehicles": ("uav5", {}, "uav4", "signed-by-another"),
+    "the router": ("router", {"uav4": 4}, "uav4", "signed-by-another"),
+}
+
+
+@pytest.mark.parametrize(("by", "vehicles", "vehicle", "code"), SIGNERS.values(), ids=SIGNERS)
+def test_only_the_writer_of_evidence_signs_it(
+    by: str, vehicles: Any, vehicle: str, code: str, keys: Path, tmp_path: Path
+) -> None:
+    run = entries(("command", {"message": "MISSION_COUNT"}), vehicle=vehicle, vehicles=vehicles)
+    assert code_of(audited(tmp_path, keys, run, load_evidence_signer(keys, by))) == code
+
+
+DEEP = json.loads("[" * 300 + "]" * 300)
+ODD_VALUES = st.recursive(
+    st.sampled_from(
+        [None, True, -1, 0.5, 10**30, 1e300, "", "closed", "\ud800", "uav5", [], {}, [[]], {"a": {}}, DEEP]
+    )
+    | st.text(max_size=4),
+    lambda inner: st.lists(inner, max_size=2) | st.dictionaries(st.text(max_size=3), inner, max_size=2),
+    max_leaves=4,
+)
+
+
+def paths(value: Any, before: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+    inner = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    return [before, *(path for key, part in inner for path in paths(part, (*before, key)))]
+
+
+SHAPE = copy.deepcopy(RUN)
+SHAPE[-1]["what"] = {
+    "signature": {"by": "operator", "key": "", "signature": ""},
+    "files": {"run.mcap": "00"},
+}
+PLACES = [path for path in paths(SHAPE) if len(path) > 1]
+
+
+@settings(max_examples=examples(60), suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_odd_values_in_a_chain_of_valid_hashes_are_never_a_bug(
+    data: st.DataObject, keys: Path, tmp_path: Path
+) -> None:
+    """A forger computes all hashes anew; the signature cannot fit, or is odd itself."""
+    run = copy.deepcopy(SHAPE)
+    for *before, last in data.draw(st.lists(st.sampled_from(PLACES), min_size=1, max_size=2)):
+        target: Any = run
+        with contextlib.suppress(KeyError, IndexError, TypeError):  # the first change removed this place
+            for part in before:
+                target = target[part]
+            target[last] = data.draw(ODD_VALUES)
+    result = audited(tmp_path, keys, run)
+    assert result.exit_code in (1, 2)
+    assert FILE_NAME in result.stderr
+
+
+@settings(max_examples=examples(60), suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_any_changed_bytes_of_signed_evidence_are_found(
+    data: st.DataObject, keys: Path, tmp_path: Path
+) -> None:
+    content = b"".join(chained(copy.deepcopy(RUN), load_evidence_signer(keys, "uav4")))
+    at = data.draw(st.integers(0, len(content) - 1))
+    length = data.draw(st.integers(0, 40))
+    new = data.draw(
+        st.binary(max_size=40)
+        | st.sampled_from([b"\n", b"NaN", b"1e999", b'"a":1,', b"\xff\xfe", b"9" * 5000])
+    )
+    found = content[:at] + new + content[at + length :]
+    assume(found != content)
+    (tmp_path / FILE_NAME).write_bytes(found)
+    assert audit(tmp_path, "--all", "--keys", keys).exit_code == 1

@@ -28,7 +28,7 @@ from swarmctl.bus.transports.zenoh import ZenohBus
 from swarmctl.core import messages
 from swarmctl.core.grid import Grid
 from swarmctl.core.messages import GiveOrder, SetWeights, encode
-from swarmctl.flight import evidence_log, operator_orders, wiring
+from swarmctl.flight import operator_orders, wiring
 from swarmctl.flight.simulator import undisturbed
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.security.files import KeyringError
@@ -180,7 +180,7 @@ def test_a_flight_demands_the_token_of_its_file(users_folder: Path, tmp_path: Pa
     )
 
     async def scene() -> None:
-        evidence = evidence_log.begin(scenario, tmp_path, "real", print)
+        evidence = wiring.begin_evidence(scenario, tmp_path, "real", print)
         async with wiring.open_resources(
             scenario, tmp_path, "real", undisturbed, None, Ui().say, evidence, lambda: False
         ) as resources:

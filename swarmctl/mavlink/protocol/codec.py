@@ -6,7 +6,7 @@ https://mavlink.io/en/guide/serialization.html
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Iterator
 from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -22,6 +22,7 @@ _V1_OVERHEAD_BYTES, _V2_OVERHEAD_BYTES = 8, 12
 _V2_HEADER_BYTES = 10
 _SIGNED_FLAG = 0x01
 _SIGNATURE_BYTES = 13
+_LOG_TIME_BYTES = 8
 _CRC_EXTRA: dict[int, int] = {msgid: kind.crc_extra for msgid, kind in mavlink.mavlink_map.items()}
 
 
@@ -37,6 +38,11 @@ class Frame(NamedTuple):
     def known(self) -> bool:
         """Return whether the dialect has the message; checksum and header of other frames are unverified."""
         return self.msgid in _CRC_EXTRA
+
+    @property
+    def name(self) -> str:
+        """Return the name of the message; empty if the dialect does not have it."""
+        return str(mavlink.mavlink_map[self.msgid].msgname) if self.known else ""
 
 
 class FrameSplitter:
@@ -74,11 +80,10 @@ class FrameSplitter:
         if data[0] == _V2_MAGIC:
             if data[2] & ~_SIGNED_FLAG:
                 return None
-            frame = Frame(data, data[5], data[6], data[7] | data[8] << 8 | data[9] << 16)
             end = len(data) - (_SIGNATURE_BYTES if data[2] & _SIGNED_FLAG else 0)
         else:
-            frame = Frame(data, data[3], data[4], data[5])
             end = len(data)
+        frame = _frame(data)
         extra = _CRC_EXTRA.get(frame.msgid)
         if extra is None:
             # The checksum needs the message's definition.
@@ -89,12 +94,29 @@ class FrameSplitter:
         return frame
 
 
+def logged_frames(tlog: bytes) -> Iterator[Frame]:
+    """Return the frames of a tlog, each after 8 bytes of time, up to the end or the first damaged frame."""
+    at = _LOG_TIME_BYTES
+    while at + _V2_HEADER_BYTES <= len(tlog) and tlog[at] in (_V1_MAGIC, _V2_MAGIC):
+        length = _frame_length(tlog, at) or 0
+        if at + length > len(tlog):
+            return
+        yield _frame(tlog[at : at + length])
+        at += length + _LOG_TIME_BYTES
+
+
+def _frame(data: bytes) -> Frame:
+    if data[0] == _V2_MAGIC:
+        return Frame(data, data[5], data[6], data[7] | data[8] << 8 | data[9] << 16)
+    return Frame(data, data[3], data[4], data[5])
+
+
 def _next_magic(buffer: bytearray, at: int) -> int | None:
     found = [i for i in (buffer.find(_V1_MAGIC, at), buffer.find(_V2_MAGIC, at)) if i >= 0]
     return min(found) if found else None
 
 
-def _frame_length(buffer: bytearray, at: int) -> int | None:
+def _frame_length(buffer: bytes | bytearray, at: int) -> int | None:
     """Return the length of the frame that begins at `at`; None while its header is incomplete."""
     if len(buffer) < at + 3:
         return None

@@ -33,6 +33,10 @@ def is_vehicle_heartbeat(message: Message) -> bool:
     )
 
 
+def is_armed(heartbeat: Message) -> bool:
+    return bool(heartbeat.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
+
+
 class LinkState(Enum):
     NEVER_HEARD = "never heard"
     ALIVE = "alive"

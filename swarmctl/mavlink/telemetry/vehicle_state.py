@@ -14,6 +14,7 @@ from swarmctl.core.records import replace
 from swarmctl.core.vehicle import MAX_DELAY_S, Landed, ModeRole, VehicleState
 from swarmctl.mavlink.dialects import Dialect, Readiness
 from swarmctl.mavlink.protocol.codec import Message
+from swarmctl.mavlink.telemetry.presence import is_armed
 from swarmctl.mavlink.telemetry.statustext import TextAssembler, strike_count
 from swarmctl.mavlink.telemetry.vehicle_clock import VehicleClock
 
@@ -157,7 +158,7 @@ class Telemetry:
     def _heartbeat(self, message: Message) -> bool:
         self.n_heartbeats += 1
         mode = self._dialect.mode_name(int(message.custom_mode))
-        armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
+        armed = is_armed(message)
         is_changed = mode != self.state.mode or armed != self.state.armed
         self._changes |= {"mode": mode, "mode_role": self._roles.get(mode, "other"), "armed": armed}
         self._changes["heartbeat_s"] = self._now

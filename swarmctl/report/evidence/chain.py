@@ -4,39 +4,62 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 import msgspec
 
-FORMAT = 1
+from swarmctl import __version__
+
+FORMAT = 2
+READABLE = frozenset({1, FORMAT})
+"""format 1 has lines of other kinds too, one line for all items of a transfer, and no hashes of files"""
 GENESIS = "0" * 64
 """`previous` of the first entry"""
-
-EntryKind = Literal["opened", "command", "acknowledgement", "effect", "waiver", "operator", "note", "closed"]
+EntryKind = Literal["opened", "command", "waiver", "operator", "note", "closed"]
 MAX_UNIX_S = 253_402_300_799
 """end of the year 9999"""
 MAX_SHOWN_CHARS = 200
+_HASH_PART = len(f'{{"hash":"{GENESIS}",')
+"""length of the first key with its value"""
 
 
-class _Line(msgspec.Struct, forbid_unknown_fields=True):
-    """The keys and types of an entry."""
+class Entry(msgspec.Struct, forbid_unknown_fields=True):
+    """One line; the hash covers all bytes but its own key and the line end."""
 
     n: int
     unix_s: Annotated[float, msgspec.Meta(ge=0, le=MAX_UNIX_S)]
     run_s: float
     vehicle: str | None
-    kind: EntryKind
+    kind: str
     what: dict[str, Any]
     previous: str
     hash: str
 
 
-class Signature(msgspec.Struct, frozen=True):
-    """The signature in the closing entry."""
+class Continued(msgspec.Struct):
+    """The evidence of an earlier run, which this run continues."""
 
+    run: str
+    entries: int
+    last_hash: str
+
+
+class Opened(msgspec.Struct):
+    """`what` of the first entry."""
+
+    format: int = FORMAT
+    run: str = ""
+    program: str = f"swarmctl {__version__}"
+    configuration_sha256: str = ""
+    clock: str = ""
+    vehicles: dict[str, int] = {}
+    """system ids, by name"""
+    continues: Continued | None = None
+
+
+class Signature(msgspec.Struct, frozen=True):
     by: str
     key: str
     """public key, in base64"""
@@ -44,73 +67,35 @@ class Signature(msgspec.Struct, frozen=True):
     """in base64"""
 
 
-class _Opened(msgspec.Struct):
-    vehicles: dict[str, int] = {}
+class Closed(msgspec.Struct):
+    """`what` of the last entry."""
+
+    files: dict[str, str] = {}
+    """SHA-256 of the run's other files, by name"""
+    signature: Signature | None = None
 
 
-Entry = Mapping[str, Any]
-Content = Mapping[str, Any]
-"""`what` of an entry"""
-
-
-def canonical(value: Any) -> bytes:
-    """Return canonical JSON: keys sorted, no spaces, ASCII; NaN and infinity as text, bytes as hex digits."""
-    return json.dumps(_plain(value), sort_keys=True, separators=(",", ":"), allow_nan=False).encode()
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {str(key): _plain(inner) for key, inner in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(inner) for inner in value]
-    if isinstance(value, (bytes, bytearray)):
-        return bytes(value).hex()
-    if isinstance(value, float) and not math.isfinite(value):
-        return str(value)
-    return value
+_CONTENTS: dict[str, type[Opened | Closed]] = {"opened": Opened, "closed": Closed}
 
 
 def sha256(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()
 
 
-class Chain:
-    """The state of a chain after its last line."""
-
-    def __init__(self) -> None:
-        self.n = 0
-        """number of entries so far"""
-        self.last_hash = GENESIS
-        """the hash of the last entry"""
-
-    def append(
-        self, kind: EntryKind, vehicle: str | None, what: Content, *, unix_s: float, run_s: float
-    ) -> bytes:
-        """Add an entry; return its line with the line end."""
-        entry = {
-            "n": self.n,
-            "unix_s": round(unix_s, 6),
-            "run_s": round(run_s, 6),
-            "vehicle": vehicle,
-            "kind": kind,
-            "what": what,
-            "previous": self.last_hash,
-        }
-        body = canonical(entry)
-        self.last_hash = sha256(body)
-        self.n += 1
-        # "hash" is the first key in canonical order.
-        return b'{"hash":"%s",%s\n' % (self.last_hash.encode(), body[1:])
+def line_of(
+    n: int, previous: str, kind: EntryKind, vehicle: str | None, what: Any, *, unix_s: float, run_s: float
+) -> tuple[bytes, str]:
+    """Return the line of an entry with the line end, and its hash."""
+    content = {"n": n, "unix_s": round(unix_s, 6), "run_s": round(run_s, 6), "vehicle": vehicle, "kind": kind}
+    body = msgspec.json.encode({**content, "what": what, "previous": previous})
+    own_hash = sha256(body)
+    return b'{"hash":"%s",%s\n' % (own_hash.encode(), body[1:]), own_hash
 
 
-@dataclass(frozen=True, slots=True)
-class ChainFault:
-    """The first line where a chain is broken."""
-
-    line: int
-    """from 1"""
-    found: str
-    expected: str
+def signed_content(n_entries: int, last_hash: str, files: dict[str, str]) -> bytes:
+    """Return the bytes that a signature covers: number and last hash of the entries before it, and files."""
+    content = {"entries": n_entries, "previous": last_hash} | ({"files": files} if files else {})
+    return b"swarmctl evidence\0" + json.dumps(content, sort_keys=True, separators=(",", ":")).encode()
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,100 +104,73 @@ class CheckedChain:
 
     entries: tuple[Entry, ...]
     """all entries; if there is a fault, the entries before the fault"""
-    fault: ChainFault | None
-    last_hash: str
-    """the hash of the last of `entries`; GENESIS if there are none"""
+    fault: str
+    """the fault of the line after `entries`; empty without a fault"""
+    is_torn: bool = False
+    """True if the fault is a last line without its end, as after the death of the process"""
 
     @property
-    def opened(self) -> Content:
-        """The description of the run in the first entry; empty if there are no entries."""
-        return self.entries[0]["what"] if self.entries else {}
+    def last_hash(self) -> str:
+        return self.entries[-1].hash if self.entries else GENESIS
 
     @property
-    def vehicles(self) -> dict[str, int]:
-        """The system ids of the run's vehicles, by name; empty if the first entry has none."""
-        return msgspec.convert(self.opened, _Opened).vehicles
+    def opened(self) -> Opened:
+        """The description of the run in the first entry."""
+        return msgspec.convert(self.entries[0].what if self.entries else {}, Opened)
 
     @property
-    def signature(self) -> Signature | None:
-        """The signature of the closing entry; None for unsigned evidence."""
-        signature = (self.closing or {}).get("signature")
-        return None if signature is None else msgspec.convert(signature, Signature)
-
-    @property
-    def closing(self) -> Content | None:
+    def closing(self) -> Closed | None:
         """The content of the closing entry; None if there is a fault or no closing entry."""
-        is_closed = self.fault is None and self.entries and self.entries[-1]["kind"] == "closed"
-        return self.entries[-1]["what"] if is_closed else None
+        is_closed = not self.fault and self.entries and self.entries[-1].kind == "closed"
+        return msgspec.convert(self.entries[-1].what, Closed) if is_closed else None
+
+    @property
+    def other_format(self) -> str:
+        """The reason why this version cannot read the evidence; empty if it can."""
+        if self.opened.format in READABLE:
+            return ""
+        text = (
+            f"the evidence has format {self.opened.format}, and swarmctl {__version__} reads 1 and {FORMAT}"
+        )
+        return f"{text}; use the version that wrote it [other-format]"
 
 
 def check(lines: Iterable[bytes]) -> CheckedChain:
     """Return the entries of a chain up to its end or its first fault. Lines that are not JSON are faults."""
     entries: list[Entry] = []
-    last = GENESIS
     for line in lines:
-        entry, fault = _read(line)
-        if entry is not None:
-            fault = _mismatch(entry, entries, last)
-        if entry is None or fault is not None:
-            found, expected = (text[:MAX_SHOWN_CHARS] for text in fault or ("", ""))
-            return CheckedChain(tuple(entries), ChainFault(len(entries) + 1, found, expected), last)
+        if not line.endswith(b"\n"):
+            fault = "found a line without its end: the process died while writing it, or the line was cut"
+            return CheckedChain(tuple(entries), fault, is_torn=True)
+        try:
+            entry = msgspec.json.decode(line, type=Entry)
+            msgspec.convert(entry.what, _CONTENTS.get(entry.kind, dict))
+        except (msgspec.MsgspecError, ValueError, RecursionError) as error:
+            fault = f"found a line that is not an entry: {error}"
+        else:
+            fault = _fault(entry, sha256(b"{" + line[_HASH_PART:-1]), entries)
+        if fault:
+            return CheckedChain(tuple(entries), fault)
         entries.append(entry)
-        last = entry["hash"]
-    return CheckedChain(tuple(entries), None, last)
+    return CheckedChain(tuple(entries), "")
 
 
-_Mismatch = tuple[str, str]
-"""found, expected"""
-
-
-def _read(line: bytes) -> tuple[Entry | None, _Mismatch | None]:
-    if not line.endswith(b"\n"):
-        return None, (
-            "a line without its end",
-            "a whole line: the process died while writing this line, or the line was cut",
-        )
-    try:
-        entry = json.loads(line)
-        is_canonical = canonical(entry) + b"\n" == line
-    except (ValueError, RecursionError):
-        return None, ("a line that is not JSON", "an entry as this program writes it")
-    if not is_canonical:
-        return None, ("another form of JSON than the canonical one", "the line as it was written")
-    try:
-        _check_types(entry)
-    except msgspec.ValidationError as error:
-        return None, ("a line that is not an entry", str(error)[:MAX_SHOWN_CHARS])
-    return entry, None
-
-
-def _check_types(entry: Any) -> None:
-    """Raise msgspec.ValidationError unless an entry has all keys, with the right types."""
-    line = msgspec.convert(entry, _Line)
-    if line.kind == "opened":
-        msgspec.convert(line.what, _Opened)
-    elif line.kind == "closed" and line.what.get("signature") is not None:
-        msgspec.convert(line.what["signature"], Signature)
-
-
-def _mismatch(entry: Entry, before: list[Entry], last: str) -> _Mismatch | None:
-    n = len(before)
-    if before and before[-1]["kind"] == "closed":
-        return f"entry {entry['n']} after the closing one", "the end of the file"
-    if entry["n"] != n:
-        return f"entry {entry['n']}", f"entry {n}: lines were removed or inserted here"
-    if (entry["kind"] == "opened") != (n == 0):
-        return f"an entry of the kind {entry['kind']}", "the opening entry first, and only there"
-    if entry["previous"] != last:
-        return f"the previous hash {entry['previous']}", f"{last}, the hash of the line before"
-    actual_hash = sha256(canonical({key: value for key, value in entry.items() if key != "hash"}))
-    if entry["hash"] != actual_hash:
-        return f"the hash {entry['hash']}", f"{actual_hash}, the hash of the other keys: the line was changed"
-    if entry["kind"] == "closed" and entry["what"].get("entries") != n:
-        return f"a count of {entry['what'].get('entries')} entries", f"a count of {n}"
-    return None
-
-
-def signed_content(n_entries: int, last_hash: str) -> bytes:
-    """Return the bytes that a signature covers: number and last hash of the entries before `closed`."""
-    return b"swarmctl evidence\0" + canonical({"entries": n_entries, "previous": last_hash})
+def _fault(entry: Entry, actual_hash: str, before: list[Entry]) -> str:
+    last = before[-1] if before else None
+    rules = (
+        ("lines were removed, added or moved: found the number", entry.n, len(before)),
+        ("the line was changed: found the hash", entry.hash, actual_hash),
+        (
+            "a line before was changed: found the previous hash",
+            entry.previous,
+            last.hash if last else GENESIS,
+        ),
+        ("lines were moved: found an opening entry", entry.kind == "opened", last is None),
+        (
+            "lines were added: found an entry after the last",
+            last is not None and last.kind == "closed",
+            False,
+        ),
+    )
+    wrong = (rule for rule in rules if rule[1] != rule[2])
+    return next((f"{text} {str(found)[:MAX_SHOWN_CHARS]}, expected {due}" for text, found, due in wrong), "")

@@ -1,54 +1,43 @@
-"""A digest of the evidence chain: commands by vehicle, answers and effects; people's actions. Pure."""
+"""A digest of a run: its commands by the chain, with vehicles' answers and states by the tlogs. Pure."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from swarmctl.core.vehicle import Landed
-from swarmctl.report.evidence.chain import Content, Entry
-from swarmctl.report.evidence.transfer import ANNOUNCEMENTS
+from swarmctl.mavlink.dialects import Unsupported, dialect_for
+from swarmctl.mavlink.protocol.codec import Decoder, Message, logged_frames
+from swarmctl.mavlink.protocol.command import name_of
+from swarmctl.mavlink.telemetry.presence import AUTOPILOT_COMPID, is_armed
+from swarmctl.report.evidence.chain import CheckedChain
+from swarmctl.report.evidence.commands import CHANGED_PART, COMMANDS, UNRECORDED, command_of
 
-_ITEMS = "MISSION_ITEM_INT"
-_UPLOADS = (_ITEMS, "MISSION_COUNT", "MISSION_WRITE_PARTIAL_LIST", "MISSION_CLEAR_ALL")
+_UPLOADS = ("MISSION_COUNT", "MISSION_WRITE_PARTIAL_LIST", "MISSION_CLEAR_ALL")
 _PARAMETERS = ("PARAM_SET", "PARAM_REQUEST_READ")
-_NO_MODE = ""
-"""the mode of a vehicle before its first heartbeat"""
-_DISARMED = "armed False"
-_CHANGED_PART = {
-    "COMPONENT_ARM_DISARM": "armed",
-    "DO_SET_MODE": "mode",
-    "SET_MODE": "mode",
-    "MISSION_START": "mode",
-    "NAV_RETURN_TO_LAUNCH": "mode",
-    "NAV_LAND": "mode",
-    "DO_SET_MISSION_CURRENT": "mission_seq",
-    "MISSION_SET_CURRENT": "mission_seq",
-}
-"""command -> the part of a vehicle's state that changes when the vehicle follows the command"""
-_EXPECTS_ANSWER = frozenset({_ITEMS, "MISSION_CLEAR_ALL", *_PARAMETERS})
-"""messages, besides commands, that count as unanswered until an acknowledgement"""
-_NO_REFUSAL = frozenset({"ACCEPTED", "IN_PROGRESS", "PARAM_VALUE", "INVALID_SEQUENCE"})
-"""ArduPilot answers INVALID_SEQUENCE to a repeated mission item, and continues the transfer"""
+_EXPECTS_ANSWER = frozenset({*COMMANDS, *_UPLOADS, *_PARAMETERS})
+_GOES_ON = frozenset({"IN_PROGRESS", "INVALID_SEQUENCE"})
+"""answers before the last one: ArduPilot answers INVALID_SEQUENCE to a repeated item, and continues"""
+_NO_REFUSAL = _GOES_ON | {"ACCEPTED", "PARAM_VALUE"}
+_READ = frozenset(
+    {"COMMAND_ACK", "MISSION_ACK", "PARAM_VALUE", "HEARTBEAT", "MISSION_CURRENT", "EXTENDED_SYS_STATE"}
+)
+"""vehicles' messages that the digest reads"""
 
 
 @dataclass(slots=True)
 class CommandRow:
     """The digest of all commands or messages to one vehicle that have the same name."""
 
-    vehicle: str
-    command: str
     sent: int = 0
+    by_others: int = 0
+    """number of messages from other stations, included in `sent`"""
     answers: Counter[str] = field(default_factory=Counter)
     unanswered: int = 0
     effects: Counter[str] = field(default_factory=Counter)
-    """first matching change of the vehicle's state after a command -> number of commands"""
-    is_in_transfer: bool = False
-    """True from an entry with mission items until the next announcement: one transfer counts once"""
-    by_others: int = 0
-    """number of messages from other stations, included in `sent`"""
+    """first change of the part of the vehicle's state that the command changes -> number of commands"""
 
     @property
     def refused(self) -> int:
@@ -56,98 +45,105 @@ class CommandRow:
 
 
 @dataclass(slots=True)
-class Digest:
-    """The digest of a whole chain."""
+class VehicleDigest:
+    """The digest of the messages to and from one vehicle, in the order of the wire."""
 
-    rows: list[CommandRow] = field(default_factory=list)
-    unasked: dict[str, Counter[str]] = field(default_factory=dict)
-    """changes of mode and arming without a recorded command, by vehicle, except disarmings on the ground"""
-    n_disarmed_on_ground: Counter[str] = field(default_factory=Counter)
-    """number of disarmings on the ground without a recorded command, by vehicle"""
-    people: list[Entry] = field(default_factory=list)
-    """entries of waivers and operators' actions"""
+    rows: dict[str, CommandRow] = field(default_factory=dict)
+    unasked: Counter[str] = field(default_factory=Counter)
+    """changes of mode and arming without a recorded command, except disarmings on the ground"""
+    n_disarmed_on_ground: int = 0
+    """number of disarmings on the ground without a recorded command"""
+    _state: dict[str, Any] = field(default_factory=dict)
+    _asked: dict[str, CommandRow] = field(default_factory=dict)
+    """part of the state -> row of the last command to change this part"""
+    _parameters: set[str] = field(default_factory=set)
+    """names of parameters that were set or requested"""
 
+    def sent(self, what: Mapping[str, Any]) -> None:
+        """Count a recorded command or message."""
+        name = command_of(what)
+        row = self.rows.setdefault(name, CommandRow())
+        row.sent += 1
+        row.by_others += "by" in what
+        row.unanswered += what.get("message") in _EXPECTS_ANSWER
+        self._parameters.add(str(what.get("param_id")))
+        if name in CHANGED_PART:
+            self._asked[CHANGED_PART[name]] = row
 
-def digest(entries: Iterable[Entry]) -> Digest:
-    """Return the digest of the entries of an unbroken chain."""
-    found = Digest()
-    rows: dict[tuple[str, str], CommandRow] = {}
-    asked: dict[tuple[str, str], CommandRow] = {}
-    """(vehicle, part of its state) -> row of the last command to change this part"""
-    on_ground: dict[str, bool] = {}
-    for entry in entries:
-        vehicle, what = entry["vehicle"] or "all", entry["what"]
-        match entry["kind"]:
-            case "command":
-                _count_command(rows, asked, vehicle, what)
-            case "acknowledgement":
-                _count_answer(rows, vehicle, what)
-            case "effect":
-                _count_change(asked, found, vehicle, what)
-                _move_disarming(found, on_ground, vehicle, what)
-            case "waiver" | "operator":
-                found.people.append(entry)
-    vehicles = list(dict.fromkeys(vehicle for vehicle, _ in rows))
-    found.rows = sorted(rows.values(), key=lambda row: vehicles.index(row.vehicle))
-    return found
+    def received(self, message: Message) -> None:
+        """Count a vehicle's answer or change of state."""
+        match message.get_type():
+            case "COMMAND_ACK":
+                command = name_of("MAV_CMD", int(message.command))
+                self._answered((command,), name_of("MAV_RESULT", int(message.result)))
+            case "MISSION_ACK":
+                result = name_of("MAV_MISSION_RESULT", int(message.type))
+                self._answered(_UPLOADS, result.removeprefix("MAV_MISSION_"))
+            case "PARAM_VALUE" if message.param_id in self._parameters:
+                self._answered(_PARAMETERS, "PARAM_VALUE")
+            case "HEARTBEAT":
+                self._changed("mode", _mode(message))
+                self._changed("armed", is_armed(message))
+            case "MISSION_CURRENT" if message.seq != 0xFFFF:
+                self._changed("mission_seq", int(message.seq))
+            case "EXTENDED_SYS_STATE":
+                self._changed("landed", int(message.landed_state))
 
+    def _answered(self, names: Iterable[str], answer: str) -> None:
+        rows = [self.rows[name] for name in names if name in self.rows]
+        for row in ([row for row in rows if row.unanswered > 0] or rows)[:1]:
+            row.answers[answer] += 1
+            row.unanswered -= answer not in _GOES_ON and row.unanswered > 0
 
-def _count_command(
-    rows: dict[tuple[str, str], CommandRow],
-    asked: dict[tuple[str, str], CommandRow],
-    vehicle: str,
-    what: Content,
-) -> None:
-    name = str(what.get("command", what.get("message", "?")))
-    row = rows.setdefault((vehicle, name), CommandRow(vehicle, name))
-    items = rows.get((vehicle, _ITEMS))
-    if name in ANNOUNCEMENTS and items is not None:
-        items.is_in_transfer = False
-    if row.is_in_transfer:
-        return  # more items of the same transfer
-    row.is_in_transfer = name == _ITEMS
-    row.sent += 1
-    row.unanswered += "command" in what or name in _EXPECTS_ANSWER
-    row.by_others += "by" in what
-    if name in _CHANGED_PART:
-        asked[vehicle, _CHANGED_PART[name]] = row
-
-
-def _count_answer(rows: dict[tuple[str, str], CommandRow], vehicle: str, what: Content) -> None:
-    answer = str(what.get("result", what.get("message", "?")))
-    message = what.get("message")
-    names = {"MISSION_ACK": _UPLOADS, "PARAM_VALUE": _PARAMETERS}.get(
-        str(message), (str(what.get("command", message)),)
-    )
-    answered = [row for name in names if (row := rows.get((vehicle, name))) is not None]
-    waiting = [row for row in answered if row.unanswered > 0]
-    for row in (waiting or answered)[:1]:
-        row.answers[answer] += 1
-        row.unanswered -= answer != "IN_PROGRESS" and row.unanswered > 0
+    def _changed(self, part: str, to: Any) -> None:
+        before, self._state[part] = self._state.get(part), to
+        if to != before and (row := self._asked.pop(part, None)) is not None:
+            row.effects[str(to)] += 1
+        elif before not in (to, None) and part in ("mode", "armed"):
+            self.unasked[f"{part} {to}"] += 1
+        if self._state.get("landed") == Landed.ON_GROUND:
+            # The landing may be reported before or after the disarming.
+            self.n_disarmed_on_ground += self.unasked.pop("armed False", 0)
 
 
-def _move_disarming(found: Digest, on_ground: dict[str, bool], vehicle: str, what: dict[str, Any]) -> None:
-    """Move a disarming from `unasked` to `n_disarmed_on_ground` if the vehicle is on the ground.
+def _mode(heartbeat: Message) -> str:
+    try:
+        dialect = dialect_for(int(heartbeat.autopilot), int(heartbeat.type))
+    except Unsupported:
+        return str(heartbeat.custom_mode)
+    return dialect.mode_name(int(heartbeat.custom_mode))
 
-    Telemetry may report the landing before or after the disarming.
+
+def digest(checked: CheckedChain, tlogs: Mapping[str, bytes]) -> dict[str, VehicleDigest]:
+    """Return the digests by vehicle, in the order of the first commands.
+
+    `tlogs`: content of the tlogs by vehicle; a vehicle without a tlog has neither answers nor effects.
     """
-    part, to = what.get("changed"), what.get("to")
-    if part == "landed":
-        on_ground[vehicle] = to == Landed.ON_GROUND.name
-    unasked = found.unasked.get(vehicle, Counter())
-    if part in ("landed", "armed") and on_ground.get(vehicle) and unasked[_DISARMED]:
-        found.n_disarmed_on_ground[vehicle] += unasked.pop(_DISARMED)
-        if not unasked:
-            del found.unasked[vehicle]
+    commands: dict[str, list[Mapping[str, Any]]] = {}
+    for entry in checked.entries:
+        if entry.kind == "command":
+            commands.setdefault(entry.vehicle or "all", []).append(entry.what)
+    sysids = checked.opened.vehicles
+    return {
+        vehicle: _digest(iter(sent), sysids.get(vehicle, 0), tlogs.get(vehicle, b""))
+        for vehicle, sent in commands.items()
+    }
 
 
-def _count_change(
-    asked: dict[tuple[str, str], CommandRow], found: Digest, vehicle: str, what: dict[str, Any]
-) -> None:
-    part = str(what.get("changed"))
-    text = f"{part} {what.get('to')}"
-    row = asked.pop((vehicle, part), None)
-    if row is not None:
-        row.effects[text] += 1
-    elif part in ("mode", "armed") and what.get("from") != _NO_MODE:
-        found.unasked.setdefault(vehicle, Counter())[text] += 1
+def _digest(commands: Iterator[Mapping[str, Any]], sysid: int, tlog: bytes) -> VehicleDigest:
+    found, decoder = VehicleDigest(), Decoder()
+    for frame in logged_frames(tlog):
+        is_answer = (frame.sysid, frame.compid) == (sysid, AUTOPILOT_COMPID) and frame.name in _READ
+        is_command = frame.sysid != sysid and frame.name not in UNRECORDED
+        message = decoder.decode(frame) if is_answer or is_command else None
+        if message is not None and is_answer:
+            found.received(message)
+        elif getattr(message, "target_system", 0) == sysid:
+            what = next(commands, None)
+            if what is None:
+                break
+            found.sent(what)
+    # A tlog may end early: its last second is lost with the process.
+    for what in commands:
+        found.sent(what)
+    return found
