@@ -151,7 +151,7 @@ class Session:
     @property
     def next_deadline(self) -> float | None:
         sources = (self._presence, self._streams, self._driver or self._mission)
-        deadlines = [s.next_deadline for s in sources if s is not None and s.next_deadline is not None]
+        deadlines = [due for s in sources if s is not None and (due := s.next_deadline) is not None]
         return min(deadlines, default=None)
 
     # Inputs
