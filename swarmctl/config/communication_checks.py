@@ -18,18 +18,12 @@ MAX_LISTED = 10
 
 def check_communication(config: Config) -> Iterator[ConfigProblem]:
     """Yield problems of the section: contradictions, and names that match no vehicle."""
-    communication, names = config.communication, _names(config)
+    communication, names = config.communication, config.names
     yield from _check_radio(communication)
     yield from _check_transport(communication)
     if names:  # another check reports a configuration without vehicles
         yield from _check_period_vehicles(communication, names)
         yield from _check_mesh(communication, names)
-
-
-def _names(config: Config) -> dict[int, str]:
-    count = config.simulate.count if config.simulate is not None else 0
-    simulated = {n: f"uav{n}" for n in range(1, count + 1)}
-    return {vehicle.sysid: vehicle.name for vehicle in config.vehicles} | simulated
 
 
 def _check_radio(c: Communication) -> Iterator[ConfigProblem]:

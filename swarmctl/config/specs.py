@@ -72,15 +72,15 @@ def _simulated(config: Config, grid: Grid) -> Iterator[Spec]:
     simulate = config.simulate
     if simulate is None:
         return
-    for i in range(simulate.count):
+    for i, (sysid, name) in enumerate(config.identities[: simulate.count]):
         share = (i + 0.5) / simulate.count
         start = _beside(grid, simulate.start_side, share, simulate.start_distance_m, simulate.count)
         entry = entry_of(config, grid, start)
         assert entry is not None
         is_plane = simulated_autopilot(config, i) in PLANE_AUTOPILOTS
         yield Spec(
-            name=f"uav{i + 1}",
-            sysid=i + 1,
+            name=name,
+            sysid=sysid,
             url=simulate.url,
             link=simulate.link,
             simulated=True,
