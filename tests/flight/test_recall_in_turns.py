@@ -153,7 +153,7 @@ def test_one_vehicle_lands_by_order_and_the_others_fly_on(tmp_path: Path) -> Non
     first, landed, third = report.states.values()
     assert first.outcome == third.outcome == ARRIVED
     assert landed.outcome != ARRIVED
-    assert (landed.phase, landed.ordered) == (Phase.DONE, LAND)
+    assert (landed.phase, landed.order.given) == (Phase.DONE, LAND)
 
 
 @pytest.mark.full

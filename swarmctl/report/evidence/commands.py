@@ -52,5 +52,5 @@ def content(message: Message, *, byte_wise: bool) -> dict[str, Any]:
 
 def command_of(what: Mapping[str, Any]) -> str:
     """Return the name of a recorded command, or of the message if it is no command."""
-    message = what.get("message")
-    return str(what.get("command") if message in COMMANDS else message)
+    message = str(what.get("message"))
+    return str(what.get("command")) if message in COMMANDS else message

@@ -65,7 +65,7 @@ class VehicleDigest:
         row = self.rows.setdefault(name, CommandRow())
         row.sent += 1
         row.by_others += "by" in what
-        row.unanswered += what.get("message") in _EXPECTS_ANSWER
+        row.unanswered += str(what.get("message")) in _EXPECTS_ANSWER
         self._parameters.add(str(what.get("param_id")))
         if name in CHANGED_PART:
             self._asked[CHANGED_PART[name]] = row
