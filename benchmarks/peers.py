@@ -5,9 +5,16 @@ Each function here prepares the graph of a field, and returns the call to be tim
 
 from __future__ import annotations
 
+import ctypes
+import functools
 import math
+import shutil
+import subprocess
+import tempfile
 from collections.abc import Callable
+from pathlib import Path
 
+import dijkstra3d
 import networkx
 import numpy as np
 import rustworkx
@@ -95,6 +102,40 @@ def tcod_dijkstra(exposure: Floats, goal: Goal, w: float, psi: float) -> TimedCa
     return run
 
 
+def dijkstra3d_field(exposure: Floats, goal: Goal, w: float, psi: float) -> TimedCall:
+    """Prepare dijkstra3d, where a diagonal move costs as much as a straight move."""
+    costs = (1.0 - w) * psi + w * exposure
+    return lambda: dijkstra3d.distance_field(costs, source=goal, connectivity=8)
+
+
+COMPILER = shutil.which("g++") or shutil.which("clang++")
+
+
+@functools.cache
+def _bucket_queue() -> ctypes.CDLL:
+    """Return `bucket_queue.cpp` as machine code for this machine."""
+    source = Path(__file__).with_name("bucket_queue.cpp")
+    with tempfile.TemporaryDirectory() as folder:
+        library = Path(folder, "bucket_queue.so")
+        options = ["-O3", "-march=native", "-shared", "-fPIC"]
+        subprocess.run([COMPILER or "c++", *options, str(source), "-o", str(library)], check=True)
+        return ctypes.CDLL(str(library))
+
+
+def bucket_queue(exposure: Floats, goal: Goal, w: float, psi: float) -> TimedCall:
+    """Prepare the queue of buckets in C++; the call includes the memory, as that of `cost_to_go` does."""
+    search = _bucket_queue().cost_to_go
+    sizes = [ctypes.c_long(number) for number in (*exposure.shape, *goal)]
+
+    def run() -> Floats:
+        cost = np.empty(exposure.shape)
+        weights = ctypes.c_double(w), ctypes.c_double(psi)
+        search(ctypes.c_void_p(exposure.ctypes.data), *sizes, *weights, ctypes.c_void_p(cost.ctypes.data))
+        return cost
+
+    return run
+
+
 def rustworkx_dijkstra(exposure: Floats, goal: Goal, w: float, psi: float) -> TimedCall:
     destination, origin, length = reversed_moves(exposure.shape)
     weights = (1.0 - w) * psi * length + w * exposure.ravel()[destination]
@@ -119,7 +160,10 @@ PEERS: dict[str, tuple[Callable[[Floats, Goal, float, float], TimedCall], int]] 
     "scipy, weights refreshed": (scipy_refreshed, 2000),
     "scikit-image MCP": (skimage_mcp, 2000),
     "tcod dijkstra2d": (tcod_dijkstra, 2000),
+    "dijkstra3d": (dijkstra3d_field, 2000),
     "rustworkx": (rustworkx_dijkstra, 300),
     "networkx": (networkx_dijkstra, 300),
 }
+if COMPILER:
+    PEERS["bucket queue in C++"] = bucket_queue, 4000
 """name -> preparation, and greatest side of the area [cells]; a larger graph takes minutes to build"""

@@ -13,6 +13,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import psutil
@@ -84,30 +85,63 @@ def field_tables(sides: tuple[int, ...]) -> Iterator[Table]:
         yield table
 
 
-def hard_field_table(side: int) -> Table:
-    """Measure fields that the sweeps of the search do not speed up: w near 1, random costs, walls."""
+def queue_table(sides: tuple[int, ...]) -> Table:
+    """Compare with the queue of buckets in C++, at several weights."""
+    weights = (0.0, 0.25, 0.5, 0.75, 0.9, 1.0)
     table = make_table(
-        f"Harder fields of {side}² cells",
-        *("P_s", "w", "cost_to_go [ns a cell]", "scipy, graph built [ratio]"),
-        left=["P_s"],
+        "Cost-to-go field: time of a bucket queue in C++ / time of cost_to_go (ns a cell)",
+        *("P_s", "area", *(f"w = {w:g}" for w in weights)),
+        left=["P_s", "area"],
+    )
+    for kind, make in (("after observations", observed_field), ("random", random_field)):
+        for side in sides:
+            exposure, goal, row = make(side), (side // 2, side - 1), []
+            for w in weights:
+                runs: dict[str, Callable[[], object]] = {}
+                runs["C++"] = PEERS["bucket queue in C++"][0](exposure, goal, w, PSI)
+                runs["swarmctl"] = lambda: cost_to_go(exposure, [goal], w, PSI)  # noqa: B023
+                found = medians_s(runs, 3 if side >= 2000 else 11)
+                own_ns = 1e9 * found["swarmctl"] / side**2
+                row.append(f"{found['C++'] / found['swarmctl']:.2f} ({own_ns:.0f})")
+            table.add_row(kind, f"{side}²", *row)
+    return table
+
+
+def walled_field_table(side: int) -> Table:
+    """Measure fields with walls, which the bucket queue in C++ does not know."""
+    table = make_table(
+        f"Random fields of {side}² cells, a tenth of the cells walls",
+        *("w", "cost_to_go [ns a cell]", "scipy, graph built [ratio]"),
     )
     rng = np.random.default_rng(5)
     walled = random_field(side)
     walled[rng.random(walled.shape) < 0.1] = np.inf
-    walled[side // 2, side - 1] = 0.1
-    for name, exposure, w in (
-        ("after observations", observed_field(side), 0.9),
-        ("after observations", observed_field(side), 1.0),
-        ("random", random_field(side), 0.9),
-        ("random", random_field(side), 1.0),
-        ("random, a tenth of the cells walls", walled, 0.5),
-    ):
-        goal = (side // 2, side - 1)
-        runs: dict[str, Callable[[], object]] = {"swarmctl": lambda: cost_to_go(exposure, [goal], w, PSI)}  # noqa: B023
-        runs["scipy"] = PEERS["scipy, graph built"][0](np.minimum(exposure, 1e6), goal, w, PSI)
+    goal = (side // 2, side - 1)
+    walled[goal] = 0.1
+    for w in (0.5, 1.0):
+        runs: dict[str, Callable[[], object]] = {"swarmctl": lambda: cost_to_go(walled, [goal], w, PSI)}  # noqa: B023
+        runs["scipy"] = PEERS["scipy, graph built"][0](np.minimum(walled, 1e6), goal, w, PSI)
         found = medians_s(runs, 3)
         ratio = found["scipy"] / found["swarmctl"]
-        table.add_row(name, f"{w:g}", f"{1e9 * found['swarmctl'] / side**2:.1f}", f"{ratio:.1f}")
+        table.add_row(f"{w:g}", f"{1e9 * found['swarmctl'] / side**2:.1f}", f"{ratio:.1f}")
+    return table
+
+
+def threads_table(side: int) -> Table:
+    """Compare two fields with different goals in two threads with the same fields one after the other."""
+    table = make_table(f"Two goals on {side}² cells", "w", "two threads [ratio to one after the other]")
+    exposure, goals = observed_field(side), ((side // 2, side - 1), (side // 3, 0))
+    with ThreadPoolExecutor(2) as pool:
+        for w in (0.5, 1.0):
+
+            def search(goal: Cell) -> CostToGo:
+                return cost_to_go(exposure, [goal], w, PSI)  # noqa: B023
+
+            runs: dict[str, Callable[[], object]] = {}
+            runs["in turn"] = lambda: [search(goal) for goal in goals]
+            runs["at once"] = lambda: list(pool.map(search, goals))
+            found = medians_s(runs, 7)
+            table.add_row(f"{w:g}", f"{found['at once'] / found['in turn']:.2f}")
     return table
 
 
@@ -311,7 +345,10 @@ def main() -> None:
         return
     for table in field_tables((100, 300, 1000) if quick else (100, 300, 1000, 2000)):
         console.print(table)
-    console.print(hard_field_table(1000))
+    if "bucket queue in C++" in PEERS:
+        console.print(queue_table((300, 1000) if quick else (300, 1000, 2000, 4000)))
+    console.print(walled_field_table(1000))
+    console.print(threads_table(1000))
     console.print(replan_table(1000, 100 if quick else 1000))
     console.print(swarm_table(200, 50))
     console.print(bound_table(200, 10 if quick else 50))

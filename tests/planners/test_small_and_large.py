@@ -58,7 +58,7 @@ def problems(draw: st.DrawFn) -> Problem:
         exposure,
         start=cells[0],
         goals=tuple(cells[1:]),
-        w=draw(st.sampled_from([0.0, 0.5, 1.0, 0.3])),
+        w=draw(st.sampled_from([0.0, 0.5, 1.0, 0.3, 0.9])),
         psi_per_cell=draw(st.sampled_from([0.0, 0.132, 1.0])),
         max_length_cells=draw(st.sampled_from([math.inf, shortest])),
     )

@@ -1,175 +1,220 @@
-"""A label-correcting search with a queue of buckets; it completes a field after the sweeps.
+"""A search with a queue of buckets, which spreads labels from some cells to all others.
 
-Cells wait in buckets by their label. A bucket is `span` wide, and the buckets form a ring. A few edges may
-cost more than the whole ring. The cells at the ends of such edges wait in a separate list, `far`, until the
-ring reaches their labels.
+A bucket is `span` wide, a part of a typical edge. The cells of the least bucket are processed first, in any
+order. A cell whose label improves waits again, so the labels end exact although edges may be shorter than a
+bucket (as in Δ-stepping).
 
-If no edge is cheaper than `span`, all labels in the current bucket are final (Dial; Denardo and Fox), and
-each cell is processed once. With cheaper edges, a cell whose label improves is processed again, generation by
-generation (as in Δ-stepping).
+The bucket of a label is a whole number, its key. The queue has levels of SLOTS slots, one for each value of
+BITS bits of the key. A cell waits at the highest level at which its key differs from the current key. When
+the search reaches a slot of a higher level, the cells of the slot move to lower levels (a radix heap). A
+typical edge is shorter than SLOTS buckets, so few cells move.
 
-A bucket is a stack of blocks from a common pool. So the memory grows with the front of the search, not with
-the area. The queue's arrays are local to one long function: calls of smaller functions with these arrays
-made the search three times slower.
+Not all eight neighbours need a look. Let the label of a cell come from the cell to its west. That cell has
+offered labels to its own neighbours. A way over this cell is no cheaper for the cells to the north-west, west
+and south-west, and none for the cells to the north and south, because a straight step costs at least `extra`.
+Three neighbours remain. After a diagonal step five remain. Walls may close the diagonal steps of the cell to
+the west, so in an area with walls north and south remain too.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from swarmctl.planners.kernels.lattice import Bytes, Floats, Int32s, Ints, offsets_of
+from swarmctl.planners.kernels.compilation import compiled, prefetch
+from swarmctl.planners.kernels.lattice import Floats, Ints, offsets_of
 
-BLOCK_CELLS = 256
-N_BUCKETS = 1024
-TYPICAL_SPANS = 24
-"""number of spans in a typical edge; fewer if the cheapest edge allows a wider span"""
+TYPICAL_SPANS = 16
+"""number of buckets in a typical edge"""
 MIN_SAMPLES = 128
 """least number of cells sampled for the cost of the typical edge"""
-MAX_KEY = np.int64(2**62)
-MAX_ROUTE_CELLS = 2**23
+BITS = 9
+SLOTS = 1 << BITS
+LEVELS = 7
+MAX_KEY = 2.0**62
+MAX_ROUTE_CELLS = 2.0**23
 """Greatest number of cells of a route. The span is so wide that such a route costs at most MAX_KEY spans."""
+FIRST_ENTRIES = 8192
+"""number of waiting cells for which a search allocates memory at its start"""
+CELLS_AHEAD = 8
+"""distance of the cells that are fetched into the processor's cache, before the search reaches them"""
+SEED = 8
+"""in place of the direction of the last step, for a cell without a last step"""
+NOW, FREE, N_FREE = 0, 1, 2
+"""indices in a queue's state: the current key, the first free entry, the number of free entries"""
+U = np.uintp
+"""type of an index without a sign; numba then omits its check for negative indices, a fifth of the time"""
 
 
-def correct(
+def _directions_after(has_walls: bool) -> tuple[Ints, Ints]:
+    """Return the directions to go on after each step, one after the other, and the index of each first one.
+
+    Directions are numbered as in `offsets_of`.
+    """
+    turns = [(k, (k + 1) % 4, (k + 3) % 4) for k in range(4)]  # ahead, to the left, to the right
+    straight = [[k, k + 4, right + 4, *((left, right) if has_walls else ())] for k, left, right in turns]
+    diagonal = [[k, left, k + 4, left + 4, right + 4] for k, left, right in turns]
+    after = [*straight, *diagonal, list(range(8))]
+    return np.concatenate(after), np.cumsum([0, *map(len, after)])
+
+
+DIRECTIONS_AFTER = {has_walls: _directions_after(has_walls) for has_walls in (False, True)}
+
+
+def settle(
     label: Floats,
     straight: Floats,
     extra: float,
     width: int,
     seeds: Ints,
-    least: float,
-    greatest: float,
+    span: float,
     has_walls: bool,
-    waiting: Bytes,
     until: float = np.inf,
 ) -> Ints:
     """Spread the labels of `seeds` until no label can be improved.
 
-    `least` and `greatest` bound the finite values of `straight`; `waiting` is all zero before and after. Stop
-    at the first bucket of labels from `until` on; return the cells whose labels are not spread yet.
+    Stop at the first bucket of labels from `until` on; return the cells whose labels are not spread yet.
     """
-    span = _span(straight, least, greatest)
-    per_span = 1.0 / span
-    n_buckets = min(int((greatest + extra) * per_span) + 3, N_BUCKETS)
-    top = np.full(n_buckets, -1, dtype=np.int64)  # a bucket's block to fill; -1: empty
-    fill = np.full(n_buckets, BLOCK_CELLS, dtype=np.int64)  # number of cells in that block
-    far = seeds.copy()  # cells beyond the ring, in no order
-    n_far, far_key = far.size, np.int64(0)
-    due = far[:0]  # cells of `far` that the ring has reached, by label
-    pool, below, free = _more_blocks(np.empty(0, dtype=np.int32), np.empty(0, dtype=np.int64))
-    n_free = free.size
-    offsets = offsets_of(width)
-    waiting[seeds] = 1
-    joined, queued = 0, 0
-    key, bucket = np.int64(0), 0
-    while queued > 0 or joined < due.size or n_far > 0:
-        if queued == 0:
-            key = far_key
-            if joined < due.size:
-                key = min(key, np.int64(label[due[joined]] * per_span))
-        if key * span >= until:
-            break
-        if far_key <= key:
-            due = np.concatenate((due[joined:], far[:n_far]))
-            due = due[np.argsort(label[due])]
-            joined, n_far, far_key = 0, 0, MAX_KEY
-        next_due = joined
-        while joined < due.size and np.int64(label[due[joined]] * per_span) <= key:
-            joined += 1
-        while next_due < joined or top[bucket] >= 0:
-            block, filled = top[bucket], fill[bucket]
-            top[bucket] = -1
-            fill[bucket] = BLOCK_CELLS
-            while next_due < joined or block >= 0:
-                if next_due < joined:
-                    n = due[next_due]
-                    next_due += 1
-                else:
-                    filled -= 1
-                    queued -= 1
-                    n = np.int64(pool[block * BLOCK_CELLS + filled])
-                    if filled == 0:
-                        free[n_free] = block
-                        n_free += 1
-                        block = below[block]
-                        filled = BLOCK_CELLS
-                if waiting[n] == 0:
-                    continue  # the cell was already processed with this label
-                waiting[n] = 0
-                along, across = label[n], label[n] + extra
-                for k in range(8):
-                    m = n + offsets[k]
-                    better = (along if k < 4 else across) + straight[m]
-                    if better >= label[m]:
-                        continue
-                    if has_walls and k >= 4:  # as in `cuts_corner`; m is no wall, because its label improves
-                        beside, other = n + offsets[k - 4], n + offsets[(k - 3) & 3]
-                        if straight[beside] == np.inf or straight[other] == np.inf:
-                            continue
-                    label[m] = better
-                    waiting[m] = 1
-                    q = bucket + int(np.int64(better * per_span) - key)
-                    if q - bucket >= n_buckets:
-                        if n_far == far.size:
-                            far = np.concatenate((far, np.empty(n_far, dtype=np.int64)))
-                        far[n_far] = m
-                        n_far += 1
-                        far_key = min(far_key, np.int64(better * per_span))
-                        continue
-                    if q >= n_buckets:
-                        q -= n_buckets
-                    if fill[q] == BLOCK_CELLS:
-                        if n_free == 0:
-                            pool, below, free = _more_blocks(pool, below)
-                            n_free = free.size // 2
-                        n_free -= 1
-                        below[free[n_free]] = top[q]
-                        top[q] = free[n_free]
-                        fill[q] = 0
-                    pool[top[q] * BLOCK_CELLS + fill[q]] = m
-                    fill[q] += 1
-                    queued += 1
-        key += 1
-        bucket = bucket + 1 if bucket + 1 < n_buckets else 0
-    remaining = np.empty(queued + due.size - joined + n_far, dtype=np.int64)
-    size = n_far + due.size - joined
-    remaining[:size] = np.concatenate((due[joined:], far[:n_far]))
-    for q in range(n_buckets):
-        block, filled = top[q], fill[q]
-        while block >= 0:
-            remaining[size : size + filled] = pool[block * BLOCK_CELLS : block * BLOCK_CELLS + filled]
-            size += filled
-            block, filled = below[block], BLOCK_CELLS
-    kept = 0
-    for i in range(size):
-        if waiting[remaining[i]] != 0:
-            waiting[remaining[i]] = 0
-            remaining[kept] = remaining[i]
-            kept += 1
-    return remaining[:kept]
+    seeds = seeds[label[seeds] < np.inf]
+    # A waiting cell takes an entry of the queue: `items` has the cell and the direction of the last step,
+    # `below` the next entry of the same slot, `top` the first entry of each slot. -1 stands for none.
+    items = np.full(max(2 * seeds.size, FIRST_ENTRIES), -1)
+    items[: seeds.size] = 16 * seeds + SEED
+    below = np.append(np.arange(1, items.size), -1)
+    top, state = np.full(SLOTS * LEVELS, -1), np.array([0, seeds.size, items.size - seeds.size])
+    if seeds.size > 0:  # at the highest level, from where they move to their slots
+        top[SLOTS * (LEVELS - 1)] = 0
+        below[seeds.size - 1] = -1
+    while not compiled(spread)(
+        label, straight, extra, width, span, until, has_walls, *DIRECTIONS_AFTER[has_walls],
+        items, below, top, state,
+    ):  # fmt: skip
+        n_more = items.size
+        below = np.concatenate((below, np.arange(n_more + 1, 2 * n_more), state[FREE : FREE + 1]))
+        items = np.append(items, np.full(n_more, -1))
+        state[FREE], state[N_FREE] = n_more, state[N_FREE] + n_more
+    cells = np.unique(items[items >= 0] >> 4)
+    remaining: Ints = cells[label[cells] * (1.0 / span) >= state[NOW]]
+    return remaining
 
 
-def _span(straight: Floats, least: float, greatest: float) -> float:
-    """Return the width of a bucket: the greater of the cheapest edge and a part of a typical edge.
+def span_of(straight: Floats, greatest: float) -> float:
+    """Return the width of a bucket: a part of a typical edge. `greatest` is the greatest finite edge.
 
     The typical edge is a median, so a few very dear cells do not matter.
     """
     samples = straight[:: max(straight.size // MIN_SAMPLES, 1)]
     finite = samples[samples < np.inf]
-    typical = np.median(finite) if finite.size > 0 else 0.0
+    typical = float(np.median(finite)) if finite.size > 0 else 0.0
     if typical == 0.0:
         typical = greatest
-    span = max(least * (1.0 - 1e-9), typical / TYPICAL_SPANS, greatest / MAX_KEY * MAX_ROUTE_CELLS, 1e-280)
+    span = max(typical / TYPICAL_SPANS, greatest / MAX_KEY * MAX_ROUTE_CELLS, 1e-280)
     return span if span < np.inf else 1.0
 
 
-def _more_blocks(pool: Int32s, below: Ints) -> tuple[Int32s, Ints, Ints]:
-    """Return the pool with room for more blocks, the block below each block, and a stack of new blocks."""
-    n = below.size
-    n_new = max(n, 64)
-    free = np.zeros(n + n_new, dtype=np.int64)
-    free[:n_new] = np.arange(n, n + n_new)
-    return (
-        np.concatenate((pool, np.empty(n_new * BLOCK_CELLS, dtype=np.int32))),
-        np.concatenate((below, np.full(n_new, -1, dtype=np.int64))),
-        free,
-    )
+def spread(
+    label: Floats,
+    straight: Floats,
+    extra: float,
+    width: int,
+    span: float,
+    until: float,
+    has_walls: bool,
+    directions: Ints,
+    begin: Ints,
+    items: Ints,
+    below: Ints,
+    top: Ints,
+    state: Ints,
+) -> bool:
+    """Spread the labels of the waiting cells; return False if the queue needs more entries.
+
+    The queue does not grow here: arrays that are replaced in this long function make it five times slower.
+    """
+    offsets = offsets_of(width)
+    moves = offsets[directions]
+    added = np.where(directions < 4, 0.0, extra)
+    per_span = 1.0 / span
+    now, free, n_free = state[NOW], state[FREE], state[N_FREE]
+    while True:
+        slot = _least_slot(top, now)
+        if slot < 0:
+            break
+        level = slot // SLOTS
+        now = (((now >> ((level + 1) * BITS)) << BITS) + slot % SLOTS) << (level * BITS)
+        if now * span >= until:
+            break
+        entry = top[U(slot)]
+        top[U(slot)] = -1
+        while entry >= 0:
+            item, following = items[U(entry)], below[U(entry)]
+            n, last = item >> 4, item & 15
+            along = label[U(n)]
+            key = int(along * per_span)
+            if level > 0 and key >= now:
+                lower = _slot_of(key, now)
+                below[U(entry)] = top[U(lower)]
+                top[U(lower)] = entry
+                entry = following
+                continue
+            if n_free < 8 and level == 0:
+                _put_back(below, top, slot, entry)
+                state[NOW], state[FREE], state[N_FREE] = now, free, n_free
+                return False
+            items[U(entry)] = -1
+            below[U(entry)] = free
+            free = entry
+            n_free += 1
+            entry = following
+            if key < now:
+                continue  # the cell was already processed with this label
+            ahead = n + CELLS_AHEAD * offsets[U(last & 7)]
+            prefetch(label, ahead)
+            prefetch(straight, ahead)
+            for i in range(begin[U(last)], begin[U(last + 1)]):
+                m = n + moves[U(i)]
+                better = along + added[U(i)] + straight[U(m)]
+                if better >= label[U(m)]:
+                    continue
+                k = directions[U(i)]
+                if has_walls and k >= 4:  # as in `cuts_corner`; m is no wall, because its label improves
+                    beside, other = n + offsets[k - 4], n + offsets[(k - 3) & 3]
+                    if straight[beside] == np.inf or straight[other] == np.inf:
+                        continue
+                label[U(m)] = better
+                later = _slot_of(int(better * per_span), now)
+                taken = free
+                free = below[U(taken)]
+                n_free -= 1
+                items[U(taken)] = 16 * m + k
+                below[U(taken)] = top[U(later)]
+                top[U(later)] = taken
+    state[NOW] = now
+    return True
+
+
+def _least_slot(top: Ints, now: int) -> int:
+    """Return the least slot in which cells wait, from the key `now` on; -1 if no cell waits."""
+    for level in range(LEVELS):
+        for slot in range(level * SLOTS + ((now >> (level * BITS)) & (SLOTS - 1)), (level + 1) * SLOTS):
+            if top[U(slot)] >= 0:
+                return slot
+    return -1
+
+
+def _slot_of(key: int, now: int) -> int:
+    """Return the slot of a key, which is at least `now`."""
+    lift, difference = 0, key ^ now
+    while difference >= SLOTS:
+        difference >>= BITS
+        key >>= BITS
+        lift += SLOTS
+    return lift + (key & (SLOTS - 1))
+
+
+def _put_back(below: Ints, top: Ints, slot: int, entry: int) -> None:
+    """Put the rest of a slot's entries, from `entry` on, back in front of its new entries."""
+    end = entry
+    while below[end] >= 0:
+        end = below[end]
+    below[end] = top[slot]
+    top[slot] = entry

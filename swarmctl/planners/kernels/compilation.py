@@ -14,10 +14,36 @@ from pathlib import Path
 from types import FunctionType
 from typing import Any, ParamSpec, TypeVar
 
-from swarmctl.planners.kernels.lattice import offsets_of
+from swarmctl.planners.kernels.lattice import Floats, offsets_of
 
 P = ParamSpec("P")
 R = TypeVar("R")
+
+
+def prefetch(array: Floats, index: int) -> None:
+    """Fetch an element into the processor's cache; the index may be outside of the array."""
+
+
+@functools.cache
+def _prefetch() -> Any:
+    """Return `prefetch` as an instruction for numba's compiler."""
+    from llvmlite import ir  # noqa: PLC0415
+    from numba import types  # noqa: PLC0415
+    from numba.extending import intrinsic  # noqa: PLC0415
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        array = context.make_array(signature.args[0])(context, builder, arguments[0])
+        byte, number = ir.IntType(8).as_pointer(), ir.IntType(32)
+        kind = ir.FunctionType(ir.VoidType(), [byte, number, number, number])
+        instruction = builder.module.declare_intrinsic("llvm.prefetch", [byte], kind)
+        address = builder.bitcast(builder.gep(array.data, [arguments[1]]), byte)
+        builder.call(instruction, [address, number(0), number(3), number(1)])  # read, keep, data
+        return context.get_dummy_value()
+
+    def fetch(_context: Any, array: Any, index: Any) -> Any:
+        return types.void(array, index), generate
+
+    return intrinsic(fetch)
 
 
 @functools.cache
@@ -26,7 +52,11 @@ def _dispatcher(kernel: FunctionType) -> Any:
     from numba import njit  # noqa: PLC0415 - small areas need no numba
 
     called = {name: kernel.__globals__.get(name) for name in kernel.__code__.co_names}
-    helpers = {name: _dispatcher(value) for name, value in called.items() if isinstance(value, FunctionType)}
+    helpers = {
+        name: _prefetch() if value is prefetch else _dispatcher(value)
+        for name, value in called.items()
+        if isinstance(value, FunctionType)
+    }
     linked = FunctionType(kernel.__code__, kernel.__globals__ | helpers, kernel.__name__, kernel.__defaults__)
     try:
         return njit(nogil=True, cache=True)(linked)

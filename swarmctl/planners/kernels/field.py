@@ -84,12 +84,20 @@ class Field(abc.ABC):
             and self.step == (1.0 - w) * psi_per_cell
             and exposure.shape == (self.rows, self.cols)
             and np.array_equal(self.goals, self._flat(goals))
-            and self._has_exposure(exposure)
+            and np.array_equal(self.straight, self._write_straight(exposure, np.empty(self.straight.size)))
         )
 
-    @abc.abstractmethod
-    def _has_exposure(self, exposure: Floats) -> bool:
-        """Return whether `straight` was computed from this P_s, which has the field's shape."""
+    def _write_straight(self, exposure: Floats, straight: Floats) -> Floats:
+        """Write the costs of straight steps for P_s of shape (rows, cols), in place, and return them."""
+        padded = straight.reshape(self.rows + 2, self.width)
+        padded[[0, -1]] = padded[:, [0, -1]] = np.inf
+        inner = padded[1:-1, 1:-1]
+        with np.errstate(invalid="ignore"):
+            np.multiply(exposure, self.w, out=inner)
+        inner += self.step
+        if self.w == 0.0:
+            inner[np.isinf(exposure)] = np.inf
+        return straight
 
     def _begin_search(self, exposure: Floats, goals: Sequence[Cell], w: float, psi_per_cell: float) -> Floats:
         """Store `w`, `step` and `goals`; return the labels of the goals."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,8 +11,11 @@ from swarmctl.core.grid import Cell
 from swarmctl.planners.kernels import buckets, descent, sweep
 from swarmctl.planners.kernels.compilation import compiled
 from swarmctl.planners.kernels.field import Field
-from swarmctl.planners.kernels.lattice import Bytes, Floats, Ints, offsets_of
+from swarmctl.planners.kernels.lattice import Floats, Ints, offsets_of
 
+SWEEP_SPANS = 6.0
+"""Least cost of a step without exposure, in buckets, for a first estimate by sweeps. Where exposure counts
+more (w above about 0.6), most routes turn back, and sweeps find few labels."""
 NO_LENGTHS = np.empty(0)
 
 
@@ -26,12 +30,13 @@ class LargeField(Field):
         self.straight = np.empty(size)
         self.label = np.empty(size)
         self.goals = np.empty(0, dtype=np.int64)
-        self.least, self.greatest, self.has_walls = 0.0, 0.0, False
-        """least and greatest finite cost of a straight step, and True if there are walls"""
+        self.greatest, self.has_walls = 0.0, False
+        """greatest finite cost of a straight step, and True if there are walls"""
+        self.span = 1.0
+        """width of a bucket of the search"""
         self._lengths: list[Floats] = []
         """At most one array of known lengths of routes [cells]. `routes_from` removes the array during its
         work, because threads may share a field."""
-        self._waiting: Bytes = np.zeros(size, dtype=np.uint8)
 
     def cost(self) -> Floats:
         cost = compiled(descent.costs)(
@@ -65,8 +70,13 @@ class LargeField(Field):
     def search(self, exposure: Floats, goals: Sequence[Cell], w: float, psi_per_cell: float) -> None:
         """Compute the field for P_s of shape (rows, cols), without checks."""
         seeds = self._begin_search(exposure, goals, w, psi_per_cell)
-        prepare = compiled(sweep.prepare)
-        self.least, self.greatest, self.has_walls = prepare(exposure, w, self.step, self.straight)
+        self._write_straight(exposure, self.straight)
+        self.has_walls = math.isinf(exposure.max())
+        highest = float(
+            exposure.max(where=np.isfinite(exposure), initial=0.0) if self.has_walls else exposure.max()
+        )
+        self.greatest = w * highest + self.step
+        self.span = buckets.span_of(self.straight, self.greatest)
         self._lengths.clear()
         self.label.fill(np.inf)
         self.label[self.goals] = seeds
@@ -82,13 +92,16 @@ class LargeField(Field):
 
     def spread_lowered(self, cells: Ints, until: float) -> Ints:
         """Spread lowered labels of `cells`, least first, up to `until`; return the cells not spread yet."""
-        return self._correct(self.label, cells, until)
-
-    def _has_exposure(self, exposure: Floats) -> bool:
-        return compiled(sweep.is_prepared)(compilable(exposure), self.w, self.step, self.straight)
+        return self._spread(self.label, cells, until)
 
     def _settle(self, label: Floats, seeds: Ints) -> None:
         """Spread labels from `seeds`, the only finite labels, until no neighbour improves a label."""
+        if self.step >= SWEEP_SPANS * self.span:
+            seeds = self._sweep(label, seeds)
+        self._spread(label, seeds)
+
+    def _sweep(self, label: Floats, seeds: Ints) -> Ints:
+        """Write a first estimate of the labels; return the cells from which labels improve."""
         rows, cols, width, extra = self.rows, self.cols, self.width, self.extra
         by_columns, by_rows = compiled(sweep.sweep_columns), compiled(sweep.sweep_rows)
         # Outward from the seeds; between two seeds the sweeps cross.
@@ -97,14 +110,12 @@ class LargeField(Field):
             by_columns(label, self.straight, extra, self.has_walls, width, rows, first, end, direction)
         for first, end, direction in ((int(seed_rows.min()), rows + 1, 1), (int(seed_rows.max()), 0, -1)):
             by_rows(label, self.straight, extra, self.has_walls, width, cols, first, end, direction)
-        improved = compiled(sweep.improve)(label, self.straight, extra, self.has_walls, rows, cols)
-        self._correct(label, improved, np.inf)
+        return compiled(sweep.improve)(label, self.straight, extra, self.has_walls, rows, cols)
 
-    def _correct(self, label: Floats, seeds: Ints, until: float) -> Ints:
-        return compiled(buckets.correct)(
-            label, self.straight, self.extra, self.width, seeds,
-            self.least, self.greatest, self.has_walls, self._waiting, until,
-        )  # fmt: skip
+    def _spread(self, label: Floats, seeds: Ints, until: float = np.inf) -> Ints:
+        return buckets.settle(
+            label, self.straight, self.extra, self.width, seeds, self.span, self.has_walls, until
+        )
 
 
 def spread_large(

@@ -26,7 +26,7 @@ class SmallField(Field):
     def __init__(self, exposure: Floats, goals: Sequence[Cell], w: float, psi_per_cell: float) -> None:
         super().__init__(*exposure.shape)
         seeds = self._begin_search(exposure, goals, w, psi_per_cell)
-        self.straight = self._straight(exposure)
+        self.straight = self._write_straight(exposure, np.empty((self.rows + 2) * self.width))
         self._graph = _graph(self.rows, self.cols)
         walls = np.isinf(self.straight[self._graph.beside])
         self._closed: NDArray[np.bool_] = walls | walls[:, [1, 2, 3, 0]]
@@ -54,15 +54,6 @@ class SmallField(Field):
                 path.append(next_cells[path[-1]])
             paths.append(np.stack(np.divmod(path, self.width), axis=1) - 1)
         return paths
-
-    def _has_exposure(self, exposure: Floats) -> bool:
-        return np.array_equal(self.straight, self._straight(exposure))
-
-    def _straight(self, exposure: Floats) -> Floats:
-        straight = np.full((self.rows + 2, self.width), np.inf)
-        with np.errstate(invalid="ignore"):  # 0 · ∞ where w = 0
-            straight[1:-1, 1:-1] = np.where(np.isinf(exposure), np.inf, self.w * exposure + self.step)
-        return straight.reshape(-1)
 
     def _labels(self, seeds: Floats) -> Floats:
         """Return the labels of all cells, from the labels of the goals.

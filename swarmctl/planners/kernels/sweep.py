@@ -1,4 +1,4 @@
-"""A first estimate of the whole field, exact nearly everywhere, in a fraction of a search's time.
+"""A first estimate of a field in which length counts, exact nearly everywhere, in a part of a search's time.
 
 Most parts of a route are monotone: the rows, or the columns, never turn back. Sweeps find all monotone
 routes. Sweeps carry labels outward from the goals, first by columns and then by rows. Each column (row) takes
@@ -15,43 +15,6 @@ from __future__ import annotations
 import numpy as np
 
 from swarmctl.planners.kernels.lattice import Floats, Ints, min_neighbour_label
-
-
-def prepare(exposure: Floats, w: float, step: float, straight: Floats) -> tuple[float, float, bool]:
-    """Fill the padded flat `straight` with the cost of a straight step into each cell of (rows, cols).
-
-    Return the least and the greatest finite cost, and whether there are walls.
-    """
-    rows, cols = exposure.shape
-    width = cols + 2
-    straight[:width] = np.inf
-    straight[(rows + 1) * width :] = np.inf
-    least, greatest, n_walls = np.inf, 0.0, 0
-    for row in range(rows):
-        base = (row + 1) * width + 1
-        straight[base - 1] = np.inf
-        straight[base + cols] = np.inf
-        for col in range(cols):
-            p_s = exposure[row, col]
-            cost = w * p_s + step if p_s < np.inf else np.inf  # a wall stays a wall for w = 0
-            straight[base + col] = cost
-            least = min(least, cost)
-            finite = cost if cost < np.inf else 0.0
-            greatest = max(greatest, finite)
-            n_walls += cost == np.inf
-    return least, greatest, n_walls > 0
-
-
-def is_prepared(exposure: Floats, w: float, step: float, straight: Floats) -> bool:
-    """Return whether `prepare` would write this `straight`."""
-    rows, cols = exposure.shape
-    for row in range(rows):
-        base = (row + 1) * (cols + 2) + 1
-        for col in range(cols):
-            p_s = exposure[row, col]
-            if straight[base + col] != (w * p_s + step if p_s < np.inf else np.inf):
-                return False
-    return True
 
 
 def sweep_columns(

@@ -30,16 +30,23 @@ def _calls() -> Iterator[tuple[Callable[..., object], tuple[Any, ...]]]:
     Some kernels that `descend` calls come before `descend`, so that each step is short.
     """
     exposure, label, length = np.zeros((1, 1)), np.full(9, math.inf), np.full(9, math.inf)
-    straight, waiting = label.copy(), np.zeros(9, dtype=np.uint8)
+    straight = label.copy()
     label[4], straight[4], width, goal, cells = 0.0, 0.5, 3, 4, np.array([4])
     offsets, area = lattice.offsets_of(width), (1, 1)
     yield lattice.offsets_of, (width,)
-    yield sweep.prepare, (exposure, 0.5, 0.5, straight)
-    yield sweep.is_prepared, (exposure, 0.5, 0.5, straight)
     yield sweep.sweep_columns, (label, straight, 0.2, False, width, 1, 1, 2, 1)
     yield sweep.sweep_rows, (label, straight, 0.2, False, width, 1, 1, 2, 1)
     yield sweep.improve, (label, straight, 0.2, False, *area)
-    yield buckets.correct, (label, straight, 0.2, width, cells, 0.5, 0.5, False, waiting, math.inf)
+    queue = (
+        *buckets.DIRECTIONS_AFTER[False],
+        np.array([-1]),
+        np.array([-1]),
+        np.full(buckets.SLOTS * buckets.LEVELS, -1),
+    )
+    yield (
+        buckets.spread,
+        (label, straight, 0.2, width, 1.0, math.inf, False, *queue, np.zeros(3, dtype=np.int64)),
+    )
     field = (label, 0.5, 0.2, straight)
     yield descent.cost_of, (*field, offsets, goal)
     yield descent.costs, (*field, *area, False)
