@@ -15,7 +15,7 @@ of one cell of length. A cell of infinite exposure is a wall. `Replanner` plans 
 known.
 
 Small areas need no compiler. Large areas are searched by numba's machine code, without the interpreter lock.
-`warm_up` compiles this code once (about 20 s) for this and all later processes. `kernels` has all searches.
+`warm_up` compiles this code once (about 10 s) for this and all later processes. `kernels` has all searches.
 
 A planner is one module with a frozen dataclass `Params`, the constant `USES_W`, the functions
 `plan(problem, params)` and `measure(problem, cells, params)`, and one line in `PLANNERS`. Of `swarmctl`

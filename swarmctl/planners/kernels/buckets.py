@@ -131,8 +131,11 @@ def spread(
     The queue does not grow here: arrays that are replaced in this long function make it five times slower.
     """
     offsets = offsets_of(width)
-    moves = offsets[directions]
-    added = np.where(directions < 4, 0.0, extra)
+    moves, added = np.empty(directions.size, dtype=np.int64), np.zeros(directions.size)
+    for i in range(directions.size):
+        moves[i] = offsets[directions[i]]
+        if directions[i] >= 4:
+            added[i] = extra
     per_span = 1.0 / span
     now, free, n_free = state[NOW], state[FREE], state[N_FREE]
     while True:

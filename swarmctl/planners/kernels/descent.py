@@ -15,8 +15,12 @@ from swarmctl.planners.kernels.lattice import (
     Floats,
     Ints,
     cuts_corner,
+    enlarged,
+    index_above,
     min_neighbour_label,
     offsets_of,
+    pop_least,
+    push,
 )
 
 REL_TIE = 1e-12
@@ -92,11 +96,12 @@ def descend(
         while not is_goal(goals, m):
             if starts.size > 1 and assumed_since < 0 and passed[m] > 0:  # copy a previous route from m on
                 first = passed[m]
-                end = ends[np.searchsorted(ends[:route], first, side="right")]
+                end = ends[index_above(ends, route, first)]
                 while count + end - first >= path.size:
-                    path = np.concatenate((path, np.empty(path.size, dtype=np.int64)))
-                path[count : count + end - first] = path[first:end]
-                count += end - first
+                    path = enlarged(path)
+                for index in range(first, end):
+                    path[count] = path[index]
+                    count += 1
                 break
             bound = np.inf
             for k in range(8):
@@ -123,7 +128,7 @@ def descend(
                     continue
             m = best
             if count == path.size:
-                path = np.concatenate((path, np.empty(path.size, dtype=np.int64)))
+                path = enlarged(path)
             path[count] = m
             count += 1
         ends[route] = count
@@ -132,7 +137,7 @@ def descend(
                 break
             passed[path[index]] = index + 1
         if count == path.size:
-            path = np.concatenate((path, np.empty(path.size, dtype=np.int64)))
+            path = enlarged(path)
     return path[:count], ends, length
 
 
@@ -195,8 +200,8 @@ def _least_length(goals: Ints, width: int, m: int) -> float:
 def is_goal(goals: Ints, m: int) -> bool:
     if goals.size == 1:
         return bool(goals[0] == m)
-    index = np.searchsorted(goals, m)
-    return bool(index < goals.size and goals[index] == m)
+    above = index_above(goals, goals.size, m)
+    return bool(above > 0 and goals[above - 1] == m)
 
 
 def find_lengths(
@@ -221,9 +226,7 @@ def find_lengths(
     while True:
         if length[m] == UNKNOWN:  # a new cell
             if size == stack.size:
-                stack = np.concatenate((stack, stack))
-                directions = np.concatenate((directions, directions))
-                unvisited = np.concatenate((unvisited, unvisited))
+                stack, directions, unvisited = enlarged(stack), enlarged(directions), enlarged(unvisited)
             stack[size] = m
             length[m] = ON_STACK
             directions[size] = _cheapest_directions(label, step, extra, straight, offsets, goals, m)
@@ -279,13 +282,12 @@ def find_lengths_with_cycles(
 ) -> None:
     """Write the lengths that `find_lengths` writes, also if steps of cost 0 form a cycle.
 
-    The method is Dijkstra's algorithm over the edges of cheapest routes. A bucket is one cell of length wide.
+    The method is Dijkstra's algorithm over the edges of cheapest routes.
     """
     offsets = offsets_of(width)
     cells, directions, size = _cells_without_length(label, step, extra, straight, width, goals, start, length)
     least = np.full(size, np.inf)
-    seeds = np.empty(size, dtype=np.int64)
-    n_seeds = 0
+    heap, keys, n_open = np.empty(256, dtype=np.int64), np.empty(256), 0
     for index in range(size):  # the cells next to known lengths
         m = cells[index]
         best = 0.0 if is_goal(goals, m) else np.inf
@@ -295,50 +297,25 @@ def find_lengths_with_cycles(
                 best = min(best, known + (1.0 if k < 4 else ROOT2))
         if best < np.inf:
             least[index] = best
-            seeds[n_seeds] = index
-            n_seeds += 1
-    seeds = seeds[:n_seeds]
-    seeds = seeds[np.argsort(least[seeds])]
-    buckets = np.empty((3, 256), dtype=np.int64)  # a ring of stacks of indices into `cells`, by whole length
-    sizes = np.zeros(3, dtype=np.int64)
-    n_joined, key = 0, np.int64(0)
-    while n_joined < n_seeds or sizes.sum() > 0:
-        if sizes.sum() == 0:
-            key = np.int64(least[seeds[n_joined]])
-        bucket = key % 3
-        while n_joined < n_seeds and least[seeds[n_joined]] < key + 1:
-            buckets = _push_into_bucket(buckets, sizes, int(bucket), seeds[n_joined])
-            n_joined += 1
-        while sizes[bucket] > 0:
-            sizes[bucket] -= 1
-            index = buckets[bucket, sizes[bucket]]
-            n, known = cells[index], least[index]
-            if length[n] >= 0.0:
+            heap, keys, n_open = push(heap, keys, n_open, index, best)
+    while n_open > 0:
+        index = heap[0]
+        n_open = pop_least(heap, keys, n_open)
+        n, known = cells[index], least[index]
+        if length[n] >= 0.0:
+            continue
+        length[n] = known
+        for k in range(8):
+            m = n + offsets[k]
+            if length[m] >= 0.0:  # known, or on no cheapest route
                 continue
-            length[n] = known
-            for k in range(8):
-                m = n + offsets[k]
-                if length[m] >= 0.0:  # known, or on no cheapest route
-                    continue
-                other = int(-length[m]) - 2
-                longer = known + (1.0 if k < 4 else ROOT2)
-                back = k ^ 2
-                if longer >= least[other] or (directions[other] >> back) & 1 == 0:
-                    continue
-                least[other] = longer
-                buckets = _push_into_bucket(buckets, sizes, int(longer) % 3, other)
-        key += 1
-
-
-def _push_into_bucket(buckets: Ints, sizes: Ints, bucket: int, index: int) -> Ints:
-    """Add an index to a bucket; return the buckets, enlarged if necessary."""
-    if sizes[bucket] == buckets.shape[1]:
-        larger = np.empty((3, 2 * buckets.shape[1]), dtype=np.int64)
-        larger[:, : buckets.shape[1]] = buckets
-        buckets = larger
-    buckets[bucket, sizes[bucket]] = index
-    sizes[bucket] += 1
-    return buckets
+            other = int(-length[m]) - 2
+            longer = known + (1.0 if k < 4 else ROOT2)
+            back = k ^ 2
+            if longer >= least[other] or (directions[other] >> back) & 1 == 0:
+                continue
+            least[other] = longer
+            heap, keys, n_open = push(heap, keys, n_open, other, longer)
 
 
 def _cells_without_length(
@@ -370,8 +347,7 @@ def _cells_without_length(
             if (directions[n_done] >> k) & 1 == 0 or length[n] != UNKNOWN:
                 continue
             if size == cells.size:
-                cells = np.concatenate((cells, np.empty(size, dtype=np.int64)))
-                directions = np.concatenate((directions, np.empty(size, dtype=np.int64)))
+                cells, directions = enlarged(cells), enlarged(directions)
             cells[size] = n
             length[n] = -2.0 - size
             size += 1

@@ -21,7 +21,7 @@ from swarmctl.planners.kernels.lattice import ROOT2, Floats, Ints
 
 SMALL_CELLS = 64 * 64
 """Largest area searched without machine code [cells]. One field of this size takes about 3 ms, a planner with
-bounds about 30 ms. The compiler would take 20 s."""
+bounds about 30 ms. The compiler would take 10 s."""
 MAX_FLOAT = np.finfo(np.float64).max
 
 

@@ -20,7 +20,16 @@ from swarmctl.core.grid import Cell
 from swarmctl.planners.kernels.compilation import compiled
 from swarmctl.planners.kernels.descent import LENGTH_TIE, REL_TIE
 from swarmctl.planners.kernels.field import Field, is_small
-from swarmctl.planners.kernels.lattice import ROOT2, Floats, Ints, cuts_corner, offsets_of, pop_least, push
+from swarmctl.planners.kernels.lattice import (
+    ROOT2,
+    Floats,
+    Ints,
+    cuts_corner,
+    enlarged,
+    offsets_of,
+    pop_least,
+    push,
+)
 
 KEY_TIE = 1e-13
 """smallest relative gain by which a route counts as better in exposure + price · length"""
@@ -153,25 +162,22 @@ def set_labels(
             continue
         if is_goal[m]:
             if n_ends == ends.size:
-                ends = np.append(ends, ends)
+                ends = enlarged(ends)
             ends[n_ends] = label
             n_ends += 1
             if not whole_front:
                 n_stairs = 0
                 length = 0.0
             if n_stairs + 1 >= stairs.shape[0]:
-                stairs = np.append(stairs, stairs, axis=0)
+                stairs = _with_more_rows(stairs)
             n_stairs = _insert(stairs, n_stairs, length, exposure)
             cutoff = _highest_corner(stairs, n_stairs, price, longest) * (1.0 - KEY_TIE)
             continue
         if max_labels > 0 and count >= max_labels:
             return ends[:n_ends], cell[:count], parent[:count], key
         if count + 8 > cell.size:
-            cell = np.append(cell, cell)
-            parent = np.append(parent, parent)
-            older = np.append(older, older)
-            sums = np.append(sums, sums, axis=0)
-            alive = np.append(alive, alive)
+            cell, parent, older, alive = enlarged(cell), enlarged(parent), enlarged(older), enlarged(alive)
+            sums = _with_more_rows(sums)
         for k in range(8):
             n = m + offsets[k]
             if p_s[n] == np.inf or (k >= 4 and cuts_corner(p_s, offsets, m, k)):
@@ -241,11 +247,19 @@ def _is_dominated(stairs: Floats, n_stairs: int, length: float, exposure: float)
     return bool(low > 0 and stairs[low - 1, 1] <= exposure * (1.0 + REL_TIE))
 
 
+def _with_more_rows(pairs: Floats) -> Floats:
+    """Return pairs (n, 2) as the first of twice as many."""
+    more = np.empty((2 * pairs.shape[0], 2))
+    for row in range(pairs.shape[0]):
+        more[row, 0], more[row, 1] = pairs[row, 0], pairs[row, 1]
+    return more
+
+
 def _insert(stairs: Floats, n_stairs: int, length: float, exposure: float) -> int:
     """Insert a step between the shorter and the longer steps; return the number of steps."""
     slot = n_stairs
     while slot > 0 and stairs[slot - 1, 0] > length:
-        stairs[slot] = stairs[slot - 1]
+        stairs[slot, 0], stairs[slot, 1] = stairs[slot - 1, 0], stairs[slot - 1, 1]
         slot -= 1
     stairs[slot, 0] = length
     stairs[slot, 1] = exposure

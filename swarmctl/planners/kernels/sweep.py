@@ -95,7 +95,7 @@ def sweep_rows(
 def improve(label: Floats, straight: Floats, extra: float, has_walls: bool, rows: int, cols: int) -> Ints:
     """Improve each label once by its neighbours; return the cells of the improved labels."""
     width = cols + 2
-    counts = np.zeros(rows + 1, dtype=np.int64)
+    counts, total = np.empty(rows + 1, dtype=np.int64), 0
     for row in range(1, rows + 1):
         count = 0
         if has_walls:
@@ -107,8 +107,8 @@ def improve(label: Floats, straight: Floats, extra: float, has_walls: bool, rows
             for here in range(row * width + 1, row * width + cols + 1):
                 count += min_neighbour_label(label, extra, width, here) + straight[here] < label[here]
         counts[row] = count
-    found = np.empty(counts.sum(), dtype=np.int64)
-    better = np.empty(found.size)
+        total += count
+    found, better = np.empty(total, dtype=np.int64), np.empty(total)
     size = 0
     for row in range(1, rows + 1):
         if counts[row] == 0:
@@ -123,7 +123,8 @@ def improve(label: Floats, straight: Floats, extra: float, has_walls: bool, rows
                 found[size] = here
                 better[size] = improved
                 size += 1
-    label[found] = better
+    for i in range(total):
+        label[found[i]] = better[i]
     return found
 
 
