@@ -1,10 +1,12 @@
 """Failures of checks, comparisons that raise failures, and names of MAVLink numbers."""
 
-from typing import Any
+from typing import Any, TypeVar
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.station.messages import enum_name
+
+T = TypeVar("T")
 
 
 class CheckFailed(Exception):
@@ -13,6 +15,9 @@ class CheckFailed(Exception):
 
 class Skip(Exception):
     """The check does not apply to this vehicle; the text gives the reason."""
+
+
+ACCEPTED = "ACCEPTED"  # MAV_RESULT_ACCEPTED and MAV_MISSION_ACCEPTED
 
 
 def id_of(kind: str) -> int:
@@ -32,16 +37,32 @@ def command_name(command: int) -> str:
     return enum_name("MAV_CMD", command, "MAV_CMD_")
 
 
-def equal(seen: Any, expected: Any, label: str) -> None:
-    """Raise CheckFailed unless `seen` equals the expected value."""
+def equal(seen: T, expected: Any, label: str) -> T:
+    """Return `seen`; raise CheckFailed unless it equals the expected value."""
     if seen != expected:
         raise CheckFailed(f"{label}: expected {expected}, saw {seen}")
+    return seen
 
 
-def near(seen: float, expected: float, tolerance: float, label: str) -> None:
-    """Raise CheckFailed unless two numbers agree."""
+def near(seen: float, expected: float, tolerance: float, label: str) -> float:
+    """Return `seen`; raise CheckFailed unless it agrees with the expected number."""
     if not abs(seen - expected) <= tolerance:  # also false for NaN
         raise CheckFailed(f"{label}: expected {expected:g} within {tolerance:g}, saw {seen:g}")
+    return seen
+
+
+def within(seen: float, low: float, high: float, label: str) -> float:
+    """Return `seen`; raise CheckFailed unless it is between two limits, both included."""
+    if not low <= seen <= high:  # also false for NaN
+        raise CheckFailed(f"{label}: expected {low:g} to {high:g}, saw {seen:g}")
+    return seen
+
+
+def refused(result: str) -> str:
+    """Return the result of a refused command or upload; raise CheckFailed for ACCEPTED."""
+    if result == ACCEPTED:
+        raise CheckFailed("expected a refusal, saw ACCEPTED")
+    return result
 
 
 def holds(condition: bool, otherwise: str) -> None:

@@ -1,16 +1,42 @@
-"""The behaviour of known autopilots where the MAVLink specification allows a choice.
+"""The identity of a vehicle, and the behaviour of known autopilots where MAVLink allows a choice.
 
 `ARDUCOPTER` and `PX4` were observed on ArduCopter 4.6.2 and PX4 1.15 in software-in-the-loop. Other
 autopilots are tested only against the specification; checks that need more are skipped.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 PLANE_TYPES = frozenset({mavlink.MAV_TYPE_FIXED_WING})
+SIMULATOR_MARK = b"sim_vehicle"  # first bytes of the simulator's uid2
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleIdentity:
+    """The identity of a vehicle, from HEARTBEAT and, if received, AUTOPILOT_VERSION."""
+
+    sysid: int
+    component: int
+    autopilot: int  # MAV_AUTOPILOT
+    vehicle_type: int  # MAV_TYPE
+    capabilities: int = 0  # MAV_PROTOCOL_CAPABILITY bits
+    software: int = 0  # flight_sw_version
+    uid2: bytes = b""
+
+    @property
+    def simulator(self) -> bool:
+        return self.uid2.startswith(SIMULATOR_MARK)
+
+    @property
+    def kind(self) -> str:
+        return "plane" if self.vehicle_type in PLANE_TYPES else "copter"
+
+    def claims(self, capability: str) -> bool:
+        bit: int = getattr(mavlink, f"MAV_PROTOCOL_CAPABILITY_{capability}")
+        return bool(self.capabilities & bit)
 
 
 def px4_mode(main: int, sub: int = 0) -> int:
@@ -31,8 +57,7 @@ class Dialect:
     # (name, value) of parameters that are safe to write, in the order of preference
     integer_parameters: tuple[tuple[str, int], ...] = ()
     real_parameters: tuple[tuple[str, float], ...] = ()
-    arm_refused: int | None = None  # MAV_RESULT of a refused arming
-    disarm_refused: int | None = None  # MAV_RESULT of a refused disarming in flight
+    refusal: str | None = None  # MAV_RESULT of a refused arming, and of a refused disarming in flight
     home_item: bool = False  # True: item 0 of a mission is home
     streams_unrequested: bool | None = None  # True: telemetry flows without a request
     logs: bool = False  # True: flight logs can be downloaded
@@ -52,50 +77,35 @@ _ARDUPLANE_MODES = {
     "hold": 12, "takeoff": 13, "guided": 15,
 }  # fmt: skip
 _PX4_MODES = {
-    "manual": px4_mode(1),
-    "altitude": px4_mode(2),
-    "position": px4_mode(3),
-    "takeoff": px4_mode(4, 2),
-    "hold": px4_mode(4, 3),
-    "mission": px4_mode(4, 4),
-    "return": px4_mode(4, 5),
-    "land": px4_mode(4, 6),
-    "acro": px4_mode(5),
-    "offboard": px4_mode(6),
-    "stabilized": px4_mode(7),
-}
+    "manual": px4_mode(1), "altitude": px4_mode(2), "position": px4_mode(3), "takeoff": px4_mode(4, 2),
+    "hold": px4_mode(4, 3), "mission": px4_mode(4, 4), "return": px4_mode(4, 5), "land": px4_mode(4, 6),
+    "acro": px4_mode(5), "offboard": px4_mode(6), "stabilized": px4_mode(7),
+}  # fmt: skip
 
-ARDUCOPTER = Dialect(
+_ARDUPILOT = Dialect(
     "ardupilot",
-    MappingProxyType(_ARDUCOPTER_MODES),
+    MappingProxyType({}),
     ready_mode="guided",
     hold_mode="hold",
     byte_wise=False,
     sysid_parameters=("SYSID_THISMAV", "MAV_SYSID"),
-    integer_parameters=(("RTL_ALT", 1600), ("DISARM_DELAY", 11)),
-    real_parameters=(("WPNAV_SPEED", 750.5), ("WPNAV_ACCEL", 220.5)),
-    arm_refused=mavlink.MAV_RESULT_FAILED,
-    disarm_refused=mavlink.MAV_RESULT_FAILED,
+    refusal="FAILED",
     home_item=True,
     streams_unrequested=False,
     logs=True,
     battery_parameter="BATT_CAPACITY",
 )
-ARDUPLANE = Dialect(
-    "ardupilot",
-    MappingProxyType(_ARDUPLANE_MODES),
-    ready_mode="guided",
-    hold_mode="hold",
-    byte_wise=False,
-    sysid_parameters=("SYSID_THISMAV", "MAV_SYSID"),
+ARDUCOPTER = replace(
+    _ARDUPILOT,
+    modes=MappingProxyType(_ARDUCOPTER_MODES),
+    integer_parameters=(("RTL_ALT", 1600), ("DISARM_DELAY", 11)),
+    real_parameters=(("WPNAV_SPEED", 750.5), ("WPNAV_ACCEL", 220.5)),
+)
+ARDUPLANE = replace(
+    _ARDUPILOT,
+    modes=MappingProxyType(_ARDUPLANE_MODES),
     integer_parameters=(("WP_RADIUS", 95), ("TKOFF_ALT", 51)),
     real_parameters=(("TECS_CLMB_MAX", 4.5), ("TKOFF_LVL_ALT", 11.5)),
-    arm_refused=mavlink.MAV_RESULT_FAILED,
-    disarm_refused=mavlink.MAV_RESULT_FAILED,
-    home_item=True,
-    streams_unrequested=False,
-    logs=True,
-    battery_parameter="BATT_CAPACITY",
 )
 PX4 = Dialect(
     "px4",
@@ -106,8 +116,7 @@ PX4 = Dialect(
     sysid_parameters=("MAV_SYS_ID",),
     integer_parameters=(("NAV_DLL_ACT", 1), ("COM_LOW_BAT_ACT", 1)),
     real_parameters=(("RTL_RETURN_ALT", 61.25), ("MIS_TAKEOFF_ALT", 3.75)),
-    arm_refused=mavlink.MAV_RESULT_TEMPORARILY_REJECTED,
-    disarm_refused=mavlink.MAV_RESULT_TEMPORARILY_REJECTED,
+    refusal="TEMPORARILY_REJECTED",
     streams_unrequested=True,
     logs=True,
     battery_parameter="BAT1_CAPACITY",

@@ -1,13 +1,14 @@
 """Arming, take-off, movement and landing of the vehicle under test."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import plans
-from sim_vehicle.conformance.assertions import CheckFailed, Skip, equal, result_name
+from sim_vehicle.conformance.assertions import ACCEPTED, CheckFailed, Skip, equal
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.station import messages
 
@@ -31,8 +32,8 @@ def mode_name(vehicle: VehicleUnderTest, number: int) -> str:
     return f"{names[number]} ({number})" if number in names else str(number)
 
 
-def try_mode(vehicle: VehicleUnderTest, role: str) -> int:
-    """Command a mode; return the MAV_RESULT."""
+def try_mode(vehicle: VehicleUnderTest, role: str) -> str:
+    """Command a mode; return the name of the MAV_RESULT."""
     return vehicle.result(messages.set_mode(vehicle.target, mode_number(vehicle, role)))
 
 
@@ -41,19 +42,21 @@ def in_mode(vehicle: VehicleUnderTest, role: str) -> Callable[[], bool]:
     return lambda: vehicle.mode == number
 
 
+def wait_for_mode(vehicle: VehicleUnderTest, role: str, within_s: float = HEARTBEAT_LAG_S) -> float:
+    """Wait for a mode in the heartbeat; return the time taken [s]."""
+    return vehicle.wait_until(in_mode(vehicle, role), f"the {role} mode in the heartbeat", within_s)
+
+
 def set_mode(vehicle: VehicleUnderTest, role: str) -> None:
     """Set a mode and wait for the mode in the heartbeat; raise CheckFailed if the vehicle refuses."""
-    number = mode_number(vehicle, role)
     # PX4 refuses its mission mode for a moment after an upload.
     for _ in range(5):
         result = try_mode(vehicle, role)
-        if result == mavlink.MAV_RESULT_ACCEPTED:
+        if result == ACCEPTED:
             break
         vehicle.wait(1.0)
-    equal(result_name(result), "ACCEPTED", f"mode {role}")
-    vehicle.wait_until(
-        lambda: vehicle.mode == number, f"mode {mode_name(vehicle, number)} in the heartbeat", HEARTBEAT_LAG_S
-    )
+    equal(result, ACCEPTED, f"mode {role}")
+    wait_for_mode(vehicle, role)
 
 
 def set_ready_mode(vehicle: VehicleUnderTest) -> None:
@@ -83,7 +86,7 @@ def wait_ready(vehicle: VehicleUnderTest) -> float:
         if vehicle.now - began_s > READY_S:
             raise CheckFailed(f"expected the vehicle to be ready within {READY_S:g} s; {last_texts(vehicle)}")
         if "In landing sequence" in last_texts(vehicle):  # ArduPlane, after a landing by mission
-            vehicle.send(mavlink.MAVLink_mission_set_current_message(*vehicle.target, 1))
+            set_current(vehicle, 1)
         vehicle.wait(1.0)
     return vehicle.now - began_s
 
@@ -98,16 +101,47 @@ def arm(vehicle: VehicleUnderTest) -> None:
     """Wait until the vehicle is ready, arm the vehicle, and wait for the armed state in the heartbeat."""
     wait_ready(vehicle)
     result = vehicle.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)
-    if result != mavlink.MAV_RESULT_ACCEPTED:
-        raise CheckFailed(f"arming: expected ACCEPTED, saw {result_name(result)}; {last_texts(vehicle)}")
-    vehicle.wait_until(lambda: vehicle.armed, "armed in the heartbeat", HEARTBEAT_LAG_S)
+    if result != ACCEPTED:
+        raise CheckFailed(f"arming: expected ACCEPTED, saw {result}; {last_texts(vehicle)}")
+    wait_until_armed(vehicle)
+
+
+def wait_until_armed(vehicle: VehicleUnderTest, within_s: float = HEARTBEAT_LAG_S) -> float:
+    return vehicle.wait_until(lambda: vehicle.armed, "armed in the heartbeat", within_s)
+
+
+def wait_until_disarmed(vehicle: VehicleUnderTest, within_s: float = HEARTBEAT_LAG_S) -> float:
+    return vehicle.wait_until(lambda: not vehicle.armed, "disarmed in the heartbeat", within_s)
+
+
+def wait_until_landed(vehicle: VehicleUnderTest, within_s: float = LAND_S) -> float:
+    return vehicle.wait_until(lambda: not vehicle.armed, "landed and disarmed", within_s)
+
+
+@contextmanager
+def armed(vehicle: VehicleUnderTest) -> Iterator[None]:
+    """Arm the vehicle, and disarm it at the end; after a failure the runner disarms it."""
+    arm(vehicle)
+    yield
+    disarm(vehicle)
 
 
 def disarm(vehicle: VehicleUnderTest) -> None:
     """Disarm the vehicle on the ground, and wait for the disarmed state in the heartbeat."""
     if vehicle.armed:
         vehicle.expect_accepted(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0)
-        vehicle.wait_until(lambda: not vehicle.armed, "disarmed in the heartbeat", HEARTBEAT_LAG_S)
+        wait_until_disarmed(vehicle)
+
+
+def set_current(vehicle: VehicleUnderTest, seq: int) -> int:
+    """Send MISSION_SET_CURRENT; return the mark before its answer."""
+    return vehicle.send(mavlink.MAVLink_mission_set_current_message(*vehicle.target, seq))
+
+
+def home(vehicle: VehicleUnderTest) -> tuple[int, int]:
+    """Request HOME_POSITION; return latitude and longitude [1e-7 deg]."""
+    found = vehicle.request("HOME_POSITION")
+    return found.latitude, found.longitude
 
 
 def position(vehicle: VehicleUnderTest) -> Any:
@@ -125,6 +159,17 @@ def speed_m_s(vehicle: VehicleUnderTest) -> float:
     """Return the latest reported ground speed [m/s]."""
     message = vehicle.last["GLOBAL_POSITION_INT"].message
     return math.hypot(message.vx, message.vy) / 100
+
+
+def mean_speed_m_s(vehicle: VehicleUnderTest, seconds: float) -> float:
+    """Return the mean of the reported ground speeds [m/s]."""
+    mark = vehicle.wait(seconds)
+    speeds = [math.hypot(m.vx, m.vy) / 100 for m in vehicle.since(mark, "GLOBAL_POSITION_INT")]
+    return sum(speeds) / len(speeds)
+
+
+def wait_until_still(vehicle: VehicleUnderTest, within_s: float, limit_m_s: float = 0.6) -> float:
+    return vehicle.wait_until(lambda: speed_m_s(vehicle) < limit_m_s, "a standstill", within_s)
 
 
 def last_position(vehicle: VehicleUnderTest) -> tuple[int, int]:
@@ -161,6 +206,18 @@ def takeoff_command(vehicle: VehicleUnderTest, height: float) -> Any:
     return vehicle.command_long(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, *[math.nan] * 3, amsl_m)
 
 
+def take_off(vehicle: VehicleUnderTest, height: float, enough_m: float) -> float:
+    """Send NAV_TAKEOFF and wait until the vehicle is above `enough_m`; return the time taken [s]."""
+    equal(vehicle.result(takeoff_command(vehicle, height)), ACCEPTED, "NAV_TAKEOFF")
+    return wait_until_above(vehicle, enough_m)
+
+
+def wait_until_above(vehicle: VehicleUnderTest, enough_m: float, within_s: float = CLIMB_S) -> float:
+    return vehicle.wait_until(
+        lambda: height_m(vehicle) > enough_m, f"a height above {enough_m:g} m", within_s
+    )
+
+
 def ensure_airborne(vehicle: VehicleUnderTest) -> None:
     """Start the streams, take off unless airborne, and hold the position (a plane circles)."""
     start_streams(vehicle)
@@ -169,10 +226,7 @@ def ensure_airborne(vehicle: VehicleUnderTest) -> None:
             _launch_plane(vehicle)
         else:
             arm(vehicle)
-            equal(result_name(vehicle.result(takeoff_command(vehicle, HEIGHT_M))), "ACCEPTED", "NAV_TAKEOFF")
-            vehicle.wait_until(
-                lambda: height_m(vehicle) > HEIGHT_M - 1.0, f"a height above {HEIGHT_M - 1:g} m", CLIMB_S
-            )
+            take_off(vehicle, HEIGHT_M, HEIGHT_M - 1.0)
             vehicle.wait(3.0)
     hold(vehicle)
 
@@ -182,12 +236,10 @@ def _launch_plane(vehicle: VehicleUnderTest) -> None:
         wait_ready(vehicle)
         set_mode(vehicle, "takeoff")
         vehicle.expect_accepted(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)
+        wait_until_above(vehicle, PLANE_HEIGHT_M * 0.8)
     else:
         arm(vehicle)
-        result = vehicle.result(takeoff_command(vehicle, PLANE_HEIGHT_M))
-        equal(result_name(result), "ACCEPTED", "NAV_TAKEOFF")
-    enough_m = PLANE_HEIGHT_M * 0.8
-    vehicle.wait_until(lambda: height_m(vehicle) > enough_m, f"a height above {enough_m:g} m", CLIMB_S)
+        take_off(vehicle, PLANE_HEIGHT_M, PLANE_HEIGHT_M * 0.8)
     vehicle.wait(5.0)
 
 
@@ -198,7 +250,7 @@ def hold(vehicle: VehicleUnderTest) -> None:
     ):
         set_mode(vehicle, vehicle.dialect.hold_mode)
         if vehicle.identity.kind == "copter":
-            vehicle.wait_until(lambda: speed_m_s(vehicle) < 0.6, "a standstill", 20.0)
+            wait_until_still(vehicle, 20.0)
     set_ready_mode(vehicle)
 
 
@@ -210,23 +262,22 @@ def ensure_landed(vehicle: VehicleUnderTest) -> None:
     vehicle.wait(0.5)
     if height_m(vehicle) < 0.5 and speed_m_s(vehicle) < 0.5:
         result = vehicle.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0)
-        if result == mavlink.MAV_RESULT_ACCEPTED:
-            vehicle.wait_until(lambda: not vehicle.armed, "disarmed in the heartbeat", HEARTBEAT_LAG_S)
+        if result == ACCEPTED:
+            wait_until_disarmed(vehicle)
             return
     if vehicle.identity.kind == "plane" and "land" not in vehicle.dialect.modes:
         _land_by_mission(vehicle)
     else:
         set_mode(vehicle, "land")
-    vehicle.wait_until(lambda: not vehicle.armed, "landed and disarmed", LAND_S)
+    wait_until_landed(vehicle)
 
 
 def _land_by_mission(vehicle: VehicleUnderTest) -> None:
     """Land a plane at home by mission, with an approach from 600 m south."""
-    home = vehicle.request("HOME_POSITION")
-    place = home.latitude, home.longitude
+    place = home(vehicle)
     approach = plans.waypoint(place, -600, 0, 40), plans.waypoint(place, -350, 0, 25)
     plans.upload_or_fail(vehicle, plans.plan(vehicle, *approach, plans.land(place)))
-    vehicle.send(mavlink.MAVLink_mission_set_current_message(*vehicle.target, 1))
+    set_current(vehicle, 1)
     set_mode(vehicle, "mission")
 
 
@@ -239,16 +290,19 @@ def home_amsl_m(vehicle: VehicleUnderTest) -> float:
     return float(message.alt - message.relative_alt) / 1000
 
 
-def reposition(
-    vehicle: VehicleUnderTest, target: tuple[int, int], height: float, *, speed: float = -1.0
-) -> int:
-    """Send DO_REPOSITION: height above home [m], speed [m/s] (-1: default); return the MAV_RESULT."""
+def reposition(vehicle: VehicleUnderTest, target: tuple[int, int], height: float) -> str:
+    """Send DO_REPOSITION with a height above home [m]; return the name of the MAV_RESULT."""
     x, y = target
     amsl_m = home_amsl_m(vehicle) + height  # z is above sea level in MAV_FRAME_GLOBAL
     command = vehicle.command_int(
-        mavlink.MAV_CMD_DO_REPOSITION, speed, REPOSITION_CHANGES_MODE, 0, math.nan, x=x, y=y, z=amsl_m
+        mavlink.MAV_CMD_DO_REPOSITION, -1, REPOSITION_CHANGES_MODE, 0, math.nan, x=x, y=y, z=amsl_m
     )
     return vehicle.result(command)
+
+
+def go_to(vehicle: VehicleUnderTest, target: tuple[int, int], height: float) -> None:
+    """Send DO_REPOSITION; raise CheckFailed unless the vehicle accepts it."""
+    equal(reposition(vehicle, target, height), ACCEPTED, "DO_REPOSITION")
 
 
 def wait_until_near(

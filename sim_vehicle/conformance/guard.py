@@ -10,7 +10,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.conformance.outgoing import OutgoingFrame
+from sim_vehicle.conformance.frames import OutgoingFrame
 
 ARM = "arm"  # motors turn, or the vehicle flies
 REBOOT = "reboot"

@@ -21,8 +21,7 @@ def items(vehicle: VehicleUnderTest, *, landing: bool = True) -> list[PlanItem]:
 
 def rewind(vehicle: VehicleUnderTest) -> None:
     """Make the first item after home current, because the index of an earlier mission may remain."""
-    first = int(vehicle.dialect.home_item)
-    vehicle.send(mavlink.MAVLink_mission_set_current_message(*vehicle.target, first))
+    flying.set_current(vehicle, int(vehicle.dialect.home_item))
 
 
 def start(vehicle: VehicleUnderTest) -> None:
@@ -34,12 +33,12 @@ def start(vehicle: VehicleUnderTest) -> None:
         vehicle.expect_accepted(mavlink.MAV_CMD_MISSION_START)
     else:
         flying.set_mode(vehicle, "mission")
-    vehicle.wait_until(flying.in_mode(vehicle, "mission"), "the mission mode", flying.HEARTBEAT_LAG_S)
+    flying.wait_for_mode(vehicle, "mission")
 
 
 def resume(vehicle: VehicleUnderTest, seq: int) -> None:
     """Set the mission mode in flight, with item `seq` as the current item."""
-    vehicle.send(mavlink.MAVLink_mission_set_current_message(*vehicle.target, seq))
+    flying.set_current(vehicle, seq)
     flying.set_mode(vehicle, "mission")
 
 
@@ -53,9 +52,9 @@ def first_waypoint(vehicle: VehicleUnderTest) -> int:
     return 2 if vehicle.dialect.home_item else 1
 
 
-def wait_until_current(vehicle: VehicleUnderTest, seq: int, within_s: float = 120.0) -> float:
-    """Wait until item `seq` or a later item is current; return the time taken [s]."""
-    return vehicle.wait_until(lambda: current(vehicle) >= seq, f"item {seq} to be current", within_s)
+def wait_until_current(vehicle: VehicleUnderTest, seq: int, within_s: float) -> float:
+    """Wait until item `seq` is current; return the time taken [s]."""
+    return vehicle.wait_until(lambda: current(vehicle) == seq, f"item {seq} to be current", within_s)
 
 
 def under_way(vehicle: VehicleUnderTest) -> int:
@@ -64,7 +63,7 @@ def under_way(vehicle: VehicleUnderTest) -> int:
     plans.upload_or_fail(vehicle, items(vehicle, landing=False))
     seq = first_waypoint(vehicle) + 1
     resume(vehicle, seq - 1)
-    wait_until_current(vehicle, seq)
+    wait_until_current(vehicle, seq, 120.0)
     first = plans.offset(place, *CORNERS[0])
     vehicle.wait_until(
         lambda: flying.distance_to_m(vehicle, first) > 10.0, "10 m from the first waypoint", 20.0

@@ -7,12 +7,12 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.conformance.assertions import CheckFailed, Skip, equal, mission_result_name
+from sim_vehicle.conformance.assertions import ACCEPTED, CheckFailed, Skip, equal, mission_result_name
 from sim_vehicle.conformance.guard import PLAN_NAMES
 from sim_vehicle.conformance.traffic import Condition
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.station.exchanges import REQUESTS, UploadPlan
-from sim_vehicle.station.frames import STATION, Source
+from sim_vehicle.station.frames import STATION, ReceivedFrame, Source
 from sim_vehicle.station.plan_items import MISSION, PlanItem
 
 FENCE = int(mavlink.MAV_MISSION_TYPE_FENCE)
@@ -22,6 +22,7 @@ M_PER_DEG = 111_319.5
 POSITION_S = 120.0  # longest wait for a position
 BACKUP_ATTEMPTS = 3  # in each attempt every item is requested up to three times
 TRANSFER_ENDS_S = 6.0  # wait between attempts; PX4 ends a broken transfer after 5 s
+REQUEST_S = 3.0  # longest wait for the next request of an upload
 UPLOAD_ATTEMPTS = 8  # transmissions of MISSION_COUNT without a request, in 12 s
 
 
@@ -29,7 +30,7 @@ UPLOAD_ATTEMPTS = 8  # transmissions of MISSION_COUNT without a request, in 12 s
 class UploadResult:
     """The outcome of an acknowledged upload."""
 
-    result: int  # MAV_MISSION_RESULT
+    result: str  # name of the MAV_MISSION_RESULT
     requests: tuple[tuple[str, int], ...]  # (name of the message, seq)
     ack: Any  # MISSION_ACK
     took_s: float
@@ -94,11 +95,14 @@ def sample_plan(vehicle: VehicleUnderTest, count: int = 5, z: float = 20.0) -> l
     return plan(vehicle, takeoff(place, z), *points)
 
 
+def store_sample(vehicle: VehicleUnderTest, count: int = 5) -> list[PlanItem]:
+    """Upload the mission of `sample_plan`; return its items."""
+    items = sample_plan(vehicle, count)
+    upload_or_fail(vehicle, items)
+    return items
+
+
 # -- messages --------------------------------------------------------------------------------------------
-
-
-def _numbered(seq: int, condition: Condition) -> Condition:
-    return lambda m: m.seq == seq and condition(m)
 
 
 def count_message(vehicle: VehicleUnderTest, count: int, kind: int = MISSION) -> Any:
@@ -113,54 +117,58 @@ def clear_message(vehicle: VehicleUnderTest, kind: int = MISSION) -> Any:
     return mavlink.MAVLink_mission_clear_all_message(*vehicle.target, kind)
 
 
-def for_station(kind: int, source: Source = STATION) -> Condition:
-    """Return the condition for messages of this plan type to this station or to all systems."""
-    return lambda m: m.mission_type == kind and m.target_system in (0, source[0])
+def send_item(vehicle: VehicleUnderTest, items: Sequence[PlanItem], seq: int, kind: int = MISSION) -> int:
+    """Send an item unasked; return the mark before its answer."""
+    return vehicle.send(items[seq].message(vehicle.target, seq, kind))
 
 
-def next_request(
-    vehicle: VehicleUnderTest,
-    kind: int,
-    *,
-    mark: int,
-    within_s: float = 3.0,
-    source: Source = STATION,
-) -> tuple[str, int]:
-    """Return name and seq of the next MISSION_REQUEST(_INT); raise CheckFailed if none arrives."""
-    index = vehicle.seek(REQUESTS, for_station(kind, source), within_s=within_s, mark=mark)
+def for_station(kind: int, source: Source = STATION, seq: int | None = None) -> Condition:
+    """Return the condition for messages of this plan type, and item, to this station or to all systems."""
+
+    def fits(message: Any) -> bool:
+        addressed = message.mission_type == kind and message.target_system in (0, source[0])
+        return bool(addressed and (seq is None or message.seq == seq))
+
+    return fits
+
+
+def next_request(vehicle: VehicleUnderTest, *, mark: int) -> int:
+    """Return the seq of the next MISSION_REQUEST(_INT); raise CheckFailed if none arrives."""
+    index = vehicle.seek(REQUESTS, for_station(MISSION), within_s=REQUEST_S, mark=mark)
     if index is None:
-        raise CheckFailed(f"expected a request for an item within {within_s:g} s, saw none")
-    return vehicle.received[index].kind, vehicle.received[index].message.seq
+        raise CheckFailed(f"expected a request for an item within {REQUEST_S:g} s, saw none")
+    return int(vehicle.received[index].message.seq)
+
+
+def next_step(vehicle: VehicleUnderTest, *, mark: int) -> tuple[ReceivedFrame, int]:
+    """Return the next request or MISSION_ACK of an upload, and the mark after it."""
+    index = vehicle.seek((*REQUESTS, "MISSION_ACK"), within_s=REQUEST_S, mark=mark)
+    if index is None:
+        raise CheckFailed(f"the vehicle neither requested nor acknowledged within {REQUEST_S:g} s")
+    return vehicle.received[index], index + 1
 
 
 # -- transfers -------------------------------------------------------------------------------------------
 
 
 def upload(
-    vehicle: VehicleUnderTest,
-    items: Sequence[PlanItem],
-    kind: int = MISSION,
-    *,
-    as_float: bool = False,
-    source: Source = STATION,
+    vehicle: VehicleUnderTest, items: Sequence[PlanItem], kind: int = MISSION, *, as_float: bool = False
 ) -> UploadResult:
     """Upload a plan; return the outcome, even of a refusal. Raise CheckFailed without MISSION_ACK."""
     began_s = vehicle.now
     exchange = UploadPlan(
-        lambda m: vehicle.send(m, source), vehicle.target, items, kind,
-        as_float=as_float, sysid=source[0], attempts=UPLOAD_ATTEMPTS,
-    )  # fmt: skip
+        vehicle.send, vehicle.target, items, kind, as_float=as_float, attempts=UPLOAD_ATTEMPTS
+    )
     outcome = vehicle.complete(exchange)
     if outcome.message is None:
         raise CheckFailed(f"upload: {outcome.text} after {len(exchange.requests)} requests")
-    result = outcome.message.type
-    return UploadResult(result, tuple(exchange.requests), outcome.message, vehicle.now - began_s)
+    return UploadResult(outcome.text, tuple(exchange.requests), outcome.message, vehicle.now - began_s)
 
 
 def upload_or_fail(vehicle: VehicleUnderTest, items: Sequence[PlanItem], kind: int = MISSION) -> UploadResult:
     """Upload a plan; raise CheckFailed unless the vehicle accepts the plan."""
     done = upload(vehicle, items, kind)
-    equal(mission_result_name(done.result), "ACCEPTED", f"upload of {len(items)} items")
+    equal(done.result, ACCEPTED, f"upload of {len(items)} items")
     return done
 
 
@@ -186,35 +194,57 @@ def count(vehicle: VehicleUnderTest, kind: int = MISSION) -> int:
 
 
 def download(
-    vehicle: VehicleUnderTest,
-    kind: int = MISSION,
-    *,
-    as_float: bool = False,
-    source: Source = STATION,
+    vehicle: VehicleUnderTest, kind: int = MISSION, *, as_float: bool = False, source: Source = STATION
 ) -> list[Any]:
     """Download and acknowledge the stored items; return their messages."""
     request = (
         mavlink.MAVLink_mission_request_message if as_float else mavlink.MAVLink_mission_request_int_message
     )
     answer = "MISSION_ITEM" if as_float else "MISSION_ITEM_INT"
-    condition = for_station(kind, source)
     items = [
-        vehicle.ask(request(*vehicle.target, seq, kind), answer, _numbered(seq, condition), source=source)
+        vehicle.ask(
+            request(*vehicle.target, seq, kind), answer, for_station(kind, source, seq), source=source
+        )
         for seq in range(open_list(vehicle, kind, source))
     ]
     end_download(vehicle, kind, source)
     return items
 
 
-def clear(vehicle: VehicleUnderTest, kind: int = MISSION) -> int:
-    """Send MISSION_CLEAR_ALL and return the MAV_MISSION_RESULT."""
-    return int(vehicle.ask(clear_message(vehicle, kind), "MISSION_ACK", for_station(kind)).type)
+def clear(vehicle: VehicleUnderTest, kind: int = MISSION) -> str:
+    """Send MISSION_CLEAR_ALL; return the name of the MAV_MISSION_RESULT."""
+    ack = vehicle.ask(clear_message(vehicle, kind), "MISSION_ACK", for_station(kind))
+    return mission_result_name(ack.type)
 
 
-def coordinates(vehicle: VehicleUnderTest, items: Sequence[Any]) -> list[tuple[int, int, int]]:
+def coordinates(
+    vehicle: VehicleUnderTest, items: Sequence[Any], kind: int = MISSION
+) -> list[tuple[int, int, int]]:
     """Return (command, x, y) of sent or received items, without a home placeholder."""
-    first = 1 if vehicle.dialect.home_item and items else 0
+    first = 1 if vehicle.dialect.home_item and kind == MISSION else 0
     return [(i.command, i.x, i.y) for i in items[first:]]
+
+
+def expect_stored(
+    vehicle: VehicleUnderTest, items: Sequence[PlanItem], kind: int = MISSION, *, source: Source = STATION
+) -> list[Any]:
+    """Download a plan; raise CheckFailed unless its commands and positions are those of `items`."""
+    back = download(vehicle, kind, source=source)
+    equal(coordinates(vehicle, back, kind), coordinates(vehicle, items, kind), PLAN_NAMES[kind])
+    return back
+
+
+def store(vehicle: VehicleUnderTest, items: Sequence[PlanItem], kind: int = MISSION) -> list[Any]:
+    """Upload a plan; return the items read back, with the commands and positions as sent."""
+    upload_or_fail(vehicle, items, kind)
+    return expect_stored(vehicle, items, kind)
+
+
+def next_result(
+    vehicle: VehicleUnderTest, mark: int, kind: int = MISSION, *, source: Source = STATION
+) -> str:
+    """Return the name of the MAV_MISSION_RESULT in the next MISSION_ACK."""
+    return mission_result_name(vehicle.expect("MISSION_ACK", for_station(kind, source), mark=mark).type)
 
 
 def cancel_upload(vehicle: VehicleUnderTest) -> None:
@@ -227,20 +257,11 @@ def cancel_upload(vehicle: VehicleUnderTest) -> None:
 
 def begin_upload(vehicle: VehicleUnderTest, items: list[PlanItem], sent: int) -> int:
     """Begin an upload and stop after `sent` items; return the mark after the next, unanswered request."""
-    mark = vehicle.mark()
-    vehicle.send(count_message(vehicle, len(items)))
+    mark = vehicle.send(count_message(vehicle, len(items)))
     for _ in range(sent):
-        _, seq = next_request(vehicle, MISSION, mark=mark)
-        mark = vehicle.mark()
-        vehicle.send(items[seq].message(vehicle.target, seq))
-    next_request(vehicle, MISSION, mark=mark)
+        mark = send_item(vehicle, items, next_request(vehicle, mark=mark))
+    next_request(vehicle, mark=mark)
     return vehicle.mark()
-
-
-def store_and_read(vehicle: VehicleUnderTest, item: PlanItem) -> Any:
-    """Upload a take-off and one item; return the item that the vehicle sends back."""
-    upload_or_fail(vehicle, plan(vehicle, takeoff(current_position(vehicle)), item))
-    return download(vehicle)[-1]
 
 
 def require_type(vehicle: VehicleUnderTest, kind: int) -> None:

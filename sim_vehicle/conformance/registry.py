@@ -2,6 +2,7 @@
 
 A check is a function of a `VehicleUnderTest`. The function returns a short description of the observation,
 raises `CheckFailed` if the vehicle behaves wrongly, and raises `Skip` if the check does not apply.
+Its docstring is the verified statement. Checks of one shape are rows of a table with one function.
 """
 
 import fnmatch
@@ -9,11 +10,13 @@ import importlib
 import pkgutil
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import Any
 
 from sim_vehicle.conformance.guard import ARM, CRASH, PERMISSIONS
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 CheckFunction = Callable[[VehicleUnderTest], str]
+Row = tuple[str, str, CheckFunction] | tuple[str, str, CheckFunction, str]
 
 # In the order of the run; checks that could disturb other checks come late.
 CATEGORIES = (
@@ -29,14 +32,15 @@ class Check:
 
     name: str
     function: CheckFunction
-    needs: frozenset[str]  # required permissions (`PERMISSIONS`)
-    claims: tuple[str, ...]  # required MAV_PROTOCOL_CAPABILITY bits, without their prefix
-    dialects: frozenset[str]  # names of the autopilots' dialects; empty: all
-    kind: str | None  # copter or plane; None: both
-    airborne: bool  # True: the check starts in flight
+    summary: str = ""  # the verified statement in one line
+    needs: frozenset[str] = frozenset()  # required permissions (`PERMISSIONS`)
+    claims: tuple[str, ...] = ()  # required MAV_PROTOCOL_CAPABILITY bits, without their prefix
+    dialects: frozenset[str] = frozenset()  # names of the autopilots' dialects; empty: all
+    kind: str | None = None  # copter or plane; None: both
+    airborne: bool = False  # True: the check starts in flight
     # Document of the expected behaviour: MAVLink, a line of notes/AUTOPILOTS.md, or a file of a firmware.
-    source: str
-    limit_s: float  # time limit [s of vehicle time]
+    source: str = "MAVLink"
+    limit_s: float = 60.0  # time limit [s of vehicle time]
 
     @property
     def category(self) -> str:
@@ -47,11 +51,6 @@ class Check:
         """Return True for a check that ended a known firmware; it needs an option and runs last."""
         return CRASH in self.needs
 
-    @property
-    def summary(self) -> str:
-        """Return the verified statement in one line."""
-        return (self.function.__doc__ or "").strip().partition("\n")[0]
-
 
 CHECKS: dict[str, Check] = {}
 
@@ -59,6 +58,7 @@ CHECKS: dict[str, Check] = {}
 def check(
     name: str,
     *,
+    statement: str = "",
     needs: Iterable[str] = (),
     claims: Iterable[str] = (),
     dialects: Iterable[str] = (),
@@ -67,7 +67,10 @@ def check(
     source: str = "MAVLink",
     limit_s: float = 60.0,
 ) -> Callable[[CheckFunction], CheckFunction]:
-    """Register a function under `category.name`; raise ValueError for a bad name or permission."""
+    """Register a function under `category.name`; raise ValueError for a bad name or permission.
+
+    statement: the verified statement; default: the function's docstring.
+    """
     required = frozenset(needs) | ({ARM} if airborne else frozenset())
     if name in CHECKS:
         raise ValueError(f"two checks are named {name!r}")
@@ -79,9 +82,11 @@ def check(
         raise ValueError(f"check {name!r} needs {sorted(unknown)}; the permissions are {sorted(PERMISSIONS)}")
 
     def register(function: CheckFunction) -> CheckFunction:
+        summary = (statement or function.__doc__ or "").strip().partition("\n")[0]
         CHECKS[name] = Check(
             name,
             function,
+            summary,
             required,
             tuple(claims),
             frozenset(dialects),
@@ -93,6 +98,13 @@ def check(
         return function
 
     return register
+
+
+def checks(prefix: str, rows: Iterable[Row], **conditions: Any) -> None:
+    """Register rows of (name after the prefix, statement, function, source); `conditions` as of `check`."""
+    for name, statement, function, *source in rows:
+        document = {"source": source[0]} if source else {}
+        check(f"{prefix}.{name}", statement=statement, **{**conditions, **document})(function)
 
 
 def all_checks() -> list[Check]:

@@ -10,7 +10,7 @@ from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
-from sim_vehicle.conformance.identity import VehicleIdentity
+from sim_vehicle.conformance.dialects import VehicleIdentity
 from sim_vehicle.conformance.registry import Check
 from sim_vehicle.conformance.runner import CheckResult, Outcome, RunReport
 

@@ -8,8 +8,8 @@ from enum import Enum
 from sim_vehicle.conformance import flying
 from sim_vehicle.conformance.assertions import CheckFailed, Skip
 from sim_vehicle.conformance.boots import BootWatch
+from sim_vehicle.conformance.dialects import VehicleIdentity
 from sim_vehicle.conformance.guard import ARM, PERMISSIONS, PLAN_NAMES, REBOOT, SIMULATOR
-from sim_vehicle.conformance.identity import VehicleIdentity
 from sim_vehicle.conformance.parameters import has, read, restore, write
 from sim_vehicle.conformance.plans import FENCE, RALLY, PlanBackup
 from sim_vehicle.conformance.registry import Check

@@ -8,9 +8,9 @@ from typing import Any, Protocol
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance.assertions import CheckFailed, Skip
+from sim_vehicle.conformance.dialects import VehicleIdentity
+from sim_vehicle.conformance.frames import LONGEST_FRAME, frames_in
 from sim_vehicle.conformance.guard import Forbidden, is_for, is_read_only, refusal
-from sim_vehicle.conformance.identity import VehicleIdentity
-from sim_vehicle.conformance.outgoing import LONGEST_FRAME, frames_in
 from sim_vehicle.station.exchanges import Exchange, ExchangeOutcome
 from sim_vehicle.station.frames import NOISE, STATION, ReceivedFrame, Receiver, Sender, Source
 from sim_vehicle.station.messages import heartbeat
@@ -111,17 +111,22 @@ class Traffic:
     def target(self) -> tuple[int, int]:
         return self.identity.sysid, self.identity.component
 
-    def send(self, message: Any, source: Source = STATION) -> None:
-        """Send a message as a station of the suite; raise the error of `objection`."""
-        self.send_raw(self.sender.pack(message, source))
+    def send(self, message: Any, source: Source = STATION) -> int:
+        """Send a message as a station of the suite; return the mark before its answers."""
+        return self.send_raw(self.sender.pack(message, source))
 
-    def send_raw(self, data: bytes) -> None:
-        """Send the bytes, or raise the error of `objection`. Every method sends through this method."""
+    def send_raw(self, data: bytes) -> int:
+        """Send the bytes, or raise the error of `objection`; return the mark before the answers.
+
+        Every method sends through this method.
+        """
         objection = self.objection(data)
         if objection is not None:
             raise objection
         self._sent_tail = (self._sent_tail + data)[-LONGEST_FRAME:]
+        mark = self.mark()
         self._wire.send(data)
+        return mark
 
     def objection(self, data: bytes) -> Skip | Forbidden | None:
         """Return the error that forbids sending these bytes, or None.
@@ -200,6 +205,10 @@ class Traffic:
     def since(self, mark: int, kind: str | None = None) -> list[Any]:
         """Return the messages after a mark, of one kind or of all kinds."""
         return [entry.message for entry in self.received[mark:] if kind in (None, entry.kind)]
+
+    def texts_since(self, began_s: float) -> list[str]:
+        """Return the texts that the vehicle has sent since a time."""
+        return [text for at_s, _, text in self.texts if at_s >= began_s]
 
     def wait(self, seconds: float) -> int:
         """Receive frames for `seconds`; return the mark at the start."""

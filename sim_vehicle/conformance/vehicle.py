@@ -1,5 +1,6 @@
 """The vehicle under test: its state, its commands, and the changes to undo."""
 
+import struct
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
@@ -7,9 +8,9 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.conformance.assertions import CheckFailed, Skip, command_name, equal, id_of, result_name
-from sim_vehicle.conformance.dialects import GENERIC, Dialect, dialect_of
-from sim_vehicle.conformance.identity import VehicleIdentity
+from sim_vehicle.conformance.assertions import ACCEPTED, CheckFailed, Skip, command_name, equal, id_of
+from sim_vehicle.conformance.dialects import GENERIC, Dialect, VehicleIdentity, dialect_of
+from sim_vehicle.conformance.frames import fields
 from sim_vehicle.conformance.traffic import ATTEMPTS, Traffic, Wire, WireError, is_autopilot
 from sim_vehicle.station.exchanges import Command
 from sim_vehicle.station.frames import STATION, ReceivedFrame, Source
@@ -18,6 +19,7 @@ from sim_vehicle.station.messages import command_int, command_long
 NEWS_S = 3.0  # longest wait for news of a message that was sent before
 CONNECT_S = 30.0  # longest wait for the first heartbeat
 ARMED = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+_UNKNOWN = object()
 
 
 class VehicleUnderTest(Traffic):
@@ -86,6 +88,13 @@ class VehicleUnderTest(Traffic):
     def mode(self) -> int:
         return int(self.heartbeat.custom_mode)
 
+    def known(self, *, ardupilot: Any = _UNKNOWN, px4: Any = _UNKNOWN) -> Any:
+        """Return the known behaviour of this autopilot; raise Skip if the behaviour is unknown."""
+        value = {"ardupilot": ardupilot, "px4": px4}.get(self.dialect.name, _UNKNOWN)
+        if value is _UNKNOWN:
+            raise Skip("the specification leaves this open, and the behaviour of this autopilot is unknown")
+        return value
+
     @contextmanager
     def restoring(self, part: str, undo: Callable[[], None]) -> Iterator[None]:
         """Undo a change of the vehicle at the end; `restore_all` repeats a failed `undo`."""
@@ -111,6 +120,8 @@ class VehicleUnderTest(Traffic):
                 del self.pending_restores[part]
         return failures
 
+    # -- commands ----------------------------------------------------------------------------------------
+
     def command_long(self, command: int, *params: float, confirmation: int = 0, to: Any = None) -> Any:
         return command_long(to or self.target, command, *params, confirmation=confirmation)
 
@@ -118,23 +129,28 @@ class VehicleUnderTest(Traffic):
         """Return COMMAND_INT; `place`: frame, x, y, z."""
         return command_int(self.target, command, *params, **place)
 
-    def result(self, message: Any, *, source: Source = STATION, attempts: int = ATTEMPTS) -> int:
-        """Send a command up to `attempts` times; return its final MAV_RESULT, or raise CheckFailed."""
+    def result(self, message: Any, *, source: Source = STATION, attempts: int = ATTEMPTS) -> str:
+        """Send a command up to `attempts` times; return the name of its final MAV_RESULT.
+
+        Raises CheckFailed without a COMMAND_ACK.
+        """
         outcome = self.complete(
             Command(lambda m: self.send(m, source), message, sysid=source[0], attempts=attempts)
         )
         if outcome.message is None:
             name = command_name(message.command)
             raise CheckFailed(f"expected a COMMAND_ACK for {name}, saw {outcome.text}")
-        return int(outcome.message.result)
+        return outcome.text
 
-    def command(self, command: int, *params: float) -> int:
-        """Send COMMAND_LONG; return its final MAV_RESULT."""
+    def command(self, command: int, *params: float) -> str:
+        """Send COMMAND_LONG; return the name of its final MAV_RESULT."""
         return self.result(self.command_long(command, *params))
 
     def expect_accepted(self, command: int, *params: float) -> None:
         """Send COMMAND_LONG; raise CheckFailed unless the vehicle accepts the command."""
-        equal(result_name(self.command(command, *params)), "ACCEPTED", command_name(command))
+        equal(self.command(command, *params), ACCEPTED, command_name(command))
+
+    # -- messages on request -----------------------------------------------------------------------------
 
     def request(self, kind: str, *params: float) -> Any:
         """Return a message requested by REQUEST_MESSAGE; raise Skip if the vehicle refuses the request.
@@ -145,17 +161,26 @@ class VehicleUnderTest(Traffic):
         mark, end_s = self.mark(), self.now + NEWS_S
         while True:
             result = self.command(mavlink.MAV_CMD_REQUEST_MESSAGE, id_of(kind), *params)
-            if result == mavlink.MAV_RESULT_ACCEPTED:
+            if result == ACCEPTED:
                 return self.expect(kind, mark=mark, description=f"{kind} after its request was accepted")
-            denied = result == mavlink.MAV_RESULT_DENIED
+            denied = result == "DENIED"
             message = self.wait_for(kind, within_s=NEWS_S / 10, mark=mark) if denied else None
             if message is not None:
                 return message
             if not denied or self.now >= end_s:
-                raise Skip(f"the vehicle does not send {kind} on request ({result_name(result)})")
+                raise Skip(f"the vehicle does not send {kind} on request ({result})")
 
-    def set_interval(self, kind: str, rate_hz: float) -> int:
-        """Send SET_MESSAGE_INTERVAL (-1: stop, 0: default rate) and return the MAV_RESULT."""
+    def request_fields(self, number: int, layout: struct.Struct, *params: float) -> tuple[Any, ...]:
+        """Request a message unknown to the codec and return its fields; raise Skip if it is refused."""
+        kind, mark = f"UNKNOWN_{number}", self.mark()
+        result = self.command(mavlink.MAV_CMD_REQUEST_MESSAGE, number, *params)
+        if result != ACCEPTED:
+            raise Skip(f"the vehicle does not send message {number} on request ({result})")
+        self.expect(kind, mark=mark, description=f"message {number} after its request was accepted")
+        return fields(self.last[kind], layout)
+
+    def set_interval(self, kind: str, rate_hz: float) -> str:
+        """Send SET_MESSAGE_INTERVAL (-1: stop, 0: default rate); return the name of the MAV_RESULT."""
         interval_us = rate_hz if rate_hz <= 0 else 1e6 / rate_hz
         return self.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, id_of(kind), interval_us)
 
@@ -165,8 +190,8 @@ class VehicleUnderTest(Traffic):
         try:
             for kind, rate_hz in rates_hz.items():
                 result = self.set_interval(kind, rate_hz)
-                if result != mavlink.MAV_RESULT_ACCEPTED:
-                    raise Skip(f"the vehicle does not stream {kind} ({result_name(result)})")
+                if result != ACCEPTED:
+                    raise Skip(f"the vehicle does not stream {kind} ({result})")
             yield
         finally:
             with self.extra_time():
@@ -182,14 +207,3 @@ class VehicleUnderTest(Traffic):
             if not messages:
                 raise CheckFailed(f"expected {kind} at {rates_hz[kind]:g} Hz, saw none in {seconds:g} s")
         return found
-
-
-_UNKNOWN = object()
-
-
-def known_behaviour(vehicle: VehicleUnderTest, *, ardupilot: Any = _UNKNOWN, px4: Any = _UNKNOWN) -> Any:
-    """Return the known behaviour of this autopilot; raise Skip if the behaviour is unknown."""
-    value = {"ardupilot": ardupilot, "px4": px4}.get(vehicle.dialect.name, _UNKNOWN)
-    if value is _UNKNOWN:
-        raise Skip("the specification leaves this open, and the behaviour of this autopilot is unknown")
-    return value

@@ -18,7 +18,7 @@ IN_PROGRESS_S = 60.0  # longest wait for the next COMMAND_ACK after IN_PROGRESS
 REQUESTS = ("MISSION_REQUEST", "MISSION_REQUEST_INT")
 STALLED_S = 12.0  # time without a request after which an upload restarts or ends
 
-Send = Callable[[Any], None]
+Send = Callable[[Any], object]
 
 
 @dataclass(frozen=True, slots=True)

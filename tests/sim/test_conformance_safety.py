@@ -29,7 +29,7 @@ def without_simulator_mark(message: Any) -> list[Any]:
 
 
 def one_check(function: Any, *needs: str) -> Check:
-    return Check("parameters.made_up", function, frozenset(needs), (), frozenset(), None, False, "", 60.0)
+    return Check("parameters.made_up", function, needs=frozenset(needs))
 
 
 # -- dangerous checks ------------------------------------------------------------------------------------

@@ -3,13 +3,20 @@
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, parameters, plans
-from sim_vehicle.conformance.assertions import Skip, equal, holds, near, result_name
+from sim_vehicle.conformance.assertions import (
+    ACCEPTED,
+    Skip,
+    equal,
+    holds,
+    near,
+    result_name,
+)
 from sim_vehicle.conformance.checks.fence import fence_in_force, polygon
 from sim_vehicle.conformance.guard import ARM
 from sim_vehicle.conformance.plans import FENCE
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.traffic import SECOND_STATION
-from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
+from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 ARM_COMMAND = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
 FORCE = 21_196  # value of parameter 2 for arming or disarming without checks
@@ -32,7 +39,7 @@ def is_idempotent(vehicle: VehicleUnderTest) -> str:
     vehicle.expect_accepted(ARM_COMMAND, 1)
     flying.disarm(vehicle)
     vehicle.expect_accepted(ARM_COMMAND, 0)
-    return "ACCEPTED"
+    return ACCEPTED
 
 
 @check("arming.heartbeat_follows", needs=[ARM], limit_s=200)
@@ -40,7 +47,7 @@ def heartbeat_follows(vehicle: VehicleUnderTest) -> str:
     """The heartbeat shows the arming within 1.5 s of the acknowledgement."""
     flying.wait_ready(vehicle)
     vehicle.expect_accepted(ARM_COMMAND, 1)
-    took_s = vehicle.wait_until(lambda: vehicle.armed, "armed in the heartbeat", 1.5)
+    took_s = flying.wait_until_armed(vehicle, 1.5)
     flying.disarm(vehicle)
     return f"{took_s:.2f} s"
 
@@ -49,10 +56,10 @@ def heartbeat_follows(vehicle: VehicleUnderTest) -> str:
 def by_command_int(vehicle: VehicleUnderTest) -> str:
     """Arming works as COMMAND_INT."""
     flying.wait_ready(vehicle)
-    equal(result_name(vehicle.result(vehicle.command_int(ARM_COMMAND, 1))), "ACCEPTED", "COMMAND_INT")
-    vehicle.wait_until(lambda: vehicle.armed, "armed in the heartbeat", flying.HEARTBEAT_LAG_S)
+    equal(vehicle.result(vehicle.command_int(ARM_COMMAND, 1)), ACCEPTED, "COMMAND_INT")
+    flying.wait_until_armed(vehicle)
     flying.disarm(vehicle)
-    return "ACCEPTED"
+    return ACCEPTED
 
 
 @check("arming.by_second_station", needs=[ARM], limit_s=200, source="AUTOPILOTS 1.15")
@@ -61,8 +68,8 @@ def by_second_station(vehicle: VehicleUnderTest) -> str:
     flying.wait_ready(vehicle)
     for value in (1, 0):
         seen = vehicle.result(vehicle.command_long(ARM_COMMAND, value), source=SECOND_STATION)
-        equal(result_name(seen), "ACCEPTED", f"parameter 1 = {value}")
-    return "ACCEPTED"
+        equal(seen, ACCEPTED, f"parameter 1 = {value}")
+    return ACCEPTED
 
 
 @check(
@@ -80,8 +87,8 @@ def strange_parameter(vehicle: VehicleUnderTest) -> str:
     was_armed = vehicle.armed
     flying.disarm(vehicle)
     seen = [result_name(m.result) for m in vehicle.since(mark, "COMMAND_ACK") if m.command == ARM_COMMAND]
-    texts = [text for at_s, _, text in vehicle.texts if at_s >= began_s]
-    holds(not was_armed and "ACCEPTED" not in seen, f"expected a refusal, saw {seen}, armed: {was_armed}")
+    texts = vehicle.texts_since(began_s)
+    holds(not was_armed and ACCEPTED not in seen, f"expected a refusal, saw {seen}, armed: {was_armed}")
     if vehicle.dialect.name == "px4":
         holds(not seen and any("Unsupported" in text for text in texts), f"saw {seen} and texts {texts}")
         return texts[-1].strip()
@@ -94,7 +101,7 @@ def strange_parameter(vehicle: VehicleUnderTest) -> str:
 )
 def system_status(vehicle: VehicleUnderTest) -> str:
     """On the ground an armed vehicle reports STANDBY (ArduPilot) or ACTIVE (PX4)."""
-    expected = known_behaviour(vehicle, ardupilot=mavlink.MAV_STATE_STANDBY, px4=mavlink.MAV_STATE_ACTIVE)
+    expected = vehicle.known(ardupilot=mavlink.MAV_STATE_STANDBY, px4=mavlink.MAV_STATE_ACTIVE)
     flying.arm(vehicle)
     vehicle.wait(1.2)
     seen = vehicle.heartbeat.system_status
@@ -122,12 +129,12 @@ def mode_not_armable(vehicle: VehicleUnderTest) -> str:
     flying.wait_ready(vehicle)
     if int(parameters.value_or_none(vehicle, "AUTO_OPTIONS") or 0) & 1 or vehicle.identity.kind == "plane":
         raise Skip("AUTO is armable on this vehicle")
-    plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
+    plans.store_sample(vehicle)
     flying.set_mode(vehicle, "mission")
     began_s = vehicle.now
-    equal(result_name(vehicle.command(ARM_COMMAND, 1)), "FAILED", "arming in AUTO")
+    equal(vehicle.command(ARM_COMMAND, 1), "FAILED", "arming in AUTO")
     vehicle.wait(0.5)
-    texts = [text for at_s, _, text in vehicle.texts if at_s >= began_s]
+    texts = vehicle.texts_since(began_s)
     holds(any("not armable" in text for text in texts), f"expected '... not armable', saw {texts}")
     flying.set_ready_mode(vehicle)
     return "FAILED, not armable"
@@ -141,7 +148,7 @@ def mode_not_armable(vehicle: VehicleUnderTest) -> str:
 )
 def refusal_has_a_reason(vehicle: VehicleUnderTest) -> str:
     """Outside of an enabled fence arming is refused, and a text names the breach."""
-    known_behaviour(vehicle, ardupilot=True)
+    vehicle.known(ardupilot=True)
     plans.require_type(vehicle, FENCE)
     flying.wait_ready(vehicle)
     with fence_in_force(vehicle, polygon(vehicle, ((500, 500), (500, 600), (600, 600), (600, 500)))):
@@ -149,12 +156,12 @@ def refusal_has_a_reason(vehicle: VehicleUnderTest) -> str:
         began_s = vehicle.now
         result = vehicle.command(ARM_COMMAND, 1)
         vehicle.wait(REFUSAL_S)
-        texts = [text for at_s, _, text in vehicle.texts if at_s >= began_s]
+        texts = vehicle.texts_since(began_s)
         holds(
-            result != mavlink.MAV_RESULT_ACCEPTED and not vehicle.armed,
+            result != ACCEPTED and not vehicle.armed,
             "the vehicle armed outside of its fence",
         )
-        equal(result, vehicle.dialect.arm_refused, "result")
+        equal(result, vehicle.dialect.refusal, "result")
         holds(any("reach" in text for text in texts), f"expected a text about the breach, saw {texts}")
     return texts[0]
 
@@ -162,7 +169,7 @@ def refusal_has_a_reason(vehicle: VehicleUnderTest) -> str:
 @check("arming.sets_home", needs=[ARM], limit_s=200, source="AUTOPILOTS 1.11: home is re-set at every arming")
 def sets_home(vehicle: VehicleUnderTest) -> str:
     """After arming, home is within 5 m of the vehicle."""
-    known_behaviour(vehicle, ardupilot=True, px4=True)
+    vehicle.known(ardupilot=True, px4=True)
     flying.arm(vehicle)
     vehicle.wait(1.0)
     home = vehicle.request("HOME_POSITION")
@@ -205,10 +212,10 @@ def by_force(vehicle: VehicleUnderTest) -> str:
     """Forced arming and disarming (parameter 2 = 21196) are accepted."""
     flying.wait_ready(vehicle)
     vehicle.expect_accepted(ARM_COMMAND, 1, FORCE)
-    vehicle.wait_until(lambda: vehicle.armed, "armed in the heartbeat", flying.HEARTBEAT_LAG_S)
+    flying.wait_until_armed(vehicle)
     vehicle.expect_accepted(ARM_COMMAND, 0, FORCE)
-    vehicle.wait_until(lambda: not vehicle.armed, "disarmed in the heartbeat", flying.HEARTBEAT_LAG_S)
-    return "ACCEPTED"
+    flying.wait_until_disarmed(vehicle)
+    return ACCEPTED
 
 
 @check(
@@ -220,13 +227,13 @@ def by_force(vehicle: VehicleUnderTest) -> str:
 )
 def reboot_is_refused(vehicle: VehicleUnderTest) -> str:
     """An armed vehicle does not reboot."""
-    expected = known_behaviour(vehicle, ardupilot="FAILED", px4="DENIED")
+    expected = vehicle.known(ardupilot="FAILED", px4="DENIED")
     flying.arm(vehicle)
     result = vehicle.command(mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1)
     vehicle.wait(2.5)
     was_armed = vehicle.armed
     flying.disarm(vehicle)
-    equal(result_name(result), expected, "PREFLIGHT_REBOOT_SHUTDOWN")
+    equal(result, expected, "PREFLIGHT_REBOOT_SHUTDOWN")
     holds(was_armed, "the vehicle is no longer armed")
     return str(expected)
 
@@ -242,9 +249,9 @@ def reboot_is_refused(vehicle: VehicleUnderTest) -> str:
 def mission_start_disarmed(vehicle: VehicleUnderTest) -> str:
     """MISSION_START on a disarmed vehicle is accepted, and the vehicle stays disarmed."""
     flying.wait_ready(vehicle)
-    plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
+    plans.store_sample(vehicle)
     vehicle.expect_accepted(mavlink.MAV_CMD_MISSION_START)
-    vehicle.wait_until(flying.in_mode(vehicle, "mission"), "AUTO in the heartbeat", flying.HEARTBEAT_LAG_S)
+    flying.wait_for_mode(vehicle, "mission")
     vehicle.wait(3.0)
     holds(not vehicle.armed, "the vehicle armed")
     flying.set_ready_mode(vehicle)
@@ -256,6 +263,6 @@ def takeoff_disarmed(vehicle: VehicleUnderTest) -> str:
     """NAV_TAKEOFF on a disarmed vehicle is refused."""
     flying.wait_ready(vehicle)
     result = vehicle.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 10)
-    seen = f"{result_name(result)}, {'armed' if vehicle.armed else 'disarmed'}"
-    holds(result != mavlink.MAV_RESULT_ACCEPTED and not vehicle.armed, f"expected a refusal, saw {seen}")
-    return result_name(result)
+    seen = f"{result}, {'armed' if vehicle.armed else 'disarmed'}"
+    holds(result != ACCEPTED and not vehicle.armed, f"expected a refusal, saw {seen}")
+    return result

@@ -40,8 +40,7 @@ def advances(vehicle: VehicleUnderTest) -> str:
 def not_answered(vehicle: VehicleUnderTest) -> str:
     """The vehicle does not reply to a TIMESYNC answer (tc1 not 0)."""
     _ask_timesync(vehicle, 666_666)  # confirms that the vehicle answers
-    mark = vehicle.mark()
-    vehicle.send(mavlink.MAVLink_timesync_message(5_000_000_000, 777_777))
+    mark = vehicle.send(mavlink.MAVLink_timesync_message(5_000_000_000, 777_777))
     vehicle.expect_none("TIMESYNC", lambda m: m.ts1 == 777_777, during_s=1.5, mark=mark)
     return "no answer"
 

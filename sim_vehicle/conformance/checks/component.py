@@ -19,7 +19,7 @@ SCHEME = "mftp://"
 
 def _metadata(vehicle: VehicleUnderTest) -> tuple[int, str]:
     """Return checksum and URI of the general metadata file."""
-    _, crc, uri = frames.request_fields(vehicle, frames.COMPONENT_METADATA, METADATA)
+    _, crc, uri = vehicle.request_fields(frames.COMPONENT_METADATA, METADATA)
     return crc, uri.rstrip(b"\0").decode("ascii", "replace")
 
 

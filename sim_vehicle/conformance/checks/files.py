@@ -168,8 +168,7 @@ def repeated(vehicle: VehicleUnderTest) -> str:
     with _client(vehicle) as client:
         path, _ = _some_file(client)
         first = client.ask(ftp.OPEN_READ, path.encode())
-        mark = vehicle.mark()
-        vehicle.send(client.message(ftp.OPEN_READ, path.encode()))
+        mark = vehicle.send(client.message(ftp.OPEN_READ, path.encode()))
         again = client.reply(mark)
     holds(again is not None, "expected an answer, saw none")
     assert again is not None

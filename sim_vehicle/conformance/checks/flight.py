@@ -5,10 +5,10 @@ import math
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, plans
-from sim_vehicle.conformance.assertions import Skip, equal, holds, near, result_name
+from sim_vehicle.conformance.assertions import ACCEPTED, Skip, equal, holds, near, refused
 from sim_vehicle.conformance.guard import ARM
 from sim_vehicle.conformance.registry import check
-from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
+from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 NORTH_M = 40.0  # distance of a reposition to the north
 REPOSITION = mavlink.MAV_CMD_DO_REPOSITION
@@ -47,13 +47,12 @@ def status_active(vehicle: VehicleUnderTest) -> str:
 @check("flight.disarm_is_refused", airborne=True, limit_s=300, source="AUTOPILOTS 1.14: Disarm in flight")
 def disarm_refused(vehicle: VehicleUnderTest) -> str:
     """Disarming in flight without force is refused."""
-    if vehicle.dialect.disarm_refused is None:
+    if vehicle.dialect.refusal is None:
         raise Skip("the behaviour of this autopilot is unknown")
     result = vehicle.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0)
     vehicle.wait(1.5)
     holds(vehicle.armed, "the vehicle disarmed in flight")
-    equal(result_name(result), result_name(vehicle.dialect.disarm_refused), "disarming")
-    return result_name(result)
+    return equal(result, vehicle.dialect.refusal, "disarming")
 
 
 # -- holding ---------------------------------------------------------------------------------------------
@@ -69,7 +68,7 @@ def disarm_refused(vehicle: VehicleUnderTest) -> str:
 def hold_keeps(vehicle: VehicleUnderTest) -> str:
     """After 10 s in the hold mode, the position has changed by at most 2.5 m and the height by 1 m."""
     flying.set_mode(vehicle, "hold")
-    vehicle.wait_until(lambda: flying.speed_m_s(vehicle) < 0.5, "a standstill", MAX_STOP_S)
+    flying.wait_until_still(vehicle, MAX_STOP_S, 0.5)
     place, height_m = flying.last_position(vehicle), flying.height_m(vehicle)
     vehicle.wait(10.0)
     moved_m = flying.distance_to_m(vehicle, place)
@@ -121,7 +120,7 @@ def loiter_sinks(vehicle: VehicleUnderTest) -> str:
 def reposition_copter(vehicle: VehicleUnderTest) -> str:
     """DO_REPOSITION as COMMAND_INT moves the vehicle to a position and height."""
     target = plans.offset(flying.last_position(vehicle), NORTH_M, NORTH_M / 2)
-    equal(result_name(flying.reposition(vehicle, target, 25.0)), "ACCEPTED", "DO_REPOSITION")
+    flying.go_to(vehicle, target, 25.0)
     took_s = flying.wait_until_near(vehicle, target)
     vehicle.wait_until(lambda: abs(flying.height_m(vehicle) - 25.0) < 1.5, "a height of 25 m", 40)
     return f"{took_s:.0f} s for {NORTH_M:g} m"
@@ -131,7 +130,7 @@ def reposition_copter(vehicle: VehicleUnderTest) -> str:
 def reposition_plane(vehicle: VehicleUnderTest) -> str:
     """After DO_REPOSITION a plane arrives at the new position and stays within 300 m."""
     target = plans.offset(flying.last_position(vehicle), 400.0, 0.0)
-    equal(result_name(flying.reposition(vehicle, target, 60.0)), "ACCEPTED", "DO_REPOSITION")
+    flying.go_to(vehicle, target, 60.0)
     took_s = flying.wait_until_near(vehicle, target, 120.0, 150.0)
     vehicle.wait(20.0)
     away_m = flying.distance_to_m(vehicle, target)
@@ -142,12 +141,12 @@ def reposition_plane(vehicle: VehicleUnderTest) -> str:
 @check("flight.reposition.changes_mode", airborne=True, limit_s=300)
 def reposition_changes_mode(vehicle: VehicleUnderTest) -> str:
     """DO_REPOSITION takes a returning ArduPilot to GUIDED, and a returning PX4 to Hold."""
-    role = known_behaviour(vehicle, ardupilot="guided", px4="hold")
+    role = vehicle.known(ardupilot="guided", px4="hold")
     flying.set_mode(vehicle, "return")
     target = plans.offset(flying.last_position(vehicle), NORTH_M, 0.0)
-    seen = result_name(flying.reposition(vehicle, target, flying.height_m(vehicle)))
-    equal(seen, "ACCEPTED", "DO_REPOSITION")
-    took_s = vehicle.wait_until(flying.in_mode(vehicle, role), f"mode {role}", 5.0)
+    seen = flying.reposition(vehicle, target, flying.height_m(vehicle))
+    equal(seen, ACCEPTED, "DO_REPOSITION")
+    took_s = flying.wait_for_mode(vehicle, role, 5.0)
     return f"{role} after {took_s:.1f} s"
 
 
@@ -159,25 +158,21 @@ def reposition_changes_mode(vehicle: VehicleUnderTest) -> str:
 )
 def reposition_long(vehicle: VehicleUnderTest) -> str:
     """DO_REPOSITION as COMMAND_LONG is UNSUPPORTED on ArduPilot and accepted by PX4."""
-    expected = known_behaviour(vehicle, ardupilot="UNSUPPORTED", px4="ACCEPTED")
+    expected = vehicle.known(ardupilot="UNSUPPORTED", px4=ACCEPTED)
     lat, lon = plans.offset(flying.last_position(vehicle), 10, 0)
     amsl_m = flying.home_amsl_m(vehicle) + flying.height_m(vehicle)
-    seen = result_name(
-        vehicle.command(
-            REPOSITION, -1, flying.REPOSITION_CHANGES_MODE, 0, math.nan, lat / 1e7, lon / 1e7, amsl_m
-        )
+    seen = vehicle.command(
+        REPOSITION, -1, flying.REPOSITION_CHANGES_MODE, 0, math.nan, lat / 1e7, lon / 1e7, amsl_m
     )
-    equal(seen, expected, "COMMAND_LONG")
-    return seen
+    return equal(seen, expected, "COMMAND_LONG")
 
 
 @check("flight.reposition.impossible_place", airborne=True, dialects=("ardupilot",), limit_s=300)
 def reposition_impossible(vehicle: VehicleUnderTest) -> str:
     """DO_REPOSITION to a latitude of 95 degrees is refused."""
     place = flying.last_position(vehicle)
-    seen = result_name(flying.reposition(vehicle, (950_000_000, place[1]), 20.0))
-    holds(seen != "ACCEPTED", "expected a refusal, saw ACCEPTED")
-    return seen
+    seen = flying.reposition(vehicle, (950_000_000, place[1]), 20.0)
+    return refused(seen)
 
 
 @check("flight.speed.is_kept", airborne=True, kind="copter", limit_s=300)
@@ -185,7 +180,7 @@ def speed_kept(vehicle: VehicleUnderTest) -> str:
     """After DO_CHANGE_SPEED to 4 m/s the vehicle flies at that speed."""
     target = plans.offset(flying.last_position(vehicle), -90.0, 0.0)
     height_m = flying.height_m(vehicle)
-    equal(result_name(flying.reposition(vehicle, target, height_m)), "ACCEPTED", "DO_REPOSITION")
+    flying.go_to(vehicle, target, height_m)
     vehicle.expect_accepted(mavlink.MAV_CMD_DO_CHANGE_SPEED, 1, 4.0, -1)
     vehicle.wait(12.0)  # PX4's SIH reaches its speed slowly, against drag
     speeds = []
@@ -216,13 +211,12 @@ def yaw_turns(vehicle: VehicleUnderTest) -> str:
 @check("flight.pause", airborne=True, kind="copter", limit_s=300, source="AUTOPILOTS 2: pause/continue (193)")
 def pause(vehicle: VehicleUnderTest) -> str:
     """After an accepted DO_PAUSE_CONTINUE ArduPilot stands still; PX4 answers UNSUPPORTED."""
-    expected = known_behaviour(vehicle, ardupilot=None, px4="UNSUPPORTED")
-    seen = result_name(vehicle.command(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 0))
+    expected = vehicle.known(ardupilot=None, px4="UNSUPPORTED")
+    seen = vehicle.command(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 0)
     if expected is not None:
-        equal(seen, expected, "DO_PAUSE_CONTINUE")
-        return seen
-    if seen == "ACCEPTED":
-        vehicle.wait_until(lambda: flying.speed_m_s(vehicle) < 0.6, "a standstill", MAX_STOP_S)
+        return equal(seen, expected, "DO_PAUSE_CONTINUE")
+    if seen == ACCEPTED:
+        flying.wait_until_still(vehicle, MAX_STOP_S)
     return seen
 
 
@@ -236,9 +230,9 @@ def pause(vehicle: VehicleUnderTest) -> str:
 def empty_mission(vehicle: VehicleUnderTest) -> str:
     """AUTO with an empty mission is refused in the air; a plane accepts it and returns."""
     plans.upload_or_fail(vehicle, [])
-    expected = "ACCEPTED" if vehicle.identity.kind == "plane" else "FAILED"
-    seen = result_name(flying.try_mode(vehicle, "mission"))
+    expected = ACCEPTED if vehicle.identity.kind == "plane" else "FAILED"
+    seen = flying.try_mode(vehicle, "mission")
     equal(seen, expected, "AUTO")
-    if seen == "ACCEPTED":
-        vehicle.wait_until(flying.in_mode(vehicle, "return"), "RTL in the heartbeat", flying.HEARTBEAT_LAG_S)
+    if seen == ACCEPTED:
+        flying.wait_for_mode(vehicle, "return")
     return seen

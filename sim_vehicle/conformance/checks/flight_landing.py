@@ -3,7 +3,7 @@
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, plans
-from sim_vehicle.conformance.assertions import equal, holds, near, result_name
+from sim_vehicle.conformance.assertions import ACCEPTED, equal, holds, near
 from sim_vehicle.conformance.guard import ARM
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
@@ -26,14 +26,13 @@ def land_broken_off(vehicle: VehicleUnderTest) -> str:
 @check("flight.return.comes_home", airborne=True, kind="copter", limit_s=400)
 def return_home(vehicle: VehicleUnderTest) -> str:
     """After RETURN_TO_LAUNCH the vehicle lands within 5 m of home and disarms."""
-    home = vehicle.request("HOME_POSITION")
-    target = home.latitude, home.longitude
+    target = flying.home(vehicle)
     away = plans.offset(target, 30.0, 0.0)
     flying.reposition(vehicle, away, 20.0)
     flying.wait_until_near(vehicle, away, 60, 5)
     vehicle.expect_accepted(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)
-    vehicle.wait_until(flying.in_mode(vehicle, "return"), "the return mode", flying.HEARTBEAT_LAG_S)
-    took_s = vehicle.wait_until(lambda: not vehicle.armed, "landed and disarmed", 240)
+    flying.wait_for_mode(vehicle, "return")
+    took_s = flying.wait_until_landed(vehicle, 240)
     off_m = flying.distance_to_m(vehicle, target)
     holds(off_m < 5, f"expected a landing within 5 m of home, saw {off_m:.1f} m")
     return f"{off_m:.2f} m from home after {took_s:.0f} s"
@@ -42,8 +41,7 @@ def return_home(vehicle: VehicleUnderTest) -> str:
 @check("flight.return.circles_home", airborne=True, kind="plane", limit_s=400)
 def return_plane(vehicle: VehicleUnderTest) -> str:
     """After RETURN_TO_LAUNCH a plane flies home, and is within 400 m of home 10 s later."""
-    home = vehicle.request("HOME_POSITION")
-    target = home.latitude, home.longitude
+    target = flying.home(vehicle)
     vehicle.expect_accepted(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)
     took_s = flying.wait_until_near(vehicle, target, 200.0, 250.0)
     vehicle.wait(10.0)
@@ -57,7 +55,7 @@ def takeoff_height(vehicle: VehicleUnderTest) -> str:
     """After NAV_TAKEOFF the vehicle climbs to the given height and stays there."""
     flying.start_streams(vehicle)
     flying.arm(vehicle)
-    equal(result_name(vehicle.result(flying.takeoff_command(vehicle, 15.0))), "ACCEPTED", "NAV_TAKEOFF")
+    equal(vehicle.result(flying.takeoff_command(vehicle, 15.0)), ACCEPTED, "NAV_TAKEOFF")
     took_s = vehicle.wait_until(lambda: flying.height_m(vehicle) > 14.0, "a height of 14 m", 60)
     vehicle.wait(5.0)
     near(flying.height_m(vehicle), 15.0, 1.5, "height [m]")
@@ -69,7 +67,7 @@ def land_comes_down(vehicle: VehicleUnderTest) -> str:
     """After NAV_LAND the vehicle lands within 4 m and disarms, and landed_state is ON_GROUND."""
     place = flying.last_position(vehicle)
     vehicle.expect_accepted(mavlink.MAV_CMD_NAV_LAND)
-    took_s = vehicle.wait_until(lambda: not vehicle.armed, "landed and disarmed", 120)
+    took_s = flying.wait_until_landed(vehicle, 120)
     off_m = flying.distance_to_m(vehicle, place)
     holds(off_m < 4, f"expected a landing within 4 m, saw {off_m:.1f} m")
     near(flying.height_m(vehicle), 0.0, 2.0, "height [m]")

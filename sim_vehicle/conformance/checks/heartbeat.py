@@ -4,9 +4,9 @@ from itertools import pairwise
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.conformance.assertions import CheckFailed, Skip, equal, holds
+from sim_vehicle.conformance.assertions import CheckFailed, Skip, equal, holds, within
 from sim_vehicle.conformance.flying import mode_name
-from sim_vehicle.conformance.registry import check
+from sim_vehicle.conformance.registry import check, checks
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.station.frames import ReceivedFrame
 
@@ -15,14 +15,27 @@ MAX_LOST_SHARE = 0.05  # share of frames that a real link may lose
 
 
 def _heartbeats(vehicle: VehicleUnderTest, seconds: float = LISTEN_S) -> list[ReceivedFrame]:
+    return [e for e in _own(vehicle, _frames(vehicle, seconds)) if e.kind == "HEARTBEAT"]
+
+
+def _own(vehicle: VehicleUnderTest, frames: list[ReceivedFrame]) -> list[ReceivedFrame]:
+    """Return the frames of the autopilot itself."""
+    return [entry for entry in frames if entry.component == vehicle.identity.component]
+
+
+def _frames(vehicle: VehicleUnderTest, seconds: float, least: int = 0) -> list[ReceivedFrame]:
+    """Return the frames of some seconds; raise CheckFailed for fewer than `least`: silence must not pass."""
     mark = vehicle.wait(seconds)
-    component = vehicle.identity.component
-    return [e for e in vehicle.received[mark:] if e.kind == "HEARTBEAT" and e.component == component]
+    found = vehicle.received[mark:]
+    holds(len(found) >= least, f"expected at least {least} frames, saw {len(found)}")
+    return found
 
 
-def _require_count(seen: int, least: int) -> None:
-    """Raise CheckFailed for fewer than `least` frames, because a silent vehicle must not pass."""
-    holds(seen >= least, f"expected at least {least} frames, saw {seen}")
+def _name(enum: str, number: int) -> str:
+    """Return the name of a number in the heartbeat; raise CheckFailed if it has none."""
+    entry = mavlink.enums[enum].get(number)
+    holds(entry is not None, f"expected a {enum}, saw {number}")
+    return str(entry.name)
 
 
 @check("heartbeat.arrives")
@@ -37,93 +50,79 @@ def once_a_second(vehicle: VehicleUnderTest) -> str:
     """The mean rate is 1 Hz."""
     beats = _heartbeats(vehicle)
     rate_hz = (len(beats) - 1) / (beats[-1].at_s - beats[0].at_s) if len(beats) > 1 else 0.0
-    holds(0.8 <= rate_hz <= 1.25, f"expected 0.8 to 1.25 Hz, saw {rate_hz:.2f} Hz")
-    return f"{rate_hz:.2f} Hz"
+    return f"{within(rate_hz, 0.8, 1.25, 'rate [Hz]'):.2f} Hz"
 
 
 @check("heartbeat.no_gaps")
 def no_gaps(vehicle: VehicleUnderTest) -> str:
     """The gap between two heartbeats is less than 2 s."""
-    beats = _heartbeats(vehicle)
-    gaps = [b.at_s - a.at_s for a, b in pairwise(beats)]
-    holds(bool(gaps) and max(gaps) < 2.0, f"expected gaps below 2 s, saw {max(gaps, default=LISTEN_S):.2f} s")
-    return f"longest gap {max(gaps):.2f} s"
+    gap_s = max((b.at_s - a.at_s for a, b in pairwise(_heartbeats(vehicle))), default=LISTEN_S)
+    holds(gap_s < 2.0, f"expected gaps below 2 s, saw {gap_s:.2f} s")
+    return f"longest gap {gap_s:.2f} s"
 
 
-@check("heartbeat.ids_in_range")
-def ids_in_range(vehicle: VehicleUnderTest) -> str:
-    """A vehicle's system id is 1 to 254, an autopilot's component id is 1."""
+# -- fields of a heartbeat on the ground -----------------------------------------------------------------
+
+
+def _ids(vehicle: VehicleUnderTest) -> str:
     sysid, component = vehicle.target
-    holds(1 <= sysid <= 254, f"expected a system id of 1 to 254, saw {sysid}")
+    within(sysid, 1, 254, "system id")
     equal(component, mavlink.MAV_COMP_ID_AUTOPILOT1, "component id")
     return f"{sysid}, {component}"
 
 
-@check("heartbeat.says_protocol_version")
-def says_protocol_version(vehicle: VehicleUnderTest) -> str:
-    """mavlink_version is 3."""
-    equal(vehicle.expect("HEARTBEAT", within_s=3).mavlink_version, 3, "mavlink_version")
-    return "3"
+def _type(vehicle: VehicleUnderTest) -> str:
+    name = _name("MAV_TYPE", vehicle.heartbeat.type)
+    holds(name not in ("MAV_TYPE_GCS", "MAV_TYPE_GIMBAL"), f"expected the type of a vehicle, saw {name}")
+    return name
 
 
-@check("heartbeat.type_is_a_vehicle")
-def type_is_a_vehicle(vehicle: VehicleUnderTest) -> str:
-    """The type is a known MAV_TYPE, and neither GCS nor GIMBAL."""
-    kind = vehicle.heartbeat.type
-    entry = mavlink.enums["MAV_TYPE"].get(kind)
-    holds(entry is not None, f"expected a MAV_TYPE, saw {kind}")
-    is_vehicle = kind not in (mavlink.MAV_TYPE_GCS, mavlink.MAV_TYPE_GIMBAL)
-    holds(is_vehicle, f"expected the type of a vehicle, saw {entry.name}")
-    return str(entry.name)
-
-
-@check("heartbeat.autopilot_is_known")
-def autopilot_is_known(vehicle: VehicleUnderTest) -> str:
-    """The autopilot is a known MAV_AUTOPILOT."""
-    entry = mavlink.enums["MAV_AUTOPILOT"].get(vehicle.heartbeat.autopilot)
-    holds(entry is not None, f"expected a MAV_AUTOPILOT, saw {vehicle.heartbeat.autopilot}")
-    return str(entry.name)
-
-
-@check("heartbeat.custom_mode_flag")
-def custom_mode_flag(vehicle: VehicleUnderTest) -> str:
-    """base_mode has the flag for custom modes."""
+def _custom_mode_flag(vehicle: VehicleUnderTest) -> str:
     flags = vehicle.heartbeat.base_mode
-    holds(
-        flags & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, f"base_mode {flags:#04x} lacks CUSTOM_MODE_ENABLED"
-    )
+    has_flag = flags & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+    holds(has_flag, f"base_mode {flags:#04x} lacks CUSTOM_MODE_ENABLED")
     return f"base_mode {flags:#04x}"
 
 
-@check("heartbeat.mode_is_known", source="AUTOPILOTS 1.5")
-def mode_is_known(vehicle: VehicleUnderTest) -> str:
-    """custom_mode is in the range of this autopilot's mode numbers."""
-    number = vehicle.mode
+def _mode(vehicle: VehicleUnderTest) -> str:
     if not vehicle.dialect.modes:
         raise Skip("the modes of this autopilot are not known")
     if vehicle.dialect.name == "px4":
-        equal(number & 0xFFFF, 0, "the low half of custom_mode")
-        holds(1 <= (number >> 16 & 0xFF) <= 10, f"expected a main mode of 1 to 10, saw {number >> 16 & 0xFF}")
+        equal(vehicle.mode & 0xFFFF, 0, "the low half of custom_mode")
+        within(vehicle.mode >> 16 & 0xFF, 1, 10, "main mode")
     else:
-        holds(0 <= number <= 40, f"expected a mode number of 0 to 40, saw {number}")
-    return mode_name(vehicle, number)
+        within(vehicle.mode, 0, 40, "mode number")
+    return mode_name(vehicle, vehicle.mode)
 
 
-@check("heartbeat.disarmed_on_the_ground")
-def disarmed_on_the_ground(vehicle: VehicleUnderTest) -> str:
-    """The armed flag is clear before arming."""
+def _disarmed(vehicle: VehicleUnderTest) -> str:
     holds(not vehicle.armed, "the vehicle is armed")
     return "disarmed"
 
 
-@check("heartbeat.system_status", source="AUTOPILOTS 1.13")
-def system_status(vehicle: VehicleUnderTest) -> str:
-    """Before arming, system_status is a known MAV_STATE, and not ACTIVE."""
-    status = vehicle.heartbeat.system_status
-    entry = mavlink.enums["MAV_STATE"].get(status)
-    holds(entry is not None, f"expected a MAV_STATE, saw {status}")
-    holds(status != mavlink.MAV_STATE_ACTIVE, "saw ACTIVE on a disarmed vehicle")
-    return str(entry.name)
+def _system_status(vehicle: VehicleUnderTest) -> str:
+    name = _name("MAV_STATE", vehicle.heartbeat.system_status)
+    holds(name != "MAV_STATE_ACTIVE", "saw ACTIVE on a disarmed vehicle")
+    return name
+
+
+checks("heartbeat", (
+    ("ids_in_range", "A vehicle's system id is 1 to 254, an autopilot's component id is 1.", _ids),
+    ("says_protocol_version", "mavlink_version is 3.",
+     lambda v: str(equal(v.expect("HEARTBEAT", within_s=3).mavlink_version, 3, "mavlink_version"))),
+    ("type_is_a_vehicle", "The type is a known MAV_TYPE, and neither GCS nor GIMBAL.", _type),
+    ("autopilot_is_known", "The autopilot is a known MAV_AUTOPILOT.",
+     lambda v: _name("MAV_AUTOPILOT", v.heartbeat.autopilot)),
+    ("custom_mode_flag", "base_mode has the flag for custom modes.", _custom_mode_flag),
+    ("mode_is_known", "custom_mode is in the range of this autopilot's mode numbers.", _mode,
+     "AUTOPILOTS 1.5"),
+    ("disarmed_on_the_ground", "The armed flag is clear before arming.", _disarmed),
+    ("system_status", "Before arming, system_status is a known MAV_STATE, and not ACTIVE.",
+     _system_status, "AUTOPILOTS 1.13"),
+))  # fmt: skip
+
+
+# -- framing ---------------------------------------------------------------------------------------------
 
 
 @check("heartbeat.goes_on_without_a_station", limit_s=30)
@@ -138,25 +137,20 @@ def goes_on_without_a_station(vehicle: VehicleUnderTest) -> str:
 @check("heartbeat.frames_are_mavlink2")
 def frames_are_mavlink2(vehicle: VehicleUnderTest) -> str:
     """The vehicle sends only MAVLink 2 frames to a station that sends MAVLink 2."""
-    mark = vehicle.wait(3.0)
-    _require_count(len(vehicle.received) - mark, 2)
-    old = [e.kind for e in vehicle.received[mark:] if e.raw[0] != 0xFD]
-    holds(not old, f"saw MAVLink 1 frames: {', '.join(sorted(set(old)))}")
-    return f"{len(vehicle.received) - mark} frames"
+    frames = _frames(vehicle, 3.0, 2)
+    old = sorted({entry.kind for entry in frames if entry.raw[0] != 0xFD})
+    holds(not old, f"saw MAVLink 1 frames: {', '.join(old)}")
+    return f"{len(frames)} frames"
 
 
 @check("heartbeat.sequence_numbers_count")
 def sequence_numbers_count(vehicle: VehicleUnderTest) -> str:
     """Sequence numbers of the autopilot increase by one; at most 5 % of the numbers are missing."""
     with vehicle.streaming({"ATTITUDE": 10.0}):
-        mark = vehicle.wait(4.0)
-    frames = [e for e in vehicle.received[mark:] if e.component == vehicle.identity.component]
-    _require_count(len(frames), 20)
+        frames = _own(vehicle, _frames(vehicle, 4.0, 20))
     missing = sum((b.seq - a.seq - 1) % 256 for a, b in pairwise(frames))
-    holds(
-        missing <= MAX_LOST_SHARE * (len(frames) + missing),
-        f"{missing} of {len(frames) + missing} sequence numbers are missing",
-    )
+    total = len(frames) + missing
+    holds(missing <= MAX_LOST_SHARE * total, f"{missing} of {total} sequence numbers are missing")
     return f"{len(frames)} frames, {missing} missing"
 
 
@@ -164,13 +158,12 @@ def sequence_numbers_count(vehicle: VehicleUnderTest) -> str:
 def payloads_are_trimmed(vehicle: VehicleUnderTest) -> str:
     """MAVLink 2 payloads have no trailing zeros, as the specification demands."""
     with vehicle.streaming({"ATTITUDE": 5.0, "SYS_STATUS": 5.0}):
-        mark = vehicle.wait(2.0)
-    frames = [entry for entry in vehicle.received[mark:] if entry.raw[0] == 0xFD]
-    _require_count(len(frames), 8)
+        frames = [e for e in _frames(vehicle, 2.0, 8) if e.raw[0] == 0xFD]
     for entry in frames:
-        payload = entry.payload
-        if len(payload) > 1 and payload[-1] == 0:
-            raise CheckFailed(f"the payload of {entry.kind} has {len(payload)} bytes, and the last is 0")
+        if len(entry.payload) > 1 and entry.payload[-1] == 0:
+            raise CheckFailed(
+                f"the payload of {entry.kind} has {len(entry.payload)} bytes, and the last is 0"
+            )
     return f"{len(frames)} frames"
 
 
@@ -178,7 +171,6 @@ def payloads_are_trimmed(vehicle: VehicleUnderTest) -> str:
 def nothing_but_mavlink(vehicle: VehicleUnderTest) -> str:
     """Between boots the link carries only frames."""
     vehicle.wait(3.0)
-    holds(
-        not vehicle.noise, f"saw {len(vehicle.noise)} bytes outside of frames: {bytes(vehicle.noise[:20])!r}"
-    )
+    noise = bytes(vehicle.noise)
+    holds(not noise, f"saw {len(noise)} bytes outside of frames: {noise[:20]!r}")
     return "no other bytes"

@@ -6,7 +6,7 @@ from sim_vehicle.conformance import logclient
 from sim_vehicle.conformance.assertions import Skip, equal, holds
 from sim_vehicle.conformance.guard import ALTER
 from sim_vehicle.conformance.registry import check
-from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
+from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 PART_BYTES = 900  # size of the part of a log that is read twice
 ERASE_S = 30.0  # longest time for erasing all logs
@@ -39,7 +39,7 @@ def consistent(vehicle: VehicleUnderTest) -> str:
 @check("logs.begins_with_its_format")
 def begins(vehicle: VehicleUnderTest) -> str:
     """A log has the header of a DataFlash log (ArduPilot) or a ULog (PX4)."""
-    head = known_behaviour(vehicle, ardupilot=DATAFLASH_HEAD, px4=ULOG_HEAD)
+    head = vehicle.known(ardupilot=DATAFLASH_HEAD, px4=ULOG_HEAD)
     entry = logclient.newest(vehicle)
     seen = logclient.data(vehicle, entry.id, 0, 90)
     logclient.end_transfer(vehicle)
@@ -74,8 +74,7 @@ def end_of_log(vehicle: VehicleUnderTest) -> str:
 def unknown_id(vehicle: VehicleUnderTest) -> str:
     """A request for a missing log brings no data."""
     logclient.entries(vehicle)  # PX4 sends data only after a list request
-    mark = vehicle.mark()
-    vehicle.send(mavlink.MAVLink_log_request_data_message(*vehicle.target, 60_000, 0, 500))
+    mark = vehicle.send(mavlink.MAVLink_log_request_data_message(*vehicle.target, 60_000, 0, 500))
     vehicle.wait(2.0)
     logclient.end_transfer(vehicle)
     received = [m for m in vehicle.since(mark, "LOG_DATA") if m.count]
@@ -90,8 +89,7 @@ def download_ends(vehicle: VehicleUnderTest) -> str:
     if entry is None or entry.size <= BYTES_IN_FLIGHT:
         logclient.end_transfer(vehicle)
         raise Skip(f"the vehicle holds no log of more than {BYTES_IN_FLIGHT // 1000} kB")
-    mark = vehicle.mark()
-    vehicle.send(mavlink.MAVLink_log_request_data_message(*vehicle.target, entry.id, 0, 0xFFFFFFFF))
+    mark = vehicle.send(mavlink.MAVLink_log_request_data_message(*vehicle.target, entry.id, 0, 0xFFFFFFFF))
     try:
         vehicle.expect("LOG_DATA", lambda m: m.id == entry.id and m.count, within_s=3.0, mark=mark)
     finally:

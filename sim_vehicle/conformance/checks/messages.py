@@ -1,13 +1,23 @@
 """Messages on request, intervals and data streams."""
 
-from collections.abc import Callable
+from functools import partial
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying
-from sim_vehicle.conformance.assertions import CheckFailed, Skip, equal, holds, id_of, near, result_name
-from sim_vehicle.conformance.registry import check
-from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
+from sim_vehicle.conformance.assertions import (
+    ACCEPTED,
+    CheckFailed,
+    Skip,
+    equal,
+    holds,
+    id_of,
+    near,
+    refused,
+    within,
+)
+from sim_vehicle.conformance.registry import CheckFunction, check
+from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 NOT_A_MESSAGE = 16_777_000  # an unused message id
 REQUESTED = (
@@ -15,27 +25,30 @@ REQUESTED = (
     "VFR_HUD", "BATTERY_STATUS", "EXTENDED_SYS_STATE", "HOME_POSITION",
 )  # fmt: skip
 REQUESTED_OF_ARDUPILOT = (
-    "AHRS",
-    "AHRS2",
-    "HWSTATUS",
-    "MEMINFO",
-    "MISSION_ITEM_REACHED",
-    "POWER_STATUS",
-    "VIBRATION",
-)
+    "AHRS", "AHRS2", "HWSTATUS", "MEMINFO", "MISSION_ITEM_REACHED", "POWER_STATUS", "VIBRATION",
+)  # fmt: skip
 WITHOUT_DATA = "CAMERA_FEEDBACK"  # needs a camera
+REQUEST, SET_INTERVAL = mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
+
+# -- on request ------------------------------------------------------------------------------------------
 
 
-def _request_check(kind: str) -> Callable[[VehicleUnderTest], str]:
+def _require(vehicle: VehicleUnderTest, kind: str) -> None:
+    """Request a message; raise CheckFailed if the vehicle refuses."""
+    try:
+        vehicle.request(kind)
+    except Skip as refusal:
+        raise CheckFailed(f"expected {kind} on request: {refusal}") from refusal
+
+
+def _request_check(kind: str) -> CheckFunction:
     def run(vehicle: VehicleUnderTest) -> str:
         flying.wait_ready(vehicle)
-        try:
+        # The known autopilots send all messages of `REQUESTED`, but HOME_POSITION only with a home.
+        if vehicle.dialect.known and kind != "HOME_POSITION":
+            _require(vehicle, kind)
+        else:
             vehicle.request(kind)
-        except Skip as refusal:
-            # The known autopilots send all messages of `REQUESTED`, but HOME_POSITION only with a home.
-            if not vehicle.dialect.known or kind == "HOME_POSITION":
-                raise
-            raise CheckFailed(f"expected {kind} on request: {refusal}") from refusal
         return kind
 
     run.__doc__ = f"The vehicle sends {kind} on request; PX4 denies a repeated request without news."
@@ -56,35 +69,29 @@ for _kind in REQUESTED:
 )
 def request_mission_current(vehicle: VehicleUnderTest) -> str:
     """ArduPilot sends MISSION_CURRENT on request; PX4 answers DENIED and sends it once a second."""
-    expected = known_behaviour(vehicle, ardupilot="ACCEPTED", px4="DENIED")
+    expected = vehicle.known(ardupilot=ACCEPTED, px4="DENIED")
     mark = vehicle.mark()
-    result = vehicle.command(mavlink.MAV_CMD_REQUEST_MESSAGE, id_of("MISSION_CURRENT"))
-    equal(result_name(result), expected, "REQUEST_MESSAGE")
+    result = equal(vehicle.command(REQUEST, id_of("MISSION_CURRENT")), expected, "REQUEST_MESSAGE")
     vehicle.expect("MISSION_CURRENT", within_s=3.0, mark=mark)
-    return result_name(result)
+    return result
 
 
 @check("messages.request.of_ardupilot")
 def of_ardupilot(vehicle: VehicleUnderTest) -> str:
     """ArduPilot sends, on request, further messages that ground stations show."""
-    for kind in known_behaviour(vehicle, ardupilot=REQUESTED_OF_ARDUPILOT):
-        try:
-            vehicle.request(kind)
-        except Skip as refusal:
-            raise CheckFailed(f"expected {kind} on request: {refusal}") from refusal
+    for kind in vehicle.known(ardupilot=REQUESTED_OF_ARDUPILOT):
+        _require(vehicle, kind)
     return ", ".join(REQUESTED_OF_ARDUPILOT)
 
 
 @check("messages.request.without_data")
 def without_data(vehicle: VehicleUnderTest) -> str:
     """ArduPilot accepts a request for a message that it knows and has no data for, and sends nothing."""
-    expected = known_behaviour(vehicle, ardupilot=mavlink.MAV_RESULT_ACCEPTED)
-    mark = vehicle.mark()
-    result = vehicle.command(mavlink.MAV_CMD_REQUEST_MESSAGE, id_of(WITHOUT_DATA))
-    equal(result_name(result), result_name(expected), f"answer to a request for {WITHOUT_DATA}")
+    expected, mark = vehicle.known(ardupilot=ACCEPTED), vehicle.mark()
+    equal(vehicle.command(REQUEST, id_of(WITHOUT_DATA)), expected, f"request for {WITHOUT_DATA}")
     vehicle.wait(1.0)
     equal(len(vehicle.since(mark, WITHOUT_DATA)), 0, WITHOUT_DATA)
-    return result_name(result)
+    return str(expected)
 
 
 @check("messages.request.sends_one")
@@ -102,23 +109,26 @@ def sends_one(vehicle: VehicleUnderTest) -> str:
 @check("messages.request.unknown_is_refused")
 def unknown_is_refused(vehicle: VehicleUnderTest) -> str:
     """A request for an unknown message is refused."""
-    result = vehicle.command(mavlink.MAV_CMD_REQUEST_MESSAGE, NOT_A_MESSAGE)
-    holds(result != mavlink.MAV_RESULT_ACCEPTED, "expected a refusal, saw ACCEPTED")
-    return result_name(result)
+    return refused(vehicle.command(REQUEST, NOT_A_MESSAGE))
 
 
-def _rate_hz(vehicle: VehicleUnderTest, kind: str, rate_hz: float, seconds: float) -> float:
+# -- intervals -------------------------------------------------------------------------------------------
+
+
+def _rate_hz(vehicle: VehicleUnderTest, kind: str, seconds: float) -> float:
+    return len(vehicle.since(vehicle.wait(seconds), kind)) / seconds
+
+
+def _requested_rate_hz(vehicle: VehicleUnderTest, kind: str, rate_hz: float, seconds: float) -> float:
     with vehicle.streaming({kind: rate_hz}):
         vehicle.wait(1.0)
-        mark = vehicle.wait(seconds)
-        return len(vehicle.since(mark, kind)) / seconds
+        return _rate_hz(vehicle, kind, seconds)
 
 
-def _rate_check(rate_hz: float, seconds: float) -> Callable[[VehicleUnderTest], str]:
+def _rate_check(rate_hz: float, seconds: float) -> CheckFunction:
     def run(vehicle: VehicleUnderTest) -> str:
-        seen_hz = _rate_hz(vehicle, "ATTITUDE", rate_hz, seconds)
-        near(seen_hz, rate_hz, max(0.2 * rate_hz, 1 / seconds), "messages a second")
-        return f"{seen_hz:.2f} Hz"
+        seen_hz = _requested_rate_hz(vehicle, "ATTITUDE", rate_hz, seconds)
+        return f"{near(seen_hz, rate_hz, max(0.2 * rate_hz, 1 / seconds), 'messages a second'):.2f} Hz"
 
     run.__doc__ = f"SET_MESSAGE_INTERVAL for {rate_hz:g} Hz gives that rate within 20 %."
     return run
@@ -133,7 +143,7 @@ def stops(vehicle: VehicleUnderTest) -> str:
     """An interval of -1 stops the stream."""
     with vehicle.streaming({"ATTITUDE": 5.0}):
         vehicle.expect("ATTITUDE")
-        equal(result_name(vehicle.set_interval("ATTITUDE", -1)), "ACCEPTED", "stopping")
+        equal(vehicle.set_interval("ATTITUDE", -1), ACCEPTED, "stopping")
         vehicle.wait(0.5)
         vehicle.expect_none("ATTITUDE", during_s=2.0)
     return "none in 2 s"
@@ -144,29 +154,33 @@ def default(vehicle: VehicleUnderTest) -> str:
     """An interval of 0 restores the default rate."""
     if vehicle.dialect.streams_unrequested is None:
         raise Skip("the default rates of this autopilot are not known")
-    default_hz = len(vehicle.since(vehicle.wait(3.0), "ATTITUDE")) / 3.0
+    default_hz = _rate_hz(vehicle, "ATTITUDE", 3.0)
     other_hz = 10.0 if default_hz < 5.0 else 2.0
-    seen_hz = _rate_hz(vehicle, "ATTITUDE", other_hz, 3.0)
+    seen_hz = _requested_rate_hz(vehicle, "ATTITUDE", other_hz, 3.0)
     near(seen_hz, other_hz, max(0.3 * other_hz, 0.7), "messages a second at the requested rate")
     vehicle.wait(0.5)
-    after_hz = len(vehicle.since(vehicle.wait(3.0), "ATTITUDE")) / 3.0
+    after_hz = _rate_hz(vehicle, "ATTITUDE", 3.0)
     near(after_hz, default_hz, max(0.3 * default_hz, 0.7), "messages a second afterwards")
-    if vehicle.dialect.streams_unrequested:
-        holds(after_hz > 0, "expected the default stream, saw none")
+    holds(after_hz > 0 or not vehicle.dialect.streams_unrequested, "expected the default stream, saw none")
     return f"{default_hz:.1f} Hz, {seen_hz:.1f} Hz, {after_hz:.1f} Hz"
+
+
+def _reported_interval_us(vehicle: VehicleUnderTest, kind: str) -> int:
+    """Return the answer to GET_MESSAGE_INTERVAL; raise Skip if the vehicle refuses."""
+    mark = vehicle.mark()
+    result = vehicle.command(mavlink.MAV_CMD_GET_MESSAGE_INTERVAL, id_of(kind))
+    if result != ACCEPTED:
+        raise Skip(f"the vehicle answers GET_MESSAGE_INTERVAL with {result}")
+    answer = vehicle.expect("MESSAGE_INTERVAL", lambda m: m.message_id == id_of(kind), mark=mark)
+    return int(answer.interval_us)
 
 
 @check("messages.interval.is_reported")
 def interval_reported(vehicle: VehicleUnderTest) -> str:
     """GET_MESSAGE_INTERVAL reports the requested interval."""
     with vehicle.streaming({"VFR_HUD": 4.0}):
-        mark = vehicle.mark()
-        result = vehicle.command(mavlink.MAV_CMD_GET_MESSAGE_INTERVAL, id_of("VFR_HUD"))
-        if result != mavlink.MAV_RESULT_ACCEPTED:
-            raise Skip(f"the vehicle answers GET_MESSAGE_INTERVAL with {result_name(result)}")
-        answer = vehicle.expect("MESSAGE_INTERVAL", lambda m: m.message_id == id_of("VFR_HUD"), mark=mark)
-        near(answer.interval_us, 250_000, 25_000, "interval_us")
-    return f"{answer.interval_us} us"
+        seen_us = _reported_interval_us(vehicle, "VFR_HUD")
+        return f"{near(seen_us, 250_000, 25_000, 'interval_us')} us"
 
 
 @check("messages.interval.reported_when_stopped")
@@ -174,23 +188,13 @@ def stopped_interval_reported(vehicle: VehicleUnderTest) -> str:
     """GET_MESSAGE_INTERVAL of a stopped message reports -1 or 0."""
     with vehicle.streaming({"VFR_HUD": 4.0}):
         vehicle.set_interval("VFR_HUD", -1)
-        mark = vehicle.mark()
-        if (
-            vehicle.command(mavlink.MAV_CMD_GET_MESSAGE_INTERVAL, id_of("VFR_HUD"))
-            != mavlink.MAV_RESULT_ACCEPTED
-        ):
-            raise Skip("the vehicle does not accept GET_MESSAGE_INTERVAL")
-        answer = vehicle.expect("MESSAGE_INTERVAL", lambda m: m.message_id == id_of("VFR_HUD"), mark=mark)
-        holds(answer.interval_us <= 0, f"expected -1 or 0, saw {answer.interval_us}")
-    return f"{answer.interval_us}"
+        return str(within(_reported_interval_us(vehicle, "VFR_HUD"), -1, 0, "interval_us"))
 
 
 @check("messages.interval.unknown_is_refused")
 def unknown_interval(vehicle: VehicleUnderTest) -> str:
     """An interval for an unknown message is refused."""
-    result = vehicle.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, NOT_A_MESSAGE, 1e6)
-    holds(result != mavlink.MAV_RESULT_ACCEPTED, "expected a refusal, saw ACCEPTED")
-    return result_name(result)
+    return refused(vehicle.command(SET_INTERVAL, NOT_A_MESSAGE, 1e6))
 
 
 @check("messages.interval.other_rates_are_kept")
@@ -208,55 +212,62 @@ def intervals_are_independent(vehicle: VehicleUnderTest) -> str:
 @check("messages.interval.by_command_int")
 def by_command_int(vehicle: VehicleUnderTest) -> str:
     """SET_MESSAGE_INTERVAL works as COMMAND_INT."""
-    command = vehicle.command_int(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, id_of("ATTITUDE"), 2e5)
     try:
-        equal(result_name(vehicle.result(command)), "ACCEPTED", "COMMAND_INT")
+        result = vehicle.result(vehicle.command_int(SET_INTERVAL, id_of("ATTITUDE"), 2e5))
+        equal(result, ACCEPTED, "COMMAND_INT")
         vehicle.expect("ATTITUDE")
     finally:
         with vehicle.extra_time():
             vehicle.set_interval("ATTITUDE", 0)
-    return "ACCEPTED"
+    return result
 
 
 # -- data streams ----------------------------------------------------------------------------------------
 
+_ardupilot_check = partial(check, dialects=("ardupilot",))
 
-def _request_streams(vehicle: VehicleUnderTest, stream: int, rate_hz: int, start: int) -> None:
+
+def _request_streams(vehicle: VehicleUnderTest, stream: int, rate_hz: int) -> None:
+    """Send REQUEST_DATA_STREAM; a rate of 0 stops the stream."""
+    start = int(rate_hz > 0)
     vehicle.send(mavlink.MAVLink_request_data_stream_message(*vehicle.target, stream, rate_hz, start))
 
 
-@check(
-    "messages.streams.position", dialects=("ardupilot",), source="AUTOPILOTS 1.1: REQUEST_DATA_STREAM works"
-)
-def stream_position(vehicle: VehicleUnderTest) -> str:
-    """REQUEST_DATA_STREAM of the position brings GLOBAL_POSITION_INT at the rate, within 25 %."""
-    _request_streams(vehicle, mavlink.MAV_DATA_STREAM_POSITION, 4, 1)
-    vehicle.wait(1.0)
-    mark = vehicle.wait(4.0)
-    _request_streams(vehicle, mavlink.MAV_DATA_STREAM_POSITION, 0, 0)
-    seen_hz = len(vehicle.since(mark, "GLOBAL_POSITION_INT")) / 4.0
-    near(seen_hz, 4.0, 1.0, "GLOBAL_POSITION_INT a second")
-    return f"{seen_hz:.1f} Hz"
-
-
-@check("messages.streams.all", dialects=("ardupilot",), source="AUTOPILOTS 1.1: id 0, 4 Hz")
-def stream_all(vehicle: VehicleUnderTest) -> str:
-    """Stream id 0 at 4 Hz brings position, attitude, SYS_STATUS, VFR_HUD and GPS_RAW_INT."""
-    _request_streams(vehicle, mavlink.MAV_DATA_STREAM_ALL, 4, 1)
-    mark = vehicle.wait(3.0)
-    _request_streams(vehicle, mavlink.MAV_DATA_STREAM_ALL, 0, 0)
+def _count_kinds(vehicle: VehicleUnderTest, mark: int, *expected: str) -> str:
+    """Return the number of kinds since a mark; raise CheckFailed if an expected kind is missing."""
     seen = {entry.kind for entry in vehicle.received[mark:]}
-    missing = {"GLOBAL_POSITION_INT", "ATTITUDE", "SYS_STATUS", "VFR_HUD", "GPS_RAW_INT"} - seen
+    missing = set(expected) - seen
     holds(not missing, f"missing: {', '.join(sorted(missing))}")
     return f"{len(seen)} kinds of message"
 
 
-@check("messages.streams.stop", dialects=("ardupilot",))
+@_ardupilot_check("messages.streams.position", source="AUTOPILOTS 1.1: REQUEST_DATA_STREAM works")
+def stream_position(vehicle: VehicleUnderTest) -> str:
+    """REQUEST_DATA_STREAM of the position brings GLOBAL_POSITION_INT at the rate, within 25 %."""
+    _request_streams(vehicle, mavlink.MAV_DATA_STREAM_POSITION, 4)
+    vehicle.wait(1.0)
+    seen_hz = _rate_hz(vehicle, "GLOBAL_POSITION_INT", 4.0)
+    _request_streams(vehicle, mavlink.MAV_DATA_STREAM_POSITION, 0)
+    return f"{near(seen_hz, 4.0, 1.0, 'GLOBAL_POSITION_INT a second'):.1f} Hz"
+
+
+@_ardupilot_check("messages.streams.all", source="AUTOPILOTS 1.1: id 0, 4 Hz")
+def stream_all(vehicle: VehicleUnderTest) -> str:
+    """Stream id 0 at 4 Hz brings position, attitude, SYS_STATUS, VFR_HUD and GPS_RAW_INT."""
+    _request_streams(vehicle, mavlink.MAV_DATA_STREAM_ALL, 4)
+    mark = vehicle.wait(3.0)
+    _request_streams(vehicle, mavlink.MAV_DATA_STREAM_ALL, 0)
+    return _count_kinds(
+        vehicle, mark, "GLOBAL_POSITION_INT", "ATTITUDE", "SYS_STATUS", "VFR_HUD", "GPS_RAW_INT"
+    )
+
+
+@_ardupilot_check("messages.streams.stop")
 def stream_stop(vehicle: VehicleUnderTest) -> str:
     """REQUEST_DATA_STREAM with start_stop 0 ends a stream."""
-    _request_streams(vehicle, mavlink.MAV_DATA_STREAM_EXTRA1, 5, 1)
+    _request_streams(vehicle, mavlink.MAV_DATA_STREAM_EXTRA1, 5)
     vehicle.expect("ATTITUDE")
-    _request_streams(vehicle, mavlink.MAV_DATA_STREAM_EXTRA1, 0, 0)
+    _request_streams(vehicle, mavlink.MAV_DATA_STREAM_EXTRA1, 0)
     vehicle.wait(0.5)
     vehicle.expect_none("ATTITUDE", during_s=2.0)
     return "none in 2 s"
@@ -269,8 +280,4 @@ def stream_stop(vehicle: VehicleUnderTest) -> str:
 )
 def default_streams(vehicle: VehicleUnderTest) -> str:
     """PX4 streams attitude, position and SYS_STATUS without a request."""
-    mark = vehicle.wait(4.0)
-    seen = {entry.kind for entry in vehicle.received[mark:]}
-    missing = {"ATTITUDE", "GLOBAL_POSITION_INT", "SYS_STATUS"} - seen
-    holds(not missing, f"missing: {', '.join(sorted(missing))}")
-    return f"{len(seen)} kinds of message"
+    return _count_kinds(vehicle, vehicle.wait(4.0), "ATTITUDE", "GLOBAL_POSITION_INT", "SYS_STATUS")

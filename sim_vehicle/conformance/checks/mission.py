@@ -1,16 +1,36 @@
 """Mission upload, download and clearing."""
 
+from typing import Any
+
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.conformance import plans
-from sim_vehicle.conformance.assertions import equal, holds, mission_result_name, near
+from sim_vehicle.conformance import flying, plans
+from sim_vehicle.conformance.assertions import (
+    ACCEPTED,
+    equal,
+    holds,
+    mission_result_name,
+    near,
+    refused,
+    within,
+)
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.traffic import SECOND_STATION
-from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
+from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.station.frames import STATION
 from sim_vehicle.station.plan_items import MISSION
 
 N_MANY_ITEMS = 100
+AGREE_M = 3.0  # a position in floating point is within this distance
+
+
+def _upload_sample(vehicle: VehicleUnderTest) -> plans.UploadResult:
+    return plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
+
+
+def _expect_empty(vehicle: VehicleUnderTest) -> int:
+    """Return the number of items, at most home; raise CheckFailed if others are stored."""
+    return int(within(plans.count(vehicle), 0, int(vehicle.dialect.home_item), "stored items"))
 
 
 # -- upload ----------------------------------------------------------------------------------------------
@@ -19,7 +39,7 @@ N_MANY_ITEMS = 100
 @check("mission.upload.is_accepted", limit_s=200)
 def is_accepted(vehicle: VehicleUnderTest) -> str:
     """A small mission is accepted."""
-    done = plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
+    done = _upload_sample(vehicle)
     return f"{len(done.requests)} requests in {done.took_s:.2f} s"
 
 
@@ -37,31 +57,35 @@ def requests_in_order(vehicle: VehicleUnderTest) -> str:
 @check("mission.upload.kind_of_request", source="AUTOPILOTS 2: requests")
 def kind_of_request(vehicle: VehicleUnderTest) -> str:
     """ArduPilot requests items with MISSION_REQUEST, PX4 with MISSION_REQUEST_INT after its first request."""
-    later = known_behaviour(vehicle, ardupilot="MISSION_REQUEST", px4="MISSION_REQUEST_INT")
-    kinds = [kind for kind, _ in plans.upload_or_fail(vehicle, plans.sample_plan(vehicle)).requests]
-    holds(kinds[0] in ("MISSION_REQUEST", later), f"the first request is {kinds[0]}")
-    equal(set(kinds[1:]), {later}, "the later requests")
-    return f"{kinds[0]}, then {later}"
+    later = vehicle.known(ardupilot="MISSION_REQUEST", px4="MISSION_REQUEST_INT")
+    first, *others = (kind for kind, _ in _upload_sample(vehicle).requests)
+    holds(first in ("MISSION_REQUEST", later), f"the first request is {first}")
+    equal(set(others), {later}, "the later requests")
+    return f"{first}, then {later}"
 
 
 @check("mission.upload.ack_is_addressed")
 def ack_is_addressed(vehicle: VehicleUnderTest) -> str:
     """The acknowledgement has the station's system id and the mission type."""
-    ack = plans.upload_or_fail(vehicle, plans.sample_plan(vehicle)).ack
+    ack = _upload_sample(vehicle).ack
     equal((ack.target_system, ack.mission_type), (STATION[0], MISSION), "target and mission_type")
     return f"to {ack.target_system}"
+
+
+def _expect_near(items: list[Any], back: list[Any], degrees: float) -> None:
+    """Compare the positions of items read back, in units of 1 / `degrees`, apart from item 0."""
+    for seen, sent in zip(back[1:], items[1:], strict=True):
+        off_m = plans.distance_m((round(seen.x * degrees), round(seen.y * degrees)), (sent.x, sent.y))
+        holds(off_m < AGREE_M, f"item {seen.seq}: expected less than {AGREE_M:g} m off, saw {off_m:.1f} m")
 
 
 @check("mission.upload.legacy_items", source="AUTOPILOTS 2: legacy float items also taken")
 def legacy_items(vehicle: VehicleUnderTest) -> str:
     """An upload with MISSION_ITEM (floats) is accepted, and read back within 3 m."""
     items = plans.sample_plan(vehicle)
-    done = plans.upload(vehicle, items, as_float=True)
-    equal(mission_result_name(done.result), "ACCEPTED", "upload")
-    for seen, sent in zip(plans.download(vehicle)[1:], items[1:], strict=True):
-        off_m = plans.distance_m((seen.x, seen.y), (sent.x, sent.y))
-        holds(off_m < 3, f"item {seen.seq}: expected less than 3 m off, saw {off_m:.1f} m")
-    return "ACCEPTED"
+    result = equal(plans.upload(vehicle, items, as_float=True).result, ACCEPTED, "upload")
+    _expect_near(items, plans.download(vehicle), 1)
+    return result
 
 
 @check("mission.upload.one_item")
@@ -69,8 +93,7 @@ def one_item(vehicle: VehicleUnderTest) -> str:
     """A mission of one take-off is accepted, and the vehicle reports its item count."""
     items = plans.plan(vehicle, plans.takeoff(plans.current_position(vehicle)))
     plans.upload_or_fail(vehicle, items)
-    equal(plans.count(vehicle), len(items), "items")
-    return f"{len(items)} items"
+    return f"{equal(plans.count(vehicle), len(items), 'items')} items"
 
 
 @check("mission.upload.many_items", limit_s=180)
@@ -78,29 +101,25 @@ def many_items(vehicle: VehicleUnderTest) -> str:
     """A mission of 100 items is accepted, and its commands and positions are read back exactly."""
     items = plans.sample_plan(vehicle, N_MANY_ITEMS, 30.0)
     done = plans.upload_or_fail(vehicle, items)
-    equal(plans.coordinates(vehicle, plans.download(vehicle)), plans.coordinates(vehicle, items), "items")
+    plans.expect_stored(vehicle, items)
     return f"{len(items)} items in {done.took_s:.2f} s"
 
 
 @check("mission.upload.replaces")
 def replaces(vehicle: VehicleUnderTest) -> str:
     """A shorter mission replaces a longer mission."""
-    plans.upload_or_fail(vehicle, plans.sample_plan(vehicle, 8))
-    items = plans.sample_plan(vehicle, 3)
-    plans.upload_or_fail(vehicle, items)
-    equal(plans.coordinates(vehicle, plans.download(vehicle)), plans.coordinates(vehicle, items), "items")
-    return f"{len(items)} items"
+    plans.store_sample(vehicle, 8)
+    return f"{len(plans.store(vehicle, plans.sample_plan(vehicle, 3)))} items"
 
 
 @check("mission.upload.no_items")
 def zero_items(vehicle: VehicleUnderTest) -> str:
     """MISSION_COUNT 0 is accepted and leaves at most home."""
-    plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
+    plans.store_sample(vehicle)
     done = plans.upload_or_fail(vehicle, [])
     equal(done.requests, (), "requests")
-    n_items = plans.count(vehicle)
-    holds(n_items <= int(vehicle.dialect.home_item), f"{n_items} items are stored")
-    return "ACCEPTED"
+    _expect_empty(vehicle)
+    return done.result
 
 
 @check("mission.upload.is_announced_twice")
@@ -109,9 +128,8 @@ def announced_twice(vehicle: VehicleUnderTest) -> str:
     items = plans.sample_plan(vehicle)
     vehicle.send(plans.count_message(vehicle, len(items)))
     vehicle.wait(0.1)
-    equal(mission_result_name(plans.upload(vehicle, items).result), "ACCEPTED", "upload")
-    equal(plans.coordinates(vehicle, plans.download(vehicle)), plans.coordinates(vehicle, items), "items")
-    return "ACCEPTED"
+    plans.store(vehicle, items)
+    return ACCEPTED
 
 
 # -- download --------------------------------------------------------------------------------------------
@@ -120,19 +138,15 @@ def announced_twice(vehicle: VehicleUnderTest) -> str:
 @check("mission.download.counts_what_was_sent", source="AUTOPILOTS 2: count")
 def counts(vehicle: VehicleUnderTest) -> str:
     """MISSION_COUNT is the number of uploaded items (ArduPilot: with home)."""
-    items = plans.sample_plan(vehicle)
-    plans.upload_or_fail(vehicle, items)
-    equal(plans.count(vehicle), len(items), "MISSION_COUNT")
-    return str(len(items))
+    n_items = len(plans.store_sample(vehicle))
+    return str(equal(plans.count(vehicle), n_items, "MISSION_COUNT"))
 
 
 @check("mission.download.places_are_exact")
 def places_are_exact(vehicle: VehicleUnderTest) -> str:
     """Commands, latitudes and longitudes are read back exactly, altitudes to the centimetre."""
     items = plans.sample_plan(vehicle)
-    plans.upload_or_fail(vehicle, items)
-    back = plans.download(vehicle)
-    equal(plans.coordinates(vehicle, back), plans.coordinates(vehicle, items), "items")
+    back = plans.store(vehicle, items)
     for seen, sent in zip(back[1:], items[1:], strict=True):
         near(seen.z, sent.z, 0.011, f"z of item {seen.seq}")
     return f"{len(back)} items"
@@ -141,40 +155,35 @@ def places_are_exact(vehicle: VehicleUnderTest) -> str:
 @check("mission.download.is_numbered")
 def is_numbered(vehicle: VehicleUnderTest) -> str:
     """Each item has its sequence number, the mission type and the station's system id."""
-    plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
+    plans.store_sample(vehicle)
     back = plans.download(vehicle)
     equal([item.seq for item in back], list(range(len(back))), "seq")
-    equal(
-        {(item.target_system, item.mission_type) for item in back}, {(STATION[0], MISSION)}, "target and type"
-    )
+    addresses = {(item.target_system, item.mission_type) for item in back}
+    equal(addresses, {(STATION[0], MISSION)}, "target and type")
     return f"0 to {len(back) - 1}"
 
 
 @check("mission.download.legacy_request")
 def legacy_request(vehicle: VehicleUnderTest) -> str:
     """MISSION_REQUEST is answered by MISSION_ITEM (floats), within 3 m of the uploaded position."""
-    known_behaviour(vehicle, ardupilot=True, px4=True)
-    items = plans.sample_plan(vehicle)
-    plans.upload_or_fail(vehicle, items)
-    for seen, sent in zip(plans.download(vehicle, as_float=True)[1:], items[1:], strict=True):
-        away_m = plans.distance_m((round(seen.x * 1e7), round(seen.y * 1e7)), (sent.x, sent.y))
-        holds(away_m < 3, f"item {seen.seq}: expected less than 3 m off, saw {away_m:.1f} m")
+    vehicle.known(ardupilot=True, px4=True)
+    items = plans.store_sample(vehicle)
+    _expect_near(items, plans.download(vehicle, as_float=True), 1e7)
     return "MISSION_ITEM"
 
 
 @check("mission.download.same_twice")
 def same_twice(vehicle: VehicleUnderTest) -> str:
     """Two downloads give the same items, apart from item 0."""
-    plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
+    plans.store_sample(vehicle)
     first, second = ([item.to_dict() for item in plans.download(vehicle)[1:]] for _ in range(2))
-    equal(second, first, "items")
-    return f"{len(first) + 1} items"
+    return f"{len(equal(second, first, 'items')) + 1} items"
 
 
 @check("mission.download.item_asked_twice")
 def item_requested_again(vehicle: VehicleUnderTest) -> str:
     """The vehicle sends an item at each request."""
-    plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
+    plans.store_sample(vehicle)
     plans.open_list(vehicle)
     ask = mavlink.MAVLink_mission_request_int_message(*vehicle.target, 0, MISSION)
     for _ in range(3):
@@ -186,55 +195,45 @@ def item_requested_again(vehicle: VehicleUnderTest) -> str:
 @check("mission.download.by_second_station")
 def by_second_station(vehicle: VehicleUnderTest) -> str:
     """A second station reads the same mission."""
-    items = plans.sample_plan(vehicle)
-    plans.upload_or_fail(vehicle, items)
-    back = plans.download(vehicle, source=SECOND_STATION)
-    equal(plans.coordinates(vehicle, back), plans.coordinates(vehicle, items), "items")
-    return f"{len(back)} items"
+    items = plans.store_sample(vehicle)
+    return f"{len(plans.expect_stored(vehicle, items, source=SECOND_STATION))} items"
 
 
 @check("mission.download.item_zero", source="AUTOPILOTS 2: item 0 is home")
 def item_zero(vehicle: VehicleUnderTest) -> str:
     """Item 0 is home on ArduPilot, even after the upload of another item 0, and an ordinary item on PX4."""
-    is_home = known_behaviour(vehicle, ardupilot=True, px4=False)
+    is_home = vehicle.known(ardupilot=True, px4=False)
     place = plans.current_position(vehicle)
     sent = plans.waypoint(place, 500, 500, 33.0)
-    rest = (plans.takeoff(place), plans.waypoint(place, 30, 0))
-    plans.upload_or_fail(vehicle, [sent, *rest])
+    plans.upload_or_fail(vehicle, [sent, plans.takeoff(place), plans.waypoint(place, 30, 0)])
     first = plans.download(vehicle)[0]
-    if is_home:
-        home = vehicle.request("HOME_POSITION")
-        away_m = plans.distance_m((first.x, first.y), (home.latitude, home.longitude))
-        holds(away_m < 1, f"expected home, saw a position {away_m:.0f} m from home")
-    else:
+    if not is_home:
         equal((first.x, first.y), (sent.x, sent.y), "item 0")
-    return "home" if is_home else "as sent"
+        return "as sent"
+    away_m = plans.distance_m((first.x, first.y), flying.home(vehicle))
+    holds(away_m < 1, f"expected home, saw a position {away_m:.0f} m from home")
+    return "home"
 
 
 @check("mission.download.beyond_the_end")
 def beyond_the_end(vehicle: VehicleUnderTest) -> str:
     """A request for a missing item is refused with an acknowledgement."""
-    plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
-    total, mark = plans.open_list(vehicle), vehicle.mark()
-    vehicle.send(mavlink.MAVLink_mission_request_int_message(*vehicle.target, total + 5, MISSION))
-    ack = vehicle.expect("MISSION_ACK", plans.for_station(MISSION), mark=mark)
+    plans.store_sample(vehicle)
+    beyond = plans.open_list(vehicle) + 5
+    mark = vehicle.send(mavlink.MAVLink_mission_request_int_message(*vehicle.target, beyond, MISSION))
+    result = plans.next_result(vehicle, mark)
     plans.end_download(vehicle)
-    holds(ack.type != mavlink.MAV_MISSION_ACCEPTED, "expected a refusal, saw ACCEPTED")
     equal(vehicle.since(mark, "MISSION_ITEM_INT"), [], "MISSION_ITEM_INT")
-    return mission_result_name(ack.type)
+    return refused(result)
 
 
 @check("mission.download.another_vehicles")
 def ignores_list_for_other_system(vehicle: VehicleUnderTest) -> str:
     """The vehicle does not answer a mission request to another system."""
-    plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
+    plans.store_sample(vehicle)
     plans.count(vehicle)  # confirms that the vehicle answers
-    mark = vehicle.mark()
-    vehicle.send(
-        mavlink.MAVLink_mission_request_list_message(
-            vehicle.unused_sysid(), vehicle.identity.component, MISSION
-        )
-    )
+    target = vehicle.unused_sysid(), vehicle.identity.component
+    mark = vehicle.send(mavlink.MAVLink_mission_request_list_message(*target, MISSION))
     vehicle.expect_none("MISSION_COUNT", during_s=1.5, mark=mark)
     return "no answer"
 
@@ -245,32 +244,26 @@ def ignores_list_for_other_system(vehicle: VehicleUnderTest) -> str:
 @check("mission.clear.empties")
 def empties(vehicle: VehicleUnderTest) -> str:
     """MISSION_CLEAR_ALL is accepted and leaves at most home."""
-    plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
-    equal(mission_result_name(plans.clear(vehicle)), "ACCEPTED", "MISSION_CLEAR_ALL")
-    n_items = plans.count(vehicle)
-    holds(n_items <= int(vehicle.dialect.home_item), f"{n_items} items are stored")
-    return f"{n_items} items stored"
+    plans.store_sample(vehicle)
+    equal(plans.clear(vehicle), ACCEPTED, "MISSION_CLEAR_ALL")
+    return f"{_expect_empty(vehicle)} items stored"
 
 
 @check("mission.clear.when_empty")
 def when_empty(vehicle: VehicleUnderTest) -> str:
     """The vehicle accepts the clearing of an empty mission."""
-    for _ in range(2):
-        equal(mission_result_name(plans.clear(vehicle)), "ACCEPTED", "MISSION_CLEAR_ALL")
-    return "ACCEPTED"
+    plans.clear(vehicle)
+    return equal(plans.clear(vehicle), ACCEPTED, "MISSION_CLEAR_ALL")
 
 
 @check("mission.clear.all_types", source="AUTOPILOTS 2: types 2 / 3 / 255")
 def clear_all_types(vehicle: VehicleUnderTest) -> str:
     """MISSION_CLEAR_ALL of type 255 clears the mission on PX4, and is UNSUPPORTED on ArduPilot."""
-    clears = known_behaviour(vehicle, ardupilot=False, px4=True)
-    items = plans.sample_plan(vehicle)
-    plans.upload_or_fail(vehicle, items)
-    message = plans.clear_message(vehicle, mavlink.MAV_MISSION_TYPE_ALL)
-    ack = vehicle.ask(message, "MISSION_ACK")
-    equal(mission_result_name(ack.type), "ACCEPTED" if clears else "UNSUPPORTED", "MISSION_CLEAR_ALL of 255")
-    equal(plans.count(vehicle), 0 if clears else len(items), "stored items")
-    return mission_result_name(ack.type)
+    expected, clears = vehicle.known(ardupilot=("UNSUPPORTED", False), px4=(ACCEPTED, True))
+    n_items = len(plans.store_sample(vehicle))
+    ack = vehicle.ask(plans.clear_message(vehicle, mavlink.MAV_MISSION_TYPE_ALL), "MISSION_ACK")
+    equal(plans.count(vehicle), 0 if clears else n_items, "stored items")
+    return equal(mission_result_name(ack.type), expected, "MISSION_CLEAR_ALL of 255")
 
 
 @check(
@@ -279,10 +272,9 @@ def clear_all_types(vehicle: VehicleUnderTest) -> str:
 )
 def other_component(vehicle: VehicleUnderTest) -> str:
     """A mission request to component 77 is answered by ArduPilot and ignored by PX4."""
-    executes = known_behaviour(vehicle, ardupilot=True, px4=False)
-    plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
-    mark = vehicle.mark()
-    vehicle.send(mavlink.MAVLink_mission_request_list_message(vehicle.identity.sysid, 77, MISSION))
+    executes = vehicle.known(ardupilot=True, px4=False)
+    plans.store_sample(vehicle)
+    mark = vehicle.send(mavlink.MAVLink_mission_request_list_message(vehicle.identity.sysid, 77, MISSION))
     equal(vehicle.wait_for("MISSION_COUNT", mark=mark) is not None, executes, "answered")
     plans.end_download(vehicle)
     return "answered" if executes else "ignored"
@@ -291,13 +283,11 @@ def other_component(vehicle: VehicleUnderTest) -> str:
 @check("mission.type.plan_of_no_kind", source="AUTOPILOTS 2: types 2 / 3 / 255")
 def plan_of_type_3(vehicle: VehicleUnderTest) -> str:
     """A list request of type 3 is UNSUPPORTED on ArduPilot, and has count 0 on PX4."""
-    known_behaviour(vehicle, ardupilot=True, px4=True)
-    mark = vehicle.mark()
-    vehicle.send(plans.request_list(vehicle, 3))
-    if vehicle.dialect.name == "ardupilot":
-        ack = vehicle.expect("MISSION_ACK", mark=mark)
-        equal(mission_result_name(ack.type), "UNSUPPORTED", "type 3")
-        return "UNSUPPORTED"
+    refuses = vehicle.known(ardupilot=True, px4=False)
+    mark = vehicle.send(plans.request_list(vehicle, 3))
+    if refuses:
+        result = mission_result_name(vehicle.expect("MISSION_ACK", mark=mark).type)
+        return equal(result, "UNSUPPORTED", "type 3")
     equal(vehicle.expect("MISSION_COUNT", mark=mark).count, 0, "count")
     plans.end_download(vehicle, 3)
     return "count 0"

@@ -5,13 +5,14 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.conformance import plans
-from sim_vehicle.conformance.assertions import CheckFailed, equal, holds, result_name
+from sim_vehicle.conformance import flying, plans
+from sim_vehicle.conformance.assertions import ACCEPTED, equal, holds, within
 from sim_vehicle.conformance.registry import check
-from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
+from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 CHECKED_S = 2.0  # longest time until PX4 has checked a new mission
 NO_MISSION_TOTAL = 65_535
+SET_CURRENT = mavlink.MAV_CMD_DO_SET_MISSION_CURRENT
 
 
 def _current(vehicle: VehicleUnderTest) -> Any:
@@ -26,19 +27,17 @@ def _has_been_current(vehicle: VehicleUnderTest, mark: int, seq: int) -> bool:
 @check("mission.current.total", source="AUTOPILOTS 2: MISSION_CURRENT.total does not include home")
 def current_total(vehicle: VehicleUnderTest) -> str:
     """MISSION_CURRENT.total is the number of items without home; an unknown autopilot may report 0."""
-    items = plans.sample_plan(vehicle)
-    plans.upload_or_fail(vehicle, items)
+    n_items = len(plans.store_sample(vehicle)) - int(vehicle.dialect.home_item)
     total = _current(vehicle).total
     if not vehicle.dialect.known and total == 0:
         return "not reported"
-    equal(total, len(items) - int(vehicle.dialect.home_item), "total")
-    return str(total)
+    return str(equal(total, n_items, "total"))
 
 
 @check("mission.current.total_of_nothing", source="AUTOPILOTS 2: total 65535 with no mission")
 def total_of_nothing(vehicle: VehicleUnderTest) -> str:
     """Without a mission, total is 65535 on PX4 and 0 or 65535 on ArduPilot."""
-    allowed = known_behaviour(vehicle, ardupilot={0, NO_MISSION_TOTAL}, px4={NO_MISSION_TOTAL})
+    allowed = vehicle.known(ardupilot={0, NO_MISSION_TOTAL}, px4={NO_MISSION_TOTAL})
     plans.clear(vehicle)
     vehicle.wait(1.0)
     total = _current(vehicle).total
@@ -49,15 +48,14 @@ def total_of_nothing(vehicle: VehicleUnderTest) -> str:
 @check("mission.current.state", source="AUTOPILOTS 2: mission_state is 0 always (PX4)")
 def current_state(vehicle: VehicleUnderTest) -> str:
     """An upload changes mission_state from NO_MISSION to NOT_STARTED or COMPLETE; PX4 always reports 0."""
-    empty, waiting = known_behaviour(vehicle, ardupilot=(1, 2), px4=(0, 0))
+    empty, stored = vehicle.known(ardupilot=(1, (2, mavlink.MISSION_STATE_COMPLETE)), px4=(0, (0,)))
     plans.clear(vehicle)
     vehicle.wait(0.5)
     equal(_current(vehicle).mission_state, empty, "mission_state with no mission")
-    plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
+    plans.store_sample(vehicle)
     vehicle.wait(0.5)
     state = _current(vehicle).mission_state
-    allowed = (waiting, mavlink.MISSION_STATE_COMPLETE) if vehicle.dialect.name == "ardupilot" else (waiting,)
-    holds(state in allowed, f"mission_state: expected one of {allowed}, saw {state}")
+    holds(state in stored, f"mission_state: expected one of {stored}, saw {state}")
     return f"{empty}, {state}"
 
 
@@ -68,11 +66,10 @@ def current_state(vehicle: VehicleUnderTest) -> str:
 )
 def set_by_message(vehicle: VehicleUnderTest) -> str:
     """MISSION_SET_CURRENT makes an item current, and MISSION_CURRENT reports this item."""
-    plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
+    plans.store_sample(vehicle)
     vehicle.wait(CHECKED_S)
     for seq in (2, 1):
-        mark = vehicle.mark()
-        vehicle.send(mavlink.MAVLink_mission_set_current_message(*vehicle.target, seq))
+        mark = flying.set_current(vehicle, seq)
         vehicle.wait_until(partial(_has_been_current, vehicle, mark, seq), f"MISSION_CURRENT {seq}", 3.0)
     return "2, then 1"
 
@@ -80,24 +77,20 @@ def set_by_message(vehicle: VehicleUnderTest) -> str:
 @check("mission.current.beyond_the_end")
 def set_beyond_the_end(vehicle: VehicleUnderTest) -> str:
     """MISSION_SET_CURRENT of a missing item does not make it current."""
-    items = plans.sample_plan(vehicle)
-    plans.upload_or_fail(vehicle, items)
-    vehicle.send(mavlink.MAVLink_mission_set_current_message(*vehicle.target, len(items) + 10))
+    n_items = len(plans.store_sample(vehicle))
+    flying.set_current(vehicle, n_items + 10)
     vehicle.wait(1.5)
-    seq = _current(vehicle).seq
-    holds(seq < len(items), f"current item: expected less than {len(items)}, saw {seq}")
-    return f"seq {seq}"
+    return f"seq {within(_current(vehicle).seq, 0, n_items - 1, 'current item')}"
 
 
 @check("mission.current.set_by_command", source="AUTOPILOTS 2: DO_SET_MISSION_CURRENT (224)")
 def set_by_command(vehicle: VehicleUnderTest) -> str:
     """DO_SET_MISSION_CURRENT is accepted by ArduPilot as LONG and INT, and UNSUPPORTED on PX4."""
-    expected = known_behaviour(vehicle, ardupilot="ACCEPTED", px4="UNSUPPORTED")
-    plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
-    command = mavlink.MAV_CMD_DO_SET_MISSION_CURRENT
-    equal(result_name(vehicle.command(command, 2)), expected, "COMMAND_LONG")
-    equal(result_name(vehicle.result(vehicle.command_int(command, 3))), expected, "COMMAND_INT")
-    if expected == "ACCEPTED":
+    expected = vehicle.known(ardupilot=ACCEPTED, px4="UNSUPPORTED")
+    plans.store_sample(vehicle)
+    equal(vehicle.command(SET_CURRENT, 2), expected, "COMMAND_LONG")
+    equal(vehicle.result(vehicle.command_int(SET_CURRENT, 3)), expected, "COMMAND_INT")
+    if expected == ACCEPTED:
         equal(_current(vehicle).seq, 3, "seq")
     return str(expected)
 
@@ -109,11 +102,8 @@ def set_by_command(vehicle: VehicleUnderTest) -> str:
 )
 def command_beyond_the_end(vehicle: VehicleUnderTest) -> str:
     """DO_SET_MISSION_CURRENT of a missing item is DENIED."""
-    items = plans.sample_plan(vehicle)
-    plans.upload_or_fail(vehicle, items)
-    result = vehicle.command(mavlink.MAV_CMD_DO_SET_MISSION_CURRENT, len(items) + 10)
-    equal(result_name(result), "DENIED", "DO_SET_MISSION_CURRENT")
-    return "DENIED"
+    beyond = len(plans.store_sample(vehicle)) + 10
+    return equal(vehicle.command(SET_CURRENT, beyond), "DENIED", "DO_SET_MISSION_CURRENT")
 
 
 @check(
@@ -121,9 +111,6 @@ def command_beyond_the_end(vehicle: VehicleUnderTest) -> str:
 )
 def command_restart(vehicle: VehicleUnderTest) -> str:
     """DO_SET_MISSION_CURRENT 0 is accepted, and item 0 or 1 becomes current."""
-    plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
-    equal(result_name(vehicle.command(mavlink.MAV_CMD_DO_SET_MISSION_CURRENT, 0)), "ACCEPTED", "index 0")
-    seq = _current(vehicle).seq
-    if seq > 1:
-        raise CheckFailed(f"current item: expected 0 or 1, saw {seq}")
-    return f"seq {seq}"
+    plans.store_sample(vehicle)
+    vehicle.expect_accepted(SET_CURRENT, 0)
+    return f"seq {within(_current(vehicle).seq, 0, 1, 'current item')}"

@@ -5,12 +5,12 @@ from functools import partial
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, missions, parameters, plans
-from sim_vehicle.conformance.assertions import Skip, equal, holds, near, result_name
+from sim_vehicle.conformance.assertions import Skip, equal, holds, near
 from sim_vehicle.conformance.checks.fence import fence_in_force, polygon
 from sim_vehicle.conformance.guard import ARM
 from sim_vehicle.conformance.plans import FENCE
 from sim_vehicle.conformance.registry import check
-from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
+from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.station.plan_items import PlanItem
 
 FLY_S = 300.0  # time limit of a check
@@ -71,7 +71,7 @@ def counts_upwards(vehicle: VehicleUnderTest) -> str:
 )
 def state_is_active(vehicle: VehicleUnderTest) -> str:
     """During a mission, mission_state is ACTIVE on ArduPilot and 0 on PX4."""
-    expected = known_behaviour(vehicle, ardupilot=mavlink.MISSION_STATE_ACTIVE, px4=0)
+    expected = vehicle.known(ardupilot=mavlink.MISSION_STATE_ACTIVE, px4=0)
     missions.under_way(vehicle)
     vehicle.wait(1.0)
     equal(vehicle.last["MISSION_CURRENT"].message.mission_state, expected, "mission_state")
@@ -97,7 +97,7 @@ def after_landing(vehicle: VehicleUnderTest) -> str:
         ),
     )
     missions.start(vehicle)
-    vehicle.wait_until(lambda: not vehicle.armed, "landed and disarmed", 200)
+    flying.wait_until_landed(vehicle, 200)
     vehicle.wait(2.0)
     message = vehicle.request("MISSION_CURRENT")
     seen = message.seq, message.mission_state
@@ -123,9 +123,9 @@ def without_takeoff(vehicle: VehicleUnderTest) -> str:
     )
     flying.arm(vehicle)
     began_s = vehicle.now
-    seen = result_name(flying.try_mode(vehicle, "mission"))
+    seen = flying.try_mode(vehicle, "mission")
     vehicle.wait(0.5)
-    texts = [text for at_s, _, text in vehicle.texts if at_s >= began_s]
+    texts = vehicle.texts_since(began_s)
     flying.disarm(vehicle)
     equal(seen, "FAILED", "AUTO")
     holds(any("Missing Takeoff" in text for text in texts), f"expected 'Missing Takeoff Cmd', saw {texts}")
@@ -216,14 +216,14 @@ def fence_breach(vehicle: VehicleUnderTest) -> str:
     with fence_in_force(vehicle, fence):
         missions.start(vehicle)
         began_s = vehicle.now
-        vehicle.wait_until(flying.in_mode(vehicle, "return"), "the return mode", 120)
+        flying.wait_for_mode(vehicle, "return", 120)
         out_m = flying.distance_to_m(vehicle, place)
         vehicle.wait(1.0)
-        texts = [text for at_s, _, text in vehicle.texts if at_s >= began_s]
+        texts = vehicle.texts_since(began_s)
         holds(any("breached" in text for text in texts), f"expected '... fence breached', saw {texts[-4:]}")
         near(out_m, 60.0, 25.0, "distance from the start [m]")
         flying.set_mode(vehicle, "land")
-        vehicle.wait_until(lambda: not vehicle.armed, "landed and disarmed", 120)
+        flying.wait_until_landed(vehicle, 120)
     return f"RTL at {out_m:.0f} m"
 
 
@@ -235,8 +235,7 @@ def _is_near(vehicle: VehicleUnderTest, target: tuple[int, int], near_m: float) 
 def plane_flies_every_item(vehicle: VehicleUnderTest) -> str:
     """A plane passes the waypoints of a mission in order and continues to fly."""
     flying.ensure_airborne(vehicle)
-    home = vehicle.request("HOME_POSITION")
-    place = home.latitude, home.longitude
+    place = flying.home(vehicle)
     corners = ((400.0, 0.0), (400.0, 400.0), (0.0, 400.0))
     targets = [plans.offset(place, n, e) for n, e in corners]
     items = plans.plan(
@@ -244,7 +243,7 @@ def plane_flies_every_item(vehicle: VehicleUnderTest) -> str:
     )
     plans.upload_or_fail(vehicle, items)
     begin = missions.first_waypoint(vehicle)
-    vehicle.send(mavlink.MAVLink_mission_set_current_message(*vehicle.target, begin))
+    flying.set_current(vehicle, begin)
     flying.set_mode(vehicle, "mission")
     for target in targets:
         vehicle.wait_until(partial(_is_near, vehicle, target, 120.0), "less than 120 m to the waypoint", 150)

@@ -5,10 +5,9 @@ from dataclasses import replace
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, missions, plans
-from sim_vehicle.conformance.assertions import equal, holds, mission_result_name, near, result_name
+from sim_vehicle.conformance.assertions import ACCEPTED, equal, holds, near
 from sim_vehicle.conformance.registry import check
-from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
-from sim_vehicle.station.plan_items import MISSION
+from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 FLY_S = 300.0  # time limit of a check
 PASS_M = 4.0  # a waypoint within this distance counts as reached
@@ -21,7 +20,7 @@ def jump_by_message(vehicle: VehicleUnderTest) -> str:
     """MISSION_SET_CURRENT in flight sends the vehicle back to the previous waypoint."""
     seq = missions.under_way(vehicle)
     item = plans.download(vehicle)[seq - 1]
-    vehicle.send(mavlink.MAVLink_mission_set_current_message(*vehicle.target, seq - 1))
+    flying.set_current(vehicle, seq - 1)
     vehicle.wait_until(lambda: missions.current(vehicle) == seq - 1, f"item {seq - 1} to be current", 5.0)
     took_s = vehicle.wait_until(
         lambda: flying.distance_to_m(vehicle, (item.x, item.y)) < PASS_M, "arrival at the waypoint", 60
@@ -57,7 +56,7 @@ def pause_and_go_on(vehicle: VehicleUnderTest) -> str:
 
     The pause lasts 5 s; afterwards the vehicle reaches the waypoint that was current before the pause.
     """
-    by_command = known_behaviour(vehicle, ardupilot=True, px4=False)
+    by_command = vehicle.known(ardupilot=True, px4=False)
     seq = missions.under_way(vehicle)
     item = plans.download(vehicle)[seq]
     waypoint = item.x, item.y
@@ -65,12 +64,12 @@ def pause_and_go_on(vehicle: VehicleUnderTest) -> str:
         vehicle.expect_accepted(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 0)
     else:
         equal(
-            result_name(vehicle.command(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 0)),
+            vehicle.command(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 0),
             "UNSUPPORTED",
             "DO_PAUSE_CONTINUE",
         )
         flying.set_mode(vehicle, "hold")
-    vehicle.wait_until(lambda: flying.speed_m_s(vehicle) < 0.6, "a standstill", 15)
+    flying.wait_until_still(vehicle, 15)
     place = flying.last_position(vehicle)
     vehicle.wait(PAUSE_S)
     moved_m = flying.distance_to_m(vehicle, place)
@@ -97,12 +96,12 @@ def pause_and_go_on(vehicle: VehicleUnderTest) -> str:
 )
 def clear_in_flight(vehicle: VehicleUnderTest) -> str:
     """ArduPilot in AUTO answers MISSION_CLEAR_ALL with ERROR; PX4 accepts the message and holds."""
-    expected = known_behaviour(vehicle, ardupilot="ERROR", px4="ACCEPTED")
+    expected = vehicle.known(ardupilot="ERROR", px4=ACCEPTED)
     missions.under_way(vehicle)
-    seen = mission_result_name(plans.clear(vehicle))
+    seen = plans.clear(vehicle)
     equal(seen, expected, "MISSION_CLEAR_ALL")
-    if seen == "ACCEPTED":
-        vehicle.wait_until(flying.in_mode(vehicle, "hold"), "the hold mode", 5.0)
+    if seen == ACCEPTED:
+        flying.wait_for_mode(vehicle, "hold", 5.0)
     else:
         vehicle.wait(2.0)
         equal(vehicle.mode, flying.mode_number(vehicle, "mission"), "mode")
@@ -139,7 +138,7 @@ def count_zero_in_flight(vehicle: VehicleUnderTest) -> str:
 )
 def upload_in_flight(vehicle: VehicleUnderTest) -> str:
     """An upload in flight is accepted and keeps the current index; the vehicle flies to the new waypoint."""
-    known_behaviour(vehicle, ardupilot=True, px4=True)
+    vehicle.known(ardupilot=True, px4=True)
     seq = missions.under_way(vehicle)
     place = plans.current_position(vehicle)
     old = plans.download(vehicle)
@@ -193,9 +192,8 @@ def shorter_upload(vehicle: VehicleUnderTest) -> str:
 def abandoned_in_flight(vehicle: VehicleUnderTest) -> str:
     """An abandoned upload in flight does not interrupt the mission."""
     seq = missions.under_way(vehicle)
-    mark = vehicle.mark()
-    vehicle.send(plans.count_message(vehicle, 4))
-    plans.next_request(vehicle, MISSION, mark=mark)
+    mark = vehicle.send(plans.count_message(vehicle, 4))
+    plans.next_request(vehicle, mark=mark)
     vehicle.wait(7.0)
     holds(missions.current(vehicle) >= seq, f"expected item {seq} or later, saw {missions.current(vehicle)}")
     equal(vehicle.mode, flying.mode_number(vehicle, "mission"), "mode")

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, frames, plans
-from sim_vehicle.conformance.assertions import CheckFailed, Skip, equal, holds, result_name
+from sim_vehicle.conformance.assertions import ACCEPTED, CheckFailed, Skip, equal, holds
 from sim_vehicle.conformance.registry import check
-from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
+from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.station.messages import set_mode
 
 # Roles of modes in `Dialect.modes`, each with its own check.
@@ -54,11 +54,9 @@ def mission_when_empty(vehicle: VehicleUnderTest) -> str:
     vehicle.send(mavlink.MAVLink_mission_clear_all_message(*vehicle.target, 0))
     vehicle.expect("MISSION_ACK")
     flying.set_ready_mode(vehicle)
-    equal(result_name(flying.try_mode(vehicle, "mission")), "ACCEPTED", "AUTO")
+    equal(flying.try_mode(vehicle, "mission"), ACCEPTED, "AUTO")
     role = "return" if vehicle.identity.kind == "plane" else "mission"
-    vehicle.wait_until(
-        flying.in_mode(vehicle, role), f"the {role} mode in the heartbeat", flying.HEARTBEAT_LAG_S
-    )
+    flying.wait_for_mode(vehicle, role)
     return f"ACCEPTED, {role}"
 
 
@@ -66,12 +64,12 @@ def mission_when_empty(vehicle: VehicleUnderTest) -> str:
 def acks_are_true(vehicle: VehicleUnderTest) -> str:
     """An accepted mode appears in the heartbeat; a refused mode does not appear."""
     if vehicle.dialect.home_item:  # without a mission ArduPlane accepts AUTO and changes to RTL
-        plans.upload_or_fail(vehicle, plans.sample_plan(vehicle))
+        plans.store_sample(vehicle)
     flying.set_ready_mode(vehicle)
     outcomes = []
     for role, number in vehicle.dialect.modes.items():
         before = vehicle.mode
-        accepted = flying.try_mode(vehicle, role) == mavlink.MAV_RESULT_ACCEPTED
+        accepted = flying.try_mode(vehicle, role) == ACCEPTED
         vehicle.wait(flying.HEARTBEAT_LAG_S)
         if accepted and vehicle.mode != number:
             raise CheckFailed(
@@ -94,10 +92,10 @@ def unknown_mode(vehicle: VehicleUnderTest) -> str:
     before = vehicle.mode
     result = vehicle.command(mavlink.MAV_CMD_DO_SET_MODE, 1, NO_SUCH_MODE)
     if vehicle.dialect.name != "px4":
-        holds(result != mavlink.MAV_RESULT_ACCEPTED, "expected a refusal, saw ACCEPTED")
+        holds(result != ACCEPTED, "expected a refusal, saw ACCEPTED")
     vehicle.wait(flying.HEARTBEAT_LAG_S)
     equal(vehicle.mode, before, "mode")
-    return result_name(result)
+    return result
 
 
 @check("modes.without_custom_flag", dialects=("ardupilot",))
@@ -105,9 +103,9 @@ def without_custom_flag(vehicle: VehicleUnderTest) -> str:
     """DO_SET_MODE without CUSTOM_MODE_ENABLED is refused."""
     before = vehicle.mode
     result = vehicle.command(mavlink.MAV_CMD_DO_SET_MODE, 0, flying.mode_number(vehicle, "return"))
-    holds(result != mavlink.MAV_RESULT_ACCEPTED, "expected a refusal, saw ACCEPTED")
+    holds(result != ACCEPTED, "expected a refusal, saw ACCEPTED")
     equal(vehicle.mode, before, "mode")
-    return result_name(result)
+    return result
 
 
 @check("modes.by_command_int")
@@ -116,15 +114,15 @@ def by_command_int(vehicle: VehicleUnderTest) -> str:
     flying.set_ready_mode(vehicle)
     command = set_mode(vehicle.target, flying.mode_number(vehicle, "manual"))
     as_int = vehicle.command_int(command.command, command.param1, command.param2, command.param3)
-    equal(result_name(vehicle.result(as_int)), "ACCEPTED", "COMMAND_INT")
-    vehicle.wait_until(flying.in_mode(vehicle, "manual"), "the mode in the heartbeat", flying.HEARTBEAT_LAG_S)
-    return "ACCEPTED"
+    equal(vehicle.result(as_int), ACCEPTED, "COMMAND_INT")
+    flying.wait_for_mode(vehicle, "manual")
+    return ACCEPTED
 
 
 @check("modes.set_mode_message", source="AUTOPILOTS 1.5: the SET_MODE message is not acked (PX4 does ack it)")
 def set_mode_message(vehicle: VehicleUnderTest) -> str:
     """SET_MODE changes the mode; PX4 acknowledges the message, ArduPilot does not."""
-    acked = known_behaviour(vehicle, ardupilot=False, px4=True)
+    acked = vehicle.known(ardupilot=False, px4=True)
     flying.set_ready_mode(vehicle)
     number, mark = flying.mode_number(vehicle, "manual"), vehicle.mark()
     flag = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
@@ -138,8 +136,8 @@ def set_mode_message(vehicle: VehicleUnderTest) -> str:
 def heartbeat_follows(vehicle: VehicleUnderTest) -> str:
     """The heartbeat shows a new mode within 1.5 s of the acknowledgement."""
     flying.set_ready_mode(vehicle)
-    equal(result_name(flying.try_mode(vehicle, "manual")), "ACCEPTED", "manual")
-    took_s = vehicle.wait_until(flying.in_mode(vehicle, "manual"), "the mode in the heartbeat", 1.5)
+    equal(flying.try_mode(vehicle, "manual"), ACCEPTED, "manual")
+    took_s = flying.wait_for_mode(vehicle, "manual", 1.5)
     return f"{took_s:.2f} s"
 
 
@@ -157,7 +155,7 @@ def survives_silence(vehicle: VehicleUnderTest) -> str:
 @check("modes.current_mode_message")
 def current_mode_message(vehicle: VehicleUnderTest) -> str:
     """CURRENT_MODE, where supported, agrees with the heartbeat."""
-    custom_mode, _, _ = frames.request_fields(vehicle, frames.CURRENT_MODE, CURRENT)
+    custom_mode, _, _ = vehicle.request_fields(frames.CURRENT_MODE, CURRENT)
     equal(custom_mode, vehicle.mode, "custom_mode")
     return flying.mode_name(vehicle, custom_mode)
 
@@ -165,7 +163,7 @@ def current_mode_message(vehicle: VehicleUnderTest) -> str:
 @check("modes.available_modes")
 def available_modes(vehicle: VehicleUnderTest) -> str:
     """AVAILABLE_MODES, where supported, are numbered without gaps and include the current mode."""
-    frames.request_fields(vehicle, frames.AVAILABLE_MODES, AVAILABLE, 0)
+    vehicle.request_fields(frames.AVAILABLE_MODES, AVAILABLE, 0)
     vehicle.wait(3.0)
     entries = [e for e in vehicle.received if e.kind == f"UNKNOWN_{frames.AVAILABLE_MODES}"]
     modes = [frames.fields(entry, AVAILABLE) for entry in entries]

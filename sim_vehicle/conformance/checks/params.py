@@ -2,14 +2,16 @@
 
 import math
 import struct
+from collections.abc import Callable
+from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import parameters
-from sim_vehicle.conformance.assertions import CheckFailed, Skip, equal, holds, near
-from sim_vehicle.conformance.registry import check
-from sim_vehicle.conformance.traffic import SECOND_STATION
-from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
+from sim_vehicle.conformance.assertions import CheckFailed, Skip, equal, holds, near, within
+from sim_vehicle.conformance.registry import CheckFunction, check
+from sim_vehicle.conformance.traffic import SECOND_STATION, Condition
+from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.station.parameter_values import INTEGER_RANGES
 
 NO_SUCH = "NO_SUCH_PARAM"
@@ -26,55 +28,51 @@ def _real_change(vehicle: VehicleUnderTest) -> tuple[str, float]:
     return parameters.harmless_change(vehicle, vehicle.dialect.real_parameters)
 
 
+def _first(vehicle: VehicleUnderTest) -> str:
+    return next(iter(parameters.listed(vehicle)))
+
+
+def _is_listed(message: Any) -> bool:
+    """Return True for a value of a list; a value that is reported unasked (STAT_RUNTIME) has no index."""
+    return bool(message.param_index != parameters.UNINDEXED)
+
+
+# -- the list --------------------------------------------------------------------------------------------
+
+
 @check("parameters.list.is_complete", limit_s=150)
 def list_is_complete(vehicle: VehicleUnderTest) -> str:
     """One request brings at least 95 % of the list; names and indices are unique, the count is constant."""
-    mark = vehicle.mark()
-    vehicle.send(mavlink.MAVLink_param_request_list_message(*vehicle.target))
+    mark = vehicle.send(mavlink.MAVLink_param_request_list_message(*vehicle.target))
     parameters.wait_for_list(vehicle, mark)
-    listed = [m for m in vehicle.since(mark, "PARAM_VALUE") if m.param_index != parameters.UNINDEXED]
+    listed = [m for m in vehicle.since(mark, "PARAM_VALUE") if _is_listed(m)]
     holds(bool(listed), "expected PARAM_VALUE for PARAM_REQUEST_LIST, saw none")
     count = listed[0].param_count
     equal({m.param_count for m in listed}, {count}, "param_count")
     names = {m.param_index: m.param_id for m in listed}
-    holds(max(names) < count, f"expected indices below {count}, saw {max(names)}")
+    within(max(names), 0, count - 1, "greatest index")
     equal(len(set(names.values())), len(names), "different names of different indices")
     holds(len(names) >= 0.95 * count, f"expected {count} parameters, saw {len(names)}")
     equal(len(parameters.fetch_all(vehicle)), count, "parameters, lost ones read by index")
     return f"{len(names)} of {count} at once"
 
 
-@check("parameters.list.another_vehicles")
-def ignores_list_for_other_system(vehicle: VehicleUnderTest) -> str:
-    """The vehicle does not answer a list request to another system."""
-    parameters.read(vehicle, next(iter(parameters.listed(vehicle))))  # confirms that the vehicle answers
-    vehicle.send(
-        mavlink.MAVLink_param_request_list_message(vehicle.unused_sysid(), vehicle.identity.component)
-    )
-    # A list has indices; a value that the vehicle reports unasked (STAT_RUNTIME) has none.
-    vehicle.expect_none("PARAM_VALUE", lambda m: m.param_index != parameters.UNINDEXED, during_s=SILENT_S)
-    return "no answer"
-
-
 @check("parameters.list.names_are_valid")
 def names_are_valid(vehicle: VehicleUnderTest) -> str:
     """Every name has 1 to 16 printable ASCII characters without blanks."""
-    bad = [
-        n
-        for n in parameters.listed(vehicle)
-        if not 1 <= len(n) <= 16 or not n.isascii() or not n.isprintable() or " " in n
-    ]
+    names = parameters.listed(vehicle)
+    valid = [n for n in names if 1 <= len(n) <= 16 and n.isascii() and n.isprintable() and " " not in n]
+    bad = sorted(set(names) - set(valid))
     holds(not bad, f"saw {bad[:3]}")
-    return f"{len(vehicle.catalogue)} names"
+    return f"{len(names)} names"
 
 
 @check("parameters.list.types_are_valid")
 def types_are_valid(vehicle: VehicleUnderTest) -> str:
     """Every type is a MAV_PARAM_TYPE of at most 32 bits; on PX4, INT32 or REAL32."""
     types = {found.type for found in parameters.listed(vehicle).values()}
-    allowed = {*INTEGER_RANGES, mavlink.MAV_PARAM_TYPE_REAL32}
-    if vehicle.dialect.name == "px4":
-        allowed = {mavlink.MAV_PARAM_TYPE_INT32, mavlink.MAV_PARAM_TYPE_REAL32}
+    integers = {mavlink.MAV_PARAM_TYPE_INT32} if vehicle.dialect.name == "px4" else INTEGER_RANGES
+    allowed = {*integers, mavlink.MAV_PARAM_TYPE_REAL32}
     holds(types <= allowed, f"expected types of {sorted(allowed)}, saw {sorted(types - allowed)}")
     return f"types {sorted(types)}"
 
@@ -84,8 +82,9 @@ def values_fit_types(vehicle: VehicleUnderTest) -> str:
     """An integer parameter has a whole value within the range of its type; no value is NaN."""
     for found in parameters.listed(vehicle).values():
         low, high = INTEGER_RANGES.get(found.type, (-math.inf, math.inf))
-        valid = found.type not in INTEGER_RANGES or float(found.value).is_integer()
-        holds(valid and low <= found.value <= high, f"{found.name} of type {found.type} is {found.value}")
+        within(found.value, low, high, found.name)
+        is_whole = found.type not in INTEGER_RANGES or float(found.value).is_integer()
+        holds(is_whole, f"{found.name} of type {found.type} is {found.value}")
     return f"{len(vehicle.catalogue)} values"
 
 
@@ -93,8 +92,55 @@ def values_fit_types(vehicle: VehicleUnderTest) -> str:
 def same_twice(vehicle: VehicleUnderTest) -> str:
     """Two lists have the same names in the same order."""
     first = list(parameters.listed(vehicle))
-    equal(list(parameters.fetch_all(vehicle)), first, "names")
-    return f"{len(first)} names"
+    return f"{len(equal(list(parameters.fetch_all(vehicle)), first, 'names'))} names"
+
+
+# -- requests without an answer --------------------------------------------------------------------------
+
+
+def _beyond(vehicle: VehicleUnderTest) -> int:
+    return len(parameters.listed(vehicle)) + 7
+
+
+def _silence_check(
+    build: Callable[[VehicleUnderTest], Any], answer: Callable[[VehicleUnderTest], Condition]
+) -> CheckFunction:
+    """Return a check: a vehicle that answers a valid read does not answer this message."""
+
+    def run(vehicle: VehicleUnderTest) -> str:
+        parameters.read(vehicle, _first(vehicle))
+        vehicle.send(build(vehicle))
+        vehicle.expect_none("PARAM_VALUE", answer(vehicle), during_s=SILENT_S)
+        return "no PARAM_VALUE"
+
+    return run
+
+
+_UNANSWERED: tuple[
+    tuple[str, str, Callable[[VehicleUnderTest], Any], Callable[[VehicleUnderTest], Condition], str], ...
+] = (
+    ("list.another_vehicles", "The vehicle does not answer a list request to another system.",
+     lambda v: mavlink.MAVLink_param_request_list_message(v.unused_sysid(), v.identity.component),
+     lambda _: _is_listed, "MAVLink"),
+    ("read.another_vehicles", "The vehicle does not answer a read request to another system.",
+     lambda v: parameters.read_message(v, _first(v), sysid=v.unused_sysid()),
+     lambda v: lambda m: m.param_id == _first(v), "MAVLink"),
+    ("read.unknown_name", "A read of an unknown name is not answered.",
+     lambda v: parameters.read_message(v, NO_SUCH), lambda _: lambda m: m.param_id == NO_SUCH,
+     "AUTOPILOTS 1.16"),
+    ("read.index_out_of_range", "A read of an index after the last parameter is not answered.",
+     lambda v: parameters.read_message(v, index=_beyond(v)),
+     lambda v: lambda m: m.param_index == _beyond(v) or m.param_id not in v.catalogue, "MAVLink"),
+    ("set.unknown_name", "PARAM_SET of an unknown name is not answered.",
+     lambda v: parameters.set_message(v, NO_SUCH, 1.0, mavlink.MAV_PARAM_TYPE_REAL32),
+     lambda _: lambda m: m.param_id == NO_SUCH,
+     "AUTOPILOTS 1.16: PARAM_SET of an unknown name: no reply at all"),
+)  # fmt: skip
+for _name, _statement, _build, _answer, _source in _UNANSWERED:
+    check(f"parameters.{_name}", statement=_statement, source=_source)(_silence_check(_build, _answer))
+
+
+# -- reading ---------------------------------------------------------------------------------------------
 
 
 @check("parameters.read.by_name")
@@ -104,10 +150,8 @@ def read_by_name(vehicle: VehicleUnderTest) -> str:
         listed, found = vehicle.catalogue[name], parameters.read(vehicle, name)
         near(found.value, listed.value, abs(listed.value) * 1e-6, name)
         equal(found.type, listed.type, f"type of {name}")
-        holds(
-            found.index in (listed.index, parameters.UNINDEXED),
-            f"{name}: index {listed.index} in the list, {found.index} read",
-        )
+        same_index = found.index in (listed.index, parameters.UNINDEXED)
+        holds(same_index, f"{name}: index {listed.index} in the list, {found.index} read")
     return "equal to the list"
 
 
@@ -128,53 +172,19 @@ def read_long_name(vehicle: VehicleUnderTest) -> str:
     names = [name for name in parameters.listed(vehicle) if len(name) == 16]
     if not names:
         raise Skip("no parameter has a name of 16 characters")
-    parameters.read(vehicle, names[0])
-    return names[0]
-
-
-@check("parameters.read.unknown_name", source="AUTOPILOTS 1.16")
-def read_unknown(vehicle: VehicleUnderTest) -> str:
-    """A read of an unknown name is not answered."""
-    parameters.read(vehicle, next(iter(parameters.listed(vehicle))))  # confirms that the vehicle answers
-    vehicle.send(parameters.read_message(vehicle, NO_SUCH))
-    vehicle.expect_none("PARAM_VALUE", lambda m: m.param_id == NO_SUCH, during_s=SILENT_S)
-    return "no PARAM_VALUE"
-
-
-@check("parameters.read.index_out_of_range")
-def read_out_of_range(vehicle: VehicleUnderTest) -> str:
-    """A read of an index after the last parameter is not answered."""
-    index = len(parameters.listed(vehicle)) + 7
-    vehicle.send(parameters.read_message(vehicle, index=index))
-    vehicle.expect_none(
-        "PARAM_VALUE",
-        lambda m: m.param_index == index or m.param_id not in vehicle.catalogue,
-        during_s=SILENT_S,
-    )
-    return f"no PARAM_VALUE for index {index}"
+    return parameters.read(vehicle, names[0]).name
 
 
 @check("parameters.read.by_second_station")
 def read_by_second_station(vehicle: VehicleUnderTest) -> str:
     """A second ground station can read a parameter."""
-    name = next(iter(parameters.listed(vehicle)))
-    vehicle.ask(
-        parameters.read_message(vehicle, name),
-        "PARAM_VALUE",
-        lambda m: m.param_id == name,
-        source=SECOND_STATION,
-    )
+    name = _first(vehicle)
+    request = parameters.read_message(vehicle, name)
+    vehicle.ask(request, "PARAM_VALUE", lambda m: m.param_id == name, source=SECOND_STATION)
     return name
 
 
-@check("parameters.read.another_vehicles")
-def ignores_read_for_other_system(vehicle: VehicleUnderTest) -> str:
-    """The vehicle does not answer a read request to another system."""
-    name = next(iter(parameters.listed(vehicle)))
-    parameters.read(vehicle, name)  # confirms that the vehicle answers
-    vehicle.send(parameters.read_message(vehicle, name, sysid=vehicle.unused_sysid()))
-    vehicle.expect_none("PARAM_VALUE", lambda m: m.param_id == name, during_s=SILENT_S)
-    return "no answer"
+# -- writing ---------------------------------------------------------------------------------------------
 
 
 @check("parameters.set.is_acknowledged")
@@ -182,8 +192,7 @@ def set_acknowledged(vehicle: VehicleUnderTest) -> str:
     """The vehicle answers PARAM_SET with the new value in PARAM_VALUE."""
     name, value = _integer_change(vehicle)
     with parameters.changed(vehicle, name, value) as answer:
-        equal(answer.value, value, name)
-    return f"{name} = {value}"
+        return f"{name} = {equal(answer.value, value, name)}"
 
 
 @check("parameters.set.is_kept")
@@ -201,11 +210,9 @@ def set_kept(vehicle: VehicleUnderTest) -> str:
 def set_fraction(vehicle: VehicleUnderTest) -> str:
     """A real parameter keeps its fraction in single precision."""
     name, value = _real_change(vehicle)
+    single = struct.unpack("<f", struct.pack("<f", value))[0]
     with parameters.changed(vehicle, name, value):
-        near(
-            parameters.read(vehicle, name).value, struct.unpack("<f", struct.pack("<f", value))[0], 0.0, name
-        )
-    return f"{name} = {value:g}"
+        return f"{name} = {near(parameters.read(vehicle, name).value, single, 0.0, name):g}"
 
 
 @check("parameters.set.same_value")
@@ -213,8 +220,8 @@ def set_same(vehicle: VehicleUnderTest) -> str:
     """PARAM_SET with the current value is acknowledged."""
     name, _ = _integer_change(vehicle)
     found = parameters.read(vehicle, name)
-    equal(parameters.write(vehicle, name, found.value, found.type).value, found.value, name)
-    return f"{name} = {found.value:g}"
+    answer = parameters.write(vehicle, name, found.value, found.type)
+    return f"{name} = {equal(answer.value, found.value, name):g}"
 
 
 @check("parameters.set.repeated")
@@ -223,17 +230,7 @@ def set_repeated(vehicle: VehicleUnderTest) -> str:
     name, value = _integer_change(vehicle)
     with parameters.changed(vehicle, name, value):
         again = parameters.write(vehicle, name, value, parameters.read(vehicle, name).type)
-        equal(again.value, value, name)
-    return f"{name} = {value}"
-
-
-@check("parameters.set.unknown_name", source="AUTOPILOTS 1.16: PARAM_SET of an unknown name: no reply at all")
-def set_unknown(vehicle: VehicleUnderTest) -> str:
-    """PARAM_SET of an unknown name is not answered."""
-    parameters.read(vehicle, next(iter(parameters.listed(vehicle))))  # confirms that the vehicle answers
-    vehicle.send(parameters.set_message(vehicle, NO_SUCH, 1.0, mavlink.MAV_PARAM_TYPE_REAL32))
-    vehicle.expect_none("PARAM_VALUE", lambda m: m.param_id == NO_SUCH, during_s=SILENT_S)
-    return "no PARAM_VALUE"
+        return f"{name} = {equal(again.value, value, name)}"
 
 
 @check("parameters.set.nan_is_refused", dialects=("ardupilot",))
@@ -264,13 +261,12 @@ def integer_stays_whole(vehicle: VehicleUnderTest) -> str:
 @check("parameters.set.wrong_type")
 def set_wrong_type(vehicle: VehicleUnderTest) -> str:
     """PARAM_SET with another type is accepted by ArduPilot and refused by PX4."""
-    accepts = known_behaviour(vehicle, ardupilot=True, px4=False)
+    accepts = vehicle.known(ardupilot=True, px4=False)
     name, value = _integer_change(vehicle)
     with parameters.restored(vehicle, name) as before:
         vehicle.send(parameters.set_message(vehicle, name, value, mavlink.MAV_PARAM_TYPE_REAL32))
         vehicle.wait(0.5)
-        after = parameters.read(vehicle, name)
-    equal(after.value, float(value) if accepts else before.value, name)
+        equal(parameters.read(vehicle, name).value, float(value) if accepts else before.value, name)
     return "accepted" if accepts else "refused"
 
 
@@ -280,19 +276,18 @@ def set_wrong_type(vehicle: VehicleUnderTest) -> str:
 )
 def encoding(vehicle: VehicleUnderTest) -> str:
     """The parameter with the system id has the right value in the autopilot's encoding."""
-    names = [name for name in vehicle.dialect.sysid_parameters if parameters.has(vehicle, name)]
-    if not names:
-        raise Skip("the parameter with the system id is unknown")
-    found = parameters.read(vehicle, names[0])
-    equal(found.value, vehicle.identity.sysid, names[0])
-    return f"{names[0]} = {found.value:g}"
+    for name in vehicle.dialect.sysid_parameters:
+        if parameters.has(vehicle, name):
+            found = parameters.read(vehicle, name)
+            return f"{name} = {equal(found.value, vehicle.identity.sysid, name):g}"
+    raise Skip("the parameter with the system id is unknown")
 
 
 @check("parameters.hash", dialects=("px4",))
 def hash_check(vehicle: VehicleUnderTest) -> str:
     """_HASH_CHECK can be read twice with the same value."""
-    first, second = parameters.read(vehicle, "_HASH_CHECK"), parameters.read(vehicle, "_HASH_CHECK")
-    equal(second.value, first.value, "_HASH_CHECK")
+    first = parameters.read(vehicle, "_HASH_CHECK").value
+    equal(parameters.read(vehicle, "_HASH_CHECK").value, first, "_HASH_CHECK")
     return "equal"
 
 

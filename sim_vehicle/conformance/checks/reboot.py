@@ -5,12 +5,12 @@ import math
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, parameters, plans
-from sim_vehicle.conformance.assertions import Skip, equal, holds, result_name
+from sim_vehicle.conformance.assertions import ACCEPTED, Skip, equal, holds
 from sim_vehicle.conformance.boots import MIN_UPTIME_S
 from sim_vehicle.conformance.checks.fence import polygon
 from sim_vehicle.conformance.guard import ARM, REBOOT
 from sim_vehicle.conformance.registry import check
-from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
+from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 MAX_REBOOT_S = 60.0  # longest time from the reboot to an answer
 SETTLE_S = 3.0  # wait after a boot, because the vehicle undoes a mode change made in this time
@@ -29,10 +29,10 @@ def _reboot(vehicle: VehicleUnderTest) -> float:
     """
     vehicle.wait(max(0.0, MIN_UPTIME_S - _boot_ms(vehicle) / 1000))
     before_ms = _boot_ms(vehicle)
-    result = result_name(vehicle.command(PREFLIGHT, 1))
+    result = vehicle.command(PREFLIGHT, 1)
     if result in ("DENIED", "UNSUPPORTED"):
         raise Skip(f"the vehicle does not reboot on command ({result})")
-    equal(result, "ACCEPTED", "PREFLIGHT_REBOOT_SHUTDOWN")
+    equal(result, ACCEPTED, "PREFLIGHT_REBOOT_SHUTDOWN")
     rebooted_s = vehicle.now
     vehicle.wait(1.0)
     end_s = vehicle.now + MAX_REBOOT_S
@@ -40,8 +40,7 @@ def _reboot(vehicle: VehicleUnderTest) -> float:
         if vehicle.wait_for("HEARTBEAT", within_s=3.0) is None:
             continue
         for _ in range(3):
-            mark = vehicle.mark()
-            vehicle.send(
+            mark = vehicle.send(
                 vehicle.command_long(mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAVLINK_MSG_ID_SYSTEM_TIME)
             )
             answer = vehicle.wait_for("SYSTEM_TIME", within_s=1.0, mark=mark)
@@ -77,7 +76,7 @@ def clock_restarts(vehicle: VehicleUnderTest) -> str:
 )
 def streams_forgotten(vehicle: VehicleUnderTest) -> str:
     """After a reboot, ArduCopter streams no attitude without a request, ArduPlane 1 Hz, PX4 15 Hz or more."""
-    most_hz = known_behaviour(vehicle, ardupilot=2.0, px4=math.inf)
+    most_hz = vehicle.known(ardupilot=2.0, px4=math.inf)
     vehicle.set_interval("ATTITUDE", 8)
     _reboot(vehicle)
     mark = vehicle.wait(5.0)
@@ -117,19 +116,18 @@ def parameters_stay(vehicle: VehicleUnderTest) -> str:
 @check("reboot.mission_stays", needs=[REBOOT], limit_s=200)
 def mission_stays(vehicle: VehicleUnderTest) -> str:
     """The mission survives a reboot."""
-    known_behaviour(vehicle, ardupilot=True, px4=True)
-    items = plans.sample_plan(vehicle)
-    plans.upload_or_fail(vehicle, items)
+    vehicle.known(ardupilot=True, px4=True)
+    items = plans.store_sample(vehicle)
     vehicle.wait(1.0)
     _reboot(vehicle)
-    equal(plans.coordinates(vehicle, plans.download(vehicle)), plans.coordinates(vehicle, items), "items")
+    plans.expect_stored(vehicle, items)
     return f"{len(items)} items"
 
 
 @check("reboot.fence_stays", needs=[REBOOT], claims=["MISSION_FENCE"], limit_s=200)
 def fence_stays(vehicle: VehicleUnderTest) -> str:
     """The fence survives a reboot."""
-    known_behaviour(vehicle, ardupilot=True, px4=True)
+    vehicle.known(ardupilot=True, px4=True)
     plans.upload_or_fail(vehicle, polygon(vehicle), plans.FENCE)
     vehicle.wait(1.0)
     _reboot(vehicle)
@@ -142,14 +140,14 @@ def fence_stays(vehicle: VehicleUnderTest) -> str:
 @check("reboot.not_ready_at_once", needs=[REBOOT, ARM], limit_s=300, source="AUTOPILOTS 1.3: Wait about 41 s")
 def not_ready_at_once(vehicle: VehicleUnderTest) -> str:
     """After a boot a known autopilot refuses arming with a text; a vehicle that reports readiness arms."""
-    if vehicle.dialect.arm_refused is None:
+    if vehicle.dialect.refusal is None:
         raise Skip("the refusals of this autopilot are unknown")
     _reboot(vehicle)
     flying.set_ready_mode(vehicle)
     holds(not flying.is_ready(vehicle), "the vehicle reported to be ready at once")
     began_s = vehicle.now
     result = vehicle.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)
-    equal(result_name(result), result_name(vehicle.dialect.arm_refused), "arming before readiness")
+    equal(result, vehicle.dialect.refusal, "arming before readiness")
     vehicle.wait(1.0)
     holds(any(at_s >= began_s for at_s, _, _ in vehicle.texts), "expected a text with the reason, saw none")
     took_s = flying.wait_ready(vehicle)
@@ -165,4 +163,4 @@ def zero_parameters_do_nothing(vehicle: VehicleUnderTest) -> str:
     result = vehicle.command(PREFLIGHT, 0)
     vehicle.wait(3.0)
     holds(_boot_ms(vehicle) > before_ms, "the vehicle rebooted")
-    return result_name(result)
+    return result

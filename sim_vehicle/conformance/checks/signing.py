@@ -7,13 +7,13 @@ from itertools import pairwise
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.conformance.assertions import CheckFailed, Skip, equal, holds, result_name
+from sim_vehicle.conformance.assertions import ACCEPTED, CheckFailed, Skip, equal, holds, result_name
 from sim_vehicle.conformance.guard import ALTER
-from sim_vehicle.conformance.identity import SIGNED
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.station.frames import STATION, ReceivedFrame
 
+SIGNED = 0x01  # MAVLink 2 incompatibility flag of a signed frame
 KEY = hashlib.sha256(b"sim_vehicle conformance").digest()
 OTHER_KEY = hashlib.sha256(b"another key").digest()
 Y2015_US = 1_420_070_400_000_000  # Unix time of 2015-01-01 [us]
@@ -71,8 +71,8 @@ def without_a_key(vehicle: VehicleUnderTest) -> str:
     _sign_with(vehicle, FORGER, OTHER_KEY, STAMP)
     message = vehicle.command_long(REQUEST, VERSION)
     ack = vehicle.ask(message, "COMMAND_ACK", lambda m: m.command == REQUEST, source=FORGER)
-    equal(result_name(ack.result), "ACCEPTED", "a signed command")
-    return "ACCEPTED"
+    equal(result_name(ack.result), ACCEPTED, "a signed command")
+    return ACCEPTED
 
 
 @check("signing.signs_what_it_sends", needs=[ALTER])
@@ -103,13 +103,12 @@ def takes_right_key(vehicle: VehicleUnderTest) -> str:
     """A command signed with the right key is executed."""
     with _signing_key(vehicle):
         ack = vehicle.ask(vehicle.command_long(REQUEST, VERSION), "COMMAND_ACK", source=SIGNER)
-    equal(result_name(ack.result), "ACCEPTED", "a signed command")
-    return "ACCEPTED"
+    equal(result_name(ack.result), ACCEPTED, "a signed command")
+    return ACCEPTED
 
 
 def _executed(vehicle: VehicleUnderTest, data: bytes) -> bool:
-    mark = vehicle.mark()
-    vehicle.send_raw(data)
+    mark = vehicle.send_raw(data)
     return vehicle.wait_for("COMMAND_ACK", within_s=1.5, mark=mark) is not None
 
 
@@ -159,5 +158,5 @@ def turned_off(vehicle: VehicleUnderTest) -> str:
         pass
     mark = vehicle.wait(3.0)
     equal([e.kind for e in _signed(vehicle.received[mark:])], [], "signed frames")
-    equal(result_name(vehicle.command(REQUEST, VERSION)), "ACCEPTED", "an unsigned command")
+    equal(vehicle.command(REQUEST, VERSION), ACCEPTED, "an unsigned command")
     return "off"

@@ -12,11 +12,11 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying
-from sim_vehicle.conformance.assertions import equal, holds, near, result_name
+from sim_vehicle.conformance.assertions import ACCEPTED, equal, holds, near
 from sim_vehicle.conformance.guard import ARM
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.traffic import SECOND_STATION
-from sim_vehicle.conformance.vehicle import VehicleUnderTest, known_behaviour
+from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 CENTRE = (0, 0, 500, 0)  # x, y, z, r of MANUAL_CONTROL
 STICK_INTERVAL_S = 0.1
@@ -123,18 +123,17 @@ def joystick_sets_channels(vehicle: VehicleUnderTest) -> str:
 )
 def throttle_is_up(vehicle: VehicleUnderTest) -> str:
     """A copter refuses arming while the throttle is up."""
-    expected = known_behaviour(vehicle, ardupilot="FAILED", px4="TEMPORARILY_REJECTED")
+    expected = vehicle.known(ardupilot="FAILED", px4="TEMPORARILY_REJECTED")
     flying.wait_ready(vehicle)
-    flying.set_mode(vehicle, known_behaviour(vehicle, ardupilot="altitude", px4="position"))
+    flying.set_mode(vehicle, vehicle.known(ardupilot="altitude", px4="position"))
     with _released(vehicle):
         _hold(vehicle, 0.6, 0, 0, 900, 0)
         seen = vehicle.result(vehicle.command_long(ARM_COMMAND, 1), attempts=1)
-        if seen == mavlink.MAV_RESULT_ACCEPTED:
+        if seen == ACCEPTED:
             vehicle.command(ARM_COMMAND, 0)
     vehicle.wait(1.0)
     flying.set_ready_mode(vehicle)
-    equal(result_name(seen), expected, "arming with the throttle at 90 %")
-    return result_name(seen)
+    return equal(seen, expected, "arming with the throttle at 90 %")
 
 
 # -- flight ----------------------------------------------------------------------------------------------
@@ -145,14 +144,14 @@ def _by_joystick(vehicle: VehicleUnderTest, role: str) -> Iterator[None]:
     """Fly in a mode with the sticks in the middle; hold (PX4: land) at the end."""
     with _released(vehicle):
         _hold(vehicle, 1.0, *CENTRE)
-        equal(result_name(flying.try_mode(vehicle, role)), "ACCEPTED", f"mode {role}")
+        equal(flying.try_mode(vehicle, role), ACCEPTED, f"mode {role}")
         _hold(vehicle, 2.0, *CENTRE)
         equal(vehicle.mode, flying.mode_number(vehicle, role), "mode")
         try:
             yield
         finally:
             with vehicle.extra_time():
-                known_behaviour(vehicle, ardupilot=flying.hold, px4=flying.ensure_landed)(vehicle)
+                vehicle.known(ardupilot=flying.hold, px4=flying.ensure_landed)(vehicle)
 
 
 def _check_flight(name: str, source: str, *dialects: str) -> Callable[[Any], Any]:
@@ -164,7 +163,7 @@ def _check_flight(name: str, source: str, *dialects: str) -> Callable[[Any], Any
 @_check_flight("sticks.altitude", "ArduPilot: PILOT_SPEED_UP, ANGLE_MAX; PX4: MPC_*", "ardupilot", "px4")
 def sticks_altitude(vehicle: VehicleUnderTest) -> str:
     """The full throttle climbs at 2.5 m/s (PX4: 3 m/s), the full roll stick leans by 30 (35) degrees."""
-    climb_m_s, lean_deg = known_behaviour(vehicle, ardupilot=(2.5, 30.0), px4=(3.0, 35.0))
+    climb_m_s, lean_deg = vehicle.known(ardupilot=(2.5, 30.0), px4=(3.0, 35.0))
     with _by_joystick(vehicle, "altitude"), vehicle.streaming({"ATTITUDE": 10.0}):
         _hold(vehicle, 5.0, 0, 0, 1000, 0)
         climb = -vehicle.last["GLOBAL_POSITION_INT"].message.vz / 100
@@ -182,7 +181,7 @@ def sticks_altitude(vehicle: VehicleUnderTest) -> str:
 @_check_flight("sticks.brake", "ArduPilot: LOITER; PX4: Position", "ardupilot", "px4")
 def sticks_brake(vehicle: VehicleUnderTest) -> str:
     """In the position mode the pitch stick flies; after its release the copter stops."""
-    with _by_joystick(vehicle, known_behaviour(vehicle, ardupilot="loiter", px4="position")):
+    with _by_joystick(vehicle, vehicle.known(ardupilot="loiter", px4="position")):
         _hold(vehicle, 4.0, 1000, 0, 500, 0)
         fast = flying.speed_m_s(vehicle)
         _hold(vehicle, 8.0, *CENTRE)
@@ -207,7 +206,7 @@ def sticks_take_over(vehicle: VehicleUnderTest) -> str:
 def sticks_lost(vehicle: VehicleUnderTest) -> str:
     """After the loss of the joystick the vehicle holds, and returns after COM_FAIL_ACT_T."""
     with _by_joystick(vehicle, "position"):
-        vehicle.wait_until(flying.in_mode(vehicle, "hold"), "Hold", 3.5)
-        took_s = vehicle.wait_until(flying.in_mode(vehicle, "return"), "Return", 12.0)
+        flying.wait_for_mode(vehicle, "hold", 3.5)
+        took_s = flying.wait_for_mode(vehicle, "return", 12.0)
     near(took_s, 5.0, 2.0, "from Hold to Return [s]")
     return f"Hold for {took_s:.1f} s"
