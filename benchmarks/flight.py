@@ -22,8 +22,8 @@ from swarmctl.config.checks import check_config
 from swarmctl.config.model import load
 from swarmctl.config.scenario import Scenario, build
 from swarmctl.flight import app
+from swarmctl.flight.run import Clock
 from swarmctl.flight.virtual_clock import run_virtual
-from swarmctl.flight.wiring import Clock
 from swarmctl.planners import warm_up
 from swarmctl.report.live_rows import SwarmView
 from swarmctl.report.outcome import FlightReport

@@ -80,7 +80,7 @@ class LossyFleet:
     def __init__(self, personality: str, count: int, seed: int = 1) -> None:
         self.fleet = Fleet(default_scenario(count, home=HOME, personality=personality), ready_s=0)
         self.wire = MemoryWire()
-        self.wire.to_vehicles = self._send_to_vehicles
+        self.wire.connect_vehicles(self._send_to_vehicles)
         self.loss, self.delay_s, self.n_datagrams, self.n_messages = 0.0, 0.0, 0, 0
         self._rng = random.Random(seed)
         self._loop = asyncio.get_running_loop()

@@ -62,7 +62,7 @@ ONLY_IN: dict[str, set[str]] = {
     },
     "socket": {
         "swarmctl.links",
-        "swarmctl.flight.wiring",
+        "swarmctl.flight.run",
         "swarmctl.preflight.host",
         "sim_vehicle.links",
         "sim_vehicle.conformance.sockets",

@@ -12,6 +12,7 @@ import asyncio
 from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from functools import partial
+from typing import Protocol
 
 from swarmctl.bus import keys
 from swarmctl.bus.authentication import NO_AUTHENTICATION, Authentication
@@ -83,6 +84,18 @@ class _RateLimit:
 
 
 AgentCommand = ev.WeightsChanged | ev.OperatorCommand
+
+
+class Agent(Protocol):
+    """The agent of a vehicle, which carries out commands."""
+
+    @property
+    def name(self) -> str: ...
+
+    def command(self, event: AgentCommand, answer_to: Callable[[VehicleAnswer], None]) -> None:
+        """Take a command, and later call `answer_to` with the answer."""
+
+
 RefusalCheck = Callable[[Request], str]
 """function that returns the reason to refuse a command now; empty: the command is accepted"""
 ReturnDelays = Callable[[Sequence[int]], Mapping[int, float]]
@@ -98,8 +111,9 @@ def no_delays(_uavs: Sequence[int]) -> Mapping[int, float]:
 
 
 class OperatorService:
-    """The operator service of a process, for the agents that `join` it.
+    """The operator service of a process.
 
+    `agents`: the agents of the process, by system id
     `uav`: the vehicle whose keys are served; None: the station's keys, if one process flies the whole swarm.
     """
 
@@ -108,20 +122,20 @@ class OperatorService:
         transport: Transport,
         swarm: str,
         say: Callable[[str], None],
-        counts: CommandCounts,
+        agents: Mapping[int, Agent],
         *,
         uav: int | None = None,
         refusal: RefusalCheck = accept_all,
         delays: ReturnDelays = no_delays,
         authentication: Authentication = NO_AUTHENTICATION,
     ) -> None:
-        self._counts = counts
+        self.counts = CommandCounts()
         self._keys = {keys.request(swarm, kind, uav): kind for kind in keys.REQUEST_KINDS}
         self._refusal = refusal
         self._return_delays = delays
         self._authentication = authentication
         self._say = say
-        self._agents: dict[int, tuple[str, Callable[[AgentCommand], None]]] = {}
+        self._agents = dict(agents)
         self._pending: dict[int, _PendingCommand] = {}
         self._busy: dict[int, int] = {}
         """vehicle -> number of the SetWeights command that the vehicle has not handled yet"""
@@ -133,11 +147,7 @@ class OperatorService:
         for key in self._keys:
             transport.serve(key, self._receive)
 
-    def join(self, uav: int, name: str, post: Callable[[AgentCommand], None]) -> None:
-        """Add an agent. `post` passes an event to the agent; the agent calls `answered` with its answer."""
-        self._agents[uav] = (name, post)
-
-    def answered(self, command: int, answer: VehicleAnswer) -> None:
+    def _answered(self, command: int, answer: VehicleAnswer) -> None:
         """Record an agent's answer; an answer after the time-out is dropped."""
         if self._busy.get(answer.uav) == command:
             del self._busy[answer.uav]
@@ -157,7 +167,7 @@ class OperatorService:
             return
         is_within_limit = self._signature_checks[key].try_take(now_s)
         if not (is_within_limit or self._authentication.is_cheap):
-            self._counts.refused += 1
+            self.counts.refused += 1
             return
         reply = self._signed_reply(key, payload, reply)
         try:
@@ -190,9 +200,6 @@ class OperatorService:
         except (BadMessage, ValueError) as error:
             self._refuse(str(error), reply)
             return
-        if not uavs:
-            self._refuse("no vehicle is ready for commands yet; repeat the command [no-vehicle-yet]", reply)
-            return
         # A change of weights causes a new plan; an order does not wait for that plan.
         busy = set() if isinstance(command, GiveOrder) else self._busy.keys() & set(uavs)
         if len(busy) < len(uavs):
@@ -212,8 +219,8 @@ class OperatorService:
     def _pass_on(
         self, command: Request, uavs: list[int], ignored: tuple[int, ...], busy: Set[int], reply: Reply
     ) -> None:
-        self._counts.passed_on += 1
-        number = self._counts.passed_on
+        self.counts.passed_on += 1
+        number = self.counts.passed_on
         self._pending[number] = _PendingCommand(
             uavs, reply, {u: self._busy_answer(u) for u in uavs if u in busy}
         )
@@ -223,14 +230,15 @@ class OperatorService:
         for uav in (u for u in uavs if u not in busy):
             if isinstance(command, SetWeights):
                 self._busy[uav] = number
-            self._agents[uav][1](_event(number, command, delays.get(uav, 0.0), ignored))
+            event = _event(number, command, delays.get(uav, 0.0), ignored)
+            self._agents[uav].command(event, partial(self._answered, number))
 
     def _vehicles(self, command: Request) -> list[int]:
         """Return the command's vehicles in the swarm's order. Raises ValueError for an unknown vehicle."""
         if command.uavs is None:
             return list(self._agents)
         try:
-            return resolve_vehicles(command.uavs, {uav: name for uav, (name, _) in self._agents.items()})
+            return resolve_vehicles(command.uavs, self._names())
         except ValueError as error:
             raise ValueError(f"nothing was changed: {error}") from None
 
@@ -244,9 +252,12 @@ class OperatorService:
         if len(ids) == len(words):
             return ids
         try:
-            return tuple(resolve_vehicles(words, {uav: name for uav, (name, _) in self._agents.items()}))
+            return tuple(resolve_vehicles(words, self._names()))
         except ValueError as error:
             raise ValueError(f"nothing was changed: {error}") from None
+
+    def _names(self) -> dict[int, str]:
+        return {uav: agent.name for uav, agent in self._agents.items()}
 
     def _is_within_rate(self, limit: _RateLimit, now_s: float) -> bool:
         """Return whether a command is within the limit; report the first excess after each pause."""
@@ -254,7 +265,7 @@ class OperatorService:
             limit.is_reported = False
         if limit.bucket.try_take(now_s):
             return True
-        self._counts.refused += 1
+        self.counts.refused += 1
         if not limit.is_reported:
             self._say(
                 f"operators send more than {PER_S:g} commands a second; the commands above this limit are "
@@ -276,17 +287,17 @@ class OperatorService:
             f"the agent received the command but did not handle it within {ANSWER_WITHIN_S:g} s; watch the "
             "vehicle, or repeat the command [not-handled-yet]"
         )
-        return VehicleAnswer(uav, self._agents[uav][0], "unconfirmed", note=note)
+        return VehicleAnswer(uav, self._agents[uav].name, "unconfirmed", note=note)
 
     def _busy_answer(self, uav: int) -> VehicleAnswer:
-        return VehicleAnswer(uav, self._agents[uav][0], "refused", note=BUSY)
+        return VehicleAnswer(uav, self._agents[uav].name, "refused", note=BUSY)
 
     def _refuse(self, why: str, reply: Reply | None, *, is_shown: bool = True) -> None:
-        self._counts.refused += 1
+        self.counts.refused += 1
         # The text may quote the sender, and is shown in a terminal.
         why = printable(why[:MAX_REASON_CHARS])
         if is_shown:
-            self._say(f"an operator's command was refused ({self._counts.refused} so far): {why}")
+            self._say(f"an operator's command was refused ({self.counts.refused} so far): {why}")
         if reply is not None:
             reply(encode(OperatorAnswer(refused=why)))
 

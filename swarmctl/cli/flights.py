@@ -18,7 +18,6 @@ import typer
 from swarmctl.cli.console import FAILED, INTERRUPTED, USAGE, err, fail, out, timed
 from swarmctl.config.links_checks import forwarding_problem
 from swarmctl.config.scenario import Scenario
-from swarmctl.flight import companion
 from swarmctl.flight.member import Member
 from swarmctl.flight.permission import Permission, PreflightFailed
 from swarmctl.links.url import parse_url
@@ -123,14 +122,14 @@ def conclude(report: FlightReport, scenario: Scenario, folder: Path) -> None:
         raise report.bug
     if report.ended in ("stopped", "abandoned"):
         raise typer.Exit(INTERRUPTED)
-    done = report.arrived + len(companion.ended_by_operator(report))
+    done = report.arrived + len(report.ended_by_operator)
     if report.trouble or done < max(len(report.states), 1) or _late_vehicles(report):
         raise typer.Exit(FAILED)
 
 
 def _late_vehicles(report: FlightReport) -> list[str]:
     """Return the vehicles that missed their time bounds, unless they followed an operator's order."""
-    return [name for name in missed_bounds(report.summary) if name not in companion.ended_by_operator(report)]
+    return [name for name in missed_bounds(report.summary) if name not in report.ended_by_operator]
 
 
 def _print_results(report: FlightReport, folder: Path) -> None:
@@ -153,7 +152,7 @@ def _print_results(report: FlightReport, folder: Path) -> None:
         out.print("no flight was completed; the lines above give the reasons", highlight=False)
     else:
         out.print(f"{report.arrived} of {len(report.states)} arrived", highlight=False)
-        if ordered := companion.ended_by_operator(report):
+        if ordered := report.ended_by_operator:
             out.print(f"ended by the operator: {', '.join(ordered)}", highlight=False, soft_wrap=True)
         if late := _late_vehicles(report):
             text = f"missed their time bounds: {', '.join(late)} [time-bound-missed]"

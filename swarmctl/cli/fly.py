@@ -44,6 +44,7 @@ from swarmctl.cli.resume import ResumeOption, load_or_exit, require_host, run_or
 from swarmctl.config.scenario import Scenario
 from swarmctl.flight import app
 from swarmctl.flight.gc_tuning import tune_collector
+from swarmctl.flight.run import DEFAULT_OPTIONS
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.report.evidence.log import Signer
 from swarmctl.security.evidence_keys import operator_evidence_signer
@@ -98,7 +99,7 @@ def fly(
     elif clock is Clock.REAL:
         require_flyable(config, scenario, out_folder)
     options = replace(
-        app.DEFAULT_OPTIONS,
+        DEFAULT_OPTIONS,
         signer=_signer(config, scenario),
         waivers=parse_waivers_or_exit(waive, scenario),
         resumes=unfinished,

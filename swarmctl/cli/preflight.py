@@ -31,6 +31,7 @@ from swarmctl.cli.fly import Clock, ClockOption
 from swarmctl.config.scenario import Scenario
 from swarmctl.flight import app
 from swarmctl.flight.gc_tuning import tune_collector
+from swarmctl.flight.run import DEFAULT_OPTIONS
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.preflight import report
 from swarmctl.report.outcome import FlightReport
@@ -56,7 +57,7 @@ def preflight(
     scenario = load_scenario_or_exit(config)
     if clock is Clock.VIRTUAL:
         require_simulated_clock(config, scenario)
-    options = replace(app.DEFAULT_OPTIONS, launch="never", waivers=parse_waivers_or_exit(waive, scenario))
+    options = replace(DEFAULT_OPTIONS, launch="never", waivers=parse_waivers_or_exit(waive, scenario))
     with tempfile.TemporaryDirectory(prefix="swarmctl-preflight-") as name:
         folder = Path(name)
         if clock is Clock.REAL:

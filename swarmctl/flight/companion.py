@@ -7,10 +7,9 @@ import contextlib
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
-from swarmctl.agent.phases import Phase
-from swarmctl.agent.state import ARRIVED, AgentState
 from swarmctl.bus import directory
 from swarmctl.bus.authentication import NO_AUTHENTICATION
 from swarmctl.bus.transports.base import BusError, Transport
@@ -20,16 +19,13 @@ from swarmctl.bus.transports.zenoh import ZenohBus
 from swarmctl.bus.transports.zenoh_config import Configuration
 from swarmctl.config import joining
 from swarmctl.config.scenario import Scenario
-from swarmctl.core.events import FlightOrder
 from swarmctl.core.frames import FrameCodec
 from swarmctl.flight import app
-from swarmctl.flight.app import FlightOptions
 from swarmctl.flight.director import Launch
 from swarmctl.flight.member import Member
 from swarmctl.flight.permission import Permission
+from swarmctl.flight.run import Clock, FlightOptions
 from swarmctl.flight.simulator import AddressOf, undisturbed
-from swarmctl.flight.supervise import cancelled
-from swarmctl.flight.wiring import Clock
 from swarmctl.links.url import parse_url
 from swarmctl.preflight.waivers import Waiver
 from swarmctl.report.outcome import FlightReport
@@ -76,28 +72,6 @@ def order_refusal(members: Sequence[Member], *, has_keys: bool) -> str:
     )
 
 
-def ended_by_operator(report: FlightReport) -> list[str]:
-    """Return the names of the vehicles that ended their flight by following an operator's order.
-
-    A stopped run has no such vehicles, because the program itself gives the orders. A vehicle that was given
-    up, released or disarmed on its way has failed, even after an order.
-    """
-    if report.ended != "ended":
-        return []
-    return [state.task.name for state in report.states.values() if _followed_order(state)]
-
-
-def _followed_order(state: AgentState) -> bool:
-    flown = state.launch.armed_seen or state.launch.is_aborted
-    return (
-        state.phase is Phase.DONE
-        and state.outcome != ARRIVED
-        and flown
-        and state.order.given in (FlightOrder.RETURN, FlightOrder.LAND)
-        and state.order.is_followed
-    )
-
-
 async def fly(
     scenario: Scenario,
     folder: Path,
@@ -132,34 +106,17 @@ async def fly(
         resumes=resumes,
     )
 
-    async def flight(bus: Transport, options: FlightOptions) -> FlightReport:
-        report = await app.fly(
-            scenario,
-            folder,
-            ui,
-            clock=clock,
-            permission=permission,
-            address_of=address_of,
-            bus=bus,
-            options=options,
-        )
-        if report.summary:
-            report.summary["ended_by_operator"] = ended_by_operator(report)
-        return report
-
     ui = SafeUi(ui)
+    flown = partial(app.fly, scenario, folder, ui, clock=clock, permission=permission, address_of=address_of)
     failed = ReportOnce(ui.say)
     if network is None:
-        return await flight(bus or MemoryBus(failed), options)
+        return await flown(bus=bus or MemoryBus(failed), options=options)
     with contextlib.ExitStack() as stack:
         if keyring is None:
             options = stack.enter_context(_with_token(scenario, options, ui))
         zenoh = stack.enter_context(ZenohBus(network, on_failure=failed))
-        watch = asyncio.create_task(_report_connection(zenoh, network, ui))
-        try:
-            return await flight(zenoh, options)
-        finally:
-            await cancelled(watch)
+        watch_bus = partial(_report_connection, zenoh, network, ui)
+        return await flown(bus=zenoh, options=replace(options, watch_bus=watch_bus))
 
 
 def _by_operator(scenario: Scenario, keyring: Keyring) -> requests.SignedRequests:

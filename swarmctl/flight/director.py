@@ -10,7 +10,7 @@ import asyncio
 import contextlib
 from collections.abc import Callable, Coroutine, Sequence
 from functools import partial
-from typing import Literal, Protocol
+from typing import Any, Literal, Protocol
 
 from swarmctl.agent.phases import IN_FLIGHT, ON_GROUND, Phase
 from swarmctl.config.flight import FlightSection
@@ -21,7 +21,6 @@ from swarmctl.flight.member import POLL_S, Member, names, until
 from swarmctl.flight.permission import Permission, PreflightFailed, not_simulated
 from swarmctl.flight.return_queue import ReturnQueue
 from swarmctl.flight.shutdown import Shutdown
-from swarmctl.flight.supervise import cancelled
 from swarmctl.flight.takeover import Takeover
 from swarmctl.links.base import LinkError
 from swarmctl.report.final_state import FlightEnd, describe_final_state, is_released_in_air
@@ -43,6 +42,10 @@ ordered: the director keeps the vehicles ready until an operator orders the laun
 never: preflight checks only; no vehicle gets the permission to arm."""
 
 
+Step = Callable[[Member], Coroutine[Any, Any, None]]
+"""a step of the preparation of one vehicle"""
+
+
 class Clearance(Protocol):
     """The preflight checks, which never arm a vehicle."""
 
@@ -57,7 +60,7 @@ class Clearance(Protocol):
 
 
 class Director:
-    """The course of one flight. Set `stop` for an early, orderly end."""
+    """The course of one flight: `fly` until its end, or `shut_down` after `fly` was cancelled."""
 
     def __init__(
         self,
@@ -87,12 +90,12 @@ class Director:
         self._checks_only = launch == "never"
         self._return_queue = return_queue
         self._takeover = takeover
-        self.stop = asyncio.Event()
+        self._is_stopping = False
 
     @property
     def on_ctrl_c(self) -> str:
         """The effect of Ctrl-C now, as text."""
-        if self.stop.is_set():
+        if self._is_stopping:
             return "end the program at once"
         if any(m.state.phase in IN_FLIGHT or m.state.phase is Phase.LAUNCHING for m in self._members):
             order = self._flight.on_exit
@@ -100,34 +103,24 @@ class Director:
         released = any(is_released_in_air(m.state) for m in self._members)
         return "end, with released vehicles in the air" if released else "end"
 
-    async def fly(self) -> Literal["ended", "stopped"]:
-        """Run the flight to its end, and return the kind of end. Raises PreflightFailed before arming."""
-        flight = asyncio.create_task(self._fly())
-        stop = asyncio.create_task(self.stop.wait())
-        try:
-            await asyncio.wait((flight, stop), return_when=asyncio.FIRST_COMPLETED)
-            if flight.done():
-                flight.result()
-                return "ended"
-        finally:
-            await cancelled(flight, stop)
+    async def shut_down(self) -> None:
+        """End the flight early and orderly."""
+        self._is_stopping = True
         if self._checks_only:
             await self._check_answered()
         else:
             await Shutdown(self._members, self._flight, self._say, self._return_queue).run()
-        return "stopped"
 
     async def _check_answered(self) -> None:
         """Check the vehicles that have answered, ready or not."""
         answered = [m for m in self._members if m.identity is not None]
-        for member in answered:
-            member.not_ready_because = member.not_ready_because or "; ".join(member.waiting_for)
         self._say(f"the preflight stops; checking the data received from {names(answered) or 'no vehicle'}")
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(PARTIAL_CHECKS_S):
                 await self._clearance.failures(answered, answered)
 
-    async def _fly(self) -> None:
+    async def fly(self) -> None:
+        """Run the flight to its end. Raises PreflightFailed before arming."""
         if self._takeover is None:
             await self._prepare_flight()
         if self._checks_only:
@@ -163,7 +156,8 @@ class Director:
                 await until(has_route, self._members)
 
     async def _prepare_flight(self) -> None:
-        await self._run_for_all(self._connect)
+        if failures := await self._run_for_all(self._connect):
+            raise PreflightFailed(failures)
         if self._checks_only:
             not_simulated(self._members)
             await self._prepare_all()
@@ -187,10 +181,7 @@ class Director:
         """Set up, make ready and check all vehicles. Raises PreflightFailed with every failure."""
         failures: list[str] = []
         for step in (self._clearance.set_up, self._make_ready):
-            try:
-                await self._run_for_all_reported(step)
-            except PreflightFailed as failed:
-                failures += failed.lines
+            failures += await self._run_for_all_reported(step)
         unreleased = [m for m in self._members if not self._is_released(m)]
         try:
             await self._clear(unreleased)
@@ -232,10 +223,9 @@ class Director:
         if external:
             self._permission(external)
         for member in members:
-            member.runner.armable = member.identity
-            member.runner.check_again = partial(self._clearance.failures, [member], self._members)
+            member.permit(partial(self._clearance.failures, [member], self._members))
 
-    async def _run_for_all_reported(self, step: Callable[[Member], Coroutine[None, None, None]]) -> None:
+    async def _run_for_all_reported(self, step: Step) -> list[str]:
         """Run a preflight step as `_run_for_all` does; report failures at once if other vehicles are busy."""
         under_way = {m.name for m in self._members if not self._is_released(m)}
 
@@ -249,11 +239,11 @@ class Director:
             finally:
                 under_way.discard(member.name)
 
-        early = asyncio.create_task(self._report_early())
-        try:
-            await self._run_for_all(reported)
-        finally:
-            await cancelled(early)
+        async with asyncio.TaskGroup() as tasks:
+            early = tasks.create_task(self._report_early())
+            failures = await self._run_for_all(reported)
+            early.cancel()
+        return failures
 
     async def _report_early(self) -> None:
         """Check each vehicle once, as soon as it is ready. `_prepare_all` checks all vehicles again."""
@@ -265,31 +255,23 @@ class Director:
                 for text in await self._clearance.early_failures(member, self._members):
                     self._say(extended(text, "; waiting for the other vehicles"))
 
-    async def _run_for_all(self, step: Callable[[Member], Coroutine[None, None, None]]) -> None:
-        """Run one preflight step on all vehicles at once. Raises PreflightFailed with all failures.
+    async def _run_for_all(self, step: Step) -> list[str]:
+        """Run one preflight step on all vehicles at once, and return the failures.
 
         Failures of released vehicles are left out (see `_is_released`).
         """
         members = [m for m in self._members if not self._is_released(m)]
-        outcomes: list[BaseException | None]
-        outcomes = await asyncio.gather(*map(step, members), return_exceptions=True)
-        for i, (member, outcome) in enumerate(zip(members, outcomes, strict=True)):
-            if isinstance(outcome, BaseException) and not isinstance(outcome, (LinkError, PreflightFailed)):
-                raise outcome
-            if self._is_released(member):
-                outcomes[i] = None
-            elif outcome is not None:
-                reasons = "; ".join(member.waiting_for)
-                member.not_ready_because = reasons or str(outcome).removeprefix(f"{member.name}: ")
-        failures = [str(o) for o in outcomes if isinstance(o, Exception)]
-        if failures:
-            raise PreflightFailed(failures)
+        async with asyncio.TaskGroup() as tasks:
+            results = [tasks.create_task(_failure(step(member))) for member in members]
+        failures = {m: task.result() for m, task in zip(members, results, strict=True)}
+        failed = [m for m in members if failures[m] and not self._is_released(m)]
+        for member in failed:
+            member.fail(failures[member])
+        return [failures[member] for member in failed]
 
     async def _connect(self, member: Member) -> None:
-        member.identity = await member.runner.link.connect(self._flight.connect_timeout_s)
-        self._say(
-            f"{member.name}: connected to {member.identity.firmware}, system id {member.identity.sysid}"
-        )
+        identity = await member.connect(self._flight.connect_timeout_s)
+        self._say(f"{member.name}: connected to {identity.firmware}, system id {identity.sysid}")
         found = member.runner.link.state()
         if found.armed:
             advice = "disarm the vehicle, or remove it from the configuration [already-armed]"
@@ -310,23 +292,13 @@ class Director:
             raise PreflightFailed([describe_final_state(member)])
 
     async def _prepare(self, member: Member) -> None:
-        clock = asyncio.get_running_loop().time
-        reported_s = clock()
-
-        def waiting(reasons: tuple[str, ...]) -> None:
-            nonlocal reported_s
-            member.waiting_for = reasons
-            # A healthy vehicle waits for its estimator too, so only a long wait is reported.
-            if reasons and clock() - reported_s >= NOT_READY_S * self._seconds_per_delay:
-                reported_s = clock()
-                member.is_overdue = True
-                self._say(
-                    f"{member.name}: not ready yet: {'; '.join(reasons)}; waiting "
-                    f"{self._flight.ready_timeout_s:g} s at most [not-ready]"
-                )
-
-        await member.runner.link.prepare(self._flight.ready_timeout_s, waiting)
-        member.waiting_for, member.is_overdue, member.not_ready_because = (), False, ""
+        timeout_s = self._flight.ready_timeout_s
+        most = f"waiting {timeout_s:g} s at most [not-ready]"
+        await member.prepare(
+            timeout_s,
+            report_every_s=NOT_READY_S * self._seconds_per_delay,
+            on_overdue=lambda reasons: self._say(f"{member.name}: not ready yet: {reasons}; {most}"),
+        )
         where = member.runner.link.state()
         if where.lat_deg is None or where.lon_deg is None:
             raise PreflightFailed([f"{member.name}: ready, but its telemetry has no position; check its GPS"])
@@ -372,6 +344,15 @@ class Director:
 
     def _is_over(self, member: Member) -> bool:
         return member.state.ended or member.silent_for(self._flight.lost_timeout_s)
+
+
+async def _failure(step: Coroutine[Any, Any, None]) -> str:
+    """Carry out a step, and return its failure as text; empty if there is none."""
+    try:
+        await step
+    except (LinkError, PreflightFailed) as error:
+        return str(error)
+    return ""
 
 
 def _ready(member: Member) -> ev.Ready:

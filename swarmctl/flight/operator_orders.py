@@ -7,20 +7,18 @@ from functools import partial
 
 from swarmctl.bus.authentication import NO_AUTHENTICATION, Authentication
 from swarmctl.bus.endpoint import NO_ENDPOINT, parse_endpoint
-from swarmctl.bus.operator_service import CommandCounts, OperatorService
+from swarmctl.bus.operator_service import OperatorService
 from swarmctl.bus.transports.base import Transport
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.messages import GiveOrder, Request
 from swarmctl.flight.member import Member
 from swarmctl.flight.shutdown import return_delays_s
-from swarmctl.report.ui import Ui
 
 
 def operator_service_for(
     scenario: Scenario,
     transport: Transport,
-    ui: Ui,
-    commands: CommandCounts,
+    say: Callable[[str], None],
     members: Sequence[Member],
     *,
     uav: int | None,
@@ -29,7 +27,7 @@ def operator_service_for(
 ) -> OperatorService:
     """Return the operator service of vehicle `uav`, or of all vehicles if `uav` is None.
 
-    `members` may be filled later. `order_refusal` returns the reason why orders are refused now, or an empty
+    `order_refusal` returns the reason why orders are refused now, or an empty
     text. If `order_refusal` is None, `unsigned_order_refusal` decides.
     """
 
@@ -48,11 +46,11 @@ def operator_service_for(
     return OperatorService(
         transport,
         scenario.config.name,
-        ui.say,
-        commands,
+        say,
+        {member.spec.sysid: member.runner for member in members},
         uav=uav,
         refusal=refusal,
-        delays=partial(return_delays_s, members, ui.say),
+        delays=partial(return_delays_s, members, say),
         authentication=authentication,
     )
 

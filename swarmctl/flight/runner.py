@@ -19,10 +19,11 @@ from swarmctl.agent.state import AgentState, Task, begin
 from swarmctl.agent.step import needs_tick, step
 from swarmctl.agent.traffic.neighbours import is_relevant
 from swarmctl.bus.network import Network
-from swarmctl.bus.operator_service import OperatorService
+from swarmctl.bus.operator_service import AgentCommand
 from swarmctl.core import events as ev
 from swarmctl.core.belief import Belief
 from swarmctl.core.frames import AgentMessage, IntentShared, StateShared
+from swarmctl.core.messages import VehicleAnswer
 from swarmctl.core.observation import BeliefItem
 from swarmctl.core.operator_text import extended
 from swarmctl.flight.sensors import Sensor
@@ -72,7 +73,7 @@ class Observer(Protocol):
 
 
 class LaunchNotPermitted(RuntimeError):
-    """A launch without permission, stopped by the last barrier before arming. Only a bug can cause it."""
+    """A launch without permission to arm, stopped by the last barrier. Only a bug can cause it."""
 
 
 class Runner:
@@ -82,36 +83,35 @@ class Runner:
         self,
         task: Task,
         prior: Belief,
-        link: Link,
+        open_link: Callable[[Callable[[LinkEvent], None]], Link],
         sensor: Sensor,
         network: Network,
         observers: tuple[Observer, ...],
         *,
-        operator_service: OperatorService | None = None,
         offload: bool = False,
         recorded: AgentState | None = None,
     ) -> None:
-        """`recorded`: the state by an earlier program's record; folding then waits for `take_up`."""
+        """`open_link` returns the vehicle's link, which calls the given function with its events.
+
+        `recorded`: the state by an earlier program's record; folding then waits for `take_up`.
+        """
         self.state = begin(task, prior) if recorded is None else recorded
         self._may_fold = asyncio.Event()
         self.is_untaken = recorded is not None
         """True until the vehicle is compared with its record: nothing may be sent to it before"""
         if recorded is None:
             self._may_fold.set()
-        self.link = link
         self.armable: Identity | None = None
         """the vehicle that may be armed; no other vehicle is launched at this address. None: no permission"""
+        self._check_again: Callable[[], Awaitable[Sequence[str]]] | None = None
         self.cleared = asyncio.Event()
         """set if preflight checks have passed since the last boot; the launch waits for this event"""
-        self.check_again: Callable[[], Awaitable[Sequence[str]]] | None = None
-        """a function that repeats the preflight checks and returns a line for each failure"""
         self._cleared_s = -math.inf
         self.conflict = ""
         """a message about another sender with the vehicle's system id; empty if there is none"""
         self._sensor = sensor
         self._network = network
         self._observers = observers
-        self._operator_service = operator_service
         self._offload = offload
         self._inbox: deque[ev.Event] = deque()
         self._wake = asyncio.Event()
@@ -127,9 +127,18 @@ class Runner:
         """other vehicles' last intents that were posted as events"""
         self._received: list[BeliefItem] = []
         """observations received and not folded yet"""
+        self._answer_to: dict[int, Callable[[VehicleAnswer], None]] = {}
+        """receivers of answers, by the number of the command"""
+        self.link = open_link(self.on_link_event)
         self.post(ev.Joined(network.join(task.uav, self._receive)))
-        if operator_service is not None:
-            operator_service.join(task.uav, task.name, self.post)
+
+    @property
+    def name(self) -> str:
+        return self.state.task.name
+
+    def permit(self, identity: Identity | None, check_again: Callable[[], Awaitable[Sequence[str]]]) -> None:
+        """Let the vehicle be armed; `check_again` repeats its checks and returns a line for each failure."""
+        self.armable, self._check_again = identity, check_again
 
     def clear(self) -> None:
         """Record that the preflight checks have passed now."""
@@ -147,6 +156,12 @@ class Runner:
             return  # `take_up` brings the latest state
         self._inbox.append(event)
         self._wake.set()
+
+    def command(self, event: AgentCommand, answer_to: Callable[[VehicleAnswer], None]) -> None:
+        """Queue an operator's command; the agent's answer goes to `answer_to`."""
+        assert event.command is not None
+        self._answer_to[event.command] = answer_to
+        self.post(event)
 
     def take_up(self, events: Iterable[ev.Event]) -> None:
         """Begin to fold: first these events about the recorded flight, then the events in the queue."""
@@ -277,8 +292,8 @@ class Runner:
             case ev.NotifyOperator(text):
                 self.note(text, to_operator=True)
             case ev.Answer(command, answer):
-                if self._operator_service is not None:
-                    self._operator_service.answered(command, answer)
+                if (answer_to := self._answer_to.pop(command, None)) is not None:
+                    answer_to(answer)
 
     def _start(self, work: Callable[[], Awaitable[None]], jobs: asyncio.TaskGroup) -> None:
         """Cancel the running job now, and start the new job after the end of the running job.
@@ -327,9 +342,12 @@ class Runner:
             self.post(ev.SpeedFailed(str(error)))
 
     async def _order(self, order: ev.FlightOrder, *, check_mode_first: bool) -> None:
-        if order is ev.FlightOrder.LAUNCH and (reason := await self._reason_against_arming()):
-            self.post(ev.OrderFailed(order, reason, nothing_sent=True))
-            return
+        if order is ev.FlightOrder.LAUNCH:
+            try:
+                await self._check_launch()
+            except LinkError as error:  # the link has sent no launch command
+                self.post(ev.OrderFailed(order, str(error), nothing_sent=True))
+                return
         actions: dict[ev.FlightOrder, Callable[[], Coroutine[Any, Any, None]]] = {
             ev.FlightOrder.LAUNCH: partial(self.link.launch, lambda: self._launch_conflict),
             ev.FlightOrder.HOLD: partial(self.link.hold, check_mode_first=check_mode_first),
@@ -345,48 +363,31 @@ class Runner:
         else:
             self.post(ev.OrderDone(order))
 
-    async def _reason_against_arming(self) -> str:
-        """Return the reason why the vehicle must not be armed now; empty if it may be armed.
-
-        The link sends no launch command before this check.
-        """
-        try:
-            await self._check_launch()
-        except LinkError as error:
-            return str(error)
-        return ""
-
     async def _check_launch(self) -> None:
         """Raise LinkError if the vehicle must not be armed now, LaunchNotPermitted if `armable` is None."""
         if self.armable is None:
-            raise LaunchNotPermitted(f"{self.state.task.name}: launch without permission to arm")
+            raise LaunchNotPermitted(self.name)
         try:
             async with asyncio.timeout(CLEARANCE_TIMEOUT_S):
                 await self.cleared.wait()
         except TimeoutError:
-            text = (
-                "not launched: preflight checks have not passed; see the messages of the checks [not-cleared]"
-            )
-            raise LinkError(f"{self.state.task.name}: {text}") from None
+            why = "preflight checks have not passed; see the messages of the checks [not-cleared]"
+            raise LinkError(f"{self.name}: not launched: {why}") from None
         if not self.is_freshly_cleared:
             await self._clear_again()
         found = await self.link.identify(IDENTIFY_TIMEOUT_S)
         if found != self.armable:
-            raise LinkError(
-                f"{self.state.task.name}: not launched: another vehicle answers: expected "
-                f"{_identity(self.armable)}, found {_identity(found)} [other-vehicle]"
-            )
+            expected, other = (f"{i.firmware}, uid {i.uid2.hex()}" for i in (self.armable, found))
+            text = f"another vehicle answers: expected {expected}, found {other} [other-vehicle]"
+            raise LinkError(f"{self.name}: not launched: {text}")
 
     async def _clear_again(self) -> None:
         """Repeat the preflight checks. Raises LinkError if a check fails now."""
-        name = self.state.task.name
-        if self.check_again is None:
-            raise LinkError(f"{name}: not launched: the preflight checks are too old and cannot be repeated")
-        failures = await self.check_again()
-        if failures:
+        assert self._check_again is not None  # set with `armable`
+        if failures := await self._check_again():
             raise LinkError("; ".join(failures))
         if not self.cleared.is_set():
-            raise LinkError(f"{name}: not launched: the vehicle rebooted during its checks [rebooted]")
+            raise LinkError(f"{self.name}: not launched: the vehicle rebooted during its checks [rebooted]")
         self.clear()
 
     def note(self, text: str, *, to_operator: bool = False) -> None:
@@ -394,7 +395,3 @@ class Runner:
         now = asyncio.get_running_loop().time()
         for observer in self._observers:
             observer.noted(self.state.task.uav, text, now, to_operator=to_operator)
-
-
-def _identity(identity: Identity) -> str:
-    return f"{identity.firmware}, uid {identity.uid2.hex()}"

@@ -13,7 +13,7 @@ import json
 import math
 import os
 import sys
-from collections.abc import AsyncIterator, Callable, Coroutine
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,8 +21,8 @@ from typing import Any
 from swarmctl.config.scenario import Scenario
 from swarmctl.config.specs import PLANE_AUTOPILOTS, Spec, simulated_autopilot
 from swarmctl.config.vehicles import Autopilot
-from swarmctl.flight.supervise import cancelled
 from swarmctl.links.transports.base import Address
+from swarmctl.links.url import Endpoint
 from swarmctl.mavlink.firmware import Firmware
 from swarmctl.preflight.declared import simulated_parameters
 
@@ -140,16 +140,17 @@ def _heading_deg(scenario: Scenario, spec: Spec) -> float:
     return math.degrees(math.atan2(e1 - e0, n1 - n0)) % 360.0
 
 
-@contextlib.asynccontextmanager
-async def running(
-    scenario: Scenario, url: str, folder: Path, has_unprocessed: Callable[[], bool]
-) -> AsyncIterator[asyncio.Task[None]]:
-    """Run the simulator process; the yielded task raises SimulatorFailed when the process ends.
+async def run_simulator(
+    scenario: Scenario, listening: Endpoint, folder: Path, has_unprocessed: Callable[[], bool]
+) -> None:
+    """Run the simulator process until cancelled. Raises SimulatorFailed when the process ends.
 
+    listening: the ground station's endpoint, to which the simulator connects
     has_unprocessed: function that returns whether received telemetry still waits; the simulator waits then.
     """
     simulate = scenario.config.simulate
     assert simulate is not None
+    url = f"{'udpout' if listening.kind == 'udpin' else 'tcpout'}://{_connect_address(listening)}"
     file, log = folder / "scenario.json", folder / "simulator.log"
     file.write_text(json.dumps(scenario_json(scenario), indent=1) + "\n", encoding="utf-8")
     command = [
@@ -165,15 +166,18 @@ async def running(
         )
         assert process.stdin is not None
         assert process.stdout is not None
-        steps = step_clock(process.stdin, process.stdout, output.write, simulate.speedup, has_unprocessed)
-        watch = asyncio.create_task(_watch(process, steps, log))
         try:
-            yield watch
+            await step_clock(process.stdin, process.stdout, output.write, simulate.speedup, has_unprocessed)
+            raise _failure(await process.wait(), log)
         finally:
-            await cancelled(watch)
             await _stop(process)
             rest = (await process.stdout.read()).splitlines(keepends=True)
             output.writelines(line for line in rest if not line.startswith(ANSWER))
+
+
+def _connect_address(endpoint: Endpoint) -> str:
+    host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(endpoint.host, endpoint.host)
+    return f"[{host}]:{endpoint.port}" if ":" in host else f"{host}:{endpoint.port}"
 
 
 async def step_clock(
@@ -202,13 +206,11 @@ async def step_clock(
             await asyncio.sleep(due_s - loop.time())
 
 
-async def _watch(process: asyncio.subprocess.Process, steps: Coroutine[Any, Any, None], log: Path) -> None:
-    await steps
-    code = await process.wait()
+def _failure(code: int, log: Path) -> SimulatorFailed:
     how = f"was killed by signal {-code}" if code < 0 else f"ended with code {code}"
     lines = log.read_text(encoding="utf-8", errors="replace").strip().splitlines()
     last = f"; its last lines: {' / '.join(lines[-3:])}" if code > 0 and lines else ""
-    raise SimulatorFailed(f"the simulator {how}{last} [simulator-ended]")
+    return SimulatorFailed(f"the simulator {how}{last} [simulator-ended]")
 
 
 async def _stop(process: asyncio.subprocess.Process) -> None:

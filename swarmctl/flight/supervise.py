@@ -1,11 +1,11 @@
-"""Retries by a policy, and the cancellation of tasks."""
+"""Retries by a policy."""
 
 from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import TypeVar
 
 T = TypeVar("T")
 
@@ -48,10 +48,3 @@ async def retrying(
             if delay_s is None:
                 raise
         await asyncio.sleep(delay_s)
-
-
-async def cancelled(*tasks: asyncio.Task[Any]) -> None:
-    """Cancel tasks and wait until they have ended; their results and exceptions are dropped."""
-    for task in tasks:
-        task.cancel()
-    await asyncio.gather(*tasks, return_exceptions=True)

@@ -70,7 +70,7 @@ class Takeover:
         while clock() < until_s or not failure:
             try:
                 if member.identity is None:
-                    member.identity = await member.runner.link.connect(self._flight.connect_timeout_s)
+                    await member.connect(self._flight.connect_timeout_s)
                 if member.runner.conflict:
                     return [ev.Restarted(reason=member.runner.conflict)]
                 if not is_permitted:

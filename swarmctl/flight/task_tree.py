@@ -1,4 +1,11 @@
-"""The tasks of a flight: agents, director, simulator, display, and the signal handlers."""
+"""The tasks of a flight, the signal handlers, and the orders in an emergency.
+
+| task | ends |
+|---|---|
+| simulated vehicles | last, because emergency orders need them |
+| an agent for each vehicle, display, callbacks, bus | with the director; an error in one task ends them all |
+| director, with tasks for the vehicles on the ground | after the flight, or after a shutdown |
+"""
 
 from __future__ import annotations
 
@@ -6,63 +13,134 @@ import asyncio
 import contextlib
 import signal
 import time
-from collections.abc import Callable, Coroutine, Iterator, Sequence
-from typing import Any, Literal
+from collections.abc import Callable, Iterator
+from typing import Any
 
-from swarmctl.bus.network import Network
-from swarmctl.config.scenario import Scenario
+from swarmctl.core.events import FlightOrder
 from swarmctl.core.operator_text import extended
-from swarmctl.flight import simulator
-from swarmctl.flight.director import Director
-from swarmctl.flight.member import Member
-from swarmctl.flight.supervise import cancelled
-from swarmctl.report.evidence.log import Evidence
+from swarmctl.flight import emergency
+from swarmctl.flight.simulator import SimulatorFailed, run_simulator
+from swarmctl.flight.wiring import Flight
+from swarmctl.planners import is_small, warm_up
 from swarmctl.report.live_rows import SwarmView, vehicle_row
-from swarmctl.report.summary import FlightStatistics
-from swarmctl.report.ui import Ui
+from swarmctl.report.outcome import Ending
 
 REFRESH_S = 0.25
 """time between two updates of the user interface"""
 
 
-async def run_tasks(
-    director: Director,
-    members: Sequence[Member],
-    simulator_task: asyncio.Task[None] | None,
-    ui: Ui,
-    show: Callable[[], Coroutine[Any, Any, None]],
-    evidence: Evidence,
-) -> Literal["ended", "stopped", "abandoned"]:
-    """Run all tasks of a flight in one group until the director ends; "abandoned": after a second signal."""
-    abandoned = False
+async def run_tasks(flight: Flight) -> Ending:
+    """Run all tasks of a flight until its director ends; return the kind of end.
+
+    After a failure or an abandoned flight, armed vehicles get the order `on_exit`.
+    """
     async with asyncio.TaskGroup() as tasks:
-        helpers = [tasks.create_task(m.runner.run()) for m in members]
-        helpers.append(tasks.create_task(show()))
+        simulating = tasks.create_task(_simulate(flight))
+        await _load_planner(flight)
+        try:
+            ended = await _run_agents(flight, simulating)
+        except Exception:
+            await _in_emergency(flight, simulating, at_once=False)
+            raise
+        if ended == "abandoned":
+            await _in_emergency(flight, simulating, at_once=True)
+        simulating.cancel()
+    return ended
+
+
+async def _run_agents(flight: Flight, simulating: asyncio.Task[Exception | None]) -> Ending:
+    async with asyncio.TaskGroup() as tasks:
+        helpers = [tasks.create_task(member.runner.run()) for member in flight.members]
+        helpers.append(tasks.create_task(_show(flight)))
         helpers.append(tasks.create_task(_watch_callbacks()))
-        if simulator_task is not None:
-            helpers.append(tasks.create_task(_watch_simulator(simulator_task, members, ui)))
-        flight = asyncio.create_task(director.fly())
+        helpers.append(tasks.create_task(_watch_simulator(flight, simulating)))
+        if (watch_bus := flight.run.options.watch_bus) is not None:
+            helpers.append(tasks.create_task(watch_bus()))
+        ended = await _direct(flight, tasks)
+        for helper in helpers:
+            helper.cancel()
+    return ended
 
-        def interrupted() -> None:
-            nonlocal abandoned
-            abandoned = director.stop.is_set()
-            evidence.operator("leave at once" if abandoned else "end of the flight", by="signal")
-            if abandoned:
-                flight.cancel()
-            director.stop.set()
 
-        with _signals(interrupted):
-            try:
-                ended = await flight
-            except asyncio.CancelledError:
-                if not abandoned:
-                    await cancelled(flight)
-                    raise
-                ended = "stopped"
-            finally:
-                for helper in helpers:
-                    helper.cancel()
-    return "abandoned" if abandoned else ended
+async def _direct(flight: Flight, tasks: asyncio.TaskGroup) -> Ending:
+    """Run the director; the first signal begins the shutdown, and the second signal ends it at once."""
+    n_signals = 0
+
+    def interrupted() -> None:
+        nonlocal n_signals
+        n_signals += 1
+        asks = "end of the flight" if n_signals == 1 else "leave at once"
+        flight.records.evidence.operator(asks, by="signal")
+        directing.cancel()
+
+    directing = tasks.create_task(flight.director.fly())
+    with _signals(interrupted):
+        await asyncio.wait({directing})
+        if not directing.cancelled():
+            return "ended"
+        if n_signals < 2:
+            directing = tasks.create_task(flight.director.shut_down())
+            await asyncio.wait({directing})
+    return "stopped" if n_signals < 2 else "abandoned"
+
+
+async def _simulate(flight: Flight) -> Exception | None:
+    """Run the simulated vehicles until cancelled; return an error that ends them early."""
+    try:
+        if flight.run.simulated:
+            await _run_simulator(flight)
+    except Exception as error:  # noqa: BLE001 - `_watch_simulator` raises the error
+        return error
+    return None
+
+
+async def _watch_simulator(flight: Flight, simulating: asyncio.Task[Exception | None]) -> None:
+    """Raise the error that ends the simulator; a failed simulator does not end a flight of real vehicles."""
+    error = await asyncio.shield(simulating)
+    if isinstance(error, SimulatorFailed) and len(flight.run.simulated) < len(flight.members):
+        flight.run.ui.say(extended(str(error), "; the vehicles that are not simulated fly on"))
+    elif error is not None:
+        raise error
+
+
+async def _run_simulator(flight: Flight) -> None:
+    run, resources = flight.run, flight.resources
+    if run.clock == "virtual":
+        # The simulator is another package, and only the virtual clock needs it here.
+        from swarmctl.flight.virtual_simulator import run_fleet  # noqa: PLC0415
+
+        await run_fleet(resources.wire, run.scenario, run.address_of)
+        return
+    endpoint = run.endpoint(run.simulated[0])
+
+    def has_unprocessed() -> bool:
+        is_behind = any(member.runner.is_behind for member in flight.members)
+        return is_behind or resources.front_end.has_unread(endpoint)
+
+    await run_simulator(run.scenario, endpoint, run.folder, has_unprocessed)
+
+
+async def _load_planner(flight: Flight) -> None:
+    """Load the machine code for large areas. This takes a second, too long for a pause in flight."""
+    if is_small(flight.run.scenario.grid.n_cells):
+        return
+    if flight.run.clock == "real":
+        await asyncio.to_thread(warm_up)
+    else:
+        warm_up()
+
+
+async def _in_emergency(flight: Flight, simulating: asyncio.Task[Exception | None], *, at_once: bool) -> None:
+    """Order the armed vehicles; simulated vehicles whose simulator has ended get no order."""
+    section, say = flight.run.scenario.config.flight, flight.run.ui.say
+    reachable = [m for m in flight.members if not (m.spec.simulated and simulating.done())]
+    order = FlightOrder(section.on_exit)
+    if at_once:
+        await emergency.at_once("the operator ends the program at once", reachable, order, say)
+    else:
+        within_s, speedup = section.on_exit_deadline_s, flight.run.times.speedup
+        why = "the flight has failed"
+        await emergency.in_turns(why, reachable, order, say, within_s=within_s, speedup=speedup)
 
 
 async def _watch_callbacks() -> None:
@@ -80,15 +158,6 @@ async def _watch_callbacks() -> None:
         await bug
     finally:
         loop.set_exception_handler(None)
-
-
-async def _watch_simulator(simulator_task: asyncio.Task[None], members: Sequence[Member], ui: Ui) -> None:
-    try:
-        await asyncio.shield(simulator_task)
-    except simulator.SimulatorFailed as error:
-        if all(m.spec.simulated for m in members):
-            raise
-        ui.say(extended(str(error), "; the vehicles that are not simulated fly on"))
 
 
 @contextlib.contextmanager
@@ -109,35 +178,29 @@ def _signals(interrupted: Callable[[], None]) -> Iterator[None]:
             loop.remove_signal_handler(number)
 
 
-async def show(
-    members: Sequence[Member],
-    statistics: FlightStatistics,
-    ui: Ui,
-    scenario: Scenario,
-    director: Director,
-    network: Network,
-) -> None:
+async def _show(flight: Flight) -> None:
     """Refresh the user interface several times a second until cancelled, and once more at the end."""
     samples: list[tuple[float, float]] = []  # (wall time, latest vehicle clock) [s]
+    config, statistics = flight.run.scenario.config, flight.records.statistics
 
     def refresh() -> None:
         nonlocal samples
-        clocks = [m.state.vehicle.time_boot_s for m in members if not m.runner.is_untaken]
+        clocks = [m.state.vehicle.time_boot_s for m in flight.members if not m.runner.is_untaken]
         samples = [*samples[-20:], (time.monotonic(), max(clocks, default=0.0))]
         (t0, v0), (t1, v1) = samples[0], samples[-1]
         rows = [
             vehicle_row(
                 m.state,
                 m.runner.link.age_s(),
-                "; ".join(m.waiting_for) if m.is_overdue else "",
-                network.counters(m.spec.sysid).refused.total(),
-                lost_timeout_s=scenario.config.flight.lost_timeout_s,
+                m.overdue_because,
+                flight.resources.network.counters(m.spec.sysid).refused.total(),
+                lost_timeout_s=config.flight.lost_timeout_s,
             )
-            for m in members
+            for m in flight.members
         ]
         speed = (v1 - v0) / (t1 - t0) if t1 > t0 and v0 > 0.0 else None
-        flown_s = statistics.longest_flight_s
-        ui.refresh(SwarmView(scenario.config.name, flown_s, speed, rows, director.on_ctrl_c))
+        view = SwarmView(config.name, statistics.longest_flight_s, speed, rows, flight.director.on_ctrl_c)
+        flight.run.ui.refresh(view)
 
     try:
         while True:

@@ -6,14 +6,11 @@ Only this module imports both `swarmctl` and `sim_vehicle`. In flight the two ex
 from __future__ import annotations
 
 import asyncio
-import contextlib
-from collections.abc import AsyncIterator
 
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.scenarios import Scenario as FleetScenario
 from swarmctl.config.scenario import Scenario
-from swarmctl.flight.simulator import AddressOf, scenario_json, undisturbed
-from swarmctl.flight.supervise import cancelled
+from swarmctl.flight.simulator import AddressOf, scenario_json
 from swarmctl.links.transports.base import Address
 from swarmctl.links.transports.memory import MemoryWire
 
@@ -21,11 +18,8 @@ STEP_S = 0.05
 """time between two steps of the simulation [s]"""
 
 
-@contextlib.asynccontextmanager
-async def fleet_on(
-    wire: MemoryWire, scenario: Scenario, address_of: AddressOf = undisturbed
-) -> AsyncIterator[asyncio.Task[None]]:
-    """Simulate a fleet behind `wire`, on the running loop's clock; yield the task that steps the fleet."""
+async def run_fleet(wire: MemoryWire, scenario: Scenario, address_of: AddressOf) -> None:
+    """Simulate a fleet behind `wire`, on the running loop's clock, until cancelled."""
     simulate = scenario.config.simulate
     assert simulate is not None
     fleet_scenario = FleetScenario.model_validate(scenario_json(scenario))
@@ -46,15 +40,10 @@ async def fleet_on(
         if address_of(sysid_at[address], loop.time()) == address:
             send(fleet.receive(data, loop.time(), peer=address))
 
-    async def step_fleet() -> None:
+    wire.connect_vehicles(receive)
+    try:
         while True:
             send(fleet.step(loop.time()))
             await asyncio.sleep(STEP_S)
-
-    wire.to_vehicles = receive
-    steps = asyncio.create_task(step_fleet())
-    try:
-        yield steps
     finally:
-        wire.to_vehicles = None
-        await cancelled(steps)
+        wire.connect_vehicles(None)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Coroutine, Iterable, Sequence
 from typing import Any
 
@@ -24,8 +23,6 @@ ATTEMPTS = 3
 class Preflight:
     """The checks of one run.
 
-    checked: output; the last results of every vehicle, by name
-    crossings: output; each round appends the numbers of pairs of first routes that come close over ground
     sets_parameters: False for the command `preflight`
     unix_s_at_zero, speedup, free_clocks: as for `FactCollector`
     """
@@ -33,7 +30,6 @@ class Preflight:
     def __init__(
         self,
         scenario: Scenario,
-        checked: dict[str, tuple[CheckResult, ...]],
         waivers: Sequence[Waiver],
         *,
         unix_s_at_zero: float,
@@ -42,10 +38,11 @@ class Preflight:
         say: Callable[[str], None],
         on_waived: Callable[[CheckResult], None] = lambda _: None,
         sets_parameters: bool = True,
-        crossings: deque[CrossingCounts] | None = None,
     ) -> None:
-        self._checked = checked
-        self._crossings = crossings
+        self.checked: dict[str, tuple[CheckResult, ...]] = {}
+        """the last results of every vehicle, by name"""
+        self.crossings: CrossingCounts | None = None
+        """the numbers of pairs of first routes that come close over ground; None before the first checks"""
         self._waivers = waivers
         self._say = say
         self._on_waived = on_waived
@@ -114,18 +111,17 @@ class Preflight:
                 break
 
     def _results(self, vehicles: Sequence[VehicleToCheck]) -> list[CheckResult]:
-        return [result for vehicle in vehicles for result in self._checked[vehicle.spec.name]]
+        return [result for vehicle in vehicles for result in self.checked[vehicle.spec.name]]
 
     async def _check_all(
         self, vehicles: Sequence[VehicleToCheck], everyone: Sequence[VehicleToCheck]
     ) -> None:
         collected = await self._collector.collect(vehicles, everyone)
-        if self._crossings is not None:
-            trajectories = self._collector.trajectories.values()
-            known = (until_landing(trajectory) for trajectory in trajectories if trajectory is not None)
-            self._crossings.append(count_crossings(dict(enumerate(known)), self._collector.limits))
+        trajectories = self._collector.trajectories.values()
+        known = (until_landing(trajectory) for trajectory in trajectories if trajectory is not None)
+        self.crossings = count_crossings(dict(enumerate(known)), self._collector.limits)
         for facts in collected:
-            self._checked[facts.name] = tuple(self._check(facts))
+            self.checked[facts.name] = tuple(self._check(facts))
 
     def _check(self, facts: PreflightFacts) -> Iterable[CheckResult]:
         for check in CHECKS:

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from swarmctl.agent.phases import Phase
 from swarmctl.agent.state import ARRIVED, AgentState
+from swarmctl.core.events import FlightOrder
 from swarmctl.preflight.results import CheckResult
 from swarmctl.report.summary import FlightStatistics
 
 Ending = Literal["ended", "stopped", "abandoned", "failed"]
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class FlightReport:
     """The report of one flight: ending, final states, summary and results of preflight."""
 
@@ -36,3 +39,29 @@ class FlightReport:
     @property
     def all_arrived(self) -> bool:
         return bool(self.states) and self.arrived == len(self.states)
+
+    @property
+    def ended_by_operator(self) -> list[str]:
+        return ended_by_operator(self.ended, self.states)
+
+
+def ended_by_operator(ended: Ending, states: Mapping[int, AgentState]) -> list[str]:
+    """Return the names of the vehicles that ended their flight by following an operator's order.
+
+    A stopped run has no such vehicles, because the program itself gives the orders. A vehicle that was given
+    up, released or disarmed on its way has failed, even after an order.
+    """
+    if ended != "ended":
+        return []
+    return [state.task.name for state in states.values() if _followed_order(state)]
+
+
+def _followed_order(state: AgentState) -> bool:
+    flown = state.launch.armed_seen or state.launch.is_aborted
+    return (
+        state.phase is Phase.DONE
+        and state.outcome != ARRIVED
+        and flown
+        and state.order.given in (FlightOrder.RETURN, FlightOrder.LAND)
+        and state.order.is_followed
+    )

@@ -303,7 +303,7 @@ def test_a_busy_vehicle_gets_no_new_weights() -> None:
         assert station.counts == CommandCounts(passed_on=2, refused=1)
 
         # The late answer does not reach the operator, but the vehicle is free again.
-        station.service.answered(1, VehicleAnswer(2, "uav2", "taken", 5))
+        station.late[0]()
         await client.ask(bus, there, SetWeights((2,), w=0.3))
         assert [(uav, event.command) for uav, event in station.posted] == [(2, 1), (1, 2), (2, 3)]
 
@@ -353,15 +353,6 @@ def test_a_station_without_an_answer_leaves_the_outcome_unknown() -> None:
 
     with pytest.raises(client.NoAnswer, match="no-answer"):
         run_virtual(scene())
-
-
-def test_a_service_without_vehicles_does_not_call_them_busy() -> None:
-    async def scene() -> OperatorAnswer:
-        bus = MemoryBus()
-        operator_service.OperatorService(bus, "test", print, CommandCounts())
-        return await client.ask(bus, client.FlightEndpoints("test", ANYWHERE), GiveOrder(None, "hold"))
-
-    assert run_virtual(scene()).refused.endswith("[no-vehicle-yet]")
 
 
 @pytest.mark.parametrize(

@@ -32,7 +32,7 @@ from swarmctl.core.messages import (
     VehicleAnswer,
     decode_answer,
 )
-from swarmctl.flight import app, companion, wiring
+from swarmctl.flight import app, companion, resources
 from swarmctl.flight.permission import Permission
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.links.base import Identity
@@ -155,7 +155,7 @@ def test_a_vehicle_that_neither_arrives_nor_follows_an_order_has_failed(
     changes: dict[str, Any], returned: FlightReport, tmp_path: Path
 ) -> None:
     report = replace(returned, states={2: replace(returned.states[2], **changes)})
-    assert companion.ended_by_operator(report) == []
+    assert report.ended_by_operator == []
     assert code_of(report, tmp_path) == 1
 
 
@@ -248,7 +248,7 @@ def test_a_bug_in_a_message_handler_is_reported_and_ends_no_flight(
         def _fails(self, *_: object) -> None:
             raise OverflowError("too many digits\x1b[2J")
 
-    monkeypatch.setattr(companion if alone else wiring, "MemoryBus", Buggy)
+    monkeypatch.setattr(companion if alone else resources, "MemoryBus", Buggy)
 
     async def scene(ui: Ui) -> FlightReport:
         scenario = small()

@@ -75,7 +75,7 @@ def test_a_launch_without_permission_is_a_bug_and_no_take_off() -> None:
         runner = Runner(
             scenario.tasks[0],
             scenario.prior,
-            link,
+            lambda _: link,
             Footprint(scenario.grid, frozenset(), PERFECT, np.random.default_rng(0)),
             network_of(scenario, MemoryBus(), RunClock(0.0)),
             (),

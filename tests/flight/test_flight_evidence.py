@@ -21,6 +21,7 @@ from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.cli.main import cli
 from swarmctl.core.messages import SetWeights
 from swarmctl.flight import app
+from swarmctl.flight.run import DEFAULT_OPTIONS
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.mavlink.protocol.codec import logged_frames
 from swarmctl.preflight.waivers import parse_waivers
@@ -116,7 +117,7 @@ def test_operators_actions_are_in_the_evidence(tmp_path: Path) -> None:
                 clock="virtual",
                 permission=lambda _: None,
                 bus=bus,
-                options=replace(app.DEFAULT_OPTIONS, waivers=waivers),
+                options=replace(DEFAULT_OPTIONS, waivers=waivers),
             )
         )
         await asyncio.sleep(30.0)

@@ -15,7 +15,7 @@ from swarmctl.agent.traffic import landing_queue
 from swarmctl.agent.traffic.separation.clash import HEIGHT_TOLERANCE_M
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.geo import distance_m
-from swarmctl.flight.app import FlightOptions
+from swarmctl.flight.run import FlightOptions
 from swarmctl.preflight.waivers import Waiver
 from swarmctl.report import record
 from swarmctl.report.outcome import FlightReport

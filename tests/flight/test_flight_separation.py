@@ -14,7 +14,7 @@ import pytest
 from flights import Ui, coded, fly, small
 from gap_scenario import through_the_gap
 
-from swarmctl.flight.app import FlightOptions
+from swarmctl.flight.run import FlightOptions
 from swarmctl.flight.runner import Runner
 from swarmctl.preflight.waivers import Waiver
 from swarmctl.report import record

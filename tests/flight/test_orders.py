@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from agent_stories import Story, orders
 from flights import small
+from operator_station import AnswerTo, StubAgent
 
 from swarmctl.agent.phases import Phase
 from swarmctl.bus import directory, keys, operator_service
@@ -313,18 +314,16 @@ class Ground:
             bus,
             "test",
             self.said.append,
-            CommandCounts(),
+            {2: StubAgent("uav2", self._command)},
             uav=2,
             refusal=lambda command: closed if isinstance(command, GiveOrder) else "",
             authentication=authentication,
         )
-        self.service.join(2, "uav2", self._post)
 
-    def _post(self, event: AgentCommand) -> None:
+    def _command(self, event: AgentCommand, answer_to: AnswerTo) -> None:
         self.posted.append(event)
         if not self.slow:
-            assert event.command is not None
-            self.service.answered(event.command, VehicleAnswer(2, "uav2", "taken"))
+            answer_to(VehicleAnswer(2, "uav2", "taken"))
 
 
 ORDER, WEIGHTS = "swarmctl/test/uav/2/request/order/operator", "swarmctl/test/uav/2/request/weights/operator"
@@ -413,7 +412,7 @@ def test_a_flood_of_unsigned_requests_does_not_delay_the_operators_orders() -> N
                 answer = await client.ask(bus, STATION, GiveOrder((2,), "land"), Operators())
                 assert answer == TAKEN
         assert len(ground.posted) == 4
-        assert ground.service._counts == CommandCounts(passed_on=4, refused=garbage)
+        assert ground.service.counts == CommandCounts(passed_on=4, refused=garbage)
         assert len(ground.said) <= operator_service.SHOWN_BURST + 1
 
     run_virtual(scene())
@@ -426,7 +425,7 @@ def test_requests_beyond_the_rate_limit_are_counted_and_not_answered() -> None:
         for _ in range(5000):
             bus._served[ORDER](ORDER, b"nonsense", answers.append)
         assert len(answers) == operator_service.CHECKED_BURST
-        assert ground.service._counts.refused == 5000
+        assert ground.service.counts.refused == 5000
 
     run_virtual(scene())
 

@@ -12,8 +12,8 @@ import pytest
 from flights import Ui, fly, small
 
 from swarmctl.config.scenario import Scenario
-from swarmctl.flight import app, virtual_simulator, wiring
-from swarmctl.flight.app import FlightOptions
+from swarmctl.flight import app, run, virtual_simulator
+from swarmctl.flight.run import FlightOptions
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.preflight.checks import CHECKS
 from swarmctl.preflight.waivers import Waiver
@@ -181,7 +181,7 @@ def test_a_waiver_for_one_vehicle_does_not_apply_to_another(afflict: Afflict, tm
 
 
 def test_a_clock_out_of_step_is_found(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(wiring, "VIRTUAL_EPOCH_NS", wiring.VIRTUAL_EPOCH_NS + 5 * 10**9)
+    monkeypatch.setattr(run, "VIRTUAL_EPOCH_NS", run.VIRTUAL_EPOCH_NS + 5 * 10**9)
     report = checked(small(), tmp_path)
     assert failing(report) == [(f"uav{n}", "clock") for n in (1, 2, 3)]
     assert report.trouble[0].startswith("uav1: clock: ")

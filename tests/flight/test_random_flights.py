@@ -15,7 +15,7 @@ from trouble import Trouble, inject, select_mode
 from swarmctl.agent.orders import StepResult, command, release_vehicle
 from swarmctl.agent.state import AgentState
 from swarmctl.core import events as ev
-from swarmctl.flight.app import FlightOptions
+from swarmctl.flight.run import FlightOptions
 from swarmctl.mavlink.dialects.ardupilot import ArduPilot
 from swarmctl.preflight.waivers import Waiver
 

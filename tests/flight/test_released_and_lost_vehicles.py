@@ -19,7 +19,7 @@ from trouble import Trouble, fly_with, inject, select_mode
 from sim_vehicle.fleet import Fleet
 from swarmctl.agent.phases import Phase
 from swarmctl.config.scenario import Scenario
-from swarmctl.flight.app import FlightOptions
+from swarmctl.flight.run import FlightOptions
 from swarmctl.report.flight_table import flight_table
 from swarmctl.report.live_rows import live_table, plain_line
 from swarmctl.report.pictures import sheet

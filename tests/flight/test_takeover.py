@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import fcntl
 import random
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 import pytest
 from crash_world import Meanwhile, Moment, crashed, drift, lost_observations, resume, unfinished
@@ -22,13 +23,14 @@ from wings_flights import winged
 from sim_vehicle.faults.spec import parse_fault
 from sim_vehicle.fleet import Fleet
 from swarmctl.config.scenario import Scenario
-from swarmctl.flight import app
-from swarmctl.flight.app import DEFAULT_OPTIONS
-from swarmctl.flight.director import Director
+from swarmctl.flight import app, task_tree
+from swarmctl.flight.run import DEFAULT_OPTIONS
+from swarmctl.flight.wiring import Flight
 from swarmctl.links.base import SystemIdConflict
 from swarmctl.mavlink import events as mavlink_events
 from swarmctl.report import record, record_file, unfinished_run
 from swarmctl.report.evidence.chain import Continued, check
+from swarmctl.report.outcome import Ending
 from swarmctl.report.unfinished_run import UnfinishedRunError
 
 SMALLER = {**AREA, "rows": 6, "cols": 6}
@@ -223,15 +225,15 @@ def test_a_vehicle_that_does_not_answer_delays_no_other(
 def test_a_second_sender_with_the_id_of_one_vehicle_stops_no_other(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    scenario, made = pair(), app._director
+    scenario, made = pair(), app.run_tasks
 
-    def director(run: Any, *given: Any) -> Director:
-        run.members[1].runner.on_link_event(SystemIdConflict("udp://10.0.0.1:14550"))
-        return made(run, *given)
+    async def run_tasks(flight: Flight) -> Ending:
+        flight.members[1].runner.on_link_event(SystemIdConflict("udp://10.0.0.1:14550"))
+        return await made(flight)
 
     with crashed(scenario, tmp_path / "a", monkeypatch, when=at(30.0)) as crash:
         assert crash is not None
-        monkeypatch.setattr(app, "_director", director)
+        monkeypatch.setattr(app, "run_tasks", run_tasks)
         resumed = resume(scenario, crash, tmp_path / "b", monkeypatch)
     assert resumed.report.ended == "ended"
     assert resumed.outcomes()["uav1"] == "arrived"
@@ -371,16 +373,17 @@ def test_half_a_copy_of_the_earlier_record_is_not_the_last_run(
 def test_ctrl_c_amid_the_takeover_lets_the_vehicles_go(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    scenario, made, directors = pair(), app._director, list[Director]()
+    scenario, pressed = pair(), list[Callable[[], None]]()
 
-    def director(*given: Any) -> Director:
-        directors.append(made(*given))
-        return directors[-1]
+    @contextlib.contextmanager
+    def signals(interrupted: Callable[[], None]) -> Iterator[None]:
+        pressed.append(interrupted)
+        yield
 
-    monkeypatch.setattr(app, "_director", director)
+    monkeypatch.setattr(task_tree, "_signals", signals)
     with crashed(scenario, tmp_path / "a", monkeypatch, when=at(20.0)) as crash:
         assert crash is not None
-        stop = (crash.at_s + 5.5, lambda _fleet: directors[-1].stop.set())
+        stop = (crash.at_s + 5.5, lambda _fleet: pressed[-1]())
         resumed = resume(scenario, crash, tmp_path / "b", monkeypatch, later=stop)
     assert resumed.report.ended == "stopped"
     assert {state.phase for state in resumed.report.states.values()} == {"released"}

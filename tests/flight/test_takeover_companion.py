@@ -16,8 +16,8 @@ from sim_vehicle.fleet import Fleet
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.config.scenario import Scenario
 from swarmctl.flight import companion, virtual_simulator
+from swarmctl.flight.run import VIRTUAL_EPOCH_NS
 from swarmctl.flight.virtual_clock import run_virtual
-from swarmctl.flight.wiring import VIRTUAL_EPOCH_NS
 from swarmctl.report import unfinished_run
 from swarmctl.report.outcome import FlightReport
 from swarmctl.report.unfinished_run import UnfinishedRun

@@ -28,7 +28,7 @@ class FleetWorld:
         ]
         self.fleet = Fleet(Scenario.model_validate({"seed": 1, "vehicles": vehicles}), ready_s=3.0)
         self.wire = MemoryWire()
-        self.wire.to_vehicles = self._to_vehicles
+        self.wire.connect_vehicles(self._to_vehicles)
         self.sent_to: list[Any] = []
         self.raw: list[bytes] = []
         self.events: list[Any] = []

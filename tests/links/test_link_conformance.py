@@ -114,10 +114,10 @@ def test_an_order_interrupts_identify(kind):
         async with World(Copter(1), kind=kind) as world:
             link = world.link()
             await link.connect(10)
-            world.wire.to_vehicles = lambda data, address: None
+            world.wire.connect_vehicles(lambda data, address: None)
             identifying = asyncio.create_task(link.identify(30))
             await asyncio.sleep(1)
-            world.wire.to_vehicles = world._to_vehicles
+            world.wire.connect_vehicles(world._to_vehicles)
             await link.hold()
             with pytest.raises(LinkError, match=r"by hold \[interrupted\]"):
                 await identifying
@@ -339,7 +339,7 @@ def test_a_lost_command_is_repeated_after_one_second(kind):
                         return
                 world._to_vehicles(data, address)
 
-            world.wire.to_vehicles = lossy
+            world.wire.connect_vehicles(lossy)
             await link.hold()
             assert sent[1] - sent[0] == pytest.approx(1.0, abs=0.3)
 

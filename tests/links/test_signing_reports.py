@@ -16,7 +16,7 @@ from signed_world import WATCHER, SignedWorld, station
 
 from sim_vehicle.fleet import Fleet
 from swarmctl.flight import virtual_simulator
-from swarmctl.flight.wiring import VIRTUAL_EPOCH_NS
+from swarmctl.flight.run import VIRTUAL_EPOCH_NS
 from swarmctl.links.base import FramesRefused
 from swarmctl.links.signing import (
     AHEAD,

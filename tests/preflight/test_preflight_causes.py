@@ -13,7 +13,7 @@ from rich.console import Console
 from trouble import Trouble, inject
 
 from swarmctl.config.scenario import Scenario
-from swarmctl.flight.app import DEFAULT_OPTIONS
+from swarmctl.flight.run import DEFAULT_OPTIONS
 from swarmctl.preflight import report as tables
 from swarmctl.preflight.checks import battery, route
 from swarmctl.report.outcome import FlightReport

@@ -16,7 +16,7 @@ from trouble import OTHER_STATION, Trouble, inject
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.vehicle.mission import Item
 from swarmctl.flight import virtual_simulator
-from swarmctl.flight.app import DEFAULT_OPTIONS
+from swarmctl.flight.run import DEFAULT_OPTIONS
 from swarmctl.preflight.waivers import Waiver
 from swarmctl.report.outcome import FlightReport
 

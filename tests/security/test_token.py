@@ -14,12 +14,12 @@ from typing import Any
 
 import pytest
 from flights import Ui, small
-from operator_station import ANYWHERE, KEY, Station
+from operator_station import ANYWHERE, KEY, Station, StubAgent
 
 from swarmctl.bus import directory, keys
-from swarmctl.bus.authentication import NO_AUTHENTICATION
+from swarmctl.bus.authentication import NO_AUTHENTICATION, Authentication
 from swarmctl.bus.external_observations import BURST, ReportReceiver
-from swarmctl.bus.operator_service import CHECKED_BURST, SHOWN_BURST, CommandCounts
+from swarmctl.bus.operator_service import CHECKED_BURST, SHOWN_BURST
 from swarmctl.bus.sensor_reports import RejectReason, Report, decode_answer
 from swarmctl.bus.sensor_reports import encode as encode_report
 from swarmctl.bus.transports.memory import MemoryBus
@@ -28,7 +28,9 @@ from swarmctl.bus.transports.zenoh import ZenohBus
 from swarmctl.core import messages
 from swarmctl.core.grid import Grid
 from swarmctl.core.messages import GiveOrder, SetWeights, encode
-from swarmctl.flight import operator_orders, wiring
+from swarmctl.flight import operator_orders
+from swarmctl.flight.resources import open_records, open_resources
+from swarmctl.flight.run import DEFAULT_OPTIONS, run_of
 from swarmctl.flight.simulator import undisturbed
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.security.files import KeyringError
@@ -179,25 +181,24 @@ def test_a_flight_demands_the_token_of_its_file(users_folder: Path, tmp_path: Pa
         simulate=None,
     )
 
-    async def scene() -> None:
-        evidence = wiring.begin_evidence(scenario, tmp_path, "real", print)
-        async with wiring.open_resources(
-            scenario, tmp_path, "real", undisturbed, None, Ui().say, evidence, lambda: False
-        ) as resources:
-            (file,) = users_folder.glob("small.*.json")
-            assert stat.S_IMODE(users_folder.stat().st_mode) == 0o700
-            assert stat.S_IMODE(file.stat().st_mode) == 0o600
-            (flight,) = directory.running_swarms()
-            assert len(flight.token) >= 43  # 256 bits
-            key = keys.request("small", "order")
-            checks = resources.token_authentication
-            assert checks is not None
-            with pytest.raises(messages.BadMessage, match="wrong-token"):
-                checks.verify(key, b"land")
-            payload = sign_request("small", key, b"land", time.time(), Token(flight.token).sign)
-            assert checks.verify(key, payload) == b"land"
+    def check_token(checks: Authentication | None) -> None:
+        (file,) = users_folder.glob("small.*.json")
+        assert stat.S_IMODE(users_folder.stat().st_mode) == 0o700
+        assert stat.S_IMODE(file.stat().st_mode) == 0o600
+        (flight,) = directory.running_swarms()
+        assert len(flight.token) >= 43  # 256 bits
+        key = keys.request("small", "order")
+        assert checks is not None
+        with pytest.raises(messages.BadMessage, match="wrong-token"):
+            checks.verify(key, b"land")
+        payload = sign_request("small", key, b"land", time.time(), Token(flight.token).sign)
+        assert checks.verify(key, payload) == b"land"
 
-        evidence.close(None)
+    async def scene() -> None:
+        run = run_of(scenario, tmp_path, Ui(), "real", lambda _: None, undisturbed, DEFAULT_OPTIONS)
+        with open_records(run) as records:
+            async with open_resources(run, None, records) as resources:
+                check_token(resources.token_authentication)
 
     asyncio.run(scene())
     assert list(users_folder.glob("*.json")) == []
@@ -211,22 +212,23 @@ def test_real_vehicles_take_nothing_from_a_bus_without_authentication(
     token = new_token()
     authentication = by_token("small", token, 5.0, time.time) if is_authenticated else NO_AUTHENTICATION
     signing = TokenSigning("small", {}, token, time.time) if is_authenticated else NO_AUTHENTICATION
-    members: Any = [SimpleNamespace(name="alpha", identity=None)]  # not known to be simulated
+    taken = messages.VehicleAnswer(1, "alpha", "taken")
+    agent = StubAgent("alpha", lambda _event, answer_to: answer_to(taken))
+    members: Any = [  # not known to be simulated
+        SimpleNamespace(name="alpha", identity=None, spec=SimpleNamespace(sysid=1), runner=agent)
+    ]
 
     async def scene() -> messages.OperatorAnswer:
         bus = MemoryBus()
-        service = operator_orders.operator_service_for(
+        operator_orders.operator_service_for(
             small(),
             bus,
-            Ui(),
-            CommandCounts(),
+            Ui().say,
             members,
             uav=None,
             order_refusal=None,
             authentication=authentication,
         )
-        taken = messages.VehicleAnswer(1, "alpha", "taken")
-        service.join(1, "alpha", lambda event: service.answered(event.command, taken))
         return await client.ask(bus, client.FlightEndpoints("small", ANYWHERE), command, signing)
 
     assert asyncio.run(scene()).refused.endswith("[orders-need-keys]") is not is_authenticated

@@ -25,10 +25,9 @@ from trouble import Trouble
 from sim_vehicle.fleet import Fleet
 from swarmctl.config.scenario import Scenario
 from swarmctl.flight import app, virtual_simulator
-from swarmctl.flight.app import DEFAULT_OPTIONS, FlightOptions
+from swarmctl.flight.run import DEFAULT_OPTIONS, VIRTUAL_EPOCH_NS, FlightOptions
 from swarmctl.flight.simulator import AddressOf, undisturbed
 from swarmctl.flight.virtual_clock import VirtualTimeLoop
-from swarmctl.flight.wiring import VIRTUAL_EPOCH_NS
 from swarmctl.report import unfinished_run
 from swarmctl.report.outcome import FlightReport
 

@@ -185,7 +185,7 @@ class Ground:
         self.links.append(link)
         sensor = Footprint(self.scenario.grid, self.scenario.hostiles, PERFECT, np.random.default_rng(0))
         return Member(
-            spec, Runner(self.scenario.tasks[index], self.scenario.prior, link, sensor, network, ())
+            spec, Runner(self.scenario.tasks[index], self.scenario.prior, lambda _: link, sensor, network, ())
         )
 
     def _permit(self, foreign: Sequence[Member]) -> None:

@@ -22,7 +22,7 @@ from sim_vehicle.vehicle.behaviour import Behaviour
 from swarmctl.core.geo import LatLon, LocalFrame, distance_m
 from swarmctl.core.mission import FlightPlan
 from swarmctl.core.planar import distance_to_leg
-from swarmctl.flight.wiring import VIRTUAL_EPOCH_NS
+from swarmctl.flight.run import VIRTUAL_EPOCH_NS
 from swarmctl.mavlink.dialects import Dialect, dialect_for
 from swarmctl.report import record
 from swarmctl.report.evidence.chain import check

@@ -10,7 +10,7 @@ from swarmctl.bus.transports.base import Transport
 from swarmctl.config.model import Config
 from swarmctl.config.scenario import Scenario, build
 from swarmctl.flight import app
-from swarmctl.flight.app import DEFAULT_OPTIONS, FlightOptions
+from swarmctl.flight.run import DEFAULT_OPTIONS, FlightOptions
 from swarmctl.flight.simulator import AddressOf, undisturbed
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.report import outputs

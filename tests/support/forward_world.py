@@ -17,7 +17,7 @@ class ForwardReceiver:
 
     def __init__(self) -> None:
         self.wire = MemoryWire()
-        self.wire.to_vehicles = lambda data, _address: self.frames.append(data)
+        self.wire.connect_vehicles(lambda data, _address: self.frames.append(data))
         self.frames: list[bytes] = []
 
     def received(self) -> list[Any]:

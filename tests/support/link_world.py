@@ -59,7 +59,7 @@ class World:
         self.copters = {c.sysid: c for c in copters}
         self.address = {c.sysid: "fleet" for c in copters}
         self.wire = MemoryWire()
-        self.wire.to_vehicles = self._to_vehicles
+        self.wire.connect_vehicles(self._to_vehicles)
         self.silent = False
         self.to_vehicles: list[tuple[bytes, object]] = []
         self.events: list = []

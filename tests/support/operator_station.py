@@ -4,17 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 
 from swarmctl.bus.authentication import NO_AUTHENTICATION, Authentication
 from swarmctl.bus.endpoint import BusEndpoint
-from swarmctl.bus.operator_service import CommandCounts, OperatorService
+from swarmctl.bus.operator_service import AgentCommand, CommandCounts, OperatorService
 from swarmctl.bus.transports.base import Transport
 from swarmctl.bus.transports.zenoh import ZenohBus
-from swarmctl.core import events as ev
 from swarmctl.core.messages import VehicleAnswer
 
 KEY = "swarmctl/test/station/request/weights/operator"
 ANYWHERE = BusEndpoint("127.0.0.1", 0)
+
+
+AnswerTo = Callable[[VehicleAnswer], None]
+
+
+@dataclass
+class StubAgent:
+    """An agent that passes each command, and the receiver of its answer, to a function."""
+
+    name: str
+    command: Callable[[AgentCommand, AnswerTo], None]
 
 
 class Station:
@@ -28,21 +39,29 @@ class Station:
         authentication: Authentication = NO_AUTHENTICATION,
     ) -> None:
         self.said: list[str] = []
-        self.counts = CommandCounts()
-        self.posted: list[tuple[int, ev.WeightsChanged]] = []
+        self.posted: list[tuple[int, AgentCommand]] = []
+        self.late: list[Callable[[], None]] = []
+        """answers of the slow agents"""
+        agents = {uav: self._agent(uav, slow=uav in slow) for uav in (1, 2)}
         self.service = OperatorService(
-            transport, "test", self.said.append, self.counts, authentication=authentication
+            transport, "test", self.said.append, agents, authentication=authentication
         )
-        for uav in (1, 2):
-            self.service.join(uav, f"uav{uav}", self._agent(uav, slow=uav in slow))
 
-    def _agent(self, uav: int, *, slow: bool) -> Callable[[ev.WeightsChanged], None]:
-        def post(event: ev.WeightsChanged) -> None:
+    @property
+    def counts(self) -> CommandCounts:
+        return self.service.counts
+
+    def _agent(self, uav: int, *, slow: bool) -> StubAgent:
+        taken = VehicleAnswer(uav, f"uav{uav}", "taken", 5)
+
+        def command(event: AgentCommand, answer_to: AnswerTo) -> None:
             self.posted.append((uav, event))
-            if not slow:
-                self.service.answered(event.command, VehicleAnswer(uav, f"uav{uav}", "taken", 5))
+            if slow:
+                self.late.append(lambda: answer_to(taken))
+            else:
+                answer_to(taken)
 
-        return post
+        return StubAgent(taken.name, command)
 
 
 @contextmanager

@@ -40,11 +40,11 @@ class SignedWorld:
         self.vehicle = self.fleet.vehicles[0]
         self.give_key(KEY, ticks(BEGAN_US) - (KEY_AGE_S + behind_s) * TICKS_PER_S)
         self.wire, self.watcher = MemoryWire(), MemoryWire()
-        self.wire.to_vehicles = self._to_vehicles
+        self.wire.connect_vehicles(self._to_vehicles)
         self.to_vehicles: list[bytes] = []
         self.from_vehicles: list[bytes] = []
         self.watched: list[bytes] = []
-        self.watcher.to_vehicles = lambda data, _address: self.watched.append(data)
+        self.watcher.connect_vehicles(lambda data, _address: self.watched.append(data))
         self.events: list[Any] = []
         self.said: list[str] = []
         self.deaf = False

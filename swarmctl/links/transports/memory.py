@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
 
 from swarmctl.links.transports.base import Address, Receive
 
@@ -15,8 +14,7 @@ class MemoryWire:
     """
 
     def __init__(self) -> None:
-        self.to_vehicles: Callable[[bytes, Address], None] | None = None
-        """callback with bytes from the ground and their target address; set by the vehicles' side"""
+        self._to_vehicles: Receive | None = None
         self._to_ground: Receive | None = None
         self._on_the_way: list[tuple[bytes, Address]] = []
         """frames to the ground; one turn of the loop delivers all of them"""
@@ -37,11 +35,16 @@ class MemoryWire:
         asyncio.get_running_loop().call_soon(self._deliver_to_vehicles, data, address)
 
     def _deliver_to_vehicles(self, data: bytes, address: Address) -> None:
-        if self.to_vehicles is not None:
-            self.to_vehicles(data, address)
+        if self._to_vehicles is not None:
+            self._to_vehicles(data, address)
 
     def connect_ground(self, receive: Receive | None) -> None:
+        """Let `receive` get bytes of vehicles, with the vehicle's address; None: drop them."""
         self._to_ground = receive
+
+    def connect_vehicles(self, receive: Receive | None) -> None:
+        """Let `receive` get bytes from the ground, with their target address; None: drop them."""
+        self._to_vehicles = receive
 
 
 class MemoryTransport:
