@@ -17,6 +17,7 @@ from swarmctl.agent.flown import Flown
 from swarmctl.agent.given_order import GivenOrder
 from swarmctl.agent.launch import Launch
 from swarmctl.agent.phases import ENDED, Phase, changed
+from swarmctl.agent.progress import Progress, progress_on
 from swarmctl.agent.replan.landing_pattern import FixedWing
 from swarmctl.agent.replan.length_bounds import UNBOUNDED, TimeBound
 from swarmctl.agent.replan.swap_times import SwapHistory, SwapTimes
@@ -123,8 +124,8 @@ class AgentState:
     """plan being flown, or to be flown after the launch; None while a hold interrupts the plan"""
     accepted: ev.SwapMission | None = None
     """last plan verified on the vehicle, flown or not"""
-    progress: int = 0
-    """index in `route.cells` of the last cell entered"""
+    progress: Progress | None = None
+    """progress on `followed`, by the last telemetry with a position"""
     pending: ev.SwapMission | None = None
     """plan being uploaded"""
     swap_times: SwapTimes = field(default_factory=SwapTimes)
@@ -198,6 +199,23 @@ class AgentState:
     def enter(self, phase: Phase, **changes: Any) -> AgentState:
         """Return the state in another phase, with further changed fields. Raises IllegalTransition."""
         return replace(self, phase=changed(self.phase, phase), **changes)
+
+    @property
+    def followed(self) -> ev.SwapMission | None:
+        """The plan being flown, to be flown after the launch, or interrupted to give way."""
+        return self.give_way.plan or self.route
+
+    def with_progress(self) -> AgentState:
+        """Return the state with the progress on `followed` at the present position."""
+        if (plan := self.followed) is None:
+            return replace(self, progress=None) if self.progress is not None else self
+        return replace(self, progress=progress_on(plan, self.progress, self.task.grid, self.last_position))
+
+    def progress_on(self, plan: ev.SwapMission) -> Progress | None:
+        """Return the progress on a plan, as if it were flown now; None while the position is unknown."""
+        if self.progress is not None and self.progress.flight.plan is plan:
+            return self.progress
+        return progress_on(plan, None, self.task.grid, self.last_position)
 
     @property
     def height_m(self) -> float:

@@ -20,7 +20,6 @@ from swarmctl.agent.orders import (
 from swarmctl.agent.own_modes import ROLE_OF_ORDER, own_mode_roles
 from swarmctl.agent.phases import IN_FLIGHT, ON_GROUND, PLANNING, Phase
 from swarmctl.agent.replan.decide import believed_exposure, decide
-from swarmctl.agent.replan.route_to_mission import route_index_at
 from swarmctl.agent.replan.splice import is_wall_close, may_learn_of_walls
 from swarmctl.agent.replan.stopping import stop_end_s
 from swarmctl.agent.replan.swap_times import SwapTimes
@@ -254,13 +253,11 @@ def _update_position(state: AgentState, vehicle: VehicleState) -> AgentState:
     cell = state.task.grid.cell_at(vehicle.lat_deg, vehicle.lon_deg)
     entered = cell is not None and cell != state.cell and vehicle.armed
     flown = state.flown.moved(state.vehicle, vehicle)
-    state = replace(state, vehicle=vehicle, last_position=vehicle, cell=cell, flown=flown)
+    state = replace(state, vehicle=vehicle, last_position=vehicle, cell=cell, flown=flown).with_progress()
     return _enter_cell(state, cell) if entered and cell is not None else state
 
 
 def _enter_cell(state: AgentState, cell: Cell) -> AgentState:
-    if state.route is not None and (index := route_index_at(state.route, cell, state.progress)) is not None:
-        state = replace(state, progress=index)
     if state.exposure is None:
         return state
     return replace(state, flown=state.flown.entered(cell, float(state.exposure[cell])))
@@ -321,8 +318,7 @@ def _mission_accepted(state: AgentState, event: ev.MissionAccepted, _now: float)
     if state.ended:
         return state, []
     # The vehicle has flown on since the decision.
-    progress = 0 if state.cell is None else route_index_at(swap, state.cell) or 0
-    state = replace(state, route=swap, route_exposure=state.exposure, progress=progress)
+    state = replace(state, route=swap, route_exposure=state.exposure).with_progress()
     state = replace(state, swaps=replace(state.swaps, n_failed=0), trouble="", hold_is_own=False)
     # A mode change during the swap may have reset the commanded speed.
     state = replace(state, speed=state.speed.after_swap())

@@ -9,10 +9,9 @@ from dataclasses import dataclass
 
 from swarmctl.agent.own_modes import own_mode_roles
 from swarmctl.agent.phases import ENDED, ON_GROUND, Phase
-from swarmctl.agent.replan.splice import flown_track
+from swarmctl.agent.progress import planned_legs
 from swarmctl.agent.state import AgentState
 from swarmctl.core import events as ev
-from swarmctl.core.planar import distance_to_track
 from swarmctl.core.vehicle import Landed, VehicleState
 from swarmctl.links.base import Identity, Recognised
 from swarmctl.report.unfinished_run import RecordedVehicle
@@ -152,7 +151,7 @@ def _off_plan(state: AgentState, found: Finding) -> str:
     assert vehicle.lat_deg is not None
     assert vehicle.lon_deg is not None
     here = task.grid.frame.to_local(vehicle.lat_deg, vehicle.lon_deg)
-    off_m = distance_to_track(here, flown_track(task.grid, plan, home))
+    off_m = planned_legs(task.grid, plan, home).locate(here).cross_track_m
     limit_m = task.grid.cell_size_m if task.wings is None else max(MAX_OFF_ROUTE_M, task.grid.cell_size_m)
     if off_m > limit_m:
         return f"the vehicle is {off_m:.0f} m off its route, more than {limit_m:.0f} m"

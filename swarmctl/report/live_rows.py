@@ -118,12 +118,10 @@ def _weights(state: AgentState) -> str:
 def _progress(state: AgentState) -> float:
     if state.phase is Phase.LANDING or state.outcome == ARRIVED:
         return 1.0
-    route = state.route or state.give_way.plan
-    if route is None or len(route.cells) < 2 or not state.flown.cells:
+    if state.followed is None or state.progress is None or not state.vehicle.armed:
         return 0.0
-    entered = len(state.flown.cells)
-    ahead = len(route.cells) - 1 - state.progress
-    return entered / max(entered + ahead, 1)
+    ahead_m = max(state.progress.to_last_waypoint_m, 0.0)
+    return state.flown.length_m / max(state.flown.length_m + ahead_m, 1.0)
 
 
 def _link(state: AgentState, age_s: float) -> str:

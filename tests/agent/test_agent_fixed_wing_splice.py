@@ -11,7 +11,7 @@ from wings_configs import winged
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.decide import first_flight, first_problem, first_route
 from swarmctl.agent.replan.route_to_mission import corners_ahead
-from swarmctl.agent.replan.splice import kept_cells
+from swarmctl.agent.replan.splice import splice_on_route
 from swarmctl.agent.replan.swap_times import SwapTimes
 from swarmctl.agent.state import AgentState, begin
 from swarmctl.config.scenario import build
@@ -32,8 +32,14 @@ def flying(east_m: float, task=WING, **changes) -> AgentState:
     plan = first_flight(task, problem, first_route(task, SCENARIO.prior))
     swap = ev.SwapMission(1, plan, ROUTE, (), 0.0, 0.0, 1.0, 0.0)
     lat_deg, lon_deg = GRID.frame.to_geodetic(east_m, 175.0)
-    vehicle = replace(state.vehicle, lat_deg=lat_deg, lon_deg=lon_deg, alt_rel_m=40.0, armed=True)
-    return replace(state, phase=Phase.FLYING, route=swap, vehicle=vehicle, **changes)
+    home = dict(zip(("home_lat_deg", "home_lon_deg"), GRID.frame.to_geodetic(-50.0, 175.0), strict=True))
+    vehicle = replace(state.vehicle, lat_deg=lat_deg, lon_deg=lon_deg, alt_rel_m=40.0, armed=True, **home)
+    state = replace(state, phase=Phase.FLYING, route=swap, vehicle=vehicle, last_position=vehicle)
+    return replace(state, cell=GRID.cell_at(lat_deg, lon_deg), **changes).with_progress()
+
+
+def kept_cells(state: AgentState) -> tuple[Cell, ...]:
+    return splice_on_route(state, SCENARIO.prior.occupancy()).kept
 
 
 @pytest.mark.parametrize("took_s", [(), (0.4,), (4.5,), (0.4, 9.5, 0.4)])
@@ -43,18 +49,18 @@ def test_a_new_plan_of_a_fixed_wing_leaves_the_old_one_after_the_end_of_the_swap
     needs_m = 15.0 * max(2.0, times.expected_s) + 40.0 * math.tan(math.radians(22.5))
     for east_m in range(60, 160, 7):
         here: Cell = (3, east_m // 50)
-        kept = kept_cells(flying(east_m, swap_times=times), here)
+        kept = kept_cells(flying(east_m, swap_times=times))
         assert kept == ROUTE[here[1] : kept[-1][1] + 1]
         away_m = GRID.centre_m(kept[-1])[0] - east_m
         assert needs_m <= away_m < needs_m + 50.0
 
 
 def test_a_fixed_wing_near_its_goal_keeps_its_route() -> None:
-    assert kept_cells(flying(540.0), (3, 10)) == ((3, 10), (3, 11))
+    assert kept_cells(flying(540.0)) == ((3, 10), (3, 11))
 
 
 def test_a_vehicle_without_a_route_keeps_only_its_cell() -> None:
-    assert kept_cells(replace(flying(110.0), route=None), (3, 2)) == ((3, 2),)
+    assert kept_cells(replace(flying(110.0), route=None)) == ((3, 2),)
 
 
 @pytest.mark.parametrize(

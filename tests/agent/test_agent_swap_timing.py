@@ -149,13 +149,14 @@ def test_corners_before_the_splice_point_are_kept_only_ahead_of_the_vehicle(is_a
     story(ev.OrderDone(ev.FlightOrder.LAUNCH))
     assert story.state.route is not None
     cells = story.state.route.cells
-    index, came, corner, goes = next(turn for turn in _turns(cells) if turn[1] != turn[3])
+    _, came, corner, goes = next(turn for turn in _turns(cells) if turn[1] != turn[3])
     (east_m, north_m), (rows, cols) = GRID.centre_m(corner), came if is_ahead else goes
     way, length = (-20.0 if is_ahead else 20.0), (rows**2 + cols**2) ** 0.5
-    story.state = replace(story.state, swap_times=SwapTimes((2.5,), (0.0,)), progress=index)
+    story.state = replace(story.state, swap_times=SwapTimes((2.5,), (0.0,)))
     lat_deg, lon_deg = GRID.frame.to_geodetic(east_m + way * cols / length, north_m + way * rows / length)
     motion = {"ground_speed_m_s": 10.0, "east_m_s": 10.0 * cols / length, "north_m_s": 10.0 * rows / length}
-    story.over(corner, lat_deg=lat_deg, lon_deg=lon_deg, **motion)
+    home = dict(zip(("home_lat_deg", "home_lon_deg"), GRID.centre(cells[0]), strict=True))
+    story.over(corner, lat_deg=lat_deg, lon_deg=lon_deg, **motion, **home)
     story.hear((*cells[-2], True))
     swap = story.swap()
     assert swap.plan.leaves_ahead

@@ -15,6 +15,7 @@ from swarmctl.agent.launch import Launch
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.decide import first_route
 from swarmctl.agent.replan.length_bounds import TimeBound
+from swarmctl.agent.replan.splice import leaving_at_once
 from swarmctl.agent.replan.swap_times import SwapTimes
 from swarmctl.agent.replan.time_bound import is_no_worse, lead_in_to, swap_cost_cells
 from swarmctl.agent.replan.travel_time import lost_s
@@ -200,11 +201,12 @@ def test_between_centres_the_route_counts_from_the_vehicle_and_a_swap_flies_back
     flight = flying(within_s=120.0)
     lat_deg, lon_deg = GRID.frame.to_geodetic(45.0, 25.0)  # 20 m past the centre of (0, 0)
     flight.over((0, 0), time_boot_s=130.0, lat_deg=lat_deg, lon_deg=lon_deg)
-    lead_in = lead_in_to(flight.state, (0, 0), straight(8))
+    at_once = leaving_at_once(flight.state)
+    lead_in = lead_in_to(flight.state, at_once)
     assert lead_in.elapsed_s == pytest.approx(30.0)
     assert lead_in.lead_m == pytest.approx(-20.0, abs=0.01)
     braking_and_hold_m = 10.0 * (20.0 / 7.0 + 0.5)
-    changed = swap_cost_cells(flight.state, (0, 0), lead_in)
+    changed = swap_cost_cells(flight.state, lead_in, at_once)
     assert changed == pytest.approx((braking_and_hold_m + 40.0) / 50.0, abs=0.001)
 
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from profiles import examples
 
 from swarmctl.core.any_angle.corners import CostWeights, ExposureMeasure, Unflyable
-from swarmctl.core.any_angle.pull import Track, is_still_good, may_join, pull_straight, route_index_at
+from swarmctl.core.any_angle.pull import Track, is_still_good, may_join, pull_straight
 from swarmctl.core.any_angle.track import WALL_MARGIN, ThreatMap, centre, crossed_cells, is_clear
 from swarmctl.core.any_angle.turns import rounded, tangent_length
 from swarmctl.core.exposure import exposure_sum, length_cells, safety_factor
@@ -160,9 +160,7 @@ def test_a_knights_move_over_unknown_cells(measure: ExposureMeasure, corners: tu
 @BOTH
 def test_a_knights_move_over_cells_known_to_be_clear(measure: ExposureMeasure) -> None:
     track = pull_straight(ThreatMap.of(np.zeros((2, 3))), [(0, 0), (0, 1), (1, 2)], measure)
-    assert track == Track(
-        ((0, 0), (1, 2)), ((0, 0), (0, 1), (1, 1), (1, 2)), (0, 1, 2, 2), math.sqrt(5), 0.0, 1.0
-    )
+    assert track == Track(((0, 0), (1, 2)), ((0, 0), (0, 1), (1, 1), (1, 2)), math.sqrt(5), 0.0, 1.0)
 
 
 @BOTH
@@ -204,35 +202,6 @@ def test_a_long_route_is_straightened() -> None:
     )
 
 
-# --- cells of the route for cells under the track
-
-
-@BOTH
-@given(case=cases(), radius=st.sampled_from([0.0, 0.4]))
-@QUICK
-def test_every_cell_under_a_track_has_a_route_cell_beside_it(
-    measure: ExposureMeasure, case: Case, radius: float
-) -> None:
-    try:
-        track = pull_straight(
-            case.threat, case.route, measure, radius_cells=radius, weights=CostWeights(0.5, 0.1)
-        )
-    except Unflyable:
-        return
-    assert len(track.abreast) == len(track.over)
-    assert list(track.abreast) == sorted(track.abreast)
-    assert (track.abreast[0], track.abreast[-1]) == (0, len(case.route) - 1)
-    for cell, k in zip(track.over, track.abreast, strict=True):
-        assert route_index_at(track, cell, k) == k
-        if radius == 0.0 and cell in track.corners:
-            assert case.route[k] == cell
-
-
-def test_a_cell_beside_a_track_has_no_route_index() -> None:
-    track = pull_straight(ThreatMap.of(np.zeros((3, 3))), [(0, 0), (0, 1), (0, 2)], ExposureMeasure.ENTERED)
-    assert route_index_at(track, (2, 2)) is None
-
-
 # --- a vehicle in flight
 
 FIELD = np.zeros((4, 9))
@@ -258,11 +227,9 @@ def test_new_exposure_ahead_ends_a_track(news: dict[Cell, float], over: Cell, ho
     p_s = FIELD.copy()
     for cell, value in news.items():
         p_s[cell] = value
-    index = route_index_at(TRACK, over)
-    assert index is not None
     now, before = ThreatMap.of(p_s), ThreatMap.of(FIELD)
     verdict = is_still_good(
-        now, before, ExposureMeasure.ENTERED, ROUTE, TRACK, radius_cells=0.0, cell=over, index=index
+        now, before, ExposureMeasure.ENTERED, ROUTE, TRACK, radius_cells=0.0, here=centre(over), index=over[1]
     )
     assert verdict is holds
 
@@ -274,9 +241,16 @@ def test_a_track_stays_good_along_its_length_without_new_exposure(
     measure: ExposureMeasure, case: Case
 ) -> None:
     track = pull_straight(case.threat, case.route, measure)
-    for cell, index in zip(track.over, track.abreast, strict=True):
+    for index, cell in enumerate(case.route):
         assert is_still_good(
-            case.threat, case.threat, measure, case.route, track, radius_cells=0.0, cell=cell, index=index
+            case.threat,
+            case.threat,
+            measure,
+            case.route,
+            track,
+            radius_cells=0.0,
+            here=centre(cell),
+            index=index,
         )
 
 

@@ -70,9 +70,10 @@ def test_no_change_leads_back_or_out_of_the_cells_of_its_plans(
         outside_m.append(flight.outside_m())
         while left and left[0][0] <= bench.now - lifted_s:
             _, ahead = left.pop(0)
-            if flight.state.route is not None and flight.state.phase is Phase.FLYING:
+            progress, is_flying = flight.state.progress, flight.state.phase is Phase.FLYING
+            if flight.state.route is not None and progress is not None and is_flying:
                 cells = flight.state.route.cells
-                flight.receives_hostiles(cells[min(flight.state.progress + ahead, len(cells) - 1)])
+                flight.receives_hostiles(cells[min(progress.cell_index + ahead, len(cells) - 1)])
 
     flight.lands(watch)
     assert flight.state.phase is Phase.DONE

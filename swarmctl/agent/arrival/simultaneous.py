@@ -16,7 +16,6 @@ from swarmctl.agent.replan.spare_time import update_spare_time
 from swarmctl.agent.replan.stopping import BrakingStop, after_stop, stop_ahead
 from swarmctl.agent.replan.wing_trajectory import ROLL_S
 from swarmctl.agent.state import ARRIVED, AgentState
-from swarmctl.agent.traffic.prediction import track_ahead
 from swarmctl.core import events as ev
 from swarmctl.core.any_angle.turns import rounded
 from swarmctl.core.frames import StateShared
@@ -124,18 +123,18 @@ class _PathToGoal:
 
 def _path_to_goal(state: AgentState) -> _PathToGoal | None:
     vehicle, swap = state.vehicle, state.pending or state.route
-    if swap is None or vehicle.lat_deg is None or vehicle.lon_deg is None:
+    progress = None if swap is None else state.progress_on(swap)
+    if progress is None:
         return None
-    grid = state.task.grid
-    here = (*grid.frame.to_local(vehicle.lat_deg, vehicle.lon_deg), vehicle.alt_rel_m or 0.0)
-    points = [(*grid.frame.to_local(p.lat_deg, p.lon_deg), p.alt_rel_m) for p in swap.plan.waypoints]
-    track = [point[:2] for point in (here, *track_ahead(points, here))]
-    wings, edge_m = state.task.wings, _leg_in_goal_cell_m(track, grid.cell_size_m)
+    track = (progress.here, *progress.waypoints_ahead)
+    wings, edge_m = state.task.wings, _leg_in_goal_cell_m(track, state.task.grid.cell_size_m)
     speed_m_s = vehicle.ground_speed_m_s
     if wings is not None:  # a fixed wing climbs along its route
         roll_s = 0.0 if vehicle.armed else ROLL_S
         return _PathToGoal(track, edge_m, speed_m_s, roll_s, turn_radius_m=state.task.turn_radius_m)
-    takeoff_s = max(state.height_m - here[2], 0.0) / CLIMB_M_S + (0.0 if vehicle.armed else LIFT_S)
+    takeoff_s = max(state.height_m - (vehicle.alt_rel_m or 0.0), 0.0) / CLIMB_M_S + (
+        0.0 if vehicle.armed else LIFT_S
+    )
     return _PathToGoal(track, edge_m, speed_m_s, takeoff_s, stop_ahead(state))
 
 

@@ -13,7 +13,6 @@ from swarmctl.agent.replan.route_to_mission import (
     is_track_still_good,
     mission_for,
     pulled_track,
-    route_index_at,
 )
 from swarmctl.agent.replan.spare_time import with_spare_time
 from swarmctl.agent.replan.splice import Splice, splice_on_route, splice_on_track
@@ -39,45 +38,39 @@ from swarmctl.core.records import replace
 from swarmctl.core.threat import FiringStrength
 from swarmctl.planners.base import BoundTooTight, Problem, Route, route_of
 
-_STEPS = {(dr, dc) for dr in (-1, 0, 1) for dc in (-1, 0, 1)}
-
 
 def decide(state: AgentState) -> tuple[AgentState, list[ev.Effect]]:
     """Plan a route from the present belief; change the mission if the new route is better or required."""
     p_s = believed_exposure(state.task, state.belief, state.strength)
-    return _decide_from(state, p_s, _planning_start(state))
+    return _decide_from(state, p_s, splice_on_route(state, p_s))
 
 
 def _decide_from(
-    state: AgentState, p_s: NDArray[np.float64], route_cell: Cell, off_track: Splice | None = None
+    state: AgentState, p_s: NDArray[np.float64], splice: Splice, *, leaves_track: bool = False
 ) -> tuple[AgentState, list[ev.Effect]]:
-    """Plan a route from `route_cell`, the cell of the present route nearest to the vehicle.
-
-    `off_track` is the splice at which the vehicle leaves a track; `route_cell` is then the splice's cell.
-    """
+    """Plan a route from a splice point; `leaves_track`: the splice point is on a straightened track."""
     task = with_spare_time(state, replace(state.task, altitude_m=state.height_m))
-    splice = splice_on_route(state, route_cell, p_s) if off_track is None else off_track
     start, joining = splice.kept[-1], joining_leg(state, splice)
     if splice.leaves_ahead and start in task.goals and not state.must_change:
         # The vehicle would reach its goal before the end of a swap.
         return replace(state, exposure=p_s, route_exposure=p_s, dirty=False, because=()), []
-    ahead = _cells_ahead(state, start)
-    lead_in = lead_in_to(state, start, ahead, splice)
+    ahead = None if state.route is None or splice.index is None else state.route.cells[splice.index :]
+    lead_in = lead_in_to(state, splice)
     problem = _problem(task, p_s, start, state.w, lead_in)
-    swap_cost = swap_cost_cells(state, start, lead_in, splice)
+    swap_cost = swap_cost_cells(state, lead_in, splice)
     try:
         route = route_within_bounds(task, problem, swap_cost, joining)
     except BoundTooTight as error:
         route = error.nearest  # a late vehicle flies the best route found
-    lost_s = 0.0 if ahead is None else ahead_lost_s(state, start, ahead, splice)
+    lost_s = 0.0 if ahead is None else ahead_lost_s(state, ahead, splice)
     keeps = ahead is not None and is_no_worse(task, problem, ahead, route, swap_cost, lost_s, joining)
-    is_track_good = off_track is not None or not keeps or is_track_still_good(state, p_s, route_cell)
+    is_track_good = leaves_track or not keeps or is_track_still_good(state, p_s)
     keeps = keeps and is_track_good and not state.must_change
-    if not keeps and off_track is None and task.wings is None and _is_on_track(state):
+    if not keeps and not leaves_track and task.wings is None and _is_on_track(state):
         # This search began beside the vehicle, but a new route begins at a splice point ahead: search again.
         splice, must_change = splice_on_track(state, p_s), state.must_change or not is_track_good
         state = replace(state, searches=state.searches + 1, must_change=must_change)
-        return _decide_from(state, p_s, splice.kept[-1], splice)
+        return _decide_from(state, p_s, splice, leaves_track=True)
     length = length_cells(ahead) if ahead is not None and keeps else route.length_cells
     lost_s = lost_s if keeps else route_lost_s(task, route.cells, joining)
     is_bounded = state.task.arrival.is_bounded
@@ -165,37 +158,10 @@ def _problem(task: Task, p_s: NDArray[np.float64], start: Cell, w: float, lead_i
     )
 
 
-def _planning_start(state: AgentState) -> Cell:
-    """Return the cell from which to plan: the route's cell nearest to the vehicle.
-
-    If there is no route, or the vehicle is off its route, the result is the vehicle's cell. Outside the area
-    the result is the last cell flown, or the entry cell. At a cut corner it is the next cell of the route.
-    """
-    cell = state.cell
-    if cell is None:
-        in_flight = state.phase is Phase.FLYING and state.flown.cells
-        return state.flown.cells[-1] if in_flight else state.task.entry
-    if state.route is None:
-        return cell
-    if (index := route_index_at(state.route, cell, state.progress)) is not None:
-        return state.route.cells[index]
-    if cell not in state.route.cells:
-        between = state.route.cells[state.progress : state.progress + 2]
-        if len(between) == 2 and all((a - cell[0], b - cell[1]) in _STEPS for a, b in between):
-            return between[1]
-    return cell
-
-
-def _cells_ahead(state: AgentState, start: Cell) -> tuple[Cell, ...] | None:
-    """Return the rest of the present route from `start`; None if the route does not contain `start`."""
-    if state.route is None or start not in state.route.cells:
-        return None
-    return state.route.cells[state.route.cells.index(start) :]
-
-
 def _is_on_track(state: AgentState) -> bool:
-    swap, cell = state.route, state.cell
-    return swap is not None and swap.track is not None and cell in swap.track.over
+    if state.route is None or state.route.track is None or state.progress is None or state.cell is None:
+        return False
+    return state.progress.is_on_route
 
 
 def _position_in_flight(state: AgentState) -> LatLon | None:

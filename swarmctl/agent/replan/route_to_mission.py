@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from swarmctl.agent.replan.landing import goal_approach, home_approach
 from swarmctl.agent.replan.splice import CHANGE_S, Splice
 from swarmctl.agent.state import AgentState, Task
-from swarmctl.core import events as ev
 from swarmctl.core.any_angle import pull
 from swarmctl.core.any_angle.corners import CostWeights, Unflyable
 from swarmctl.core.any_angle.pull import Track, pull_straight
@@ -209,25 +208,21 @@ def corners_ahead(task: Task, corners: Sequence[Cell], position: LatLon) -> Sequ
     return corners[first:]
 
 
-def route_index_at(swap: ev.SwapMission, cell: Cell, since: int = 0) -> int | None:
-    """Return the index of the route's cell nearest to `cell`; None if the flight does not cross `cell`."""
-    if swap.track is not None:
-        return pull.route_index_at(swap.track, cell, since)
-    return swap.cells.index(cell) if cell in swap.cells else None
-
-
-def is_track_still_good(state: AgentState, p_s: NDArray[np.float64], route_cell: Cell) -> bool:
+def is_track_still_good(state: AgentState, p_s: NDArray[np.float64]) -> bool:
     """Return whether the present track is still as good as its route; True if there is no track."""
-    task, swap = state.task, state.route
+    task, swap, progress = state.task, state.route, state.progress
     if swap is None or swap.track is None or task.any_angle is None or state.route_exposure is None:
         return True
+    if progress is None:
+        return True
+    size_m = task.grid.cell_size_m
     return pull.is_still_good(
         ThreatMap.of(p_s, task.max_exposure),
         ThreatMap.of(state.route_exposure, task.max_exposure),
         task.any_angle,
         swap.cells,
         swap.track,
-        radius_cells=task.turn_radius_m / task.grid.cell_size_m,
-        cell=state.cell if state.cell is not None else route_cell,
-        index=swap.cells.index(route_cell),
+        radius_cells=task.turn_radius_m / size_m,
+        here=(progress.here[0] / size_m, progress.here[1] / size_m),
+        index=progress.cell_index,
     )

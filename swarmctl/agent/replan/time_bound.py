@@ -59,29 +59,34 @@ def joining_leg(state: AgentState, splice: Splice) -> JoiningLeg:
     )
 
 
-def lead_in_to(
-    state: AgentState, start: Cell, ahead: tuple[Cell, ...] | None, splice: Splice | None = None
-) -> LeadIn:
-    """Return the lead-in of a vehicle to a route from `start`.
+def lead_in_to(state: AgentState, splice: Splice) -> LeadIn:
+    """Return the lead-in of a vehicle to a route from the last cell of `splice`.
 
-    The distance is measured along the present route if that route leads to `start` (`splice`, `ahead`),
-    otherwise straight to the centre of `start`.
+    The distance is measured along the present route if that route leads to the cell, otherwise straight to
+    the cell's centre.
     """
     task, vehicle = state.task, state.vehicle
     if state.launch.armed_boot_s is None or vehicle.lat_deg is None or vehicle.lon_deg is None:
         return before_takeoff(task.arrival, task.altitude_m)
-    grid, here = task.grid, (vehicle.lat_deg, vehicle.lon_deg)
-    lead_m = distance_m(here, grid.centre(start))
-    if splice is not None and splice.leaves_ahead:
+    if splice.leaves_ahead:
         lead_m = splice.lead_m
-    elif ahead is not None and len(ahead) > 1 and state.cell == start:
-        step_m = math.dist(ahead[0], ahead[1]) * grid.cell_size_m
-        lead_m = distance_m(here, grid.centre(ahead[1])) - step_m
+    elif splice.index is not None and state.progress is not None:
+        lead_m = state.progress.to_centre_m(splice.index)
+    else:
+        lead_m = _to_centre_m(state, splice)
     elapsed_s = max(vehicle.time_boot_s - state.launch.armed_boot_s, 0.0)
     return LeadIn(elapsed_s, max(task.altitude_m - (vehicle.alt_rel_m or 0.0), 0.0), lead_m)
 
 
-def swap_cost_cells(state: AgentState, start: Cell, lead_in: LeadIn, splice: Splice | None = None) -> float:
+def _to_centre_m(state: AgentState, splice: Splice) -> float:
+    """Return the straight distance of a vehicle with a position to the last cell of `splice` [m]."""
+    assert state.vehicle.lat_deg is not None
+    assert state.vehicle.lon_deg is not None
+    here = state.vehicle.lat_deg, state.vehicle.lon_deg
+    return distance_m(here, state.task.grid.centre(splice.kept[-1]))
+
+
+def swap_cost_cells(state: AgentState, lead_in: LeadIn, splice: Splice) -> float:
     """Return the cost of a swap now [cells]: the standstill, and the flight back to the new route's start.
 
     A vehicle whose new route begins ahead does not fly back. On the ground the cost is 0.
@@ -89,9 +94,7 @@ def swap_cost_cells(state: AgentState, start: Cell, lead_in: LeadIn, splice: Spl
     task, vehicle = state.task, state.vehicle
     if state.phase is not Phase.FLYING or vehicle.lat_deg is None or vehicle.lon_deg is None:
         return 0.0
-    back_m = 0.0
-    if splice is None or not splice.leaves_ahead:
-        back_m = distance_m((vehicle.lat_deg, vehicle.lon_deg), task.grid.centre(start)) - lead_in.lead_m
+    back_m = 0.0 if splice.leaves_ahead else _to_centre_m(state, splice) - lead_in.lead_m
     stands_s = swap_loss_s(task.arrival, state.swap_times.stop_s, vehicle.brakes_m_s2)
     return (stands_s * task.arrival.speed_m_s + back_m) / task.grid.cell_size_m
 
@@ -102,8 +105,11 @@ def route_lost_s(task: Task, cells: Sequence[Cell], joining: JoiningLeg = FROM_A
     The result is 0 if there is no latest arrival. A straightened track turns less than its route, so a
     vehicle on a track is earlier.
     """
-    centres = [task.grid.centre_m(cell) for cell in cells]
-    return _lost_s(task, [*joining.path, *centres], joining.initial_m_s)
+    if math.isinf(task.arrival.within_s):
+        return 0.0
+    track = [*joining.path, *(task.grid.centre_m(cell) for cell in cells)]
+    half_m = HALF_CELL * task.grid.cell_size_m
+    return lost_s(track, task.arrival.speed_m_s, initial_m_s=joining.initial_m_s, remaining_m=half_m)
 
 
 def arrives_s(task: Task, length: float, cells: Sequence[Cell]) -> float:
@@ -119,25 +125,15 @@ def misses_by(
     return bounds.misses_by(length, _in_cells(task, route_lost_s(task, cells, joining)))
 
 
-def ahead_lost_s(
-    state: AgentState, start: Cell, ahead: Sequence[Cell], splice: Splice | None = None
-) -> float:
+def ahead_lost_s(state: AgentState, ahead: Sequence[Cell], splice: Splice) -> float:
     """Return the time lost at turns on the rest of the present route, begun at the present speed [s]."""
-    task, vehicle = state.task, state.vehicle
-    if splice is not None and splice.leaves_ahead:
-        return route_lost_s(task, ahead, JoiningLeg(splice.path, vehicle.ground_speed_m_s))
-    if state.launch.armed_boot_s is None or vehicle.lat_deg is None or vehicle.lon_deg is None:
+    task, progress, speed_m_s = state.task, state.progress, state.vehicle.ground_speed_m_s
+    if splice.leaves_ahead:
+        return route_lost_s(task, ahead, JoiningLeg(splice.path, speed_m_s))
+    if state.launch.armed_boot_s is None or progress is None:
         return route_lost_s(task, ahead)
-    over = ahead[1:] if state.cell == start and len(ahead) > 1 else ahead
-    here = task.grid.frame.to_local(vehicle.lat_deg, vehicle.lon_deg)
-    return _lost_s(task, [here, *(task.grid.centre_m(cell) for cell in over)], vehicle.ground_speed_m_s)
-
-
-def _lost_s(task: Task, track: Sequence[tuple[float, float]], initial_m_s: float) -> float:
-    if math.isinf(task.arrival.within_s):
-        return 0.0
-    half_m = HALF_CELL * task.grid.cell_size_m
-    return lost_s(track, task.arrival.speed_m_s, initial_m_s=initial_m_s, remaining_m=half_m)
+    over = ahead[1:] if splice.index == progress.cell_index and len(ahead) > 1 else ahead
+    return route_lost_s(task, over, JoiningLeg((progress.here,), speed_m_s))
 
 
 def _in_cells(task: Task, seconds: float) -> float:

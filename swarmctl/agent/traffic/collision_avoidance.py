@@ -23,7 +23,7 @@ import msgspec
 
 from swarmctl.agent.orders import StepResult, command
 from swarmctl.agent.phases import IN_FLIGHT, Phase
-from swarmctl.agent.replan.copter_trajectory import at_height, waypoints_of, with_level_off
+from swarmctl.agent.replan.copter_trajectory import at_height, with_level_off
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.give_way import GiveWay
 from swarmctl.agent.traffic.prediction import (
@@ -33,7 +33,6 @@ from swarmctl.agent.traffic.prediction import (
     position_of,
     predict,
     silent_neighbours,
-    track_ahead,
 )
 from swarmctl.agent.traffic.separation.approach import Limits, closest, intervals
 from swarmctl.agent.traffic.separation.clash import HEIGHT_TOLERANCE_M
@@ -47,6 +46,7 @@ from swarmctl.agent.traffic.separation.watch import (
     update_alarms,
 )
 from swarmctl.core import events as ev
+from swarmctl.core.mission import Waypoint
 from swarmctl.core.records import replace
 
 RESUME_AFTER_S = (0.0, 2.0, 4.0, 6.0)
@@ -231,9 +231,11 @@ def _resume_above(state: AgentState, others: dict[int, Trajectory]) -> StepResul
     here, higher = position_of(state), _climb(state, others)
     plan = at_height(state.give_way.plan.plan, higher.height_m)
     if here is not None and state.task.wings is None:
-        track = [(*point, 0.0) for point in waypoints_of(state.task, plan)]
-        n_passed = len(track) - len(track_ahead(track, here))
-        plan = with_level_off(state.task, replace(plan, track=plan.track[n_passed:]), here, 0.0)
+        progress = state.progress_on(state.give_way.plan)
+        n_passed = 0 if progress is None else progress.waypoint
+        begins = Waypoint(*state.task.grid.frame.to_geodetic(*here[:2]), here[2])
+        plan = replace(plan, track=plan.track[n_passed:], begins=begins)
+        plan = with_level_off(state.task, plan, here, 0.0)
     interrupted = msgspec.structs.replace(state.give_way.plan, plan=plan)
     higher = replace(higher, give_way=replace(higher.give_way, plan=interrupted))
     own = own_trajectory(higher)

@@ -25,7 +25,7 @@ from swarmctl.agent.replan.copter_trajectory import (
 from swarmctl.agent.replan.length_bounds import LIFT_S
 from swarmctl.agent.replan.stopping import stop_ahead, stop_for_new_plan
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.prediction import AIRBORNE_M, position_of, stopping_point, track_ahead
+from swarmctl.agent.traffic.prediction import AIRBORNE_M, position_of, stopping_point
 from swarmctl.agent.traffic.separation.trajectory import Bounds, LocalPoint, Trajectory, until_landing
 from swarmctl.agent.traffic.separation.watch import NeighbourIntent
 from swarmctl.core import events as ev
@@ -202,7 +202,8 @@ def _phase_trajectory(state: AgentState, here: LocalPoint) -> Trajectory | None:
                 return land_from([(*path[-1], here[2])], [0.0])
             if _climbs_vertically(state, here, plan):
                 return climb_then_fly(here, plan.height_m, path, speed_m_s)
-            remaining = [point[:2] for point in track_ahead([(*at, 0.0) for at in path], here)]
+            progress = state.progress_on(swap)
+            remaining = path if progress is None else progress.points_ahead
             initial_m_s = state.vehicle.ground_speed_m_s
             return fly_with_stop(here, plan.height_m, remaining, speed_m_s, initial_m_s, stop_ahead(state))
         case Phase.FLYING | Phase.LANDING | Phase.HOLDING:
@@ -226,10 +227,8 @@ def _fixed_wing_trajectory(state: AgentState, here: LocalPoint, speed_m_s: float
     if swap is None or state.give_way.plan is not None:
         return None
     if state.phase in (Phase.LAUNCHING, Phase.FLYING):
-        remaining = [
-            point[:2]
-            for point in track_ahead([(*at, 0.0) for at in waypoints_of(task, swap.plan)[:-1]], here)
-        ]
+        progress = state.progress_on(swap)
+        remaining = waypoints_of(task, swap.plan)[:-1] if progress is None else progress.waypoints_ahead
         return wing_trajectory.in_flight(task, swap.plan, here, remaining, speed_m_s)
     if state.phase is Phase.LANDING and vehicle.ground_speed_m_s > 0.0:
         heading_rad = math.atan2(vehicle.east_m_s, vehicle.north_m_s)

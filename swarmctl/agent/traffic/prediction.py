@@ -13,7 +13,6 @@ from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory, extrapolate
 from swarmctl.agent.traffic.separation.watch import NeighbourReport
 from swarmctl.core.frames import StateShared
-from swarmctl.core.planar import distance_to_leg
 from swarmctl.core.vehicle import BRAKING_M_S2, VehicleState
 
 MAX_REPORT_AGE_S = 5.0
@@ -39,10 +38,9 @@ def own_trajectory(state: AgentState, for_s: float | None = None) -> Trajectory 
     if swap is None or state.phase is not Phase.FLYING:
         return extrapolate(here, (vehicle.east_m_s, vehicle.north_m_s, vehicle.climb_m_s), now_s, for_s)
     speed_m_s = state.task.arrival.speed_m_s if state.give_way.plan else max(vehicle.ground_speed_m_s, 0.5)
-    frame = state.task.grid.frame
-    points = (*swap.plan.waypoints, swap.plan.landing)
-    track = [(*frame.to_local(point.lat_deg, point.lon_deg), point.alt_rel_m) for point in points]
-    return _along([here, *track_ahead(track, here)], speed_m_s, now_s, for_s)
+    progress = state.progress_on(swap)
+    ahead = progress.points_ahead if progress is not None else ()
+    return _along([here, *((*point, swap.plan.height_m) for point in ahead)], speed_m_s, now_s, for_s)
 
 
 def position_of(state: AgentState) -> LocalPoint | None:
@@ -51,16 +49,6 @@ def position_of(state: AgentState) -> LocalPoint | None:
     if vehicle.lat_deg is None or vehicle.lon_deg is None or vehicle.alt_rel_m is None:
         return None
     return (*state.task.grid.frame.to_local(vehicle.lat_deg, vehicle.lon_deg), vehicle.alt_rel_m)
-
-
-def track_ahead(track: Sequence[LocalPoint], here: LocalPoint) -> Sequence[LocalPoint]:
-    """Return the points of a track that are still ahead: from the end of the leg nearest to `here`."""
-    best, nearest_m = 0, math.dist(track[0][:2], here[:2])
-    for i in range(1, len(track)):
-        away_m = distance_to_leg(here[:2], track[i - 1][:2], track[i][:2])
-        if away_m < nearest_m - 1e-6:  # the first of equally near legs, so a corner is still ahead
-            best, nearest_m = i, away_m
-    return track[best:]
 
 
 def _along(points: Sequence[LocalPoint], speed_m_s: float, from_s: float, for_s: float) -> Trajectory:

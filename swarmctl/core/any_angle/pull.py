@@ -11,8 +11,10 @@ landing.
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 
 import numpy as np
 
@@ -21,6 +23,7 @@ from swarmctl.core.any_angle.track import CrossedCells, GridPoint, ThreatMap, ce
 from swarmctl.core.any_angle.turns import rounded
 from swarmctl.core.grid import Cell
 from swarmctl.core.route import CORNER_TOLERANCE
+from swarmctl.core.track_position import StraightLegs
 
 TOLERATED_EXCESS = 0.05
 """Greatest share by which a track ahead of the vehicle may be more exposed than the route ahead. A smaller
@@ -35,8 +38,6 @@ class Track:
     """both ends and the turns, as cells of the route in order"""
     over: tuple[Cell, ...]
     """cells under the track, in the order flown"""
-    abreast: tuple[int, ...]
-    """index of the route's nearest cell for each cell under the track"""
     length_cells: float
     exposure_sum: float
     """ΣP_s over the cells entered after the first"""
@@ -68,27 +69,16 @@ def pull_straight(
 def track(threat: ThreatMap, cells: Sequence[Cell], corners: Sequence[int], radius_cells: float) -> Track:
     """Return the track with its corners at the cells with the indices `corners` of a route."""
     points = [centre(cells[k]) for k in corners]
-    flown, leg_of = rounded(points, radius_cells)
+    flown, _ = rounded(points, radius_cells)
     under = crossed_cells(flown)
-    abreast = tuple(_abreast(cells, corners, under, leg_of)) if leg_of else (0,) * len(under.cells)
     exposure, hazard = threat.entered(under.cells[1:]).tolist()
     return Track(
         tuple(cells[k] for k in corners),
         under.cells,
-        abreast,
         math.fsum(under.lengths),
         exposure,
         math.exp(-hazard),
     )
-
-
-def route_index_at(track: Track, cell: Cell, since: int = 0) -> int | None:
-    """Return the index of the route's cell nearest to a cell under the track; None for a cell off the track.
-
-    The result is the first such index at or after `since`, or else the last such index.
-    """
-    found = [k for over, k in zip(track.over, track.abreast, strict=True) if over == cell]
-    return next((k for k in found if k >= since), found[-1] if found else None)
 
 
 def is_still_good(
@@ -99,25 +89,23 @@ def is_still_good(
     track: Track,
     *,
     radius_cells: float,
-    cell: Cell,
+    here: GridPoint,
     index: int,
 ) -> bool:
     """Return whether the track ahead of the vehicle is as good as the route ahead, by the threat `now`.
 
-    The vehicle is over `cell` of the track, and `route[index]` is the nearest cell of the route. `before` is
-    the threat at the last decision for this track. The track may be more exposed than the route by the excess
+    The vehicle is at `here`, beside `route[index]`. `before` is the threat at the last decision for this
+    track. The track may be more exposed than the route by the excess
     under `before` and by TOLERATED_EXCESS. A wall that `before` lacks is not allowed.
     """
     flown, _ = rounded([centre(corner) for corner in track.corners], radius_cells)
     under = crossed_cells(flown)
-    here = next(
-        (i for i, at in enumerate(under.cells) if at == cell and track.abreast[i] >= index),
-        len(under.cells) - 1,
-    )
+    passed = StraightLegs.over(flown).locate(here).along_m if len(flown) > 1 else 0.0
+    n_left = min(bisect_right(list(accumulate(under.lengths)), passed), len(under.cells) - 1)
     walls = ThreatMap(now.p_s, now.hazard, now.blocked & ~before.blocked)
-    if not is_clear(walls, flown[under.legs[here] :]):
+    if not is_clear(walls, flown[under.legs[n_left] :]):
         return False
-    track_ahead = _cells_ahead(under, here)
+    track_ahead = _cells_ahead(under, n_left)
     route_ahead = _cells_ahead(crossed_cells([centre(at) for at in route[index:]]), 0)
     on_track, on_route = measure.of(now, track_ahead), measure.of(now, route_ahead)
     excess_before = np.maximum(measure.of(before, track_ahead) - measure.of(before, route_ahead), 0.0)
@@ -141,17 +129,3 @@ def may_join(threat: ThreatMap, position: GridPoint, here: Cell, corner: Cell) -
         if not beside or threat.p_s[row, col] > max(beside):
             return False
     return True
-
-
-def _abreast(
-    cells: Sequence[Cell], corners: Sequence[int], under: CrossedCells, leg_of: Sequence[int]
-) -> list[int]:
-    """Return the index of the nearest cell of the route for each cell under the track, never decreasing."""
-    found: list[int] = []
-    for (row, col), piece in zip(under.cells, under.legs, strict=True):
-        first = max(found[-1] if found else 0, corners[leg_of[piece]])
-        last = max(first, corners[leg_of[piece] + 1])
-        distances = [max(abs(cells[k][0] - row), abs(cells[k][1] - col)) for k in range(first, last + 1)]
-        nearest = min(range(len(distances)), key=lambda i: (distances[i], -i))
-        found.append(first + nearest)
-    return found
