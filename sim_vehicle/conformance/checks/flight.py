@@ -1,6 +1,7 @@
 """Flight by commands: take-off, repositioning, holding, speed."""
 
 import math
+from functools import partial
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -14,6 +15,9 @@ NORTH_M = 40.0  # distance of a reposition to the north
 REPOSITION = mavlink.MAV_CMD_DO_REPOSITION
 MAX_STOP_S = 10.0  # longest time to a stop
 MAX_TURN_S = 20.0  # longest time for a turn of 90 degrees
+_check = partial(check, airborne=True, limit_s=300)
+_copter_check = partial(check, airborne=True, kind="copter", limit_s=300)
+_plane_check = partial(check, airborne=True, kind="plane", limit_s=300)
 
 
 # -- take-off --------------------------------------------------------------------------------------------
@@ -34,7 +38,7 @@ def takeoff_landed_state(vehicle: VehicleUnderTest) -> str:
     return " ".join(mavlink.enums["MAV_LANDED_STATE"][s].name.removeprefix("MAV_LANDED_STATE_") for s in seen)
 
 
-@check("flight.status_is_active", airborne=True, limit_s=300)
+@_check("flight.status_is_active")
 def status_active(vehicle: VehicleUnderTest) -> str:
     """In the air system_status is ACTIVE and the armed flag is set."""
     vehicle.expect("HEARTBEAT", within_s=3)
@@ -44,7 +48,7 @@ def status_active(vehicle: VehicleUnderTest) -> str:
     return "ACTIVE"
 
 
-@check("flight.disarm_is_refused", airborne=True, limit_s=300, source="AUTOPILOTS 1.14: Disarm in flight")
+@_check("flight.disarm_is_refused", source="AUTOPILOTS 1.14: Disarm in flight")
 def disarm_refused(vehicle: VehicleUnderTest) -> str:
     """Disarming in flight without force is refused."""
     if vehicle.dialect.refusal is None:
@@ -58,13 +62,7 @@ def disarm_refused(vehicle: VehicleUnderTest) -> str:
 # -- holding ---------------------------------------------------------------------------------------------
 
 
-@check(
-    "flight.hold.keeps_its_place",
-    airborne=True,
-    kind="copter",
-    limit_s=300,
-    source="AUTOPILOTS 1.6: BRAKE, GUIDED hold altitude",
-)
+@_copter_check("flight.hold.keeps_its_place", source="AUTOPILOTS 1.6: BRAKE, GUIDED hold altitude")
 def hold_keeps(vehicle: VehicleUnderTest) -> str:
     """After 10 s in the hold mode, the position has changed by at most 2.5 m and the height by 1 m."""
     flying.set_mode(vehicle, "hold")
@@ -77,7 +75,7 @@ def hold_keeps(vehicle: VehicleUnderTest) -> str:
     return f"{moved_m:.2f} m"
 
 
-@check("flight.hold.circles", airborne=True, kind="plane", limit_s=300)
+@_plane_check("flight.hold.circles")
 def hold_circles(vehicle: VehicleUnderTest) -> str:
     """In the hold mode a plane moves on, stays within 600 m, and keeps its height within 15 m."""
     flying.set_mode(vehicle, "hold")
@@ -93,13 +91,10 @@ def hold_circles(vehicle: VehicleUnderTest) -> str:
     return f"within {farthest_m:.0f} m"
 
 
-@check(
+@_copter_check(
     "flight.mode.loiter_without_rc",
-    airborne=True,
     needs=["simulator"],
     dialects=("ardupilot",),
-    kind="copter",
-    limit_s=300,
     source="AUTOPILOTS 1.6: LOITER descended into the ground",
 )
 def loiter_sinks(vehicle: VehicleUnderTest) -> str:
@@ -116,7 +111,7 @@ def loiter_sinks(vehicle: VehicleUnderTest) -> str:
 # -- repositioning ---------------------------------------------------------------------------------------
 
 
-@check("flight.reposition.goes_there", airborne=True, kind="copter", limit_s=300, source="AUTOPILOTS 1.17")
+@_copter_check("flight.reposition.goes_there", source="AUTOPILOTS 1.17")
 def reposition_copter(vehicle: VehicleUnderTest) -> str:
     """DO_REPOSITION as COMMAND_INT moves the vehicle to a position and height."""
     target = plans.offset(flying.last_position(vehicle), NORTH_M, NORTH_M / 2)
@@ -126,7 +121,7 @@ def reposition_copter(vehicle: VehicleUnderTest) -> str:
     return f"{took_s:.0f} s for {NORTH_M:g} m"
 
 
-@check("flight.reposition.circles_there", airborne=True, kind="plane", limit_s=300)
+@_plane_check("flight.reposition.circles_there")
 def reposition_plane(vehicle: VehicleUnderTest) -> str:
     """After DO_REPOSITION a plane arrives at the new position and stays within 300 m."""
     target = plans.offset(flying.last_position(vehicle), 400.0, 0.0)
@@ -138,44 +133,34 @@ def reposition_plane(vehicle: VehicleUnderTest) -> str:
     return f"arrived after {took_s:.0f} s"
 
 
-@check("flight.reposition.changes_mode", airborne=True, limit_s=300)
+@_check("flight.reposition.changes_mode")
 def reposition_changes_mode(vehicle: VehicleUnderTest) -> str:
     """DO_REPOSITION takes a returning ArduPilot to GUIDED, and a returning PX4 to Hold."""
     role = vehicle.known(ardupilot="guided", px4="hold")
     flying.set_mode(vehicle, "return")
     target = plans.offset(flying.last_position(vehicle), NORTH_M, 0.0)
-    seen = flying.reposition(vehicle, target, flying.height_m(vehicle))
-    equal(seen, ACCEPTED, "DO_REPOSITION")
+    flying.go_to(vehicle, target, flying.height_m(vehicle))
     took_s = flying.wait_for_mode(vehicle, role, 5.0)
     return f"{role} after {took_s:.1f} s"
 
 
-@check(
-    "flight.reposition.by_command_long",
-    airborne=True,
-    limit_s=300,
-    source="AUTOPILOTS 1.17: LONG -> UNSUPPORTED",
-)
+@_check("flight.reposition.by_command_long", source="AUTOPILOTS 1.17: LONG -> UNSUPPORTED")
 def reposition_long(vehicle: VehicleUnderTest) -> str:
     """DO_REPOSITION as COMMAND_LONG is UNSUPPORTED on ArduPilot and accepted by PX4."""
     expected = vehicle.known(ardupilot="UNSUPPORTED", px4=ACCEPTED)
     lat, lon = plans.offset(flying.last_position(vehicle), 10, 0)
-    amsl_m = flying.home_amsl_m(vehicle) + flying.height_m(vehicle)
-    seen = vehicle.command(
-        REPOSITION, -1, flying.REPOSITION_CHANGES_MODE, 0, math.nan, lat / 1e7, lon / 1e7, amsl_m
-    )
+    place = lat / 1e7, lon / 1e7, flying.home_amsl_m(vehicle) + flying.height_m(vehicle)
+    seen = vehicle.command(REPOSITION, -1, flying.REPOSITION_CHANGES_MODE, 0, math.nan, *place)
     return equal(seen, expected, "COMMAND_LONG")
 
 
-@check("flight.reposition.impossible_place", airborne=True, dialects=("ardupilot",), limit_s=300)
+@_check("flight.reposition.impossible_place", dialects=("ardupilot",))
 def reposition_impossible(vehicle: VehicleUnderTest) -> str:
     """DO_REPOSITION to a latitude of 95 degrees is refused."""
-    place = flying.last_position(vehicle)
-    seen = flying.reposition(vehicle, (950_000_000, place[1]), 20.0)
-    return refused(seen)
+    return refused(flying.reposition(vehicle, (950_000_000, flying.last_position(vehicle)[1]), 20.0))
 
 
-@check("flight.speed.is_kept", airborne=True, kind="copter", limit_s=300)
+@_copter_check("flight.speed.is_kept")
 def speed_kept(vehicle: VehicleUnderTest) -> str:
     """After DO_CHANGE_SPEED to 4 m/s the vehicle flies at that speed."""
     target = plans.offset(flying.last_position(vehicle), -90.0, 0.0)
@@ -183,17 +168,13 @@ def speed_kept(vehicle: VehicleUnderTest) -> str:
     flying.go_to(vehicle, target, height_m)
     vehicle.expect_accepted(mavlink.MAV_CMD_DO_CHANGE_SPEED, 1, 4.0, -1)
     vehicle.wait(12.0)  # PX4's SIH reaches its speed slowly, against drag
-    speeds = []
-    for _ in range(8):
-        vehicle.wait(0.5)
-        speeds.append(flying.speed_m_s(vehicle))
-    mean_m_s = sum(speeds) / len(speeds)
+    mean_m_s = flying.mean_speed_m_s(vehicle, 4.0)
     vehicle.command(mavlink.MAV_CMD_DO_CHANGE_SPEED, 1, 8.0, -1)
     near(mean_m_s, 4.0, 0.8, "mean speed [m/s]")
     return f"{mean_m_s:.2f} m/s"
 
 
-@check("flight.yaw.turns", airborne=True, kind="copter", dialects=("ardupilot",), limit_s=300)
+@_copter_check("flight.yaw.turns", dialects=("ardupilot",))
 def yaw_turns(vehicle: VehicleUnderTest) -> str:
     """CONDITION_YAW in GUIDED turns the nose to a heading."""
     heading_deg = vehicle.request("VFR_HUD").heading
@@ -208,7 +189,7 @@ def yaw_turns(vehicle: VehicleUnderTest) -> str:
     return f"{heading_deg} to {target_deg} deg in {took_s:.1f} s"
 
 
-@check("flight.pause", airborne=True, kind="copter", limit_s=300, source="AUTOPILOTS 2: pause/continue (193)")
+@_copter_check("flight.pause", source="AUTOPILOTS 2: pause/continue (193)")
 def pause(vehicle: VehicleUnderTest) -> str:
     """After an accepted DO_PAUSE_CONTINUE ArduPilot stands still; PX4 answers UNSUPPORTED."""
     expected = vehicle.known(ardupilot=None, px4="UNSUPPORTED")
@@ -220,11 +201,9 @@ def pause(vehicle: VehicleUnderTest) -> str:
     return seen
 
 
-@check(
+@_check(
     "flight.mission_mode_when_empty",
-    airborne=True,
     dialects=("ardupilot",),
-    limit_s=300,
     source="AUTOPILOTS 1.9; ArduPlane mode_auto.cpp, ModeAuto::update",
 )
 def empty_mission(vehicle: VehicleUnderTest) -> str:

@@ -1,15 +1,19 @@
 """The start and the end of a flight: take-off, return, landing."""
 
+from functools import partial
+
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, plans
-from sim_vehicle.conformance.assertions import ACCEPTED, equal, holds, near
+from sim_vehicle.conformance.assertions import equal, holds, near
 from sim_vehicle.conformance.guard import ARM
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
+_copter_check = partial(check, airborne=True, kind="copter", limit_s=300)
 
-@check("flight.land.can_be_broken_off", airborne=True, kind="copter", limit_s=300)
+
+@_copter_check("flight.land.can_be_broken_off")
 def land_broken_off(vehicle: VehicleUnderTest) -> str:
     """A change to the hold mode ends a landing in the air, and the vehicle keeps its height."""
     flying.set_mode(vehicle, "land")
@@ -23,7 +27,7 @@ def land_broken_off(vehicle: VehicleUnderTest) -> str:
     return f"at {height_m:.1f} m"
 
 
-@check("flight.return.comes_home", airborne=True, kind="copter", limit_s=400)
+@_copter_check("flight.return.comes_home", limit_s=400)
 def return_home(vehicle: VehicleUnderTest) -> str:
     """After RETURN_TO_LAUNCH the vehicle lands within 5 m of home and disarms."""
     target = flying.home(vehicle)
@@ -55,14 +59,13 @@ def takeoff_height(vehicle: VehicleUnderTest) -> str:
     """After NAV_TAKEOFF the vehicle climbs to the given height and stays there."""
     flying.start_streams(vehicle)
     flying.arm(vehicle)
-    equal(vehicle.result(flying.takeoff_command(vehicle, 15.0)), ACCEPTED, "NAV_TAKEOFF")
-    took_s = vehicle.wait_until(lambda: flying.height_m(vehicle) > 14.0, "a height of 14 m", 60)
+    took_s = flying.take_off(vehicle, 15.0, 14.0)
     vehicle.wait(5.0)
     near(flying.height_m(vehicle), 15.0, 1.5, "height [m]")
     return f"{flying.height_m(vehicle):.1f} m after {took_s:.0f} s"
 
 
-@check("flight.land.comes_down", airborne=True, kind="copter", limit_s=300)
+@_copter_check("flight.land.comes_down")
 def land_comes_down(vehicle: VehicleUnderTest) -> str:
     """After NAV_LAND the vehicle lands within 4 m and disarms, and landed_state is ON_GROUND."""
     place = flying.last_position(vehicle)

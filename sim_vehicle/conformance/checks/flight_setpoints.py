@@ -1,5 +1,7 @@
 """Set-points: streams of positions and velocities."""
 
+from functools import partial
+
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, plans
@@ -9,47 +11,24 @@ from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 POSITION_ONLY, VELOCITY_ONLY = 0x0DF8, 0x0DC7  # type masks of the set-point messages
 MAX_STOP_S = 10.0  # longest time to a stop
+_copter_check = partial(check, airborne=True, kind="copter", dialects=("ardupilot", "px4"), limit_s=300)
+_ardupilot_check = partial(check, airborne=True, kind="copter", dialects=("ardupilot",), limit_s=300)
+_px4_check = partial(check, airborne=True, kind="copter", dialects=("px4",), limit_s=300)
 
 
-@check("flight.setpoint.position", airborne=True, kind="copter", dialects=("ardupilot",), limit_s=300)
+@_ardupilot_check("flight.setpoint.position")
 def setpoint_position(vehicle: VehicleUnderTest) -> str:
     """SET_POSITION_TARGET_GLOBAL_INT in GUIDED moves the vehicle to a position."""
     target = plans.offset(flying.last_position(vehicle), 20.0, -20.0)
-    vehicle.send(
-        mavlink.MAVLink_set_position_target_global_int_message(
-            0,
-            *vehicle.target,
-            mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
-            POSITION_ONLY,
-            *target,
-            20.0,
-            *[0.0] * 8,
-        )
-    )
+    setpoint = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT, POSITION_ONLY, *target, 20.0, *[0.0] * 8
+    vehicle.send(mavlink.MAVLink_set_position_target_global_int_message(0, *vehicle.target, *setpoint))
     return f"arrived after {flying.wait_until_near(vehicle, target):.0f} s"
 
 
-def _send_velocity(vehicle: VehicleUnderTest, north_m_s: float, east_m_s: float) -> None:
-    vehicle.send(
-        mavlink.MAVLink_set_position_target_local_ned_message(
-            0,
-            *vehicle.target,
-            mavlink.MAV_FRAME_LOCAL_NED,
-            VELOCITY_ONLY,
-            0,
-            0,
-            0,
-            north_m_s,
-            east_m_s,
-            0,
-            *[0.0] * 5,
-        )
-    )
-
-
 def _stream_velocity(vehicle: VehicleUnderTest, north_m_s: float, seconds: float) -> None:
+    setpoint = mavlink.MAV_FRAME_LOCAL_NED, VELOCITY_ONLY, 0, 0, 0, north_m_s, *[0.0] * 7
     for _ in range(int(seconds / 0.2)):
-        _send_velocity(vehicle, north_m_s, 0.0)
+        vehicle.send(mavlink.MAVLink_set_position_target_local_ned_message(0, *vehicle.target, *setpoint))
         vehicle.wait(0.2)
 
 
@@ -60,7 +39,7 @@ def _follow_setpoints(vehicle: VehicleUnderTest) -> None:
         equal(flying.try_mode(vehicle, "offboard"), ACCEPTED, "OFFBOARD")
 
 
-@check("flight.setpoint.velocity", airborne=True, kind="copter", dialects=("ardupilot", "px4"), limit_s=300)
+@_copter_check("flight.setpoint.velocity")
 def setpoint_velocity(vehicle: VehicleUnderTest) -> str:
     """The vehicle follows velocity set-points of 3 m/s north, sent at 5 Hz."""
     _follow_setpoints(vehicle)
@@ -73,7 +52,7 @@ def setpoint_velocity(vehicle: VehicleUnderTest) -> str:
     return f"{message.vx / 100:.2f} m/s north"
 
 
-@check("flight.setpoint.times_out", airborne=True, kind="copter", dialects=("ardupilot", "px4"), limit_s=300)
+@_copter_check("flight.setpoint.times_out")
 def setpoint_times_out(vehicle: VehicleUnderTest) -> str:
     """The vehicle stops within 10 s after the last velocity set-point."""
     _follow_setpoints(vehicle)
@@ -82,9 +61,7 @@ def setpoint_times_out(vehicle: VehicleUnderTest) -> str:
     return f"after {took_s:.1f} s"
 
 
-@check(
-    "flight.setpoint.needs_its_mode", airborne=True, kind="copter", dialects=("ardupilot", "px4"), limit_s=300
-)
+@_copter_check("flight.setpoint.needs_its_mode")
 def setpoint_needs_mode(vehicle: VehicleUnderTest) -> str:
     """In the hold mode the vehicle ignores velocity set-points."""
     flying.set_mode(vehicle, "hold")
@@ -96,7 +73,7 @@ def setpoint_needs_mode(vehicle: VehicleUnderTest) -> str:
     return f"{away_m:.2f} m"
 
 
-@check("flight.offboard.needs_setpoints", airborne=True, kind="copter", dialects=("px4",), limit_s=300)
+@_px4_check("flight.offboard.needs_setpoints")
 def offboard_needs_setpoints(vehicle: VehicleUnderTest) -> str:
     """OFFBOARD without a stream of set-points is refused."""
     vehicle.wait(3.0)  # until earlier set-points have expired

@@ -1,14 +1,17 @@
 """Telemetry in flight."""
 
 import math
+from functools import partial
 
 from sim_vehicle.conformance import flying, plans
 from sim_vehicle.conformance.assertions import Skip, holds, near
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
+_copter_check = partial(check, airborne=True, kind="copter", limit_s=300)
 
-@check("flight.telemetry.velocity", airborne=True, kind="copter", limit_s=300)
+
+@_copter_check("flight.telemetry.velocity")
 def velocity(vehicle: VehicleUnderTest) -> str:
     """The distance by vx and vy agrees with the change of the position."""
     flying.reposition(vehicle, plans.offset(flying.last_position(vehicle), 60.0, 60.0), 20.0)
@@ -24,7 +27,7 @@ def velocity(vehicle: VehicleUnderTest) -> str:
     return f"{flown_m:.1f} m flown, {reported_m:.1f} m by velocity"
 
 
-@check("flight.telemetry.local_position", airborne=True, kind="copter", limit_s=300)
+@_copter_check("flight.telemetry.local_position")
 def local_position(vehicle: VehicleUnderTest) -> str:
     """LOCAL_POSITION_NED moves with GLOBAL_POSITION_INT; z is down."""
     rates = {"LOCAL_POSITION_NED": 5.0, "GLOBAL_POSITION_INT": 5.0}
@@ -47,7 +50,7 @@ def local_position(vehicle: VehicleUnderTest) -> str:
     return f"{local_m:.1f} m"
 
 
-@check("flight.telemetry.climb", airborne=True, kind="copter", limit_s=300)
+@_copter_check("flight.telemetry.climb")
 def climb(vehicle: VehicleUnderTest) -> str:
     """In a climb vz is negative, VFR_HUD.climb is positive, and both agree within 0.6 m/s."""
     place = flying.last_position(vehicle)

@@ -27,15 +27,20 @@ def _home_restored(vehicle: VehicleUnderTest) -> Iterator[Any]:
         yield before
 
 
+def _set_home(vehicle: VehicleUnderTest, x: int, y: int, z: float) -> str:
+    return vehicle.result(vehicle.command_int(SET_HOME, x=x, y=y, z=z))
+
+
 def _restore(vehicle: VehicleUnderTest, before: Any) -> None:
-    command = vehicle.command_int(
-        SET_HOME,
-        frame=mavlink.MAV_FRAME_GLOBAL,
-        x=before.latitude,
-        y=before.longitude,
-        z=before.altitude / 1000,
-    )
-    equal(vehicle.result(command), ACCEPTED, "DO_SET_HOME")
+    result = _set_home(vehicle, before.latitude, before.longitude, before.altitude / 1000)
+    equal(result, ACCEPTED, "DO_SET_HOME")
+
+
+def _away_m(vehicle: VehicleUnderTest, place: Any, limit_m: float) -> float:
+    """Return the distance between a home or origin and the vehicle; raise CheckFailed beyond the limit."""
+    away_m = plans.distance_m((place.latitude, place.longitude), plans.current_position(vehicle))
+    holds(away_m < limit_m, f"expected less than {limit_m:g} m, saw {away_m:.1f} m")
+    return away_m
 
 
 @check("home.by_request_message", limit_s=200)
@@ -60,10 +65,7 @@ def by_get_home_position(vehicle: VehicleUnderTest) -> str:
 @check("home.is_near_the_vehicle")
 def is_near(vehicle: VehicleUnderTest) -> str:
     """Before a flight, home is within 100 m of the vehicle."""
-    home, place = _home(vehicle), plans.current_position(vehicle)
-    away_m = plans.distance_m((home.latitude, home.longitude), place)
-    holds(away_m < 100, f"expected less than 100 m, saw {away_m:.0f} m")
-    return f"{away_m:.1f} m"
+    return f"{_away_m(vehicle, _home(vehicle), 100):.1f} m"
 
 
 @check("home.set_to_here")
@@ -73,9 +75,7 @@ def set_to_here(vehicle: VehicleUnderTest) -> str:
         mark = vehicle.mark()
         vehicle.expect_accepted(SET_HOME, 1)
         home = vehicle.wait_for("HOME_POSITION", mark=mark) or vehicle.request("HOME_POSITION")
-        away_m = plans.distance_m((home.latitude, home.longitude), plans.current_position(vehicle))
-        holds(away_m < 5, f"expected less than 5 m, saw {away_m:.1f} m")
-    return f"{away_m:.2f} m away"
+        return f"{_away_m(vehicle, home, 5):.2f} m away"
 
 
 @check("home.set_to_a_place")
@@ -84,8 +84,7 @@ def set_to_a_place(vehicle: VehicleUnderTest) -> str:
     with _home_restored(vehicle) as before:
         x, y = plans.offset((before.latitude, before.longitude), AWAY_M, AWAY_M)
         z = before.altitude / 1000 + 3.0
-        command = vehicle.command_int(SET_HOME, frame=mavlink.MAV_FRAME_GLOBAL, x=x, y=y, z=z)
-        equal(vehicle.result(command), ACCEPTED, "DO_SET_HOME")
+        equal(_set_home(vehicle, x, y, z), ACCEPTED, "DO_SET_HOME")
         vehicle.wait(1.0)
         home = vehicle.request("HOME_POSITION")
         near(plans.distance_m((home.latitude, home.longitude), (x, y)), 0, 0.05, "metres off")
@@ -98,10 +97,7 @@ def relative_follows(vehicle: VehicleUnderTest) -> str:
     """After DO_SET_HOME, relative_alt is the height above the new home."""
     with _home_restored(vehicle) as before:
         z = before.altitude / 1000 - 5.0
-        command = vehicle.command_int(
-            SET_HOME, frame=mavlink.MAV_FRAME_GLOBAL, x=before.latitude, y=before.longitude, z=z
-        )
-        equal(vehicle.result(command), ACCEPTED, "DO_SET_HOME")
+        equal(_set_home(vehicle, before.latitude, before.longitude, z), ACCEPTED, "DO_SET_HOME")
         vehicle.wait(1.0)
         message = flying.position(vehicle)
         near(message.relative_alt / 1000, message.alt / 1000 - z, 0.5, "relative_alt")
@@ -112,18 +108,11 @@ def relative_follows(vehicle: VehicleUnderTest) -> str:
 def impossible_place(vehicle: VehicleUnderTest) -> str:
     """DO_SET_HOME to a latitude of 95 degrees is refused."""
     with _home_restored(vehicle) as before:
-        command = vehicle.command_int(
-            SET_HOME, frame=mavlink.MAV_FRAME_GLOBAL, x=950_000_000, y=before.longitude
-        )
-        result = vehicle.result(command)
-    return refused(result)
+        return refused(_set_home(vehicle, 950_000_000, before.longitude, 0.0))
 
 
 @check("home.global_origin")
 def global_origin(vehicle: VehicleUnderTest) -> str:
     """GPS_GLOBAL_ORIGIN, the origin of the local frame, is within 1 km of the vehicle."""
     _home(vehicle)
-    origin = vehicle.request("GPS_GLOBAL_ORIGIN")
-    away_m = plans.distance_m((origin.latitude, origin.longitude), plans.current_position(vehicle))
-    holds(away_m < 1000, f"expected less than 1 km, saw {away_m:.0f} m")
-    return f"{away_m:.1f} m away"
+    return f"{_away_m(vehicle, vehicle.request('GPS_GLOBAL_ORIGIN'), 1000):.1f} m away"

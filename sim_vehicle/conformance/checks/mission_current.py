@@ -13,6 +13,7 @@ from sim_vehicle.conformance.vehicle import VehicleUnderTest
 CHECKED_S = 2.0  # longest time until PX4 has checked a new mission
 NO_MISSION_TOTAL = 65_535
 SET_CURRENT = mavlink.MAV_CMD_DO_SET_MISSION_CURRENT
+_ardupilot_check = partial(check, dialects=("ardupilot",))
 
 
 def _current(vehicle: VehicleUnderTest) -> Any:
@@ -95,20 +96,14 @@ def set_by_command(vehicle: VehicleUnderTest) -> str:
     return str(expected)
 
 
-@check(
-    "mission.current.command_beyond_the_end",
-    dialects=("ardupilot",),
-    source="AUTOPILOTS 2: out of range DENIED(2)",
-)
+@_ardupilot_check("mission.current.command_beyond_the_end", source="AUTOPILOTS 2: out of range DENIED(2)")
 def command_beyond_the_end(vehicle: VehicleUnderTest) -> str:
     """DO_SET_MISSION_CURRENT of a missing item is DENIED."""
     beyond = len(plans.store_sample(vehicle)) + 10
     return equal(vehicle.command(SET_CURRENT, beyond), "DENIED", "DO_SET_MISSION_CURRENT")
 
 
-@check(
-    "mission.current.command_restart", dialects=("ardupilot",), source="AUTOPILOTS 2: 0 = restart (goes to 1)"
-)
+@_ardupilot_check("mission.current.command_restart", source="AUTOPILOTS 2: 0 = restart (goes to 1)")
 def command_restart(vehicle: VehicleUnderTest) -> str:
     """DO_SET_MISSION_CURRENT 0 is accepted, and item 0 or 1 becomes current."""
     plans.store_sample(vehicle)

@@ -15,9 +15,12 @@ from sim_vehicle.station.plan_items import PlanItem
 
 FLY_S = 300.0  # time limit of a check
 PASS_M = 4.0  # a waypoint within this distance counts as passed
+_ground_check = partial(check, needs=[ARM], kind="copter", limit_s=FLY_S)
+_ardupilot_check = partial(check, needs=[ARM], kind="copter", dialects=("ardupilot",), limit_s=FLY_S)
+_air_check = partial(check, airborne=True, kind="copter", limit_s=FLY_S)
 
 
-@check("mission-flight.flies_every_item", needs=[ARM], kind="copter", limit_s=FLY_S, source="AUTOPILOTS 1.7")
+@_ground_check("mission-flight.flies_every_item", source="AUTOPILOTS 1.7")
 def flies_every_item(vehicle: VehicleUnderTest) -> str:
     """By mission the vehicle takes off, passes the waypoints in order and height, reports them, and lands."""
     items = missions.items(vehicle)
@@ -48,13 +51,13 @@ def flies_every_item(vehicle: VehicleUnderTest) -> str:
     return f"{took_s:.0f} s, reached {reached}"
 
 
-@check("mission-flight.counts_upwards", airborne=True, kind="copter", limit_s=FLY_S)
+@_air_check("mission-flight.counts_upwards")
 def counts_upwards(vehicle: VehicleUnderTest) -> str:
     """MISSION_CURRENT does not decrease during a mission."""
     plans.upload_or_fail(vehicle, missions.items(vehicle, landing=False))
     first = missions.first_waypoint(vehicle)
     missions.resume(vehicle, first)
-    vehicle.wait_until(lambda: missions.current(vehicle) == first, f"item {first} to be current", 5.0)
+    missions.wait_until_current(vehicle, first, 5.0)
     mark, last = vehicle.mark(), first + len(missions.CORNERS) - 1
     missions.wait_until_current(vehicle, last, 200)
     seen = [m.seq for m in vehicle.since(mark, "MISSION_CURRENT")]
@@ -62,13 +65,7 @@ def counts_upwards(vehicle: VehicleUnderTest) -> str:
     return f"{seen[0]} to {seen[-1]}"
 
 
-@check(
-    "mission-flight.state_is_active",
-    airborne=True,
-    kind="copter",
-    limit_s=FLY_S,
-    source="AUTOPILOTS 2: mission_state is 0 always (PX4)",
-)
+@_air_check("mission-flight.state_is_active", source="AUTOPILOTS 2: mission_state is 0 always (PX4)")
 def state_is_active(vehicle: VehicleUnderTest) -> str:
     """During a mission, mission_state is ACTIVE on ArduPilot and 0 on PX4."""
     expected = vehicle.known(ardupilot=mavlink.MISSION_STATE_ACTIVE, px4=0)
@@ -78,24 +75,16 @@ def state_is_active(vehicle: VehicleUnderTest) -> str:
     return str(expected)
 
 
-@check(
+@_ardupilot_check(
     "mission-flight.after_landing",
-    needs=[ARM],
-    kind="copter",
-    dialects=("ardupilot",),
-    limit_s=FLY_S,
     source="AUTOPILOTS 1.12: after landing+disarm MISSION_CURRENT goes back to seq 0, state 5; "
     "AP_Arming_Copter::disarm resets a mission that is not yet complete, which then begins at 1",
 )
 def after_landing(vehicle: VehicleUnderTest) -> str:
     """After a landing by mission, MISSION_CURRENT is back at seq 0, COMPLETE (or 1, ACTIVE), in AUTO."""
     place = plans.current_position(vehicle)
-    plans.upload_or_fail(
-        vehicle,
-        plans.plan(
-            vehicle, plans.takeoff(place, 6.0), plans.waypoint(place, 8, 0, 6.0), plans.land(place, 8, 0)
-        ),
-    )
+    items = plans.takeoff(place, 6.0), plans.waypoint(place, 8, 0, 6.0), plans.land(place, 8, 0)
+    plans.upload_or_fail(vehicle, plans.plan(vehicle, *items))
     missions.start(vehicle)
     flying.wait_until_landed(vehicle, 200)
     vehicle.wait(2.0)
@@ -107,20 +96,12 @@ def after_landing(vehicle: VehicleUnderTest) -> str:
     return f"seq {message.seq}"
 
 
-@check(
-    "mission-flight.without_takeoff",
-    needs=[ARM],
-    kind="copter",
-    dialects=("ardupilot",),
-    limit_s=FLY_S,
-    source="AUTOPILOTS 1.8: Auto: Missing Takeoff Cmd",
-)
+@_ardupilot_check("mission-flight.without_takeoff", source="AUTOPILOTS 1.8: Auto: Missing Takeoff Cmd")
 def without_takeoff(vehicle: VehicleUnderTest) -> str:
     """An armed vehicle on the ground refuses AUTO, with a text, if the mission has no take-off."""
     place = plans.current_position(vehicle)
-    plans.upload_or_fail(
-        vehicle, plans.plan(vehicle, plans.waypoint(place, 30, 0), plans.waypoint(place, 30, 30))
-    )
+    items = plans.waypoint(place, 30, 0), plans.waypoint(place, 30, 30)
+    plans.upload_or_fail(vehicle, plans.plan(vehicle, *items))
     flying.arm(vehicle)
     began_s = vehicle.now
     seen = flying.try_mode(vehicle, "mission")
@@ -132,12 +113,8 @@ def without_takeoff(vehicle: VehicleUnderTest) -> str:
     return "FAILED, Auto: Missing Takeoff Cmd"
 
 
-@check(
+@_ardupilot_check(
     "mission-flight.auto_mode_does_not_take_off",
-    needs=[ARM],
-    kind="copter",
-    dialects=("ardupilot",),
-    limit_s=FLY_S,
     source="AUTOPILOTS 1.7: Arm + mode AUTO alone does not take off",
 )
 def auto_mode_does_not_take_off(vehicle: VehicleUnderTest) -> str:
@@ -152,12 +129,9 @@ def auto_mode_does_not_take_off(vehicle: VehicleUnderTest) -> str:
     return f"disarmed after {took_s + 5:.0f} s"
 
 
-@check(
+@_ground_check(
     "mission-flight.starts_when_armed",
-    needs=[ARM],
-    kind="copter",
     dialects=("px4",),
-    limit_s=FLY_S,
     source="AUTOPILOTS 2: armed in mission mode it starts by itself",
 )
 def starts_when_armed(vehicle: VehicleUnderTest) -> str:
@@ -168,40 +142,25 @@ def starts_when_armed(vehicle: VehicleUnderTest) -> str:
     flying.wait_ready(vehicle)
     flying.set_mode(vehicle, "mission")
     vehicle.expect_accepted(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)
-    took_s = vehicle.wait_until(lambda: flying.height_m(vehicle) > 3, "a height of 3 m", 30)
+    took_s = flying.wait_until_above(vehicle, 3, 30)
     return f"3 m after {took_s:.0f} s"
 
 
-@check("mission-flight.speed_item", airborne=True, kind="copter", limit_s=FLY_S)
+@_air_check("mission-flight.speed_item")
 def speed_item(vehicle: VehicleUnderTest) -> str:
     """DO_CHANGE_SPEED in a mission sets the speed of the next leg."""
     place = plans.current_position(vehicle)
-    frame = mavlink.MAV_FRAME_MISSION
-    slow = PlanItem(mavlink.MAV_CMD_DO_CHANGE_SPEED, frame=frame, params=(1, 3, -1, 0))
-    legs = [
-        plans.waypoint(place, 10, 0, missions.HEIGHT_M),
-        slow,
-        plans.waypoint(place, 100, 0, missions.HEIGHT_M),
-    ]
-    plans.upload_or_fail(vehicle, plans.plan(vehicle, plans.takeoff(place, missions.HEIGHT_M), *legs))
+    slow = PlanItem(mavlink.MAV_CMD_DO_CHANGE_SPEED, frame=mavlink.MAV_FRAME_MISSION, params=(1, 3, -1, 0))
+    first, last = (plans.waypoint(place, north_m, 0, missions.HEIGHT_M) for north_m in (10, 100))
+    items = plans.plan(vehicle, plans.takeoff(place, missions.HEIGHT_M), first, slow, last)
+    plans.upload_or_fail(vehicle, items)
     missions.resume(vehicle, missions.first_waypoint(vehicle))
     vehicle.wait_until(lambda: flying.distance_to_m(vehicle, place) > 60, "60 m from the start", 100)
-    speeds_m_s = []
-    for _ in range(6):
-        vehicle.wait(0.5)
-        speeds_m_s.append(flying.speed_m_s(vehicle))
-    mean_m_s = sum(speeds_m_s) / len(speeds_m_s)
-    near(mean_m_s, 3.0, 0.7, "mean speed [m/s]")
-    return f"{mean_m_s:.2f} m/s"
+    return f"{near(flying.mean_speed_m_s(vehicle, 3.0), 3.0, 0.7, 'mean speed [m/s]'):.2f} m/s"
 
 
-@check(
-    "mission-flight.fence_breach",
-    needs=[ARM],
-    kind="copter",
-    dialects=("ardupilot",),
-    limit_s=FLY_S,
-    source="AUTOPILOTS 2: fence use: fly until the breach -> RTL",
+@_ardupilot_check(
+    "mission-flight.fence_breach", source="AUTOPILOTS 2: fence use: fly until the breach -> RTL"
 )
 def fence_breach(vehicle: VehicleUnderTest) -> str:
     """A mission that leaves the fence is accepted; after the breach the vehicle sends a text and returns."""
@@ -210,9 +169,8 @@ def fence_breach(vehicle: VehicleUnderTest) -> str:
         raise Skip("FENCE_ACTION is not RTL (1)")
     place = plans.current_position(vehicle)
     fence = polygon(vehicle, ((-60, -60), (-60, 60), (60, 60), (60, -60)))
-    plans.upload_or_fail(
-        vehicle, plans.plan(vehicle, plans.takeoff(place, missions.HEIGHT_M), plans.waypoint(place, 200, 0))
-    )
+    items = plans.takeoff(place, missions.HEIGHT_M), plans.waypoint(place, 200, 0)
+    plans.upload_or_fail(vehicle, plans.plan(vehicle, *items))
     with fence_in_force(vehicle, fence):
         missions.start(vehicle)
         began_s = vehicle.now
@@ -227,10 +185,6 @@ def fence_breach(vehicle: VehicleUnderTest) -> str:
     return f"RTL at {out_m:.0f} m"
 
 
-def _is_near(vehicle: VehicleUnderTest, target: tuple[int, int], near_m: float) -> bool:
-    return flying.distance_to_m(vehicle, target) < near_m
-
-
 @check("mission-flight.plane_flies_every_item", needs=[ARM], kind="plane", limit_s=500)
 def plane_flies_every_item(vehicle: VehicleUnderTest) -> str:
     """A plane passes the waypoints of a mission in order and continues to fly."""
@@ -242,10 +196,8 @@ def plane_flies_every_item(vehicle: VehicleUnderTest) -> str:
         vehicle, plans.takeoff(place, 50.0), *[plans.waypoint(place, n, e, 60.0) for n, e in corners]
     )
     plans.upload_or_fail(vehicle, items)
-    begin = missions.first_waypoint(vehicle)
-    flying.set_current(vehicle, begin)
-    flying.set_mode(vehicle, "mission")
+    missions.resume(vehicle, missions.first_waypoint(vehicle))
     for target in targets:
-        vehicle.wait_until(partial(_is_near, vehicle, target, 120.0), "less than 120 m to the waypoint", 150)
+        flying.wait_until_near(vehicle, target, 150, 120.0)
     holds(vehicle.armed and flying.height_m(vehicle) > 20, "the vehicle descended or disarmed")
     return f"{len(targets)} waypoints"

@@ -6,24 +6,15 @@ from collections.abc import Callable
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, frames, plans
-from sim_vehicle.conformance.assertions import ACCEPTED, CheckFailed, Skip, equal, holds
+from sim_vehicle.conformance.assertions import ACCEPTED, Skip, equal, holds
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.station.messages import set_mode
 
 # Roles of modes in `Dialect.modes`, each with its own check.
 MODE_ROLES = (
-    "manual",
-    "altitude",
-    "position",
-    "guided",
-    "loiter",
-    "circle",
-    "hold",
-    "return",
-    "land",
-    "stabilized",
-)
+    "manual", "altitude", "position", "guided", "loiter", "circle", "hold", "return", "land", "stabilized",
+)  # fmt: skip
 NO_SUCH_MODE = 99
 AVAILABLE = struct.Struct("<IIBBB35s")  # AVAILABLE_MODES on the wire
 CURRENT = struct.Struct("<IIB")  # CURRENT_MODE on the wire
@@ -71,14 +62,9 @@ def acks_are_true(vehicle: VehicleUnderTest) -> str:
         before = vehicle.mode
         accepted = flying.try_mode(vehicle, role) == ACCEPTED
         vehicle.wait(flying.HEARTBEAT_LAG_S)
-        if accepted and vehicle.mode != number:
-            raise CheckFailed(
-                f"mode {role} was accepted, but the heartbeat has {flying.mode_name(vehicle, vehicle.mode)}"
-            )
-        if not accepted and vehicle.mode != before:
-            raise CheckFailed(
-                f"mode {role} was refused, but the heartbeat has {flying.mode_name(vehicle, vehicle.mode)}"
-            )
+        answer = "accepted" if accepted else "refused"
+        seen = f"mode {role} was {answer}, but the heartbeat has {flying.mode_name(vehicle, vehicle.mode)}"
+        holds(vehicle.mode == (number if accepted else before), seen)
         outcomes.append(accepted)
     flying.set_ready_mode(vehicle)
     if not outcomes:

@@ -1,6 +1,7 @@
 """Reboots on the ground: acknowledgement, lost and kept state."""
 
 import math
+from functools import partial
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -15,6 +16,7 @@ from sim_vehicle.conformance.vehicle import VehicleUnderTest
 MAX_REBOOT_S = 60.0  # longest time from the reboot to an answer
 SETTLE_S = 3.0  # wait after a boot, because the vehicle undoes a mode change made in this time
 PREFLIGHT = mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN
+_check = partial(check, needs=[REBOOT], limit_s=120)
 
 
 def _boot_ms(vehicle: VehicleUnderTest) -> int:
@@ -52,13 +54,13 @@ def _reboot(vehicle: VehicleUnderTest) -> float:
     return MAX_REBOOT_S
 
 
-@check("reboot.answers_again", needs=[REBOOT], limit_s=120, source="AUTOPILOTS 1.18: Reboot (246)")
+@_check("reboot.answers_again", source="AUTOPILOTS 1.18: Reboot (246)")
 def answers_again(vehicle: VehicleUnderTest) -> str:
     """A reboot is acknowledged, and the vehicle answers again within 60 s."""
     return f"after {_reboot(vehicle):.1f} s"
 
 
-@check("reboot.clock_restarts", needs=[REBOOT], limit_s=120)
+@_check("reboot.clock_restarts")
 def clock_restarts(vehicle: VehicleUnderTest) -> str:
     """time_boot_ms counts from the boot."""
     took_s = _reboot(vehicle)
@@ -68,12 +70,7 @@ def clock_restarts(vehicle: VehicleUnderTest) -> str:
     return f"{seen_ms} ms"
 
 
-@check(
-    "reboot.streams_are_forgotten",
-    needs=[REBOOT],
-    limit_s=120,
-    source="AUTOPILOTS 1.1: Re-request after a reboot",
-)
+@_check("reboot.streams_are_forgotten", source="AUTOPILOTS 1.1: Re-request after a reboot")
 def streams_forgotten(vehicle: VehicleUnderTest) -> str:
     """After a reboot, ArduCopter streams no attitude without a request, ArduPlane 1 Hz, PX4 15 Hz or more."""
     most_hz = vehicle.known(ardupilot=2.0, px4=math.inf)
@@ -87,11 +84,9 @@ def streams_forgotten(vehicle: VehicleUnderTest) -> str:
     return f"ATTITUDE at {seen_hz:g} Hz"
 
 
-@check(
+@_check(
     "reboot.text_on_the_link",
-    needs=[REBOOT],
     dialects=("ardupilot",),
-    limit_s=120,
     source="AUTOPILOTS 1.2: At every boot the link carries plain text",
 )
 def boot_text(vehicle: VehicleUnderTest) -> str:
@@ -102,7 +97,7 @@ def boot_text(vehicle: VehicleUnderTest) -> str:
     return text.strip().partition("\n")[0]
 
 
-@check("reboot.parameters_stay", needs=[REBOOT], limit_s=200)
+@_check("reboot.parameters_stay", limit_s=200)
 def parameters_stay(vehicle: VehicleUnderTest) -> str:
     """A changed parameter survives a reboot."""
     name, value = parameters.harmless_change(vehicle, vehicle.dialect.integer_parameters)
@@ -113,7 +108,7 @@ def parameters_stay(vehicle: VehicleUnderTest) -> str:
     return f"{name} = {value}"
 
 
-@check("reboot.mission_stays", needs=[REBOOT], limit_s=200)
+@_check("reboot.mission_stays", limit_s=200)
 def mission_stays(vehicle: VehicleUnderTest) -> str:
     """The mission survives a reboot."""
     vehicle.known(ardupilot=True, px4=True)
@@ -124,7 +119,7 @@ def mission_stays(vehicle: VehicleUnderTest) -> str:
     return f"{len(items)} items"
 
 
-@check("reboot.fence_stays", needs=[REBOOT], claims=["MISSION_FENCE"], limit_s=200)
+@_check("reboot.fence_stays", claims=["MISSION_FENCE"], limit_s=200)
 def fence_stays(vehicle: VehicleUnderTest) -> str:
     """The fence survives a reboot."""
     vehicle.known(ardupilot=True, px4=True)
@@ -156,7 +151,7 @@ def not_ready_at_once(vehicle: VehicleUnderTest) -> str:
     return f"ready {took_s:.0f} s later"
 
 
-@check("reboot.zero_parameters", needs=[REBOOT], limit_s=60)
+@_check("reboot.zero_parameters", limit_s=60)
 def zero_parameters_do_nothing(vehicle: VehicleUnderTest) -> str:
     """PREFLIGHT_REBOOT_SHUTDOWN with all parameters 0 does not reboot."""
     before_ms = _boot_ms(vehicle)

@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from itertools import pairwise
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -21,6 +22,7 @@ STAMP = 50_000_000_000_000  # time stamp in 2030 [10 us since 2015]
 REQUEST, VERSION = mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION
 SIGNER, FORGER, PLAIN = (253, 190), (252, 190), (251, 190)  # further stations: (system id, component id)
 KEY_REMOVAL_ATTEMPTS = 5
+_check = partial(check, needs=[ALTER])
 
 
 def _sign_with(vehicle: VehicleUnderTest, source: tuple[int, int], key: bytes, stamp: int) -> None:
@@ -75,7 +77,7 @@ def without_a_key(vehicle: VehicleUnderTest) -> str:
     return ACCEPTED
 
 
-@check("signing.signs_what_it_sends", needs=[ALTER])
+@_check("signing.signs_what_it_sends")
 def signs(vehicle: VehicleUnderTest) -> str:
     """After the set-up of a key the vehicle signs every frame correctly."""
     with _signing_key(vehicle):
@@ -88,7 +90,7 @@ def signs(vehicle: VehicleUnderTest) -> str:
     return f"{len(signed)} frames"
 
 
-@check("signing.stamps_go_up", needs=[ALTER])
+@_check("signing.stamps_go_up")
 def stamps_go_up(vehicle: VehicleUnderTest) -> str:
     """The time stamps of signatures increase."""
     with _signing_key(vehicle):
@@ -98,7 +100,7 @@ def stamps_go_up(vehicle: VehicleUnderTest) -> str:
     return f"{len(stamps)} stamps"
 
 
-@check("signing.takes_the_right_key", needs=[ALTER])
+@_check("signing.takes_the_right_key")
 def takes_right_key(vehicle: VehicleUnderTest) -> str:
     """A command signed with the right key is executed."""
     with _signing_key(vehicle):
@@ -120,7 +122,7 @@ def _require_untrusted_link(vehicle: VehicleUnderTest) -> None:
     vehicle.ask(vehicle.command_long(REQUEST, VERSION), "COMMAND_ACK", source=SIGNER)
 
 
-@check("signing.refuses_unsigned", needs=[ALTER])
+@_check("signing.refuses_unsigned")
 def refuses_unsigned(vehicle: VehicleUnderTest) -> str:
     """An unsigned command is refused, unless the link is trusted."""
     with _signing_key(vehicle):
@@ -128,7 +130,7 @@ def refuses_unsigned(vehicle: VehicleUnderTest) -> str:
     return "refused"
 
 
-@check("signing.refuses_the_wrong_key", needs=[ALTER])
+@_check("signing.refuses_the_wrong_key")
 def refuses_wrong_key(vehicle: VehicleUnderTest) -> str:
     """A command signed with a wrong key is refused, unless the link is trusted."""
     with _signing_key(vehicle) as stamp:
@@ -139,7 +141,7 @@ def refuses_wrong_key(vehicle: VehicleUnderTest) -> str:
     return "refused"
 
 
-@check("signing.refuses_a_replay", needs=[ALTER])
+@_check("signing.refuses_a_replay")
 def refuses_replay(vehicle: VehicleUnderTest) -> str:
     """A repeated signed frame is refused, unless the link is trusted."""
     with _signing_key(vehicle):
@@ -151,7 +153,7 @@ def refuses_replay(vehicle: VehicleUnderTest) -> str:
     return "refused"
 
 
-@check("signing.can_be_turned_off", needs=[ALTER])
+@_check("signing.can_be_turned_off")
 def turned_off(vehicle: VehicleUnderTest) -> str:
     """A key of zeros ends signing."""
     with _signing_key(vehicle):
