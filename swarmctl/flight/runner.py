@@ -17,7 +17,7 @@ from typing import Any, Protocol
 from swarmctl.agent.phases import ON_GROUND
 from swarmctl.agent.state import AgentState, Task, begin
 from swarmctl.agent.step import needs_tick, step
-from swarmctl.agent.traffic.neighbours import is_relevant
+from swarmctl.agent.traffic.neighbours import relevant_states
 from swarmctl.bus.network import Network
 from swarmctl.bus.operator_service import AgentCommand
 from swarmctl.core import events as ev
@@ -221,8 +221,8 @@ class Runner:
         states = self._network.states(self.state.task.uav)
         new = {uav: state for uav, state in states.items() if state is not self._states.get(uav)}
         self._states = states
-        if near := tuple((uav, state) for uav, state in new.items() if is_relevant(self.state, uav, state)):
-            self.post(ev.Neighbours(near))
+        if relevant := relevant_states(self.state, new):
+            self.post(ev.Neighbours(relevant))
         intents = self._network.intents(self.state.task.uav)
         changed = [uav for uav, (intent, _) in intents.items() if intent is not self._intents.get(uav)]
         if changed:

@@ -31,7 +31,7 @@ from swarmctl.agent.traffic.prediction import (
     hold_trajectory,
     own_trajectory,
     position_of,
-    predict,
+    predictions,
     silent_neighbours,
 )
 from swarmctl.agent.traffic.separation.approach import Limits, closest, intervals
@@ -40,6 +40,7 @@ from swarmctl.agent.traffic.separation.trajectory import Trajectory
 from swarmctl.agent.traffic.separation.watch import (
     NeighbourReport,
     ProximityAlarm,
+    alarm_heights_m,
     clear_height_m,
     gives_way_by_id,
     gives_way_to,
@@ -69,9 +70,9 @@ def avoid_collisions(state: AgentState) -> StepResult:
     own = own_trajectory(state)
     if own is None or state.phase not in IN_FLIGHT:
         return replace(end_give_way(state), alarms=()), []
-    others = {uav: path for uav, report in state.neighbours.items() if (path := predict(state, report))}
-    now_s = state.vehicle.time_boot_s
-    alarms = update_alarms(state.alarms, own, others, state.task.separation, now_s)
+    rules, now_s = state.task.separation, state.vehicle.time_boot_s
+    near = predictions(state, alarm_heights_m(own, rules))
+    alarms = update_alarms(state.alarms, own, near, rules, now_s)
     new = [alarm for alarm in alarms if alarm.other not in before]
     if alarms or state.alarms:
         state = replace(state, alarms=alarms, n_alarms=state.n_alarms + len(new))
@@ -82,11 +83,11 @@ def avoid_collisions(state: AgentState) -> StepResult:
     if state.give_way.plan is not None and state.phase is Phase.LANDING:
         pass  # `landing_queue` ends this hold
     elif state.give_way.plan is not None:
-        state, effects = _resume_if_clear(state, own, others)
+        state, effects = _resume_if_clear(state, own)
     else:
         higher_ids = [alarm for alarm in alarms if not gives_way_by_id(state.task.uav, alarm.other)]
         to_avoid = [alarm for alarm in (*new, *higher_ids) if _has_to_give_way(state, alarm.other)]
-        state, effects = _give_way(state, to_avoid, others)
+        state, effects = _give_way(state, to_avoid)
     return state, [*messages, *effects]
 
 
@@ -107,13 +108,11 @@ def _acknowledges(state: AgentState, other: NeighbourReport) -> bool:
     return state.task.uav in other.state.hears
 
 
-def _give_way(
-    state: AgentState, to_avoid: Sequence[ProximityAlarm], others: dict[int, Trajectory]
-) -> StepResult:
+def _give_way(state: AgentState, to_avoid: Sequence[ProximityAlarm]) -> StepResult:
     rules = state.task.separation
     if not may_give_way(state) or not to_avoid:
         return state, []
-    hold = hold_trajectory(state)
+    hold, others = hold_trajectory(state), predictions(state)
     blocked = (
         {alarm.other for alarm in update_alarms((), hold, others, rules, state.vehicle.time_boot_s)}
         if hold
@@ -155,11 +154,12 @@ def ceiling_m(state: AgentState) -> float:
     return math.inf if fence is None else fence.ceiling_m - CEILING_MARGIN_M
 
 
-def _resume_if_clear(state: AgentState, own: Trajectory, others: dict[int, Trajectory]) -> StepResult:
+def _resume_if_clear(state: AgentState, own: Trajectory) -> StepResult:
     """Resume with a new plan if the route is clear; otherwise hold, or try another height."""
     now_s = state.vehicle.time_boot_s
     if now_s < state.give_way.earliest_end_boot_s:
         return state, []
+    others = predictions(state)
     waits = any(_has_to_give_way(state, alarm.other) for alarm in state.alarms)
     if not waits and _is_clear(state, own, others) and not _passes_silent(state):
         text = "the interrupted route is clear of other vehicles; the vehicle holds until it has a new plan"

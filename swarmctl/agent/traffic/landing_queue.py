@@ -38,7 +38,12 @@ from swarmctl.agent.traffic.intents import (
     to_shared_frame,
 )
 from swarmctl.agent.traffic.prediction import position_of, predict, silent_neighbours, stopping_point
-from swarmctl.agent.traffic.route_deconfliction import SEPARATES_WITHIN_S, clashes_with, known_intents
+from swarmctl.agent.traffic.route_deconfliction import (
+    SEPARATES_WITHIN_S,
+    clashes_with,
+    known_intents,
+    near_flights,
+)
 from swarmctl.agent.traffic.separation.clash import Clash, describe_clashes
 from swarmctl.agent.traffic.separation.trajectory import Bounds, LocalPoint, Trajectory, landing_start_s
 from swarmctl.agent.traffic.separation.watch import NeighbourIntent
@@ -140,15 +145,16 @@ def _wait_if_conflicting(state: AgentState, here: LocalPoint) -> StepResult:
     flight, now_s = planned_flight(state), state.vehicle.time_boot_s
     if flight is None:
         return state, []
-    others = _flights_of_others(state)
-    waited_for = {uav: intent for uav, intent in others.items() if _waits_for(state, here, uav, intent)}
+    others, limits = _flights_of_others(state), state.task.separation.limits
+    near = near_flights(flight, others, limits)
+    waited_for = {uav: intent for uav, intent in near.items() if _waits_for(state, here, uav, intent)}
     descends_s = landing_start_s(flight)
     # Until shortly before the descent, only conflicts of the level flight count. For a conflict of the
     # descent, the vehicle stops later, near its landing spot.
     until_s = descends_s if descends_s > now_s + HOLD_BEFORE_DESCENT_S else math.inf
     clashes = [
         clash
-        for clash in clashes_with(flight, waited_for, state.task.separation.limits)
+        for clash in clashes_with(flight, waited_for, limits)
         if clash.at_s < min(until_s, now_s + _conflict_horizon_s(waited_for[clash.other]))
     ]
     if not clashes or _hold_would_block(state, here, others):
@@ -181,7 +187,8 @@ def _flights_of_others(state: AgentState) -> dict[int, NeighbourIntent]:
     intents, vehicle = known_intents(state), state.vehicle
     home_m = (vehicle.alt_amsl_m or 0.0) - (vehicle.alt_rel_m or 0.0)
     paths = silent_neighbours(state)
-    paths |= {uav: path for uav, report in state.neighbours.items() if (path := predict(state, report))}
+    without_intent = (known for known in state.neighbours.items() if known[0] not in intents)
+    paths |= {uav: path for uav, report in without_intent if (path := predict(state, report))}
     for uav, path in paths.items():
         if uav in intents:
             continue

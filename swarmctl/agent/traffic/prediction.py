@@ -96,6 +96,22 @@ def predict(state: AgentState, report: NeighbourReport) -> Trajectory | None:
     return extrapolate(_reported_position(state, reported), reported.velocity_m_s, report.at_s, for_s)
 
 
+def predictions(
+    state: AgentState, heights_m: tuple[float, float] = (-math.inf, math.inf)
+) -> dict[int, Trajectory]:
+    """Return the extrapolated trajectories of the neighbours that come between two heights above home."""
+    low_m, high_m = heights_m
+    now_s, vehicle, ahead_s = state.vehicle.time_boot_s, state.vehicle, state.task.separation.look_ahead_s
+    found = {}
+    for uav, report in state.neighbours.items():
+        # Most neighbours fly at other heights, so this test comes before the projection.
+        up_m = _up_m(vehicle, report.state)
+        later_m = up_m + report.state.velocity_m_s[2] * (now_s - report.at_s + ahead_s)
+        if low_m <= max(up_m, later_m) and min(up_m, later_m) <= high_m and (path := predict(state, report)):
+            found[uav] = path
+    return found
+
+
 def _reported_position(state: AgentState, reported: StateShared) -> LocalPoint:
     east_m, north_m = state.task.grid.frame.to_local(reported.lat_deg, reported.lon_deg)
     return east_m, north_m, _up_m(state.vehicle, reported)

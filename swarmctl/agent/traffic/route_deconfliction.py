@@ -95,14 +95,21 @@ def clashes_with(
     flight: Trajectory, others: Mapping[int, NeighbourIntent], limits: Limits
 ) -> tuple[Clash, ...]:
     """Return the clashes of a flight with the intents of `others`, soonest first."""
+    near = near_flights(flight, others, limits)
+    wider = {uav: intent.limits(limits) for uav, intent in near.items() if any(intent.uncertainty_m)}
+    return find_clashes(flight, {uav: intent.flight for uav, intent in near.items()}, limits, wider=wider)
+
+
+def near_flights(
+    flight: Trajectory, others: Mapping[int, NeighbourIntent], limits: Limits
+) -> dict[int, NeighbourIntent]:
+    """Return those of `others` that may clash with a flight, by bounding boxes."""
     mine = Bounds.of(flight)
-    near = {
+    return {
         uav: intent
         for uav, intent in others.items()
         if mine.is_within(intent.bounds, _margins(intent, limits))
     }
-    wider = {uav: intent.limits(limits) for uav, intent in near.items() if any(intent.uncertainty_m)}
-    return find_clashes(flight, {uav: intent.flight for uav, intent in near.items()}, limits, wider=wider)
 
 
 def _margins(intent: NeighbourIntent, limits: Limits) -> tuple[float, float, float, float]:

@@ -78,7 +78,8 @@ class FlownSeparation:
         least_m = math.inf if self.nearest is None else self.nearest.distance_m
         near_m = max(least_m, math.hypot(limits.horizontal_m, limits.vertical_m)) + length_m
         away_m = self._here - self._here[row]
-        rows = np.flatnonzero((away_m * away_m).sum(axis=1) <= (near_m + self._reach_m) ** 2)
+        squared_m2 = np.einsum("ij,ij->i", away_m, away_m)
+        (rows,) = (squared_m2 <= (near_m + self._reach_m) ** 2).nonzero()
         return [self._uavs[i] for i in rows.tolist() if i != row]
 
     def _compare(self, uav: int, other: int, segment: Segment) -> bool:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+import operator
 from bisect import bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from itertools import pairwise
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,9 +49,9 @@ class Trajectory:
             raise ValueError(
                 f"{len(self.times_s)} times for {len(self.points)} points: expected equal numbers"
             )
-        if not all(map(math.isfinite, (*self.times_s, *(x for point in self.points for x in point)))):
+        if not all(map(math.isfinite, chain(self.times_s, chain.from_iterable(self.points)))):
             raise ValueError("a time or a coordinate is not finite: expected seconds and metres")
-        if any(after <= before for before, after in pairwise(self.times_s)):
+        if any(map(operator.le, self.times_s[1:], self.times_s)):
             raise ValueError("times do not increase: expected each to be later than the previous one")
 
     def segments(self) -> Iterator[Segment]:
@@ -145,5 +146,5 @@ def _is_vertical_descent(a: LocalPoint, b: LocalPoint) -> bool:
 
 def extrapolate(here: LocalPoint, velocity_m_s: LocalPoint, from_s: float, for_s: float) -> Trajectory:
     """Return the straight flight from `here` at a velocity (east, north, up) [m/s] for `for_s` seconds."""
-    e, n, u = (x + v * for_s for x, v in zip(here, velocity_m_s, strict=True))
-    return Trajectory((from_s, from_s + for_s), (here, (e, n, u)))
+    (e, n, u), (ve, vn, vu) = here, velocity_m_s
+    return Trajectory((from_s, from_s + for_s), (here, (e + ve * for_s, n + vn * for_s, u + vu * for_s)))

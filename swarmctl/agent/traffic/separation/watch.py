@@ -84,11 +84,12 @@ def update_alarms(
 ) -> tuple[ProximityAlarm, ...]:
     """Return the updated alarms, in order of system id.
 
-    `others`: predicted trajectories of the vehicles that sent a state recently. An alarm begins at once and
-    ends with hysteresis, so that position errors do not toggle the alarm.
+    `others`: predicted trajectories of the vehicles that sent a state recently; vehicles that stay outside
+    `alarm_heights_m` may be missing. An alarm begins at once and ends with hysteresis, so that position
+    errors do not toggle the alarm.
     """
     before = {alarm.other: alarm for alarm in alarms}
-    wide = Limits(CLEAR_FACTOR * rules.limits.horizontal_m, CLEAR_FACTOR * rules.limits.vertical_m)
+    wide = _wide(rules)
     after, mine = [], Bounds.of(own)
     for uav in sorted({*others, *before}):
         other, known = others.get(uav), before.get(uav)
@@ -102,6 +103,17 @@ def update_alarms(
             if now_s - since_s < CLEAR_FOR_S:
                 after.append(ProximityAlarm(uav, known.approach, since_s))
     return tuple(after)
+
+
+def alarm_heights_m(own: Trajectory, rules: SeparationRules) -> tuple[float, float]:
+    """Return the heights between which another vehicle may begin an alarm, or keep one [m]."""
+    heights_m, margin_m = [point[2] for point in own.points], _wide(rules).vertical_m
+    return min(heights_m) - margin_m, max(heights_m) + margin_m
+
+
+def _wide(rules: SeparationRules) -> Limits:
+    limits = rules.limits
+    return Limits(CLEAR_FACTOR * limits.horizontal_m, CLEAR_FACTOR * limits.vertical_m)
 
 
 def _is_near(mine: Bounds, other: Trajectory, limits: Limits) -> bool:
