@@ -167,11 +167,10 @@ class FenceWatch:
     def _beyond_m(self, lat_deg: float, lon_deg: float, height_m: float) -> dict[str, float]:
         """Return the distance of a position beyond each breached limit [m]."""
         vehicle, flight_parameters = self._vehicle, self._vehicle.flight_parameters
-        beyond_m = {
-            ALTITUDE_MAX: height_m - flight_parameters.fence_max_height_m,
-            CIRCLE: distance_m(vehicle.home_and_rally.home_deg, (lat_deg, lon_deg))
-            - flight_parameters.fence_radius_m,
-        }
+        beyond_m = {ALTITUDE_MAX: height_m - flight_parameters.fence_max_height_m}
+        if math.isfinite(flight_parameters.fence_radius_m):
+            away_m = distance_m(vehicle.home_and_rally.home_deg, (lat_deg, lon_deg))
+            beyond_m[CIRCLE] = away_m - flight_parameters.fence_radius_m
         if self._floor_enforced:
             beyond_m[ALTITUDE_MIN] = flight_parameters.fence_min_height_m - height_m
         if flight_parameters.fence_polygons and vehicle.fence.breaches(lat_deg, lon_deg):

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from dataclasses import replace  # so that mypy checks names and types of the changes
 else:
     import dataclasses
+    import functools
 
     def replace(record: Any, /, **changes: Any) -> Any:
         """Return a copy with changes, as `dataclasses.replace` does.
@@ -18,10 +19,17 @@ else:
         twentieth of the time.
         """
         kind = type(record)
-        if not hasattr(record, "__dict__") or hasattr(kind, "__post_init__"):
-            return dataclasses.replace(record, **changes)
-        copied = object.__new__(kind)
-        copied.__dict__.update(record.__dict__, **changes)
-        if len(copied.__dict__) != len(kind.__dataclass_fields__):  # an unknown field, or a cached property
-            return dataclasses.replace(record, **changes)
-        return copied
+        if n_fields := _n_copied_fields(kind):
+            copied = object.__new__(kind)
+            fields = copied.__dict__
+            fields.update(record.__dict__)
+            fields.update(changes)
+            if len(fields) == n_fields:  # not with an unknown field, or a cached property
+                return copied
+        return dataclasses.replace(record, **changes)
+
+    @functools.cache
+    def _n_copied_fields(kind: type) -> int:
+        """Return the number of fields of a class whose records are copied as dictionaries; else 0."""
+        has_slots = not kind.__dictoffset__
+        return 0 if has_slots or hasattr(kind, "__post_init__") else len(kind.__dataclass_fields__)

@@ -26,19 +26,21 @@ async def run_fleet(wire: MemoryWire, scenario: Scenario, address_of: AddressOf)
     fleet = Fleet(fleet_scenario, ready_s=simulate.ready_s, keeps_logs=False)
     loop = asyncio.get_running_loop()
 
-    sysid_at: dict[Address, int] = {}
+    index_at: dict[Address, int] = {}
 
     def send(frames: list[tuple[int, bytes]]) -> None:
         for index, data in frames:
             sysid = fleet.sysids[index]
             address = address_of(sysid, loop.time())
             if address is not None:
-                sysid_at[address] = sysid
+                index_at[address] = index
                 wire.from_vehicle(data, address)
 
     def receive(data: bytes, address: Address) -> None:
-        if address_of(sysid_at[address], loop.time()) == address:
-            send(fleet.receive(data, loop.time(), peer=address))
+        index = index_at[address]
+        if address_of(fleet.sysids[index], loop.time()) == address:
+            # Also a heartbeat, which has no target, reaches only the vehicle of this address.
+            send(fleet.receive(data, loop.time(), peer=address, reach=(index,)))
 
     wire.connect_vehicles(receive)
     try:

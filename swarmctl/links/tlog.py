@@ -29,8 +29,10 @@ class TlogWriter:
 
     def write(self, frame: bytes) -> None:
         if not self._is_ended:
-            with self._ending_at_error():
+            try:
                 self._file.write(_TIME.pack(self._wall_time_us()) + frame)
+            except OSError as error:
+                self._end(error)
 
     def flush(self) -> None:
         """Pass all written bytes to the operating system, so that a crash of this process loses none."""
@@ -47,7 +49,10 @@ class TlogWriter:
         try:
             yield
         except OSError as error:
-            if not self._is_ended:
-                self._is_ended = True
-                reason = error.strerror or error
-                self._say(f"{self._path}: {reason}; this log ends, the flight continues [log-ended]")
+            self._end(error)
+
+    def _end(self, error: OSError) -> None:
+        if not self._is_ended:
+            self._is_ended = True
+            reason = error.strerror or error
+            self._say(f"{self._path}: {reason}; this log ends, the flight continues [log-ended]")

@@ -41,6 +41,8 @@ def apply_failsafes(state: AgentState, now: float) -> StepResult:
     before = state.demands or (None,) * len(state.task.rules)
     memories, demands = failsafes.evaluate(state.task.rules, state.memories, failsafe_facts(state), now)
     state = replace(state, memories=memories, demands=demands)
+    if not any(demands) and not any(before):
+        return state, []
     new_demands = tuple(
         demand if demand is not None and _is_new(state, previous, demand) else None
         for previous, demand in zip(before, demands, strict=True)

@@ -64,8 +64,10 @@ class FrameSplitter:
             length = _frame_length(buffer, at)
             if length is None or at + length > len(buffer):
                 break
-            frame = self._accept(bytes(buffer[at : at + length]), _may_end_at(buffer, at + length))
-            if frame is None:
+            frame = _frame(bytes(buffer[at : at + length]))
+            # The checksum of an unknown message needs its definition.
+            is_whole = _has_right_checksum(frame) if frame.known else _may_end_at(buffer, at + length)
+            if not is_whole or _unknown_flags(frame):
                 # The start byte may be noise, so a good frame may begin inside the rejected bytes.
                 at += 1
             else:
@@ -76,22 +78,17 @@ class FrameSplitter:
         del buffer[:at]
         return frames
 
-    def _accept(self, data: bytes, plausible_end: bool) -> Frame | None:
-        if data[0] == _V2_MAGIC:
-            if data[2] & ~_SIGNED_FLAG:
-                return None
-            end = len(data) - (_SIGNATURE_BYTES if data[2] & _SIGNED_FLAG else 0)
-        else:
-            end = len(data)
-        frame = _frame(data)
-        extra = _CRC_EXTRA.get(frame.msgid)
-        if extra is None:
-            # The checksum needs the message's definition.
-            return frame if plausible_end else None
-        crc = mavlink.x25crc(data[1 : end - 2] + bytes((extra,))).crc
-        if crc != data[end - 2] | data[end - 1] << 8:
-            return None
-        return frame
+
+def _has_right_checksum(frame: Frame) -> bool:
+    data = frame.data
+    end = len(data) - (_SIGNATURE_BYTES if data[0] == _V2_MAGIC and data[2] & _SIGNED_FLAG else 0)
+    crc = mavlink.x25crc(data[1 : end - 2] + bytes((_CRC_EXTRA[frame.msgid],))).crc
+    return bool(crc == data[end - 2] | data[end - 1] << 8)
+
+
+def _unknown_flags(frame: Frame) -> int:
+    """Return the incompatibility flags that forbid the reading of a frame; 0: none."""
+    return frame.data[2] & ~_SIGNED_FLAG if frame.data[0] == _V2_MAGIC else 0
 
 
 def logged_frames(tlog: bytes) -> Iterator[Frame]:
@@ -112,6 +109,8 @@ def _frame(data: bytes) -> Frame:
 
 
 def _next_magic(buffer: bytearray, at: int) -> int | None:
+    if at < len(buffer) and buffer[at] in (_V1_MAGIC, _V2_MAGIC):
+        return at
     found = [i for i in (buffer.find(_V1_MAGIC, at), buffer.find(_V2_MAGIC, at)) if i >= 0]
     return min(found) if found else None
 
