@@ -20,9 +20,6 @@ OVERHEAD_BYTES = 1_000
 class QueuedMessage(NamedTuple):
     """A message and its receivers."""
 
-    sender: int
-    act: str
-    """act and kind, such as `inform/state`"""
     decoded: DecodedFrame
     to: tuple[int, ...]
     """receivers in this process"""
@@ -85,7 +82,7 @@ def _is_newest(message: QueuedMessage, newer_to: dict[tuple[int, type], set[int]
     content = message.decoded.frame.content
     if not isinstance(content, StateShared | IntentShared):
         return False
-    newer = newer_to.setdefault((message.sender, type(content)), set())
+    newer = newer_to.setdefault((message.decoded.frame.sender, type(content)), set())
     is_newest = not newer.issuperset(message.to)
     newer.update(message.to)
     return is_newest

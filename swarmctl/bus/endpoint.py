@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 from swarmctl.core import operator_text
 
-PROTOCOLS = ("tcp", "tls", "quic")
 CERTIFICATE_PROTOCOLS = ("tls", "quic")
 """protocols with certificates on both sides"""
 NO_ENDPOINT = "none"

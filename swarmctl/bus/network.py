@@ -9,7 +9,7 @@ import traceback
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache, partial
+from functools import partial
 from typing import Protocol, TypeVar
 
 import numpy as np
@@ -17,9 +17,15 @@ import numpy as np
 from swarmctl.bus import keys
 from swarmctl.bus.backlog import Backlog, QueuedMessage
 from swarmctl.bus.node.decoding import frame_decoder
-from swarmctl.bus.node.exchange import NetworkCounters, NodeOptions, NodeOutput, OutgoingMessage
+from swarmctl.bus.node.exchange import (
+    Instant,
+    Message,
+    NetworkCounters,
+    NodeOptions,
+    NodeOutput,
+    OutgoingMessage,
+)
 from swarmctl.bus.node.node import Node
-from swarmctl.bus.node.reception import ReceptionTable
 from swarmctl.bus.radio import LossReason, Radio
 from swarmctl.bus.transports.base import Transport
 from swarmctl.bus.transports.inbox import TURN_S
@@ -106,14 +112,10 @@ class Network:
         self._radio = None if radio is None or radio.is_transparent else radio
         self._codec = codec or FrameCodec(swarm)
         self._decode = frame_decoder(self._codec, options.rows, options.cols)
-        self._receptions = ReceptionTable(uavs, options)
         self._seed = seed
         self._say = say
         self._start_s = clock.now_s()
         self._members: dict[int, _Member] = {}
-        self._receiver_mask = lru_cache(maxsize=1024)(self._receptions.mask)
-        # With a radio model or relaying, `Node.receive_decoded` handles every message.
-        self._has_fast_path = self._radio is None and not options.relay
         self._queue = Backlog()
         """messages between UAVs of this process"""
         self._slow_queue = Backlog()
@@ -140,7 +142,6 @@ class Network:
             rng,
             distance_loss,
             self._decode,
-            self._receptions,
         )
         if (before := self._members.get(uav)) is not None and before.timer is not None:
             before.timer.cancel()
@@ -154,7 +155,7 @@ class Network:
 
         `against`: cells in which the agent's observation contradicts earlier reports of other UAVs.
         """
-        output = self._members[uav].node.publish(message, self._now_s(), self._clock.unix_s(), against)
+        output = self._members[uav].node.publish(message, self._now(), against)
         if isinstance(message, StateShared):
             self._transport.put(keys.to_station(self._swarm, uav), output.messages[0].data)
         self._perform(self._members[uav], output)
@@ -194,9 +195,9 @@ class Network:
             if member.timer is not None:
                 member.timer.cancel()
 
-    def _now_s(self) -> float:
-        """Return the simulated time since the network was opened [s]."""
-        return self._clock.now_s() - self._start_s
+    def _now(self) -> Instant:
+        """Return the simulated time since the network was opened, and the wall clock."""
+        return Instant(self._clock.now_s() - self._start_s, self._clock.unix_s())
 
     def _received(self, uav: int, key: str, payload: bytes) -> None:
         if self._closed:
@@ -211,8 +212,7 @@ class Network:
             return
         sender, act = origin
         try:
-            now_s, unix_s = self._now_s(), self._clock.unix_s()
-            self._perform(member, member.node.receive(sender, act, payload, now_s, unix_s))
+            self._perform(member, member.node.receive(Message(sender, act, payload), self._now()))
         except Exception:  # noqa: BLE001 - no message from outside may end a flight
             self._report_bug(member, sender)
 
@@ -241,7 +241,7 @@ class Network:
             self._dispatch(node.uav, out.act, out.data, out.to)
             return
         for to in out.to:
-            now_s = self._now_s()
+            now_s = self._now().run_s
             arrives_s = self._radio.send(node.uav, to, len(out.data), now_s)
             if isinstance(arrives_s, LossReason):
                 node.counters.lost[arrives_s] += 1
@@ -258,7 +258,7 @@ class Network:
             self._clock.call_at(self._start_s + arrives_s, partial(self._arrive, arrives_s))
 
     def _arrive(self, now_s: float) -> None:
-        now_s = max(now_s, self._now_s())  # a loop may call a little early
+        now_s = max(now_s, self._now().run_s)  # a loop may call a little early
         while self._arrivals and self._arrivals[0][0] <= now_s:
             heapq.heappop(self._arrivals)[2]()
         if self._arrivals and not self._closed:
@@ -274,7 +274,7 @@ class Network:
             decoded = self._decode(data)
             takes_long = isinstance(decoded.frame.content, SnapshotAsked | Snapshot)
             backlog = self._slow_queue if takes_long else self._queue
-            for dropped in backlog.append(QueuedMessage(sender, act, decoded, local)):
+            for dropped in backlog.append(QueuedMessage(decoded, local)):
                 self._count_lost(dropped)
             self._schedule_delivery()
         if len(local) < len(to):
@@ -308,43 +308,28 @@ class Network:
         self._is_delivery_scheduled = False
         if self._closed:
             return
-        now_s, unix_s = self._now_s(), self._clock.unix_s()
+        now = self._now()
         slow_slice_s = SLOW_SLICE_S if self._queue else TURN_S
         for queued in _within(TURN_S, self._queue):
-            self._deliver_message(queued, now_s, unix_s)
+            self._deliver_message(queued, now)
         for member in _within(TURN_S, self._members_with_news):
             self._deliver_news(member)
         for queued in _within(slow_slice_s, self._slow_queue):
-            self._deliver_message(queued, now_s, unix_s)
+            self._deliver_message(queued, now)
         if self._queue or self._members_with_news or self._slow_queue:
             self._schedule_delivery()
 
-    def _deliver_message(self, queued: QueuedMessage, now_s: float, unix_s: float) -> None:
-        sender, act, decoded, _ = queued
-        for uav in self._deliver_fast(queued, now_s, unix_s):
+    def _deliver_message(self, queued: QueuedMessage, now: Instant) -> None:
+        decoded, to = queued
+        message = Message(decoded.frame.sender, decoded.act, decoded)
+        for uav in to:
             member = self._members[uav]
             try:
-                output = member.node.receive_decoded(sender, act, decoded, now_s, unix_s)
+                output = member.node.receive(message, now)
                 self._send_output(member, output)
                 self._add_news(member, output.news)
             except Exception:  # noqa: BLE001 - a bug with one message does not affect the others
-                self._report_bug(member, sender)
-
-    def _deliver_fast(self, queued: QueuedMessage, now_s: float, unix_s: float) -> Collection[int]:
-        """Deliver to all receivers that need no further action; return the remaining receivers."""
-        sender, act, decoded, to = queued
-        if not self._has_fast_path:
-            return to
-        mask = self._receptions.deliver(sender, act, decoded, self._receiver_mask(to), now_s, unix_s)
-        delivered = self._receptions.uavs(mask)
-        if isinstance(seen := decoded.frame.content, Observation):
-            news = (seen,)
-            for uav in delivered:
-                self._add_news(self._members[uav], news)
-        if len(delivered) == len(to):
-            return ()
-        done = set(delivered)
-        return [uav for uav in to if uav not in done]
+                self._report_bug(member, message.sender)
 
     def _add_news(self, member: _Member, news: Sequence[BeliefItem]) -> None:
         if news and not member.news:
@@ -378,8 +363,9 @@ class Network:
     def _tick(self, member: _Member) -> None:
         member.timer, member.timer_s = None, float("inf")
         # A loop may call a little early.
-        now_s = max(self._now_s(), member.node.next_deadline_s)
-        self._perform(member, member.node.tick(now_s, self._clock.unix_s()))
+        now = self._now()
+        now = now._replace(run_s=max(now.run_s, member.node.next_deadline_s))
+        self._perform(member, member.node.tick(now))
 
 
 class _Waiting(Protocol[T_co]):

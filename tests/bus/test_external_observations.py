@@ -342,9 +342,9 @@ def over_an_endpoint() -> Iterator[tuple[Transport, Transport]]:
     """Yield the buses of the agent and of the payload; one process flies the swarm."""
     key_of_any_vehicle = keys.sensor_report("test", "*")
     at = BusEndpoint("127.0.0.1", 0)
-    with ZenohBus(listen=at, ask_keys=(key_of_any_vehicle,), put_keys=(key_of_any_vehicle,)) as agent:
+    with ZenohBus(zenoh_config.standalone(at, (key_of_any_vehicle,), (key_of_any_vehicle,))) as agent:
         assert agent.endpoint is not None
-        with ZenohBus(connect=agent.endpoint) as payload:
+        with ZenohBus(zenoh_config.visitor(agent.endpoint)) as payload:
             yield agent, payload
 
 
@@ -355,7 +355,7 @@ def over_a_router() -> Iterator[tuple[Transport, Transport]]:
     with (
         ZenohBus(zenoh_config.router(at, "test", [1, 3])),
         ZenohBus(zenoh_config.client(at)) as agent,
-        ZenohBus(connect=at) as payload,
+        ZenohBus(zenoh_config.visitor(at)) as payload,
     ):
         yield agent, payload
 

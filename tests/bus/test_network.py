@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import itertools
-import math
 import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager, closing
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -17,8 +15,9 @@ from node_swarm import state
 
 from swarmctl.bus import keys
 from swarmctl.bus.network import Network, RunClock
+from swarmctl.bus.node.decoding import DecodedFrame
 from swarmctl.bus.node.exchange import NodeOptions
-from swarmctl.bus.node.reception import nearest_uavs
+from swarmctl.bus.node.peer import RANKED_LAST_AFTER_S, PeerRecord, nearest_uavs
 from swarmctl.bus.radio import LossReason, Partition, Radio, RadioSettings, RadioSilence
 from swarmctl.bus.transports.base import Transport
 from swarmctl.bus.transports.inbox import TURN_S
@@ -411,14 +410,19 @@ async def in_turn(swarm: Swarm, seq: int) -> None:
 # --- the receivers of a UAV
 
 HERE = (46.0, 14.0)
-Places = dict[int, tuple[float, float]]
-UNKNOWN = (math.nan, math.nan)
+Places = dict[int, tuple[float, float] | None]
 
 
 def reached(places: Places, silent: set[int], k: int | None) -> tuple[int, ...]:
-    uavs = np.array(sorted(places), np.int64)
-    lat_deg, lon_deg = np.array([places[uav] for uav in uavs.tolist()]).reshape(-1, 2).T
-    return nearest_uavs(HERE, uavs, (lat_deg, lon_deg), np.isin(uavs, [*silent]), k)
+    peers = {uav: peer_at(uav, places[uav], 0.0 if uav in silent else 100.0) for uav in sorted(places)}
+    return nearest_uavs(HERE, peers, k, 100.0 + RANKED_LAST_AFTER_S)
+
+
+def peer_at(uav: int, place: tuple[float, float] | None, heard_s: float) -> PeerRecord:
+    if place is None:
+        return PeerRecord()
+    frame = Frame(uav, 1, 1, 1.8e9, state(*place))
+    return PeerRecord(state_frame=DecodedFrame(frame, frame.act, b"", (uav, 1)), state_s=heard_s)
 
 
 @pytest.mark.parametrize(
@@ -428,14 +432,14 @@ def reached(places: Places, silent: set[int], k: int | None) -> tuple[int, ...]:
 def test_the_nearest_k_are_reached_and_silent_uavs_rank_last(
     k: int | None, expected: tuple[int, ...]
 ) -> None:
-    places = {2: (46.3, 14.0), 3: (46.1, 14.0), 4: UNKNOWN, 5: (46.0001, 14.0)}
+    places = {2: (46.3, 14.0), 3: (46.1, 14.0), 4: None, 5: (46.0001, 14.0)}
     assert reached(places, {5}, k) == expected
 
 
 @given(
     st.dictionaries(st.integers(2, 20), st.tuples(st.floats(45, 47), st.floats(13, 15))), st.integers(0, 25)
 )
-def test_the_k_receivers_are_the_nearest_uavs(alive: Places, k: int) -> None:
+def test_the_k_receivers_are_the_nearest_uavs(alive: dict[int, tuple[float, float]], k: int) -> None:
     chosen = reached(alive, set(), k)
     assert len(chosen) == min(k, len(alive))
     left = set(alive) - set(chosen)

@@ -254,7 +254,7 @@ def intent(plan_id: int) -> IntentShared:
 
 def shares_intent(swarm: NodeSwarm, uav: int, plan_id: int) -> None:
     sender = swarm.uavs[uav]
-    swarm.take(sender, sender.node.publish(intent(plan_id), swarm.now_s, swarm.unix_s))
+    swarm.take(sender, sender.node.publish(intent(plan_id), swarm.now))
 
 
 def known(swarm: NodeSwarm, uav: int) -> dict[int, int]:
@@ -292,7 +292,7 @@ def test_a_forged_intent_is_refused() -> None:
     swarm = NodeSwarm((1, 2, 3))
     swarm.run(2.0)
     sender = swarm.uavs[3]
-    (out,) = sender.node.publish(intent(5), swarm.now_s, swarm.unix_s).messages
+    (out,) = sender.node.publish(intent(5), swarm.now).messages
     swarm.deliver(1, 2, out.act, out.data)
     assert known(swarm, 2) == {}
     assert swarm.uavs[2].node.counters.refused[RefusalReason.SOURCE] == 1

@@ -13,9 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from node_swarm import COLS, ROWS, UNIX_S, NodeSwarm, state
 
-from swarmctl.bus.node.exchange import NodeOptions
+from swarmctl.bus.node.exchange import Instant, NodeOptions
 from swarmctl.bus.node.node import MAX_REFUSED_FRAMES
-from swarmctl.bus.node.reception import MAX_WORK_PER_PERIOD, WORK_PER_MESSAGE
+from swarmctl.bus.node.peer import MAX_WORK, WORK_PER_MESSAGE
 from swarmctl.bus.node.replica import MAX_INCARNATIONS
 from swarmctl.core.frames import (
     MAX_FRAME_BYTES,
@@ -31,7 +31,7 @@ from swarmctl.core.frames import (
 )
 from swarmctl.core.observation import Checkpoint, Observation, checkpoint
 
-MOST = MAX_WORK_PER_PERIOD // WORK_PER_MESSAGE
+MOST = MAX_WORK // WORK_PER_MESSAGE
 """Messages accepted at once."""
 
 
@@ -269,7 +269,7 @@ def test_an_observation_that_contradicts_the_uavs_own_is_flagged_and_kept() -> N
     assert dict(swarm.uavs[2].node.counters.flagged) == {1: 1}
     assert all(part in swarm.said[0] for part in ("vehicle 1", "(3, 3)", "occupied"))
     assert swarm.uavs[2].belief.looks[3, 3] == 2
-    output = swarm.uavs[2].node.publish(state(), swarm.now_s, swarm.unix_s)
+    output = swarm.uavs[2].node.publish(state(), swarm.now)
     content = SEAL.decode(output.messages[0].data).content
     assert isinstance(content, StateShared)
     assert content.flagged == (1,)  # the shared state reports the flag
@@ -424,7 +424,7 @@ def test_a_request_fits_into_a_message_with_any_gaps() -> None:
     out = [
         o
         for t in range(60)
-        for o in node.tick(10.0 + t, UNIX_S + t).messages
+        for o in node.tick(Instant(10.0 + t, UNIX_S + t)).messages
         if o.act == "query-ref/snapshot"
     ]
     assert out

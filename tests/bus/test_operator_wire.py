@@ -18,6 +18,7 @@ from profiles import examples
 
 from swarmctl.bus import keys, operator_service
 from swarmctl.bus.operator_service import CommandCounts
+from swarmctl.bus.transports import zenoh_config
 from swarmctl.bus.transports.base import MAX_MESSAGE_BYTES, MAX_QUERY_BYTES, Transport
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.bus.transports.zenoh import MAX_PENDING_QUERIES, ZenohBus
@@ -184,7 +185,7 @@ def test_an_oversized_query_never_reaches_the_service() -> None:
                 assert await operator.ask(KEY, bytes(4 * MAX_MESSAGE_BYTES), 0.3) == ()
             assert station.counts == CommandCounts()
             assert ground.endpoint is not None
-            with ZenohBus(connect=ground.endpoint) as another:
+            with ZenohBus(zenoh_config.visitor(ground.endpoint)) as another:
                 assert len(await another.ask(KEY, encode(SetWeights((1,), w=0.2)), 5.0)) == 1
 
     asyncio.run(scene())

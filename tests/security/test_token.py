@@ -22,6 +22,7 @@ from swarmctl.bus.external_observations import BURST, ReportReceiver
 from swarmctl.bus.operator_service import CHECKED_BURST, SHOWN_BURST
 from swarmctl.bus.sensor_reports import RejectReason, Report, decode_answer
 from swarmctl.bus.sensor_reports import encode as encode_report
+from swarmctl.bus.transports import zenoh_config
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.bus.transports.open import open_bus
 from swarmctl.bus.transports.zenoh import ZenohBus
@@ -84,7 +85,7 @@ def test_another_user_who_knows_port_and_name_changes_nothing() -> None:
                 authentication=authentication,
             )
             assert ground.endpoint is not None
-            with ZenohBus(connect=ground.endpoint) as attacker:
+            with ZenohBus(zenoh_config.visitor(ground.endpoint)) as attacker:
                 for forgery in forgeries:
                     for key in COMMANDS:
                         (answer,) = await attacker.ask(key, forgery(key), 5.0)
@@ -140,7 +141,7 @@ def test_a_command_without_the_token_fails_with_a_remedy(tokens: dict[int | None
         with open_bus("test", "tcp/127.0.0.1:0", "t" * 32, print) as ground:
             Station(ground, authentication=by_token("test", Token("t" * 32), 5.0, time.time))
             assert ground.endpoint is not None
-            with ZenohBus(connect=ground.endpoint) as bus:
+            with ZenohBus(zenoh_config.visitor(ground.endpoint)) as bus:
                 flight = client.FlightEndpoints("test", ground.endpoint)
                 await client.ask(bus, flight, SetWeights(None, w=0.2), signing)
 

@@ -8,7 +8,7 @@ from itertools import count
 
 import numpy as np
 
-from swarmctl.bus.node.exchange import NodeOptions, NodeOutput
+from swarmctl.bus.node.exchange import Instant, Message, NodeOptions, NodeOutput
 from swarmctl.bus.node.node import Node
 from swarmctl.core.belief import Belief
 from swarmctl.core.frames import FrameCodec, StateShared
@@ -49,12 +49,12 @@ class Uav:
         seen = Observation(self.uav, self.seq, self.swarm.now_s, cells, self.node.incarnation)
         against = frozenset((row, col) for row, col, _ in self.belief.contradicted(cells))
         self.belief = self.belief.merge((seen,))
-        self.swarm.take(self, self.node.publish(seen, self.swarm.now_s, self.swarm.unix_s, against))
+        self.swarm.take(self, self.node.publish(seen, self.swarm.now, against))
         return seen
 
     def publish_state(self) -> None:
         message = state(*self.where)
-        self.swarm.take(self, self.node.publish(message, self.swarm.now_s, self.swarm.unix_s))
+        self.swarm.take(self, self.node.publish(message, self.swarm.now))
 
 
 class NodeSwarm:
@@ -78,6 +78,10 @@ class NodeSwarm:
     def unix_s(self) -> float:
         return UNIX_S + self.now_s
 
+    @property
+    def now(self) -> Instant:
+        return Instant(self.now_s, self.unix_s)
+
     def take(self, uav: Uav, output: NodeOutput) -> None:
         self.said += [text for _, text in output.notices]
         uav.belief = uav.belief.merge(output.news)
@@ -90,7 +94,7 @@ class NodeSwarm:
 
     def deliver(self, sender: int, to: int, act: str, data: bytes) -> None:
         uav = self.uavs[to]
-        self.take(uav, uav.node.receive(sender, act, data, self.now_s, self.unix_s))
+        self.take(uav, uav.node.receive(Message(sender, act, data), self.now))
 
     def run(self, seconds: float) -> None:
         end_s = self.now_s + seconds
@@ -101,7 +105,7 @@ class NodeSwarm:
                 self.deliver(sender, to, act, data)
             for uav in self.uavs.values():
                 if uav.node.next_deadline_s <= self.now_s:
-                    self.take(uav, uav.node.tick(self.now_s, self.unix_s))
+                    self.take(uav, uav.node.tick(self.now))
             if int(self.now_s) != int(self.now_s - 0.1):
                 for uav in self.uavs.values():
                     uav.publish_state()

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from swarmctl.bus.authentication import NO_AUTHENTICATION, Authentication
 from swarmctl.bus.endpoint import BusEndpoint
 from swarmctl.bus.operator_service import AgentCommand, CommandCounts, OperatorService
+from swarmctl.bus.transports import zenoh_config
 from swarmctl.bus.transports.base import Transport
 from swarmctl.bus.transports.zenoh import ZenohBus
 from swarmctl.core.messages import VehicleAnswer
@@ -67,7 +68,7 @@ class Station:
 @contextmanager
 def zenoh_pair() -> Iterator[tuple[Transport, Transport]]:
     """Yield the buses of the ground station and of the operator, as in two processes."""
-    with ZenohBus(listen=ANYWHERE, ask_keys=(KEY,)) as ground:
+    with ZenohBus(zenoh_config.standalone(ANYWHERE, (KEY,))) as ground:
         assert ground.endpoint is not None
-        with ZenohBus(connect=ground.endpoint) as operator:
+        with ZenohBus(zenoh_config.visitor(ground.endpoint)) as operator:
             yield ground, operator

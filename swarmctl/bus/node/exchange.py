@@ -1,13 +1,18 @@
-"""A node's options, output and counters."""
+"""A node's options, input, output and counters."""
 
 from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import msgspec
 
+from swarmctl.bus.node.decoding import DecodedFrame
 from swarmctl.core.observation import BeliefItem
+
+STALE_S = 60.0
+"""age at which messages may be replays and are refused, in addition to the round trip of the radio model"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +32,30 @@ class NodeOptions:
     clock_tolerance_s: float = 5.0
     perfect_sensors: bool = True
     """True if two different observations of a cell contradict each other"""
+
+    @property
+    def max_age_s(self) -> float:
+        """Largest age of messages and of relayed states."""
+        return STALE_S + self.round_trip_s
+
+
+class Instant(NamedTuple):
+    """A moment, by both clocks."""
+
+    run_s: float
+    """simulated time of the run [s]"""
+    unix_s: float
+    """wall clock [s since 1970]"""
+
+
+class Message(NamedTuple):
+    """A received message; sender and act are those of its key."""
+
+    sender: int
+    act: str
+    """act and kind, such as `inform/state`"""
+    frame: bytes | DecodedFrame
+    """bytes of another process, not checked yet; or the decoded frame of a UAV of this process"""
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,12 +10,11 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import msgspec
+import numpy as np
 
 from swarmctl.bus.node.decoding import DecodedFrame
-from swarmctl.bus.node.observation_log import ObservationLog, ObservationLogs
-from swarmctl.bus.node.reception import IndexedValues, ReceptionColumn
 from swarmctl.core.frames import HeldObservations, MessageRefused, RefusalReason
-from swarmctl.core.observation import BeliefItem, Checkpoint, Observation, Source
+from swarmctl.core.observation import BeliefItem, Checkpoint, Observation, Source, checkpoint
 
 COMPACT_AFTER = 256
 """a checkpoint with this many observations more than the receiver's checkpoint is sent in any case"""
@@ -25,60 +24,26 @@ MAX_AHEAD = 1024
 """largest lead of a stored observation over `upto`; farther observations are requested later"""
 MAX_INCARNATIONS = 8
 """largest number of incarnations of one observer"""
-
-
-class DetachedColumn:
-    """The values of one source record outside the reception tables."""
-
-    __slots__ = ("in_order", "log_number", "upto")
-
-    def __init__(self) -> None:
-        self.upto: IndexedValues[int] = [0]
-        self.in_order: IndexedValues[bool] = [False]
-        self.log_number: IndexedValues[int] = [0]
+N_FINGERPRINTS = 2048
+"""number of stored fingerprints of a UAV: the observations of a sender are often a little older"""
+EMPTY_FINGERPRINT = 0
+"""fingerprint of an empty set of observations"""
 
 
 class SourceRecord(msgspec.Struct, gc=False):
     """Held frames of one source, without reference cycles, so the garbage collector can skip the record."""
 
     source: Source
-    log: ObservationLog
-    """shared log of the observations after `checkpoint`; this UAV holds those up to `upto`"""
     checkpoint: Checkpoint | None = None
     checkpoint_frame: DecodedFrame | None = None
+    in_order: list[DecodedFrame] = []
+    """all observations after the checkpoint, up to `upto`"""
     ahead: dict[int, DecodedFrame] = {}
     """observations beyond a gap, by sequence number"""
-    column: DetachedColumn | ReceptionColumn = msgspec.field(default_factory=DetachedColumn)
-    row: int = 0
-    """index in `column`"""
-    _mark: int = 0
-    """combined mark of all observations held up to `_marked_upto`, and of `ahead`"""
-    _marked_upto: int = 0
-
-    @property
-    def upto(self) -> int:
-        """Sequence number up to which every observation is held."""
-        return self.column.upto[self.row]
-
-    @property
-    def mark(self) -> int:
-        """Exclusive or of the marks of all held observations."""
-        if self._marked_upto < self.upto:
-            for decoded in self.log.between(self._marked_upto, self.upto):
-                self._mark ^= decoded.mark
-            self._marked_upto = self.upto
-        return self._mark
-
-    def attach(self, column: DetachedColumn | ReceptionColumn, row: int = 0) -> None:
-        """Move this record's values to another column."""
-        column.upto[row], self.column.in_order[self.row] = self.upto, False
-        self.column, self.row = column, row
-        self._update_column()
-
-    def _update_column(self) -> None:
-        """Update the values with which the reception table appends to the log."""
-        self.column.log_number[self.row] = self.log.number
-        self.column.in_order[self.row] = not self.ahead
+    upto: int = 0
+    """sequence number up to which every observation is held"""
+    mark: int = 0
+    """exclusive or of the marks of all held observations"""
 
     @property
     def checkpoint_upto(self) -> int:
@@ -94,68 +59,61 @@ class SourceRecord(msgspec.Struct, gc=False):
         Raises MessageRefused if a different observation with the same number is held.
         """
         seq, upto = decoded.seq, self.upto
-        if seq <= self.checkpoint_upto or seq > upto + MAX_AHEAD:
-            return False
-        held = self.ahead.get(seq) if seq > upto else self.log.between(seq - 1, seq)[0]
-        if held is not None:
-            content = decoded.frame.content
-            if held.frame.content != content and isinstance(content, Observation):
-                raise MessageRefused(RefusalReason.TWO_CONTENTS, content.two_contents)
-            return False
-        self._mark = self.mark ^ decoded.mark
-        self.ahead[seq] = decoded
         if seq == upto + 1:
-            self._append_following()
+            self.in_order.append(decoded)
+            self.upto = seq
+            if self.ahead:
+                self._append_following()
+        elif seq <= self.checkpoint_upto or seq > upto + MAX_AHEAD:
+            return False
         else:
-            self.column.in_order[self.row] = False
+            held = self.ahead.get(seq) if seq > upto else self.in_order[seq - self.checkpoint_upto - 1]
+            if held is not None:
+                content = decoded.frame.content
+                if held.frame.content != content and isinstance(content, Observation):
+                    raise MessageRefused(RefusalReason.TWO_CONTENTS, content.two_contents)
+                return False
+            self.ahead[seq] = decoded
+        self.mark ^= decoded.mark
         return True
 
-    def is_next(self, decoded: DecodedFrame) -> bool:
-        """Return whether this observation directly follows all held observations."""
-        return decoded.seq == self.upto + 1 and not self.ahead
-
-    def append(self, decoded: DecodedFrame) -> None:
-        """Append the observation with number `upto` + 1."""
-        if not self.log.try_append(decoded):
-            self.log = self.log.fork(decoded)
-            self._update_column()
-        self.column.upto[self.row] += 1
-
-    def adopt(self, checkpoint: Checkpoint, decoded: DecodedFrame, logs: ObservationLogs) -> bool:
+    def adopt(self, adopted: Checkpoint, decoded: DecodedFrame) -> bool:
         """Adopt a checkpoint that summarises more than the current checkpoint; return True if adopted.
 
         Raises MessageRefused if this UAV holds all summarised observations and their contents differ.
         """
-        upto = checkpoint.upto
+        upto = adopted.upto
         if upto <= self.checkpoint_upto:
             return False
-        later = self.log.between(upto, self.upto)
-        mark = checkpoint.mark
-        for held in (*later, *(held for seq, held in self.ahead.items() if seq > upto)):
+        later = self.in_order[upto - self.checkpoint_upto :]
+        ahead = {seq: held for seq, held in self.ahead.items() if seq > upto}
+        mark = adopted.mark
+        for held in (*later, *ahead.values()):
             mark ^= held.mark
         if upto <= self.upto and mark != self.mark:
-            raise MessageRefused(RefusalReason.TWO_CONTENTS, checkpoint.two_contents)
-        self._mark = mark
-        self.checkpoint, self.checkpoint_frame = checkpoint, decoded
-        self.log, self.column.upto[self.row] = logs.at(self.source, upto), upto
-        self.ahead |= {held.seq: held for held in later}
-        for seq in [seq for seq in self.ahead if seq <= upto]:
-            del self.ahead[seq]
+            raise MessageRefused(RefusalReason.TWO_CONTENTS, adopted.two_contents)
+        self.checkpoint, self.checkpoint_frame, self.mark = adopted, decoded, mark
+        self.in_order, self.ahead, self.upto = later, ahead, max(upto, self.upto)
         self._append_following()
         return True
 
     def _append_following(self) -> None:
         while (following := self.ahead.pop(self.upto + 1, None)) is not None:
-            self.append(following)
-        self._marked_upto = self.upto
-        self._update_column()
+            self.in_order.append(following)
+            self.upto += 1
 
     def after(self, seq: int) -> Sequence[DecodedFrame]:
         """Return the observations after `seq` and after the checkpoint, in order."""
-        in_log = self.log.between(max(seq, self.checkpoint_upto), self.upto)
+        in_order = self.in_order[max(seq - self.checkpoint_upto, 0) :]
         if not self.ahead:
-            return in_log
-        return [*in_log, *(self.ahead[later] for later in sorted(self.ahead) if later > seq)]
+            return in_order
+        return [*in_order, *(self.ahead[later] for later in sorted(self.ahead) if later > seq)]
+
+    def summary(self, rows: int, cols: int) -> Checkpoint | None:
+        """Return a checkpoint of all observations in order; None if it is too long for a message."""
+        contents = (decoded.frame.content for decoded in self.in_order)
+        seen = [content for content in contents if isinstance(content, Observation)]
+        return checkpoint(self.checkpoint, seen, cols, rows * cols)
 
     def is_contradicted(self, other: HeldObservations) -> bool:
         """Return whether another UAV holds other contents under exactly the same observation numbers."""
@@ -170,9 +128,11 @@ class SourceRecord(msgspec.Struct, gc=False):
 class Replica:
     """All observations that one UAV holds; the set only grows."""
 
-    def __init__(self, column: ReceptionColumn) -> None:
-        self._column = column
-        self._logs = column.table.logs
+    def __init__(self) -> None:
+        self.fingerprint = EMPTY_FINGERPRINT
+        """hash of the set of all held observations, 63 bits; the order of arrival has no effect"""
+        self._earlier = np.zeros(N_FINGERPRINTS, np.int64)
+        self._n_earlier = 0
         self._records: dict[Source, SourceRecord] = {}
         self._incarnations: Counter[int] = Counter()
 
@@ -190,7 +150,7 @@ class Replica:
                     "flight; observations after the last restart are ignored",
                 )
             self._incarnations[source[0]] += 1
-            record = self._records[source] = SourceRecord(source, self._logs.at(source, 0))
+            record = self._records[source] = SourceRecord(source)
         return record
 
     def add(self, record: SourceRecord, item: BeliefItem, decoded: DecodedFrame) -> bool:
@@ -199,18 +159,18 @@ class Replica:
         Raises MessageRefused if it contradicts held observations.
         """
         before = record.mark
-        if isinstance(item, Observation):
-            is_added = record.add(decoded)
-        else:
-            is_added = record.adopt(item, decoded, self._logs)
+        is_added = record.add(decoded) if isinstance(item, Observation) else record.adopt(item, decoded)
         if record.mark != before:
-            self._column.toggle_mark(before ^ record.mark)
+            self.fingerprint ^= before ^ record.mark
+            self._earlier[self._n_earlier % N_FINGERPRINTS] = self.fingerprint
+            self._n_earlier += 1
         return is_added
 
-    def append(self, record: SourceRecord, decoded: DecodedFrame) -> None:
-        """Add an observation that `is_next`; the fast path of `add`."""
-        record.append(decoded)
-        self._column.toggle_mark(decoded.mark)
+    def has_held(self, fingerprint: int) -> bool:
+        """Return whether this UAV has, or once had, exactly the observations of this fingerprint."""
+        if fingerprint in (EMPTY_FINGERPRINT, self.fingerprint):
+            return True
+        return bool((self._earlier == fingerprint).any())
 
     def frames(self) -> Iterator[DecodedFrame]:
         """Yield every held frame."""

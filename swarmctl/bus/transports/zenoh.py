@@ -58,29 +58,19 @@ on the loop's thread"""
 class ZenohBus:
     """Bus over Zenoh, a context manager: an unclosed session delays other processes until its lease ends.
 
-    Opens the session of a `Configuration`. `listen`, `ask_keys` and `put_keys` are short for `standalone`,
-    `connect` is short for `visitor`. A patient session opens in the background. Until then other processes
-    are not reached: messages to them are dropped and counted. The same is true while a session is replaced
-    (`renewal`). Raises BusError.
+    Opens the session of a `Configuration`, by default of `standalone`. A patient session opens in the
+    background. Until then other processes are not reached: messages to them are dropped and counted. The same
+    is true while a session is replaced (`renewal`). Raises BusError.
     """
 
     def __init__(
         self,
         configuration: Configuration | None = None,
         *,
-        listen: BusEndpoint | None = None,
-        ask_keys: tuple[str, ...] = (),
-        put_keys: tuple[str, ...] = (),
-        connect: BusEndpoint | None = None,
         on_failure: Failure = report_to_loop,
         on_link: OnLink | None = None,
     ) -> None:
-        if configuration is None:
-            configuration = (
-                zenoh_config.visitor(connect)
-                if connect is not None
-                else zenoh_config.standalone(listen, ask_keys, put_keys)
-            )
+        configuration = configuration or zenoh_config.standalone()
         self.trouble = ""
         """error of the last attempt to open a patient or renewed session; empty after a success"""
         self.endpoint: BusEndpoint | None = None
