@@ -16,6 +16,8 @@ from swarmctl.core.records import replace
 
 StepResult = tuple[AgentState, list[ev.Effect]]
 REPEAT_WHEN_RECENT = "telemetry is old; repeat the order when telemetry is recent"
+RETRY_AFTER_S = 5.0
+"""Time until a failed order or mission change is tried again [s]."""
 TOUCHING_DOWN_M = 2.0
 """Height above home [m] below which a descending vehicle touches down before it follows another order."""
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import msgspec
@@ -11,18 +12,21 @@ import msgspec
 from swarmctl.agent.arrival.simultaneous import adjust_speed, speed_failed
 from swarmctl.agent.failsafes.enforcement import apply_failsafes
 from swarmctl.agent.orders import (
+    RETRY_AFTER_S,
     StepResult,
     command,
     handle_operator_command,
     release_vehicle,
     weights_changed,
 )
-from swarmctl.agent.own_modes import ROLE_OF_ORDER, own_mode_roles
-from swarmctl.agent.phases import IN_FLIGHT, ON_GROUND, PLANNING, Phase
-from swarmctl.agent.replan.decide import believed_exposure, decide
-from swarmctl.agent.replan.splice import is_wall_close, may_learn_of_walls
-from swarmctl.agent.replan.stopping import stop_end_s
-from swarmctl.agent.replan.swap_times import SwapTimes
+from swarmctl.agent.own_modes import ROLE_OF_ORDER
+from swarmctl.agent.phases import IN_FLIGHT, ON_GROUND, Phase
+from swarmctl.agent.replan.mission_changes import (
+    mission_accepted,
+    mission_failed,
+    plan_if_due,
+    without_swap_trouble,
+)
 from swarmctl.agent.restart import restart
 from swarmctl.agent.sharing import learn_from_others, learn_from_sensor, share_state
 from swarmctl.agent.state import AgentState
@@ -39,56 +43,16 @@ from swarmctl.agent.traffic.launching import (
 )
 from swarmctl.agent.traffic.neighbours import receive_neighbours
 from swarmctl.agent.traffic.returning import update_return
-from swarmctl.agent.traffic.route_deconfliction import check_own_route, deconflict
+from swarmctl.agent.traffic.route_deconfliction import check_own_route
 from swarmctl.core import events as ev
 from swarmctl.core.grid import Cell
 from swarmctl.core.records import replace
 from swarmctl.core.vehicle import MAX_DELAY_S, RECENT_DELAY_S, VehicleState
-from swarmctl.planners.base import Unreachable
-
-RETRY_AFTER_S = 5.0
-"""Time until a failed order or mission change is tried again [s]."""
-MAX_FAILED_SWAPS = 3
 
 
 def step(state: AgentState, event: ev.Event, now: float) -> StepResult:
     """Return the agent's next state and the effects of an event at `now`, by the run's clock [s]."""
     return _HANDLERS[type(event)](state, event, now)
-
-
-def needs_tick(state: AgentState, now: float) -> bool:
-    """Return whether the agent has to decide on a plan now."""
-    return (
-        state.dirty
-        and state.phase in PLANNING
-        and state.pending is None
-        and state.give_way.plan is None
-        and not state.lost
-        and not state.telemetry_is_late
-        and now >= state.retry_at_s
-        # The empty role: the vehicle's mode is not known yet.
-        and (state.phase is not Phase.FLYING or state.vehicle.mode_role in {"", *own_mode_roles(state)})
-        and (not _was_just_swapped(state) or _must_plan_now(state))
-    )
-
-
-def _was_just_swapped(state: AgentState) -> bool:
-    """Return whether the time since the last mission change is below the expected time of a mission change.
-
-    The agent does not plan during this time, so that its next plan includes all observations until then.
-    """
-    if state.phase is not Phase.FLYING:
-        return False
-    return 0.0 <= state.vehicle.time_boot_s - state.swaps.done_boot_s < state.swap_times.expected_s
-
-
-def _must_plan_now(state: AgentState) -> bool:
-    """Return whether planning is urgent: no plan is flown, the plan must change, or a wall is close."""
-    if state.must_change or state.route is None:
-        return True
-    if not may_learn_of_walls(state):
-        return False
-    return is_wall_close(state, believed_exposure(state.task, state.belief, state.strength))
 
 
 # --- the ground, the launch, and orders
@@ -170,50 +134,69 @@ def _order_failed(state: AgentState, event: ev.OrderFailed, now: float) -> StepR
 
 
 def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> StepResult:
-    """Act on new telemetry, in a fixed order of steps.
-
-    After a touchdown, a release, a landing after an unconfirmed hold, or a repeated order, the remaining
-    steps wait for the next telemetry; with late telemetry they wait for recent telemetry.
-    """
-    vehicle = event.state
-    state = _update_position(state, vehicle) if vehicle.has_position else replace(state, vehicle=vehicle)
-    if vehicle.armed and (state.phase is Phase.LAUNCHING or state.phase in IN_FLIGHT):
-        state = replace(state, launch=state.launch.begun(vehicle.time_boot_s))
-    state, delayed = _note_delay(note_disarming(state))
+    """Act on new telemetry: note it, end the flight, follow the failsafe rules, steer, tell the others."""
+    state = _note_telemetry(state, event.state)
     if has_touched_down(state):
         # The last state is sent at once, because the process may end soon.
         return share_state(replace(end_at_touchdown(state), last_shared_s=-math.inf))
-    state, demanded = apply_failsafes(state, now)
-    demanded = [*delayed, *demanded]
-    if state.ended:
-        # A released vehicle in the air still matters to other vehicles.
-        state, published = share_intent(state)
-        state, shared = share_state(state) if may_be_armed(state) else (state, [])
-        return state, [*demanded, *published, *shared]
-    if state.telemetry_is_late:
-        state, shared = share_state(state)
-        return state, [*demanded, *shared]
-    state, begun = launch_if_possible(state)
-    state, conflict = watch_first_route(state)
-    begun += conflict
-    if state.phase is Phase.FLYING and state.cell in state.task.goals:
-        state = state.enter(Phase.LANDING, dirty=False, arrived_boot_s=vehicle.time_boot_s)
-        state = _without_swap_trouble(state)
-        # From now on the vehicle has priority over vehicles en route; its intent is due at once.
-        state = replace(state, intent_sent_boot_s=-math.inf)
-    state, landed = land_after_unconfirmed_hold(state)
-    if landed:
-        return state, [*demanded, *landed]
-    if state.phase in IN_FLIGHT and now >= state.order.repeat_at_s and state.order.given is not None:
-        state, again = command(state, state.order.given)
-        return state, [*demanded, *again]
-    state, returned = update_return(state)
-    state, avoided = avoid_collisions(state)
-    state, queued = queue_for_landing(state)
-    state, speed = adjust_speed(state)
-    state, intent = _send_intent(state)
+    effects: list[ev.Effect] = []
+    for part in (_note_delay, partial(apply_failsafes, now=now), partial(_steer, now=now), _send_intent):
+        state, new = part(state)
+        effects += new
+    if state.ended and not may_be_armed(state):
+        return state, effects
     state, shared = share_state(state)
-    return state, [*demanded, *begun, *returned, *avoided, *queued, *speed, *intent, *shared]
+    return state, [*effects, *shared]
+
+
+def _steer(state: AgentState, now: float) -> StepResult:
+    """Let the parts of the policy act in their order, unless the flight has ended or telemetry is late.
+
+    After a part that gives the vehicle an order, the others wait for the next telemetry. So a part earlier
+    in the list has priority.
+    """
+    effects: list[ev.Effect] = []
+    if state.ended or state.telemetry_is_late:
+        return state, effects
+    for part in (
+        launch_if_possible,
+        watch_first_route,
+        _arrive,
+        land_after_unconfirmed_hold,
+        partial(_repeat_order, now=now),
+        update_return,
+        avoid_collisions,
+        queue_for_landing,
+        adjust_speed,
+    ):
+        state, new = part(state)
+        effects += new
+        if any(isinstance(effect, ev.Command) for effect in new):
+            break
+    return state, effects
+
+
+def _arrive(state: AgentState) -> StepResult:
+    """Begin the landing of a vehicle that flies over its goal cell."""
+    if state.phase is not Phase.FLYING or state.cell not in state.task.goals:
+        return state, []
+    state = state.enter(Phase.LANDING, dirty=False, arrived_boot_s=state.vehicle.time_boot_s)
+    # From now on the vehicle has priority over vehicles en route; its intent is due at once.
+    return replace(without_swap_trouble(state), intent_sent_boot_s=-math.inf), []
+
+
+def _repeat_order(state: AgentState, now: float) -> StepResult:
+    """Repeat an order that failed, when its time has come."""
+    if state.phase not in IN_FLIGHT or now < state.order.repeat_at_s or state.order.given is None:
+        return state, []
+    return command(state, state.order.given)
+
+
+def _note_telemetry(state: AgentState, vehicle: VehicleState) -> AgentState:
+    state = _update_position(state, vehicle) if vehicle.has_position else replace(state, vehicle=vehicle)
+    if vehicle.armed and (state.phase is Phase.LAUNCHING or state.phase in IN_FLIGHT):
+        state = replace(state, launch=state.launch.begun(vehicle.time_boot_s))
+    return note_disarming(state)
 
 
 def _note_delay(state: AgentState) -> StepResult:
@@ -233,6 +216,9 @@ def _note_delay(state: AgentState) -> StepResult:
 
 
 def _send_intent(state: AgentState) -> StepResult:
+    """Send the planned flight; a released vehicle in the air still matters to other vehicles."""
+    if state.telemetry_is_late and not state.ended:
+        return state, []
     state, published = share_intent(state)
     if not published:
         return state, []
@@ -282,92 +268,6 @@ def _link_restored(state: AgentState, _event: ev.LinkRestored, now: float) -> St
     return state, []
 
 
-# --- deciding
-
-
-def _tick(state: AgentState, _event: ev.Tick, now: float) -> StepResult:
-    if not needs_tick(state, now):
-        return state, []
-    try:
-        state, effects = deconflict(state, decide(state), now)
-    except Unreachable as error:
-        return _handle_unreachable_goal(replace(state, dirty=False, because=(), trouble=str(error)))
-    keeps_plan = state.route is not None and state.pending is None and not state.dirty
-    return (_without_swap_trouble(state) if keeps_plan else state), effects
-
-
-def _without_swap_trouble(state: AgentState) -> AgentState:
-    """Clear the trouble of a failed mission change, because the vehicle flies its planned mission."""
-    return replace(state, trouble="") if state.trouble and state.trouble == state.swaps.failure else state
-
-
-def _handle_unreachable_goal(state: AgentState) -> StepResult:
-    """Keep the present route, or end the flight, because the agent has found no route to a goal."""
-    if state.phase in ON_GROUND:
-        return state.enter(Phase.FAILED, outcome=state.trouble), []
-    if state.route is not None:
-        return state, []
-    return command(state, state.task.fallback, phase=Phase.LEAVING, given_up=True)
-
-
-def _mission_accepted(state: AgentState, event: ev.MissionAccepted, _now: float) -> StepResult:
-    swap = state.pending
-    if swap is None or swap.plan_id != event.plan_id:
-        return state, []
-    state = replace(state, accepted=swap, pending=None)
-    if state.ended:
-        return state, []
-    # The vehicle has flown on since the decision.
-    state = replace(state, route=swap, route_exposure=state.exposure).with_progress()
-    state = replace(state, swaps=replace(state.swaps, n_failed=0), trouble="", hold_is_own=False)
-    # A mode change during the swap may have reset the commanded speed.
-    state = replace(state, speed=state.speed.after_swap())
-    if state.phase in IN_FLIGHT:
-        if event.took_s is not None:
-            state = replace(state, swap_times=state.swap_times.measured(event.took_s, event.stood_still_s))
-        swaps = state.swaps.done(state.vehicle.time_boot_s, stop_end_s(state))
-        return replace(state, replans=state.replans + 1, swaps=swaps), []
-    if event.took_s is not None:
-        state = replace(state, swap_times=SwapTimes.expecting(event.took_s))
-    if state.phase is Phase.UPLOADING:
-        state = state.enter(Phase.STANDBY)
-    return launch_if_possible(state)
-
-
-def _mission_failed(state: AgentState, event: ev.MissionFailed, now: float) -> StepResult:
-    swap = state.pending
-    if swap is None or swap.plan_id != event.plan_id:
-        return state, []
-    swaps = state.swaps.failed(event.reason, is_late=event.is_late)
-    # A mode change during the swap may have reset the speed.
-    speed = state.speed.unknown()
-    state = replace(state, pending=None, swaps=swaps, speed=speed, trouble=event.reason)
-    if event.is_late:
-        state = replace(state, swap_times=state.swap_times.too_late())
-    if state.phase in ON_GROUND:
-        return state.enter(Phase.FAILED, outcome=event.reason), []
-    if event.flying == "theirs" and state.phase in IN_FLIGHT:
-        return release_vehicle(state, event.reason)
-    state = replace(state, hold_is_own=event.flying == "hold")
-    if state.phase is Phase.LANDING and (event.flying != "old" or swap.plan.from_hold):
-        # The vehicle may hold in its goal cell, so it has to land there.
-        return command(state, ev.FlightOrder.LAND)
-    if state.phase is Phase.LANDING:
-        return _without_swap_trouble(state), []
-    if state.phase is not Phase.FLYING:
-        return state, []
-    if state.swaps.n_failed >= MAX_FAILED_SWAPS:
-        return command(state, state.task.fallback, phase=Phase.LEAVING, given_up=True)
-    # A vehicle that no longer flies its old plan has no route, so it takes any new plan.
-    return replace(
-        state,
-        dirty=True,
-        because=(*swap.because, *state.because),
-        retry_at_s=now if event.is_late else now + RETRY_AFTER_S,
-        route=state.route if event.flying == "old" else None,
-    ), []
-
-
 _HANDLERS: dict[type[Any], Callable[[AgentState, Any, float], StepResult]] = {
     ev.Joined: _joined,
     ev.Restarted: restart,
@@ -378,8 +278,8 @@ _HANDLERS: dict[type[Any], Callable[[AgentState, Any, float], StepResult]] = {
     ev.Neighbours: receive_neighbours,
     ev.Intents: _intents,
     ev.SpeedFailed: speed_failed,
-    ev.MissionAccepted: _mission_accepted,
-    ev.MissionFailed: _mission_failed,
+    ev.MissionAccepted: mission_accepted,
+    ev.MissionFailed: mission_failed,
     ev.OrderDone: _order_done,
     ev.OrderFailed: _order_failed,
     ev.LaunchPostponed: postpone_launch,
@@ -388,5 +288,5 @@ _HANDLERS: dict[type[Any], Callable[[AgentState, Any, float], StepResult]] = {
     ev.OperatorCommand: _operator,
     ev.WeightsChanged: weights_changed,
     ev.Rebooted: _rebooted,
-    ev.Tick: _tick,
+    ev.Tick: plan_if_due,
 }

@@ -15,8 +15,9 @@ from functools import partial
 from typing import Any, Protocol
 
 from swarmctl.agent.phases import ON_GROUND
+from swarmctl.agent.replan.mission_changes import needs_tick
 from swarmctl.agent.state import AgentState, Task, begin
-from swarmctl.agent.step import needs_tick, step
+from swarmctl.agent.step import step
 from swarmctl.agent.traffic.neighbours import relevant_states
 from swarmctl.bus.network import Network
 from swarmctl.bus.operator_service import AgentCommand

@@ -13,9 +13,10 @@ from profiles import examples
 
 from swarmctl.agent.failsafes import ALWAYS_ON, low_battery
 from swarmctl.agent.failsafes.base import ActiveRule
+from swarmctl.agent.orders import RETRY_AFTER_S
 from swarmctl.agent.phases import Phase
+from swarmctl.agent.replan.mission_changes import MAX_FAILED_SWAPS
 from swarmctl.agent.state import ARRIVED, AgentState
-from swarmctl.agent.step import MAX_FAILED_SWAPS, RETRY_AFTER_S
 from swarmctl.agent.touchdown import DISARMED_FOR_S
 from swarmctl.core import events as ev
 from swarmctl.core.frames import StateShared

@@ -11,7 +11,7 @@ from collision_stories import MID_M, ApproachStory, operator_texts
 
 from swarmctl.agent.failsafes.base import Fence
 from swarmctl.agent.phases import Phase
-from swarmctl.agent.step import needs_tick
+from swarmctl.agent.replan.mission_changes import needs_tick
 from swarmctl.agent.traffic.prediction import silent_neighbours
 from swarmctl.core import events as ev
 from swarmctl.core.frames import StateShared

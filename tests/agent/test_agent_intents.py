@@ -19,7 +19,7 @@ from traffic_stories import AMSL_M, MID_M, operator_texts
 
 from swarmctl.agent.failsafes.base import Fence
 from swarmctl.agent.phases import Phase
-from swarmctl.agent.step import needs_tick
+from swarmctl.agent.replan.mission_changes import needs_tick
 from swarmctl.agent.traffic.intents import (
     HOLD_DURATION_S,
     LAST_POSITION_S,

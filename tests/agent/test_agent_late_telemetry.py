@@ -7,8 +7,8 @@ from agent_stories import Story, codes, orders
 
 from swarmctl.agent.own_modes import ROLE_OF_ORDER
 from swarmctl.agent.phases import Phase
+from swarmctl.agent.replan.mission_changes import needs_tick
 from swarmctl.agent.state import ARRIVED
-from swarmctl.agent.step import needs_tick
 from swarmctl.core import events as ev
 from swarmctl.core.messages import CommandOutcome
 from swarmctl.core.vehicle import Landed

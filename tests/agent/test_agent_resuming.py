@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from agent_stories import Story, orders
 
+from swarmctl.agent.orders import RETRY_AFTER_S
 from swarmctl.agent.phases import Phase
-from swarmctl.agent.step import MAX_FAILED_SWAPS, RETRY_AFTER_S
+from swarmctl.agent.replan.mission_changes import MAX_FAILED_SWAPS
 from swarmctl.core import events as ev
 from swarmctl.core.vehicle import Landed
 

@@ -9,8 +9,8 @@ import pytest
 from agent_stories import GRID, Story, orders
 
 from swarmctl.agent.phases import Phase
+from swarmctl.agent.replan.mission_changes import MAX_FAILED_SWAPS
 from swarmctl.agent.replan.swap_times import MAX_EXPECTED_S, PRIOR_S, SwapTimes
-from swarmctl.agent.step import MAX_FAILED_SWAPS
 from swarmctl.core import events as ev
 from swarmctl.core.any_angle.corners import ExposureMeasure
 from swarmctl.core.geo import distance_m

@@ -12,11 +12,12 @@ import pytest
 from flights import AREA, fly, small
 from recorded import effects
 
+from swarmctl.agent.orders import RETRY_AFTER_S
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.decide import first_flight, first_problem, first_route
 from swarmctl.agent.replan.route_to_mission import flown_route, pulled_track
 from swarmctl.agent.state import AgentState, begin
-from swarmctl.agent.step import RETRY_AFTER_S, step
+from swarmctl.agent.step import step
 from swarmctl.bus.node.exchange import NetworkCounters
 from swarmctl.config import model
 from swarmctl.config.checks import check_config

@@ -9,8 +9,9 @@ from typing import Any
 from flying_bench import HOME, FlyingBench
 
 from swarmctl.agent.phases import ON_GROUND, Phase
+from swarmctl.agent.replan.mission_changes import needs_tick
 from swarmctl.agent.state import Task, begin
-from swarmctl.agent.step import needs_tick, step
+from swarmctl.agent.step import step
 from swarmctl.core import events as ev
 from swarmctl.core.belief import Belief
 from swarmctl.core.geo import LocalFrame

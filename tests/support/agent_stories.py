@@ -6,8 +6,9 @@ import re
 from dataclasses import replace
 
 from swarmctl.agent.phases import Phase
+from swarmctl.agent.replan.mission_changes import needs_tick
 from swarmctl.agent.state import Task, begin
-from swarmctl.agent.step import needs_tick, step
+from swarmctl.agent.step import step
 from swarmctl.core import events as ev
 from swarmctl.core.belief import Belief
 from swarmctl.core.grid import Cell, Grid

@@ -1,0 +1,138 @@
+"""The plan and its mission changes: when a plan is due, and what follows from each outcome. Pure."""
+
+from __future__ import annotations
+
+from swarmctl.agent.orders import RETRY_AFTER_S, StepResult, command, release_vehicle
+from swarmctl.agent.own_modes import own_mode_roles
+from swarmctl.agent.phases import IN_FLIGHT, ON_GROUND, PLANNING, Phase
+from swarmctl.agent.replan.decide import believed_exposure, decide
+from swarmctl.agent.replan.splice import is_wall_close, may_learn_of_walls
+from swarmctl.agent.replan.stopping import stop_end_s
+from swarmctl.agent.replan.swap_times import SwapTimes
+from swarmctl.agent.state import AgentState
+from swarmctl.agent.traffic.launching import launch_if_possible
+from swarmctl.agent.traffic.route_deconfliction import deconflict
+from swarmctl.core import events as ev
+from swarmctl.core.records import replace
+from swarmctl.planners.base import Unreachable
+
+MAX_FAILED_SWAPS = 3
+"""Number of failed mission changes in sequence after which the flight is given up."""
+
+
+def needs_tick(state: AgentState, now: float) -> bool:
+    """Return whether the agent has to decide on a plan now."""
+    return (
+        state.dirty
+        and state.phase in PLANNING
+        and state.pending is None
+        and state.give_way.plan is None
+        and not state.lost
+        and not state.telemetry_is_late
+        and now >= state.retry_at_s
+        # The empty role: the vehicle's mode is not known yet.
+        and (state.phase is not Phase.FLYING or state.vehicle.mode_role in {"", *own_mode_roles(state)})
+        and (not _was_just_swapped(state) or _must_plan_now(state))
+    )
+
+
+def _was_just_swapped(state: AgentState) -> bool:
+    """Return whether the time since the last mission change is below the expected time of a mission change.
+
+    The agent does not plan during this time, so that its next plan includes all observations until then.
+    """
+    if state.phase is not Phase.FLYING:
+        return False
+    return 0.0 <= state.vehicle.time_boot_s - state.swaps.done_boot_s < state.swap_times.expected_s
+
+
+def _must_plan_now(state: AgentState) -> bool:
+    """Return whether planning is urgent: no plan is flown, the plan must change, or a wall is close."""
+    if state.must_change or state.route is None:
+        return True
+    if not may_learn_of_walls(state):
+        return False
+    return is_wall_close(state, believed_exposure(state.task, state.belief, state.strength))
+
+
+def plan_if_due(state: AgentState, _event: ev.Tick, now: float) -> StepResult:
+    if not needs_tick(state, now):
+        return state, []
+    try:
+        state, effects = deconflict(state, decide(state), now)
+    except Unreachable as error:
+        return _handle_unreachable_goal(replace(state, dirty=False, because=(), trouble=str(error)))
+    keeps_plan = state.route is not None and state.pending is None and not state.dirty
+    return (without_swap_trouble(state) if keeps_plan else state), effects
+
+
+def without_swap_trouble(state: AgentState) -> AgentState:
+    """Clear the trouble of a failed mission change, because the vehicle flies its planned mission."""
+    return replace(state, trouble="") if state.trouble and state.trouble == state.swaps.failure else state
+
+
+def _handle_unreachable_goal(state: AgentState) -> StepResult:
+    """Keep the present route, or end the flight, because the agent has found no route to a goal."""
+    if state.phase in ON_GROUND:
+        return state.enter(Phase.FAILED, outcome=state.trouble), []
+    if state.route is not None:
+        return state, []
+    return command(state, state.task.fallback, phase=Phase.LEAVING, given_up=True)
+
+
+def mission_accepted(state: AgentState, event: ev.MissionAccepted, _now: float) -> StepResult:
+    swap = state.pending
+    if swap is None or swap.plan_id != event.plan_id:
+        return state, []
+    state = replace(state, accepted=swap, pending=None)
+    if state.ended:
+        return state, []
+    # The vehicle has flown on since the decision.
+    state = replace(state, route=swap, route_exposure=state.exposure).with_progress()
+    state = replace(state, swaps=replace(state.swaps, n_failed=0), trouble="", hold_is_own=False)
+    # A mode change during the swap may have reset the commanded speed.
+    state = replace(state, speed=state.speed.after_swap())
+    if state.phase in IN_FLIGHT:
+        if event.took_s is not None:
+            state = replace(state, swap_times=state.swap_times.measured(event.took_s, event.stood_still_s))
+        swaps = state.swaps.done(state.vehicle.time_boot_s, stop_end_s(state))
+        return replace(state, replans=state.replans + 1, swaps=swaps), []
+    if event.took_s is not None:
+        state = replace(state, swap_times=SwapTimes.expecting(event.took_s))
+    if state.phase is Phase.UPLOADING:
+        state = state.enter(Phase.STANDBY)
+    return launch_if_possible(state)
+
+
+def mission_failed(state: AgentState, event: ev.MissionFailed, now: float) -> StepResult:
+    swap = state.pending
+    if swap is None or swap.plan_id != event.plan_id:
+        return state, []
+    swaps = state.swaps.failed(event.reason, is_late=event.is_late)
+    # A mode change during the swap may have reset the speed.
+    speed = state.speed.unknown()
+    state = replace(state, pending=None, swaps=swaps, speed=speed, trouble=event.reason)
+    if event.is_late:
+        state = replace(state, swap_times=state.swap_times.too_late())
+    if state.phase in ON_GROUND:
+        return state.enter(Phase.FAILED, outcome=event.reason), []
+    if event.flying == "theirs" and state.phase in IN_FLIGHT:
+        return release_vehicle(state, event.reason)
+    state = replace(state, hold_is_own=event.flying == "hold")
+    if state.phase is Phase.LANDING and (event.flying != "old" or swap.plan.from_hold):
+        # The vehicle may hold in its goal cell, so it has to land there.
+        return command(state, ev.FlightOrder.LAND)
+    if state.phase is Phase.LANDING:
+        return without_swap_trouble(state), []
+    if state.phase is not Phase.FLYING:
+        return state, []
+    if state.swaps.n_failed >= MAX_FAILED_SWAPS:
+        return command(state, state.task.fallback, phase=Phase.LEAVING, given_up=True)
+    # A vehicle that no longer flies its old plan has no route, so it takes any new plan.
+    return replace(
+        state,
+        dirty=True,
+        because=(*swap.because, *state.because),
+        retry_at_s=now if event.is_late else now + RETRY_AFTER_S,
+        route=state.route if event.flying == "old" else None,
+    ), []
