@@ -25,7 +25,7 @@ def field_of(kind: str, shape: tuple[int, int], rng: np.random.Generator) -> NDA
     values = rng.random(shape)
     if kind == "mostly zero":
         return np.where(rng.random(shape) < 0.2, values, 0.0)
-    if kind == "ridges":  # long routes with many reversals, which need several sweeps
+    if kind == "ridges":  # long routes with many reversals
         values *= 0.01
         values[::4, :-1] = 5.0
         values[2::4, 1:] = 5.0

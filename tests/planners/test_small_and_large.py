@@ -28,7 +28,7 @@ from swarmctl.planners import (
     warm_up,
     window,
 )
-from swarmctl.planners.kernels import bounds, buckets, descent, field, labels, lattice, spread, sweep
+from swarmctl.planners.kernels import bounds, buckets, descent, field, labels, lattice, spread
 from swarmctl.planners.kernels.compilation import compiled
 from swarmctl.planners.kernels.large_field import LargeField
 from swarmctl.planners.kernels.small_field import SmallField
@@ -157,7 +157,7 @@ print(len(found), [name for name in ("numba", "llvmlite", *{FOREIGN}) if name in
 
 def machine_code() -> dict[str, int]:
     """Return the number of compiled versions of each kernel in this process."""
-    modules = (bounds, buckets, descent, labels, lattice, sweep)
+    modules = (bounds, buckets, descent, labels, lattice)
     return {
         f"{module.__name__}.{name}": len(compiled(kernel).signatures)  # type: ignore[attr-defined]
         for module in modules
@@ -186,3 +186,10 @@ def test_a_large_area_needs_no_compiler_after_the_warm_up() -> None:
             replanner.renew(area * 0.9)
             replanner.route((10, 1))
     assert machine_code() == before
+
+
+def test_the_queue_grows(monkeypatch: pytest.MonkeyPatch) -> None:
+    area = np.random.default_rng(3).random((300, 300))
+    cost = cost_to_go(area, [(150, 299)], 0.9, 0.13).cost
+    monkeypatch.setattr(buckets, "FREE_BLOCKS", buckets.MOST_PUSHED)
+    np.testing.assert_array_equal(cost_to_go(area, [(150, 299)], 0.9, 0.13).cost, cost)

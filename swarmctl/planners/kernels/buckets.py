@@ -9,11 +9,13 @@ BITS bits of the key. A cell waits at the highest level at which its key differs
 the search reaches a slot of a higher level, the cells of the slot move to lower levels (a radix heap). A
 typical edge is shorter than SLOTS buckets, so few cells move.
 
+A run of waiting cells is processed in two steps: all labels of their neighbours improve first, then the
+improved cells go to their slots. The first step has no branch that depends on labels. A processor cannot
+predict such branches; with them a search takes up to twice as long.
+
 Not all eight neighbours need a look. Let the label of a cell come from the cell to its west. That cell has
 offered labels to its own neighbours. A way over this cell is no cheaper for the cells to the north-west, west
-and south-west, and none for the cells to the north and south, because a straight step costs at least `extra`.
-Three neighbours remain. After a diagonal step five remain. Walls may close the diagonal steps of the cell to
-the west, so in an area with walls north and south remain too.
+and south-west. Five neighbours remain. After a diagonal step five remain too.
 """
 
 from __future__ import annotations
@@ -23,41 +25,35 @@ import numpy as np
 from swarmctl.planners.kernels.compilation import compiled, prefetch
 from swarmctl.planners.kernels.lattice import Floats, Ints, offsets_of
 
-TYPICAL_SPANS = 16
+TYPICAL_SPANS = 4
 """number of buckets in a typical edge"""
-MIN_SAMPLES = 128
-"""least number of cells sampled for the cost of the typical edge"""
-BITS = 9
+SAMPLES = 128
+"""number of cells sampled for the cost of the typical edge"""
+BITS = 7
 SLOTS = 1 << BITS
-LEVELS = 7
+LEVELS = 9
 MAX_KEY = 2.0**62
 MAX_ROUTE_CELLS = 2.0**23
 """Greatest number of cells of a route. The span is so wide that such a route costs at most MAX_KEY spans."""
-FIRST_ENTRIES = 8192
-"""number of waiting cells for which a search allocates memory at its start"""
+BLOCK = 64
+"""The cells of a slot wait in blocks of this size. The first number of a block is the index of the next."""
+MOST_PUSHED = 5 * BLOCK
+"""greatest number of cells that improve in one run, and of blocks that the run can fill"""
 CELLS_AHEAD = 8
 """distance of the cells that are fetched into the processor's cache, before the search reaches them"""
-SEED = 8
-"""in place of the direction of the last step, for a cell without a last step"""
-NOW, FREE, N_FREE = 0, 1, 2
-"""indices in a queue's state: the current key, the first free entry, the number of free entries"""
+FREE_BLOCKS = 2 * MOST_PUSHED
+"""number of free blocks at the start of a search"""
+NOW, SLOT, N_FREE, N_FOUND = 0, 1, 2, 3
+"""indices in a queue's state: current key and slot, numbers of free blocks and of improved cells"""
 U = np.uintp
 """type of an index without a sign; numba then omits its check for negative indices, a fifth of the time"""
 
-
-def _directions_after(has_walls: bool) -> tuple[Ints, Ints]:
-    """Return the directions to go on after each step, one after the other, and the index of each first one.
-
-    Directions are numbered as in `offsets_of`.
-    """
-    turns = [(k, (k + 1) % 4, (k + 3) % 4) for k in range(4)]  # ahead, to the left, to the right
-    straight = [[k, k + 4, right + 4, *((left, right) if has_walls else ())] for k, left, right in turns]
-    diagonal = [[k, left, k + 4, left + 4, right + 4] for k, left, right in turns]
-    after = [*straight, *diagonal, list(range(8))]
-    return np.concatenate(after), np.cumsum([0, *map(len, after)])
-
-
-DIRECTIONS_AFTER = {has_walls: _directions_after(has_walls) for has_walls in (False, True)}
+_TURNS = [(k, (k + 1) % 4, (k + 3) % 4) for k in range(4)]  # ahead, to the left, to the right
+DIRECTIONS = np.array(
+    [[k, left, right, k + 4, right + 4] for k, left, right in _TURNS]
+    + [[k, left, k + 4, left + 4, right + 4] for k, left, right in _TURNS]
+).reshape(-1)
+"""five directions to go on after a step in each direction, numbered as in `offsets_of`"""
 
 
 def settle(
@@ -75,26 +71,38 @@ def settle(
     Stop at the first bucket of labels from `until` on; return the cells whose labels are not spread yet.
     """
     seeds = seeds[label[seeds] < np.inf]
-    # A waiting cell takes an entry of the queue: `items` has the cell and the direction of the last step,
-    # `below` the next entry of the same slot, `top` the first entry of each slot. -1 stands for none.
-    items = np.full(max(2 * seeds.size, FIRST_ENTRIES), -1)
-    items[: seeds.size] = 16 * seeds + SEED
-    below = np.append(np.arange(1, items.size), -1)
-    top, state = np.full(SLOTS * LEVELS, -1), np.array([0, seeds.size, items.size - seeds.size])
-    if seeds.size > 0:  # at the highest level, from where they move to their slots
-        top[SLOTS * (LEVELS - 1)] = 0
-        below[seeds.size - 1] = -1
-    while not compiled(spread)(
-        label, straight, extra, width, span, until, has_walls, *DIRECTIONS_AFTER[has_walls],
-        items, below, top, state,
-    ):  # fmt: skip
-        n_more = items.size
-        below = np.concatenate((below, np.arange(n_more + 1, 2 * n_more), state[FREE : FREE + 1]))
-        items = np.append(items, np.full(n_more, -1))
-        state[FREE], state[N_FREE] = n_more, state[N_FREE] + n_more
-    cells = np.unique(items[items >= 0] >> 4)
-    remaining: Ints = cells[label[cells] * (1.0 / span) >= state[NOW]]
-    return remaining
+    # A waiting cell is a number: 8 · cell + direction of its last step. After steps to the north-east and to
+    # the south-west all eight directions are looked at, as a seed needs.
+    found = np.append(8 * seeds + 4, 8 * seeds + 6)
+    state = np.array([0, 0, FREE_BLOCKS + found.size // (BLOCK - 1), found.size])
+    found = np.append(found, np.empty(MOST_PUSHED + 1, dtype=np.int64))
+    # Each slot has a block of its own from the beginning; the others are free.
+    n_lists = SLOTS * LEVELS
+    free = np.arange(n_lists, n_lists + state[N_FREE])
+    pool = np.empty((n_lists + free.size) * BLOCK, dtype=np.int64)
+    read = np.arange(n_lists) * BLOCK + 1
+    write = read.copy()
+    edges = label, straight, extra, width, span, until, has_walls, DIRECTIONS
+    while not compiled(spread)(*edges, read, write, pool, free, found, state):
+        n_blocks, n_free = pool.size // BLOCK, state[N_FREE]
+        pool = np.append(pool, np.empty_like(pool))
+        free = np.concatenate((free[:n_free], np.arange(n_blocks, 2 * n_blocks), free[n_free:]))
+        state[N_FREE] += n_blocks
+    return _waiting(pool, read, write)
+
+
+def _waiting(pool: Ints, read: Ints, write: Ints) -> Ints:
+    """Return the cells in all slots."""
+    parts = [pool[:0]]
+    for slot in np.flatnonzero(read != write):
+        at, end = read[slot], write[slot]
+        while at // BLOCK != end // BLOCK:
+            block = at // BLOCK * BLOCK
+            parts.append(pool[at : block + BLOCK])
+            at = pool[block] * BLOCK + 1
+        parts.append(pool[at:end])
+    cells: Ints = np.unique(np.concatenate(parts) >> 3)
+    return cells
 
 
 def span_of(straight: Floats, greatest: float) -> float:
@@ -102,9 +110,9 @@ def span_of(straight: Floats, greatest: float) -> float:
 
     The typical edge is a median, so a few very dear cells do not matter.
     """
-    samples = straight[:: max(straight.size // MIN_SAMPLES, 1)]
-    finite = samples[samples < np.inf]
-    typical = float(np.median(finite)) if finite.size > 0 else 0.0
+    samples = straight[:: max(straight.size // SAMPLES, 1)]
+    finite = np.sort(samples[samples < np.inf])
+    typical = float(finite[finite.size // 2]) if finite.size > 0 else 0.0
     if typical == 0.0:
         typical = greatest
     span = max(typical / TYPICAL_SPANS, greatest / MAX_KEY * MAX_ROUTE_CELLS, 1e-280)
@@ -120,86 +128,88 @@ def spread(
     until: float,
     has_walls: bool,
     directions: Ints,
-    begin: Ints,
-    items: Ints,
-    below: Ints,
-    top: Ints,
+    read: Ints,
+    write: Ints,
+    pool: Ints,
+    free: Ints,
+    found: Ints,
     state: Ints,
 ) -> bool:
-    """Spread the labels of the waiting cells; return False if the queue needs more entries.
+    """Spread the labels of the waiting cells; return False if the queue needs more blocks.
 
-    The queue does not grow here: arrays that are replaced in this long function make it five times slower.
+    A slot's cells wait in `pool`, from the index in `read` to that in `write`.
     """
     offsets = offsets_of(width)
-    moves, added = np.empty(directions.size, dtype=np.int64), np.zeros(directions.size)
-    for i in range(directions.size):
+    moves, added = np.empty(40, dtype=np.int64), np.zeros(40)
+    for i in range(40):
         moves[i] = offsets[directions[i]]
         if directions[i] >= 4:
             added[i] = extra
     per_span = 1.0 / span
-    now, free, n_free = state[NOW], state[FREE], state[N_FREE]
+    now, slot, n_free, size = state[NOW], state[SLOT], state[N_FREE], state[N_FOUND]
+    level = slot // SLOTS
     while True:
-        slot = _least_slot(top, now)
-        if slot < 0:
-            break
-        level = slot // SLOTS
-        now = (((now >> ((level + 1) * BITS)) << BITS) + slot % SLOTS) << (level * BITS)
-        if now * span >= until:
-            break
-        entry = top[U(slot)]
-        top[U(slot)] = -1
-        while entry >= 0:
-            item, following = items[U(entry)], below[U(entry)]
-            n, last = item >> 4, item & 15
-            along = label[U(n)]
-            key = int(along * per_span)
-            if level > 0 and key >= now:
-                lower = _slot_of(key, now)
-                below[U(entry)] = top[U(lower)]
-                top[U(lower)] = entry
-                entry = following
-                continue
-            if n_free < 8 and level == 0:
-                _put_back(below, top, slot, entry)
-                state[NOW], state[FREE], state[N_FREE] = now, free, n_free
-                return False
-            items[U(entry)] = -1
-            below[U(entry)] = free
-            free = entry
+        for i in range(size):
+            item = found[U(i)]
+            later = _slot_of(int(label[U(item >> 3)] * per_span), now)
+            at = write[U(later)]
+            pool[U(at)] = item
+            at += 1
+            if at & (BLOCK - 1) == 0:
+                n_free -= 1
+                pool[U(at - BLOCK)] = free[U(n_free)]
+                at = free[U(n_free)] * BLOCK + 1
+            write[U(later)] = at
+        size = 0
+        if read[U(slot)] == write[U(slot)]:
+            slot = _least_slot(read, write, now)
+            if slot < 0:
+                return True
+            level = slot // SLOTS
+            now = (((now >> ((level + 1) * BITS)) << BITS) + slot % SLOTS) << (level * BITS)
+            if now * span >= until:
+                return True
+        if n_free < MOST_PUSHED:
+            state[NOW], state[SLOT], state[N_FREE], state[N_FOUND] = now, slot, n_free, 0
+            return False
+        at, end = read[U(slot)], write[U(slot)]  # the cells of the first block are removed
+        block = at // BLOCK
+        if end // BLOCK == block:
+            read[U(slot)] = write[U(slot)] = block * BLOCK + 1
+        else:
+            end = (block + 1) * BLOCK
+            read[U(slot)] = pool[U(block * BLOCK)] * BLOCK + 1
+            free[U(n_free)] = block
             n_free += 1
-            entry = following
-            if key < now:
-                continue  # the cell was already processed with this label
-            ahead = n + CELLS_AHEAD * offsets[U(last & 7)]
+        for index in range(at, end):
+            item = pool[U(index)]
+            n, last = item >> 3, item & 7
+            along = label[U(n)]
+            if level > 0:
+                found[U(size)] = item
+                size += int(along * per_span) >= now  # otherwise already processed with this label
+                continue
+            ahead = n + CELLS_AHEAD * offsets[U(last)]
             prefetch(label, ahead)
             prefetch(straight, ahead)
-            for i in range(begin[U(last)], begin[U(last + 1)]):
+            for i in range(5 * last, 5 * last + 5):
                 m = n + moves[U(i)]
                 better = along + added[U(i)] + straight[U(m)]
-                if better >= label[U(m)]:
-                    continue
-                k = directions[U(i)]
-                if has_walls and k >= 4:  # as in `cuts_corner`; m is no wall, because its label improves
-                    beside, other = n + offsets[k - 4], n + offsets[(k - 3) & 3]
+                if has_walls and directions[U(i)] >= 4:  # as in `cuts_corner`; walls have no labels
+                    beside, other = n + offsets[directions[i] - 4], n + offsets[(directions[i] - 3) & 3]
                     if straight[beside] == np.inf or straight[other] == np.inf:
                         continue
-                label[U(m)] = better
-                later = _slot_of(int(better * per_span), now)
-                taken = free
-                free = below[U(taken)]
-                n_free -= 1
-                items[U(taken)] = 16 * m + k
-                below[U(taken)] = top[U(later)]
-                top[U(later)] = taken
-    state[NOW] = now
-    return True
+                before = label[U(m)]
+                label[U(m)] = min(better, before)
+                found[U(size)] = 8 * m + directions[U(i)]
+                size += better < before
 
 
-def _least_slot(top: Ints, now: int) -> int:
+def _least_slot(read: Ints, write: Ints, now: int) -> int:
     """Return the least slot in which cells wait, from the key `now` on; -1 if no cell waits."""
     for level in range(LEVELS):
         for slot in range(level * SLOTS + ((now >> (level * BITS)) & (SLOTS - 1)), (level + 1) * SLOTS):
-            if top[U(slot)] >= 0:
+            if read[U(slot)] != write[U(slot)]:
                 return slot
     return -1
 
@@ -212,12 +222,3 @@ def _slot_of(key: int, now: int) -> int:
         key >>= BITS
         lift += SLOTS
     return lift + (key & (SLOTS - 1))
-
-
-def _put_back(below: Ints, top: Ints, slot: int, entry: int) -> None:
-    """Put the rest of a slot's entries, from `entry` on, back in front of its new entries."""
-    end = entry
-    while below[end] >= 0:
-        end = below[end]
-    below[end] = top[slot]
-    top[slot] = entry

@@ -106,4 +106,4 @@ class Field(abc.ABC):
         return np.where(np.isinf(at_goals), np.inf, w * np.minimum(at_goals, MAX_FLOAT))
 
     def _flat(self, goals: Sequence[Cell]) -> Ints:
-        return np.unique(np.array([self.index(goal) for goal in goals], dtype=np.int64))
+        return np.array(sorted({self.index(goal) for goal in goals}), dtype=np.int64)

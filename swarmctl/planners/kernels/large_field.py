@@ -8,14 +8,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from swarmctl.core.grid import Cell
-from swarmctl.planners.kernels import buckets, descent, sweep
+from swarmctl.planners.kernels import buckets, descent
 from swarmctl.planners.kernels.compilation import compiled
 from swarmctl.planners.kernels.field import Field
 from swarmctl.planners.kernels.lattice import Floats, Ints, offsets_of
 
-SWEEP_SPANS = 6.0
-"""Least cost of a step without exposure, in buckets, for a first estimate by sweeps. Where exposure counts
-more (w above about 0.6), most routes turn back, and sweeps find few labels."""
 NO_LENGTHS = np.empty(0)
 
 
@@ -71,46 +68,28 @@ class LargeField(Field):
         """Compute the field for P_s of shape (rows, cols), without checks."""
         seeds = self._begin_search(exposure, goals, w, psi_per_cell)
         self._write_straight(exposure, self.straight)
-        self.has_walls = math.isinf(exposure.max())
-        highest = float(
-            exposure.max(where=np.isfinite(exposure), initial=0.0) if self.has_walls else exposure.max()
-        )
+        highest = float(exposure.max())
+        self.has_walls = math.isinf(highest)
+        if self.has_walls:
+            highest = float(exposure.max(where=np.isfinite(exposure), initial=0.0))
         self.greatest = w * highest + self.step
         self.span = buckets.span_of(self.straight, self.greatest)
         self._lengths.clear()
         self.label.fill(np.inf)
         self.label[self.goals] = seeds
-        self._settle(self.label, self.goals)
+        self._spread(self.label, self.goals)
 
     def labels_from(self, start: Cell) -> Floats:
         """Return the least cost from `start`, which is no wall, to each cell: padded and flat."""
         labels = np.full(self.label.size, np.inf)
         m = self.index(start)
         labels[m] = 0.0
-        self._settle(labels, np.array([m]))
+        self._spread(labels, np.array([m]))
         return labels
 
     def spread_lowered(self, cells: Ints, until: float) -> Ints:
         """Spread lowered labels of `cells`, least first, up to `until`; return the cells not spread yet."""
         return self._spread(self.label, cells, until)
-
-    def _settle(self, label: Floats, seeds: Ints) -> None:
-        """Spread labels from `seeds`, the only finite labels, until no neighbour improves a label."""
-        if self.step >= SWEEP_SPANS * self.span:
-            seeds = self._sweep(label, seeds)
-        self._spread(label, seeds)
-
-    def _sweep(self, label: Floats, seeds: Ints) -> Ints:
-        """Write a first estimate of the labels; return the cells from which labels improve."""
-        rows, cols, width, extra = self.rows, self.cols, self.width, self.extra
-        by_columns, by_rows = compiled(sweep.sweep_columns), compiled(sweep.sweep_rows)
-        # Outward from the seeds; between two seeds the sweeps cross.
-        seed_rows, seed_cols = seeds // width, seeds % width
-        for first, end, direction in ((int(seed_cols.min()), cols + 1, 1), (int(seed_cols.max()), 0, -1)):
-            by_columns(label, self.straight, extra, self.has_walls, width, rows, first, end, direction)
-        for first, end, direction in ((int(seed_rows.min()), rows + 1, 1), (int(seed_rows.max()), 0, -1)):
-            by_rows(label, self.straight, extra, self.has_walls, width, cols, first, end, direction)
-        return compiled(sweep.improve)(label, self.straight, extra, self.has_walls, rows, cols)
 
     def _spread(self, label: Floats, seeds: Ints, until: float = np.inf) -> Ints:
         return buckets.settle(

@@ -32,14 +32,6 @@ def cuts_corner(entry_cost: Floats, offsets: Ints, m: int, k: int) -> bool:
     return bool(entry_cost[m] != np.inf and (entry_cost[beside] == np.inf or entry_cost[other] == np.inf))
 
 
-def min_neighbour_label(label: Floats, extra: float, width: int, m: int) -> float:
-    """Return the least label of m's neighbours, plus `extra` for diagonal ones, without a check of walls."""
-    near = min(label[m - 1], label[m + 1], label[m - width], label[m + width])
-    low = min(label[m - width - 1], label[m - width + 1])
-    high = min(label[m + width - 1], label[m + width + 1])
-    return float(min(near, min(low, high) + extra))
-
-
 def enlarged(array: NDArray[T]) -> NDArray[T]:
     """Return a flat array of twice the size that begins with the values of `array`."""
     larger = np.empty(2 * array.size, dtype=array.dtype)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from swarmctl.planners.kernels import bounds, buckets, descent, labels, lattice, sweep
+from swarmctl.planners.kernels import bounds, buckets, descent, labels, lattice
 from swarmctl.planners.kernels.compilation import compiled
 
 
@@ -34,19 +34,8 @@ def _calls() -> Iterator[tuple[Callable[..., object], tuple[Any, ...]]]:
     label[4], straight[4], width, goal, cells = 0.0, 0.5, 3, 4, np.array([4])
     offsets, area = lattice.offsets_of(width), (1, 1)
     yield lattice.offsets_of, (width,)
-    yield sweep.sweep_columns, (label, straight, 0.2, False, width, 1, 1, 2, 1)
-    yield sweep.sweep_rows, (label, straight, 0.2, False, width, 1, 1, 2, 1)
-    yield sweep.improve, (label, straight, 0.2, False, *area)
-    queue = (
-        *buckets.DIRECTIONS_AFTER[False],
-        np.array([-1]),
-        np.array([-1]),
-        np.full(buckets.SLOTS * buckets.LEVELS, -1),
-    )
-    yield (
-        buckets.spread,
-        (label, straight, 0.2, width, 1.0, math.inf, False, *queue, np.zeros(3, dtype=np.int64)),
-    )
+    queue = (buckets.DIRECTIONS, *[np.zeros(buckets.SLOTS * buckets.LEVELS, dtype=np.int64)] * 6)
+    yield buckets.spread, (label, straight, 0.2, width, 1.0, math.inf, False, *queue)
     field = (label, 0.5, 0.2, straight)
     yield descent.cost_of, (*field, offsets, goal)
     yield descent.costs, (*field, *area, False)
