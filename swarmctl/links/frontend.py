@@ -146,7 +146,7 @@ class FrontEnd:
         Raises LinkError if another vehicle on this endpoint, or this station, has the system id.
         """
         line = self._lines[endpoint]
-        if sysid in line.channels:
+        if sysid in line.sysids:
             raise LinkError(
                 f"system id {sysid} is used by two vehicles on {endpoint}; give one vehicle another id "
                 "(ArduPilot: parameter SYSID_THISMAV, or MAV_SYSID since version 4.7; PX4: MAV_SYS_ID) or "
@@ -158,9 +158,7 @@ class FrontEnd:
                 "1 to 254 [system-id-own]"
             )
         writer = None if tlog is None else TlogWriter(tlog, self._wall_time_us, self._say)
-        channel = Channel(line, sysid, on_message, on_event, writer, read_ids, may_move)
-        line.channels[sysid] = channel
-        return channel
+        return Channel(line, sysid, on_message, on_event, writer, read_ids, may_move)
 
     def systems_on(self, endpoint: Endpoint) -> frozenset[int]:
         """Return the system ids of all autopilots received on an endpoint."""
@@ -203,9 +201,7 @@ class FrontEnd:
             self._timer.cancel()
             self._timer = None
         for line in self._lines.values():
-            for channel in list(line.channels.values()):
-                channel.detach()
-            await line.transport.close()
+            await line.close()
         self._lines.clear()
         await self._shared.forwarder.close()
 

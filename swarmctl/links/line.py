@@ -16,7 +16,7 @@ from swarmctl.links.tlog import TlogWriter
 from swarmctl.links.transports.base import Address, Transport
 from swarmctl.links.url import Endpoint
 from swarmctl.mavlink.protocol.codec import Decoder, Encoder, Frame, FrameSplitter, Message
-from swarmctl.mavlink.telemetry.presence import AUTOPILOT_COMPID, own_heartbeat
+from swarmctl.mavlink.telemetry.presence import own_heartbeat
 
 _LATE_LIMIT, _SPLITTERS_LIMIT = 64, 1024
 """largest numbers of addresses on one endpoint: of vehicles with a late clock, and of all senders"""
@@ -98,19 +98,44 @@ class Channel:
         read_ids: Set[int],
         may_move: Callable[[], bool],
     ) -> None:
-        self.tracker = AddressTracker(may_move)
         self.sysid = sysid
-        self.read_ids = read_ids
-        self.on_message = on_message
         self.on_event = on_event
+        self._tracker = AddressTracker(may_move)
+        self._read_ids = read_ids
+        self._on_message = on_message
         self._line = line
         self._tlog = tlog
+        self._is_attached = True
+        line.add(self)
+
+    @property
+    def address(self) -> Address | None:
+        """The vehicle's address; None before its first frame."""
+        return self._tracker.address
+
+    def receive(self, frame: Frame, address: Address, now: float) -> None:
+        """Log a frame with this system id, and pass its message on, unless another address has sent it."""
+        if not frame.from_autopilot:
+            # Frames of cameras and companions, and unverified frames, change no address.
+            if address == self.address:
+                self.log(frame.data)
+            return
+        match self._tracker.receive(address, now):
+            case AddressVerdict.DROPPED:
+                return
+            case AddressVerdict.MOVED:
+                self.on_event(AddressChanged(_text(address)))
+            case AddressVerdict.CONFLICT:
+                self.on_event(SystemIdConflict(_text(self._tracker.rival)))
+        self.log(frame.data)
+        if frame.msgid in self._read_ids and (message := self._line.decode(frame)) is not None:
+            self._on_message(message)
 
     def send(self, messages: list[Message]) -> None:
         """Send to the vehicle's address; drop messages before an address is known and after `detach`."""
-        if self.tracker.address is not None and self._line.channels.get(self.sysid) is self:
+        if self.address is not None and self._is_attached:
             for message in messages:
-                self.log(self._line.send(message, self.tracker.address, self.sysid))
+                self.log(self._line.send(message, self.address, self.sysid))
 
     def log(self, data: bytes) -> None:
         if self._tlog is not None and data:
@@ -122,11 +147,12 @@ class Channel:
 
     def detach(self) -> None:
         """Leave the line and close the log. Idempotent."""
-        if self._line.channels.get(self.sysid) is self:
-            del self._line.channels[self.sysid]
-        if self._tlog is not None:
-            self._tlog.close()
-            self._tlog = None
+        if self._is_attached:
+            self._is_attached = False
+            self._line.remove(self)
+            if self._tlog is not None:
+                self._tlog.close()
+                self._tlog = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +173,6 @@ class Line:
     def __init__(self, endpoint: Endpoint, number: int, transport: Transport, shared: LineShared) -> None:
         """Create a line; `number`: index of the line, for the link id of its signatures."""
         self.transport = transport
-        self.channels: dict[int, Channel] = {}
         self.systems: set[int] = set()
         """system ids of all autopilots received"""
         self.last_refusals: dict[int, str] = {}
@@ -155,11 +180,29 @@ class Line:
         self._endpoint = endpoint
         self._number = number
         self._shared = shared
+        self._channels: dict[int, Channel] = {}
+        """channels by system id"""
         self._refusals = Refusals()
         self._splitters: dict[Address, FrameSplitter] = {}
         self._late: set[Address] = set()
         """Addresses with the right key but an old timestamp. Each address gets one heartbeat, because an
         autopilot without GPS takes the time from signed frames."""
+
+    def add(self, channel: Channel) -> None:
+        self._channels[channel.sysid] = channel
+
+    def remove(self, channel: Channel) -> None:
+        del self._channels[channel.sysid]
+
+    async def close(self) -> None:
+        for channel in tuple(self._channels.values()):
+            channel.detach()
+        await self.transport.close()
+
+    @property
+    def sysids(self) -> Set[int]:
+        """The system ids of the channels."""
+        return self._channels.keys()
 
     def send(self, message: Message, address: Address, sysid: int = 0) -> bytes:
         """Send a message; return its frame, or b"" if the evidence recorder forbids it."""
@@ -173,10 +216,10 @@ class Line:
 
     def pass_on(self, frame: Frame, target: int) -> None:
         """Send another station's frame unchanged to vehicle `target` of this line; 0: to all its vehicles."""
-        channels = [c for c in self.channels.values() if target in (0, c.sysid)]
+        channels = [c for c in self._channels.values() if target in (0, c.sysid)]
         for channel in channels:
             channel.log(frame.data)
-        for address in {c.tracker.address for c in channels} - {None}:
+        for address in {c.address for c in channels} - {None}:
             self.transport.send(frame.data, address)
 
     def heartbeat(self) -> None:
@@ -185,73 +228,59 @@ class Line:
             address: [] for address in (*self.transport.peers(), *self._late)
         }
         self._late.clear()
-        for channel in self.channels.values():
-            if channel.tracker.address is not None:
-                by_address.setdefault(channel.tracker.address, []).append(channel)
+        for channel in self._channels.values():
+            if channel.address is not None:
+                by_address.setdefault(channel.address, []).append(channel)
         for address, channels in by_address.items():
             data = self.send(own_heartbeat(), address)
             for channel in channels:
                 channel.log(data)
 
     def flush_logs(self) -> None:
-        for channel in self.channels.values():
+        for channel in self._channels.values():
             channel.flush_log()
 
     def receive(self, data: bytes, address: Address) -> None:
+        """Take bytes from the transport: find frames, check signatures, copy to stations, deliver."""
+        now = asyncio.get_running_loop().time()
+        for frame in self._splitter(address).feed(data):
+            if why_not := self._shared.guard.why_not(frame.data):
+                self._refuse(frame, address, why_not, now)
+                continue
+            self._shared.forwarder.send(frame.data)
+            if frame.from_autopilot:
+                self.systems.add(frame.sysid)
+            if (channel := self._channels.get(frame.sysid)) is not None:
+                channel.receive(frame, address, now)
+
+    def decode(self, frame: Frame) -> Message | None:
+        """Return the message of a vehicle's frame and record it as evidence; None for a damaged payload."""
+        message = self._shared.decoder.decode(frame)
+        if message is not None and self._shared.evidence is not None:
+            self._shared.evidence.from_vehicle(frame.sysid, message)
+        return message
+
+    def _splitter(self, address: Address) -> FrameSplitter:
         splitter = self._splitters.get(address)
         if splitter is None:
             if len(self._splitters) >= _SPLITTERS_LIMIT:
                 del self._splitters[next(iter(self._splitters))]
             splitter = self._splitters[address] = FrameSplitter()
-        now = asyncio.get_running_loop().time()
-        for frame in splitter.feed(data):
-            why_not = self._shared.guard.why_not(frame.data)
-            if why_not:
-                self._refuse(frame, address, why_not, now)
-                continue
-            self._shared.forwarder.send(frame.data)
-            self._dispatch(frame, address, now)
+        return splitter
 
     def _refuse(self, frame: Frame, address: Address, why: str, now: float) -> None:
         if why == LATE and len(self._late) < _LATE_LIMIT:
             self._late.add(address)
         if not frame.known:
             return  # noise may look like a frame of any system
-        if frame.compid == AUTOPILOT_COMPID:
+        if frame.from_autopilot:
             self.last_refusals[frame.sysid] = why
-        channel = self.channels.get(frame.sysid)
+        channel = self._channels.get(frame.sysid)
         if channel is None:
             if text := self._refusals.of_stranger(frame.sysid, why, _text(address), now):
                 self._shared.say(f"{self._endpoint}: {text}")
         elif text := self._refusals.of_vehicle(frame.sysid, frame.compid, why, _text(address), now):
             channel.on_event(FramesRefused(text))
-
-    def _dispatch(self, frame: Frame, address: Address, now: float) -> None:
-        from_autopilot = frame.known and frame.compid == AUTOPILOT_COMPID
-        if from_autopilot:
-            self.systems.add(frame.sysid)
-        channel = self.channels.get(frame.sysid)
-        if channel is None:
-            return
-        if not from_autopilot:
-            # Frames of cameras and companions, and unverified frames, change no address.
-            if address == channel.tracker.address:
-                channel.log(frame.data)
-            return
-        verdict = channel.tracker.receive(address, now)
-        if verdict is AddressVerdict.DROPPED:
-            return
-        if verdict is AddressVerdict.MOVED:
-            channel.on_event(AddressChanged(_text(address)))
-        elif verdict is AddressVerdict.CONFLICT:
-            channel.on_event(SystemIdConflict(_text(channel.tracker.rival)))
-        channel.log(frame.data)
-        if frame.msgid in channel.read_ids:
-            message = self._shared.decoder.decode(frame)
-            if message is not None:
-                if self._shared.evidence is not None:
-                    self._shared.evidence.from_vehicle(frame.sysid, message)
-                channel.on_message(message)
 
 
 def _text(address: Address) -> str:

@@ -40,6 +40,10 @@ class Frame(NamedTuple):
         return self.msgid in _CRC_EXTRA
 
     @property
+    def from_autopilot(self) -> bool:
+        return self.compid == mavlink.MAV_COMP_ID_AUTOPILOT1 and self.known
+
+    @property
     def name(self) -> str:
         """Return the name of the message; empty if the dialect does not have it."""
         return str(mavlink.mavlink_map[self.msgid].msgname) if self.known else ""
