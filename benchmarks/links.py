@@ -183,7 +183,7 @@ async def run_case(
     flying = asyncio.create_task(fleet.fly())
     async with FrontEnd(wall_time_us=lambda: 0, memory={"fleet": fleet.wire}) as front_end:
         links = {
-            i: LINKS[name](
+            i: LINKS[name].open(
                 front_end, Endpoint("memory", "fleet"), i, name=f"v{i}", on_event=lambda _event: None
             )
             for i in range(1, count + 1)
@@ -343,7 +343,7 @@ async def station_load(name: str, count: int, measure_s: float) -> tuple[str, st
         )
         try:
             links = [
-                LINKS[name](front_end, endpoint, i, name=f"v{i}", on_event=lambda _event: None)
+                LINKS[name].open(front_end, endpoint, i, name=f"v{i}", on_event=lambda _event: None)
                 for i in range(1, count + 1)
             ]
             await asyncio.gather(*(link.connect(60) for link in links))

@@ -8,8 +8,9 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BeforeValidator, Field
 
 from swarmctl.bus.endpoint import NO_ENDPOINT, BusEndpoint, parse_endpoint
+from swarmctl.bus.transports import BUSES
 from swarmctl.core.operator_text import resolve_vehicles
-from swarmctl.core.section import Section
+from swarmctl.core.section import NameIn, Section
 
 MAX_DELAY_S = 60.0
 
@@ -96,7 +97,7 @@ class Communication(Section):
     those of the real network.
     """
 
-    bus: Literal["zenoh", "memory"] = Field(
+    bus: Annotated[str, NameIn(BUSES)] = Field(
         "zenoh", description="Transport: zenoh, or memory (within one process, without a network)."
     )
     listen: Annotated[str, AfterValidator(_listen_endpoint)] = Field(

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 
 from swarmctl.bus.endpoint import NO_ENDPOINT, parse_endpoint
 from swarmctl.bus.radio import gilbert_probabilities
+from swarmctl.bus.transports import BUSES
 from swarmctl.config.communication import Communication, VehicleRef, vehicle_of
 from swarmctl.config.model import Config
 from swarmctl.config.problems import ConfigProblem
@@ -38,10 +39,10 @@ def _check_radio(c: Communication) -> Iterator[ConfigProblem]:
 
 
 def _check_transport(c: Communication) -> Iterator[ConfigProblem]:
-    if c.bus == "memory":
+    if not BUSES[c.bus].is_networked:
         for key, given in (("router", c.router is not None), ("mesh", bool(c.mesh))):
             if given:
-                text = "bus: memory stays within one process; write bus: zenoh, or remove this key"
+                text = f"bus: {c.bus} stays within one process; write bus: zenoh, or remove this key"
                 yield ConfigProblem((*SECTION, key), text, depends_on=(*SECTION, "bus"))
     endpoints: dict[KeyPath, str] = {(*SECTION, "mesh", word): text for word, text in c.mesh.items()}
     if c.router is not None:

@@ -1,36 +1,23 @@
-"""The section `rules` of a configuration: one key for each failsafe rule."""
+"""The section `rules` of a configuration: one key for each failsafe rule that can be turned off."""
 
 from __future__ import annotations
 
-from pydantic import Field
+from typing import Any
+
+from pydantic import Field, create_model
 
 from swarmctl.agent.failsafes import ALWAYS_ON, RULES, lost_link
 from swarmctl.agent.failsafes.base import ActiveRule
-from swarmctl.agent.failsafes.fence_ahead import Params as FenceAhead
-from swarmctl.agent.failsafes.gps_loss import Params as GpsLoss
 from swarmctl.agent.failsafes.lost_link import Params as LostLink
-from swarmctl.agent.failsafes.low_battery import Params as LowBattery
-from swarmctl.agent.failsafes.not_following import Params as NotFollowing
 from swarmctl.core.section import Section
 
+_KEYS: dict[str, Any] = {
+    rule.NAME: (rule.Params | None, Field(rule.Params(), description=rule.DESCRIPTION)) for rule in RULES
+}
 
-class Rules(Section):
+
+class Rules(create_model("RuleKeys", __base__=Section, **_KEYS)):  # type: ignore[misc]
     """Failsafe rules of each vehicle in flight. null turns a rule off."""
-
-    low_battery: LowBattery | None = Field(
-        LowBattery(), description="Low battery: the vehicle returns, or lands at its position."
-    )
-    fence_ahead: FenceAhead | None = Field(
-        FenceAhead(),
-        description="Fence ahead: a copter off its route holds before the fence, a fixed wing returns. "
-        "Outside the fence every vehicle returns.",
-    )
-    not_following: NotFollowing | None = Field(
-        NotFollowing(), description="Not following: a vehicle in mission mode leaves its route or stops."
-    )
-    gps_loss: GpsLoss | None = Field(
-        GpsLoss(), description="Loss of the GPS fix or position: a warning, later a landing or a return."
-    )
 
 
 def active_rules(section: Rules, declared: LostLink) -> tuple[ActiveRule, ...]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Annotated, Any, get_args
 
 from pydantic import BaseModel, Field, ValidationError
 
@@ -31,7 +31,8 @@ from swarmctl.config.wings import WingsSection
 from swarmctl.core.grid import Cell
 from swarmctl.core.inference.sensor import SensorModel
 from swarmctl.core.operator_text import VEHICLE_NAME
-from swarmctl.core.section import Section
+from swarmctl.core.section import NameIn, Section
+from swarmctl.sensors import SOURCES
 
 
 class Area(GridArea, extra="forbid"):
@@ -43,7 +44,7 @@ class Area(GridArea, extra="forbid"):
 class Sensor(Section):
     """Observations and their errors. Simulated sensors make these errors, and beliefs account for them."""
 
-    source: Literal["simulated", "external", "both"] = Field(
+    source: Annotated[str, NameIn(SOURCES)] = Field(
         "both",
         description="Source of observations: simulated (the 3 × 3 cells around a vehicle), external (reports "
         "of payloads over the bus, and of operators by `swarmctl observe`), or both.",

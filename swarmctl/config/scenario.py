@@ -32,6 +32,7 @@ from swarmctl.core.inference.sensor import SensorModel
 from swarmctl.core.inference.survival import ProbabilityEstimate, survival_probability
 from swarmctl.core.threat import FiringStrength
 from swarmctl.planners import PLANNERS, method
+from swarmctl.sensors import SOURCES
 
 PAPER_PLANNER = PLANNERS["dijkstra"]
 """the paper's planner, the reference for other planners"""
@@ -67,7 +68,7 @@ class Scenario:
     def true_hostiles(self) -> frozenset[Cell] | None:
         """The true cells of the hostiles; None if unknown, because nothing simulates them."""
         config = self.config
-        is_real = config.simulate is None and config.sensor.source == "external"
+        is_real = config.simulate is None and not SOURCES[config.sensor.source].is_simulated
         return None if is_real and config.threats.hostiles == "random" else self.hostiles
 
     def only(self, uav: int) -> Scenario:

@@ -7,14 +7,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from swarmctl.agent.replan.landing_pattern import FixedWing
+from swarmctl.config.autopilots import AUTOPILOTS, MIXED
 from swarmctl.config.model import Config
-from swarmctl.config.vehicles import Autopilot, Side
+from swarmctl.config.vehicles import Side
 from swarmctl.core.geo import LatLon, distance_m
 from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.vehicle import Airframe
-
-PLANE_AUTOPILOTS = frozenset({"arduplane", "px4plane"})
-"""the simulator's autopilots of fixed wings"""
 
 DEFAULT_SPEED_M_S = 10.0
 """assumed speed of a copter without `speed_m_s`: ArduCopter's default of WPNAV_SPEED"""
@@ -77,7 +75,8 @@ def _simulated(config: Config, grid: Grid) -> Iterator[Spec]:
         start = _beside(grid, simulate.start_side, share, simulate.start_distance_m, simulate.count)
         entry = entry_of(config, grid, start)
         assert entry is not None
-        is_plane = simulated_autopilot(config, i) in PLANE_AUTOPILOTS
+        airframe = AUTOPILOTS[simulated_autopilot(config, i)].airframe
+        is_plane = airframe == "plane"
         yield Spec(
             name=name,
             sysid=sysid,
@@ -91,21 +90,20 @@ def _simulated(config: Config, grid: Grid) -> Iterator[Spec]:
             delay_s=i * simulate.delay_step_s,
             speed_m_s=config.wings.speed_m_s if is_plane else simulate.speed_m_s,
             turn_radius_m=config.wings.turn_radius_m if is_plane else 0.0,
-            airframe="plane" if is_plane else "copter",
+            airframe=airframe,
             arrive_after_s=simulate.arrive_after_s,
             arrive_within_s=math.inf if simulate.arrive_within_s is None else simulate.arrive_within_s,
         )
 
 
-def simulated_autopilot(config: Config, index: int) -> Autopilot:
+def simulated_autopilot(config: Config, index: int) -> str:
     """Return the autopilot of the simulated vehicle `index`, from 0."""
     simulate = config.simulate
     assert simulate is not None
     chosen = simulate.autopilot
-    if isinstance(chosen, str) and chosen != "mixed":
-        return chosen
-    autopilots: tuple[Autopilot, ...] = ("ardupilot", "px4") if chosen == "mixed" else chosen
-    return autopilots[index % len(autopilots)]
+    if isinstance(chosen, str):
+        chosen = MIXED if chosen == "mixed" else (chosen,)
+    return chosen[index % len(chosen)]
 
 
 def simulated_goals(config: Config, grid: Grid, index: int) -> tuple[Cell, ...]:

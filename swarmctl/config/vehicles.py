@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
+from swarmctl.config.autopilots import AUTOPILOTS
 from swarmctl.config.links import MavlinkUrl
 from swarmctl.config.roster import NamedVehicle, SimulatedCount
 from swarmctl.core.grid import Cell
@@ -27,7 +28,8 @@ def _cells(value: Any) -> Any:
 Cells = Annotated[tuple[Cell, ...], BeforeValidator(_cells), Field(min_length=1)]
 Side = Literal["north", "east", "south", "west"]
 LinkName = Annotated[str, NameIn(LINKS)]
-Autopilot = Literal["ardupilot", "px4", "arduplane", "px4plane"]
+Autopilot = Annotated[str, NameIn(AUTOPILOTS)]
+AutopilotOrMixed = Annotated[str, NameIn((*AUTOPILOTS, "mixed"))]
 
 ARRIVE_WITHIN = "Latest arrival over the goal cell, after the vehicle's take-off [s]. Default: no bound."
 ARRIVE_AFTER = "Earliest arrival over the goal cell, after the vehicle's take-off [s]."
@@ -42,7 +44,7 @@ class Simulate(SimulatedCount, extra="forbid"):
         le=100.0,
         description="Greatest number of simulated seconds in a second of real time; on a busy machine fewer.",
     )
-    autopilot: Autopilot | Literal["mixed"] | Annotated[tuple[Autopilot, ...], Field(min_length=1)] = Field(
+    autopilot: AutopilotOrMixed | Annotated[tuple[Autopilot, ...], Field(min_length=1)] = Field(
         "ardupilot",
         description="Autopilot of the vehicles; arduplane and px4plane are fixed wings. A list is assigned "
         "in turn; mixed is [ardupilot, px4].",

@@ -8,13 +8,15 @@ from itertools import combinations, pairwise
 
 from swarmctl.agent.replan.landing import goal_pattern, home_approach, home_pattern
 from swarmctl.agent.state import Task
+from swarmctl.config.autopilots import AUTOPILOTS
 from swarmctl.config.model import Config
 from swarmctl.config.problems import ConfigProblem
 from swarmctl.config.scenario import Scenario
-from swarmctl.config.specs import PLANE_AUTOPILOTS, Spec, simulated_autopilot
+from swarmctl.config.specs import Spec, simulated_autopilot
 from swarmctl.config.yaml_lines import KeyPath
 from swarmctl.core.geo import distance_m
 from swarmctl.core.planar import PlanarPoint, distance_to_track
+from swarmctl.links import LINKS
 from swarmctl.planners import Unreachable
 
 MAX_TAKEOFF_ROLL_M = 40.0
@@ -41,14 +43,14 @@ def check_wings(config: Config) -> Iterator[ConfigProblem]:
             text = "flight times of fixed wings are not precise enough for a time bound; remove it"
             key = "arrive_within_s" if section.arrive_within_s is not None else "arrive_after_s"
             yield ConfigProblem((*here, key), text)
-        if section.link == "mavsdk":
+        if not LINKS[section.link].flies_planes:
             yield ConfigProblem((*here, "link"), "fixed wings need the link `direct`; set link: direct")
 
 
 def _plane_paths(config: Config) -> Iterator[KeyPath]:
     simulate = config.simulate
     if simulate is not None and any(
-        simulated_autopilot(config, i) in PLANE_AUTOPILOTS for i in range(simulate.count)
+        AUTOPILOTS[simulated_autopilot(config, i)].airframe == "plane" for i in range(simulate.count)
     ):
         yield ("simulate",)
     yield from (("vehicles", i) for i, v in enumerate(config.vehicles) if v.airframe == "plane")

@@ -12,9 +12,8 @@ from pathlib import Path
 
 from swarmctl.bus.authentication import Authentication
 from swarmctl.bus.network import Network
+from swarmctl.bus.transports import BUSES
 from swarmctl.bus.transports.base import Transport
-from swarmctl.bus.transports.memory import MemoryBus
-from swarmctl.bus.transports.open import open_bus
 from swarmctl.bus.transports.subscriptions import ReportOnce
 from swarmctl.config.links import Links
 from swarmctl.flight.network import network_of
@@ -146,14 +145,20 @@ async def open_resources(run: Run, bus: Transport | None, records: Records) -> A
             await front_end.open(run.endpoint(run.simulated[0]))
         communication = run.scenario.config.communication
         authentication: Authentication | None = None
-        if bus is None and communication.bus == "zenoh" and run.clock == "real":
-            name, token = run.scenario.config.name, token_of_environment() or new_token()
-            authentication = by_token(name, token, communication.clock_tolerance_s, time.time)
-            bus = stack.enter_context(open_bus(name, communication.listen, token.text, say, ReportOnce(say)))
-        transport = bus or MemoryBus(ReportOnce(say))
-        network = network_of(run.scenario, transport, run.times, run.options.frame_codec, records.note)
+        if bus is None:
+            name, kind = run.scenario.config.name, BUSES[communication.bus]
+            if run.clock == "virtual" and kind.is_networked:
+                kind = BUSES["memory"]
+            token = ""
+            if kind.is_networked:
+                secret = token_of_environment() or new_token()
+                token = secret.text
+                authentication = by_token(name, secret, communication.clock_tolerance_s, time.time)
+            opened = kind.open(name, communication.listen, token, say, on_failure=ReportOnce(say))
+            bus = stack.enter_context(opened)
+        network = network_of(run.scenario, bus, run.times, run.options.frame_codec, records.note)
         stack.callback(network.close)
-        yield FlightResources(front_end, wire, transport, network, authentication)
+        yield FlightResources(front_end, wire, bus, network, authentication)
 
 
 def _signing(links: Links, pool: Executor | None) -> Signing | None:

@@ -27,7 +27,6 @@ from swarmctl.core.frames import AgentMessage, IntentShared, StateShared
 from swarmctl.core.messages import VehicleAnswer
 from swarmctl.core.observation import BeliefItem
 from swarmctl.core.operator_text import extended
-from swarmctl.flight.sensors import Sensor
 from swarmctl.flight.supervise import Backoff, retrying
 from swarmctl.links.base import (
     AddressChanged,
@@ -47,6 +46,7 @@ from swarmctl.links.base import (
     VehicleRebooted,
     VehicleRestored,
 )
+from swarmctl.sensors import Sensor
 
 _LINK_EVENTS = (ev.TelemetryReceived, ev.LinkLost, ev.LinkRestored, ev.Rebooted)
 CRITICAL = 2  # MAV_SEVERITY

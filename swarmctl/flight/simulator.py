@@ -14,16 +14,14 @@ import math
 import os
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from swarmctl.config.autopilots import AUTOPILOTS
 from swarmctl.config.scenario import Scenario
-from swarmctl.config.specs import PLANE_AUTOPILOTS, Spec, simulated_autopilot
-from swarmctl.config.vehicles import Autopilot
+from swarmctl.config.specs import Spec, simulated_autopilot
 from swarmctl.links.transports.base import Address
 from swarmctl.links.url import Endpoint
-from swarmctl.mavlink.firmware import Firmware
 from swarmctl.preflight.declared import simulated_parameters
 
 STOP_DEADLINE_S = 5.0
@@ -37,44 +35,6 @@ ANSWER = b"at "
 """beginning of the simulator's answer to a step"""
 CHECK_S = 0.001
 """time between two checks whether the ground station has processed all telemetry [s]"""
-BATTERY_MAH = 6600.0
-"""battery capacity of simulated ArduPilot vehicles [mAh], enough for heights of hundreds of metres"""
-
-
-@dataclass(frozen=True, slots=True)
-class SimulatedAutopilot:
-    """An autopilot of the simulator."""
-
-    personality: str
-    firmware: Firmware
-    params: Callable[[float, int], dict[str, float]]
-    """(cruise speed, least airspeed) [m/s] -> parameters to set"""
-
-
-_AUTOPILOTS: dict[Autopilot, SimulatedAutopilot] = {
-    "ardupilot": SimulatedAutopilot(
-        "ardupilot",
-        Firmware("ArduCopter", (4, 6)),
-        lambda speed, _: {"WPNAV_SPEED": 100.0 * speed, "BATT_CAPACITY": BATTERY_MAH},
-    ),
-    "arduplane": SimulatedAutopilot(
-        "ardupilot",
-        Firmware("ArduPlane", (4, 6)),
-        lambda speed, least: {"AIRSPEED_CRUISE": speed, "AIRSPEED_MIN": least, "BATT_CAPACITY": BATTERY_MAH},
-    ),
-    "px4": SimulatedAutopilot(
-        "px4",
-        Firmware("PX4", (1, 15)),
-        lambda speed, _: {"MPC_XY_CRUISE": speed, "MPC_XY_VEL_MAX": speed},
-    ),
-    "px4plane": SimulatedAutopilot(
-        "px4",
-        Firmware("PX4 plane", (1, 15)),
-        lambda speed, least: {"FW_AIRSPD_TRIM": speed, "FW_AIRSPD_MIN": least, "FW_LND_ABORT": 0},
-    ),
-}
-"""the simulator's autopilots by their names in configurations"""
-
 AddressOf = Callable[[int, float], Address | None]
 """(sysid, loop time [s]) -> the sender address of a vehicle; None while the vehicle's link is cut"""
 
@@ -123,10 +83,9 @@ def scenario_json(scenario: Scenario) -> dict[str, Any]:
 def _autopilot(scenario: Scenario, index: int) -> dict[str, Any]:
     """Return airframe, autopilot and parameters of the vehicle `index` of the swarm."""
     spec = scenario.swarm[index]
-    name = simulated_autopilot(scenario.config, index)
-    autopilot = _AUTOPILOTS[name]
+    autopilot = AUTOPILOTS[simulated_autopilot(scenario.config, index)]
     body: dict[str, Any] = {"personality": autopilot.personality}
-    if name in PLANE_AUTOPILOTS:
+    if autopilot.airframe == "plane":
         # The plane points along its first leg, because it takes off straight ahead.
         body |= {"type": "plane", "heading_deg": _heading_deg(scenario, spec)}
     params = autopilot.params(spec.speed_m_s, math.floor(scenario.config.wings.min_speed_m_s))

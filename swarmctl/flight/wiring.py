@@ -17,12 +17,12 @@ from swarmctl.flight.resources import FlightResources, Records
 from swarmctl.flight.return_queue import ReturnQueue
 from swarmctl.flight.run import Run
 from swarmctl.flight.runner import Runner
-from swarmctl.flight.sensors import SOURCES
 from swarmctl.flight.takeover import Takeover
 from swarmctl.links import LINKS
 from swarmctl.links.base import Link, LinkEvent, Streaming
 from swarmctl.preflight.conversation import Preflight
 from swarmctl.preflight.results import CheckResult
+from swarmctl.sensors import SOURCES
 
 OFFLOAD_CELLS = 100_000
 """number of cells above which, in real time, a thread searches the area while the loop serves the links"""
@@ -101,7 +101,7 @@ class Flight:
 
     def _open_link(self, spec: Spec, on_event: Callable[[LinkEvent], None]) -> Link:
         links = self.run.scenario.config.links
-        return LINKS[spec.link](
+        return LINKS[spec.link].open(
             self.resources.front_end,
             self.run.endpoint(spec),
             spec.sysid,

@@ -9,12 +9,14 @@
 | `signing`, `forwarding`, `tlog` | MAVLink 2 signatures, copies for other stations, logs |
 | `url`, `transports` | forms of a URL; UDP, TCP, serial, memory |
 
-Imports mavlink and core. A new link is one module and one line in `LINKS`. Begin with `base` and `direct`.
+Imports mavlink and core. A new link is one module and one line in `LINKS`; its name is a value of a vehicle's
+`link`. Begin with `base` and `direct`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
@@ -28,5 +30,17 @@ def _mavsdk_link(*args: Any, **kwargs: Any) -> Link:
     return link
 
 
-LINKS: dict[str, Callable[..., Link]] = {"direct": DirectLink, "mavsdk": _mavsdk_link}
-"""constructors of links by name, with the parameters of `DirectLink`"""
+@dataclass(frozen=True, slots=True)
+class LinkKind:
+    """A kind of link."""
+
+    open: Callable[..., Link]
+    """constructor, with the parameters of `DirectLink`"""
+    fits_virtual_clock: bool = True
+    flies_planes: bool = True
+
+
+LINKS: dict[str, LinkKind] = {
+    "direct": LinkKind(DirectLink),
+    "mavsdk": LinkKind(_mavsdk_link, fits_virtual_clock=False, flies_planes=False),
+}

@@ -8,15 +8,10 @@ from dataclasses import dataclass
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.vehicle import Airframe
+from swarmctl.mavlink.dialects import Unsupported, dialect_for
 from swarmctl.mavlink.events import Identity
 
 _PLANES = frozenset({int(mavlink.MAV_TYPE_FIXED_WING)})
-_NAMES = {
-    (int(mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA), False): "ArduCopter",
-    (int(mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA), True): "ArduPlane",
-    (int(mavlink.MAV_AUTOPILOT_PX4), False): "PX4",
-    (int(mavlink.MAV_AUTOPILOT_PX4), True): "PX4 plane",
-}
 _VERSION = re.compile(r"(\d+)\.(\d+)")
 
 
@@ -40,6 +35,9 @@ def airframe_of(identity: Identity) -> Airframe:
 
 def firmware_of(identity: Identity) -> Firmware:
     """Return the firmware and its version from a vehicle's identity."""
-    name = _NAMES.get((identity.autopilot, identity.vehicle_type in _PLANES), "")
+    try:
+        name = dialect_for(identity.autopilot, identity.vehicle_type).firmware
+    except Unsupported:
+        name = ""
     found = _VERSION.search(identity.firmware)
     return Firmware(name, (int(found[1]), int(found[2])) if found else (0, 0))

@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import pytest
 from flights import Ui, small
@@ -46,16 +46,15 @@ from swarmctl.bus.transports.base import Transport
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.bus.transports.open import open_bus
 from swarmctl.bus.transports.zenoh import ZenohBus
-from swarmctl.config.model import Sensor
 from swarmctl.core.belief import CLEAR, OCCUPIED
 from swarmctl.core.grid import Grid
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.flight import app
-from swarmctl.flight.sensors import SOURCES, NoSensor
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.report.outcome import FlightReport as Flight
 from swarmctl.security.requests import by_token
 from swarmctl.security.token import new_token
+from swarmctl.sensors import SOURCES, NoSensor
 
 ROOT = Path(__file__).parents[2]
 KEY = "swarmctl/test/uav/3/inform/look/sensor"
@@ -519,12 +518,6 @@ def test_each_reason_is_reported_once_until_a_pause() -> None:
 
 
 # --- the configuration
-
-
-def test_every_source_of_a_configuration_is_known() -> None:
-    annotation = Sensor.model_fields["source"].annotation
-    assert set(get_args(annotation)) == set(SOURCES)
-    assert Sensor().source == "both"
 
 
 def test_a_vehicle_with_an_external_sensor_only_has_no_simulated_sensor() -> None:

@@ -7,11 +7,12 @@ from pathlib import Path
 import pytest
 from config_files import GOOD, assert_problems, problems
 
+from swarmctl.agent.failsafes import RULES
 from swarmctl.config import model, scenario
 from swarmctl.config.checks import check_config
 
 ALWAYS = ["lost_link", "taken_over"]
-CHOSEN = ["fence_ahead", "gps_loss", "low_battery", "not_following"]
+CHOSEN = sorted(rule.NAME for rule in RULES)
 
 
 def built(text: str, tmp_path: Path) -> scenario.Scenario:

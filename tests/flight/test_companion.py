@@ -21,6 +21,7 @@ from swarmctl.agent.launch import Launch
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.state import ARRIVED
 from swarmctl.bus.endpoint import BusEndpoint
+from swarmctl.bus.transports import BUSES, BusKind
 from swarmctl.bus.transports.base import Failure
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.cli.flights import conclude
@@ -32,7 +33,7 @@ from swarmctl.core.messages import (
     VehicleAnswer,
     decode_answer,
 )
-from swarmctl.flight import app, companion, resources
+from swarmctl.flight import app, companion
 from swarmctl.flight.permission import Permission
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.links.base import Identity
@@ -248,7 +249,11 @@ def test_a_bug_in_a_message_handler_is_reported_and_ends_no_flight(
         def _fails(self, *_: object) -> None:
             raise OverflowError("too many digits\x1b[2J")
 
-    monkeypatch.setattr(companion if alone else resources, "MemoryBus", Buggy)
+    if alone:
+        monkeypatch.setattr(companion, "MemoryBus", Buggy)
+    else:
+        kind = BusKind(lambda *_, on_failure: contextlib.closing(Buggy(on_failure)), is_networked=False)
+        monkeypatch.setitem(BUSES, "memory", kind)
 
     async def scene(ui: Ui) -> FlightReport:
         scenario = small()

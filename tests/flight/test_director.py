@@ -18,7 +18,6 @@ from swarmctl.flight.member import Member
 from swarmctl.flight.network import network_of
 from swarmctl.flight.permission import PreflightFailed
 from swarmctl.flight.runner import LaunchNotPermitted, Runner
-from swarmctl.flight.sensors.footprint import Footprint
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.links.base import (
     Identity,
@@ -29,6 +28,7 @@ from swarmctl.links.base import (
     UploadFailed,
     VehicleRebooted,
 )
+from swarmctl.sensors.footprint import Footprint
 
 pytestmark = pytest.mark.virtual
 

@@ -24,10 +24,10 @@ from swarmctl.core.inference.sensor import PERFECT
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.flight.network import network_of
 from swarmctl.flight.runner import Runner
-from swarmctl.flight.sensors.footprint import Footprint
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.links.base import StatusText
 from swarmctl.mavlink.protocol.outcome import Swapped
+from swarmctl.sensors.footprint import Footprint
 
 TAKES_S = 5.0
 

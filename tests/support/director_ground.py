@@ -20,7 +20,6 @@ from swarmctl.flight.member import Member
 from swarmctl.flight.network import network_of
 from swarmctl.flight.permission import PreflightFailed
 from swarmctl.flight.runner import Runner
-from swarmctl.flight.sensors.footprint import Footprint
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.links.base import (
     CommandFailed,
@@ -32,6 +31,7 @@ from swarmctl.links.base import (
     UploadFailed,
 )
 from swarmctl.mavlink.protocol.outcome import Swapped
+from swarmctl.sensors.footprint import Footprint
 
 MARK = b"sim_vehicle\0"
 WAITING_FOR = "no position estimate yet"

@@ -73,7 +73,7 @@ class World:
         return self._wall_us
 
     def link(self, sysid: int = 1, name: str = "alpha"):
-        return LINKS[self.kind](
+        return LINKS[self.kind].open(
             self.front, WIRE, sysid, name=name, on_event=self.events.append, tlog=self.tlog
         )
 

@@ -65,7 +65,7 @@ class SignedWorld:
         self.key = key
 
     def link(self) -> Any:
-        return LINKS["direct"](self.front, WIRE, 1, name="alpha", on_event=self.events.append)
+        return LINKS["direct"].open(self.front, WIRE, 1, name="alpha", on_event=self.events.append)
 
     def _to_vehicles(self, data: bytes, address: object) -> None:
         self.to_vehicles.append(data)

@@ -1,8 +1,8 @@
 """Failsafe rules in flight: one rule a file. Pure.
 
-A rule is a module with `NAME`, `Params` and `evaluate` (`base.Rule`), and imports `base` and core alone.
-`enforcement` follows the strongest new demand (`base.STRENGTH`). A new rule is a file, a line in `RULES`, and
-a key in `swarmctl.config.failsafes`.
+A rule is a module with `NAME`, `DESCRIPTION`, `Params` and `evaluate` (`base.OptionalRule`). It imports
+`base` and core alone. `enforcement` follows the strongest new demand (`base.STRENGTH`). A new rule is a file
+and a line in `RULES`: its name becomes a key in the section `rules` of configurations.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from swarmctl.agent.failsafes.base import (
     DemandKind,
     FailsafeFacts,
     Fence,
+    OptionalRule,
     Rule,
 )
 
@@ -46,7 +47,7 @@ ALWAYS_ON: tuple[ActiveRule, ...] = (
 )
 """Rules that no configuration turns off."""
 
-RULES: tuple[Rule, ...] = (low_battery, fence_ahead, not_following, gps_loss)
+RULES: tuple[OptionalRule, ...] = (low_battery, fence_ahead, not_following, gps_loss)
 """Rules that a configuration sets by name, or turns off."""
 
 

@@ -118,6 +118,14 @@ class Rule(Protocol):
         """
 
 
+class OptionalRule(Rule, Protocol):
+    """A rule that a configuration sets by its name, or turns off."""
+
+    @property
+    def DESCRIPTION(self) -> str:  # noqa: N802
+        """One sentence for the configuration reference."""
+
+
 @dataclass(frozen=True, slots=True)
 class ActiveRule:
     rule: Rule

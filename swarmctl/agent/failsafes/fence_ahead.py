@@ -23,6 +23,10 @@ from swarmctl.core.planar import PlanarPoint, contains, distance_to_track
 from swarmctl.core.section import Section
 
 NAME = "fence_ahead"
+DESCRIPTION = (
+    "Fence ahead: a copter off its route holds before the fence, a fixed wing returns. "
+    "Outside the fence every vehicle returns."
+)
 
 DECELERATION_M_S2 = 2.5
 """Deceleration [m/s²]: the default of ArduCopter's WPNAV_ACCEL."""

@@ -20,6 +20,7 @@ from swarmctl.agent.failsafes.base import Demand, DemandKind, FailsafeFacts, tru
 from swarmctl.core.section import Section
 
 NAME = "gps_loss"
+DESCRIPTION = "Loss of the GPS fix or position: a warning, later a landing or a return."
 
 
 class Params(Section):

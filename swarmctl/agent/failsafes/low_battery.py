@@ -17,6 +17,7 @@ from swarmctl.agent.failsafes.base import STRENGTH, Demand, DemandKind, Failsafe
 from swarmctl.core.section import Section
 
 NAME = "low_battery"
+DESCRIPTION = "Low battery: the vehicle returns, or lands at its position."
 
 
 class Params(Section):

@@ -12,6 +12,7 @@ from swarmctl.core.planar import PlanarPoint, distance_to_track
 from swarmctl.core.section import Section
 
 NAME = "not_following"
+DESCRIPTION = "Not following: a vehicle in mission mode leaves its route or stops."
 
 MAX_STILL_M_S = 0.5
 """Ground speed below which a vehicle may count as not moving [m/s]."""

@@ -1,7 +1,7 @@
 """Differences between autopilots, one module for each. No I/O.
 
-A new dialect is a module and a line in `_DIALECTS`. Its firmware needs a name in `swarmctl.mavlink.firmware`
-and a parameter table in `swarmctl.preflight.policy`.
+A new dialect is a module and a line in `_DIALECTS`. Its `firmware` names a table of parameters in
+`swarmctl.preflight.policy`.
 """
 
 from __future__ import annotations

@@ -134,6 +134,7 @@ class ArduPilot:
 class ArduCopter(ArduPilot):
     """`Dialect` of ArduCopter."""
 
+    firmware = "ArduCopter"
     # Hold mode is GUIDED: without radio control LOITER reads the throttle stick as "down" and lands hard.
     # BRAKE also holds, but a launch needs GUIDED.
     mode_names = modes("COPTER_MODE")

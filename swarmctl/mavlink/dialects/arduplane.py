@@ -35,6 +35,7 @@ MIN_TURN_M, MAX_TURN_M = 1.0, 255.0
 class ArduPlane(ArduPilot):
     """`Dialect` of ArduPlane."""
 
+    firmware = "ArduPlane"
     # GUIDED circles at the position and altitude where the mode was set, without a pilot's stick
     # (`ModeGuided::_enter`). LOITER changes to RTL after a loss of radio control; by default GUIDED stays.
     mode_names = modes("PLANE_MODE")

@@ -37,6 +37,10 @@ class Dialect(Protocol):
         """Name for messages, e.g. ArduPilot."""
 
     @property
+    def firmware(self) -> str:
+        """Name of the firmware in the tables of parameters (`swarmctl.preflight.policy`)."""
+
+    @property
     def hold_mode(self) -> str:
         """Mode that holds the vehicle in the air without a pilot; a mission can start from this mode."""
 

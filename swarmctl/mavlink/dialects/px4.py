@@ -125,6 +125,7 @@ class Px4:
 class Px4Copter(Px4):
     """`Dialect` of PX4 multicopters."""
 
+    firmware = "PX4"
     land_mode = "AUTO.LAND"
     land_command = None
     lands_at_nearest = True

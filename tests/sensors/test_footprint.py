@@ -8,7 +8,7 @@ import pytest
 from swarmctl.core.grid import Grid
 from swarmctl.core.inference.sensor import PERFECT, SensorModel
 from swarmctl.core.vehicle import Landed, VehicleState
-from swarmctl.flight.sensors.footprint import Footprint
+from swarmctl.sensors.footprint import Footprint
 
 GRID = Grid(5, 5, 50.0, 46.0, 14.0)
 HOSTILES = frozenset({(1, 1), (4, 4)})

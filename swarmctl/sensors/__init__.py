@@ -1,8 +1,8 @@
-"""Sensors: plug-ins that return a vehicle's observations at its position. They import only core.
+"""Sensors: plug-ins that return a vehicle's observations at its position. Pure.
 
-`footprint` simulates the paper's sensor and knows the true threats. `SOURCES` maps `sensor.source` of the
-configuration to the sensor of each vehicle. A new simulated sensor is a module here, a line in `SOURCES`, and
-its name in `swarmctl.config.model.Sensor`.
+`footprint` simulates the paper's sensor. It knows the true threats, so agents and planners may not import
+this room. A new simulated sensor is a module here and a line in `SOURCES`; its name is a value of
+`sensor.source`. Imports core. Begin with `Sensor`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.inference.sensor import SensorModel
 from swarmctl.core.vehicle import VehicleState
-from swarmctl.flight.sensors.footprint import Footprint
+from swarmctl.sensors.footprint import Footprint
 
 
 class Sensor(Protocol):
@@ -43,6 +43,10 @@ class Source:
     """a factory of a vehicle's sensor, from area, hostiles, error rates and random generator"""
     external: bool
     """True if payloads may report (`swarmctl.bus.external_observations`)"""
+
+    @property
+    def is_simulated(self) -> bool:
+        return self.sensor is not NoSensor
 
 
 SOURCES = {
