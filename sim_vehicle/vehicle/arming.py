@@ -48,7 +48,7 @@ class Arming:
         self._armed_at_s, self._flown = now, False
         self._was_airborne = vehicle.body.airborne
         self._taken_off_at_s = math.nan
-        vehicle.flight.cleared_for_takeoff = in_mission and vehicle.flight_parameters.mission_takes_off
+        vehicle.flight.cleared_for_takeoff = in_mission and vehicle.flight_parameters.mission.takes_off
         vehicle.body.arm(True)
         vehicle.announce(text)
         vehicle.flight.begin_takeoff()
@@ -63,7 +63,7 @@ class Arming:
     def _may_arm(self, *, in_mission: bool, now: float) -> bool:
         vehicle = self._vehicle
         reasons = vehicle.personality.refusals(vehicle, now)
-        armable = vehicle.mode.armable or (in_mission and vehicle.flight_parameters.mission_mode_armable)
+        armable = vehicle.mode.armable or (in_mission and vehicle.flight_parameters.arming.in_mission_mode)
         if not armable:
             reasons = [*reasons, *vehicle.sender.texts_for("not_armable", mode=vehicle.mode.name)]
         for reason in reasons:
@@ -116,8 +116,8 @@ class Arming:
         self._flown = self._flown or airborne
         if airborne:
             return math.inf
-        flight_parameters = vehicle.flight_parameters
-        delay_s = flight_parameters.disarm_landed_s if self._flown else flight_parameters.disarm_unflown_s
+        parameters = vehicle.flight_parameters.arming
+        delay_s = parameters.disarm_landed_s if self._flown else parameters.disarm_unflown_s
         if vehicle.remote.keeps_armed(now):
             self._idle_since_s = now
         due_s = max(self._armed_at_s, vehicle.flight.ground_since_s, self._idle_since_s) + delay_s

@@ -65,7 +65,9 @@ class AttitudeSetpoints:
         """Fly with angles [rad] and thrust in [0, 1]; `yaw_rate` [rad/s] replaces the turn to `yaw`."""
         flight_parameters, body = self._vehicle.flight_parameters, self._vehicle.body
         excess = min(max(thrust, 0.0), 1.0) - HOVER_THRUST if math.isfinite(thrust) else 0.0
-        max_climb_m_s = flight_parameters.climb_m_s if excess > 0 else flight_parameters.descent_m_s
+        max_climb_m_s = (
+            flight_parameters.limits.climb_m_s if excess > 0 else flight_parameters.limits.descent_m_s
+        )
         climb_m_s = 2 * excess * max_climb_m_s
         east, north = lean_acceleration_m_s2(roll, pitch, yaw)
         yaw_rad = yaw if yaw_rate is None else None

@@ -201,7 +201,7 @@ class Autopilot:
     def receive(self, message: Any, now: float) -> None:
         """Process one message; ignore a message to another vehicle, and every message during a boot."""
         if not self.booted or (
-            self.flight_parameters.gcs_only and message.get_srcSystem() != self.flight_parameters.gcs_sysid
+            self.flight_parameters.gcs.only and message.get_srcSystem() != self.flight_parameters.gcs.sysid
         ):
             return
         kind = message.get_type()
@@ -229,7 +229,7 @@ class Autopilot:
 
     def _receive_heartbeat(self, heartbeat: Any, now: float) -> None:
         sysid = heartbeat.get_srcSystem()
-        if heartbeat.type == mavlink.MAV_TYPE_GCS or sysid == self.flight_parameters.gcs_sysid:
+        if heartbeat.type == mavlink.MAV_TYPE_GCS or sysid == self.flight_parameters.gcs.sysid:
             self.failsafes.receive_heartbeat(sysid, now)
 
     def set_parameter(self, name: str, value: float) -> None:

@@ -7,20 +7,11 @@ action in flight.
 """
 
 import math
-from dataclasses import dataclass
 
 from sim_vehicle.personalities.base import Vehicle
-from sim_vehicle.vehicle.flight_parameters import FailsafeAction, FlightParameters
+from sim_vehicle.vehicle.flight_parameters import BatteryParameters, FailsafeAction
 
 MAX_LEVEL = 3
-
-
-@dataclass(frozen=True, slots=True)
-class _Stage:
-    text: str
-    below_v: float
-    below_share: float
-    action: FailsafeAction
 
 
 class BatteryWatch:
@@ -31,39 +22,37 @@ class BatteryWatch:
         self.level = 0
         self._level_at_arming = 0
         self._low_since_s = [math.inf] * MAX_LEVEL
-        self._flight_parameters: FlightParameters | None = None  # source of the stages
-        self._stages: tuple[_Stage, ...] = ()
+
+    @property
+    def _parameters(self) -> BatteryParameters:
+        return self._vehicle.flight_parameters.battery
 
     @property
     def failsafe_level(self) -> int:
         """0 none (or a warning), 1 low, 2 critical."""
-        warns = self._vehicle.flight_parameters.battery_warning_share is not None
-        return max(self.level - warns, 0)
+        return max(self.level - len(self._parameters.levels) + 2, 0)
 
     def update(self, now: float) -> FailsafeAction:
         """Check the battery, announce a worse level, and return the action of that level."""
         vehicle = self._vehicle
         if vehicle.personality.battery_latches and not vehicle.armed:
             return FailsafeAction.NOTHING
-        if vehicle.flight_parameters is not self._flight_parameters:
-            self._flight_parameters = vehicle.flight_parameters
-            self._stages = _stages(vehicle.flight_parameters)
         present, before = self._present_level(now), self.level
         if not vehicle.armed:
             self.level = self._level_at_arming = present
         self.level = max(self.level, present)
         if self.level <= before:
             return FailsafeAction.NOTHING
-        stage, body = self._stages[present - 1], vehicle.body
-        vehicle.announce(stage.text, volts=body.voltage_v, used_mah=body.used_mah)
+        stage, body = self._parameters.levels[present - 1], vehicle.body
+        vehicle.announce(stage.event, volts=body.voltage_v, used_mah=body.used_mah)
         return stage.action if present > self._level_at_arming else FailsafeAction.WARN
 
     def _present_level(self, now: float) -> int:
-        """Return the present level; a low voltage counts after `battery_delay_s`."""
-        body, delay_s = self._vehicle.body, self._vehicle.flight_parameters.battery_delay_s
+        """Return the present level; a low voltage counts after `delay_s`."""
+        body, delay_s = self._vehicle.body, self._parameters.delay_s
         voltage_v, share = body.voltage_v, body.battery_remaining
         level = 0
-        for index, stage in enumerate(self._stages):
+        for index, stage in enumerate(self._parameters.levels):
             if not voltage_v < stage.below_v:
                 self._low_since_s[index] = math.inf
             elif math.isinf(self._low_since_s[index]):
@@ -71,26 +60,3 @@ class BatteryWatch:
             if now - self._low_since_s[index] >= delay_s or share < stage.below_share:
                 level = index + 1
         return level
-
-
-def _stages(flight_parameters: FlightParameters) -> tuple[_Stage, ...]:
-    stages = (
-        _Stage(
-            "battery_low",
-            flight_parameters.battery_low_v,
-            flight_parameters.battery_low_share,
-            flight_parameters.battery_low_action,
-        ),
-        _Stage(
-            "battery_critical",
-            flight_parameters.battery_critical_v,
-            flight_parameters.battery_critical_share,
-            flight_parameters.battery_critical_action,
-        ),
-    )
-    if flight_parameters.battery_warning_share is None:
-        return stages
-    return (
-        _Stage("battery_warning", 0.0, flight_parameters.battery_warning_share, FailsafeAction.WARN),
-        *stages,
-    )

@@ -4,7 +4,6 @@ Limits and actions come from the personality's `FlightParameters`, texts from th
 """
 
 import math
-from collections.abc import Mapping
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -12,7 +11,7 @@ from sim_vehicle.epoch import EPSILON_S
 from sim_vehicle.personalities.base import Vehicle
 from sim_vehicle.vehicle.battery_watch import BatteryWatch
 from sim_vehicle.vehicle.behaviour import Behaviour, Mode
-from sim_vehicle.vehicle.flight_parameters import FailsafeAction
+from sim_vehicle.vehicle.flight_parameters import FailsafeAction, LinkAction
 from sim_vehicle.vehicle.remote_watch import LONG, SHORT, RemoteWatch
 
 CHECK_INTERVAL_S = 0.1
@@ -63,7 +62,7 @@ class Failsafes:
 
     def receive_heartbeat(self, sysid: int, now: float) -> None:
         """Process a heartbeat of the ground station `sysid` at `now` [s]."""
-        expected = self._vehicle.flight_parameters.gcs_sysid
+        expected = self._vehicle.flight_parameters.gcs.sysid
         if expected is None or sysid == expected:
             self._gcs_heartbeat_s = now
 
@@ -78,20 +77,20 @@ class Failsafes:
         self._watch_rc(now)
         self._watch_position(now)
         self._end_hold(now)
-        flight_parameters = self._vehicle.flight_parameters
+        timeout_s = self._vehicle.flight_parameters.gcs.timeout_s
         due_s = (
             self._remote.next_s
             if self._held_action is None
             else min(self._held_action[1], self._remote.next_s)
         )
-        if self._gcs_heartbeat_s is None or self.gcs_lost or math.isinf(flight_parameters.gcs_timeout_s):
+        if self._gcs_heartbeat_s is None or self.gcs_lost or math.isinf(timeout_s):
             return due_s
-        return min(due_s, self._gcs_heartbeat_s + flight_parameters.gcs_timeout_s + CHECK_INTERVAL_S)
+        return min(due_s, self._gcs_heartbeat_s + timeout_s + CHECK_INTERVAL_S)
 
     @property
     def gcs_missing(self) -> bool:
         """True if heartbeats of ground stations are watched but none has arrived since the boot."""
-        return self._gcs_heartbeat_s is None and not math.isinf(self._vehicle.flight_parameters.gcs_timeout_s)
+        return self._gcs_heartbeat_s is None and not math.isinf(self._vehicle.flight_parameters.gcs.timeout_s)
 
     def act(self, action: FailsafeAction, now: float, *, at_once: bool = False) -> None:
         """Carry out the action of a failsafe or of the fence.
@@ -183,26 +182,23 @@ class Failsafes:
         return mode
 
     def _go_to_return_point(self) -> None:
-        """Fly to the fence's return point, else home, at `fence_return_height_m` above home."""
+        """Fly to the fence's return point, else home, at the fence's `return_height_m` above home."""
         vehicle = self._vehicle
         place_deg = vehicle.fence.return_point_deg or vehicle.home_and_rally.home_deg
-        alt_amsl_m = vehicle.flight.home().alt_amsl_m + vehicle.flight_parameters.fence_return_height_m
+        alt_amsl_m = vehicle.flight.home().alt_amsl_m + vehicle.flight_parameters.fence.return_height_m
         vehicle.flight.guided_go(*place_deg, alt_amsl_m)
 
     def gcs_late(self, now: float) -> bool:
-        """Return True if the ground station is silent too long, or is missing with `gcs_missing_is_lost`."""
-        flight_parameters = self._vehicle.flight_parameters
+        """Return True if the ground station is silent too long, or is missing with `missing_is_lost`."""
+        gcs = self._vehicle.flight_parameters.gcs
         if self._gcs_heartbeat_s is None:
-            return self.gcs_missing and flight_parameters.gcs_missing_is_lost
-        return now - self._gcs_heartbeat_s > flight_parameters.gcs_timeout_s
+            return self.gcs_missing and gcs.missing_is_lost
+        return now - self._gcs_heartbeat_s > gcs.timeout_s
 
-    def _handle_lost_link(
-        self, link: str, normal: FailsafeAction, by_mode: Mapping[int, FailsafeAction], now: float
-    ) -> None:
-        """Announce a lost link and act; in the air, `by_mode` (mode number -> action) replaces `normal`."""
-        vehicle = self._vehicle
-        mode, flying = vehicle.mode, vehicle.flight.flying
-        action = by_mode.get(mode.number, normal) if flying else normal
+    def _handle_lost_link(self, link: str, actions: LinkAction, now: float) -> None:
+        """Announce a lost link and act."""
+        vehicle, mode, normal = self._vehicle, self._vehicle.mode, actions.normal
+        action = actions.by_mode.get(mode.number, normal) if vehicle.flight.flying else normal
         if action is not FailsafeAction.NOTHING or normal is FailsafeAction.NOTHING:
             vehicle.announce(f"{link}_lost")
         elif mode.behaviour is Behaviour.MISSION:
@@ -213,38 +209,36 @@ class Failsafes:
         vehicle.announce(f"{link}_stays" if vehicle.mode is mode else f"{link}_acted", mode=vehicle.mode.name)
 
     def _watch_gcs(self, now: float) -> None:
-        vehicle, flight_parameters = self._vehicle, self._vehicle.flight_parameters
+        vehicle = self._vehicle
         late = self.gcs_late(now)
         if late and not self.gcs_lost and vehicle.armed:
             self.gcs_lost = True
-            self._handle_lost_link("gcs", flight_parameters.gcs_action, flight_parameters.gcs_action_in, now)
+            self._handle_lost_link("gcs", vehicle.flight_parameters.gcs.action, now)
         elif self.gcs_lost and not late:
             self.gcs_lost = False
             vehicle.announce("gcs_back")
 
     def _watch_rc(self, now: float) -> None:
-        vehicle, flight_parameters = self._vehicle, self._vehicle.flight_parameters
+        vehicle, parameters = self._vehicle, self._vehicle.flight_parameters.rc
         mode_before = vehicle.mode.number
         stage = self._remote.update(now)
         if stage == LONG:
-            self._handle_lost_link(stage, flight_parameters.rc_action, flight_parameters.rc_action_in, now)
-        elif stage == SHORT and flight_parameters.rc_short_action is not None:
-            self._handle_lost_link(
-                stage, flight_parameters.rc_short_action, flight_parameters.rc_short_action_in, now
-            )
+            self._handle_lost_link(stage, parameters.action, now)
+        elif stage == SHORT and parameters.short_action is not None:
+            self._handle_lost_link(stage, parameters.short_action, now)
             self._remote.record_mode_change(mode_before, vehicle.mode.number)
 
     def _watch_position(self, now: float) -> None:
-        vehicle, flight_parameters = self._vehicle, self._vehicle.flight_parameters
-        watched = flight_parameters.position_watched and vehicle.readiness.position_ready(now)
+        vehicle, parameters = self._vehicle, self._vehicle.flight_parameters.position
+        watched = parameters.watched and vehicle.readiness.position_ready(now)
         lost = watched and not vehicle.body.position_ok
         if lost and not self.position_lost and vehicle.armed:
             self.position_lost = True
             vehicle.announce("position_lost")
-            action = flight_parameters.position_lost_action
+            action = parameters.lost_action
             if action is FailsafeAction.HOLD_ALTITUDE and self.rc_lost:
                 action = FailsafeAction.LAND
-            if vehicle.mode.needs_position or flight_parameters.position_lost_everywhere:
+            if vehicle.mode.needs_position or parameters.lost_everywhere:
                 self.act(action, now, at_once=True)
         elif self.position_lost and not lost:
             self.position_lost = False

@@ -9,7 +9,7 @@ import math
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.personalities.base import Vehicle
-from sim_vehicle.vehicle.flight_parameters import FailsafeAction
+from sim_vehicle.vehicle.flight_parameters import FailsafeAction, FenceParameters
 from sim_vehicle.vehicle.rally import distance_m
 
 ALTITUDE_MAX, CIRCLE, POLYGON, ALTITUDE_MIN = "altitude_max", "circle", "polygon", "altitude_min"
@@ -41,7 +41,7 @@ class FenceWatch:
         self.breached: frozenset[str] = frozenset()
         self.count = 0
         self.last_s = 0.0  # start of the latest breach
-        self._enabled_by_parameter = vehicle.flight_parameters.fence_enabled
+        self._enabled_by_parameter = self._parameters.enabled
         # limits set when the fence was enabled; only these are enforced if `fence_limits_latch`
         self._limits_at_enabling = self._configured()
         self._floor_enforced = False  # the minimum altitude is enforced
@@ -50,12 +50,16 @@ class FenceWatch:
         self._recovers_until_s = -math.inf
 
     @property
+    def _parameters(self) -> FenceParameters:
+        return self._vehicle.flight_parameters.fence
+
+    @property
     def enabled(self) -> bool:
         by_command = self._enabled_by_command
-        return self._vehicle.flight_parameters.fence_enabled if by_command is None else by_command
+        return self._parameters.enabled if by_command is None else by_command
 
     def parameters_changed(self) -> None:
-        by_parameter = self._vehicle.flight_parameters.fence_enabled
+        by_parameter = self._parameters.enabled
         if by_parameter != self._enabled_by_parameter:
             self._enabled_by_parameter, self._enabled_by_command = by_parameter, None
             self._limits_at_enabling = self._configured()
@@ -67,11 +71,11 @@ class FenceWatch:
 
     def _configured(self) -> frozenset[str]:
         """Return the limits set by the parameters, except the minimum altitude."""
-        flight_parameters = self._vehicle.flight_parameters
+        limits = self._parameters
         is_set = {
-            ALTITUDE_MAX: math.isfinite(flight_parameters.fence_max_height_m),
-            CIRCLE: math.isfinite(flight_parameters.fence_radius_m),
-            POLYGON: flight_parameters.fence_polygons,
+            ALTITUDE_MAX: math.isfinite(limits.max_height_m),
+            CIRCLE: math.isfinite(limits.radius_m),
+            POLYGON: limits.polygons,
         }
         return frozenset(limit for limit, has_value in is_set.items() if has_value)
 
@@ -84,21 +88,21 @@ class FenceWatch:
     @property
     def has_limits(self) -> bool:
         """True if any limit is set."""
-        flight_parameters = self._vehicle.flight_parameters
+        limits = self._parameters
         return (
-            math.isfinite(flight_parameters.fence_max_height_m)
-            or math.isfinite(flight_parameters.fence_radius_m)
-            or math.isfinite(flight_parameters.fence_min_height_m)
-            or (flight_parameters.fence_polygons and bool(self._vehicle.fence.zones))
+            math.isfinite(limits.max_height_m)
+            or math.isfinite(limits.radius_m)
+            or math.isfinite(limits.min_height_m)
+            or (limits.polygons and bool(self._vehicle.fence.zones))
         )
 
     @property
     def ceiling_amsl_m(self) -> float:
         """Highest altitude of a return if `return_under_fence` [m above mean sea level]; inf: no limit."""
-        flight_parameters = self._vehicle.flight_parameters
+        limits = self._parameters
         if not self.enabled:
             return math.inf
-        above_home_m = flight_parameters.fence_max_height_m - flight_parameters.fence_margin_m
+        above_home_m = limits.max_height_m - limits.margin_m
         return self._vehicle.home_and_rally.home_or_here.alt_amsl_m + above_home_m
 
     @property
@@ -151,13 +155,10 @@ class FenceWatch:
 
     def _update_floor(self) -> None:
         """Enforce the minimum altitude after the vehicle has exceeded it by the margin, until the landing."""
-        vehicle, flight_parameters = self._vehicle, self._vehicle.flight_parameters
+        vehicle, limits = self._vehicle, self._parameters
         if vehicle.flight.landing_now or not vehicle.flight.flying:
             self._floor_enforced = False
-        elif (
-            vehicle.home_and_rally.height_above_home_m
-            >= flight_parameters.fence_min_height_m + flight_parameters.fence_margin_m
-        ):
+        elif vehicle.home_and_rally.height_above_home_m >= limits.min_height_m + limits.margin_m:
             self._floor_enforced = True
 
     def _beyond_here_m(self) -> dict[str, float]:
@@ -166,14 +167,14 @@ class FenceWatch:
 
     def _beyond_m(self, lat_deg: float, lon_deg: float, height_m: float) -> dict[str, float]:
         """Return the distance of a position beyond each breached limit [m]."""
-        vehicle, flight_parameters = self._vehicle, self._vehicle.flight_parameters
-        beyond_m = {ALTITUDE_MAX: height_m - flight_parameters.fence_max_height_m}
-        if math.isfinite(flight_parameters.fence_radius_m):
+        vehicle, limits = self._vehicle, self._parameters
+        beyond_m = {ALTITUDE_MAX: height_m - limits.max_height_m}
+        if math.isfinite(limits.radius_m):
             away_m = distance_m(vehicle.home_and_rally.home_deg, (lat_deg, lon_deg))
-            beyond_m[CIRCLE] = away_m - flight_parameters.fence_radius_m
+            beyond_m[CIRCLE] = away_m - limits.radius_m
         if self._floor_enforced:
-            beyond_m[ALTITUDE_MIN] = flight_parameters.fence_min_height_m - height_m
-        if flight_parameters.fence_polygons and vehicle.fence.breaches(lat_deg, lon_deg):
+            beyond_m[ALTITUDE_MIN] = limits.min_height_m - height_m
+        if limits.polygons and vehicle.fence.breaches(lat_deg, lon_deg):
             beyond_m[POLYGON] = 0.0
         if vehicle.personality.fence_limits_latch:
             enforced = self._limits_at_enabling | {ALTITUDE_MIN}
@@ -197,7 +198,7 @@ class FenceWatch:
         vehicle.announce("fence_breached", names=names_of(frozenset(new)))
         for limit in sorted(new):
             vehicle.announce(f"fence_{limit}")
-        action = vehicle.flight_parameters.fence_action
-        is_too_far = max(new.values()) > vehicle.flight_parameters.fence_give_up_m
+        action = self._parameters.action
+        is_too_far = max(new.values()) > self._parameters.give_up_m
         acts = action not in (FailsafeAction.NOTHING, FailsafeAction.WARN)
         vehicle.failsafes.act(FailsafeAction.LAND if acts and is_too_far else action, now)

@@ -68,7 +68,7 @@ class Flight:
         self._ground_since_s = -math.inf
         self._manoeuvre: Manoeuvre | None = None
         self.guided_target_m: tuple[float, float, float] | None = None
-        # limits set in flight, by the name of the replaced flight parameter
+        # limits set in flight, by name
         self._set_in_flight: dict[str, float] = {}
 
     # -- state --------------------------------------------------------------------------------------------
@@ -98,17 +98,7 @@ class Flight:
         return self.armed and self.body.airborne
 
     def landing_speed_m_s(self) -> float:
-        above_home_m = self.body.alt_amsl_m - self.home().alt_amsl_m
-        flight_parameters = self.flight_parameters
-        slow_m, slowing_m = flight_parameters.landing_slow_below_m, flight_parameters.landing_slowing_below_m
-        if above_home_m < slow_m:
-            return flight_parameters.landing_speed_m_s
-        if above_home_m < slowing_m:
-            share = (above_home_m - slow_m) / (slowing_m - slow_m)
-            return flight_parameters.landing_speed_m_s + share * (
-                flight_parameters.landing_speed_high_m_s - flight_parameters.landing_speed_m_s
-            )
-        return flight_parameters.landing_speed_high_m_s
+        return self.flight_parameters.landing.speed_at(self.body.alt_amsl_m - self.home().alt_amsl_m)
 
     def limit(self, **limits: float) -> None:
         """Replace limits of the parameters (see `Body.limit`) until the mode changes."""
@@ -122,37 +112,19 @@ class Flight:
 
     def parameters_changed(self, before: FlightParameters) -> None:
         """Apply changed parameters; a limit set in flight stays unless its parameter changed."""
-        after = self.flight_parameters
+        old, new = _limits(before), _limits(self.flight_parameters)
         self._set_in_flight = {
-            name: value
-            for name, value in self._set_in_flight.items()
-            if getattr(before, name) == getattr(after, name)
+            name: value for name, value in self._set_in_flight.items() if old[name] == new[name]
         }
         self.apply_limits()
 
     def apply_limits(self) -> None:
         """Set the airframe's limits: from the parameters, then from commands in flight."""
-        flight_parameters = self.flight_parameters
-        self.body.limit(
-            speed_m_s=flight_parameters.speed_m_s,
-            climb_m_s=flight_parameters.climb_m_s,
-            descent_m_s=flight_parameters.descent_m_s,
-            acceleration_m_s2=flight_parameters.acceleration_m_s2,
-            vertical_acceleration_m_s2=flight_parameters.vertical_acceleration_m_s2,
-            acceptance_radius_m=flight_parameters.waypoint_radius_m,
-            yaw_rate_deg_s=flight_parameters.yaw_rate_deg_s,
-        )
-        if self.body.plane:
-            self.body.limit(
-                airspeed_min_m_s=flight_parameters.airspeed_min_m_s,
-                airspeed_max_m_s=flight_parameters.airspeed_max_m_s,
-                loiter_radius_m=flight_parameters.loiter_radius_m,
-                bank_limit_deg=flight_parameters.bank_limit_deg,
-                stall_m_s=flight_parameters.stall_m_s,
-            )
+        parameters = self.flight_parameters
+        self.body.limit(**_limits(parameters) if self.body.plane else vars(parameters.limits))
         self.body.limit(**self._set_in_flight)
-        self.body.set_wind(flight_parameters.wind_m_s, flight_parameters.wind_from_deg)
-        self.body.set_battery(capacity_mah=flight_parameters.capacity_mah, full_v=flight_parameters.full_v)
+        self.body.set_wind(*parameters.wind)
+        self.body.set_battery(capacity_mah=parameters.battery.capacity_mah, full_v=parameters.battery.full_v)
 
     def next_run_s(self, now: float) -> float:
         """Return the latest time of the next run [s]; an event of the body requires an immediate run."""
@@ -186,7 +158,7 @@ class Flight:
         self.apply_limits()
         self.body.face(None)
         if mode.behaviour is Behaviour.MISSION:
-            self.mission.start_or_resume(self.pilot, restart=self.flight_parameters.mission_restarts)
+            self.mission.start_or_resume(self.pilot, restart=self.flight_parameters.mission.restarts)
         elif self.flying:
             self.body.stop()
             if mode.behaviour is Behaviour.LAND:
@@ -200,7 +172,7 @@ class Flight:
         if self.behaviour is not Behaviour.TAKEOFF:
             self.takeoff_amsl_m = None
         elif self.armed:
-            target_amsl_m = self.home().alt_amsl_m + self.flight_parameters.takeoff_height_m
+            target_amsl_m = self.home().alt_amsl_m + self.flight_parameters.takeoff.height_m
             if self.takeoff_amsl_m is not None:
                 target_amsl_m = max(self.takeoff_amsl_m, target_amsl_m)
             self.climb_to(max(target_amsl_m, self.body.alt_amsl_m))
@@ -255,8 +227,8 @@ class Flight:
     def climb_to(self, alt_amsl_m: float) -> None:
         """Climb to an altitude [m above mean sea level], from the ground or in the air."""
         self.cleared_for_takeoff = self.taking_off = True
-        if self.flight_parameters.takeoff_speed_m_s is not None:
-            self.limit(climb_m_s=self.flight_parameters.takeoff_speed_m_s)
+        if self.flight_parameters.takeoff.speed_m_s is not None:
+            self.limit(climb_m_s=self.flight_parameters.takeoff.speed_m_s)
         self._manoeuvre = Takeoff(self, alt_amsl_m)
 
     def fly(self, manoeuvre: Manoeuvre) -> None:
@@ -329,3 +301,7 @@ class Flight:
         if frame in (mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT, mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT):
             return self.body.ground_amsl_m + z_m
         return self.home().alt_amsl_m + z_m
+
+
+def _limits(parameters: FlightParameters) -> dict[str, float]:
+    return vars(parameters.limits) | vars(parameters.wing)

@@ -73,11 +73,12 @@ class HomeAndRally:
     def return_place(self) -> GeodeticPosition:
         """Return the nearest rally point within the limit, or home."""
         vehicle, home = self._vehicle, self.home_or_here
+        parameters = vehicle.flight_parameters.rally
         point = self.rally.nearest(
             vehicle.body.lat_lon_deg,
             (home.lat_deg, home.lon_deg),
-            limit_m=vehicle.flight_parameters.rally_limit_m,
-            include_home=vehicle.flight_parameters.rally_includes_home,
+            limit_m=parameters.limit_m,
+            include_home=parameters.includes_home,
         )
         if point is None or point.place_deg is None:
             return home

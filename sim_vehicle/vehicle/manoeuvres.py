@@ -60,19 +60,19 @@ class Landing:
 class Return:
     """Return to launch: climb, flight to home or to the nearest rally point, wait, landing.
 
-    With `return_final_height_m` and remote control, the vehicle stays at this height instead of landing
+    With `final_height_m` and remote control, the vehicle stays at this height instead of landing
     (`ModeRTL::run`).
     """
 
     def __init__(self, flight: FlightControl) -> None:
         self._flight = flight
-        body, flight_parameters = flight.body, flight.flight_parameters
+        body, parameters = flight.body, flight.flight_parameters.returning
         self._place = flight.return_place()
         east_m, north_m, up_m = body.position_m
         self._up_m = self._travel_altitude_m(up_m)
-        flight.limit(speed_m_s=flight_parameters.return_speed_m_s)
-        if body.plane and flight_parameters.return_loiter_radius_m:
-            flight.limit(loiter_radius_m=flight_parameters.return_loiter_radius_m)
+        flight.limit(speed_m_s=parameters.speed_m_s)
+        if body.plane and parameters.loiter_radius_m:
+            flight.limit(loiter_radius_m=parameters.loiter_radius_m)
         self._hover_descent_is_past = False
         self._flies_home = body.plane  # a plane climbs on its way
         if body.plane:
@@ -83,36 +83,37 @@ class Return:
         self._landing: Landing | None = None
         self._stays_in_air = False
         # The landing sequence of the mission replaces the landing of the return.
-        mission_lands = flight_parameters.return_lands in (1, 2)
+        mission_lands = parameters.lands in (1, 2)
         self._mission_lands = flight.behaviour is Behaviour.RETURN and mission_lands
 
     def _travel_altitude_m(self, up_m: float) -> float:
         """Return the travel altitude for a start at `up_m` [m above mean sea level]."""
-        home, flight_parameters = self._flight.home(), self._flight.flight_parameters
+        home, parameters = self._flight.home(), self._flight.flight_parameters.returning
+        rally_altitude = self._flight.flight_parameters.rally.altitude
         place_amsl_m = self._place.alt_amsl_m
-        if self._place == home or flight_parameters.rally_altitude is RallyAltitude.GROUND:
+        if self._place == home or rally_altitude is RallyAltitude.GROUND:
             travel_amsl_m = place_amsl_m + self._travel_height_m()
-        elif flight_parameters.rally_altitude is RallyAltitude.EXACT:
+        elif rally_altitude is RallyAltitude.EXACT:
             return place_amsl_m
         else:
             travel_amsl_m = max(place_amsl_m, home.alt_amsl_m + self._travel_height_m())
-        if flight_parameters.return_under_fence:
+        if parameters.under_fence:
             travel_amsl_m = min(travel_amsl_m, self._flight.ceiling_amsl_m())
-        return travel_amsl_m if flight_parameters.return_descends else max(up_m, travel_amsl_m)
+        return travel_amsl_m if parameters.descends else max(up_m, travel_amsl_m)
 
     def _travel_height_m(self) -> float:
         """Return the travel height above the destination or home [m]."""
-        body, flight_parameters = self._flight.body, self._flight.flight_parameters
-        if flight_parameters.return_height_at is None:
-            return flight_parameters.return_height_m
+        body, parameters = self._flight.body, self._flight.flight_parameters.returning
+        if parameters.height_at is None:
+            return parameters.height_m
         east_m, north_m, up_m = body.position_m
         place_m = body.locate(self._place.lat_deg, self._place.lon_deg)
         distance_m = math.dist((east_m, north_m), place_m)
-        return flight_parameters.return_height_at(distance_m, up_m - self._place.alt_amsl_m)
+        return parameters.height_at(distance_m, up_m - self._place.alt_amsl_m)
 
     def _descend(self) -> bool:
         """Begin a descent to the hover height; return False if no descent is needed."""
-        hover_m = self._flight.flight_parameters.return_hover_height_m
+        hover_m = self._flight.flight_parameters.returning.hover_height_m
         self._hover_descent_is_past = True
         if (
             hover_m is None
@@ -125,7 +126,7 @@ class Return:
 
     def _end(self) -> None:
         flight = self._flight
-        final_height_m = flight.flight_parameters.return_final_height_m
+        final_height_m = flight.flight_parameters.returning.final_height_m
         if final_height_m is None or flight.remote_lost():
             self._landing = Landing(flight, None)
             return
@@ -139,7 +140,7 @@ class Return:
 
     def update(self, now: float) -> bool:
         flight = self._flight
-        if self._mission_lands and (flight.flight_parameters.return_lands == 2 or flight.body.reached):
+        if self._mission_lands and (flight.flight_parameters.returning.lands == 2 or flight.body.reached):
             self._mission_lands = False
             if flight.start_landing():
                 return False  # the mode has changed
@@ -153,7 +154,7 @@ class Return:
         elif flight.body.reached:
             if self._flies_home:
                 if self._hover_descent_is_past or not self._descend():
-                    self._land_at_s = now + flight.flight_parameters.return_wait_s
+                    self._land_at_s = now + flight.flight_parameters.returning.wait_s
             else:
                 self._fly_home()
                 self._flies_home = True
@@ -199,7 +200,7 @@ class CircleToAltitude:
         # A plane on the circle cannot head for a position inside the circle.
         inside = next_m is not None and math.dist(next_m, centre_m[:2]) <= INSIDE_RADII * abs(radius_m)
         self._next_m = None if inside else next_m
-        self._approaching = flight.flight_parameters.circles_first
+        self._approaching = flight.flight_parameters.mission.circles_first
         up_m = flight.body.alt_amsl_m if self._approaching else centre_m[2]
         flight.body.loiter(*centre_m[:2], up_m, radius_m)
 
@@ -248,7 +249,7 @@ class Circling:
         self._flown_rad = 0.0
         self._last_bearing_rad: float | None = None
         if flight.body.plane:
-            flight.body.loiter(*centre_m, radius_m or flight.flight_parameters.loiter_radius_m)
+            flight.body.loiter(*centre_m, radius_m or flight.flight_parameters.wing.loiter_radius_m)
         else:
             self._fly_to_point()
 

@@ -107,7 +107,7 @@ class MissionPilot:
         """Return True if the vehicle climbs in place before it flies to `item` (`checkClimbRequired`)."""
         flight = self._flight
         climbs = flight.mission.climbs_first and item.command not in (*TAKEOFFS, *LANDINGS)
-        tolerance_m = flight.flight_parameters.waypoint_height_m
+        tolerance_m = flight.flight_parameters.mission.waypoint_height_m
         return climbs and self._target_m[2] - flight.body.alt_amsl_m > tolerance_m
 
     def _begin_climb(self) -> None:
@@ -117,7 +117,8 @@ class MissionPilot:
         if body.plane and not body.airborne:
             place_m = self._straight_ahead(body.heading_rad)
             self._flight.go(
-                (*place_m, self._target_m[2] + CLIMB_MARGIN_M), self._flight.flight_parameters.speed_m_s
+                (*place_m, self._target_m[2] + CLIMB_MARGIN_M),
+                self._flight.flight_parameters.limits.speed_m_s,
             )
         else:
             self._flight.go((east_m, north_m, self._target_m[2]))
@@ -128,7 +129,7 @@ class MissionPilot:
         if not flight.body.airborne:
             self._begin_climb()
             return False
-        tolerance_m = flight.flight_parameters.waypoint_height_m
+        tolerance_m = flight.flight_parameters.mission.waypoint_height_m
         if flight.body.alt_amsl_m < self._target_m[2] - tolerance_m:
             return False
         self._climbing = flight.taking_off = flight.mission.climbs_first = False
@@ -143,7 +144,7 @@ class MissionPilot:
         elif item.command == mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH:
             self._manoeuvre = Return(flight)
         elif item.command == mavlink.MAV_CMD_NAV_LOITER_TURNS:
-            radius_m = item.param3 or flight.flight_parameters.loiter_radius_m
+            radius_m = item.param3 or flight.flight_parameters.wing.loiter_radius_m
             self._manoeuvre = Circling(flight, self._target_m, finite(radius_m), finite(item.param1))
         elif item.command == mavlink.MAV_CMD_NAV_DELAY:
             flight.body.stop()
@@ -152,7 +153,7 @@ class MissionPilot:
         else:
             flight.body.limit(acceptance_radius_m=self._radius_m(item))
             self._under_way = not flight.taking_off
-            if interrupted and self._under_way and flight.flight_parameters.begins_legs_at_rest:
+            if interrupted and self._under_way and flight.flight_parameters.mission.begins_legs_at_rest:
                 self._after_braking_m_s = self._pass_speed_m_s(item, following)
                 flight.body.stop()
                 return
@@ -163,9 +164,9 @@ class MissionPilot:
         flight_parameters = self._flight.flight_parameters
         item_radius_m = finite(item.param2) if item.command == mavlink.MAV_CMD_NAV_WAYPOINT else 0.0
         sets_radius = (
-            self._flight.body.plane and flight_parameters.waypoints_set_radius and item_radius_m > 0.0
+            self._flight.body.plane and flight_parameters.mission.items_set_radius and item_radius_m > 0.0
         )
-        return item_radius_m if sets_radius else flight_parameters.waypoint_radius_m
+        return item_radius_m if sets_radius else flight_parameters.limits.acceptance_radius_m
 
     def _goal_m(self, item: Item) -> LocalPoint:
         flight = self._flight
@@ -184,7 +185,7 @@ class MissionPilot:
 
     @property
     def _takes_off_straight(self) -> bool:
-        return self._flight.body.plane and self._flight.flight_parameters.takeoff_straight
+        return self._flight.body.plane and self._flight.flight_parameters.takeoff.straight
 
     def _takeoff_toward(self, item: Item) -> tuple[float, float]:
         """Return east, north [m] of a point far ahead, towards the item's position or straight ahead."""
@@ -207,7 +208,7 @@ class MissionPilot:
         if self._flight.body.plane:  # a plane circles only on request or at the end
             through = through and following is not None
             through = through or item.command == mavlink.MAV_CMD_NAV_CONTINUE_AND_CHANGE_ALT
-            return self._flight.flight_parameters.speed_m_s if through else 0.0
+            return self._flight.flight_parameters.limits.speed_m_s if through else 0.0
         if not through or following is None or following.command not in FLOWN_THROUGH:
             return 0.0
         target_m, here_m, next_m = (
@@ -251,13 +252,13 @@ class MissionPilot:
 
     def _takeoff_done(self) -> bool:
         flight = self._flight
-        cleared = flight.cleared_for_takeoff or flight.flight_parameters.mission_takes_off
+        cleared = flight.cleared_for_takeoff or flight.flight_parameters.mission.takes_off
         if not (flight.armed and cleared):
             return False
         if self._takes_off_straight:
             if not flight.body.airborne:
                 east_m, north_m, up_m = self._target_m
-                flight.go((east_m, north_m, up_m + CLIMB_MARGIN_M), flight.flight_parameters.speed_m_s)
+                flight.go((east_m, north_m, up_m + CLIMB_MARGIN_M), flight.flight_parameters.limits.speed_m_s)
                 return False
             return flight.body.alt_amsl_m >= self._target_m[2]
         if not flight.body.airborne:
@@ -288,13 +289,13 @@ class MissionPilot:
         else:  # a vehicle on the ground can be at its target
             reached = (
                 math.dist(self._target_m, flight.body.position_m)
-                <= flight.flight_parameters.waypoint_radius_m
+                <= flight.flight_parameters.limits.acceptance_radius_m
             )
         if not reached or item.command == mavlink.MAV_CMD_NAV_LOITER_UNLIM:
             return False
         if self._is_too_high_or_low(item):
             self._manoeuvre = circle_to_altitude(
-                flight, item, self._following, flight.flight_parameters.waypoint_height_m
+                flight, item, self._following, flight.flight_parameters.mission.waypoint_height_m
             )
             return False
         if self._wait_until_s is None:
@@ -306,7 +307,7 @@ class MissionPilot:
         flight = self._flight
         off_m = abs(flight.body.alt_amsl_m - self._target_m[2])
         through = item.command in FLOWN_THROUGH and flight.body.plane and flight.body.airborne
-        return through and off_m > flight.flight_parameters.waypoint_height_m
+        return through and off_m > flight.flight_parameters.mission.waypoint_height_m
 
     # -- do and condition commands ------------------------------------------------------------------------
 
@@ -370,7 +371,9 @@ def target_of(flight: FlightControl, item: Item) -> LocalPoint:
     """Return the target of an item: east, north, up [m]; by default the vehicle's position."""
     body = flight.body
     east_m, north_m, up_m = body.position_m
-    keeps_altitude = item.z == 0 and (item.place_deg is None or flight.flight_parameters.zero_keeps_altitude)
+    keeps_altitude = item.z == 0 and (
+        item.place_deg is None or flight.flight_parameters.mission.zero_keeps_altitude
+    )
     if item.place_deg is not None:
         east_m, north_m = body.locate(*item.place_deg)
     return east_m, north_m, up_m if keeps_altitude else flight.altitude_amsl_m(item.frame, item.z)
@@ -380,9 +383,9 @@ def circle_to_altitude(
     flight: FlightControl, item: Item, following: Item | None, near_m: float | None = None
 ) -> CircleToAltitude:
     """Begin a circle to the item's altitude; `near_m` (tolerance [m]) implies an exit towards `following`."""
-    aligned = flight.flight_parameters.loiter_leaves_aligned or item.param1 == 1 or near_m is not None
+    aligned = flight.flight_parameters.mission.loiter_leaves_aligned or item.param1 == 1 or near_m is not None
     place_deg = following.place_deg if following is not None and aligned else None
     next_m = None if place_deg is None else flight.body.locate(*place_deg)
     item_radius_m = finite(item.param2) if item.command == mavlink.MAV_CMD_NAV_LOITER_TO_ALT else 0.0
-    radius_m = item_radius_m or flight.flight_parameters.loiter_radius_m
+    radius_m = item_radius_m or flight.flight_parameters.wing.loiter_radius_m
     return CircleToAltitude(flight, target_of(flight, item), radius_m, next_m, near_m)

@@ -142,7 +142,7 @@ class Modes:
     def taken_off(self) -> None:
         """Change mode after the climb of a take-off, if `after_takeoff` is set."""
         vehicle = self._vehicle
-        behaviour = vehicle.flight_parameters.after_takeoff
+        behaviour = vehicle.flight_parameters.takeoff.then
         if behaviour is None:
             return
         if behaviour is Behaviour.MISSION and not self.mission_ready(vehicle.now):

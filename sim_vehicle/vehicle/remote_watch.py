@@ -33,14 +33,14 @@ class RemoteWatch:
         """Time of the loss or of the next stage [s]; inf: neither is due."""
         if math.isinf(self._since_s) or not self._loss_counts or self._stage == LONG:
             return math.inf
-        return self._long_due_s if self.lost else self._since_s + self._vehicle.flight_parameters.rc_timeout_s
+        return self._long_due_s if self.lost else self._since_s + self._vehicle.flight_parameters.rc.timeout_s
 
     def update(self, now: float) -> str | None:
         """Check the link; return the stage that begins now, or None. Announce the end of a loss."""
-        vehicle, flight_parameters = self._vehicle, self._vehicle.flight_parameters
-        failed = flight_parameters.rc_failed or vehicle.injected_faults.rc_lost
-        only_frames = flight_parameters.rc_without_receiver and math.isfinite(self._frame_s)
-        if not ((failed or only_frames) and flight_parameters.rc_watched):
+        vehicle, parameters = self._vehicle, self._vehicle.flight_parameters.rc
+        failed = parameters.failed or vehicle.injected_faults.rc_lost
+        only_frames = parameters.without_receiver and math.isfinite(self._frame_s)
+        if not ((failed or only_frames) and parameters.watched):
             self._end_loss()
             return None
         ends_loss = self._frame_s > self._since_s
@@ -49,15 +49,15 @@ class RemoteWatch:
         if math.isinf(self._since_s):
             # A receiver that fails has sent its last frame now.
             self._since_s = self._frame_s if ends_loss or only_frames else now
-            self._loss_counts = vehicle.armed or flight_parameters.rc_lost_unarmed_counts
+            self._loss_counts = vehicle.armed or parameters.lost_unarmed_counts
         if not self._loss_counts or self._stage == LONG:
             return None
-        if not self.lost and now + EPSILON_S >= self._since_s + flight_parameters.rc_timeout_s:
+        if not self.lost and now + EPSILON_S >= self._since_s + parameters.timeout_s:
             self.lost = True
-            if flight_parameters.rc_short_action is not None:
-                self._stage, self._long_due_s = SHORT, now + flight_parameters.rc_long_s
+            if parameters.short_action is not None:
+                self._stage, self._long_due_s = SHORT, now + parameters.long_s
                 return SHORT
-            self._long_due_s = max(now, self._since_s + flight_parameters.rc_long_s)
+            self._long_due_s = max(now, self._since_s + parameters.long_s)
         if self.lost and now + EPSILON_S >= self._long_due_s:
             self._stage = LONG
             return LONG

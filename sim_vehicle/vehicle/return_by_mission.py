@@ -39,7 +39,7 @@ class ReturnByMission:
             self._manoeuvre = circle_to_altitude(flight, item, following)
         else:
             self._manoeuvre = None
-            flight.body.fly_to(*target_of(flight, item), flight.flight_parameters.speed_m_s)
+            flight.body.fly_to(*target_of(flight, item), flight.flight_parameters.limits.speed_m_s)
 
     def update(self, now: float) -> bool:
         done = self._flight.body.reached if self._manoeuvre is None else self._manoeuvre.update(now)

@@ -63,14 +63,14 @@ class Setpoints:
 
     def streaming(self, now: float) -> bool:
         """Return True if the latest set-point is younger than `setpoint_timeout_s`."""
-        return now - self._last_received_s < self._vehicle.flight_parameters.setpoint_timeout_s
+        return now - self._last_received_s < self._vehicle.flight_parameters.setpoints.timeout_s
 
     @property
     def next_deadline_s(self) -> float:
         """Time at which the set-point, or a required stream of set-points, expires [s]; inf: never."""
         vehicle = self._vehicle
         expires = vehicle.flight.flying if vehicle.mode.setpoints_only else self._expires
-        return self._last_received_s + vehicle.flight_parameters.setpoint_timeout_s if expires else math.inf
+        return self._last_received_s + vehicle.flight_parameters.setpoints.timeout_s if expires else math.inf
 
     def expire(self, now: float) -> None:
         """End an expired set-point: act on a lost stream, or stop in guided flight."""
@@ -80,11 +80,11 @@ class Setpoints:
         self.reset()
         if vehicle.mode.setpoints_only:
             vehicle.announce("setpoints_lost")
-            mode = vehicle.flight_parameters.setpoint_mode
+            mode = vehicle.flight_parameters.setpoints.mode
             if mode is not None and not vehicle.remote.missing(now):
                 vehicle.modes.enter(mode)
                 return
-            vehicle.failsafes.act(vehicle.flight_parameters.setpoint_action, now, at_once=True)
+            vehicle.failsafes.act(vehicle.flight_parameters.setpoints.action, now, at_once=True)
         elif vehicle.mode.behaviour is Behaviour.GUIDED and vehicle.flight.flying:
             vehicle.body.stop()
 
@@ -169,7 +169,7 @@ class Setpoints:
         if message.coordinate_frame in BODY_FRAMES:
             north, east = self._north_east(north, east)
         body = self._vehicle.body
-        duration_s = since_s if since_s < self._vehicle.flight_parameters.setpoint_timeout_s else 0.0
+        duration_s = since_s if since_s < self._vehicle.flight_parameters.setpoints.timeout_s else 0.0
         velocity_m_s = body.velocity_m_s
         climb_m_s = velocity_m_s[2] - down * duration_s
         if body.plane:

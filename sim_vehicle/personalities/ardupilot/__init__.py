@@ -123,7 +123,7 @@ def _mandatory_refusals(vehicle: Vehicle, now: float) -> list[str]:
         return []
     if vehicle.mode.needs_position:
         return ["Need Position Estimate"]
-    horizontal = math.isfinite(flight_parameters.fence_radius_m) or flight_parameters.fence_polygons
+    horizontal = math.isfinite(flight_parameters.fence.radius_m) or flight_parameters.fence.polygons
     return ["Fence enabled, need position estimate"] if vehicle.fence_watch.enabled and horizontal else []
 
 
@@ -134,12 +134,12 @@ def _refusals(vehicle: Vehicle, now: float) -> list[str]:
         return mandatory_refusals
     if vehicle.mode.needs_position and not vehicle.position_known(now):
         return ["Need Position Estimate"]
-    if vehicle.flight_parameters.arming_checks and not vehicle.readiness.home_ready(now):
+    if vehicle.flight_parameters.arming.checks and not vehicle.readiness.home_ready(now):
         return ["AHRS: waiting for home"]
     breach = vehicle.fence_watch.refusal()
     if breach is not None:
         return [breach]
-    if not vehicle.flight_parameters.arming_checks:
+    if not vehicle.flight_parameters.arming.checks:
         return []
     unhealthy = vehicle.injected_faults.unhealthy_sensors
     reasons = [text for bit, text in _UNHEALTHY_TEXTS.items() if unhealthy & bit]
@@ -154,18 +154,13 @@ def _refusals(vehicle: Vehicle, now: float) -> list[str]:
 
 def _battery_refusals(vehicle: Vehicle) -> list[str]:
     """Return the text of the first violated limit, or of the latched failsafe; an empty list if none."""
-    flight_parameters, body = vehicle.flight_parameters, vehicle.body
-    limits = (
-        (body.voltage_v < flight_parameters.battery_low_v, "Battery 1 low voltage failsafe"),
-        (body.battery_remaining < flight_parameters.battery_low_share, "Battery 1 low capacity failsafe"),
-        (body.voltage_v < flight_parameters.battery_critical_v, "Battery 1 critical voltage failsafe"),
-        (
-            body.battery_remaining < flight_parameters.battery_critical_share,
-            "Battery 1 critical capacity failsafe",
-        ),
-        (vehicle.failsafes.battery_level > 0, "Battery failsafe"),
-    )
-    return [text for violated, text in limits if violated][:1]
+    body = vehicle.body
+    for level, name in zip(vehicle.flight_parameters.battery.levels, ("low", "critical"), strict=True):
+        if body.voltage_v < level.below_v:
+            return [f"Battery 1 {name} voltage failsafe"]
+        if body.battery_remaining < level.below_share:
+            return [f"Battery 1 {name} capacity failsafe"]
+    return ["Battery failsafe"] if vehicle.failsafes.battery_level > 0 else []
 
 
 # Texts of a plane; most failsafe texts have the name of the mode.

@@ -1,11 +1,12 @@
 """ArduPilot's parameters converted to flight parameters."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from sim_vehicle.files.logs.record import LogWhen
 from sim_vehicle.physics.copter import HOVER_THROTTLE
-from sim_vehicle.vehicle.flight_parameters import FailsafeAction, FlightParameters, RallyAltitude
+from sim_vehicle.vehicle import flight_parameters as fp
+from sim_vehicle.vehicle.flight_parameters import FailsafeAction, FlightParameters
 from sim_vehicle.vehicle.params import Parameters
 from sim_vehicle.vehicle.sticks import PilotLimits
 
@@ -106,8 +107,50 @@ def _m_s(params: Parameters, *names: str) -> float:
     return min(max(value / 100, MIN_SPEED_M_S), MAX_SPEED_M_S)
 
 
-def _share(params: Parameters, name: str) -> float:
-    return params[name] / max(params["BATT_CAPACITY"], 1.0)
+def _battery(params: Parameters, actions: Mapping[int, FailsafeAction]) -> fp.BatteryParameters:
+    capacity_mah = params["BATT_CAPACITY"]
+
+    def level(event: str, name: str, action: str) -> fp.BatteryLevel:
+        share = params[f"BATT_{name}_MAH"] / max(capacity_mah, 1.0)
+        return fp.BatteryLevel(
+            event, params[f"BATT_{name}_VOLT"], share, actions.get(int(params[action]), FailsafeAction.WARN)
+        )
+
+    return fp.BatteryParameters(
+        capacity_mah=capacity_mah,
+        full_v=params["SIM_BATT_VOLTAGE"],
+        levels=(
+            level("battery_low", "LOW", "BATT_FS_LOW_ACT"),
+            level("battery_critical", "CRT", "BATT_FS_CRT_ACT"),
+        ),
+        delay_s=params["BATT_LOW_TIMER"],
+    )
+
+
+def _fence(
+    params: Parameters, action: FailsafeAction, *, return_height_m: float = 0.0, give_up_m: float = math.inf
+) -> fp.FenceParameters:
+    bits = int(params["FENCE_TYPE"])
+    return fp.FenceParameters(
+        enabled=params["FENCE_ENABLE"] == 1,
+        action=action,
+        max_height_m=params["FENCE_ALT_MAX"] if bits & FENCE_ALT_MAX else math.inf,
+        min_height_m=params["FENCE_ALT_MIN"] if bits & FENCE_ALT_MIN else -math.inf,
+        radius_m=params["FENCE_RADIUS"] if bits & FENCE_CIRCLE else math.inf,
+        polygons=bool(bits & FENCE_POLYGONS),
+        margin_m=params["FENCE_MARGIN"],
+        return_height_m=return_height_m,
+        give_up_m=give_up_m,
+    )
+
+
+def _rally(params: Parameters, altitude: fp.RallyAltitude) -> fp.RallyParameters:
+    limit_m = params["RALLY_LIMIT_KM"] * 1000
+    return fp.RallyParameters(limit_m if limit_m > 0 else math.inf, altitude, params["RALLY_INCL_HOME"] == 1)
+
+
+def _wind(params: Parameters) -> tuple[float | None, float]:
+    return params["SIM_WIND_SPD"] if params["SIM_WIND_SPD"] > 0 else None, params["SIM_WIND_DIR"]
 
 
 def _logs(params: Parameters) -> LogWhen:
@@ -117,7 +160,7 @@ def _logs(params: Parameters) -> LogWhen:
 
 
 def _return_height(params: Parameters) -> Callable[[float, float], float]:
-    """Return the function for the height of a return (`FlightParameters.return_height_at`).
+    """Return the function for the height of a return (`ReturnParameters.height_at`).
 
     The height is RTL_ALT, limited near home by RTL_CONE_SLOPE, but at least RTL_CLIMB_MIN above the vehicle.
     """
@@ -143,33 +186,48 @@ def _continuing_modes(options: int, *modes: tuple[int, Sequence[int]]) -> dict[i
 def copter_flight_parameters(params: Parameters) -> FlightParameters:
     """Convert ArduCopter's parameters."""
     options = int(params["AUTO_OPTIONS"])
-    fence_bits = int(params["FENCE_TYPE"])
     disarm_s = params["DISARM_DELAY"] if params["DISARM_DELAY"] > 0 else math.inf
     gcs_action = _LINK_ACTIONS.get(int(params["FS_GCS_ENABLE"]), FailsafeAction.RETURN)
     rc_action = _THROTTLE_ACTIONS.get(int(params["FS_THR_ENABLE"]), FailsafeAction.LAND)
     fs_options, ekf_action = int(params["FS_OPTIONS"]), int(params["FS_EKF_ACTION"])
     return FlightParameters(
-        speed_m_s=_m_s(params, "WPNAV_SPEED"),
-        climb_m_s=_m_s(params, "WPNAV_SPEED_UP"),
-        descent_m_s=_m_s(params, "WPNAV_SPEED_DN"),
-        acceleration_m_s2=max(params["WPNAV_ACCEL"], 10.0) / 100,
-        vertical_acceleration_m_s2=max(params["WPNAV_ACCEL_Z"], 10.0) / 100,
-        waypoint_radius_m=max(params["WPNAV_RADIUS"], 10.0) / 100,
-        yaw_rate_deg_s=max(params["ATC_SLEW_YAW"], 500.0) / 100,
-        capacity_mah=params["BATT_CAPACITY"],
-        full_v=params["SIM_BATT_VOLTAGE"],
-        takeoff_height_m=10.0,
-        return_height_m=params["RTL_ALT"] / 100,
-        return_height_at=_return_height(params),
-        return_under_fence=True,
-        begins_legs_at_rest=True,
-        fence_give_up_m=FENCE_GIVE_UP_M,
-        return_speed_m_s=_m_s(params, "RTL_SPEED", "WPNAV_SPEED"),
-        return_wait_s=params["RTL_LOIT_TIME"] / 1000,
-        return_final_height_m=params["RTL_ALT_FINAL"] / 100 if params["RTL_ALT_FINAL"] > 0 else None,
-        landing_speed_m_s=_m_s(params, "LAND_SPEED"),
-        landing_slow_below_m=params["LAND_ALT_LOW"] / 100,
-        landing_speed_high_m_s=_m_s(params, "LAND_SPEED_HIGH", "WPNAV_SPEED_DN"),
+        limits=fp.Limits(
+            speed_m_s=_m_s(params, "WPNAV_SPEED"),
+            climb_m_s=_m_s(params, "WPNAV_SPEED_UP"),
+            descent_m_s=_m_s(params, "WPNAV_SPEED_DN"),
+            acceleration_m_s2=max(params["WPNAV_ACCEL"], 10.0) / 100,
+            vertical_acceleration_m_s2=max(params["WPNAV_ACCEL_Z"], 10.0) / 100,
+            acceptance_radius_m=max(params["WPNAV_RADIUS"], 10.0) / 100,
+            yaw_rate_deg_s=max(params["ATC_SLEW_YAW"], 500.0) / 100,
+        ),
+        battery=_battery(params, _BATTERY_ACTIONS),
+        arming=fp.ArmingParameters(
+            checks=params["ARMING_CHECK"] != 0,
+            in_mission_mode=bool(options & 1),
+            disarm_landed_s=disarm_s,
+            disarm_unflown_s=disarm_s,
+        ),
+        takeoff=fp.TakeoffParameters(height_m=10.0),
+        mission=fp.MissionParameters(
+            takes_off=bool(options & 2),
+            restarts=params["MIS_RESTART"] == 1,
+            begins_legs_at_rest=True,
+            zero_keeps_altitude=True,
+        ),
+        returning=fp.ReturnParameters(
+            height_m=params["RTL_ALT"] / 100,
+            speed_m_s=_m_s(params, "RTL_SPEED", "WPNAV_SPEED"),
+            wait_s=params["RTL_LOIT_TIME"] / 1000,
+            height_at=_return_height(params),
+            under_fence=True,
+            final_height_m=params["RTL_ALT_FINAL"] / 100 if params["RTL_ALT_FINAL"] > 0 else None,
+        ),
+        rally=_rally(params, fp.RallyAltitude.MINIMUM),
+        landing=fp.LandingParameters(
+            speed_m_s=_m_s(params, "LAND_SPEED"),
+            slow_below_m=params["LAND_ALT_LOW"] / 100,
+            speed_high_m_s=_m_s(params, "LAND_SPEED_HIGH", "WPNAV_SPEED_DN"),
+        ),
         pilot=PilotLimits(
             lean_deg=params["ANGLE_MAX"] / 100,
             yaw_rate_deg_s=params["PILOT_Y_RATE"],
@@ -183,50 +241,37 @@ def copter_flight_parameters(params: Parameters) -> FlightParameters:
             throttle_curve=True,
             lean_keeps_lift=True,
         ),
-        arming_checks=params["ARMING_CHECK"] != 0,
-        mission_mode_armable=bool(options & 1),
-        mission_takes_off=bool(options & 2),
-        mission_restarts=params["MIS_RESTART"] == 1,
-        disarm_landed_s=disarm_s,
-        disarm_unflown_s=disarm_s,
-        gcs_sysid=int(params["SYSID_MYGCS"]),
-        gcs_only=params["SYSID_ENFORCE"] == 1,
-        gcs_timeout_s=params["FS_GCS_TIMEOUT"] if gcs_action is not FailsafeAction.NOTHING else math.inf,
-        gcs_action=gcs_action,
-        gcs_action_in=_continuing_modes(
-            fs_options, (GCS_AUTO, [_COPTER_AUTO]), (GCS_PILOTED, _COPTER_PILOTED)
+        gcs=fp.GcsParameters(
+            sysid=int(params["SYSID_MYGCS"]),
+            timeout_s=params["FS_GCS_TIMEOUT"] if gcs_action is not FailsafeAction.NOTHING else math.inf,
+            action=fp.LinkAction(
+                gcs_action,
+                _continuing_modes(fs_options, (GCS_AUTO, [_COPTER_AUTO]), (GCS_PILOTED, _COPTER_PILOTED)),
+            ),
+            only=params["SYSID_ENFORCE"] == 1,
         ),
-        battery_low_v=params["BATT_LOW_VOLT"],
-        battery_low_share=_share(params, "BATT_LOW_MAH"),
-        battery_low_action=_BATTERY_ACTIONS.get(int(params["BATT_FS_LOW_ACT"]), FailsafeAction.WARN),
-        battery_critical_v=params["BATT_CRT_VOLT"],
-        battery_critical_share=_share(params, "BATT_CRT_MAH"),
-        battery_critical_action=_BATTERY_ACTIONS.get(int(params["BATT_FS_CRT_ACT"]), FailsafeAction.WARN),
-        battery_delay_s=params["BATT_LOW_TIMER"],
-        rc_failed=params["SIM_RC_FAIL"] == 1,
-        rc_watched=rc_action is not FailsafeAction.NOTHING,
-        rc_action=rc_action,
-        rc_action_in=_continuing_modes(fs_options, (RC_AUTO, [_COPTER_AUTO]), (RC_GUIDED, [_COPTER_GUIDED])),
-        rc_timeout_s=params["RC_FS_TIMEOUT"],
-        setpoint_timeout_s=params["GUID_TIMEOUT"],
-        setpoint_action=FailsafeAction.HOLD,
-        position_lost_action=_EKF_ACTIONS.get(ekf_action, FailsafeAction.LAND),
-        position_lost_everywhere=ekf_action == EKF_LANDS_EVERYWHERE,
-        position_watched=params["FS_EKF_THRESH"] > 0,
+        rc=fp.RcParameters(
+            timeout_s=params["RC_FS_TIMEOUT"],
+            action=fp.LinkAction(
+                rc_action,
+                _continuing_modes(fs_options, (RC_AUTO, [_COPTER_AUTO]), (RC_GUIDED, [_COPTER_GUIDED])),
+            ),
+            watched=rc_action is not FailsafeAction.NOTHING,
+            failed=params["SIM_RC_FAIL"] == 1,
+        ),
+        setpoints=fp.SetpointParameters(params["GUID_TIMEOUT"], FailsafeAction.HOLD),
+        position=fp.PositionParameters(
+            lost_action=_EKF_ACTIONS.get(ekf_action, FailsafeAction.LAND),
+            watched=params["FS_EKF_THRESH"] > 0,
+            lost_everywhere=ekf_action == EKF_LANDS_EVERYWHERE,
+        ),
+        fence=_fence(
+            params,
+            _FENCE_ACTIONS.get(int(params["FENCE_ACTION"]), FailsafeAction.RETURN),
+            give_up_m=FENCE_GIVE_UP_M,
+        ),
+        wind=_wind(params),
         logs=_logs(params),
-        fence_enabled=params["FENCE_ENABLE"] == 1,
-        fence_action=_FENCE_ACTIONS.get(int(params["FENCE_ACTION"]), FailsafeAction.RETURN),
-        fence_max_height_m=params["FENCE_ALT_MAX"] if fence_bits & FENCE_ALT_MAX else math.inf,
-        fence_min_height_m=params["FENCE_ALT_MIN"] if fence_bits & FENCE_ALT_MIN else -math.inf,
-        fence_radius_m=params["FENCE_RADIUS"] if fence_bits & FENCE_CIRCLE else math.inf,
-        fence_polygons=bool(fence_bits & FENCE_POLYGONS),
-        fence_margin_m=params["FENCE_MARGIN"],
-        zero_keeps_altitude=True,
-        rally_limit_m=params["RALLY_LIMIT_KM"] * 1000 if params["RALLY_LIMIT_KM"] > 0 else math.inf,
-        rally_altitude=RallyAltitude.MINIMUM,
-        rally_includes_home=params["RALLY_INCL_HOME"] == 1,
-        wind_m_s=params["SIM_WIND_SPD"] if params["SIM_WIND_SPD"] > 0 else None,
-        wind_from_deg=params["SIM_WIND_DIR"],
     )
 
 
@@ -241,38 +286,53 @@ def _fence_return_height_m(params: Parameters) -> float:
 
 def plane_flight_parameters(params: Parameters) -> FlightParameters:
     """Convert ArduPlane's parameters."""
-    fence_bits = int(params["FENCE_TYPE"])
     gcs_watched = params["FS_GCS_ENABL"] != 0
-    disarm_s = params["LAND_DISARMDELAY"] if params["LAND_DISARMDELAY"] > 0 else math.inf
-    long_action = _PLANE_LONG_ACTIONS.get(int(params["FS_LONG_ACTN"]), FailsafeAction.WARN)
-    long_action_in = (
+    long_action = fp.LinkAction(
+        _PLANE_LONG_ACTIONS.get(int(params["FS_LONG_ACTN"]), FailsafeAction.WARN),
         dict.fromkeys(_MODES_RETURNING_AFTER_LONG_LOSS, FailsafeAction.RETURN)
         if params["FS_LONG_ACTN"] == 0
-        else {}
+        else {},
     )
     short = int(params["FS_SHORT_ACTN"])
+    short_action = _PLANE_SHORT_ACTIONS.get(short, FailsafeAction.HOLD)
     without_short_action = (
         (*_MODES_WITHOUT_SHORT_ACTION, _AUTO, _GUIDED, _LOITER) if short == 0 else _MODES_WITHOUT_SHORT_ACTION
     )
     return FlightParameters(
-        speed_m_s=params["AIRSPEED_CRUISE"],
-        climb_m_s=max(params["TECS_CLMB_MAX"], MIN_SPEED_M_S),
-        descent_m_s=max(params["TECS_SINK_MAX"], MIN_SPEED_M_S),
-        acceleration_m_s2=3.0,
-        vertical_acceleration_m_s2=3.0,
-        waypoint_radius_m=max(params["WP_RADIUS"], 1.0),
-        capacity_mah=params["BATT_CAPACITY"],
-        full_v=params["SIM_BATT_VOLTAGE"],
-        takeoff_height_m=params["TKOFF_ALT"],
-        return_height_m=params["RTL_ALTITUDE"] if params["RTL_ALTITUDE"] >= 0 else -math.inf,
-        return_descends=params["RTL_ALTITUDE"] >= 0,
-        return_speed_m_s=params["AIRSPEED_CRUISE"],
-        return_wait_s=math.inf,  # circles over home; only a mission lands the plane
-        loiter_leaves_aligned=True,
-        return_lands=int(params["RTL_AUTOLAND"]),
-        landing_speed_m_s=2.0,
-        landing_slow_below_m=10.0,
-        landing_speed_high_m_s=max(params["TECS_SINK_MAX"], MIN_SPEED_M_S),
+        limits=fp.Limits(
+            speed_m_s=params["AIRSPEED_CRUISE"],
+            climb_m_s=max(params["TECS_CLMB_MAX"], MIN_SPEED_M_S),
+            descent_m_s=max(params["TECS_SINK_MAX"], MIN_SPEED_M_S),
+            acceleration_m_s2=3.0,
+            vertical_acceleration_m_s2=3.0,
+            acceptance_radius_m=max(params["WP_RADIUS"], 1.0),
+        ),
+        wing=fp.WingLimits(
+            airspeed_min_m_s=params["AIRSPEED_MIN"],
+            airspeed_max_m_s=params["AIRSPEED_MAX"],
+            loiter_radius_m=params["WP_LOITER_RAD"],
+            bank_limit_deg=params["ROLL_LIMIT_DEG"],
+            stall_m_s=params["AIRSPEED_STALL"] if params["AIRSPEED_STALL"] > 0 else STALL_M_S,
+        ),
+        battery=_battery(params, _PLANE_BATTERY_ACTIONS),
+        arming=fp.ArmingParameters(
+            checks=params["ARMING_CHECK"] != 0,
+            disarm_landed_s=params["LAND_DISARMDELAY"] if params["LAND_DISARMDELAY"] > 0 else math.inf,
+        ),
+        takeoff=fp.TakeoffParameters(height_m=params["TKOFF_ALT"]),
+        mission=fp.MissionParameters(restarts=params["MIS_RESTART"] == 1, loiter_leaves_aligned=True),
+        returning=fp.ReturnParameters(
+            height_m=params["RTL_ALTITUDE"] if params["RTL_ALTITUDE"] >= 0 else -math.inf,
+            speed_m_s=params["AIRSPEED_CRUISE"],
+            wait_s=math.inf,  # circles over home; only a mission lands the plane
+            descends=params["RTL_ALTITUDE"] >= 0,
+            loiter_radius_m=params["RTL_RADIUS"],
+            lands=int(params["RTL_AUTOLAND"]),
+        ),
+        rally=_rally(params, fp.RallyAltitude.EXACT),
+        landing=fp.LandingParameters(
+            speed_m_s=2.0, slow_below_m=10.0, speed_high_m_s=max(params["TECS_SINK_MAX"], MIN_SPEED_M_S)
+        ),
         pilot=PilotLimits(
             lean_deg=params["ROLL_LIMIT_DEG"],
             climb_m_s=params["FBWB_CLIMB_RATE"],
@@ -280,55 +340,29 @@ def plane_flight_parameters(params: Parameters) -> FlightParameters:
             pitch_up_deg=params["PTCH_LIM_MAX_DEG"],
             pitch_down_deg=-params["PTCH_LIM_MIN_DEG"],
         ),
-        arming_checks=params["ARMING_CHECK"] != 0,
-        mission_mode_armable=True,
-        mission_takes_off=True,
-        mission_restarts=params["MIS_RESTART"] == 1,
-        disarm_landed_s=disarm_s,
-        disarm_unflown_s=math.inf,
-        gcs_sysid=int(params["SYSID_MYGCS"]),
-        gcs_only=params["SYSID_ENFORCE"] == 1,
-        gcs_timeout_s=params["FS_LONG_TIMEOUT"] if gcs_watched else math.inf,
-        gcs_action=long_action if gcs_watched else FailsafeAction.NOTHING,
-        gcs_action_in=long_action_in,
-        battery_low_v=params["BATT_LOW_VOLT"],
-        battery_low_share=_share(params, "BATT_LOW_MAH"),
-        battery_low_action=_PLANE_BATTERY_ACTIONS.get(int(params["BATT_FS_LOW_ACT"]), FailsafeAction.WARN),
-        battery_critical_v=params["BATT_CRT_VOLT"],
-        battery_critical_share=_share(params, "BATT_CRT_MAH"),
-        battery_critical_action=_PLANE_BATTERY_ACTIONS.get(
-            int(params["BATT_FS_CRT_ACT"]), FailsafeAction.WARN
+        gcs=fp.GcsParameters(
+            sysid=int(params["SYSID_MYGCS"]),
+            timeout_s=params["FS_LONG_TIMEOUT"] if gcs_watched else math.inf,
+            action=long_action if gcs_watched else fp.LinkAction(FailsafeAction.NOTHING, long_action.by_mode),
+            only=params["SYSID_ENFORCE"] == 1,
         ),
-        battery_delay_s=params["BATT_LOW_TIMER"],
-        rc_failed=params["SIM_RC_FAIL"] == 1,
-        rc_watched=params["THR_FAILSAFE"] == 1,
-        rc_action=long_action,
-        rc_action_in=long_action_in,
-        rc_short_action=_PLANE_SHORT_ACTIONS.get(short, FailsafeAction.HOLD),
-        rc_short_action_in=dict.fromkeys(without_short_action, FailsafeAction.NOTHING),
-        rc_timeout_s=PLANE_RC_TIMEOUT_S,
-        rc_long_s=params["FS_LONG_TIMEOUT"],
-        setpoint_timeout_s=3.0,
-        setpoint_action=FailsafeAction.HOLD,
-        position_lost_action=FailsafeAction.WARN,  # continues by dead reckoning
+        rc=fp.RcParameters(
+            timeout_s=PLANE_RC_TIMEOUT_S,
+            action=long_action,
+            short_action=None
+            if short_action is None
+            else fp.LinkAction(short_action, dict.fromkeys(without_short_action, FailsafeAction.NOTHING)),
+            long_s=params["FS_LONG_TIMEOUT"],
+            watched=params["THR_FAILSAFE"] == 1,
+            failed=params["SIM_RC_FAIL"] == 1,
+        ),
+        setpoints=fp.SetpointParameters(3.0, FailsafeAction.HOLD),
+        position=fp.PositionParameters(FailsafeAction.WARN),  # continues by dead reckoning
+        fence=_fence(
+            params,
+            _PLANE_FENCE_ACTIONS.get(int(params["FENCE_ACTION"]), FailsafeAction.WARN),
+            return_height_m=_fence_return_height_m(params),
+        ),
+        wind=_wind(params),
         logs=_logs(params),
-        fence_enabled=params["FENCE_ENABLE"] == 1,
-        fence_action=_PLANE_FENCE_ACTIONS.get(int(params["FENCE_ACTION"]), FailsafeAction.WARN),
-        fence_max_height_m=params["FENCE_ALT_MAX"] if fence_bits & FENCE_ALT_MAX else math.inf,
-        fence_min_height_m=params["FENCE_ALT_MIN"] if fence_bits & FENCE_ALT_MIN else -math.inf,
-        fence_radius_m=params["FENCE_RADIUS"] if fence_bits & FENCE_CIRCLE else math.inf,
-        fence_polygons=bool(fence_bits & FENCE_POLYGONS),
-        fence_margin_m=params["FENCE_MARGIN"],
-        rally_limit_m=params["RALLY_LIMIT_KM"] * 1000 if params["RALLY_LIMIT_KM"] > 0 else math.inf,
-        rally_altitude=RallyAltitude.EXACT,
-        rally_includes_home=params["RALLY_INCL_HOME"] == 1,
-        airspeed_min_m_s=params["AIRSPEED_MIN"],
-        airspeed_max_m_s=params["AIRSPEED_MAX"],
-        loiter_radius_m=params["WP_LOITER_RAD"],
-        return_loiter_radius_m=params["RTL_RADIUS"],
-        bank_limit_deg=params["ROLL_LIMIT_DEG"],
-        stall_m_s=params["AIRSPEED_STALL"] if params["AIRSPEED_STALL"] > 0 else STALL_M_S,
-        fence_return_height_m=_fence_return_height_m(params),
-        wind_m_s=params["SIM_WIND_SPD"] if params["SIM_WIND_SPD"] > 0 else None,
-        wind_from_deg=params["SIM_WIND_DIR"],
     )

@@ -33,7 +33,7 @@ class Remote:
 
     def receive(self, message: Any, now: float) -> None:
         vehicle, sysid = self._vehicle, message.get_srcSystem()
-        if sysid != vehicle.flight_parameters.gcs_sysid:
+        if sysid != vehicle.flight_parameters.gcs.sysid:
             return
         if message.get_type() == "RC_CHANNELS_OVERRIDE":
             self._override(message, now)
@@ -117,7 +117,7 @@ def _throttle(pulse_us: int) -> float:
 
 def stick_refusals(vehicle: Vehicle, now: float) -> list[str]:
     """Return the first reason against arming by the sticks (`AP_Arming::rc_arm_checks`)."""
-    if not vehicle.flight_parameters.arming_checks or vehicle.failsafes.rc_lost:
+    if not vehicle.flight_parameters.arming.checks or vehicle.failsafes.rc_lost:
         return []
     sticks, pilot = vehicle.remote.sticks(now), vehicle.flight_parameters.pilot
     behaviour = vehicle.mode.behaviour

@@ -73,7 +73,7 @@ def _check_fence(vehicle: Vehicle, mission: Px4Mission) -> None:
         *vehicle.home_and_rally.home_deg
     ):
         vehicle.announce("fence_without_home")
-    watched = vehicle.flight.flying and vehicle.flight_parameters.fence_enabled
+    watched = vehicle.flight.flying and vehicle.flight_parameters.fence.enabled
     if watched and vehicle.fence.discard_violated(*vehicle.body.lat_lon_deg):
         vehicle.announce("fence_without_vehicle")
     if not mission.empty:

@@ -91,9 +91,9 @@ def takeoff(vehicle: Vehicle, command: Command, now: float) -> int:
     if not vehicle.modes.set(modes.TAKEOFF, now):
         return TEMPORARILY_REJECTED
     target_m = command.z if math.isfinite(command.z) else None
-    minimum_m = vehicle.flight.home().alt_amsl_m + vehicle.flight_parameters.takeoff_height_m
+    minimum_m = vehicle.flight.home().alt_amsl_m + vehicle.flight_parameters.takeoff.height_m
     if target_m is not None and target_m < minimum_m - 0.1:
-        vehicle.announce("takeoff_raised", height=vehicle.flight_parameters.takeoff_height_m)
+        vehicle.announce("takeoff_raised", height=vehicle.flight_parameters.takeoff.height_m)
     vehicle.flight.takeoff_amsl_m = target_m
     vehicle.flight.begin_takeoff()
     return ACCEPTED

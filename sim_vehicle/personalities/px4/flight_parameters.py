@@ -5,11 +5,13 @@ from collections.abc import Callable
 
 from sim_vehicle.files.logs.record import LogWhen
 from sim_vehicle.personalities.px4 import modes
+from sim_vehicle.vehicle import flight_parameters as fp
 from sim_vehicle.vehicle.behaviour import Behaviour
 from sim_vehicle.vehicle.flight_parameters import FailsafeAction, FlightParameters
 from sim_vehicle.vehicle.params import Parameters
 from sim_vehicle.vehicle.sticks import PilotLimits
 
+HeightAt = Callable[[float, float], float]
 MIN_SPEED_M_S = 0.1
 DEFAULT_CAPACITY_MAH = 5000.0
 NO_STICKS = 4  # value of COM_RC_IN_MODE
@@ -77,70 +79,105 @@ def _positive(value: float) -> float:
     return max(value, MIN_SPEED_M_S)
 
 
-def _common(params: Parameters) -> dict[str, object]:
-    """Return the flight parameters that do not depend on the airframe."""
+def _battery(params: Parameters) -> fp.BatteryParameters:
     capacity_mah = params["BAT1_CAPACITY"]
-    cells = max(int(params["BAT1_N_CELLS"]), 1)
-    low_battery_action = int(params["COM_LOW_BAT_ACT"])
+    action = int(params["COM_LOW_BAT_ACT"])
+    critical = _CRITICAL_ACTIONS.get(action, FailsafeAction.WARN)
+    emergency = _EMERGENCY_ACTIONS.get(action, FailsafeAction.WARN)
+    return fp.BatteryParameters(
+        capacity_mah=capacity_mah if capacity_mah > 0 else DEFAULT_CAPACITY_MAH,
+        full_v=max(int(params["BAT1_N_CELLS"]), 1) * params["BAT1_V_CHARGED"],
+        levels=(
+            fp.BatteryLevel("battery_warning", 0.0, params["BAT_LOW_THR"], FailsafeAction.WARN),
+            fp.BatteryLevel("battery_low", 0.0, params["BAT_CRIT_THR"], critical),
+            fp.BatteryLevel("battery_critical", 0.0, params["BAT_EMERGEN_THR"], emergency),
+        ),
+    )
+
+
+def _returning(
+    params: Parameters, speed_m_s: float, *, height_at: HeightAt | None = None, loiter_radius_m: float = 0.0
+) -> fp.ReturnParameters:
+    wait_s = params["RTL_LAND_DELAY"]
+    return fp.ReturnParameters(
+        height_m=params["RTL_RETURN_ALT"],
+        speed_m_s=speed_m_s,
+        wait_s=wait_s if wait_s >= 0 else math.inf,
+        height_at=height_at,
+        loiter_radius_m=loiter_radius_m,
+        hover_height_m=params["RTL_DESCEND_ALT"],
+    )
+
+
+def _takeoff(
+    params: Parameters, *, speed_m_s: float | None = None, straight: bool = False
+) -> fp.TakeoffParameters:
+    then = Behaviour.MISSION if params["COM_TAKEOFF_ACT"] == 1 else Behaviour.HOLD
+    return fp.TakeoffParameters(params["MIS_TAKEOFF_ALT"], speed_m_s, then, straight)
+
+
+def _flight_parameters(
+    params: Parameters,
+    limits: fp.Limits,
+    takeoff: fp.TakeoffParameters,
+    mission: fp.MissionParameters,
+    returning: fp.ReturnParameters,
+    landing: fp.LandingParameters,
+    pilot: PilotLimits,
+    wing: fp.WingLimits,
+) -> FlightParameters:
+    """Add the records that do not depend on the airframe."""
     gcs_action = _LINK_ACTIONS.get(int(params["NAV_DLL_ACT"]), FailsafeAction.NOTHING)
+    rc_action = _LINK_ACTIONS.get(int(params["NAV_RCL_ACT"]), FailsafeAction.NOTHING)
     fence_action = _FENCE_ACTIONS.get(int(params["GF_ACTION"]), FailsafeAction.WARN)
     delay_s = params["COM_FAIL_ACT_T"]
-    wait_s = params["RTL_LAND_DELAY"]
-    return {
-        "waypoint_radius_m": max(params["NAV_ACC_RAD"], 0.05),
-        "capacity_mah": capacity_mah if capacity_mah > 0 else DEFAULT_CAPACITY_MAH,
-        "full_v": cells * params["BAT1_V_CHARGED"],
-        "takeoff_height_m": params["MIS_TAKEOFF_ALT"],
-        "after_takeoff": Behaviour.MISSION if params["COM_TAKEOFF_ACT"] == 1 else Behaviour.HOLD,
-        "return_height_m": params["RTL_RETURN_ALT"],
-        "return_hover_height_m": params["RTL_DESCEND_ALT"],
-        "return_wait_s": wait_s if wait_s >= 0 else math.inf,
-        "arming_checks": True,
-        "mission_mode_armable": True,
-        "mission_takes_off": True,
-        "mission_restarts": False,
-        "disarm_landed_s": _positive_or_inf(params["COM_DISARM_LAND"]),
-        "disarm_unflown_s": _positive_or_inf(params["COM_DISARM_PRFLT"]),
-        "gcs_sysid": None,
-        "gcs_timeout_s": math.inf if gcs_action is FailsafeAction.NOTHING else float(params["COM_DL_LOSS_T"]),
-        "gcs_action": gcs_action,
-        "gcs_missing_is_lost": True,
-        "battery_warning_share": params["BAT_LOW_THR"],
-        "battery_low_v": 0.0,
-        "battery_low_share": params["BAT_CRIT_THR"],
-        "battery_low_action": _CRITICAL_ACTIONS.get(low_battery_action, FailsafeAction.WARN),
-        "battery_critical_v": 0.0,
-        "battery_critical_share": params["BAT_EMERGEN_THR"],
-        "battery_critical_action": _EMERGENCY_ACTIONS.get(low_battery_action, FailsafeAction.WARN),
-        "battery_delay_s": 0.0,
-        "rc_failed": False,
-        "rc_lost_unarmed_counts": False,
-        "rc_action": _LINK_ACTIONS.get(int(params["NAV_RCL_ACT"]), FailsafeAction.NOTHING),
-        "rc_action_in": _continuing_modes(params),
-        "rc_timeout_s": params["COM_RC_LOSS_T"],
-        "rc_without_receiver": True,
-        "setpoint_timeout_s": params["COM_OF_LOSS_T"],
-        "setpoint_action": _offboard_lost_action(params),
-        "setpoint_mode": None
-        if int(params["COM_RC_IN_MODE"]) == NO_STICKS
-        else _OFFBOARD_MODES.get(int(params["COM_OBL_RC_ACT"])),
-        "position_lost_action": FailsafeAction.LAND,
-        "failsafe_delay_s": delay_s if delay_s > MAX_IGNORED_DELAY_S else 0.0,
-        "logs": _LOGS.get(int(params["SDLOG_MODE"]), LogWhen.ARMED),
-        "fence_enabled": fence_action is not FailsafeAction.NOTHING,
-        "fence_action": fence_action,
-        "fence_max_height_m": _positive_or_inf(params["GF_MAX_VER_DIST"]),
-        "fence_min_height_m": -math.inf,
-        "fence_radius_m": _positive_or_inf(params["GF_MAX_HOR_DIST"]),
-        "fence_polygons": True,
-        "fence_margin_m": 0.0,
-        "wind_m_s": params["SIM_WIND_SPD"] if params["SIM_WIND_SPD"] > 0 else None,
-        "wind_from_deg": params["SIM_WIND_DIR"],
-    }
+    return FlightParameters(
+        limits=limits,
+        takeoff=takeoff,
+        mission=mission,
+        returning=returning,
+        landing=landing,
+        pilot=pilot,
+        wing=wing,
+        battery=_battery(params),
+        arming=fp.ArmingParameters(
+            disarm_landed_s=_positive_or_inf(params["COM_DISARM_LAND"]),
+            disarm_unflown_s=_positive_or_inf(params["COM_DISARM_PRFLT"]),
+        ),
+        gcs=fp.GcsParameters(
+            sysid=None,
+            timeout_s=math.inf if gcs_action is FailsafeAction.NOTHING else float(params["COM_DL_LOSS_T"]),
+            action=fp.LinkAction(gcs_action),
+            missing_is_lost=True,
+        ),
+        rc=fp.RcParameters(
+            timeout_s=params["COM_RC_LOSS_T"],
+            action=fp.LinkAction(rc_action, _continuing_modes(params)),
+            lost_unarmed_counts=False,
+            without_receiver=True,
+        ),
+        setpoints=fp.SetpointParameters(
+            timeout_s=params["COM_OF_LOSS_T"],
+            action=_offboard_lost_action(params),
+            mode=None
+            if int(params["COM_RC_IN_MODE"]) == NO_STICKS
+            else _OFFBOARD_MODES.get(int(params["COM_OBL_RC_ACT"])),
+        ),
+        position=fp.PositionParameters(FailsafeAction.LAND),
+        fence=fp.FenceParameters(
+            enabled=fence_action is not FailsafeAction.NOTHING,
+            action=fence_action,
+            max_height_m=_positive_or_inf(params["GF_MAX_VER_DIST"]),
+            radius_m=_positive_or_inf(params["GF_MAX_HOR_DIST"]),
+        ),
+        wind=(params["SIM_WIND_SPD"] if params["SIM_WIND_SPD"] > 0 else None, params["SIM_WIND_DIR"]),
+        failsafe_delay_s=delay_s if delay_s > MAX_IGNORED_DELAY_S else 0.0,
+        logs=_LOGS.get(int(params["SDLOG_MODE"]), LogWhen.ARMED),
+    )
 
 
-def _return_height(params: Parameters) -> Callable[[float, float], float] | None:
-    """Return the function for the height of a return (`FlightParameters.return_height_at`); None: no cone.
+def _return_height(params: Parameters) -> HeightAt | None:
+    """Return the function for the height of a return (`ReturnParameters.height_at`); None: no cone.
 
     The height is RTL_RETURN_ALT. Within RTL_MIN_DIST a cone limits the height, but not below twice the
     acceptance radius. Within that radius the height is twice the distance, so 0 at home.
@@ -161,28 +198,33 @@ def copter_flight_parameters(params: Parameters) -> FlightParameters:
     """Convert the multicopter's parameters."""
     cruise_m_s = _positive(min(params["MPC_XY_CRUISE"], params["MPC_XY_VEL_MAX"]))
     descent_m_s = _positive(min(params["MPC_Z_V_AUTO_DN"], params["MPC_Z_VEL_MAX_DN"]))
-    return FlightParameters(
-        **_common(params),  # type: ignore[arg-type]
-        speed_m_s=cruise_m_s,
-        climb_m_s=_positive(min(params["MPC_Z_V_AUTO_UP"], params["MPC_Z_VEL_MAX_UP"])),
-        descent_m_s=descent_m_s,
-        acceleration_m_s2=_positive(params["MPC_ACC_HOR"]),
-        vertical_acceleration_m_s2=_positive(min(params["MPC_ACC_UP_MAX"], params["MPC_ACC_DOWN_MAX"])),
-        takeoff_speed_m_s=_positive(params["MPC_TKO_SPEED"]),
-        waypoint_height_m=_positive(params["NAV_MC_ALT_RAD"]),
-        return_speed_m_s=cruise_m_s,
-        yaw_rate_deg_s=_positive(params["MPC_YAWRAUTO_MAX"]),
-        return_height_at=_return_height(params),
-        landing_speed_m_s=_positive(params["MPC_LAND_SPEED"]),
-        landing_slow_below_m=params["MPC_LAND_ALT2"],
-        landing_slowing_below_m=params["MPC_LAND_ALT1"],
-        landing_speed_high_m_s=descent_m_s,
+    vertical_acceleration_m_s2 = _positive(min(params["MPC_ACC_UP_MAX"], params["MPC_ACC_DOWN_MAX"]))
+    return _flight_parameters(
+        params,
+        limits=fp.Limits(
+            speed_m_s=cruise_m_s,
+            climb_m_s=_positive(min(params["MPC_Z_V_AUTO_UP"], params["MPC_Z_VEL_MAX_UP"])),
+            descent_m_s=descent_m_s,
+            acceleration_m_s2=_positive(params["MPC_ACC_HOR"]),
+            vertical_acceleration_m_s2=vertical_acceleration_m_s2,
+            acceptance_radius_m=max(params["NAV_ACC_RAD"], 0.05),
+            yaw_rate_deg_s=_positive(params["MPC_YAWRAUTO_MAX"]),
+        ),
+        takeoff=_takeoff(params, speed_m_s=_positive(params["MPC_TKO_SPEED"])),
+        mission=fp.MissionParameters(waypoint_height_m=_positive(params["NAV_MC_ALT_RAD"])),
+        returning=_returning(params, cruise_m_s, height_at=_return_height(params)),
+        landing=fp.LandingParameters(
+            speed_m_s=_positive(params["MPC_LAND_SPEED"]),
+            slow_below_m=params["MPC_LAND_ALT2"],
+            speed_high_m_s=descent_m_s,
+            slowing_below_m=params["MPC_LAND_ALT1"],
+        ),
         pilot=PilotLimits(
             lean_deg=params["MPC_MAN_TILT_MAX"],
             yaw_rate_deg_s=params["MPC_MAN_Y_MAX"],
             climb_m_s=_positive(params["MPC_Z_VEL_MAX_UP"]),
             descent_m_s=descent_m_s,
-            vertical_acceleration_m_s2=_positive(min(params["MPC_ACC_UP_MAX"], params["MPC_ACC_DOWN_MAX"])),
+            vertical_acceleration_m_s2=vertical_acceleration_m_s2,
             speed_m_s=_positive(min(params["MPC_VEL_MANUAL"], params["MPC_XY_VEL_MAX"])),
             acceleration_m_s2=_positive(params["MPC_ACC_HOR_MAX"]),
             throttle_deadzone=params["MPC_HOLD_DZ"] / 2,
@@ -190,6 +232,7 @@ def copter_flight_parameters(params: Parameters) -> FlightParameters:
             expo=params["MPC_XY_MAN_EXPO"],
             idle_throttle=params["MPC_MANTHR_MIN"],
         ),
+        wing=fp.WingLimits(),
     )
 
 
@@ -201,24 +244,32 @@ def _switch_distance_m(params: Parameters) -> float:
 
 def plane_flight_parameters(params: Parameters) -> FlightParameters:
     """Convert the fixed wing's parameters."""
-    sink_m_s = _positive(params["FW_T_SINK_R_SP"])
+    cruise_m_s, sink_m_s = _positive(params["FW_AIRSPD_TRIM"]), _positive(params["FW_T_SINK_R_SP"])
     landing_m_s = params["FW_LND_AIRSPD"] if params["FW_LND_AIRSPD"] > 0 else params["FW_AIRSPD_MIN"]
     glide_m_s = _positive(landing_m_s * math.tan(math.radians(params["FW_LND_ANG"])))
-    return FlightParameters(
-        **_common(params) | {"waypoint_radius_m": _switch_distance_m(params)},  # type: ignore[arg-type]
-        waypoints_set_radius=False,
-        waypoint_height_m=params["NAV_FW_ALT_RAD"],
-        circles_first=True,
-        takeoff_straight=True,
-        speed_m_s=_positive(params["FW_AIRSPD_TRIM"]),
-        climb_m_s=_positive(params["FW_T_CLMB_MAX"]),
-        descent_m_s=_positive(params["FW_T_SINK_MAX"]),
-        acceleration_m_s2=3.0,
-        vertical_acceleration_m_s2=3.0,
-        return_speed_m_s=_positive(params["FW_AIRSPD_TRIM"]),
-        landing_speed_m_s=glide_m_s,
-        landing_slow_below_m=10.0,
-        landing_speed_high_m_s=sink_m_s,
+    return _flight_parameters(
+        params,
+        limits=fp.Limits(
+            speed_m_s=cruise_m_s,
+            climb_m_s=_positive(params["FW_T_CLMB_MAX"]),
+            descent_m_s=_positive(params["FW_T_SINK_MAX"]),
+            acceleration_m_s2=3.0,
+            vertical_acceleration_m_s2=3.0,
+            acceptance_radius_m=_switch_distance_m(params),
+        ),
+        wing=fp.WingLimits(
+            airspeed_min_m_s=_positive(params["FW_AIRSPD_MIN"]),
+            airspeed_max_m_s=_positive(params["FW_AIRSPD_MAX"]),
+            loiter_radius_m=params["NAV_LOITER_RAD"],
+            bank_limit_deg=params["FW_R_LIM"],
+            stall_m_s=params["FW_AIRSPD_STALL"],
+        ),
+        takeoff=_takeoff(params, straight=True),
+        mission=fp.MissionParameters(
+            items_set_radius=False, waypoint_height_m=params["NAV_FW_ALT_RAD"], circles_first=True
+        ),
+        returning=_returning(params, cruise_m_s, loiter_radius_m=params["RTL_LOITER_RAD"]),
+        landing=fp.LandingParameters(speed_m_s=glide_m_s, slow_below_m=10.0, speed_high_m_s=sink_m_s),
         pilot=PilotLimits(
             lean_deg=params["FW_R_LIM"],
             climb_m_s=_positive(params["FW_T_CLMB_R_SP"]),
@@ -226,10 +277,4 @@ def plane_flight_parameters(params: Parameters) -> FlightParameters:
             pitch_up_deg=params["FW_P_LIM_MAX"],
             pitch_down_deg=-params["FW_P_LIM_MIN"],
         ),
-        airspeed_min_m_s=_positive(params["FW_AIRSPD_MIN"]),
-        airspeed_max_m_s=_positive(params["FW_AIRSPD_MAX"]),
-        loiter_radius_m=params["NAV_LOITER_RAD"],
-        return_loiter_radius_m=params["RTL_LOITER_RAD"],
-        bank_limit_deg=params["FW_R_LIM"],
-        stall_m_s=params["FW_AIRSPD_STALL"],
     )

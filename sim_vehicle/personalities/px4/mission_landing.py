@@ -46,7 +46,7 @@ def return_by_mission(vehicle: Vehicle) -> tuple[Sequence[Item], float] | None:
         if _other_place_is_preferred(vehicle, mission.items[last], rtl_type):
             return None
         ground_m = vehicle.flight.altitude_amsl_m(mission.items[last].frame, mission.items[last].z)
-        minimum_amsl_m = ground_m + vehicle.flight_parameters.return_height_m
+        minimum_amsl_m = ground_m + vehicle.flight_parameters.returning.height_m
     placed = [item for item in mission.items[first : last + 1] if item.place_deg is not None]
     return (placed, minimum_amsl_m) if placed and placed[-1] is mission.items[last] else None
 
@@ -81,6 +81,6 @@ def _is_landing(vehicle: Vehicle, first: int, last: int) -> bool:
     item = mission.items[entry]
     if mission.index > entry or item.command != mavlink.MAV_CMD_NAV_LOITER_TO_ALT:
         return mission.index > entry
-    radius_m = abs(finite(item.param2) or vehicle.flight_parameters.loiter_radius_m)
+    radius_m = abs(finite(item.param2) or vehicle.flight_parameters.wing.loiter_radius_m)
     centre_m = distance_m(vehicle.body.lat_lon_deg, item.place_deg or (0.0, 0.0))
-    return centre_m <= radius_m + vehicle.flight_parameters.waypoint_radius_m
+    return centre_m <= radius_m + vehicle.flight_parameters.limits.acceptance_radius_m

@@ -67,13 +67,14 @@ def _mode_refusals(vehicle: Vehicle, now: float) -> list[str]:
 
 def _battery_refusals(vehicle: Vehicle) -> list[str]:
     """Return the refusal of a charge below COM_ARM_BAT_MIN (if negative: below BAT_CRIT_THR)."""
-    share, flight_parameters = vehicle.body.battery_remaining, vehicle.flight_parameters
+    share = vehicle.body.battery_remaining
+    _, low, critical = vehicle.flight_parameters.battery.levels
     minimum_share = vehicle.params["COM_ARM_BAT_MIN"]
-    if share >= (minimum_share if minimum_share >= 0 else flight_parameters.battery_low_share):
+    if share >= (minimum_share if minimum_share >= 0 else low.below_share):
         return []
-    if share < flight_parameters.battery_critical_share:
+    if share < critical.below_share:
         return ["Emergency battery level"]
-    return ["Critical battery" if share < flight_parameters.battery_low_share else "Low battery"]
+    return ["Critical battery" if share < low.below_share else "Low battery"]
 
 
 def _system_refusals(vehicle: Vehicle) -> list[str]:

@@ -55,7 +55,7 @@ class Remote:
             vehicle.announce("pilot_took_over")
 
     def _valid(self, now: float) -> bool:
-        return now - self._sticks_s < self._vehicle.flight_parameters.rc_timeout_s
+        return now - self._sticks_s < self._vehicle.flight_parameters.rc.timeout_s
 
     def _moving(self, sticks: Sticks, now: float) -> bool:
         """Return True if a stick moves faster than COM_RC_STICK_OV (`MovingDiff`)."""
@@ -90,7 +90,7 @@ class Remote:
     @property
     def count(self) -> int:
         """Number of channels in use; 0 if no override has arrived lately."""
-        if self._vehicle.now - self._channels_s >= self._vehicle.flight_parameters.rc_timeout_s:
+        if self._vehicle.now - self._channels_s >= self._vehicle.flight_parameters.rc.timeout_s:
             return 0
         return max((n + 1 for n, pulse_us in enumerate(self._channels_us) if pulse_us), default=0)
 
