@@ -11,7 +11,7 @@ from sim_vehicle.faults.failure_command import Replace
 from sim_vehicle.files.logs.recorder import LogLimits
 from sim_vehicle.physics.body import Body
 from sim_vehicle.physics.geodesy import GeodeticPosition
-from sim_vehicle.vehicle.behaviour import Behaviour, Mode
+from sim_vehicle.vehicle.behaviour import Behaviour, Mode, ModeTable
 from sim_vehicle.vehicle.command import Command
 from sim_vehicle.vehicle.fence import Fence
 from sim_vehicle.vehicle.flight import Flight
@@ -29,7 +29,7 @@ from sim_vehicle.vehicle.interface import (
 )
 from sim_vehicle.vehicle.jobs import Jobs
 from sim_vehicle.vehicle.mission import Item, Mission
-from sim_vehicle.vehicle.params import Parameters
+from sim_vehicle.vehicle.params import Parameters, ParameterTable
 from sim_vehicle.vehicle.readiness import Readiness
 from sim_vehicle.vehicle.sender import Sender
 from sim_vehicle.wire.signing import Signing
@@ -148,97 +148,126 @@ OneShotMessage = Callable[[Vehicle, float], Sequence[Any]]  # vehicle, param2 of
 
 
 @dataclass(frozen=True, slots=True)
-class Personality:
-    """One autopilot's data for one kind of airframe; times in s, versions as on the wire."""
+class Identity:
+    """The autopilot on the link; versions as on the wire: `publish`, `one_shot_messages`, `storage`."""
 
-    name: str
     autopilot: int  # MAV_AUTOPILOT
     vehicle_type: int  # MAV_TYPE
     plane: bool
-    modes: Mapping[int, Mode]
-    boot_mode: int
-    boot_text: tuple[bytes, ...]  # plain bytes on the link at each boot
     flight_sw_version: int
     capabilities: int
-    parameters: Mapping[str, float | int]  # defaults; an int makes an integer parameter
-    read_only_parameters: frozenset[str]
-    parameters_byte_wise: bool  # True: integers are sent as bytes (PX4); False: as floats (ArduPilot)
-    system_id_parameter: str
-    flight_parameters: Callable[[Parameters], FlightParameters]
-    commands: Mapping[int, CommandHandler]  # replace or extend the common handlers
-    arm_refused: int  # MAV_RESULT of a refused arming
+    banner: tuple[str, ...]  # name and version first
+    boot_text: tuple[bytes, ...] = ()  # plain bytes on the link at each boot
+
+
+@dataclass(frozen=True, slots=True)
+class ArmingRules:
+    """Arming and disarming: `arming`."""
+
+    refusals: Callable[[Vehicle, float], list[str]]  # reasons against arming now
+    stick_refusals: Callable[[Vehicle, float], list[str]]  # reasons against arming by the sticks
+    refused: int  # MAV_RESULT of a refused arming
     disarm_refused: int  # MAV_RESULT of a refused disarming in flight
+    by_force: bool = True  # a forced arming skips the checks except `mandatory_refusals`
+    mandatory_refusals: Callable[[Vehicle, float], list[str]] = lambda _vehicle, _now: []
+    landing_disarms: bool = True  # the end of a landing disarms; False: only `disarm_landed_s` disarms
+    stays_armed_in_mission: bool = False  # a landing inside a mission leaves the vehicle armed
+    flight_counter: str | None = None  # name of the parameter that counts flights
+
+
+@dataclass(frozen=True, slots=True)
+class CommandRules:
+    """COMMAND_LONG and COMMAND_INT, and the targets of all messages: `commands`."""
+
+    handlers: Mapping[int, CommandHandler]  # replace or extend the common handlers
     # (own system id, message to this system or to all systems) -> True if the message is processed
     is_addressed: Callable[[int, Any], bool]
-    refuses_foreign_commands: bool  # answers a command to another system or component with FAILED
-    acknowledges_set_mode: bool  # the SET_MODE message
-    home_item: bool  # item 0 of a mission is home
-    empty_mission_total: int  # MISSION_CURRENT.total with no mission
-    reports_mission_state: bool  # False: mission_state and mission_mode are always 0
+    refuses_foreign: bool = False  # answers a command to another system or component with FAILED
+    accepts_empty_requests: bool = False  # a request for a known message without data is accepted
+
+
+@dataclass(frozen=True, slots=True)
+class MessageRules:
+    """Other received messages: `receivers`."""
+
+    # message type -> handler (vehicle, message, time [s]), besides `receivers.RECEIVERS`
+    receivers: Mapping[str, Callable[[Vehicle, Any, float], None]] = field(default_factory=dict)
+    one_shot: Mapping[int, OneShotMessage] = field(default_factory=dict)  # besides the common ones
+    acknowledges_set_mode: bool = False  # the SET_MODE message
+    answers_version_request: bool = False  # answers AUTOPILOT_VERSION_REQUEST
+    answers_ping: bool = False  # answers PING without a target
+    supports_signing: bool = False  # supports MAVLink 2 signing; else signatures are ignored
+    body_yaw_relative: bool = False  # yaw in a body frame is relative to the heading; else from north
+
+
+@dataclass(frozen=True, slots=True)
+class TelemetryRules:
+    """Texts and streamed messages: `sender`, `streams`, `publish`."""
+
     texts: Mapping[str, tuple[int, str]]  # event -> (MAV_SEVERITY, template); other events have no text
     streams: Mapping[int, tuple[int, ...]]  # MAV_DATA_STREAM -> message ids
     default_rates_hz: Mapping[int, float]  # message id -> default rate
-    unsupported_messages: frozenset[int]  # messages of telemetry.STREAMS that this autopilot does not send
-    one_shot_messages: Mapping[int, OneShotMessage]  # replace or extend the common messages on request
-    store_item: Callable[[Item], Item | int]  # stored item, or MAV_MISSION_RESULT
-    max_mission_items: int
-    transfer: Callable[[Vehicle], Any]  # the vehicle's side of the mission protocol
-    refusals: Callable[[Vehicle, float], list[str]]  # reasons against arming now
-    remote: Callable[[Vehicle], RemoteInput]
-    stick_refusals: Callable[[Vehicle, float], list[str]]  # reasons against arming by the sticks
-    ready_s: float  # time from boot to a position estimate
-    storage: Callable[[Vehicle, LogLimits], Any]  # logs and files
-    banner: tuple[str, ...]  # name and version first
+    unsupported: frozenset[int]  # messages of telemetry.STREAMS that this autopilot does not send
     # (global target, local target) reported in the present mode
     targets: Callable[[Vehicle], tuple[bool, bool]]
-    # features of one autopilot only
-    # message type -> handler (vehicle, message, time [s]), besides `receivers.RECEIVERS`
-    receivers: Mapping[str, Callable[[Vehicle, Any, float], None]] = field(default_factory=dict)
-    parameter_bits: Mapping[str, int] = field(default_factory=dict)  # width of integers; default 32
-    mission: Callable[[Vehicle], Mission] | None = None  # None: a mission with home as item 0
-    mission_ends_in: Behaviour | None = None  # behaviour after a mission that ends in the air
-    rereads_mode_switch: bool = True  # after a boot, the mode switch undoes mode changes while disarmed
+    mission_state: bool = True  # False: mission_state and mission_mode are always 0
+    empty_mission_total: int = 0  # MISSION_CURRENT.total with no mission
     active_when_armed: bool = False  # MAV_STATE_ACTIVE when armed on the ground, CRITICAL only if armed
-    fence_limits_latch: bool = False  # only limits that were set when the fence was enabled are enforced
-    force_arms: bool = True  # a forced arming skips the checks except `mandatory_refusals`
-    # reasons against a forced arming
-    mandatory_refusals: Callable[[Vehicle, float], list[str]] = lambda _vehicle, _now: []
-    refuses_leap: bool = False  # on the ground a manual mode with a high throttle is refused
-    landing_disarms: bool = True  # the end of a landing disarms; False: only `disarm_landed_s` disarms
-    stays_armed_in_mission: bool = False  # a landing inside a mission leaves the vehicle armed
-    supports_signing: bool = False  # supports MAVLink 2 signing; else signatures are ignored
-    disarm_restores_mode: bool = False  # disarming restores the last armable mode, except after a termination
-    accepts_empty_requests: bool = False  # a request for a known message without data is accepted
-    answers_version_request: bool = False  # answers AUTOPILOT_VERSION_REQUEST
-    answers_ping: bool = False  # answers PING without a target
-    home_is_local: bool = False  # HOME_POSITION also has local coordinates
-    home_with_position: bool = False  # home is set with the position estimate, not before
-    origin_moves: bool = False  # SET_GPS_GLOBAL_ORIGIN moves the origin; False: only sets a missing origin
-    flight_counter: str | None = None  # name of the parameter that counts flights
-    failsafe_disarms: bool = False  # a failsafe on the ground stops the motors (FailsafeAction.WARN does not)
-    # custom_mode of the actions without a Behaviour
-    failsafe_modes: Mapping[FailsafeAction, int] = field(default_factory=dict)
+    gps_fix_type: int = 6  # GPS_FIX_TYPE of the autopilot's own simulator
+    gps_present_with_fix: bool = False  # SYS_STATUS lists GPS as present only with a fix
+
+
+@dataclass(frozen=True, slots=True)
+class MissionRules:
+    """The mission, its transfer and its landing: `transfer`, `modes`, `failsafe`."""
+
+    make: Callable[[Vehicle], Mission]
+    transfer: Callable[[Vehicle], Any]  # the vehicle's side of the mission protocol
+    store_item: Callable[[Item], Item | int]  # stored item, or MAV_MISSION_RESULT
+    home_item: bool  # item 0 of a mission is home
+    ends_in: Behaviour | None = None  # behaviour after a mission that ends in the air
     # starts the landing of the mission, returns False if impossible; None: the autopilot has a mode for it
     start_landing: Callable[[Vehicle, float], bool] | None = None
     # returns the mission items that a return flies, and the altitude of the climb before them [m above mean
     # sea level]; returns None for a return to home or a rally point
     return_by_mission: Callable[[Vehicle], tuple[Sequence[Item], float] | None] = lambda _vehicle: None
+
+
+@dataclass(frozen=True, slots=True)
+class HomeRules:
+    """Home and the origin of local coordinates: `home_and_rally`."""
+
+    with_position: bool = False  # home is set with the position estimate, not before
+    is_local: bool = False  # HOME_POSITION also has local coordinates
+    origin_moves: bool = False  # SET_GPS_GLOBAL_ORIGIN moves the origin; False: only sets a missing origin
+
+
+@dataclass(frozen=True, slots=True)
+class FailsafeRules:
+    """Failsafes and the fence: `failsafe`, `battery_watch`, `fence_watch`."""
+
+    disarms: bool = False  # a failsafe on the ground stops the motors (FailsafeAction.WARN does not)
+    # custom_mode of the actions without a Behaviour
+    modes: Mapping[FailsafeAction, int] = field(default_factory=dict)
     battery_latches: bool = False  # checks the battery only while armed; a failsafe lasts until a reboot
-    body_yaw_relative: bool = False  # yaw in a body frame is relative to the heading; else from north
-    gps_fix_type: int = 6  # GPS_FIX_TYPE of the autopilot's own simulator
-    gps_present_with_fix: bool = False  # SYS_STATUS lists GPS as present only with a fix
+    fence_limits_latch: bool = False  # only limits that were set when the fence was enabled are enforced
 
-    def mode_of(self, behaviour: Behaviour) -> Mode:
-        """Return the mode for an automatic change to a behaviour; raise KeyError if no mode fits."""
-        mode = self.find_mode(behaviour)
-        if mode is None:
-            raise KeyError(behaviour)
-        return mode
 
-    def find_mode(self, behaviour: Behaviour) -> Mode | None:
-        """Return the mode for an automatic change to a behaviour, or None if no mode fits."""
-        for mode in self.modes.values():
-            restricted = mode.setpoints_only or mode.needs_pilot or not mode.selectable
-            if mode.behaviour is behaviour and not restricted:
-                return mode
-        return None
+@dataclass(frozen=True, slots=True)
+class Personality:
+    """One autopilot's data for one kind of airframe: a record for each part of the vehicle."""
+
+    identity: Identity
+    parameters: ParameterTable
+    flight_parameters: Callable[[Parameters], FlightParameters]
+    modes: ModeTable
+    arming: ArmingRules
+    commands: CommandRules
+    telemetry: TelemetryRules
+    mission: MissionRules
+    remote: Callable[[Vehicle], RemoteInput]
+    storage: Callable[[Vehicle, LogLimits], Any]  # logs and files
+    ready_s: float  # time from boot to a position estimate
+    messages: MessageRules = MessageRules()
+    home: HomeRules = HomeRules()
+    failsafes: FailsafeRules = FailsafeRules()

@@ -75,7 +75,7 @@ class VehicleSpec(Section):
             raise ValueError(
                 f"{self.personality} {self.kind} is not simulated; the vehicles are {', '.join(available)}"
             )
-        known = personality_of(self.personality, self.kind).parameters
+        known = personality_of(self.personality, self.kind).parameters.defaults
         unknown = sorted(set(self.params) - set(known))
         if unknown:
             vehicle = f"{self.personality} {self.kind}"
@@ -99,7 +99,7 @@ class VehicleSpec(Section):
 
     def item_of(self, leg: int) -> int:
         """Return the MAVLink sequence number of a mission entry; on some autopilots item 0 is home."""
-        return leg + int(personality_of(self.personality, self.kind).home_item)
+        return leg + int(personality_of(self.personality, self.kind).mission.home_item)
 
     def _last_placed_leg(self) -> int | None:
         legs = range(len(self.mission))
@@ -366,7 +366,7 @@ def _has(vehicle: VehicleSpec, need: str) -> bool:
 
 
 def _mode_names(personality: str, kind: str, *, selectable: bool) -> list[str]:
-    modes = personality_of(personality, kind).modes.values()
+    modes = personality_of(personality, kind).modes.by_number.values()
     return [mode.name for mode in modes if mode.selectable or not selectable]
 
 
@@ -395,5 +395,5 @@ def _missing_for_step(step: ScriptStep, vehicle: VehicleSpec) -> str:
         return "has no `mission`"
     if step.chosen == "upload_fence" and not vehicle.fence:
         return "has no `fence`"
-    unknown = sorted(set(step.param or ()) - set(personality.parameters))
+    unknown = sorted(set(step.param or ()) - set(personality.parameters.defaults))
     return f"has no parameters {', '.join(unknown)}" if unknown else ""

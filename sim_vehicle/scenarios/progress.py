@@ -28,8 +28,8 @@ class MissionProgress:
         self._last_item = spec.item_of(flown[-1]) if flown else -1
         self._returns = bool(flown) and spec.mission[flown[-1]].returns
         self._lands_before = any(spec.mission[i].lands for i in flown[:-1])
-        self._reports_state = personality.reports_mission_state
-        self._mode = personality.mode_of(Behaviour.MISSION).number
+        self._reports_state = personality.telemetry.mission_state
+        self._mode = personality.modes.of(Behaviour.MISSION).number
         self._arrivals_needed = 0 if self._reports_state or not flown else _arrivals(spec.mission, flown[-1])
         self._last_item_seen = self._flown = False
         self._n_arrivals = 0

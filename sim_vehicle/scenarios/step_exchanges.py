@@ -30,7 +30,7 @@ class StepExchanges:
         self._target = spec.sysid, mavlink.MAV_COMP_ID_AUTOPILOT1
         self._personality: Personality = personality_of(spec.personality, spec.kind)
         # PX4's altitudes in commands are above mean sea level in every frame.
-        self._altitudes_amsl = self._personality.autopilot == mavlink.MAV_AUTOPILOT_PX4
+        self._altitudes_amsl = self._personality.identity.autopilot == mavlink.MAV_AUTOPILOT_PX4
         self._writer = PlanWriter(spec.lat_deg, spec.lon_deg)
 
     def exchanges(self, step: ScriptStep) -> list[Exchange]:
@@ -63,7 +63,7 @@ class StepExchanges:
 
     def mode_number(self, name: str) -> int:
         """Return the number of a mode; of alternatives, such as `RTL|Return`, the first that exists."""
-        numbers = {mode.name.casefold(): mode.number for mode in self._personality.modes.values()}
+        numbers = {mode.name.casefold(): mode.number for mode in self._personality.modes.by_number.values()}
         return next(numbers[wanted] for wanted in name.casefold().split("|") if wanted in numbers)
 
     def _single_command(self, step: ScriptStep) -> Exchange:
@@ -90,11 +90,11 @@ class StepExchanges:
         return ChangeMode(self._send, self._target, custom_mode)
 
     def _mode_for(self, behaviour: Behaviour) -> Exchange:
-        modes = self._personality.modes.values()
+        modes = self._personality.modes.by_number.values()
         return self._mode(next(mode.number for mode in modes if mode.behaviour is behaviour))
 
     def _mission(self) -> Exchange:
-        items = self._writer.mission(self._spec.mission, home_first=self._personality.home_item)
+        items = self._writer.mission(self._spec.mission, home_first=self._personality.mission.home_item)
         return UploadPlan(self._send, self._target, items, mavlink.MAV_MISSION_TYPE_MISSION)
 
     def _wait_and_arm(self, timeout_s: float) -> list[Exchange]:
@@ -103,7 +103,7 @@ class StepExchanges:
 
     def _start(self, timeout_s: float) -> list[Exchange]:
         arm = self._wait_and_arm(timeout_s)
-        if self._personality.mode_of(Behaviour.MISSION).armable:
+        if self._personality.modes.of(Behaviour.MISSION).armable:
             return [self._mode_for(Behaviour.MISSION), *arm]
         # ArduCopter refuses arming in AUTO, and needs a start command to take off.
         return [self._mode_for(Behaviour.GUIDED), *arm, self._long_command(mavlink.MAV_CMD_MISSION_START)]
@@ -113,11 +113,11 @@ class StepExchanges:
         if self._altitudes_amsl:
             params = (NAN, 0.0, 0.0, NAN, NAN, NAN, self._spec.alt_amsl_m + height_m)
             return [*arm, self._long_command(mavlink.MAV_CMD_NAV_TAKEOFF, *params)]
-        if self._personality.plane:
+        if self._personality.identity.plane:
             return [self._parameter("TKOFF_ALT", height_m), self._mode_for(Behaviour.TAKEOFF), *arm]
         takeoff = self._long_command(mavlink.MAV_CMD_NAV_TAKEOFF, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, height_m)
         return [self._mode_for(Behaviour.GUIDED), *arm, takeoff]
 
     def _parameter(self, name: str, value: float) -> Exchange:
-        byte_wise = self._personality.parameters_byte_wise
+        byte_wise = self._personality.parameters.byte_wise
         return SetParameter(self._send, self._target, name, value, byte_wise=byte_wise)

@@ -275,7 +275,7 @@ def _set_params(vehicles: list[dict[str, object]], given: Mapping[str, float]) -
     """Set each parameter on the vehicles with this parameter; return the names without a vehicle."""
     unknown = dict.fromkeys(given)
     for vehicle in vehicles:
-        known = personality_of(str(vehicle["personality"]), str(vehicle["kind"])).parameters
+        known = personality_of(str(vehicle["personality"]), str(vehicle["kind"])).parameters.defaults
         supported = {name: value for name, value in given.items() if name in known}
         params = vehicle["params"]
         assert isinstance(params, dict)
@@ -289,7 +289,7 @@ def _no_such_parameter(name: str, vehicles: list[dict[str, object]]) -> str:
     known = {
         parameter
         for kind in {(str(v["personality"]), str(v["kind"])) for v in vehicles}
-        for parameter in personality_of(*kind).parameters
+        for parameter in personality_of(*kind).parameters.defaults
     }
     near = difflib.get_close_matches(name.upper(), known, n=3)
     cure = f"did you mean {' or '.join(near)}?" if near else "a ground station lists all parameters"

@@ -11,7 +11,7 @@ class Arming:
     """The armed state of one vehicle and the rules of arming and disarming."""
 
     def __init__(self, vehicle: Vehicle) -> None:
-        self._vehicle = vehicle
+        self._vehicle, self._rules = vehicle, vehicle.personality.arming
         self._armed_at_s = 0.0
         self._idle_since_s = -math.inf  # the sticks have not prevented the automatic disarming since
         self._flown = self._was_airborne = False
@@ -34,7 +34,7 @@ class Arming:
     def arm(self, now: float, *, force: bool, text: str = "armed") -> bool:
         """Start the motors and return True; after a refusal, announce the reasons and return False."""
         vehicle = self._vehicle
-        force = force and vehicle.personality.force_arms
+        force = force and self._rules.by_force
         if self.armed:
             return True
         if vehicle.body.crashed:  # a crashed vehicle cannot be armed, even by force
@@ -55,14 +55,14 @@ class Arming:
         return True
 
     def _may_arm_by_force(self, now: float) -> bool:
-        reasons = self._vehicle.personality.mandatory_refusals(self._vehicle, now)
+        reasons = self._rules.mandatory_refusals(self._vehicle, now)
         for reason in reasons:
             self._vehicle.announce("arm_refused", reason=reason)
         return not reasons
 
     def _may_arm(self, *, in_mission: bool, now: float) -> bool:
         vehicle = self._vehicle
-        reasons = vehicle.personality.refusals(vehicle, now)
+        reasons = self._rules.refusals(vehicle, now)
         armable = vehicle.mode.armable or (in_mission and vehicle.flight_parameters.arming.in_mission_mode)
         if not armable:
             reasons = [*reasons, *vehicle.sender.texts_for("not_armable", mode=vehicle.mode.name)]
@@ -72,7 +72,7 @@ class Arming:
             vehicle.announce("arm_denied")
         if reasons or not armable:
             return False
-        reasons = vehicle.personality.stick_refusals(vehicle, now)
+        reasons = self._rules.stick_refusals(vehicle, now)
         for reason in reasons:
             vehicle.announce("sticks_refused", reason=reason)
         return not reasons
@@ -96,7 +96,7 @@ class Arming:
         vehicle.body.arm(False)
         if not (vehicle.mission.stays_landed and vehicle.mode.behaviour is Behaviour.MISSION):
             vehicle.mission.reset()
-        counter = vehicle.personality.flight_counter
+        counter = self._rules.flight_counter
         if counter is not None:
             vehicle.params.set_internal(counter, vehicle.params[counter] + 1)
         vehicle.announce(text)
@@ -121,7 +121,7 @@ class Arming:
         if vehicle.remote.keeps_armed(now):
             self._idle_since_s = now
         due_s = max(self._armed_at_s, vehicle.flight.ground_since_s, self._idle_since_s) + delay_s
-        if self._flown and vehicle.flies_mission and vehicle.personality.stays_armed_in_mission:
+        if self._flown and vehicle.flies_mission and self._rules.stays_armed_in_mission:
             return math.inf
         if vehicle.flight.landed(now) and now + EPSILON_S >= due_s:
             self.stop("disarmed_landed" if self._flown else "disarmed_unflown")

@@ -29,7 +29,7 @@ from sim_vehicle.vehicle.home_and_rally import HomeAndRally
 from sim_vehicle.vehicle.injected_faults import InjectedFaults
 from sim_vehicle.vehicle.interface import MessageOutput
 from sim_vehicle.vehicle.jobs import Jobs
-from sim_vehicle.vehicle.mission import Mission, MissionState
+from sim_vehicle.vehicle.mission import MissionState
 from sim_vehicle.vehicle.modes import Modes
 from sim_vehicle.vehicle.one_shot_messages import ONE_SHOT_MESSAGES
 from sim_vehicle.vehicle.params import Parameters
@@ -94,9 +94,10 @@ class Autopilot:
         self.injected_faults, self.replace_faults, self.signing = injected_faults, replace_faults, Signing()
         self.index, self.sysid, self.body, self.personality, self.rng = index, sysid, body, personality, rng
         self.status, self._output = status, output
-        self.rates = Rates(streams, index, personality.default_rates_hz, personality.unsupported_messages)
+        telemetry = personality.telemetry
+        self.rates = Rates(streams, index, telemetry.default_rates_hz, telemetry.unsupported)
         self.sender = Sender(
-            personality.texts,
+            telemetry.texts,
             injected_faults,
             send=lambda message: output.message(index, message),
             clock=lambda: self.now,
@@ -104,19 +105,14 @@ class Autopilot:
         )
         self.send = self.sender.send
         self.send_text, self.announce = self.sender.send_text, self.sender.announce
-        body.set_gps_fix(personality.gps_fix_type)
+        body.set_gps_fix(telemetry.gps_fix_type)
         self.params = Parameters(
-            personality.parameters,
-            {personality.system_id_parameter: sysid, **parameters},
-            bits=personality.parameter_bits,
-            read_only=personality.read_only_parameters,
-            byte_wise=personality.parameters_byte_wise,
+            personality.parameters, {personality.parameters.system_id: sysid, **parameters}
         )
         self.flight_parameters: FlightParameters = personality.flight_parameters(self.params)
-        self.one_shot_messages = {**ONE_SHOT_MESSAGES, **personality.one_shot_messages}
+        self.one_shot_messages = {**ONE_SHOT_MESSAGES, **personality.messages.one_shot}
         self.fence, self.home_and_rally = Fence(), HomeAndRally(self)
-        make = personality.mission
-        self.mission = Mission(home=self.home_and_rally.home_item) if make is None else make(self)
+        self.mission = personality.mission.make(self)
         self.modes, self.remote = Modes(self), personality.remote(self)
         self.flight = Flight(
             body,
@@ -130,7 +126,7 @@ class Autopilot:
             disarm=self._disarm_after_landing,
             taken_off=self.modes.taken_off,
             start_landing=self._start_landing,
-            return_by_mission=lambda: self.personality.return_by_mission(self),
+            return_by_mission=lambda: self.personality.mission.return_by_mission(self),
             remote_lost=lambda: self.failsafes.rc_lost,
             sticks=self.remote.sticks,
             mission_over=self.modes.mission_over,
@@ -138,7 +134,7 @@ class Autopilot:
         )
         self.arming = Arming(self)
         self.fence_watch = FenceWatch(self)
-        self.transfer = personality.transfer(self)
+        self.transfer = personality.mission.transfer(self)
         self.jobs = Jobs(self.sender.acknowledge)
         self.setpoints = Setpoints(self)
         self.storage = personality.storage(self, log_limits)
@@ -177,7 +173,7 @@ class Autopilot:
 
     def announce_refusals(self, event: str, now: float) -> None:
         """Send one STATUSTEXT for each reason against arming; `event` selects the personality's text."""
-        for reason in self.personality.refusals(self, now):
+        for reason in self.personality.arming.refusals(self, now):
             self.announce(event, reason=reason)
 
     def send_now(self, message_id: int, now: float, parameter: float = 0.0) -> bool:
@@ -209,8 +205,8 @@ class Autopilot:
             self._receive_heartbeat(message, now)
             return
         foreign = getattr(message, "target_system", 0) not in (0, self.sysid)
-        if foreign or not self.personality.is_addressed(self.sysid, message):
-            if self.personality.refuses_foreign_commands and kind in ("COMMAND_LONG", "COMMAND_INT"):
+        if foreign or not self.personality.commands.is_addressed(self.sysid, message):
+            if self.personality.commands.refuses_foreign and kind in ("COMMAND_LONG", "COMMAND_INT"):
                 sender = (message.get_srcSystem(), message.get_srcComponent())
                 self.sender.acknowledge(message.command, mavlink.MAV_RESULT_FAILED, 0, sender)
             return
@@ -219,7 +215,7 @@ class Autopilot:
             self.transfer.receive(message, now)
         elif self.storage.handles(kind):
             self.storage.receive(message, now)
-        elif handler := self.personality.receivers.get(kind, RECEIVERS.get(kind)):
+        elif handler := self.personality.messages.receivers.get(kind, RECEIVERS.get(kind)):
             handler(self, message, now)
         else:
             return
@@ -335,7 +331,7 @@ class Autopilot:
         self.boots += 1
         self.booted = True
         self._reset(now)
-        for text in self.personality.boot_text:
+        for text in self.personality.identity.boot_text:
             self._output.raw(self.index, text)
         self.rates.boot(now, now + self._phase_s)
 
@@ -386,7 +382,7 @@ class Autopilot:
         return self.arming.disarm(force=force)
 
     def _disarm_after_landing(self) -> None:
-        if self.personality.landing_disarms:
+        if self.personality.arming.landing_disarms:
             self.arming.stop()
 
     # -- mission ------------------------------------------------------------------------------------------
@@ -396,7 +392,7 @@ class Autopilot:
             self.mission.start_or_resume(self.flight.pilot)
 
     def _start_landing(self) -> bool:
-        start = self.personality.start_landing
+        start = self.personality.mission.start_landing
         return start is not None and start(self, self.now)
 
     def set_current(self, index: int) -> bool:

@@ -35,7 +35,7 @@ class BatteryWatch:
     def update(self, now: float) -> FailsafeAction:
         """Check the battery, announce a worse level, and return the action of that level."""
         vehicle = self._vehicle
-        if vehicle.personality.battery_latches and not vehicle.armed:
+        if vehicle.personality.failsafes.battery_latches and not vehicle.armed:
             return FailsafeAction.NOTHING
         present, before = self._present_level(now), self.level
         if not vehicle.armed:

@@ -1,5 +1,6 @@
 """Flight modes as data: the vehicle's behaviour, and the attributes reported to ground stations."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum, auto
 
@@ -10,7 +11,7 @@ class Behaviour(Enum):
     MISSION = auto()
     GUIDED = auto()  # flies to commanded positions, else holds; obeys set-points
     HOLD = auto()  # stops and holds (a plane circles)
-    TAKEOFF = auto()  # climbs to the take-off altitude, then enters FlightParameters.after_takeoff
+    TAKEOFF = auto()  # climbs to the take-off altitude, then enters TakeoffParameters.then
     RETURN = auto()
     LAND = auto()
     # The sticks fly (`piloting`). At its lowest position the throttle of a copter sinks.
@@ -38,3 +39,30 @@ class Mode:
     standard: int = 0  # MAV_STANDARD_MODE
     needs_pilot: bool = False  # needs manual control while armed (see `interface.RemoteInput.missing`)
     terminates: bool = False  # ends the flight; only a reboot leaves the mode
+
+
+@dataclass(frozen=True, slots=True)
+class ModeTable:
+    """The flight modes of one autopilot, and its rules of mode changes."""
+
+    by_number: Mapping[int, Mode]
+    boot: int  # number of the mode after a boot
+    rereads_switch: bool = True  # after a boot, the mode switch undoes mode changes while disarmed
+    # disarming restores the last armable mode, except after a termination
+    restored_by_disarming: bool = False
+    refuses_leap: bool = False  # on the ground a manual mode with a high throttle is refused
+
+    def of(self, behaviour: Behaviour) -> Mode:
+        """Return the mode for an automatic change to a behaviour; raise KeyError if no mode fits."""
+        mode = self.find(behaviour)
+        if mode is None:
+            raise KeyError(behaviour)
+        return mode
+
+    def find(self, behaviour: Behaviour) -> Mode | None:
+        """Return the mode for an automatic change to a behaviour, or None if no mode fits."""
+        for mode in self.by_number.values():
+            restricted = mode.setpoints_only or mode.needs_pilot or not mode.selectable
+            if mode.behaviour is behaviour and not restricted:
+                return mode
+        return None

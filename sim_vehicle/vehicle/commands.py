@@ -39,16 +39,16 @@ MAX_INTERVAL_US = 2**31 - 1
 
 def execute(vehicle: Vehicle, command: Command, now: float) -> int:
     """Carry out `command` and return its MAV_RESULT."""
-    handler = vehicle.personality.commands.get(command.command) or HANDLERS.get(command.command)
+    handler = vehicle.personality.commands.handlers.get(command.command) or HANDLERS.get(command.command)
     return UNSUPPORTED if handler is None else handler(vehicle, command, now)
 
 
 def arm_disarm(vehicle: Vehicle, command: Command, now: float) -> int:
     force = to_int(command.param2) == FORCE
     if command.param1 == 1:
-        return ACCEPTED if vehicle.arm(now, force=force) else vehicle.personality.arm_refused
+        return ACCEPTED if vehicle.arm(now, force=force) else vehicle.personality.arming.refused
     if command.param1 == 0:
-        return ACCEPTED if vehicle.disarm(force=force) else vehicle.personality.disarm_refused
+        return ACCEPTED if vehicle.disarm(force=force) else vehicle.personality.arming.disarm_refused
     return UNSUPPORTED
 
 
@@ -62,7 +62,7 @@ def change_to(behaviour: Behaviour) -> Callable[[Vehicle, Command, float], int]:
     """Return a handler that changes to the personality's mode of `behaviour`."""
 
     def handler(vehicle: Vehicle, _command: Command, now: float) -> int:
-        if vehicle.personality.find_mode(behaviour) is None:
+        if vehicle.personality.modes.find(behaviour) is None:
             return UNSUPPORTED
         return ACCEPTED if vehicle.modes.set_behaviour(behaviour, now) else FAILED
 
@@ -174,8 +174,8 @@ def reported_interval_us(vehicle: Vehicle, message_id: int) -> int:
 def request_message(vehicle: Vehicle, command: Command, now: float) -> int:
     message_id = to_int(command.param1)
     sent = vehicle.send_now(message_id, now, command.param2)
-    accepts_empty = vehicle.personality.accepts_empty_requests and vehicle.rates.can_stream(message_id)
-    return ACCEPTED if sent or accepts_empty else FAILED
+    accepts_empty = vehicle.personality.commands.accepts_empty_requests
+    return ACCEPTED if sent or (accepts_empty and vehicle.rates.can_stream(message_id)) else FAILED
 
 
 def request_capabilities(vehicle: Vehicle, _command: Command, now: float) -> int:

@@ -105,7 +105,7 @@ class Failsafes:
         if action is FailsafeAction.NOTHING:
             return
         if not vehicle.flight.flying:
-            disarms = vehicle.personality.failsafe_disarms and action is not FailsafeAction.WARN
+            disarms = vehicle.personality.failsafes.disarms and action is not FailsafeAction.WARN
             if disarms and vehicle.armed:
                 vehicle.arming.stop()
             return
@@ -141,7 +141,7 @@ class Failsafes:
 
     def _carry_out(self, action: FailsafeAction, now: float) -> None:
         vehicle = self._vehicle
-        mode_number = vehicle.personality.failsafe_modes.get(action)
+        mode_number = vehicle.personality.failsafes.modes.get(action)
         if action is FailsafeAction.TERMINATE:
             vehicle.announce("terminated")
             if mode_number is not None:
@@ -149,10 +149,10 @@ class Failsafes:
         if action in (FailsafeAction.TERMINATE, FailsafeAction.DISARM):
             vehicle.disarm(force=True)
             return
-        start_landing = vehicle.personality.start_landing
+        start_landing = vehicle.personality.mission.start_landing
         if start_landing is not None and action is FailsafeAction.LAND and start_landing(vehicle, now):
             return
-        modes = vehicle.personality.modes
+        modes = vehicle.personality.modes.by_number
         mode = self._mode_of(action, now) if mode_number is None else modes[mode_number]
         present = _BEHAVIOUR_PRIORITY.get(vehicle.mode.behaviour, 0)
         if mode is not None and present < _ACTION_PRIORITY.get(mode.behaviour, 1):
@@ -163,7 +163,7 @@ class Failsafes:
     def _unless_landing(self, action: FailsafeAction) -> FailsafeAction:
         """Return `action`, or WARN while a plane lands, if `start_landing` is set (TERMINATE stays)."""
         vehicle = self._vehicle
-        lands = vehicle.personality.start_landing is not None and vehicle.flight.landing_now
+        lands = vehicle.personality.mission.start_landing is not None and vehicle.flight.landing_now
         return FailsafeAction.WARN if lands and action is not FailsafeAction.TERMINATE else action
 
     def _mode_of(self, action: FailsafeAction, now: float) -> Mode | None:
@@ -171,14 +171,14 @@ class Failsafes:
         vehicle, behaviour = self._vehicle, _BEHAVIOURS[action]
         if behaviour is Behaviour.MISSION:
             unchanged = vehicle.mode.behaviour is behaviour or not vehicle.modes.mission_ready(now)
-            return None if unchanged else vehicle.personality.mode_of(behaviour)
+            return None if unchanged else vehicle.personality.modes.of(behaviour)
         needs_position = behaviour in (Behaviour.RETURN, Behaviour.HOLD, Behaviour.GUIDED)
         if needs_position and not vehicle.position_known(now):
             behaviour = Behaviour.LAND
-        mode = vehicle.personality.find_mode(behaviour)
+        mode = vehicle.personality.modes.find(behaviour)
         if mode is None:  # a plane that lands by its mission only
             behaviour = Behaviour.RETURN if vehicle.position_known(now) else Behaviour.HOLD
-            mode = vehicle.personality.mode_of(behaviour)
+            mode = vehicle.personality.modes.of(behaviour)
         return mode
 
     def _go_to_return_point(self) -> None:

@@ -176,7 +176,7 @@ class FenceWatch:
             beyond_m[ALTITUDE_MIN] = limits.min_height_m - height_m
         if limits.polygons and vehicle.fence.breaches(lat_deg, lon_deg):
             beyond_m[POLYGON] = 0.0
-        if vehicle.personality.fence_limits_latch:
+        if vehicle.personality.failsafes.fence_limits_latch:
             enforced = self._limits_at_enabling | {ALTITUDE_MIN}
             beyond_m = {limit: distance for limit, distance in beyond_m.items() if limit in enforced}
         return {limit: distance for limit, distance in beyond_m.items() if distance >= 0}

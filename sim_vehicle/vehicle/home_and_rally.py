@@ -28,7 +28,7 @@ class HomeAndRally:
         vehicle = self._vehicle
         if self.origin is None and vehicle.readiness.home_ready(now):
             self.set_origin(vehicle.here(), now)
-        needs_position = vehicle.personality.home_with_position
+        needs_position = vehicle.personality.home.with_position
         ready = vehicle.position_known(now) if needs_position else vehicle.readiness.home_ready(now)
         if self.home is None and ready:
             self.set_home(vehicle.here(), now)

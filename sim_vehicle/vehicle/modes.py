@@ -12,13 +12,12 @@ class Modes:
     """The mode of one vehicle and the rules of mode changes."""
 
     def __init__(self, vehicle: Vehicle) -> None:
-        self._vehicle = vehicle
+        self._vehicle, self._table = vehicle, vehicle.personality.modes
         self.reset(0.0)
 
     def reset(self, now: float) -> None:
         """Enter the boot mode at `now` [s]."""
-        personality = self._vehicle.personality
-        self.mode: Mode = personality.modes[personality.boot_mode]
+        self.mode: Mode = self._table.by_number[self._table.boot]
         self._armable_mode = self.mode
         self.chosen = False  # a ground station or a pilot has changed the mode since the boot
         self.mission_checked_s = now  # end of the check of a new mission [s]
@@ -27,14 +26,14 @@ class Modes:
 
     def set_behaviour(self, behaviour: Behaviour, now: float) -> bool:
         """Change to the personality's mode of this behaviour, as a ground station does."""
-        return self.set(self._vehicle.personality.mode_of(behaviour).number, now)
+        return self.set(self._table.of(behaviour).number, now)
 
     def set(self, number: int, now: float) -> bool:
         """Change the mode as a ground station does; return False if the vehicle refuses the command."""
         vehicle = self._vehicle
         if vehicle.injected_faults.mode_stuck is not None:
             return vehicle.injected_faults.mode_stuck is ModeStuck.ACCEPTED
-        mode = vehicle.personality.modes.get(number)
+        mode = self._table.by_number.get(number)
         if mode is None or not mode.selectable:
             vehicle.announce("no_such_mode", number=number)
             return False
@@ -45,7 +44,7 @@ class Modes:
             return False
         if mode.behaviour is Behaviour.MISSION and self._returns_without_mission:
             vehicle.announce("no_mission_returns")
-            mode = vehicle.personality.mode_of(Behaviour.RETURN)
+            mode = self._table.of(Behaviour.RETURN)
         if vehicle.armed and not self._may_enter(mode, now):
             return False
         self.chosen = True
@@ -56,8 +55,8 @@ class Modes:
     @property
     def _returns_without_mission(self) -> bool:
         """Return True for ArduPlane without a mission: it accepts AUTO and returns (ModeAuto::update)."""
-        personality = self._vehicle.personality
-        return personality.mission_ends_in is Behaviour.RETURN and self._vehicle.mission.empty
+        vehicle = self._vehicle
+        return vehicle.personality.mission.ends_in is Behaviour.RETURN and vehicle.mission.empty
 
     def _may_enter(self, mode: Mode, now: float) -> bool:
         """Return True if an armed vehicle can enter the mode; else announce the reason."""
@@ -81,7 +80,7 @@ class Modes:
         """Return True if a vehicle on the ground would take off by entering a manual mode."""
         vehicle = self._vehicle
         enters = mode.behaviour is Behaviour.MANUAL and self.mode.behaviour is not Behaviour.MANUAL
-        if not enters or vehicle.body.airborne or not vehicle.personality.refuses_leap:
+        if not enters or vehicle.body.airborne or not self._table.refuses_leap:
             return False
         return vehicle.flight_parameters.pilot.lift(vehicle.remote.sticks(now).throttle) > LEAP_LIFT
 
@@ -89,7 +88,7 @@ class Modes:
         vehicle = self._vehicle
         if not self.mission_ready(now):
             return False
-        on_ground = vehicle.personality.home_item and not vehicle.body.airborne
+        on_ground = vehicle.personality.mission.home_item and not vehicle.body.airborne
         if on_ground and not vehicle.mission.starts_with_takeoff():
             vehicle.announce("mission_without_takeoff")
             return False
@@ -104,11 +103,11 @@ class Modes:
 
     def enter_behaviour(self, behaviour: Behaviour) -> None:
         """Change to the personality's mode of this behaviour without any check."""
-        self._enter(self._vehicle.personality.mode_of(behaviour))
+        self._enter(self._table.of(behaviour))
 
     def enter(self, number: int) -> None:
         """Change to a mode by its number without any check; the mode need not be selectable."""
-        self._enter(self._vehicle.personality.modes[number])
+        self._enter(self._table.by_number[number])
 
     def _enter(self, mode: Mode) -> None:
         self.mode = mode
@@ -128,15 +127,12 @@ class Modes:
 
     def mode_switch_read(self) -> None:
         """Enter the boot mode when a disarmed vehicle first reads the RC mode switch after a boot."""
-        personality = self._vehicle.personality
-        if personality.rereads_mode_switch and not self._vehicle.armed:
-            boot_mode = personality.modes[personality.boot_mode]
-            if self.mode is not boot_mode:
-                self._enter(boot_mode)
+        if self._table.rereads_switch and not self._vehicle.armed and self.mode.number != self._table.boot:
+            self.enter(self._table.boot)
 
     def disarmed(self) -> None:
         """Restore the last armable mode after disarming, as some personalities do."""
-        if self._vehicle.personality.disarm_restores_mode and not self.mode.terminates:
+        if self._table.restored_by_disarming and not self.mode.terminates:
             self._enter(self._armable_mode)
 
     def taken_off(self) -> None:
@@ -154,6 +150,6 @@ class Modes:
 
     def mission_over(self) -> None:
         """Change mode in flight after the last item of a mission, if `mission_ends_in` is set."""
-        ends_in = self._vehicle.personality.mission_ends_in
+        ends_in = self._vehicle.personality.mission.ends_in
         if ends_in is not None and self._vehicle.flight.flying:
             self.enter_behaviour(ends_in)

@@ -15,11 +15,11 @@ def autopilot_version(vehicle: Vehicle, _parameter: float) -> Sequence[Any]:
     """Return AUTOPILOT_VERSION; uid2 is `sim_vehicle` and the system id, unlike on any real aircraft."""
     uid2 = list(b"sim_vehicle".ljust(17, b"\0") + bytes([vehicle.sysid]))
     nothing = [0] * 8
-    personality = vehicle.personality
+    identity = vehicle.personality.identity
     return [
         mavlink.MAVLink_autopilot_version_message(
-            personality.capabilities,
-            personality.flight_sw_version,
+            identity.capabilities,
+            identity.flight_sw_version,
             0,
             0,
             0,

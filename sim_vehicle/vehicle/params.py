@@ -4,6 +4,7 @@ import math
 import struct
 import zlib
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -29,39 +30,33 @@ def as_float32(value: float) -> float:
     return float(struct.unpack("<f", struct.pack("<f", value))[0])
 
 
+@dataclass(frozen=True, slots=True)
+class ParameterTable:
+    """The parameters of one firmware, and their encoding."""
+
+    defaults: Mapping[str, float | int]  # an int makes an integer parameter
+    system_id: str  # name of the parameter with the system id
+    # True: PX4's encoding; the float field has the four bytes of an integer, and a PARAM_SET of another type
+    # is ignored. False: ArduPilot's encoding; the field has the nearest float, and fractions are truncated.
+    byte_wise: bool
+    read_only: frozenset[str] = frozenset()  # names that PARAM_SET cannot change
+    bits: Mapping[str, int] = field(default_factory=dict)  # widths of integers; 32 if absent
+
+
 class Parameters:
-    """Named numbers in the autopilot's units.
+    """Named numbers in the autopilot's units; the set of names is fixed.
 
-    The set of names is fixed. A parameter with an int default is an integer.
-
-    Parameters
-    ----------
-    defaults: default values of the firmware.
     start: initial values of this vehicle, which become its defaults.
-    bits: widths of the integer parameters; 32 if absent.
-    read_only: names that PARAM_SET cannot change; the answer is the stored value.
-    byte_wise: True: PX4's encoding; the float field has the four bytes of an integer, and a PARAM_SET of
-        another type is ignored. False: ArduPilot's encoding; the field has the nearest float, and fractions
-        are truncated.
     """
 
-    def __init__(
-        self,
-        defaults: Mapping[str, float | int],
-        start: Mapping[str, float | int],
-        *,
-        bits: Mapping[str, int],
-        read_only: frozenset[str] = frozenset(),
-        byte_wise: bool = False,
-    ) -> None:
-        self._bits = bits
-        self._byte_wise = byte_wise
+    def __init__(self, table: ParameterTable, start: Mapping[str, float | int]) -> None:
+        defaults, self._bits, self._byte_wise = table.defaults, table.bits, table.byte_wise
         self._values = {name: defaults[name] for name in sorted(defaults)}
         for name, value in {**defaults, **start}.items():
             self._values[name] = self._stored_value(name, value)
         self._defaults, self._start = defaults, start
         self._names = list(self._values)
-        self._read_only = read_only
+        self._read_only = table.read_only
         self._pacer = Pacer()
         self._list_index = len(self._names)  # index of the next parameter in the list; -1: the hash
 

@@ -33,7 +33,7 @@ def publish(vehicle: Vehicle, now: float) -> None:
     _health(vehicle, now)
     _places(vehicle)
     _mission(vehicle)
-    status.has_place[i], status.has_setpoint[i] = vehicle.personality.targets(vehicle)
+    status.has_place[i], status.has_setpoint[i] = vehicle.personality.telemetry.targets(vehicle)
     watch = vehicle.fence_watch
     status.fence_enabled[i] = watch.enabled
     status.fence_status[i] = bool(watch.breached)
@@ -45,20 +45,21 @@ def publish(vehicle: Vehicle, now: float) -> None:
 
 def _heartbeat(vehicle: Vehicle) -> None:
     status, i, personality, mode = vehicle.status, vehicle.index, vehicle.personality, vehicle.mode
-    status.autopilot[i] = personality.autopilot
-    status.vehicle_type[i] = personality.vehicle_type
+    status.autopilot[i] = personality.identity.autopilot
+    status.vehicle_type[i] = personality.identity.vehicle_type
     armed = int(mavlink.MAV_MODE_FLAG_SAFETY_ARMED) if vehicle.armed else 0
     status.armed_since_s[i] = vehicle.arming.armed_since_s
     status.flying_since_s[i] = vehicle.arming.flying_since_s
-    if personality.flight_counter is not None:
-        status.flights[i] = int(vehicle.params[personality.flight_counter]) & 0xFFFFFFFF
+    if (counter := personality.arming.flight_counter) is not None:
+        status.flights[i] = int(vehicle.params[counter]) & 0xFFFFFFFF
     status.base_mode[i] = ALWAYS_SET | mode.base_mode | armed
     status.custom_mode[i] = mode.number
     status.standard_mode[i] = mode.standard
-    armed_is_active = personality.active_when_armed and vehicle.armed
+    active_when_armed = personality.telemetry.active_when_armed
+    armed_is_active = active_when_armed and vehicle.armed
     if mode.terminates:
         status.system_status[i] = mavlink.MAV_STATE_FLIGHT_TERMINATION
-    elif vehicle.failsafes.any_latched and (armed_is_active or not personality.active_when_armed):
+    elif vehicle.failsafes.any_latched and (armed_is_active or not active_when_armed):
         status.system_status[i] = mavlink.MAV_STATE_CRITICAL
     elif vehicle.body.airborne or armed_is_active:
         status.system_status[i] = mavlink.MAV_STATE_ACTIVE
@@ -81,11 +82,11 @@ def _health(vehicle: Vehicle, now: float) -> None:
     present = health = SENSORS
     if not (vehicle.readiness.gps_fix_ready(now) and vehicle.body.gps_fix):
         health &= ~mavlink.MAV_SYS_STATUS_SENSOR_GPS
-        if vehicle.personality.gps_present_with_fix:
+        if vehicle.personality.telemetry.gps_present_with_fix:
             present &= ~mavlink.MAV_SYS_STATUS_SENSOR_GPS
     if not vehicle.position_known(now):
         health &= ~mavlink.MAV_SYS_STATUS_AHRS
-    if not vehicle.armed and vehicle.personality.refusals(vehicle, now):
+    if not vehicle.armed and vehicle.personality.arming.refusals(vehicle, now):
         health &= ~mavlink.MAV_SYS_STATUS_PREARM_CHECK
     unhealthy = vehicle.injected_faults.unhealthy_sensors
     enabled = SENSORS | unhealthy
@@ -101,7 +102,7 @@ def _health(vehicle: Vehicle, now: float) -> None:
 
 def _places(vehicle: Vehicle) -> None:
     status, i = vehicle.status, vehicle.index
-    status.home_is_local[i] = vehicle.personality.home_is_local
+    status.home_is_local[i] = vehicle.personality.home.is_local
     home, origin = vehicle.home_and_rally.home, vehicle.home_and_rally.origin
     status.has_home[i] = home is not None
     if home is not None:
@@ -116,10 +117,10 @@ def _places(vehicle: Vehicle) -> None:
 def _mission(vehicle: Vehicle) -> None:
     status, i, mission, personality = vehicle.status, vehicle.index, vehicle.mission, vehicle.personality
     status.mission_seq[i] = mission.index
-    total = mission.count - 1 if personality.home_item else mission.count
-    status.mission_total[i] = total if total > 0 else personality.empty_mission_total
+    total = mission.count - 1 if personality.mission.home_item else mission.count
+    status.mission_total[i] = total if total > 0 else personality.telemetry.empty_mission_total
     status.mission_ids[i] = vehicle.transfer.ids
     status.item_reached[i] = vehicle.flight.pilot.item_reached
-    if personality.reports_mission_state:
+    if personality.telemetry.mission_state:
         status.mission_state[i] = mission.reported_state
         status.mission_mode[i] = 1 if vehicle.mode.behaviour is Behaviour.MISSION else 2

@@ -31,7 +31,7 @@ def _on_set_mode(vehicle: Vehicle, message: Any, now: float) -> None:
     accepted = message.base_mode & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED and vehicle.modes.set(
         message.custom_mode, now
     )
-    if vehicle.personality.acknowledges_set_mode:
+    if vehicle.personality.messages.acknowledges_set_mode:
         result = mavlink.MAV_RESULT_ACCEPTED if accepted else mavlink.MAV_RESULT_TEMPORARILY_REJECTED
         sender = (message.get_srcSystem(), message.get_srcComponent())
         vehicle.sender.acknowledge(mavlink.MAV_CMD_DO_SET_MODE, result, 0, sender)
@@ -44,20 +44,21 @@ def _on_parameter(vehicle: Vehicle, message: Any, now: float) -> None:
 
 
 def _on_setup_signing(vehicle: Vehicle, message: Any, _now: float) -> None:
-    if vehicle.personality.supports_signing and not vehicle.signing.set_up(message, armed=vehicle.armed):
+    supports_signing = vehicle.personality.messages.supports_signing
+    if supports_signing and not vehicle.signing.set_up(message, armed=vehicle.armed):
         vehicle.announce("signing_refused")
 
 
 def _on_data_stream(vehicle: Vehicle, message: Any, now: float) -> None:
     rate_hz = message.req_message_rate if message.start_stop else 0
-    for stream, message_ids in vehicle.personality.streams.items():
+    for stream, message_ids in vehicle.personality.telemetry.streams.items():
         if message.req_stream_id in (mavlink.MAV_DATA_STREAM_ALL, stream):
             for message_id in message_ids:
                 vehicle.rates.set(message_id, 1.0 / rate_hz if rate_hz else 0.0, now)
 
 
 def _on_version_request(vehicle: Vehicle, _message: Any, now: float) -> None:
-    if vehicle.personality.answers_version_request:
+    if vehicle.personality.messages.answers_version_request:
         vehicle.send_now(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION, now)
 
 
@@ -69,7 +70,7 @@ def _on_timesync(vehicle: Vehicle, message: Any, now: float) -> None:
 
 def _on_ping(vehicle: Vehicle, message: Any, _now: float) -> None:
     is_request = message.target_system == message.target_component == 0
-    if is_request and vehicle.personality.answers_ping:
+    if is_request and vehicle.personality.messages.answers_ping:
         sender = (message.get_srcSystem(), message.get_srcComponent())
         vehicle.send(mavlink.MAVLink_ping_message(message.time_usec, message.seq, *sender))
 
@@ -81,7 +82,7 @@ def _on_set_current(vehicle: Vehicle, message: Any, now: float) -> None:
 
 def _on_set_origin(vehicle: Vehicle, message: Any, now: float) -> None:
     lat_deg, lon_deg = message.latitude * 1e-7, message.longitude * 1e-7
-    origin_moves = vehicle.personality.origin_moves
+    origin_moves = vehicle.personality.home.origin_moves
     if origin_moves and message.target_system != vehicle.sysid:
         vehicle.send_now(mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN, now)
         return

@@ -190,6 +190,6 @@ class Setpoints:
             return None
         yaw_rad = float(message.yaw)
         relative = message.coordinate_frame in RELATIVE_YAW_FRAMES
-        if relative and self._vehicle.personality.body_yaw_relative:
+        if relative and self._vehicle.personality.messages.body_yaw_relative:
             return self._vehicle.body.heading_rad + yaw_rad
         return yaw_rad

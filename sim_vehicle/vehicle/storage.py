@@ -154,14 +154,14 @@ class Storage:
             log.strike(now, self._vehicle.strikes, vehicle_cell, hostile_cell)
 
     def _begin(self, now: float) -> None:
-        vehicle, personality = self._vehicle, self._vehicle.personality
+        vehicle, identity = self._vehicle, self._vehicle.personality.identity
         self.recorder.begin(
             now,
             LogStart(
                 utc_s=EPOCH_US / 1e6 + now,
                 boot_s=vehicle.readiness.boot_s,
-                banner=personality.banner,
-                flight_sw_version=personality.flight_sw_version,
+                banner=identity.banner,
+                flight_sw_version=identity.flight_sw_version,
                 parameters=dict(vehicle.params.items()),
                 defaults=vehicle.params.defaults,
                 mode=vehicle.mode.number,

@@ -123,8 +123,8 @@ def test_an_integer_parameter_is_limited_to_its_width(name: bytes, sent: float, 
 @pytest.mark.parametrize("kind", ["copter", "plane"])
 def test_every_integer_parameter_has_a_declared_width(kind: str) -> None:
     personality = personality_of("ardupilot", kind)
-    integers = {name for name, value in personality.parameters.items() if isinstance(value, int)}
-    assert integers - set(personality.parameter_bits) == set()
+    integers = {name for name, value in personality.parameters.defaults.items() if isinstance(value, int)}
+    assert integers - set(personality.parameters.bits) == set()
 
 
 def test_a_scenarios_parameter_gets_the_type_of_its_default() -> None:

@@ -73,7 +73,7 @@ def test_each_message_request_brings_one_message(name: str, craft: str) -> None:
     for number in (*mavlink.mavlink_map, 300, 380, 396, 397, 410, 411, 435, 436):
         before = len(bench.raw)
         bench.send(command(mavlink.MAV_CMD_REQUEST_MESSAGE, number))
-        assert len(bench.raw) - before <= 1 + len(bench.fleet.vehicles[0].personality.modes)
+        assert len(bench.raw) - before <= 1 + len(bench.fleet.vehicles[0].personality.modes.by_number)
 
 
 def test_no_stream_is_faster_than_the_clock() -> None:

@@ -19,7 +19,7 @@ REAL, INTEGER = mavlink.MAV_PARAM_TYPE_REAL32, mavlink.MAV_PARAM_TYPE_INT32
 def set_parameter(bench: Bench, name: str, value: float) -> None:
     personality = bench.fleet.vehicles[0].personality
     kind, sent = REAL, value
-    if personality.parameters_byte_wise and isinstance(personality.parameters[name], int):
+    if personality.parameters.byte_wise and isinstance(personality.parameters.defaults[name], int):
         whole = round(min(max(value, -(2**31)), 2**31 - 1))
         kind, sent = INTEGER, struct.unpack("<f", struct.pack("<i", whole))[0]
         if math.isnan(sent):  # a float changes these bytes
@@ -46,7 +46,7 @@ def is_sane(bench: Bench) -> bool:
 def test_each_parameter_at_an_extreme_value(name: str, kind: str, value: float) -> None:
     bench = Bench(name, kind)
     bench.fly()
-    for parameter, usual in bench.fleet.vehicles[0].personality.parameters.items():
+    for parameter, usual in bench.fleet.vehicles[0].personality.parameters.defaults.items():
         if parameter in DEAFENING:
             continue
         set_parameter(bench, parameter, value)
@@ -62,7 +62,7 @@ def test_each_parameter_at_an_extreme_value(name: str, kind: str, value: float) 
 def test_a_vehicle_with_all_parameters_changed_still_flies(name: str, kind: str, value: float) -> None:
     bench = Bench(name, kind)
     bench.fly()
-    parameters = bench.fleet.vehicles[0].personality.parameters
+    parameters = bench.fleet.vehicles[0].personality.parameters.defaults
     for parameter in parameters:
         if parameter not in DEAFENING:
             set_parameter(bench, parameter, value)
@@ -81,8 +81,8 @@ def test_a_vehicle_with_all_parameters_changed_still_flies(name: str, kind: str,
 def test_a_nan_value_is_refused(name: str, kind: str, value: float) -> None:
     bench = Bench(name, kind)
     personality = bench.fleet.vehicles[0].personality
-    for parameter, usual in personality.parameters.items():
-        if not (personality.parameters_byte_wise and isinstance(usual, int)):
+    for parameter, usual in personality.parameters.defaults.items():
+        if not (personality.parameters.byte_wise and isinstance(usual, int)):
             bench.send(mavlink.MAVLink_param_set_message(1, 1, parameter.encode(), value, REAL))
     reported = [m.param_value for _, m in bench.received if m.get_type() == "PARAM_VALUE"]
     assert reported

@@ -95,7 +95,7 @@ def test_an_uploaded_file_with_nan_parameters(parameter: str, value: float) -> N
         payload = HEADER.pack(seq, 0, opcode, len(data), 0, 0, 0) + data
         bench.send(mavlink.MAVLink_file_transfer_protocol_message(0, 1, 1, payload.ljust(251, b"\0")))
     replies = bench.send(mavlink.MAVLink_param_request_read_message(1, 1, parameter.encode(), -1))
-    usual = bench.fleet.vehicles[0].personality.parameters[parameter]
+    usual = bench.fleet.vehicles[0].personality.parameters.defaults[parameter]
     assert [m.param_value for m in replies if m.get_type() == "PARAM_VALUE"] == [usual]
     bench.check()
 

@@ -311,7 +311,7 @@ def test_the_list_begins_with_a_hash_that_changes_with_the_values() -> None:
 @given(st.lists(st.floats(allow_nan=True, allow_infinity=True, width=32), min_size=7, max_size=7), st.data())
 def test_the_vehicle_survives_any_commands(params: list[float], data: st.DataObject) -> None:
     station = Px4Station()
-    known = sorted(station.fleet.vehicles[0].personality.commands)
+    known = sorted(station.fleet.vehicles[0].personality.commands.handlers)
     for command in (*data.draw(st.lists(st.sampled_from(known), max_size=4)), 22):
         station.send(mavlink.MAVLink_command_long_message(1, 1, command, 0, *params))
     station.wait(1.0)

@@ -27,7 +27,7 @@ def value(station: Station, name: str) -> float:
     replies = station.send(mavlink.MAVLink_param_request_read_message(1, 1, name.encode(), -1))
     found = [m for m in replies if m.get_type() == "PARAM_VALUE" and m.param_id == name]
     assert found, f"{name} is not answered"
-    byte_wise = station.fleet.vehicles[0].personality.parameters_byte_wise
+    byte_wise = station.fleet.vehicles[0].personality.parameters.byte_wise
     if byte_wise and found[0].param_type != mavlink.MAV_PARAM_TYPE_REAL32:
         return float(struct.unpack("<i", struct.pack("<f", found[0].param_value))[0])
     return float(found[0].param_value)

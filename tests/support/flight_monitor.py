@@ -150,7 +150,7 @@ def findings(monitor: FlightMonitor, report: FlightReport, folder: Path) -> list
 def _dialect(monitor: FlightMonitor, uav: int) -> Dialect:
     assert monitor.fleet is not None
     personality = monitor.fleet.vehicles[monitor.fleet.sysids.index(uav)].personality
-    return dialect_for(personality.autopilot, personality.vehicle_type)
+    return dialect_for(personality.identity.autopilot, personality.identity.vehicle_type)
 
 
 def _plans(monitor: FlightMonitor, folder: Path, uav: int, name: str) -> list[tuple[float, FlownItems]]:

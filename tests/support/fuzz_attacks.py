@@ -49,7 +49,7 @@ def commands(_bench: Bench, source: random.Random) -> Iterator[Any]:
 
 def likely_commands(bench: Bench, source: random.Random) -> Iterator[Any]:
     """Yield supported commands with nearly valid parameters."""
-    obeyed = sorted({*HANDLERS, *personality_of(bench.name, bench.kind).commands})
+    obeyed = sorted({*HANDLERS, *personality_of(bench.name, bench.kind).commands.handlers})
     for command in source.choices(obeyed, k=120):
         nearly = [
             source.choice((0.0, 0.0, 1.0, 1.0, 2.0, 3.0, math.nan, number("float", source))) for _ in range(7)
@@ -88,9 +88,11 @@ def _wire_value(source: random.Random, *, integer: bool) -> float:
 def parameters(bench: Bench, source: random.Random) -> Iterator[Any]:
     """Set every parameter to extreme values, of its type and of another."""
     personality = personality_of(bench.name, bench.kind)
-    names = [name for name in personality.parameters if name not in DEAFENING]
+    names = [name for name in personality.parameters.defaults if name not in DEAFENING]
     for name in [*source.sample(names, len(names)), "", "_HASH_CHECK", "NO_SUCH", "x" * 16]:
-        integer = personality.parameters_byte_wise and isinstance(personality.parameters.get(name), int)
+        integer = personality.parameters.byte_wise and isinstance(
+            personality.parameters.defaults.get(name), int
+        )
         kind = (6 if integer else 9) if source.random() < 0.9 else source.randint(0, 255)
         value = _wire_value(source, integer=integer and kind == 6)
         yield mavlink.MAVLink_param_set_message(

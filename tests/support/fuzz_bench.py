@@ -106,7 +106,7 @@ class Bench:
         if self.spoilt:
             return
         if message.get_type() == "BAD_DATA":
-            assert frame in self.fleet.vehicles[index].personality.boot_text, frame
+            assert frame in self.fleet.vehicles[index].personality.identity.boot_text, frame
             return
         assert frame[5] == self.fleet.sysids[index], message
         may_be_none = NAN_ALLOWED.get(message.get_type(), set())

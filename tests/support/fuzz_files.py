@@ -38,7 +38,12 @@ def _packed(bench: Bench, source: random.Random) -> tuple[str, bytes]:
     """Return a packed file of parameters, a mission, a fence or rally points, with a bad part."""
     if source.random() < 0.4:
         names = source.sample(
-            [name for name in personality_of(bench.name, bench.kind).parameters if name not in DEAFENING], 8
+            [
+                name
+                for name in personality_of(bench.name, bench.kind).parameters.defaults
+                if name not in DEAFENING
+            ],
+            8,
         )
         body = b"".join(
             bytes([4, (len(name) - 1) << 4]) + name.encode() + struct.pack("<f", number("float", source))

@@ -81,7 +81,7 @@ def missions(_bench: Bench, source: random.Random) -> Iterator[Any]:
 
 def _flown(bench: Bench) -> list[tuple[int, int]]:
     """Return the frames and commands that this autopilot accepts as mission items."""
-    store = personality_of(bench.name, bench.kind).store_item
+    store = personality_of(bench.name, bench.kind).mission.store_item
     pairs = [(frame, command) for command in FLOWN for frame in (3, 2)]
     taken = [
         pair for pair in pairs if isinstance(store(Item(pair[1], frame=pair[0], x=1, y=1, z=12.0)), Item)

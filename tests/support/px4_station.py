@@ -118,6 +118,6 @@ class QuietPx4Station(Px4Station):
     ) -> None:
         super().__init__(kind, params={"SDLOG_MODE": -1} | (params or {}), **options)
         before = len(self.received)
-        for message_id in personality_of("px4", kind).default_rates_hz:
+        for message_id in personality_of("px4", kind).telemetry.default_rates_hz:
             self.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, -1)
         del self.received[before:]

@@ -167,9 +167,9 @@ def _other_station(drawn: RandomFlight, rng: random.Random, uav: int) -> None:
 
 def _chooses(fleet: Fleet, uav: int, behaviour: Behaviour) -> None:
     personality = fleet.vehicles[fleet.sysids.index(uav)].personality
-    if all(mode.behaviour is not behaviour for mode in personality.modes.values()):
+    if all(mode.behaviour is not behaviour for mode in personality.modes.by_number.values()):
         behaviour = Behaviour.RETURN  # ArduPlane has no mode that lands
-    number = personality.mode_of(behaviour).number
+    number = personality.modes.of(behaviour).number
     enabled = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
     _sends(fleet, mavlink.MAVLink_set_mode_message(uav, enabled, number))
 

@@ -12,13 +12,25 @@ from sim_vehicle.personalities.ardupilot.items import store_item, store_plane_it
 from sim_vehicle.personalities.ardupilot.modes import COPTER_MODES, PLANE_MODES, copter_targets, plane_targets
 from sim_vehicle.personalities.ardupilot.remote import Remote, stick_refusals
 from sim_vehicle.personalities.ardupilot.storage import storage
-from sim_vehicle.personalities.base import Personality, Vehicle
-from sim_vehicle.vehicle.behaviour import Behaviour
+from sim_vehicle.personalities.base import (
+    ArmingRules,
+    CommandRules,
+    FailsafeRules,
+    Identity,
+    MessageRules,
+    MissionRules,
+    Personality,
+    TelemetryRules,
+    Vehicle,
+)
+from sim_vehicle.vehicle.behaviour import Behaviour, ModeTable
 from sim_vehicle.vehicle.flight_parameters import FailsafeAction
 from sim_vehicle.vehicle.mission import Item, Mission
+from sim_vehicle.vehicle.params import ParameterTable
 from sim_vehicle.vehicle.transfer import ArduPilotTransfer
 from sim_vehicle.vehicle.transfer.stores import FenceStore, MissionStore, RallyStore
 
+MAX_MISSION_ITEMS = 650
 _INFO, _NOTICE = mavlink.MAV_SEVERITY_INFO, mavlink.MAV_SEVERITY_NOTICE
 _WARNING, _CRITICAL = mavlink.MAV_SEVERITY_WARNING, mavlink.MAV_SEVERITY_CRITICAL
 _EMERGENCY = mavlink.MAV_SEVERITY_EMERGENCY
@@ -69,11 +81,11 @@ def _mission(vehicle: Vehicle) -> Mission:
 
 
 def _transfer(vehicle: Vehicle) -> ArduPilotTransfer:
-    personality = vehicle.personality
+    store_item = vehicle.personality.mission.store_item
     mission = MissionStore(
         vehicle.mission,
-        personality.store_item,
-        personality.max_mission_items,
+        store_item,
+        MAX_MISSION_ITEMS,
         send_text=vehicle.send_text,
         changed=vehicle.mission_changed,
         flying=lambda: vehicle.flies_mission,
@@ -84,7 +96,7 @@ def _transfer(vehicle: Vehicle) -> ArduPilotTransfer:
             mavlink.MAV_MISSION_TYPE_FENCE: FenceStore(vehicle.fence, send_text=vehicle.send_text),
             mavlink.MAV_MISSION_TYPE_RALLY: RallyStore(vehicle.home_and_rally.rally),
         },
-        store_item=personality.store_item,
+        store_item=store_item,
         send=vehicle.send,
         send_text=vehicle.send_text,
         stored=lambda kind, total: vehicle.params.set_internal(parameters.TOTALS[kind], total),
@@ -129,7 +141,7 @@ def _mandatory_refusals(vehicle: Vehicle, now: float) -> list[str]:
 
 def _refusals(vehicle: Vehicle, now: float) -> list[str]:
     """Return the reasons against arming now. The caller checks that the mode is armable."""
-    mandatory_refusals = vehicle.personality.mandatory_refusals(vehicle, now)
+    mandatory_refusals = vehicle.personality.arming.mandatory_refusals(vehicle, now)
     if mandatory_refusals:
         return mandatory_refusals
     if vehicle.mode.needs_position and not vehicle.position_known(now):
@@ -183,98 +195,98 @@ _COPTER_EVENTS = frozenset(
 )
 
 _COPTER = Personality(
-    name="ardupilot",
-    autopilot=mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,
-    vehicle_type=mavlink.MAV_TYPE_QUADROTOR,
-    plane=False,
-    modes=MappingProxyType(COPTER_MODES),
-    boot_mode=0,
-    boot_text=(
-        b"\n\nInit ArduCopter V4.6.2 (sim_vehicle)",
-        b"\n\nFree RAM: 131072\n",
-        b"load_all took 48us\n",
-        b"Init Gyro",
-        *[b"*"] * 4,
-        b"\n",
+    identity=Identity(
+        autopilot=mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,
+        vehicle_type=mavlink.MAV_TYPE_QUADROTOR,
+        plane=False,
+        flight_sw_version=0x040602FF,  # 4.6.2, official release
+        capabilities=mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_FLOAT
+        | mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_INT
+        | mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_FLOAT
+        | mavlink.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
+        | mavlink.MAV_PROTOCOL_CAPABILITY_FTP
+        | mavlink.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_LOCAL_NED
+        | mavlink.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_GLOBAL_INT
+        | mavlink.MAV_PROTOCOL_CAPABILITY_SET_ATTITUDE_TARGET
+        | mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE
+        | mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_RALLY
+        | mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2,
+        banner=("ArduCopter V4.6.2 (sim_vehicle)", "Frame: QUAD/PLUS"),
+        boot_text=(
+            b"\n\nInit ArduCopter V4.6.2 (sim_vehicle)",
+            b"\n\nFree RAM: 131072\n",
+            b"load_all took 48us\n",
+            b"Init Gyro",
+            *[b"*"] * 4,
+            b"\n",
+        ),
     ),
-    flight_sw_version=0x040602FF,  # 4.6.2, official release
-    capabilities=mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_FLOAT
-    | mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_INT
-    | mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_FLOAT
-    | mavlink.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
-    | mavlink.MAV_PROTOCOL_CAPABILITY_FTP
-    | mavlink.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_LOCAL_NED
-    | mavlink.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_GLOBAL_INT
-    | mavlink.MAV_PROTOCOL_CAPABILITY_SET_ATTITUDE_TARGET
-    | mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE
-    | mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_RALLY
-    | mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2,
-    parameters=MappingProxyType(parameters.COPTER),
-    read_only_parameters=parameters.READ_ONLY,
-    parameters_byte_wise=False,
-    system_id_parameter="SYSID_THISMAV",
+    parameters=ParameterTable(
+        parameters.COPTER,
+        "SYSID_THISMAV",
+        byte_wise=False,
+        read_only=parameters.READ_ONLY,
+        bits=parameters.BITS,
+    ),
     flight_parameters=flight_parameters.copter_flight_parameters,
-    commands=MappingProxyType({}),
-    arm_refused=mavlink.MAV_RESULT_FAILED,
-    disarm_refused=mavlink.MAV_RESULT_FAILED,
-    is_addressed=lambda _sysid, _message: True,
-    refuses_foreign_commands=False,
-    targets=copter_targets,
-    parameter_bits=MappingProxyType(parameters.BITS),
-    acknowledges_set_mode=False,
-    home_item=True,
-    empty_mission_total=0,
-    reports_mission_state=True,
-    texts=MappingProxyType(_TEXTS),
-    streams=MappingProxyType(messages.COPTER_STREAMS),
-    default_rates_hz=MappingProxyType(messages.COPTER_RATES_HZ),
-    unsupported_messages=messages.UNSUPPORTED,
-    accepts_empty_requests=True,
-    answers_version_request=True,
-    one_shot_messages=MappingProxyType({}),
-    store_item=store_item,
-    max_mission_items=650,
-    mission=_mission,
-    transfer=_transfer,
-    refusals=_refusals,
+    modes=ModeTable(COPTER_MODES, boot=0, refuses_leap=True),
+    arming=ArmingRules(
+        refusals=_refusals,
+        stick_refusals=stick_refusals,
+        refused=mavlink.MAV_RESULT_FAILED,
+        disarm_refused=mavlink.MAV_RESULT_FAILED,
+        mandatory_refusals=_mandatory_refusals,
+    ),
+    commands=CommandRules({}, is_addressed=lambda _sysid, _message: True, accepts_empty_requests=True),
+    messages=MessageRules(answers_version_request=True, supports_signing=True, body_yaw_relative=True),
+    telemetry=TelemetryRules(
+        texts=_TEXTS,
+        streams=messages.COPTER_STREAMS,
+        default_rates_hz=messages.COPTER_RATES_HZ,
+        unsupported=messages.UNSUPPORTED,
+        targets=copter_targets,
+    ),
+    mission=MissionRules(make=_mission, transfer=_transfer, store_item=store_item, home_item=True),
+    failsafes=FailsafeRules(disarms=True, battery_latches=True, fence_limits_latch=True),
     remote=Remote,
-    stick_refusals=stick_refusals,
-    refuses_leap=True,
-    mandatory_refusals=_mandatory_refusals,
-    supports_signing=True,
-    failsafe_disarms=True,
-    battery_latches=True,
-    fence_limits_latch=True,
-    body_yaw_relative=True,
-    ready_s=41.0,
     storage=storage,
-    banner=("ArduCopter V4.6.2 (sim_vehicle)", "Frame: QUAD/PLUS"),
+    ready_s=41.0,
 )
 
 _PLANE = replace(
     _COPTER,
-    vehicle_type=mavlink.MAV_TYPE_FIXED_WING,
-    plane=True,
-    modes=MappingProxyType(PLANE_MODES),
-    boot_text=(b"\n\nInit ArduPlane V4.6.2 (sim_vehicle)", *_COPTER.boot_text[1:]),
-    banner=("ArduPlane V4.6.2 (sim_vehicle)",),
-    parameters=MappingProxyType(parameters.PLANE),
-    streams=MappingProxyType(messages.PLANE_STREAMS),
-    default_rates_hz=MappingProxyType(messages.PLANE_RATES_HZ),
-    targets=plane_targets,
-    flight_parameters=flight_parameters.plane_flight_parameters,
-    commands=PLANE_COMMANDS,
-    store_item=store_plane_item,
-    failsafe_disarms=False,
-    refuses_leap=False,
-    failsafe_modes=MappingProxyType(
-        {FailsafeAction.GLIDE: flight_parameters.FBWA, FailsafeAction.LEVEL: flight_parameters.FBWB}
+    identity=replace(
+        _COPTER.identity,
+        vehicle_type=mavlink.MAV_TYPE_FIXED_WING,
+        plane=True,
+        banner=("ArduPlane V4.6.2 (sim_vehicle)",),
+        boot_text=(b"\n\nInit ArduPlane V4.6.2 (sim_vehicle)", *_COPTER.identity.boot_text[1:]),
     ),
-    start_landing=start_landing,
-    mandatory_refusals=lambda _vehicle, _now: [],
-    mission_ends_in=Behaviour.RETURN,
-    texts=MappingProxyType(
-        {event: text for event, text in _TEXTS.items() if event not in _COPTER_EVENTS} | _PLANE_TEXTS
+    parameters=replace(_COPTER.parameters, defaults=parameters.PLANE),
+    flight_parameters=flight_parameters.plane_flight_parameters,
+    modes=ModeTable(PLANE_MODES, boot=0),
+    arming=replace(_COPTER.arming, mandatory_refusals=lambda _vehicle, _now: []),
+    commands=replace(_COPTER.commands, handlers=PLANE_COMMANDS),
+    telemetry=replace(
+        _COPTER.telemetry,
+        texts={event: text for event, text in _TEXTS.items() if event not in _COPTER_EVENTS} | _PLANE_TEXTS,
+        streams=messages.PLANE_STREAMS,
+        default_rates_hz=messages.PLANE_RATES_HZ,
+        targets=plane_targets,
+    ),
+    mission=replace(
+        _COPTER.mission,
+        store_item=store_plane_item,
+        ends_in=Behaviour.RETURN,
+        start_landing=start_landing,
+    ),
+    failsafes=replace(
+        _COPTER.failsafes,
+        disarms=False,
+        modes={
+            FailsafeAction.GLIDE: flight_parameters.FBWA,
+            FailsafeAction.LEVEL: flight_parameters.FBWB,
+        },
     ),
 )
 

@@ -62,7 +62,7 @@ def storage(vehicle: Vehicle, limits: LogLimits) -> Storage:
 
 
 def _banner(vehicle: Vehicle) -> None:
-    for text in vehicle.personality.banner:
+    for text in vehicle.personality.identity.banner:
         vehicle.send_text(mavlink.MAV_SEVERITY_INFO, text)
 
 

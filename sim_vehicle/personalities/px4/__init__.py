@@ -7,7 +7,18 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.personalities.base import Personality, Vehicle
+from sim_vehicle.personalities.base import (
+    ArmingRules,
+    CommandRules,
+    FailsafeRules,
+    HomeRules,
+    Identity,
+    MessageRules,
+    MissionRules,
+    Personality,
+    TelemetryRules,
+    Vehicle,
+)
 from sim_vehicle.personalities.px4 import flight_parameters, parameters, storage
 from sim_vehicle.personalities.px4.commands import COMMANDS
 from sim_vehicle.personalities.px4.follow import on_follow_target
@@ -17,10 +28,11 @@ from sim_vehicle.personalities.px4.mission_landing import return_by_mission
 from sim_vehicle.personalities.px4.modes import HOLD, MODES, TERMINATION
 from sim_vehicle.personalities.px4.readiness import feasible, refusals
 from sim_vehicle.personalities.px4.remote import Remote, stick_refusals
-from sim_vehicle.vehicle.behaviour import Behaviour
+from sim_vehicle.vehicle.behaviour import Behaviour, ModeTable
 from sim_vehicle.vehicle.flight_parameters import FailsafeAction
 from sim_vehicle.vehicle.mission import Item
 from sim_vehicle.vehicle.mission_px4 import Px4Mission
+from sim_vehicle.vehicle.params import ParameterTable
 from sim_vehicle.vehicle.transfer.px4 import Px4Transfer
 from sim_vehicle.wire.telemetry import ARDUPILOT_ONLY
 
@@ -183,80 +195,74 @@ _UNSUPPORTED = frozenset(
 )
 
 _COPTER = Personality(
-    name="px4",
-    autopilot=mavlink.MAV_AUTOPILOT_PX4,
-    vehicle_type=mavlink.MAV_TYPE_QUADROTOR,
-    plane=False,
-    modes=MappingProxyType(MODES),
-    boot_mode=HOLD,
-    boot_text=(),
-    flight_sw_version=0x010F02FF,  # 1.15.2, official release
-    capabilities=mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_INT
-    | mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE
-    | mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_RALLY
-    | mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_BYTEWISE
-    | mavlink.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
-    | mavlink.MAV_PROTOCOL_CAPABILITY_FTP
-    | mavlink.MAV_PROTOCOL_CAPABILITY_SET_ATTITUDE_TARGET
-    | mavlink.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_LOCAL_NED
-    | mavlink.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_GLOBAL_INT
-    | mavlink.MAV_PROTOCOL_CAPABILITY_FLIGHT_TERMINATION
-    | mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2,
-    parameters=MappingProxyType(parameters.COPTER),
-    read_only_parameters=frozenset({"MAV_SYS_ID"}),
-    parameters_byte_wise=True,
-    system_id_parameter="MAV_SYS_ID",
+    identity=Identity(
+        autopilot=mavlink.MAV_AUTOPILOT_PX4,
+        vehicle_type=mavlink.MAV_TYPE_QUADROTOR,
+        plane=False,
+        flight_sw_version=0x010F02FF,  # 1.15.2, official release
+        capabilities=mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_INT
+        | mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE
+        | mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_RALLY
+        | mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_BYTEWISE
+        | mavlink.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
+        | mavlink.MAV_PROTOCOL_CAPABILITY_FTP
+        | mavlink.MAV_PROTOCOL_CAPABILITY_SET_ATTITUDE_TARGET
+        | mavlink.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_LOCAL_NED
+        | mavlink.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_GLOBAL_INT
+        | mavlink.MAV_PROTOCOL_CAPABILITY_FLIGHT_TERMINATION
+        | mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2,
+        banner=("PX4 1.15.2 (sim_vehicle)",),
+    ),
+    parameters=ParameterTable(
+        parameters.COPTER, "MAV_SYS_ID", byte_wise=True, read_only=frozenset({"MAV_SYS_ID"})
+    ),
     flight_parameters=flight_parameters.copter_flight_parameters,
-    commands=COMMANDS,
-    arm_refused=mavlink.MAV_RESULT_TEMPORARILY_REJECTED,
-    disarm_refused=mavlink.MAV_RESULT_TEMPORARILY_REJECTED,
-    is_addressed=_is_addressed,
-    refuses_foreign_commands=True,
-    targets=targets,
-    acknowledges_set_mode=True,
-    home_item=False,
-    empty_mission_total=65_535,
-    reports_mission_state=False,
-    texts=MappingProxyType(_TEXTS),
-    streams=MappingProxyType({}),
-    default_rates_hz=MappingProxyType(DEFAULT_RATES_HZ),
-    unsupported_messages=_UNSUPPORTED,
-    one_shot_messages=MappingProxyType(ONE_SHOT_MESSAGES | storage.ONE_SHOT_MESSAGES),
-    store_item=store_item,
-    max_mission_items=MAX_MISSION_ITEMS,
-    transfer=_transfer,
-    refusals=refusals,
+    modes=ModeTable(MODES, boot=HOLD, rereads_switch=False, restored_by_disarming=True),
+    arming=ArmingRules(
+        refusals=refusals,
+        stick_refusals=stick_refusals,
+        refused=mavlink.MAV_RESULT_TEMPORARILY_REJECTED,
+        disarm_refused=mavlink.MAV_RESULT_TEMPORARILY_REJECTED,
+        by_force=False,
+        landing_disarms=False,
+        stays_armed_in_mission=True,
+        flight_counter="COM_FLIGHT_UUID",
+    ),
+    commands=CommandRules(COMMANDS, is_addressed=_is_addressed, refuses_foreign=True),
+    messages=MessageRules(
+        receivers={"FOLLOW_TARGET": on_follow_target},
+        one_shot=ONE_SHOT_MESSAGES | storage.ONE_SHOT_MESSAGES,
+        acknowledges_set_mode=True,
+        answers_ping=True,
+    ),
+    telemetry=TelemetryRules(
+        texts=_TEXTS,
+        streams={},
+        default_rates_hz=DEFAULT_RATES_HZ,
+        unsupported=_UNSUPPORTED,
+        targets=targets,
+        mission_state=False,
+        empty_mission_total=65_535,
+        active_when_armed=True,
+        gps_fix_type=mavlink.GPS_FIX_TYPE_3D_FIX,
+        gps_present_with_fix=True,
+    ),
+    mission=MissionRules(
+        make=_mission, transfer=_transfer, store_item=store_item, home_item=False, ends_in=Behaviour.HOLD
+    ),
+    home=HomeRules(with_position=True, is_local=True, origin_moves=True),
+    failsafes=FailsafeRules(modes={FailsafeAction.TERMINATE: TERMINATION}),
     remote=Remote,
-    receivers=MappingProxyType({"FOLLOW_TARGET": on_follow_target}),
-    stick_refusals=stick_refusals,
-    ready_s=READY_S,
     storage=storage.storage,
-    banner=("PX4 1.15.2 (sim_vehicle)",),
-    mission=_mission,
-    mission_ends_in=Behaviour.HOLD,
-    rereads_mode_switch=False,
-    active_when_armed=True,
-    force_arms=False,
-    landing_disarms=False,
-    stays_armed_in_mission=True,
-    disarm_restores_mode=True,
-    failsafe_modes=MappingProxyType({FailsafeAction.TERMINATE: TERMINATION}),
-    answers_ping=True,
-    home_with_position=True,
-    home_is_local=True,
-    origin_moves=True,
-    flight_counter="COM_FLIGHT_UUID",
-    gps_fix_type=mavlink.GPS_FIX_TYPE_3D_FIX,
-    gps_present_with_fix=True,
+    ready_s=READY_S,
 )
 
 _PLANE = replace(
     _COPTER,
-    vehicle_type=mavlink.MAV_TYPE_FIXED_WING,
-    plane=True,
-    parameters=MappingProxyType(parameters.PLANE),
+    identity=replace(_COPTER.identity, vehicle_type=mavlink.MAV_TYPE_FIXED_WING, plane=True),
+    parameters=replace(_COPTER.parameters, defaults=parameters.PLANE),
     flight_parameters=flight_parameters.plane_flight_parameters,
-    return_by_mission=return_by_mission,
+    mission=replace(_COPTER.mission, return_by_mission=return_by_mission),
 )
 
 PX4 = MappingProxyType({"copter": _COPTER, "plane": _PLANE})

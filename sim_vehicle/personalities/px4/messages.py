@@ -108,7 +108,7 @@ def _available_mode(index: int, total: int, mode: Mode) -> DefinedMessage:
 
 def available_modes(vehicle: Vehicle, parameter: float) -> Sequence[Any]:
     """Return AVAILABLE_MODES of every mode (parameter 0), or of the mode with this index (from 1), if any."""
-    all_modes = list(vehicle.personality.modes.values())
+    all_modes = list(vehicle.personality.modes.by_number.values())
     messages = [_available_mode(index, len(all_modes), mode) for index, mode in enumerate(all_modes, start=1)]
     if parameter == 0:
         return messages

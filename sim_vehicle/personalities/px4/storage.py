@@ -34,8 +34,8 @@ def storage(vehicle: Vehicle, limits: LogLimits) -> Storage:
 
 
 def _metadata_of(vehicle: Vehicle) -> ComponentMetadata:
-    personality = vehicle.personality
-    return _metadata(personality.plane, personality.flight_sw_version, personality.capabilities)
+    identity = vehicle.personality.identity
+    return _metadata(identity.plane, identity.flight_sw_version, identity.capabilities)
 
 
 @cache
