@@ -1,4 +1,4 @@
-"""Messages that pass between MAVSDK and a vehicle."""
+"""Messages that pass between MAVSDK and a vehicle, and the end of a transfer."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from swarmctl.links.mavsdk_conversations import MavsdkGate
+from swarmctl.links.mavsdk_conversations import MavsdkGate, MavsdkTransfer
 
 ROOT = Path(__file__).parents[2]
 
@@ -77,6 +77,50 @@ def test_a_mission_passes_only_during_a_transfer():
     gate.is_transferring = True
     assert gate.lets_out(COUNT, 10.0)
     assert gate.lets_in(REQUEST)
+
+
+class Transfers:
+    """MAVSDK's transfers, which end only on request."""
+
+    def __init__(self) -> None:
+        self.is_transferring, self.calls = False, []
+
+    def begin_download(self, on_end) -> None:
+        self.is_transferring = True
+        self.calls.append(on_end)
+
+    def cancel_transfer(self) -> None:
+        self.calls.append("cancel")
+
+
+def download(mavsdk: Transfers) -> MavsdkTransfer:
+    return MavsdkTransfer(mavsdk, mavsdk.begin_download, lambda name, items: (name, items))
+
+
+def test_a_transfer_that_mavsdk_never_ends_is_cancelled_at_the_limit():
+    mavsdk = Transfers()
+    transfer = download(mavsdk)
+    transfer.start(10.0)
+    transfer.tick(10.0 + transfer.LIMIT_S - 1.0)
+    assert transfer.result is None
+    transfer.tick(10.0 + transfer.LIMIT_S)
+    assert transfer.result == ("TIMEOUT", ())
+    assert mavsdk.calls[1:] == ["cancel"]
+
+
+def test_a_transfer_begins_after_the_end_of_a_cancelled_one():
+    mavsdk = Transfers()
+    mavsdk.is_transferring = True
+    transfer = download(mavsdk)
+    transfer.start(10.0)
+    transfer.tick(11.0)
+    assert mavsdk.calls == [], "MAVSDK would answer BUSY"
+    mavsdk.is_transferring = False
+    transfer.tick(12.0)
+    (on_end,) = mavsdk.calls
+    on_end("SUCCESS", ())
+    transfer.tick(13.0)
+    assert transfer.result == ("SUCCESS", ())
 
 
 def test_no_module_calls_mavsdks_disarming_in_flight():
