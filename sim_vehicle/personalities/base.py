@@ -1,150 +1,18 @@
-"""`Personality`: the differences between autopilots; `Vehicle`: the vehicle as its parts use it.
+"""`Personality`: the differences between autopilots.
 
 Each personality converts its own parameters to `FlightParameters` in SI units.
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any
 
-from sim_vehicle.faults.failure_command import Replace
 from sim_vehicle.files.logs.recorder import LogLimits
-from sim_vehicle.physics.body import Body
-from sim_vehicle.physics.geodesy import GeodeticPosition
-from sim_vehicle.vehicle.behaviour import Behaviour, Mode, ModeTable
-from sim_vehicle.vehicle.command import Command
-from sim_vehicle.vehicle.fence import Fence
-from sim_vehicle.vehicle.flight import Flight
+from sim_vehicle.vehicle.behaviour import Behaviour, ModeTable
 from sim_vehicle.vehicle.flight_parameters import FailsafeAction, FlightParameters
-from sim_vehicle.vehicle.injected_faults import InjectedFaults
-from sim_vehicle.vehicle.interface import (
-    ArmingControl,
-    FailsafeControl,
-    FenceControl,
-    MissionIds,
-    ModeControl,
-    ReferencePlaces,
-    RemoteInput,
-    SetpointControl,
-)
-from sim_vehicle.vehicle.jobs import Jobs
+from sim_vehicle.vehicle.interface import CommandHandler, OneShotMessage, RemoteInput, Vehicle
 from sim_vehicle.vehicle.mission import Item, Mission
 from sim_vehicle.vehicle.params import Parameters, ParameterTable
-from sim_vehicle.vehicle.readiness import Readiness
-from sim_vehicle.vehicle.sender import Sender
-from sim_vehicle.wire.signing import Signing
-from sim_vehicle.wire.status import Status
-from sim_vehicle.wire.streams import Rates
-
-
-class Vehicle(Protocol):
-    """One vehicle as its parts and its personality use it (`vehicle.autopilot.Autopilot`)."""
-
-    reboot_after_reply: bool
-    params: Parameters
-    flight_parameters: FlightParameters
-    mission: Mission
-    flight: Flight
-    fence: Fence
-    body: Body
-    jobs: Jobs
-    rates: Rates
-    readiness: Readiness
-    sender: Sender
-    signing: Signing
-    status: Status
-    injected_faults: InjectedFaults
-    personality: "Personality"
-    replace_faults: Replace
-
-    @property
-    def index(self) -> int: ...
-
-    @property
-    def sysid(self) -> int: ...
-
-    @property
-    def now(self) -> float: ...
-
-    @property
-    def booted(self) -> bool: ...
-
-    @property
-    def strikes(self) -> int: ...
-
-    @property
-    def modes(self) -> ModeControl: ...
-
-    @property
-    def arming(self) -> ArmingControl: ...
-
-    @property
-    def failsafes(self) -> FailsafeControl: ...
-
-    @property
-    def fence_watch(self) -> FenceControl: ...
-
-    @property
-    def home_and_rally(self) -> ReferencePlaces: ...
-
-    @property
-    def setpoints(self) -> SetpointControl: ...
-
-    @property
-    def remote(self) -> RemoteInput: ...
-
-    @property
-    def transfer(self) -> MissionIds: ...
-
-    @property
-    def one_shot_messages(self) -> "Mapping[int, OneShotMessage]": ...
-
-    @property
-    def mode(self) -> Mode: ...
-
-    @property
-    def armed(self) -> bool: ...
-
-    @property
-    def flies_mission(self) -> bool: ...
-
-    def position_known(self, now: float) -> bool: ...
-
-    def here(self) -> GeodeticPosition: ...
-
-    def clock_ahead_s(self, now: float) -> float: ...
-
-    def send(self, message: Any) -> None: ...
-
-    def send_now(self, message_id: int, now: float, parameter: float = ...) -> bool: ...
-
-    def send_text(self, severity: int, text: str) -> None: ...
-
-    def announce(self, event: str, **values: Any) -> None: ...
-
-    def announce_refusals(self, event: str, now: float) -> None: ...
-
-    def arm(self, now: float, *, force: bool) -> bool: ...
-
-    def disarm(self, *, force: bool) -> bool: ...
-
-    def reboot(self, now: float) -> None: ...
-
-    def set_parameter(self, name: str, value: float) -> None: ...
-
-    def parameter_changed(self, name: str) -> None: ...
-
-    def update_flight_parameters(self) -> None: ...
-
-    def set_current(self, index: int) -> bool: ...
-
-    def start_mission_if_stopped(self) -> None: ...
-
-    def mission_changed(self, index: int) -> None: ...
-
-
-CommandHandler = Callable[[Vehicle, Command, float], int]  # vehicle, command, time [s] -> MAV_RESULT
-OneShotMessage = Callable[[Vehicle, float], Sequence[Any]]  # vehicle, param2 of the request -> messages
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,5 +1,5 @@
 """The autopilot of one vehicle without I/O: messages and time in, messages out.
 
-Start with `autopilot`. The parts of a vehicle use each other through `interface` and
-`personalities.base.Vehicle`.
+Start with `autopilot`, which makes the parts; `interface` has the type by which the parts know the vehicle.
+`flight_parameters` has what an autopilot's parameters say, a record for each part.
 """

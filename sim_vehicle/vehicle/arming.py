@@ -3,8 +3,8 @@
 import math
 
 from sim_vehicle.epoch import EPSILON_S
-from sim_vehicle.personalities.base import Vehicle
 from sim_vehicle.vehicle.behaviour import Behaviour
+from sim_vehicle.vehicle.interface import Vehicle
 
 
 class Arming:

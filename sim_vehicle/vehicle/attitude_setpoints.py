@@ -8,8 +8,8 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.personalities.base import Vehicle
 from sim_vehicle.physics.copter import MAX_LEAN_RAD, lean_acceleration_m_s2
+from sim_vehicle.vehicle.interface import Vehicle
 
 HOVER_THRUST = 0.5
 RATE_IGNORE_BITS = (

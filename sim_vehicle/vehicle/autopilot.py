@@ -114,24 +114,7 @@ class Autopilot:
         self.fence, self.home_and_rally = Fence(), HomeAndRally(self)
         self.mission = personality.mission.make(self)
         self.modes, self.remote = Modes(self), personality.remote(self)
-        self.flight = Flight(
-            body,
-            self.mission,
-            flight_parameters=lambda: self.flight_parameters,
-            home=lambda: self.home_and_rally.home_or_here,
-            return_place=self.home_and_rally.return_place,
-            ceiling_amsl_m=lambda: self.fence_watch.ceiling_amsl_m,
-            announce=self.announce,
-            send=self.send,
-            disarm=self._disarm_after_landing,
-            taken_off=self.modes.taken_off,
-            start_landing=self._start_landing,
-            return_by_mission=lambda: self.personality.mission.return_by_mission(self),
-            remote_lost=lambda: self.failsafes.rc_lost,
-            sticks=self.remote.sticks,
-            mission_over=self.modes.mission_over,
-            set_home=lambda place: self.home_and_rally.set_home(place, self.now, locked=True),
-        )
+        self.flight = Flight(self)
         self.arming = Arming(self)
         self.fence_watch = FenceWatch(self)
         self.transfer = personality.mission.transfer(self)
@@ -381,19 +364,11 @@ class Autopilot:
         """Stop the motors and return True; return False in the air unless `force` is set."""
         return self.arming.disarm(force=force)
 
-    def _disarm_after_landing(self) -> None:
-        if self.personality.arming.landing_disarms:
-            self.arming.stop()
-
     # -- mission ------------------------------------------------------------------------------------------
 
     def start_mission_if_stopped(self) -> None:
         if self.mission.state is not MissionState.ACTIVE:
             self.mission.start_or_resume(self.flight.pilot)
-
-    def _start_landing(self) -> bool:
-        start = self.personality.mission.start_landing
-        return start is not None and start(self, self.now)
 
     def set_current(self, index: int) -> bool:
         return self.mission.set_current(self.flight.pilot, index)

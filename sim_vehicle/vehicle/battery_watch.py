@@ -8,8 +8,8 @@ action in flight.
 
 import math
 
-from sim_vehicle.personalities.base import Vehicle
 from sim_vehicle.vehicle.flight_parameters import BatteryParameters, FailsafeAction
+from sim_vehicle.vehicle.interface import Vehicle
 
 MAX_LEVEL = 3
 

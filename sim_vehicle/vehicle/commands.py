@@ -9,10 +9,10 @@ from collections.abc import Callable
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.personalities.base import Vehicle
 from sim_vehicle.physics.geodesy import GeodeticPosition
 from sim_vehicle.vehicle.behaviour import Behaviour
 from sim_vehicle.vehicle.command import MAX_ALTITUDE_M, Command
+from sim_vehicle.vehicle.interface import Vehicle
 from sim_vehicle.vehicle.numbers import finite, to_int
 
 FORCE = 21_196  # param2 of arm and disarm: skip the checks

@@ -8,10 +8,10 @@ import math
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.epoch import EPSILON_S
-from sim_vehicle.personalities.base import Vehicle
 from sim_vehicle.vehicle.battery_watch import BatteryWatch
 from sim_vehicle.vehicle.behaviour import Behaviour, Mode
 from sim_vehicle.vehicle.flight_parameters import FailsafeAction, LinkAction
+from sim_vehicle.vehicle.interface import Vehicle
 from sim_vehicle.vehicle.remote_watch import LONG, SHORT, RemoteWatch
 
 CHECK_INTERVAL_S = 0.1

@@ -8,8 +8,8 @@ import math
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.personalities.base import Vehicle
 from sim_vehicle.vehicle.flight_parameters import FailsafeAction, FenceParameters
+from sim_vehicle.vehicle.interface import Vehicle
 from sim_vehicle.vehicle.rally import distance_m
 
 ALTITUDE_MAX, CIRCLE, POLYGON, ALTITUDE_MIN = "altitude_max", "circle", "polygon", "altitude_min"

@@ -1,21 +1,17 @@
 """Flight control of one vehicle by mode: mission, guided flight, return, landing, sinking."""
 
 import math
-from collections.abc import Callable, Sequence
-from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.physics.body import Body
 from sim_vehicle.physics.geodesy import GeodeticPosition
 from sim_vehicle.vehicle.behaviour import PILOTED, Behaviour, Mode
 from sim_vehicle.vehicle.flight_parameters import FlightParameters
+from sim_vehicle.vehicle.interface import Vehicle
 from sim_vehicle.vehicle.manoeuvres import Landing, Manoeuvre, Return, Takeoff
-from sim_vehicle.vehicle.mission import Item, Mission
 from sim_vehicle.vehicle.mission_pilot import MissionPilot
 from sim_vehicle.vehicle.piloting import Piloting
 from sim_vehicle.vehicle.return_by_mission import ReturnByMission
-from sim_vehicle.vehicle.sticks import Sticks
 
 LANDED_AFTER_S = 1.0  # time on the ground until the vehicle counts as landed
 MAX_SPEED_M_S = 50.0
@@ -24,42 +20,11 @@ RUN_INTERVAL_S = 0.1  # longest time between two runs by sticks, or while a mano
 
 
 class Flight:
-    """Steering of one body by mode and mission.
+    """Steering of one vehicle's body by mode and mission."""
 
-    start_landing: function that starts the landing of the mission; returns False without such a landing.
-    return_by_mission: function that returns the items of a return by mission and the altitude of the first
-        climb [m above mean sea level], or None for a direct return.
-    """
-
-    def __init__(
-        self,
-        body: Body,
-        mission: Mission,
-        *,
-        flight_parameters: Callable[[], FlightParameters],
-        home: Callable[[], GeodeticPosition],
-        return_place: Callable[[], GeodeticPosition],
-        ceiling_amsl_m: Callable[[], float],
-        announce: Callable[..., None],
-        send: Callable[[Any], None],
-        disarm: Callable[[], None],
-        taken_off: Callable[[], None],
-        start_landing: Callable[[], bool],
-        return_by_mission: Callable[[], tuple[Sequence[Item], float] | None],
-        remote_lost: Callable[[], bool],
-        set_home: Callable[[GeodeticPosition], None],
-        sticks: Callable[[float], Sticks],
-        mission_over: Callable[[], None],
-    ) -> None:
-        self.body, self.mission, self.home, self.return_place = body, mission, home, return_place
-        self.ceiling_amsl_m = ceiling_amsl_m
-        self._flight_parameters = flight_parameters
-        self.announce, self.send, self.disarm, self.set_home = announce, send, disarm, set_home
-        self._end_takeoff = taken_off
-        self.start_landing, self._return_by_mission = start_landing, return_by_mission
-        self.remote_lost = remote_lost
-        self.pilot, self._piloting, self._sticks = MissionPilot(self), Piloting(self), sticks
-        self.mission_over = mission_over
+    def __init__(self, vehicle: Vehicle) -> None:
+        self.vehicle, self.body, self.mission = vehicle, vehicle.body, vehicle.mission
+        self.pilot, self._piloting = MissionPilot(self), Piloting(self)
         self.cleared_for_takeoff = False  # until disarmed
         self.behaviour = Behaviour.MANUAL
         self.landing_now = False
@@ -75,7 +40,10 @@ class Flight:
 
     @property
     def flight_parameters(self) -> FlightParameters:
-        return self._flight_parameters()
+        return self.vehicle.flight_parameters
+
+    def home(self) -> GeodeticPosition:
+        return self.vehicle.home_and_rally.home_or_here
 
     @property
     def armed(self) -> bool:
@@ -126,6 +94,11 @@ class Flight:
         self.body.set_wind(*parameters.wind)
         self.body.set_battery(capacity_mah=parameters.battery.capacity_mah, full_v=parameters.battery.full_v)
 
+    def disarm(self) -> None:
+        """Disarm after a landing, if the end of a landing disarms."""
+        if self.vehicle.personality.arming.landing_disarms:
+            self.vehicle.arming.stop()
+
     def next_run_s(self, now: float) -> float:
         """Return the latest time of the next run [s]; an event of the body requires an immediate run."""
         if self.behaviour is Behaviour.MISSION:
@@ -145,8 +118,9 @@ class Flight:
 
     def enter(self, mode: Mode) -> None:
         """Leave the present behaviour and begin the behaviour of `mode`."""
-        returns = mode.behaviour is Behaviour.RETURN and self.flying
-        by_mission = self._return_by_mission() if returns else None  # depends on the previous behaviour
+        vehicle, returns = self.vehicle, mode.behaviour is Behaviour.RETURN and self.flying
+        # The items depend on the previous behaviour.
+        by_mission = vehicle.personality.mission.return_by_mission(vehicle) if returns else None
         if self.behaviour is Behaviour.MISSION and mode.behaviour is not Behaviour.MISSION:
             self.mission.stop()
         self.behaviour = mode.behaviour
@@ -192,7 +166,7 @@ class Flight:
 
     def _run_without_mission(self, now: float) -> None:
         if self.behaviour in PILOTED:
-            self._piloting.run(self._sticks(now))
+            self._piloting.run(self.vehicle.remote.sticks(now))
         elif self.behaviour in (Behaviour.LAND, Behaviour.RETURN):
             done = self._manoeuvre.update(now) if self._manoeuvre is not None else self.landed(now)
             if done:
@@ -200,7 +174,7 @@ class Flight:
         elif self.behaviour is Behaviour.TAKEOFF and self._manoeuvre is not None:
             if self._manoeuvre.update(now):
                 self._manoeuvre, self.taking_off = None, False
-                self._end_takeoff()
+                self.vehicle.modes.taken_off()
         elif self._manoeuvre is not None and not self.taking_off:
             if self._manoeuvre.update(now):
                 self._manoeuvre = None

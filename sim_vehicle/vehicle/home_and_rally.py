@@ -2,8 +2,8 @@
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.personalities.base import Vehicle
 from sim_vehicle.physics.geodesy import GeodeticPosition
+from sim_vehicle.vehicle.interface import Vehicle
 from sim_vehicle.vehicle.mission import Item
 from sim_vehicle.vehicle.rally import Rally
 

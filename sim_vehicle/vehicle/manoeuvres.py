@@ -67,7 +67,7 @@ class Return:
     def __init__(self, flight: FlightControl) -> None:
         self._flight = flight
         body, parameters = flight.body, flight.flight_parameters.returning
-        self._place = flight.return_place()
+        self._place = flight.vehicle.home_and_rally.return_place()
         east_m, north_m, up_m = body.position_m
         self._up_m = self._travel_altitude_m(up_m)
         flight.limit(speed_m_s=parameters.speed_m_s)
@@ -98,7 +98,7 @@ class Return:
         else:
             travel_amsl_m = max(place_amsl_m, home.alt_amsl_m + self._travel_height_m())
         if parameters.under_fence:
-            travel_amsl_m = min(travel_amsl_m, self._flight.ceiling_amsl_m())
+            travel_amsl_m = min(travel_amsl_m, self._flight.vehicle.fence_watch.ceiling_amsl_m)
         return travel_amsl_m if parameters.descends else max(up_m, travel_amsl_m)
 
     def _travel_height_m(self) -> float:
@@ -127,7 +127,7 @@ class Return:
     def _end(self) -> None:
         flight = self._flight
         final_height_m = flight.flight_parameters.returning.final_height_m
-        if final_height_m is None or flight.remote_lost():
+        if final_height_m is None or flight.vehicle.failsafes.rc_lost:
             self._landing = Landing(flight, None)
             return
         self._stays_in_air = True
@@ -142,7 +142,8 @@ class Return:
         flight = self._flight
         if self._mission_lands and (flight.flight_parameters.returning.lands == 2 or flight.body.reached):
             self._mission_lands = False
-            if flight.start_landing():
+            start_landing = flight.vehicle.personality.mission.start_landing
+            if start_landing is not None and start_landing(flight.vehicle, now):
                 return False  # the mode has changed
         if self._landing is not None:
             return self._landing.update(now)

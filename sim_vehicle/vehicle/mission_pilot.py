@@ -321,10 +321,10 @@ class MissionPilot:
             if flight.turn(item.param1, item.param2, direction=direction, relative=relative):
                 self._wanted_heading_rad = flight.commanded_heading_rad
         elif item.command == mavlink.MAV_CMD_DO_SET_HOME:
-            if item.param1 == 1 or item.place_deg is None:
-                flight.set_home(GeodeticPosition(*flight.body.lat_lon_deg, flight.body.alt_amsl_m))
-            else:
-                flight.set_home(GeodeticPosition(*item.place_deg, flight.altitude_amsl_m(item.frame, item.z)))
+            vehicle, place = flight.vehicle, flight.vehicle.here()
+            if item.param1 != 1 and item.place_deg is not None:
+                place = GeodeticPosition(*item.place_deg, flight.altitude_amsl_m(item.frame, item.z))
+            vehicle.home_and_rally.set_home(place, vehicle.now, locked=True)
 
     def condition_met(self, item: Item) -> bool:
         body = self._flight.body
@@ -340,31 +340,31 @@ class MissionPilot:
 
     def mission_item_started(self, index: int, item: Item) -> None:
         name = SHORT_NAMES.get(item.command, str(item.command))
-        self._flight.announce("item_started", index=index, name=name)
+        self._flight.vehicle.announce("item_started", index=index, name=name)
 
     def mission_item_reached(self, index: int, item: Item) -> None:
         self.item_reached = index
-        self._flight.send(mavlink.MAVLink_mission_item_reached_message(index))
+        self._flight.vehicle.send(mavlink.MAVLink_mission_item_reached_message(index))
         if item.command in REPORTED_COMMANDS:
-            self._flight.announce("item_reached", index=index)
+            self._flight.vehicle.announce("item_reached", index=index)
 
     def mission_ended(self) -> None:
         flight = self._flight
         self.forget()
-        flight.announce("mission_ended" if flight.flying else "mission_ended_landed")
+        flight.vehicle.announce("mission_ended" if flight.flying else "mission_ended_landed")
         if flight.flying:
             flight.body.stop()
         elif flight.armed:
             flight.disarm()
-        flight.mission_over()
+        flight.vehicle.modes.mission_over()
 
     def no_mission(self) -> None:
         flight = self._flight
         self.forget()
-        flight.announce("no_mission" if flight.flying else "no_mission_landed")
+        flight.vehicle.announce("no_mission" if flight.flying else "no_mission_landed")
         if flight.flying:
             flight.body.stop()
-        flight.mission_over()
+        flight.vehicle.modes.mission_over()
 
 
 def target_of(flight: FlightControl, item: Item) -> LocalPoint:

@@ -1,9 +1,9 @@
 """The flight mode of one vehicle: changes by ground stations, and changes by the vehicle itself."""
 
 from sim_vehicle.epoch import EPSILON_S
-from sim_vehicle.personalities.base import Vehicle
 from sim_vehicle.vehicle.behaviour import PILOTED, Behaviour, Mode
 from sim_vehicle.vehicle.injected_faults import ModeStuck
+from sim_vehicle.vehicle.interface import Vehicle
 
 LEAP_LIFT = 0.5  # largest thrust, as a multiple of the weight, that cannot begin a take-off
 

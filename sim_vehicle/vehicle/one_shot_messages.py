@@ -8,7 +8,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.personalities.base import OneShotMessage, Vehicle
+from sim_vehicle.vehicle.interface import OneShotMessage, Vehicle
 
 
 def autopilot_version(vehicle: Vehicle, _parameter: float) -> Sequence[Any]:

@@ -2,8 +2,8 @@
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.personalities.base import Vehicle
 from sim_vehicle.vehicle.behaviour import Behaviour
+from sim_vehicle.vehicle.interface import Vehicle
 
 ALWAYS_SET = int(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED)
 GEOFENCE = int(mavlink.MAV_SYS_STATUS_GEOFENCE)

@@ -5,10 +5,10 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.personalities.base import Vehicle
 from sim_vehicle.physics.geodesy import GeodeticPosition
 from sim_vehicle.vehicle import commands
 from sim_vehicle.vehicle.command import Command
+from sim_vehicle.vehicle.interface import Vehicle
 
 COMPONENT = int(mavlink.MAV_COMP_ID_AUTOPILOT1)
 

@@ -6,7 +6,7 @@ The end of a loss undoes only the mode change of the short stage.
 import math
 
 from sim_vehicle.epoch import EPSILON_S
-from sim_vehicle.personalities.base import Vehicle
+from sim_vehicle.vehicle.interface import Vehicle
 
 SHORT, LONG = "rc_short", "rc"
 

@@ -11,10 +11,10 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.epoch import EPSILON_S
-from sim_vehicle.personalities.base import Vehicle
 from sim_vehicle.vehicle.attitude_setpoints import AttitudeSetpoints
 from sim_vehicle.vehicle.behaviour import Behaviour
 from sim_vehicle.vehicle.commands import FRAMES_WITH_ALTITUDE
+from sim_vehicle.vehicle.interface import Vehicle
 
 IGNORE_POSITION, IGNORE_VELOCITY, IGNORE_ACCELERATION = 0x0007, 0x0038, 0x01C0
 IGNORE_YAW, IGNORE_YAW_RATE = 0x0400, 0x0800

@@ -11,8 +11,8 @@ from sim_vehicle.files.ftp_rules import FtpRules
 from sim_vehicle.files.log_transfer import LogRules, LogTransfer
 from sim_vehicle.files.logs.record import Failsafe, FlightLog, LogStart, LogWhen, Sample
 from sim_vehicle.files.logs.recorder import FlightRecorder, LogLimits
-from sim_vehicle.personalities.base import Vehicle
 from sim_vehicle.physics.geodesy import GeodeticPosition
+from sim_vehicle.vehicle.interface import Vehicle
 from sim_vehicle.vehicle.mission import MissionState
 
 SEND_INTERVAL_S = 0.1  # interval between calls of `tick` during a transfer

@@ -21,10 +21,10 @@ from sim_vehicle.personalities.base import (
     MissionRules,
     Personality,
     TelemetryRules,
-    Vehicle,
 )
 from sim_vehicle.vehicle.behaviour import Behaviour, ModeTable
 from sim_vehicle.vehicle.flight_parameters import FailsafeAction
+from sim_vehicle.vehicle.interface import Vehicle
 from sim_vehicle.vehicle.mission import Item, Mission
 from sim_vehicle.vehicle.params import ParameterTable
 from sim_vehicle.vehicle.transfer import ArduPilotTransfer

@@ -2,8 +2,8 @@
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.personalities.base import Vehicle
 from sim_vehicle.vehicle.behaviour import Behaviour, Mode
+from sim_vehicle.vehicle.interface import Vehicle
 
 PLANE_MANUAL = 0
 _STABILIZED = mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED | mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED

@@ -7,8 +7,8 @@ as a heartbeat of the ground station. The receiver's sticks stand in the middle,
 from collections.abc import Sequence
 from typing import Any
 
-from sim_vehicle.personalities.base import Vehicle
 from sim_vehicle.vehicle.behaviour import Behaviour
+from sim_vehicle.vehicle.interface import Vehicle
 from sim_vehicle.vehicle.sticks import Sticks
 
 RECEIVER_US = (1500, 1500, 1000, 1500, 1800, 1000, 1000, 1800)  # as in ArduPilot's SITL

@@ -12,7 +12,7 @@ from sim_vehicle.files.packed_files import Parameter, UploadedMission
 from sim_vehicle.files.vehicle_files import ardupilot_files
 from sim_vehicle.personalities.ardupilot.parameters import TOTALS
 from sim_vehicle.personalities.ardupilot.system_files import SYSTEM_FILES
-from sim_vehicle.personalities.base import Vehicle
+from sim_vehicle.vehicle.interface import Vehicle
 from sim_vehicle.vehicle.mission import Item
 from sim_vehicle.vehicle.storage import Storage
 from sim_vehicle.vehicle.transfer.ardupilot import ArduPilotTransfer

@@ -17,7 +17,6 @@ from sim_vehicle.personalities.base import (
     MissionRules,
     Personality,
     TelemetryRules,
-    Vehicle,
 )
 from sim_vehicle.personalities.px4 import flight_parameters, parameters, storage
 from sim_vehicle.personalities.px4.commands import COMMANDS
@@ -30,6 +29,7 @@ from sim_vehicle.personalities.px4.readiness import feasible, refusals
 from sim_vehicle.personalities.px4.remote import Remote, stick_refusals
 from sim_vehicle.vehicle.behaviour import Behaviour, ModeTable
 from sim_vehicle.vehicle.flight_parameters import FailsafeAction
+from sim_vehicle.vehicle.interface import Vehicle
 from sim_vehicle.vehicle.mission import Item
 from sim_vehicle.vehicle.mission_px4 import Px4Mission
 from sim_vehicle.vehicle.params import ParameterTable

@@ -11,13 +11,13 @@ from types import MappingProxyType
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.faults import failure_command as failures
-from sim_vehicle.personalities.base import CommandHandler, Vehicle
 from sim_vehicle.personalities.px4 import messages, modes
 from sim_vehicle.personalities.px4.mission_landing import mission_landing
 from sim_vehicle.personalities.px4.orbit import Orbit
 from sim_vehicle.physics.geodesy import GeodeticPosition
 from sim_vehicle.vehicle import commands as common
 from sim_vehicle.vehicle.command import MAX_ALTITUDE_M, Command
+from sim_vehicle.vehicle.interface import CommandHandler, Vehicle
 from sim_vehicle.vehicle.numbers import to_int
 
 ACCEPTED, DENIED = int(mavlink.MAV_RESULT_ACCEPTED), int(mavlink.MAV_RESULT_DENIED)

@@ -7,8 +7,8 @@ than FLW_TGT_MAX_VEL allows (`FlightTaskAutoFollowTarget`). The messages are not
 import math
 from typing import Any
 
-from sim_vehicle.personalities.base import Vehicle
 from sim_vehicle.personalities.px4 import modes
+from sim_vehicle.vehicle.interface import Vehicle
 
 STALE_S = 3.0  # age of the last message from which the target stands still
 COURSE_SPEED_M_S = 1.0  # slowest target with a course

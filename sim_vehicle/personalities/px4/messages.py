@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.personalities.base import Vehicle
 from sim_vehicle.personalities.px4 import modes
 from sim_vehicle.vehicle.behaviour import PILOTED, Mode
 from sim_vehicle.vehicle.commands import reported_interval_us
+from sim_vehicle.vehicle.interface import Vehicle
 from sim_vehicle.vehicle.numbers import to_int
 from sim_vehicle.wire.encode import DefinedMessage, Layout
 

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.personalities.base import Vehicle
 from sim_vehicle.personalities.px4 import wing_missions
 from sim_vehicle.vehicle.behaviour import Behaviour
+from sim_vehicle.vehicle.interface import Vehicle
 from sim_vehicle.vehicle.mission import Item
 from sim_vehicle.vehicle.rally import distance_m
 

@@ -7,10 +7,10 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from sim_vehicle.personalities.base import Vehicle
 from sim_vehicle.personalities.px4 import modes
 from sim_vehicle.personalities.px4.flight_parameters import NO_STICKS
 from sim_vehicle.vehicle.behaviour import Behaviour
+from sim_vehicle.vehicle.interface import Vehicle
 from sim_vehicle.vehicle.sticks import Sticks
 
 JOYSTICK_MODES = (1, 2, 3)  # COM_RC_IN_MODE

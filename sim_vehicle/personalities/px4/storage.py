@@ -16,8 +16,8 @@ from sim_vehicle.files.component_metadata import (
 from sim_vehicle.files.logs.recorder import LogLimits
 from sim_vehicle.files.logs.ulog import UlogLog
 from sim_vehicle.files.vehicle_files import px4_files
-from sim_vehicle.personalities.base import Vehicle
 from sim_vehicle.personalities.px4 import parameters
+from sim_vehicle.vehicle.interface import Vehicle
 from sim_vehicle.vehicle.storage import Storage
 
 
