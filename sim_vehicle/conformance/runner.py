@@ -7,7 +7,6 @@ from enum import Enum
 
 from sim_vehicle.conformance import flying
 from sim_vehicle.conformance.assertions import CheckFailed, Skip
-from sim_vehicle.conformance.boots import BootWatch
 from sim_vehicle.conformance.dialects import VehicleIdentity
 from sim_vehicle.conformance.guard import ARM, PERMISSIONS, PLAN_NAMES, REBOOT, SIMULATOR
 from sim_vehicle.conformance.parameters import has, read, restore, write
@@ -29,6 +28,8 @@ WRITES_PLANS = {
 FLIES = frozenset({"flight", "mission-flight"})
 LOW_BATTERY_PERCENT = 20
 RUN_CAPACITY_MAH = 30_000.0  # more than the flights of one run use
+BOOTING_S = 5.0  # shortest time from a boot to the next check
+PACE_S = 2.0  # shortest time for a measurement of the pace of the vehicle's clock
 PREPARATION_S = 400.0  # longest time for taking off or landing between checks
 
 
@@ -119,10 +120,51 @@ def run(
     return RunReport(vehicle.identity, tuple(state.results), tuple(notes), interrupted)
 
 
+def _time_since_boot_s(vehicle: VehicleUnderTest) -> float | None:
+    """Return the vehicle's time since its boot [s]; None if the vehicle does not answer."""
+    try:
+        return float(vehicle.request("SYSTEM_TIME").time_boot_ms) / 1000
+    except (CheckFailed, Skip):
+        return None
+
+
+class _BootWatch:
+    """Reboots between checks, and the pace of the vehicle's clock, by its time since boot."""
+
+    def __init__(self, vehicle: VehicleUnderTest) -> None:
+        self._vehicle = vehicle
+        self._latest_s: float | None = None
+        self._pace_from: tuple[float, float] | None = None  # vehicle's time since boot, time of the wire [s]
+
+    def let_boot(self) -> bool:
+        """Wait until `BOOTING_S` after a boot; return True for a reboot since the previous call.
+
+        ArduPilot undoes earlier mode changes.
+        """
+        before_s, self._latest_s = self._latest_s, _time_since_boot_s(self._vehicle)
+        if self._latest_s is None:
+            return False
+        rebooted = before_s is not None and self._latest_s < before_s
+        self._measure_pace(self._latest_s, rebooted=rebooted)
+        self._vehicle.wait(max(0.0, BOOTING_S - self._latest_s))
+        return rebooted
+
+    def _measure_pace(self, boot_s: float, *, rebooted: bool) -> None:
+        """Set the pace of the vehicle's clock since the previous measurement."""
+        wire_s = self._vehicle.wire_s
+        if self._pace_from is None or rebooted:
+            self._pace_from = boot_s, wire_s
+            return
+        passed_s = wire_s - self._pace_from[1]
+        if passed_s >= PACE_S:
+            self._vehicle.set_pace((boot_s - self._pace_from[0]) / passed_s)
+            self._pace_from = boot_s, wire_s
+
+
 class _RunState:
     def __init__(self, vehicle: VehicleUnderTest, on_result: Callable[[CheckResult], None]) -> None:
         self._vehicle, self._on_result = vehicle, on_result
-        self.boots = BootWatch(vehicle)
+        self.boots = _BootWatch(vehicle)
         self._backup: PlanBackup | None = None
         self._battery_enlarged = False  # also True if the vehicle has no battery parameter
         self._reported: set[int] = set()  # types of unsaved plans that already failed a check

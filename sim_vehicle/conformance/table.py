@@ -11,7 +11,6 @@ import typer
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance.dialects import PLANE_TYPES
-from sim_vehicle.conformance.differences import REASONS
 from sim_vehicle.conformance.registry import CATEGORIES
 
 UNEXPLAINED, USAGE_ERROR = 1, 2  # exit codes
@@ -29,6 +28,26 @@ NO_REASON = "**no reason is known**"
 MAX_SEEN = 110  # characters of an observation
 MAX_LISTED = 3  # names of checks in a row
 COMPACT = "vehicles"  # the key of a file that `--compact` has written
+
+_TRUSTED = (
+    "ArduPilot always accepts unsigned frames on its first serial port (`GCS_Signing.cpp`); "
+    "the simulator does so on trusted links only"
+)
+_QUICK = (
+    "the firmware calibrates before it acknowledges; "
+    "the simulator answers IN_PROGRESS first, so that ground stations meet that answer"
+)
+_OF_ARDUPILOT = {"signing.refuses_*": _TRUSTED, "commands.progress.can_be_cancelled": _QUICK}
+# Why a firmware and the simulator differ: firmware -> pattern of checks, in the order of trying -> reason.
+REASONS: Mapping[str, Mapping[str, str]] = {
+    "ArduCopter": _OF_ARDUPILOT,
+    "ArduPlane": _OF_ARDUPILOT,
+    "PX4": {
+        "reboot.*": "PX4 in software cannot reboot and answers DENIED (`Commander.cpp`, "
+        "CONFIG_BOARDCTL_RESET); boards can, and so can the simulator",
+        "flight.telemetry.battery": "the battery of PX4's SIH measures no current",
+    },
+}
 
 Result = tuple[str, str]  # passed, failed or skipped; the observation
 

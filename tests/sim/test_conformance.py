@@ -68,9 +68,14 @@ def one_check(function: Any, *, category: str = "parameters", limit_s: float = 6
 # -- the simulator passes --------------------------------------------------------------------------------
 
 
-@pytest.mark.autopilots("1.9", "1.17", "2 count", "MAVSDK 5 offboard")
-@pytest.mark.autopilots("2 item 0", "2 count", "2 RTL item", "MAVSDK 5 mission_raw item 0", of="px4")
+@pytest.mark.autopilots("1.7", "1.9", "1.17", "2 count", "2 abandoned upload", "2 requests")
+@pytest.mark.autopilots("2 wrong / duplicate item", "2 CLEAR_ALL", "2 DO_SET_MISSION_CURRENT")
+@pytest.mark.autopilots("MAVSDK 5 offboard")
+@pytest.mark.autopilots("1.5", "2 item 0", "2 count", "2 RTL item", "2 abandoned upload", of="px4")
+@pytest.mark.autopilots("2 upload is atomic?", "2 second GCS / download during upload", of="px4")
 @pytest.mark.autopilots("2 DO_SET_MISSION_CURRENT", "2 MISSION_WRITE_PARTIAL_LIST", of="px4")
+@pytest.mark.autopilots("2 pause/continue", "2 CLEAR_ALL", "2 PX4 otherwise", of="px4")
+@pytest.mark.autopilots("MAVSDK 5 hold", "MAVSDK 5 start_mission", "MAVSDK 5 mission_raw item 0", of="px4")
 @pytest.mark.virtual
 @pytest.mark.parametrize(
     ("personality", "kind"),

@@ -88,11 +88,6 @@ def test_the_interval_of_a_message_is_reported_and_an_unknown_message_is_refused
         assert station.of("MESSAGE_INTERVAL")[-1].interval_us == interval_us
 
 
-def test_the_version_is_sent_in_answer_to_the_old_request() -> None:
-    (version,) = station_of("copter").send(mavlink.MAVLink_autopilot_version_request_message(1, 1))
-    assert version.flight_sw_version >> 16 == 0x0406
-
-
 # -- values --------------------------------------------------------------------------------------------------
 
 

@@ -1,6 +1,5 @@
 """Missions that are changed, shortened or cleared in flight, on both autopilots."""
 
-import math
 from typing import Any
 
 import pytest
@@ -75,21 +74,6 @@ def test_after_a_shorter_mission_the_index_is_greater_than_the_total() -> None:
     assert station.armed
 
 
-@pytest.mark.autopilots("2 CLEAR_ALL")
-def test_after_an_empty_upload_in_auto_the_copter_loiters_in_auto() -> None:
-    station = northbound()
-    station.count(0)
-    station.wait(60)
-    there_m, height_m = place_m(station), station.height_m
-    station.wait(20)
-    assert math.dist(place_m(station), there_m) < 0.5
-    assert station.height_m == pytest.approx(height_m, abs=0.3)
-    assert height_m > 15
-    assert station.armed
-    assert station.mode == "AUTO"
-    assert station.download() == []
-
-
 @pytest.mark.autopilots("2 MISSION_WRITE_PARTIAL_LIST")
 def test_a_partial_write_of_the_current_item_in_auto_turns_the_vehicle() -> None:
     station = northbound()
@@ -99,14 +83,6 @@ def test_a_partial_write_of_the_current_item_in_auto_turns_the_vehicle() -> None
     station.wait(15)
     assert place_m(station)[1] > 60
     assert abs(place_m(station)[0] - before_m[0]) < 40
-
-
-@pytest.mark.autopilots("2 DO_SET_MISSION_CURRENT")
-def test_item_0_selects_item_1_and_an_item_after_the_last_is_denied() -> None:
-    station = Station()
-    assert station.upload([home_item(), takeoff(), waypoint(50, 0), waypoint(90, 0)]) == 0
-    assert [station.command(SET_CURRENT, index) for index in (3, 4, 0)] == [ACCEPTED, DENIED, ACCEPTED]
-    assert station.ask(CURRENT).seq == 1
 
 
 @pytest.mark.autopilots("2 DO_SET_MISSION_CURRENT")
@@ -153,14 +129,6 @@ def px4_northbound(more: int = 0) -> QuietPx4Station:
     assert station.command(mavlink.MAV_CMD_MISSION_START) == 0
     station.until(lambda: place_m(station)[0] > 20, 60)
     return station
-
-
-@pytest.mark.autopilots("2 upload is atomic?", of="px4")
-def test_px4_continues_straight_on_after_an_abandoned_upload() -> None:
-    station = px4_northbound(more=2)
-    send_some(station, 4, [takeoff(10), waypoint(0, 400, 10)])
-    station.wait(16)
-    assert abs(place_m(station)[1]) < 3
 
 
 @pytest.mark.autopilots("2 shorter mission", of="px4")

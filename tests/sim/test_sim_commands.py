@@ -56,19 +56,6 @@ def test_an_arducopter_is_a_quadrotor() -> None:
     assert (beat.type, beat.autopilot) == (mavlink.MAV_TYPE_QUADROTOR, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA)
 
 
-def test_an_unknown_mode_fails() -> None:
-    station = Station()
-    assert station.set_mode(99) == FAILED
-
-
-@pytest.mark.autopilots("1.7")
-def test_idling_disarms_after_ten_seconds() -> None:
-    station = Station()
-    assert station.set_mode(4) == 0
-    assert station.arm() == 0
-    assert station.until(lambda: not station.armed, 20) == pytest.approx(10, abs=0.5)
-
-
 @pytest.mark.autopilots("1.14")
 def test_a_copter_disarmed_by_force_in_flight_falls() -> None:
     station = Station()

@@ -64,28 +64,6 @@ def test_a_mission_with_too_many_items_is_refused() -> None:
     assert acks(station.count(650)) == []
 
 
-@pytest.mark.autopilots("2 abandoned upload")
-def test_an_abandoned_upload_ends_with_a_text_after_seven_requests() -> None:
-    station = Station()
-    new = mission(5)
-    station.count(5)
-    for seq in range(3):
-        station.send(station.item_message(seq, new[seq]))
-    station.received.clear()
-    station.wait(9)
-    assert [m.seq for m in station.of("MISSION_REQUEST")] == [3] * 7
-    assert "Mission upload timeout" in station.texts()
-
-
-@pytest.mark.autopilots("2 wrong / duplicate item")
-def test_each_duplicate_is_reported() -> None:
-    station = Station()
-    new = mission(4)
-    station.count(4)
-    replies = [m for seq in (0, 1, 1, 0, 2) for m in station.send(station.item_message(seq, new[seq]))]
-    assert acks(replies) == [mavlink.MAV_MISSION_INVALID_SEQUENCE] * 2
-
-
 @pytest.mark.autopilots("2 second GCS / download during upload")
 def test_a_download_by_a_second_ground_station_is_denied_during_an_upload() -> None:
     station = Station()
@@ -94,26 +72,6 @@ def test_a_download_by_a_second_ground_station_is_denied_during_an_upload() -> N
     station.count(4)
     listing = other.send(mavlink.MAVLink_mission_request_list_message(1, 0, 0))
     assert acks(listing) == [mavlink.MAV_MISSION_DENIED]
-
-
-@pytest.mark.autopilots("2 requests")
-def test_legacy_float_items_are_accepted_and_sent() -> None:
-    station = Station()
-    station.count(2)
-    station.send(station.item_message(0, home_item()))
-    legacy = mavlink.MAVLink_mission_item_message(1, 0, 1, 3, WP, 0, 1, 0, 0, 0, 0, 46.05, 14.51, 12.0, 0)
-    assert acks(station.send(legacy)) == [0]
-    (got,) = station.send(mavlink.MAVLink_mission_request_message(1, 0, 1, 0))
-    assert got.get_type() == "MISSION_ITEM"
-    assert (got.x, got.y, got.z) == pytest.approx((46.05, 14.51, 12.0), abs=1e-5)
-
-
-def test_an_item_beyond_the_end_cannot_be_read() -> None:
-    station = Station()
-    assert station.upload(mission(3)) == 0
-    replies = station.send(mavlink.MAVLink_mission_request_int_message(1, 0, 3, 0))
-    assert [m.count for m in replies if m.get_type() == "MISSION_COUNT"] == [3]
-    assert acks(replies) == [mavlink.MAV_MISSION_ERROR]
 
 
 @pytest.mark.autopilots("2 MISSION_WRITE_PARTIAL_LIST")

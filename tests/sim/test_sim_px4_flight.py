@@ -41,19 +41,6 @@ def away_m(station: QuietPx4Station) -> float:
 # -- take-off --------------------------------------------------------------------------------------------
 
 
-@pytest.mark.autopilots("2 PX4 otherwise", of="px4")
-def test_takeoff_altitude_is_above_mean_sea_level_and_hold_follows() -> None:
-    station = QuietPx4Station()
-    assert station.arm() == ACCEPTED
-    assert station.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, NAN, NAN, NAN, ALT_M + 15) == ACCEPTED
-    assert station.custom_mode == (AUTO, TAKEOFF)
-    station.until(lambda: station.custom_mode == (AUTO, HOLD), 60)
-    assert station.height_m == pytest.approx(15, abs=0.7)
-    assert "Takeoff detected" in station.texts()
-    station.wait(10)
-    assert station.height_m == pytest.approx(15, abs=1.0)
-
-
 @pytest.mark.autopilots("MAVSDK 5 takeoff", of="px4")
 @pytest.mark.parametrize("altitude_m", [NAN, 5.0])
 def test_takeoff_without_an_altitude_or_too_low_climbs_to_mis_takeoff_alt(altitude_m: float) -> None:
@@ -284,27 +271,6 @@ def test_com_obl_rc_act_is_the_reaction_to_lost_setpoints(action: int, mode: str
 # -- missions --------------------------------------------------------------------------------------------
 
 
-def test_a_mission_lands_at_its_landing_item() -> None:
-    station = QuietPx4Station()
-    station.upload_and_wait([takeoff(10), waypoint(30, 0, 10), land(30, 20)])
-    assert station.command(mavlink.MAV_CMD_MISSION_START) == ACCEPTED
-    station.until(lambda: not station.armed, 240)
-    assert position_m(station) == (pytest.approx(30, abs=2), pytest.approx(20, abs=2))
-
-
-@pytest.mark.autopilots("2 pause/continue", "MAVSDK 5 hold", "MAVSDK 5 start_mission", of="px4")
-def test_hold_stops_a_vehicle_during_its_mission() -> None:
-    station = QuietPx4Station()
-    station.upload_and_wait([takeoff(10), waypoint(100, 0, 10), waypoint(100, 50, 10)])
-    assert station.command(mavlink.MAV_CMD_MISSION_START) == ACCEPTED
-    station.until(lambda: position_m(station)[0] > 40, 60)
-    assert station.change(AUTO, HOLD) == ACCEPTED
-    station.wait(6)
-    held_m = position_m(station)[0]
-    station.wait(5)
-    assert position_m(station)[0] == pytest.approx(held_m, abs=1.0)
-
-
 def test_a_landing_inside_a_mission_does_not_disarm() -> None:
     """`Commander::handleAutoDisarm` does not disarm in mission mode before the end of the mission."""
     station = QuietPx4Station()
@@ -520,18 +486,6 @@ def test_mpc_yawrauto_max_is_the_turn_rate(rate_deg_s: float) -> None:
 
 
 # -- fixed wing ------------------------------------------------------------------------------------------
-
-
-def test_a_plane_takes_off_and_circles() -> None:
-    station = QuietPx4Station("plane")
-    assert station.heartbeat().type == mavlink.MAV_TYPE_FIXED_WING
-    assert station.arm() == ACCEPTED
-    assert station.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, NAN, NAN, NAN, ALT_M + 50) == ACCEPTED
-    station.until(lambda: station.mode == "Hold", 120)
-    assert station.height_m > 40
-    station.wait(30)
-    assert station.fleet.truth().speed_m_s[0] > 8
-    assert station.height_m == pytest.approx(50, abs=5)
 
 
 @pytest.mark.parametrize("radius_m", [60.0, pytest.param(120.0, marks=pytest.mark.full)])

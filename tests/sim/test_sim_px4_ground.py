@@ -26,7 +26,7 @@ from px4_station import (
     Px4Station,
 )
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import ALT_M, takeoff, waypoint
+from station import takeoff, waypoint
 
 
 def prearm_ok(station: Px4Station) -> bool:
@@ -128,15 +128,6 @@ def test_acro_may_be_chosen_on_the_ground() -> None:
     assert station.custom_mode == (ACRO, 0)
 
 
-@pytest.mark.autopilots("1.5", of="px4")
-def test_the_set_mode_message_is_acknowledged() -> None:
-    station = Px4Station()
-    replies = station.send(mavlink.MAVLink_set_mode_message(1, 1, 0x00020000))
-    (ack,) = [m for m in replies if m.get_type() == "COMMAND_ACK"]
-    assert (ack.command, ack.result) == (mavlink.MAV_CMD_DO_SET_MODE, ACCEPTED)
-    assert station.custom_mode == (ALTITUDE, 0)
-
-
 def test_auto_without_a_sub_mode_is_mission_and_an_unknown_sub_mode_is_rejected() -> None:
     station = Px4Station()
     assert station.change(AUTO) == ACCEPTED
@@ -166,17 +157,6 @@ def test_standard_modes() -> None:
 
 
 # -- arming ----------------------------------------------------------------------------------------------
-
-
-def test_a_vehicle_armed_on_the_ground_disarms_after_10_seconds() -> None:
-    station = Px4Station()
-    assert station.arm() == ACCEPTED
-    assert station.heartbeat().base_mode == 29 | mavlink.MAV_MODE_FLAG_SAFETY_ARMED
-    station.wait(9.5)
-    assert station.armed
-    station.wait(1.0)
-    assert not station.armed
-    assert "Disarmed by auto preflight disarming" in station.texts()
 
 
 def test_a_negative_com_disarm_prflt_prevents_disarming() -> None:
@@ -359,12 +339,6 @@ def test_a_mission_with_a_distant_start_is_kept_and_not_flown() -> None:
     station.set_parameter("MIS_DIST_1WP", 0.0)
     station.upload_and_wait([without_position, waypoint(40, 0)])
     assert station.command(mavlink.MAV_CMD_MISSION_START) == ACCEPTED
-
-
-def test_position_is_held_on_the_ground_at_home() -> None:
-    station = Px4Station()
-    home = station.ask(mavlink.MAVLINK_MSG_ID_HOME_POSITION)
-    assert home.altitude == pytest.approx(ALT_M * 1000, abs=2000)
 
 
 def test_the_list_ends_when_a_ground_station_sends_the_hash() -> None:

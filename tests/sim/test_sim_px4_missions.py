@@ -78,18 +78,3 @@ def test_a_request_without_news_since_the_stream_is_denied() -> None:
     station.wait(0.5)
     assert station.command(request, gps) == ACCEPTED
     assert station.command(request, mavlink.MAVLINK_MSG_ID_MISSION_CURRENT) == DENIED
-
-
-def test_an_arming_parameter_of_two_has_a_text_and_no_acknowledgement() -> None:
-    station = QuietPx4Station()
-    replies = station.send(mavlink.MAVLink_command_long_message(1, 1, 400, 0, 2, *[0.0] * 6))
-    assert [m.get_type() for m in replies] == ["STATUSTEXT"]
-    assert not station.armed
-
-
-def test_parameters_without_a_use_are_read_back_as_0_and_a_yaw_from_0_to_360() -> None:
-    station = QuietPx4Station()
-    sent = {"param1": 2.5, "param2": 3.0, "param3": 7.0, "param4": -90.0}
-    assert station.upload([{**takeoff(), **sent}, waypoint(10, 0, **sent)]) == 0
-    seen = [(m.param1, m.param2, m.param3, round(m.param4, 3)) for m in station.download()]
-    assert seen == [(0.0, 0.0, 0.0, 270.0), (2.5, 3.0, 0.0, 270.0)]

@@ -57,13 +57,3 @@ def test_streams_of_two_peers_do_not_mix() -> None:
     fleet.receive(frame[9:], 0.0, peer="a")
     assert fleet.counters.messages_in == 2
     assert fleet.counters.bad_data == 0
-
-
-def test_a_legacy_mavlink_1_command_is_obeyed() -> None:
-    fleet = Fleet(scenario(), ready_s=0)
-    codec = mavlink.MAVLink(None, srcSystem=255)
-    frame = mavlink.MAVLink_command_long_message(1, 0, 176, 0, 1, 4, 0, 0, 0, 0, 0).pack(
-        codec, force_mavlink1=True
-    )
-    fleet.receive(frame, 0.0)
-    assert fleet.truth().mode == ("GUIDED",)

@@ -118,13 +118,6 @@ def test_landed_state_follows_the_flight() -> None:
     ]
 
 
-def test_timesync_is_answered() -> None:
-    station = Station()
-    station.wait(3)
-    (reply,) = station.send(mavlink.MAVLink_timesync_message(0, 12345))
-    assert (reply.ts1, reply.tc1) == (12345, 3_000_000_000)
-
-
 def flight_bytes(step_s: float, seed: int = 1) -> list[tuple[int, bytes]]:
     """Return the bytes of a short flight of three vehicles; their input does not depend on the step."""
     vehicles = [scenario().vehicles[0].model_copy(update={"sysid": sysid}) for sysid in (1, 2, 3)]

@@ -157,13 +157,6 @@ def test_fence_total_is_reported() -> None:
     assert bench.calls == [("stored", FENCE, total) for total in (6, 0, 6, 0)]
 
 
-def test_an_empty_fence_is_a_count_of_0() -> None:
-    bench = ardupilot()
-    bench.upload(square(), FENCE)
-    assert results(bench.count(0, FENCE)) == [ACCEPTED]
-    assert bench.download(FENCE) == []
-
-
 @pytest.mark.autopilots("2 fence")
 def test_an_abandoned_fence_upload_leaves_the_old_fence() -> None:
     bench = ardupilot()
@@ -193,18 +186,6 @@ def test_an_item_beyond_the_fence_cannot_be_read() -> None:
     bench.upload(square(), FENCE)
     assert results(bench.read(4, FENCE)) == [ERROR]
     assert results(bench.read(5, FENCE)) == [INVALID_SEQUENCE]
-
-
-@pytest.mark.autopilots("2 fence")
-def test_mission_and_fence_uploads_may_run_interleaved() -> None:
-    bench = ardupilot()
-    bench.count(4)
-    bench.count(4, FENCE, peer=OTHER)
-    for seq in range(4):
-        mission = bench.item(waypoints(4)[seq])
-        fence = bench.item(square()[seq], FENCE, peer=OTHER)
-    assert results(mission) == results(fence) == [ACCEPTED]
-    assert (bench.mission.count, len(bench.fence.items)) == (4, 4)
 
 
 # -- rally points ----------------------------------------------------------------------------------------
@@ -268,20 +249,6 @@ def test_unknown_mission_types_are_unsupported_and_clear_nothing(kind: int) -> N
     assert bench.clear(kind) == [UNSUPPORTED]
     assert results(bench.ask_list(kind)) == [UNSUPPORTED]
     assert [len(bench.download(of_kind)) for of_kind in (MISSION, FENCE, RALLY)] == [3, 4, 1]
-
-
-def test_the_next_deadline_is_the_earliest_of_the_uploads() -> None:
-    bench = ardupilot()
-    assert bench.machine.next_deadline_s == math.inf
-    bench.count(3)
-    assert bench.machine.next_deadline_s == pytest.approx(101.0)
-    bench.wait(0.5)
-    bench.count(3, FENCE)
-    assert bench.machine.next_deadline_s == pytest.approx(101.0)
-    bench.wait(7.4)
-    assert bench.machine.next_deadline_s == pytest.approx(108.0)
-    bench.machine.reset()
-    assert bench.machine.next_deadline_s == math.inf
 
 
 def test_a_lost_request_is_repeated_on_a_repeated_count() -> None:

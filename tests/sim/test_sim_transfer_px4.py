@@ -63,33 +63,6 @@ def test_the_same_mission_again_changes_nothing() -> None:
     assert bench.mission.index == 2
 
 
-@pytest.mark.autopilots("2 abandoned upload", of="px4")
-def test_an_abandoned_upload_is_requested_every_250_ms_and_ends_without_an_ack() -> None:
-    bench = px4()
-    bench.count(4)
-    bench.item(fields(0))
-    replies = bench.wait(5.1)
-    assert requests(replies) == [1] * 19
-    assert results(replies) == []
-    assert bench.texts == ["Operation timeout"]
-    assert bench.wait(10) == []
-    assert bench.machine.next_deadline_s == math.inf
-
-
-@pytest.mark.autopilots("2 second GCS / download during upload", of="px4")
-def test_a_download_during_an_upload_gets_no_answer() -> None:
-    bench = px4()
-    bench.upload(waypoints(2))
-    for sent in range(3):
-        bench.count(4)
-        for seq in range(sent):
-            bench.item(fields(seq, x=1))
-        assert bench.ask_list() == []
-        assert bench.ask_list(peer=OTHER) == []
-        bench.wait(6)
-    assert "Mission download request ignored, already active" in bench.texts
-
-
 @pytest.mark.autopilots("2 second GCS / download during upload", of="px4")
 def test_another_count_during_an_upload_is_an_error_except_at_item_0() -> None:
     bench = px4()
@@ -270,17 +243,6 @@ def test_an_item_of_another_list_is_an_error_and_the_upload_continues() -> None:
     assert results(bench.item(fields(0), FENCE)) == [ERROR]
     assert results(bench.item(fields(0))) == [ACCEPTED]
     assert bench.upload(square()) == ERROR  # vertices are not for a mission
-
-
-def test_legacy_items_are_accepted_and_sent() -> None:
-    bench = px4()
-    bench.count(1)
-    legacy = mavlink.MAVLink_mission_item_message(1, 1, 0, 3, 16, 0, 1, 0, 0, 0, 0, 46.05, 14.51, 12.0, 0)
-    assert results(bench.send(legacy)) == [ACCEPTED]
-    bench.ask_list()
-    (got,) = bench.send(mavlink.MAVLink_mission_request_message(1, 1, 0, 0))
-    assert (got.get_type(), got.frame) == ("MISSION_ITEM", 3)
-    assert (got.x, got.y, got.z) == pytest.approx((46.05, 14.51, 12.0), abs=1e-5)
 
 
 def test_messages_to_another_autopilot_are_ignored() -> None:

@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import parameters, plans
 from sim_vehicle.conformance.assertions import ACCEPTED, CheckFailed, equal, holds
-from sim_vehicle.conformance.frames import frame
+from sim_vehicle.conformance.frames import LONGEST_FRAME, frame
 from sim_vehicle.conformance.guard import SIMULATOR
 from sim_vehicle.conformance.registry import CheckFunction, check
 from sim_vehicle.conformance.traffic import SECOND_STATION
@@ -62,7 +62,8 @@ def _random_bytes(length: int, seed: int) -> bytes:
 def _survives(build: Build) -> CheckFunction:
     def run(vehicle: VehicleUnderTest) -> str:
         sent = build(vehicle)
-        vehicle.send_raw(sent)
+        # The zeros end a frame that the garbage may announce; it would swallow the next commands.
+        vehicle.send_raw(sent + bytes(LONGEST_FRAME))
         vehicle.wait(0.3)
         _require_answer(vehicle)
         return f"{len(sent)} bytes"
