@@ -7,6 +7,7 @@ condition holds) and n measured values or texts. A new check is one more functio
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from operator import ge, gt, le
 from typing import Any, Literal
 
 import numpy as np
@@ -21,6 +22,7 @@ Need = Literal["goal", "fence", "area", "mission", "hostiles", "others"]
 Measured = Floats | Sequence[str]
 TIMES = ("from_s", "until_s", "by_s")
 COMMON = ("vehicles", "when", *TIMES)  # settings of every check
+MARGIN = {"argument": "margin_m", "default": 0.0, "unit": "m outside", "least": 0}  # of an area or a fence
 BOUND = 1e9  # largest magnitude of a numeric argument
 
 
@@ -160,70 +162,51 @@ def crashed(view: RunView, _: None) -> tuple[Bools, Measured]:
     return view.truth.crashed, ["crashed" if broken else "undamaged" for broken in view.truth.crashed]
 
 
-@check("always", "metres", unit="m", needs="others", least=0.1)
-def min_separation_m(view: RunView, metres: float) -> tuple[Bools, Measured]:
-    """In the air the vehicle is at least this far from the nearest other airborne vehicle."""
-    return view.separation_m >= metres, view.separation_m
+def _limit_check(
+    name: str, summary: str, measure: Callable[[RunView], Floats], keeps: Callable[[Any, Any], Any]
+) -> CheckFunction:
+    """Return a check: the measured values keep the limit, which is the check's argument."""
+
+    def function(view: RunView, limit: float | None) -> tuple[Bools, Measured]:
+        values = measure(view)
+        return keeps(values, limit or 0.0), values
+
+    function.__name__, function.__doc__ = name, summary
+    return function
 
 
-@check("always", "metres", unit="m")
-def max_height_m(view: RunView, metres: float) -> tuple[Bools, Measured]:
-    """The vehicle is at most this high above its start."""
-    return view.height_m <= metres, view.height_m
-
-
-@check("always", "metres", unit="m")
-def min_height_m(view: RunView, metres: float) -> tuple[Bools, Measured]:
-    """The vehicle is at least this high above its start (give `from_s` and `until_s`)."""
-    return view.height_m >= metres, view.height_m
-
-
-@check("always", "speed", unit="m/s", least=0)
-def max_speed_m_s(view: RunView, speed: float) -> tuple[Bools, Measured]:
-    """The vehicle is at most this fast over the ground."""
-    return view.truth.speed_m_s <= speed, view.truth.speed_m_s
-
-
-@check("always", "metres", unit="m", least=0)
-def stays_within_m(view: RunView, metres: float) -> tuple[Bools, Measured]:
-    """The vehicle stays within this distance of its start."""
-    return view.from_start_m <= metres, view.from_start_m
-
-
-@check("always", "margin_m", default=0.0, unit="m outside", needs="area", least=0)
-def stays_in_area(view: RunView, margin_m: float) -> tuple[Bools, Measured]:
-    """The vehicle does not leave the scenario's area by more than the margin."""
-    return view.outside_area_m <= margin_m, view.outside_area_m
-
-
-@check("always", "margin_m", default=0.0, unit="m outside", needs="fence", least=0)
-def no_fence_breach(view: RunView, margin_m: float) -> tuple[Bools, Measured]:
-    """The vehicle does not cross its fence by more than the margin."""
-    return view.outside_fence_m <= margin_m, view.outside_fence_m
-
-
-@check("always", "share", unit="of the charge", least=0, most=1)
-def battery_above(view: RunView, share: float) -> tuple[Bools, Measured]:
-    """The battery has more than this share of the full charge."""
-    return view.truth.battery_remaining > share, view.truth.battery_remaining
-
-
-@check("always", needs="hostiles")
-def no_strike(view: RunView, _: None) -> tuple[Bools, Measured]:
-    """No hostile has hit the vehicle."""
-    return view.truth.strikes == 0, view.truth.strikes.astype(float)
-
-
-@check("always", "count", unit="strikes", needs="hostiles", least=0)
-def strikes_at_most(view: RunView, count: float) -> tuple[Bools, Measured]:
-    """Hostiles have hit the vehicle at most this often."""
-    return view.truth.strikes <= count, view.truth.strikes.astype(float)
-
-
-@check("always", "silence_s", default=3.0, unit="s silent", least=0)
-def alive(view: RunView, silence_s: float) -> tuple[Bools, Measured]:
-    """The time since the vehicle's last heartbeat is at most this long."""
-    return view.heartbeat_age_s <= silence_s, view.heartbeat_age_s
+_LIMITS: tuple[
+    tuple[str, str, Callable[[RunView], Floats], Callable[[Any, Any], Any], dict[str, Any]], ...
+] = (
+    ("min_separation_m",
+     "In the air the vehicle is at least this far from the nearest other airborne vehicle.",
+     lambda v: v.separation_m, ge, {"argument": "metres", "unit": "m", "needs": "others", "least": 0.1}),
+    ("max_height_m", "The vehicle is at most this high above its start.",
+     lambda v: v.height_m, le, {"argument": "metres", "unit": "m"}),
+    ("min_height_m", "The vehicle is at least this high above its start (give `from_s` and `until_s`).",
+     lambda v: v.height_m, ge, {"argument": "metres", "unit": "m"}),
+    ("max_speed_m_s", "The vehicle is at most this fast over the ground.",
+     lambda v: v.truth.speed_m_s, le, {"argument": "speed", "unit": "m/s", "least": 0}),
+    ("stays_within_m", "The vehicle stays within this distance of its start.",
+     lambda v: v.from_start_m, le, {"argument": "metres", "unit": "m", "least": 0}),
+    ("stays_in_area", "The vehicle does not leave the scenario's area by more than the margin.",
+     lambda v: v.outside_area_m, le, {**MARGIN, "needs": "area"}),
+    ("no_fence_breach", "The vehicle does not cross its fence by more than the margin.",
+     lambda v: v.outside_fence_m, le, {**MARGIN, "needs": "fence"}),
+    ("battery_above", "The battery has more than this share of the full charge.",
+     lambda v: v.truth.battery_remaining, gt,
+     {"argument": "share", "unit": "of the charge", "least": 0, "most": 1}),
+    ("no_strike", "No hostile has hit the vehicle.",
+     lambda v: v.truth.strikes.astype(float), le, {"needs": "hostiles"}),
+    ("strikes_at_most", "Hostiles have hit the vehicle at most this often.",
+     lambda v: v.truth.strikes.astype(float), le,
+     {"argument": "count", "unit": "strikes", "needs": "hostiles", "least": 0}),
+    ("alive", "The time since the vehicle's last heartbeat is at most this long.",
+     lambda v: v.heartbeat_age_s, le,
+     {"argument": "silence_s", "default": 3.0, "unit": "s silent", "least": 0}),
+)  # fmt: skip
+for _name, _summary, _measure, _keeps, _settings in _LIMITS:
+    check("always", **_settings)(_limit_check(_name, _summary, _measure, _keeps))
 
 
 @check("always", "words", text=True)
