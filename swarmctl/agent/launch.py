@@ -14,8 +14,6 @@ class Launch:
     """True: an operator ordered the launch; False: the agent's own process"""
     ignored: frozenset[int] = frozenset()
     """vehicles that the launch does not wait for, by an operator's order"""
-    wait_since_boot_s: float | None = None
-    """start of the wait for a clear first route; a launch attempt in between does not reset it"""
     is_aborted: bool = False
     armed_seen: bool = False
     """True once the vehicle was seen armed after its launch order"""
@@ -26,7 +24,7 @@ class Launch:
 
     def withdrawn(self) -> Launch:
         """Return the launch without its order."""
-        return replace(self, is_ordered=False, wait_since_boot_s=None)
+        return replace(self, is_ordered=False)
 
     def not_begun(self) -> Launch:
         """Return the launch of a vehicle that is disarmed again."""
@@ -40,5 +38,5 @@ class Launch:
         return replace(self, armed_seen=True, armed_boot_s=armed_boot_s)
 
     def ended(self) -> Launch:
-        """Return the launch of a vehicle in flight: it waits for nobody any more."""
-        return replace(self, wait_since_boot_s=None, ignored=frozenset())
+        """Return the launch of a vehicle in flight."""
+        return replace(self, ignored=frozenset())

@@ -10,6 +10,7 @@ from swarmctl.agent.failsafes.base import DemandKind
 from swarmctl.agent.own_modes import ROLE_OF_ORDER, own_mode_roles
 from swarmctl.agent.phases import IN_FLIGHT, ON_GROUND, PAST_PLANNING, Phase
 from swarmctl.agent.state import AgentState, Task
+from swarmctl.agent.traffic.wait import WaitFor, begin
 from swarmctl.core import events as ev
 from swarmctl.core.messages import CommandOutcome, VehicleAnswer, VehiclePosition
 from swarmctl.core.records import replace
@@ -69,12 +70,11 @@ def holding_radius_m(task: Task) -> float:
 
 def _follows(state: AgentState, order: ev.FlightOrder) -> bool:
     """Return whether the vehicle follows this order in flight; a temporary hold does not count."""
-    is_temporary = state.return_wait.latest_boot_s is not None or state.give_way.plan is not None
     return (
         state.phase in IN_FLIGHT
         and state.order.given is order
         and state.order.is_followed
-        and not is_temporary
+        and not state.is_waiting  # a hold to wait is temporary
     )
 
 
@@ -120,8 +120,8 @@ def _order_answer(state: AgentState, event: ev.OperatorCommand) -> tuple[Command
     notes = []
     if state.lost:
         notes.append("the link is lost; the order is sent now, and repeated after the loss [waits-for-link]")
-    if (
-        order is ev.FlightOrder.HOLD and state.return_wait.when_clear
+    if order is ev.FlightOrder.HOLD and state.waits_for(
+        WaitFor.RETURN_PATH
     ):  # a failsafe demands the return only once
         notes += [
             f"the order cancels the return that a failsafe demanded: {state.outcome} [return-cancelled]"
@@ -170,7 +170,7 @@ def _reason_against_resuming(state: AgentState) -> str:
         return "the link is lost; repeat the order when the link is back [not-resumed]"
     if state.telemetry_is_late:
         return f"{REPEAT_WHEN_RECENT} [not-resumed]"
-    if state.return_wait.latest_boot_s is not None:
+    if state.is_waiting:
         return "the vehicle holds until its return; order it to hold first [not-resumed]"
     if not state.order.is_followed or state.vehicle.mode_role != "hold":
         return f"the hold is not confirmed, in mode {state.vehicle.mode or 'unknown'} [not-resumed]"
@@ -181,9 +181,8 @@ def _reason_against_resuming(state: AgentState) -> str:
 
 def _resume(state: AgentState) -> StepResult:
     """Plan from the hold, as if no change had failed before. A vehicle over its goal lands."""
-    wait = replace(state.return_wait, started_boot_s=None)
     swaps = replace(state.swaps, n_failed=0)
-    state = replace(state, outcome="", trouble="", return_wait=wait, given_up=False, swaps=swaps)
+    state = replace(state, outcome="", trouble="", wait=None, given_up=False, swaps=swaps)
     if state.cell in state.task.goals:
         boot_s = state.vehicle.time_boot_s
         return command(state, ev.FlightOrder.LAND, by_person=True, phase=Phase.LANDING, arrived_boot_s=boot_s)
@@ -214,7 +213,7 @@ def _apply_order(state: AgentState, event: ev.OperatorCommand, *, remote: bool) 
         launch = replace(state.launch, is_ordered=True, is_operators=remote, ignored=ignored)
         return replace(state, launch=launch), []
     if state.phase in ON_GROUND and remote:
-        return replace(state, launch=state.launch.withdrawn(), order=state.order.noted(order)), []
+        return replace(state, launch=state.launch.withdrawn(), order=state.order.noted(order), wait=None), []
     if state.phase in ON_GROUND:
         return state.enter(Phase.DONE, outcome="not launched", pending=None), []
     if state.phase is Phase.LAUNCHING:
@@ -222,11 +221,7 @@ def _apply_order(state: AgentState, event: ev.OperatorCommand, *, remote: bool) 
         launch, land = replace(state.launch, is_aborted=True), ev.FlightOrder.LAND
         aborted = {"launch": launch, "outcome": "launch aborted"}
         return command(state, land, by_person=True, phase=Phase.LEAVING, **aborted)
-    changes: dict[str, Any] = {
-        "dirty": False,
-        "return_wait": state.return_wait.over(),
-        "give_way": replace(state.give_way, plan=None),
-    }
+    changes: dict[str, Any] = {"dirty": False, "wait": None}
     if (state.vehicle.alt_rel_m or 0.0) > TOUCHING_DOWN_M:
         changes["arrived_boot_s"] = None  # the vehicle is over its goal, but does not land there
     changes["outcome"] = f"{order} ordered"
@@ -234,11 +229,9 @@ def _apply_order(state: AgentState, event: ev.OperatorCommand, *, remote: bool) 
         phase = Phase.HOLDING if order is ev.FlightOrder.HOLD else Phase.LEAVING
         return command(state, order, by_person=True, **(changes | {"phase": phase}))
     # A recall with a start time: hold until then.
-    starts_s = state.vehicle.time_boot_s + event.after_s
-    changes |= {
-        "phase": Phase.HOLDING,
-        "return_wait": replace(changes["return_wait"], latest_boot_s=starts_s),
-    }
+    now_s = state.vehicle.time_boot_s
+    turn = begin(WaitFor.TURN, now_s, until_s=now_s + event.after_s)
+    changes |= {"phase": Phase.HOLDING, "wait": turn}
     if state.phase is Phase.HOLDING and state.order.given is ev.FlightOrder.HOLD:
         return replace(state, **changes), []
     return command(state, ev.FlightOrder.HOLD, by_person=True, **changes)

@@ -22,8 +22,6 @@ from swarmctl.agent.replan.landing_pattern import FixedWing
 from swarmctl.agent.replan.length_bounds import UNBOUNDED, TimeBound
 from swarmctl.agent.replan.swap_times import SwapHistory, SwapTimes
 from swarmctl.agent.traffic.conflicts import Conflicts
-from swarmctl.agent.traffic.give_way import GiveWay
-from swarmctl.agent.traffic.return_wait import ReturnWait
 from swarmctl.agent.traffic.separation.trajectory import Trajectory
 from swarmctl.agent.traffic.separation.watch import (
     DEFAULT_SEPARATION,
@@ -32,6 +30,7 @@ from swarmctl.agent.traffic.separation.watch import (
     ProximityAlarm,
     SeparationRules,
 )
+from swarmctl.agent.traffic.wait import Wait, WaitFor
 from swarmctl.core import events as ev
 from swarmctl.core.any_angle.corners import ExposureMeasure
 from swarmctl.core.belief import Belief
@@ -144,7 +143,10 @@ class AgentState:
     order: GivenOrder = field(default_factory=GivenOrder)
     hold_is_own: bool = False
     """True if this agent or its swap has set the hold between two plans"""
-    return_wait: ReturnWait = field(default_factory=ReturnWait)
+    wait: Wait | None = None
+    """wait for other vehicles; None: the vehicle waits for none"""
+    returning: Mapping[int, NeighbourReport] = field(default_factory=dict)
+    """last states of other vehicles that return or wait to return"""
     arrived_boot_s: float | None = None
     """time at which the vehicle was first seen in its goal cell; None after an order to leave the goal"""
     planned: Route | None = None
@@ -160,7 +162,6 @@ class AgentState:
     """recent states of vehicles nearby"""
     alarms: tuple[ProximityAlarm, ...] = ()
     """vehicles predicted to come too close"""
-    give_way: GiveWay = field(default_factory=GiveWay)
     height_offset_m: float = 0.0
     """height above the task's altitude, for separation from other vehicles [m]"""
     must_change: bool = False
@@ -170,7 +171,6 @@ class AgentState:
     """last intent sent; times by the vehicle's clock, heights above the sea"""
     intent_sent_boot_s: float = -math.inf
     conflicts: Conflicts = field(default_factory=Conflicts)
-    descent_checked_boot_s: float = -math.inf
     common_arrival: CommonArrival = field(default_factory=CommonArrival)
     speed: CommandedSpeed = field(default_factory=CommandedSpeed)
     n_alarms: int = 0
@@ -197,13 +197,18 @@ class AgentState:
     """last problem, as text for the operator; empty: none"""
 
     def enter(self, phase: Phase, **changes: Any) -> AgentState:
-        """Return the state in another phase, with further changed fields. Raises IllegalTransition."""
+        """Return the state in another phase, with further changed fields. Raises IllegalTransition.
+
+        A wait ends with the phases to which it belongs.
+        """
+        if self.wait is not None and phase not in self.wait.rule.phases:
+            changes = {"wait": None, **changes}
         return replace(self, phase=changed(self.phase, phase), **changes)
 
     @property
     def followed(self) -> ev.SwapMission | None:
         """The plan being flown, to be flown after the launch, or interrupted to give way."""
-        return self.give_way.plan or self.route
+        return (self.interrupted if self.is_waiting else None) or self.route
 
     def with_progress(self) -> AgentState:
         """Return the state with the progress on `followed` at the present position."""
@@ -216,6 +221,20 @@ class AgentState:
         if self.progress is not None and self.progress.flight.plan is plan:
             return self.progress
         return progress_on(plan, None, self.task.grid, self.last_position)
+
+    @property
+    def is_waiting(self) -> bool:
+        """True while the vehicle waits for other vehicles."""
+        return self.wait is not None and self.wait.is_on
+
+    @property
+    def interrupted(self) -> ev.SwapMission | None:
+        """Mission that a hold for other vehicles interrupts."""
+        return None if self.wait is None else self.wait.plan
+
+    def waits_for(self, purpose: WaitFor) -> bool:
+        """Return whether the vehicle waits now, for this purpose."""
+        return self.wait is not None and self.wait.is_on and self.wait.purpose is purpose
 
     @property
     def height_m(self) -> float:

@@ -33,7 +33,7 @@ from swarmctl.agent.state import AgentState
 from swarmctl.agent.touchdown import end_at_touchdown, has_touched_down, may_be_armed, note_disarming
 from swarmctl.agent.traffic.collision_avoidance import avoid_collisions
 from swarmctl.agent.traffic.intents import receive_intents, share_intent
-from swarmctl.agent.traffic.landing_queue import land_after_unconfirmed_hold, queue_for_landing
+from swarmctl.agent.traffic.landing_queue import arrive, land_after_unconfirmed_hold, queue_for_landing
 from swarmctl.agent.traffic.launching import (
     cancel_launch,
     launch_if_possible,
@@ -70,7 +70,7 @@ def _rebooted(state: AgentState, _event: ev.Rebooted, _now: float) -> StepResult
     if state.phase not in ON_GROUND:
         # Its mode, mission and position estimate began anew, so nothing that this agent knows holds.
         return release_vehicle(state, "the vehicle rebooted during its flight [rebooted]")
-    if state.launch.wait_since_boot_s is not None and not state.launch.is_operators:
+    if state.wait is not None and not state.launch.is_operators:
         # This process orders its own launch only once, so no order would follow after the reboot.
         return cancel_launch(state, "the vehicle rebooted while it waited for its launch")
     # Readiness and mission have to be checked again.
@@ -87,7 +87,7 @@ def _operator(state: AgentState, event: ev.OperatorCommand, now: float) -> StepR
     state, begun = launch_if_possible(state)
     state, conflict = watch_first_route(state)
     begun += conflict
-    waits = state.phase is Phase.STANDBY and state.launch.wait_since_boot_s is not None
+    waits = state.phase is Phase.STANDBY and state.is_waiting
     if event.order is ev.FlightOrder.LAUNCH and waits:
         effects = [_with_note(effect, state.trouble) for effect in effects]
     return state, [*begun, *effects]
@@ -180,9 +180,7 @@ def _arrive(state: AgentState) -> StepResult:
     """Begin the landing of a vehicle that flies over its goal cell."""
     if state.phase is not Phase.FLYING or state.cell not in state.task.goals:
         return state, []
-    state = state.enter(Phase.LANDING, dirty=False, arrived_boot_s=state.vehicle.time_boot_s)
-    # From now on the vehicle has priority over vehicles en route; its intent is due at once.
-    return replace(without_swap_trouble(state), intent_sent_boot_s=-math.inf), []
+    return without_swap_trouble(arrive(state)), []
 
 
 def _repeat_order(state: AgentState, now: float) -> StepResult:

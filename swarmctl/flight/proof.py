@@ -41,7 +41,7 @@ def candidates(state: AgentState) -> list[int]:
 
 def _possible_swaps(state: AgentState) -> dict[int, ev.SwapMission]:
     """Return the missions that the vehicle may fly by the numbers of their plans, the most likely first."""
-    swaps = (state.pending, state.route, state.give_way.plan, state.accepted)
+    swaps = (state.pending, state.route, state.interrupted, state.accepted)
     return {swap.plan_id: swap for swap in swaps if swap is not None}
 
 

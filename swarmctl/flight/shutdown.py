@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from swarmctl.agent.orders import position_for_return
 from swarmctl.agent.phases import IN_FLIGHT, Phase
 from swarmctl.agent.traffic.return_schedule import MIN_HORIZONTAL_M, describe_schedule, schedule_for
+from swarmctl.agent.traffic.wait import WaitFor
 from swarmctl.config.flight import FlightSection
 from swarmctl.core import events as ev
 from swarmctl.core.geo import distance_m
@@ -68,7 +69,7 @@ class Shutdown:
         if self._return_queue is not None:
             remaining_s = max(remaining_s, HOLD_DEADLINE_S)
         await self._within(remaining_s, lambda m: m.state.ended, flying)
-        late = [m for m in flying if m.state.return_wait.latest_boot_s is not None]
+        late = [m for m in flying if m.state.phase is Phase.HOLDING and m.state.is_waiting]
         if late:
             self._say(RETURN_NOW.format(names(late)))
             for member in late:
@@ -151,7 +152,7 @@ class Shutdown:
 
 
 def _is_leaving(member: Member) -> bool:
-    return member.state.phase is Phase.LEAVING or member.state.return_wait.when_clear
+    return member.state.phase is Phase.LEAVING or member.state.waits_for(WaitFor.RETURN_PATH)
 
 
 def _holds(member: Member) -> bool:
@@ -165,7 +166,7 @@ def _holds(member: Member) -> bool:
 def _returns(member: Member) -> bool:
     """Return whether the vehicle returns without waiting for a turn, or has ended its flight."""
     state = member.state
-    return state.ended or (state.return_wait.latest_boot_s is None and state.order.is_followed)
+    return state.ended or (not state.is_waiting and state.order.is_followed)
 
 
 def _lands(member: Member) -> bool:

@@ -20,14 +20,14 @@ from traffic_stories import AMSL_M, MID_M, operator_texts
 from swarmctl.agent.failsafes.base import Fence
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.mission_changes import needs_tick
+from swarmctl.agent.traffic.check import MAX_AGE_S, clashes_of_route, known_flights
 from swarmctl.agent.traffic.intents import (
     HOLD_DURATION_S,
     LAST_POSITION_S,
-    MAX_AGE_S,
     MAX_UNCERTAINTY_M,
     REPEAT_EVERY_S,
 )
-from swarmctl.agent.traffic.route_deconfliction import RETRY_S, clashes_with_known_intents
+from swarmctl.agent.traffic.route_deconfliction import RETRY_S
 from swarmctl.agent.traffic.separation.clash import TIME_TOLERANCE_S, find_clashes
 from swarmctl.agent.traffic.separation.trajectory import Trajectory, until_landing
 from swarmctl.agent.traffic.separation.watch import AvoidanceAction, SeparationRules
@@ -222,7 +222,7 @@ def test_a_plan_that_comes_too_close_has_to_be_clearly_better_than_the_present_p
         return Trajectory((begin_s, begin_s + 1.5, begin_s + 10.0), points)
 
     present = None if present_m is None else passing(present_m)
-    assert len(clashes_with_known_intents(story.state, passing(7.0), present)) == clashes
+    assert len(clashes_of_route(story.state, passing(7.0), known_flights(story.state), present)) == clashes
 
 
 def test_an_old_intent_is_ignored() -> None:
@@ -331,7 +331,7 @@ class Swarm:
             east_m_s=velocity[0],
             north_m_s=velocity[1],
             climb_m_s=velocity[2],
-            mode_role="hold" if state.give_way.plan is not None else "mission",
+            mode_role="hold" if state.is_waiting else "mission",
             armed=True,
         )
         self.fold(uav, ev.TelemetryReceived(vehicle))

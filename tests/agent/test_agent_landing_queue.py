@@ -217,7 +217,7 @@ def test_an_unconfirmed_hold_is_not_repeated_when_useless() -> None:
     story(ev.OrderFailed(ev.FlightOrder.HOLD, "no answer"))
     story(ev.Intents(((1, 0.0, IntentShared(0)),)))
     assert set(descending(story, 28.0, 24.0, 20.0, 16.0, 12.0, 10.0, 9.0, 8.0)) == {ev.FlightOrder.LAND}
-    assert story.state.give_way.plan is None
+    assert not story.state.is_waiting
 
 
 def test_a_low_vehicle_is_not_ordered_to_wait_after_a_lost_link() -> None:

@@ -10,10 +10,12 @@ from agent_stories import GRID, Story, codes, orders, publications
 from traffic_stories import AMSL_M, MID_M, operator_texts
 
 from swarmctl.agent.phases import Phase
-from swarmctl.agent.traffic.intents import MAX_AGE_S
-from swarmctl.agent.traffic.launching import MAX_LAUNCH_WAIT_S
+from swarmctl.agent.traffic.check import MAX_AGE_S
+from swarmctl.agent.traffic.wait import RULES, WaitFor
 from swarmctl.core import events as ev
 from swarmctl.core.frames import IntentPoint, IntentShared
+
+LONGEST_S = RULES[WaitFor.FIRST_ROUTE].longest_s
 
 LAUNCH = ev.FlightOrder.LAUNCH
 GROUND = {
@@ -107,7 +109,7 @@ def wait_until_the_limit(command: int | None) -> tuple[OnGround, list[str]]:
     story.hovers()
     story.ordered(command)
     texts = []
-    for _ in range(int(MAX_LAUNCH_WAIT_S)):
+    for _ in range(int(LONGEST_S)):
         story.hovers()
         story.now -= 1.0
         effects = story.wait_on_ground()
@@ -203,7 +205,7 @@ def test_attempts_do_not_extend_the_longest_wait() -> None:
         else:
             story.other((0.0, *MID_M, 30.0), (60.0, *MID_M, 200.0))
             texts = operator_texts(story.wait_on_ground())
-    assert story.now - began_s == pytest.approx(MAX_LAUNCH_WAIT_S, abs=15.0)
+    assert story.now - began_s == pytest.approx(LONGEST_S, abs=15.0)
     assert "vehicle 7 " in texts[-1]
     assert texts[-1].endswith("[not-launched]")
 
@@ -222,16 +224,20 @@ def test_one_launch_order_arms_once(command: int | None, phase: Phase) -> None:
         assert orders(story.ordered()) == [LAUNCH]
 
 
-def test_simultaneous_launches_do_not_wait_for_each_other() -> None:
-    """Both vehicles announce their take-off; if both waited, none would fly."""
+@pytest.mark.parametrize(
+    ("uav", "may_change", "waits"), [(7, True, False), (1, True, True), (7, False, True)]
+)
+def test_of_simultaneous_launches_the_higher_system_id_waits(uav: int, may_change: bool, waits: bool) -> None:
+    """If both waited, none would fly. A vehicle that is armed already goes first."""
+    path = tuple(IntentPoint(t, *GRID.frame.to_geodetic(*MID_M), AMSL_M) for t in (0.0, 120.0))
+    announced = ev.Intents(((uav, 0.0, IntentShared(1, path, may_change=may_change, on_ground=True)),))
     story = OnGround()
     story.ordered()
-    path = tuple(IntentPoint(t, *GRID.frame.to_geodetic(*MID_M), AMSL_M) for t in (0.0, 120.0))
-    story(ev.Intents(((7, 0.0, IntentShared(1, path, on_ground=True)),)))
-    assert story.state.launch.conflict == ""
+    story(announced)
+    assert bool(story.state.launch.conflict) is waits
     later = OnGround()
-    later(ev.Intents(((7, 0.0, IntentShared(1, path, on_ground=True)),)))
-    assert orders(later.ordered()) == []
+    later(announced)
+    assert bool(orders(later.ordered())) is not waits
 
 
 def test_take_off_is_announced_before_and_after() -> None:
@@ -293,7 +299,7 @@ def test_a_repeated_order_does_not_restart_the_wait() -> None:
     (note,) = (e.answer.note for e in effects if isinstance(e, ev.Answer))
     assert "vehicle 7 " in note
     left_s = float(re.findall(r"(\d+) s", note)[-1])
-    assert left_s == pytest.approx(MAX_LAUNCH_WAIT_S - 60.0, abs=4.0)
+    assert left_s == pytest.approx(LONGEST_S - 60.0, abs=4.0)
 
 
 def test_ignored_vehicles_count_for_one_launch() -> None:

@@ -20,7 +20,7 @@ from swarmctl.agent.orders import position_for_return
 from swarmctl.agent.replan.landing_pattern import FixedWing
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.return_schedule import schedule_for
-from swarmctl.agent.traffic.returning import MAX_RETURN_WAIT_S, SETTLING_S
+from swarmctl.agent.traffic.wait import RULES, SETTLES_S, WaitFor
 from swarmctl.config.flight import FlightSection
 from swarmctl.core import events as ev
 from swarmctl.core.frames import MAX_MAGNITUDE, StateShared
@@ -28,6 +28,8 @@ from swarmctl.core.messages import VehicleAnswer, VehiclePosition
 from swarmctl.flight.shutdown import Shutdown
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.report import record
+
+MAX_RETURN_WAIT_S = RULES[WaitFor.RETURN_PATH].longest_s
 
 HOLD, RETURN, LAND = ev.FlightOrder.HOLD, ev.FlightOrder.RETURN, ev.FlightOrder.LAND
 LAT_DEG, LON_DEG = GRID.centre((4, 0))
@@ -235,7 +237,7 @@ def test_a_return_under_way_is_not_stopped() -> None:
     story = ReturnStory()
     assert orders(story.at(23)) == [RETURN]
     story(ev.OrderDone(RETURN))
-    story.now += SETTLING_S
+    story.now += SETTLES_S
     story.goes_home(1)
     assert orders(story.returns()) == []
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import permutations
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -13,7 +11,6 @@ from random_trajectories import flights
 from swarmctl.agent.traffic.separation.approach import Limits, intervals
 from swarmctl.agent.traffic.separation.clash import HEIGHT_TOLERANCE_M, find_clashes
 from swarmctl.agent.traffic.separation.trajectory import Bounds, Trajectory, extrapolate
-from swarmctl.agent.traffic.separation.watch import gives_way_to
 
 LIMITS = Limits(20.0, 5.0)
 
@@ -105,19 +102,3 @@ def test_wider_limits_apply_to_single_vehicles() -> None:
     assert find_clashes(EAST, {1: beside}, LIMITS, 2.0) == ()
     (found,) = find_clashes(EAST, {1: beside}, LIMITS, 2.0, {1: Limits(30.0, 5.0)})
     assert found.other == 1
-
-
-standings = st.tuples(st.booleans(), st.integers(1, 254))
-
-
-@given(st.lists(standings, min_size=2, max_size=3, unique_by=lambda s: s[1]))
-def test_exactly_one_vehicle_of_two_gives_way_and_one_of_three_has_priority(
-    swarm: list[tuple[bool, int]],
-) -> None:
-    for one, other in permutations(swarm, 2):
-        both_fixed = not one[0] and not other[0]
-        assert (gives_way_to(one, other) != gives_way_to(other, one)) is not both_fixed
-    if any(may for may, _ in swarm):
-        ranks = sorted(sum(gives_way_to(one, other) for other in swarm if other != one) for one in swarm)
-        n_fixed = sum(not may for may, _ in swarm)
-        assert ranks == sorted([0] * n_fixed + list(range(n_fixed, len(swarm))))

@@ -112,7 +112,7 @@ def test_vehicles_that_arrive_at_one_goal_together_land_apart(
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("swarm", SWARMS)
+@pytest.mark.parametrize("swarm", SWARMS[1:])
 def test_without_the_landing_queue_vehicles_come_too_close(
     swarm: Callable[[], Scenario], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

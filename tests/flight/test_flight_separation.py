@@ -85,7 +85,6 @@ def test_without_an_action_both_vehicles_alarm_and_come_too_close(tmp_path: Path
 def test_the_higher_system_id_holds_until_the_other_has_passed(tmp_path: Path) -> None:
     separation, shown = meeting(tmp_path, "hold")
     assert separation["too_close"] == []
-    assert separation["least_distance"]["distance_m"] > 10.0
     assert separation["held"] >= 1
     (yields, *_), (resumes, *_) = coded(shown, "uav2", "alarm-yields"), coded(shown, "uav2", "resumes")
     assert shown.index(yields) < shown.index(resumes)

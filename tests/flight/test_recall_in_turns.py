@@ -21,7 +21,7 @@ from swarmctl.agent.failsafes.base import ActiveRule
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.state import ARRIVED
 from swarmctl.agent.traffic.return_schedule import MIN_HORIZONTAL_M
-from swarmctl.agent.traffic.return_wait import ReturnWait
+from swarmctl.agent.traffic.wait import Wait, WaitFor
 from swarmctl.bus.endpoint import BusEndpoint
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.core import events as ev
@@ -94,7 +94,7 @@ def test_a_low_battery_ends_the_wait() -> None:
 
 def test_a_vehicle_clock_that_is_set_back_ends_the_wait() -> None:
     story = queued()
-    story.state = replace(story.state, return_wait=ReturnWait(latest_boot_s=9000.0))
+    story.state = replace(story.state, wait=Wait(WaitFor.TURN, 8000.0, 9000.0))
     assert waits(story, 1.0) == [RETURN]
 
 

@@ -25,6 +25,7 @@ class ApproachStory(Story):
     def at(self, east_m: float, **changes: Any) -> list[ev.Effect]:
         lat_deg, lon_deg = GRID.frame.to_geodetic(east_m, MID_M[1])
         position = {"lat_deg": lat_deg, "lon_deg": lon_deg, "ground_speed_m_s": 10.0, "east_m_s": 10.0}
+        position["alt_amsl_m"] = 300.0 + changes.get("alt_rel_m", 30.0)
         return self.over((4, 2), **{**position, **changes})
 
     def other(
@@ -34,6 +35,7 @@ class ApproachStory(Story):
         shared = {"time_s": 1.0, "lat_deg": lat_deg, "lon_deg": lon_deg, "alt_rel_m": 30.0, "phase": "flying"}
         shared |= {"n_observed": 0, "n_found": 0, "velocity_m_s": velocity, "hears": (self.state.task.uav,)}
         shared |= changes
+        shared.setdefault("alt_amsl_m", 300.0 + shared["alt_rel_m"])
         self(ev.Neighbours(((uav, StateShared(**shared)),)))
         self.now -= 1.0
 

@@ -13,7 +13,8 @@ from swarmctl.agent.orders import StepResult, command, release_vehicle
 from swarmctl.agent.own_modes import own_mode_roles
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.returning import MAX_RETURN_WAIT_S, SHARED_AT_ONCE, start_return, wait_to_return
+from swarmctl.agent.traffic.returning import SHARED_AT_ONCE, start_return, wait_to_return
+from swarmctl.agent.traffic.wait import WaitFor
 from swarmctl.core import events as ev
 from swarmctl.core.records import replace
 
@@ -72,12 +73,13 @@ def _is_new(state: AgentState, previous: Demand | None, demand: Demand) -> bool:
     if previous is None or previous.kind is not demand.kind:
         return True
     # A return that has become urgent ends the wait for a clear path.
-    return demand.urgent and not previous.urgent and state.return_wait.latest_boot_s is not None
+    return demand.urgent and not previous.urgent and state.phase is Phase.HOLDING and state.is_waiting
 
 
 def _reaction(state: AgentState, followed: StepResult | None, demand: Demand) -> str:
     if followed is not None:
-        return f"; the vehicle {_WAITS if followed[0].return_wait.when_clear else _REACTIONS[demand.kind]}"
+        waits = followed[0].waits_for(WaitFor.RETURN_PATH)
+        return f"; the vehicle {_WAITS if waits else _REACTIONS[demand.kind]}"
     if demand.kind is DemandKind.WARN:
         return ""
     does = "returns" if _activity(state) == "return" else "lands"
@@ -127,16 +129,14 @@ def _order_for(state: AgentState, demand: Demand) -> StepResult:
     is_leaving = order is not ev.FlightOrder.HOLD
     changes: dict[str, Any] = {
         "dirty": False,
-        "give_way": replace(state.give_way, plan=None),
         # A return or landing without an operator's order counts as a failed flight.
         "given_up": state.given_up or is_leaving,
         "outcome": demand.reason,
         "trouble": demand.reason,
     }
     if order is ev.FlightOrder.RETURN and not demand.urgent:
-        until_s = state.vehicle.time_boot_s + MAX_RETURN_WAIT_S
-        if (waiting := wait_to_return(state, until_s, **changes)) is not None:
+        if (waiting := wait_to_return(state, **changes)) is not None:
             return waiting
-        return start_return(state, until_s, **changes)
-    changes |= {"return_wait": state.return_wait.over(), **SHARED_AT_ONCE}
+        return start_return(state, may_hold_again=True, **changes)
+    changes |= {"wait": None, **SHARED_AT_ONCE}
     return command(state, order, phase=Phase.LEAVING if is_leaving else Phase.HOLDING, **changes)

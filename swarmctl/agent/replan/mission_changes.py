@@ -12,6 +12,7 @@ from swarmctl.agent.replan.swap_times import SwapTimes
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.launching import launch_if_possible
 from swarmctl.agent.traffic.route_deconfliction import deconflict
+from swarmctl.agent.traffic.wait import WaitFor
 from swarmctl.core import events as ev
 from swarmctl.core.records import replace
 from swarmctl.planners.base import Unreachable
@@ -26,7 +27,7 @@ def needs_tick(state: AgentState, now: float) -> bool:
         state.dirty
         and state.phase in PLANNING
         and state.pending is None
-        and state.give_way.plan is None
+        and not state.waits_for(WaitFor.ROUTE)
         and not state.lost
         and not state.telemetry_is_late
         and now >= state.retry_at_s

@@ -2,15 +2,28 @@
 
 | module | acts on | action |
 |---|---|---|
-| `separation/` | trajectories | distances in space and time; the priority rule |
+| `separation/` | trajectories | distances in space and time |
+| `check` | flights | the trajectory check: a flight, the known flights, limits -> the clashes |
+| `priority` | two vehicles | the rule of priority, a table |
+| `wait` | one wait | its record, its deadline, and the function that ends it; a table of all waits |
 | `neighbours`, `intents` | messages | stores states and intents of other vehicles; sends the own intent |
 | `prediction` | positions | future positions of this vehicle and its neighbours |
 | `launching` | first route | waits on the ground |
 | `route_deconfliction` | plans, before and while they are flown | another height, another route, or hold |
+| `route_hold` | a hold on the route | its begin, its end, the heights that it may go on at |
 | `collision_avoidance` | positions, 10 s ahead | hold or climb |
 | `landing_queue` | descent at the goal | holds above the landing spot |
 | `returning`, `return_schedule` | return path | holds until the path is clear |
 
-Vehicles do not negotiate. All vehicles apply the same rule of priority to the same data, so one of two
-vehicles gives way if at least one can. Begin with `separation`, then `collision_avoidance`.
+One check: launch, new plan, flown plan, hold and landing ask `check.clashes_with` about
+`check.known_flights`: intents, else extrapolated positions, else last positions. Returns have uncertain
+speeds and heights, so `return_schedule` compares their whole corridors.
+
+One rule: vehicles do not negotiate. All vehicles apply `priority.gives_way` to the same data, so one of two
+vehicles gives way if at least one can.
+
+One wait: `AgentState.wait`, made by `wait.begin`, ended by `wait.verdict` or by the end of its phase. Launch,
+route, descent, return path and turn in a recall are its purposes.
+
+Begin with `check`, `priority` and `wait`.
 """

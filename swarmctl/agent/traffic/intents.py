@@ -4,6 +4,7 @@
 |---|---|
 | a new plan, a take-off, or the arrival over the goal | at once |
 | the vehicle is off its announced position | at most once a second |
+| until the take-off | every second: vehicles with the same order have to know before they arm |
 | otherwise | every 5 s, for late joiners and against losses |
 
 Without a recent intent of a vehicle, `collision_avoidance` still watches its position.
@@ -18,6 +19,7 @@ from swarmctl.agent.phases import IN_FLIGHT, Phase
 from swarmctl.agent.replan import wing_trajectory
 from swarmctl.agent.replan.copter_trajectory import (
     climb_then_fly,
+    fly_along,
     fly_with_stop,
     land_from,
     waypoints_of,
@@ -25,12 +27,20 @@ from swarmctl.agent.replan.copter_trajectory import (
 from swarmctl.agent.replan.length_bounds import LIFT_S
 from swarmctl.agent.replan.stopping import stop_ahead, stop_for_new_plan
 from swarmctl.agent.state import AgentState
+from swarmctl.agent.traffic.check import MAX_AGE_S
 from swarmctl.agent.traffic.prediction import AIRBORNE_M, position_of, stopping_point
-from swarmctl.agent.traffic.separation.trajectory import Bounds, LocalPoint, Trajectory, until_landing
+from swarmctl.agent.traffic.separation.trajectory import (
+    Bounds,
+    LocalPoint,
+    Trajectory,
+    extrapolate,
+    until_landing,
+)
 from swarmctl.agent.traffic.separation.watch import NeighbourIntent
 from swarmctl.core import events as ev
 from swarmctl.core.frames import MAX_AHEAD_S, MAX_POINTS, IntentPoint, IntentShared
 from swarmctl.core.mission import FlightPlan
+from swarmctl.core.planar import PlanarPoint
 from swarmctl.core.records import replace
 
 REPEAT_EVERY_S = 5.0
@@ -39,8 +49,6 @@ MIN_INTERVAL_S = 1.0
 """Least interval while the vehicle is off its announced position [s]."""
 TOLERANCE_S, TOLERANCE_M = 1.0, 3.0
 """Horizontal tolerance of the announced position: the distance flown in TOLERANCE_S, at least TOLERANCE_M."""
-MAX_AGE_S = 20.0
-"""Greatest age of an intent in use [s]: three intents in a row may be lost."""
 HOLD_DURATION_S = 30.0
 """Duration of a hold in an intent [s]."""
 LAST_POSITION_S = 180.0
@@ -61,7 +69,8 @@ def share_intent(state: AgentState) -> StepResult:
     if not (state.ended or state.phase in IN_FLIGHT or state.phase is Phase.LAUNCHING):
         return state, []
     since_s = now_s - state.intent_sent_boot_s
-    is_due = not 0.0 <= since_s < REPEAT_EVERY_S or state.ended
+    every_s = MIN_INTERVAL_S if state.phase is Phase.LAUNCHING else REPEAT_EVERY_S
+    is_due = not 0.0 <= since_s < every_s or state.ended
     if not is_due and (since_s < MIN_INTERVAL_S or not _is_off_intent(state)):
         return state, []
     return publish_intent(state, None if state.ended else planned_flight(state))
@@ -81,10 +90,10 @@ def publish_intent(state: AgentState, flight: Trajectory | None) -> StepResult:
 
 
 def may_change(state: AgentState) -> bool:
-    """Return whether the vehicle can change its plan, now or after take-off; False while it gives way."""
+    """Return whether the vehicle can change its plan, now or after take-off; False while it waits."""
     is_en_route = state.phase in (Phase.LAUNCHING, Phase.FLYING)
     has_telemetry = state.vehicle.has_position and not state.lost
-    return is_en_route and state.give_way.plan is None and has_telemetry
+    return is_en_route and not state.is_waiting and has_telemetry
 
 
 def _points(state: AgentState, flight: Trajectory) -> tuple[IntentPoint, ...]:
@@ -132,6 +141,23 @@ def planned_flight(state: AgentState) -> Trajectory | None:
     )
 
 
+def own_trajectory(state: AgentState) -> Trajectory | None:
+    """Return the own trajectory for the look-ahead time, heights above home; None: the position is unknown.
+
+    A vehicle on its route flies its plan until its landing. In other phases, in hold, and during a mission
+    change, it flies straight on.
+    """
+    here, vehicle, for_s = position_of(state), state.vehicle, state.task.separation.look_ahead_s
+    if here is None:
+        return None
+    now_s = vehicle.time_boot_s
+    if state.phase is Phase.FLYING and state.route is not None and state.pending is None:
+        flight = _phase_trajectory(state, here)
+        if flight is not None:
+            return until_landing(flight).later(now_s).lasting(now_s + for_s)
+    return extrapolate(here, (vehicle.east_m_s, vehicle.north_m_s, vehicle.climb_m_s), now_s, for_s)
+
+
 def _hold_at_last_position(state: AgentState) -> Trajectory | None:
     """Return a hold at the last position, at half the last height because the vehicle may be landing."""
     last, now_s = state.last_position, state.vehicle.time_boot_s
@@ -166,9 +192,22 @@ def flight_by_plan(state: AgentState, plan: FlightPlan) -> Trajectory | None:
         )
     if _climbs_vertically(state, here, plan):
         return to_shared_frame(state, climb_then_fly(here, plan.height_m, path, task.arrival.speed_m_s))
+    if state.route is None:
+        return to_shared_frame(state, _from_hold(state, here, plan, path, state.swap_times.likely_s))
     stop = stop_for_new_plan(state)
     flight = fly_with_stop(here, plan.height_m, path, task.arrival.speed_m_s, initial_m_s, stop)
     return to_shared_frame(state, flight)
+
+
+def _from_hold(
+    state: AgentState, here: LocalPoint, plan: FlightPlan, path: list[PlanarPoint], after_s: float
+) -> Trajectory:
+    """Return the trajectory of a copter that holds, and begins `plan` after `after_s` [s]."""
+    flight = fly_along(here, plan.height_m, path, state.task.arrival.speed_m_s)
+    if after_s <= 0.0:
+        return flight
+    flight = flight.later(after_s)
+    return Trajectory((0.0, *flight.times_s), (here, *flight.points))
 
 
 def to_shared_frame(state: AgentState, flight: Trajectory | None) -> Trajectory | None:
@@ -194,7 +233,7 @@ def _phase_trajectory(state: AgentState, here: LocalPoint) -> Trajectory | None:
         case Phase.LAUNCHING if swap is not None:
             lift_s = LIFT_S if here[2] < AIRBORNE_M else 0.0
             return climb_then_fly(here, swap.plan.height_m, waypoints_of(task, swap.plan), speed_m_s, lift_s)
-        case Phase.FLYING | Phase.LANDING if swap is not None and state.give_way.plan is None:
+        case Phase.FLYING | Phase.LANDING if swap is not None and not state.is_waiting:
             plan, path = swap.plan, waypoints_of(task, swap.plan)
             if state.phase is Phase.LANDING and state.order.given is ev.FlightOrder.LAND:
                 return land_from([here], [0.0])
@@ -202,6 +241,9 @@ def _phase_trajectory(state: AgentState, here: LocalPoint) -> Trajectory | None:
                 return land_from([(*path[-1], here[2])], [0.0])
             if _climbs_vertically(state, here, plan):
                 return climb_then_fly(here, plan.height_m, path, speed_m_s)
+            if state.route is None and state.pending is not None:
+                due_s = state.swaps.decided_boot_s + state.swap_times.likely_s - state.vehicle.time_boot_s
+                return _from_hold(state, here, plan, path, due_s)
             progress = state.progress_on(swap)
             remaining = path if progress is None else progress.points_ahead
             initial_m_s = state.vehicle.ground_speed_m_s
@@ -224,7 +266,7 @@ def _descends_vertically(here: LocalPoint, spot: tuple[float, float], height_m: 
 def _fixed_wing_trajectory(state: AgentState, here: LocalPoint, speed_m_s: float) -> Trajectory | None:
     """Return the trajectory of a fixed wing that launches, flies its plan or lands; None otherwise."""
     task, swap, vehicle = state.task, state.pending or state.route, state.vehicle
-    if swap is None or state.give_way.plan is not None:
+    if swap is None or state.is_waiting:
         return None
     if state.phase in (Phase.LAUNCHING, Phase.FLYING):
         progress = state.progress_on(swap)

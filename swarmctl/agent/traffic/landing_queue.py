@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import Any
 
 import msgspec
 
@@ -28,8 +29,15 @@ from swarmctl.agent.own_modes import own_mode_roles
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.copter_trajectory import fly_along, land_from, waypoints_of
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.collision_avoidance import end_give_way
-from swarmctl.agent.traffic.give_way import GiveWay
+from swarmctl.agent.traffic.check import (
+    SEPARATES_WITHIN_S,
+    Others,
+    alarmed_flights,
+    clashes_with,
+    known_flights,
+    near_flights,
+    standing_of,
+)
 from swarmctl.agent.traffic.intents import (
     HOLD_DURATION_S,
     planned_flight,
@@ -37,28 +45,21 @@ from swarmctl.agent.traffic.intents import (
     publish_intent,
     to_shared_frame,
 )
-from swarmctl.agent.traffic.prediction import position_of, predict, silent_neighbours, stopping_point
-from swarmctl.agent.traffic.route_deconfliction import (
-    SEPARATES_WITHIN_S,
-    clashes_with,
-    known_intents,
-    near_flights,
-)
+from swarmctl.agent.traffic.prediction import position_of, stopping_point
+from swarmctl.agent.traffic.priority import SAME_HEIGHT_M, Activity, Standing, gives_way
+from swarmctl.agent.traffic.route_hold import give_up
 from swarmctl.agent.traffic.separation.clash import Clash, describe_clashes
-from swarmctl.agent.traffic.separation.trajectory import Bounds, LocalPoint, Trajectory, landing_start_s
+from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory, landing_start_s
 from swarmctl.agent.traffic.separation.watch import NeighbourIntent
+from swarmctl.agent.traffic.wait import Verdict, Wait, WaitFor, begin, verdict
 from swarmctl.core import events as ev
 from swarmctl.core.mission import Waypoint
 from swarmctl.core.planar import PlanarPoint
 from swarmctl.core.records import replace
 from swarmctl.core.vehicle import Landed
 
-CHECK_EVERY_S = 0.2
-"""Interval between checks of the descent [s]."""
 WAIT_WITHIN_S = 15.0
 """Time within which a conflict with a vehicle that cannot change its plan causes a wait [s]."""
-MIN_WAIT_S = 3.0
-"""Shortest wait [s]: time to stop, and to send the new intent to other vehicles."""
 CLEAR_AHEAD_S = 20.0
 """Time ahead for which the landing has to be predicted clear [s]."""
 STARTS_AFTER_S = (0.0, 2.0, 4.0)
@@ -69,27 +70,32 @@ MIN_HEIGHT_M = 5.0
 """Height above home below which a vehicle lands without waiting [m]."""
 HOLD_BEFORE_DESCENT_S = 3.0
 """Longest time before the descent at which a conflict of the descent causes a hold [s]."""
-SAME_HEIGHT_M = 1.0
-"""Difference in height below which the system id decides [m]."""
-REPORT_EVERY_S = 60.0
-"""Interval of reports to the operator while waiting [s]."""
+
+
+def arrive(state: AgentState) -> AgentState:
+    """Return the state of a vehicle that enters its goal cell: its landing has priority, and is announced."""
+    now_s, wait = state.vehicle.time_boot_s, state.wait
+    changes: dict[str, Any] = {"dirty": False, "arrived_boot_s": now_s, "intent_sent_boot_s": -math.inf}
+    if wait is not None and state.waits_for(WaitFor.ROUTE):  # it stops in its goal cell
+        until_s, plan = wait.deadline_boot_s, wait.plan
+        changes["wait"] = begin(WaitFor.DESCENT, now_s, until_s=until_s, plan=plan, to=wait.to)
+    return state.enter(Phase.LANDING, **changes)
 
 
 def queue_for_landing(state: AgentState) -> StepResult:
     """Hold for another vehicle, or land when the descent is clear. Called for each telemetry message."""
     if state.phase is not Phase.LANDING or state.task.wings is not None or state.lost:
         return state, []
-    if state.give_way.plan is not None and _is_urgent(state):
+    if state.is_waiting and _is_urgent(state):
         return _land_here(
             state,
             "an urgent failsafe ends the wait; the vehicle lands where it is [landing-urgent]",
         )
-    now_s, here = state.vehicle.time_boot_s, position_amsl(state)
-    if here is None or 0.0 <= now_s - state.descent_checked_boot_s < CHECK_EVERY_S:
+    here = position_amsl(state)
+    if here is None:
         return state, []
-    state = replace(state, descent_checked_boot_s=now_s)
-    if state.give_way.plan is not None:
-        return _land_if_clear(state, here)
+    if state.wait is not None and state.is_waiting:
+        return _land_if_clear(state, state.wait, here)
     return _wait_if_conflicting(state, here) if _may_wait(state) else (state, [])
 
 
@@ -97,7 +103,8 @@ def land_after_unconfirmed_hold(state: AgentState) -> StepResult:
     """Order the landing if the vehicle has not confirmed the hold, and is too low or has a clear descent."""
     if (
         state.phase is not Phase.LANDING
-        or state.give_way.plan is None
+        or state.wait is None
+        or not state.is_waiting
         or state.order.is_followed
         or state.lost
     ):
@@ -106,9 +113,8 @@ def land_after_unconfirmed_hold(state: AgentState) -> StepResult:
     if here is None or up_m is None:
         return state, []
     is_low = up_m < MIN_HEIGHT_M
-    is_hold_needed = state.vehicle.time_boot_s < state.give_way.earliest_end_boot_s or bool(
-        _descent_conflicts(state, _flights_waited_for(state, here))
-    )
+    has_just_begun = state.vehicle.time_boot_s - state.wait.since_boot_s < state.wait.rule.least_s
+    is_hold_needed = has_just_begun or bool(_descent_conflicts(state, here))
     if is_hold_needed and not is_low:
         return state, []
     why = "it is too low to wait" if is_low else "its descent is clear"
@@ -119,7 +125,7 @@ def land_after_unconfirmed_hold(state: AgentState) -> StepResult:
 
 
 def _land_here(state: AgentState, text: str) -> StepResult:
-    state, ordered = command(replace(end_give_way(state), route=state.give_way.plan), ev.FlightOrder.LAND)
+    state, ordered = command(state, ev.FlightOrder.LAND, route=state.interrupted, wait=None)
     state, published = publish_intent(state, planned_flight(state))
     return state, [ev.NotifyOperator(text), *ordered, *published]
 
@@ -145,9 +151,8 @@ def _wait_if_conflicting(state: AgentState, here: LocalPoint) -> StepResult:
     flight, now_s = planned_flight(state), state.vehicle.time_boot_s
     if flight is None:
         return state, []
-    others, limits = _flights_of_others(state), state.task.separation.limits
-    near = near_flights(flight, others, limits)
-    waited_for = {uav: intent for uav, intent in near.items() if _waits_for(state, here, uav, intent)}
+    others, limits = known_flights(state), state.task.separation.limits
+    waited_for = _go_first(state, here, near_flights(flight, others, limits))
     descends_s = landing_start_s(flight)
     # Until shortly before the descent, only conflicts of the level flight count. For a conflict of the
     # descent, the vehicle stops later, near its landing spot.
@@ -164,11 +169,12 @@ def _wait_if_conflicting(state: AgentState, here: LocalPoint) -> StepResult:
     state, ordered = command(
         replace(state, n_holds=state.n_holds + 1, conflicts=replace(state.conflicts, counts=counts)),
         ev.FlightOrder.HOLD,
-        give_way=GiveWay(
+        wait=begin(
+            WaitFor.DESCENT,
+            now_s,
             plan=state.route,
             to={clash.other: reports[clash.other] for clash in clashes if clash.other in reports},
-            earliest_end_boot_s=now_s + MIN_WAIT_S,
-            since_boot_s=now_s,
+            before=state.wait,
         ),
     )
     state, published = publish_intent(state, planned_flight(state))
@@ -182,37 +188,16 @@ def _conflict_horizon_s(intent: NeighbourIntent) -> float:
     return SEPARATES_WITHIN_S if intent.may_change else WAIT_WITHIN_S
 
 
-def _flights_of_others(state: AgentState) -> dict[int, NeighbourIntent]:
-    """Return the known flights of other vehicles: intents, extrapolated positions, or last positions."""
-    intents, vehicle = known_intents(state), state.vehicle
-    home_m = (vehicle.alt_amsl_m or 0.0) - (vehicle.alt_rel_m or 0.0)
-    paths = silent_neighbours(state)
-    without_intent = (known for known in state.neighbours.items() if known[0] not in intents)
-    paths |= {uav: path for uav, report in without_intent if (path := predict(state, report))}
-    for uav, path in paths.items():
-        if uav in intents:
-            continue
-        points = tuple((east_m, north_m, up_m + home_m) for east_m, north_m, up_m in path.points)
-        flight = Trajectory(path.times_s, points)
-        intents[uav] = NeighbourIntent(flight, Bounds.of(flight), may_change=False, sent_s=path.times_s[0])
-    return intents
-
-
-def _flights_waited_for(state: AgentState, here: LocalPoint) -> dict[int, NeighbourIntent]:
-    others = _flights_of_others(state)
-    return {uav: intent for uav, intent in others.items() if _waits_for(state, here, uav, intent)}
-
-
-def _height_now_m(state: AgentState, intent: NeighbourIntent) -> float:
-    now_s, flight = state.vehicle.time_boot_s, intent.flight
-    at = flight.at(min(max(now_s, flight.times_s[0]), flight.times_s[-1]))
-    return flight.points[-1][2] if at is None else at[2]
-
-
-def _waits_for(state: AgentState, here: LocalPoint, uav: int, intent: NeighbourIntent) -> bool:
-    """Return whether this vehicle is higher, or at the same height with the higher system id."""
-    above_m = here[2] - _height_now_m(state, intent)
-    return above_m > SAME_HEIGHT_M or (above_m >= -SAME_HEIGHT_M and state.task.uav > uav)
+def _go_first(state: AgentState, here: LocalPoint, others: Others) -> dict[int, NeighbourIntent]:
+    """Return the flights of the vehicles that go first: those below, by the rule of priority."""
+    mine = Standing(Activity.LANDING, True, state.task.uav, here[2])
+    found = {}
+    for uav, intent in others.items():
+        # Over the landing place only heights and system ids count: who is lower is in the way.
+        theirs = replace(standing_of(state, uav, intent), activity=Activity.LANDING, can_yield=True)
+        if gives_way(mine, theirs):
+            found[uav] = intent
+    return found
 
 
 def _hold_would_block(state: AgentState, here: LocalPoint, others: Mapping[int, NeighbourIntent]) -> bool:
@@ -225,7 +210,7 @@ def _hold_would_block(state: AgentState, here: LocalPoint, others: Mapping[int, 
     near = {
         uav: intent
         for uav, intent in others.items()
-        if _height_now_m(state, intent) - stop[2] < limits.vertical_m + SAME_HEIGHT_M
+        if standing_of(state, uav, intent).up_m - stop[2] < limits.vertical_m + SAME_HEIGHT_M
     }
     clashes = clashes_with(hold, near, limits)
     until_s = now_s + SEPARATES_WITHIN_S
@@ -235,30 +220,35 @@ def _hold_would_block(state: AgentState, here: LocalPoint, others: Mapping[int, 
 # --- end of the wait
 
 
-def _land_if_clear(state: AgentState, here: LocalPoint) -> StepResult:
+def _land_if_clear(state: AgentState, wait: Wait, here: LocalPoint) -> StepResult:
     now_s = state.vehicle.time_boot_s
     # A stopped vehicle may still report LANDING for some seconds.
     is_holding = state.order.is_followed and state.vehicle.landed is not Landed.LANDING
-    if not is_holding or state.give_way.plan is None or now_s < state.give_way.earliest_end_boot_s:
-        return state, []
     # A silent vehicle with LANDING in its last report counts as landed.
-    reports = {uav: r for uav, r in state.give_way.to.items() if r.state.phase != Phase.LANDING}
-    state = replace(state, give_way=replace(state.give_way, to=reports))
-    clashes = _descent_conflicts(state, _flights_waited_for(state, here))
-    if not clashes:
-        state, ordered = _land(state)
-        state, published = publish_intent(state, planned_flight(state))
-        text = "the descent is clear; the vehicle lands [descent-clear]"
-        return state, [ev.NotifyOperator(text), *ordered, *published]
-    if now_s - state.give_way.since_boot_s < REPORT_EVERY_S:
-        return state, []
-    text = f"the vehicle has held before its landing for at least {REPORT_EVERY_S:.0f} s; the landing would "
-    text += f"still conflict with {describe_clashes(clashes, now_s)}; the vehicle continues to hold"
-    reported = replace(state.give_way, since_boot_s=now_s)
-    return replace(state, give_way=reported), [ev.NotifyOperator(f"{text} [landing-queue-long]")]
+    reports = {uav: r for uav, r in wait.to.items() if r.state.phase != Phase.LANDING}
+    state = replace(state, wait=replace(wait, to=reports))
+    match verdict(wait, now_s, lambda: is_holding and not _descent_conflicts(state, here)):
+        case Verdict.OVER:
+            return give_up(state)
+        case Verdict.CLEAR:
+            state, ordered = _land(state)
+            state, published = publish_intent(state, planned_flight(state))
+            text = "the descent is clear; the vehicle lands [descent-clear]"
+            return state, [ev.NotifyOperator(text), *ordered, *published]
+        case Verdict.WAIT:
+            return state, []
+    assert state.wait is not None
+    if not wait.is_report_due(now_s):
+        return replace(state, wait=state.wait.tried(now_s)), []
+    text = (
+        f"the vehicle has held before its landing for at least {wait.rule.report_every_s:.0f} s; the landing "
+    )
+    text += f"would still conflict with {describe_clashes(_descent_conflicts(state, here), now_s)}"
+    text += "; the vehicle continues to hold [landing-queue-long]"
+    return replace(state, wait=state.wait.tried(now_s).reported(now_s)), [ev.NotifyOperator(text)]
 
 
-def _descent_conflicts(state: AgentState, waited_for: Mapping[int, NeighbourIntent]) -> tuple[Clash, ...]:
+def _descent_conflicts(state: AgentState, here_amsl: LocalPoint) -> tuple[Clash, ...]:
     """Return the conflicts within CLEAR_AHEAD_S of a landing that starts now or a little later."""
     here, flight = position_of(state), None
     if here is not None:
@@ -273,34 +263,41 @@ def _descent_conflicts(state: AgentState, waited_for: Mapping[int, NeighbourInte
     if flight is None:
         return ()
     limits, until_s = state.task.separation.limits, state.vehicle.time_boot_s + CLEAR_AHEAD_S
-    for delay_s in STARTS_AFTER_S:
-        clashes = clashes_with(flight.later(delay_s), waited_for, limits)
-        if soon := tuple(clash for clash in clashes if clash.at_s < until_s):
-            return soon
+    for flights in (known_flights(state), alarmed_flights(state)):
+        waited_for = _go_first(state, here_amsl, flights)
+        for delay_s in STARTS_AFTER_S:
+            clashes = clashes_with(flight.later(delay_s), waited_for, limits)
+            if soon := tuple(clash for clash in clashes if clash.at_s < until_s):
+                return soon
     return ()
 
 
 def _landing_spot(state: AgentState) -> PlanarPoint:
-    assert state.give_way.plan is not None
-    return waypoints_of(state.task, state.give_way.plan.plan)[-1]
+    assert state.interrupted is not None
+    return waypoints_of(state.task, state.interrupted.plan)[-1]
 
 
 def _land(state: AgentState) -> StepResult:
     """Order the landing if the vehicle is at its landing spot; otherwise upload a mission to the spot."""
-    swap, here, spot = state.give_way.plan, position_of(state), _landing_spot(state)
+    swap, here, spot = state.interrupted, position_of(state), _landing_spot(state)
     assert swap is not None
     assert here is not None
     if math.dist(here[:2], spot) <= AT_SPOT_M:
-        return command(replace(end_give_way(state), route=swap), ev.FlightOrder.LAND)
+        return command(state, ev.FlightOrder.LAND, route=swap, wait=_ended(state))
     begins = Waypoint(*state.task.grid.frame.to_geodetic(*here[:2]), here[2])
     landing = replace(swap.plan.landing, alt_rel_m=here[2])
     plan = replace(swap.plan, track=(), landing=landing, begins=begins, leaves_ahead=False, from_hold=True)
     new = msgspec.structs.replace(swap, plan_id=state.next_plan_id, plan=plan, because=(), track=None)
     state = replace(
-        end_give_way(state),
+        state,
+        wait=_ended(state),
         pending=new,
         next_plan_id=state.next_plan_id + 1,
         order=state.order.noted(ev.FlightOrder.LAUNCH).followed(),
         hold_is_own=True,
     )
     return state, [new]
+
+
+def _ended(state: AgentState) -> Wait | None:
+    return state.wait and state.wait.ended(state.vehicle.time_boot_s)

@@ -13,22 +13,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import Any
 
 from swarmctl.agent.orders import StepResult, command, release_vehicle
 from swarmctl.agent.own_modes import own_mode_roles
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.copter_trajectory import from_takeoff
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.intents import publish_intent, to_shared_frame
-from swarmctl.agent.traffic.route_deconfliction import clashes_with, known_intents
+from swarmctl.agent.traffic.check import clashes_with, known_flights, standing_of
+from swarmctl.agent.traffic.intents import planned_flight, publish_intent, to_shared_frame
+from swarmctl.agent.traffic.priority import Activity, Standing, gives_way
 from swarmctl.agent.traffic.separation.clash import Clash, describe_clashes
 from swarmctl.agent.traffic.separation.trajectory import until_landing
 from swarmctl.agent.traffic.separation.watch import NeighbourIntent
+from swarmctl.agent.traffic.wait import Verdict, WaitFor, begin, verdict
 from swarmctl.core import events as ev
 from swarmctl.core.records import replace
 
-MAX_LAUNCH_WAIT_S = 180.0
-"""Longest wait on the ground before the launch is cancelled [s]."""
 STARTS_AFTER_S = (-2.0, 0.0, 2.0, 4.0)
 """Start times checked, from now [s]: arming takes some seconds, and the climb may be faster or slower."""
 
@@ -47,9 +48,9 @@ def launch_if_possible(state: AgentState) -> StepResult:
     if clashes := _route_clashes(state, _intents_waited_for(state)):
         return _wait(state, _conflict_text(state, clashes))
     messages: list[ev.Effect] = []
-    if state.launch.wait_since_boot_s is not None:
+    if state.wait is not None:
         messages.append(ev.NotifyOperator("the wait is over; the vehicle launches [launch-clear]"))
-    if state.launch.ignored and (ignored := _route_clashes(state, known_intents(state))):
+    if state.launch.ignored and (ignored := _route_clashes(state, known_flights(state))):
         messages.append(
             ev.NotifyOperator(
                 f"{_conflict_text(state, ignored)}; the vehicle launches anyway, as ordered [launch-ignores]"
@@ -58,8 +59,12 @@ def launch_if_possible(state: AgentState) -> StepResult:
     if state.launch.conflict:  # of an earlier launch
         messages.append(ev.LaunchConflict(""))
     launch = replace(state.launch, conflict="")
-    state, ordered = command(state, ev.FlightOrder.LAUNCH, phase=Phase.LAUNCHING, launch=launch, trouble="")
-    return state, [*messages, *ordered]
+    wait = state.wait and state.wait.ended(state.vehicle.time_boot_s)
+    changes: dict[str, Any] = {"launch": launch, "trouble": "", "wait": wait}
+    state, ordered = command(state, ev.FlightOrder.LAUNCH, phase=Phase.LAUNCHING, **changes)
+    # Vehicles with the same order learn of this flight before they arm.
+    state, published = publish_intent(state, planned_flight(state))
+    return state, [*messages, *ordered, *published]
 
 
 def watch_first_route(state: AgentState) -> StepResult:
@@ -72,10 +77,12 @@ def watch_first_route(state: AgentState) -> StepResult:
 def _launch_conflict(state: AgentState) -> str:
     """Return the conflicts of the first route as text, for the checks before arming and take-off; "" if none.
 
-    Other vehicles that are about to take off do not count. Otherwise two vehicles launched at the same time
-    would wait for each other.
+    Once armed, the vehicle goes before others that are about to take off.
     """
-    others = {uav: intent for uav, intent in _intents_waited_for(state).items() if not intent.on_ground}
+    armed = state.launch.armed_seen
+    others = {
+        uav: intent for uav, intent in _intents_waited_for(state).items() if not (intent.on_ground and armed)
+    }
     clashes = _route_clashes(state, others)
     return _conflict_text(state, clashes) if clashes else ""
 
@@ -103,7 +110,7 @@ def note_takeoff(state: AgentState) -> AgentState:
 def cancel_launch(state: AgentState, why: str) -> StepResult:
     """Cancel the launch. After an operator's order the vehicle stands by, otherwise its flight has failed."""
     state, withdrawn = _stand_by(state)
-    state = replace(state, launch=state.launch.withdrawn(), trouble=f"not launched: {why}")
+    state = replace(state, launch=state.launch.withdrawn(), wait=None, trouble=f"not launched: {why}")
     if not state.launch.is_operators:
         return state.enter(Phase.FAILED, outcome=state.trouble), withdrawn
     text = f"{state.trouble}; the vehicle stands by for another order [not-launched]"
@@ -117,7 +124,13 @@ def _stand_by(state: AgentState) -> StepResult:
 
 
 def _intents_waited_for(state: AgentState) -> dict[int, NeighbourIntent]:
-    return {uav: intent for uav, intent in known_intents(state).items() if uav not in state.launch.ignored}
+    """Return the flights to which the launch gives way, by the rule of priority."""
+    mine = Standing(Activity.CLIMBING, True, state.task.uav)
+    return {
+        uav: intent
+        for uav, intent in known_flights(state).items()
+        if uav not in state.launch.ignored and gives_way(mine, standing_of(state, uav, intent))
+    }
 
 
 def _route_clashes(state: AgentState, others: Mapping[int, NeighbourIntent]) -> tuple[Clash, ...]:
@@ -140,17 +153,16 @@ def _conflict_text(state: AgentState, clashes: tuple[Clash, ...]) -> str:
 
 def _wait(state: AgentState, why: str, *, again: bool = False) -> StepResult:
     """Wait on the ground, or cancel the launch. Further attempts do not restart the waiting time."""
-    now_s, since_s = state.vehicle.time_boot_s, state.launch.wait_since_boot_s
-    begins = since_s is None or now_s < since_s
-    since_s = now_s if since_s is None or begins else since_s
-    remaining_s = MAX_LAUNCH_WAIT_S - (now_s - since_s)
-    if remaining_s <= 0.0:
-        why += f", even after a wait of {MAX_LAUNCH_WAIT_S:.0f} s on the ground"
+    now_s = state.vehicle.time_boot_s
+    wait = state.wait or begin(WaitFor.FIRST_ROUTE, now_s)
+    if verdict(wait, now_s, lambda: False) is Verdict.OVER:
+        why += f", even after a wait of {wait.rule.longest_s:.0f} s on the ground"
         return cancel_launch(state, f"{why}{_ignore_hint(state)}")
-    text = f"{why}; the vehicle waits on the ground for at most {remaining_s:.0f} s"
+    text = f"{why}; the vehicle waits on the ground for at most {wait.deadline_boot_s - now_s:.0f} s"
     text += f"{_ignore_hint(state)} [launch-waits]"
-    state = replace(state, launch=replace(state.launch, wait_since_boot_s=since_s), trouble=text)
-    return state, [ev.NotifyOperator(text)] if begins or again else []
+    is_new = state.wait is None or again
+    state = replace(state, wait=wait.again(), trouble=text)
+    return state, [ev.NotifyOperator(text)] if is_new else []
 
 
 def _ignore_hint(state: AgentState) -> str:

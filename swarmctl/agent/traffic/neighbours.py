@@ -25,7 +25,7 @@ def relevant_states(
     """Return the states of senders that are near or return; all states if the arrivals are simultaneous."""
     if state.task.arrival_group is not None:
         return tuple(states.items())
-    is_near, returning = _near_test(state), state.return_wait.neighbours
+    is_near, returning = _near_test(state), state.returning
     return tuple(
         (uav, other)
         for uav, other in states.items()
@@ -40,9 +40,8 @@ def receive_neighbours(state: AgentState, event: ev.Neighbours, _now: float) -> 
     known, is_near = state.neighbours.items(), _near_test(state)
     kept = {uav: report for uav, report in known if 0.0 <= now_s - report.at_s <= MAX_REPORT_AGE_S}
     new = {uav: report for uav, report in reports.items() if is_near(report.state)}
-    to = {uav: reports.get(uav, report) for uav, report in state.give_way.to.items()}
     state = note_returning(note_arrival_times(state, event.states), reports)
-    return replace(state, neighbours={**kept, **new}, give_way=replace(state.give_way, to=to)), []
+    return replace(state, neighbours={**kept, **new}, wait=state.wait and state.wait.noted(reports)), []
 
 
 def _near_test(state: AgentState) -> Callable[[StateShared], bool]:

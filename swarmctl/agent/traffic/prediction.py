@@ -6,9 +6,7 @@ Points are in the area's local frame [m], with heights above this vehicle's home
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
-from swarmctl.agent.phases import Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory, extrapolate
 from swarmctl.agent.traffic.separation.watch import NeighbourReport
@@ -23,52 +21,12 @@ AIRBORNE_M = 1.0
 """Height above home below which a vehicle counts as on the ground [m]."""
 
 
-def own_trajectory(state: AgentState, for_s: float | None = None) -> Trajectory | None:
-    """Return the own trajectory for the next `for_s` seconds (default: the look-ahead time).
-
-    A flying vehicle follows its plan at the present speed, or its interrupted plan at cruise speed. In other
-    phases, and during a mission change, the vehicle flies straight on. None: the position is unknown.
-    """
-    vehicle, rules = state.vehicle, state.task.separation
-    here = position_of(state)
-    if here is None:
-        return None
-    now_s, for_s = vehicle.time_boot_s, rules.look_ahead_s if for_s is None else for_s
-    swap = state.give_way.plan or (state.route if state.pending is None else None)
-    if swap is None or state.phase is not Phase.FLYING:
-        return extrapolate(here, (vehicle.east_m_s, vehicle.north_m_s, vehicle.climb_m_s), now_s, for_s)
-    speed_m_s = state.task.arrival.speed_m_s if state.give_way.plan else max(vehicle.ground_speed_m_s, 0.5)
-    progress = state.progress_on(swap)
-    ahead = progress.points_ahead if progress is not None else ()
-    return _along([here, *((*point, swap.plan.height_m) for point in ahead)], speed_m_s, now_s, for_s)
-
-
 def position_of(state: AgentState) -> LocalPoint | None:
     """Return this vehicle's position; None if the last telemetry has none."""
     vehicle = state.vehicle
     if vehicle.lat_deg is None or vehicle.lon_deg is None or vehicle.alt_rel_m is None:
         return None
     return (*state.task.grid.frame.to_local(vehicle.lat_deg, vehicle.lon_deg), vehicle.alt_rel_m)
-
-
-def _along(points: Sequence[LocalPoint], speed_m_s: float, from_s: float, for_s: float) -> Trajectory:
-    """Return the trajectory from point to point for `for_s` seconds; the vehicle stops at the last point."""
-    times_s, passed = [from_s], [points[0]]
-    for point in points[1:]:
-        takes_s = math.dist(passed[-1][:2], point[:2]) / speed_m_s
-        remaining_s = from_s + for_s - times_s[-1]
-        if takes_s >= remaining_s > 0.0:
-            share = remaining_s / takes_s
-            passed.append(tuple(a + share * (b - a) for a, b in zip(passed[-1], point, strict=True)))  # type: ignore[arg-type]
-            times_s.append(from_s + for_s)
-            break
-        if takes_s > 0.0:
-            times_s.append(times_s[-1] + takes_s)
-            passed.append(point)
-    if times_s[-1] < from_s + for_s:
-        times_s.append(from_s + for_s)
-        passed.append(passed[-1])
-    return Trajectory(tuple(times_s), tuple(passed))
 
 
 def hold_trajectory(state: AgentState) -> Trajectory | None:
@@ -129,6 +87,6 @@ def silent_neighbours(state: AgentState) -> dict[int, Trajectory]:
     now_s = state.vehicle.time_boot_s
     return {
         uav: extrapolate(_reported_position(state, report.state), (0.0, 0.0, 0.0), now_s, SILENT_S)
-        for uav, report in state.give_way.to.items()
+        for uav, report in ({} if state.wait is None else state.wait.to).items()
         if MAX_REPORT_AGE_S < now_s - report.at_s <= SILENT_S and report.state.alt_rel_m >= AIRBORNE_M
     }

@@ -23,23 +23,18 @@ from swarmctl.agent.failsafes import lost_link
 from swarmctl.agent.orders import StepResult, command, position_for_return, urgent_return_reason
 from swarmctl.agent.phases import IN_FLIGHT, Phase
 from swarmctl.agent.state import AgentState
+from swarmctl.agent.traffic.priority import Activity, Standing, activity_of, gives_way
 from swarmctl.agent.traffic.return_schedule import may_be_returning, position_from_state, schedule_for
 from swarmctl.agent.traffic.separation.watch import NeighbourReport
+from swarmctl.agent.traffic.wait import Verdict, Wait, WaitFor, begin, verdict
 from swarmctl.core import events as ev
 from swarmctl.core.geo import LatLon
-from swarmctl.core.messages import MAX_AFTER_S
 from swarmctl.core.records import replace
 
-MAX_RETURN_WAIT_S = 120.0
-"""Longest wait for a clear path [s]; an interrupted return does not extend it."""
 STAGGER_S = 10.0
 """Time between starts at the end of the longest wait [s], the lowest system id first."""
 MAX_STAGGERED = 6
 """Greatest number of steps of STAGGER_S by which a vehicle starts early."""
-CHECK_EVERY_S = 1.0
-"""Interval between checks of the return path [s]."""
-SETTLING_S = 5.0
-"""Time after the start of a return in which the vehicle gives way to a simultaneous start [s]."""
 CLIMBED_SHARE = 0.9
 """Share of the cruise altitude above which a fixed wing has finished its take-off."""
 SHARED_AT_ONCE: dict[str, Any] = {"last_shared_s": -math.inf}
@@ -60,7 +55,7 @@ def return_target(state: AgentState) -> LatLon | None:
         case Phase.LEAVING:
             returns = state.order.given is ev.FlightOrder.RETURN
         case Phase.HOLDING if not state.lost:
-            returns = state.return_wait.latest_boot_s is not None
+            returns = state.is_waiting
         case Phase.RELEASED:
             returns = vehicle.armed and vehicle.mode_role == "return"
         case _:
@@ -75,25 +70,24 @@ def _returns_on_lost_link(state: AgentState) -> bool:
 def note_returning(state: AgentState, reports: Mapping[int, NeighbourReport]) -> AgentState:
     """Store the last states of vehicles that return or wait to return."""
     now_s = state.vehicle.time_boot_s
-    known = {**state.return_wait.neighbours, **reports}
+    known = {**state.returning, **reports}
     kept = {
         uav: report
         for uav, report in known.items()
         if report.state.returns_to is not None and report.at_s <= now_s
     }
-    wait = state.return_wait
-    return state if kept == wait.neighbours else replace(state, return_wait=replace(wait, neighbours=kept))
+    return state if kept == state.returning else replace(state, returning=kept)
 
 
-def wait_to_return(state: AgentState, until_s: float, **changes: Any) -> StepResult | None:
-    """Hold until the return path is clear, at most until `until_s`; `changes` are further changed fields.
+def wait_to_return(state: AgentState, **changes: Any) -> StepResult | None:
+    """Hold until the return path is clear; `changes` are further changed fields.
 
     Return None if the path is clear already, or if the vehicle cannot hold.
     """
-    if _takes_off(state) or is_return_path_clear(state):
+    if _takes_off(state) or is_return_path_clear(state, state.returning):
         return None
-    waiting = state.return_wait.until_clear(until_s)
-    changes |= {"phase": Phase.HOLDING, "return_wait": waiting, **SHARED_AT_ONCE}
+    waiting = begin(WaitFor.RETURN_PATH, state.vehicle.time_boot_s, before=state.wait)
+    changes |= {"phase": Phase.HOLDING, "wait": waiting, **SHARED_AT_ONCE}
     if state.phase is Phase.HOLDING and state.order.given is ev.FlightOrder.HOLD:
         return replace(state, **changes), []
     return command(state, ev.FlightOrder.HOLD, **changes)
@@ -107,39 +101,42 @@ def _takes_off(state: AgentState) -> bool:
     return up_m < min(wings.takeoff_height_m, CLIMBED_SHARE * state.task.altitude_m)
 
 
-def start_return(state: AgentState, until_s: float | None = None, **changes: Any) -> StepResult:
+def start_return(state: AgentState, *, may_hold_again: bool = False, **changes: Any) -> StepResult:
     """Order the return; `changes` are further changed fields.
 
-    Until `until_s` the return may have to hold again at its start; None: it never does.
+    `may_hold_again`: the vehicle gives way again if another one has started at the same time.
     """
-    wait, now_s = state.return_wait, state.vehicle.time_boot_s
-    started = wait.over() if until_s is None else wait.started(now_s, until_s)
-    changes |= {"return_wait": started, **SHARED_AT_ONCE}
+    now_s, wait = state.vehicle.time_boot_s, None
+    if may_hold_again:
+        wait = begin(WaitFor.RETURN_PATH, now_s, before=state.wait).ended(now_s)
+    changes |= {"wait": wait, **SHARED_AT_ONCE}
     return command(state, ev.FlightOrder.RETURN, phase=Phase.LEAVING, **changes)
 
 
 def update_return(state: AgentState) -> StepResult:
     """Start a waiting return, or interrupt a return that has just started. Called for each position."""
-    if state.phase is Phase.HOLDING and state.return_wait.latest_boot_s is not None:
-        return _wait_or_start(state, state.return_wait.latest_boot_s)
-    if state.phase is Phase.LEAVING and state.return_wait.started_boot_s is not None:
-        return _yield_to_simultaneous_start(state, state.return_wait.started_boot_s)
-    return state, []
-
-
-def _wait_or_start(state: AgentState, return_latest_boot_s: float) -> StepResult:
-    now_s = state.vehicle.time_boot_s
-    most_s = MAX_RETURN_WAIT_S if state.return_wait.when_clear else MAX_AFTER_S
-    # After a reboot of the vehicle the start time does not fit the vehicle's clock.
-    if not 0.0 < return_latest_boot_s - now_s <= most_s:
-        return start_return(state)
-    if not state.return_wait.when_clear or 0.0 <= now_s - state.return_wait.checked_boot_s < CHECK_EVERY_S:
+    wait = state.wait
+    if wait is None or wait.purpose not in (WaitFor.RETURN_PATH, WaitFor.TURN):
         return state, []
-    if return_latest_boot_s - now_s <= STAGGER_S * min(_n_waiting_with_higher_id(state), MAX_STAGGERED):
-        return start_return(state)
-    if not (urgent_return_reason(state) or is_return_path_clear(state)):
-        return replace(state, return_wait=replace(state.return_wait, checked_boot_s=now_s)), []
-    state, ordered = start_return(state, return_latest_boot_s)
+    return _wait_or_start(state, wait) if wait.is_on else _yield_to_simultaneous_start(state, wait)
+
+
+def _wait_or_start(state: AgentState, wait: Wait) -> StepResult:
+    now_s = state.vehicle.time_boot_s
+
+    def is_clear() -> bool:
+        return bool(urgent_return_reason(state)) or is_return_path_clear(state, state.returning)
+
+    # At the end of the longest wait, vehicles start one after the other.
+    early_s = STAGGER_S * min(_n_waiting_with_higher_id(state), MAX_STAGGERED)
+    match verdict(wait, now_s, is_clear, early_s=early_s if wait.purpose is WaitFor.RETURN_PATH else 0.0):
+        case Verdict.OVER:
+            return start_return(state)
+        case Verdict.WAIT:
+            return state, []
+        case Verdict.BLOCKED:
+            return replace(state, wait=wait.tried(now_s)), []
+    state, ordered = start_return(state, may_hold_again=True)
     return state, [
         ev.NotifyOperator("the return path is clear; the vehicle returns [return-clear]"),
         *ordered,
@@ -152,33 +149,32 @@ def _n_waiting_with_higher_id(state: AgentState) -> int:
         uav > state.task.uav
         and report.state.phase == Phase.HOLDING
         and now_s - report.at_s <= MAX_WAITING_AGE_S
-        for uav, report in state.return_wait.neighbours.items()
+        for uav, report in state.returning.items()
     )
 
 
-def _yield_to_simultaneous_start(state: AgentState, since_s: float) -> StepResult:
-    """Hold again if the path is not clear of a vehicle with a lower system id."""
+def _yield_to_simultaneous_start(state: AgentState, wait: Wait) -> StepResult:
+    """Hold again if the path is not clear of a vehicle with priority that started at the same time."""
     now_s = state.vehicle.time_boot_s
-    if not 0.0 <= now_s - since_s < SETTLING_S or now_s >= state.return_wait.deadline_boot_s:
-        return replace(state, return_wait=replace(state.return_wait, started_boot_s=None)), []
-    if urgent_return_reason(state):
+    if not wait.may_go_on(now_s) or now_s >= wait.deadline_boot_s:
+        return replace(state, wait=None), []
+    mine = Standing(Activity.LANDING, True, state.task.uav)
+    first = {
+        uav: report
+        for uav, report in state.returning.items()
+        if gives_way(mine, Standing(Activity.LANDING, True, uav))
+    }
+    if urgent_return_reason(state) or is_return_path_clear(state, first):
         return state, []
-    wait = state.return_wait
-    lower = {uav: report for uav, report in wait.neighbours.items() if uav < state.task.uav}
-    with_lower = replace(state, return_wait=replace(wait, neighbours=lower))
-    held = wait_to_return(with_lower, wait.deadline_boot_s)
+    held = wait_to_return(state)
     if held is None:
         return state, []
     text = "another vehicle started a return at the same time; this vehicle holds until its path is clear"
-    holding = replace(held[0], return_wait=replace(held[0].return_wait, neighbours=wait.neighbours))
-    return holding, [
-        ev.NotifyOperator(f"{text} [return-yields]"),
-        *held[1],
-    ]
+    return held[0], [ev.NotifyOperator(f"{text} [return-yields]"), *held[1]]
 
 
-def is_return_path_clear(state: AgentState) -> bool:
-    """Return whether the return path is clear of vehicles that return or have priority in the queue.
+def is_return_path_clear(state: AgentState, reports: Mapping[int, NeighbourReport]) -> bool:
+    """Return whether the return path is clear of the vehicles of `reports` that return or have priority.
 
     The result is True if position or home is unknown, because such a vehicle does not wait.
     """
@@ -186,13 +182,17 @@ def is_return_path_clear(state: AgentState) -> bool:
     if own is None:
         return True
     own = msgspec.structs.replace(own, is_returning=False)
+    mine = Standing(Activity.WAITING, True, state.task.uav)
     positions = {}
-    for uav, report in state.return_wait.neighbours.items():
+    for uav, report in reports.items():
         position = position_from_state(report.state, own)
         if position is None:
             continue
-        waits = report.state.phase == Phase.HOLDING
-        is_first = waits and uav < state.task.uav and now_s - report.at_s <= MAX_WAITING_AGE_S
-        if is_first or (not waits and may_be_returning(position, now_s - report.at_s)):
+        age_s, activity = now_s - report.at_s, activity_of(report.state.phase)
+        if activity is Activity.WAITING:
+            counts = age_s <= MAX_WAITING_AGE_S and gives_way(mine, Standing(activity, True, uav))
+        else:
+            counts = may_be_returning(position, age_s)
+        if counts:
             positions[uav] = position
     return not positions or schedule_for({**positions, state.task.uav: own}).begins_s[state.task.uav] == 0.0

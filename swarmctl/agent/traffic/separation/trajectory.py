@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import operator
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import chain
@@ -87,6 +87,12 @@ class Trajectory:
             return self if self.times_s and t_s < self.times_s[0] else None
         i = bisect_right(self.times_s, t_s)
         return Trajectory((t_s, *self.times_s[i:]), (at, *self.points[i:]))
+
+    def lasting(self, until_s: float) -> Trajectory:
+        """Return the flight until `until_s`; a flight that ends earlier stays at its last point."""
+        n, at = bisect_left(self.times_s, until_s), self.at(until_s)
+        last = self.points[-1] if at is None else at
+        return Trajectory((*self.times_s[:n], until_s), (*self.points[:n], last))
 
     def later(self, seconds: float) -> Trajectory:
         """Return the same flight, shifted in time."""

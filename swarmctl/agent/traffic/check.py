@@ -1,0 +1,140 @@
+"""The trajectory check: a flight, the known flights of other vehicles, and limits give the clashes. Pure.
+
+Launch, new plans, holds, landings and the flown plan ask `clashes_with` about `known_flights`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from swarmctl.agent.state import AgentState
+from swarmctl.agent.traffic.prediction import predict, silent_neighbours
+from swarmctl.agent.traffic.priority import Activity, Standing
+from swarmctl.agent.traffic.separation.approach import Limits, closest
+from swarmctl.agent.traffic.separation.clash import TIME_TOLERANCE_S, Clash, find_clashes
+from swarmctl.agent.traffic.separation.trajectory import Bounds, Trajectory, until_landing
+from swarmctl.agent.traffic.separation.watch import NeighbourIntent
+
+Others = Mapping[int, NeighbourIntent]
+"""flights of other vehicles by system id"""
+
+MAX_AGE_S = 20.0
+"""Greatest age of an intent in use [s]: three intents in a row may be lost."""
+SEPARATES_WITHIN_S = 6.0
+"""Time within which two close vehicles have to separate [s]; a climb or a turn takes this long."""
+BETTER_BY = 0.3
+"""Least improvement, as a share of the limits, of a plan that is still too close to another vehicle."""
+
+
+def clashes_with(flight: Trajectory, others: Others, limits: Limits) -> tuple[Clash, ...]:
+    """Return the clashes of a flight with the flights of `others`, soonest first."""
+    near = near_flights(flight, others, limits)
+    wider = {uav: intent.limits(limits) for uav, intent in near.items() if any(intent.uncertainty_m)}
+    return find_clashes(flight, {uav: intent.flight for uav, intent in near.items()}, limits, wider=wider)
+
+
+def near_flights(flight: Trajectory, others: Others, limits: Limits) -> dict[int, NeighbourIntent]:
+    """Return those of `others` that may clash with a flight, by bounding boxes."""
+    mine = Bounds.of(flight)
+    return {
+        uav: intent
+        for uav, intent in others.items()
+        if mine.is_within(intent.bounds, _margins(intent, limits))
+    }
+
+
+def _margins(intent: NeighbourIntent, limits: Limits) -> tuple[float, float, float, float]:
+    """Return the margins in time, east, north and up [s, m]."""
+    pair_limits = intent.limits(limits) if any(intent.uncertainty_m) else limits
+    return TIME_TOLERANCE_S, pair_limits.horizontal_m, pair_limits.horizontal_m, pair_limits.vertical_m
+
+
+def clashes_of_route(
+    state: AgentState, flight: Trajectory, others: Others, present_flight: Trajectory | None = None
+) -> tuple[Clash, ...]:
+    """Return the clashes of a flight up to its landing.
+
+    A flight that separates two close vehicles does not clash. `present_flight`: flight of the present plan.
+    """
+    limits, flight = state.task.separation.limits, until_landing(flight)
+    near_s = flight.times_s[0] + (TIME_TOLERANCE_S if present_flight is None else SEPARATES_WITHIN_S)
+
+    def separates(intent: NeighbourIntent) -> bool:
+        return _separates(flight, present_flight, intent.flight, intent.limits(limits))
+
+    found = clashes_with(flight, others, limits)
+    return tuple(clash for clash in found if clash.at_s > near_s or not separates(others[clash.other]))
+
+
+def _separates(flight: Trajectory, present: Trajectory | None, other: Trajectory, limits: Limits) -> bool:
+    """Return whether a flight separates two vehicles that are close now.
+
+    From SEPARATES_WITHIN_S on, the flight has to keep the limits. Until then the vehicles may be closer than
+    the limits if they come no closer than now, or if the present flight comes closer by BETTER_BY.
+    """
+    begin_s = flight.times_s[0]
+    after = flight.since(begin_s + SEPARATES_WITHIN_S)
+    if after is not None and find_clashes(after, {0: other}, limits):
+        return False
+    here, there = flight.at(begin_s), other.at(begin_s)
+    least = _least_share(flight, other, limits)
+    if least is None or here is None or there is None:
+        return True
+    now = limits.share(math.dist(here[:2], there[:2]), abs(here[2] - there[2]))
+    if least >= min(now, 1.0) - 1e-6:
+        return True
+    present_least = None if present is None else _least_share(present, other, limits)
+    return present_least is not None and least >= present_least + BETTER_BY
+
+
+def _least_share(flight: Trajectory, other: Trajectory, limits: Limits) -> float | None:
+    """Return the least distance of two flights, as a share of the limits; None if they share no time."""
+    at = closest(flight, other, limits)
+    return None if at is None else limits.share(at.horizontal_m, at.vertical_m)
+
+
+def known_flights(state: AgentState) -> dict[int, NeighbourIntent]:
+    """Return the known flights of other vehicles: intents, extrapolated positions, or last positions."""
+    intents = known_intents(state)
+    paths = silent_neighbours(state)
+    without_intent = (known for known in state.neighbours.items() if known[0] not in intents)
+    paths |= {uav: path for uav, report in without_intent if (path := predict(state, report))}
+    return intents | {uav: as_intent(state, path) for uav, path in paths.items() if uav not in intents}
+
+
+def alarmed_flights(state: AgentState) -> dict[int, NeighbourIntent]:
+    """Return the extrapolated flights of vehicles with an alarm: they may be off their intents."""
+    alarmed = {alarm.other for alarm in state.alarms}
+    reports = {uav: report for uav, report in state.neighbours.items() if uav in alarmed}
+    paths = {uav: path for uav, report in reports.items() if (path := predict(state, report))}
+    return {uav: as_intent(state, path) for uav, path in paths.items()}
+
+
+def known_intents(state: AgentState) -> dict[int, NeighbourIntent]:
+    """Return the recent intents of other vehicles by system id."""
+    now_s = state.vehicle.time_boot_s
+    return {uav: intent for uav, intent in state.intents.items() if 0.0 <= now_s - intent.sent_s <= MAX_AGE_S}
+
+
+def as_intent(state: AgentState, path: Trajectory) -> NeighbourIntent:
+    """Return a predicted path, with heights above home, as a flight that its vehicle cannot change."""
+    vehicle = state.vehicle
+    home_m = (vehicle.alt_amsl_m or 0.0) - (vehicle.alt_rel_m or 0.0)
+    points = tuple((east_m, north_m, up_m + home_m) for east_m, north_m, up_m in path.points)
+    flight = Trajectory(path.times_s, points)
+    return NeighbourIntent(flight, Bounds.of(flight), may_change=False, sent_s=path.times_s[0])
+
+
+def standing_of(state: AgentState, uav: int, intent: NeighbourIntent) -> Standing:
+    """Return another vehicle's standing for the rule of priority."""
+    activity = Activity.EN_ROUTE if intent.may_change else Activity.LANDING
+    if intent.on_ground:
+        activity = Activity.CLIMBING
+    return Standing(activity, intent.may_change, uav, _height_now_m(state, intent))
+
+
+def _height_now_m(state: AgentState, intent: NeighbourIntent) -> float:
+    now_s, flight = state.vehicle.time_boot_s, intent.flight
+    at = flight.at(min(max(now_s, flight.times_s[0]), flight.times_s[-1]))
+    return flight.points[-1][2] if at is None else at[2]

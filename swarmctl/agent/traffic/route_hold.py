@@ -1,0 +1,195 @@
+"""The hold of a copter that gives way on its route: begin, end, and the heights that it may fly at. Pure.
+
+The hold is a wait (`wait.WaitFor.ROUTE`). It ends when the interrupted route is clear, from the hold on and
+also some seconds later. Every 60 s the vehicle tries the route at other heights, too.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import Any
+
+from swarmctl.agent.orders import StepResult, command
+from swarmctl.agent.phases import Phase
+from swarmctl.agent.replan.copter_trajectory import DESCENT_M_S, at_height, waypoints_of, with_level_off
+from swarmctl.agent.replan.length_bounds import CLIMB_M_S
+from swarmctl.agent.state import AgentState
+from swarmctl.agent.traffic.check import alarmed_flights, clashes_of_route, known_flights
+from swarmctl.agent.traffic.intents import (
+    HOLD_DURATION_S,
+    flight_by_plan,
+    planned_flight,
+    position_amsl,
+    publish_intent,
+)
+from swarmctl.agent.traffic.prediction import position_of, stopping_point
+from swarmctl.agent.traffic.separation.trajectory import Trajectory
+from swarmctl.agent.traffic.separation.watch import HEIGHT_MARGIN, NeighbourReport
+from swarmctl.agent.traffic.wait import Verdict, WaitFor, begin, verdict
+from swarmctl.core import events as ev
+from swarmctl.core.mission import FlightPlan
+from swarmctl.core.records import replace
+
+RESUME_AFTER_S = (0.0, 3.0, 6.0)
+"""Delays with which a resumed route has to be clear [s]: a vehicle follows a new plan after some seconds."""
+CEILING_MARGIN_M = 3.0
+"""Distance kept below the fence's ceiling [m]."""
+MAX_HEIGHTS = 8
+"""Greatest number of heights tried."""
+
+
+def may_give_way(state: AgentState) -> bool:
+    """Return whether the vehicle can give way: it flies its mission, not far below cruise height."""
+    vehicle, task = state.vehicle, state.task
+    if state.task.separation.action == "none" or state.phase is not Phase.FLYING or state.route is None:
+        return False
+    least_m = task.altitude_m - 2.0 * task.separation.limits.vertical_m
+    return not state.lost and vehicle.alt_rel_m is not None and vehicle.alt_rel_m >= least_m
+
+
+def may_hold(state: AgentState) -> bool:
+    """Return whether the vehicle can hold without a conflict."""
+    here = position_amsl(state)
+    if here is None or state.task.wings is not None:
+        return False
+    return may_give_way(state) and not clashes_of_route(state, hold_flight(state, here), known_flights(state))
+
+
+def hold_flight(state: AgentState, here: tuple[float, float, float]) -> Trajectory:
+    """Return the flight of a vehicle that stops now and holds, heights above the sea."""
+    now_s, stop = state.vehicle.time_boot_s, stopping_point(state, here)
+    return Trajectory((now_s, now_s + HOLD_DURATION_S), (stop, stop))
+
+
+def hold(
+    state: AgentState, plan: ev.SwapMission | None, to: Mapping[int, NeighbourReport], **changes: Any
+) -> StepResult:
+    """Order a hold to give way; a second hold on the way to one clear route keeps the first deadline.
+
+    The vehicle has no route while it holds.
+    """
+    wait = begin(WaitFor.ROUTE, state.vehicle.time_boot_s, plan=plan, to=to, before=state.wait)
+    changes = {
+        "wait": wait,
+        "route": None,
+        "dirty": False,
+        "retry_at_s": 0.0,
+        "n_holds": state.n_holds + (state.order.given is not ev.FlightOrder.HOLD),
+        **changes,
+    }
+    state, ordered = command(state, ev.FlightOrder.HOLD, **changes)
+    state, published = publish_intent(state, planned_flight(state))
+    return state, [*ordered, *published]
+
+
+def resume_if_clear(state: AgentState) -> StepResult:
+    """End the hold if the route is clear, or at its deadline. Called for each telemetry message."""
+    wait, now_s = state.wait, state.vehicle.time_boot_s
+    if state.phase is not Phase.FLYING or wait is None or wait.plan is None or not wait.is_on:
+        return state, []
+    plan = _rest_of(state, wait.plan.plan)
+    match verdict(wait, now_s, lambda: _is_clear(state, plan)):
+        case Verdict.WAIT:
+            return state, []
+        case Verdict.OVER:
+            return give_up(state)
+        case Verdict.CLEAR:
+            text = (
+                "the interrupted route is clear of other vehicles; the vehicle holds until it has a new plan"
+            )
+            return _resume(state, f"{text} [resumes]")
+    if not wait.is_report_due(now_s):
+        return replace(state, wait=wait.tried(now_s)), []
+    text = f"the vehicle has held for at least {wait.rule.report_every_s:.0f} s"
+    for height_m in heights_to_try(state, plan):
+        if _is_clear(state, at_height(plan, height_m)):
+            state = replace(state, height_offset_m=height_m - state.task.altitude_m, must_change=True)
+            state = replace(state, conflicts=replace(state.conflicts, deferred_for=frozenset()))
+            return _resume(state, f"{text}; it resumes its route at {height_m:.0f} m [resumes-higher]")
+    return replace(state, wait=wait.tried(now_s).reported(now_s)), [
+        ev.NotifyOperator(f"{text}; no height found is clear, so it continues to hold [keeps-holding]")
+    ]
+
+
+def give_up(state: AgentState) -> StepResult:
+    """End a flight whose hold has reached its deadline: the vehicle returns, or lands."""
+    assert state.wait is not None
+    longest_s, fallback = state.wait.rule.longest_s, state.task.fallback
+    reason = f"the vehicle has held for {longest_s:.0f} s, and the way is still not clear"
+    state, ordered = command(state, fallback, phase=Phase.LEAVING, given_up=True, outcome=reason, route=None)
+    does = "returns" if fallback is ev.FlightOrder.RETURN else "lands where it is"
+    return state, [ev.NotifyOperator(f"{reason}; the vehicle {does} [held-too-long]"), *ordered]
+
+
+def _resume(state: AgentState, text: str) -> StepResult:
+    assert state.wait is not None
+    # After a deferred plan, `route_deconfliction` reports when the new plan is clear.
+    messages: list[ev.Effect] = [] if state.conflicts.deferred_for else [ev.NotifyOperator(text)]
+    state = replace(
+        state,
+        wait=state.wait.ended(state.vehicle.time_boot_s),
+        order=state.order.noted(ev.FlightOrder.LAUNCH).followed(),
+        hold_is_own=True,
+        dirty=True,
+    )
+    return state, messages
+
+
+def _is_clear(state: AgentState, plan: FlightPlan) -> bool:
+    """Return whether the rest of a plan is clear for a start now or a few seconds later.
+
+    Vehicles with an alarm count with their extrapolated positions, too: they may be off their intents.
+    """
+    here = position_of(state)
+    if here is None:
+        return False
+    flight = flight_by_plan(state, with_level_off(state.task, plan, here, 0.0))
+    if flight is None:
+        return False
+    return not any(
+        clashes_of_route(state, flight.later(seconds), others)
+        for others in (known_flights(state), alarmed_flights(state))
+        for seconds in RESUME_AFTER_S
+    )
+
+
+def _rest_of(state: AgentState, plan: FlightPlan) -> FlightPlan:
+    """Return the part of the interrupted plan that is still ahead."""
+    n_passed = 0 if state.progress is None else state.progress.waypoint
+    return replace(plan, track=plan.track[n_passed:])
+
+
+# --- heights
+
+
+def ceiling_m(state: AgentState) -> float:
+    """Return the greatest height above home for an evasive climb [m]."""
+    fence = state.task.fence
+    return math.inf if fence is None else fence.ceiling_m - CEILING_MARGIN_M
+
+
+def heights_to_try(state: AgentState, plan: FlightPlan) -> Sequence[float]:
+    """Return the heights above home to try [m], lowest first; none if the vehicle's height is unknown.
+
+    The heights are the task's altitude, and heights just above the plan and each other vehicle's flight. A
+    height that the vehicle would reach only over its goal is no way out: others come down there.
+    """
+    task, vehicle, planned_m, here = state.task, state.vehicle, plan.height_m, position_of(state)
+    if vehicle.alt_amsl_m is None or vehicle.alt_rel_m is None or here is None:
+        return []
+    path = [here[:2], *waypoints_of(task, plan)]
+    ahead_s = sum(math.dist(a, b) for a, b in pairwise(path)) / task.arrival.speed_m_s
+    least_m = here[2] - DESCENT_M_S * (ahead_s - state.swap_times.expected_s)
+    reachable_m = here[2] + CLIMB_M_S * (ahead_s - state.swap_times.expected_s)
+    home_m = vehicle.alt_amsl_m - vehicle.alt_rel_m
+    margin_m = HEIGHT_MARGIN * task.separation.limits.vertical_m
+    tops_m = {
+        max(point[2] for point in intent.flight.points) + intent.uncertainty_m[1] - home_m
+        for intent in known_flights(state).values()
+    }
+    candidates = {task.altitude_m, planned_m + margin_m, *(top_m + margin_m for top_m in tops_m)}
+    low_m, most_m = max(task.altitude_m, least_m), min(ceiling_m(state), reachable_m)
+    allowed = sorted(h for h in candidates if low_m <= h <= most_m and abs(h - planned_m) > 0.1)
+    return allowed[:MAX_HEIGHTS]

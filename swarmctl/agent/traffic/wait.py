@@ -1,0 +1,182 @@
+"""The wait of a vehicle for other vehicles: one record, one deadline, and one function that ends it. Pure.
+
+RULES is the table of all waits; `docs/traffic.md` shows it. A vehicle has one wait at a time, which ends with
+the phases to which it belongs (`AgentState.enter`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from enum import Enum, StrEnum
+
+from swarmctl.agent.phases import Phase
+from swarmctl.agent.traffic.separation.watch import NeighbourReport
+from swarmctl.core.events import SwapMission
+
+
+class WaitFor(StrEnum):
+    """The purposes of a wait."""
+
+    FIRST_ROUTE = "first route"
+    ROUTE = "route"
+    DESCENT = "descent"
+    RETURN_PATH = "return path"
+    TURN = "turn"
+
+
+@dataclass(frozen=True, slots=True)
+class WaitRule:
+    where: str
+    longest_s: float
+    """time from the start of the wait to its deadline [s]"""
+    at_deadline: str
+    """the vehicle's action at the deadline"""
+    phases: frozenset[Phase]
+    least_s: float = 0.0
+    """shortest wait [s]: time to stop, and to send the new intent to other vehicles"""
+    check_every_s: float = 1.0
+    report_every_s: float = math.inf
+    """interval of messages to the operator [s]"""
+
+
+RULES: Mapping[WaitFor, WaitRule] = {
+    WaitFor.FIRST_ROUTE: WaitRule(
+        "on the ground",
+        180.0,
+        "its launch is cancelled",
+        frozenset({Phase.STANDBY, Phase.LAUNCHING}),
+        check_every_s=0.0,
+    ),
+    WaitFor.ROUTE: WaitRule(
+        "in hold on its route",
+        300.0,
+        "returns, or lands with `on_exit: land`",
+        frozenset({Phase.FLYING}),
+        least_s=3.0,
+        report_every_s=60.0,
+    ),
+    WaitFor.DESCENT: WaitRule(
+        "in hold above its landing spot",
+        300.0,
+        "returns, or lands with `on_exit: land`",
+        frozenset({Phase.LANDING}),
+        least_s=3.0,
+        check_every_s=0.2,
+        report_every_s=60.0,
+    ),
+    WaitFor.RETURN_PATH: WaitRule(
+        "in hold before its return",
+        120.0,
+        "returns in any case",
+        frozenset({Phase.HOLDING, Phase.LEAVING}),
+    ),
+    WaitFor.TURN: WaitRule(
+        "in hold until its turn in a recall",
+        math.inf,
+        "returns",
+        frozenset({Phase.HOLDING}),
+        least_s=math.inf,
+    ),
+}
+"""The deadline of a turn is the start time in the recall."""
+
+
+SETTLES_S = 5.0
+"""Time after the end of a wait in which the same wait may go on, with its deadline [s]."""
+
+
+class Verdict(Enum):
+    WAIT = "wait"
+    """the wait goes on, without a check"""
+    BLOCKED = "blocked"
+    """the wait goes on after a check"""
+    CLEAR = "clear"
+    """nobody is in the way any more"""
+    OVER = "over"
+    """the deadline is reached"""
+
+
+@dataclass(frozen=True, slots=True)
+class Wait:
+    """A wait; times are by the vehicle's clock."""
+
+    purpose: WaitFor
+    since_boot_s: float
+    deadline_boot_s: float
+    plan: SwapMission | None = None
+    """mission that the hold interrupted; None: the wait interrupts no mission"""
+    to: Mapping[int, NeighbourReport] = field(default_factory=dict)
+    """last states of the vehicles to which this vehicle gives way"""
+    checked_boot_s: float = -math.inf
+    reported_boot_s: float = -math.inf
+    """time of the last message about this wait"""
+    ended_boot_s: float | None = None
+    """time at which the vehicle went on, while it may still have to wait again; None: it waits"""
+
+    @property
+    def rule(self) -> WaitRule:
+        return RULES[self.purpose]
+
+    @property
+    def is_on(self) -> bool:
+        """True while the vehicle waits; False: it has gone on, and may have to wait again."""
+        return self.ended_boot_s is None
+
+    def may_go_on(self, now_s: float) -> bool:
+        """Return whether the wait is on, or has ended at most SETTLES_S ago."""
+        return 0.0 <= now_s - (now_s if self.ended_boot_s is None else self.ended_boot_s) < SETTLES_S
+
+    def tried(self, now_s: float) -> Wait:
+        """Return the wait after a check that was not clear."""
+        return replace(self, checked_boot_s=now_s)
+
+    def ended(self, now_s: float) -> Wait:
+        """Return the wait of a vehicle that goes on, and may have to wait again until the same deadline."""
+        return replace(self, ended_boot_s=now_s)
+
+    def again(self) -> Wait:
+        """Return the wait of a vehicle that has to wait again; its deadline stays."""
+        return replace(self, ended_boot_s=None)
+
+    def noted(self, reports: Mapping[int, NeighbourReport]) -> Wait:
+        """Return the wait with new states of the vehicles to which this vehicle gives way."""
+        return replace(self, to={uav: reports.get(uav, report) for uav, report in self.to.items()})
+
+    def is_report_due(self, now_s: float) -> bool:
+        return now_s - max(self.reported_boot_s, self.since_boot_s) >= self.rule.report_every_s
+
+    def reported(self, now_s: float) -> Wait:
+        return replace(self, reported_boot_s=now_s)
+
+
+def begin(
+    purpose: WaitFor,
+    now_s: float,
+    *,
+    until_s: float = math.inf,
+    plan: SwapMission | None = None,
+    to: Mapping[int, NeighbourReport] | None = None,
+    before: Wait | None = None,
+) -> Wait:
+    """Return a new wait, at most until `until_s`. A wait `before`, hardly over, goes on with its deadline."""
+    if before is not None and before.purpose is purpose and before.may_go_on(now_s):
+        again = {**before.to, **(to or {})}
+        return replace(before.again(), since_boot_s=now_s, plan=plan, to=again, checked_boot_s=now_s)
+    deadline_s = min(now_s + RULES[purpose].longest_s, until_s)
+    return Wait(purpose, now_s, deadline_s, plan, to or {}, checked_boot_s=now_s)
+
+
+def verdict(wait: Wait, now_s: float, is_clear: Callable[[], bool], *, early_s: float = 0.0) -> Verdict:
+    """Return whether a wait ends now. `is_clear` is asked at most once each `check_every_s`.
+
+    The deadline comes `early_s` earlier. After a reboot the vehicle's clock is before the start of the wait,
+    and the wait is over.
+    """
+    if not wait.since_boot_s <= now_s < wait.deadline_boot_s - early_s:
+        return Verdict.OVER
+    rule = wait.rule
+    if now_s - wait.since_boot_s < rule.least_s or 0.0 <= now_s - wait.checked_boot_s < rule.check_every_s:
+        return Verdict.WAIT
+    return Verdict.CLEAR if is_clear() else Verdict.BLOCKED

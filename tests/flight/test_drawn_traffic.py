@@ -1,0 +1,36 @@
+"""A campaign of drawn traffic with light vehicles: no breach of the limits, no deadlock, no wait without end.
+
+`--drawn-traffic 1000` flies that many seeds. Seeds in OPEN break a rule today; docs/limits.md has the causes.
+"""
+
+from __future__ import annotations
+
+import pytest
+from drawn_traffic import draw
+
+N_DEFAULT, N_FULL = 12, 100
+
+FOUND = {
+    29: "a vehicle that held below a landing one waited for it, and the other way round",
+    73: "a vehicle climbed over its goal through the height of a landing one",
+    103: "two vehicles changed their heights over one goal",
+    112: "a vehicle held in its climb, in the way of the next one",
+    118: "a vehicle gave way to a landing one with a climb that ended over the goal",
+}
+"""seeds that broke a rule before, with the cause"""
+OPEN = frozenset({5, 9})
+"""seeds that still break a rule"""
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    if "seed" in metafunc.fixturenames:
+        n = metafunc.config.getoption("--drawn-traffic")
+        n = n or (N_FULL if metafunc.config.getoption("--full") else N_DEFAULT)
+        open_seed = pytest.mark.xfail(reason="an open case of docs/limits.md", strict=False)
+        seeds = sorted({*range(n), *FOUND})
+        metafunc.parametrize("seed", [pytest.param(s, marks=open_seed if s in OPEN else ()) for s in seeds])
+
+
+def test_drawn_traffic_keeps_its_limits_and_ends_every_wait(seed: int) -> None:
+    drawn = draw(seed).flown()
+    assert drawn.findings == [], drawn.story

@@ -1,0 +1,288 @@
+"""Agents with light vehicles on one clock: the parts of runner, link and network that traffic depends on."""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+import random
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import msgspec
+from light_vehicle import LightVehicle
+
+from swarmctl.agent.phases import ON_GROUND
+from swarmctl.agent.replan.mission_changes import needs_tick
+from swarmctl.agent.state import AgentState, begin
+from swarmctl.agent.step import step
+from swarmctl.agent.traffic.neighbours import relevant_states
+from swarmctl.config.scenario import Scenario
+from swarmctl.core import events as ev
+from swarmctl.core.frames import IntentShared, StateShared
+from swarmctl.core.grid import Cell
+from swarmctl.core.observation import Observation
+
+STEP_S = 0.125
+TELEMETRY_EVERY = 2
+"""steps between two telemetry messages"""
+NEIGHBOURS_EVERY_S = 0.5
+LOST_AFTER_S = 3.0
+"""silence after which the link counts as lost [s]"""
+ORDER_FAILS_AFTER_S = 4.0
+
+
+@dataclass
+class Air:
+    """The network between the agents."""
+
+    loss: float = 0.0
+    delay_s: float = 0.05
+    jitter_s: float = 0.0
+    mute: dict[int, list[tuple[float, float]]] = field(default_factory=dict)
+    """times in which a vehicle neither sends nor receives"""
+
+    def carries(self, uav: int, now: float) -> bool:
+        return not any(since <= now < until for since, until in self.mute.get(uav, ()))
+
+
+class LightAgent:
+    """One agent with its vehicle and its link."""
+
+    def __init__(self, swarm: LightSwarm, index: int, vehicle: LightVehicle, boot_s: float) -> None:
+        self.swarm, self.vehicle, self.boot_s = swarm, vehicle, boot_s
+        self.task = swarm.scenario.tasks[index]
+        self.state: AgentState = begin(self.task, swarm.scenario.prior)
+        self.said: list[tuple[float, str]] = []
+        self.silent: list[tuple[float, float]] = []
+        """times without a link to the vehicle"""
+        self.failing: list[tuple[float, float]] = []
+        """times in which the vehicle takes no order and no mission"""
+        self.swap_s = 1.0
+        self._job = 0
+        self._conflict = ""
+        self._lost = False
+        self._contact_s = 0.0
+        self._read_s = -1.0
+        self._seen: Cell | None = None
+        self._states: dict[int, tuple[float, StateShared]] = {}
+        self._intents: dict[int, tuple[float, IntentShared]] = {}
+        self._fresh: set[int] = set()
+        self._changed = False
+
+    @property
+    def uav(self) -> int:
+        return self.task.uav
+
+    def __call__(self, event: ev.Event) -> None:
+        self.state, effects = step(self.state, event, self.swarm.now)
+        for effect in effects:
+            self._perform(effect)
+
+    def tick(self) -> None:
+        if needs_tick(self.state, self.swarm.now):
+            self(ev.Tick())
+
+    # --- effects
+
+    def _perform(self, effect: ev.Effect) -> None:
+        match effect:
+            case ev.Publish(message):
+                self.swarm.publish(self.uav, message)
+            case ev.SwapMission():
+                self._begin(lambda job: self._swap(effect, job))
+            case ev.Command(order):
+                self._begin(lambda job: self._order(order, job))
+            case ev.LaunchConflict(text):
+                self._conflict = text
+            case ev.Release():
+                self._job += 1
+            case ev.NotifyOperator(text):
+                self.said.append((self.swarm.now, text))
+            case _:
+                pass
+
+    def _begin(self, work: Callable[[int], None]) -> None:
+        self._job += 1
+        work(self._job)
+
+    def _later(self, job: int, after_s: float, action: Callable[[], None]) -> None:
+        """Go on with a job unless another has replaced it."""
+
+        def resume() -> None:
+            if self._job == job:
+                action()
+                self.tick()
+
+        self.swarm.at(self.swarm.now + after_s, resume)
+
+    def _reaches(self) -> bool:
+        now = self.swarm.now
+        return not any(a <= now < b for a, b in (*self.silent, *self.failing))
+
+    def _swap(self, swap: ev.SwapMission, job: int) -> None:
+        if self.state.phase in ON_GROUND:
+            self._later(job, 0.3, lambda: self._upload(swap))
+            return
+        began_s = self.swarm.now
+        self._later(job, self.swap_s, lambda: self._take(swap, began_s))
+
+    def _upload(self, swap: ev.SwapMission) -> None:
+        self.vehicle.set_mission(swap.plan)
+        self(ev.MissionAccepted(swap.plan_id, self.swap_s))
+
+    def _take(self, swap: ev.SwapMission, began_s: float) -> None:
+        vehicle, plan = self.vehicle, swap.plan
+        if not self._reaches():
+            flying: ev.PlanAfterFailure = "hold" if vehicle.mode == "hold" else "old"
+            self(ev.MissionFailed(swap.plan_id, flying, "no answer"))
+        elif vehicle.is_descending or vehicle.mode not in ("mission", "hold", "takeoff"):
+            self(ev.MissionFailed(swap.plan_id, "old", "the vehicle is landing"))
+        elif plan.leaves_ahead and plan.track and vehicle.passed(*self._local(plan.track[0])):
+            self(ev.MissionFailed(swap.plan_id, "old", "too late", is_late=True))
+        else:
+            vehicle.set_mission(plan, leaves_ahead=plan.leaves_ahead)
+            self(ev.MissionAccepted(swap.plan_id, self.swarm.now - began_s))
+
+    def _local(self, point: Any) -> tuple[float, float]:
+        return self.task.grid.frame.to_local(point.lat_deg, point.lon_deg)
+
+    def _order(self, order: ev.FlightOrder, job: int) -> None:
+        if order is ev.FlightOrder.LAUNCH:
+            self._later(job, 0.5, lambda: self._arm(job))
+            return
+        if not self._reaches():
+            self._later(job, ORDER_FAILS_AFTER_S, lambda: self(ev.OrderFailed(order, "no answer")))
+            return
+        act = {
+            ev.FlightOrder.HOLD: self.vehicle.hold,
+            ev.FlightOrder.RETURN: self.vehicle.return_home,
+            ev.FlightOrder.LAND: self.vehicle.land,
+        }[order]
+        delay_s = self.swarm.rng.uniform(0.1, 0.5)
+
+        def act_if_flying() -> None:
+            if self.vehicle.armed:
+                act()
+
+        self._later(job, delay_s, act_if_flying)
+        self._later(job, delay_s + 0.6, lambda: self(ev.OrderDone(order)))
+
+    def _arm(self, job: int) -> None:
+        if self._conflict:
+            self(ev.LaunchPostponed(self._conflict))
+            return
+        self.vehicle.arm()
+        self._later(job, 1.0, lambda: self._take_off(job))
+
+    def _take_off(self, job: int) -> None:
+        if self._conflict:
+            self.vehicle.disarm()
+            self(ev.LaunchPostponed(self._conflict, was_armed=True))
+            return
+        self.vehicle.take_off()
+        self._later(job, 1.5, lambda: self(ev.OrderDone(ev.FlightOrder.LAUNCH)))
+
+    # --- events
+
+    def receive(self, uav: int, message: Any, sent_s: float) -> None:
+        if isinstance(message, StateShared):
+            self._states[uav] = (sent_s, message)
+            self._fresh.add(uav)
+        elif isinstance(message, IntentShared):
+            if uav not in self._intents or self._intents[uav][0] <= sent_s:
+                self._intents[uav] = (sent_s, message)
+                self._changed = True
+        else:
+            self(ev.ObservationsReceived((message,)))
+
+    def report(self) -> None:
+        """Pass on the vehicle's telemetry, then what the neighbours sent, as the runner does."""
+        now = self.swarm.now
+        if any(since <= now < until for since, until in self.silent):
+            if not self._lost and now - self._contact_s > LOST_AFTER_S:
+                self._lost = True
+                self(ev.LinkLost(now - self._contact_s))
+            return
+        self._contact_s = now
+        if self._lost:
+            self._lost = False
+            self(ev.LinkRestored())
+        vehicle = self.vehicle.telemetry(self.boot_s + now)
+        self(ev.TelemetryReceived(vehicle))
+        if now - self._read_s >= NEIGHBOURS_EVERY_S:
+            self._read_s = now
+            self._read_neighbours(now)
+        self._sense()
+        self.tick()
+
+    def _read_neighbours(self, now: float) -> None:
+        aged = {
+            uav: msgspec.structs.replace(state, age_s=state.age_s + now - sent_s)
+            for uav, (sent_s, state) in self._states.items()
+            if uav in self._fresh
+        }
+        self._fresh.clear()
+        if near := relevant_states(self.state, dict(sorted(aged.items()))):
+            self(ev.Neighbours(near))
+        if self._changed:
+            self._changed = False
+            items = ((uav, now - at_s, intent) for uav, (at_s, intent) in sorted(self._intents.items()))
+            self(ev.Intents(tuple(items)))
+
+    def _sense(self) -> None:
+        here = self.state.cell
+        if here is None or here == self._seen or self.vehicle.at[2] < 2.0:
+            return
+        self._seen = here
+        grid, hostiles = self.task.grid, self.swarm.scenario.hostiles
+        around = itertools.product((-1, 0, 1), repeat=2)
+        cells = ((here[0] + dr, here[1] + dc) for dr, dc in around)
+        self(
+            ev.Observed(
+                tuple(
+                    (r, c, (r, c) in hostiles) for r, c in cells if 0 <= r < grid.rows and 0 <= c < grid.cols
+                )
+            )
+        )
+
+
+class LightSwarm:
+    def __init__(self, scenario: Scenario, rng: random.Random, air: Air) -> None:
+        self.scenario, self.rng, self.air = scenario, rng, air
+        self.now = 0.0
+        self.agents: list[LightAgent] = []
+        self._due: list[tuple[float, int, Callable[[], None]]] = []
+        self._numbers = itertools.count()
+
+    def at(self, at_s: float, action: Callable[[], None]) -> None:
+        heapq.heappush(self._due, (at_s, next(self._numbers), action))
+
+    def publish(self, sender: int, message: Any) -> None:
+        if not self.air.carries(sender, self.now):
+            return
+        sent_s = self.now
+        for agent in self.agents:
+            # Observations arrive in any case: the real network repeats lost ones.
+            lost = self.rng.random() < self.air.loss and not isinstance(message, Observation)
+            if agent.uav == sender or lost or not self.air.carries(agent.uav, self.now):
+                continue
+            after_s = self.air.delay_s + self.rng.uniform(0.0, self.air.jitter_s)
+            self.at(sent_s + after_s, lambda a=agent: a.receive(sender, message, sent_s))  # type: ignore[misc]
+
+    def run(self, until_s: float, watch: Callable[[float], None]) -> bool:
+        """Fly until all flights have ended; return False if one has not ended by `until_s`."""
+        n_steps = 0
+        while self.now < until_s:
+            self.now += STEP_S
+            n_steps += 1
+            while self._due and self._due[0][0] <= self.now:
+                heapq.heappop(self._due)[2]()
+            for i, agent in enumerate(self.agents):
+                agent.vehicle.step(STEP_S)
+                if (n_steps + i) % TELEMETRY_EVERY == 0:
+                    agent.report()
+            watch(self.now)
+            if all(agent.state.ended and not agent.vehicle.armed for agent in self.agents):
+                return True
+        return False

@@ -1,0 +1,240 @@
+"""A copter in a few lines: a point with limited acceleration that flies missions and modes, without MAVLink.
+
+Rates and accelerations are ArduCopter's defaults. The vehicle knows nothing of the agent's code but the plan
+and the telemetry record.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+from swarmctl.core.geo import LocalFrame
+from swarmctl.core.mission import FlightPlan
+from swarmctl.core.vehicle import Landed, ModeRole, VehicleState
+
+Mode = Literal["idle", "takeoff", "mission", "hold", "return", "land"]
+Vector = tuple[float, float, float]
+
+ACCELERATION_M_S2, BRAKES_M_S2 = 2.5, 2.5
+CLIMB_M_S, DESCENT_M_S, LAND_M_S, LOW_M = 2.5, 1.5, 0.5, 10.0
+VERTICAL_M_S2 = 1.5
+REACHED_M = 1.5
+ROLES: dict[Mode, tuple[str, ModeRole]] = {
+    "idle": ("GUIDED", "hold"),
+    "takeoff": ("AUTO", "mission"),
+    "mission": ("AUTO", "mission"),
+    "hold": ("GUIDED", "hold"),
+    "return": ("RTL", "return"),
+    "land": ("LAND", "land"),
+}
+
+
+@dataclass
+class LightVehicle:
+    frame: LocalFrame
+    home_m: tuple[float, float]
+    home_amsl_m: float
+    speed_m_s: float
+    return_height_m: float
+    stops_for_missions: bool
+    """True: brakes to a stop before it flies by a new mission, as ArduCopter does"""
+    gust_m_s: float
+    rng: random.Random
+    at: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    velocity: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    mode: Mode = "idle"
+    armed: bool = False
+    plan: FlightPlan | None = None
+    battery_percent: float = 90.0
+    _targets: list[Vector] = field(default_factory=list)
+    _leg_from: Vector = (0.0, 0.0, 0.0)
+    _braking: bool = False
+    _anchor: Vector | None = None
+    _gust: list[float] = field(default_factory=lambda: [0.0, 0.0])
+
+    def __post_init__(self) -> None:
+        self.at[:2] = self.home_m
+
+    # --- commands
+
+    def arm(self) -> None:
+        self.armed = True
+
+    def disarm(self) -> None:
+        self.armed, self.mode, self.velocity = False, "idle", [0.0, 0.0, 0.0]
+
+    def take_off(self) -> None:
+        self.mode = "takeoff"
+
+    def set_mission(self, plan: FlightPlan, *, leaves_ahead: bool = False) -> None:
+        """Store a plan; in flight, fly it from here on."""
+        self.plan = plan
+        if self.armed and self.mode != "takeoff":
+            moves = math.hypot(*self.velocity[:2]) > 1.0
+            self._begin_mission(stop=self.stops_for_missions and moves and not leaves_ahead)
+
+    def fly_mission(self) -> None:
+        self._begin_mission(stop=False)
+
+    def hold(self) -> None:
+        self.mode, self._anchor, self._braking = "hold", None, True
+
+    def return_home(self) -> None:
+        top_m = max(self.at[2], self.return_height_m)
+        self.mode, self._braking = "return", True
+        self._fly_to([(self.at[0], self.at[1], top_m), (*self.home_m, top_m)])
+
+    def land(self) -> None:
+        self.mode, self._anchor, self._braking = "land", None, True
+
+    @property
+    def is_descending(self) -> bool:
+        """True once the vehicle flies the landing of its mission, its return or its mode."""
+        over_spot = self.mode in ("mission", "return") and not self._targets
+        return self.armed and (over_spot or self.mode == "land")
+
+    def passed(self, east_m: float, north_m: float) -> bool:
+        """Return whether a point lies behind the vehicle."""
+        ahead = (east_m - self.at[0]) * self.velocity[0] + (north_m - self.at[1]) * self.velocity[1]
+        return ahead < 0.0
+
+    def _begin_mission(self, *, stop: bool) -> None:
+        assert self.plan is not None
+        points = (*self.plan.track, self.plan.landing)
+        self.mode, self._braking, self._anchor = "mission", stop, None
+        self._fly_to([(*self.frame.to_local(p.lat_deg, p.lon_deg), p.alt_rel_m) for p in points])
+
+    def _fly_to(self, targets: Sequence[Vector]) -> None:
+        self._targets, self._leg_from = list(targets), (self.at[0], self.at[1], self.at[2])
+
+    # --- motion
+
+    def step(self, dt_s: float) -> None:
+        if not self.armed or self.mode == "idle":
+            return
+        east, north, up = self._wanted_velocity()
+        self._accelerate(east, north, up, dt_s)
+        for axis in range(2):
+            self._gust[axis] += -0.5 * self._gust[axis] * dt_s + self.gust_m_s * math.sqrt(
+                dt_s
+            ) * self.rng.gauss(0.0, 1.0)
+        blown = self._gust if self.at[2] > 0.5 else [0.0, 0.0]
+        self.at = [
+            self.at[0] + (self.velocity[0] + blown[0]) * dt_s,
+            self.at[1] + (self.velocity[1] + blown[1]) * dt_s,
+            self.at[2] + self.velocity[2] * dt_s,
+        ]
+        if self.at[2] <= 0.0:
+            self.at[2] = 0.0
+            if self.is_descending:
+                self.disarm()
+
+    def _accelerate(self, east: float, north: float, up: float, dt_s: float) -> None:
+        de, dn = east - self.velocity[0], north - self.velocity[1]
+        most = ACCELERATION_M_S2 * dt_s
+        share = min(most / max(math.hypot(de, dn), 1e-9), 1.0)
+        self.velocity[0] += share * de
+        self.velocity[1] += share * dn
+        most = VERTICAL_M_S2 * dt_s
+        self.velocity[2] += max(-most, min(most, up - self.velocity[2]))
+
+    def _wanted_velocity(self) -> Vector:
+        if self.mode == "takeoff":
+            assert self.plan is not None
+            if self.at[2] >= self.plan.takeoff_alt_m - 0.5:
+                self._begin_mission(stop=False)
+            return self._hover(self.home_m, self._climb_to(self.plan.takeoff_alt_m))
+        if self._braking:
+            if math.hypot(*self.velocity[:2]) > 0.3:
+                return 0.0, 0.0, 0.0
+            self._braking, self._anchor = False, (self.at[0], self.at[1], self.at[2])
+            self._leg_from = self._anchor
+        if self.mode == "hold":
+            assert self._anchor is not None
+            return self._hover(self._anchor[:2], self._climb_to(self._anchor[2]))
+        if self.mode == "land":
+            assert self._anchor is not None
+            return self._hover(self._anchor[:2], self._descent())
+        while self._targets:
+            wanted = self._towards(self._targets[0], self._targets[1:2])
+            if wanted is not None:
+                return wanted
+            self._leg_from, last = self._targets.pop(0), len(self._targets) == 0
+            if last:
+                self._anchor = self._leg_from
+        assert self._anchor is not None
+        return self._hover(self._anchor[:2], self._descent())
+
+    def _towards(self, target: Vector, after: Sequence[Vector]) -> Vector | None:
+        """Return the velocity on the straight leg to a target; None once it is reached."""
+        de, dn, du = (there - here for there, here in zip(target, self.at, strict=True))
+        away_m = math.hypot(de, dn)
+        if away_m < REACHED_M and abs(du) < 0.5 and (after or math.hypot(*self.velocity[:2]) < 0.5):
+            return None
+        if away_m < 0.5:
+            return self._hover(target[:2], self._climb_to(target[2]))
+        turn = self._turn_speed(target, after[0]) if after else 0.0
+        speed = min(self.speed_m_s, math.sqrt(turn * turn + 2.0 * 0.7 * BRAKES_M_S2 * away_m))
+        if du:
+            rate = CLIMB_M_S if du > 0.0 else DESCENT_M_S
+            speed = min(speed, rate * away_m / abs(du))
+        up = du * speed / away_m
+        return de / away_m * speed, dn / away_m * speed, up
+
+    def _turn_speed(self, corner: Vector, after: Vector) -> float:
+        a = (corner[0] - self._leg_from[0], corner[1] - self._leg_from[1])
+        b = (after[0] - corner[0], after[1] - corner[1])
+        lengths = math.hypot(*a) * math.hypot(*b)
+        straight = (a[0] * b[0] + a[1] * b[1]) / lengths if lengths > 0.0 else 0.0
+        return self.speed_m_s if straight > 0.99 else 1.0 + 2.0 * max(straight, 0.0)
+
+    def _hover(self, place: Sequence[float], up_m_s: float) -> Vector:
+        e, n = (max(-2.0, min(2.0, there - here)) for there, here in zip(place, self.at[:2], strict=True))
+        return e, n, up_m_s
+
+    def _climb_to(self, up_m: float) -> float:
+        return max(-DESCENT_M_S, min(CLIMB_M_S, up_m - self.at[2]))
+
+    def _descent(self) -> float:
+        return -(DESCENT_M_S if self.at[2] > LOW_M else LAND_M_S)
+
+    # --- telemetry
+
+    def telemetry(self, boot_s: float) -> VehicleState:
+        lat_deg, lon_deg = self.frame.to_geodetic(self.at[0], self.at[1])
+        home_lat_deg, home_lon_deg = self.frame.to_geodetic(*self.home_m)
+        mode, role = ROLES[self.mode]
+        east, north = (v + g for v, g in zip(self.velocity[:2], self._gust, strict=True))
+        landed = Landed.LANDING if self.is_descending else Landed.IN_AIR
+        if not self.armed or self.at[2] < 0.1:
+            east = north = 0.0
+            landed = Landed.ON_GROUND
+        return VehicleState(
+            time_boot_s=boot_s,
+            lat_deg=lat_deg,
+            lon_deg=lon_deg,
+            alt_rel_m=self.at[2],
+            alt_amsl_m=self.at[2] + self.home_amsl_m,
+            ground_speed_m_s=math.hypot(east, north),
+            east_m_s=east,
+            north_m_s=north,
+            climb_m_s=self.velocity[2],
+            mode=mode,
+            mode_role=role,
+            armed=self.armed,
+            landed=landed,
+            ready=True,
+            gps_ok=True,
+            battery_percent=round(self.battery_percent),
+            brakes_m_s2=BRAKES_M_S2 if self.stops_for_missions else None,
+            home_lat_deg=home_lat_deg,
+            home_lon_deg=home_lon_deg,
+            home_alt_amsl_m=self.home_amsl_m,
+            heartbeat_s=boot_s,
+            status_s=boot_s,
+            position_s=boot_s,
+        )
