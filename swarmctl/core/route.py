@@ -93,7 +93,12 @@ def track_plan(
 def _plan(grid: Grid, corners: Sequence[Cell], altitude_m: float, landing_lat_lon: LatLon) -> FlightPlan:
     track = tuple(Waypoint(*grid.centre(cell), altitude_m) for cell in corners)
     landing = Waypoint(*landing_lat_lon, altitude_m)
-    return FlightPlan(altitude_m, track, landing, max_overshoot_m=MAX_OVERSHOOT_CELLS * grid.cell_size_m)
+    return FlightPlan(altitude_m, track, landing, max_overshoot_m=max_overshoot_m(grid))
+
+
+def max_overshoot_m(grid: Grid) -> float:
+    """Return the greatest distance past a splice point at which a copter may stop for a new plan [m]."""
+    return MAX_OVERSHOOT_CELLS * grid.cell_size_m
 
 
 def landing_spot(grid: Grid, cell: Cell, index: int, count: int, separation_m: float) -> LatLon:

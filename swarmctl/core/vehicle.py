@@ -91,6 +91,11 @@ class VehicleState:
         """Place of take-off [deg]: home of an armed vehicle, else the vehicle's position; None if unknown."""
         if self.armed and self.home_lat_deg is not None and self.home_lon_deg is not None:
             return self.home_lat_deg, self.home_lon_deg
+        return self.lat_lon
+
+    @property
+    def lat_lon(self) -> tuple[float, float] | None:
+        """The vehicle's position [deg]; None if unknown."""
         return None if self.lat_deg is None or self.lon_deg is None else (self.lat_deg, self.lon_deg)
 
     @property

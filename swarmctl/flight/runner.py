@@ -46,6 +46,7 @@ from swarmctl.links.base import (
     VehicleRebooted,
     VehicleRestored,
 )
+from swarmctl.mavlink.protocol.outcome import Swapped
 from swarmctl.sensors import Sensor
 
 _LINK_EVENTS = (ev.TelemetryReceived, ev.LinkLost, ev.LinkRestored, ev.Rebooted)
@@ -207,9 +208,10 @@ class Runner:
                 # On the ground an autopilot repeats the reasons against arming; preflight reports them.
                 in_flight = self.state.phase not in ON_GROUND and self.state.vehicle.armed
                 self.note(f"autopilot: {text}", to_operator=in_flight and severity <= CRITICAL)
-            case ProcedureDone(name, failure, still_s):
-                result = f"not completed: {failure}" if failure else "completed"
-                text = f"procedure {name.replace('_', ' ')}: {result}"
+            case ProcedureDone(name, result):
+                outcome = f"not completed: {event.failure}" if event.failure else "completed"
+                text = f"procedure {name.replace('_', ' ')}: {outcome}"
+                still_s = result.stood_still_s if isinstance(result, Swapped) else 0.0
                 stood = f"; the vehicle held or stood still for {still_s:.1f} s" if still_s else ""
                 self.note(extended(text, stood))
             case FirstHeartbeat():
@@ -326,15 +328,9 @@ class Runner:
                 takes_s = await retrying(lambda: self.link.upload(swap.plan), UPLOADS, UploadFailed)
                 self.post(ev.MissionAccepted(plan_id, takes_s))
                 return
-            done = await self.link.swap(swap.plan)
+            self.post((await self.link.swap(swap.plan)).event(plan_id))
         except LinkError as error:
             self.post(ev.MissionFailed(plan_id, "unknown", str(error)))
-            return
-        if done.failure is None:
-            self.post(ev.MissionAccepted(plan_id, done.took_s, done.stood_still_s))
-            return
-        text, flying = done.failure_text, done.flying_after_failure
-        self.post(ev.MissionFailed(plan_id, flying, text, done.stood_still_s, done.is_late))
 
     async def _set_speed(self, speed_m_s: float) -> None:
         try:

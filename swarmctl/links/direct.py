@@ -206,19 +206,7 @@ class DirectLink:
             raise LaunchFailed(f"{self._label}: {done.failure}")
 
     async def swap(self, plan: FlightPlan) -> Swapped:
-        self._require_connection()
-        try:
-            items = self._session.mission_items(plan)
-        except ValueError as error:
-            return Swapped(f"the plan cannot be flown: {error}", "old")
-        procedure = partial(
-            basic.swap,
-            new=items,
-            leaves_ahead=plan.leaves_ahead,
-            max_overshoot_m=plan.max_overshoot_m,
-            from_hold=plan.from_hold,
-        )
-        done: Swapped = await self._perform("swap", procedure)
+        done: Swapped = await self._perform("swap", partial(basic.swap, plan=plan))
         return done
 
     async def recognise(self, plans: Mapping[int, FlightPlan], candidates: Sequence[int]) -> Recognised:
@@ -347,7 +335,7 @@ class DirectLink:
             elif isinstance(event, ProcedureDone) and self._waiter is not None:
                 waiter, self._waiter = self._waiter, None
                 if not waiter.done():
-                    waiter.set_result(self._session.result)
+                    waiter.set_result(event.result)
             self._on_event(event)
         self._report_waiting()
 

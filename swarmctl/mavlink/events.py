@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from swarmctl.core.vehicle import VehicleState
+from swarmctl.mavlink.protocol.outcome import Done
 
 SIMULATOR_MARK = b"sim_vehicle\0"
 """first bytes of `AUTOPILOT_VERSION.uid2` in the built-in simulator"""
@@ -83,12 +85,16 @@ class StatusText:
 
 @dataclass(frozen=True, slots=True)
 class ProcedureDone:
-    """The end of a procedure (launch, swap ...); `failure` is None after a success."""
+    """The end of a procedure (launch, swap ...)."""
 
     name: str
-    failure: str | None
-    stood_still_s: float | None = None
-    """for a swap: time in hold or without motion in the air, by the vehicle's clock [s]"""
+    result: Any
+    """return value of the procedure; `Done("cancelled")` after a cancellation"""
+
+    @property
+    def failure(self) -> str | None:
+        """None after a success."""
+        return self.result.failure if isinstance(self.result, Done) else None
 
 
 SessionEvent = (

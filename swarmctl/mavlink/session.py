@@ -21,9 +21,9 @@ from swarmctl.mavlink.events import (
     VehicleRebooted,
     VehicleRestored,
 )
-from swarmctl.mavlink.procedures.basic import Done, Swapped
 from swarmctl.mavlink.protocol.codec import Message
 from swarmctl.mavlink.protocol.conversation import IllegalEvent, MavlinkPeer
+from swarmctl.mavlink.protocol.outcome import Done
 from swarmctl.mavlink.protocol.procedure import Context, Driver, Procedure
 from swarmctl.mavlink.telemetry.mission_watch import MissionWatch
 from swarmctl.mavlink.telemetry.presence import LinkState, Presence, is_vehicle_heartbeat
@@ -73,8 +73,6 @@ class Session:
         self.peer = peer
         self.unsupported: str | None = None
         """reason why this type of vehicle is unsupported, set by the first heartbeat; None if supported"""
-        self.result: Any = None
-        """return value of the last procedure that was not cancelled, to be read on ProcedureDone"""
         self._presence = Presence(lost_after_s)
         self._streaming = streaming or Streaming()
         self._context: Context | None = None
@@ -206,7 +204,7 @@ class Session:
             self._driver = None
             self._require_context().interrupted = True
             self._own_procedure_ended(now)
-            step.events.append(ProcedureDone(self._procedure_name, "cancelled"))
+            step.events.append(ProcedureDone(self._procedure_name, Done("cancelled")))
         return step
 
     def keep_streams(self, now: float) -> SessionStep:
@@ -295,12 +293,9 @@ class Session:
         if self._driver is None or self._driver.result is None:
             return
         self._own_procedure_ended(self._require_context().now)
-        self.result = self._driver.result
+        step.events.append(ProcedureDone(self._procedure_name, self._driver.result))
         self._driver = None
         self._require_context().interrupted = False
-        failure = self.result.failure if isinstance(self.result, Done) else None
-        stood_still_s = self.result.stood_still_s if isinstance(self.result, Swapped) else None
-        step.events.append(ProcedureDone(self._procedure_name, failure, stood_still_s))
 
     def _require_context(self) -> Context:
         if self._context is None:

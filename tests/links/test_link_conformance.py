@@ -30,6 +30,7 @@ from swarmctl.links.base import (
     VehicleLost,
     VehicleRestored,
 )
+from swarmctl.mavlink.protocol.outcome import Done
 
 REAL = {"mavsdk"}
 
@@ -254,7 +255,7 @@ def test_a_cancelled_upload_is_cancelled_on_the_vehicle(kind):
                 await upload
             await asyncio.sleep(0.1)
             assert copter.acks_received == [15]
-            assert ProcedureDone("upload", "cancelled") in world.events
+            assert ProcedureDone("upload", Done("cancelled")) in world.events
             del copter.on_mission_item_int
             await link.upload(north(3))
 

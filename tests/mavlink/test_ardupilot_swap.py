@@ -10,7 +10,6 @@ from flying_bench import FlyingBench, plan
 
 from swarmctl.core.mission import FlightPlan
 from swarmctl.mavlink.events import ProcedureDone
-from swarmctl.mavlink.procedures import basic
 
 M_PER_DEG = 111_195.0
 OLD, NEW = plan(north=8), plan(north=5, east=0.001, alt=33.333)
@@ -25,10 +24,9 @@ def watched_swap(bench: FlyingBench, new) -> tuple[object, set, set]:
         aims.add(bench.aim)
         return bench.session.busy_with is None
 
-    items = bench.session.mission_items(new)
-    bench.begin("swap", lambda c: basic.swap(c, items))
+    bench.begin_swap(new)
     assert bench.run(200, watch)
-    return bench.session.result, modes, aims
+    return bench.result, modes, aims
 
 
 def test_the_new_route_is_appended_to_the_old_one_and_flown_without_a_stop():
@@ -42,7 +40,7 @@ def test_the_new_route_is_appended_to_the_old_one_and_flown_without_a_stop():
     assert bench.holds(bench.session.items)
     assert bench.session.items[: len(old)] == old
     assert bench.vehicle.mission.index == len(old)
-    assert ProcedureDone("swap", None, 0.0) in bench.events
+    assert ProcedureDone("swap", result) in bench.events
     assert bench.run(200, lambda: not bench.session.state.armed), "no landing at the end of the new mission"
     assert bench.vehicle.body.lat_lon_deg == pytest.approx(
         (NEW.landing.lat_deg, NEW.landing.lon_deg), abs=1e-5
@@ -54,11 +52,10 @@ def test_a_braking_vehicle_does_not_fly_back_to_a_passed_corner(before_m: float)
     """An ArduCopter brakes over some 20 m when another item becomes current."""
     bench = FlyingBench("ardupilot").flying(OLD)
     aside = plan(north=8, east=0.002).track
-    new = FlightPlan(OLD.takeoff_alt_m, (*OLD.track[1:5], *aside[4:]), aside[-1])
+    new = FlightPlan(OLD.takeoff_alt_m, (*OLD.track[1:5], *aside[4:]), aside[-1], leaves_ahead=True)
     corner_lat_deg = OLD.track[1].lat_deg
     assert bench.run(60, lambda: (corner_lat_deg - bench.session.state.lat_deg) * M_PER_DEG < before_m)
-    items = bench.session.mission_items(new)
-    bench.begin("swap", lambda c: basic.swap(c, items, leaves_ahead=True))
+    bench.begin_swap(new)
     norths_m = []
 
     def watch() -> bool:
@@ -67,7 +64,7 @@ def test_a_braking_vehicle_does_not_fly_back_to_a_passed_corner(before_m: float)
         return bench.session.busy_with is None and seq > n_items - len(aside)
 
     assert bench.run(200, watch)
-    assert (bench.session.result.failure, bench.session.result.flying) == (None, "new")
+    assert (bench.result.failure, bench.result.flying) == (None, "new")
     assert min(norths_m) > -0.3
 
 
@@ -131,7 +128,8 @@ def test_a_refused_item_leaves_the_old_mission_in_place():
 def test_a_swap_on_a_very_bad_link_ends_after_two_minutes_in_hold():
     """Hovering uses the battery of the flight, so the agent decides what to do instead."""
     bench = FlyingBench("ardupilot").flying(OLD)
-    new = bench.session.mission_items(plan(north=20, east=0.001))
+    new = plan(north=20, east=0.001)
+    last = len(bench.session.mission_items(new)) - 1
     passed_s = -math.inf
 
     def is_lost(message: Any) -> bool:
@@ -139,13 +137,13 @@ def test_a_swap_on_a_very_bad_link_ends_after_two_minutes_in_hold():
         nonlocal passed_s
         if message.get_type() != "MISSION_ITEM_INT":
             return message.get_type() == "MISSION_WRITE_PARTIAL_LIST"
-        passes = message.seq != len(new) - 1 and bench.now >= passed_s + 6.0
+        passes = message.seq != last and bench.now >= passed_s + 6.0
         passed_s = bench.now if passes else passed_s
         return not passes
 
     bench.block = is_lost
     began_s = bench.now
-    result = bench.do("swap", lambda c: basic.swap(c, new))
+    result = bench.swap(new)
     assert result.flying == "hold"
     assert "[hold-limit]" in result.failure
     assert bench.mode == "GUIDED"

@@ -139,7 +139,7 @@ def test_a_plane_holds_in_a_circle_at_its_height() -> None:
 def test_the_route_of_a_holding_plane_is_changed() -> None:
     flown = in_flight()
     assert flown.do("hold", basic.hold).failure is None
-    done = flown.swap(SECOND, from_hold=True)
+    done = flown.swap(replace(SECOND, from_hold=True))
     assert (done.failure, done.flying) == (None, "new")
     assert landed(flown)
     assert math.dist(here(flown), (400.0, 900.0)) < 60.0

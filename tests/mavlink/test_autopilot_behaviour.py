@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from flying_bench import Faults, FlyingBench, plan
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -40,7 +42,7 @@ def test_a_vehicle_that_holds_takes_a_new_mission_and_flies_it(personality):
     bench.run(5)
     items = bench.session.mission_items(NEW)
     first = bench.session.dialect.first_waypoint_seq
-    result = bench.swap(NEW, from_hold=True)
+    result = bench.swap(replace(NEW, from_hold=True))
     assert (result.failure, result.flying) == (None, "new")
     assert bench.holds((bench.stored[0], *items[1:])), "a take-off at item 0 lies where the vehicle is"
     assert bench.aim == (items[first].x, items[first].y)
@@ -54,8 +56,7 @@ def test_a_pilot_takeover_at_any_moment_of_a_swap_is_respected(personality):
     for tenths in range(0, 16, 3):
         bench = FlyingBench(personality).flying(OLD)
         bench.spoil(Faults(max_delay_s=0.2, seed=tenths))
-        items = bench.session.mission_items(NEW)
-        bench.begin("swap", lambda c, items=items: basic.swap(c, items))
+        bench.begin_swap(NEW)
         bench.run(tenths / 10)
         if bench.session.busy_with is None:
             break
@@ -65,7 +66,7 @@ def test_a_pilot_takeover_at_any_moment_of_a_swap_is_respected(personality):
         late = [m.get_type() for now, m in bench.sent[sent:] if now > taken_s + 0.25 and orders(m)]
         assert late == []
         assert bench.session.state.mode_role == "land"
-        foreign += bench.session.result.flying == "theirs"
+        foreign += bench.result.flying == "theirs"
     assert foreign > 0
 
 
@@ -106,11 +107,10 @@ def test_an_upload_abandoned_in_auto_does_not_change_the_flight():
 
     bench.block = cut_off
     aims = set()
-    items = bench.session.mission_items(NEW)
-    bench.begin("swap", lambda c: basic.swap(c, items))
+    bench.begin_swap(NEW)
     assert bench.run(300, lambda: aims.add(bench.aim) or bench.session.busy_with is None)
-    assert bench.session.result.flying == "old", "no message reaches the vehicle, but its messages arrive"
-    assert "[no-hold]" in bench.session.result.failure
+    assert bench.result.flying == "old", "no message reaches the vehicle, but its messages arrive"
+    assert "[no-hold]" in bench.result.failure
     assert aims <= {(i.x, i.y) for i in old} | {None}
     assert bench.stored[1 : len(old)] == old[1:]
 

@@ -297,15 +297,14 @@ def test_a_failsafe_of_the_autopilot_is_recognised_and_not_overridden(params, th
 def test_a_command_of_another_ground_station_is_not_overridden(personality):
     bench = FlyingBench(personality).flying(OLD)
     bench.spoil(Faults(max_delay_s=0.2, seed=1))
-    items = bench.session.mission_items(plan(north=5, east=0.001))
-    bench.begin("swap", lambda c: basic.swap(c, items))
+    bench.begin_swap(plan(north=5, east=0.001))
     bench.run(0.3)
     land = bench.session.dialect.mode_params(bench.session.dialect.land_mode)
     order = mavlink.MAVLink_command_long_message(1, 1, MODE, 0, *land, *(0.0,) * (7 - len(land)))
     bench.another_sends(order)
     assert bench.session.busy_with == "swap"
     assert bench.run(60, lambda: bench.session.busy_with is None)
-    assert bench.session.result.flying == "theirs"
+    assert bench.result.flying == "theirs"
     assert bench.mode == bench.session.dialect.land_mode
 
 

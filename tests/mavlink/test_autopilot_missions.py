@@ -215,11 +215,11 @@ def test_px4_stores_all_parameters_so_each_change_is_a_difference():
 def test_the_flown_item_is_never_overwritten_and_the_next_is_set_by_a_known_message(personality):
     bench = FlyingBench(personality).flying(OLD)
     old, aims, sent = bench.session.items, set(), len(bench.sent)
-    items = bench.session.mission_items(plan(north=5, east=0.001))
-    first = items[bench.session.dialect.first_waypoint_seq]
-    bench.begin("swap", lambda c: basic.swap(c, items))
+    new = plan(north=5, east=0.001)
+    first = bench.session.mission_items(new)[bench.session.dialect.first_waypoint_seq]
+    bench.begin_swap(new)
     assert bench.run(60, lambda: aims.add(bench.aim) or bench.session.busy_with is None)
-    assert bench.session.result.flying == "new"
+    assert bench.result.flying == "new"
     assert aims <= {(i.x, i.y) for i in old} | {(first.x, first.y)}
     written = {m.seq for _, m in bench.sent[sent:] if m.get_type() == "MISSION_ITEM_INT"}
     if personality == "ardupilot":

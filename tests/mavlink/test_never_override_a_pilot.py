@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from math import inf
 
@@ -54,7 +55,7 @@ def taken_over(
 
     bench.take(bench.session.begin(name, procedure, bench.now))
     assert bench.run(400, watch), f"{name} does not end"
-    return late, bench.session.result
+    return late, bench.result
 
 
 @pytest.mark.full
@@ -64,7 +65,7 @@ def test_a_pilot_takeover_at_any_moment_of_a_swap_is_respected(script, faults):
     for after_s in EVERY_TENTH:
         bench = Bench(script).flying(OLD)
         bench.spoil(faults)
-        late, result = taken_over(bench, "swap", lambda c, b=bench: basic.swap(c, b.items(NEW)), after_s)
+        late, result = taken_over(bench, "swap", lambda c: basic.swap(c, NEW), after_s)
         assert late == [], f"taken over after {after_s:.1f} s: {result}"
         if result.failure is not None and "LOITER" in result.failure:
             foreign += 1
@@ -86,7 +87,7 @@ def test_a_pilot_takeover_by_hold_mode_during_a_swap_is_respected(script, faults
     for after_s in EVERY_TENTH[:40]:
         bench = Bench(script).flying(OLD)
         bench.spoil(faults)
-        job = partial(basic.swap, new=bench.items(NEW))
+        job = partial(basic.swap, plan=NEW)
         late, result = taken_over(bench, "swap", job, after_s, GUIDED)
         assert late == [], f"taken over after {after_s:.1f} s: {result}"
         assert result.flying in ("theirs", "new")
@@ -103,7 +104,7 @@ def test_a_swap_sends_nothing_in_a_hold_that_another_station_ordered():
     sent = len(bench.sent)
     assert bench.swap(NEW).flying == "theirs"
     assert orders(bench, sent) == []
-    assert bench.swap(NEW, from_hold=True).flying == "new"
+    assert bench.swap(replace(NEW, from_hold=True)).flying == "new"
 
 
 @pytest.mark.parametrize(("script", "faults"), WIRES, ids=WIRE_NAMES)
@@ -133,14 +134,14 @@ def test_an_unanswered_command_is_not_repeated_against_a_pilot(command):
         bench.do("upload", lambda c: basic.upload(c, bench.items(OLD)))
     bench.block = lambda m: m.get_type() == "COMMAND_LONG" and m.command == command
     begun = len(bench.sent)
-    job = basic.launch if launches else (lambda c: basic.swap(c, bench.items(NEW)))
+    job = basic.launch if launches else (lambda c: basic.swap(c, NEW))
     bench.take(bench.session.begin("job", job, bench.now))
     assert bench.run(10, lambda: command in [c for _, c in orders(bench, begun)])
     sent = len(bench.sent)
     bench.copter.mode = LOITER
     assert bench.run(100, lambda: bench.session.busy_with is None)
     assert orders(bench, sent) == []
-    assert "LOITER" in bench.session.result.failure
+    assert "LOITER" in bench.result.failure
 
 
 def test_an_unanswered_command_is_repeated_unless_a_pilot_has_taken_over():
@@ -154,7 +155,7 @@ def test_an_unanswered_command_is_repeated_unless_a_pilot_has_taken_over():
         return False
 
     bench.block = block
-    result = bench.do("swap", lambda c: basic.swap(c, bench.items(NEW)))
+    result = bench.swap(NEW)
     assert (result.flying, lost) == ("new", [0, 1, 2])
 
 
@@ -235,7 +236,7 @@ def test_a_failed_launch_does_not_disarm_after_a_pilot_takeover():
     sent = len(bench.sent)
     bench.copter.mode = LOITER
     assert bench.run(60, lambda: bench.session.busy_with is None)
-    assert "LOITER" in bench.session.result.failure
+    assert "LOITER" in bench.result.failure
     assert orders(bench, sent) == []
     assert bench.copter.armed
 
@@ -259,7 +260,7 @@ def test_an_operators_order_is_sent_at_once_and_not_repeated_against_a_pilot(job
     bench.copter.mode = LOITER
     assert bench.run(100, lambda: bench.session.busy_with is None)
     assert len(orders(bench, sent)) == 1
-    assert "LOITER" in bench.session.result.failure
+    assert "LOITER" in bench.result.failure
 
 
 @pytest.mark.parametrize("job", [basic.hold, basic.return_home, basic.land])
@@ -280,7 +281,7 @@ def test_an_automatic_command_waits_for_a_new_heartbeat(job, mode):
 
 def test_an_automatic_command_may_follow_the_hold_of_an_interrupted_swap():
     bench = Bench(Script(partial_lists=False), Faults(max_delay_s=DELAY_S, seed=5)).flying(OLD)
-    bench.take(bench.session.begin("swap", partial(basic.swap, new=bench.items(NEW)), bench.now))
+    bench.begin_swap(NEW)
     assert bench.run(20, lambda: bench.copter.mode == GUIDED)
     bench.take(bench.session.cancel(bench.now))
     assert bench.do("return_home", partial(basic.return_home, check_mode_first=True)).failure is None

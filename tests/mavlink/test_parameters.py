@@ -95,7 +95,7 @@ def test_no_parameter_is_set_on_a_vehicle_that_is_armed_meanwhile(personality):
     assert bench.run(5.0, lambda: bench.session.state.armed)
     bench.block_down = lambda m: False
     assert bench.run(60.0, lambda: bench.session.busy_with is None)
-    assert "[armed]" in bench.session.result.failure
+    assert "[armed]" in bench.result.failure
     assert bench.of("PARAM_SET") == []
     assert bench.params[WHOLE[personality]] == before
 

@@ -13,6 +13,7 @@ from scripted_copter import Script
 
 from swarmctl.mavlink.events import ProcedureDone, VehicleRebooted
 from swarmctl.mavlink.procedures import basic
+from swarmctl.mavlink.protocol.outcome import Done
 from swarmctl.mavlink.telemetry.presence import LinkState
 
 OLD, NEW = plan(north=8), plan(north=6, east=0.002, alt=33.333)
@@ -143,11 +144,11 @@ def test_a_swap_right_after_the_launch_waits_for_the_climb():
     bench.upload(OLD)
     assert bench.do("launch", basic.launch).failure is None
     assert bench.copter.alt < 5.0
-    bench.take(bench.session.begin("swap", lambda c: basic.swap(c, bench.items(NEW)), bench.now))
+    bench.begin_swap(NEW)
     assert bench.run(60, lambda: bench.of("MISSION_WRITE_PARTIAL_LIST") != [])
     assert bench.copter.alt == OLD.takeoff_alt_m
     assert bench.run(60, lambda: bench.session.busy_with is None)
-    assert bench.session.result.flying == "new"
+    assert bench.result.flying == "new"
 
 
 def test_a_landing_vehicle_keeps_its_mission():
@@ -175,11 +176,11 @@ def test_a_swap_leaves_a_vehicle_alone_after_a_takeover(mode):
 
 def test_a_pilot_takeover_during_the_upload_is_respected():
     bench = Bench(faults=Faults(max_delay_s=0.3)).flying(OLD)
-    bench.take(bench.session.begin("swap", lambda c: basic.swap(c, bench.items(NEW)), bench.now))
+    bench.begin_swap(NEW)
     assert bench.run(20, lambda: bench.copter.transfer is not None)
     bench.copter.mode = 5
     assert bench.run(200, lambda: bench.session.busy_with is None)
-    assert bench.session.result.flying == "theirs"
+    assert bench.result.flying == "theirs"
     assert bench.copter.mode_name == "LOITER"
     assert 224 not in [command for command, _ in bench.copter.commands], "the current item was changed"
 
@@ -189,7 +190,7 @@ def test_a_swap_after_a_failed_one_starts_from_hold():
     bench.copter.script = Script(refuse_set_current=True)
     assert bench.swap(NEW).flying == "hold"
     bench.copter.script = Script()
-    assert bench.swap(NEW, from_hold=True).flying == "new"
+    assert bench.swap(replace(NEW, from_hold=True)).flying == "new"
     assert bench.mission_is(NEW)
 
 
@@ -232,11 +233,11 @@ def test_an_upload_on_a_perfect_wire_predicts_a_quick_swap():
 @pytest.mark.parametrize("partial_lists", [True, False])
 def test_a_swap_on_a_lost_link_reports_the_last_known_mission(partial_lists):
     bench = Bench(Script(partial_lists=partial_lists), Faults(max_delay_s=0.3)).flying(OLD)
-    bench.take(bench.session.begin("swap", lambda c: basic.swap(c, bench.items(NEW)), bench.now))
+    bench.begin_swap(NEW)
     assert bench.run(20, lambda: bench.copter.transfer is not None)
     bench.silent = True
     assert bench.run(400, lambda: bench.session.busy_with is None)
-    assert bench.session.result.flying == ("unknown" if partial_lists else "hold")
+    assert bench.result.flying == ("unknown" if partial_lists else "hold")
     if partial_lists:
         landed = bench.run(200, lambda: not bench.copter.armed)
         assert landed, "the old plan is not flown to its end"
@@ -271,7 +272,7 @@ def test_cancelling_an_upload_sends_a_cancellation():
     assert bench.copter.acks_received == [15]
     assert bench.session.busy_with is None
     assert bench.session.items == ()
-    assert ProcedureDone("upload", "cancelled") in bench.events
+    assert ProcedureDone("upload", Done("cancelled")) in bench.events
 
 
 def test_a_lost_final_ack_is_settled_by_reading_back():
@@ -370,10 +371,10 @@ def test_a_swap_on_a_bad_wire_flies_no_mixture_and_reports_truly(faults, partial
             mixed.append(bench.now)
         return bench.session.busy_with is None
 
-    bench.take(bench.session.begin("swap", lambda c: basic.swap(c, bench.items(NEW)), bench.now))
+    bench.begin_swap(NEW)
     assert bench.run(600, watch)
     assert mixed == []
-    flying = bench.session.result.flying
+    flying = bench.result.flying
     if flying == "new":
         assert bench.flies(NEW) or bench.flies(NEW, behind=OLD)
     if flying == "old":

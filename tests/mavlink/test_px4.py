@@ -16,6 +16,7 @@ from wire_bench import Faults
 
 from swarmctl.core.mission import FlightPlan, MissionItem, Waypoint
 from swarmctl.mavlink.dialects import Readiness, dialect_for
+from swarmctl.mavlink.dialects.px4 import Px4Copter
 from swarmctl.mavlink.procedures import basic
 from swarmctl.mavlink.protocol.mission_upload import UploadOutcome
 
@@ -163,10 +164,10 @@ def test_a_swap_changes_the_mission_at_once_and_does_not_stop():
 
     items = bench.session.mission_items(NEW)
     before_aim, before_s = bench.aim, bench.now
-    bench.begin("swap", lambda c: basic.swap(c, items))
+    bench.begin_swap(NEW)
     assert bench.run(60, watch)
-    assert (bench.session.result.failure, bench.session.result.flying) == (None, "new")
-    assert bench.session.result.stood_still_s == 0.0
+    assert (bench.result.failure, bench.result.flying) == (None, "new")
+    assert bench.result.stood_still_s == 0.0
     assert bench.now - before_s < 3.0
     assert modes == {"AUTO.MISSION"}
     assert aims <= {before_aim, (items[1].x, items[1].y)}, "the vehicle aimed at another item"
@@ -179,10 +180,9 @@ def test_a_swap_changes_the_mission_at_once_and_does_not_stop():
 def test_an_autopilot_that_overlooks_the_marked_item_gets_a_message():
     bench = FlyingBench("px4").flying(OLD)
     assert bench.run(60, lambda: bench.session.state.mission_seq == 4)
-    items = bench.session.mission_items(NEW)
     take = bench.vehicle.mission.replace
     bench.vehicle.mission.replace = lambda pilot, new, current: take(pilot, new, -1)
-    result = bench.do("swap", lambda c: basic.swap(c, items))
+    result = bench.swap(NEW)
     assert result.flying == "new"
     assert [m.seq for m in bench.of(SET_CURRENT)] == [1]
     assert 224 not in bench.commands
@@ -264,25 +264,25 @@ def test_a_pilots_hold_at_any_moment_of_a_swap_is_respected():
     for tenths in range(30):
         bench = FlyingBench("px4").flying(OLD)
         bench.spoil(Faults(max_delay_s=0.2, seed=tenths))
-        items = bench.session.mission_items(NEW)
-        bench.begin("swap", lambda c, items=items: basic.swap(c, items))
+        bench.begin_swap(NEW)
         bench.run(tenths / 10)
         if bench.session.busy_with is None:
             break
         bench.vehicle.modes.enter(4 << 16 | 3 << 24)
         assert bench.run(200, lambda b=bench: b.session.busy_with is None)
-        assert bench.session.result.flying == "theirs", bench.session.result
+        assert bench.result.flying == "theirs", bench.result
         assert bench.mode == "AUTO.LOITER"
         held += 1
     assert held > 5
 
 
-def test_a_mission_that_the_vehicle_finds_infeasible_ends_with_the_old_one():
+def test_a_mission_that_the_vehicle_finds_infeasible_ends_with_the_old_one(monkeypatch):
     """PX4 accepts such a mission and then enters hold."""
     bench = FlyingBench("px4").flying(OLD)
     takeoff, *rest = bench.session.mission_items(NEW)
     items = (takeoff, rest[0], takeoff, *rest[1:])
-    result = bench.do("swap", lambda c: basic.swap(c, items))
+    monkeypatch.setattr(Px4Copter, "mission_items", lambda *_: items)
+    result = bench.swap(NEW)
     assert result.flying == "old"
     assert bench.mode == "AUTO.MISSION"
     assert bench.holds(bench.session.items)
@@ -293,28 +293,29 @@ def test_a_late_current_item_leaves_out_no_waypoint_of_the_new_plan():
     bench = FlyingBench("px4").flying(metric_plan((0.0, 60.0), (0.0, 120.0), (0.0, 600.0)))
     bench.block_down = lambda m: m.get_type() == "MISSION_CURRENT"
     assert bench.run(60, lambda: place(bench)[1] > 135.0)
-    new = [(0.0, 300.0), (150.0, 300.0), (150.0, 450.0)]
-    items = bench.session.mission_items(metric_plan(*new, leaves_ahead=True))
-    bench.begin("swap", lambda c: basic.swap(c, items, leaves_ahead=True))
+    new = metric_plan((0.0, 300.0), (150.0, 300.0), (150.0, 450.0), leaves_ahead=True)
+    bench.begin_swap(new)
     bench.run(2.0)
     bench.block_down = lambda m: False
     assert bench.run(60, lambda: bench.session.busy_with is None)
-    assert bench.session.result.flying == "new"
-    assert bench.aim == (items[1].x, items[1].y)
+    assert bench.result.flying == "new"
+    first = bench.session.mission_items(new)[1]
+    assert bench.aim == (first.x, first.y)
 
 
 @pytest.mark.parametrize(
     ("leaves_ahead", "refused"), [(True, False), *full_only((True, True), (False, False), (False, True))]
 )
-def test_a_plan_changes_more_than_900_m_from_the_take_off(leaves_ahead, refused):
+def test_a_plan_changes_more_than_900_m_from_the_take_off(leaves_ahead, refused, monkeypatch):
     """PX4 1.15 flies no mission whose first position is 900 m (MIS_DIST_1WP) or more from the vehicle."""
     bench = FlyingBench("px4").flying(metric_plan((0.0, 60.0), (0.0, 1100.0), (0.0, 1500.0)))
     assert bench.run(200, lambda: place(bench)[1] > 950.0)
     new = [(0.0, 1150.0), (100.0, 1150.0)] if leaves_ahead else [(20.0, 1010.0), (100.0, 1150.0)]
-    items = bench.session.mission_items(metric_plan(*new))
+    second = metric_plan(*new, leaves_ahead=leaves_ahead)
     if refused:  # a take-off after a waypoint
-        items = (*items[:2], items[0], *items[2:])
-    result = bench.do("swap", lambda c: basic.swap(c, items, leaves_ahead=leaves_ahead))
+        items = bench.session.mission_items(second)
+        monkeypatch.setattr(Px4Copter, "mission_items", lambda *_: (*items[:2], items[0], *items[2:]))
+    result = bench.swap(second)
     assert result.flying == ("old" if refused else "new"), result.failure
     assert bench.mode == "AUTO.MISSION"
     assert bench.run(200, lambda: not bench.vehicle.armed)

@@ -152,8 +152,7 @@ def test_a_repeated_mission_leads_to_the_goal_again() -> None:
 @pytest.mark.parametrize("leaves_ahead", [True, False])
 def test_a_new_route_is_taken_over_without_a_stop(*, leaves_ahead: bool) -> None:
     flown = in_flight()
-    items = flown.session.mission_items(SECOND)
-    done = flown.do("swap", lambda c: basic.swap(c, items, leaves_ahead=leaves_ahead))
+    done = flown.swap(replace(SECOND, leaves_ahead=leaves_ahead))
     assert (done.failure, done.flying) == (None, "new")
     assert flown.mode == "AUTO.MISSION"
     jump = next(item for item in flown.stored if item.command == mavlink.MAV_CMD_DO_JUMP)
@@ -192,8 +191,7 @@ def test_a_plane_that_reaches_its_landing_during_an_upload_lands_at_its_goal() -
     flown.block = lambda message: (
         message.get_type() == "MISSION_ITEM_INT" and flown.session.state.mission_seq == 3
     )
-    items = flown.session.mission_items(longer)
-    done = flown.do("swap", lambda c: basic.swap(c, items, leaves_ahead=True))
+    done = flown.swap(replace(longer, leaves_ahead=True))
     assert done.flying == "old"
     assert "[landing-reached]" in done.failure
     assert landed(flown)
@@ -216,7 +214,7 @@ def test_a_plane_holds_in_a_circle_at_its_height() -> None:
 def test_the_route_of_a_holding_plane_is_changed() -> None:
     flown = in_flight()
     assert flown.do("hold", basic.hold).failure is None
-    done = flown.swap(SECOND, from_hold=True)
+    done = flown.swap(replace(SECOND, from_hold=True))
     assert (done.failure, done.flying) == (None, "new")
     assert landed(flown)
     assert away_m(flown, GOAL) < 60.0

@@ -10,7 +10,6 @@ from flying_bench import FlyingBench, plan
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.mission import FlightPlan
-from swarmctl.mavlink.procedures import basic
 from swarmctl.mavlink.procedures.recognise import Recognised, recognise
 from swarmctl.mavlink.protocol.conversation import MavlinkPeer
 from swarmctl.mavlink.session import Session
@@ -46,8 +45,7 @@ def begin_swap(bench: FlyingBench) -> None:
     """Crash in the upload of the second plan."""
     sent = len(bench.of("MISSION_ITEM_INT"))
     bench.block = lambda _message: len(bench.of("MISSION_ITEM_INT")) >= sent + 4
-    items = bench.session.mission_items(SECOND)
-    bench.begin("swap", lambda ctx: basic.swap(ctx, items))
+    bench.begin_swap(SECOND)
     assert bench.run(5.0, lambda: len(bench.of("MISSION_ITEM_INT")) >= sent + 4)
 
 
@@ -58,8 +56,7 @@ def swap(bench: FlyingBench) -> None:
 def append_only(bench: FlyingBench) -> None:
     """Crash when the second plan is stored, but not current."""
     bench.block = lambda message: getattr(message, "command", 0) == mavlink.MAV_CMD_DO_SET_MISSION_CURRENT
-    items = bench.session.mission_items(SECOND)
-    bench.begin("swap", lambda ctx: basic.swap(ctx, items))
+    bench.begin_swap(SECOND)
     assert bench.run(20.0, lambda: mavlink.MAV_CMD_DO_SET_MISSION_CURRENT in bench.commands)
 
 

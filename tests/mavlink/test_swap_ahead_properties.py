@@ -15,7 +15,6 @@ from metric_plans import most_backwards_m, place, plan
 from profiles import examples
 
 from swarmctl.core.planar import PlanarPoint, distance_to_track
-from swarmctl.mavlink.procedures import basic
 
 BACK_M = {"px4": 8.0, "ardupilot": 60.0}
 """Greatest way back around a corner [m].
@@ -71,11 +70,10 @@ def test_a_vehicle_follows_the_old_or_new_route_and_never_turns_back(
     bench.run(2.0)
     north_m = place(bench)[1] + leaves_m
     new = [(0.0, north_m), (80.0, north_m + 40.0), (80.0, north_m + 120.0), (150.0, 1200.0)]
-    items = bench.session.mission_items(plan(*new, leaves_ahead=True))
     bench.delay_s = delay_s
     bench.spoil(wire, *cuts)
     bench.stalls = [(bench.now + begin, bench.now + end) for begin, end in stops]
-    bench.begin("swap", lambda c: basic.swap(c, items, leaves_ahead=True))
+    bench.begin_swap(plan(*new, leaves_ahead=True))
     norths_m: list[float] = []
     beside_m: list[float] = []
 
@@ -86,7 +84,7 @@ def test_a_vehicle_follows_the_old_or_new_route_and_never_turns_back(
         return bench.session.busy_with is None or not bench.vehicle.armed
 
     assert bench.run(900.0, watch), "the swap does not end"
-    result: Any = bench.session.result
+    result: Any = bench.result
     bench.run(20.0, lambda: watch() and False)
     assert most_backwards_m(norths_m) < BACK_M[personality]
     assert max(beside_m) < BESIDE_M

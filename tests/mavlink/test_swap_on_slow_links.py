@@ -50,9 +50,7 @@ def swapped(bench: FlyingBench, new: FlightPlan, way: list[PlanarPoint]) -> tupl
     """Return the swap's result and the longest way back along `way` until the landing [m]."""
     farthest_m, back_m = 0.0, 0.0
     result = None
-    items = bench.session.mission_items(new)
-    swap = lambda c: basic.swap(c, items, leaves_ahead=new.leaves_ahead)  # noqa: E731
-    bench.begin("swap", swap)
+    bench.begin_swap(new)
 
     def watch() -> bool:
         nonlocal farthest_m, back_m, result
@@ -60,7 +58,7 @@ def swapped(bench: FlyingBench, new: FlightPlan, way: list[PlanarPoint]) -> tupl
         back_m = max(back_m, farthest_m - here_m)
         farthest_m = max(farthest_m, here_m)
         if result is None and bench.session.busy_with is None:
-            result = bench.session.result
+            result = bench.result
         return not bench.vehicle.armed
 
     assert bench.run(400.0, watch), "the vehicle does not land"
@@ -122,8 +120,7 @@ def test_a_vehicle_near_the_splice_point_never_turns_back(personality: str, ahea
     bench = flying(personality)
     turns_m = place(bench)[1] + ahead_m
     new = [(0.0, turns_m), (150.0, turns_m)]
-    items = bench.session.mission_items(plan(*new, leaves_ahead=True))
-    bench.begin("swap", lambda c: basic.swap(c, items, leaves_ahead=True))
+    bench.begin_swap(plan(*new, leaves_ahead=True))
     norths_m: list[float] = []
 
     def is_down() -> bool:
@@ -131,7 +128,7 @@ def test_a_vehicle_near_the_splice_point_never_turns_back(personality: str, ahea
         return not bench.vehicle.armed
 
     assert bench.run(400.0, is_down), "the vehicle does not land"
-    flown_to = {"new": new, "old": OLD}[bench.session.result.flying]
+    flown_to = {"new": new, "old": OLD}[bench.result.flying]
     assert place(bench) == pytest.approx(flown_to[-1], abs=3.0)
     assert most_backwards_m(norths_m) < TURNS_WITHIN_M
 
@@ -153,14 +150,14 @@ def test_the_time_until_the_splice_point_decides_on_the_plan(
     """The vehicle flies at 10 m/s. Without partial lists an ArduCopter holds for the swap."""
     bench = flying(personality, delay_s)
     turns_m = place(bench)[1] + ahead_m
-    new = bench.session.mission_items(plan((0.0, turns_m), (150.0, turns_m), leaves_ahead=True))
+    new = plan((0.0, turns_m), (150.0, turns_m), leaves_ahead=True)
     aims = {"old": {(item.x, item.y) for item in bench.session.items}}
-    aims["new"] = {(item.x, item.y) for item in new} - aims["old"]
+    aims["new"] = {(item.x, item.y) for item in bench.session.mission_items(new)} - aims["old"]
     bench.block = lambda m: holds and m.get_type() == "MISSION_WRITE_PARTIAL_LIST"
     norths_m: list[float] = []
-    bench.begin("swap", lambda c: basic.swap(c, new, leaves_ahead=True))
+    bench.begin_swap(new)
     bench.run(20.0, lambda: norths_m.append(place(bench)[1]))
-    result = bench.session.result
+    result = bench.result
     assert (result.flying, result.is_late) == (flying_then, flying_then == "old")
     assert bench.aim in aims[flying_then]
     assert most_backwards_m(norths_m) < TURNS_WITHIN_M
@@ -168,9 +165,9 @@ def test_the_time_until_the_splice_point_decides_on_the_plan(
 
 def test_a_new_plan_from_the_passed_corner_on_does_not_lead_back_to_that_corner() -> None:
     bench = flying("px4", 0.0)
-    new = bench.session.mission_items(plan(OLD[0], (0.0, 150.0), (150.0, 150.0), leaves_ahead=True))
-    result = bench.do("swap", lambda c: basic.swap(c, new, leaves_ahead=True))
-    second = new[bench.session.dialect.first_waypoint_seq + 1]
+    new = plan(OLD[0], (0.0, 150.0), (150.0, 150.0), leaves_ahead=True)
+    result = bench.swap(new)
+    second = bench.session.mission_items(new)[bench.session.dialect.first_waypoint_seq + 1]
     assert (result.failure, result.flying) == (None, "new")
     assert bench.aim == (second.x, second.y)
 
@@ -181,10 +178,9 @@ def test_a_vehicle_with_a_command_after_the_corner_stays_on_a_known_route(n_lost
     bench = flying("ardupilot")
     turns_m = place(bench)[1] + 90.0
     new = [(0.0, turns_m), (150.0, turns_m)]
-    items = bench.session.mission_items(plan(*new, leaves_ahead=True))
     orders = count()
     bench.block = lambda m: getattr(m, "command", 0) == SET_CURRENT and next(orders) < n_lost
-    bench.begin("swap", lambda c: basic.swap(c, items, leaves_ahead=True))
+    bench.begin_swap(plan(*new, leaves_ahead=True))
     beside_m: list[float] = []
 
     def is_down() -> bool:
@@ -211,13 +207,12 @@ def block_read_back(bench: FlyingBench, until: Callable[[], bool]) -> None:
 
 def test_a_plan_flown_to_its_end_before_the_read_back_is_reported() -> None:
     bench = flying("px4")
-    new = [(0.0, place(bench)[1] + 60.0)]
-    items = bench.session.mission_items(plan(*new))
+    goal = (0.0, place(bench)[1] + 60.0)
     block_read_back(bench, lambda: not bench.vehicle.armed)
-    result = bench.do("swap", lambda c: basic.swap(c, items))
+    result = bench.swap(plan(goal))
     assert not bench.vehicle.armed
     assert (result.failure, result.flying) == (None, "new")
-    assert place(bench) == pytest.approx(new[-1], abs=3.0)
+    assert place(bench) == pytest.approx(goal, abs=3.0)
 
 
 @pytest.mark.parametrize("later_s", [12.0, *full_only(6.0, 25.0)])
@@ -247,8 +242,7 @@ def test_a_vehicle_without_a_position_during_a_swap_is_never_sent_back(
     new = [(0.0, north_m + 30.0), (0.0, north_m + 250.0), (150.0, north_m + 250.0)]
     since_s = bench.now + blind_s
     bench.block_down = lambda m: m.get_type() == "GLOBAL_POSITION_INT" and bench.now > since_s
-    items = bench.session.mission_items(plan(*new, leaves_ahead=True))
-    bench.begin("swap", lambda c: basic.swap(c, items, leaves_ahead=True))
+    bench.begin_swap(plan(*new, leaves_ahead=True))
     norths_m: list[float] = []
 
     def watch() -> bool:
@@ -257,7 +251,7 @@ def test_a_vehicle_without_a_position_during_a_swap_is_never_sent_back(
 
     assert bench.run(120.0, watch), "the swap does not end"
     assert most_backwards_m(norths_m) < TURNS_WITHIN_M
-    assert bench.session.result.flying in ("old", "new")
+    assert bench.result.flying in ("old", "new")
 
 
 @pytest.mark.parametrize("ahead_m", [40.0, *full_only(60.0)])
@@ -267,8 +261,7 @@ def test_a_vehicle_that_passes_the_corner_without_a_position_keeps_its_old_plan(
     new = [(0.0, north_m), *((150.0, north_m + 20.0 * i) for i in range(28))]
     since_s = bench.now + 1.0
     bench.block_down = lambda m: m.get_type() == "GLOBAL_POSITION_INT" and bench.now > since_s
-    items = bench.session.mission_items(plan(*new, leaves_ahead=True))
-    result = bench.do("swap", lambda c: basic.swap(c, items, leaves_ahead=True))
+    result = bench.swap(plan(*new, leaves_ahead=True))
     assert (result.flying, result.is_late) == ("old", False)
     assert "[no-position]" in result.failure
     assert place(bench)[0] == pytest.approx(0.0, abs=1.0)
@@ -277,15 +270,15 @@ def test_a_vehicle_that_passes_the_corner_without_a_position_keeps_its_old_plan(
 def test_a_held_vehicle_without_a_position_gets_no_plan_that_begins_midway() -> None:
     bench = flying("ardupilot", 0.0)
     turns_m = place(bench)[1] + 200.0
-    new = bench.session.mission_items(plan((0.0, turns_m), (150.0, turns_m), leaves_ahead=True))
+    new = plan((0.0, turns_m), (150.0, turns_m), leaves_ahead=True)
     bench.block = lambda m: m.get_type() == "MISSION_WRITE_PARTIAL_LIST"
     bench.block_down = lambda m: m.get_type() == "GLOBAL_POSITION_INT"
     bench.run(4.0)
-    result = bench.do("swap", lambda c: basic.swap(c, new, leaves_ahead=True))
+    result = bench.swap(new)
     assert result.flying == "hold"
     assert "[no-position]" in result.failure
     assert bench.mode == bench.session.dialect.hold_mode
-    assert not bench.holds(new)
+    assert not bench.holds(bench.session.mission_items(new))
 
 
 @pytest.mark.parametrize("silence_s", [8.0, 20.0, *full_only(3.0, 14.0)])
@@ -294,7 +287,6 @@ def test_a_vehicle_that_is_silent_after_a_complete_upload_is_not_sent_back(silen
     bench = flying("px4", 0.2)
     north_m = place(bench)[1]
     new = [(0.0, north_m + 60.0), (60.0, north_m + 80.0), (150.0, north_m + 100.0), (150.0, north_m + 600.0)]
-    items = bench.session.mission_items(plan(*new, leaves_ahead=True))
     begins_s: list[float] = []
 
     def is_lost(message: Any) -> bool:
@@ -303,7 +295,7 @@ def test_a_vehicle_that_is_silent_after_a_complete_upload_is_not_sent_back(silen
         return bool(begins_s) and bench.now < begins_s[0] + silence_s
 
     bench.block_down = is_lost
-    bench.begin("swap", lambda c: basic.swap(c, items, leaves_ahead=True))
+    bench.begin_swap(plan(*new, leaves_ahead=True))
     norths_m: list[float] = []
 
     def ends() -> bool:
@@ -314,7 +306,5 @@ def test_a_vehicle_that_is_silent_after_a_complete_upload_is_not_sent_back(silen
     bench.run(20.0, lambda: ends() and False)
     assert most_backwards_m(norths_m) < BACK_M
     if silence_s < 15.0:
-        assert (bench.session.result.failure, bench.session.result.flying) == (None, "new")
-        assert 0.0 < bench.session.result.took_s < 10.0, (
-            "the time ends with the upload, not with the read-back"
-        )
+        assert (bench.result.failure, bench.result.flying) == (None, "new")
+        assert 0.0 < bench.result.took_s < 10.0, "the time ends with the upload, not with the read-back"

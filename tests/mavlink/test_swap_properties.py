@@ -92,9 +92,9 @@ def swapped(bench: FlyingBench, wire: Faults, cuts: list[tuple[float, float]]) -
         return bench.session.busy_with is None
 
     bench.spoil(wire, *cuts)
-    bench.begin("swap", lambda c: basic.swap(c, new))
+    bench.begin_swap(NEW)
     assert bench.run(900, watch), "the swap does not end"
-    result = bench.session.result
+    result = bench.result
     bench.heal()
     bench.run(3.0, lambda: watch() and False)  # the last messages arrive
     assert bad == []
@@ -133,14 +133,13 @@ def test_a_swap_never_flies_a_mixture_and_reports_its_result_truly(way, wire, cu
 def test_a_vehicle_that_reboots_in_a_swap_is_not_reported_as_flying(way, wire, after_s, silence_s):
     """A reboot stops the motors and keeps the mission. The next swap fails and reports the reason."""
     bench = flying(way)
-    new = bench.session.mission_items(NEW)
     bench.spoil(wire)
-    bench.begin("swap", lambda c: basic.swap(c, new))
+    bench.begin_swap(NEW)
     bench.run(after_s)
     under_way = bench.session.busy_with is not None
     bench.inject(f"reboot:silence_s={silence_s}")
     assert bench.run(900, lambda: bench.session.busy_with is None), "the swap does not end"
-    result = bench.session.result
+    result = bench.result
     bench.heal()
     bench.run(silence_s + 10.0)
     if under_way:
@@ -181,7 +180,7 @@ def test_a_lost_link_in_a_swap_leaves_a_whole_plan(way, end_s):
     new = bench.session.mission_items(NEW)
     monitor = MissionMonitor(bench, new)
     bench.spoil(Faults(max_delay_s=0.05, seed=5), (end_s, 1e9))
-    bench.begin("swap", lambda c: basic.swap(c, new))
+    bench.begin_swap(NEW)
     mixtures = []
 
     def down() -> bool:

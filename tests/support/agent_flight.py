@@ -82,21 +82,14 @@ class AgentFlight:
 
     def _perform(self, effect: ev.Effect) -> None:
         if isinstance(effect, ev.SwapMission):
-            items, plan = self.bench.session.mission_items(effect.plan), effect.plan
             self._pending = effect
             self.planned.append(effect)
             if self.state.phase in ON_GROUND:
+                items = self.bench.session.mission_items(effect.plan)
                 self.bench.begin("upload", lambda c: basic.upload(c, items))
                 return
             self.swaps.append((self.bench.now, effect))
-            job = partial(
-                basic.swap,
-                new=items,
-                leaves_ahead=plan.leaves_ahead,
-                max_overshoot_m=plan.max_overshoot_m,
-                from_hold=plan.from_hold,
-            )
-            self.bench.begin("swap", job)
+            self.bench.begin("swap", partial(basic.swap, plan=effect.plan))
         elif isinstance(effect, ev.Command):
             assert effect.order is ev.FlightOrder.LAUNCH, effect
             self.bench.begin("launch", basic.launch)
@@ -114,19 +107,17 @@ class AgentFlight:
             self.tick()
 
     def _done(self, done: ProcedureDone) -> None:
-        result = self.bench.session.result
         if done.name == "launch":
             assert done.failure is None
             self(ev.OrderDone(ev.FlightOrder.LAUNCH))
             return
         assert self._pending is not None
         plan_id = self._pending.plan_id
-        if done.failure is None:
-            took_s = result.swap_takes_s if done.name == "upload" else result.took_s
-            self.ended.append(ev.MissionAccepted(plan_id, took_s, done.stood_still_s or 0.0))
+        if done.name == "upload":
+            assert done.failure is None
+            self.ended.append(ev.MissionAccepted(plan_id, done.result.swap_takes_s))
         else:
-            failed = ev.MissionFailed(plan_id, result.flying, done.failure, 0.0, result.is_late)
-            self.ended.append(failed)
+            self.ended.append(done.result.event(plan_id))
         self(self.ended[-1])
 
     def _go_on_until(self, phase: Phase) -> Any:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any, Self
 
 from swarmctl.core.mission import FlightPlan, Waypoint
+from swarmctl.mavlink.events import ProcedureDone
 from swarmctl.mavlink.procedures import basic
 from swarmctl.mavlink.protocol.codec import Decoder, Encoder, FrameSplitter
 from swarmctl.mavlink.protocol.conversation import MavlinkPeer
@@ -171,15 +172,22 @@ class WireBench:
         """Run a procedure to its end."""
         self.begin(name, procedure)
         assert self.run(limit_s, lambda: self.session.busy_with is None), f"{name} does not end"
-        return self.session.result
+        return self.result
+
+    @property
+    def result(self) -> Any:
+        """The result of the last procedure."""
+        return next(e.result for e in reversed(self.events) if isinstance(e, ProcedureDone))
 
     def upload(self, plan: FlightPlan) -> basic.Done:
         items = self.session.mission_items(plan)
         return self.do("upload", lambda c: basic.upload(c, items))
 
-    def swap(self, new: FlightPlan, *, from_hold: bool = False) -> basic.Swapped:
-        items = self.session.mission_items(new)
-        return self.do("swap", lambda c: basic.swap(c, items, from_hold=from_hold))
+    def swap(self, new: FlightPlan) -> basic.Swapped:
+        return self.do("swap", lambda c: basic.swap(c, new))
+
+    def begin_swap(self, new: FlightPlan) -> None:
+        self.begin("swap", lambda c: basic.swap(c, new))
 
     # stories
 

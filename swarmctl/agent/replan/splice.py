@@ -23,7 +23,7 @@ from swarmctl.core.any_angle.track import crossed_cells
 from swarmctl.core.grid import Cell
 from swarmctl.core.mission import Waypoint
 from swarmctl.core.planar import PlanarPoint
-from swarmctl.core.route import MAX_OVERSHOOT_CELLS
+from swarmctl.core.route import max_overshoot_m
 
 NEAR_ROUTE_M = 15.0
 """Greatest distance from the route from which a vehicle may fly on to a splice point, in small cells [m]."""
@@ -147,7 +147,7 @@ def _swap_distance_m(state: AgentState) -> float:
     flown_m, stop = distance_and_speed_after(state, state.swap_times.expected_s)[0], stop_for_new_plan(state)
     if stop is None:
         return flown_m
-    return max(flown_m, stop.stops_in_m - MAX_OVERSHOOT_CELLS * state.task.grid.cell_size_m)
+    return max(flown_m, stop.stops_in_m - max_overshoot_m(state.task.grid))
 
 
 def _is_wall(state: AgentState, p_s: NDArray[np.float64], cell: Cell) -> bool:

@@ -7,8 +7,9 @@ of the next `tick`. `result` is None until the conversation ends. No function re
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Container
 from dataclasses import dataclass
-from enum import Enum
+from enum import StrEnum
 from typing import Generic, TypeVar
 
 from swarmctl.mavlink.protocol.codec import GCS_COMPID, GCS_SYSID, Message
@@ -16,7 +17,7 @@ from swarmctl.mavlink.protocol.codec import GCS_COMPID, GCS_SYSID, Message
 R = TypeVar("R")
 
 
-class ConversationState(Enum):
+class ConversationState(StrEnum):
     """State of a conversation, for checks and error texts."""
 
     NEW = "new"
@@ -35,6 +36,12 @@ TRANSITIONS: dict[ConversationState, frozenset[ConversationState]] = {
 
 class IllegalEvent(RuntimeError):
     """A bug in the caller: the event is illegal in this state."""
+
+
+def check_transition(machine: object, before: str, after: str, may_follow: Container[str]) -> None:
+    """Raise IllegalEvent if a machine's table does not let `after` follow `before`."""
+    if after not in may_follow:
+        raise IllegalEvent(f"{type(machine).__name__}: {after} does not follow {before}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +73,7 @@ class Conversation(ABC, Generic[R]):
 
     def start(self, now: float) -> list[Message]:
         if self.state is not ConversationState.NEW:
-            raise IllegalEvent(f"{type(self).__name__}: start while {self.state.value}")
+            raise IllegalEvent(f"{type(self).__name__}: start while {self.state}")
         self._enter(ConversationState.WAITING)
         return self._begin(now)
 
@@ -101,12 +108,11 @@ class Conversation(ABC, Generic[R]):
 
     def _is_running(self, event: str) -> bool:
         if self.state is ConversationState.NEW:
-            raise IllegalEvent(f"{type(self).__name__}: {event} while {self.state.value}; start it first")
+            raise IllegalEvent(f"{type(self).__name__}: {event} while {self.state}; start it first")
         return self.state is not ConversationState.DONE
 
     def _enter(self, state: ConversationState) -> None:
-        if state not in TRANSITIONS[self.state]:
-            raise IllegalEvent(f"{type(self).__name__}: {state.value} does not follow {self.state.value}")
+        check_transition(self, self.state, state, TRANSITIONS[self.state])
         self.state = state
 
     def _finish(self, result: R) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from swarmctl.core.events import PlanAfterFailure
+from swarmctl.core.events import MissionAccepted, MissionFailed, PlanAfterFailure
 
 FlyingAfterSwap = Literal["new", "old", "hold", "theirs", "unknown"]
 """mission or mode after a swap; theirs: another mode, set by the pilot, a failsafe or another station"""
@@ -46,18 +46,17 @@ class Swapped(Done):
     is_late: bool = False
     """True if the vehicle had passed the splice point or left the route; plan a splice point farther ahead"""
 
-    @property
-    def flying_after_failure(self) -> PlanAfterFailure:
-        """Mission or mode after a failed swap; a new mission that is not confirmed is unknown."""
-        return "unknown" if self.flying == "new" else self.flying
-
-    @property
-    def failure_text(self) -> str:
-        """The failed swap as text, with the mission or mode that the vehicle flies now."""
+    def event(self, plan_id: int) -> MissionAccepted | MissionFailed:
+        """Return the event for an agent that has ordered the swap to this plan."""
+        if self.failure is None:
+            return MissionAccepted(plan_id, self.took_s, self.stood_still_s)
+        # A new mission that is not confirmed is unknown.
+        flying: PlanAfterFailure = "unknown" if self.flying == "new" else self.flying
         now_flies = {
             "old": "the vehicle flies its old mission",
             "hold": "the vehicle holds",
             "theirs": "the pilot, a failsafe or another station has set the mode",
             "unknown": "the flown mission is unknown",
-        }[self.flying_after_failure]
-        return f"mission change failed; {now_flies}. Cause: {self.failure}"
+        }
+        text = f"mission change failed; {now_flies[flying]}. Cause: {self.failure}"
+        return MissionFailed(plan_id, flying, text, self.stood_still_s, self.is_late)

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import accumulate, pairwise, takewhile
 
-from swarmctl.core.geo import LatLon, LocalFrame
+from swarmctl.core.geo import LocalFrame
 from swarmctl.core.mission import MissionItem
 from swarmctl.core.planar import PlanarPoint, distance_to_leg, distance_to_track
 from swarmctl.core.vehicle import VehicleState
@@ -54,25 +54,24 @@ class RouteProgress:
     def __init__(
         self, begin: VehicleState, items: Sequence[MissionItem], flown: Sequence[MissionItem] = ()
     ) -> None:
-        lat_lon = _lat_lon(begin)
+        lat_lon = begin.lat_lon
         self._frame = None if lat_lon is None else LocalFrame(*lat_lon)
-        self._points = self._to_planar(items)
+        self._points = [(0.0, 0.0), *self._places(items)]
         legs_m = [math.dist(a, b) for a, b in pairwise(self._points)]
         self._along_m = [0.0, *accumulate(legs_m)]
         """distance along the route to each point"""
-        first_lies = bool(flown) and bool(flown[0].x or flown[0].y)
-        way = self._to_planar(flown)[1:] if first_lies else self._to_planar(flown[1:])
+        way = self._places(flown) or [(0.0, 0.0), *self._places(flown[1:])]
         self._splice_m = self._common_m(way) or math.inf
         """distance along the route to the splice point; infinite if the new route leaves at once"""
         self._flown_from = way[0] if self._splice_m < math.inf else None
         """begin of the flown leg, which the first leg follows; None if the new route leaves at once"""
 
-    def _to_planar(self, items: Sequence[MissionItem]) -> list[PlanarPoint]:
-        """Return (0, 0) and the items' positions (east, north) [m] from the vehicle's position at `begin`."""
+    def _places(self, items: Sequence[MissionItem]) -> list[PlanarPoint]:
+        """Return the items' positions (east, north) [m], up to the first item without a position."""
         if self._frame is None:
             return []
-        places = ((i.x / 1e7, i.y / 1e7) for i in takewhile(lambda i: i.x or i.y, items))
-        return [(0.0, 0.0), *(self._frame.to_local(*place) for place in places)]
+        with_position = takewhile(lambda item: item.x or item.y, items)
+        return [self._frame.to_local(item.x / 1e7, item.y / 1e7) for item in with_position]
 
     def _common_m(self, flown: Sequence[PlanarPoint]) -> float:
         """Return how far the new route follows the flown route, up to a corner of one of them [m]."""
@@ -96,7 +95,7 @@ class RouteProgress:
 
         While the vehicle's position is unknown, the next item is item 0.
         """
-        lat_lon = _lat_lon(state)
+        lat_lon = state.lat_lon
         if self._frame is None or lat_lon is None or not self.is_known:
             return RoutePosition(0, 0.0, math.inf)
         point = self._frame.to_local(*lat_lon)
@@ -121,20 +120,17 @@ class RouteProgress:
 
     def leg_over(self, item: MissionItem) -> int | None:
         """Return the index of the first leg that passes over the item's position; None if no leg does."""
-        if not self.is_known or not (places := self._to_planar((item,))[1:]):
-            return None
-        legs = enumerate(pairwise(self._points))
-        return next((i for i, leg in legs if distance_to_leg(places[0], *leg) <= SAME_PLACE_M), None)
+        legs, places = enumerate(pairwise(self._points)), self._places((item,))
+        on_item = (i for i, leg in legs for place in places if distance_to_leg(place, *leg) <= SAME_PLACE_M)
+        return next(on_item, None)
 
     def is_near_leg_to(self, item: int, state: VehicleState) -> bool:
         """Return whether the vehicle is near the leg to an item; a number beyond the list means the last."""
-        lat_lon, item = _lat_lon(state), min(item, len(self._points) - 2)
-        if self._frame is None or lat_lon is None or item < 0:
+        item = min(item, len(self._points) - 2)
+        if self._frame is None or state.lat_lon is None or item < 0:
             return False
-        return (
-            distance_to_leg(self._frame.to_local(*lat_lon), *self._points[item : item + 2])
-            <= MAX_CROSS_TRACK_M
-        )
+        point = self._frame.to_local(*state.lat_lon)
+        return distance_to_leg(point, *self._points[item : item + 2]) <= MAX_CROSS_TRACK_M
 
     def _position(self, along_m: float, cross_track_m: float, speed_m_s: float) -> RoutePosition:
         ends_m = self._along_m[1:]
@@ -152,9 +148,3 @@ class RouteProgress:
 def _n_first_on(places: Sequence[PlanarPoint], track: Sequence[PlanarPoint]) -> int:
     """Return how many of the first places lie on a track."""
     return sum(1 for _ in takewhile(lambda p: distance_to_track(p, track) <= SAME_PLACE_M, places))
-
-
-def _lat_lon(state: VehicleState) -> LatLon | None:
-    if state.lat_deg is None or state.lon_deg is None:
-        return None
-    return state.lat_deg, state.lon_deg
