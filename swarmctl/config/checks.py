@@ -246,7 +246,7 @@ def _check_simulate(config: Config, grid: Grid) -> Iterator[ConfigProblem]:
         )
         yield ConfigProblem(("simulate", "start_distance_m"), text)
     endpoint = parse_url(simulate.url)
-    if endpoint.kind not in ("udpin", "tcpin"):
+    if not endpoint.listens:
         yield ConfigProblem(
             ("simulate", "url"), f"the ground station listens here; give udpin or tcpin, not {simulate.url!r}"
         )

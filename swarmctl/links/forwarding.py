@@ -82,7 +82,7 @@ class Forwarder:
 
 def stranger_warning(endpoint: Endpoint, *, signed: bool) -> str:
     """Return a warning if unknown senders at an endpoint could command vehicles; empty otherwise."""
-    if signed or endpoint.kind in ("serial", "memory") or is_loopback(endpoint.host):
+    if signed or endpoint.is_wire or is_loopback(endpoint.host):
         return ""
     if not endpoint.listens:
         return (

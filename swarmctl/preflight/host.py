@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from swarmctl.bus.endpoint import parse_endpoint
+from swarmctl.bus.transports import BUSES
 from swarmctl.config.communication import Communication
 from swarmctl.config.scenario import Scenario
 from swarmctl.links.url import Endpoint, parse_url
@@ -50,7 +51,7 @@ def _endpoint_trouble(endpoint: Endpoint, name: str, sockets: contextlib.ExitSta
 
 
 def _listen_trouble(communication: Communication, sockets: contextlib.ExitStack) -> Iterator[str]:
-    if communication.bus != "zenoh" or communication.listen == "none":
+    if not BUSES[communication.bus].is_networked or communication.listen == "none":
         return
     endpoint = parse_endpoint(communication.listen)
     probe = sockets.enter_context(contextlib.closing(_stream_socket(endpoint.host)))

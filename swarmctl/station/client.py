@@ -15,7 +15,7 @@ from swarmctl.bus import directory, keys
 from swarmctl.bus.authentication import NO_AUTHENTICATION, NotAuthorised, RequestSigning
 from swarmctl.bus.endpoint import NO_ENDPOINT, BusEndpoint, parse_endpoint
 from swarmctl.bus.operator_service import ANSWER_WITHIN_S, KINDS
-from swarmctl.bus.transports import zenoh_config
+from swarmctl.bus.transports import BUSES, zenoh_config
 from swarmctl.bus.transports.base import BusError, Transport
 from swarmctl.bus.transports.zenoh import ZenohBus
 from swarmctl.bus.transports.zenoh_config import Credentials
@@ -105,7 +105,7 @@ def find(swarm: str | None, config: Roster | None, connect: str | None) -> Fligh
         points = entry_points(config)
         return FlightEndpoints(config.name, points[0], tuple(points[1:]), agents)
     if config is not None:
-        if config.communication.bus != "zenoh" or config.communication.listen == NO_ENDPOINT:
+        if not BUSES[config.communication.bus].is_networked or config.communication.listen == NO_ENDPOINT:
             raise BadOptions(
                 f"{swarm} takes no commands: `communication` has bus: memory, or listen: none [not-listening]"
             )

@@ -1,7 +1,7 @@
 """Transports of bytes: UDP, TCP, serial, and memory for a virtual clock.
 
-Each transport implements `base.Transport`. A new transport needs three things: a module here, an entry in
-`TRANSPORTS`, and the form of its URL in `swarmctl.links.url`.
+Each transport implements `base.Transport`. A new transport is a module here, a line in `TRANSPORTS`, and a
+line in `URL_FORMS` of `swarmctl.links.url`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from swarmctl.links.transports.base import Transport
 from swarmctl.links.transports.serial import SerialPort
 from swarmctl.links.transports.tcp import TcpClient, TcpServer
 from swarmctl.links.transports.udp import Udp
-from swarmctl.links.url import Endpoint, Kind
+from swarmctl.links.url import Endpoint
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +26,7 @@ class TransportKind:
     """question to the operator if the vehicle does not answer"""
 
 
-TRANSPORTS: dict[Kind, TransportKind] = {
+TRANSPORTS: dict[str, TransportKind] = {
     "udpin": TransportKind(
         Udp, "is the vehicle (or simulator) switched on, and does it send to this machine and port?"
     ),
