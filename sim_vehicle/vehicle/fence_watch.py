@@ -139,6 +139,9 @@ class FenceWatch:
         self._update_floor()
         found = self._beyond_here_m()
         self.breached = frozenset(found)
+        if not found and not before:
+            self._next_breach_m.clear()
+            return
         new = frozenset(
             limit
             for limit, beyond_m in found.items()
