@@ -27,6 +27,8 @@ from swarmctl.report.outcome import Ending
 
 REFRESH_S = 0.25
 """time between two updates of the user interface"""
+VIRTUAL_PAUSES = 4
+"""number of such times between two updates on the virtual clock, where a second passes in some hundredths"""
 
 
 async def run_tasks(flight: Flight) -> Ending:
@@ -182,6 +184,7 @@ async def _show(flight: Flight) -> None:
     """Refresh the user interface several times a second until cancelled, and once more at the end."""
     samples: list[tuple[float, float]] = []  # (wall time, latest vehicle clock) [s]
     config, statistics = flight.run.scenario.config, flight.records.statistics
+    n_pauses = VIRTUAL_PAUSES if flight.run.clock == "virtual" else 1
 
     def refresh() -> None:
         nonlocal samples
@@ -205,6 +208,7 @@ async def _show(flight: Flight) -> None:
     try:
         while True:
             refresh()
-            await asyncio.sleep(REFRESH_S)
+            for _ in range(n_pauses):
+                await asyncio.sleep(REFRESH_S)
     finally:
         refresh()

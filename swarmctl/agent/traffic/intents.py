@@ -311,10 +311,9 @@ def receive_intents(state: AgentState, event: ev.Intents, _now: float) -> StepRe
 def _received_flight(state: AgentState, intent: IntentShared, sent_s: float) -> Trajectory | None:
     if len(intent.points) < 2:
         return None
-    frame = state.task.grid.frame
-    places = (frame.to_local(p.lat_deg, p.lon_deg) for p in intent.points)
-    points = tuple((*place, p.alt_amsl_m) for place, p in zip(places, intent.points, strict=True))
+    to_local, announced = state.task.grid.frame.to_local, intent.points
+    points = tuple([(*to_local(p.lat_deg, p.lon_deg), p.alt_amsl_m) for p in announced])
     try:
-        return Trajectory(tuple(sent_s + p.in_s for p in intent.points), points)
+        return Trajectory(tuple([sent_s + p.in_s for p in announced]), points)
     except ValueError:  # too far away for the local frame, or times that do not increase
         return None
