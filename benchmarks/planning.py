@@ -1,7 +1,7 @@
 """Planning times on one core, as ratios to the times of other libraries in the same run.
 
-First `pip install -e '.[bench]'`. The run takes some minutes. Times are medians on this machine at this
-moment. Compared functions run alternately, so that noise affects all of them.
+First `pip install -e '.[bench]'`. The run takes some minutes. Times are medians of CPU time on this machine
+at this moment. Compared functions run alternately, so that noise affects all of them.
 """
 
 from __future__ import annotations
@@ -38,19 +38,21 @@ Floats = NDArray[np.float64]
 console = Console(width=130)
 
 
-def call_s(run: Callable[[], object]) -> float:
-    """Return the wall time of one call [s]."""
-    began_s = time.perf_counter()
+def call_s(run: Callable[[], object], clock: Callable[[], float] = time.thread_time) -> float:
+    """Return the time of one call [s]: CPU time of this thread, so that a busy machine matters less."""
+    began_s = clock()
     run()
-    return time.perf_counter() - began_s
+    return clock() - began_s
 
 
-def medians_s(runs: dict[str, Callable[[], object]], n_times: int) -> dict[str, float]:
+def medians_s(
+    runs: dict[str, Callable[[], object]], n_times: int, clock: Callable[[], float] = time.thread_time
+) -> dict[str, float]:
     """Return the median time of each function [s]; the functions run alternately."""
     times_s: dict[str, list[float]] = {name: [] for name in runs}
     for _ in range(n_times):
         for name, run in runs.items():
-            times_s[name].append(call_s(run))
+            times_s[name].append(call_s(run, clock))
     return {name: float(np.median(each_s)) for name, each_s in times_s.items()}
 
 
@@ -140,7 +142,7 @@ def threads_table(side: int) -> Table:
             runs: dict[str, Callable[[], object]] = {}
             runs["in turn"] = lambda: [search(goal) for goal in goals]
             runs["at once"] = lambda: list(pool.map(search, goals))
-            found = medians_s(runs, 7)
+            found = medians_s(runs, 7, time.perf_counter)
             table.add_row(f"{w:g}", f"{found['at once'] / found['in turn']:.2f}")
     return table
 
@@ -221,7 +223,7 @@ def bound_table(side: int, n_fields: int) -> Table:
     """Measure the planners that keep a bound; the unit is the time of one search.
 
     A search is a field of the whole area in reused memory. One unit has w = 0.5. The other has the
-    weights that the planner searched, because a search at a weight near 1 takes longer.
+    weights that the planner searched.
     """
     table = make_table(
         f"A length bound halfway along the front, {n_fields} fields of {side}² cells: time in searches",
@@ -347,6 +349,8 @@ def main() -> None:
         console.print(table)
     if "bucket queue in C++" in PEERS:
         console.print(queue_table((300, 1000) if quick else (300, 1000, 2000, 4000)))
+    else:
+        console.print("Without the bucket queue in C++: neither g++ nor clang++ is installed.")
     console.print(walled_field_table(1000))
     console.print(threads_table(1000))
     console.print(replan_table(1000, 100 if quick else 1000))

@@ -23,7 +23,7 @@ from __future__ import annotations
 import numpy as np
 
 from swarmctl.planners.kernels.compilation import compiled, prefetch
-from swarmctl.planners.kernels.lattice import Floats, Ints, offsets_of
+from swarmctl.planners.kernels.lattice import Floats, Ints, cuts_corner, offsets_of
 
 TYPICAL_SPANS = 4
 """number of buckets in a typical edge"""
@@ -140,9 +140,9 @@ def spread(
     A slot's cells wait in `pool`, from the index in `read` to that in `write`.
     """
     offsets = offsets_of(width)
-    moves, added = np.empty(40, dtype=np.int64), np.zeros(40)
+    steps, added = np.empty(40, dtype=np.int64), np.zeros(40)
     for i in range(40):
-        moves[i] = offsets[directions[i]]
+        steps[i] = 8 * offsets[directions[i]] + directions[i]
         if directions[i] >= 4:
             added[i] = extra
     per_span = 1.0 / span
@@ -193,15 +193,14 @@ def spread(
             prefetch(label, ahead)
             prefetch(straight, ahead)
             for i in range(5 * last, 5 * last + 5):
-                m = n + moves[U(i)]
+                other = item - last + steps[U(i)]
+                m, k = other >> 3, other & 7
                 better = along + added[U(i)] + straight[U(m)]
-                if has_walls and directions[U(i)] >= 4:  # as in `cuts_corner`; walls have no labels
-                    beside, other = n + offsets[directions[i] - 4], n + offsets[(directions[i] - 3) & 3]
-                    if straight[beside] == np.inf or straight[other] == np.inf:
-                        continue
+                if has_walls and k >= 4 and cuts_corner(straight, offsets, n, k):
+                    continue
                 before = label[U(m)]
                 label[U(m)] = min(better, before)
-                found[U(size)] = 8 * m + directions[U(i)]
+                found[U(size)] = other
                 size += better < before
 
 

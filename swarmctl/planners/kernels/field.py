@@ -90,11 +90,11 @@ class Field(abc.ABC):
     def _write_straight(self, exposure: Floats, straight: Floats) -> Floats:
         """Write the costs of straight steps for P_s of shape (rows, cols), in place, and return them."""
         padded = straight.reshape(self.rows + 2, self.width)
-        padded[[0, -1]] = padded[:, [0, -1]] = np.inf
+        padded[0] = padded[-1] = padded[:, 0] = padded[:, -1] = np.inf
         inner = padded[1:-1, 1:-1]
         with np.errstate(invalid="ignore"):
             np.multiply(exposure, self.w, out=inner)
-        inner += self.step
+        straight += self.step
         if self.w == 0.0:
             inner[np.isinf(exposure)] = np.inf
         return straight
