@@ -18,7 +18,7 @@ FOUND = {
     118: "a vehicle gave way to a landing one with a climb that ended over the goal",
 }
 """seeds that broke a rule before, with the cause"""
-OPEN = frozenset({5, 9})
+OPEN = frozenset({5, 10, 25, 84, 107})
 """seeds that still break a rule"""
 
 

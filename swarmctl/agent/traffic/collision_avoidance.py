@@ -17,9 +17,15 @@ from swarmctl.agent.orders import StepResult
 from swarmctl.agent.phases import IN_FLIGHT, Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.intents import own_trajectory
-from swarmctl.agent.traffic.prediction import hold_trajectory, predictions
+from swarmctl.agent.traffic.prediction import hold_trajectory, position_of, predictions
 from swarmctl.agent.traffic.priority import Activity, Standing, activity_of, gives_way
-from swarmctl.agent.traffic.route_hold import ceiling_m, hold, may_give_way, resume_if_clear
+from swarmctl.agent.traffic.route_hold import (
+    ceiling_m,
+    hold,
+    may_give_way,
+    reachable_heights_m,
+    resume_if_clear,
+)
 from swarmctl.agent.traffic.separation.trajectory import Trajectory
 from swarmctl.agent.traffic.separation.watch import (
     NeighbourReport,
@@ -86,12 +92,14 @@ def _give_way(state: AgentState, to_avoid: Sequence[ProximityAlarm]) -> StepResu
         if still
         else set()
     )
+    climbing = _climb(state, others)
     # A fixed wing would circle in hold, so it climbs.
-    if rules.action == "hold" and not blocked and state.task.wings is None:
+    prefers_hold = rules.action == "hold" or climbing is state
+    if prefers_hold and not blocked and state.task.wings is None:
         reports = state.neighbours
         to = {alarm.other: reports[alarm.other] for alarm in to_avoid if alarm.other in reports}
         return hold(state, state.route, to)
-    return _climb(state, others), []
+    return climbing, []
 
 
 def _climb(state: AgentState, others: dict[int, Trajectory]) -> AgentState:
@@ -99,10 +107,18 @@ def _climb(state: AgentState, others: dict[int, Trajectory]) -> AgentState:
     now_s, here_m = state.vehicle.time_boot_s, state.vehicle.alt_rel_m or 0.0
     heights_m = [at[2] for path in others.values() if (at := path.at(now_s)) is not None]
     height_m = clear_height_m(max(here_m, state.height_m), heights_m, state.task.separation.limits)
-    if not state.height_m < height_m <= ceiling_m(state):
+    if not state.height_m < height_m <= min(ceiling_m(state), _reachable_m(state)):
         return state
     state = replace(state, height_offset_m=height_m - state.task.altitude_m, n_climbs=state.n_climbs + 1)
     return replace(state, dirty=True, must_change=True)
+
+
+def _reachable_m(state: AgentState) -> float:
+    """Return the greatest height that a copter reaches before its landing [m]; without a limit for planes."""
+    here, progress = position_of(state), state.progress
+    if here is None or progress is None or state.task.wings is not None:
+        return math.inf
+    return reachable_heights_m(state, here, progress.points_ahead)[1]
 
 
 def _alarm_text(state: AgentState, alarm: ProximityAlarm) -> str:

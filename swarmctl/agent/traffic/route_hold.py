@@ -25,11 +25,12 @@ from swarmctl.agent.traffic.intents import (
     publish_intent,
 )
 from swarmctl.agent.traffic.prediction import position_of, stopping_point
-from swarmctl.agent.traffic.separation.trajectory import Trajectory
+from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory
 from swarmctl.agent.traffic.separation.watch import HEIGHT_MARGIN, NeighbourReport
 from swarmctl.agent.traffic.wait import Verdict, WaitFor, begin, verdict
 from swarmctl.core import events as ev
 from swarmctl.core.mission import FlightPlan
+from swarmctl.core.planar import PlanarPoint
 from swarmctl.core.records import replace
 
 RESUME_AFTER_S = (0.0, 3.0, 6.0)
@@ -57,7 +58,7 @@ def may_hold(state: AgentState) -> bool:
     return may_give_way(state) and not clashes_of_route(state, hold_flight(state, here), known_flights(state))
 
 
-def hold_flight(state: AgentState, here: tuple[float, float, float]) -> Trajectory:
+def hold_flight(state: AgentState, here: LocalPoint) -> Trajectory:
     """Return the flight of a vehicle that stops now and holds, heights above the sea."""
     now_s, stop = state.vehicle.time_boot_s, stopping_point(state, here)
     return Trajectory((now_s, now_s + HOLD_DURATION_S), (stop, stop))
@@ -170,6 +171,18 @@ def ceiling_m(state: AgentState) -> float:
     return math.inf if fence is None else fence.ceiling_m - CEILING_MARGIN_M
 
 
+def reachable_heights_m(
+    state: AgentState, here: LocalPoint, path: Sequence[PlanarPoint]
+) -> tuple[float, float]:
+    """Return the lowest and the highest height [m] that a new plan along `path` reaches half-way to its end.
+
+    A later climb would end over the goal, where other vehicles come down; `with_level_off` has the same rule.
+    """
+    legs_m = sum(math.dist(a, b) for a, b in pairwise([here[:2], *path]))
+    remaining_s = max(0.5 * legs_m / state.task.arrival.speed_m_s - state.swap_times.expected_s, 0.0)
+    return here[2] - DESCENT_M_S * remaining_s, here[2] + CLIMB_M_S * remaining_s
+
+
 def heights_to_try(state: AgentState, plan: FlightPlan) -> Sequence[float]:
     """Return the heights above home to try [m], lowest first; none if the vehicle's height is unknown.
 
@@ -179,10 +192,7 @@ def heights_to_try(state: AgentState, plan: FlightPlan) -> Sequence[float]:
     task, vehicle, planned_m, here = state.task, state.vehicle, plan.height_m, position_of(state)
     if vehicle.alt_amsl_m is None or vehicle.alt_rel_m is None or here is None:
         return []
-    path = [here[:2], *waypoints_of(task, plan)]
-    ahead_s = sum(math.dist(a, b) for a, b in pairwise(path)) / task.arrival.speed_m_s
-    least_m = here[2] - DESCENT_M_S * (ahead_s - state.swap_times.expected_s)
-    reachable_m = here[2] + CLIMB_M_S * (ahead_s - state.swap_times.expected_s)
+    least_m, reachable_m = reachable_heights_m(state, here, waypoints_of(task, plan))
     home_m = vehicle.alt_amsl_m - vehicle.alt_rel_m
     margin_m = HEIGHT_MARGIN * task.separation.limits.vertical_m
     tops_m = {
