@@ -12,7 +12,7 @@ import math
 from collections import deque
 from collections.abc import Awaitable, Callable, Coroutine, Iterable, Sequence
 from functools import partial
-from typing import Any, Protocol
+from typing import Any
 
 from swarmctl.agent.phases import ON_GROUND
 from swarmctl.agent.replan.mission_changes import needs_tick
@@ -23,11 +23,11 @@ from swarmctl.bus.network import Network
 from swarmctl.bus.operator_service import AgentCommand
 from swarmctl.core import events as ev
 from swarmctl.core.belief import Belief
-from swarmctl.core.frames import AgentMessage, IntentShared, StateShared
+from swarmctl.core.frames import IntentShared, StateShared
 from swarmctl.core.messages import VehicleAnswer
+from swarmctl.core.mission import FlightPlan
 from swarmctl.core.observation import BeliefItem
 from swarmctl.core.operator_text import extended
-from swarmctl.flight.supervise import Backoff, retrying
 from swarmctl.links.base import (
     AddressChanged,
     FirstHeartbeat,
@@ -47,11 +47,13 @@ from swarmctl.links.base import (
     VehicleRestored,
 )
 from swarmctl.mavlink.protocol.outcome import Swapped
+from swarmctl.report.ui import Observer
 from swarmctl.sensors import Sensor
 
 _LINK_EVENTS = (ev.TelemetryReceived, ev.LinkLost, ev.LinkRestored, ev.Rebooted)
 CRITICAL = 2  # MAV_SEVERITY
-UPLOADS = Backoff(attempts=3, first_s=2.0)
+UPLOAD_RETRIES_S = (2.0, 4.0)
+"""waits before the repetitions of a failed upload [s]"""
 IDENTIFY_TIMEOUT_S = 15.0
 NEIGHBOURS_EVERY_S = 0.5
 """time between two readings of the neighbours' states, by the vehicle's clock [s]"""
@@ -59,19 +61,6 @@ CLEARANCE_TIMEOUT_S = 30.0
 """longest wait of an ordered launch for its preflight checks [s]"""
 CLEARANCE_LASTS_S = 30.0
 """age above which checks are repeated before a launch [s]: batteries drain, other stations change fences"""
-
-
-class Observer(Protocol):
-    """A receiver of all events of the flight, such as the recorder, the summary or the user interface."""
-
-    def folded(
-        self, before: AgentState, event: ev.Event, after: AgentState, effects: list[ev.Effect], now: float
-    ) -> None: ...
-
-    def sent(self, uav: int, message: AgentMessage, recipients: int, now: float) -> None: ...
-
-    def noted(self, uav: int, text: str, now: float, *, to_operator: bool) -> None:
-        """Receive a message about a vehicle; `to_operator`: True if an operator should read it."""
 
 
 class LaunchNotPermitted(RuntimeError):
@@ -325,12 +314,21 @@ class Runner:
         plan_id, on_ground = swap.plan_id, self.state.phase in ON_GROUND
         try:
             if on_ground:
-                takes_s = await retrying(lambda: self.link.upload(swap.plan), UPLOADS, UploadFailed)
+                takes_s = await self._upload(swap.plan)
                 self.post(ev.MissionAccepted(plan_id, takes_s))
                 return
             self.post((await self.link.swap(swap.plan)).event(plan_id))
         except LinkError as error:
             self.post(ev.MissionFailed(plan_id, "unknown", str(error)))
+
+    async def _upload(self, plan: FlightPlan) -> float:
+        """Upload a plan on the ground, and again after a failure; return the expected time of a swap [s]."""
+        for wait_s in UPLOAD_RETRIES_S:
+            try:
+                return await self.link.upload(plan)
+            except UploadFailed:
+                await asyncio.sleep(wait_s)
+        return await self.link.upload(plan)
 
     async def _set_speed(self, speed_m_s: float) -> None:
         try:

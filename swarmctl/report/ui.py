@@ -1,4 +1,4 @@
-"""The user interface of a flight: a protocol, a wrapper that catches output errors, and an observer."""
+"""The user interface of a flight, and observers of its events."""
 
 from __future__ import annotations
 
@@ -24,6 +24,19 @@ class Ui(Protocol):
         """Show a line if the operator asked for all lines (`--verbose`)."""
 
     def refresh(self, view: SwarmView) -> None: ...
+
+
+class Observer(Protocol):
+    """A receiver of all events of the flight, such as the recorder, the summary or the user interface."""
+
+    def folded(
+        self, before: AgentState, event: ev.Event, after: AgentState, effects: list[ev.Effect], now: float
+    ) -> None: ...
+
+    def sent(self, uav: int, message: AgentMessage, recipients: int, now: float) -> None: ...
+
+    def noted(self, uav: int, text: str, now: float, *, to_operator: bool) -> None:
+        """Receive a message about a vehicle; `to_operator`: True if an operator should read it."""
 
 
 class SafeUi:

@@ -105,6 +105,13 @@ def test_one_vehicle_in_trouble_keeps_all_on_the_ground(failure: Exception, reas
     assert all("launch" not in link.calls for link in ground.links)
 
 
+def test_a_failed_upload_is_repeated_twice() -> None:
+    ground = Ground(fails={1: UploadFailed("uav1: not verified")})
+    with pytest.raises(PreflightFailed):
+        ground.fly(all_launched)
+    assert [link.calls.count("upload") for link in ground.links] == [3, 1, 1]
+
+
 def test_another_vehicle_at_the_same_address_is_not_launched() -> None:
     ground = Ground()
     states: list[str] = []

@@ -6,7 +6,6 @@ import asyncio
 
 import pytest
 
-from swarmctl.flight.supervise import Backoff, retrying
 from swarmctl.flight.virtual_clock import Stalled, run_virtual
 
 
@@ -40,34 +39,3 @@ def test_a_wait_without_any_timer_is_a_bug() -> None:
 
     with pytest.raises(Stalled):
         run_virtual(main())
-
-
-@pytest.mark.parametrize(("failed", "delay_s"), [(1, 2.0), (2, 4.0), (3, 5.0), (4, None), (9, None)], ids=str)
-def test_waits_grow_up_to_a_limit_and_then_the_policy_gives_up(failed: int, delay_s: float | None) -> None:
-    assert Backoff(attempts=4, first_s=2.0, most_s=5.0).delay_s(failed) == delay_s
-
-
-@pytest.mark.parametrize(("fails", "tries", "ends_s"), [(0, 1, 0.0), (1, 2, 2.0), (2, 3, 6.0), (5, 3, 6.0)])
-def test_an_attempt_is_repeated_until_it_succeeds_or_the_policy_gives_up(
-    fails: int, tries: int, ends_s: float
-) -> None:
-    made = 0
-
-    async def attempt() -> str:
-        nonlocal made
-        made += 1
-        if made <= fails:
-            raise ConnectionError("not yet")
-        return "done"
-
-    async def main() -> tuple[str, float]:
-        policy = Backoff(attempts=3, first_s=2.0)
-        try:
-            answer = await retrying(attempt, policy, ConnectionError)
-        except ConnectionError as error:
-            answer = str(error)
-        return answer, asyncio.get_running_loop().time()
-
-    answer, now = run_virtual(main())
-    assert (answer, made) == ("done" if fails < 3 else "not yet", tries)
-    assert now == pytest.approx(ends_s)
