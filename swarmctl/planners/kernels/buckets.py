@@ -41,8 +41,8 @@ MOST_PUSHED = 5 * BLOCK
 """greatest number of cells that improve in one run, and of blocks that the run can fill"""
 CELLS_AHEAD = 8
 """distance of the cells that are fetched into the processor's cache, before the search reaches them"""
-FREE_BLOCKS = 2 * MOST_PUSHED
-"""number of free blocks at the start of a search"""
+FREE_BLOCKS = 4096
+"""number of free blocks at the start of a search; few searches need more"""
 NOW, SLOT, N_FREE, N_FOUND = 0, 1, 2, 3
 """indices in a queue's state: current key and slot, numbers of free blocks and of improved cells"""
 U = np.uintp
@@ -88,7 +88,7 @@ def settle(
         pool = np.append(pool, np.empty_like(pool))
         free = np.concatenate((free[:n_free], np.arange(n_blocks, 2 * n_blocks), free[n_free:]))
         state[N_FREE] += n_blocks
-    return _waiting(pool, read, write)
+    return _waiting(pool, read, write) if until < np.inf else seeds[:0]
 
 
 def _waiting(pool: Ints, read: Ints, write: Ints) -> Ints:
