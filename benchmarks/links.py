@@ -27,8 +27,10 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -57,10 +59,8 @@ M_PER_DEG = 111_195.0
 STEP_S = 0.05
 RATES_HZ = {33: 5, 30: 5, 74: 4, 1: 2, 24: 1, 147: 1, 42: 1}
 """message id -> messages a second: 19 in all, besides the heartbeat"""
-VEHICLES, ITEMS, LOSSES, DELAYS_S = (1, 50), (10, 50, 200), (0.0, 0.05, 0.2, 0.3), (0.0, 1.0)
 LIMIT_S = {"direct": 3600.0, "mavsdk": 240.0}
 """link -> time after which a transfer is given up"""
-AHEAD_S = swap_times.MAX_EXPECTED_S
 SETTLE_S, MEASURE_S = 8.0, 15.0
 MISSION_MESSAGES = frozenset({37, 38, 39, 40, 41, 43, 44, 45, 47, 51, 73})
 """ids of the messages of mission transfers, and of MISSION_SET_CURRENT"""
@@ -68,10 +68,6 @@ DIALECTS = {
     "ardupilot": dialect_for(mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, mavlink.MAV_TYPE_QUADROTOR),
     "px4": dialect_for(mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_TYPE_QUADROTOR),
 }
-MAX_UPLOADS_BEFORE_SWAP = 4
-"""attempts to upload the mission that a swap replaces"""
-MAX_REASONS = 6
-"""reasons of refusals that a caption lists"""
 
 
 class LossyFleet:
@@ -100,10 +96,7 @@ class LossyFleet:
             self._loop.call_at(self._arrives_s, deliver, data, *args)
 
     def _send_to_vehicles(self, data: bytes, address: object) -> None:
-        self._carry(self._receive, data)
-
-    def _receive(self, data: bytes) -> None:
-        self._send_to_station(self.fleet.receive(data, self.now_s()))
+        self._carry(lambda data: self._send_to_station(self.fleet.receive(data, self.now_s())), data)
 
     def _send_to_station(self, frames: list[tuple[int, bytes]]) -> None:
         for _, data in frames:
@@ -167,50 +160,46 @@ def make_changed_plan(n_items: int, state: VehicleState, ahead_s: float) -> Flig
     return replace(new, track=(splice, *track), landing=(track or (splice,))[-1], leaves_ahead=True)
 
 
-async def run_case(
-    name: str,
-    personality: str,
-    count: int,
-    n_items: int,
-    loss: float,
-    delay_s: float,
-    *,
-    swap: bool,
-    ahead_s: float,
-) -> CaseResult:
-    """Upload or swap a mission of `count` vehicles at once, by the link `name`."""
-    fleet, result = LossyFleet(personality, count), CaseResult()
+class Case(NamedTuple):
+    """One row of a table."""
+
+    link: str
+    personality: str
+    n_vehicles: int
+    """vehicles at once"""
+    n_items: int
+    loss: float
+    delay_s: float
+    swap: bool
+    ahead_s: float
+
+
+async def run_case(case: Case) -> CaseResult:
+    """Upload or swap the missions of all vehicles of a case at once."""
+    fleet, result = LossyFleet(case.personality, case.n_vehicles), CaseResult()
     flying = asyncio.create_task(fleet.fly())
     async with FrontEnd(wall_time_us=lambda: 0, memory={"fleet": fleet.wire}) as front_end:
-        links = {
-            i: LINKS[name].open(
-                front_end, Endpoint("memory", "fleet"), i, name=f"v{i}", on_event=lambda _event: None
-            )
-            for i in range(1, count + 1)
-        }
-        await asyncio.gather(*(prepare(link, swap) for link in links.values()))
-        fleet.loss, fleet.delay_s, fleet.n_datagrams, fleet.n_messages = loss, delay_s, 0, 0
+        links = open_links(case.link, front_end, Endpoint("memory", "fleet"), case.n_vehicles)
+        await asyncio.gather(*(prepare(link, case.swap) for link in links))
+        fleet.loss, fleet.delay_s, fleet.n_datagrams, fleet.n_messages = case.loss, case.delay_s, 0, 0
         began_s = time.perf_counter()
-        await asyncio.gather(
-            *(
-                transfer(
-                    link,
-                    make_changed_plan(n_items, link.state(), ahead_s if swap else 0.0),
-                    result,
-                    LIMIT_S[name],
-                    swap=swap,
-                )
-                for link in links.values()
-            )
-        )
+        await asyncio.gather(*(transfer(link, case, result) for link in links))
         result.wall_s = time.perf_counter() - began_s
         result.n_datagrams, result.n_messages = fleet.n_datagrams, fleet.n_messages
-        for sysid, link in links.items():
+        for sysid, link in enumerate(links, 1):
             reported = link.items()
-            if reported and DIALECTS[personality].differences(reported, fleet.mission_of(sysid)):
+            if reported and DIALECTS[case.personality].differences(reported, fleet.mission_of(sysid)):
                 result.outcomes["WRONG"] += 1
     flying.cancel()
     return result
+
+
+def open_links(name: str, front_end: FrontEnd, endpoint: Endpoint, count: int) -> list[Link]:
+    """Return the links of vehicles 1 to `count`."""
+    return [
+        LINKS[name].open(front_end, endpoint, i, name=f"v{i}", on_event=lambda _event: None)
+        for i in range(1, count + 1)
+    ]
 
 
 async def prepare(link: Link, swap: bool) -> None:
@@ -225,24 +214,24 @@ async def prepare(link: Link, swap: bool) -> None:
             await asyncio.sleep(0.2)
 
 
-async def upload_with_retries(link: Link, old: FlightPlan) -> None:
+async def upload_with_retries(link: Link, old: FlightPlan, n_attempts: int = 4) -> None:
     """Upload a plan; on a busy machine, some uploads of fifty at once by MAVSDK fail."""
-    for _ in range(MAX_UPLOADS_BEFORE_SWAP):
-        try:
-            await link.upload(old)
-        except UploadFailed as refused:
-            failure = refused
-        else:
-            return
-    raise failure
+    try:
+        await link.upload(old)
+    except UploadFailed:
+        if n_attempts == 1:
+            raise
+        await upload_with_retries(link, old, n_attempts - 1)
 
 
-async def transfer(link: Link, new: FlightPlan, result: CaseResult, limit_s: float, *, swap: bool) -> None:
+async def transfer(link: Link, case: Case, result: CaseResult) -> None:
     """Upload or swap, and add the time and outcome to `result`."""
+    new = make_changed_plan(case.n_items, link.state(), case.ahead_s if case.swap else 0.0)
+    limit_s = LIMIT_S[case.link]
     began_s, failure, is_late = asyncio.get_running_loop().time(), None, False
     try:
         async with asyncio.timeout(limit_s):
-            if swap:
+            if case.swap:
                 done = await link.swap(new)
                 failure, is_late = done.failure, done.is_late
             else:
@@ -278,10 +267,8 @@ def transfer_tables(options: argparse.Namespace, *, swap: bool) -> Iterator[Tabl
                 if options.quick and (is_slow or n_items == 200 or loss == 0.05):
                     continue
                 run = run_virtual if name == "direct" else asyncio.run
-                case = run_case(
-                    name, personality, count, n_items, loss, delay_s, swap=swap, ahead_s=options.ahead_s
-                )
-                result = run(case)
+                case = Case(name, personality, count, n_items, loss, delay_s, swap, options.ahead_s)
+                result = run(run_case(case))
                 refusal_reasons += result.refusal_reasons
                 p50, maximum = np.quantile(result.times_s, [0.5, 1.0]) if result.times_s else (np.nan, np.nan)
                 row = (
@@ -293,17 +280,9 @@ def transfer_tables(options: argparse.Namespace, *, swap: bool) -> Iterator[Tabl
                 table.add_row(*row)
                 # An interrupted run keeps the rows so far.
                 print(f"{kind}, {personality}:", *row, file=sys.stderr, flush=True)
-        refusals = [f"{n} refused: {reason}" for reason, n in refusal_reasons.most_common(MAX_REASONS)]
+        refusals = [f"{n} refused: {reason}" for reason, n in refusal_reasons.most_common(6)]
         table.caption = "\n".join((describe_load(), *refusals))
         yield table
-
-
-def uploads(options: argparse.Namespace) -> Iterator[Table]:
-    yield from transfer_tables(options, swap=False)
-
-
-def swaps(options: argparse.Namespace) -> Iterator[Table]:
-    yield from transfer_tables(options, swap=True)
 
 
 def cpu(options: argparse.Namespace) -> Iterator[Table]:
@@ -327,34 +306,28 @@ async def station_load(name: str, count: int, measure_s: float) -> tuple[str, st
     command = [sys.executable, "-m", "sim_vehicle", "--count", str(count), "--ready-s", "0", "--no-table",
                "--url", f"udpout:127.0.0.1:{endpoint.port}"]  # fmt: skip
     n_received = 0
-
-    def counting(receive: object) -> object:
-        def count_and_receive(data: bytes, address: object) -> None:
-            nonlocal n_received
-            n_received += sum(1 for _ in msgids_in(data))
-            receive(data, address)  # type: ignore[operator]
-
-        return count_and_receive
-
     async with FrontEnd(wall_time_us=lambda: 0) as front_end:
         await front_end.open(endpoint)
         process = subprocess.Popen(  # noqa: ASYNC220 - before anything is measured
             command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
         )
         try:
-            links = [
-                LINKS[name].open(front_end, endpoint, i, name=f"v{i}", on_event=lambda _event: None)
-                for i in range(1, count + 1)
-            ]
+            links = open_links(name, front_end, endpoint, count)
             await asyncio.gather(*(link.connect(60) for link in links))
             await asyncio.gather(*(link.prepare(60, lambda _reasons: None) for link in links))
             for link in links:
                 request_streams(link)
                 await asyncio.sleep(0.002)
             await asyncio.sleep(SETTLE_S)
-            line = front_end._lines[endpoint]
-            protocol = line.transport
-            protocol._receive = counting(protocol._receive)  # type: ignore[attr-defined]
+            protocol = front_end._lines[endpoint].transport
+            receive = protocol._receive  # type: ignore[attr-defined]
+
+            def count_and_receive(data: bytes, address: object) -> None:
+                nonlocal n_received
+                n_received += sum(1 for _ in msgids_in(data))
+                receive(data, address)
+
+            protocol._receive = count_and_receive  # type: ignore[attr-defined]
             began_s, used_s = time.perf_counter(), time.process_time()
             await asyncio.sleep(measure_s)
             used = (time.process_time() - used_s) / (time.perf_counter() - began_s)
@@ -387,55 +360,39 @@ def request_streams(link: Link) -> None:
     )
 
 
-PARTS = {part.__name__: part for part in (uploads, swaps, cpu)}
+PARTS: dict[str, Callable[[argparse.Namespace], Iterator[Table]]] = {
+    "uploads": partial(transfer_tables, swap=False),
+    "swaps": partial(transfer_tables, swap=True),
+    "cpu": cpu,
+}
+
+
+def listed(convert: Callable[[str], object], text: str) -> list[object]:
+    return [convert(part) for part in text.split(",")]
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument(
-        "--quick", action="store_true", help="fewer and shorter cases; with `mavsdk`, still many minutes"
-    )
-    parser.add_argument(
-        "--only",
-        type=split,
-        default=[*PARTS],
-        metavar="PARTS",
-        help=f"parts to run, with commas: {','.join(PARTS)}",
-    )
-    parser.add_argument(
-        "--links", type=split, default=["direct", "mavsdk"], help="links to measure: direct,mavsdk"
-    )
-    parser.add_argument("--vehicles", type=integers, default=VEHICLES, help="vehicles at once: 1,50")
-    parser.add_argument("--items", type=integers, default=ITEMS, help="items of a mission: 10,50,200")
-    parser.add_argument(
-        "--losses", type=floats, default=LOSSES, help="lost share of datagrams: 0,0.05,0.2,0.3"
-    )
-    parser.add_argument("--delays", type=floats, default=DELAYS_S, help="delays each way [s]: 0,1")
-    parser.add_argument(
-        "--ahead-s",
-        type=float,
-        default=AHEAD_S,
-        help="time to the splice point of a swap [s], default %(default)g; 0: none",
-    )
+    parser.add_argument("--quick", action="store_true", help="fewer cases; `mavsdk` still takes many minutes")
+    for name, convert, default, meaning in (
+        ("--only", str, [*PARTS], "parts to run"),
+        ("--links", str, ["direct", "mavsdk"], "links to measure"),
+        ("--vehicles", int, [1, 50], "vehicles at once"),
+        ("--items", int, [10, 50, 200], "items of a mission"),
+        ("--losses", float, [0.0, 0.05, 0.2, 0.3], "lost share of datagrams"),
+        ("--delays", float, [0.0, 1.0], "delays each way [s]"),
+    ):
+        text = f"{meaning}, with commas: {','.join(map(str, default))}"
+        parser.add_argument(name, type=partial(listed, convert), default=default, metavar="LIST", help=text)
+    text = "time to the splice point of a swap [s], default %(default)g; 0: none"
+    parser.add_argument("--ahead-s", type=float, default=swap_times.MAX_EXPECTED_S, help=text)
     options = parser.parse_args()
     console = Console(width=130)
     for name in options.only:
         for table in PARTS[name](options):
             console.print(table)
-
-
-def split(text: str) -> list[str]:
-    return text.split(",")
-
-
-def floats(text: str) -> list[float]:
-    return [float(number) for number in split(text)]
-
-
-def integers(text: str) -> list[int]:
-    return [int(number) for number in split(text)]
 
 
 if __name__ == "__main__":

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Sequence
+from collections.abc import Coroutine, Sequence
 from dataclasses import dataclass, field
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -15,7 +16,9 @@ from swarmctl.core.frames import StateShared
 from swarmctl.core.grid import Cell
 from swarmctl.core.inference.sensor import PERFECT, SensorModel
 from swarmctl.core.observation import BeliefItem, Observation
+from swarmctl.flight.virtual_clock import VirtualTimeLoop
 
+T = TypeVar("T")
 SWARM = "bench"
 ROWS = COLS = 100
 CELLS_PER_OBSERVATION = 9
@@ -26,7 +29,7 @@ IMPERFECT = SensorModel(p_miss=0.1, p_false_alarm=0.02)
 
 @dataclass
 class DeliveryLog:
-    """Times at which agents published and merged observations, by the machine's monotonic clock [s]."""
+    """Times at which agents published and merged observations, by the loop's clock [s]."""
 
     published_s: dict[tuple[int, int], float] = field(default_factory=dict)
     """(observer, seq) -> time"""
@@ -77,13 +80,13 @@ class Agent:
 
     def _merge(self, items: tuple[BeliefItem, ...]) -> None:
         self.belief = self.belief.merge(items)
-        self.log.add_merged(items, time.monotonic())
+        self.log.add_merged(items, asyncio.get_running_loop().time())
 
     def observe(self, middle: Cell | None = None) -> None:
         """Merge and publish one observation around `middle`, or around a random cell."""
         cells = self.prepared.pop() if middle is None and self.prepared else self._draw_cells(middle)
         self.seq += 1
-        now_s = time.monotonic()
+        now_s = asyncio.get_running_loop().time()
         observation = Observation(self.uav, self.seq, now_s, cells, self.incarnation)
         self.belief = self.belief.merge((observation,))
         self.log.published_s[self.uav, self.seq] = now_s
@@ -120,6 +123,21 @@ class Agent:
         for i in range(round(duration_s / period_s)):
             await asyncio.sleep(begin_s + phase_s + i * period_s - loop.time())
             action()
+
+
+class IdleCoreLoop(VirtualTimeLoop):
+    """A loop on a core of its own: time passes as this process uses CPU, and waits take no time.
+
+    So other processes of the machine do not change the latencies, except through the shared caches.
+    """
+
+    def time(self) -> float:
+        return super().time() + time.process_time()
+
+
+def run_on_idle_core(main: Coroutine[Any, Any, T]) -> T:
+    with asyncio.Runner(loop_factory=IdleCoreLoop) as runner:
+        return runner.run(main)
 
 
 def make_clock() -> RunClock:
