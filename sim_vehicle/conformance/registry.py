@@ -10,13 +10,11 @@ import importlib
 import pkgutil
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Any
 
 from sim_vehicle.conformance.guard import ARM, CRASH, PERMISSIONS
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 CheckFunction = Callable[[VehicleUnderTest], str]
-Row = tuple[str, str, CheckFunction] | tuple[str, str, CheckFunction, str]
 
 # In the order of the run; checks that could disturb other checks come late.
 CATEGORIES = (
@@ -98,13 +96,6 @@ def check(
         return function
 
     return register
-
-
-def checks(prefix: str, rows: Iterable[Row], **conditions: Any) -> None:
-    """Register rows of (name after the prefix, statement, function, source); `conditions` as of `check`."""
-    for name, statement, function, *source in rows:
-        document = {"source": source[0]} if source else {}
-        check(f"{prefix}.{name}", statement=statement, **{**conditions, **document})(function)
 
 
 def all_checks() -> list[Check]:

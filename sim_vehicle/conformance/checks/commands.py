@@ -2,15 +2,16 @@
 
 import math
 import struct
+from collections.abc import Callable
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying
-from sim_vehicle.conformance.assertions import ACCEPTED, Skip, equal, holds, id_of, result_name
+from sim_vehicle.conformance.assertions import ACCEPTED, Skip, command_name, equal, holds, id_of, result_name
 from sim_vehicle.conformance.frames import COMMAND_CANCEL, COMMAND_CANCEL_EXTRA, frame
 from sim_vehicle.conformance.guard import ALTER, CRASH
-from sim_vehicle.conformance.registry import check, checks
+from sim_vehicle.conformance.registry import CheckFunction, check
 from sim_vehicle.conformance.traffic import SECOND_STATION
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.station.frames import STATION, Source
@@ -44,20 +45,32 @@ def _next_is_accepted(vehicle: VehicleUnderTest) -> str:
 # -- acknowledgement -------------------------------------------------------------------------------------
 
 
-def _names_the_station(vehicle: VehicleUnderTest) -> str:
+@check("commands.ack.names_the_command")
+def names_the_command(vehicle: VehicleUnderTest) -> str:
+    """The acknowledgement carries the number of the command."""
+    return command_name(equal(_ack(vehicle).command, REQUEST, "command"))
+
+
+@check("commands.ack.names_the_station")
+def names_the_station(vehicle: VehicleUnderTest) -> str:
+    """The acknowledgement is addressed to the commanding station, or to all systems."""
     ack = _ack(vehicle)
     seen = ack.target_system, ack.target_component
     holds(seen in (STATION, (0, 0), (STATION[0], 0)), f"expected {STATION}, saw {seen}")
     return f"{ack.target_system}, {ack.target_component}"
 
 
-def _comes_once(vehicle: VehicleUnderTest) -> str:
+@check("commands.ack.comes_once")
+def comes_once(vehicle: VehicleUnderTest) -> str:
+    """One command brings one acknowledgement."""
     mark = vehicle.send(_request(vehicle))
     vehicle.wait(1.5)
     return str(equal(len(_results(vehicle, mark)), 1, "acknowledgements"))
 
 
-def _is_quick(vehicle: VehicleUnderTest) -> str:
+@check("commands.ack.is_quick")
+def is_quick(vehicle: VehicleUnderTest) -> str:
+    """At least four of five short commands are acknowledged within 1 s; a link may lose one."""
     took_s = []
     for _ in range(5):
         began_s, mark = vehicle.now, vehicle.send(_request(vehicle))
@@ -67,7 +80,9 @@ def _is_quick(vehicle: VehicleUnderTest) -> str:
     return f"up to {max(took_s) * 1000:.0f} ms"
 
 
-def _confirmation(vehicle: VehicleUnderTest) -> str:
+@check("commands.repeated.confirmation")
+def confirmation(vehicle: VehicleUnderTest) -> str:
+    """A repeated command with a higher confirmation number is acknowledged like the first command."""
     for number in range(3):
         ack = vehicle.ask(
             _request(vehicle, confirmation=number), "COMMAND_ACK", lambda m: m.command == REQUEST
@@ -76,33 +91,36 @@ def _confirmation(vehicle: VehicleUnderTest) -> str:
     return "3 times ACCEPTED"
 
 
-def _same_mode(vehicle: VehicleUnderTest) -> str:
+@check("commands.repeated.mode")
+def same_mode(vehicle: VehicleUnderTest) -> str:
+    """A command for the present mode is accepted."""
     flying.set_ready_mode(vehicle)
     return equal(vehicle.result(set_mode(vehicle.target, vehicle.mode)), ACCEPTED, "the present mode")
 
 
-checks("commands", (
-    ("ack.names_the_command", "The acknowledgement carries the number of the command.",
-     lambda v: equal(_ack(v).command, REQUEST, "command") and "REQUEST_MESSAGE"),
-    ("ack.names_the_station",
-     "The acknowledgement is addressed to the commanding station, or to all systems.",
-     _names_the_station),
-    ("ack.comes_once", "One command brings one acknowledgement.", _comes_once),
-    ("ack.is_quick", "At least four of five short commands are acknowledged within 1 s; a link may lose one.",
-     _is_quick),
+_RESULTS: tuple[tuple[str, str, Callable[[VehicleUnderTest], Any], str], ...] = (
     ("unknown.long", "An unknown command is UNSUPPORTED.",
-     lambda v: equal(v.command(NO_SUCH_COMMAND), "UNSUPPORTED", f"command {NO_SUCH_COMMAND}")),
+     lambda v: v.command_long(NO_SUCH_COMMAND), "UNSUPPORTED"),
     ("unknown.int", "An unknown COMMAND_INT is UNSUPPORTED.",
-     lambda v: equal(v.result(v.command_int(NO_SUCH_COMMAND)), "UNSUPPORTED", "COMMAND_INT")),
-    ("int.same_as_long", "A command without a position has the same result as COMMAND_INT and COMMAND_LONG.",
-     lambda v: equal(v.result(v.command_int(REQUEST, VERSION)), v.result(_request(v)), "COMMAND_INT")),
-    ("repeated.confirmation",
-     "A repeated command with a higher confirmation number is acknowledged like the first command.",
-     _confirmation),
-    ("repeated.mode", "A command for the present mode is accepted.", _same_mode),
+     lambda v: v.command_int(NO_SUCH_COMMAND), "UNSUPPORTED"),
     ("parameters.nan_is_unset", "NaN in unused parameters of a command has no effect.",
-     lambda v: equal(v.command(REQUEST, VERSION, *[math.nan] * 5), ACCEPTED, "REQUEST_MESSAGE")),
-))  # fmt: skip
+     lambda v: v.command_long(REQUEST, VERSION, *[math.nan] * 5), ACCEPTED),
+)  # fmt: skip
+
+
+def _result_check(build: Callable[[VehicleUnderTest], Any], expected: str) -> CheckFunction:
+    return lambda vehicle: equal(vehicle.result(build(vehicle)), expected, "result")
+
+
+for _name, _statement, _build, _expected in _RESULTS:
+    check(f"commands.{_name}", statement=_statement)(_result_check(_build, _expected))
+
+
+@check("commands.int.same_as_long")
+def int_same_as_long(vehicle: VehicleUnderTest) -> str:
+    """A command without a position has the same result as COMMAND_INT and COMMAND_LONG."""
+    as_long = vehicle.result(_request(vehicle))
+    return equal(vehicle.result(vehicle.command_int(REQUEST, VERSION)), as_long, "COMMAND_INT")
 
 
 # -- targets and stations --------------------------------------------------------------------------------
@@ -118,25 +136,39 @@ def _not_executed(vehicle: VehicleUnderTest, message: Any) -> str:
     return ", ".join(seen) or "no answer"
 
 
-def _another_vehicle_int(vehicle: VehicleUnderTest) -> str:
+@check("commands.target.another_vehicle", source=FOREIGN)
+def another_vehicle(vehicle: VehicleUnderTest) -> str:
+    """A command to another system is not executed; ArduPilot does not answer it, PX4 answers FAILED."""
+    return _not_executed(vehicle, _request(vehicle, to=(vehicle.unused_sysid(), 1)))
+
+
+@check("commands.target.another_vehicle_int", source=FOREIGN)
+def another_vehicle_int(vehicle: VehicleUnderTest) -> str:
+    """A COMMAND_INT to another system is not executed; ArduPilot is silent, PX4 answers FAILED."""
     message = vehicle.command_int(REQUEST, VERSION)
     message.target_system = vehicle.unused_sysid()
     return _not_executed(vehicle, message)
 
 
-def _all_systems(vehicle: VehicleUnderTest) -> str:
+@check("commands.target.broadcast")
+def all_systems(vehicle: VehicleUnderTest) -> str:
+    """A command to system 0 reaches the vehicle; PX4 executes only a few such commands."""
     capabilities = mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES
     command, param = vehicle.known(ardupilot=(REQUEST, VERSION), px4=(capabilities, 1))
     mark = vehicle.send(vehicle.command_long(command, param, to=(0, 0)))
     return str(vehicle.expect("AUTOPILOT_VERSION", mark=mark).get_type())
 
 
-def _all_components(vehicle: VehicleUnderTest) -> str:
+@check("commands.target.all_components")
+def all_components(vehicle: VehicleUnderTest) -> str:
+    """A command to component 0 reaches the autopilot."""
     vehicle.ask(_request(vehicle, to=(vehicle.identity.sysid, 0)), "COMMAND_ACK")
     return "answered"
 
 
-def _other_component(vehicle: VehicleUnderTest) -> str:
+@check("commands.target.other_component", source=f"AUTOPILOTS 1.15: target_component is ignored; {FOREIGN}")
+def other_component(vehicle: VehicleUnderTest) -> str:
+    """A command to component 77 is executed by ArduPilot; PX4 answers FAILED."""
     expected = vehicle.known(ardupilot=(ACCEPTED, True), px4=("FAILED", False))
     mark = vehicle.send(_request(vehicle, to=(vehicle.identity.sysid, 77)))
     ack = vehicle.expect("COMMAND_ACK", lambda m: m.command == REQUEST, mark=mark)
@@ -145,39 +177,23 @@ def _other_component(vehicle: VehicleUnderTest) -> str:
     return equal((result_name(ack.result), executed), expected, "result, executed")[0]
 
 
-def _any_station(vehicle: VehicleUnderTest) -> str:
+@check("commands.station.any_is_obeyed", source="AUTOPILOTS 1.15: commands from any GCS sysid are obeyed")
+def any_station(vehicle: VehicleUnderTest) -> str:
+    """The command of a second ground station is acknowledged, to that station or to all systems."""
     target, expected = _ack(vehicle, SECOND_STATION).target_system, (0, SECOND_STATION[0])
     holds(target in expected, f"expected one of {expected}, saw {target}")
     return f"acknowledged to {target}"
 
 
-def _two_at_once(vehicle: VehicleUnderTest) -> str:
+@check("commands.station.two_at_once")
+def two_at_once(vehicle: VehicleUnderTest) -> str:
+    """The vehicle acknowledges two commands that two stations send at the same moment."""
     mark = vehicle.send(_request(vehicle))
     vehicle.send(_request(vehicle), SECOND_STATION)
     vehicle.wait(1.5)
     targets = [m.target_system for m in vehicle.since(mark, "COMMAND_ACK") if m.command == REQUEST]
     equal(len(targets), 2, "acknowledgements")
     return f"to {targets}"
-
-
-checks("commands", (
-    ("target.another_vehicle",
-     "A command to another system is not executed; ArduPilot does not answer it, PX4 answers FAILED.",
-     lambda v: _not_executed(v, _request(v, to=(v.unused_sysid(), 1))), FOREIGN),
-    ("target.another_vehicle_int",
-     "A COMMAND_INT to another system is not executed; ArduPilot is silent, PX4 answers FAILED.",
-     _another_vehicle_int, FOREIGN),
-    ("target.broadcast", "A command to system 0 reaches the vehicle; PX4 executes only a few such commands.",
-     _all_systems),
-    ("target.all_components", "A command to component 0 reaches the autopilot.", _all_components),
-    ("target.other_component", "A command to component 77 is executed by ArduPilot; PX4 answers FAILED.",
-     _other_component, f"AUTOPILOTS 1.15: target_component is ignored; {FOREIGN}"),
-    ("station.any_is_obeyed",
-     "The command of a second ground station is acknowledged, to that station or to all systems.",
-     _any_station, "AUTOPILOTS 1.15: commands from any GCS sysid are obeyed"),
-    ("station.two_at_once",
-     "The vehicle acknowledges two commands that two stations send at the same moment.", _two_at_once),
-))  # fmt: skip
 
 
 # -- numbers that are none, and progress -----------------------------------------------------------------

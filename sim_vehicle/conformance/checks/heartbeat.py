@@ -6,7 +6,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance.assertions import CheckFailed, Skip, equal, holds, within
 from sim_vehicle.conformance.flying import mode_name
-from sim_vehicle.conformance.registry import check, checks
+from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.station.frames import ReceivedFrame
 
@@ -64,27 +64,35 @@ def no_gaps(vehicle: VehicleUnderTest) -> str:
 # -- fields of a heartbeat on the ground -----------------------------------------------------------------
 
 
-def _ids(vehicle: VehicleUnderTest) -> str:
+@check("heartbeat.ids_in_range")
+def ids_in_range(vehicle: VehicleUnderTest) -> str:
+    """A vehicle's system id is 1 to 254, an autopilot's component id is 1."""
     sysid, component = vehicle.target
     within(sysid, 1, 254, "system id")
     equal(component, mavlink.MAV_COMP_ID_AUTOPILOT1, "component id")
     return f"{sysid}, {component}"
 
 
-def _type(vehicle: VehicleUnderTest) -> str:
+@check("heartbeat.type_is_a_vehicle")
+def type_is_a_vehicle(vehicle: VehicleUnderTest) -> str:
+    """The type is a known MAV_TYPE, and neither GCS nor GIMBAL."""
     name = _name("MAV_TYPE", vehicle.heartbeat.type)
     holds(name not in ("MAV_TYPE_GCS", "MAV_TYPE_GIMBAL"), f"expected the type of a vehicle, saw {name}")
     return name
 
 
-def _custom_mode_flag(vehicle: VehicleUnderTest) -> str:
+@check("heartbeat.custom_mode_flag")
+def custom_mode_flag(vehicle: VehicleUnderTest) -> str:
+    """base_mode has the flag for custom modes."""
     flags = vehicle.heartbeat.base_mode
     has_flag = flags & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
     holds(has_flag, f"base_mode {flags:#04x} lacks CUSTOM_MODE_ENABLED")
     return f"base_mode {flags:#04x}"
 
 
-def _mode(vehicle: VehicleUnderTest) -> str:
+@check("heartbeat.mode_is_known", source="AUTOPILOTS 1.5")
+def mode_is_known(vehicle: VehicleUnderTest) -> str:
+    """custom_mode is in the range of this autopilot's mode numbers."""
     if not vehicle.dialect.modes:
         raise Skip("the modes of this autopilot are not known")
     if vehicle.dialect.name == "px4":
@@ -95,31 +103,31 @@ def _mode(vehicle: VehicleUnderTest) -> str:
     return mode_name(vehicle, vehicle.mode)
 
 
-def _disarmed(vehicle: VehicleUnderTest) -> str:
+@check("heartbeat.disarmed_on_the_ground")
+def disarmed(vehicle: VehicleUnderTest) -> str:
+    """The armed flag is clear before arming."""
     holds(not vehicle.armed, "the vehicle is armed")
     return "disarmed"
 
 
-def _system_status(vehicle: VehicleUnderTest) -> str:
+@check("heartbeat.system_status", source="AUTOPILOTS 1.13")
+def system_status(vehicle: VehicleUnderTest) -> str:
+    """Before arming, system_status is a known MAV_STATE, and not ACTIVE."""
     name = _name("MAV_STATE", vehicle.heartbeat.system_status)
     holds(name != "MAV_STATE_ACTIVE", "saw ACTIVE on a disarmed vehicle")
     return name
 
 
-checks("heartbeat", (
-    ("ids_in_range", "A vehicle's system id is 1 to 254, an autopilot's component id is 1.", _ids),
-    ("says_protocol_version", "mavlink_version is 3.",
-     lambda v: str(equal(v.expect("HEARTBEAT", within_s=3).mavlink_version, 3, "mavlink_version"))),
-    ("type_is_a_vehicle", "The type is a known MAV_TYPE, and neither GCS nor GIMBAL.", _type),
-    ("autopilot_is_known", "The autopilot is a known MAV_AUTOPILOT.",
-     lambda v: _name("MAV_AUTOPILOT", v.heartbeat.autopilot)),
-    ("custom_mode_flag", "base_mode has the flag for custom modes.", _custom_mode_flag),
-    ("mode_is_known", "custom_mode is in the range of this autopilot's mode numbers.", _mode,
-     "AUTOPILOTS 1.5"),
-    ("disarmed_on_the_ground", "The armed flag is clear before arming.", _disarmed),
-    ("system_status", "Before arming, system_status is a known MAV_STATE, and not ACTIVE.",
-     _system_status, "AUTOPILOTS 1.13"),
-))  # fmt: skip
+@check("heartbeat.says_protocol_version")
+def says_protocol_version(vehicle: VehicleUnderTest) -> str:
+    """mavlink_version is 3."""
+    return str(equal(vehicle.expect("HEARTBEAT", within_s=3).mavlink_version, 3, "mavlink_version"))
+
+
+@check("heartbeat.autopilot_is_known")
+def autopilot_is_known(vehicle: VehicleUnderTest) -> str:
+    """The autopilot is a known MAV_AUTOPILOT."""
+    return _name("MAV_AUTOPILOT", vehicle.heartbeat.autopilot)
 
 
 # -- framing ---------------------------------------------------------------------------------------------
