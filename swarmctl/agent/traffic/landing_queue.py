@@ -18,7 +18,6 @@ wing does not wait, because it cannot hover.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import Any
 
 import msgspec
@@ -152,17 +151,22 @@ def _wait_if_conflicting(state: AgentState, here: LocalPoint) -> StepResult:
     if flight is None:
         return state, []
     others, limits = known_flights(state), state.task.separation.limits
-    waited_for = _go_first(state, here, near_flights(flight, others, limits))
+    near = near_flights(flight, others, limits)
+    waited_for = _go_first(state, here, near)
     descends_s = landing_start_s(flight)
     # Until shortly before the descent, only conflicts of the level flight count. For a conflict of the
-    # descent, the vehicle stops later, near its landing spot.
-    until_s = descends_s if descends_s > now_s + HOLD_BEFORE_DESCENT_S else math.inf
+    # descent, the vehicle stops later, near its landing spot, unless it would stand in the way there.
+    spot = (*waypoints_of(state.task, state.route.plan)[-1], here[2])
+    stops_later = descends_s > now_s + HOLD_BEFORE_DESCENT_S and not _hold_would_block(state, spot, near)
+    until_s = descends_s if stops_later else math.inf
     clashes = [
         clash
         for clash in clashes_with(flight, waited_for, limits)
         if clash.at_s < min(until_s, now_s + _conflict_horizon_s(waited_for[clash.other]))
     ]
-    if not clashes or _hold_would_block(state, here, others):
+    east_m, north_m, up_m = stopping_point(state, here)
+    stop = (east_m, north_m, up_m + min(state.vehicle.climb_m_s, 0.0))
+    if not clashes or _hold_would_block(state, stop, others):
         return state, []
     counts, n, reports = state.conflicts.counts, len(clashes), state.neighbours
     counts = replace(counts, predicted=counts.predicted + n, by_waiting=counts.by_waiting + n)
@@ -200,11 +204,9 @@ def _go_first(state: AgentState, here: LocalPoint, others: Others) -> dict[int, 
     return found
 
 
-def _hold_would_block(state: AgentState, here: LocalPoint, others: Mapping[int, NeighbourIntent]) -> bool:
-    """Return whether a hold would block a vehicle that cannot give way, or cannot do so in time."""
+def _hold_would_block(state: AgentState, stop: LocalPoint, others: Others) -> bool:
+    """Return whether a hold at `stop` would block a vehicle that cannot give way, or cannot do so in time."""
     limits, now_s = state.task.separation.limits, state.vehicle.time_boot_s
-    east_m, north_m, up_m = stopping_point(state, here)
-    stop = (east_m, north_m, up_m + min(state.vehicle.climb_m_s, 0.0))
     hold = Trajectory((now_s, now_s + HOLD_DURATION_S), (stop, stop))
     # Vehicles well above wait for this vehicle, or give way.
     near = {
