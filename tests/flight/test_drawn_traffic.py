@@ -12,6 +12,7 @@ N_DEFAULT, N_FULL = 12, 100
 
 FOUND = {
     29: "a vehicle that held below a landing one waited for it, and the other way round",
+    64: "a new any-angle route from a lattice route ended the program with an IndexError",
     73: "a vehicle climbed over its goal through the height of a landing one",
     103: "two vehicles changed their heights over one goal",
     112: "a vehicle held in its climb, in the way of the next one",
@@ -19,7 +20,7 @@ FOUND = {
     118: "a vehicle gave way to a landing one with a climb that ended over the goal",
 }
 """seeds that broke a rule before, with the cause"""
-OPEN = frozenset({5, 10, 25, 64, 83, 84, 107, 136, 139, 141, 155})
+OPEN = frozenset({5, 10, 25, 83, 84, 107, 136, 139, 141, 155})
 """seeds that still break a rule"""
 
 

@@ -81,7 +81,10 @@ def _decide_from(
     if keeps:
         return replace(state, route_exposure=p_s, because=()), []
     route = _with_kept_cells(task, problem, route, splice)
-    track, position = pulled_track(task, problem, route), _position_in_flight(state)
+    # A lattice route is left at a cell's centre, so the new route begins on the lattice, too.
+    on_lattice = splice.leaves_ahead and not splice.lead_waypoints
+    track = None if on_lattice else pulled_track(task, problem, route)
+    position = _position_in_flight(state)
     flown = route if track is None else track
     plan = mission_for(task, p_s, route, track, position, splice)
     if position is not None:
