@@ -1,4 +1,4 @@
-"""Proximity alarms: raised at once, ended with hysteresis; exactly one of two vehicles gives way."""
+"""Proximity alarms: raised at once, ended with hysteresis."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from swarmctl.agent.traffic.separation.watch import (
     ProximityAlarm,
     SeparationRules,
     clear_height_m,
-    gives_way_by_id,
     update_alarms,
 )
 
@@ -60,11 +59,6 @@ def test_an_alarm_for_a_vehicle_without_telemetry_ends() -> None:
     alarms = update_alarms(alarms, own, {}, RULES, 1.0)
     assert len(alarms) == 1
     assert update_alarms(alarms, own, {}, RULES, 3.0) == ()
-
-
-@given(st.integers(1, 254), st.integers(1, 254))
-def test_exactly_one_vehicle_of_two_gives_way(a: int, b: int) -> None:
-    assert a == b or gives_way_by_id(a, b) is not gives_way_by_id(b, a)
 
 
 @given(st.floats(10.0, 100.0), st.lists(st.floats(0.0, 120.0), max_size=8))

@@ -11,7 +11,7 @@ Points are (east, north, up) [m], times are by one clock [s].
 | `conflicts` | pairs in conflict among many trajectories |
 | `clash` | planned flights that conflict within a tolerance in time |
 | `flown` | least distance between vehicles in the air, from telemetry |
-| `watch` | alarms in flight, data on other vehicles, and the priority rule |
+| `watch` | alarms in flight, data on other vehicles |
 
 Imports core.
 """

@@ -1,4 +1,4 @@
-"""Proximity alarms in flight, data on other vehicles, and the rule of priority."""
+"""Proximity alarms in flight, and data on other vehicles."""
 
 from __future__ import annotations
 
@@ -119,29 +119,6 @@ def _wide(rules: SeparationRules) -> Limits:
 def _is_near(mine: Bounds, other: Trajectory, limits: Limits) -> bool:
     reach = (0.0, limits.horizontal_m, limits.horizontal_m, limits.vertical_m)
     return mine.is_within(Bounds.of(other), reach)
-
-
-def gives_way_by_id(uav: int, other: int) -> bool:
-    """Return whether `uav` gives way to `other` by system id: the higher system id gives way."""
-    return uav > other
-
-
-Priority = tuple[bool, int]
-"""(able to change its plan, system id)"""
-
-
-def gives_way_to(one: Priority, other: Priority) -> bool:
-    """Return whether `one` gives way to `other`.
-
-    | able to change: one, other | gives way |
-    |---|---|
-    | yes, no | `one` |
-    | no, yes | `other` |
-    | yes, yes | the higher system id |
-    | no, no | neither |
-    """
-    (may_change, uav), (other_may_change, other_uav) = one, other
-    return may_change and (not other_may_change or gives_way_by_id(uav, other_uav))
 
 
 def clear_height_m(height_m: float, others_m: Sequence[float], limits: Limits) -> float:
