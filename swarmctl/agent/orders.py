@@ -150,7 +150,7 @@ def _launch_answer(state: AgentState) -> tuple[CommandOutcome, str]:
         return "refused", f"{REPEAT_WHEN_RECENT} [telemetry-old]"
     if state.phase is not Phase.STANDBY:
         return "refused", f"the vehicle is not ready yet: {state.trouble or state.phase} [not-ready]"
-    if state.pending is not None:
+    if state.plans.pending is not None:
         return "taken", "the vehicle launches after its new plan is uploaded [after-upload]"
     return "taken", ""
 
@@ -181,17 +181,14 @@ def _reason_against_resuming(state: AgentState) -> str:
 
 def _resume(state: AgentState) -> StepResult:
     """Plan from the hold, as if no change had failed before. A vehicle over its goal lands."""
-    swaps = replace(state.swaps, n_failed=0)
-    state = replace(state, outcome="", trouble="", wait=None, given_up=False, swaps=swaps)
+    state = replace(state, outcome="", trouble="", wait=None, given_up=False, plans=state.plans.afresh())
     if state.cell in state.task.goals:
         boot_s = state.vehicle.time_boot_s
         return command(state, ev.FlightOrder.LAND, by_person=True, phase=Phase.LANDING, arrived_boot_s=boot_s)
     return state.enter(
         Phase.FLYING,
         order=replace(state.order, given=ev.FlightOrder.LAUNCH),
-        hold_is_own=True,
-        route=None,
-        dirty=True,
+        plans=state.plans.without_route().resumed(),
     ), []
 
 
@@ -215,13 +212,13 @@ def _apply_order(state: AgentState, event: ev.OperatorCommand, *, remote: bool) 
     if state.phase in ON_GROUND and remote:
         return replace(state, launch=state.launch.withdrawn(), order=state.order.noted(order), wait=None), []
     if state.phase in ON_GROUND:
-        return state.enter(Phase.DONE, outcome="not launched", pending=None), []
+        return state.enter(Phase.DONE, outcome="not launched", plans=state.plans.without_upload()), []
     if state.phase is Phase.LAUNCHING:
         # The vehicle is armed or will be soon, on the ground or just above it: it has to land.
         launch, land = replace(state.launch, is_aborted=True), ev.FlightOrder.LAND
         aborted = {"launch": launch, "outcome": "launch aborted"}
         return command(state, land, by_person=True, phase=Phase.LEAVING, **aborted)
-    changes: dict[str, Any] = {"dirty": False, "wait": None}
+    changes: dict[str, Any] = {"plans": state.plans.not_due(), "wait": None}
     if (state.vehicle.alt_rel_m or 0.0) > TOUCHING_DOWN_M:
         changes["arrived_boot_s"] = None  # the vehicle is over its goal, but does not land there
     changes["outcome"] = f"{order} ordered"
@@ -252,11 +249,12 @@ def weights_changed(state: AgentState, event: ev.WeightsChanged, _now: float) ->
     w = state.w if event.w is None else event.w
     strength = state.strength if event.strength is None else event.strength
     changed = (w, strength) != (state.w, state.strength)
-    state = replace(state, w=w, strength=strength, dirty=state.dirty or changed)
+    plans = state.plans.due() if changed else state.plans
+    state = replace(state, w=w, strength=strength, plans=plans)
     note = "the link is lost; the vehicle plans when the link is back [waits-for-link]" if state.lost else ""
     if not changed:
         note = "the vehicle already has these weights and keeps its plan [unchanged]"
-    taken = VehicleAnswer(state.task.uav, state.task.name, "taken", state.next_plan_id, note)
+    taken = VehicleAnswer(state.task.uav, state.task.name, "taken", state.plans.next_plan_id, note)
     return state, [ev.Answer(event.command, taken)]
 
 
@@ -269,11 +267,13 @@ def command(
     """
     sent = state.order.sent(order, own_mode_roles(state))
     phase = changes.pop("phase", state.phase)
-    state = state.enter(phase, **{"pending": None, **changes, "order": sent})
+    plans = changes.pop("plans", state.plans).without_upload()
+    state = state.enter(phase, **changes, plans=plans, order=sent)
     return state, [ev.Command(order, by_person)]
 
 
 def release_vehicle(state: AgentState, why: str) -> StepResult:
     """Release the vehicle to another operator: the agent sends no further commands of its own."""
     outcome = f"{why}; the program now sends only an operator's orders (`swarmctl order`)"
-    return state.enter(Phase.RELEASED, pending=None, dirty=False, outcome=outcome), [ev.Release()]
+    plans = state.plans.without_upload().not_due()
+    return state.enter(Phase.RELEASED, plans=plans, outcome=outcome), [ev.Release()]

@@ -17,7 +17,7 @@ def own_mode_roles(state: AgentState) -> frozenset[str]:
         return frozenset({"hold", "mission"})
     if state.order.given in (None, ev.FlightOrder.LAUNCH):
         # A swap may set hold. The swap checks for another operator's hold.
-        in_hold = state.pending is not None or state.hold_is_own
+        in_hold = state.plans.pending is not None or state.plans.hold_is_own
         return frozenset({"mission", "hold"} if in_hold else {"mission"})
     ordered = {ROLE_OF_ORDER[state.order.given]}
     if state.task.wings is not None and state.order.given is not ev.FlightOrder.HOLD:

@@ -28,8 +28,7 @@ def restart(state: AgentState, event: ev.Restarted, now: float) -> StepResult:
             Phase.WAITING,
             vehicle=VehicleState(),
             last_position=VehicleState(),
-            route=None,
-            pending=None,
+            plans=state.plans.forgotten(),
             order=replace(
                 state.order,
                 given=None if state.order.given is ev.FlightOrder.LAUNCH else state.order.given,
@@ -38,7 +37,7 @@ def restart(state: AgentState, event: ev.Restarted, now: float) -> StepResult:
         ), []
     if event.lands and state.phase in (Phase.LAUNCHING, Phase.FLYING):
         # It has passed its goal cell unseen. The time of its arrival is unknown.
-        return state.enter(Phase.LANDING, dirty=False, intent_sent_boot_s=-math.inf), []
+        return state.enter(Phase.LANDING, plans=state.plans.not_due(), intent_sent_boot_s=-math.inf), []
     return state, []
 
 
@@ -51,4 +50,9 @@ def _on_new_clock(state: AgentState, now: float) -> AgentState:
     last_s = state.vehicle.heartbeat_s
     if last_s is not None and now < last_s:
         state = replace(state, memories=())
-    return replace(state, retry_at_s=-math.inf, order=state.order.repeated(math.inf), disarmed_since_s=None)
+    return replace(
+        state,
+        plans=state.plans.not_before(-math.inf),
+        order=state.order.repeated(math.inf),
+        disarmed_since_s=None,
+    )

@@ -48,7 +48,7 @@ def _learn(state: AgentState, items: tuple[BeliefItem, ...]) -> AgentState:
     if belief is state.belief:
         return state
     learned = tuple((*item.source, item.upto if isinstance(item, Checkpoint) else item.seq) for item in items)
-    return replace(state, belief=belief, dirty=True, because=(*state.because, *learned))
+    return replace(state, belief=belief, plans=state.plans.due(learned))
 
 
 def share_state(state: AgentState) -> StepResult:
@@ -69,9 +69,9 @@ def share_state(state: AgentState) -> StepResult:
         n_observed=state.belief.n_observed,
         n_found=state.belief.n_found,
         mode=vehicle.mode[:MAX_TEXT],
-        plan_id=0 if state.route is None else state.route.plan_id,
-        replans=state.replans,
-        late_s=state.late_s,
+        plan_id=0 if state.plans.route is None else state.plans.route.plan_id,
+        replans=state.plans.replans,
+        late_s=state.plans.late_s,
         outcome=state.outcome[:MAX_TEXT],
         trouble=(state.alarm or state.trouble)[:MAX_TEXT],
         alt_amsl_m=last.alt_amsl_m,

@@ -7,9 +7,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from swarmctl.agent.arrival.common_time import ArrivalGroup, CommandedSpeed, CommonArrival
 from swarmctl.agent.failsafes import ALWAYS_ON
 from swarmctl.agent.failsafes.base import ActiveRule, Demand, Fence
@@ -20,7 +17,7 @@ from swarmctl.agent.phases import ENDED, Phase, changed
 from swarmctl.agent.progress import Progress, progress_on
 from swarmctl.agent.replan.landing_pattern import FixedWing
 from swarmctl.agent.replan.length_bounds import UNBOUNDED, TimeBound
-from swarmctl.agent.replan.swap_times import SwapHistory, SwapTimes
+from swarmctl.agent.replan.plans import Plans
 from swarmctl.agent.traffic.conflicts import Conflicts
 from swarmctl.agent.traffic.separation.trajectory import Trajectory
 from swarmctl.agent.traffic.separation.watch import (
@@ -40,7 +37,7 @@ from swarmctl.core.records import replace
 from swarmctl.core.route import landing_spot
 from swarmctl.core.threat import FiringStrength
 from swarmctl.core.vehicle import VehicleState
-from swarmctl.planners.base import Method, Route
+from swarmctl.planners.base import Method
 
 ARRIVED = "arrived"
 """outcome of a flight that landed at its goal"""
@@ -119,40 +116,17 @@ class AgentState:
     """True while the link is lost"""
     telemetry_is_late: bool = False
     """True while telemetry is too old to decide by it"""
-    route: ev.SwapMission | None = None
-    """plan being flown, or to be flown after the launch; None while a hold interrupts the plan"""
-    accepted: ev.SwapMission | None = None
-    """last plan verified on the vehicle, flown or not"""
+    plans: Plans = field(default_factory=Plans)
     progress: Progress | None = None
     """progress on `followed`, by the last telemetry with a position"""
-    pending: ev.SwapMission | None = None
-    """plan being uploaded"""
-    swap_times: SwapTimes = field(default_factory=SwapTimes)
-    swaps: SwapHistory = field(default_factory=SwapHistory)
-    dirty: bool = False
-    """True: the agent has to decide on a plan"""
-    because: tuple[ev.ObservationId, ...] = ()
-    """names of the observations merged since the last decision, and those of a failed mission change"""
-    exposure: NDArray[np.float64] | None = None
-    """P_s as of the last decision, (rows, cols)"""
-    route_exposure: NDArray[np.float64] | None = None
-    """P_s at the last decision to keep or take the route being flown, (rows, cols)"""
-    retry_at_s: float = -math.inf
-    """earliest next decision"""
     launch: Launch = field(default_factory=Launch)
     order: GivenOrder = field(default_factory=GivenOrder)
-    hold_is_own: bool = False
-    """True if this agent or its swap has set the hold between two plans"""
     wait: Wait | None = None
     """wait for other vehicles; None: the vehicle waits for none"""
     returning: Mapping[int, NeighbourReport] = field(default_factory=dict)
     """last states of other vehicles that return or wait to return"""
     arrived_boot_s: float | None = None
     """time at which the vehicle was first seen in its goal cell; None after an order to leave the goal"""
-    planned: Route | None = None
-    """last answer of the planner, flown or not"""
-    late_s: float | None = None
-    """predicted arrival after take-off [s], by the last decision; None while within the bound"""
     disarmed_since_s: float | None = None
     """time of the first heartbeat that reports the vehicle disarmed; None while armed"""
     memories: tuple[Any, ...] = ()
@@ -164,8 +138,6 @@ class AgentState:
     """vehicles predicted to come too close"""
     height_offset_m: float = 0.0
     """height above the task's altitude, for separation from other vehicles [m]"""
-    must_change: bool = False
-    """True: the next plan is flown even if it is no better"""
     intents: Mapping[int, NeighbourIntent] = field(default_factory=dict)
     own_intent: Trajectory | None = None
     """last intent sent; times by the vehicle's clock, heights above the sea"""
@@ -181,11 +153,7 @@ class AgentState:
     incarnation: int = 0
     """number that grows with each start of the agent's program, part of the names of observations"""
     next_seq: int = 1
-    next_plan_id: int = 1
     last_shared_s: float = -math.inf
-    searches: int = 0
-    replans: int = 0
-    """number of mission changes in flight"""
     flown: Flown = field(default_factory=Flown)
     refused: int = 0
     """number of impossible observations received"""
@@ -208,7 +176,7 @@ class AgentState:
     @property
     def followed(self) -> ev.SwapMission | None:
         """The plan being flown, to be flown after the launch, or interrupted to give way."""
-        return (self.interrupted if self.is_waiting else None) or self.route
+        return (self.interrupted if self.is_waiting else None) or self.plans.route
 
     def with_progress(self) -> AgentState:
         """Return the state with the progress on `followed` at the present position."""
@@ -254,12 +222,12 @@ class AgentState:
     def late(self) -> str:
         """Predicted violation of the time bound as text; empty while the bound is met."""
         arrival = self.task.arrival
-        if self.late_s is None:
+        if self.plans.late_s is None:
             return ""
         # Rounded away from the bound, so that a violated bound never looks met.
-        round_away = math.ceil if self.late_s > arrival.within_s else math.floor
-        rounding = 1e-6 if self.late_s > arrival.within_s else -1e-6
-        arrives_s = round_away(10.0 * self.late_s - rounding) / 10.0
+        round_away = math.ceil if self.plans.late_s > arrival.within_s else math.floor
+        rounding = 1e-6 if self.plans.late_s > arrival.within_s else -1e-6
+        arrives_s = round_away(10.0 * self.plans.late_s - rounding) / 10.0
         return (
             f"no route found keeps the time bound of {arrival}; the vehicle flies the route nearest to the "
             f"bound, with arrival over the goal {arrives_s:.1f} s after the take-off [no-timely-route]"

@@ -61,7 +61,7 @@ def step(state: AgentState, event: ev.Event, now: float) -> StepResult:
 def _ready(state: AgentState, _event: ev.Ready, _now: float) -> StepResult:
     if state.phase is not Phase.WAITING:
         return state, []
-    return state.enter(Phase.UPLOADING, dirty=True), []
+    return state.enter(Phase.UPLOADING, plans=state.plans.due()), []
 
 
 def _rebooted(state: AgentState, _event: ev.Rebooted, _now: float) -> StepResult:
@@ -74,7 +74,7 @@ def _rebooted(state: AgentState, _event: ev.Rebooted, _now: float) -> StepResult
         # This process orders its own launch only once, so no order would follow after the reboot.
         return cancel_launch(state, "the vehicle rebooted while it waited for its launch")
     # Readiness and mission have to be checked again.
-    state = state.enter(Phase.WAITING, route=None, pending=None, launch=state.launch.withdrawn())
+    state = state.enter(Phase.WAITING, plans=state.plans.forgotten(), launch=state.launch.withdrawn())
     return replace(
         state,
         last_position=VehicleState(),
@@ -242,9 +242,9 @@ def _update_position(state: AgentState, vehicle: VehicleState) -> AgentState:
 
 
 def _enter_cell(state: AgentState, cell: Cell) -> AgentState:
-    if state.exposure is None:
+    if state.plans.exposure is None:
         return state
-    return replace(state, flown=state.flown.entered(cell, float(state.exposure[cell])))
+    return replace(state, flown=state.flown.entered(cell, float(state.plans.exposure[cell])))
 
 
 def _joined(state: AgentState, event: ev.Joined, _now: float) -> StepResult:

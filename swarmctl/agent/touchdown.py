@@ -52,7 +52,7 @@ def end_at_touchdown(state: AgentState) -> AgentState:
 
     A vehicle that landed at its goal has arrived, whatever order it got last.
     """
-    state = replace(state, pending=None)
+    state = replace(state, plans=state.plans.without_upload())
     # A hold that was ordered just above the ground does not prevent the touchdown.
     holds_over_goal = state.phase is Phase.HOLDING and state.arrived_boot_s is not None
     at_goal = state.phase is Phase.LANDING or holds_over_goal
@@ -90,7 +90,7 @@ def _distance_text(state: AgentState) -> str:
 
 def _rolled_out(state: AgentState) -> bool:
     """Return whether a fixed wing is within its roll-out distance of the planned touchdown."""
-    vehicle, swap = state.vehicle, state.route
+    vehicle, swap = state.vehicle, state.plans.route
     if swap is None or swap.plan.approach is None or vehicle.lat_deg is None or vehicle.lon_deg is None:
         return False
     touchdown = swap.plan.approach.touchdown

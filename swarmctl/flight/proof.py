@@ -41,7 +41,7 @@ def candidates(state: AgentState) -> list[int]:
 
 def _possible_swaps(state: AgentState) -> dict[int, ev.SwapMission]:
     """Return the missions that the vehicle may fly by the numbers of their plans, the most likely first."""
-    swaps = (state.pending, state.route, state.interrupted, state.accepted)
+    swaps = (state.plans.pending, state.plans.route, state.interrupted, state.plans.accepted)
     return {swap.plan_id: swap for swap in swaps if swap is not None}
 
 
@@ -70,8 +70,8 @@ def take_over(recorded: RecordedVehicle, found: Finding, speedup: float) -> list
         return [ev.Restarted(), *begins, ev.OperatorCommand(ev.FlightOrder.HOLD)]
     lands = found.stored.lands and vehicle.mode_role == "mission"
     events: list[ev.Event] = [ev.Restarted(on_ground, lands), ev.LinkRestored()]
-    if state.pending is not None:
-        events.append(_end_of_swap(state.pending.plan_id, found))
+    if state.plans.pending is not None:
+        events.append(_end_of_swap(state.plans.pending.plan_id, found))
     if state.phase is Phase.LAUNCHING:
         events.append(ev.OrderDone(ev.FlightOrder.LAUNCH))
     return [*events, ev.TelemetryReceived(vehicle)]
@@ -156,7 +156,9 @@ def _off_plan(state: AgentState, found: Finding) -> str:
     if off_m > limit_m:
         return f"the vehicle is {off_m:.0f} m off its route, more than {limit_m:.0f} m"
     before = state.vehicle
-    is_settled = before.time_boot_s - state.swaps.done_boot_s > SETTLED_S and state.pending is None
+    is_settled = (
+        before.time_boot_s - state.plans.swaps.done_boot_s > SETTLED_S and state.plans.pending is None
+    )
     if task.wings is not None or not is_settled or before.mission_seq is None or vehicle.mission_seq is None:
         return ""
     if vehicle.mission_seq < before.mission_seq:

@@ -256,7 +256,7 @@ def _age_s(reported_s: float | None) -> float:
 
 def _verified_plan(vehicle: VehicleToCheck) -> FlightPlan | None:
     """Return the plan verified on the vehicle, or None."""
-    accepted = vehicle.runner.state.accepted
+    accepted = vehicle.runner.state.plans.accepted
     return None if accepted is None or not vehicle.runner.link.items() else accepted.plan
 
 

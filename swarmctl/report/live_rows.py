@@ -99,7 +99,7 @@ def vehicle_row(
         cells_own=n_own,
         cells_received=state.belief.n_observed - n_own,
         hostiles_known=state.belief.n_found,
-        replans=state.replans,
+        replans=state.plans.replans,
         strikes=state.vehicle.strikes,
         link=_link(state, age_s) + (f", {refused} refused" if refused else ""),
         weights=_weights(state),

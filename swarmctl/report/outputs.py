@@ -30,7 +30,7 @@ def write_run(folder: Path, scenario: Scenario, report: FlightReport) -> None:
     centre = grid.frame.to_geodetic(grid.size_east_m / 2.0, grid.size_north_m / 2.0)
     _write_json(folder / "foxglove.json", foxglove.layout([spec.name for spec in scenario.specs], centre))
     for spec in scenario.specs:
-        accepted = report.states[spec.sysid].accepted
+        accepted = report.states[spec.sysid].plans.accepted
         if accepted is not None:
             _write_plan(folder / f"{spec.name}.plan", scenario, spec, accepted.plan)
     _draw(folder, _flown_picture(scenario, report))

@@ -103,12 +103,12 @@ class FlightStatistics:
                 self.separation.neighbours_moved(after, states, vehicle.flight_time_s, now)
             case ev.ObservationsReceived(items) if after.belief is not before.belief:
                 self._merged_s.update(((*o.source, o.seq), now) for o in items if isinstance(o, Observation))
-            case ev.MissionAccepted() if before.pending is not None and after.pending is None:
-                self._accepted(vehicle, before.pending, now)
+            case ev.MissionAccepted() if before.plans.pending is not None and after.plans.pending is None:
+                self._accepted(vehicle, before.plans.pending, now)
             case _:
                 pass
         if isinstance(event, ev.MissionAccepted | ev.MissionFailed):
-            pending = before.pending if before.phase in IN_FLIGHT else None
+            pending = before.plans.pending if before.phase in IN_FLIGHT else None
             if pending is not None and pending.plan_id == event.plan_id:
                 vehicle.swaps.count(event)
         for effect in effects:
@@ -138,8 +138,8 @@ class FlightStatistics:
         vehicle.strikes += [here] * (state.strikes - before.vehicle.strikes)
         if vehicle.took_off_s is None:
             vehicle.took_off_s = state.time_boot_s
-            if after.route is not None:
-                vehicle.takeoff_plan = TakeoffPlan(after.route, after.belief, after.strength)
+            if after.plans.route is not None:
+                vehicle.takeoff_plan = TakeoffPlan(after.plans.route, after.belief, after.strength)
         vehicle.last_s = state.time_boot_s
 
     def _accepted(self, vehicle: VehicleStatistics, swap: ev.SwapMission, now: float) -> None:
@@ -266,9 +266,9 @@ def _vehicle(
         "cells_entered": len(state.flown.cells),
         "no_fly_cells_entered": state.flown.no_fly_entered,
         "strikes": state.vehicle.strikes,
-        "searches": state.searches,
-        "last_plan": None if state.planned is None else _plan(state.planned),
-        "replans": state.replans,
+        "searches": state.plans.searches,
+        "last_plan": None if state.plans.planned is None else _plan(state.plans.planned),
+        "replans": state.plans.replans,
         "swaps": flight.swaps.summary(),
         "weights": [
             _weights(None, 1, task.w, task.strength),

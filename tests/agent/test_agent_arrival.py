@@ -159,7 +159,9 @@ def test_an_early_vehicle_with_a_minimum_speed_takes_a_longer_route() -> None:
     # The route takes at least 68 s at 8 m/s and is in time at 10 m/s.
     assert 0.8 * 640.0 < 60.0 + swap.length_m < 700.0
     story.accept()
-    story.state = replace(story.state, swaps=SwapHistory(done_boot_s=-100.0))
+    story.state = replace(
+        story.state, plans=replace(story.state.plans, swaps=SwapHistory(done_boot_s=-100.0))
+    )
     assert next_swap(story) is None
 
 

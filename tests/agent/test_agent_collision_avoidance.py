@@ -32,7 +32,7 @@ def test_the_higher_system_id_holds_and_reports_it() -> None:
     assert codes(effects) == ["alarm-yields"]
     assert "vehicle 1" in operator_texts(effects)[0]
     assert story.state.phase is Phase.FLYING
-    assert not needs_tick(replace(story.state, dirty=True), story.now)
+    assert not needs_tick(replace(story.state, plans=replace(story.state.plans, dirty=True)), story.now)
 
 
 def test_the_lower_system_id_continues_and_reports_it() -> None:

@@ -10,6 +10,7 @@ from wings_configs import winged
 
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.decide import first_flight, first_problem, first_route
+from swarmctl.agent.replan.plans import Plans
 from swarmctl.agent.replan.route_to_mission import corners_ahead
 from swarmctl.agent.replan.splice import splice_on_route
 from swarmctl.agent.replan.swap_times import SwapTimes
@@ -34,8 +35,9 @@ def flying(east_m: float, task=WING, **changes) -> AgentState:
     lat_deg, lon_deg = GRID.frame.to_geodetic(east_m, 175.0)
     home = dict(zip(("home_lat_deg", "home_lon_deg"), GRID.frame.to_geodetic(-50.0, 175.0), strict=True))
     vehicle = replace(state.vehicle, lat_deg=lat_deg, lon_deg=lon_deg, alt_rel_m=40.0, armed=True, **home)
-    state = replace(state, phase=Phase.FLYING, route=swap, vehicle=vehicle, last_position=vehicle)
-    return replace(state, cell=GRID.cell_at(lat_deg, lon_deg), **changes).with_progress()
+    state = replace(state, phase=Phase.FLYING, vehicle=vehicle, last_position=vehicle)
+    plans = replace(state.plans, route=swap, **changes)
+    return replace(state, cell=GRID.cell_at(lat_deg, lon_deg), plans=plans).with_progress()
 
 
 def kept_cells(state: AgentState) -> tuple[Cell, ...]:
@@ -60,7 +62,7 @@ def test_a_fixed_wing_near_its_goal_keeps_its_route() -> None:
 
 
 def test_a_vehicle_without_a_route_keeps_only_its_cell() -> None:
-    assert kept_cells(replace(flying(110.0), route=None)) == ((3, 2),)
+    assert kept_cells(replace(flying(110.0), plans=Plans())) == ((3, 2),)
 
 
 @pytest.mark.parametrize(

@@ -143,7 +143,7 @@ def test_a_new_plan_without_conflict_is_uploaded_and_announced() -> None:
     effects = report_hostile_ahead(story)
     assert heights(effects) == [30.0]
     (intent,) = intents(effects)
-    assert intent.plan_id == story.state.pending.plan_id  # type: ignore[union-attr]
+    assert intent.plan_id == story.state.plans.pending.plan_id  # type: ignore[union-attr]
     assert story.state.conflicts.counts.predicted == 0
 
 
@@ -170,12 +170,12 @@ def test_without_a_free_height_a_new_plan_is_deferred() -> None:
     # The row of vehicle 2 is free; each route around the hostile has a conflict.
     for uav, north_m in ((1, MID_M[1] + 100.0), (3, MID_M[1] - 100.0)):
         story.other(uav, (0.0, MID_M[0] + 50.0, north_m), (90.0, MID_M[0] + 55.0, north_m))
-    before = story.state.route
+    before = story.state.plans.route
     effects = report_hostile_ahead(story)
     assert heights(effects) == []
     assert codes(effects) == ["plan-deferred"]
-    assert story.state.route is before
-    assert story.state.pending is None
+    assert story.state.plans.route is before
+    assert story.state.plans.pending is None
     assert story.state.conflicts.counts.by_waiting == story.state.conflicts.counts.predicted >= 1
     assert story.tick() == []
     story.now += RETRY_S
@@ -348,7 +348,7 @@ class Swarm:
                 self.fold(to, ev.Intents(((uav, self.now_s - sent_s, intent),)))
             for uav, story in self.stories.items():
                 self.position(uav)
-                if story.state.pending is None:
+                if story.state.plans.pending is None:
                     story.now = self.now_s
                     if needs_tick(story.state, self.now_s):
                         self.fold(uav, ev.Tick())

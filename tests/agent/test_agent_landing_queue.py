@@ -197,9 +197,9 @@ def test_the_mission_of_a_landing_copter_is_not_changed() -> None:
 def test_a_copter_without_a_mission_lands_at_its_position() -> None:
     story = LandingStory().waiting()
     story(ev.Intents(((1, 0.0, IntentShared(0)),)))
-    while story.state.pending is None:
+    while story.state.plans.pending is None:
         story.at(3.0, **HOLDS)
-    plan_id = story.state.pending.plan_id
+    plan_id = story.state.plans.pending.plan_id
     assert orders(story(ev.MissionFailed(plan_id, "old", "the vehicle is landing"))) == [ev.FlightOrder.LAND]
     assert story.state.phase is Phase.LANDING
 

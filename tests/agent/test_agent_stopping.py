@@ -45,8 +45,8 @@ class StopStory(Story):
         return self.tick()
 
     def accept_plan(self) -> None:
-        assert self.state.pending is not None
-        self(ev.MissionAccepted(self.state.pending.plan_id, 0.5, 0.0))
+        assert self.state.plans.pending is not None
+        self(ev.MissionAccepted(self.state.plans.pending.plan_id, 0.5, 0.0))
 
 
 def published_intent(effects: list[ev.Effect]) -> IntentShared:
@@ -77,7 +77,7 @@ def test_the_intent_of_a_new_plan_is_later_by_the_cost_of_the_stop() -> None:
 
 def test_the_intent_before_a_swap_flies_on_and_then_brakes_to_a_stop() -> None:
     story = StopStory(2.5)
-    on_s = story.state.swap_times.likely_s
+    on_s = story.state.plans.swap_times.likely_s
     path = flight(published_intent(story.new_plan()))
     at = path.times_s.index
     assert path.points[at(on_s)] == pytest.approx((75.0 + 10.0 * on_s, ROW_M, 330.0), abs=0.01)
@@ -119,15 +119,15 @@ def test_the_intent_continues_the_braking_and_then_speeds_up_from_the_stop() -> 
     # 3 s for 11.25 m, and 2 s lost by speeding up from a stop; 0.125 s from 7.5 m/s.
     assert landing_delay_s(*stories) == pytest.approx(3.0 - 1.125 + 2.0 - 0.125, abs=0.1)
     for story in stories:
-        story.at(98.0, 2.0, time_boot_s=story.state.swaps.done_boot_s + 3.1)
+        story.at(98.0, 2.0, time_boot_s=story.state.plans.swaps.done_boot_s + 3.1)
     assert landing_delay_s(*stories) == pytest.approx(0.0, abs=1e-6)
 
 
 def test_a_failed_swap_adds_no_stop_to_the_intent() -> None:
     stories = pair()
     for story in stories:
-        assert story.state.pending is not None
-        story(ev.MissionFailed(story.state.pending.plan_id, "old", "refused"))
+        assert story.state.plans.pending is not None
+        story(ev.MissionFailed(story.state.plans.pending.plan_id, "old", "refused"))
         story.at(85.0)
     assert landing_delay_s(*stories) == 0.0
 
@@ -140,8 +140,8 @@ def test_the_earliest_arrival_includes_the_stop() -> None:
 def test_a_holding_vehicle_needs_no_stop() -> None:
     plans = []
     for story in pair():
-        assert story.state.pending is not None
-        story(ev.MissionFailed(story.state.pending.plan_id, "hold", "not read back"))
+        assert story.state.plans.pending is not None
+        story(ev.MissionFailed(story.state.plans.pending.plan_id, "hold", "not read back"))
         story.now += RETRY_AFTER_S
         story.at(85.0, 0.0, mode_role="hold")
         plans.append(lands_in_s(published_intent(story.tick())))

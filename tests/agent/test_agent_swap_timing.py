@@ -26,7 +26,9 @@ class SwapStory(Story):
         super().__init__(**changes)
         self.flying()
         if took_s is not None:
-            self.state = replace(self.state, swap_times=SwapTimes((took_s,), (0.0,)))
+            self.state = replace(
+                self.state, plans=replace(self.state.plans, swap_times=SwapTimes((took_s,), (0.0,)))
+            )
 
     def at(self, east_m: float, **changes: Any) -> list[ev.Effect]:
         lat_deg, lon_deg = GRID.frame.to_geodetic(east_m, ROW_M)
@@ -94,7 +96,7 @@ def test_a_backward_clock_jump_delays_no_plan() -> None:
 def test_the_splice_point_is_ahead_of_the_vehicle_at_the_end_of_the_swap(took_s: float) -> None:
     story = SwapStory(took_s)
     story.at(30.0)
-    before = story.state.route
+    before = story.state.plans.route
     assert before is not None
     story.hear((4, 7, True))
     swap = story.swap()
@@ -147,12 +149,12 @@ def _place(east_m: float) -> tuple[float, float]:
 def test_corners_before_the_splice_point_are_kept_only_ahead_of_the_vehicle(is_ahead: bool) -> None:
     story = Story(entry=(0, 0), goals=((4, 8),)).launching()
     story(ev.OrderDone(ev.FlightOrder.LAUNCH))
-    assert story.state.route is not None
-    cells = story.state.route.cells
+    assert story.state.plans.route is not None
+    cells = story.state.plans.route.cells
     _, came, corner, goes = next(turn for turn in _turns(cells) if turn[1] != turn[3])
     (east_m, north_m), (rows, cols) = GRID.centre_m(corner), came if is_ahead else goes
     way, length = (-20.0 if is_ahead else 20.0), (rows**2 + cols**2) ** 0.5
-    story.state = replace(story.state, swap_times=SwapTimes((2.5,), (0.0,)))
+    story.state = replace(story.state, plans=replace(story.state.plans, swap_times=SwapTimes((2.5,), (0.0,))))
     lat_deg, lon_deg = GRID.frame.to_geodetic(east_m + way * cols / length, north_m + way * rows / length)
     motion = {"ground_speed_m_s": 10.0, "east_m_s": 10.0 * cols / length, "north_m_s": 10.0 * rows / length}
     home = dict(zip(("home_lat_deg", "home_lon_deg"), GRID.centre(cells[0]), strict=True))
@@ -184,7 +186,7 @@ def test_a_vehicle_that_arrives_before_the_end_of_a_swap_keeps_its_route() -> No
     story.at(330.0)
     story.hear((4, 8, True))
     assert swaps(story.tick()) == []
-    assert not story.state.dirty
+    assert not story.state.plans.dirty
 
 
 def test_the_splice_point_on_a_track_is_the_position_at_the_end_of_the_swap() -> None:
@@ -196,7 +198,7 @@ def test_the_splice_point_on_a_track_is_the_position_at_the_end_of_the_swap() ->
     ).launching()
     story(ev.OrderDone(ev.FlightOrder.LAUNCH))
     story.over((0, 0))
-    flown = story.state.route
+    flown = story.state.plans.route
     assert flown is not None
     assert flown.track is not None
     ends = [GRID.frame.to_local(p.lat_deg, p.lon_deg) for p in flown.plan.track]
@@ -204,7 +206,7 @@ def test_the_splice_point_on_a_track_is_the_position_at_the_end_of_the_swap() ->
     length_m = ((e1 - e0) ** 2 + (n1 - n0) ** 2) ** 0.5
     east, north = (e1 - e0) / length_m, (n1 - n0) / length_m
     lat_deg, lon_deg = GRID.frame.to_geodetic(e0 + 100.0 * east, n0 + 100.0 * north)
-    story.state = replace(story.state, swap_times=SwapTimes((6.0,), (0.0,)))
+    story.state = replace(story.state, plans=replace(story.state.plans, swap_times=SwapTimes((6.0,), (0.0,))))
     motion = {"ground_speed_m_s": 10.0, "east_m_s": 10.0 * east, "north_m_s": 10.0 * north}
     story.over((0, 0), lat_deg=lat_deg, lon_deg=lon_deg, **motion)
     ahead = [cell for cell in flown.track.over if cell[1] in (6, 7)]
@@ -238,7 +240,7 @@ def test_the_upload_on_the_ground_sets_the_expected_duration_of_the_first_swap()
     story = Story()
     story(ev.Ready())
     story(ev.MissionAccepted(story.swap().plan_id, 8.0))
-    assert story.state.swap_times.expected_s == pytest.approx(10.5)
+    assert story.state.plans.swap_times.expected_s == pytest.approx(10.5)
 
 
 def test_a_late_plan_is_replaced_at_once_by_a_plan_that_turns_farther_ahead() -> None:
@@ -247,13 +249,13 @@ def test_a_late_plan_is_replaced_at_once_by_a_plan_that_turns_farther_ahead() ->
     story.hear((4, 7, True))
     first = story.swap()
     for _ in range(MAX_FAILED_SWAPS + 1):
-        assert story.state.pending is not None
-        failed = ev.MissionFailed(story.state.pending.plan_id, "old", "flown past", is_late=True)
+        assert story.state.plans.pending is not None
+        failed = ev.MissionFailed(story.state.plans.pending.plan_id, "old", "flown past", is_late=True)
         assert orders(story(failed)) == []
         again = story.tick()
         if not again:
             break  # the vehicle would be at its goal before the splice point
     assert story.state.phase is Phase.FLYING
-    assert story.state.route is not None
-    assert story.state.swap_times.expected_s > 2.0 * PRIOR_S
-    assert first.plan_id < story.state.next_plan_id - 1
+    assert story.state.plans.route is not None
+    assert story.state.plans.swap_times.expected_s > 2.0 * PRIOR_S
+    assert first.plan_id < story.state.plans.next_plan_id - 1

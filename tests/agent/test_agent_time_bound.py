@@ -89,7 +89,9 @@ def test_the_detour_is_flown_only_with_enough_time() -> None:
     for within_s, length in ((120.0, 9.0), (70.0, 8.0)):
         flight = flying(within_s=within_s)
         flight.hear(*HOSTILES_ON_ROUTE)
-        cells = swap.cells if (swap := next(iter(swaps(flight.tick())), None)) else flight.state.route.cells
+        cells = (
+            swap.cells if (swap := next(iter(swaps(flight.tick())), None)) else flight.state.plans.route.cells
+        )
         assert (length_cells(cells) > 8.0) == (length > 8.0)
         assert flight.state.late == ""
 
@@ -106,7 +108,7 @@ def test_a_late_vehicle_flies_on_and_reports_its_arrival_time() -> None:
     flight = flying(at_s=60.0, within_s=80.0)
     flight.hear((0, 4, True))
     assert swaps(flight.tick()) == []  # the straight route is the least late
-    assert flight.state.late_s == pytest.approx(100.0)
+    assert flight.state.plans.late_s == pytest.approx(100.0)
     assert "100.0 s" in flight.state.late
     flight.over((0, 1), time_boot_s=170.0, ground_speed_m_s=10.0)
     flight.hear((0, 5, True), seq=2)
@@ -132,12 +134,12 @@ def test_a_mission_change_that_would_cost_the_arrival_in_time_is_not_made() -> N
     flight = flying(within_s=80.0)
     flight.hear(*HOSTILES_ON_ROUTE)
     flight.tick()
-    before = flight.state.route
+    before = flight.state.plans.route
     # 60 s are left for a route of 60 s: in time only without a swap.
     flight.over((0, 0), time_boot_s=140.0)
     flight.hear((8, 8, False), seq=2)
     assert swaps(flight.tick()) == []
-    assert flight.state.route is before
+    assert flight.state.plans.route is before
 
 
 def test_a_route_into_a_wall_is_left_even_if_the_vehicle_becomes_late() -> None:
@@ -153,7 +155,7 @@ def test_a_route_into_a_wall_is_left_even_if_the_vehicle_becomes_late() -> None:
 
 def test_a_route_with_a_too_early_arrival_is_replaced_by_a_longer_one() -> None:
     flight = flying(after_s=64.0, within_s=120.0)
-    assert flight.state.late_s == pytest.approx(54.5, abs=0.1)
+    assert flight.state.plans.late_s == pytest.approx(54.5, abs=0.1)
     flight.hear(*HOSTILES_ON_ROUTE)
     assert length_cells(flight.swap().cells) > 9.5
     assert flight.state.late == ""
@@ -174,7 +176,7 @@ def test_a_vehicle_late_before_launch_takes_the_shortest_route() -> None:
     flight = story(within_s=50.0)
     flight(ev.Ready())
     assert length_cells(flight.swap().cells) == 8.0
-    assert flight.state.late_s == pytest.approx(63.36, abs=0.1)
+    assert flight.state.plans.late_s == pytest.approx(63.36, abs=0.1)
 
 
 def test_the_arrival_is_recorded_by_the_vehicles_clock() -> None:
@@ -238,7 +240,7 @@ def test_the_turns_of_a_detour_take_time() -> None:
         flight = flying(at_s=10.0, within_s=within_s)
         flight.hear(*HOSTILES_ON_ROUTE)
         assert bool(swaps(flight.tick())) is goes_around
-        assert flight.state.late_s is None
+        assert flight.state.plans.late_s is None
 
 
 @pytest.mark.parametrize(("stood_s", "goes_around"), [((), False), ((0.0, 0.1), True), ((0.1, 4.0), False)])
@@ -247,7 +249,9 @@ def test_a_swap_costs_the_measured_stop_of_the_last_swaps(
 ) -> None:
     """For the detour of the test above, 70.5 s are enough only without a stop."""
     flight = flying(at_s=10.0, within_s=70.5)
-    flight.state = replace(flight.state, swap_times=SwapTimes((1.0,) * len(stood_s), stood_s))
+    flight.state = replace(
+        flight.state, plans=replace(flight.state.plans, swap_times=SwapTimes((1.0,) * len(stood_s), stood_s))
+    )
     flight.hear(*HOSTILES_ON_ROUTE)
     assert bool(swaps(flight.tick())) is goes_around
 
@@ -262,7 +266,9 @@ def test_a_swap_costs_more_for_a_vehicle_that_brakes_without_standing(
     """
     flight = flying(at_s=10.0, within_s=within_s)
     vehicle = replace(flight.state.vehicle, brakes_m_s2=2.5)
-    flight.state = replace(flight.state, vehicle=vehicle, swap_times=SwapTimes((1.0,), (0.0,)))
+    flight.state = replace(
+        flight.state, vehicle=vehicle, plans=replace(flight.state.plans, swap_times=SwapTimes((1.0,), (0.0,)))
+    )
     flight.hear(*HOSTILES_ON_ROUTE)
     assert bool(swaps(flight.tick())) is goes_around
 
@@ -277,14 +283,16 @@ def test_a_track_that_becomes_worse_than_its_route_is_planned_again() -> None:
     flight.launching()
     flight(ev.OrderDone(ev.FlightOrder.LAUNCH))
     flight.over((0, 0))
-    flown = flight.state.route
+    flown = flight.state.plans.route
     assert flown is not None
     assert flown.track is not None
     beside = [cell for cell in flown.track.over if cell not in flown.cells]
     assert beside
     flight.hear((8, 0, False))
     assert swaps(flight.tick()) == []
-    assert flight.state.route_exposure is flight.state.exposure  # the exposure of the last comparison
+    assert (
+        flight.state.plans.route_exposure is flight.state.plans.exposure
+    )  # the exposure of the last comparison
     flight.hear((*beside[0], True), seq=2)
     swap = flight.swap()
     assert swap.track is not None
@@ -292,9 +300,11 @@ def test_a_track_that_becomes_worse_than_its_route_is_planned_again() -> None:
 
 
 def test_the_reported_arrival_time_never_rounds_to_the_bound() -> None:
-    state = replace(story(within_s=80.0).state, late_s=80.004)
+    state = story(within_s=80.0).state
+    state = replace(state, plans=replace(state.plans, late_s=80.004))
     assert "80.1 s" in state.late
-    early = replace(story(within_s=80.0, after_s=60.0).state, late_s=59.999)
+    early = story(within_s=80.0, after_s=60.0).state
+    early = replace(early, plans=replace(early.plans, late_s=59.999))
     assert "59.9 s" in early.late
 
 

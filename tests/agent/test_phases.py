@@ -19,14 +19,14 @@ FLYING = ("old", "new", "hold", "theirs", "unknown")
 
 
 def mission_accepted(story: Story) -> None:
-    if story.state.pending is not None:
+    if story.state.plans.pending is not None:
         story.accept()
 
 
 def mission_failed(flying: str, *, is_late: bool) -> Act:
     def act(story: Story) -> None:
-        if story.state.pending is not None:
-            plan_id = story.state.pending.plan_id
+        if story.state.plans.pending is not None:
+            plan_id = story.state.plans.pending.plan_id
             story(ev.MissionFailed(plan_id, flying, "failed", is_late=is_late))  # type: ignore[arg-type]
 
     return act

@@ -575,7 +575,7 @@ def test_a_swarm_without_reports_from_its_external_sensors_keeps_its_routes(tmp_
     blind, _ = flown(tmp_path / "blind")
     assert blind.bug is None
     assert all(state.belief.n_observed == 0 for state in blind.states.values())
-    assert [state.replans for state in blind.states.values()] == [0, 0, 0]
+    assert [state.plans.replans for state in blind.states.values()] == [0, 0, 0]
 
 
 def test_a_swarm_with_external_sensors_flies_by_their_reports_only(tmp_path: Path) -> None:
@@ -595,7 +595,7 @@ def test_a_swarm_with_external_sensors_flies_by_their_reports_only(tmp_path: Pat
         assert state.belief.known[ahead] == OCCUPIED
         assert state.belief.known[0, 0] == CLEAR
         assert state.belief.n_observed == 2
-    assert report.states[2].replans >= 1
+    assert report.states[2].plans.replans >= 1
     assert ahead not in report.states[2].flown.cells
     assert report.all_arrived
     assert [vehicle["looks"] for vehicle in report.summary["vehicles"]] == [

@@ -105,7 +105,7 @@ def test_a_first_track_is_no_worse_than_its_route(seed: int) -> None:
         state, (swap,) = step(state, ev.Tick(), 1.0)
         assert isinstance(swap, ev.SwapMission)
         assert swap.track is not None
-        p_s = state.exposure
+        p_s = state.plans.exposure
         assert p_s is not None
         assert sum(p_s[cell] for cell in swap.track.over[1:]) <= exposure_sum(p_s, swap.cells) + 1e-7
         assert swap.exposure_sum == pytest.approx(sum(p_s[cell] for cell in swap.track.over[1:]))
@@ -245,7 +245,9 @@ def test_a_wall_of_threats_ahead_on_the_track_changes_the_mission() -> None:
     beside = [c for c in flight.swap.track.over if c not in flight.swap.cells]
     flight.over(beside[0])
     flight.state = replace(
-        flight.state, task=replace(flight.state.task, no_fly=frozenset({beside[-1]})), dirty=True
+        flight.state,
+        task=replace(flight.state.task, no_fly=frozenset({beside[-1]})),
+        plans=flight.state.plans.due(),
     )
     swap = flight.tick()
     assert swap is not None

@@ -47,7 +47,7 @@ def test_the_shipped_swarm_arrives(shipped: tuple[Scenario, FlightReport, Path])
     assert report.trouble == ()
     assert [s.outcome for s in report.states.values()] == ["arrived"] * 5
     # A copter sees one cell ahead, so it has to turn off at the centre of its own cell.
-    assert sum(s.replans for s in report.states.values()) >= 10
+    assert sum(s.plans.replans for s in report.states.values()) >= 10
     for state in report.states.values():
         assert state.flown.cells[-1] in state.task.goals
         assert state.flown.length_m > 1000.0
@@ -131,7 +131,7 @@ def test_the_record_draws_area_hostiles_and_routes_on_a_map(
     assert len(shapes("/map/hostiles")) == len(scenario.hostiles)
     assert len(shapes("/map/found")) == max(state.belief.n_found for state in report.states.values())
     (route,) = shapes("/uav1/route")
-    accepted = report.states[1].accepted
+    accepted = report.states[1].plans.accepted
     assert accepted is not None
     landing = accepted.plan.landing
     assert route["geometry"]["coordinates"][-1] == pytest.approx([landing.lon_deg, landing.lat_deg], abs=1e-6)
@@ -164,9 +164,9 @@ def test_the_plan_files_hold_the_last_missions(shipped: tuple[Scenario, FlightRe
         assert plan["fileType"] == "Plan"
         items = plan["mission"]["items"]
         assert [items[0]["command"], items[-1]["command"]] == [22, 21]
-        assert state.route is not None
+        assert state.plans.route is not None
         assert [tuple(i["params"][4:6]) for i in items[1:-1]] == [
-            (p.lat_deg, p.lon_deg) for p in state.route.plan.track
+            (p.lat_deg, p.lon_deg) for p in state.plans.route.plan.track
         ]
 
 
@@ -231,7 +231,7 @@ def test_a_vehicle_that_never_answers_stops_the_flight_before_any_arming(tmp_pat
     assert "[no-heartbeat]" in line
     assert " 15 s" in line
     assert not any(s.vehicle.armed for s in report.states.values())
-    assert all(s.route is None for s in report.states.values())
+    assert all(s.plans.route is None for s in report.states.values())
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ pytestmark = pytest.mark.virtual
 def test_vehicles_arrive_simultaneously_although_routes_change(tmp_path: Path) -> None:
     report = fly(small(arrival={"mode": "simultaneous"}), tmp_path)
     assert [state.outcome for state in report.states.values()] == ["arrived"] * 3
-    assert sum(state.replans for state in report.states.values()) > 0
+    assert sum(state.plans.replans for state in report.states.values()) > 0
     lengths_m = [state.flown.length_m for state in report.states.values()]
     assert max(lengths_m) - min(lengths_m) > 50.0  # five seconds at full speed
     arrival = json.loads((tmp_path / "summary.json").read_text())["arrival"]

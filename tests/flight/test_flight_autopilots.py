@@ -55,7 +55,7 @@ def test_a_swarm_of_px4_or_mixed_autopilots_arrives(autopilot, expected, tmp_pat
     report = fly(small(simulate=simulate), tmp_path, ui=ui)
     assert report.trouble == ()
     assert [s.outcome for s in report.states.values()] == ["arrived"] * 3
-    assert sum(s.replans for s in report.states.values()) > 0
+    assert sum(s.plans.replans for s in report.states.values()) > 0
     assert autopilots(tmp_path, ("uav1", "uav2", "uav3")) == expected
     swaps = [vehicle["swaps"] for vehicle in report.summary["vehicles"]]
     assert sum(counts["changed"] for counts in swaps) > 0
@@ -78,7 +78,7 @@ def test_a_swarm_with_reduced_telemetry_arrives(tmp_path: Path) -> None:
     scenario = small(seed=4, simulate=simulate, links={"position_hz": 2.0, "stop_other_streams": True})
     report = fly(scenario, tmp_path)
     assert [s.outcome for s in report.states.values()] == ["arrived"] * 2
-    assert sum(s.replans for s in report.states.values()) > 0
+    assert sum(s.plans.replans for s in report.states.values()) > 0
     for sysid in (1, 2):
         messages = Counter(
             message.get_type() for message in last_minute(tmp_path / f"uav{sysid}.tlog", sysid)

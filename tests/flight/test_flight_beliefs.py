@@ -40,7 +40,7 @@ def test_a_swarm_with_erring_sensors_arrives(doubtful: Flight) -> None:
     _, report, _ = doubtful
     assert report.trouble == ()
     assert [s.outcome for s in report.states.values()] == ["arrived"] * 3
-    assert sum(s.replans for s in report.states.values()) > 0
+    assert sum(s.plans.replans for s in report.states.values()) > 0
 
 
 def test_sensors_err_and_look_again_and_all_beliefs_agree(doubtful: Flight) -> None:

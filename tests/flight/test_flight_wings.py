@@ -49,10 +49,10 @@ def test_the_shipped_fixed_wings_and_copters_arrive_by_changed_missions(tmp_path
     assert kinds(tmp_path, [spec.name for spec in scenario.specs]) == [PLANE, COPTER, COPTER, PLANE, COPTER]
     for uav in (1, 4):
         state = report.states[uav]
-        assert state.replans > 0
-        assert state.route is not None
-        assert state.route.plan.approach is not None
-        assert away_m(report, uav, state.route.plan.approach.touchdown) < ROLL_OUT_M
+        assert state.plans.replans > 0
+        assert state.plans.route is not None
+        assert state.plans.route.plan.approach is not None
+        assert away_m(report, uav, state.plans.route.plan.approach.touchdown) < ROLL_OUT_M
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert summary["separation"]["too_close"] == []
     plan = json.loads((tmp_path / "uav1.plan").read_text())["mission"]
@@ -102,11 +102,11 @@ def test_fixed_wings_of_px4_arrive_by_changed_missions_and_land_at_their_goals(
     report = fly(scenario, tmp_path)
     assert report.trouble == ()
     assert [s.outcome for s in report.states.values()] == ["arrived"] * 3
-    assert sum(s.replans for s in report.states.values()) > 0
+    assert sum(s.plans.replans for s in report.states.values()) > 0
     for uav, state in report.states.items():
-        assert state.route is not None
-        assert state.route.plan.approach is not None
-        assert away_m(report, uav, state.route.plan.approach.touchdown) < ROLL_OUT_M
+        assert state.plans.route is not None
+        assert state.plans.route.plan.approach is not None
+        assert away_m(report, uav, state.plans.route.plan.approach.touchdown) < ROLL_OUT_M
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert summary["separation"]["too_close"] == []
     assert kinds(tmp_path, [spec.name for spec in scenario.specs]) == [PLANE] * 3

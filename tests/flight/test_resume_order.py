@@ -55,4 +55,4 @@ def test_a_vehicle_arrives_after_a_hold_and_an_order_to_resume(scenario: Scenari
     assert report.bug is None
     assert [vehicle.outcome for answer in answers for vehicle in answer.vehicles] == ["taken"] * 4
     assert [state.outcome for state in report.states.values()] == [ARRIVED] * 2
-    assert all(state.swaps.n_failed == 0 for state in report.states.values())
+    assert all(state.plans.swaps.n_failed == 0 for state in report.states.values())

@@ -57,16 +57,16 @@ def test_w_takes_effect_on_the_next_plan() -> None:
     assert (4, 3) not in swap.cells
     assert swap.cost == pytest.approx(swap.exposure_sum)  # Eq. 5 at w = 1
     story.accept()
-    assert story.state.replans == 1
+    assert story.state.plans.replans == 1
 
 
 def test_firing_strengths_take_effect_on_the_next_plan() -> None:
     story = Story().flying()
     story(ev.WeightsChanged(1, strength=STRONGER))
     story.tick()
-    assert story.state.exposure is not None
+    assert story.state.plans.exposure is not None
     expected = exposure(story.state.belief.occupancy(), STRONGER)
-    assert story.state.exposure == pytest.approx(expected)
+    assert story.state.plans.exposure == pytest.approx(expected)
     assert story.state.w == 0.5
 
 
@@ -102,8 +102,8 @@ def test_a_pending_plan_is_kept_and_the_next_one_has_the_new_weights() -> None:
 
 def test_flown_exposure_counts_as_believed_at_the_decision() -> None:
     story = Story().flying()
-    assert story.state.exposure is not None
-    at_decision = float(story.state.exposure[4, 1])
+    assert story.state.plans.exposure is not None
+    at_decision = float(story.state.plans.exposure[4, 1])
     story(ev.WeightsChanged(1, strength=STRONGER))  # without a later decision
     story.over((4, 1))
     assert story.state.flown.exposure == pytest.approx(at_decision)
@@ -112,19 +112,19 @@ def test_flown_exposure_counts_as_believed_at_the_decision() -> None:
 def test_weights_that_change_no_route_swap_no_mission() -> None:
     story = Story().flying()
     story(ev.WeightsChanged(1, w=0.4))
-    searches = story.state.searches
+    searches = story.state.plans.searches
     assert story.tick() == []
-    assert story.state.searches == searches + 1
+    assert story.state.plans.searches == searches + 1
 
 
 def test_equal_weights_bring_no_plan() -> None:
     story = Story(w=0.5).flying()
-    searches = story.state.searches
+    searches = story.state.plans.searches
     answer = answer_to(story(ev.WeightsChanged(1, w=0.5)), 1)
     assert answer.outcome == "taken"
     assert answer.note.endswith("[unchanged]")
     assert story.tick() == []
-    assert story.state.searches == searches
+    assert story.state.plans.searches == searches
 
 
 def test_before_the_launch_the_mission_is_uploaded_again() -> None:
@@ -165,9 +165,9 @@ def test_weights_during_a_lost_link_apply_after_the_link_is_restored() -> None:
     assert "[waits-for-link]" in answer.note
     assert story.tick() == []
     story(ev.LinkRestored())
-    searches = story.state.searches
+    searches = story.state.plans.searches
     story.tick()
-    assert story.state.searches == searches + 1
+    assert story.state.plans.searches == searches + 1
 
 
 def arrived(story: Story) -> None:

@@ -29,7 +29,9 @@ def test_a_vehicle_that_arrives_fast_stays_in_the_cells_of_its_plans(
 ) -> None:
     """The vehicle starts 25 m west of the area. Its route turns by 45 degrees at the first centre."""
     flight = AgentFlight(personality, 0.0)
-    flight.state = replace(flight.state, swap_times=SwapTimes((0.25,), (0.0,)))
+    flight.state = replace(
+        flight.state, plans=replace(flight.state.plans, swap_times=SwapTimes((0.25,), (0.0,)))
+    )
     first_m = GRID.centre_m((ROW, 0))[0]
     outside_m: list[float] = []
 
@@ -37,8 +39,12 @@ def test_a_vehicle_that_arrives_fast_stays_in_the_cells_of_its_plans(
         flight.go_on()
         flight.flown.append(flight.place)
         outside_m.append(flight.outside_m())
-        if flight.place[0] >= first_m - before_m and not flight.swaps and flight.state.route is not None:
-            flight.receives_hostiles(*flight.state.route.cells[2:5])
+        if (
+            flight.place[0] >= first_m - before_m
+            and not flight.swaps
+            and flight.state.plans.route is not None
+        ):
+            flight.receives_hostiles(*flight.state.plans.route.cells[2:5])
         return flight.place[0] > 130.0
 
     assert flight.bench.run(120.0, is_past)

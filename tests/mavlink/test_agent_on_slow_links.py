@@ -19,9 +19,9 @@ def test_changed_plans_are_flown_without_a_stop_or_a_turn_back(personality: str,
 
     def report_hostiles() -> None:
         cell = GRID.cell_at(*GRID.frame.to_geodetic(*flight.place))
-        if cell is not None and columns and cell[1] >= columns[0] and flight.state.route is not None:
+        if cell is not None and columns and cell[1] >= columns[0] and flight.state.plans.route is not None:
             ahead = cell[1] + 6
-            flight.receives_hostiles(next(at for at in flight.state.route.cells if at[1] == ahead))
+            flight.receives_hostiles(next(at for at in flight.state.plans.route.cells if at[1] == ahead))
             columns.pop(0)
 
     flight.lands(report_hostiles)

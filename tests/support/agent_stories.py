@@ -60,8 +60,8 @@ class Story:
         return effect
 
     def accept(self) -> list[ev.Effect]:
-        assert self.state.pending is not None
-        return self(ev.MissionAccepted(self.state.pending.plan_id))
+        assert self.state.plans.pending is not None
+        return self(ev.MissionAccepted(self.state.plans.pending.plan_id))
 
     def over(self, cell: Cell, **changes: object) -> list[ev.Effect]:
         lat_deg, lon_deg = GRID.centre(cell)

@@ -112,8 +112,8 @@ def _activity(state: AgentState) -> Activity:
 
 
 def _active_route(state: AgentState) -> ActiveRoute | None:
-    swap = state.route
-    if state.phase is not Phase.FLYING or swap is None or state.pending is not None:
+    swap = state.plans.route
+    if state.phase is not Phase.FLYING or swap is None or state.plans.pending is not None:
         return None
     points = (*swap.plan.waypoints, swap.plan.landing)
     return ActiveRoute(swap.plan_id, tuple((point.lat_deg, point.lon_deg) for point in points))
@@ -128,7 +128,7 @@ def _order_for(state: AgentState, demand: Demand) -> StepResult:
     order = ev.FlightOrder(demand.kind.value)
     is_leaving = order is not ev.FlightOrder.HOLD
     changes: dict[str, Any] = {
-        "dirty": False,
+        "plans": state.plans.not_due(),
         # A return or landing without an operator's order counts as a failed flight.
         "given_up": state.given_up or is_leaving,
         "outcome": demand.reason,

@@ -51,10 +51,12 @@ def _decide_from(
     """Plan a route from a splice point; `leaves_track`: the splice point is on a straightened track."""
     task = with_spare_time(state, replace(state.task, altitude_m=state.height_m))
     start, joining = splice.kept[-1], joining_leg(state, splice)
-    if splice.leaves_ahead and start in task.goals and not state.must_change:
+    if splice.leaves_ahead and start in task.goals and not state.plans.must_change:
         # The vehicle would reach its goal before the end of a swap.
-        return replace(state, exposure=p_s, route_exposure=p_s, dirty=False, because=()), []
-    ahead = None if state.route is None or splice.index is None else state.route.cells[splice.index :]
+        return replace(state, plans=state.plans.kept(p_s)), []
+    ahead = (
+        None if state.plans.route is None or splice.index is None else state.plans.route.cells[splice.index :]
+    )
     lead_in = lead_in_to(state, splice)
     problem = _problem(task, p_s, start, state.w, lead_in)
     swap_cost = swap_cost_cells(state, lead_in, splice)
@@ -65,21 +67,18 @@ def _decide_from(
     lost_s = 0.0 if ahead is None else ahead_lost_s(state, ahead, splice)
     keeps = ahead is not None and is_no_worse(task, problem, ahead, route, swap_cost, lost_s, joining)
     is_track_good = leaves_track or not keeps or is_track_still_good(state, p_s)
-    keeps = keeps and is_track_good and not state.must_change
+    keeps = keeps and is_track_good and not state.plans.must_change
     if not keeps and not leaves_track and task.wings is None and _is_on_track(state):
         # This search began beside the vehicle, but a new route begins at a splice point ahead: search again.
-        splice, must_change = splice_on_track(state, p_s), state.must_change or not is_track_good
-        state = replace(state, searches=state.searches + 1, must_change=must_change)
-        return _decide_from(state, p_s, splice, leaves_track=True)
+        plans = state.plans.searched_beside(must_change=not is_track_good)
+        return _decide_from(replace(state, plans=plans), p_s, splice_on_track(state, p_s), leaves_track=True)
     length = length_cells(ahead) if ahead is not None and keeps else route.length_cells
     lost_s = lost_s if keeps else route_lost_s(task, route.cells, joining)
     is_bounded = state.task.arrival.is_bounded
     late_s = arrival_outside_bound_s(state, problem, lead_in, length, lost_s) if is_bounded else None
-    state = replace(
-        state, exposure=p_s, searches=state.searches + 1, dirty=False, planned=route, late_s=late_s
-    )
+    plans = state.plans.searched(p_s, route, late_s)
     if keeps:
-        return replace(state, route_exposure=p_s, because=()), []
+        return replace(state, plans=plans.kept(p_s)), []
     route = _with_kept_cells(task, problem, route, splice)
     # A lattice route is left at a cell's centre, so the new route begins on the lattice, too.
     on_lattice = splice.leaves_ahead and not splice.lead_waypoints
@@ -89,21 +88,19 @@ def _decide_from(
     plan = mission_for(task, p_s, route, track, position, splice)
     if position is not None:
         begins = Waypoint(*position, state.height_m)
-        plan = replace(plan, begins=begins, from_hold=state.hold_is_own)
+        plan = replace(plan, begins=begins, from_hold=state.plans.hold_is_own)
     swap = ev.SwapMission(
-        plan_id=state.next_plan_id,
+        plan_id=state.plans.next_plan_id,
         plan=plan,
         cells=route.cells,
-        because=state.because,
+        because=state.plans.because,
         cost=route.cost,
         exposure_sum=flown.exposure_sum,
         safety_factor=flown.safety_factor,
         length_m=flown.length_cells * task.grid.cell_size_m,
         track=track,
     )
-    swaps = replace(state.swaps, decided_boot_s=state.vehicle.time_boot_s)
-    state = replace(state, pending=swap, because=(), next_plan_id=state.next_plan_id + 1, must_change=False)
-    return replace(state, swaps=swaps), [swap]
+    return replace(state, plans=plans.sent(swap, state.vehicle.time_boot_s)), [swap]
 
 
 def _with_kept_cells(task: Task, problem: Problem, route: Route, splice: Splice) -> Route:
@@ -162,7 +159,12 @@ def _problem(task: Task, p_s: NDArray[np.float64], start: Cell, w: float, lead_i
 
 
 def _is_on_track(state: AgentState) -> bool:
-    if state.route is None or state.route.track is None or state.progress is None or state.cell is None:
+    if (
+        state.plans.route is None
+        or state.plans.route.track is None
+        or state.progress is None
+        or state.cell is None
+    ):
         return False
     return state.progress.is_on_route
 

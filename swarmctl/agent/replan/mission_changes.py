@@ -8,7 +8,6 @@ from swarmctl.agent.phases import IN_FLIGHT, ON_GROUND, PLANNING, Phase
 from swarmctl.agent.replan.decide import believed_exposure, decide
 from swarmctl.agent.replan.splice import is_wall_close, may_learn_of_walls
 from swarmctl.agent.replan.stopping import stop_end_s
-from swarmctl.agent.replan.swap_times import SwapTimes
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.launching import launch_if_possible
 from swarmctl.agent.traffic.route_deconfliction import deconflict
@@ -24,13 +23,13 @@ MAX_FAILED_SWAPS = 3
 def needs_tick(state: AgentState, now: float) -> bool:
     """Return whether the agent has to decide on a plan now."""
     return (
-        state.dirty
+        state.plans.dirty
         and state.phase in PLANNING
-        and state.pending is None
+        and state.plans.pending is None
         and not state.waits_for(WaitFor.ROUTE)
         and not state.lost
         and not state.telemetry_is_late
-        and now >= state.retry_at_s
+        and now >= state.plans.retry_at_s
         # The empty role: the vehicle's mode is not known yet.
         and (state.phase is not Phase.FLYING or state.vehicle.mode_role in {"", *own_mode_roles(state)})
         and (not _was_just_swapped(state) or _must_plan_now(state))
@@ -44,12 +43,14 @@ def _was_just_swapped(state: AgentState) -> bool:
     """
     if state.phase is not Phase.FLYING:
         return False
-    return 0.0 <= state.vehicle.time_boot_s - state.swaps.done_boot_s < state.swap_times.expected_s
+    return (
+        0.0 <= state.vehicle.time_boot_s - state.plans.swaps.done_boot_s < state.plans.swap_times.expected_s
+    )
 
 
 def _must_plan_now(state: AgentState) -> bool:
     """Return whether planning is urgent: no plan is flown, the plan must change, or a wall is close."""
-    if state.must_change or state.route is None:
+    if state.plans.must_change or state.plans.route is None:
         return True
     if not may_learn_of_walls(state):
         return False
@@ -62,64 +63,59 @@ def plan_if_due(state: AgentState, _event: ev.Tick, now: float) -> StepResult:
     try:
         state, effects = deconflict(state, decide(state), now)
     except Unreachable as error:
-        return _handle_unreachable_goal(replace(state, dirty=False, because=(), trouble=str(error)))
-    keeps_plan = state.route is not None and state.pending is None and not state.dirty
+        return _handle_unreachable_goal(replace(state, plans=state.plans.unreachable(), trouble=str(error)))
+    keeps_plan = state.plans.route is not None and state.plans.pending is None and not state.plans.dirty
     return (without_swap_trouble(state) if keeps_plan else state), effects
 
 
 def without_swap_trouble(state: AgentState) -> AgentState:
     """Clear the trouble of a failed mission change, because the vehicle flies its planned mission."""
-    return replace(state, trouble="") if state.trouble and state.trouble == state.swaps.failure else state
+    return (
+        replace(state, trouble="") if state.trouble and state.trouble == state.plans.swaps.failure else state
+    )
 
 
 def _handle_unreachable_goal(state: AgentState) -> StepResult:
     """Keep the present route, or end the flight, because the agent has found no route to a goal."""
     if state.phase in ON_GROUND:
         return state.enter(Phase.FAILED, outcome=state.trouble), []
-    if state.route is not None:
+    if state.plans.route is not None:
         return state, []
     return command(state, state.task.fallback, phase=Phase.LEAVING, given_up=True)
 
 
 def mission_accepted(state: AgentState, event: ev.MissionAccepted, _now: float) -> StepResult:
-    swap = state.pending
+    swap = state.plans.pending
     if swap is None or swap.plan_id != event.plan_id:
         return state, []
-    state = replace(state, accepted=swap, pending=None)
+    state = replace(state, plans=state.plans.verified(swap))
     if state.ended:
         return state, []
     # The vehicle has flown on since the decision.
-    state = replace(state, route=swap, route_exposure=state.exposure).with_progress()
-    state = replace(state, swaps=replace(state.swaps, n_failed=0), trouble="", hold_is_own=False)
+    state = replace(state, plans=state.plans.taken(swap), trouble="").with_progress()
     # A mode change during the swap may have reset the commanded speed.
     state = replace(state, speed=state.speed.after_swap())
     if state.phase in IN_FLIGHT:
-        if event.took_s is not None:
-            state = replace(state, swap_times=state.swap_times.measured(event.took_s, event.stood_still_s))
-        swaps = state.swaps.done(state.vehicle.time_boot_s, stop_end_s(state))
-        return replace(state, replans=state.replans + 1, swaps=swaps), []
-    if event.took_s is not None:
-        state = replace(state, swap_times=SwapTimes.expecting(event.took_s))
+        now_s, stops_s = state.vehicle.time_boot_s, stop_end_s(state)
+        plans = state.plans.changed_in_flight(now_s, stops_s, event.took_s, event.stood_still_s)
+        return replace(state, plans=plans), []
+    state = replace(state, plans=state.plans.uploaded_on_ground(event.took_s))
     if state.phase is Phase.UPLOADING:
         state = state.enter(Phase.STANDBY)
     return launch_if_possible(state)
 
 
 def mission_failed(state: AgentState, event: ev.MissionFailed, now: float) -> StepResult:
-    swap = state.pending
+    swap = state.plans.pending
     if swap is None or swap.plan_id != event.plan_id:
         return state, []
-    swaps = state.swaps.failed(event.reason, is_late=event.is_late)
     # A mode change during the swap may have reset the speed.
-    speed = state.speed.unknown()
-    state = replace(state, pending=None, swaps=swaps, speed=speed, trouble=event.reason)
-    if event.is_late:
-        state = replace(state, swap_times=state.swap_times.too_late())
+    speed, plans = state.speed.unknown(), state.plans.failed(event)
+    state = replace(state, plans=plans, speed=speed, trouble=event.reason)
     if state.phase in ON_GROUND:
         return state.enter(Phase.FAILED, outcome=event.reason), []
     if event.flying == "theirs" and state.phase in IN_FLIGHT:
         return release_vehicle(state, event.reason)
-    state = replace(state, hold_is_own=event.flying == "hold")
     if state.phase is Phase.LANDING and (event.flying != "old" or swap.plan.from_hold):
         # The vehicle may hold in its goal cell, so it has to land there.
         return command(state, ev.FlightOrder.LAND)
@@ -127,13 +123,8 @@ def mission_failed(state: AgentState, event: ev.MissionFailed, now: float) -> St
         return without_swap_trouble(state), []
     if state.phase is not Phase.FLYING:
         return state, []
-    if state.swaps.n_failed >= MAX_FAILED_SWAPS:
+    if state.plans.swaps.n_failed >= MAX_FAILED_SWAPS:
         return command(state, state.task.fallback, phase=Phase.LEAVING, given_up=True)
-    # A vehicle that no longer flies its old plan has no route, so it takes any new plan.
-    return replace(
-        state,
-        dirty=True,
-        because=(*swap.because, *state.because),
-        retry_at_s=now if event.is_late else now + RETRY_AFTER_S,
-        route=state.route if event.flying == "old" else None,
-    ), []
+    retry_at_s = now if event.is_late else now + RETRY_AFTER_S
+    plans = state.plans.again(swap, retry_at_s, flies_old=event.flying == "old")
+    return replace(state, plans=plans), []

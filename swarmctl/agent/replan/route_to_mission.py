@@ -210,15 +210,15 @@ def corners_ahead(task: Task, corners: Sequence[Cell], position: LatLon) -> Sequ
 
 def is_track_still_good(state: AgentState, p_s: NDArray[np.float64]) -> bool:
     """Return whether the present track is still as good as its route; True if there is no track."""
-    task, swap, progress = state.task, state.route, state.progress
-    if swap is None or swap.track is None or task.any_angle is None or state.route_exposure is None:
+    task, swap, progress = state.task, state.plans.route, state.progress
+    if swap is None or swap.track is None or task.any_angle is None or state.plans.route_exposure is None:
         return True
     if progress is None:
         return True
     size_m = task.grid.cell_size_m
     return pull.is_still_good(
         ThreatMap.of(p_s, task.max_exposure),
-        ThreatMap.of(state.route_exposure, task.max_exposure),
+        ThreatMap.of(state.plans.route_exposure, task.max_exposure),
         task.any_angle,
         swap.cells,
         swap.track,

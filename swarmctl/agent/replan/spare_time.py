@@ -69,4 +69,4 @@ def update_spare_time(state: AgentState, due_s: float, soonest_s: float) -> Agen
 
 def _planning_with(state: AgentState, spare_time_due_s: float | None) -> AgentState:
     arrival = replace(state.common_arrival, spare_time_due_s=spare_time_due_s)
-    return replace(state, common_arrival=arrival, dirty=True)
+    return replace(state, common_arrival=arrival, plans=state.plans.due())

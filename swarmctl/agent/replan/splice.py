@@ -61,12 +61,12 @@ class Splice:
 
 def splice_on_route(state: AgentState, p_s: NDArray[np.float64]) -> Splice:
     """Return the splice for a new route from the present lattice route, or from a fixed wing's track."""
-    task, swap, progress, at_once = state.task, state.route, state.progress, leaving_at_once(state)
+    task, swap, progress, at_once = state.task, state.plans.route, state.progress, leaving_at_once(state)
     if swap is None or progress is None or at_once.index is None or state.phase is not Phase.FLYING:
         return at_once
     cells, index = swap.cells, progress.cell_index
     if task.wings is not None:
-        change_s = max(CHANGE_S, state.swap_times.expected_s)
+        change_s = max(CHANGE_S, state.plans.swap_times.expected_s)
         least_m = TURN_OFF_RADII * task.turn_radius_m + change_s * task.arrival.speed_m_s
         far = (i for i in range(index + 1, len(cells)) if progress.to_centre_m(i) >= least_m)
         last = next(far, len(cells) - 1)
@@ -98,7 +98,7 @@ def leaving_at_once(state: AgentState) -> Splice:
     If there is no route, or the vehicle is off its route, the new route begins in the vehicle's cell. Outside
     the area it begins in the last cell flown, or in the entry cell.
     """
-    if state.route is not None and state.progress is not None and state.progress.is_on_route:
+    if state.plans.route is not None and state.progress is not None and state.progress.is_on_route:
         return Splice((state.progress.cell,), state.progress.cell_index)
     if state.cell is not None:
         return Splice((state.cell,))
@@ -108,7 +108,7 @@ def leaving_at_once(state: AgentState) -> Splice:
 
 def splice_on_track(state: AgentState, p_s: NDArray[np.float64]) -> Splice:
     """Return the splice for a new route from the present track: the position at the end of the swap."""
-    swap, progress, grid = state.route, state.progress, state.task.grid
+    swap, progress, grid = state.plans.route, state.progress, state.task.grid
     assert state.cell is not None
     at_once, least_m = Splice((state.cell,)), _swap_distance_m(state)
     if swap is None or progress is None or state.vehicle.mode_role != "mission":
@@ -127,7 +127,7 @@ def splice_on_track(state: AgentState, p_s: NDArray[np.float64]) -> Splice:
 
 def is_wall_close(state: AgentState, p_s: NDArray[np.float64]) -> bool:
     """Return whether a wall is among the next URGENT_CELLS cells of the route; True if there is no route."""
-    swap = state.route
+    swap = state.plans.route
     if swap is None:
         return True
     entered = 0 if state.progress is None else state.progress.cell_index
@@ -144,7 +144,10 @@ def _swap_distance_m(state: AgentState) -> float:
 
     A vehicle that brakes for the new plan may stop up to MAX_OVERSHOOT_CELLS past the splice point.
     """
-    flown_m, stop = distance_and_speed_after(state, state.swap_times.expected_s)[0], stop_for_new_plan(state)
+    flown_m, stop = (
+        distance_and_speed_after(state, state.plans.swap_times.expected_s)[0],
+        stop_for_new_plan(state),
+    )
     if stop is None:
         return flown_m
     return max(flown_m, stop.stops_in_m - max_overshoot_m(state.task.grid))

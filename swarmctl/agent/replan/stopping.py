@@ -64,16 +64,20 @@ def distance_and_speed_after(state: AgentState, seconds: float) -> tuple[float, 
 
 def stop_for_new_plan(state: AgentState) -> BrakingStop | None:
     """Return the stop for a plan that is sent now; None if the vehicle does not stop for it."""
-    return _stop(state, state.swap_times.likely_s) if state.route is not None else None
+    return _stop(state, state.plans.swap_times.likely_s) if state.plans.route is not None else None
 
 
 def stop_ahead(state: AgentState) -> BrakingStop | None:
     """Return the stop for the pending plan or the plan just accepted; None if no stop lies ahead."""
     now_s = state.vehicle.time_boot_s
-    if state.pending is not None:
-        due_s = state.swaps.decided_boot_s + state.swap_times.likely_s
-        return _stop(state, max(due_s - now_s, 0.0)) if state.route is not None else None
-    return _stop(state, 0.0) if state.swaps.done_boot_s <= now_s < state.swaps.braking_until_boot_s else None
+    if state.plans.pending is not None:
+        due_s = state.plans.swaps.decided_boot_s + state.plans.swap_times.likely_s
+        return _stop(state, max(due_s - now_s, 0.0)) if state.plans.route is not None else None
+    return (
+        _stop(state, 0.0)
+        if state.plans.swaps.done_boot_s <= now_s < state.plans.swaps.braking_until_boot_s
+        else None
+    )
 
 
 def _stop(state: AgentState, brakes_in_s: float) -> BrakingStop | None:

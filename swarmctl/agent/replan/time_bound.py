@@ -53,7 +53,7 @@ FROM_A_STOP = JoiningLeg()
 
 def joining_leg(state: AgentState, splice: Splice) -> JoiningLeg:
     """Return the flight from the vehicle to a new route at the splice point."""
-    flies_on = state.swap_times.stop_s == 0.0 and state.vehicle.brakes_m_s2 is None
+    flies_on = state.plans.swap_times.stop_s == 0.0 and state.vehicle.brakes_m_s2 is None
     return JoiningLeg(
         splice.path, state.vehicle.ground_speed_m_s if splice.leaves_ahead and flies_on else 0.0
     )
@@ -95,7 +95,7 @@ def swap_cost_cells(state: AgentState, lead_in: LeadIn, splice: Splice) -> float
     if state.phase is not Phase.FLYING or vehicle.lat_deg is None or vehicle.lon_deg is None:
         return 0.0
     back_m = 0.0 if splice.leaves_ahead else _to_centre_m(state, splice) - lead_in.lead_m
-    stands_s = swap_loss_s(task.arrival, state.swap_times.stop_s, vehicle.brakes_m_s2)
+    stands_s = swap_loss_s(task.arrival, state.plans.swap_times.stop_s, vehicle.brakes_m_s2)
     return (stands_s * task.arrival.speed_m_s + back_m) / task.grid.cell_size_m
 
 

@@ -98,7 +98,7 @@ def _give_way(state: AgentState, to_avoid: Sequence[ProximityAlarm]) -> StepResu
     if prefers_hold and not blocked and state.task.wings is None:
         reports = state.neighbours
         to = {alarm.other: reports[alarm.other] for alarm in to_avoid if alarm.other in reports}
-        return hold(state, state.route, to)
+        return hold(state, state.plans.route, to)
     return climbing, []
 
 
@@ -110,7 +110,7 @@ def _climb(state: AgentState, others: dict[int, Trajectory]) -> AgentState:
     if not state.height_m < height_m <= min(ceiling_m(state), _reachable_m(state)):
         return state
     state = replace(state, height_offset_m=height_m - state.task.altitude_m, n_climbs=state.n_climbs + 1)
-    return replace(state, dirty=True, must_change=True)
+    return replace(state, plans=state.plans.due(must_change=True))
 
 
 def _reachable_m(state: AgentState) -> float:

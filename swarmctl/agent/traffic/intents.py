@@ -78,7 +78,7 @@ def share_intent(state: AgentState) -> StepResult:
 
 def publish_intent(state: AgentState, flight: Trajectory | None) -> StepResult:
     """Broadcast `flight` as the own intent; None withdraws it."""
-    swap, now_s = state.pending or state.route, state.vehicle.time_boot_s
+    swap, now_s = state.plans.pending or state.plans.route, state.vehicle.time_boot_s
     message = IntentShared(
         plan_id=0 if swap is None or flight is None else swap.plan_id,
         points=() if flight is None else _points(state, flight),
@@ -151,7 +151,7 @@ def own_trajectory(state: AgentState) -> Trajectory | None:
     if here is None:
         return None
     now_s = vehicle.time_boot_s
-    if state.phase is Phase.FLYING and state.route is not None and state.pending is None:
+    if state.phase is Phase.FLYING and state.plans.route is not None and state.plans.pending is None:
         flight = _phase_trajectory(state, here)
         if flight is not None:
             return until_landing(flight).later(now_s).lasting(now_s + for_s)
@@ -184,7 +184,7 @@ def flight_by_plan(state: AgentState, plan: FlightPlan) -> Trajectory | None:
     if here is None:
         return None
     task, vehicle = state.task, state.vehicle
-    initial_m_s = vehicle.ground_speed_m_s if state.route is not None else 0.0
+    initial_m_s = vehicle.ground_speed_m_s if state.plans.route is not None else 0.0
     path = waypoints_of(task, plan)
     if task.wings is not None:
         return to_shared_frame(
@@ -192,8 +192,8 @@ def flight_by_plan(state: AgentState, plan: FlightPlan) -> Trajectory | None:
         )
     if _climbs_vertically(state, here, plan):
         return to_shared_frame(state, climb_then_fly(here, plan.height_m, path, task.arrival.speed_m_s))
-    if state.route is None:
-        return to_shared_frame(state, _from_hold(state, here, plan, path, state.swap_times.likely_s))
+    if state.plans.route is None:
+        return to_shared_frame(state, _from_hold(state, here, plan, path, state.plans.swap_times.likely_s))
     stop = stop_for_new_plan(state)
     flight = fly_with_stop(here, plan.height_m, path, task.arrival.speed_m_s, initial_m_s, stop)
     return to_shared_frame(state, flight)
@@ -225,7 +225,7 @@ def to_shared_frame(state: AgentState, flight: Trajectory | None) -> Trajectory 
 
 def _phase_trajectory(state: AgentState, here: LocalPoint) -> Trajectory | None:
     """Return the trajectory of the present phase from 0 s on, heights above home; None if unknown."""
-    task, swap = state.task, state.pending or state.route
+    task, swap = state.task, state.plans.pending or state.plans.route
     speed_m_s = state.speed.m_s or task.arrival.speed_m_s
     if task.wings is not None:
         return _fixed_wing_trajectory(state, here, speed_m_s)
@@ -241,8 +241,12 @@ def _phase_trajectory(state: AgentState, here: LocalPoint) -> Trajectory | None:
                 return land_from([(*path[-1], here[2])], [0.0])
             if _climbs_vertically(state, here, plan):
                 return climb_then_fly(here, plan.height_m, path, speed_m_s)
-            if state.route is None and state.pending is not None:
-                due_s = state.swaps.decided_boot_s + state.swap_times.likely_s - state.vehicle.time_boot_s
+            if state.plans.route is None and state.plans.pending is not None:
+                due_s = (
+                    state.plans.swaps.decided_boot_s
+                    + state.plans.swap_times.likely_s
+                    - state.vehicle.time_boot_s
+                )
                 return _from_hold(state, here, plan, path, due_s)
             progress = state.progress_on(swap)
             remaining = path if progress is None else progress.points_ahead
@@ -265,7 +269,7 @@ def _descends_vertically(here: LocalPoint, spot: tuple[float, float], height_m: 
 
 def _fixed_wing_trajectory(state: AgentState, here: LocalPoint, speed_m_s: float) -> Trajectory | None:
     """Return the trajectory of a fixed wing that launches, flies its plan or lands; None otherwise."""
-    task, swap, vehicle = state.task, state.pending or state.route, state.vehicle
+    task, swap, vehicle = state.task, state.plans.pending or state.plans.route, state.vehicle
     if swap is None or state.is_waiting:
         return None
     if state.phase in (Phase.LAUNCHING, Phase.FLYING):
@@ -280,7 +284,7 @@ def _fixed_wing_trajectory(state: AgentState, here: LocalPoint, speed_m_s: float
 
 def _climbs_vertically(state: AgentState, here: LocalPoint, plan: FlightPlan) -> bool:
     vehicle = state.vehicle
-    if vehicle.home_lat_deg is None or vehicle.home_lon_deg is None or state.replans:
+    if vehicle.home_lat_deg is None or vehicle.home_lon_deg is None or state.plans.replans:
         return False
     home = state.task.grid.frame.to_local(vehicle.home_lat_deg, vehicle.home_lon_deg)
     return math.dist(here[:2], home) < VERTICAL_WITHIN_M and here[2] < plan.height_m - AIRBORNE_M

@@ -74,7 +74,11 @@ HOLD_BEFORE_DESCENT_S = 3.0
 def arrive(state: AgentState) -> AgentState:
     """Return the state of a vehicle that enters its goal cell: its landing has priority, and is announced."""
     now_s, wait = state.vehicle.time_boot_s, state.wait
-    changes: dict[str, Any] = {"dirty": False, "arrived_boot_s": now_s, "intent_sent_boot_s": -math.inf}
+    changes: dict[str, Any] = {
+        "plans": state.plans.not_due(),
+        "arrived_boot_s": now_s,
+        "intent_sent_boot_s": -math.inf,
+    }
     if wait is not None and state.waits_for(WaitFor.ROUTE):  # it stops in its goal cell
         until_s, plan = wait.deadline_boot_s, wait.plan
         changes["wait"] = begin(WaitFor.DESCENT, now_s, until_s=until_s, plan=plan, to=wait.to)
@@ -124,7 +128,9 @@ def land_after_unconfirmed_hold(state: AgentState) -> StepResult:
 
 
 def _land_here(state: AgentState, text: str) -> StepResult:
-    state, ordered = command(state, ev.FlightOrder.LAND, route=state.interrupted, wait=None)
+    state, ordered = command(
+        state, ev.FlightOrder.LAND, plans=state.plans.on_route(state.interrupted), wait=None
+    )
     state, published = publish_intent(state, planned_flight(state))
     return state, [ev.NotifyOperator(text), *ordered, *published]
 
@@ -137,7 +143,7 @@ def _is_urgent(state: AgentState) -> bool:
 
 def _may_wait(state: AgentState) -> bool:
     vehicle, action = state.vehicle, state.task.separation.action
-    if action == "none" or state.route is None or state.pending is not None or _is_urgent(state):
+    if action == "none" or state.plans.route is None or state.plans.pending is not None or _is_urgent(state):
         return False
     follows = state.order.is_followed or state.order.given in (None, ev.FlightOrder.LAUNCH)
     in_own_mode = follows and vehicle.mode_role in own_mode_roles(state)
@@ -146,7 +152,7 @@ def _may_wait(state: AgentState) -> bool:
 
 
 def _wait_if_conflicting(state: AgentState, here: LocalPoint) -> StepResult:
-    assert state.route is not None
+    assert state.plans.route is not None
     flight, now_s = planned_flight(state), state.vehicle.time_boot_s
     if flight is None:
         return state, []
@@ -156,7 +162,7 @@ def _wait_if_conflicting(state: AgentState, here: LocalPoint) -> StepResult:
     descends_s = landing_start_s(flight)
     # Until shortly before the descent, only conflicts of the level flight count. For a conflict of the
     # descent, the vehicle stops later, near its landing spot, unless it would stand in the way there.
-    spot = (*waypoints_of(state.task, state.route.plan)[-1], here[2])
+    spot = (*waypoints_of(state.task, state.plans.route.plan)[-1], here[2])
     stops_later = descends_s > now_s + HOLD_BEFORE_DESCENT_S and not _hold_would_block(state, spot, near)
     until_s = descends_s if stops_later else math.inf
     clashes = [
@@ -176,7 +182,7 @@ def _wait_if_conflicting(state: AgentState, here: LocalPoint) -> StepResult:
         wait=begin(
             WaitFor.DESCENT,
             now_s,
-            plan=state.route,
+            plan=state.plans.route,
             to={clash.other: reports[clash.other] for clash in clashes if clash.other in reports},
             before=state.wait,
         ),
@@ -285,18 +291,16 @@ def _land(state: AgentState) -> StepResult:
     assert swap is not None
     assert here is not None
     if math.dist(here[:2], spot) <= AT_SPOT_M:
-        return command(state, ev.FlightOrder.LAND, route=swap, wait=_ended(state))
+        return command(state, ev.FlightOrder.LAND, plans=state.plans.on_route(swap), wait=_ended(state))
     begins = Waypoint(*state.task.grid.frame.to_geodetic(*here[:2]), here[2])
     landing = replace(swap.plan.landing, alt_rel_m=here[2])
     plan = replace(swap.plan, track=(), landing=landing, begins=begins, leaves_ahead=False, from_hold=True)
-    new = msgspec.structs.replace(swap, plan_id=state.next_plan_id, plan=plan, because=(), track=None)
+    new = msgspec.structs.replace(swap, plan_id=state.plans.next_plan_id, plan=plan, because=(), track=None)
     state = replace(
         state,
         wait=_ended(state),
-        pending=new,
-        next_plan_id=state.next_plan_id + 1,
+        plans=state.plans.uploading(new).from_own_hold(),
         order=state.order.noted(ev.FlightOrder.LAUNCH).followed(),
-        hold_is_own=True,
     )
     return state, [new]
 

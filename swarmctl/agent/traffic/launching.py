@@ -36,7 +36,7 @@ STARTS_AFTER_S = (-2.0, 0.0, 2.0, 4.0)
 
 def launch_if_possible(state: AgentState) -> StepResult:
     """Launch, or wait for a clear route. Called for each operator's order, plan and telemetry message."""
-    if not (state.phase is Phase.STANDBY and state.launch.is_ordered and state.pending is None):
+    if not (state.phase is Phase.STANDBY and state.launch.is_ordered and state.plans.pending is None):
         return state, []
     if state.telemetry_is_late:
         return state, []
@@ -135,7 +135,7 @@ def _intents_waited_for(state: AgentState) -> dict[int, NeighbourIntent]:
 
 def _route_clashes(state: AgentState, others: Mapping[int, NeighbourIntent]) -> tuple[Clash, ...]:
     """Return the conflicts of the first route with `others`, for a take-off now or a little later."""
-    start, route = state.vehicle.takeoff_lat_lon, state.route
+    start, route = state.vehicle.takeoff_lat_lon, state.plans.route
     if start is None or route is None or not others:
         return ()
     flight = to_shared_frame(state, from_takeoff(state.task, route.plan, start))

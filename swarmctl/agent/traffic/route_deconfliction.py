@@ -79,7 +79,7 @@ def check_own_route(state: AgentState) -> StepResult:
     state = replace(state, conflicts=replace(state.conflicts, predicted=others, counts=counts))
     if not others:
         return state, []
-    state = replace(state, dirty=True, must_change=True)
+    state = replace(state, plans=state.plans.due(must_change=True))
     text = f"the route conflicts with {describe_clashes(new, state.vehicle.time_boot_s)}"
     text += "; this vehicle gives way with a new plan [route-conflict]"
     return state, [ev.NotifyOperator(text)] if new else []
@@ -130,7 +130,7 @@ def deconflict(before: AgentState, decided: StepResult, now: float) -> StepResul
     flight = flight_by_plan(before, swap.plan)
     if before.alarms and _changes_height(before, swap.plan):
         return _upload(state, swap, flight)  # an evasive climb comes first
-    present_flight = None if before.route is None else planned_flight(before)
+    present_flight = None if before.plans.route is None else planned_flight(before)
     others = known_flights(state)
     clashes = _clashes(state, flight, others, present_flight)
     new = [
@@ -145,7 +145,7 @@ def deconflict(before: AgentState, decided: StepResult, now: float) -> StepResul
     if not clashes:
         state = _counted(state, replace(counts, by_route=counts.by_route + len(resolved)))
         state, taken = _upload(state, swap, flight)
-        waited = before.route is None and before.conflicts.deferred_for
+        waited = before.plans.route is None and before.conflicts.deferred_for
         return state, [
             ev.NotifyOperator("the route is clear of other vehicles; the vehicle resumes it [resumes]"),
             *taken,
@@ -173,26 +173,26 @@ def _clashes(
 
 
 def _changes_height(before: AgentState, plan: FlightPlan) -> bool:
-    route = before.route
+    route = before.plans.route
     return route is not None and abs(plan.height_m - route.plan.height_m) >= AIRBORNE_M
 
 
 def _with_level_off_if_needed(before: AgentState, plan: FlightPlan) -> FlightPlan:
     """Return the plan, with a level-off waypoint if the plan changes the height."""
-    here, route = position_of(before), before.route
+    here, route = position_of(before), before.plans.route
     if here is None or before.task.wings is not None:
         return plan
     if route is None:
         return with_level_off(before.task, plan, here, 0.0)  # the vehicle stands still during the upload
     if not _changes_height(before, plan):
         return plan
-    return with_level_off(before.task, plan, here, before.swap_times.expected_s)
+    return with_level_off(before.task, plan, here, before.plans.swap_times.expected_s)
 
 
 def _upload(state: AgentState, swap: ev.SwapMission, flight: Trajectory | None) -> StepResult:
     state = replace(
         state,
-        pending=swap,
+        plans=state.plans.uploading(swap),
         conflicts=replace(state.conflicts, predicted=frozenset(), deferred_for=frozenset()),
     )
     state, published = publish_intent(state, flight)
@@ -207,20 +207,16 @@ def _defer(
     new = [clash for clash in clashes if clash.other not in before.conflicts.deferred_for]
     state = replace(
         state,
-        pending=None,
-        because=swap.because,
-        dirty=True,
-        must_change=before.must_change,
-        late_s=before.late_s,
+        plans=state.plans.deferred(before.plans, swap.because),
         conflicts=replace(state.conflicts, deferred_for=before.conflicts.deferred_for | others),
     )
     present_clashes = _clashes(state, planned_flight(before), known_flights(state))
     yielding = [clash for clash in present_clashes if _gives_way(before, clash.other)]
     near_s = yielding[0].at_s - state.vehicle.time_boot_s if yielding else HOLDS_WITHIN_S
     again_s = RETRY_SOON_S if near_s < 2.0 * SEPARATES_WITHIN_S else RETRY_S
-    state = replace(state, retry_at_s=now + again_s)
-    holds = before.route is None or (near_s < HOLDS_WITHIN_S and may_hold(before))
-    reaction = "continues to hold" if before.route is None else "holds"
+    state = replace(state, plans=state.plans.not_before(now + again_s))
+    holds = before.plans.route is None or (near_s < HOLDS_WITHIN_S and may_hold(before))
+    reaction = "continues to hold" if before.plans.route is None else "holds"
     reaction = f"{reaction} [plan-deferred-hold]" if holds else "keeps its present route [plan-deferred]"
     waits = others | (before.conflicts.predicted if holds else frozenset())
     if holds or not yielding:
@@ -235,5 +231,5 @@ def _defer(
     if not holds:
         return state, messages
     conflicts = replace(state.conflicts, predicted=frozenset())
-    state, ordered = hold(state, before.route or swap, {}, conflicts=conflicts)
+    state, ordered = hold(state, before.plans.route or swap, {}, conflicts=conflicts)
     return state, [*messages, *ordered]

@@ -44,7 +44,7 @@ MAX_HEIGHTS = 8
 def may_give_way(state: AgentState) -> bool:
     """Return whether the vehicle can give way: it flies its mission, not far below cruise height."""
     vehicle, task = state.vehicle, state.task
-    if state.task.separation.action == "none" or state.phase is not Phase.FLYING or state.route is None:
+    if state.task.separation.action == "none" or state.phase is not Phase.FLYING or state.plans.route is None:
         return False
     least_m = task.altitude_m - 2.0 * task.separation.limits.vertical_m
     return not state.lost and vehicle.alt_rel_m is not None and vehicle.alt_rel_m >= least_m
@@ -74,9 +74,7 @@ def hold(
     wait = begin(WaitFor.ROUTE, state.vehicle.time_boot_s, plan=plan, to=to, before=state.wait)
     changes = {
         "wait": wait,
-        "route": None,
-        "dirty": False,
-        "retry_at_s": 0.0,
+        "plans": state.plans.interrupted(),
         "n_holds": state.n_holds + (state.order.given is not ev.FlightOrder.HOLD),
         **changes,
     }
@@ -106,7 +104,8 @@ def resume_if_clear(state: AgentState) -> StepResult:
     text = f"the vehicle has held for at least {wait.rule.report_every_s:.0f} s"
     for height_m in heights_to_try(state, plan):
         if _is_clear(state, at_height(plan, height_m)):
-            state = replace(state, height_offset_m=height_m - state.task.altitude_m, must_change=True)
+            plans = state.plans.due(must_change=True)
+            state = replace(state, height_offset_m=height_m - state.task.altitude_m, plans=plans)
             state = replace(state, conflicts=replace(state.conflicts, deferred_for=frozenset()))
             return _resume(state, f"{text}; it resumes its route at {height_m:.0f} m [resumes-higher]")
     return replace(state, wait=wait.tried(now_s).reported(now_s)), [
@@ -119,7 +118,9 @@ def give_up(state: AgentState) -> StepResult:
     assert state.wait is not None
     longest_s, fallback = state.wait.rule.longest_s, state.task.fallback
     reason = f"the vehicle has held for {longest_s:.0f} s, and the way is still not clear"
-    state, ordered = command(state, fallback, phase=Phase.LEAVING, given_up=True, outcome=reason, route=None)
+    state, ordered = command(
+        state, fallback, phase=Phase.LEAVING, given_up=True, outcome=reason, plans=state.plans.without_route()
+    )
     does = "returns" if fallback is ev.FlightOrder.RETURN else "lands where it is"
     return state, [ev.NotifyOperator(f"{reason}; the vehicle {does} [held-too-long]"), *ordered]
 
@@ -132,8 +133,7 @@ def _resume(state: AgentState, text: str) -> StepResult:
         state,
         wait=state.wait.ended(state.vehicle.time_boot_s),
         order=state.order.noted(ev.FlightOrder.LAUNCH).followed(),
-        hold_is_own=True,
-        dirty=True,
+        plans=state.plans.resumed(),
     )
     return state, messages
 
@@ -179,7 +179,7 @@ def reachable_heights_m(
     A later climb would end over the goal, where other vehicles come down; `with_level_off` has the same rule.
     """
     legs_m = sum(math.dist(a, b) for a, b in pairwise([here[:2], *path]))
-    remaining_s = max(0.5 * legs_m / state.task.arrival.speed_m_s - state.swap_times.expected_s, 0.0)
+    remaining_s = max(0.5 * legs_m / state.task.arrival.speed_m_s - state.plans.swap_times.expected_s, 0.0)
     return here[2] - DESCENT_M_S * remaining_s, here[2] + CLIMB_M_S * remaining_s
 
 

@@ -1,0 +1,184 @@
+"""The plans of one vehicle: the plan flown, the plan being uploaded, and the need for a new plan. Pure.
+
+Only the methods here change the record; other modules name the change.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmctl.agent.replan.swap_times import SwapHistory, SwapTimes
+from swarmctl.core import events as ev
+from swarmctl.planners.base import Route
+
+
+@dataclass(frozen=True, slots=True)
+class Plans:
+    route: ev.SwapMission | None = None
+    """plan being flown, or to be flown after the launch; None while a hold interrupts the plan"""
+    accepted: ev.SwapMission | None = None
+    """last plan verified on the vehicle, flown or not"""
+    pending: ev.SwapMission | None = None
+    """plan being uploaded"""
+    dirty: bool = False
+    """True: the agent has to decide on a plan"""
+    must_change: bool = False
+    """True: the next plan is flown even if it is no better"""
+    because: tuple[ev.ObservationId, ...] = ()
+    """names of the observations merged since the last decision, and those of a failed mission change"""
+    retry_at_s: float = -math.inf
+    """earliest next decision, by the run's clock"""
+    exposure: NDArray[np.float64] | None = None
+    """P_s as of the last decision, (rows, cols)"""
+    route_exposure: NDArray[np.float64] | None = None
+    """P_s at the last decision to keep or take the route being flown, (rows, cols)"""
+    planned: Route | None = None
+    """last answer of the planner, flown or not"""
+    late_s: float | None = None
+    """predicted arrival after take-off [s], by the last decision; None while within the bound"""
+    hold_is_own: bool = False
+    """True if this agent or its swap has set the hold between two plans"""
+    next_plan_id: int = 1
+    searches: int = 0
+    replans: int = 0
+    """number of mission changes in flight"""
+    swaps: SwapHistory = field(default_factory=SwapHistory)
+    swap_times: SwapTimes = field(default_factory=SwapTimes)
+
+    # --- the need for a decision
+
+    def due(self, because: tuple[ev.ObservationId, ...] = (), *, must_change: bool = False) -> Plans:
+        """Return the plans of a vehicle that has to decide; `because` are the names of new observations."""
+        return replace(
+            self,
+            dirty=True,
+            because=(*self.because, *because),
+            must_change=self.must_change or must_change,
+        )
+
+    def not_due(self) -> Plans:
+        """Return the plans of a vehicle that needs no decision now."""
+        return replace(self, dirty=False)
+
+    def not_before(self, retry_at_s: float) -> Plans:
+        """Return the plans with an earliest time of the next decision, by the run's clock [s]."""
+        return replace(self, retry_at_s=retry_at_s)
+
+    # --- a decision
+
+    def searched(self, p_s: NDArray[np.float64], planned: Route, late_s: float | None) -> Plans:
+        """Return the plans after a search by the exposure `p_s`."""
+        searches = self.searches + 1
+        return replace(self, exposure=p_s, planned=planned, late_s=late_s, searches=searches, dirty=False)
+
+    def searched_beside(self, *, must_change: bool) -> Plans:
+        """Return the plans after a search that only shows that another search has to follow."""
+        return replace(self, searches=self.searches + 1, must_change=self.must_change or must_change)
+
+    def kept(self, p_s: NDArray[np.float64]) -> Plans:
+        """Return the plans after the decision to keep the route by the exposure `p_s`."""
+        return replace(self, exposure=p_s, route_exposure=p_s, dirty=False, because=())
+
+    def sent(self, plan: ev.SwapMission, boot_s: float) -> Plans:
+        """Return the plans after the decision for a new plan, at `boot_s` by the vehicle's clock."""
+        swaps = replace(self.swaps, decided_boot_s=boot_s)
+        return replace(self.uploading(plan), because=(), must_change=False, swaps=swaps)
+
+    def uploading(self, plan: ev.SwapMission) -> Plans:
+        """Return the plans while a plan is being uploaded."""
+        return replace(self, pending=plan, next_plan_id=max(self.next_plan_id, plan.plan_id + 1))
+
+    def deferred(self, before: Plans, because: tuple[ev.ObservationId, ...]) -> Plans:
+        """Return the plans after a decision whose plan is tried again; `before`: those at the decision."""
+        return replace(
+            self,
+            pending=None,
+            because=because,
+            dirty=True,
+            must_change=before.must_change,
+            late_s=before.late_s,
+        )
+
+    def unreachable(self) -> Plans:
+        """Return the plans after a search without a route to a goal."""
+        return replace(self, dirty=False, because=())
+
+    # --- the outcome of a mission change
+
+    def verified(self, plan: ev.SwapMission) -> Plans:
+        """Return the plans after the vehicle has accepted a plan."""
+        return replace(self, accepted=plan, pending=None)
+
+    def taken(self, plan: ev.SwapMission) -> Plans:
+        """Return the plans of a vehicle that flies, or will fly, an accepted plan."""
+        swaps = replace(self.swaps, n_failed=0)
+        return replace(self, route=plan, route_exposure=self.exposure, swaps=swaps, hold_is_own=False)
+
+    def changed_in_flight(
+        self, boot_s: float, braking_until_boot_s: float, took_s: float | None, stood_s: float
+    ) -> Plans:
+        """Return the plans after a mission change in flight, which took `took_s` [s] if measured."""
+        times = self.swap_times if took_s is None else self.swap_times.measured(took_s, stood_s)
+        swaps = self.swaps.done(boot_s, braking_until_boot_s)
+        return replace(self, replans=self.replans + 1, swaps=swaps, swap_times=times)
+
+    def uploaded_on_ground(self, took_s: float | None) -> Plans:
+        """Return the plans after an upload on the ground, which took `took_s` [s] if measured."""
+        return self if took_s is None else replace(self, swap_times=SwapTimes.expecting(took_s))
+
+    def failed(self, event: ev.MissionFailed) -> Plans:
+        """Return the plans after a failed mission change."""
+        swaps = self.swaps.failed(event.reason, is_late=event.is_late)
+        times = self.swap_times.too_late() if event.is_late else self.swap_times
+        return replace(self, pending=None, swaps=swaps, swap_times=times, hold_is_own=event.flying == "hold")
+
+    def again(self, plan: ev.SwapMission, retry_at_s: float, *, flies_old: bool) -> Plans:
+        """Return the plans that follow the failure of `plan`: a new decision from `retry_at_s` on.
+
+        A vehicle that no longer flies its old plan has no route, so it takes any new plan.
+        """
+        return replace(
+            self,
+            dirty=True,
+            because=(*plan.because, *self.because),
+            retry_at_s=retry_at_s,
+            route=self.route if flies_old else None,
+        )
+
+    # --- orders
+
+    def interrupted(self) -> Plans:
+        """Return the plans of a vehicle whose route a hold interrupts."""
+        return replace(self, route=None, dirty=False, retry_at_s=-math.inf)
+
+    def without_route(self) -> Plans:
+        """Return the plans of a vehicle that leaves its route."""
+        return replace(self, route=None)
+
+    def on_route(self, plan: ev.SwapMission | None) -> Plans:
+        """Return the plans of a vehicle that goes on by an interrupted plan."""
+        return replace(self, route=plan)
+
+    def resumed(self) -> Plans:
+        """Return the plans of a vehicle in its agent's own hold, which needs a new plan."""
+        return replace(self, hold_is_own=True, dirty=True)
+
+    def from_own_hold(self) -> Plans:
+        """Return the plans of a vehicle that an upload begins from its agent's own hold."""
+        return replace(self, hold_is_own=True)
+
+    def without_upload(self) -> Plans:
+        """Return the plans after an upload that was given up."""
+        return replace(self, pending=None)
+
+    def afresh(self) -> Plans:
+        """Return the plans as if no mission change had failed before."""
+        return replace(self, swaps=replace(self.swaps, n_failed=0))
+
+    def forgotten(self) -> Plans:
+        """Return the plans of a vehicle whose mission is unknown again."""
+        return replace(self, route=None, pending=None)
