@@ -203,7 +203,7 @@ def _go_first(state: AgentState, here: LocalPoint, others: Others) -> dict[int, 
     mine = Standing(Activity.LANDING, True, state.task.uav, here[2])
     found = {}
     for uav, intent in others.items():
-        # Over the landing place only heights and system ids count: who is lower is in the way.
+        # Over the landing place only heights and system ids count: the lower vehicle is in the way.
         theirs = replace(standing_of(state, uav, intent), activity=Activity.LANDING, can_yield=True)
         if gives_way(mine, theirs):
             found[uav] = intent

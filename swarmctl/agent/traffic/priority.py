@@ -48,7 +48,7 @@ ACTIVITY_OF_PHASE: Mapping[str, Activity] = {
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """What the rule knows of one vehicle."""
+    """The facts about one vehicle that the rule compares."""
 
     activity: Activity
     can_yield: bool
