@@ -45,7 +45,8 @@ def test_the_least_distance_flown_is_in_the_summary(tmp_path: Path) -> None:
 def uncompared(monkeypatch: pytest.MonkeyPatch) -> None:
     """Switch off the comparison of plans between vehicles; only the watch remains."""
     step = importlib.import_module("swarmctl.agent.step")
-    monkeypatch.setattr(step, "deconflict", lambda _before, decided, _now: decided)
+    changes = importlib.import_module("swarmctl.agent.replan.mission_changes")
+    monkeypatch.setattr(changes, "deconflict", lambda _before, decided, _now: decided)
     monkeypatch.setattr(step, "check_own_route", lambda state: (state, []))
 
 
@@ -141,7 +142,7 @@ def flown_after_waiting(folder: Path, **simulate: float) -> None:
     assert "vehicle 1 in " in waits
     assert ui.said.index(waits) < ui.said.index(launches)
     separation = report.summary["separation"]
-    assert separation["plans_in_flight"]["predicted"] == 0
+    assert separation["plans_in_flight"]["unresolved"] == 0
     assert separation["too_close"] == []
 
 

@@ -100,7 +100,8 @@ def test_two_vehicles_too_close_without_a_warning_are_found(
 
     assert flown(drawn_together(), tmp_path / "apart", monkeypatch) == []
     step = importlib.import_module("swarmctl.agent.step")
-    monkeypatch.setattr(step, "deconflict", lambda _before, decided, _now: decided)
+    changes = importlib.import_module("swarmctl.agent.replan.mission_changes")
+    monkeypatch.setattr(changes, "deconflict", lambda _before, decided, _now: decided)
     monkeypatch.setattr(step, "check_own_route", lambda state: (state, []))
     monkeypatch.setattr(step, "avoid_collisions", lambda state: (state, []))
     found = flown(drawn_together(), tmp_path / "together", monkeypatch)
