@@ -21,10 +21,9 @@ later, and a copter sees one cell ahead.
 """
 
 LANDING_SPACING_M = 12.0
-"""Least wanted distance between the landing spots in one cell [m]."""
-LANDING_MARGIN = 2.4
-"""Wanted distance between the landing spots as a share of the separation: a vehicle that arrives over the
-centre of the cell keeps the separation from a vehicle that descends at a spot."""
+"""Wanted distance between the landing spots in one cell, for a separation of 10 m or less [m]."""
+LANDING_MARGIN = 1.2
+"""Wanted distance between the landing spots for a greater separation, as a share of the separation."""
 
 
 def ends_and_turns(cells: Sequence[Cell]) -> tuple[Cell, ...]:

@@ -20,7 +20,7 @@ FOUND = {
     118: "a vehicle gave way to a landing one with a climb that ended over the goal",
 }
 """seeds that broke a rule before, with the cause"""
-OPEN = frozenset({5, 6, 10, 74, 141, 191})
+OPEN = frozenset({5, 10, 25, 83, 84, 107, 136, 139, 141, 155})
 """seeds that still break a rule"""
 
 
