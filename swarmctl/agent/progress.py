@@ -53,7 +53,7 @@ class PlannedFlight:
     def of(cls, plan: ev.SwapMission, grid: Grid, vehicle: VehicleState) -> PlannedFlight:
         """Return the flight of a plan; without a known begin it begins at the vehicle's present position."""
         takeoff = _takeoff(vehicle)
-        legs = planned_legs(grid, plan.plan, takeoff or _lat_lon(vehicle))
+        legs = planned_legs(grid, plan.plan, takeoff or vehicle.lat_lon)
         centres_m: list[float] = []
         for cell in plan.cells:
             # A route may pass a place twice, so a centre is looked for from the previous centre on.
@@ -141,7 +141,7 @@ def progress_on(
     plan: ev.SwapMission, before: Progress | None, grid: Grid, vehicle: VehicleState
 ) -> Progress | None:
     """Return the progress on a plan, after the progress `before`; None while the position is unknown."""
-    if (lat_lon := _lat_lon(vehicle)) is None:
+    if (lat_lon := vehicle.lat_lon) is None:
         return None
     here = grid.frame.to_local(*lat_lon)
     if before is None or not before.flight.is_of(plan, vehicle):
@@ -173,9 +173,3 @@ def _takeoff(vehicle: VehicleState) -> LatLon | None:
 def _turn_inside_m(plan: ev.SwapMission) -> float:
     """Return how far a fixed wing is inside a corner when it turns by 90° [m]."""
     return (math.sqrt(2.0) - 1.0) * plan.plan.turn_radius_m
-
-
-def _lat_lon(vehicle: VehicleState) -> LatLon | None:
-    if vehicle.lat_deg is None or vehicle.lon_deg is None:
-        return None
-    return vehicle.lat_deg, vehicle.lon_deg

@@ -54,9 +54,8 @@ def _decide_from(
     if splice.leaves_ahead and start in task.goals and not state.plans.must_change:
         # The vehicle would reach its goal before the end of a swap.
         return replace(state, plans=state.plans.kept(p_s)), []
-    ahead = (
-        None if state.plans.route is None or splice.index is None else state.plans.route.cells[splice.index :]
-    )
+    present = state.plans.route
+    ahead = None if present is None or splice.index is None else present.cells[splice.index :]
     lead_in = lead_in_to(state, splice)
     problem = _problem(task, p_s, start, state.w, lead_in)
     swap_cost = swap_cost_cells(state, lead_in, splice)
@@ -68,7 +67,8 @@ def _decide_from(
     keeps = ahead is not None and is_no_worse(task, problem, ahead, route, swap_cost, lost_s, joining)
     is_track_good = leaves_track or not keeps or is_track_still_good(state, p_s)
     keeps = keeps and is_track_good and not state.plans.must_change
-    if not keeps and not leaves_track and task.wings is None and _is_on_track(state):
+    is_on_track = present is not None and present.track is not None and splice.index is not None
+    if not keeps and not leaves_track and task.wings is None and is_on_track and state.cell is not None:
         # This search began beside the vehicle, but a new route begins at a splice point ahead: search again.
         plans = state.plans.searched_beside(must_change=not is_track_good)
         return _decide_from(replace(state, plans=plans), p_s, splice_on_track(state, p_s), leaves_track=True)
@@ -158,19 +158,5 @@ def _problem(task: Task, p_s: NDArray[np.float64], start: Cell, w: float, lead_i
     )
 
 
-def _is_on_track(state: AgentState) -> bool:
-    if (
-        state.plans.route is None
-        or state.plans.route.track is None
-        or state.progress is None
-        or state.cell is None
-    ):
-        return False
-    return state.progress.is_on_route
-
-
 def _position_in_flight(state: AgentState) -> LatLon | None:
-    vehicle = state.vehicle
-    if state.phase is Phase.FLYING and vehicle.lat_deg is not None and vehicle.lon_deg is not None:
-        return vehicle.lat_deg, vehicle.lon_deg
-    return None
+    return state.vehicle.lat_lon if state.phase is Phase.FLYING else None

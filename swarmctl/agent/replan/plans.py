@@ -115,8 +115,7 @@ class Plans:
 
     def taken(self, plan: ev.SwapMission) -> Plans:
         """Return the plans of a vehicle that flies, or will fly, an accepted plan."""
-        swaps = replace(self.swaps, n_failed=0)
-        return replace(self, route=plan, route_exposure=self.exposure, swaps=swaps, hold_is_own=False)
+        return replace(self.afresh(), route=plan, route_exposure=self.exposure, hold_is_own=False)
 
     def changed_in_flight(
         self, boot_s: float, braking_until_boot_s: float, took_s: float | None, stood_s: float
@@ -153,7 +152,7 @@ class Plans:
 
     def interrupted(self) -> Plans:
         """Return the plans of a vehicle whose route a hold interrupts."""
-        return replace(self, route=None, dirty=False, retry_at_s=-math.inf)
+        return self.without_route().not_due().not_before(-math.inf)
 
     def without_route(self) -> Plans:
         """Return the plans of a vehicle that leaves its route."""
@@ -165,7 +164,7 @@ class Plans:
 
     def resumed(self) -> Plans:
         """Return the plans of a vehicle in its agent's own hold, which needs a new plan."""
-        return replace(self, hold_is_own=True, dirty=True)
+        return self.from_own_hold().due()
 
     def from_own_hold(self) -> Plans:
         """Return the plans of a vehicle that an upload begins from its agent's own hold."""

@@ -77,15 +77,13 @@ def splice_on_route(state: AgentState, p_s: NDArray[np.float64]) -> Splice:
         return at_once
     is_passed, least_m = progress.is_centre_passed, _swap_distance_m(state)
     first = index + 1 if is_passed else index
+    if first >= len(cells):
+        return at_once
     for last in range(first, len(cells)):
         if _is_wall(state, p_s, cells[last]):
             return at_once
         if progress.to_centre_m(last) >= least_m:
             break
-    else:
-        last = len(cells) - 1
-    if first >= len(cells):
-        return at_once
     path = (progress.here, *(task.grid.centre_m(cell) for cell in cells[first:last]))
     before = cells[index - 1] if index > 0 else None
     lead_m = progress.to_centre_m(last)
@@ -144,10 +142,8 @@ def _swap_distance_m(state: AgentState) -> float:
 
     A vehicle that brakes for the new plan may stop up to MAX_OVERSHOOT_CELLS past the splice point.
     """
-    flown_m, stop = (
-        distance_and_speed_after(state, state.plans.swap_times.expected_s)[0],
-        stop_for_new_plan(state),
-    )
+    flown_m, _ = distance_and_speed_after(state, state.plans.swap_times.expected_s)
+    stop = stop_for_new_plan(state)
     if stop is None:
         return flown_m
     return max(flown_m, stop.stops_in_m - max_overshoot_m(state.task.grid))

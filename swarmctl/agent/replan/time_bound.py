@@ -66,7 +66,7 @@ def lead_in_to(state: AgentState, splice: Splice) -> LeadIn:
     the cell's centre.
     """
     task, vehicle = state.task, state.vehicle
-    if state.launch.armed_boot_s is None or vehicle.lat_deg is None or vehicle.lon_deg is None:
+    if state.launch.armed_boot_s is None or vehicle.lat_lon is None:
         return before_takeoff(task.arrival, task.altitude_m)
     if splice.leaves_ahead:
         lead_m = splice.lead_m
@@ -80,10 +80,8 @@ def lead_in_to(state: AgentState, splice: Splice) -> LeadIn:
 
 def _to_centre_m(state: AgentState, splice: Splice) -> float:
     """Return the straight distance of a vehicle with a position to the last cell of `splice` [m]."""
-    assert state.vehicle.lat_deg is not None
-    assert state.vehicle.lon_deg is not None
-    here = state.vehicle.lat_deg, state.vehicle.lon_deg
-    return distance_m(here, state.task.grid.centre(splice.kept[-1]))
+    assert state.vehicle.lat_lon is not None
+    return distance_m(state.vehicle.lat_lon, state.task.grid.centre(splice.kept[-1]))
 
 
 def swap_cost_cells(state: AgentState, lead_in: LeadIn, splice: Splice) -> float:
@@ -92,7 +90,7 @@ def swap_cost_cells(state: AgentState, lead_in: LeadIn, splice: Splice) -> float
     A vehicle whose new route begins ahead does not fly back. On the ground the cost is 0.
     """
     task, vehicle = state.task, state.vehicle
-    if state.phase is not Phase.FLYING or vehicle.lat_deg is None or vehicle.lon_deg is None:
+    if state.phase is not Phase.FLYING or vehicle.lat_lon is None:
         return 0.0
     back_m = 0.0 if splice.leaves_ahead else _to_centre_m(state, splice) - lead_in.lead_m
     stands_s = swap_loss_s(task.arrival, state.plans.swap_times.stop_s, vehicle.brakes_m_s2)

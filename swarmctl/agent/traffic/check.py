@@ -6,7 +6,7 @@ Launch, new plans, holds, landings and the flown plan ask `clashes_with` about `
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.prediction import predict, silent_neighbours
@@ -97,18 +97,20 @@ def _least_share(flight: Trajectory, other: Trajectory, limits: Limits) -> float
 def known_flights(state: AgentState) -> dict[int, NeighbourIntent]:
     """Return the known flights of other vehicles: intents, extrapolated positions, or last positions."""
     intents = known_intents(state)
-    paths = silent_neighbours(state)
-    without_intent = (known for known in state.neighbours.items() if known[0] not in intents)
-    paths |= {uav: path for uav, report in without_intent if (path := predict(state, report))}
-    return intents | {uav: as_intent(state, path) for uav, path in paths.items() if uav not in intents}
+    silent = {uav: as_intent(state, path) for uav, path in silent_neighbours(state).items()}
+    known = silent | _extrapolated(state, state.neighbours.keys() - intents.keys())
+    return intents | {uav: flight for uav, flight in known.items() if uav not in intents}
 
 
 def alarmed_flights(state: AgentState) -> dict[int, NeighbourIntent]:
     """Return the extrapolated flights of vehicles with an alarm: they may be off their intents."""
-    alarmed = {alarm.other for alarm in state.alarms}
-    reports = {uav: report for uav, report in state.neighbours.items() if uav in alarmed}
-    paths = {uav: path for uav, report in reports.items() if (path := predict(state, report))}
-    return {uav: as_intent(state, path) for uav, path in paths.items()}
+    return _extrapolated(state, {alarm.other for alarm in state.alarms})
+
+
+def _extrapolated(state: AgentState, uavs: Set[int]) -> dict[int, NeighbourIntent]:
+    """Return the extrapolated flights of those of `uavs` that were received recently."""
+    reports = ((uav, report) for uav, report in state.neighbours.items() if uav in uavs)
+    return {uav: as_intent(state, path) for uav, report in reports if (path := predict(state, report))}
 
 
 def known_intents(state: AgentState) -> dict[int, NeighbourIntent]:
@@ -120,9 +122,7 @@ def known_intents(state: AgentState) -> dict[int, NeighbourIntent]:
 def as_intent(state: AgentState, path: Trajectory) -> NeighbourIntent:
     """Return a predicted path, with heights above home, as a flight that its vehicle cannot change."""
     vehicle = state.vehicle
-    home_m = (vehicle.alt_amsl_m or 0.0) - (vehicle.alt_rel_m or 0.0)
-    points = tuple((east_m, north_m, up_m + home_m) for east_m, north_m, up_m in path.points)
-    flight = Trajectory(path.times_s, points)
+    flight = path.higher((vehicle.alt_amsl_m or 0.0) - (vehicle.alt_rel_m or 0.0))
     return NeighbourIntent(flight, Bounds.of(flight), may_change=False, sent_s=path.times_s[0])
 
 

@@ -218,9 +218,7 @@ def to_shared_frame(state: AgentState, flight: Trajectory | None) -> Trajectory 
     vehicle = state.vehicle
     if flight is None or vehicle.alt_amsl_m is None or vehicle.alt_rel_m is None:
         return None
-    home_m = vehicle.alt_amsl_m - vehicle.alt_rel_m
-    points = tuple((east_m, north_m, up_m + home_m) for east_m, north_m, up_m in flight.points)
-    return Trajectory(tuple(t + vehicle.time_boot_s for t in flight.times_s), points)
+    return flight.later(vehicle.time_boot_s).higher(vehicle.alt_amsl_m - vehicle.alt_rel_m)
 
 
 def _phase_trajectory(state: AgentState, here: LocalPoint) -> Trajectory | None:

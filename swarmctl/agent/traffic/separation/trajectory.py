@@ -98,6 +98,11 @@ class Trajectory:
         """Return the same flight, shifted in time."""
         return Trajectory(tuple(t + seconds for t in self.times_s), self.points)
 
+    def higher(self, by_m: float) -> Trajectory:
+        """Return the same flight, shifted in height."""
+        points = tuple((east_m, north_m, up_m + by_m) for east_m, north_m, up_m in self.points)
+        return Trajectory(self.times_s, points)
+
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
