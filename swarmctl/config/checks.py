@@ -20,7 +20,7 @@ from swarmctl.config.problems import ConfigProblem
 from swarmctl.config.scenario import Scenario, build
 from swarmctl.config.separation_checks import check_separation
 from swarmctl.config.specs import Spec, entry_of, on_border, simulated_goals
-from swarmctl.config.threats import Binomial, Poisson, Uniform, Weights
+from swarmctl.config.threats import Binomial, Drawn, Poisson, Uniform, Weights
 from swarmctl.config.wings_checks import check_landings, check_plane, check_wings
 from swarmctl.config.yaml_lines import KeyPath
 from swarmctl.core.geo import distance_m
@@ -187,10 +187,16 @@ def _check_threats(config: Config, grid: Grid) -> Iterator[ConfigProblem]:
     if most > grid.n_cells:
         text = f"{most:g} hostiles do not fit into {grid.n_cells} cells, one in each; lower the number"
         yield ConfigProblem(("threats", "count", *key), text)
-    if config.threats.hostiles != "random":
-        yield from _outside(grid, config.threats.hostiles, ("threats", "hostiles"), "hostile")
-        if len(set(config.threats.hostiles)) < len(config.threats.hostiles):
+    hostiles = config.threats.hostiles
+    if isinstance(hostiles, tuple):
+        yield from _outside(grid, hostiles, ("threats", "hostiles"), "hostile")
+        if len(set(hostiles)) < len(hostiles):
             yield ConfigProblem(("threats", "hostiles"), "a cell is listed twice; list each cell once")
+    elif isinstance(hostiles, Drawn):
+        for name, number in (("count", hostiles.count), ("clusters", hostiles.clusters)):
+            if number is not None and number > grid.n_cells:
+                text = f"{number} exceeds the {grid.n_cells} cells of the area; lower it"
+                yield ConfigProblem(("threats", "hostiles", name), text)
     yield from _outside(grid, config.area.no_fly, ("area", "no_fly"), "cell")
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from enum import IntEnum
 
 import numpy as np
+from numpy.typing import NDArray
 
 from swarmctl.agent.arrival.common_time import ArrivalGroup
 from swarmctl.agent.failsafes.base import Fence
@@ -21,7 +22,7 @@ from swarmctl.config import fence
 from swarmctl.config.failsafes import active_rules
 from swarmctl.config.model import Config
 from swarmctl.config.specs import Spec, specs_of, wings_of
-from swarmctl.config.threats import Binomial, Poisson, Uniform, Weights
+from swarmctl.config.threats import Binomial, Drawn, Poisson, Uniform, Weights
 from swarmctl.core.belief import Belief
 from swarmctl.core.events import FlightOrder
 from swarmctl.core.exposure import prior_inner_exposure
@@ -69,7 +70,7 @@ class Scenario:
         """The true cells of the hostiles; None if unknown, because nothing simulates them."""
         config = self.config
         is_real = config.simulate is None and not SOURCES[config.sensor.source].is_simulated
-        return None if is_real and config.threats.hostiles == "random" else self.hostiles
+        return None if is_real and not isinstance(config.threats.hostiles, tuple) else self.hostiles
 
     def only(self, uav: int) -> Scenario:
         """Return the scenario of a process that flies only vehicle `uav`."""
@@ -148,12 +149,33 @@ def count_of(config: Config) -> HostileCount:
 
 
 def _hostiles(config: Config, count: HostileCount) -> frozenset[Cell]:
-    if config.threats.hostiles != "random":
-        return frozenset(config.threats.hostiles)
+    hostiles = config.threats.hostiles
+    if isinstance(hostiles, tuple):
+        return frozenset(hostiles)
+    drawn = Drawn() if hostiles == "random" else hostiles
     rows, cols = config.area.rows, config.area.cols
     rng = np.random.default_rng(config.seed)
-    drawn = rng.choice(rows * cols, size=count.draw(rng), replace=False)
-    return frozenset((int(i) // cols, int(i) % cols) for i in drawn)
+    n = count.draw(rng) if drawn.count is None else drawn.count
+    chance = (
+        None if drawn.clusters is None else _in_clusters(rng, rows, cols, drawn.clusters, drawn.spread_cells)
+    )
+    cells = rng.choice(rows * cols, size=n, replace=False, p=chance)
+    return frozenset((int(i) // cols, int(i) % cols) for i in cells)
+
+
+def _in_clusters(
+    rng: np.random.Generator, rows: int, cols: int, n_clusters: int, spread_cells: float
+) -> NDArray[np.float64]:
+    """Return (cells,) chances of a hostile: normal distributions of equal weight around random cells."""
+    centres = np.divmod(rng.choice(rows * cols, size=n_clusters, replace=False), cols)
+
+    def along(size: int, centre: NDArray[np.int64]) -> NDArray[np.float64]:
+        density = np.exp(-0.5 * ((np.arange(size) - centre[:, None]) / spread_cells) ** 2)
+        return np.asarray(density / density.sum(axis=1, keepdims=True))
+
+    # A floor far below every other chance: hostiles that exceed their clusters' cells go elsewhere.
+    chance = np.maximum((along(rows, centres[0]).T @ along(cols, centres[1])).ravel(), 1e-100)
+    return np.asarray(chance / chance.sum())
 
 
 def _tasks(

@@ -82,6 +82,44 @@ Count = Annotated[
 ]
 
 
+class Drawn(Section):
+    """True cells of the hostiles, drawn with the seed: over the whole area, or in clusters.
+
+    The beliefs of the vehicles know of neither: they assume `threats.count` hostiles anywhere in the area.
+    """
+
+    count: int | None = Field(
+        None, ge=0, description="True number of hostiles. Default: drawn by `threats.count`."
+    )
+    clusters: int | None = Field(
+        None, ge=1, description="Number of clusters. Default: the hostiles are anywhere in the area."
+    )
+    spread_cells: float | None = Field(
+        None,
+        gt=0.0,
+        description="Standard deviation of the distance from a cluster's centre, north and east [cells].",
+    )
+
+    def model_post_init(self, _context: object) -> None:
+        if (self.clusters is None) != (self.spread_cells is None):
+            raise ValueError("clusters and spread_cells belong together; give both or neither")
+
+
+def _hostiles_tag(value: Any) -> str:
+    """Return the form of `threats.hostiles`: cells, a section, or the word random."""
+    if isinstance(value, (dict, Section)):
+        return "drawn"
+    return "cells" if isinstance(value, (list, tuple)) else "random"
+
+
+Hostiles = Annotated[
+    Annotated[Literal["random"], Tag("random")]
+    | Annotated[tuple[Cell, ...], Tag("cells")]
+    | Annotated[Drawn, Tag("drawn")],
+    Discriminator(_hostiles_tag),
+]
+
+
 class Strength(Section):
     """Probability that a hostile hits a vehicle, by the vehicle's cell (Eq. 1)."""
 
@@ -103,7 +141,8 @@ class Threats(Section):
         Strength(direct=0.6, first_neighbour=0.3, second_neighbour=0.1),
         description="Probability that a hostile hits a vehicle (Eq. 1).",
     )
-    hostiles: Literal["random"] | tuple[Cell, ...] = Field(
+    hostiles: Hostiles = Field(
         "random",
-        description="True cells [row, col] of the hostiles, or random: drawn with the seed, by `count`.",
+        description="True cells [row, col] of the hostiles; or random: drawn with the seed, by `count`; or a "
+        "section: drawn in clusters, or in another number than announced.",
     )

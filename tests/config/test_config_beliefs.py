@@ -8,9 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from config_files import assert_problems
+from scipy.spatial.distance import pdist
 
 from swarmctl.config import model, scenario
 from swarmctl.config.checks import check_config
+from swarmctl.core.grid import Cell
 from swarmctl.core.inference.hostiles import HostileCount
 from swarmctl.core.inference.sensor import SensorModel
 
@@ -74,6 +76,42 @@ def test_each_vehicle_and_use_has_a_random_stream_of_its_own(tmp_path: Path) -> 
     assert built.generator(*ends[0]).random() in draws
 
 
+def drawn(tmp_path: Path, count: str, hostiles: str, n_seeds: int = 200) -> list[frozenset[Cell]]:
+    """Return the hostiles of several seeds."""
+    read = loaded(tmp_path, f"{count}\n  hostiles: {hostiles}")
+    return [scenario.build(read.model_copy(update={"seed": seed})).hostiles for seed in range(n_seeds)]
+
+
+def mean_distance(worlds: list[frozenset[Cell]]) -> float:
+    return float(np.mean([pdist(np.array(sorted(hostiles), dtype=float)).mean() for hostiles in worlds]))
+
+
+def test_hostiles_in_clusters_are_closer_together_than_anywhere_in_the_area(tmp_path: Path) -> None:
+    clusters = drawn(tmp_path, "12", "{clusters: 3, spread_cells: 1}")
+    assert {len(hostiles) for hostiles in clusters} == {12}
+    assert all(0 <= row < 10 and 0 <= col < 10 for hostiles in clusters for row, col in hostiles)
+    assert clusters == drawn(tmp_path, "12", "{clusters: 3, spread_cells: 1}")
+    wide, anywhere = drawn(tmp_path, "12", "{clusters: 3, spread_cells: 2}"), drawn(tmp_path, "12", "random")
+    assert mean_distance(clusters) < 0.95 * mean_distance(wide) < 0.95 * mean_distance(anywhere)
+    (one,) = drawn(tmp_path, "9", "{clusters: 1, spread_cells: 0.4}", n_seeds=1)
+    assert len({row for row, _ in one}) <= 4
+    assert len({col for _, col in one}) <= 4
+
+
+def test_clusters_without_room_spill_over(tmp_path: Path) -> None:
+    assert {len(h) for h in drawn(tmp_path, "90", "{clusters: 1, spread_cells: 0.05}", 3)} == {90}
+
+
+def test_the_true_number_of_hostiles_may_differ_from_the_announced_number(tmp_path: Path) -> None:
+    read = loaded(tmp_path, "12\n  hostiles: {count: 20}")
+    built = scenario.build(read)
+    assert len(built.hostiles) == 20
+    assert built.prior.count.n.tolist() == [12]
+    assert model.Config.model_validate_json(read.model_dump_json()) == read
+    # One draw of equal numbers, with or without a section.
+    assert drawn(tmp_path, "12", "{count: 12}", 5) == drawn(tmp_path, "12", "random", 5)
+
+
 WRONG: list[tuple[str, str, tuple[str, ...]]] = [
     ("{distribution: gauss, mean: 3}", "{}", (":3: threats.count", "poisson")),
     ("{mean: 3}", "{}", (":3: threats.count", "{distribution: poisson")),
@@ -90,6 +128,12 @@ WRONG: list[tuple[str, str, tuple[str, ...]]] = [
     ("{distribution: weights, weights: {}}", "{}", (":3: threats.count.weights", "{20: 1, 24: 3}")),
     ("{distribution: weights, weights: {3: -1}}", "{}", (":3: threats.count.weights.3", "-1")),
     ("{distribution: weights, weights: {400: 1}}", "{}", (":3: threats.count.weights.400", "400", "100")),
+    ("3\n  hostiles: {clusters: 0}", "{}", (":4: threats.hostiles.clusters", "1", "0")),
+    ("3\n  hostiles: {clusters: 101}", "{}", (":4: threats.hostiles.clusters", "101", "100")),
+    ("3\n  hostiles: {count: 101}", "{}", (":4: threats.hostiles.count", "101", "100")),
+    ("3\n  hostiles: {spread_cells: 2}", "{}", (":4: threats.hostiles", "clusters")),
+    ("3\n  hostiles: {clusters: 2, spread: 2}", "{}", (":4: threats.hostiles.spread", "'spread_cells'")),
+    ("3\n  hostiles: anywhere", "{}", (":4: threats.hostiles", "'random'", "'anywhere'")),
     ("3", "{p_miss: 1.5}", (":4: sensor.p_miss", "1", "1.5")),
     ("3", "{p_miss: 0.6, p_false_alarm: 0.4}", (":4: sensor", "0.6", "0.4")),
 ]
