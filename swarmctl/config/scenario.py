@@ -156,9 +156,9 @@ def _hostiles(config: Config, count: HostileCount) -> frozenset[Cell]:
     rows, cols = config.area.rows, config.area.cols
     rng = np.random.default_rng(config.seed)
     n = count.draw(rng) if drawn.count is None else drawn.count
-    chance = (
-        None if drawn.clusters is None else _in_clusters(rng, rows, cols, drawn.clusters, drawn.spread_cells)
-    )
+    chance = None
+    if drawn.clusters is not None and drawn.spread_cells is not None:
+        chance = _in_clusters(rng, rows, cols, drawn.clusters, drawn.spread_cells)
     cells = rng.choice(rows * cols, size=n, replace=False, p=chance)
     return frozenset((int(i) // cols, int(i) % cols) for i in cells)
 
