@@ -21,6 +21,7 @@ ROOMS: dict[str, set[str]] = {
     "swarmctl.config": {"core", "planners", "sensors", "mavlink", "bus", "links", "security", "agent"},
     "swarmctl.preflight": {"core", "mavlink", "bus", "links", "agent", "config"},
     "swarmctl.report": {"core", "planners", "mavlink", "bus", "agent", "config", "preflight"},
+    "swarmctl.study": {"core", "planners", "sensors", "bus", "agent", "config", "report"},
     "swarmctl.station": {"core", "bus", "agent", "config", "report"},
     "swarmctl.flight": {
         "core", "planners", "sensors", "mavlink", "bus", "links", "security", "agent", "config", "preflight",
@@ -28,6 +29,7 @@ ROOMS: dict[str, set[str]] = {
     },
     "swarmctl.cli": {
         "core", "planners", "bus", "links", "security", "config", "preflight", "report", "station", "flight",
+        "study",
     },
     "swarmctl.__main__": {"cli"},
     "sim_vehicle": set(),
