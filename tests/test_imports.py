@@ -104,6 +104,7 @@ PURE = {
     "swarmctl.preflight.declared", "swarmctl.preflight.results", "swarmctl.preflight.waivers",
     "swarmctl.report.foxglove", "swarmctl.report.evidence.chain", "swarmctl.report.evidence.digest",
     "swarmctl.report.evidence.commands",
+    "swarmctl.study.statistics",
     "sim_vehicle",
 }  # fmt: skip
 # The simulator's only sockets, clocks, tasks and processes.
