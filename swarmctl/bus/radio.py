@@ -175,7 +175,11 @@ class Radio:
             return None
         if receiver is None or sender is None:
             return None
-        range_m = distance_m(receiver, sender)
+        return self.range_loss(distance_m(receiver, sender))
+
+    def range_loss(self, range_m: float) -> LossReason | None:
+        """Return the cause of loss at this distance [m]; None within the limits."""
+        settings = self._settings
         if range_m > settings.max_distance_m:
             return LossReason.TOO_FAR
         return LossReason.TOO_NEAR if range_m < settings.min_distance_m else None

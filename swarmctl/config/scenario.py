@@ -127,7 +127,9 @@ def build(config: Config) -> Scenario:
     tasks = tuple(_tasks(config, grid, strength, psi, specs))
     sensor = SensorModel(config.sensor.p_miss, config.sensor.p_false_alarm)
     prior = Belief.prior(grid.rows, grid.cols, count, sensor)
-    scenario = Scenario(config, grid, strength, _hostiles(config, count), psi, specs, tasks, prior, specs)
+    scenario = Scenario(
+        config, grid, strength, draw_hostiles(config, count, config.seed), psi, specs, tasks, prior, specs
+    )
     corners_m = tuple(grid.frame.to_local(*corner) for corner in scenario.fence_polygon)
     limits = Fence(corners_m, scenario.ceiling_m)
     return replace(scenario, tasks=tuple(replace(task, fence=limits) for task in tasks))
@@ -148,13 +150,14 @@ def count_of(config: Config) -> HostileCount:
             return HostileCount.known(n)
 
 
-def _hostiles(config: Config, count: HostileCount) -> frozenset[Cell]:
+def draw_hostiles(config: Config, count: HostileCount, seed: int) -> frozenset[Cell]:
+    """Return the true cells of the hostiles, as a flight with this seed has them."""
     hostiles = config.threats.hostiles
     if isinstance(hostiles, tuple):
         return frozenset(hostiles)
     drawn = Drawn() if hostiles == "random" else hostiles
     rows, cols = config.area.rows, config.area.cols
-    rng = np.random.default_rng(config.seed)
+    rng = np.random.default_rng(seed)
     n = count.draw(rng) if drawn.count is None else drawn.count
     chance = None
     if drawn.clusters is not None and drawn.spread_cells is not None:

@@ -21,8 +21,8 @@ from swarmctl.bus.radio import (
     gilbert_probabilities,
 )
 from swarmctl.config.communication import Communication
+from swarmctl.config.radio import radio_settings
 from swarmctl.core.geo import LatLon, distance_m
-from swarmctl.flight.network import radio_settings
 
 Sent = tuple[int, int, int, float]
 """Sender, receiver, bytes, seconds since the previous message."""

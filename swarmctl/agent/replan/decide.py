@@ -17,6 +17,8 @@ from swarmctl.agent.replan.route_to_mission import (
 from swarmctl.agent.replan.spare_time import with_spare_time
 from swarmctl.agent.replan.splice import Splice, splice_on_route, splice_on_track
 from swarmctl.agent.replan.time_bound import (
+    FROM_A_STOP,
+    JoiningLeg,
     ahead_lost_s,
     arrival_outside_bound_s,
     bounds_of,
@@ -57,14 +59,10 @@ def _decide_from(
     present = state.plans.route
     ahead = None if present is None or splice.index is None else present.cells[splice.index :]
     lead_in = lead_in_to(state, splice)
-    problem = _problem(task, p_s, start, state.w, lead_in)
-    swap_cost = swap_cost_cells(state, lead_in, splice)
-    try:
-        route = route_within_bounds(task, problem, swap_cost, joining)
-    except BoundTooTight as error:
-        route = error.nearest  # a late vehicle flies the best route found
+    problem = problem_from(task, p_s, start, state.w, lead_in)
     lost_s = 0.0 if ahead is None else ahead_lost_s(state, ahead, splice)
-    keeps = ahead is not None and is_no_worse(task, problem, ahead, route, swap_cost, lost_s, joining)
+    swap_cost = swap_cost_cells(state, lead_in, splice)
+    route, keeps = choose_route(task, problem, ahead, swap_cost, lost_s, joining)
     is_track_good = leaves_track or not keeps or is_track_still_good(state, p_s)
     keeps = keeps and is_track_good and not state.plans.must_change
     is_on_track = present is not None and present.track is not None and splice.index is not None
@@ -103,6 +101,26 @@ def _decide_from(
     return replace(state, plans=plans.sent(swap, state.vehicle.time_boot_s)), [swap]
 
 
+def choose_route(
+    task: Task,
+    problem: Problem,
+    ahead: tuple[Cell, ...] | None,
+    swap_cost: float = 0.0,
+    lost_s: float = 0.0,
+    joining: JoiningLeg = FROM_A_STOP,
+) -> tuple[Route, bool]:
+    """Return the best route found, and whether the rest of the present route, `ahead`, is as good.
+
+    `ahead` is None for a vehicle without a route. The other arguments are those of `is_no_worse`. Raises
+    Unreachable.
+    """
+    try:
+        route = route_within_bounds(task, problem, swap_cost, joining)
+    except BoundTooTight as error:
+        route = error.nearest  # a late vehicle flies the best route found
+    return route, ahead is not None and is_no_worse(task, problem, ahead, route, swap_cost, lost_s, joining)
+
+
 def _with_kept_cells(task: Task, problem: Problem, route: Route, splice: Splice) -> Route:
     """Return the kept cells of the old route and the new route as one route, measured as a whole."""
     if len(splice.kept) == 1:
@@ -133,7 +151,7 @@ def first_problem(task: Task, belief: Belief, w: float | None = None) -> Problem
     """Return the planning problem before the flight."""
     p_s = believed_exposure(task, belief, task.strength)
     lead_in = before_takeoff(task.arrival, task.altitude_m)
-    return _problem(task, p_s, task.entry, task.w if w is None else w, lead_in)
+    return problem_from(task, p_s, task.entry, task.w if w is None else w, lead_in)
 
 
 def first_flight(task: Task, problem: Problem, route: Route) -> FlightPlan:
@@ -144,7 +162,8 @@ def first_flight(task: Task, problem: Problem, route: Route) -> FlightPlan:
     return mission_for(task, problem.exposure, route, pulled_track(task, problem, route))
 
 
-def _problem(task: Task, p_s: NDArray[np.float64], start: Cell, w: float, lead_in: LeadIn) -> Problem:
+def problem_from(task: Task, p_s: NDArray[np.float64], start: Cell, w: float, lead_in: LeadIn) -> Problem:
+    """Return the planning problem from a cell that the vehicle reaches after `lead_in`."""
     bounds = bounds_of(task, lead_in)
     return Problem(
         p_s,

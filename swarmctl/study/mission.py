@@ -1,0 +1,364 @@
+"""The abstract mission: sections 3 and 4 of the paper, cell by cell. Pure.
+
+A vehicle climbs, flies straight from its start to its entry cell, and then from cell to cell, by length and
+speed. Two things happen for each cell of its route:
+
+at the edge of the cell
+    The hostiles fire at it (Eq. 1). The vehicle sees the 3 × 3 cells, and tells the others what is new.
+at the centre of the cell
+    The vehicle decides. After new observations, own or received, it searches a route by the rule of a flight
+    (`agent.replan`), and keeps its route unless the new one is better.
+
+Messages take their way by the radio model of a flight. In one moment all vehicles first see, then receive,
+and then decide. docs/study/abstract-mission.md says what a flight does otherwise, and by how much.
+"""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+import math
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from enum import IntEnum
+from functools import partial
+
+from swarmctl.agent.replan.decide import believed_exposure, choose_route, first_problem, problem_from
+from swarmctl.agent.replan.length_bounds import LeadIn, before_takeoff
+from swarmctl.agent.state import Task
+from swarmctl.bus.radio import LossReason, Radio
+from swarmctl.config.radio import radio_settings
+from swarmctl.config.scenario import Scenario
+from swarmctl.config.specs import Spec
+from swarmctl.core import exposure as measures
+from swarmctl.core.belief import Belief
+from swarmctl.core.frames import Frame, FrameCodec
+from swarmctl.core.grid import Cell
+from swarmctl.core.observation import Observation
+from swarmctl.planners.base import Route, Unreachable
+from swarmctl.study.world import World
+
+MAX_ENTRIES_PER_CELL = 4
+"""greatest number of entries into cells, for each cell of the area; a vehicle with more does not arrive"""
+
+Act = Callable[[float], None]
+PointM = tuple[float, float]
+"""(east, north) from the south-west corner of the area [m]"""
+
+
+class Phase(IntEnum):
+    """What comes first in one moment."""
+
+    SEE = 0
+    RECEIVE = 1
+    DECIDE = 2
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleResult:
+    """The measures of one vehicle in one mission.
+
+    A vehicle without a way to a goal stays on the ground: it has not arrived, and its lengths are 0.
+    """
+
+    uav: int
+    arrived: bool
+    length_cells: float
+    """length of the flown route, from the centre of the entry cell to that of the goal cell [cells]"""
+    length_m: float
+    """distance flown, with the way from the start to the entry cell [m]"""
+    exposure_sum: float
+    """ΣP_s of the flown route by the true hostiles (Eq. 2)"""
+    believed_exposure_sum: float
+    """ΣP_s of the first route by the belief before the mission (Eq. 3)"""
+    safety_factor: float
+    """∏(1 − P_s) of the flown route by the true hostiles"""
+    believed_safety_factor: float
+    """∏(1 − P_s) of the first route by the belief before the mission"""
+    strikes: int
+    survived: bool
+    """True without a strike"""
+    searches: int
+    """calls of the planner"""
+    replans: int
+    """changes of the route"""
+    messages_sent: int
+    """observations sent, counted for each receiver"""
+    messages_received: int
+    penalty: float
+    """communication penalty, by the distance flown"""
+    flight_time_s: float
+    """time from the start of the climb to the centre of the goal cell"""
+    arrival_s: float
+    """time of the arrival after the first start of a vehicle"""
+    cells_known: int
+    """v, cells observed or told, at the end"""
+    hostiles_known: int
+    """n_V at the end"""
+
+
+@dataclass(frozen=True, slots=True)
+class MissionResult:
+    """The results of one mission, one item for each vehicle."""
+
+    rows: tuple[VehicleResult, ...]
+    tracks: tuple[tuple[Cell, ...], ...]
+    """the cells entered, in order"""
+    strikes: tuple[tuple[int, ...], ...]
+    """the number of strikes at each entry"""
+
+
+def fly_mission(scenario: Scenario, world: World) -> MissionResult:
+    """Fly all vehicles of a scenario across a world.
+
+    Raises ValueError for a scenario of which the abstract mission has no model (`unsupported`).
+    """
+    if (why := unsupported(scenario)) is not None:
+        raise ValueError(why)
+    mission = _Mission(scenario, world)
+    mission.begin()
+    while mission.events:
+        now_s, _, _, act = heapq.heappop(mission.events)
+        act(now_s)
+    return mission.result()
+
+
+def unsupported(scenario: Scenario) -> str | None:
+    """Return why the abstract mission cannot fly a scenario; None if it can."""
+    if scenario.config.flight.any_angle:
+        return "a study flies the paper's lattice routes; set flight.any_angle to false"
+    if scenario.config.arrival is not None:
+        return "a study has no simultaneous or staggered arrival; remove the section arrival"
+    return None
+
+
+@dataclass(slots=True)
+class _Vehicle:
+    """The state of one vehicle; only `_Mission` changes it."""
+
+    task: Task
+    spec: Spec
+    belief: Belief
+    takeoff_s: float
+    over_entry_s: float
+    """time over the centre of the entry cell"""
+    leg: tuple[float, PointM, float, PointM]
+    """the present leg: time and point of its begin, time and point of its end"""
+    first: Route | None = None
+    """route by the belief before the mission; None without a way to a goal"""
+    route: tuple[Cell, ...] = ()
+    index: int = 0
+    """index in `route` of the cell that the vehicle is in"""
+    has_news: bool = False
+    """True after observations that no decision has considered"""
+    flown: list[Cell] = field(default_factory=list)
+    strikes: list[int] = field(default_factory=list)
+    visits: Counter[Cell] = field(default_factory=Counter)
+    looks: Counter[Cell] = field(default_factory=Counter)
+    n_observations: int = 0
+    searches: int = 0
+    replans: int = 0
+    sent: int = 0
+    received: int = 0
+    arrived_s: float | None = None
+
+    def position_m(self, now_s: float) -> PointM:
+        """Return the vehicle's position over ground: at its start, on its leg, or at its goal."""
+        begin_s, (from_x, from_y), end_s, (to_x, to_y) = self.leg
+        if now_s >= end_s:
+            return to_x, to_y
+        share = max(now_s - begin_s, 0.0) / (end_s - begin_s)
+        return from_x + share * (to_x - from_x), from_y + share * (to_y - from_y)
+
+
+class _Mission:
+    """One mission under way: its vehicles, and the events to come."""
+
+    def __init__(self, scenario: Scenario, world: World) -> None:
+        communication = scenario.config.communication
+        self._scenario = scenario
+        self._world = world
+        self._radio = Radio(radio_settings(communication, scenario.config.names), world.seed)
+        self._codec = None if communication.bandwidth_bytes_s is None else FrameCodec(scenario.config.name)
+        others = len(scenario.tasks) - 1
+        self._range = others if communication.range == "all" else min(communication.range, others)
+        self._relays = communication.relay
+        pairs = zip(scenario.tasks, scenario.specs, strict=True)
+        self._vehicles = [_on_ground(task, spec, scenario.prior) for task, spec in pairs]
+        self._message_numbers = itertools.count()
+        self.events: list[tuple[float, Phase, int, Act]] = []
+        """(time, phase, number of the vehicle or message, action)"""
+
+    def begin(self) -> None:
+        """Plan the first routes, as before a flight, and schedule the entries into the area."""
+        for i, vehicle in enumerate(self._vehicles):
+            vehicle.searches = 1
+            try:
+                first, _ = choose_route(vehicle.task, first_problem(vehicle.task, vehicle.belief), None)
+            except Unreachable:
+                continue
+            vehicle.first, vehicle.route = first, first.cells
+            half_cell_s = 0.5 * vehicle.task.grid.cell_size_m / vehicle.task.arrival.speed_m_s
+            begins_s = vehicle.leg[0]
+            self._enters_at(i, max(vehicle.over_entry_s - half_cell_s, begins_s), vehicle.over_entry_s)
+
+    def _enters_at(self, i: int, edge_s: float, centre_s: float) -> None:
+        self._schedule(edge_s, Phase.SEE, i, partial(self._enter, i))
+        self._schedule(centre_s, Phase.DECIDE, i, partial(self._decide, i))
+
+    def _schedule(self, at_s: float, phase: Phase, number: int, act: Act) -> None:
+        heapq.heappush(self.events, (at_s, phase, number, act))
+
+    # --- at the edge of a cell
+
+    def _enter(self, i: int, now_s: float) -> None:
+        """Let the hostiles fire, see the 3 × 3 cells, and tell the others what is new."""
+        vehicle, world = self._vehicles[i], self._world
+        cell, uav = vehicle.route[vehicle.index], vehicle.task.uav
+        vehicle.flown.append(cell)
+        vehicle.visits[cell] += 1
+        vehicle.strikes.append(world.strikes(uav, cell, vehicle.visits[cell], self._scenario.strength))
+        around = world.around(cell)
+        vehicle.looks.update(around)
+        sensor = vehicle.belief.sensor
+        seen = [(r, c, world.shows_hostile(uav, (r, c), vehicle.looks[r, c], sensor)) for r, c in around]
+        new = (*vehicle.belief.uncertain(seen), *vehicle.belief.contradicted(seen))
+        if new:
+            vehicle.n_observations += 1
+            observation = Observation(uav, vehicle.n_observations, now_s, new)
+            self._learn(vehicle, observation)
+            self._send(i, observation, self._nearest(i, now_s), now_s)
+
+    def _learn(self, vehicle: _Vehicle, observation: Observation) -> bool:
+        """Merge an observation; return whether it is new to the vehicle."""
+        belief = vehicle.belief.merge((observation,))
+        is_new = belief is not vehicle.belief
+        vehicle.belief, vehicle.has_news = belief, vehicle.has_news or is_new
+        return is_new
+
+    # --- messages
+
+    def _nearest(self, i: int, now_s: float) -> list[int]:
+        """Return the vehicles in communication range: the nearest ones, as many as the range says."""
+        others = [j for j in range(len(self._vehicles)) if j != i]
+        if self._range == len(others):
+            return others
+        here = self._vehicles[i].position_m(now_s)
+        metres = {j: math.dist(here, self._vehicles[j].position_m(now_s)) for j in others}
+        return sorted(others, key=lambda j: (metres[j], j))[: self._range]
+
+    def _send(self, i: int, observation: Observation, to: list[int], now_s: float) -> None:
+        vehicle = self._vehicles[i]
+        here = vehicle.position_m(now_s)
+        n_bytes = 0
+        if self._codec is not None:
+            frame = Frame(vehicle.task.uav, 0, observation.seq, now_s, observation, *vehicle.spec.start)
+            n_bytes = len(self._codec.encode(frame))
+        for j in to:
+            vehicle.sent += 1
+            arrives_s = self._radio.send(vehicle.task.uav, self._vehicles[j].task.uav, n_bytes, now_s)
+            if not isinstance(arrives_s, LossReason):
+                receive = partial(self._receive, j, i, observation, here)
+                self._schedule(arrives_s, Phase.RECEIVE, next(self._message_numbers), receive)
+
+    def _receive(
+        self, i: int, sender: int, observation: Observation, sent_from: PointM, now_s: float
+    ) -> None:
+        """Merge a message within the distances of the radio, and pass on what is new if vehicles relay."""
+        vehicle = self._vehicles[i]
+        if self._radio.range_loss(math.dist(vehicle.position_m(now_s), sent_from)) is not None:
+            return
+        vehicle.received += 1
+        if self._learn(vehicle, observation) and self._relays:
+            uavs = [other.task.uav for other in self._vehicles]
+            to = [j for j in self._nearest(i, now_s) if j != sender and uavs[j] != observation.observer]
+            self._send(i, observation, to, now_s)
+
+    # --- at the centre of a cell
+
+    def _decide(self, i: int, now_s: float) -> None:
+        """Arrive, or choose the next cell and fly there."""
+        vehicle = self._vehicles[i]
+        task, here = vehicle.task, vehicle.route[vehicle.index]
+        if here in task.goals:
+            vehicle.arrived_s = now_s
+            return
+        if len(vehicle.flown) >= MAX_ENTRIES_PER_CELL * task.grid.n_cells:
+            return
+        if vehicle.has_news:
+            vehicle.has_news = False
+            self._replan(vehicle, here, now_s)
+        there = vehicle.route[vehicle.index + 1]
+        vehicle.index += 1
+        diagonal = here[0] != there[0] and here[1] != there[1]
+        step_s = (math.sqrt(2.0) if diagonal else 1.0) * task.grid.cell_size_m / task.arrival.speed_m_s
+        vehicle.leg = now_s, task.grid.centre_m(here), now_s + step_s, task.grid.centre_m(there)
+        self._enters_at(i, now_s + 0.5 * step_s, now_s + step_s)
+
+    def _replan(self, vehicle: _Vehicle, here: Cell, now_s: float) -> None:
+        """Take the best route by the present belief if it is better than the rest of the present route."""
+        task = vehicle.task
+        p_s = believed_exposure(task, vehicle.belief, self._scenario.strength)
+        lead_in = LeadIn(elapsed_s=now_s - vehicle.takeoff_s, climb_m=0.0, lead_m=0.0)
+        problem = problem_from(task, p_s, here, task.w, lead_in)
+        vehicle.searches += 1
+        try:
+            route, keeps = choose_route(task, problem, vehicle.route[vehicle.index :])
+        except Unreachable:
+            return  # a vehicle in flight keeps its route
+        if not keeps:
+            vehicle.route, vehicle.index = route.cells, 0
+            vehicle.replans += 1
+
+    # --- the result
+
+    def result(self) -> MissionResult:
+        p_s = measures.exposure(self._world.occupancy(), self._scenario.strength)  # Eq. 2
+        first_start_s = min(vehicle.takeoff_s for vehicle in self._vehicles)
+        penalty_per_m = self._scenario.config.communication.penalty_per_m
+        rows = []
+        for vehicle in self._vehicles:
+            flown, task = vehicle.flown, vehicle.task
+            length_cells = measures.length_cells(flown)
+            approach_m = task.arrival.approach_m if flown else 0.0
+            length_m = approach_m + length_cells * task.grid.cell_size_m
+            ends_s = math.nan if vehicle.arrived_s is None else vehicle.arrived_s
+            rows.append(
+                VehicleResult(
+                    uav=task.uav,
+                    arrived=vehicle.arrived_s is not None,
+                    length_cells=length_cells,
+                    length_m=length_m,
+                    exposure_sum=measures.exposure_sum(p_s, flown),
+                    believed_exposure_sum=0.0 if vehicle.first is None else vehicle.first.exposure_sum,
+                    safety_factor=measures.safety_factor(p_s, flown),
+                    believed_safety_factor=1.0 if vehicle.first is None else vehicle.first.safety_factor,
+                    strikes=sum(vehicle.strikes),
+                    survived=not any(vehicle.strikes),
+                    searches=vehicle.searches,
+                    replans=vehicle.replans,
+                    messages_sent=vehicle.sent,
+                    messages_received=vehicle.received,
+                    penalty=penalty_per_m * length_m,
+                    flight_time_s=ends_s - vehicle.takeoff_s,
+                    arrival_s=ends_s - first_start_s,
+                    cells_known=vehicle.belief.n_observed,
+                    hostiles_known=vehicle.belief.n_found,
+                )
+            )
+        return MissionResult(
+            tuple(rows),
+            tuple(tuple(vehicle.flown) for vehicle in self._vehicles),
+            tuple(tuple(vehicle.strikes) for vehicle in self._vehicles),
+        )
+
+
+def _on_ground(task: Task, spec: Spec, belief: Belief) -> _Vehicle:
+    """Return a vehicle before its start: it climbs, and then flies straight to its entry cell."""
+    lead_in = before_takeoff(task.arrival, task.altitude_m)
+    over_entry_s = spec.delay_s + lead_in.arrives_s(task.arrival, 0.0)
+    climbed_s = over_entry_s - task.arrival.approach_m / task.arrival.speed_m_s
+    start_m, entry_m = task.grid.frame.to_local(*spec.start), task.grid.centre_m(task.entry)
+    leg = climbed_s, start_m, over_entry_s, entry_m
+    return _Vehicle(task, spec, belief, spec.delay_s, over_entry_s, leg)
