@@ -105,7 +105,7 @@ PURE = {
     "swarmctl.study.mission", "swarmctl.study.world",
     "swarmctl.report.foxglove", "swarmctl.report.evidence.chain", "swarmctl.report.evidence.digest",
     "swarmctl.report.evidence.commands",
-    "swarmctl.study.statistics",
+    "swarmctl.study.statistics", "swarmctl.study.routes", "swarmctl.study.w_search",
     "sim_vehicle",
 }  # fmt: skip
 # The simulator's only sockets, clocks, tasks and processes.
