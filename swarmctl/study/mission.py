@@ -24,6 +24,8 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import partial
 
+import numpy as np
+
 from swarmctl.agent.replan.decide import believed_exposure, choose_route, first_problem, problem_from
 from swarmctl.agent.replan.length_bounds import LeadIn, before_takeoff
 from swarmctl.agent.state import Task
@@ -37,6 +39,7 @@ from swarmctl.core.frames import Frame, FrameCodec
 from swarmctl.core.grid import Cell
 from swarmctl.core.observation import Observation
 from swarmctl.planners.base import Route, Unreachable
+from swarmctl.study.vehicle_result import MissionResult, measured
 from swarmctl.study.world import World
 
 MAX_ENTRIES_PER_CELL = 4
@@ -53,60 +56,6 @@ class Phase(IntEnum):
     SEE = 0
     RECEIVE = 1
     DECIDE = 2
-
-
-@dataclass(frozen=True, slots=True)
-class VehicleResult:
-    """The measures of one vehicle in one mission.
-
-    A vehicle without a way to a goal stays on the ground: it has not arrived, and its lengths are 0.
-    """
-
-    uav: int
-    arrived: bool
-    length_cells: float
-    """length of the flown route, from the centre of the entry cell to that of the goal cell [cells]"""
-    length_m: float
-    """distance flown, with the way from the start to the entry cell [m]"""
-    exposure_sum: float
-    """ΣP_s of the flown route by the true hostiles (Eq. 2)"""
-    believed_exposure_sum: float
-    """ΣP_s of the first route by the belief before the mission (Eq. 3)"""
-    safety_factor: float
-    """∏(1 − P_s) of the flown route by the true hostiles"""
-    believed_safety_factor: float
-    """∏(1 − P_s) of the first route by the belief before the mission"""
-    strikes: int
-    survived: bool
-    """True without a strike"""
-    searches: int
-    """calls of the planner"""
-    replans: int
-    """changes of the route"""
-    messages_sent: int
-    """observations sent, counted for each receiver"""
-    messages_received: int
-    penalty: float
-    """communication penalty, by the distance flown"""
-    flight_time_s: float
-    """time from the start of the climb to the centre of the goal cell"""
-    arrival_s: float
-    """time of the arrival after the first start of a vehicle"""
-    cells_known: int
-    """v, cells observed or told, at the end"""
-    hostiles_known: int
-    """n_V at the end"""
-
-
-@dataclass(frozen=True, slots=True)
-class MissionResult:
-    """The results of one mission, one item for each vehicle."""
-
-    rows: tuple[VehicleResult, ...]
-    tracks: tuple[tuple[Cell, ...], ...]
-    """the cells entered, in order"""
-    strikes: tuple[tuple[int, ...], ...]
-    """the number of strikes at each entry"""
 
 
 def fly_mission(scenario: Scenario, world: World) -> MissionResult:
@@ -133,8 +82,16 @@ def unsupported(scenario: Scenario) -> str | None:
     return None
 
 
+def first_route(task: Task, belief: Belief) -> Route | None:
+    """Return the route by the belief before the mission; None without a way to a goal."""
+    try:
+        return choose_route(task, first_problem(task, belief), None)[0]
+    except Unreachable:
+        return None
+
+
 @dataclass(slots=True)
-class _Vehicle:
+class Vehicle:
     """The state of one vehicle; only `_Mission` changes it."""
 
     task: Task
@@ -163,6 +120,12 @@ class _Vehicle:
     received: int = 0
     arrived_s: float | None = None
 
+    @property
+    def enters_s(self) -> float:
+        """Time at the edge of the entry cell, half a cell before its centre, for a start outside the area."""
+        half_cell_s = 0.5 * self.task.grid.cell_size_m / self.task.arrival.speed_m_s
+        return max(self.over_entry_s - half_cell_s, self.leg[0])
+
     def position_m(self, now_s: float) -> PointM:
         """Return the vehicle's position over ground: at its start, on its leg, or at its goal."""
         begin_s, (from_x, from_y), end_s, (to_x, to_y) = self.leg
@@ -170,6 +133,12 @@ class _Vehicle:
             return to_x, to_y
         share = max(now_s - begin_s, 0.0) / (end_s - begin_s)
         return from_x + share * (to_x - from_x), from_y + share * (to_y - from_y)
+
+
+def _distance_m(one: PointM, other: PointM) -> float:
+    """Return the distance between two points, rounded as in the compiled mission."""
+    east_m, north_m = one[0] - other[0], one[1] - other[1]
+    return math.sqrt(east_m * east_m + north_m * north_m)
 
 
 class _Mission:
@@ -185,7 +154,7 @@ class _Mission:
         self._range = others if communication.range == "all" else min(communication.range, others)
         self._relays = communication.relay
         pairs = zip(scenario.tasks, scenario.specs, strict=True)
-        self._vehicles = [_on_ground(task, spec, scenario.prior) for task, spec in pairs]
+        self._vehicles = [on_ground(task, spec, scenario.prior) for task, spec in pairs]
         self._message_numbers = itertools.count()
         self.events: list[tuple[float, Phase, int, Act]] = []
         """(time, phase, number of the vehicle or message, action)"""
@@ -194,14 +163,11 @@ class _Mission:
         """Plan the first routes, as before a flight, and schedule the entries into the area."""
         for i, vehicle in enumerate(self._vehicles):
             vehicle.searches = 1
-            try:
-                first, _ = choose_route(vehicle.task, first_problem(vehicle.task, vehicle.belief), None)
-            except Unreachable:
+            first = first_route(vehicle.task, vehicle.belief)
+            if first is None:
                 continue
             vehicle.first, vehicle.route = first, first.cells
-            half_cell_s = 0.5 * vehicle.task.grid.cell_size_m / vehicle.task.arrival.speed_m_s
-            begins_s = vehicle.leg[0]
-            self._enters_at(i, max(vehicle.over_entry_s - half_cell_s, begins_s), vehicle.over_entry_s)
+            self._enters_at(i, vehicle.enters_s, vehicle.over_entry_s)
 
     def _enters_at(self, i: int, edge_s: float, centre_s: float) -> None:
         self._schedule(edge_s, Phase.SEE, i, partial(self._enter, i))
@@ -230,7 +196,7 @@ class _Mission:
             self._learn(vehicle, observation)
             self._send(i, observation, self._nearest(i, now_s), now_s)
 
-    def _learn(self, vehicle: _Vehicle, observation: Observation) -> bool:
+    def _learn(self, vehicle: Vehicle, observation: Observation) -> bool:
         """Merge an observation; return whether it is new to the vehicle."""
         belief = vehicle.belief.merge((observation,))
         is_new = belief is not vehicle.belief
@@ -245,7 +211,7 @@ class _Mission:
         if self._range == len(others):
             return others
         here = self._vehicles[i].position_m(now_s)
-        metres = {j: math.dist(here, self._vehicles[j].position_m(now_s)) for j in others}
+        metres = {j: _distance_m(here, self._vehicles[j].position_m(now_s)) for j in others}
         return sorted(others, key=lambda j: (metres[j], j))[: self._range]
 
     def _send(self, i: int, observation: Observation, to: list[int], now_s: float) -> None:
@@ -267,7 +233,7 @@ class _Mission:
     ) -> None:
         """Merge a message within the distances of the radio, and pass on what is new if vehicles relay."""
         vehicle = self._vehicles[i]
-        if self._radio.range_loss(math.dist(vehicle.position_m(now_s), sent_from)) is not None:
+        if self._radio.range_loss(_distance_m(vehicle.position_m(now_s), sent_from)) is not None:
             return
         vehicle.received += 1
         if self._learn(vehicle, observation) and self._relays:
@@ -296,7 +262,7 @@ class _Mission:
         vehicle.leg = now_s, task.grid.centre_m(here), now_s + step_s, task.grid.centre_m(there)
         self._enters_at(i, now_s + 0.5 * step_s, now_s + step_s)
 
-    def _replan(self, vehicle: _Vehicle, here: Cell, now_s: float) -> None:
+    def _replan(self, vehicle: Vehicle, here: Cell, now_s: float) -> None:
         """Take the best route by the present belief if it is better than the rest of the present route."""
         task = vehicle.task
         p_s = believed_exposure(task, vehicle.belief, self._scenario.strength)
@@ -315,50 +281,35 @@ class _Mission:
 
     def result(self) -> MissionResult:
         p_s = measures.exposure(self._world.occupancy(), self._scenario.strength)  # Eq. 2
-        first_start_s = min(vehicle.takeoff_s for vehicle in self._vehicles)
-        penalty_per_m = self._scenario.config.communication.penalty_per_m
-        rows = []
-        for vehicle in self._vehicles:
-            flown, task = vehicle.flown, vehicle.task
-            length_cells = measures.length_cells(flown)
-            approach_m = task.arrival.approach_m if flown else 0.0
-            length_m = approach_m + length_cells * task.grid.cell_size_m
-            ends_s = math.nan if vehicle.arrived_s is None else vehicle.arrived_s
-            rows.append(
-                VehicleResult(
-                    uav=task.uav,
-                    arrived=vehicle.arrived_s is not None,
-                    length_cells=length_cells,
-                    length_m=length_m,
-                    exposure_sum=measures.exposure_sum(p_s, flown),
-                    believed_exposure_sum=0.0 if vehicle.first is None else vehicle.first.exposure_sum,
-                    safety_factor=measures.safety_factor(p_s, flown),
-                    believed_safety_factor=1.0 if vehicle.first is None else vehicle.first.safety_factor,
-                    strikes=sum(vehicle.strikes),
-                    survived=not any(vehicle.strikes),
+        return MissionResult(
+            tuple(
+                measured(
+                    self._scenario,
+                    i,
+                    vehicle.first,
+                    p_s,
+                    np.array(vehicle.flown, dtype=np.int64).reshape(-1, 2),
+                    sum(vehicle.strikes),
+                    vehicle.arrived_s,
                     searches=vehicle.searches,
                     replans=vehicle.replans,
                     messages_sent=vehicle.sent,
                     messages_received=vehicle.received,
-                    penalty=penalty_per_m * length_m,
-                    flight_time_s=ends_s - vehicle.takeoff_s,
-                    arrival_s=ends_s - first_start_s,
                     cells_known=vehicle.belief.n_observed,
                     hostiles_known=vehicle.belief.n_found,
                 )
-            )
-        return MissionResult(
-            tuple(rows),
+                for i, vehicle in enumerate(self._vehicles)
+            ),
             tuple(tuple(vehicle.flown) for vehicle in self._vehicles),
             tuple(tuple(vehicle.strikes) for vehicle in self._vehicles),
         )
 
 
-def _on_ground(task: Task, spec: Spec, belief: Belief) -> _Vehicle:
+def on_ground(task: Task, spec: Spec, belief: Belief) -> Vehicle:
     """Return a vehicle before its start: it climbs, and then flies straight to its entry cell."""
     lead_in = before_takeoff(task.arrival, task.altitude_m)
     over_entry_s = spec.delay_s + lead_in.arrives_s(task.arrival, 0.0)
     climbed_s = over_entry_s - task.arrival.approach_m / task.arrival.speed_m_s
     start_m, entry_m = task.grid.frame.to_local(*spec.start), task.grid.centre_m(task.entry)
     leg = climbed_s, start_m, over_entry_s, entry_m
-    return _Vehicle(task, spec, belief, spec.delay_s, over_entry_s, leg)
+    return Vehicle(task, spec, belief, spec.delay_s, over_entry_s, leg)

@@ -11,7 +11,8 @@ from flights import small
 
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.exposure import exposure, exposure_sum, length_cells
-from swarmctl.study.mission import MissionResult, fly_mission
+from swarmctl.study.mission import fly_mission
+from swarmctl.study.vehicle_result import MissionResult
 from swarmctl.study.world import World, uniform
 
 
@@ -66,7 +67,7 @@ def test_tracks_lead_over_neighbouring_cells_to_the_goal_and_give_the_measures()
 def test_strikes_are_as_frequent_as_equation_1_says() -> None:
     scenario = small(planner={"w": 0.0})
     strikes, expected = [], []
-    for seed in range(150):
+    for seed in range(60):
         world = World.drawn(scenario, seed)
         result = fly_mission(scenario, world)
         p_s = exposure(world.occupancy(), scenario.strength)

@@ -1,0 +1,85 @@
+"""The kind `missions`: the missions of one level, as columns.
+
+`fly_missions` decides how a mission is flown: by the compiled loop where that covers the scenario, else by
+`mission.fly_mission`. Both give equal results.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmctl.config.scenario import Scenario
+from swarmctl.study.compiled_mission import CompiledMission, covers
+from swarmctl.study.mission import fly_mission, unsupported
+from swarmctl.study.vehicle_result import MissionResult, VehicleResult
+from swarmctl.study.world import World
+
+Columns = dict[str, NDArray[Any]]
+NAMES = tuple(field.name for field in fields(VehicleResult))
+
+
+@dataclass(frozen=True, slots=True)
+class Missions:
+    """The results of missions as columns of equal length, in the order of seeds and vehicles."""
+
+    columns: Columns
+    """`seed`, and the fields of `VehicleResult`: one row for each vehicle and mission"""
+    tracks: Columns
+    """`seed`, `uav`, `step`, `row`, `col`, `strikes`: one row for each entry into a cell, of kept seeds"""
+    hostiles: Columns
+    """`seed`, `row`, `col`: the true hostiles of kept seeds"""
+
+
+def flyer_of(scenario: Scenario) -> Callable[[World], MissionResult]:
+    """Return the function that flies a mission of this scenario. Raises ValueError if none can."""
+    if (why := unsupported(scenario)) is not None:
+        raise ValueError(why)
+    if covers(scenario):
+        return CompiledMission(scenario).fly
+    return lambda world: fly_mission(scenario, world)
+
+
+def fly_missions(scenario: Scenario, seeds: Sequence[int], kept: Collection[int] = ()) -> Missions:
+    """Fly one mission for each seed; keep the tracks of the seeds in `kept`.
+
+    Raises ValueError for a scenario of which the abstract mission has no model.
+    """
+    fly = flyer_of(scenario)
+    rows: list[tuple[Any, ...]] = []
+    tracks: list[tuple[int, ...]] = []
+    hostiles: list[tuple[int, ...]] = []
+    for seed in seeds:
+        world = World.drawn(scenario, seed)
+        result = fly(world)
+        rows += [(seed, *(getattr(row, name) for name in NAMES)) for row in result.rows]
+        if seed in kept:
+            hostiles += [(seed, *cell) for cell in sorted(world.hostiles)]
+            for row, cells, strikes in zip(result.rows, result.tracks, result.strikes, strict=True):
+                entries = enumerate(zip(cells, strikes, strict=True))
+                tracks += [(seed, row.uav, step, *cell, hits) for step, (cell, hits) in entries]
+    return Missions(
+        _columns(("seed", *NAMES), rows, _DTYPES),
+        _columns(
+            ("seed", "uav", "step", "row", "col", "strikes"), tracks, {"seed": np.int64, "uav": np.int16}
+        ),
+        _columns(("seed", "row", "col"), hostiles, {"seed": np.int64}),
+    )
+
+
+_TYPES: dict[str, type[np.generic]] = {"bool": np.bool_, "float": np.float64, "int": np.int32}
+_DTYPES = {field.name: _TYPES[str(field.type)] for field in fields(VehicleResult)}
+_DTYPES |= {"seed": np.int64, "uav": np.int16}
+"""types of the columns; int32 for a column without a line"""
+
+
+def _columns(names: Sequence[str], rows: list[Any], dtypes: dict[str, type[np.generic]]) -> Columns:
+    values = zip(*rows, strict=True) if rows else [()] * len(names)
+    return {
+        name: np.array(column, dtype=dtypes.get(name, np.int32))
+        for name, column in zip(names, values, strict=True)
+    }

@@ -1,0 +1,214 @@
+"""The replanning of the abstract mission as machine code: belief, exposure, search and decision.
+
+The functions are those of `core.belief`, `core.exposure`, `planners.dijkstra` and `agent.replan.decide`, for
+the paper's sensor and planner. The routes are equal, with equal rules at ties.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from swarmctl.agent.replan.time_bound import BETTER_BY
+from swarmctl.planners.kernels.descent import descend
+from swarmctl.planners.kernels.lattice import ROOT2, Bytes, Floats, Ints, cuts_corner, pop_least, push
+from swarmctl.study.kernel_layout import (
+    FOUND,
+    INDEX,
+    KNOWN,
+    MAX_EXPOSURE,
+    N_HOSTILES,
+    N_ROUTE,
+    REPLANS,
+    SEARCHES,
+    STEP,
+    WIDTH,
+    Int32s,
+    W,
+)
+
+MARGIN = 1e-9
+"""relative cost above that of the best route, up to which the search goes on, so that ties are complete"""
+
+
+def believed_exposure(
+    known: Bytes,
+    occupied: Bytes,
+    walls: Bytes,
+    n_unseen: int,
+    n_hidden: int,
+    kernel: Floats,
+    width: int,
+    p_occupied: Floats,
+    p_s: Floats,
+) -> float:
+    """Write P_s of each cell, Eq. 3 over Eq. 4, infinite in walls; return the least one."""
+    p_unseen = min(max(n_hidden / n_unseen, 0.0), 1.0) if n_unseen > 0 else 0.0  # Eq. 4
+    rows, cols = known.size // width - 2, width - 2
+    for row in range(1, rows + 1):
+        for m in range(row * width + 1, row * width + 1 + cols):
+            p_occupied[m] = float(occupied[m]) if known[m] else p_unseen
+    least = np.inf
+    for row in range(1, rows + 1):
+        for m in range(row * width + 1, row * width + 1 + cols):
+            below, above = m - width, m + width
+            total = p_occupied[below - 1] * kernel[2] + p_occupied[below] * kernel[1]
+            total += p_occupied[below + 1] * kernel[2]
+            total += p_occupied[m - 1] * kernel[1]
+            total += p_occupied[m] * kernel[0]
+            total += p_occupied[m + 1] * kernel[1]
+            total += p_occupied[above - 1] * kernel[2]
+            total += p_occupied[above] * kernel[1]
+            total += p_occupied[above + 1] * kernel[2]
+            p_s[m] = np.inf if walls[m] else total
+            least = min(least, p_s[m])
+    return least
+
+
+def write_straight(p_s: Floats, w: float, step: float, max_exposure: float, straight: Floats) -> bool:
+    """Write the cost of a straight step into each cell (Eq. 5); return whether any cell is a wall."""
+    has_walls = False
+    for m in range(p_s.size):
+        if p_s[m] > max_exposure or p_s[m] == np.inf:
+            has_walls = has_walls or p_s[m] >= 0.0
+            straight[m] = np.inf
+        elif p_s[m] >= 0.0:  # not the padding
+            straight[m] = p_s[m] * w + step
+    return has_walls
+
+
+def write_rest(start: int, width: int, step: float, per_cell: float, rest: Floats) -> None:
+    """Write a lower bound on the cost from `start` to each cell, without the exposure of that cell."""
+    start_row, start_col = start // width, start % width
+    for row in range(rest.size // width):
+        rows = abs(row - start_row)
+        for col in range(width):
+            cols = abs(col - start_col)
+            many, few = max(rows, cols), min(rows, cols)
+            rest[row * width + col] = step * (many + (ROOT2 - 1.0) * few) + per_cell * max(many - 1, 0)
+
+
+def spread_to(
+    start: int,
+    straight: Floats,
+    p_s: Floats,
+    w: float,
+    step: float,
+    goals: Ints,
+    offsets: Ints,
+    has_walls: bool,
+    rest: Floats,
+    label: Floats,
+    heap: Ints,
+    keys: Floats,
+) -> float:
+    """Write the labels of all cells on the cheapest routes from `start`; return the least cost.
+
+    An A* search backwards from the goals. The labels are those of `planners.kernels.field`; cells on no
+    cheapest route may have greater ones.
+    """
+    extra, n_open, cost = step * (ROOT2 - 1.0), 0, np.inf
+    for m in range(label.size):
+        label[m] = np.inf
+    for goal in goals:
+        if straight[goal] < np.inf:
+            label[goal] = w * p_s[goal]
+            heap, keys, n_open = push(heap, keys, n_open, goal, label[goal] + rest[goal])
+    while n_open > 0 and keys[0] <= cost * (1.0 + MARGIN):
+        n, key = heap[0], keys[0]
+        n_open = pop_least(heap, keys, n_open)
+        if key > label[n] + rest[n]:
+            continue
+        for k in range(8):
+            m = n + offsets[k]
+            before = label[n] + (0.0 if k < 4 else extra)
+            if before + straight[m] >= label[m] and m != start:
+                continue
+            if has_walls and k >= 4 and cuts_corner(straight, offsets, m, k ^ 2):
+                continue
+            if m == start:
+                cost = min(cost, before + step)
+            if before + straight[m] < label[m]:
+                label[m] = before + straight[m]
+                key = label[m] + rest[m]
+                if key <= cost * (1.0 + MARGIN):
+                    heap, keys, n_open = push(heap, keys, n_open, m, key)
+    return cost
+
+
+def ahead_cost(
+    ints: Ints, i: int, routes: Int32s, p_s: Floats, straight: Floats, w: float, step: float, width: int
+) -> float:
+    """Return the cost of the rest of a route (Eq. 5); infinite through a wall, or past the corner of one."""
+    total, n_straight, n_diagonal = 0.0, 0, 0
+    for index in range(ints[i, INDEX], ints[i, N_ROUTE] - 1):
+        here, there = routes[i, index], routes[i, index + 1]
+        is_diagonal = here // width != there // width and here % width != there % width
+        if straight[there] == np.inf:
+            return np.inf
+        if is_diagonal and straight[here] < np.inf:
+            beside = here // width * width + there % width
+            other = there // width * width + here % width
+            if straight[beside] == np.inf or straight[other] == np.inf:
+                return np.inf
+        n_straight += not is_diagonal
+        n_diagonal += is_diagonal
+        total += p_s[there]
+    length = n_straight + n_diagonal * ROOT2
+    return step * length + (w * total if w > 0.0 else 0.0)
+
+
+def path_cost(path: Ints, p_s: Floats, w: float, step: float, width: int) -> float:
+    """Return the cost of a route by Eq. 5."""
+    total, n_diagonal = 0.0, 0
+    for index in range(1, path.size):
+        here, there = path[index - 1], path[index]
+        n_diagonal += here // width != there // width and here % width != there % width
+        total += p_s[there]
+    length = path.size - 1 - n_diagonal + n_diagonal * ROOT2
+    return step * length + (w * total if w > 0.0 else 0.0)
+
+
+def replan(
+    i: int,
+    ints: Ints,
+    rules: Ints,
+    settings: Floats,
+    routes: Int32s,
+    goals: Ints,
+    known: Bytes,
+    occupied: Bytes,
+    walls: Bytes,
+    kernel: Floats,
+    offsets: Ints,
+    work: Floats,
+    heap: Ints,
+    keys: Floats,
+) -> None:
+    """Take the best route by the present belief if it is better than the rest of the present route."""
+    p_occupied, p_s, straight, rest, label = work[0], work[1], work[2], work[3], work[4]
+    width, w, step = rules[WIDTH], settings[W], settings[STEP]
+    here = int(routes[i, ints[i, INDEX]])
+    n_cells = (width - 2) * (label.size // width - 2)
+    n_unseen, n_hidden = n_cells - ints[i, KNOWN], rules[N_HOSTILES] - ints[i, FOUND]
+    least = believed_exposure(known[i], occupied, walls, n_unseen, n_hidden, kernel, width, p_occupied, p_s)
+    has_walls = write_straight(p_s, w, step, settings[MAX_EXPOSURE], straight)
+    write_rest(here, width, step, w * least if least < np.inf else 0.0, rest)
+    ints[i, SEARCHES] += 1
+    cost = spread_to(here, straight, p_s, w, step, goals, offsets, has_walls, rest, label, heap, keys)
+    if cost == np.inf:
+        return  # a vehicle in flight keeps its route
+    old = ahead_cost(ints, i, routes, p_s, straight, w, step, width)
+    if old <= cost:
+        return
+    extra, starts = step * (ROOT2 - 1.0), np.full(1, here)
+    path, _, _ = descend(label, step, extra, straight, has_walls, width, goals, starts, np.empty(0))
+    if old > path_cost(path, p_s, w, step, width) * (1.0 + BETTER_BY):
+        take_route(ints, i, routes, path)
+
+
+def take_route(ints: Ints, i: int, routes: Int32s, path: Ints) -> None:
+    """Replace a vehicle's route."""
+    for index in range(path.size):
+        routes[i, index] = path[index]
+    ints[i, INDEX], ints[i, N_ROUTE] = 0, path.size
+    ints[i, REPLANS] += 1
