@@ -173,13 +173,17 @@ class Network:
         """Return the newest state of each other UAV, as received by this UAV."""
         return self._members[uav].node.states()
 
-    def intents(self, uav: int) -> dict[int, tuple[IntentShared, float]]:
-        """Return the newest intent of each other UAV, as received by this UAV, and the intent's age.
+    def take_new_states(self, uav: int) -> dict[int, StateShared]:
+        """Return the states that are new at this UAV since the last call, by their UAV."""
+        return self._members[uav].node.take_new_states()
+
+    def take_new_intents(self, uav: int) -> dict[int, tuple[IntentShared, float]]:
+        """Return the intents that are new at this UAV since the last call, with their ages, by their UAV.
 
         The age is in simulated seconds, and 0 or more even if the clocks differ.
         """
         unix_s, speedup = self._clock.unix_s(), self._clock.speedup
-        items = self._members[uav].node.intents().items()
+        items = self._members[uav].node.take_new_intents().items()
         return {other: (intent, max(unix_s - sent_s, 0.0) * speedup) for other, (intent, sent_s) in items}
 
     def counters(self, uav: int) -> NetworkCounters:

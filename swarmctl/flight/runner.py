@@ -23,7 +23,6 @@ from swarmctl.bus.network import Network
 from swarmctl.bus.operator_service import AgentCommand
 from swarmctl.core import events as ev
 from swarmctl.core.belief import Belief
-from swarmctl.core.frames import IntentShared, StateShared
 from swarmctl.core.messages import VehicleAnswer
 from swarmctl.core.mission import FlightPlan
 from swarmctl.core.observation import BeliefItem
@@ -113,9 +112,6 @@ class Runner:
         self._ending: set[asyncio.Task[None]] = set()
         """earlier jobs that were cancelled; the next job waits for their end"""
         self._neighbours_read_s = -math.inf
-        self._states: dict[int, StateShared] = {}
-        self._intents: dict[int, IntentShared] = {}
-        """other vehicles' last intents that were posted as events"""
         self._received: list[BeliefItem] = []
         """observations received and not folded yet"""
         self._answer_to: dict[int, Callable[[VehicleAnswer], None]] = {}
@@ -210,16 +206,11 @@ class Runner:
         if 0.0 <= boot_s - self._neighbours_read_s < NEIGHBOURS_EVERY_S:
             return
         self._neighbours_read_s = boot_s
-        states = self._network.states(self.state.task.uav)
-        new = {uav: state for uav, state in states.items() if state is not self._states.get(uav)}
-        self._states = states
-        if relevant := relevant_states(self.state, new):
+        states = self._network.take_new_states(self.state.task.uav)
+        if relevant := relevant_states(self.state, states):
             self.post(ev.Neighbours(relevant))
-        intents = self._network.intents(self.state.task.uav)
-        changed = [uav for uav, (intent, _) in intents.items() if intent is not self._intents.get(uav)]
-        if changed:
-            self._intents = {uav: intent for uav, (intent, _) in intents.items()}
-            self.post(ev.Intents(tuple((uav, intents[uav][1], intents[uav][0]) for uav in changed)))
+        if intents := self._network.take_new_intents(self.state.task.uav):
+            self.post(ev.Intents(tuple((uav, age_s, intent) for uav, (intent, age_s) in intents.items())))
 
     async def run(self) -> None:
         """Fold events until cancelled; a cancellation also ends the jobs."""

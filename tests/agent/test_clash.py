@@ -90,8 +90,8 @@ def test_no_clash_is_found_where_samples_stay_far_apart(
 @given(flights(), flights(), st.floats(0.0, 4.0))
 def test_flights_with_distant_bounds_do_not_clash(a: Trajectory, b: Trajectory, tolerance_s: float) -> None:
     reach = (tolerance_s, LIMITS.horizontal_m, LIMITS.horizontal_m, LIMITS.vertical_m)
-    is_within = Bounds.of(a).is_within(Bounds.of(b), reach)
-    assert is_within is Bounds.of(b).is_within(Bounds.of(a), reach)
+    is_within = Bounds.of(a).wider(reach).meets(Bounds.of(b))
+    assert is_within is Bounds.of(b).wider(reach).meets(Bounds.of(a))
     if not is_within:
         assert met(a, b, tolerance_s=tolerance_s) == []
         assert intervals(a, b, LIMITS) == ()

@@ -298,7 +298,7 @@ def test_the_age_of_an_intent_is_in_simulated_seconds(speedup: float) -> None:
             with closing(swarm.network):
                 swarm.network.publish(1, IntentShared(1, (IntentPoint(0.0, 46.0, 14.4, 340.0),)))
                 await asyncio.sleep(2.0 / speedup)
-                assert swarm.network.intents(2)[1][1] == pytest.approx(2.0, abs=1e-3)
+                assert swarm.network.take_new_intents(2)[1][1] == pytest.approx(2.0, abs=1e-3)
 
     run_virtual(scene())
 

@@ -36,18 +36,9 @@ def clashes_with(flight: Trajectory, others: Others, limits: Limits) -> tuple[Cl
 
 def near_flights(flight: Trajectory, others: Others, limits: Limits) -> dict[int, NeighbourIntent]:
     """Return those of `others` that may clash with a flight, by bounding boxes."""
-    mine = Bounds.of(flight)
-    return {
-        uav: intent
-        for uav, intent in others.items()
-        if mine.is_within(intent.bounds, _margins(intent, limits))
-    }
-
-
-def _margins(intent: NeighbourIntent, limits: Limits) -> tuple[float, float, float, float]:
-    """Return the margins in time, east, north and up [s, m]."""
-    pair_limits = intent.limits(limits) if any(intent.uncertainty_m) else limits
-    return TIME_TOLERANCE_S, pair_limits.horizontal_m, pair_limits.horizontal_m, pair_limits.vertical_m
+    at = TIME_TOLERANCE_S, limits.horizontal_m, limits.horizontal_m, limits.vertical_m
+    mine = Bounds.of(flight).wider(at)
+    return {uav: intent for uav, intent in others.items() if mine.meets(intent.bounds)}
 
 
 def clashes_of_route(

@@ -30,7 +30,7 @@ from swarmctl.agent.traffic.separation.trajectory import Trajectory
 from swarmctl.agent.traffic.separation.watch import (
     NeighbourReport,
     ProximityAlarm,
-    alarm_heights_m,
+    alarm_bounds,
     clear_height_m,
     update_alarms,
 )
@@ -47,7 +47,7 @@ def avoid_collisions(state: AgentState) -> StepResult:
     if own is None or state.phase not in IN_FLIGHT:
         return replace(state, alarms=()), []
     rules, now_s = state.task.separation, state.vehicle.time_boot_s
-    near = predictions(state, alarm_heights_m(own, rules))
+    near = predictions(state, alarm_bounds(own, rules))
     alarms = update_alarms(state.alarms, own, near, rules, now_s)
     new = [alarm for alarm in alarms if alarm.other not in before]
     if alarms or state.alarms:

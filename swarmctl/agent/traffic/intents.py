@@ -303,8 +303,9 @@ def receive_intents(state: AgentState, event: ev.Intents, _now: float) -> StepRe
             flight = until_landing(flight) if intent.may_change else flight
             sent_s, (away_m, up_m) = now_s - age_s, intent.around_m
             uncertainty = (min(away_m, MAX_UNCERTAINTY_M), up_m)  # a false sender must not block a wide area
+            bounds = Bounds.of(flight).wider((0.0, uncertainty[0], uncertainty[0], uncertainty[1]))
             kept[uav] = NeighbourIntent(
-                flight, Bounds.of(flight), intent.may_change, sent_s, uncertainty, intent.on_ground
+                flight, bounds, intent.may_change, sent_s, uncertainty, intent.on_ground
             )
     fresh = {uav: known for uav, known in kept.items() if 0.0 <= now_s - known.sent_s <= MAX_AGE_S}
     return replace(state, intents=fresh), []

@@ -35,8 +35,11 @@ def relevant_states(
 
 def receive_neighbours(state: AgentState, event: ev.Neighbours, _now: float) -> StepResult:
     """Store the states of nearby and returning vehicles, and the arrival times."""
-    now_s = state.vehicle.time_boot_s
-    reports = {uav: NeighbourReport(shared, now_s - shared.age_s) for uav, shared in event.states}
+    now_s, to_local = state.vehicle.time_boot_s, state.task.grid.frame.to_local
+    reports = {
+        uav: NeighbourReport(shared, now_s - shared.age_s, *to_local(shared.lat_deg, shared.lon_deg))
+        for uav, shared in event.states
+    }
     known, is_near = state.neighbours.items(), _near_test(state)
     kept = {uav: report for uav, report in known if 0.0 <= now_s - report.at_s <= MAX_REPORT_AGE_S}
     new = {uav: report for uav, report in reports.items() if is_near(report.state)}

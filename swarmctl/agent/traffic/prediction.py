@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory, extrapolate
+from swarmctl.agent.traffic.separation.trajectory import Bounds, LocalPoint, Trajectory, extrapolate
 from swarmctl.agent.traffic.separation.watch import NeighbourReport
 from swarmctl.core.frames import StateShared
 from swarmctl.core.vehicle import BRAKING_M_S2, VehicleState
@@ -19,6 +19,8 @@ SILENT_S = 180.0
 """Time for which a vehicle that gave way stays clear of the last position of a silent vehicle [s]."""
 AIRBORNE_M = 1.0
 """Height above home below which a vehicle counts as on the ground [m]."""
+
+EVERYWHERE = Bounds((-math.inf,) * 4, (math.inf,) * 4)
 
 
 def position_of(state: AgentState) -> LocalPoint | None:
@@ -51,28 +53,37 @@ def predict(state: AgentState, report: NeighbourReport) -> Trajectory | None:
     if not 0.0 <= now_s - report.at_s <= MAX_REPORT_AGE_S or reported.alt_rel_m < AIRBORNE_M:
         return None
     for_s = now_s - report.at_s + state.task.separation.look_ahead_s
-    return extrapolate(_reported_position(state, reported), reported.velocity_m_s, report.at_s, for_s)
+    return extrapolate(_reported_position(state, report), reported.velocity_m_s, report.at_s, for_s)
 
 
-def predictions(
-    state: AgentState, heights_m: tuple[float, float] = (-math.inf, math.inf)
-) -> dict[int, Trajectory]:
-    """Return the extrapolated trajectories of the neighbours that come between two heights above home."""
-    low_m, high_m = heights_m
-    now_s, vehicle, ahead_s = state.vehicle.time_boot_s, state.vehicle, state.task.separation.look_ahead_s
+def predictions(state: AgentState, within: Bounds = EVERYWHERE) -> dict[int, Trajectory]:
+    """Return the extrapolated trajectories of the neighbours that come within bounds, heights above home."""
+    (_, west_m, south_m, low_m), (_, east_m, north_m, high_m) = within.least, within.most
+    vehicle, until_s = state.vehicle, state.vehicle.time_boot_s + state.task.separation.look_ahead_s
     found = {}
     for uav, report in state.neighbours.items():
-        # Most neighbours fly at other heights, so this test comes before the projection.
+        # Most neighbours are at other heights or far away, and need no trajectory.
+        lasts_s, (east_m_s, north_m_s, up_m_s) = until_s - report.at_s, report.state.velocity_m_s
         up_m = _up_m(vehicle, report.state)
-        later_m = up_m + report.state.velocity_m_s[2] * (now_s - report.at_s + ahead_s)
-        if low_m <= max(up_m, later_m) and min(up_m, later_m) <= high_m and (path := predict(state, report)):
+        if (
+            _passes(up_m, up_m_s * lasts_s, low_m, high_m)
+            and _passes(report.east_m, east_m_s * lasts_s, west_m, east_m)
+            and _passes(report.north_m, north_m_s * lasts_s, south_m, north_m)
+            and (path := predict(state, report))
+        ):
             found[uav] = path
     return found
 
 
-def _reported_position(state: AgentState, reported: StateShared) -> LocalPoint:
-    east_m, north_m = state.task.grid.frame.to_local(reported.lat_deg, reported.lon_deg)
-    return east_m, north_m, _up_m(state.vehicle, reported)
+def _passes(begin_m: float, way_m: float, low_m: float, high_m: float) -> bool:
+    """Return whether a movement along one axis comes between two positions."""
+    if way_m > 0.0:
+        return begin_m <= high_m and begin_m + way_m >= low_m
+    return begin_m >= low_m and begin_m + way_m <= high_m
+
+
+def _reported_position(state: AgentState, report: NeighbourReport) -> LocalPoint:
+    return report.east_m, report.north_m, _up_m(state.vehicle, report.state)
 
 
 def _up_m(vehicle: VehicleState, other: StateShared) -> float:
@@ -86,7 +97,7 @@ def silent_neighbours(state: AgentState) -> dict[int, Trajectory]:
     """Return the last positions, as trajectories, of silent vehicles to which this vehicle gave way."""
     now_s = state.vehicle.time_boot_s
     return {
-        uav: extrapolate(_reported_position(state, report.state), (0.0, 0.0, 0.0), now_s, SILENT_S)
+        uav: extrapolate(_reported_position(state, report), (0.0, 0.0, 0.0), now_s, SILENT_S)
         for uav, report in ({} if state.wait is None else state.wait.to).items()
         if MAX_REPORT_AGE_S < now_s - report.at_s <= SILENT_S and report.state.alt_rel_m >= AIRBORNE_M
     }

@@ -98,10 +98,14 @@ class Node:
         """Return the newest known state of each other UAV."""
         return {uav: peer.state for uav, peer in self._peers.items() if peer.state is not None}
 
-    def intents(self) -> dict[int, tuple[IntentShared, float]]:
-        """Return the newest intent of each other UAV, and its unix time [s]."""
-        peers = self._peers.items()
-        return {uav: (peer.intent, peer.intent_unix_s) for uav, peer in peers if peer.intent is not None}
+    def take_new_states(self) -> dict[int, StateShared]:
+        """Return the states that are new since the last call."""
+        return {uav: peer.take_state() for uav, peer in self._peers.items() if peer.has_new_state}
+
+    def take_new_intents(self) -> dict[int, tuple[IntentShared, float]]:
+        """Return the intents that are new since the last call, each with its unix time [s], by system id."""
+        changed = [(uav, peer) for uav, peer in self._peers.items() if peer.has_new_intent]
+        return {uav: (peer.take_intent(), peer.intent_unix_s) for uav, peer in changed}
 
     def moved(self, position: LatLon) -> None:
         """Update the UAV's position between two state messages."""

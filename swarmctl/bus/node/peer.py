@@ -92,6 +92,9 @@ class PeerRecord(msgspec.Struct, gc=False):
     intent: IntentShared | None = None
     intent_unix_s: float = -math.inf
     intent_frame: bytes = b""
+    has_new_state: bool = False
+    has_new_intent: bool = False
+    """True until `take_state` and `take_intent`"""
 
     def admit(self, frame: Frame, now_s: float) -> bool:
         """Accept a message; return whether it is the first of its incarnation, or the first after a silence.
@@ -167,8 +170,21 @@ class PeerRecord(msgspec.Struct, gc=False):
         if isinstance(content, IntentShared):
             if frame.unix_s > self.intent_unix_s:
                 self.intent, self.intent_unix_s, self.intent_frame = content, frame.unix_s, decoded.data
+                self.has_new_intent = True
         elif self.state_frame is None or frame.unix_s > self.state_frame.frame.unix_s:
-            self.state_frame, self.state_s = decoded, now_s
+            self.state_frame, self.state_s, self.has_new_state = decoded, now_s, True
+
+    def take_state(self) -> StateShared:
+        """Return the new state, which is then no longer new."""
+        assert self.state is not None
+        self.has_new_state = False
+        return self.state
+
+    def take_intent(self) -> IntentShared:
+        """Return the new intent, which is then no longer new."""
+        assert self.intent is not None
+        self.has_new_intent = False
+        return self.intent
 
     def record_missing(self) -> None:
         """Record that the peer has observations that are missing here, and ignore the peer's last state."""

@@ -63,6 +63,8 @@ def find_clashes(
     first_s: dict[int, float] = {}
     for i, k, j in _near_segments(own, [(flight, limits) for _, flight, limits in pairs], tolerance_s):
         uav, flight, pair_limits = pairs[k]
+        if first_s.get(uav, math.inf) <= own.times_s[i]:
+            continue  # the clash of an earlier segment is sooner
         at_s = first_clash_s(own.segment(i), flight.segment(j), pair_limits, tolerance_s)
         if at_s is not None:
             first_s[uav] = min(first_s.get(uav, math.inf), at_s)
@@ -85,43 +87,52 @@ def _near_segments(
 
 def first_clash_s(a: Segment, b: Segment, limits: Limits, tolerance_s: float) -> float | None:
     """Return the approximate time at which `a` is first too close to `b` [s]; None if they do not clash."""
-    va, vb = _velocity(a), _velocity(b)
-
-    def apart(times: _Times, axis: int) -> float:
-        t, u = times
-        mine = a.a[axis] + (t - a.begin_s) * va[axis]
-        return mine - b.a[axis] - (u - b.begin_s) * vb[axis]
-
-    near_m = limits.vertical_m - HEIGHT_TOLERANCE_M
-    ends = ((a.begin_s, b.begin_s), (a.end_s, b.begin_s), (a.end_s, b.end_s), (a.begin_s, b.end_s))
-    times: Sequence[_Times] = ends
+    (ve, vn, vu), (we, wn, wu) = _velocity(a), _velocity(b)
+    (ae, an, au), (be, bn, bu) = a.a, b.a
+    a_s, b_s, near_m, limit_m = (
+        a.begin_s,
+        b.begin_s,
+        limits.vertical_m - HEIGHT_TOLERANCE_M,
+        limits.horizontal_m,
+    )
+    times: Sequence[_Times] = ((a_s, b_s), (a.end_s, b_s), (a.end_s, b.end_s), (a_s, b.end_s))
     times = _clip(times, [tolerance_s - t + u for t, u in times])
     times = _clip(times, [tolerance_s + t - u for t, u in times])
-    times = _clip(times, [near_m - apart(pair, 2) for pair in times])
-    times = _clip(times, [near_m + apart(pair, 2) for pair in times])
+    times = _clip(times, [near_m - (au + (t - a_s) * vu - bu - (u - b_s) * wu) for t, u in times])
+    times = _clip(times, [near_m + (au + (t - a_s) * vu - bu - (u - b_s) * wu) for t, u in times])
     if not times:
         return None
-    relative = [(apart(pair, 0), apart(pair, 1)) for pair in times]
-    if _distance_m(relative) >= limits.horizontal_m:
+    apart = [
+        (ae + (t - a_s) * ve - be - (u - b_s) * we, an + (t - a_s) * vn - bn - (u - b_s) * wn)
+        for t, u in times
+    ]
+    if _distance_m(apart) >= limit_m:
         return None
     # An octagon around the circle of the limit: at this time the distance is at most 8 % above the limit.
     for east, north in _DIRECTIONS:
-        at = [limits.horizontal_m - east * apart(pair, 0) - north * apart(pair, 1) for pair in times]
-        times = _clip(times, at) or times
-    return min(t for t, _ in times)
+        inside = [limit_m - east * e - north * n for e, n in apart]
+        if min(inside) < 0.0:
+            times = _clip(times, inside) or times
+            apart = [
+                (ae + (t - a_s) * ve - be - (u - b_s) * we, an + (t - a_s) * vn - bn - (u - b_s) * wn)
+                for t, u in times
+            ]
+    return min(times)[0]
 
 
 def _velocity(segment: Segment) -> tuple[float, float, float]:
     lasts_s = segment.end_s - segment.begin_s
-    east, north, up = ((y - x) / lasts_s for x, y in zip(segment.a, segment.b, strict=True))
-    return east, north, up
+    (east_m, north_m, up_m), (to_east_m, to_north_m, to_up_m) = segment.a, segment.b
+    return (to_east_m - east_m) / lasts_s, (to_north_m - north_m) / lasts_s, (to_up_m - up_m) / lasts_s
 
 
-def _clip(corners: Sequence[_Times], inside: Sequence[float]) -> list[_Times]:
+def _clip(corners: Sequence[_Times], inside: Sequence[float]) -> Sequence[_Times]:
     """Return the part of a convex polygon in which a linear function is not negative.
 
     `inside` has the function's values at the corners.
     """
+    if not inside or min(inside) >= 0.0:
+        return corners
     kept: list[_Times] = []
     for i, corner in enumerate(corners):
         before, value, last = corners[i - 1], inside[i], inside[i - 1]

@@ -64,11 +64,13 @@ class Trajectory:
     def boxes(self) -> Boxes:
         """The bounding boxes of the segments in time and space."""
         if self._boxes is None:
-            times, points = np.array(self.times_s), np.array(self.points).reshape(-1, 3)
-            low = np.column_stack((times[:-1], np.minimum(points[:-1], points[1:])))
-            high = np.column_stack((times[1:], np.maximum(points[:-1], points[1:])))
-            object.__setattr__(self, "_boxes", np.hstack((low, high)))
-            assert self._boxes is not None
+            points = np.array([(t, *point) for t, point in zip(self.times_s, self.points, strict=True)])
+            boxes = np.empty((max(len(points) - 1, 0), 8))
+            if len(boxes):
+                np.minimum(points[:-1], points[1:], out=boxes[:, :4])
+                np.maximum(points[:-1], points[1:], out=boxes[:, 4:])
+            object.__setattr__(self, "_boxes", boxes)
+            return boxes
         return self._boxes
 
     def at(self, t_s: float) -> LocalPoint | None:
@@ -120,16 +122,21 @@ class Bounds:
             (flight.times_s[-1], max(east_m), max(north_m), max(up_m)),
         )
 
-    def is_within(self, other: Bounds, reach: tuple[float, float, float, float]) -> bool:
-        """Return whether two boxes are within `reach` of each other: a cheap first test."""
+    def wider(self, reach: tuple[float, float, float, float]) -> Bounds:
+        """Return the box enlarged by `reach` on each side."""
         (t0, e0, n0, u0), (t1, e1, n1, u1) = self.least, self.most
-        (s0, f0, m0, v0), (s1, f1, m1, v1) = other.least, other.most
         t, e, n, u = reach
+        return Bounds((t0 - t, e0 - e, n0 - n, u0 - u), (t1 + t, e1 + e, n1 + n, u1 + u))
+
+    def meets(self, other: Bounds) -> bool:
+        """Return whether two boxes have a common point: a cheap first test."""
+        low, high, least, most = self.least, self.most, other.least, other.most
+        # Most vehicles fly at other heights, so the heights come first.
         return (
-            (t0 - t <= s1 and s0 - t <= t1)
-            and (u0 - u <= v1 and v0 - u <= u1)
-            and (e0 - e <= f1 and f0 - e <= e1)
-            and (n0 - n <= m1 and m0 - n <= n1)
+            (low[3] <= most[3] and least[3] <= high[3])
+            and (low[0] <= most[0] and least[0] <= high[0])
+            and (low[1] <= most[1] and least[1] <= high[1])
+            and (low[2] <= most[2] and least[2] <= high[2])
         )
 
 

@@ -41,6 +41,9 @@ class NeighbourReport:
     state: StateShared
     at_s: float
     """time of the state by the clock of the receiving vehicle [s]"""
+    east_m: float
+    north_m: float
+    """reported position in the local frame of the area [m]"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +53,7 @@ class NeighbourIntent:
     flight: Trajectory
     """times of the receiver's vehicle clock, local frame of the area, heights above the sea"""
     bounds: Bounds
+    """bounds of the flight, with its uncertainty"""
     may_change: bool
     """True if the vehicle can change its plan"""
     sent_s: float
@@ -85,16 +89,16 @@ def update_alarms(
     """Return the updated alarms, in order of system id.
 
     `others`: predicted trajectories of the vehicles that sent a state recently; vehicles that stay outside
-    `alarm_heights_m` may be missing. An alarm begins at once and ends with hysteresis, so that position
-    errors do not toggle the alarm.
+    `alarm_bounds` may be missing. An alarm begins at once and ends with hysteresis, so that position errors
+    do not toggle the alarm.
     """
     before = {alarm.other: alarm for alarm in alarms}
     wide = _wide(rules)
-    after, mine = [], Bounds.of(own)
+    after = []
     for uav in sorted({*others, *before}):
         other, known = others.get(uav), before.get(uav)
         limits = rules.limits if known is None else wide
-        if other is not None and _is_near(mine, other, limits) and intervals(own, other, limits):
+        if other is not None and intervals(own, other, limits):
             at = closest(own, other, rules.limits)
             assert at is not None
             after.append(ProximityAlarm(uav, at))
@@ -105,20 +109,15 @@ def update_alarms(
     return tuple(after)
 
 
-def alarm_heights_m(own: Trajectory, rules: SeparationRules) -> tuple[float, float]:
-    """Return the heights between which another vehicle may begin an alarm, or keep one [m]."""
-    heights_m, margin_m = [point[2] for point in own.points], _wide(rules).vertical_m
-    return min(heights_m) - margin_m, max(heights_m) + margin_m
+def alarm_bounds(own: Trajectory, rules: SeparationRules) -> Bounds:
+    """Return the bounds of the space in which another vehicle may begin an alarm, or keep one."""
+    wide = _wide(rules)
+    return Bounds.of(own).wider((0.0, wide.horizontal_m, wide.horizontal_m, wide.vertical_m))
 
 
 def _wide(rules: SeparationRules) -> Limits:
     limits = rules.limits
     return Limits(CLEAR_FACTOR * limits.horizontal_m, CLEAR_FACTOR * limits.vertical_m)
-
-
-def _is_near(mine: Bounds, other: Trajectory, limits: Limits) -> bool:
-    reach = (0.0, limits.horizontal_m, limits.horizontal_m, limits.vertical_m)
-    return mine.is_within(Bounds.of(other), reach)
 
 
 def clear_height_m(height_m: float, others_m: Sequence[float], limits: Limits) -> float:
