@@ -100,7 +100,8 @@ class CompiledMission:
         self._order, self._metres = np.zeros(n, dtype=np.int64), np.zeros(n)
         self._work = np.full((5, size), np.nan)
         self._work[0], self._work[2] = 0.0, np.inf  # the padding: no hostiles, and closed
-        self._heap, self._keys = np.zeros(8 * size, dtype=np.int64), np.zeros(8 * size)
+        # A cell waits once for each neighbour that improves it; rounding may let a neighbour do so twice.
+        self._heap, self._keys = np.zeros(32 * size, dtype=np.int64), np.zeros(32 * size)
         self._kernel = compiled(mission)
 
     def _index(self, cell: tuple[int, int]) -> int:
