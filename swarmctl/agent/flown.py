@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from swarmctl.core.geo import distance_m
 from swarmctl.core.grid import Cell
+from swarmctl.core.records import replace
 from swarmctl.core.vehicle import VehicleState
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)  # without slots `replace` is fast
 class Flown:
     length_m: float = 0.0
     cells: tuple[Cell, ...] = ()

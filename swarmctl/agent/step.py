@@ -170,9 +170,10 @@ def _steer(state: AgentState, now: float) -> StepResult:
         adjust_speed,
     ):
         state, new = part(state)
-        effects += new
-        if any(isinstance(effect, ev.Command) for effect in new):
-            break
+        if new:
+            effects += new
+            if any(isinstance(effect, ev.Command) for effect in new):
+                break
     return state, effects
 
 

@@ -29,6 +29,9 @@ class FlightComparison:
     other: NeighbourIntent
     clash: Clash | None
 
+    def is_of(self, own: Trajectory, other: NeighbourIntent) -> bool:
+        return self.own is own and self.other is other
+
 
 @dataclass(frozen=True, slots=True)
 class Conflicts:

@@ -33,6 +33,7 @@ from swarmctl.agent.traffic.separation.trajectory import (
     Bounds,
     LocalPoint,
     Trajectory,
+    before_landing,
     extrapolate,
     until_landing,
 )
@@ -299,8 +300,6 @@ def receive_intents(state: AgentState, event: ev.Intents, _now: float) -> StepRe
         flight = _received_flight(state, intent, now_s - age_s)
         kept.pop(uav, None)
         if flight is not None and uav != state.task.uav:
-            # `collision_avoidance` handles the landing of a vehicle that can still change its plan.
-            flight = until_landing(flight) if intent.may_change else flight
             sent_s, (away_m, up_m) = now_s - age_s, intent.around_m
             uncertainty = (min(away_m, MAX_UNCERTAINTY_M), up_m)  # a false sender must not block a wide area
             bounds = Bounds.of(flight).wider((0.0, uncertainty[0], uncertainty[0], uncertainty[1]))
@@ -316,7 +315,10 @@ def _received_flight(state: AgentState, intent: IntentShared, sent_s: float) -> 
         return None
     to_local, announced = state.task.grid.frame.to_local, intent.points
     points = tuple([(*to_local(p.lat_deg, p.lon_deg), p.alt_amsl_m) for p in announced])
+    if intent.may_change:
+        # `collision_avoidance` handles the landing of a vehicle that can still change its plan.
+        points = before_landing(points)
     try:
-        return Trajectory(tuple([sent_s + p.in_s for p in announced]), points)
+        return Trajectory(tuple([sent_s + p.in_s for p in announced[: len(points)]]), points)
     except ValueError:  # too far away for the local frame, or times that do not increase
         return None

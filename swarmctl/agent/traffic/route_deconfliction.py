@@ -91,16 +91,15 @@ def _counted(state: AgentState, counts: DeconflictionCounts) -> AgentState:
 
 def _update_comparisons(state: AgentState, own: Trajectory) -> tuple[AgentState, tuple[Clash, ...]]:
     """Compare the own flight with changed intents; return its clashes with all intents."""
-    before = {uav: compared for uav, compared in state.conflicts.compared.items() if compared.own is own}
-    intents = known_intents(state)
-    new = {
-        uav: intent for uav, intent in intents.items() if uav not in before or before[uav].other is not intent
-    }
-    clashes = {clash.other: clash for clash in clashes_of_route(state, own, new)} if new else {}
-    after = {
-        uav: FlightComparison(own, intent, clashes.get(uav)) if uav in new else before[uav]
+    before, intents = state.conflicts.compared, known_intents(state)
+    known = {
+        uav: before[uav]
         for uav, intent in intents.items()
+        if uav in before and before[uav].is_of(own, intent)
     }
+    new = {uav: intent for uav, intent in intents.items() if uav not in known}
+    clashes = {clash.other: clash for clash in clashes_of_route(state, own, new)} if new else {}
+    after = known | {uav: FlightComparison(own, intent, clashes.get(uav)) for uav, intent in new.items()}
     found = sorted(
         (compared.clash for compared in after.values() if compared.clash is not None),
         key=lambda clash: (clash.at_s, clash.other),

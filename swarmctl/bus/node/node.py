@@ -55,7 +55,6 @@ MAX_DEFERRED_PER_TICK = 8
 MAX_REFUSED_FRAMES = 8
 """number of refused frames inside a message after which the rest of the message is skipped"""
 
-
 DistanceLoss = Callable[[LatLon | None, LatLon | None], str | None]
 """(own position, sender's position) -> cause of loss; None if the message is received"""
 
@@ -217,8 +216,7 @@ class Node:
 
     def _peer(self, uav: int) -> PeerRecord:
         """Return the record of another UAV. Raises MessageRefused for an unknown UAV."""
-        peer = self._peers.get(uav)
-        if peer is None:
+        if (peer := self._peers.get(uav)) is None:
             raise MessageRefused(RefusalReason.STRANGER, f"vehicle {uav} does not belong to this swarm")
         return peer
 

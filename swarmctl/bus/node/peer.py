@@ -198,11 +198,6 @@ class PeerRecord(msgspec.Struct, gc=False):
             return False
         return replica.has_held(self.state.knows)
 
-    @property
-    def has_failed(self) -> bool:
-        """True if the peer's state reports the phase `failed`."""
-        return self.state is not None and self.state.phase == "failed"
-
     def is_ranked_last(self, now_s: float) -> bool:
         """Return whether the peer's state is known, but no news since `RANKED_LAST_AFTER_S`."""
         return self.state_frame is not None and (
@@ -219,7 +214,8 @@ def nearest_uavs(
     UAVs with a position, and UAVs that are `is_ranked_last` come last; equal UAVs come in the order of system
     ids. If `k` is None or not below the number of UAVs, the result is all UAVs in the order of `peers`.
     """
-    states = {uav: peer.state for uav, peer in peers.items() if not peer.has_failed}
+    known_states = [(uav, peer.state) for uav, peer in peers.items()]
+    states = {uav: state for uav, state in known_states if state is None or state.phase != "failed"}
     if k is None or k >= len(states):
         return tuple(states)
     metres = dict.fromkeys(states, math.inf)

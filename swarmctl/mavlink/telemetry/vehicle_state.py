@@ -40,6 +40,7 @@ MIN_ALT_M, MAX_ALT_M = -1000.0, 20_000.0
 """limits of a valid altitude above sea level or home"""
 TEXTS_KEPT = 256
 
+_LANDED = {landed.value: landed for landed in Landed}
 _COMPLAINTS = ("PreArm: ", "Arm: ", "Preflight Fail: ")
 _COMPLAINTS_KEPT = 3
 _PERIODIC_SOURCES = ("HEARTBEAT", "SYS_STATUS")
@@ -106,6 +107,11 @@ class Telemetry:
             self._state = replace(self._state, **self._changes)
             self._changes = {}
         return self._state
+
+    @property
+    def _time_boot_s(self) -> float:
+        """The state's time, without a new state for the changes before a message is complete."""
+        return float(self._changes.get("time_boot_s", self._state.time_boot_s))
 
     def receive(self, message: Message, now: float) -> bool:
         """Update the state from a message; return True for a new state. `now`: local clock [s]."""
@@ -188,7 +194,7 @@ class Telemetry:
 
     def _global_position(self, message: Message) -> bool:
         time_boot_s = self._clock_s(message)
-        if self._notice_reboot(time_boot_s) or time_boot_s < self.state.time_boot_s:
+        if self._notice_reboot(time_boot_s) or time_boot_s < self._time_boot_s:
             return False
         self._count_standing(time_boot_s)
         position = _position_fields(message)
@@ -236,7 +242,7 @@ class Telemetry:
         last_wrap_s = self._clock_reported_s // CLOCK_WRAP_S * CLOCK_WRAP_S
         received_s, reported_s = self._clock_received_s, self._clock_reported_s
         self._clock_received_s, self._clock_reported_s = self._now, time_boot_s
-        went_back = time_boot_s < self.state.time_boot_s - REBOOT_STEP_S
+        went_back = time_boot_s < self._time_boot_s - REBOOT_STEP_S
         ran_s = time_boot_s - last_wrap_s  # below 0: late message from before the wrap
         # A clock that continues belongs to a message that has waited somewhere.
         continues = 0.0 <= time_boot_s - reported_s <= CONTINUES_S
@@ -299,8 +305,7 @@ class Telemetry:
         return False
 
     def _extended_sys_state(self, message: Message) -> bool:
-        known = message.landed_state in list(Landed)
-        self._changes["landed"] = Landed(message.landed_state) if known else Landed.UNDEFINED
+        self._changes["landed"] = _LANDED.get(message.landed_state, Landed.UNDEFINED)
         return False
 
     def _mission_current(self, message: Message) -> bool:

@@ -14,6 +14,8 @@ from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Segment
 MAX_GAP_S = 3.0
 """Greatest time between two positions that are joined to a segment [s]."""
 
+_ONES = np.ones(3)
+
 VehiclePair = tuple[int, int]
 """system ids, the lower first"""
 
@@ -78,8 +80,8 @@ class FlownSeparation:
         least_m = math.inf if self.nearest is None else self.nearest.distance_m
         near_m = max(least_m, math.hypot(limits.horizontal_m, limits.vertical_m)) + length_m
         away_m = self._here - self._here[row]
-        squared_m2 = np.einsum("ij,ij->i", away_m, away_m)
-        (rows,) = (squared_m2 <= (near_m + self._reach_m) ** 2).nonzero()
+        away_m *= away_m
+        (rows,) = (away_m @ _ONES <= (near_m + self._reach_m) ** 2).nonzero()
         return [self._uavs[i] for i in rows.tolist() if i != row]
 
     def _compare(self, uav: int, other: int, segment: Segment) -> bool:

@@ -7,7 +7,6 @@ import operator
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,7 +48,8 @@ class Trajectory:
             raise ValueError(
                 f"{len(self.times_s)} times for {len(self.points)} points: expected equal numbers"
             )
-        if not all(map(math.isfinite, chain(self.times_s, chain.from_iterable(self.points)))):
+        # A sum is finite only if each number is.
+        if not math.isfinite(sum(self.times_s) + sum(map(sum, self.points))):
             raise ValueError("a time or a coordinate is not finite: expected seconds and metres")
         if any(map(operator.le, self.times_s[1:], self.times_s)):
             raise ValueError("times do not increase: expected each to be later than the previous one")
@@ -142,18 +142,25 @@ class Bounds:
 
 def until_landing(flight: Trajectory) -> Trajectory:
     """Return the flight up to its final vertical descent; the whole flight if the descent has begun."""
-    n = _n_before_landing(flight)
-    return flight if n < 2 else Trajectory(flight.times_s[:n], flight.points[:n])
+    points = before_landing(flight.points)
+    n = len(points)
+    return flight if n == len(flight.points) else Trajectory(flight.times_s[:n], points)
+
+
+def before_landing(points: tuple[LocalPoint, ...]) -> tuple[LocalPoint, ...]:
+    """Return the points up to the final vertical descent; all points if the descent has begun."""
+    n = _n_before_landing(points)
+    return points if n < 2 else points[:n]
 
 
 def landing_start_s(flight: Trajectory) -> float:
     """Return the start of the final vertical descent [s], or the end of a flight that has no such descent."""
-    return flight.times_s[_n_before_landing(flight) - 1]
+    return flight.times_s[_n_before_landing(flight.points) - 1]
 
 
-def _n_before_landing(flight: Trajectory) -> int:
-    n = len(flight.points)
-    while n > 1 and _is_vertical_descent(flight.points[n - 2], flight.points[n - 1]):
+def _n_before_landing(points: tuple[LocalPoint, ...]) -> int:
+    n = len(points)
+    while n > 1 and _is_vertical_descent(points[n - 2], points[n - 1]):
         n -= 1
     return n
 
