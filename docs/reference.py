@@ -121,17 +121,24 @@ def commands() -> str:
         app = typer.Typer()
         import_module(f"swarmctl.cli.{module}").register(app)
         command = typer.main.get_command(app)
-        lines += ["", f"## `swarmctl {name}`", "", command.help or "", ""]
-        lines += ["| option | default | meaning |", "|---|---|---|"]
-        for option in command.params:
-            if option.name in ("help", "install_completion", "show_completion"):
-                continue
-            is_argument = option.param_type_name == "argument"
-            names = (option.metavar or option.name.upper()) if is_argument else ", ".join(option.opts)
-            shown = option.default not in (None, False, [], ()) and not callable(option.default)
-            default = "required" if option.required else f"`{option.default}`" if shown else ""
-            lines.append(f"| `{names}` | {_cell(default)} | {_cell(getattr(option, 'help', None) or '')} |")
+        lines += _command(f"swarmctl {name}", command)
+        for inner, below in getattr(command, "commands", {}).items():
+            lines += _command(f"swarmctl {name} {inner}", below)
     return "\n".join(lines) + "\n"
+
+
+def _command(name: str, command: Any) -> Iterator[str]:
+    """Yield the lines of a command: its help, and a table of its options."""
+    yield from ("", f"## `{name}`", "", command.help or "", "")
+    yield from ("| option | default | meaning |", "|---|---|---|")
+    for option in command.params:
+        if option.name in ("help", "install_completion", "show_completion"):
+            continue
+        is_argument = option.param_type_name == "argument"
+        names = (option.metavar or option.name.upper()) if is_argument else ", ".join(option.opts)
+        shown = option.default not in (None, False, [], ()) and not callable(option.default)
+        default = "required" if option.required else f"`{option.default}`" if shown else ""
+        yield f"| `{names}` | {_cell(default)} | {_cell(getattr(option, 'help', None) or '')} |"
 
 
 def _text(part: Schema) -> str:

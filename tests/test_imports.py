@@ -58,6 +58,7 @@ SIMULATOR: dict[str, set[str]] = {
 ONLY_IN: dict[str, set[str]] = {
     "zenoh": {"swarmctl.bus.transports.zenoh"},
     "cryptography": {"swarmctl.security"},
+    "distributed": {"swarmctl.study.cluster"},
     "mavsdk": {"swarmctl.links.mavsdk"},
     "numba": {"swarmctl.planners.kernels"},
     "pymavlink": {"swarmctl.mavlink", "sim_vehicle"},
@@ -107,6 +108,7 @@ PURE = {
     "swarmctl.study.replan_kernels", "swarmctl.study.vehicle_result", "swarmctl.study.world",
     "swarmctl.report.foxglove", "swarmctl.report.evidence.chain", "swarmctl.report.evidence.digest",
     "swarmctl.report.evidence.commands",
+    "swarmctl.study.batches", "swarmctl.study.experiment_checks", "swarmctl.study.levels",
     "swarmctl.study.statistics", "swarmctl.study.routes", "swarmctl.study.w_search",
     "sim_vehicle",
 }  # fmt: skip

@@ -57,6 +57,10 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     ),
     "replay": ("replay", "Repeat the decisions of a recorded run, and report whether they are the same."),
     "audit": ("audit", "Check the evidence of a run line by line, and summarise it."),
+    "study": (
+        "study",
+        "Fly an experiment of many missions cell by cell: a table of results by vehicle and world.",
+    ),
     "schema": ("schema", "Print the JSON schema of configurations, for editors."),
 }
 """name: (file, first paragraph of its help), in the order of `swarmctl --help`"""

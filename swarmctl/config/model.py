@@ -92,8 +92,17 @@ Check = Callable[[Config], Iterable[ConfigProblem]]
 
 def load(path: Path, check: Check = lambda _: ()) -> Config:
     """Return the configuration of a file; `check` finds problems across sections. Raises ConfigError."""
+    document = read_document(path)
+    config, problems = validate(document.data, check)
+    if problems or config is None:
+        raise ConfigError(problem_lines(path, document, problems))
+    return config
+
+
+def read_document(path: Path) -> yaml_lines.Document:
+    """Return the data of a YAML file, with its lines. Raises ConfigError."""
     try:
-        document = yaml_lines.parse(path.read_text(encoding="utf-8"))
+        return yaml_lines.parse(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise ConfigError([f"{path}: the file does not exist; give --config a YAML file"]) from None
     except IsADirectoryError:
@@ -102,19 +111,21 @@ def load(path: Path, check: Check = lambda _: ()) -> Config:
         raise ConfigError([f"{path}: the file cannot be read: {error}"]) from error
     except yaml_lines.YamlError as error:
         raise ConfigError([f"{path}:{error.line}: {error.text}"]) from error
-    config, problems = _validate(document.data, check)
-    if problems or config is None:
-        raise ConfigError(problem_lines(path, document, problems))
-    return config
 
 
-def _validate(data: Any, check: Check) -> tuple[Config | None, list[ConfigProblem]]:
+def validate(data: Any, check: Check = lambda _: ()) -> tuple[Config | None, list[ConfigProblem]]:
+    """Return the configuration of a document's data, None if it is invalid, and its problems."""
     try:
         config = Config.model_validate(data)
     except ValidationError as error:
-        problems = _merged(_problem(dict(e), data) for e in error.errors(include_url=False))
+        problems = schema_problems(error, data, Config)
         return None, problems + list(_check_valid_part(data, [p.path for p in problems], check))
     return config, list(check(config))
+
+
+def schema_problems(error: ValidationError, data: Any, schema: type[BaseModel]) -> list[ConfigProblem]:
+    """Return the problems of a document's data that `schema` refuses, one for each key."""
+    return _merged(_problem(dict(e), data, schema) for e in error.errors(include_url=False))
 
 
 def _check_valid_part(data: Any, wrong: list[yaml_lines.KeyPath], check: Check) -> Iterator[ConfigProblem]:
@@ -157,10 +168,10 @@ NAME_RULES = {
 """the rule of each pattern of a name"""
 
 
-def _problem(error: dict[str, Any], data: Any) -> ConfigProblem:
+def _problem(error: dict[str, Any], data: Any, schema: type[BaseModel]) -> ConfigProblem:
     path = _in_file(tuple(error["loc"]), data, keep_last=error["type"] in ("missing", "extra_forbidden"))
     if error["type"] == "extra_forbidden":
-        return ConfigProblem(path, _unknown_key(tuple(error["loc"])))
+        return ConfigProblem(path, _unknown_key(tuple(error["loc"]), schema))
     text = str(error["msg"]).removeprefix("Value error, ")
     if error["type"] == "missing":
         return ConfigProblem(path, "is missing; add it")
@@ -192,12 +203,12 @@ def _in_file(path: yaml_lines.KeyPath, data: Any, *, keep_last: bool) -> yaml_li
     return tuple(kept)
 
 
-def _unknown_key(path: yaml_lines.KeyPath) -> str:
-    models: list[type[BaseModel]] = [Config]
+def _unknown_key(path: yaml_lines.KeyPath, schema: type[BaseModel]) -> str:
+    models = [schema]
     for part in path[:-1]:
         fields = models[0].model_fields if models else {}
         if isinstance(part, str) and part in fields:
-            models = list(_models_in(fields[part].annotation))
+            models = list(models_in(fields[part].annotation))
         elif isinstance(part, str):  # the name of a union member
             models = [m for m in models if m.__name__.lower() == part]
     known = sorted(models[0].model_fields) if models else []
@@ -206,11 +217,12 @@ def _unknown_key(path: yaml_lines.KeyPath) -> str:
     return f"unknown key; {hint}"
 
 
-def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
+def models_in(annotation: Any) -> Iterator[type[BaseModel]]:
+    """Yield the sections that the type of a key allows, including those of lists and alternatives."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
     for part in get_args(annotation):
-        yield from _models_in(part)
+        yield from models_in(part)
 
 
 def _without(data: Any, paths: list[yaml_lines.KeyPath], here: yaml_lines.KeyPath = ()) -> Any:

@@ -29,11 +29,12 @@ class ConfigError(Exception):
 
 def problem_lines(path: Path, document: Document, problems: Iterable[ConfigProblem]) -> list[str]:
     """Return a line for each problem, with file, line and key, in the order of the file."""
-    found = sorted((document.line_of(p.path), _dotted(p.path), p.text) for p in problems)
+    found = sorted((document.line_of(p.path), dotted(p.path), p.text) for p in problems)
     return [f"{path}:{line}: {key}: {text}" for line, key, text in found]
 
 
-def _dotted(path: KeyPath) -> str:
+def dotted(path: KeyPath) -> str:
+    """Return a path as text, such as `vehicles[0].goal`."""
     text = ""
     for part in path:
         text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else part

@@ -63,6 +63,7 @@ def test_the_module_has_the_name_of_the_program() -> None:
         ("swarmctl order l", {"launch", "land"}),
         ("swarmctl order launch --i", {"--ignore"}),
         ("swarmctl fly --cl", {"--clock"}),
+        ("swarmctl study --sc", {"--scheduler"}),
         ("swarmctl fly --clock v", {"virtual"}),
     ],
 )
@@ -82,9 +83,10 @@ def test_a_summary_is_the_first_paragraph_of_the_commands_help(name: str) -> Non
     module, summary = COMMANDS[name]
     app = typer.Typer()
     import_module(f"swarmctl.cli.{module}").register(app)
-    (command,) = app.registered_commands
+    group = app.registered_callback
+    (command,) = app.registered_commands if group is None else [group]
     assert command.callback is not None
-    assert (command.name or command.callback.__name__) == name
+    assert ((group is None and command.name) or command.callback.__name__) == name
     own = inspect.getdoc(command.callback) or ""
     assert " ".join(own.split("\n\n")[0].split()) == summary
 

@@ -1,0 +1,181 @@
+"""`swarmctl study`: experiments of many missions, without vehicles and MAVLink."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    TextColumn,
+    TimeRemainingColumn,
+)
+from rich.text import Text
+
+from swarmctl.cli.console import FAILED, INTERRUPTED, USAGE, err, fail, say
+
+if TYPE_CHECKING:
+    from swarmctl.study.cluster import Workers
+    from swarmctl.study.experiment import Experiment
+
+EXTRA = "mavlink-swarmctl[study]"
+PACKAGES = ("distributed", "pandas", "pyarrow")
+
+
+def register(cli: typer.Typer) -> None:
+    cli.command()(study)
+
+
+def study(
+    config: Annotated[
+        Path | None,
+        typer.Option(
+            "--config",
+            "-c",
+            help="Experiment (YAML), such as configs/studies/communication.yaml.",
+            show_default=False,
+        ),
+    ] = None,
+    out_folder: Annotated[Path, typer.Option("--out", help="Parent folder of the results folder.")] = Path(
+        "studies"
+    ),
+    worlds: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            help="Number of worlds at each level, instead of the experiment's. A later command with more "
+            "worlds adds the missing ones.",
+            show_default=False,
+        ),
+    ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            min=1, help="Number of worker processes. Default: one for each core.", show_default=False
+        ),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            metavar="URL",
+            help="Dask scheduler whose workers compute, such as tcp://10.0.0.5:8786.",
+            show_default=False,
+        ),
+    ] = None,
+) -> None:
+    """Fly an experiment of many missions cell by cell: a table of results by vehicle and world."""
+    if config is None:
+        fail(["give --config FILE, such as --config configs/studies/communication.yaml"], USAGE)
+    if workers is not None and scheduler is not None:
+        fail(["--workers are processes of this machine; leave it out with --scheduler"], USAGE)
+    _require_packages()
+    experiment = _load_or_exit(config, worlds)
+    folder = out_folder / config.stem
+    say(_describe(experiment))
+    _run(experiment, folder, workers or len(os.sched_getaffinity(0)), scheduler)
+
+
+def _require_packages() -> None:
+    if missing := [name for name in PACKAGES if find_spec(name) is None]:
+        text = f"`swarmctl study` needs {', '.join(missing)}; install them by pip install '{EXTRA}'"
+        fail([f"{text} [study-packages]"], FAILED)
+
+
+def _load_or_exit(config: Path, worlds: int | None) -> Experiment:
+    from swarmctl.config.problems import ConfigError  # noqa: PLC0415 - slow imports
+    from swarmctl.study.experiment import load_experiment  # noqa: PLC0415
+
+    try:
+        return load_experiment(config, worlds)
+    except ConfigError as error:
+        fail(error.lines, USAGE)
+
+
+def _describe(experiment: Experiment) -> str:
+    n_levels, until = len(experiment.levels), experiment.section.until
+    most = "at most " if until is not None else ""
+    text = f"{n_levels} level{'s' if n_levels > 1 else ''} × {most}{experiment.worlds} worlds"
+    return f"{experiment.section.question}\n{text}: {most}{n_levels * experiment.worlds} missions"
+
+
+def _run(experiment: Experiment, folder: Path, n_workers: int, scheduler: str | None) -> None:
+    from swarmctl.study.cluster import ClusterError, local_workers, workers_of  # noqa: PLC0415
+    from swarmctl.study.results import ResultsError, open_results  # noqa: PLC0415
+    from swarmctl.study.run import run  # noqa: PLC0415
+
+    command = shlex.join(["swarmctl", *sys.argv[1:]])
+    try:
+        with open_results(folder, experiment) as results:
+            source = local_workers(n_workers) if scheduler is None else workers_of(scheduler)
+            with source as workers, _progress(workers) as progress:
+                outcome = run(experiment, results, workers, progress, command)
+    except (ResultsError, ClusterError) as error:
+        fail([str(error)], FAILED)
+    except (KeyboardInterrupt, SystemExit):
+        text = f"interrupted; {folder} keeps the finished missions, and the same command goes on from there"
+        err.print(text, highlight=False, markup=False, soft_wrap=True)
+        raise typer.Exit(INTERRUPTED) from None
+    if outcome.widest is not None:
+        text = f"{outcome.n_worlds} worlds: the widest interval is ± {outcome.widest:.3g}"
+        wanted = experiment.section.until
+        assert wanted is not None
+        say(text if outcome.widest <= wanted.half_width else f"{text}, wider than ± {wanted.half_width:g}")
+    say(f"{outcome.n_rows} rows: {folder / 'results.parquet'}")
+
+
+class _Rate(ProgressColumn):
+    """The number of missions in a second."""
+
+    def render(self, task: Any) -> Text:
+        return Text(
+            "" if task.speed is None else f"{task.speed:,.0f} missions/s", style="progress.data.speed"
+        )
+
+
+@contextmanager
+def _progress(workers: Workers[Any, Any]) -> Iterator[Any]:
+    """Show a bar with rate and time left on a terminal, and a line for each tenth elsewhere."""
+    if not err.is_terminal:
+        yield _Lines()
+        return
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        _Rate(),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=err, transient=True) as bar:
+        task = bar.add_task(f"{workers.n_cores} workers", total=None)
+        is_first = True
+
+        def show(done: int, total: int) -> None:
+            nonlocal is_first
+            if is_first:  # earlier missions do not count as speed
+                bar.reset(task, completed=done, total=total)
+                is_first = False
+            bar.update(task, completed=done, total=total)
+
+        yield show
+
+
+class _Lines:
+    """Progress for a file or a pipe: a line for each tenth."""
+
+    def __init__(self) -> None:
+        self._tenth = -1
+
+    def __call__(self, done: int, total: int) -> None:
+        if (tenth := 10 * done // total) != self._tenth:
+            self._tenth = tenth
+            err.print(f"{done} of {total} missions", highlight=False)

@@ -1,0 +1,200 @@
+"""Checks of an experiment file: its factors, and the configuration of each level. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from pydantic import BaseModel, ValidationError, create_model
+
+from swarmctl.config.checks import check_config
+from swarmctl.config.model import Config, schema_problems, validate
+from swarmctl.config.problems import ConfigProblem, dotted
+from swarmctl.config.scenario import build
+from swarmctl.config.yaml_lines import KeyPath
+from swarmctl.core.section import Section
+from swarmctl.study.experiment_file import ExperimentFile, Steps
+from swarmctl.study.kinds import KINDS, Kind
+from swarmctl.study.levels import (
+    Choice,
+    Factor,
+    Level,
+    changed,
+    is_key,
+    key_path,
+    label_of,
+    require_key,
+    suggestion,
+)
+
+SETTINGS = "search"
+"""the section of the settings of a kind, and the first part of their dotted keys"""
+KEY_COLUMNS = ("level", "uav")
+
+
+@dataclass(frozen=True, slots=True)
+class Setup:
+    """What one level computes: its configuration, and the settings of its kind."""
+
+    config: Config
+    settings: Section | None
+    n_vehicles: int
+
+
+def schema_of(kind: Kind) -> type[BaseModel]:
+    """Return the schema of the dotted keys of an experiment: the configuration's, and the kind's settings."""
+    if kind.settings is None:
+        return Config
+    fields: dict[str, Any] = {SETTINGS: (kind.settings, ...)}
+    return create_model("Keys", __base__=Config, **fields)
+
+
+def check_file(section: ExperimentFile, worlds: int) -> Iterator[ConfigProblem]:
+    """Yield the problems of a file besides its factors."""
+    kind = KINDS[section.kind]
+    if kind.settings is None and section.search is not None:
+        text = f"the kind {section.kind} has no settings; remove this section, or choose another kind"
+        yield ConfigProblem((SETTINGS,), text)
+    yield from _check_keys(section.set, ("set",), schema_of(kind))
+    if (until := section.until) is not None and until.measure not in kind.measures:
+        text = f"{until.measure!r} is no measure; {suggestion(until.measure, kind.measures)}"
+        yield ConfigProblem(("until", "measure"), text)
+    seeds = range(section.first_seed, section.first_seed + worlds)
+    for i, seed in enumerate(section.tracks):
+        if seed not in seeds:
+            yield ConfigProblem(("tracks", i), f"the seeds are {seeds[0]} to {seeds[-1]}; give one of them")
+
+
+def factors_of(section: ExperimentFile) -> tuple[list[Factor], list[ConfigProblem]]:
+    """Return the factors of a file without those that are wrong, and the problems of the latter."""
+    kind = KINDS[section.kind]
+    schema = schema_of(kind)
+    factors: list[Factor] = []
+    problems: list[ConfigProblem] = []
+    for name, values in section.factors.items():
+        if name in (*KEY_COLUMNS, *kind.measures):
+            text = f"{name} is a column of the results; choose another name"
+            problems.append(ConfigProblem(("factors", name), text))
+        elif wrong := list(_check_factor(name, values, schema)):
+            problems += wrong
+        else:
+            factors.append(_factor(name, values, schema))
+    return factors, problems + list(_check_overlap(section, factors))
+
+
+def _check_factor(
+    name: str, values: Steps | tuple[Any, ...], schema: type[BaseModel]
+) -> Iterator[ConfigProblem]:
+    here: KeyPath = ("factors", name)
+    if not values:
+        yield ConfigProblem(here, "the factor has no value; give a list, such as [0, 0.5, 1]")
+    elif is_key(name, schema):
+        yield from _check_keys([name], ("factors",), schema)
+    elif isinstance(values, tuple) and all(isinstance(v, dict) and "name" in v for v in values):
+        for i, item in enumerate(values):
+            yield from _check_keys([key for key in item if key != "name"], (*here, i), schema)
+    else:
+        try:
+            require_key(name, schema)
+        except ValueError as error:
+            text = f"{error}; only a list of {{name: LABEL, KEY: VALUE}} may have another name"
+            yield ConfigProblem(here, text)
+
+
+def _check_keys(keys: Iterable[str], here: KeyPath, schema: type[BaseModel]) -> Iterator[ConfigProblem]:
+    for key in keys:
+        if key == "seed":
+            text = "the worlds are the seeds; give `worlds` and `first_seed` instead"
+            yield ConfigProblem((*here, key), text)
+            continue
+        try:
+            require_key(key, schema)
+        except ValueError as error:
+            yield ConfigProblem((*here, key), str(error))
+
+
+def _check_overlap(section: ExperimentFile, factors: Iterable[Factor]) -> Iterator[ConfigProblem]:
+    """Yield the problems of values that are given twice, and of keys that are changed twice."""
+    owners = dict.fromkeys(section.set, "set")
+    for factor in factors:
+        labels = factor.labels
+        for label in sorted({str(label) for label in labels if labels.count(label) > 1}):
+            yield ConfigProblem(("factors", factor.name), f"{label} is given twice; give each value once")
+        for key in sorted({key for choice in factor.choices for key in choice.changes}):
+            if owners.setdefault(key, factor.name) != factor.name:
+                text = f"{key} is also changed by {owners[key]}; change it in one place"
+                yield ConfigProblem(("factors", factor.name), text)
+
+
+def _factor(name: str, values: Steps | tuple[Any, ...], schema: type[BaseModel]) -> Factor:
+    listed: tuple[Any, ...] = values if isinstance(values, tuple) else values.values
+    if is_key(name, schema):
+        return Factor(name, tuple(Choice(label_of(value), {name: value}) for value in listed))
+    choices = (Choice(label_of(v["name"]), {k: x for k, x in v.items() if k != "name"}) for v in listed)
+    return Factor(name, tuple(choices))
+
+
+def setups_of(
+    section: ExperimentFile, data: Any, levels: Iterable[Level], factors: Sequence[Factor]
+) -> tuple[list[Setup], list[ConfigProblem]]:
+    """Return the setups of the levels, and one problem for each error of their configurations.
+
+    `data` is the base. A problem names the first level that has the error.
+    """
+    kind = KINDS[section.kind]
+    setups: list[Setup] = []
+    refused: dict[tuple[KeyPath, str], list[Level]] = {}
+    for level in levels:
+        try:
+            document = changed(data | {SETTINGS: section.search or {}}, {**section.set, **level.changes})
+        except ValueError as error:
+            refused.setdefault(((), str(error)), []).append(level)
+            continue
+        chosen = document.pop(SETTINGS)
+        config, problems = validate(document, check_config)
+        settings, more = _settings(kind, chosen)
+        problems += more
+        if config is not None and not problems:
+            scenario = build(config)
+            if (why := kind.unsupported(scenario)) is not None:
+                problems.append(ConfigProblem((), why))
+            setups.append(Setup(config, settings, len(scenario.specs)))
+        for problem in problems:
+            refused.setdefault((problem.path, problem.text), []).append(level)
+    found = [
+        ConfigProblem(_cause(path, those[0], factors, section), _refusal(path, text, those))
+        for (path, text), those in refused.items()
+    ]
+    return setups, found
+
+
+def _settings(kind: Kind, data: Any) -> tuple[Section | None, list[ConfigProblem]]:
+    if kind.settings is None:
+        return None, []
+    try:
+        return kind.settings.model_validate(data), []
+    except ValidationError as error:
+        problems = schema_problems(error, data, kind.settings)
+        return None, [ConfigProblem((SETTINGS, *problem.path), problem.text) for problem in problems]
+
+
+def _refusal(path: KeyPath, text: str, levels: Sequence[Level]) -> str:
+    n_more = len(levels) - 1
+    more = f" (and {n_more} more level{'s' if n_more > 1 else ''})" if n_more else ""
+    key = f"{dotted(path)}: " if path else ""
+    return f"the level {levels[0]} is refused{more}: {key}{text}"
+
+
+def _cause(path: KeyPath, level: Level, factors: Sequence[Factor], section: ExperimentFile) -> KeyPath:
+    """Return the place in the experiment file that changes a key; if there is none, that of the factors."""
+    for factor in factors:
+        choice = factor.choices[factor.labels.index(level.values[factor.name])]
+        if any(_touches(key_path(key), path) for key in choice.changes):
+            return "factors", factor.name
+    return next((("set", key) for key in section.set if _touches(key_path(key), path)), ("factors",))
+
+
+def _touches(path: KeyPath, other: KeyPath) -> bool:
+    shorter = min(len(path), len(other))
+    return shorter > 0 and path[:shorter] == other[:shorter]

@@ -1,0 +1,82 @@
+"""The kinds of an experiment: what is computed for a level and some seeds.
+
+A kind is one function and one line in `KINDS`. Its rows do not depend on the other seeds of a call, so
+results are the same whatever the batches are.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from swarmctl.config.model import Config
+from swarmctl.config.scenario import Scenario, build
+from swarmctl.core.section import Section
+from swarmctl.study import routes
+from swarmctl.study.mission import unsupported
+from swarmctl.study.missions import NAMES, fly_missions
+from swarmctl.study.provenance import versions
+
+Columns = Mapping[str, npt.NDArray[Any]]
+"""a table: arrays of one length, by the names of the columns"""
+MISSION_MEASURES = tuple(name for name in NAMES if name != "uav")
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """The results of some seeds at one level: one row a seed and vehicle."""
+
+    rows: Columns
+    """`seed`, `uav` and the measures"""
+    tracks: Columns = field(default_factory=dict)
+    """`seed`, `uav`, `step`, `row`, `col` of the flown cells, for the seeds whose tracks are kept"""
+    hostiles: Columns = field(default_factory=dict)
+    """`seed`, `row`, `col` of the true hostiles, for the seeds whose tracks are kept"""
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """Something that an experiment computes."""
+
+    compute: Callable[[Scenario, Sequence[int], Collection[int], Any], Table]
+    """arguments: scenario, seeds, the seeds whose tracks are kept, settings"""
+    measures: tuple[str, ...]
+    """columns of the rows besides `seed` and `uav`, in order"""
+    unsupported: Callable[[Scenario], str | None] = lambda _: None
+    """why the kind has no model of a scenario; None if it has one"""
+    settings: type[Section] | None = None
+    """schema of the section `search` of an experiment file; None: the kind has no settings"""
+
+
+def _missions(scenario: Scenario, seeds: Sequence[int], kept: Collection[int], _: None) -> Table:
+    flown = fly_missions(scenario, seeds, kept)
+    return Table(flown.columns, flown.tracks, flown.hostiles)
+
+
+def _routes(scenario: Scenario, seeds: Sequence[int], kept: Collection[int], search: routes.Search) -> Table:
+    return Table(routes.rows(scenario, seeds, kept, search))
+
+
+KINDS: Mapping[str, Kind] = {
+    "missions": Kind(_missions, MISSION_MEASURES, unsupported=unsupported),
+    "routes": Kind(_routes, routes.MEASURES, settings=routes.Search),
+}
+
+
+def compute(
+    kind: str, config: Config, settings: Section | None, seeds: range, kept: Collection[int]
+) -> tuple[Table, float, dict[str, str]]:
+    """Return the results of `seeds` at one level, the duration [s], and the versions of this process.
+
+    The rows are sorted by seed and UAV.
+    """
+    began_s = time.perf_counter()
+    table = KINDS[kind].compute(build(config), seeds, [seed for seed in seeds if seed in kept], settings)
+    order = np.lexsort((table.rows["uav"], table.rows["seed"]))
+    rows = {name: table.rows[name][order] for name in ("seed", "uav", *KINDS[kind].measures)}
+    return Table(rows, table.tracks, table.hostiles), time.perf_counter() - began_s, versions()

@@ -1,0 +1,216 @@
+"""The results folder: parts while a study runs, then tables that are the same bytes for any workers.
+
+experiment.yaml, base.yaml   the experiment, to do it again from this folder
+manifest.json                versions, commit, seeds, factors and times
+parts/                       one file a finished batch; its name has level and seeds
+results.parquet              one row a vehicle and mission, sorted by level, seed and uav
+tracks.parquet, hostiles.parquet   cells of the seeds whose tracks are kept
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import re
+import shutil
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from swarmctl.study.batches import Batch
+from swarmctl.study.experiment import Experiment
+from swarmctl.study.kinds import Columns, Table
+from swarmctl.study.levels import Level
+
+PARTS = ("rows", "tracks", "hostiles")
+TABLES = {"rows": "results.parquet", "tracks": "tracks.parquet", "hostiles": "hostiles.parquet"}
+ROWS_A_GROUP = 1 << 16
+"""rows of a row group of results.parquet: fixed, so that its bytes do not depend on the parts"""
+BYTES_A_VALUE = 8
+_PART = re.compile(r"level-(\d+)-seeds-(\d+)-(\d+)-rows\.parquet")
+
+
+class ResultsError(Exception):
+    """A folder that cannot take the results. The text says what to do."""
+
+
+class Results:
+    """A results folder that this process writes."""
+
+    def __init__(self, folder: Path, experiment: Experiment) -> None:
+        self.folder = folder
+        self._experiment = experiment
+        self._types = {name: pa.scalar(values[0]).type for name, values in experiment.values.items()}
+        self._parts = folder / "parts"
+        self._done: dict[int, list[range]] = {level.index: [] for level in experiment.levels}
+        for path in self._parts.glob("*.parquet"):
+            if match := _PART.fullmatch(path.name):
+                level, first, stop = map(int, match.groups())
+                self._done[level].append(range(first, stop))
+
+    def done(self, level: int) -> list[range]:
+        """Return the finished seeds of a level."""
+        return self._done[level]
+
+    def add(self, batch: Batch, table: Table) -> None:
+        """Keep the results of a batch on the disk."""
+        for name in reversed(PARTS):  # the rows come last: they say that the batch is finished
+            columns: Columns = getattr(table, name)
+            if name == "rows" or (columns and len(next(iter(columns.values())))):
+                _write_part(self._part(batch.level, batch.seeds, name), pa.table(dict(columns)))
+        self._done[batch.level].append(batch.seeds)
+
+    def values(self, level: int, measure: str, seeds: range) -> tuple[np.ndarray, np.ndarray]:
+        """Return a measure of all rows of a level, and the seed of each row."""
+        tables = [table.select([measure, "seed"]) for table in self._tables(level, "rows", seeds)]
+        table = pa.concat_tables(tables)
+        return table[measure].to_numpy().astype(np.float64), table["seed"].to_numpy()
+
+    def finish(self, seeds: range) -> int:
+        """Write the tables of `seeds` of all levels; return the number of rows."""
+        n_rows = 0
+        for name, file in TABLES.items():
+            tables = (
+                self._with_factors(level, table) if name == "rows" else _with_level(level, table)
+                for level in self._experiment.levels
+                for table in self._tables(level.index, name, seeds)
+            )
+            n = _write_sorted(self.folder / file, tables)
+            n_rows = n if name == "rows" else n_rows
+        return n_rows
+
+    def write_manifest(self, manifest: Mapping[str, Any]) -> None:
+        """Replace the manifest."""
+        text = json.dumps(manifest, indent=1, ensure_ascii=False) + "\n"
+        _replace(self.folder / "manifest.json", lambda path: path.write_text(text, encoding="utf-8"))
+
+    def _part(self, level: int, seeds: range, name: str) -> Path:
+        return self._parts / f"level-{level:05}-seeds-{seeds.start}-{seeds.stop}-{name}.parquet"
+
+    def _tables(self, level: int, name: str, seeds: range) -> Iterator[pa.Table]:
+        """Yield the parts of a level by ascending seeds, without other seeds than `seeds`."""
+        for part in sorted(self._done[level], key=lambda part: part.start):
+            path = self._part(level, part, name)
+            if part.start >= seeds.stop or part.stop <= seeds.start or not path.exists():
+                continue
+            try:
+                table = pq.read_table(path)
+            except (OSError, pa.ArrowException) as error:
+                text = f"{path} is damaged ({error}); remove it, and repeat the command [part-damaged]"
+                raise ResultsError(text) from error
+            seed = table["seed"].to_numpy()
+            yield table.filter(pa.array((seed >= seeds.start) & (seed < seeds.stop)))
+
+    def _with_factors(self, level: Level, table: pa.Table) -> pa.Table:
+        fields: dict[str, Any] = {"level": pa.repeat(pa.scalar(level.index, pa.int32()), len(table))}
+        for name, value in level.values.items():
+            fields[name] = pa.repeat(pa.scalar(value, self._types[name]), len(table))
+        return pa.table(fields | {name: table[name] for name in table.column_names})
+
+
+def _with_level(level: Level, table: pa.Table) -> pa.Table:
+    return table.add_column(0, "level", pa.repeat(pa.scalar(level.index, pa.int32()), len(table)))
+
+
+def _write_sorted(path: Path, tables: Iterator[pa.Table]) -> int:
+    """Write tables one after the other in row groups of a fixed size; return the number of rows."""
+    n_rows, waiting, writer = 0, None, None
+    temporary = path.with_suffix(".tmp")
+    try:
+        for table in tables:
+            n_rows += len(table)
+            waiting = table if waiting is None else pa.concat_tables([waiting, table])
+            writer = writer or pq.ParquetWriter(temporary, table.schema, compression="zstd")
+            while len(waiting) >= ROWS_A_GROUP:
+                writer.write_table(waiting.slice(0, ROWS_A_GROUP).combine_chunks())
+                waiting = waiting.slice(ROWS_A_GROUP)
+        if writer is not None and waiting is not None and len(waiting):
+            writer.write_table(waiting.combine_chunks())
+    finally:
+        if writer is not None:
+            writer.close()
+    if writer is not None:
+        temporary.replace(path)
+    return n_rows
+
+
+def _write_part(path: Path, table: pa.Table) -> None:
+    _replace(path, lambda temporary: pq.write_table(table, temporary, compression="zstd"))
+
+
+def _replace(path: Path, write: Callable[[Path], object]) -> None:
+    """Write a file in one step: after a crash the old or the new file is there, never a half."""
+    temporary = path.with_suffix(".tmp")
+    write(temporary)
+    with temporary.open("rb") as file:
+        os.fsync(file.fileno())
+    temporary.replace(path)
+
+
+@contextmanager
+def open_results(folder: Path, experiment: Experiment) -> Iterator[Results]:
+    """Create a results folder, or go on with that of an interrupted study. Raises ResultsError."""
+    try:
+        (folder / "parts").mkdir(parents=True, exist_ok=True)
+        lock = (folder / "lock").open("w")
+    except OSError as error:
+        raise ResultsError(f"{folder}: the folder cannot be written: {error.strerror}") from error
+    with lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            text = f"{folder}: another `swarmctl study` writes this folder; wait for its end, or give --out"
+            raise ResultsError(f"{text} [folder-taken]") from None
+        _require_same(folder, experiment)
+        _require_space(folder, experiment)
+        (folder / "experiment.yaml").write_text(experiment.portable_text, encoding="utf-8")
+        (folder / "base.yaml").write_text(experiment.base_text, encoding="utf-8")
+        for file in (folder / "parts").glob("*.tmp"):
+            file.unlink()
+        yield Results(folder, experiment)
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """Return the manifest of a results folder; empty if there is none."""
+    path = folder / "manifest.json"
+    return dict(json.loads(path.read_text(encoding="utf-8"))) if path.exists() else {}
+
+
+def _require_same(folder: Path, experiment: Experiment) -> None:
+    there = read_manifest(folder).get("experiment")
+    if there is None:
+        return
+    before, now = dict(_flat(there)), dict(_flat(experiment.identity))
+    different = [key for key in (*now, *before) if before.get(key) != now.get(key)]
+    if not different:
+        return
+    shown = [f"{key}: {before.get(key)!r} there, {now.get(key)!r} here" for key in dict.fromkeys(different)]
+    more = f"; and {len(shown) - 3} more" if len(shown) > 3 else ""
+    text = f"{folder} has the results of another experiment: {'; '.join(shown[:3])}{more}"
+    raise ResultsError(f"{text}; give another --out, or remove the folder [other-experiment]")
+
+
+def _flat(data: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
+    if isinstance(data, dict) and data:
+        for key, value in data.items():
+            yield from _flat(value, f"{prefix}.{key}" if prefix else str(key))
+    else:
+        yield prefix, data
+
+
+def _require_space(folder: Path, experiment: Experiment) -> None:
+    n_columns = len(experiment.kind.measures) + len(experiment.factors) + 3
+    needed = 2 * experiment.most_rows * n_columns * BYTES_A_VALUE
+    free = shutil.disk_usage(folder).free
+    if needed > free:
+        raise ResultsError(
+            f"{folder}: {experiment.most_rows} rows need up to {needed / 1e9:.1f} GB, and only "
+            f"{free / 1e9:.1f} GB are free; give fewer worlds or values, or --out on another disk "
+            "[disk-too-small]"
+        )
