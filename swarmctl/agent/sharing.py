@@ -20,7 +20,11 @@ def learn_from_sensor(state: AgentState, event: ev.Observed, now: float) -> Step
     # DEVIATION: the paper's UAVs do not sense known cells again. Here a vehicle publishes an observation that
     # contradicts a received observation: a sensor errs, or a sender lies.
     contradicting = state.belief.contradicted(event.cells)
-    new = (*state.belief.uncertain(event.cells), *contradicting)
+    if state.own is None:
+        new = (*state.belief.uncertain(event.cells), *contradicting)
+    else:  # an autonomous vehicle observes what it was told only
+        uncertain = state.own.uncertain(event.cells)
+        new = (*uncertain, *(cell for cell in contradicting if cell not in uncertain))
     effects: list[ev.Effect] = []
     for i in range(0, len(new), MAX_CELLS):
         seen = Observation(state.task.uav, state.next_seq, now, new[i : i + MAX_CELLS], state.incarnation)
@@ -47,6 +51,9 @@ def _learn(state: AgentState, items: tuple[BeliefItem, ...]) -> AgentState:
     belief = state.belief.merge(items)
     if belief is state.belief:
         return state
+    if state.own is not None:
+        seen = [item for item in items if item.observer == state.task.uav]
+        state = replace(state, own=state.own.merge(seen))
     learned = tuple((*item.source, item.upto if isinstance(item, Checkpoint) else item.seq) for item in items)
     return replace(state, belief=belief, plans=state.plans.due(learned))
 

@@ -38,6 +38,7 @@ from swarmctl.core.route import landing_spot
 from swarmctl.core.threat import FiringStrength
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.planners.base import Method
+from swarmctl.planners.benevolence import OtherVehicle
 
 ARRIVED = "arrived"
 """outcome of a flight that landed at its goal"""
@@ -85,6 +86,12 @@ class Task:
     """distances kept from other vehicles, and the evasive action"""
     arrival_group: ArrivalGroup | None = None
     """vehicles of the simultaneous arrival; None: no simultaneous arrival"""
+    autonomy: float = 0.0
+    """weight of the vehicle's own observations above those of others (`weighed_occupancy`), in [0, 1]"""
+    benevolence: float = 0.0
+    """weight of what the others would learn against the own cost (`planners.benevolence`), in [0, 1]"""
+    others: Mapping[int, OtherVehicle] = field(default_factory=dict)
+    """entry cells and goals of the vehicles that hear this vehicle; empty without benevolence"""
 
     def landing_spot(self, goal: Cell) -> LatLon:
         """Return this vehicle's landing spot in a goal cell."""
@@ -106,6 +113,10 @@ class AgentState:
     """distance anxiety of the next plan (Eq. 5)"""
     strength: FiringStrength
     """firing strengths of the next plan (Eq. 1)"""
+    own: Belief | None = None
+    """belief by the vehicle's own observations; None without autonomy"""
+    others: Mapping[int, OtherVehicle] = field(default_factory=dict)
+    """present cells and goals of the vehicles in `task.others` that are not known to have ended"""
     phase: Phase = Phase.WAITING
     vehicle: VehicleState = field(default_factory=VehicleState)
     last_position: VehicleState = field(default_factory=VehicleState)
@@ -240,4 +251,5 @@ class AgentState:
 
 def begin(task: Task, belief: Belief) -> AgentState:
     """Return the state of an agent before its flight."""
-    return AgentState(task=task, belief=belief, w=task.w, strength=task.strength)
+    own = belief if task.autonomy > 0.0 else None
+    return AgentState(task=task, belief=belief, w=task.w, strength=task.strength, own=own, others=task.others)

@@ -177,6 +177,13 @@ def _check_unused(config: Config) -> Iterator[ConfigProblem]:
         users = " or ".join(name for name, other in PLANNERS.items() if other.USES_W)
         text = f"planner {planner.name} does not use w; remove it, or set planner.name: {users}"
         yield ConfigProblem(("planner", "w"), text)
+    if planner.benevolence > 0.0 and not PLANNERS[planner.name].USES_W:
+        text = f"planner {planner.name} does not use Eq. 5, which benevolence changes; set it to 0, or "
+        text += "planner.name: dijkstra"
+        yield ConfigProblem(("planner", "benevolence"), text)
+    if planner.benevolence > 0.0 and flight.any_angle:
+        text = "straightened routes lose the detours of benevolence; set it to 0, or flight.any_angle: false"
+        yield ConfigProblem(("planner", "benevolence"), text)
     if "any_angle_exposure" in flight.model_fields_set and not flight.any_angle:
         text = "has no effect without flight.any_angle: true; set flight.any_angle, or remove this key"
         yield ConfigProblem(("flight", "any_angle_exposure"), text)

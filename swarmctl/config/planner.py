@@ -4,10 +4,18 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import (
+    Field,
+    SerializerFunctionWrapHandler,
+    ValidationInfo,
+    field_validator,
+    model_serializer,
+)
 
 from swarmctl.core.section import NameIn, Section
 from swarmctl.planners import PLANNERS, method
+
+SOCIAL_WEIGHTS = ("autonomy", "benevolence")
 
 
 class PlannerSection(Section):
@@ -28,6 +36,20 @@ class PlannerSection(Section):
     max_exposure: float | None = Field(
         None, gt=0.0, description="Greatest exposure P_s of a cell on a route. Default: no limit."
     )
+    autonomy: float = Field(
+        0.0,
+        ge=0.0,
+        le=1.0,
+        description="Weight of a vehicle's own observations above those of the others. 0: all weigh the "
+        "same; 1: the vehicle ignores the others.",
+    )
+    benevolence: float = Field(
+        0.0,
+        ge=0.0,
+        le=1.0,
+        description="Weight of what the others would learn from a route against its own cost. 0: none; 1: an "
+        "expected saving of the others counts as much. Planner dijkstra only.",
+    )
     options: dict[str, Any] = Field(
         {}, description="Further options of the planner, by name. Default: the planner's own values."
     )
@@ -38,3 +60,9 @@ class PlannerSection(Section):
         if (name := info.data.get("name")) is not None:
             method(name, PLANNERS[name], options)
         return options
+
+    @model_serializer(mode="wrap")
+    def _without_unused_weights(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave out weights of 0, so that records of flights without them stay as they were."""
+        content: dict[str, Any] = serialize(self)
+        return {key: value for key, value in content.items() if key not in SOCIAL_WEIGHTS or value}

@@ -33,6 +33,7 @@ from swarmctl.core.inference.sensor import SensorModel
 from swarmctl.core.inference.survival import ProbabilityEstimate, survival_probability
 from swarmctl.core.threat import FiringStrength
 from swarmctl.planners import PLANNERS, method
+from swarmctl.planners.benevolence import OtherVehicle
 from swarmctl.sensors import SOURCES
 
 PAPER_PLANNER = PLANNERS["dijkstra"]
@@ -97,7 +98,10 @@ class Scenario:
     def chosen_by(self) -> str:
         """Return the label of the chosen routes: `w = …` for planners that use w, or the planner's name."""
         planner = self.config.planner
-        return f"w = {planner.w:g}" if PLANNERS[planner.name].USES_W else planner.name
+        if not PLANNERS[planner.name].USES_W:
+            return planner.name
+        benevolence = f", benevolence {planner.benevolence:g}" if planner.benevolence else ""
+        return f"w = {planner.w:g}{benevolence}"
 
     def generator(self, purpose: RandomStream, uav: int) -> np.random.Generator:
         """Return a new random generator. Equal seeds and arguments give equal numbers."""
@@ -217,7 +221,17 @@ def _tasks(
             rules=active_rules(config.rules, declared),
             separation=separation_of(config),
             arrival_group=_arrival_group(config, specs),
+            autonomy=planner.autonomy,
+            benevolence=planner.benevolence,
+            others=_others(config, specs, spec),
         )
+
+
+def _others(config: Config, specs: tuple[Spec, ...], spec: Spec) -> dict[int, OtherVehicle]:
+    """Return the vehicles that can learn from a benevolent vehicle; none if it sends to none."""
+    if config.planner.benevolence == 0.0 or config.communication.range == 0:
+        return {}
+    return {other.sysid: OtherVehicle(other.entry, other.goals) for other in specs if other is not spec}
 
 
 def _arrival_group(config: Config, specs: Sequence[Spec]) -> ArrivalGroup | None:

@@ -357,6 +357,17 @@ class Belief:
         return occupancy.bayes(self.count, self.sensor, classes)
 
 
+def weighed_occupancy(belief: Belief, own: Belief, autonomy: float) -> NDArray[np.float64]:
+    """Return p_O of a vehicle that weighs `own`, the belief by its own observations, above `belief`.
+
+    The result is (1 − a)·p_O(belief) + a·p_O(own) for the autonomy a in [0, 1]: what the others tell is true
+    with probability 1 − a, and else worthless. a = 0 is the paper; a = 1 ignores the others.
+    """
+    if autonomy == 0.0:
+        return belief.occupancy()
+    return (1.0 - autonomy) * belief.occupancy() + autonomy * own.occupancy()
+
+
 def _whole(number: object) -> int:
     try:
         return operator.index(number)  # type: ignore[arg-type]

@@ -47,11 +47,13 @@ class Problem:
     w: distance anxiety in [0, 1]; 0 gives the shortest route, 1 the least exposed route
     psi_per_cell: ψ, the cost of one cell of length
     max_exposure: greatest P_s that a route enters; a cell of greater P_s is a wall too
+    gain: gain of each cell that a route enters, (rows, cols), 0 or more, taken off the cell's w·P_s in Eq. 5
+        (`benevolence`); None: no gains
     min_length_cells, max_length_cells: bounds on the route's length [cells], for planners that keep bounds;
         at the vehicle's speed these are a time bound or an arrival window
 
     No route enters a wall or passes a wall's corner diagonally. A route that starts in a wall may leave the
-    wall in any direction. Planners that do not follow Eq. 5 ignore `w` and `psi_per_cell`.
+    wall in any direction. Planners that do not follow Eq. 5 ignore `w`, `psi_per_cell` and `gain`.
     """
 
     exposure: NDArray[np.float64]
@@ -64,6 +66,7 @@ class Problem:
     max_exposure: float = math.inf
     min_length_cells: float = 0.0
     max_length_cells: float = math.inf
+    gain: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         exposure, goals = checked_field(self.exposure, self.goals, self.w, self.psi_per_cell)
@@ -81,6 +84,8 @@ class Problem:
                 f"a route of {self.min_length_cells} to {self.max_length_cells} cells: expected two lengths "
                 "of 0 or more, the shorter first"
             )
+        if self.gain is not None and not (self.gain.shape == exposure.shape and self.gain.min() >= 0.0):
+            raise BadProblem(f"gain of shape {self.gain.shape}: expected {exposure.shape}, each 0 or more")
 
     @property
     def passable(self) -> NDArray[np.float64]:
@@ -88,6 +93,15 @@ class Problem:
         if math.isinf(self.max_exposure):
             return self.exposure
         return np.where(self.exposure > self.max_exposure, math.inf, self.exposure)
+
+    def less_gain(self, exposure: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return max(0, P_s − gain / w), the exposure that gives Eq. 5 with the gains. No gains: the same.
+
+        DEVIATION: a gain pays for exposure at most, never for distance, so every step costs its distance.
+        """
+        if self.gain is None or self.w == 0.0:
+            return exposure
+        return np.maximum(exposure - self.gain / self.w, 0.0)
 
     def unreachable(self) -> Unreachable:
         """Return the error of a search that found no route."""
@@ -190,14 +204,15 @@ def route_of(problem: Problem, cells: Sequence[Cell], cost: float | None) -> Rou
     path = np.asarray(cells, dtype=np.int64)
     length, total = measures.length_cells(path), measures.exposure_sum(problem.exposure, path)
     if cost is None:
-        cost = _eq5(problem, length, total)
+        cost = _eq5(problem, length, total) if problem.gain is None else eq5_cost(problem, cells)
     return Route(tuple(cells), cost, length, total, measures.safety_factor(problem.exposure, path))
 
 
 def eq5_cost(problem: Problem, cells: Sequence[Cell]) -> float:
-    """Return Σ C_mn over a route (Eq. 5)."""
+    """Return Σ C_mn over a route (Eq. 5), less the gains."""
     path = np.asarray(cells, dtype=np.int64)
-    return _eq5(problem, measures.length_cells(path), measures.exposure_sum(problem.exposure, path))
+    total = measures.exposure_sum(problem.less_gain(problem.exposure), path)
+    return _eq5(problem, measures.length_cells(path), total)
 
 
 def _eq5(problem: Problem, length: float, total: float) -> float:

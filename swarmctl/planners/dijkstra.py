@@ -1,5 +1,7 @@
 """The paper's planner: the route of least Eq. 5, C_mn = (1 − w)·ψ·d_mn + w·P_s(n).
 
+With gains the cost is C_mn = (1 − w)·ψ·d_mn + max(0, w·P_s(n) − gain(n)) (`benevolence`).
+
 The field of the cost to go is spread backwards from the goals, and the route runs down the field (the paper's
 hill climbing). One field serves every start. `planners.PLANNERS` names all planners; `base.Planner` is their
 interface.
@@ -72,7 +74,7 @@ def plan(problem: Problem, _params: Params) -> Route:
 
     Earlier searches for the same goals and weights make the search faster, and do not change the route.
     """
-    exposure = problem.passable  # cells above the maximum exposure are walls here
+    exposure = problem.less_gain(problem.passable)  # cells above the maximum exposure are walls here
     search = _search_again if exposure.size >= LARGE_AREA_CELLS else _search_all
     try:
         return eq5_route(problem, search(problem, exposure))

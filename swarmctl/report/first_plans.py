@@ -41,11 +41,15 @@ def first_routes(scenario: Scenario) -> dict[str, tuple[FirstRoute, ...]]:
     """
     paper_method = Method("dijkstra", PAPER_PLANNER, PAPER_PLANNER.Params())
     choices = {
-        w: tuple(replace(task, method=paper_method, arrival=UNBOUNDED, w=w) for task in scenario.tasks)
+        w: tuple(
+            replace(task, method=paper_method, arrival=UNBOUNDED, w=w, benevolence=0.0)
+            for task in scenario.tasks
+        )
         for w in PLAN_WEIGHTS
     }
-    if PLANNERS[scenario.config.planner.name].USES_W:
-        choices[scenario.config.planner.w] = scenario.tasks
+    planner = scenario.config.planner
+    if PLANNERS[planner.name].USES_W and not planner.benevolence:
+        choices[planner.w] = scenario.tasks
     named = {f"w = {w:g}": tasks for w, tasks in sorted(choices.items())}
     named[scenario.chosen_by] = scenario.tasks
     return {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +32,7 @@ from swarmctl.agent.replan.time_bound import (
 )
 from swarmctl.agent.state import AgentState, Task
 from swarmctl.core import events as ev
-from swarmctl.core.belief import Belief
+from swarmctl.core.belief import Belief, weighed_occupancy
 from swarmctl.core.exposure import exposure, length_cells
 from swarmctl.core.geo import LatLon
 from swarmctl.core.grid import Cell
@@ -39,11 +40,12 @@ from swarmctl.core.mission import FlightPlan, Waypoint
 from swarmctl.core.records import replace
 from swarmctl.core.threat import FiringStrength
 from swarmctl.planners.base import BoundTooTight, Problem, Route, route_of
+from swarmctl.planners.benevolence import OtherVehicle, cell_gains
 
 
 def decide(state: AgentState) -> tuple[AgentState, list[ev.Effect]]:
     """Plan a route from the present belief; change the mission if the new route is better or required."""
-    p_s = believed_exposure(state.task, state.belief, state.strength)
+    p_s = believed_exposure(state.task, state.belief, state.strength, state.own)
     return _decide_from(state, p_s, splice_on_route(state, p_s))
 
 
@@ -59,7 +61,8 @@ def _decide_from(
     present = state.plans.route
     ahead = None if present is None or splice.index is None else present.cells[splice.index :]
     lead_in = lead_in_to(state, splice)
-    problem = problem_from(task, p_s, start, state.w, lead_in)
+    gain = route_gains(task, state.belief, state.strength, state.w, state.others, state.own)
+    problem = problem_from(task, p_s, start, state.w, lead_in, gain)
     lost_s = 0.0 if ahead is None else ahead_lost_s(state, ahead, splice)
     swap_cost = swap_cost_cells(state, lead_in, splice)
     route, keeps = choose_route(task, problem, ahead, swap_cost, lost_s, joining)
@@ -131,12 +134,34 @@ def _with_kept_cells(task: Task, problem: Problem, route: Route, splice: Splice)
     return route_of(unbounded, cells, cost if math.isfinite(cost) else route.cost)
 
 
-def believed_exposure(task: Task, belief: Belief, strength: FiringStrength) -> NDArray[np.float64]:
-    """Return P_s (rows, cols), Eq. 3 over Eq. 4; infinite for no-fly cells."""
-    p_s = exposure(belief.occupancy(), strength)
+def believed_exposure(
+    task: Task, belief: Belief, strength: FiringStrength, own: Belief | None = None
+) -> NDArray[np.float64]:
+    """Return P_s (rows, cols), Eq. 3 over Eq. 4; infinite for no-fly cells.
+
+    `own` is the belief by the vehicle's own observations, for a vehicle with autonomy; None: `belief`.
+    """
+    p_s = exposure(weighed_occupancy(belief, own or belief, task.autonomy), strength)
     for cell in task.no_fly:
         p_s[cell] = math.inf
     return p_s
+
+
+def route_gains(
+    task: Task,
+    belief: Belief,
+    strength: FiringStrength,
+    w: float,
+    others: Mapping[int, OtherVehicle],
+    own: Belief | None = None,
+) -> NDArray[np.float64] | None:
+    """Return b·g(n), (rows, cols), the gain of each cell for the other vehicles; None without benevolence."""
+    if task.benevolence == 0.0 or not others:
+        return None
+    p_s = believed_exposure(task, belief, strength, own)
+    p_s[p_s > task.max_exposure] = math.inf
+    p_occupied = weighed_occupancy(belief, own or belief, task.autonomy)
+    return task.benevolence * cell_gains(p_occupied, p_s, strength, others.values(), w, task.psi_per_cell)
 
 
 def first_route(task: Task, belief: Belief, w: float | None = None) -> Route:
@@ -151,7 +176,9 @@ def first_problem(task: Task, belief: Belief, w: float | None = None) -> Problem
     """Return the planning problem before the flight."""
     p_s = believed_exposure(task, belief, task.strength)
     lead_in = before_takeoff(task.arrival, task.altitude_m)
-    return problem_from(task, p_s, task.entry, task.w if w is None else w, lead_in)
+    w = task.w if w is None else w
+    gain = route_gains(task, belief, task.strength, w, task.others)
+    return problem_from(task, p_s, task.entry, w, lead_in, gain)
 
 
 def first_flight(task: Task, problem: Problem, route: Route) -> FlightPlan:
@@ -162,7 +189,14 @@ def first_flight(task: Task, problem: Problem, route: Route) -> FlightPlan:
     return mission_for(task, problem.exposure, route, pulled_track(task, problem, route))
 
 
-def problem_from(task: Task, p_s: NDArray[np.float64], start: Cell, w: float, lead_in: LeadIn) -> Problem:
+def problem_from(
+    task: Task,
+    p_s: NDArray[np.float64],
+    start: Cell,
+    w: float,
+    lead_in: LeadIn,
+    gain: NDArray[np.float64] | None = None,
+) -> Problem:
     """Return the planning problem from a cell that the vehicle reaches after `lead_in`."""
     bounds = bounds_of(task, lead_in)
     return Problem(
@@ -174,6 +208,7 @@ def problem_from(task: Task, p_s: NDArray[np.float64], start: Cell, w: float, le
         task.max_exposure,
         bounds.min_cells,
         bounds.max_cells,
+        gain,
     )
 
 

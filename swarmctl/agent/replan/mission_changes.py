@@ -54,7 +54,8 @@ def _must_plan_now(state: AgentState) -> bool:
         return True
     if not may_learn_of_walls(state):
         return False
-    return is_wall_close(state, believed_exposure(state.task, state.belief, state.strength))
+    p_s = believed_exposure(state.task, state.belief, state.strength, state.own)
+    return is_wall_close(state, p_s)
 
 
 def plan_if_due(state: AgentState, _event: ev.Tick, now: float) -> StepResult:

@@ -13,6 +13,7 @@ Without a recent intent of a vehicle, `collision_avoidance` still watches its po
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 from swarmctl.agent.orders import StepResult
 from swarmctl.agent.phases import IN_FLIGHT, Phase
@@ -43,6 +44,7 @@ from swarmctl.core.frames import MAX_AHEAD_S, MAX_POINTS, IntentPoint, IntentSha
 from swarmctl.core.mission import FlightPlan
 from swarmctl.core.planar import PlanarPoint
 from swarmctl.core.records import replace
+from swarmctl.planners.benevolence import OtherVehicle
 
 REPEAT_EVERY_S = 5.0
 """Interval between unchanged intents [s]."""
@@ -307,7 +309,25 @@ def receive_intents(state: AgentState, event: ev.Intents, _now: float) -> StepRe
                 flight, bounds, intent.may_change, sent_s, uncertainty, intent.on_ground
             )
     fresh = {uav: known for uav, known in kept.items() if 0.0 <= now_s - known.sent_s <= MAX_AGE_S}
-    return replace(state, intents=fresh), []
+    return replace(state, intents=fresh, others=_with_present_cells(state, event, kept)), []
+
+
+def _with_present_cells(
+    state: AgentState, event: ev.Intents, kept: Mapping[int, NeighbourIntent]
+) -> Mapping[int, OtherVehicle]:
+    """Return `state.others` by new intents; a vehicle that has withdrawn its intent has ended its route."""
+    if not state.task.others:
+        return state.others
+    grid, others = state.task.grid, dict(state.others)
+    for uav, _, _ in event.intents:
+        if uav not in kept:
+            others.pop(uav, None)
+        elif uav in state.task.others:
+            before = others.get(uav, state.task.others[uav])
+            east_m, north_m, _ = kept[uav].flight.points[0]
+            cell = grid.cell_at(*grid.frame.to_geodetic(east_m, north_m))
+            others[uav] = before if cell is None else OtherVehicle(cell, before.goals)
+    return others
 
 
 def _received_flight(state: AgentState, intent: IntentShared, sent_s: float) -> Trajectory | None:
