@@ -15,7 +15,7 @@ from swarmctl.config.scenario import Scenario
 from swarmctl.core import exposure as measures
 from swarmctl.planners.kernels import is_small
 from swarmctl.planners.kernels.compilation import compiled
-from swarmctl.planners.kernels.lattice import Floats, Ints, offsets_of
+from swarmctl.planners.kernels.lattice import Bytes, Floats, Ints, offsets_of
 from swarmctl.study import kernel_layout as k
 from swarmctl.study.mission import MAX_ENTRIES_PER_CELL, first_route, on_ground
 from swarmctl.study.mission_kernels import mission
@@ -45,12 +45,12 @@ class CompiledMission:
     def __init__(self, scenario: Scenario) -> None:
         self._scenario = scenario
         grid, radio, tasks = scenario.grid, scenario.config.communication, scenario.tasks
-        n, self._width = len(tasks), grid.cols + 2
-        size = (grid.rows + 2) * self._width
-        self._inside = np.zeros((grid.rows + 2, self._width), dtype=np.uint8)
-        self._inside[1:-1, 1:-1] = 1
-        self._walls = np.zeros(size, dtype=np.uint8)
-        self._walls[[self._index(cell) for cell in tasks[0].no_fly]] = 1
+        n, self.width = len(tasks), grid.cols + 2
+        size = (grid.rows + 2) * self.width
+        self.inside = np.zeros((grid.rows + 2, self.width), dtype=np.uint8)
+        self.inside[1:-1, 1:-1] = 1
+        self.walls = np.zeros(size, dtype=np.uint8)
+        self.walls[[self._index(cell) for cell in tasks[0].no_fly]] = 1
         longest = MAX_ENTRIES_PER_CELL * grid.n_cells
         self._first = [first_route(task, scenario.prior) for task in tasks]
         self._begin_ints = np.zeros((n, k.N_INTS), dtype=np.int64)
@@ -74,12 +74,12 @@ class CompiledMission:
         range_ = n - 1 if radio.range == "all" else min(radio.range, n - 1)
         is_random = radio.loss > 0.0 or radio.jitter_s > 0.0
         self._is_random = is_random
-        self._rules = np.array(
-            [self._width, range_, radio.relay, scenario.prior.count.least, longest, is_random], dtype=np.int64
+        self.rules = np.array(
+            [self.width, range_, radio.relay, scenario.prior.count.least, longest, is_random], dtype=np.int64
         )
         task = tasks[0]
         max_m = math.inf if radio.max_distance_m is None else radio.max_distance_m
-        self._settings = np.array(
+        self.settings = np.array(
             [
                 *(task.w, (1.0 - task.w) * task.psi_per_cell, task.max_exposure, grid.cell_size_m),
                 *(radio.delay_s, radio.jitter_s, radio.min_distance_m, max_m, radio.loss),
@@ -87,25 +87,26 @@ class CompiledMission:
             ]
         )
         strength = scenario.strength
-        self._strength = np.array([strength.direct, strength.first_neighbour, strength.second_neighbour])
-        self._goals = np.array([goal for each in goals for goal in each], dtype=np.int64)
+        self.strength = np.array([strength.direct, strength.first_neighbour, strength.second_neighbour])
+        self.goals = np.array([goal for each in goals for goal in each], dtype=np.int64)
         self._first_goals = np.cumsum([0, *(len(each) for each in goals)], dtype=np.int64)
         most = n * grid.n_cells
-        self._has, self._known = np.zeros((n, most), dtype=np.uint8), np.zeros((n, size), dtype=np.uint8)
+        self._has, self.known = np.zeros((n, most), dtype=np.uint8), np.zeros((n, size), dtype=np.uint8)
         self._news, self._observers = np.zeros((most, 10), dtype=np.int32), np.zeros(most, dtype=np.int32)
         self._visits = np.zeros((n, size), dtype=np.int32)
         self._flown, self._strikes = np.zeros((2, n, longest), dtype=np.int32)
         self._n_draws = 64
         self._n_messages = 64
         self._order, self._metres = np.zeros(n, dtype=np.int64), np.zeros(n)
-        self._work = np.full((5, size), np.nan)
-        self._work[0], self._work[2] = 0.0, np.inf  # the padding: no hostiles, and closed
+        self.work = np.full((5, size), np.nan)
+        self.work[0], self.work[2] = 0.0, np.inf  # the padding: no hostiles, and closed
         # A cell waits once for each neighbour that improves it; rounding may let a neighbour do so twice.
-        self._heap, self._keys = np.zeros(32 * size, dtype=np.int64), np.zeros(32 * size)
+        self.heap, self.keys = np.zeros(32 * size, dtype=np.int64), np.zeros(32 * size)
+        self.offsets = offsets_of(self.width)
         self._kernel = compiled(mission)
 
     def _index(self, cell: tuple[int, int]) -> int:
-        return (cell[0] + 1) * self._width + cell[1] + 1
+        return (cell[0] + 1) * self.width + cell[1] + 1
 
     def _draws(self, seed: int) -> np.ndarray[tuple[int, int, int], np.dtype[np.float64]]:
         """Return the random numbers of the messages between each pair of vehicles, as `Radio` draws them."""
@@ -120,43 +121,47 @@ class CompiledMission:
 
     def fly(self, world: World) -> MissionResult:
         """Fly all vehicles across a world."""
-        occupied = np.zeros_like(self._inside)
-        for row, col in world.hostiles:
-            occupied[row + 1, col + 1] = 1
         while True:
-            ints, floats, counts = self._flown_once(world, occupied.ravel())
+            ints, floats, counts = self.flown_once(world)
             if not counts[k.OVERFLOW]:
                 break
             self._n_draws, self._n_messages = 2 * self._n_draws, 2 * self._n_messages
-        return self._result(world, ints, floats)
+        return self.result(world, ints, floats)
 
-    def _flown_once(
-        self, world: World, occupied: np.ndarray[tuple[int], np.dtype[np.uint8]]
-    ) -> tuple[Ints, Floats, Ints]:
-        n, settings = len(self._order), self._settings
+    def occupied(self, world: World) -> Bytes:
+        """Return 1 for the cells of the hostiles, flat."""
+        occupied = np.zeros_like(self.inside)
+        for row, col in world.hostiles:
+            occupied[row + 1, col + 1] = 1
+        return occupied.ravel()
+
+    def flown_once(self, world: World) -> tuple[Ints, Floats, Ints]:
+        """Fly by arrays of the present sizes; the last value, `counts`, says whether they were too short."""
+        n, settings = len(self._order), self.settings
         ints, floats = self._begin_ints.copy(), self._begin_floats.copy()
         counts = np.zeros(4, dtype=np.int64)
         self._routes[:] = self._first_routes
-        self._known[:] = self._visits[:] = 0
+        self.known[:] = self._visits[:] = 0
         draws = self._draws(world.seed) if self._is_random else np.zeros((1, 1, 1))
         times, ends = np.zeros((self._n_messages, 3)), np.zeros((self._n_messages, 3), dtype=np.int64)
         drawn, p_lost = np.zeros((n, n), dtype=np.int64), np.full((n, n), settings[k.LOSS])
         self._kernel(
-            np.uint64(world.seed & MASK), ints, floats, self._rules, settings, self._strength,
-            self._routes, self._goals, self._first_goals, occupied, self._inside.ravel(), self._walls,
-            offsets_of(self._width), self._known, self._has, self._news, self._observers, self._visits,
+            np.uint64(world.seed & MASK), ints, floats, self.rules, settings, self.strength,
+            self._routes, self.goals, self._first_goals, self.occupied(world), self.inside.ravel(), self.walls,
+            self.offsets, self.known, self._has, self._news, self._observers, self._visits,
             self._flown, self._strikes, draws, drawn, p_lost, times, ends, counts, self._order,
-            self._metres, self._work, self._heap, self._keys,
+            self._metres, self.work, self.heap, self.keys,
         )  # fmt: skip
         return ints, floats, counts
 
-    def _result(self, world: World, ints: Ints, floats: Floats) -> MissionResult:
+    def result(self, world: World, ints: Ints, floats: Floats) -> MissionResult:
+        """Return the results of the last mission flown."""
         p_s = measures.exposure(world.occupancy(), self._scenario.strength)  # Eq. 2
         rows, tracks, strikes = [], [], []
         for i, (first, numbers) in enumerate(zip(self._first, ints.tolist(), strict=True)):
             flown = self._flown[i, : numbers[k.N_FLOWN]]
             hits = self._strikes[i, : numbers[k.N_FLOWN]].tolist()
-            cells = np.stack(np.divmod(flown.astype(np.int64), self._width), axis=1) - 1
+            cells = np.stack(np.divmod(flown.astype(np.int64), self.width), axis=1) - 1
             arrived_s = float(floats[i, k.ARRIVED_S])
             row = measured(
                 self._scenario,

@@ -182,6 +182,7 @@ def decide(
     goals: Ints,
     first_goals: Ints,
     occupied: Bytes,
+    inside: Bytes,
     walls: Bytes,
     offsets: Ints,
     known: Bytes,
@@ -201,8 +202,8 @@ def decide(
     if ints[i, HAS_NEWS] == 1:
         ints[i, HAS_NEWS] = 0
         replan(
-            i, ints, rules, settings, routes, own_goals, known, occupied, walls, strength, offsets, work,
-            heap, keys,
+            i, ints, rules, settings, routes, own_goals, known, occupied, inside, walls, strength, offsets,
+            work, heap, keys,
         )  # fmt: skip
     go_on(i, now_s, ints, floats, rules, settings, routes)
 
@@ -295,7 +296,7 @@ def mission(
         else:
             decide(
                 i, now_s, ints, floats, rules, settings, strength, routes, goals, first_goals, occupied,
-                walls, offsets, known, work, heap, keys,
+                inside, walls, offsets, known, work, heap, keys,
             )  # fmt: skip
         if sent[0] >= 0:
             send(

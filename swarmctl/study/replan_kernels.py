@@ -33,34 +33,34 @@ MARGIN = 1e-9
 def believed_exposure(
     known: Bytes,
     occupied: Bytes,
+    inside: Bytes,
     walls: Bytes,
     n_unseen: int,
     n_hidden: int,
-    kernel: Floats,
+    strength: Floats,
     width: int,
     p_occupied: Floats,
     p_s: Floats,
 ) -> float:
     """Write P_s of each cell, Eq. 3 over Eq. 4, infinite in walls; return the least one."""
     p_unseen = min(max(n_hidden / n_unseen, 0.0), 1.0) if n_unseen > 0 else 0.0  # Eq. 4
-    rows, cols = known.size // width - 2, width - 2
-    for row in range(1, rows + 1):
-        for m in range(row * width + 1, row * width + 1 + cols):
-            p_occupied[m] = float(occupied[m]) if known[m] else p_unseen
+    for m in range(known.size):
+        p_occupied[m] = float(occupied[m]) if known[m] else p_unseen * inside[m]
     least = np.inf
-    for row in range(1, rows + 1):
-        for m in range(row * width + 1, row * width + 1 + cols):
-            below, above = m - width, m + width
-            total = p_occupied[below - 1] * kernel[2] + p_occupied[below] * kernel[1]
-            total += p_occupied[below + 1] * kernel[2]
-            total += p_occupied[m - 1] * kernel[1]
-            total += p_occupied[m] * kernel[0]
-            total += p_occupied[m + 1] * kernel[1]
-            total += p_occupied[above - 1] * kernel[2]
-            total += p_occupied[above] * kernel[1]
-            total += p_occupied[above + 1] * kernel[2]
-            p_s[m] = np.inf if walls[m] else total
-            least = min(least, p_s[m])
+    fs_o, fs_n1, fs_n2 = strength
+    for row in range(1, known.size // width - 1):
+        # With slices the compiler handles several cells at once.
+        base = row * width
+        below, here, above = p_occupied[base - width :], p_occupied[base:], p_occupied[base + width :]
+        out = p_s[base + 1 : base + width - 1]
+        for c in range(out.size):
+            total = fs_n2 * below[c] + fs_n1 * below[c + 1] + fs_n2 * below[c + 2] + fs_n1 * here[c]
+            total = total + fs_o * here[c + 1] + fs_n1 * here[c + 2]
+            out[c] = total + fs_n2 * above[c] + fs_n1 * above[c + 1] + fs_n2 * above[c + 2]
+        for c in range(out.size):
+            if walls[base + 1 + c]:
+                out[c] = np.inf
+            least = min(least, out[c])
     return least
 
 
@@ -192,8 +192,9 @@ def replan(
     goals: Ints,
     known: Bytes,
     occupied: Bytes,
+    inside: Bytes,
     walls: Bytes,
-    kernel: Floats,
+    strength: Floats,
     offsets: Ints,
     work: Floats,
     heap: Ints,
@@ -205,7 +206,9 @@ def replan(
     here = int(routes[i, ints[i, INDEX]])
     n_cells = (width - 2) * (label.size // width - 2)
     n_unseen, n_hidden = n_cells - ints[i, KNOWN], rules[N_HOSTILES] - ints[i, FOUND]
-    least = believed_exposure(known[i], occupied, walls, n_unseen, n_hidden, kernel, width, p_occupied, p_s)
+    least = believed_exposure(
+        known[i], occupied, inside, walls, n_unseen, n_hidden, strength, width, p_occupied, p_s
+    )
     has_walls = write_straight(p_s, w, step, settings[MAX_EXPOSURE], straight)
     write_rest(here, width, step, w * least if least < np.inf else 0.0, rest)
     ints[i, SEARCHES] += 1

@@ -1,0 +1,139 @@
+"""The abstract mission against whole flights: the same worlds by sim_vehicle and missions.
+
+docs/study/abstract-mission.md has the numbers of these flights.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from flights import Ui, fly, small
+from numpy.typing import NDArray
+
+from swarmctl.core.exposure import exposure, length_cells
+from swarmctl.core.grid import Cell
+from swarmctl.report.outcome import FlightReport
+from swarmctl.report.summary import arrival_of
+from swarmctl.study.mission import fly_mission
+from swarmctl.study.vehicle_result import MissionResult
+from swarmctl.study.world import World
+
+N_WORLDS = 30
+T_95 = 2.045
+"""half width of a 95 % interval [standard errors], for 30 worlds"""
+
+pytestmark = pytest.mark.full
+
+
+@dataclass(frozen=True, slots=True)
+class Pair:
+    """One world, flown and by the abstract mission."""
+
+    world: World
+    p_s: NDArray[np.float64]
+    flight: FlightReport
+    mission: MissionResult
+
+    def flown(self) -> list[tuple[Cell, ...]]:
+        """Return the cells that each vehicle of the flight entered."""
+        return [self.flight.states[row.uav].flown.cells for row in self.mission.rows]
+
+
+def pairs_of(n_vehicles: int, folder: Path) -> list[Pair]:
+    """Fly the same worlds twice, without requests for lost messages, as in the paper."""
+    found = []
+    for seed in range(N_WORLDS):
+        network = {"bus": "memory", "sync_every_s": 0.0}
+        scenario = small(seed=seed, simulate={"count": n_vehicles, "ready_s": 3.0}, communication=network)
+        world = World.drawn(scenario, seed)
+        flight = fly(scenario, folder / str(seed), ui=Ui())
+        p_s = exposure(world.occupancy(), scenario.strength)
+        found.append(Pair(world, p_s, flight, fly_mission(scenario, world)))
+    return found
+
+
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory: pytest.TempPathFactory) -> list[Pair]:
+    return pairs_of(1, tmp_path_factory.mktemp("alone"))
+
+
+@pytest.fixture(scope="module")
+def together(tmp_path_factory: pytest.TempPathFactory) -> list[Pair]:
+    return pairs_of(3, tmp_path_factory.mktemp("together"))
+
+
+def without_grazed(cells: Sequence[Cell]) -> list[Cell]:
+    """Return the cells of the planned route: without those that a diagonal step only grazes."""
+    kept: list[Cell] = []
+    for i, cell in enumerate(cells):
+        if kept and i + 1 < len(cells):
+            (row, col), (next_row, next_col) = kept[-1], cells[i + 1]
+            if abs(next_row - row) == abs(next_col - col) == 1 and cell in ((row, next_col), (next_row, col)):
+                continue
+        kept.append(cell)
+    return kept
+
+
+def difference(
+    pairs: Sequence[Pair], measure: Callable[[Pair], tuple[Sequence[float], Sequence[float]]]
+) -> tuple[float, float]:
+    """Return the mean of flight − mission over worlds, and the half width of its 95 % interval."""
+    values = np.array(
+        [np.mean(flown) - np.mean(flown_by_cells) for flown, flown_by_cells in map(measure, pairs)]
+    )
+    return float(values.mean()), float(T_95 * values.std(ddof=1) / np.sqrt(len(values)))
+
+
+def planned_length(pair: Pair) -> tuple[Sequence[float], Sequence[float]]:
+    flown = [length_cells(without_grazed(cells)) for cells in pair.flown()]
+    return flown, [row.length_cells for row in pair.mission.rows]
+
+
+def planned_exposure(pair: Pair) -> tuple[Sequence[float], Sequence[float]]:
+    flown = [sum(float(pair.p_s[c]) for c in without_grazed(cells)[1:]) for cells in pair.flown()]
+    return flown, [row.exposure_sum for row in pair.mission.rows]
+
+
+def entered_exposure(pair: Pair) -> tuple[Sequence[float], Sequence[float]]:
+    flown = [sum(float(pair.p_s[c]) for c in cells[1:]) for cells in pair.flown()]
+    return flown, [row.exposure_sum for row in pair.mission.rows]
+
+
+def strikes(pair: Pair) -> tuple[Sequence[float], Sequence[float]]:
+    flown = [pair.flight.states[row.uav].vehicle.strikes for row in pair.mission.rows]
+    return flown, [row.strikes for row in pair.mission.rows]
+
+
+def arrival_s(pair: Pair) -> tuple[Sequence[float], Sequence[float]]:
+    flown = [arrival_of(pair.flight.states[row.uav])["arrived_s"] for row in pair.mission.rows]
+    return flown, [row.flight_time_s for row in pair.mission.rows]
+
+
+def test_a_vehicle_alone_flies_the_route_of_the_abstract_mission(alone: list[Pair]) -> None:
+    for pair in alone:
+        (flown,), (track,) = pair.flown(), pair.mission.tracks
+        assert without_grazed(flown) == list(track)
+
+
+def test_vehicles_together_fly_routes_as_long_and_as_exposed_on_average(together: list[Pair]) -> None:
+    mean, half = difference(together, planned_length)
+    assert abs(mean) <= half < 0.3
+    mean, half = difference(together, planned_exposure)
+    assert abs(mean) <= half < 0.1
+
+
+def test_vehicles_together_arrive_when_the_abstract_mission_says(together: list[Pair]) -> None:
+    mean, half = difference(together, arrival_s)
+    assert abs(mean) <= 3.0
+    assert half < 3.0
+
+
+def test_a_flight_is_struck_more_often_by_the_cells_that_diagonal_steps_graze(together: list[Pair]) -> None:
+    grazed, half_grazed = difference(together, entered_exposure)
+    assert grazed > half_grazed
+    more, half = difference(together, strikes)
+    assert abs(more - grazed) <= half
