@@ -8,6 +8,7 @@ from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.neighbours import received_neighbours
 from swarmctl.agent.traffic.returning import return_target
 from swarmctl.core import events as ev
+from swarmctl.core.belief import news
 from swarmctl.core.frames import MAX_TEXT, StateShared
 from swarmctl.core.observation import MAX_CELLS, BeliefItem, Checkpoint, Observation
 from swarmctl.core.records import replace
@@ -20,11 +21,7 @@ def learn_from_sensor(state: AgentState, event: ev.Observed, now: float) -> Step
     # DEVIATION: the paper's UAVs do not sense known cells again. Here a vehicle publishes an observation that
     # contradicts a received observation: a sensor errs, or a sender lies.
     contradicting = state.belief.contradicted(event.cells)
-    if state.own is None:
-        new = (*state.belief.uncertain(event.cells), *contradicting)
-    else:  # an autonomous vehicle observes what it was told only
-        uncertain = state.own.uncertain(event.cells)
-        new = (*uncertain, *(cell for cell in contradicting if cell not in uncertain))
+    new = news(state.belief, state.own, event.cells)
     effects: list[ev.Effect] = []
     for i in range(0, len(new), MAX_CELLS):
         seen = Observation(state.task.uav, state.next_seq, now, new[i : i + MAX_CELLS], state.incarnation)

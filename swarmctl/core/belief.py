@@ -357,6 +357,20 @@ class Belief:
         return occupancy.bayes(self.count, self.sensor, classes)
 
 
+def news(
+    belief: Belief, own: Belief | None, seen: Sequence[tuple[int, int, bool]]
+) -> tuple[tuple[int, int, bool], ...]:
+    """Return the observed cells that add to the belief, or that contradict it.
+
+    `own` is the belief by the own observations alone, to which a told cell adds too; None without autonomy.
+    """
+    contradicting = belief.contradicted(seen)
+    if own is None:
+        return *belief.uncertain(seen), *contradicting
+    uncertain = own.uncertain(seen)
+    return *uncertain, *(cell for cell in contradicting if cell not in uncertain)
+
+
 def weighed_occupancy(belief: Belief, own: Belief, autonomy: float) -> NDArray[np.float64]:
     """Return p_O of a vehicle that weighs `own`, the belief by its own observations, above `belief`.
 

@@ -29,6 +29,8 @@ def covers(scenario: Scenario) -> bool:
     radio = config.communication
     return (
         config.planner.name == "dijkstra"
+        and config.planner.autonomy == 0.0
+        and config.planner.benevolence == 0.0
         and prior.sensor.is_perfect
         and prior.count.is_number
         and is_small(scenario.grid.n_cells)

@@ -26,7 +26,13 @@ from functools import partial
 
 import numpy as np
 
-from swarmctl.agent.replan.decide import believed_exposure, choose_route, first_problem, problem_from
+from swarmctl.agent.replan.decide import (
+    believed_exposure,
+    choose_route,
+    first_problem,
+    problem_from,
+    route_gains,
+)
 from swarmctl.agent.replan.length_bounds import LeadIn, before_takeoff
 from swarmctl.agent.state import Task
 from swarmctl.bus.radio import LossReason, Radio
@@ -34,11 +40,12 @@ from swarmctl.config.radio import radio_settings
 from swarmctl.config.scenario import Scenario
 from swarmctl.config.specs import Spec
 from swarmctl.core import exposure as measures
-from swarmctl.core.belief import Belief
+from swarmctl.core.belief import Belief, news
 from swarmctl.core.frames import Frame, FrameCodec
 from swarmctl.core.grid import Cell
 from swarmctl.core.observation import Observation
 from swarmctl.planners.base import Route, Unreachable
+from swarmctl.planners.benevolence import OtherVehicle
 from swarmctl.study.vehicle_result import MissionResult, measured
 from swarmctl.study.world import World
 
@@ -97,6 +104,8 @@ class Vehicle:
     task: Task
     spec: Spec
     belief: Belief
+    own: Belief | None
+    """belief by the vehicle's own observations; None without autonomy"""
     takeoff_s: float
     over_entry_s: float
     """time over the centre of the entry cell"""
@@ -189,8 +198,7 @@ class _Mission:
         vehicle.looks.update(around)
         sensor = vehicle.belief.sensor
         seen = [(r, c, world.shows_hostile(uav, (r, c), vehicle.looks[r, c], sensor)) for r, c in around]
-        new = (*vehicle.belief.uncertain(seen), *vehicle.belief.contradicted(seen))
-        if new:
+        if new := news(vehicle.belief, vehicle.own, seen):
             vehicle.n_observations += 1
             observation = Observation(uav, vehicle.n_observations, now_s, new)
             self._learn(vehicle, observation)
@@ -201,6 +209,8 @@ class _Mission:
         belief = vehicle.belief.merge((observation,))
         is_new = belief is not vehicle.belief
         vehicle.belief, vehicle.has_news = belief, vehicle.has_news or is_new
+        if vehicle.own is not None and observation.observer == vehicle.task.uav:
+            vehicle.own = vehicle.own.merge((observation,))
         return is_new
 
     # --- messages
@@ -264,10 +274,11 @@ class _Mission:
 
     def _replan(self, vehicle: Vehicle, here: Cell, now_s: float) -> None:
         """Take the best route by the present belief if it is better than the rest of the present route."""
-        task = vehicle.task
-        p_s = believed_exposure(task, vehicle.belief, self._scenario.strength)
+        task, strength = vehicle.task, self._scenario.strength
+        p_s = believed_exposure(task, vehicle.belief, strength, vehicle.own)
         lead_in = LeadIn(elapsed_s=now_s - vehicle.takeoff_s, climb_m=0.0, lead_m=0.0)
-        problem = problem_from(task, p_s, here, task.w, lead_in)
+        gain = route_gains(task, vehicle.belief, strength, task.w, self._others(vehicle), vehicle.own)
+        problem = problem_from(task, p_s, here, task.w, lead_in, gain)
         vehicle.searches += 1
         try:
             route, keeps = choose_route(task, problem, vehicle.route[vehicle.index :])
@@ -276,6 +287,14 @@ class _Mission:
         if not keeps:
             vehicle.route, vehicle.index = route.cells, 0
             vehicle.replans += 1
+
+    def _others(self, vehicle: Vehicle) -> dict[int, OtherVehicle]:
+        """Return the present cells of the others that have not arrived, for a benevolent vehicle."""
+        return {
+            other.task.uav: OtherVehicle(other.route[other.index], other.task.goals)
+            for other in self._vehicles
+            if other.task.uav in vehicle.task.others and other.arrived_s is None and other.route
+        }
 
     # --- the result
 
@@ -312,4 +331,5 @@ def on_ground(task: Task, spec: Spec, belief: Belief) -> Vehicle:
     climbed_s = over_entry_s - task.arrival.approach_m / task.arrival.speed_m_s
     start_m, entry_m = task.grid.frame.to_local(*spec.start), task.grid.centre_m(task.entry)
     leg = climbed_s, start_m, over_entry_s, entry_m
-    return Vehicle(task, spec, belief, spec.delay_s, over_entry_s, leg)
+    own = belief if task.autonomy > 0.0 else None
+    return Vehicle(task, spec, belief, own, spec.delay_s, over_entry_s, leg)

@@ -133,3 +133,17 @@ def test_sensors_that_err_see_ghosts_and_the_same_ones_for_every_level() -> None
 def test_straightened_tracks_are_refused() -> None:
     with pytest.raises(ValueError, match="any_angle"):
         mission(small(flight={"any_angle": True}))
+
+
+def test_a_fully_autonomous_vehicle_flies_as_without_communication() -> None:
+    autonomous = mission(small(planner={"autonomy": 1.0}))
+    assert autonomous.tracks == mission(with_network(range=0)).tracks
+    assert autonomous.rows[0].messages_received > 0
+
+
+def test_autonomy_and_benevolence_change_routes_in_steps_and_not_at_zero() -> None:
+    paper = mission(small())
+    assert mission(small(planner={"autonomy": 0.0, "benevolence": 0.0})) == paper
+    assert mission(small(planner={"benevolence": 1.0})).tracks != paper.tracks
+    alone = {"planner": {"benevolence": 1.0}, "communication": {"bus": "memory", "range": 0}}
+    assert mission(small(**alone)) == mission(with_network(range=0))
