@@ -6,6 +6,7 @@ module imports numba, and only at the first call.
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hashlib
 import sys
@@ -51,17 +52,39 @@ def _dispatcher(kernel: FunctionType) -> Any:
     """Return numba's dispatcher of a kernel and of the kernels that it calls; its first call compiles."""
     from numba import njit  # noqa: PLC0415 - small areas need no numba
 
-    called = {name: kernel.__globals__.get(name) for name in kernel.__code__.co_names}
+    called = _called_by(kernel)
     helpers = {
-        name: _prefetch() if value is prefetch else _dispatcher(value)
-        for name, value in called.items()
-        if isinstance(value, FunctionType)
+        name: _prefetch() if value is prefetch else _dispatcher(value) for name, value in called.items()
     }
     linked = FunctionType(kernel.__code__, kernel.__globals__ | helpers, kernel.__name__, kernel.__defaults__)
     try:
-        return njit(nogil=True, cache=True)(linked)
+        dispatcher: Any = njit(nogil=True, cache=True)(linked)
     except RuntimeError:  # no folder for the cache is writable
         return njit(nogil=True)(linked)
+    # numba compiles again after a change of the kernel's own file; this adds the files of its helpers.
+    with contextlib.suppress(AttributeError):  # numba has no public name for the stamp
+        stored = dispatcher._cache._cache_file
+        stored._source_stamp = (stored._source_stamp, _digest(_files_of(kernel)))
+    return dispatcher
+
+
+def _called_by(kernel: FunctionType) -> dict[str, FunctionType]:
+    """Return the kernels that a kernel calls, by name."""
+    called = {name: kernel.__globals__.get(name) for name in kernel.__code__.co_names}
+    return {name: value for name, value in called.items() if isinstance(value, FunctionType)}
+
+
+@functools.cache
+def _files_of(kernel: FunctionType) -> frozenset[str]:
+    """Return the source files of a kernel and of all kernels that it calls."""
+    below = (_files_of(helper) for helper in _called_by(kernel).values())
+    return frozenset({kernel.__code__.co_filename}).union(*below)
+
+
+def _digest(files: frozenset[str]) -> str:
+    """Return a digest of the contents of files."""
+    digests = (hashlib.sha256(Path(file).read_bytes()).digest() for file in sorted(files))
+    return hashlib.sha256(b"".join(digests)).hexdigest()
 
 
 def compiled(kernel: Callable[P, R]) -> Callable[P, R]:
