@@ -64,7 +64,7 @@ def _routes(scenario: Scenario, seeds: Sequence[int], kept: Collection[int], sea
 
 KINDS: Mapping[str, Kind] = {
     "missions": Kind(_missions, MISSION_MEASURES, unsupported=unsupported),
-    "routes": Kind(_routes, routes.MEASURES, settings=routes.Search),
+    "routes": Kind(_routes, routes.MEASURES, routes.unsupported, routes.Search),
 }
 
 

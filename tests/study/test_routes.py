@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from swarmctl.config import model, scenario
 from swarmctl.config.scenario import Scenario
-from swarmctl.study.routes import MEASURES, Search, drawn_belief, rows
+from swarmctl.study.routes import MEASURES, Search, drawn_belief, rows, unsupported
 from swarmctl.study.world import World
 
 YAML = """\
@@ -84,6 +84,15 @@ def test_the_safest_route_is_found_by_survival_and_the_least_exposed_by_dijkstra
     assert (least["believed_exposure_sum"] <= safest["believed_exposure_sum"] + 1e-12).all()
     assert least["within_bound"].all()
     assert ((least["strikes"] == 0) == least["survived"]).all()
+
+
+def test_an_earliest_arrival_is_refused_before_the_first_search(tmp_path: Path) -> None:
+    base = built(tmp_path)
+    assert unsupported(base) is None
+    simulate = base.config.simulate
+    assert simulate is not None
+    late = simulate.model_copy(update={"arrive_after_s": 900.0})
+    assert unsupported(scenario.build(base.config.model_copy(update={"simulate": late}))) is not None
 
 
 def test_everything_known_leaves_one_world(tmp_path: Path) -> None:
