@@ -27,6 +27,7 @@ from swarmctl.config.checks import check_config
 from swarmctl.config.model import load
 from swarmctl.config.scenario import Scenario, build
 from swarmctl.flight import app
+from swarmctl.flight.gc_tuning import tune_collector
 from swarmctl.flight.run import Clock
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.planners import warm_up
@@ -80,8 +81,9 @@ def fly(count: int, clock: Clock) -> MeasuredFlight:
 
 
 def virtual_row(count: int) -> list[str]:
-    """Fly `count` vehicles on the virtual clock; return the row of the table."""
+    """Fly `count` vehicles on the virtual clock, prepared as `swarmctl fly` does; return the row."""
     warm_up()
+    tune_collector()
     flight = fly(count, "virtual")
     flown_s = flight.report.statistics.longest_flight_s
     return [
