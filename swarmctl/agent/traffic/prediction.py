@@ -60,11 +60,14 @@ def predictions(state: AgentState, within: Bounds = EVERYWHERE) -> dict[int, Tra
     """Return the extrapolated trajectories of the neighbours that come within bounds, heights above home."""
     (_, west_m, south_m, low_m), (_, east_m, north_m, high_m) = within.least, within.most
     vehicle, until_s = state.vehicle, state.vehicle.time_boot_s + state.task.separation.look_ahead_s
+    is_known = vehicle.alt_amsl_m is not None and vehicle.alt_rel_m is not None
+    home_m = (vehicle.alt_amsl_m or 0.0) - (vehicle.alt_rel_m or 0.0)
     found = {}
     for uav, report in state.neighbours.items():
         # Most neighbours are at other heights or far away, and need no trajectory.
         lasts_s, (east_m_s, north_m_s, up_m_s) = until_s - report.at_s, report.state.velocity_m_s
-        up_m = _up_m(vehicle, report.state)
+        amsl_m = report.state.alt_amsl_m
+        up_m = amsl_m - home_m if is_known and amsl_m is not None else report.state.alt_rel_m
         if (
             _passes(up_m, up_m_s * lasts_s, low_m, high_m)
             and _passes(report.east_m, east_m_s * lasts_s, west_m, east_m)

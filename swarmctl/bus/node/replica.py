@@ -10,7 +10,6 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import msgspec
-import numpy as np
 
 from swarmctl.bus.node.decoding import DecodedFrame
 from swarmctl.core.frames import HeldObservations, MessageRefused, RefusalReason
@@ -131,8 +130,8 @@ class Replica:
     def __init__(self) -> None:
         self.fingerprint = EMPTY_FINGERPRINT
         """hash of the set of all held observations, 63 bits; the order of arrival has no effect"""
-        self._earlier = np.zeros(N_FINGERPRINTS, np.int64)
-        self._n_earlier = 0
+        self._earlier: dict[int, None] = {}
+        """the last N_FINGERPRINTS fingerprints, in order"""
         self._records: dict[Source, SourceRecord] = {}
         self._incarnations: Counter[int] = Counter()
 
@@ -162,15 +161,14 @@ class Replica:
         is_added = record.add(decoded) if isinstance(item, Observation) else record.adopt(item, decoded)
         if record.mark != before:
             self.fingerprint ^= before ^ record.mark
-            self._earlier[self._n_earlier % N_FINGERPRINTS] = self.fingerprint
-            self._n_earlier += 1
+            self._earlier[self.fingerprint] = None
+            if len(self._earlier) > N_FINGERPRINTS:
+                del self._earlier[next(iter(self._earlier))]
         return is_added
 
     def has_held(self, fingerprint: int) -> bool:
         """Return whether this UAV has, or once had, exactly the observations of this fingerprint."""
-        if fingerprint in (EMPTY_FINGERPRINT, self.fingerprint):
-            return True
-        return bool((self._earlier == fingerprint).any())
+        return fingerprint in (EMPTY_FINGERPRINT, self.fingerprint) or fingerprint in self._earlier
 
     def frames(self) -> Iterator[DecodedFrame]:
         """Yield every held frame."""
