@@ -73,7 +73,7 @@ ONLY_IN: dict[str, set[str]] = {
         "sim_vehicle.conformance.sockets",
         "sim_vehicle.testing.served",
     },
-    "matplotlib": {"swarmctl.report.pictures"},
+    "matplotlib": {"swarmctl.report.pictures", "swarmctl.study.figures"},
     "mcap": {"swarmctl.report.record", "swarmctl.report.record_file"},
     "typer": {
         "swarmctl.cli",

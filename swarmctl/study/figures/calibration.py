@@ -1,0 +1,113 @@
+"""Figure `calibration`: how often happens what a probability says."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from pydantic import Field
+
+from swarmctl.report.pictures.style import QUIET
+from swarmctl.study import statistics
+from swarmctl.study.figures.base import Names, Spec, Study, index_of, n_text
+from swarmctl.study.figures.labels import Label, Labels
+from swarmctl.study.figures.measures import label, mathtext, value_label
+from swarmctl.study.figures.panels import factors_of
+from swarmctl.study.figures.style import MARKERS, colours, page
+from swarmctl.study.statistics import Estimates, Floats
+
+LEAST_ROWS = 10
+"""fewest vehicles of a bin that is drawn"""
+
+
+class Calibration(Spec):
+    predicted: Names = Field(description="Measures that are probabilities from 0 to 1.")
+    observed: str = Field("survived", description="Measure that is true or false.")
+    by: str | None = Field(
+        None, description="Factor with one line for each value, for one predicted measure."
+    )
+    bins: int = Field(10, ge=2, le=50, description="Number of intervals of equal width from 0 to 1.")
+
+    def factors(self) -> set[str]:
+        return factors_of(self.by, self.panels)
+
+    def measures(self) -> set[str]:
+        return {*self.predicted, self.observed}
+
+
+def draw(study: Study, spec: Calibration) -> Figure:
+    values = study.shown(spec, spec.panels)
+    figure, panels = page(spec.width, len(values), 74.0 if spec.width == "one" else 62.0)
+    labels = Labels()
+    for axes, value in zip(panels, values, strict=True):
+        _draw(axes, labels, study, spec, value)
+        text = mathtext(f"{label(spec.observed)}, as observed")
+        axes.set_title(text if spec.panels is None else f"{value_label(spec.panels, value)}: {text}")
+    labels.place(figure)
+    return figure
+
+
+def _draw(axes: Axes, labels: Labels, study: Study, spec: Calibration, panel: object) -> None:
+    axes.plot([0, 1], [0, 1], color=QUIET, lw=0.7, zorder=1.5)
+    axes.annotate(
+        "as predicted", (0.8, 0.8), (3, -3), textcoords="offset points", rotation=45, rotation_mode="anchor",
+        color=QUIET, ha="center", va="top", transform_rotates_text=True,
+    )  # fmt: skip
+    by = study.shown(spec, spec.by)
+    series = [(name, value) for name in spec.predicted for value in by]
+    names = [value if len(by) > 1 or spec.by is not None else name for name, value in series]
+    for index, ((name, value), colour) in enumerate(zip(series, colours(names), strict=True)):
+        at, found = _binned(study, spec, name, value, panel)
+        drawn = np.isfinite(at)
+        axes.vlines(at, found.low, found.high, color=colour, lw=0.8, zorder=3)
+        mark = MARKERS[index % len(MARKERS)]
+        axes.plot(
+            at[drawn], found.value[drawn], color=colour, marker=mark, mec="white", mew=0.4, lw=0.9, zorder=4
+        )
+        labels.avoid(axes, at[drawn], found.value[drawn])
+        parts = ([label(name)] if len(spec.predicted) > 1 else []) + (
+            [value_label(spec.by, value)] if spec.by is not None else []
+        )
+        if parts and drawn.any():
+            last = int(np.flatnonzero(drawn)[-1])
+            text = Label(float(at[last]), float(found.value[last]), ", ".join(parts), colour)
+            labels.add_point(axes, text)
+    labels.avoid(axes, [0, 1], [0, 1])
+    axes.set(xlim=(0, 1), ylim=(0, 1), aspect="equal")
+    ticks = np.linspace(0, 1, 6)
+    axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks.round(1)])
+    axes.set_yticks(ticks, [f"{tick:g}" for tick in ticks.round(1)])
+    one = len(spec.predicted) == 1
+    axes.set_xlabel(mathtext(label(spec.predicted[0])) if one else "as predicted")
+
+
+def _binned(
+    study: Study, spec: Calibration, name: str, value: object, panel: object
+) -> tuple[Floats, Estimates]:
+    """Return the mean prediction of each bin, and the share observed."""
+    table = study.table
+    chosen, _ = study.groups(spec, ())
+    for factor, wanted in ((spec.by, value), (spec.panels, panel)):
+        if factor is not None:
+            code = index_of(study.values(factor), wanted)
+            chosen = np.where(study.codes(factor, table) == code, chosen, -1)
+    predicted = table[name].to_numpy(dtype=np.float64)
+    is_known = np.isfinite(predicted)
+    bins = np.clip((np.where(is_known, predicted, 0.0) * spec.bins).astype(np.int64), 0, spec.bins - 1)
+    groups = np.where((chosen >= 0) & is_known, bins, -1)
+    seeds = table["seed"].to_numpy()
+    sums = statistics.by_world(table[spec.observed], groups, seeds, spec.bins)
+    below = sums.count.sum(axis=1)
+    found = statistics.proportions(sums.total, sums.count)
+    means = statistics.by_world(predicted, groups, seeds, spec.bins).total.sum(axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        at = np.where(below >= LEAST_ROWS, means / below, np.nan)
+    return at, found
+
+
+def caption(study: Study, spec: Calibration) -> str:
+    predicted = "; ".join(label(name) for name in spec.predicted)
+    text = f"Observed {label(spec.observed)} by {predicted}, in {spec.bins} bins of equal width"
+    text += f" (bins with {LEAST_ROWS} vehicles or more). A true probability lies on the diagonal"
+    worlds = f"{n_text(study.n_worlds)} worlds"
+    return f"{text}. Lines: 95 % Wilson intervals over {worlds}, with the effective number of vehicles."

@@ -1,0 +1,47 @@
+"""Figure `lines`: measures along a factor, one line for each value of another."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from matplotlib.figure import Figure
+from pydantic import Field
+
+from swarmctl.study.figures.base import Names, Spec, Study, interval_text
+from swarmctl.study.figures.labels import Labels
+from swarmctl.study.figures.marks import draw_lines
+from swarmctl.study.figures.measures import estimate, factor_label, label
+from swarmctl.study.figures.panels import estimates_of, factors_of, panels_of
+from swarmctl.study.figures.style import columns_of
+
+
+class Lines(Spec):
+    x: str = Field(description="Factor on the horizontal axis.")
+    y: Names = Field(description="Measures, one panel each.")
+    by: str | None = Field(None, description="Factor with one line for each value.")
+    x_scale: Literal["linear", "log"] = Field("linear", description="Scale of the horizontal axis.")
+
+    def factors(self) -> set[str]:
+        return factors_of(self.x, self.by, self.panels)
+
+    def measures(self) -> set[str]:
+        return set(self.y)
+
+
+def draw(study: Study, spec: Lines) -> Figure:
+    figure, panels = panels_of(study, spec, spec.y)
+    labels = Labels()
+    by = (spec.by, study.shown(spec, spec.by))
+    x = (spec.x, study.shown(spec, spec.x))
+    for panel in panels:
+        found = estimates_of(study, spec, panel, (spec.by, spec.x), estimate)
+        column, n_columns = columns_of(panel.axes)
+        draw_lines(panel.axes, labels, x, by, found, spec.x_scale, named=column == n_columns - 1)
+    labels.place(figure)
+    return figure
+
+
+def caption(study: Study, spec: Lines) -> str:
+    by = f", one line for each value of {factor_label(spec.by)}" if spec.by else ""
+    names = "; ".join(label(name) for name in spec.y)
+    return f"Mean {names} by {factor_label(spec.x)}{by}. Bands: {interval_text(study, spec.y)}"

@@ -1,0 +1,145 @@
+"""Measures and factors in words, and how each measure is estimated."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike, NDArray
+
+from swarmctl.study import statistics
+from swarmctl.study.statistics import Estimates, Floats, Sums
+
+How = Literal["mean", "share", "count"]
+
+_LABELS = {
+    "arrived": "share that arrived",
+    "length_cells": "length [cells]",
+    "length_m": "length [m]",
+    "exposure_sum": "exposure ΣP_s",
+    "believed_exposure_sum": "believed ΣP_s, first route",
+    "safety_factor": "safety factor ∏(1−P_s)",
+    "believed_safety_factor": "believed ∏(1−P_s), first route",
+    "believed_survival": "believed chance of survival",
+    "true_survival": "chance of survival",
+    "strikes": "strikes a vehicle",
+    "mission_strikes": "strikes a mission",
+    "strikes_per_km": "strikes a kilometre",
+    "survived": "share without a strike",
+    "searches": "searches",
+    "replans": "changes of route",
+    "penalty": "communication penalty",
+    "flight_time_s": "flight time [s]",
+    "arrival_s": "arrival after first start [s]",
+    "cells_known": "cells known at the end",
+    "hostiles_known": "hostiles known at the end",
+}
+_FACTORS = {
+    "planner.w": ("w", "distance anxiety w"),
+    "simulate.count": ("N", "number of vehicles N"),
+    "communication.range": ("k", "communication range k [vehicles]"),
+    "communication.loss": ("loss", "share of lost messages"),
+    "planner.name": ("planner", "planner"),
+    "threats.count": ("hostiles", "announced number of hostiles"),
+}
+_UNITS = {
+    "_m_s": "m/s", "_bytes_s": "bytes/s", "_per_m": "1/m", "_m": "m", "_s": "s",
+    "_cells": "cells", "_deg": "deg",
+}  # fmt: skip
+DERIVED = {"mission_strikes": {"strikes"}, "strikes_per_km": {"strikes", "length_m"}}
+"""measures that are computed from columns, with these columns"""
+
+
+def label(name: str) -> str:
+    """Return the words of a measure for an axis or a heading, with its unit."""
+    return _LABELS.get(name) or _plain(name)
+
+
+def factor_label(factor: str) -> str:
+    """Return the words of a factor for an axis."""
+    return _FACTORS[factor][1] if factor in _FACTORS else _plain(factor.rsplit(".", 1)[-1])
+
+
+def _plain(name: str) -> str:
+    for suffix, unit in _UNITS.items():
+        if name.endswith(suffix):
+            return f"{name.removesuffix(suffix).replace('_', ' ')} [{unit}]"
+    return name.replace("_", " ")
+
+
+def value_text(value: object) -> str:
+    """Return a factor's value as in the experiment file: `0.5`, `all`, `true`."""
+    if isinstance(value, bool | np.bool_):
+        return "true" if value else "false"
+    if isinstance(value, int | float | np.integer | np.floating):
+        return f"{value:.6g}"
+    return str(value)
+
+
+def value_label(factor: str, value: object) -> str:
+    """Return the label of a value: `w = 0.5`, or the bare value of a factor with names."""
+    if isinstance(value, bool | np.bool_) or _is_number(value):
+        short = _FACTORS[factor][0] if factor in _FACTORS else factor.rsplit(".", 1)[-1].replace("_", " ")
+        return f"{short} = {value_text(value)}"
+    text = value_text(value)
+    return (
+        f"{_FACTORS[factor][0]} = {text}" if text == "all" and factor in _FACTORS else text.replace("_", " ")
+    )
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float | np.integer | np.floating)
+
+
+def mathtext(text: str) -> str:
+    """Return `text` with its formulas for matplotlib: P_s gets a subscript."""
+    return text.replace("$", r"\$").replace("P_s", r"$P_\mathrm{s}$")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Parts:
+    """A measure as numerator and denominator by group and world, and the way of its interval."""
+
+    how: How
+    top: Sums
+    below: Floats
+
+
+def parts(table: pd.DataFrame, name: str, groups: NDArray[np.int64], n_groups: int) -> Parts:
+    """Return the sums of a measure; `groups` (rows of the table,) are group indices, negative: left out."""
+    seeds = table["seed"].to_numpy()
+
+    def sums(values: ArrayLike) -> Sums:
+        return statistics.by_world(values, groups, seeds, n_groups)
+
+    if name == "mission_strikes":
+        vehicles = table.groupby(["level", "seed"], sort=False)["uav"].transform("size").to_numpy()
+        return Parts("count", sums(table["strikes"]), sums(1.0 / vehicles).total)
+    if name == "strikes_per_km":
+        return Parts("count", sums(table["strikes"]), sums(table["length_m"] / 1000.0).total)
+    column = table[name]
+    top = sums(column)
+    how: How = "share" if column.dtype == bool else "count" if name == "strikes" else "mean"
+    return Parts(how, top, top.count)
+
+
+def estimate(table: pd.DataFrame, name: str, groups: NDArray[np.int64], shape: Sequence[int]) -> Estimates:
+    """Return the estimates of a measure by group, as arrays of `shape`; groups are flat indices into it."""
+    part = parts(table, name, groups, int(np.prod(shape)))
+    if part.how == "share":
+        found = statistics.proportions(part.top.total, part.below)
+    elif part.how == "count":
+        found = statistics.counts(part.top.total, part.below)
+    else:
+        found = statistics.ratios(part.top.total, part.below)
+    return shaped(found, shape)
+
+
+def shaped(found: Estimates, shape: Sequence[int]) -> Estimates:
+    """Return flat estimates as arrays of `shape`."""
+    size = tuple(shape)
+    value, low, high = (limit.reshape(size) for limit in (found.value, found.low, found.high))
+    return Estimates(value, low, high, found.n_worlds.reshape(size))

@@ -1,0 +1,70 @@
+"""The small panels of a figure: one for each measure, or for each value of the factor `panels`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from swarmctl.study.figures.base import Spec, Study, index_of
+from swarmctl.study.figures.measures import label, value_label
+from swarmctl.study.figures.style import PANEL_MM, heading, page
+from swarmctl.study.statistics import Estimates
+
+Estimator = Callable[[pd.DataFrame, str, NDArray[np.int64], Sequence[int]], Estimates]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Panel:
+    """One panel: where it is, its measure, and its value of the factor `panels`."""
+
+    axes: Axes
+    measure: str
+    value: object
+
+
+def factors_of(*names: str | None) -> set[str]:
+    return {name for name in names if name is not None}
+
+
+def panels_of(
+    study: Study, spec: Spec, names: Sequence[str], panel_mm: float = PANEL_MM, most_columns: int = 3
+) -> tuple[Figure, list[Panel]]:
+    """Return the figure and its panels with headings: by measure, and within it by the value of `panels`."""
+    pairs = [(name, value) for name in names for value in study.shown(spec, spec.panels)]
+    figure, places = page(spec.width, len(pairs), panel_mm, most_columns)
+    panels = [Panel(axes, *pair) for axes, pair in zip(places, pairs, strict=True)]
+    for panel in panels:
+        text = label(panel.measure)
+        if spec.panels is not None:
+            text = f"{value_label(spec.panels, panel.value)}: {text}"
+        heading(panel.axes, text)
+    return figure, panels
+
+
+def estimates_of(
+    study: Study, spec: Spec, panel: Panel, axes: Sequence[str | None], estimator: Estimator
+) -> Estimates:
+    """Return the estimates of a panel, with one dimension for each of `axes`, for the values drawn."""
+    index, shape = study.groups(spec, (spec.panels, *axes))
+    found = estimator(study.table, panel.measure, index, shape)
+    if spec.panels is not None:
+        row = index_of(study.values(spec.panels), panel.value)
+        found = select(found, (row,))
+    else:
+        found = select(found, (0,))
+    for dimension, factor in enumerate(axes):
+        if factor is not None and factor in spec.where:
+            rows = [index_of(study.values(factor), value) for value in study.shown(spec, factor)]
+            found = select(found, (*(slice(None) for _ in range(dimension)), rows))
+    return found
+
+
+def select(found: Estimates, at: tuple[int | slice | list[int], ...]) -> Estimates:
+    """Return the part of `found` at an index."""
+    return Estimates(found.value[at], found.low[at], found.high[at], found.n_worlds[at])

@@ -1,0 +1,168 @@
+"""Figures: refused specifications, labels that do not collide, and files for print."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+from typing import Any
+
+import made_up_study
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.image import imread
+from matplotlib.text import Annotation
+
+from swarmctl.study.figures import caption, draw, validate
+from swarmctl.study.figures.base import Study
+from swarmctl.study.figures.calibration import Calibration, _binned
+from swarmctl.study.figures.labels import spread
+from swarmctl.study.figures.style import files, print_style
+
+KEYS = {"level", "seed", "uav"}
+PLANNERS = ["dijkstra", "time_bound", "constrained", "survival", "any_angle"]
+W = [0.0, 0.25, 0.5, 0.75, 1.0]
+N, K, NAMES = "simulate.count", "communication.range", "planner.name"
+N_AND_K = {N: [2, 5, 10], K: [0, 1, 2, "all"]}
+NAMES_AND_W = {NAMES: PLANNERS, "planner.w": W}
+AGAINST_SILENCE = {"kind": "differences", "compare": K, "reference": 0, "by": N}
+CASES: dict[str, tuple[dict[str, list[Any]], dict[str, Any]]] = {
+    "lines": (N_AND_K, {"kind": "lines", "x": K, "y": ["strikes", "survived"], "by": N}),
+    "lines of names": (NAMES_AND_W, {"kind": "lines", "x": "planner.w", "y": "length_cells", "by": NAMES}),
+    "lines, three panels": (
+        NAMES_AND_W,
+        {
+            "kind": "lines", "x": "planner.w", "y": ["strikes", "strikes_per_km", "mission_strikes"],
+            "by": NAMES, "width": "two",
+        },
+    ),
+    "panels": (N_AND_K, {"kind": "lines", "x": K, "y": "strikes", "panels": N, "width": "two"}),
+    "differences": (N_AND_K, {**AGAINST_SILENCE, "y": "strikes"}),
+    "savings": (N_AND_K, {**AGAINST_SILENCE, "y": "mission_strikes", "per": "messages_sent"}),
+    "differences along": (
+        NAMES_AND_W,
+        {"kind": "differences", "compare": NAMES, "reference": "dijkstra", "x": "planner.w", "y": "strikes"},
+    ),
+    "differences of names": (
+        NAMES_AND_W,
+        {"kind": "differences", "compare": "planner.w", "reference": 0, "x": NAMES, "y": "strikes"},
+    ),
+    "tradeoff": (
+        {"planner.w": W},
+        {"kind": "tradeoff", "x": "length_cells", "y": ["exposure_sum", "strikes"], "along": "planner.w"},
+    ),
+    "tradeoff of names": (
+        {NAMES: PLANNERS}, {"kind": "tradeoff", "x": "length_cells", "y": "strikes", "by": NAMES},
+    ),
+    "dots": (
+        {NAMES: PLANNERS},
+        {"kind": "dots", "x": NAMES, "y": ["length_cells", "strikes", "survived"], "width": "two"},
+    ),
+    "dots by": (
+        {NAMES: PLANNERS, "planner.w": [0.0, 1.0]},
+        {"kind": "dots", "x": NAMES, "y": "strikes", "by": "planner.w"},
+    ),
+    "tracks": ({"planner.w": [1.0, 0.5, 0.0]}, {"kind": "tracks", "panels": "planner.w", "width": "two"}),
+    "calibration": (
+        {"planner.w": [0.0, 1.0]}, {"kind": "calibration", "predicted": "safety_factor", "by": "planner.w"},
+    ),
+}  # fmt: skip
+
+
+def study_of(factors: dict[str, list[Any]], n_worlds: int = 12) -> Study:
+    table = made_up_study.rows(factors, n_worlds)
+    measures = [name for name in table.columns if name not in KEYS | factors.keys()]
+    return Study(table, factors, measures, *made_up_study.tracks(table), (20, 20))
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_letters_stay_on_the_page_and_apart(name: str) -> None:
+    factors, entry = CASES[name]
+    study = study_of(factors)
+    spec = validate(entry, factors, study.measures)
+    with print_style():
+        figure = draw(study, spec)
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        texts = [text for text in figure.findobj(Annotation) if text.get_text().strip()]
+        labels = [text.get_window_extent().shrunk(0.9, 0.9) for text in texts]
+    assert round(figure.get_size_inches()[0] * 25.4) == (180 if entry.get("width") == "two" else 88)
+    image = np.asarray(canvas.buffer_rgba())[..., :3]
+    assert all((edge == 255).all() for edge in (image[0], image[-1], image[:, 0], image[:, -1]))
+    assert not any(a.overlaps(b) for a, b in itertools.combinations(labels, 2))
+    assert "interval" in caption(study, spec)
+
+
+REFUSED: dict[str, tuple[dict[str, Any], str]] = {
+    "no such kind": ({"kind": "pie"}, "lines"),
+    "no such key": ({"kind": "lines", "x": "planner.w", "y": "strikes", "colour": "red"}, "colour"),
+    "no such factor": ({"kind": "lines", "x": "planner.z", "y": "strikes"}, "planner.z"),
+    "no such measure": ({"kind": "lines", "x": "planner.w", "y": "misses"}, "misses"),
+    "no measure": ({"kind": "lines", "x": "planner.w", "y": []}, "y"),
+    "a factor passed over": ({"kind": "lines", "x": "planner.w", "y": "strikes"}, "simulate.count"),
+    "no such value": ({"kind": "lines", "x": "planner.w", "y": "strikes", "where": {N: 3}}, N),
+    "no such reference": (
+        {"kind": "differences", "compare": "planner.w", "reference": 2, "y": "strikes", "by": N},
+        "planner.w",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_a_wrong_figure_is_refused_before_the_first_mission(name: str) -> None:
+    spec, named = REFUSED[name]
+    with pytest.raises(ValueError, match=named):
+        validate(spec, {"planner.w": [0.0, 1.0], "simulate.count": [2, 5]}, ["strikes"])
+
+
+def test_means_over_a_factor_are_drawn_if_the_figure_says_so() -> None:
+    entry = {"kind": "lines", "x": "planner.w", "y": "strikes", "over": "simulate.count"}
+    assert validate(entry, {"planner.w": [0.0, 1.0], "simulate.count": [2, 5]}, ["strikes"]).over == (
+        "simulate.count",
+    )
+
+
+def test_equal_results_give_equal_files_with_embedded_letters(tmp_path: Path) -> None:
+    factors, entry = CASES["tradeoff"]
+    study = study_of(factors)
+    for name in ("a", "b"):
+        with print_style():
+            files(draw(study, validate(entry, factors, study.measures)), tmp_path, name)
+    for end in ("png", "pdf"):
+        assert (tmp_path / f"a.{end}").read_bytes() == (tmp_path / f"b.{end}").read_bytes()
+    pdf = (tmp_path / "a.pdf").read_bytes()
+    assert b"/FontFile2" in pdf
+    assert b"/Type3" not in pdf
+    assert imread(tmp_path / "a.png").shape[1] == round(88 / 25.4 * 300)
+
+
+def test_tracks_of_a_world_that_was_not_kept_are_an_error() -> None:
+    factors, entry = CASES["tracks"]
+    study = study_of(factors)
+    spec = validate({**entry, "seed": 7}, factors, study.measures)
+    with pytest.raises(ValueError, match="seed 7"), print_style():
+        draw(study, spec)
+
+
+def test_a_true_probability_lies_on_the_diagonal() -> None:
+    rng = np.random.default_rng(1)
+    p = rng.random(40_000)
+    columns = {"level": 0, "seed": np.arange(p.size), "uav": 0}
+    columns |= {"safety_factor": p, "survived": rng.random(p.size) < p}
+    study = Study(pd.DataFrame(columns), {}, ["safety_factor", "survived"])
+    spec = Calibration(kind="calibration", predicted=("safety_factor",))
+    at, found = _binned(study, spec, "safety_factor", None, None)
+    assert at == pytest.approx(np.arange(10) / 10 + 0.05, abs=0.005)
+    assert found.value == pytest.approx(at, abs=0.025)
+
+
+@given(st.lists(st.floats(0.0, 100.0), min_size=1, max_size=10))
+def test_labels_keep_their_order_and_distance(wanted: list[float]) -> None:
+    placed = spread(np.array(wanted), 8.0, 0.0, 100.0)
+    order = np.argsort(wanted, kind="stable")
+    assert (np.diff(placed[order]) >= 8.0 - 1e-6).all()
+    assert placed.min() >= -1e-6
+    assert placed.max() <= 100.0 + 1e-6
