@@ -89,7 +89,7 @@ def _result(future: distributed.Future[Any], task: object) -> Any:
 @contextmanager
 def local_workers(n: int, *, processes: bool = True) -> Iterator[Workers[Any, Any]]:
     """Start `n` processes of this machine, or threads of this process, and end them afterwards."""
-    logging.getLogger("distributed").setLevel(logging.ERROR)
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
     # Ctrl-C at a terminal reaches all processes, and only this one shall act on it. Workers inherit the
     # ignored signal.
     on_interrupt = signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -99,7 +99,7 @@ def local_workers(n: int, *, processes: bool = True) -> Iterator[Workers[Any, An
             threads_per_worker=1,
             processes=processes,
             dashboard_address=None,
-            silence_logs=logging.ERROR,
+            silence_logs=logging.CRITICAL,
         )
     finally:
         signal.signal(signal.SIGINT, on_interrupt)
