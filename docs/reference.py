@@ -1,4 +1,4 @@
-"""A hook of mkdocs that generates the references of configurations and of commands."""
+"""A hook of mkdocs that generates the references of configurations, experiments and commands."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ from mkdocs.structure.files import File, Files
 
 from swarmctl.cli.registry import COMMANDS
 from swarmctl.config.model import Config
+from swarmctl.study.experiment_file import ExperimentFile
+from swarmctl.study.kinds import KINDS
 
 Schema = dict[str, Any]
 LIMITS = {
@@ -24,6 +26,7 @@ LIMITS = {
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     pages = {"reference/configuration.md": configuration(), "reference/commands.md": commands()}
+    pages["reference/study.md"] = experiment()
     for path, text in pages.items():
         files.append(File.generated(config, path, content=text))
     return files
@@ -43,6 +46,22 @@ def configuration() -> str:
     ]
     for key, part in schema["properties"].items():
         lines += _section(key, part, schema["$defs"], set())
+    return "\n".join(lines) + "\n"
+
+
+def experiment() -> str:
+    """Return the page of all keys of an experiment file."""
+    schema = ExperimentFile.model_json_schema()
+    lines = ["# Experiment reference", "", "Generated from the schema of experiment files.", ""]
+    lines += ["## Top level", "", *_table(schema, schema["$defs"])]
+    for key, part in schema["properties"].items():
+        lines += _section(key, part, schema["$defs"], set())
+    for name, kind in KINDS.items():
+        if kind.settings is not None:
+            settings = kind.settings.model_json_schema()
+            lines += ["", f"## `search` ({name})", "", *_table(settings, settings.get("$defs", {}))]
+        lines += ["", f"## Measures ({name})", ""]
+        lines += [", ".join(f"`{measure}`" for measure in kind.measures)]
     return "\n".join(lines) + "\n"
 
 

@@ -31,6 +31,7 @@ def test_the_wheel_has_every_example() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())
     included = project["tool"]["hatch"]["build"]["targets"]["wheel"]["force-include"]
     files = {f"configs/{path.name}": f"swarmctl/configs/{path.name}" for path in CONFIGS}
+    files["configs/studies"] = "swarmctl/configs/studies"
     assert {source: target for source, target in included.items() if source.startswith("configs/")} == files
 
 
