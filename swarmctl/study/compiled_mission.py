@@ -29,6 +29,7 @@ def covers(scenario: Scenario) -> bool:
     radio = config.communication
     return (
         config.planner.name == "dijkstra"
+        and not config.flight.any_angle
         and config.planner.autonomy == 0.0
         and config.planner.benevolence == 0.0
         and prior.sensor.is_perfect
@@ -149,8 +150,8 @@ class CompiledMission:
         drawn, p_lost = np.zeros((n, n), dtype=np.int64), np.full((n, n), settings[k.LOSS])
         self._kernel(
             np.uint64(world.seed & MASK), ints, floats, self.rules, settings, self.strength,
-            self._routes, self.goals, self._first_goals, self.occupied(world), self.inside.ravel(), self.walls,
-            self.offsets, self.known, self._has, self._news, self._observers, self._visits,
+            self._routes, self.goals, self._first_goals, self.occupied(world), self.inside.ravel(),
+            self.walls, self.offsets, self.known, self._has, self._news, self._observers, self._visits,
             self._flown, self._strikes, draws, drawn, p_lost, times, ends, counts, self._order,
             self._metres, self.work, self.heap, self.keys,
         )  # fmt: skip

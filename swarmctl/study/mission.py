@@ -34,19 +34,22 @@ from swarmctl.agent.replan.decide import (
     route_gains,
 )
 from swarmctl.agent.replan.length_bounds import LeadIn, before_takeoff
+from swarmctl.agent.replan.route_to_mission import pulled_track
 from swarmctl.agent.state import Task
 from swarmctl.bus.radio import LossReason, Radio
 from swarmctl.config.radio import radio_settings
 from swarmctl.config.scenario import Scenario
 from swarmctl.config.specs import Spec
 from swarmctl.core import exposure as measures
+from swarmctl.core.any_angle.pull import Track
 from swarmctl.core.belief import Belief, news
 from swarmctl.core.frames import Frame, FrameCodec
 from swarmctl.core.grid import Cell
 from swarmctl.core.observation import Observation
-from swarmctl.planners.base import Route, Unreachable
+from swarmctl.planners.base import Problem, Route, Unreachable
 from swarmctl.planners.benevolence import OtherVehicle
 from swarmctl.study.vehicle_result import MissionResult, measured
+from swarmctl.study.way import NO_WAY, Way, along_route, along_track
 from swarmctl.study.world import World
 
 MAX_ENTRIES_PER_CELL = 4
@@ -82,8 +85,8 @@ def fly_mission(scenario: Scenario, world: World) -> MissionResult:
 
 def unsupported(scenario: Scenario) -> str | None:
     """Return why the abstract mission cannot fly a scenario; None if it can."""
-    if scenario.config.flight.any_angle:
-        return "a study flies the paper's lattice routes; set flight.any_angle to false"
+    if any(task.turn_radius_m > 0.0 for task in scenario.tasks):
+        return "a study has no turns of a radius; set turn_radius_m to 0, and fly copters"
     if scenario.config.arrival is not None:
         return "a study has no simultaneous or staggered arrival; remove the section arrival"
     return None
@@ -111,11 +114,15 @@ class Vehicle:
     """time over the centre of the entry cell"""
     leg: tuple[float, PointM, float, PointM]
     """the present leg: time and point of its begin, time and point of its end"""
-    first: Route | None = None
+    first: Route | Track | None = None
     """route by the belief before the mission; None without a way to a goal"""
     route: tuple[Cell, ...] = ()
+    way: Way = NO_WAY
+    """the cells entered on the route, or on its straightened track"""
     index: int = 0
-    """index in `route` of the cell that the vehicle is in"""
+    """index in `way` of the cell that the vehicle is in"""
+    track_cells: float = 0.0
+    """length flown on straightened tracks [cells]"""
     has_news: bool = False
     """True after observations that no decision has considered"""
     flown: list[Cell] = field(default_factory=list)
@@ -175,8 +182,19 @@ class _Mission:
             first = first_route(vehicle.task, vehicle.belief)
             if first is None:
                 continue
-            vehicle.first, vehicle.route = first, first.cells
+            try:
+                track = self._take(vehicle, first, first_problem(vehicle.task, vehicle.belief))
+            except Unreachable:
+                continue
+            vehicle.first = first if track is None else track
             self._enters_at(i, vehicle.enters_s, vehicle.over_entry_s)
+
+    def _take(self, vehicle: Vehicle, route: Route, problem: Problem) -> Track | None:
+        """Let a vehicle fly a new route; return its straightened track, if it has one. Raises Unreachable."""
+        track = pulled_track(vehicle.task, problem, route)
+        vehicle.route, vehicle.index = route.cells, 0
+        vehicle.way = along_route(route.cells) if track is None else along_track(track.corners)
+        return track
 
     def _enters_at(self, i: int, edge_s: float, centre_s: float) -> None:
         self._schedule(edge_s, Phase.SEE, i, partial(self._enter, i))
@@ -190,7 +208,7 @@ class _Mission:
     def _enter(self, i: int, now_s: float) -> None:
         """Let the hostiles fire, see the 3 × 3 cells, and tell the others what is new."""
         vehicle, world = self._vehicles[i], self._world
-        cell, uav = vehicle.route[vehicle.index], vehicle.task.uav
+        cell, uav = vehicle.way.cells[vehicle.index], vehicle.task.uav
         vehicle.flown.append(cell)
         vehicle.visits[cell] += 1
         vehicle.strikes.append(world.strikes(uav, cell, vehicle.visits[cell], self._scenario.strength))
@@ -256,21 +274,23 @@ class _Mission:
     def _decide(self, i: int, now_s: float) -> None:
         """Arrive, or choose the next cell and fly there."""
         vehicle = self._vehicles[i]
-        task, here = vehicle.task, vehicle.route[vehicle.index]
+        task, here = vehicle.task, vehicle.way.cells[vehicle.index]
         if here in task.goals:
             vehicle.arrived_s = now_s
             return
         if len(vehicle.flown) >= MAX_ENTRIES_PER_CELL * task.grid.n_cells:
             return
-        if vehicle.has_news:
+        if vehicle.has_news and here in vehicle.route:  # a track also crosses cells beside its route
             vehicle.has_news = False
             self._replan(vehicle, here, now_s)
-        there = vehicle.route[vehicle.index + 1]
+        way, index = vehicle.way, vehicle.index
         vehicle.index += 1
-        diagonal = here[0] != there[0] and here[1] != there[1]
-        step_s = (math.sqrt(2.0) if diagonal else 1.0) * task.grid.cell_size_m / task.arrival.speed_m_s
-        vehicle.leg = now_s, task.grid.centre_m(here), now_s + step_s, task.grid.centre_m(there)
-        self._enters_at(i, now_s + 0.5 * step_s, now_s + step_s)
+        cell_s = task.grid.cell_size_m / task.arrival.speed_m_s
+        step_cells = way.to_edge[index] + way.from_edge[index]
+        vehicle.track_cells += step_cells
+        ends_s, there = now_s + step_cells * cell_s, way.cells[index + 1]
+        vehicle.leg = now_s, task.grid.centre_m(here), ends_s, task.grid.centre_m(there)
+        self._enters_at(i, now_s + way.to_edge[index] * cell_s, ends_s)
 
     def _replan(self, vehicle: Vehicle, here: Cell, now_s: float) -> None:
         """Take the best route by the present belief if it is better than the rest of the present route."""
@@ -281,17 +301,17 @@ class _Mission:
         problem = problem_from(task, p_s, here, task.w, lead_in, gain)
         vehicle.searches += 1
         try:
-            route, keeps = choose_route(task, problem, vehicle.route[vehicle.index :])
+            route, keeps = choose_route(task, problem, vehicle.route[vehicle.route.index(here) :])
+            if not keeps:
+                self._take(vehicle, route, problem)
+                vehicle.replans += 1
         except Unreachable:
-            return  # a vehicle in flight keeps its route
-        if not keeps:
-            vehicle.route, vehicle.index = route.cells, 0
-            vehicle.replans += 1
+            pass  # a vehicle in flight keeps its route
 
     def _others(self, vehicle: Vehicle) -> dict[int, OtherVehicle]:
         """Return the present cells of the others that have not arrived, for a benevolent vehicle."""
         return {
-            other.task.uav: OtherVehicle(other.route[other.index], other.task.goals)
+            other.task.uav: OtherVehicle(other.way.cells[other.index], other.task.goals)
             for other in self._vehicles
             if other.task.uav in vehicle.task.others and other.arrived_s is None and other.route
         }
@@ -310,6 +330,7 @@ class _Mission:
                     np.array(vehicle.flown, dtype=np.int64).reshape(-1, 2),
                     sum(vehicle.strikes),
                     vehicle.arrived_s,
+                    None if vehicle.task.any_angle is None else vehicle.track_cells,
                     searches=vehicle.searches,
                     replans=vehicle.replans,
                     messages_sent=vehicle.sent,

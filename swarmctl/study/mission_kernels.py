@@ -160,7 +160,7 @@ def go_on(
     here, there = int(routes[i, ints[i, INDEX]]), int(routes[i, ints[i, INDEX] + 1])
     ints[i, INDEX] += 1
     is_diagonal = here // width != there // width and here % width != there % width
-    step_s = (ROOT2 if is_diagonal else 1.0) * cell_m / floats[i, SPEED]
+    step_s = (ROOT2 if is_diagonal else 1.0) * (cell_m / floats[i, SPEED])
     floats[i, FROM_S], floats[i, TO_S] = now_s, now_s + step_s
     floats[i, FROM_X] = (here % width - 1 + 0.5) * cell_m
     floats[i, FROM_Y] = (here // width - 1 + 0.5) * cell_m

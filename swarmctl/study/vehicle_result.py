@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from swarmctl.config.scenario import Scenario
 from swarmctl.core import exposure as measures
+from swarmctl.core.any_angle.pull import Track
 from swarmctl.core.grid import Cell
 from swarmctl.planners.base import Route
 
@@ -71,20 +72,22 @@ class MissionResult:
 def measured(
     scenario: Scenario,
     i: int,
-    first: Route | None,
+    first: Route | Track | None,
     p_s: NDArray[np.float64],
     flown: NDArray[np.int64],
     strikes: int,
     arrived_s: float | None,
+    track_cells: float | None = None,
     **counts: int,
 ) -> VehicleResult:
     """Return the measures of the scenario's vehicle `i`.
 
-    `p_s` is by the true hostiles, (rows, cols); `flown` has the cells, (n, 2). `counts` are fields of the
-    result. Times of a vehicle that has not arrived are NaN.
+    `p_s` is by the true hostiles, (rows, cols); `flown` has the cells, (n, 2). `track_cells` is the length
+    flown on straightened tracks; None: the length from centre to centre. `counts` are fields of the result.
+    Times of a vehicle that has not arrived are NaN.
     """
     task, takeoff_s = scenario.tasks[i], scenario.specs[i].delay_s
-    length_cells = measures.length_cells(flown)
+    length_cells = measures.length_cells(flown) if track_cells is None else track_cells
     length_m = length_cells * task.grid.cell_size_m + (task.arrival.approach_m if len(flown) else 0.0)
     ends_s = math.nan if arrived_s is None else arrived_s
     return VehicleResult(

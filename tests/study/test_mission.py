@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -130,9 +131,23 @@ def test_sensors_that_err_see_ghosts_and_the_same_ones_for_every_level() -> None
     assert all(row.arrived for row in (*short.rows, *safe.rows))
 
 
-def test_straightened_tracks_are_refused() -> None:
-    with pytest.raises(ValueError, match="any_angle"):
-        mission(small(flight={"any_angle": True}))
+def test_straightened_tracks_are_no_longer_and_no_more_exposed_than_the_routes_planned() -> None:
+    lattice, straight = small(), small(flight={"any_angle": True, "altitude_m": 15.0})
+    for seed in range(5):
+        world = World.drawn(lattice, seed)
+        planned, pulled = fly_mission(lattice, world), fly_mission(straight, world)
+        for one, other, track in zip(planned.rows, pulled.rows, pulled.tracks, strict=True):
+            assert other.arrived
+            assert other.believed_exposure_sum <= one.believed_exposure_sum + 1e-9
+            # The straight line is the shortest way; a new track begins at a centre, up to a cell aside.
+            rows, cols = abs(track[-1][0] - track[0][0]), abs(track[-1][1] - track[0][1])
+            assert other.length_cells >= math.hypot(rows, cols) - 1.0 - other.replans
+            assert all(abs(a - c) <= 1 and abs(b - d) <= 1 for (a, b), (c, d) in pairwise(track))
+
+
+def test_turns_of_a_radius_are_refused() -> None:
+    with pytest.raises(ValueError, match="turn_radius_m"):
+        mission(small(simulate={"count": 1, "autopilot": "arduplane"}, flight={"any_angle": True}))
 
 
 def test_a_fully_autonomous_vehicle_flies_as_without_communication() -> None:
