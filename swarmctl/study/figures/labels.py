@@ -84,7 +84,8 @@ def _spread_ends(axes: Axes, ends: list[tuple[Label, Annotation]], pt: float) ->
                 "arrowstyle": "-",
                 "color": label.colour,
                 "lw": 0.5,
-                "alpha": 0.7,
+                "alpha": 0.8,
+                "ls": ":" if right > x + 12 else "-",
                 "shrinkA": 0,
                 "shrinkB": 0,
             }

@@ -30,6 +30,11 @@ _LABELS = {
     "strikes_per_km": "strikes a kilometre",
     "survived": "share without a strike",
     "searches": "searches",
+    "within_bound": "share of routes within the bound",
+    "is_safest": "share of routes that are the safest",
+    "is_best_w": "share of routes that no w improves",
+    "is_exact": "share of routes that are the exact best",
+    "exposure_above_exact": "ΣP_s above the exact best route",
     "replans": "changes of route",
     "penalty": "communication penalty",
     "flight_time_s": "flight time [s]",
@@ -43,6 +48,8 @@ _FACTORS = {
     "communication.range": ("k", "communication range k [vehicles]"),
     "communication.loss": ("loss", "share of lost messages"),
     "planner.name": ("planner", "planner"),
+    "search.observed": ("observed", "share of cells observed"),
+    "search.searches": ("budget", "budget of searches"),
     "threats.count": ("hostiles", "announced number of hostiles"),
 }
 _UNITS = {

@@ -36,7 +36,10 @@ def panels_of(
     study: Study, spec: Spec, names: Sequence[str], panel_mm: float = PANEL_MM, most_columns: int = 3
 ) -> tuple[Figure, list[Panel]]:
     """Return the figure and its panels with headings: by measure, and within it by the value of `panels`."""
-    pairs = [(name, value) for name in names for value in study.shown(spec, spec.panels)]
+    values = study.shown(spec, spec.panels)
+    pairs = [(name, value) for name in names for value in values]
+    if len(names) > 1 and 1 < len(values) <= most_columns:
+        most_columns = len(values)  # one row a measure
     figure, places = page(spec.width, len(pairs), panel_mm, most_columns)
     panels = [Panel(axes, *pair) for axes, pair in zip(places, pairs, strict=True)]
     for panel in panels:

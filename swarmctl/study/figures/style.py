@@ -14,6 +14,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap, to_hex, to_rgb
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from swarmctl.report.foxglove import colour_of
 from swarmctl.report.pictures.style import GRID_LINE, INK, QUIET
@@ -85,7 +86,7 @@ def page(
         n_columns = 1 if n_panels <= 3 else 2
     else:
         n_columns = min(n_panels, most_columns)
-        if n_panels == most_columns + 1:
+        if n_panels == most_columns + 1 and n_panels % most_columns:
             n_columns = (n_panels + 1) // 2
     n_rows = -(-n_panels // n_columns)
     size = (WIDTH_MM[width] / 25.4, (n_rows * panel_mm + 2.0) / 25.4)
@@ -135,6 +136,8 @@ def set_scale(axes: Axes, scale: str, values: Sequence[object]) -> None:
         if scale == "log":
             axes.set_xscale("log")
             axes.xaxis.set_major_formatter("{x:g}")
+        elif all(number.is_integer() for number in numbers):
+            axes.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10], integer=True))
         if len(numbers) <= 7:
             axes.set_xticks(numbers, [f"{number:g}" for number in numbers])
             axes.set_xticks([], minor=True)
