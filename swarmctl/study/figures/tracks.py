@@ -121,7 +121,7 @@ def _draw_tracks(axes: Axes, tracks: pd.DataFrame) -> None:
         axes.text(
             -0.25,
             y[0],
-            str(int(uav) + 1),
+            str(int(uav)),
             color=dark(colour),
             ha="right",
             va="center",
