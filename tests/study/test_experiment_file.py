@@ -82,7 +82,7 @@ def test_where_leaves_out_combinations(
             "area.rows = 3",
         ),
         (["set: {threats.count: 401}"], "3: set.threats.count", "401"),
-        (["set: {flight.any_angle: true}"], "1: factors", "any_angle"),
+        (["set: {arrival: {mode: simultaneous}}"], "1: factors", "arrival"),
         (["set: {area.no_fly.x: 1}"], "3: set.area.no_fly.x", "area.no_fly"),
         (["where: [planner.w < 1]"], "3: where", "planner.w"),
         (["factors: {planner.w: [0]}", "where: [planner.w ~ 1]"], "4: where", "FACTOR OPERATOR VALUE"),
