@@ -138,7 +138,8 @@ def set_scale(axes: Axes, scale: str, values: Sequence[object]) -> None:
             axes.xaxis.set_major_formatter("{x:g}")
         elif all(number.is_integer() for number in numbers):
             axes.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10], integer=True))
-        if len(numbers) <= 7:
+        gaps = np.diff(np.log(numbers) if scale == "log" else numbers)
+        if len(numbers) <= 7 and (gaps >= 0.08 * gaps.sum()).all():
             axes.set_xticks(numbers, [f"{number:g}" for number in numbers])
             axes.set_xticks([], minor=True)
 
