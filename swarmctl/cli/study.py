@@ -33,10 +33,12 @@ PACKAGES = ("distributed", "pandas", "pyarrow")
 
 
 def register(cli: typer.Typer) -> None:
-    cli.command()(study)
+    cli.callback(invoke_without_command=True)(study)
+    cli.command()(report)
 
 
 def study(
+    context: typer.Context,
     config: Annotated[
         Path | None,
         typer.Option(
@@ -73,7 +75,9 @@ def study(
         ),
     ] = None,
 ) -> None:
-    """Fly an experiment of many missions cell by cell: a table of results by vehicle and world."""
+    """Fly an experiment of many missions cell by cell, and draw its figures with intervals."""
+    if context.invoked_subcommand is not None:
+        return
     if config is None:
         fail(["give --config FILE, such as --config configs/studies/communication.yaml"], USAGE)
     if workers is not None and scheduler is not None:
@@ -83,6 +87,18 @@ def study(
     folder = out_folder / config.stem
     say(_describe(experiment))
     _run(experiment, folder, workers or len(os.sched_getaffinity(0)), scheduler)
+    _report(folder)
+
+
+def report(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Results folder of a study.")],
+) -> None:
+    """Draw the figures and the report of a results folder again, without computing missions."""
+    _require_packages()
+    if not (folder / "results.parquet").is_file():
+        text = f"{folder} has no results.parquet"
+        fail([f"{text}; give the folder of a finished study, or repeat an interrupted one"], USAGE)
+    _report(folder)
 
 
 def _require_packages() -> None:
@@ -179,3 +195,12 @@ class _Lines:
         if (tenth := 10 * done // total) != self._tenth:
             self._tenth = tenth
             err.print(f"{done} of {total} missions", highlight=False)
+
+
+def _report(folder: Path) -> None:
+    from swarmctl.study.report import ReportError, write  # noqa: PLC0415 - loads matplotlib
+
+    try:
+        say(f"figures and report: {write(folder)}")
+    except ReportError as error:
+        fail([str(error)], FAILED)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -120,9 +120,22 @@ def load_experiment(path: Path, worlds: int | None = None) -> Experiment:
     experiment = Experiment(
         path, text, base_text, section, tuple(factors), tuple(levels), tuple(setups), worlds
     )
+    problems += _figure_problems(experiment)
     if problems:
         raise _error(path, document, problems)
     return experiment
+
+
+def _figure_problems(experiment: Experiment) -> Iterator[ConfigProblem]:
+    if not experiment.section.figures:
+        return
+    from swarmctl.study.figures import validate  # noqa: PLC0415 - loads matplotlib
+
+    for i, figure in enumerate(experiment.section.figures):
+        try:
+            validate(figure, experiment.values, experiment.kind.measures)
+        except ValueError as error:
+            yield ConfigProblem(("figures", i), str(error))
 
 
 def _error(path: Path, document: Document, problems: Iterable[ConfigProblem]) -> ConfigError:

@@ -93,6 +93,7 @@ def test_where_leaves_out_combinations(
         (["worlds: 5", "tracks: [0, 5]"], "4: tracks[1]", "0 to 4"),
         (["kind: flights"], "3: kind", "missions"),
         (["search: {method: annealing}"], "3: search", "missions"),
+        (["figures: [{kind: lnes, x: planner.w, y: strikes}]"], "3: figures[0]", "lines"),
         (["world: 5"], "3: world", "'worlds'"),
     ],
 )
