@@ -129,7 +129,7 @@ def compare_routes(console: Console, side: int = 8, hostiles: int = 5, w: float 
     share = (alone - kind).sum() / (alone - best).sum()
     console.print(
         f"{N_CASES} cases; a better route exists in {open_to_gain.sum()}; the benevolent route beats "
-        f"the selfish one in {n_better} and worse in {n_worse}; share of the possible gain: {share:.0%}"
+        f"the selfish one in {n_better}, and is worse in {n_worse}; share of the possible gain: {share:.0%}"
     )
 
 
