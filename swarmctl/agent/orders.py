@@ -10,11 +10,12 @@ from swarmctl.agent.failsafes.base import DemandKind
 from swarmctl.agent.own_modes import ROLE_OF_ORDER, own_mode_roles
 from swarmctl.agent.phases import IN_FLIGHT, ON_GROUND, PAST_PLANNING, Phase
 from swarmctl.agent.state import AgentState, Task
-from swarmctl.agent.traffic.wait import WaitFor, begin
+from swarmctl.agent.traffic.wait import Wait, WaitFor, begin
 from swarmctl.core import events as ev
 from swarmctl.core.messages import CommandOutcome, VehicleAnswer, VehiclePosition
 from swarmctl.core.records import replace
 
+_WAIT_OF_ORDER = {ev.FlightOrder.RETURN: WaitFor.RETURN_PATH, ev.FlightOrder.LAND: WaitFor.GROUND}
 StepResult = tuple[AgentState, list[ev.Effect]]
 REPEAT_WHEN_RECENT = "telemetry is old; repeat the order when telemetry is recent"
 RETRY_AFTER_S = 5.0
@@ -223,6 +224,7 @@ def _apply_order(state: AgentState, event: ev.OperatorCommand, *, remote: bool) 
         changes["arrived_boot_s"] = None  # the vehicle is over its goal, but does not land there
     changes["outcome"] = f"{order} ordered"
     if not event.after_s:
+        changes["wait"] = _wait_after_repetition(state, order)
         phase = Phase.HOLDING if order is ev.FlightOrder.HOLD else Phase.LEAVING
         return command(state, order, by_person=True, **(changes | {"phase": phase}))
     # A recall with a start time: hold until then.
@@ -232,6 +234,14 @@ def _apply_order(state: AgentState, event: ev.OperatorCommand, *, remote: bool) 
     if state.phase is Phase.HOLDING and state.order.given is ev.FlightOrder.HOLD:
         return replace(state, **changes), []
     return command(state, ev.FlightOrder.HOLD, by_person=True, **changes)
+
+
+def _wait_after_repetition(state: AgentState, order: ev.FlightOrder) -> Wait | None:
+    """Return the wait of a vehicle that waited before it followed this order: it waits no more."""
+    wait = state.wait
+    if wait is None or not wait.is_on or wait.purpose is not _WAIT_OF_ORDER.get(order):
+        return None
+    return wait.over(state.vehicle.time_boot_s)
 
 
 def weights_changed(state: AgentState, event: ev.WeightsChanged, _now: float) -> StepResult:

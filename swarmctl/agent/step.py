@@ -34,6 +34,7 @@ from swarmctl.agent.touchdown import end_at_touchdown, has_touched_down, may_be_
 from swarmctl.agent.traffic.collision_avoidance import avoid_collisions
 from swarmctl.agent.traffic.intents import receive_intents, share_intent
 from swarmctl.agent.traffic.landing_queue import arrive, land_after_unconfirmed_hold, queue_for_landing
+from swarmctl.agent.traffic.last_resort import stop_in_time
 from swarmctl.agent.traffic.launching import (
     cancel_launch,
     launch_if_possible,
@@ -167,6 +168,7 @@ def _steer(state: AgentState, now: float) -> StepResult:
         update_return,
         avoid_collisions,
         queue_for_landing,
+        stop_in_time,
         adjust_speed,
     ):
         state, new = part(state)

@@ -18,9 +18,12 @@ FOUND = {
     112: "a vehicle held in its climb, in the way of the next one",
     546: "two landing vehicles met over the goal's centre, and neither was allowed to hold any more",
     118: "a vehicle gave way to a landing one with a climb that ended over the goal",
+    218: "a vehicle with a higher speed followed another one to the goal, and neither had an alarm",
+    312: "an ordered landing came down beside a landing vehicle",
+    641: "a vehicle with priority came from behind upon a vehicle that gave way but could not",
 }
 """seeds that broke a rule before, with the cause"""
-OPEN = frozenset({5, 10, 25, 83, 84, 107, 136, 139, 141, 155})
+OPEN = frozenset({136, 139})
 """seeds that still break a rule"""
 
 

@@ -101,6 +101,8 @@ class DrawnTraffic:
     witness: Witness
     story: list[str] = field(default_factory=list)
     excused_from_s: dict[int, float] = field(default_factory=dict)
+    taken_over: set[int] = field(default_factory=set)
+    """vehicles that another station flies; they do not follow the orders of this program"""
     ends: bool = False
 
     def flown(self) -> DrawnTraffic:
@@ -246,7 +248,7 @@ def _order(drawn: DrawnTraffic, rng: random.Random, agent: LightAgent) -> None:
         if order is ev.FlightOrder.HOLD:
             drawn.witness.ordered_hold.add(agent.uav)
         else:
-            drawn.witness.ordered_hold.discard(agent.uav)
+            drawn.witness.ordered_hold -= {agent.uav} - drawn.taken_over
         agent(ev.OperatorCommand(order))
 
     _tell(drawn, at_s, f"{order} ordered of {agent.uav}", lambda: give(order))
@@ -299,6 +301,7 @@ def _taken_over(drawn: DrawnTraffic, rng: random.Random, agent: LightAgent) -> N
     def hold() -> None:
         if agent.vehicle.armed:
             drawn.witness.ordered_hold.add(agent.uav)
+            drawn.taken_over.add(agent.uav)
             agent.vehicle.hold()
 
     def home() -> None:

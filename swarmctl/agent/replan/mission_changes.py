@@ -9,6 +9,7 @@ from swarmctl.agent.replan.decide import believed_exposure, decide
 from swarmctl.agent.replan.splice import is_wall_close, may_learn_of_walls
 from swarmctl.agent.replan.stopping import stop_end_s
 from swarmctl.agent.state import AgentState
+from swarmctl.agent.traffic.landing_queue import hold_before_landing
 from swarmctl.agent.traffic.launching import launch_if_possible
 from swarmctl.agent.traffic.route_deconfliction import deconflict
 from swarmctl.agent.traffic.wait import WaitFor
@@ -117,6 +118,8 @@ def mission_failed(state: AgentState, event: ev.MissionFailed, now: float) -> St
         return state.enter(Phase.FAILED, outcome=event.reason), []
     if event.flying == "theirs" and state.phase in IN_FLIGHT:
         return release_vehicle(state, event.reason)
+    if state.phase is Phase.LANDING and event.flying == "hold" and state.wait is not None:
+        return hold_before_landing(state, state.wait.to)  # others may be below this place
     if state.phase is Phase.LANDING and (event.flying != "old" or swap.plan.from_hold):
         # The vehicle may hold in its goal cell, so it has to land there.
         return command(state, ev.FlightOrder.LAND)

@@ -6,29 +6,41 @@ Launch, new plans, holds, landings and the flown plan ask `clashes_with` about `
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Set
+from collections.abc import Mapping, Sequence, Set
 
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.prediction import predict, silent_neighbours
 from swarmctl.agent.traffic.priority import Activity, Standing
 from swarmctl.agent.traffic.separation.approach import Limits, closest
 from swarmctl.agent.traffic.separation.clash import TIME_TOLERANCE_S, Clash, find_clashes
-from swarmctl.agent.traffic.separation.trajectory import Bounds, Trajectory, until_landing
-from swarmctl.agent.traffic.separation.watch import NeighbourIntent
+from swarmctl.agent.traffic.separation.trajectory import Bounds, LocalPoint, Trajectory, until_landing
+from swarmctl.agent.traffic.separation.watch import NeighbourIntent, NeighbourReport
 
 Others = Mapping[int, NeighbourIntent]
 """flights of other vehicles by system id"""
 
+MARGIN = 1.15
+"""Multiple of the horizontal limit that planned flights keep; landing spots are 1.2 limits apart."""
 MAX_AGE_S = 20.0
 """Greatest age of an intent in use [s]: three intents in a row may be lost."""
 SEPARATES_WITHIN_S = 6.0
 """Time within which two close vehicles have to separate [s]; a climb or a turn takes this long."""
+WAIT_WITHIN_S = 15.0
+"""Time within which a conflict with a vehicle that cannot change its plan causes a wait [s]."""
 BETTER_BY = 0.3
 """Least improvement, as a share of the limits, of a plan that is still too close to another vehicle."""
 
+OFF_INTENT_S, OFF_INTENT_M, OFF_INTENT_UP_M = 1.5, 4.0, 2.0
+"""Distances from the announced position beyond which a vehicle is off its intent: over ground the distance
+flown in OFF_INTENT_S, at least OFF_INTENT_M, and in height [m]."""
+
 
 def clashes_with(flight: Trajectory, others: Others, limits: Limits) -> tuple[Clash, ...]:
-    """Return the clashes of a flight with the flights of `others`, soonest first."""
+    """Return the clashes of a flight with the flights of `others`, soonest first.
+
+    Flights keep MARGIN times the horizontal limit, because vehicles drift in wind and stop late.
+    """
+    limits = Limits(MARGIN * limits.horizontal_m, limits.vertical_m)
     near = near_flights(flight, others, limits)
     wider = {uav: intent.limits(limits) for uav, intent in near.items() if any(intent.uncertainty_m)}
     return find_clashes(flight, {uav: intent.flight for uav, intent in near.items()}, limits, wider=wider)
@@ -91,6 +103,31 @@ def known_flights(state: AgentState) -> dict[int, NeighbourIntent]:
     silent = {uav: as_intent(state, path) for uav, path in silent_neighbours(state).items()}
     known = silent | _extrapolated(state, state.neighbours.keys() - intents.keys())
     return intents | {uav: flight for uav, flight in known.items() if uav not in intents}
+
+
+def share_of(mine: Sequence[Trajectory], others: Sequence[Trajectory], limits: Limits) -> float:
+    """Return the least distance of any of two flights, as a share of the limits."""
+    found = (_least_share(one, other, limits) for one in mine for other in others)
+    return min((share for share in found if share is not None), default=math.inf)
+
+
+def current_flights(state: AgentState) -> dict[int, NeighbourIntent]:
+    """Return the known flights; vehicles off their intents count with their extrapolated positions."""
+    flights = known_flights(state)
+    for uav, report in state.neighbours.items():
+        intent = flights.get(uav)
+        if intent is None or (path := predict(state, report)) is None:
+            continue
+        here, planned = as_intent(state, path), intent.flight.at(report.at_s)
+        if planned is None or _is_off(here.flight.points[0], planned, report):
+            flights[uav] = here
+    return flights
+
+
+def _is_off(at: LocalPoint, planned: LocalPoint, report: NeighbourReport) -> bool:
+    east_m_s, north_m_s, _ = report.state.velocity_m_s
+    off_m = max(OFF_INTENT_M, OFF_INTENT_S * math.hypot(east_m_s, north_m_s))
+    return math.dist(at[:2], planned[:2]) > off_m or abs(at[2] - planned[2]) > OFF_INTENT_UP_M
 
 
 def alarmed_flights(state: AgentState) -> dict[int, NeighbourIntent]:

@@ -144,6 +144,18 @@ def planned_flight(state: AgentState) -> Trajectory | None:
     )
 
 
+def return_flight(state: AgentState) -> Trajectory | None:
+    """Return the own trajectory of a return that begins now; None if position or home is unknown."""
+    here = position_of(state)
+    return None if here is None else to_shared_frame(state, _return_trajectory(state, here))
+
+
+def landing_flight(state: AgentState) -> Trajectory | None:
+    """Return the own trajectory of a landing here that begins now; None if the position is unknown."""
+    here = position_of(state)
+    return None if here is None else to_shared_frame(state, land_from([here], [0.0]))
+
+
 def own_trajectory(state: AgentState) -> Trajectory | None:
     """Return the own trajectory for the look-ahead time, heights above home; None: the position is unknown.
 
@@ -258,8 +270,26 @@ def _phase_trajectory(state: AgentState, here: LocalPoint) -> Trajectory | None:
             return Trajectory((0.0, HOLD_DURATION_S), (stop, stop))
         case Phase.LEAVING if state.order.given is ev.FlightOrder.LAND:
             return land_from([here], [0.0])
-    # A return is not predicted: it begins with a climb to a height that a firmware's parameter sets.
+        case Phase.LEAVING if state.order.given is ev.FlightOrder.RETURN:
+            return _return_trajectory(state, here)
     return None
+
+
+def _return_trajectory(state: AgentState, here: LocalPoint) -> Trajectory | None:
+    """Return the trajectory of a return, heights above home; None if home is unknown.
+
+    A return begins with a climb to a height that a firmware's parameter sets: the cruise height or less.
+    """
+    home = state.vehicle.home_lat_deg, state.vehicle.home_lon_deg
+    if home[0] is None or home[1] is None:
+        return None
+    path = [state.task.grid.frame.to_local(home[0], home[1])]
+    if math.dist(here[:2], path[0]) < VERTICAL_WITHIN_M:
+        return land_from([here], [0.0])
+    height_m, speed_m_s = state.task.altitude_m, state.task.arrival.speed_m_s
+    if here[2] > height_m - AIRBORNE_M:
+        return fly_along(here, here[2], path, speed_m_s)
+    return climb_then_fly(here, height_m, path, speed_m_s)
 
 
 def _descends_vertically(here: LocalPoint, spot: tuple[float, float], height_m: float) -> bool:

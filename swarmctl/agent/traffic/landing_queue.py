@@ -18,6 +18,7 @@ wing does not wait, because it cannot hover.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import msgspec
@@ -30,6 +31,7 @@ from swarmctl.agent.replan.copter_trajectory import fly_along, land_from, waypoi
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.check import (
     SEPARATES_WITHIN_S,
+    WAIT_WITHIN_S,
     Others,
     alarmed_flights,
     clashes_with,
@@ -49,7 +51,7 @@ from swarmctl.agent.traffic.priority import SAME_HEIGHT_M, Activity, Standing, g
 from swarmctl.agent.traffic.route_hold import give_up
 from swarmctl.agent.traffic.separation.clash import Clash, describe_clashes
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory, landing_start_s
-from swarmctl.agent.traffic.separation.watch import NeighbourIntent
+from swarmctl.agent.traffic.separation.watch import NeighbourIntent, NeighbourReport
 from swarmctl.agent.traffic.wait import Verdict, Wait, WaitFor, begin, verdict
 from swarmctl.core import events as ev
 from swarmctl.core.mission import Waypoint
@@ -57,8 +59,6 @@ from swarmctl.core.planar import PlanarPoint
 from swarmctl.core.records import replace
 from swarmctl.core.vehicle import Landed
 
-WAIT_WITHIN_S = 15.0
-"""Time within which a conflict with a vehicle that cannot change its plan causes a wait [s]."""
 CLEAR_AHEAD_S = 20.0
 """Time ahead for which the landing has to be predicted clear [s]."""
 STARTS_AFTER_S = (0.0, 2.0, 4.0)
@@ -89,7 +89,7 @@ def queue_for_landing(state: AgentState) -> StepResult:
     """Hold for another vehicle, or land when the descent is clear. Called for each telemetry message."""
     if state.phase is not Phase.LANDING or state.task.wings is not None or state.lost:
         return state, []
-    if state.is_waiting and _is_urgent(state):
+    if state.is_waiting and is_urgent(state):
         return _land_here(
             state,
             "an urgent failsafe ends the wait; the vehicle lands where it is [landing-urgent]",
@@ -135,7 +135,7 @@ def _land_here(state: AgentState, text: str) -> StepResult:
     return state, [ev.NotifyOperator(text), *ordered, *published]
 
 
-def _is_urgent(state: AgentState) -> bool:
+def is_urgent(state: AgentState) -> bool:
     """Return whether an urgent failsafe demands a return, a landing or a release."""
     demands = (demand for demand in state.demands if demand is not None and demand.urgent)
     return any(STRENGTH[demand.kind] >= STRENGTH[DemandKind.RETURN] for demand in demands)
@@ -143,7 +143,7 @@ def _is_urgent(state: AgentState) -> bool:
 
 def _may_wait(state: AgentState) -> bool:
     vehicle, action = state.vehicle, state.task.separation.action
-    if action == "none" or state.plans.route is None or state.plans.pending is not None or _is_urgent(state):
+    if action == "none" or state.plans.route is None or state.plans.pending is not None or is_urgent(state):
         return False
     follows = state.order.is_followed or state.order.given in (None, ev.FlightOrder.LAUNCH)
     in_own_mode = follows and vehicle.mode_role in own_mode_roles(state)
@@ -176,21 +176,21 @@ def _wait_if_conflicting(state: AgentState, here: LocalPoint) -> StepResult:
         return state, []
     counts, n, reports = state.conflicts.counts, len(clashes), state.neighbours
     counts = replace(counts, predicted=counts.predicted + n, by_waiting=counts.by_waiting + n)
-    state, ordered = command(
-        replace(state, n_holds=state.n_holds + 1, conflicts=replace(state.conflicts, counts=counts)),
-        ev.FlightOrder.HOLD,
-        wait=begin(
-            WaitFor.DESCENT,
-            now_s,
-            plan=state.plans.route,
-            to={clash.other: reports[clash.other] for clash in clashes if clash.other in reports},
-            before=state.wait,
-        ),
-    )
-    state, published = publish_intent(state, planned_flight(state))
+    state = replace(state, conflicts=replace(state.conflicts, counts=counts))
+    to = {clash.other: reports[clash.other] for clash in clashes if clash.other in reports}
+    state, effects = hold_before_landing(state, to)
     text = f"the landing would conflict with {describe_clashes(clashes, now_s)}"
     text += "; the vehicle holds until its descent is clear [landing-queue]"
-    return state, [ev.NotifyOperator(text), *ordered, *published]
+    return state, [ev.NotifyOperator(text), *effects]
+
+
+def hold_before_landing(state: AgentState, to: Mapping[int, NeighbourReport]) -> StepResult:
+    """Order a hold until the descent is clear; a second hold on the way to one landing keeps the deadline."""
+    plan, now_s = state.plans.route or state.interrupted, state.vehicle.time_boot_s
+    wait = begin(WaitFor.DESCENT, now_s, plan=plan, to=to, before=state.wait)
+    state, ordered = command(replace(state, n_holds=state.n_holds + 1), ev.FlightOrder.HOLD, wait=wait)
+    state, published = publish_intent(state, planned_flight(state))
+    return state, [*ordered, *published]
 
 
 def _conflict_horizon_s(intent: NeighbourIntent) -> float:

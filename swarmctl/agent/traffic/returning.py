@@ -23,8 +23,16 @@ from swarmctl.agent.failsafes import lost_link
 from swarmctl.agent.orders import StepResult, command, position_for_return, urgent_return_reason
 from swarmctl.agent.phases import IN_FLIGHT, Phase
 from swarmctl.agent.state import AgentState
+from swarmctl.agent.traffic.check import (
+    SEPARATES_WITHIN_S,
+    WAIT_WITHIN_S,
+    clashes_of_route,
+    current_flights,
+)
+from swarmctl.agent.traffic.intents import landing_flight, planned_flight, publish_intent, return_flight
 from swarmctl.agent.traffic.priority import Activity, Standing, activity_of, gives_way
 from swarmctl.agent.traffic.return_schedule import may_be_returning, position_from_state, schedule_for
+from swarmctl.agent.traffic.separation.trajectory import Trajectory
 from swarmctl.agent.traffic.separation.watch import NeighbourReport
 from swarmctl.agent.traffic.wait import Verdict, Wait, WaitFor, begin, verdict
 from swarmctl.core import events as ev
@@ -55,7 +63,7 @@ def return_target(state: AgentState) -> LatLon | None:
         case Phase.LEAVING:
             returns = state.order.given is ev.FlightOrder.RETURN
         case Phase.HOLDING if not state.lost:
-            returns = state.is_waiting
+            returns = state.is_waiting and not state.waits_for(WaitFor.GROUND)
         case Phase.RELEASED:
             returns = vehicle.armed and vehicle.mode_role == "return"
         case _:
@@ -93,6 +101,34 @@ def wait_to_return(state: AgentState, **changes: Any) -> StepResult | None:
     return command(state, ev.FlightOrder.HOLD, **changes)
 
 
+def may_hold_before_leaving(state: AgentState) -> bool:
+    """Return whether a return or landing may hold for others: it is not urgent, and has time left to wait."""
+    if state.launch.is_aborted or any(d is not None and d.urgent for d in state.demands):
+        return False
+    wait = state.wait
+    return (
+        wait is None
+        or wait.purpose is not _purpose(state)
+        or (state.vehicle.time_boot_s < wait.deadline_boot_s)
+    )
+
+
+def _purpose(state: AgentState) -> WaitFor:
+    return WaitFor.GROUND if state.order.given is ev.FlightOrder.LAND else WaitFor.RETURN_PATH
+
+
+def hold_before_leaving(state: AgentState, to: Mapping[int, NeighbourReport]) -> StepResult:
+    """Hold until the return path or the ground is clear; all holds of one order have one deadline."""
+    now_s, wait, purpose = state.vehicle.time_boot_s, state.wait, _purpose(state)
+    if wait is not None and wait.purpose is purpose:
+        waiting = replace(wait.again(), since_boot_s=now_s, checked_boot_s=now_s, to={**wait.to, **to})
+    else:
+        waiting = begin(purpose, now_s, to=to)
+    state, ordered = command(state, ev.FlightOrder.HOLD, phase=Phase.HOLDING, wait=waiting, **SHARED_AT_ONCE)
+    state, published = publish_intent(state, planned_flight(state))
+    return state, [*ordered, *published]
+
+
 def _takes_off(state: AgentState) -> bool:
     """Return whether a fixed wing still climbs after take-off, and would circle too low in hold."""
     wings, up_m = state.task.wings, state.vehicle.alt_rel_m
@@ -106,32 +142,50 @@ def start_return(state: AgentState, *, may_hold_again: bool = False, **changes: 
 
     `may_hold_again`: the vehicle gives way again if another one has started at the same time.
     """
-    now_s, wait = state.vehicle.time_boot_s, None
+    now_s = state.vehicle.time_boot_s
     if may_hold_again:
-        wait = begin(WaitFor.RETURN_PATH, now_s, before=state.wait).ended(now_s)
-    changes |= {"wait": wait, **SHARED_AT_ONCE}
+        changes["wait"] = begin(WaitFor.RETURN_PATH, now_s, before=state.wait).ended(now_s)
+    changes = {"wait": None, **changes, **SHARED_AT_ONCE}
     return command(state, ev.FlightOrder.RETURN, phase=Phase.LEAVING, **changes)
 
 
 def update_return(state: AgentState) -> StepResult:
     """Start a waiting return, or interrupt a return that has just started. Called for each position."""
     wait = state.wait
-    if wait is None or wait.purpose not in (WaitFor.RETURN_PATH, WaitFor.TURN):
+    if wait is None or wait.purpose not in (WaitFor.RETURN_PATH, WaitFor.GROUND, WaitFor.TURN):
         return state, []
+    if wait.purpose is WaitFor.GROUND:
+        return _land_if_clear(state, wait) if wait.is_on else (state, [])
     return _wait_or_start(state, wait) if wait.is_on else _yield_to_simultaneous_start(state, wait)
+
+
+def _land_if_clear(state: AgentState, wait: Wait) -> StepResult:
+    now_s = state.vehicle.time_boot_s
+    match verdict(wait, now_s, lambda: not _leaving_conflicts(state, landing_flight(state))):
+        case Verdict.WAIT:
+            return state, []
+        case Verdict.BLOCKED:
+            return replace(state, wait=wait.tried(now_s)), []
+    ended = {"phase": Phase.LEAVING, "wait": wait.ended(now_s), **SHARED_AT_ONCE}
+    state, ordered = command(state, ev.FlightOrder.LAND, **ended)
+    return state, [ev.NotifyOperator("the vehicle lands as ordered [ground-clear]"), *ordered]
 
 
 def _wait_or_start(state: AgentState, wait: Wait) -> StepResult:
     now_s = state.vehicle.time_boot_s
 
     def is_clear() -> bool:
-        return bool(urgent_return_reason(state)) or is_return_path_clear(state, state.returning)
+        is_clear = is_return_path_clear(state, state.returning) and not _leaving_conflicts(
+            state, return_flight(state)
+        )
+        return bool(urgent_return_reason(state)) or is_clear
 
     # At the end of the longest wait, vehicles start one after the other.
     early_s = STAGGER_S * min(_n_waiting_with_higher_id(state), MAX_STAGGERED)
     match verdict(wait, now_s, is_clear, early_s=early_s if wait.purpose is WaitFor.RETURN_PATH else 0.0):
         case Verdict.OVER:
-            return start_return(state)
+            ended = wait.ended(now_s) if wait.purpose is WaitFor.RETURN_PATH else None
+            return start_return(state, wait=ended)
         case Verdict.WAIT:
             return state, []
         case Verdict.BLOCKED:
@@ -141,6 +195,21 @@ def _wait_or_start(state: AgentState, wait: Wait) -> StepResult:
         ev.NotifyOperator("the return path is clear; the vehicle returns [return-clear]"),
         *ordered,
     ]
+
+
+def _leaving_conflicts(state: AgentState, flight: Trajectory | None) -> bool:
+    """Return whether a return or landing would soon conflict with another vehicle's flight.
+
+    Farther ahead, a vehicle that can change its plan gives way.
+    """
+    now_s = state.vehicle.time_boot_s
+    if flight is None:
+        return False
+    others = current_flights(state)
+    return any(
+        clash.at_s - now_s < (SEPARATES_WITHIN_S if others[clash.other].may_change else WAIT_WITHIN_S)
+        for clash in clashes_of_route(state, flight, others)
+    )
 
 
 def _n_waiting_with_higher_id(state: AgentState) -> int:
@@ -157,7 +226,7 @@ def _yield_to_simultaneous_start(state: AgentState, wait: Wait) -> StepResult:
     """Hold again if the path is not clear of a vehicle with priority that started at the same time."""
     now_s = state.vehicle.time_boot_s
     if not wait.may_go_on(now_s) or now_s >= wait.deadline_boot_s:
-        return replace(state, wait=None), []
+        return state, []
     mine = Standing(Activity.LANDING, True, state.task.uav)
     first = {
         uav: report

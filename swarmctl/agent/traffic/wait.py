@@ -23,6 +23,7 @@ class WaitFor(StrEnum):
     ROUTE = "route"
     DESCENT = "descent"
     RETURN_PATH = "return path"
+    GROUND = "ground"
     TURN = "turn"
 
 
@@ -70,6 +71,12 @@ RULES: Mapping[WaitFor, WaitRule] = {
         "in hold before its return",
         120.0,
         "returns in any case",
+        frozenset({Phase.HOLDING, Phase.LEAVING}),
+    ),
+    WaitFor.GROUND: WaitRule(
+        "in hold before an ordered landing",
+        120.0,
+        "lands in any case",
         frozenset({Phase.HOLDING, Phase.LEAVING}),
     ),
     WaitFor.TURN: WaitRule(
@@ -135,6 +142,10 @@ class Wait:
     def ended(self, now_s: float) -> Wait:
         """Return the wait of a vehicle that goes on, and may have to wait again until the same deadline."""
         return replace(self, ended_boot_s=now_s)
+
+    def over(self, now_s: float) -> Wait:
+        """Return the wait of a vehicle that goes on, and does not wait again."""
+        return replace(self, ended_boot_s=now_s, deadline_boot_s=now_s)
 
     def again(self) -> Wait:
         """Return the wait of a vehicle that has to wait again; its deadline stays."""

@@ -1,0 +1,158 @@
+"""Last resort: a copter stops if it comes too close to another vehicle within seconds. Pure.
+
+All other layers decide earlier, by plans. This layer acts when those decisions were not enough: the other
+vehicle follows closely, has just changed its plan, or is late. Both vehicles compare the same flights: each
+one's plan, each one's present velocity, and each one's stop. A vehicle whose stop does not help cannot give
+way in time, so the other one stops; otherwise the rule of `priority` decides. A vehicle with priority stops,
+too, when its last moment for a stop has come.
+
+| the vehicle | waits for | goes on |
+|---|---|---|
+| flies its route | a clear route | `route_hold` |
+| lands | a clear descent | `landing_queue` |
+| returns or lands by an order, without urgent reason | a clear path | `returning` |
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from swarmctl.agent.orders import StepResult
+from swarmctl.agent.own_modes import own_mode_roles
+from swarmctl.agent.phases import Phase
+from swarmctl.agent.state import AgentState
+from swarmctl.agent.traffic.check import as_intent, current_flights, near_flights, share_of
+from swarmctl.agent.traffic.intents import planned_flight, position_amsl
+from swarmctl.agent.traffic.landing_queue import MIN_HEIGHT_M, hold_before_landing, is_urgent
+from swarmctl.agent.traffic.prediction import predict
+from swarmctl.agent.traffic.priority import Activity, Standing, activity_of, gives_way
+from swarmctl.agent.traffic.returning import hold_before_leaving, may_hold_before_leaving
+from swarmctl.agent.traffic.route_hold import hold, may_give_way
+from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory, extrapolate
+from swarmctl.agent.traffic.separation.watch import NeighbourIntent
+from swarmctl.core import events as ev
+from swarmctl.core.vehicle import BRAKING_M_S2
+
+LOOKS_AHEAD_S = 8.0
+"""Time ahead in which plans are compared [s]."""
+STRAIGHT_ON_S = 5.0
+"""Time for which a vehicle may fly straight on instead of by its plan [s]."""
+REACTS_S = 1.5
+"""Time from a decision to the start of braking, and reserve [s]."""
+ENOUGH = 1.1
+"""Share of the limits that two flights have to keep."""
+BETTER_BY = 0.2
+"""Least improvement by a stop that is still too close, as a share of the limits."""
+
+Paths = Sequence[Trajectory]
+
+
+def stop_in_time(state: AgentState) -> StepResult:
+    """Hold if the vehicle comes too close to another one soon, and has to stop for it."""
+    if not _may_stop(state) or (not state.neighbours and not state.intents):
+        return state, []
+    here, plan = position_amsl(state), planned_flight(state)
+    if here is None or plan is None:
+        return state, []
+    vehicle, limits = state.vehicle, state.task.separation.limits
+    now_s, velocity = vehicle.time_boot_s, (vehicle.east_m_s, vehicle.north_m_s, vehicle.climb_m_s)
+    mine = (plan.lasting(now_s + LOOKS_AHEAD_S), extrapolate(here, velocity, now_s, STRAIGHT_ON_S))
+    flights = current_flights(state)
+    others = {uav: f for path in mine for uav, f in near_flights(path, flights, limits).items()}
+    stop = _stop(here, velocity, now_s)
+    to_avoid = {uav for uav, flight in others.items() if _has_to_stop(state, mine, stop, uav, flight)}
+    if not to_avoid:
+        return state, []
+    # The stop must not be worse with regard to all vehicles.
+    theirs = [path for uav, flight in others.items() for path in _paths(state, uav, flight)]
+    if not _helps(share_of((stop,), theirs, limits), share_of(mine, theirs, limits)):
+        return state, []
+    to = {uav: state.neighbours[uav] for uav in to_avoid if uav in state.neighbours}
+    names = " and ".join(f"vehicle {uav}" for uav in sorted(to_avoid))
+    text = f"the vehicle would come too close to {names} within seconds; it holds [stops-in-time]"
+    match state.phase:
+        case Phase.FLYING:
+            state, effects = hold(state, state.plans.route, to)
+        case Phase.LANDING:
+            state, effects = hold_before_landing(state, to)
+        case _:
+            state, effects = hold_before_leaving(state, to)
+    return state, [ev.NotifyOperator(text), *effects]
+
+
+def _has_to_stop(state: AgentState, mine: Paths, stop: Trajectory, uav: int, intent: NeighbourIntent) -> bool:
+    """Return whether this vehicle has to stop for another one: both come too close, and the rule says so."""
+    limits = intent.limits(state.task.separation.limits)
+    theirs = _paths(state, uav, intent)
+    together = share_of(mine, theirs, limits)
+    if together >= ENOUGH or not _helps(share_of((stop,), theirs, limits), together):
+        return False
+    vehicle = state.vehicle
+    last_moment_s = vehicle.time_boot_s + REACTS_S + vehicle.ground_speed_m_s / BRAKING_M_S2
+    if share_of([path.lasting(last_moment_s) for path in mine], theirs, limits) < ENOUGH:
+        return True
+    here = position_amsl(state)
+    assert here is not None
+    own = Standing(activity_of(state.phase), True, state.task.uav, here[2])
+    return gives_way(own, _standing(state, mine, together, uav, intent))
+
+
+def _standing(state: AgentState, mine: Paths, together: float, uav: int, intent: NeighbourIntent) -> Standing:
+    """Return another vehicle's standing; without a report, or if its stop does not help, it cannot yield."""
+    report = state.neighbours.get(uav)
+    path = None if report is None else predict(state, report)
+    if report is None or path is None:
+        return Standing(Activity.EMERGENCY, False, uav)
+    activity, here = activity_of(report.state.phase), as_intent(state, path).flight
+    hears = state.task.uav in report.state.hears
+    stop = _stop(here.points[0], report.state.velocity_m_s, report.at_s)
+    helps = _helps(share_of(mine, (stop,), intent.limits(state.task.separation.limits)), together)
+    can_yield = hears and helps and activity in (Activity.EN_ROUTE, Activity.LANDING)
+    return Standing(activity, can_yield, uav, here.points[0][2])
+
+
+def _helps(stopped: float, together: float) -> bool:
+    return stopped >= min(ENOUGH, together + BETTER_BY)
+
+
+def _paths(state: AgentState, uav: int, intent: NeighbourIntent) -> Paths:
+    """Return the flights that another vehicle may take: its intent, or straight on for some seconds.
+
+    A vehicle with a hold as its intent brakes, so it does not fly straight on.
+    """
+    now_s, report = state.vehicle.time_boot_s, state.neighbours.get(uav)
+    path = None if report is None else predict(state, report)
+    if path is None or len(set(intent.flight.points)) == 1:
+        return (intent.flight,)
+    straight = as_intent(state, path).flight
+    return intent.flight, straight.lasting(max(now_s, straight.times_s[0]) + STRAIGHT_ON_S)
+
+
+def _stop(here: LocalPoint, velocity_m_s: LocalPoint, now_s: float) -> Trajectory:
+    """Return the flight of a vehicle that stops now, heights above the sea."""
+    east_m_s, north_m_s, up_m_s = velocity_m_s
+    brakes_s = math.hypot(east_m_s, north_m_s) / BRAKING_M_S2
+    away_s, stops_s = 0.5 * (REACTS_S + brakes_s), now_s + REACTS_S + brakes_s
+    stop = (here[0] + east_m_s * away_s, here[1] + north_m_s * away_s, here[2] + 0.5 * up_m_s * REACTS_S)
+    return Trajectory((now_s, stops_s, stops_s + LOOKS_AHEAD_S), (here, stop, stop))
+
+
+def _may_stop(state: AgentState) -> bool:
+    """Return whether the vehicle flies by an order of this agent, can hold, and does not wait already."""
+    vehicle, task = state.vehicle, state.task
+    if task.wings is not None or task.separation.action == "none" or state.is_waiting or state.lost:
+        return False
+    leaves = state.phase is Phase.LEAVING
+    follows = leaves or state.order.is_followed or state.order.given in (None, ev.FlightOrder.LAUNCH)
+    is_high = vehicle.alt_rel_m is not None and vehicle.alt_rel_m >= MIN_HEIGHT_M
+    if not follows or not is_high or not vehicle.armed or vehicle.mode_role not in own_mode_roles(state):
+        return False
+    match state.phase:
+        case Phase.FLYING:
+            return may_give_way(state)
+        case Phase.LANDING:
+            return state.followed is not None and not is_urgent(state)
+        case Phase.LEAVING:
+            return may_hold_before_leaving(state)
+    return False
