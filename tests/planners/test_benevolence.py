@@ -101,8 +101,7 @@ def test_a_route_with_gains_is_the_cheapest_of_all_and_reports_its_true_exposure
 
     def cost(cells: Any) -> float:  # Eq. 5 with the gains, edge by edge
         return math.fsum(
-            (1.0 - w) * 0.1 * math.dist(a, b) + max(0.0, w * p_s[b] - gain[b])
-            for a, b in pairwise(cells)
+            (1.0 - w) * 0.1 * math.dist(a, b) + max(0.0, w * p_s[b] - gain[b]) for a, b in pairwise(cells)
         )
 
     assert route.cost == pytest.approx(cost(route.cells), abs=1e-12)
