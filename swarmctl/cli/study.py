@@ -121,7 +121,8 @@ def _describe(experiment: Experiment) -> str:
     n_levels, until = len(experiment.levels), experiment.section.until
     most = "at most " if until is not None else ""
     text = f"{n_levels} level{'s' if n_levels > 1 else ''} × {most}{experiment.worlds} worlds"
-    return f"{experiment.section.question}\n{text}: {most}{n_levels * experiment.worlds} missions"
+    number = f"{most}{n_levels * experiment.worlds} {experiment.section.kind}"
+    return f"{experiment.section.question}\n{text}: {number}"
 
 
 def _run(experiment: Experiment, folder: Path, n_workers: int, scheduler: str | None) -> None:
@@ -138,7 +139,7 @@ def _run(experiment: Experiment, folder: Path, n_workers: int, scheduler: str | 
     except (ResultsError, ClusterError) as error:
         fail([str(error)], FAILED)
     except (KeyboardInterrupt, SystemExit):
-        text = f"interrupted; {folder} keeps the finished missions, and the same command goes on from there"
+        text = f"interrupted; {folder} keeps the finished batches, and the same command goes on from there"
         err.print(text, highlight=False, markup=False, soft_wrap=True)
         raise typer.Exit(INTERRUPTED) from None
     if outcome.widest is not None:
@@ -150,12 +151,10 @@ def _run(experiment: Experiment, folder: Path, n_workers: int, scheduler: str | 
 
 
 class _Rate(ProgressColumn):
-    """The number of missions in a second."""
+    """The number of missions, or of routes, in a second."""
 
     def render(self, task: Any) -> Text:
-        return Text(
-            "" if task.speed is None else f"{task.speed:,.0f} missions/s", style="progress.data.speed"
-        )
+        return Text("" if task.speed is None else f"{task.speed:,.0f}/s", style="progress.data.speed")
 
 
 @contextmanager
@@ -194,7 +193,7 @@ class _Lines:
     def __call__(self, done: int, total: int) -> None:
         if (tenth := 10 * done // total) != self._tenth:
             self._tenth = tenth
-            err.print(f"{done} of {total} missions", highlight=False)
+            err.print(f"{done} of {total} done", highlight=False)
 
 
 def _report(folder: Path) -> None:

@@ -70,7 +70,7 @@ class Results:
         """Return a measure of all rows of a level, and the seed of each row."""
         tables = [table.select([measure, "seed"]) for table in self._tables(level, "rows", seeds)]
         table = pa.concat_tables(tables)
-        return table[measure].to_numpy().astype(np.float64), table["seed"].to_numpy()
+        return table[measure].to_numpy(), table["seed"].to_numpy()
 
     def finish(self, seeds: range) -> int:
         """Write the tables of `seeds` of all levels; return the number of rows."""

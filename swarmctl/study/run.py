@@ -101,10 +101,10 @@ def _widest(experiment: Experiment, results: Results, seeds: range) -> float | N
     """Return half the width of the widest interval of all levels; None without `until`."""
     if (until := experiment.section.until) is None:
         return None
-    from swarmctl.study.statistics import mean  # noqa: PLC0415 - scipy.stats loads slowly
+    from swarmctl.study.statistics import estimate  # noqa: PLC0415 - scipy.stats loads slowly
 
     measured = (results.values(level.index, until.measure, seeds) for level in experiment.levels)
-    return max(mean(values, worlds).half_width for values, worlds in measured)
+    return max(estimate(values, worlds).half_width for values, worlds in measured)
 
 
 def _manifest(experiment: Experiment, results: Results, command: str) -> dict[str, Any]:

@@ -7,6 +7,7 @@ of each interval here. Arrays have one row a group (a level, or a value on an ax
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -85,6 +86,16 @@ def proportion(successes: ArrayLike, worlds: ArrayLike) -> Estimate:
     """Return the share of `successes` (n,) of bool with its Wilson interval."""
     sums = by_world(successes, np.zeros(np.size(worlds), dtype=np.int64), worlds, 1)
     return proportions(sums.total, sums.count)[0]
+
+
+def estimate(values: NDArray[Any], worlds: ArrayLike) -> Estimate:
+    """Return the mean of `values` (n,) with its interval: by type of share (bool), count (int) or mean."""
+    if values.dtype == bool:
+        return proportion(values, worlds)
+    if values.dtype.kind != "i":
+        return mean(values, worlds)
+    sums = by_world(values, np.zeros(np.size(worlds), dtype=np.int64), worlds, 1)
+    return counts(sums.total, sums.count)[0]
 
 
 def ratios(

@@ -14,6 +14,7 @@ from swarmctl.study.statistics import (
     by_world,
     counts,
     differences,
+    estimate,
     mean,
     proportion,
     proportions,
@@ -71,6 +72,11 @@ def test_events_that_never_happened_have_an_upper_limit() -> None:
     found = counts(np.zeros((1, 100)), np.full((1, 100), 5.0))[0]
     assert found.low == 0.0
     assert stats.poisson.cdf(0, found.high * 500) == pytest.approx(0.025)
+
+
+@pytest.mark.parametrize("values", [np.zeros(40, dtype=np.int32), np.ones(40, dtype=bool)])
+def test_shares_and_counts_without_variance_are_not_certain(values: NDArray[np.generic]) -> None:
+    assert estimate(values, np.arange(40)).half_width > 0.04
 
 
 def test_a_difference_cancels_what_the_worlds_add_to_both_levels() -> None:

@@ -62,7 +62,9 @@ def tracks(table: pd.DataFrame, size: int = 20) -> tuple[pd.DataFrame, pd.DataFr
         columns = {"level": level, "seed": 0, "uav": uav, "step": np.arange(size), "row": row}
         parts.append(pd.DataFrame(columns | {"col": np.arange(size), "strikes": rng.random(size) < 0.08}))
     cells = rng.choice(size * size, 24, replace=False)
-    return pd.concat(parts), pd.DataFrame({"seed": 0, "row": cells // size, "col": cells % size})
+    of_level = pd.DataFrame({"seed": 0, "row": cells // size, "col": cells % size})
+    hostiles = pd.concat([of_level.assign(level=level) for level in table["level"].unique()])
+    return pd.concat(parts), hostiles
 
 
 def folder(

@@ -43,7 +43,6 @@ def draw(study: Study, spec: Tracks) -> Figure:
     seed = int(tracks["seed"].min()) if spec.seed is None else spec.seed
     if not (tracks["seed"] == seed).any():
         raise ValueError(f"the results have no tracks of seed {seed}; name it in `tracks:` of the experiment")
-    threats = hostiles[hostiles["seed"] == seed]
     rows, cols = study.area or _reach(tracks, hostiles)
     values = study.shown(spec, spec.panels)
     n_columns = min(len(values), 3 if spec.width == "two" else 1 if len(values) < 2 else 2)
@@ -53,8 +52,9 @@ def draw(study: Study, spec: Tracks) -> Figure:
     _arrange(figure, panels, n_columns, panel_mm)
     width_pt = panels[0].get_position().width * figure.get_size_inches()[0] * 72
     for axes, value in zip(panels, values, strict=True):
-        _draw_threats(axes, rows, cols, threats, width_pt / (cols + 1.6))
         level = _level(study, spec, value, seed)
+        threats = hostiles[(hostiles["seed"] == seed) & (hostiles["level"] == level)]
+        _draw_threats(axes, rows, cols, threats, width_pt / (cols + 1.6))
         _draw_tracks(axes, tracks[(tracks["seed"] == seed) & (tracks["level"] == level)])
         flown = study.table[(study.table["seed"] == seed) & (study.table["level"] == level)]
         name = f"{value_label(spec.panels, value)}: " if spec.panels is not None else ""
