@@ -132,7 +132,7 @@ def _place_points(axes: Axes, labels: list[Label], curves: list[Floats], pt: flo
         x, y = transform.transform((label.x, label.y)) * pt
         width, height = 0.6 * SMALL_PT * len(label.text), SMALL_PT
         best = None
-        for turn, (side, up) in enumerate(_PLACES):
+        for turn, (side, up) in enumerate(_NEAR + _FAR):
             left = x + side * GAP_PT - (width if side < 0 else width / 2 if side == 0 else 0.0)
             bottom = y + up * GAP_PT - height / 2 + up * height / 2
             area = (left - 1, bottom - 1, left + width + 1, bottom + height + 1)
@@ -145,6 +145,13 @@ def _place_points(axes: Axes, labels: list[Label], curves: list[Floats], pt: flo
                 best = (cost, left, bottom, area)
         assert best is not None
         taken.append(best[3])
+        if best[0][1] >= len(_NEAR):
+            begin = (0.0 if best[1] > x else width, height / 2)
+            axes.annotate(
+                "", (label.x, label.y), (best[1] + begin[0] - x, best[2] + begin[1] - y),
+                textcoords="offset points", annotation_clip=False, zorder=7,
+                arrowprops={"arrowstyle": "-", "color": label.colour, "lw": 0.5, "shrinkA": 0, "shrinkB": 2},
+            )  # fmt: skip
         axes.annotate(
             mathtext(label.text), (label.x, label.y), (best[1] - x, best[2] - y), textcoords="offset points",
             color=dark(label.colour), ha="left", va="bottom", path_effects=[HALO], annotation_clip=False,
@@ -152,7 +159,9 @@ def _place_points(axes: Axes, labels: list[Label], curves: list[Floats], pt: flo
         )  # fmt: skip
 
 
-_PLACES = ((1, 0), (-1, 0), (1, 0.7), (-1, 0.7), (1, -0.7), (-1, -0.7), (0, 1), (0, -1), (1, 1.8), (-1, -1.8))
+_NEAR = ((1, 0), (-1, 0), (1, 0.7), (-1, 0.7), (1, -0.7), (-1, -0.7), (0, 1), (0, -1), (1, 1.8), (-1, -1.8))
+_FAR = ((1, -1.8), (-1, 1.8), (1, 3.2), (-1, -3.2), (1, -3.2), (-1, 3.2), (1, 4.6), (-1, -4.6))
+"""places for labels of points that lie close together; a thin line leads from the point to the label"""
 
 
 def _dense(curve: Floats) -> Floats:
