@@ -35,7 +35,7 @@ KEY_COLUMNS = ("level", "uav")
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """What one level computes: its configuration, and the settings of its kind."""
+    """The computation of one level: its configuration, and the settings of its kind."""
 
     config: Config
     settings: Section | None

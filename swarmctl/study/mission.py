@@ -61,7 +61,7 @@ PointM = tuple[float, float]
 
 
 class Phase(IntEnum):
-    """What comes first in one moment."""
+    """The order of events at one moment, least first."""
 
     SEE = 0
     RECEIVE = 1
@@ -297,7 +297,7 @@ class _Mission:
         task, strength = vehicle.task, self._scenario.strength
         p_s = believed_exposure(task, vehicle.belief, strength, vehicle.own)
         lead_in = LeadIn(elapsed_s=now_s - vehicle.takeoff_s, climb_m=0.0, lead_m=0.0)
-        gain = route_gains(task, vehicle.belief, strength, task.w, self._others(vehicle), vehicle.own)
+        gain = route_gains(task, p_s, vehicle.belief, strength, task.w, self._others(vehicle), vehicle.own)
         problem = problem_from(task, p_s, here, task.w, lead_in, gain)
         vehicle.searches += 1
         try:

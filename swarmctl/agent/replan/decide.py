@@ -61,7 +61,7 @@ def _decide_from(
     present = state.plans.route
     ahead = None if present is None or splice.index is None else present.cells[splice.index :]
     lead_in = lead_in_to(state, splice)
-    gain = route_gains(task, state.belief, state.strength, state.w, state.others, state.own)
+    gain = route_gains(task, p_s, state.belief, state.strength, state.w, state.others, state.own)
     problem = problem_from(task, p_s, start, state.w, lead_in, gain)
     lost_s = 0.0 if ahead is None else ahead_lost_s(state, ahead, splice)
     swap_cost = swap_cost_cells(state, lead_in, splice)
@@ -149,19 +149,24 @@ def believed_exposure(
 
 def route_gains(
     task: Task,
+    p_s: NDArray[np.float64],
     belief: Belief,
     strength: FiringStrength,
     w: float,
     others: Mapping[int, OtherVehicle],
     own: Belief | None = None,
 ) -> NDArray[np.float64] | None:
-    """Return b·g(n), (rows, cols), the gain of each cell for the other vehicles; None without benevolence."""
+    """Return b·g(n), (rows, cols), the gain of each cell for the other vehicles; None without benevolence.
+
+    `p_s` is the `believed_exposure` by the same beliefs.
+    """
     if task.benevolence == 0.0 or not others:
         return None
-    p_s = believed_exposure(task, belief, strength, own)
-    p_s[p_s > task.max_exposure] = math.inf
+    passable = np.where(p_s > task.max_exposure, math.inf, p_s)
     p_occupied = weighed_occupancy(belief, own or belief, task.autonomy)
-    return task.benevolence * cell_gains(p_occupied, p_s, strength, others.values(), w, task.psi_per_cell)
+    return task.benevolence * cell_gains(
+        p_occupied, passable, strength, others.values(), w, task.psi_per_cell
+    )
 
 
 def first_route(task: Task, belief: Belief, w: float | None = None) -> Route:
@@ -177,7 +182,7 @@ def first_problem(task: Task, belief: Belief, w: float | None = None) -> Problem
     p_s = believed_exposure(task, belief, task.strength)
     lead_in = before_takeoff(task.arrival, task.altitude_m)
     w = task.w if w is None else w
-    gain = route_gains(task, belief, task.strength, w, task.others)
+    gain = route_gains(task, p_s, belief, task.strength, w, task.others)
     return problem_from(task, p_s, task.entry, w, lead_in, gain)
 
 

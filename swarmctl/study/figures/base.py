@@ -51,7 +51,7 @@ class Spec(Section):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Study:
-    """What a results folder holds."""
+    """The content of a results folder."""
 
     table: pd.DataFrame
     factors: Mapping[str, Sequence[object]]

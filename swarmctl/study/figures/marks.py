@@ -1,4 +1,4 @@
-"""What several kinds draw: lines with bands, and rows of dots with intervals."""
+"""Marks that several kinds of figures share: lines with bands, and rows of dots with intervals."""
 
 from __future__ import annotations
 
