@@ -63,7 +63,7 @@ def _problems(config: Config) -> Iterable[ConfigProblem]:
     from swarmctl.cli import machine_code  # noqa: PLC0415
     from swarmctl.config.checks import check_config  # noqa: PLC0415
 
-    machine_code.prepare(config.area.rows * config.area.cols, err)
+    machine_code.prepare(config, err)
     return check_config(config)
 
 

@@ -1,4 +1,4 @@
-"""Machine code of the planners for large areas, compiled once in a separate process."""
+"""Machine code of the planners for large areas and benevolence, compiled once in a separate process."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from swarmctl.planners import is_small
+from swarmctl.config.model import Config
+from swarmctl.planners import needs_machine_code
 from swarmctl.planners.kernels.compilation import numba_cache
 
-PROGRESS_TEXT = "compiling the planners for large areas, once on this machine"
+PROGRESS_TEXT = "compiling the planners, once on this machine"
 COMPILER = (
     sys.executable,
     "-c",
@@ -27,12 +28,13 @@ class CompilerError(Exception):
     """A failure of the compiling process."""
 
 
-def prepare(n_cells: int, console: Console) -> None:
-    """Compile the planners if an area of this size needs machine code; report the progress on the console.
+def prepare(config: Config, console: Console) -> None:
+    """Compile the planners if a configuration needs machine code; report the progress on the console.
 
     If the compiling process fails, or machine code cannot be stored, this process compiles later.
     """
-    if is_small(n_cells) or is_ready():
+    n_cells = config.area.rows * config.area.cols
+    if not needs_machine_code(n_cells, config.planner.benevolence) or is_ready():
         return
     if numba_cache() is None:
         text = "machine code cannot be stored, so every run compiles the planners"

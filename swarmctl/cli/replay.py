@@ -23,7 +23,7 @@ def replay(
     try:
         verdict = record.replay(
             record.record_path(run),
-            lambda config: machine_code.prepare(config.area.rows * config.area.cols, err),
+            lambda config: machine_code.prepare(config, err),
         )
     except record_file.RecordError as error:
         fail([str(error)], USAGE)

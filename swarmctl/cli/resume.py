@@ -56,7 +56,7 @@ def require_host(scenario: Scenario, runs: Path) -> None:
 
 
 def _scenario(run: Path, recorded: Config, given: Scenario | None) -> Scenario:
-    machine_code.prepare(recorded.area.rows * recorded.area.cols, err)
+    machine_code.prepare(recorded, err)
     scenario = build(recorded) if given is None else given
     if differing := unfinished_run.differing_sections(recorded, scenario.config):
         raise UnfinishedRunError(

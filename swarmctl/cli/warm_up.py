@@ -1,4 +1,4 @@
-"""`swarmctl warm-up`: compile the planners before the first flight over a large area."""
+"""`swarmctl warm-up`: compile the planners before the first flight that needs machine code."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def register(cli: typer.Typer) -> None:
 
 
 def warm_up() -> None:
-    """Compile the planners for large areas, once on a machine; small areas need no compiler."""
+    """Compile the planners for large areas and benevolence, once on a machine."""
     if (stored := numba_cache()) is None:
         fail(["machine code cannot be stored; set NUMBA_CACHE_DIR to a writable folder"], FAILED)
     folder, _ = stored

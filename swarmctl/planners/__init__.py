@@ -15,6 +15,7 @@ of one cell of length. A cell of infinite exposure is a wall. `Replanner` plans 
 known.
 
 Small areas need no compiler. Large areas are searched by numba's machine code, without the interpreter lock.
+Benevolence needs the machine code on any area.
 `warm_up` compiles this code once (about 10 s) for this and all later processes. `kernels` has all searches.
 
 A planner is one module with a frozen dataclass `Params`, the constant `USES_W`, the functions
@@ -40,8 +41,7 @@ from swarmctl.planners.base import (
 )
 from swarmctl.planners.dijkstra import CostToGo, cost_to_go
 from swarmctl.planners.front import Front, pareto_front
-from swarmctl.planners.kernels import is_small
-from swarmctl.planners.kernels.warm_up import warm_up
+from swarmctl.planners.kernels.warm_up import needs_machine_code, warm_up
 from swarmctl.planners.replan import Layers, Replanner
 
 PLANNERS: Mapping[str, Planner] = {
@@ -78,8 +78,8 @@ __all__ = [
     "Searched",
     "Unreachable",
     "cost_to_go",
-    "is_small",
     "method",
+    "needs_machine_code",
     "pareto_front",
     "plan",
     "warm_up",

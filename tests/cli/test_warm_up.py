@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -13,8 +14,26 @@ from rich.console import Console
 from swarmctl_process import SWARMCTL
 
 from swarmctl.cli import machine_code
+from swarmctl.config.model import Config
 
-SMALL, LARGE = 400, 10**6
+SMALL, LARGE = 20, 1000
+"""rows and columns of an area"""
+
+
+def configured(side: int, benevolence: float = 0.0) -> Config:
+    content = {
+        "area": {
+            "origin_lat_deg": 46.0,
+            "origin_lon_deg": 14.0,
+            "rows": side,
+            "cols": side,
+            "cell_size_m": 50,
+        },
+        "threats": {"count": 5},
+        "planner": {"benevolence": benevolence},
+        "simulate": {"count": 2},
+    }
+    return Config.model_validate_json(json.dumps(content))
 
 
 def console(*, terminal: bool = False) -> Console:
@@ -44,22 +63,23 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.mark.usefixtures("cache")
 def test_a_small_area_needs_no_machine_code() -> None:
     on = console()
-    machine_code.prepare(SMALL, on)
+    machine_code.prepare(configured(SMALL), on)
     assert printed(on) == ""
     assert not machine_code.is_ready()
 
 
+@pytest.mark.parametrize("config", [configured(LARGE), configured(SMALL, benevolence=0.5)])
 def test_each_step_is_a_line_and_the_second_time_nothing_is_compiled(
-    cache: Path, monkeypatch: pytest.MonkeyPatch
+    cache: Path, monkeypatch: pytest.MonkeyPatch, config: Config
 ) -> None:
     on = console()
     monkeypatch.setattr(machine_code.compile_all, "__defaults__", (THREE_STEPS,))
-    machine_code.prepare(LARGE, on)
+    machine_code.prepare(config, on)
     assert [f"{done} of 3" in printed(on) for done in range(4)] == [True] * 4
     assert machine_code.is_ready()
     monkeypatch.setattr(machine_code.compile_all, "__defaults__", (compiler("raise SystemExit(1)"),))
     again = console()
-    machine_code.prepare(LARGE, again)
+    machine_code.prepare(config, again)
     assert printed(again) == ""
     monkeypatch.setattr(machine_code, "numba_cache", lambda: (cache, "another machine"))
     assert not machine_code.is_ready()
@@ -85,7 +105,7 @@ def test_a_machine_without_a_folder_for_machine_code_gets_advice(
 ) -> None:
     monkeypatch.setattr(machine_code, "numba_cache", lambda: None)
     on = console()
-    machine_code.prepare(LARGE, on)
+    machine_code.prepare(configured(LARGE), on)
     assert "NUMBA_CACHE_DIR" in printed(on)
 
 

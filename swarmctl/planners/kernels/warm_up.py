@@ -8,8 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from swarmctl.planners.kernels import bounds, buckets, descent, labels, lattice
+from swarmctl.planners.kernels import bounds, buckets, descent, information, labels, lattice
 from swarmctl.planners.kernels.compilation import compiled
+from swarmctl.planners.kernels.field import is_small
+
+
+def needs_machine_code(n_cells: int, benevolence: float) -> bool:
+    """Return whether vehicles over an area of this size, of this benevolence, plan by machine code."""
+    return not is_small(n_cells) or benevolence > 0.0
 
 
 def warm_up(report: Callable[[int, int], None] = lambda _done, _total: None) -> None:
@@ -46,5 +52,7 @@ def _calls() -> Iterator[tuple[Callable[..., object], tuple[Any, ...]]]:
     yield bounds.compare, (exposure, 0.5, 0.5, straight, 1, 1)
     yield bounds.descend_roughly, (label, 0.2, width, cells, goal, 1)
     yield bounds.least_cost_outside, (label, *area, label, straight, width, 0, 0, 1, math.inf, 1.0)
+    gain = (label, *[np.zeros(9)] * 3, np.zeros(3), 0.5, 0.5, 0.2, width, goal, cells, 1)
+    yield information.value_of_knowing, gain
     goals = np.ones(9, dtype=np.bool_)
     yield labels.set_labels, (straight, width, goal, goals, label, label, label, 1.0, 3.0, 1.0, False, 0)
