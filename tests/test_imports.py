@@ -23,13 +23,16 @@ ROOMS: dict[str, set[str]] = {
     "swarmctl.report": {"core", "planners", "mavlink", "bus", "agent", "config", "preflight"},
     "swarmctl.study": {"core", "planners", "sensors", "bus", "agent", "config", "report"},
     "swarmctl.station": {"core", "bus", "agent", "config", "report"},
+    "swarmctl.dashboard": {
+        "core", "planners", "sensors", "bus", "security", "agent", "config", "preflight", "report", "station",
+    },
     "swarmctl.flight": {
         "core", "planners", "sensors", "mavlink", "bus", "links", "security", "agent", "config", "preflight",
         "report",
     },
     "swarmctl.cli": {
         "core", "planners", "bus", "links", "security", "config", "preflight", "report", "station", "flight",
-        "study",
+        "study", "dashboard",
     },
     "swarmctl.__main__": {"cli"},
     "sim_vehicle": set(),
@@ -109,6 +112,7 @@ PURE = {
     "swarmctl.study.world",
     "swarmctl.report.foxglove", "swarmctl.report.evidence.chain", "swarmctl.report.evidence.digest",
     "swarmctl.report.evidence.commands",
+    "swarmctl.dashboard.picture",
     "swarmctl.study.batches", "swarmctl.study.experiment_checks", "swarmctl.study.levels",
     "swarmctl.study.statistics", "swarmctl.study.routes", "swarmctl.study.w_search",
     "sim_vehicle",

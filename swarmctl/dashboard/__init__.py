@@ -1,0 +1,5 @@
+"""The browser's view of a swarm: live, or from a record.
+
+Begin with `picture`, the types of what is shown at one time. `model` makes pictures from what the `sources`
+deliver: a recorded run, the record of a flight in progress, or the bus.
+"""

@@ -1,0 +1,240 @@
+"""The types of what the dashboard shows at one time. Pure data.
+
+East and north are metres in the local frame of the area (`Grid.frame`): the origin is the south-west corner.
+Cells are (row, col); row 0 is the south edge. `time_s` is the run's clock, `unix_s` the wall clock.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmctl.core.geo import LatLon
+from swarmctl.core.grid import Cell
+
+SourceKind = Literal["recording", "live file", "bus"]
+Severity = Literal["info", "warning", "alarm"]
+Point = tuple[float, float]
+"""east, north [m]"""
+CellCodes = NDArray[np.uint8]
+"""(rows, cols) of UNSEEN, or SEEN with OCCUPIED and OWN added"""
+
+UNSEEN, SEEN, OCCUPIED, OWN = 0, 1, 2, 4
+"""bits of a cell's code: seen by any vehicle, believed occupied, seen by the vehicle itself"""
+SILENT_AFTER_S = 5.0
+"""time without a word after which a vehicle counts as silent"""
+
+
+class AreaPicture(msgspec.Struct, frozen=True):
+    """The constant part: the area, the goals, and the swarm."""
+
+    swarm: str
+    rows: int
+    cols: int
+    cell_size_m: float
+    corners: tuple[LatLon, ...]
+    """south-west, south-east, north-east and north-west corner [deg]"""
+    goals: tuple[Cell, ...]
+    no_fly: tuple[Cell, ...]
+    fence: tuple[Point, ...]
+    """corners in order; empty: no fence is known"""
+    hostiles: tuple[Cell, ...] | None
+    """true cells of the hostiles; None if nothing simulates them"""
+    names: tuple[str, ...]
+    """names of the vehicles, in the order of their colours"""
+    numbers: tuple[int, ...]
+    """system ids of the vehicles, in the same order"""
+    colours: tuple[str, ...]
+    """colour of each vehicle as #rrggbb, as in the pictures of the report"""
+    simulated: tuple[bool, ...]
+    """True for each vehicle that the simulator plays"""
+    footprints_m: tuple[float, ...]
+    """distance within which each vehicle's sensor sees the centre of a cell [m]; 0: only the cell below"""
+    least_separation_m: tuple[float, float] = (0.0, 0.0)
+    """least distance between vehicles, over ground and in height [m]"""
+
+
+class SourceState(msgspec.Struct, frozen=True):
+    """The state of the source, and the limits of its knowledge."""
+
+    kind: SourceKind
+    is_live: bool
+    """True while new data may come"""
+    begin_s: float
+    """first time that can be shown, by the run's clock [s]"""
+    end_s: float
+    """last time that can be shown, by the run's clock [s]"""
+    total_s: float
+    """length of the record, as far as known; above `end_s - begin_s` while the record is still being read"""
+    age_s: float = 0.0
+    """age of the newest data of a live source [s]"""
+    text: str = ""
+    """state of the connection or of the file in words, for the operator; empty: nothing to tell"""
+    lacks: tuple[str, ...] = ()
+    """kinds of data that this source does not have, in words"""
+
+
+class Route(msgspec.Struct, frozen=True):
+    """A planned route."""
+
+    plan_id: int
+    cells: tuple[Cell, ...]
+    """lattice route; empty if only the points are known"""
+    points: tuple[Point, ...]
+    """flown points with the landing"""
+    length_m: float | None = None
+    exposure_sum: float | None = None
+    """ΣP_s by the belief at the decision"""
+    safety_factor: float | None = None
+    """∏(1 − P_s) by the belief at the decision"""
+
+
+class Learned(msgspec.Struct, frozen=True):
+    """An observation that led to a change of a route."""
+
+    observer: str
+    """name of the vehicle that observed"""
+    seq: int
+    is_own: bool
+    """True if the vehicle itself observed"""
+    observed_s: float | None
+    """time of the observation by the run's clock [s]; None: not known"""
+    received_s: float
+    """time at which the vehicle learned it, by the run's clock [s]"""
+    cells: tuple[tuple[int, int, bool], ...]
+    """(row, col, occupied); empty for observations that a checkpoint replaced"""
+
+
+class RouteChange(msgspec.Struct, frozen=True):
+    """A new plan of a vehicle: both routes, and what the vehicle had learned."""
+
+    number: int
+    """running number of the changes of this swarm, from 1"""
+    time_s: float
+    vehicle: str
+    old: Route | None
+    """route flown before; None for the first route"""
+    old_now: Route | None
+    """rest of the old route from the vehicle's cell at the decision, by the new belief; None: not known"""
+    new: Route
+    because: tuple[Learned, ...]
+
+
+class Hearing(msgspec.Struct, frozen=True):
+    """The receiver hears the sender."""
+
+    sender: str
+    receiver: str
+    age_s: float
+    """time since the receiver last reported to hear the sender, or got a message of it [s]"""
+    loss: float | None = None
+    """share of the sender's messages that did not arrive, over the last minute; None: not known"""
+
+
+class Conflict(msgspec.Struct, frozen=True):
+    """A predicted conflict: two vehicles come too close in space and time."""
+
+    vehicles: tuple[str, str]
+    in_s: float
+    """time until the least distance [s]"""
+    at: Point
+    """place of the first vehicle at that time"""
+    horizontal_m: float
+    vertical_m: float
+
+
+class Strike(msgspec.Struct, frozen=True):
+    time_s: float
+    vehicle: str
+    at: Point
+    count: int = 1
+
+
+class Event(msgspec.Struct, frozen=True):
+    """A line of the event list. Alarms stay until an operator acknowledges them."""
+
+    number: int
+    """running number, from 1; the acknowledgement names it"""
+    time_s: float
+    vehicle: str
+    """empty: the whole swarm"""
+    severity: Severity
+    text: str
+    code: str = ""
+    """code in brackets at the end of the text, such as telemetry-old; empty: none"""
+
+
+class VehiclePicture(msgspec.Struct, frozen=True):
+    """A vehicle at one time; None for a value that is not known."""
+
+    name: str
+    number: int
+    phase: str = ""
+    """phase of the agent; empty before the first word"""
+    mode: str = ""
+    lat_lon: LatLon | None = None
+    position: Point | None = None
+    cell: Cell | None = None
+    height_m: float | None = None
+    """above home [m]"""
+    speed_m_s: float | None = None
+    """over ground [m/s]"""
+    heading_deg: float | None = None
+    """course over ground, or the heading of a slow vehicle [deg]"""
+    battery_percent: int | None = None
+    armed: bool | None = None
+    progress: float | None = None
+    """share of the route, 0..1"""
+    arrives_in_s: float | None = None
+    """predicted time to the last waypoint [s]"""
+    link: str = ""
+    """quality of the link in words, as in the terminal"""
+    age_s: float | None = None
+    """time since the last word of the vehicle [s]; None before the first"""
+    is_silent: bool = True
+    """True if the last word is older than SILENT_AFTER_S, or there was none: the vehicle may have moved on"""
+    cells_own: int | None = None
+    cells_known: int = 0
+    hostiles_known: int = 0
+    replans: int = 0
+    strikes: int | None = None
+    w: float | None = None
+    strength: tuple[float, float, float] | None = None
+    """firing strengths of the next plan: own cell, first and second neighbours"""
+    waiting: str = ""
+    """what the vehicle waits for, in words; empty: for nothing"""
+    note: str = ""
+    """alarm, outcome or trouble in words, as in the terminal"""
+    route: Route | None = None
+    """plan that is flown"""
+    uploading: Route | None = None
+    """plan that is being uploaded"""
+    track: Sequence[Point] = ()
+    """flown track"""
+    belief: CellCodes | None = None
+    """None: the source does not have the vehicle's belief"""
+    belief_version: int = 0
+    """number that grows with each change of the belief"""
+
+
+class Picture(msgspec.Struct, frozen=True):
+    """Everything that the page shows at one time, besides the constant `AreaPicture`."""
+
+    time_s: float
+    unix_s: float
+    source: SourceState
+    vehicles: tuple[VehiclePicture, ...]
+    """in the order of `AreaPicture.names`"""
+    hearing: tuple[Hearing, ...] = ()
+    conflicts: tuple[Conflict, ...] = ()
+    events: Sequence[Event] = ()
+    """all events up to `time_s`, in order"""
+    changes: Sequence[RouteChange] = ()
+    strikes: Sequence[Strike] = ()
+    common_belief: CellCodes | None = None
+    """what all vehicles together know; OWN is not used"""
+    common_version: int = 0
