@@ -18,6 +18,8 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 CONNECT_S = 10.0
+FREE_PORT = "127.0.0.1:0"
+"""where the scheduler serves HTTP, also without a dashboard; the default port 8787 may be in use"""
 TASKS_A_CORE = 2
 """tasks at the scheduler for each core, so that no worker waits for this process"""
 
@@ -99,6 +101,7 @@ def local_workers(n: int, *, processes: bool = True) -> Iterator[Workers[Any, An
             threads_per_worker=1,
             processes=processes,
             dashboard_address=None,
+            scheduler_kwargs={"dashboard_address": FREE_PORT},
             silence_logs=logging.CRITICAL,
         )
     finally:

@@ -46,6 +46,7 @@ def write(folder: Path) -> Path:
             shown += [name for name in sorted(spec.measures()) if name not in shown]
         except ValueError as error:
             problems.append(f"figure {number}: {error}")
+    _remove_older(folder / "figures", [figure.name for figure in drawn])
     path = folder / "report.html"
     columns = [*shown, *(name for name in ("strikes", "exposure_sum") if name in study.measures)]
     table = summary[_columns(summary, study.factors, list(dict.fromkeys(columns)) or study.measures)]
@@ -108,6 +109,16 @@ def _draw(folder: Path, study: Study, spec: Spec, number: int) -> DrawnFigure:
         figure = draw(study, spec)
         files(figure, folder / "figures", name)
         return DrawnFigure(name, spec.title, caption(study, spec), svg(figure), spec.width)
+
+
+def _remove_older(figures: Path, names: Sequence[str]) -> None:
+    """Remove the figures of an earlier report that this one does not have; other files stay."""
+    index = figures / "index.json"
+    earlier = json.loads(index.read_text(encoding="utf-8")) if index.exists() else []
+    for name in set(earlier) - set(names):
+        for suffix in ("png", "pdf"):
+            (figures / f"{name}.{suffix}").unlink(missing_ok=True)
+    index.write_text(json.dumps(names), encoding="utf-8", newline="\n")
 
 
 def _table(path: Path) -> pd.DataFrame | None:

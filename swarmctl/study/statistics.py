@@ -76,26 +76,20 @@ def by_world(values: ArrayLike, groups: ArrayLike, worlds: ArrayLike, n_groups: 
     return Sums(total.reshape(shape), count.reshape(shape))
 
 
-def mean(values: ArrayLike, worlds: ArrayLike, seed: int = 0, resamples: int = RESAMPLES) -> Estimate:
-    """Return the mean of `values` (n,) with its interval by bootstrap of `worlds` (n,)."""
-    sums = by_world(values, np.zeros(np.size(worlds), dtype=np.int64), worlds, 1)
-    return ratios(sums.total, sums.count, seed, resamples)[0]
-
-
-def proportion(successes: ArrayLike, worlds: ArrayLike) -> Estimate:
-    """Return the share of `successes` (n,) of bool with its Wilson interval."""
-    sums = by_world(successes, np.zeros(np.size(worlds), dtype=np.int64), worlds, 1)
-    return proportions(sums.total, sums.count)[0]
-
-
 def estimate(values: NDArray[Any], worlds: ArrayLike) -> Estimate:
-    """Return the mean of `values` (n,) with its interval: by type of share (bool), count (int) or mean."""
-    if values.dtype == bool:
-        return proportion(values, worlds)
-    if values.dtype.kind != "i":
-        return mean(values, worlds)
+    """Return the mean of `values` (n,) with its interval, by their type as in `estimates`."""
     sums = by_world(values, np.zeros(np.size(worlds), dtype=np.int64), worlds, 1)
-    return counts(sums.total, sums.count)[0]
+    return estimates(values.dtype, sums.total, sums.count)[0]
+
+
+def estimates(dtype: np.dtype[Any], numerator: ArrayLike, denominator: ArrayLike) -> Estimates:
+    """Return Σ numerator / Σ denominator of each group with its interval, by the type of the summed values.
+
+    bool is a share, an integer is a number of events, and every other type a mean.
+    """
+    if dtype.kind == "b":
+        return proportions(numerator, denominator)
+    return counts(numerator, denominator) if dtype.kind == "i" else ratios(numerator, denominator)
 
 
 def ratios(

@@ -18,12 +18,10 @@ from study_experiments import experiment_file
 
 from swarmctl.study.cluster import ClusterError, Workers, local_workers, workers_of
 
-# Dask warns of a slow disk and of a busy machine, and leaves some files to the garbage collector.
+# Dask warns of a slow disk and of a busy machine.
 pytestmark = [
     pytest.mark.filterwarnings("ignore::UserWarning:distributed"),
     pytest.mark.filterwarnings("ignore:Creating scratch"),
-    pytest.mark.filterwarnings("ignore::ResourceWarning"),
-    pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
 ]
 DASK = shutil.which("dask", path=str(Path(sys.executable).parent))
 

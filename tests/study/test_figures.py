@@ -42,6 +42,10 @@ CASES: dict[str, tuple[dict[str, list[Any]], dict[str, Any]]] = {
     "panels": (N_AND_K, {"kind": "lines", "x": K, "y": "strikes", "panels": N, "width": "two"}),
     "differences": (N_AND_K, {**AGAINST_SILENCE, "y": "strikes"}),
     "savings": (N_AND_K, {**AGAINST_SILENCE, "y": "mission_strikes", "per": "messages_sent"}),
+    "a logarithmic axis without the reference 0": (
+        {"planner.w": W},
+        {"kind": "differences", "compare": "planner.w", "reference": 0, "y": "strikes", "x_scale": "log"},
+    ),
     "differences along": (
         NAMES_AND_W,
         {"kind": "differences", "compare": NAMES, "reference": "dijkstra", "x": "planner.w", "y": "strikes"},
@@ -107,6 +111,9 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "no such reference": (
         {"kind": "differences", "compare": "planner.w", "reference": 2, "y": "strikes", "by": N},
         "planner.w",
+    ),
+    "zero on a logarithmic axis": (
+        {"kind": "lines", "x": "planner.w", "y": "strikes", "by": N, "x_scale": "log"}, "planner.w",
     ),
 }  # fmt: skip
 

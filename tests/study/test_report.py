@@ -24,7 +24,7 @@ def test_a_report_is_one_page_that_needs_no_other_file(tmp_path: Path) -> None:
     assert all(link.startswith("data:") for link in links)
     assert "Does communication save strikes?" in text
     assert "abc1234" in text
-    assert sorted(path.name for path in (folder / "figures").iterdir()) == ["danger.pdf", "danger.png"]
+    assert sorted(path.name for path in (folder / "figures").glob("*.p*")) == ["danger.pdf", "danger.png"]
 
 
 def test_the_summary_has_the_means_of_the_table(tmp_path: Path) -> None:
@@ -49,6 +49,17 @@ def test_one_wrong_figure_does_not_cost_the_others(tmp_path: Path) -> None:
         write(folder)
     assert (folder / "figures" / "danger.png").exists()
     assert "data:image" in (folder / "report.html").read_text(encoding="utf-8")
+
+
+def test_a_renamed_figure_leaves_no_old_file_and_other_files_stay(tmp_path: Path) -> None:
+    folder = made_up_study.folder(tmp_path / "results", FACTORS, [LINES], n_worlds=10)
+    write(folder)
+    (folder / "figures" / "mine.png").touch()
+    experiment = folder / "experiment.yaml"
+    experiment.write_text(experiment.read_text(encoding="utf-8").replace("danger", "harm"), encoding="utf-8")
+    write(folder)
+    found = sorted(path.name for path in (folder / "figures").glob("*.p*"))
+    assert found == ["harm.pdf", "harm.png", "mine.png"]
 
 
 def test_a_level_that_was_left_out_is_a_gap(tmp_path: Path) -> None:

@@ -6,17 +6,17 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
 from swarmctl.study.statistics import (
+    RESAMPLES,
+    Estimate,
     Sums,
     by_world,
     counts,
     differences,
     estimate,
-    mean,
-    proportion,
     proportions,
     ratios,
     savings,
@@ -24,6 +24,11 @@ from swarmctl.study.statistics import (
 )
 
 RNG = np.random.default_rng(7)
+
+
+def mean(values: ArrayLike, worlds: ArrayLike, seed: int = 0, resamples: int = RESAMPLES) -> Estimate:
+    sums = by_world(values, np.zeros(np.size(worlds), dtype=np.int64), worlds, 1)
+    return ratios(sums.total, sums.count, seed, resamples)[0]
 
 
 def test_sums_go_to_their_group_and_world_without_nan() -> None:
@@ -114,7 +119,7 @@ def test_savings_are_what_is_saved_for_a_unit_spent_more() -> None:
 def test_independent_trials_have_the_interval_of_wilson(k: int, n: int) -> None:
     exact = stats.binomtest(k, n).proportion_ci(method="wilson")
     assert np.ravel(wilson(k, n)) == pytest.approx([exact.low, exact.high])
-    found = proportion(np.arange(n) < k, np.arange(n))
+    found = estimate(np.arange(n) < k, np.arange(n))
     assert (found.low, found.high) == (pytest.approx(exact.low), pytest.approx(exact.high))
 
 
@@ -122,9 +127,9 @@ def test_vehicles_that_share_their_fate_count_as_one_trial_a_world() -> None:
     fates = np.arange(40) < 14
     worlds = np.arange(40)
     alone = stats.binomtest(14, 40).proportion_ci(method="wilson")
-    shared = proportion(np.repeat(fates, 5), np.repeat(worlds, 5))
+    shared = estimate(np.repeat(fates, 5), np.repeat(worlds, 5))
     assert (shared.low, shared.high) == (pytest.approx(alone.low), pytest.approx(alone.high))
-    all_survive = proportion(np.ones(200, dtype=bool), np.repeat(worlds, 5))
+    all_survive = estimate(np.ones(200, dtype=bool), np.repeat(worlds, 5))
     assert all_survive.low == pytest.approx(stats.binomtest(40, 40).proportion_ci(method="wilson").low)
 
 

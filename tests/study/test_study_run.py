@@ -19,12 +19,10 @@ from swarmctl.study.kinds import KINDS
 from swarmctl.study.results import ResultsError, open_results
 from swarmctl.study.run import Outcome, run
 
-# Dask warns of a slow disk and of a busy machine, and leaves some files to the garbage collector.
+# Dask warns of a slow disk and of a busy machine.
 pytestmark = [
     pytest.mark.filterwarnings("ignore::UserWarning:distributed"),
     pytest.mark.filterwarnings("ignore:Creating scratch"),
-    pytest.mark.filterwarnings("ignore::ResourceWarning"),
-    pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
 ]
 
 

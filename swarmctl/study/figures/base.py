@@ -138,6 +138,14 @@ def check_names(spec: Spec, factors: Mapping[str, Sequence[object]], measures: C
     spec.check(factors)
 
 
+def require_log_values(factor: str, values: Sequence[object]) -> None:
+    """Raise ValueError if a logarithmic axis cannot show a number among the values of the factor."""
+    for value in values:
+        if isinstance(value, int | float) and not isinstance(value, bool) and value <= 0:
+            text = f"a logarithmic axis cannot show {factor} = {value_text(value)}"
+            raise ValueError(f"{text}; remove `x_scale`, or leave out the value")
+
+
 def require_value(factor: str, wanted: object, factors: Mapping[str, Sequence[object]]) -> None:
     """Raise ValueError if the factor has no such value."""
     if not any(same(value, wanted) for value in factors[factor]):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from typing import Literal
 
@@ -12,7 +13,17 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from swarmctl.study import statistics
-from swarmctl.study.figures.base import Names, Spec, Study, Value, index_of, n_text, require_value, same
+from swarmctl.study.figures.base import (
+    Names,
+    Spec,
+    Study,
+    Value,
+    index_of,
+    n_text,
+    require_log_values,
+    require_value,
+    same,
+)
 from swarmctl.study.figures.dots import height_mm
 from swarmctl.study.figures.labels import Labels
 from swarmctl.study.figures.marks import draw_lines, draw_rows, draw_zero, name_series
@@ -45,6 +56,10 @@ class Differences(Spec):
             raise ValueError(
                 "with `x`, the lines are the compared values; remove `by`, or name it in `panels`"
             )
+        if self.x_scale == "log":
+            along = self.x or self.compare
+            is_drawn = [along != self.compare or not same(value, self.reference) for value in factors[along]]
+            require_log_values(along, [*itertools.compress(factors[along], is_drawn)])
 
 
 def draw(study: Study, spec: Differences) -> Figure:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Literal
 
 from matplotlib.figure import Figure
 from pydantic import Field
 
-from swarmctl.study.figures.base import Names, Spec, Study, interval_text
+from swarmctl.study.figures.base import Names, Spec, Study, interval_text, require_log_values
 from swarmctl.study.figures.labels import Labels
 from swarmctl.study.figures.marks import draw_lines
 from swarmctl.study.figures.measures import estimate, factor_label, label
@@ -26,6 +27,10 @@ class Lines(Spec):
 
     def measures(self) -> set[str]:
         return set(self.y)
+
+    def check(self, factors: Mapping[str, Sequence[object]]) -> None:
+        if self.x_scale == "log":
+            require_log_values(self.x, factors[self.x])
 
 
 def draw(study: Study, spec: Lines) -> Figure:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -12,8 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from swarmctl.study import statistics
 from swarmctl.study.statistics import Estimates, Floats, Sums
-
-How = Literal["mean", "share", "count"]
 
 _LABELS = {
     "arrived": "share that arrived",
@@ -108,9 +106,9 @@ def mathtext(text: str) -> str:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Parts:
-    """A measure as numerator and denominator by group and world, and the way of its interval."""
+    """A measure as numerator and denominator by group and world, and the type of its values."""
 
-    how: How
+    dtype: np.dtype[Any]
     top: Sums
     below: Floats
 
@@ -122,27 +120,21 @@ def parts(table: pd.DataFrame, name: str, groups: NDArray[np.int64], n_groups: i
     def sums(values: ArrayLike) -> Sums:
         return statistics.by_world(values, groups, seeds, n_groups)
 
+    column = table["strikes" if name in DERIVED else name].to_numpy()
+    top = sums(column)
+    below = top.count
     if name == "mission_strikes":
         vehicles = table.groupby(["level", "seed"], sort=False)["uav"].transform("size").to_numpy()
-        return Parts("count", sums(table["strikes"]), sums(1.0 / vehicles).total)
-    if name == "strikes_per_km":
-        return Parts("count", sums(table["strikes"]), sums(table["length_m"] / 1000.0).total)
-    column = table[name]
-    top = sums(column)
-    how: How = "share" if column.dtype == bool else "count" if name == "strikes" else "mean"
-    return Parts(how, top, top.count)
+        below = sums(1.0 / vehicles).total
+    elif name == "strikes_per_km":
+        below = sums(table["length_m"] / 1000.0).total
+    return Parts(column.dtype, top, below)
 
 
 def estimate(table: pd.DataFrame, name: str, groups: NDArray[np.int64], shape: Sequence[int]) -> Estimates:
     """Return the estimates of a measure by group, as arrays of `shape`; groups are flat indices into it."""
     part = parts(table, name, groups, int(np.prod(shape)))
-    if part.how == "share":
-        found = statistics.proportions(part.top.total, part.below)
-    elif part.how == "count":
-        found = statistics.counts(part.top.total, part.below)
-    else:
-        found = statistics.ratios(part.top.total, part.below)
-    return shaped(found, shape)
+    return shaped(statistics.estimates(part.dtype, part.top.total, part.below), shape)
 
 
 def shaped(found: Estimates, shape: Sequence[int]) -> Estimates:

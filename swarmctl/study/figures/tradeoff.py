@@ -43,6 +43,8 @@ def draw(study: Study, spec: Tradeoff) -> Figure:
         across = Panel(panel.axes, spec.x, panel.value)
         x = estimates_of(study, spec, across, (spec.by, spec.along), estimate)
         if spec.x_scale == "log":
+            if (x.value <= 0.0).any():
+                raise ValueError(f"a logarithmic axis cannot show means of {spec.x} of 0 or less")
             panel.axes.set_xscale("log")
             panel.axes.xaxis.set_major_formatter("{x:g}")
         _draw(panel.axes, labels, spec, study, x, y)
