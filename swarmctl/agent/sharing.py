@@ -85,5 +85,24 @@ def share_state(state: AgentState) -> StepResult:
         returns_to=return_target(state),
         age_s=max(vehicle.time_boot_s - last.time_boot_s, 0.0)
         + (vehicle.delay_s if state.telemetry_is_late else 0.0),
+        battery_percent=vehicle.battery_percent,
+        strikes=vehicle.strikes,
+        to_go_m=None if state.progress is None else state.progress.to_last_waypoint_m,
+        waits=_waits(state),
+        weights=_changed_weights(state),
     )
     return replace(state, last_shared_s=vehicle.time_boot_s), [ev.Publish(message)]
+
+
+def _waits(state: AgentState) -> str:
+    if state.wait is None or not state.wait.is_on:
+        return ""
+    return state.wait.description(state.vehicle.time_boot_s)[:MAX_TEXT]
+
+
+def _changed_weights(state: AgentState) -> tuple[float, float, float, float] | None:
+    """Return w and the firing strengths if an operator has changed them."""
+    if state.w == state.task.w and state.strength == state.task.strength:
+        return None
+    strength = state.strength
+    return state.w, strength.direct, strength.first_neighbour, strength.second_neighbour

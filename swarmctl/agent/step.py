@@ -53,7 +53,12 @@ from swarmctl.core.vehicle import MAX_DELAY_S, RECENT_DELAY_S, VehicleState
 
 def step(state: AgentState, event: ev.Event, now: float) -> StepResult:
     """Return the agent's next state and the effects of an event at `now`, by the run's clock [s]."""
-    return _HANDLERS[type(event)](state, event, now)
+    after, effects = _HANDLERS[type(event)](state, event, now)
+    if after.ended and after.phase is not state.phase:
+        # The end is told at once: the process may stop soon, and a disarmed vehicle tells nothing more.
+        after, shared = share_state(replace(after, last_shared_s=-math.inf))
+        effects = [*effects, *shared]
+    return after, effects
 
 
 # --- the ground, the launch, and orders
@@ -138,8 +143,7 @@ def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> St
     """Act on new telemetry: note it, end the flight, follow the failsafe rules, steer, tell the others."""
     state = _note_telemetry(state, event.state)
     if has_touched_down(state):
-        # The last state is sent at once, because the process may end soon.
-        return share_state(replace(end_at_touchdown(state), last_shared_s=-math.inf))
+        return end_at_touchdown(state), []
     effects: list[ev.Effect] = []
     for part in (_note_delay, partial(apply_failsafes, now=now), partial(_steer, now=now), _send_intent):
         state, new = part(state)

@@ -121,16 +121,26 @@ class StateShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, tag
     """home of a UAV that returns, or that holds until its turn to return [deg]"""
     age_s: float = 0.0
     """age of position, height and velocity [s]; 0 while new values arrive from the vehicle"""
+    battery_percent: Annotated[int, msgspec.Meta(ge=0, le=100)] | None = None
+    strikes: Annotated[int, msgspec.Meta(ge=0, lt=2**31)] = 0
+    to_go_m: float | None = None
+    """distance along the route to its last waypoint [m], negative past it; None without a route"""
+    waits: Text = ""
+    """what the UAV waits for, in words; empty: for nothing"""
+    weights: tuple[float, float, float, float] | None = None
+    """w and the three firing strengths after a change by an operator; None: those of the configuration"""
 
     def __post_init__(self) -> None:
         _check_position(self.lat_deg, self.lon_deg)
         if self.returns_to is not None:
             _check_position(*self.returns_to)
-        optional = (self.late_s, self.alt_amsl_m, self.earliest_in_s)
-        required = (self.time_s, self.alt_rel_m, *self.velocity_m_s, self.age_s)
+        optional = (self.late_s, self.alt_amsl_m, self.earliest_in_s, self.to_go_m)
+        required = (self.time_s, self.alt_rel_m, *self.velocity_m_s, self.age_s, *(self.weights or ()))
         numbers = (*required, *(x for x in optional if x is not None))
         if not all(map(math.isfinite, numbers)) or self.age_s < 0.0:
-            raise ValueError("a time, height, speed or age is not finite, or the age is below 0 s")
+            raise ValueError(
+                "a time, height, speed, distance or weight is not finite, or the age is below 0 s"
+            )
         if max(map(abs, (self.alt_rel_m, self.alt_amsl_m or 0.0, *self.velocity_m_s))) > MAX_MAGNITUDE:
             raise ValueError(f"a height or a speed is above {MAX_MAGNITUDE:g} (m or m/s)")
 

@@ -101,7 +101,8 @@ def vehicle_row(
         hostiles_known=state.belief.n_found,
         replans=state.plans.replans,
         strikes=state.vehicle.strikes,
-        link=_link(state, age_s) + (f", {refused} refused" if refused else ""),
+        link=link_text(age_s, state.vehicle.delay_s, is_lost=state.lost, is_late=state.telemetry_is_late)
+        + (f", {refused} refused" if refused else ""),
         weights=_weights(state),
         silence=("given up" if age_s > lost_timeout_s else "lost") if is_lost_in_air(state) else "",
         note=note or state.alarm or state.outcome or state.trouble or state.late,
@@ -124,14 +125,18 @@ def _progress(state: AgentState) -> float:
     return state.flown.length_m / max(state.flown.length_m + ahead_m, 1.0)
 
 
-def _link(state: AgentState, age_s: float) -> str:
+def link_text(age_s: float, delay_s: float, *, is_lost: bool, is_late: bool) -> str:
+    """Return the quality of a vehicle's link in words.
+
+    age_s: time since the last heartbeat, infinite before the first; delay_s: age of telemetry on arrival [s].
+    """
     if age_s == math.inf:
         return NOT_YET
-    if state.lost:
+    if is_lost:
         return f"lost for {age_s:.0f} s"
     if age_s >= LATE_HEARTBEAT_S:
         return f"silent for {age_s:.0f} s"
-    return f"{state.vehicle.delay_s:.0f} s old" if state.telemetry_is_late else OK
+    return f"{delay_s:.0f} s old" if is_late else OK
 
 
 def live_table(view: SwarmView, width: int, height: int) -> Group:

@@ -1,0 +1,169 @@
+"""The observations that a vehicle, or the whole swarm, has learned, and its belief at any time. Pure."""
+
+from __future__ import annotations
+
+from array import array
+from bisect import bisect_right
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmctl.core.belief import OCCUPIED as BELIEVED_OCCUPIED
+from swarmctl.core.belief import Belief, LookCounts, ObservationLog
+from swarmctl.core.observation import BeliefItem, Checkpoint, Observation, Source
+from swarmctl.dashboard.picture import OCCUPIED, OWN, SEEN, UNSEEN, CellCodes
+
+Name = tuple[int, int, int]
+"""observer, incarnation, sequence number"""
+
+
+class BeliefAt(NamedTuple):
+    """The belief after the first `version` observations."""
+
+    version: int
+    belief: Belief
+    own: NDArray[np.bool_]
+    """(rows, cols) True for cells with a look of the vehicle itself"""
+
+    @property
+    def codes(self) -> CellCodes:
+        known = self.belief.known
+        codes = np.where(self.belief.looks > 0, SEEN, UNSEEN).astype(np.uint8)
+        codes[known == BELIEVED_OCCUPIED] |= OCCUPIED
+        codes[self.own] |= OWN
+        return codes
+
+
+class BeliefHistory:
+    """Looks at cells in the order in which they were learned.
+
+    The belief at a time follows from the sums of looks and of hits, whatever the order was.
+    """
+
+    def __init__(self, prior: Belief, uav: int | None) -> None:
+        """`uav`: the vehicle, whose own looks are told apart; None: the belief of all together."""
+        self._prior = prior
+        self._uav = uav
+        self._cols = prior.looks.shape[1]
+        self.learned_s: dict[Name, float] = {}
+        """time at which each observation was learned"""
+        self._held: dict[Source, list[Observation]] = {}
+        self._checkpoints: dict[Source, Checkpoint] = {}
+        self.times_s = array("d")
+        """time of each item"""
+        self._ends = array("q")
+        """number of cells up to and with each item"""
+        self._cells, self._looks, self._hits = array("i"), array("i"), array("i")
+        self._own = bytearray()
+        self._is_seen, self._is_own = bytearray(prior.looks.size), bytearray(prior.looks.size)
+        self._known, self._known_own = array("i"), array("i")
+        """number of different cells after each item: all, and those of the vehicle itself"""
+        self._n_known = self._n_own = 0
+        self._cache: BeliefAt | None = None
+
+    def learn(self, time_s: float, items: Iterable[BeliefItem]) -> None:
+        """Add what is new of these observations; a cell outside the area is ignored, as by the agents."""
+        for item in items:
+            if isinstance(item, Checkpoint):
+                self._replace(time_s, item)
+                continue
+            name = (item.observer, item.incarnation, item.seq)
+            checkpoint = self._checkpoints.get(item.source)
+            if name in self.learned_s or (checkpoint is not None and item.seq <= checkpoint.upto):
+                continue
+            rows, cols = self._prior.looks.shape
+            if any(row >= rows or col >= cols for row, col, _ in item.cells):
+                continue
+            self.learned_s[name] = time_s
+            self._held.setdefault(item.source, []).append(item)
+            self._add(item, 1)
+            self._end_item(time_s)
+
+    def _replace(self, time_s: float, checkpoint: Checkpoint) -> None:
+        """Put a checkpoint in the place of the observations and the checkpoint that it summarises."""
+        source, before = checkpoint.source, self._checkpoints.get(checkpoint.source)
+        if before is not None and checkpoint.upto <= before.upto:
+            return
+        try:
+            counts = checkpoint.counts(self._prior.looks.size)
+        except ValueError:  # the agents refuse it, too
+            return
+        for cell, looks, hits in zip(counts.cells, counts.looks, counts.hits, strict=True):
+            self._add_cell(checkpoint.observer, int(cell), int(looks), int(hits))
+        held = self._held.pop(source, [])
+        for item in (item for item in held if item.seq <= checkpoint.upto):
+            self._add(item, -1)
+        self._held[source] = [item for item in held if item.seq > checkpoint.upto]
+        if before is not None:
+            old = before.counts(self._prior.looks.size)
+            for cell, looks, hits in zip(old.cells, old.looks, old.hits, strict=True):
+                self._add_cell(checkpoint.observer, int(cell), -int(looks), -int(hits))
+        self._checkpoints[source] = checkpoint
+        self._end_item(time_s)
+
+    def _add(self, item: Observation, sign: int) -> None:
+        for row, col, occupied in item.cells:
+            self._add_cell(item.observer, row * self._cols + col, sign, sign * occupied)
+
+    def _add_cell(self, observer: int, cell: int, looks: int, hits: int) -> None:
+        is_own = observer == self._uav
+        self._cells.append(cell)
+        self._looks.append(looks)
+        self._hits.append(hits)
+        self._own.append(is_own)
+        if not self._is_seen[cell]:
+            self._is_seen[cell] = 1
+            self._n_known += 1
+        if is_own and not self._is_own[cell]:
+            self._is_own[cell] = 1
+            self._n_own += 1
+
+    def _end_item(self, time_s: float) -> None:
+        self.times_s.append(time_s)
+        self._ends.append(len(self._cells))
+        self._known.append(self._n_known)
+        self._known_own.append(self._n_own)
+
+    def version(self, time_s: float) -> int:
+        """Return the number of items up to a time."""
+        return bisect_right(self.times_s, time_s)
+
+    def counts(self, version: int) -> tuple[int, int]:
+        """Return the numbers of different cells known, and of those that the vehicle itself observed."""
+        return (self._known[version - 1], self._known_own[version - 1]) if version else (0, 0)
+
+    def belief(self, version: int) -> BeliefAt:
+        """Return the belief after the first `version` items."""
+        before = self._cache
+        if before is not None and before.version == version:
+            return before
+        if before is None or before.version > version:
+            shape = self._prior.looks.shape
+            looks, hits = np.zeros(shape, np.int32), np.zeros(shape, np.int32)
+            own, done = np.zeros(shape, bool), 0
+        else:
+            looks, hits = before.belief.looks.copy(), before.belief.hits.copy()
+            own, done = before.own.copy(), self._ends[before.version - 1] if before.version else 0
+        end = self._ends[version - 1] if version else 0
+        cells = np.array(self._cells[done:end], np.int64)
+        np.add.at(looks.ravel(), cells, np.array(self._looks[done:end], np.int32))
+        np.add.at(hits.ravel(), cells, np.array(self._hits[done:end], np.int32))
+        own.ravel()[cells[np.frombuffer(self._own[done:end], np.uint8) > 0]] = True
+        self._cache = BeliefAt(version, self._of(looks, hits), own)
+        return self._cache
+
+    def own_belief(self, version: int) -> Belief:
+        """Return the belief by the vehicle's own observations alone, after the first `version` items."""
+        end = self._ends[version - 1] if version else 0
+        is_own = np.frombuffer(self._own[:end], np.uint8) > 0
+        cells = np.array(self._cells[:end], np.int64)[is_own]
+        looks, hits = np.zeros(self._prior.looks.shape, np.int32), np.zeros(self._prior.looks.shape, np.int32)
+        np.add.at(looks.ravel(), cells, np.array(self._looks[:end], np.int32)[is_own])
+        np.add.at(hits.ravel(), cells, np.array(self._hits[:end], np.int32)[is_own])
+        return self._of(looks, hits)
+
+    def _of(self, looks: NDArray[np.int32], hits: NDArray[np.int32]) -> Belief:
+        counts = LookCounts(looks, hits).sealed()
+        return Belief(self._prior.count, self._prior.sensor, counts, 0, ObservationLog(), 0, {})

@@ -1,0 +1,126 @@
+"""The difference between two pictures, as plain data for a page: only what has changed. Pure.
+
+A page keeps what it has, and replaces what it gets. Of lists that only grow it gets the new end, with the
+index at which it begins; so a page whose list is longer, after a scrub back, cuts it first.
+
+| key | content |
+|---|---|
+| `time_s`, `unix_s` | always |
+| `source` | the whole `SourceState` |
+| `vehicles` | {name: {field: value}}; `track`: {from, points}; `belief`: cells or all codes, see `belief` |
+| `belief` | the same for all vehicles together |
+| `hearing`, `conflicts` | the whole list |
+| `events`, `changes`, `strikes` | {from, items} |
+
+A belief is {cells: [index, code, index, code, …]} with index = row · cols + col, or {codes: base64 of a byte
+a cell, row after row}, whichever is shorter.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from swarmctl.dashboard.history import Grown
+from swarmctl.dashboard.picture import CellCodes, Picture, VehiclePicture
+
+_GROWING = ("events", "changes", "strikes")
+_DIGITS = {"height_m": 1, "speed_m_s": 1, "heading_deg": 0, "progress": 3, "arrives_in_s": 0, "age_s": 1}
+"""decimals of numbers that change all the time; finer changes are not sent"""
+_SPECIAL = frozenset({"name", "track", "belief", "belief_version"})
+_FIELDS = tuple(field for field in VehiclePicture.__struct_fields__ if field not in _SPECIAL)
+BYTES_A_CELL = 10
+"""approximate length of a changed cell as JSON; a whole belief takes 4 bytes for 3 cells"""
+
+
+def changes(before: Picture | None, after: Picture) -> dict[str, Any]:
+    """Return what a page has to be sent that shows `before`; None: a page that shows nothing yet."""
+    result: dict[str, Any] = {"time_s": round(after.time_s, 3), "unix_s": round(after.unix_s, 3)}
+    if before is None or before.source != after.source:
+        result["source"] = msgspec.to_builtins(after.source)
+    shown = {} if before is None else {vehicle.name: vehicle for vehicle in before.vehicles}
+    vehicles = {v.name: changed for v in after.vehicles if (changed := _vehicle(shown.get(v.name), v))}
+    if vehicles:
+        result["vehicles"] = vehicles
+    for name in ("hearing", "conflicts"):
+        value = _rounded_list(getattr(after, name))
+        if before is None or value != _rounded_list(getattr(before, name)):
+            result[name] = value
+    for name in _GROWING:
+        new = _growth(None if before is None else getattr(before, name), getattr(after, name))
+        if new is not None:
+            result[name] = {"from": new, "items": msgspec.to_builtins(list(getattr(after, name)[new:]))}
+    belief = _belief(None if before is None else before.common_belief, after.common_belief)
+    if belief is not None:
+        result["belief"] = belief
+    return result
+
+
+def _vehicle(before: VehiclePicture | None, after: VehiclePicture) -> dict[str, Any]:
+    changed: dict[str, Any] = {}
+    for field in _FIELDS:
+        value = getattr(after, field)
+        if before is not None and (value is (old := getattr(before, field)) or value == old):
+            continue
+        rounded = _rounded(field, value)
+        if before is None or rounded != _rounded(field, getattr(before, field)):
+            changed[field] = rounded
+    new = _growth(None if before is None else before.track, after.track)
+    if new is not None:
+        points = [[round(east, 1), round(north, 1)] for east, north in after.track[new:]]
+        changed["track"] = {"from": new, "points": points}
+    belief = _belief(None if before is None else before.belief, after.belief)
+    if belief is not None:
+        changed["belief"] = belief
+    return changed
+
+
+def _rounded(field: str, value: Any) -> Any:
+    if value is None:
+        return None
+    if field in _DIGITS:
+        return round(value, _DIGITS[field])
+    if field == "position":
+        return [round(value[0], 1), round(value[1], 1)]
+    if field == "lat_lon":
+        return [round(value[0], 6), round(value[1], 6)]
+    return msgspec.to_builtins(value) if isinstance(value, msgspec.Struct) else value
+
+
+def _rounded_list(items: Sequence[msgspec.Struct]) -> list[dict[str, Any]]:
+    """Return hearing edges or conflicts with numbers that a page can show."""
+    return [
+        {
+            key: (round(value, 2 if key == "loss" else 0) if isinstance(value, float) else value)
+            for key, value in msgspec.structs.asdict(item).items()
+        }
+        for item in items
+    ]
+
+
+def _growth(before: Sequence[Any] | None, after: Sequence[Any]) -> int | None:
+    """Return the index from which on `after` is new; None if nothing is."""
+    if before is None:
+        return 0
+    if isinstance(after, Grown) and isinstance(before, Grown):
+        if after.continues(before):
+            return None if len(after) == len(before) else len(before)
+        if before.continues(after):
+            return len(after)
+    return None if list(before) == list(after) else 0
+
+
+def _belief(before: CellCodes | None, after: CellCodes | None) -> dict[str, Any] | None:
+    if after is None or before is after:
+        return None
+    if before is not None and before.shape == after.shape:
+        cells = np.flatnonzero(before != after)
+        if not cells.size:
+            return None
+        if BYTES_A_CELL * cells.size < after.size:
+            return {"cells": np.stack([cells, after.ravel()[cells]], axis=1).ravel().tolist()}
+    return {"codes": base64.b64encode(after.tobytes()).decode()}

@@ -1,0 +1,74 @@
+"""Conflicts in space and time between the flights that the vehicles announce. Pure."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+
+from swarmctl.agent.traffic.check import MAX_AGE_S
+from swarmctl.agent.traffic.separation.clash import find_clashes
+from swarmctl.agent.traffic.separation.trajectory import Trajectory, until_landing
+from swarmctl.config.scenario import Scenario, separation_of
+from swarmctl.dashboard.facts import Motion, VehicleFacts
+from swarmctl.dashboard.picture import Conflict
+
+EVERY_S = 1.0
+"""interval of the predictions [s]"""
+
+
+class Conflicts:
+    """The predicted conflicts; the prediction of a second is kept until another is asked for."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._frame = scenario.grid.frame
+        self._limits = separation_of(scenario.config).limits
+        self._last: tuple[object, tuple[Conflict, ...]] = (None, ())
+
+    def at(self, vehicles: Collection[VehicleFacts], time_s: float) -> tuple[Conflict, ...]:
+        """Return the conflicts that are predicted at the begin of the second of `time_s`, soonest first."""
+        time_s = math.floor(time_s / EVERY_S) * EVERY_S
+        # Data of this second may still come, so the key has the vehicles' newest intents, too.
+        key = (time_s, tuple(len(vehicle.intents.values) for vehicle in vehicles))
+        if self._last[0] != key:
+            self._last = key, self._predicted(vehicles, time_s)
+        return self._last[1]
+
+    def _predicted(self, vehicles: Collection[VehicleFacts], time_s: float) -> tuple[Conflict, ...]:
+        flights = {v.uav: flight for v in vehicles if (flight := self._flight(v, time_s)) is not None}
+        names = {v.uav: v.name for v in vehicles}
+        found = []
+        for uav in list(flights):
+            own = flights.pop(uav)
+            for clash in find_clashes(own, flights, self._limits):
+                mine, other = own.at(clash.at_s), _nearest_point(flights[clash.other], clash.at_s)
+                if mine is None:
+                    continue
+                pair = (names[uav], names[clash.other])
+                horizontal_m, vertical_m = math.dist(mine[:2], other[:2]), abs(mine[2] - other[2])
+                found.append(Conflict(pair, max(clash.at_s, 0.0), mine[:2], horizontal_m, vertical_m))
+        return tuple(sorted(found, key=lambda conflict: (conflict.in_s, conflict.vehicles)))
+
+    def _flight(self, vehicle: VehicleFacts, time_s: float) -> Trajectory | None:
+        """Return the announced flight, with times from now on in seconds of the vehicle's clock."""
+        sent = vehicle.intents.at(time_s)
+        row = vehicle.motion.at(time_s)
+        if sent is None or row is None:
+            return None
+        boot_s = Motion(*row).boot_s
+        elapsed_s = 0.0 if boot_s is None or sent.boot_s is None else boot_s - sent.boot_s
+        points = sent.intent.points
+        if len(points) < 2 or not 0.0 <= elapsed_s <= MAX_AGE_S:
+            return None
+        to_local = self._frame.to_local
+        flight = Trajectory(
+            tuple(p.in_s - elapsed_s for p in points),
+            tuple((*to_local(p.lat_deg, p.lon_deg), p.alt_amsl_m) for p in points),
+        )
+        rest = flight.since(0.0)
+        return None if rest is None or len(rest.times_s) < 2 else until_landing(rest)
+
+
+def _nearest_point(flight: Trajectory, at_s: float) -> tuple[float, float, float]:
+    """Return the place of a flight at a time; before and after the flight its first and last point."""
+    at = flight.at(at_s)
+    return at if at is not None else flight.points[0 if at_s < flight.times_s[0] else -1]

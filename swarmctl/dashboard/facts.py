@@ -1,0 +1,104 @@
+"""What one vehicle is known to do, with its times: positions, words, plans and messages. Pure."""
+
+from __future__ import annotations
+
+from array import array
+from typing import NamedTuple
+
+import msgspec
+
+from swarmctl.core.frames import IntentShared
+from swarmctl.core.geo import LatLon
+from swarmctl.core.threat import FiringStrength
+from swarmctl.dashboard.belief_history import BeliefHistory
+from swarmctl.dashboard.history import Items, Rows, Steps
+from swarmctl.dashboard.picture import Point, Route
+
+
+class Motion(NamedTuple):
+    """A row of numbers at one time; None for an unknown number."""
+
+    lat_deg: float | None = None
+    lon_deg: float | None = None
+    height_m: float | None = None
+    speed_m_s: float | None = None
+    course_deg: float | None = None
+    battery_percent: float | None = None
+    strikes: float | None = None
+    boot_s: float | None = None
+    """vehicle's clock"""
+    delay_s: float | None = None
+    """age of the position at its arrival"""
+    flown_m: float | None = None
+    """length of the flown track so far"""
+    to_go_m: float | None = None
+    """distance along the route to its last waypoint"""
+
+    @property
+    def lat_lon(self) -> LatLon | None:
+        return None if self.lat_deg is None or self.lon_deg is None else (self.lat_deg, self.lon_deg)
+
+
+class Words(msgspec.Struct, frozen=True):
+    """What changes now and then."""
+
+    phase: str = ""
+    mode: str = ""
+    armed: bool | None = None
+    landing_is_over: bool = False
+    """True once the vehicle has arrived or landed at its goal: its route is complete"""
+    outcome: str = ""
+    trouble: str = ""
+    waiting: str = ""
+    replans: int = 0
+    n_observed: int = 0
+    n_found: int = 0
+    w: float | None = None
+    strength: FiringStrength | None = None
+    lost_since_s: float | None = None
+    """time of the last telemetry of a vehicle whose link is lost"""
+
+
+class SentIntent(NamedTuple):
+    boot_s: float | None
+    """vehicle's clock at the time of sending; None: unknown"""
+    packed: bytes
+
+    @property
+    def intent(self) -> IntentShared:
+        return _intents.decode(self.packed)
+
+
+_intents = msgspec.msgpack.Decoder(IntentShared)
+
+
+class VehicleFacts:
+    """The histories of one vehicle."""
+
+    def __init__(self, index: int, name: str, uav: int, beliefs: BeliefHistory) -> None:
+        self.index = index
+        self.name = name
+        self.uav = uav
+        self.motion = Rows(len(Motion._fields))
+        self.now = Motion()
+        """the newest row"""
+        self.words: Steps[Words] = Steps()
+        self.said = Words()
+        """the newest words"""
+        self.word_s = array("d")
+        """times of the vehicle's words"""
+        self.track: Items[Point] = Items()
+        self.last_lat_lon: LatLon | None = None
+        """newest position of the track"""
+        self.route: Steps[Route | None] = Steps()
+        self.uploading: Steps[Route | None] = Steps()
+        self.plans: dict[int, Route] = {}
+        """routes by plan number"""
+        self.beliefs = beliefs
+        self.intents: Steps[SentIntent] = Steps()
+        self.intent_s = array("d")
+        """times of all intents"""
+        self.heard_s: dict[int, array[float]] = {}
+        """times of the messages that arrived from each other vehicle"""
+        self.last_s = 0.0
+        """time of the newest row"""

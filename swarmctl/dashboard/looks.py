@@ -1,0 +1,198 @@
+"""The parts of a picture, from the histories of a timeline. Pure."""
+
+from __future__ import annotations
+
+import math
+from array import array
+from bisect import bisect_right
+from typing import TYPE_CHECKING
+
+from numpy.typing import NDArray
+
+from swarmctl.agent.state import ARRIVED
+from swarmctl.config.scenario import Scenario
+from swarmctl.core.events import SwapMission
+from swarmctl.core.exposure import exposure_sum, length_cells, safety_factor
+from swarmctl.core.frames import IntentShared
+from swarmctl.core.grid import Cell, Grid
+from swarmctl.core.vehicle import MAX_DELAY_S
+from swarmctl.dashboard.facts import Motion, VehicleFacts, Words
+from swarmctl.dashboard.history import last_before
+from swarmctl.dashboard.picture import SILENT_AFTER_S, AreaPicture, Hearing, Route, VehiclePicture
+from swarmctl.report.foxglove import colour_of
+from swarmctl.report.live_rows import link_text
+
+if TYPE_CHECKING:
+    from swarmctl.dashboard.model import Timeline
+
+SAME_MESSAGE_S = 0.5
+"""longest time between two reports of the same message [s]"""
+HEARING_FADES_S = 30.0
+"""age of the last message after which the edge of a hearing graph is left out [s]"""
+LOSS_OVER_S = 60.0
+"""time over which the loss is estimated [s]"""
+MIN_SENT = 4
+"""least number of messages for an estimate of the loss"""
+SLOW_M_S = 0.5
+"""speed below which the course over ground has no meaning [m/s]"""
+
+
+def times() -> array[float]:
+    return array("d")
+
+
+def area(scenario: Scenario) -> AreaPicture:
+    """Return the constant part of the pictures."""
+    grid, specs, config = scenario.grid, scenario.swarm, scenario.config
+    hostiles = scenario.true_hostiles
+    cell_m = grid.cell_size_m
+    return AreaPicture(
+        config.name,
+        grid.rows,
+        grid.cols,
+        cell_m,
+        grid.corners(),
+        tuple(sorted({goal for spec in specs for goal in spec.goals})),
+        tuple(sorted(config.area.no_fly)),
+        tuple(grid.frame.to_local(*corner) for corner in scenario.fence_polygon),
+        None if hostiles is None else tuple(sorted(hostiles)),
+        tuple(spec.name for spec in specs),
+        tuple(spec.sysid for spec in specs),
+        tuple(colour_of(i) for i in range(len(specs))),
+        tuple(spec.simulated for spec in specs),
+        # The paper's sensor sees the 3 × 3 cells around the vehicle.
+        tuple(1.5 * cell_m for _ in specs),
+        (config.separation.horizontal_m, config.separation.vertical_m),
+    )
+
+
+def course_deg(east_m_s: float, north_m_s: float, heading_deg: float | None) -> float | None:
+    """Return the course over ground; for a slow vehicle its heading."""
+    if math.hypot(east_m_s, north_m_s) < SLOW_M_S:
+        return heading_deg
+    return math.degrees(math.atan2(east_m_s, north_m_s)) % 360.0
+
+
+def route(grid: Grid, swap: SwapMission) -> Route:
+    """Return a plan as a route."""
+    plan = swap.plan
+    points = [(p.lat_deg, p.lon_deg) for p in (*plan.waypoints, plan.landing)]
+    return Route(
+        swap.plan_id,
+        swap.cells,
+        tuple(grid.frame.to_local(*point) for point in points),
+        swap.length_m,
+        swap.exposure_sum,
+        swap.safety_factor,
+    )
+
+
+def announced_route(grid: Grid, intent: IntentShared) -> Route:
+    """Return an announced flight as a route; only its points are known."""
+    points = tuple(grid.frame.to_local(p.lat_deg, p.lon_deg) for p in intent.points)
+    return Route(intent.plan_id, (), points)
+
+
+def rest_of(old: Route, cell: Cell | None, p_s: NDArray, area: AreaPicture) -> Route | None:  # type: ignore[type-arg]
+    """Return the rest of a route from a cell on, with length and exposure by P_s; None beside the route."""
+    if cell is None or cell not in old.cells:
+        return None
+    rest = old.cells[len(old.cells) - 1 - old.cells[::-1].index(cell) :]
+    points = tuple(((col + 0.5) * area.cell_size_m, (row + 0.5) * area.cell_size_m) for row, col in rest)
+    length_m = length_cells(rest) * area.cell_size_m
+    return Route(old.plan_id, rest, points, length_m, exposure_sum(p_s, rest), safety_factor(p_s, rest))
+
+
+def vehicle(timeline: Timeline, facts: VehicleFacts, time_s: float, with_belief: bool) -> VehiclePicture:
+    """Return a vehicle at a time."""
+    row = facts.motion.at(time_s)
+    motion = Motion() if row is None else Motion(*row)
+    words = facts.words.at(time_s) or Words()
+    word_s = last_before(facts.word_s, time_s)
+    age_s = None if word_s is None else time_s - word_s
+    frame, here = timeline.scenario.grid.frame, motion.lat_lon
+    version = facts.beliefs.version(time_s)
+    n_known, n_own = facts.beliefs.counts(version)
+    task_w = timeline.scenario.config.planner.w
+    strength = words.strength or timeline.scenario.strength
+    has_all = timeline.kind != "bus"
+    return VehiclePicture(
+        facts.name,
+        facts.uav,
+        words.phase,
+        words.mode,
+        here,
+        None if here is None else frame.to_local(*here),
+        None if here is None else timeline.scenario.grid.cell_at(*here),
+        motion.height_m,
+        motion.speed_m_s,
+        motion.course_deg,
+        None if motion.battery_percent is None else round(motion.battery_percent),
+        words.armed,
+        progress(motion, words),
+        arrives_in_s(motion, words),
+        _link(motion, words, age_s),
+        age_s,
+        age_s is None or age_s > SILENT_AFTER_S,
+        n_own,
+        n_known if has_all else max(words.n_observed, n_known),
+        facts.beliefs.belief(version).belief.n_found if has_all else words.n_found,
+        words.replans,
+        None if motion.strikes is None else round(motion.strikes),
+        task_w if words.w is None else words.w,
+        (strength.direct, strength.first_neighbour, strength.second_neighbour),
+        words.waiting,
+        words.outcome or words.trouble,
+        facts.route.at(time_s),
+        facts.uploading.at(time_s),
+        facts.track.until(time_s),
+        facts.beliefs.belief(version).codes if with_belief else None,
+        version,
+    )
+
+
+def progress(motion: Motion, words: Words) -> float | None:
+    """Return the share of the route, 0..1, as the terminal shows it."""
+    if words.landing_is_over or words.outcome == ARRIVED:
+        return 1.0
+    if motion.to_go_m is None:
+        return None
+    flown_m = motion.flown_m or 0.0
+    return flown_m / max(flown_m + max(motion.to_go_m, 0.0), 1.0)
+
+
+def arrives_in_s(motion: Motion, words: Words) -> float | None:
+    """Return the predicted time to the last waypoint at the present speed."""
+    if words.phase != "flying" or motion.to_go_m is None or not motion.speed_m_s:
+        return None
+    return max(motion.to_go_m, 0.0) / motion.speed_m_s if motion.speed_m_s > SLOW_M_S else None
+
+
+def _link(motion: Motion, words: Words, age_s: float | None) -> str:
+    delay_s = motion.delay_s or 0.0
+    age_s = math.inf if age_s is None else age_s
+    return link_text(age_s, delay_s, is_lost=words.lost_since_s is not None, is_late=delay_s > MAX_DELAY_S)
+
+
+def hearing(timeline: Timeline, time_s: float) -> tuple[Hearing, ...]:
+    """Return who hears whom, with the age of the last message and the share of lost messages."""
+    edges = []
+    for receiver in timeline.vehicles.values():
+        for uav, heard_s in receiver.heard_s.items():
+            last_s = last_before(heard_s, time_s)
+            if last_s is not None and time_s - last_s <= HEARING_FADES_S:
+                sender = timeline.vehicles[uav]
+                loss = None if timeline.kind == "bus" else _loss(sender.intent_s, heard_s, time_s)
+                edges.append(Hearing(sender.name, receiver.name, time_s - last_s, loss))
+    return tuple(edges)
+
+
+def _loss(sent_s: array[float], heard_s: array[float], time_s: float) -> float | None:
+    """Return the share of the sender's messages that did not arrive over the last minute."""
+    # A message that was sent just now may still arrive.
+    until_s, since_s = time_s - 2.0, time_s - LOSS_OVER_S
+    n_sent = bisect_right(sent_s, until_s) - bisect_right(sent_s, since_s)
+    if n_sent < MIN_SENT:
+        return None
+    n_heard = bisect_right(heard_s, time_s) - bisect_right(heard_s, since_s)
+    return max(0.0, 1.0 - n_heard / n_sent)

@@ -1,0 +1,370 @@
+"""The fold of the dashboard: what a source delivers becomes a timeline, and a timeline gives pictures.
+
+All three sources call the same methods. Nothing here reads a clock, a file or the bus. A timeline stores each
+change with its time, so a picture at any time is a bisection, during a flight too. Times are seconds since
+the begin of the record, or since the station joined.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Collection, Iterable
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmctl.agent.state import ARRIVED
+from swarmctl.config.scenario import Scenario
+from swarmctl.core.belief import weighed_occupancy
+from swarmctl.core.events import SwapMission
+from swarmctl.core.exposure import exposure
+from swarmctl.core.frames import IntentShared, StateShared
+from swarmctl.core.geo import distance_m
+from swarmctl.core.observation import BeliefItem, Observation
+from swarmctl.core.operator_text import printable
+from swarmctl.core.threat import FiringStrength
+from swarmctl.core.vehicle import VehicleState
+from swarmctl.dashboard import events, looks
+from swarmctl.dashboard.belief_history import BeliefHistory, Name
+from swarmctl.dashboard.conflicts import Conflicts
+from swarmctl.dashboard.facts import Motion, SentIntent, VehicleFacts
+from swarmctl.dashboard.history import Items
+from swarmctl.dashboard.picture import (
+    AreaPicture,
+    Event,
+    Learned,
+    Picture,
+    RouteChange,
+    Severity,
+    SourceKind,
+    SourceState,
+    Strike,
+)
+from swarmctl.report.summary import MIN_STEP_M
+
+EVERYBODY = ""
+"""the name under which the belief of all vehicles together is asked for"""
+_encode = msgspec.msgpack.Encoder().encode
+
+
+class Timeline:
+    """Everything known of one swarm, from the first time to the last."""
+
+    def __init__(self, scenario: Scenario, kind: SourceKind, began_unix_s: float) -> None:
+        self.area: AreaPicture = looks.area(scenario)
+        self.kind: SourceKind = kind
+        self.began_unix_s = began_unix_s
+        self.is_live = kind != "recording"
+        self.now_s = 0.0
+        """time to show if none is chosen; a live source moves it on, though no data come"""
+        self.end_s = 0.0
+        """time of the newest data"""
+        self.total_s = 0.0
+        """length of the record, if it is known before all of it is read"""
+        self.text = ""
+        """state of the source, in words"""
+        self.lacks: tuple[str, ...] = ()
+        self.version = 0
+        """number that grows with new data"""
+        self.scenario = scenario
+        self.vehicles = {
+            spec.sysid: VehicleFacts(i, spec.name, spec.sysid, BeliefHistory(scenario.prior, spec.sysid))
+            for i, spec in enumerate(scenario.swarm)
+        }
+        self._by_name = {vehicle.name: vehicle for vehicle in self.vehicles.values()}
+        self._autonomy = scenario.config.planner.autonomy
+        self.common = BeliefHistory(scenario.prior, None)
+        self.observations: dict[Name, tuple[Observation, float]] = {}
+        """each observation, and the time of the first word of it"""
+        self.events: Items[Event] = Items()
+        self.changes: Items[RouteChange] = Items()
+        self.strikes: Items[Strike] = Items()
+        self._conflicts = Conflicts(scenario)
+        self._exposures: dict[str, tuple[object, NDArray[np.float64]]] = {}
+
+    # --- the fold
+
+    def _touch(self, time_s: float) -> float:
+        """Note new data, and return their time: at least that of the newest data before."""
+        self.version += 1
+        self.end_s = max(self.end_s, time_s)
+        self.now_s = max(self.now_s, self.end_s)
+        return self.end_s
+
+    def telemetry(self, uav: int, time_s: float, state: VehicleState) -> None:
+        """Fold a vehicle's telemetry, as its agent gets it."""
+        time_s, vehicle = self._touch(time_s), self.vehicles[uav]
+        vehicle.word_s.append(time_s)
+        self._say(vehicle, time_s, mode=state.mode, armed=state.armed, lost_since_s=None)
+        before, moved_m = vehicle.now, 0.0
+        here = before.lat_lon if state.lat_lon is None else state.lat_lon
+        if state.armed and before.lat_lon is not None and state.lat_lon is not None:
+            moved_m = distance_m(before.lat_lon, state.lat_lon)
+        course_deg = looks.course_deg(state.east_m_s, state.north_m_s, state.heading_deg)
+        lat_deg, lon_deg = here or (None, None)
+        row = Motion(
+            lat_deg,
+            lon_deg,
+            before.height_m if state.alt_rel_m is None else state.alt_rel_m,
+            state.ground_speed_m_s,
+            course_deg,
+            state.battery_percent,
+            state.strikes,
+            state.time_boot_s,
+            state.delay_s,
+            (before.flown_m or 0.0) + moved_m,
+            before.to_go_m,
+        )
+        self._move(vehicle, time_s, row)
+
+    def shared(self, uav: int, time_s: float, state: StateShared, *, has_telemetry: bool) -> None:
+        """Fold the state that a vehicle tells each second; `has_telemetry`: its positions come otherwise."""
+        time_s, vehicle = self._touch(time_s), self.vehicles[uav]
+        vehicle.word_s.append(time_s)
+        for other in state.hears:
+            self.heard(uav, other, time_s)
+        w, strength = None, None
+        if state.weights is not None:
+            with contextlib.suppress(ValueError):  # no firing strengths: another program's mistake
+                w, strength = state.weights[0], FiringStrength(*state.weights[1:])
+        self._say(
+            vehicle,
+            time_s,
+            phase=printable(state.phase),
+            mode=printable(state.mode) or vehicle.said.mode,
+            outcome=printable(state.outcome),
+            trouble=printable(state.trouble),
+            waiting=printable(state.waits),
+            landing_is_over=state.phase == "landing" or state.outcome == ARRIVED,
+            replans=state.replans,
+            n_observed=state.n_observed,
+            n_found=state.n_found,
+            **({} if w is None else {"w": w, "strength": strength}),
+        )
+        if not has_telemetry:
+            before, here = vehicle.now, (state.lat_deg, state.lon_deg)
+            east_m_s, north_m_s, _ = state.velocity_m_s
+            moved_m = 0.0 if before.lat_lon is None else distance_m(before.lat_lon, here)
+            row = Motion(
+                *here,
+                state.alt_rel_m,
+                math.hypot(east_m_s, north_m_s),
+                looks.course_deg(east_m_s, north_m_s, before.course_deg),
+                state.battery_percent,
+                state.strikes,
+                state.time_s,
+                state.age_s,
+                (before.flown_m or 0.0) + (moved_m if state.alt_rel_m > MIN_STEP_M else 0.0),
+                state.to_go_m,
+            )
+            self._move(vehicle, time_s, row)
+        elif vehicle.now.to_go_m != state.to_go_m:
+            self._move(vehicle, time_s, vehicle.now._replace(to_go_m=state.to_go_m))
+        flown = vehicle.plans.get(state.plan_id)
+        if flown is not None or state.plan_id == 0:
+            vehicle.route.add(time_s, flown)
+
+    def learned(self, uav: int, time_s: float, items: Iterable[BeliefItem]) -> None:
+        """Fold observations that a vehicle has made or received."""
+        time_s, items = self._touch(time_s), tuple(items)
+        self.vehicles[uav].beliefs.learn(time_s, items)
+        self.common.learn(time_s, items)
+        for item in items:
+            if isinstance(item, Observation):
+                name = (item.observer, item.incarnation, item.seq)
+                self.observations.setdefault(name, (item, time_s))
+
+    def planned(self, uav: int, time_s: float, swap: SwapMission) -> None:
+        """Fold the decision for a new plan."""
+        time_s, vehicle = self._touch(time_s), self.vehicles[uav]
+        new = looks.route(self.scenario.grid, swap)
+        vehicle.plans[swap.plan_id] = new
+        vehicle.uploading.add(time_s, new)
+        because = tuple(self._learned(vehicle, name) for name in swap.because)
+        old = vehicle.route.last
+        change = RouteChange(len(self.changes.items) + 1, time_s, vehicle.name, old, None, new, because)
+        self.changes.add(time_s, change)
+        self.event(vehicle, time_s, "info", events.of_change(change, self.area.names))
+
+    def _learned(self, vehicle: VehicleFacts, name: Name) -> Learned:
+        found = self.observations.get(name)
+        observer = self.vehicles.get(name[0])
+        return Learned(
+            f"vehicle {name[0]}" if observer is None else observer.name,
+            name[2],
+            name[0] == vehicle.uav,
+            None if found is None else found[1],
+            vehicle.beliefs.learned_s.get(name, self.end_s),
+            () if found is None else found[0].cells,
+        )
+
+    def accepted(self, uav: int, time_s: float, plan_id: int) -> None:
+        """Fold that a plan is on the vehicle."""
+        time_s, vehicle = self._touch(time_s), self.vehicles[uav]
+        if plan_id in vehicle.plans:
+            vehicle.route.add(time_s, vehicle.plans[plan_id])
+        vehicle.uploading.add(time_s, None)
+
+    def not_accepted(self, uav: int, time_s: float, plan_id: int, reason: str) -> None:
+        """Fold that a mission change has failed."""
+        time_s, vehicle = self._touch(time_s), self.vehicles[uav]
+        vehicle.uploading.add(time_s, None)
+        self.event(vehicle, time_s, "warning", f"plan {plan_id} did not get onto the vehicle: {reason}")
+
+    def intent(self, uav: int, time_s: float, intent: IntentShared, *, is_route: bool) -> None:
+        """Fold the flight that a vehicle announces; `is_route`: its plans do not come otherwise."""
+        time_s, vehicle = self._touch(time_s), self.vehicles[uav]
+        vehicle.intents.add(time_s, SentIntent(vehicle.now.boot_s, _encode(intent)))
+        vehicle.intent_s.append(time_s)
+        if is_route and intent.plan_id and intent.points:
+            route = looks.announced_route(self.scenario.grid, intent)
+            known = vehicle.plans.get(intent.plan_id)
+            if known is None:
+                vehicle.plans[intent.plan_id] = route
+                old = vehicle.route.last
+                change = RouteChange(len(self.changes.items) + 1, time_s, vehicle.name, old, None, route, ())
+                self.changes.add(time_s, change)
+                self.event(vehicle, time_s, "info", events.of_change(change, self.area.names))
+            vehicle.route.add(time_s, known or route)
+
+    def heard(self, receiver: int, sender: int, at_s: float) -> None:
+        """Fold that a message of `sender` arrived at `receiver`."""
+        if sender not in self.vehicles or receiver not in self.vehicles or sender == receiver:
+            return
+        times = self.vehicles[receiver].heard_s.setdefault(sender, looks.times())
+        if not times or at_s > times[-1] + looks.SAME_MESSAGE_S:
+            times.append(at_s)
+
+    def weights(self, uav: int, time_s: float, w: float | None, strength: FiringStrength | None) -> None:
+        """Fold an operator's new weights."""
+        time_s, vehicle = self._touch(time_s), self.vehicles[uav]
+        said = vehicle.said
+        self._say(
+            vehicle,
+            time_s,
+            w=said.w if w is None else w,
+            strength=said.strength if strength is None else strength,
+        )
+
+    def link_lost(self, uav: int, time_s: float, age_s: float) -> None:
+        time_s, vehicle = self._touch(time_s), self.vehicles[uav]
+        self._say(vehicle, time_s, lost_since_s=time_s - age_s)
+        self.event(vehicle, time_s, "alarm", f"no telemetry for {age_s:.0f} s: the link is lost")
+
+    def link_restored(self, uav: int, time_s: float) -> None:
+        time_s, vehicle = self._touch(time_s), self.vehicles[uav]
+        self._say(vehicle, time_s, lost_since_s=None)
+        self.event(vehicle, time_s, "info", "telemetry arrives again")
+
+    def note(self, name: str, time_s: float, text: str) -> None:
+        """Fold a text for the operator."""
+        text = printable(text)
+        event = Event(len(self.events.items) + 1, self._touch(time_s), name, "warning", text)
+        self.events.add(event.time_s, events.with_code(event))
+
+    # --- parts of the fold
+
+    def event(self, vehicle: VehicleFacts, time_s: float, severity: Severity, text: str) -> None:
+        event = Event(len(self.events.items) + 1, time_s, vehicle.name, severity, text)
+        self.events.add(time_s, events.with_code(event))
+
+    def _say(self, vehicle: VehicleFacts, time_s: float, **changes: Any) -> None:
+        before = vehicle.said
+        if all(getattr(before, key) == value for key, value in changes.items()):
+            return
+        vehicle.said = after = msgspec.structs.replace(before, **changes)
+        vehicle.words.add(time_s, after)
+        for severity, text in events.of_words(before, after, is_bus=self.kind == "bus"):
+            self.event(vehicle, time_s, severity, text)
+
+    def _move(self, vehicle: VehicleFacts, time_s: float, row: Motion) -> None:
+        before, vehicle.now = vehicle.now, row
+        vehicle.motion.add(time_s, row)
+        here, last = row.lat_lon, vehicle.last_lat_lon
+        if here is None:
+            return
+        place = self.scenario.grid.frame.to_local(*here)
+        armed = vehicle.said.armed
+        is_flying = (row.height_m or 0.0) > MIN_STEP_M if armed is None else armed
+        if is_flying and (last is None or distance_m(last, here) >= MIN_STEP_M):
+            vehicle.last_lat_lon = here
+            vehicle.track.add(time_s, place)
+        new = int((row.strikes or 0) - (before.strikes or 0))
+        if new > 0:
+            self.strikes.add(time_s, Strike(time_s, vehicle.name, place, new))
+            self.event(vehicle, time_s, "alarm", events.of_strikes(new, int(row.strikes or 0)))
+
+    # --- pictures
+
+    def at(self, time_s: float | None = None, beliefs: Collection[str] = (EVERYBODY,)) -> Picture:
+        """Return the picture at a time; None: now.
+
+        `beliefs` has the names of the vehicles whose beliefs are wanted, EVERYBODY for that of all together.
+        """
+        time_s = self.now_s if time_s is None else min(max(time_s, 0.0), self.now_s)
+        vehicles = tuple(looks.vehicle(self, v, time_s, v.name in beliefs) for v in self.vehicles.values())
+        version = self.common.version(time_s)
+        return Picture(
+            time_s,
+            self.began_unix_s + time_s,
+            self.source,
+            vehicles,
+            looks.hearing(self, time_s),
+            self._conflicts.at(self.vehicles.values(), time_s),
+            self.events.until(time_s),
+            self.changes.until(time_s),
+            self.strikes.until(time_s),
+            self.common.belief(version).codes if EVERYBODY in beliefs else None,
+            version,
+        )
+
+    @property
+    def source(self) -> SourceState:
+        age_s = self.now_s - self.end_s if self.is_live else 0.0
+        total_s = max(self.total_s, self.end_s)
+        return SourceState(self.kind, self.is_live, 0.0, self.now_s, total_s, age_s, self.text, self.lacks)
+
+    def vehicle(self, name: str) -> VehicleFacts:
+        """Return the histories of a vehicle. Raises KeyError."""
+        return self._by_name[name]
+
+    def strength(self, name: str, time_s: float) -> FiringStrength:
+        """Return the firing strengths by which a vehicle plans; those of the configuration for EVERYBODY."""
+        words = self.vehicle(name).words.at(time_s) if name else None
+        return self.scenario.strength if words is None or words.strength is None else words.strength
+
+    def exposure(self, name: str, time_s: float | None = None) -> NDArray[np.float64]:
+        """Return P_s of each cell (Eq. 2-4) by a vehicle's belief, or by that of EVERYBODY; read-only."""
+        time_s = self.now_s if time_s is None else time_s
+        history = self.vehicle(name).beliefs if name else self.common
+        version, strength = history.version(time_s), self.strength(name, time_s)
+        key = (version, strength)
+        cached = self._exposures.get(name)
+        if cached is None or cached[0] != key:
+            belief = history.belief(version).belief
+            occupancy = belief.occupancy()
+            if name and self._autonomy > 0.0:
+                occupancy = weighed_occupancy(belief, history.own_belief(version), self._autonomy)
+            p_s = exposure(occupancy, strength)
+            p_s.flags.writeable = False
+            cached = self._exposures[name] = key, p_s
+        return cached[1]
+
+    def compared(self, number: int) -> RouteChange:
+        """Return a change of a route with the rest of the old route by the belief at the decision.
+
+        Raises IndexError.
+        """
+        if not 1 <= number <= len(self.changes.items):
+            raise IndexError(f"change {number}: expected 1 to {len(self.changes.items)}")
+        change = self.changes.items[number - 1]
+        if change.old is None or not change.old.cells:
+            return change
+        motion = self.vehicle(change.vehicle).motion.at(change.time_s)
+        at = None if motion is None else Motion(*motion).lat_lon
+        cell = None if at is None else self.scenario.grid.cell_at(*at)
+        rest = looks.rest_of(change.old, cell, self.exposure(change.vehicle, change.time_s), self.area)
+        return msgspec.structs.replace(change, old_now=rest)
