@@ -11,6 +11,8 @@
 | `station/inform/state/FROM` | a UAV | ground stations | put | a frame: StateShared |
 | `uav/TO/request/weights/operator` | operator | the UAV's agent | query | SetWeights; reply: OperatorAnswer |
 | `uav/TO/request/order/operator` | operator | the UAV's agent | query | GiveOrder; reply: OperatorAnswer |
+| `station/propagate/observation/FROM` | a UAV | ground stations | put | a copy of the frame to the UAVs |
+| `station/propagate/intent/FROM` | a UAV | ground stations | put | a copy of the frame to the UAVs |
 | `station/request/weights/operator` | operator | `swarmctl fly` | query | SetWeights; reply: OperatorAnswer |
 | `station/request/order/operator` | operator | `swarmctl fly` | query | GiveOrder; reply: OperatorAnswer |
 | `node/ID`, `node/ID/missed` | – | a mesh's node | subscribe | none: the subscription shows presence |
@@ -49,14 +51,24 @@ def to_station(swarm: str, sender: int) -> str:
     return f"{ROOT}/{swarm}/station/inform/state/{sender}"
 
 
+def copy_to_station(swarm: str, act: str, sender: int) -> str:
+    """Return the key of a ground stations' copy of UAV `sender`'s message `act`, such as `inform/intent`."""
+    return f"{ROOT}/{swarm}/station/propagate/{act.rpartition('/')[2]}/{sender}"
+
+
 def inbox(swarm: str, uav: int) -> str:
     """Return the key expression that matches every message to `uav`."""
     return f"{ROOT}/{swarm}/uav/{uav}/**"
 
 
 def station(swarm: str) -> str:
-    """Return the key expression that matches every message to ground stations."""
+    """Return the key expression that matches the states that UAVs send to ground stations."""
     return f"{ROOT}/{swarm}/station/inform/**"
+
+
+def copies(swarm: str) -> str:
+    """Return the key expression that matches the ground stations' copies of the UAVs' messages."""
+    return f"{ROOT}/{swarm}/station/propagate/**"
 
 
 def request(swarm: str, kind: RequestKind, uav: int | None = None) -> str:

@@ -156,8 +156,13 @@ class Network:
         `against`: cells in which the agent's observation contradicts earlier reports of other UAVs.
         """
         output = self._members[uav].node.publish(message, self._now(), against)
-        if isinstance(message, StateShared):
-            self._transport.put(keys.to_station(self._swarm, uav), output.messages[0].data)
+        first = output.messages[0]
+        # The station hears from every vehicle, also from those that have nobody in range.
+        is_state = isinstance(message, StateShared)
+        key = keys.to_station(self._swarm, uav)
+        self._transport.put(
+            key if is_state else keys.copy_to_station(self._swarm, first.act, uav), first.data
+        )
         self._perform(self._members[uav], output)
         return len(output.messages[0].to)
 

@@ -88,8 +88,6 @@ class VehicleFacts:
         self.word_s = array("d")
         """times of the vehicle's words"""
         self.track: Items[Point] = Items()
-        self.last_lat_lon: LatLon | None = None
-        """newest position of the track"""
         self.route: Steps[Route | None] = Steps()
         self.uploading: Steps[Route | None] = Steps()
         self.plans: dict[int, Route] = {}
@@ -100,5 +98,5 @@ class VehicleFacts:
         """times of all intents"""
         self.heard_s: dict[int, array[float]] = {}
         """times of the messages that arrived from each other vehicle"""
-        self.last_s = 0.0
-        """time of the newest row"""
+        self.is_silent = False
+        """True if an alarm has told that the vehicle is silent"""

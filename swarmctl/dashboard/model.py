@@ -33,6 +33,7 @@ from swarmctl.dashboard.conflicts import Conflicts
 from swarmctl.dashboard.facts import Motion, SentIntent, VehicleFacts
 from swarmctl.dashboard.history import Items
 from swarmctl.dashboard.picture import (
+    SILENT_AFTER_S,
     AreaPicture,
     Event,
     Learned,
@@ -101,8 +102,8 @@ class Timeline:
         self._say(vehicle, time_s, mode=state.mode, armed=state.armed, lost_since_s=None)
         before, moved_m = vehicle.now, 0.0
         here = before.lat_lon if state.lat_lon is None else state.lat_lon
-        if state.armed and before.lat_lon is not None and state.lat_lon is not None:
-            moved_m = distance_m(before.lat_lon, state.lat_lon)
+        if state.armed and before.lat_lon is not None and here is not None and here != before.lat_lon:
+            moved_m = distance_m(before.lat_lon, here)
         course_deg = looks.course_deg(state.east_m_s, state.north_m_s, state.heading_deg)
         lat_deg, lon_deg = here or (None, None)
         row = Motion(
@@ -265,6 +266,17 @@ class Timeline:
         event = Event(len(self.events.items) + 1, self._touch(time_s), name, "warning", text)
         self.events.add(event.time_s, events.with_code(event))
 
+    def note_silence(self) -> None:
+        """Add an alarm for each vehicle that has fallen silent, and a line for each that is heard again."""
+        for vehicle in self.vehicles.values():
+            last_s = vehicle.word_s[-1] if vehicle.word_s else None
+            is_silent = last_s is not None and self.now_s - last_s > SILENT_AFTER_S
+            if is_silent and not vehicle.is_silent:
+                self.event(vehicle, self.now_s, "alarm", f"no word for {SILENT_AFTER_S:g} s [silent]")
+            elif vehicle.is_silent and not is_silent:
+                self.event(vehicle, self.now_s, "info", "heard again")
+            vehicle.is_silent = is_silent
+
     # --- parts of the fold
 
     def event(self, vehicle: VehicleFacts, time_s: float, severity: Severity, text: str) -> None:
@@ -273,7 +285,10 @@ class Timeline:
 
     def _say(self, vehicle: VehicleFacts, time_s: float, **changes: Any) -> None:
         before = vehicle.said
-        if all(getattr(before, key) == value for key, value in changes.items()):
+        for key, value in changes.items():
+            if getattr(before, key) != value:
+                break
+        else:
             return
         vehicle.said = after = msgspec.structs.replace(before, **changes)
         vehicle.words.add(time_s, after)
@@ -283,17 +298,17 @@ class Timeline:
     def _move(self, vehicle: VehicleFacts, time_s: float, row: Motion) -> None:
         before, vehicle.now = vehicle.now, row
         vehicle.motion.add(time_s, row)
-        here, last = row.lat_lon, vehicle.last_lat_lon
+        here, armed = row.lat_lon, vehicle.said.armed
         if here is None:
             return
-        place = self.scenario.grid.frame.to_local(*here)
-        armed = vehicle.said.armed
         is_flying = (row.height_m or 0.0) > MIN_STEP_M if armed is None else armed
-        if is_flying and (last is None or distance_m(last, here) >= MIN_STEP_M):
-            vehicle.last_lat_lon = here
-            vehicle.track.add(time_s, place)
+        if is_flying and here != before.lat_lon:
+            place, last = self.scenario.grid.frame.to_local(*here), vehicle.track.items
+            if not last or math.dist(last[-1], place) >= MIN_STEP_M:
+                vehicle.track.add(time_s, place)
         new = int((row.strikes or 0) - (before.strikes or 0))
         if new > 0:
+            place = self.scenario.grid.frame.to_local(*here)
             self.strikes.add(time_s, Strike(time_s, vehicle.name, place, new))
             self.event(vehicle, time_s, "alarm", events.of_strikes(new, int(row.strikes or 0)))
 

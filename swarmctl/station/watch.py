@@ -14,8 +14,9 @@ from rich.text import Text
 from swarmctl.agent.state import ARRIVED
 from swarmctl.bus import keys
 from swarmctl.bus.transports.base import Transport
-from swarmctl.core.frames import Frame, FrameCodec, MessageRefused, StateShared
+from swarmctl.core.frames import Frame, FrameCodec, IntentShared, MessageRefused, StateShared
 from swarmctl.core.grid import Cell, Grid
+from swarmctl.core.observation import Observation
 from swarmctl.core.operator_text import printable
 from swarmctl.report.live_rows import COLOURS
 from swarmctl.report.tables import Column, FittedTable
@@ -85,7 +86,7 @@ class SwarmView:
 
 
 class StateBoard:
-    """The newest state of each vehicle. Pure: time is an argument."""
+    """The newest state of each vehicle, and the check of all that vehicles send to stations. Pure."""
 
     def __init__(self, swarm: str, names: Mapping[int, str], grid: Grid, codec: FrameCodec) -> None:
         self.refused = 0
@@ -94,9 +95,11 @@ class StateBoard:
         self._grid = grid
         self._codec = codec
         self._newest: dict[int, tuple[Frame, StateShared, float]] = {}
+        self._newest_copy: dict[int, Frame] = {}
+        """newest observation or intent of each vehicle"""
 
-    def receive(self, key: str, payload: bytes, now_s: float, unix_s: float) -> None:
-        """Store a state received under a key of the station; refuse and count all other messages.
+    def receive(self, key: str, payload: bytes, now_s: float, unix_s: float) -> Frame | None:
+        """Return the frame that a vehicle sent to stations, and store a state; refuse and count all others.
 
         `now_s` is a monotonic time, `unix_s` the wall clock's.
         """
@@ -104,19 +107,34 @@ class StateBoard:
             frame = self._codec.decode(payload)
         except MessageRefused:
             self.refused += 1
-            return
-        state = frame.content
-        is_expected = frame.sender in self._names and key == keys.to_station(self._swarm, frame.sender)
-        if not is_expected or not isinstance(state, StateShared):
+            return None
+        # A replayed frame has a valid signature, but its content is old.
+        is_new = self._is_newer(frame) and abs(unix_s - frame.unix_s) <= MAX_STATE_AGE_S
+        if not is_new or frame.sender not in self._names or key != self._key_of(frame):
             self.refused += 1
-            return
-        last = self._newest.get(frame.sender)
-        is_newer = last is None or (frame.incarnation, frame.n) > (last[0].incarnation, last[0].n)
-        # A replayed state has a valid signature, but its content is old.
-        if not is_newer or abs(unix_s - frame.unix_s) > MAX_STATE_AGE_S:
-            self.refused += 1
-            return
-        self._newest[frame.sender] = frame, state, now_s
+            return None
+        if isinstance(frame.content, StateShared):
+            self._newest[frame.sender] = frame, frame.content, now_s
+        else:
+            self._newest_copy[frame.sender] = frame
+        return frame
+
+    def _is_newer(self, frame: Frame) -> bool:
+        if isinstance(frame.content, StateShared):
+            stored = self._newest.get(frame.sender)
+            last = None if stored is None else stored[0]
+        else:
+            last = self._newest_copy.get(frame.sender)
+        return last is None or (frame.incarnation, frame.n) > (last.incarnation, last.n)
+
+    def _key_of(self, frame: Frame) -> str:
+        """Return the key under which a station gets this frame; "" for messages that stations do not get."""
+        match frame.content:
+            case StateShared():
+                return keys.to_station(self._swarm, frame.sender)
+            case Observation() | IntentShared():
+                return keys.copy_to_station(self._swarm, frame.act, frame.sender)
+        return ""
 
     @property
     def has_all(self) -> bool:
@@ -156,9 +174,11 @@ async def watch(
     `wall_clock` returns seconds since 1970.
     """
     clock = asyncio.get_running_loop().time
-    bus.subscribe(
-        keys.station(swarm), lambda key, payload: board.receive(key, payload, clock(), wall_clock())
-    )
+
+    def receive(key: str, payload: bytes) -> None:
+        board.receive(key, payload, clock(), wall_clock())
+
+    bus.subscribe(keys.station(swarm), receive)
     until_s = clock() + ONCE_TIMEOUT_S
     while True:
         if not once:

@@ -80,25 +80,36 @@ _FACTS: dict[bytes, tuple[Callable[[bytes], Any], str]] = {
 _log = msgspec.json.Decoder(_Log)
 
 
+def _kind_of(topic: str) -> str:
+    if topic == foxglove.LOG:
+        return "log"
+    # Format 2 has a topic for each vehicle and kind.
+    kind = [*topic.split("/"), "", ""][2]
+    return "fact" if topic in (EVENTS, EFFECTS) or kind in ("event", "effect") else ""
+
+
 class RecordFacts:
     """The reader of one record's messages into a timeline."""
 
     def __init__(self, timeline: Timeline, first_ns: int) -> None:
         self._timeline = timeline
         self._first_ns = first_ns
+        self._kinds: dict[str, str] = {}
+        """what the messages of a topic are; empty: nothing that is shown"""
         self._uav = {vehicle.name: uav for uav, vehicle in timeline.vehicles.items()}
 
     def fold(self, message: StreamedMessage) -> None:
         """Fold a message, if it shows something. Raises ValueError for a damaged message."""
-        _, first, *rest = message.topic.split("/")
+        kind = self._kinds.get(message.topic)
+        if kind is None:
+            kind = self._kinds[message.topic] = _kind_of(message.topic)
+        if kind == "":
+            return
         time_s = (message.log_time_ns - self._first_ns) / 1e9
-        if message.topic == foxglove.LOG:
+        if kind == "log":
             log = _log.decode(message.data)
             if log.level >= LogLevel.INFO:
                 self._timeline.note(log.name, time_s, log.message)
-            return
-        # Format 2 has a topic for each vehicle and kind.
-        if message.topic not in (EVENTS, EFFECTS) and (not rest or rest[0] not in ("event", "effect")):
             return
         begin = message.data.find(_TAG) + len(_TAG)
         found = _FACTS.get(message.data[begin : message.data.find(b'"', begin)])
@@ -106,7 +117,7 @@ class RecordFacts:
             return
         decode, field = found
         record = decode(message.data)
-        uav = self._uav.get(record.vehicle or first)
+        uav = self._uav.get(record.vehicle or message.topic.split("/")[1])
         if uav is not None:
             self._fold(uav, time_s, getattr(record, field))
 
