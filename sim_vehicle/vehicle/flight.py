@@ -9,6 +9,7 @@ from sim_vehicle.vehicle.behaviour import PILOTED, Behaviour, Mode
 from sim_vehicle.vehicle.flight_parameters import FlightParameters
 from sim_vehicle.vehicle.interface import Vehicle
 from sim_vehicle.vehicle.manoeuvres import Landing, Manoeuvre, Return, Takeoff
+from sim_vehicle.vehicle.mission import MissionState
 from sim_vehicle.vehicle.mission_pilot import MissionPilot
 from sim_vehicle.vehicle.piloting import Piloting
 from sim_vehicle.vehicle.return_by_mission import ReturnByMission
@@ -102,7 +103,8 @@ class Flight:
     def next_run_s(self, now: float) -> float:
         """Return the latest time of the next run [s]; an event of the body requires an immediate run."""
         if self.behaviour is Behaviour.MISSION:
-            busy = self.pilot.busy or self.mission.waiting or not self.flying
+            waits = self.pilot.busy or self.mission.waiting or not self.flying
+            busy = waits and (self.armed or self.mission.state is MissionState.ACTIVE)
         else:
             busy = self.armed and (self._manoeuvre is not None or self.behaviour in PILOTED)
         settling = not self.body.airborne and not self.landed(now)
