@@ -46,12 +46,12 @@ class SmallField(Field):
 
     def routes_from(self, starts: Sequence[Cell]) -> list[Ints]:
         goals = set(self.goals.tolist())
-        next_cells = self._next_cells
+        only_next_cells = self._only_next_cells
         paths = []
         for start in starts:
             path = [self.index(start)]
-            while path[-1] not in goals:
-                path.append(next_cells[path[-1]])
+            while (cell := path[-1]) not in goals:
+                path.append(only_next_cells[cell] or self._next_cells[cell])
             paths.append(np.stack(np.divmod(path, self.width), axis=1) - 1)
         return paths
 
@@ -91,21 +91,37 @@ class SmallField(Field):
         return costs
 
     @functools.cached_property
-    def _next_cells(self) -> list[int]:
-        """Flat index of the next cell on the route from each cell, by the rule of `descent`."""
-        cells, neighbours = self._graph.cells, self._graph.neighbours
+    def _is_cheapest(self) -> NDArray[np.bool_]:
+        """(cells, 8): True for the steps of the cheapest routes."""
         costs, bound = self._neighbour_costs + self.step, self._costs * (1.0 + REL_TIE)
         is_cheapest = (costs <= bound[:, np.newaxis]) & np.isfinite(costs)
-        is_cheapest[np.isin(cells, self.goals)] = False
-        best = is_cheapest.argmax(axis=1)
-        if (np.count_nonzero(is_cheapest, axis=1) > 1).any():
-            to_go = np.where(is_cheapest, self._lengths(is_cheapest)[neighbours] + LENGTHS, np.inf)
-            least = np.full(len(cells), np.inf)
-            for k in range(8):
-                shorter = to_go[:, k] < least - LENGTH_TIE
-                best[shorter], least[shorter] = k, to_go[shorter, k]
+        is_cheapest[np.isin(self._graph.cells, self.goals)] = False
+        return is_cheapest
+
+    @functools.cached_property
+    def _only_next_cells(self) -> list[int]:
+        """Flat index of the next cell from each cell with one cheapest step; 0 for the other cells.
+
+        Most routes meet no tie, and need no lengths.
+        """
+        return self._ends(self._is_cheapest.argmax(axis=1), self._is_cheapest.sum(axis=1) == 1)
+
+    @functools.cached_property
+    def _next_cells(self) -> list[int]:
+        """Flat index of the next cell on the route from each cell, by the rule of `descent`."""
+        is_cheapest, neighbours = self._is_cheapest, self._graph.neighbours
+        to_go = np.where(is_cheapest, self._lengths(is_cheapest)[neighbours] + LENGTHS, np.inf)
+        best, least = is_cheapest.argmax(axis=1), np.full(len(neighbours), np.inf)
+        for k in range(8):
+            shorter = to_go[:, k] < least - LENGTH_TIE
+            best[shorter], least[shorter] = k, to_go[shorter, k]
+        return self._ends(best, True)
+
+    def _ends(self, step: Ints, where: NDArray[np.bool_] | bool) -> list[int]:
+        """Return the flat index of the cell after one step from each cell; 0 elsewhere and in the padding."""
         next_cells = np.zeros(self.label.size, dtype=np.int64)
-        next_cells[cells] = neighbours[np.arange(len(cells)), best]
+        ends = self._graph.neighbours[np.arange(len(step)), step]
+        next_cells[self._graph.cells] = np.where(where, ends, 0)
         return next_cells.tolist()
 
     def _lengths(self, is_cheapest: NDArray[np.bool_]) -> Floats:
