@@ -97,6 +97,8 @@ class VehicleFacts:
         self.intent_s = array("d")
         """times of all intents"""
         self.heard_s: dict[int, array[float]] = {}
-        """times of the messages that arrived from each other vehicle"""
+        """times at which messages of each other vehicle had arrived"""
+        self.intents_heard_s: dict[int, array[float]] = {}
+        """the same, of intents"""
         self.is_silent = False
         """True if an alarm has told that the vehicle is silent"""

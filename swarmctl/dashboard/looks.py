@@ -25,8 +25,6 @@ from swarmctl.report.live_rows import link_text
 if TYPE_CHECKING:
     from swarmctl.dashboard.model import Timeline
 
-SAME_MESSAGE_S = 0.5
-"""longest time between two reports of the same message [s]"""
 HEARING_FADES_S = 30.0
 """age of the last message after which the edge of a hearing graph is left out [s]"""
 LOSS_OVER_S = 60.0
@@ -182,7 +180,8 @@ def hearing(timeline: Timeline, time_s: float) -> tuple[Hearing, ...]:
             last_s = last_before(heard_s, time_s)
             if last_s is not None and time_s - last_s <= HEARING_FADES_S:
                 sender = timeline.vehicles[uav]
-                loss = None if timeline.kind == "bus" else _loss(sender.intent_s, heard_s, time_s)
+                got_s = receiver.intents_heard_s.get(uav, times())
+                loss = None if timeline.kind == "bus" else _loss(sender.intent_s, got_s, time_s)
                 edges.append(Hearing(sender.name, receiver.name, time_s - last_s, loss))
     return tuple(edges)
 

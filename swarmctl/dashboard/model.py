@@ -231,13 +231,14 @@ class Timeline:
                 self.event(vehicle, time_s, "info", events.of_change(change, self.area.names))
             vehicle.route.add(time_s, known or route)
 
-    def heard(self, receiver: int, sender: int, at_s: float) -> None:
-        """Fold that a message of `sender` arrived at `receiver`."""
+    def heard(self, receiver: int, sender: int, time_s: float, *, is_intent: bool = False) -> None:
+        """Fold that a message of `sender` arrived at `receiver`; intents tell the loss."""
         if sender not in self.vehicles or receiver not in self.vehicles or sender == receiver:
             return
-        times = self.vehicles[receiver].heard_s.setdefault(sender, looks.times())
-        if not times or at_s > times[-1] + looks.SAME_MESSAGE_S:
-            times.append(at_s)
+        vehicle = self.vehicles[receiver]
+        for times, is_due in ((vehicle.heard_s, True), (vehicle.intents_heard_s, is_intent)):
+            if is_due:
+                times.setdefault(sender, looks.times()).append(time_s)
 
     def weights(self, uav: int, time_s: float, w: float | None, strength: FiringStrength | None) -> None:
         """Fold an operator's new weights."""
@@ -272,7 +273,7 @@ class Timeline:
             last_s = vehicle.word_s[-1] if vehicle.word_s else None
             is_silent = last_s is not None and self.now_s - last_s > SILENT_AFTER_S
             if is_silent and not vehicle.is_silent:
-                self.event(vehicle, self.now_s, "alarm", f"no word for {SILENT_AFTER_S:g} s [silent]")
+                self.event(vehicle, self.now_s, "alarm", f"no word for {SILENT_AFTER_S:g} s [vehicle-silent]")
             elif vehicle.is_silent and not is_silent:
                 self.event(vehicle, self.now_s, "info", "heard again")
             vehicle.is_silent = is_silent

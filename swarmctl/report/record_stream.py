@@ -7,6 +7,7 @@ of each message, so that a dashboard opens the record of an hour in seconds.
 from __future__ import annotations
 
 import struct
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -25,6 +26,8 @@ _RECORD = struct.Struct("<BQ")
 """opcode and length, before each record"""
 _CHUNK = struct.Struct("<QQQII")
 """first and last time, length when unpacked, checksum, and length of the name of the compression"""
+OPCODES = frozenset(Opcode) | frozenset(range(0x80, 0x100))
+"""the format's opcodes, and those that it leaves to programs"""
 _MESSAGE = struct.Struct("<HIQQ")
 """channel, number, time of logging, time of publishing"""
 MAX_CHUNK_BYTES = 1 << 28
@@ -85,7 +88,7 @@ class RecordStream:
             size = self.size
             while not self.is_complete and self.n_read + _RECORD.size <= size:
                 self._file.seek(self.n_read)
-                opcode, length = _RECORD.unpack(self._file.read(_RECORD.size))
+                opcode, length = _opcode_and_length(self._file.read(_RECORD.size))
                 end = self.n_read + _RECORD.size + length
                 if end > size:
                     return
@@ -102,15 +105,17 @@ class RecordStream:
 
     @staticmethod
     def _unpacked(chunk: bytes) -> bytes:
-        _, _, size, _, name_length = _CHUNK.unpack_from(chunk)
+        _, _, size, checksum, name_length = _CHUNK.unpack_from(chunk)
         at = _CHUNK.size + name_length
         compression, content = chunk[_CHUNK.size : at], chunk[at + 8 :]
         if size > MAX_CHUNK_BYTES:
             raise ValueError(f"a chunk of {size} bytes")
         if compression == b"zstd":
-            return zstandard.ZstdDecompressor().decompress(content, max_output_size=size)
-        if compression:
+            content = zstandard.ZstdDecompressor().decompress(content, max_output_size=size)
+        elif compression:
             raise ValueError(f"unknown compression {compression!r}")
+        if checksum and zlib.crc32(content) != checksum:
+            raise ValueError("a chunk with a wrong checksum")
         return content
 
     def _messages(self, chunk: bytes) -> Iterator[StreamedMessage]:
@@ -128,3 +133,11 @@ class RecordStream:
                 channel, _, name_length = struct.unpack_from("<HHI", chunk, at)
                 self._topics[channel] = chunk[at + 8 : at + 8 + name_length].decode()
             at += length
+
+
+def _opcode_and_length(head: bytes) -> tuple[int, int]:
+    """Return opcode and length [bytes] of a record of the file. Raises ValueError for other bytes."""
+    opcode, length = _RECORD.unpack(head)
+    if opcode not in OPCODES:
+        raise ValueError(f"{opcode} is no opcode of a record")
+    return opcode, length

@@ -266,3 +266,23 @@ def test_a_single_view_waits_for_all_vehicles_with_a_time_out() -> None:
     (view,), took_s = run_virtual(scene((1,)))
     assert [row.age_s is None for row in view.rows] == [False, True, True]
     assert took_s == pytest.approx(ONCE_TIMEOUT_S, abs=0.6)
+
+
+def test_copies_of_messages_to_vehicles_are_checked_like_states() -> None:
+    seen, codec_key = board(), keys.copy_to_station("test", "inform/observation", 1)
+    observation = Observation(1, 1, 5.0, ((4, 4, True),), 1)
+    accepted = seen.receive(codec_key, frame(observation, n=4), 100.0, UNIX_S)
+    assert accepted is not None
+    assert accepted.content == observation
+    refused = [
+        (codec_key, frame(observation, n=4), UNIX_S),  # again
+        (codec_key, frame(observation, n=5), UNIX_S + 3600.0),  # an hour old
+        (keys.copy_to_station("test", "inform/intent", 1), frame(observation, n=6), UNIX_S),
+        (keys.copy_to_station("test", "inform/observation", 2), frame(observation, n=7), UNIX_S),
+        (keys.to_station("test", 1), frame(observation, n=8), UNIX_S),
+        (codec_key, frame(state(), n=9), UNIX_S),
+    ]
+    for wrong_key, payload, unix_s in refused:
+        assert seen.receive(wrong_key, payload, 101.0, unix_s) is None
+    assert seen.refused == len(refused)
+    assert not seen.has_any

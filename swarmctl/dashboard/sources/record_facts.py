@@ -30,6 +30,8 @@ from swarmctl.report.foxglove import LogLevel
 from swarmctl.report.record import EFFECTS, EVENTS
 from swarmctl.report.record_stream import StreamedMessage
 
+MAX_HEARD_AGE_S = 5.0
+"""age above which an intent came in another vehicle's answer, not from its sender [s]"""
 _TAG = b'"type":"'
 
 
@@ -128,7 +130,8 @@ class RecordFacts:
                 timeline.telemetry(uav, time_s, state)
             case _HeardIntents(told):
                 for other, age_s, _ in told:
-                    timeline.heard(uav, other, time_s - age_s)
+                    if age_s < MAX_HEARD_AGE_S:
+                        timeline.heard(uav, other, time_s, is_intent=True)
             case _HeardStates(states):
                 for other, _ in states:
                     timeline.heard(uav, other, time_s)

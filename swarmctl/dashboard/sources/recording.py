@@ -23,7 +23,7 @@ SLICE_S = 0.03
 """longest time of reading without serving the page [s]"""
 LOOK_EVERY_S = 0.2
 """interval in which a record that grows is looked at [s]"""
-CUT = "the record has no end: the process that wrote it died, or still writes it [record-cut]"
+CUT = "the record has no end: the process that wrote it died, or still writes it [record-open]"
 QUIET_AFTER_S = 5.0
 """time without growth after which the operator is told [s]; a flight writes each second"""
 

@@ -1,0 +1,223 @@
+"""Pictures from records: the end is that of the summary, and each time is that of a fold from the begin."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from dashboard_page import Page, folded, messages_of, whole
+from flights import fly, small
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from profiles import examples
+
+from swarmctl.agent.replan.decide import believed_exposure
+from swarmctl.agent.state import AgentState
+from swarmctl.bus.transports.memory import MemoryBus
+from swarmctl.core.frames import FrameCodec
+from swarmctl.dashboard.changes import changes
+from swarmctl.dashboard.model import EVERYBODY, Timeline
+from swarmctl.dashboard.picture import OCCUPIED, OWN, SEEN
+from swarmctl.dashboard.sources.bus import BusSource
+from swarmctl.dashboard.sources.recording import QUIET_AFTER_S, RecordSource
+from swarmctl.report import record
+from swarmctl.report.record_file import RecordError
+from swarmctl.report.record_stream import StreamedMessage
+
+pytestmark = pytest.mark.virtual
+
+TWO = {"count": 2, "ready_s": 3.0}
+
+
+@dataclass
+class Flight:
+    run: Path
+    timeline: Timeline
+    messages: list[StreamedMessage]
+    heard: BusSource
+    """what a station heard on the bus during the flight"""
+    summary: dict[str, Any]
+
+
+class HeardBus(MemoryBus):
+    """A bus on which a station listens."""
+
+    def __init__(self, source: BusSource) -> None:
+        super().__init__()
+        self.source = source
+        self.now_s = 0.0
+
+    def put(self, key: str, payload: bytes) -> None:
+        super().put(key, payload)
+        if "/station/" in key:
+            sent_s = FrameCodec("small").decode(payload).unix_s
+            self.source.receive(key, payload, sent_s, sent_s)
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory: pytest.TempPathFactory) -> Flight:
+    run = tmp_path_factory.mktemp("run")
+    scenario = small(sensor={"p_miss": 0.1, "p_false_alarm": 0.02}, planner={"autonomy": 0.3}, simulate=TWO)
+    heard = BusSource(scenario, FrameCodec("small"), 1767225600.0, 1767225600.0)
+    fly(scenario, run, bus=HeardBus(heard))
+    summary = json.loads((run / "summary.json").read_text())
+    return Flight(run, whole(run), messages_of(run), heard, summary)
+
+
+def test_the_end_of_a_record_is_that_of_the_summary(flight: Flight) -> None:
+    picture = flight.timeline.at()
+    for shown, told in zip(picture.vehicles, flight.summary["vehicles"], strict=True):
+        assert (shown.name, shown.phase, shown.note) == (told["name"], told["phase"], told["outcome"])
+        assert (shown.cells_own, shown.cells_known) == (
+            told["cells_own"],
+            told["cells_own"] + told["cells_heard"],
+        )
+        assert shown.hostiles_known == told["hostiles_known"]
+        assert (shown.strikes, shown.replans) == (told["strikes"], told["replans"])
+        assert shown.battery_percent == told["battery_percent"]
+        assert flight.timeline.vehicle(shown.name).now.flown_m == pytest.approx(told["flown_m"])
+        assert shown.progress == 1.0
+    assert (
+        flight.timeline.common.belief(picture.common_version).belief.n_found
+        == (flight.summary["hostiles"]["found"])
+    )
+    n_strikes = sum(strike.count for strike in picture.strikes)
+    assert n_strikes == sum(vehicle["strikes"] for vehicle in flight.summary["vehicles"])
+
+
+@settings(max_examples=examples(5), suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(shares=st.lists(st.floats(0.0, 1.0), min_size=1, max_size=3))
+def test_each_seek_shows_what_a_fold_from_the_begin_shows(flight: Flight, shares: list[float]) -> None:
+    beliefs = [EVERYBODY, *flight.timeline.area.names]
+    page, before = Page(), None
+    for share in shares:
+        time_s = share * flight.timeline.end_s
+        picture = flight.timeline.at(time_s, beliefs)
+        page.apply(changes(before, picture))
+        before = picture
+        begin = Page()
+        begin.apply(changes(None, folded(flight.timeline, flight.messages, time_s).at(time_s, beliefs)))
+        for shown in (page.shown, begin.shown):
+            shown.pop("source", None)
+        assert page.shown == begin.shown
+
+
+def test_beliefs_and_exposures_are_those_of_the_agents(flight: Flight) -> None:
+    states: dict[str, AgentState] = {}
+    content = record.read(flight.run / "run.mcap")
+
+    def keep(_before: object, _event: object, after: AgentState, *_: object) -> None:
+        states[after.task.name] = after
+
+    assert record.fold(content, flight.timeline.scenario, keep).difference == ""
+    picture = flight.timeline.at(None, list(states))
+    for vehicle in picture.vehicles:
+        state, codes = states[vehicle.name], vehicle.belief
+        assert codes is not None
+        assert np.array_equal(codes & SEEN > 0, state.belief.looks > 0)
+        assert np.array_equal(codes & OCCUPIED > 0, state.belief.known == 1)
+        assert state.own is not None
+        assert np.array_equal(codes & OWN > 0, state.own.looks > 0)
+        p_s = believed_exposure(state.task, state.belief, state.strength, state.own)
+        assert flight.timeline.exposure(vehicle.name) == pytest.approx(p_s)
+
+
+def test_a_change_of_a_route_tells_both_routes_and_what_was_learned(flight: Flight) -> None:
+    changed = [change for change in flight.timeline.changes.items if change.old is not None]
+    assert changed
+    for change in changed:
+        shown = flight.timeline.compared(change.number)
+        assert shown.new.length_m is not None
+        assert shown.new.cells
+        for learned in shown.because:
+            assert learned.cells
+            assert learned.observed_s is not None
+            assert learned.observed_s <= learned.received_s <= change.time_s
+            assert learned.is_own == (learned.observer == change.vehicle)
+        if shown.old_now is not None:
+            cell = flight.timeline.at(change.time_s).vehicles[0].cell
+            assert shown.old_now.exposure_sum is not None
+            assert cell is not None
+
+
+def test_a_record_that_grows_is_shown_as_far_as_it_is_and_ages(flight: Flight, tmp_path: Path) -> None:
+    content, growing = (flight.run / "run.mcap").read_bytes(), tmp_path / "run.mcap"
+    growing.write_bytes(content[: len(content) // 2])
+    now_s = 100.0
+    source = RecordSource(tmp_path, "live file", clock=lambda: now_s)
+    while source.read(1e9):
+        pass
+    half_s = source.timeline.end_s
+    assert 0.0 < half_s < flight.timeline.end_s
+    now_s += QUIET_AFTER_S + 1.0
+    source.read()
+    picture = source.timeline.at()
+    assert picture.source.age_s == pytest.approx(QUIET_AFTER_S + 1.0)
+    assert picture.source.text.endswith("[record-quiet]")
+    assert all(vehicle.is_silent for vehicle in picture.vehicles)
+    growing.write_bytes(content)
+    while source.read(1e9):
+        pass
+    source.close()
+    ended = source.timeline.at()
+    assert not ended.source.is_live
+    assert replace_source(ended) == replace_source(flight.timeline.at())
+
+
+def replace_source(picture: Any) -> dict[str, Any]:
+    shown = changes(None, picture)
+    shown.pop("source")
+    return shown
+
+
+def test_a_cut_or_foreign_file_is_told(flight: Flight, tmp_path: Path) -> None:
+    content = (flight.run / "run.mcap").read_bytes()
+    (tmp_path / "run.mcap").write_bytes(content[: len(content) // 2])
+    cut = whole(tmp_path)
+    assert 0.0 < cut.end_s < flight.timeline.end_s
+    for wrong in (b"", b"not a record at all", content[:50]):
+        (tmp_path / "run.mcap").write_bytes(wrong)
+        with pytest.raises(RecordError):
+            RecordSource(tmp_path, "recording")
+    damaged = bytearray(content)
+    damaged[len(content) // 2 : len(content) // 2 + 2000] = bytes(2000)
+    (tmp_path / "run.mcap").write_bytes(damaged)
+    with pytest.raises(RecordError):
+        whole(tmp_path)
+    with pytest.raises(RecordError):
+        RecordSource(tmp_path / "nothing", "recording")
+
+
+def test_a_station_on_the_bus_shows_what_the_record_shows(flight: Flight) -> None:
+    assert flight.heard.board.refused == 0
+    assert flight.heard.n_missed == 0
+    live, kept = flight.heard.timeline.at(None, ["uav1"]), flight.timeline.at(None, ["uav1"])
+    for heard, recorded in zip(live.vehicles, kept.vehicles, strict=True):
+        for field in ("name", "phase", "note", "replans", "strikes", "battery_percent", "cell", "cells_own"):
+            assert getattr(heard, field) == getattr(recorded, field)
+        assert heard.cells_known == recorded.cells_known
+        assert heard.hostiles_known == recorded.hostiles_known
+        assert heard.position == pytest.approx(recorded.position, abs=1.0)
+    # The vehicles hear each other, so the station knows that they hold what it has seen.
+    assert np.array_equal(live.vehicles[0].belief, kept.vehicles[0].belief)
+    flown = flight.heard.timeline.at(0.5 * flight.heard.timeline.end_s)
+    assert all(v.route is not None and len(v.route.points) > 1 for v in flown.vehicles)
+    assert flown.hearing
+
+
+def test_a_vehicle_that_is_not_heard_is_shown_with_the_age_of_its_last_word(flight: Flight) -> None:
+    source = BusSource(flight.timeline.scenario, FrameCodec("small"), 0.0, 0.0)
+    source.move_on("", 2.0)
+    assert [(v.is_silent, v.age_s) for v in source.timeline.at().vehicles] == [(True, None)] * 2
+    own = flight.heard.timeline.vehicles[1]
+    assert flight.heard.timeline.at(own.word_s[-1] + 0.5).vehicles[0].is_silent is False
+    late = flight.heard
+    late.move_on("", late._began_s + own.word_s[-1] + 20.0)
+    shown = late.timeline.at().vehicles[0]
+    assert shown.is_silent
+    assert shown.age_s == pytest.approx(20.0)
+    assert any(event.code == "vehicle-silent" and event.severity == "alarm" for event in late.timeline.at().events)
