@@ -57,10 +57,14 @@ class BeliefHistory:
         """number of cells up to and with each item"""
         self._cells, self._looks, self._hits = array("i"), array("i"), array("i")
         self._own = bytearray()
-        self._is_seen, self._is_own = bytearray(prior.looks.size), bytearray(prior.looks.size)
-        self._known, self._known_own = array("i"), array("i")
-        """number of different cells after each item: all, and those of the vehicle itself"""
-        self._n_known = self._n_own = 0
+        self._seen_cells: set[int] = set()
+        self._own_cells: set[int] = set()
+        self._hits_of: dict[int, int] = {}
+        """hits of each cell with a hit"""
+        self._n_known, self._n_own, self._n_hit = array("i"), array("i"), array("i")
+        """number of different cells after each item: all, those of the vehicle itself, those with a hit"""
+        self._counts_hits = prior.sensor.is_perfect and prior.count.is_number
+        """True if each cell with a hit is a hostile (Eq. 4), so that no belief is needed for their number"""
         self._cache: BeliefAt | None = None
 
     def learn(self, time_s: float, items: Iterable[BeliefItem]) -> None:
@@ -113,18 +117,20 @@ class BeliefHistory:
         self._looks.append(looks)
         self._hits.append(hits)
         self._own.append(is_own)
-        if not self._is_seen[cell]:
-            self._is_seen[cell] = 1
-            self._n_known += 1
-        if is_own and not self._is_own[cell]:
-            self._is_own[cell] = 1
-            self._n_own += 1
+        self._seen_cells.add(cell)
+        if is_own:
+            self._own_cells.add(cell)
+        if hits and not (new := self._hits_of.get(cell, 0) + hits):
+            del self._hits_of[cell]
+        elif hits:
+            self._hits_of[cell] = new
 
     def _end_item(self, time_s: float) -> None:
         self.times_s.append(time_s)
         self._ends.append(len(self._cells))
-        self._known.append(self._n_known)
-        self._known_own.append(self._n_own)
+        self._n_known.append(len(self._seen_cells))
+        self._n_own.append(len(self._own_cells))
+        self._n_hit.append(len(self._hits_of))
 
     def version(self, time_s: float) -> int:
         """Return the number of items up to a time."""
@@ -132,7 +138,13 @@ class BeliefHistory:
 
     def counts(self, version: int) -> tuple[int, int]:
         """Return the numbers of different cells known, and of those that the vehicle itself observed."""
-        return (self._known[version - 1], self._known_own[version - 1]) if version else (0, 0)
+        return (self._n_known[version - 1], self._n_own[version - 1]) if version else (0, 0)
+
+    def n_found(self, version: int) -> int:
+        """Return the number of hostiles found, as `Belief.n_found`; fast for the paper's belief."""
+        if version and self._counts_hits:
+            return self._n_hit[version - 1]
+        return self.belief(version).belief.n_found
 
     def belief(self, version: int) -> BeliefAt:
         """Return the belief after the first `version` items."""

@@ -134,7 +134,7 @@ def vehicle(timeline: Timeline, facts: VehicleFacts, time_s: float, with_belief:
         age_s is None or age_s > SILENT_AFTER_S,
         n_own,
         n_known if has_all else max(words.n_observed, n_known),
-        facts.beliefs.belief(version).belief.n_found if has_all else words.n_found,
+        facts.beliefs.n_found(version) if has_all else words.n_found,
         words.replans,
         None if motion.strikes is None else round(motion.strikes),
         task_w if words.w is None else words.w,

@@ -215,7 +215,7 @@ def test_a_vehicle_that_reboots_in_flight_is_released_for_that_reason() -> None:
     booted = BOOTED | {"landed": Landed.IN_AIR}
     assert orders(story.over((4, 1), **booted)) == []
     assert story.state.phase is Phase.FLYING
-    assert [e for e in story(ev.Rebooted()) if not isinstance(e, ev.Publish)] == [ev.Release()]
+    assert without_messages(story(ev.Rebooted())) == [ev.Release()]
     assert story.state.phase is Phase.RELEASED
     assert "[rebooted]" in story.state.outcome
     assert orders(story.over((4, 1), **booted)) == []
@@ -321,6 +321,17 @@ def test_a_failed_launch_causes_no_landing_after_a_pilot_takeover() -> None:
     story = Story().launching()
     assert without_messages(story.over((4, 0), mode="ALT_HOLD", mode_role="other")) == [ev.Release()]
     assert story(ev.OrderFailed(ev.FlightOrder.LAUNCH, "its mode is ALT_HOLD")) == []
+
+
+def test_a_vehicle_tells_the_swarm_that_its_launch_has_failed() -> None:
+    story = Story().launching()
+    story.over((4, 0), armed=False, landed=Landed.ON_GROUND)
+    effects = story(ev.OrderFailed(ev.FlightOrder.LAUNCH, "no acknowledgement"))
+    assert story.state.phase is Phase.FAILED
+    told = [e.message for e in effects if isinstance(e, ev.Publish)]
+    assert [(m.phase, m.outcome) for m in told if isinstance(m, StateShared)] == [
+        (Phase.FAILED, story.state.outcome)
+    ]
 
 
 @pytest.mark.parametrize("order", [ev.FlightOrder.HOLD, ev.FlightOrder.RETURN])
