@@ -150,13 +150,11 @@ def spread_to(
     return cost
 
 
-def ahead_cost(
-    ints: Ints, i: int, routes: Int32s, p_s: Floats, straight: Floats, w: float, step: float, width: int
-) -> float:
-    """Return the cost of the rest of a route (Eq. 5); infinite through a wall, or past the corner of one."""
+def route_cost(route: Ints, p_s: Floats, straight: Floats, w: float, step: float, width: int) -> float:
+    """Return the cost of a route (Eq. 5); infinite through a wall, or past the corner of one."""
     total, n_straight, n_diagonal = 0.0, 0, 0
-    for index in range(ints[i, INDEX], ints[i, N_ROUTE] - 1):
-        here, there = routes[i, index], routes[i, index + 1]
+    for index in range(1, route.size):
+        here, there = route[index - 1], route[index]
         is_diagonal = here // width != there // width and here % width != there % width
         if straight[there] == np.inf:
             return np.inf
@@ -169,17 +167,6 @@ def ahead_cost(
         n_diagonal += is_diagonal
         total += p_s[there]
     length = n_straight + n_diagonal * ROOT2
-    return step * length + (w * total if w > 0.0 else 0.0)
-
-
-def path_cost(path: Ints, p_s: Floats, w: float, step: float, width: int) -> float:
-    """Return the cost of a route by Eq. 5."""
-    total, n_diagonal = 0.0, 0
-    for index in range(1, path.size):
-        here, there = path[index - 1], path[index]
-        n_diagonal += here // width != there // width and here % width != there % width
-        total += p_s[there]
-    length = path.size - 1 - n_diagonal + n_diagonal * ROOT2
     return step * length + (w * total if w > 0.0 else 0.0)
 
 
@@ -212,14 +199,15 @@ def replan(
     has_walls = write_straight(p_s, w, step, settings[MAX_EXPOSURE], straight)
     write_rest(here, width, step, w * least if least < np.inf else 0.0, rest)
     ints[i, SEARCHES] += 1
-    old = ahead_cost(ints, i, routes, p_s, straight, w, step, width)
+    ahead = routes[i, ints[i, INDEX] : ints[i, N_ROUTE]].astype(np.int64)
+    old = route_cost(ahead, p_s, straight, w, step, width)
     below = old * (1.0 - 0.5 * BETTER_BY)
     cost = spread_to(here, below, straight, p_s, w, step, goals, offsets, has_walls, rest, label, heap, keys)
     if cost >= below:
         return  # also without any route: a vehicle in flight keeps its own
     extra, starts = step * (ROOT2 - 1.0), np.full(1, here)
     path, _, _ = descend(label, step, extra, straight, has_walls, width, goals, starts, np.empty(0))
-    if old > path_cost(path, p_s, w, step, width) * (1.0 + BETTER_BY):
+    if old > route_cost(path, p_s, straight, w, step, width) * (1.0 + BETTER_BY):
         take_route(ints, i, routes, path)
 
 

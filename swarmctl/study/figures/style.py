@@ -14,7 +14,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap, to_hex, to_rgb
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from swarmctl.report.foxglove import colour_of
 from swarmctl.report.pictures.style import GRID_LINE, INK, QUIET
@@ -134,14 +134,21 @@ def set_scale(axes: Axes, scale: str, values: Sequence[object]) -> None:
     if is_numeric(values):
         numbers = sorted(float(value) for value in values)  # type: ignore[arg-type]
         if scale == "log":
-            axes.set_xscale("log")
-            axes.xaxis.set_major_formatter("{x:g}")
+            set_log(axes)
         elif all(number.is_integer() for number in numbers):
             axes.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10], integer=True))
         gaps = np.diff(np.log(numbers) if scale == "log" else numbers)
         if len(numbers) <= 7 and (gaps >= 0.08 * gaps.sum()).all():
             axes.set_xticks(numbers, [f"{number:g}" for number in numbers])
             axes.set_xticks([], minor=True)
+
+
+def set_log(axes: Axes) -> None:
+    """Make the horizontal axis logarithmic, with numbers at 1, 2 and 5 of each decade."""
+    axes.set_xscale("log")
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.xaxis.set_minor_formatter(NullFormatter())
 
 
 def is_numeric(values: Sequence[object]) -> bool:

@@ -15,7 +15,7 @@ from swarmctl.study.figures.base import Names, Spec, Study, interval_text
 from swarmctl.study.figures.labels import Label, Labels
 from swarmctl.study.figures.measures import estimate, factor_label, label, mathtext, value_label
 from swarmctl.study.figures.panels import Panel, estimates_of, factors_of, panels_of
-from swarmctl.study.figures.style import MARKERS, colours, from_zero
+from swarmctl.study.figures.style import MARKERS, colours, from_zero, set_log
 from swarmctl.study.statistics import Estimates
 
 MOST_LABELS = 6
@@ -45,8 +45,7 @@ def draw(study: Study, spec: Tradeoff) -> Figure:
         if spec.x_scale == "log":
             if (x.value <= 0.0).any():
                 raise ValueError(f"a logarithmic axis cannot show means of {spec.x} of 0 or less")
-            panel.axes.set_xscale("log")
-            panel.axes.xaxis.set_major_formatter("{x:g}")
+            set_log(panel.axes)
         _draw(panel.axes, labels, spec, study, x, y)
         panel.axes.set_xlabel(mathtext(label(spec.x)))
         low = np.where(np.isfinite(y.low), y.low, y.value)
