@@ -16,6 +16,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from swarmctl.agent.phases import ENDED
 from swarmctl.agent.state import ARRIVED
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.belief import weighed_occupancy
@@ -271,7 +272,8 @@ class Timeline:
         """Add an alarm for each vehicle that has fallen silent, and a line for each that is heard again."""
         for vehicle in self.vehicles.values():
             last_s = vehicle.word_s[-1] if vehicle.word_s else None
-            is_silent = last_s is not None and self.now_s - last_s > SILENT_AFTER_S
+            may_end = vehicle.said.phase in ENDED  # the agent of a vehicle that has ended may stop
+            is_silent = last_s is not None and not may_end and self.now_s - last_s > SILENT_AFTER_S
             if is_silent and not vehicle.is_silent:
                 self.event(vehicle, self.now_s, "alarm", f"no word for {SILENT_AFTER_S:g} s [vehicle-silent]")
             elif vehicle.is_silent and not is_silent:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,13 +18,15 @@ from profiles import examples
 
 from swarmctl.agent.replan.decide import believed_exposure
 from swarmctl.agent.state import AgentState
+from swarmctl.bus import keys
 from swarmctl.bus.transports.memory import MemoryBus
-from swarmctl.core.frames import FrameCodec
+from swarmctl.core.frames import Frame, FrameCodec, StateShared
 from swarmctl.dashboard.changes import changes
 from swarmctl.dashboard.model import EVERYBODY, Timeline
 from swarmctl.dashboard.picture import OCCUPIED, OWN, SEEN
 from swarmctl.dashboard.sources.bus import BusSource
 from swarmctl.dashboard.sources.recording import QUIET_AFTER_S, RecordSource
+from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.report import record
 from swarmctl.report.record_file import RecordError
 from swarmctl.report.record_stream import StreamedMessage
@@ -210,15 +213,45 @@ def test_a_station_on_the_bus_shows_what_the_record_shows(flight: Flight) -> Non
 
 
 def test_a_vehicle_that_is_not_heard_is_shown_with_the_age_of_its_last_word(flight: Flight) -> None:
-    source = BusSource(flight.timeline.scenario, FrameCodec("small"), 0.0, 0.0)
-    source.move_on("", 2.0)
+    codec = FrameCodec("small")
+    source = BusSource(flight.timeline.scenario, codec, 100.0, 100.0)
+    source.move_on("", 102.0)
     assert [(v.is_silent, v.age_s) for v in source.timeline.at().vehicles] == [(True, None)] * 2
-    own = flight.heard.timeline.vehicles[1]
-    assert flight.heard.timeline.at(own.word_s[-1] + 0.5).vehicles[0].is_silent is False
-    late = flight.heard
-    late.move_on("", late._began_s + own.word_s[-1] + 20.0)
-    shown = late.timeline.at().vehicles[0]
-    assert shown.is_silent
+    lat_deg, lon_deg = flight.timeline.scenario.grid.centre((2, 2))
+    flying = StateShared(5.0, lat_deg, lon_deg, 15.0, "flying", 0, 0, last_seq=4)
+    payload = codec.encode(Frame(1, 1, 1, 103.0, flying))
+    source.receive(keys.to_station("small", 1), payload, 103.0, 103.0)
+    source.move_on("", 104.0)
+    assert not source.timeline.at().vehicles[0].is_silent
+    # The vehicle has made four observations before the station began.
+    assert source.n_missed == 4
+    source.move_on("", 123.0)
+    picture = source.timeline.at()
+    shown = picture.vehicles[0]
+    assert (shown.is_silent, shown.phase, shown.cell) == (True, "flying", (2, 2))
     assert shown.age_s == pytest.approx(20.0)
-    alarms = [event for event in late.timeline.at().events if event.severity == "alarm"]
-    assert alarms[-1].code == "vehicle-silent"
+    assert [event.code for event in picture.events if event.severity == "alarm"] == ["vehicle-silent"]
+    # It is shown again as it was.
+    assert not source.timeline.at(4.0).vehicles[0].is_silent
+
+
+def test_a_station_receives_until_it_is_cancelled(flight: Flight) -> None:
+    bus, codec = MemoryBus(), FrameCodec("small")
+    source = BusSource(flight.timeline.scenario, codec, 0.0, 0.0)
+    lat_deg, lon_deg = flight.timeline.scenario.grid.centre((2, 2))
+
+    async def station() -> None:
+        hearing = asyncio.create_task(source.run(bus, lambda: "connected", lambda: 1.0))
+        await asyncio.sleep(1.0)
+        state = StateShared(5.0, lat_deg, lon_deg, 15.0, "flying", 0, 0)
+        bus.put(keys.to_station("small", 2), codec.encode(Frame(2, 1, 1, 1.0, state)))
+        bus.put(keys.to_station("small", 2), b"no frame")
+        await asyncio.sleep(2.0)
+        hearing.cancel()
+
+    run_virtual(station())
+    picture = source.timeline.at()
+    assert picture.vehicles[1].phase == "flying"
+    assert picture.vehicles[1].age_s == pytest.approx(2.0, abs=0.3)
+    assert source.board.refused == 1
+    assert picture.source.text.startswith("connected")
