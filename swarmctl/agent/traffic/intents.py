@@ -29,12 +29,13 @@ from swarmctl.agent.replan.length_bounds import LIFT_S
 from swarmctl.agent.replan.stopping import stop_ahead, stop_for_new_plan
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.check import MAX_AGE_S
-from swarmctl.agent.traffic.prediction import AIRBORNE_M, position_of, stopping_point
+from swarmctl.agent.traffic.prediction import AIRBORNE_M, position_of
 from swarmctl.agent.traffic.separation.trajectory import (
     Bounds,
     LocalPoint,
     Trajectory,
     before_landing,
+    brake,
     extrapolate,
     until_landing,
 )
@@ -173,6 +174,12 @@ def own_trajectory(state: AgentState) -> Trajectory | None:
     return extrapolate(here, (vehicle.east_m_s, vehicle.north_m_s, vehicle.climb_m_s), now_s, for_s)
 
 
+def hold_from(state: AgentState, here: LocalPoint, begin_s: float) -> Trajectory:
+    """Return the flight of a vehicle that brakes from its present velocity at its height, and holds."""
+    velocity_m_s = state.vehicle.east_m_s, state.vehicle.north_m_s, 0.0
+    return brake(here, velocity_m_s, begin_s, HOLD_DURATION_S)
+
+
 def _hold_at_last_position(state: AgentState) -> Trajectory | None:
     """Return a hold at the last position, at half the last height because the vehicle may be landing."""
     last, now_s = state.last_position, state.vehicle.time_boot_s
@@ -266,8 +273,7 @@ def _phase_trajectory(state: AgentState, here: LocalPoint) -> Trajectory | None:
             initial_m_s = state.vehicle.ground_speed_m_s
             return fly_with_stop(here, plan.height_m, remaining, speed_m_s, initial_m_s, stop_ahead(state))
         case Phase.FLYING | Phase.LANDING | Phase.HOLDING:
-            stop = stopping_point(state, here)
-            return Trajectory((0.0, HOLD_DURATION_S), (stop, stop))
+            return hold_from(state, here, 0.0)
         case Phase.LEAVING if state.order.given is ev.FlightOrder.LAND:
             return land_from([here], [0.0])
         case Phase.LEAVING if state.order.given is ev.FlightOrder.RETURN:

@@ -15,7 +15,6 @@ too, when its last moment for a stop has come.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 from swarmctl.agent.orders import StepResult
@@ -29,7 +28,7 @@ from swarmctl.agent.traffic.prediction import predict
 from swarmctl.agent.traffic.priority import Activity, Standing, activity_of, gives_way
 from swarmctl.agent.traffic.returning import hold_before_leaving, may_hold_before_leaving
 from swarmctl.agent.traffic.route_hold import hold, may_give_way
-from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory, extrapolate
+from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory, brake, extrapolate
 from swarmctl.agent.traffic.separation.watch import NeighbourIntent
 from swarmctl.core import events as ev
 from swarmctl.core.vehicle import BRAKING_M_S2
@@ -119,23 +118,22 @@ def _helps(stopped: float, together: float) -> bool:
 def _paths(state: AgentState, uav: int, intent: NeighbourIntent) -> Paths:
     """Return the flights that another vehicle may take: its intent, or straight on for some seconds.
 
-    A vehicle with a hold as its intent brakes, so it does not fly straight on.
+    A vehicle with a hold as its intent brakes. It may stop sooner than announced, also where it is now.
     """
     now_s, report = state.vehicle.time_boot_s, state.neighbours.get(uav)
     path = None if report is None else predict(state, report)
-    if path is None or len(set(intent.flight.points)) == 1:
+    if path is None:
         return (intent.flight,)
     straight = as_intent(state, path).flight
+    if intent.flight.ends_in_hold:
+        here = straight.points[0]
+        return intent.flight, Trajectory((now_s, now_s + LOOKS_AHEAD_S), (here, here))
     return intent.flight, straight.lasting(max(now_s, straight.times_s[0]) + STRAIGHT_ON_S)
 
 
 def _stop(here: LocalPoint, velocity_m_s: LocalPoint, now_s: float) -> Trajectory:
     """Return the flight of a vehicle that stops now, heights above the sea."""
-    east_m_s, north_m_s, up_m_s = velocity_m_s
-    brakes_s = math.hypot(east_m_s, north_m_s) / BRAKING_M_S2
-    away_s, stops_s = 0.5 * (REACTS_S + brakes_s), now_s + REACTS_S + brakes_s
-    stop = (here[0] + east_m_s * away_s, here[1] + north_m_s * away_s, here[2] + 0.5 * up_m_s * REACTS_S)
-    return Trajectory((now_s, stops_s, stops_s + LOOKS_AHEAD_S), (here, stop, stop))
+    return brake(here, velocity_m_s, now_s, LOOKS_AHEAD_S, REACTS_S)
 
 
 def _may_stop(state: AgentState) -> bool:

@@ -18,14 +18,14 @@ from swarmctl.agent.replan.length_bounds import CLIMB_M_S
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.check import alarmed_flights, clashes_of_route, known_flights
 from swarmctl.agent.traffic.intents import (
-    HOLD_DURATION_S,
     flight_by_plan,
+    hold_from,
     planned_flight,
     position_amsl,
     publish_intent,
 )
-from swarmctl.agent.traffic.prediction import position_of, stopping_point
-from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory
+from swarmctl.agent.traffic.prediction import position_of
+from swarmctl.agent.traffic.separation.trajectory import LocalPoint
 from swarmctl.agent.traffic.separation.watch import HEIGHT_MARGIN, NeighbourReport
 from swarmctl.agent.traffic.wait import Verdict, WaitFor, begin, verdict
 from swarmctl.core import events as ev
@@ -55,13 +55,9 @@ def may_hold(state: AgentState) -> bool:
     here = position_amsl(state)
     if here is None or state.task.wings is not None:
         return False
-    return may_give_way(state) and not clashes_of_route(state, hold_flight(state, here), known_flights(state))
-
-
-def hold_flight(state: AgentState, here: LocalPoint) -> Trajectory:
-    """Return the flight of a vehicle that stops now and holds, heights above the sea."""
-    now_s, stop = state.vehicle.time_boot_s, stopping_point(state, here)
-    return Trajectory((now_s, now_s + HOLD_DURATION_S), (stop, stop))
+    return may_give_way(state) and not clashes_of_route(
+        state, hold_from(state, here, state.vehicle.time_boot_s), known_flights(state)
+    )
 
 
 def hold(

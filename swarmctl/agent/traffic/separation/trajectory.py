@@ -11,10 +11,15 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from swarmctl.core.vehicle import BRAKING_M_S2
+
 LocalPoint = tuple[float, float, float]
 """east, north, up [m]"""
 Boxes = NDArray[np.float64]
 """(segments, 8): least time [s], east, north and up [m] of each segment, then the greatest values"""
+
+LEAST_BRAKING_S = 0.1
+"""Duration of braking below which a flight counts as a hold from its begin [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +94,11 @@ class Trajectory:
             return self if self.times_s and t_s < self.times_s[0] else None
         i = bisect_right(self.times_s, t_s)
         return Trajectory((t_s, *self.times_s[i:]), (at, *self.points[i:]))
+
+    @property
+    def ends_in_hold(self) -> bool:
+        """Whether the vehicle stays at the last point."""
+        return len(self.points) > 1 and self.points[-1] == self.points[-2]
 
     def lasting(self, until_s: float) -> Trajectory:
         """Return the flight until `until_s`; a flight that ends earlier stays at its last point."""
@@ -173,3 +183,19 @@ def extrapolate(here: LocalPoint, velocity_m_s: LocalPoint, from_s: float, for_s
     """Return the straight flight from `here` at a velocity (east, north, up) [m/s] for `for_s` seconds."""
     (e, n, u), (ve, vn, vu) = here, velocity_m_s
     return Trajectory((from_s, from_s + for_s), (here, (e + ve * for_s, n + vn * for_s, u + vu * for_s)))
+
+
+def brake(
+    here: LocalPoint, velocity_m_s: LocalPoint, from_s: float, for_s: float, reacts_s: float = 0.0
+) -> Trajectory:
+    """Return the flight of a copter that brakes from a velocity (east, north, up) [m/s], and then holds.
+
+    The braking begins `reacts_s` after `from_s`, and the flight ends `for_s` after the stop.
+    """
+    (e, n, u), (ve, vn, vu) = here, velocity_m_s
+    brakes_s = math.hypot(ve, vn) / BRAKING_M_S2
+    away_s, stops_s = reacts_s + 0.5 * brakes_s, from_s + reacts_s + brakes_s
+    stop = (e + ve * away_s, n + vn * away_s, u + 0.5 * vu * reacts_s)
+    if stops_s - from_s < LEAST_BRAKING_S:
+        return Trajectory((from_s, from_s + for_s), (stop, stop))
+    return Trajectory((from_s, stops_s, stops_s + for_s), (here, stop, stop))
