@@ -55,9 +55,8 @@ def may_hold(state: AgentState) -> bool:
     here = position_amsl(state)
     if here is None or state.task.wings is not None:
         return False
-    return may_give_way(state) and not clashes_of_route(
-        state, hold_from(state, here, state.vehicle.time_boot_s), known_flights(state)
-    )
+    flight = hold_from(state, here, state.vehicle.time_boot_s)
+    return may_give_way(state) and not clashes_of_route(state, flight, known_flights(state))
 
 
 def hold(

@@ -186,14 +186,19 @@ def extrapolate(here: LocalPoint, velocity_m_s: LocalPoint, from_s: float, for_s
 
 
 def brake(
-    here: LocalPoint, velocity_m_s: LocalPoint, from_s: float, for_s: float, reacts_s: float = 0.0
+    here: LocalPoint,
+    velocity_m_s: LocalPoint,
+    from_s: float,
+    for_s: float,
+    reacts_s: float = 0.0,
+    brakes_m_s2: float = BRAKING_M_S2,
 ) -> Trajectory:
     """Return the flight of a copter that brakes from a velocity (east, north, up) [m/s], and then holds.
 
     The braking begins `reacts_s` after `from_s`, and the flight ends `for_s` after the stop.
     """
     (e, n, u), (ve, vn, vu) = here, velocity_m_s
-    brakes_s = math.hypot(ve, vn) / BRAKING_M_S2
+    brakes_s = math.hypot(ve, vn) / brakes_m_s2
     away_s, stops_s = reacts_s + 0.5 * brakes_s, from_s + reacts_s + brakes_s
     stop = (e + ve * away_s, n + vn * away_s, u + 0.5 * vu * reacts_s)
     if stops_s - from_s < LEAST_BRAKING_S:
