@@ -21,8 +21,8 @@ Others = Mapping[int, NeighbourIntent]
 
 MARGIN = 1.15
 """Multiple of the horizontal limit that planned flights keep; landing spots are 1.2 limits apart."""
-MAX_AGE_S = 20.0
-"""Greatest age of an intent in use [s]: three intents in a row may be lost."""
+MAX_AGE_S = 180.0
+"""Greatest age of an intent in use [s]: a vehicle that is not heard any more goes on by its last plan."""
 SEPARATES_WITHIN_S = 6.0
 """Time within which two close vehicles have to separate [s]; a climb or a turn takes this long."""
 WAIT_WITHIN_S = 15.0
