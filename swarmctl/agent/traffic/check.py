@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping, Sequence, Set
 
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.prediction import predict, silent_neighbours
+from swarmctl.agent.traffic.prediction import MAX_REPORT_AGE_S, predict, silent_neighbours
 from swarmctl.agent.traffic.priority import Activity, Standing
 from swarmctl.agent.traffic.separation.approach import Limits, closest
 from swarmctl.agent.traffic.separation.clash import TIME_TOLERANCE_S, Clash, find_clashes
@@ -21,8 +21,10 @@ Others = Mapping[int, NeighbourIntent]
 
 MARGIN = 1.15
 """Multiple of the horizontal limit that planned flights keep; landing spots are 1.2 limits apart."""
+FRESH_S = 20.0
+"""Age from which on an intent is the last of a silent vehicle [s]: three intents in a row may be lost."""
 MAX_AGE_S = 180.0
-"""Greatest age of an intent in use [s]: a vehicle that is not heard any more goes on by its last plan."""
+"""Greatest age of an intent in use [s]: a silent vehicle probably flies on by its last plan."""
 SEPARATES_WITHIN_S = 6.0
 """Time within which two close vehicles have to separate [s]; a climb or a turn takes this long."""
 WAIT_WITHIN_S = 15.0
@@ -142,9 +144,14 @@ def _extrapolated(state: AgentState, uavs: Set[int]) -> dict[int, NeighbourInten
 
 
 def known_intents(state: AgentState) -> dict[int, NeighbourIntent]:
-    """Return the recent intents of other vehicles by system id."""
-    now_s = state.vehicle.time_boot_s
-    return {uav: intent for uav, intent in state.intents.items() if 0.0 <= now_s - intent.sent_s <= MAX_AGE_S}
+    """Return the intents of other vehicles by system id, those of silent vehicles with their landings."""
+    now_s, known = state.vehicle.time_boot_s, {}
+    for uav, intent in state.intents.items():
+        if 0.0 <= (age_s := now_s - intent.sent_s) <= MAX_AGE_S:
+            report = state.neighbours.get(uav)
+            is_silent = age_s > FRESH_S or (report is not None and now_s - report.at_s > MAX_REPORT_AGE_S)
+            known[uav] = intent.of_silent_vehicle() if is_silent else intent
+    return known
 
 
 def as_intent(state: AgentState, path: Trajectory) -> NeighbourIntent:

@@ -34,7 +34,6 @@ from swarmctl.agent.traffic.separation.trajectory import (
     Bounds,
     LocalPoint,
     Trajectory,
-    before_landing,
     brake,
     extrapolate,
     until_landing,
@@ -341,8 +340,11 @@ def receive_intents(state: AgentState, event: ev.Intents, _now: float) -> StepRe
             sent_s, (away_m, up_m) = now_s - age_s, intent.around_m
             uncertainty = (min(away_m, MAX_UNCERTAINTY_M), up_m)  # a false sender must not block a wide area
             bounds = Bounds.of(flight).wider((0.0, uncertainty[0], uncertainty[0], uncertainty[1]))
+            # `collision_avoidance` handles the landing of a vehicle that can still change its plan.
+            ahead = until_landing(flight) if intent.may_change else flight
+            landing = flight if intent.may_change else None
             kept[uav] = NeighbourIntent(
-                flight, bounds, intent.may_change, sent_s, uncertainty, intent.on_ground
+                ahead, bounds, intent.may_change, sent_s, uncertainty, intent.on_ground, landing
             )
     fresh = {uav: known for uav, known in kept.items() if 0.0 <= now_s - known.sent_s <= MAX_AGE_S}
     return replace(state, intents=fresh, others=_with_present_cells(state, event, kept)), []
@@ -371,10 +373,7 @@ def _received_flight(state: AgentState, intent: IntentShared, sent_s: float) -> 
         return None
     to_local, announced = state.task.grid.frame.to_local, intent.points
     points = tuple([(*to_local(p.lat_deg, p.lon_deg), p.alt_amsl_m) for p in announced])
-    if intent.may_change:
-        # `collision_avoidance` handles the landing of a vehicle that can still change its plan.
-        points = before_landing(points)
     try:
-        return Trajectory(tuple([sent_s + p.in_s for p in announced[: len(points)]]), points)
+        return Trajectory(tuple([sent_s + p.in_s for p in announced]), points)
     except ValueError:  # too far away for the local frame, or times that do not increase
         return None

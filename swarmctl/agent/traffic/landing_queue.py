@@ -211,12 +211,15 @@ def _go_first(state: AgentState, here: LocalPoint, others: Others) -> dict[int, 
 
 
 def _hold_would_block(state: AgentState, stop: LocalPoint, others: Others) -> bool:
-    """Return whether a hold at `stop` would block a vehicle that cannot give way, or cannot do so in time."""
+    """Return whether a hold at `stop` would block a vehicle that cannot give way, or cannot do so in time.
+
+    An uncertain flight counts without its uncertainty: a hold in a wide area is better than a flight across.
+    """
     limits, now_s = state.task.separation.limits, state.vehicle.time_boot_s
     hold = Trajectory((now_s, now_s + HOLD_DURATION_S), (stop, stop))
     # Vehicles well above wait for this vehicle, or give way.
     near = {
-        uav: intent
+        uav: replace(intent, uncertainty_m=(0.0, 0.0))
         for uav, intent in others.items()
         if standing_of(state, uav, intent).up_m - stop[2] < limits.vertical_m + SAME_HEIGHT_M
     }

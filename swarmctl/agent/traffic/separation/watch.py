@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from swarmctl.agent.traffic.separation.approach import Limits, PairDistance, closest, intervals
@@ -61,6 +61,15 @@ class NeighbourIntent:
     """uncertainty of the flight, horizontal and vertical [m]"""
     on_ground: bool = False
     """True if the vehicle is about to take off"""
+    landing: Trajectory | None = None
+    """the flight with its landing; None if `flight` is the whole flight"""
+
+    def of_silent_vehicle(self) -> NeighbourIntent:
+        """Return the intent of a vehicle that is not heard any more: it lands as planned."""
+        flight = self.landing or self.flight
+        away_m, up_m = self.uncertainty_m
+        bounds = Bounds.of(flight).wider((0.0, away_m, away_m, up_m))
+        return replace(self, flight=flight, bounds=bounds, may_change=False, landing=None)
 
     def limits(self, limits: Limits) -> Limits:
         """Return `limits` enlarged by the uncertainty of the flight."""
