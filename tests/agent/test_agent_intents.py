@@ -195,7 +195,9 @@ def test_a_vehicle_holds_if_the_present_plan_conflicts_soon_as_well(action: Avoi
         return
     assert orders(effects) == [ev.FlightOrder.HOLD]
     assert codes(effects)[-1] == "plan-deferred-hold"
-    assert [p.in_s for p in intents(effects)[0].points] == [0.0, HOLD_DURATION_S]
+    *_, stops, ends = intents(effects)[0].points
+    assert ends.in_s - stops.in_s == pytest.approx(HOLD_DURATION_S)
+    assert (stops.lat_deg, stops.lon_deg) == (ends.lat_deg, ends.lon_deg)
     # The vehicle plans again when vehicle 1 has passed.
     story.other(3, (0.0, 0.0, 0.0), (60.0, 400.0, 0.0))
     still = {"ground_speed_m_s": 0.0, "east_m_s": 0.0, "mode_role": "hold"}

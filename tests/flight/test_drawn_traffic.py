@@ -20,10 +20,14 @@ FOUND = {
     118: "a vehicle gave way to a landing one with a climb that ended over the goal",
     218: "a vehicle with a higher speed followed another one to the goal, and neither had an alarm",
     312: "an ordered landing came down beside a landing vehicle",
+    139: "a vehicle passed a silent one that landed beside the goal's centre",
+    287: "a vehicle that braked was expected to fly straight on, and another one flew into its hold",
+    617: "a return that waited below a landing vehicle climbed through it at its deadline",
+    657: "a vehicle landed through the height of one that was mute for 30 s",
     641: "a vehicle with priority came from behind upon a vehicle that gave way but could not",
 }
 """seeds that broke a rule before, with the cause"""
-OPEN = frozenset({136, 139})
+OPEN: frozenset[int] = frozenset()
 """seeds that still break a rule"""
 
 

@@ -166,9 +166,13 @@ def _land_if_clear(state: AgentState, wait: Wait) -> StepResult:
             return state, []
         case Verdict.BLOCKED:
             return replace(state, wait=wait.tried(now_s)), []
-    ended = {"phase": Phase.LEAVING, "wait": wait.ended(now_s), **SHARED_AT_ONCE}
-    state, ordered = command(state, ev.FlightOrder.LAND, **ended)
+    state, ordered = _land_here(state, wait)
     return state, [ev.NotifyOperator("the vehicle lands as ordered [ground-clear]"), *ordered]
+
+
+def _land_here(state: AgentState, wait: Wait) -> StepResult:
+    ended = {"phase": Phase.LEAVING, "wait": wait.ended(state.vehicle.time_boot_s), **SHARED_AT_ONCE}
+    return command(state, ev.FlightOrder.LAND, **ended)
 
 
 def _wait_or_start(state: AgentState, wait: Wait) -> StepResult:
@@ -185,6 +189,14 @@ def _wait_or_start(state: AgentState, wait: Wait) -> StepResult:
     match verdict(wait, now_s, is_clear, early_s=early_s if wait.purpose is WaitFor.RETURN_PATH else 0.0):
         case Verdict.OVER:
             ended = wait.ended(now_s) if wait.purpose is WaitFor.RETURN_PATH else None
+            is_blocked = _leaving_conflicts(state, return_flight(state))
+            if is_blocked and not _leaving_conflicts(state, landing_flight(state)):
+                text = f"the return path is not clear after {wait.rule.longest_s:.0f} s of holding"
+                state, ordered = _land_here(state, wait)
+                return state, [
+                    ev.NotifyOperator(f"{text}; the vehicle lands where it is [return-blocked]"),
+                    *ordered,
+                ]
             return start_return(state, wait=ended)
         case Verdict.WAIT:
             return state, []
