@@ -9,7 +9,14 @@ import math
 from collections.abc import Mapping, Sequence, Set
 
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.prediction import MAX_REPORT_AGE_S, predict, silent_neighbours
+from swarmctl.agent.traffic.prediction import (
+    EVERYWHERE,
+    MAX_REPORT_AGE_S,
+    home_amsl_m,
+    predict,
+    predictions,
+    silent_neighbours,
+)
 from swarmctl.agent.traffic.priority import Activity, Standing
 from swarmctl.agent.traffic.separation.approach import Limits, closest
 from swarmctl.agent.traffic.separation.clash import TIME_TOLERANCE_S, Clash, find_clashes
@@ -23,7 +30,7 @@ MARGIN = 1.15
 """Multiple of the horizontal limit that planned flights keep; landing spots are 1.2 limits apart."""
 FRESH_S = 20.0
 """Age from which on an intent is the last of a silent vehicle [s]: three intents in a row may be lost."""
-MAX_AGE_S = 180.0
+MAX_AGE_S = 90.0
 """Greatest age of an intent in use [s]: a silent vehicle probably flies on by its last plan."""
 SEPARATES_WITHIN_S = 6.0
 """Time within which two close vehicles have to separate [s]; a climb or a turn takes this long."""
@@ -113,17 +120,31 @@ def share_of(mine: Sequence[Trajectory], others: Sequence[Trajectory], limits: L
     return min((share for share in found if share is not None), default=math.inf)
 
 
-def current_flights(state: AgentState) -> dict[int, NeighbourIntent]:
-    """Return the known flights; vehicles off their intents count with their extrapolated positions."""
-    flights = known_flights(state)
-    for uav, report in state.neighbours.items():
-        intent = flights.get(uav)
-        if intent is None or (path := predict(state, report)) is None:
+def current_flights(state: AgentState, paths: Sequence[Trajectory] = ()) -> dict[int, NeighbourIntent]:
+    """Return the known flights; vehicles off their intents count with their extrapolated positions.
+
+    With `paths`, a vehicle that does not come near them is not compared with its intent.
+    """
+    flights, home_m = known_flights(state), home_amsl_m(state)
+    within = _bounds_of(paths, state.task.separation.limits, home_m) if paths else EVERYWHERE
+    for uav, path in predictions(state, within).items():
+        if (intent := flights.get(uav)) is None:
             continue
-        here, planned = as_intent(state, path), intent.flight.at(report.at_s)
-        if planned is None or _is_off(here.flight.points[0], planned, report):
-            flights[uav] = here
+        report, (east_m, north_m, up_m) = state.neighbours[uav], path.points[0]
+        planned = intent.flight.at(report.at_s)
+        if planned is None or _is_off((east_m, north_m, up_m + home_m), planned, report):
+            flights[uav] = as_intent(state, path)
     return flights
+
+
+def _bounds_of(paths: Sequence[Trajectory], limits: Limits, home_m: float) -> Bounds:
+    """Return the box around paths and their limits, heights above home."""
+    boxes = [Bounds.of(path.higher(-home_m)) for path in paths]
+    least = [min(sides) for sides in zip(*(box.least for box in boxes), strict=True)]
+    most = [max(sides) for sides in zip(*(box.most for box in boxes), strict=True)]
+    horizontal_m, vertical_m = MARGIN * limits.horizontal_m, MARGIN * limits.vertical_m
+    at = TIME_TOLERANCE_S, horizontal_m, horizontal_m, vertical_m
+    return Bounds((least[0], least[1], least[2], least[3]), (most[0], most[1], most[2], most[3])).wider(at)
 
 
 def _is_off(at: LocalPoint, planned: LocalPoint, report: NeighbourReport) -> bool:
@@ -156,8 +177,7 @@ def known_intents(state: AgentState) -> dict[int, NeighbourIntent]:
 
 def as_intent(state: AgentState, path: Trajectory) -> NeighbourIntent:
     """Return a predicted path, with heights above home, as a flight that its vehicle cannot change."""
-    vehicle = state.vehicle
-    flight = path.higher((vehicle.alt_amsl_m or 0.0) - (vehicle.alt_rel_m or 0.0))
+    flight = path.higher(home_amsl_m(state))
     return NeighbourIntent(flight, Bounds.of(flight), may_change=False, sent_s=path.times_s[0])
 
 

@@ -39,9 +39,9 @@ LOOKS_AHEAD_S = 8.0
 STRAIGHT_ON_S = 5.0
 """Time for which a vehicle may fly straight on instead of by its plan [s]."""
 REACTS_S = 1.5
-"""Time from a decision to the start of braking, and reserve [s]."""
-HARD_BRAKING_M_S2 = 3.5
-"""Deceleration of a copter that stops early [m/s²]."""
+"""Longest time from a decision to the start of braking [s]: the last moment for a stop allows for it."""
+LIKELY_REACTION_S, LIKELY_BRAKING_M_S2 = 0.75, 2.6
+"""Probable time to the start of braking [s], and deceleration: with them two flights are compared."""
 ENOUGH = 1.1
 """Share of the limits that two flights have to keep."""
 BETTER_BY = 0.2
@@ -60,15 +60,15 @@ def stop_in_time(state: AgentState) -> StepResult:
     vehicle, limits = state.vehicle, state.task.separation.limits
     now_s, velocity = vehicle.time_boot_s, (vehicle.east_m_s, vehicle.north_m_s, vehicle.climb_m_s)
     mine = (plan.lasting(now_s + LOOKS_AHEAD_S), extrapolate(here, velocity, now_s, STRAIGHT_ON_S))
-    flights = current_flights(state)
+    flights = current_flights(state, mine)
     others = {uav: f for path in mine for uav, f in near_flights(path, flights, limits).items()}
-    stops = _stops(here, velocity, now_s)
-    to_avoid = {uav for uav, flight in others.items() if _has_to_stop(state, mine, stops, uav, flight)}
+    stop = _stop(here, velocity, now_s)
+    to_avoid = {uav for uav, flight in others.items() if _has_to_stop(state, mine, stop, uav, flight)}
     if not to_avoid:
         return state, []
     # The stop must not be worse with regard to all vehicles.
     theirs = [path for uav, flight in others.items() for path in _paths(state, uav, flight)]
-    if not _helps(stops, theirs, limits, share_of(mine, theirs, limits)):
+    if not _helps(stop, theirs, limits, share_of(mine, theirs, limits)):
         return state, []
     to = {uav: state.neighbours[uav] for uav in to_avoid if uav in state.neighbours}
     names = " and ".join(f"vehicle {uav}" for uav in sorted(to_avoid))
@@ -83,12 +83,12 @@ def stop_in_time(state: AgentState) -> StepResult:
     return state, [ev.NotifyOperator(text), *effects]
 
 
-def _has_to_stop(state: AgentState, mine: Paths, stops: Paths, uav: int, intent: NeighbourIntent) -> bool:
+def _has_to_stop(state: AgentState, mine: Paths, stop: Trajectory, uav: int, intent: NeighbourIntent) -> bool:
     """Return whether this vehicle has to stop for another one: both come too close, and the rule says so."""
     limits = intent.limits(state.task.separation.limits)
     theirs = _paths(state, uav, intent)
     together = share_of(mine, theirs, limits)
-    if together >= ENOUGH or not _helps(stops, theirs, limits, together):
+    if together >= ENOUGH or not _helps(stop, theirs, limits, together):
         return False
     vehicle = state.vehicle
     last_moment_s = vehicle.time_boot_s + REACTS_S + vehicle.ground_speed_m_s / BRAKING_M_S2
@@ -108,15 +108,15 @@ def _standing(state: AgentState, mine: Paths, together: float, uav: int, intent:
         return Standing(Activity.EMERGENCY, False, uav)
     activity, here = activity_of(report.state.phase), as_intent(state, path).flight
     hears = state.task.uav in report.state.hears
-    stops = _stops(here.points[0], report.state.velocity_m_s, report.at_s)
-    helps = _helps(stops, mine, intent.limits(state.task.separation.limits), together)
+    stop = _stop(here.points[0], report.state.velocity_m_s, report.at_s)
+    helps = _helps(stop, mine, intent.limits(state.task.separation.limits), together)
     can_yield = hears and helps and activity in (Activity.EN_ROUTE, Activity.LANDING)
     return Standing(activity, can_yield, uav, here.points[0][2])
 
 
-def _helps(stops: Paths, others: Paths, limits: Limits, together: float) -> bool:
-    """Return whether one of the possible stops is clear of the others' paths, or better than no stop."""
-    return max(share_of((stop,), others, limits) for stop in stops) >= min(ENOUGH, together + BETTER_BY)
+def _helps(stop: Trajectory, others: Paths, limits: Limits, together: float) -> bool:
+    """Return whether a stop is clear of the others' paths, or better than no stop."""
+    return share_of((stop,), others, limits) >= min(ENOUGH, together + BETTER_BY)
 
 
 def _paths(state: AgentState, uav: int, intent: NeighbourIntent) -> Paths:
@@ -135,10 +135,9 @@ def _paths(state: AgentState, uav: int, intent: NeighbourIntent) -> Paths:
     return intent.flight, straight.lasting(max(now_s, straight.times_s[0]) + STRAIGHT_ON_S)
 
 
-def _stops(here: LocalPoint, velocity_m_s: LocalPoint, now_s: float) -> Paths:
-    """Return the flights of a vehicle that stops now, late or early, heights above the sea."""
-    late = brake(here, velocity_m_s, now_s, LOOKS_AHEAD_S, REACTS_S)
-    return late, brake(here, velocity_m_s, now_s, LOOKS_AHEAD_S, brakes_m_s2=HARD_BRAKING_M_S2)
+def _stop(here: LocalPoint, velocity_m_s: LocalPoint, now_s: float) -> Trajectory:
+    """Return the probable flight of a vehicle that stops now, heights above the sea."""
+    return brake(here, velocity_m_s, now_s, LOOKS_AHEAD_S, LIKELY_REACTION_S, LIKELY_BRAKING_M_S2)
 
 
 def _may_stop(state: AgentState) -> bool:

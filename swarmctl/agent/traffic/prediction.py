@@ -61,7 +61,7 @@ def predictions(state: AgentState, within: Bounds = EVERYWHERE) -> dict[int, Tra
     (_, west_m, south_m, low_m), (_, east_m, north_m, high_m) = within.least, within.most
     vehicle, until_s = state.vehicle, state.vehicle.time_boot_s + state.task.separation.look_ahead_s
     is_known = vehicle.alt_amsl_m is not None and vehicle.alt_rel_m is not None
-    home_m = (vehicle.alt_amsl_m or 0.0) - (vehicle.alt_rel_m or 0.0)
+    home_m = home_amsl_m(state)
     found = {}
     for uav, report in state.neighbours.items():
         # Most neighbours are at other heights or far away, and need no trajectory.
@@ -83,6 +83,11 @@ def _passes(begin_m: float, way_m: float, low_m: float, high_m: float) -> bool:
     if way_m > 0.0:
         return begin_m <= high_m and begin_m + way_m >= low_m
     return begin_m >= low_m and begin_m + way_m <= high_m
+
+
+def home_amsl_m(state: AgentState) -> float:
+    """Return the height of this vehicle's home above the sea; 0 if the vehicle's heights are unknown."""
+    return (state.vehicle.alt_amsl_m or 0.0) - (state.vehicle.alt_rel_m or 0.0)
 
 
 def _reported_position(state: AgentState, report: NeighbourReport) -> LocalPoint:

@@ -70,7 +70,7 @@ RULES: Mapping[WaitFor, WaitRule] = {
     WaitFor.RETURN_PATH: WaitRule(
         "in hold before its return",
         120.0,
-        "returns in any case",
+        "returns, or lands where it is if only the ground is clear",
         frozenset({Phase.HOLDING, Phase.LEAVING}),
     ),
     WaitFor.GROUND: WaitRule(
