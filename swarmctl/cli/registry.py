@@ -53,7 +53,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     ),
     "warm-up": (
         "warm_up",
-        "Compile the planners for large areas, once on a machine; small areas need no compiler.",
+        "Compile the planners for large areas and benevolence, once on a machine.",
     ),
     "replay": ("replay", "Repeat the decisions of a recorded run, and report whether they are the same."),
     "audit": ("audit", "Check the evidence of a run line by line, and summarise it."),

@@ -124,7 +124,7 @@ def test_a_launch_waits_for_a_vehicle_that_enters_its_route_during_the_checks() 
         if standby_s and not ordered_s and now - standby_s[0] >= 45.0:
             runner.post(ev.OperatorCommand(ev.FlightOrder.LAUNCH, 1))
             ordered_s.append(now)
-        if ordered_s and 5.0 <= now - ordered_s[0]:
+        if ordered_s and now - ordered_s[0] >= 5.0:
             is_there = now - ordered_s[0] < 30.0
             runner.post(ev.Intents(((7, 0.0, hovers if is_there else IntentShared(1, ())),)))
         if "launch" in ground.links[0].calls and not launched_s:
