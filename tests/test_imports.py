@@ -70,6 +70,7 @@ ONLY_IN: dict[str, set[str]] = {
     },
     "socket": {
         "swarmctl.links",
+        "swarmctl.dashboard.server",
         "swarmctl.flight.run",
         "swarmctl.preflight.host",
         "sim_vehicle.links",
@@ -113,6 +114,7 @@ PURE = {
     "swarmctl.report.foxglove", "swarmctl.report.evidence.chain", "swarmctl.report.evidence.digest",
     "swarmctl.report.evidence.commands",
     "swarmctl.dashboard.belief_history", "swarmctl.dashboard.changes", "swarmctl.dashboard.conflicts",
+    "swarmctl.dashboard.access", "swarmctl.dashboard.playback",
     "swarmctl.dashboard.events", "swarmctl.dashboard.facts", "swarmctl.dashboard.history",
     "swarmctl.dashboard.looks", "swarmctl.dashboard.model", "swarmctl.dashboard.picture",
     "swarmctl.dashboard.sources.record_facts",

@@ -55,6 +55,10 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
         "warm_up",
         "Compile the planners for large areas and benevolence, once on a machine.",
     ),
+    "dashboard": (
+        "dashboard",
+        "Show a recorded run, or a flight in progress, in a browser on this machine.",
+    ),
     "replay": ("replay", "Repeat the decisions of a recorded run, and report whether they are the same."),
     "audit": ("audit", "Check the evidence of a run line by line, and summarise it."),
     "study": (

@@ -1,0 +1,42 @@
+"""The process of the dashboard: it reads a source, and serves its page on this machine."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import socket
+from collections.abc import AsyncIterator, Callable
+
+import uvicorn
+from fastapi import FastAPI
+from nicegui import ui
+
+from swarmctl.dashboard import page
+from swarmctl.dashboard.access import Access, Sessions
+from swarmctl.dashboard.sources.recording import RecordSource
+
+HOST = "127.0.0.1"
+
+
+async def serve(source: RecordSource, port: int, announce: Callable[[str], None]) -> None:
+    """Serve a source until cancelled; `announce` gets the address. Raises OSError if the port is in use."""
+    listener = socket.create_server((HOST, port))
+    port = listener.getsockname()[1]
+    sessions = Sessions()
+    hosts = frozenset(f"{name}:{port}" for name in (HOST, "localhost"))
+
+    @contextlib.asynccontextmanager
+    async def reading(_app: FastAPI) -> AsyncIterator[None]:
+        task = asyncio.create_task(source.run())
+        try:
+            yield
+        finally:
+            task.cancel()
+
+    application = FastAPI(lifespan=reading, docs_url=None, redoc_url=None, openapi_url=None)
+    page.register(source.timeline)
+    ui.run_with(application, dark=None, show_welcome_message=False)
+    application.add_middleware(Access, sessions=sessions, hosts=hosts)
+    config = uvicorn.Config(application, log_level="warning", ws_max_size=1 << 20, lifespan="on")
+    announce(f"http://{HOST}:{port}/?token={sessions.token}")
+    await uvicorn.Server(config).serve([listener])
