@@ -1,6 +1,6 @@
 """A campaign of drawn traffic with light vehicles: no breach of the limits, no deadlock, no wait without end.
 
-`--drawn-traffic 1000` flies that many seeds. Seeds in OPEN break a rule today; docs/limits.md has the causes.
+`--drawn-traffic 1000` flies that many seeds; docs/limits.md has the seeds that break a rule today.
 """
 
 from __future__ import annotations
@@ -27,17 +27,13 @@ FOUND = {
     641: "a vehicle with priority came from behind upon a vehicle that gave way but could not",
 }
 """seeds that broke a rule before, with the cause"""
-OPEN: frozenset[int] = frozenset()
-"""seeds that still break a rule"""
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     if "seed" in metafunc.fixturenames:
         n = metafunc.config.getoption("--drawn-traffic")
         n = n or (N_FULL if metafunc.config.getoption("--full") else N_DEFAULT)
-        open_seed = pytest.mark.xfail(reason="an open case of docs/limits.md", strict=False)
-        seeds = sorted({*range(n), *FOUND})
-        metafunc.parametrize("seed", [pytest.param(s, marks=open_seed if s in OPEN else ()) for s in seeds])
+        metafunc.parametrize("seed", sorted({*range(n), *FOUND}))
 
 
 def test_drawn_traffic_keeps_its_limits_and_ends_every_wait(seed: int) -> None:
