@@ -88,6 +88,7 @@ ONLY_IN: dict[str, set[str]] = {
         "sim_vehicle.conformance.table",
     },
     "pytest": {"sim_vehicle.pytest_plugin"},
+    "ruamel.yaml": {"swarmctl.dashboard.draft"},
     "yaml": {"swarmctl.config.yaml_lines", "sim_vehicle.scenarios.yaml_lines"},
 }  # fmt: skip
 
@@ -117,7 +118,7 @@ PURE = {
     "swarmctl.dashboard.access", "swarmctl.dashboard.playback",
     "swarmctl.dashboard.events", "swarmctl.dashboard.facts", "swarmctl.dashboard.history",
     "swarmctl.dashboard.looks", "swarmctl.dashboard.model", "swarmctl.dashboard.picture",
-    "swarmctl.dashboard.sources.record_facts",
+    "swarmctl.dashboard.setup_edits", "swarmctl.dashboard.sources.record_facts",
     "swarmctl.study.batches", "swarmctl.study.experiment_checks", "swarmctl.study.levels",
     "swarmctl.study.statistics", "swarmctl.study.routes", "swarmctl.study.w_search",
     "sim_vehicle",

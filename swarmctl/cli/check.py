@@ -12,12 +12,15 @@ from swarmctl.bus.transports.access import OPERATOR, ROUTER, name_of
 from swarmctl.cli.configuration import (
     config_or_example,
     describe,
+    flight_problems,
     keys_problem_lines,
+    keys_problems_of,
     load_scenario_or_exit,
     require_flyable,
 )
 from swarmctl.cli.console import ConfigOrExampleOption, ExampleOption, OutOption, out
 from swarmctl.config.scenario import Scenario
+from swarmctl.config.yaml_lines import Document
 from swarmctl.preflight.checks import battery
 
 
@@ -38,6 +41,13 @@ def check(
     if real and scenario.config.preflight.endurance_s is None:
         text = f"set preflight.endurance_s: without it the check `battery` fails for {', '.join(real)}"
         out.print(f"{text}, unless the built-in simulator flies them", highlight=False, soft_wrap=True)
+
+
+def problems_of(path: Path, document: Document, scenario: Scenario, out_folder: Path) -> list[str]:
+    """Return the problems that `check` lists for a valid configuration, of which `document` is the text."""
+    problems = [*keys_problems_of(path, document, _key_problems(scenario)), *battery.problems(scenario)]
+    signing, others = flight_problems(path, document, scenario, out_folder, problems)
+    return [*signing, *others]
 
 
 def _key_problems(scenario: Scenario) -> Iterator[str]:

@@ -70,22 +70,32 @@ def _problems(config: Config) -> Iterable[ConfigProblem]:
 def require_flyable(path: Path, scenario: Scenario, runs: Path, more: Iterable[str] = ()) -> None:
     """Exit with all problems that prevent a flight of this configuration on this machine now.
 
-    A problem of one vehicle or of `links.signing_key` begins with the file and line. `runs` is the parent of
-    the run folders. `more` lists problems that the caller has found.
+    `runs` is the parent of the run folders. `more` lists problems that the caller has found.
+    """
+    document = yaml_lines.parse(path.read_text(encoding="utf-8"))
+    key_problems, problems = flight_problems(path, document, scenario, runs, more)
+    if key_problems or problems:
+        fail([*key_problems, *problems], USAGE if key_problems else FAILED)
+
+
+def flight_problems(
+    path: Path, document: yaml_lines.Document, scenario: Scenario, runs: Path, more: Iterable[str] = ()
+) -> tuple[list[str], list[str]]:
+    """Return the problems of `links.signing_key`, and all other problems of a flight on this machine now.
+
+    A problem of one vehicle or of `links.signing_key` begins with the file and line.
     """
     from swarmctl.preflight import host  # noqa: PLC0415
 
-    document = yaml_lines.parse(path.read_text(encoding="utf-8"))
     key_problems = problem_lines(path, document, _signing_key_problems(scenario))
     lines = {
         vehicle.name: document.line_of(("vehicles", i)) for i, vehicle in enumerate(scenario.config.vehicles)
     }
-    found = [*key_problems]
+    found = []
     for text in (*host.troubles(scenario, runs), *more):
         line = lines.get(text.split(":")[0])
         found.append(text if line is None else f"{path}:{line}: {text}")
-    if found:
-        fail(found, USAGE if key_problems else FAILED)
+    return key_problems, found
 
 
 def _signing_key_problems(scenario: Scenario) -> Iterator[ConfigProblem]:
@@ -101,5 +111,9 @@ def _signing_key_problems(scenario: Scenario) -> Iterator[ConfigProblem]:
 def keys_problem_lines(path: Path, problems: Iterable[str]) -> list[str]:
     """Return the problems of the folder `communication.keys`, each with the file and line that name it."""
     document = yaml_lines.parse(path.read_text(encoding="utf-8"))
+    return keys_problems_of(path, document, problems)
+
+
+def keys_problems_of(path: Path, document: yaml_lines.Document, problems: Iterable[str]) -> list[str]:
     located = (ConfigProblem(("communication", "keys"), text) for text in problems)
     return problem_lines(path, document, located)

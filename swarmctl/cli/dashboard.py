@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from swarmctl.cli.console import FAILED, USAGE, fail, say
+from swarmctl.config.problems import ConfigError
 from swarmctl.report import record_file
 
 
@@ -17,25 +19,61 @@ def register(cli: typer.Typer) -> None:
 
 
 def dashboard(
-    run: Annotated[Path, typer.Argument(help="A run folder, or its run.mcap.", show_default=False)],
+    run: Annotated[
+        Path | None, typer.Argument(help="A run folder, or its run.mcap.", show_default=False)
+    ] = None,
     live: Annotated[bool, typer.Option("--live", help="Follow a flight in progress.")] = False,
+    setup: Annotated[
+        Path | None,
+        typer.Option(
+            "--setup",
+            metavar="FILE",
+            help="Edit a configuration on a map.",
+            show_default=False,
+        ),
+    ] = None,
     port: Annotated[int, typer.Option(help="The port on this machine; 0: a free one.", min=0, max=65535)] = 0,
 ) -> None:
-    """Show a recorded run, or a flight in progress, in a browser on this machine."""
+    """Show a recorded run, or a flight in progress, in a browser on this machine.
+
+    With --setup, edit a configuration on a map instead.
+    """
+    if (run is None) == (setup is None):
+        fail(["give either a run folder or --setup FILE"], USAGE)
     try:
-        from swarmctl.dashboard.server import serve  # noqa: PLC0415
+        from swarmctl.dashboard.server import serve, serve_page  # noqa: PLC0415
     except ModuleNotFoundError as error:
         fail([f"the dashboard needs {error.name}: pip install 'mavlink-swarmctl[dashboard]'"], USAGE)
     from swarmctl.dashboard.sources.live_file import open_live  # noqa: PLC0415
     from swarmctl.dashboard.sources.recording import RecordSource  # noqa: PLC0415
 
+    def announce(address: str) -> None:
+        say(f"open this address once: {address}")
+
     async def shown() -> None:
+        if run is None:
+            await serve_page(_setup_page(setup or Path()), port, announce)
+            return
         source = await open_live(run) if live else RecordSource(run, "recording")
-        await serve(source, port, lambda address: say(f"open this address once: {address}"))
+        await serve(source, port, announce)
 
     try:
         asyncio.run(shown())
     except record_file.RecordError as error:
         fail([str(error)], USAGE)
+    except ConfigError as error:
+        fail(error.lines, USAGE)
     except OSError as error:
         fail([f"port {port}: {error.strerror}; choose another --port"], FAILED)
+
+
+def _setup_page(path: Path) -> Callable[[], None]:
+    """Return the registration of the set-up page of a configuration. Raises ConfigError."""
+    from swarmctl.cli.check import problems_of  # noqa: PLC0415
+    from swarmctl.dashboard import setup_page  # noqa: PLC0415
+    from swarmctl.dashboard.draft import Draft  # noqa: PLC0415
+
+    Draft.open(path)
+    return lambda: setup_page.register(
+        path, lambda draft, scenario: problems_of(draft.path, draft.document, scenario, Path("runs"))
+    )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import socket
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Coroutine
 
 import uvicorn
 from fastapi import FastAPI
@@ -20,6 +20,16 @@ HOST = "127.0.0.1"
 
 async def serve(source: RecordSource, port: int, announce: Callable[[str], None]) -> None:
     """Serve a source until cancelled; `announce` gets the address. Raises OSError if the port is in use."""
+    await serve_page(lambda: page.register(source.timeline), port, announce, source.run)
+
+
+async def serve_page(
+    register: Callable[[], None],
+    port: int,
+    announce: Callable[[str], None],
+    run: Callable[[], Coroutine[None, None, None]] | None = None,
+) -> None:
+    """Serve the page that `register` adds, with the task `run` beside it."""
     listener = socket.create_server((HOST, port))
     port = listener.getsockname()[1]
     sessions = Sessions()
@@ -27,14 +37,15 @@ async def serve(source: RecordSource, port: int, announce: Callable[[str], None]
 
     @contextlib.asynccontextmanager
     async def reading(_app: FastAPI) -> AsyncIterator[None]:
-        task = asyncio.create_task(source.run())
+        task = None if run is None else asyncio.create_task(run())
         try:
             yield
         finally:
-            task.cancel()
+            if task is not None:
+                task.cancel()
 
     application = FastAPI(lifespan=reading, docs_url=None, redoc_url=None, openapi_url=None)
-    page.register(source.timeline)
+    register()
     ui.run_with(application, dark=None, show_welcome_message=False)
     application.add_middleware(Access, sessions=sessions, hosts=hosts)
     config = uvicorn.Config(application, log_level="warning", ws_max_size=1 << 20, lifespan="on")

@@ -137,7 +137,8 @@ export default {
       canvas.style.height = `${box.height}px`;
       if (this.area && !this.has_moved) {
         const { rows, cols, cell_size_m } = this.area;
-        const width = Math.max(box.width - 2 * MARGIN_PX, 1), height = Math.max(box.height - 2 * MARGIN_PX, 1);
+        const margin = this.options.margin_px ?? MARGIN_PX;
+        const width = Math.max(box.width - 2 * margin, 1), height = Math.max(box.height - 2 * margin, 1);
         this.view.scale = Math.min(width / (cols * cell_size_m), height / (rows * cell_size_m));
         this.view.east = (cols * cell_size_m) / 2;
         this.view.north = (rows * cell_size_m) / 2;
@@ -176,6 +177,7 @@ export default {
       for (const ghost of this.ghosts ?? []) this.line(context, ghost.points, ghost.colour, 3, [2, 5]);
       this.draw_strikes(context);
       for (const vehicle of Object.values(this.vehicles)) this.draw_vehicle(context, vehicle);
+      if (this.options.places && this.cursor) this.draw_cursor(context);
     },
     draw_cells(context) {
       const { rows, cols, cell_size_m } = this.area, cell = cell_size_m * this.view.scale;
@@ -351,6 +353,7 @@ export default {
       if (this.dragged_px > 4 || !this.area) return;
       const box = this.$refs.canvas.getBoundingClientRect();
       const at = [event.clientX - box.left, event.clientY - box.top];
+      if (this.options.places) return this.put(this.where(at));
       let nearest = null, least = 24;
       for (const vehicle of Object.values(this.vehicles)) {
         if (!vehicle.position) continue;
@@ -359,6 +362,35 @@ export default {
       }
       this.$emit("choose", { vehicle: nearest ?? "" });
     },
+    // Places are chosen in the set-up: by a click, or by the arrow keys and Enter.
+    where([x, y]) {
+      const box = this.$refs.canvas, ratio = window.devicePixelRatio || 1, { scale } = this.view;
+      return [
+        this.view.east + (x - box.width / ratio / 2) / scale,
+        this.view.north - (y - box.height / ratio / 2) / scale,
+      ];
+    },
+    put([east, north]) {
+      const size = this.area.cell_size_m;
+      this.cursor = [Math.floor(north / size), Math.floor(east / size)];
+      this.draw_soon();
+      this.$emit("place", { east, north });
+    },
+    keyed_place(event) {
+      const steps = { ArrowLeft: [0, -1], ArrowRight: [0, 1], ArrowUp: [1, 0], ArrowDown: [-1, 0] };
+      const step = steps[event.key], [row, col] = this.cursor ?? [0, 0];
+      if (step) this.cursor = this.cursor ? [row + step[0], col + step[1]] : [0, 0];
+      else if (event.key === "Enter" || event.key === " ") this.put(this.centre([row, col]));
+      else return false;
+      this.draw_soon();
+      return true;
+    },
+    draw_cursor(context) {
+      const cell = this.area.cell_size_m * this.view.scale, [x, y] = this.place(this.centre(this.cursor));
+      context.strokeStyle = "#0072b2";
+      context.lineWidth = 3;
+      context.strokeRect(x - cell / 2, y - cell / 2, cell, cell);
+    },
     pan(x, y) {
       this.has_moved = true;
       this.view.east -= x / this.view.scale;
@@ -366,6 +398,11 @@ export default {
       this.draw_soon();
     },
     keyed(event) {
+      if (this.options.places && !event.shiftKey && this.keyed_place(event)) {
+        event.preventDefault();
+        event.stopPropagation();
+        return;
+      }
       const steps = { ArrowLeft: [40, 0], ArrowRight: [-40, 0], ArrowUp: [0, 40], ArrowDown: [0, -40] };
       if (steps[event.key]) this.pan(...steps[event.key]);
       else if (event.key === "+") this.zoom_by(1.25);

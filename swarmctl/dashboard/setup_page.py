@@ -1,0 +1,217 @@
+"""The set-up: a configuration on the map, its first routes, its problems, and its save."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from nicegui import events, run, ui
+
+from swarmctl.config.problems import ConfigError
+from swarmctl.config.scenario import Scenario, build
+from swarmctl.config.yaml_lines import KeyPath
+from swarmctl.core.exposure import exposure
+from swarmctl.dashboard import looks
+from swarmctl.dashboard.draft import Draft
+from swarmctl.dashboard.page import STYLE
+from swarmctl.dashboard.risk_map import RiskMap
+from swarmctl.dashboard.setup_edits import (
+    SIMULATED,
+    TOOLS,
+    FirstRouteShown,
+    as_changes,
+    edits_of_click,
+    first_routes,
+)
+
+FindProblems = Callable[[Draft, Scenario], list[str]]
+"""what `swarmctl check` finds in a valid configuration on this machine"""
+
+MARGIN_PX = 90
+"""margin around the area, for starts outside it"""
+FIELDS: dict[KeyPath, tuple[str, str]] = {
+    ("area", "rows"): ("Rows", "int"),
+    ("area", "cols"): ("Columns", "int"),
+    ("area", "cell_size_m"): ("Side of a cell [m]", "float"),
+    ("simulate", "count"): ("Simulated vehicles", "int"),
+    ("threats", "count"): ("Hostiles", "int"),
+    ("planner", "w"): ("w: 0 short, 1 safe", "float"),
+    ("seed",): ("Seed", "int"),
+}
+
+
+class SetupPage:
+    """The set-up of one browser."""
+
+    _map: RiskMap
+
+    def __init__(self, path: Path, find_problems: FindProblems) -> None:
+        self._draft = Draft.open(path)
+        self._find_problems = find_problems
+        self._tool, self._whose, self._number = "no_fly", SIMULATED, 0
+        self._fields: dict[KeyPath, ui.number] = {}
+        ui.add_css(STYLE)
+        self._dark = ui.dark_mode(value=None)
+        with ui.row().classes("w-full items-center gap-3 px-3 py-1 no-wrap"):
+            ui.label(f"Set-up of {path}").classes("text-lg font-semibold ellipsis")
+            ui.space()
+            ui.toggle(TOOLS, value=self._tool, on_change=self._set_tool).props("dense no-caps")
+            ui.checkbox("Dark", on_change=self._set_dark)
+        with ui.row().classes("w-full grow no-wrap gap-0 min-h-0"):
+            with ui.element("div").classes("grow h-full min-w-0"):
+                self._map = RiskMap().classes("w-full h-full")
+            with ui.column().classes("h-full gap-2 p-2 overflow-auto no-wrap").style("width: 340px"):
+                self._side()
+        self._map.on("ready", self._begin)
+        self._map.on("place", self._placed)
+
+    def _side(self) -> None:
+        names = {SIMULATED: "simulated vehicles"} if self._draft.value(("simulate",)) else {}
+        names |= {v["name"]: v["name"] for v in self._draft.value(("vehicles",), ()) if "name" in v}
+        self._whose = next(iter(names), SIMULATED)
+        ui.select(names, value=self._whose, label="Start and goal of", on_change=self._choose).classes(
+            "w-full"
+        ).props("dense outlined options-dense")
+        with ui.grid(columns=2).classes("w-full gap-2"):
+            for path, (label, kind) in FIELDS.items():
+                value = self._draft.value(path)
+                if isinstance(value, (int, float)):
+                    self._fields[path] = _number(label, kind, value, partial(self._typed, path))
+        with ui.row().classes("w-full gap-2"):
+            ui.button("Save", on_click=self._save).props("dense no-caps")
+            ui.button("Undo", on_click=self._undo).props("dense no-caps flat")
+        self._state = ui.label().classes("text-sm w-full").props("role=status aria-live=polite")
+        self._saved = ui.label().classes("saved text-sm w-full").props("aria-live=polite")
+        self._problems = ui.column().classes("problems w-full gap-1 text-xs")
+        self._routes = ui.column().classes("first-routes w-full gap-1 text-xs")
+
+    async def _begin(self) -> None:
+        self._map.set_options(places=True, margin_px=MARGIN_PX, hostiles=True)
+        await self._show()
+
+    # --- what the person does
+
+    def _set_tool(self, event: events.ValueChangeEventArguments[Any]) -> None:
+        self._tool = event.value
+
+    def _set_dark(self, event: events.ValueChangeEventArguments[Any]) -> None:
+        self._dark.value = event.value
+        self._map.set_options(dark=event.value)
+
+    def _choose(self, event: events.ValueChangeEventArguments[Any]) -> None:
+        self._whose = event.value
+
+    async def _placed(self, event: events.GenericEventArguments) -> None:
+        # The map may still show an earlier text: a click always edits the newest one.
+        config = self._draft.schema_config()
+        if config is None:
+            ui.notify("correct the problems first; `Undo` takes the last change back", type="warning")
+            return
+        at = float(event.args["east"]), float(event.args["north"])
+        try:
+            edits = edits_of_click(config, self._tool, self._whose, at)
+        except ValueError as error:
+            ui.notify(str(error), type="warning")
+            return
+        await self._edit(edits)
+
+    async def _typed(self, path: KeyPath, event: events.ValueChangeEventArguments[Any]) -> None:
+        if event.value is None or event.value == self._draft.value(path):
+            return
+        value = int(event.value) if float(event.value).is_integer() else float(event.value)
+        await self._edit({path: value})
+
+    async def _edit(self, edits: dict[KeyPath, Any]) -> None:
+        try:
+            self._draft.edit(edits)
+        except ValueError as error:
+            ui.notify(str(error), type="warning")
+            return
+        await self._show()
+
+    async def _undo(self) -> None:
+        if self._draft.undo():
+            for path, field in self._fields.items():
+                field.set_value(self._draft.value(path))
+            await self._show()
+
+    def _save(self) -> None:
+        try:
+            self._draft.save()
+        except ConfigError as error:
+            self._saved.set_text("not saved")
+            ui.notify("\n".join(error.lines), type="negative", multi_line=True)
+            return
+        self._saved.set_text(
+            f"saved; fly it with: swarmctl fly --config {shlex.quote(str(self._draft.path))}"
+        )
+
+    # --- what it shows
+
+    async def _show(self) -> None:
+        self._number += 1
+        number = self._number
+        self._saved.set_text("")
+        self._state.set_text("computing the first routes …")
+        computed = await run.io_bound(_computed, self._draft.copy(), self._find_problems)
+        if computed is None:
+            return  # the server stops
+        scenario, problems, routes = computed
+        if number != self._number:
+            return  # a newer change is on its way
+        self._state.set_text("no problems" if not problems else f"{len(problems)} problems")
+        self._problems.clear()
+        with self._problems:
+            for line in problems:
+                ui.label(line).classes("text-red-8 break-words")
+        if scenario is not None:
+            self._draw(scenario, routes)
+
+    def _draw(self, scenario: Scenario, routes: list[FirstRouteShown]) -> None:
+        area = looks.area(scenario)
+        self._map.set_area(area)
+        self._map.set_exposure(exposure(scenario.prior.occupancy(), scenario.strength))
+        self._map.apply(dict(as_changes(routes)))
+        self._routes.clear()
+        colours = dict(zip(area.names, area.colours, strict=True))
+        with self._routes:
+            for route in routes:
+                with ui.row().classes("gap-2 no-wrap items-center"):
+                    ui.element("div").style(f"width: 12px; height: 12px; background: {colours[route.name]}")
+                    ui.label(f"{route.name}: {_measures(route)}")
+
+
+def _computed(
+    draft: Draft, find_problems: FindProblems
+) -> tuple[Scenario | None, list[str], list[FirstRouteShown]]:
+    config, problems = draft.checked()
+    if config is None:
+        return None, problems, []
+    scenario = build(config)
+    return scenario, find_problems(draft, scenario), first_routes(scenario)
+
+
+def _number(
+    label: str, kind: str, value: float, typed: Callable[[events.ValueChangeEventArguments[Any]], Any]
+) -> ui.number:
+    step = 1 if kind == "int" else None
+    field = ui.number(label, value=value, step=step, on_change=typed)
+    field.props("dense outlined debounce=400")
+    return field
+
+
+def _measures(route: FirstRouteShown) -> str:
+    if route.length_m is None:
+        return "no track of the route can be flown"
+    return f"{route.length_m:.0f} m, ΣP_s {route.exposure_sum:.3f}, ∏(1 − P_s) {route.safety_factor:.3f}"
+
+
+def register(path: Path, find_problems: FindProblems) -> None:
+    """Serve the set-up of a configuration at the root of the application."""
+
+    @ui.page("/", title=f"{path.name} · swarmctl", response_timeout=10.0)
+    def root() -> None:
+        SetupPage(path, find_problems)
