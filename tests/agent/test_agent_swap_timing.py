@@ -189,7 +189,7 @@ def test_a_vehicle_that_arrives_before_the_end_of_a_swap_keeps_its_route() -> No
     assert not story.state.plans.dirty
 
 
-def test_the_splice_point_on_a_track_is_the_position_at_the_end_of_the_swap() -> None:
+def test_a_splice_point_on_a_track_is_after_the_swap_and_beside_a_centre() -> None:
     story = Story(
         any_angle=ExposureMeasure.INTEGRAL,
         entry=(0, 0),
@@ -218,6 +218,10 @@ def test_the_splice_point_on_a_track_is_the_position_at_the_end_of_the_swap() ->
     beside_m = (first[0] - e0) * north - (first[1] - n0) * east
     assert along_m >= 160.0
     assert abs(beside_m) < 0.1
+    # A point beyond the centre, where the new route begins, would make the vehicle fly back.
+    (centre_e, centre_n) = GRID.centre_m(swap.cells[0])
+    beyond_m = (first[0] - centre_e) * east + (first[1] - centre_n) * north
+    assert abs(beyond_m) <= 0.05 * GRID.cell_size_m
 
 
 # --- measured durations

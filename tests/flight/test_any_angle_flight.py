@@ -242,8 +242,10 @@ def test_a_wall_of_threats_ahead_on_the_track_changes_the_mission() -> None:
     flight = Flight()
     assert flight.swap is not None
     assert flight.swap.track is not None
-    beside = [c for c in flight.swap.track.over if c not in flight.swap.cells]
-    flight.over(beside[0])
+    over = flight.swap.track.over
+    beside = [c for c in over if c not in flight.swap.cells]
+    for cell in over[: over.index(beside[0]) + 1]:
+        flight.over(cell)
     flight.state = replace(
         flight.state,
         task=replace(flight.state.task, no_fly=frozenset({beside[-1]})),
@@ -252,7 +254,7 @@ def test_a_wall_of_threats_ahead_on_the_track_changes_the_mission() -> None:
     swap = flight.tick()
     assert swap is not None
     assert swap.track is not None
-    assert swap.cells[0] == beside[0]
+    assert swap.cells[0] in over
     assert beside[-1] not in swap.track.over
     # The change fails: the vehicle stays on its old plan, and that plan still needs a change.
     flight.fold(ev.MissionFailed(swap.plan_id, "old", "no answer"))

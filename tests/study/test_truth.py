@@ -152,8 +152,11 @@ def test_vehicles_together_fly_routes_as_long_and_as_exposed_on_average(together
     assert abs(mean) <= half < 0.1
 
 
-def test_vehicles_together_arrive_when_the_abstract_mission_says(together: list[Pair]) -> None:
-    mean, half = difference(together, arrival_s)
+@pytest.mark.parametrize("swarm", ["together", "straightened"])
+def test_vehicles_together_arrive_when_the_abstract_mission_says(
+    swarm: str, request: pytest.FixtureRequest
+) -> None:
+    mean, half = difference(request.getfixturevalue(swarm), arrival_s)
     assert abs(mean) <= 3.0
     assert half < 3.0
 

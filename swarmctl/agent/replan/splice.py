@@ -11,6 +11,7 @@ a copter leaves the route at once. A fixed wing stays on the route: it can neith
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +21,7 @@ from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.stopping import distance_and_speed_after, stop_for_new_plan
 from swarmctl.agent.state import AgentState
 from swarmctl.core.any_angle.track import crossed_cells
-from swarmctl.core.grid import Cell
+from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.mission import Waypoint
 from swarmctl.core.planar import PlanarPoint
 from swarmctl.core.route import max_overshoot_m
@@ -33,6 +34,8 @@ URGENT_CELLS = 3
 """Number of cells ahead in which a wall requires a new plan at once."""
 CHANGE_S = 2.0
 """Least time for which a fixed wing flies on by its old plan during a swap [s]."""
+N_SPLICE_POINTS = 21
+"""Number of points on the next cell's length of a track that are compared for a splice."""
 TURN_OFF_RADII = math.tan(math.pi / 8.0)
 """Distance before a turn by 45° at which a fixed wing turns off [turn radii]."""
 
@@ -105,7 +108,10 @@ def leaving_at_once(state: AgentState) -> Splice:
 
 
 def splice_on_track(state: AgentState, p_s: NDArray[np.float64]) -> Splice:
-    """Return the splice for a new route from the present track: the position at the end of the swap."""
+    """Return the splice for a new route from the present track: a point abreast of its cell's centre.
+
+    The new route begins at this centre. A splice point beyond the centre would make the vehicle fly back.
+    """
     swap, progress, grid = state.plans.route, state.progress, state.task.grid
     assert state.cell is not None
     at_once, least_m = Splice((state.cell,)), _swap_distance_m(state)
@@ -113,14 +119,34 @@ def splice_on_track(state: AgentState, p_s: NDArray[np.float64]) -> Splice:
         return at_once
     if least_m > progress.to_last_waypoint_m:
         return at_once
-    path = (progress.here, *progress.points_within(least_m))
+    most_m = min(least_m + grid.cell_size_m, progress.to_last_waypoint_m)
+    corners_m = (at_m - progress.along_m for at_m in progress.flight.legs.at_m)
+    compared_m = [*np.linspace(least_m, most_m, N_SPLICE_POINTS), *corners_m]
+    lead_m = min(
+        (float(m) for m in compared_m if least_m <= m <= most_m),
+        key=lambda m: _past_centre_m(grid, (progress.here, *progress.points_within(m))),
+    )
+    path = (progress.here, *progress.points_within(lead_m))
     cell, size_m = grid.cell_at(*grid.frame.to_geodetic(*path[-1])), grid.cell_size_m
     crossed = crossed_cells([(e / size_m, n / size_m) for e, n in path]).cells[1:]
     if cell is None or any(_is_wall(state, p_s, at) for at in crossed):
         return at_once
     lead_waypoints = tuple(Waypoint(*grid.frame.to_geodetic(*point), state.height_m) for point in path[1:])
     index = swap.cells.index(cell) if cell in swap.cells else None
-    return Splice((cell,), index, True, None, False, path[:-1], least_m, lead_waypoints)
+    return Splice((cell,), index, True, None, False, path[:-1], lead_m, lead_waypoints)
+
+
+def _past_centre_m(grid: Grid, path: Sequence[PlanarPoint]) -> float:
+    """Return how far the end of a path is past, or short of, the centre of its cell [m]; infinite outside."""
+    before, end = path[-2:]
+    cell, leg_m = grid.cell_at(*grid.frame.to_geodetic(*end)), math.dist(before, end)
+    if cell is None:
+        return math.inf
+    centre = grid.centre_m(cell)
+    if leg_m == 0.0:
+        return math.dist(centre, end)
+    along = ((b - a) / leg_m * (b - c) for a, b, c in zip(before, end, centre, strict=True))
+    return abs(sum(along))
 
 
 def is_wall_close(state: AgentState, p_s: NDArray[np.float64]) -> bool:
