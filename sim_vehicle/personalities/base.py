@@ -13,6 +13,7 @@ from sim_vehicle.vehicle.flight_parameters import FailsafeAction, FlightParamete
 from sim_vehicle.vehicle.interface import CommandHandler, OneShotMessage, RemoteInput, Vehicle
 from sim_vehicle.vehicle.mission import Item, Mission
 from sim_vehicle.vehicle.params import Parameters, ParameterTable
+from sim_vehicle.vehicle.setpoint_target import Target
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +66,15 @@ class MessageRules:
     answers_version_request: bool = False  # answers AUTOPILOT_VERSION_REQUEST
     answers_ping: bool = False  # answers PING without a target
     supports_signing: bool = False  # supports MAVLink 2 signing; else signatures are ignored
-    body_yaw_relative: bool = False  # yaw in a body frame is relative to the heading; else from north
+
+
+@dataclass(frozen=True, slots=True)
+class SetpointRules:
+    """SET_POSITION_TARGET_LOCAL_NED and SET_POSITION_TARGET_GLOBAL_INT: `setpoints`."""
+
+    # the target of a message; None: the message changes nothing
+    read: Callable[[Vehicle, Any], Target | None]
+    resumes: bool = False  # set-points that return after a loss restore the mode that needs them
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,6 +144,7 @@ class Personality:
     mission: MissionRules
     remote: Callable[[Vehicle], RemoteInput]
     storage: Callable[[Vehicle, LogLimits], Any]  # logs and files
+    setpoints: SetpointRules
     ready_s: float  # time from boot to a position estimate
     messages: MessageRules = MessageRules()
     home: HomeRules = HomeRules()

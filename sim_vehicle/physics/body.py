@@ -2,7 +2,10 @@
 
 import math
 
+import numpy as np
+
 from sim_vehicle.physics.copter import HOVER_THROTTLE
+from sim_vehicle.physics.following import Follower
 from sim_vehicle.physics.motion import MotionOrder
 from sim_vehicle.physics.world import World
 
@@ -28,6 +31,7 @@ class Body:
         self._motion = world.dynamics
         self._index = index
         self.plane = bool(world.dynamics.planes[index])
+        self.follow = Follower(world.dynamics, index).follow
 
     # -- state --------------------------------------------------------------------------------------------
 
@@ -138,6 +142,11 @@ class Body:
         if not (math.isfinite(east_m) and math.isfinite(north_m)):
             east_m, north_m, _ = self.position_m
         return east_m, north_m
+
+    def place_deg(self, east_m: float, north_m: float) -> tuple[float, float]:
+        """Return latitude and longitude of a position [deg]."""
+        lat_deg, lon_deg = self._world.frame.to_geodetic(np.array([east_m]), np.array([north_m]))
+        return float(lat_deg[0]), float(lon_deg[0])
 
     # -- commands -----------------------------------------------------------------------------------------
 

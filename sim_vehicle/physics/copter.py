@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from sim_vehicle.physics import following
 from sim_vehicle.physics.geodesy import Floats
 from sim_vehicle.physics.motion import (
     FULL_TURN_RAD,
@@ -42,7 +43,12 @@ def fly(m: Motion, i: Selection, dt_s: float) -> None:
     order = m.effective_order[i]
     has_thrust = m.airborne[i] & (order != MotionOrder.FALL)
     climb_error_m = m.target[2][i] - m.estimate[2][i]
-    acceleration = _horizontal_acceleration(m, i, order, climb_error_m, dt_s) * has_thrust
+    acceleration = _horizontal_acceleration(m, i, order, climb_error_m, dt_s)
+    follows = (order == MotionOrder.FOLLOW) & has_thrust
+    pushed = _follow(m, i, follows, dt_s) if np.count_nonzero(follows) else None
+    if pushed is not None:
+        np.copyto(acceleration, pushed[:2], where=follows)
+    acceleration *= has_thrust
     air = m.velocity[:2, i] - m.wind.now[:, i]
     airspeed = np.hypot(air[0], air[1])
     drag = air * (airspeed * DRAG_PER_M)
@@ -53,6 +59,8 @@ def fly(m: Motion, i: Selection, dt_s: float) -> None:
     if np.count_nonzero(tilts):
         np.copyto(tilt, m.wanted_thrust_acceleration[:, i], where=tilts & has_thrust)
     climb = _climb(m, i, order, climb_error_m, dt_s)
+    if pushed is not None:
+        climb = np.where(follows, m.velocity[2][i] + pushed[2] * dt_s, climb)
     lift = (GRAVITY_M_S2 + (climb - m.velocity[2][i]) / dt_s) * has_thrust
     tilt_limit = MAX_TILT_SLOPE * np.maximum(lift, 0.0)
     size = np.hypot(tilt[0], tilt[1])
@@ -80,6 +88,17 @@ def _horizontal_acceleration(
         limit = np.where(m.motors_lost[i] > 0, np.minimum(limit, SPINNING_LIMIT_M_S2), limit)
     wanted *= np.minimum(1.0 / dt_s, limit / np.maximum(np.hypot(wanted[0], wanted[1]), 1e-12))
     return wanted
+
+
+def _follow(m: Motion, i: Selection, follows: Bools, dt_s: float) -> Floats:
+    """Return the acceleration of the copters that follow a set-point, 0 of others, (3, n) [m/s2]."""
+    selected = np.arange(len(m.order))[i][follows]
+    pushed = np.zeros((3, len(follows)))
+    pushed[:, follows] = following.accelerate(m, selected, dt_s)
+    followed = m.follow.position_m[:, selected]
+    m.target[:, selected] = np.where(np.isnan(followed), m.estimate[:, selected], followed)
+    following.face_course(m, selected)
+    return pushed
 
 
 def _pursuit(m: Motion, i: Selection, order: Ints, climb_error_m: Floats) -> Floats:
@@ -173,6 +192,8 @@ def lifts_off(m: Motion) -> Bools:
         (m.order == MotionOrder.RATE) | (m.order == MotionOrder.VELOCITY) | (m.order == MotionOrder.TILT)
     ) & (m.rate_m_s > 0)
     up |= (m.order == MotionOrder.THRUST) & (m.wanted_lift > 1.0)
+    rises = (m.follow.position_m[2] > m.ground_m + 0.1) | (m.follow.velocity_m_s[2] > 0)
+    up |= (m.order == MotionOrder.FOLLOW) & rises
     able = ~(m.crashed | m.exhausted | m.planes | m.airborne) & (m.motors_lost == 0)
     return np.asarray(up & m.armed & able)
 

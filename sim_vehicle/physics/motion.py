@@ -32,6 +32,29 @@ class MotionOrder:
     TILT = 6  # a copter: accelerate by its tilt, climb at a rate
     THRUST = 7  # a copter: accelerate by its tilt and by the lift of its motors
     STICKS = 8  # a plane: bank; climb at a rate, or by pitch and throttle
+    FOLLOW = 9  # a copter: follow a set-point of position, velocity and acceleration (`following`)
+
+
+class FollowedSetpoints:
+    """Set-points of MotionOrder.FOLLOW, and how a copter follows them (`following`).
+
+    Arrays (3, n) have rows east, north, up; nan: this axis has no position, no velocity. Arrays (2, n) have
+    rows horizontal, vertical.
+    """
+
+    def __init__(self, n: int) -> None:
+        self.position_m = np.full((3, n), np.nan)
+        self.velocity_m_s = np.full((3, n), np.nan)
+        self.acceleration_m_s2 = np.zeros((3, n))
+        self.wanted_velocity_m_s = np.zeros((3, n))  # of the position control
+        self.wanted_acceleration_m_s2 = np.zeros((3, n))  # within the jerk limit
+        self.position_hz, self.velocity_hz = np.ones((2, n)), np.ones((2, n))
+        self.acceleration_limit_m_s2, self.braking_m_s2 = np.ones((2, n)), np.ones((2, n))
+        self.jerk_limit_m_s3 = np.ones((2, n))
+        self.speed_m_s, self.climb_m_s, self.descent_m_s = np.ones(n), np.ones(n), np.ones(n)
+        self.limits_total: Bools = np.zeros(n, dtype=bool)
+        self.target_moves: Bools = np.zeros(n, dtype=bool)
+        self.faces_course: Bools = np.zeros(n, dtype=bool)
 
 
 class Motion:
@@ -44,6 +67,7 @@ class Motion:
         self.has_event: Bools = np.zeros(n, dtype=bool)  # for the autopilot
         self._begin_state(position_m)
         self._begin_orders(n)
+        self.follow = FollowedSetpoints(n)
         self._begin_limits(n)
         # Orders in force in the present step, after the effect of failures.
         self.effective_order = self.order

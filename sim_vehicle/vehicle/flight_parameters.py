@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from enum import Enum, auto
 
 from sim_vehicle.files.logs.record import LogWhen
+from sim_vehicle.physics.following import Following
 from sim_vehicle.vehicle.behaviour import Behaviour
 from sim_vehicle.vehicle.sticks import PilotLimits
 
@@ -198,11 +199,12 @@ class RcParameters:
 
 @dataclass(frozen=True, slots=True)
 class SetpointParameters:
-    """Lost set-points: `setpoints`."""
+    """Lost set-points, and the flight by set-points: `setpoints`."""
 
     timeout_s: float
     action: FailsafeAction
     mode: int | None = None  # custom_mode instead of the action, if a pilot has the sticks
+    following: Following | None = None  # None: a plane
 
 
 @dataclass(frozen=True, slots=True)

@@ -37,6 +37,7 @@ class Modes:
         if mode is None or not mode.selectable:
             vehicle.announce("no_such_mode", number=number)
             return False
+        self._vehicle.setpoints.mode_chosen()
         if mode is self.mode:
             return True
         if self.mode.terminates:

@@ -11,6 +11,7 @@ from sim_vehicle.personalities.ardupilot.commands import PLANE_COMMANDS, start_l
 from sim_vehicle.personalities.ardupilot.items import store_item, store_plane_item
 from sim_vehicle.personalities.ardupilot.modes import COPTER_MODES, PLANE_MODES, copter_targets, plane_targets
 from sim_vehicle.personalities.ardupilot.remote import Remote, stick_refusals
+from sim_vehicle.personalities.ardupilot.setpoints import read_setpoint
 from sim_vehicle.personalities.ardupilot.storage import storage
 from sim_vehicle.personalities.base import (
     ArmingRules,
@@ -20,6 +21,7 @@ from sim_vehicle.personalities.base import (
     MessageRules,
     MissionRules,
     Personality,
+    SetpointRules,
     TelemetryRules,
 )
 from sim_vehicle.vehicle.behaviour import Behaviour, ModeTable
@@ -238,7 +240,7 @@ _COPTER = Personality(
         mandatory_refusals=_mandatory_refusals,
     ),
     commands=CommandRules({}, is_addressed=lambda _sysid, _message: True, accepts_empty_requests=True),
-    messages=MessageRules(answers_version_request=True, supports_signing=True, body_yaw_relative=True),
+    messages=MessageRules(answers_version_request=True, supports_signing=True),
     telemetry=TelemetryRules(
         texts=_TEXTS,
         streams=messages.COPTER_STREAMS,
@@ -250,6 +252,7 @@ _COPTER = Personality(
     failsafes=FailsafeRules(disarms=True, battery_latches=True, fence_limits_latch=True),
     remote=Remote,
     storage=storage,
+    setpoints=SetpointRules(read_setpoint),
     ready_s=41.0,
 )
 

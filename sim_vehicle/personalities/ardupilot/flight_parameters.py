@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from sim_vehicle.files.logs.record import LogWhen
 from sim_vehicle.physics.copter import HOVER_THROTTLE
+from sim_vehicle.physics.following import Following, Gains
 from sim_vehicle.vehicle import flight_parameters as fp
 from sim_vehicle.vehicle.flight_parameters import FailsafeAction, FlightParameters
 from sim_vehicle.vehicle.params import Parameters
@@ -183,6 +184,27 @@ def _continuing_modes(options: int, *modes: tuple[int, Sequence[int]]) -> dict[i
     return {number: FailsafeAction.NOTHING for bit, numbers in modes if options & bit for number in numbers}
 
 
+def _following(params: Parameters) -> Following:
+    """Return ArduCopter's shaping of set-points (`shape_pos_vel_accel`)."""
+
+    def gains(jerk: str, acceleration_m_s2: float) -> Gains:
+        jerk_m_s3 = min(max(params[jerk], 1.0), 50.0)
+        return Gains(
+            position_hz=0.5 * jerk_m_s3 / acceleration_m_s2,
+            velocity_hz=jerk_m_s3 / acceleration_m_s2,
+            acceleration_m_s2=acceleration_m_s2,
+            braking_m_s2=0.5 * acceleration_m_s2,
+            jerk_m_s3=jerk_m_s3,
+        )
+
+    return Following(
+        horizontal=gains("PSC_JERK_XY", max(params["WPNAV_ACCEL"], 10.0) / 100),
+        vertical=gains("PSC_JERK_Z", max(params["WPNAV_ACCEL_Z"], 10.0) / 100),
+        target_moves=True,
+        faces_course=True,
+    )
+
+
 def copter_flight_parameters(params: Parameters) -> FlightParameters:
     """Convert ArduCopter's parameters."""
     options = int(params["AUTO_OPTIONS"])
@@ -259,7 +281,9 @@ def copter_flight_parameters(params: Parameters) -> FlightParameters:
             watched=rc_action is not FailsafeAction.NOTHING,
             failed=params["SIM_RC_FAIL"] == 1,
         ),
-        setpoints=fp.SetpointParameters(params["GUID_TIMEOUT"], FailsafeAction.HOLD),
+        setpoints=fp.SetpointParameters(
+            max(params["GUID_TIMEOUT"], 0.1), FailsafeAction.HOLD, following=_following(params)
+        ),
         position=fp.PositionParameters(
             lost_action=_EKF_ACTIONS.get(ekf_action, FailsafeAction.LAND),
             watched=params["FS_EKF_THRESH"] > 0,

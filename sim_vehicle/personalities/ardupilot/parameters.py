@@ -76,6 +76,8 @@ COPTER: dict[str, float | int] = _COPTER_BASE | {
     "PILOT_Y_RATE": 202.5,  # deg/s
     "RALLY_INCL_HOME": 1,  # 0: home only if no rally point is in range
     "RALLY_LIMIT_KM": 0.3,  # km, 0: no limit
+    "PSC_JERK_XY": 5.0,  # m/s/s/s of a flight by set-points
+    "PSC_JERK_Z": 5.0,  # m/s/s/s
     "RC_FS_TIMEOUT": 1.0,  # s without a frame until the remote control counts as lost
     "RTL_ALT": 1500,  # cm above home
     "RTL_ALT_FINAL": 0,  # cm above home, hover height at the end of a return; 0: landing

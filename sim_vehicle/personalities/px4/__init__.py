@@ -16,6 +16,7 @@ from sim_vehicle.personalities.base import (
     MessageRules,
     MissionRules,
     Personality,
+    SetpointRules,
     TelemetryRules,
 )
 from sim_vehicle.personalities.px4 import flight_parameters, parameters, storage
@@ -27,6 +28,7 @@ from sim_vehicle.personalities.px4.mission_landing import return_by_mission
 from sim_vehicle.personalities.px4.modes import HOLD, MODES, TERMINATION
 from sim_vehicle.personalities.px4.readiness import feasible, refusals
 from sim_vehicle.personalities.px4.remote import Remote, stick_refusals
+from sim_vehicle.personalities.px4.setpoints import read_setpoint
 from sim_vehicle.vehicle.behaviour import Behaviour, ModeTable
 from sim_vehicle.vehicle.flight_parameters import FailsafeAction
 from sim_vehicle.vehicle.interface import Vehicle
@@ -152,6 +154,11 @@ _TEXTS: dict[str, tuple[int, str]] = {
     "mode_needs_pilot": _UNAVAILABLE,
     "mode_needs_mission": _UNAVAILABLE,
     "mode_terminated": _UNAVAILABLE,
+    # set-points
+    "setpoint_frame": (_CRITICAL, "{kind} coordinate frame {frame} unsupported\t"),
+    "setpoint_global_frame": (_CRITICAL, "SET_POSITION_TARGET_GLOBAL_INT invalid coordinate frame {frame}\t"),
+    "setpoint_force": (_CRITICAL, "{kind} force not supported\t"),
+    "setpoint_empty": (_CRITICAL, "SET_POSITION_TARGET_LOCAL_NED invalid\t"),
     # flight
     "taken_off": (_INFO, "Takeoff detected"),
     "touched_down": (_INFO, "Landing detected"),
@@ -254,6 +261,7 @@ _COPTER = Personality(
     failsafes=FailsafeRules(modes={FailsafeAction.TERMINATE: TERMINATION}),
     remote=Remote,
     storage=storage.storage,
+    setpoints=SetpointRules(read_setpoint, resumes=True),
     ready_s=READY_S,
 )
 

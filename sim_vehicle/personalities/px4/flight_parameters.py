@@ -5,6 +5,8 @@ from collections.abc import Callable
 
 from sim_vehicle.files.logs.record import LogWhen
 from sim_vehicle.personalities.px4 import modes
+from sim_vehicle.physics.following import Following, Gains
+from sim_vehicle.physics.motion import GRAVITY_M_S2
 from sim_vehicle.vehicle import flight_parameters as fp
 from sim_vehicle.vehicle.behaviour import Behaviour
 from sim_vehicle.vehicle.flight_parameters import FailsafeAction, FlightParameters
@@ -125,6 +127,7 @@ def _flight_parameters(
     landing: fp.LandingParameters,
     pilot: PilotLimits,
     wing: fp.WingLimits,
+    following: Following | None = None,
 ) -> FlightParameters:
     """Add the records that do not depend on the airframe."""
     gcs_action = _LINK_ACTIONS.get(int(params["NAV_DLL_ACT"]), FailsafeAction.NOTHING)
@@ -162,6 +165,7 @@ def _flight_parameters(
             mode=None
             if int(params["COM_RC_IN_MODE"]) == NO_STICKS
             else _OFFBOARD_MODES.get(int(params["COM_OBL_RC_ACT"])),
+            following=following,
         ),
         position=fp.PositionParameters(FailsafeAction.LAND),
         fence=fp.FenceParameters(
@@ -194,6 +198,27 @@ def _return_height(params: Parameters) -> HeightAt | None:
     return return_height_m if cone_deg > 0 else None
 
 
+def _following(params: Parameters) -> Following:
+    """Return the position control of OFFBOARD (`PositionControl`), which limits the tilt, not the jerk."""
+    tilt_rad = math.radians(min(max(params["MPC_TILTMAX_AIR"], 20.0), 89.0))
+    return Following(
+        horizontal=Gains(
+            position_hz=max(params["MPC_XY_P"], 0.01),
+            velocity_hz=max(params["MPC_XY_VEL_P_ACC"], 1.2),
+            acceleration_m_s2=GRAVITY_M_S2 * math.tan(tilt_rad),
+        ),
+        vertical=Gains(
+            position_hz=max(params["MPC_Z_P"], 0.1),
+            velocity_hz=max(params["MPC_Z_VEL_P_ACC"], 2.0),
+            acceleration_m_s2=GRAVITY_M_S2,
+        ),
+        speed_m_s=_positive(params["MPC_XY_VEL_MAX"]),
+        climb_m_s=_positive(params["MPC_Z_VEL_MAX_UP"]),
+        descent_m_s=_positive(params["MPC_Z_VEL_MAX_DN"]),
+        limits_total=True,
+    )
+
+
 def copter_flight_parameters(params: Parameters) -> FlightParameters:
     """Convert the multicopter's parameters."""
     cruise_m_s = _positive(min(params["MPC_XY_CRUISE"], params["MPC_XY_VEL_MAX"]))
@@ -201,6 +226,7 @@ def copter_flight_parameters(params: Parameters) -> FlightParameters:
     vertical_acceleration_m_s2 = _positive(min(params["MPC_ACC_UP_MAX"], params["MPC_ACC_DOWN_MAX"]))
     return _flight_parameters(
         params,
+        following=_following(params),
         limits=fp.Limits(
             speed_m_s=cruise_m_s,
             climb_m_s=_positive(min(params["MPC_Z_V_AUTO_UP"], params["MPC_Z_VEL_MAX_UP"])),

@@ -177,10 +177,14 @@ COPTER: dict[str, float | int] = (
         "MPC_VEL_MANUAL": 10.0,  # m/s
         "MPC_XY_CRUISE": 5.0,  # m/s
         "MPC_XY_MAN_EXPO": 0.6,
+        "MPC_XY_P": 0.95,  # m/s per m from a set-point
+        "MPC_XY_VEL_P_ACC": 1.8,  # m/s^2 per m/s
         "MPC_XY_VEL_MAX": 12.0,  # m/s
         "MPC_YAWRAUTO_MAX": 45.0,  # deg/s
         "MPC_Z_VEL_MAX_DN": 1.5,  # m/s
+        "MPC_Z_P": 1.0,  # m/s per m from a set-point
         "MPC_Z_VEL_MAX_UP": 3.0,  # m/s
+        "MPC_Z_VEL_P_ACC": 4.0,  # m/s^2 per m/s
         "MPC_Z_V_AUTO_DN": 1.5,  # m/s
         "MPC_Z_V_AUTO_UP": 3.0,  # m/s
         "NAV_ACC_RAD": 2.0,  # m

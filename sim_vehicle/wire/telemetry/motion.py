@@ -127,6 +127,7 @@ IGNORE_ACCELERATION, IGNORE_YAW = 0x01C0, 0x0C00  # IGNORE_YAW includes the yaw 
 POSITION_ONLY = IGNORE_VELOCITY | IGNORE_ACCELERATION | IGNORE_YAW
 UNUSED_BITS = 0xF000  # set by ArduPilot in POSITION_TARGET_GLOBAL_INT
 XYZ_BITS = np.array([[1], [2], [4]])
+TO_A_POINT = (MotionOrder.POSITION, MotionOrder.FOLLOW)  # orders of a flight to a position
 SET_POINT = ("vx", "vy", "vz", "afx", "afy", "afz", "yaw", "yaw_rate")
 NED_SIGNS = np.array([[1.0], [1.0], [-1.0]])  # factors from north, east, up to north, east, down
 
@@ -148,7 +149,7 @@ def is_steered(v: View) -> Bools:
 def has_global_target(v: View) -> Bools:
     """Return the mask of vehicles with a global target: ArduCopter and PX4 only in flight."""
     dynamics, i, px4 = v.world.dynamics, v.i, _is_px4(v)
-    has_position = px4 | (dynamics.order[i] == MotionOrder.POSITION)
+    has_position = px4 | np.isin(dynamics.order[i], TO_A_POINT)
     return np.asarray(v.status.has_place[i] & ((dynamics.planes[i] & ~px4) | (has_position & _flying(v))))
 
 
@@ -170,7 +171,18 @@ def _set_points(v: View, px4: Bools) -> Floats:
         set_points[7] = dynamics.wanted_yaw_rate_rad_s[i]
         set_points[:, dynamics.planes[i]] = np.nan
         set_points[:, ~px4] = 0.0
+    follows = dynamics.order[i] == MotionOrder.FOLLOW
+    if follows.any():
+        set_points[:6, follows] = _followed(v, i[follows], px4[follows])
     return set_points
+
+
+def _followed(v: View, i: Ints, px4: Bools) -> Floats:
+    """Return velocity and acceleration of set-points, (6, n): as received, of PX4 after its control."""
+    follow = v.world.dynamics.follow
+    velocity = np.where(px4, follow.wanted_velocity_m_s[:, i], np.nan_to_num(follow.velocity_m_s[:, i]))
+    acceleration = np.where(px4, follow.wanted_acceleration_m_s2[:, i], follow.acceleration_m_s2[:, i])
+    return np.vstack([_ned(velocity), _ned(acceleration)])
 
 
 def _ned(east_north_up: Floats) -> Floats:
@@ -198,10 +210,17 @@ def _local_mask(v: View, px4: Bools, flies_velocity: Bools) -> Ints:
     order = dynamics.order[i]
     mask = np.where(flies_velocity, IGNORE_XYZ, np.where(order == MotionOrder.RATE, IGNORE_Z, 0))
     mask[dynamics.planes[i]] = POSITION_ONLY
+    has_position = np.zeros(len(i), dtype=bool)
     if not px4.all():
         takes_off = status.landed_state[i] == mavlink.MAV_LANDED_STATE_TAKEOFF
-        has_position = takes_off | (status.has_place[i] & (order == MotionOrder.POSITION) & _flying(v))
+        has_position = takes_off | (status.has_place[i] & np.isin(order, TO_A_POINT) & _flying(v))
         mask = np.where(px4, mask, np.where(has_position, POSITION_ONLY, IGNORE_XYZ | IGNORE_YAW))
+    follows = order == MotionOrder.FOLLOW
+    if follows.any():
+        ignored = np.isnan(dynamics.follow.position_m[:, i])
+        mask = np.where(follows & px4, (ignored * XYZ_BITS).sum(axis=0), mask)
+        moving = follows & ~px4 & ~has_position & ~ignored.any(axis=0)
+        mask = np.where(moving, IGNORE_YAW, mask)
     return mask
 
 
