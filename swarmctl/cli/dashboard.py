@@ -22,6 +22,9 @@ def dashboard(
     run: Annotated[
         Path | None, typer.Argument(help="A run folder, or its run.mcap.", show_default=False)
     ] = None,
+    other_run: Annotated[
+        Path | None, typer.Argument(help="Another run, shown beside the first one.", show_default=False)
+    ] = None,
     live: Annotated[bool, typer.Option("--live", help="Follow a flight in progress.")] = False,
     setup: Annotated[
         Path | None,
@@ -36,10 +39,12 @@ def dashboard(
 ) -> None:
     """Show a recorded run, or a flight in progress, in a browser on this machine.
 
-    With --setup, edit a configuration on a map instead.
+    Two runs are shown side by side on one time. With --setup, edit a configuration on a map instead.
     """
     if (run is None) == (setup is None):
         fail(["give either a run folder or --setup FILE"], USAGE)
+    if other_run is not None and other_run == run:
+        fail([f"{run} is given twice; give two different runs"], USAGE)
     try:
         from swarmctl.dashboard.server import serve, serve_page  # noqa: PLC0415
     except ModuleNotFoundError as error:
@@ -54,8 +59,9 @@ def dashboard(
         if run is None:
             await serve_page(_setup_page(setup or Path()), port, announce)
             return
-        source = await open_live(run) if live else RecordSource(run, "recording")
-        await serve(source, port, announce)
+        runs = [run] if other_run is None else [run, other_run]
+        sources = [await open_live(path) if live else RecordSource(path, "recording") for path in runs]
+        await serve(dict(zip(map(str, runs), sources, strict=True)), port, announce)
 
     try:
         asyncio.run(shown())

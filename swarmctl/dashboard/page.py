@@ -1,28 +1,21 @@
-"""The page: the map in the centre, a card a vehicle, changes of routes, events, and the timeline."""
+"""The page: one run, or two side by side, and the timeline of both."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
-from typing import Any, Generic, TypeVar
+from collections.abc import Mapping
+from typing import Any
 
 from nicegui import events, ui
 
-from swarmctl.dashboard.changes import changes
-from swarmctl.dashboard.model import EVERYBODY, Timeline
-from swarmctl.dashboard.picture import Event, Picture, RouteChange, VehiclePicture
+from swarmctl.dashboard.model import Timeline
 from swarmctl.dashboard.playback import SPEEDS, Playback
-from swarmctl.dashboard.risk_map import RiskMap
-
-T = TypeVar("T")
+from swarmctl.dashboard.run_view import RunView
 
 EVERY_S = 0.1
 """interval of the changes that a browser gets [s]"""
 CARDS_EVERY = 5
 """the cards and lists follow at every CARDS_EVERY-th change"""
-SHOWN_EVENTS = 200
-"""most events in the list"""
-COLOURS = {"info": "grey", "warning": "orange", "alarm": "red"}
 STYLE = """
 body { overflow: hidden }
 .nicegui-content { padding: 0; gap: 0; height: 100vh; flex-wrap: nowrap }
@@ -31,125 +24,110 @@ body { overflow: hidden }
 .card-vehicle { border-left: 6px solid var(--colour); border-radius: 6px; padding: 8px 10px; width: 100% }
 .card-vehicle .facts { font-variant-numeric: tabular-nums; font-size: 12px; line-height: 1.5; opacity: .85 }
 .is-silent { opacity: .55 }
+.runs { width: 100%; flex: 1 1 0; min-height: 0; display: grid }
+.runs { grid-auto-columns: minmax(0, 1fr); grid-auto-flow: column }
+.run { display: flex; min-width: 0; min-height: 0 } .run-map { flex: 1 1 0; min-width: 0; min-height: 0 }
+.run-side { flex: 0 0 340px; min-height: 0; flex-wrap: nowrap }
+.is-double .run { flex-direction: column; border-left: 1px solid rgba(128, 128, 128, .4) }
+.run-head { flex: none } .is-double .run-side { flex: 0 0 34%; width: 100% }
+@media (max-width: 1000px) { .run { flex-direction: column } .run-side { flex: 0 0 34%; width: 100% } }
 """
 
 
 class Page:
-    """The page of one browser. It asks the timeline ten times a second, and sends what has changed."""
+    """The page of one browser: one run, or two side by side on one time.
 
-    _map: RiskMap
+    It asks the timelines ten times a second, and sends what has changed.
+    """
 
-    def __init__(self, timeline: Timeline) -> None:
-        self._timeline = timeline
-        self._playback = Playback(is_live=timeline.is_live)
-        self._shown: Picture | None = None
-        self._whose = EVERYBODY
-        self._exposed: tuple[str, int] | None = None
+    def __init__(self, runs: Mapping[str, Timeline]) -> None:
+        """`runs`: the timelines by title."""
+        self._timelines = tuple(runs.values())
+        self._playback = Playback(is_live=self._is_live)
         self._n_changes = 0
+        self._views = [RunView(timeline, title, self._playback.seek) for title, timeline in runs.items()]
         self._dark = ui.dark_mode(value=None)
+        is_single = len(self._views) == 1
         ui.add_css(STYLE)
-        with ui.row().classes("w-full items-center gap-3 px-3 py-1 no-wrap"):
-            ui.label(timeline.area.swarm).classes("text-lg font-semibold")
-            self._source = ui.label().classes("text-sm opacity-75 ellipsis")
+        with ui.row().classes("w-full items-center gap-3 px-3 py-1"):
+            ui.label(self._timelines[0].area.swarm).classes("text-lg font-semibold")
+            if is_single:
+                self._views[0].add_source()
             ui.space()
-            self._belief = ui.select(
-                {EVERYBODY: "all together", **{name: name for name in timeline.area.names}},
-                value=EVERYBODY, label="Belief of", on_change=self._choose_belief,
-            ).classes("min-w-36").props("dense outlined options-dense")  # fmt: skip
+            if is_single:
+                self._views[0].add_belief()
             ui.select(
                 {"heat": "heat map of P_s", "paper": "grey, as in the paper"}, value="heat", label="Shading",
-                on_change=lambda e: self._map.set_options(shading=e.value),
+                on_change=lambda e: self._set_options(shading=e.value),
             ).classes("min-w-40").props("dense outlined options-dense")  # fmt: skip
-            ui.checkbox("Hearing", value=True, on_change=lambda e: self._map.set_options(hearing=e.value))
-            if timeline.area.hostiles is not None:
-                ui.checkbox("True hostiles", on_change=lambda e: self._map.set_options(hostiles=e.value))
+            ui.checkbox("Hearing", value=True, on_change=lambda e: self._set_options(hearing=e.value))
+            if any(timeline.area.hostiles is not None for timeline in self._timelines):
+                ui.checkbox("True hostiles", on_change=lambda e: self._set_options(hostiles=e.value))
             ui.checkbox("Dark", on_change=self._set_dark)
-        with ui.row().classes("w-full grow no-wrap gap-0 min-h-0"):
-            with ui.element("div").classes("grow h-full min-w-0"):
-                self._map = RiskMap().classes("w-full h-full")
-            with ui.column().classes("h-full gap-0 min-h-0").style("width: 340px"):
-                with ui.tabs().props("dense no-caps").classes("w-full") as tabs:
-                    vehicles, routes, told = (ui.tab(n) for n in ("Vehicles", "Route changes", "Events"))
-                with ui.tab_panels(tabs, value=vehicles).classes("w-full grow min-h-0 overflow-auto"):
-                    with ui.tab_panel(vehicles).classes("p-2 gap-2"):
-                        coloured = zip(timeline.area.names, timeline.area.colours, strict=True)
-                        self._cards = {name: _Card(name, colour, self._choose) for name, colour in coloured}
-                    with ui.tab_panel(routes).classes("p-2"):
-                        self._routes = _List(self._route_row)
-                    with ui.tab_panel(told).classes("p-2"):
-                        self._events = _List(self._event_row)
+        with ui.element("div").classes("runs").classes("is-single" if is_single else "is-double"):
+            for view in self._views:
+                view.add(has_head=not is_single)
         with ui.row().classes("w-full items-center gap-3 px-3 py-1 no-wrap"):
             self._play = ui.button(icon="play_arrow", on_click=self._toggle).props("round dense flat")
-            self._play.tooltip("Play or pause (space)")
+            self._play.props('aria-label="Play or pause"').tooltip("Play or pause (space)")
             speeds = {speed: f"{speed:g} ×" for speed in SPEEDS}
-            ui.select(speeds, value=1.0, on_change=self._set_speed).props("dense borderless").tooltip("Speed")
+            speed = ui.select(speeds, value=1.0, on_change=self._set_speed).props("dense borderless")
+            speed.props("aria-label=Speed").tooltip("Speed")
             self._slider = ui.slider(min=0.0, max=1.0, step=0.1, value=0.0).classes("grow")
-            self._slider.on("update:model-value", self._scrubbed, throttle=0.05)
+            self._slider.props("aria-label=Time").on("update:model-value", self._scrubbed, throttle=0.05)
             self._time = ui.label().classes("tabular-nums whitespace-nowrap")
-            if timeline.is_live:
+            if self._is_live:
                 ui.button("Live", on_click=self._go_live).props("dense flat no-caps")
         ui.keyboard(on_key=self._key)
-        self._map.on("ready", self._begin)
-        self._map.on("choose", lambda e: self._choose(e.args["vehicle"]))
-
-    def _begin(self) -> None:
-        self._map.set_area(self._timeline.area)
-        self._shown = self._exposed = None
         ui.timer(EVERY_S, self._refresh)
 
+    @property
+    def _is_live(self) -> bool:
+        return any(timeline.is_live for timeline in self._timelines)
+
+    @property
+    def _end_s(self) -> float:
+        return max(timeline.source.end_s for timeline in self._timelines)
+
     def _refresh(self) -> None:
-        source = self._timeline.source
-        time_s = self._playback.advance(time.monotonic(), source.begin_s, source.end_s)
-        picture = self._timeline.at(time_s, (self._whose,))
-        self._map.apply(changes(self._shown, picture))
-        self._shown = picture
-        version = self._version(picture)
-        if self._exposed != (self._whose, version):
-            self._exposed = self._whose, version
-            self._map.set_exposure(self._timeline.exposure(self._whose, time_s))
+        time_s = self._playback.advance(time.monotonic(), 0.0, self._end_s)
+        for view in self._views:
+            view.refresh(time_s)
+        # One scale of P_s for all maps: equal shades are equal values.
+        exposures = [view.exposure for view in self._views if view.exposure is not None]
+        for view in self._views:
+            view.shade(max((float(p_s.max(initial=0.0)) for p_s in exposures), default=0.0))
         self._n_changes += 1
         if self._n_changes % CARDS_EVERY == 1:
-            self._show(picture)
+            self._show(time_s)
 
-    def _version(self, picture: Picture) -> int:
-        if self._whose == EVERYBODY:
-            return picture.common_version
-        return next(v.belief_version for v in picture.vehicles if v.name == self._whose)
-
-    def _show(self, picture: Picture) -> None:
-        for vehicle in picture.vehicles:
-            self._cards[vehicle.name].show(vehicle)
-        self._events.show(picture.events)
-        self._routes.show(picture.changes)
-        source = picture.source
-        age = f"; newest data {source.age_s:.0f} s old" if source.age_s > 2.0 else ""
-        self._source.set_text("; ".join(filter(None, (source.kind + age, source.text, *source.lacks))))
-        self._slider._props["max"] = max(source.end_s, 0.1)
-        self._slider.set_value(picture.time_s)
-        self._time.set_text(f"{picture.time_s:.1f} of {source.total_s:.0f} s")
+    def _show(self, time_s: float) -> None:
+        for view in self._views:
+            view.show(time_s)
+        total_s = max(timeline.source.total_s for timeline in self._timelines)
+        self._slider._props["max"] = max(self._end_s, 0.1)
+        self._slider.set_value(time_s)
+        self._time.set_text(f"{time_s:.1f} of {total_s:.0f} s")
         self._play.props(f"icon={'pause' if self._playback.is_playing else 'play_arrow'}")
 
     # --- what the person does
 
-    def _choose(self, name: str) -> None:
-        self._belief.set_value(name)
-
-    def _choose_belief(self, event: events.ValueChangeEventArguments[Any]) -> None:
-        self._whose = event.value
-        self._map.set_options(whose=event.value)
+    def _set_options(self, **options: Any) -> None:
+        for view in self._views:
+            view.set_options(**options)
 
     def _set_dark(self, event: events.ValueChangeEventArguments[Any]) -> None:
         self._dark.value = event.value
-        self._map.set_options(dark=event.value)
+        self._set_options(dark=event.value)
 
     def _set_speed(self, event: events.ValueChangeEventArguments[Any]) -> None:
         self._playback.speed = event.value
 
     def _toggle(self) -> None:
-        playback, source = self._playback, self._timeline.source
+        playback = self._playback
         playback.is_playing = not playback.is_playing
-        if playback.is_playing and playback.time_s >= source.end_s:
-            playback.seek(source.begin_s)
+        if playback.is_playing and playback.time_s >= self._end_s:
+            playback.seek(0.0)
 
     def _go_live(self) -> None:
         self._playback.is_live = True
@@ -160,117 +138,17 @@ class Page:
     def _key(self, event: events.KeyEventArguments) -> None:
         if not event.action.keydown:
             return
-        source = self._timeline.source
         if event.key == " ":
             self._toggle()
         elif event.key in ("Home", "End"):
-            self._playback.seek(source.begin_s if event.key == "Home" else source.end_s)
+            self._playback.seek(0.0 if event.key == "Home" else self._end_s)
         elif event.key in (",", "."):
             self._playback.seek(self._playback.time_s + (1.0 if event.key == "." else -1.0))
 
-    def _show_change(self, change: RouteChange) -> None:
-        self._playback.seek(change.time_s)
-        compared = self._timeline.compared(change.number)
-        old = compared.old_now or compared.old
-        ghosts = [] if old is None else [{"points": old.points, "colour": "#888888"}]
-        self._map.run_method("set_ghosts", ghosts)
-        if compared.old_now is not None:
-            told = f"new route {_costs(change.new)}; rest of the old route {_costs(compared.old_now)}"
-            ui.notify(f"{change.vehicle} at {change.time_s:.0f} s: {told}", position="bottom", timeout=8000)
 
-    def _route_row(self, change: RouteChange) -> None:
-        learned = ", ".join(
-            f"{item.observer} at {item.observed_s:.0f} s" if item.observed_s is not None else item.observer
-            for item in change.because
-        )
-        row = ui.button(on_click=lambda: self._show_change(change)).props("flat no-caps align=left")
-        with row.classes("w-full p-1"), ui.column().classes("gap-0 items-start w-full"):
-            ui.label(f"{change.time_s:.0f} s: {change.vehicle}").classes("font-semibold")
-            ui.label(f"new: {_costs(change.new)}").classes("text-xs")
-            if change.old is not None:
-                ui.label(f"old, when it was planned: {_costs(change.old)}").classes("text-xs")
-            if learned:
-                ui.label(f"learned from {learned}").classes("text-xs opacity-75 text-left")
+def register(runs: Mapping[str, Timeline]) -> None:
+    """Serve the page of runs, by title, at the root of the application."""
 
-    def _event_row(self, event: Event) -> None:
-        with ui.row().classes("w-full gap-2 no-wrap items-start text-xs"):
-            ui.badge(f"{event.time_s:.0f} s", color=COLOURS[event.severity]).classes("shrink-0")
-            ui.label(f"{event.vehicle}: {event.text}" if event.vehicle else event.text)
-
-
-class _Card:
-    """The card of one vehicle."""
-
-    def __init__(self, name: str, colour: str, choose: Callable[[str], None]) -> None:
-        self._texts: tuple[str, ...] = ()
-        self._card = ui.card().classes("card-vehicle gap-0 cursor-pointer").style(f"--colour: {colour}")
-        with self._card:
-            with ui.row().classes("w-full items-baseline no-wrap"):
-                ui.label(name).classes("font-semibold")
-                ui.space()
-                self._state = ui.label().classes("text-sm")
-            self._facts = ui.label().classes("facts whitespace-pre-line")
-            self._note = ui.label().classes("text-xs text-orange-8")
-        self._card.on("click", lambda: choose(name))
-
-    def show(self, vehicle: VehiclePicture) -> None:
-        state = f"{vehicle.phase} · {vehicle.mode}".strip(" ·")
-        texts = state, _facts(vehicle), vehicle.waiting or vehicle.note
-        if texts == self._texts:
-            return
-        self._texts = texts
-        for label, text in zip((self._state, self._facts, self._note), texts, strict=True):
-            label.set_text(text)
-        if vehicle.is_silent:
-            self._card.classes(add="is-silent")
-        else:
-            self._card.classes(remove="is-silent")
-
-
-class _List(Generic[T]):
-    """A list that shows the newest item first, and is drawn again when it has changed."""
-
-    def __init__(self, draw: Callable[[T], None]) -> None:
-        self._draw, self._n, self._column = draw, -1, ui.column().classes("w-full gap-1")
-
-    def show(self, items: Sequence[T]) -> None:
-        if len(items) == self._n:
-            return
-        self._n = len(items)
-        self._column.clear()
-        with self._column:
-            for item in list(items)[-SHOWN_EVENTS:][::-1]:
-                self._draw(item)
-
-
-def _facts(vehicle: VehiclePicture) -> str:
-    def known(value: float | None, pattern: str) -> str:
-        return pattern.format(value) if value is not None else "–"
-
-    share = None if vehicle.progress is None else 100.0 * vehicle.progress
-    link = f", link {vehicle.link}" if vehicle.link else ""
-    return "\n".join(
-        (
-            f"{known(vehicle.height_m, '{:.0f} m')} high, {known(vehicle.speed_m_s, '{:.1f} m/s')}, "
-            f"battery {known(vehicle.battery_percent, '{:.0f} %')}",
-            f"{known(share, '{:.0f} %')} of the route, arrives in {known(vehicle.arrives_in_s, '{:.0f} s')}",
-            f"knows {vehicle.cells_known} cells and {vehicle.hostiles_known} hostiles; "
-            f"{vehicle.replans} replans, {known(vehicle.strikes, '{:.0f}')} strikes",
-            f"last word {known(vehicle.age_s, '{:.1f} s ago')}{link}",
-        )
-    )
-
-
-def _costs(route: object) -> str:
-    length_m, exposure_sum = getattr(route, "length_m", None), getattr(route, "exposure_sum", None)
-    if length_m is None or exposure_sum is None:
-        return "length and ΣP_s not known"
-    return f"{length_m:.0f} m, ΣP_s {exposure_sum:.2f}"
-
-
-def register(timeline: Timeline) -> None:
-    """Serve the page of `timeline` at the root of the application."""
-
-    @ui.page("/", title=f"{timeline.area.swarm} · swarmctl", response_timeout=10.0)
+    @ui.page("/", title=f"{' and '.join(runs)} · swarmctl", response_timeout=10.0)
     def root() -> None:
-        Page(timeline)
+        Page(runs)

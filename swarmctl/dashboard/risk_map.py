@@ -26,9 +26,8 @@ class RiskMap(ui.element, component="static/risk_map.js"):
     def set_options(self, **options: Any) -> None:
         self.run_method("set_options", options)
 
-    def set_exposure(self, exposure: NDArray[np.float64]) -> None:
-        """Send P_s of every cell, (rows, cols), as a byte a cell: 255 is the largest P_s."""
-        largest = float(exposure.max(initial=0.0))
+    def set_exposure(self, exposure: NDArray[np.float64], largest: float) -> None:
+        """Send P_s of every cell, (rows, cols), as a byte a cell: 255 is `largest`."""
         share = exposure / largest if largest > 0.0 else exposure
         codes = base64.b64encode(np.round(255.0 * share).astype(np.uint8).tobytes()).decode()
         self.run_method("set_exposure", codes, largest)

@@ -1,11 +1,11 @@
-"""The process of the dashboard: it reads a source, and serves its page on this machine."""
+"""The process of the dashboard: it reads its sources, and serves its page on this machine."""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
 import socket
-from collections.abc import AsyncIterator, Callable, Coroutine
+from collections.abc import AsyncIterator, Callable, Coroutine, Mapping
 
 import uvicorn
 from fastapi import FastAPI
@@ -18,9 +18,19 @@ from swarmctl.dashboard.sources.recording import RecordSource
 HOST = "127.0.0.1"
 
 
-async def serve(source: RecordSource, port: int, announce: Callable[[str], None]) -> None:
-    """Serve a source until cancelled; `announce` gets the address. Raises OSError if the port is in use."""
-    await serve_page(lambda: page.register(source.timeline), port, announce, source.run)
+async def serve(sources: Mapping[str, RecordSource], port: int, announce: Callable[[str], None]) -> None:
+    """Serve sources, by title, until cancelled; `announce` gets the address.
+
+    Raises OSError if the port is in use.
+    """
+    timelines = {title: source.timeline for title, source in sources.items()}
+
+    async def run() -> None:
+        async with asyncio.TaskGroup() as tasks:
+            for source in sources.values():
+                tasks.create_task(source.run())
+
+    await serve_page(lambda: page.register(timelines), port, announce, run)
 
 
 async def serve_page(

@@ -173,7 +173,8 @@ class SetupPage:
     def _draw(self, scenario: Scenario, routes: list[FirstRouteShown]) -> None:
         area = looks.area(scenario)
         self._map.set_area(area)
-        self._map.set_exposure(exposure(scenario.prior.occupancy(), scenario.strength))
+        p_s = exposure(scenario.prior.occupancy(), scenario.strength)
+        self._map.set_exposure(p_s, float(p_s.max(initial=0.0)))
         self._map.apply(dict(as_changes(routes)))
         self._routes.clear()
         colours = dict(zip(area.names, area.colours, strict=True))

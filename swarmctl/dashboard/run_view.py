@@ -1,0 +1,235 @@
+"""One run on the page: its map, a card a vehicle, changes of routes, and events."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from html import escape
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+from nicegui import events, ui
+from numpy.typing import NDArray
+
+from swarmctl.dashboard.changes import changes
+from swarmctl.dashboard.model import EVERYBODY, Timeline
+from swarmctl.dashboard.picture import Event, Picture, RouteChange, VehiclePicture
+from swarmctl.dashboard.risk_map import RiskMap
+
+T = TypeVar("T")
+
+ENDED_BY_S = 0.1
+"""time after the end of a run from which on its end is told [s]"""
+SHOWN_EVENTS = 200
+"""most events in the list"""
+COLOURS = {"info": "grey", "warning": "orange", "alarm": "red"}
+
+
+class RunView:
+    """The map of one run, with its cards and lists.
+
+    `seek` moves the page to another time.
+    """
+
+    _map: RiskMap
+
+    def __init__(self, timeline: Timeline, title: str, seek: Callable[[float], None]) -> None:
+        self.timeline = timeline
+        self.exposure: NDArray[np.float64] | None = None
+        """P_s by the chosen belief at the time shown"""
+        self._title = title
+        self._seek = seek
+        self._shown: Picture | None = None
+        self._whose = EVERYBODY
+        self._exposed: tuple[str, int] | None = None
+        self._largest_sent: float | None = None
+        self._is_ready = False
+
+    def add_belief(self) -> None:
+        """Add the choice of the belief."""
+        self._belief = ui.select(
+            {EVERYBODY: "all together", **{name: name for name in self.timeline.area.names}},
+            value=EVERYBODY, label="Belief of", on_change=self._choose_belief,
+        ).classes("min-w-36").props("dense outlined options-dense")  # fmt: skip
+
+    def add_source(self) -> None:
+        """Add the line with the state of the source."""
+        self._source = ui.label().classes("source text-sm opacity-75 ellipsis")
+
+    def add(self, *, has_head: bool) -> None:
+        """Add the map, the cards and the lists; `has_head`: below a line of title, source and belief."""
+        timeline = self.timeline
+        with ui.element("section").classes("run").props(f'aria-label="{escape(self._title)}"'):
+            if has_head:
+                with ui.row().classes("run-head items-center gap-2 px-2 no-wrap"):
+                    ui.label(self._title).classes("run-title font-semibold ellipsis").tooltip(self._title)
+                    self.add_source()
+                    ui.space()
+                    self.add_belief()
+            with ui.element("div").classes("run-map"):
+                self._map = RiskMap().classes("w-full h-full")
+            with ui.column().classes("run-side gap-0"):
+                with ui.tabs().props("dense no-caps").classes("w-full") as tabs:
+                    vehicles, routes, told = (ui.tab(n) for n in ("Vehicles", "Route changes", "Events"))
+                with ui.tab_panels(tabs, value=vehicles).classes("w-full grow min-h-0 overflow-auto"):
+                    with ui.tab_panel(vehicles).classes("cards p-2 gap-2"):
+                        coloured = zip(timeline.area.names, timeline.area.colours, strict=True)
+                        self._cards = {name: _Card(name, colour, self._choose) for name, colour in coloured}
+                    with ui.tab_panel(routes).classes("p-2"):
+                        self._routes = _List(self._route_row)
+                    with ui.tab_panel(told).classes("p-2"):
+                        self._events = _List(self._event_row)
+        self._map.on("ready", self._begin)
+        self._map.on("choose", lambda e: self._choose(e.args["vehicle"]))
+
+    def _begin(self) -> None:
+        self._map.set_area(self.timeline.area)
+        self._shown = self._exposed = self._largest_sent = None
+        self._is_ready = True
+
+    def refresh(self, time_s: float) -> None:
+        """Send what has changed at a time; beyond the end of this run its end is shown."""
+        if not self._is_ready:
+            return
+        picture = self.timeline.at(time_s, (self._whose,))
+        self._map.apply(changes(self._shown, picture))
+        self._shown = picture
+        version = self._version(picture)
+        if self._exposed != (self._whose, version):
+            self._exposed, self._largest_sent = (self._whose, version), None
+            self.exposure = self.timeline.exposure(self._whose, time_s)
+
+    def shade(self, largest: float) -> None:
+        """Send the exposure if it, or the largest P_s of the scale, has changed."""
+        if self.exposure is not None and self._is_ready and self._largest_sent != largest:
+            self._largest_sent = largest
+            self._map.set_exposure(self.exposure, largest)
+
+    def set_options(self, **options: Any) -> None:
+        self._map.set_options(**options)
+
+    def _version(self, picture: Picture) -> int:
+        if self._whose == EVERYBODY:
+            return picture.common_version
+        return next(v.belief_version for v in picture.vehicles if v.name == self._whose)
+
+    def show(self, time_s: float) -> None:
+        """Show the picture that was sent last in the cards and lists."""
+        picture = self._shown
+        if picture is None:
+            return
+        for vehicle in picture.vehicles:
+            self._cards[vehicle.name].show(vehicle)
+        self._events.show(picture.events)
+        self._routes.show(picture.changes)
+        source = picture.source
+        age = f"; newest data {source.age_s:.0f} s old" if source.age_s > 2.0 else ""
+        ended = f"ended at {source.end_s:.0f} s" if time_s > source.end_s + ENDED_BY_S else ""
+        self._source.set_text("; ".join(filter(None, (source.kind + age, ended, source.text, *source.lacks))))
+
+    # --- what the person does
+
+    def _choose(self, name: str) -> None:
+        self._belief.set_value(name)
+
+    def _choose_belief(self, event: events.ValueChangeEventArguments[Any]) -> None:
+        self._whose = event.value
+        self._map.set_options(whose=event.value)
+
+    def _show_change(self, change: RouteChange) -> None:
+        self._seek(change.time_s)
+        compared = self.timeline.compared(change.number)
+        old = compared.old_now or compared.old
+        ghosts = [] if old is None else [{"points": old.points, "colour": "#888888"}]
+        self._map.run_method("set_ghosts", ghosts)
+        if compared.old_now is not None:
+            told = f"new route {_costs(change.new)}; rest of the old route {_costs(compared.old_now)}"
+            ui.notify(f"{change.vehicle} at {change.time_s:.0f} s: {told}", position="bottom", timeout=8000)
+
+    def _route_row(self, change: RouteChange) -> None:
+        learned = ", ".join(
+            f"{item.observer} at {item.observed_s:.0f} s" if item.observed_s is not None else item.observer
+            for item in change.because
+        )
+        row = ui.button(on_click=lambda: self._show_change(change)).props("flat no-caps align=left")
+        with row.classes("w-full p-1"), ui.column().classes("gap-0 items-start w-full"):
+            ui.label(f"{change.time_s:.0f} s: {change.vehicle}").classes("font-semibold")
+            ui.label(f"new: {_costs(change.new)}").classes("text-xs")
+            if change.old is not None:
+                ui.label(f"old, when it was planned: {_costs(change.old)}").classes("text-xs")
+            if learned:
+                ui.label(f"learned from {learned}").classes("text-xs opacity-75 text-left")
+
+    def _event_row(self, event: Event) -> None:
+        with ui.row().classes("w-full gap-2 no-wrap items-start text-xs"):
+            ui.badge(f"{event.time_s:.0f} s", color=COLOURS[event.severity]).classes("shrink-0")
+            ui.label(f"{event.vehicle}: {event.text}" if event.vehicle else event.text)
+
+
+class _Card:
+    """The card of one vehicle."""
+
+    def __init__(self, name: str, colour: str, choose: Callable[[str], None]) -> None:
+        self._texts: tuple[str, ...] = ()
+        self._card = ui.card().classes("card-vehicle gap-0 cursor-pointer").style(f"--colour: {colour}")
+        with self._card:
+            with ui.row().classes("w-full items-baseline no-wrap"):
+                ui.label(name).classes("font-semibold")
+                ui.space()
+                self._state = ui.label().classes("text-sm")
+            self._facts = ui.label().classes("facts whitespace-pre-line")
+            self._note = ui.label().classes("text-xs text-orange-8")
+        self._card.on("click", lambda: choose(name))
+
+    def show(self, vehicle: VehiclePicture) -> None:
+        state = f"{vehicle.phase} · {vehicle.mode}".strip(" ·")
+        texts = state, _facts(vehicle), vehicle.waiting or vehicle.note
+        if texts == self._texts:
+            return
+        self._texts = texts
+        for label, text in zip((self._state, self._facts, self._note), texts, strict=True):
+            label.set_text(text)
+        if vehicle.is_silent:
+            self._card.classes(add="is-silent")
+        else:
+            self._card.classes(remove="is-silent")
+
+
+class _List(Generic[T]):
+    """A list that shows the newest item first, and is drawn again when it has changed."""
+
+    def __init__(self, draw: Callable[[T], None]) -> None:
+        self._draw, self._n, self._column = draw, -1, ui.column().classes("w-full gap-1")
+
+    def show(self, items: Sequence[T]) -> None:
+        if len(items) == self._n:
+            return
+        self._n = len(items)
+        self._column.clear()
+        with self._column:
+            for item in list(items)[-SHOWN_EVENTS:][::-1]:
+                self._draw(item)
+
+
+def _facts(vehicle: VehiclePicture) -> str:
+    def known(value: float | None, pattern: str) -> str:
+        return pattern.format(value) if value is not None else "–"
+
+    share = None if vehicle.progress is None else 100.0 * vehicle.progress
+    link = f", link {vehicle.link}" if vehicle.link else ""
+    return "\n".join(
+        (
+            f"{known(vehicle.height_m, '{:.0f} m')} high, {known(vehicle.speed_m_s, '{:.1f} m/s')}, "
+            f"battery {known(vehicle.battery_percent, '{:.0f} %')}",
+            f"{known(share, '{:.0f} %')} of the route, arrives in {known(vehicle.arrives_in_s, '{:.0f} s')}",
+            f"knows {vehicle.cells_known} cells and {vehicle.hostiles_known} hostiles; "
+            f"{vehicle.replans} replans, {known(vehicle.strikes, '{:.0f}')} strikes",
+            f"last word {known(vehicle.age_s, '{:.1f} s ago')}{link}",
+        )
+    )
+
+
+def _costs(route: object) -> str:
+    length_m, exposure_sum = getattr(route, "length_m", None), getattr(route, "exposure_sum", None)
+    if length_m is None or exposure_sum is None:
+        return "length and ΣP_s not known"
+    return f"{length_m:.0f} m, ΣP_s {exposure_sum:.2f}"
