@@ -27,6 +27,7 @@ class Gains:
     acceleration_m_s2: float  # without the feed-forward
     braking_m_s2: float = NO_LIMIT  # a large distance gives the velocity that this acceleration stops
     jerk_m_s3: float = NO_LIMIT
+    lag_s: float = 0.0  # time constant of the acceleration
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +66,7 @@ class Follower:
             follow.position_hz[row, i], follow.velocity_hz[row, i] = gains.position_hz, gains.velocity_hz
             follow.acceleration_limit_m_s2[row, i] = gains.acceleration_m_s2
             follow.braking_m_s2[row, i] = gains.braking_m_s2
-            follow.jerk_limit_m_s3[row, i] = gains.jerk_m_s3
+            follow.jerk_limit_m_s3[row, i], follow.lag_s[row, i] = gains.jerk_m_s3, gains.lag_s
         follow.speed_m_s[i] = control.speed_m_s or motion.speed_m_s[i]
         follow.climb_m_s[i] = control.climb_m_s or motion.climb_m_s[i]
         follow.descent_m_s[i] = control.descent_m_s or motion.descent_m_s[i]
@@ -91,7 +92,8 @@ def accelerate(m: Motion, i: Ints, dt_s: float) -> Floats:
     acceleration = np.where(has_position | ~np.isnan(wanted), acceleration, 0.0) + push
     before = f.wanted_acceleration_m_s2[:, i]
     step = acceleration - before
-    acceleration = before + step * _rows(np.minimum(1.0, jerk * dt_s / np.maximum(_sizes(step), 1e-9)))
+    share = np.minimum(dt_s / np.maximum(f.lag_s[:, i], dt_s), jerk * dt_s / np.maximum(_sizes(step), 1e-9))
+    acceleration = before + step * _rows(share)
     f.wanted_acceleration_m_s2[:, i] = acceleration
     moves = f.target_moves[i]
     f.position_m[:, i] = position + np.where(moves, (feed + push * (dt_s / 2)) * dt_s, 0.0)

@@ -50,7 +50,7 @@ class FollowedSetpoints:
         self.wanted_acceleration_m_s2 = np.zeros((3, n))  # within the jerk limit
         self.position_hz, self.velocity_hz = np.ones((2, n)), np.ones((2, n))
         self.acceleration_limit_m_s2, self.braking_m_s2 = np.ones((2, n)), np.ones((2, n))
-        self.jerk_limit_m_s3 = np.ones((2, n))
+        self.jerk_limit_m_s3, self.lag_s = np.ones((2, n)), np.zeros((2, n))
         self.speed_m_s, self.climb_m_s, self.descent_m_s = np.ones(n), np.ones(n), np.ones(n)
         self.limits_total: Bools = np.zeros(n, dtype=bool)
         self.target_moves: Bools = np.zeros(n, dtype=bool)

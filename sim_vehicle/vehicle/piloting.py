@@ -37,6 +37,10 @@ class Piloting:
         elif not flight.body.airborne and not self._takes_off(sticks, limits):
             flight.body.rest()
             self._holds_place = False
+        elif flight.vehicle.remote.missing(flight.vehicle.now) and flight.behaviour is not Behaviour.MANUAL:
+            # PX4 sinks level without manual control (FlightTaskDescend).
+            flight.body.tilt((0.0, 0.0), -flight.flight_parameters.landing.speed_m_s)
+            self._holds_place = False
         elif flight.behaviour is Behaviour.MANUAL:
             self._fly_by_thrust(sticks, limits)
         elif flight.behaviour is Behaviour.POSITION:

@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 from sim_vehicle.files.logs.record import LogWhen
 from sim_vehicle.personalities.px4 import modes
+from sim_vehicle.physics.copter import TILT_TIME_S
 from sim_vehicle.physics.following import Following, Gains
 from sim_vehicle.physics.motion import GRAVITY_M_S2
 from sim_vehicle.vehicle import flight_parameters as fp
@@ -206,6 +207,7 @@ def _following(params: Parameters) -> Following:
             position_hz=max(params["MPC_XY_P"], 0.01),
             velocity_hz=max(params["MPC_XY_VEL_P_ACC"], 1.2),
             acceleration_m_s2=GRAVITY_M_S2 * math.tan(tilt_rad),
+            lag_s=TILT_TIME_S,
         ),
         vertical=Gains(
             position_hz=max(params["MPC_Z_P"], 0.1),

@@ -98,4 +98,6 @@ def _global_m(vehicle: Vehicle, message: Any) -> st.Vector:
     if message.type_mask & st.IGNORE_POSITION or not possible:
         return st.NOTHING
     up_m = vehicle.flight.altitude_amsl_m(message.coordinate_frame, alt_m)
+    if message.coordinate_frame == RELATIVE_FRAME:  # PX4 1.15 takes the origin's height above home twice
+        up_m += 2 * (st.origin_m(vehicle)[2] - vehicle.flight.home().alt_amsl_m)
     return (*vehicle.body.locate(lat_deg, lon_deg), up_m)
