@@ -25,6 +25,7 @@ ROOMS: dict[str, set[str]] = {
     "swarmctl.station": {"core", "bus", "agent", "config", "report"},
     "swarmctl.dashboard": {
         "core", "planners", "sensors", "bus", "security", "agent", "config", "preflight", "report", "station",
+        "study",
     },
     "swarmctl.flight": {
         "core", "planners", "sensors", "mavlink", "bus", "links", "security", "agent", "config", "preflight",
@@ -118,7 +119,8 @@ PURE = {
     "swarmctl.dashboard.access", "swarmctl.dashboard.playback",
     "swarmctl.dashboard.events", "swarmctl.dashboard.facts", "swarmctl.dashboard.history",
     "swarmctl.dashboard.looks", "swarmctl.dashboard.model", "swarmctl.dashboard.picture",
-    "swarmctl.dashboard.setup_edits", "swarmctl.dashboard.sources.record_facts",
+    "swarmctl.dashboard.setup_edits", "swarmctl.dashboard.sources.mission",
+    "swarmctl.dashboard.sources.record_facts",
     "swarmctl.study.batches", "swarmctl.study.experiment_checks", "swarmctl.study.levels",
     "swarmctl.study.statistics", "swarmctl.study.routes", "swarmctl.study.w_search",
     "sim_vehicle",

@@ -20,7 +20,8 @@ def register(cli: typer.Typer) -> None:
 
 def dashboard(
     run: Annotated[
-        Path | None, typer.Argument(help="A run folder, or its run.mcap.", show_default=False)
+        Path | None,
+        typer.Argument(help="A run folder, its run.mcap, or the folder of a study.", show_default=False),
     ] = None,
     other_run: Annotated[
         Path | None, typer.Argument(help="Another run, shown beside the first one.", show_default=False)
@@ -59,6 +60,9 @@ def dashboard(
         if run is None:
             await serve_page(_setup_page(setup or Path()), port, announce)
             return
+        if (run / "results.parquet").is_file():
+            await serve_page(_study_page(run), port, announce)
+            return
         runs = [run] if other_run is None else [run, other_run]
         sources = [await open_live(path) if live else RecordSource(path, "recording") for path in runs]
         await serve(dict(zip(map(str, runs), sources, strict=True)), port, announce)
@@ -71,6 +75,21 @@ def dashboard(
         fail(error.lines, USAGE)
     except OSError as error:
         fail([f"port {port}: {error.strerror}; choose another --port"], FAILED)
+
+
+def _study_page(folder: Path) -> Callable[[], None]:
+    """Return the registration of the page of a study. Raises ConfigError."""
+    try:
+        from swarmctl.dashboard import study_page  # noqa: PLC0415 - loads matplotlib
+        from swarmctl.dashboard.sources.study import StudySource  # noqa: PLC0415
+        from swarmctl.study.report import ReportError  # noqa: PLC0415
+    except ModuleNotFoundError as error:
+        fail([f"the results of a study need {error.name}: pip install 'mavlink-swarmctl[study]'"], USAGE)
+    try:
+        source = StudySource(folder)
+    except ReportError as error:
+        fail([str(error)], USAGE)
+    return lambda: study_page.register(source)
 
 
 def _setup_page(path: Path) -> Callable[[], None]:

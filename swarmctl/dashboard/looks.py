@@ -129,7 +129,7 @@ def vehicle(timeline: Timeline, facts: VehicleFacts, time_s: float, with_belief:
         words.armed,
         progress(motion, words),
         arrives_in_s(motion, words),
-        _link(motion, words, age_s),
+        "" if timeline.kind == "abstract mission" else _link(motion, words, age_s),
         age_s,
         age_s is None or age_s > SILENT_AFTER_S,
         n_own,

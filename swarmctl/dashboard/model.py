@@ -39,6 +39,7 @@ from swarmctl.dashboard.picture import (
     Event,
     Learned,
     Picture,
+    Route,
     RouteChange,
     Severity,
     SourceKind,
@@ -59,7 +60,7 @@ class Timeline:
         self.area: AreaPicture = looks.area(scenario)
         self.kind: SourceKind = kind
         self.began_unix_s = began_unix_s
-        self.is_live = kind != "recording"
+        self.is_live = kind in ("live file", "bus")
         self.now_s = 0.0
         """time to show if none is chosen; a live source moves it on, though no data come"""
         self.end_s = 0.0
@@ -183,9 +184,18 @@ class Timeline:
         """Fold the decision for a new plan."""
         time_s, vehicle = self._touch(time_s), self.vehicles[uav]
         new = looks.route(self.scenario.grid, swap)
-        vehicle.plans[swap.plan_id] = new
         vehicle.uploading.add(time_s, new)
-        because = tuple(self._learned(vehicle, name) for name in swap.because)
+        self._change_route(vehicle, time_s, new, swap.because)
+
+    def chosen(self, uav: int, time_s: float, new: Route) -> None:
+        """Fold a route that a vehicle flies from now on, without an upload."""
+        time_s, vehicle = self._touch(time_s), self.vehicles[uav]
+        self._change_route(vehicle, time_s, new, ())
+        vehicle.route.add(time_s, new)
+
+    def _change_route(self, vehicle: VehicleFacts, time_s: float, new: Route, names: Iterable[Name]) -> None:
+        vehicle.plans[new.plan_id] = new
+        because = tuple(self._learned(vehicle, name) for name in names)
         old = vehicle.route.last
         change = RouteChange(len(self.changes.items) + 1, time_s, vehicle.name, old, None, new, because)
         self.changes.add(time_s, change)
@@ -225,11 +235,7 @@ class Timeline:
             route = looks.announced_route(self.scenario.grid, intent)
             known = vehicle.plans.get(intent.plan_id)
             if known is None:
-                vehicle.plans[intent.plan_id] = route
-                old = vehicle.route.last
-                change = RouteChange(len(self.changes.items) + 1, time_s, vehicle.name, old, None, route, ())
-                self.changes.add(time_s, change)
-                self.event(vehicle, time_s, "info", events.of_change(change, self.area.names))
+                self._change_route(vehicle, time_s, route, ())
             vehicle.route.add(time_s, known or route)
 
     def heard(self, receiver: int, sender: int, time_s: float, *, is_intent: bool = False) -> None:

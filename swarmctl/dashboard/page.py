@@ -29,7 +29,8 @@ body { overflow: hidden }
 .run { display: flex; min-width: 0; min-height: 0 } .run-map { flex: 1 1 0; min-width: 0; min-height: 0 }
 .run-side { flex: 0 0 340px; min-height: 0; flex-wrap: nowrap }
 .is-double .run { flex-direction: column; border-left: 1px solid rgba(128, 128, 128, .4) }
-.run-head { flex: none } .is-double .run-side { flex: 0 0 34%; width: 100% }
+.run-head { flex: none } .source { flex: 1 1 8em; min-width: 0 }
+.is-double .run-side { flex: 0 0 34%; width: 100% }
 @media (max-width: 1000px) { .run { flex-direction: column } .run-side { flex: 0 0 34%; width: 100% } }
 """
 
@@ -40,8 +41,8 @@ class Page:
     It asks the timelines ten times a second, and sends what has changed.
     """
 
-    def __init__(self, runs: Mapping[str, Timeline]) -> None:
-        """`runs`: the timelines by title."""
+    def __init__(self, runs: Mapping[str, Timeline], back: tuple[str, str] | None = None) -> None:
+        """`runs`: the timelines by title; `back`: address and text of a link to the page before."""
         self._timelines = tuple(runs.values())
         self._playback = Playback(is_live=self._is_live)
         self._n_changes = 0
@@ -50,12 +51,15 @@ class Page:
         is_single = len(self._views) == 1
         ui.add_css(STYLE)
         with ui.row().classes("w-full items-center gap-3 px-3 py-1"):
-            ui.label(self._timelines[0].area.swarm).classes("text-lg font-semibold")
+            if back is not None:
+                ui.link(back[1], back[0])
+            names = dict.fromkeys(timeline.area.swarm for timeline in self._timelines)
+            ui.label(" and ".join(names)).classes("text-lg font-semibold")
             if is_single:
                 self._views[0].add_source()
-            ui.space()
-            if is_single:
                 self._views[0].add_belief()
+            else:
+                ui.space()
             ui.select(
                 {"heat": "heat map of P_s", "paper": "grey, as in the paper"}, value="heat", label="Shading",
                 on_change=lambda e: self._set_options(shading=e.value),

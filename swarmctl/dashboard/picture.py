@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from swarmctl.core.geo import LatLon
 from swarmctl.core.grid import Cell
 
-SourceKind = Literal["recording", "live file", "bus"]
+SourceKind = Literal["recording", "live file", "bus", "abstract mission"]
 Severity = Literal["info", "warning", "alarm"]
 Point = tuple[float, float]
 """east, north [m]"""

@@ -63,7 +63,6 @@ class RunView:
                 with ui.row().classes("run-head items-center gap-2 px-2 no-wrap"):
                     ui.label(self._title).classes("run-title font-semibold ellipsis").tooltip(self._title)
                     self.add_source()
-                    ui.space()
                     self.add_belief()
             with ui.element("div").classes("run-map"):
                 self._map = RiskMap().classes("w-full h-full")

@@ -68,14 +68,40 @@ class Phase(IntEnum):
     DECIDE = 2
 
 
-def fly_mission(scenario: Scenario, world: World) -> MissionResult:
-    """Fly all vehicles of a scenario across a world.
+Leg = tuple[float, PointM, float, PointM]
+"""time and point of its begin, time and point of its end"""
+
+
+class Watcher:
+    """What an observer of a mission is told, as it happens; here each method does nothing."""
+
+    def flies(self, uav: int, leg: Leg) -> None:
+        """A vehicle flies a leg."""
+
+    def chooses(self, uav: int, now_s: float, route: Route, track: Track | None) -> None:
+        """A vehicle takes a new route, and flies its straightened track, if it has one."""
+
+    def enters(self, uav: int, now_s: float, strikes: int) -> None:
+        """A vehicle enters a cell, and so many hostiles hit it."""
+
+    def learns(self, uav: int, now_s: float, observation: Observation, sender: int | None) -> None:
+        """A vehicle makes an observation, or receives it from the sender."""
+
+    def arrives(self, uav: int, now_s: float) -> None:
+        """A vehicle is at the centre of its goal cell."""
+
+
+NOBODY = Watcher()
+
+
+def fly_mission(scenario: Scenario, world: World, watcher: Watcher = NOBODY) -> MissionResult:
+    """Fly all vehicles of a scenario across a world; `watcher` changes nothing.
 
     Raises ValueError for a scenario of which the abstract mission has no model (`unsupported`).
     """
     if (why := unsupported(scenario)) is not None:
         raise ValueError(why)
-    mission = _Mission(scenario, world)
+    mission = _Mission(scenario, world, watcher)
     mission.begin()
     while mission.events:
         now_s, _, _, act = heapq.heappop(mission.events)
@@ -112,8 +138,8 @@ class Vehicle:
     takeoff_s: float
     over_entry_s: float
     """time over the centre of the entry cell"""
-    leg: tuple[float, PointM, float, PointM]
-    """the present leg: time and point of its begin, time and point of its end"""
+    leg: Leg
+    """the present leg"""
     first: Route | Track | None = None
     """route by the belief before the mission; None without a way to a goal"""
     route: tuple[Cell, ...] = ()
@@ -160,10 +186,11 @@ def _distance_m(one: PointM, other: PointM) -> float:
 class _Mission:
     """One mission under way: its vehicles, and the events to come."""
 
-    def __init__(self, scenario: Scenario, world: World) -> None:
+    def __init__(self, scenario: Scenario, world: World, watcher: Watcher) -> None:
         communication = scenario.config.communication
         self._scenario = scenario
         self._world = world
+        self._watcher = watcher
         self._radio = Radio(radio_settings(communication, scenario.config.names), world.seed)
         self._codec = None if communication.bandwidth_bytes_s is None else FrameCodec(scenario.config.name)
         others = len(scenario.tasks) - 1
@@ -179,6 +206,7 @@ class _Mission:
         """Plan the first routes, as before a flight, and schedule the entries into the area."""
         for i, vehicle in enumerate(self._vehicles):
             vehicle.searches = 1
+            self._watcher.flies(vehicle.task.uav, vehicle.leg)
             first = first_route(vehicle.task, vehicle.belief)
             if first is None:
                 continue
@@ -187,6 +215,7 @@ class _Mission:
             except Unreachable:
                 continue
             vehicle.first = first if track is None else track
+            self._watcher.chooses(vehicle.task.uav, 0.0, first, track)
             self._enters_at(i, vehicle.enters_s, vehicle.over_entry_s)
 
     def _take(self, vehicle: Vehicle, route: Route, problem: Problem) -> Track | None:
@@ -212,6 +241,7 @@ class _Mission:
         vehicle.flown.append(cell)
         vehicle.visits[cell] += 1
         vehicle.strikes.append(world.strikes(uav, cell, vehicle.visits[cell], self._scenario.strength))
+        self._watcher.enters(uav, now_s, vehicle.strikes[-1])
         around = world.around(cell)
         vehicle.looks.update(around)
         sensor = vehicle.belief.sensor
@@ -220,6 +250,7 @@ class _Mission:
             vehicle.n_observations += 1
             observation = Observation(uav, vehicle.n_observations, now_s, new)
             self._learn(vehicle, observation)
+            self._watcher.learns(uav, now_s, observation, None)
             self._send(i, observation, self._nearest(i, now_s), now_s)
 
     def _learn(self, vehicle: Vehicle, observation: Observation) -> bool:
@@ -264,6 +295,7 @@ class _Mission:
         if self._radio.range_loss(_distance_m(vehicle.position_m(now_s), sent_from)) is not None:
             return
         vehicle.received += 1
+        self._watcher.learns(vehicle.task.uav, now_s, observation, self._vehicles[sender].task.uav)
         if self._learn(vehicle, observation) and self._relays:
             uavs = [other.task.uav for other in self._vehicles]
             to = [j for j in self._nearest(i, now_s) if j != sender and uavs[j] != observation.observer]
@@ -277,6 +309,7 @@ class _Mission:
         task, here = vehicle.task, vehicle.way.cells[vehicle.index]
         if here in task.goals:
             vehicle.arrived_s = now_s
+            self._watcher.arrives(task.uav, now_s)
             return
         if len(vehicle.flown) >= MAX_ENTRIES_PER_CELL * task.grid.n_cells:
             return
@@ -290,6 +323,7 @@ class _Mission:
         vehicle.track_cells += step_cells
         ends_s, there = now_s + step_cells * cell_s, way.cells[index + 1]
         vehicle.leg = now_s, task.grid.centre_m(here), ends_s, task.grid.centre_m(there)
+        self._watcher.flies(task.uav, vehicle.leg)
         self._enters_at(i, now_s + way.to_edge[index] * cell_s, ends_s)
 
     def _replan(self, vehicle: Vehicle, here: Cell, now_s: float) -> None:
@@ -303,8 +337,9 @@ class _Mission:
         try:
             route, keeps = choose_route(task, problem, vehicle.route[vehicle.route.index(here) :])
             if not keeps:
-                self._take(vehicle, route, problem)
+                track = self._take(vehicle, route, problem)
                 vehicle.replans += 1
+                self._watcher.chooses(task.uav, now_s, route, track)
         except Unreachable:
             pass  # a vehicle in flight keeps its route
 
