@@ -203,7 +203,7 @@ class SetpointParameters:
 
     timeout_s: float
     action: FailsafeAction
-    mode: int | None = None  # custom_mode instead of the action, if a pilot has the sticks
+    mode: int | None = None  # custom_mode instead of the action; of a plane only if a pilot has the sticks
     following: Following | None = None  # None: a plane
 
 

@@ -37,10 +37,8 @@ class Piloting:
         elif not flight.body.airborne and not self._takes_off(sticks, limits):
             flight.body.rest()
             self._holds_place = False
-        elif flight.vehicle.remote.missing(flight.vehicle.now) and flight.behaviour is not Behaviour.MANUAL:
-            # PX4 sinks level without manual control (FlightTaskDescend).
-            flight.body.tilt((0.0, 0.0), -flight.flight_parameters.landing.speed_m_s)
-            self._holds_place = False
+        elif flight.vehicle.remote.missing(flight.vehicle.now):
+            self._fly_without_pilot()
         elif flight.behaviour is Behaviour.MANUAL:
             self._fly_by_thrust(sticks, limits)
         elif flight.behaviour is Behaviour.POSITION:
@@ -49,6 +47,13 @@ class Piloting:
             yaw_rate = self._yaw_rate_rad_s(sticks, limits)
             climb_m_s = limits.climb_rate_m_s(sticks.throttle)
             flight.body.tilt(self._lean_m_s2(sticks, limits)[0], climb_m_s, yaw_rate_rad_s=yaw_rate)
+
+    def _fly_without_pilot(self) -> None:
+        """Fly level, as PX4 does without manual control; a position or an altitude mode sinks."""
+        flight = self._flight
+        manual = flight.behaviour is Behaviour.MANUAL
+        flight.body.tilt((0.0, 0.0), 0.0 if manual else -flight.flight_parameters.landing.speed_m_s)
+        self._holds_place = False
 
     def _apply_limits(self, limits: PilotLimits) -> None:
         flight = self._flight

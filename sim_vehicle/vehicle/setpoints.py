@@ -66,7 +66,9 @@ class Setpoints:
         vehicle = self._vehicle
         lost, parameters = vehicle.mode, vehicle.flight_parameters.setpoints
         vehicle.announce("setpoints_lost")
-        if parameters.mode is not None and not vehicle.remote.missing(now):
+        # PX4 enters a pilot's mode also without a pilot: then a copter sinks (`Piloting`).
+        if parameters.mode is not None and not (vehicle.body.plane and vehicle.remote.missing(now)):
+            vehicle.announce("failsafe")
             vehicle.modes.enter(parameters.mode)
         else:
             vehicle.failsafes.act(parameters.action, now, at_once=True)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import pytest
-from px4_station import AUTO, HOLD, OFFBOARD, QuietPx4Station
+from px4_station import AUTO, HOLD, OFFBOARD, POSITION, QuietPx4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import ALT_M, LAT_DEG, LON_DEG, Station, place_m
 
@@ -298,6 +298,19 @@ def test_px4_leaves_offboard_after_com_of_loss_t(
     assert took_s == pytest.approx(patience_s, abs=0.3)
     station.wait(1.5)
     assert mode(station) == expected
+
+
+def test_px4_without_manual_control_sinks_in_the_position_mode_after_lost_set_points() -> None:
+    """PX4 1.15.3 in software sank at 0.7 m/s (MPC_LAND_SPEED), and did not brake."""
+    station = flying("px4", COM_OBL_RC_ACT=0)
+    hold(station, setpoint(velocity=(3, 0, 0)), 4)
+    station.until(lambda: mode(station) == (POSITION, 0), 3)
+    station.wait(3)
+    before_m = station.height_m
+    station.wait(5)
+    assert before_m - station.height_m == pytest.approx(5 * 0.7, abs=0.3)
+    assert motion(station).vx > 1
+    assert mode(station) == (POSITION, 0)
 
 
 def test_px4_returns_to_offboard_when_set_points_return() -> None:

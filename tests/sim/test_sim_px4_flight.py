@@ -253,9 +253,10 @@ def test_a_setpoint_above_an_armed_copter_in_offboard_starts_the_take_off() -> N
     assert station.height_m == pytest.approx(5, abs=0.7)
 
 
-@pytest.mark.parametrize(("action", "mode"), [(0, "Return"), (4, "Land"), (5, "Hold")])
+@pytest.mark.parametrize(
+    ("action", "mode"), [(0, "Position"), (1, "Altitude"), (2, "Stabilized"), (4, "Land"), (5, "Hold")]
+)
 def test_com_obl_rc_act_is_the_reaction_to_lost_setpoints(action: int, mode: str) -> None:
-    # Without a pilot, position mode (0) is not available, and PX4 returns instead.
     station = QuietPx4Station(params={"COM_OBL_RC_ACT": action, "COM_OF_LOSS_T": 1.0})
     station.fly(10)
     station.stream_setpoints(1.5, 0, 0, 10)

@@ -56,7 +56,7 @@ _OFFBOARD_ACTIONS = {
     6: FailsafeAction.TERMINATE,
     7: FailsafeAction.DISARM,
 }
-_OFFBOARD_MODES = {0: modes.POSITION, 1: modes.ALTITUDE, 2: modes.MANUAL}
+_OFFBOARD_MODES = {0: modes.POSITION, 1: modes.ALTITUDE, 2: modes.STABILIZED}
 # COM_RCL_EXCEPT: bit mask -> modes that continue without a remote control
 _RC_EXCEPTIONS = {1: (modes.MISSION,), 2: (modes.HOLD, modes.TAKEOFF), 4: (modes.OFFBOARD,)}
 _LOGS = {-1: LogWhen.NEVER, 0: LogWhen.ARMED, 1: LogWhen.FROM_BOOT, 2: LogWhen.ALWAYS}
