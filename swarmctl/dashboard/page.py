@@ -98,9 +98,12 @@ class Page:
         for view in self._views:
             view.refresh(time_s)
         # One scale of P_s for all maps: equal shades are equal values.
+        # It reaches to P_s of a cell with a single hostile at least, so a prior alone is light.
         exposures = [view.exposure for view in self._views if view.exposure is not None]
+        limits = [timeline.scenario.strength.direct for timeline in self._timelines]
+        largest = max([*limits, *(float(p_s.max(initial=0.0)) for p_s in exposures)])
         for view in self._views:
-            view.shade(max((float(p_s.max(initial=0.0)) for p_s in exposures), default=0.0))
+            view.shade(largest)
         self._n_changes += 1
         if self._n_changes % CARDS_EVERY == 1:
             self._show(time_s)

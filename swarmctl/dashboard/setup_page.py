@@ -55,15 +55,15 @@ class SetupPage:
         self._fields: dict[KeyPath, ui.number] = {}
         ui.add_css(STYLE)
         self._dark = ui.dark_mode(value=None)
-        with ui.row().classes("w-full items-center gap-3 px-3 py-1 no-wrap"):
+        with ui.row().classes("w-full items-center gap-3 px-3 py-1"):
             ui.label(f"Set-up of {path}").classes("text-lg font-semibold ellipsis")
             ui.space()
             ui.toggle(TOOLS, value=self._tool, on_change=self._set_tool).props("dense no-caps")
             ui.checkbox("Dark", on_change=self._set_dark)
-        with ui.row().classes("w-full grow no-wrap gap-0 min-h-0"):
-            with ui.element("div").classes("grow h-full min-w-0"):
+        with ui.element("div").classes("runs"), ui.element("div").classes("run"):
+            with ui.element("div").classes("run-map"):
                 self._map = RiskMap().classes("w-full h-full")
-            with ui.column().classes("h-full gap-2 p-2 overflow-auto no-wrap").style("width: 340px"):
+            with ui.column().classes("run-side gap-2 p-2 overflow-auto"):
                 self._side()
         self._map.on("ready", self._begin)
         self._map.on("place", self._placed)
@@ -174,7 +174,7 @@ class SetupPage:
         area = looks.area(scenario)
         self._map.set_area(area)
         p_s = exposure(scenario.prior.occupancy(), scenario.strength)
-        self._map.set_exposure(p_s, float(p_s.max(initial=0.0)))
+        self._map.set_exposure(p_s, max(float(p_s.max(initial=0.0)), scenario.strength.direct))
         self._map.apply(dict(as_changes(routes)))
         self._routes.clear()
         colours = dict(zip(area.names, area.colours, strict=True))

@@ -231,17 +231,24 @@ export default {
       if (this.options.hostiles) {
         for (const hostile of this.area.hostiles ?? []) {
           const [x, y] = this.place(this.centre(hostile)), r = Math.max(cell / 3, 4);
-          context.strokeStyle = "#cc0000";
-          context.lineWidth = 2;
           context.beginPath();
           context.moveTo(x - r, y - r);
           context.lineTo(x + r, y + r);
           context.moveTo(x + r, y - r);
           context.lineTo(x - r, y + r);
-          context.stroke();
+          this.stroke_edged(context, "#cc0000", 2);
         }
       }
       if (this.area.fence.length) this.line(context, [...this.area.fence, this.area.fence[0]], this.ink, 1, [8, 4]);
+    },
+    // A light edge keeps red legible on dark cells, for colour-blind readers too.
+    stroke_edged(context, colour, width) {
+      context.strokeStyle = "#fff";
+      context.lineWidth = width + 2;
+      context.stroke();
+      context.strokeStyle = colour;
+      context.lineWidth = width;
+      context.stroke();
     },
     draw_hearing(context) {
       for (const edge of this.hearing) {
@@ -288,6 +295,10 @@ export default {
           const angle = (Math.PI * i) / 5, r = i % 2 ? 3 : 8;
           context.lineTo(x + r * Math.sin(angle), y - r * Math.cos(angle));
         }
+        context.closePath();
+        context.strokeStyle = "#fff";
+        context.lineWidth = 2;
+        context.stroke();
         context.fill();
       }
     },
