@@ -1,10 +1,11 @@
 """Set-points: streams of positions and velocities."""
 
+from contextlib import nullcontext
 from functools import partial
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.conformance import flying, plans
+from sim_vehicle.conformance import flying, parameters, plans
 from sim_vehicle.conformance.assertions import ACCEPTED, equal, holds, near, refused
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
@@ -58,14 +59,14 @@ def setpoint_velocity(vehicle: VehicleUnderTest) -> str:
 
 @_copter_check("flight.setpoint.follows")
 def setpoint_follows(vehicle: VehicleUnderTest) -> str:
-    """The vehicle keeps up with a position that moves at 5 m/s, sent at 5 Hz with its velocity."""
+    """The vehicle keeps up with a position that moves south at 5 m/s, sent at 5 Hz with its velocity."""
     _follow_setpoints(vehicle)
     start, height_m = flying.last_position(vehicle), flying.height_m(vehicle)
     began_s = vehicle.now
     while (since_s := vehicle.now - began_s) < 15.0:
         north_m = since_s**2 if since_s < 2.5 else 5.0 * since_s - 6.25  # 2 m/s^2 up to 5 m/s
-        place = plans.offset(start, north_m, 0.0)
-        speeds = min(2.0 * since_s, 5.0), 0.0, 0.0
+        place = plans.offset(start, -north_m, 0.0)
+        speeds = -min(2.0 * since_s, 5.0), 0.0, 0.0
         setpoint = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT, POSITION_AND_VELOCITY, *place, height_m
         vehicle.send(
             mavlink.MAVLink_set_position_target_global_int_message(
@@ -73,7 +74,8 @@ def setpoint_follows(vehicle: VehicleUnderTest) -> str:
             )
         )
         vehicle.wait(0.2)
-    away_m = flying.distance_to_m(vehicle, plans.offset(start, 5.0 * (vehicle.now - began_s) - 6.25, 0.0))
+    north_m = 6.25 - 5.0 * (vehicle.now - began_s)
+    away_m = flying.distance_to_m(vehicle, plans.offset(start, north_m, 0.0))
     _stream_velocity(vehicle, 0.0, 3.0)
     flying.hold(vehicle)
     holds(away_m < MAX_BEHIND_M, f"expected at most {MAX_BEHIND_M:g} m from the position, saw {away_m:.1f} m")
@@ -94,11 +96,14 @@ def setpoint_unknown_frame(vehicle: VehicleUnderTest) -> str:
 
 @_copter_check("flight.setpoint.times_out")
 def setpoint_times_out(vehicle: VehicleUnderTest) -> str:
-    """The vehicle stops within 10 s after the last velocity set-point."""
-    _follow_setpoints(vehicle)
-    _stream_velocity(vehicle, 3.0, 4.0)
-    took_s = vehicle.wait_until(lambda: flying.speed_m_s(vehicle) < 0.7, "a stop", MAX_STOP_S)
-    return f"after {took_s:.1f} s"
+    """The vehicle stops within 10 s after the last velocity set-point (PX4: COM_OBL_RC_ACT 5, hold)."""
+    # By default PX4 enters its position mode, which without manual control does not brake.
+    px4 = vehicle.dialect.name == "px4"
+    with parameters.changed(vehicle, "COM_OBL_RC_ACT", 5) if px4 else nullcontext():
+        _follow_setpoints(vehicle)
+        _stream_velocity(vehicle, 3.0, 4.0)
+        took_s = vehicle.wait_until(lambda: flying.speed_m_s(vehicle) < 0.7, "a stop", MAX_STOP_S)
+        return f"after {took_s:.1f} s"
 
 
 @_copter_check("flight.setpoint.needs_its_mode")
