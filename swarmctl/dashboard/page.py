@@ -41,8 +41,13 @@ class Page:
     It asks the timelines ten times a second, and sends what has changed.
     """
 
-    def __init__(self, runs: Mapping[str, Timeline], back: tuple[str, str] | None = None) -> None:
-        """`runs`: the timelines by title; `back`: address and text of a link to the page before."""
+    def __init__(
+        self, runs: Mapping[str, Timeline], back: tuple[str, str] | None = None, heading: str = ""
+    ) -> None:
+        """`runs`: the timelines by title; `back`: address and text of a link to the page before.
+
+        The default of the heading is the name of the swarm.
+        """
         self._timelines = tuple(runs.values())
         self._playback = Playback(is_live=self._is_live)
         self._n_changes = 0
@@ -54,7 +59,7 @@ class Page:
             if back is not None:
                 ui.link(back[1], back[0])
             names = dict.fromkeys(timeline.area.swarm for timeline in self._timelines)
-            ui.label(" and ".join(names)).classes("text-lg font-semibold")
+            ui.label(heading or " and ".join(names)).classes("text-lg font-semibold")
             if is_single:
                 self._views[0].add_source()
                 self._views[0].add_belief()

@@ -39,7 +39,9 @@ class StudyPage:
                     self._add_chart(chart)
                 for title, caption, path in source.pictures():
                     ui.label(title).classes("font-semibold")
-                    ui.image(path).classes("w-full bg-white").props(f'alt="{title or path.stem}"')
+                    ui.image(path).classes("w-full bg-white").style("max-width: 640px").props(
+                        f'alt="{title or path.stem}"'
+                    )
                     ui.label(f"{caption} This figure is a picture, without points to click.").classes(
                         "text-xs"
                     )
@@ -132,7 +134,7 @@ def register(source: StudySource) -> None:
     @ui.page("/world", title=f"{source.folder.name} · swarmctl", response_timeout=120.0)
     async def world(level: int, seed: int, beside: int | None = None) -> None:
         levels = [level] if beside is None or beside == level else [level, beside]
-        runs = {}
+        timelines = []
         for each in levels:
             try:
                 timeline = await run.io_bound(source.mission, each, seed)
@@ -141,5 +143,7 @@ def register(source: StudySource) -> None:
                 return
             if timeline is None:
                 return  # the server stops
-            runs[timeline.area.swarm] = timeline
-        Page(runs, back=("/", "Study"))
+            timelines.append(timeline)
+        common, different = source.headings(levels)
+        heading = ": ".join(filter(None, (f"World {seed}", common)))
+        Page(dict(zip(different, timelines, strict=True)), back=("/", "Study"), heading=heading)

@@ -8,7 +8,6 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 
 from swarmctl.config.scenario import build
@@ -137,6 +136,19 @@ class StudySource:
             for (level, seed), values in zip(means.index.tolist(), means.to_numpy(), strict=True)
         ]
 
+    def headings(self, levels: Sequence[int]) -> tuple[str, list[str]]:
+        """Return what some levels have in common, and what is different in each, in words."""
+        values = [self.experiment.levels[level].values for level in levels]
+        common = {name for name in values[0] if len({value[name] for value in values}) == 1}
+        texts = [
+            [
+                ", ".join(value_label(name, v[name]) for name in v if (name in common) == is_common)
+                for v in values
+            ]
+            for is_common in (True, False)
+        ]
+        return texts[0][0], texts[1]
+
     def _mission(self, level: int, seed: int) -> Timeline:
         """Return a mission, flown again, with a word on whether its results are those of the study.
 
@@ -157,8 +169,7 @@ class StudySource:
         ]
         equal = "its results are those of the study"
         text = equal if not different else f"DIFFERS from the study ({different[0]}) [mission-differs]"
-        timeline.text = f"{timeline.text}; {text}"
-        timeline.area = msgspec.structs.replace(timeline.area, swarm=f"{self.names[level]}; world {seed}")
+        timeline.text = f"{text}; {timeline.text}"
         return timeline
 
 
