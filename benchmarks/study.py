@@ -68,8 +68,8 @@ def compiled_parts(scenario: Scenario, n_worlds: int) -> Table:
     results = [loop.fly(world) for world in worlds]
     whole_s = cpu_s(lambda: fly_missions(scenario, range(n_worlds))) / n_worlds
     fly_s = cpu_s(lambda: [loop.fly(world) for world in worlds]) / n_worlds
-    ints, floats, _ = loop.flown_once(worlds[-1])
-    result_s = cpu_s(lambda: [loop.result(worlds[-1], ints, floats) for _ in worlds]) / n_worlds
+    vehicles, _ = loop.flown_once(worlds[-1])
+    result_s = cpu_s(lambda: [loop.result(worlds[-1], vehicles) for _ in worlds]) / n_worlds
     world_s = cpu_s(lambda: [World.drawn(scenario, seed) for seed in range(n_worlds)]) / n_worlds
     searches = float(np.mean([sum(row.searches for row in result.rows) for result in results]))
     sent = float(np.mean([sum(row.messages_sent for row in result.rows) for result in results]))
@@ -87,66 +87,48 @@ def compiled_parts(scenario: Scenario, n_worlds: int) -> Table:
     return table
 
 
+def nothing(*arguments: object) -> None:
+    """Do nothing; a call takes the time of handing over the arguments."""
+
+
 def kernel_times(scenario: Scenario) -> Table:
     """Show the times of the steps of one replanning, without a call's overhead, at three places."""
     loop = CompiledMission(scenario)
-    ints, _, _ = loop.flown_once(World.drawn(scenario, 3))
-    width, cols = loop.width, loop.width - 2
-    known, occupied, walls = loop.known[0], loop.occupied(World.drawn(scenario, 3)), loop.walls
-    p_occupied, p_s, straight, rest, label = loop.work
-    w, step = loop.settings[k.W], loop.settings[k.STEP]
-    n_unseen = scenario.grid.n_cells - ints[0, k.KNOWN]
-    n_hidden = loop.rules[k.N_HOSTILES] - ints[0, k.FOUND]
-    believed = (
-        known,
-        occupied,
-        loop.inside.ravel(),
-        walls,
-        n_unseen,
-        n_hidden,
-        loop.strength,
-        width,
-        p_occupied,
-        p_s,
+    world = World.drawn(scenario, 3)
+    (vehicles, _), area, settings, search = (
+        loop.flown_once(world),
+        loop.area_of(world),
+        loop.settings,
+        loop.search,
     )
-    goals, offsets, none = loop.goals[:1], loop.offsets, np.empty(0)
+    width, cols, step = area.width, area.width - 2, settings.step
+    n_unseen = scenario.grid.n_cells - vehicles.ints[0, k.KNOWN]
+    n_hidden = settings.n_hostiles - vehicles.ints[0, k.FOUND]
+    believed = (vehicles.known[0], n_unseen, n_hidden, area, search)
+    goals = vehicles.goals[:1]
 
     def call_us(kernel: Callable[..., object], *arguments: object) -> float:
         machine_code = compiled(kernel)
         machine_code(*arguments)
         return 1e6 * cpu_s(lambda: [machine_code(*arguments) for _ in range(REPEATS)]) / REPEATS
 
-    overhead_us = call_us(replan_kernels.push, loop.heap, loop.keys, 0, 0, 0.0)
     table = make_table("One replanning by part [µs]", "part", "west edge", "middle", "east", left=["part"])
     rows: dict[str, list[float]] = {}
     for col in (0, cols // 2, cols - 4):
         start = (scenario.grid.rows // 2 + 1) * width + col + 1
         least = compiled(replan_kernels.believed_exposure)(*believed)
-        bound = (start, width, step, w * least, rest)
-        search = (
-            start,
-            np.inf,
-            straight,
-            p_s,
-            w,
-            step,
-            goals,
-            offsets,
-            False,
-            rest,
-            label,
-            loop.heap,
-            loop.keys,
-        )
-        way = (label, step, step * (ROOT2 - 1.0), straight, False, width, goals, np.full(1, start), none)
+        bound = (start, width, step, settings.w * least, search.rest)
+        searched = (start, np.inf, goals, False, settings, area, search)
+        field = search.label, step, step * (ROOT2 - 1.0), search.straight, False, width
+        way = (*field, goals, np.full(1, start), np.empty(0))
         for part, kernel, arguments in (
             ("exposure (Eq. 3 and 4)", replan_kernels.believed_exposure, believed),
-            ("edge costs (Eq. 5)", replan_kernels.write_straight, (p_s, w, step, np.inf, straight)),
+            ("edge costs (Eq. 5)", replan_kernels.write_straight, (settings, search)),
             ("bound of the search", replan_kernels.write_rest, bound),
-            ("search", replan_kernels.spread_to, search),
+            ("search", replan_kernels.spread_to, searched),
             ("route down the field", descend, way),
         ):
-            rows.setdefault(part, []).append(call_us(kernel, *arguments) - overhead_us)
+            rows.setdefault(part, []).append(call_us(kernel, *arguments) - call_us(nothing, *arguments))
     for part, times_us in rows.items():
         table.add_row(part, *(f"{time_us:.1f}" for time_us in times_us))
     return table

@@ -12,21 +12,13 @@ import numpy as np
 from swarmctl.planners.kernels.lattice import Floats, Ints
 from swarmctl.study.kernel_layout import (
     ARRIVES_S,
-    DELAY_S,
     FROM,
     FROM_S,
     FROM_X,
     FROM_Y,
     HEAD,
-    IS_RANDOM,
-    JITTER_S,
-    MAX_M,
-    MIN_M,
     OBSERVATION,
     OVERFLOW,
-    P_ENTER,
-    P_STAY,
-    RANGE,
     SENT,
     SENT_X,
     SENT_Y,
@@ -35,6 +27,9 @@ from swarmctl.study.kernel_layout import (
     TO_S,
     TO_X,
     TO_Y,
+    Messages,
+    Settings,
+    Vehicles,
 )
 
 
@@ -65,20 +60,18 @@ def nearest(floats: Floats, i: int, k: int, now_s: float, order: Ints, metres: F
     return min(k, size)
 
 
-def draw_message(
-    i: int, j: int, rules: Ints, settings: Floats, draws: Floats, drawn: Ints, p_lost: Floats, counts: Ints
-) -> float:
+def draw_message(i: int, j: int, settings: Settings, messages: Messages) -> float:
     """Return the jitter of the next message from i to j [s]; infinite for a lost one (`Radio`)."""
-    if rules[IS_RANDOM] == 0:
+    if not settings.is_random:
         return 0.0
-    number = drawn[i, j]
-    drawn[i, j] += 1
+    number, draws = messages.drawn[i, j], messages.draws
+    messages.drawn[i, j] += 1
     if 2 * number + 1 >= draws.shape[2]:
-        counts[OVERFLOW] = 1
+        messages.counts[OVERFLOW] = 1
         return np.inf
-    is_lost = draws[i, j, 2 * number] < p_lost[i, j]
-    p_lost[i, j] = settings[P_STAY] if is_lost else settings[P_ENTER]
-    return np.inf if is_lost else draws[i, j, 2 * number + 1] * settings[JITTER_S]
+    is_lost = draws[i, j, 2 * number] < messages.p_lost[i, j]
+    messages.p_lost[i, j] = settings.p_stay if is_lost else settings.p_enter
+    return np.inf if is_lost else draws[i, j, 2 * number + 1] * settings.jitter_s
 
 
 def move(times: Floats, ends: Ints, slot: int, to: int) -> None:
@@ -86,10 +79,9 @@ def move(times: Floats, ends: Ints, slot: int, to: int) -> None:
         times[to, column], ends[to, column] = times[slot, column], ends[slot, column]
 
 
-def enqueue(
-    times: Floats, ends: Ints, counts: Ints, at_s: float, x: float, y: float, to: int, i: int, seen: int
-) -> None:
+def enqueue(messages: Messages, at_s: float, x: float, y: float, to: int, i: int, seen: int) -> None:
     """Add a message under way; those that arrive at one time keep the order of sending."""
+    times, ends, counts = messages.times, messages.ends, messages.counts
     if counts[HEAD] == counts[TAIL]:
         counts[HEAD] = counts[TAIL] = 0
     if counts[TAIL] == times.shape[0]:
@@ -112,37 +104,29 @@ def send(
     now_s: float,
     skipped: int,
     observer: int,
-    ints: Ints,
-    floats: Floats,
-    rules: Ints,
-    settings: Floats,
-    draws: Floats,
-    drawn: Ints,
-    p_lost: Floats,
-    times: Floats,
-    ends: Ints,
-    counts: Ints,
-    order: Ints,
-    metres: Floats,
+    settings: Settings,
+    vehicles: Vehicles,
+    messages: Messages,
 ) -> None:
     """Send an observation to the vehicles in range, except the one it came from and its observer."""
-    n = nearest(floats, i, rules[RANGE], now_s, order, metres)
+    floats, counts = vehicles.floats, messages.counts
+    n = nearest(floats, i, settings.range, now_s, messages.order, messages.metres)
     x, y = position_m(floats, i, now_s)
     for slot in range(n):
-        j = order[slot]
+        j = messages.order[slot]
         jitter_s = np.inf
         if skipped != j != observer:
-            ints[i, SENT] += 1
-            jitter_s = draw_message(i, j, rules, settings, draws, drawn, p_lost, counts)
+            vehicles.ints[i, SENT] += 1
+            jitter_s = draw_message(i, j, settings, messages)
         if jitter_s < np.inf:
-            at_s = now_s + settings[DELAY_S] + jitter_s
-            if counts[TAIL] - counts[HEAD] == times.shape[0]:
+            at_s = now_s + settings.delay_s + jitter_s
+            if counts[TAIL] - counts[HEAD] == messages.times.shape[0]:
                 counts[OVERFLOW] = 1
             else:
-                enqueue(times, ends, counts, at_s, x, y, j, i, seen)
+                enqueue(messages, at_s, x, y, j, i, seen)
 
 
-def is_in_range(floats: Floats, settings: Floats, i: int, now_s: float, x: float, y: float) -> bool:
+def is_in_range(i: int, now_s: float, x: float, y: float, settings: Settings, floats: Floats) -> bool:
     here_x, here_y = position_m(floats, i, now_s)
     metres = math.sqrt((here_x - x) * (here_x - x) + (here_y - y) * (here_y - y))
-    return bool(settings[MIN_M] <= metres <= settings[MAX_M])
+    return bool(settings.min_m <= metres <= settings.max_m)

@@ -8,11 +8,10 @@ from __future__ import annotations
 import numpy as np
 
 from swarmctl.planners.kernels.descent import is_goal
-from swarmctl.planners.kernels.lattice import ROOT2, Bytes, Floats, Ints
+from swarmctl.planners.kernels.lattice import ROOT2
 from swarmctl.study.kernel_layout import (
     ARRIVED_S,
     ARRIVES_S,
-    CELL_M,
     CENTRE_S,
     DECIDE,
     EDGE_S,
@@ -26,14 +25,12 @@ from swarmctl.study.kernel_layout import (
     HEAD,
     INDEX,
     KNOWN,
-    MAX_ENTRIES,
     N_FLOWN,
     N_OBSERVATIONS,
     OBSERVATION,
     OVERFLOW,
     PHASE,
     RECEIVED,
-    RELAYS,
     SEE,
     SENT_X,
     SENT_Y,
@@ -44,8 +41,12 @@ from swarmctl.study.kernel_layout import (
     TO_X,
     TO_Y,
     UAV,
-    WIDTH,
-    Int32s,
+    Area,
+    Messages,
+    Observations,
+    Search,
+    Settings,
+    Vehicles,
 )
 from swarmctl.study.message_kernels import is_in_range, send
 from swarmctl.study.replan_kernels import replan
@@ -73,91 +74,72 @@ def draw_strike(seed: np.uint64, uav: int, hostile: int, cell: int, visit: int) 
     return float(mixed >> S11) * 2.0**-53
 
 
-def n_strikes(
-    seed: np.uint64, uav: int, m: int, visit: int, width: int, occupied: Bytes, strength: Floats
-) -> int:
+def n_strikes(seed: np.uint64, uav: int, m: int, visit: int, area: Area) -> int:
     """Return the number of hostiles that hit a vehicle at an entry (Eq. 1)."""
-    hits, cols = 0, width - 2
+    hits, width = 0, area.width
+    cols = width - 2
     cell = (m // width - 1) * cols + m % width - 1
     for row_step in range(-1, 2):
         for col_step in range(-1, 2):
             n = m + row_step * width + col_step
-            if occupied[n]:
-                p_hit = strength[abs(row_step) + abs(col_step)]
+            if area.occupied[n]:
+                p_hit = area.strength[abs(row_step) + abs(col_step)]
                 hits += draw_strike(seed, uav, cell + row_step * cols + col_step, cell, visit) < p_hit
     return hits
 
 
-def learn(ints: Ints, i: int, seen: int, news: Int32s, has: Bytes, known: Bytes, occupied: Bytes) -> bool:
+def learn(i: int, seen: int, area: Area, vehicles: Vehicles, observations: Observations) -> bool:
     """Merge an observation; return whether it is new to the vehicle."""
-    if has[i, seen]:
+    ints, cells = vehicles.ints, observations.cells
+    if observations.has[i, seen]:
         return False
-    has[i, seen] = 1
+    observations.has[i, seen] = 1
     ints[i, HAS_NEWS] = 1
-    for slot in range(1, 1 + news[seen, 0]):
-        m = news[seen, slot]
-        if not known[i, m]:
-            known[i, m] = 1
+    for slot in range(1, 1 + cells[seen, 0]):
+        m = cells[seen, slot]
+        if not vehicles.known[i, m]:
+            vehicles.known[i, m] = 1
             ints[i, KNOWN] += 1
-            ints[i, FOUND] += occupied[m]
+            ints[i, FOUND] += area.occupied[m]
     return True
 
 
-def look(i: int, m: int, width: int, known: Bytes, inside: Bytes, seen: int, news: Int32s) -> int:
+def look(i: int, m: int, seen: int, area: Area, vehicles: Vehicles, observations: Observations) -> int:
     """Write the unknown cells in sight as an observation; return their number."""
     n = 0
     for row_step in range(-1, 2):
         for col_step in range(-1, 2):
-            cell = m + row_step * width + col_step
-            if inside[cell] and not known[i, cell]:
+            cell = m + row_step * area.width + col_step
+            if area.inside[cell] and not vehicles.known[i, cell]:
                 n += 1
-                news[seen, n] = cell
-    news[seen, 0] = n
+                observations.cells[seen, n] = cell
+    observations.cells[seen, 0] = n
     return n
 
 
 def enter(
-    i: int,
-    seed: np.uint64,
-    ints: Ints,
-    rules: Ints,
-    routes: Int32s,
-    flown: Int32s,
-    strikes: Int32s,
-    visits: Int32s,
-    occupied: Bytes,
-    inside: Bytes,
-    known: Bytes,
-    has: Bytes,
-    news: Int32s,
-    observers: Int32s,
-    strength: Floats,
-    counts: Ints,
+    i: int, seed: np.uint64, area: Area, vehicles: Vehicles, observations: Observations, seen: int
 ) -> bool:
-    """Let the hostiles fire, and see the 3 × 3 cells; return whether anything is new."""
-    m, width, uav = int(routes[i, ints[i, INDEX]]), rules[WIDTH], ints[i, UAV]
-    slot = ints[i, N_FLOWN]
+    """Let the hostiles fire, and see the 3 × 3 cells; return whether anything is new, observation `seen`."""
+    ints = vehicles.ints
+    m, slot = int(vehicles.routes[i, ints[i, INDEX]]), ints[i, N_FLOWN]
     ints[i, N_FLOWN] += 1
-    visits[i, m] += 1
-    flown[i, slot] = m
-    strikes[i, slot] = n_strikes(seed, uav, m, int(visits[i, m]), width, occupied, strength)
-    seen = counts[N_OBSERVATIONS]
-    if look(i, m, width, known, inside, seen, news) == 0:
+    vehicles.visits[i, m] += 1
+    vehicles.flown[i, slot] = m
+    vehicles.strikes[i, slot] = n_strikes(seed, ints[i, UAV], m, int(vehicles.visits[i, m]), area)
+    if look(i, m, seen, area, vehicles, observations) == 0:
         return False
-    counts[N_OBSERVATIONS] += 1
-    observers[seen] = i
-    for j in range(has.shape[0]):
-        has[j, seen] = 0
-    learn(ints, i, seen, news, has, known, occupied)
+    observations.observers[seen] = i
+    for j in range(observations.has.shape[0]):
+        observations.has[j, seen] = 0
+    learn(i, seen, area, vehicles, observations)
     return True
 
 
-def go_on(
-    i: int, now_s: float, ints: Ints, floats: Floats, rules: Ints, settings: Floats, routes: Int32s
-) -> None:
+def go_on(i: int, now_s: float, settings: Settings, area: Area, vehicles: Vehicles) -> None:
     """Fly to the next cell of the route."""
-    width, cell_m = rules[WIDTH], settings[CELL_M]
-    here, there = int(routes[i, ints[i, INDEX]]), int(routes[i, ints[i, INDEX] + 1])
+    ints, floats, width, cell_m = vehicles.ints, vehicles.floats, area.width, settings.cell_m
+    here, there = int(vehicles.routes[i, ints[i, INDEX]]), int(vehicles.routes[i, ints[i, INDEX] + 1])
     ints[i, INDEX] += 1
     is_diagonal = here // width != there // width and here % width != there % width
     step_s = (ROOT2 if is_diagonal else 1.0) * (cell_m / floats[i, SPEED])
@@ -170,47 +152,25 @@ def go_on(
     ints[i, PHASE] = SEE
 
 
-def decide(
-    i: int,
-    now_s: float,
-    ints: Ints,
-    floats: Floats,
-    rules: Ints,
-    settings: Floats,
-    strength: Floats,
-    routes: Int32s,
-    goals: Ints,
-    first_goals: Ints,
-    occupied: Bytes,
-    inside: Bytes,
-    walls: Bytes,
-    offsets: Ints,
-    known: Bytes,
-    work: Floats,
-    heap: Ints,
-    keys: Floats,
-) -> None:
+def decide(i: int, now_s: float, settings: Settings, area: Area, vehicles: Vehicles, search: Search) -> None:
     """Arrive, or choose the next cell and fly there."""
-    own_goals = goals[first_goals[i] : first_goals[i + 1]]
-    if is_goal(own_goals, int(routes[i, ints[i, INDEX]])):
-        floats[i, ARRIVED_S] = now_s
+    ints, goals = vehicles.ints, vehicles.goals[vehicles.first_goals[i] : vehicles.first_goals[i + 1]]
+    if is_goal(goals, int(vehicles.routes[i, ints[i, INDEX]])):
+        vehicles.floats[i, ARRIVED_S] = now_s
         ints[i, PHASE] = ENDED
         return
-    if ints[i, N_FLOWN] >= rules[MAX_ENTRIES]:
+    if ints[i, N_FLOWN] >= settings.max_entries:
         ints[i, PHASE] = ENDED
         return
     if ints[i, HAS_NEWS] == 1:
         ints[i, HAS_NEWS] = 0
-        replan(
-            i, ints, rules, settings, routes, own_goals, known, occupied, inside, walls, strength, offsets,
-            work, heap, keys,
-        )  # fmt: skip
-    go_on(i, now_s, ints, floats, rules, settings, routes)
+        replan(i, goals, settings, area, vehicles, search)
+    go_on(i, now_s, settings, area, vehicles)
 
 
-def next_vehicle(ints: Ints, floats: Floats) -> tuple[int, float]:
+def next_vehicle(vehicles: Vehicles) -> tuple[int, float]:
     """Return the vehicle that acts next and its time; −1 if none does."""
-    best, best_s = -1, np.inf
+    ints, floats, best, best_s = vehicles.ints, vehicles.floats, -1, np.inf
     for i in range(ints.shape[0]):
         if ints[i, PHASE] == ENDED:
             continue
@@ -222,40 +182,17 @@ def next_vehicle(ints: Ints, floats: Floats) -> tuple[int, float]:
 
 def mission(
     seed: np.uint64,
-    ints: Ints,
-    floats: Floats,
-    rules: Ints,
-    settings: Floats,
-    strength: Floats,
-    routes: Int32s,
-    goals: Ints,
-    first_goals: Ints,
-    occupied: Bytes,
-    inside: Bytes,
-    walls: Bytes,
-    offsets: Ints,
-    known: Bytes,
-    has: Bytes,
-    news: Int32s,
-    observers: Int32s,
-    visits: Int32s,
-    flown: Int32s,
-    strikes: Int32s,
-    draws: Floats,
-    drawn: Ints,
-    p_lost: Floats,
-    times: Floats,
-    ends: Ints,
-    counts: Ints,
-    order: Ints,
-    metres: Floats,
-    work: Floats,
-    heap: Ints,
-    keys: Floats,
+    settings: Settings,
+    area: Area,
+    vehicles: Vehicles,
+    observations: Observations,
+    messages: Messages,
+    search: Search,
 ) -> None:
     """Fly one mission, event by event."""
+    ints, times, ends, counts = vehicles.ints, messages.times, messages.ends, messages.counts
     while counts[OVERFLOW] == 0:
-        i, now_s = next_vehicle(ints, floats)
+        i, now_s = next_vehicle(vehicles)
         sent = -1, -1, -1  # observation to send, vehicle it came from, its observer
         head = counts[HEAD]
         is_message = head < counts[TAIL] and (
@@ -266,55 +203,19 @@ def mission(
         if is_message:
             now_s, i, seen = times[head, ARRIVES_S], int(ends[head, TO]), int(ends[head, OBSERVATION])
             counts[HEAD] += 1
-            if is_in_range(floats, settings, i, now_s, times[head, SENT_X], times[head, SENT_Y]):
+            if is_in_range(i, now_s, times[head, SENT_X], times[head, SENT_Y], settings, vehicles.floats):
                 ints[i, RECEIVED] += 1
-                if learn(ints, i, seen, news, has, known, occupied) and rules[RELAYS] == 1:
-                    sent = seen, int(ends[head, FROM]), int(observers[seen])
+                if learn(i, seen, area, vehicles, observations) and settings.relays:
+                    sent = seen, int(ends[head, FROM]), int(observations.observers[seen])
         elif i < 0:
             return
         elif ints[i, PHASE] == SEE:
             ints[i, PHASE] = DECIDE
-            if enter(
-                i,
-                seed,
-                ints,
-                rules,
-                routes,
-                flown,
-                strikes,
-                visits,
-                occupied,
-                inside,
-                known,
-                has,
-                news,
-                observers,
-                strength,
-                counts,
-            ):
-                sent = counts[N_OBSERVATIONS] - 1, -1, -1
+            seen = int(counts[N_OBSERVATIONS])
+            if enter(i, seed, area, vehicles, observations, seen):
+                counts[N_OBSERVATIONS] += 1
+                sent = seen, -1, -1
         else:
-            decide(
-                i, now_s, ints, floats, rules, settings, strength, routes, goals, first_goals, occupied,
-                inside, walls, offsets, known, work, heap, keys,
-            )  # fmt: skip
+            decide(i, now_s, settings, area, vehicles, search)
         if sent[0] >= 0:
-            send(
-                i,
-                sent[0],
-                now_s,
-                sent[1],
-                sent[2],
-                ints,
-                floats,
-                rules,
-                settings,
-                draws,
-                drawn,
-                p_lost,
-                times,
-                ends,
-                counts,
-                order,
-                metres,
-            )
+            send(i, sent[0], now_s, sent[1], sent[2], settings, vehicles, messages)

@@ -15,39 +15,27 @@ from swarmctl.study.kernel_layout import (
     FOUND,
     INDEX,
     KNOWN,
-    MAX_EXPOSURE,
-    N_HOSTILES,
     N_ROUTE,
     REPLANS,
     SEARCHES,
-    STEP,
-    WIDTH,
-    Int32s,
-    W,
+    Area,
+    Search,
+    Settings,
+    Vehicles,
 )
 
 MARGIN = 1e-9
 """relative cost above that of the best route, up to which the search goes on, so that ties are complete"""
 
 
-def believed_exposure(
-    known: Bytes,
-    occupied: Bytes,
-    inside: Bytes,
-    walls: Bytes,
-    n_unseen: int,
-    n_hidden: int,
-    strength: Floats,
-    width: int,
-    p_occupied: Floats,
-    p_s: Floats,
-) -> float:
+def believed_exposure(known: Bytes, n_unseen: int, n_hidden: int, area: Area, search: Search) -> float:
     """Write P_s of each cell, Eq. 3 over Eq. 4, infinite in walls; return the least one."""
     p_unseen = min(max(n_hidden / n_unseen, 0.0), 1.0) if n_unseen > 0 else 0.0  # Eq. 4
+    p_occupied, p_s, width, walls = search.p_occupied, search.p_s, area.width, area.walls
     for m in range(known.size):
-        p_occupied[m] = float(occupied[m]) if known[m] else p_unseen * inside[m]
+        p_occupied[m] = float(area.occupied[m]) if known[m] else p_unseen * area.inside[m]
     least = np.inf
-    fs_o, fs_n1, fs_n2 = strength
+    fs_o, fs_n1, fs_n2 = area.strength
     for row in range(1, known.size // width - 1):
         # With slices the compiler handles several cells at once.
         base = row * width
@@ -64,11 +52,12 @@ def believed_exposure(
     return least
 
 
-def write_straight(p_s: Floats, w: float, step: float, max_exposure: float, straight: Floats) -> bool:
+def write_straight(settings: Settings, search: Search) -> bool:
     """Write the cost of a straight step into each cell (Eq. 5); return whether any cell is a wall."""
+    p_s, straight, w, step = search.p_s, search.straight, settings.w, settings.step
     has_walls = False
     for m in range(p_s.size):
-        if p_s[m] > max_exposure or p_s[m] == np.inf:
+        if p_s[m] > settings.max_exposure or p_s[m] == np.inf:
             has_walls = has_walls or p_s[m] >= 0.0
             straight[m] = np.inf
         elif p_s[m] >= 0.0:  # not the padding
@@ -102,31 +91,21 @@ def push(heap: Ints, keys: Floats, size: int, item: int, key: float) -> int:
 
 
 def spread_to(
-    start: int,
-    below: float,
-    straight: Floats,
-    p_s: Floats,
-    w: float,
-    step: float,
-    goals: Ints,
-    offsets: Ints,
-    has_walls: bool,
-    rest: Floats,
-    label: Floats,
-    heap: Ints,
-    keys: Floats,
+    start: int, below: float, goals: Ints, has_walls: bool, settings: Settings, area: Area, search: Search
 ) -> float:
     """Write the labels of all cells on the cheapest routes from `start`; return the least cost if `below`.
 
     An A* search backwards from the goals, without the cells on no route of a cost below `below`. The labels
     are those of `planners.kernels.field`; cells on no cheapest route may have greater ones.
     """
+    step, offsets, straight, rest = settings.step, area.offsets, search.straight, search.rest
+    label, heap, keys = search.label, search.heap, search.keys
     extra, n_open, cost, limit = step * (ROOT2 - 1.0), 0, np.inf, below
     for m in range(label.size):
         label[m] = np.inf
     for goal in goals:
         if straight[goal] < np.inf:
-            label[goal] = w * p_s[goal]
+            label[goal] = settings.w * search.p_s[goal]
             n_open = push(heap, keys, n_open, goal, label[goal] + rest[goal])
     while n_open > 0 and keys[0] <= limit:
         n, key = heap[0], keys[0]
@@ -150,8 +129,9 @@ def spread_to(
     return cost
 
 
-def route_cost(route: Ints, p_s: Floats, straight: Floats, w: float, step: float, width: int) -> float:
+def route_cost(route: Ints, settings: Settings, width: int, search: Search) -> float:
     """Return the cost of a route (Eq. 5); infinite through a wall, or past the corner of one."""
+    p_s, straight = search.p_s, search.straight
     total, n_straight, n_diagonal = 0.0, 0, 0
     for index in range(1, route.size):
         here, there = route[index - 1], route[index]
@@ -167,53 +147,34 @@ def route_cost(route: Ints, p_s: Floats, straight: Floats, w: float, step: float
         n_diagonal += is_diagonal
         total += p_s[there]
     length = n_straight + n_diagonal * ROOT2
-    return step * length + (w * total if w > 0.0 else 0.0)
+    return settings.step * length + (settings.w * total if settings.w > 0.0 else 0.0)
 
 
-def replan(
-    i: int,
-    ints: Ints,
-    rules: Ints,
-    settings: Floats,
-    routes: Int32s,
-    goals: Ints,
-    known: Bytes,
-    occupied: Bytes,
-    inside: Bytes,
-    walls: Bytes,
-    strength: Floats,
-    offsets: Ints,
-    work: Floats,
-    heap: Ints,
-    keys: Floats,
-) -> None:
+def replan(i: int, goals: Ints, settings: Settings, area: Area, vehicles: Vehicles, search: Search) -> None:
     """Take the best route by the present belief if it is better than the rest of the present route."""
-    p_occupied, p_s, straight, rest, label = work[0], work[1], work[2], work[3], work[4]
-    width, w, step = rules[WIDTH], settings[W], settings[STEP]
+    ints, routes, straight = vehicles.ints, vehicles.routes, search.straight
+    width, w, step = area.width, settings.w, settings.step
     here = int(routes[i, ints[i, INDEX]])
-    n_cells = (width - 2) * (label.size // width - 2)
-    n_unseen, n_hidden = n_cells - ints[i, KNOWN], rules[N_HOSTILES] - ints[i, FOUND]
-    least = believed_exposure(
-        known[i], occupied, inside, walls, n_unseen, n_hidden, strength, width, p_occupied, p_s
-    )
-    has_walls = write_straight(p_s, w, step, settings[MAX_EXPOSURE], straight)
-    write_rest(here, width, step, w * least if least < np.inf else 0.0, rest)
+    n_cells = (width - 2) * (search.label.size // width - 2)
+    n_unseen, n_hidden = n_cells - ints[i, KNOWN], settings.n_hostiles - ints[i, FOUND]
+    least = believed_exposure(vehicles.known[i], n_unseen, n_hidden, area, search)
+    has_walls = write_straight(settings, search)
+    write_rest(here, width, step, w * least if least < np.inf else 0.0, search.rest)
     ints[i, SEARCHES] += 1
     ahead = routes[i, ints[i, INDEX] : ints[i, N_ROUTE]].astype(np.int64)
-    old = route_cost(ahead, p_s, straight, w, step, width)
+    old = route_cost(ahead, settings, width, search)
     below = old * (1.0 - 0.5 * BETTER_BY)
-    cost = spread_to(here, below, straight, p_s, w, step, goals, offsets, has_walls, rest, label, heap, keys)
-    if cost >= below:
+    if spread_to(here, below, goals, has_walls, settings, area, search) >= below:
         return  # also without any route: a vehicle in flight keeps its own
     extra, starts = step * (ROOT2 - 1.0), np.full(1, here)
-    path, _, _ = descend(label, step, extra, straight, has_walls, width, goals, starts, np.empty(0))
-    if old > route_cost(path, p_s, straight, w, step, width) * (1.0 + BETTER_BY):
-        take_route(ints, i, routes, path)
+    path, _, _ = descend(search.label, step, extra, straight, has_walls, width, goals, starts, np.empty(0))
+    if old > route_cost(path, settings, width, search) * (1.0 + BETTER_BY):
+        take_route(i, path, vehicles)
 
 
-def take_route(ints: Ints, i: int, routes: Int32s, path: Ints) -> None:
+def take_route(i: int, path: Ints, vehicles: Vehicles) -> None:
     """Replace a vehicle's route."""
     for index in range(path.size):
-        routes[i, index] = path[index]
-    ints[i, INDEX], ints[i, N_ROUTE] = 0, path.size
-    ints[i, REPLANS] += 1
+        vehicles.routes[i, index] = path[index]
+    vehicles.ints[i, INDEX], vehicles.ints[i, N_ROUTE] = 0, path.size
+    vehicles.ints[i, REPLANS] += 1
