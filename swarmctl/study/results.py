@@ -200,6 +200,9 @@ def _flat(data: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
     if isinstance(data, dict) and data:
         for key, value in data.items():
             yield from _flat(value, f"{prefix}.{key}" if prefix else str(key))
+    elif isinstance(data, list) and data:
+        for index, value in enumerate(data):
+            yield from _flat(value, f"{prefix}[{index}]")
     else:
         yield prefix, data
 
