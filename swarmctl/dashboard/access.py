@@ -79,10 +79,13 @@ class Access:
         host, origin = headers.get("host", ""), headers.get("origin")
         if host not in self._hosts:
             return 421
-        if origin is not None and origin.split("://", 1)[-1] != host:
+        scheme = "https" if scope.get("scheme") in ("https", "wss") else "http"
+        if origin is not None and origin != f"{scheme}://{host}":
             return 403
         if headers.get("sec-fetch-site", "none") not in ("none", "same-origin"):
             return 403
+        if "transfer-encoding" in headers:  # a body of unknown length
+            return 411
         length = headers.get("content-length", "0")
         if not length.isdigit() or int(length) > MAX_BODY_BYTES:
             return 413
@@ -98,6 +101,7 @@ class Access:
 _TEXTS = {
     401: "the dashboard needs the address that its command has printed; each address works once",
     403: "the request comes from another site",
+    411: "the request does not say its length",
     413: "the request is too large",
     421: "the dashboard has another address",
 }

@@ -73,10 +73,12 @@ def test_a_wrong_token_opens_nothing_and_spends_nothing(token: str) -> None:
         (421, {"host": "attacker.example"}),
         (421, {"host": "127.0.0.1:9"}),
         (403, {"origin": "http://attacker.example"}),
+        (403, {"origin": f"https://{HOST}"}),
         (403, {"origin": "null"}),
         (403, {"sec_fetch_site": "cross-site"}),
         (413, {"content_length": str(MAX_BODY_BYTES + 1)}),
         (413, {"content_length": "-1"}),
+        (411, {"transfer_encoding": "chunked"}),
     ],
 )
 @pytest.mark.parametrize("kind", ["http", "websocket"])
