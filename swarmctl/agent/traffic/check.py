@@ -18,7 +18,7 @@ from swarmctl.agent.traffic.prediction import (
     silent_neighbours,
 )
 from swarmctl.agent.traffic.priority import Activity, Standing
-from swarmctl.agent.traffic.separation.approach import Limits, closest
+from swarmctl.agent.traffic.separation.approach import Limits, closest, intervals
 from swarmctl.agent.traffic.separation.clash import TIME_TOLERANCE_S, Clash, find_clashes
 from swarmctl.agent.traffic.separation.trajectory import Bounds, LocalPoint, Trajectory, until_landing
 from swarmctl.agent.traffic.separation.watch import NeighbourIntent, NeighbourReport
@@ -118,6 +118,14 @@ def share_of(mine: Sequence[Trajectory], others: Sequence[Trajectory], limits: L
     """Return the least distance of any of two flights, as a share of the limits."""
     found = (_least_share(one, other, limits) for one in mine for other in others)
     return min((share for share in found if share is not None), default=math.inf)
+
+
+def come_within(
+    mine: Sequence[Trajectory], others: Sequence[Trajectory], limits: Limits, share: float
+) -> bool:
+    """Return whether any two flights come closer than a share of the limits: quicker than `share_of`."""
+    wider = Limits(share * limits.horizontal_m, share * limits.vertical_m)
+    return any(intervals(one, other, wider) for one in mine for other in others)
 
 
 def current_flights(state: AgentState, paths: Sequence[Trajectory] = ()) -> dict[int, NeighbourIntent]:

@@ -21,7 +21,7 @@ from swarmctl.agent.orders import StepResult
 from swarmctl.agent.own_modes import own_mode_roles
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.check import as_intent, current_flights, near_flights, share_of
+from swarmctl.agent.traffic.check import as_intent, come_within, current_flights, near_flights, share_of
 from swarmctl.agent.traffic.intents import planned_flight, position_amsl
 from swarmctl.agent.traffic.landing_queue import MIN_HEIGHT_M, hold_before_landing, is_urgent
 from swarmctl.agent.traffic.prediction import predict
@@ -87,8 +87,10 @@ def _has_to_stop(state: AgentState, mine: Paths, stop: Trajectory, uav: int, int
     """Return whether this vehicle has to stop for another one: both come too close, and the rule says so."""
     limits = intent.limits(state.task.separation.limits)
     theirs = _paths(state, uav, intent)
+    if not come_within(mine, theirs, limits, ENOUGH):
+        return False
     together = share_of(mine, theirs, limits)
-    if together >= ENOUGH or not _helps(stop, theirs, limits, together):
+    if not _helps(stop, theirs, limits, together):
         return False
     vehicle = state.vehicle
     last_moment_s = vehicle.time_boot_s + REACTS_S + vehicle.ground_speed_m_s / BRAKING_M_S2

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -93,16 +94,25 @@ def too_close(a: Segment, b: Segment, limits: Limits) -> tuple[float, float] | N
 
 def _relative_motions(a: Trajectory, b: Trajectory) -> Iterator[_RelativeMotion]:
     """Yield the relative motion over the common time, split at the turns of either flight."""
-    mine, theirs = list(a.segments()), list(b.segments())
-    i = j = 0
-    while i < len(mine) and j < len(theirs):
-        part = _relative_motion(mine[i], theirs[j])
-        if part is not None:
-            yield part
-        if mine[i].end_s <= theirs[j].end_s:
+    if len(a.times_s) < 2 or len(b.times_s) < 2:
+        return
+    begin_s = max(a.times_s[0], b.times_s[0])
+    i, j = _segment_at(a, begin_s), _segment_at(b, begin_s)
+    while i < len(a.times_s) - 1 and j < len(b.times_s) - 1:
+        mine, theirs = a.segment(i), b.segment(j)
+        part = _relative_motion(mine, theirs)
+        if part is None:
+            return
+        yield part
+        if mine.end_s <= theirs.end_s:
             i += 1
         else:
             j += 1
+
+
+def _segment_at(flight: Trajectory, t_s: float) -> int:
+    """Return the index of the first segment that ends at `t_s` or later."""
+    return max(bisect_left(flight.times_s, t_s) - 1, 0)
 
 
 def _relative_motion(a: Segment, b: Segment) -> _RelativeMotion | None:
@@ -137,8 +147,13 @@ def _closest(part: _RelativeMotion, limits: Limits) -> PairDistance:
     at += [-b1 / (2.0 * a2)] if a2 > 0.0 else []
     at += [-u / vu] if vu != 0.0 else []
     at += _roots(a2 / h2 - vu * vu / v2, b1 / h2 - 2.0 * u * vu / v2, c / h2 - u * u / v2)
-    within = (part.distance_at(tau) for tau in sorted(at) if 0.0 <= tau <= part.lasts_s)
-    return min(within, key=lambda found: limits.share(found.horizontal_m, found.vertical_m))
+    (e, n, _), (ve, vn, _) = part.at, part.velocity
+    _, tau_s = min(
+        (limits.share(math.hypot(e + ve * tau_s, n + vn * tau_s), abs(u + vu * tau_s)), tau_s)
+        for tau_s in at
+        if 0.0 <= tau_s <= part.lasts_s
+    )
+    return part.distance_at(tau_s)
 
 
 def _too_close(part: _RelativeMotion, limits: Limits) -> tuple[float, float] | None:
