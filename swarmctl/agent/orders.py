@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import msgspec
@@ -31,8 +32,8 @@ def handle_operator_command(state: AgentState, event: ev.OperatorCommand, _now: 
     effects: list[ev.Effect] = []
     place = position_for_return(state)
     if (outcome == "taken" or not remote) and not _would_stop_landing(state, event):
-        if event.after_s and urgent_return_reason(state):
-            event = msgspec.structs.replace(event, after_s=0.0)  # other returns are scheduled around it
+        if urgent_return_reason(state):  # other returns are scheduled around it
+            event = msgspec.structs.replace(event, after_s=0.0, in_turn=False)
         state, effects = _apply_order(state, event, remote=remote)
     if event.command is not None:
         answer = VehicleAnswer(state.task.uav, state.task.name, outcome, note=note, place=place)
@@ -219,18 +220,26 @@ def _apply_order(state: AgentState, event: ev.OperatorCommand, *, remote: bool) 
         launch, land = replace(state.launch, is_aborted=True), ev.FlightOrder.LAND
         aborted = {"launch": launch, "outcome": "launch aborted"}
         return command(state, land, by_person=True, phase=Phase.LEAVING, **aborted)
+    return _apply_in_flight(state, event)
+
+
+def _apply_in_flight(state: AgentState, event: ev.OperatorCommand) -> StepResult:
+    """Hold, return or land; first hold if the order has a start time, or if the vehicle waits its turn."""
+    order = event.order
     changes: dict[str, Any] = {"plans": state.plans.not_due(), "wait": None}
     if (state.vehicle.alt_rel_m or 0.0) > TOUCHING_DOWN_M:
         changes["arrived_boot_s"] = None  # the vehicle is over its goal, but does not land there
     changes["outcome"] = f"{order} ordered"
-    if not event.after_s:
+    if not (event.after_s or event.in_turn):
         changes["wait"] = _wait_after_repetition(state, order)
         phase = Phase.HOLDING if order is ev.FlightOrder.HOLD else Phase.LEAVING
         return command(state, order, by_person=True, **(changes | {"phase": phase}))
-    # A recall with a start time: hold until then.
     now_s = state.vehicle.time_boot_s
-    turn = begin(WaitFor.TURN, now_s, until_s=now_s + event.after_s)
-    changes |= {"phase": Phase.HOLDING, "wait": turn}
+    if event.in_turn:
+        wait = begin(_WAIT_OF_ORDER[order], now_s)
+    else:
+        wait = begin(WaitFor.TURN, now_s, until_s=now_s + event.after_s)
+    changes |= {"phase": Phase.HOLDING, "wait": wait, "last_shared_s": -math.inf}
     if state.phase is Phase.HOLDING and state.order.given is ev.FlightOrder.HOLD:
         return replace(state, **changes), []
     return command(state, ev.FlightOrder.HOLD, by_person=True, **changes)

@@ -161,6 +161,8 @@ class OperatorCommand(_Record, frozen=True):
     """time of a hold before a return, by the vehicle's clock [s]"""
     ignore: tuple[int, ...] = msgspec.field(default=(), name="past")
     """vehicles that a launch does not wait for"""
+    in_turn: bool = False
+    """True: the vehicle holds until its return path, or the ground below it, is clear of other vehicles"""
 
 
 class WeightsChanged(_Record, frozen=True):

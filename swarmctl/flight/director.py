@@ -19,7 +19,6 @@ from swarmctl.core.geo import distance_m
 from swarmctl.core.operator_text import extended
 from swarmctl.flight.member import POLL_S, Member, names, until
 from swarmctl.flight.permission import Permission, PreflightFailed, not_simulated
-from swarmctl.flight.return_queue import ReturnQueue
 from swarmctl.flight.shutdown import Shutdown
 from swarmctl.flight.takeover import Takeover
 from swarmctl.links.base import LinkError
@@ -72,12 +71,12 @@ class Director:
         permission: Permission,
         clearance: Clearance,
         launch: Launch = "when-ready",
-        return_queue: ReturnQueue | None = None,
+        flies_all: bool = True,
         takeover: Takeover | None = None,
     ) -> None:
         """Direct a new flight, or one that another program began.
 
-        return_queue: for a process that flies one vehicle of a swarm; None: this process flies all
+        flies_all: False for a process that flies one vehicle of a swarm
         takeover: for a flight that another program began; None: a new flight
         """
         self._members = members
@@ -88,7 +87,7 @@ class Director:
         self._clearance = clearance
         self._when_ready = launch == "when-ready"
         self._checks_only = launch == "never"
-        self._return_queue = return_queue
+        self._flies_all = flies_all
         self._takeover = takeover
         self._is_stopping = False
 
@@ -109,7 +108,7 @@ class Director:
         if self._checks_only:
             await self._check_answered()
         else:
-            await Shutdown(self._members, self._flight, self._say, self._return_queue).run()
+            await Shutdown(self._members, self._flight, self._say, flies_all=self._flies_all).run()
 
     async def _check_answered(self) -> None:
         """Check the vehicles that have answered, ready or not."""

@@ -14,7 +14,6 @@ from swarmctl.flight.director import Director
 from swarmctl.flight.member import Member
 from swarmctl.flight.operator_orders import operator_service_for
 from swarmctl.flight.resources import FlightResources, Records
-from swarmctl.flight.return_queue import ReturnQueue
 from swarmctl.flight.run import Run
 from swarmctl.flight.runner import Runner
 from swarmctl.flight.takeover import Takeover
@@ -63,7 +62,7 @@ class Flight:
             permission=self._permit,
             clearance=self.preflight,
             launch=run.options.launch,
-            return_queue=self._return_queue(),
+            flies_all=run.options.operator_service_of is None,
             takeover=self._takeover(),
         )
 
@@ -130,11 +129,6 @@ class Flight:
             self.records.evidence.operator(
                 "permits arming", member.name, firmware=firmware, url=member.spec.url
             )
-
-    def _return_queue(self) -> ReturnQueue | None:
-        """Return the queue for one vehicle of a swarm of several processes; None: this process flies all."""
-        uav = self.run.options.operator_service_of
-        return None if uav is None else ReturnQueue(uav, partial(self.resources.network.states, uav))
 
     def _takeover(self) -> Takeover | None:
         run = self.run

@@ -24,7 +24,7 @@ from swarmctl.agent.traffic.wait import RULES, SETTLES_S, WaitFor
 from swarmctl.config.flight import FlightSection
 from swarmctl.core import events as ev
 from swarmctl.core.frames import MAX_MAGNITUDE, StateShared
-from swarmctl.core.messages import VehicleAnswer, VehiclePosition
+from swarmctl.core.messages import VehicleAnswer
 from swarmctl.flight.shutdown import Shutdown
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.report import record
@@ -360,20 +360,10 @@ class WaitingMember:
         return self.story.state
 
 
-class BlockedReturns:
-    """Vehicles of other processes that block each return and landing."""
-
-    def may_return(self, place: VehiclePosition, now_s: float) -> bool:
-        return False
-
-    def may_land(self, place: VehiclePosition, now_s: float) -> bool:
-        return False
-
-
 def test_a_shutdown_keeps_the_return_time_of_a_waiting_vehicle() -> None:
     story = waiting()
     member: Any = WaitingMember(story)
-    shutdown = Shutdown([member], FlightSection(), lambda _text: None, BlockedReturns())
+    shutdown = Shutdown([member], FlightSection(), lambda _text: None, flies_all=False)
 
     async def scene() -> list[ev.FlightOrder]:
         leaving = asyncio.create_task(shutdown.run())
@@ -384,6 +374,41 @@ def test_a_shutdown_keeps_the_return_time_of_a_waiting_vehicle() -> None:
         return given
 
     assert run_virtual(scene()) == [RETURN]
+
+
+def in_turn(order: ev.FlightOrder, **other: Any) -> ReturnStory:
+    """Return the story of vehicle 2 that holds and gets an order in turn, with another vehicle near."""
+    story = ReturnStory()
+    story(ev.OperatorCommand(HOLD))
+    story(ev.OrderDone(HOLD))
+    story.goes_home(3, **other)
+    assert orders(story(ev.OperatorCommand(order, in_turn=True))) == []
+    return story
+
+
+def test_a_return_in_turn_waits_for_a_clear_path() -> None:
+    story = in_turn(RETURN)
+    for col in (5, 4, 3, 2, 1):
+        story.goes_home(3, col=col)
+        assert orders(story.holds(60)) == []
+    story.goes_home(3, col=0, phase="done", returns_to=None)
+    assert orders(story.holds(60)) == [RETURN]
+
+
+def test_a_repeated_return_does_not_wait_its_turn() -> None:
+    story = in_turn(RETURN)
+    assert orders(story.holds(60)) == []
+    assert orders(story(ev.OperatorCommand(RETURN))) == [RETURN]
+
+
+def test_a_landing_in_turn_waits_for_a_vehicle_below() -> None:
+    below = {"col": 4, "phase": "holding", "returns_to": None, "alt_amsl_m": AMSL_M - 10.0}
+    story = in_turn(LAND, **below)
+    for _ in range(3):
+        story.goes_home(3, **below)
+        assert orders(story.holds(60)) == []
+    story.goes_home(3, **{**below, "phase": "done", "alt_rel_m": 0.0, "alt_amsl_m": AMSL_M - 30.0})
+    assert orders(story.holds(60)) == [LAND]
 
 
 @pytest.mark.virtual
