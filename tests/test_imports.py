@@ -119,7 +119,7 @@ PURE = {
     "swarmctl.dashboard.access", "swarmctl.dashboard.playback",
     "swarmctl.dashboard.events", "swarmctl.dashboard.facts", "swarmctl.dashboard.history",
     "swarmctl.dashboard.looks", "swarmctl.dashboard.model", "swarmctl.dashboard.picture",
-    "swarmctl.dashboard.setup_edits", "swarmctl.dashboard.sources.mission",
+    "swarmctl.dashboard.setup_edits", "swarmctl.dashboard.sources.mission", "swarmctl.dashboard.what_if",
     "swarmctl.dashboard.sources.record_facts",
     "swarmctl.study.batches", "swarmctl.study.experiment_checks", "swarmctl.study.levels",
     "swarmctl.study.statistics", "swarmctl.study.routes", "swarmctl.study.w_search",

@@ -363,19 +363,26 @@ class Timeline:
     def exposure(self, name: str, time_s: float | None = None) -> NDArray[np.float64]:
         """Return P_s of each cell (Eq. 2-4) by a vehicle's belief, or by that of EVERYBODY; read-only."""
         time_s = self.now_s if time_s is None else time_s
-        history = self.vehicle(name).beliefs if name else self.common
-        version, strength = history.version(time_s), self.strength(name, time_s)
+        version, strength = self._beliefs(name).version(time_s), self.strength(name, time_s)
         key = (version, strength)
         cached = self._exposures.get(name)
         if cached is None or cached[0] != key:
-            belief = history.belief(version).belief
-            occupancy = belief.occupancy()
-            if name and self._autonomy > 0.0:
-                occupancy = weighed_occupancy(belief, history.own_belief(version), self._autonomy)
-            p_s = exposure(occupancy, strength)
+            p_s = exposure(self.occupancy(name, time_s), strength)
             p_s.flags.writeable = False
             cached = self._exposures[name] = key, p_s
         return cached[1]
+
+    def occupancy(self, name: str, time_s: float) -> NDArray[np.float64]:
+        """Return the probability of each cell to be occupied, by which a vehicle or EVERYBODY plans."""
+        history = self._beliefs(name)
+        version = history.version(time_s)
+        belief = history.belief(version).belief
+        if name and self._autonomy > 0.0:
+            return weighed_occupancy(belief, history.own_belief(version), self._autonomy)
+        return belief.occupancy()
+
+    def _beliefs(self, name: str) -> BeliefHistory:
+        return self.vehicle(name).beliefs if name else self.common
 
     def compared(self, number: int) -> RouteChange:
         """Return a change of a route with the rest of the old route by the belief at the decision.

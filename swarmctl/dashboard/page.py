@@ -27,7 +27,7 @@ body { overflow: hidden }
 .runs { width: 100%; flex: 1 1 0; min-height: 0; display: grid }
 .runs { grid-auto-columns: minmax(0, 1fr); grid-auto-flow: column }
 .run { display: flex; min-width: 0; min-height: 0 } .run-map { flex: 1 1 0; min-width: 0; min-height: 0 }
-.run-side { flex: 0 0 340px; min-height: 0; flex-wrap: nowrap }
+.run-side { flex: 0 0 360px; width: 360px; min-width: 0; min-height: 0; flex-wrap: nowrap }
 .is-double .run { flex-direction: column; border-left: 1px solid rgba(128, 128, 128, .4) }
 .run-head { flex: none } .source { flex: 1 1 8em; min-width: 0 }
 .is-double .run-side { flex: 0 0 34%; width: 100% }

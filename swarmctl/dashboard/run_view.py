@@ -14,6 +14,7 @@ from swarmctl.dashboard.changes import changes
 from swarmctl.dashboard.model import EVERYBODY, Timeline
 from swarmctl.dashboard.picture import Event, Picture, RouteChange, VehiclePicture
 from swarmctl.dashboard.risk_map import RiskMap
+from swarmctl.dashboard.what_if_panel import Ghosts, WhatIfPanel
 
 T = TypeVar("T")
 
@@ -68,7 +69,8 @@ class RunView:
                 self._map = RiskMap().classes("w-full h-full")
             with ui.column().classes("run-side gap-0"):
                 with ui.tabs().props("dense no-caps").classes("w-full") as tabs:
-                    vehicles, routes, told = (ui.tab(n) for n in ("Vehicles", "Route changes", "Events"))
+                    names = ("Vehicles", "Route changes", "Events", "What if")
+                    vehicles, routes, told, what_if = (ui.tab(name) for name in names)
                 with ui.tab_panels(tabs, value=vehicles).classes("w-full grow min-h-0 overflow-auto"):
                     with ui.tab_panel(vehicles).classes("cards p-2 gap-2"):
                         coloured = zip(timeline.area.names, timeline.area.colours, strict=True)
@@ -77,6 +79,8 @@ class RunView:
                         self._routes = _List(self._route_row)
                     with ui.tab_panel(told).classes("p-2"):
                         self._events = _List(self._event_row)
+                    with ui.tab_panel(what_if).classes("p-2"):
+                        self._what_if = WhatIfPanel(timeline, self._draw_ghosts)
         self._map.on("ready", self._begin)
         self._map.on("choose", lambda e: self._choose(e.args["vehicle"]))
 
@@ -118,6 +122,7 @@ class RunView:
             return
         for vehicle in picture.vehicles:
             self._cards[vehicle.name].show(vehicle)
+        self._what_if.at(picture.time_s)
         self._events.show(picture.events)
         self._routes.show(picture.changes)
         source = picture.source
@@ -133,13 +138,18 @@ class RunView:
     def _choose_belief(self, event: events.ValueChangeEventArguments[Any]) -> None:
         self._whose = event.value
         self._map.set_options(whose=event.value)
+        self._what_if.choose(event.value)
+
+    def _draw_ghosts(self, ghosts: Ghosts) -> None:
+        if self._is_ready:
+            self._map.run_method("set_ghosts", ghosts)
 
     def _show_change(self, change: RouteChange) -> None:
         self._seek(change.time_s)
         compared = self.timeline.compared(change.number)
         old = compared.old_now or compared.old
         ghosts = [] if old is None else [{"points": old.points, "colour": "#888888"}]
-        self._map.run_method("set_ghosts", ghosts)
+        self._draw_ghosts(ghosts)
         if compared.old_now is not None:
             told = f"new route {_costs(change.new)}; rest of the old route {_costs(compared.old_now)}"
             ui.notify(f"{change.vehicle} at {change.time_s:.0f} s: {told}", position="bottom", timeout=8000)

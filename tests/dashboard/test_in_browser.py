@@ -64,3 +64,20 @@ def test_a_replay_is_scrubbed_to_its_end(run: Path, address: str) -> None:
     assert {urlsplit(url).hostname for url in asked if not url.startswith(("data:", "blob:"))} == {
         "127.0.0.1"
     }
+
+
+def test_a_slider_shows_the_route_that_would_be_flown_and_a_front_its_routes(address: str) -> None:
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        page = browser.new_page(viewport={"width": 1280, "height": 800})
+        page.goto(address)
+        page.locator(".card-vehicle", has_text="uav1").click()
+        page.get_by_role("tab", name="What if").click()
+        page.get_by_text("Weights of uav1").wait_for()
+        page.get_by_role("slider", name="w: 0").locator("[tabindex]").focus()
+        page.keyboard.press("ArrowRight")
+        page.get_by_text(re.compile(r"uav1: \d+ m, ΣP_s [\d.]+")).wait_for()
+        page.get_by_role("button", name="Pareto front").press("Enter")
+        page.get_by_text("Click a point").wait_for()
+        assert page.get_by_role("tabpanel").locator("canvas").is_visible()
+        browser.close()

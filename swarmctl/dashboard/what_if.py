@@ -1,0 +1,112 @@
+"""Routes that a vehicle would fly with other weights, from the cell below it and by its belief. Pure.
+
+A `Question` is taken from a timeline; `route_with` and `front_of` answer it, in another thread if need be.
+The answers leave out time bounds, benevolence and the way of the vehicle to the centre of its cell.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmctl.agent.replan.route_to_mission import flown_route
+from swarmctl.agent.state import Task
+from swarmctl.core.exposure import exposure
+from swarmctl.core.grid import Cell
+from swarmctl.core.threat import FiringStrength
+from swarmctl.dashboard import looks
+from swarmctl.dashboard.facts import Motion
+from swarmctl.dashboard.model import Timeline
+from swarmctl.dashboard.picture import AreaPicture, Route
+from swarmctl.planners import Problem, Unreachable, base
+from swarmctl.planners.front import Front, pareto_front
+
+MAX_LABELS = 200_000
+"""limit on the labels of a front, about a second; a front that reaches it may lack unsupported routes"""
+
+
+class NoAnswer(ValueError):
+    """The reason why there is no route to show, as text."""
+
+
+@dataclass(frozen=True, slots=True)
+class Weights:
+    """The weights of the paper's sliders."""
+
+    w: float
+    strength: FiringStrength
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """A vehicle at one time: its task, what it believes, and where it is."""
+
+    task: Task
+    area: AreaPicture
+    occupancy: NDArray[np.float64]
+    """(rows, cols) probability that a cell is occupied, by the vehicle's belief"""
+    cell: Cell
+    planned: Route | None
+    """the plan that is flown; None before the first"""
+
+    def problem(self, weights: Weights) -> Problem:
+        task, p_s = self.task, exposure(self.occupancy, weights.strength)
+        return Problem(p_s, self.cell, task.goals, weights.w, task.psi_per_cell, task.max_exposure)
+
+    def rest_of_plan(self, strength: FiringStrength) -> Route | None:
+        """Return the rest of the plan, with ΣP_s by these strengths; None beside the plan."""
+        if self.planned is None:
+            return None
+        return looks.rest_of(self.planned, self.cell, exposure(self.occupancy, strength), self.area)
+
+
+def question_of(timeline: Timeline, name: str, time_s: float) -> Question:
+    """Return the question of a vehicle at a time. Raises NoAnswer, and KeyError for an unknown name."""
+    facts = timeline.vehicle(name)
+    task = next((task for task in timeline.scenario.tasks if task.uav == facts.uav), None)
+    motion = facts.motion.at(time_s)
+    here = None if motion is None else Motion(*motion).lat_lon
+    if task is None:
+        raise NoAnswer(f"{name}: its task is not in this configuration")
+    # On the ground a vehicle stands beside the area; its route begins in its entry cell.
+    cell = None if here is None else timeline.scenario.grid.cell_at(*here)
+    if cell is None and facts.track.until(time_s) and here is not None:
+        raise NoAnswer(f"{name}: outside the area")
+    occupancy = timeline.occupancy(name, time_s)
+    return Question(task, timeline.area, occupancy, cell or task.entry, facts.route.at(time_s))
+
+
+def weights_of(timeline: Timeline, name: str, time_s: float) -> Weights:
+    """Return the weights by which a vehicle plans; for EVERYBODY those of the configuration."""
+    words = timeline.vehicle(name).words.at(time_s) if name else None
+    w = timeline.scenario.config.planner.w if words is None or words.w is None else words.w
+    return Weights(w, timeline.strength(name, time_s))
+
+
+def route_with(question: Question, weights: Weights) -> Route:
+    """Return the route that the vehicle's planner finds with these weights. Raises NoAnswer."""
+    problem = question.problem(weights)
+    try:
+        route = question.task.method.plan(problem)
+        return _as_route(question, problem, route)
+    except Unreachable as error:
+        raise NoAnswer(str(error)) from error
+
+
+def front_of(question: Question, weights: Weights) -> tuple[Front, tuple[Route, ...]]:
+    """Return the Pareto front of length and ΣP_s, and its routes as they are flown. Raises NoAnswer."""
+    problem = question.problem(weights)
+    try:
+        front = pareto_front(problem, max_labels=MAX_LABELS)
+        return front, tuple(_as_route(question, problem, route) for route in front.routes)
+    except Unreachable as error:
+        raise NoAnswer(str(error)) from error
+
+
+def _as_route(question: Question, problem: Problem, route: base.Route) -> Route:
+    flown, size_m = flown_route(question.task, problem, route), question.task.grid.cell_size_m
+    points = tuple(((col + 0.5) * size_m, (row + 0.5) * size_m) for row, col in flown.corners)
+    length_m = flown.length_cells * size_m
+    return Route(0, route.cells, points, length_m, flown.exposure_sum, flown.safety_factor)

@@ -1,0 +1,215 @@
+"""The sliders of w and the firing strengths, with the routes that would be flown, and a Pareto front."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+from nicegui import events, run, ui
+
+from swarmctl.core.threat import FiringStrength
+from swarmctl.dashboard.model import EVERYBODY, Timeline
+from swarmctl.dashboard.picture import Route
+from swarmctl.dashboard.what_if import (
+    NoAnswer,
+    Question,
+    Weights,
+    front_of,
+    question_of,
+    route_with,
+    weights_of,
+)
+
+SLIDERS = (
+    ("w", "w: 0 shortest, 1 least exposed"),
+    ("direct", "firing strength, own cell"),
+    ("first", "firing strength, first neighbours"),
+    ("second", "firing strength, second neighbours"),
+)
+GREY = "#888888"
+"""legible on light and on dark"""
+NO_FRONT = "Choose one vehicle for its Pareto front."
+Ghosts = list[dict[str, Any]]
+
+
+class WhatIfPanel:
+    """What the chosen vehicle, or each of all, would fly with other weights at the time shown.
+
+    `draw` shows ghosts on the map: routes with their colours.
+    """
+
+    def __init__(self, timeline: Timeline, draw: Callable[[Ghosts], None]) -> None:
+        self._timeline = timeline
+        self._draw = draw
+        self._colours = dict(zip(timeline.area.names, timeline.area.colours, strict=True))
+        self._whose, self._time_s = EVERYBODY, 0.0
+        self._is_busy = self._is_outdated = False
+        self._front: tuple[Route, ...] = ()
+        self._w_of: list[float | None] = []
+        self._values: dict[str, float] = {}
+        self._labels: dict[str, ui.label] = {}
+        self._sliders: dict[str, ui.slider] = {}
+        self._title = ui.label().classes("font-semibold text-sm")
+        for name, text in SLIDERS:
+            with ui.row().classes("w-full items-center no-wrap gap-2"):
+                ui.label(text).classes("text-xs grow")
+                self._labels[name] = ui.label().classes("tabular-nums text-xs")
+            slider = ui.slider(min=0.0, max=1.0, step=0.01).props(f'dense aria-label="{text}"')
+            slider.on("update:model-value", partial(self._moved, name), throttle=0.1)
+            self._sliders[name] = slider
+        with ui.row().classes("w-full gap-2"):
+            ui.button("Weights flown", on_click=self.reset).props("dense flat no-caps")
+            ui.button("Pareto front", on_click=self._show_front).props("dense flat no-caps")
+        self._text = ui.label().classes("text-xs whitespace-pre-line").props("aria-live=polite")
+        self._chart = ui.echart({}).classes("w-full").style("height: 240px")
+        self._chart.on_point_click(self._choose_point)
+        self._chart.set_visibility(False)
+        self.reset()
+
+    def choose(self, whose: str) -> None:
+        """Turn to another vehicle, or to EVERYBODY."""
+        self._whose = whose
+        self.reset()
+
+    def at(self, time_s: float) -> None:
+        """Note the time shown; a route that is drawn stays until the next question."""
+        self._time_s = time_s
+
+    def reset(self) -> None:
+        """Set the sliders to the weights flown, and take the ghosts off the map."""
+        flown = weights_of(self._timeline, self._whose, self._time_s)
+        fs = flown.strength
+        values = flown.w, fs.direct, fs.first_neighbour, fs.second_neighbour
+        for (name, _), value in zip(SLIDERS, values, strict=True):
+            self._set(name, value)
+        self._title.set_text(f"Weights of {self._whose or 'all vehicles'}")
+        self._text.set_text("Move a slider to see the routes that would be flown.")
+        self._chart.set_visibility(False)
+        self._draw([])
+
+    def _set(self, name: str, value: float) -> None:
+        self._values[name] = value
+        self._sliders[name].set_value(value)
+        self._labels[name].set_text(f"{value:.2f}")
+
+    @property
+    def _weights(self) -> Weights:
+        value = self._values
+        return Weights(value["w"], FiringStrength(value["direct"], value["first"], value["second"]))
+
+    async def _moved(self, name: str, event: events.GenericEventArguments) -> None:
+        """Search with the sliders' values; values that arrive during a search are searched afterwards."""
+        self._values[name] = float(event.args)
+        self._labels[name].set_text(f"{self._values[name]:.2f}")
+        self._is_outdated = True
+        if self._is_busy:
+            return
+        self._is_busy = True
+        try:
+            while self._is_outdated:
+                self._is_outdated = False
+                await self._answer()
+        finally:
+            self._is_busy = False
+
+    async def _answer(self) -> None:
+        try:
+            weights = self._weights
+        except ValueError as error:
+            self._text.set_text(f"{error}")
+            self._draw([])
+            return
+        names = [self._whose] if self._whose else list(self._timeline.area.names)
+        questions, lines = self._questions(names)
+        found = await run.io_bound(_answers, questions, weights)
+        if found is None:
+            return  # the server stops
+        ghosts: Ghosts = []
+        for name, (planned, answer) in found.items():
+            if isinstance(answer, str):
+                lines.append(f"{name}: {answer}")
+                continue
+            ghosts.append({"points": answer.points, "colour": self._colours[name]})
+            rest = "" if planned is None else f"; its plan {_measures(planned)}"
+            lines.append(f"{name}: {_measures(answer)}{rest}")
+        self._draw(ghosts)
+        self._text.set_text("\n".join([f"At {self._time_s:.0f} s, by these weights:", *lines]))
+
+    def _questions(self, names: Sequence[str]) -> tuple[dict[str, Question], list[str]]:
+        questions, lines = {}, []
+        for name in names:
+            try:
+                questions[name] = question_of(self._timeline, name, self._time_s)
+            except NoAnswer as error:
+                lines.append(str(error))
+        return questions, lines
+
+    # --- the Pareto front
+
+    async def _show_front(self) -> None:
+        if not self._whose:
+            self._text.set_text(NO_FRONT)
+            return
+        try:
+            question, weights = question_of(self._timeline, self._whose, self._time_s), self._weights
+            found = await run.io_bound(front_of, question, weights)
+        except ValueError as error:
+            self._text.set_text(str(error))
+            return
+        if found is None:
+            return
+        front, self._front = found
+        self._w_of = [None if ends is None else 0.5 * (ends[0] + ends[1]) for ends in front.w_ranges]
+        note = "" if front.complete else " The front may lack routes that no w finds."
+        self._text.set_text(
+            f"{len(self._front)} routes of {self._whose} at {self._time_s:.0f} s. Click a point.{note}"
+        )
+        points = [[round(route.length_m or 0.0, 1), route.exposure_sum] for route in self._front]
+        self._chart.options.clear()
+        self._chart.options.update(_front_options(points, self._colours[self._whose]))
+        self._chart.update()
+        self._chart.set_visibility(True)
+
+    async def _choose_point(self, event: events.EChartPointClickEventArguments) -> None:
+        route, w = self._front[event.data_index], self._w_of[event.data_index]
+        self._draw([{"points": route.points, "colour": self._colours[self._whose]}])
+        found_by = "only a search with a bound finds this route" if w is None else f"found with w = {w:.2f}"
+        if w is not None:
+            self._set("w", round(w, 2))
+        self._text.set_text(f"{self._whose}: {_measures(route)}; {found_by}")
+
+
+def _answers(questions: dict[str, Question], weights: Weights) -> dict[str, tuple[Route | None, Route | str]]:
+    """Return the rest of the plan and the route for each question, or the reason why there is none."""
+    found: dict[str, tuple[Route | None, Route | str]] = {}
+    for name, question in questions.items():
+        try:
+            found[name] = question.rest_of_plan(weights.strength), route_with(question, weights)
+        except NoAnswer as error:
+            found[name] = None, str(error)
+    return found
+
+
+def _measures(route: Route) -> str:
+    return f"{route.length_m:.0f} m, ΣP_s {route.exposure_sum:.2f}, ∏(1 − P_s) {route.safety_factor:.2f}"
+
+
+def _front_options(points: Sequence[Sequence[float | None]], colour: str) -> dict[str, Any]:
+    axis: dict[str, Any] = {
+        "type": "value",
+        "scale": True,
+        "nameLocation": "middle",
+        "nameTextStyle": {"color": GREY},
+        "axisLabel": {"color": GREY},
+        "splitLine": {"lineStyle": {"color": GREY, "opacity": 0.3}},
+    }
+    line = {"type": "line", "step": "end", "data": points, "symbolSize": 9, "lineStyle": {"width": 1}}
+    return {
+        "animation": False,
+        "grid": {"left": 56, "right": 16, "top": 16, "bottom": 44},
+        "tooltip": {"trigger": "item", "formatter": "{c}"},
+        "xAxis": {**axis, "name": "length [m]", "nameGap": 28},
+        "yAxis": {**axis, "name": "ΣP_s", "nameGap": 40},
+        "series": [{**line, "color": colour}],
+    }
