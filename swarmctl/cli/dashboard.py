@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import asyncio
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from swarmctl.cli.console import FAILED, USAGE, fail, say
+from swarmctl.cli.console import FAILED, OK, USAGE, fail, say
 from swarmctl.config.problems import ConfigError
 from swarmctl.report import record_file
+
+PARENT_CHECK_S = 1.0
 
 
 def register(cli: typer.Typer) -> None:
@@ -37,6 +40,7 @@ def dashboard(
         ),
     ] = None,
     port: Annotated[int, typer.Option(help="The port on this machine; 0: a free one.", min=0, max=65535)] = 0,
+    parent_pid: Annotated[int, typer.Option(hidden=True, help="End with this process.")] = 0,
 ) -> None:
     """Show a recorded run, or a flight in progress, in a browser on this machine.
 
@@ -56,7 +60,13 @@ def dashboard(
     def announce(address: str) -> None:
         say(f"open this address once: {address}")
 
+    async def until_parent_ends() -> None:
+        while os.getppid() == parent_pid:  # noqa: ASYNC110 - the end of a parent raises no event
+            await asyncio.sleep(PARENT_CHECK_S)
+        os._exit(OK)
+
     async def shown() -> None:
+        watching = asyncio.create_task(until_parent_ends()) if parent_pid else None  # noqa: F841
         if run is None:
             await serve_page(_setup_page(setup or Path()), port, announce)
             return

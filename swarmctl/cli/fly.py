@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
@@ -40,6 +41,7 @@ from swarmctl.cli.flights import (
     uninterrupted,
     with_forwarding,
 )
+from swarmctl.cli.live_dashboard import live_dashboard
 from swarmctl.cli.resume import ResumeOption, load_or_exit, require_host, run_or_exit
 from swarmctl.config.scenario import Scenario
 from swarmctl.flight import app
@@ -77,6 +79,9 @@ def fly(
     resume: ResumeOption = None,
     out_folder: OutOption = Path("runs"),
     verbose: VerboseOption = False,
+    dashboard: Annotated[
+        bool, typer.Option("--dashboard", help="Show the flight in a browser on this machine.")
+    ] = False,
 ) -> None:
     """Fly the swarm, simulated or real, from the ground to the last landing."""
     if resume is None or config is not None or example is not None:
@@ -93,6 +98,8 @@ def fly(
     scenario = with_forwarding(scenario, forward or [])
     if config is not None and clock is Clock.VIRTUAL:
         require_simulated_clock(config, scenario)
+    if dashboard and clock is Clock.VIRTUAL:
+        fail(["--dashboard shows flights in real time; open the run with `swarmctl dashboard RUN`"], USAGE)
     may_arm = arming_permission(scenario, real=real, confirm=confirm)
     if config is None:
         require_host(scenario, out_folder)
@@ -109,7 +116,10 @@ def fly(
     out.print(f"{subject}: {describe(scenario)}; connecting", highlight=False, soft_wrap=True)
     display = terminal(verbose=verbose)
     tune_collector()
-    with uninterrupted() as run_flight:
+    with (
+        live_dashboard(folder) if dashboard else contextlib.nullcontext(),
+        uninterrupted() as run_flight,
+    ):
         with display.shown():
             flight = app.fly(
                 scenario,

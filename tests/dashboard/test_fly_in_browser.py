@@ -1,0 +1,71 @@
+"""`swarmctl fly --dashboard`: a whole flight watched in a real browser, and the end of both processes."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from swarmctl_process import SWARMCTL, read_until
+
+playwright = pytest.importorskip("playwright.sync_api", reason="the browser tests need playwright")
+CHROMIUM = shutil.which("chromium")
+pytestmark = [
+    pytest.mark.interop,
+    pytest.mark.skipif(CHROMIUM is None, reason="no chromium is installed"),
+]
+SWARM = """
+name: watched
+seed: 3
+area: {origin_lat_deg: 46.0, origin_lon_deg: 14.4, rows: 6, cols: 6, cell_size_m: 50}
+threats: {count: 3, hostiles: random}
+simulate: {count: 2, speedup: 20, ready_s: 3, start_side: west, start_distance_m: 60, goal_side: east}
+flight: {altitude_m: 15, altitude_step_m: 5}
+"""
+
+
+@pytest.fixture
+def flight(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
+    (tmp_path / "swarm.yaml").write_text(SWARM)
+    # Without a desktop the program opens no browser itself.
+    environment = dict(os.environ, DISPLAY="", WAYLAND_DISPLAY="")
+    command = [*SWARMCTL, "fly", "--config", "swarm.yaml", "--dashboard"]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=tmp_path, env=environment
+    ) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def test_a_flight_is_watched_to_its_end(flight: subprocess.Popen[str]) -> None:
+    (address,) = re.findall(r"http://\S+", read_until(flight, "token=")[-1])
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        page = browser.new_page(viewport={"width": 1280, "height": 800})
+        page.goto(address)
+        for name in ("uav1", "uav2"):
+            page.locator(".card-vehicle", has_text=name).filter(has_text="done").wait_for(timeout=120_000)
+        read_until(flight, "the flight is over")
+        flight.send_signal(signal.SIGINT)
+        assert flight.wait(timeout=20.0) == 0
+        page.get_by_text("Connection lost").wait_for()
+        browser.close()
+
+
+def test_the_dashboard_ends_with_a_killed_flight(flight: subprocess.Popen[str]) -> None:
+    (address,) = re.findall(r"http://\S+", read_until(flight, "token=")[-1])
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        page = browser.new_page()
+        page.goto(address)
+        page.locator(".card-vehicle").first.wait_for()
+        flight.kill()
+        page.get_by_text("Connection lost").wait_for()
+        browser.close()
