@@ -71,7 +71,7 @@ def _report(process: subprocess.Popen[str]) -> None:
 def _keep(process: subprocess.Popen[str]) -> None:
     """Serve the finished flight until Ctrl-C."""
     if process.poll() is None:
-        with contextlib.suppress(KeyboardInterrupt):
+        with contextlib.suppress(KeyboardInterrupt, SystemExit):  # the latter by `entry`
             say("dashboard: the flight is over; Ctrl-C ends the dashboard")
             process.wait()
 
