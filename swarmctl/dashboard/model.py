@@ -84,6 +84,8 @@ class Timeline:
         """each observation, and the time of the first word of it"""
         self.events: Items[Event] = Items()
         self.changes: Items[RouteChange] = Items()
+        self.acknowledged: set[int] = set()
+        """numbers of the alarms that a person has acknowledged"""
         self.strikes: Items[Strike] = Items()
         self._conflicts = Conflicts(scenario)
         self._exposures: dict[str, tuple[object, NDArray[np.float64]]] = {}

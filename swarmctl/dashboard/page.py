@@ -23,6 +23,7 @@ body { overflow: hidden }
 .risk-map canvas:focus-visible { box-shadow: inset 0 0 0 2px #0072b2 }
 .card-vehicle { border-left: 6px solid var(--colour); border-radius: 6px; padding: 8px 10px; width: 100% }
 .card-vehicle .facts { font-variant-numeric: tabular-nums; font-size: 12px; line-height: 1.5; opacity: .85 }
+.alarms { background: rgba(200, 0, 0, .1); border-left: 6px solid #c00; flex: none }
 .is-silent { opacity: .55 }
 .runs { width: 100%; flex: 1 1 0; min-height: 0; display: grid }
 .runs { grid-auto-columns: minmax(0, 1fr); grid-auto-flow: column }

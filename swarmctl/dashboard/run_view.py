@@ -10,9 +10,10 @@ import numpy as np
 from nicegui import events, ui
 from numpy.typing import NDArray
 
+from swarmctl.dashboard.alarm_list import AlarmList
 from swarmctl.dashboard.changes import changes
 from swarmctl.dashboard.model import EVERYBODY, Timeline
-from swarmctl.dashboard.picture import Event, Picture, RouteChange, VehiclePicture
+from swarmctl.dashboard.picture import Event, Picture, RouteChange, Severity, VehiclePicture
 from swarmctl.dashboard.risk_map import RiskMap
 from swarmctl.dashboard.what_if_panel import Ghosts, WhatIfPanel
 
@@ -22,6 +23,7 @@ ENDED_BY_S = 0.1
 """time after the end of a run from which on its end is told [s]"""
 SHOWN_EVENTS = 200
 """most events in the list"""
+SEVERITIES: tuple[Severity, ...] = ("info", "warning", "alarm")
 COLOURS = {"info": "grey", "warning": "orange", "alarm": "red"}
 
 
@@ -44,6 +46,7 @@ class RunView:
         self._exposed: tuple[str, int] | None = None
         self._largest_sent: float | None = None
         self._is_ready = False
+        self._severities: tuple[Severity, ...] = SEVERITIES
 
     def add_belief(self) -> None:
         """Add the choice of the belief."""
@@ -68,6 +71,7 @@ class RunView:
             with ui.element("div").classes("run-map"):
                 self._map = RiskMap().classes("w-full h-full")
             with ui.column().classes("run-side gap-0"):
+                self._alarms = AlarmList(timeline) if timeline.is_live else None
                 with ui.tabs().props("dense no-caps").classes("w-full") as tabs:
                     names = ("Vehicles", "Route changes", "Events", "What if")
                     vehicles, routes, told, what_if = (ui.tab(name) for name in names)
@@ -78,6 +82,7 @@ class RunView:
                     with ui.tab_panel(routes).classes("p-2"):
                         self._routes = _List(self._route_row)
                     with ui.tab_panel(told).classes("p-2"):
+                        self._add_severities()
                         self._events = _List(self._event_row)
                     with ui.tab_panel(what_if).classes("p-2"):
                         self._what_if = WhatIfPanel(timeline, self._draw_ghosts)
@@ -123,7 +128,9 @@ class RunView:
         for vehicle in picture.vehicles:
             self._cards[vehicle.name].show(vehicle)
         self._what_if.at(picture.time_s)
-        self._events.show(picture.events)
+        if self._alarms is not None:
+            self._alarms.show(picture)
+        self._events.show([event for event in picture.events if event.severity in self._severities])
         self._routes.show(picture.changes)
         source = picture.source
         age = f"; newest data {source.age_s:.0f} s old" if source.age_s > 2.0 else ""
@@ -143,6 +150,16 @@ class RunView:
     def _draw_ghosts(self, ghosts: Ghosts) -> None:
         if self._is_ready:
             self._map.run_method("set_ghosts", ghosts)
+
+    def _add_severities(self) -> None:
+        """Add the choice of the severities in the list of events."""
+        choices = {SEVERITIES: "all", SEVERITIES[1:]: "warnings and alarms", SEVERITIES[2:]: "alarms"}
+        ui.select(choices, value=SEVERITIES, label="Events", on_change=self._choose_severities).props(
+            "dense outlined options-dense"
+        ).classes("w-full")
+
+    def _choose_severities(self, event: events.ValueChangeEventArguments[Any]) -> None:
+        self._severities = event.value
 
     def _show_change(self, change: RouteChange) -> None:
         self._seek(change.time_s)
@@ -187,7 +204,9 @@ class _Card:
                 self._state = ui.label().classes("text-sm")
             self._facts = ui.label().classes("facts whitespace-pre-line")
             self._note = ui.label().classes("text-xs text-orange-8")
-        self._card.on("click", lambda: choose(name))
+        self._card.props(f'tabindex=0 role=button aria-label="Belief of {escape(name)}"')
+        for event in ("click", "keydown.enter"):
+            self._card.on(event, lambda: choose(name))
 
     def show(self, vehicle: VehiclePicture) -> None:
         state = f"{vehicle.phase} · {vehicle.mode}".strip(" ·")
@@ -207,12 +226,14 @@ class _List(Generic[T]):
     """A list that shows the newest item first, and is drawn again when it has changed."""
 
     def __init__(self, draw: Callable[[T], None]) -> None:
-        self._draw, self._n, self._column = draw, -1, ui.column().classes("w-full gap-1")
+        self._draw, self._column = draw, ui.column().classes("w-full gap-1")
+        self._ends: tuple[object, ...] | None = None
 
     def show(self, items: Sequence[T]) -> None:
-        if len(items) == self._n:
+        ends = (len(items), *((items[0], items[-1]) if items else ()))
+        if ends == self._ends:
             return
-        self._n = len(items)
+        self._ends = ends
         self._column.clear()
         with self._column:
             for item in list(items)[-SHOWN_EVENTS:][::-1]:

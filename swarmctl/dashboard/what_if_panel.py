@@ -62,6 +62,7 @@ class WhatIfPanel:
             ui.button("Weights flown", on_click=self.reset).props("dense flat no-caps")
             ui.button("Pareto front", on_click=self._show_front).props("dense flat no-caps")
         self._text = ui.label().classes("text-xs whitespace-pre-line").props("aria-live=polite")
+        self._front_text = ui.label().classes("text-xs").props("aria-live=polite")
         self._chart = ui.echart({}).classes("w-full").style("height: 240px")
         self._chart.on_point_click(self._choose_point)
         self._chart.set_visibility(False)
@@ -85,6 +86,7 @@ class WhatIfPanel:
             self._set(name, value)
         self._title.set_text(f"Weights of {self._whose or 'all vehicles'}")
         self._text.set_text("Move a slider to see the routes that would be flown.")
+        self._front_text.set_text("")
         self._chart.set_visibility(False)
         self._draw([])
 
@@ -149,20 +151,20 @@ class WhatIfPanel:
 
     async def _show_front(self) -> None:
         if not self._whose:
-            self._text.set_text(NO_FRONT)
+            self._front_text.set_text(NO_FRONT)
             return
         try:
             question, weights = question_of(self._timeline, self._whose, self._time_s), self._weights
             found = await run.io_bound(front_of, question, weights)
         except ValueError as error:
-            self._text.set_text(str(error))
+            self._front_text.set_text(str(error))
             return
         if found is None:
             return
         front, self._front = found
         self._w_of = [None if ends is None else 0.5 * (ends[0] + ends[1]) for ends in front.w_ranges]
         note = "" if front.complete else " The front may lack routes that no w finds."
-        self._text.set_text(
+        self._front_text.set_text(
             f"{len(self._front)} routes of {self._whose} at {self._time_s:.0f} s. Click a point.{note}"
         )
         points = [[round(route.length_m or 0.0, 1), route.exposure_sum] for route in self._front]
@@ -177,7 +179,7 @@ class WhatIfPanel:
         found_by = "only a search with a bound finds this route" if w is None else f"found with w = {w:.2f}"
         if w is not None:
             self._set("w", round(w, 2))
-        self._text.set_text(f"{self._whose}: {_measures(route)}; {found_by}")
+        self._front_text.set_text(f"{self._whose}: {_measures(route)}; {found_by}")
 
 
 def _answers(questions: dict[str, Question], weights: Weights) -> dict[str, tuple[Route | None, Route | str]]:

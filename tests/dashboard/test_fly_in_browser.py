@@ -23,7 +23,10 @@ SWARM = """
 name: watched
 seed: 3
 area: {origin_lat_deg: 46.0, origin_lon_deg: 14.4, rows: 6, cols: 6, cell_size_m: 50}
-threats: {count: 3, hostiles: random}
+threats:
+  count: 6
+  hostiles: [[0, 3], [1, 3], [2, 3], [3, 3], [4, 3], [5, 3]]
+  firing_strength: {direct: 1.0, first_neighbour: 0.5, second_neighbour: 0.1}
 simulate: {count: 2, speedup: 20, ready_s: 3, start_side: west, start_distance_m: 60, goal_side: east}
 flight: {altitude_m: 15, altitude_step_m: 5}
 """
@@ -53,6 +56,9 @@ def test_a_flight_is_watched_to_its_end(flight: subprocess.Popen[str]) -> None:
         for name in ("uav1", "uav2"):
             page.locator(".card-vehicle", has_text=name).filter(has_text="done").wait_for(timeout=120_000)
         read_until(flight, "the flight is over")
+        alarms = page.get_by_role("alert", name="Alarms")
+        alarms.get_by_role("button", name="Acknowledge all").press("Enter")
+        alarms.wait_for(state="hidden")
         flight.send_signal(signal.SIGINT)
         assert flight.wait(timeout=20.0) == 0
         page.get_by_text("Connection lost").wait_for()
