@@ -57,7 +57,8 @@ def of_change(change: RouteChange, names: Sequence[str]) -> str:
 
 
 def of_strikes(new: int, total: int) -> str:
-    return f"struck, {total} strikes in all" if new == 1 else f"struck {new} times, {total} strikes in all"
+    times = "" if new == 1 else f" {new} times"
+    return f"struck{times}; strikes in all: {total}"
 
 
 def _rank(name: str, names: Sequence[str]) -> tuple[int, str]:
