@@ -46,6 +46,10 @@ ExampleOption = Annotated[
         show_default=False,
     ),
 ]
+ConnectOption = Annotated[
+    str | None,
+    typer.Option(metavar="tcp/HOST:PORT", help="The router, instead of communication.router."),
+]
 OutOption = Annotated[Path, typer.Option("--out", help="Parent folder of the run folders.")]
 VerboseOption = Annotated[bool, typer.Option("--verbose", "-v", help="Show all messages.")]
 

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import asyncio
 import os
+import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from swarmctl.cli.console import FAILED, OK, USAGE, fail, say
+from swarmctl.bus.transports.base import BusError
+from swarmctl.cli.configuration import load_roster_or_exit, load_scenario_or_exit
+from swarmctl.cli.console import FAILED, OK, USAGE, ConnectOption, fail, say
 from swarmctl.config.problems import ConfigError
 from swarmctl.report import record_file
 
@@ -29,6 +33,13 @@ def dashboard(
     other_run: Annotated[
         Path | None, typer.Argument(help="Another run, shown beside the first one.", show_default=False)
     ] = None,
+    config: Annotated[
+        Path | None,
+        typer.Option(
+            "--config", "-c", metavar="FILE", help="Watch a swarm of `swarmctl agent`.", show_default=False
+        ),
+    ] = None,
+    connect: ConnectOption = None,
     live: Annotated[bool, typer.Option("--live", help="Follow a flight in progress.")] = False,
     setup: Annotated[
         Path | None,
@@ -44,14 +55,15 @@ def dashboard(
 ) -> None:
     """Show a recorded run, or a flight in progress, in a browser on this machine.
 
-    Two runs are shown side by side on one time. With --setup, edit a configuration on a map instead.
+    Two runs are shown side by side on one time. With --config, watch a swarm of `swarmctl agent`
+    processes. With --setup, edit a configuration on a map instead.
     """
-    if (run is None) == (setup is None):
-        fail(["give either a run folder or --setup FILE"], USAGE)
+    if sum(given is not None for given in (run, config, setup)) != 1:
+        fail(["give one of a run folder, --config FILE and --setup FILE"], USAGE)
     if other_run is not None and other_run == run:
         fail([f"{run} is given twice; give two different runs"], USAGE)
     try:
-        from swarmctl.dashboard.server import serve, serve_page  # noqa: PLC0415
+        from swarmctl.dashboard.server import Source, serve, serve_page  # noqa: PLC0415
     except ModuleNotFoundError as error:
         fail([f"the dashboard needs {error.name}: pip install 'mavlink-swarmctl[dashboard]'"], USAGE)
     from swarmctl.dashboard.sources.live_file import open_live  # noqa: PLC0415
@@ -67,6 +79,9 @@ def dashboard(
 
     async def shown() -> None:
         watching = asyncio.create_task(until_parent_ends()) if parent_pid else None  # noqa: F841
+        if config is not None:
+            await _watch(config, connect, port, announce)
+            return
         if run is None:
             await serve_page(_setup_page(setup or Path()), port, announce)
             return
@@ -74,17 +89,36 @@ def dashboard(
             await serve_page(_study_page(run), port, announce)
             return
         runs = [run] if other_run is None else [run, other_run]
-        sources = [await open_live(path) if live else RecordSource(path, "recording") for path in runs]
+        opened = [await open_live(path) if live else RecordSource(path, "recording") for path in runs]
+        sources = [Source(source.timeline, source.run) for source in opened]
         await serve(dict(zip(map(str, runs), sources, strict=True)), port, announce)
 
     try:
         asyncio.run(shown())
+    except BusError as error:
+        fail([str(error)], FAILED)
     except record_file.RecordError as error:
         fail([str(error)], USAGE)
     except ConfigError as error:
         fail(error.lines, USAGE)
     except OSError as error:
         fail([f"port {port}: {error.strerror}; choose another --port"], FAILED)
+
+
+async def _watch(config: Path, connect: str | None, port: int, announce: Callable[[str], None]) -> None:
+    """Serve the page of a swarm of agents. Raises BusError."""
+    from swarmctl.bus.transports.zenoh import ZenohBus  # noqa: PLC0415
+    from swarmctl.cli.ground_station import ground_station_or_exit  # noqa: PLC0415
+    from swarmctl.dashboard.server import Source, serve  # noqa: PLC0415
+    from swarmctl.dashboard.sources.bus import BusSource  # noqa: PLC0415
+
+    scenario, swarm = load_scenario_or_exit(config), load_roster_or_exit(config)
+    station = ground_station_or_exit(config, swarm, connect)
+    with ZenohBus(station.network) as bus:
+        now_s = asyncio.get_running_loop().time()
+        source = BusSource(scenario, station.codec, now_s, time.time())
+        run = partial(source.run, bus, partial(station.state_of, bus))
+        await serve({str(config): Source(source.timeline, run)}, port, announce)
 
 
 def _study_page(folder: Path) -> Callable[[], None]:

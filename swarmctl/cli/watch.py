@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import datetime as dt
 import os
 import signal
 from collections.abc import Callable, Iterator
@@ -13,16 +12,11 @@ from typing import Annotated
 import typer
 from rich.live import Live
 
-from swarmctl.bus.transports.access import OPERATOR
 from swarmctl.bus.transports.base import BusError
 from swarmctl.bus.transports.zenoh import ZenohBus
-from swarmctl.bus.transports.zenoh_config import Configuration
-from swarmctl.cli.configuration import keys_problem_lines, load_roster_or_exit
-from swarmctl.cli.console import FAILED, INTERRUPTED, OK, USAGE, ConfigOption, fail, log, out
-from swarmctl.config import joining
-from swarmctl.core.frames import FrameCodec
-from swarmctl.core.operator_text import extended
-from swarmctl.security.files import KeyringError
+from swarmctl.cli.configuration import load_roster_or_exit
+from swarmctl.cli.console import FAILED, INTERRUPTED, OK, ConfigOption, ConnectOption, fail, log, out
+from swarmctl.cli.ground_station import GroundStation, ground_station_or_exit
 from swarmctl.station import watch
 from swarmctl.station.watch import StateBoard, SwarmView, table
 
@@ -35,10 +29,7 @@ def register(cli: typer.Typer) -> None:
 
 def show(
     config: ConfigOption,
-    connect: Annotated[
-        str | None,
-        typer.Option(metavar="tcp/HOST:PORT", help="The router, instead of communication.router."),
-    ] = None,
+    connect: ConnectOption = None,
     once: Annotated[
         bool,
         typer.Option(
@@ -48,20 +39,12 @@ def show(
 ) -> None:
     """Show the positions and states of a swarm on many machines, until Ctrl-C."""
     swarm = load_roster_or_exit(config)
-    try:
-        keyring = joining.keyring_of(swarm, OPERATOR, dt.datetime.now(dt.UTC))
-        network = joining.as_station(swarm, connect, keyring)
-    except KeyringError as error:
-        fail(keys_problem_lines(config, [str(error)]), FAILED)
-    except joining.NoNetwork as error:
-        advice = "" if connect is not None else ", or give --connect tcp/HOST:PORT"
-        fail([extended(str(error), advice)], USAGE)
-    verify = None if keyring is None else keyring.verify
-    board = StateBoard(swarm.name, swarm.names, swarm.grid, FrameCodec(swarm.name, None, verify))
+    station = ground_station_or_exit(config, swarm, connect)
+    board = StateBoard(swarm.name, swarm.names, swarm.grid, station.codec)
     shown = _live if out.is_terminal and not once else _lines if not once else _once
     try:
         with shown() as show_view:
-            asyncio.run(_watch(network, board, swarm.name, show_view, once=once))
+            asyncio.run(_watch(station, board, swarm.name, show_view, once=once))
     except BusError as error:
         fail([str(error)], FAILED)
     except asyncio.CancelledError:
@@ -78,7 +61,7 @@ def show(
 
 
 async def _watch(
-    network: Configuration,
+    station: GroundStation,
     board: StateBoard,
     swarm: str,
     show_view: Callable[[SwarmView], None],
@@ -97,16 +80,8 @@ async def _watch(
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         with contextlib.suppress(ValueError, RuntimeError):  # not the main thread
             asyncio.get_running_loop().add_signal_handler(number, interrupted)
-    with ZenohBus(network) as bus:
-
-        def network_state() -> str:
-            where = ", ".join(map(str, network.connect))
-            if bus.connected:
-                return f"{where}: connected"
-            trouble = f" ({bus.trouble})" if bus.trouble else ""
-            return f"{where}: not connected{trouble}: {joining.connection_advice(network)}"
-
-        await watch.watch(bus, board, swarm, network_state, show_view, once=once)
+    with ZenohBus(station.network) as bus:
+        await watch.watch(bus, board, swarm, lambda: station.state_of(bus), show_view, once=once)
 
 
 @contextlib.contextmanager

@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import socket
 from collections.abc import AsyncIterator, Callable, Coroutine, Mapping
+from dataclasses import dataclass
 
 import uvicorn
 from fastapi import FastAPI
@@ -13,12 +14,20 @@ from nicegui import ui
 
 from swarmctl.dashboard import page
 from swarmctl.dashboard.access import Access, Sessions
-from swarmctl.dashboard.sources.recording import RecordSource
+from swarmctl.dashboard.model import Timeline
 
 HOST = "127.0.0.1"
 
 
-async def serve(sources: Mapping[str, RecordSource], port: int, announce: Callable[[str], None]) -> None:
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A timeline that grows while `run` runs."""
+
+    timeline: Timeline
+    run: Callable[[], Coroutine[None, None, None]]
+
+
+async def serve(sources: Mapping[str, Source], port: int, announce: Callable[[str], None]) -> None:
     """Serve sources, by title, until cancelled; `announce` gets the address.
 
     Raises OSError if the port is in use.
