@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -16,6 +16,7 @@ from swarmctl.bus.transports.base import BusError
 from swarmctl.cli.configuration import load_roster_or_exit, load_scenario_or_exit
 from swarmctl.cli.console import FAILED, OK, USAGE, ConnectOption, fail, say
 from swarmctl.config.problems import ConfigError
+from swarmctl.core.messages import OperatorAnswer, Request
 from swarmctl.report import record_file
 
 PARENT_CHECK_S = 1.0
@@ -91,7 +92,9 @@ def dashboard(
         runs = [run] if other_run is None else [run, other_run]
         opened = [await open_live(path) if live else RecordSource(path, "recording") for path in runs]
         sources = [Source(source.timeline, source.run) for source in opened]
-        await serve(dict(zip(map(str, runs), sources, strict=True)), port, announce)
+        is_flying = live and len(opened) == 1 and opened[0].timeline.is_live
+        send = _sender(opened[0].timeline.area.swarm) if is_flying else None
+        await serve(dict(zip(map(str, runs), sources, strict=True)), port, announce, send)
 
     try:
         asyncio.run(shown())
@@ -118,7 +121,28 @@ async def _watch(config: Path, connect: str | None, port: int, announce: Callabl
         now_s = asyncio.get_running_loop().time()
         source = BusSource(scenario, station.codec, now_s, time.time())
         run = partial(source.run, bus, partial(station.state_of, bus))
-        await serve({str(config): Source(source.timeline, run)}, port, announce)
+        send = _sender(swarm.name, config, connect)
+        await serve({str(config): Source(source.timeline, run)}, port, announce, send)
+
+
+def _sender(
+    swarm: str, config: Path | None = None, connect: str | None = None
+) -> Callable[[Request], Awaitable[OperatorAnswer]]:
+    """Return the way of commands from the page to a swarm, that of `swarmctl order` and `set`."""
+    from swarmctl.cli.operator_command import commander  # noqa: PLC0415
+    from swarmctl.dashboard.orders_panel import NotSent  # noqa: PLC0415
+    from swarmctl.security.files import KeyringError  # noqa: PLC0415
+    from swarmctl.station.client import NoAnswer  # noqa: PLC0415
+
+    send = commander(swarm, config, connect)
+
+    async def send_or_tell(request: Request) -> OperatorAnswer:
+        try:
+            return await send(request)
+        except (BusError, KeyringError, NoAnswer, ValueError) as error:
+            raise NotSent(str(error)) from error
+
+    return send_or_tell
 
 
 def _study_page(folder: Path) -> Callable[[], None]:

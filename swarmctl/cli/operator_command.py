@@ -24,7 +24,7 @@ from swarmctl.security.files import KeyringError
 from swarmctl.security.participant import Keyring
 from swarmctl.security.requests import OperatorSigning, TokenSigning
 from swarmctl.security.token import Token, token_of_environment
-from swarmctl.station import client
+from swarmctl.station import client, recall
 from swarmctl.station.client import FlightEndpoints
 
 UavsOption = Annotated[
@@ -79,6 +79,22 @@ def send_or_exit(
     except ValueError as error:
         fail([str(error)], USAGE)
     _print_answer(request, answer, flight, line_of)
+
+
+def commander(
+    swarm: str, config: Path | None = None, connect: str | None = None
+) -> Callable[[Request], Coroutine[Any, Any, OperatorAnswer]]:
+    """Return a function that sends a command as this program's commands do, and schedules returns.
+
+    The function raises BusError, KeyringError, client.NoAnswer and ValueError.
+    """
+
+    async def send(request: Request) -> OperatorAnswer:
+        flight, keyring = _find_flight_and_keys(swarm if config is None else None, config, connect)
+        credentials = joining.credentials_for(flight.endpoint, keyring)
+        return await recall.send(flight, request, credentials, signing_for(flight, keyring))
+
+    return send
 
 
 def signing_for(flight: FlightEndpoints, keyring: Keyring | None) -> RequestSigning:

@@ -9,6 +9,7 @@ from typing import Any
 from nicegui import events, ui
 
 from swarmctl.dashboard.model import Timeline
+from swarmctl.dashboard.orders_panel import Send
 from swarmctl.dashboard.playback import SPEEDS, Playback
 from swarmctl.dashboard.run_view import RunView
 
@@ -43,16 +44,23 @@ class Page:
     """
 
     def __init__(
-        self, runs: Mapping[str, Timeline], back: tuple[str, str] | None = None, heading: str = ""
+        self,
+        runs: Mapping[str, Timeline],
+        back: tuple[str, str] | None = None,
+        heading: str = "",
+        send: Send | None = None,
     ) -> None:
         """`runs`: the timelines by title; `back`: address and text of a link to the page before.
+
+        `send` sends commands to the swarm of a single timeline; None: it is only watched.
 
         The default of the heading is the name of the swarm.
         """
         self._timelines = tuple(runs.values())
         self._playback = Playback(is_live=self._is_live)
         self._n_changes = 0
-        self._views = [RunView(timeline, title, self._playback.seek) for title, timeline in runs.items()]
+        seek = self._playback.seek
+        self._views = [RunView(timeline, title, seek, send) for title, timeline in runs.items()]
         self._dark = ui.dark_mode(value=None)
         is_single = len(self._views) == 1
         ui.add_css(STYLE)
@@ -159,9 +167,9 @@ class Page:
             self._playback.seek(self._playback.time_s + (1.0 if event.key == "." else -1.0))
 
 
-def register(runs: Mapping[str, Timeline]) -> None:
+def register(runs: Mapping[str, Timeline], send: Send | None = None) -> None:
     """Serve the page of runs, by title, at the root of the application."""
 
     @ui.page("/", title=f"{' and '.join(runs)} · swarmctl", response_timeout=10.0)
     def root() -> None:
-        Page(runs)
+        Page(runs, send=send)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from swarmctl.dashboard.alarm_list import AlarmList
 from swarmctl.dashboard.changes import changes
 from swarmctl.dashboard.model import EVERYBODY, Timeline
+from swarmctl.dashboard.orders_panel import OrdersPanel, Send
 from swarmctl.dashboard.picture import Event, Picture, RouteChange, Severity, VehiclePicture
 from swarmctl.dashboard.risk_map import RiskMap
 from swarmctl.dashboard.what_if_panel import Ghosts, WhatIfPanel
@@ -35,8 +36,13 @@ class RunView:
 
     _map: RiskMap
 
-    def __init__(self, timeline: Timeline, title: str, seek: Callable[[float], None]) -> None:
+    def __init__(
+        self, timeline: Timeline, title: str, seek: Callable[[float], None], send: Send | None = None
+    ) -> None:
+        """`send` sends commands to the swarm; None: it is only watched."""
         self.timeline = timeline
+        self._send = send
+        self._orders: OrdersPanel | None = None
         self.exposure: NDArray[np.float64] | None = None
         """P_s by the chosen belief at the time shown"""
         self._title = title
@@ -77,6 +83,8 @@ class RunView:
                     vehicles, routes, told, what_if = (ui.tab(name) for name in names)
                 with ui.tab_panels(tabs, value=vehicles).classes("w-full grow min-h-0 overflow-auto"):
                     with ui.tab_panel(vehicles).classes("cards p-2 gap-2"):
+                        if self._send is not None:
+                            self._orders = OrdersPanel(timeline, self._send)
                         coloured = zip(timeline.area.names, timeline.area.colours, strict=True)
                         self._cards = {name: _Card(name, colour, self._choose) for name, colour in coloured}
                     with ui.tab_panel(routes).classes("p-2"):
@@ -85,7 +93,7 @@ class RunView:
                         self._add_severities()
                         self._events = _List(self._event_row)
                     with ui.tab_panel(what_if).classes("p-2"):
-                        self._what_if = WhatIfPanel(timeline, self._draw_ghosts)
+                        self._what_if = WhatIfPanel(timeline, self._draw_ghosts, self._send)
         self._map.on("ready", self._begin)
         self._map.on("choose", lambda e: self._choose(e.args["vehicle"]))
 
@@ -146,6 +154,8 @@ class RunView:
         self._whose = event.value
         self._map.set_options(whose=event.value)
         self._what_if.choose(event.value)
+        if self._orders is not None:
+            self._orders.choose(event.value)
 
     def _draw_ghosts(self, ghosts: Ghosts) -> None:
         if self._is_ready:

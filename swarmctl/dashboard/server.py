@@ -15,6 +15,7 @@ from nicegui import ui
 from swarmctl.dashboard import page
 from swarmctl.dashboard.access import Access, Sessions
 from swarmctl.dashboard.model import Timeline
+from swarmctl.dashboard.orders_panel import Send
 
 HOST = "127.0.0.1"
 
@@ -27,8 +28,10 @@ class Source:
     run: Callable[[], Coroutine[None, None, None]]
 
 
-async def serve(sources: Mapping[str, Source], port: int, announce: Callable[[str], None]) -> None:
-    """Serve sources, by title, until cancelled; `announce` gets the address.
+async def serve(
+    sources: Mapping[str, Source], port: int, announce: Callable[[str], None], send: Send | None = None
+) -> None:
+    """Serve sources, by title, until cancelled; `announce` gets the address, and `send` sends commands.
 
     Raises OSError if the port is in use.
     """
@@ -39,7 +42,7 @@ async def serve(sources: Mapping[str, Source], port: int, announce: Callable[[st
             for source in sources.values():
                 tasks.create_task(source.run())
 
-    await serve_page(lambda: page.register(timelines), port, announce, run)
+    await serve_page(lambda: page.register(timelines, send), port, announce, run)
 
 
 async def serve_page(

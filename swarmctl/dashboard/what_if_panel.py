@@ -8,8 +8,10 @@ from typing import Any
 
 from nicegui import events, run, ui
 
+from swarmctl.core.messages import SetWeights
 from swarmctl.core.threat import FiringStrength
 from swarmctl.dashboard.model import EVERYBODY, Timeline
+from swarmctl.dashboard.orders_panel import Send, send_and_tell, tell
 from swarmctl.dashboard.picture import Route
 from swarmctl.dashboard.what_if import (
     NoAnswer,
@@ -20,6 +22,7 @@ from swarmctl.dashboard.what_if import (
     route_with,
     weights_of,
 )
+from swarmctl.report.answers import weights_line
 
 SLIDERS = (
     ("w", "w: 0 shortest, 1 least exposed"),
@@ -39,7 +42,8 @@ class WhatIfPanel:
     `draw` shows ghosts on the map: routes with their colours.
     """
 
-    def __init__(self, timeline: Timeline, draw: Callable[[Ghosts], None]) -> None:
+    def __init__(self, timeline: Timeline, draw: Callable[[Ghosts], None], send: Send | None = None) -> None:
+        """`send` sends new weights to the swarm; None: it is only watched."""
         self._timeline = timeline
         self._draw = draw
         self._colours = dict(zip(timeline.area.names, timeline.area.colours, strict=True))
@@ -61,6 +65,8 @@ class WhatIfPanel:
         with ui.row().classes("w-full gap-2"):
             ui.button("Weights flown", on_click=self.reset).props("dense flat no-caps")
             ui.button("Pareto front", on_click=self._show_front).props("dense flat no-caps")
+            if send is not None:
+                ui.button("Apply", on_click=lambda: self._apply(send)).props("dense outline no-caps")
         self._text = ui.label().classes("text-xs whitespace-pre-line").props("aria-live=polite")
         self._front_text = ui.label().classes("text-xs").props("aria-live=polite")
         self._chart = ui.echart({}).classes("w-full").style("height: 240px")
@@ -146,6 +152,18 @@ class WhatIfPanel:
             except NoAnswer as error:
                 lines.append(str(error))
         return questions, lines
+
+    async def _apply(self, send: Send) -> None:
+        """Send the sliders' weights to the chosen vehicle or to all, for their next plans."""
+        try:
+            weights = self._weights
+        except ValueError as error:
+            tell([str(error)], is_good=False)
+            return
+        fs = weights.strength
+        strengths = fs.direct, fs.first_neighbour, fs.second_neighbour
+        request = SetWeights((self._whose,) if self._whose else None, weights.w, strengths)
+        await send_and_tell(send, request, lambda answer: weights_line(weights.w, fs, answer))
 
     # --- the Pareto front
 

@@ -73,10 +73,23 @@ def test_a_swarm_of_agents_is_watched(folder: Path, dashboard: subprocess.Popen[
         cards = [page.locator(".card-vehicle", has_text=name) for name in NAMES]
         for card in cards:
             card.filter(has_text="standby").wait_for()
-        ordered = run_swarmctl("order", "launch", "--all", "--config", "apart.yaml", cwd=folder)
-        assert ordered.returncode == 0
+        page.get_by_role("button", name="Launch").press("Enter")
+        page.get_by_role("button", name="Give the order").press("Enter")
+        for name in NAMES:
+            page.get_by_text(f"{name}: launch ordered").wait_for()
         for card in cards:
             card.filter(has_text="flying").filter(has_text=re.compile("knows [1-9]")).wait_for()
+        cards[0].press("Enter")
+        page.get_by_role("tab", name="What if").click()
+        page.get_by_text("Weights of uav1").wait_for()
+        page.get_by_role("button", name="Apply").press("Enter")
+        page.get_by_text("uav1: w = 0.5").wait_for()
+        page.get_by_role("tab", name="Vehicles").click()
+        page.get_by_text("Order uav1:").wait_for()
+        page.get_by_role("button", name="Hold").press("Enter")
+        page.get_by_role("button", name="Give the order").press("Enter")
+        cards[0].filter(has_text="holding").wait_for()
+        assert cards[1].filter(has_text="holding").count() == 0
         browser.close()
 
 
@@ -85,3 +98,38 @@ def test_a_swarm_without_a_network_is_refused(tmp_path: Path) -> None:
     refused = run_swarmctl("dashboard", "--config", "alone.yaml", cwd=tmp_path)
     assert refused.returncode == 2
     assert "[no-network]" in refused.stderr
+
+
+REAL = """\
+name: real
+area: {origin_lat_deg: 46.0, origin_lon_deg: 14.4, rows: 8, cols: 8, cell_size_m: 50}
+threats: {count: 5}
+communication: {router: "tcp/127.0.0.1:9"}
+vehicles:
+  - {name: hawk, url: "udpin://127.0.0.1:14551", sysid: 1, start: {lat_deg: 46.001, lon_deg: 14.3995}, goal: [2, 7]}
+"""
+
+
+def test_the_launch_of_a_real_vehicle_needs_its_name(tmp_path: Path) -> None:
+    (tmp_path / "real.yaml").write_text(REAL)
+    command = [*SWARMCTL, "dashboard", "--config", "real.yaml"]
+    with subprocess.Popen(
+        command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    ) as process:
+        (address,) = re.findall(r"http://\S+", read_until(process, "token=")[-1])
+        with playwright.sync_playwright() as driver:
+            browser = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+            page = browser.new_page()
+            page.goto(address)
+            page.get_by_role("button", name="Launch").press("Enter")
+            order = page.get_by_role("button", name="Give the order")
+            order.wait_for()
+            assert order.is_disabled()
+            page.get_by_label("Names").fill("haw")
+            page.get_by_label("Names").press("Enter")
+            assert order.is_disabled()
+            page.get_by_label("Names").fill("hawk")
+            order.click(timeout=10_000)
+            page.get_by_role("alert").filter(has_text="9").wait_for()  # no router listens there
+            browser.close()
+        process.kill()

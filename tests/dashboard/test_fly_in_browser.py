@@ -27,7 +27,7 @@ threats:
   count: 6
   hostiles: [[0, 3], [1, 3], [2, 3], [3, 3], [4, 3], [5, 3]]
   firing_strength: {direct: 1.0, first_neighbour: 0.5, second_neighbour: 0.1}
-simulate: {count: 2, speedup: 20, ready_s: 3, start_side: west, start_distance_m: 60, goal_side: east}
+simulate: {count: 2, speedup: 5, ready_s: 1, start_side: west, start_distance_m: 60, goal_side: east}
 flight: {altitude_m: 15, altitude_step_m: 5}
 """
 
@@ -74,4 +74,20 @@ def test_the_dashboard_ends_with_a_killed_flight(flight: subprocess.Popen[str]) 
         page.locator(".card-vehicle").first.wait_for()
         flight.kill()
         page.get_by_text("Connection lost").wait_for()
+        browser.close()
+
+
+def test_an_order_of_the_page_reaches_the_vehicles_of_a_flight(flight: subprocess.Popen[str]) -> None:
+    (address,) = re.findall(r"http://\S+", read_until(flight, "token=")[-1])
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        page = browser.new_page()
+        page.goto(address)
+        cards = [page.locator(".card-vehicle", has_text=name) for name in ("uav1", "uav2")]
+        for card in cards:
+            card.filter(has_text="flying").wait_for()
+        page.get_by_role("button", name="Hold").press("Enter")
+        page.get_by_role("button", name="Give the order").press("Enter")
+        for card in cards:
+            card.filter(has_text="holding").wait_for()
         browser.close()

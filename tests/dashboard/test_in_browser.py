@@ -51,6 +51,7 @@ def test_a_replay_is_scrubbed_to_its_end(run: Path, address: str) -> None:
         page.on("pageerror", lambda error: errors.append(str(error)))
         page.goto(address)
         page.locator("canvas").wait_for()
+        assert page.get_by_role("button", name="Launch").count() == 0, "a record takes no orders"
         page.keyboard.press("End")
         for vehicle in summary["vehicles"]:
             card = page.locator(".card-vehicle", has_text=vehicle["name"])

@@ -1,0 +1,95 @@
+"""Orders of the person at the page: launch, hold, resume, return and land, for one vehicle or all."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable, Sequence
+from functools import partial
+from typing import Literal
+
+from nicegui import ui
+
+from swarmctl.core.messages import GiveOrder, OperatorAnswer, Request, VehicleAnswer
+from swarmctl.dashboard.model import Timeline
+from swarmctl.report.answers import order_line
+
+Send = Callable[[Request], Awaitable[OperatorAnswer]]
+"""sends a request the way of `swarmctl order` and `set`; raises NotSent"""
+Order = Literal["launch", "hold", "resume", "return", "land"]
+ORDERS: tuple[Order, ...] = ("launch", "hold", "resume", "return", "land")
+
+
+class NotSent(Exception):
+    """A command without an answer; the text has the reason."""
+
+
+class OrdersPanel:
+    """Buttons for the chosen vehicle or for all. Each order is confirmed in a dialog.
+
+    The launch of a vehicle that the built-in simulator does not play is confirmed by typing its name.
+    """
+
+    def __init__(self, timeline: Timeline, send: Send) -> None:
+        self._timeline, self._send, self._whose = timeline, send, ""
+        self._real = [spec.name for spec in timeline.scenario.swarm if not spec.simulated]
+        with ui.row().classes("w-full items-center gap-1"):
+            self._title = ui.label().classes("text-sm font-semibold")
+            for order in ORDERS:
+                button = ui.button(order.capitalize(), on_click=partial(self._ask, order))
+                button.props("dense outline no-caps")
+        self.choose("")
+
+    def choose(self, whose: str) -> None:
+        """Turn to another vehicle, or to all."""
+        self._whose = whose
+        self._title.set_text(f"Order {whose or 'all vehicles'}:")
+
+    async def _ask(self, order: Order) -> None:
+        whose = self._whose
+        names = [whose] if whose else list(self._timeline.area.names)
+        to_type = [name for name in names if name in self._real] if order == "launch" else []
+        with ui.dialog() as dialog, ui.card():
+            ui.label(f"Order {', '.join(names)} to {order}?").classes("font-semibold")
+            typed = None
+            if to_type:
+                ui.label(f"This arms real vehicles. Type their names: {','.join(to_type)}")
+                typed = ui.input("Names").props("autofocus")
+            with ui.row():
+                yes = ui.button("Give the order", on_click=lambda: dialog.submit(True)).props("no-caps")
+                if typed is not None:
+                    yes.bind_enabled_from(typed, "value", lambda value: _names(value) == sorted(to_type))
+                ui.button("Cancel", on_click=lambda: dialog.submit(False)).props("no-caps flat")
+        confirmed = await dialog
+        is_typed = typed is None or _names(typed.value) == sorted(to_type)
+        dialog.delete()
+        if confirmed and is_typed:
+            request = GiveOrder((whose,) if whose else None, order)
+            await send_and_tell(self._send, request, lambda answer: order_line(order, answer))
+
+
+def _names(typed: str | None) -> list[str]:
+    return sorted(name.strip() for name in (typed or "").split(",") if name.strip())
+
+
+async def send_and_tell(send: Send, request: Request, line_of: Callable[[VehicleAnswer], str]) -> None:
+    """Send a request and show its answers, a line a vehicle; a refusal stays until it is closed."""
+    try:
+        answer = await send(request)
+    except NotSent as error:
+        tell([str(error)], is_good=False)
+        return
+    if answer.refused:
+        tell([answer.refused], is_good=False)
+    for is_good in (True, False):
+        tell([line_of(v) for v in answer.vehicles if (v.outcome == "taken") is is_good], is_good=is_good)
+
+
+def tell(lines: Sequence[str], *, is_good: bool) -> None:
+    if lines:
+        ui.notify(
+            "\n".join(lines),
+            type="positive" if is_good else "negative",
+            position="bottom",
+            timeout=8000 if is_good else 0,
+            close_button=not is_good and "Close",
+            multi_line=True,
+        )
