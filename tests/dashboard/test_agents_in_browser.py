@@ -106,7 +106,11 @@ area: {origin_lat_deg: 46.0, origin_lon_deg: 14.4, rows: 8, cols: 8, cell_size_m
 threats: {count: 5}
 communication: {router: "tcp/127.0.0.1:9"}
 vehicles:
-  - {name: hawk, url: "udpin://127.0.0.1:14551", sysid: 1, start: {lat_deg: 46.001, lon_deg: 14.3995}, goal: [2, 7]}
+  - name: hawk
+    url: "udpin://127.0.0.1:14551"
+    sysid: 1
+    start: {lat_deg: 46.001, lon_deg: 14.3995}
+    goal: [2, 7]
 """
 
 
