@@ -1,0 +1,18 @@
+"""A set-point: where a vehicle shall be now, and how fast it shall move."""
+
+from __future__ import annotations
+
+import msgspec
+
+from swarmctl.core.geo import LatLon
+
+
+class SetPoint(msgspec.Struct, frozen=True):
+    """A velocity with the position that moves at this velocity; without a position the velocity alone counts."""
+
+    velocity_m_s: tuple[float, float, float]
+    """east, north, up [m/s]"""
+    at: LatLon | None = None
+    """latitude and longitude [deg]"""
+    alt_amsl_m: float | None = None
+    """height above the sea; present together with `at` [m]"""
