@@ -20,8 +20,11 @@ CARDS_EVERY = 5
 STYLE = """
 body { overflow: hidden }
 .nicegui-content { padding: 0; gap: 0; height: 100vh; flex-wrap: nowrap }
-.risk-map { width: 100%; height: 100% } .risk-map canvas { display: block; touch-action: none; outline: none }
+.risk-map { width: 100%; height: 100%; position: relative }
+.risk-map canvas { display: block; touch-action: none; outline: none }
 .risk-map canvas:focus-visible { box-shadow: inset 0 0 0 2px #0072b2 }
+.unheard { position: absolute; top: 8px; left: 8px; right: 8px; padding: 6px 12px; border-radius: 6px }
+.unheard { background: #a00000; color: #fff; font-weight: 600; text-align: center }
 .card-vehicle { border-left: 6px solid var(--colour); border-radius: 6px; padding: 8px 10px; width: 100% }
 .card-vehicle .facts { font-variant-numeric: tabular-nums; font-size: 12px; line-height: 1.5; opacity: .85 }
 .alarms { background: rgba(200, 0, 0, .1); border-left: 6px solid #c00; flex: none }

@@ -18,6 +18,10 @@ from swarmctl.dashboard.model import Timeline
 from swarmctl.dashboard.orders_panel import Send
 
 HOST = "127.0.0.1"
+KEPT_S = 60.0
+"""time for which the page of an unheard browser is kept; after that the browser loads it anew [s]
+
+A browser on a loaded machine can be silent for many seconds. A new page has no open dialog and no choices."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +72,7 @@ async def serve_page(
 
     application = FastAPI(lifespan=reading, docs_url=None, redoc_url=None, openapi_url=None)
     register()
-    ui.run_with(application, dark=None, show_welcome_message=False)
+    ui.run_with(application, dark=None, show_welcome_message=False, reconnect_timeout=KEPT_S)
     application.add_middleware(Access, sessions=sessions, hosts=hosts)
     config = uvicorn.Config(application, log_level="warning", ws_max_size=1 << 20, lifespan="on")
     announce(f"http://{HOST}:{port}/?token={sessions.token}")

@@ -3,26 +3,21 @@
 from __future__ import annotations
 
 import os
-import re
-import shutil
 import signal
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
+from dashboard_process import address_of
 from swarmctl_process import SWARMCTL, read_until
 
-playwright = pytest.importorskip("playwright.sync_api", reason="the browser tests need playwright")
-CHROMIUM = shutil.which("chromium")
-pytestmark = [
-    pytest.mark.interop,
-    pytest.mark.skipif(CHROMIUM is None, reason="no chromium is installed"),
-]
+pytestmark = pytest.mark.interop
 SWARM = """
 name: watched
 seed: 3
-area: {origin_lat_deg: 46.0, origin_lon_deg: 14.4, rows: 6, cols: 6, cell_size_m: 50}
+area: {origin_lat_deg: 46.0, origin_lon_deg: 14.4, rows: 6, cols: 6, cell_size_m: CELL}
 threats:
   count: 6
   hostiles: [[0, 3], [1, 3], [2, 3], [3, 3], [4, 3], [5, 3]]
@@ -33,8 +28,9 @@ flight: {altitude_m: 15, altitude_step_m: 5}
 
 
 @pytest.fixture
-def flight(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
-    (tmp_path / "swarm.yaml").write_text(SWARM)
+def flight(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[subprocess.Popen[str]]:
+    """Start a flight; its parameter is the side of a cell [m]."""
+    (tmp_path / "swarm.yaml").write_text(SWARM.replace("CELL", str(getattr(request, "param", 50))))
     # Without a desktop the program opens no browser itself.
     environment = dict(os.environ, DISPLAY="", WAYLAND_DISPLAY="")
     command = [*SWARMCTL, "fly", "--config", "swarm.yaml", "--dashboard"]
@@ -47,47 +43,39 @@ def flight(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
             process.kill()
 
 
-def test_a_flight_is_watched_to_its_end(flight: subprocess.Popen[str]) -> None:
-    (address,) = re.findall(r"http://\S+", read_until(flight, "token=")[-1])
-    with playwright.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        page = browser.new_page(viewport={"width": 1280, "height": 800})
-        page.goto(address)
-        for name in ("uav1", "uav2"):
-            page.locator(".card-vehicle", has_text=name).filter(has_text="done").wait_for(timeout=120_000)
-        read_until(flight, "the flight is over")
-        alarms = page.get_by_role("alert", name="Alarms")
-        alarms.get_by_role("button", name="Acknowledge all").press("Enter")
-        alarms.wait_for(state="hidden")
-        flight.send_signal(signal.SIGINT)
-        assert flight.wait(timeout=20.0) == 0
-        page.get_by_text("Connection lost").wait_for()
-        browser.close()
+def test_a_flight_is_watched_to_its_end(flight: subprocess.Popen[str], browser: Any) -> None:
+    page = browser.new_page()
+    page.goto(address_of(flight))
+    for name in ("uav1", "uav2"):
+        page.locator(".card-vehicle", has_text=name).filter(has_text="done").wait_for(timeout=120_000)
+    read_until(flight, "the flight is over")
+    alarms = page.get_by_role("alert", name="Alarms")
+    alarms.get_by_role("button", name="Acknowledge all").press("Enter")
+    alarms.wait_for(state="hidden")
+    flight.send_signal(signal.SIGINT)
+    assert flight.wait(timeout=20.0) == 0
+    page.get_by_text("Connection lost").wait_for()
 
 
-def test_the_dashboard_ends_with_a_killed_flight(flight: subprocess.Popen[str]) -> None:
-    (address,) = re.findall(r"http://\S+", read_until(flight, "token=")[-1])
-    with playwright.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        page = browser.new_page()
-        page.goto(address)
-        page.locator(".card-vehicle").first.wait_for()
-        flight.kill()
-        page.get_by_text("Connection lost").wait_for()
-        browser.close()
+def test_the_dashboard_ends_with_a_killed_flight(flight: subprocess.Popen[str], browser: Any) -> None:
+    page = browser.new_page()
+    page.goto(address_of(flight))
+    page.locator(".card-vehicle").first.wait_for()
+    flight.kill()
+    page.get_by_text("Connection lost").wait_for()
+    page.get_by_role("alert").filter(has_text="No data from the dashboard").wait_for()
 
 
-def test_an_order_of_the_page_reaches_the_vehicles_of_a_flight(flight: subprocess.Popen[str]) -> None:
-    (address,) = re.findall(r"http://\S+", read_until(flight, "token=")[-1])
-    with playwright.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        page = browser.new_page()
-        page.goto(address)
-        cards = [page.locator(".card-vehicle", has_text=name) for name in ("uav1", "uav2")]
-        for card in cards:
-            card.filter(has_text="flying").wait_for()
-        page.get_by_role("button", name="Hold").press("Enter")
-        page.get_by_role("button", name="Give the order").press("Enter")
-        for card in cards:
-            card.filter(has_text="holding").wait_for()
-        browser.close()
+@pytest.mark.parametrize("flight", [300], indirect=True)  # not over before a loaded machine gives the order
+def test_an_order_of_the_page_reaches_the_vehicles_of_a_flight(
+    flight: subprocess.Popen[str], browser: Any
+) -> None:
+    page = browser.new_page()
+    page.goto(address_of(flight))
+    cards = [page.locator(".card-vehicle", has_text=name) for name in ("uav1", "uav2")]
+    for card in cards:
+        card.filter(has_text="flying").wait_for()
+    page.get_by_role("button", name="Hold").press("Enter")
+    page.get_by_role("button", name="Give the order").press("Enter")
+    for card in cards:
+        card.filter(has_text="holding").wait_for()

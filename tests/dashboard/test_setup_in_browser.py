@@ -2,58 +2,39 @@
 
 from __future__ import annotations
 
-import re
-import shutil
-import subprocess
-from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
-from swarmctl_process import SWARMCTL, read_until
+from dashboard_process import StartDashboard
 from swarmctl_process import run as run_swarmctl
 
 from swarmctl.config.model import load
 
-playwright = pytest.importorskip("playwright.sync_api", reason="the browser tests need playwright")
-CHROMIUM = shutil.which("chromium")
-pytestmark = [
-    pytest.mark.interop,
-    pytest.mark.skipif(CHROMIUM is None, reason="no chromium is installed"),
-]
+pytestmark = pytest.mark.interop
 
 
 @pytest.fixture
-def address(tmp_path: Path) -> Iterator[str]:
-    command = [*SWARMCTL, "dashboard", "--setup", "new.yaml"]
-    with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=tmp_path
-    ) as process:
-        try:
-            (found,) = re.findall(r"http://\S+", read_until(process, "token=")[-1])
-            yield found
-        finally:
-            process.terminate()
+def address(tmp_path: Path, start_dashboard: StartDashboard) -> str:
+    return start_dashboard("dashboard", "--setup", "new.yaml", cwd=tmp_path)
 
 
-def test_a_set_up_is_drawn_saved_and_flown(tmp_path: Path, address: str) -> None:
-    with playwright.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        page = browser.new_page(viewport={"width": 1280, "height": 800})
-        errors: list[str] = []
-        page.on("pageerror", lambda error: errors.append(str(error)))
-        page.goto(address)
-        ready = page.get_by_role("status")
-        ready.filter(has_text="no problems").wait_for()
-        page.get_by_label("Simulated vehicles").fill("2")
-        page.locator(".first-routes > *").nth(2).wait_for(state="detached")
-        canvas = page.locator("canvas")
-        box = canvas.bounding_box()
-        canvas.click(position={"x": box["width"] / 2 + 5, "y": box["height"] / 2 - 5})
-        canvas.press("ArrowUp")
-        canvas.press("Enter")
-        page.get_by_role("button", name="Save").click()
-        page.locator(".saved", has_text="swarmctl fly --config new.yaml").wait_for()
-        browser.close()
+def test_a_set_up_is_drawn_saved_and_flown(tmp_path: Path, address: str, browser: Any) -> None:
+    page = browser.new_page()
+    errors: list[str] = []
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.goto(address)
+    ready = page.get_by_role("status")
+    ready.filter(has_text="no problems").wait_for()
+    page.get_by_label("Simulated vehicles").fill("2")
+    page.locator(".first-routes > *").nth(2).wait_for(state="detached")
+    canvas = page.locator("canvas")
+    box = canvas.bounding_box()
+    canvas.click(position={"x": box["width"] / 2 + 5, "y": box["height"] / 2 - 5})
+    canvas.press("ArrowUp")
+    canvas.press("Enter")
+    page.get_by_role("button", name="Save").click()
+    page.locator(".saved", has_text="swarmctl fly --config new.yaml").wait_for()
     assert errors == []
     config = load(tmp_path / "new.yaml")
     assert config.area.no_fly == ((10, 10), (11, 10))
@@ -62,15 +43,12 @@ def test_a_set_up_is_drawn_saved_and_flown(tmp_path: Path, address: str) -> None
     assert len(list(tmp_path.glob("runs/*/summary.json"))) == 1
 
 
-def test_a_bad_value_is_not_saved(tmp_path: Path, address: str) -> None:
-    with playwright.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        page = browser.new_page(viewport={"width": 1280, "height": 800})
-        page.goto(address)
-        page.get_by_role("status").filter(has_text="no problems").wait_for()
-        page.get_by_label("Rows").fill("0")
-        page.locator(".problems", has_text="area.rows").wait_for()
-        page.get_by_role("button", name="Save").click()
-        page.locator(".saved", has_text="not saved").wait_for()
-        browser.close()
+def test_a_bad_value_is_not_saved(tmp_path: Path, address: str, browser: Any) -> None:
+    page = browser.new_page()
+    page.goto(address)
+    page.get_by_role("status").filter(has_text="no problems").wait_for()
+    page.get_by_label("Rows").fill("0")
+    page.locator(".problems", has_text="area.rows").wait_for()
+    page.get_by_role("button", name="Save").click()
+    page.locator(".saved", has_text="not saved").wait_for()
     assert not (tmp_path / "new.yaml").exists()

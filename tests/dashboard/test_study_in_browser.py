@@ -2,23 +2,16 @@
 
 from __future__ import annotations
 
-import re
 import shutil
-import subprocess
-from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pyarrow.parquet as pq
 import pytest
-from swarmctl_process import SWARMCTL, read_until
+from dashboard_process import StartDashboard
 from swarmctl_process import run as run_swarmctl
 
-playwright = pytest.importorskip("playwright.sync_api", reason="the browser tests need playwright")
-CHROMIUM = shutil.which("chromium")
-pytestmark = [
-    pytest.mark.interop,
-    pytest.mark.skipif(CHROMIUM is None, reason="no chromium is installed"),
-]
+pytestmark = pytest.mark.interop
 EXPERIMENT = """
 question: How many strikes does communication save?
 base: base.yaml
@@ -41,39 +34,30 @@ def folder(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def address(folder: Path) -> Iterator[str]:
-    command = [*SWARMCTL, "dashboard", str(folder)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
-        try:
-            (found,) = re.findall(r"http://\S+", read_until(process, "token=")[-1])
-            yield found
-        finally:
-            process.terminate()
+def address(folder: Path, start_dashboard: StartDashboard) -> str:
+    return start_dashboard("dashboard", folder)
 
 
-def test_a_point_leads_to_a_mission(folder: Path, address: str) -> None:
+def test_a_point_leads_to_a_mission(folder: Path, address: str, browser: Any) -> None:
     rows = [row for row in pq.read_table(folder / "results.parquet").to_pylist() if row["level"] == 1]
-    with playwright.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        page = browser.new_page(viewport={"width": 1280, "height": 800})
-        errors: list[str] = []
-        page.on("pageerror", lambda error: errors.append(str(error)))
-        page.goto(address)
-        chart = page.locator(".nicegui-echart").first
-        chart.locator("canvas, svg").first.wait_for()
-        at = chart.evaluate(
-            "e => getElement(e.id.slice(1)).chart.convertToPixel({seriesIndex: 0}, "
-            "getElement(e.id.slice(1)).chart.getOption().series[0].data[1])"
-        )
-        chart.click(position={"x": at[0], "y": at[1]})
-        page.get_by_role("link", name="Replay world 2").click()
-        page.locator("canvas").wait_for()
-        page.get_by_text("its results are those of the study").wait_for()
-        page.keyboard.press("End")
-        for row in (row for row in rows if row["seed"] == 2):
-            card = page.locator(".card-vehicle").nth(row["uav"] - 1)
-            known = f"knows {row['cells_known']} cells and {row['hostiles_known']} hostiles"
-            card.filter(has_text=known).wait_for()
-            card.filter(has_text=f"{row['replans']} replans, {row['strikes']} strikes").wait_for()
-        browser.close()
+    page = browser.new_page()
+    errors: list[str] = []
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.goto(address)
+    chart = page.locator(".nicegui-echart").first
+    chart.locator("canvas, svg").first.wait_for()
+    at = chart.evaluate(
+        "e => getElement(e.id.slice(1)).chart.convertToPixel({seriesIndex: 0}, "
+        "getElement(e.id.slice(1)).chart.getOption().series[0].data[1])"
+    )
+    chart.click(position={"x": at[0], "y": at[1]})
+    page.get_by_role("link", name="Replay world 2").click()
+    page.locator("canvas").wait_for()
+    page.get_by_text("its results are those of the study").wait_for()
+    page.keyboard.press("End")
+    for row in (row for row in rows if row["seed"] == 2):
+        card = page.locator(".card-vehicle").nth(row["uav"] - 1)
+        known = f"knows {row['cells_known']} cells and {row['hostiles_known']} hostiles"
+        card.filter(has_text=known).wait_for()
+        card.filter(has_text=f"{row['replans']} replans, {row['strikes']} strikes").wait_for()
     assert errors == []

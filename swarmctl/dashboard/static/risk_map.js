@@ -3,6 +3,7 @@
 
 const SEEN = 1, OCCUPIED = 2, OWN = 4;
 const MARGIN_PX = 24;
+const UNHEARD_AFTER_S = 3; // a page gets changes ten times a second
 
 function decoded(base64) {
   const text = atob(base64), bytes = new Uint8Array(text.length);
@@ -27,8 +28,13 @@ function shade(share, isDark) {
 }
 
 export default {
-  template: '<div class="risk-map"><canvas ref="canvas" tabindex="0" aria-label="Map of the area"></canvas></div>',
-  data: () => ({}),
+  template: `<div class="risk-map">
+    <canvas ref="canvas" tabindex="0" aria-label="Map of the area"></canvas>
+    <div v-if="unheard_s" class="unheard" role="alert">
+      No data from the dashboard for {{ unheard_s }} s: the page is old
+    </div>
+  </div>`,
+  data: () => ({ unheard_s: 0 }),
   mounted() {
     this.vehicles = {};
     this.growing = { events: [], changes: [], strikes: [] };
@@ -46,9 +52,14 @@ export default {
     canvas.addEventListener("pointerup", (event) => this.released(event));
     canvas.addEventListener("keydown", (event) => this.keyed(event));
     this.pointers = new Map();
+    this.ageing = setInterval(() => {
+      const unheard_s = Math.floor((Date.now() - (this.heard_ms ?? Infinity)) / 1000);
+      this.unheard_s = unheard_s >= UNHEARD_AFTER_S ? unheard_s : 0;
+    }, 500);
     this.$emit("ready");
   },
   unmounted() {
+    clearInterval(this.ageing);
     this.observer.disconnect();
   },
   methods: {
@@ -81,6 +92,7 @@ export default {
     apply(changes) {
       if (!this.area) return;
       this.time_s = changes.time_s;
+      if ("unix_s" in changes) this.heard_ms = Date.now();
       for (const [name, changed] of Object.entries(changes.vehicles ?? {})) {
         const vehicle = this.vehicles[name];
         const { track, belief, ...fields } = changed;
