@@ -1,0 +1,16 @@
+"""The approaches to formation flight: one file each. Pure.
+
+An approach is a module with `DESCRIPTION`, `LEADER_FLIES_MISSION`, `Params` and `fly` (`base.Approach`).
+`keeping` has what they share. A new approach is a file and a line in `APPROACHES`.
+"""
+
+from __future__ import annotations
+
+from swarmctl.agent.formation.approaches import behavioural, leader_following, virtual_structure
+from swarmctl.agent.formation.approaches.base import Approach
+
+APPROACHES: dict[str, Approach] = {
+    "leader_following": leader_following,
+    "behavioural": behavioural,
+    "virtual_structure": virtual_structure,
+}

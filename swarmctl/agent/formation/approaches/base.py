@@ -1,0 +1,156 @@
+"""The interface of an approach: what one member knows of its group, and what it shall do now."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmctl.agent.formation.reference import Reference, SpeedProfile
+from swarmctl.agent.formation.shape import Place
+
+Vector = tuple[float, float, float]
+"""east, north, up in the area's local frame [m] or [m/s]"""
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What the group's vehicles can do, and how far apart they stay."""
+
+    speed_m_s: float
+    """greatest speed over ground that is demanded of a member"""
+    acceleration_m_s2: float = 2.0
+    climb_m_s: float = 1.0
+    separation_m: float = 10.0
+    """least distance over ground of two members whose heights differ by less than `separation_up_m` [m]"""
+    separation_up_m: float = 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class Member:
+    """What another present member told last."""
+
+    position_m: Vector
+    velocity_m_s: Vector
+    place: Place
+    """its present place in the shape"""
+    age_s: float = 0.0
+    """time since this was true [s]"""
+    error_m: float = 0.0
+    """its distance from its place over ground, as it told [m]"""
+
+
+@dataclass(frozen=True, slots=True)
+class Along:
+    """The reference point along the route, as the leader told it."""
+
+    s_m: float
+    """distance along the route [m]"""
+    speed_m_s: float
+    """speed along the route [m/s]"""
+    age_s: float = 0.0
+    """time since this was true [s]"""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ThreatField:
+    """The exposure P_s of the area, as this member knows it."""
+
+    exposure: NDArray[np.float64]
+    """P_s, (rows, cols), row 0 in the south; infinite in walls"""
+    cell_m: float
+    """size of a cell; the south-west corner of the area is the origin of the local frame [m]"""
+
+
+@dataclass(frozen=True, slots=True)
+class Memory:
+    """What a law keeps from one call to the next. A member that joins, or has paused, begins with none."""
+
+    now_s: float
+    place_m: Vector
+    """where the place was"""
+    velocity_m_s: Vector
+    """how the place moved"""
+    offset_m: Vector
+    """demanded position minus place: what is left of a jump of the place"""
+    rate_m_s: Vector
+    """change of `offset_m`"""
+    s_m: float
+    """distance of the reference point along the route [m]"""
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """A group as one of its members sees it now."""
+
+    now_s: float
+    position_m: Vector
+    """own position"""
+    velocity_m_s: Vector
+    """own velocity"""
+    place: Place
+    """own place, after the choice of shape and the assignment of places"""
+    is_leader: bool
+    others: tuple[Member, ...]
+    """the other present members; in leader following the leader is `others[leader]`"""
+    along: Along | None
+    """what the leader told last, or this member itself if it leads; None: nothing yet"""
+    reference: Reference
+    profile: SpeedProfile
+    height_m: float
+    """height of the reference point, in the datum of `position_m` [m]"""
+    limits: Limits
+    leader: int | None = None
+    """index of the leader in `others`; None: this member leads"""
+    memory: Memory | None = None
+    threats: ThreatField | None = None
+    lead_s: float = 0.0
+    """Time by which a demand is made for later [s]: half the period of the set-points for a vehicle whose
+    target rests between them, such as PX4."""
+
+
+@dataclass(frozen=True, slots=True)
+class Demand:
+    """The velocity that a member shall fly, with the position that moves at this velocity.
+
+    Without a position the velocity alone counts.
+    """
+
+    velocity_m_s: Vector
+    position_m: Vector | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """The answer of an approach."""
+
+    demand: Demand | None
+    """None: the member flies its mission"""
+    error_m: Vector
+    """the member's position minus its place: forward, right, up [m]"""
+    along: Along
+    """the reference point now; the leader tells it"""
+    memory: Memory
+    mission_speed_m_s: float | None = None
+    """speed for the mission of a leader that flies it; None: the member flies set-points"""
+
+
+class Approach(Protocol):
+    """The interface of a module in `APPROACHES`."""
+
+    @property
+    def DESCRIPTION(self) -> str:  # noqa: N802
+        """One sentence for the configuration reference."""
+
+    @property
+    def LEADER_FLIES_MISSION(self) -> bool:  # noqa: N802
+        """True if the leader flies its mission and all others fly set-points."""
+
+    @property
+    def Params(self) -> Any:  # noqa: N802 - it is a class, found in a module
+        """A frozen section with a default for each field."""
+
+    def fly(self, params: Any, group: Group, /) -> Command:
+        """Return what the member does now."""

@@ -1,0 +1,220 @@
+"""What all approaches share: a place without jumps, distance from the others, and the wait for the slowest.
+
+A place jumps when the shape, the route or the leader changes, or when a message comes after a gap. The
+member's demanded position does not: it keeps its distance from the place, and this distance shrinks at a
+bounded speed and acceleration (`glide`). So one rule serves joining, new shapes, new routes and new leaders.
+"""
+
+from __future__ import annotations
+
+import math
+
+from swarmctl.agent.formation.approaches.base import Along, Command, Demand, Group, Memory, Vector
+from swarmctl.agent.formation.reference import Pose
+
+PAUSE_S = 1.5
+"""Gap between two calls after which a member begins anew at its own position [s]."""
+CLOSING_HZ = 0.5
+"""Speed toward the place for each metre of distance [1/s]."""
+POSITION_HZ = 0.95
+"""Speed toward a demanded position for each metre of distance, as autopilots fly it [1/s] (PX4: MPC_XY_P)."""
+APPROACH_HZ = 0.4
+"""Greatest speed of approach for each metre that is left to the separation [1/s]."""
+MARGIN_M, GROWTH_M_S = 1.0, 0.5
+"""Distance beyond the separation at which an approach ends [m], and its growth with the age of a message."""
+MARGIN_UP_M = 0.5
+"""The same in height [m]."""
+OLDEST_S = 3.0
+"""Greatest age by which the margin grows [s]."""
+SIDEWAYS = 0.3
+"""Speed to the right of another member for each m/s of approach that is taken away, so that two members
+that meet pass each other."""
+REACH_M = 30.0
+"""Greatest distance along the route between a reference point and where it was expected [m]."""
+FASTER = 1.5
+"""Greatest progress along the route, in units of the flown distance."""
+_PASSES = 3
+
+
+def reference_now(group: Group) -> Along:
+    """Return the reference point at `now_s`, predicted along the route from what was told."""
+    if group.along is None:
+        s_m = group.reference.locate(group.position_m[:2])
+        return Along(s_m, 0.0)
+    s_m, speed_m_s = group.profile.ahead(group.along.s_m, group.along.speed_m_s, group.along.age_s)
+    return Along(s_m, speed_m_s)
+
+
+def place_of(
+    group: Group, pose: Pose, point: tuple[float, float], velocity: tuple[float, float], speed_m_s: float
+) -> tuple[Vector, Vector]:
+    """Return position and velocity of the member's place in a shape at `point` that moves at `velocity`.
+
+    The velocity is v + ω × offset, with ω the speed along the route times the turn for each metre.
+    """
+    forward, right, up = group.place
+    sin, cos = math.sin(pose.heading_rad), math.cos(pose.heading_rad)
+    east, north = forward * sin + right * cos, forward * cos - right * sin
+    turn = speed_m_s * pose.turn_rad_m  # clockwise
+    return (
+        (point[0] + east, point[1] + north, group.height_m + up),
+        (velocity[0] + turn * north, velocity[1] - turn * east, 0.0),
+    )
+
+
+def keep_place(
+    group: Group, pose: Pose, along: Along, place_m: Vector, velocity_m_s: Vector, closing_m_s: float
+) -> Command:
+    """Return the set-point of a member that flies to its place and stays there."""
+    limits = group.limits
+    offset, rate = glide(group, place_m, velocity_m_s, closing_m_s)
+    position = (place_m[0] + offset[0], place_m[1] + offset[1], place_m[2] + offset[2])
+    wanted = (velocity_m_s[0] + rate[0], velocity_m_s[1] + rate[1], rate[2])
+    flown = bounded(wanted, limits.speed_m_s)
+    rate = (rate[0] + flown[0] - wanted[0], rate[1] + flown[1] - wanted[1], rate[2])
+    own = group.position_m
+    pull = [POSITION_HZ * (position[k] - own[k]) for k in range(3)]
+    east, north, _ = bounded((flown[0] + pull[0], flown[1] + pull[1], 0.0), limits.speed_m_s)
+    climb = min(max(flown[2] + pull[2], -limits.climb_m_s), limits.climb_m_s)
+    demand = Demand(flown, position)
+    if (safe := apart(group, (east, north, climb))) is not None:
+        demand = Demand(safe)
+        offset = (own[0] - place_m[0], own[1] - place_m[1], own[2] - place_m[2])
+        rate = (safe[0] - velocity_m_s[0], safe[1] - velocity_m_s[1], 0.0)
+    memory = Memory(group.now_s, place_m, velocity_m_s, offset, rate, along.s_m)
+    return Command(demand, error_of(group, pose, place_m), along, memory)
+
+
+def glide(group: Group, place_m: Vector, velocity_m_s: Vector, closing_m_s: float) -> tuple[Vector, Vector]:
+    """Return the demanded position minus the place, and its change [m], [m/s]."""
+    memory, limits = group.memory, group.limits
+    dt = 0.0 if memory is None else group.now_s - memory.now_s
+    if memory is None or not 0.0 <= dt <= PAUSE_S:
+        offset = _minus(group.position_m, place_m)
+        own, limit = group.velocity_m_s, limits.climb_m_s
+        return offset, (
+            own[0] - velocity_m_s[0],
+            own[1] - velocity_m_s[1],
+            min(max(own[2], -limit), limit),
+        )
+    before, moved = memory.place_m, memory.velocity_m_s
+    half = 0.5 * dt
+    offset_e, offset_n, offset_u = memory.offset_m
+    rate_e, rate_n, rate_u = memory.rate_m_s
+    # The place would have come here by its own velocity; what differs is a jump.
+    offset_e += before[0] + half * (moved[0] + velocity_m_s[0]) - place_m[0]
+    offset_n += before[1] + half * (moved[1] + velocity_m_s[1]) - place_m[1]
+    offset_u += before[2] - place_m[2]
+    away = math.hypot(offset_e, offset_n)
+    # Half of the acceleration brakes, so that the rate can follow.
+    back = _closing(away, closing_m_s, limits.acceleration_m_s2) / away if away > 1e-9 else 0.0
+    change_e, change_n = -back * offset_e - rate_e, -back * offset_n - rate_n
+    size, most = math.hypot(change_e, change_n), limits.acceleration_m_s2 * dt
+    share = most / size if size > most else 1.0
+    rate_e, rate_n = rate_e + share * change_e, rate_n + share * change_n
+    rate_u = -math.copysign(_closing(abs(offset_u), limits.climb_m_s, limits.climb_m_s), offset_u)
+    return (
+        (offset_e + rate_e * dt, offset_n + rate_n * dt, offset_u + rate_u * dt),
+        (rate_e, rate_n, rate_u),
+    )
+
+
+def _closing(away_m: float, fastest_m_s: float, acceleration_m_s2: float) -> float:
+    return min(fastest_m_s, CLOSING_HZ * away_m, math.sqrt(acceleration_m_s2 * away_m))
+
+
+def apart(group: Group, velocity: Vector) -> Vector | None:
+    """Return a velocity that brings the member too near to no other one; None if `velocity` does so already.
+
+    A member may approach another one by `APPROACH_HZ` of the distance that is left to the separation, so
+    the approach ends there. A member within the separation moves away. This holds over ground while the
+    heights are within the vertical separation, and in height while the distance is within the horizontal
+    one.
+    """
+    limits, own = group.limits, group.position_m
+    near, climb = [], velocity[2]
+    least_m = limits.separation_m + MARGIN_M
+    reach_m = least_m + GROWTH_M_S * OLDEST_S + 2.0 * limits.speed_m_s / APPROACH_HZ
+    for member in group.others:
+        age_s, (their_e, their_n, their_u) = member.age_s, member.velocity_m_s
+        away_e = own[0] - member.position_m[0] - age_s * their_e
+        away_n = own[1] - member.position_m[1] - age_s * their_n
+        away_m = math.hypot(away_e, away_n)
+        if away_m > reach_m:
+            continue
+        if away_m < 1e-6:
+            away_e, away_n, away_m = 1.0, 0.0, 1.0
+        left_m = away_m - least_m - GROWTH_M_S * min(age_s, OLDEST_S)
+        up_m = own[2] - member.position_m[2] - age_s * their_u
+        if abs(up_m) >= limits.separation_up_m:
+            if left_m < 0.0:
+                above = math.copysign(1.0, up_m)
+                height_left_m = abs(up_m) - limits.separation_up_m - MARGIN_UP_M
+                climb = above * max(above * climb, above * their_u - APPROACH_HZ * height_left_m)
+            continue
+        unit_e, unit_n = away_e / away_m, away_n / away_m
+        near.append((unit_e, unit_n, their_e * unit_e + their_n * unit_n - APPROACH_HZ * left_m))
+    east, north = velocity[0], velocity[1]
+    is_changed = abs(climb - velocity[2]) > 1e-3
+    for _ in range(_PASSES):
+        is_clear = True
+        for unit_e, unit_n, least_speed in near:
+            short = least_speed - (east * unit_e + north * unit_n)
+            if short > 1e-3:
+                is_clear, is_changed = False, True
+                side = SIDEWAYS * short
+                east += short * unit_e + side * -unit_n
+                north += short * unit_n + side * unit_e
+        if is_clear:
+            break
+    if not is_changed:
+        return None
+    return bounded((east, north, climb), limits.speed_m_s)
+
+
+def progress(group: Group, expected_m: float, point: tuple[float, float]) -> float:
+    """Return the distance along the route of a reference point that moves by itself [m].
+
+    It is the place nearest to the point, but neither goes back nor jumps, as the nearest place does inside of
+    a corner. Where the curve turns back on itself the nearest place stands still, so there the distance grows
+    by the profile's speed.
+    """
+    s_m = group.reference.project(point, expected_m, REACH_M)
+    if (memory := group.memory) is None:
+        return s_m
+    dt = min(max(group.now_s - memory.now_s, 0.0), PAUSE_S)
+    pose = group.reference.at(memory.s_m)
+    step_m = dt * group.profile.at(memory.s_m)
+    standing = 1.0 - min(math.hypot(pose.slope_east, pose.slope_north), 1.0)
+    most_m = FASTER * max(step_m, dt * math.hypot(group.velocity_m_s[0], group.velocity_m_s[1]))
+    return min(max(s_m, memory.s_m + standing * step_m), memory.s_m + most_m, group.reference.length_m)
+
+
+def waiting_share(group: Group, error_m: float, from_m: float, to_m: float, least: float) -> float:
+    """Return the share of the speed at which the group waits for its member with the largest error.
+
+    The share falls evenly from 1 at an error of `from_m` to `least` at `to_m`.
+    """
+    largest_m = max((member.error_m for member in group.others), default=0.0)
+    excess = (max(largest_m, error_m) - from_m) / (to_m - from_m)
+    return 1.0 - (1.0 - least) * min(max(excess, 0.0), 1.0)
+
+
+def error_of(group: Group, pose: Pose, place_m: Vector) -> Vector:
+    """Return the member's position minus its place: forward, right, up [m]."""
+    east, north, up = _minus(group.position_m, place_m)
+    sin, cos = math.sin(pose.heading_rad), math.cos(pose.heading_rad)
+    return east * sin + north * cos, east * cos - north * sin, up
+
+
+def bounded(velocity: Vector, speed_m_s: float) -> Vector:
+    """Return the velocity with at most this speed over ground, in the same direction."""
+    size = math.hypot(velocity[0], velocity[1])
+    if size <= speed_m_s:
+        return velocity
+    share = speed_m_s / size
+    return velocity[0] * share, velocity[1] * share, velocity[2]
+
+
+def _minus(a: Vector, b: Vector) -> Vector:
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]

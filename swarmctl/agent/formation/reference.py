@@ -1,0 +1,269 @@
+"""The route of a group as a smooth curve, and the greatest speed at each distance along it. Pure.
+
+The route is a polyline. Each corner is averaged over a window before and after it, with the weights of a
+triangle: the point over a short window, so that the curve stays near the route, and the heading over a
+window that grows with the shape, so that the outermost place moves at a bounded speed. With y the distance
+from a corner in units of its window L, the corner turns the direction by its angle times
+
+    (1 − y)² / 2 before the corner, 1 − (1 − y)² / 2 after it,
+
+and its turn for each metre is (1 − y) / L. So direction and turn have no jump, whatever the corners are.
+Several corners in one window add. The window for the point is shorter near an end of the route, so that the
+curve begins and ends exactly where the route does.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left, bisect_right
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmctl.core.planar import PlanarPoint
+from swarmctl.core.track_position import StraightLegs
+
+LEAST_WINDOW_M = 15.0
+"""Least window of the heading [m]."""
+WINDOW_OF_RADIUS = 2.0
+"""Window of the heading in units of the shape's radius: in a turn of 90° the outermost place moves up to
+1.8 times as fast as the reference point, before the speed is reduced."""
+CORNER_M = 15.0
+"""Window of the point: a corner of 90° is cut by 3.5 m [m]."""
+SLOWEST_M_S = 0.5
+"""Least speed before the end of the route, so that no turn stops a group [m/s]."""
+AS_GOOD_AS_BACK_RAD = 1e-6
+"""A corner that differs less from 180° turns to the right, for every member in the same way."""
+_SAMPLES = 8
+_STEPS = 8
+
+
+class Pose(NamedTuple):
+    """The reference at one distance along the route."""
+
+    east_m: float
+    north_m: float
+    heading_rad: float
+    """heading of the shape, clockwise from north; continuous, so it may be outside −π to π"""
+    slope_east: float
+    """change of `east_m` for each metre along the route"""
+    slope_north: float
+    turn_rad_m: float
+    """change of the heading for each metre along the route [rad/m]"""
+
+    def at(self, forward_m: float, right_m: float) -> PlanarPoint:
+        """Return the position of an offset from the reference point, (east, north) [m]."""
+        sin, cos = math.sin(self.heading_rad), math.cos(self.heading_rad)
+        return (
+            self.east_m + forward_m * sin + right_m * cos,
+            self.north_m + forward_m * cos - right_m * sin,
+        )
+
+
+def window_for(radius_m: float) -> float:
+    """Return the window of the heading for a shape of this radius [m]."""
+    return max(LEAST_WINDOW_M, WINDOW_OF_RADIUS * radius_m)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reference:
+    """A route as a smooth curve. Raises ValueError for a route without a point.
+
+    points_m: waypoints (east, north) [m]
+    window_m: window of the heading before and after a corner [m] (`window_for`)
+    corner_m: window of the point before and after a corner [m]
+    """
+
+    points_m: tuple[PlanarPoint, ...]
+    window_m: float
+    corner_m: float = CORNER_M
+    legs: StraightLegs = field(init=False)
+    _directions: tuple[tuple[float, float, float], ...] = field(init=False)
+    """east and north of a unit vector, and continuous heading of each leg"""
+    _corners: tuple[tuple[float, float, float, float, float], ...] = field(init=False)
+    """distance, change of the unit vector (east, north), window of the point, and turn of each corner"""
+    _corners_at_m: tuple[float, ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        if not self.points_m:
+            raise ValueError("a route without a point: expected at least one")
+        points = [tuple(map(float, self.points_m[0]))]
+        points += [tuple(map(float, b)) for a, b in pairwise(self.points_m) if math.dist(a, b) > 1e-6]
+        if len(points) == 1:
+            points *= 2
+        legs = StraightLegs.over([(point[0], point[1]) for point in points])
+        directions = _directions(legs)
+        corners = []
+        for (a, b), at_m in zip(pairwise(directions), legs.at_m[1:-1], strict=True):
+            window_m = min(self.corner_m, at_m, legs.at_m[-1] - at_m)
+            corners.append((at_m, b[0] - a[0], b[1] - a[1], window_m, b[2] - a[2]))
+        for name, value in (
+            ("legs", legs),
+            ("_directions", directions),
+            ("_corners", tuple(corners)),
+            ("_corners_at_m", tuple(corner[0] for corner in corners)),
+        ):
+            object.__setattr__(self, name, value)
+
+    @property
+    def length_m(self) -> float:
+        return self.legs.at_m[-1]
+
+    def at(self, s_m: float) -> Pose:
+        """Return the reference at a distance along the route; before and past the route its ends."""
+        legs = self.legs
+        s_m = min(max(s_m, 0.0), legs.at_m[-1])
+        leg = min(bisect_right(legs.at_m, s_m), len(legs.at_m) - 1) - 1
+        slope_e, slope_n, heading = self._directions[leg]
+        on_leg_m = s_m - legs.at_m[leg]
+        start_e, start_n = legs.points[leg]
+        east_m, north_m, turn = start_e + on_leg_m * slope_e, start_n + on_leg_m * slope_n, 0.0
+        window_m = self.window_m
+        widest_m = max(window_m, self.corner_m)
+        for k in range(bisect_left(self._corners_at_m, s_m - widest_m), len(self._corners)):
+            at_m, change_e, change_n, corner_m, angle = self._corners[k]
+            away_m = s_m - at_m
+            side = -0.5
+            if away_m < 0.0:
+                if away_m <= -widest_m:
+                    break
+                away_m, side = -away_m, 0.5
+            if away_m < window_m:
+                rest = 1.0 - away_m / window_m
+                heading += angle * side * rest * rest
+                turn += angle * rest / window_m
+            if away_m < corner_m:
+                rest = 1.0 - away_m / corner_m
+                inward_m = corner_m * rest * rest * rest / 6.0
+                east_m += change_e * inward_m
+                north_m += change_n * inward_m
+                share = side * rest * rest
+                slope_e += change_e * share
+                slope_n += change_n * share
+        return Pose(east_m, north_m, heading, slope_e, slope_n, turn)
+
+    def project(self, point: PlanarPoint, near_m: float, reach_m: float) -> float:
+        """Return the distance along the route of the place nearest to a point, at most `reach_m` from
+        `near_m` [m]."""
+        low, high = max(near_m - reach_m, 0.0), min(near_m + reach_m, self.length_m)
+        low = min(low, high)
+        step = (high - low) / _SAMPLES
+        at = min((low + k * step for k in range(_SAMPLES + 1)), key=lambda s: self._distance_m(point, s))
+        low, high = max(low, at - step), min(high, at + step)
+        for _ in range(_STEPS):
+            pose = self.at(at)
+            ahead_m = (point[0] - pose.east_m) * pose.slope_east + (
+                point[1] - pose.north_m
+            ) * pose.slope_north
+            squared = pose.slope_east**2 + pose.slope_north**2
+            moved = min(max(at + ahead_m / max(squared, 0.25), low), high)
+            if abs(moved - at) < 1e-3:
+                return moved
+            at = moved
+        return at
+
+    def locate(self, point: PlanarPoint) -> float:
+        """Return the distance along the route of the place nearest to a point, on the whole route [m]."""
+        return self.project(point, self.legs.locate(point).along_m, self.corner_m)
+
+    def _distance_m(self, point: PlanarPoint, s_m: float) -> float:
+        pose = self.at(s_m)
+        return math.hypot(point[0] - pose.east_m, point[1] - pose.north_m)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SpeedProfile:
+    """The greatest speed of the reference point at each distance along a route."""
+
+    step_m: float
+    speeds_m_s: tuple[float, ...]
+    length_m: float
+
+    @classmethod
+    def of(
+        cls,
+        reference: Reference,
+        radius_m: float,
+        cruise_m_s: float,
+        max_speed_m_s: float,
+        acceleration_m_s2: float,
+    ) -> SpeedProfile:
+        """Return the speeds at which a shape of this radius follows the reference.
+
+        No place is faster than `max_speed_m_s`, and no place accelerates by more than `acceleration_m_s2`.
+        The speed changes by at most half of this acceleration, and it is 0 at the end.
+        """
+        n = max(int(reference.length_m / 2.0), 1) + 1
+        at_m = np.linspace(0.0, reference.length_m, n)
+        turn, change, bend = _turns(reference, at_m)
+        fastest = np.minimum(cruise_m_s, max_speed_m_s / (1.0 + radius_m * turn))
+        pull = bend + radius_m * (change + turn**2)
+        squared = np.minimum(fastest**2, acceleration_m_s2 / np.maximum(pull, 1e-9))
+        squared[-1] = 0.0
+        gained = acceleration_m_s2 * at_m  # v² grows by 2·(a/2)·s
+        squared = np.minimum.accumulate((squared + gained)[::-1])[::-1] - gained
+        squared = np.minimum.accumulate(squared - gained) + gained
+        speeds = np.maximum(np.sqrt(np.maximum(squared, 0.0)), min(SLOWEST_M_S, cruise_m_s))
+        return cls(reference.length_m / (n - 1), tuple(speeds.tolist()), reference.length_m)
+
+    def at(self, s_m: float) -> float:
+        """Return the greatest speed at a distance along the route [m/s]; 0 from the end on."""
+        if s_m >= self.length_m:
+            return 0.0
+        place = max(s_m, 0.0) / self.step_m
+        k = min(int(place), len(self.speeds_m_s) - 2)
+        share = place - k
+        return (1.0 - share) * self.speeds_m_s[k] + share * self.speeds_m_s[k + 1]
+
+    def ahead(self, s_m: float, speed_m_s: float, for_s: float) -> tuple[float, float]:
+        """Return distance and speed after a time, if the speed stays the same share of the profile's.
+
+        So a group that is told late expects the turns of its route, not a straight line.
+        """
+        if for_s <= 0.0:
+            return s_m, speed_m_s
+        limit = self.at(s_m)
+        share = min(speed_m_s / limit, 1.0) if limit > 0.0 else 0.0
+        steps = min(int(for_s / 0.5) + 1, _STEPS)
+        each_s = for_s / steps
+        for _ in range(steps):
+            halfway = share * self.at(s_m + 0.5 * each_s * speed_m_s) if share else 0.0
+            s_m += each_s * halfway
+            speed_m_s = share * self.at(s_m)
+        return min(s_m, self.length_m), speed_m_s
+
+
+def _directions(legs: StraightLegs) -> tuple[tuple[float, float, float], ...]:
+    directions: list[tuple[float, float, float]] = []
+    for (ax, ay), (bx, by) in pairwise(legs.points):
+        length_m = math.hypot(bx - ax, by - ay)
+        east, north = ((bx - ax) / length_m, (by - ay) / length_m) if length_m else (0.0, 0.0)
+        heading = math.atan2(east, north)
+        if directions:
+            before = directions[-1][2]
+            turn = math.remainder(heading - before, 2.0 * math.pi)
+            heading = before + (abs(turn) if abs(turn) > math.pi - AS_GOOD_AS_BACK_RAD else turn)
+        directions.append((east, north, heading))
+    return tuple(directions)
+
+
+def _turns(
+    reference: Reference, at_m: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return |dχ/ds|, |d²χ/ds²| and the curve's |d²p/ds²| at distances along the route."""
+    turn, change, bend_e, bend_n = (np.zeros_like(at_m) for _ in range(4))
+    for at, change_e, change_n, corner_m, angle in reference._corners:
+        for window_m, adds in (
+            (reference.window_m, ((turn, angle),)),
+            (corner_m, ((bend_e, change_e), (bend_n, change_n))),
+        ):
+            near = slice(*np.searchsorted(at_m, (at - window_m, at + window_m)))
+            weight = (1.0 - np.minimum(np.abs(at_m[near] - at) / window_m, 1.0)) / window_m
+            for array, size in adds:
+                array[near] += size * weight
+        near = slice(*np.searchsorted(at_m, (at - reference.window_m, at + reference.window_m)))
+        change[near] -= angle * np.sign(at_m[near] - at) / reference.window_m**2
+    return np.abs(turn), np.abs(change), np.hypot(bend_e, bend_n)

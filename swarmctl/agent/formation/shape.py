@@ -1,0 +1,162 @@
+"""Shapes: the places of a group's members, as offsets from the group's reference point. Pure.
+
+The members take the places in the order of the configuration. Place 0 is the reference point, the leader's
+place. In shapes with two sides the odd places are on the right and the even places on the left.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from itertools import combinations
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from swarmctl.core.section import Section
+
+Place = tuple[float, float, float]
+"""forward, right, up of the reference point [m]"""
+
+Kind = Literal["wedge", "line", "column", "circle", "offsets"]
+REFERENCE_PLACE: Place = (0.0, 0.0, 0.0)
+
+
+class Shape(Section):
+    """The shape of a group."""
+
+    kind: Kind = "wedge"
+    """`wedge`: a V behind the leader. `line`: abreast, the leader in the middle. `column`: one behind the
+    other. `circle`: a ring whose foremost member is the leader. `offsets`: given places."""
+    spacing_m: Annotated[float, Field(gt=0)] = 30.0
+    """distance over ground between neighbours [m]; not of `offsets`"""
+    opening_deg: Annotated[float, Field(gt=0, le=180)] = 90.0
+    """angle between the arms of a `wedge` [deg]; 180: a line"""
+    height_step_m: float = 0.0
+    """difference of height from each place to the next, in the order of the members [m]; 0: level"""
+    offsets_m: tuple[Place, ...] = ()
+    """places of `offsets` (forward, right, up) from the second member on; the first has (0, 0, 0) [m]"""
+
+    @model_validator(mode="after")
+    def _offsets_fit_the_kind(self) -> Shape:
+        if (self.kind == "offsets") != bool(self.offsets_m):
+            raise ValueError("`offsets_m` belongs to the kind `offsets`, and this kind needs it")
+        return self
+
+    def places(self, n: int) -> tuple[Place, ...]:
+        """Return the places of `n` members. Raises ValueError if `offsets_m` has too few."""
+        return places(
+            self.kind,
+            n,
+            self.spacing_m,
+            opening_deg=self.opening_deg,
+            height_step_m=self.height_step_m,
+            offsets_m=self.offsets_m,
+        )
+
+
+def places(
+    kind: Kind,
+    n: int,
+    spacing_m: float,
+    *,
+    opening_deg: float = 90.0,
+    height_step_m: float = 0.0,
+    offsets_m: Sequence[Place] = (),
+) -> tuple[Place, ...]:
+    """Return the places of `n` members: forward, right, up [m]. `Shape` has the meaning of each argument."""
+    if kind == "offsets":
+        if len(offsets_m) < n - 1:
+            raise ValueError(f"{len(offsets_m)} offsets: expected {n - 1}, one for each member but the first")
+        return (REFERENCE_PLACE, *offsets_m)[:n]
+    flat = _FLAT[kind](n, spacing_m, math.radians(opening_deg))
+    return tuple((forward, right, k * height_step_m) for k, (forward, right) in enumerate(flat))
+
+
+def assigned(present: Sequence[bool], *, closes_up: bool) -> tuple[int | None, ...]:
+    """Return the number of each member's place, None for an absent member; in the order of the members.
+
+    A group that closes up fills its first places in order. Otherwise the place of an absent member stays
+    open, so the leader may have another place than 0.
+    """
+    if not closes_up:
+        return tuple(k if here else None for k, here in enumerate(present))
+    before = [sum(present[:k]) for k in range(len(present))]
+    return tuple(n if here else None for n, here in zip(before, present, strict=True))
+
+
+def least_spacing_m(of: Sequence[Place], apart_in_height_m: float = math.inf) -> float:
+    """Return the least distance over ground between two places [m]; infinite for fewer than two.
+
+    Places whose heights differ by `apart_in_height_m` or more do not count.
+    """
+    pairs = ((a, b) for a, b in combinations(of, 2) if abs(a[2] - b[2]) < apart_in_height_m)
+    return min((math.dist(a[:2], b[:2]) for a, b in pairs), default=math.inf)
+
+
+def least_spacing_between_m(before: Sequence[Place], after: Sequence[Place]) -> float:
+    """Return the least distance over ground while all members move evenly from one shape to another [m].
+
+    Both shapes have the same number of places. Each member moves straight, and all arrive together.
+    """
+    least = math.inf
+    for (a, a_to), (b, b_to) in combinations(zip(before, after, strict=True), 2):
+        begin, end = (b[0] - a[0], b[1] - a[1]), (b_to[0] - a_to[0], b_to[1] - a_to[1])
+        least = min(least, _nearest_to_origin(begin, end))
+    return least
+
+
+def radius_m(of: Sequence[Place]) -> float:
+    """Return the greatest distance over ground of a place from the reference point [m]."""
+    return max((math.hypot(forward, right) for forward, right, _ in of), default=0.0)
+
+
+def width_m(of: Sequence[Place]) -> float:
+    """Return the distance across the direction of flight between the outermost places [m]."""
+    return max(right for _, right, _ in of) - min(right for _, right, _ in of) if of else 0.0
+
+
+def _nearest_to_origin(a: tuple[float, float], b: tuple[float, float]) -> float:
+    along, across = b[0] - a[0], b[1] - a[1]
+    squared = along * along + across * across
+    share = min(max(-(a[0] * along + a[1] * across) / squared, 0.0), 1.0) if squared else 0.0
+    return math.hypot(a[0] + share * along, a[1] + share * across)
+
+
+def _sides(n: int) -> list[tuple[int, int]]:
+    """Return (rank, side) of each place: side 1 is right, −1 left, and 0 the leader's."""
+    return [((k + 1) // 2, 0 if k == 0 else 1 if k % 2 else -1) for k in range(n)]
+
+
+def _wedge(n: int, spacing_m: float, opening_rad: float) -> list[tuple[float, float]]:
+    back, out = spacing_m * math.cos(opening_rad / 2.0), spacing_m * math.sin(opening_rad / 2.0)
+    return [(-rank * back if rank else 0.0, rank * side * out) for rank, side in _sides(n)]
+
+
+def _line(n: int, spacing_m: float, _opening_rad: float) -> list[tuple[float, float]]:
+    return [(0.0, rank * side * spacing_m) for rank, side in _sides(n)]
+
+
+def _column(n: int, spacing_m: float, _opening_rad: float) -> list[tuple[float, float]]:
+    return [(-k * spacing_m if k else 0.0, 0.0) for k in range(n)]
+
+
+def _circle(n: int, spacing_m: float, _opening_rad: float) -> list[tuple[float, float]]:
+    """Return places on a ring with the reference point in front: with four the diamond of Balch and Arkin.
+
+    All members are on the ring, as in formations that surround something. The leader is not in its centre:
+    there it would have no neighbour at the spacing, and a lost leader would leave a ring without a centre.
+    """
+    if n < 2:
+        return [(0.0, 0.0)] * n
+    ring_m = spacing_m / (2.0 * math.sin(math.pi / n))
+    angles = (side * rank * 2.0 * math.pi / n for rank, side in _sides(n))
+    return [(ring_m * (math.cos(angle) - 1.0), ring_m * math.sin(angle)) for angle in angles]
+
+
+_FLAT: dict[str, Callable[[int, float, float], list[tuple[float, float]]]] = {
+    "wedge": _wedge,
+    "line": _line,
+    "column": _column,
+    "circle": _circle,
+}
