@@ -34,7 +34,8 @@ def prepare(config: Config, console: Console) -> None:
     If the compiling process fails, or machine code cannot be stored, this process compiles later.
     """
     n_cells = config.area.rows * config.area.cols
-    if not needs_machine_code(n_cells, config.planner.benevolence) or is_ready():
+    needed = needs_machine_code(n_cells, config.planner.name, config.planner.benevolence)
+    if not needed or is_ready():
         return
     if numba_cache() is None:
         text = "machine code cannot be stored, so every run compiles the planners"

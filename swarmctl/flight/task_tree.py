@@ -125,7 +125,8 @@ async def _run_simulator(flight: Flight) -> None:
 async def _load_planner(flight: Flight) -> None:
     """Load machine code that the planners need. This takes a second, too long for a pause in flight."""
     scenario = flight.run.scenario
-    if not needs_machine_code(scenario.grid.n_cells, scenario.config.planner.benevolence):
+    planner = scenario.config.planner
+    if not needs_machine_code(scenario.grid.n_cells, planner.name, planner.benevolence):
         return
     if flight.run.clock == "real":
         await asyncio.to_thread(warm_up)

@@ -15,19 +15,19 @@ of one cell of length. A cell of infinite exposure is a wall. `Replanner` plans 
 known.
 
 Small areas need no compiler. Large areas are searched by numba's machine code, without the interpreter lock.
-Benevolence needs the machine code on any area.
+Benevolence and `formation` need the machine code on any area.
 `warm_up` compiles this code once (about 10 s) for this and all later processes. `kernels` has all searches.
 
-A planner is one module with a frozen dataclass `Params`, the constant `USES_W`, the functions
-`plan(problem, params)` and `measure(problem, cells, params)`, and one line in `PLANNERS`. Of `swarmctl`
-the planners import only `core`.
+A planner is one module with a frozen dataclass `Params`, the constants `USES_W` and `NEEDS_MACHINE_CODE`, the
+functions `plan(problem, params)` and `measure(problem, cells, params)`, and one line in `PLANNERS`. Of
+`swarmctl` the planners import only `core`. `meeting.split` compares a group with its members alone.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
-from swarmctl.planners import constrained, dijkstra, survival, time_bound
+from swarmctl.planners import constrained, dijkstra, formation, survival, time_bound
 from swarmctl.planners.base import (
     BadProblem,
     BoundTooTight,
@@ -41,7 +41,8 @@ from swarmctl.planners.base import (
 )
 from swarmctl.planners.dijkstra import CostToGo, cost_to_go
 from swarmctl.planners.front import Front, pareto_front
-from swarmctl.planners.kernels.warm_up import needs_machine_code, warm_up
+from swarmctl.planners.kernels import is_small
+from swarmctl.planners.kernels.warm_up import warm_up
 from swarmctl.planners.replan import Layers, Replanner
 
 PLANNERS: Mapping[str, Planner] = {
@@ -49,7 +50,13 @@ PLANNERS: Mapping[str, Planner] = {
     "time_bound": time_bound,
     "constrained": constrained,
     "survival": survival,
+    "formation": formation,
 }
+
+
+def needs_machine_code(n_cells: int, planner: str, benevolence: float) -> bool:
+    """Return whether vehicles over an area of this size plan by machine code."""
+    return not is_small(n_cells) or PLANNERS[planner].NEEDS_MACHINE_CODE or benevolence > 0.0
 
 
 def plan(problem: Problem, planner: str = "dijkstra", **options: object) -> Route:

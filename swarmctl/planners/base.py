@@ -150,6 +150,10 @@ class Planner(Protocol):
         """True if the routes depend on the problem's w."""
 
     @property
+    def NEEDS_MACHINE_CODE(self) -> bool:  # noqa: N802 - a constant of a module
+        """True if the planner needs compiled kernels on small areas, too."""
+
+    @property
     def Params(self) -> Any:  # noqa: N802 - it is a class, found in a module
         """A frozen dataclass with a default for each field."""
 

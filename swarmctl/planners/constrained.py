@@ -27,6 +27,7 @@ SMALL_GAP = 0.02
 
 
 USES_W = False
+NEEDS_MACHINE_CODE = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -32,6 +32,7 @@ from swarmctl.planners.pool import Pool
 from swarmctl.planners.replan import Replanner
 
 USES_W = True
+NEEDS_MACHINE_CODE = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,6 +23,7 @@ CERTAIN_LOSS = 1e6
 the route enters as few such cells as possible. A cell of infinite P_s is a wall."""
 
 USES_W = False
+NEEDS_MACHINE_CODE = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,6 +23,7 @@ from swarmctl.planners.envelope import Envelope, SummedRoute
 # routes of the values between; this search covers every w.
 
 USES_W = False
+NEEDS_MACHINE_CODE = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,6 +20,7 @@ from swarmctl.planners import bounds, constrained, kernels
 from swarmctl.planners.base import Problem, Route, is_open, route_of
 
 USES_W = False
+NEEDS_MACHINE_CODE = False
 
 N_DETOURS, N_PAIRED = 400, 25
 """greatest number of cells, evenly over the area, for detours over one cell, and over two cells"""

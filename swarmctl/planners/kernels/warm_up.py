@@ -8,14 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from swarmctl.planners.kernels import bounds, buckets, descent, information, labels, lattice
+from swarmctl.planners.kernels import bounds, buckets, descent, group_field, information, labels, lattice
 from swarmctl.planners.kernels.compilation import compiled
-from swarmctl.planners.kernels.field import is_small
-
-
-def needs_machine_code(n_cells: int, benevolence: float) -> bool:
-    """Return whether vehicles over an area of this size, of this benevolence, plan by machine code."""
-    return not is_small(n_cells) or benevolence > 0.0
 
 
 def warm_up(report: Callable[[int, int], None] = lambda _done, _total: None) -> None:
@@ -56,3 +50,27 @@ def _calls() -> Iterator[tuple[Callable[..., object], tuple[Any, ...]]]:
     yield information.value_of_knowing, gain
     goals = np.ones(9, dtype=np.bool_)
     yield labels.set_labels, (straight, width, goal, goals, label, label, label, 1.0, 3.0, 1.0, False, 0)
+    group, start = _group_of_one(), np.array([goal])
+    yield group_field.may_turn, (group.barrier, group.swept[0, 0], goal)
+    yield group_field.may_move, (group.barrier, group.offsets, group.swept[0, 0], goal, 0)
+    yield group_field.find_labels, (group, start)
+    yield group_field.costs_ahead, (group, group.entry)
+    yield group_field.descend, (group, np.zeros(9), start, 0.0)
+
+
+def _group_of_one() -> group_field.GroupGraph:
+    """Return the graph of one vehicle with one pose, which is at its goal."""
+    offsets = lattice.offsets_of(3)
+    return group_field.GroupGraph(
+        barrier=np.zeros(9),
+        near_barrier=np.zeros(9, dtype=np.uint8),
+        entry=np.full(9, math.inf),
+        turn=np.zeros((1, 1)),
+        turn_length=np.zeros((1, 1)),
+        swept=np.zeros((1, 1, 1, 1), dtype=np.int32),
+        step=np.ones(1),
+        step_length=np.ones(1),
+        ahead=offsets[:1],
+        offsets=offsets,
+        goals=np.array([4]),
+    )

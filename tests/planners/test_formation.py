@@ -1,0 +1,267 @@
+"""The route of a group, compared with a plain search over every cell, heading and shape."""
+
+import dataclasses
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from group_brute_force import Group
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from profiles import examples
+
+from swarmctl.core.exposure import length_cells
+from swarmctl.planners import PLANNERS, Problem, Route, Unreachable, dijkstra, formation, method
+from swarmctl.planners.formation import Params, measure, members_along, plan, shapes_along
+
+SEARCHES = settings(max_examples=examples(300, 40), deadline=None, derandomize=True)
+WEDGE = ((0.0, 0.0), (-1.0, 1.0), (-1.0, -1.0))
+LINE = ((0.0, 0.0), (0.0, 1.0), (0.0, -1.0))
+COLUMN = ((0.0, 0.0), (-1.0, 0.0), (-2.0, 0.0))
+SHAPES = st.sampled_from(
+    [
+        (WEDGE,),
+        (WEDGE, COLUMN),
+        (COLUMN, LINE),
+        (((0.0, 0.0), (-0.7, 1.3)), ((0.0, 0.0), (-1.5, 0.0))),
+        (((0.0, 0.0), (-1.5, 0.5), (0.5, -1.5)),),
+        (((0.0, 0.0),), ((0.0, 0.0),)),
+    ]
+)
+
+
+@st.composite
+def fields(draw: st.DrawFn, *, walls: bool = True, largest: int = 6) -> Problem:
+    rows, cols = draw(st.integers(1, largest)), draw(st.integers(1, largest))
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    kind = draw(st.sampled_from(["zero", "exact", "any"]))
+    exposure = {
+        "zero": np.zeros((rows, cols)),
+        "exact": rng.choice([0.0, 0.25, 0.5, 1.5], (rows, cols)),
+        "any": rng.random((rows, cols)),
+    }[kind]
+    if walls:
+        exposure[rng.random((rows, cols)) < draw(st.sampled_from([0.0, 0.1, 0.3]))] = np.inf
+    cell = st.tuples(st.integers(0, rows - 1), st.integers(0, cols - 1))
+    return Problem(
+        exposure,
+        start=draw(cell),
+        goals=tuple(draw(st.lists(cell, min_size=1, max_size=2))),
+        w=draw(st.sampled_from([0.0, 0.25, 0.5, 1.0])),
+        psi_per_cell=draw(st.sampled_from([0.0, 0.132, 1.0])),
+        max_exposure=draw(st.sampled_from([math.inf, math.inf, 1.0])),
+    )
+
+
+groups = st.builds(
+    Params,
+    shapes=SHAPES,
+    exposure=st.sampled_from(["sum", "survival"]),
+    change_cost=st.sampled_from([0.0, 0.1]),
+    max_turn_deg=st.sampled_from([45, 90, 180]),
+    start_heading_deg=st.sampled_from([None, None, 0, 90, 135]),
+    start_shape=st.sampled_from([None, 0]),
+)
+
+
+def found(problem: Problem, params: Params) -> Route | None:
+    try:
+        return plan(problem, params)
+    except Unreachable:
+        return None
+
+
+@SEARCHES
+@given(fields(), st.booleans())
+def test_a_group_of_one_gets_the_route_of_eq_5(problem: Problem, gains: bool) -> None:
+    if gains:
+        gain = np.random.default_rng(1).random(problem.exposure.shape) * 0.3
+        problem = dataclasses.replace(problem, gain=gain)
+    route = found(problem, Params())
+    try:
+        own = dijkstra.plan(problem, dijkstra.Params())
+    except Unreachable:
+        assert route is None
+        return
+    assert route is not None
+    assert route.cost == pytest.approx(own.cost, rel=1e-12)
+    assert route.length_cells == pytest.approx(own.length_cells)
+    assert measure(problem, own.cells, Params()) == pytest.approx(own.cost, rel=1e-12)
+
+
+@SEARCHES
+@given(fields(), groups)
+def test_the_route_of_a_group_is_the_cheapest_over_all_cells_headings_and_shapes(
+    problem: Problem, params: Params
+) -> None:
+    group = Group(problem, params)
+    least = group.cost_to_go([(problem.start, pose) for pose in group.start_poses()])
+    route = found(problem, params)
+    if route is None:
+        assert math.isinf(least)
+        return
+    assert route.cost == pytest.approx(least, rel=1e-9, abs=1e-12)
+    assert group.cost_along(route.cells) == pytest.approx(least, rel=1e-9, abs=1e-12)
+    assert measure(problem, route.cells, params) == route.cost
+    assert route.length_cells == length_cells(route.cells)
+
+
+@SEARCHES
+@given(fields(largest=5), groups, st.lists(st.integers(0, 7), max_size=6))
+def test_the_measure_of_any_route_is_the_least_over_headings_and_shapes(
+    problem: Problem, params: Params, directions: list[int]
+) -> None:
+    cells = [problem.start]
+    for k in directions:
+        row, col = (
+            cells[-1][0] + round(math.sin(k * math.pi / 4)),
+            cells[-1][1] + round(math.cos(k * math.pi / 4)),
+        )
+        if 0 <= row < problem.exposure.shape[0] and 0 <= col < problem.exposure.shape[1]:
+            cells.append((row, col))
+    assert measure(problem, cells, params) == pytest.approx(
+        Group(problem, params).cost_along(cells), rel=1e-12
+    )
+
+
+@SEARCHES
+@given(fields(), groups, st.integers(1, 3))
+def test_a_turned_area_has_the_turned_route_at_the_same_cost(
+    problem: Problem, params: Params, quarter_turns: int
+) -> None:
+    """Turn the area clockwise on the map: rows grow north, so the array turns the other way."""
+    index = np.arange(problem.exposure.size).reshape(problem.exposure.shape)
+    turned_index = np.rot90(index, quarter_turns)
+    place = {int(i): (int(r), int(c)) for (r, c), i in np.ndenumerate(turned_index)}
+    heading = params.start_heading_deg
+    turned = dataclasses.replace(
+        problem,
+        exposure=np.rot90(problem.exposure, quarter_turns).copy(),
+        start=place[int(index[problem.start])],
+        goals=tuple(place[int(index[goal])] for goal in problem.goals),
+    )
+    turned_params = dataclasses.replace(
+        params, start_heading_deg=None if heading is None else (heading + 90 * quarter_turns) % 360
+    )
+    one, other = found(problem, params), found(turned, turned_params)
+    assert (one is None) == (other is None)
+    if one is not None and other is not None:
+        assert other.cost == pytest.approx(one.cost, rel=1e-12)
+
+
+@SEARCHES
+@given(fields(), groups)
+def test_members_fly_over_no_wall_and_never_leave_the_area(problem: Problem, params: Params) -> None:
+    route = found(problem, params)
+    if route is None:
+        return
+    tracks = members_along(problem, route.cells, params)
+    shapes = shapes_along(problem, route.cells, params)
+    assert tracks.shape == (len(route.cells), len(params.shapes[0]), 2)
+    assert [tuple(cell) for cell in tracks[:, 0].tolist()] == list(route.cells)
+    assert len(shapes) == len(route.cells)
+    for member in tracks.swapaxes(0, 1).tolist():
+        inside = [
+            0 <= row < problem.exposure.shape[0] and 0 <= col < problem.exposure.shape[1]
+            for row, col in member
+        ]
+        assert sorted(inside[1:]) == inside[1:]
+        assert not any(
+            math.isinf(problem.passable[row, col])
+            for (row, col), is_in in list(zip(member, inside, strict=True))[1:]
+            if is_in
+        )
+
+
+@SEARCHES
+@given(fields(), groups)
+def test_no_turn_between_two_steps_is_above_the_limit(problem: Problem, params: Params) -> None:
+    route = found(problem, params)
+    if route is not None:
+        headings = [math.degrees(math.atan2(b[1] - a[1], b[0] - a[0])) for a, b in pairwise(route.cells)]
+        turns = [abs((b - a + 180.0) % 360.0 - 180.0) for a, b in pairwise(headings)]
+        assert max(turns, default=0.0) <= params.max_turn_deg + 1e-9
+
+
+def passage(width: int) -> Problem:
+    """Return an area of 9 × 20 cells; a passage of `width` cells leads through the wall in its middle."""
+    field = np.full((9, 20), 0.1)
+    field[:, 9:12] = np.inf
+    field[4 - width // 2 : 4 - width // 2 + width, 9:12] = 0.1
+    return Problem(field, (4, 2), ((4, 19),), 0.5, 0.13)
+
+
+@pytest.mark.parametrize(("width", "changes"), [(3, False), (1, True)])
+def test_a_wedge_becomes_a_column_only_where_the_passage_is_too_narrow(width: int, changes: bool) -> None:
+    params = Params((WEDGE, COLUMN), start_shape=0)
+    problem = passage(width)
+    cells = plan(problem, params).cells
+    shapes = shapes_along(problem, cells, params)
+    assert shapes[0] == 0
+    assert (1 in shapes) == changes
+    with pytest.raises(Unreachable) if changes else pytest.MonkeyPatch.context():
+        plan(problem, Params((WEDGE,)))
+
+
+def test_a_wide_group_keeps_more_distance_from_a_threat_than_a_single_vehicle() -> None:
+    field = np.zeros((15, 21))
+    field[6:9, 10] = 0.5
+    problem = Problem(field, (7, 2), ((7, 20),), 1.0, 0.13)
+    wide = Params((((0.0, 0.0), (0.0, 2.0), (0.0, -2.0)),))
+    own, group = plan(problem, Params()), plan(problem, wide)
+    assert (own.exposure_sum, measure(problem, own.cells, wide)) == (0.0, 0.5)
+    assert group.cost == 0.0
+
+
+def test_a_group_that_starts_outside_enters_the_area_in_its_shape() -> None:
+    problem = Problem(np.zeros((9, 12)), (4, 0), ((4, 11),), 0.5, 1.0)
+    route = plan(problem, Params((COLUMN,), start_heading_deg=90.0))
+    assert route.cells == tuple((4, col) for col in range(12))
+    tracks = members_along(problem, route.cells, Params((COLUMN,), start_heading_deg=90.0))
+    assert tracks[0].tolist() == [[4, 0], [4, -1], [4, -2]]
+
+
+def test_a_change_cost_is_paid_for_each_change_of_shape() -> None:
+    problem = passage(1)
+    free, paid = (
+        plan(problem, Params((WEDGE, COLUMN), start_shape=0, change_cost=cost)).cost for cost in (0.0, 0.25)
+    )
+    assert paid == pytest.approx(free + 0.25)
+
+
+def test_the_survival_of_a_step_counts_a_strike_on_several_members_once() -> None:
+    field = np.full((5, 5), 0.5)
+    problem = Problem(field, (2, 2), ((2, 3),), 1.0, 0.1)
+    assert plan(problem, Params((LINE,))).cost == pytest.approx(1.5)
+    assert plan(problem, Params((LINE,), exposure="survival")).cost == pytest.approx(1.0 - 0.5**3)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"shapes": []},
+        {"shapes": [[]]},
+        {"shapes": [[[0, 0], [1, 1]], [[0, 0]]]},
+        {"shapes": [[[1, 0]]]},
+        {"shapes": [[[0, 0], [math.nan, 0]]]},
+        {"shapes": [[[0, 0], [0, 1e6]]]},
+        {"shapes": [[[0, 0, 0]]]},
+        {"exposure": "mean"},
+        {"change_cost": -1.0},
+        {"change_cost": math.inf},
+        {"max_turn_deg": 30},
+        {"start_heading_deg": math.nan},
+        {"start_shape": 1},
+        {"start_shape": -1},
+    ],
+)
+def test_invalid_options_are_refused(options: dict[str, object]) -> None:
+    with pytest.raises(ValueError, match="formation"):
+        method("formation", PLANNERS["formation"], options)
+
+
+def test_options_of_a_configuration_are_accepted() -> None:
+    options = {"shapes": [[[0, 0], [-1, 1.5]], [[0, 0], [-2, 0]]], "exposure": "survival", "max_turn_deg": 45}
+    chosen = method("formation", formation, options)
+    assert chosen.params.shapes == (((0.0, 0.0), (-1.0, 1.5)), ((0.0, 0.0), (-2.0, 0.0)))
