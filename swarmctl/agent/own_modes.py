@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import get_args
+
 from swarmctl.agent.phases import ON_GROUND, Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.core import events as ev
+from swarmctl.core.vehicle import ModeRole
 
 ROLE_OF_ORDER = {ev.FlightOrder.HOLD: "hold", ev.FlightOrder.RETURN: "return", ev.FlightOrder.LAND: "land"}
 
@@ -12,7 +15,7 @@ ROLE_OF_ORDER = {ev.FlightOrder.HOLD: "hold", ev.FlightOrder.RETURN: "return", e
 def own_mode_roles(state: AgentState) -> frozenset[str]:
     """Return the roles of the modes that this agent may have set on the vehicle."""
     if state.phase is Phase.WAITING:
-        return frozenset({"hold", "mission", "return", "land", "other"})  # a vehicle boots in any mode
+        return frozenset(get_args(ModeRole))  # a vehicle boots in any mode
     if state.phase in ON_GROUND or state.phase is Phase.LAUNCHING:
         return frozenset({"hold", "mission"})
     if state.order.given in (None, ev.FlightOrder.LAUNCH):

@@ -8,7 +8,7 @@ from swarmctl.core.geo import LatLon
 
 
 class SetPoint(msgspec.Struct, frozen=True):
-    """A velocity with the position that moves at it; without a position the velocity alone counts."""
+    """A velocity, and the position that moves at this velocity; the velocity alone without a position."""
 
     velocity_m_s: tuple[float, float, float]
     """east, north, up [m/s]"""

@@ -7,7 +7,7 @@ from enum import IntEnum
 from typing import Literal
 
 Airframe = Literal["copter", "plane"]
-ModeRole = Literal["", "hold", "mission", "return", "land", "other"]
+ModeRole = Literal["", "hold", "mission", "return", "land", "setpoints", "other"]
 
 STALE_MODE_S = 2.0
 """time for which a delayed heartbeat may still report the previous mode [s]"""
@@ -53,7 +53,8 @@ class VehicleState:
     mode: str = ""
     """the firmware's name of the mode, such as AUTO"""
     mode_role: ModeRole = ""
-    """the purpose of the mode, equal for all firmwares; "" before the first heartbeat"""
+    """The purpose of the mode, equal for all firmwares; "" before the first heartbeat. ArduCopter follows
+    set-points in its hold mode, with the role "hold"."""
     armed: bool = False
     landed: Landed = Landed.UNDEFINED
     ready: bool = False

@@ -14,6 +14,7 @@ from typing import Protocol
 
 from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import FlightPlan, MissionItem
+from swarmctl.core.setpoint import SetPoint
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.mavlink.events import (
     FirstHeartbeat,
@@ -155,7 +156,7 @@ class LaunchBlockedError(LaunchFailed):
 
 
 class CommandFailed(LinkError):
-    """hold, return_home, land or set_speed is not confirmed, or another command has interrupted it."""
+    """A command in flight is not confirmed, or another command has interrupted it."""
 
 
 class Busy(LinkError):
@@ -231,11 +232,27 @@ class Link(Protocol):
         """
 
     async def hold(self, *, check_mode_first: bool = False) -> None:
-        """Set hold mode. Raises CommandFailed.
+        """Set hold mode; a vehicle that follows set-points in this mode stops. Raises CommandFailed.
 
         The first command is sent at once in any mode; repetitions stop once another party has chosen a mode.
         If `check_mode_first`, a mode that has just changed stops the first command too; use this for commands
         that no operator has given. The same applies to `return_home` and `land`.
+        """
+
+    async def follow_setpoints(self, *, from_hold: bool = False) -> None:
+        """Make a flying vehicle follow set-points. Raises CommandFailed.
+
+        The vehicle flies its mission; with `from_hold` it may also hold, or follow set-points already, by
+        this program's command. No command follows once another party has chosen a mode. The caller sends
+        set-points from before this call on: PX4 refuses the mode without them.
+        """
+
+    def send_setpoint(self, setpoint: SetPoint) -> bool:
+        """Send a set-point now, also during another call, without an answer; return whether it was sent.
+
+        False: the vehicle is not connected, or does not follow set-points, such as a fixed wing. A vehicle in
+        another mode ignores set-points, but PX4 returns to OFFBOARD if it left OFFBOARD for want of them.
+        Raises ValueError for a set-point that is incomplete or not finite.
         """
 
     async def set_speed(self, speed_m_s: float) -> None:

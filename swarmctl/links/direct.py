@@ -10,6 +10,7 @@ from typing import Any
 
 from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import FlightPlan, MissionItem
+from swarmctl.core.setpoint import SetPoint
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.links.base import (
     Busy,
@@ -220,6 +221,20 @@ class DirectLink:
 
     async def hold(self, *, check_mode_first: bool = False) -> None:
         await self._perform_urgent("hold", partial(basic.hold, check_mode_first=check_mode_first))
+
+    async def follow_setpoints(self, *, from_hold: bool = False) -> None:
+        done: Done = await self._perform(
+            "follow set-points", partial(basic.follow_setpoints, from_hold=from_hold)
+        )
+        if done.failure:
+            raise CommandFailed(f"{self._label}: the vehicle does not follow set-points: {done.failure}")
+
+    def send_setpoint(self, setpoint: SetPoint) -> bool:
+        message = self._session.setpoint_message(setpoint, self._now())
+        if message is None or self._channel is None:
+            return False
+        self._channel.send([message])
+        return True
 
     async def set_speed(self, speed_m_s: float) -> None:
         done: Done = await self._perform("set_speed", partial(basic.set_speed, speed_m_s=speed_m_s))

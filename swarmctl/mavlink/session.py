@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.mission import FlightPlan, MissionItem
+from swarmctl.core.setpoint import SetPoint
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.mavlink.dialects import Dialect, Unsupported, dialect_for
 from swarmctl.mavlink.events import (
@@ -25,6 +26,7 @@ from swarmctl.mavlink.protocol.codec import Message
 from swarmctl.mavlink.protocol.conversation import IllegalEvent, MavlinkPeer
 from swarmctl.mavlink.protocol.outcome import Done
 from swarmctl.mavlink.protocol.procedure import Context, Driver, Procedure
+from swarmctl.mavlink.protocol.setpoint import setpoint_message
 from swarmctl.mavlink.telemetry.mission_watch import MissionWatch
 from swarmctl.mavlink.telemetry.presence import LinkState, Presence, is_vehicle_heartbeat
 from swarmctl.mavlink.telemetry.streams import AFTER_SILENCE_S, UNUSED_IDS, Streaming, StreamKeeper
@@ -128,6 +130,17 @@ class Session:
     def mission_items(self, plan: FlightPlan) -> tuple[MissionItem, ...]:
         """Return a plan as this vehicle's mission. Raises ValueError for a plan that cannot be flown."""
         return self.dialect.mission_items(plan, self.state.takeoff_lat_lon)
+
+    def setpoint_message(self, setpoint: SetPoint, now: float) -> Message | None:
+        """Return the message that sends a set-point now; None if this vehicle does not follow set-points.
+
+        Raises ValueError for a set-point that is incomplete or not finite.
+        """
+        context = self._context
+        if context is None or context.dialect.setpoint_mode is None:
+            return None
+        context.setpoint_sent_s = now
+        return setpoint_message(self.peer, setpoint)
 
     def age_s(self, now: float) -> float:
         return self._presence.age_s(now)

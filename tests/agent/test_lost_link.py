@@ -38,6 +38,7 @@ def test_the_warning_announces_the_configured_reaction(does: Any, part: str) -> 
         ("", "", "continue", ""),
         ("RTL", "return", "return", "RTL"),
         ("GUIDED", "hold", "return", "10 s"),
+        ("OFFBOARD", "setpoints", "return", "OFFBOARD"),
     ],
 )
 def test_the_warning_names_the_last_mode_or_the_reaction(mode: str, role: Any, does: Any, part: str) -> None:

@@ -10,7 +10,7 @@ from failsafe_facts import RuleRunner, at, facts
 from swarmctl.agent.failsafes import taken_over
 from swarmctl.agent.failsafes.base import Activity, DemandKind
 from swarmctl.agent.failsafes.taken_over import FOREIGN_ON_GROUND_S
-from swarmctl.core.vehicle import STALE_MODE_S
+from swarmctl.core.vehicle import STALE_MODE_S, VehicleState
 
 LOITER = at(0.0, 0.0, mode="LOITER", mode_role="other")
 GUIDED = at(0.0, 0.0, mode="GUIDED", mode_role="hold")
@@ -25,11 +25,12 @@ def test_a_mode_that_no_agent_sets_releases_at_once() -> None:
     assert "LOITER" in demand.reason
 
 
-def test_an_own_mode_is_tolerated_for_a_moment_as_an_old_heartbeat() -> None:
+@pytest.mark.parametrize("state", [GUIDED, at(0.0, 0.0, mode="OFFBOARD", mode_role="setpoints")])
+def test_an_own_mode_is_tolerated_for_a_moment_as_an_old_heartbeat(state: VehicleState) -> None:
     rule = RuleRunner(taken_over)
-    assert rule(0.0, facts(GUIDED)) is None
-    assert rule(STALE_MODE_S - 0.1, facts(GUIDED)) is None
-    assert rule(STALE_MODE_S, facts(GUIDED)) is not None
+    assert rule(0.0, facts(state)) is None
+    assert rule(STALE_MODE_S - 0.1, facts(state)) is None
+    assert rule(STALE_MODE_S, facts(state)) is not None
 
 
 def test_each_order_restarts_the_tolerance_for_old_heartbeats() -> None:

@@ -40,6 +40,28 @@ def wanted(firmware: Firmware, **policy: Any) -> dict[str, RequiredParameter]:
 
 
 @pytest.mark.parametrize(
+    ("firmware", "name", "good", "bad"),
+    [
+        (COPTER, "GUID_TIMEOUT", [1, 2, 3], [0, 0.1, 5, 10]),
+        (COPTER_47, "GUID_TIMEOUT", [3], [10]),
+        (PX4, "COM_OBL_RC_ACT", [3, 4, 5], [-1, 0, 1, 2, 6, 7]),
+        (PX4, "COM_OF_LOSS_T", [1, 2, 3], [0, 0.5, 5, 60]),
+    ],
+)
+def test_members_of_a_formation_need_a_safe_end_of_set_points(
+    firmware: Firmware, name: str, good: list[float], bad: list[float]
+) -> None:
+    intent = DeclaredBehaviour(Policy(), gcs_sysid=255, altitude_m=40.0, ceiling_m=90.0)
+    assert name not in {r.name for r in parameters_for(firmware, intent)}
+    parameters = parameters_for(firmware, replace(intent, in_formation=True))
+    (required,) = (r for r in parameters if r.name == name)
+    assert all(required.accepts(float(value)) for value in good)
+    assert not any(required.accepts(float(value)) for value in bad)
+    assert required.set_to is not None
+    assert required.accepts(required.set_to)
+
+
+@pytest.mark.parametrize(
     ("firmware", "policy", "name", "good", "bad"),
     [
         (COPTER, {"lost_link": "continue"}, "FS_GCS_ENABLE", [0], [1, 5]),

@@ -24,6 +24,7 @@ _CONTINUES: dict[ModeRole, str] = {
     "hold": "keeps holding in mode {}",
     "return": "continues its return in mode {}",
     "land": "continues its landing in mode {}",
+    "setpoints": "leaves mode {} by its own rule for set-points that stop",
     "other": "stays in mode {}",
     "": "continues as before",
 }
@@ -42,7 +43,7 @@ def evaluate(params: Params, _memory: None, facts: FailsafeFacts, _now: float) -
     if not (facts.lost and facts.in_flight):
         return None, None
     vehicle = facts.vehicle
-    if params.does in ("continue", vehicle.mode_role):
+    if params.does in ("continue", vehicle.mode_role) or vehicle.mode_role == "setpoints":
         does = _CONTINUES[vehicle.mode_role].format(vehicle.mode)
     else:
         does = _REACTIONS[params.does].format(params.after_s)

@@ -63,7 +63,8 @@ def evaluate(
     if is_own or not (vehicle.armed or facts.activity in ("ground", "launch")):
         return memory, None
     # The mode may be an outdated report of a mode that this agent set: wait for the next heartbeat.
-    if vehicle.mode_role in ("hold", "mission") and not has_lasted(memory.foreign_since_s, STALE_MODE_S, now):
+    may_be_old = vehicle.mode_role in ("hold", "mission", "setpoints")
+    if may_be_old and not has_lasted(memory.foreign_since_s, STALE_MODE_S, now):
         return memory, None
     if facts.activity == "ground" and not has_lasted(memory.foreign_since_s, FOREIGN_ON_GROUND_S, now):
         return memory, None

@@ -55,6 +55,7 @@ class ArduPilot:
     mission_mode = "AUTO"
     return_mode = "RTL"
     land_mode = "LAND"
+    setpoint_mode: str | None = None
     mode_names: Mapping[int, str]
     streams_hz: Mapping[int, float] = MappingProxyType(
         {
@@ -138,6 +139,7 @@ class ArduCopter(ArduPilot):
     # Hold mode is GUIDED: without radio control LOITER reads the throttle stick as "down" and lands hard.
     # BRAKE also holds, but a launch needs GUIDED.
     mode_names = modes("COPTER_MODE")
+    setpoint_mode = "GUIDED"
     land_command = None
     # A leg that does not follow a completed leg begins at rest, at the stopping point
     # (`AC_WPNav::set_wp_destination`).

@@ -55,6 +55,10 @@ class Dialect(Protocol):
         """Mode that lands without a pilot; the mission mode if landing needs a mission."""
 
     @property
+    def setpoint_mode(self) -> str | None:
+        """Mode that follows set-points, possibly the hold mode; None for a vehicle that is never led so."""
+
+    @property
     def land_command(self) -> int | None:
         """MAV_CMD that leads to the landing of the mission; None if a mode lands."""
 

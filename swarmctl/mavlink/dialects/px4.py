@@ -63,6 +63,7 @@ class Px4:
     hold_mode = "AUTO.LOITER"
     mission_mode = "AUTO.MISSION"
     return_mode = "AUTO.RTL"
+    setpoint_mode: str | None = None
     # PX4 sends all these messages without a request, some at lower rates.
     streams_hz: Mapping[int, float] = MappingProxyType(
         {
@@ -127,6 +128,7 @@ class Px4Copter(Px4):
 
     firmware = "PX4"
     land_mode = "AUTO.LAND"
+    setpoint_mode = "OFFBOARD"
     land_command = None
     lands_at_nearest = True
     speed_type = int(mavlink.SPEED_TYPE_GROUNDSPEED)

@@ -1,4 +1,4 @@
-"""Procedures of a ground station: identify, prepare, upload, hold, return, land, speed.
+"""Procedures of a ground station: identify, prepare, upload, hold, return, land, speed, set-points.
 
 An acknowledgement is no proof: a step is done when telemetry or a read-back shows its effect. Only a change
 of speed ends with its acknowledgement. `launch` and `swap` have their own modules.
@@ -9,29 +9,37 @@ from __future__ import annotations
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.mission import MissionItem
+from swarmctl.core.vehicle import Landed
 from swarmctl.mavlink.procedures.guarded import (
     HEARTBEAT_WAIT_S,
+    UNTIL_REPLACED_S,
     NotInControl,
     command,
+    confirm_state,
+    describe_takeover,
     in_modes,
     send_acknowledged,
+    send_guarded,
     set_mode,
 )
 from swarmctl.mavlink.procedures.land import land_by_mission
 from swarmctl.mavlink.procedures.launch import launch
 from swarmctl.mavlink.procedures.swap.atomic import rejection_text
-from swarmctl.mavlink.procedures.swap.choice import swap, swap_takes_s
+from swarmctl.mavlink.procedures.swap.choice import lands, swap, swap_takes_s, takes_off
 from swarmctl.mavlink.procedures.verified_upload import upload_mission
 from swarmctl.mavlink.protocol.codec import Message
 from swarmctl.mavlink.protocol.command import Command
 from swarmctl.mavlink.protocol.outcome import Done, Swapped, Uploaded
 from swarmctl.mavlink.protocol.procedure import Context, Procedure
-from swarmctl.mavlink.protocol.wait import RequestMessage, RequestUntil, WaitUntil
+from swarmctl.mavlink.protocol.setpoint import STOP, setpoint_message
+from swarmctl.mavlink.protocol.wait import RequestMessage, RequestUntil, SendUntil, WaitUntil
+from swarmctl.mavlink.telemetry.vehicle_state import STILL_CLIMB_M_S, STILL_M_S
 
 __all__ = [
     "Done",
     "Swapped",
     "Uploaded",
+    "follow_setpoints",
     "hold",
     "identify",
     "land",
@@ -46,6 +54,10 @@ __all__ = [
 MODE_PERIOD_S = 3.0
 """period for setting the hold mode again before the flight"""
 MODE_TRIES = 3
+SETPOINTS_LAST_S = 10.0
+"""time after the last set-point in which a vehicle may still receive or follow set-points [s]"""
+STOP_WAIT_S = 10.0
+"""longest wait for the stop of a vehicle that has followed set-points"""
 SPEED_LASTS_S = 10.0
 """life of a speed command [s]; then the agent decides the speed anew"""
 SAME_THROTTLE = -1.0
@@ -104,9 +116,49 @@ def hold(ctx: Context, *, check_mode_first: bool = False) -> Procedure[Done]:
     If `check_mode_first`, a new heartbeat also precedes the first command, and a mode that has just changed
     stops the procedure. The same applies to `return_home` and `land`.
     """
-    return Done(
-        (yield from _set_mode_urgently(ctx, ctx.dialect.hold_mode, check_mode_first=check_mode_first))
+    dialect, stop = ctx.dialect, setpoint_message(ctx.peer, STOP)
+    # If the hold mode also follows set-points, setting it again does not stop the vehicle.
+    stops = dialect.setpoint_mode == dialect.hold_mode and ctx.now - ctx.setpoint_sent_s <= SETPOINTS_LAST_S
+    if stops and not check_mode_first:
+        yield SendUntil(stop, lambda: True, 0.0)
+    # PX4 may hold because set-points stopped. It would follow the next set-point, but not after a command.
+    failure = yield from _set_mode_urgently(
+        ctx, dialect.hold_mode, check_mode_first=check_mode_first, skip_if_done=False
     )
+    if stops and failure is None:
+        yield SendUntil(stop, lambda: _stands(ctx) or ctx.state.mode != dialect.hold_mode, STOP_WAIT_S)
+        if ctx.state.mode != dialect.hold_mode:
+            failure = describe_takeover(ctx.state)
+        elif not _stands(ctx):
+            failure = f"the vehicle is in hold mode, but still moves after {STOP_WAIT_S:g} s [no-hold]"
+    return Done(failure)
+
+
+def _stands(ctx: Context) -> bool:
+    return ctx.state.ground_speed_m_s < STILL_M_S and abs(ctx.state.climb_m_s) < STILL_CLIMB_M_S
+
+
+def follow_setpoints(ctx: Context, *, from_hold: bool = False) -> Procedure[Done]:
+    """Enter the mode that follows set-points, from mission mode in the air.
+
+    Hold mode and the set-point mode are another party's choice unless `from_hold` is set. PX4 refuses the
+    mode until it has received a recent set-point, so the command is repeated after a refusal.
+    """
+    dialect, mode = ctx.dialect, ctx.dialect.setpoint_mode
+    if mode is None:
+        return Done(f"{dialect.firmware} is never led by set-points [no-setpoints]")
+    own = {dialect.mission_mode, *([dialect.hold_mode, mode] if from_hold else [])}
+    order = command(ctx, mavlink.MAV_CMD_DO_SET_MODE, dialect.mode_params(mode), lasts_s=UNTIL_REPLACED_S)
+    try:
+        yield from confirm_state(ctx, in_modes(own))
+        if not ctx.state.armed or ctx.state.landed is Landed.ON_GROUND:
+            return Done("the vehicle is not flying [not-flying]")
+        if takes_off(ctx) or lands(ctx):
+            return Done("the vehicle is taking off or landing [landing]")
+        before, after = in_modes(own, armed=True), in_modes({mode}, armed=True)
+        return Done((yield from send_guarded(ctx, order, before, after, skip_first_check=True)))
+    except NotInControl as why:
+        return Done(str(why))
 
 
 def return_home(ctx: Context, *, check_mode_first: bool = False) -> Procedure[Done]:
@@ -141,7 +193,9 @@ def set_speed(ctx: Context, speed_m_s: float) -> Procedure[Done]:
         return Done(str(why))
 
 
-def _set_mode_urgently(ctx: Context, mode: str, *, check_mode_first: bool) -> Procedure[str | None]:
+def _set_mode_urgently(
+    ctx: Context, mode: str, *, check_mode_first: bool, skip_if_done: bool = True
+) -> Procedure[str | None]:
     """Set a mode at once, with several tries; return the failure.
 
     The first command is sent without a new heartbeat, unless `check_mode_first` is set. The procedure ends
@@ -149,15 +203,25 @@ def _set_mode_urgently(ctx: Context, mode: str, *, check_mode_first: bool) -> Pr
     """
     dialect, failure = ctx.dialect, None
     allowed = {mode, ctx.state.mode}
+    if ctx.state.mode == dialect.setpoint_mode:
+        allowed.add(dialect.hold_mode)  # the usual mode of a PX4 whose set-points have stopped
     if ctx.interrupted or not check_mode_first:
         # The interrupted procedure may have changed the mode shortly before.
         allowed |= {dialect.hold_mode, dialect.mission_mode}
+        if dialect.setpoint_mode is not None:
+            allowed.add(dialect.setpoint_mode)
     if not check_mode_first:
         allowed |= {dialect.return_mode, dialect.land_mode}
     try:
         for attempt in range(MODE_TRIES):
             skip_first_check = attempt == 0 and not check_mode_first
-            failure = yield from set_mode(ctx, mode, in_modes(allowed), skip_first_check=skip_first_check)
+            failure = yield from set_mode(
+                ctx,
+                mode,
+                in_modes(allowed),
+                skip_if_done=skip_if_done,
+                skip_first_check=skip_first_check,
+            )
             if failure is None:
                 break
     except NotInControl as why:

@@ -105,15 +105,16 @@ def set_mode(
     before: StateCondition,
     *,
     armed: bool | None = None,
+    skip_if_done: bool = True,
     skip_first_check: bool = False,
 ) -> Procedure[str | None]:
-    """Set a mode by `send_guarded` unless a new heartbeat shows this mode; return the failure."""
+    """Set a mode by `send_guarded`, by default unless a heartbeat shows this mode; return the failure."""
     # The mode is meant until another procedure replaces this one; `before` refuses a mode of another party.
     order = command(ctx, mavlink.MAV_CMD_DO_SET_MODE, ctx.dialect.mode_params(mode), lasts_s=UNTIL_REPLACED_S)
     after = in_modes({mode}, armed=armed)
     return (
         yield from send_guarded(
-            ctx, order, before, after, skip_if_done=True, skip_first_check=skip_first_check
+            ctx, order, before, after, skip_if_done=skip_if_done, skip_first_check=skip_first_check
         )
     )
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, field
+from math import inf
 from typing import Any, TypeVar
 
 from swarmctl.core.mission import MissionItem
@@ -36,6 +37,9 @@ class Context:
     """index in `verified_items` of the flown plan's first waypoint, after home, take-off and earlier plans"""
     interrupted: bool = False
     """True if the previous procedure was cancelled: a command of that procedure may take effect later"""
+
+    setpoint_sent_s: float = -inf
+    """time of the last set-point to the vehicle, by this program's clock [s]"""
 
     @property
     def state(self) -> VehicleState:

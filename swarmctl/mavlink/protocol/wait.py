@@ -41,6 +41,31 @@ def wait(seconds: float) -> WaitUntil:
     return WaitUntil(lambda: False, seconds)
 
 
+class SendUntil(WaitUntil):
+    """Send a message at once and repeatedly, until `condition()` holds or `timeout_s` have passed.
+
+    The result is True if the condition holds. No answer to the message is expected.
+    """
+
+    REPEAT_PERIOD_S = 0.5
+
+    def __init__(self, message: Message, condition: Callable[[], bool], timeout_s: float) -> None:
+        super().__init__(condition, timeout_s)
+        self._message = message
+        self._end = 0.0
+
+    def _begin(self, now: float) -> list[Message]:
+        self._end = now + self._timeout_s
+        return self._send(now)
+
+    def _on_deadline(self, now: float) -> list[Message]:
+        return super()._on_deadline(now) if now >= self._end else self._send(now)
+
+    def _send(self, now: float) -> list[Message]:
+        self.next_deadline = min(self._end, now + self.REPEAT_PERIOD_S)
+        return [self._message, *self._check()]
+
+
 class RequestUntil(Conversation[bool]):
     """Repeated request of a message, until the message has arrived and `condition()` holds.
 

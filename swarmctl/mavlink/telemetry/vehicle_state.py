@@ -87,6 +87,8 @@ class Telemetry:
             dialect.mission_mode: "mission",
             dialect.return_mode: "return",
         }
+        if dialect.setpoint_mode is not None:
+            self._roles.setdefault(dialect.setpoint_mode, "setpoints")
         self._handlers: dict[str, Callable[[Message], bool]] = {
             "HEARTBEAT": self._heartbeat,
             "GLOBAL_POSITION_INT": self._global_position,

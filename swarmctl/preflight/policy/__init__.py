@@ -11,7 +11,7 @@ The behaviour of older and later versions at a lost link is unknown, so these ve
 
 Reactions to a lost remote control are not declared. ArduCopter does not arm without a remote control unless
 FS_THR_ENABLE is 0 ("RC not found"). PX4 reacts only to the loss of a remote control that was present at
-arming (NAV_RCL_ACT). This program never flies PX4 in OFFBOARD (COM_OBL_RC_ACT).
+arming (NAV_RCL_ACT). The end of set-points counts only for members of a formation.
 """
 
 from __future__ import annotations

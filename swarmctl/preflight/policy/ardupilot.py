@@ -4,7 +4,12 @@ from __future__ import annotations
 
 from swarmctl.agent.replan.landing_pattern import FixedWing
 from swarmctl.preflight.policy import copter_flight
-from swarmctl.preflight.policy.behaviour import DeclaredBehaviour, ceiling, cruise_and_bank
+from swarmctl.preflight.policy.behaviour import (
+    SETPOINTS_STOP,
+    DeclaredBehaviour,
+    ceiling,
+    cruise_and_bank,
+)
 from swarmctl.preflight.policy.required import (
     NoParameterTable,
     RequiredParameter,
@@ -49,7 +54,17 @@ def copter(behaviour: DeclaredBehaviour, version: Version) -> tuple[RequiredPara
         *_copter_position_loss(),
         *copter_flight.returns(behaviour, version),
         *copter_flight.flight(behaviour, version),
+        *(_setpoints_stop() if behaviour.in_formation else ()),
     )
+
+
+_GUIDED_TIMEOUT_S, _MIN_GUIDED_TIMEOUT_S, _MAX_GUIDED_TIMEOUT_S = 3.0, 1.0, 3.0  # of GUID_TIMEOUT
+
+
+def _setpoints_stop() -> tuple[RequiredParameter, ...]:
+    """Return the time after which a copter stops whose set-points have stopped; until then it flies on."""
+    least_s, most_s = _MIN_GUIDED_TIMEOUT_S, _MAX_GUIDED_TIMEOUT_S
+    return (RequiredParameter("GUID_TIMEOUT", SETPOINTS_STOP, _GUIDED_TIMEOUT_S, least=least_s, most=most_s),)
 
 
 _EKF_LAND, _EKF_LAND_ALWAYS = 1.0, 3.0  # of FS_EKF_ACTION; 2: altitude hold for a pilot; 0: only a report

@@ -32,6 +32,8 @@ class DeclaredBehaviour:
     """True if the swarm has other vehicles"""
     extent_m: float = 0.0
     """greatest distance between two points of the flight [m]"""
+    in_formation: bool = False
+    """True if the vehicle follows set-points as a member of a formation"""
 
     @property
     def lost_link(self) -> str:
@@ -61,6 +63,9 @@ class DeclaredBehaviour:
     @property
     def fence(self) -> str:
         return f"a fence up to {self.ceiling_m:g} m"
+
+
+SETPOINTS_STOP = "a formation: a vehicle whose set-points stop stops, returns or lands"
 
 
 def ceiling(name: str, behaviour: DeclaredBehaviour) -> RequiredParameter:

@@ -7,7 +7,13 @@ from collections.abc import Mapping
 
 from swarmctl.agent.replan.landing_pattern import FixedWing
 from swarmctl.agent.replan.travel_time import CORNER_RADIUS_M
-from swarmctl.preflight.policy.behaviour import DeclaredBehaviour, ceiling, cruise_and_bank, cruise_speed
+from swarmctl.preflight.policy.behaviour import (
+    SETPOINTS_STOP,
+    DeclaredBehaviour,
+    ceiling,
+    cruise_and_bank,
+    cruise_speed,
+)
 from swarmctl.preflight.policy.required import NoParameterTable, RequiredParameter, Version, exactly, one_of
 
 _LOST_LINK = {"return": (2.0,), "land": (3.0,), "hold": (1.0,), "continue": (0.0,)}
@@ -38,6 +44,30 @@ def copter(behaviour: DeclaredBehaviour, version: Version) -> tuple[RequiredPara
         RequiredParameter("NAV_ACC_RAD", _CORNERS, CORNER_RADIUS_M, least=0.0, most=CORNER_RADIUS_M),
         # A mission begins where the vehicle is; during a change of the mission the vehicle flies on.
         *_first_waypoint(version, _DEFAULT_FIRST_WAYPOINT_M),
+        *(_setpoints_stop() if behaviour.in_formation else ()),
+    )
+
+
+_RETURN, _LAND, _HOLD = (
+    3.0,
+    4.0,
+    5.0,
+)  # of COM_OBL_RC_ACT; 0 to 2: a pilot's modes
+_SETPOINT_LOSS_S, _MAX_SETPOINT_LOSS_S = 1.0, 3.0  # of COM_OF_LOSS_T; the default is 1 s
+
+
+def _setpoints_stop() -> tuple[RequiredParameter, ...]:
+    """Return the parameters of the end of OFFBOARD; set-points come at 5 to 10 Hz, so several may be lost."""
+    actions = (_RETURN, _LAND, _HOLD)
+    return (
+        RequiredParameter("COM_OBL_RC_ACT", SETPOINTS_STOP, _HOLD, actions),
+        RequiredParameter(
+            "COM_OF_LOSS_T",
+            SETPOINTS_STOP,
+            _SETPOINT_LOSS_S,
+            least=_SETPOINT_LOSS_S,
+            most=_MAX_SETPOINT_LOSS_S,
+        ),
     )
 
 

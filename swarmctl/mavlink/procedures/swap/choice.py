@@ -51,7 +51,7 @@ def swap(ctx: Context, plan: FlightPlan) -> Procedure[Swapped]:
     own_modes = {ctx.dialect.mission_mode, *([ctx.dialect.hold_mode] if plan.from_hold else [])}
     running = Swap(ctx, plan, items, RouteProgress(ctx.state, waypoints, flown), own_modes)
     # A vehicle stopped during its climb would fly to the first waypoint at that low altitude.
-    yield WaitUntil(lambda: not _takes_off(ctx), CLIMB_LIMIT_S)
+    yield WaitUntil(lambda: not takes_off(ctx), CLIMB_LIMIT_S)
     began_s = ctx.state.time_boot_s
     # The last heartbeat may show an earlier mode.
     yield WaitUntil(lambda: ctx.state.mode in own_modes, STALE_MODE_S)
@@ -63,7 +63,7 @@ def swap(ctx: Context, plan: FlightPlan) -> Procedure[Swapped]:
     kind = AtomicSwap if ctx.dialect.uploads_atomically else AppendSwap
     machine = kind(running, OldPlan.of(ctx))
     try:
-        if _takes_off(ctx) or _lands(ctx):
+        if takes_off(ctx) or lands(ctx):
             # Another station or the pilot may have ordered a landing.
             yield from confirm_state(ctx, machine.in_own_modes)
             return Swapped("the vehicle is taking off or landing [landing]", unchanged)
@@ -91,13 +91,13 @@ def swap_takes_s(dialect: Dialect, n_items: int, upload_s: float) -> float:
     return upload_s * (windows + n_read_back + 2) / (n_upload + n_read_back)
 
 
-def _takes_off(ctx: Context) -> bool:
+def takes_off(ctx: Context) -> bool:
     """Return whether the vehicle flies an item before its first waypoint."""
     seq = ctx.state.mission_seq
     return _is_in_mission(ctx) and seq is not None and seq < ctx.dialect.first_waypoint_seq
 
 
-def _lands(ctx: Context) -> bool:
+def lands(ctx: Context) -> bool:
     """Return whether the vehicle flies an item of its landing, or descends to land."""
     by_mission = _is_in_mission(ctx) and ctx.state.mission_seq in landing_items(ctx.verified_items)
     return by_mission or ctx.state.landed is Landed.LANDING
