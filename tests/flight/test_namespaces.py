@@ -36,12 +36,12 @@ threats: {{count: 8}}
 planner: {{name: dijkstra, w: 0.2}}
 communication: {{keys: keys, {communication}}}
 simulate: {{count: {count}, speedup: 10, ready_s: 0, speed_m_s: 5}}
-flight: {{on_exit: hold, altitude_m: 40, altitude_step_m: 4}}
+flight: {{on_exit: hold, altitude_m: 40, altitude_step_m: 4, connect_timeout_s: 90}}
 """
 ROUTER, STATION = "router", "station"
 AT = {ROUTER: "10.231.0.1", STATION: "10.231.0.2"} | {f"uav{n}": f"10.231.0.{10 + n}" for n in range(1, 7)}
-STARTED_S = 90.0
-"""time limit of a start; many programs start at once on few cores"""
+FLIGHT_S = 300.0
+"""limit of a whole flight, which takes 30 s on an idle machine"""
 LOADED = "import swarmctl.cli.main; print('loaded'); input(); from swarmctl.cli.entry import main; main()"
 """program text of a process that is loaded before a flight: on a busy machine loading takes long"""
 REACHED, MISSING = "[network-reached]", "[network-missing]"
@@ -73,14 +73,14 @@ class Swarm:
 
     def wait_until_ready(self) -> None:
         for agent in self.agents.values():
-            agent.wait_for("[ready]", within_s=STARTED_S)
+            agent.wait_for("[ready]")
             agent.wait_for(REACHED)
 
     def order(self, process: Process) -> bool:
         """Give the order of a loaded `process` and return whether all agents have taken it, also before."""
-        process.wait_for("loaded", within_s=STARTED_S)
+        process.wait_for("loaded")
         process.enter()
-        code = process.ended(20.0)
+        code = process.ended()
         assert code in {OK, FAILED}, process.output
         return code == OK
 
@@ -142,8 +142,8 @@ def test_a_star_network_survives_its_router_a_cut_link_and_an_agent(swarm: Swarm
     station = swarm.start(STATION, "watch")
     launch, again = swarm.load(STATION, "order", "launch", "--all"), swarm.load(ROUTER, "router")
     swarm.wait_until_ready()
-    station.wait_for(": connected", within_s=STARTED_S)
-    again.wait_for("loaded", within_s=STARTED_S)
+    station.wait_for(": connected")
+    again.wait_for("loaded")
     assert swarm.order(launch), launch.output
     for name in swarm.names:
         station.wait_for(f"{name}: flying")
@@ -154,12 +154,12 @@ def test_a_star_network_survives_its_router_a_cut_link_and_an_agent(swarm: Swarm
     missed_s = _one_dies_and_one_is_cut_off(swarm, router, station, dead, "uav2")
 
     for agent in swarm.agents.values():
-        agent.wait_for("1 of 1 arrived", within_s=60.0)
-        assert agent.ended(10.0) == 0
+        agent.wait_for("1 of 1 arrived", within_s=FLIGHT_S)
+        assert agent.ended() == 0
     for process in (station, router):
         process.interrupt()
-    assert station.ended(5.0) == 0
-    assert router.ended(5.0) == 0
+    assert station.ended() == 0
+    assert router.ended() == 0
     _all_know_the_same(swarm, station, missed_s, ("uav1", "uav2"))
 
 
@@ -227,8 +227,8 @@ def test_a_mesh_splits_and_joins_again(swarm: Swarm) -> None:
     launch, hold = (swarm.load(STATION, "order", what, "--all") for what in ("launch", "hold"))
     swarm.wait_until_ready()
     for name in swarm.names:
-        station.wait_for(f"{name}: standby", within_s=STARTED_S)
-    hold.wait_for("loaded", within_s=STARTED_S)
+        station.wait_for(f"{name}: standby")
+    hold.wait_for("loaded")
     assert swarm.order(launch), launch.output
     for name in swarm.names:
         station.wait_for(f"{name}: flying")
@@ -250,8 +250,8 @@ def test_a_mesh_splits_and_joins_again(swarm: Swarm) -> None:
     for process in (*swarm.agents.values(), station):
         process.interrupt()
     for agent in swarm.agents.values():
-        assert agent.ended(15.0) == 130
-    assert station.ended(15.0) == 0
+        assert agent.ended() == 130
+    assert station.ended() == 0
     _all_know_the_same(swarm, station, missed_s, ("uav1", "uav3"))
 
 
@@ -299,7 +299,7 @@ def test_all_routes_of_a_mesh_return_after_each_cut(swarm: Swarm) -> None:
         words = [sys.executable, "-c", NODE, "apart", str(uav), *places]
         nodes.append(swarm.net.start(name, words, swarm.folder / f"{name}.log"))
     for node in nodes:
-        node.wait_for(ALL, within_s=STARTED_S)
+        node.wait_for(ALL)
     for cut_s in (2.0, 2.6, 4.0):
         before = marks(nodes)
         swarm.net.cut("east")
@@ -307,7 +307,7 @@ def test_all_routes_of_a_mesh_return_after_each_cut(swarm: Swarm) -> None:
         swarm.net.heal("east")
         for node in nodes:
             node.wait_for("hears", since=before[node], but_not=ALL)
-        until(lambda: all(node.lines()[-1] == ALL for node in nodes), lambda: _last_lines(nodes), 40.0)
+        until(lambda: all(node.lines()[-1] == ALL for node in nodes), lambda: _last_lines(nodes))
 
 
 def _last_lines(nodes: Sequence[Process]) -> str:
@@ -323,7 +323,7 @@ def _until_all_follow(swarm: Swarm, process: Process, what: str) -> None:
         given.append(swarm.load(STATION, "order", what, "--all"))
         return False
 
-    until(all_have_taken_it, lambda: given[-1].output, 30.0)
+    until(all_have_taken_it, lambda: given[-1].output)
 
 
 def _until_all_agree(swarm: Swarm) -> None:
@@ -339,4 +339,4 @@ def _until_all_agree(swarm: Swarm) -> None:
         assert [row[0] for row in rows] == swarm.names, seen
         return {row[1] for row in rows} == {"holding"} and len({(row[6], row[7]) for row in rows}) == 1
 
-    until(all_the_same, lambda: seen, 30.0)
+    until(all_the_same, lambda: seen)

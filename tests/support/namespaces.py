@@ -22,11 +22,13 @@ from pathlib import Path
 HOLD = "echo held; exec cat"
 TOOLS = ("ip", "nsenter", "setpriv", "unshare")
 POLL_S = 0.05
+LIMIT_S = 240.0
+"""limit of a wait; many programs share few cores, so a shorter one would measure the load of the machine"""
 CLONE_NEWNET = 0x40000000
 """of Linux's setns()"""
 
 
-def until(true: Callable[[], object], what: Callable[[], str], within_s: float) -> None:
+def until(true: Callable[[], object], what: Callable[[], str], within_s: float = LIMIT_S) -> None:
     """Wait for a condition that other processes bring about."""
     end_s = time.monotonic() + within_s
     while not true():
@@ -76,7 +78,7 @@ class Process:
         """Return a value of `since` for the output from now on."""
         return len(self.output)
 
-    def wait_for(self, *texts: str, since: int = 0, within_s: float = 20.0, but_not: str = "\0") -> None:
+    def wait_for(self, *texts: str, since: int = 0, within_s: float = LIMIT_S, but_not: str = "\0") -> None:
         """Wait for a line with all of these texts and without `but_not`."""
 
         def is_printed() -> bool:
@@ -107,7 +109,7 @@ class Process:
         self._process.kill()
         self._process.communicate()
 
-    def ended(self, within_s: float) -> int:
+    def ended(self, within_s: float = LIMIT_S) -> int:
         """Wait for the end of the process and return its exit code."""
         until(lambda: self._process.poll() is not None, lambda: f"the end of\n{self.output}", within_s)
         return int(self._process.returncode)
@@ -165,7 +167,7 @@ class BridgedNetwork:
     def run(self, name: str, words: Sequence[str], cwd: Path) -> subprocess.CompletedProcess[str]:
         """Run a process that ends by itself."""
         command = [*self._inside(name), *words]
-        return subprocess.run(command, cwd=cwd, timeout=60.0, capture_output=True, text=True, check=False)
+        return subprocess.run(command, cwd=cwd, timeout=LIMIT_S, capture_output=True, text=True, check=False)
 
     def udp_socket(self, name: str, port: int = 0) -> socket.socket:
         """Return a UDP socket of a machine, bound to its loopback, for use in this process."""
