@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
 EXTRA = "mavlink-swarmctl[study]"
 PACKAGES = ("distributed", "pandas", "pyarrow")
+STARTING = "starting; the first study on a machine compiles for some 20 s"
+"""text beside the progress bar until the first batch"""
 
 
 def register(cli: typer.Typer) -> None:
@@ -171,15 +173,16 @@ def _progress(workers: Workers[Any, Any]) -> Iterator[Any]:
         TimeRemainingColumn(),
     )
     with Progress(*columns, console=err, transient=True) as bar:
-        task = bar.add_task(f"{workers.n_cores} workers", total=None)
-        is_first = True
+        task = bar.add_task(STARTING, total=None)
+        begin: int | None = None
 
         def show(done: int, total: int) -> None:
-            nonlocal is_first
-            if is_first:  # earlier missions do not count as speed
+            nonlocal begin
+            if begin is None:  # earlier missions do not count as speed
+                begin = done
                 bar.reset(task, completed=done, total=total)
-                is_first = False
-            bar.update(task, completed=done, total=total)
+            text = STARTING if done == begin else f"{workers.n_cores} workers"
+            bar.update(task, completed=done, total=total, description=text)
 
         yield show
 

@@ -50,8 +50,8 @@ def draw(study: Study, spec: Calibration) -> Figure:
 def _draw(axes: Axes, labels: Labels, study: Study, spec: Calibration, panel: object) -> None:
     axes.plot([0, 1], [0, 1], color=QUIET, lw=0.7, zorder=1.5)
     axes.annotate(
-        "as predicted", (0.8, 0.8), (3, -3), textcoords="offset points", rotation=45, rotation_mode="anchor",
-        color=QUIET, ha="center", va="top", transform_rotates_text=True,
+        "as\npredicted", (1, 1), (4, 0), textcoords="offset points", color=QUIET, va="center",
+        annotation_clip=False,
     )  # fmt: skip
     by = study.shown(spec, spec.by)
     series = [(name, value) for name in spec.predicted for value in by]
@@ -65,6 +65,8 @@ def _draw(axes: Axes, labels: Labels, study: Study, spec: Calibration, panel: ob
             at[drawn], found.value[drawn], color=colour, marker=mark, mec="white", mew=0.4, lw=0.9, zorder=4
         )
         labels.avoid(axes, at[drawn], found.value[drawn])
+        for k in np.flatnonzero(drawn).tolist():
+            labels.avoid(axes, [at[k], at[k]], [found.low[k], found.high[k]])
         parts = ([label(name)] if len(spec.predicted) > 1 else []) + (
             [value_label(spec.by, value)] if spec.by is not None else []
         )

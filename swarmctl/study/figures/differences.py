@@ -27,9 +27,9 @@ from swarmctl.study.figures.base import (
 from swarmctl.study.figures.dots import height_mm
 from swarmctl.study.figures.labels import Labels
 from swarmctl.study.figures.marks import draw_lines, draw_rows, draw_zero, name_series
-from swarmctl.study.figures.measures import factor_label, label, parts, shaped, value_label
+from swarmctl.study.figures.measures import factor_label, label, one_of, parts, shaped, value_label
 from swarmctl.study.figures.panels import estimates_of, factors_of, panels_of, select
-from swarmctl.study.figures.style import columns_of, heading, is_numeric
+from swarmctl.study.figures.style import columns_of, heading, is_numeric, set_unit
 from swarmctl.study.statistics import Estimates
 
 
@@ -92,6 +92,8 @@ def draw(study: Study, spec: Differences) -> Figure:
         found = estimates_of(study, spec, panel, axes, estimator)
         found = select(found, (slice(None), rest) if along == spec.compare else (rest,))
         heading(panel.axes, _heading(spec, panel.measure, panel.value, against))
+        if spec.per is None:
+            set_unit(panel.axes.xaxis if is_rows else panel.axes.yaxis, panel.measure)
         column, n_columns = columns_of(panel.axes)
         if is_rows:
             draw_rows(panel.axes, x, by, found, named=column == 0)
@@ -116,7 +118,7 @@ def _compared(
 def _heading(spec: Differences, measure: str, value: object, against: str) -> str:
     text = f"{label(measure)}: difference to {against}"
     if spec.per is not None:
-        text = f"{label(measure)} saved against {against}, by {label(spec.per)} more"
+        text = f"{label(measure)} saved for each {one_of(spec.per)} more than with {against}"
     return text if spec.panels is None else f"{value_label(spec.panels, value)}: {text}"
 
 
@@ -125,7 +127,7 @@ def caption(study: Study, spec: Differences) -> str:
     against = value_label(spec.compare, spec.reference)
     worlds = f"95 % intervals by bootstrap over {n_text(study.n_worlds)} worlds"
     if spec.per is not None:
-        text = f"Saved for each unit of {label(spec.per)} spent more than with {against}: {names}"
+        text = f"Saved for each {one_of(spec.per)} more than with {against}: {names}"
         return f"{text}. No mark: a sample of worlds spends no more. Lines and bands: {worlds}."
     text = f"Difference to {against} in the same worlds, by {factor_label(spec.x or spec.compare)}: {names}"
     return f"{text}. Lines and bands: {worlds}."

@@ -159,8 +159,11 @@ def _place_points(axes: Axes, labels: list[Label], curves: list[Floats], pt: flo
         )  # fmt: skip
 
 
-_NEAR = ((1, 0), (-1, 0), (1, 0.7), (-1, 0.7), (1, -0.7), (-1, -0.7), (0, 1), (0, -1), (1, 1.8), (-1, -1.8))
-_FAR = ((1, -1.8), (-1, 1.8), (1, 3.2), (-1, -3.2), (1, -3.2), (-1, 3.2), (1, 4.6), (-1, -4.6))
+_NEAR = ((1, 0), (-1, 0), (1, 0.7), (-1, 0.7), (1, -0.7), (-1, -0.7), (0, 1), (0, -1))
+_FAR = (
+    (1, 1.8), (-1, -1.8), (1, -1.8), (-1, 1.8),
+    (1, 3.2), (-1, -3.2), (1, -3.2), (-1, 3.2), (1, 4.6), (-1, -4.6),
+)  # fmt: skip
 """places for labels of points that lie close together; a thin line leads from the point to the label"""
 
 

@@ -13,7 +13,7 @@ from swarmctl.study.figures.labels import Labels
 from swarmctl.study.figures.marks import draw_lines
 from swarmctl.study.figures.measures import estimate, factor_label, label
 from swarmctl.study.figures.panels import estimates_of, factors_of, panels_of
-from swarmctl.study.figures.style import columns_of
+from swarmctl.study.figures.style import columns_of, set_unit
 
 
 class Lines(Spec):
@@ -40,6 +40,7 @@ def draw(study: Study, spec: Lines) -> Figure:
     x = (spec.x, study.shown(spec, spec.x))
     for panel in panels:
         found = estimates_of(study, spec, panel, (spec.by, spec.x), estimate)
+        set_unit(panel.axes.yaxis, panel.measure)
         column, n_columns = columns_of(panel.axes)
         draw_lines(panel.axes, labels, x, by, found, spec.x_scale, named=column == n_columns - 1)
     labels.place(figure)

@@ -11,11 +11,22 @@ from matplotlib.ticker import MaxNLocator
 from swarmctl.report.pictures.style import INK
 from swarmctl.study.figures.labels import Label, Labels
 from swarmctl.study.figures.measures import factor_label, mathtext, value_label, value_text
-from swarmctl.study.figures.style import MARKERS, colours, dark, from_zero, is_numeric, set_scale
+from swarmctl.study.figures.style import (
+    MARKERS,
+    SMALL_PT,
+    colours,
+    dark,
+    from_zero,
+    is_numeric,
+    set_scale,
+    set_unit,
+)
 from swarmctl.study.statistics import Estimates
 
 GLYPHS = "●■▲◆▼✚✖◀▶⬟"
 """the letters that look like MARKERS"""
+LEGEND_PT = 160.0
+"""width of a row of names above a panel of one column"""
 BAND = 0.18
 """opacity of an interval"""
 
@@ -59,6 +70,7 @@ def draw_lines(
         if by[0] is not None and named:
             labels.add_end(axes, Label(at[-1], float(y[there][-1]), value_label(by[0], value), colour))
     set_scale(axes, scale, values)
+    set_unit(axes.xaxis, factor)
     if not is_numeric(values):
         axes.set_xticks(places, [value_text(value) for value in values])
         axes.set_xlim(-0.3, len(values) - 0.7)
@@ -108,13 +120,22 @@ def name_series(axes: Axes, by: tuple[str | None, Sequence[object]]) -> None:
     """Write the names of the series above the panel, each in its colour and after its mark."""
     if by[0] is None:
         return
-    n, n_lines = len(by[1]), axes.get_title(loc="left").count("\n") + 1
-    for index, (value, colour) in enumerate(zip(by[1], colours(by[1]), strict=True)):
-        text = f"{GLYPHS[index % len(GLYPHS)]} {value_label(by[0], value)}"
-        axes.annotate(
-            mathtext(text), (0, 1), (0, 16 + 9.5 * (n - 1 - index + n_lines - 1)), xycoords="axes fraction",
-            textcoords="offset points", color=dark(colour), va="bottom", annotation_clip=False,
-        )  # fmt: skip
+    n_lines = axes.get_title(loc="left").count("\n") + 1
+    names = [f"{GLYPHS[i % len(GLYPHS)]} {value_label(by[0], value)}" for i, value in enumerate(by[1])]
+    widths = [0.64 * SMALL_PT * (len(name) + 1) for name in names]
+    rows: list[list[int]] = [[]]
+    for index, width in enumerate(widths):
+        if rows[-1] and sum(widths[k] for k in rows[-1]) + width > LEGEND_PT:
+            rows.append([])
+        rows[-1].append(index)
+    shades = colours(by[1])
+    for row, members in enumerate(reversed(rows)):
+        for index in members:
+            x, y = sum(widths[k] for k in members if k < index), 16 + 9.5 * (row + n_lines - 1)
+            axes.annotate(
+                mathtext(names[index]), (0, 1), (x, y), xycoords="axes fraction", va="bottom",
+                textcoords="offset points", color=dark(shades[index]), annotation_clip=False,
+            )  # fmt: skip
 
 
 def draw_zero(axes: Axes, upright: bool) -> None:

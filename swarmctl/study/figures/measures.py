@@ -32,7 +32,7 @@ _LABELS = {
     "is_safest": "share of routes that are the safest",
     "is_best_w": "share of routes that no w improves",
     "is_exact": "share of routes that are the exact best",
-    "exposure_above_exact": "ΣP_s above the exact best route",
+    "exposure_above_exact": "ΣP_s lost, of the shortest route's",
     "replans": "changes of route",
     "penalty": "communication penalty",
     "flight_time_s": "flight time [s]",
@@ -43,13 +43,28 @@ _LABELS = {
 _FACTORS = {
     "planner.w": ("w", "distance anxiety w"),
     "simulate.count": ("N", "number of vehicles N"),
+    "simulate.delay_step_s": ("every", "time between starts [s]"),
     "communication.range": ("k", "communication range k [vehicles]"),
-    "communication.loss": ("loss", "share of lost messages"),
+    "communication.loss": ("loss", "lost messages"),
+    "communication.delay_s": ("delay", "delay of messages [s]"),
+    "communication.relay": ("relaying", "relaying"),
+    "communication.min_distance_m": ("beyond", "minimum distance [m]"),
+    "communication.max_distance_m": ("within", "maximum distance [m]"),
     "planner.name": ("planner", "planner"),
-    "search.observed": ("observed", "share of cells observed"),
+    "search.observed": ("shown", "cells shown"),
+    "search.longer": ("bound +", "length bound, above the shortest route"),
     "search.searches": ("budget", "budget of searches"),
     "threats.count": ("hostiles", "announced number of hostiles"),
 }
+_SHARES = {
+    "arrived", "survived", "within_bound", "is_safest", "is_best_w", "is_exact", "exposure_above_exact",
+    "communication.loss", "search.observed", "search.longer",
+}  # fmt: skip
+"""measures and factors in per cent"""
+_ONE = {
+    "messages_sent": "message", "length_m": "metre", "length_cells": "cell", "flight_time_s": "second",
+    "searches": "search",
+}  # fmt: skip
 _UNITS = {
     "_m_s": "m/s", "_bytes_s": "bytes/s", "_per_m": "1/m", "_m": "m", "_s": "s",
     "_cells": "cells", "_deg": "deg",
@@ -61,6 +76,16 @@ DERIVED = {"mission_strikes": {"strikes"}, "strikes_per_km": {"strikes", "length
 def label(name: str) -> str:
     """Return the words of a measure for an axis or a heading, with its unit."""
     return _LABELS.get(name) or _plain(name)
+
+
+def one_of(name: str) -> str:
+    """Return the words of one unit of a measure."""
+    return _ONE.get(name, f"unit of {label(name)}")
+
+
+def is_share(name: str) -> bool:
+    """Return whether a measure or factor is shown in per cent."""
+    return name in _SHARES
 
 
 def factor_label(factor: str) -> str:
@@ -85,18 +110,14 @@ def value_text(value: object) -> str:
 
 
 def value_label(factor: str, value: object) -> str:
-    """Return the label of a value: `w = 0.5`, or the bare value of a factor with names."""
-    if isinstance(value, bool | np.bool_) or _is_number(value):
-        short = _FACTORS[factor][0] if factor in _FACTORS else factor.rsplit(".", 1)[-1].replace("_", " ")
-        return f"{short} = {value_text(value)}"
+    """Return the label of a value: `w = 0.5`, `loss 10 %`, `no relaying`, or a bare name."""
+    short = _FACTORS[factor][0] if factor in _FACTORS else factor.rsplit(".", 1)[-1].replace("_", " ")
     text = value_text(value)
-    return (
-        f"{_FACTORS[factor][0]} = {text}" if text == "all" and factor in _FACTORS else text.replace("_", " ")
-    )
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float | np.integer | np.floating)
+    if isinstance(value, bool | np.bool_):
+        return short if value else f"no {short}"
+    if isinstance(value, int | float | np.integer | np.floating):
+        return f"{short} {100 * value:g} %".replace("+ ", "+") if is_share(factor) else f"{short} = {text}"
+    return f"{short} = {text}" if text == "all" and factor in _FACTORS else text.replace("_", " ")
 
 
 def mathtext(text: str) -> str:

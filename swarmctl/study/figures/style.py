@@ -12,13 +12,14 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.colors import LinearSegmentedColormap, to_hex, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from swarmctl.report.foxglove import colour_of
 from swarmctl.report.pictures.style import GRID_LINE, INK, QUIET
-from swarmctl.study.figures.measures import mathtext
+from swarmctl.study.figures.measures import is_share, mathtext
 
 WIDTH_MM = {"one": 88.0, "two": 180.0}
 PANEL_MM = 52.0
@@ -153,6 +154,12 @@ def set_log(axes: Axes) -> None:
 
 def is_numeric(values: Sequence[object]) -> bool:
     return all(isinstance(value, int | float | np.number) and not isinstance(value, bool) for value in values)
+
+
+def set_unit(axis: Axis, name: str) -> None:
+    """Write the numbers of an axis in per cent if its measure or factor is a share."""
+    if is_share(name):
+        axis.set_major_formatter(lambda value, _: f"{100 * value:.6g} %")
 
 
 def from_zero(axes: Axes, low: float, high: float) -> None:

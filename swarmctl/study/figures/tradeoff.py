@@ -15,7 +15,7 @@ from swarmctl.study.figures.base import Names, Spec, Study, interval_text
 from swarmctl.study.figures.labels import Label, Labels
 from swarmctl.study.figures.measures import estimate, factor_label, label, mathtext, value_label
 from swarmctl.study.figures.panels import Panel, estimates_of, factors_of, panels_of
-from swarmctl.study.figures.style import MARKERS, colours, from_zero, set_log
+from swarmctl.study.figures.style import MARKERS, colours, from_zero, set_log, set_unit
 from swarmctl.study.statistics import Estimates
 
 MOST_LABELS = 6
@@ -48,6 +48,8 @@ def draw(study: Study, spec: Tradeoff) -> Figure:
             set_log(panel.axes)
         _draw(panel.axes, labels, spec, study, x, y)
         panel.axes.set_xlabel(mathtext(label(spec.x)))
+        set_unit(panel.axes.xaxis, spec.x)
+        set_unit(panel.axes.yaxis, panel.measure)
         low = np.where(np.isfinite(y.low), y.low, y.value)
         high = np.where(np.isfinite(y.high), y.high, y.value)
         from_zero(panel.axes, float(np.nanmin(low)), float(np.nanmax(high)))
@@ -69,6 +71,9 @@ def _draw(axes: Axes, labels: Labels, spec: Tradeoff, study: Study, x: Estimates
         size = 3.6 if spec.along is not None else 5.0
         axes.plot(at_x, at_y, color=colour, marker=mark, ms=size, mec="white", mew=0.4, zorder=4)
         labels.avoid(axes, at_x, at_y)
+        for k in np.flatnonzero(there).tolist():
+            labels.avoid(axes, [x.low[index][k], x.high[index][k]], [at_y[k], at_y[k]])
+            labels.avoid(axes, [at_x[k], at_x[k]], [y.low[index][k], y.high[index][k]])
         last = int(np.flatnonzero(there)[-1])
         if spec.by is not None:
             labels.add_point(
@@ -78,6 +83,9 @@ def _draw(axes: Axes, labels: Labels, spec: Tradeoff, study: Study, x: Estimates
             for k in labelled(along, [bool(is_there) for is_there in there]):
                 if spec.by is not None and k == last:
                     continue
+                axes.plot(
+                    at_x[k], at_y[k], color=colour, marker=mark, ms=size, mfc="white", mew=1.0, zorder=5
+                )
                 text = value_label(spec.along, along[k])
                 labels.add_point(axes, Label(float(at_x[k]), float(at_y[k]), text, INK))
 
