@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from swarmctl.agent.formation.approaches import APPROACHES
@@ -22,6 +22,7 @@ from swarmctl.agent.formation.approaches.base import (
     Memory,
     ThreatField,
 )
+from swarmctl.agent.formation.approaches.keeping import on_new_route
 from swarmctl.agent.formation.reference import Reference, SpeedProfile, window_for
 from swarmctl.agent.formation.shape import Shape, assigned, radius_m
 
@@ -184,7 +185,7 @@ class FormationFlight:
     failures: dict[int, float] = field(default_factory=dict)
     params: dict[str, Any] = field(default_factory=dict)
     shapes: Sequence[tuple[float, Shape]] = ()
-    routes: Sequence[tuple[float, Callable[[float], Sequence[tuple[float, float]]]]] = ()
+    routes: Sequence[tuple[float, Sequence[tuple[float, float]]]] = ()
     threats: ThreatField | None = None
     starts: Sequence[tuple[float, float]] | None = None
 
@@ -227,12 +228,7 @@ class FormationFlight:
             if shapes and now >= shapes[0][0]:
                 self.shape = shapes.pop(0)[1]
             if routes and now >= routes[0][0]:
-                self._use(routes.pop(0)[1](now))
-                for pilot in self.pilots:  # the same point, counted on the new route
-                    if pilot.along is not None:
-                        told, at_s = pilot.along
-                        s_m = self._reference.locate(tuple(pilot.vehicle.position[:2]))
-                        pilot.along = Along(s_m, told.speed_m_s), at_s
+                self._change_route(routes.pop(0)[1])
             self._deliver(now)
             for k, pilot in enumerate(self.pilots):
                 if now >= pilot.fails_at_s:
@@ -255,6 +251,21 @@ class FormationFlight:
             samples.append(self._sample(now + STEP_S))
         return samples
 
+    def _change_route(self, points: Sequence[tuple[float, float]]) -> None:
+        before = self._reference
+        self._use(points)
+
+        def moved(message: Message) -> Message:
+            along, _ = on_new_route(message.along, None, before, self._reference)
+            return replace(message, along=along)
+
+        for pilot in self.pilots:
+            told, at_s = pilot.along or (None, 0.0)
+            told, pilot.memory = on_new_route(told, pilot.memory, before, self._reference)
+            pilot.along = None if told is None else (told, at_s)
+            pilot.inbox = {k: moved(message) for k, message in pilot.inbox.items()}
+        self._mail = [(at_s, j, k, moved(message)) for at_s, j, k, message in self._mail]
+
     def _present(self, k: int, now: float) -> list[bool]:
         inbox = self.pilots[k].inbox
         return [j == k or (j in inbox and now - inbox[j].at_s <= self.lost_after_s) for j in range(self.n)]
@@ -270,6 +281,8 @@ class FormationFlight:
         assert number is not None
         pilot.place = places[number]
         leader = present.index(True)
+        if leader == k and self._module.LEADER_FLIES_MISSION:
+            pilot.place = (0.0, 0.0, pilot.place[2])  # the leader is the reference point
         others, of_leader = [], None
         for j, message in sorted(pilot.inbox.items()):
             if not present[j]:

@@ -15,7 +15,7 @@ curve begins and ends exactly where the route does.
 from __future__ import annotations
 
 import math
-from bisect import bisect_left, bisect_right
+from bisect import bisect_right
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import NamedTuple
@@ -37,6 +37,8 @@ SLOWEST_M_S = 0.5
 """Least speed before the end of the route, so that no turn stops a group [m/s]."""
 AS_GOOD_AS_BACK_RAD = 1e-6
 """A corner that differs less from 180° turns to the right, for every member in the same way."""
+LEAST_LEG_M = 1e-6
+"""A shorter leg is no leg [m]."""
 _SAMPLES = 8
 _STEPS = 8
 
@@ -63,6 +65,10 @@ class Pose(NamedTuple):
         )
 
 
+_Piece = tuple[float, float, float, float, float, float, float, float, float, float, float]
+"""east, north and their first three derivatives by the distance; heading and its first two"""
+
+
 def window_for(radius_m: float) -> float:
     """Return the window of the heading for a shape of this radius [m]."""
     return max(LEAST_WINDOW_M, WINDOW_OF_RADIUS * radius_m)
@@ -81,31 +87,20 @@ class Reference:
     window_m: float
     corner_m: float = CORNER_M
     legs: StraightLegs = field(init=False)
-    _directions: tuple[tuple[float, float, float], ...] = field(init=False)
-    """east and north of a unit vector, and continuous heading of each leg"""
-    _corners: tuple[tuple[float, float, float, float, float], ...] = field(init=False)
-    """distance, change of the unit vector (east, north), window of the point, and turn of each corner"""
-    _corners_at_m: tuple[float, ...] = field(init=False)
+    _knots_m: tuple[float, ...] = field(init=False)
+    """distances between which the curve is one polynomial"""
+    _pieces: tuple[_Piece, ...] = field(init=False)
 
     def __post_init__(self) -> None:
         if not self.points_m:
             raise ValueError("a route without a point: expected at least one")
-        points = [tuple(map(float, self.points_m[0]))]
-        points += [tuple(map(float, b)) for a, b in pairwise(self.points_m) if math.dist(a, b) > 1e-6]
+        points = [self.points_m[0]]
+        points += [b for a, b in pairwise(self.points_m) if math.dist(a, b) > LEAST_LEG_M]
         if len(points) == 1:
             points *= 2
-        legs = StraightLegs.over([(point[0], point[1]) for point in points])
-        directions = _directions(legs)
-        corners = []
-        for (a, b), at_m in zip(pairwise(directions), legs.at_m[1:-1], strict=True):
-            window_m = min(self.corner_m, at_m, legs.at_m[-1] - at_m)
-            corners.append((at_m, b[0] - a[0], b[1] - a[1], window_m, b[2] - a[2]))
-        for name, value in (
-            ("legs", legs),
-            ("_directions", directions),
-            ("_corners", tuple(corners)),
-            ("_corners_at_m", tuple(corner[0] for corner in corners)),
-        ):
+        legs = StraightLegs.over(points)
+        knots_m, pieces = _pieces(legs, self.window_m, self.corner_m)
+        for name, value in (("legs", legs), ("_knots_m", knots_m), ("_pieces", pieces)):
             object.__setattr__(self, name, value)
 
     @property
@@ -114,36 +109,27 @@ class Reference:
 
     def at(self, s_m: float) -> Pose:
         """Return the reference at a distance along the route; before and past the route its ends."""
-        legs = self.legs
-        s_m = min(max(s_m, 0.0), legs.at_m[-1])
-        leg = min(bisect_right(legs.at_m, s_m), len(legs.at_m) - 1) - 1
-        slope_e, slope_n, heading = self._directions[leg]
-        on_leg_m = s_m - legs.at_m[leg]
-        start_e, start_n = legs.points[leg]
-        east_m, north_m, turn = start_e + on_leg_m * slope_e, start_n + on_leg_m * slope_n, 0.0
-        window_m = self.window_m
-        widest_m = max(window_m, self.corner_m)
-        for k in range(bisect_left(self._corners_at_m, s_m - widest_m), len(self._corners)):
-            at_m, change_e, change_n, corner_m, angle = self._corners[k]
-            away_m = s_m - at_m
-            side = -0.5
-            if away_m < 0.0:
-                if away_m <= -widest_m:
-                    break
-                away_m, side = -away_m, 0.5
-            if away_m < window_m:
-                rest = 1.0 - away_m / window_m
-                heading += angle * side * rest * rest
-                turn += angle * rest / window_m
-            if away_m < corner_m:
-                rest = 1.0 - away_m / corner_m
-                inward_m = corner_m * rest * rest * rest / 6.0
-                east_m += change_e * inward_m
-                north_m += change_n * inward_m
-                share = side * rest * rest
-                slope_e += change_e * share
-                slope_n += change_n * share
-        return Pose(east_m, north_m, heading, slope_e, slope_n, turn)
+        s_m = min(max(s_m, 0.0), self.legs.at_m[-1])
+        k = min(bisect_right(self._knots_m, s_m), len(self._pieces)) - 1
+        h = s_m - self._knots_m[k]
+        e, e1, e2, e3, n, n1, n2, n3, chi, chi1, chi2 = self._pieces[k]
+        return Pose(
+            e + h * (e1 + h * (0.5 * e2 + h * e3 / 6.0)),
+            n + h * (n1 + h * (0.5 * n2 + h * n3 / 6.0)),
+            chi + h * (chi1 + 0.5 * h * chi2),
+            e1 + h * (e2 + 0.5 * h * e3),
+            n1 + h * (n2 + 0.5 * h * n3),
+            chi1 + h * chi2,
+        )
+
+    def bends(
+        self, at_m: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Return |dχ/ds|, |d²χ/ds²| and |d²p/ds²| at distances along the route."""
+        pieces = np.array(self._pieces)
+        k = np.clip(np.searchsorted(self._knots_m, at_m, side="right") - 1, 0, len(pieces) - 1)
+        h, (_, _, e2, e3, _, _, n2, n3, _, chi1, chi2) = at_m - np.array(self._knots_m)[k], pieces[k].T
+        return np.abs(chi1 + h * chi2), np.abs(chi2), np.hypot(e2 + h * e3, n2 + h * n3)
 
     def project(self, point: PlanarPoint, near_m: float, reach_m: float) -> float:
         """Return the distance along the route of the place nearest to a point, at most `reach_m` from
@@ -198,7 +184,7 @@ class SpeedProfile:
         """
         n = max(int(reference.length_m / 2.0), 1) + 1
         at_m = np.linspace(0.0, reference.length_m, n)
-        turn, change, bend = _turns(reference, at_m)
+        turn, change, bend = reference.bends(at_m)
         fastest = np.minimum(cruise_m_s, max_speed_m_s / (1.0 + radius_m * turn))
         pull = bend + radius_m * (change + turn**2)
         squared = np.minimum(fastest**2, acceleration_m_s2 / np.maximum(pull, 1e-9))
@@ -250,20 +236,40 @@ def _directions(legs: StraightLegs) -> tuple[tuple[float, float, float], ...]:
     return tuple(directions)
 
 
-def _turns(
-    reference: Reference, at_m: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return |dχ/ds|, |d²χ/ds²| and the curve's |d²p/ds²| at distances along the route."""
-    turn, change, bend_e, bend_n = (np.zeros_like(at_m) for _ in range(4))
-    for at, change_e, change_n, corner_m, angle in reference._corners:
-        for window_m, adds in (
-            (reference.window_m, ((turn, angle),)),
-            (corner_m, ((bend_e, change_e), (bend_n, change_n))),
-        ):
-            near = slice(*np.searchsorted(at_m, (at - window_m, at + window_m)))
-            weight = (1.0 - np.minimum(np.abs(at_m[near] - at) / window_m, 1.0)) / window_m
-            for array, size in adds:
-                array[near] += size * weight
-        near = slice(*np.searchsorted(at_m, (at - reference.window_m, at + reference.window_m)))
-        change[near] -= angle * np.sign(at_m[near] - at) / reference.window_m**2
-    return np.abs(turn), np.abs(change), np.hypot(bend_e, bend_n)
+def _pieces(
+    legs: StraightLegs, window_m: float, corner_m: float
+) -> tuple[tuple[float, ...], tuple[_Piece, ...]]:
+    """Return the knots of the curve, and the polynomial after each knot.
+
+    The values at the knots are sums over the corners near them. Between two knots d²p/ds² and dχ/ds are
+    straight lines, so their values at the knots give all coefficients.
+    """
+    directions, length_m = np.array(_directions(legs)), legs.at_m[-1]
+    corners_m, changes = np.array(legs.at_m[1:-1]), np.diff(directions, axis=0)
+    windows_m = np.minimum(corner_m, np.minimum(corners_m, length_m - corners_m))
+    around = (corners_m, *(corners_m + k * w for k in (-1, 1) for w in (windows_m, window_m)))
+    knots = np.unique(np.clip(np.concatenate([[0.0, length_m], *around]), 0.0, length_m))
+    knots = np.append(knots[:-1][np.diff(knots) > LEAST_LEG_M], length_m) if length_m else np.zeros(2)
+    knots[0] = 0.0
+    legs_at = np.clip(np.searchsorted(legs.at_m, knots, side="right") - 1, 0, len(directions) - 1)
+    slope, heading = directions[legs_at, :2], directions[legs_at, 2]
+    point = np.array(legs.points)[legs_at] + (knots - np.array(legs.at_m)[legs_at])[:, None] * slope
+    bend, turn = np.zeros_like(point), np.zeros_like(knots)
+    for at_m, near_m, change in zip(corners_m, windows_m, changes, strict=True):
+        for of_m, is_heading in ((near_m, False), (window_m, True)):
+            near = slice(*np.searchsorted(knots, (at_m - of_m, at_m + of_m)))
+            away = knots[near] - at_m
+            rest = np.maximum(1.0 - np.abs(away) / of_m, 0.0)
+            turned = np.where(away < 0.0, 0.5, -0.5) * rest**2
+            if is_heading:
+                heading[near] += change[2] * turned
+                turn[near] += change[2] * rest / of_m
+            else:
+                point[near] += np.outer(of_m * rest**3 / 6.0, change[:2])
+                slope[near] += np.outer(turned, change[:2])
+                bend[near] += np.outer(rest / of_m, change[:2])
+    gaps = np.maximum(np.diff(knots), 1e-9)[:, None]
+    third, second = np.diff(bend, axis=0) / gaps, np.diff(turn)[:, None] / gaps
+    east, north = (np.column_stack([x[:-1, k] for x in (point, slope, bend)]) for k in (0, 1))
+    table = np.hstack([east, third[:, :1], north, third[:, 1:], heading[:-1, None], turn[:-1, None], second])
+    return tuple(knots[:-1].tolist()), tuple(map(tuple, table.tolist()))

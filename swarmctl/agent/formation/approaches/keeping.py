@@ -10,7 +10,8 @@ from __future__ import annotations
 import math
 
 from swarmctl.agent.formation.approaches.base import Along, Command, Demand, Group, Memory, Vector
-from swarmctl.agent.formation.reference import Pose
+from swarmctl.agent.formation.reference import Pose, Reference
+from swarmctl.core.records import replace
 
 PAUSE_S = 1.5
 """Gap between two calls after which a member begins anew at its own position [s]."""
@@ -22,6 +23,8 @@ APPROACH_HZ = 0.4
 """Greatest speed of approach for each metre that is left to the separation [1/s]."""
 MARGIN_M, GROWTH_M_S = 1.0, 0.5
 """Distance beyond the separation at which an approach ends [m], and its growth with the age of a message."""
+RESPONSE_S = 1.0
+"""Time in which an autopilot takes a new velocity [s]: the present approach goes on for so long."""
 MARGIN_UP_M = 0.5
 """The same in height [m]."""
 OLDEST_S = 3.0
@@ -33,7 +36,7 @@ REACH_M = 30.0
 """Greatest distance along the route between a reference point and where it was expected [m]."""
 FASTER = 1.5
 """Greatest progress along the route, in units of the flown distance."""
-_PASSES = 3
+_PASSES = 5
 
 
 def reference_now(group: Group) -> Along:
@@ -43,6 +46,22 @@ def reference_now(group: Group) -> Along:
         return Along(s_m, 0.0)
     s_m, speed_m_s = group.profile.ahead(group.along.s_m, group.along.speed_m_s, group.along.age_s)
     return Along(s_m, speed_m_s)
+
+
+def on_new_route(
+    along: Along | None, memory: Memory | None, before: Reference, after: Reference
+) -> tuple[Along | None, Memory | None]:
+    """Return what was told and remembered on one route for another route, at the nearest place there."""
+    if along is not None:
+        along = replace(along, s_m=_same_place(along.s_m, before, after))
+    if memory is not None:
+        memory = replace(memory, s_m=_same_place(memory.s_m, before, after))
+    return along, memory
+
+
+def _same_place(s_m: float, before: Reference, after: Reference) -> float:
+    pose = before.at(s_m)
+    return after.locate((pose.east_m, pose.north_m))
 
 
 def place_of(
@@ -153,16 +172,20 @@ def apart(group: Group, velocity: Vector) -> Vector | None:
                 climb = above * max(above * climb, above * their_u - APPROACH_HZ * height_left_m)
             continue
         unit_e, unit_n = away_e / away_m, away_n / away_m
-        near.append((unit_e, unit_n, their_e * unit_e + their_n * unit_n - APPROACH_HZ * left_m))
+        theirs = their_e * unit_e + their_n * unit_n
+        closing = theirs - group.velocity_m_s[0] * unit_e - group.velocity_m_s[1] * unit_n
+        left_m -= RESPONSE_S * max(closing, 0.0)
+        near.append((-left_m, unit_e, unit_n, theirs - APPROACH_HZ * left_m))
     east, north = velocity[0], velocity[1]
     is_changed = abs(climb - velocity[2]) > 1e-3
-    for _ in range(_PASSES):
+    near.sort()  # the nearest member last, so that it decides if no velocity suits all
+    for sideways in (SIDEWAYS, *(0.0,) * _PASSES):
         is_clear = True
-        for unit_e, unit_n, least_speed in near:
+        for _, unit_e, unit_n, least_speed in near:
             short = least_speed - (east * unit_e + north * unit_n)
             if short > 1e-3:
                 is_clear, is_changed = False, True
-                side = SIDEWAYS * short
+                side = sideways * short
                 east += short * unit_e + side * -unit_n
                 north += short * unit_n + side * unit_e
         if is_clear:
@@ -198,6 +221,27 @@ def waiting_share(group: Group, error_m: float, from_m: float, to_m: float, leas
     largest_m = max((member.error_m for member in group.others), default=0.0)
     excess = (max(largest_m, error_m) - from_m) / (to_m - from_m)
     return 1.0 - (1.0 - least) * min(max(excess, 0.0), 1.0)
+
+
+def own_error_m(group: Group) -> float:
+    """Return the member's distance over ground from its place [m]; 0 before the first call."""
+    if (memory := group.memory) is None:
+        return 0.0
+    dt, own, place, moves = group.now_s - memory.now_s, group.position_m, memory.place_m, memory.velocity_m_s
+    return math.hypot(own[0] - place[0] - dt * moves[0], own[1] - place[1] - dt * moves[1])
+
+
+def advanced(group: Group, told: Along, share: float) -> Along:
+    """Return the reference point moved on from `told`, toward a share of the profile's speed.
+
+    The speed changes by at most half of the acceleration.
+    """
+    wanted = group.profile.at(told.s_m + told.age_s * told.speed_m_s) * share
+    change = 0.5 * group.limits.acceleration_m_s2 * told.age_s
+    speed_m_s = min(max(wanted, told.speed_m_s - change), told.speed_m_s + change)
+    s_m = told.s_m + 0.5 * told.age_s * (told.speed_m_s + speed_m_s)
+    length_m = group.reference.length_m
+    return Along(min(s_m, length_m), speed_m_s if s_m < length_m else 0.0)
 
 
 def error_of(group: Group, pose: Pose, place_m: Vector) -> Vector:

@@ -12,8 +12,9 @@ from typing import Annotated
 
 from pydantic import Field
 
-from swarmctl.agent.formation.approaches.base import Along, Command, Group, Memory
+from swarmctl.agent.formation.approaches.base import Along, Command, Group, Memory, Vector
 from swarmctl.agent.formation.approaches.keeping import (
+    advanced,
     keep_place,
     place_of,
     progress,
@@ -26,6 +27,11 @@ DESCRIPTION = "The leader flies its mission, and the others keep their places re
 LEADER_FLIES_MISSION = True
 LOOKS_AHEAD_S = 1.0
 """Time ahead for which the leader's speed is demanded, because a mission changes speed slowly [s]."""
+ON_ROUTE_M = 3.0
+"""Distance from the reference point within which a new leader begins its mission [m]."""
+SLOWING_M_S = 1.0
+"""Difference by which a leader slows down for its followers at a time, so that they can slow down too."""
+_NONE: Vector = (0.0, 0.0, 0.0)
 
 
 class Params(Section):
@@ -60,32 +66,47 @@ def fly(params: Params, group: Group) -> Command:
         leader.velocity_m_s[0] + later_speed * pose.slope_east - then_speed * then.slope_east,
         leader.velocity_m_s[1] + later_speed * pose.slope_north - then_speed * then.slope_north,
     )
-    if leader.place[0] or leader.place[1]:  # a lost leader's place stays open: the reference point is there
-        place = pose.at(leader.place[0], leader.place[1])
-        away_e, away_n = place[0] - pose.east_m, place[1] - pose.north_m
-        turn = later_speed * pose.turn_rad_m
-        point_e, point_n = point_e - away_e, point_n - away_n
-        velocity = (velocity[0] - turn * away_n, velocity[1] + turn * away_e)
     place_m, velocity_m_s = place_of(group, pose, (point_e, point_n), velocity, later_speed)
     return keep_place(group, pose, now, place_m, velocity_m_s, params.closing_m_s)
 
 
 def _lead(params: Params, group: Group) -> Command:
-    """Return the leader's progress along its route, and the speed of its mission."""
-    expected, own = reference_now(group), group.position_m
-    pose = group.reference.at(expected.s_m)
-    forward, right, _ = group.place
-    place = pose.at(forward, right)
-    point = (own[0] - place[0] + pose.east_m, own[1] - place[1] + pose.north_m)
-    s_m = progress(group, expected.s_m, point)
+    """Return the leader's progress along its route, and the speed of its mission.
+
+    The leader is at the reference point, whatever its place was before. A new leader comes from its place, so
+    it flies set-points to the route, and then its mission.
+    """
+    own = group.position_m
+    expected = reference_now(group)
+    share = waiting_share(group, 0.0, params.slows_from_m, params.slows_to_m, params.least_speed_share)
+    if (told := group.along) is not None and _is_beside(group, expected.s_m):
+        return _lead_to_route(params, group, advanced(group, told, share))
+    s_m = progress(group, expected.s_m, own[:2])
     pose = group.reference.at(s_m)
     slope = math.hypot(pose.slope_east, pose.slope_north)
     east, north, _ = group.velocity_m_s
     forward_m_s = (east * pose.slope_east + north * pose.slope_north) / max(slope, 1e-9)
     # Where the curve turns back on itself, the reference moves on by the profile (`progress`).
     along = Along(s_m, max(forward_m_s, 0.0) + max(1.0 - slope, 0.0) * group.profile.at(s_m))
-    share = waiting_share(group, 0.0, params.slows_from_m, params.slows_to_m, params.least_speed_share)
     soon_m = s_m + LOOKS_AHEAD_S * along.speed_m_s
     limit = min(group.profile.at(s_m), group.profile.at(min(soon_m, 0.999 * group.reference.length_m)))
-    memory = Memory(group.now_s, own, group.velocity_m_s, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), s_m)
-    return Command(None, (0.0, 0.0, 0.0), along, memory, limit * share)
+    waiting = max(limit * share, math.hypot(east, north) - SLOWING_M_S)
+    memory = Memory(group.now_s, own, group.velocity_m_s, _NONE, _NONE, s_m)
+    return Command(None, _NONE, along, memory, min(limit, waiting))
+
+
+def _is_beside(group: Group, s_m: float) -> bool:
+    """Return whether a new leader is still on its way to the route; a leader on its mission keeps to it."""
+    if (memory := group.memory) is None or memory.offset_m == _NONE:
+        return False
+    pose = group.reference.at(s_m)
+    away_m = math.hypot(group.position_m[0] - pose.east_m, group.position_m[1] - pose.north_m)
+    return away_m > ON_ROUTE_M
+
+
+def _lead_to_route(params: Params, group: Group, along: Along) -> Command:
+    pose = group.reference.at(along.s_m)
+    point, speed_m_s = (pose.east_m, pose.north_m), along.speed_m_s
+    velocity = (speed_m_s * pose.slope_east, speed_m_s * pose.slope_north, 0.0)
+    place_m = (*point, group.height_m + group.place[2])
+    return keep_place(group, pose, along, place_m, velocity, params.closing_m_s)

@@ -13,8 +13,15 @@ from typing import Annotated
 
 from pydantic import Field
 
-from swarmctl.agent.formation.approaches.base import Along, Command, Group
-from swarmctl.agent.formation.approaches.keeping import keep_place, place_of, reference_now, waiting_share
+from swarmctl.agent.formation.approaches.base import Command, Group
+from swarmctl.agent.formation.approaches.keeping import (
+    advanced,
+    keep_place,
+    own_error_m,
+    place_of,
+    reference_now,
+    waiting_share,
+)
 from swarmctl.core.section import Section
 
 DESCRIPTION = "All members follow the points of a structure that moves along the route and turns as one."
@@ -41,7 +48,7 @@ def fly(params: Params, group: Group) -> Command:
     now = reference_now(group)
     told = group.along
     if group.is_leader and told is not None and told.age_s <= LONGEST_STEP_S:
-        now = _advanced(params, group, told)
+        now = advanced(group, told, _wait(params, group))
     s_m, speed_m_s = group.profile.ahead(now.s_m, now.speed_m_s, group.lead_s)
     pose = group.reference.at(s_m)
     velocity = (speed_m_s * pose.slope_east, speed_m_s * pose.slope_north)
@@ -49,20 +56,8 @@ def fly(params: Params, group: Group) -> Command:
     return keep_place(group, pose, now, place_m, velocity_m_s, params.closing_m_s)
 
 
-def _advanced(params: Params, group: Group, told: Along) -> Along:
-    """Return the reference point one step further, with bounded acceleration."""
-    own_m = 0.0
-    if (memory := group.memory) is not None:
-        own, place = group.position_m, memory.place_m
-        dt = group.now_s - memory.now_s
-        own_m = (
-            (own[0] - place[0] - dt * memory.velocity_m_s[0]) ** 2
-            + (own[1] - place[1] - dt * memory.velocity_m_s[1]) ** 2
-        ) ** 0.5
-    share = waiting_share(group, own_m, params.slows_from_m, params.slows_to_m, params.least_speed_share)
-    wanted = group.profile.at(told.s_m + told.age_s * told.speed_m_s) * share
-    change = 0.5 * group.limits.acceleration_m_s2 * told.age_s
-    speed_m_s = min(max(wanted, told.speed_m_s - change), told.speed_m_s + change)
-    s_m = told.s_m + 0.5 * told.age_s * (told.speed_m_s + speed_m_s)
-    length_m = group.reference.length_m
-    return Along(min(s_m, length_m), speed_m_s if s_m < length_m else 0.0)
+def _wait(params: Params, group: Group) -> float:
+    """Return the share of its speed at which the structure waits for its members."""
+    return waiting_share(
+        group, own_error_m(group), params.slows_from_m, params.slows_to_m, params.least_speed_share
+    )
