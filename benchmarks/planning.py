@@ -27,7 +27,7 @@ from scenes import Crossing, observed_field, random_field
 from tables import make_table
 
 from swarmctl.core.grid import Cell
-from swarmctl.planners import Problem, constrained, plan, time_bound, warm_up
+from swarmctl.planners import Problem, constrained, formation, plan, time_bound, warm_up
 from swarmctl.planners.dijkstra import CostToGo, cost_to_go
 from swarmctl.planners.kernels import spread
 from swarmctl.planners.replan import Replanner
@@ -282,6 +282,29 @@ def bounded_crossing(exposure: Floats) -> Problem:
     return Problem(exposure, start, goals, 0.5, PSI, max_length_cells=sum(lengths) / 2)
 
 
+def formation_table(sides: tuple[int, ...]) -> Table:
+    """Measure the route of a group of five, and of a group of one; every part counts."""
+    wedge = ((0.0, 0.0), (-1.0, 1.0), (-1.0, -1.0), (-2.0, 2.0), (-2.0, -2.0))
+    column = ((0.0, 0.0), (-1.0, 0.0), (-2.0, 0.0), (-3.0, 0.0), (-4.0, 0.0))
+    table = make_table(
+        "A group's route, w = 0.5 [s]", "group, P_s", *(f"{side}²" for side in sides), left=["group, P_s"]
+    )
+    for text, shapes in (
+        ("one", (((0.0, 0.0),),)),
+        ("five, wedge", (wedge,)),
+        ("five, wedge or column", (wedge, column)),
+    ):
+        for kind, make in (("random", random_field), ("after observations", observed_field)):
+            row = []
+            for side in sides:
+                problem = Problem(make(side), (side // 2, 0), ((side // 2, side - 1),), 0.5, PSI)
+                params = formation.Params(shapes)
+                run: dict[str, Callable[[], object]] = {"group": lambda: formation.plan(problem, params)}  # noqa: B023
+                row.append(f"{medians_s(run, 3)['group']:.3f}")
+            table.add_row(f"{text}, {kind}", *row)
+    return table
+
+
 def memory_table(side: int) -> Table:
     """Measure the memory of a field, and the growth in a thousand replans."""
     table = make_table("Memory", "", "")
@@ -356,6 +379,7 @@ def main() -> None:
     console.print(replan_table(1000, 100 if quick else 1000))
     console.print(swarm_table(200, 50))
     console.print(bound_table(200, 10 if quick else 50))
+    console.print(formation_table((100, 300)))
     subprocess.run([sys.executable, __file__, "--memory"], check=True)
     console.print(echo_table(1000, 500 if quick else 3000))
 

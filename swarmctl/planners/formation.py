@@ -2,11 +2,12 @@
 
 The sum over a route of the group's leader is the sum of Eq. 5 over the n members,
 
-    J = Σ over steps [ (1 − w)·ψ·(n·d + ways of the members to their new places) + change_cost + w·E ],
+    J = Σ over steps [ (1 − w)·ψ·(n·d + ways of the members to their new places) + c + w·E ],
 
-with d the length of the step and E the exposure on arrival: the sum of P_s over the members' cells, or
-1 − ∏(1 − P_s). At each cell the group may turn and change its shape, and then goes one step ahead. `poses`
-has the places, `group_field` the search over (cell, heading, shape), `meeting` the split of a group.
+with d the length of the step, c the costs of a change of shape and of another shape than the first, and E
+the exposure on arrival: the sum of P_s over the members' cells, or 1 − ∏(1 − P_s). At each cell the group may
+turn and change its shape, and then goes one step ahead. `poses` has the places, `group_field` the search over
+(cell, heading, shape), `meeting` the split of a group.
 """
 
 from __future__ import annotations
@@ -44,6 +45,8 @@ class Params:
     """`sum`: ΣP_s of the members; `survival`: 1 − ∏(1 − P_s), the chance of a strike on a member"""
     change_cost: float = 0.0
     """cost of a change of shape besides the members' ways, in the unit of Eq. 5"""
+    other_shape_cost: float = 0.0
+    """cost of a cell of length in another shape than the first, in the unit of Eq. 5"""
     max_turn_deg: Literal[45, 90, 135, 180] = 90
     """greatest turn between two steps"""
     start_heading_deg: float | None = None
@@ -67,8 +70,9 @@ class Params:
                     raise ValueError(
                         f"shape {index} has the place {place}: expected at most {MAX_PLACE_CELLS:g} cells"
                     )
-        if not 0.0 <= self.change_cost < math.inf:
-            raise ValueError(f"change_cost is {self.change_cost}: expected a finite number, 0 or more")
+        for name, cost in (("change_cost", self.change_cost), ("other_shape_cost", self.other_shape_cost)):
+            if not 0.0 <= cost < math.inf:
+                raise ValueError(f"{name} is {cost}: expected a finite number, 0 or more")
         if self.start_heading_deg is not None and not math.isfinite(self.start_heading_deg):
             raise ValueError(f"start_heading_deg is {self.start_heading_deg}: expected a finite number")
         if self.start_shape is not None and not 0 <= self.start_shape < len(self.shapes):
@@ -130,7 +134,8 @@ def members_along(problem: Problem, cells: Sequence[Cell], params: Params) -> ND
 
 def area_of(problem: Problem, params: Params) -> GroupArea:
     """Return the graph of the group's states over the area of a problem."""
-    return group_area(problem, _poses(params), params.exposure == "survival", params.change_cost)
+    survival = params.exposure == "survival"
+    return group_area(problem, _poses(params), survival, params.change_cost, params.other_shape_cost)
 
 
 def _poses(params: Params) -> Poses:

@@ -112,8 +112,13 @@ class GroupArea:
         return tuple(zip((rows - self.pad).tolist(), (cols - self.pad).tolist(), strict=True))
 
 
-def group_area(problem: Problem, poses: Poses, survival: bool, change_cost: float) -> GroupArea:
-    """Return the graph of a problem; `survival` selects 1 − ∏(1 − P_s) instead of ΣP_s of the members."""
+def group_area(
+    problem: Problem, poses: Poses, survival: bool, change_cost: float, other_shape_cost: float
+) -> GroupArea:
+    """Return the graph of a problem; `survival` selects 1 − ∏(1 − P_s) instead of ΣP_s of the members.
+
+    `other_shape_cost` is the cost of a cell of length in another shape than the first.
+    """
     n_poses, n_members = poses.cells.shape[:2]
     passable = problem.passable
     rows, cols = passable.shape
@@ -145,7 +150,8 @@ def group_area(problem: Problem, poses: Poses, survival: bool, change_cost: floa
     distance = (1.0 - problem.w) * problem.psi_per_cell
     turn = distance * poses.ways_cells + change_cost * poses.shape_changes()
     turn[~poses.is_allowed] = math.inf
-    step_length = n_members * np.tile(STEP_CELLS, n_poses // 8)
+    cells_ahead = np.tile(STEP_CELLS, n_poses // 8)
+    price = n_members * distance + np.where(np.arange(n_poses) < 8, 0.0, other_shape_cost)
     offsets = offsets_of(width)
     graph = GroupGraph(
         barrier=barrier.reshape(-1),
@@ -154,8 +160,8 @@ def group_area(problem: Problem, poses: Poses, survival: bool, change_cost: floa
         turn=turn,
         turn_length=poses.ways_cells,
         swept=np.ascontiguousarray(poses.swept @ np.array([width, 1]), dtype=np.int32),
-        step=distance * step_length,
-        step_length=step_length,
+        step=price * cells_ahead,
+        step_length=n_members * cells_ahead,
         ahead=np.tile(offsets, n_poses // 8),
         offsets=offsets,
         goals=np.array(sorted({(row + pad) * width + col + pad for row, col in problem.goals})),

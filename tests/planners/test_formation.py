@@ -59,6 +59,7 @@ groups = st.builds(
     shapes=SHAPES,
     exposure=st.sampled_from(["sum", "survival"]),
     change_cost=st.sampled_from([0.0, 0.1]),
+    other_shape_cost=st.sampled_from([0.0, 0.05]),
     max_turn_deg=st.sampled_from([45, 90, 180]),
     start_heading_deg=st.sampled_from([None, None, 0, 90, 135]),
     start_shape=st.sampled_from([None, 0]),
@@ -230,6 +231,13 @@ def test_a_change_cost_is_paid_for_each_change_of_shape() -> None:
     assert paid == pytest.approx(free + 0.25)
 
 
+def test_a_group_returns_to_its_first_shape_if_other_shapes_cost_more() -> None:
+    problem = passage(1)
+    dear, free = (Params((WEDGE, COLUMN), start_shape=0, other_shape_cost=cost) for cost in (0.3, 0.0))
+    assert shapes_along(problem, plan(problem, free).cells, free)[-1] == 1
+    assert shapes_along(problem, plan(problem, dear).cells, dear)[-1] == 0
+
+
 def test_the_survival_of_a_step_counts_a_strike_on_several_members_once() -> None:
     field = np.full((5, 5), 0.5)
     problem = Problem(field, (2, 2), ((2, 3),), 1.0, 0.1)
@@ -249,6 +257,7 @@ def test_the_survival_of_a_step_counts_a_strike_on_several_members_once() -> Non
         {"shapes": [[[0, 0, 0]]]},
         {"exposure": "mean"},
         {"change_cost": -1.0},
+        {"other_shape_cost": -1.0},
         {"change_cost": math.inf},
         {"max_turn_deg": 30},
         {"start_heading_deg": math.nan},

@@ -114,6 +114,8 @@ class Group:
                 return math.inf
             exposures.append(float(problem.exposure[there]) if self.is_inside(there) else 0.0)
         distance = (1.0 - problem.w) * problem.psi_per_cell * math.hypot(north, east) * len(exposures)
+        if pose[1] > 0:
+            distance += self.params.other_shape_cost * math.hypot(north, east)
         if self.params.exposure == "sum":
             return distance + problem.w * math.fsum(exposures)
         return distance + problem.w * (1.0 - math.prod(max(1.0 - p, 0.0) for p in exposures))
