@@ -125,6 +125,11 @@ class Progress:
         """Distance along the flight to the last waypoint, before the landing [m]; negative past it."""
         return self.flight.legs.at_m[-2] - self.along_m
 
+    @property
+    def to_landing_m(self) -> float:
+        """Distance along the flight to its landing spot [m]."""
+        return self.flight.legs.at_m[-1] - self.along_m
+
     def points_within(self, distance_m: float) -> tuple[PlanarPoint, ...]:
         """Return the waypoints within a distance ahead [m], and the point of the flight at that distance."""
         legs, end_m = self.flight.legs, self.along_m + distance_m

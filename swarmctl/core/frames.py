@@ -18,9 +18,10 @@ refused if it has another version or an invalid value, or lacks a field without 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from enum import StrEnum
-from typing import Annotated
+from functools import cached_property
+from typing import Annotated, Any
 
 import msgspec
 
@@ -155,7 +156,7 @@ class IntentPoint(msgspec.Struct, frozen=True, array_like=True, gc=False):
     alt_amsl_m: float
 
 
-class IntentShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, tag="inform/intent"):
+class IntentShared(msgspec.Struct, frozen=True, omit_defaults=True, dict=True, tag="inform/intent"):
     """The present or next flight of a UAV: straight from point to point."""
 
     plan_id: int
@@ -168,6 +169,11 @@ class IntentShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, ta
     """greatest distance of the UAV from the announced flight, over ground and in height [m]"""
     on_ground: bool = False
     """True from the launch order until the UAV has taken off"""
+
+    @cached_property
+    def derived(self) -> dict[Hashable, Any]:
+        """Values computed from the message alone, once for all receivers in this process."""
+        return {}
 
     def __post_init__(self) -> None:
         if not all(0.0 <= m <= MAX_MAGNITUDE for m in self.around_m):

@@ -59,7 +59,12 @@ def near_flights(flight: Trajectory, others: Others, limits: Limits) -> dict[int
     """Return those of `others` that may clash with a flight, by bounding boxes."""
     at = TIME_TOLERANCE_S, limits.horizontal_m, limits.horizontal_m, limits.vertical_m
     mine = Bounds.of(flight).wider(at)
-    return {uav: intent for uav, intent in others.items() if mine.meets(intent.bounds)}
+    low_m, high_m = mine.least[3], mine.most[3]
+    # Most vehicles fly at other heights: this test needs no call.
+    level = (
+        (uav, i) for uav, i in others.items() if low_m <= i.bounds.most[3] and i.bounds.least[3] <= high_m
+    )
+    return {uav: intent for uav, intent in level if mine.meets(intent.bounds)}
 
 
 def clashes_of_route(
@@ -114,6 +119,23 @@ def known_flights(state: AgentState) -> dict[int, NeighbourIntent]:
     return intents | {uav: flight for uav, flight in known.items() if uav not in intents}
 
 
+def may_meet_anyone(state: AgentState, box: Bounds) -> bool:
+    """Return whether a known flight may come into a box, with heights above home, and the limits around it.
+
+    It is a quick test for `current_flights`: most of the time no vehicle is near in height.
+    """
+    limits, home_m = state.task.separation.limits, home_amsl_m(state)
+    wide_m, high_m = MARGIN * limits.horizontal_m, MARGIN * limits.vertical_m
+    box = box.wider((TIME_TOLERANCE_S, wide_m, wide_m, high_m))
+    if predictions(state, box) or silent_neighbours(state):
+        return True
+    box = box.higher(home_m)
+    return any(
+        box.meets(intent.bounds) and (any(intent.uncertainty_m) or intent.flight.may_meet(box))
+        for intent in known_intents(state).values()
+    )
+
+
 def share_of(mine: Sequence[Trajectory], others: Sequence[Trajectory], limits: Limits) -> float:
     """Return the least distance of any of two flights, as a share of the limits."""
     found = (_least_share(one, other, limits) for one in mine for other in others)
@@ -125,7 +147,9 @@ def come_within(
 ) -> bool:
     """Return whether any two flights come closer than a share of the limits: quicker than `share_of`."""
     wider = Limits(share * limits.horizontal_m, share * limits.vertical_m)
-    return any(intervals(one, other, wider) for one in mine for other in others)
+    sides = 0.0, wider.horizontal_m, wider.horizontal_m, wider.vertical_m
+    boxes = [(one, Bounds.of(one).wider(sides)) for one in mine]
+    return any(other.may_meet(box) and intervals(one, other, wider) for other in others for one, box in boxes)
 
 
 def current_flights(state: AgentState, paths: Sequence[Trajectory] = ()) -> dict[int, NeighbourIntent]:

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from swarmctl.agent.orders import StepResult
 from swarmctl.agent.phases import IN_FLIGHT, Phase
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.intents import own_trajectory
+from swarmctl.agent.traffic.intents import own_trajectory, reach
 from swarmctl.agent.traffic.prediction import hold_trajectory, position_of, predictions
 from swarmctl.agent.traffic.priority import Activity, Standing, activity_of, gives_way
 from swarmctl.agent.traffic.route_hold import (
@@ -26,7 +26,7 @@ from swarmctl.agent.traffic.route_hold import (
     reachable_heights_m,
     resume_if_clear,
 )
-from swarmctl.agent.traffic.separation.trajectory import Trajectory
+from swarmctl.agent.traffic.separation.trajectory import Bounds, Trajectory
 from swarmctl.agent.traffic.separation.watch import (
     NeighbourReport,
     ProximityAlarm,
@@ -42,12 +42,14 @@ def avoid_collisions(state: AgentState) -> StepResult:
     """Update the alarms, report new alarms, and give way or resume. Called for each telemetry."""
     if not (state.neighbours or state.alarms or state.wait):
         return state, []
+    rules, now_s = state.task.separation, state.vehicle.time_boot_s
+    if not state.alarms and not state.wait and _is_alone(state):
+        return state, []
     before = {alarm.other for alarm in state.alarms}
     own = own_trajectory(state)
     if own is None or state.phase not in IN_FLIGHT:
         return replace(state, alarms=()), []
-    rules, now_s = state.task.separation, state.vehicle.time_boot_s
-    near = predictions(state, alarm_bounds(own, rules))
+    near = predictions(state, alarm_bounds(Bounds.of(own), rules))
     alarms = update_alarms(state.alarms, own, near, rules, now_s)
     new = [alarm for alarm in alarms if alarm.other not in before]
     if alarms or state.alarms:
@@ -62,6 +64,15 @@ def avoid_collisions(state: AgentState) -> StepResult:
         to_avoid = [alarm for alarm in (*new, *lower_ids) if _has_to_give_way(state, alarm.other)]
         state, effects = _give_way(state, to_avoid)
     return state, [*messages, *effects]
+
+
+def _is_alone(state: AgentState) -> bool:
+    """Return whether no vehicle comes near a copter within the look-ahead time: a quick test by boxes."""
+    rules, plans = state.task.separation, state.plans
+    follows_plan = state.phase is Phase.FLYING and plans.route is not None and plans.pending is None
+    straight_on_s = 0.0 if follows_plan else rules.look_ahead_s
+    box = reach(state, rules.look_ahead_s, straight_on_s) if state.task.wings is None else None
+    return box is not None and not predictions(state, alarm_bounds(box, rules))
 
 
 def _has_to_give_way(state: AgentState, other: int) -> bool:

@@ -15,10 +15,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+import numpy as np
+
 from swarmctl.agent.orders import StepResult
 from swarmctl.agent.phases import IN_FLIGHT, Phase
 from swarmctl.agent.replan import wing_trajectory
 from swarmctl.agent.replan.copter_trajectory import (
+    DESCENT_M_S,
     climb_then_fly,
     fly_along,
     fly_with_stop,
@@ -41,6 +44,7 @@ from swarmctl.agent.traffic.separation.trajectory import (
 from swarmctl.agent.traffic.separation.watch import NeighbourIntent
 from swarmctl.core import events as ev
 from swarmctl.core.frames import MAX_AHEAD_S, MAX_POINTS, IntentPoint, IntentShared
+from swarmctl.core.geo import LocalFrame
 from swarmctl.core.mission import FlightPlan
 from swarmctl.core.planar import PlanarPoint
 from swarmctl.core.records import replace
@@ -58,8 +62,12 @@ LAST_POSITION_S = 180.0
 """Time for which a vehicle without a position announces its last position [s]."""
 MAX_UNCERTAINTY_M = 60.0
 """Greatest horizontal uncertainty of an announced position [m]."""
+SAME_TIME_S = 1e-6
+"""Least time between two points of a received intent [s]; by a clock of many days, less is no time."""
 VERTICAL_WITHIN_M = 5.0
 """Horizontal distance within which a climb at home, or a descent that has begun, counts as vertical [m]."""
+REACH_FACTOR, REACH_UP_M = 1.2, 0.1
+"""How much a quick test's box is larger than the own flight: over ground as a factor, in height [m]."""
 DESCENT_BEGINS_WITHIN_M = 2.0
 """Horizontal distance from the landing spot within which a vehicle begins its vertical descent [m]."""
 
@@ -100,13 +108,11 @@ def may_change(state: AgentState) -> bool:
 
 
 def _points(state: AgentState, flight: Trajectory) -> tuple[IntentPoint, ...]:
-    frame, now_s = state.task.grid.frame, state.vehicle.time_boot_s
-    announced = zip(flight.times_s[:MAX_POINTS], flight.points, strict=False)
-    return tuple(
-        IntentPoint(t - now_s, *frame.to_geodetic(east_m, north_m), up_m)
-        for t, (east_m, north_m, up_m) in announced
-        if t - now_s <= MAX_AHEAD_S
-    )
+    now_s = state.vehicle.time_boot_s
+    ahead = [t - now_s for t in flight.times_s[:MAX_POINTS] if t - now_s <= MAX_AHEAD_S]
+    east_m, north_m, up_m = np.array(flight.points[: len(ahead)]).T
+    lat_deg, lon_deg = state.task.grid.frame.to_geodetic(east_m, north_m)
+    return tuple(map(IntentPoint, ahead, lat_deg.tolist(), lon_deg.tolist(), up_m.tolist()))
 
 
 def _is_off_intent(state: AgentState) -> bool:
@@ -171,6 +177,42 @@ def own_trajectory(state: AgentState) -> Trajectory | None:
         if flight is not None:
             return until_landing(flight).later(now_s).lasting(now_s + for_s)
     return extrapolate(here, (vehicle.east_m_s, vehicle.north_m_s, vehicle.climb_m_s), now_s, for_s)
+
+
+def reach(state: AgentState, for_s: float, straight_on_s: float) -> Bounds | None:
+    """Return a box around the own flight of a copter for `for_s` from now; None: the position is unknown.
+
+    The box has heights above home, and is larger than the flight: a quick test before a flight is computed.
+    It also holds the flight straight on for `straight_on_s`.
+    """
+    here, vehicle, task = position_of(state), state.vehicle, state.task
+    if here is None:
+        return None
+    east_m, north_m, up_m = here
+    heights_m = [up_m, up_m + straight_on_s * vehicle.climb_m_s]
+    if (swap := state.plans.pending or state.plans.route) is not None:
+        heights_m.append(swap.plan.height_m)
+    if state.phase is Phase.LEAVING:
+        heights_m.append(task.altitude_m)
+    fastest_m_s = max(vehicle.ground_speed_m_s, task.arrival.speed_m_s, state.speed.m_s or 0.0)
+    away_m = REACH_FACTOR * (for_s * fastest_m_s + VERTICAL_WITHIN_M)
+    if not _lands_beyond(state, away_m):
+        heights_m.append(up_m - for_s * DESCENT_M_S)
+    low_m, high_m, now_s = min(heights_m), max(heights_m), vehicle.time_boot_s
+    return Bounds(
+        (now_s, east_m - away_m, north_m - away_m, low_m - REACH_UP_M),
+        (now_s + for_s, east_m + away_m, north_m + away_m, high_m + REACH_UP_M),
+    )
+
+
+def _lands_beyond(state: AgentState, distance_m: float) -> bool:
+    """Return whether the vehicle flies its route, and its landing is farther ahead than a distance."""
+    progress, route = state.progress, state.plans.route
+    if state.phase is not Phase.FLYING or state.plans.pending is not None or state.is_waiting:
+        return False
+    if progress is None or route is None or progress.flight.plan is not route:
+        return False
+    return progress.to_landing_m - progress.at.cross_track_m > REACH_FACTOR * distance_m
 
 
 def hold_from(state: AgentState, here: LocalPoint, begin_s: float) -> Trajectory:
@@ -334,12 +376,13 @@ def receive_intents(state: AgentState, event: ev.Intents, _now: float) -> StepRe
     now_s = state.vehicle.time_boot_s
     kept = dict(state.intents)
     for uav, age_s, intent in event.intents:
-        flight = _received_flight(state, intent, now_s - age_s)
+        announced = _announced_flight(state.task.grid.frame, intent)
         kept.pop(uav, None)
-        if flight is not None and uav != state.task.uav:
+        if announced is not None and uav != state.task.uav:
             sent_s, (away_m, up_m) = now_s - age_s, intent.around_m
             uncertainty = (min(away_m, MAX_UNCERTAINTY_M), up_m)  # a false sender must not block a wide area
-            bounds = Bounds.of(flight).wider((0.0, uncertainty[0], uncertainty[0], uncertainty[1]))
+            flight, bounds = announced[0].later(sent_s), announced[1].later(sent_s)
+            bounds = bounds.wider((0.0, uncertainty[0], uncertainty[0], uncertainty[1]))
             # `collision_avoidance` handles the landing of a vehicle that can still change its plan.
             ahead = until_landing(flight) if intent.may_change else flight
             landing = flight if intent.may_change else None
@@ -368,12 +411,27 @@ def _with_present_cells(
     return others
 
 
-def _received_flight(state: AgentState, intent: IntentShared, sent_s: float) -> Trajectory | None:
-    if len(intent.points) < 2:
+def _announced_flight(frame: LocalFrame, intent: IntentShared) -> tuple[Trajectory, Bounds] | None:
+    """Return the flight of an intent with times after its sending, and its box; None if it is unusable.
+
+    The message keeps both, because every vehicle of a swarm receives it.
+    """
+    if frame not in intent.derived:
+        intent.derived[frame] = _flight_in(frame, intent)
+    announced: tuple[Trajectory, Bounds] | None = intent.derived[frame]
+    return announced
+
+
+def _flight_in(frame: LocalFrame, intent: IntentShared) -> tuple[Trajectory, Bounds] | None:
+    announced = np.array([(p.in_s, p.lat_deg, p.lon_deg, p.alt_amsl_m) for p in intent.points])
+    if len(announced) < 2 or np.diff(announced[:, 0]).min() < SAME_TIME_S:
         return None
-    to_local, announced = state.task.grid.frame.to_local, intent.points
-    points = tuple([(*to_local(p.lat_deg, p.lon_deg), p.alt_amsl_m) for p in announced])
+    in_s, lat_deg, lon_deg, up_m = announced.T
+    east_m, north_m = frame.to_local(lat_deg, lon_deg)
+    times_s = tuple(in_s.tolist())
+    points = tuple(zip(east_m.tolist(), north_m.tolist(), up_m.tolist(), strict=True))
     try:
-        return Trajectory(tuple([sent_s + p.in_s for p in announced]), points)
-    except ValueError:  # too far away for the local frame, or times that do not increase
+        flight = Trajectory(times_s, points)
+    except ValueError:  # too far away for the local frame
         return None
+    return flight, Bounds.of(flight)

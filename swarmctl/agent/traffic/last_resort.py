@@ -21,10 +21,16 @@ from swarmctl.agent.orders import StepResult
 from swarmctl.agent.own_modes import own_mode_roles
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.check import as_intent, come_within, current_flights, near_flights, share_of
-from swarmctl.agent.traffic.intents import planned_flight, position_amsl
+from swarmctl.agent.traffic.check import (
+    come_within,
+    current_flights,
+    may_meet_anyone,
+    near_flights,
+    share_of,
+)
+from swarmctl.agent.traffic.intents import planned_flight, position_amsl, reach
 from swarmctl.agent.traffic.landing_queue import MIN_HEIGHT_M, hold_before_landing, is_urgent
-from swarmctl.agent.traffic.prediction import predict
+from swarmctl.agent.traffic.prediction import home_amsl_m, predict
 from swarmctl.agent.traffic.priority import Activity, Standing, activity_of, gives_way
 from swarmctl.agent.traffic.returning import hold_before_leaving, may_hold_before_leaving
 from swarmctl.agent.traffic.route_hold import hold, may_give_way
@@ -53,6 +59,9 @@ Paths = Sequence[Trajectory]
 def stop_in_time(state: AgentState) -> StepResult:
     """Hold if the vehicle comes too close to another one soon, and has to stop for it."""
     if not _may_stop(state) or (not state.neighbours and not state.intents):
+        return state, []
+    box = reach(state, LOOKS_AHEAD_S, STRAIGHT_ON_S)
+    if box is None or not may_meet_anyone(state, box):
         return state, []
     here, plan = position_amsl(state), planned_flight(state)
     if here is None or plan is None:
@@ -108,7 +117,7 @@ def _standing(state: AgentState, mine: Paths, together: float, uav: int, intent:
     path = None if report is None else predict(state, report)
     if report is None or path is None:
         return Standing(Activity.EMERGENCY, False, uav)
-    activity, here = activity_of(report.state.phase), as_intent(state, path).flight
+    activity, here = activity_of(report.state.phase), path.higher(home_amsl_m(state))
     hears = state.task.uav in report.state.hears
     stop = _stop(here.points[0], report.state.velocity_m_s, report.at_s)
     helps = _helps(stop, mine, intent.limits(state.task.separation.limits), together)
@@ -130,7 +139,7 @@ def _paths(state: AgentState, uav: int, intent: NeighbourIntent) -> Paths:
     path = None if report is None else predict(state, report)
     if path is None:
         return (intent.flight,)
-    straight = as_intent(state, path).flight
+    straight = path.higher(home_amsl_m(state))
     if intent.flight.ends_in_hold:
         here = straight.points[0]
         return intent.flight, Trajectory((now_s, now_s + LOOKS_AHEAD_S), (here, here))

@@ -13,6 +13,7 @@ from swarmctl.agent.traffic.returning import note_returning
 from swarmctl.agent.traffic.separation.watch import NeighbourReport
 from swarmctl.core import events as ev
 from swarmctl.core.frames import StateShared
+from swarmctl.core.planar import PlanarPoint
 from swarmctl.core.records import replace
 
 MARGIN_M_S = 5.0
@@ -25,11 +26,13 @@ def relevant_states(
     """Return the states of senders that are near or return; all states if the arrivals are simultaneous."""
     if state.task.arrival_group is not None:
         return tuple(states.items())
-    is_near, returning = _near_test(state), state.returning
+    is_near, returning, to_local = _near_test(state), state.returning, state.task.grid.frame.to_local
     return tuple(
         (uav, other)
         for uav, other in states.items()
-        if other.returns_to is not None or uav in returning or is_near(other)
+        if other.returns_to is not None
+        or uav in returning
+        or is_near(other, to_local(other.lat_deg, other.lon_deg))
     )
 
 
@@ -42,23 +45,29 @@ def receive_neighbours(state: AgentState, event: ev.Neighbours, _now: float) -> 
     }
     known, is_near = state.neighbours.items(), _near_test(state)
     kept = {uav: report for uav, report in known if 0.0 <= now_s - report.at_s <= MAX_REPORT_AGE_S}
-    new = {uav: report for uav, report in reports.items() if is_near(report.state)}
+    new = {
+        uav: report
+        for uav, report in reports.items()
+        if is_near(report.state, (report.east_m, report.north_m))
+    }
     state = note_returning(note_arrival_times(state, event.states), reports)
     return replace(state, neighbours={**kept, **new}, wait=state.wait and state.wait.noted(reports)), []
 
 
-def _near_test(state: AgentState) -> Callable[[StateShared], bool]:
-    """Return a test whether another vehicle may soon come too close; False if the own position is unknown."""
+def _near_test(state: AgentState) -> Callable[[StateShared, PlanarPoint], bool]:
+    """Return a test whether another vehicle, at a place in the local frame, may soon come too close.
+
+    The test returns False if the own position is unknown.
+    """
     vehicle, rules, frame = state.vehicle, state.task.separation, state.task.grid.frame
     if vehicle.lat_deg is None or vehicle.lon_deg is None:
-        return lambda _other: False
+        return lambda _other, _there: False
     here, least_m = frame.to_local(vehicle.lat_deg, vehicle.lon_deg), 2.0 * rules.limits.horizontal_m
     ahead_s, own_m_s = rules.look_ahead_s + MAX_REPORT_AGE_S, vehicle.ground_speed_m_s
 
-    def is_near(other: StateShared) -> bool:
+    def is_near(other: StateShared, there: PlanarPoint) -> bool:
         east_m_s, north_m_s, _ = other.velocity_m_s
         closing_m_s = own_m_s + math.hypot(east_m_s, north_m_s) + MARGIN_M_S
-        there = frame.to_local(other.lat_deg, other.lon_deg)
         return math.dist(here, there) < least_m + closing_m_s * ahead_s
 
     return is_near

@@ -65,12 +65,14 @@ def predictions(state: AgentState, within: Bounds = EVERYWHERE) -> dict[int, Tra
     found = {}
     for uav, report in state.neighbours.items():
         # Most neighbours are at other heights or far away, and need no trajectory.
-        lasts_s, (east_m_s, north_m_s, up_m_s) = until_s - report.at_s, report.state.velocity_m_s
-        amsl_m = report.state.alt_amsl_m
-        up_m = amsl_m - home_m if is_known and amsl_m is not None else report.state.alt_rel_m
+        shared, lasts_s = report.state, until_s - report.at_s
+        east_m_s, north_m_s, up_m_s = shared.velocity_m_s
+        up_m = shared.alt_amsl_m - home_m if is_known and shared.alt_amsl_m is not None else shared.alt_rel_m
+        to_up_m = up_m + up_m_s * lasts_s
+        if (up_m > high_m and to_up_m > high_m) or (up_m < low_m and to_up_m < low_m):
+            continue
         if (
-            _passes(up_m, up_m_s * lasts_s, low_m, high_m)
-            and _passes(report.east_m, east_m_s * lasts_s, west_m, east_m)
+            _passes(report.east_m, east_m_s * lasts_s, west_m, east_m)
             and _passes(report.north_m, north_m_s * lasts_s, south_m, north_m)
             and (path := predict(state, report))
         ):

@@ -78,6 +78,18 @@ class Trajectory:
             return boxes
         return self._boxes
 
+    def may_meet(self, box: Bounds) -> bool:
+        """Return whether the flight may come into a box: a quick test by the segments in the box's time."""
+        (from_s, *least), (until_s, *most) = box.least, box.most
+        first = max(bisect_right(self.times_s, from_s) - 1, 0)
+        points = self.points[first : bisect_left(self.times_s, until_s) + 1]
+        if not points or self.times_s[0] > until_s or self.times_s[-1] < from_s:
+            return False
+        return all(
+            min(along) <= high and max(along) >= low
+            for along, low, high in zip(zip(*points, strict=True), least, most, strict=True)
+        )
+
     def at(self, t_s: float) -> LocalPoint | None:
         """Return the position at `t_s`; None before and after the flight."""
         if not self.times_s or not self.times_s[0] <= t_s <= self.times_s[-1]:
@@ -93,7 +105,7 @@ class Trajectory:
         if at is None:
             return self if self.times_s and t_s < self.times_s[0] else None
         i = bisect_right(self.times_s, t_s)
-        return Trajectory((t_s, *self.times_s[i:]), (at, *self.points[i:]))
+        return _of_checked((t_s, *self.times_s[i:]), (at, *self.points[i:]))
 
     @property
     def ends_in_hold(self) -> bool:
@@ -104,16 +116,25 @@ class Trajectory:
         """Return the flight until `until_s`; a flight that ends earlier stays at its last point."""
         n, at = bisect_left(self.times_s, until_s), self.at(until_s)
         last = self.points[-1] if at is None else at
-        return Trajectory((*self.times_s[:n], until_s), (*self.points[:n], last))
+        return _of_checked((*self.times_s[:n], until_s), (*self.points[:n], last))
 
     def later(self, seconds: float) -> Trajectory:
         """Return the same flight, shifted in time."""
-        return Trajectory(tuple(t + seconds for t in self.times_s), self.points)
+        return _of_checked(tuple([t + seconds for t in self.times_s]), self.points)
 
     def higher(self, by_m: float) -> Trajectory:
         """Return the same flight, shifted in height."""
-        points = tuple((east_m, north_m, up_m + by_m) for east_m, north_m, up_m in self.points)
-        return Trajectory(self.times_s, points)
+        points = tuple([(east_m, north_m, up_m + by_m) for east_m, north_m, up_m in self.points])
+        return _of_checked(self.times_s, points)
+
+
+def _of_checked(times_s: tuple[float, ...], points: tuple[LocalPoint, ...]) -> Trajectory:
+    """Return a flight by the times and points of another one, which need no second check."""
+    flight = object.__new__(Trajectory)
+    object.__setattr__(flight, "times_s", times_s)
+    object.__setattr__(flight, "points", points)
+    object.__setattr__(flight, "_boxes", None)
+    return flight
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,6 +159,15 @@ class Bounds:
         t, e, n, u = reach
         return Bounds((t0 - t, e0 - e, n0 - n, u0 - u), (t1 + t, e1 + e, n1 + n, u1 + u))
 
+    def later(self, seconds: float) -> Bounds:
+        """Return the same box, shifted in time."""
+        return Bounds((self.least[0] + seconds, *self.least[1:]), (self.most[0] + seconds, *self.most[1:]))
+
+    def higher(self, by_m: float) -> Bounds:
+        """Return the same box, shifted in height."""
+        (t0, e0, n0, u0), (t1, e1, n1, u1) = self.least, self.most
+        return Bounds((t0, e0, n0, u0 + by_m), (t1, e1, n1, u1 + by_m))
+
     def meets(self, other: Bounds) -> bool:
         """Return whether two boxes have a common point: a cheap first test."""
         low, high, least, most = self.least, self.most, other.least, other.most
@@ -154,7 +184,7 @@ def until_landing(flight: Trajectory) -> Trajectory:
     """Return the flight up to its final vertical descent; the whole flight if the descent has begun."""
     points = before_landing(flight.points)
     n = len(points)
-    return flight if n == len(flight.points) else Trajectory(flight.times_s[:n], points)
+    return flight if n == len(flight.points) else _of_checked(flight.times_s[:n], points)
 
 
 def before_landing(points: tuple[LocalPoint, ...]) -> tuple[LocalPoint, ...]:

@@ -118,10 +118,10 @@ def update_alarms(
     return tuple(after)
 
 
-def alarm_bounds(own: Trajectory, rules: SeparationRules) -> Bounds:
+def alarm_bounds(own: Bounds, rules: SeparationRules) -> Bounds:
     """Return the bounds of the space in which another vehicle may begin an alarm, or keep one."""
     wide = _wide(rules)
-    return Bounds.of(own).wider((0.0, wide.horizontal_m, wide.horizontal_m, wide.vertical_m))
+    return own.wider((0.0, wide.horizontal_m, wide.horizontal_m, wide.vertical_m))
 
 
 def _wide(rules: SeparationRules) -> Limits:
