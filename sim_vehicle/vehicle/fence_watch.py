@@ -171,18 +171,21 @@ class FenceWatch:
     def _beyond_m(self, lat_deg: float, lon_deg: float, height_m: float) -> dict[str, float]:
         """Return the distance of a position beyond each breached limit [m]."""
         vehicle, limits = self._vehicle, self._parameters
-        beyond_m = {ALTITUDE_MAX: height_m - limits.max_height_m}
+        beyond_m: dict[str, float] = {}
+        if (above_m := height_m - limits.max_height_m) >= 0:
+            beyond_m[ALTITUDE_MAX] = above_m
         if math.isfinite(limits.radius_m):
             away_m = distance_m(vehicle.home_and_rally.home_deg, (lat_deg, lon_deg))
-            beyond_m[CIRCLE] = away_m - limits.radius_m
-        if self._floor_enforced:
+            if away_m >= limits.radius_m:
+                beyond_m[CIRCLE] = away_m - limits.radius_m
+        if self._floor_enforced and height_m <= limits.min_height_m:
             beyond_m[ALTITUDE_MIN] = limits.min_height_m - height_m
         if limits.polygons and vehicle.fence.breaches(lat_deg, lon_deg):
             beyond_m[POLYGON] = 0.0
-        if vehicle.personality.failsafes.fence_limits_latch:
-            enforced = self._limits_at_enabling | {ALTITUDE_MIN}
-            beyond_m = {limit: distance for limit, distance in beyond_m.items() if limit in enforced}
-        return {limit: distance for limit, distance in beyond_m.items() if distance >= 0}
+        if not beyond_m or not vehicle.personality.failsafes.fence_limits_latch:
+            return beyond_m
+        enforced = self._limits_at_enabling | {ALTITUDE_MIN}
+        return {limit: distance for limit, distance in beyond_m.items() if limit in enforced}
 
     def _to_next_breach_m(self, limit: str) -> float:
         """Return the distance from a breach to the next action [m]; inf: no further action."""

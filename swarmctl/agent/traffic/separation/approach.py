@@ -6,6 +6,7 @@ import math
 from bisect import bisect_left
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Segment, Trajectory
 
@@ -35,8 +36,7 @@ class PairDistance:
         return math.hypot(self.horizontal_m, self.vertical_m)
 
 
-@dataclass(frozen=True, slots=True)
-class _RelativeMotion:
+class _RelativeMotion(NamedTuple):
     """Motion of one vehicle relative to another while both fly straight; `at` and `velocity` in m and m/s."""
 
     begin_s: float
@@ -99,12 +99,11 @@ def _relative_motions(a: Trajectory, b: Trajectory) -> Iterator[_RelativeMotion]
     begin_s = max(a.times_s[0], b.times_s[0])
     i, j = _segment_at(a, begin_s), _segment_at(b, begin_s)
     while i < len(a.times_s) - 1 and j < len(b.times_s) - 1:
-        mine, theirs = a.segment(i), b.segment(j)
-        part = _relative_motion(mine, theirs)
+        part = _motion(a.times_s[i : i + 2], a.points[i : i + 2], b.times_s[j : j + 2], b.points[j : j + 2])
         if part is None:
             return
         yield part
-        if mine.end_s <= theirs.end_s:
+        if a.times_s[i + 1] <= b.times_s[j + 1]:
             i += 1
         else:
             j += 1
@@ -116,22 +115,35 @@ def _segment_at(flight: Trajectory, t_s: float) -> int:
 
 
 def _relative_motion(a: Segment, b: Segment) -> _RelativeMotion | None:
-    begin_s, end_s = max(a.begin_s, b.begin_s), min(a.end_s, b.end_s)
+    return _motion((a.begin_s, a.end_s), (a.a, a.b), (b.begin_s, b.end_s), (b.a, b.b))
+
+
+def _motion(
+    a_s: tuple[float, ...], a: tuple[LocalPoint, ...], b_s: tuple[float, ...], b: tuple[LocalPoint, ...]
+) -> _RelativeMotion | None:
+    """Return the relative motion of two segments, each given by its two times and points.
+
+    Nearly every comparison of flights comes here, so it makes no objects on the way.
+    """
+    (a0_s, a1_s), (b0_s, b1_s) = a_s, b_s
+    begin_s, end_s = max(a0_s, b0_s), min(a1_s, b1_s)
     if end_s < begin_s:
         return None
-    at = _minus(a.at(begin_s), b.at(begin_s))
-    va, vb = _velocity(a), _velocity(b)
-    return _RelativeMotion(begin_s, end_s - begin_s, at, _minus(va, vb))
-
-
-def _velocity(segment: Segment) -> LocalPoint:
-    lasts_s = segment.end_s - segment.begin_s
-    e, n, u = _minus(segment.b, segment.a)
-    return e / lasts_s, n / lasts_s, u / lasts_s
-
-
-def _minus(a: LocalPoint, b: LocalPoint) -> LocalPoint:
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+    ((ae, an, au), (ae1, an1, au1)), ((be, bn, bu), (be1, bn1, bu1)) = a, b
+    a_lasts_s, b_lasts_s = a1_s - a0_s, b1_s - b0_s
+    a_share, b_share = (begin_s - a0_s) / a_lasts_s, (begin_s - b0_s) / b_lasts_s
+    ade, adn, adu, bde, bdn, bdu = ae1 - ae, an1 - an, au1 - au, be1 - be, bn1 - bn, bu1 - bu
+    at = (
+        (ae + a_share * ade) - (be + b_share * bde),
+        (an + a_share * adn) - (bn + b_share * bdn),
+        (au + a_share * adu) - (bu + b_share * bdu),
+    )
+    velocity = (
+        ade / a_lasts_s - bde / b_lasts_s,
+        adn / a_lasts_s - bdn / b_lasts_s,
+        adu / a_lasts_s - bdu / b_lasts_s,
+    )
+    return _RelativeMotion(begin_s, end_s - begin_s, at, velocity)
 
 
 def _closest(part: _RelativeMotion, limits: Limits) -> PairDistance:
