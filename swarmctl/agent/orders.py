@@ -271,10 +271,11 @@ def weights_changed(state: AgentState, event: ev.WeightsChanged, _now: float) ->
     plans = state.plans.due() if changed else state.plans
     state = replace(state, w=w, strength=strength, plans=plans)
     note = "the link is lost; the vehicle plans when the link is back [waits-for-link]" if state.lost else ""
-    if not changed:
+    if not changed and event.range is None:
         note = "the vehicle already has these weights and keeps its plan [unchanged]"
+    effects: list[ev.Effect] = [] if event.range is None else [ev.SetRange(event.range)]
     taken = VehicleAnswer(state.task.uav, state.task.name, "taken", state.plans.next_plan_id, note)
-    return state, [ev.Answer(event.command, taken)]
+    return state, [*effects, ev.Answer(event.command, taken)]
 
 
 def command(

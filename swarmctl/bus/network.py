@@ -174,6 +174,10 @@ class Network:
         """Update a UAV's position between two state messages."""
         self._members[uav].node.moved((lat_deg, lon_deg))
 
+    def set_range(self, uav: int, k: int | None) -> None:
+        """Let a UAV send to the `k` nearest UAVs from now on; None: to all."""
+        self._members[uav].node.k = k
+
     def states(self, uav: int) -> dict[int, StateShared]:
         """Return the newest state of each other UAV, as received by this UAV."""
         return self._members[uav].node.states()

@@ -305,6 +305,9 @@ class OperatorService:
 def _event(number: int, command: Request, delay_s: float, ignored: tuple[int, ...]) -> AgentCommand:
     match command:
         case SetWeights():
-            return ev.WeightsChanged(number, command.w, command.strength)
+            return ev.WeightsChanged(
+                number, command.w, command.strength, command.range, printable(command.by)
+            )
         case GiveOrder(order=order, after_s=after_s):
-            return ev.OperatorCommand(ev.FlightOrder(order), number, max(after_s, delay_s), ignored)
+            by = printable(command.by)
+            return ev.OperatorCommand(ev.FlightOrder(order), number, max(after_s, delay_s), ignored, by=by)

@@ -5,19 +5,24 @@ from __future__ import annotations
 import asyncio
 import os
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Coroutine
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from swarmctl.bus.transports.access import OPERATOR
 from swarmctl.bus.transports.base import BusError
 from swarmctl.cli.configuration import load_roster_or_exit, load_scenario_or_exit
 from swarmctl.cli.console import FAILED, OK, USAGE, ConnectOption, fail, say
 from swarmctl.config.problems import ConfigError
 from swarmctl.core.messages import OperatorAnswer, Request
 from swarmctl.report import record_file
+
+if TYPE_CHECKING:
+    from swarmctl.dashboard.server import Where
+    from swarmctl.dashboard.tiles import Tiles
 
 PARENT_CHECK_S = 1.0
 
@@ -52,6 +57,27 @@ def dashboard(
         ),
     ] = None,
     port: Annotated[int, typer.Option(help="The port on this machine; 0: a free one.", min=0, max=65535)] = 0,
+    listen: Annotated[
+        str, typer.Option(metavar="HOST", help="An address of this machine that others reach, with TLS.")
+    ] = "127.0.0.1",
+    cert: Annotated[
+        Path | None,
+        typer.Option(
+            help="Certificate for TLS. Default: the operator's of communication.keys.",
+            show_default=False,
+        ),
+    ] = None,
+    key: Annotated[
+        Path | None, typer.Option(help="Private key of the certificate, as PEM.", show_default=False)
+    ] = None,
+    tiles: Annotated[
+        str | None,
+        typer.Option(
+            metavar="URL|FILE",
+            help="A background map: a URL with {z}, {x} and {y}, or an MBTiles file.",
+            show_default=False,
+        ),
+    ] = None,
     parent_pid: Annotated[int, typer.Option(hidden=True, help="End with this process.")] = 0,
 ) -> None:
     """Show a recorded run, or a flight in progress, in a browser on this machine.
@@ -64,14 +90,18 @@ def dashboard(
     if other_run is not None and other_run == run:
         fail([f"{run} is given twice; give two different runs"], USAGE)
     try:
-        from swarmctl.dashboard.server import Source, serve, serve_page  # noqa: PLC0415
+        from swarmctl.dashboard.server import CannotServe, Source, serve, serve_page  # noqa: PLC0415
     except ModuleNotFoundError as error:
         fail([f"the dashboard needs {error.name}: pip install 'mavlink-swarmctl[dashboard]'"], USAGE)
     from swarmctl.dashboard.sources.live_file import open_live  # noqa: PLC0415
     from swarmctl.dashboard.sources.recording import RecordSource  # noqa: PLC0415
 
-    def announce(address: str) -> None:
-        say(f"open this address once: {address}")
+    where = _where(listen, port, cert, key, config)
+    background = None if tiles is None else _tiles_or_exit(tiles)
+
+    def announce(role: str, address: str) -> None:
+        is_once = where.certificate is None
+        say(f"open this address once: {address}" if is_once else f"address for each {role}: {address}")
 
     async def until_parent_ends() -> None:
         while os.getppid() == parent_pid:  # noqa: ASYNC110 - the end of a parent raises no event
@@ -81,23 +111,26 @@ def dashboard(
     async def shown() -> None:
         watching = asyncio.create_task(until_parent_ends()) if parent_pid else None  # noqa: F841
         if config is not None:
-            await _watch(config, connect, port, announce)
+            await _watch(config, connect, partial(serve, where=where, announce=announce, tiles=background))
             return
         if run is None:
-            await serve_page(_setup_page(setup or Path()), port, announce)
+            await serve_page(_setup_page(setup or Path(), background), where, announce, tiles=background)
             return
         if (run / "results.parquet").is_file():
-            await serve_page(_study_page(run), port, announce)
+            await serve_page(_study_page(run), where, announce)
             return
         runs = [run] if other_run is None else [run, other_run]
         opened = [await open_live(path) if live else RecordSource(path, "recording") for path in runs]
         sources = [Source(source.timeline, source.run) for source in opened]
         is_flying = live and len(opened) == 1 and opened[0].timeline.is_live
         send = _sender(opened[0].timeline.area.swarm) if is_flying else None
-        await serve(dict(zip(map(str, runs), sources, strict=True)), port, announce, send)
+        titled = dict(zip(map(str, runs), sources, strict=True))
+        await serve(titled, where, announce, send, background)
 
     try:
         asyncio.run(shown())
+    except CannotServe as error:
+        fail([str(error)], USAGE)
     except BusError as error:
         fail([str(error)], FAILED)
     except record_file.RecordError as error:
@@ -108,11 +141,33 @@ def dashboard(
         fail([f"port {port}: {error.strerror}; choose another --port"], FAILED)
 
 
-async def _watch(config: Path, connect: str | None, port: int, announce: Callable[[str], None]) -> None:
+def _where(host: str, port: int, cert: Path | None, key: Path | None, config: Path | None) -> Where:
+    """Return the address of the page, by default with the certificate of the swarm's operator."""
+    from swarmctl.dashboard.server import LOOPBACK, Where  # noqa: PLC0415
+
+    if (cert is None) != (key is None):
+        fail(["give --cert and --key together"], USAGE)
+    if cert is None and config is not None and host not in LOOPBACK:
+        keys = load_roster_or_exit(config).communication.keys
+        if keys is not None:
+            cert, key = Path(keys) / OPERATOR / "cert.pem", Path(keys) / OPERATOR / "key.pem"
+    return Where(host, port, cert, key)
+
+
+def _tiles_or_exit(text: str) -> Tiles:
+    from swarmctl.dashboard.tiles import TilesError, tiles_of  # noqa: PLC0415
+
+    try:
+        return tiles_of(text)
+    except TilesError as error:
+        fail([str(error)], USAGE)
+
+
+async def _watch(config: Path, connect: str | None, serve: Callable[..., Coroutine[Any, Any, None]]) -> None:
     """Serve the page of a swarm of agents. Raises BusError."""
     from swarmctl.bus.transports.zenoh import ZenohBus  # noqa: PLC0415
     from swarmctl.cli.ground_station import ground_station_or_exit  # noqa: PLC0415
-    from swarmctl.dashboard.server import Source, serve  # noqa: PLC0415
+    from swarmctl.dashboard.server import Source  # noqa: PLC0415
     from swarmctl.dashboard.sources.bus import BusSource  # noqa: PLC0415
 
     scenario, swarm = load_scenario_or_exit(config), load_roster_or_exit(config)
@@ -122,7 +177,7 @@ async def _watch(config: Path, connect: str | None, port: int, announce: Callabl
         source = BusSource(scenario, station.codec, now_s, time.time())
         run = partial(source.run, bus, partial(station.state_of, bus))
         send = _sender(swarm.name, config, connect)
-        await serve({str(config): Source(source.timeline, run)}, port, announce, send)
+        await serve({str(config): Source(source.timeline, run)}, send=send)
 
 
 def _sender(
@@ -145,7 +200,7 @@ def _sender(
     return send_or_tell
 
 
-def _study_page(folder: Path) -> Callable[[], None]:
+def _study_page(folder: Path) -> Callable[[object], None]:
     """Return the registration of the page of a study. Raises ConfigError."""
     try:
         from swarmctl.dashboard import study_page  # noqa: PLC0415 - loads matplotlib
@@ -157,16 +212,16 @@ def _study_page(folder: Path) -> Callable[[], None]:
         source = StudySource(folder)
     except ReportError as error:
         fail([str(error)], USAGE)
-    return lambda: study_page.register(source)
+    return lambda _sessions: study_page.register(source)
 
 
-def _setup_page(path: Path) -> Callable[[], None]:
+def _setup_page(path: Path, tiles: Tiles | None) -> Callable[[object], None]:
     """Return the registration of the set-up page of a configuration. Raises ConfigError."""
     from swarmctl.cli.check import problems_of  # noqa: PLC0415
     from swarmctl.dashboard import setup_page  # noqa: PLC0415
     from swarmctl.dashboard.draft import Draft  # noqa: PLC0415
 
     Draft.open(path)
-    return lambda: setup_page.register(
-        path, lambda draft, scenario: problems_of(draft.path, draft.document, scenario, Path("runs"))
+    return lambda _sessions: setup_page.register(
+        path, lambda draft, scenario: problems_of(draft.path, draft.document, scenario, Path("runs")), tiles
     )

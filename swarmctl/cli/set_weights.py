@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from swarmctl.cli.console import USAGE, fail
 from swarmctl.cli.operator_command import (
     AllOption,
     ConnectOption,
@@ -14,7 +15,7 @@ from swarmctl.cli.operator_command import (
     UavsOption,
     send_or_exit,
 )
-from swarmctl.core.messages import SetWeights, VehicleAnswer
+from swarmctl.core.messages import CommunicationRange, SetWeights, VehicleAnswer
 from swarmctl.core.threat import FiringStrength
 from swarmctl.report.answers import weights_line
 from swarmctl.station import client
@@ -41,22 +42,40 @@ def set_weights(
     second_neighbour: Annotated[
         float | None, typer.Option(help="Firing strength over the 4 diagonal cells.")
     ] = None,
+    reach: Annotated[
+        str | None,
+        typer.Option(
+            "--range", metavar="N|all", help="Send to the N nearest vehicles, in a simulated swarm only."
+        ),
+    ] = None,
     swarm: SwarmOption = None,
     config: FlyingConfigOption = None,
     connect: ConnectOption = None,
 ) -> None:
-    """Change w and the firing strengths of vehicles in flight, from their next plans on."""
+    """Change w and the firing strengths of vehicles in flight, from their next plans on.
+
+    --range changes the range of communication at once.
+    """
+    wanted: CommunicationRange | None = None if reach is None else _range_or_exit(reach)
 
     def command() -> SetWeights:
         strengths = client.strengths(firing_strength, (direct, first_neighbour, second_neighbour))
-        return SetWeights(client.chosen_vehicles(uav or [], all_vehicles), w, strengths)
+        return SetWeights(client.chosen_vehicles(uav or [], all_vehicles), w, strengths, wanted)
 
     def line(answer: VehicleAnswer) -> str:
         strengths = client.strengths(firing_strength, (direct, first_neighbour, second_neighbour))
-        text = weights_line(w, None if strengths is None else FiringStrength(*strengths), answer)
-        if answer.outcome != "taken" or answer.note:
+        text = weights_line(w, None if strengths is None else FiringStrength(*strengths), answer, wanted)
+        if answer.outcome != "taken" or answer.note or (w is None and strengths is None):
             return text
         # The vehicle may stay on its route, or arrive before a new plan.
         return f"{text}; plan {answer.from_plan} is made only if another route is better"
 
     send_or_exit(command, swarm, config, connect, line)
+
+
+def _range_or_exit(text: str) -> CommunicationRange:
+    if text == "all":
+        return "all"
+    if not text.isdecimal():
+        fail([f"--range {text}: expected a number of vehicles, or all"], USAGE)
+    return int(text)

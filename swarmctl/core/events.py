@@ -14,7 +14,7 @@ import msgspec
 from swarmctl.core.any_angle.pull import Track
 from swarmctl.core.frames import AgentMessage, IntentShared, StateShared
 from swarmctl.core.grid import Cell
-from swarmctl.core.messages import VehicleAnswer
+from swarmctl.core.messages import CommunicationRange, VehicleAnswer
 from swarmctl.core.mission import FlightPlan
 from swarmctl.core.observation import BeliefItem
 from swarmctl.core.threat import FiringStrength
@@ -163,15 +163,20 @@ class OperatorCommand(_Record, frozen=True):
     """vehicles that a launch does not wait for"""
     in_turn: bool = False
     """True: the vehicle holds until its return path, or the ground below it, is clear of other vehicles"""
+    by: str = ""
+    """person and program that gave the order; empty: not told"""
 
 
 class WeightsChanged(_Record, frozen=True):
-    """An operator's new weights, from the next plan on; None: no change."""
+    """An operator's new weights, from the next plan on, and new range of communication; None: no change."""
 
     command: int
     """number from the operator service, repeated in the `Answer`"""
     w: float | None = None
     strength: FiringStrength | None = None
+    range: CommunicationRange | None = None
+    by: str = ""
+    """person and program that gave the command; empty: not told"""
 
 
 class Rebooted(_Record, frozen=True):
@@ -248,6 +253,12 @@ class SetSpeed(_Record, frozen=True):
     speed_m_s: float
 
 
+class SetRange(_Record, frozen=True):
+    """Send to this number of nearest vehicles from now on."""
+
+    range: CommunicationRange
+
+
 class Release(_Record, frozen=True):
     """End the agent's own commands to the vehicle: a pilot, a failsafe or another station has taken over."""
 
@@ -272,4 +283,6 @@ class LaunchConflict(_Record, frozen=True):
     """empty: no conflict"""
 
 
-Effect = Publish | SwapMission | Command | LaunchConflict | SetSpeed | Release | Answer | NotifyOperator
+Effect = (
+    Publish | SwapMission | Command | LaunchConflict | SetSpeed | SetRange | Release | Answer | NotifyOperator
+)

@@ -20,13 +20,23 @@ MAX_AFTER_S = 7200.0
 """longest wait of a vehicle for its turn to return [s]"""
 MAX_NAME = 32
 """longest name of a vehicle [characters]"""
+MAX_BY = 64
+"""longest name of a person [characters]"""
 
 
 # --- between an operator and the swarm
 
 
-class SetWeights(msgspec.Struct, frozen=True, tag="set_weights", forbid_unknown_fields=True):
-    """An operator's command: new weights from the next plan on. Raises ValueError for invalid values."""
+CommunicationRange = int | Literal["all"]
+
+
+class SetWeights(
+    msgspec.Struct, frozen=True, omit_defaults=True, tag="set_weights", forbid_unknown_fields=True
+):
+    """An operator's command: new weights from the next plan on, and a new range of communication.
+
+    Raises ValueError for invalid values.
+    """
 
     uavs: tuple[int | str, ...] | None
     """system ids or names; None: all of the swarm"""
@@ -34,12 +44,22 @@ class SetWeights(msgspec.Struct, frozen=True, tag="set_weights", forbid_unknown_
     """weight in [0, 1]: 0 for the shortest route, 1 for the least exposed route; None: no change"""
     firing_strength: tuple[float, float, float] | None = None
     """direct, first and second neighbour (Eq. 1); None: no change"""
+    range: CommunicationRange | None = None
+    """number of nearest vehicles that get each message, in a simulated swarm; None: no change"""
+    by: str = ""
+    """person and program that give the command, for the evidence; empty: not told"""
 
     def __post_init__(self) -> None:
         if self.uavs is not None:
             _check_named(self.uavs)
-        if self.w is None and self.firing_strength is None:
-            raise ValueError("nothing to change: expected w, firing strengths, or both [nothing-to-change]")
+        _check_by(self.by)
+        if self.w is None and self.firing_strength is None and self.range is None:
+            raise ValueError(
+                "nothing to change: expected w, firing strengths, or the range of communication "
+                "[nothing-to-change]"
+            )
+        if isinstance(self.range, int) and not 0 <= self.range <= MAX_SYSTEM_ID:
+            raise ValueError(f"range = {self.range}: expected 0 to {MAX_SYSTEM_ID}, or all")
         if self.w is not None and not 0.0 <= self.w <= 1.0:
             raise ValueError(f"w = {self.w:g}: expected 0 (the shortest route) to 1 (the least exposed)")
         _ = self.strength
@@ -64,10 +84,13 @@ class GiveOrder(
     """time for which the vehicle holds before a return, while other vehicles return [s]"""
     ignore: tuple[int | str, ...] = msgspec.field(default=(), name="past")
     """vehicles that a launch does not wait for"""
+    by: str = ""
+    """person and program that give the command, for the evidence; empty: not told"""
 
     def __post_init__(self) -> None:
         if self.uavs is not None:
             _check_named(self.uavs)
+        _check_by(self.by)
         if not 0.0 <= self.after_s <= MAX_AFTER_S:
             raise ValueError(f"after_s = {self.after_s:g}: expected 0 to {MAX_AFTER_S:g}")
         if self.after_s and self.order != "return":
@@ -80,6 +103,11 @@ class GiveOrder(
 
 Request = SetWeights | GiveOrder
 """a command of an operator to agents"""
+
+
+def _check_by(by: str) -> None:
+    if len(by) > MAX_BY:
+        raise ValueError(f"a person's name of {len(by)} characters: expected at most {MAX_BY}")
 
 
 def _check_named(uavs: tuple[int | str, ...]) -> None:

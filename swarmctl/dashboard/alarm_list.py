@@ -14,8 +14,9 @@ SHOWN = 3
 class AlarmList:
     """The alarms that nobody has acknowledged yet; an acknowledgement counts for all browsers."""
 
-    def __init__(self, timeline: Timeline) -> None:
+    def __init__(self, timeline: Timeline, *, may_acknowledge: bool) -> None:
         self._timeline = timeline
+        self._may_acknowledge = may_acknowledge
         self._shown: tuple[int, ...] | None = None
         self._box = ui.column().classes("alarms w-full gap-1 p-2").props('role=alert aria-label="Alarms"')
         self._box.set_visibility(False)
@@ -33,7 +34,7 @@ class AlarmList:
         with self._box:
             for alarm in alarms[-SHOWN:][::-1]:
                 self._row(alarm)
-            if len(alarms) > 1:
+            if len(alarms) > 1 and self._may_acknowledge:
                 more = f"{len(alarms)} alarms"
                 ui.button(f"Acknowledge all {more}", on_click=lambda: self._acknowledge(numbers)).props(
                     "dense flat no-caps"
@@ -43,6 +44,8 @@ class AlarmList:
         with ui.row().classes("w-full no-wrap items-center text-xs"):
             ui.badge(f"{alarm.time_s:.0f} s", color="red").classes("shrink-0")
             ui.label(f"{alarm.vehicle}: {alarm.text}" if alarm.vehicle else alarm.text).classes("grow")
+            if not self._may_acknowledge:
+                return
             button = ui.button(icon="done", on_click=lambda: self._acknowledge((alarm.number,)))
             button.props('dense flat round aria-label="Acknowledge"').tooltip("Acknowledge")
 

@@ -9,6 +9,7 @@ import msgspec
 
 from swarmctl.core.frames import IntentShared
 from swarmctl.core.geo import LatLon
+from swarmctl.core.messages import CommunicationRange
 from swarmctl.core.threat import FiringStrength
 from swarmctl.dashboard.belief_history import BeliefHistory
 from swarmctl.dashboard.history import Items, Rows, Steps
@@ -55,6 +56,8 @@ class Words(msgspec.Struct, frozen=True):
     n_found: int = 0
     w: float | None = None
     strength: FiringStrength | None = None
+    range: CommunicationRange | None = None
+    """range of communication that an operator has set"""
     lost_since_s: float | None = None
     """time of the last telemetry of a vehicle whose link is lost"""
 

@@ -24,6 +24,7 @@ from swarmctl.core.events import SwapMission
 from swarmctl.core.exposure import exposure
 from swarmctl.core.frames import IntentShared, StateShared
 from swarmctl.core.geo import distance_m
+from swarmctl.core.messages import CommunicationRange
 from swarmctl.core.observation import BeliefItem, Observation
 from swarmctl.core.operator_text import printable
 from swarmctl.core.threat import FiringStrength
@@ -249,8 +250,15 @@ class Timeline:
             if is_due:
                 times.setdefault(sender, looks.times()).append(time_s)
 
-    def weights(self, uav: int, time_s: float, w: float | None, strength: FiringStrength | None) -> None:
-        """Fold an operator's new weights."""
+    def weights(
+        self,
+        uav: int,
+        time_s: float,
+        w: float | None,
+        strength: FiringStrength | None,
+        reach: CommunicationRange | None = None,
+    ) -> None:
+        """Fold an operator's new weights and range of communication."""
         time_s, vehicle = self._touch(time_s), self.vehicles[uav]
         said = vehicle.said
         self._say(
@@ -258,6 +266,7 @@ class Timeline:
             time_s,
             w=said.w if w is None else w,
             strength=said.strength if strength is None else strength,
+            range=said.range if reach is None else reach,
         )
 
     def link_lost(self, uav: int, time_s: float, age_s: float) -> None:

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
+import msgspec
+from fastapi import Request
 from nicegui import events, ui
 
+from swarmctl.core.messages import MAX_BY
+from swarmctl.dashboard.access import SESSION, Session, Sessions
 from swarmctl.dashboard.model import Timeline
 from swarmctl.dashboard.orders_panel import Send
 from swarmctl.dashboard.playback import SPEEDS, Playback
 from swarmctl.dashboard.run_view import RunView
+from swarmctl.dashboard.tiles import Tiles
 
 EVERY_S = 0.1
 """interval of the changes that a browser gets [s]"""
@@ -52,10 +57,15 @@ class Page:
         back: tuple[str, str] | None = None,
         heading: str = "",
         send: Send | None = None,
+        tiles: Tiles | None = None,
+        people: Callable[[], str] = str,
+        *,
+        is_viewer: bool = False,
     ) -> None:
         """`runs`: the timelines by title; `back`: address and text of a link to the page before.
 
-        `send` sends commands to the swarm of a single timeline; None: it is only watched.
+        `send` sends commands to the swarm of a single timeline; None: it is only watched. `people`: all who
+        have the page open, in words.
 
         The default of the heading is the name of the swarm.
         """
@@ -63,7 +73,11 @@ class Page:
         self._playback = Playback(is_live=self._is_live)
         self._n_changes = 0
         seek = self._playback.seek
-        self._views = [RunView(timeline, title, seek, send) for title, timeline in runs.items()]
+        self._views = [
+            RunView(timeline, title, seek, send, tiles, is_viewer=is_viewer)
+            for title, timeline in runs.items()
+        ]
+        self._people = people
         self._dark = ui.dark_mode(value=None)
         is_single = len(self._views) == 1
         ui.add_css(STYLE)
@@ -77,6 +91,7 @@ class Page:
                 self._views[0].add_belief()
             else:
                 ui.space()
+            self._others = ui.label().classes("people text-sm").props("aria-live=polite")
             ui.select(
                 {"heat": "heat map of P_s", "paper": "grey, as in the paper"}, value="heat", label="Shading",
                 on_change=lambda e: self._set_options(shading=e.value),
@@ -128,6 +143,7 @@ class Page:
     def _show(self, time_s: float) -> None:
         for view in self._views:
             view.show(time_s)
+        self._others.set_text(self._people())
         total_s = max(timeline.source.total_s for timeline in self._timelines)
         self._slider._props["max"] = max(self._end_s, 0.1)
         self._slider.set_value(time_s)
@@ -170,9 +186,47 @@ class Page:
             self._playback.seek(self._playback.time_s + (1.0 if event.key == "." else -1.0))
 
 
-def register(runs: Mapping[str, Timeline], send: Send | None = None) -> None:
+def register(
+    runs: Mapping[str, Timeline], sessions: Sessions, send: Send | None = None, tiles: Tiles | None = None
+) -> None:
     """Serve the page of runs, by title, at the root of the application."""
 
     @ui.page("/", title=f"{' and '.join(runs)} · swarmctl", response_timeout=10.0)
-    def root() -> None:
-        Page(runs, send=send)
+    def root(request: Request) -> None:
+        session = request.scope[SESSION]
+        present(session)
+        Page(
+            runs,
+            send=_sender(session, send),
+            tiles=tiles,
+            people=lambda: _people(session, sessions),
+            is_viewer=session.role == "viewer",
+        )
+
+
+def present(session: Session) -> None:
+    """Count the page that is being made among the open pages of its session."""
+    client = ui.context.client
+
+    def connected() -> None:
+        session.n_pages += 1
+
+    def disconnected() -> None:
+        session.n_pages -= 1
+
+    client.on_connect(connected)
+    client.on_disconnect(disconnected)
+
+
+def _sender(session: Session, send: Send | None) -> Send | None:
+    """Return a sender that names the person in each command; None for a viewer."""
+    if send is None or session.role != "operator":
+        return None
+    by = f"dashboard: {session.name}"[:MAX_BY]
+    return lambda request: send(msgspec.structs.replace(request, by=by))
+
+
+def _people(own: Session, sessions: Sessions) -> str:
+    """Return all who have the page open, if there are others."""
+    others = [session for session in sessions.present if session is not own]
+    return f"you: {own.name}; also here: {', '.join(other.name for other in others)}" if others else ""

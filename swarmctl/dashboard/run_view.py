@@ -16,6 +16,7 @@ from swarmctl.dashboard.model import EVERYBODY, Timeline
 from swarmctl.dashboard.orders_panel import OrdersPanel, Send
 from swarmctl.dashboard.picture import Event, Picture, RouteChange, Severity, VehiclePicture
 from swarmctl.dashboard.risk_map import RiskMap
+from swarmctl.dashboard.tiles import Tiles
 from swarmctl.dashboard.what_if_panel import Ghosts, WhatIfPanel
 
 T = TypeVar("T")
@@ -37,10 +38,18 @@ class RunView:
     _map: RiskMap
 
     def __init__(
-        self, timeline: Timeline, title: str, seek: Callable[[float], None], send: Send | None = None
+        self,
+        timeline: Timeline,
+        title: str,
+        seek: Callable[[float], None],
+        send: Send | None = None,
+        tiles: Tiles | None = None,
+        *,
+        is_viewer: bool = False,
     ) -> None:
         """`send` sends commands to the swarm; None: it is only watched."""
         self.timeline = timeline
+        self._tiles, self._is_viewer = tiles, is_viewer
         self._send = send
         self._orders: OrdersPanel | None = None
         self.exposure: NDArray[np.float64] | None = None
@@ -77,7 +86,9 @@ class RunView:
             with ui.element("div").classes("run-map"):
                 self._map = RiskMap().classes("w-full h-full")
             with ui.column().classes("run-side gap-0"):
-                self._alarms = AlarmList(timeline) if timeline.is_live else None
+                self._alarms = None
+                if timeline.is_live:
+                    self._alarms = AlarmList(timeline, may_acknowledge=not self._is_viewer)
                 with ui.tabs().props("dense no-caps").classes("w-full") as tabs:
                     names = ("Vehicles", "Route changes", "Events", "What if")
                     vehicles, routes, told, what_if = (ui.tab(name) for name in names)
@@ -98,6 +109,8 @@ class RunView:
         self._map.on("choose", lambda e: self._choose(e.args["vehicle"]))
 
     def _begin(self) -> None:
+        if self._tiles is not None:
+            self._map.set_options(tiles=self._tiles.option())
         self._map.set_area(self.timeline.area)
         self._shown = self._exposed = self._largest_sent = None
         self._is_ready = True

@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from fastapi import Request
 from nicegui import events, run, ui
 
 from swarmctl.config.problems import ConfigError
@@ -15,6 +16,7 @@ from swarmctl.config.scenario import Scenario, build
 from swarmctl.config.yaml_lines import KeyPath
 from swarmctl.core.exposure import exposure
 from swarmctl.dashboard import looks
+from swarmctl.dashboard.access import SESSION
 from swarmctl.dashboard.draft import Draft
 from swarmctl.dashboard.page import STYLE
 from swarmctl.dashboard.risk_map import RiskMap
@@ -26,6 +28,7 @@ from swarmctl.dashboard.setup_edits import (
     edits_of_click,
     first_routes,
 )
+from swarmctl.dashboard.tiles import Tiles
 
 FindProblems = Callable[[Draft, Scenario], list[str]]
 """what `swarmctl check` finds in a valid configuration on this machine"""
@@ -48,7 +51,8 @@ class SetupPage:
 
     _map: RiskMap
 
-    def __init__(self, path: Path, find_problems: FindProblems) -> None:
+    def __init__(self, path: Path, find_problems: FindProblems, tiles: Tiles | None) -> None:
+        self._tiles = tiles
         self._draft = Draft.open(path)
         self._find_problems = find_problems
         self._tool, self._whose, self._number = "no_fly", SIMULATED, 0
@@ -89,7 +93,8 @@ class SetupPage:
         self._routes = ui.column().classes("first-routes w-full gap-1 text-xs")
 
     async def _begin(self) -> None:
-        self._map.set_options(places=True, margin_px=MARGIN_PX, hostiles=True)
+        tiles = {} if self._tiles is None else {"tiles": self._tiles.option()}
+        self._map.set_options(places=True, margin_px=MARGIN_PX, hostiles=True, **tiles)
         await self._show()
 
     # --- what the person does
@@ -210,9 +215,12 @@ def _measures(route: FirstRouteShown) -> str:
     return f"{route.length_m:.0f} m, ΣP_s {route.exposure_sum:.3f}, ∏(1 − P_s) {route.safety_factor:.3f}"
 
 
-def register(path: Path, find_problems: FindProblems) -> None:
-    """Serve the set-up of a configuration at the root of the application."""
+def register(path: Path, find_problems: FindProblems, tiles: Tiles | None = None) -> None:
+    """Serve the set-up of a configuration at the root of the application, to operators only."""
 
     @ui.page("/", title=f"{path.name} · swarmctl", response_timeout=10.0)
-    def root() -> None:
-        SetupPage(path, find_problems)
+    def root(request: Request) -> None:
+        if request.scope[SESSION].role != "operator":
+            ui.label("The set-up is for operators.")
+            return
+        SetupPage(path, find_problems, tiles)

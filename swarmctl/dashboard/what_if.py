@@ -85,6 +85,15 @@ def weights_of(timeline: Timeline, name: str, time_s: float) -> Weights:
     return Weights(w, timeline.strength(name, time_s))
 
 
+def range_of(timeline: Timeline, name: str, time_s: float) -> int:
+    """Return the number of nearest vehicles that a vehicle sends to; for EVERYBODY by the configuration."""
+    words = timeline.vehicle(name).words.at(time_s) if name else None
+    reach = timeline.scenario.config.communication.range if words is None else words.range
+    reach = timeline.scenario.config.communication.range if reach is None else reach
+    most = len(timeline.area.names) - 1
+    return most if reach == "all" else min(reach, most)
+
+
 def route_with(question: Question, weights: Weights) -> Route:
     """Return the route that the vehicle's planner finds with these weights. Raises NoAnswer."""
     problem = question.problem(weights)

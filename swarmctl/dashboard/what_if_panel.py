@@ -8,7 +8,7 @@ from typing import Any
 
 from nicegui import events, run, ui
 
-from swarmctl.core.messages import SetWeights
+from swarmctl.core.messages import CommunicationRange, SetWeights
 from swarmctl.core.threat import FiringStrength
 from swarmctl.dashboard.model import EVERYBODY, Timeline
 from swarmctl.dashboard.orders_panel import Send, send_and_tell, tell
@@ -19,6 +19,7 @@ from swarmctl.dashboard.what_if import (
     Weights,
     front_of,
     question_of,
+    range_of,
     route_with,
     weights_of,
 )
@@ -62,6 +63,7 @@ class WhatIfPanel:
             slider = ui.slider(min=0.0, max=1.0, step=0.01).props(f'dense aria-label="{text}"')
             slider.on("update:model-value", partial(self._moved, name), throttle=0.1)
             self._sliders[name] = slider
+        self._range = None if send is None else self._add_range()
         with ui.row().classes("w-full gap-2"):
             ui.button("Weights flown", on_click=self.reset).props("dense flat no-caps")
             ui.button("Pareto front", on_click=self._show_front).props("dense flat no-caps")
@@ -73,6 +75,18 @@ class WhatIfPanel:
         self._chart.on_point_click(self._choose_point)
         self._chart.set_visibility(False)
         self.reset()
+
+    def _add_range(self) -> ui.slider | None:
+        """Add the slider of the range of communication; None for a swarm with a real vehicle."""
+        if not all(self._timeline.area.simulated):
+            return None
+        most, text = len(self._timeline.area.names) - 1, "range of communication, nearest vehicles"
+        with ui.row().classes("w-full items-center no-wrap gap-2"):
+            ui.label(text).classes("text-xs grow")
+            told = ui.label().classes("tabular-nums text-xs")
+        slider = ui.slider(min=0, max=most, step=1, value=most).props(f'dense aria-label="{text}"')
+        told.bind_text_from(slider, "value", lambda value: "all" if value == most else f"{value:g}")
+        return slider
 
     def choose(self, whose: str) -> None:
         """Turn to another vehicle, or to EVERYBODY."""
@@ -90,6 +104,8 @@ class WhatIfPanel:
         values = flown.w, fs.direct, fs.first_neighbour, fs.second_neighbour
         for (name, _), value in zip(SLIDERS, values, strict=True):
             self._set(name, value)
+        if self._range is not None:
+            self._range.set_value(range_of(self._timeline, self._whose, self._time_s))
         self._title.set_text(f"Weights of {self._whose or 'all vehicles'}")
         self._text.set_text("Move a slider to see the routes that would be flown.")
         self._front_text.set_text("")
@@ -162,8 +178,15 @@ class WhatIfPanel:
             return
         fs = weights.strength
         strengths = fs.direct, fs.first_neighbour, fs.second_neighbour
-        request = SetWeights((self._whose,) if self._whose else None, weights.w, strengths)
-        await send_and_tell(send, request, lambda answer: weights_line(weights.w, fs, answer))
+        reach = self._range_wanted()
+        request = SetWeights((self._whose,) if self._whose else None, weights.w, strengths, reach)
+        await send_and_tell(send, request, lambda answer: weights_line(weights.w, fs, answer, reach))
+
+    def _range_wanted(self) -> CommunicationRange | None:
+        """Return the range of communication to apply; None in a swarm with a real vehicle."""
+        if self._range is None:
+            return None
+        return "all" if self._range.value == self._range.props["max"] else int(self._range.value)
 
     # --- the Pareto front
 

@@ -38,7 +38,7 @@ def operator_service_for(
                 "refuse commands: give FlightOptions.authentication [orders-need-keys]"
             )
         if not isinstance(command, GiveOrder):
-            return ""
+            return "" if command.range is None else range_refusal(scenario, members)
         if order_refusal is not None:
             return order_refusal(members)
         return unsigned_order_refusal(scenario, members, command)
@@ -57,6 +57,17 @@ def operator_service_for(
 
 def _real_vehicles(members: Sequence[Member]) -> list[str]:
     return [m.name for m in members if m.identity is None or not m.identity.simulated]
+
+
+def range_refusal(scenario: Scenario, members: Sequence[Member]) -> str:
+    """Return the reason why the range of communication cannot be changed; empty in a simulated swarm."""
+    real = dict.fromkeys([s.name for s in scenario.swarm if not s.simulated] + _real_vehicles(members))
+    if not real:
+        return ""
+    return (
+        f"the range of communication is a part of the simulation, and real vehicles fly ({', '.join(real)}); "
+        "set communication.range before the flight [range-of-real-vehicles]"
+    )
 
 
 def unsigned_order_refusal(scenario: Scenario, members: Sequence[Member], order: GiveOrder) -> str:

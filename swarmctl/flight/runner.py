@@ -270,6 +270,8 @@ class Runner:
                 self._start(partial(self._order, order, check_mode_first=not by_person), jobs)
             case ev.SetSpeed(speed_m_s):
                 self._start(partial(self._set_speed, speed_m_s), jobs)
+            case ev.SetRange(reach):
+                self._network.set_range(self.state.task.uav, None if reach == "all" else reach)
             case ev.Release():
                 self._end_job()
             case ev.NotifyOperator(text):

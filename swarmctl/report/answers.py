@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from swarmctl.core.messages import VehicleAnswer
+from swarmctl.core.messages import CommunicationRange, VehicleAnswer
 from swarmctl.core.threat import FiringStrength
 
 
@@ -12,8 +12,13 @@ def order_line(order: str, answer: VehicleAnswer) -> str:
     return f"{answer.name}: {order} {how}" + (f": {answer.note}" if answer.note else "")
 
 
-def weights_line(w: float | None, strength: FiringStrength | None, answer: VehicleAnswer) -> str:
-    """Return a vehicle's answer to new weights as a line."""
+def weights_line(
+    w: float | None,
+    strength: FiringStrength | None,
+    answer: VehicleAnswer,
+    reach: CommunicationRange | None = None,
+) -> str:
+    """Return a vehicle's answer to new weights or a new range of communication as a line."""
     if answer.outcome != "taken":
         how = "not confirmed" if answer.outcome == "unconfirmed" else "not changed"
         return f"{answer.name}: weights {how}: {answer.note}"
@@ -21,5 +26,7 @@ def weights_line(w: float | None, strength: FiringStrength | None, answer: Vehic
     if strength is not None:
         fs = (strength.direct, strength.first_neighbour, strength.second_neighbour)
         parts.append("firing strengths " + ", ".join(f"{value:g}" for value in fs))
-    note = f"; {answer.note}" if answer.note else ""
-    return f"{answer.name}: {' and '.join(parts)} from plan {answer.from_plan} on{note}"
+    told = [f"{' and '.join(parts)} from plan {answer.from_plan} on"] if parts else []
+    if reach is not None:
+        told.append(f"range of communication {reach} from now on")
+    return f"{answer.name}: {'; '.join([*told, *filter(None, [answer.note])])}"

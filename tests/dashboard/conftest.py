@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from dashboard_process import StartDashboard, address_of
+from dashboard_process import StartDashboard
 from swarmctl_process import SWARMCTL
 
 CHROMIUM = shutil.which("chromium")
@@ -34,10 +34,10 @@ def browser() -> Iterator[Any]:
 
 @pytest.fixture
 def start_dashboard() -> Iterator[StartDashboard]:
-    """Return a function that starts a command with a dashboard, and returns the printed address."""
+    """Return a function that starts a command with a dashboard, and returns the process."""
     with ExitStack() as processes:
 
-        def start(*words: str | Path, cwd: Path | None = None) -> str:
+        def start(*words: str | Path, cwd: Path | None = None) -> subprocess.Popen[str]:
             process = subprocess.Popen(
                 [*SWARMCTL, *map(str, words)],
                 cwd=cwd,
@@ -47,6 +47,6 @@ def start_dashboard() -> Iterator[StartDashboard]:
             )
             processes.enter_context(process)
             processes.callback(process.kill)
-            return address_of(process)
+            return process
 
         yield start

@@ -114,7 +114,7 @@ def test_the_launch_of_a_real_vehicle_needs_its_name(
 ) -> None:
     (tmp_path / "real.yaml").write_text(REAL)
     page = browser.new_page()
-    page.goto(start_dashboard("dashboard", "--config", "real.yaml", cwd=tmp_path))
+    page.goto(address_of(start_dashboard("dashboard", "--config", "real.yaml", cwd=tmp_path)))
     page.get_by_role("button", name="Launch").press("Enter")
     order = page.get_by_role("button", name="Give the order")
     order.wait_for()

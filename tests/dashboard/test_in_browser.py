@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import json
 import re
 from pathlib import Path
@@ -9,8 +10,10 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
-from dashboard_process import StartDashboard
+from dashboard_process import StartDashboard, address_of, addresses_of
 from flights import fly, small
+
+from swarmctl.security.issue import make_keys
 
 pytestmark = pytest.mark.interop
 
@@ -24,7 +27,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def address(run: Path, start_dashboard: StartDashboard) -> str:
-    return start_dashboard("dashboard", run)
+    return address_of(start_dashboard("dashboard", run))
 
 
 def test_a_replay_is_scrubbed_to_its_end(run: Path, address: str, browser: Any) -> None:
@@ -65,6 +68,26 @@ def test_a_slider_shows_the_route_that_would_be_flown_and_a_front_its_routes(
     page.get_by_role("button", name="Pareto front").press("Enter")
     page.get_by_text("Click a point").wait_for()
     assert page.get_by_role("tabpanel").locator("canvas").is_visible()
+
+
+def test_operator_and_viewer_see_each_other_over_tls(
+    run: Path, tmp_path: Path, browser: Any, start_dashboard: StartDashboard
+) -> None:
+    make_keys(tmp_path, ["operator"], 1, dt.datetime.now(dt.UTC))
+    keys = tmp_path / "operator"
+    words = ("dashboard", run, "--live", "--cert", keys / "cert.pem", "--key", keys / "key.pem")
+    addresses = addresses_of(start_dashboard(*words), 2)
+    pages = [browser.browser.new_context(ignore_https_errors=True).new_page() for _ in addresses]
+    for page, address in zip(pages, addresses, strict=True):
+        assert address.startswith("https://")
+        page.goto(address)
+    operator, viewer = pages
+    operator.get_by_text("also here: viewer 1 at 127.0.0.1").wait_for()
+    viewer.get_by_text("also here: operator 1 at 127.0.0.1").wait_for()
+    assert operator.get_by_role("button", name="Hold").count() == 1
+    assert viewer.get_by_role("button", name="Hold").count() == 0
+    viewer.close()
+    operator.get_by_text("also here").wait_for(state="hidden")
 
 
 BLOCKED_S = 12

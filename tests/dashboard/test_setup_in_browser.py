@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from dashboard_process import StartDashboard
+from dashboard_process import StartDashboard, address_of
 from swarmctl_process import run as run_swarmctl
 
 from swarmctl.config.model import load
@@ -16,7 +16,7 @@ pytestmark = pytest.mark.interop
 
 @pytest.fixture
 def address(tmp_path: Path, start_dashboard: StartDashboard) -> str:
-    return start_dashboard("dashboard", "--setup", "new.yaml", cwd=tmp_path)
+    return address_of(start_dashboard("dashboard", "--setup", "new.yaml", cwd=tmp_path))
 
 
 def test_a_set_up_is_drawn_saved_and_flown(tmp_path: Path, address: str, browser: Any) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import pyarrow.parquet as pq
 import pytest
-from dashboard_process import StartDashboard
+from dashboard_process import StartDashboard, address_of
 from swarmctl_process import run as run_swarmctl
 
 pytestmark = pytest.mark.interop
@@ -35,7 +35,7 @@ def folder(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def address(folder: Path, start_dashboard: StartDashboard) -> str:
-    return start_dashboard("dashboard", folder)
+    return address_of(start_dashboard("dashboard", folder))
 
 
 def test_a_point_leads_to_a_mission(folder: Path, address: str, browser: Any) -> None:

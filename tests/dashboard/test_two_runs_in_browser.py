@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from dashboard_process import StartDashboard
+from dashboard_process import StartDashboard, address_of
 from flights import fly, small
 from swarmctl_process import run as run_swarmctl
 
@@ -26,7 +26,7 @@ def folder(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def address(folder: Path, start_dashboard: StartDashboard) -> str:
-    return start_dashboard("dashboard", *RANGES, cwd=folder)
+    return address_of(start_dashboard("dashboard", *RANGES, cwd=folder))
 
 
 def test_two_runs_are_scrubbed_together(folder: Path, address: str, browser: Any) -> None:

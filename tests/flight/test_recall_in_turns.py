@@ -6,6 +6,7 @@ import asyncio
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -172,7 +173,7 @@ class KnownMember:
     """The fields of a member that the rule about orders reads."""
 
     name: str
-    identity: None = None
+    identity: Any = None
 
 
 @pytest.mark.parametrize(
@@ -192,6 +193,14 @@ def test_unsigned_orders_launch_no_aircraft_and_come_from_this_machine_only(
     found = operator_orders.unsigned_order_refusal(scenario, members, GiveOrder(None, order))
     assert refused in found
     assert bool(found) is bool(refused)
+
+
+def test_the_range_of_a_swarm_with_a_real_vehicle_is_not_changed() -> None:
+    simulated: Any = KnownMember("uav1", SimpleNamespace(simulated=True))
+    assert operator_orders.range_refusal(small(), [simulated]) == ""
+    for real in (KnownMember("alpha"), KnownMember("alpha", SimpleNamespace(simulated=False))):
+        members: Any = [simulated, real]
+        assert operator_orders.range_refusal(small(), members).endswith("[range-of-real-vehicles]")
 
 
 @pytest.mark.full

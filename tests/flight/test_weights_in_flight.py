@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from agent_stories import Story, orders
 from flights import Ui, coded, small
-from recorded import effects
+from recorded import effects, messages
 from rich.console import Console
 
 from swarmctl.agent.phases import Phase
@@ -319,8 +319,8 @@ def fly_and_set(folder: Path, command: SetWeights, *, at_s: float, **sections: o
 
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory: pytest.TempPathFactory) -> Flown:
-    """Three vehicles on their shortest routes; the first two get w = 1 in flight."""
-    command = SetWeights((1, 2), w=1.0)
+    """Three vehicles on their shortest routes; the first two get w = 1 and no receivers in flight."""
+    command = SetWeights((1, 2), w=1.0, range=0, by="ana")
     return fly_and_set(tmp_path_factory.mktemp("set"), command, at_s=30.0, planner={"w": 0.0})
 
 
@@ -345,6 +345,24 @@ def test_routes_change_from_the_answered_plan_on(flown: Flown) -> None:
 @pytest.mark.virtual
 def test_a_vehicle_that_was_not_named_keeps_its_weights(flown: Flown) -> None:
     assert [s.w for s in flown.report.states.values()] == [1.0, 1.0, 0.0]
+
+
+@pytest.mark.virtual
+def test_the_range_of_the_named_vehicles_changes(flown: Flown) -> None:
+    reached: dict[str, list[int]] = {}
+    for message in messages(flown.folder, "/messages"):
+        reached.setdefault(message["vehicle"], []).append(message["recipients"])
+    for name in ("uav1", "uav2"):
+        assert reached[name] == sorted(reached[name], reverse=True)
+        assert set(reached[name]) == {2, 0}
+    assert set(reached["uav3"]) == {2}
+
+
+@pytest.mark.virtual
+def test_the_evidence_names_the_person(flown: Flown) -> None:
+    lines = [json.loads(line) for line in (flown.folder / "evidence.jsonl").read_text().splitlines()]
+    asked = [line["what"] for line in lines if line["kind"] == "operator"]
+    assert [(what["by"], what["range"], what["w"]) for what in asked if "by" in what] == [("ana", 0, 1.0)] * 2
 
 
 @pytest.mark.virtual
@@ -373,7 +391,7 @@ def test_the_summary_has_the_history_of_the_weights(flown: Flown) -> None:
 @pytest.mark.virtual
 def test_the_change_is_shown(flown: Flown) -> None:
     plan = flown.answer.vehicles[0].from_plan
-    assert weights_line(1.0, None, VehicleAnswer(1, "uav1", "taken", plan)) in flown.ui.said
+    assert weights_line(1.0, None, VehicleAnswer(1, "uav1", "taken", plan), 0) in flown.ui.said
     assert [r.weights for r in flown.ui.views[-1].rows] == ["1", "1", ""]
 
 

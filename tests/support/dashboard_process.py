@@ -8,11 +8,16 @@ from collections.abc import Callable
 
 from swarmctl_process import read_until
 
-StartDashboard = Callable[..., str]
-"""from the words of a command, and `cwd`, to the address of its dashboard"""
+StartDashboard = Callable[..., subprocess.Popen[str]]
+"""from the words of a command, and `cwd`, to its process"""
 
 
 def address_of(process: subprocess.Popen[str]) -> str:
     """Wait until a process prints the address of its dashboard, and return it."""
-    (address,) = re.findall(r"https?://\S+", read_until(process, "token=")[-1])
+    (address,) = addresses_of(process, 1)
     return address
+
+
+def addresses_of(process: subprocess.Popen[str], n: int) -> list[str]:
+    """Wait until a process prints several addresses of its dashboard, and return them."""
+    return [re.findall(r"https?://\S+", read_until(process, "token=")[-1])[0] for _ in range(n)]

@@ -78,6 +78,8 @@ class Node:
         self.counters = NetworkCounters()
         self._sender = Sender(uav, incarnation, codec, self.counters)
         self._options = options
+        self.k = options.k
+        """number of nearest UAVs that each message goes to; None: all"""
         self._decode = decode or frame_decoder(codec, options.rows, options.cols)
         self._own_source = (uav, incarnation)
         self._peers = {other: PeerRecord() for other in sorted(set(others) - {uav})}
@@ -392,7 +394,7 @@ class Node:
 
     def _receivers(self, now: Instant) -> tuple[int, ...]:
         """Return the UAVs in communication range."""
-        return nearest_uavs(self._sender.position, self._peers, self._options.k, now.run_s)
+        return nearest_uavs(self._sender.position, self._peers, self.k, now.run_s)
 
     def _send(self, output: NodeOutput, content: Content, to: tuple[int, ...], now: Instant) -> bytes:
         out = self._sender.message(content, to, now.unix_s)

@@ -149,8 +149,8 @@ class RecordFacts:
                 timeline.accepted(uav, time_s, plan_id)
             case MissionFailed(plan_id, _, reason):
                 timeline.not_accepted(uav, time_s, plan_id, reason)
-            case WeightsChanged(_, w, strength):
-                timeline.weights(uav, time_s, w, strength)
+            case WeightsChanged(_, w, strength, reach):
+                timeline.weights(uav, time_s, w, strength, reach)
             case LinkLost(age_s):
                 timeline.link_lost(uav, time_s, age_s)
             case LinkRestored():

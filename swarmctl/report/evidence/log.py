@@ -103,12 +103,14 @@ class Evidence:
     ) -> None:
         """Record an operator's request with its answer."""
         match event:
-            case ev.OperatorCommand(order=order, command=int(), ignore=ignored):
+            case ev.OperatorCommand(order=order, command=int(), ignore=ignored, by=by):
                 asks: dict[str, Any] = {"action": str(order), "ignore": ignored}
-            case ev.WeightsChanged(w=w, strength=strength):
+            case ev.WeightsChanged(w=w, strength=strength, range=reach, by=by):
                 asks = {"action": "weights", "w": w, "firing_strength": strength}
+                asks |= {} if reach is None else {"range": reach}
             case _:
                 return
+        asks |= {"by": by} if by else {}
         for effect in effects:
             if isinstance(effect, ev.Answer):
                 asks |= {"outcome": effect.answer.outcome, "note": effect.answer.note}
