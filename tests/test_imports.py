@@ -116,7 +116,7 @@ PURE = {
     "swarmctl.report.foxglove", "swarmctl.report.evidence.chain", "swarmctl.report.evidence.digest",
     "swarmctl.report.evidence.commands",
     "swarmctl.dashboard.belief_history", "swarmctl.dashboard.changes", "swarmctl.dashboard.conflicts",
-    "swarmctl.dashboard.access", "swarmctl.dashboard.playback",
+    "swarmctl.dashboard.access", "swarmctl.dashboard.announced", "swarmctl.dashboard.playback",
     "swarmctl.dashboard.events", "swarmctl.dashboard.facts", "swarmctl.dashboard.history",
     "swarmctl.dashboard.looks", "swarmctl.dashboard.model", "swarmctl.dashboard.picture",
     "swarmctl.dashboard.setup_edits", "swarmctl.dashboard.sources.mission", "swarmctl.dashboard.what_if",

@@ -7,18 +7,25 @@ from array import array
 from bisect import bisect_right
 from typing import TYPE_CHECKING
 
+import msgspec
 from numpy.typing import NDArray
 
 from swarmctl.agent.state import ARRIVED
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.events import SwapMission
 from swarmctl.core.exposure import exposure_sum, length_cells, safety_factor
-from swarmctl.core.frames import IntentShared
 from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.vehicle import MAX_DELAY_S
 from swarmctl.dashboard.facts import Motion, VehicleFacts, Words
 from swarmctl.dashboard.history import last_before
-from swarmctl.dashboard.picture import SILENT_AFTER_S, AreaPicture, Hearing, Route, VehiclePicture
+from swarmctl.dashboard.picture import (
+    SILENT_AFTER_S,
+    AreaPicture,
+    Hearing,
+    Route,
+    RouteChange,
+    VehiclePicture,
+)
 from swarmctl.report.foxglove import colour_of
 from swarmctl.report.live_rows import link_text
 
@@ -85,10 +92,21 @@ def route(grid: Grid, swap: SwapMission) -> Route:
     )
 
 
-def announced_route(grid: Grid, intent: IntentShared) -> Route:
-    """Return an announced flight as a route; only its points are known."""
-    points = tuple(grid.frame.to_local(p.lat_deg, p.lon_deg) for p in intent.points)
-    return Route(intent.plan_id, (), points)
+def compared(timeline: Timeline, number: int) -> RouteChange:
+    """Return a change of a route with the rest of the old route by the belief at the decision.
+
+    Raises IndexError.
+    """
+    if not 1 <= number <= len(timeline.changes.items):
+        raise IndexError(f"change {number}: expected 1 to {len(timeline.changes.items)}")
+    change = timeline.changes.items[number - 1]
+    if change.old is None or not change.old.cells:
+        return change
+    motion = timeline.vehicle(change.vehicle).motion.at(change.time_s)
+    at = None if motion is None else Motion(*motion).lat_lon
+    cell = None if at is None else timeline.scenario.grid.cell_at(*at)
+    rest = rest_of(change.old, cell, timeline.exposure(change.vehicle, change.time_s), timeline.area)
+    return msgspec.structs.replace(change, old_now=rest)
 
 
 def rest_of(old: Route, cell: Cell | None, p_s: NDArray, area: AreaPicture) -> Route | None:  # type: ignore[type-arg]

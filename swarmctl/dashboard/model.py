@@ -29,7 +29,7 @@ from swarmctl.core.observation import BeliefItem, Observation
 from swarmctl.core.operator_text import printable
 from swarmctl.core.threat import FiringStrength
 from swarmctl.core.vehicle import VehicleState
-from swarmctl.dashboard import events, looks
+from swarmctl.dashboard import announced, events, looks
 from swarmctl.dashboard.belief_history import BeliefHistory, Name
 from swarmctl.dashboard.conflicts import Conflicts
 from swarmctl.dashboard.facts import Motion, SentIntent, VehicleFacts
@@ -235,11 +235,13 @@ class Timeline:
         vehicle.intents.add(time_s, SentIntent(vehicle.now.boot_s, _encode(intent)))
         vehicle.intent_s.append(time_s)
         if is_route and intent.plan_id and intent.points:
-            route = looks.announced_route(self.scenario.grid, intent)
-            known = vehicle.plans.get(intent.plan_id)
-            if known is None:
-                self._change_route(vehicle, time_s, route, ())
-            vehicle.route.add(time_s, known or route)
+            route = vehicle.plans.get(intent.plan_id)
+            if route is None:
+                p_s = self.exposure(vehicle.name, time_s)
+                route = announced.route(self.scenario.grid, intent, p_s)
+                because = announced.because(self, vehicle, route)
+                self._change_route(vehicle, time_s, route, because)
+            vehicle.route.add(time_s, route)
 
     def heard(self, receiver: int, sender: int, time_s: float, *, is_intent: bool = False) -> None:
         """Fold that a message of `sender` arrived at `receiver`; intents tell the loss."""
@@ -394,19 +396,3 @@ class Timeline:
 
     def _beliefs(self, name: str) -> BeliefHistory:
         return self.vehicle(name).beliefs if name else self.common
-
-    def compared(self, number: int) -> RouteChange:
-        """Return a change of a route with the rest of the old route by the belief at the decision.
-
-        Raises IndexError.
-        """
-        if not 1 <= number <= len(self.changes.items):
-            raise IndexError(f"change {number}: expected 1 to {len(self.changes.items)}")
-        change = self.changes.items[number - 1]
-        if change.old is None or not change.old.cells:
-            return change
-        motion = self.vehicle(change.vehicle).motion.at(change.time_s)
-        at = None if motion is None else Motion(*motion).lat_lon
-        cell = None if at is None else self.scenario.grid.cell_at(*at)
-        rest = looks.rest_of(change.old, cell, self.exposure(change.vehicle, change.time_s), self.area)
-        return msgspec.structs.replace(change, old_now=rest)

@@ -31,7 +31,7 @@ class OrdersPanel:
     def __init__(self, timeline: Timeline, send: Send) -> None:
         self._timeline, self._send, self._whose = timeline, send, ""
         self._real = [spec.name for spec in timeline.scenario.swarm if not spec.simulated]
-        with ui.row().classes("w-full items-center gap-1"):
+        with ui.row().classes("orders w-full items-center gap-1"):
             self._title = ui.label().classes("text-sm font-semibold")
             for order in ORDERS:
                 button = ui.button(order.capitalize(), on_click=partial(self._ask, order))

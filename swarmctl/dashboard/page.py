@@ -41,6 +41,9 @@ body { overflow: hidden }
 .is-double .run { flex-direction: column; border-left: 1px solid rgba(128, 128, 128, .4) }
 .run-head { flex: none } .source { flex: 1 1 8em; min-width: 0 }
 .is-double .run-side { flex: 0 0 34%; width: 100% }
+.cards { display: grid; grid-template-columns: repeat(auto-fill, minmax(300px, 1fr)); align-content: start }
+.cards > .orders { grid-column: 1 / -1 }
+@media (max-width: 1000px) { .head { gap: 6px } .head .q-field { min-width: 7.5rem } }
 @media (max-width: 1000px) { .run { flex-direction: column } .run-side { flex: 0 0 34%; width: 100% } }
 """
 
@@ -81,7 +84,7 @@ class Page:
         self._dark = ui.dark_mode(value=None)
         is_single = len(self._views) == 1
         ui.add_css(STYLE)
-        with ui.row().classes("w-full items-center gap-3 px-3 py-1"):
+        with ui.row().classes("head w-full items-center gap-3 px-3 py-1"):
             if back is not None:
                 ui.link(back[1], back[0])
             names = dict.fromkeys(timeline.area.swarm for timeline in self._timelines)

@@ -10,6 +10,7 @@ import numpy as np
 from nicegui import events, ui
 from numpy.typing import NDArray
 
+from swarmctl.dashboard import looks
 from swarmctl.dashboard.alarm_list import AlarmList
 from swarmctl.dashboard.changes import changes
 from swarmctl.dashboard.model import EVERYBODY, Timeline
@@ -186,7 +187,7 @@ class RunView:
 
     def _show_change(self, change: RouteChange) -> None:
         self._seek(change.time_s)
-        compared = self.timeline.compared(change.number)
+        compared = looks.compared(self.timeline, change.number)
         old = compared.old_now or compared.old
         ghosts = [] if old is None else [{"points": old.points, "colour": "#888888"}]
         self._draw_ghosts(ghosts)

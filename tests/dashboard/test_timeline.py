@@ -21,6 +21,7 @@ from swarmctl.agent.state import AgentState
 from swarmctl.bus import keys
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.core.frames import Frame, FrameCodec, StateShared
+from swarmctl.dashboard import looks
 from swarmctl.dashboard.changes import changes
 from swarmctl.dashboard.model import EVERYBODY, Timeline
 from swarmctl.dashboard.picture import OCCUPIED, OWN, SEEN
@@ -133,7 +134,7 @@ def test_a_change_of_a_route_tells_both_routes_and_what_was_learned(flight: Flig
     changed = [change for change in flight.timeline.changes.items if change.old is not None]
     assert changed
     for change in changed:
-        shown = flight.timeline.compared(change.number)
+        shown = looks.compared(flight.timeline, change.number)
         assert shown.new.length_m is not None
         assert shown.new.cells
         for learned in shown.because:
@@ -210,6 +211,20 @@ def test_a_station_on_the_bus_shows_what_the_record_shows(flight: Flight) -> Non
     flown = flight.heard.timeline.at(0.5 * flight.heard.timeline.end_s)
     assert all(v.route is not None and len(v.route.points) > 1 for v in flown.vehicles)
     assert flown.hearing
+
+
+def test_costs_and_reasons_of_an_announced_route_follow_from_what_the_station_knows(flight: Flight) -> None:
+    kept = {(c.vehicle, c.new.plan_id): c for c in flight.timeline.changes.items}
+    heard = [c for c in flight.heard.timeline.changes.items if (c.vehicle, c.new.plan_id) in kept]
+    replanned = [c for c in heard if c.old is not None]
+    assert replanned
+    for change in replanned:
+        plan = kept[change.vehicle, change.new.plan_id].new
+        # The announced flight begins at the vehicle, the plan at the centre of a cell.
+        assert change.new.length_m == pytest.approx(plan.length_m, abs=75.0)
+        assert change.new.exposure_sum == pytest.approx(plan.exposure_sum, abs=0.4)
+        assert change.because
+        assert all(learned.cells for learned in change.because)
 
 
 def test_a_vehicle_that_is_not_heard_is_shown_with_the_age_of_its_last_word(flight: Flight) -> None:

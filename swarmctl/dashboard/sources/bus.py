@@ -23,7 +23,7 @@ MOVES_ON_EVERY_S = 0.2
 """interval in which the time of the timeline moves on [s]"""
 LACKS = (
     "cells that a vehicle has heard of from others, unless it holds all that the station knows",
-    "lengths, ΣP_s and reasons of the vehicles' plans",
+    "ΣP_s and reasons of plans by the vehicles' own beliefs; those shown follow from what the station knows",
 )
 
 

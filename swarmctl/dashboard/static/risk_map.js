@@ -192,7 +192,11 @@ export default {
       for (const vehicle of Object.values(this.vehicles)) this.draw_routes(context, vehicle);
       for (const ghost of this.ghosts ?? []) this.line(context, ghost.points, ghost.colour, 3, [2, 5]);
       this.draw_strikes(context);
-      for (const vehicle of Object.values(this.vehicles)) this.draw_vehicle(context, vehicle);
+      for (const [i, vehicle] of Object.values(this.vehicles).entries()) {
+        this.draw_footprint(context, vehicle, this.area.footprints_m[i]);
+        this.draw_vehicle(context, vehicle);
+      }
+      if (this.exposure) this.draw_scale(context);
       if (this.options.places && this.cursor) this.draw_cursor(context);
     },
     // Tiles in Web Mercator below the cells. The corners of the area give the place of a longitude and latitude;
@@ -361,6 +365,33 @@ export default {
         context.stroke();
         context.fill();
       }
+    },
+    // The sensor sees the cells whose centres lie in this square around the vehicle.
+    draw_footprint(context, vehicle, footprint_m) {
+      if (!vehicle.position || !footprint_m || vehicle.is_silent) return;
+      const [x, y] = this.place(vehicle.position), half = footprint_m * this.view.scale;
+      context.strokeStyle = vehicle.colour;
+      context.lineWidth = 1;
+      context.setLineDash([2, 3]);
+      context.strokeRect(x - half, y - half, 2 * half, 2 * half);
+      context.setLineDash([]);
+    },
+    // P_s from 0 to the darkest shade, at the lower left of the map.
+    draw_scale(context) {
+      const { dark, shading } = this.options, { clientHeight } = context.canvas, wide = 90, high = 10;
+      const top = clientHeight - 20 - (this.options.tiles ? 14 : 0), left = 8;
+      context.fillStyle = dark ? "rgba(16, 20, 24, 0.8)" : "rgba(255, 255, 255, 0.85)";
+      context.fillRect(left - 4, top - 6, wide + 110, high + 12);
+      for (let x = 0; x < wide; x++) {
+        const share = x / wide, grey = Math.round(255 * (1 - share));
+        context.fillStyle = `rgb(${shading === "paper" ? [grey, grey, grey] : shade(share, dark)})`;
+        context.fillRect(left + x, top, 1, high);
+      }
+      context.lineWidth = 1;
+      context.strokeStyle = context.fillStyle = this.ink;
+      context.strokeRect(left, top, wide, high);
+      context.font = "11px system-ui, sans-serif";
+      context.fillText(`P_s 0 to ${this.largest.toFixed(2)}`, left + wide + 8, top + high - 1);
     },
     draw_vehicle(context, vehicle) {
       if (!vehicle.position) return;
