@@ -15,4 +15,5 @@ class SetPoint(msgspec.Struct, frozen=True):
     at: LatLon | None = None
     """latitude and longitude [deg]"""
     alt_amsl_m: float | None = None
-    """height above the sea; present together with `at` [m]"""
+    """Height above the sea, by the vehicle's own estimate (`VehicleState.alt_amsl_m`) [m]; present together
+    with `at`."""
