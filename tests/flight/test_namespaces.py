@@ -188,12 +188,25 @@ def _one_dies_and_one_is_cut_off(
     router.wait_for(f"{cut} at ", " has disconnected", since=before[router])
     for silent in (cut, "uav6"):
         station.wait_for(f"{silent}: flying", " s old", since=before[station])
+    _learns(agent)
     missed_s = time.time()
     before = marks([station, agent])
     swarm.net.heal(cut)
     agent.wait_for(REACHED, since=before[agent])
     station.wait_for(f"{cut}: flying", since=before[station], but_not=" s old")
     return missed_s
+
+
+def _learns(agent: Process) -> None:
+    """Wait until an agent knows more cells than it prints next."""
+    since = agent.mark()
+
+    def knows_more() -> bool:
+        printed = re.findall(r"cells (\d+) own \+ (\d+) received", agent.output[since:])
+        known = [int(own) + int(received) for own, received in printed]
+        return bool(known) and known[-1] > known[0]
+
+    until(knows_more, lambda: agent.output[since:])
 
 
 def _all_know_the_same(swarm: Swarm, station: Process, missed_s: float, apart: tuple[str, str]) -> None:
@@ -237,6 +250,7 @@ def test_a_mesh_splits_and_joins_again(swarm: Swarm) -> None:
     swarm.net.cut("east")
     for name in ("uav3", "uav4"):
         station.wait_for(f"{name}: flying", " s old", since=before)
+    _learns(swarm.agents["uav1"])
     missed_s = time.time()
     assert not re.search(r"uav[12]: .* ago", station.output[before:])
     before = station.mark()
