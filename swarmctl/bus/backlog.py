@@ -1,7 +1,8 @@
 """Bounded queue of messages between UAVs of a process. No I/O.
 
 Without a bound, an overloaded machine would queue messages until its memory is full. UAVs request dropped
-observations again, but not dropped states and intents. So the newest state and intent of each sender stay.
+observations again, but not dropped messages of other kinds. So the newest state, intent and member message
+of each sender stay.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from collections import deque
 from typing import NamedTuple
 
 from swarmctl.bus.node.decoding import DecodedFrame
-from swarmctl.core.frames import IntentShared, StateShared
+from swarmctl.core.frames import IntentShared, MemberShared, StateShared
 
 MAX_QUEUE_BYTES = 32_000_000
 OVERHEAD_BYTES = 1_000
@@ -43,8 +44,8 @@ class Backlog:
     def append(self, message: QueuedMessage) -> list[QueuedMessage]:
         """Append a message; return the messages dropped for lack of memory.
 
-        Above the limit, the oldest messages are dropped until half the limit remains. The newest state and
-        intent of each sender to each receiver stay.
+        Above the limit, the oldest messages are dropped until half the limit remains. The newest
+        message of each other kind, of each sender to each receiver, stays.
         """
         self._waiting.append(message)
         self._n_bytes += message.n_bytes
@@ -75,12 +76,12 @@ class Backlog:
 
 
 def _is_newest(message: QueuedMessage, newer_to: dict[tuple[int, type], set[int]]) -> bool:
-    """Return whether a message is its sender's newest state or intent for at least one receiver.
+    """Return whether a message is its sender's newest of its kind for a receiver; False for observations.
 
     `newer_to`: receivers of newer messages by sender and kind. This message's receivers are added.
     """
     content = message.decoded.frame.content
-    if not isinstance(content, StateShared | IntentShared):
+    if not isinstance(content, StateShared | IntentShared | MemberShared):
         return False
     newer = newer_to.setdefault((message.decoded.frame.sender, type(content)), set())
     is_newest = not newer.issuperset(message.to)

@@ -5,6 +5,7 @@
 | `uav/TO/inform/observation/FROM` | a UAV | a UAV in range | put | a frame: Observation |
 | `uav/TO/inform/state/FROM` | a UAV | a UAV in range, or a silent UAV | put | a frame: StateShared |
 | `uav/TO/inform/intent/FROM` | a UAV | a UAV in range | put | a frame: IntentShared |
+| `uav/TO/inform/member/FROM` | a UAV | a member of its group in range | put | a frame: MemberShared |
 | `uav/TO/query-ref/snapshot/FROM` | a UAV | another UAV | put | a frame: SnapshotAsked |
 | `uav/TO/inform/snapshot/FROM` | the UAV with the snapshot | the requesting UAV | put | a frame: Snapshot |
 | `uav/TO/inform/relayed/FROM` | a UAV | a UAV in range | put | a frame: Relayed |
@@ -13,6 +14,7 @@
 | `uav/TO/request/order/operator` | operator | the UAV's agent | query | GiveOrder; reply: OperatorAnswer |
 | `station/propagate/observation/FROM` | a UAV | ground stations | put | a copy of the frame to the UAVs |
 | `station/propagate/intent/FROM` | a UAV | ground stations | put | a copy of the frame to the UAVs |
+| `station/propagate/member/FROM` | a UAV | ground stations | put | a copy of the frame to the UAVs |
 | `station/request/weights/operator` | operator | `swarmctl fly` | query | SetWeights; reply: OperatorAnswer |
 | `station/request/order/operator` | operator | `swarmctl fly` | query | GiveOrder; reply: OperatorAnswer |
 | `node/ID`, `node/ID/missed` | – | a mesh's node | subscribe | none: the subscription shows presence |

@@ -33,6 +33,7 @@ from swarmctl.core.frames import (
     AgentMessage,
     FrameCodec,
     IntentShared,
+    MemberShared,
     RefusalReason,
     Snapshot,
     SnapshotAsked,
@@ -150,12 +151,19 @@ class Network:
         self._arm(self._members[uav])
         return incarnation
 
-    def publish(self, uav: int, message: AgentMessage, against: frozenset[Cell] = frozenset()) -> int:
+    def publish(
+        self,
+        uav: int,
+        message: AgentMessage,
+        against: frozenset[Cell] = frozenset(),
+        group: tuple[int, ...] = (),
+    ) -> int:
         """Send a message to all UAVs in communication range; return the number of receivers.
 
         `against`: cells in which the agent's observation contradicts earlier reports of other UAVs.
+        `group`: the receivers of a MemberShared.
         """
-        output = self._members[uav].node.publish(message, self._now(), against)
+        output = self._members[uav].node.publish(message, self._now(), against, group)
         first = output.messages[0]
         # The station hears from every vehicle, also from those that have nobody in range.
         is_state = isinstance(message, StateShared)
@@ -194,6 +202,15 @@ class Network:
         unix_s, speedup = self._clock.unix_s(), self._clock.speedup
         items = self._members[uav].node.take_new_intents().items()
         return {other: (intent, max(unix_s - sent_s, 0.0) * speedup) for other, (intent, sent_s) in items}
+
+    def take_new_members(self, uav: int) -> dict[int, tuple[MemberShared, float]]:
+        """Return the messages of formation members that are new at this UAV, with their ages, by their UAV.
+
+        The age is in simulated seconds, as for `take_new_intents`.
+        """
+        unix_s, speedup = self._clock.unix_s(), self._clock.speedup
+        items = self._members[uav].node.take_new_members().items()
+        return {other: (member, max(unix_s - sent_s, 0.0) * speedup) for other, (member, sent_s) in items}
 
     def counters(self, uav: int) -> NetworkCounters:
         return self._members[uav].node.counters

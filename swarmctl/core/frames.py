@@ -5,6 +5,7 @@
 | `inform/observation` | Observation | cells that the sender has just observed |
 | `inform/state` | StateShared | position, phase, counts of observations; once a second |
 | `inform/intent` | IntentShared | future positions with times; after each change, and every few seconds |
+| `inform/member` | MemberShared | place in a formation; some times a second, to the members of the group |
 | `query-ref/snapshot` | SnapshotAsked | request for missing observations; lists the sender's observations |
 | `inform/snapshot` | Snapshot | the answer: frames as received, with observations, states and intents |
 | `inform/relayed` | Relayed | new frames of other UAVs, passed on at once; or a checkpoint of the sender |
@@ -128,6 +129,8 @@ class StateShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, tag
     """distance along the route to its last waypoint [m], negative past it; None without a route"""
     waits: Text = ""
     """what the UAV waits for, in words; empty: for nothing"""
+    group: Text = ""
+    """group, shape, leader and place error of a UAV in a formation, in words; empty: none"""
     weights: tuple[float, float, float, float] | None = None
     """w and the three firing strengths after a change by an operator; None: those of the configuration"""
 
@@ -191,6 +194,45 @@ class IntentShared(msgspec.Struct, frozen=True, omit_defaults=True, dict=True, t
             before_s = point.in_s
 
 
+class MemberShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, tag="inform/member"):
+    """Position and velocity of a member of a formation, and what the leader decides for the group."""
+
+    lat_deg: float
+    lon_deg: float
+    alt_amsl_m: float
+    velocity_m_s: tuple[float, float, float]
+    """east, north, up [m/s]"""
+    age_s: float = 0.0
+    """age of position and velocity when the message was sent [s]"""
+    joins: bool = True
+    """False: the member leaves the group, or its flight ends"""
+    error_m: float = 0.0
+    """distance of the member from its place [m]"""
+    along_m: float = 0.0
+    """the leader's alone: distance of the group's reference along the route [m]"""
+    speed_m_s: float = 0.0
+    """the leader's alone: speed of the reference along the route [m/s]"""
+    route_id: int = 0
+    """the leader's alone: number of the group's route; 0: the sender does not lead"""
+    route: Annotated[tuple[tuple[float, float], ...], msgspec.Meta(max_length=MAX_POINTS)] = ()
+    """the leader's alone: the route's points [deg]; empty in most messages, for they seldom change"""
+    shapes: Annotated[tuple[tuple[float, int], ...], msgspec.Meta(max_length=MAX_POINTS)] = ()
+    """changes of shape along `route`: (distance [m], number of the shape from there on)"""
+    height_amsl_m: float = 0.0
+    """the leader's alone: the group's height above the sea, if its members fly level [m]"""
+
+    def __post_init__(self) -> None:
+        for point in ((self.lat_deg, self.lon_deg), *self.route):
+            _check_position(*point)
+        changes_m = (from_m for from_m, _ in self.shapes)
+        heights = self.alt_amsl_m, self.height_amsl_m
+        lengths = (*heights, *self.velocity_m_s, self.along_m, self.speed_m_s, *changes_m)
+        if not (max(map(abs, lengths)) <= MAX_MAGNITUDE and 0.0 <= self.error_m <= MAX_MAGNITUDE):
+            raise ValueError(f"a height, a distance or a speed is above {MAX_MAGNITUDE:g} (m or m/s)")
+        if not 0.0 <= self.age_s <= MAX_AHEAD_S:
+            raise ValueError(f"an age is outside 0 to {MAX_AHEAD_S:g} s")
+
+
 class HeldObservations(msgspec.Struct, frozen=True, array_like=True):
     """The observations of one source that a UAV holds."""
 
@@ -227,8 +269,10 @@ class Relayed(msgspec.Struct, frozen=True, tag="inform/relayed"):
     frames: Frames
 
 
-Content = Observation | Checkpoint | StateShared | IntentShared | SnapshotAsked | Snapshot | Relayed
-AgentMessage = Observation | StateShared | IntentShared
+Content = (
+    Observation | Checkpoint | StateShared | IntentShared | MemberShared | SnapshotAsked | Snapshot | Relayed
+)
+AgentMessage = Observation | StateShared | IntentShared | MemberShared
 """contents from the agent; the node itself makes the other contents"""
 
 
@@ -255,7 +299,7 @@ class Frame(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
     @property
     def at(self) -> LatLon | None:
         content = self.content
-        if isinstance(content, StateShared):
+        if isinstance(content, StateShared | MemberShared):
             return content.lat_deg, content.lon_deg
         return None if self.lat_deg is None or self.lon_deg is None else (self.lat_deg, self.lon_deg)
 

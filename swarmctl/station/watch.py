@@ -14,7 +14,7 @@ from rich.text import Text
 from swarmctl.agent.state import ARRIVED
 from swarmctl.bus import keys
 from swarmctl.bus.transports.base import Transport
-from swarmctl.core.frames import Frame, FrameCodec, IntentShared, MessageRefused, StateShared
+from swarmctl.core.frames import Frame, FrameCodec, IntentShared, MemberShared, MessageRefused, StateShared
 from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.observation import Observation
 from swarmctl.core.operator_text import printable
@@ -96,7 +96,7 @@ class StateBoard:
         self._codec = codec
         self._newest: dict[int, tuple[Frame, StateShared, float]] = {}
         self._newest_copy: dict[int, Frame] = {}
-        """newest observation or intent of each vehicle"""
+        """newest other message of each vehicle"""
 
     def receive(self, key: str, payload: bytes, now_s: float, unix_s: float) -> Frame | None:
         """Return the frame that a vehicle sent to stations, and store a state; refuse and count all others.
@@ -132,7 +132,7 @@ class StateBoard:
         match frame.content:
             case StateShared():
                 return keys.to_station(self._swarm, frame.sender)
-            case Observation() | IntentShared():
+            case Observation() | IntentShared() | MemberShared():
                 return keys.copy_to_station(self._swarm, frame.act, frame.sender)
         return ""
 

@@ -37,6 +37,7 @@ from swarmctl.core.frames import (
     Content,
     FrameCodec,
     IntentShared,
+    MemberShared,
     MessageRefused,
     RefusalReason,
     Relayed,
@@ -108,6 +109,14 @@ class Node:
         changed = [(uav, peer) for uav, peer in self._peers.items() if peer.has_new_intent]
         return {uav: (peer.take_intent(), peer.intent_unix_s) for uav, peer in changed}
 
+    def take_new_members(self) -> dict[int, tuple[MemberShared, float]]:
+        """Return the messages of formation members that are new since the last call, each with unix time [s].
+
+        Of several messages of a member only the newest counts; its route is the last one that it sent.
+        """
+        changed = [(uav, peer) for uav, peer in self._peers.items() if peer.has_new_member]
+        return {uav: (peer.take_member(), peer.member_unix_s) for uav, peer in changed}
+
     def moved(self, position: LatLon) -> None:
         """Update the UAV's position between two state messages."""
         self._sender.position = position
@@ -115,10 +124,15 @@ class Node:
     # --- messages of the agent
 
     def publish(
-        self, message: AgentMessage, now: Instant, against: frozenset[Cell] = frozenset()
+        self,
+        message: AgentMessage,
+        now: Instant,
+        against: frozenset[Cell] = frozenset(),
+        group: tuple[int, ...] = (),
     ) -> NodeOutput:
         """Send a message of the agent.
 
+        `group`: the receivers of a member's message, as far as they are in range.
         `against`: cells in which the agent's observation contradicts earlier reports of other UAVs.
         """
         output = NodeOutput()
@@ -135,6 +149,8 @@ class Node:
                 self._make_checkpoint(output, to, now)
         elif isinstance(message, IntentShared):
             self._send(output, message, self._receivers(now), now)
+        elif isinstance(message, MemberShared):
+            self._send(output, message, tuple(u for u in self._receivers(now) if u in group), now)
         else:
             self._sender.position = message.lat_deg, message.lon_deg
             state = msgspec.structs.replace(
@@ -238,7 +254,7 @@ class Node:
                     self._request_missing(sender, now)
             case StateShared() as state:
                 self._handle_state(peer, decoded, state, now)
-            case IntentShared():
+            case IntentShared() | MemberShared():
                 peer.update(decoded, now.run_s)
             case SnapshotAsked() as asked:
                 self._answer(output, sender, asked, now)

@@ -12,7 +12,14 @@ from swarmctl.bus.node.decoding import DecodedFrame
 from swarmctl.bus.node.exchange import STALE_S, Message, NodeOptions
 from swarmctl.bus.node.replica import Replica, SourceRecord
 from swarmctl.bus.rate import TokenBucket
-from swarmctl.core.frames import Frame, IntentShared, MessageRefused, RefusalReason, StateShared
+from swarmctl.core.frames import (
+    Frame,
+    IntentShared,
+    MemberShared,
+    MessageRefused,
+    RefusalReason,
+    StateShared,
+)
 from swarmctl.core.geo import LatLon, distances_m
 
 SILENT_AFTER_S = 5.0
@@ -92,6 +99,9 @@ class PeerRecord(msgspec.Struct, gc=False):
     intent: IntentShared | None = None
     intent_unix_s: float = -math.inf
     intent_frame: bytes = b""
+    member: MemberShared | None = None
+    member_unix_s: float = -math.inf
+    has_new_member: bool = False
     has_new_state: bool = False
     has_new_intent: bool = False
     """True until `take_state` and `take_intent`"""
@@ -171,6 +181,13 @@ class PeerRecord(msgspec.Struct, gc=False):
             if frame.unix_s > self.intent_unix_s:
                 self.intent, self.intent_unix_s, self.intent_frame = content, frame.unix_s, decoded.data
                 self.has_new_intent = True
+        elif isinstance(content, MemberShared):
+            if frame.unix_s > self.member_unix_s:
+                # The agent may not have taken the last message, which may have had the route.
+                before = self.member
+                if before is not None and content.route_id == before.route_id and not content.route:
+                    content = msgspec.structs.replace(content, route=before.route, shapes=before.shapes)
+                self.member, self.member_unix_s, self.has_new_member = content, frame.unix_s, True
         elif self.state_frame is None or frame.unix_s > self.state_frame.frame.unix_s:
             self.state_frame, self.state_s, self.has_new_state = decoded, now_s, True
 
@@ -185,6 +202,12 @@ class PeerRecord(msgspec.Struct, gc=False):
         assert self.intent is not None
         self.has_new_intent = False
         return self.intent
+
+    def take_member(self) -> MemberShared:
+        """Return the new message of a formation's member, which is then no longer new."""
+        assert self.member is not None
+        self.has_new_member = False
+        return self.member
 
     def record_missing(self) -> None:
         """Record that the peer has observations that are missing here, and ignore the peer's last state."""

@@ -5,7 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from swarmctl.bus.node.exchange import NetworkCounters, OutgoingMessage
-from swarmctl.core.frames import MAX_FRAMES, MAX_INNER_BYTES, Content, Frame, FrameCodec, StateShared, act_of
+from swarmctl.core.frames import (
+    MAX_FRAMES,
+    MAX_INNER_BYTES,
+    Content,
+    Frame,
+    FrameCodec,
+    MemberShared,
+    StateShared,
+    act_of,
+)
 from swarmctl.core.geo import LatLon
 from swarmctl.core.observation import Observation
 
@@ -30,7 +39,7 @@ class Sender:
     def frame(self, content: Content, unix_s: float) -> bytes:
         """Return the next numbered and signed frame, which is not counted as sent."""
         self._n += 1
-        has_position = isinstance(content, StateShared)
+        has_position = isinstance(content, StateShared | MemberShared)
         lat_deg, lon_deg = (None, None) if has_position or self.position is None else self.position
         frame = Frame(self._uav, self._incarnation, self._n, unix_s, content, lat_deg, lon_deg)
         return self._codec.encode(frame)
