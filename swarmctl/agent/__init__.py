@@ -9,6 +9,7 @@ New information only marks the plan dirty. A later `Tick` plans once with all ne
 | `replan/` | route, and the change of the mission |
 | `traffic/` | distance from other vehicles: launch, route, landing, return |
 | `arrival/` | simultaneous arrival |
+| `formation/` | flight in a group, by set-points |
 | `failsafes/` | reactions to failures, one file for each rule |
 | `launch`, `given_order`, `flown` | records of the state, each with the changes that it knows |
 | `orders`, `own_modes` | operators' orders; modes that the agent has set |

@@ -22,6 +22,11 @@ def own_mode_roles(state: AgentState) -> frozenset[str]:
         # A swap may set hold. The swap checks for another operator's hold.
         in_hold = state.plans.pending is not None or state.plans.hold_is_own
         return frozenset({"mission", "hold"} if in_hold else {"mission"})
+    if state.order.given is ev.FlightOrder.FORMATION:
+        # The mode that follows set-points is also the hold mode of an ArduPilot.
+        if state.order.is_followed:
+            return frozenset({state.membership.setpoint_role})
+        return state.order.previous_own_roles | {"setpoints", "hold"}
     ordered = {ROLE_OF_ORDER[state.order.given]}
     if state.task.wings is not None and state.order.given is not ev.FlightOrder.HOLD:
         # A fixed wing lands by its mission, on an order to land and after a return. The agent cannot notice

@@ -14,6 +14,8 @@ class Phase(StrEnum):
     """on the ground with a verified mission"""
     LAUNCHING = "launching"
     FLYING = "flying"
+    FORMATION = "formation"
+    """flies to its place in its group, by set-points"""
     LANDING = "landing"
     """in the goal cell: the vehicle flies to its landing spot, waits above the spot, or descends"""
     HOLDING = "holding"
@@ -28,9 +30,10 @@ class Phase(StrEnum):
 
 ENDED = frozenset({Phase.RELEASED, Phase.DONE, Phase.FAILED})
 ON_GROUND = frozenset({Phase.WAITING, Phase.UPLOADING, Phase.STANDBY})
-IN_FLIGHT = frozenset({Phase.FLYING, Phase.LANDING, Phase.HOLDING, Phase.LEAVING})
+IN_FLIGHT = frozenset({Phase.FLYING, Phase.FORMATION, Phase.LANDING, Phase.HOLDING, Phase.LEAVING})
 PAST_PLANNING = ENDED | {Phase.LANDING, Phase.HOLDING, Phase.LEAVING}
 PLANNING = frozenset({Phase.UPLOADING, Phase.STANDBY, Phase.FLYING})
+EN_ROUTE = frozenset({Phase.FLYING, Phase.FORMATION})
 
 TRANSITIONS: dict[Phase, frozenset[Phase]] = {
     Phase.WAITING: frozenset({Phase.UPLOADING, Phase.RELEASED, Phase.DONE}),
@@ -47,7 +50,8 @@ TRANSITIONS: dict[Phase, frozenset[Phase]] = {
             Phase.FAILED,
         }
     ),
-    Phase.FLYING: ENDED | {Phase.LANDING, Phase.HOLDING, Phase.LEAVING},
+    Phase.FLYING: ENDED | {Phase.FORMATION, Phase.LANDING, Phase.HOLDING, Phase.LEAVING},
+    Phase.FORMATION: ENDED | {Phase.FLYING, Phase.HOLDING, Phase.LEAVING},
     Phase.LANDING: ENDED | {Phase.HOLDING, Phase.LEAVING},
     Phase.HOLDING: ENDED | {Phase.FLYING, Phase.LANDING, Phase.LEAVING},
     Phase.LEAVING: ENDED | {Phase.HOLDING},

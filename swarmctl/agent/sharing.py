@@ -89,6 +89,7 @@ def share_state(state: AgentState) -> StepResult:
         strikes=vehicle.strikes,
         to_go_m=None if state.progress is None else state.progress.to_last_waypoint_m,
         waits=_waits(state),
+        group=state.group[:MAX_TEXT],
         weights=_changed_weights(state),
     )
     return replace(state, last_shared_s=vehicle.time_boot_s), [ev.Publish(message)]

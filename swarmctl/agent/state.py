@@ -11,6 +11,7 @@ from swarmctl.agent.arrival.common_time import ArrivalGroup, CommandedSpeed, Com
 from swarmctl.agent.failsafes import ALWAYS_ON
 from swarmctl.agent.failsafes.base import ActiveRule, Demand, Fence
 from swarmctl.agent.flown import Flown
+from swarmctl.agent.formation.membership import Formation, Membership
 from swarmctl.agent.given_order import GivenOrder
 from swarmctl.agent.launch import Launch
 from swarmctl.agent.phases import ENDED, Phase, changed
@@ -93,6 +94,9 @@ class Task:
     others: Mapping[int, OtherVehicle] = field(default_factory=dict)
     """entry cells and goals of the vehicles that hear this vehicle; empty without benevolence"""
 
+    formation: Formation | None = None
+    """the vehicle's group; None: it flies alone"""
+
     def landing_spot(self, goal: Cell) -> LatLon:
         """Return this vehicle's landing spot in a goal cell."""
         separation_m = self.separation.limits.horizontal_m
@@ -154,6 +158,8 @@ class AgentState:
     """last intent sent; times by the vehicle's clock, heights above the sea"""
     intent_sent_boot_s: float = -math.inf
     conflicts: Conflicts = field(default_factory=Conflicts)
+    membership: Membership = field(default_factory=Membership)
+    """the vehicle's group as it knows it"""
     common_arrival: CommonArrival = field(default_factory=CommonArrival)
     speed: CommandedSpeed = field(default_factory=CommandedSpeed)
     n_alarms: int = 0
@@ -178,11 +184,18 @@ class AgentState:
     def enter(self, phase: Phase, **changes: Any) -> AgentState:
         """Return the state in another phase, with further changed fields. Raises IllegalTransition.
 
-        A wait ends with the phases to which it belongs.
+        A wait ends with the phases to which it belongs, and so does the flight to a place.
         """
         if self.wait is not None and phase not in self.wait.rule.phases:
             changes = {"wait": None, **changes}
+        if self.phase is Phase.FORMATION and phase is not Phase.FORMATION:
+            changes = {"membership": self.membership.apart(self.vehicle.time_boot_s), **changes}
         return replace(self, phase=changed(self.phase, phase), **changes)
+
+    @property
+    def leads_group(self) -> bool:
+        """True for the leader of a group; a vehicle alone leads a group of one."""
+        return self.membership.leader == self.task.uav
 
     @property
     def followed(self) -> ev.SwapMission | None:
@@ -228,6 +241,21 @@ class AgentState:
         others = ", ".join(str(alarm.other) for alarm in self.alarms)
         noun = "vehicle" if len(self.alarms) == 1 else "vehicles"
         return f"predicted to come too close to {noun} {others}"
+
+    @property
+    def group(self) -> str:
+        """Group, shape, leader and place error as text; empty for a vehicle that flies alone."""
+        formation, membership = self.task.formation, self.membership
+        if formation is None or membership.leader is None or membership.n_present == 1:
+            return ""
+        shape = formation.shapes[min(membership.shape, len(formation.shapes) - 1)].kind
+        text = f"group {formation.name}: {shape} of {membership.n_present}"
+        if self.leads_group:
+            return f"{text}, leads"
+        if membership.error_m is None:
+            return f"{text}, led by vehicle {membership.leader}"
+        away_m = math.hypot(*membership.error_m[:2])
+        return f"{text}, led by vehicle {membership.leader}, {away_m:.1f} m from its place"
 
     @property
     def late(self) -> str:

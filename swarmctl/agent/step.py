@@ -11,6 +11,9 @@ import msgspec
 
 from swarmctl.agent.arrival.simultaneous import adjust_speed, speed_failed
 from swarmctl.agent.failsafes.enforcement import apply_failsafes
+from swarmctl.agent.formation.flight import fly_in_formation, not_following, note_following
+from swarmctl.agent.formation.presence import note_group, receive_members
+from swarmctl.agent.formation.telling import tell_group
 from swarmctl.agent.orders import (
     RETRY_AFTER_S,
     StepResult,
@@ -113,6 +116,8 @@ def _order_done(state: AgentState, event: ev.OrderDone, _now: float) -> StepResu
     state = replace(state, order=state.order.followed())
     if state.phase is Phase.LAUNCHING:
         return note_takeoff(state), []
+    if state.phase is Phase.FORMATION:
+        return note_following(state), []
     if state.launch.is_aborted and not state.vehicle.armed and state.phase is not Phase.FAILED:
         return state.enter(Phase.DONE), []
     return state, []
@@ -125,6 +130,8 @@ def _order_failed(state: AgentState, event: ev.OrderFailed, now: float) -> StepR
         is_late_order = event.order in ROLE_OF_ORDER  # an operator gave the order after the release
         return state, [ev.NotifyOperator(f"{event.order} failed: {event.reason}")] if is_late_order else []
     state = replace(state, trouble=f"{event.order} failed: {event.reason}")
+    if event.order is ev.FlightOrder.FORMATION:
+        return not_following(state, state.trouble)
     if state.phase is not Phase.LAUNCHING:
         # The order is repeated while the agent still commands the vehicle.
         return replace(state, order=state.order.repeated(now + RETRY_AFTER_S)), []
@@ -145,7 +152,8 @@ def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> St
     if has_touched_down(state):
         return end_at_touchdown(state), []
     effects: list[ev.Effect] = []
-    for part in (_note_delay, partial(apply_failsafes, now=now), partial(_steer, now=now), _send_intent):
+    rules, steering = partial(apply_failsafes, now=now), partial(_steer, now=now)
+    for part in (_note_delay, rules, steering, tell_group, _send_intent):
         state, new = part(state)
         effects += new
     if state.ended and not may_be_armed(state):
@@ -164,6 +172,7 @@ def _steer(state: AgentState, now: float) -> StepResult:
     if state.ended or state.telemetry_is_late:
         return state, effects
     for part in (
+        note_group,
         launch_if_possible,
         watch_first_route,
         _arrive,
@@ -174,6 +183,7 @@ def _steer(state: AgentState, now: float) -> StepResult:
         queue_for_landing,
         stop_in_time,
         adjust_speed,
+        fly_in_formation,
     ):
         state, new = part(state)
         if new:
@@ -282,6 +292,7 @@ _HANDLERS: dict[type[Any], Callable[[AgentState, Any, float], StepResult]] = {
     ev.ObservationsReceived: learn_from_others,
     ev.Neighbours: receive_neighbours,
     ev.Intents: _intents,
+    ev.Members: receive_members,
     ev.SpeedFailed: speed_failed,
     ev.MissionAccepted: mission_accepted,
     ev.MissionFailed: mission_failed,

@@ -12,7 +12,6 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from swarmctl.config.model import Config
-from swarmctl.planners import needs_machine_code
 from swarmctl.planners.kernels.compilation import numba_cache
 
 PROGRESS_TEXT = "compiling the planners, once on this machine"
@@ -33,9 +32,7 @@ def prepare(config: Config, console: Console) -> None:
 
     If the compiling process fails, or machine code cannot be stored, this process compiles later.
     """
-    n_cells = config.area.rows * config.area.cols
-    needed = needs_machine_code(n_cells, config.planner.name, config.planner.benevolence)
-    if not needed or is_ready():
+    if not config.needs_machine_code or is_ready():
         return
     if numba_cache() is None:
         text = "machine code cannot be stored, so every run compiles the planners"

@@ -15,8 +15,7 @@ from swarmctl.cli.operator_command import (
     UavsOption,
     send_or_exit,
 )
-from swarmctl.core.events import FlightOrder
-from swarmctl.core.messages import GiveOrder
+from swarmctl.core.messages import GiveOrder, OrderKind
 from swarmctl.report.answers import order_line
 from swarmctl.station import client
 
@@ -26,9 +25,7 @@ def register(cli: typer.Typer) -> None:
 
 
 def order(
-    kind: Annotated[
-        FlightOrder, typer.Argument(metavar="launch|resume|hold|return|land", show_default=False)
-    ],
+    kind: Annotated[OrderKind, typer.Argument(metavar="launch|resume|hold|return|land", show_default=False)],
     uav: UavsOption = None,
     ignore: Annotated[
         list[str] | None,
@@ -55,11 +52,9 @@ def order(
     expires; give the order again.
     """
     send_or_exit(
-        lambda: GiveOrder(
-            client.chosen_vehicles(uav or [], all_vehicles), kind.value, ignore=tuple(ignore or ())
-        ),
+        lambda: GiveOrder(client.chosen_vehicles(uav or [], all_vehicles), kind, ignore=tuple(ignore or ())),
         swarm,
         config,
         connect,
-        partial(order_line, kind.value),
+        partial(order_line, kind),
     )

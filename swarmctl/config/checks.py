@@ -13,6 +13,7 @@ from swarmctl.agent.replan.decide import first_flight, first_problem, first_rout
 from swarmctl.agent.state import Task
 from swarmctl.config.arrival_checks import check_arrival, check_time_bounds, unmet_time_bound
 from swarmctl.config.communication_checks import check_communication
+from swarmctl.config.formations_checks import check_formations, check_groups
 from swarmctl.config.links_checks import check_links
 from swarmctl.config.model import Config
 from swarmctl.config.preflight_checks import check_preflight
@@ -43,6 +44,7 @@ def check_config(config: Config) -> Iterator[ConfigProblem]:
         return
     problems = [*_check_unused(config), *_check_threats(config, grid), *_check_vehicles(config, grid)]
     problems += check_communication(config)
+    problems += check_formations(config)
     problems += check_links(config)
     problems += check_preflight(config)
     problems += check_wings(config)
@@ -83,6 +85,7 @@ def _check_flights(scenario: Scenario) -> Iterator[ConfigProblem]:
             routes[spec.sysid] = route
             yield from _check_turns(scenario, task, route, (*here, "turn_radius_m"))
     yield from check_landings(scenario)
+    yield from check_groups(scenario)
     yield from check_separation(scenario, routes)
 
 

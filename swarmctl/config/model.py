@@ -19,6 +19,7 @@ from swarmctl.config import yaml_lines
 from swarmctl.config.arrival import ArrivalSection
 from swarmctl.config.failsafes import Rules
 from swarmctl.config.flight import FlightSection
+from swarmctl.config.formations import FormationSection
 from swarmctl.config.links import Links
 from swarmctl.config.planner import PlannerSection
 from swarmctl.config.preflight import PreflightSection
@@ -32,6 +33,7 @@ from swarmctl.core.grid import Cell
 from swarmctl.core.inference.sensor import SensorModel
 from swarmctl.core.operator_text import VEHICLE_NAME
 from swarmctl.core.section import NameIn, Section
+from swarmctl.planners import needs_machine_code
 from swarmctl.sensors import SOURCES
 
 
@@ -82,9 +84,19 @@ class Config(Roster, extra="forbid"):
     arrival: ArrivalSection | None = Field(
         None, description="Arrival of all vehicles at one time, or in order. Default: independent arrivals."
     )
+    formations: tuple[FormationSection, ...] = Field(
+        (), description="Groups that fly in a shape. Default: each vehicle flies alone."
+    )
     wings: WingsSection = Field(WingsSection(), description="Performance of all fixed wings.")
     simulate: Simulate | None = Field(None, description="Simulated vehicles. Default: none.")
     vehicles: tuple[Vehicle, ...] = Field((), description="Vehicles by MAVLink URL. Default: none.")
+
+    @property
+    def needs_machine_code(self) -> bool:
+        """True if a planner of this swarm needs machine code."""
+        planner, n_cells = self.planner, self.area.rows * self.area.cols
+        names = (planner.name, *(["formation"] if self.formations else []))
+        return any(needs_machine_code(n_cells, name, planner.benevolence) for name in names)
 
 
 Check = Callable[[Config], Iterable[ConfigProblem]]

@@ -13,13 +13,17 @@ from numpy.typing import NDArray
 from swarmctl.agent.arrival.common_time import ArrivalGroup
 from swarmctl.agent.failsafes.base import Fence
 from swarmctl.agent.failsafes.lost_link import Params as LostLink
+from swarmctl.agent.formation.approaches import APPROACHES
+from swarmctl.agent.formation.membership import Formation
 from swarmctl.agent.replan.landing_pattern import FixedWing
 from swarmctl.agent.replan.length_bounds import TimeBound
 from swarmctl.agent.state import Task
 from swarmctl.agent.traffic.separation.approach import Limits
 from swarmctl.agent.traffic.separation.watch import SeparationRules
 from swarmctl.config import fence
+from swarmctl.config.communication import vehicle_of
 from swarmctl.config.failsafes import active_rules
+from swarmctl.config.formations import FormationSection
 from swarmctl.config.model import Config
 from swarmctl.config.specs import Spec, specs_of, wings_of
 from swarmctl.config.threats import Binomial, Drawn, Poisson, Uniform, Weights
@@ -38,6 +42,10 @@ from swarmctl.sensors import SOURCES
 
 PAPER_PLANNER = PLANNERS["dijkstra"]
 """the paper's planner, the reference for other planners"""
+
+
+GROUP_SPEED = 0.7
+"""default speed of a group, as a share of its slowest member's speed"""
 
 
 class RandomStream(IntEnum):
@@ -83,6 +91,10 @@ class Scenario:
     def wings(self, spec: Spec) -> FixedWing | None:
         """Return the performance of a fixed wing; None for a copter."""
         return wings_of(self.config, spec)
+
+    def formation_of(self, uav: int) -> Formation | None:
+        """Return the group of a vehicle of this process; None if it flies alone."""
+        return next((task.formation for task in self.tasks if task.uav == uav), None)
 
     @property
     def fence_polygon(self) -> tuple[LatLon, ...]:
@@ -192,11 +204,15 @@ def _tasks(
     chosen = method(planner.name, PLANNERS[planner.name], planner.options)
     no_fly = frozenset(config.area.no_fly)
     policy = config.preflight.policy
+    groups = tuple(formation_of(config, section, specs) for section in config.formations)
     declared = LostLink(does=policy.lost_link, after_s=float(policy.lost_link_after_s))
     for index, spec in enumerate(specs):
         # DEVIATION: the paper's UAVs may share a position in the air and on the ground. These vehicles fly
         # at different altitudes (`Spec.altitude_m`) and land at different spots.
         sharing = _sharing_goals(specs, index)
+        formation = next((group for group in groups if spec.sysid in group.members), None)
+        # A group flies over the cells whose exposure its planner has compared.
+        is_pulled = config.flight.any_angle and formation is None
         yield Task(
             uav=spec.sysid,
             name=spec.name,
@@ -213,7 +229,7 @@ def _tasks(
             no_fly=no_fly,
             landing_index=sharing.index(index),
             landing_count=len(sharing),
-            any_angle=config.flight.any_angle_exposure if config.flight.any_angle else None,
+            any_angle=config.flight.any_angle_exposure if is_pulled else None,
             turn_radius_m=spec.turn_radius_m,
             wings=wings_of(config, spec),
             # An abandoned vehicle must not hold, because no agent would end the hold.
@@ -224,7 +240,30 @@ def _tasks(
             autonomy=planner.autonomy,
             benevolence=planner.benevolence,
             others=_others(config, specs, spec),
+            formation=formation,
         )
+
+
+def formation_of(config: Config, section: FormationSection, specs: Sequence[Spec]) -> Formation:
+    """Return a group; its speed leaves each member a reserve for turns."""
+    members = tuple(vehicle_of(ref, config.names) for ref in section.members)
+    slowest_m_s = min(spec.speed_m_s for spec in specs if spec.sysid in members)
+    approach = APPROACHES[section.approach]
+    shapes = (section.shape,) if section.narrow_shape is None else (section.shape, section.narrow_shape)
+    return Formation(
+        name=section.name,
+        members=members,
+        approach=approach,
+        params=approach.Params(**section.options),
+        shapes=shapes,
+        speed_m_s=section.speed_m_s or GROUP_SPEED * slowest_m_s,
+        exposure=section.exposure,
+        rate_hz=section.rate_hz,
+        closes_up=section.lost_member == "close_up",
+        is_level=section.heights == "level",
+        lost_after_s=section.lost_after_s,
+        alone_after_s=section.alone_after_s,
+    )
 
 
 def _others(config: Config, specs: tuple[Spec, ...], spec: Spec) -> dict[int, OtherVehicle]:

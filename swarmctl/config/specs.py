@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from swarmctl.agent.replan.landing_pattern import FixedWing
 from swarmctl.config.autopilots import AUTOPILOTS, MIXED
 from swarmctl.config.model import Config
-from swarmctl.config.vehicles import Side
+from swarmctl.config.vehicles import Side, Simulate
 from swarmctl.core.geo import LatLon, distance_m
 from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.vehicle import Airframe
@@ -71,8 +71,7 @@ def _simulated(config: Config, grid: Grid) -> Iterator[Spec]:
     if simulate is None:
         return
     for i, (sysid, name) in enumerate(config.identities[: simulate.count]):
-        share = (i + 0.5) / simulate.count
-        start = _beside(grid, simulate.start_side, share, simulate.start_distance_m, simulate.count)
+        start = _start(grid, simulate, i)
         entry = entry_of(config, grid, start)
         assert entry is not None
         airframe = AUTOPILOTS[simulated_autopilot(config, i)].airframe
@@ -114,13 +113,18 @@ def simulated_goals(config: Config, grid: Grid, index: int) -> tuple[Cell, ...]:
     return simulate.goal or (_border_cell(grid, simulate.goal_side, share),)
 
 
-def _beside(grid: Grid, side: Side, share: float, away_m: float, count: int) -> LatLon:
-    """Return the position `away_m` outside a side, at `share` of its length.
+def _start(grid: Grid, simulate: Simulate, index: int) -> LatLon:
+    """Return the start of the simulated vehicle `index`, outside its side.
 
-    The position is opposite the centre of a cell if the side has a cell for each of `count` vehicles.
+    Spread along the side, it is opposite the centre of a cell if the side has a cell for each vehicle.
     """
+    side, away_m, count = simulate.start_side, simulate.start_distance_m, simulate.count
+    share = (index + 0.5) / count
     east_m, north_m = share * grid.size_east_m, share * grid.size_north_m
-    if count <= (grid.rows if side in ("west", "east") else grid.cols):
+    if simulate.start_spacing_m is not None:
+        from_middle_m = (index - 0.5 * (count - 1)) * simulate.start_spacing_m
+        east_m, north_m = 0.5 * grid.size_east_m + from_middle_m, 0.5 * grid.size_north_m + from_middle_m
+    elif count <= (grid.rows if side in ("west", "east") else grid.cols):
         east_m, north_m = grid.centre_m(_border_cell(grid, side, share))
     match side:
         case "west":

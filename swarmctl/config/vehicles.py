@@ -68,6 +68,12 @@ class Simulate(SimulatedCount, extra="forbid"):
     speed_m_s: float = Field(10.0, gt=0.5, le=35.0, description="Cruise speed of copters over ground [m/s].")
     start_side: Side = Field("west", description="Side of the area along which the vehicles start.")
     start_distance_m: float = Field(60.0, gt=0.0, description="Distance of the starts from the area [m].")
+    start_spacing_m: float | None = Field(
+        None,
+        gt=0.0,
+        description="Distance between neighbouring starts, around the middle of the side [m]. Default: "
+        "spread along the whole side.",
+    )
     goal_side: Side = Field("east", description="Side of the area along which the goals are spread.")
     goal: Cells | None = Field(
         None,

@@ -12,11 +12,12 @@ from typing import Literal
 import msgspec
 
 from swarmctl.core.any_angle.pull import Track
-from swarmctl.core.frames import AgentMessage, IntentShared, StateShared
+from swarmctl.core.frames import AgentMessage, IntentShared, MemberShared, StateShared
 from swarmctl.core.grid import Cell
 from swarmctl.core.messages import CommunicationRange, VehicleAnswer
 from swarmctl.core.mission import FlightPlan
 from swarmctl.core.observation import BeliefItem
+from swarmctl.core.setpoint import SetPoint
 from swarmctl.core.threat import FiringStrength
 from swarmctl.core.vehicle import VehicleState
 
@@ -30,6 +31,8 @@ class FlightOrder(StrEnum):
     LAUNCH = "launch"
     RESUME = "resume"
     """end of a hold, with a new plan from the vehicle's position; never a command to the vehicle"""
+    FORMATION = "formation"
+    """flight by set-points, in a group"""
     HOLD = "hold"
     RETURN = "return"
     LAND = "land"
@@ -99,6 +102,14 @@ class Intents(_Record, frozen=True):
     """The latest intents of all other UAVs, after a change: (UAV, age of the message [s], intent)."""
 
     intents: tuple[tuple[int, float, IntentShared], ...] = msgspec.field(name="told")
+
+
+class Members(_Record, frozen=True):
+    """New messages of the members of this vehicle's group: (UAV, age of the message [s], message)."""
+
+    boot_s: float
+    """time to which the ages belong, by the vehicle's clock [s]"""
+    told: tuple[tuple[int, float, MemberShared], ...]
 
 
 class MissionAccepted(_Record, frozen=True):
@@ -196,6 +207,7 @@ Event = (
     | ObservationsReceived
     | Neighbours
     | Intents
+    | Members
     | MissionAccepted
     | MissionFailed
     | OrderDone
@@ -219,6 +231,8 @@ class Publish(_Record, frozen=True):
     message: AgentMessage
     against: tuple[Cell, ...] = ()
     """observed cells that contradict observations of other UAVs"""
+    group: tuple[int, ...] = ()
+    """receivers of a MemberShared"""
 
 
 class SwapMission(_Record, frozen=True):
@@ -259,6 +273,12 @@ class SetRange(_Record, frozen=True):
     range: CommunicationRange
 
 
+class FlyBy(_Record, frozen=True):
+    """Send this set-point to the vehicle now; nothing repeats it."""
+
+    set_point: SetPoint
+
+
 class Release(_Record, frozen=True):
     """End the agent's own commands to the vehicle: a pilot, a failsafe or another station has taken over."""
 
@@ -284,5 +304,14 @@ class LaunchConflict(_Record, frozen=True):
 
 
 Effect = (
-    Publish | SwapMission | Command | LaunchConflict | SetSpeed | SetRange | Release | Answer | NotifyOperator
+    Publish
+    | SwapMission
+    | Command
+    | FlyBy
+    | LaunchConflict
+    | SetSpeed
+    | SetRange
+    | Release
+    | Answer
+    | NotifyOperator
 )

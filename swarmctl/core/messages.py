@@ -69,6 +69,10 @@ class SetWeights(
         return None if self.firing_strength is None else FiringStrength(*self.firing_strength)
 
 
+OrderKind = Literal["launch", "resume", "hold", "return", "land"]
+"""an operator's order"""
+
+
 class GiveOrder(
     msgspec.Struct, frozen=True, omit_defaults=True, tag="give_order", forbid_unknown_fields=True
 ):
@@ -79,7 +83,7 @@ class GiveOrder(
 
     uavs: tuple[int | str, ...] | None
     """system ids or names; None: all of the swarm"""
-    order: Literal["launch", "resume", "hold", "return", "land"]
+    order: OrderKind
     after_s: float = 0.0
     """time for which the vehicle holds before a return, while other vehicles return [s]"""
     ignore: tuple[int | str, ...] = msgspec.field(default=(), name="past")

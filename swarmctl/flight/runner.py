@@ -167,6 +167,7 @@ class Runner:
             case StateChanged(state):
                 if state.lat_deg is not None and state.lon_deg is not None:
                     self._network.moved(self.state.task.uav, state.lat_deg, state.lon_deg)
+                self._read_members(state.time_boot_s)
                 self.post(ev.TelemetryReceived(state))
                 self._read_neighbours(state.time_boot_s)
                 if cells := self._sensor.observe(state):
@@ -201,6 +202,14 @@ class Runner:
                 self.note(extended(text, stood))
             case FirstHeartbeat():
                 self.note("first heartbeat")
+
+    def _read_members(self, boot_s: float) -> None:
+        """Queue the new messages of the vehicle's group, before the telemetry that is flown by them."""
+        if self.state.task.formation is None:
+            return
+        if told := self._network.take_new_members(self.state.task.uav):
+            newest = tuple((uav, age_s, member) for uav, (member, age_s) in told.items())
+            self.post(ev.Members(boot_s, newest))
 
     def _read_neighbours(self, boot_s: float) -> None:
         if 0.0 <= boot_s - self._neighbours_read_s < NEIGHBOURS_EVERY_S:
@@ -257,8 +266,8 @@ class Runner:
 
     def _perform(self, effect: ev.Effect, jobs: asyncio.TaskGroup) -> None:
         match effect:
-            case ev.Publish(message, against):
-                recipients = self._network.publish(self.state.task.uav, message, frozenset(against))
+            case ev.Publish(message, against, group):
+                recipients = self._network.publish(self.state.task.uav, message, frozenset(against), group)
                 now = asyncio.get_running_loop().time()
                 for observer in self._observers:
                     observer.sent(self.state.task.uav, message, recipients, now)
@@ -268,6 +277,8 @@ class Runner:
                 self._launch_conflict = text
             case ev.Command(order, by_person):
                 self._start(partial(self._order, order, check_mode_first=not by_person), jobs)
+            case ev.FlyBy(set_point):
+                self.link.send_setpoint(set_point)
             case ev.SetSpeed(speed_m_s):
                 self._start(partial(self._set_speed, speed_m_s), jobs)
             case ev.SetRange(reach):
@@ -338,6 +349,7 @@ class Runner:
                 return
         actions: dict[ev.FlightOrder, Callable[[], Coroutine[Any, Any, None]]] = {
             ev.FlightOrder.LAUNCH: partial(self.link.launch, lambda: self._launch_conflict),
+            ev.FlightOrder.FORMATION: self.link.follow_setpoints,
             ev.FlightOrder.HOLD: partial(self.link.hold, check_mode_first=check_mode_first),
             ev.FlightOrder.RETURN: partial(self.link.return_home, check_mode_first=check_mode_first),
             ev.FlightOrder.LAND: partial(self.link.land, check_mode_first=check_mode_first),

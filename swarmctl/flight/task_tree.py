@@ -21,7 +21,7 @@ from swarmctl.core.operator_text import extended
 from swarmctl.flight import emergency
 from swarmctl.flight.simulator import SimulatorFailed, run_simulator
 from swarmctl.flight.wiring import Flight
-from swarmctl.planners import needs_machine_code, warm_up
+from swarmctl.planners import warm_up
 from swarmctl.report.live_rows import SwarmView, vehicle_row
 from swarmctl.report.outcome import Ending
 
@@ -124,9 +124,7 @@ async def _run_simulator(flight: Flight) -> None:
 
 async def _load_planner(flight: Flight) -> None:
     """Load machine code that the planners need. This takes a second, too long for a pause in flight."""
-    scenario = flight.run.scenario
-    planner = scenario.config.planner
-    if not needs_machine_code(scenario.grid.n_cells, planner.name, planner.benevolence):
+    if not flight.run.scenario.config.needs_machine_code:
         return
     if flight.run.clock == "real":
         await asyncio.to_thread(warm_up)

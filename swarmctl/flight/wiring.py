@@ -99,7 +99,11 @@ class Flight:
         return Member(spec, runner, receiver.counts)
 
     def _open_link(self, spec: Spec, on_event: Callable[[LinkEvent], None]) -> Link:
-        links = self.run.scenario.config.links
+        scenario = self.run.scenario
+        links, formation = scenario.config.links, scenario.formation_of(spec.sysid)
+        position_hz = links.position_hz
+        if formation is not None:
+            position_hz = max(formation.rate_hz, position_hz or 0.0)  # each position brings a set-point
         return LINKS[spec.link].open(
             self.resources.front_end,
             self.run.endpoint(spec),
@@ -107,7 +111,7 @@ class Flight:
             name=spec.name,
             on_event=on_event,
             tlog=self.run.folder / f"{spec.name}.tlog",
-            streaming=Streaming(links.position_hz, links.stop_other_streams),
+            streaming=Streaming(position_hz, links.stop_other_streams),
         )
 
     def _observed(self, runner: Runner, cells: ReportedCells, source: str) -> None:

@@ -38,9 +38,10 @@ class LinkKind:
     """constructor, with the parameters of `DirectLink`"""
     fits_virtual_clock: bool = True
     flies_planes: bool = True
+    sends_set_points: bool = True
 
 
 LINKS: dict[str, LinkKind] = {
     "direct": LinkKind(DirectLink),
-    "mavsdk": LinkKind(_mavsdk_link, fits_virtual_clock=False, flies_planes=False),
+    "mavsdk": LinkKind(_mavsdk_link, fits_virtual_clock=False, flies_planes=False, sends_set_points=False),
 }

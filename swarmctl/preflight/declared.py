@@ -24,6 +24,7 @@ def declared_behaviour(scenario: Scenario, spec: Spec) -> DeclaredBehaviour:
         spec.turn_radius_m,
         among_others=len(scenario.swarm) > 1,
         extent_m=_extent_m(scenario, spec),
+        in_formation=scenario.formation_of(spec.sysid) is not None,
     )
 
 

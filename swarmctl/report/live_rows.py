@@ -35,6 +35,7 @@ COLOURS = {
     Phase.STANDBY: "cyan",
     Phase.LAUNCHING: "cyan",
     Phase.FLYING: "green",
+    Phase.FORMATION: "green",
     Phase.LANDING: "green",
     Phase.HOLDING: "yellow",
     Phase.LEAVING: "yellow",
@@ -105,7 +106,7 @@ def vehicle_row(
         + (f", {refused} refused" if refused else ""),
         weights=_weights(state),
         silence=("given up" if age_s > lost_timeout_s else "lost") if is_lost_in_air(state) else "",
-        note=note or state.alarm or state.outcome or state.trouble or state.late,
+        note=note or state.alarm or state.outcome or state.trouble or state.late or state.group,
     )
 
 

@@ -30,6 +30,7 @@ from swarmctl.core.threat import FiringStrength
 from swarmctl.planners import Route
 from swarmctl.report.arrival import Arrivals
 from swarmctl.report.final_state import describe_outcome, final_phase
+from swarmctl.report.formations import FormationStatistics
 from swarmctl.report.separation import SeparationStatistics
 from swarmctl.report.swaps import SwapStatistics
 
@@ -84,6 +85,7 @@ class FlightStatistics:
         self.vehicles: defaultdict[int, VehicleStatistics] = defaultdict(VehicleStatistics)
         self.separation = SeparationStatistics()
         self.arrivals = Arrivals()
+        self.formations = FormationStatistics()
         self._observed_s: dict[ev.ObservationId, float] = {}
         self._merged_s: dict[ev.ObservationId, float] = {}
         """time at which the last peer merged the observation"""
@@ -99,6 +101,7 @@ class FlightStatistics:
                 self._add_position(vehicle, before, after)
                 self.separation.moved(after, vehicle.flight_time_s, now)
                 self.arrivals.moved(after, now)
+                self.formations.moved(before, after)
             case ev.Neighbours(states):
                 self.separation.neighbours_moved(after, states, vehicle.flight_time_s, now)
             case ev.ObservationsReceived(items) if after.belief is not before.belief:
@@ -209,6 +212,7 @@ def summary(
         "latency": statistics.latencies(),
         "separation": statistics.separation.summary(states, crossings),
         "arrival": statistics.arrivals.summary(states, _simulated_seconds(scenario, clock)),
+        "formations": statistics.formations.summary(scenario.config.names),
         "operator_commands": commands,
         "vehicles": [
             _vehicle(scenario, states[task.uav], statistics, networks[task.uav])

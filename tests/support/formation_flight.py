@@ -320,6 +320,7 @@ class FormationFlight:
             height_m=50.0,
             limits=self._limits,
             leader=None if leader == k else of_leader,
+            flies_mission=leader == k and (pilot.command is None or pilot.command.demand is None),
             memory=pilot.memory,
             threats=self.threats,
             lead_s=lead_s,

@@ -21,6 +21,7 @@ from swarmctl.core.records import replace
 _ACTIVITY_OF_PHASE: dict[Phase, Activity] = {
     Phase.LAUNCHING: "launch",
     Phase.FLYING: "mission",
+    Phase.FORMATION: "mission",
     Phase.LANDING: "goal",
     Phase.HOLDING: "hold",
 }

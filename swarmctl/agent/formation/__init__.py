@@ -1,10 +1,15 @@
-"""Formation flight: shapes, the reference that a group follows, and the laws of the three approaches. Pure.
+"""Formation flight: a group's members, their set-points, and the laws of the three approaches. Pure.
 
 | part | subject |
 |---|---|
 | `shape` | the places of a group's members |
 | `reference` | the group's route as a smooth curve, with a speed at each distance |
 | `approaches/` | one file for each approach: what a member does now, by what the members told |
+| `membership` | the group as one vehicle knows it |
+| `presence` | who is in the group, who leads, and by which route |
+| `flight` | joining, set-points, the leader's speed, and leaving |
+| `group_planner`, `group_plan` | the leader's planner, and new routes in flight |
+| `telling`, `trajectory` | messages to the members; the predicted flight |
 
-Imports core and planners. Begin with `approaches.base`.
+Imports core and planners. Begin with `flight`.
 """

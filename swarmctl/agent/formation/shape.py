@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from itertools import combinations
-from typing import Annotated, Literal
+from typing import Literal
 
 from pydantic import Field, model_validator
 
@@ -25,17 +25,25 @@ REFERENCE_PLACE: Place = (0.0, 0.0, 0.0)
 class Shape(Section):
     """The shape of a group."""
 
-    kind: Kind = "wedge"
-    """`wedge`: a V behind the leader. `line`: abreast, the leader in the middle. `column`: one behind the
-    other. `circle`: a ring whose foremost member is the leader. `offsets`: given places."""
-    spacing_m: Annotated[float, Field(gt=0)] = 30.0
-    """distance over ground between neighbours [m]; not of `offsets`"""
-    opening_deg: Annotated[float, Field(gt=0, le=180)] = 90.0
-    """angle between the arms of a `wedge` [deg]; 180: a line"""
-    height_step_m: float = 0.0
-    """difference of height from each place to the next, in the order of the members [m]; 0: level"""
-    offsets_m: tuple[Place, ...] = ()
-    """places of `offsets` (forward, right, up) from the second member on; the first has (0, 0, 0) [m]"""
+    kind: Kind = Field(
+        "wedge",
+        description="wedge: a V behind the leader. line: abreast, the leader in the middle. column: one "
+        "behind the other. circle: a ring whose foremost member is the leader. offsets: given places.",
+    )
+    spacing_m: float = Field(
+        30.0, gt=0.0, description="Distance over ground between neighbours [m]; not of the kind offsets."
+    )
+    opening_deg: float = Field(
+        90.0, gt=0.0, le=180.0, description="Angle between the arms of a wedge [deg]; 180: a line."
+    )
+    height_step_m: float = Field(
+        0.0, description="Difference of height from each place to the next, in the order of members [m]."
+    )
+    offsets_m: tuple[Place, ...] = Field(
+        (),
+        description="Places [forward, right, up] of the kind offsets from the second member on [m]; the "
+        "first member is at [0, 0, 0].",
+    )
 
     @model_validator(mode="after")
     def _offsets_fit_the_kind(self) -> Shape:

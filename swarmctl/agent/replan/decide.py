@@ -8,6 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from swarmctl.agent.formation.group_planner import planner_of
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.length_bounds import LeadIn, before_takeoff
 from swarmctl.agent.replan.route_to_mission import (
@@ -53,7 +54,8 @@ def _decide_from(
     state: AgentState, p_s: NDArray[np.float64], splice: Splice, *, leaves_track: bool = False
 ) -> tuple[AgentState, list[ev.Effect]]:
     """Plan a route from a splice point; `leaves_track`: the splice point is on a straightened track."""
-    task = with_spare_time(state, replace(state.task, altitude_m=state.height_m))
+    task = replace(state.task, altitude_m=state.height_m, method=planner_of(state))
+    task = with_spare_time(state, task)
     start, joining = splice.kept[-1], joining_leg(state, splice)
     if splice.leaves_ahead and start in task.goals and not state.plans.must_change:
         # The vehicle would reach its goal before the end of a swap.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from swarmctl.agent.formation.group_plan import plan_in_formation
 from swarmctl.agent.orders import RETRY_AFTER_S, StepResult, command, release_vehicle
 from swarmctl.agent.own_modes import own_mode_roles
 from swarmctl.agent.phases import IN_FLIGHT, ON_GROUND, PLANNING, Phase
@@ -25,7 +26,7 @@ def needs_tick(state: AgentState, now: float) -> bool:
     """Return whether the agent has to decide on a plan now."""
     return (
         state.plans.dirty
-        and state.phase in PLANNING
+        and (state.phase in PLANNING or state.phase is Phase.FORMATION)
         and state.plans.pending is None
         and not state.waits_for(WaitFor.ROUTE)
         and not state.lost
@@ -62,6 +63,8 @@ def _must_plan_now(state: AgentState) -> bool:
 def plan_if_due(state: AgentState, _event: ev.Tick, now: float) -> StepResult:
     if not needs_tick(state, now):
         return state, []
+    if state.phase is Phase.FORMATION:
+        return plan_in_formation(state), []
     try:
         state, effects = deconflict(state, decide(state), now)
     except Unreachable as error:

@@ -14,7 +14,7 @@ import math
 from collections.abc import Sequence
 
 from swarmctl.agent.orders import StepResult
-from swarmctl.agent.phases import IN_FLIGHT, Phase
+from swarmctl.agent.phases import EN_ROUTE, IN_FLIGHT, Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.intents import own_trajectory, reach
 from swarmctl.agent.traffic.prediction import hold_trajectory, position_of, predictions
@@ -84,7 +84,7 @@ def _has_to_give_way(state: AgentState, other: int) -> bool:
 
 def _standing(state: AgentState, uav: int, report: NeighbourReport) -> Standing:
     phase = report.state.phase
-    can_yield = phase == Phase.FLYING and _acknowledges(state, report)
+    can_yield = phase in EN_ROUTE and _acknowledges(state, report)
     return Standing(activity_of(phase), can_yield, uav)
 
 
@@ -154,7 +154,7 @@ def _reaction(state: AgentState, alarm: ProximityAlarm) -> str:
         return f"; this vehicle cannot give way now; {advice} [alarm-cannot-yield]"
     action = "continues to hold" if state.is_waiting else "gives way"
     report = state.neighbours.get(alarm.other)
-    acknowledges = report is None or report.state.phase != Phase.FLYING or _acknowledges(state, report)
+    acknowledges = report is None or report.state.phase not in EN_ROUTE or _acknowledges(state, report)
     if acknowledges or state.task.uav > alarm.other:
         return f"; this vehicle {action} [alarm-yields]"
     cause = f"vehicle {alarm.other} does not acknowledge receiving its state"

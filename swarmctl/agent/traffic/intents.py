@@ -17,8 +17,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from swarmctl.agent.formation.presence import fellows_of
+from swarmctl.agent.formation.trajectory import flight_in_group
 from swarmctl.agent.orders import StepResult
-from swarmctl.agent.phases import IN_FLIGHT, Phase
+from swarmctl.agent.phases import EN_ROUTE, IN_FLIGHT, Phase
 from swarmctl.agent.replan import wing_trajectory
 from swarmctl.agent.replan.copter_trajectory import (
     DESCENT_M_S,
@@ -102,7 +104,7 @@ def publish_intent(state: AgentState, flight: Trajectory | None) -> StepResult:
 
 def may_change(state: AgentState) -> bool:
     """Return whether the vehicle can change its plan, now or after take-off; False while it waits."""
-    is_en_route = state.phase in (Phase.LAUNCHING, Phase.FLYING)
+    is_en_route = state.phase in EN_ROUTE or state.phase is Phase.LAUNCHING
     has_telemetry = state.vehicle.has_position and not state.lost
     return is_en_route and not state.is_waiting and has_telemetry
 
@@ -172,7 +174,7 @@ def own_trajectory(state: AgentState) -> Trajectory | None:
     if here is None:
         return None
     now_s = vehicle.time_boot_s
-    if state.phase is Phase.FLYING and state.plans.route is not None and state.plans.pending is None:
+    if state.phase in EN_ROUTE and state.plans.route is not None and state.plans.pending is None:
         flight = _phase_trajectory(state, here)
         if flight is not None:
             return until_landing(flight).later(now_s).lasting(now_s + for_s)
@@ -291,6 +293,8 @@ def _phase_trajectory(state: AgentState, here: LocalPoint) -> Trajectory | None:
     if task.wings is not None:
         return _fixed_wing_trajectory(state, here, speed_m_s)
     match state.phase:
+        case Phase.FORMATION:
+            return flight_in_group(state, here)
         case Phase.LAUNCHING if swap is not None:
             lift_s = LIFT_S if here[2] < AIRBORNE_M else 0.0
             return climb_then_fly(here, swap.plan.height_m, waypoints_of(task, swap.plan), speed_m_s, lift_s)
@@ -389,7 +393,12 @@ def receive_intents(state: AgentState, event: ev.Intents, _now: float) -> StepRe
             kept[uav] = NeighbourIntent(
                 ahead, bounds, intent.may_change, sent_s, uncertainty, intent.on_ground, landing
             )
-    fresh = {uav: known for uav, known in kept.items() if 0.0 <= now_s - known.sent_s <= MAX_AGE_S}
+    fellows = fellows_of(state)
+    fresh = {
+        uav: known
+        for uav, known in kept.items()
+        if 0.0 <= now_s - known.sent_s <= MAX_AGE_S and uav not in fellows
+    }
     return replace(state, intents=fresh, others=_with_present_cells(state, event, kept)), []
 
 

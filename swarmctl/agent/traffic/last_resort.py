@@ -83,7 +83,7 @@ def stop_in_time(state: AgentState) -> StepResult:
     names = " and ".join(f"vehicle {uav}" for uav in sorted(to_avoid))
     text = f"the vehicle would come too close to {names} within seconds; it holds [stops-in-time]"
     match state.phase:
-        case Phase.FLYING:
+        case Phase.FLYING | Phase.FORMATION:
             state, effects = hold(state, state.plans.route, to)
         case Phase.LANDING:
             state, effects = hold_before_landing(state, to)
@@ -162,7 +162,7 @@ def _may_stop(state: AgentState) -> bool:
     if not follows or not is_high or not vehicle.armed or vehicle.mode_role not in own_mode_roles(state):
         return False
     match state.phase:
-        case Phase.FLYING:
+        case Phase.FLYING | Phase.FORMATION:
             return may_give_way(state)
         case Phase.LANDING:
             return state.followed is not None and not is_urgent(state)

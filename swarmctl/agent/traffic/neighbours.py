@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 
 from swarmctl.agent.arrival.simultaneous import note_arrival_times
+from swarmctl.agent.formation.presence import fellows_of
 from swarmctl.agent.orders import StepResult
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.prediction import MAX_REPORT_AGE_S
@@ -45,10 +46,11 @@ def receive_neighbours(state: AgentState, event: ev.Neighbours, _now: float) -> 
     }
     known, is_near = state.neighbours.items(), _near_test(state)
     kept = {uav: report for uav, report in known if 0.0 <= now_s - report.at_s <= MAX_REPORT_AGE_S}
+    fellows = fellows_of(state)
     new = {
         uav: report
         for uav, report in reports.items()
-        if is_near(report.state, (report.east_m, report.north_m))
+        if uav not in fellows and is_near(report.state, (report.east_m, report.north_m))
     }
     state = note_returning(note_arrival_times(state, event.states), reports)
     return replace(state, neighbours={**kept, **new}, wait=state.wait and state.wait.noted(reports)), []

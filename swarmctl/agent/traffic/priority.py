@@ -39,6 +39,7 @@ both vehicles land, otherwise the lower system id."""
 ACTIVITY_OF_PHASE: Mapping[str, Activity] = {
     Phase.LAUNCHING: Activity.CLIMBING,
     Phase.FLYING: Activity.EN_ROUTE,
+    Phase.FORMATION: Activity.EN_ROUTE,
     Phase.LANDING: Activity.LANDING,
     Phase.LEAVING: Activity.LANDING,
     Phase.HOLDING: Activity.WAITING,

@@ -12,7 +12,7 @@ from itertools import pairwise
 from typing import Any
 
 from swarmctl.agent.orders import StepResult, command
-from swarmctl.agent.phases import Phase
+from swarmctl.agent.phases import EN_ROUTE, Phase
 from swarmctl.agent.replan.copter_trajectory import DESCENT_M_S, at_height, waypoints_of, with_level_off
 from swarmctl.agent.replan.length_bounds import CLIMB_M_S
 from swarmctl.agent.state import AgentState
@@ -44,7 +44,7 @@ MAX_HEIGHTS = 8
 def may_give_way(state: AgentState) -> bool:
     """Return whether the vehicle can give way: it flies its mission, not far below cruise height."""
     vehicle, task = state.vehicle, state.task
-    if state.task.separation.action == "none" or state.phase is not Phase.FLYING or state.plans.route is None:
+    if state.task.separation.action == "none" or state.phase not in EN_ROUTE or state.plans.route is None:
         return False
     least_m = task.altitude_m - 2.0 * task.separation.limits.vertical_m
     return not state.lost and vehicle.alt_rel_m is not None and vehicle.alt_rel_m >= least_m
@@ -64,10 +64,11 @@ def hold(
 ) -> StepResult:
     """Order a hold to give way; a second hold on the way to one clear route keeps the first deadline.
 
-    The vehicle has no route while it holds.
+    The vehicle has no route while it holds. A member of a group leaves its place.
     """
     wait = begin(WaitFor.ROUTE, state.vehicle.time_boot_s, plan=plan, to=to, before=state.wait)
     changes = {
+        "phase": Phase.FLYING,
         "wait": wait,
         "plans": state.plans.interrupted(),
         "n_holds": state.n_holds + (state.order.given is not ev.FlightOrder.HOLD),

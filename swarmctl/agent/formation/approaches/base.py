@@ -104,6 +104,8 @@ class Group:
     limits: Limits
     leader: int | None = None
     """index of the leader in `others`; None: this member leads"""
+    flies_mission: bool = False
+    """True: this vehicle leads by its mission, without set-points"""
     memory: Memory | None = None
     threats: ThreatField | None = None
     lead_s: float = 0.0
@@ -147,6 +149,10 @@ class Approach(Protocol):
     @property
     def LEADER_FLIES_MISSION(self) -> bool:  # noqa: N802
         """True if the leader flies its mission and all others fly set-points."""
+
+    @property
+    def MEMBERS_TELL_HZ(self) -> float:  # noqa: N802
+        """Rate at which a member that does not lead tells its position [Hz]."""
 
     @property
     def Params(self) -> Any:  # noqa: N802 - it is a class, found in a module

@@ -31,6 +31,7 @@ from swarmctl.core.section import Section
 
 DESCRIPTION = "Each member's velocity joins goal seeking, formation keeping, threat and collision avoidance."
 LEADER_FLIES_MISSION = False
+MEMBERS_TELL_HZ = 5.0
 BACK_TO_ROUTE_HZ, BACK_TO_ROUTE_M_S = 0.2, 3.0
 """Speed of the common reference back to the route for each metre of distance [1/s], and its limit."""
 FORMATION_HZ = 0.5
@@ -54,7 +55,7 @@ class Params(Section):
     null_space: bool = False
     """collision avoidance before threat avoidance, formation keeping and goal seeking, each across the
     directions of those before it; False: the weighted sum"""
-    formation_m_s: Annotated[float, Field(gt=0)] = 3.0
+    closing_m_s: Annotated[float, Field(gt=0)] = 3.0
     """greatest speed toward the place [m/s]"""
     threat_m_s: Annotated[float, Field(gt=0)] = 3.0
     """greatest speed away from threats [m/s]"""
@@ -75,7 +76,7 @@ def fly(params: Params, group: Group) -> Command:
     own = group.position_m
     error = (place_m[0] - own[0], place_m[1] - own[1])
     error_m = math.hypot(*error)
-    pull = min(FORMATION_HZ * error_m, params.formation_m_s) / error_m if error_m > 1e-9 else 0.0
+    pull = min(FORMATION_HZ * error_m, params.closing_m_s) / error_m if error_m > 1e-9 else 0.0
     keeping = (pull * error[0] + turning[0], pull * error[1] + turning[1])
     threat = _threat(params, group)
     collision, their = _collision(params, group)

@@ -25,10 +25,11 @@ from swarmctl.core.section import Section
 
 DESCRIPTION = "The leader flies its mission, and the others keep their places relative to it."
 LEADER_FLIES_MISSION = True
+MEMBERS_TELL_HZ = 2.0
 LOOKS_AHEAD_S = 1.0
 """Time ahead for which the leader's speed is demanded, because a mission changes speed slowly [s]."""
-ON_ROUTE_M = 3.0
-"""Distance from the reference point within which a new leader begins its mission [m]."""
+LONGEST_STEP_S = 0.5
+"""Greatest age of the leader's own last reference, from which it goes on step by step [s]."""
 SLOWING_M_S = 1.0
 """Difference by which a leader slows down for its followers at a time, so that they can slow down too."""
 _NONE: Vector = (0.0, 0.0, 0.0)
@@ -50,7 +51,7 @@ class Params(Section):
 def fly(params: Params, group: Group) -> Command:
     """Return a follower's set-point; for the leader the speed of its mission, and its progress to tell."""
     if group.leader is None:
-        return _lead(params, group)
+        return _lead_mission(params, group) if group.flies_mission else _lead_by_set_points(params, group)
     leader = group.others[group.leader]
     told = reference_now(group) if group.along is None else group.along
     now = reference_now(group)
@@ -70,17 +71,11 @@ def fly(params: Params, group: Group) -> Command:
     return keep_place(group, pose, now, place_m, velocity_m_s, params.closing_m_s)
 
 
-def _lead(params: Params, group: Group) -> Command:
-    """Return the leader's progress along its route, and the speed of its mission.
-
-    The leader is at the reference point, whatever its place was before. A new leader comes from its place, so
-    it flies set-points to the route, and then its mission.
-    """
+def _lead_mission(params: Params, group: Group) -> Command:
+    """Return the leader's progress along its route, and the speed of its mission."""
     own = group.position_m
     expected = reference_now(group)
     share = waiting_share(group, 0.0, params.slows_from_m, params.slows_to_m, params.least_speed_share)
-    if (told := group.along) is not None and _is_beside(group, expected.s_m):
-        return _lead_to_route(params, group, advanced(group, told, share))
     s_m = progress(group, expected.s_m, own[:2])
     pose = group.reference.at(s_m)
     slope = math.hypot(pose.slope_east, pose.slope_north)
@@ -95,16 +90,16 @@ def _lead(params: Params, group: Group) -> Command:
     return Command(None, _NONE, along, memory, min(limit, waiting))
 
 
-def _is_beside(group: Group, s_m: float) -> bool:
-    """Return whether a new leader is still on its way to the route; a leader on its mission keeps to it."""
-    if (memory := group.memory) is None or memory.offset_m == _NONE:
-        return False
-    pose = group.reference.at(s_m)
-    away_m = math.hypot(group.position_m[0] - pose.east_m, group.position_m[1] - pose.north_m)
-    return away_m > ON_ROUTE_M
+def _lead_by_set_points(params: Params, group: Group) -> Command:
+    """Return the set-point of a leader that was a follower before: it goes on along the group's route.
 
-
-def _lead_to_route(params: Params, group: Group, along: Along) -> Command:
+    The leader is at the reference point, whatever its place was before. A mission from beside the route would
+    cross the places of the others.
+    """
+    told, along = group.along, reference_now(group)
+    if told is not None and told.age_s <= LONGEST_STEP_S:
+        share = waiting_share(group, 0.0, params.slows_from_m, params.slows_to_m, params.least_speed_share)
+        along = advanced(group, told, share)
     pose = group.reference.at(along.s_m)
     point, speed_m_s = (pose.east_m, pose.north_m), along.speed_m_s
     velocity = (speed_m_s * pose.slope_east, speed_m_s * pose.slope_north, 0.0)

@@ -1,0 +1,243 @@
+"""Flight in a group: the joining, the set-points, the leader's speed, and the leaving. Pure.
+
+`fly_in_formation` comes last at each telemetry message, because an earlier part of the policy may have taken
+the vehicle out of its group.
+"""
+
+from __future__ import annotations
+
+from swarmctl.agent.arrival.common_time import CommandedSpeed
+from swarmctl.agent.formation.approaches.base import Along, Command, Group, Limits, Member, ThreatField
+from swarmctl.agent.formation.membership import ACCELERATION_M_S2, Formation
+from swarmctl.agent.formation.shape import Place, assigned, least_spacing_m
+from swarmctl.agent.orders import StepResult, command
+from swarmctl.agent.phases import EN_ROUTE, Phase
+from swarmctl.agent.state import AgentState
+from swarmctl.agent.traffic.route_hold import hold
+from swarmctl.core import events as ev
+from swarmctl.core.records import replace
+from swarmctl.core.setpoint import SetPoint
+
+SPEED_EVERY_S, SPEED_CHANGE_M_S = 2.0, 0.3
+"""Least time and least difference between two speeds of the leader's mission [s], [m/s]."""
+LEVEL_WITHIN = 0.4
+"""Distance from its place within which a member flies at the group's height, in spacings."""
+RESTING_TARGET_LEAD_S = 0.1
+"""Time by which set-points are ahead for a vehicle whose target rests between them, as PX4's does [s]."""
+
+
+def fly_in_formation(state: AgentState) -> StepResult:
+    """Join the group, fly to the place, lead, or leave."""
+    formation, membership = state.task.formation, state.membership
+    if formation is None or state.phase not in EN_ROUTE:
+        return state, []
+    in_formation = state.phase is Phase.FORMATION
+    if membership.leader is None or membership.route is None:
+        why = "the group has reached its goal" if membership.is_over else "no leader is heard"
+        return _leave(state, why) if in_formation else _at_full_speed(state)
+    if membership.n_present == 1:
+        return _alone(state, formation) if in_formation else _at_full_speed(state)
+    state = replace(state, membership=replace(membership, alone_since_boot_s=None))
+    if in_formation:
+        state, flown = _flown(state, formation)
+        return state, _set_points(state, flown)
+    if state.leads_group and formation.approach.LEADER_FLIES_MISSION:
+        return _lead_mission(*_flown(state, formation))
+    if state.plans.pending is not None or state.vehicle.mode_role != "mission" or state.alarms:
+        return state, []
+    state, flown = _flown(state, formation)
+    state, ordered = command(state, ev.FlightOrder.FORMATION, phase=Phase.FORMATION)
+    text = f"the vehicle joins group {formation.name}, which vehicle {membership.leader} leads [joins]"
+    return state, [ev.NotifyOperator(text), *_set_points(state, flown), *ordered]
+
+
+def note_following(state: AgentState) -> AgentState:
+    """Note the mode in which the vehicle follows set-points, after it has confirmed the order."""
+    return replace(state, membership=replace(state.membership, setpoint_role=state.vehicle.mode_role))
+
+
+def not_following(state: AgentState, reason: str) -> StepResult:
+    """Fly the own mission on, or hold: the vehicle does not follow set-points."""
+    if state.vehicle.mode_role != "mission":
+        return _leave(state, reason)
+    order = state.order.noted(ev.FlightOrder.LAUNCH).followed()
+    return state.enter(Phase.FLYING, order=order, plans=state.plans.due(), trouble=reason), []
+
+
+def _alone(state: AgentState, formation: Formation) -> StepResult:
+    """Fly on along the route of the group for a while, and then by the own mission."""
+    membership, now_s = state.membership, state.vehicle.time_boot_s
+    since_s = now_s if membership.alone_since_boot_s is None else membership.alone_since_boot_s
+    if now_s - since_s >= formation.alone_after_s:
+        return _leave(state, f"no other member was heard for {formation.alone_after_s:g} s")
+    state = replace(state, membership=replace(membership, alone_since_boot_s=since_s))
+    state, flown = _flown(state, formation)
+    return state, _set_points(state, flown)
+
+
+def _leave(state: AgentState, why: str) -> StepResult:
+    """Hold, and then fly the own mission when its way is clear; the hold gives way to nobody yet."""
+    assert state.task.formation is not None
+    text = f"{why}; the vehicle leaves group {state.task.formation.name}, holds, and flies its own mission"
+    state, effects = hold(state, state.plans.route, {}, n_holds=state.n_holds)
+    return state, [ev.NotifyOperator(f"{text} [leaves-group]"), *effects]
+
+
+def _lead_mission(state: AgentState, flown: Command) -> StepResult:
+    """Set the speed of the leader's mission: for the shape's turns, and for followers that are behind."""
+    wanted_m_s = flown.mission_speed_m_s
+    return (state, []) if wanted_m_s is None else _with_speed(state, wanted_m_s)
+
+
+def _at_full_speed(state: AgentState) -> StepResult:
+    """Set the vehicle's own speed again after it has led a group."""
+    if state.speed.m_s is None or state.task.arrival_group is not None:
+        return state, []
+    return _with_speed(state, state.task.arrival.speed_m_s)
+
+
+def _with_speed(state: AgentState, wanted_m_s: float) -> StepResult:
+    now_s, full_m_s = state.vehicle.time_boot_s, state.task.arrival.speed_m_s
+    present_m_s = full_m_s if state.speed.m_s is None else state.speed.m_s
+    if abs(wanted_m_s - present_m_s) < SPEED_CHANGE_M_S or now_s - state.speed.given_boot_s < SPEED_EVERY_S:
+        return state, []
+    if state.plans.pending is not None or state.vehicle.mode_role != "mission":
+        return state, []
+    return replace(state, speed=CommandedSpeed(wanted_m_s, now_s)), [ev.SetSpeed(wanted_m_s)]
+
+
+# --- the view of an approach, and its answer
+
+
+def _flown(state: AgentState, formation: Formation) -> tuple[AgentState, Command]:
+    """Return the answer of the approach, and the state that remembers it."""
+    membership, now_s = state.membership, state.vehicle.time_boot_s
+    view = _view(state, formation)
+    flown = formation.approach.fly(formation.params, view)
+    assert membership.route is not None
+    membership = replace(
+        membership,
+        along=flown.along,
+        at_boot_s=now_s,
+        memory=flown.memory,
+        shape=membership.route.shape_at(flown.along.s_m),
+        error_m=None if flown.demand is None else flown.error_m,
+    )
+    return replace(state, membership=membership), flown
+
+
+def _view(state: AgentState, formation: Formation) -> Group:
+    """Return the group as this vehicle sees it; heights are above the sea."""
+    membership, vehicle, now_s = state.membership, state.vehicle, state.vehicle.time_boot_s
+    route, leader = membership.route, membership.leader
+    assert route is not None
+    assert leader is not None
+    assert vehicle.lat_lon is not None
+    assert vehicle.alt_amsl_m is not None
+    along = _along(state)
+    others = membership.present(formation.members, now_s, formation.lost_after_s)
+    with_places = membership.present(formation.members, now_s, formation.keeps_place_s)
+    places = _places(state, formation, (*with_places, state.task.uav))
+    here = (*state.task.grid.frame.to_local(*vehicle.lat_lon), vehicle.alt_amsl_m)
+    own_place = places[state.task.uav]
+    limits = state.task.separation.limits
+    return Group(
+        now_s=now_s,
+        position_m=here,
+        velocity_m_s=(vehicle.east_m_s, vehicle.north_m_s, vehicle.climb_m_s),
+        place=own_place,
+        is_leader=state.leads_group,
+        others=tuple(_member(state, uav, places[uav]) for uav in others),
+        along=along,
+        reference=route.reference,
+        profile=route.profile,
+        height_m=_height_amsl_m(state, formation, own_place, least_spacing_m(tuple(places.values()))),
+        limits=Limits(
+            speed_m_s=state.task.arrival.speed_m_s,
+            acceleration_m_s2=ACCELERATION_M_S2,
+            separation_m=limits.horizontal_m,
+            separation_up_m=limits.vertical_m,
+        ),
+        leader=None if state.leads_group else others.index(leader),
+        flies_mission=state.phase is Phase.FLYING and state.leads_group,
+        memory=membership.memory,
+        threats=_threats(state),
+        lead_s=RESTING_TARGET_LEAD_S if membership.setpoint_role == "setpoints" else 0.0,
+    )
+
+
+def _along(state: AgentState) -> Along | None:
+    """Return the reference point: as the leader told it on this route, or as this vehicle last knew it."""
+    membership, now_s = state.membership, state.vehicle.time_boot_s
+    route, leader = membership.route, membership.leader
+    if leader is not None and not state.leads_group and route is not None:
+        told = membership.told[leader]
+        if route.is_of(leader, told.message.route_id):
+            message = told.message
+            return Along(message.along_m, message.speed_m_s, max(now_s - told.at_boot_s, 0.0))
+    along = membership.along
+    if along is None:
+        return _begin(state)
+    return replace(along, age_s=max(now_s - membership.at_boot_s, 0.0))
+
+
+def _begin(state: AgentState) -> Along | None:
+    """Return the reference point of a leader that begins to lead: beside it, at its own speed."""
+    route, lat_lon = state.membership.route, state.vehicle.lat_lon
+    if route is None or lat_lon is None or not state.leads_group:
+        return None
+    s_m = route.reference.locate(state.task.grid.frame.to_local(*lat_lon))
+    return Along(s_m, min(state.vehicle.ground_speed_m_s, route.profile.at(s_m)))
+
+
+def _places(state: AgentState, formation: Formation, present: tuple[int, ...]) -> dict[int, Place]:
+    """Return the present place of each present member."""
+    is_present = [uav in present for uav in formation.members]
+    numbers = assigned(is_present, closes_up=formation.closes_up)
+    places = formation.places(state.membership.shape, len(present))
+    pairs = zip(formation.members, numbers, strict=True)
+    return {uav: places[number] for uav, number in pairs if number is not None}
+
+
+def _member(state: AgentState, uav: int, place: Place) -> Member:
+    told = state.membership.told[uav]
+    message = told.message
+    return Member(
+        position_m=(*state.task.grid.frame.to_local(message.lat_deg, message.lon_deg), message.alt_amsl_m),
+        velocity_m_s=message.velocity_m_s,
+        place=place,
+        age_s=max(state.vehicle.time_boot_s - told.at_boot_s, 0.0),
+        error_m=message.error_m,
+    )
+
+
+def _height_amsl_m(state: AgentState, formation: Formation, place: Place, spacing_m: float) -> float:
+    """Return the height of the reference point above the sea.
+
+    A vehicle keeps its own height until it is near its place: so vehicles cross each other's ways at
+    different heights.
+    """
+    vehicle, membership = state.vehicle, state.membership
+    assert vehicle.alt_amsl_m is not None
+    assert vehicle.alt_rel_m is not None
+    own_m = vehicle.alt_amsl_m - vehicle.alt_rel_m + state.height_m
+    if state.leads_group or not formation.is_level or membership.leader is None:
+        return own_m - (0.0 if formation.is_level else place[2])
+    error_m, told = membership.error_m, membership.told[membership.leader].message
+    is_near = error_m is not None and max(map(abs, error_m[:2])) <= LEVEL_WITHIN * spacing_m
+    return told.height_amsl_m if is_near and told.height_amsl_m else own_m - place[2]
+
+
+def _threats(state: AgentState) -> ThreatField | None:
+    exposure = state.plans.exposure
+    return None if exposure is None else ThreatField(exposure, state.task.grid.cell_size_m)
+
+
+def _set_points(state: AgentState, flown: Command) -> list[ev.Effect]:
+    """Return the set-point for the vehicle."""
+    if flown.demand is None:
+        return []
+    at, alt_amsl_m = None, None
+    if (position_m := flown.demand.position_m) is not None:
+        at, alt_amsl_m = state.task.grid.frame.to_geodetic(*position_m[:2]), position_m[2]
+    return [ev.FlyBy(SetPoint(flown.demand.velocity_m_s, at, alt_amsl_m))]

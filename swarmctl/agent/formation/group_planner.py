@@ -1,0 +1,98 @@
+"""The planner of a group's leader, and where its route changes the shape. Pure."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from swarmctl.agent.formation.shape import assigned
+from swarmctl.agent.phases import ON_GROUND
+from swarmctl.agent.state import AgentState
+from swarmctl.core.grid import Cell
+from swarmctl.planners import formation as planner
+from swarmctl.planners.base import Method, Problem, Unreachable
+
+OTHER_SHAPE = 0.1
+"""Cost of a cell of length in another shape than the first, in lengths of a vehicle: without it a group would
+keep its narrow shape after a passage."""
+
+
+def planner_of(state: AgentState) -> Method:
+    """Return the vehicle's planner; for the leader of a group, and on the ground for the first member, the
+    group's planner."""
+    formation, membership = state.task.formation, state.membership
+    if formation is None:
+        return state.task.method
+    if state.phase in ON_GROUND:
+        is_first = state.task.uav == formation.members[0]
+        return _method(state, formation.members) if is_first else state.task.method
+    if membership.n_present == 1 or not state.leads_group:
+        return state.task.method
+    now_s = state.vehicle.time_boot_s
+    others = membership.present(formation.members, now_s, formation.keeps_place_s)
+    return _method(state, (*others, state.task.uav))
+
+
+def _method(state: AgentState, present: Sequence[int]) -> Method:
+    """Return the planner of a group of these vehicles, which this vehicle leads."""
+    formation, membership, cell_m = state.task.formation, state.membership, state.task.grid.cell_size_m
+    assert formation is not None
+    numbers = assigned([uav in present for uav in formation.members], closes_up=formation.closes_up)
+    own = numbers[formation.members.index(state.task.uav)]
+    others = [number for number in numbers if number is not None and number != own]
+    shapes = []
+    for k in range(len(formation.shapes)):
+        places = formation.places(k, len(present))
+        forward_m, right_m, _ = places[own or 0]
+        offsets = ((places[i][0] - forward_m, places[i][1] - right_m) for i in others)
+        shapes.append(((0.0, 0.0), *((f / cell_m, r / cell_m) for f, r in offsets)))
+    heading_deg = None
+    if membership.route is not None and membership.along is not None and state.phase not in ON_GROUND:
+        heading = membership.route.reference.at(membership.along.s_m).heading_rad
+        heading_deg = math.degrees(heading) % 360.0
+    is_under_way = heading_deg is not None
+    params = planner.Params(
+        tuple(shapes),
+        formation.exposure,
+        other_shape_cost=OTHER_SHAPE * state.task.psi_per_cell,
+        start_heading_deg=heading_deg,
+        start_shape=membership.shape if is_under_way else None,
+    )
+    return Method("formation", planner, params)
+
+
+def shape_changes(
+    state: AgentState,
+    method: Method,
+    problem: Problem,
+    cells: Sequence[Cell],
+    centres_m: Sequence[float],
+    before: int = 0,
+) -> list[tuple[float, int]]:
+    """Return the changes of shape on a route of the group: (distance along it [m], number from there on).
+
+    centres_m: distance along the route to the centre of each cell [m]
+    before: number of the shape at the first cell
+
+    The planner changes the shape at the centre before the cell that the group reaches in its new shape. The
+    members need time for it, so a change to the narrow shape begins as much earlier; a change back does not.
+    A route that the group cannot fly in any shape has no changes.
+    """
+    formation = state.task.formation
+    if method.planner is not planner or len(method.params.shapes) == 1:
+        return []
+    try:
+        numbers = planner.shapes_along(problem, cells, method.params)
+    except Unreachable:
+        return []
+    assert formation is not None
+    takes_m = formation.speed_m_s * formation.change_s(state.membership.n_present)
+    changes: list[tuple[float, int]] = []
+    for at_m, number in zip(centres_m, numbers[1:], strict=False):
+        if number != before:
+            begin_m = at_m - takes_m if number else at_m
+            if changes and begin_m <= changes[-1][0]:
+                changes.pop()  # no time for the shape between
+            changes.append((begin_m, number))
+            before = number
+    return changes

@@ -1,0 +1,180 @@
+"""The group as one vehicle knows it: its fixed task, the newest message of each member, and its route. Pure.
+
+All members apply the same rule to the same messages: the first present member in the group's order leads. So
+all follow the same leader within the time after which a silent member counts as absent.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
+
+from swarmctl.agent.formation.approaches.base import Along, Approach, Memory
+from swarmctl.agent.formation.reference import Reference, SpeedProfile, window_for
+from swarmctl.agent.formation.shape import Place, Shape, radius_m
+from swarmctl.core import events as ev
+from swarmctl.core.frames import MemberShared
+from swarmctl.core.planar import PlanarPoint
+
+PLACE_KEPT = 3.0
+"""Silence for which a member keeps its place, as a multiple of the silence after which another one leads: a
+gap in the messages must not move the whole group."""
+SETTLING_S = 4.0
+"""Time of a change of shape besides the members' ways at their closing speed [s]."""
+ACCELERATION_M_S2 = 2.0
+"""Greatest acceleration demanded of a member."""
+
+
+@dataclass(frozen=True, slots=True)
+class Formation:
+    """The configured group of a vehicle."""
+
+    name: str
+    members: tuple[int, ...]
+    """system ids in the order in which they take places, and lead"""
+    approach: Approach
+    params: Any
+    shapes: tuple[Shape, ...]
+    """the shape, and a second one for narrow passages if there is one"""
+    speed_m_s: float
+    """speed of the reference point"""
+    exposure: Literal["sum", "survival"] = "sum"
+    """exposure of the group in its planner"""
+    closes_up: bool = True
+    is_level: bool = False
+    """True: all members fly at the leader's height; False: each at its own"""
+    lost_after_s: float = 2.0
+    """silence after which a member counts as absent, so that another one may lead [s]"""
+    alone_after_s: float = 10.0
+    """time without any other member after which a member flies its own mission [s]"""
+    rate_hz: float = 5.0
+    """rate of set-points, and of the leader's messages"""
+
+    def places(self, number: int, n_present: int) -> tuple[Place, ...]:
+        """Return the places of shape `number`."""
+        n = n_present if self.closes_up else len(self.members)
+        return self.shapes[min(number, len(self.shapes) - 1)].places(n)
+
+    def change_s(self, n_present: int) -> float:
+        """Return the time that a change of shape takes [s]."""
+        first, last = self.places(0, n_present), self.places(len(self.shapes) - 1, n_present)
+        farthest_m = max((math.dist(a, b) for a, b in zip(first, last, strict=True)), default=0.0)
+        return farthest_m / self.params.closing_m_s + SETTLING_S if len(self.shapes) > 1 else 0.0
+
+    @property
+    def keeps_place_s(self) -> float:
+        """Silence for which the place of a member stays its own [s]."""
+        return PLACE_KEPT * self.lost_after_s
+
+    @property
+    def radius_m(self) -> float:
+        """Greatest distance of a place from the reference point, over all shapes [m]."""
+        return max(radius_m(shape.places(len(self.members))) for shape in self.shapes)
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """The newest message of a member."""
+
+    message: MemberShared
+    at_boot_s: float
+    """time of its position, by this vehicle's clock [s]"""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GroupRoute:
+    """The route of a group's reference point, as its leader tells it."""
+
+    leader: int
+    number: int
+    points_m: tuple[PlanarPoint, ...]
+    """east, north in the area's local frame [m]"""
+    shapes: tuple[tuple[float, int], ...]
+    """(distance along the route [m], number of the shape from there on)"""
+    reference: Reference
+    profile: SpeedProfile
+    plan: tuple[int, int] | None = None
+    """the leader's alone: number of its mission's plan, and of the members for which it chose shapes"""
+
+    @classmethod
+    def of(
+        cls,
+        leader: int,
+        number: int,
+        points_m: tuple[PlanarPoint, ...],
+        shapes: tuple[tuple[float, int], ...],
+        formation: Formation,
+        max_speed_m_s: float,
+        plan: tuple[int, int] | None = None,
+    ) -> GroupRoute:
+        """Return a route; `max_speed_m_s`: greatest speed of a member."""
+        extent_m = formation.radius_m
+        reference = Reference(points_m, window_for(extent_m))
+        profile = SpeedProfile.of(reference, extent_m, formation.speed_m_s, max_speed_m_s, ACCELERATION_M_S2)
+        return cls(leader, number, points_m, shapes, reference, profile, plan)
+
+    def is_of(self, leader: int, number: int) -> bool:
+        return (self.leader, self.number) == (leader, number)
+
+    def shape_at(self, along_m: float) -> int:
+        """Return the number of the shape at a distance along the route."""
+        return next((number for from_m, number in reversed(self.shapes) if along_m >= from_m), 0)
+
+
+@dataclass(frozen=True, slots=True)
+class Membership:
+    """The group as one vehicle knows it; times are by this vehicle's clock."""
+
+    told: Mapping[int, Told] = field(default_factory=dict)
+    route: GroupRoute | None = None
+    """the route that the vehicle follows, or tells while it leads"""
+    leader: int | None = None
+    """the leader by the last decision; None: no group"""
+    n_routes: int = 0
+    """number of routes that this vehicle has told as the leader"""
+    n_present: int = 1
+    """number of present members, this vehicle included"""
+    along: Along | None = None
+    """the reference point as this vehicle last computed it; its age counts from `at_boot_s`"""
+    at_boot_s: float = -math.inf
+    memory: Memory | None = None
+    shape: int = 0
+    """number of the present shape"""
+    error_m: Place | None = None
+    """the vehicle's position minus its place: forward, right, up [m]; None: it flies to no place"""
+    setpoint_role: str = ""
+    """role of the mode in which the vehicle follows set-points; empty: not confirmed yet"""
+    alone_since_boot_s: float | None = None
+    left_boot_s: float = -math.inf
+    is_over: bool = False
+    """True: the group has ended for this vehicle"""
+    sent_boot_s: float = -math.inf
+    route_sent_boot_s: float = -math.inf
+    joins_told: bool = False
+    """last value of `MemberShared.joins` that was sent"""
+
+    def heard(self, event: ev.Members) -> Membership:
+        """Return the membership with new messages."""
+        new = {uav: Told(member, event.boot_s - age_s - member.age_s) for uav, age_s, member in event.told}
+        return replace(self, told={**self.told, **new})
+
+    def present(self, members: Iterable[int], now_s: float, lost_after_s: float) -> tuple[int, ...]:
+        """Return the other members in the group, or on their way to it, in the group's order.
+
+        A member that was not heard for `lost_after_s` is absent.
+        """
+        return tuple(
+            uav
+            for uav in members
+            if (told := self.told.get(uav)) is not None
+            and told.message.joins
+            and now_s - told.at_boot_s <= lost_after_s
+        )
+
+    def apart(self, now_s: float) -> Membership:
+        """Return the membership of a vehicle that leaves its place at `now_s`."""
+        return replace(
+            self, memory=None, error_m=None, setpoint_role="", alone_since_boot_s=None, left_boot_s=now_s
+        )

@@ -1,0 +1,169 @@
+"""Presence: which members are in a vehicle's group, which one leads, and by which route. Pure.
+
+`note_group` comes first at each telemetry message. Present members keep apart by
+`approaches.keeping.apart`, so the rules for other traffic do not see them.
+"""
+
+from __future__ import annotations
+
+import math
+
+from swarmctl.agent.formation.approaches.keeping import on_new_route
+from swarmctl.agent.formation.group_planner import planner_of, shape_changes
+from swarmctl.agent.formation.membership import Formation, GroupRoute, Membership
+from swarmctl.agent.orders import StepResult
+from swarmctl.agent.phases import EN_ROUTE, Phase
+from swarmctl.agent.state import AgentState
+from swarmctl.core import events as ev
+from swarmctl.core.frames import MAX_POINTS
+from swarmctl.core.records import replace
+from swarmctl.planners.base import Problem
+
+JOINS_WITHIN_M = 200.0
+"""Greatest distance from another member at which a vehicle joins, beside the size of the shape [m]."""
+LOW_M = 1.5
+"""Height below its cruise height up to which a vehicle still climbs after its take-off [m]."""
+REJOINS_AFTER_S = 10.0
+"""Time from leaving a group until the vehicle may join again [s]."""
+
+
+def receive_members(state: AgentState, event: ev.Members, _now: float) -> StepResult:
+    """Store the messages of the group."""
+    return replace(state, membership=state.membership.heard(event)), []
+
+
+def note_group(state: AgentState) -> StepResult:
+    """Note who is present and who leads, and forget the traffic reports of present members."""
+    formation, before = state.task.formation, state.membership
+    if formation is None:
+        return state, []
+    if not _belongs(state):
+        alone = replace(before, leader=None, n_present=1)
+        return (state if before.leader is None else replace(state, membership=alone)), []
+    others = _others_near(state, formation)
+    present = [uav for uav in formation.members if uav == state.task.uav or uav in others]
+    membership = replace(before, leader=present[0], n_present=len(present))
+    membership = _with_route(state, formation, membership)
+    if _is_at_end(state, formation, membership):
+        membership = replace(membership, is_over=True, leader=None, n_present=1)
+    state = replace(state, membership=membership)
+    if not (fellows := fellows_of(state)):
+        return state, []
+    neighbours = {uav: report for uav, report in state.neighbours.items() if uav not in fellows}
+    intents = {uav: intent for uav, intent in state.intents.items() if uav not in fellows}
+    return replace(state, neighbours=neighbours, intents=intents), []
+
+
+def fellows_of(state: AgentState) -> frozenset[int]:
+    """Return the present members of the group that the vehicle flies in or leads; none outside of a group."""
+    formation, membership = state.task.formation, state.membership
+    if formation is None or membership.leader is None:
+        return frozenset()
+    if state.phase is not Phase.FORMATION and not (state.phase is Phase.FLYING and state.leads_group):
+        return frozenset()
+    return frozenset(_others_near(state, formation))
+
+
+def _others_near(state: AgentState, formation: Formation) -> tuple[int, ...]:
+    """Return the other present members that are not far from this vehicle, in the group's order."""
+    vehicle, to_local = state.last_position, state.task.grid.frame.to_local
+    if vehicle.lat_lon is None:
+        return ()
+    here, within_m = to_local(*vehicle.lat_lon), JOINS_WITHIN_M + 2.0 * formation.radius_m
+    told = state.membership.told
+    others = state.membership.present(formation.members, state.vehicle.time_boot_s, formation.lost_after_s)
+    return tuple(
+        uav
+        for uav in others
+        if math.dist(here, to_local(told[uav].message.lat_deg, told[uav].message.lon_deg)) <= within_m
+    )
+
+
+def _belongs(state: AgentState) -> bool:
+    """Return whether the vehicle is in its group, or may lead or join it now."""
+    vehicle, membership = state.vehicle, state.membership
+    if state.phase not in EN_ROUTE or state.is_waiting or state.lost or membership.is_over:
+        return False
+    if not vehicle.armed or vehicle.alt_rel_m is None or vehicle.alt_amsl_m is None:
+        return False
+    if state.phase is Phase.FORMATION:
+        return True
+    since_s = vehicle.time_boot_s - membership.left_boot_s
+    return (
+        state.plans.route is not None
+        and vehicle.alt_rel_m >= state.height_m - LOW_M
+        and since_s >= REJOINS_AFTER_S
+    )
+
+
+def _with_route(state: AgentState, formation: Formation, membership: Membership) -> Membership:
+    """Return the membership with the leader's route: its own plan, or the route that it has told."""
+    present, leader = membership.route, membership.leader
+    assert leader is not None
+    if leader != state.task.uav:
+        told = membership.told[leader].message
+        if not told.route or (present is not None and present.is_of(leader, told.route_id)):
+            return membership
+        points_m = tuple(state.task.grid.frame.to_local(*point) for point in told.route)
+        number, shapes = told.route_id, told.shapes
+        route = GroupRoute.of(leader, number, points_m, shapes, formation, state.task.arrival.speed_m_s)
+    elif state.phase is Phase.FORMATION:
+        if present is None or present.leader == leader:
+            return membership
+        # A new leader goes on along the route of the former one, until it plans a route of its own.
+        number = membership.n_routes + 1
+        route = replace(present, leader=leader, number=number)
+        return replace(membership, route=route, n_routes=number, route_sent_boot_s=-math.inf)
+    else:
+        own = _route_of_mission(state, formation, membership)
+        if own is None:
+            return membership
+        route = own
+    along, memory = membership.along, membership.memory
+    if present is not None:
+        along, memory = on_new_route(along, memory, present.reference, route.reference)
+    n_routes = max(membership.n_routes, route.number) if leader == state.task.uav else membership.n_routes
+    return replace(
+        membership,
+        route=route,
+        along=along,
+        memory=memory,
+        n_routes=n_routes,
+        route_sent_boot_s=-math.inf,
+    )
+
+
+def _route_of_mission(state: AgentState, formation: Formation, membership: Membership) -> GroupRoute | None:
+    """Return the route of a leader that flies its mission; None if it is the present one, or unknown."""
+    swap, progress, present = state.plans.route, state.progress, membership.route
+    if swap is None or progress is None:
+        return None
+    plan = swap.plan_id, membership.n_present
+    if present is not None and present.leader == state.task.uav and present.plan == plan:
+        return None
+    task, shapes = state.task, []
+    if state.plans.exposure is not None:
+        problem = Problem(
+            state.plans.exposure, swap.cells[0], task.goals, state.w, task.psi_per_cell, task.max_exposure
+        )
+        own = replace(state, membership=membership)
+        method = planner_of(own)
+        shapes = shape_changes(own, method, problem, swap.cells, progress.flight.centres_m)
+    return GroupRoute.of(
+        task.uav,
+        membership.n_routes + 1,
+        progress.flight.legs.points[:-1][-MAX_POINTS:],
+        tuple(shapes),
+        formation,
+        task.arrival.speed_m_s,
+        plan,
+    )
+
+
+def _is_at_end(state: AgentState, formation: Formation, membership: Membership) -> bool:
+    """Return whether the reference point is so near the end of the route that the members go on alone."""
+    route, along = membership.route, membership.along
+    if route is None or along is None:
+        return False
+    flown_m = along.s_m + along.speed_m_s * (state.vehicle.time_boot_s - membership.at_boot_s)
+    return flown_m >= route.reference.length_m - formation.radius_m - state.task.grid.cell_size_m

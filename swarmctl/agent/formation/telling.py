@@ -1,0 +1,66 @@
+"""Messages to the other members of a group: position and place error, and the leader's reference. Pure."""
+
+from __future__ import annotations
+
+import math
+
+import msgspec
+
+from swarmctl.agent.orders import StepResult
+from swarmctl.agent.state import AgentState
+from swarmctl.core import events as ev
+from swarmctl.core.frames import MemberShared
+from swarmctl.core.records import replace
+
+ROUTE_EVERY_S = 2.0
+"""Time between two messages with an unchanged route [s]."""
+
+
+def tell_group(state: AgentState) -> StepResult:
+    """Send the own message to the other members, if it is due."""
+    formation, membership = state.task.formation, state.membership
+    last, now_s = state.last_position, state.vehicle.time_boot_s
+    if formation is None or last.alt_amsl_m is None or last.lat_deg is None or last.lon_deg is None:
+        return state, []
+    joins = membership.leader is not None and not state.ended
+    if not joins and not membership.joins_told:
+        return state, []
+    is_leader = joins and state.leads_group
+    rate_hz = formation.rate_hz if is_leader else formation.approach.MEMBERS_TELL_HZ
+    # Telemetry comes at times of its own, so a message may be due a little early.
+    if joins == membership.joins_told and 0.0 <= now_s - membership.sent_boot_s < 0.9 / rate_hz:
+        return state, []
+    message = MemberShared(
+        lat_deg=last.lat_deg,
+        lon_deg=last.lon_deg,
+        alt_amsl_m=last.alt_amsl_m,
+        velocity_m_s=(last.east_m_s, last.north_m_s, last.climb_m_s),
+        age_s=max(now_s - last.time_boot_s, 0.0) + max(state.vehicle.delay_s, 0.0),
+        joins=joins,
+        error_m=0.0 if membership.error_m is None else math.hypot(*membership.error_m[:2]),
+    )
+    if is_leader:
+        with_route = not 0.0 <= now_s - membership.route_sent_boot_s < ROUTE_EVERY_S
+        message = _as_leader(state, message, with_route=with_route)
+        if with_route and message.route:
+            membership = replace(membership, route_sent_boot_s=now_s)
+    state = replace(state, membership=replace(membership, sent_boot_s=now_s, joins_told=joins))
+    return state, [ev.Publish(message, group=formation.members)]
+
+
+def _as_leader(state: AgentState, message: MemberShared, *, with_route: bool) -> MemberShared:
+    """Return the message with the reference point, and with the route if it is due."""
+    route, along, last = state.membership.route, state.membership.along, state.last_position
+    if route is None or along is None:
+        return message
+    to_geodetic = state.task.grid.frame.to_geodetic
+    home_m = (last.alt_amsl_m or 0.0) - (last.alt_rel_m or 0.0)
+    return msgspec.structs.replace(
+        message,
+        along_m=along.s_m,
+        speed_m_s=along.speed_m_s,
+        route_id=route.number,
+        route=tuple(to_geodetic(*point) for point in route.points_m) if with_route else (),
+        shapes=route.shapes if with_route else (),
+        height_amsl_m=home_m + state.height_m,
+    )

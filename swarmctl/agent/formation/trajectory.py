@@ -1,0 +1,41 @@
+"""The predicted flight of a member of a group: to its place, and with it along the group's route. Pure."""
+
+from __future__ import annotations
+
+import math
+
+from swarmctl.agent.state import AgentState
+from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory
+
+EVERY_S = 2.0
+"""Time between two points of the flight [s]."""
+MAX_POINTS = 100
+"""Greatest number of points: the flight is announced for 200 s at most."""
+
+
+def flight_in_group(state: AgentState, here: LocalPoint) -> Trajectory | None:
+    """Return the flight from 0 s on, with heights above home; None before the first set-point.
+
+    The present distance from the place shrinks to 0 in the time that the vehicle takes at its spare speed.
+    """
+    formation, membership = state.task.formation, state.membership
+    route, along, memory = membership.route, membership.along, membership.memory
+    if formation is None or route is None or along is None or memory is None:
+        return None
+    pose = route.reference.at(along.s_m)
+    away_e, away_n = memory.place_m[0] - pose.east_m, memory.place_m[1] - pose.north_m
+    sin, cos = math.sin(pose.heading_rad), math.cos(pose.heading_rad)
+    forward, right = away_e * sin + away_n * cos, away_e * cos - away_n * sin
+    off_e, off_n = here[0] - memory.place_m[0], here[1] - memory.place_m[1]
+    spare_m_s = max(state.task.arrival.speed_m_s - formation.speed_m_s, 1.0)
+    joins_in_s = math.hypot(off_e, off_n) / spare_m_s
+    s_m, speed_m_s = along.s_m, along.speed_m_s
+    times, points = [0.0], [here]
+    while len(points) < MAX_POINTS and s_m < route.reference.length_m and speed_m_s > 0.0:
+        s_m, speed_m_s = route.profile.ahead(s_m, speed_m_s, EVERY_S)
+        t_s = times[-1] + EVERY_S
+        east_m, north_m = route.reference.at(s_m).at(forward, right)
+        left = max(1.0 - t_s / joins_in_s, 0.0) if joins_in_s else 0.0
+        times.append(t_s)
+        points.append((east_m + left * off_e, north_m + left * off_n, here[2]))
+    return Trajectory(tuple(times), tuple(points)) if len(points) > 1 else None

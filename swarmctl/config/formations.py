@@ -1,0 +1,72 @@
+"""The section `formations` of a configuration: groups that fly in a shape."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, ValidationInfo, field_validator
+
+from swarmctl.agent.formation.approaches import APPROACHES
+from swarmctl.agent.formation.shape import Shape
+from swarmctl.core.section import NameIn, Section
+
+
+class FormationSection(Section):
+    """A group of vehicles that flies in a shape."""
+
+    name: str = Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*$", description="Name of the group.")
+    members: tuple[int | str, ...] = Field(
+        min_length=2,
+        description="Vehicles by name or system id, in the order in which they take the places. The first "
+        "vehicle that is present leads.",
+    )
+    approach: Annotated[str, NameIn(APPROACHES)] = Field(
+        "leader_following", description=f"How the members keep their places: {', '.join(APPROACHES)}."
+    )
+    options: dict[str, Any] = Field(
+        {}, description="Parameters of the approach, by name. Default: the approach's own values."
+    )
+    shape: Shape = Field(Shape(), description="The shape of the group.")
+    narrow_shape: Shape | None = Field(
+        None, description="Shape for passages that are narrow or dear for `shape`. Default: none."
+    )
+    exposure: Literal["sum", "survival"] = Field(
+        "sum",
+        description="Exposure of a group in its planner. sum: the sum of P_s over the members' cells. "
+        "survival: 1 − ∏(1 − P_s).",
+    )
+    heights: Literal["stepped", "level"] = Field(
+        "stepped",
+        description="stepped: each member flies at its own altitude. level: at the leader's altitude, with "
+        "the shape's height_step_m from place to place.",
+    )
+    speed_m_s: float | None = Field(
+        None,
+        gt=0.0,
+        description="Speed of the group [m/s]. Members need some more to keep their places in turns. "
+        "Default: 0.7 of the slowest member's speed.",
+    )
+    rate_hz: float = Field(
+        5.0,
+        ge=5.0,
+        le=10.0,
+        description="Rate of set-points, of the members' positions and of the leader's messages [Hz].",
+    )
+    lost_member: Literal["close_up", "leave_open"] = Field(
+        "close_up", description="close_up: the others take over its place. leave_open: its place stays open."
+    )
+    lost_after_s: float = Field(
+        2.0, gt=0.0, description="Silence after which a member counts as absent, and another may lead [s]."
+    )
+    alone_after_s: float = Field(
+        10.0,
+        gt=0.0,
+        description="Time without any other member after which a member flies its own mission [s].",
+    )
+
+    @field_validator("options")
+    @classmethod
+    def _fit_the_approach(cls, options: dict[str, Any], info: ValidationInfo) -> dict[str, Any]:
+        if (name := info.data.get("approach")) is not None:
+            APPROACHES[name].Params(**options)
+        return options

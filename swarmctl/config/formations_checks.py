@@ -1,0 +1,147 @@
+"""Checks of the section `formations`: members, room, separation, and the range of communication. Pure."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from itertools import combinations
+
+from swarmctl.agent.formation.shape import Place, least_spacing_m, radius_m, width_m
+from swarmctl.config.communication import vehicle_of
+from swarmctl.config.formations import FormationSection
+from swarmctl.config.model import Config
+from swarmctl.config.problems import ConfigProblem
+from swarmctl.config.scenario import Scenario
+from swarmctl.config.specs import Spec
+from swarmctl.config.yaml_lines import KeyPath
+from swarmctl.links import LINKS
+
+
+def check_formations(config: Config) -> Iterator[ConfigProblem]:
+    """Yield problems of names and members: an unknown vehicle, or one in two places or groups."""
+    groups: dict[str, int] = {}
+    member_of: dict[int, str] = {}
+    for i, section in enumerate(config.formations):
+        here: KeyPath = ("formations", i)
+        if section.name in groups:
+            text = f"two groups have the name {section.name}; give each a name of its own"
+            yield ConfigProblem((*here, "name"), text)
+        groups[section.name] = i
+        for j, ref in enumerate(section.members):
+            path = (*here, "members", j)
+            try:
+                uav = vehicle_of(ref, config.names)
+            except ValueError as error:
+                yield ConfigProblem(path, str(error))
+                continue
+            if uav in member_of:
+                text = f"{ref} is already a member of group {member_of[uav]}; remove it here or there"
+                yield ConfigProblem(path, text)
+            member_of[uav] = section.name
+    if config.formations:
+        yield from _check_other_sections(config)
+
+
+def _check_other_sections(config: Config) -> Iterator[ConfigProblem]:
+    """Yield problems of settings that a group cannot follow."""
+    if config.arrival is not None:
+        text = "vehicles of a formation arrive as a group; remove this section, or `formations`"
+        yield ConfigProblem(("arrival",), text)
+    if config.separation.action == "climb":
+        text = "a member of a group gives way by a hold; set separation.action: hold"
+        yield ConfigProblem(("separation", "action"), text)
+
+
+def check_groups(scenario: Scenario) -> Iterator[ConfigProblem]:
+    """Yield problems of each group: its vehicles, its room, its distances, and its messages."""
+    for i, section in enumerate(scenario.config.formations):
+        uavs = [vehicle_of(ref, scenario.config.names) for ref in section.members]
+        members = [spec for uav in uavs for spec in scenario.swarm if spec.sysid == uav]
+        here: KeyPath = ("formations", i)
+        yield from _check_members(section, members, here)
+        try:
+            shapes = {"shape": section.shape.places(len(members))}
+            if section.narrow_shape is not None:
+                shapes["narrow_shape"] = section.narrow_shape.places(len(members))
+        except ValueError as error:
+            yield ConfigProblem((*here, "shape", "offsets_m"), f"{error}; add the missing offsets")
+            continue
+        for key, places in shapes.items():
+            yield from _check_distances(scenario, section, members, places, (*here, key))
+            yield from _check_room(scenario, places, (*here, key))
+            yield from _check_messages(scenario, places, (*here, key))
+
+
+def _check_members(section: FormationSection, members: list[Spec], here: KeyPath) -> Iterator[ConfigProblem]:
+    for j, spec in enumerate(members):
+        path = (*here, "members", j)
+        if spec.airframe == "plane":
+            text = f"{spec.name} is a plane, and a place in a shape needs a vehicle that can hover; remove it"
+            yield ConfigProblem(path, text)
+        if not LINKS[spec.link].sends_set_points:
+            text = f"{spec.name} has the link {spec.link}, which sends no set-points; set link: direct"
+            yield ConfigProblem(path, text)
+        if section.speed_m_s is not None and section.speed_m_s >= spec.speed_m_s:
+            text = (
+                f"{section.speed_m_s:g} m/s leaves {spec.name} ({spec.speed_m_s:g} m/s) no reserve for "
+                f"turns; give {0.8 * spec.speed_m_s:.3g} or less"
+            )
+            yield ConfigProblem((*here, "speed_m_s"), text)
+
+
+def _check_distances(
+    scenario: Scenario,
+    section: FormationSection,
+    members: list[Spec],
+    places: tuple[Place, ...],
+    path: KeyPath,
+) -> Iterator[ConfigProblem]:
+    """Yield the problem of two places that are nearer than the separation, over ground and in height."""
+    limits = scenario.config.separation
+    for (one, a), (other, b) in combinations(zip(members, places, strict=True), 2):
+        apart_m = math.dist(a[:2], b[:2])
+        up_m = abs(a[2] - b[2]) if section.heights == "level" else abs(one.altitude_m - other.altitude_m)
+        if apart_m < limits.horizontal_m and up_m < limits.vertical_m:
+            text = (
+                f"the places of {one.name} and {other.name} are {apart_m:.3g} m apart over ground and "
+                f"{up_m:.3g} m in height, below the separation ({limits.horizontal_m:g} m and "
+                f"{limits.vertical_m:g} m); raise spacing_m to {limits.horizontal_m:g} m or more"
+            )
+            yield ConfigProblem(path, text)
+            return
+
+
+def _check_room(scenario: Scenario, places: tuple[Place, ...], path: KeyPath) -> Iterator[ConfigProblem]:
+    """Yield the problem of a shape that is wider than the area, or than the fence around it."""
+    grid = scenario.grid
+    corners = [grid.frame.to_local(*corner) for corner in scenario.fence_polygon]
+    fence_m = min(max(axis) - min(axis) for axis in zip(*corners, strict=True))
+    extent_m = max(width_m(places), radius_m(places))
+    for what, room_m in (("area", min(grid.size_east_m, grid.size_north_m)), ("fence", fence_m)):
+        if extent_m > room_m:
+            text = f"the shape is {extent_m:.4g} m wide, and the {what} {room_m:.4g} m; lower spacing_m"
+            yield ConfigProblem(path, text)
+            return
+
+
+def _check_messages(scenario: Scenario, places: tuple[Place, ...], path: KeyPath) -> Iterator[ConfigProblem]:
+    """Yield the problem of a range of communication that does not reach from one end to the other."""
+    c, n = scenario.config.communication, len(places)
+    extent_m = max((math.dist(a[:2], b[:2]) for a, b in combinations(places, 2)), default=0.0)
+    if c.max_distance_m is not None and extent_m > c.max_distance_m:
+        text = (
+            f"the ends of the shape are {extent_m:.4g} m apart, and messages reach {c.max_distance_m:g} m; "
+            "lower spacing_m, or raise communication.max_distance_m"
+        )
+        yield ConfigProblem(path, text, depends_on=("communication", "max_distance_m"))
+    if c.range != "all" and c.range < n - 1:
+        text = (
+            f"a message reaches {c.range} vehicles, and each member has {n - 1} others; raise "
+            f"communication.range to {n - 1} or more, or write all"
+        )
+        yield ConfigProblem(path, text, depends_on=("communication", "range"))
+    nearest_m = least_spacing_m(places)
+    if c.min_distance_m > nearest_m:
+        text = f"members {nearest_m:.3g} m apart hear nothing below communication.min_distance_m = "
+        text += f"{c.min_distance_m:g} m; lower that key, or raise spacing_m"
+        yield ConfigProblem(path, text, depends_on=("communication", "min_distance_m"))

@@ -1,0 +1,93 @@
+"""Statistics of groups: errors of the members, time in shape, and changes of leader and shape."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from dataclasses import dataclass, field
+from typing import Any
+
+from swarmctl.agent.phases import Phase
+from swarmctl.agent.state import AgentState
+
+IN_PLACE_M = 5.0
+"""Distance from its place within which a member counts as in place [m]."""
+LONGEST_STEP_S = 2.0
+"""Longest time between two telemetry messages that counts as time in a group [s]."""
+AXES = ("along", "across", "height")
+
+
+@dataclass(slots=True)
+class MemberStatistics:
+    """The flight of one member at its place; errors count from its first arrival there."""
+
+    is_joined: bool = False
+    n: int = 0
+    squares_m2: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    largest_m: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    in_group_s: float = 0.0
+    in_place_s: float = 0.0
+    leader_changes: int = 0
+    shape_changes: int = 0
+    joins: int = 0
+
+    def summary(self) -> dict[str, Any]:
+        rms_m = [math.sqrt(square / self.n) if self.n else None for square in self.squares_m2]
+        return {
+            "rms_error_m": dict(zip(AXES, rms_m, strict=True)),
+            "largest_error_m": dict(zip(AXES, self.largest_m if self.n else [None] * 3, strict=True)),
+            "time_in_group_s": self.in_group_s,
+            "time_in_place_s": self.in_place_s,
+            "joins": self.joins,
+            "leader_changes": self.leader_changes,
+            "shape_changes": self.shape_changes,
+        }
+
+
+class FormationStatistics:
+    """The groups of a flight."""
+
+    def __init__(self) -> None:
+        self._members: defaultdict[str, dict[int, MemberStatistics]] = defaultdict(dict)
+
+    def moved(self, before: AgentState, after: AgentState) -> None:
+        """Count a telemetry message of a vehicle."""
+        formation, membership = after.task.formation, after.membership
+        if formation is None:
+            return
+        member = self._members[formation.name].setdefault(after.task.uav, MemberStatistics())
+        if membership.leader is None or membership.n_present == 1:
+            return
+        step_s = after.vehicle.time_boot_s - before.vehicle.time_boot_s
+        if not 0.0 <= step_s <= LONGEST_STEP_S:
+            return
+        member.in_group_s += step_s
+        earlier = before.membership
+        if earlier.leader is not None and earlier.n_present > 1:
+            member.leader_changes += earlier.leader != membership.leader
+            member.shape_changes += earlier.shape != membership.shape
+        if after.phase is not Phase.FORMATION or (error_m := membership.error_m) is None:
+            member.is_joined = False
+            return
+        if before.phase is not Phase.FORMATION:
+            member.joins += 1
+        is_in_place = math.hypot(*error_m[:2]) <= IN_PLACE_M
+        member.is_joined = member.is_joined or is_in_place
+        member.in_place_s += step_s * is_in_place
+        if member.is_joined:
+            member.n += 1
+            for axis, error in enumerate(error_m):
+                member.squares_m2[axis] += error * error
+                member.largest_m[axis] = max(member.largest_m[axis], abs(error))
+
+    def summary(self, names: dict[int, str]) -> list[dict[str, Any]]:
+        """Return the groups, each with its members by name; `names`: the vehicles by system id."""
+        return [
+            {
+                "name": name,
+                "members": {names[uav]: member.summary() for uav, member in sorted(members.items())},
+                "leader_changes": max(member.leader_changes for member in members.values()),
+                "shape_changes": max(member.shape_changes for member in members.values()),
+            }
+            for name, members in self._members.items()
+        ]

@@ -1,0 +1,109 @@
+"""Groups that cannot fly are refused at their key, before anything starts."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+from flights import AREA
+
+from swarmctl.config.checks import check_config
+from swarmctl.config.model import Config
+
+GROUP = {"name": "alpha", "members": ["uav1", "uav2", "uav3"]}
+
+
+def keys_of_problems(*groups: dict[str, Any], **sections: Any) -> set[tuple[str | int, ...]]:
+    content: dict[str, Any] = {
+        "name": "small",
+        "area": AREA,
+        "threats": {"count": 5},
+        "communication": {"bus": "memory"},
+        "simulate": {"count": 3, "start_spacing_m": 20.0, "goal": [4, 7]},
+        "formations": [GROUP | group for group in groups],
+    }
+    for name, change in sections.items():
+        content[name] = {**content.get(name, {}), **change}
+    config = Config.model_validate_json(json.dumps(content))
+    return {problem.path for problem in check_config(config)}
+
+
+def test_a_wedge_of_three_is_accepted() -> None:
+    assert keys_of_problems({}) == set()
+
+
+@pytest.mark.parametrize(
+    ("group", "sections", "key"),
+    [
+        pytest.param({"members": ["uav1", "uav9"]}, {}, ("members", 1), id="unknown vehicle"),
+        pytest.param({"members": ["uav1", "uav1"]}, {}, ("members", 1), id="twice a member"),
+        pytest.param({"speed_m_s": 10.0}, {}, ("speed_m_s",), id="no reserve for turns"),
+        pytest.param(
+            {"shape": {"kind": "column", "spacing_m": 6.0}},
+            {"flight": {"altitude_step_m": 1.0}},
+            ("shape",),
+            id="narrower than the separation",
+        ),
+        pytest.param(
+            {"shape": {"kind": "line", "spacing_m": 6.0}, "heights": "level"},
+            {},
+            ("shape",),
+            id="level, too near",
+        ),
+        pytest.param(
+            {"shape": {"kind": "line", "spacing_m": 300.0}}, {}, ("shape",), id="wider than the area"
+        ),
+        pytest.param(
+            {"narrow_shape": {"kind": "column", "spacing_m": 300.0}},
+            {},
+            ("narrow_shape",),
+            id="longer than the area",
+        ),
+        pytest.param(
+            {"shape": {"kind": "offsets", "offsets_m": [[-30, 0, 0]]}},
+            {},
+            ("shape", "offsets_m"),
+            id="few offsets",
+        ),
+        pytest.param({}, {"communication": {"max_distance_m": 25.0}}, ("shape",), id="messages end too near"),
+        pytest.param({}, {"communication": {"range": 1}}, ("shape",), id="messages reach one member"),
+        pytest.param(
+            {}, {"communication": {"min_distance_m": 35.0}}, ("shape",), id="members are too near to hear"
+        ),
+        pytest.param(
+            {},
+            {
+                "simulate": {"autopilot": ["ardupilot", "ardupilot", "arduplane"]},
+                "flight": {"any_angle": True},
+            },
+            ("members", 2),
+            id="a plane",
+        ),
+    ],
+)
+def test_a_group_that_cannot_fly_is_refused(
+    group: dict[str, Any], sections: dict[str, Any], key: tuple[str | int, ...]
+) -> None:
+    assert ("formations", 0, *key) in keys_of_problems(group, **sections)
+
+
+def test_a_vehicle_in_two_groups_is_refused() -> None:
+    assert ("formations", 1, "members", 0) in keys_of_problems(
+        {}, {"name": "beta", "members": ["uav3", "uav2"]}
+    )
+
+
+def test_a_link_without_set_points_is_refused() -> None:
+    assert ("formations", 0, "members", 0) in keys_of_problems({}, simulate={"link": "mavsdk"})
+
+
+@pytest.mark.parametrize("approach", ["leader_following", "behavioural", "virtual_structure"])
+def test_an_unknown_parameter_of_an_approach_is_refused(approach: str) -> None:
+    with pytest.raises(ValueError, match="closeness"):
+        Config.model_validate_json(
+            json.dumps(
+                {"area": AREA, "threats": {"count": 0}, "simulate": {"count": 3}}
+                | {"formations": [GROUP | {"approach": approach, "options": {"closeness": 1.0}}]}
+            )
+        )

@@ -1,0 +1,149 @@
+"""Groups in formation, in whole flights on the virtual clock, by the records of their agents."""
+
+from __future__ import annotations
+
+import asyncio
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+from flights import AREA, Ui, coded, fly
+from group_flights import COLS, ROWS, group, rms, seen, settled
+
+from swarmctl.agent.state import ARRIVED
+from swarmctl.bus.endpoint import BusEndpoint
+from swarmctl.bus.transports.memory import MemoryBus
+from swarmctl.config.scenario import Scenario
+from swarmctl.core.messages import GiveOrder
+from swarmctl.flight import app
+from swarmctl.flight.virtual_clock import run_virtual
+from swarmctl.station import client
+
+pytestmark = pytest.mark.virtual
+
+APPROACHES = ["leader_following", "behavioural", "virtual_structure"]
+full = pytest.mark.full
+STATION = client.FlightEndpoints("small", BusEndpoint("127.0.0.1", 7447))
+
+
+def flies_by_set_points(approach: str) -> set[int]:
+    return {2, 3} if approach == "leader_following" else {1, 2, 3}
+
+
+@pytest.mark.parametrize(
+    ("approach", "autopilot"),
+    [
+        pytest.param("leader_following", "ardupilot"),
+        pytest.param("virtual_structure", "px4"),
+        pytest.param("behavioural", "ardupilot", marks=full),
+        pytest.param("leader_following", "px4", marks=full),
+        pytest.param("virtual_structure", "ardupilot", marks=full),
+        pytest.param("behavioural", "px4", marks=full),
+    ],
+)
+def test_members_keep_their_places_at_10_m_s_with_100_ms_of_delay(
+    approach: str, autopilot: str, tmp_path: Path
+) -> None:
+    scenario = group(approach, simulate={"autopilot": autopilot})
+    report = fly(scenario, tmp_path)
+    assert [state.outcome for state in report.states.values()] == [ARRIVED] * 3
+    assert report.summary["separation"]["too_close"] == []
+    members = {uav: rows for uav, rows in seen(tmp_path, scenario).items() if rows}
+    assert set(members) == flies_by_set_points(approach)
+    for rows in map(settled, members.values()):
+        assert rows[-1].boot_s - rows[0].boot_s > 30.0
+        assert rms([row.across_m for row in rows]) < 1.0
+        assert rms([row.along_m for row in rows]) < 2.0
+
+
+@pytest.mark.parametrize("approach", [pytest.param(a, marks=full) for a in APPROACHES])
+def test_two_seconds_without_messages_of_the_leader_move_nobody_by_5_m(approach: str, tmp_path: Path) -> None:
+    quiet = [{"uavs": ["uav1"], "from_s": 45.0, "until_s": 47.0}]
+    scenario = group(approach, communication={"quiet": quiet})
+    report = fly(scenario, tmp_path)
+    assert report.summary["separation"]["too_close"] == []
+    for rows in filter(None, seen(tmp_path, scenario).values()):
+        assert max(row.error_m for row in settled(rows) if row.boot_s > 44.0) < 5.0
+
+
+def through_a_gap(approach: str = "leader_following") -> Scenario:
+    wall = [[row, COLS // 2] for row in range(ROWS) if row != ROWS // 2]
+    return group(
+        approach,
+        area={**AREA, "rows": ROWS, "cols": COLS, "no_fly": wall},
+        formation={
+            "shape": {"kind": "line", "spacing_m": 45.0},
+            "narrow_shape": {"kind": "column", "spacing_m": 20.0},
+        },
+    )
+
+
+def test_a_group_changes_its_shape_for_a_gap(tmp_path: Path) -> None:
+    scenario = through_a_gap()
+    report = fly(scenario, tmp_path)
+    (alpha,) = report.summary["formations"]
+    assert alpha["shape_changes"] >= 1
+    assert [vehicle["no_fly_cells_entered"] for vehicle in report.summary["vehicles"]] == [0, 0, 0]
+    assert [state.outcome for state in report.states.values()] == [ARRIVED] * 3
+
+
+def ordered(scenario: Scenario, folder: Path, at_s: float, order: Any, uav: int) -> tuple[Any, Ui]:
+    """Fly, and give one vehicle an order."""
+
+    async def scene() -> Any:
+        bus, ui = MemoryBus(), Ui()
+        flight = asyncio.create_task(
+            app.fly(scenario, folder, ui, clock="virtual", permission=lambda _: None, bus=bus)
+        )
+        await asyncio.sleep(at_s)
+        answer = await client.ask(bus, STATION, GiveOrder((str(uav),), order))
+        assert [vehicle.outcome for vehicle in answer.vehicles] == ["taken"]
+        return await flight, ui
+
+    report, ui = run_virtual(scene())
+    assert report.bug is None
+    return report, ui
+
+
+@pytest.mark.parametrize(
+    "approach",
+    [
+        "leader_following",
+        pytest.param("virtual_structure", marks=full),
+        pytest.param("behavioural", marks=full),
+    ],
+)
+def test_after_the_leader_lands_the_next_member_leads_within_2_s_and_nobody_stands(
+    approach: str, tmp_path: Path
+) -> None:
+    scenario, ordered_s = group(approach), 45.0
+    report, ui = ordered(scenario, tmp_path, ordered_s, "land", 1)
+    rows = seen(tmp_path, scenario)
+    for uav in (2, 3):
+        later = [row for row in rows[uav] if row.boot_s > ordered_s]
+        first = next(row for row in later if row.leader == 2)
+        assert first.boot_s - later[0].boot_s <= 2.0
+        assert all(row.leader == 2 for row in later[later.index(first) :])
+        assert min(row.speed_m_s for row in later if row.boot_s < ordered_s + 15.0) > 1.0
+    assert [report.states[uav].outcome for uav in (2, 3)] == [ARRIVED] * 2
+    assert report.summary["separation"]["too_close"] == []
+    assert coded(ui.said, "uav2", "leaves-group")
+
+
+def test_a_member_without_the_others_flies_its_own_mission(tmp_path: Path) -> None:
+    quiet = [{"uavs": ["uav1", "uav3"], "from_s": 35.0}]
+    scenario, ui = group(communication={"quiet": quiet}, formation={"alone_after_s": 4.0}), Ui()
+    report = fly(scenario, tmp_path, ui=ui)
+    assert coded(ui.said, "uav2", "leaves-group")
+    assert [state.outcome for state in report.states.values()] == [ARRIVED] * 3
+
+
+def test_the_reference_point_moves_steadily_when_the_route_changes(tmp_path: Path) -> None:
+    hostiles = [[ROWS // 2, 6], [ROWS // 2, 9]]
+    scenario = group("virtual_structure", threats={"count": 2, "hostiles": hostiles}, planner={"w": 0.9})
+    report = fly(scenario, tmp_path)
+    assert max(state.membership.n_routes for state in report.states.values()) > 1
+    for rows in filter(None, seen(tmp_path, scenario).values()):
+        errors = [row.error_m for row in settled(rows)]
+        assert max(abs(b - a) for a, b in pairwise(errors)) < 3.0
