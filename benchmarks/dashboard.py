@@ -2,7 +2,8 @@
 
 The swarm is made up: each vehicle tells its state and its intent each second, moves, and observes cells that
 all others receive. CPU time is that of the model and of the encoded changes for one browser; the process has
-one core. `--run` reads a recorded run instead, and looks at random times.
+one core. `--run` reads a recorded run instead, and looks at random times. `--browsers 5` flies the first
+example without and with a dashboard and five pages of Chromium, and compares CPU times and latencies.
 """
 
 from __future__ import annotations
@@ -10,8 +11,15 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import os
 import random
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
 import time
+from contextlib import ExitStack
 from pathlib import Path
 
 import msgspec
@@ -27,6 +35,7 @@ from swarmctl.dashboard.changes import changes
 from swarmctl.dashboard.model import EVERYBODY, Timeline
 from swarmctl.dashboard.sources.recording import RecordSource
 
+LATENCIES = ("observation_to_last_peers_belief_s", "observation_to_last_changed_mission_s")
 PICTURES_A_SECOND = 10
 TELEMETRY_A_SECOND = 4
 CELLS_AN_OBSERVATION = 3
@@ -151,14 +160,84 @@ def replayed(console: Console, run: Path) -> None:
     source.close()
 
 
+def flown(console: Console, n_pages: int) -> None:
+    """Fly the first example without the dashboard, and with `n_pages` open pages of it."""
+    table = make_table(
+        "the first example in real time",
+        "pages", "flight [s of CPU]", "dashboard [s of CPU]", "observation to last belief, p50, p99 [s]",
+        "observation to last mission, p50, p99 [s]",
+    )  # fmt: skip
+    for pages in (0, n_pages):
+        with tempfile.TemporaryDirectory() as folder:
+            flight_s, dashboard_s, latency = _one_flight(Path(folder), pages)
+        ages = [f"{latency[name]['p50']:.2f}, {latency[name]['p99']:.2f}" for name in LATENCIES]
+        table.add_row(str(pages), f"{flight_s:.1f}", f"{dashboard_s:.1f}", *ages)
+    console.print(table)
+
+
+def _one_flight(folder: Path, pages: int) -> tuple[float, float, dict[str, dict[str, float]]]:
+    """Return the CPU times of the flight and of its dashboard [s], and the latencies of its summary."""
+    command = [
+        sys.executable,
+        "-m",
+        "swarmctl",
+        "fly",
+        "--example",
+        "swarm",
+        *["--dashboard"][: min(pages, 1)],
+    ]
+    flight_s = dashboard_s = 0.0
+    with ExitStack() as stack:
+        flight = subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, text=True)
+        stack.callback(flight.kill)
+        assert flight.stdout is not None
+        for line in flight.stdout if pages else ():
+            if address := re.search(r"http://\S+", line):
+                _open_pages(stack, address[0], pages)
+                break
+        summary: list[Path] = []
+        while not summary:
+            flight_s = _cpu_s(flight.pid) or flight_s
+            children = Path(f"/proc/{flight.pid}/task/{flight.pid}/children")
+            for child in children.read_text().split() if pages and children.exists() else ():
+                if "dashboard" in Path(f"/proc/{child}/cmdline").read_text():
+                    dashboard_s = _cpu_s(int(child))
+            time.sleep(0.5)
+            summary = list(folder.glob("runs/*/summary.json"))
+        return flight_s, dashboard_s, json.loads(summary[0].read_text())["latency"]
+
+
+def _open_pages(stack: ExitStack, address: str, pages: int) -> None:
+    from playwright.sync_api import sync_playwright  # noqa: PLC0415
+
+    driver = stack.enter_context(sync_playwright())
+    context = driver.chromium.launch(
+        executable_path=shutil.which("chromium"), args=["--no-sandbox"]
+    ).new_context()
+    for i in range(pages):
+        context.new_page().goto(address if i == 0 else address.partition("?")[0], timeout=120_000)
+
+
+def _cpu_s(pid: int) -> float:
+    """Return the CPU time of a process without its children [s]; 0 for one that has ended."""
+    try:
+        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    except OSError:
+        return 0.0
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--run", type=Path, help="a run folder, or its run.mcap")
+    parser.add_argument("--browsers", type=int, metavar="N", help="fly with N open pages, and without")
     parser.add_argument("--quick", action="store_true", help="a shorter case")
     arguments = parser.parse_args()
     console = Console()
     if arguments.run is not None:
         replayed(console, arguments.run)
+    elif arguments.browsers:
+        flown(console, arguments.browsers)
     else:
         live(console, 50, 100, 20 if arguments.quick else 120)
     console.print(describe_load())

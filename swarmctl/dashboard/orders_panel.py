@@ -32,7 +32,7 @@ class OrdersPanel:
         self._timeline, self._send, self._whose = timeline, send, ""
         self._real = [spec.name for spec in timeline.scenario.swarm if not spec.simulated]
         with ui.row().classes("orders w-full items-center gap-1"):
-            self._title = ui.label().classes("text-sm font-semibold")
+            self._title = ui.label().classes("w-full text-sm font-semibold")
             for order in ORDERS:
                 button = ui.button(order.capitalize(), on_click=partial(self._ask, order))
                 button.props("dense outline no-caps")

@@ -43,7 +43,8 @@ body { overflow: hidden }
 .is-double .run-side { flex: 0 0 34%; width: 100% }
 .cards { display: grid; grid-template-columns: repeat(auto-fill, minmax(300px, 1fr)); align-content: start }
 .cards > .orders { grid-column: 1 / -1 }
-@media (max-width: 1000px) { .head { gap: 6px } .head .q-field { min-width: 7.5rem } }
+@media (max-width: 1000px) { .head { gap: 4px } .head .q-field { min-width: 0; width: 8.5rem } }
+@media (max-width: 1000px) { .head .q-checkbox__label { font-size: 12px } }
 @media (max-width: 1000px) { .run { flex-direction: column } .run-side { flex: 0 0 34%; width: 100% } }
 """
 

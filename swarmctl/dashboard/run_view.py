@@ -272,7 +272,7 @@ def _facts(vehicle: VehiclePicture) -> str:
     link = f", link {vehicle.link}" if vehicle.link else ""
     return "\n".join(
         (
-            f"{known(vehicle.height_m, '{:.0f} m')} high, {known(vehicle.speed_m_s, '{:.1f} m/s')}, "
+            f"{known(vehicle.height_m, '{:z.0f} m')} high, {known(vehicle.speed_m_s, '{:.1f} m/s')}, "
             f"battery {known(vehicle.battery_percent, '{:.0f} %')}",
             f"{known(share, '{:.0f} %')} of the route, arrives in {known(vehicle.arrives_in_s, '{:.0f} s')}",
             f"knows {vehicle.cells_known} cells and {vehicle.hostiles_known} hostiles; "

@@ -151,7 +151,7 @@ class SetupPage:
             ui.notify("\n".join(error.lines), type="negative", multi_line=True)
             return
         self._saved.set_text(
-            f"saved; fly it with: swarmctl fly --config {shlex.quote(str(self._draft.path))}"
+            f"saved; fly it with: swarmctl fly --config {shlex.quote(str(self._draft.path))} --dashboard"
         )
 
     # --- what it shows

@@ -5,8 +5,9 @@ from __future__ import annotations
 import re
 import socket
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -40,8 +41,15 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@dataclass
+class Swarm:
+    start: Callable[..., subprocess.Popen[str]]
+    router: subprocess.Popen[str]
+    dashboard: subprocess.Popen[str]
+
+
 @pytest.fixture
-def dashboard(folder: Path) -> Iterator[subprocess.Popen[str]]:
+def swarm(folder: Path) -> Iterator[Swarm]:
     """Start a router, an agent for each vehicle, and the dashboard."""
     with ExitStack() as processes:
 
@@ -57,15 +65,16 @@ def dashboard(folder: Path) -> Iterator[subprocess.Popen[str]]:
             processes.callback(process.kill)
             return process
 
-        read_until(start("router"), "listening at")
+        router = start("router")
+        read_until(router, "listening at")
         for name in NAMES:
             read_until(start("agent", "--uav", name), "[ready]")
-        yield start("dashboard")
+        yield Swarm(start, router, start("dashboard"))
 
 
-def test_a_swarm_of_agents_is_watched(folder: Path, dashboard: subprocess.Popen[str], browser: Any) -> None:
+def test_a_swarm_of_agents_is_watched(swarm: Swarm, browser: Any) -> None:
     page = browser.new_page()
-    page.goto(address_of(dashboard))
+    page.goto(address_of(swarm.dashboard))
     cards = [page.locator(".card-vehicle", has_text=name) for name in NAMES]
     for card in cards:
         card.filter(has_text="standby").wait_for()
@@ -86,6 +95,14 @@ def test_a_swarm_of_agents_is_watched(folder: Path, dashboard: subprocess.Popen[
     page.get_by_role("button", name="Give the order").press("Enter")
     cards[0].filter(has_text="holding").wait_for()
     assert cards[1].filter(has_text="holding").count() == 0
+
+    silent = page.locator(".card-vehicle.is-silent")
+    swarm.router.kill()
+    swarm.router.wait()
+    page.get_by_text("not connected").wait_for()
+    silent.nth(1).wait_for()
+    read_until(swarm.start("router"), "listening at")
+    silent.first.wait_for(state="hidden")
 
 
 def test_a_swarm_without_a_network_is_refused(tmp_path: Path) -> None:

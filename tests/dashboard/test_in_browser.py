@@ -12,6 +12,7 @@ from urllib.parse import urlsplit
 import pytest
 from dashboard_process import StartDashboard, address_of, addresses_of
 from flights import fly, small
+from map_tiles import mbtiles
 
 from swarmctl.security.issue import make_keys
 
@@ -88,6 +89,21 @@ def test_operator_and_viewer_see_each_other_over_tls(
     assert viewer.get_by_role("button", name="Hold").count() == 0
     viewer.close()
     operator.get_by_text("also here").wait_for(state="hidden")
+
+
+def test_the_tiles_of_a_file_lie_below_the_area(
+    run: Path, tmp_path: Path, browser: Any, start_dashboard: StartDashboard
+) -> None:
+    world = mbtiles(tmp_path / "world.mbtiles", tiles=((0, 0, 0),))
+    page = browser.new_page()
+    page.goto(address_of(start_dashboard("dashboard", run, "--tiles", world)))
+    page.wait_for_function(
+        """() => {
+            const canvas = document.querySelector(".risk-map canvas");
+            const pixel = canvas?.getContext("2d").getImageData(2, 2, 1, 1).data;
+            return pixel?.join() === "255,0,0,255";
+        }"""
+    )
 
 
 BLOCKED_S = 12

@@ -2,30 +2,17 @@
 
 from __future__ import annotations
 
-import sqlite3
-from contextlib import closing
 from pathlib import Path
 
 import pytest
+from map_tiles import RED, mbtiles
 
 from swarmctl.dashboard.tiles import Tiles, TilesError, tiles_of
-
-PICTURE = b"\x89PNG made up"
-
-
-def mbtiles(path: Path, kind: str = "png", tiles: tuple[tuple[int, int, int], ...] = ((3, 4, 2),)) -> Path:
-    with closing(sqlite3.connect(path)) as database:
-        database.execute("CREATE TABLE metadata (name text, value text)")
-        database.execute("CREATE TABLE tiles (zoom_level int, tile_column int, tile_row int, tile_data blob)")
-        database.execute("INSERT INTO metadata VALUES ('format', ?), ('attribution', 'made up')", (kind,))
-        database.executemany("INSERT INTO tiles VALUES (?, ?, ?, ?)", [(*tile, PICTURE) for tile in tiles])
-        database.commit()
-    return path
 
 
 def test_a_tile_is_read_with_rows_from_the_north(tmp_path: Path) -> None:
     tiles = tiles_of(str(mbtiles(tmp_path / "map.mbtiles")))
-    assert tiles.read(3, 4, 5) == PICTURE
+    assert tiles.read(3, 4, 5) == RED
     assert [tiles.read(*place) for place in ((3, 4, 2), (3, 4, -1), (-1, 0, 0), (99, 0, 0))] == [None] * 4
     assert (tiles.min_zoom, tiles.max_zoom, tiles.media) == (3, 3, "image/png")
     assert tiles.origins == ()

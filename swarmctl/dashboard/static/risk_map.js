@@ -2,7 +2,7 @@
 // Python sends the constant area once, then changes (swarmctl/dashboard/changes.py), and P_s as bytes.
 
 const SEEN = 1, OCCUPIED = 2, OWN = 4;
-const MARGIN_PX = 24;
+const MARGIN_PX = 28;
 const EARTH_ROUND_M = 40075016.7, MAX_TILES = 64;
 const UNHEARD_AFTER_S = 3; // a page gets changes ten times a second
 
@@ -368,7 +368,7 @@ export default {
     },
     // The sensor sees the cells whose centres lie in this square around the vehicle.
     draw_footprint(context, vehicle, footprint_m) {
-      if (!vehicle.position || !footprint_m || vehicle.is_silent) return;
+      if (!vehicle.position || !footprint_m || vehicle.is_silent || !(vehicle.height_m > 1)) return;
       const [x, y] = this.place(vehicle.position), half = footprint_m * this.view.scale;
       context.strokeStyle = vehicle.colour;
       context.lineWidth = 1;
@@ -379,9 +379,9 @@ export default {
     // P_s from 0 to the darkest shade, at the lower left of the map.
     draw_scale(context) {
       const { dark, shading } = this.options, { clientHeight } = context.canvas, wide = 90, high = 10;
-      const top = clientHeight - 20 - (this.options.tiles ? 14 : 0), left = 8;
+      const top = clientHeight - 16 - (this.options.tiles ? 14 : 0), left = 8;
       context.fillStyle = dark ? "rgba(16, 20, 24, 0.8)" : "rgba(255, 255, 255, 0.85)";
-      context.fillRect(left - 4, top - 6, wide + 110, high + 12);
+      context.fillRect(left - 4, top - 5, wide + 88, high + 10);
       for (let x = 0; x < wide; x++) {
         const share = x / wide, grey = Math.round(255 * (1 - share));
         context.fillStyle = `rgb(${shading === "paper" ? [grey, grey, grey] : shade(share, dark)})`;
