@@ -237,8 +237,9 @@ def nearest_uavs(
     UAVs with a position, and UAVs that are `is_ranked_last` come last; equal UAVs come in the order of system
     ids. If `k` is None or not below the number of UAVs, the result is all UAVs in the order of `peers`.
     """
-    known_states = [(uav, peer.state) for uav, peer in peers.items()]
-    states = {uav: state for uav, state in known_states if state is None or state.phase != "failed"}
+    states = {
+        uav: state for uav, peer in peers.items() if (state := peer.state) is None or state.phase != "failed"
+    }
     if k is None or k >= len(states):
         return tuple(states)
     metres = dict.fromkeys(states, math.inf)

@@ -10,6 +10,9 @@ from typing import NamedTuple
 
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Segment, Trajectory
 
+ROUNDING = 1e-9
+"""Greatest rounding error of a share of the limits."""
+
 
 @dataclass(frozen=True, slots=True)
 class Limits:
@@ -56,8 +59,14 @@ class _RelativeMotion(NamedTuple):
 
 def closest(a: Trajectory, b: Trajectory, limits: Limits) -> PairDistance | None:
     """Return the first distances with the least share of the limits; None if the flights share no time."""
-    found = [_closest(part, limits) for part in _relative_motions(a, b)]
-    return min(found, key=lambda at: (limits.share(at.horizontal_m, at.vertical_m), at.t_s), default=None)
+    found, least = None, math.inf
+    for part in _relative_motions(a, b):
+        if _least_possible_share(part, limits) - ROUNDING >= least:
+            continue
+        at = _closest(part, limits)
+        if (share := limits.share(at.horizontal_m, at.vertical_m)) < least:
+            found, least = at, share
+    return found
 
 
 def nearest(a: Segment, b: Segment) -> PairDistance | None:
@@ -166,6 +175,13 @@ def _closest(part: _RelativeMotion, limits: Limits) -> PairDistance:
         if 0.0 <= tau_s <= part.lasts_s
     )
     return part.distance_at(tau_s)
+
+
+def _least_possible_share(part: _RelativeMotion, limits: Limits) -> float:
+    """Return a share of the limits that the motion does not go below: quicker than `_closest`."""
+    (e, n, u), (ve, vn, vu) = part.at, part.velocity
+    horizontal_m = math.hypot(e, n) - part.lasts_s * math.hypot(ve, vn)
+    return limits.share(horizontal_m, abs(u) - part.lasts_s * abs(vu))
 
 
 def _too_close(part: _RelativeMotion, limits: Limits) -> tuple[float, float] | None:
