@@ -71,11 +71,11 @@ def _turn(a: PlanarPoint, b: PlanarPoint, c: PlanarPoint) -> float:
 
 def contains(polygon: Sequence[PlanarPoint], point: PlanarPoint) -> bool:
     """Return whether a point is inside a simple polygon, convex or not."""
-    e, n = point
-    inside = False
-    for (e1, n1), (e2, n2) in _edges(polygon):
+    (e, n), (e1, n1), inside = point, polygon[-1], False
+    for e2, n2 in polygon:
         if (n1 > n) != (n2 > n) and e < e1 + (n - n1) * (e2 - e1) / (n2 - n1):
             inside = not inside
+        e1, n1 = e2, n2
     return inside
 
 

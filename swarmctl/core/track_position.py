@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import accumulate, pairwise
@@ -46,10 +46,11 @@ class StraightLegs:
         """
         nearest, since_m = None, min(since_m, self.at_m[-1])
         until_m = max(until_m, since_m)
-        for leg, ((ax, ay), (bx, by)) in enumerate(pairwise(self.points)):
-            begin_m, end_m = self.at_m[leg : leg + 2]
-            if end_m < since_m or begin_m > until_m:
-                continue
+        for leg in range(max(bisect_left(self.at_m, since_m) - 1, 0), len(self.points) - 1):
+            begin_m, end_m = self.at_m[leg], self.at_m[leg + 1]
+            if begin_m > until_m:
+                break
+            (ax, ay), (bx, by) = self.points[leg], self.points[leg + 1]
             leg_m = end_m - begin_m
             flown_m = ((point[0] - ax) * (bx - ax) + (point[1] - ay) * (by - ay)) / leg_m if leg_m else 0.0
             flown_m = min(max(flown_m, since_m - begin_m, 0.0), leg_m, until_m - begin_m)
