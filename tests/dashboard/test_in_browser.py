@@ -14,6 +14,7 @@ from dashboard_process import StartDashboard, address_of, addresses_of
 from flights import fly, small
 from map_tiles import mbtiles
 
+from swarmctl.dashboard.server import MAX_MESSAGE_BYTES
 from swarmctl.security.issue import make_keys
 
 pytestmark = pytest.mark.interop
@@ -104,6 +105,22 @@ def test_the_tiles_of_a_file_lie_below_the_area(
             return pixel?.join() === "255,0,0,255";
         }"""
     )
+
+
+def test_a_message_above_the_limit_ends_its_socket(address: str, browser: Any) -> None:
+    page = browser.new_page()
+    page.goto(address)
+    page.locator("canvas").wait_for()
+    closed = page.evaluate(
+        """bytes => new Promise((done) => {
+            const path = "/_nicegui_ws/socket.io/?EIO=4&transport=websocket";
+            const socket = new WebSocket(location.origin.replace("http", "ws") + path);
+            socket.onopen = () => socket.send("x".repeat(bytes));
+            socket.onclose = (event) => done(event.code);
+        })""",
+        MAX_MESSAGE_BYTES + 1,
+    )
+    assert closed == 1009  # message too big
 
 
 BLOCKED_S = 12
