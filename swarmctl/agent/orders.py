@@ -254,12 +254,18 @@ def _wait_after_repetition(state: AgentState, order: ev.FlightOrder) -> Wait | N
 
 
 def weights_changed(state: AgentState, event: ev.WeightsChanged, _now: float) -> StepResult:
-    """Use new weights (the paper's sliders) from the next plan on; an upload in progress continues."""
-    if state.phase in PAST_PLANNING:
+    """Use new weights (the paper's sliders) from the next plan on; an upload in progress continues.
+
+    A new range of communication counts at once, in every phase.
+    """
+    effects: list[ev.Effect] = [] if event.range is None else [ev.SetRange(event.range)]
+    is_range_alone = event.w is None and event.strength is None
+    if state.phase in PAST_PLANNING and not is_range_alone:
         why = f"the vehicle does not plan routes in this phase: {state.phase}"
         why += (f", {state.outcome}" if state.outcome else "") + " [no-plan]"
+        why += "" if event.range is None else f"; range of communication {event.range} from now on"
         over = VehicleAnswer(state.task.uav, state.task.name, "over", note=why)
-        return state, [ev.Answer(event.command, over)]
+        return state, [*effects, ev.Answer(event.command, over)]
     method = state.task.method
     if event.w is not None and not method.planner.USES_W:
         why = f"planner {method.name} does not use w; give firing strengths alone [w-unused]"
@@ -273,7 +279,6 @@ def weights_changed(state: AgentState, event: ev.WeightsChanged, _now: float) ->
     note = "the link is lost; the vehicle plans when the link is back [waits-for-link]" if state.lost else ""
     if not changed and event.range is None:
         note = "the vehicle already has these weights and keeps its plan [unchanged]"
-    effects: list[ev.Effect] = [] if event.range is None else [ev.SetRange(event.range)]
     taken = VehicleAnswer(state.task.uav, state.task.name, "taken", state.plans.next_plan_id, note)
     return state, [*effects, ev.Answer(event.command, taken)]
 

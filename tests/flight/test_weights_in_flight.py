@@ -347,6 +347,16 @@ def test_a_vehicle_that_was_not_named_keeps_its_weights(flown: Flown) -> None:
     assert [s.w for s in flown.report.states.values()] == [1.0, 1.0, 0.0]
 
 
+@pytest.mark.parametrize(("w", "outcome"), [(None, "taken"), (0.2, "over")])
+def test_the_range_changes_in_a_vehicle_that_plans_no_more(w: float | None, outcome: str) -> None:
+    story = Story(w=0.0).flying()
+    story(ev.OperatorCommand(ev.FlightOrder.HOLD, 1))
+    effects = story(ev.WeightsChanged(2, w=w, range=1))
+    assert answer_to(effects, 2).outcome == outcome
+    assert ev.SetRange(1) in effects
+    assert story.state.w == 0.0
+
+
 @pytest.mark.virtual
 def test_the_range_of_the_named_vehicles_changes(flown: Flown) -> None:
     reached: dict[str, list[int]] = {}
