@@ -51,6 +51,8 @@ class Words(msgspec.Struct, frozen=True):
     outcome: str = ""
     trouble: str = ""
     waiting: str = ""
+    group: str = ""
+    """group, shape, leader and place error, in words"""
     replans: int = 0
     n_observed: int = 0
     n_found: int = 0

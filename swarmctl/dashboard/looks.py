@@ -158,7 +158,7 @@ def vehicle(timeline: Timeline, facts: VehicleFacts, time_s: float, with_belief:
         task_w if words.w is None else words.w,
         (strength.direct, strength.first_neighbour, strength.second_neighbour),
         words.waiting,
-        words.outcome or words.trouble,
+        words.outcome or words.trouble or words.group,
         facts.route.at(time_s),
         facts.uploading.at(time_s),
         facts.track.until(time_s),

@@ -144,6 +144,7 @@ class Timeline:
             outcome=printable(state.outcome),
             trouble=printable(state.trouble),
             waiting=printable(state.waits),
+            group=printable(state.group),
             landing_is_over=state.phase == "landing" or state.outcome == ARRIVED,
             replans=state.replans,
             n_observed=state.n_observed,

@@ -19,7 +19,10 @@ AXES = ("along", "across", "height")
 
 @dataclass(slots=True)
 class MemberStatistics:
-    """The flight of one member at its place; errors count from its first arrival there."""
+    """The flight of one member at its place.
+
+    Errors count from its arrival there on, and after a change of shape or of members from its next arrival.
+    """
 
     is_joined: bool = False
     n: int = 0
@@ -63,6 +66,8 @@ class FormationStatistics:
             return
         member.in_group_s += step_s
         earlier = before.membership
+        if (earlier.shape, earlier.n_present) != (membership.shape, membership.n_present):
+            member.is_joined = False
         if earlier.leader is not None and earlier.n_present > 1:
             member.leader_changes += earlier.leader != membership.leader
             member.shape_changes += earlier.shape != membership.shape

@@ -69,7 +69,7 @@ class VehicleRow:
     def note(self) -> str:
         if self.state is None:
             return ""
-        text = self.state.outcome or self.state.trouble
+        text = self.state.outcome or self.state.trouble or self.state.group
         return "" if text == ARRIVED else printable(text)
 
 

@@ -281,8 +281,6 @@ class FormationFlight:
         assert number is not None
         pilot.place = places[number]
         leader = present.index(True)
-        if leader == k and self._module.LEADER_FLIES_MISSION:
-            pilot.place = (0.0, 0.0, pilot.place[2])  # the leader is the reference point
         others, of_leader = [], None
         for j, message in sorted(pilot.inbox.items()):
             if not present[j]:

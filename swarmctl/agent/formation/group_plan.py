@@ -18,8 +18,9 @@ from swarmctl.agent.formation.membership import GroupRoute, Membership
 from swarmctl.agent.replan.decide import believed_exposure
 from swarmctl.agent.state import AgentState
 from swarmctl.core.frames import MAX_POINTS
-from swarmctl.core.grid import Cell
+from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.records import replace
+from swarmctl.core.track_position import StraightLegs
 from swarmctl.planners.base import Method, Problem, Unreachable
 
 AHEAD_S = 4.0
@@ -36,24 +37,21 @@ def plan_in_formation(state: AgentState) -> AgentState:
     route, along = membership.route, membership.along
     if not state.leads_group or route is None or along is None or membership.n_present == 1:
         return state
-    legs = route.reference.legs
     least_m = along.s_m + max(AHEAD_S * along.speed_m_s, 1.0)
-    index = next((i for i, at_m in enumerate(legs.at_m) if at_m >= least_m), None)
-    if index is None:
+    ahead = [(at_m, cell) for at_m, cell in _cells_along(task.grid, route.reference.legs) if at_m >= least_m]
+    if len(ahead) < 2:
         return state
-    cells = [task.grid.cell_at(*task.grid.frame.to_geodetic(*point)) for point in legs.points[index:]]
-    start, ahead = cells[0], _through(cells)
-    if start is None:
-        return state
+    splice_m, start = ahead[0]
     method, problem = planner_of(state), _problem(state, p_s, start)
     try:
         found = method.plan(problem)
     except Unreachable as error:
         return replace(state, trouble=str(error))
-    present = math.inf if ahead is None or ahead[-1] not in task.goals else method.measure(problem, ahead)
+    rest = [cell for _, cell in ahead]
+    present = method.measure(problem, rest) if rest[-1] in task.goals else math.inf
     if present <= found.cost * (1.0 + 1e-9):
         return state
-    return replace(state, membership=_on_new_route(state, route, index, found.cells, method, problem))
+    return replace(state, membership=_on_new_route(state, route, splice_m, found.cells, method, problem))
 
 
 def _problem(state: AgentState, p_s: NDArray[np.float64], start: Cell) -> Problem:
@@ -61,43 +59,52 @@ def _problem(state: AgentState, p_s: NDArray[np.float64], start: Cell) -> Proble
     return Problem(p_s, start, task.goals, state.w, task.psi_per_cell, task.max_exposure)
 
 
-def _through(cells: Sequence[Cell | None]) -> tuple[Cell, ...] | None:
-    """Return the lattice route over corners of a route, or None if a corner is outside the area."""
-    route: list[Cell] = []
-    for cell in cells:
-        if cell is None:
-            return None
-        while route and route[-1] != cell:
-            (row, col), (to_row, to_col) = route[-1], cell
-            route.append((row + _sign(to_row - row), col + _sign(to_col - col)))
-        if not route:
-            route.append(cell)
-    return tuple(route)
+def _cells_along(grid: Grid, legs: StraightLegs) -> list[tuple[float, Cell]]:
+    """Return the cells that a route passes, each with the distance along it to the cell's centre [m].
 
-
-def _sign(number: int) -> int:
-    return (number > 0) - (number < 0)
+    Between two corners of a lattice route the cells lie in a row, a column or a diagonal.
+    """
+    found: list[tuple[float, Cell]] = []
+    for at_m, point in zip(legs.at_m, legs.points, strict=True):
+        cell = grid.cell_at(*grid.frame.to_geodetic(*point))
+        if cell is None or (found and found[-1][1] == cell):
+            continue
+        if found:
+            begin_m, (row, col) = found[-1]
+            n = max(abs(cell[0] - row), abs(cell[1] - col))
+            for k in range(1, n):
+                between = row + round(k * (cell[0] - row) / n), col + round(k * (cell[1] - col) / n)
+                found.append((begin_m + k * (at_m - begin_m) / n, between))
+        found.append((at_m, cell))
+    return found
 
 
 def _on_new_route(
     state: AgentState,
     route: GroupRoute,
-    index: int,
+    splice_m: float,
     cells: Sequence[Cell],
     method: Method,
     problem: Problem,
 ) -> Membership:
-    """Return the membership with a route that turns off at point `index`; behind it all stays the same."""
+    """Return the membership with a route that turns off at `splice_m`; before it all stays the same."""
     membership, task, formation = state.membership, state.task, state.task.formation
     assert formation is not None
     assert membership.along is not None
     legs, along = route.reference.legs, membership.along
-    first = next(i for i, at_m in enumerate(legs.at_m) if at_m >= along.s_m - BEHIND_M or i == index)
-    moved_m = legs.at_m[first]
-    centres = [task.grid.centre_m(cell) for cell in cells[1:]]
-    points_m = (*legs.points[first : index + 1], *centres)[:MAX_POINTS]
-    splice_m, cell_m = legs.at_m[index] - moved_m, task.grid.cell_size_m
-    shapes = [(from_m - moved_m, number) for from_m, number in route.shapes if from_m < splice_m + moved_m]
+    kept = [
+        (at_m, point)
+        for at_m, point in zip(legs.at_m, legs.points, strict=True)
+        if along.s_m - BEHIND_M <= at_m < splice_m
+    ]
+    before_m = max((at_m for at_m in legs.at_m if at_m < along.s_m - BEHIND_M), default=None)
+    if before_m is not None:
+        kept.insert(0, (before_m, legs.point_at(before_m)))
+    moved_m, cell_m = kept[0][0], task.grid.cell_size_m
+    centres = (task.grid.centre_m(cell) for cell in cells)
+    points_m = (*(point for _, point in kept), *centres)[:MAX_POINTS]
+    shapes = [(from_m - moved_m, number) for from_m, number in route.shapes if from_m < splice_m]
+    splice_m -= moved_m
     steps_m = (cell_m * math.dist(a, b) for a, b in pairwise(cells))
     centres_m = tuple(accumulate(steps_m, initial=splice_m))
     shapes += shape_changes(state, method, problem, cells, centres_m, shapes[-1][1] if shapes else 0)

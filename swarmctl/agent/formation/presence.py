@@ -21,8 +21,8 @@ from swarmctl.planners.base import Problem
 
 JOINS_WITHIN_M = 200.0
 """Greatest distance from another member at which a vehicle joins, beside the size of the shape [m]."""
-LOW_M = 1.5
-"""Height below its cruise height up to which a vehicle still climbs after its take-off [m]."""
+LOW_M, ON_ITS_WAY_M = 1.5, 3.0
+"""Height below its cruise height, and distance along its route, up to which a vehicle still takes off [m]."""
 REJOINS_AFTER_S = 10.0
 """Time from leaving a group until the vehicle may join again [s]."""
 
@@ -88,12 +88,10 @@ def _belongs(state: AgentState) -> bool:
         return False
     if state.phase is Phase.FORMATION:
         return True
-    since_s = vehicle.time_boot_s - membership.left_boot_s
-    return (
-        state.plans.route is not None
-        and vehicle.alt_rel_m >= state.height_m - LOW_M
-        and since_s >= REJOINS_AFTER_S
-    )
+    if state.plans.route is None or state.progress is None:
+        return False
+    has_climbed = vehicle.alt_rel_m >= state.height_m - LOW_M and state.progress.along_m >= ON_ITS_WAY_M
+    return has_climbed and vehicle.time_boot_s - membership.left_boot_s >= REJOINS_AFTER_S
 
 
 def _with_route(state: AgentState, formation: Formation, membership: Membership) -> Membership:

@@ -67,6 +67,12 @@ def fly(params: Params, group: Group) -> Command:
         leader.velocity_m_s[0] + later_speed * pose.slope_east - then_speed * then.slope_east,
         leader.velocity_m_s[1] + later_speed * pose.slope_north - then_speed * then.slope_north,
     )
+    if leader.place[0] or leader.place[1]:  # a new leader, at the place that it had before
+        at = then.at(leader.place[0], leader.place[1])
+        away_e, away_n = at[0] - then.east_m, at[1] - then.north_m
+        turn = then_speed * then.turn_rad_m
+        point_e, point_n = point_e - away_e, point_n - away_n
+        velocity = (velocity[0] - turn * away_n, velocity[1] + turn * away_e)
     place_m, velocity_m_s = place_of(group, pose, (point_e, point_n), velocity, later_speed)
     return keep_place(group, pose, now, place_m, velocity_m_s, params.closing_m_s)
 
@@ -93,8 +99,8 @@ def _lead_mission(params: Params, group: Group) -> Command:
 def _lead_by_set_points(params: Params, group: Group) -> Command:
     """Return the set-point of a leader that was a follower before: it goes on along the group's route.
 
-    The leader is at the reference point, whatever its place was before. A mission from beside the route would
-    cross the places of the others.
+    It keeps its place until the group closes up. A mission from beside the route would cross the places of
+    the others.
     """
     told, along = group.along, reference_now(group)
     if told is not None and told.age_s <= LONGEST_STEP_S:
@@ -102,6 +108,6 @@ def _lead_by_set_points(params: Params, group: Group) -> Command:
         along = advanced(group, told, share)
     pose = group.reference.at(along.s_m)
     point, speed_m_s = (pose.east_m, pose.north_m), along.speed_m_s
-    velocity = (speed_m_s * pose.slope_east, speed_m_s * pose.slope_north, 0.0)
-    place_m = (*point, group.height_m + group.place[2])
-    return keep_place(group, pose, along, place_m, velocity, params.closing_m_s)
+    velocity = (speed_m_s * pose.slope_east, speed_m_s * pose.slope_north)
+    place_m, velocity_m_s = place_of(group, pose, point, velocity, speed_m_s)
+    return keep_place(group, pose, along, place_m, velocity_m_s, params.closing_m_s)
