@@ -111,16 +111,16 @@ def _with_speed(state: AgentState, wanted_m_s: float) -> StepResult:
 
 def _flown(state: AgentState, formation: Formation) -> tuple[AgentState, Command]:
     """Return the answer of the approach, and the state that remembers it."""
-    membership, now_s = state.membership, state.vehicle.time_boot_s
-    view = _view(state, formation)
-    flown = formation.approach.fly(formation.params, view)
-    assert membership.route is not None
+    along, route, membership = _along(state), state.membership.route, state.membership
+    assert route is not None
+    if along is not None:
+        membership = replace(membership, shape=route.shape_at(along.s_m + along.age_s * along.speed_m_s))
+    flown = formation.approach.fly(formation.params, _view(replace(state, membership=membership), formation))
     membership = replace(
         membership,
         along=flown.along,
-        at_boot_s=now_s,
+        at_boot_s=state.vehicle.time_boot_s,
         memory=flown.memory,
-        shape=membership.route.shape_at(flown.along.s_m),
         error_m=None if flown.demand is None else flown.error_m,
     )
     return replace(state, membership=membership), flown

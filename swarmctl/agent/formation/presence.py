@@ -90,8 +90,9 @@ def _belongs(state: AgentState) -> bool:
         return True
     if state.plans.route is None or state.progress is None:
         return False
-    has_climbed = vehicle.alt_rel_m >= state.height_m - LOW_M and state.progress.along_m >= ON_ITS_WAY_M
-    return has_climbed and vehicle.time_boot_s - membership.left_boot_s >= REJOINS_AFTER_S
+    is_on_its_way = state.plans.replans > 0 or state.progress.along_m >= ON_ITS_WAY_M
+    has_climbed = vehicle.alt_rel_m >= state.height_m - LOW_M
+    return is_on_its_way and has_climbed and vehicle.time_boot_s - membership.left_boot_s >= REJOINS_AFTER_S
 
 
 def _with_route(state: AgentState, formation: Formation, membership: Membership) -> Membership:
