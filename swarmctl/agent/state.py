@@ -148,7 +148,7 @@ class AgentState:
     """memory of each failsafe rule, in the order of `task.rules`"""
     demands: tuple[Demand | None, ...] = ()
     neighbours: Mapping[int, NeighbourReport] = field(default_factory=dict)
-    """recent states of vehicles nearby"""
+    """last states of vehicles nearby, those of silent vehicles, too"""
     alarms: tuple[ProximityAlarm, ...] = ()
     """vehicles predicted to come too close"""
     height_offset_m: float = 0.0
@@ -157,6 +157,8 @@ class AgentState:
     own_intent: Trajectory | None = None
     """last intent sent; times by the vehicle's clock, heights above the sea"""
     intent_sent_boot_s: float = -math.inf
+    intent_new_boot_s: float = -math.inf
+    """time from which on the intent is new to others: they may not have received it yet"""
     conflicts: Conflicts = field(default_factory=Conflicts)
     membership: Membership = field(default_factory=Membership)
     """the vehicle's group as it knows it"""

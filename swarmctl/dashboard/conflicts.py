@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 
-from swarmctl.agent.traffic.check import MAX_AGE_S
+from swarmctl.agent.traffic.prediction import MAX_AGE_S
 from swarmctl.agent.traffic.separation.clash import find_clashes
 from swarmctl.agent.traffic.separation.trajectory import Trajectory, until_landing
 from swarmctl.config.scenario import Scenario, separation_of

@@ -269,6 +269,38 @@ def test_a_holding_vehicle_stays_clear_of_a_silent_vehicle() -> None:
     assert not story.state.is_waiting, "the vehicle resumes above that position or after three minutes"
 
 
+STILL = {"ground_speed_m_s": 0.0, "east_m_s": 0.0, "mode": "GUIDED", "mode_role": "hold"}
+
+
+def test_a_vehicle_that_hears_nobody_keeps_its_hold_until_it_is_heard_again() -> None:
+    """The others keep clear of its flight as announced for 90 s, and do not learn of a new one."""
+    story = ApproachStory()
+    story.crossing(1)
+    story.at(125.0)
+    story(ev.OrderDone(ev.FlightOrder.HOLD))
+    story.other(1, MID_M[0], MID_M[1] + 60.0, (0.0, 10.0, 0.0), age_s=1.0)
+    found_codes = [code for _ in range(80) for code in codes(story.at(140.0, **STILL))]
+    assert found_codes == ["keeps-holding"]
+    story.other(1, MID_M[0], MID_M[1] + 900.0, (0.0, 10.0, 0.0))
+    assert codes(story.at(140.0, **STILL)) == ["resumes"]
+
+
+@pytest.mark.parametrize(("is_acknowledged", "holds"), [(False, True), (True, False)])
+def test_a_vehicle_that_hears_nobody_stops_a_flight_that_nobody_knows(
+    is_acknowledged: bool, holds: bool
+) -> None:
+    story = ApproachStory()
+    story.other(1, 125.0, MID_M[1] - 100.0, (0.0, 0.0, 0.0))
+    story.at(125.0)
+    swaps = replace(story.state.plans.swaps, decided_boot_s=story.state.vehicle.time_boot_s)
+    story.state = replace(story.state, plans=replace(story.state.plans, swaps=swaps))
+    if is_acknowledged:
+        story.at(135.0)
+        story.other(1, 125.0, MID_M[1] - 100.0, (0.0, 0.0, 0.0))
+    found = [order for i in range(6) for order in orders(story.at(145.0 + 10.0 * i))]
+    assert (ev.FlightOrder.HOLD in found) is holds
+
+
 @pytest.mark.parametrize(
     ("uav", "east_m", "north_m", "up_m", "goes_on"),
     [(3, 134.0, 3.0, 32.9, True), (1, 134.0, 3.0, 32.9, True), (3, 146.0, 0.0, 30.0, False)],

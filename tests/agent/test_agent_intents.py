@@ -20,13 +20,14 @@ from traffic_stories import AMSL_M, MID_M, operator_texts
 from swarmctl.agent.failsafes.base import Fence
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.mission_changes import needs_tick
-from swarmctl.agent.traffic.check import MAX_AGE_S, clashes_of_route, known_flights
+from swarmctl.agent.traffic.check import clashes_of_route, known_flights
 from swarmctl.agent.traffic.intents import (
     HOLD_DURATION_S,
     LAST_POSITION_S,
     MAX_UNCERTAINTY_M,
     REPEAT_EVERY_S,
 )
+from swarmctl.agent.traffic.prediction import MAX_AGE_S
 from swarmctl.agent.traffic.route_deconfliction import RETRY_S
 from swarmctl.agent.traffic.separation.clash import TIME_TOLERANCE_S, find_clashes
 from swarmctl.agent.traffic.separation.trajectory import Trajectory, until_landing
@@ -87,13 +88,20 @@ def test_an_intent_in_flight_reaches_to_the_landing() -> None:
 
 
 def test_an_intent_is_repeated_at_its_interval() -> None:
-    story = IntentStory()
-    since_s, east_m = 0.0, 75.0
+    story, since_s, east_m = IntentStory(), 0.0, 75.0
     while since_s < REPEAT_EVERY_S - 1.5:
         since_s, east_m = since_s + 1.0, east_m + 10.0
         assert intents(story.at(east_m)) == []
     story.at(east_m + 10.0)
     assert intents(story.effects) or intents(story.at(east_m + 20.0))
+
+
+def test_a_newly_heard_vehicle_gets_the_intent_at_once() -> None:
+    story = IntentStory()
+    place = GRID.frame.to_geodetic(75.0, MID_M[1] + 60.0)
+    heard = StateShared(0.0, *place, 30.0, "flying", 0, 0, alt_amsl_m=AMSL_M)
+    story(ev.Neighbours(((3, heard),)))
+    assert len(intents(story.at(85.0))) == 1
 
 
 def test_a_vehicle_behind_its_intent_sends_a_new_intent() -> None:

@@ -10,7 +10,7 @@ from agent_stories import GRID, Story, codes, orders, publications
 from traffic_stories import AMSL_M, MID_M, operator_texts
 
 from swarmctl.agent.phases import Phase
-from swarmctl.agent.traffic.check import MAX_AGE_S
+from swarmctl.agent.traffic.prediction import MAX_AGE_S
 from swarmctl.agent.traffic.wait import RULES, WaitFor
 from swarmctl.core import events as ev
 from swarmctl.core.frames import IntentPoint, IntentShared

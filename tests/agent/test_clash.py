@@ -102,3 +102,10 @@ def test_wider_limits_apply_to_single_vehicles() -> None:
     assert find_clashes(EAST, {1: beside}, LIMITS, 2.0) == ()
     (found,) = find_clashes(EAST, {1: beside}, LIMITS, 2.0, {1: Limits(30.0, 5.0)})
     assert found.other == 1
+
+
+@pytest.mark.parametrize(("later_s", "is_met"), [(40.0, True), (4.7, True), (-4.9, False)])
+def test_a_vehicle_that_may_be_late_clashes_with_all_later_flights(later_s: float, is_met: bool) -> None:
+    """A vehicle that may have stopped on its flight may also go on later, but it is no earlier than 2 s."""
+    found = find_clashes(EAST.later(later_s), {1: NORTH}, LIMITS, 2.0, late={1})
+    assert bool(found) is is_met

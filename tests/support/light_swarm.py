@@ -68,7 +68,7 @@ class LightAgent:
         self._states: dict[int, tuple[float, StateShared]] = {}
         self._intents: dict[int, tuple[float, IntentShared]] = {}
         self._fresh: set[int] = set()
-        self._changed = False
+        self._fresh_intents: set[int] = set()
 
     @property
     def uav(self) -> int:
@@ -192,7 +192,7 @@ class LightAgent:
         elif isinstance(message, IntentShared):
             if uav not in self._intents or self._intents[uav][0] <= sent_s:
                 self._intents[uav] = (sent_s, message)
-                self._changed = True
+                self._fresh_intents.add(uav)
         else:
             self(ev.ObservationsReceived((message,)))
 
@@ -225,10 +225,10 @@ class LightAgent:
         self._fresh.clear()
         if near := relevant_states(self.state, dict(sorted(aged.items()))):
             self(ev.Neighbours(near))
-        if self._changed:
-            self._changed = False
-            items = ((uav, now - at_s, intent) for uav, (at_s, intent) in sorted(self._intents.items()))
-            self(ev.Intents(tuple(items)))
+        if fresh := sorted(self._fresh_intents):
+            self._fresh_intents.clear()
+            intents = ((uav, *self._intents[uav]) for uav in fresh)
+            self(ev.Intents(tuple((uav, now - at_s, intent) for uav, at_s, intent in intents)))
 
     def _sense(self) -> None:
         here = self.state.cell

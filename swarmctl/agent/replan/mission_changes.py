@@ -12,6 +12,7 @@ from swarmctl.agent.replan.stopping import stop_end_s
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.landing_queue import hold_before_landing
 from swarmctl.agent.traffic.launching import launch_if_possible
+from swarmctl.agent.traffic.prediction import hears_nobody
 from swarmctl.agent.traffic.route_deconfliction import deconflict
 from swarmctl.agent.traffic.wait import WaitFor
 from swarmctl.core import events as ev
@@ -31,6 +32,8 @@ def needs_tick(state: AgentState, now: float) -> bool:
         and not state.waits_for(WaitFor.ROUTE)
         and not state.lost
         and not state.telemetry_is_late
+        # The others keep clear of a flight as announced: only own observations change it.
+        and (state.phase is not Phase.FLYING or bool(state.plans.because) or not hears_nobody(state))
         and now >= state.plans.retry_at_s
         # The empty role: the vehicle's mode is not known yet.
         and (state.phase is not Phase.FLYING or state.vehicle.mode_role in {"", *own_mode_roles(state)})

@@ -101,6 +101,7 @@ class Plans:
             dirty=True,
             must_change=before.must_change,
             late_s=before.late_s,
+            swaps=before.swaps,
         )
 
     def unreachable(self) -> Plans:

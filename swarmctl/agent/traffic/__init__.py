@@ -15,9 +15,10 @@
 | `landing_queue` | descent at the goal | holds above the landing spot |
 | `returning`, `return_schedule` | return path | holds until the path is clear |
 
-One check: launch, new plan, flown plan, hold and landing ask `check.clashes_with` about
-`check.known_flights`: intents, else extrapolated positions, else last positions. Returns have uncertain
-speeds and heights, so `return_schedule` compares their whole corridors.
+One check: launch, new plan, flown plan, hold, return and landing ask `check.clashes_with` about
+`check.known_flights`: intents, else extrapolated positions, else last positions. A vehicle off its intent
+counts with its intent and its extrapolated position. Returns have uncertain speeds and heights, so
+`return_schedule` also compares their whole corridors.
 
 One rule: vehicles do not negotiate. All vehicles apply `priority.gives_way` to the same data, so one of two
 vehicles gives way if at least one can.

@@ -6,21 +6,22 @@ Launch, new plans, holds, landings and the flown plan ask `clashes_with` about `
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Mapping, Sequence
 
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.prediction import (
-    EVERYWHERE,
+    MAX_AGE_S,
     MAX_REPORT_AGE_S,
     home_amsl_m,
     predict,
     predictions,
+    reported_amsl_m,
     silent_neighbours,
 )
 from swarmctl.agent.traffic.priority import Activity, Standing
 from swarmctl.agent.traffic.separation.approach import Limits, closest, intervals
 from swarmctl.agent.traffic.separation.clash import TIME_TOLERANCE_S, Clash, find_clashes
-from swarmctl.agent.traffic.separation.trajectory import Bounds, LocalPoint, Trajectory, until_landing
+from swarmctl.agent.traffic.separation.trajectory import Bounds, Trajectory, until_landing
 from swarmctl.agent.traffic.separation.watch import NeighbourIntent, NeighbourReport
 
 Others = Mapping[int, NeighbourIntent]
@@ -30,8 +31,6 @@ MARGIN = 1.15
 """Multiple of the horizontal limit that planned flights keep; landing spots are 1.2 limits apart."""
 FRESH_S = 20.0
 """Age from which on an intent is the last of a silent vehicle [s]: three intents in a row may be lost."""
-MAX_AGE_S = 90.0
-"""Greatest age of an intent in use [s]: a silent vehicle probably flies on by its last plan."""
 SEPARATES_WITHIN_S = 6.0
 """Time within which two close vehicles have to separate [s]; a climb or a turn takes this long."""
 WAIT_WITHIN_S = 15.0
@@ -52,7 +51,19 @@ def clashes_with(flight: Trajectory, others: Others, limits: Limits) -> tuple[Cl
     limits = Limits(MARGIN * limits.horizontal_m, limits.vertical_m)
     near = near_flights(flight, others, limits)
     wider = {uav: intent.limits(limits) for uav, intent in near.items() if any(intent.uncertainty_m)}
-    return find_clashes(flight, {uav: intent.flight for uav, intent in near.items()}, limits, wider=wider)
+    late = {uav for uav, intent in near.items() if intent.may_be_late}
+    flights = {uav: intent.flight for uav, intent in near.items()}
+    found = find_clashes(flight, flights, limits, wider=wider, late=late)
+    straight = {uav: intent.straight for uav, intent in near.items() if intent.straight is not None}
+    if not straight:
+        return found
+    found = tuple(sorted((*found, *find_clashes(flight, straight, limits)), key=_soonest))
+    first = {clash.other: clash for clash in reversed(found)}
+    return tuple(clash for clash in found if first[clash.other] is clash)
+
+
+def _soonest(clash: Clash) -> tuple[float, int]:
+    return clash.at_s, clash.other
 
 
 def near_flights(flight: Trajectory, others: Others, limits: Limits) -> dict[int, NeighbourIntent]:
@@ -65,15 +76,22 @@ def near_flights(flight: Trajectory, others: Others, limits: Limits) -> dict[int
 def clashes_of_route(
     state: AgentState, flight: Trajectory, others: Others, present_flight: Trajectory | None = None
 ) -> tuple[Clash, ...]:
-    """Return the clashes of a flight up to its landing.
+    """Return the clashes of a flight up to its landing, as `clashes_if_changed`."""
+    return clashes_if_changed(state, until_landing(flight), others, present_flight)
 
-    A flight that separates two close vehicles does not clash. `present_flight`: flight of the present plan.
+
+def clashes_if_changed(
+    state: AgentState, flight: Trajectory, others: Others, present: Trajectory | None
+) -> tuple[Clash, ...]:
+    """Return the clashes of a flight that replaces the present flight.
+
+    A flight that separates two close vehicles does not clash.
     """
-    limits, flight = state.task.separation.limits, until_landing(flight)
-    near_s = flight.times_s[0] + (TIME_TOLERANCE_S if present_flight is None else SEPARATES_WITHIN_S)
+    limits = state.task.separation.limits
+    near_s = flight.times_s[0] + (TIME_TOLERANCE_S if present is None else SEPARATES_WITHIN_S)
 
     def separates(intent: NeighbourIntent) -> bool:
-        return _separates(flight, present_flight, intent.flight, intent.limits(limits))
+        return _separates(flight, present, intent.flight, intent.limits(limits))
 
     found = clashes_with(flight, others, limits)
     return tuple(clash for clash in found if clash.at_s > near_s or not separates(others[clash.other]))
@@ -107,17 +125,26 @@ def _least_share(flight: Trajectory, other: Trajectory, limits: Limits) -> float
 
 
 def known_flights(state: AgentState) -> dict[int, NeighbourIntent]:
-    """Return the known flights of other vehicles: intents, extrapolated positions, or last positions."""
-    intents = known_intents(state)
-    silent = {uav: as_intent(state, path) for uav, path in silent_neighbours(state).items()}
-    known = silent | _extrapolated(state, state.neighbours.keys() - intents.keys())
-    return intents | {uav: flight for uav, flight in known.items() if uav not in intents}
+    """Return the known flights of other vehicles: intents, extrapolated positions, or last positions.
+
+    A vehicle off its intent counts with both: the intent, and its extrapolated position.
+    """
+    known = {uav: as_intent(state, path) for uav, path in silent_neighbours(state).items()}
+    known |= known_intents(state)
+    for uav, report in state.neighbours.items():
+        intent = state.intents.get(uav) and known.get(uav)
+        if intent is not None and not _is_off(state, report, intent):
+            continue
+        if (path := predict(state, report)) is not None:
+            straight = as_intent(state, path)
+            known[uav] = straight if intent is None else intent.and_straight_on(straight.flight)
+    return known
 
 
 def may_meet_anyone(state: AgentState, box: Bounds) -> bool:
     """Return whether a known flight may come into a box, with heights above home, and the limits around it.
 
-    It is a quick test for `current_flights`: most of the time no vehicle is near in height.
+    It is a quick test for `known_flights`: most of the time no vehicle is near in height.
     """
     limits, home_m = state.task.separation.limits, home_amsl_m(state)
     wide_m, high_m = MARGIN * limits.horizontal_m, MARGIN * limits.vertical_m
@@ -147,58 +174,32 @@ def come_within(
     return any(other.may_meet(box) and intervals(one, other, wider) for other in others for one, box in boxes)
 
 
-def current_flights(state: AgentState, paths: Sequence[Trajectory] = ()) -> dict[int, NeighbourIntent]:
-    """Return the known flights; vehicles off their intents count with their extrapolated positions.
-
-    With `paths`, a vehicle that does not come near them is not compared with its intent.
-    """
-    flights, home_m = known_flights(state), home_amsl_m(state)
-    within = _bounds_of(paths, state.task.separation.limits, home_m) if paths else EVERYWHERE
-    for uav, path in predictions(state, within).items():
-        if (intent := flights.get(uav)) is None:
-            continue
-        report, (east_m, north_m, up_m) = state.neighbours[uav], path.points[0]
-        planned = intent.flight.at(report.at_s)
-        if planned is None or _is_off((east_m, north_m, up_m + home_m), planned, report):
-            flights[uav] = as_intent(state, path)
-    return flights
-
-
-def _bounds_of(paths: Sequence[Trajectory], limits: Limits, home_m: float) -> Bounds:
-    """Return the box around paths and their limits, heights above home."""
-    boxes = [Bounds.of(path.higher(-home_m)) for path in paths]
-    least = [min(sides) for sides in zip(*(box.least for box in boxes), strict=True)]
-    most = [max(sides) for sides in zip(*(box.most for box in boxes), strict=True)]
-    horizontal_m, vertical_m = MARGIN * limits.horizontal_m, MARGIN * limits.vertical_m
-    at = TIME_TOLERANCE_S, horizontal_m, horizontal_m, vertical_m
-    return Bounds((least[0], least[1], least[2], least[3]), (most[0], most[1], most[2], most[3])).wider(at)
-
-
-def _is_off(at: LocalPoint, planned: LocalPoint, report: NeighbourReport) -> bool:
+def _is_off(state: AgentState, report: NeighbourReport, intent: NeighbourIntent) -> bool:
+    """Return whether a vehicle is not where its intent says; False for a state older than the intent."""
+    if report.at_s < intent.sent_s:
+        return False
+    planned = intent.flight.at(report.at_s)
+    if planned is None:
+        return True
+    at = (report.east_m, report.north_m, reported_amsl_m(state, report))
     east_m_s, north_m_s, _ = report.state.velocity_m_s
     off_m = max(OFF_INTENT_M, OFF_INTENT_S * math.hypot(east_m_s, north_m_s))
     return math.dist(at[:2], planned[:2]) > off_m or abs(at[2] - planned[2]) > OFF_INTENT_UP_M
-
-
-def alarmed_flights(state: AgentState) -> dict[int, NeighbourIntent]:
-    """Return the extrapolated flights of vehicles with an alarm: they may be off their intents."""
-    return _extrapolated(state, {alarm.other for alarm in state.alarms})
-
-
-def _extrapolated(state: AgentState, uavs: Set[int]) -> dict[int, NeighbourIntent]:
-    """Return the extrapolated flights of those of `uavs` that were received recently."""
-    reports = ((uav, report) for uav, report in state.neighbours.items() if uav in uavs)
-    return {uav: as_intent(state, path) for uav, report in reports if (path := predict(state, report))}
 
 
 def known_intents(state: AgentState) -> dict[int, NeighbourIntent]:
     """Return the intents of other vehicles by system id, those of silent vehicles with their landings."""
     now_s, known = state.vehicle.time_boot_s, {}
     for uav, intent in state.intents.items():
-        if 0.0 <= (age_s := now_s - intent.sent_s) <= MAX_AGE_S:
-            report = state.neighbours.get(uav)
-            is_silent = age_s > FRESH_S or (report is not None and now_s - report.at_s > MAX_REPORT_AGE_S)
-            known[uav] = intent.of_silent_vehicle() if is_silent else intent
+        if not 0.0 <= (age_s := now_s - intent.sent_s) <= MAX_AGE_S:
+            continue
+        report = state.neighbours.get(uav)
+        if age_s <= FRESH_S and (report is None or now_s - report.at_s <= MAX_REPORT_AGE_S):
+            known[uav] = intent
+            continue
+        heard_s = intent.sent_s if report is None else max(intent.sent_s, report.at_s)
+        if (silent := intent.of_silent_vehicle(heard_s, intent.sent_s + MAX_AGE_S)) is not None:
+            known[uav] = silent
     return known
 
 
@@ -217,6 +218,6 @@ def standing_of(state: AgentState, uav: int, intent: NeighbourIntent) -> Standin
 
 
 def _height_now_m(state: AgentState, intent: NeighbourIntent) -> float:
-    now_s, flight = state.vehicle.time_boot_s, intent.flight
+    now_s, flight = state.vehicle.time_boot_s, intent.straight or intent.flight
     at = flight.at(min(max(now_s, flight.times_s[0]), flight.times_s[-1]))
     return flight.points[-1][2] if at is None else at[2]

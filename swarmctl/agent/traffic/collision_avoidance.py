@@ -16,17 +16,25 @@ from collections.abc import Sequence
 from swarmctl.agent.orders import StepResult
 from swarmctl.agent.phases import EN_ROUTE, IN_FLIGHT, Phase
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.intents import own_trajectory, reach
-from swarmctl.agent.traffic.prediction import hold_trajectory, position_of, predictions
+from swarmctl.agent.traffic.check import known_flights
+from swarmctl.agent.traffic.intents import own_trajectory, position_amsl, reach
+from swarmctl.agent.traffic.prediction import (
+    hears_nobody,
+    position_of,
+    predict,
+    predictions,
+    stopping_point,
+)
 from swarmctl.agent.traffic.priority import Activity, Standing, activity_of, gives_way
 from swarmctl.agent.traffic.route_hold import (
     ceiling_m,
     hold,
+    hold_would_block,
     may_give_way,
     reachable_heights_m,
     resume_if_clear,
 )
-from swarmctl.agent.traffic.separation.trajectory import Bounds, Trajectory
+from swarmctl.agent.traffic.separation.trajectory import Bounds
 from swarmctl.agent.traffic.separation.watch import (
     NeighbourReport,
     ProximityAlarm,
@@ -59,6 +67,8 @@ def avoid_collisions(state: AgentState) -> StepResult:
     ]
     if state.is_waiting:
         state, effects = resume_if_clear(state)
+    elif hears_nobody(state):
+        effects = []
     else:
         lower_ids = [alarm for alarm in alarms if alarm.other > state.task.uav]
         to_avoid = [alarm for alarm in (*new, *lower_ids) if _has_to_give_way(state, alarm.other)]
@@ -97,26 +107,26 @@ def _give_way(state: AgentState, to_avoid: Sequence[ProximityAlarm]) -> StepResu
     rules = state.task.separation
     if not may_give_way(state) or not to_avoid:
         return state, []
-    still, others = hold_trajectory(state), predictions(state)
-    blocked = (
-        {alarm.other for alarm in update_alarms((), still, others, rules, state.vehicle.time_boot_s)}
-        if still
-        else set()
-    )
-    climbing = _climb(state, others)
+    climbing = _climb(state)
     # A fixed wing would circle in hold, so it climbs.
     prefers_hold = rules.action == "hold" or climbing is state
-    if prefers_hold and not blocked and state.task.wings is None:
+    if prefers_hold and state.task.wings is None and not _hold_is_in_the_way(state):
         reports = state.neighbours
         to = {alarm.other: reports[alarm.other] for alarm in to_avoid if alarm.other in reports}
         return hold(state, state.plans.route, to)
     return climbing, []
 
 
-def _climb(state: AgentState, others: dict[int, Trajectory]) -> AgentState:
+def _hold_is_in_the_way(state: AgentState) -> bool:
+    here = position_amsl(state)
+    return here is not None and hold_would_block(state, stopping_point(state, here), known_flights(state))
+
+
+def _climb(state: AgentState) -> AgentState:
     """Request a new plan at a height clear of all nearby vehicles, if there is one below the ceiling."""
-    now_s, here_m = state.vehicle.time_boot_s, state.vehicle.alt_rel_m or 0.0
-    heights_m = [at[2] for path in others.values() if (at := path.at(now_s)) is not None]
+    here_m = state.vehicle.alt_rel_m or 0.0
+    paths = (predict(state, report) for report in state.neighbours.values())
+    heights_m = [at[2] for path in paths if path and (at := path.at(state.vehicle.time_boot_s))]
     height_m = clear_height_m(max(here_m, state.height_m), heights_m, state.task.separation.limits)
     if not state.height_m < height_m <= min(ceiling_m(state), _reachable_m(state)):
         return state

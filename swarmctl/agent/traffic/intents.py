@@ -5,6 +5,7 @@
 | a new plan, a take-off, or the arrival over the goal | at once |
 | the vehicle is off its announced position | at most once a second |
 | until the take-off | every second: vehicles with the same order have to know before they arm |
+| within 3 s of a new plan, or of the first message of another vehicle | every second: messages are lost |
 | otherwise | every 5 s, for late joiners and against losses |
 
 Without a recent intent of a vehicle, `collision_avoidance` still watches its position.
@@ -33,8 +34,7 @@ from swarmctl.agent.replan.copter_trajectory import (
 from swarmctl.agent.replan.length_bounds import LIFT_S
 from swarmctl.agent.replan.stopping import stop_ahead, stop_for_new_plan
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.check import MAX_AGE_S
-from swarmctl.agent.traffic.prediction import AIRBORNE_M, position_of
+from swarmctl.agent.traffic.prediction import AIRBORNE_M, MAX_AGE_S, position_of
 from swarmctl.agent.traffic.separation.trajectory import (
     Bounds,
     LocalPoint,
@@ -55,7 +55,9 @@ from swarmctl.planners.benevolence import OtherVehicle
 REPEAT_EVERY_S = 5.0
 """Interval between unchanged intents [s]."""
 MIN_INTERVAL_S = 1.0
-"""Least interval while the vehicle is off its announced position [s]."""
+"""Least interval, while the intent is new, or the vehicle is off its announced position [s]."""
+NEW_FOR_S = 3.0
+"""Time for which an intent counts as new [s]."""
 TOLERANCE_S, TOLERANCE_M = 1.0, 3.0
 """Horizontal tolerance of the announced position: the distance flown in TOLERANCE_S, at least TOLERANCE_M."""
 HOLD_DURATION_S = 30.0
@@ -82,15 +84,20 @@ def share_intent(state: AgentState) -> StepResult:
     if not (state.ended or state.phase in IN_FLIGHT or state.phase is Phase.LAUNCHING):
         return state, []
     since_s = now_s - state.intent_sent_boot_s
-    every_s = MIN_INTERVAL_S if state.phase is Phase.LAUNCHING else REPEAT_EVERY_S
+    is_new = state.phase is Phase.LAUNCHING or 0.0 <= now_s - state.intent_new_boot_s < NEW_FOR_S
+    every_s = MIN_INTERVAL_S if is_new else REPEAT_EVERY_S
     is_due = not 0.0 <= since_s < every_s or state.ended
     if not is_due and (since_s < MIN_INTERVAL_S or not _is_off_intent(state)):
         return state, []
-    return publish_intent(state, None if state.ended else planned_flight(state))
+    return _publish(state, None if state.ended else planned_flight(state))
 
 
 def publish_intent(state: AgentState, flight: Trajectory | None) -> StepResult:
-    """Broadcast `flight` as the own intent; None withdraws it."""
+    """Broadcast `flight` as the own new intent; None withdraws it."""
+    return _publish(replace(state, intent_new_boot_s=state.vehicle.time_boot_s), flight)
+
+
+def _publish(state: AgentState, flight: Trajectory | None) -> StepResult:
     swap, now_s = state.plans.pending or state.plans.route, state.vehicle.time_boot_s
     message = IntentShared(
         plan_id=0 if swap is None or flight is None else swap.plan_id,

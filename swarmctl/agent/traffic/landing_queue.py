@@ -33,22 +33,22 @@ from swarmctl.agent.traffic.check import (
     SEPARATES_WITHIN_S,
     WAIT_WITHIN_S,
     Others,
-    alarmed_flights,
+    clashes_if_changed,
     clashes_with,
+    come_within,
     known_flights,
     near_flights,
     standing_of,
 )
 from swarmctl.agent.traffic.intents import (
-    HOLD_DURATION_S,
     planned_flight,
     position_amsl,
     publish_intent,
     to_shared_frame,
 )
-from swarmctl.agent.traffic.prediction import position_of, stopping_point
-from swarmctl.agent.traffic.priority import SAME_HEIGHT_M, Activity, Standing, gives_way
-from swarmctl.agent.traffic.route_hold import give_up
+from swarmctl.agent.traffic.prediction import hears_nobody, position_of, stopping_point
+from swarmctl.agent.traffic.priority import Activity, Standing, gives_way
+from swarmctl.agent.traffic.route_hold import give_up, hold_would_block
 from swarmctl.agent.traffic.separation.clash import Clash, describe_clashes
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory, landing_start_s
 from swarmctl.agent.traffic.separation.watch import NeighbourIntent, NeighbourReport
@@ -163,7 +163,7 @@ def _wait_if_conflicting(state: AgentState, here: LocalPoint) -> StepResult:
     # Until shortly before the descent, only conflicts of the level flight count. For a conflict of the
     # descent, the vehicle stops later, near its landing spot, unless it would stand in the way there.
     spot = (*waypoints_of(state.task, state.plans.route.plan)[-1], here[2])
-    stops_later = descends_s > now_s + HOLD_BEFORE_DESCENT_S and not _hold_would_block(state, spot, near)
+    stops_later = descends_s > now_s + HOLD_BEFORE_DESCENT_S and not hold_would_block(state, spot, near)
     until_s = descends_s if stops_later else math.inf
     clashes = [
         clash
@@ -172,7 +172,7 @@ def _wait_if_conflicting(state: AgentState, here: LocalPoint) -> StepResult:
     ]
     east_m, north_m, up_m = stopping_point(state, here)
     stop = (east_m, north_m, up_m + min(state.vehicle.climb_m_s, 0.0))
-    if not clashes or _hold_would_block(state, stop, others):
+    if not clashes or hold_would_block(state, stop, others):
         return state, []
     counts, n, reports = state.conflicts.counts, len(clashes), state.neighbours
     counts = replace(counts, predicted=counts.predicted + n, by_waiting=counts.by_waiting + n)
@@ -204,28 +204,12 @@ def _go_first(state: AgentState, here: LocalPoint, others: Others) -> dict[int, 
     found = {}
     for uav, intent in others.items():
         # Over the landing place only heights and system ids count: the lower vehicle is in the way.
-        theirs = replace(standing_of(state, uav, intent), activity=Activity.LANDING, can_yield=True)
+        # A silent vehicle may be anywhere on its way down.
+        can_yield = not intent.may_be_late
+        theirs = replace(standing_of(state, uav, intent), activity=Activity.LANDING, can_yield=can_yield)
         if gives_way(mine, theirs):
             found[uav] = intent
     return found
-
-
-def _hold_would_block(state: AgentState, stop: LocalPoint, others: Others) -> bool:
-    """Return whether a hold at `stop` would block a vehicle that cannot give way, or cannot do so in time.
-
-    An uncertain flight counts without its uncertainty: a hold in a wide area is better than a flight across.
-    """
-    limits, now_s = state.task.separation.limits, state.vehicle.time_boot_s
-    hold = Trajectory((now_s, now_s + HOLD_DURATION_S), (stop, stop))
-    # Vehicles well above wait for this vehicle, or give way.
-    near = {
-        uav: replace(intent, uncertainty_m=(0.0, 0.0))
-        for uav, intent in others.items()
-        if standing_of(state, uav, intent).up_m - stop[2] < limits.vertical_m + SAME_HEIGHT_M
-    }
-    clashes = clashes_with(hold, near, limits)
-    until_s = now_s + SEPARATES_WITHIN_S
-    return any(not near[clash.other].may_change or clash.at_s < until_s for clash in clashes)
 
 
 # --- end of the wait
@@ -238,7 +222,8 @@ def _land_if_clear(state: AgentState, wait: Wait, here: LocalPoint) -> StepResul
     # A silent vehicle with LANDING in its last report counts as landed.
     reports = {uav: r for uav, r in wait.to.items() if r.state.phase != Phase.LANDING}
     state = replace(state, wait=replace(wait, to=reports))
-    match verdict(wait, now_s, lambda: is_holding and not _descent_conflicts(state, here)):
+    may_land = is_holding and not hears_nobody(state)
+    match verdict(wait, now_s, lambda: may_land and not _descent_conflicts(state, here)):
         case Verdict.OVER:
             return give_up(state)
         case Verdict.CLEAR:
@@ -274,13 +259,31 @@ def _descent_conflicts(state: AgentState, here_amsl: LocalPoint) -> tuple[Clash,
     if flight is None:
         return ()
     limits, until_s = state.task.separation.limits, state.vehicle.time_boot_s + CLEAR_AHEAD_S
-    for flights in (known_flights(state), alarmed_flights(state)):
-        waited_for = _go_first(state, here_amsl, flights)
-        for delay_s in STARTS_AFTER_S:
-            clashes = clashes_with(flight.later(delay_s), waited_for, limits)
-            if soon := tuple(clash for clash in clashes if clash.at_s < until_s):
-                return soon
+    waited_for = _go_first(state, here_amsl, known_flights(state))
+    for delay_s in STARTS_AFTER_S:
+        clashes = clashes_with(flight.later(delay_s), waited_for, limits)
+        if soon := tuple(clash for clash in clashes if clash.at_s < until_s):
+            return () if _leaves_the_way(state, flight, waited_for) else soon
     return ()
+
+
+def _leaves_the_way(state: AgentState, landing: Trajectory, others: Others) -> bool:
+    """Return whether a landing takes the vehicle out of the way of one that soon flies through its hold."""
+    hold, limits = planned_flight(state), state.task.separation.limits
+    if hold is None:
+        return False
+    until_s = state.vehicle.time_boot_s + WAIT_WITHIN_S
+    is_in_the_way = come_within(
+        [hold.lasting(until_s)],
+        [
+            i.flight.lasting(until_s)
+            for i in others.values()
+            if not i.may_change and not i.flight.ends_in_hold
+        ],
+        limits,
+        1.0,
+    )
+    return is_in_the_way and not clashes_if_changed(state, landing, others, hold)
 
 
 def _landing_spot(state: AgentState) -> PlanarPoint:

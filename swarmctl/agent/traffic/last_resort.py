@@ -15,7 +15,7 @@ too, when its last moment for a stop has come.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from swarmctl.agent.orders import StepResult
 from swarmctl.agent.own_modes import own_mode_roles
@@ -23,20 +23,26 @@ from swarmctl.agent.phases import Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.check import (
     come_within,
-    current_flights,
+    known_flights,
     may_meet_anyone,
     near_flights,
     share_of,
 )
 from swarmctl.agent.traffic.intents import planned_flight, position_amsl, reach
 from swarmctl.agent.traffic.landing_queue import MIN_HEIGHT_M, hold_before_landing, is_urgent
-from swarmctl.agent.traffic.prediction import home_amsl_m, predict
+from swarmctl.agent.traffic.prediction import (
+    HEARD_S,
+    acknowledged_s,
+    hears_nobody,
+    home_amsl_m,
+    predict,
+)
 from swarmctl.agent.traffic.priority import Activity, Standing, activity_of, gives_way
 from swarmctl.agent.traffic.returning import hold_before_leaving, may_hold_before_leaving
 from swarmctl.agent.traffic.route_hold import hold, may_give_way
 from swarmctl.agent.traffic.separation.approach import Limits
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory, brake, extrapolate
-from swarmctl.agent.traffic.separation.watch import NeighbourIntent
+from swarmctl.agent.traffic.separation.watch import NeighbourIntent, NeighbourReport
 from swarmctl.core import events as ev
 from swarmctl.core.vehicle import BRAKING_M_S2
 
@@ -58,6 +64,8 @@ Paths = Sequence[Trajectory]
 
 def stop_in_time(state: AgentState) -> StepResult:
     """Hold if the vehicle comes too close to another one soon, and has to stop for it."""
+    if hears_nobody(state):
+        return _stop_if_unannounced(state)
     if not _may_stop(state) or (not state.neighbours and not state.intents):
         return state, []
     box = reach(state, LOOKS_AHEAD_S, STRAIGHT_ON_S)
@@ -69,7 +77,7 @@ def stop_in_time(state: AgentState) -> StepResult:
     vehicle, limits = state.vehicle, state.task.separation.limits
     now_s, velocity = vehicle.time_boot_s, (vehicle.east_m_s, vehicle.north_m_s, vehicle.climb_m_s)
     mine = (plan.lasting(now_s + LOOKS_AHEAD_S), extrapolate(here, velocity, now_s, STRAIGHT_ON_S))
-    flights = current_flights(state, mine)
+    flights = known_flights(state)
     others = {uav: f for path in mine for uav, f in near_flights(path, flights, limits).items()}
     stop = _stop(here, velocity, now_s)
     to_avoid = {uav for uav, flight in others.items() if _has_to_stop(state, mine, stop, uav, flight)}
@@ -82,9 +90,32 @@ def stop_in_time(state: AgentState) -> StepResult:
     to = {uav: state.neighbours[uav] for uav in to_avoid if uav in state.neighbours}
     names = " and ".join(f"vehicle {uav}" for uav in sorted(to_avoid))
     text = f"the vehicle would come too close to {names} within seconds; it holds [stops-in-time]"
+    return _hold(state, to, text)
+
+
+def _stop_if_unannounced(state: AgentState) -> StepResult:
+    """Hold if no other vehicle has acknowledged the present flight before the silence began.
+
+    The others expect the flight announced before. They also expect that the vehicle may have stopped on it.
+    """
+    changed_s = state.plans.swaps.decided_boot_s
+    if state.wait is not None and state.wait.ended_boot_s is not None:
+        changed_s = max(changed_s, state.wait.ended_boot_s)
+    heard_s = max(report.at_s for report in state.neighbours.values())
+    is_unannounced = acknowledged_s(state) < changed_s <= heard_s + HEARD_S
+    begins_route = (
+        state.phase is Phase.FLYING and state.plans.route is None and state.plans.pending is not None
+    )
+    if not is_unannounced or not (_may_stop(state) or (_follows_own_order(state) and begins_route)):
+        return state, []
+    text = "no other vehicle is heard any more, and none knows this flight; the vehicle holds [unannounced]"
+    return _hold(state, {}, text)
+
+
+def _hold(state: AgentState, to: Mapping[int, NeighbourReport], text: str) -> StepResult:
     match state.phase:
         case Phase.FLYING | Phase.FORMATION:
-            state, effects = hold(state, state.plans.route, to)
+            state, effects = hold(state, state.plans.route or state.plans.pending, to)
         case Phase.LANDING:
             state, effects = hold_before_landing(state, to)
         case _:
@@ -133,6 +164,7 @@ def _helps(stop: Trajectory, others: Paths, limits: Limits, together: float) -> 
 def _paths(state: AgentState, uav: int, intent: NeighbourIntent) -> Paths:
     """Return the flights that another vehicle may take: its intent, or straight on for some seconds.
 
+    A vehicle off its intent flies straight on.
     A vehicle with a hold as its intent brakes. It may stop sooner than announced, also where it is now.
     """
     now_s, report = state.vehicle.time_boot_s, state.neighbours.get(uav)
@@ -140,6 +172,8 @@ def _paths(state: AgentState, uav: int, intent: NeighbourIntent) -> Paths:
     if path is None:
         return (intent.flight,)
     straight = path.higher(home_amsl_m(state))
+    if intent.straight is not None:
+        return (straight,)
     if intent.flight.ends_in_hold:
         here = straight.points[0]
         return intent.flight, Trajectory((now_s, now_s + LOOKS_AHEAD_S), (here, here))
@@ -151,15 +185,19 @@ def _stop(here: LocalPoint, velocity_m_s: LocalPoint, now_s: float) -> Trajector
     return brake(here, velocity_m_s, now_s, LOOKS_AHEAD_S, LIKELY_REACTION_S, LIKELY_BRAKING_M_S2)
 
 
-def _may_stop(state: AgentState) -> bool:
-    """Return whether the vehicle flies by an order of this agent, can hold, and does not wait already."""
+def _follows_own_order(state: AgentState) -> bool:
+    """Return whether a copter flies by an order of this agent, is high enough, and does not wait already."""
     vehicle, task = state.vehicle, state.task
     if task.wings is not None or task.separation.action == "none" or state.is_waiting or state.lost:
         return False
     leaves = state.phase is Phase.LEAVING
     follows = leaves or state.order.is_followed or state.order.given in (None, ev.FlightOrder.LAUNCH)
     is_high = vehicle.alt_rel_m is not None and vehicle.alt_rel_m >= MIN_HEIGHT_M
-    if not follows or not is_high or not vehicle.armed or vehicle.mode_role not in own_mode_roles(state):
+    return follows and is_high and vehicle.armed and vehicle.mode_role in own_mode_roles(state)
+
+
+def _may_stop(state: AgentState) -> bool:
+    if not _follows_own_order(state):
         return False
     match state.phase:
         case Phase.FLYING | Phase.FORMATION:

@@ -22,6 +22,7 @@ from swarmctl.agent.replan.copter_trajectory import from_takeoff
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.check import clashes_with, known_flights, standing_of
 from swarmctl.agent.traffic.intents import planned_flight, publish_intent, to_shared_frame
+from swarmctl.agent.traffic.prediction import hears_nobody
 from swarmctl.agent.traffic.priority import Activity, Standing, gives_way
 from swarmctl.agent.traffic.separation.clash import Clash, describe_clashes
 from swarmctl.agent.traffic.separation.trajectory import until_landing
@@ -45,6 +46,8 @@ def launch_if_possible(state: AgentState) -> StepResult:
         return release_vehicle(
             state, f"the vehicle is in mode {state.vehicle.mode}, which this program has not ordered"
         )
+    if hears_nobody(state):
+        return _wait(state, "no other vehicle is heard any more")
     if clashes := _route_clashes(state, _intents_waited_for(state)):
         return _wait(state, _conflict_text(state, clashes))
     messages: list[ev.Effect] = []

@@ -9,7 +9,7 @@ from swarmctl.agent.arrival.simultaneous import note_arrival_times
 from swarmctl.agent.formation.presence import fellows_of
 from swarmctl.agent.orders import StepResult
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.prediction import MAX_REPORT_AGE_S
+from swarmctl.agent.traffic.prediction import HEARD_S, MAX_AGE_S, MAX_REPORT_AGE_S
 from swarmctl.agent.traffic.returning import note_returning
 from swarmctl.agent.traffic.separation.watch import NeighbourReport
 from swarmctl.core import events as ev
@@ -24,15 +24,16 @@ MARGIN_M_S = 5.0
 def relevant_states(
     state: AgentState, states: Mapping[int, StateShared]
 ) -> tuple[tuple[int, StateShared], ...]:
-    """Return the states of senders that are near or return; all states if the arrivals are simultaneous."""
+    """Return the states of senders that are or were near, or return; all if the arrivals are simultaneous."""
     if state.task.arrival_group is not None:
         return tuple(states.items())
-    is_near, returning, to_local = _near_test(state), state.returning, state.task.grid.frame.to_local
+    is_near, to_local = _near_test(state), state.task.grid.frame.to_local
+    known = state.returning.keys() | state.neighbours.keys()
     return tuple(
         (uav, other)
         for uav, other in states.items()
         if other.returns_to is not None
-        or uav in returning
+        or uav in known
         or is_near(other, to_local(other.lat_deg, other.lon_deg))
     )
 
@@ -45,15 +46,23 @@ def receive_neighbours(state: AgentState, event: ev.Neighbours, _now: float) -> 
         for uav, shared in event.states
     }
     known, is_near = state.neighbours.items(), _near_test(state)
-    kept = {uav: report for uav, report in known if 0.0 <= now_s - report.at_s <= MAX_REPORT_AGE_S}
+    kept = {
+        uav: report for uav, report in known if uav not in reports and 0.0 <= now_s - report.at_s <= MAX_AGE_S
+    }
     fellows = fellows_of(state)
     new = {
         uav: report
         for uav, report in reports.items()
         if uav not in fellows and is_near(report.state, (report.east_m, report.north_m))
     }
+    if any(uav not in state.neighbours or _was_silent(state, uav) for uav in new):
+        state = replace(state, intent_new_boot_s=now_s)  # a vehicle hears this one for the first time
     state = note_returning(note_arrival_times(state, event.states), reports)
     return replace(state, neighbours={**kept, **new}, wait=state.wait and state.wait.noted(reports)), []
+
+
+def _was_silent(state: AgentState, uav: int) -> bool:
+    return state.vehicle.time_boot_s - state.neighbours[uav].at_s > HEARD_S
 
 
 def _near_test(state: AgentState) -> Callable[[StateShared, PlanarPoint], bool]:

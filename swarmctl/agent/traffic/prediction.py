@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 
+from swarmctl.agent.phases import ENDED, Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.separation.trajectory import Bounds, LocalPoint, Trajectory, extrapolate
 from swarmctl.agent.traffic.separation.watch import NeighbourReport
@@ -15,12 +16,14 @@ from swarmctl.core.vehicle import BRAKING_M_S2, VehicleState
 
 MAX_REPORT_AGE_S = 5.0
 """Greatest age of a state from which another vehicle's position is predicted [s]."""
+HEARD_S = 3.0
+"""Time without a state of any vehicle nearby after which a vehicle hears no other vehicle any more [s]."""
+MAX_AGE_S = 90.0
+"""Greatest age of an intent in use [s]: others keep clear of a silent vehicle's flight as announced."""
 SILENT_S = 180.0
 """Time for which a vehicle that gave way stays clear of the last position of a silent vehicle [s]."""
 AIRBORNE_M = 1.0
 """Height above home below which a vehicle counts as on the ground [m]."""
-
-EVERYWHERE = Bounds((-math.inf,) * 4, (math.inf,) * 4)
 
 
 def position_of(state: AgentState) -> LocalPoint | None:
@@ -29,15 +32,6 @@ def position_of(state: AgentState) -> LocalPoint | None:
     if vehicle.lat_deg is None or vehicle.lon_deg is None or vehicle.alt_rel_m is None:
         return None
     return (*state.task.grid.frame.to_local(vehicle.lat_deg, vehicle.lon_deg), vehicle.alt_rel_m)
-
-
-def hold_trajectory(state: AgentState) -> Trajectory | None:
-    """Return the trajectory of a hold for the look-ahead time; None if the position is unknown."""
-    here, rules = position_of(state), state.task.separation
-    if here is None:
-        return None
-    still = (0.0, 0.0, 0.0)
-    return extrapolate(stopping_point(state, here), still, state.vehicle.time_boot_s, rules.look_ahead_s)
 
 
 def stopping_point(state: AgentState, here: LocalPoint) -> LocalPoint:
@@ -56,7 +50,7 @@ def predict(state: AgentState, report: NeighbourReport) -> Trajectory | None:
     return extrapolate(_reported_position(state, report), reported.velocity_m_s, report.at_s, for_s)
 
 
-def predictions(state: AgentState, within: Bounds = EVERYWHERE) -> dict[int, Trajectory]:
+def predictions(state: AgentState, within: Bounds) -> dict[int, Trajectory]:
     """Return the extrapolated trajectories of the neighbours that come within bounds, heights above home."""
     (_, west_m, south_m, low_m), (_, east_m, north_m, high_m) = within.least, within.most
     vehicle, until_s = state.vehicle, state.vehicle.time_boot_s + state.task.separation.look_ahead_s
@@ -96,11 +90,39 @@ def _reported_position(state: AgentState, report: NeighbourReport) -> LocalPoint
     return report.east_m, report.north_m, _up_m(state.vehicle, report.state)
 
 
+def reported_amsl_m(state: AgentState, report: NeighbourReport) -> float:
+    """Return the reported height of another vehicle above the sea [m]."""
+    return _up_m(state.vehicle, report.state) + home_amsl_m(state)
+
+
 def _up_m(vehicle: VehicleState, other: StateShared) -> float:
     """Return the height of another vehicle above this vehicle's home; the two homes may differ in height."""
     if vehicle.alt_amsl_m is None or vehicle.alt_rel_m is None or other.alt_amsl_m is None:
         return other.alt_rel_m
     return other.alt_amsl_m - vehicle.alt_amsl_m + vehicle.alt_rel_m
+
+
+def hears_nobody(state: AgentState) -> bool:
+    """Return whether the vehicle hears none of the vehicles nearby any more: they do not hear it either.
+
+    The others keep clear of its flight as announced, so this vehicle does not deviate from it to give way.
+    """
+    if state.phase is Phase.FORMATION:  # the members of its group are no neighbours
+        return False
+    now_s = state.vehicle.time_boot_s
+    ages_s = [now_s - report.at_s for report in state.neighbours.values() if not _is_down(report.state)]
+    return bool(ages_s) and HEARD_S < min(ages_s) <= MAX_AGE_S
+
+
+def _is_down(reported: StateShared) -> bool:
+    lands = reported.phase in (Phase.LANDING, Phase.LEAVING)
+    return reported.phase in ENDED or (lands and reported.alt_rel_m < AIRBORNE_M)
+
+
+def acknowledged_s(state: AgentState) -> float:
+    """Return the time of the last message by which another vehicle acknowledges to hear this one [s]."""
+    reports = state.neighbours.values()
+    return max((r.at_s for r in reports if state.task.uav in r.state.hears), default=-math.inf)
 
 
 def silent_neighbours(state: AgentState) -> dict[int, Trajectory]:

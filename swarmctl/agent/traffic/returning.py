@@ -27,9 +27,10 @@ from swarmctl.agent.traffic.check import (
     SEPARATES_WITHIN_S,
     WAIT_WITHIN_S,
     clashes_of_route,
-    current_flights,
+    known_flights,
 )
 from swarmctl.agent.traffic.intents import landing_flight, planned_flight, publish_intent, return_flight
+from swarmctl.agent.traffic.prediction import hears_nobody
 from swarmctl.agent.traffic.priority import Activity, Standing, activity_of, gives_way
 from swarmctl.agent.traffic.return_schedule import may_be_returning, position_from_state, schedule_for
 from swarmctl.agent.traffic.separation.trajectory import Trajectory
@@ -161,7 +162,11 @@ def update_return(state: AgentState) -> StepResult:
 
 def _land_if_clear(state: AgentState, wait: Wait) -> StepResult:
     now_s = state.vehicle.time_boot_s
-    match verdict(wait, now_s, lambda: not _leaving_conflicts(state, landing_flight(state))):
+
+    def is_clear() -> bool:
+        return not hears_nobody(state) and not _leaving_conflicts(state, landing_flight(state))
+
+    match verdict(wait, now_s, is_clear):
         case Verdict.WAIT:
             return state, []
         case Verdict.BLOCKED:
@@ -179,10 +184,10 @@ def _wait_or_start(state: AgentState, wait: Wait) -> StepResult:
     now_s = state.vehicle.time_boot_s
 
     def is_clear() -> bool:
-        is_clear = is_return_path_clear(state, state.returning) and not _leaving_conflicts(
-            state, return_flight(state)
-        )
-        return bool(urgent_return_reason(state)) or is_clear
+        if urgent_return_reason(state):
+            return True
+        is_clear = not hears_nobody(state) and is_return_path_clear(state, state.returning)
+        return is_clear and not _leaving_conflicts(state, return_flight(state))
 
     # At the end of the longest wait, vehicles start one after the other.
     early_s = STAGGER_S * min(_n_waiting_with_higher_id(state), MAX_STAGGERED)
@@ -217,7 +222,7 @@ def _leaving_conflicts(state: AgentState, flight: Trajectory | None) -> bool:
     now_s = state.vehicle.time_boot_s
     if flight is None:
         return False
-    others = current_flights(state)
+    others = known_flights(state)
     return any(
         clash.at_s - now_s < (SEPARATES_WITHIN_S if others[clash.other].may_change else WAIT_WITHIN_S)
         for clash in clashes_of_route(state, flight, others)

@@ -32,7 +32,7 @@ from swarmctl.agent.traffic.check import (
 )
 from swarmctl.agent.traffic.conflicts import DeconflictionCounts, FlightComparison
 from swarmctl.agent.traffic.intents import flight_by_plan, may_change, planned_flight, publish_intent
-from swarmctl.agent.traffic.prediction import AIRBORNE_M, position_of
+from swarmctl.agent.traffic.prediction import AIRBORNE_M, hears_nobody, position_of
 from swarmctl.agent.traffic.priority import Activity, Standing, gives_way
 from swarmctl.agent.traffic.route_hold import heights_to_try, hold, may_hold
 from swarmctl.agent.traffic.separation.clash import Clash, describe_clashes
@@ -54,12 +54,13 @@ HOLDS_WITHIN_S = 20.0
 
 def check_own_route(state: AgentState) -> StepResult:
     """Compare the own intent with all others; plan again if this vehicle has to give way."""
-    if state.phase is not Phase.FLYING or state.own_intent is None or state.is_waiting:
+    if not _may_change_route(state):
         return (
             replace(state, conflicts=replace(state.conflicts, predicted=frozenset(), compared={}))
             if state.conflicts.predicted
             else state
         ), []
+    assert state.own_intent is not None
     state, clashes = _update_comparisons(state, state.own_intent)
     found = [clash for clash in clashes if _gives_way(state, clash.other)]
     if not found and not state.conflicts.predicted:
@@ -83,6 +84,11 @@ def check_own_route(state: AgentState) -> StepResult:
     text = f"the route conflicts with {describe_clashes(new, state.vehicle.time_boot_s)}"
     text += "; this vehicle gives way with a new plan [route-conflict]"
     return state, [ev.NotifyOperator(text)] if new else []
+
+
+def _may_change_route(state: AgentState) -> bool:
+    flies = state.phase is Phase.FLYING and not state.is_waiting
+    return flies and state.own_intent is not None and not hears_nobody(state)
 
 
 def _counted(state: AgentState, counts: DeconflictionCounts) -> AgentState:

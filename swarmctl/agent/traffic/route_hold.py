@@ -16,16 +16,25 @@ from swarmctl.agent.phases import EN_ROUTE, Phase
 from swarmctl.agent.replan.copter_trajectory import DESCENT_M_S, at_height, waypoints_of, with_level_off
 from swarmctl.agent.replan.length_bounds import CLIMB_M_S
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.check import alarmed_flights, clashes_of_route, known_flights
+from swarmctl.agent.traffic.check import (
+    SEPARATES_WITHIN_S,
+    Others,
+    clashes_of_route,
+    clashes_with,
+    known_flights,
+    standing_of,
+)
 from swarmctl.agent.traffic.intents import (
+    HOLD_DURATION_S,
     flight_by_plan,
     hold_from,
     planned_flight,
     position_amsl,
     publish_intent,
 )
-from swarmctl.agent.traffic.prediction import position_of
-from swarmctl.agent.traffic.separation.trajectory import LocalPoint
+from swarmctl.agent.traffic.prediction import hears_nobody, position_of
+from swarmctl.agent.traffic.priority import SAME_HEIGHT_M
+from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory
 from swarmctl.agent.traffic.separation.watch import HEIGHT_MARGIN, NeighbourReport
 from swarmctl.agent.traffic.wait import Verdict, WaitFor, begin, verdict
 from swarmctl.core import events as ev
@@ -56,7 +65,27 @@ def may_hold(state: AgentState) -> bool:
     if here is None or state.task.wings is not None:
         return False
     flight = hold_from(state, here, state.vehicle.time_boot_s)
+    if hears_nobody(state):
+        return False  # the others keep clear of its flight as announced
     return may_give_way(state) and not clashes_of_route(state, flight, known_flights(state))
+
+
+def hold_would_block(state: AgentState, stop: LocalPoint, others: Others) -> bool:
+    """Return whether a hold at `stop` would block a vehicle that cannot give way, or cannot do so in time.
+
+    An uncertain flight counts without its uncertainty: a hold in a wide area is better than a flight across.
+    """
+    limits, now_s = state.task.separation.limits, state.vehicle.time_boot_s
+    hold = Trajectory((now_s, now_s + HOLD_DURATION_S), (stop, stop))
+    # Vehicles well above wait for this vehicle, or give way.
+    near = {
+        uav: replace(intent, uncertainty_m=(0.0, 0.0))
+        for uav, intent in others.items()
+        if standing_of(state, uav, intent).up_m - stop[2] < limits.vertical_m + SAME_HEIGHT_M
+    }
+    clashes = clashes_with(hold, near, limits)
+    until_s = now_s + SEPARATES_WITHIN_S
+    return any(not near[clash.other].may_change or clash.at_s < until_s for clash in clashes)
 
 
 def hold(
@@ -85,7 +114,7 @@ def resume_if_clear(state: AgentState) -> StepResult:
     if state.phase is not Phase.FLYING or wait is None or wait.plan is None or not wait.is_on:
         return state, []
     plan = _rest_of(state, wait.plan.plan)
-    match verdict(wait, now_s, lambda: _is_clear(state, plan)):
+    match verdict(wait, now_s, lambda: not hears_nobody(state) and _is_clear(state, plan)):
         case Verdict.WAIT:
             return state, []
         case Verdict.OVER:
@@ -98,7 +127,7 @@ def resume_if_clear(state: AgentState) -> StepResult:
     if not wait.is_report_due(now_s):
         return replace(state, wait=wait.tried(now_s)), []
     text = f"the vehicle has held for at least {wait.rule.report_every_s:.0f} s"
-    for height_m in heights_to_try(state, plan):
+    for height_m in () if hears_nobody(state) else heights_to_try(state, plan):
         if _is_clear(state, at_height(plan, height_m)):
             plans = state.plans.due(must_change=True)
             state = replace(state, height_offset_m=height_m - state.task.altitude_m, plans=plans)
@@ -135,20 +164,16 @@ def _resume(state: AgentState, text: str) -> StepResult:
 
 
 def _is_clear(state: AgentState, plan: FlightPlan) -> bool:
-    """Return whether the rest of a plan is clear for a start now or a few seconds later.
-
-    Vehicles with an alarm count with their extrapolated positions, too: they may be off their intents.
-    """
+    """Return whether the rest of a plan is clear for a start now or a few seconds later."""
     here = position_of(state)
     if here is None:
         return False
     flight = flight_by_plan(state, with_level_off(state.task, plan, here, 0.0))
     if flight is None:
         return False
+    others, present = known_flights(state), planned_flight(state)
     return not any(
-        clashes_of_route(state, flight.later(seconds), others)
-        for others in (known_flights(state), alarmed_flights(state))
-        for seconds in RESUME_AFTER_S
+        clashes_of_route(state, flight.later(seconds), others, present) for seconds in RESUME_AFTER_S
     )
 
 

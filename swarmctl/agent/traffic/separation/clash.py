@@ -3,12 +3,13 @@
 Two flights clash if a position of one flight and a position of the other are too close (`approach.Limits`).
 The times of the positions may differ by `tolerance_s`. For two straight segments, the allowed pairs of times
 form a convex polygon. So do the relative positions, and the distance of the polygon from the origin is exact.
+A vehicle that may have stopped on its flight may be late by any time.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
 from itertools import pairwise
 from types import MappingProxyType
@@ -52,41 +53,53 @@ def find_clashes(
     limits: Limits,
     tolerance_s: float = TIME_TOLERANCE_S,
     wider: Mapping[int, Limits] = MappingProxyType({}),
+    late: Set[int] = frozenset(),
 ) -> tuple[Clash, ...]:
     """Return the clashes of a flight with `others` (by system id), soonest first.
 
-    `wider`: larger limits for some of the other vehicles.
+    `wider`: larger limits for some of the other vehicles. `late`: the vehicles that may be late by any time.
     """
     if not others:
         return ()
-    pairs = [(uav, flight, wider.get(uav, limits)) for uav, flight in others.items()]
+    pairs = [
+        (uav, flight, wider.get(uav, limits), math.inf if uav in late else tolerance_s)
+        for uav, flight in others.items()
+    ]
     first_s: dict[int, float] = {}
-    for i, k, j in _near_segments(own, [(flight, limits) for _, flight, limits in pairs], tolerance_s):
-        uav, flight, pair_limits = pairs[k]
+    for i, k, j in _near_segments(own, [pair[1:] for pair in pairs], tolerance_s):
+        uav, flight, pair_limits, late_s = pairs[k]
         if first_s.get(uav, math.inf) <= own.times_s[i]:
             continue  # the clash of an earlier segment is sooner
-        at_s = first_clash_s(own.segment(i), flight.segment(j), pair_limits, tolerance_s)
+        at_s = first_clash_s(own.segment(i), flight.segment(j), pair_limits, tolerance_s, late_s)
         if at_s is not None:
             first_s[uav] = min(first_s.get(uav, math.inf), at_s)
     return tuple(sorted((Clash(*found) for found in first_s.items()), key=lambda c: (c.at_s, c.other)))
 
 
 def _near_segments(
-    own: Trajectory, others: Sequence[tuple[Trajectory, Limits]], tolerance_s: float
+    own: Trajectory, others: Sequence[tuple[Trajectory, Limits, float]], early_s: float
 ) -> Iterator[tuple[int, int, int]]:
-    """Yield (own segment, other flight, its segment) of segments whose boxes are within the limits."""
-    counts = [len(flight.boxes) for flight, _ in others]
-    reach = np.array([(tolerance_s, at.horizontal_m, at.horizontal_m, at.vertical_m) for _, at in others])
+    """Yield (own segment, other flight, its segment) of segments whose boxes are within the limits.
+
+    Each other flight has its limits, and the greatest time by which it may be late [s].
+    """
+    counts = [len(flight.boxes) for flight, _, _ in others]
+    reach = np.array([(late_s, at.horizontal_m, at.horizontal_m, at.vertical_m) for _, at, late_s in others])
     reach = np.repeat(reach, counts, axis=0)
-    one, other = own.boxes[:, None], np.concatenate([flight.boxes for flight, _ in others])
-    near = (one[..., :4] - reach <= other[:, 4:]) & (other[:, :4] - reach <= one[..., 4:])
+    one, other = own.boxes[:, None], np.concatenate([flight.boxes for flight, _, _ in others])
+    near = one[..., :4] - reach <= other[:, 4:]
+    reach[:, 0] = early_s
+    near &= other[:, :4] - reach <= one[..., 4:]
     flight_of = [(k, j) for k, count in enumerate(counts) for j in range(count)]
     for i, at in np.argwhere(near.all(axis=2)).tolist():
         yield i, *flight_of[at]
 
 
-def first_clash_s(a: Segment, b: Segment, limits: Limits, tolerance_s: float) -> float | None:
-    """Return the approximate time at which `a` is first too close to `b` [s]; None if they do not clash."""
+def first_clash_s(a: Segment, b: Segment, limits: Limits, early_s: float, late_s: float) -> float | None:
+    """Return the approximate time at which `a` is first too close to `b` [s]; None if they do not clash.
+
+    `b` may be early by up to `early_s`, and late by up to `late_s`.
+    """
     (ve, vn, vu), (we, wn, wu) = _velocity(a), _velocity(b)
     (ae, an, au), (be, bn, bu) = a.a, b.a
     a_s, b_s, near_m, limit_m = (
@@ -96,8 +109,8 @@ def first_clash_s(a: Segment, b: Segment, limits: Limits, tolerance_s: float) ->
         limits.horizontal_m,
     )
     times: Sequence[_Times] = ((a_s, b_s), (a.end_s, b_s), (a.end_s, b.end_s), (a_s, b.end_s))
-    times = _clip(times, [tolerance_s - t + u for t, u in times])
-    times = _clip(times, [tolerance_s + t - u for t, u in times])
+    times = _clip(times, [late_s - t + u for t, u in times])
+    times = _clip(times, [early_s + t - u for t, u in times])
     times = _clip(times, [near_m - (au + (t - a_s) * vu - bu - (u - b_s) * wu) for t, u in times])
     times = _clip(times, [near_m + (au + (t - a_s) * vu - bu - (u - b_s) * wu) for t, u in times])
     if not times:

@@ -168,6 +168,13 @@ class Bounds:
         (t0, e0, n0, u0), (t1, e1, n1, u1) = self.least, self.most
         return Bounds((t0, e0, n0, u0 + by_m), (t1, e1, n1, u1 + by_m))
 
+    def joined(self, other: Bounds) -> Bounds:
+        """Return the box around both boxes."""
+        (t0, e0, n0, u0), (t1, e1, n1, u1) = self.least, other.least
+        (t2, e2, n2, u2), (t3, e3, n3, u3) = self.most, other.most
+        least = (min(t0, t1), min(e0, e1), min(n0, n1), min(u0, u1))
+        return Bounds(least, (max(t2, t3), max(e2, e3), max(n2, n3), max(u2, u3)))
+
     def meets(self, other: Bounds) -> bool:
         """Return whether two boxes have a common point: a cheap first test."""
         low, high, least, most = self.least, self.most, other.least, other.most

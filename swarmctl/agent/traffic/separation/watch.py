@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -64,12 +65,29 @@ class NeighbourIntent:
     landing: Trajectory | None = None
     """the flight with its landing; None if `flight` is the whole flight"""
 
-    def of_silent_vehicle(self) -> NeighbourIntent:
-        """Return the intent of a vehicle that is not heard any more: it lands as planned."""
+    may_be_late: bool = False
+    """True if the vehicle may have stopped anywhere on its flight, and may go on at any time"""
+
+    straight: Trajectory | None = None
+    """flight straight on for some seconds, if the vehicle is off its intent; else None"""
+
+    def and_straight_on(self, straight: Trajectory) -> NeighbourIntent:
+        """Return the intent of a vehicle off its intent, which may also fly straight on."""
+        return replace(self, straight=straight, bounds=self.bounds.joined(Bounds.of(straight)))
+
+    def of_silent_vehicle(self, heard_s: float, until_s: float) -> NeighbourIntent | None:
+        """Return the intent of a vehicle that is not heard any more since `heard_s`, for a time `until_s`.
+
+        The vehicle flies and lands as announced, or stops on the way. The result is None if it has landed.
+        """
         flight = self.landing or self.flight
-        away_m, up_m = self.uncertainty_m
-        bounds = Bounds.of(flight).wider((0.0, away_m, away_m, up_m))
-        return replace(self, flight=flight, bounds=bounds, may_change=False, landing=None)
+        if flight.ends_in_hold:
+            flight = flight.lasting(max(until_s, flight.times_s[-1]))
+        ahead, (away_m, up_m) = flight.since(heard_s), self.uncertainty_m
+        if ahead is None or len(ahead.times_s) < 2:
+            return None
+        bounds = Bounds.of(ahead).wider((math.inf, away_m, away_m, up_m))
+        return replace(self, flight=ahead, bounds=bounds, may_change=False, landing=None, may_be_late=True)
 
     def limits(self, limits: Limits) -> Limits:
         """Return `limits` enlarged by the uncertainty of the flight."""
