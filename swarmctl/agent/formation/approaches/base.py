@@ -17,7 +17,7 @@ Vector = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What the group's vehicles can do, and how far apart they stay."""
+    """Limits of the group's vehicles, and the distance between them."""
 
     speed_m_s: float
     """greatest speed over ground that is demanded of a member"""
@@ -30,7 +30,7 @@ class Limits:
 
 @dataclass(frozen=True, slots=True)
 class Member:
-    """What another present member told last."""
+    """The last message of another present member."""
 
     position_m: Vector
     velocity_m_s: Vector
@@ -66,7 +66,7 @@ class ThreatField:
 
 @dataclass(frozen=True, slots=True)
 class Memory:
-    """What a law keeps from one call to the next. A member that joins, or has paused, begins with none."""
+    """The facts that a law keeps from call to call. A member that joins, or has paused, begins with none."""
 
     now_s: float
     place_m: Vector

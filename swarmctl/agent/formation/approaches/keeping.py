@@ -1,4 +1,4 @@
-"""What all approaches share: a place without jumps, distance from the others, and the wait for the slowest.
+"""Common parts of the approaches: a place without jumps, distances, and the wait for the slowest member.
 
 A place jumps when the shape, the route or the leader changes, or when a message comes after a gap. The
 member's demanded position does not: it keeps its distance from the place, and this distance shrinks at a
