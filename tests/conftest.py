@@ -12,8 +12,9 @@ from profiles import VARIABLE, examples, is_full
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--full", action="store_true", help="run everything, with deep profiles")
-    text = "number of flights in tests/flight/test_drawn_traffic.py"
-    parser.addoption("--drawn-traffic", type=int, default=0, metavar="N", help=text)
+    for what in ("traffic", "formations"):
+        text = f"number of flights in tests/flight/test_drawn_{what}.py"
+        parser.addoption(f"--drawn-{what}", type=int, default=0, metavar="N", help=text)
     for option in OPTIONS:
         text = f"program of an autopilot, for tests/firmware (or {variable(option)} in the environment)"
         parser.addoption(f"--{option}", metavar="PATH", help=text)

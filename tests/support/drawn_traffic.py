@@ -150,13 +150,13 @@ def draw(seed: int) -> DrawnTraffic:
     drawn.witness.excused = lambda uav, now: now >= drawn.excused_from_s.get(uav, math.inf)
     stagger_s = rng.choice([0.0, 0.0, 2.0, 8.0])
     for i, agent in enumerate(swarm.agents):
-        _begin(drawn, agent, 1.0 + i * stagger_s)
+        begin(drawn, agent, 1.0 + i * stagger_s)
     for _ in range(rng.choice([0, 1, 2, 3])):
         rng.choice(_EVENTS)(drawn, rng, rng.choice(swarm.agents))
     return drawn
 
 
-def _begin(drawn: DrawnTraffic, agent: LightAgent, launch_s: float) -> None:
+def begin(drawn: DrawnTraffic, agent: LightAgent, launch_s: float) -> None:
     def ready() -> None:
         agent.report()
         agent(ev.Ready())
@@ -214,12 +214,12 @@ def _scenario(rng: random.Random, seed: int, n: int) -> Scenario:
 # --- events
 
 
-def _tell(drawn: DrawnTraffic, at_s: float, text: str, action: Callable[[], None]) -> None:
+def tell(drawn: DrawnTraffic, at_s: float, text: str, action: Callable[[], None]) -> None:
     drawn.story.append(f"{at_s:.1f} s: {text}")
     drawn.swarm.at(at_s, action)
 
 
-def _recall(drawn: DrawnTraffic, rng: random.Random, _agent: LightAgent) -> None:
+def recall(drawn: DrawnTraffic, rng: random.Random, _agent: LightAgent) -> None:
     """Recall all vehicles in turns, as the shutdown does: hold, then return by the schedule."""
     at_s = rng.uniform(LAUNCHED_S, 60.0)
     agents = drawn.swarm.agents
@@ -236,11 +236,11 @@ def _recall(drawn: DrawnTraffic, rng: random.Random, _agent: LightAgent) -> None
             after_s = turns.begins_s.get(agent.uav, turns.all_landed_s)
             agent(ev.OperatorCommand(ev.FlightOrder.RETURN, after_s=after_s))
 
-    _tell(drawn, at_s, "recall", hold)
+    tell(drawn, at_s, "recall", hold)
     drawn.swarm.at(at_s + 8.0, give_turns)
 
 
-def _order(drawn: DrawnTraffic, rng: random.Random, agent: LightAgent) -> None:
+def order(drawn: DrawnTraffic, rng: random.Random, agent: LightAgent) -> None:
     order = rng.choice([ev.FlightOrder.HOLD, ev.FlightOrder.RETURN, ev.FlightOrder.LAND])
     at_s = rng.uniform(LAUNCHED_S, 60.0)
 
@@ -251,11 +251,11 @@ def _order(drawn: DrawnTraffic, rng: random.Random, agent: LightAgent) -> None:
             drawn.witness.ordered_hold -= {agent.uav} - drawn.taken_over
         agent(ev.OperatorCommand(order))
 
-    _tell(drawn, at_s, f"{order} ordered of {agent.uav}", lambda: give(order))
+    tell(drawn, at_s, f"{order} ordered of {agent.uav}", lambda: give(order))
     if order is ev.FlightOrder.HOLD:
         later_s = at_s + rng.choice([10.0, 60.0, 400.0])
         then = rng.choice([ev.FlightOrder.RESUME, ev.FlightOrder.RETURN])
-        _tell(drawn, later_s, f"{then} ordered of {agent.uav}", lambda: give(then))
+        tell(drawn, later_s, f"{then} ordered of {agent.uav}", lambda: give(then))
         if then is ev.FlightOrder.RESUME:
             drawn.swarm.at(later_s + 20.0, lambda: _sent_home_if_holding(agent, give))
 
@@ -265,29 +265,29 @@ def _sent_home_if_holding(agent: LightAgent, give: Callable[[ev.FlightOrder], No
         give(ev.FlightOrder.RETURN)
 
 
-def _low_battery(drawn: DrawnTraffic, rng: random.Random, agent: LightAgent) -> None:
+def low_battery(drawn: DrawnTraffic, rng: random.Random, agent: LightAgent) -> None:
     """The battery falls below 25 % (returns, may wait) or 18 % (urgent return)."""
     percent = rng.choice([24.0, 24.0, 18.0])
 
     def sag() -> None:
         agent.vehicle.battery_percent = percent
 
-    _tell(drawn, rng.uniform(LAUNCHED_S, 60.0), f"battery of {agent.uav} at {percent:g} %", sag)
+    tell(drawn, rng.uniform(LAUNCHED_S, 60.0), f"battery of {agent.uav} at {percent:g} %", sag)
 
 
-def _lost_link(drawn: DrawnTraffic, rng: random.Random, agent: LightAgent) -> None:
+def lost_link(drawn: DrawnTraffic, rng: random.Random, agent: LightAgent) -> None:
     at_s, for_s = rng.uniform(LAUNCHED_S, 60.0), rng.choice([2.0, 6.0, 20.0])
     agent.silent.append((at_s, at_s + for_s))
     drawn.story.append(f"{at_s:.1f} s: no link to {agent.uav} for {for_s:g} s")
 
 
-def _mute(drawn: DrawnTraffic, rng: random.Random, agent: LightAgent) -> None:
+def mute(drawn: DrawnTraffic, rng: random.Random, agent: LightAgent) -> None:
     at_s, for_s = rng.uniform(LAUNCHED_S, 60.0), rng.choice([3.0, 10.0, 30.0])
     drawn.swarm.air.mute.setdefault(agent.uav, []).append((at_s, at_s + for_s))
     drawn.story.append(f"{at_s:.1f} s: {agent.uav} is mute for {for_s:g} s")
 
 
-def _refusals(drawn: DrawnTraffic, rng: random.Random, agent: LightAgent) -> None:
+def refusals(drawn: DrawnTraffic, rng: random.Random, agent: LightAgent) -> None:
     at_s, for_s = rng.uniform(LAUNCHED_S, 60.0), rng.choice([2.0, 5.0])
     agent.failing.append((at_s, at_s + for_s))
     drawn.story.append(f"{at_s:.1f} s: {agent.uav} takes no commands for {for_s:g} s")
@@ -309,8 +309,8 @@ def _taken_over(drawn: DrawnTraffic, rng: random.Random, agent: LightAgent) -> N
             drawn.excused_from_s[agent.uav] = drawn.swarm.now
             agent.vehicle.return_home()
 
-    _tell(drawn, at_s, f"another station holds {agent.uav}", hold)
-    _tell(drawn, later_s, f"another station calls {agent.uav} home", home)
+    tell(drawn, at_s, f"another station holds {agent.uav}", hold)
+    tell(drawn, later_s, f"another station calls {agent.uav} home", home)
 
 
-_EVENTS = [_recall, _order, _order, _low_battery, _lost_link, _mute, _refusals, _taken_over]
+_EVENTS = [recall, order, order, low_battery, lost_link, mute, refusals, _taken_over]

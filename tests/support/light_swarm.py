@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import heapq
 import itertools
+import math
 import random
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -19,7 +20,7 @@ from swarmctl.agent.step import step
 from swarmctl.agent.traffic.neighbours import relevant_states
 from swarmctl.config.scenario import Scenario
 from swarmctl.core import events as ev
-from swarmctl.core.frames import IntentShared, StateShared
+from swarmctl.core.frames import IntentShared, MemberShared, StateShared
 from swarmctl.core.grid import Cell
 from swarmctl.core.observation import Observation
 
@@ -69,6 +70,13 @@ class LightAgent:
         self._intents: dict[int, tuple[float, IntentShared]] = {}
         self._fresh: set[int] = set()
         self._fresh_intents: set[int] = set()
+        self._members: dict[int, tuple[float, MemberShared]] = {}
+        self._new_members: set[int] = set()
+        self.pilot_since_s = math.inf
+        """time from which a pilot flies the vehicle"""
+        self.after_takeover: list[tuple[float, str]] = []
+        """(time, name) of each effect for the vehicle after the telemetry had shown a pilot's mode"""
+        self._pilot_seen_s = math.inf
 
     @property
     def uav(self) -> int:
@@ -86,9 +94,15 @@ class LightAgent:
     # --- effects
 
     def _perform(self, effect: ev.Effect) -> None:
+        if self.swarm.now > self._pilot_seen_s and _is_own_command(effect):
+            self.after_takeover.append((self.swarm.now, type(effect).__name__))
         match effect:
-            case ev.Publish(message):
-                self.swarm.publish(self.uav, message)
+            case ev.Publish(message, _, group):
+                self.swarm.publish(self.uav, message, group)
+            case ev.FlyBy(setpoint):
+                self.vehicle.take_setpoint(setpoint)
+            case ev.SetSpeed(speed_m_s) if self.task.formation is not None:
+                self._begin(lambda job: self._later(job, 0.2, lambda: self._set_speed(speed_m_s)))
             case ev.SwapMission():
                 self._begin(lambda job: self._swap(effect, job))
             case ev.Command(order):
@@ -147,12 +161,21 @@ class LightAgent:
     def _local(self, point: Any) -> tuple[float, float]:
         return self.task.grid.frame.to_local(point.lat_deg, point.lon_deg)
 
+    def _set_speed(self, speed_m_s: float) -> None:
+        if self._reaches() and self.vehicle.mode == "mission":
+            self.vehicle.commanded_m_s = speed_m_s
+        else:
+            self(ev.SpeedFailed("no answer"))
+
     def _order(self, order: ev.FlightOrder, job: int) -> None:
         if order is ev.FlightOrder.LAUNCH:
             self._later(job, 0.5, lambda: self._arm(job))
             return
         if not self._reaches():
             self._later(job, ORDER_FAILS_AFTER_S, lambda: self(ev.OrderFailed(order, "no answer")))
+            return
+        if order is ev.FlightOrder.FORMATION:
+            self._later(job, self.swarm.rng.uniform(0.1, 0.5), lambda: self._follow_setpoints(job))
             return
         act = {
             ev.FlightOrder.HOLD: self.vehicle.hold,
@@ -162,11 +185,18 @@ class LightAgent:
         delay_s = self.swarm.rng.uniform(0.1, 0.5)
 
         def act_if_flying() -> None:
-            if self.vehicle.armed:
+            if self.vehicle.armed and self.vehicle.mode != "pilot":
                 act()
 
         self._later(job, delay_s, act_if_flying)
         self._later(job, delay_s + 0.6, lambda: self(ev.OrderDone(order)))
+
+    def _follow_setpoints(self, job: int) -> None:
+        order = ev.FlightOrder.FORMATION
+        if not self.vehicle.follow_setpoints():
+            self(ev.OrderFailed(order, "the mode is refused"))
+            return
+        self._later(job, 0.6, lambda: self(ev.OrderDone(order)))
 
     def _arm(self, job: int) -> None:
         if self._conflict:
@@ -193,8 +223,27 @@ class LightAgent:
             if uav not in self._intents or self._intents[uav][0] <= sent_s:
                 self._intents[uav] = (sent_s, message)
                 self._fresh_intents.add(uav)
+        elif isinstance(message, MemberShared):
+            self._receive_member(uav, message, sent_s)
         else:
             self(ev.ObservationsReceived((message,)))
+
+    def _receive_member(self, uav: int, message: MemberShared, sent_s: float) -> None:
+        """Keep the newest message, with the route of an earlier one, as the network does."""
+        earlier_s, earlier = self._members.get(uav, (-math.inf, message))
+        if earlier_s > sent_s:
+            return
+        if not message.route and earlier.route_id == message.route_id:
+            message = msgspec.structs.replace(message, route=earlier.route, shapes=earlier.shapes)
+        self._members[uav] = (sent_s, message)
+        self._new_members.add(uav)
+
+    def _read_members(self, now: float) -> None:
+        if self._new_members:
+            newest = ((uav, *self._members[uav]) for uav in sorted(self._new_members))
+            told = tuple((uav, now - sent_s, message) for uav, sent_s, message in newest)
+            self._new_members.clear()
+            self(ev.Members(self.boot_s + now, told))
 
     def report(self) -> None:
         """Pass on the vehicle's telemetry, then what the neighbours sent, as the runner does."""
@@ -208,8 +257,11 @@ class LightAgent:
         if self._lost:
             self._lost = False
             self(ev.LinkRestored())
+        self._read_members(now)
         vehicle = self.vehicle.telemetry(self.boot_s + now)
         self(ev.TelemetryReceived(vehicle))
+        if now >= self.pilot_since_s:
+            self._pilot_seen_s = min(self._pilot_seen_s, now)
         if now - self._read_s >= NEIGHBOURS_EVERY_S:
             self._read_s = now
             self._read_neighbours(now)
@@ -248,8 +300,8 @@ class LightAgent:
 
 
 class LightSwarm:
-    def __init__(self, scenario: Scenario, rng: random.Random, air: Air) -> None:
-        self.scenario, self.rng, self.air = scenario, rng, air
+    def __init__(self, scenario: Scenario, rng: random.Random, air: Air, step_s: float = STEP_S) -> None:
+        self.scenario, self.rng, self.air, self.step_s = scenario, rng, air, step_s
         self.now = 0.0
         self.agents: list[LightAgent] = []
         self._due: list[tuple[float, int, Callable[[], None]]] = []
@@ -258,14 +310,16 @@ class LightSwarm:
     def at(self, at_s: float, action: Callable[[], None]) -> None:
         heapq.heappush(self._due, (at_s, next(self._numbers), action))
 
-    def publish(self, sender: int, message: Any) -> None:
+    def publish(self, sender: int, message: Any, group: tuple[int, ...] = ()) -> None:
+        """Send a message to the other vehicles; `group`: the only receivers, if there are any."""
         if not self.air.carries(sender, self.now):
             return
         sent_s = self.now
         for agent in self.agents:
             # Observations arrive in any case: the real network repeats lost ones.
             lost = self.rng.random() < self.air.loss and not isinstance(message, Observation)
-            if agent.uav == sender or lost or not self.air.carries(agent.uav, self.now):
+            is_receiver = agent.uav != sender and (not group or agent.uav in group)
+            if not is_receiver or lost or not self.air.carries(agent.uav, self.now):
                 continue
             after_s = self.air.delay_s + self.rng.uniform(0.0, self.air.jitter_s)
             self.at(sent_s + after_s, lambda a=agent: a.receive(sender, message, sent_s))  # type: ignore[misc]
@@ -274,15 +328,22 @@ class LightSwarm:
         """Fly until all flights have ended; return False if one has not ended by `until_s`."""
         n_steps = 0
         while self.now < until_s:
-            self.now += STEP_S
+            self.now += self.step_s
             n_steps += 1
             while self._due and self._due[0][0] <= self.now:
                 heapq.heappop(self._due)[2]()
             for i, agent in enumerate(self.agents):
-                agent.vehicle.step(STEP_S)
+                agent.vehicle.step(self.step_s)
                 if (n_steps + i) % TELEMETRY_EVERY == 0:
                     agent.report()
             watch(self.now)
             if all(agent.state.ended and not agent.vehicle.armed for agent in self.agents):
                 return True
         return False
+
+
+def _is_own_command(effect: ev.Effect) -> bool:
+    """Return whether the effect reaches the vehicle without an operator's order."""
+    if isinstance(effect, ev.Command):
+        return not effect.by_person
+    return isinstance(effect, ev.SwapMission | ev.SetSpeed | ev.FlyBy)

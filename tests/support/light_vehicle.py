@@ -14,20 +14,27 @@ from typing import Literal
 
 from swarmctl.core.geo import LocalFrame
 from swarmctl.core.mission import FlightPlan
+from swarmctl.core.setpoint import SetPoint
 from swarmctl.core.vehicle import Landed, ModeRole, VehicleState
 
-Mode = Literal["idle", "takeoff", "mission", "hold", "return", "land"]
+Mode = Literal["idle", "takeoff", "mission", "hold", "setpoints", "pilot", "return", "land"]
 Vector = tuple[float, float, float]
 
 ACCELERATION_M_S2, BRAKES_M_S2 = 2.5, 2.5
 CLIMB_M_S, DESCENT_M_S, LAND_M_S, LOW_M = 2.5, 1.5, 0.5, 10.0
 VERTICAL_M_S2 = 1.5
 REACHED_M = 1.5
+POSITION_HZ, FASTER = 0.95, 1.2
+"""speed toward a demanded position for each metre [1/s]; greatest speed by set-points, in `speed_m_s`"""
+STOPS_AFTER_S, FALLS_AFTER_S = 3.0, 1.0
+"""time without set-points after which ArduCopter stops, and PX4 leaves the mode for hold [s]"""
 ROLES: dict[Mode, tuple[str, ModeRole]] = {
     "idle": ("GUIDED", "hold"),
     "takeoff": ("AUTO", "mission"),
     "mission": ("AUTO", "mission"),
     "hold": ("GUIDED", "hold"),
+    "setpoints": ("OFFBOARD", "setpoints"),
+    "pilot": ("LOITER", "other"),
     "return": ("RTL", "return"),
     "land": ("LAND", "land"),
 }
@@ -41,7 +48,8 @@ class LightVehicle:
     speed_m_s: float
     return_height_m: float
     stops_for_missions: bool
-    """True: brakes to a stop before it flies by a new mission, as ArduCopter does"""
+    """True: brakes to a stop before it flies by a new mission, and has one mode for hold and for set-points,
+    as ArduCopter; False: as PX4"""
     gust_m_s: float
     rng: random.Random
     at: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
@@ -50,6 +58,12 @@ class LightVehicle:
     armed: bool = False
     plan: FlightPlan | None = None
     battery_percent: float = 90.0
+    commanded_m_s: float | None = None
+    """speed of the mission by a command; None: `speed_m_s`"""
+    setpoint_age_s: float = math.inf
+    _setpoint: SetPoint | None = None
+    _fell: bool = False
+    """True: holds only because its set-points have stopped"""
     _targets: list[Vector] = field(default_factory=list)
     _leg_from: Vector = (0.0, 0.0, 0.0)
     _braking: bool = False
@@ -81,7 +95,31 @@ class LightVehicle:
         self._begin_mission(stop=False)
 
     def hold(self) -> None:
-        self.mode, self._anchor, self._braking = "hold", None, True
+        self.mode, self._anchor, self._braking, self._fell = "hold", None, True, False
+
+    def take_over(self) -> None:
+        """Stop and hover in a pilot's mode."""
+        self.hold()
+        self.mode = "pilot"
+
+    def follow_setpoints(self) -> bool:
+        """Leave the mission for the mode of set-points; return whether the vehicle has taken the mode."""
+        if self.mode not in ("takeoff", "mission") or self.is_descending:
+            return False
+        if not self.stops_for_missions and self.setpoint_age_s > FALLS_AFTER_S:
+            return False
+        if self.setpoint_age_s > STOPS_AFTER_S:
+            self._setpoint = None
+        self.mode, self._anchor, self._braking = "setpoints", None, True
+        return True
+
+    def take_setpoint(self, setpoint: SetPoint) -> None:
+        """Fly by a set-point, if the mode follows set-points."""
+        self._setpoint, self.setpoint_age_s = setpoint, 0.0
+        if self._fell and self.mode == "hold":
+            self.mode = "setpoints"
+        if self.stops_for_missions and self.mode == "hold" and self.armed:
+            self.mode = "setpoints"
 
     def return_home(self) -> None:
         top_m = max(self.at[2], self.return_height_m)
@@ -105,6 +143,8 @@ class LightVehicle:
     def _begin_mission(self, *, stop: bool) -> None:
         assert self.plan is not None
         points = (*self.plan.track, self.plan.landing)
+        if self.mode != "mission":
+            self.commanded_m_s = None
         self.mode, self._braking, self._anchor = "mission", stop, None
         self._fly_to([(*self.frame.to_local(p.lat_deg, p.lon_deg), p.alt_rel_m) for p in points])
 
@@ -116,6 +156,7 @@ class LightVehicle:
     def step(self, dt_s: float) -> None:
         if not self.armed or self.mode == "idle":
             return
+        self.setpoint_age_s += dt_s
         east, north, up = self._wanted_velocity()
         self._accelerate(east, north, up, dt_s)
         for axis in range(2):
@@ -148,12 +189,19 @@ class LightVehicle:
             if self.at[2] >= self.plan.takeoff_alt_m - 0.5:
                 self._begin_mission(stop=False)
             return self._hover(self.home_m, self._climb_to(self.plan.takeoff_alt_m))
+        if self.mode == "setpoints":
+            if (wanted := self._by_setpoint()) is not None:
+                self._anchor, self._braking = None, True
+                return wanted
+            if not self.stops_for_missions:
+                self.hold()
+                self._fell = True
         if self._braking:
             if math.hypot(*self.velocity[:2]) > 0.3:
                 return 0.0, 0.0, 0.0
             self._braking, self._anchor = False, (self.at[0], self.at[1], self.at[2])
             self._leg_from = self._anchor
-        if self.mode == "hold":
+        if self.mode in ("hold", "pilot", "setpoints"):
             assert self._anchor is not None
             return self._hover(self._anchor[:2], self._climb_to(self._anchor[2]))
         if self.mode == "land":
@@ -169,6 +217,23 @@ class LightVehicle:
         assert self._anchor is not None
         return self._hover(self._anchor[:2], self._descent())
 
+    def _by_setpoint(self) -> Vector | None:
+        """Return the velocity by the last set-point; None if it is too old."""
+        setpoint, age_s = self._setpoint, self.setpoint_age_s
+        if setpoint is None or age_s > (STOPS_AFTER_S if self.stops_for_missions else FALLS_AFTER_S):
+            return None
+        east, north, up = setpoint.velocity_m_s
+        if setpoint.at is not None and setpoint.alt_amsl_m is not None:
+            # ArduCopter moves its target between two set-points; PX4's target rests.
+            moved_s = age_s if self.stops_for_missions else 0.0
+            there = (*self.frame.to_local(*setpoint.at), setpoint.alt_amsl_m - self.home_amsl_m)
+            east, north, up = (
+                v + POSITION_HZ * (to + moved_s * v - here)
+                for v, to, here in zip((east, north, up), there, self.at, strict=True)
+            )
+        share = min(FASTER * self.speed_m_s / max(math.hypot(east, north), 1e-9), 1.0)
+        return share * east, share * north, max(-DESCENT_M_S, min(CLIMB_M_S, up))
+
     def _towards(self, target: Vector, after: Sequence[Vector]) -> Vector | None:
         """Return the velocity on the straight leg to a target; None once it is reached."""
         de, dn, du = (there - here for there, here in zip(target, self.at, strict=True))
@@ -178,19 +243,23 @@ class LightVehicle:
         if away_m < 0.5:
             return self._hover(target[:2], self._climb_to(target[2]))
         turn = self._turn_speed(target, after[0]) if after else 0.0
-        speed = min(self.speed_m_s, math.sqrt(turn * turn + 2.0 * 0.7 * BRAKES_M_S2 * away_m))
+        speed = min(self._cruise_m_s, math.sqrt(turn * turn + 2.0 * 0.7 * BRAKES_M_S2 * away_m))
         if du:
             rate = CLIMB_M_S if du > 0.0 else DESCENT_M_S
             speed = min(speed, rate * away_m / abs(du))
         up = du * speed / away_m
         return de / away_m * speed, dn / away_m * speed, up
 
+    @property
+    def _cruise_m_s(self) -> float:
+        return self.speed_m_s if self.commanded_m_s is None else self.commanded_m_s
+
     def _turn_speed(self, corner: Vector, after: Vector) -> float:
         a = (corner[0] - self._leg_from[0], corner[1] - self._leg_from[1])
         b = (after[0] - corner[0], after[1] - corner[1])
         lengths = math.hypot(*a) * math.hypot(*b)
         straight = (a[0] * b[0] + a[1] * b[1]) / lengths if lengths > 0.0 else 0.0
-        return self.speed_m_s if straight > 0.99 else 1.0 + 2.0 * max(straight, 0.0)
+        return self._cruise_m_s if straight > 0.99 else 1.0 + 2.0 * max(straight, 0.0)
 
     def _hover(self, place: Sequence[float], up_m_s: float) -> Vector:
         e, n = (max(-2.0, min(2.0, there - here)) for there, here in zip(place, self.at[:2], strict=True))
@@ -207,7 +276,8 @@ class LightVehicle:
     def telemetry(self, boot_s: float) -> VehicleState:
         lat_deg, lon_deg = self.frame.to_geodetic(self.at[0], self.at[1])
         home_lat_deg, home_lon_deg = self.frame.to_geodetic(*self.home_m)
-        mode, role = ROLES[self.mode]
+        is_guided = self.mode == "setpoints" and self.stops_for_missions
+        mode, role = ROLES["hold" if is_guided else self.mode]
         east, north = (v + g for v, g in zip(self.velocity[:2], self._gust, strict=True))
         landed = Landed.LANDING if self.is_descending else Landed.IN_AIR
         if not self.armed or self.at[2] < 0.1:
