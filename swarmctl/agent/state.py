@@ -191,7 +191,7 @@ class AgentState:
         if self.wait is not None and phase not in self.wait.rule.phases:
             changes = {"wait": None, **changes}
         if self.phase is Phase.FORMATION and phase is not Phase.FORMATION:
-            changes = {"membership": self.membership.apart(self.vehicle.time_boot_s), **changes}
+            changes = {"membership": self.membership.without_place(self.vehicle.time_boot_s), **changes}
         return replace(self, phase=changed(self.phase, phase), **changes)
 
     @property

@@ -50,7 +50,8 @@ class FormationSection(Section):
         5.0,
         ge=5.0,
         le=10.0,
-        description="Rate of set-points, of the members' positions and of the leader's messages [Hz].",
+        description="Rate of the vehicle's positions, of the set-points and of the leader's messages [Hz]; "
+        "other members tell 2 to 5 times a second.",
     )
     lost_member: Literal["close_up", "leave_open"] = Field(
         "close_up", description="close_up: the others take over its place. leave_open: its place stays open."

@@ -216,7 +216,10 @@ class MemberShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, ta
     """the leader's alone: number of the group's route; 0: the sender does not lead"""
     route: Annotated[tuple[tuple[float, float], ...], msgspec.Meta(max_length=MAX_POINTS)] = ()
     """the leader's alone: the route's points [deg]; empty in most messages, for they seldom change"""
-    shapes: Annotated[tuple[tuple[float, int], ...], msgspec.Meta(max_length=MAX_POINTS)] = ()
+    shapes: Annotated[
+        tuple[tuple[float, Annotated[int, msgspec.Meta(ge=0, le=1)]], ...],
+        msgspec.Meta(max_length=MAX_POINTS),
+    ] = ()
     """changes of shape along `route`: (distance [m], number of the shape from there on)"""
     height_amsl_m: float = 0.0
     """the leader's alone: the group's height above the sea, if its members fly level [m]"""
@@ -231,6 +234,8 @@ class MemberShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, ta
             raise ValueError(f"a height, a distance or a speed is above {MAX_MAGNITUDE:g} (m or m/s)")
         if not 0.0 <= self.age_s <= MAX_AHEAD_S:
             raise ValueError(f"an age is outside 0 to {MAX_AHEAD_S:g} s")
+        if self.along_m < 0.0 or self.speed_m_s < 0.0:
+            raise ValueError("a distance or a speed along the route is below 0")
 
 
 class HeldObservations(msgspec.Struct, frozen=True, array_like=True):

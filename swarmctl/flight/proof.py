@@ -74,6 +74,10 @@ def take_over(recorded: RecordedVehicle, found: Finding, speedup: float) -> list
         events.append(_end_of_swap(state.plans.pending.plan_id, found))
     if state.phase is Phase.LAUNCHING:
         events.append(ev.OrderDone(ev.FlightOrder.LAUNCH))
+    if state.order.given is ev.FlightOrder.FORMATION and not state.order.is_followed:
+        events.append(
+            ev.OrderFailed(ev.FlightOrder.FORMATION, "the program died while the vehicle joined its group")
+        )
     return [*events, ev.TelemetryReceived(vehicle)]
 
 

@@ -6,11 +6,15 @@ the vehicle out of its group.
 
 from __future__ import annotations
 
+import math
+
 from swarmctl.agent.arrival.common_time import CommandedSpeed
 from swarmctl.agent.formation.approaches.base import Along, Command, Group, Limits, Member, ThreatField
 from swarmctl.agent.formation.membership import ACCELERATION_M_S2, Formation
+from swarmctl.agent.formation.near_members import near_members
 from swarmctl.agent.formation.shape import Place, assigned, least_spacing_m
-from swarmctl.agent.orders import StepResult, command
+from swarmctl.agent.orders import StepResult, command, release_vehicle
+from swarmctl.agent.own_modes import own_mode_roles
 from swarmctl.agent.phases import EN_ROUTE, Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.route_hold import hold
@@ -20,6 +24,8 @@ from swarmctl.core.setpoint import SetPoint
 
 SPEED_EVERY_S, SPEED_CHANGE_M_S = 2.0, 0.3
 """Least time and least difference between two speeds of the leader's mission [s], [m/s]."""
+LOWEST_M, CEILING_MARGIN_M = 10.0, 3.0
+"""Least height above home, and distance below the fence's ceiling, at which a member flies level [m]."""
 LEVEL_WITHIN = 0.4
 """Distance from its place within which a member flies at the group's height, in spacings."""
 RESTING_TARGET_LEAD_S = 0.1
@@ -32,6 +38,8 @@ def fly_in_formation(state: AgentState) -> StepResult:
     if formation is None or state.phase not in EN_ROUTE:
         return state, []
     in_formation = state.phase is Phase.FORMATION
+    if in_formation and state.vehicle.mode_role not in own_mode_roles(state):
+        return state, []  # a pilot may have chosen this mode: `taken_over` decides
     if membership.leader is None or membership.route is None:
         why = "the group has reached its goal" if membership.is_over else "no leader is heard"
         return _leave(state, why) if in_formation else _at_full_speed(state)
@@ -57,9 +65,15 @@ def note_following(state: AgentState) -> AgentState:
 
 
 def not_following(state: AgentState, reason: str) -> StepResult:
-    """Fly the own mission on, or hold: the vehicle does not follow set-points."""
-    if state.vehicle.mode_role != "mission":
+    """Fly the own mission on: the vehicle does not follow set-points.
+
+    In another mode the vehicle is released, because a pilot may have chosen that mode. While the mode is
+    unknown, a hold is ordered.
+    """
+    if state.lost or state.telemetry_is_late:
         return _leave(state, reason)
+    if state.vehicle.mode_role != "mission":
+        return release_vehicle(state, f"{reason}, in mode {state.vehicle.mode}")
     order = state.order.noted(ev.FlightOrder.LAUNCH).followed()
     return state.enter(Phase.FLYING, order=order, plans=state.plans.due(), trouble=reason), []
 
@@ -135,8 +149,8 @@ def _view(state: AgentState, formation: Formation) -> Group:
     assert vehicle.lat_lon is not None
     assert vehicle.alt_amsl_m is not None
     along = _along(state)
-    others = membership.present(formation.members, now_s, formation.lost_after_s)
-    with_places = membership.present(formation.members, now_s, formation.keeps_place_s)
+    others = near_members(state, formation, formation.lost_after_s)
+    with_places = near_members(state, formation, formation.keeps_place_s)
     places = _places(state, formation, (*with_places, state.task.uav))
     here = (*state.task.grid.frame.to_local(*vehicle.lat_lon), vehicle.alt_amsl_m)
     own_place = places[state.task.uav]
@@ -173,8 +187,9 @@ def _along(state: AgentState) -> Along | None:
     if leader is not None and not state.leads_group and route is not None:
         told = membership.told[leader]
         if route.is_of(leader, told.message.route_id):
-            message = told.message
-            return Along(message.along_m, message.speed_m_s, max(now_s - told.at_boot_s, 0.0))
+            message, fastest_m_s = told.message, state.task.arrival.speed_m_s
+            along_m = min(message.along_m, route.reference.length_m)
+            return Along(along_m, min(message.speed_m_s, fastest_m_s), max(now_s - told.at_boot_s, 0.0))
     along = membership.along
     if along is None:
         return _begin(state)
@@ -220,12 +235,19 @@ def _height_amsl_m(state: AgentState, formation: Formation, place: Place, spacin
     vehicle, membership = state.vehicle, state.membership
     assert vehicle.alt_amsl_m is not None
     assert vehicle.alt_rel_m is not None
-    own_m = vehicle.alt_amsl_m - vehicle.alt_rel_m + state.height_m
-    if state.leads_group or not formation.is_level or membership.leader is None:
-        return own_m - (0.0 if formation.is_level else place[2])
+    home_m = vehicle.alt_amsl_m - vehicle.alt_rel_m
+    own_m = home_m + state.height_m
+    if not formation.is_level:
+        return own_m - place[2]
+    if state.leads_group or membership.leader is None:
+        return own_m
     error_m, told = membership.error_m, membership.told[membership.leader].message
     is_near = error_m is not None and max(map(abs, error_m[:2])) <= LEVEL_WITHIN * spacing_m
-    return told.height_amsl_m if is_near and told.height_amsl_m else own_m - place[2]
+    if not is_near or told.route_id == 0:
+        return own_m - place[2]
+    # A wrong height of the leader must lead no vehicle into the ground, or through the fence's ceiling.
+    ceiling_m = math.inf if state.task.fence is None else state.task.fence.ceiling_m - CEILING_MARGIN_M
+    return min(max(told.height_amsl_m + place[2], home_m + LOWEST_M), home_m + ceiling_m) - place[2]
 
 
 def _threats(state: AgentState) -> ThreatField | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from swarmctl.agent.formation.near_members import near_members
 from swarmctl.agent.formation.shape import assigned
 from swarmctl.agent.phases import ON_GROUND
 from swarmctl.agent.state import AgentState
@@ -28,8 +29,7 @@ def planner_of(state: AgentState) -> Method:
         return _method(state, formation.members) if is_first else state.task.method
     if membership.n_present == 1 or not state.leads_group:
         return state.task.method
-    now_s = state.vehicle.time_boot_s
-    others = membership.present(formation.members, now_s, formation.keeps_place_s)
+    others = near_members(state, formation, formation.keeps_place_s)
     return _method(state, (*others, state.task.uav))
 
 

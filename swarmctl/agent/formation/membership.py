@@ -173,8 +173,16 @@ class Membership:
             and now_s - told.at_boot_s <= lost_after_s
         )
 
-    def apart(self, now_s: float) -> Membership:
+    def without_place(self, now_s: float) -> Membership:
         """Return the membership of a vehicle that leaves its place at `now_s`."""
         return replace(
-            self, memory=None, error_m=None, setpoint_role="", alone_since_boot_s=None, left_boot_s=now_s
+            self,
+            along=None,
+            at_boot_s=-math.inf,
+            memory=None,
+            shape=0,
+            error_m=None,
+            setpoint_role="",
+            alone_since_boot_s=None,
+            left_boot_s=now_s,
         )

@@ -11,16 +11,16 @@ import math
 from swarmctl.agent.formation.approaches.keeping import on_new_route
 from swarmctl.agent.formation.group_planner import planner_of, shape_changes
 from swarmctl.agent.formation.membership import Formation, GroupRoute, Membership
+from swarmctl.agent.formation.near_members import JOINS_WITHIN_M, fellows_of, near_members
 from swarmctl.agent.orders import StepResult
 from swarmctl.agent.phases import EN_ROUTE, Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.core import events as ev
 from swarmctl.core.frames import MAX_POINTS
+from swarmctl.core.planar import PlanarPoint, contains
 from swarmctl.core.records import replace
 from swarmctl.planners.base import Problem
 
-JOINS_WITHIN_M = 200.0
-"""Greatest distance from another member at which a vehicle joins, beside the size of the shape [m]."""
 LOW_M, ON_ITS_WAY_M = 1.5, 3.0
 """Height below its cruise height, and distance along its route, up to which a vehicle still takes off [m]."""
 REJOINS_AFTER_S = 10.0
@@ -40,7 +40,7 @@ def note_group(state: AgentState) -> StepResult:
     if not _belongs(state):
         alone = replace(before, leader=None, n_present=1)
         return (state if before.leader is None else replace(state, membership=alone)), []
-    others = _others_near(state, formation)
+    others = near_members(state, formation, formation.lost_after_s)
     present = [uav for uav in formation.members if uav == state.task.uav or uav in others]
     membership = replace(before, leader=present[0], n_present=len(present))
     membership = _with_route(state, formation, membership)
@@ -52,31 +52,6 @@ def note_group(state: AgentState) -> StepResult:
     neighbours = {uav: report for uav, report in state.neighbours.items() if uav not in fellows}
     intents = {uav: intent for uav, intent in state.intents.items() if uav not in fellows}
     return replace(state, neighbours=neighbours, intents=intents), []
-
-
-def fellows_of(state: AgentState) -> frozenset[int]:
-    """Return the present members of the group that the vehicle flies in or leads; none outside of a group."""
-    formation, membership = state.task.formation, state.membership
-    if formation is None or membership.leader is None:
-        return frozenset()
-    if state.phase is not Phase.FORMATION and not (state.phase is Phase.FLYING and state.leads_group):
-        return frozenset()
-    return frozenset(_others_near(state, formation))
-
-
-def _others_near(state: AgentState, formation: Formation) -> tuple[int, ...]:
-    """Return the other present members that are not far from this vehicle, in the group's order."""
-    vehicle, to_local = state.last_position, state.task.grid.frame.to_local
-    if vehicle.lat_lon is None:
-        return ()
-    here, within_m = to_local(*vehicle.lat_lon), JOINS_WITHIN_M + 2.0 * formation.radius_m
-    told = state.membership.told
-    others = state.membership.present(formation.members, state.vehicle.time_boot_s, formation.lost_after_s)
-    return tuple(
-        uav
-        for uav in others
-        if math.dist(here, to_local(told[uav].message.lat_deg, told[uav].message.lon_deg)) <= within_m
-    )
 
 
 def _belongs(state: AgentState) -> bool:
@@ -105,6 +80,8 @@ def _with_route(state: AgentState, formation: Formation, membership: Membership)
             return membership
         points_m = tuple(state.task.grid.frame.to_local(*point) for point in told.route)
         number, shapes = told.route_id, told.shapes
+        if not _is_near_area(state, points_m):
+            return membership  # a wrong route of the leader must lead nobody away
         route = GroupRoute.of(leader, number, points_m, shapes, formation, state.task.arrival.speed_m_s)
     elif state.phase is Phase.FORMATION:
         if present is None or present.leader == leader:
@@ -129,6 +106,18 @@ def _with_route(state: AgentState, formation: Formation, membership: Membership)
         memory=memory,
         n_routes=n_routes,
         route_sent_boot_s=-math.inf,
+    )
+
+
+def _is_near_area(state: AgentState, points_m: tuple[PlanarPoint, ...]) -> bool:
+    """Return whether a route stays in the fence, or without a fence near the area."""
+    if state.task.fence is not None:
+        return all(contains(state.task.fence.corners_m, point) for point in points_m)
+    grid, margin_m = state.task.grid, JOINS_WITHIN_M
+    return all(
+        -margin_m <= east_m <= grid.size_east_m + margin_m
+        and -margin_m <= north_m <= grid.size_north_m + margin_m
+        for east_m, north_m in points_m
     )
 
 

@@ -197,9 +197,10 @@ class SpeedProfile:
 
     def at(self, s_m: float) -> float:
         """Return the greatest speed at a distance along the route [m/s]; 0 from the end on."""
+        s_m = max(s_m, 0.0)
         if s_m >= self.length_m:
             return 0.0
-        place = max(s_m, 0.0) / self.step_m
+        place = s_m / self.step_m
         k = min(int(place), len(self.speeds_m_s) - 2)
         share = place - k
         return (1.0 - share) * self.speeds_m_s[k] + share * self.speeds_m_s[k + 1]

@@ -18,7 +18,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from swarmctl.agent.formation.presence import fellows_of
+from swarmctl.agent.formation.near_members import fellows_of
 from swarmctl.agent.formation.trajectory import flight_in_group
 from swarmctl.agent.orders import StepResult
 from swarmctl.agent.phases import EN_ROUTE, IN_FLIGHT, Phase

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 
 from swarmctl.agent.arrival.simultaneous import note_arrival_times
-from swarmctl.agent.formation.presence import fellows_of
+from swarmctl.agent.formation.near_members import fellows_of
 from swarmctl.agent.orders import StepResult
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.prediction import HEARD_S, MAX_AGE_S, MAX_REPORT_AGE_S

@@ -46,7 +46,7 @@ Planar = tuple[float, float]
 
 
 class Params(Section):
-    """Weights and parameters of the behaviours; an operator may change the weights in flight."""
+    """Weights and parameters of the behaviours."""
 
     goal_weight: Annotated[float, Field(ge=0)] = 1.0
     formation_weight: Annotated[float, Field(ge=0)] = 1.0

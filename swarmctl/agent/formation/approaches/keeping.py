@@ -192,6 +192,7 @@ def apart(group: Group, velocity: Vector) -> Vector | None:
             break
     if not is_changed:
         return None
+    climb = min(max(climb, -limits.climb_m_s), limits.climb_m_s)
     return bounded((east, north, climb), limits.speed_m_s)
 
 

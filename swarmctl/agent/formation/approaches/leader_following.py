@@ -47,6 +47,12 @@ class Params(Section):
     least_speed_share: Annotated[float, Field(ge=0, le=1)] = 0.4
     """least speed, as a share of the speed without errors"""
 
+    def model_post_init(self, _context: object) -> None:
+        if self.slows_to_m <= self.slows_from_m:
+            raise ValueError(
+                f"slows_to_m {self.slows_to_m:g}: expected more than slows_from_m {self.slows_from_m:g}"
+            )
+
 
 def fly(params: Params, group: Group) -> Command:
     """Return a follower's set-point; for the leader the speed of its mission, and its progress to tell."""
