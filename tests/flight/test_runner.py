@@ -53,6 +53,9 @@ class SlowLink:
     async def hold(self, *, check_mode_first: bool) -> None:
         await self._do("hold")
 
+    async def follow_setpoints(self) -> None:
+        await self._do("formation")
+
     async def return_home(self, *, check_mode_first: bool) -> None:
         await self._do("return")
 

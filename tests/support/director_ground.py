@@ -83,6 +83,9 @@ class StubLink:
         await self._do("swap")
         return Swapped(None, "new", 0.0, 0.5)
 
+    async def follow_setpoints(self) -> None:
+        await self._do("follow_setpoints", CommandFailed)
+
     async def hold(self) -> None:
         await self._do("hold", CommandFailed)
 
