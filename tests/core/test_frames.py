@@ -19,6 +19,7 @@ from swarmctl.core.frames import (
     HeldObservations,
     IntentPoint,
     IntentShared,
+    MemberShared,
     MessageRefused,
     RefusalReason,
     Relayed,
@@ -34,6 +35,19 @@ SEEN = Observation(3, 7, 12.5, ((4, 7, True), (4, 8, False)), 2)
 STATE = StateShared(12.5, 46.0, 14.5, 40.0, "flying", 9, 1, last_seq=7, knows=2**40, mode="AUTO")
 INTENT = IntentShared(
     4, (IntentPoint(0.0, 46.0, 14.5, 340.0), IntentPoint(21.5, 46.001, 14.5, 340.0)), may_change=False
+)
+MEMBER = MemberShared(
+    46.0,
+    14.5,
+    340.0,
+    (3.0, 4.0, 0.0),
+    error_m=0.5,
+    along_m=120.0,
+    speed_m_s=5.0,
+    route_id=2,
+    route=((46.0, 14.5), (46.001, 14.5)),
+    shapes=((60.0, 1),),
+    height_amsl_m=340.0,
 )
 ASKED = SnapshotAsked((HeldObservations(1, 5, 64, 70, (72, 73), 11),), ((1, 1.5),))
 
@@ -66,6 +80,19 @@ GOLDEN: tuple[tuple[Content, str], ...] = (
             "94cb0000000000000000cb4047000000000000cb402d000000000000cb407540000000000094cb4035800000"
             "000000cb40470020c49ba5e3cb402d000000000000cb4075400000000000aa6d61795f6368616e6765c2a76c"
             "61745f646567cb4047000000000000a76c6f6e5f646567cb402d000000000000"
+        ),
+    ),
+    (
+        MEMBER,
+        (
+            "030085a673656e64657203ab696e6361726e6174696f6e02a16e09a6756e69785f73cb41dad27480100000a7"
+            "636f6e74656e748ca474797065ad696e666f726d2f6d656d626572a76c61745f646567cb4047000000000000"
+            "a76c6f6e5f646567cb402d000000000000aa616c745f616d736c5f6dcb4075400000000000ac76656c6f6369"
+            "74795f6d5f7393cb4008000000000000cb4010000000000000cb0000000000000000a76572726f725f6dcb3f"
+            "e0000000000000a7616c6f6e675f6dcb405e000000000000a973706565645f6d5f73cb4014000000000000a8"
+            "726f7574655f696402a5726f7574659292cb4047000000000000cb402d00000000000092cb40470020c49ba5"
+            "e3cb402d000000000000a67368617065739192cb404e00000000000001ad6865696768745f616d736c5f6dcb"
+            "4075400000000000"
         ),
     ),
     (
@@ -106,7 +133,7 @@ GOLDEN: tuple[tuple[Content, str], ...] = (
 
 
 def encoded(content: Content) -> bytes:
-    lat_deg, lon_deg = (None, None) if isinstance(content, StateShared) else AT
+    lat_deg, lon_deg = (None, None) if isinstance(content, StateShared | MemberShared) else AT
     return SEAL.encode(Frame(3, 2, 9, 1_800_000_000.25, content, lat_deg, lon_deg))
 
 
