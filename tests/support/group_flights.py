@@ -8,13 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from flights import AREA, Ui, fly, small
+from flights import AREA, small
 
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.config.scenario import Scenario
 from swarmctl.report import record
-from swarmctl.report.outcome import FlightReport
 
 ROWS, COLS = 7, 14
 
@@ -64,10 +63,6 @@ class Seen:
     @property
     def error_m(self) -> float:
         return math.hypot(self.along_m, self.across_m)
-
-
-def flown(scenario: Scenario, folder: Path, ui: Ui | None = None) -> FlightReport:
-    return fly(scenario, folder, ui=ui)
 
 
 def seen(folder: Path, scenario: Scenario) -> Mapping[int, list[Seen]]:
