@@ -35,7 +35,7 @@ from swarmctl.agent.sharing import learn_from_others, learn_from_sensor, share_s
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.touchdown import end_at_touchdown, has_touched_down, may_be_armed, note_disarming
 from swarmctl.agent.traffic.collision_avoidance import avoid_collisions
-from swarmctl.agent.traffic.intents import receive_intents, share_intent
+from swarmctl.agent.traffic.intents import share_intent
 from swarmctl.agent.traffic.landing_queue import arrive, land_after_unconfirmed_hold, queue_for_landing
 from swarmctl.agent.traffic.last_resort import stop_in_time
 from swarmctl.agent.traffic.launching import (
@@ -46,6 +46,7 @@ from swarmctl.agent.traffic.launching import (
     watch_first_route,
 )
 from swarmctl.agent.traffic.neighbours import receive_neighbours
+from swarmctl.agent.traffic.received_intents import receive_intents
 from swarmctl.agent.traffic.returning import update_return
 from swarmctl.agent.traffic.route_deconfliction import check_own_route
 from swarmctl.core import events as ev

@@ -21,12 +21,8 @@ from swarmctl.agent.failsafes.base import Fence
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.mission_changes import needs_tick
 from swarmctl.agent.traffic.check import clashes_of_route, known_flights
-from swarmctl.agent.traffic.intents import (
-    HOLD_DURATION_S,
-    LAST_POSITION_S,
-    MAX_UNCERTAINTY_M,
-    REPEAT_EVERY_S,
-)
+from swarmctl.agent.traffic.intents import MAX_UNCERTAINTY_M, REPEAT_EVERY_S
+from swarmctl.agent.traffic.own_flight import HOLD_DURATION_S, LAST_POSITION_S
 from swarmctl.agent.traffic.prediction import MAX_AGE_S
 from swarmctl.agent.traffic.route_deconfliction import RETRY_S
 from swarmctl.agent.traffic.separation.clash import TIME_TOLERANCE_S, find_clashes

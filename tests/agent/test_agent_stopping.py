@@ -12,7 +12,7 @@ from swarmctl.agent.arrival.common_time import ArrivalGroup
 from swarmctl.agent.orders import RETRY_AFTER_S
 from swarmctl.agent.replan.copter_trajectory import fly_along, fly_with_stop
 from swarmctl.agent.replan.stopping import BrakingStop
-from swarmctl.agent.traffic.intents import planned_flight
+from swarmctl.agent.traffic.own_flight import planned_flight
 from swarmctl.agent.traffic.separation.trajectory import Trajectory
 from swarmctl.core import events as ev
 from swarmctl.core.frames import IntentShared, StateShared

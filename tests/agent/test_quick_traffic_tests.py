@@ -10,8 +10,8 @@ from random_trajectories import flights
 
 from swarmctl.agent.phases import IN_FLIGHT
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.intents import own_trajectory, planned_flight, reach
 from swarmctl.agent.traffic.last_resort import LOOKS_AHEAD_S, STRAIGHT_ON_S
+from swarmctl.agent.traffic.own_flight import own_trajectory, planned_flight, reach
 from swarmctl.agent.traffic.prediction import home_amsl_m
 from swarmctl.agent.traffic.separation.trajectory import Bounds, Trajectory
 

@@ -6,7 +6,9 @@
 | `check` | flights | the trajectory check: a flight, the known flights, limits -> the clashes |
 | `priority` | two vehicles | the rule of priority, a table |
 | `wait` | one wait | its record, its deadline, and the function that ends it; a table of all waits |
-| `neighbours`, `intents` | messages | stores states and intents of other vehicles; sends the own intent |
+| `neighbours`, `received_intents` | messages | stores states and intents of other vehicles |
+| `own_flight` | phase, plan, order | the own trajectory from now on |
+| `intents` | own trajectory | sends it, when it is new, changed, or old |
 | `prediction` | positions | future positions of this vehicle and its neighbours |
 | `launching` | first route | waits on the ground |
 | `route_deconfliction` | plans, before and while they are flown | another height, another route, or hold |

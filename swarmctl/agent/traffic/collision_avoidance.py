@@ -17,7 +17,7 @@ from swarmctl.agent.orders import StepResult
 from swarmctl.agent.phases import EN_ROUTE, IN_FLIGHT, Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.check import known_flights
-from swarmctl.agent.traffic.intents import own_trajectory, position_amsl, reach
+from swarmctl.agent.traffic.own_flight import own_trajectory, position_amsl, reach
 from swarmctl.agent.traffic.prediction import (
     hears_nobody,
     position_of,

@@ -1,4 +1,4 @@
-"""Intents: the trajectory that each vehicle broadcasts, and the trajectories received from others. Pure.
+"""Broadcast the intent: the trajectory that the own vehicle flies from now on. Pure.
 
 | situation | intent is sent |
 |---|---|
@@ -8,49 +8,25 @@
 | within 3 s of a new plan, or of the first message of another vehicle | every second: messages are lost |
 | otherwise | every 5 s, for late joiners and against losses |
 
-Without a recent intent of a vehicle, `collision_avoidance` still watches its position.
+`own_flight` computes the trajectory, `received_intents` stores those of other vehicles.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 
 import numpy as np
 
-from swarmctl.agent.formation.near_members import fellows_of
-from swarmctl.agent.formation.trajectory import flight_in_group
 from swarmctl.agent.orders import StepResult
 from swarmctl.agent.phases import EN_ROUTE, IN_FLIGHT, Phase
-from swarmctl.agent.replan import wing_trajectory
-from swarmctl.agent.replan.copter_trajectory import (
-    DESCENT_M_S,
-    climb_then_fly,
-    fly_along,
-    fly_with_stop,
-    land_from,
-    waypoints_of,
-)
-from swarmctl.agent.replan.length_bounds import LIFT_S
-from swarmctl.agent.replan.stopping import stop_ahead, stop_for_new_plan
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.prediction import AIRBORNE_M, MAX_AGE_S, position_of
+from swarmctl.agent.traffic.own_flight import planned_flight, position_amsl
 from swarmctl.agent.traffic.separation.trajectory import (
-    Bounds,
-    LocalPoint,
     Trajectory,
-    brake,
-    extrapolate,
-    until_landing,
 )
-from swarmctl.agent.traffic.separation.watch import NeighbourIntent
 from swarmctl.core import events as ev
 from swarmctl.core.frames import MAX_AHEAD_S, MAX_POINTS, IntentPoint, IntentShared
-from swarmctl.core.geo import LocalFrame
-from swarmctl.core.mission import FlightPlan
-from swarmctl.core.planar import PlanarPoint
 from swarmctl.core.records import replace
-from swarmctl.planners.benevolence import OtherVehicle
 
 REPEAT_EVERY_S = 5.0
 """Interval between unchanged intents [s]."""
@@ -60,20 +36,8 @@ NEW_FOR_S = 3.0
 """Time for which an intent counts as new [s]."""
 TOLERANCE_S, TOLERANCE_M = 1.0, 3.0
 """Horizontal tolerance of the announced position: the distance flown in TOLERANCE_S, at least TOLERANCE_M."""
-HOLD_DURATION_S = 30.0
-"""Duration of a hold in an intent [s]."""
-LAST_POSITION_S = 180.0
-"""Time for which a vehicle without a position announces its last position [s]."""
 MAX_UNCERTAINTY_M = 60.0
 """Greatest horizontal uncertainty of an announced position [m]."""
-SAME_TIME_S = 1e-6
-"""Least time between two points of a received intent [s]; by a clock of many days, less is no time."""
-VERTICAL_WITHIN_M = 5.0
-"""Horizontal distance within which a climb at home, or a descent that has begun, counts as vertical [m]."""
-REACH_FACTOR, REACH_UP_M = 1.2, 0.1
-"""How much a quick test's box is larger than the own flight: over ground as a factor, in height [m]."""
-DESCENT_BEGINS_WITHIN_M = 2.0
-"""Horizontal distance from the landing spot within which a vehicle begins its vertical descent [m]."""
 
 
 def share_intent(state: AgentState) -> StepResult:
@@ -140,314 +104,9 @@ def _is_off_intent(state: AgentState) -> bool:
     return math.dist(at[:2], here[:2]) > tolerance_m or abs(at[2] - here[2]) > limits.vertical_m
 
 
-# --- own trajectories: times of the vehicle's clock, local frame of the area [m], heights above the sea
-
-
-def position_amsl(state: AgentState) -> LocalPoint | None:
-    """Return the vehicle's position with the height above the sea; None if unknown."""
-    here, height_m = position_of(state), state.vehicle.alt_amsl_m
-    return None if here is None or height_m is None else (here[0], here[1], height_m)
-
-
-def planned_flight(state: AgentState) -> Trajectory | None:
-    """Return the own trajectory from now on; None if unknown."""
-    here = position_of(state)
-    return (
-        _hold_at_last_position(state)
-        if here is None
-        else to_shared_frame(state, _phase_trajectory(state, here))
-    )
-
-
-def return_flight(state: AgentState) -> Trajectory | None:
-    """Return the own trajectory of a return that begins now; None if position or home is unknown."""
-    here = position_of(state)
-    return None if here is None else to_shared_frame(state, _return_trajectory(state, here))
-
-
-def landing_flight(state: AgentState) -> Trajectory | None:
-    """Return the own trajectory of a landing here that begins now; None if the position is unknown."""
-    here = position_of(state)
-    return None if here is None else to_shared_frame(state, land_from([here], [0.0]))
-
-
-def own_trajectory(state: AgentState) -> Trajectory | None:
-    """Return the own trajectory for the look-ahead time, heights above home; None: the position is unknown.
-
-    A vehicle on its route flies its plan until its landing. In other phases, in hold, and during a mission
-    change, it flies straight on.
-    """
-    here, vehicle, for_s = position_of(state), state.vehicle, state.task.separation.look_ahead_s
-    if here is None:
-        return None
-    now_s = vehicle.time_boot_s
-    if state.phase in EN_ROUTE and state.plans.route is not None and state.plans.pending is None:
-        flight = _phase_trajectory(state, here)
-        if flight is not None:
-            return until_landing(flight).later(now_s).lasting(now_s + for_s)
-    return extrapolate(here, (vehicle.east_m_s, vehicle.north_m_s, vehicle.climb_m_s), now_s, for_s)
-
-
-def reach(state: AgentState, for_s: float, straight_on_s: float) -> Bounds | None:
-    """Return a box around the own flight of a copter for `for_s` from now; None: the position is unknown.
-
-    The box has heights above home, and is larger than the flight: a quick test before a flight is computed.
-    It also holds the flight straight on for `straight_on_s`.
-    """
-    here, vehicle, task = position_of(state), state.vehicle, state.task
-    if here is None:
-        return None
-    east_m, north_m, up_m = here
-    heights_m = [up_m, up_m + straight_on_s * vehicle.climb_m_s]
-    if (swap := state.plans.pending or state.plans.route) is not None:
-        heights_m.append(swap.plan.height_m)
-    if state.phase is Phase.LEAVING:
-        heights_m.append(task.altitude_m)
-    fastest_m_s = max(vehicle.ground_speed_m_s, task.arrival.speed_m_s, state.speed.m_s or 0.0)
-    away_m = REACH_FACTOR * (for_s * fastest_m_s + VERTICAL_WITHIN_M)
-    if not _lands_beyond(state, away_m):
-        heights_m.append(up_m - for_s * DESCENT_M_S)
-    low_m, high_m, now_s = min(heights_m), max(heights_m), vehicle.time_boot_s
-    return Bounds(
-        (now_s, east_m - away_m, north_m - away_m, low_m - REACH_UP_M),
-        (now_s + for_s, east_m + away_m, north_m + away_m, high_m + REACH_UP_M),
-    )
-
-
-def _lands_beyond(state: AgentState, distance_m: float) -> bool:
-    """Return whether the vehicle flies its route, and its landing is farther ahead than a distance."""
-    progress, route = state.progress, state.plans.route
-    if state.phase is not Phase.FLYING or state.plans.pending is not None or state.is_waiting:
-        return False
-    if progress is None or route is None or progress.flight.plan is not route:
-        return False
-    return progress.to_landing_m - progress.at.cross_track_m > REACH_FACTOR * distance_m
-
-
-def hold_from(state: AgentState, here: LocalPoint, begin_s: float) -> Trajectory:
-    """Return the flight of a vehicle that brakes from its present velocity at its height, and holds."""
-    velocity_m_s = state.vehicle.east_m_s, state.vehicle.north_m_s, 0.0
-    return brake(here, velocity_m_s, begin_s, HOLD_DURATION_S)
-
-
-def _hold_at_last_position(state: AgentState) -> Trajectory | None:
-    """Return a hold at the last position, at half the last height because the vehicle may be landing."""
-    last, now_s = state.last_position, state.vehicle.time_boot_s
-    if last.lat_deg is None or last.lon_deg is None or last.alt_amsl_m is None or last.alt_rel_m is None:
-        return None
-    if not 0.0 <= now_s - last.time_boot_s <= LAST_POSITION_S:
-        return None
-    place = state.task.grid.frame.to_local(last.lat_deg, last.lon_deg)
-    up_m = last.alt_amsl_m - 0.5 * max(last.alt_rel_m, 0.0)
-    return Trajectory((now_s, now_s + HOLD_DURATION_S), ((*place, up_m), (*place, up_m)))
-
-
 def _uncertainty_m(state: AgentState) -> tuple[float, float]:
     last = state.last_position
     if state.vehicle.has_position or last.alt_rel_m is None:
         return 0.0, 0.0
     away_m = last.ground_speed_m_s * (state.vehicle.time_boot_s - last.time_boot_s)
     return min(away_m, MAX_UNCERTAINTY_M), 0.5 * max(last.alt_rel_m, 0.0)
-
-
-def flight_by_plan(state: AgentState, plan: FlightPlan) -> Trajectory | None:
-    """Return the trajectory of a flying vehicle that begins `plan` now; None if its position is unknown."""
-    here = position_of(state)
-    if here is None:
-        return None
-    task, vehicle = state.task, state.vehicle
-    initial_m_s = vehicle.ground_speed_m_s if state.plans.route is not None else 0.0
-    path = waypoints_of(task, plan)
-    if task.wings is not None:
-        return to_shared_frame(
-            state, wing_trajectory.in_flight(task, plan, here, path[:-1], task.arrival.speed_m_s)
-        )
-    if _climbs_vertically(state, here, plan):
-        return to_shared_frame(state, climb_then_fly(here, plan.height_m, path, task.arrival.speed_m_s))
-    if state.plans.route is None:
-        return to_shared_frame(state, _from_hold(state, here, plan, path, state.plans.swap_times.likely_s))
-    stop = stop_for_new_plan(state)
-    flight = fly_with_stop(here, plan.height_m, path, task.arrival.speed_m_s, initial_m_s, stop)
-    return to_shared_frame(state, flight)
-
-
-def _from_hold(
-    state: AgentState, here: LocalPoint, plan: FlightPlan, path: list[PlanarPoint], after_s: float
-) -> Trajectory:
-    """Return the trajectory of a copter that holds, and begins `plan` after `after_s` [s]."""
-    flight = fly_along(here, plan.height_m, path, state.task.arrival.speed_m_s)
-    if after_s <= 0.0:
-        return flight
-    flight = flight.later(after_s)
-    return Trajectory((0.0, *flight.times_s), (here, *flight.points))
-
-
-def to_shared_frame(state: AgentState, flight: Trajectory | None) -> Trajectory | None:
-    """Return a flight by the vehicle's clock, with heights above the sea.
-
-    The given flight begins at 0 s and has heights above home. The result is None if the heights are unknown.
-    """
-    vehicle = state.vehicle
-    if flight is None or vehicle.alt_amsl_m is None or vehicle.alt_rel_m is None:
-        return None
-    return flight.later(vehicle.time_boot_s).higher(vehicle.alt_amsl_m - vehicle.alt_rel_m)
-
-
-def _phase_trajectory(state: AgentState, here: LocalPoint) -> Trajectory | None:
-    """Return the trajectory of the present phase from 0 s on, heights above home; None if unknown."""
-    task, swap = state.task, state.plans.pending or state.plans.route
-    speed_m_s = state.speed.m_s or task.arrival.speed_m_s
-    if task.wings is not None:
-        return _fixed_wing_trajectory(state, here, speed_m_s)
-    match state.phase:
-        case Phase.FORMATION:
-            return flight_in_group(state, here)
-        case Phase.LAUNCHING if swap is not None:
-            lift_s = LIFT_S if here[2] < AIRBORNE_M else 0.0
-            return climb_then_fly(here, swap.plan.height_m, waypoints_of(task, swap.plan), speed_m_s, lift_s)
-        case Phase.FLYING | Phase.LANDING if swap is not None and not state.is_waiting:
-            plan, path = swap.plan, waypoints_of(task, swap.plan)
-            if state.phase is Phase.LANDING and state.order.given is ev.FlightOrder.LAND:
-                return land_from([here], [0.0])
-            if state.phase is Phase.LANDING and _descends_vertically(here, path[-1], plan.height_m):
-                return land_from([(*path[-1], here[2])], [0.0])
-            if _climbs_vertically(state, here, plan):
-                return climb_then_fly(here, plan.height_m, path, speed_m_s)
-            if state.plans.route is None and state.plans.pending is not None:
-                due_s = (
-                    state.plans.swaps.decided_boot_s
-                    + state.plans.swap_times.likely_s
-                    - state.vehicle.time_boot_s
-                )
-                return _from_hold(state, here, plan, path, due_s)
-            progress = state.progress_on(swap)
-            remaining = path if progress is None else progress.points_ahead
-            initial_m_s = state.vehicle.ground_speed_m_s
-            return fly_with_stop(here, plan.height_m, remaining, speed_m_s, initial_m_s, stop_ahead(state))
-        case Phase.FLYING | Phase.LANDING | Phase.HOLDING:
-            return hold_from(state, here, 0.0)
-        case Phase.LEAVING if state.order.given is ev.FlightOrder.LAND:
-            return land_from([here], [0.0])
-        case Phase.LEAVING if state.order.given is ev.FlightOrder.RETURN:
-            return _return_trajectory(state, here)
-    return None
-
-
-def _return_trajectory(state: AgentState, here: LocalPoint) -> Trajectory | None:
-    """Return the trajectory of a return, heights above home; None if home is unknown.
-
-    A return begins with a climb to a height that a firmware's parameter sets: the cruise height or less.
-    """
-    home = state.vehicle.home_lat_deg, state.vehicle.home_lon_deg
-    if home[0] is None or home[1] is None:
-        return None
-    path = [state.task.grid.frame.to_local(home[0], home[1])]
-    if math.dist(here[:2], path[0]) < VERTICAL_WITHIN_M:
-        return land_from([here], [0.0])
-    height_m, speed_m_s = state.task.altitude_m, state.task.arrival.speed_m_s
-    if here[2] > height_m - AIRBORNE_M:
-        return fly_along(here, here[2], path, speed_m_s)
-    return climb_then_fly(here, height_m, path, speed_m_s)
-
-
-def _descends_vertically(here: LocalPoint, spot: tuple[float, float], height_m: float) -> bool:
-    """Return whether the vehicle descends vertically at its landing spot; wind may move it a little."""
-    has_begun = here[2] < height_m - AIRBORNE_M
-    return math.dist(here[:2], spot) < (VERTICAL_WITHIN_M if has_begun else DESCENT_BEGINS_WITHIN_M)
-
-
-def _fixed_wing_trajectory(state: AgentState, here: LocalPoint, speed_m_s: float) -> Trajectory | None:
-    """Return the trajectory of a fixed wing that launches, flies its plan or lands; None otherwise."""
-    task, swap, vehicle = state.task, state.plans.pending or state.plans.route, state.vehicle
-    if swap is None or state.is_waiting:
-        return None
-    if state.phase in (Phase.LAUNCHING, Phase.FLYING):
-        progress = state.progress_on(swap)
-        remaining = waypoints_of(task, swap.plan)[:-1] if progress is None else progress.waypoints_ahead
-        return wing_trajectory.in_flight(task, swap.plan, here, remaining, speed_m_s)
-    if state.phase is Phase.LANDING and vehicle.ground_speed_m_s > 0.0:
-        heading_rad = math.atan2(vehicle.east_m_s, vehicle.north_m_s)
-        return wing_trajectory.approach_from(task, swap.plan, here, heading_rad, speed_m_s)
-    return None
-
-
-def _climbs_vertically(state: AgentState, here: LocalPoint, plan: FlightPlan) -> bool:
-    vehicle = state.vehicle
-    if vehicle.home_lat_deg is None or vehicle.home_lon_deg is None or state.plans.replans:
-        return False
-    home = state.task.grid.frame.to_local(vehicle.home_lat_deg, vehicle.home_lon_deg)
-    return math.dist(here[:2], home) < VERTICAL_WITHIN_M and here[2] < plan.height_m - AIRBORNE_M
-
-
-# --- intents received
-
-
-def receive_intents(state: AgentState, event: ev.Intents, _now: float) -> StepResult:
-    """Store the recent intents of other vehicles."""
-    now_s = state.vehicle.time_boot_s
-    kept = dict(state.intents)
-    for uav, age_s, intent in event.intents:
-        announced = _announced_flight(state.task.grid.frame, intent)
-        kept.pop(uav, None)
-        if announced is not None and uav != state.task.uav:
-            sent_s, (away_m, up_m) = now_s - age_s, intent.around_m
-            uncertainty = (min(away_m, MAX_UNCERTAINTY_M), up_m)  # a false sender must not block a wide area
-            flight, bounds = announced[0].later(sent_s), announced[1].later(sent_s)
-            bounds = bounds.wider((0.0, uncertainty[0], uncertainty[0], uncertainty[1]))
-            # `collision_avoidance` handles the landing of a vehicle that can still change its plan.
-            ahead = until_landing(flight) if intent.may_change else flight
-            landing = flight if intent.may_change else None
-            kept[uav] = NeighbourIntent(
-                ahead, bounds, intent.may_change, sent_s, uncertainty, intent.on_ground, landing
-            )
-    fellows = fellows_of(state)
-    fresh = {
-        uav: known
-        for uav, known in kept.items()
-        if 0.0 <= now_s - known.sent_s <= MAX_AGE_S and uav not in fellows
-    }
-    return replace(state, intents=fresh, others=_with_present_cells(state, event, kept)), []
-
-
-def _with_present_cells(
-    state: AgentState, event: ev.Intents, kept: Mapping[int, NeighbourIntent]
-) -> Mapping[int, OtherVehicle]:
-    """Return `state.others` by new intents; a vehicle that has withdrawn its intent has ended its route."""
-    if not state.task.others:
-        return state.others
-    grid, others = state.task.grid, dict(state.others)
-    for uav, _, _ in event.intents:
-        if uav not in kept:
-            others.pop(uav, None)
-        elif uav in state.task.others:
-            before = others.get(uav, state.task.others[uav])
-            east_m, north_m, _ = kept[uav].flight.points[0]
-            cell = grid.cell_at(*grid.frame.to_geodetic(east_m, north_m))
-            others[uav] = before if cell is None else OtherVehicle(cell, before.goals)
-    return others
-
-
-def _announced_flight(frame: LocalFrame, intent: IntentShared) -> tuple[Trajectory, Bounds] | None:
-    """Return the flight of an intent with times after its sending, and its box; None if it is unusable.
-
-    The message keeps both, because every vehicle of a swarm receives it.
-    """
-    if frame not in intent.derived:
-        intent.derived[frame] = _flight_in(frame, intent)
-    announced: tuple[Trajectory, Bounds] | None = intent.derived[frame]
-    return announced
-
-
-def _flight_in(frame: LocalFrame, intent: IntentShared) -> tuple[Trajectory, Bounds] | None:
-    announced = np.array([(p.in_s, p.lat_deg, p.lon_deg, p.alt_amsl_m) for p in intent.points])
-    if len(announced) < 2 or np.diff(announced[:, 0]).min() < SAME_TIME_S:
-        return None
-    in_s, lat_deg, lon_deg, up_m = announced.T
-    east_m, north_m = frame.to_local(lat_deg, lon_deg)
-    times_s = tuple(in_s.tolist())
-    points = tuple(zip(east_m.tolist(), north_m.tolist(), up_m.tolist(), strict=True))
-    try:
-        flight = Trajectory(times_s, points)
-    except ValueError:  # too far away for the local frame
-        return None
-    return flight, Bounds.of(flight)

@@ -40,12 +40,8 @@ from swarmctl.agent.traffic.check import (
     near_flights,
     standing_of,
 )
-from swarmctl.agent.traffic.intents import (
-    planned_flight,
-    position_amsl,
-    publish_intent,
-    to_shared_frame,
-)
+from swarmctl.agent.traffic.intents import publish_intent
+from swarmctl.agent.traffic.own_flight import planned_flight, position_amsl, to_shared_frame
 from swarmctl.agent.traffic.prediction import hears_nobody, position_of, stopping_point
 from swarmctl.agent.traffic.priority import Activity, Standing, gives_way
 from swarmctl.agent.traffic.route_hold import give_up, hold_would_block

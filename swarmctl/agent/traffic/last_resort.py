@@ -28,8 +28,8 @@ from swarmctl.agent.traffic.check import (
     near_flights,
     share_of,
 )
-from swarmctl.agent.traffic.intents import planned_flight, position_amsl, reach
 from swarmctl.agent.traffic.landing_queue import MIN_HEIGHT_M, hold_before_landing, is_urgent
+from swarmctl.agent.traffic.own_flight import planned_flight, position_amsl, reach
 from swarmctl.agent.traffic.prediction import (
     HEARD_S,
     acknowledged_s,

@@ -21,7 +21,8 @@ from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.copter_trajectory import from_takeoff
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.check import clashes_with, known_flights, standing_of
-from swarmctl.agent.traffic.intents import planned_flight, publish_intent, to_shared_frame
+from swarmctl.agent.traffic.intents import publish_intent
+from swarmctl.agent.traffic.own_flight import planned_flight, to_shared_frame
 from swarmctl.agent.traffic.prediction import hears_nobody
 from swarmctl.agent.traffic.priority import Activity, Standing, gives_way
 from swarmctl.agent.traffic.separation.clash import Clash, describe_clashes

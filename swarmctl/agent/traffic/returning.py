@@ -29,7 +29,8 @@ from swarmctl.agent.traffic.check import (
     clashes_of_route,
     known_flights,
 )
-from swarmctl.agent.traffic.intents import landing_flight, planned_flight, publish_intent, return_flight
+from swarmctl.agent.traffic.intents import publish_intent
+from swarmctl.agent.traffic.own_flight import landing_flight, planned_flight, return_flight
 from swarmctl.agent.traffic.prediction import hears_nobody
 from swarmctl.agent.traffic.priority import Activity, Standing, activity_of, gives_way
 from swarmctl.agent.traffic.return_schedule import may_be_returning, position_from_state, schedule_for

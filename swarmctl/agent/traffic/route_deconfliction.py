@@ -31,7 +31,8 @@ from swarmctl.agent.traffic.check import (
     standing_of,
 )
 from swarmctl.agent.traffic.conflicts import DeconflictionCounts, FlightComparison
-from swarmctl.agent.traffic.intents import flight_by_plan, may_change, planned_flight, publish_intent
+from swarmctl.agent.traffic.intents import may_change, publish_intent
+from swarmctl.agent.traffic.own_flight import flight_by_plan, planned_flight
 from swarmctl.agent.traffic.prediction import AIRBORNE_M, hears_nobody, position_of
 from swarmctl.agent.traffic.priority import Activity, Standing, gives_way
 from swarmctl.agent.traffic.route_hold import heights_to_try, hold, may_hold

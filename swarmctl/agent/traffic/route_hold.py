@@ -24,13 +24,13 @@ from swarmctl.agent.traffic.check import (
     known_flights,
     standing_of,
 )
-from swarmctl.agent.traffic.intents import (
+from swarmctl.agent.traffic.intents import publish_intent
+from swarmctl.agent.traffic.own_flight import (
     HOLD_DURATION_S,
     flight_by_plan,
     hold_from,
     planned_flight,
     position_amsl,
-    publish_intent,
 )
 from swarmctl.agent.traffic.prediction import hears_nobody, position_of
 from swarmctl.agent.traffic.priority import SAME_HEIGHT_M

@@ -1,0 +1,101 @@
+"""Store the recent intents of other vehicles as trajectories by the own clock. Pure.
+
+Without a recent intent of a vehicle, `collision_avoidance` still watches its position.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from swarmctl.agent.formation.near_members import fellows_of
+from swarmctl.agent.orders import StepResult
+from swarmctl.agent.state import AgentState
+from swarmctl.agent.traffic.intents import MAX_UNCERTAINTY_M
+from swarmctl.agent.traffic.prediction import MAX_AGE_S
+from swarmctl.agent.traffic.separation.trajectory import (
+    Bounds,
+    Trajectory,
+    until_landing,
+)
+from swarmctl.agent.traffic.separation.watch import NeighbourIntent
+from swarmctl.core import events as ev
+from swarmctl.core.frames import IntentShared
+from swarmctl.core.geo import LocalFrame
+from swarmctl.core.records import replace
+from swarmctl.planners.benevolence import OtherVehicle
+
+SAME_TIME_S = 1e-6
+"""Least time between two points of a received intent [s]; by a clock of many days, less is no time."""
+
+
+def receive_intents(state: AgentState, event: ev.Intents, _now: float) -> StepResult:
+    """Store the recent intents of other vehicles."""
+    now_s = state.vehicle.time_boot_s
+    kept = dict(state.intents)
+    for uav, age_s, intent in event.intents:
+        announced = _announced_flight(state.task.grid.frame, intent)
+        kept.pop(uav, None)
+        if announced is not None and uav != state.task.uav:
+            sent_s, (away_m, up_m) = now_s - age_s, intent.around_m
+            uncertainty = (min(away_m, MAX_UNCERTAINTY_M), up_m)  # a false sender must not block a wide area
+            flight, bounds = announced[0].later(sent_s), announced[1].later(sent_s)
+            bounds = bounds.wider((0.0, uncertainty[0], uncertainty[0], uncertainty[1]))
+            # `collision_avoidance` handles the landing of a vehicle that can still change its plan.
+            ahead = until_landing(flight) if intent.may_change else flight
+            landing = flight if intent.may_change else None
+            kept[uav] = NeighbourIntent(
+                ahead, bounds, intent.may_change, sent_s, uncertainty, intent.on_ground, landing
+            )
+    fellows = fellows_of(state)
+    fresh = {
+        uav: known
+        for uav, known in kept.items()
+        if 0.0 <= now_s - known.sent_s <= MAX_AGE_S and uav not in fellows
+    }
+    return replace(state, intents=fresh, others=_with_present_cells(state, event, kept)), []
+
+
+def _with_present_cells(
+    state: AgentState, event: ev.Intents, kept: Mapping[int, NeighbourIntent]
+) -> Mapping[int, OtherVehicle]:
+    """Return `state.others` by new intents; a vehicle that has withdrawn its intent has ended its route."""
+    if not state.task.others:
+        return state.others
+    grid, others = state.task.grid, dict(state.others)
+    for uav, _, _ in event.intents:
+        if uav not in kept:
+            others.pop(uav, None)
+        elif uav in state.task.others:
+            before = others.get(uav, state.task.others[uav])
+            east_m, north_m, _ = kept[uav].flight.points[0]
+            cell = grid.cell_at(*grid.frame.to_geodetic(east_m, north_m))
+            others[uav] = before if cell is None else OtherVehicle(cell, before.goals)
+    return others
+
+
+def _announced_flight(frame: LocalFrame, intent: IntentShared) -> tuple[Trajectory, Bounds] | None:
+    """Return the flight of an intent with times after its sending, and its box; None if it is unusable.
+
+    The message keeps both, because every vehicle of a swarm receives it.
+    """
+    if frame not in intent.derived:
+        intent.derived[frame] = _flight_in(frame, intent)
+    announced: tuple[Trajectory, Bounds] | None = intent.derived[frame]
+    return announced
+
+
+def _flight_in(frame: LocalFrame, intent: IntentShared) -> tuple[Trajectory, Bounds] | None:
+    announced = np.array([(p.in_s, p.lat_deg, p.lon_deg, p.alt_amsl_m) for p in intent.points])
+    if len(announced) < 2 or np.diff(announced[:, 0]).min() < SAME_TIME_S:
+        return None
+    in_s, lat_deg, lon_deg, up_m = announced.T
+    east_m, north_m = frame.to_local(lat_deg, lon_deg)
+    times_s = tuple(in_s.tolist())
+    points = tuple(zip(east_m.tolist(), north_m.tolist(), up_m.tolist(), strict=True))
+    try:
+        flight = Trajectory(times_s, points)
+    except ValueError:  # too far away for the local frame
+        return None
+    return flight, Bounds.of(flight)
