@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hmac
 import secrets
-from collections.abc import Awaitable, Callable, Iterable, MutableMapping
+from collections.abc import Awaitable, Callable, Iterable, Mapping, MutableMapping
 from dataclasses import dataclass, field
 from http.cookies import CookieError, SimpleCookie
 from typing import Any, Literal
@@ -25,6 +25,7 @@ App = Callable[[Scope, Receive, Send], Awaitable[None]]
 Role = Literal["operator", "viewer"]
 
 COOKIE = "swarmctl_dashboard"
+"""begin of the cookie's name; the port follows, since a browser sends a host's cookies to all its ports"""
 SESSION = "swarmctl.session"
 """key of the session in the scope of an accepted request"""
 MAX_BODY_BYTES = 1 << 20
@@ -120,7 +121,7 @@ class Access:
             entered = self._enter(scope)
             if isinstance(entered, str):
                 secure = "; Secure" if _is_encrypted(scope) else ""
-                kept = f"{COOKIE}={entered}; Path=/; HttpOnly; SameSite=Strict{secure}"
+                kept = f"{_cookie_name(headers)}={entered}; Path=/; HttpOnly; SameSite=Strict{secure}"
                 await _answer(send, 303, "", [("location", "/"), ("set-cookie", kept)])
                 return
             refusal = entered
@@ -166,7 +167,7 @@ class Access:
             cookie.load(headers.get("cookie", ""))
         except CookieError:
             return 401
-        shown = cookie.get(COOKIE)
+        shown = cookie.get(_cookie_name(headers))
         session = None if shown is None else self._sessions.of_cookie(shown.value)
         scope[SESSION] = session
         return 401 if session is None else None
@@ -196,6 +197,11 @@ _TEXTS = {
     421: "the dashboard has another address",
     429: "too many wrong tokens from this address; wait a minute",
 }
+
+
+def _cookie_name(headers: Mapping[str, str]) -> str:
+    """Return the name of this server's cookie; a checked Host header has the port."""
+    return f"{COOKIE}_{headers['host'].rpartition(':')[2]}"
 
 
 def _is_encrypted(scope: Scope) -> bool:

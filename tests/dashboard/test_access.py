@@ -29,13 +29,16 @@ HOST = "127.0.0.1:8080"
 class Site:
     """An application behind the middleware, asked request by request."""
 
-    def __init__(self, *, is_one_time: bool = True, images_from: tuple[str, ...] = ()) -> None:
+    def __init__(
+        self, *, is_one_time: bool = True, images_from: tuple[str, ...] = (), host: str = HOST
+    ) -> None:
+        self.host = host
         self.sessions = Sessions(is_one_time=is_one_time)
         self.token = self.sessions.tokens["operator"]
         self.reached: list[str] = []
         self.passed: list[Session] = []
         self.now_s = 0.0
-        self._access = Access(self._inside, self.sessions, frozenset({HOST}), lambda: self.now_s, images_from)
+        self._access = Access(self._inside, self.sessions, frozenset({host}), lambda: self.now_s, images_from)
 
     async def _inside(self, scope: Scope, receive: Receive, send: Send) -> None:
         self.reached.append(scope["path"])
@@ -60,7 +63,7 @@ class Site:
         async def receive() -> Message:
             raise AssertionError("a refused request is not read")
 
-        named = {"host": HOST, **{name.replace("_", "-"): value for name, value in headers.items()}}
+        named = {"host": self.host, **{name.replace("_", "-"): value for name, value in headers.items()}}
         path, _, query = path.partition("?")
         scope: dict[str, Any] = {
             "type": kind, "method": method, "path": path, "query_string": query.encode(), "client": (by, 1),
@@ -78,10 +81,20 @@ class Site:
 def test_the_token_is_exchanged_once_for_a_cookie() -> None:
     site = Site()
     cookie = site.enter()
-    assert cookie.startswith(f"{COOKIE}=")
+    assert cookie.startswith(f"{COOKIE}_8080=")
     assert site.ask(f"/?token={site.token}")["status"] == 401
     assert site.reached == []
     assert site.ask("/", cookie=cookie)["status"] == 200
+
+
+def test_two_dashboards_of_a_machine_keep_their_cookies_apart() -> None:
+    sites = [Site(host=f"127.0.0.1:{port}") for port in (8080, 8081)]
+    kept: dict[str, str] = {}  # as a browser keeps them: by name, for all ports of the host
+    for site in sites:
+        name, _, value = site.enter().partition("=")
+        kept[name] = value
+    cookies = "; ".join(f"{name}={value}" for name, value in kept.items())
+    assert [site.ask("/", cookie=cookies)["status"] for site in sites] == [200, 200]
 
 
 @pytest.mark.parametrize("token", ["", "guessed", "ü"])
@@ -95,7 +108,7 @@ def test_a_wrong_token_opens_nothing_and_spends_nothing(token: str) -> None:
     ("status", "headers"),
     [
         (401, {"cookie": ""}),
-        (401, {"cookie": f"{COOKIE}=guessed"}),
+        (401, {"cookie": f"{COOKIE}_8080=guessed"}),
         (421, {"host": "attacker.example"}),
         (421, {"host": "127.0.0.1:9"}),
         (403, {"origin": "http://attacker.example"}),
