@@ -21,10 +21,14 @@ from swarmctl.core.messages import OperatorAnswer, Request
 from swarmctl.report import record_file
 
 if TYPE_CHECKING:
+    from swarmctl.config.scenario import Scenario
+    from swarmctl.dashboard.access import Sessions
     from swarmctl.dashboard.server import Where
     from swarmctl.dashboard.tiles import Tiles
 
 PARENT_CHECK_S = 1.0
+RUNS = Path("runs")
+"""parent of the run folders of flights that the set-up starts"""
 
 
 def register(cli: typer.Typer) -> None:
@@ -215,13 +219,18 @@ def _study_page(folder: Path) -> Callable[[object], None]:
     return lambda _sessions: study_page.register(source)
 
 
-def _setup_page(path: Path, tiles: Tiles | None) -> Callable[[object], None]:
+def _setup_page(path: Path, tiles: Tiles | None) -> Callable[[Sessions], None]:
     """Return the registration of the set-up page of a configuration. Raises ConfigError."""
     from swarmctl.cli.check import problems_of  # noqa: PLC0415
+    from swarmctl.cli.setup_flight import SetupFlight  # noqa: PLC0415
     from swarmctl.dashboard import setup_page  # noqa: PLC0415
     from swarmctl.dashboard.draft import Draft  # noqa: PLC0415
+    from swarmctl.dashboard.flights import Flights  # noqa: PLC0415
 
     Draft.open(path)
-    return lambda _sessions: setup_page.register(
-        path, lambda draft, scenario: problems_of(draft.path, draft.document, scenario, Path("runs")), tiles
-    )
+    flights = Flights(partial(SetupFlight, runs=RUNS), _sender)
+
+    def find_problems(draft: Draft, scenario: Scenario) -> list[str]:
+        return problems_of(draft.path, draft.document, scenario, RUNS)
+
+    return lambda sessions: setup_page.register(path, sessions, find_problems, flights, tiles)

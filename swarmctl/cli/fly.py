@@ -82,6 +82,9 @@ def fly(
     dashboard: Annotated[
         bool, typer.Option("--dashboard", help="Show the flight in a browser on this machine.")
     ] = False,
+    folder: Annotated[
+        Path | None, typer.Option("--run-folder", hidden=True, help="An empty folder for the run.")
+    ] = None,
 ) -> None:
     """Fly the swarm, simulated or real, from the ground to the last landing."""
     if resume is None or config is not None or example is not None:
@@ -111,7 +114,7 @@ def fly(
         waivers=parse_waivers_or_exit(waive, scenario),
         resumes=unfinished,
     )
-    folder = run_folder(out_folder, scenario.config.name)
+    folder = folder or run_folder(out_folder, scenario.config.name)
     subject = config if unfinished is None else unfinished.folder
     out.print(f"{subject}: {describe(scenario)}; connecting", highlight=False, soft_wrap=True)
     display = terminal(verbose=verbose)

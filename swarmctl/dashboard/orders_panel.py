@@ -9,6 +9,7 @@ from typing import Literal
 from nicegui import ui
 
 from swarmctl.core.messages import GiveOrder, OperatorAnswer, Request, VehicleAnswer
+from swarmctl.dashboard.confirmation import confirmed
 from swarmctl.dashboard.model import Timeline
 from swarmctl.report.answers import order_line
 
@@ -47,27 +48,9 @@ class OrdersPanel:
         whose = self._whose
         names = [whose] if whose else list(self._timeline.area.names)
         to_type = [name for name in names if name in self._real] if order == "launch" else []
-        with ui.dialog() as dialog, ui.card():
-            ui.label(f"Order {', '.join(names)} to {order}?").classes("font-semibold")
-            typed = None
-            if to_type:
-                ui.label(f"This arms real vehicles. Type their names: {','.join(to_type)}")
-                typed = ui.input("Names").props("autofocus")
-            with ui.row():
-                yes = ui.button("Give the order", on_click=lambda: dialog.submit(True)).props("no-caps")
-                if typed is not None:
-                    yes.bind_enabled_from(typed, "value", lambda value: _names(value) == sorted(to_type))
-                ui.button("Cancel", on_click=lambda: dialog.submit(False)).props("no-caps flat")
-        confirmed = await dialog
-        is_typed = typed is None or _names(typed.value) == sorted(to_type)
-        dialog.delete()
-        if confirmed and is_typed:
+        if await confirmed(f"Order {', '.join(names)} to {order}?", "Give the order", to_type):
             request = GiveOrder((whose,) if whose else None, order)
             await send_and_tell(self._send, request, lambda answer: order_line(order, answer))
-
-
-def _names(typed: str | None) -> list[str]:
-    return sorted(name.strip() for name in (typed or "").split(",") if name.strip())
 
 
 async def send_and_tell(send: Send, request: Request, line_of: Callable[[VehicleAnswer], str]) -> None:

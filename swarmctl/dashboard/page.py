@@ -197,15 +197,28 @@ def register(
 
     @ui.page("/", title=f"{' and '.join(runs)} · swarmctl", response_timeout=10.0)
     def root(request: Request) -> None:
-        session = request.scope[SESSION]
-        present(session)
-        Page(
-            runs,
-            send=_sender(session, send),
-            tiles=tiles,
-            people=lambda: _people(session, sessions),
-            is_viewer=session.role == "viewer",
-        )
+        serve_run(request, runs, sessions, send, tiles)
+
+
+def serve_run(
+    request: Request,
+    runs: Mapping[str, Timeline],
+    sessions: Sessions,
+    send: Send | None,
+    tiles: Tiles | None,
+    back: tuple[str, str] | None = None,
+) -> None:
+    """Make the page of runs for the person of a request; the arguments are those of `Page`."""
+    session = request.scope[SESSION]
+    present(session)
+    Page(
+        runs,
+        back,
+        send=_sender(session, send),
+        tiles=tiles,
+        people=lambda: _people(session, sessions),
+        is_viewer=session.role == "viewer",
+    )
 
 
 def present(session: Session) -> None:

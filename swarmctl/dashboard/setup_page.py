@@ -1,8 +1,7 @@
-"""The set-up: a configuration on the map, its first routes, its problems, and its save."""
+"""The set-up: a configuration on the map, its first routes, its problems, its save, and its flight."""
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -16,9 +15,12 @@ from swarmctl.config.scenario import Scenario, build
 from swarmctl.config.yaml_lines import KeyPath
 from swarmctl.core.exposure import exposure
 from swarmctl.dashboard import looks
-from swarmctl.dashboard.access import SESSION
+from swarmctl.dashboard.access import SESSION, Sessions
+from swarmctl.dashboard.confirmation import confirmed
 from swarmctl.dashboard.draft import Draft
-from swarmctl.dashboard.page import STYLE
+from swarmctl.dashboard.flights import Flights, NotStarted
+from swarmctl.dashboard.orders_panel import tell
+from swarmctl.dashboard.page import STYLE, present, serve_run
 from swarmctl.dashboard.risk_map import RiskMap
 from swarmctl.dashboard.setup_edits import (
     SIMULATED,
@@ -51,8 +53,10 @@ class SetupPage:
 
     _map: RiskMap
 
-    def __init__(self, path: Path, find_problems: FindProblems, tiles: Tiles | None) -> None:
-        self._tiles = tiles
+    def __init__(
+        self, path: Path, find_problems: FindProblems, flights: Flights, tiles: Tiles | None
+    ) -> None:
+        self._tiles, self._flights = tiles, flights
         self._draft = Draft.open(path)
         self._find_problems = find_problems
         self._tool, self._whose, self._number = "no_fly", SIMULATED, 0
@@ -62,6 +66,8 @@ class SetupPage:
         with ui.row().classes("w-full items-center gap-3 px-3 py-1"):
             ui.label(f"Set-up of {path}").classes("text-lg font-semibold ellipsis")
             ui.space()
+            if flights.newest:
+                ui.link(f"Flight {flights.newest}", address(flights.newest))
             ui.toggle(TOOLS, value=self._tool, on_change=self._set_tool).props("dense no-caps")
             ui.checkbox("Dark", on_change=self._set_dark)
         with ui.element("div").classes("runs"), ui.element("div").classes("run"):
@@ -86,6 +92,7 @@ class SetupPage:
                     self._fields[path] = _number(label, kind, value, partial(self._typed, path))
         with ui.row().classes("w-full gap-2"):
             ui.button("Save", on_click=self._save).props("dense no-caps")
+            ui.button("Save and fly", on_click=self._fly).props("dense no-caps outline")
             ui.button("Undo", on_click=self._undo).props("dense no-caps flat")
         self._state = ui.label().classes("text-sm w-full").props("role=status aria-live=polite")
         self._saved = ui.label().classes("saved text-sm w-full").props("aria-live=polite")
@@ -143,16 +150,34 @@ class SetupPage:
                 field.set_value(self._draft.value(path))
             await self._show()
 
-    def _save(self) -> None:
+    def _save(self) -> bool:
+        """Save, and return whether the file has the draft now."""
         try:
             self._draft.save()
         except ConfigError as error:
             self._saved.set_text("not saved")
             ui.notify("\n".join(error.lines), type="negative", multi_line=True)
+            return False
+        self._saved.set_text(f"saved in {self._draft.path}")
+        return True
+
+    async def _fly(self) -> None:
+        """Save, start a flight of the file, and go to its page."""
+        config, _ = self._draft.checked()
+        if not self._save() or config is None:
             return
-        self._saved.set_text(
-            f"saved; fly it with: swarmctl fly --config {shlex.quote(str(self._draft.path))} --dashboard"
-        )
+        scenario = build(config)
+        real = [spec.name for spec in scenario.swarm if not spec.simulated]
+        if real and not await confirmed(f"Fly {config.name} now?", "Fly", real):
+            return
+        self._saved.set_text("the flight begins …")
+        try:
+            number = await self._flights.start(self._draft.path, scenario, real)
+        except NotStarted as error:
+            self._saved.set_text("no flight has begun")
+            tell([str(error)], is_good=False)
+            return
+        ui.navigate.to(address(number))
 
     # --- what it shows
 
@@ -215,12 +240,33 @@ def _measures(route: FirstRouteShown) -> str:
     return f"{route.length_m:.0f} m, ΣP_s {route.exposure_sum:.3f}, ∏(1 − P_s) {route.safety_factor:.3f}"
 
 
-def register(path: Path, find_problems: FindProblems, tiles: Tiles | None = None) -> None:
-    """Serve the set-up of a configuration at the root of the application, to operators only."""
+def address(number: int) -> str:
+    """Return the address of a flight that the set-up has started."""
+    return f"/flight/{number}"
+
+
+def register(
+    path: Path, sessions: Sessions, find_problems: FindProblems, flights: Flights, tiles: Tiles | None = None
+) -> None:
+    """Serve the set-up of a configuration at the root of the application, and its flights below."""
 
     @ui.page("/", title=f"{path.name} · swarmctl", response_timeout=10.0)
     def root(request: Request) -> None:
-        if request.scope[SESSION].role != "operator":
-            ui.label("The set-up is for operators.")
+        session = request.scope[SESSION]
+        present(session)
+        if session.role == "operator":
+            SetupPage(path, find_problems, flights, tiles)
             return
-        SetupPage(path, find_problems, tiles)
+        ui.label("The set-up is for operators.")
+        if flights.newest:
+            ui.link(f"Flight {flights.newest}", address(flights.newest))
+
+    @ui.page("/flight/{number}", title=f"{path.name} · swarmctl", response_timeout=10.0)
+    def flight(request: Request, number: int) -> None:
+        try:
+            started = flights[number]
+        except IndexError as error:
+            ui.label(str(error))
+            return
+        run = {str(started.process.folder): started.timeline}
+        serve_run(request, run, sessions, started.send, tiles, back=("/", "Set-up"))
