@@ -1,4 +1,4 @@
-"""Orders of the person at the page: launch, hold, resume, return and land, for one vehicle or all."""
+"""Orders of the person at the page: launch, hold, resume, return, land, and the abort for all vehicles."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ Send = Callable[[Request], Awaitable[OperatorAnswer]]
 """sends a request the way of `swarmctl order` and `set`; raises NotSent"""
 Order = Literal["launch", "hold", "resume", "return", "land"]
 ORDERS: tuple[Order, ...] = ("launch", "hold", "resume", "return", "land")
+ABORTS: tuple[Order, ...] = ("hold", "return", "land")
 
 
 class NotSent(Exception):
@@ -51,6 +52,28 @@ class OrdersPanel:
         if await confirmed(f"Order {', '.join(names)} to {order}?", "Give the order", to_type):
             request = GiveOrder((whose,) if whose else None, order)
             await send_and_tell(self._send, request, lambda answer: order_line(order, answer))
+
+
+class AbortButton:
+    """A button that ends the flight of all vehicles, whichever is chosen: hold, return or land."""
+
+    def __init__(self, send: Send) -> None:
+        self._send = send
+        button = ui.button("Abort", on_click=self._ask).props("dense no-caps color=negative")
+        button.classes("abort").tooltip("All vehicles hold, return or land")
+
+    async def _ask(self) -> None:
+        with ui.dialog() as dialog, ui.card():
+            ui.label("Abort the flight of all vehicles?").classes("font-semibold")
+            with ui.row():
+                for order in ABORTS:
+                    button = ui.button(f"All {order}", on_click=partial(dialog.submit, order))
+                    button.props("no-caps color=negative")
+                ui.button("Cancel", on_click=lambda: dialog.submit(None)).props("no-caps flat")
+        order = await dialog
+        dialog.delete()
+        if order in ABORTS:
+            await send_and_tell(self._send, GiveOrder(None, order), partial(order_line, order))
 
 
 async def send_and_tell(send: Send, request: Request, line_of: Callable[[VehicleAnswer], str]) -> None:

@@ -13,7 +13,7 @@ from nicegui import events, ui
 from swarmctl.core.messages import MAX_BY
 from swarmctl.dashboard.access import SESSION, Session, Sessions
 from swarmctl.dashboard.model import Timeline
-from swarmctl.dashboard.orders_panel import Send
+from swarmctl.dashboard.orders_panel import AbortButton, Send
 from swarmctl.dashboard.playback import SPEEDS, Playback
 from swarmctl.dashboard.run_view import RunView
 from swarmctl.dashboard.tiles import Tiles
@@ -104,6 +104,8 @@ class Page:
             if any(timeline.area.hostiles is not None for timeline in self._timelines):
                 ui.checkbox("True hostiles", on_change=lambda e: self._set_options(hostiles=e.value))
             ui.checkbox("Dark", on_change=self._set_dark)
+            if send is not None:
+                AbortButton(send)
         with ui.element("div").classes("runs").classes("is-single" if is_single else "is-double"):
             for view in self._views:
                 view.add(has_head=not is_single)

@@ -23,13 +23,15 @@ pytestmark = [
 # The way is long: a browser on a loaded machine takes a minute for what this file does during the flight.
 SWARM = """\
 name: apart
-area: {origin_lat_deg: 46.0, origin_lon_deg: 14.4, rows: 8, cols: 8, cell_size_m: 200}
+area: {origin_lat_deg: 46.0, origin_lon_deg: 14.4, rows: 8, cols: 8, cell_size_m: 300}
 threats: {count: 5}
 communication: {router: "tcp/127.0.0.1:PORT"}
 simulate: {count: 2, speedup: 4, ready_s: 0}
 flight: {on_exit: hold, altitude_m: 15}
 """
 NAMES = ("uav1", "uav2")
+WEIGHTS = ("w: 0", "own cell", "first neighbours", "second neighbours")
+RANGE = "range of communication"
 
 
 @pytest.fixture
@@ -72,30 +74,69 @@ def swarm(folder: Path) -> Iterator[Swarm]:
         yield Swarm(start, router, start("dashboard"))
 
 
-def test_a_swarm_of_agents_is_watched(swarm: Swarm, browser: Any) -> None:
-    page = browser.new_page()
+def launched(page: Any, swarm: Swarm) -> list[Any]:
+    """Open the page, order the launch, and return the cards of the vehicles in flight."""
     page.goto(address_of(swarm.dashboard))
     cards = [page.locator(".card-vehicle", has_text=name) for name in NAMES]
     for card in cards:
         card.filter(has_text="standby").wait_for()
-    page.get_by_role("button", name="Launch").press("Enter")
-    page.get_by_role("button", name="Give the order").press("Enter")
-    for name in NAMES:
-        page.get_by_text(f"{name}: launch ordered").wait_for()
+    order(page, "Launch")
     for card in cards:
-        card.filter(has_text="flying").filter(has_text=re.compile("knows [1-9]")).wait_for()
+        card.filter(has_text="flying").wait_for()
+    return cards
+
+
+def order(page: Any, name: str) -> None:
+    page.get_by_role("button", name=name, exact=True).press("Enter")
+    page.get_by_role("button", name="Give the order").press("Enter")
+
+
+def test_each_slider_and_command_arrives_at_a_vehicle(swarm: Swarm, browser: Any) -> None:
+    page = browser.new_page()
+    cards = launched(page, swarm)
     cards[0].press("Enter")
     page.get_by_role("tab", name="What if").click()
     page.get_by_text("Weights of uav1").wait_for()
+    set_values = []
+    for slider, key in {**dict.fromkeys(WEIGHTS, "ArrowRight"), RANGE: "ArrowLeft"}.items():
+        handle = page.get_by_role("slider", name=slider)
+        before = float(handle.get_attribute("aria-valuenow"))
+        handle.locator("[tabindex]").focus()
+        page.keyboard.press(key)
+        after = before + (0.01 if slider in WEIGHTS else -1.0)
+        page.wait_for_function(
+            "([e, value]) => Math.abs(e.getAttribute('aria-valuenow') - value) < 1e-6",
+            arg=[handle.element_handle(), after],
+        )
+        set_values.append(after)
+    w, *strengths, reach = (f"{value:g}" for value in set_values)
     page.get_by_role("button", name="Apply").press("Enter")
-    page.get_by_text("uav1: w = 0.5").wait_for()
+    answer = page.get_by_role("alert").filter(has_text=f"w = {w} and firing strengths {', '.join(strengths)}")
+    answer.filter(has_text=f"range of communication {reach} from now on").wait_for()
+    page.get_by_role("tab", name="Events").click()
+    # The vehicle itself tells which weights it plans with.
+    page.get_by_text(f"w {w}, firing strengths {'/'.join(strengths)}").wait_for()
+
     page.get_by_role("tab", name="Vehicles").click()
     page.get_by_text("Order uav1:").wait_for()
-    page.get_by_role("button", name="Hold").press("Enter")
-    page.get_by_role("button", name="Give the order").press("Enter")
-    cards[0].filter(has_text="holding").wait_for()
-    assert cards[1].filter(has_text="holding").count() == 0
+    for name, phase in {"Hold": "holding", "Resume": "flying", "Return": "leaving"}.items():
+        order(page, name)
+        cards[0].filter(has_text=phase).wait_for()
+    assert cards[1].filter(has_text="flying").count() == 1
+    cards[1].press("Enter")
+    page.get_by_text("Order uav2:").wait_for()
+    order(page, "Land")
+    cards[1].filter(has_text="leaving").wait_for()
+    page.get_by_role("button", name="Abort").press("Enter")
+    page.get_by_role("button", name="All hold").press("Enter")
+    for card in cards:
+        card.filter(has_text="holding").wait_for()
 
+
+def test_a_swarm_of_agents_is_watched_through_a_restart_of_its_router(swarm: Swarm, browser: Any) -> None:
+    page = browser.new_page()
+    for card in launched(page, swarm):
+        card.filter(has_text=re.compile("knows [1-9]")).wait_for()
     silent = page.locator(".card-vehicle.is-silent")
     swarm.router.kill()
     swarm.router.wait()
