@@ -101,6 +101,16 @@ def max_overshoot_m(grid: Grid) -> float:
     return MAX_OVERSHOOT_CELLS * grid.cell_size_m
 
 
+def cells_between(begin: Cell, end: Cell) -> list[Cell]:
+    """Return a line of neighbouring cells from `begin` to `end`, both included; no route is shorter."""
+    n = max(abs(end[0] - begin[0]), abs(end[1] - begin[1]))
+    rows, cols = end[0] - begin[0], end[1] - begin[1]
+    return [
+        begin,
+        *((begin[0] + round(k * rows / n), begin[1] + round(k * cols / n)) for k in range(1, n + 1)),
+    ]
+
+
 def landing_spot(grid: Grid, cell: Cell, index: int, count: int, separation_m: float) -> LatLon:
     """Return the landing spot of vehicle `index` of the `count` vehicles that share a goal cell.
 

@@ -8,11 +8,10 @@ import hashlib
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
+from evidence_files import sent_to
 from flights import Ui, fly, small
-from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from typer.testing import CliRunner, Result
 
 from swarmctl.bus import keys
@@ -23,7 +22,6 @@ from swarmctl.core.messages import SetWeights
 from swarmctl.flight import app
 from swarmctl.flight.run import DEFAULT_OPTIONS
 from swarmctl.flight.virtual_clock import run_virtual
-from swarmctl.mavlink.protocol.codec import logged_frames
 from swarmctl.preflight.waivers import parse_waivers
 from swarmctl.report.evidence.chain import CheckedChain, check
 from swarmctl.report.evidence.digest import digest
@@ -31,9 +29,6 @@ from swarmctl.report.evidence.log import FILE_NAME
 from swarmctl.report.outcome import FlightReport
 from swarmctl.security.issue import make_keys
 from swarmctl.station import client
-
-STATION = 255
-UNRECORDED = ("HEARTBEAT", "TIMESYNC", "MISSION_REQUEST_INT")
 
 
 @pytest.fixture(scope="module")
@@ -46,13 +41,6 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def evidence(folder: Path) -> CheckedChain:
     with (folder / FILE_NAME).open("rb") as file:
         return check(file)
-
-
-def sent_to(tlog: Path) -> list[Any]:
-    """Return the ground station's messages from the tlog, without heartbeats and requests."""
-    codec = mavlink.MAVLink(None)
-    messages = [codec.decode(bytearray(frame.data)) for frame in logged_frames(tlog.read_bytes())]
-    return [m for m in messages if m.get_srcSystem() == STATION and m.get_type() not in UNRECORDED]
 
 
 @pytest.mark.virtual

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from evidence_files import sent_to
 from flights import AREA, Ui, coded, fly
 from group_flights import COLS, ROWS, group, rms, seen, settled
 
@@ -24,6 +25,7 @@ pytestmark = pytest.mark.virtual
 
 APPROACHES = ["leader_following", "behavioural", "virtual_structure"]
 full = pytest.mark.full
+MISSION = 0  # MAV_MISSION_TYPE
 TOLD_S = 3.0
 """time until all members know that the last one has joined [s]"""
 STATION = client.FlightEndpoints("small", BusEndpoint("127.0.0.1", 7447))
@@ -134,12 +136,19 @@ def test_after_the_leader_lands_the_next_member_leads_within_2_s_and_nobody_stan
     assert coded(ui.said, "uav2", "leaves-group")
 
 
-def test_a_member_without_the_others_flies_its_own_mission(tmp_path: Path) -> None:
-    quiet = [{"uavs": ["uav1", "uav3"], "from_s": 35.0}]
-    scenario, ui = group(communication={"quiet": quiet}, formation={"alone_after_s": 4.0}), Ui()
+@pytest.mark.parametrize("autopilot", ["ardupilot", pytest.param("px4", marks=full)])
+def test_a_member_without_the_others_goes_on_by_its_stored_mission(autopilot: str, tmp_path: Path) -> None:
+    quiet = [{"uavs": ["uav1", "uav2", "uav3"], "from_s": 35.0}]
+    changes = {"simulate": {"autopilot": autopilot}, "communication": {"quiet": quiet}}
+    scenario, ui = group(**changes, formation={"alone_after_s": 4.0}), Ui()
     report = fly(scenario, tmp_path, ui=ui)
-    assert coded(ui.said, "uav2", "leaves-group")
     assert [state.outcome for state in report.states.values()] == [ARRIVED] * 3
+    for uav in (2, 3):
+        assert coded(ui.said, f"uav{uav}", "leaves-group")
+        sent = sent_to(tmp_path / f"uav{uav}.tlog")
+        missions = [m for m in sent if m.get_type() == "MISSION_COUNT" and m.mission_type == MISSION]
+        assert len(missions) == 1, "the mission before the launch alone"
+        assert sent[-1].get_type() != "SET_POSITION_TARGET_GLOBAL_INT"
 
 
 def test_the_reference_point_moves_steadily_when_the_route_changes(tmp_path: Path) -> None:

@@ -291,3 +291,29 @@ def test_after_the_set_point_mode_and_a_hold_a_vehicle_flies_a_new_mission(perso
     assert bench.mode == MISSION[personality]
     leader = Leader(bench, (0.0, 4.0, 0.0))
     assert follow(bench, leader.at).failure is None, "and joins again from its mission"
+
+
+@BOTH
+def test_after_a_hold_a_vehicle_goes_on_by_its_stored_mission_without_an_upload(personality):
+    bench, _ = led(personality)
+    assert bench.do("hold", basic.hold).failure is None
+    n_sent, rest = len(bench.sent), OLD.track[5:]
+    done = bench.swap(replace(OLD, track=rest, from_hold=True))
+    assert (done.failure, done.flying, done.took_s) == (None, "new", None)
+    assert not {m.get_type() for _, m in bench.sent[n_sent:]} & {"MISSION_COUNT", "MISSION_ITEM_INT"}
+    assert bench.mode == MISSION[personality]
+    assert bench.aim == (round(rest[0].lat_deg * 1e7), round(rest[0].lon_deg * 1e7))
+    assert bench.holds(bench.session.items)
+    done = bench.swap(NEW)
+    assert (done.failure, done.flying) == (None, "new"), "and takes a new mission later"
+
+
+@BOTH
+def test_a_plan_that_is_not_stored_is_uploaded_from_the_hold(personality):
+    bench, _ = led(personality)
+    assert bench.do("hold", basic.hold).failure is None
+    bench.another_sends(mavlink.MAVLink_mission_clear_all_message(1, 1, 0))
+    bench.run(5)
+    done = bench.swap(replace(OLD, track=OLD.track[5:], from_hold=True))
+    assert (done.failure, done.flying) == (None, "new")
+    assert bench.holds(bench.session.items)

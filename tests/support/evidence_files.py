@@ -11,11 +11,15 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from swarmctl.mavlink.protocol.codec import logged_frames
 from swarmctl.report.evidence.chain import GENESIS, Opened, sha256, signed_content
 from swarmctl.report.evidence.log import FILE_NAME, Evidence
 from swarmctl.security.evidence_keys import EvidenceSigner
 
 Json = dict[str, Any]
+
+STATION = 255
+UNRECORDED = ("HEARTBEAT", "TIMESYNC", "MISSION_REQUEST_INT")
 
 ARM = mavlink.MAVLink_command_long_message(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0)
 DISARM = mavlink.MAVLink_command_long_message(1, 1, 400, 0, 0, 0, 0, 0, 0, 0, 0)
@@ -87,3 +91,10 @@ def tlog(*messages: tuple[int, Any]) -> bytes:
     return b"".join(
         bytes(8) + bytes(message.pack(mavlink.MAVLink(None, sender, 1))) for sender, message in messages
     )
+
+
+def sent_to(tlog: Path) -> list[Any]:
+    """Return the ground station's messages from the tlog, without heartbeats and requests."""
+    codec = mavlink.MAVLink(None)
+    messages = [codec.decode(bytearray(frame.data)) for frame in logged_frames(tlog.read_bytes())]
+    return [m for m in messages if m.get_srcSystem() == STATION and m.get_type() not in UNRECORDED]

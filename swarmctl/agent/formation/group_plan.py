@@ -20,6 +20,7 @@ from swarmctl.agent.state import AgentState
 from swarmctl.core.frames import MAX_POINTS
 from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.records import replace
+from swarmctl.core.route import cells_between
 from swarmctl.core.track_position import StraightLegs
 from swarmctl.planners.base import Method, Problem, Unreachable
 
@@ -33,7 +34,7 @@ def plan_in_formation(state: AgentState) -> AgentState:
     """Return the state after a look at the new observations: the leader plans the group's route anew."""
     task, membership = state.task, state.membership
     p_s = believed_exposure(task, state.belief, state.strength, state.own)
-    state = replace(state, plans=state.plans.kept(p_s))
+    state = replace(state, plans=state.plans.observed(p_s))
     route, along = membership.route, membership.along
     if not state.leads_group or route is None or along is None or membership.n_present == 1:
         return state
@@ -70,11 +71,10 @@ def _cells_along(grid: Grid, legs: StraightLegs) -> list[tuple[float, Cell]]:
         if cell is None or (found and found[-1][1] == cell):
             continue
         if found:
-            begin_m, (row, col) = found[-1]
-            n = max(abs(cell[0] - row), abs(cell[1] - col))
-            for k in range(1, n):
-                between = row + round(k * (cell[0] - row) / n), col + round(k * (cell[1] - col) / n)
-                found.append((begin_m + k * (at_m - begin_m) / n, between))
+            begin_m, begin = found[-1]
+            line = cells_between(begin, cell)
+            each_m = (at_m - begin_m) / (len(line) - 1)
+            found += [(begin_m + k * each_m, between) for k, between in enumerate(line[1:-1], 1)]
         found.append((at_m, cell))
     return found
 

@@ -83,6 +83,10 @@ class Plans:
         """Return the plans after the decision to keep the route by the exposure `p_s`."""
         return replace(self, exposure=p_s, route_exposure=p_s, dirty=False, because=())
 
+    def observed(self, p_s: NDArray[np.float64]) -> Plans:
+        """Return the plans of a vehicle off its route that knows the exposure `p_s` now."""
+        return replace(self, exposure=p_s, dirty=False, because=())
+
     def sent(self, plan: ev.SwapMission, boot_s: float) -> Plans:
         """Return the plans after the decision for a new plan, at `boot_s` by the vehicle's clock."""
         swaps = replace(self.swaps, decided_boot_s=boot_s)

@@ -1,7 +1,8 @@
 """The hold of a copter that gives way on its route: begin, end, and the heights that it may fly at. Pure.
 
 The hold is a wait (`wait.WaitFor.ROUTE`). It ends when the interrupted route is clear, from the hold on and
-also some seconds later. Every 60 s the vehicle tries the route at other heights, too.
+also some seconds later. Every 60 s the vehicle tries the route at other heights, too. Then the vehicle needs
+a new plan from the hold. A member that has left its group goes on by its stored mission, if that is possible.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from swarmctl.agent.orders import StepResult, command
 from swarmctl.agent.phases import EN_ROUTE, Phase
 from swarmctl.agent.replan.copter_trajectory import DESCENT_M_S, at_height, waypoints_of, with_level_off
 from swarmctl.agent.replan.length_bounds import CLIMB_M_S
+from swarmctl.agent.replan.stored_mission import rest_of_stored
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.check import (
     SEPARATES_WITHIN_S,
@@ -36,7 +38,7 @@ from swarmctl.agent.traffic.prediction import hears_nobody, position_of
 from swarmctl.agent.traffic.priority import SAME_HEIGHT_M
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory
 from swarmctl.agent.traffic.separation.watch import HEIGHT_MARGIN, NeighbourReport
-from swarmctl.agent.traffic.wait import Verdict, WaitFor, begin, verdict
+from swarmctl.agent.traffic.wait import Verdict, Wait, WaitFor, begin, verdict
 from swarmctl.core import events as ev
 from swarmctl.core.mission import FlightPlan
 from swarmctl.core.planar import PlanarPoint
@@ -95,7 +97,8 @@ def hold(
 
     The vehicle has no route while it holds. A member of a group leaves its place.
     """
-    wait = begin(WaitFor.ROUTE, state.vehicle.time_boot_s, plan=plan, to=to, before=state.wait)
+    in_group, now_s = state.phase is Phase.FORMATION, state.vehicle.time_boot_s
+    wait = begin(WaitFor.ROUTE, now_s, plan=plan, to=to, by_stored=in_group, before=state.wait)
     changes = {
         "phase": Phase.FLYING,
         "wait": wait,
@@ -114,11 +117,13 @@ def resume_if_clear(state: AgentState) -> StepResult:
     if state.phase is not Phase.FLYING or wait is None or wait.plan is None or not wait.is_on:
         return state, []
     plan = _rest_of(state, wait.plan.plan)
-    match verdict(wait, now_s, lambda: not hears_nobody(state) and _is_clear(state, plan)):
+    match verdict(wait, now_s, lambda: not hears_nobody(state) and _is_way_clear(state, wait, plan)):
         case Verdict.WAIT:
             return state, []
         case Verdict.OVER:
             return give_up(state)
+        case Verdict.CLEAR if (stored := _stored(state, wait)) is not None:
+            return _fly_stored(state, stored)
         case Verdict.CLEAR:
             text = (
                 "the interrupted route is clear of other vehicles; the vehicle holds until it has a new plan"
@@ -128,7 +133,7 @@ def resume_if_clear(state: AgentState) -> StepResult:
         return replace(state, wait=wait.tried(now_s)), []
     text = f"the vehicle has held for at least {wait.rule.report_every_s:.0f} s"
     for height_m in () if hears_nobody(state) else heights_to_try(state, plan):
-        if _is_clear(state, at_height(plan, height_m)):
+        if _is_clear(state, _levelled(state, at_height(plan, height_m))):
             plans = state.plans.due(must_change=True)
             state = replace(state, height_offset_m=height_m - state.task.altitude_m, plans=plans)
             state = replace(state, conflicts=replace(state.conflicts, deferred_for=frozenset()))
@@ -163,12 +168,41 @@ def _resume(state: AgentState, text: str) -> StepResult:
     return state, messages
 
 
-def _is_clear(state: AgentState, plan: FlightPlan) -> bool:
-    """Return whether the rest of a plan is clear for a start now or a few seconds later."""
+def _stored(state: AgentState, wait: Wait) -> ev.SwapMission | None:
+    """Return the rest of the stored mission, if the vehicle may go on by it."""
+    return rest_of_stored(state, wait.plan) if wait.by_stored and wait.plan is not None else None
+
+
+def _fly_stored(state: AgentState, stored: ev.SwapMission) -> StepResult:
+    """Fly the stored mission; a new plan is decided when the vehicle flies it."""
+    assert state.wait is not None
+    now_s = state.vehicle.time_boot_s
+    state = replace(
+        state,
+        wait=state.wait.ended(now_s),
+        order=state.order.noted(ev.FlightOrder.LAUNCH).followed(),
+        plans=state.plans.from_own_hold().sent(stored, now_s).due(),
+    )
+    state, published = publish_intent(state, planned_flight(state))
+    text = "the way to the vehicle's stored mission is clear of other vehicles; the vehicle flies it"
+    return state, [ev.NotifyOperator(f"{text} [resumes-stored]"), stored, *published]
+
+
+def _is_way_clear(state: AgentState, wait: Wait, rest: FlightPlan) -> bool:
+    """Return whether the way by the stored mission is clear, or by `rest` if that is planned anew."""
+    stored = _stored(state, wait)
+    return _is_clear(state, _levelled(state, rest) if stored is None else stored.plan)
+
+
+def _levelled(state: AgentState, plan: FlightPlan) -> FlightPlan:
+    """Return a plan that is uploaded from the hold, with its level-off waypoint."""
     here = position_of(state)
-    if here is None:
-        return False
-    flight = flight_by_plan(state, with_level_off(state.task, plan, here, 0.0))
+    return plan if here is None else with_level_off(state.task, plan, here, 0.0)
+
+
+def _is_clear(state: AgentState, plan: FlightPlan) -> bool:
+    """Return whether a plan is clear for a start now or a few seconds later."""
+    flight = flight_by_plan(state, plan)
     if flight is None:
         return False
     others, present = known_flights(state), planned_flight(state)

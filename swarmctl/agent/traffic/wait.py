@@ -119,6 +119,8 @@ class Wait:
     checked_boot_s: float = -math.inf
     reported_boot_s: float = -math.inf
     """time of the last message about this wait"""
+    by_stored: bool = False
+    """True: the vehicle may go on by its stored mission, without a new plan"""
     ended_boot_s: float | None = None
     """time at which the vehicle went on, while it may still have to wait again; None: it waits"""
 
@@ -180,14 +182,16 @@ def begin(
     until_s: float = math.inf,
     plan: SwapMission | None = None,
     to: Mapping[int, NeighbourReport] | None = None,
+    by_stored: bool = False,
     before: Wait | None = None,
 ) -> Wait:
     """Return a new wait, at most until `until_s`. A wait `before`, hardly over, goes on with its deadline."""
     if before is not None and before.purpose is purpose and before.may_go_on(now_s):
         again = {**before.to, **(to or {})}
+        before = replace(before, by_stored=by_stored or before.by_stored)
         return replace(before.again(), since_boot_s=now_s, plan=plan, to=again, checked_boot_s=now_s)
     deadline_s = min(now_s + RULES[purpose].longest_s, until_s)
-    return Wait(purpose, now_s, deadline_s, plan, to or {}, checked_boot_s=now_s)
+    return Wait(purpose, now_s, deadline_s, plan, to or {}, checked_boot_s=now_s, by_stored=by_stored)
 
 
 def verdict(wait: Wait, now_s: float, is_clear: Callable[[], bool], *, early_s: float = 0.0) -> Verdict:

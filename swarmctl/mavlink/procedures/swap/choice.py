@@ -8,6 +8,7 @@ autopilot:
 | `AtomicSwap` | the autopilot exchanges whole missions | flies on |
 | `AppendSwap` | the autopilot uses each item as soon as it is stored | flies on |
 | `SwapInHold` | appending is impossible or failed | holds |
+| `StoredSwap` | the vehicle holds, and the plan is stored already | holds |
 """
 
 from __future__ import annotations
@@ -20,11 +21,12 @@ from swarmctl.core.vehicle import STALE_MODE_S, Landed
 from swarmctl.mavlink.dialects import Dialect
 from swarmctl.mavlink.procedures.guarded import NotInControl, TakenOver, confirm_state, describe_takeover
 from swarmctl.mavlink.procedures.land import landing_items
+from swarmctl.mavlink.procedures.swap import in_hold, stored
 from swarmctl.mavlink.procedures.swap.append import AppendSwap
 from swarmctl.mavlink.procedures.swap.atomic import AtomicSwap
-from swarmctl.mavlink.procedures.swap.in_hold import HOLDING_STATES
 from swarmctl.mavlink.procedures.swap.machine import OldPlan, Swap
 from swarmctl.mavlink.procedures.swap.route_progress import RouteProgress
+from swarmctl.mavlink.procedures.swap.stored import StoredSwap
 from swarmctl.mavlink.protocol.mission_upload import WINDOW
 from swarmctl.mavlink.protocol.outcome import FlyingAfterSwap, Swapped
 from swarmctl.mavlink.protocol.procedure import Context, Procedure
@@ -32,6 +34,7 @@ from swarmctl.mavlink.protocol.wait import WaitUntil
 
 CLIMB_LIMIT_S = 60.0
 """longest wait until the vehicle has reached its take-off altitude"""
+_HOLDING_STATES = in_hold.HOLDING_STATES | stored.HOLDING_STATES
 
 
 def swap(ctx: Context, plan: FlightPlan) -> Procedure[Swapped]:
@@ -60,8 +63,7 @@ def swap(ctx: Context, plan: FlightPlan) -> Procedure[Swapped]:
     unchanged: FlyingAfterSwap = "old" if old.items else "unknown"
     if not ctx.state.armed or ctx.state.landed is Landed.ON_GROUND:
         return Swapped("the vehicle is not flying [not-flying]", unchanged)
-    kind = AtomicSwap if ctx.dialect.uploads_atomically else AppendSwap
-    machine = kind(running, OldPlan.of(ctx))
+    machine = _machine(running)
     try:
         if takes_off(ctx) or lands(ctx):
             # Another station or the pilot may have ordered a landing.
@@ -71,10 +73,22 @@ def swap(ctx: Context, plan: FlightPlan) -> Procedure[Swapped]:
     except TakenOver as why:
         done = Swapped(str(why), "theirs")
     except NotInControl as why:
-        done = Swapped(str(why), "hold" if running.state in HOLDING_STATES else "unknown")
+        done = Swapped(str(why), "hold" if running.state in _HOLDING_STATES else "unknown")
     stood_s = ctx.telemetry.stood_still_s - stood_before_s
-    took_s = None if done.failure else max(running.current_since_s - began_s, 0.0)
+    # A stored mission says nothing about the time of the next upload.
+    is_measured = done.failure is None and not isinstance(machine, StoredSwap)
+    took_s = max(running.current_since_s - began_s, 0.0) if is_measured else None
     return replace(done, stood_still_s=stood_s, took_s=took_s)
+
+
+def _machine(running: Swap) -> StoredSwap | AtomicSwap | AppendSwap:
+    ctx, old = running.ctx, OldPlan.of(running.ctx)
+    if running.plan.from_hold and ctx.state.mode == ctx.dialect.hold_mode:
+        begin = stored.stored_at(ctx, running.items)
+        if begin is not None:
+            return StoredSwap(running, old, begin)
+    kind = AtomicSwap if ctx.dialect.uploads_atomically else AppendSwap
+    return kind(running, old)
 
 
 def swap_takes_s(dialect: Dialect, n_items: int, upload_s: float) -> float:
