@@ -231,6 +231,11 @@ class AgentState:
         return self.wait is not None and self.wait.is_on and self.wait.purpose is purpose
 
     @property
+    def now_boot_s(self) -> float:
+        """Present time by the vehicle's clock: the time of the last telemetry, and its delay [s]."""
+        return self.vehicle.time_boot_s + max(self.vehicle.delay_s, 0.0)
+
+    @property
     def height_m(self) -> float:
         """Cruise height above home, with the offset for separation [m]."""
         return self.task.altitude_m + self.height_offset_m

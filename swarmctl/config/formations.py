@@ -64,6 +64,14 @@ class FormationSection(Section):
         gt=0.0,
         description="Time without any other member after which a member flies its own mission [s].",
     )
+    max_error_m: float = Field(
+        30.0,
+        gt=0.0,
+        description="Distance from its place above which a member that comes no nearer leaves the group [m].",
+    )
+    max_error_s: float = Field(
+        15.0, gt=0.0, description="Time after which such a member leaves, and flies its own mission [s]."
+    )
 
     @field_validator("options")
     @classmethod

@@ -263,6 +263,8 @@ def formation_of(config: Config, section: FormationSection, specs: Sequence[Spec
         is_level=section.heights == "level",
         lost_after_s=section.lost_after_s,
         alone_after_s=section.alone_after_s,
+        max_error_m=section.max_error_m,
+        max_error_s=section.max_error_s,
     )
 
 

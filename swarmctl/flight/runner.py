@@ -27,6 +27,7 @@ from swarmctl.core.messages import VehicleAnswer
 from swarmctl.core.mission import FlightPlan
 from swarmctl.core.observation import BeliefItem
 from swarmctl.core.operator_text import extended
+from swarmctl.core.setpoint import SetPoint
 from swarmctl.links.base import (
     AddressChanged,
     FirstHeartbeat,
@@ -167,7 +168,7 @@ class Runner:
             case StateChanged(state):
                 if state.lat_deg is not None and state.lon_deg is not None:
                     self._network.moved(self.state.task.uav, state.lat_deg, state.lon_deg)
-                self._read_members(state.time_boot_s)
+                self._read_members(state.time_boot_s + max(state.delay_s, 0.0))
                 self.post(ev.TelemetryReceived(state))
                 self._read_neighbours(state.time_boot_s)
                 if cells := self._sensor.observe(state):
@@ -278,7 +279,7 @@ class Runner:
             case ev.Command(order, by_person):
                 self._start(partial(self._order, order, check_mode_first=not by_person), jobs)
             case ev.FlyBy(set_point):
-                self.link.send_setpoint(set_point)
+                self._send_set_point(set_point)
             case ev.SetSpeed(speed_m_s):
                 self._start(partial(self._set_speed, speed_m_s), jobs)
             case ev.SetRange(reach):
@@ -290,6 +291,11 @@ class Runner:
             case ev.Answer(command, answer):
                 if (answer_to := self._answer_to.pop(command, None)) is not None:
                     answer_to(answer)
+
+    def _send_set_point(self, set_point: SetPoint) -> None:
+        if not self.link.send_setpoint(set_point):
+            why = "the link sends no set-points to this vehicle [no-setpoints]"
+            self.post(ev.OrderFailed(ev.FlightOrder.FORMATION, why))
 
     def _start(self, work: Callable[[], Awaitable[None]], jobs: asyncio.TaskGroup) -> None:
         """Cancel the running job now, and start the new job after the end of the running job.

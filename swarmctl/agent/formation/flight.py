@@ -10,7 +10,7 @@ import math
 
 from swarmctl.agent.arrival.common_time import CommandedSpeed
 from swarmctl.agent.formation.approaches.base import Along, Command, Group, Limits, Member, ThreatField
-from swarmctl.agent.formation.membership import ACCELERATION_M_S2, Formation
+from swarmctl.agent.formation.membership import ACCELERATION_M_S2, Formation, far_from_place
 from swarmctl.agent.formation.near_members import near_members
 from swarmctl.agent.formation.shape import Place, assigned, least_spacing_m
 from swarmctl.agent.orders import StepResult, command, release_vehicle
@@ -41,13 +41,17 @@ def fly_in_formation(state: AgentState) -> StepResult:
     if in_formation and state.vehicle.mode_role not in own_mode_roles(state):
         return state, []  # a pilot may have chosen this mode: `taken_over` decides
     if membership.leader is None or membership.route is None:
-        why = "the group has reached its goal" if membership.is_over else "no leader is heard"
-        return _leave(state, why) if in_formation else _at_full_speed(state)
+        return _leave(state, _why_apart(state)) if in_formation else _at_full_speed(state)
     if membership.n_present == 1:
         return _alone(state, formation) if in_formation else _at_full_speed(state)
     state = replace(state, membership=replace(membership, alone_since_boot_s=None))
     if in_formation:
         state, flown = _flown(state, formation)
+        if (far_m := _comes_no_nearer(state, formation)) is not None:
+            why = (
+                f"for {formation.max_error_s:g} s the vehicle has been more than {formation.max_error_m:g} m "
+            )
+            return _leave(state, f"{why}from its place, and comes no nearer ({far_m:.0f} m now)")
         return state, _set_points(state, flown)
     if state.leads_group and formation.approach.LEADER_FLIES_MISSION:
         return _lead_mission(*_flown(state, formation))
@@ -68,9 +72,9 @@ def not_following(state: AgentState, reason: str) -> StepResult:
     """Fly the own mission on: the vehicle does not follow set-points.
 
     In another mode the vehicle is released, because a pilot may have chosen that mode. While the mode is
-    unknown, a hold is ordered.
+    unknown, or the vehicle has followed set-points before, a hold is ordered.
     """
-    if state.lost or state.telemetry_is_late:
+    if state.lost or state.telemetry_is_late or state.order.is_followed:
         return _leave(state, reason)
     if state.vehicle.mode_role != "mission":
         return release_vehicle(state, f"{reason}, in mode {state.vehicle.mode}")
@@ -80,7 +84,7 @@ def not_following(state: AgentState, reason: str) -> StepResult:
 
 def _alone(state: AgentState, formation: Formation) -> StepResult:
     """Fly on along the route of the group for a while, and then by the own mission."""
-    membership, now_s = state.membership, state.vehicle.time_boot_s
+    membership, now_s = state.membership, state.now_boot_s
     since_s = now_s if membership.alone_since_boot_s is None else membership.alone_since_boot_s
     if now_s - since_s >= formation.alone_after_s:
         return _leave(state, f"no other member was heard for {formation.alone_after_s:g} s")
@@ -95,6 +99,26 @@ def _leave(state: AgentState, why: str) -> StepResult:
     text = f"{why}; the vehicle leaves group {state.task.formation.name}, holds, and flies its own mission"
     state, effects = hold(state, state.plans.route, {}, n_holds=state.n_holds)
     return state, [ev.NotifyOperator(f"{text} [leaves-group]"), *effects]
+
+
+def _why_apart(state: AgentState) -> str:
+    """Return the reason why a vehicle is in no group: it has no leader, or no route."""
+    vehicle, membership = state.vehicle, state.membership
+    if membership.is_over:
+        return "the group has reached its goal"
+    if state.lost:
+        return "the link to the vehicle is lost"
+    if not vehicle.has_position or vehicle.alt_amsl_m is None:
+        return "the vehicle's position is unknown"
+    return "the group's route is unknown" if membership.route is None else "no leader is heard"
+
+
+def _comes_no_nearer(state: AgentState, formation: Formation) -> float | None:
+    """Return the distance from the place of a vehicle that does not follow [m]; None if it follows."""
+    far, error_m = state.membership.far, state.membership.error_m
+    if far is None or error_m is None or state.now_boot_s - far.since_boot_s < formation.max_error_s:
+        return None
+    return math.hypot(*error_m[:2])
 
 
 def _lead_mission(state: AgentState, flown: Command) -> StepResult:
@@ -133,16 +157,19 @@ def _flown(state: AgentState, formation: Formation) -> tuple[AgentState, Command
     membership = replace(
         membership,
         along=flown.along,
-        at_boot_s=state.vehicle.time_boot_s,
+        at_boot_s=state.now_boot_s,
         memory=flown.memory,
         error_m=None if flown.demand is None else flown.error_m,
     )
+    away_m = 0.0 if flown.demand is None else math.hypot(*flown.error_m[:2])
+    far = far_from_place(membership.far, away_m, state.now_boot_s, formation)
+    membership = replace(membership, far=far)
     return replace(state, membership=membership), flown
 
 
 def _view(state: AgentState, formation: Formation) -> Group:
     """Return the group as this vehicle sees it; heights are above the sea."""
-    membership, vehicle, now_s = state.membership, state.vehicle, state.vehicle.time_boot_s
+    membership, vehicle, now_s = state.membership, state.vehicle, state.now_boot_s
     route, leader = membership.route, membership.leader
     assert route is not None
     assert leader is not None
@@ -152,13 +179,20 @@ def _view(state: AgentState, formation: Formation) -> Group:
     others = near_members(state, formation, formation.lost_after_s)
     with_places = near_members(state, formation, formation.keeps_place_s)
     places = _places(state, formation, (*with_places, state.task.uav))
-    here = (*state.task.grid.frame.to_local(*vehicle.lat_lon), vehicle.alt_amsl_m)
+    velocity_m_s = vehicle.east_m_s, vehicle.north_m_s, vehicle.climb_m_s
+    # Telemetry is as old as the link's delay: the vehicle has flown on since.
+    then, since_s = (*state.task.grid.frame.to_local(*vehicle.lat_lon), vehicle.alt_amsl_m), vehicle.delay_s
+    here = (
+        then[0] + since_s * velocity_m_s[0],
+        then[1] + since_s * velocity_m_s[1],
+        then[2] + since_s * velocity_m_s[2],
+    )
     own_place = places[state.task.uav]
     limits = state.task.separation.limits
     return Group(
         now_s=now_s,
         position_m=here,
-        velocity_m_s=(vehicle.east_m_s, vehicle.north_m_s, vehicle.climb_m_s),
+        velocity_m_s=velocity_m_s,
         place=own_place,
         is_leader=state.leads_group,
         others=tuple(_member(state, uav, places[uav]) for uav in others),
@@ -182,7 +216,7 @@ def _view(state: AgentState, formation: Formation) -> Group:
 
 def _along(state: AgentState) -> Along | None:
     """Return the reference point: as the leader told it on this route, or as this vehicle last knew it."""
-    membership, now_s = state.membership, state.vehicle.time_boot_s
+    membership, now_s = state.membership, state.now_boot_s
     route, leader = membership.route, membership.leader
     if leader is not None and not state.leads_group and route is not None:
         told = membership.told[leader]
@@ -221,7 +255,7 @@ def _member(state: AgentState, uav: int, place: Place) -> Member:
         position_m=(*state.task.grid.frame.to_local(message.lat_deg, message.lon_deg), message.alt_amsl_m),
         velocity_m_s=message.velocity_m_s,
         place=place,
-        age_s=max(state.vehicle.time_boot_s - told.at_boot_s, 0.0),
+        age_s=max(state.now_boot_s - told.at_boot_s, 0.0),
         error_m=message.error_m,
     )
 

@@ -23,6 +23,8 @@ PLACE_KEPT = 3.0
 gap in the messages must not move the whole group."""
 SETTLING_S = 4.0
 """Time of a change of shape besides the members' ways at their closing speed [s]."""
+NEARER_M = 1.0
+"""Least distance by which a member that follows comes nearer to its place in `Formation.max_error_s` [m]."""
 ACCELERATION_M_S2 = 2.0
 """Greatest acceleration demanded of a member."""
 
@@ -49,6 +51,10 @@ class Formation:
     """silence after which a member counts as absent, so that another one may lead [s]"""
     alone_after_s: float = 10.0
     """time without any other member after which a member flies its own mission [s]"""
+    max_error_m: float = 30.0
+    """distance from its place above which a member that comes no nearer leaves the group"""
+    max_error_s: float = 15.0
+    """time after which it leaves [s]"""
     rate_hz: float = 5.0
     """rate of set-points, and of the leader's messages"""
 
@@ -81,6 +87,30 @@ class Told:
     message: MemberShared
     at_boot_s: float
     """time of its position, by this vehicle's clock [s]"""
+
+
+@dataclass(frozen=True, slots=True)
+class FarFromPlace:
+    """A member that is farther from its place than it should be."""
+
+    least_m: float
+    """least distance from the place since then [m]"""
+    since_boot_s: float
+    """time at which the member last came nearer"""
+
+
+def far_from_place(
+    before: FarFromPlace | None, away_m: float, now_s: float, formation: Formation
+) -> FarFromPlace | None:
+    """Return the record of a member `away_m` from its place; None if it is near enough.
+
+    A member that joins, or that takes another place, is far away for a while, but it comes nearer.
+    """
+    if away_m <= formation.max_error_m:
+        return None
+    if before is None or away_m <= before.least_m - NEARER_M:
+        return FarFromPlace(away_m, now_s)
+    return before
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -144,6 +174,8 @@ class Membership:
     """number of the present shape"""
     error_m: Place | None = None
     """the vehicle's position minus its place: forward, right, up [m]; None: it flies to no place"""
+    far: FarFromPlace | None = None
+    """how long the vehicle has been far from its place; None: it is near"""
     setpoint_role: str = ""
     """role of the mode in which the vehicle follows set-points; empty: not confirmed yet"""
     alone_since_boot_s: float | None = None
@@ -182,6 +214,7 @@ class Membership:
             memory=None,
             shape=0,
             error_m=None,
+            far=None,
             setpoint_role="",
             alone_since_boot_s=None,
             left_boot_s=now_s,

@@ -19,7 +19,7 @@ def near_members(state: AgentState, formation: Formation, silence_s: float) -> t
         return ()
     here, within_m = to_local(*vehicle.lat_lon), JOINS_WITHIN_M + 2.0 * formation.radius_m
     told = state.membership.told
-    others = state.membership.present(formation.members, state.vehicle.time_boot_s, silence_s)
+    others = state.membership.present(formation.members, state.now_boot_s, silence_s)
     return tuple(
         uav
         for uav in others

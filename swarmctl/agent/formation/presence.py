@@ -59,14 +59,14 @@ def _belongs(state: AgentState) -> bool:
     vehicle, membership = state.vehicle, state.membership
     if state.phase not in EN_ROUTE or state.is_waiting or state.lost or membership.is_over:
         return False
-    if not vehicle.armed or vehicle.alt_rel_m is None or vehicle.alt_amsl_m is None:
+    if not vehicle.armed or not vehicle.has_position or vehicle.alt_amsl_m is None:
         return False
     if state.phase is Phase.FORMATION:
         return True
     if state.plans.route is None or state.progress is None:
         return False
     is_on_its_way = state.plans.replans > 0 or state.progress.along_m >= ON_ITS_WAY_M
-    has_climbed = vehicle.alt_rel_m >= state.height_m - LOW_M
+    has_climbed = (vehicle.alt_rel_m or 0.0) >= state.height_m - LOW_M
     return is_on_its_way and has_climbed and vehicle.time_boot_s - membership.left_boot_s >= REJOINS_AFTER_S
 
 
@@ -153,5 +153,5 @@ def _is_at_end(state: AgentState, formation: Formation, membership: Membership) 
     route, along = membership.route, membership.along
     if route is None or along is None:
         return False
-    flown_m = along.s_m + along.speed_m_s * (state.vehicle.time_boot_s - membership.at_boot_s)
+    flown_m = along.s_m + along.speed_m_s * (state.now_boot_s - membership.at_boot_s)
     return flown_m >= route.reference.length_m - formation.radius_m - state.task.grid.cell_size_m

@@ -1,0 +1,91 @@
+"""Members that cannot follow, or whose link is late: agents with light vehicles."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from light_group import LateVehicle, LightGroup
+
+from swarmctl.agent.phases import Phase
+from swarmctl.agent.state import ARRIVED
+from swarmctl.core import events as ev
+from swarmctl.core.setpoint import SetPoint
+from swarmctl.core.vehicle import VehicleState
+
+ENDS_WITHIN_S = 400.0
+
+each_kind = pytest.mark.parametrize("like_ardupilot", [True, False])
+
+
+def left(swarm: LightGroup, uav: int) -> list[tuple[float, str]]:
+    said = swarm.agents[uav - 1].said
+    return [(at_s, text) for at_s, text in said if text.endswith("[leaves-group]")]
+
+
+@each_kind
+def test_a_member_that_does_not_follow_leaves_and_arrives_alone(
+    like_ardupilot: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    swarm = LightGroup(like_ardupilot=like_ardupilot).joined()
+    agent, began_s = swarm.agents[2], swarm.now
+    # The vehicle takes the set-points, but creeps.
+    take = agent.vehicle.take_setpoint
+    creeping = SetPoint((0.5, 0.0, 0.0))
+    monkeypatch.setattr(agent.vehicle, "take_setpoint", lambda _set_point: take(creeping))
+    formation = agent.task.formation
+    assert formation is not None
+    swarm.run_while(lambda: agent.state.phase is Phase.FORMATION, 60.0)
+    ((at_s, _),) = left(swarm, 3)
+    assert formation.max_error_s < at_s - began_s < formation.max_error_s + 10.0
+    monkeypatch.undo()
+    assert swarm.run(swarm.now + ENDS_WITHIN_S, lambda _now: None)
+    assert [a.state.outcome for a in swarm.agents] == [ARRIVED] * 3
+
+
+@each_kind
+def test_a_member_whose_set_points_are_refused_leaves_at_once(like_ardupilot: bool) -> None:
+    swarm = LightGroup(like_ardupilot=like_ardupilot).joined()
+    agent = swarm.agents[1]
+    agent(ev.OrderFailed(ev.FlightOrder.FORMATION, "no set-points"))
+    assert (agent.state.phase, agent.state.order.given) == (Phase.FLYING, ev.FlightOrder.HOLD)
+    ((_, text),) = left(swarm, 2)
+    assert "no set-points" in text
+    assert swarm.run(swarm.now + ENDS_WITHIN_S, lambda _now: None)
+    assert agent.state.outcome == ARRIVED
+
+
+def test_a_member_without_a_position_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    swarm = LightGroup().joined()
+    agent, telemetry = swarm.agents[1], swarm.agents[1].vehicle.telemetry
+
+    def blind(boot_s: float) -> VehicleState:
+        return replace(telemetry(boot_s), lat_deg=None, lon_deg=None)
+
+    monkeypatch.setattr(agent.vehicle, "telemetry", blind)
+    swarm.run_while(lambda: agent.state.phase is Phase.FORMATION, 5.0)
+    ((_, text),) = left(swarm, 2)
+    assert "position" in text
+    assert "leader" not in text
+
+
+def test_telemetry_half_a_second_old_moves_nobody_off_its_place() -> None:
+    swarm = LightGroup().joined()
+    agent = swarm.agents[2]
+    assert isinstance(agent.vehicle, LateVehicle)
+    away_m: list[float] = []
+    agent.vehicle.delay_s = 0.5
+    swarm.run(swarm.now + 10.0, lambda _now: away_m.append(swarm.from_place_m(3)))
+    assert agent.state.phase is Phase.FORMATION
+    assert max(away_m) < 2.5, "the vehicle itself, not what its telemetry says"
+
+
+@each_kind
+def test_set_points_are_sent_until_telemetry_is_too_old_for_any_decision(like_ardupilot: bool) -> None:
+    swarm = LightGroup(like_ardupilot=like_ardupilot).joined()
+    agent = swarm.agents[2]
+    assert isinstance(agent.vehicle, LateVehicle)
+    for delay_s, is_sent in ((2.5, True), (3.5, False)):
+        agent.vehicle.delay_s = delay_s
+        swarm.run(swarm.now + 2.0, lambda _now: None)
+        assert (agent.vehicle.setpoint_age_s < 1.0) is is_sent

@@ -1,0 +1,85 @@
+"""A group of agents with light vehicles in calm air."""
+
+from __future__ import annotations
+
+import math
+import random
+from dataclasses import replace
+from typing import Any
+
+from group_flights import group
+from light_swarm import TELEMETRY_EVERY, Air, LightAgent, LightSwarm
+from light_vehicle import LightVehicle
+
+from swarmctl.agent.phases import Phase
+from swarmctl.core import events as ev
+from swarmctl.core.vehicle import VehicleState
+
+
+class LateVehicle(LightVehicle):
+    """A vehicle whose telemetry is as old as its link's delay."""
+
+    delay_s = 0.0
+
+    def telemetry(self, boot_s: float) -> VehicleState:
+        now = super().telemetry(boot_s)
+        if not self.delay_s or now.lat_deg is None or now.lon_deg is None:
+            return now
+        east_m, north_m = self.frame.to_local(now.lat_deg, now.lon_deg)
+        then = self.frame.to_geodetic(
+            east_m - self.delay_s * now.east_m_s, north_m - self.delay_s * now.north_m_s
+        )
+        return replace(
+            now, time_boot_s=boot_s - self.delay_s, delay_s=self.delay_s, lat_deg=then[0], lon_deg=then[1]
+        )
+
+
+class LightGroup(LightSwarm):
+    """Three members; the first one leads."""
+
+    def __init__(
+        self, *, like_ardupilot: bool = True, approach: str = "leader_following", **changes: Any
+    ) -> None:
+        super().__init__(group(approach, **changes), random.Random(1), Air())
+        for i, (task, spec) in enumerate(zip(self.scenario.tasks, self.scenario.specs, strict=True)):
+            frame = task.grid.frame
+            start_m, speed_m_s = frame.to_local(*spec.start), task.arrival.speed_m_s
+            vehicle = LateVehicle(
+                frame, start_m, 300.0, speed_m_s, task.altitude_m, like_ardupilot, 0.0, random.Random(i)
+            )
+            agent = LightAgent(self, i, vehicle, 10.0)
+            self.agents.append(agent)
+            self.at(0.0, lambda agent=agent: self._make_ready(agent))  # type: ignore[misc]
+            self.at(1.0, lambda agent=agent: agent(ev.OperatorCommand(ev.FlightOrder.LAUNCH)))  # type: ignore[misc]
+
+    @staticmethod
+    def _make_ready(agent: LightAgent) -> None:
+        agent.report()
+        agent(ev.Ready())
+        agent.tick()
+
+    def joined(self) -> LightGroup:
+        """Fly until both followers have been at their places for a while."""
+        self.run_while(lambda: not all(self._is_in_place(agent) for agent in self.agents[1:]), 90.0)
+        return self
+
+    def run_while(self, condition: Any, for_s: float) -> None:
+        """Fly while a condition holds. Raises AssertionError if it still holds after `for_s`."""
+        until_s = self.now + for_s
+        while condition():
+            assert self.now < until_s, [agent.said[-3:] for agent in self.agents]
+            self.run(self.now + TELEMETRY_EVERY * self.step_s, lambda _now: None)
+
+    @staticmethod
+    def _is_in_place(agent: LightAgent) -> bool:
+        error_m = agent.state.membership.error_m
+        return agent.state.phase is Phase.FORMATION and error_m is not None and max(map(abs, error_m)) < 3.0
+
+    def from_place_m(self, uav: int) -> float:
+        """Return the true distance of a follower from its place, while the leader flies to the east."""
+        leader, member = self.agents[0].vehicle, self.agents[uav - 1]
+        formation = member.task.formation
+        assert formation is not None
+        forward_m, right_m, _ = formation.places(0, len(self.agents))[uav - 1]
+        east_m, north_m = leader.at[0] + forward_m, leader.at[1] - right_m
+        return math.hypot(member.vehicle.at[0] - east_m, member.vehicle.at[1] - north_m)
