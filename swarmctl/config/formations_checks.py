@@ -3,10 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import combinations
 
-from swarmctl.agent.formation.shape import Place, least_spacing_m, radius_m, width_m
+from swarmctl.agent.formation.approaches.keeping import MARGIN_M, MARGIN_UP_M
+from swarmctl.agent.formation.shape import (
+    Place,
+    least_spacing_between_m,
+    least_spacing_m,
+    radius_m,
+    width_m,
+)
 from swarmctl.config.communication import vehicle_of
 from swarmctl.config.formations import FormationSection
 from swarmctl.config.model import Config
@@ -70,6 +77,7 @@ def check_groups(scenario: Scenario) -> Iterator[ConfigProblem]:
             yield from _check_distances(scenario, section, members, places, (*here, key))
             yield from _check_room(scenario, places, (*here, key))
             yield from _check_messages(scenario, places, (*here, key))
+        yield from _check_change(scenario, section, members, shapes, here)
 
 
 def _check_members(section: FormationSection, members: list[Spec], here: KeyPath) -> Iterator[ConfigProblem]:
@@ -96,19 +104,49 @@ def _check_distances(
     places: tuple[Place, ...],
     path: KeyPath,
 ) -> Iterator[ConfigProblem]:
-    """Yield the problem of two places that are nearer than the separation, over ground and in height."""
+    """Yield the problem of two places that are nearer than members keep, over ground and in height."""
     limits = scenario.config.separation
+    least_m, least_up_m = limits.horizontal_m + MARGIN_M, limits.vertical_m + MARGIN_UP_M
     for (one, a), (other, b) in combinations(zip(members, places, strict=True), 2):
-        apart_m = math.dist(a[:2], b[:2])
-        up_m = abs(a[2] - b[2]) if section.heights == "level" else abs(one.altitude_m - other.altitude_m)
-        if apart_m < limits.horizontal_m and up_m < limits.vertical_m:
+        apart_m, up_m = math.dist(a[:2], b[:2]), _up_m(section, one, a, other, b)
+        if apart_m < least_m and up_m < least_up_m:
             text = (
                 f"the places of {one.name} and {other.name} are {apart_m:.3g} m apart over ground and "
-                f"{up_m:.3g} m in height, below the separation ({limits.horizontal_m:g} m and "
-                f"{limits.vertical_m:g} m); raise spacing_m to {limits.horizontal_m:g} m or more"
+                f"{up_m:.3g} m in height, below the separation and the members' margin ({least_m:g} m and "
+                f"{least_up_m:g} m); raise spacing_m to {least_m:g} m or more"
             )
             yield ConfigProblem(path, text)
             return
+
+
+def _check_change(
+    scenario: Scenario,
+    section: FormationSection,
+    members: list[Spec],
+    shapes: Mapping[str, tuple[Place, ...]],
+    here: KeyPath,
+) -> Iterator[ConfigProblem]:
+    """Yield the problem of two members that come too near while the group changes its shape."""
+    if "narrow_shape" not in shapes:
+        return
+    limits = scenario.config.separation
+    least_m, least_up_m = limits.horizontal_m + MARGIN_M, limits.vertical_m + MARGIN_UP_M
+    ways = zip(members, shapes["shape"], shapes["narrow_shape"], strict=True)
+    for (one, a, a_to), (other, b, b_to) in combinations(ways, 2):
+        apart_m = least_spacing_between_m((a, b), (a_to, b_to))
+        up_m = min(_up_m(section, one, a, other, b), _up_m(section, one, a_to, other, b_to))
+        if apart_m < least_m and up_m < least_up_m:
+            text = (
+                f"{one.name} and {other.name} come within {apart_m:.3g} m while the group changes its shape, "
+                f"and the members keep {least_m:g} m; raise spacing_m, or name the members in another order"
+            )
+            yield ConfigProblem((*here, "narrow_shape"), text)
+            return
+
+
+def _up_m(section: FormationSection, one: Spec, a: Place, other: Spec, b: Place) -> float:
+    """Return the difference in height of two members at these places [m]."""
+    return abs(a[2] - b[2]) if section.heights == "level" else abs(one.altitude_m - other.altitude_m)
 
 
 def _check_room(scenario: Scenario, places: tuple[Place, ...], path: KeyPath) -> Iterator[ConfigProblem]:

@@ -34,6 +34,21 @@ def test_a_wedge_of_three_is_accepted() -> None:
 
 
 @pytest.mark.parametrize(
+    "group",
+    [
+        {"shape": {"kind": "offsets", "offsets_m": [[0, 0, 8], [0, 0, 16]]}, "heights": "level"},
+        {
+            "shape": {"kind": "wedge", "spacing_m": 30.0},
+            "narrow_shape": {"kind": "column", "spacing_m": 20.0},
+        },
+    ],
+    ids=["stacked", "two shapes"],
+)
+def test_a_group_that_can_fly_is_accepted(group: dict[str, Any]) -> None:
+    assert keys_of_problems(group) == set()
+
+
+@pytest.mark.parametrize(
     ("group", "sections", "key"),
     [
         pytest.param({"members": ["uav1", "uav9"]}, {}, ("members", 1), id="unknown vehicle"),
@@ -50,6 +65,22 @@ def test_a_wedge_of_three_is_accepted() -> None:
             {},
             ("shape",),
             id="level, too near",
+        ),
+        pytest.param(
+            {"shape": {"kind": "line", "spacing_m": 10.5}, "heights": "level"},
+            {},
+            ("shape",),
+            id="level, no margin beside the separation",
+        ),
+        pytest.param(
+            {
+                "shape": {"kind": "wedge", "spacing_m": 12.0},
+                "narrow_shape": {"kind": "column", "spacing_m": 12.0},
+                "heights": "level",
+            },
+            {},
+            ("narrow_shape",),
+            id="too near on the way to the narrow shape",
         ),
         pytest.param(
             {"shape": {"kind": "line", "spacing_m": 300.0}}, {}, ("shape",), id="wider than the area"

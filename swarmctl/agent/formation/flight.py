@@ -7,6 +7,7 @@ the vehicle out of its group.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 from swarmctl.agent.arrival.common_time import CommandedSpeed
 from swarmctl.agent.formation.approaches.base import Along, Command, Group, Limits, Member, ThreatField
@@ -199,7 +200,7 @@ def _view(state: AgentState, formation: Formation) -> Group:
         along=along,
         reference=route.reference,
         profile=route.profile,
-        height_m=_height_amsl_m(state, formation, own_place, least_spacing_m(tuple(places.values()))),
+        height_m=_height_amsl_m(state, formation, own_place, _level_within_m(state, places)),
         limits=Limits(
             speed_m_s=state.task.arrival.speed_m_s,
             acceleration_m_s2=ACCELERATION_M_S2,
@@ -260,7 +261,17 @@ def _member(state: AgentState, uav: int, place: Place) -> Member:
     )
 
 
-def _height_amsl_m(state: AgentState, formation: Formation, place: Place, spacing_m: float) -> float:
+def _level_within_m(state: AgentState, places: Mapping[int, Place]) -> float:
+    """Return the distance from its place within which a member flies at the group's height [m].
+
+    Places above each other count by the separation.
+    """
+    limits = state.task.separation.limits
+    spacing_m = least_spacing_m(tuple(places.values()), limits.vertical_m)
+    return LEVEL_WITHIN * (spacing_m if math.isfinite(spacing_m) else limits.horizontal_m)
+
+
+def _height_amsl_m(state: AgentState, formation: Formation, place: Place, level_within_m: float) -> float:
     """Return the height of the reference point above the sea.
 
     A vehicle keeps its own height until it is near its place: so vehicles cross each other's ways at
@@ -276,7 +287,7 @@ def _height_amsl_m(state: AgentState, formation: Formation, place: Place, spacin
     if state.leads_group or membership.leader is None:
         return own_m
     error_m, told = membership.error_m, membership.told[membership.leader].message
-    is_near = error_m is not None and max(map(abs, error_m[:2])) <= LEVEL_WITHIN * spacing_m
+    is_near = error_m is not None and max(map(abs, error_m[:2])) <= level_within_m
     if not is_near or told.route_id == 0:
         return own_m - place[2]
     # A wrong height of the leader must lead no vehicle into the ground, or through the fence's ceiling.
