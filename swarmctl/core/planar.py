@@ -7,8 +7,8 @@ from itertools import pairwise
 from math import dist
 
 MIN_CORNER_OFFSET_M = 0.01
-"""Least distance of a hull's corner from the line between the neighbouring corners [m]. Without this limit,
-rounding adds corners on straight edges, and autopilots store few corners."""
+"""Least distance of a corner from the line between the neighbouring corners [m]. Without this limit, rounding
+adds corners on straight edges, and autopilots store few corners."""
 
 PlanarPoint = tuple[float, float]
 """(east, north) [m]"""
@@ -124,3 +124,12 @@ def _intersect(a: PlanarPoint, b: PlanarPoint, c: PlanarPoint, d: PlanarPoint) -
 
 def _between(a: PlanarPoint, b: PlanarPoint, p: PlanarPoint) -> bool:
     return min(a[0], b[0]) <= p[0] <= max(a[0], b[0]) and min(a[1], b[1]) <= p[1] <= max(a[1], b[1])
+
+
+def turning_points(points: Sequence[PlanarPoint]) -> list[PlanarPoint]:
+    """Return the ends of a polyline and its corners, also those at which it turns back."""
+    kept = list(points[:1])
+    for point, after in pairwise(points[1:]):
+        if distance_to_leg(point, kept[-1], after) > MIN_CORNER_OFFSET_M:
+            kept.append(point)
+    return [*kept, *points[1:][-1:]]

@@ -7,13 +7,21 @@ from dataclasses import replace
 import pytest
 from light_group import LateVehicle, LightGroup
 
+from swarmctl.agent.formation.approaches import APPROACHES
+from swarmctl.agent.formation.membership import Formation, GroupRoute
+from swarmctl.agent.formation.shape import Shape
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.state import ARRIVED
 from swarmctl.core import events as ev
+from swarmctl.core.frames import MAX_POINTS
 from swarmctl.core.setpoint import SetPoint
 from swarmctl.core.vehicle import VehicleState
 
 ENDS_WITHIN_S = 400.0
+
+GROUP = Formation(
+    "alpha", (1, 2), APPROACHES["virtual_structure"], None, (Shape(kind="column", spacing_m=20.0),), 10.0
+)
 
 each_kind = pytest.mark.parametrize("like_ardupilot", [True, False])
 
@@ -89,3 +97,15 @@ def test_set_points_are_sent_until_telemetry_is_too_old_for_any_decision(like_ar
         agent.vehicle.delay_s = delay_s
         swarm.run(swarm.now + 2.0, lambda _now: None)
         assert (agent.vehicle.setpoint_age_s < 1.0) is is_sent
+
+
+def test_a_long_route_is_told_by_its_corners() -> None:
+    north = [(0.0, 10.0 * k) for k in range(400)]
+    east = [(10.0 * k, 3990.0) for k in range(1, 400)]
+    route = GroupRoute.of(1, 1, (*north, *east), (), GROUP, 12.0)
+    assert route.points_m == ((0.0, 0.0), (0.0, 3990.0), (3990.0, 3990.0))
+
+
+def test_a_route_with_too_many_corners_ends_earlier() -> None:
+    zigzag = tuple((10.0 * k, 10.0 * (k % 2)) for k in range(2 * MAX_POINTS))
+    assert GroupRoute.of(1, 1, zigzag, (), GROUP, 12.0).points_m == zigzag[:MAX_POINTS]

@@ -15,6 +15,7 @@ from swarmctl.core.planar import (
     crossing_sides,
     padded_hull,
     stays_inside,
+    turning_points,
 )
 
 COORDINATE = st.floats(-1000.0, 1000.0).map(lambda v: round(v, 2))
@@ -112,3 +113,15 @@ def test_sides_of_a_convex_polygon_cross_after_two_corners_are_swapped(points, d
 def test_a_side_that_folds_back_crosses_the_side_before_it(polygon, sides, shift_m):
     moved = [(e + shift_m[0], n + shift_m[1]) for e, n in polygon]
     assert crossing_sides(moved) == sides
+
+
+def test_the_turning_points_of_a_polyline_are_its_ends_and_corners() -> None:
+    east = [(float(x), 0.0) for x in range(5)]
+    assert turning_points([*east, (4.0, 1.0), (4.0, 2.0), (4.0, 0.5)]) == [
+        (0.0, 0.0),
+        (4.0, 0.0),
+        (4.0, 2.0),
+        (4.0, 0.5),
+    ]
+    assert turning_points(east[:1]) == east[:1]
+    assert turning_points([]) == []

@@ -17,7 +17,6 @@ from swarmctl.agent.formation.group_planner import planner_of, shape_changes
 from swarmctl.agent.formation.membership import GroupRoute, Membership
 from swarmctl.agent.replan.decide import believed_exposure
 from swarmctl.agent.state import AgentState
-from swarmctl.core.frames import MAX_POINTS
 from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.records import replace
 from swarmctl.core.route import cells_between
@@ -102,7 +101,7 @@ def _on_new_route(
         kept.insert(0, (before_m, legs.point_at(before_m)))
     moved_m, cell_m = kept[0][0], task.grid.cell_size_m
     centres = (task.grid.centre_m(cell) for cell in cells)
-    points_m = (*(point for _, point in kept), *centres)[:MAX_POINTS]
+    points_m = (*(point for _, point in kept), *centres)
     shapes = [(from_m - moved_m, number) for from_m, number in route.shapes if from_m < splice_m]
     splice_m -= moved_m
     steps_m = (cell_m * math.dist(a, b) for a, b in pairwise(cells))

@@ -15,8 +15,8 @@ from swarmctl.agent.formation.approaches.base import Along, Approach, Memory
 from swarmctl.agent.formation.reference import Reference, SpeedProfile, window_for
 from swarmctl.agent.formation.shape import Place, Shape, radius_m
 from swarmctl.core import events as ev
-from swarmctl.core.frames import MemberShared
-from swarmctl.core.planar import PlanarPoint
+from swarmctl.core.frames import MAX_POINTS, MemberShared
+from swarmctl.core.planar import PlanarPoint, turning_points
 
 PLACE_KEPT = 3.0
 """Silence for which a member keeps its place, as a multiple of the silence after which another one leads: a
@@ -139,7 +139,11 @@ class GroupRoute:
         max_speed_m_s: float,
         plan: tuple[int, int] | None = None,
     ) -> GroupRoute:
-        """Return a route; `max_speed_m_s`: greatest speed of a member."""
+        """Return a route; `max_speed_m_s`: greatest speed of a member.
+
+        Only its corners count, because a message holds MAX_POINTS of them. A longer route ends earlier.
+        """
+        points_m = tuple(turning_points(points_m)[:MAX_POINTS])
         extent_m = formation.radius_m
         reference = Reference(points_m, window_for(extent_m))
         profile = SpeedProfile.of(reference, extent_m, formation.speed_m_s, max_speed_m_s, ACCELERATION_M_S2)

@@ -16,7 +16,6 @@ from swarmctl.agent.orders import StepResult
 from swarmctl.agent.phases import EN_ROUTE, Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.core import events as ev
-from swarmctl.core.frames import MAX_POINTS
 from swarmctl.core.planar import PlanarPoint, contains
 from swarmctl.core.records import replace
 from swarmctl.planners.base import Problem
@@ -140,7 +139,7 @@ def _route_of_mission(state: AgentState, formation: Formation, membership: Membe
     return GroupRoute.of(
         task.uav,
         membership.n_routes + 1,
-        progress.flight.legs.points[:-1][-MAX_POINTS:],
+        progress.flight.legs.points[:-1],
         tuple(shapes),
         formation,
         task.arrival.speed_m_s,
