@@ -253,7 +253,7 @@ def _member(state: AgentState, uav: int, place: Place) -> Member:
     told = state.membership.told[uav]
     message = told.message
     return Member(
-        position_m=(*state.task.grid.frame.to_local(message.lat_deg, message.lon_deg), message.alt_amsl_m),
+        position_m=(*told.here_m, message.alt_amsl_m),
         velocity_m_s=message.velocity_m_s,
         place=place,
         age_s=max(state.now_boot_s - told.at_boot_s, 0.0),

@@ -16,6 +16,7 @@ from swarmctl.agent.formation.reference import Reference, SpeedProfile, window_f
 from swarmctl.agent.formation.shape import Place, Shape, radius_m
 from swarmctl.core import events as ev
 from swarmctl.core.frames import MAX_POINTS, MemberShared
+from swarmctl.core.geo import LocalFrame
 from swarmctl.core.planar import PlanarPoint, turning_points
 
 PLACE_KEPT = 3.0
@@ -57,11 +58,21 @@ class Formation:
     """time after which it leaves [s]"""
     rate_hz: float = 5.0
     """rate of set-points, and of the leader's messages"""
+    radius_m: float = field(init=False)
+    """greatest distance of a place from the reference point, over all shapes [m]"""
+    _places: tuple[tuple[tuple[Place, ...], ...], ...] = field(init=False)
+    """places by shape and number of members, because they are asked for at each set-point"""
+
+    def __post_init__(self) -> None:
+        numbers = range(len(self.members) + 1)
+        of = tuple(tuple(shape.places(n) for n in numbers) for shape in self.shapes)
+        object.__setattr__(self, "_places", of)
+        object.__setattr__(self, "radius_m", max(radius_m(sizes[-1]) for sizes in of))
 
     def places(self, number: int, n_present: int) -> tuple[Place, ...]:
         """Return the places of shape `number`."""
         n = n_present if self.closes_up else len(self.members)
-        return self.shapes[min(number, len(self.shapes) - 1)].places(n)
+        return self._places[min(number, len(self.shapes) - 1)][n]
 
     def change_s(self, n_present: int) -> float:
         """Return the time that a change of shape takes [s]."""
@@ -74,11 +85,6 @@ class Formation:
         """Silence for which the place of a member stays its own [s]."""
         return PLACE_KEPT * self.lost_after_s
 
-    @property
-    def radius_m(self) -> float:
-        """Greatest distance of a place from the reference point, over all shapes [m]."""
-        return max(radius_m(shape.places(len(self.members))) for shape in self.shapes)
-
 
 @dataclass(frozen=True, slots=True)
 class Told:
@@ -87,6 +93,8 @@ class Told:
     message: MemberShared
     at_boot_s: float
     """time of its position, by this vehicle's clock [s]"""
+    here_m: PlanarPoint
+    """its position, (east, north) in the area's local frame [m]"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,9 +199,16 @@ class Membership:
     joins_told: bool = False
     """last value of `MemberShared.joins` that was sent"""
 
-    def heard(self, event: ev.Members) -> Membership:
-        """Return the membership with new messages."""
-        new = {uav: Told(member, event.boot_s - age_s - member.age_s) for uav, age_s, member in event.told}
+    def heard(self, event: ev.Members, frame: LocalFrame) -> Membership:
+        """Return the membership with new messages; `frame`: the area's local frame."""
+        new = {
+            uav: Told(
+                message,
+                event.boot_s - age_s - message.age_s,
+                frame.to_local(message.lat_deg, message.lon_deg),
+            )
+            for uav, age_s, message in event.told
+        }
         return replace(self, told={**self.told, **new})
 
     def present(self, members: Iterable[int], now_s: float, lost_after_s: float) -> tuple[int, ...]:

@@ -14,17 +14,17 @@ JOINS_WITHIN_M = 200.0
 
 def near_members(state: AgentState, formation: Formation, silence_s: float) -> tuple[int, ...]:
     """Return the other members that are heard and not far from this vehicle, in the group's order."""
-    vehicle, to_local = state.last_position, state.task.grid.frame.to_local
+    vehicle = state.last_position
     if vehicle.lat_lon is None:
         return ()
-    here, within_m = to_local(*vehicle.lat_lon), JOINS_WITHIN_M + 2.0 * formation.radius_m
+    here, within_m = (
+        state.task.grid.frame.to_local(*vehicle.lat_lon),
+        JOINS_WITHIN_M + 2.0 * formation.radius_m,
+    )
     told = state.membership.told
     others = state.membership.present(formation.members, state.now_boot_s, silence_s)
     return tuple(
-        uav
-        for uav in others
-        if uav != state.task.uav
-        and math.dist(here, to_local(told[uav].message.lat_deg, told[uav].message.lon_deg)) <= within_m
+        uav for uav in others if uav != state.task.uav and math.dist(here, told[uav].here_m) <= within_m
     )
 
 

@@ -28,7 +28,7 @@ REJOINS_AFTER_S = 10.0
 
 def receive_members(state: AgentState, event: ev.Members, _now: float) -> StepResult:
     """Store the messages of the group."""
-    return replace(state, membership=state.membership.heard(event)), []
+    return replace(state, membership=state.membership.heard(event, state.task.grid.frame)), []
 
 
 def note_group(state: AgentState) -> StepResult:
