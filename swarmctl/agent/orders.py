@@ -8,6 +8,7 @@ from typing import Any
 import msgspec
 
 from swarmctl.agent.failsafes.base import DemandKind
+from swarmctl.agent.formation.membership import Membership
 from swarmctl.agent.own_modes import ROLE_OF_ORDER, own_mode_roles
 from swarmctl.agent.phases import IN_FLIGHT, ON_GROUND, PAST_PLANNING, Phase
 from swarmctl.agent.state import AgentState, Task
@@ -259,8 +260,11 @@ def weights_changed(state: AgentState, event: ev.WeightsChanged, _now: float) ->
     A new range of communication counts at once, in every phase.
     """
     effects: list[ev.Effect] = [] if event.range is None else [ev.SetRange(event.range)]
-    is_range_alone = event.w is None and event.strength is None
-    if state.phase in PAST_PLANNING and not is_range_alone:
+    if why := _reason_against_behaviours(state, event):
+        refused = VehicleAnswer(state.task.uav, state.task.name, "refused", note=why)
+        return state, [ev.Answer(event.command, refused)]
+    plans_anew = event.w is not None or event.strength is not None
+    if state.phase in PAST_PLANNING and plans_anew:
         why = f"the vehicle does not plan routes in this phase: {state.phase}"
         why += (f", {state.outcome}" if state.outcome else "") + " [no-plan]"
         why += "" if event.range is None else f"; range of communication {event.range} from now on"
@@ -275,12 +279,35 @@ def weights_changed(state: AgentState, event: ev.WeightsChanged, _now: float) ->
     strength = state.strength if event.strength is None else event.strength
     changed = (w, strength) != (state.w, state.strength)
     plans = state.plans.due() if changed else state.plans
-    state = replace(state, w=w, strength=strength, plans=plans)
+    state = replace(state, w=w, strength=strength, plans=plans, membership=_with_behaviours(state, event))
     note = "the link is lost; the vehicle plans when the link is back [waits-for-link]" if state.lost else ""
-    if not changed and event.range is None:
+    if event.behaviours and state.membership.leader not in (None, state.task.uav):
+        note = f"vehicle {state.membership.leader} leads the group, and its weights count [leader-decides]"
+    if not changed and event.range is None and not event.behaviours:
         note = "the vehicle already has these weights and keeps its plan [unchanged]"
     taken = VehicleAnswer(state.task.uav, state.task.name, "taken", state.plans.next_plan_id, note)
     return state, [*effects, ev.Answer(event.command, taken)]
+
+
+def _reason_against_behaviours(state: AgentState, event: ev.WeightsChanged) -> str:
+    """Return the reason why weights of behaviours cannot be changed; "" if they can, or if none change."""
+    if not event.behaviours:
+        return ""
+    formation = state.task.formation
+    names = () if formation is None else formation.approach.WEIGHTS
+    unknown = [name for name in event.behaviours if name not in names]
+    if not names:
+        return "the vehicle is in no group whose approach has weights of behaviours [no-behaviours]"
+    if unknown:
+        return f"unknown behaviours {', '.join(unknown)}: expected {', '.join(names)} [no-behaviours]"
+    return ""
+
+
+def _with_behaviours(state: AgentState, event: ev.WeightsChanged) -> Membership:
+    formation, membership = state.task.formation, state.membership
+    if formation is None or not event.behaviours:
+        return membership
+    return replace(membership, weights=formation.weights_with(membership.weights, event.behaviours))
 
 
 def command(

@@ -306,7 +306,12 @@ def _event(number: int, command: Request, delay_s: float, ignored: tuple[int, ..
     match command:
         case SetWeights():
             return ev.WeightsChanged(
-                number, command.w, command.strength, command.range, printable(command.by)
+                number,
+                command.w,
+                command.strength,
+                command.range,
+                printable(command.by),
+                {printable(name): weight for name, weight in command.behaviours.items()},
             )
         case GiveOrder(order=order, after_s=after_s):
             by = printable(command.by)

@@ -48,29 +48,52 @@ def set_weights(
             "--range", metavar="N|all", help="Send to the N nearest vehicles, in a simulated swarm only."
         ),
     ] = None,
+    behaviours: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME=WEIGHT,…", help="Weights of a group's behaviours, such as goal=1,threat=0.8."
+        ),
+    ] = "",
     swarm: SwarmOption = None,
     config: FlyingConfigOption = None,
     connect: ConnectOption = None,
 ) -> None:
     """Change w and the firing strengths of vehicles in flight, from their next plans on.
 
-    --range changes the range of communication at once.
+    --range changes the range of communication at once, and --behaviours the flight of a group with the
+    approach `behavioural`. There the weights of the leader count for all members.
     """
+    weights = _behaviours_or_exit(behaviours)
     wanted: CommunicationRange | None = None if reach is None else _range_or_exit(reach)
 
     def command() -> SetWeights:
         strengths = client.strengths(firing_strength, (direct, first_neighbour, second_neighbour))
-        return SetWeights(client.chosen_vehicles(uav or [], all_vehicles), w, strengths, wanted)
+        return SetWeights(
+            client.chosen_vehicles(uav or [], all_vehicles), w, strengths, wanted, behaviours=weights
+        )
 
     def line(answer: VehicleAnswer) -> str:
         strengths = client.strengths(firing_strength, (direct, first_neighbour, second_neighbour))
-        text = weights_line(w, None if strengths is None else FiringStrength(*strengths), answer, wanted)
+        text = weights_line(
+            w, None if strengths is None else FiringStrength(*strengths), answer, wanted, weights
+        )
         if answer.outcome != "taken" or answer.note or (w is None and strengths is None):
             return text
         # The vehicle may stay on its route, or arrive before a new plan.
         return f"{text}; plan {answer.from_plan} is made only if another route is better"
 
     send_or_exit(command, swarm, config, connect, line)
+
+
+def _behaviours_or_exit(text: str) -> dict[str, float]:
+    found = {}
+    for part in filter(None, text.split(",")):
+        name, _, weight = part.partition("=")
+        try:
+            found[name.strip()] = float(weight)
+        except ValueError:
+            fail([f"--behaviours {part}: expected a name and a weight, such as threat=0.8"], USAGE)
+    return found
 
 
 def _range_or_exit(text: str) -> CommunicationRange:

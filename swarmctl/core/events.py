@@ -179,7 +179,7 @@ class OperatorCommand(_Record, frozen=True):
 
 
 class WeightsChanged(_Record, frozen=True):
-    """An operator's new weights, from the next plan on, and new range of communication; None: no change."""
+    """An operator's new weights and new range of communication; None: no change."""
 
     command: int
     """number from the operator service, repeated in the `Answer`"""
@@ -188,6 +188,8 @@ class WeightsChanged(_Record, frozen=True):
     range: CommunicationRange | None = None
     by: str = ""
     """person and program that gave the command; empty: not told"""
+    behaviours: dict[str, float] = {}
+    """new weights of behaviours in the group's flight, by name"""
 
 
 class Rebooted(_Record, frozen=True):

@@ -27,6 +27,7 @@ from typing import Annotated, Any
 import msgspec
 
 from swarmctl.core.geo import LatLon
+from swarmctl.core.messages import MAX_BEHAVIOUR_WEIGHT, MAX_BEHAVIOURS
 from swarmctl.core.observation import Checkpoint, Id, Incarnation, Observation, Seq
 
 VERSION = 3
@@ -223,6 +224,11 @@ class MemberShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, ta
     """changes of shape along `route`: (distance [m], number of the shape from there on)"""
     height_amsl_m: float = 0.0
     """the leader's alone: the group's height above the sea, if its members fly level [m]"""
+    weights: Annotated[
+        tuple[Annotated[float, msgspec.Meta(ge=0.0, le=MAX_BEHAVIOUR_WEIGHT)], ...],
+        msgspec.Meta(max_length=MAX_BEHAVIOURS),
+    ] = ()
+    """the leader's alone: the weights of all behaviours of the approach, after an operator's change"""
 
     def __post_init__(self) -> None:
         for point in ((self.lat_deg, self.lon_deg), *self.route):

@@ -20,6 +20,10 @@ MAX_AFTER_S = 7200.0
 """longest wait of a vehicle for its turn to return [s]"""
 MAX_NAME = 32
 """longest name of a vehicle [characters]"""
+MAX_BEHAVIOUR_WEIGHT = 100.0
+"""greatest weight of a behaviour in a group's flight"""
+MAX_BEHAVIOURS = 8
+"""greatest number of behaviours of an approach to formation flight"""
 MAX_BY = 64
 """longest name of a person [characters]"""
 
@@ -33,7 +37,8 @@ CommunicationRange = int | Literal["all"]
 class SetWeights(
     msgspec.Struct, frozen=True, omit_defaults=True, tag="set_weights", forbid_unknown_fields=True
 ):
-    """An operator's command: new weights from the next plan on, and a new range of communication.
+    """An operator's command: new weights from the next plan on, a new range of communication, and new weights
+    of a group's behaviours.
 
     Raises ValueError for invalid values.
     """
@@ -48,16 +53,26 @@ class SetWeights(
     """number of nearest vehicles that get each message, in a simulated swarm; None: no change"""
     by: str = ""
     """person and program that give the command, for the evidence; empty: not told"""
+    behaviours: dict[str, float] = {}
+    """new weights of behaviours in a group's flight, by name; the leader's count for all its members"""
 
     def __post_init__(self) -> None:
         if self.uavs is not None:
             _check_named(self.uavs)
         _check_by(self.by)
-        if self.w is None and self.firing_strength is None and self.range is None:
+        if self.w is None and self.firing_strength is None and self.range is None and not self.behaviours:
             raise ValueError(
-                "nothing to change: expected w, firing strengths, or the range of communication "
-                "[nothing-to-change]"
+                "nothing to change: expected w, firing strengths, the range of communication, or weights of "
+                "behaviours [nothing-to-change]"
             )
+        for name, weight in self.behaviours.items():
+            if not 0.0 <= weight <= MAX_BEHAVIOUR_WEIGHT or len(name) > MAX_NAME:
+                raise ValueError(
+                    f"behaviour {name[:MAX_NAME]} = {weight:g}: expected a weight of 0 to "
+                    f"{MAX_BEHAVIOUR_WEIGHT:g}"
+                )
+        if len(self.behaviours) > MAX_BEHAVIOURS:
+            raise ValueError(f"{len(self.behaviours)} behaviours: expected at most {MAX_BEHAVIOURS}")
         if isinstance(self.range, int) and not 0 <= self.range <= MAX_SYSTEM_ID:
             raise ValueError(f"range = {self.range}: expected 0 to {MAX_SYSTEM_ID}, or all")
         if self.w is not None and not 0.0 <= self.w <= 1.0:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from swarmctl.core.messages import CommunicationRange, VehicleAnswer
 from swarmctl.core.threat import FiringStrength
 
@@ -17,6 +19,7 @@ def weights_line(
     strength: FiringStrength | None,
     answer: VehicleAnswer,
     reach: CommunicationRange | None = None,
+    behaviours: Mapping[str, float] | None = None,
 ) -> str:
     """Return a vehicle's answer to new weights or a new range of communication as a line."""
     if answer.outcome != "taken":
@@ -29,4 +32,7 @@ def weights_line(
     told = [f"{' and '.join(parts)} from plan {answer.from_plan} on"] if parts else []
     if reach is not None:
         told.append(f"range of communication {reach} from now on")
+    if behaviours:
+        values = ", ".join(f"{name} = {weight:g}" for name, weight in behaviours.items())
+        told.append(f"behaviours of the group {values} from now on")
     return f"{answer.name}: {'; '.join([*told, *filter(None, [answer.note])])}"

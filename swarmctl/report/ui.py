@@ -96,10 +96,10 @@ class UiObserver:
             case ev.OperatorCommand(order=order):
                 self.ui.say(order_line(order, answer))
             # If a command changes no weight, a line is shown only if the outcome is not `taken`.
-            case ev.WeightsChanged(w=w, strength=strength, range=reach) if (
-                changed or reach is not None or answer.outcome != "taken"
+            case ev.WeightsChanged(w=w, strength=strength, range=reach, behaviours=behaviours) if (
+                changed or reach is not None or behaviours or answer.outcome != "taken"
             ):
-                self.ui.say(weights_line(w, strength, answer, reach))
+                self.ui.say(weights_line(w, strength, answer, reach, behaviours))
 
     def sent(self, uav: int, message: AgentMessage, recipients: int, now: float) -> None:
         pass

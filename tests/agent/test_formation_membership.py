@@ -12,6 +12,7 @@ from swarmctl.agent.formation.membership import Formation, GroupRoute
 from swarmctl.agent.formation.shape import Shape
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.state import ARRIVED
+from swarmctl.agent.step import step
 from swarmctl.core import events as ev
 from swarmctl.core.frames import MAX_POINTS
 from swarmctl.core.setpoint import SetPoint
@@ -109,3 +110,27 @@ def test_a_long_route_is_told_by_its_corners() -> None:
 def test_a_route_with_too_many_corners_ends_earlier() -> None:
     zigzag = tuple((10.0 * k, 10.0 * (k % 2)) for k in range(2 * MAX_POINTS))
     assert GroupRoute.of(1, 1, zigzag, (), GROUP, 12.0).points_m == zigzag[:MAX_POINTS]
+
+
+def behaviours(swarm: LightGroup) -> list[tuple[float, ...]]:
+    return [agent.state.membership.weights for agent in swarm.agents]
+
+
+def test_new_weights_of_the_leader_count_for_all_members() -> None:
+    swarm = LightGroup(approach="behavioural").joined()
+    leader, follower = swarm.agents[:2]
+    follower(ev.WeightsChanged(1, behaviours={"goal": 0.7}))
+    leader(ev.WeightsChanged(2, behaviours={"threat": 2.0, "goal": 0.8}))
+    swarm.run(swarm.now + 1.0, lambda _now: None)
+    assert behaviours(swarm) == [(0.8, 1.0, 2.0, 1.0)] * 3
+
+
+@pytest.mark.parametrize(
+    ("approach", "weights"), [("leader_following", {"goal": 1.0}), ("behavioural", {"gaol": 1.0})]
+)
+def test_weights_of_unknown_behaviours_are_refused(approach: str, weights: dict[str, float]) -> None:
+    agent = LightGroup(approach=approach).agents[0]
+    state, (effect,) = step(agent.state, ev.WeightsChanged(1, w=0.9, behaviours=weights), 0.0)
+    assert isinstance(effect, ev.Answer)
+    assert effect.answer.outcome == "refused"
+    assert state is agent.state

@@ -16,9 +16,11 @@ from swarmctl.agent.state import ARRIVED
 from swarmctl.bus.endpoint import BusEndpoint
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.config.scenario import Scenario
-from swarmctl.core.messages import GiveOrder
+from swarmctl.core.messages import GiveOrder, Request, SetWeights
 from swarmctl.flight import app
 from swarmctl.flight.virtual_clock import run_virtual
+from swarmctl.report.evidence.chain import check
+from swarmctl.report.evidence.log import FILE_NAME
 from swarmctl.station import client
 
 pytestmark = pytest.mark.virtual
@@ -93,8 +95,8 @@ def test_a_group_changes_its_shape_for_a_gap(tmp_path: Path) -> None:
     assert [state.outcome for state in report.states.values()] == [ARRIVED] * 3
 
 
-def ordered(scenario: Scenario, folder: Path, at_s: float, order: Any, uav: int) -> tuple[Any, Ui]:
-    """Fly, and give one vehicle an order."""
+def asked(scenario: Scenario, folder: Path, at_s: float, request: Request) -> tuple[Any, Ui]:
+    """Fly, and give an operator's command, which the vehicles take."""
 
     async def scene() -> Any:
         bus, ui = MemoryBus(), Ui()
@@ -102,8 +104,8 @@ def ordered(scenario: Scenario, folder: Path, at_s: float, order: Any, uav: int)
             app.fly(scenario, folder, ui, clock="virtual", permission=lambda _: None, bus=bus)
         )
         await asyncio.sleep(at_s)
-        answer = await client.ask(bus, STATION, GiveOrder((str(uav),), order))
-        assert [vehicle.outcome for vehicle in answer.vehicles] == ["taken"]
+        answer = await client.ask(bus, STATION, request)
+        assert {vehicle.outcome for vehicle in answer.vehicles} == {"taken"}
         return await flight, ui
 
     report, ui = run_virtual(scene())
@@ -123,7 +125,7 @@ def test_after_the_leader_lands_the_next_member_leads_within_2_s_and_nobody_stan
     approach: str, tmp_path: Path
 ) -> None:
     scenario, ordered_s = group(approach), 45.0
-    report, ui = ordered(scenario, tmp_path, ordered_s, "land", 1)
+    report, ui = asked(scenario, tmp_path, ordered_s, GiveOrder(("uav1",), "land"))
     rows = seen(tmp_path, scenario)
     for uav in (2, 3):
         later = [row for row in rows[uav] if row.boot_s > ordered_s]
@@ -134,6 +136,18 @@ def test_after_the_leader_lands_the_next_member_leads_within_2_s_and_nobody_stan
     assert [report.states[uav].outcome for uav in (2, 3)] == [ARRIVED] * 2
     assert report.summary["separation"]["too_close"] == []
     assert coded(ui.said, "uav2", "leaves-group")
+
+
+@full
+def test_new_weights_in_flight_reach_all_members_the_evidence_and_the_record(tmp_path: Path) -> None:
+    scenario, weights = group("behavioural"), {"formation": 1.5, "threat": 0.0}
+    report, _ = asked(scenario, tmp_path, 45.0, SetWeights(("uav1",), behaviours=weights))
+    assert {state.membership.weights for state in report.states.values()} == {(1.0, 1.5, 0.0, 1.0)}
+    with (tmp_path / FILE_NAME).open("rb") as file:
+        asks = [entry.what for entry in check(file).entries if entry.kind == "operator"]
+    assert weights in [what.get("behaviours") for what in asks]
+    assert all(seen(tmp_path, scenario).values()), "the record replays without a difference"
+    assert [state.outcome for state in report.states.values()] == [ARRIVED] * 3
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", pytest.param("px4", marks=full)])

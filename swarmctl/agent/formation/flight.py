@@ -154,7 +154,8 @@ def _flown(state: AgentState, formation: Formation) -> tuple[AgentState, Command
     assert route is not None
     if along is not None:
         membership = replace(membership, shape=route.shape_at(along.s_m + along.age_s * along.speed_m_s))
-    flown = formation.approach.fly(formation.params, _view(replace(state, membership=membership), formation))
+    params = formation.params_with(membership.weights)
+    flown = formation.approach.fly(params, _view(replace(state, membership=membership), formation))
     membership = replace(
         membership,
         along=flown.along,

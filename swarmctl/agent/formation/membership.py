@@ -69,6 +69,20 @@ class Formation:
         object.__setattr__(self, "_places", of)
         object.__setattr__(self, "radius_m", max(radius_m(sizes[-1]) for sizes in of))
 
+    def weights_with(self, before: tuple[float, ...], changes: Mapping[str, float]) -> tuple[float, ...]:
+        """Return the weights of all behaviours after changes by name; `before`: empty as configured."""
+        now = before or (getattr(self.params, f"{name}_weight") for name in self.approach.WEIGHTS)
+        return tuple(
+            changes.get(name, weight) for name, weight in zip(self.approach.WEIGHTS, now, strict=True)
+        )
+
+    def params_with(self, weights: tuple[float, ...]) -> Any:
+        """Return the parameters of the approach with these weights; empty: as configured."""
+        if not weights:
+            return self.params
+        names = (f"{name}_weight" for name in self.approach.WEIGHTS)
+        return self.params.model_copy(update=dict(zip(names, weights, strict=True)))
+
     def places(self, number: int, n_present: int) -> tuple[Place, ...]:
         """Return the places of shape `number`."""
         n = n_present if self.closes_up else len(self.members)
@@ -188,6 +202,8 @@ class Membership:
     """the vehicle's position minus its place: forward, right, up [m]; None: it flies to no place"""
     far: FarFromPlace | None = None
     """how long the vehicle has been far from its place; None: it is near"""
+    weights: tuple[float, ...] = ()
+    """weights of the approach's behaviours after an operator's change, in its order; empty: as configured"""
     setpoint_role: str = ""
     """role of the mode in which the vehicle follows set-points; empty: not confirmed yet"""
     alone_since_boot_s: float | None = None

@@ -42,6 +42,8 @@ def note_group(state: AgentState) -> StepResult:
     others = near_members(state, formation, formation.lost_after_s)
     present = [uav for uav in formation.members if uav == state.task.uav or uav in others]
     membership = replace(before, leader=present[0], n_present=len(present))
+    if len(weights := _told_weights(membership)) == len(formation.approach.WEIGHTS) > 0:
+        membership = replace(membership, weights=weights)
     membership = _with_route(state, formation, membership)
     if _is_at_end(state, formation, membership):
         membership = replace(membership, is_over=True, leader=None, n_present=1)
@@ -67,6 +69,13 @@ def _belongs(state: AgentState) -> bool:
     is_on_its_way = state.plans.replans > 0 or state.progress.along_m >= ON_ITS_WAY_M
     has_climbed = (vehicle.alt_rel_m or 0.0) >= state.height_m - LOW_M
     return is_on_its_way and has_climbed and vehicle.time_boot_s - membership.left_boot_s >= REJOINS_AFTER_S
+
+
+def _told_weights(membership: Membership) -> tuple[float, ...]:
+    """Return the weights of the behaviours that the leader tells; empty: none, or this vehicle leads."""
+    leader = membership.leader
+    told = None if leader is None else membership.told.get(leader)
+    return () if told is None else told.message.weights
 
 
 def _with_route(state: AgentState, formation: Formation, membership: Membership) -> Membership:

@@ -50,6 +50,7 @@ def tell_group(state: AgentState) -> StepResult:
 
 def _as_leader(state: AgentState, message: MemberShared, *, with_route: bool) -> MemberShared:
     """Return the message with the reference point, and with the route if it is due."""
+    message = msgspec.structs.replace(message, weights=state.membership.weights)
     route, along, last = state.membership.route, state.membership.along, state.last_position
     if route is None or along is None:
         return message

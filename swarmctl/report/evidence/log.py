@@ -105,9 +105,10 @@ class Evidence:
         match event:
             case ev.OperatorCommand(order=order, command=int(), ignore=ignored, by=by):
                 asks: dict[str, Any] = {"action": str(order), "ignore": ignored}
-            case ev.WeightsChanged(w=w, strength=strength, range=reach, by=by):
+            case ev.WeightsChanged(w=w, strength=strength, range=reach, by=by, behaviours=behaviours):
                 asks = {"action": "weights", "w": w, "firing_strength": strength}
                 asks |= {} if reach is None else {"range": reach}
+                asks |= {"behaviours": behaviours} if behaviours else {}
             case _:
                 return
         asks |= {"by": by} if by else {}

@@ -1,6 +1,6 @@
 """The approaches to formation flight: one file each. Pure.
 
-An approach is a module with `DESCRIPTION`, `LEADER_FLIES_MISSION`, `Params` and `fly` (`base.Approach`).
+An approach is a module that fits `base.Approach`.
 `keeping` has what they share. A new approach is a file and a line in `APPROACHES`.
 """
 

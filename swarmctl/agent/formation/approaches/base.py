@@ -155,6 +155,10 @@ class Approach(Protocol):
         """Rate at which a member that does not lead tells its position [Hz]."""
 
     @property
+    def WEIGHTS(self) -> tuple[str, ...]:  # noqa: N802
+        """Names of the behaviours whose weights (`NAME_weight` in Params) may change in flight."""
+
+    @property
     def Params(self) -> Any:  # noqa: N802 - it is a class, found in a module
         """A frozen section with a default for each field."""
 

@@ -32,6 +32,7 @@ from swarmctl.core.section import Section
 DESCRIPTION = "Each member's velocity joins goal seeking, formation keeping, threat and collision avoidance."
 LEADER_FLIES_MISSION = False
 MEMBERS_TELL_HZ = 5.0
+WEIGHTS = ("goal", "formation", "threat", "collision")
 BACK_TO_ROUTE_HZ, BACK_TO_ROUTE_M_S = 0.2, 3.0
 """Speed of the common reference back to the route for each metre of distance [1/s], and its limit."""
 FORMATION_HZ = 0.5

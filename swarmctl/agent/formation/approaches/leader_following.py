@@ -26,6 +26,7 @@ from swarmctl.core.section import Section
 DESCRIPTION = "The leader flies its mission, and the others keep their places relative to it."
 LEADER_FLIES_MISSION = True
 MEMBERS_TELL_HZ = 2.0
+WEIGHTS: tuple[str, ...] = ()
 LOOKS_AHEAD_S = 1.0
 """Time ahead for which the leader's speed is demanded, because a mission changes speed slowly [s]."""
 LONGEST_STEP_S = 0.5

@@ -27,6 +27,7 @@ from swarmctl.core.section import Section
 DESCRIPTION = "All members follow the points of a structure that moves along the route and turns as one."
 LEADER_FLIES_MISSION = False
 MEMBERS_TELL_HZ = 2.0
+WEIGHTS: tuple[str, ...] = ()
 LONGEST_STEP_S = 0.5
 """Greatest age of the leader's own last reference, from which it goes on step by step [s]."""
 
