@@ -138,6 +138,37 @@ def test_after_the_leader_lands_the_next_member_leads_within_2_s_and_nobody_stan
     assert coded(ui.said, "uav2", "leaves-group")
 
 
+def through_a_turn(approach: str, autopilot: str) -> Scenario:
+    rows, row, col = 13, 3, 9
+    free = {(row, c) for c in range(col)} | {(r, col) for r in range(row, rows)}
+    cells = ((r, c) for r in range(rows) for c in range(2, rows))
+    area = {**AREA, "rows": rows, "cols": rows, "no_fly": [list(cell) for cell in cells if cell not in free]}
+    return group(approach, area=area, simulate={"autopilot": autopilot, "goal": [rows - 1, col]})
+
+
+@pytest.mark.parametrize(
+    ("approach", "autopilot"),
+    [
+        pytest.param("leader_following", "ardupilot"),
+        pytest.param("virtual_structure", "px4", marks=full),
+        pytest.param("behavioural", "px4", marks=full),
+        pytest.param("leader_following", "px4", marks=full),
+        pytest.param("virtual_structure", "ardupilot", marks=full),
+        pytest.param("behavioural", "ardupilot", marks=full),
+    ],
+)
+def test_through_a_turn_of_90_degrees_no_member_is_4_m_from_its_place(
+    approach: str, autopilot: str, tmp_path: Path
+) -> None:
+    scenario = through_a_turn(approach, autopilot)
+    report = fly(scenario, tmp_path)
+    assert [state.outcome for state in report.states.values()] == [ARRIVED] * 3
+    rows = {uav: found for uav, found in seen(tmp_path, scenario).items() if found}
+    all_joined_s = max(found[0].boot_s for found in rows.values()) + TOLD_S
+    for found in rows.values():
+        assert max(row.error_m for row in settled(found, all_joined_s)) < 4.0
+
+
 @full
 def test_new_weights_in_flight_reach_all_members_the_evidence_and_the_record(tmp_path: Path) -> None:
     scenario, weights = group("behavioural"), {"formation": 1.5, "threat": 0.0}
