@@ -143,10 +143,6 @@ class Approach(Protocol):
     """The interface of a module in `APPROACHES`."""
 
     @property
-    def DESCRIPTION(self) -> str:  # noqa: N802
-        """One sentence for the configuration reference."""
-
-    @property
     def LEADER_FLIES_MISSION(self) -> bool:  # noqa: N802
         """True if the leader flies its mission and all others fly set-points."""
 

@@ -29,7 +29,6 @@ from swarmctl.agent.formation.approaches.keeping import apart, bounded, error_of
 from swarmctl.agent.formation.reference import Pose
 from swarmctl.core.section import Section
 
-DESCRIPTION = "Each member's velocity joins goal seeking, formation keeping, threat and collision avoidance."
 LEADER_FLIES_MISSION = False
 MEMBERS_TELL_HZ = 5.0
 WEIGHTS = ("goal", "formation", "threat", "collision")

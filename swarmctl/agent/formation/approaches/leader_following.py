@@ -13,52 +13,33 @@ from typing import Annotated
 from pydantic import Field
 
 from swarmctl.agent.formation.approaches.base import Along, Command, Group, Memory, Vector
-from swarmctl.agent.formation.approaches.keeping import (
-    advanced,
-    keep_place,
-    place_of,
-    progress,
-    reference_now,
-    waiting_share,
-)
-from swarmctl.core.section import Section
+from swarmctl.agent.formation.approaches.keeping import keep_place, place_of, progress, reference_now
+from swarmctl.agent.formation.approaches.structure import Waiting, fly_in_structure
 
-DESCRIPTION = "The leader flies its mission, and the others keep their places relative to it."
 LEADER_FLIES_MISSION = True
 MEMBERS_TELL_HZ = 2.0
 WEIGHTS: tuple[str, ...] = ()
 LOOKS_AHEAD_S = 1.0
 """Time ahead for which the leader's speed is demanded, because a mission changes speed slowly [s]."""
-LONGEST_STEP_S = 0.5
-"""Greatest age of the leader's own last reference, from which it goes on step by step [s]."""
 SLOWING_M_S = 1.0
 """Difference by which a leader slows down for its followers at a time, so that they can slow down too."""
 _NONE: Vector = (0.0, 0.0, 0.0)
 
 
-class Params(Section):
+class Params(Waiting):
     """Parameters of leader following."""
 
-    closing_m_s: Annotated[float, Field(gt=0)] = 3.0
-    """greatest speed of a follower relative to its place, while it joins or the shape changes [m/s]"""
     slows_from_m: Annotated[float, Field(ge=0)] = 5.0
-    """largest error of a follower at which the leader keeps its speed [m]"""
     slows_to_m: Annotated[float, Field(gt=0)] = 25.0
-    """error of a follower from which the leader has its least speed [m]"""
     least_speed_share: Annotated[float, Field(ge=0, le=1)] = 0.4
-    """least speed, as a share of the speed without errors"""
-
-    def model_post_init(self, _context: object) -> None:
-        if self.slows_to_m <= self.slows_from_m:
-            raise ValueError(
-                f"slows_to_m {self.slows_to_m:g}: expected more than slows_from_m {self.slows_from_m:g}"
-            )
 
 
 def fly(params: Params, group: Group) -> Command:
     """Return a follower's set-point; for the leader the speed of its mission, and its progress to tell."""
     if group.leader is None:
-        return _lead_mission(params, group) if group.flies_mission else _lead_by_set_points(params, group)
+        # A new leader was a follower before. It goes on along the group's route by set-points, because a
+        # mission from beside the route would cross the places of the others.
+        return _lead_mission(params, group) if group.flies_mission else fly_in_structure(params, group)
     leader = group.others[group.leader]
     told = reference_now(group) if group.along is None else group.along
     now = reference_now(group)
@@ -88,7 +69,7 @@ def _lead_mission(params: Params, group: Group) -> Command:
     """Return the leader's progress along its route, and the speed of its mission."""
     own = group.position_m
     expected = reference_now(group)
-    share = waiting_share(group, 0.0, params.slows_from_m, params.slows_to_m, params.least_speed_share)
+    share = params.share(group)
     s_m = progress(group, expected.s_m, own[:2])
     pose = group.reference.at(s_m)
     slope = math.hypot(pose.slope_east, pose.slope_north)
@@ -101,20 +82,3 @@ def _lead_mission(params: Params, group: Group) -> Command:
     waiting = max(limit * share, math.hypot(east, north) - SLOWING_M_S)
     memory = Memory(group.now_s, own, group.velocity_m_s, _NONE, _NONE, s_m)
     return Command(None, _NONE, along, memory, min(limit, waiting))
-
-
-def _lead_by_set_points(params: Params, group: Group) -> Command:
-    """Return the set-point of a leader that was a follower before: it goes on along the group's route.
-
-    It keeps its place until the group closes up. A mission from beside the route would cross the places of
-    the others.
-    """
-    told, along = group.along, reference_now(group)
-    if told is not None and told.age_s <= LONGEST_STEP_S:
-        share = waiting_share(group, 0.0, params.slows_from_m, params.slows_to_m, params.least_speed_share)
-        along = advanced(group, told, share)
-    pose = group.reference.at(along.s_m)
-    point, speed_m_s = (pose.east_m, pose.north_m), along.speed_m_s
-    velocity = (speed_m_s * pose.slope_east, speed_m_s * pose.slope_north)
-    place_m, velocity_m_s = place_of(group, pose, point, velocity, speed_m_s)
-    return keep_place(group, pose, along, place_m, velocity_m_s, params.closing_m_s)
