@@ -239,11 +239,10 @@ class Link(Protocol):
         that no operator has given. The same applies to `return_home` and `land`.
         """
 
-    async def follow_setpoints(self, *, from_hold: bool = False) -> None:
-        """Make a flying vehicle follow set-points. Raises CommandFailed.
+    async def follow_setpoints(self) -> None:
+        """Make a vehicle that flies its mission follow set-points. Raises CommandFailed.
 
-        The vehicle flies its mission; with `from_hold` it may also hold, or follow set-points already, by
-        this program's command. No command follows once another party has chosen a mode. The caller sends
+        No command follows once another party has chosen a mode. The caller sends
         set-points from before this call on: PX4 refuses the mode without them.
         """
 

@@ -222,10 +222,8 @@ class DirectLink:
     async def hold(self, *, check_mode_first: bool = False) -> None:
         await self._perform_urgent("hold", partial(basic.hold, check_mode_first=check_mode_first))
 
-    async def follow_setpoints(self, *, from_hold: bool = False) -> None:
-        done: Done = await self._perform(
-            "follow set-points", partial(basic.follow_setpoints, from_hold=from_hold)
-        )
+    async def follow_setpoints(self) -> None:
+        done: Done = await self._perform("follow set-points", basic.follow_setpoints)
         if done.failure:
             raise CommandFailed(f"{self._label}: the vehicle does not follow set-points: {done.failure}")
 

@@ -36,7 +36,7 @@ def test_set_points_are_sent_before_and_during_the_call_that_follows_them(kind: 
             await link.prepare(30, lambda _: None)
             await link.upload(north(8))
             with pytest.raises(CommandFailed):
-                await link.follow_setpoints(from_hold=True)
+                await link.follow_setpoints()
             await link.launch()
             await until(lambda: link.state().mission_seq == 3)
             following = asyncio.create_task(link.follow_setpoints())

@@ -49,12 +49,10 @@ def lead(
     return False
 
 
-def follow(
-    bench: FlyingBench, setpoint: Callable[[float], SetPoint], *, from_hold: bool = False
-) -> basic.Done:
+def follow(bench: FlyingBench, setpoint: Callable[[float], SetPoint]) -> basic.Done:
     """Enter the set-point mode while set-points stream; return the outcome."""
     lead(bench, setpoint, 0.5)
-    bench.begin("follow", lambda c: basic.follow_setpoints(c, from_hold=from_hold))
+    bench.begin("follow", basic.follow_setpoints)
     assert lead(bench, setpoint, 60.0, until=lambda: bench.session.busy_with is None)
     return bench.result
 

@@ -138,16 +138,16 @@ def _stands(ctx: Context) -> bool:
     return ctx.state.ground_speed_m_s < STILL_M_S and abs(ctx.state.climb_m_s) < STILL_CLIMB_M_S
 
 
-def follow_setpoints(ctx: Context, *, from_hold: bool = False) -> Procedure[Done]:
+def follow_setpoints(ctx: Context) -> Procedure[Done]:
     """Enter the mode that follows set-points, from mission mode in the air.
 
-    Hold mode and the set-point mode are another party's choice unless `from_hold` is set. PX4 refuses the
-    mode until it has received a recent set-point, so the command is repeated after a refusal.
+    Every other mode is another party's choice. PX4 refuses the mode until it has received a recent set-point,
+    so the command is repeated after a refusal.
     """
     dialect, mode = ctx.dialect, ctx.dialect.setpoint_mode
     if mode is None:
         return Done(f"{dialect.firmware} is never led by set-points [no-setpoints]")
-    own = {dialect.mission_mode, *([dialect.hold_mode, mode] if from_hold else [])}
+    own = {dialect.mission_mode}
     order = command(ctx, mavlink.MAV_CMD_DO_SET_MODE, dialect.mode_params(mode), lasts_s=UNTIL_REPLACED_S)
     try:
         yield from confirm_state(ctx, in_modes(own))
