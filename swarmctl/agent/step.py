@@ -12,8 +12,8 @@ import msgspec
 from swarmctl.agent.arrival.simultaneous import adjust_speed, speed_failed
 from swarmctl.agent.failsafes.enforcement import apply_failsafes
 from swarmctl.agent.formation.flight import fly_in_formation, not_following, note_following
+from swarmctl.agent.formation.member_messages import tell_group
 from swarmctl.agent.formation.presence import note_group, receive_members
-from swarmctl.agent.formation.telling import tell_group
 from swarmctl.agent.orders import (
     RETRY_AFTER_S,
     StepResult,

@@ -6,9 +6,9 @@ import math
 from collections.abc import Iterator, Mapping
 from itertools import combinations
 
-from swarmctl.agent.formation.approaches.keeping import MARGIN_M, MARGIN_UP_M
+from swarmctl.agent.formation.approaches.place_keeping import MARGIN_M, MARGIN_UP_M
 from swarmctl.agent.formation.shape import (
-    Place,
+    ShapePlace,
     least_spacing_between_m,
     least_spacing_m,
     radius_m,
@@ -101,7 +101,7 @@ def _check_distances(
     scenario: Scenario,
     section: FormationSection,
     members: list[Spec],
-    places: tuple[Place, ...],
+    places: tuple[ShapePlace, ...],
     path: KeyPath,
 ) -> Iterator[ConfigProblem]:
     """Yield the problem of two places that are nearer than members keep, over ground and in height."""
@@ -123,7 +123,7 @@ def _check_change(
     scenario: Scenario,
     section: FormationSection,
     members: list[Spec],
-    shapes: Mapping[str, tuple[Place, ...]],
+    shapes: Mapping[str, tuple[ShapePlace, ...]],
     here: KeyPath,
 ) -> Iterator[ConfigProblem]:
     """Yield the problem of two members that come too near while the group changes its shape."""
@@ -144,12 +144,12 @@ def _check_change(
             return
 
 
-def _up_m(section: FormationSection, one: Spec, a: Place, other: Spec, b: Place) -> float:
+def _up_m(section: FormationSection, one: Spec, a: ShapePlace, other: Spec, b: ShapePlace) -> float:
     """Return the difference in height of two members at these places [m]."""
     return abs(a[2] - b[2]) if section.heights == "level" else abs(one.altitude_m - other.altitude_m)
 
 
-def _check_room(scenario: Scenario, places: tuple[Place, ...], path: KeyPath) -> Iterator[ConfigProblem]:
+def _check_room(scenario: Scenario, places: tuple[ShapePlace, ...], path: KeyPath) -> Iterator[ConfigProblem]:
     """Yield the problem of a shape that is wider than the area, or than the fence around it."""
     grid = scenario.grid
     corners = [grid.frame.to_local(*corner) for corner in scenario.fence_polygon]
@@ -162,7 +162,9 @@ def _check_room(scenario: Scenario, places: tuple[Place, ...], path: KeyPath) ->
             return
 
 
-def _check_messages(scenario: Scenario, places: tuple[Place, ...], path: KeyPath) -> Iterator[ConfigProblem]:
+def _check_messages(
+    scenario: Scenario, places: tuple[ShapePlace, ...], path: KeyPath
+) -> Iterator[ConfigProblem]:
     """Yield the problem of a range of communication that does not reach from one end to the other."""
     c, n = scenario.config.communication, len(places)
     extent_m = max((math.dist(a[:2], b[:2]) for a, b in combinations(places, 2)), default=0.0)

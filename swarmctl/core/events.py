@@ -275,7 +275,7 @@ class SetRange(_Record, frozen=True):
     range: CommunicationRange
 
 
-class FlyBy(_Record, frozen=True):
+class SendSetPoint(_Record, frozen=True, tag="FlyBy"):
     """Send this set-point to the vehicle now; nothing repeats it."""
 
     set_point: SetPoint
@@ -309,7 +309,7 @@ Effect = (
     Publish
     | SwapMission
     | Command
-    | FlyBy
+    | SendSetPoint
     | LaunchConflict
     | SetSpeed
     | SetRange

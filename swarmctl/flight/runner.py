@@ -278,7 +278,7 @@ class Runner:
                 self._launch_conflict = text
             case ev.Command(order, by_person):
                 self._start(partial(self._order, order, check_mode_first=not by_person), jobs)
-            case ev.FlyBy(set_point):
+            case ev.SendSetPoint(set_point):
                 self._send_set_point(set_point)
             case ev.SetSpeed(speed_m_s):
                 self._start(partial(self._set_speed, speed_m_s), jobs)

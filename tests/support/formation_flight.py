@@ -15,14 +15,14 @@ from typing import Any
 from swarmctl.agent.formation.approaches import APPROACHES
 from swarmctl.agent.formation.approaches.base import (
     Along,
-    Command,
+    ApproachResult,
     Group,
-    Limits,
-    Member,
-    Memory,
+    MemberLimits,
+    OtherMember,
+    PlaceMemory,
     ThreatField,
 )
-from swarmctl.agent.formation.approaches.keeping import on_new_route
+from swarmctl.agent.formation.approaches.place_keeping import on_new_route
 from swarmctl.agent.formation.reference import Reference, SpeedProfile, window_for
 from swarmctl.agent.formation.shape import Shape, assigned, radius_m
 
@@ -143,10 +143,10 @@ class Pilot:
     """One member with what it has heard."""
 
     vehicle: Vehicle
-    memory: Memory | None = None
+    memory: PlaceMemory | None = None
     along: tuple[Along, float] | None = None
     inbox: dict[int, Message] = field(default_factory=dict)
-    command: Command | None = None
+    command: ApproachResult | None = None
     place: tuple[float, float, float] = (0.0, 0.0, 0.0)
     mission_speed_m_s: float = 0.0
     absent_from_s: float = math.inf
@@ -194,7 +194,7 @@ class FormationFlight:
         self._mail: list[tuple[float, int, int, Message]] = []
         self._module = APPROACHES[self.approach]
         self._params = self._module.Params(**self.params)
-        self._limits = Limits(
+        self._limits = MemberLimits(
             speed_m_s=self.max_speed_m_s,
             acceleration_m_s2=2.0,
             separation_m=self.separation_m,
@@ -288,7 +288,7 @@ class FormationFlight:
             if j == leader:
                 of_leader = len(others)
             others.append(
-                Member(
+                OtherMember(
                     message.position,
                     message.velocity,
                     places[numbers[j] or 0],

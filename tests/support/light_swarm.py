@@ -99,7 +99,7 @@ class LightAgent:
         match effect:
             case ev.Publish(message, _, group):
                 self.swarm.publish(self.uav, message, group)
-            case ev.FlyBy(setpoint):
+            case ev.SendSetPoint(setpoint):
                 self.vehicle.take_setpoint(setpoint)
             case ev.SetSpeed(speed_m_s) if self.task.formation is not None:
                 self._begin(lambda job: self._later(job, 0.2, lambda: self._set_speed(speed_m_s)))
@@ -346,4 +346,4 @@ def _is_own_command(effect: ev.Effect) -> bool:
     """Return whether the effect reaches the vehicle without an operator's order."""
     if isinstance(effect, ev.Command):
         return not effect.by_person
-    return isinstance(effect, ev.SwapMission | ev.SetSpeed | ev.FlyBy)
+    return isinstance(effect, ev.SwapMission | ev.SetSpeed | ev.SendSetPoint)

@@ -9,7 +9,7 @@
 | `presence`, `near_members` | present members, leader and route |
 | `flight` | joining, set-points, the leader's speed, and leaving |
 | `group_planner`, `group_plan` | the leader's planner, and new routes in flight |
-| `telling`, `trajectory` | messages to the members; the predicted flight |
+| `member_messages`, `trajectory` | messages to the members; the predicted flight |
 
 Imports core and planners. Begin with `flight`.
 """

@@ -10,10 +10,17 @@ import math
 from collections.abc import Mapping
 
 from swarmctl.agent.arrival.common_time import CommandedSpeed
-from swarmctl.agent.formation.approaches.base import Along, Command, Group, Limits, Member, ThreatField
+from swarmctl.agent.formation.approaches.base import (
+    Along,
+    ApproachResult,
+    Group,
+    MemberLimits,
+    OtherMember,
+    ThreatField,
+)
 from swarmctl.agent.formation.membership import ACCELERATION_M_S2, Formation, far_from_place
 from swarmctl.agent.formation.near_members import near_members
-from swarmctl.agent.formation.shape import Place, assigned, least_spacing_m
+from swarmctl.agent.formation.shape import ShapePlace, assigned, least_spacing_m
 from swarmctl.agent.orders import StepResult, command, release_vehicle
 from swarmctl.agent.own_modes import own_mode_roles
 from swarmctl.agent.phases import EN_ROUTE, Phase
@@ -122,7 +129,7 @@ def _comes_no_nearer(state: AgentState, formation: Formation) -> float | None:
     return math.hypot(*error_m[:2])
 
 
-def _lead_mission(state: AgentState, flown: Command) -> StepResult:
+def _lead_mission(state: AgentState, flown: ApproachResult) -> StepResult:
     """Set the speed of the leader's mission: for the shape's turns, and for followers that are behind."""
     wanted_m_s = flown.mission_speed_m_s
     return (state, []) if wanted_m_s is None else _with_speed(state, wanted_m_s)
@@ -148,7 +155,7 @@ def _with_speed(state: AgentState, wanted_m_s: float) -> StepResult:
 # --- the view of an approach, and its answer
 
 
-def _flown(state: AgentState, formation: Formation) -> tuple[AgentState, Command]:
+def _flown(state: AgentState, formation: Formation) -> tuple[AgentState, ApproachResult]:
     """Return the answer of the approach, and the state that remembers it."""
     along, route, membership = _along(state), state.membership.route, state.membership
     assert route is not None
@@ -202,7 +209,7 @@ def _view(state: AgentState, formation: Formation) -> Group:
         reference=route.reference,
         profile=route.profile,
         height_m=_height_amsl_m(state, formation, own_place, _level_within_m(state, places)),
-        limits=Limits(
+        limits=MemberLimits(
             speed_m_s=state.task.arrival.speed_m_s,
             acceleration_m_s2=ACCELERATION_M_S2,
             separation_m=limits.horizontal_m,
@@ -241,7 +248,7 @@ def _begin(state: AgentState) -> Along | None:
     return Along(s_m, min(state.vehicle.ground_speed_m_s, route.profile.at(s_m)))
 
 
-def _places(state: AgentState, formation: Formation, present: tuple[int, ...]) -> dict[int, Place]:
+def _places(state: AgentState, formation: Formation, present: tuple[int, ...]) -> dict[int, ShapePlace]:
     """Return the present place of each present member."""
     is_present = [uav in present for uav in formation.members]
     numbers = assigned(is_present, closes_up=formation.closes_up)
@@ -250,10 +257,10 @@ def _places(state: AgentState, formation: Formation, present: tuple[int, ...]) -
     return {uav: places[number] for uav, number in pairs if number is not None}
 
 
-def _member(state: AgentState, uav: int, place: Place) -> Member:
+def _member(state: AgentState, uav: int, place: ShapePlace) -> OtherMember:
     told = state.membership.told[uav]
     message = told.message
-    return Member(
+    return OtherMember(
         position_m=(*told.here_m, message.alt_amsl_m),
         velocity_m_s=message.velocity_m_s,
         place=place,
@@ -262,7 +269,7 @@ def _member(state: AgentState, uav: int, place: Place) -> Member:
     )
 
 
-def _level_within_m(state: AgentState, places: Mapping[int, Place]) -> float:
+def _level_within_m(state: AgentState, places: Mapping[int, ShapePlace]) -> float:
     """Return the distance from its place within which a member flies at the group's height [m].
 
     Places above each other count by the separation.
@@ -272,7 +279,9 @@ def _level_within_m(state: AgentState, places: Mapping[int, Place]) -> float:
     return LEVEL_WITHIN * (spacing_m if math.isfinite(spacing_m) else limits.horizontal_m)
 
 
-def _height_amsl_m(state: AgentState, formation: Formation, place: Place, level_within_m: float) -> float:
+def _height_amsl_m(
+    state: AgentState, formation: Formation, place: ShapePlace, level_within_m: float
+) -> float:
     """Return the height of the reference point above the sea.
 
     A vehicle keeps its own height until it is near its place: so vehicles cross each other's ways at
@@ -301,11 +310,11 @@ def _threats(state: AgentState) -> ThreatField | None:
     return None if exposure is None else ThreatField(exposure, state.task.grid.cell_size_m)
 
 
-def _set_points(state: AgentState, flown: Command) -> list[ev.Effect]:
+def _set_points(state: AgentState, flown: ApproachResult) -> list[ev.Effect]:
     """Return the set-point for the vehicle."""
     if flown.demand is None:
         return []
     at, alt_amsl_m = None, None
     if (position_m := flown.demand.position_m) is not None:
         at, alt_amsl_m = state.task.grid.frame.to_geodetic(*position_m[:2]), position_m[2]
-    return [ev.FlyBy(SetPoint(flown.demand.velocity_m_s, at, alt_amsl_m))]
+    return [ev.SendSetPoint(SetPoint(flown.demand.velocity_m_s, at, alt_amsl_m))]

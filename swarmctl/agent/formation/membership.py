@@ -11,9 +11,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
-from swarmctl.agent.formation.approaches.base import Along, Approach, Memory
+from swarmctl.agent.formation.approaches.base import Along, Approach, PlaceMemory
 from swarmctl.agent.formation.reference import Reference, SpeedProfile, window_for
-from swarmctl.agent.formation.shape import Place, Shape, radius_m
+from swarmctl.agent.formation.shape import Shape, ShapePlace, radius_m
 from swarmctl.core import events as ev
 from swarmctl.core.frames import MAX_POINTS, MemberShared
 from swarmctl.core.geo import LocalFrame
@@ -60,12 +60,13 @@ class Formation:
     """rate of set-points, and of the leader's messages"""
     radius_m: float = field(init=False)
     """greatest distance of a place from the reference point, over all shapes [m]"""
-    _places: tuple[tuple[tuple[Place, ...], ...], ...] = field(init=False)
+    _places: tuple[tuple[tuple[ShapePlace, ...], ...], ...] = field(init=False)
     """places by shape and number of members, because they are asked for at each set-point"""
 
     def __post_init__(self) -> None:
         numbers = range(len(self.members) + 1)
-        of = tuple(tuple(shape.places(n) for n in numbers) for shape in self.shapes)
+        # Too few offsets are a problem of the configuration, which is checked later.
+        of = tuple(tuple(shape.places(min(n, shape.n_most)) for n in numbers) for shape in self.shapes)
         object.__setattr__(self, "_places", of)
         object.__setattr__(self, "radius_m", max(radius_m(sizes[-1]) for sizes in of))
 
@@ -83,7 +84,7 @@ class Formation:
         names = (f"{name}_weight" for name in self.approach.WEIGHTS)
         return self.params.model_copy(update=dict(zip(names, weights, strict=True)))
 
-    def places(self, number: int, n_present: int) -> tuple[Place, ...]:
+    def places(self, number: int, n_present: int) -> tuple[ShapePlace, ...]:
         """Return the places of shape `number`."""
         n = n_present if self.closes_up else len(self.members)
         return self._places[min(number, len(self.shapes) - 1)][n]
@@ -101,7 +102,7 @@ class Formation:
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class MemberReport:
     """The newest message of a member."""
 
     message: MemberShared
@@ -183,7 +184,7 @@ class GroupRoute:
 class Membership:
     """The group as one vehicle knows it; times are by this vehicle's clock."""
 
-    told: Mapping[int, Told] = field(default_factory=dict)
+    told: Mapping[int, MemberReport] = field(default_factory=dict)
     route: GroupRoute | None = None
     """the route that the vehicle follows, or tells while it leads"""
     leader: int | None = None
@@ -195,10 +196,10 @@ class Membership:
     along: Along | None = None
     """the reference point as this vehicle last computed it; its age counts from `at_boot_s`"""
     at_boot_s: float = -math.inf
-    memory: Memory | None = None
+    memory: PlaceMemory | None = None
     shape: int = 0
     """number of the present shape"""
-    error_m: Place | None = None
+    error_m: ShapePlace | None = None
     """the vehicle's position minus its place: forward, right, up [m]; None: it flies to no place"""
     far: FarFromPlace | None = None
     """how long the vehicle has been far from its place; None: it is near"""
@@ -215,10 +216,10 @@ class Membership:
     joins_told: bool = False
     """last value of `MemberShared.joins` that was sent"""
 
-    def heard(self, event: ev.Members, frame: LocalFrame) -> Membership:
+    def with_messages(self, event: ev.Members, frame: LocalFrame) -> Membership:
         """Return the membership with new messages; `frame`: the area's local frame."""
         new = {
-            uav: Told(
+            uav: MemberReport(
                 message,
                 event.boot_s - age_s - message.age_s,
                 frame.to_local(message.lat_deg, message.lon_deg),

@@ -28,7 +28,7 @@ def near_members(state: AgentState, formation: Formation, silence_s: float) -> t
     )
 
 
-def fellows_of(state: AgentState) -> frozenset[int]:
+def present_members_of(state: AgentState) -> frozenset[int]:
     """Return the present members of the group that the vehicle flies in or leads; none outside of a group."""
     formation, membership = state.task.formation, state.membership
     if formation is None or membership.leader is None:

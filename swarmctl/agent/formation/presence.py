@@ -1,17 +1,17 @@
 """Presence: which members are in a vehicle's group, which one leads, and by which route. Pure.
 
 `note_group` comes first at each telemetry message. Present members keep apart by
-`approaches.keeping.apart`, so the rules for other traffic do not see them.
+`approaches.place_keeping.keep_separation`, so the rules for other traffic do not see them.
 """
 
 from __future__ import annotations
 
 import math
 
-from swarmctl.agent.formation.approaches.keeping import on_new_route
+from swarmctl.agent.formation.approaches.place_keeping import on_new_route
 from swarmctl.agent.formation.group_planner import planner_of, shape_changes
 from swarmctl.agent.formation.membership import Formation, GroupRoute, Membership
-from swarmctl.agent.formation.near_members import JOINS_WITHIN_M, fellows_of, near_members
+from swarmctl.agent.formation.near_members import JOINS_WITHIN_M, near_members, present_members_of
 from swarmctl.agent.orders import StepResult
 from swarmctl.agent.phases import EN_ROUTE, Phase
 from swarmctl.agent.state import AgentState
@@ -28,7 +28,7 @@ REJOINS_AFTER_S = 10.0
 
 def receive_members(state: AgentState, event: ev.Members, _now: float) -> StepResult:
     """Store the messages of the group."""
-    return replace(state, membership=state.membership.heard(event, state.task.grid.frame)), []
+    return replace(state, membership=state.membership.with_messages(event, state.task.grid.frame)), []
 
 
 def note_group(state: AgentState) -> StepResult:
@@ -48,10 +48,10 @@ def note_group(state: AgentState) -> StepResult:
     if _is_at_end(state, formation, membership):
         membership = replace(membership, is_over=True, leader=None, n_present=1)
     state = replace(state, membership=membership)
-    if not (fellows := fellows_of(state)):
+    if not (members := present_members_of(state)):
         return state, []
-    neighbours = {uav: report for uav, report in state.neighbours.items() if uav not in fellows}
-    intents = {uav: intent for uav, intent in state.intents.items() if uav not in fellows}
+    neighbours = {uav: report for uav, report in state.neighbours.items() if uav not in members}
+    intents = {uav: intent for uav, intent in state.intents.items() if uav not in members}
     return replace(state, neighbours=neighbours, intents=intents), []
 
 

@@ -7,6 +7,7 @@ place. In shapes with two sides the odd places are on the right and the even pla
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Sequence
 from itertools import combinations
 from typing import Literal
@@ -15,17 +16,17 @@ from pydantic import Field, model_validator
 
 from swarmctl.core.section import Section
 
-Place = tuple[float, float, float]
+ShapePlace = tuple[float, float, float]
 """forward, right, up of the reference point [m]"""
 
-Kind = Literal["wedge", "line", "column", "circle", "offsets"]
-REFERENCE_PLACE: Place = (0.0, 0.0, 0.0)
+ShapeKind = Literal["wedge", "line", "column", "circle", "offsets"]
+REFERENCE_PLACE: ShapePlace = (0.0, 0.0, 0.0)
 
 
 class Shape(Section):
     """The shape of a group."""
 
-    kind: Kind = Field(
+    kind: ShapeKind = Field(
         "wedge",
         description="wedge: a V behind the leader. line: abreast, the leader in the middle. column: one "
         "behind the other. circle: a ring whose foremost member is the leader. offsets: given places.",
@@ -39,7 +40,7 @@ class Shape(Section):
     height_step_m: float = Field(
         0.0, description="Difference of height from each place to the next, in the order of members [m]."
     )
-    offsets_m: tuple[Place, ...] = Field(
+    offsets_m: tuple[ShapePlace, ...] = Field(
         (),
         description="Places [forward, right, up] of the kind offsets from the second member on [m]; the "
         "first member is at [0, 0, 0].",
@@ -51,7 +52,12 @@ class Shape(Section):
             raise ValueError("`offsets_m` belongs to the kind `offsets`, and this kind needs it")
         return self
 
-    def places(self, n: int) -> tuple[Place, ...]:
+    @property
+    def n_most(self) -> int:
+        """Greatest number of members for which the shape has places."""
+        return 1 + len(self.offsets_m) if self.kind == "offsets" else sys.maxsize
+
+    def places(self, n: int) -> tuple[ShapePlace, ...]:
         """Return the places of `n` members. Raises ValueError if `offsets_m` has too few."""
         return places(
             self.kind,
@@ -64,14 +70,14 @@ class Shape(Section):
 
 
 def places(
-    kind: Kind,
+    kind: ShapeKind,
     n: int,
     spacing_m: float,
     *,
     opening_deg: float = 90.0,
     height_step_m: float = 0.0,
-    offsets_m: Sequence[Place] = (),
-) -> tuple[Place, ...]:
+    offsets_m: Sequence[ShapePlace] = (),
+) -> tuple[ShapePlace, ...]:
     """Return the places of `n` members: forward, right, up [m]. `Shape` has the meaning of each argument."""
     if kind == "offsets":
         if len(offsets_m) < n - 1:
@@ -93,7 +99,7 @@ def assigned(present: Sequence[bool], *, closes_up: bool) -> tuple[int | None, .
     return tuple(n if here else None for n, here in zip(before, present, strict=True))
 
 
-def least_spacing_m(of: Sequence[Place], apart_in_height_m: float = math.inf) -> float:
+def least_spacing_m(of: Sequence[ShapePlace], apart_in_height_m: float = math.inf) -> float:
     """Return the least distance over ground between two places [m]; infinite for fewer than two.
 
     Places whose heights differ by `apart_in_height_m` or more do not count.
@@ -102,7 +108,7 @@ def least_spacing_m(of: Sequence[Place], apart_in_height_m: float = math.inf) ->
     return min((math.dist(a[:2], b[:2]) for a, b in pairs), default=math.inf)
 
 
-def least_spacing_between_m(before: Sequence[Place], after: Sequence[Place]) -> float:
+def least_spacing_between_m(before: Sequence[ShapePlace], after: Sequence[ShapePlace]) -> float:
     """Return the least distance over ground while all members move evenly from one shape to another [m].
 
     Both shapes have the same number of places. Each member moves straight, and all arrive together.
@@ -114,12 +120,12 @@ def least_spacing_between_m(before: Sequence[Place], after: Sequence[Place]) -> 
     return least
 
 
-def radius_m(of: Sequence[Place]) -> float:
+def radius_m(of: Sequence[ShapePlace]) -> float:
     """Return the greatest distance over ground of a place from the reference point [m]."""
     return max((math.hypot(forward, right) for forward, right, _ in of), default=0.0)
 
 
-def width_m(of: Sequence[Place]) -> float:
+def width_m(of: Sequence[ShapePlace]) -> float:
     """Return the distance across the direction of flight between the outermost places [m]."""
     return max(right for _, right, _ in of) - min(right for _, right, _ in of) if of else 0.0
 

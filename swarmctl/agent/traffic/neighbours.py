@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 
 from swarmctl.agent.arrival.simultaneous import note_arrival_times
-from swarmctl.agent.formation.near_members import fellows_of
+from swarmctl.agent.formation.near_members import present_members_of
 from swarmctl.agent.orders import StepResult
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.prediction import HEARD_S, MAX_AGE_S, MAX_REPORT_AGE_S
@@ -49,11 +49,11 @@ def receive_neighbours(state: AgentState, event: ev.Neighbours, _now: float) -> 
     kept = {
         uav: report for uav, report in known if uav not in reports and 0.0 <= now_s - report.at_s <= MAX_AGE_S
     }
-    fellows = fellows_of(state)
+    members = present_members_of(state)
     new = {
         uav: report
         for uav, report in reports.items()
-        if uav not in fellows and is_near(report.state, (report.east_m, report.north_m))
+        if uav not in members and is_near(report.state, (report.east_m, report.north_m))
     }
     if any(uav not in state.neighbours or _was_silent(state, uav) for uav in new):
         state = replace(state, intent_new_boot_s=now_s)  # a vehicle hears this one for the first time

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from swarmctl.agent.formation.near_members import fellows_of
+from swarmctl.agent.formation.near_members import present_members_of
 from swarmctl.agent.orders import StepResult
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.intents import MAX_UNCERTAINTY_M
@@ -48,11 +48,11 @@ def receive_intents(state: AgentState, event: ev.Intents, _now: float) -> StepRe
             kept[uav] = NeighbourIntent(
                 ahead, bounds, intent.may_change, sent_s, uncertainty, intent.on_ground, landing
             )
-    fellows = fellows_of(state)
+    members = present_members_of(state)
     fresh = {
         uav: known
         for uav, known in kept.items()
-        if 0.0 <= now_s - known.sent_s <= MAX_AGE_S and uav not in fellows
+        if 0.0 <= now_s - known.sent_s <= MAX_AGE_S and uav not in members
     }
     return replace(state, intents=fresh, others=_with_present_cells(state, event, kept)), []
 

@@ -9,15 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmctl.agent.formation.reference import Reference, SpeedProfile
-from swarmctl.agent.formation.shape import Place
+from swarmctl.agent.formation.shape import ShapePlace
 
 Vector = tuple[float, float, float]
 """east, north, up in the area's local frame [m] or [m/s]"""
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
-    """Limits of the group's vehicles, and the distance between them."""
+class MemberLimits:
+    """MemberLimits of the group's vehicles, and the distance between them."""
 
     speed_m_s: float
     """greatest speed over ground that is demanded of a member"""
@@ -29,12 +29,12 @@ class Limits:
 
 
 @dataclass(frozen=True, slots=True)
-class Member:
+class OtherMember:
     """The last message of another present member."""
 
     position_m: Vector
     velocity_m_s: Vector
-    place: Place
+    place: ShapePlace
     """its present place in the shape"""
     age_s: float = 0.0
     """time since this was true [s]"""
@@ -65,7 +65,7 @@ class ThreatField:
 
 
 @dataclass(frozen=True, slots=True)
-class Memory:
+class PlaceMemory:
     """The facts that a law keeps from call to call. A member that joins, or has paused, begins with none."""
 
     now_s: float
@@ -90,10 +90,10 @@ class Group:
     """own position"""
     velocity_m_s: Vector
     """own velocity"""
-    place: Place
+    place: ShapePlace
     """own place, after the choice of shape and the assignment of places"""
     is_leader: bool
-    others: tuple[Member, ...]
+    others: tuple[OtherMember, ...]
     """the other present members; in leader following the leader is `others[leader]`"""
     along: Along | None
     """what the leader told last, or this member itself if it leads; None: nothing yet"""
@@ -101,12 +101,12 @@ class Group:
     profile: SpeedProfile
     height_m: float
     """height of the reference point, in the datum of `position_m` [m]"""
-    limits: Limits
+    limits: MemberLimits
     leader: int | None = None
     """index of the leader in `others`; None: this member leads"""
     flies_mission: bool = False
     """True: this vehicle leads by its mission, without set-points"""
-    memory: Memory | None = None
+    memory: PlaceMemory | None = None
     threats: ThreatField | None = None
     lead_s: float = 0.0
     """Time by which a demand is made for later [s]: half the period of the set-points for a vehicle whose
@@ -114,7 +114,7 @@ class Group:
 
 
 @dataclass(frozen=True, slots=True)
-class Demand:
+class SetPointDemand:
     """The velocity that a member shall fly, with the position that moves at this velocity.
 
     Without a position the velocity alone counts.
@@ -125,16 +125,16 @@ class Demand:
 
 
 @dataclass(frozen=True, slots=True)
-class Command:
+class ApproachResult:
     """The answer of an approach."""
 
-    demand: Demand | None
+    demand: SetPointDemand | None
     """None: the member flies its mission"""
     error_m: Vector
     """the member's position minus its place: forward, right, up [m]"""
     along: Along
     """the reference point now; the leader tells it"""
-    memory: Memory
+    memory: PlaceMemory
     mission_speed_m_s: float | None = None
     """speed for the mission of a leader that flies it; None: the member flies set-points"""
 
@@ -158,5 +158,5 @@ class Approach(Protocol):
     def Params(self) -> Any:  # noqa: N802 - it is a class, found in a module
         """A frozen section with a default for each field."""
 
-    def fly(self, params: Any, group: Group, /) -> Command:
+    def fly(self, params: Any, group: Group, /) -> ApproachResult:
         """Return what the member does now."""

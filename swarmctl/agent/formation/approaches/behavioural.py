@@ -14,7 +14,7 @@ Arrichiello and Chiaverini, "The null-space-based behavioral control for autonom
 Intelligent Service Robotics 1 (2008). There each task is one direction: n, with its velocity along n. The
 projection fades in with the task, so the velocity has no jump where a task begins.
 
-Both end with `keeping.apart`: no weight brings two members nearer than the separation.
+Both end with `place_keeping.keep_separation`: no weight brings two members nearer than the separation.
 """
 
 from __future__ import annotations
@@ -24,8 +24,21 @@ from typing import Annotated
 
 from pydantic import Field
 
-from swarmctl.agent.formation.approaches.base import Along, Command, Demand, Group, Memory, ThreatField
-from swarmctl.agent.formation.approaches.keeping import apart, bounded, error_of, place_of, progress
+from swarmctl.agent.formation.approaches.base import (
+    Along,
+    ApproachResult,
+    Group,
+    PlaceMemory,
+    SetPointDemand,
+    ThreatField,
+)
+from swarmctl.agent.formation.approaches.place_keeping import (
+    bounded,
+    error_of,
+    keep_separation,
+    place_of,
+    progress,
+)
 from swarmctl.agent.formation.reference import Pose
 from swarmctl.core.section import Section
 
@@ -67,7 +80,7 @@ class Params(Section):
     """distance at which collision avoidance begins, in units of the separation"""
 
 
-def fly(params: Params, group: Group) -> Command:
+def fly(params: Params, group: Group) -> ApproachResult:
     """Return the velocity of a member."""
     along, pose, centre = _common_reference(group)
     goal = _goal(pose, centre, along.speed_m_s)
@@ -91,9 +104,9 @@ def fly(params: Params, group: Group) -> Command:
         velocity = (sum(v[0] for v in weighted), sum(v[1] for v in weighted))
     climb = min(max(place_m[2] - own[2], -group.limits.climb_m_s), group.limits.climb_m_s)
     wanted = _steady(group, bounded((*velocity, climb), group.limits.speed_m_s))
-    safe = apart(group, wanted) or wanted
-    memory = Memory(group.now_s, place_m, safe, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), along.s_m)
-    return Command(Demand(safe), error_of(group, pose, place_m), along, memory)
+    safe = keep_separation(group, wanted) or wanted
+    memory = PlaceMemory(group.now_s, place_m, safe, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), along.s_m)
+    return ApproachResult(SetPointDemand(safe), error_of(group, pose, place_m), along, memory)
 
 
 def _common_reference(group: Group) -> tuple[Along, Pose, Planar]:

@@ -12,8 +12,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from swarmctl.agent.formation.approaches.base import Along, Command, Group, Memory, Vector
-from swarmctl.agent.formation.approaches.keeping import keep_place, place_of, progress, reference_now
+from swarmctl.agent.formation.approaches.base import Along, ApproachResult, Group, PlaceMemory, Vector
+from swarmctl.agent.formation.approaches.place_keeping import keep_place, place_of, progress, reference_now
 from swarmctl.agent.formation.approaches.structure import Waiting, fly_in_structure
 
 LEADER_FLIES_MISSION = True
@@ -34,7 +34,7 @@ class Params(Waiting):
     least_speed_share: Annotated[float, Field(ge=0, le=1)] = 0.4
 
 
-def fly(params: Params, group: Group) -> Command:
+def fly(params: Params, group: Group) -> ApproachResult:
     """Return a follower's set-point; for the leader the speed of its mission, and its progress to tell."""
     if group.leader is None:
         # A new leader was a follower before. It goes on along the group's route by set-points, because a
@@ -65,7 +65,7 @@ def fly(params: Params, group: Group) -> Command:
     return keep_place(group, pose, now, place_m, velocity_m_s, params.closing_m_s)
 
 
-def _lead_mission(params: Params, group: Group) -> Command:
+def _lead_mission(params: Params, group: Group) -> ApproachResult:
     """Return the leader's progress along its route, and the speed of its mission."""
     own = group.position_m
     expected = reference_now(group)
@@ -80,5 +80,5 @@ def _lead_mission(params: Params, group: Group) -> Command:
     soon_m = s_m + LOOKS_AHEAD_S * along.speed_m_s
     limit = min(group.profile.at(s_m), group.profile.at(min(soon_m, 0.999 * group.reference.length_m)))
     waiting = max(limit * share, math.hypot(east, north) - SLOWING_M_S)
-    memory = Memory(group.now_s, own, group.velocity_m_s, _NONE, _NONE, s_m)
-    return Command(None, _NONE, along, memory, min(limit, waiting))
+    memory = PlaceMemory(group.now_s, own, group.velocity_m_s, _NONE, _NONE, s_m)
+    return ApproachResult(None, _NONE, along, memory, min(limit, waiting))

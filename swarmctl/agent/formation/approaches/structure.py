@@ -10,8 +10,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from swarmctl.agent.formation.approaches.base import Along, Command, Group
-from swarmctl.agent.formation.approaches.keeping import (
+from swarmctl.agent.formation.approaches.base import Along, ApproachResult, Group
+from swarmctl.agent.formation.approaches.place_keeping import (
     advanced,
     keep_place,
     own_error_m,
@@ -48,7 +48,7 @@ class Waiting(Section):
         return waiting_share(group, own_error_m, self.slows_from_m, self.slows_to_m, self.least_speed_share)
 
 
-def fly_in_structure(waiting: Waiting, group: Group) -> Command:
+def fly_in_structure(waiting: Waiting, group: Group) -> ApproachResult:
     """Return the set-point of a member, and for the leader the reference point that it tells."""
     now = lead_structure(waiting, group) if group.is_leader else reference_now(group)
     s_m, speed_m_s = group.profile.ahead(now.s_m, now.speed_m_s, group.lead_s)

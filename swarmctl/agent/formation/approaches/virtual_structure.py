@@ -11,7 +11,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from swarmctl.agent.formation.approaches.base import Command, Group
+from swarmctl.agent.formation.approaches.base import ApproachResult, Group
 from swarmctl.agent.formation.approaches.structure import Waiting, fly_in_structure
 
 LEADER_FLIES_MISSION = False
@@ -27,6 +27,6 @@ class Params(Waiting):
     least_speed_share: Annotated[float, Field(ge=0, le=1)] = 0.3
 
 
-def fly(params: Params, group: Group) -> Command:
+def fly(params: Params, group: Group) -> ApproachResult:
     """Return the set-point of a member, and for the leader the reference point that it tells."""
     return fly_in_structure(params, group)

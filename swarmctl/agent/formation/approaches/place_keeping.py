@@ -9,7 +9,14 @@ from __future__ import annotations
 
 import math
 
-from swarmctl.agent.formation.approaches.base import Along, Command, Demand, Group, Memory, Vector
+from swarmctl.agent.formation.approaches.base import (
+    Along,
+    ApproachResult,
+    Group,
+    PlaceMemory,
+    SetPointDemand,
+    Vector,
+)
 from swarmctl.agent.formation.reference import Pose, Reference
 from swarmctl.core.records import replace
 
@@ -49,8 +56,8 @@ def reference_now(group: Group) -> Along:
 
 
 def on_new_route(
-    along: Along | None, memory: Memory | None, before: Reference, after: Reference
-) -> tuple[Along | None, Memory | None]:
+    along: Along | None, memory: PlaceMemory | None, before: Reference, after: Reference
+) -> tuple[Along | None, PlaceMemory | None]:
     """Return what was told and remembered on one route for another route, at the nearest place there."""
     if along is not None:
         along = replace(along, s_m=_same_place(along.s_m, before, after))
@@ -83,7 +90,7 @@ def place_of(
 
 def keep_place(
     group: Group, pose: Pose, along: Along, place_m: Vector, velocity_m_s: Vector, closing_m_s: float
-) -> Command:
+) -> ApproachResult:
     """Return the set-point of a member that flies to its place and stays there."""
     limits = group.limits
     offset, rate = glide(group, place_m, velocity_m_s, closing_m_s)
@@ -95,13 +102,13 @@ def keep_place(
     pull = [POSITION_HZ * (position[k] - own[k]) for k in range(3)]
     east, north, _ = bounded((flown[0] + pull[0], flown[1] + pull[1], 0.0), limits.speed_m_s)
     climb = min(max(flown[2] + pull[2], -limits.climb_m_s), limits.climb_m_s)
-    demand = Demand(flown, position)
-    if (safe := apart(group, (east, north, climb))) is not None:
-        demand = Demand(safe)
+    demand = SetPointDemand(flown, position)
+    if (safe := keep_separation(group, (east, north, climb))) is not None:
+        demand = SetPointDemand(safe)
         offset = (own[0] - place_m[0], own[1] - place_m[1], own[2] - place_m[2])
         rate = (safe[0] - velocity_m_s[0], safe[1] - velocity_m_s[1], 0.0)
-    memory = Memory(group.now_s, place_m, velocity_m_s, offset, rate, along.s_m)
-    return Command(demand, error_of(group, pose, place_m), along, memory)
+    memory = PlaceMemory(group.now_s, place_m, velocity_m_s, offset, rate, along.s_m)
+    return ApproachResult(demand, error_of(group, pose, place_m), along, memory)
 
 
 def glide(group: Group, place_m: Vector, velocity_m_s: Vector, closing_m_s: float) -> tuple[Vector, Vector]:
@@ -142,7 +149,7 @@ def _closing(away_m: float, fastest_m_s: float, acceleration_m_s2: float) -> flo
     return min(fastest_m_s, CLOSING_HZ * away_m, math.sqrt(acceleration_m_s2 * away_m))
 
 
-def apart(group: Group, velocity: Vector) -> Vector | None:
+def keep_separation(group: Group, velocity: Vector) -> Vector | None:
     """Return a velocity that brings the member too near to no other one; None if `velocity` does so already.
 
     A member may approach another one by `APPROACH_HZ` of the distance that is left to the separation, so
