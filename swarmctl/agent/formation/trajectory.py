@@ -13,10 +13,11 @@ MAX_POINTS = 100
 """Greatest number of points: the flight is announced for 200 s at most."""
 
 
-def flight_in_group(state: AgentState, here: LocalPoint) -> Trajectory | None:
+def flight_in_group(state: AgentState, here: LocalPoint, for_s: float = math.inf) -> Trajectory | None:
     """Return the flight from 0 s on, with heights above home; None before the first set-point.
 
     The present distance from the place shrinks to 0 in the time that the vehicle takes at its spare speed.
+    `for_s`: time for which the flight is needed at least [s].
     """
     formation, membership = state.task.formation, state.membership
     route, along, memory = membership.route, membership.along, membership.memory
@@ -31,7 +32,9 @@ def flight_in_group(state: AgentState, here: LocalPoint) -> Trajectory | None:
     joins_in_s = math.hypot(off_e, off_n) / spare_m_s
     s_m, speed_m_s = along.s_m, along.speed_m_s
     times, points = [0.0], [here]
-    while len(points) < MAX_POINTS and s_m < route.reference.length_m and speed_m_s > 0.0:
+    while (
+        len(points) < MAX_POINTS and times[-1] < for_s and s_m < route.reference.length_m and speed_m_s > 0.0
+    ):
         s_m, speed_m_s = route.profile.ahead(s_m, speed_m_s, EVERY_S)
         t_s = times[-1] + EVERY_S
         east_m, north_m = route.reference.at(s_m).at(forward, right)

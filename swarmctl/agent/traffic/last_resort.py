@@ -71,7 +71,7 @@ def stop_in_time(state: AgentState) -> StepResult:
     box = reach(state, LOOKS_AHEAD_S, STRAIGHT_ON_S)
     if box is None or not may_meet_anyone(state, box):
         return state, []
-    here, plan = position_amsl(state), planned_flight(state)
+    here, plan = position_amsl(state), planned_flight(state, LOOKS_AHEAD_S)
     if here is None or plan is None:
         return state, []
     vehicle, limits = state.vehicle, state.task.separation.limits

@@ -53,13 +53,13 @@ def position_amsl(state: AgentState) -> LocalPoint | None:
     return None if here is None or height_m is None else (here[0], here[1], height_m)
 
 
-def planned_flight(state: AgentState) -> Trajectory | None:
-    """Return the own trajectory from now on; None if unknown."""
+def planned_flight(state: AgentState, for_s: float = math.inf) -> Trajectory | None:
+    """Return the own trajectory from now on, at least for `for_s` [s]; None if unknown."""
     here = position_of(state)
     return (
         _hold_at_last_position(state)
         if here is None
-        else to_shared_frame(state, _phase_trajectory(state, here))
+        else to_shared_frame(state, _phase_trajectory(state, here, for_s))
     )
 
 
@@ -86,7 +86,7 @@ def own_trajectory(state: AgentState) -> Trajectory | None:
         return None
     now_s = vehicle.time_boot_s
     if state.phase in EN_ROUTE and state.plans.route is not None and state.plans.pending is None:
-        flight = _phase_trajectory(state, here)
+        flight = _phase_trajectory(state, here, for_s)
         if flight is not None:
             return until_landing(flight).later(now_s).lasting(now_s + for_s)
     return extrapolate(here, (vehicle.east_m_s, vehicle.north_m_s, vehicle.climb_m_s), now_s, for_s)
@@ -189,15 +189,18 @@ def to_shared_frame(state: AgentState, flight: Trajectory | None) -> Trajectory 
     return flight.later(vehicle.time_boot_s).higher(vehicle.alt_amsl_m - vehicle.alt_rel_m)
 
 
-def _phase_trajectory(state: AgentState, here: LocalPoint) -> Trajectory | None:
-    """Return the trajectory of the present phase from 0 s on, heights above home; None if unknown."""
+def _phase_trajectory(state: AgentState, here: LocalPoint, for_s: float) -> Trajectory | None:
+    """Return the trajectory of the present phase from 0 s on, heights above home; None if unknown.
+
+    It lasts `for_s` at least, or until its end [s].
+    """
     task, swap = state.task, state.plans.pending or state.plans.route
     speed_m_s = state.speed.m_s or task.arrival.speed_m_s
     if task.wings is not None:
         return _fixed_wing_trajectory(state, here, speed_m_s)
     match state.phase:
         case Phase.FORMATION:
-            return flight_in_group(state, here)
+            return flight_in_group(state, here, for_s)
         case Phase.LAUNCHING if swap is not None:
             lift_s = LIFT_S if here[2] < AIRBORNE_M else 0.0
             return climb_then_fly(here, swap.plan.height_m, waypoints_of(task, swap.plan), speed_m_s, lift_s)
