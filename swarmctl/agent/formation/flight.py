@@ -163,16 +163,15 @@ def _flown(state: AgentState, formation: Formation) -> tuple[AgentState, Approac
         membership = replace(membership, shape=route.shape_at(along.s_m + along.age_s * along.speed_m_s))
     params = formation.params_with(membership.weights)
     flown = formation.approach.fly(params, _view(replace(state, membership=membership), formation))
+    away_m = 0.0 if flown.demand is None else math.hypot(*flown.error_m[:2])
     membership = replace(
         membership,
         along=flown.along,
         at_boot_s=state.now_boot_s,
         memory=flown.memory,
         error_m=None if flown.demand is None else flown.error_m,
+        far=far_from_place(membership.far, away_m, state.now_boot_s, formation),
     )
-    away_m = 0.0 if flown.demand is None else math.hypot(*flown.error_m[:2])
-    far = far_from_place(membership.far, away_m, state.now_boot_s, formation)
-    membership = replace(membership, far=far)
     return replace(state, membership=membership), flown
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from swarmctl.agent.formation.approaches.base import Along, Approach, PlaceMemory
@@ -18,6 +18,7 @@ from swarmctl.core import events as ev
 from swarmctl.core.frames import MAX_POINTS, MemberShared
 from swarmctl.core.geo import LocalFrame
 from swarmctl.core.planar import PlanarPoint, turning_points
+from swarmctl.core.records import replace
 
 PLACE_KEPT = 3.0
 """Silence for which a member keeps its place, as a multiple of the silence after which another one leads: a
@@ -180,7 +181,7 @@ class GroupRoute:
         return next((number for from_m, number in reversed(self.shapes) if along_m >= from_m), 0)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)  # without slots `replace` is fast
 class Membership:
     """The group as one vehicle knows it; times are by this vehicle's clock."""
 
