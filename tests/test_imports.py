@@ -43,6 +43,8 @@ ROOMS: dict[str, set[str]] = {
 ALONE: dict[str, set[str]] = {
     # The one file in which both packages meet: the simulator on the virtual clock.
     "swarmctl.flight.virtual_simulator": {"sim_vehicle"},
+    # The one kind of experiment that has whole flights.
+    "swarmctl.study.flights": {"swarmctl.flight"},
 }
 
 # Rooms of the simulator, by the same rule.

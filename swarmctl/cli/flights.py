@@ -20,7 +20,7 @@ from swarmctl.config.links_checks import forwarding_problem
 from swarmctl.config.scenario import Scenario
 from swarmctl.flight.member import Member
 from swarmctl.flight.permission import Permission, PreflightFailed
-from swarmctl.links import LINKS
+from swarmctl.flight.run import real_clock_need
 from swarmctl.links.url import parse_url
 from swarmctl.preflight.waivers import Waiver, parse_waivers
 from swarmctl.report import outputs
@@ -91,12 +91,8 @@ def terminal(*, verbose: bool, with_time: bool = False) -> Terminal:
 
 def require_simulated_clock(path: Path, scenario: Scenario) -> None:
     """Exit if a vehicle or a link of the configuration needs the machine's clock."""
-    simulate = scenario.config.simulate
-    if scenario.config.vehicles:
-        fail([f"{path}: vehicles with a URL fly in real time only; remove --clock virtual"], USAGE)
-    if simulate is not None and not LINKS[simulate.link].fits_virtual_clock:
-        text = "uses the machine's clock; remove --clock virtual, or set `link: direct`"
-        fail([f"{path}: simulate.link: {simulate.link} {text}"], USAGE)
+    if (need := real_clock_need(scenario)) is not None:
+        fail([f"{path}: {need}; remove --clock virtual"], USAGE)
 
 
 def with_forwarding(scenario: Scenario, urls: Sequence[str]) -> Scenario:

@@ -63,7 +63,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     "audit": ("audit", "Check the evidence of a run line by line, and summarise it."),
     "study": (
         "study",
-        "Fly an experiment of many missions cell by cell, and draw its figures with intervals.",
+        "Fly an experiment of many missions, and draw its figures with intervals.",
     ),
     "schema": ("schema", "Print the JSON schema of configurations, for editors."),
 }

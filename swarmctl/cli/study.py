@@ -1,4 +1,4 @@
-"""`swarmctl study`: experiments of many missions, without vehicles and MAVLink."""
+"""`swarmctl study`: experiments of many missions, cell by cell, or of whole flights."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def study(
         ),
     ] = None,
 ) -> None:
-    """Fly an experiment of many missions cell by cell, and draw its figures with intervals."""
+    """Fly an experiment of many missions, and draw its figures with intervals."""
     if context.invoked_subcommand is not None:
         return
     if config is None:
@@ -129,6 +129,7 @@ def _describe(experiment: Experiment) -> str:
 
 def _run(experiment: Experiment, folder: Path, n_workers: int, scheduler: str | None) -> None:
     from swarmctl.study.cluster import ClusterError, local_workers, workers_of  # noqa: PLC0415
+    from swarmctl.study.flights import FlightFailed  # noqa: PLC0415
     from swarmctl.study.results import ResultsError, open_results  # noqa: PLC0415
     from swarmctl.study.run import run  # noqa: PLC0415
 
@@ -138,7 +139,7 @@ def _run(experiment: Experiment, folder: Path, n_workers: int, scheduler: str | 
             source = local_workers(n_workers) if scheduler is None else workers_of(scheduler)
             with source as workers, _progress(workers) as progress:
                 outcome = run(experiment, results, workers, progress, command)
-    except (ResultsError, ClusterError) as error:
+    except (ResultsError, ClusterError, FlightFailed) as error:
         fail([str(error)], FAILED)
     except (KeyboardInterrupt, SystemExit):
         text = f"interrupted; {folder} keeps the finished batches, and the same command goes on from there"

@@ -20,6 +20,7 @@ from swarmctl.flight.member import Member
 from swarmctl.flight.network import speedup_of
 from swarmctl.flight.permission import Permission
 from swarmctl.flight.simulator import AddressOf
+from swarmctl.links import LINKS
 from swarmctl.links.url import Endpoint, parse_url
 from swarmctl.preflight.waivers import Waiver
 from swarmctl.report.evidence.log import Signer
@@ -98,6 +99,16 @@ class Run:
         """Return the endpoint at which this process reaches a vehicle."""
         is_in_process = spec.simulated and self.clock == "virtual"
         return Endpoint("memory", "fleet") if is_in_process else parse_url(spec.url)
+
+
+def real_clock_need(scenario: Scenario) -> str | None:
+    """Return the key that needs the machine's clock, with the reason; None if a virtual clock fits."""
+    if scenario.config.vehicles:
+        return "vehicles: vehicles with a URL fly in real time only"
+    simulate = scenario.config.simulate
+    if simulate is not None and not LINKS[simulate.link].fits_virtual_clock:
+        return f"simulate.link: {simulate.link} uses the machine's clock, and `link: direct` does not"
+    return None
 
 
 def run_of(

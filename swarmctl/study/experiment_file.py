@@ -75,6 +75,6 @@ class ExperimentFile(Section):
         (), description="Seeds whose flown cells and hostiles are kept, for figures of tracks."
     )
     search: dict[str, Any] | None = Field(
-        None, description="Settings of the kind `routes`. The kind `missions` has none."
+        None, description="Settings of the kind `routes`. Other kinds have none."
     )
     figures: tuple[dict[str, Any], ...] = Field((), description="Figures: each has a kind and its keys.")

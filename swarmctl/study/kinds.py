@@ -17,7 +17,7 @@ import numpy.typing as npt
 from swarmctl.config.model import Config
 from swarmctl.config.scenario import Scenario, build
 from swarmctl.core.section import Section
-from swarmctl.study import routes
+from swarmctl.study import flights, routes
 from swarmctl.study.mission import unsupported
 from swarmctl.study.missions import NAMES, fly_missions
 from swarmctl.study.provenance import versions
@@ -25,6 +25,7 @@ from swarmctl.study.provenance import versions
 Columns = Mapping[str, npt.NDArray[Any]]
 """a table: arrays of one length, by the names of the columns"""
 MISSION_MEASURES = tuple(name for name in NAMES if name != "uav")
+FLIGHT_MEASURES = tuple(name for name in flights.NAMES if name != "uav")
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,12 +59,18 @@ def _missions(scenario: Scenario, seeds: Sequence[int], kept: Collection[int], _
     return Table(flown.columns, flown.tracks, flown.hostiles)
 
 
+def _flights(scenario: Scenario, seeds: Sequence[int], kept: Collection[int], _: None) -> Table:
+    flown = flights.fly_flights(scenario, seeds, kept)
+    return Table(flown.columns, flown.tracks, flown.hostiles)
+
+
 def _routes(scenario: Scenario, seeds: Sequence[int], kept: Collection[int], search: routes.Search) -> Table:
     return Table(routes.rows(scenario, seeds, kept, search))
 
 
 KINDS: Mapping[str, Kind] = {
     "missions": Kind(_missions, MISSION_MEASURES, unsupported=unsupported),
+    "flights": Kind(_flights, FLIGHT_MEASURES, unsupported=flights.unsupported),
     "routes": Kind(_routes, routes.MEASURES, routes.unsupported, routes.Search),
 }
 

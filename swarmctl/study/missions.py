@@ -6,8 +6,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, fields
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -63,23 +64,29 @@ def fly_missions(scenario: Scenario, seeds: Sequence[int], kept: Collection[int]
                 entries = enumerate(zip(cells, strikes, strict=True))
                 tracks += [(seed, row.uav, step, *cell, hits) for step, (cell, hits) in entries]
     return Missions(
-        _columns(("seed", *NAMES), rows, _DTYPES),
-        _columns(
-            ("seed", "uav", "step", "row", "col", "strikes"), tracks, {"seed": np.int64, "uav": np.int16}
-        ),
-        _columns(("seed", "row", "col"), hostiles, {"seed": np.int64}),
+        as_columns(("seed", *NAMES), rows, types_of(VehicleResult)),
+        as_columns(("seed", "uav", "step", "row", "col", "strikes"), tracks),
+        as_columns(("seed", "row", "col"), hostiles),
     )
 
 
-_TYPES: dict[str, type[np.generic]] = {"bool": np.bool_, "float": np.float64, "int": np.int32}
-_DTYPES = {field.name: _TYPES[str(field.type)] for field in fields(VehicleResult)}
-_DTYPES |= {"seed": np.int64, "uav": np.int16}
-"""types of the columns; int32 for a column without a line"""
+Types = Mapping[str, type[np.generic]]
+_TYPES: Types = {"bool": np.bool_, "float": np.float64, "int": np.int32}
+_KEY_TYPES: Types = {"seed": np.int64, "uav": np.int16}
 
 
-def _columns(names: Sequence[str], rows: list[Any], dtypes: dict[str, type[np.generic]]) -> Columns:
+def types_of(result: type) -> Types:
+    """Return the types of the columns of a dataclass of results, by the names of its fields."""
+    return {field.name: _TYPES[str(field.type)] for field in fields(result)}
+
+
+def as_columns(
+    names: Sequence[str], rows: Sequence[Sequence[Any]], types: Types = MappingProxyType({})
+) -> Columns:
+    """Return rows as columns; a column besides `seed` and `uav` that has no type holds int32."""
     values = zip(*rows, strict=True) if rows else [()] * len(names)
+    all_types = {**types, **_KEY_TYPES}
     return {
-        name: np.array(column, dtype=dtypes.get(name, np.int32))
+        name: np.array(column, dtype=all_types.get(name, np.int32))
         for name, column in zip(names, values, strict=True)
     }

@@ -39,6 +39,12 @@ _LABELS = {
     "arrival_s": "arrival after first start [s]",
     "cells_known": "cells known at the end",
     "hostiles_known": "hostiles known at the end",
+    "cells_own": "cells first seen by the vehicle",
+    "cells_sensed": "cells seen by all together",
+    "swath_m": "swath seen by all together [m]",
+    "rms_along_m": "RMS error along [m]",
+    "rms_across_m": "RMS error across [m]",
+    "in_place_s": "time in place [s]",
 }
 _FACTORS = {
     "planner.w": ("w", "distance anxiety w"),
