@@ -46,7 +46,8 @@ NAME = f"firmware-{os.getpid()}"
 
 ARDUPILOT_PARAMETERS = {"LOG_BACKEND_TYPE": 0}
 PLANE_PARAMETERS = {"AIRSPEED_CRUISE": 15, "BATT_LOW_VOLT": 10.5}
-PX4_PARAMETERS = {"SDLOG_MODE": -1, "MPC_XY_CRUISE": 10, "SIH_LOC_H0": GROUND_AMSL_M}
+PX4_PARAMETERS = {"SDLOG_MODE": -1, "SIH_LOC_H0": GROUND_AMSL_M, "SIH_KDV": 0.16}
+"""with the default drag of SIH, 10 m/s need the greatest tilt"""
 
 
 def swarm(
@@ -55,19 +56,21 @@ def swarm(
     *,
     cells: int | None = None,
     policy: dict[str, str] | None = None,
+    simulated: dict[str, Any] | None = None,
     **sections: Any,
 ) -> dict[str, Any]:
     """Return a shipped configuration with firmware in place of its simulated vehicles.
 
     `kinds`: the option of each vehicle. `cells`: another number of rows and of columns, with as many hostiles
-    for each cell. `policy`: reactions of the autopilots that differ from the defaults.
+    for each cell. `policy`: reactions of the autopilots that differ from the defaults. `simulated`: other
+    keys of `simulate`, such as speed and goal. `sections`: sections that replace the shipped ones.
     """
     content = yaml.safe_load((ROOT / "configs" / f"{example}.yaml").read_text())
     if cells is not None:
         area, threats = content["area"], content["threats"]
         threats["count"] = round(threats["count"] * cells**2 / (area["rows"] * area["cols"]))
         area["rows"] = area["cols"] = cells
-    simulate = {**content["simulate"], "count": len(kinds), "speedup": 1}
+    simulate = {**content["simulate"], **(simulated or {}), "count": len(kinds), "speedup": 1}
     simulate["autopilot"] = ["arduplane" if kind == "arduplane" else "ardupilot" for kind in kinds]
     specs = build(Config.model_validate_json(json.dumps({**content, **sections, "simulate": simulate}))).specs
     del content["simulate"]
@@ -225,7 +228,8 @@ class Airfield:
         program = self.builds.programs[kind]
         place = (vehicle["start"]["lat_deg"], vehicle["start"]["lon_deg"])
         if kind == "px4":
-            return _px4(program, vehicle["sysid"] - 1, place, folder)
+            own = PX4_PARAMETERS | {"MPC_XY_CRUISE": vehicle["speed_m_s"]}
+            return _px4(program, vehicle["sysid"] - 1, place, own, folder)
         port = self.relay.add(lambda p: self.net.udp_socket(DESK, p), STATION_PORT)
         settings = {
             "sysid": vehicle["sysid"],
@@ -248,9 +252,11 @@ def _ardupilot(kind: str, program: Path, settings: dict[str, Any], folder: Path)
     return [str(program), f"-I{settings['sysid'] - 1}", *words]
 
 
-def _px4(program: Path, instance: int, place: tuple[float, float], folder: Path) -> list[str]:
-    own = "".join(f"param set {name} {value}\n" for name, value in PX4_PARAMETERS.items())
-    (folder / "px4-rc.params").write_text(own)  # PX4's start looks for it on the path
+def _px4(
+    program: Path, instance: int, place: tuple[float, float], own: dict[str, float], folder: Path
+) -> list[str]:
+    lines = "".join(f"param set {name} {value}\n" for name, value in own.items())
+    (folder / "px4-rc.params").write_text(lines)  # PX4's start looks for it on the path
     environment = {
         "PATH": f"{folder}:{os.environ['PATH']}",
         "PX4_SYS_AUTOSTART": "10040",

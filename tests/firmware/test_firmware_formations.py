@@ -1,0 +1,64 @@
+"""Groups of real autopilots in software keep their places, by the errors in `summary.json`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import pytest
+import yaml
+from firmware import FLOWN, Airfield
+from flown_cells import summary
+from swarmctl_process import ROOT
+from test_firmware_arrives import COPTER, FLIGHT_S, PX4
+
+APPROACHES = ["leader_following", "virtual_structure", "behavioural"]
+ROWS, COLS = 7, 14
+ACROSS_M, ALONG_M = 2.0, 4.0
+"""greatest RMS errors across and along straight ahead at 10 m/s, with messages 100 ms late"""
+
+
+def group(n: int, approach: str) -> dict[str, Any]:
+    """Return the changes of the shipped configuration for copters that fly to the east as a wedge."""
+    members = [f"uav{i + 1}" for i in range(n)]
+    shape = {"kind": "wedge", "spacing_m": 30.0}
+    section = {"name": "alpha", "members": members, "approach": approach, "shape": shape, "speed_m_s": 10.0}
+    area = yaml.safe_load((ROOT / "configs" / "formation.yaml").read_text())["area"]
+    return {
+        "area": {**area, "rows": ROWS, "cols": COLS},
+        "threats": {"count": 0},
+        "communication": {"delay_s": 0.1},
+        "formations": [section],
+        "simulated": {"speed_m_s": 12.0, "start_spacing_m": 20.0, "goal": [ROWS // 2, COLS - 1]},
+    }
+
+
+def assert_kept_places(field: Airfield, approach: str) -> None:
+    """Check the outcome of each vehicle, and the errors of each member that flew by set-points."""
+    report = summary(field.run)
+    (flown,) = report["formations"]
+    for name, member in flown["members"].items():
+        field.keep(FLOWN, f"{name}: {member}")
+    for name in field.sysids:
+        if approach != "leader_following" or name != "uav1":
+            member = flown["members"][name]
+            assert member["time_in_place_s"] > 30.0, (name, member)
+            assert member["rms_error_m"]["across"] < ACROSS_M, (name, member)
+            assert member["rms_error_m"]["along"] < ALONG_M, (name, member)
+    assert report["separation"]["too_close"] == []
+    for account in report["vehicles"]:
+        assert account["outcome"] == "arrived", account
+
+
+@pytest.mark.parametrize("approach", APPROACHES)
+@pytest.mark.parametrize(
+    "kinds",
+    [
+        pytest.param([COPTER] * 3, marks=pytest.mark.firmware(COPTER), id="arducopter"),
+        pytest.param([PX4] * 3, marks=pytest.mark.firmware(PX4), id="px4"),
+    ],
+)
+def test_three_members_keep_their_places(field_of: Any, kinds: Sequence[str], approach: str) -> None:
+    with field_of(kinds, example="formation", **group(len(kinds), approach)) as field:
+        assert field.fly().ended(within_s=FLIGHT_S) == 0
+        assert_kept_places(field, approach)
