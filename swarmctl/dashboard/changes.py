@@ -9,7 +9,7 @@ index at which it begins; so a page whose list is longer, after a scrub back, cu
 | `source` | the whole `SourceState` |
 | `vehicles` | {name: {field: value}}; `track`: {from, points}; `belief`: cells or all codes, see `belief` |
 | `belief` | the same for all vehicles together |
-| `hearing`, `conflicts` | the whole list |
+| `hearing`, `conflicts`, `groups` | the whole list |
 | `events`, `changes`, `strikes` | {from, items} |
 
 A belief is {cells: [index, code, index, code, …]} with index = row · cols + col, or {codes: base64 of a byte
@@ -46,7 +46,7 @@ def changes(before: Picture | None, after: Picture) -> dict[str, Any]:
     vehicles = {v.name: changed for v in after.vehicles if (changed := _vehicle(shown.get(v.name), v))}
     if vehicles:
         result["vehicles"] = vehicles
-    for name in ("hearing", "conflicts"):
+    for name in ("hearing", "conflicts", "groups"):
         value = _rounded_list(getattr(after, name))
         if before is None or value != _rounded_list(getattr(before, name)):
             result[name] = value
@@ -92,7 +92,7 @@ def _rounded(field: str, value: Any) -> Any:
 
 
 def _rounded_list(items: Sequence[msgspec.Struct]) -> list[dict[str, Any]]:
-    """Return hearing edges or conflicts with numbers that a page can show."""
+    """Return hearing edges, conflicts or groups with numbers that a page can show."""
     return [
         {
             key: (round(value, 2 if key == "loss" else 0) if isinstance(value, float) else value)

@@ -53,6 +53,10 @@ class Words(msgspec.Struct, frozen=True):
     waiting: str = ""
     group: str = ""
     """group, shape, leader and place error, in words"""
+    leads: bool = False
+    """True if the vehicle tells its group that it leads"""
+    place_error_m: int | None = None
+    """distance from the own place in the group [m], as told to the group"""
     replans: int = 0
     n_observed: int = 0
     n_found: int = 0

@@ -15,12 +15,15 @@ from swarmctl.config.scenario import Scenario
 from swarmctl.core.events import SwapMission
 from swarmctl.core.exposure import exposure_sum, length_cells, safety_factor
 from swarmctl.core.grid import Cell, Grid
+from swarmctl.core.operator_text import resolve_vehicles
 from swarmctl.core.vehicle import MAX_DELAY_S
 from swarmctl.dashboard.facts import Motion, VehicleFacts, Words
 from swarmctl.dashboard.history import last_before
+from swarmctl.dashboard.motions import SLOW_M_S
 from swarmctl.dashboard.picture import (
     SILENT_AFTER_S,
     AreaPicture,
+    Group,
     Hearing,
     Route,
     RouteChange,
@@ -38,8 +41,6 @@ LOSS_OVER_S = 60.0
 """time over which the loss is estimated [s]"""
 MIN_SENT = 4
 """least number of messages for an estimate of the loss"""
-SLOW_M_S = 0.5
-"""speed below which the course over ground has no meaning [m/s]"""
 
 
 def times() -> array[float]:
@@ -69,13 +70,6 @@ def area(scenario: Scenario) -> AreaPicture:
         tuple(1.5 * cell_m for _ in specs),
         (config.separation.horizontal_m, config.separation.vertical_m),
     )
-
-
-def course_deg(east_m_s: float, north_m_s: float, heading_deg: float | None) -> float | None:
-    """Return the course over ground; for a slow vehicle its heading."""
-    if math.hypot(east_m_s, north_m_s) < SLOW_M_S:
-        return heading_deg
-    return math.degrees(math.atan2(east_m_s, north_m_s)) % 360.0
 
 
 def route(grid: Grid, swap: SwapMission) -> Route:
@@ -202,6 +196,23 @@ def hearing(timeline: Timeline, time_s: float) -> tuple[Hearing, ...]:
                 loss = None if timeline.kind == "bus" else _loss(sender.intent_s, got_s, time_s)
                 edges.append(Hearing(sender.name, receiver.name, time_s - last_s, loss))
     return tuple(edges)
+
+
+def groups(timeline: Timeline, time_s: float) -> tuple[Group, ...]:
+    """Return the groups that fly together, with the members that are present."""
+    shown, names_by_uav = [], {uav: vehicle.name for uav, vehicle in timeline.vehicles.items()}
+    for formation in timeline.scenario.config.formations:
+        vehicles = [timeline.vehicles[resolve_vehicles([m], names_by_uav)[0]] for m in formation.members]
+        members = [(vehicle.name, vehicle.words.at(time_s) or Words()) for vehicle in vehicles]
+        present = [(name, words) for name, words in members if words.group]
+        if len(present) < 2:
+            continue
+        # A station on the bus does not hear the leader's messages; the first member that is present leads.
+        leader = next((name for name, words in present if words.leads), present[0][0])
+        names = tuple(name for name, _ in present)
+        errors_m = tuple(words.place_error_m for _, words in present)
+        shown.append(Group(formation.name, names, leader, errors_m))
+    return tuple(shown)
 
 
 def _loss(sent_s: array[float], heard_s: array[float], time_s: float) -> float | None:

@@ -22,14 +22,13 @@ from swarmctl.config.scenario import Scenario
 from swarmctl.core.belief import weighed_occupancy
 from swarmctl.core.events import SwapMission
 from swarmctl.core.exposure import exposure
-from swarmctl.core.frames import IntentShared, StateShared
-from swarmctl.core.geo import distance_m
+from swarmctl.core.frames import IntentShared, MemberShared, StateShared
 from swarmctl.core.messages import CommunicationRange
 from swarmctl.core.observation import BeliefItem, Observation
 from swarmctl.core.operator_text import printable
 from swarmctl.core.threat import FiringStrength
 from swarmctl.core.vehicle import VehicleState
-from swarmctl.dashboard import announced, events, looks
+from swarmctl.dashboard import announced, events, looks, motions
 from swarmctl.dashboard.belief_history import BeliefHistory, Name
 from swarmctl.dashboard.conflicts import Conflicts
 from swarmctl.dashboard.facts import Motion, SentIntent, VehicleFacts
@@ -105,26 +104,7 @@ class Timeline:
         time_s, vehicle = self._touch(time_s), self.vehicles[uav]
         vehicle.word_s.append(time_s)
         self._say(vehicle, time_s, mode=state.mode, armed=state.armed, lost_since_s=None)
-        before, moved_m = vehicle.now, 0.0
-        here = before.lat_lon if state.lat_lon is None else state.lat_lon
-        if state.armed and before.lat_lon is not None and here is not None and here != before.lat_lon:
-            moved_m = distance_m(before.lat_lon, here)
-        course_deg = looks.course_deg(state.east_m_s, state.north_m_s, state.heading_deg)
-        lat_deg, lon_deg = here or (None, None)
-        row = Motion(
-            lat_deg,
-            lon_deg,
-            before.height_m if state.alt_rel_m is None else state.alt_rel_m,
-            state.ground_speed_m_s,
-            course_deg,
-            state.battery_percent,
-            state.strikes,
-            state.time_boot_s,
-            state.delay_s,
-            (before.flown_m or 0.0) + moved_m,
-            before.to_go_m,
-        )
-        self._move(vehicle, time_s, row)
+        self._move(vehicle, time_s, motions.of_telemetry(vehicle.now, state))
 
     def shared(self, uav: int, time_s: float, state: StateShared, *, has_telemetry: bool) -> None:
         """Fold the state that a vehicle tells each second; `has_telemetry`: its positions come otherwise."""
@@ -152,27 +132,21 @@ class Timeline:
             **({} if w is None else {"w": w, "strength": strength}),
         )
         if not has_telemetry:
-            before, here = vehicle.now, (state.lat_deg, state.lon_deg)
-            east_m_s, north_m_s, _ = state.velocity_m_s
-            moved_m = 0.0 if before.lat_lon is None else distance_m(before.lat_lon, here)
-            row = Motion(
-                *here,
-                state.alt_rel_m,
-                math.hypot(east_m_s, north_m_s),
-                looks.course_deg(east_m_s, north_m_s, before.course_deg),
-                state.battery_percent,
-                state.strikes,
-                state.time_s,
-                state.age_s,
-                (before.flown_m or 0.0) + (moved_m if state.alt_rel_m > MIN_STEP_M else 0.0),
-                state.to_go_m,
-            )
-            self._move(vehicle, time_s, row)
+            self._move(vehicle, time_s, motions.of_word(vehicle.now, state))
         elif vehicle.now.to_go_m != state.to_go_m:
             self._move(vehicle, time_s, vehicle.now._replace(to_go_m=state.to_go_m))
         flown = vehicle.plans.get(state.plan_id)
         if flown is not None or state.plan_id == 0:
             vehicle.route.add(time_s, flown)
+
+    def member(self, uav: int, time_s: float, told: MemberShared) -> None:
+        """Fold what a member tells its group."""
+        time_s, vehicle = self._touch(time_s), self.vehicles[uav]
+        if told.joins:
+            leads = told.route_id != 0
+            self._say(vehicle, time_s, leads=leads, place_error_m=round(told.error_m))
+        else:
+            self._say(vehicle, time_s, leads=False, place_error_m=None, group="")
 
     def learned(self, uav: int, time_s: float, items: Iterable[BeliefItem]) -> None:
         """Fold observations that a vehicle has made or received."""
@@ -357,6 +331,7 @@ class Timeline:
             self.strikes.until(time_s),
             self.common.belief(version).codes if EVERYBODY in beliefs else None,
             version,
+            looks.groups(self, time_s),
         )
 
     @property

@@ -147,6 +147,17 @@ class Conflict(msgspec.Struct, frozen=True):
     vertical_m: float
 
 
+class Group(msgspec.Struct, frozen=True):
+    """Vehicles that fly together in a formation."""
+
+    name: str
+    members: tuple[str, ...]
+    """members that are present, in the order of their places"""
+    leader: str
+    errors_m: tuple[int | None, ...]
+    """distance of each member from its place [m]; None: not known"""
+
+
 class Strike(msgspec.Struct, frozen=True):
     time_s: float
     vehicle: str
@@ -238,3 +249,4 @@ class Picture(msgspec.Struct, frozen=True):
     common_belief: CellCodes | None = None
     """what all vehicles together know; OWN is not used"""
     common_version: int = 0
+    groups: tuple[Group, ...] = ()

@@ -1,4 +1,4 @@
-"""The map as a NiceGUI element; `static/risk_map.js` draws it."""
+"""The map as a NiceGUI element; `static/risk_map.js` and its modules draw it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from swarmctl.dashboard.picture import AreaPicture
 
 
-class RiskMap(ui.element, component="static/risk_map.js"):
+class RiskMap(ui.element, component="static/risk_map.js", esm={"risk-map": "static/risk_map"}):
     """The map of one browser."""
 
     def set_area(self, area: AreaPicture) -> None:

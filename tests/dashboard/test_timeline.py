@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from dashboard_page import Page, folded, messages_of, whole
 from flights import fly, small
+from group_flights import group
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from profiles import examples
@@ -270,3 +271,13 @@ def test_a_station_receives_until_it_is_cancelled(flight: Flight) -> None:
     assert picture.vehicles[1].age_s == pytest.approx(2.0, abs=0.3)
     assert source.board.refused == 1
     assert picture.source.text.startswith("connected")
+
+
+def test_a_group_is_shown_with_its_leader_and_errors(tmp_path: Path) -> None:
+    fly(group(), tmp_path)
+    timeline = whole(tmp_path)
+    shown = [timeline.at(float(time_s)).groups for time_s in range(int(timeline.end_s))]
+    assert shown[0] == () == shown[-1]
+    together = [groups[0] for groups in shown if groups and len(groups[0].members) == 3]
+    assert {(g.name, g.members, g.leader) for g in together} == {("alpha", ("uav1", "uav2", "uav3"), "uav1")}
+    assert all(error_m is not None for error_m in together[-1].errors_m)

@@ -22,7 +22,7 @@ from swarmctl.core.events import (
     TelemetryReceived,
     WeightsChanged,
 )
-from swarmctl.core.frames import IntentShared, StateShared
+from swarmctl.core.frames import IntentShared, MemberShared, StateShared
 from swarmctl.core.observation import Observation
 from swarmctl.dashboard.model import Timeline
 from swarmctl.report import foxglove
@@ -141,6 +141,8 @@ class RecordFacts:
                 timeline.shared(uav, time_s, state, has_telemetry=True)
             case Publish(Observation() as observation):
                 timeline.learned(uav, time_s, (observation,))
+            case Publish(MemberShared() as member):
+                timeline.member(uav, time_s, member)
             case Publish(IntentShared() as intent):
                 timeline.intent(uav, time_s, intent, is_route=False)
             case SwapMission():
