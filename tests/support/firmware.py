@@ -238,13 +238,15 @@ class Airfield:
             "serial0": f"udpclient:127.0.0.1:{port}",
             "serial1": f"udpclient:127.0.0.1:{WITNESS_PORT}",
         }
-        return _ardupilot(kind, program, settings, folder)
+        own = {"WPNAV_SPEED": 100 * vehicle["speed_m_s"]} if kind == "arducopter" else PLANE_PARAMETERS
+        return _ardupilot(kind, program, settings, ARDUPILOT_PARAMETERS | own, folder)
 
 
-def _ardupilot(kind: str, program: Path, settings: dict[str, Any], folder: Path) -> list[str]:
+def _ardupilot(
+    kind: str, program: Path, settings: dict[str, Any], own: dict[str, float], folder: Path
+) -> list[str]:
     tools = program.parents[3] / "Tools" / "autotest"
     shipped = {"arducopter": "default_params/copter.parm", "arduplane": "models/plane.parm"}[kind]
-    own = ARDUPILOT_PARAMETERS | (PLANE_PARAMETERS if kind == "arduplane" else {})
     (folder / "own.parm").write_text("".join(f"{name} {value}\n" for name, value in own.items()))
     settings["model"] = "quad" if kind == "arducopter" else "plane"
     settings["defaults"] = f"{tools / shipped},{folder / 'own.parm'}"
