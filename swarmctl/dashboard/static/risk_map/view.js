@@ -11,12 +11,15 @@ export default {
     canvas.style.width = `${box.width}px`;
     canvas.style.height = `${box.height}px`;
     if (this.area && !this.has_moved) {
-      const { rows, cols, cell_size_m } = this.area;
+      const { rows, cols, cell_size_m, fence } = this.area;
+      const corners = [[0, 0], [cols * cell_size_m, rows * cell_size_m], ...fence];
+      const easts = corners.map(([east]) => east), norths = corners.map(([, north]) => north);
+      const [west, east, south, north] = [Math.min(...easts), Math.max(...easts), Math.min(...norths), Math.max(...norths)];
       const margin = this.options.margin_px ?? MARGIN_PX;
       const width = Math.max(box.width - 2 * margin, 1), height = Math.max(box.height - 2 * margin, 1);
-      this.view.scale = Math.min(width / (cols * cell_size_m), height / (rows * cell_size_m));
-      this.view.east = (cols * cell_size_m) / 2;
-      this.view.north = (rows * cell_size_m) / 2;
+      this.view.scale = Math.min(width / (east - west), height / (north - south));
+      this.view.east = (west + east) / 2;
+      this.view.north = (south + north) / 2;
     }
     this.paint_cells();
     this.draw_soon();
