@@ -16,10 +16,10 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import yaml
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Page, ViewportSize, sync_playwright
 
 CONFIGS = Path(__file__).parent.parent / "configs"
-SIZE = {"width": 1280, "height": 800}
+SIZE: ViewportSize = {"width": 1280, "height": 800}
 STUDY = {
     "question": "How many strikes does communication save?",
     "base": str(CONFIGS / "swarm.yaml"),

@@ -15,7 +15,7 @@ from swarmctl_process import SWARMCTL, read_until
 
 pytestmark = pytest.mark.interop
 SWARM = """
-name: watched
+name: NAME
 seed: 3
 area: {origin_lat_deg: 46.0, origin_lon_deg: 14.4, rows: 6, cols: 6, cell_size_m: CELL}
 threats:
@@ -29,8 +29,13 @@ flight: {altitude_m: 15, altitude_step_m: 5}
 
 @pytest.fixture
 def flight(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[subprocess.Popen[str]]:
-    """Start a flight; its parameter is the side of a cell [m]."""
-    (tmp_path / "swarm.yaml").write_text(SWARM.replace("CELL", str(getattr(request, "param", 50))))
+    """Start a flight; its parameter is the side of a cell [m].
+
+    Orders find all swarms of a machine by name, so flights of other processes have other names.
+    """
+    content = SWARM.replace("CELL", str(getattr(request, "param", 50)))
+    content = content.replace("NAME", f"watched-{os.getpid()}")
+    (tmp_path / "swarm.yaml").write_text(content)
     # Without a desktop the program opens no browser itself.
     environment = dict(os.environ, DISPLAY="", WAYLAND_DISPLAY="")
     command = [*SWARMCTL, "fly", "--config", "swarm.yaml", "--dashboard"]

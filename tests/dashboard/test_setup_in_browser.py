@@ -65,7 +65,7 @@ def test_a_set_up_is_drawn_saved_and_flown(
 
 
 REAL = """\
-name: real
+name: drawn-real
 area: {origin_lat_deg: 46.0, origin_lon_deg: 14.4, rows: 8, cols: 8, cell_size_m: 50}
 threats: {count: 5}
 vehicles:
