@@ -31,20 +31,10 @@ from swarmctl.flight.gc_tuning import tune_collector
 from swarmctl.flight.run import Clock
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.planners import warm_up
-from swarmctl.report.live_rows import SwarmView
 from swarmctl.report.outcome import FlightReport
+from swarmctl.report.ui import SilentUi
 
 SHIPPED = Path(__file__).parent.parent / "configs" / "swarm.yaml"
-
-
-class Quiet:
-    """A user interface that shows nothing."""
-
-    def say(self, text: str) -> None: ...
-
-    def log(self, text: str) -> None: ...
-
-    def refresh(self, picture: SwarmView) -> None: ...
 
 
 @dataclass(frozen=True)
@@ -74,7 +64,7 @@ def fly(count: int, clock: Clock) -> MeasuredFlight:
     began_s, cpu_s = time.perf_counter(), time.process_time()
     with tempfile.TemporaryDirectory() as folder:
         flight = app.fly(
-            make_scenario(count), Path(folder), Quiet(), clock=clock, permission=lambda foreign: None
+            make_scenario(count), Path(folder), SilentUi(), clock=clock, permission=lambda foreign: None
         )
         report = run_virtual(flight) if clock == "virtual" else asyncio.run(flight)
     return MeasuredFlight(count, report, time.perf_counter() - began_s, time.process_time() - cpu_s)

@@ -18,6 +18,7 @@ import typer
 from swarmctl.cli.console import FAILED, INTERRUPTED, USAGE, err, fail, out, timed
 from swarmctl.config.links_checks import forwarding_problem
 from swarmctl.config.scenario import Scenario
+from swarmctl.core.operator_text import typed_names
 from swarmctl.flight.member import Member
 from swarmctl.flight.permission import Permission, PreflightFailed
 from swarmctl.flight.run import real_clock_need
@@ -199,7 +200,7 @@ def _confirmed(scenario: Scenario, confirm: str) -> frozenset[str]:
         confirm = typer.prompt(
             "These real vehicles will be armed and fly. Type their names, separated by commas"
         )
-    typed = [name.strip() for name in confirm.split(",") if name.strip()]
+    typed = typed_names(confirm)
     if sorted(typed) != sorted(names):
         fail(
             [

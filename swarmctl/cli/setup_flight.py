@@ -28,7 +28,8 @@ class SetupFlight:
         except typer.Exit as error:
             raise NotStarted(f"the run folder below {runs} cannot be created") from error
         confirmation = ["--real", "--confirm", ",".join(real)] if real else []
-        with (self.folder / OUTPUT).open("wb") as output:
+        self._log = self.folder / OUTPUT
+        with self._log.open("wb") as output:
             # In a session of its own, Ctrl-C of the dashboard does not reach the flight.
             self._process = subprocess.Popen(
                 [sys.executable, "-m", "swarmctl", "fly", "--config", str(config),
@@ -37,7 +38,7 @@ class SetupFlight:
             )  # fmt: skip
         swarm = scenario.config.name
         say(
-            f"flight of {swarm} started: process {self._process.pid}, output in {self.folder / OUTPUT}; it "
+            f"flight of {swarm} started: process {self._process.pid}, output in {self._log}; it "
             f"does not end with the dashboard: swarmctl abort return --all --swarm {swarm}"
         )
 
@@ -50,4 +51,4 @@ class SetupFlight:
         return self._process.poll() is not None
 
     def output(self) -> list[str]:
-        return (self.folder / OUTPUT).read_text(errors="replace").splitlines()
+        return self._log.read_text(errors="replace").splitlines()

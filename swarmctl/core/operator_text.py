@@ -35,6 +35,11 @@ def is_loopback(host: str) -> bool:
         return host == "localhost"
 
 
+def typed_names(text: str) -> list[str]:
+    """Return the names that a person has typed, separated by commas."""
+    return [name.strip() for name in text.split(",") if name.strip()]
+
+
 def resolve_vehicles(words: Iterable[int | str], names: Mapping[int, str]) -> list[int]:
     """Return the system ids that `words` name, each once, in the order of `names` (system id: name).
 

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 
 from nicegui import ui
 
+from swarmctl.core.operator_text import typed_names
+
 
 async def confirmed(question: str, yes: str, real: Sequence[str] = ()) -> bool:
     """Ask a person, and return the answer; `real`: names of vehicles that the person has to type."""
@@ -18,14 +20,14 @@ async def confirmed(question: str, yes: str, real: Sequence[str] = ()) -> bool:
         with ui.row():
             button = ui.button(yes, on_click=lambda: dialog.submit(True)).props("no-caps")
             if typed is not None:
-                button.bind_enabled_from(typed, "value", lambda value: _names(value) == sorted(real))
+                button.bind_enabled_from(typed, "value", lambda value: _are(value, real))
             ui.button("Cancel", on_click=lambda: dialog.submit(False)).props("no-caps flat")
     answer = await dialog
     # A browser may send a click on a disabled button, so the names are compared here too.
-    is_typed = typed is None or _names(typed.value) == sorted(real)
+    is_typed = typed is None or _are(typed.value, real)
     dialog.delete()
     return bool(answer) and is_typed
 
 
-def _names(typed: str | None) -> list[str]:
-    return sorted(name.strip() for name in (typed or "").split(",") if name.strip())
+def _are(typed: str | None, names: Sequence[str]) -> bool:
+    return sorted(typed_names(typed or "")) == sorted(names)

@@ -11,11 +11,11 @@ import msgspec
 from numpy.typing import NDArray
 
 from swarmctl.agent.state import ARRIVED
+from swarmctl.config.communication import vehicle_of
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.events import SwapMission
 from swarmctl.core.exposure import exposure_sum, length_cells, safety_factor
 from swarmctl.core.grid import Cell, Grid
-from swarmctl.core.operator_text import resolve_vehicles
 from swarmctl.core.vehicle import MAX_DELAY_S
 from swarmctl.dashboard.facts import Motion, VehicleFacts, Words
 from swarmctl.dashboard.history import last_before
@@ -200,9 +200,9 @@ def hearing(timeline: Timeline, time_s: float) -> tuple[Hearing, ...]:
 
 def groups(timeline: Timeline, time_s: float) -> tuple[Group, ...]:
     """Return the groups that fly together, with the members that are present."""
-    shown, names_by_uav = [], {uav: vehicle.name for uav, vehicle in timeline.vehicles.items()}
-    for formation in timeline.scenario.config.formations:
-        vehicles = [timeline.vehicles[resolve_vehicles([m], names_by_uav)[0]] for m in formation.members]
+    shown, config = [], timeline.scenario.config
+    for formation in config.formations:
+        vehicles = [timeline.vehicles[vehicle_of(word, config.names)] for word in formation.members]
         members = [(vehicle.name, vehicle.words.at(time_s) or Words()) for vehicle in vehicles]
         present = [(name, words) for name, words in members if words.group]
         if len(present) < 2:

@@ -26,6 +26,16 @@ class Ui(Protocol):
     def refresh(self, view: SwarmView) -> None: ...
 
 
+class SilentUi:
+    """A user interface that shows nothing."""
+
+    def say(self, text: str) -> None: ...
+
+    def log(self, text: str) -> None: ...
+
+    def refresh(self, view: SwarmView) -> None: ...
+
+
 class Observer(Protocol):
     """A receiver of all events of the flight, such as the recorder, the summary or the user interface."""
 

@@ -23,9 +23,9 @@ from swarmctl.core.belief import UNKNOWN
 from swarmctl.flight import app
 from swarmctl.flight.run import real_clock_need
 from swarmctl.flight.virtual_clock import run_virtual
-from swarmctl.report.live_rows import SwarmView
 from swarmctl.report.outcome import FlightReport
 from swarmctl.report.summary import known_to_any
+from swarmctl.report.ui import SilentUi
 from swarmctl.study.missions import Missions, as_columns, types_of
 from swarmctl.study.world import World
 
@@ -93,16 +93,6 @@ NAMES = tuple(field.name for field in fields(FlownVehicle))
 AXES = ("along", "across", "height")
 
 
-class _Silent:
-    """A user interface that shows nothing."""
-
-    def say(self, text: str) -> None: ...
-
-    def log(self, text: str) -> None: ...
-
-    def refresh(self, view: SwarmView) -> None: ...
-
-
 def unsupported(scenario: Scenario) -> str | None:
     """Return why a scenario cannot fly on the virtual clock; None if it can."""
     need = real_clock_need(scenario)
@@ -133,7 +123,7 @@ def fly_flights(scenario: Scenario, seeds: Sequence[int], kept: Collection[int] 
 def _fly(scenario: Scenario) -> FlightReport:
     """Fly once, and remove the files. Raises FlightFailed after an error, and RuntimeError after a bug."""
     with tempfile.TemporaryDirectory(prefix="swarmctl-study-") as folder:
-        flight = app.fly(scenario, Path(folder), _Silent(), clock="virtual", permission=lambda _: None)
+        flight = app.fly(scenario, Path(folder), SilentUi(), clock="virtual", permission=lambda _: None)
         report = run_virtual(flight)
     seed = scenario.config.seed
     if report.bug is not None:

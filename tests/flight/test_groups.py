@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
 from typing import Any
 
@@ -33,21 +33,18 @@ TOLD_S = 3.0
 STATION = client.FlightEndpoints("small", BusEndpoint("127.0.0.1", 7447))
 
 
+def on_each_autopilot(*in_short: tuple[str, str]) -> pytest.MarkDecorator:
+    """Run a test for each approach and autopilot, outside of the full run for those of `in_short` alone."""
+    pairs = product(APPROACHES, ["ardupilot", "px4"])
+    cases = [pytest.param(*pair, marks=() if pair in in_short else full) for pair in pairs]
+    return pytest.mark.parametrize(("approach", "autopilot"), cases)
+
+
 def flies_by_set_points(approach: str) -> set[int]:
     return {2, 3} if approach == "leader_following" else {1, 2, 3}
 
 
-@pytest.mark.parametrize(
-    ("approach", "autopilot"),
-    [
-        pytest.param("leader_following", "ardupilot"),
-        pytest.param("virtual_structure", "px4"),
-        pytest.param("behavioural", "ardupilot", marks=full),
-        pytest.param("leader_following", "px4", marks=full),
-        pytest.param("virtual_structure", "ardupilot", marks=full),
-        pytest.param("behavioural", "px4", marks=full),
-    ],
-)
+@on_each_autopilot(("leader_following", "ardupilot"), ("virtual_structure", "px4"))
 def test_members_keep_their_places_at_10_m_s_with_100_ms_of_delay(
     approach: str, autopilot: str, tmp_path: Path
 ) -> None:
@@ -146,17 +143,7 @@ def through_a_turn(approach: str, autopilot: str) -> Scenario:
     return group(approach, area=area, simulate={"autopilot": autopilot, "goal": [rows - 1, col]})
 
 
-@pytest.mark.parametrize(
-    ("approach", "autopilot"),
-    [
-        pytest.param("leader_following", "ardupilot"),
-        pytest.param("virtual_structure", "px4", marks=full),
-        pytest.param("behavioural", "px4", marks=full),
-        pytest.param("leader_following", "px4", marks=full),
-        pytest.param("virtual_structure", "ardupilot", marks=full),
-        pytest.param("behavioural", "ardupilot", marks=full),
-    ],
-)
+@on_each_autopilot(("leader_following", "ardupilot"))
 def test_through_a_turn_of_90_degrees_no_member_is_4_m_from_its_place(
     approach: str, autopilot: str, tmp_path: Path
 ) -> None:

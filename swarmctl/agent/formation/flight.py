@@ -56,10 +56,9 @@ def fly_in_formation(state: AgentState) -> StepResult:
     if in_formation:
         state, flown = _flown(state, formation)
         if (far_m := _comes_no_nearer(state, formation)) is not None:
-            why = (
-                f"for {formation.max_error_s:g} s the vehicle has been more than {formation.max_error_m:g} m "
-            )
-            return _leave(state, f"{why}from its place, and comes no nearer ({far_m:.0f} m now)")
+            for_s, limit_m = formation.max_error_s, formation.max_error_m
+            why = f"for {for_s:g} s the vehicle has been more than {limit_m:g} m from its place"
+            return _leave(state, f"{why}, and comes no nearer ({far_m:.0f} m now)")
         return state, _set_points(state, flown)
     if state.leads_group and formation.approach.LEADER_FLIES_MISSION:
         return _lead_mission(*_flown(state, formation))
@@ -195,19 +194,18 @@ def _view(state: AgentState, formation: Formation) -> Group:
         then[1] + since_s * velocity_m_s[1],
         then[2] + since_s * velocity_m_s[2],
     )
-    own_place = places[state.task.uav]
     limits = state.task.separation.limits
     return Group(
         now_s=now_s,
         position_m=here,
         velocity_m_s=velocity_m_s,
-        place=own_place,
+        place=places[state.task.uav],
         is_leader=state.leads_group,
         others=tuple(_member(state, uav, places[uav]) for uav in others),
         along=along,
         reference=route.reference,
         profile=route.profile,
-        height_m=_height_amsl_m(state, formation, own_place, _level_within_m(state, places)),
+        height_m=_height_amsl_m(state, formation, places),
         limits=MemberLimits(
             speed_m_s=state.task.arrival.speed_m_s,
             acceleration_m_s2=ACCELERATION_M_S2,
@@ -278,15 +276,13 @@ def _level_within_m(state: AgentState, places: Mapping[int, ShapePlace]) -> floa
     return LEVEL_WITHIN * (spacing_m if math.isfinite(spacing_m) else limits.horizontal_m)
 
 
-def _height_amsl_m(
-    state: AgentState, formation: Formation, place: ShapePlace, level_within_m: float
-) -> float:
-    """Return the height of the reference point above the sea.
+def _height_amsl_m(state: AgentState, formation: Formation, places: Mapping[int, ShapePlace]) -> float:
+    """Return the height of the reference point above the sea; `places`: those of the present members.
 
     A vehicle keeps its own height until it is near its place: so vehicles cross each other's ways at
     different heights.
     """
-    vehicle, membership = state.vehicle, state.membership
+    vehicle, membership, place = state.vehicle, state.membership, places[state.task.uav]
     assert vehicle.alt_amsl_m is not None
     assert vehicle.alt_rel_m is not None
     home_m = vehicle.alt_amsl_m - vehicle.alt_rel_m
@@ -296,7 +292,7 @@ def _height_amsl_m(
     if state.leads_group or membership.leader is None:
         return own_m
     error_m, told = membership.error_m, membership.told[membership.leader].message
-    is_near = error_m is not None and max(map(abs, error_m[:2])) <= level_within_m
+    is_near = error_m is not None and max(map(abs, error_m[:2])) <= _level_within_m(state, places)
     if not is_near or told.route_id == 0:
         return own_m - place[2]
     # A wrong height of the leader must lead no vehicle into the ground, or through the fence's ceiling.

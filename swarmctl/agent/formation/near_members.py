@@ -17,10 +17,8 @@ def near_members(state: AgentState, formation: Formation, silence_s: float) -> t
     vehicle = state.last_position
     if vehicle.lat_lon is None:
         return ()
-    here, within_m = (
-        state.task.grid.frame.to_local(*vehicle.lat_lon),
-        JOINS_WITHIN_M + 2.0 * formation.radius_m,
-    )
+    here = state.task.grid.frame.to_local(*vehicle.lat_lon)
+    within_m = JOINS_WITHIN_M + 2.0 * formation.radius_m
     told = state.membership.told
     others = state.membership.present(formation.members, state.now_boot_s, silence_s)
     return tuple(

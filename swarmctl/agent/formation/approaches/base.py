@@ -17,7 +17,7 @@ Vector = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class MemberLimits:
-    """MemberLimits of the group's vehicles, and the distance between them."""
+    """Limits of the group's vehicles, and the distance between them."""
 
     speed_m_s: float
     """greatest speed over ground that is demanded of a member"""
