@@ -45,7 +45,8 @@ def test_a_set_up_is_drawn_saved_and_flown(
     page.locator(".first-routes > *").nth(2).wait_for(state="detached")
     canvas = page.locator("canvas")
     box = canvas.bounding_box()
-    canvas.click(position={"x": box["width"] / 2 + 5, "y": box["height"] / 2 - 5})
+    # The fence, which reaches west to the vehicles, is centred: a third of a cell to row 3, column 2.
+    canvas.click(position={"x": box["width"] / 2, "y": box["height"] / 2 - 24})
     canvas.press("ArrowUp")
     canvas.press("Enter")
     ready.filter(has_text="no problems").wait_for()
@@ -57,7 +58,7 @@ def test_a_set_up_is_drawn_saved_and_flown(
     assert errors == []
 
     assert COMMENT in (tmp_path / "small.yaml").read_text()
-    assert load(tmp_path / "small.yaml").area.no_fly == ((3, 3), (4, 3))
+    assert load(tmp_path / "small.yaml").area.no_fly == ((3, 2), (4, 2))
     read_until(process, "exit code 0")
     assert len(list(tmp_path.glob("runs/*/summary.json"))) == 1
     page.get_by_role("link", name="Set-up").click()
