@@ -82,12 +82,12 @@ def page(
     problems: Sequence[str],
 ) -> str:
     """Return the HTML text."""
-    title = escape(question or "A study")
+    title = question or "A study"
     parts = [
-        f'<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{title}</title>',
+        f'<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{escape(title)}</title>',
         '<meta name="viewport" content="width=device-width, initial-scale=1">',
         f"<style>{CSS}</style>\n</head>\n<body>",
-        f"<header><p>swarmctl study</p><h1>{title}</h1></header>",
+        f"<header><p>swarmctl study</p><h1>{_formulas(title)}</h1></header>",
         _facts(manifest, study),
     ]
     parts += [f'<p class="problem">{escape(problem)}</p>' for problem in problems]
@@ -115,7 +115,8 @@ def _facts(manifest: Mapping[str, Any], study: Study) -> str:
         ("Missions", n_text(int(missions))),
     ]
     if elapsed := manifest.get("elapsed_s"):
-        cores = f" on {manifest['workers']} cores" if manifest.get("workers") else ""
+        n_workers = manifest.get("workers")
+        cores = f" on {n_workers} core{'s' * (n_workers > 1)}" if n_workers else ""
         facts.append(("Time", f"{_duration(float(elapsed))}{cores}"))
     if manifest.get("started"):
         facts.append(("Started", str(manifest["started"])))
@@ -140,7 +141,7 @@ def _duration(seconds: float) -> str:
 
 def _figure(number: int, figure: DrawnFigure) -> str:
     data = base64.b64encode(figure.svg).decode("ascii")
-    title = f"<h3>{escape(figure.title)}</h3>" if figure.title else ""
+    title = f"<h3>{_formulas(figure.title)}</h3>" if figure.title else ""
     text = f"<b>Figure {number}.</b> {_formulas(figure.caption)}"
     image = (
         f'<img class="{figure.width}" alt="{escape(figure.caption)}" src="data:image/svg+xml;base64,{data}">'
