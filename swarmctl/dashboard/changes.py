@@ -47,9 +47,9 @@ def changes(before: Picture | None, after: Picture) -> dict[str, Any]:
     if vehicles:
         result["vehicles"] = vehicles
     for name in ("hearing", "conflicts", "groups"):
-        value = _rounded_list(getattr(after, name))
-        if before is None or value != _rounded_list(getattr(before, name)):
-            result[name] = value
+        items = getattr(after, name)
+        if before is None or items != getattr(before, name):
+            result[name] = _rounded_list(items)
     for name in _GROWING:
         new = _growth(None if before is None else getattr(before, name), getattr(after, name))
         if new is not None:

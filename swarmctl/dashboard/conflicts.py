@@ -12,28 +12,16 @@ from swarmctl.config.scenario import Scenario, separation_of
 from swarmctl.dashboard.facts import Motion, VehicleFacts
 from swarmctl.dashboard.picture import Conflict
 
-EVERY_S = 1.0
-"""interval of the predictions [s]"""
-
 
 class Conflicts:
-    """The predicted conflicts; the prediction of a second is kept until another is asked for."""
+    """The prediction of conflicts."""
 
     def __init__(self, scenario: Scenario) -> None:
         self._frame = scenario.grid.frame
         self._limits = separation_of(scenario.config).limits
-        self._last: tuple[object, tuple[Conflict, ...]] = (None, ())
 
     def at(self, vehicles: Collection[VehicleFacts], time_s: float) -> tuple[Conflict, ...]:
-        """Return the conflicts that are predicted at the begin of the second of `time_s`, soonest first."""
-        time_s = math.floor(time_s / EVERY_S) * EVERY_S
-        # Data of this second may still come, so the key has the vehicles' newest intents, too.
-        key = (time_s, tuple(len(vehicle.intents.values) for vehicle in vehicles))
-        if self._last[0] != key:
-            self._last = key, self._predicted(vehicles, time_s)
-        return self._last[1]
-
-    def _predicted(self, vehicles: Collection[VehicleFacts], time_s: float) -> tuple[Conflict, ...]:
+        """Return the conflicts that are predicted at a time, soonest first."""
         flights = {v.uav: flight for v in vehicles if (flight := self._flight(v, time_s)) is not None}
         names = {v.uav: v.name for v in vehicles}
         found = []

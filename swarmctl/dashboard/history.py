@@ -8,10 +8,12 @@ from __future__ import annotations
 import math
 from array import array
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Generic, TypeVar, overload
 
 T = TypeVar("T")
+KEPT_SECONDS = 8
+"""number of different seconds whose values are kept: browsers may look at different times"""
 
 
 class Grown(Sequence[T], Generic[T]):
@@ -115,6 +117,29 @@ class Rows:
     @property
     def last(self) -> list[float | None] | None:
         return self.row(len(self.times_s) - 1) if self.times_s else None
+
+
+class EachSecond(Generic[T]):
+    """A value that is computed for the begin of each second, and kept for the seconds asked for last."""
+
+    __slots__ = ("_compute", "_kept")
+
+    def __init__(self, compute: Callable[[float], T]) -> None:
+        self._compute = compute
+        self._kept: dict[object, T] = {}
+
+    def at(self, time_s: float, end_s: float, version: int) -> T:
+        """Return the value at the begin of the second of `time_s`.
+
+        `end_s` is the time of the newest data, and `version` their number. Later data come after `end_s`.
+        """
+        begin_s = float(math.floor(time_s))
+        key = begin_s, (None if begin_s < end_s else version)
+        if key not in self._kept:
+            while len(self._kept) >= KEPT_SECONDS:
+                del self._kept[next(iter(self._kept))]
+            self._kept[key] = self._compute(begin_s)
+        return self._kept[key]
 
 
 def last_before(times_s: Sequence[float], time_s: float) -> float | None:

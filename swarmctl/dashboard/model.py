@@ -32,7 +32,7 @@ from swarmctl.dashboard import announced, events, looks, motions
 from swarmctl.dashboard.belief_history import BeliefHistory, Name
 from swarmctl.dashboard.conflicts import Conflicts
 from swarmctl.dashboard.facts import Motion, SentIntent, VehicleFacts
-from swarmctl.dashboard.history import Items
+from swarmctl.dashboard.history import EachSecond, Items
 from swarmctl.dashboard.picture import (
     SILENT_AFTER_S,
     AreaPicture,
@@ -87,7 +87,9 @@ class Timeline:
         self.acknowledged: set[int] = set()
         """numbers of the alarms that a person has acknowledged"""
         self.strikes: Items[Strike] = Items()
-        self._conflicts = Conflicts(scenario)
+        conflicts = Conflicts(scenario)
+        self._conflicts = EachSecond(lambda time_s: conflicts.at(self.vehicles.values(), time_s))
+        self._hearing = EachSecond(lambda time_s: looks.hearing(self, time_s))
         self._exposures: dict[str, tuple[object, NDArray[np.float64]]] = {}
 
     # --- the fold
@@ -324,8 +326,8 @@ class Timeline:
             self.began_unix_s + time_s,
             self.source,
             vehicles,
-            looks.hearing(self, time_s),
-            self._conflicts.at(self.vehicles.values(), time_s),
+            self._hearing.at(time_s, self.end_s, self.version),
+            self._conflicts.at(time_s, self.end_s, self.version),
             self.events.until(time_s),
             self.changes.until(time_s),
             self.strikes.until(time_s),
