@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shlex
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
@@ -138,7 +138,7 @@ def _run(experiment: Experiment, folder: Path, n_workers: int, scheduler: str | 
         with open_results(folder, experiment) as results:
             source = local_workers(n_workers) if scheduler is None else workers_of(scheduler)
             with source as workers, _progress(workers) as progress:
-                outcome = run(experiment, results, workers, progress, command)
+                outcome = run(experiment, results, workers, progress, command, _next_block(experiment))
     except (ResultsError, ClusterError, FlightFailed) as error:
         fail([str(error)], FAILED)
     except (KeyboardInterrupt, SystemExit):
@@ -151,6 +151,18 @@ def _run(experiment: Experiment, folder: Path, n_workers: int, scheduler: str | 
         assert wanted is not None
         say(text if outcome.widest <= wanted.half_width else f"{text}, wider than ± {wanted.half_width:g}")
     say(f"{outcome.n_rows} rows: {folder / 'results.parquet'}")
+
+
+def _next_block(experiment: Experiment) -> Callable[[int, float], None]:
+    """Return the function that says how precise a study with `until` is before its next block."""
+
+    def tell(n_worlds: int, widest: float) -> None:
+        wanted = experiment.section.until
+        assert wanted is not None
+        text = f"{n_worlds} worlds: the widest interval is ± {widest:.3g}; wanted is ± {wanted.half_width:g}"
+        err.print(text, highlight=False)
+
+    return tell
 
 
 class _Rate(ProgressColumn):
@@ -182,7 +194,8 @@ def _progress(workers: Workers[Any, Any]) -> Iterator[Any]:
             if begin is None:  # earlier missions do not count as speed
                 begin = done
                 bar.reset(task, completed=done, total=total)
-            text = STARTING if done == begin else f"{workers.n_cores} workers"
+            n = workers.n_cores
+            text = STARTING if done == begin else f"{n} worker{'' if n == 1 else 's'}"
             bar.update(task, completed=done, total=total, description=text)
 
         yield show

@@ -11,7 +11,7 @@ from typing import Any
 import pandas as pd
 
 from swarmctl.study.figures.base import Study, n_text
-from swarmctl.study.figures.measures import factor_label, label, value_text
+from swarmctl.study.figures.measures import factor_label, label, value_words
 from swarmctl.study.statistics import RESAMPLES
 
 CSS = """
@@ -127,7 +127,7 @@ def _facts(manifest: Mapping[str, Any], study: Study) -> str:
 
 
 def _values(values: Sequence[object]) -> str:
-    texts = [value_text(value) for value in values]
+    texts = [value_words(value) for value in values]
     if len(texts) > 12:
         return f"{texts[0]}, {texts[1]}, … {texts[-1]}: {len(texts)} values"
     return ", ".join(texts)
@@ -161,7 +161,7 @@ def _table(table: pd.DataFrame, study: Study) -> str:
     head += "<th>worlds</th>" + "".join(f"<th>{_formulas(label(name))}</th>" for name in measures)
     rows = []
     for record in table.to_dict("records"):
-        cells = "".join(f'<td class="factor">{escape(value_text(record[name]))}</td>' for name in factors)
+        cells = "".join(f'<td class="factor">{escape(value_words(record[name]))}</td>' for name in factors)
         cells += f"<td>{record['worlds']}</td>"
         for name in measures:
             cells += f"<td>{_cell(record[name], record[f'{name}_low'], record[f'{name}_high'])}</td>"

@@ -33,6 +33,9 @@ TABLES = {"rows": "results.parquet", "tracks": "tracks.parquet", "hostiles": "ho
 ROWS_A_GROUP = 1 << 16
 """rows of a row group of results.parquet: fixed, so that its bytes do not depend on the parts"""
 BYTES_A_VALUE = 8
+LEVEL_KEYS = ("levels", "changes")
+"""keys of an experiment's identity that follow from its factors"""
+_ABSENT = object()
 _PART = re.compile(r"level-(\d+)-seeds-(\d+)-(\d+)-rows\.parquet")
 
 
@@ -156,6 +159,7 @@ def _replace(path: Path, write: Callable[[Path], object]) -> None:
 @contextmanager
 def open_results(folder: Path, experiment: Experiment) -> Iterator[Results]:
     """Create a results folder, or go on with that of an interrupted study. Raises ResultsError."""
+    _require_space(folder, experiment)
     try:
         (folder / "parts").mkdir(parents=True, exist_ok=True)
         lock = (folder / "lock").open("w")
@@ -168,7 +172,6 @@ def open_results(folder: Path, experiment: Experiment) -> Iterator[Results]:
             text = f"{folder}: another `swarmctl study` writes this folder; wait for its end, or give --out"
             raise ResultsError(f"{text} [folder-taken]") from None
         _require_same(folder, experiment)
-        _require_space(folder, experiment)
         (folder / "experiment.yaml").write_text(experiment.portable_text, encoding="utf-8")
         (folder / "base.yaml").write_text(experiment.base_text, encoding="utf-8")
         for file in (folder / "parts").glob("*.tmp"):
@@ -183,17 +186,31 @@ def read_manifest(folder: Path) -> dict[str, Any]:
 
 
 def _require_same(folder: Path, experiment: Experiment) -> None:
-    there = read_manifest(folder).get("experiment")
-    if there is None:
+    manifest = read_manifest(folder)
+    there, here = manifest.get("experiment"), experiment.identity
+    if there is None or there == here:
         return
-    before, now = dict(_flat(there)), dict(_flat(experiment.identity))
-    different = [key for key in (*now, *before) if before.get(key) != now.get(key)]
-    if not different:
-        return
-    shown = [f"{key}: {before.get(key)!r} there, {now.get(key)!r} here" for key in dict.fromkeys(different)]
+    named = _different({"factors": manifest.get("factors")}, {"factors": dict(experiment.values)})
+    if named:  # each level differs too, which says nothing more
+        there, here = ({k: v for k, v in data.items() if k not in LEVEL_KEYS} for data in (there, here))
+    shown = [*named, *_different(there, here)]
     more = f"; and {len(shown) - 3} more" if len(shown) > 3 else ""
     text = f"{folder} has the results of another experiment: {'; '.join(shown[:3])}{more}"
     raise ResultsError(f"{text}; give another --out, or remove the folder [other-experiment]")
+
+
+def _different(there: Mapping[str, Any], here: Mapping[str, Any]) -> list[str]:
+    """Return the keys that differ, each with both values."""
+    before, now = dict(_flat(there)), dict(_flat(here))
+    return [
+        f"{key}: {_shown(before, key)} there, {_shown(now, key)} here"
+        for key in dict.fromkeys((*now, *before))
+        if before.get(key, _ABSENT) != now.get(key, _ABSENT)
+    ]
+
+
+def _shown(values: Mapping[str, Any], key: str) -> str:
+    return repr(values[key]) if key in values else "nothing"
 
 
 def _flat(data: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
@@ -201,6 +218,9 @@ def _flat(data: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
         for key, value in data.items():
             yield from _flat(value, f"{prefix}.{key}" if prefix else str(key))
     elif isinstance(data, list) and data:
+        if not any(isinstance(value, dict | list) for value in data):
+            yield prefix, data
+            return
         for index, value in enumerate(data):
             yield from _flat(value, f"{prefix}[{index}]")
     else:
@@ -210,7 +230,8 @@ def _flat(data: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
 def _require_space(folder: Path, experiment: Experiment) -> None:
     n_columns = len(experiment.kind.measures) + len(experiment.factors) + 3
     needed = 2 * experiment.most_rows * n_columns * BYTES_A_VALUE
-    free = shutil.disk_usage(folder).free
+    present = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    free = shutil.disk_usage(present).free
     if needed > free:
         raise ResultsError(
             f"{folder}: {experiment.most_rows} rows need up to {needed / 1e9:.1f} GB, and only "

@@ -17,6 +17,8 @@ from swarmctl.study.results import Results, read_manifest
 
 Progress = Callable[[int, int], None]
 """called with the number of finished missions, and of all missions as far as decided"""
+NextBlock = Callable[[int, float], None]
+"""called before one more block of `until`, with the number of worlds and half the widest interval"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +32,12 @@ class Outcome:
 
 
 def run(
-    experiment: Experiment, results: Results, workers: Workers[Batch, Any], progress: Progress, command: str
+    experiment: Experiment,
+    results: Results,
+    workers: Workers[Batch, Any],
+    progress: Progress,
+    command: str,
+    next_block: NextBlock = lambda _n, _widest: None,
 ) -> Outcome:
     """Compute what the folder lacks, and write its tables. Raises ClusterError and ResultsError.
 
@@ -47,6 +54,8 @@ def run(
             widest = _widest(experiment, results, seeds)
             if experiment.is_precise(widest):
                 break
+            if widest is not None and len(seeds) < experiment.worlds:
+                next_block(len(seeds), widest)
         n_rows = results.finish(seeds)
         manifest |= {"worlds": len(seeds), "missions": len(seeds) * len(experiment.levels)}
     finally:

@@ -20,13 +20,14 @@ from swarmctl.study.figures import caption, draw, validate
 from swarmctl.study.figures.base import Study
 from swarmctl.study.figures.calibration import Calibration, _binned
 from swarmctl.study.figures.labels import spread
-from swarmctl.study.figures.style import files, print_style
+from swarmctl.study.figures.style import HEADING, files, print_style
 
 KEYS = {"level", "seed", "uav"}
 PLANNERS = ["dijkstra", "time_bound", "constrained", "survival", "any_angle"]
 W = [0.0, 0.25, 0.5, 0.75, 1.0]
 N, K, NAMES = "simulate.count", "communication.range", "planner.name"
 N_AND_K = {N: [2, 5, 10], K: [0, 1, 2, "all"]}
+SECTIONS = ['{"name": "dijkstra", "w": 0.5}', '{"name": "survival"}']
 NAMES_AND_W = {NAMES: PLANNERS, "planner.w": W}
 AGAINST_SILENCE = {"kind": "differences", "compare": K, "reference": 0, "by": N}
 CASES: dict[str, tuple[dict[str, list[Any]], dict[str, Any]]] = {
@@ -69,6 +70,10 @@ CASES: dict[str, tuple[dict[str, list[Any]], dict[str, Any]]] = {
         {NAMES: PLANNERS, "planner.w": [0.0, 1.0]},
         {"kind": "dots", "x": NAMES, "y": "strikes", "by": "planner.w"},
     ),
+    "dots of sections, panels": (
+        {"planner": SECTIONS, "simulate.delay_step_s": [0, 20]},
+        {"kind": "dots", "x": "planner", "y": ["strikes", "survived"], "panels": "simulate.delay_step_s"},
+    ),
     "tracks": ({"planner.w": [1.0, 0.5, 0.0]}, {"kind": "tracks", "panels": "planner.w", "width": "two"}),
     "calibration": (
         {"planner.w": [0.0, 1.0]}, {"kind": "calibration", "predicted": "safety_factor", "by": "planner.w"},
@@ -92,6 +97,7 @@ def test_letters_stay_on_the_page_and_apart(name: str) -> None:
         canvas = FigureCanvasAgg(figure)
         canvas.draw()
         texts = [text for text in figure.findobj(Annotation) if text.get_text().strip()]
+        texts += figure.findobj(lambda artist: artist.get_label() == HEADING)
         labels = [text.get_window_extent().shrunk(0.9, 0.9) for text in texts]
     assert round(figure.get_size_inches()[0] * 25.4) == (180 if entry.get("width") == "two" else 88)
     image = np.asarray(canvas.buffer_rgba())[..., :3]

@@ -112,7 +112,11 @@ def test_a_study_can_be_done_again_from_its_folder(tmp_path: Path, threads: Work
 
 @pytest.mark.parametrize(
     ("change", "named"),
-    [("set: {threats.count: 30}", "set.threats.count"), ("tracks: [1]", "tracks"), ("first_seed: 5", "")],
+    [
+        ("set: {threats.count: 30}", "set.threats.count"),
+        ("tracks: [1]", "tracks"),
+        ("first_seed: 5", ""),
+    ],
 )
 def test_the_folder_of_another_experiment_is_refused(
     change: str, named: str, tmp_path: Path, threads: Workers[Any, Any]
@@ -129,10 +133,20 @@ def test_the_folder_of_another_experiment_is_refused(
     assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
 
 
+def test_other_factors_are_named_instead_of_their_levels(tmp_path: Path, threads: Workers[Any, Any]) -> None:
+    study(small_experiment(tmp_path), tmp_path / "out", threads)
+    other = load_experiment(experiment_file(tmp_path, "factors: {planner.w: [0, 1]}"), 20)
+    with pytest.raises(ResultsError, match=r"factors\.planner\.w") as refused:
+        study(other, tmp_path / "out", threads)
+    assert "factors.simulate.count" in str(refused.value)
+    assert "levels" not in str(refused.value)
+
+
 def test_more_missions_than_fit_the_disk_are_refused(tmp_path: Path) -> None:
     experiment = small_experiment(tmp_path, worlds=10**12)
     with pytest.raises(ResultsError, match=r"\[disk-too-small\]"), open_results(tmp_path / "out", experiment):
         pass
+    assert not (tmp_path / "out").exists()
 
 
 def test_two_studies_do_not_write_one_folder(tmp_path: Path) -> None:
@@ -169,6 +183,16 @@ def test_an_experiment_ends_at_the_first_block_that_is_precise_enough(
     with pytest.raises(Interrupted):
         study(load_experiment(path), tmp_path / "two", threads, 70)
     assert study(load_experiment(path), tmp_path / "two", threads) == outcome
+
+
+def test_the_precision_is_told_before_each_further_block(tmp_path: Path, threads: Workers[Any, Any]) -> None:
+    until = "until: {measure: strikes, half_width: 0.001, block: 8}"
+    experiment = small_experiment(tmp_path, until, worlds=20)
+    told: list[tuple[int, float]] = []
+    with open_results(tmp_path / "out", experiment) as results:
+        run(experiment, results, threads, lambda *_: None, "", lambda n, widest: told.append((n, widest)))
+    assert [n for n, _ in told] == [8, 16]
+    assert all(widest > 0.001 for _, widest in told)
 
 
 def test_until_ends_with_the_greatest_number_of_worlds(tmp_path: Path, threads: Workers[Any, Any]) -> None:

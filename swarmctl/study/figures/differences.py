@@ -29,7 +29,7 @@ from swarmctl.study.figures.labels import Labels
 from swarmctl.study.figures.marks import draw_lines, draw_rows, draw_zero, name_series
 from swarmctl.study.figures.measures import factor_label, label, one_of, parts, shaped, value_label
 from swarmctl.study.figures.panels import estimates_of, factors_of, panels_of, select
-from swarmctl.study.figures.style import columns_of, heading, is_numeric, set_unit
+from swarmctl.study.figures.style import columns_of, fit, heading, is_numeric, set_unit
 from swarmctl.study.statistics import Estimates
 
 
@@ -88,7 +88,7 @@ def draw(study: Study, spec: Differences) -> Figure:
         rows = np.broadcast_to(row, tuple(shape)).ravel()
         return shaped(_compared(table, name, spec.per, groups, rows), shape)
 
-    for index, panel in enumerate(panels):
+    for panel in panels:
         found = estimates_of(study, spec, panel, axes, estimator)
         found = select(found, (slice(None), rest) if along == spec.compare else (rest,))
         heading(panel.axes, _heading(spec, panel.measure, panel.value, against))
@@ -97,11 +97,12 @@ def draw(study: Study, spec: Differences) -> Figure:
         column, n_columns = columns_of(panel.axes)
         if is_rows:
             draw_rows(panel.axes, x, by, found, named=column == 0)
-            if index == 0:
-                name_series(panel.axes, by)
         else:
             draw_lines(panel.axes, labels, x, by, found, spec.x_scale, named=column == n_columns - 1)
         draw_zero(panel.axes, upright=is_rows)
+    if is_rows:
+        fit(figure)
+        name_series(panels[0].axes, by)
     labels.place(figure)
     return figure
 

@@ -9,7 +9,7 @@ from swarmctl.study.figures.base import Names, Spec, Study, interval_text
 from swarmctl.study.figures.marks import draw_rows, name_series
 from swarmctl.study.figures.measures import estimate, factor_label, label
 from swarmctl.study.figures.panels import estimates_of, factors_of, panels_of
-from swarmctl.study.figures.style import columns_of, set_unit
+from swarmctl.study.figures.style import columns_of, fit, set_unit
 
 
 class Dots(Spec):
@@ -28,12 +28,12 @@ def draw(study: Study, spec: Dots) -> Figure:
     by = (spec.by, study.shown(spec, spec.by))
     x = (spec.x, study.shown(spec, spec.x))
     figure, panels = panels_of(study, spec, spec.y, height_mm(len(x[1]), len(by[1])), most_columns=4)
-    for index, panel in enumerate(panels):
+    for panel in panels:
         found = estimates_of(study, spec, panel, (spec.by, spec.x), estimate)
         set_unit(panel.axes.xaxis, panel.measure)
         draw_rows(panel.axes, x, by, found, named=columns_of(panel.axes)[0] == 0)
-        if index == 0:
-            name_series(panel.axes, by)
+    fit(figure)
+    name_series(panels[0].axes, by)
     figure.draw_without_rendering()
     return figure
 

@@ -10,7 +10,7 @@ from matplotlib.ticker import MaxNLocator
 
 from swarmctl.report.pictures.style import INK
 from swarmctl.study.figures.labels import Label, Labels
-from swarmctl.study.figures.measures import factor_label, mathtext, value_label, value_text
+from swarmctl.study.figures.measures import factor_label, mathtext, value_label, value_words
 from swarmctl.study.figures.style import (
     MARKERS,
     SMALL_PT,
@@ -72,7 +72,7 @@ def draw_lines(
     set_scale(axes, scale, values)
     set_unit(axes.xaxis, factor)
     if not is_numeric(values):
-        axes.set_xticks(places, [value_text(value) for value in values])
+        axes.set_xticks(places, [value_words(value) for value in values])
         axes.set_xlim(-0.3, len(values) - 0.7)
     axes.set_xlabel(mathtext(factor_label(factor)))
     axes.grid(axis="x", visible=False)

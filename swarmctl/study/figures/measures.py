@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -123,7 +124,23 @@ def value_label(factor: str, value: object) -> str:
         return short if value else f"no {short}"
     if isinstance(value, int | float | np.integer | np.floating):
         return f"{short} {100 * value:g} %".replace("+ ", "+") if is_share(factor) else f"{short} = {text}"
-    return f"{short} = {text}" if text == "all" and factor in _FACTORS else text.replace("_", " ")
+    words = value_words(value)
+    return f"{short} = {text}" if text == "all" and factor in _FACTORS else words.replace("_", " ")
+
+
+def value_words(value: object) -> str:
+    """Return a factor's value for people: a whole section without its brackets, `dijkstra, w = 0.5`."""
+    text = value_text(value)
+    if not text.startswith("{"):
+        return text
+    try:
+        section = json.loads(text)
+    except ValueError:
+        return text
+    return ", ".join(
+        value_text(value) if key == "name" else f"{key} = {value_text(value)}"
+        for key, value in section.items()
+    )
 
 
 def mathtext(text: str) -> str:

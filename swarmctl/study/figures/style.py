@@ -6,6 +6,7 @@ import io
 import textwrap
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.colors import LinearSegmentedColormap, to_hex, to_rgb
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from swarmctl.report.foxglove import colour_of
@@ -30,6 +32,8 @@ LETTER_MM = 1.55
 """mean width of a letter of a heading"""
 ORDERED = LinearSegmentedColormap.from_list("ordered", ("#E69F00", "#CC5A1E", "#8A2D6B", "#1B2A6B"))
 """colours of values in order; the brightness falls along the map, so grey prints keep the order"""
+HEADING = "heading"
+"""label of the headings, by which `fit` finds them"""
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p")
 RC: Any = {
     "font.family": "DejaVu Sans",
@@ -126,8 +130,37 @@ def heading(axes: Axes, text: str) -> int:
     assert figure is not None
     width_mm = figure.get_size_inches()[0] * 25.4 / columns_of(axes)[1] - 9.0
     lines = textwrap.wrap(text, max(int(width_mm / LETTER_MM), 12))
-    axes.set_title(mathtext("\n".join(lines)), color=INK)
+    axes.set_title(mathtext("\n".join(lines)), color=INK).set_label(HEADING)
     return len(lines)
+
+
+def fit(figure: Figure) -> None:
+    """Give each panel room by its laid-out place: shorter lines of a heading, fewer numbers on the axis.
+
+    Names of rows make panels narrower than `heading` expects.
+    """
+    figure.draw_without_rendering()
+    page_right = figure.get_window_extent().x1
+    for axes in figure.axes:
+        rights = [other.get_window_extent().x0 for other in figure.axes if _is_right_of(axes, other)]
+        for title in axes.findobj(lambda artist: artist.get_label() == HEADING):
+            assert isinstance(title, Text)
+            place = title.get_window_extent()
+            room = min([page_right, *rights]) - place.x0 - 0.6 * TEXT_PT * figure.dpi / 72
+            if place.width > room:
+                lines = title.get_text().split("\n")
+                most = max(map(len, lines)) * room / place.width
+                title.set_text("\n".join(textwrap.wrap(" ".join(lines), int(most), break_long_words=False)))
+        boxes = [tick.label1.get_window_extent() for tick in axes.xaxis.get_major_ticks()]
+        if any(left.x1 + 0.5 * left.height > right.x0 for left, right in pairwise(boxes)):
+            axes.xaxis.set_major_locator(MaxNLocator(3, steps=[1, 2, 2.5, 5, 10]))
+
+
+def _is_right_of(axes: Axes, other: Axes) -> bool:
+    here, there = axes.get_subplotspec(), other.get_subplotspec()
+    assert here is not None
+    assert there is not None
+    return there.rowspan == here.rowspan and there.colspan.start > here.colspan.start
 
 
 def set_scale(axes: Axes, scale: str, values: Sequence[object]) -> None:
