@@ -4,6 +4,7 @@ Telemetry may be late on the link, or wait in this program's own inbox; the time
 The time since boot in each message does, if the offset of the two clocks is known. Each receipt is an upper
 bound of the offset, because no message arrives before it is sent. Each answer to a TIMESYNC is a lower bound,
 because no question is answered before it is asked. https://mavlink.io/en/services/timesync.html
+By the receipts alone, telemetry of a vehicle with a slow clock would look ever older.
 """
 
 from __future__ import annotations
@@ -19,6 +20,9 @@ from swarmctl.mavlink.protocol.codec import Message
 ASK_FROM_S = 1.0
 """Least age of the newest telemetry for a question. A simulator slower than real time also makes telemetry
 look old; its answers show that it is not."""
+ASK_FROM_DELAY_S = 0.1
+"""Least delay of a message, at its receipt, for a question. Positions are predicted by their age, so a clock
+that is slow, as a simulator's on a busy machine, costs a metre at 10 m/s until its next answer."""
 ASK_PERIOD_S = 1.0
 N_INTERVALS = 9
 """number of last intervals between messages"""
@@ -34,6 +38,7 @@ class VehicleClock:
         """this program's clock less the vehicle's"""
         self._newest_s: float | None = None
         """latest time of the vehicle's clock in a message"""
+        self._newest_received_s = -math.inf
         self._sent_s: deque[float] = deque(maxlen=N_INTERVALS + 1)
         """times of the last messages, by the vehicle's clock"""
         self._asked_ns: list[int] = []
@@ -49,7 +54,7 @@ class VehicleClock:
         """Record a message from `boot_s` of the vehicle's clock."""
         self._offset_s = min(self._offset_s, now - boot_s)
         if self._newest_s is None or boot_s > self._newest_s:
-            self._newest_s = boot_s
+            self._newest_s, self._newest_received_s = boot_s, now
             self._sent_s.append(boot_s)
 
     def receive_answer(self, message: Message, now: float) -> None:
@@ -76,8 +81,10 @@ class VehicleClock:
         return intervals_s[len(intervals_s) // 2] if intervals_s else 0.0
 
     def questions(self, now: float) -> list[Message]:
-        """Return a TIMESYNC if the newest message is old, at most one a second."""
-        if now < self._next_question_s or not self.is_old(now, ASK_FROM_S):
+        """Return a TIMESYNC if the newest message is old or was late, at most one a second."""
+        if now < self._next_question_s:
+            return []
+        if self.age_s(self._newest_received_s) < ASK_FROM_DELAY_S and not self.is_old(now, ASK_FROM_S):
             return []
         self._next_question_s = now + ASK_PERIOD_S
         asked_ns = round(now * 1e9)
