@@ -9,6 +9,7 @@ import pytest
 import yaml
 from firmware import FLOWN, Airfield
 from flown_cells import summary
+from group_flights import TOLD_S, seen, settled, turn_cells
 from swarmctl_process import ROOT
 from test_firmware_arrives import COPTER, FLIGHT_S, PX4
 
@@ -18,14 +19,18 @@ ACROSS_M, ALONG_M = 2.0, 4.0
 """greatest RMS errors across and along straight ahead at 10 m/s, with messages 100 ms late"""
 
 
-def group(n: int, approach: str) -> dict[str, Any]:
+TURN_M = 8.0
+"""greatest error through a turn of 90 degrees"""
+
+
+def group(n: int, approach: str, **area_changes: object) -> dict[str, Any]:
     """Return the changes of the shipped configuration for copters that fly to the east as a wedge."""
     members = [f"uav{i + 1}" for i in range(n)]
     shape = {"kind": "wedge", "spacing_m": 30.0}
     section = {"name": "alpha", "members": members, "approach": approach, "shape": shape, "speed_m_s": 10.0}
     area = yaml.safe_load((ROOT / "configs" / "formation.yaml").read_text())["area"]
     return {
-        "area": {**area, "rows": ROWS, "cols": COLS},
+        "area": {**area, "rows": ROWS, "cols": COLS, **area_changes},
         "threats": {"count": 0},
         "communication": {"delay_s": 0.1},
         "formations": [section],
@@ -50,15 +55,34 @@ def assert_kept_places(field: Airfield, approach: str) -> None:
         assert account["outcome"] == "arrived", account
 
 
-@pytest.mark.parametrize("approach", APPROACHES)
-@pytest.mark.parametrize(
-    "kinds",
-    [
+def on_each_firmware(test: Any) -> Any:
+    kinds = [
         pytest.param([COPTER] * 3, marks=pytest.mark.firmware(COPTER), id="arducopter"),
         pytest.param([PX4] * 3, marks=pytest.mark.firmware(PX4), id="px4"),
-    ],
-)
+    ]
+    return pytest.mark.parametrize("approach", APPROACHES)(pytest.mark.parametrize("kinds", kinds)(test))
+
+
+@on_each_firmware
 def test_three_members_keep_their_places(field_of: Any, kinds: Sequence[str], approach: str) -> None:
     with field_of(kinds, example="formation", **group(len(kinds), approach)) as field:
         assert field.fly().ended(within_s=FLIGHT_S) == 0
         assert_kept_places(field, approach)
+
+
+@on_each_firmware
+def test_three_members_keep_their_places_through_a_turn(
+    field_of: Any, kinds: Sequence[str], approach: str
+) -> None:
+    size, no_fly, goal = turn_cells()
+    changes = group(len(kinds), approach, rows=size, cols=size, no_fly=no_fly)
+    changes["simulated"]["goal"] = goal
+    with field_of(kinds, example="formation", **changes) as field:
+        assert field.fly().ended(within_s=FLIGHT_S) == 0
+        rows = {uav: found for uav, found in seen(field.run, field.scenario).items() if found}
+        all_joined_s = max(found[0].boot_s for found in rows.values()) + TOLD_S
+        for uav, found in rows.items():
+            largest_m = max(row.error_m for row in settled(found, all_joined_s))
+            field.keep(FLOWN, f"{uav}: {largest_m:.1f} m at most from its place")
+            assert largest_m < TURN_M
+        assert summary(field.run)["separation"]["too_close"] == []

@@ -8,7 +8,7 @@ from __future__ import annotations
 import pytest
 from drawn_traffic import draw
 
-N_DEFAULT, N_FULL = 12, 100
+N_DEFAULT, N_FULL = 12, 50
 
 FOUND = {
     29: "a vehicle that held below a landing one waited for it, and the other way round",

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from evidence_files import sent_to
 from flights import AREA, Ui, coded, fly
-from group_flights import COLS, ROWS, group, rms, seen, settled
+from group_flights import COLS, ROWS, TOLD_S, group, rms, seen, settled, turn_cells
 
 from swarmctl.agent.state import ARRIVED
 from swarmctl.bus.endpoint import BusEndpoint
@@ -28,8 +28,6 @@ pytestmark = pytest.mark.virtual
 APPROACHES = ["leader_following", "behavioural", "virtual_structure"]
 full = pytest.mark.full
 MISSION = 0  # MAV_MISSION_TYPE
-TOLD_S = 3.0
-"""time until all members know that the last one has joined [s]"""
 STATION = client.FlightEndpoints("small", BusEndpoint("127.0.0.1", 7447))
 
 
@@ -136,11 +134,9 @@ def test_after_the_leader_lands_the_next_member_leads_within_2_s_and_nobody_stan
 
 
 def through_a_turn(approach: str, autopilot: str) -> Scenario:
-    rows, row, col = 13, 3, 9
-    free = {(row, c) for c in range(col)} | {(r, col) for r in range(row, rows)}
-    cells = ((r, c) for r in range(rows) for c in range(2, rows))
-    area = {**AREA, "rows": rows, "cols": rows, "no_fly": [list(cell) for cell in cells if cell not in free]}
-    return group(approach, area=area, simulate={"autopilot": autopilot, "goal": [rows - 1, col]})
+    size, no_fly, goal = turn_cells()
+    area = {**AREA, "rows": size, "cols": size, "no_fly": no_fly}
+    return group(approach, area=area, simulate={"autopilot": autopilot, "goal": goal})
 
 
 @on_each_autopilot(("leader_following", "ardupilot"))

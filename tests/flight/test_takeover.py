@@ -77,10 +77,10 @@ def rounds(kind: str, n: int) -> list[object]:
     ("kind", "draws"),
     [
         pytest.param("ardupilot", [7], id="ardupilot"),
-        *rounds("ardupilot", 7),
-        *rounds("px4", 7),
-        *rounds("lossy", 4),
-        *rounds("arduplane", 2),
+        *rounds("ardupilot", 3),
+        *rounds("px4", 3),
+        *rounds("lossy", 2),
+        *rounds("arduplane", 1),
     ],
 )
 def test_a_station_that_dies_at_any_moment_is_continued(

@@ -16,6 +16,8 @@ from swarmctl.config.scenario import Scenario
 from swarmctl.report import record
 
 ROWS, COLS = 7, 14
+TOLD_S = 3.0
+"""time until all members know that the last one has joined [s]"""
 
 
 def group(approach: str = "leader_following", count: int = 3, **changes: Any) -> Scenario:
@@ -46,6 +48,14 @@ def group(approach: str = "leader_following", count: int = 3, **changes: Any) ->
         else:
             sections[name] = {**sections.get(name, {}), **change} if isinstance(change, dict) else change
     return small(formations=[section], **sections)
+
+
+def turn_cells() -> tuple[int, list[list[int]], list[int]]:
+    """Return the size, no-fly cells and goal of a square area that is crossed with one turn of 90 degrees."""
+    size, row, col = 13, 3, 9
+    free = {(row, c) for c in range(col)} | {(r, col) for r in range(row, size)}
+    no_fly = [[r, c] for r in range(size) for c in range(2, size) if (r, c) not in free]
+    return size, no_fly, [size - 1, col]
 
 
 @dataclass(frozen=True, slots=True)
