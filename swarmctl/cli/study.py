@@ -135,10 +135,9 @@ def _run(experiment: Experiment, folder: Path, n_workers: int, scheduler: str | 
 
     command = shlex.join(["swarmctl", *sys.argv[1:]])
     try:
-        with open_results(folder, experiment) as results:
-            source = local_workers(n_workers) if scheduler is None else workers_of(scheduler)
-            with source as workers, _progress(workers) as progress:
-                outcome = run(experiment, results, workers, progress, command, _next_block(experiment))
+        source = local_workers(n_workers) if scheduler is None else workers_of(scheduler)
+        with source as workers, open_results(folder, experiment) as results, _progress(workers) as progress:
+            outcome = run(experiment, results, workers, progress, command, _next_block(experiment))
     except (ResultsError, ClusterError, FlightFailed) as error:
         fail([str(error)], FAILED)
     except (KeyboardInterrupt, SystemExit):

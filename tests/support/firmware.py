@@ -45,6 +45,8 @@ NAME = f"firmware-{os.getpid()}"
 """commands beside a flight find all swarms of a machine, by name"""
 
 ARDUPILOT_PARAMETERS = {"LOG_BACKEND_TYPE": 0}
+COPTER_PARAMETERS = {"ANGLE_MAX": 4500}
+"""centidegrees; at the default of 30 degrees the simulated frame flies no faster than 10.1 m/s"""
 PLANE_PARAMETERS = {"AIRSPEED_CRUISE": 15, "BATT_LOW_VOLT": 10.5}
 PX4_PARAMETERS = {"SDLOG_MODE": -1, "SIH_LOC_H0": GROUND_AMSL_M, "SIH_KDV": 0.16}
 """with the default drag of SIH, 10 m/s need the greatest tilt"""
@@ -238,7 +240,8 @@ class Airfield:
             "serial0": f"udpclient:127.0.0.1:{port}",
             "serial1": f"udpclient:127.0.0.1:{WITNESS_PORT}",
         }
-        own = {"WPNAV_SPEED": 100 * vehicle["speed_m_s"]} if kind == "arducopter" else PLANE_PARAMETERS
+        speed = {"WPNAV_SPEED": 100 * vehicle["speed_m_s"]}
+        own = COPTER_PARAMETERS | speed if kind == "arducopter" else PLANE_PARAMETERS
         return _ardupilot(kind, program, settings, ARDUPILOT_PARAMETERS | own, folder)
 
 
