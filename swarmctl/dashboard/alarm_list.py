@@ -18,7 +18,7 @@ class AlarmList:
         self._timeline = timeline
         self._may_acknowledge = may_acknowledge
         self._shown: tuple[int, ...] | None = None
-        self._box = ui.column().classes("alarms w-full gap-1 p-2").props('role=alert aria-label="Alarms"')
+        self._box = ui.column().classes("alarms w-full").props('role=alert aria-label="Alarms"')
         self._box.set_visibility(False)
 
     def show(self, picture: Picture) -> None:
@@ -47,7 +47,7 @@ class AlarmList:
             if not self._may_acknowledge:
                 return
             button = ui.button(icon="done", on_click=lambda: self._acknowledge((alarm.number,)))
-            button.props('dense flat round aria-label="Acknowledge"').tooltip("Acknowledge")
+            button.props('dense flat round size=sm aria-label="Acknowledge"').tooltip("Acknowledge")
 
     def _acknowledge(self, numbers: tuple[int, ...]) -> None:
         self._timeline.acknowledged.update(numbers)

@@ -22,10 +22,10 @@ async def confirmed(question: str, yes: str, real: Sequence[str] = ()) -> bool:
             if typed is not None:
                 button.bind_enabled_from(typed, "value", lambda value: _are(value, real))
             ui.button("Cancel", on_click=lambda: dialog.submit(False)).props("no-caps flat")
+    dialog.on("hide", dialog.delete)  # once the focus is back at the button that opened the dialog
     answer = await dialog
     # A browser may send a click on a disabled button, so the names are compared here too.
     is_typed = typed is None or _are(typed.value, real)
-    dialog.delete()
     return bool(answer) and is_typed
 
 

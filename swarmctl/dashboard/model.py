@@ -60,7 +60,9 @@ class Timeline:
         self.area: AreaPicture = looks.area(scenario)
         self.kind: SourceKind = kind
         self.began_unix_s = began_unix_s
-        self.is_live = kind in ("live file", "bus")
+        self.is_flight = kind in ("live file", "bus")
+        """True for a flight that was in progress, though it may have ended since"""
+        self.is_live = self.is_flight
         self.now_s = 0.0
         """time to show if none is chosen; a live source moves it on, though no data come"""
         self.end_s = 0.0

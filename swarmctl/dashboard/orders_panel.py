@@ -70,8 +70,8 @@ class AbortButton:
                     button = ui.button(f"All {order}", on_click=partial(dialog.submit, order))
                     button.props("no-caps color=negative")
                 ui.button("Cancel", on_click=lambda: dialog.submit(None)).props("no-caps flat")
+        dialog.on("hide", dialog.delete)
         order = await dialog
-        dialog.delete()
         if order in ABORTS:
             await send_and_tell(self._send, GiveOrder(None, order), partial(order_line, order))
 

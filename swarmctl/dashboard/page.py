@@ -11,42 +11,21 @@ from fastapi import Request
 from nicegui import events, ui
 
 from swarmctl.core.messages import MAX_BY
+from swarmctl.dashboard import style
 from swarmctl.dashboard.access import SESSION, Session, Sessions
 from swarmctl.dashboard.model import Timeline
 from swarmctl.dashboard.orders_panel import AbortButton, Send
 from swarmctl.dashboard.playback import SPEEDS, Playback
 from swarmctl.dashboard.run_view import RunView
 from swarmctl.dashboard.tiles import Tiles
+from swarmctl.dashboard.time_marks import marks_of
 
 EVERY_S = 0.1
 """interval of the changes that a browser gets [s]"""
 CARDS_EVERY = 5
 """the cards and lists follow at every CARDS_EVERY-th change"""
-STYLE = """
-body { overflow: hidden }
-.nicegui-content { padding: 0; gap: 0; height: 100vh; flex-wrap: nowrap }
-.risk-map { width: 100%; height: 100%; position: relative }
-.risk-map canvas { display: block; touch-action: none; outline: none }
-.risk-map canvas:focus-visible { box-shadow: inset 0 0 0 2px #0072b2 }
-.unheard { position: absolute; top: 8px; left: 8px; right: 8px; padding: 6px 12px; border-radius: 6px }
-.unheard { background: #a00000; color: #fff; font-weight: 600; text-align: center }
-.card-vehicle { border-left: 6px solid var(--colour); border-radius: 6px; padding: 8px 10px; width: 100% }
-.card-vehicle .facts { font-variant-numeric: tabular-nums; font-size: 12px; line-height: 1.5; opacity: .85 }
-.alarms { background: rgba(200, 0, 0, .1); border-left: 6px solid #c00; flex: none }
-.is-silent { opacity: .55 }
-.runs { width: 100%; flex: 1 1 0; min-height: 0; display: grid }
-.runs { grid-auto-columns: minmax(0, 1fr); grid-auto-flow: column }
-.run { display: flex; min-width: 0; min-height: 0 } .run-map { flex: 1 1 0; min-width: 0; min-height: 0 }
-.run-side { flex: 0 0 360px; width: 360px; min-width: 0; min-height: 0; flex-wrap: nowrap }
-.is-double .run { flex-direction: column; border-left: 1px solid rgba(128, 128, 128, .4) }
-.run-head { flex: none } .source { flex: 1 1 8em; min-width: 0 }
-.is-double .run-side { flex: 0 0 34%; width: 100% }
-.cards { display: grid; grid-template-columns: repeat(auto-fill, minmax(300px, 1fr)); align-content: start }
-.cards > .orders { grid-column: 1 / -1 }
-@media (max-width: 1000px) { .head { gap: 4px } .head .q-field { min-width: 0; width: 8.5rem } }
-@media (max-width: 1000px) { .head .q-checkbox__label { font-size: 12px } }
-@media (max-width: 1000px) { .run { flex-direction: column } .run-side { flex: 0 0 34%; width: 100% } }
-"""
+USED_BY = ("div", "a")
+"""elements of controls: with the focus they use the space bar, Home and End themselves"""
 
 
 class Page:
@@ -84,12 +63,12 @@ class Page:
         self._people = people
         self._dark = ui.dark_mode(value=None)
         is_single = len(self._views) == 1
-        ui.add_css(STYLE)
+        ui.add_css(style.COMMON + style.RUNS)
         with ui.row().classes("head w-full items-center gap-3 px-3 py-1"):
             if back is not None:
                 ui.link(back[1], back[0])
             names = dict.fromkeys(timeline.area.swarm for timeline in self._timelines)
-            ui.label(heading or " and ".join(names)).classes("text-lg font-semibold")
+            ui.label(heading or " and ".join(names)).classes("text-lg font-semibold ellipsis")
             if is_single:
                 self._views[0].add_source()
                 self._views[0].add_belief()
@@ -97,9 +76,9 @@ class Page:
                 ui.space()
             self._others = ui.label().classes("people text-sm").props("aria-live=polite")
             ui.select(
-                {"heat": "heat map of P_s", "paper": "grey, as in the paper"}, value="heat", label="Shading",
+                {"heat": "heat map", "paper": "grey (paper)"}, value="heat", label="Shading",
                 on_change=lambda e: self._set_options(shading=e.value),
-            ).classes("min-w-40").props("dense outlined options-dense")  # fmt: skip
+            ).classes("min-w-36").props("dense outlined options-dense")  # fmt: skip
             ui.checkbox("Hearing", value=True, on_change=lambda e: self._set_options(hearing=e.value))
             if any(timeline.area.hostiles is not None for timeline in self._timelines):
                 ui.checkbox("True hostiles", on_change=lambda e: self._set_options(hostiles=e.value))
@@ -113,19 +92,24 @@ class Page:
             self._play = ui.button(icon="play_arrow", on_click=self._toggle).props("round dense flat")
             self._play.props('aria-label="Play or pause"').tooltip("Play or pause (space)")
             speeds = {speed: f"{speed:g} ×" for speed in SPEEDS}
-            speed = ui.select(speeds, value=1.0, on_change=self._set_speed).props("dense borderless")
-            speed.props("aria-label=Speed").tooltip("Speed")
-            self._slider = ui.slider(min=0.0, max=1.0, step=0.1, value=0.0).classes("grow")
+            speed = ui.select(speeds, value=1.0, label="Speed", on_change=self._set_speed)
+            speed.classes("speed").props("dense borderless options-dense")
+            with ui.element("div").classes("time"):
+                self._marks = ui.html("", sanitize=False)
+                self._slider = ui.slider(min=0.0, max=1.0, step=0.1, value=0.0)
             self._slider.props("aria-label=Time").on("update:model-value", self._scrubbed, throttle=0.05)
             self._time = ui.label().classes("tabular-nums whitespace-nowrap")
             if self._is_live:
                 ui.button("Live", on_click=self._go_live).props("dense flat no-caps")
-        ui.keyboard(on_key=self._key)
+        ui.keyboard(on_key=self._step_key)
+        ignored: Any = ["input", "select", "button", "textarea", *USED_BY]
+        ui.keyboard(on_key=self._key, ignore=ignored)
         ui.timer(EVERY_S, self._refresh)
 
     @property
     def _is_live(self) -> bool:
-        return any(timeline.is_live for timeline in self._timelines)
+        # A page that is opened after the flight shows its end and its alarms.
+        return any(timeline.is_flight for timeline in self._timelines)
 
     @property
     def _end_s(self) -> float:
@@ -153,6 +137,7 @@ class Page:
         total_s = max(timeline.source.total_s for timeline in self._timelines)
         self._slider._props["max"] = max(self._end_s, 0.1)
         self._slider.set_value(time_s)
+        self._marks.set_content(marks_of(self._timelines, self._end_s))
         self._time.set_text(f"{time_s:.1f} of {total_s:.0f} s")
         self._play.props(f"icon={'pause' if self._playback.is_playing else 'play_arrow'}")
 
@@ -188,7 +173,9 @@ class Page:
             self._toggle()
         elif event.key in ("Home", "End"):
             self._playback.seek(0.0 if event.key == "Home" else self._end_s)
-        elif event.key in (",", "."):
+
+    def _step_key(self, event: events.KeyEventArguments) -> None:
+        if event.action.keydown and event.key in (",", "."):
             self._playback.seek(self._playback.time_s + (1.0 if event.key == "." else -1.0))
 
 

@@ -88,7 +88,7 @@ class RunView:
                 self._map = RiskMap().classes("w-full h-full")
             with ui.column().classes("run-side gap-0"):
                 self._alarms = None
-                if timeline.is_live:
+                if timeline.is_flight:
                     self._alarms = AlarmList(timeline, may_acknowledge=not self._is_viewer)
                 with ui.tabs().props("dense no-caps").classes("w-full") as tabs:
                     names = ("Vehicles", "Route changes", "Events", "What if")
@@ -155,7 +155,9 @@ class RunView:
         self._events.show([event for event in picture.events if event.severity in self._severities])
         self._routes.show(picture.changes)
         source = picture.source
-        age = f"; newest data {source.age_s:.0f} s old" if source.age_s > 2.0 else ""
+        has_data = self.timeline.version > 0
+        age = f"newest data {source.age_s:.0f} s old" if has_data else f"no data for {source.age_s:.0f} s"
+        age = f"; {age}" if source.age_s > 2.0 else ""
         ended = f"ended at {source.end_s:.0f} s" if time_s > source.end_s + ENDED_BY_S else ""
         self._source.set_text("; ".join(filter(None, (source.kind + age, ended, source.text, *source.lacks))))
 
@@ -227,7 +229,7 @@ class _Card:
                 ui.space()
                 self._state = ui.label().classes("text-sm")
             self._facts = ui.label().classes("facts whitespace-pre-line")
-            self._note = ui.label().classes("text-xs text-orange-8")
+            self._note = ui.label().classes("note text-xs")
         self._card.props(f'tabindex=0 role=button aria-label="Belief of {escape(name)}"')
         for event in ("click", "keydown.enter"):
             self._card.on(event, lambda: choose(name))

@@ -14,13 +14,13 @@ from swarmctl.config.problems import ConfigError
 from swarmctl.config.scenario import Scenario, build
 from swarmctl.config.yaml_lines import KeyPath
 from swarmctl.core.exposure import exposure
-from swarmctl.dashboard import looks
+from swarmctl.dashboard import looks, style
 from swarmctl.dashboard.access import SESSION, Sessions
 from swarmctl.dashboard.confirmation import confirmed
 from swarmctl.dashboard.draft import Draft
 from swarmctl.dashboard.flights import Flights, NotStarted
 from swarmctl.dashboard.orders_panel import tell
-from swarmctl.dashboard.page import STYLE, present, serve_run
+from swarmctl.dashboard.page import present, serve_run
 from swarmctl.dashboard.risk_map import RiskMap
 from swarmctl.dashboard.setup_edits import (
     SIMULATED,
@@ -61,9 +61,9 @@ class SetupPage:
         self._find_problems = find_problems
         self._tool, self._whose, self._number = "no_fly", SIMULATED, 0
         self._fields: dict[KeyPath, ui.number] = {}
-        ui.add_css(STYLE)
+        ui.add_css(style.COMMON + style.RUNS)
         self._dark = ui.dark_mode(value=None)
-        with ui.row().classes("w-full items-center gap-3 px-3 py-1"):
+        with ui.row().classes("head w-full items-center gap-3 px-3 py-1"):
             ui.label(f"Set-up of {path}").classes("text-lg font-semibold ellipsis")
             ui.space()
             if flights.newest:
@@ -85,7 +85,7 @@ class SetupPage:
         ui.select(names, value=self._whose, label="Start and goal of", on_change=self._choose).classes(
             "w-full"
         ).props("dense outlined options-dense")
-        with ui.grid(columns=2).classes("w-full gap-2"):
+        with ui.element("div").classes("fields"):
             for path, (label, kind) in FIELDS.items():
                 value = self._draft.value(path)
                 if isinstance(value, (int, float)):

@@ -7,6 +7,7 @@ from typing import Any
 
 from nicegui import events, run, ui
 
+from swarmctl.dashboard import style
 from swarmctl.dashboard.page import Page
 from swarmctl.dashboard.sources.study import Chart, StudySource, WorldResult, option_of
 from swarmctl.report.foxglove import colour_of
@@ -29,7 +30,7 @@ class StudyPage:
         self._charts: list[ui.echart] = []
         self._levels: tuple[int, ...] = ()
         self._dark = ui.dark_mode(value=None)
-        ui.add_css(STYLE)
+        ui.add_css(style.COMMON + STYLE)
         with ui.row().classes("w-full items-center gap-3 px-3 py-1"):
             ui.label(source.experiment.section.question).classes("text-lg font-semibold grow")
             ui.checkbox("Dark", on_change=self._set_dark)

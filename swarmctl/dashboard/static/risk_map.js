@@ -5,6 +5,7 @@
 import cells from "risk-map/cells.js";
 import groups from "risk-map/groups.js";
 import marks from "risk-map/marks.js";
+import names from "risk-map/names.js";
 import tiles from "risk-map/tiles.js";
 import view from "risk-map/view.js";
 
@@ -20,7 +21,8 @@ export default {
   template: `<div class="risk-map">
     <canvas ref="canvas" tabindex="0" aria-label="Map of the area"></canvas>
     <div v-if="unheard_s" class="unheard" role="alert">
-      No data from the dashboard for {{ unheard_s }} s: the page is old
+      No data from the dashboard for {{ unheard_s }} s: what is shown is that old.
+      A restarted dashboard needs its new address.
     </div>
   </div>`,
   data: () => ({ unheard_s: 0 }),
@@ -45,6 +47,7 @@ export default {
     this.ageing = setInterval(() => {
       const unheard_s = Math.floor((Date.now() - (this.heard_ms ?? Infinity)) / 1000);
       this.unheard_s = unheard_s >= UNHEARD_AFTER_S ? unheard_s : 0;
+      document.body.classList.toggle("is-old", this.unheard_s > 0);
     }, 500);
     this.$emit("ready");
   },
@@ -57,6 +60,7 @@ export default {
     ...tiles,
     ...cells,
     ...marks,
+    ...names,
     ...groups,
     set_area(area) {
       this.area = area;
@@ -136,6 +140,7 @@ export default {
         this.draw_footprint(context, vehicle, this.area.footprints_m[i]);
         this.draw_vehicle(context, vehicle);
       }
+      this.draw_names(context);
       if (this.exposure) this.draw_scale(context);
       if (this.options.places && this.cursor) this.draw_cursor(context);
     },

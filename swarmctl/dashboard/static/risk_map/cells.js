@@ -19,6 +19,10 @@ function shade(share, isDark) {
 }
 
 export default {
+  // The paper's grey is the same in both views: white for none.
+  has_dark_cells() {
+    return this.options.dark && this.options.shading !== "paper";
+  },
   shown_belief() {
     return this.options.whose ? this.vehicles[this.options.whose]?.belief : this.belief;
   },
@@ -39,7 +43,7 @@ export default {
           const grey = Math.round(255 * (1 - share));
           colour = [grey, grey, grey];
         }
-        if (code & OCCUPIED) colour = dark ? [255, 80, 80] : [40, 0, 0];
+        if (code & OCCUPIED) colour = this.has_dark_cells() ? [255, 255, 255] : [40, 0, 0];
         image.data.set([...colour, 255], at);
       }
     }
@@ -61,7 +65,7 @@ export default {
           context.lineTo(x + cell, y);
         }
       }
-      context.strokeStyle = this.options.dark ? "rgba(255,255,255,0.16)" : "rgba(0,0,0,0.16)";
+      context.strokeStyle = this.has_dark_cells() ? "rgba(255,255,255,0.16)" : "rgba(0,0,0,0.16)";
       context.lineWidth = 1;
       context.stroke();
     }

@@ -114,16 +114,6 @@ export default {
     context.lineWidth = 1.5;
     context.stroke();
     context.restore();
-    const unheard = vehicle.is_silent && vehicle.age_s !== null ? ` (unheard for ${Math.round(vehicle.age_s)} s)` : "";
-    context.font = "600 12px system-ui, sans-serif";
-    context.lineWidth = 3;
-    context.strokeStyle = this.options.dark ? "#101418" : "#fff";
-    // A name that would end outside the map is written to the left of its vehicle.
-    const width_px = context.measureText(vehicle.name + unheard).width;
-    const text_x = x + 11 + width_px > context.canvas.clientWidth ? x - 11 - width_px : x + 11;
-    context.strokeText(vehicle.name + unheard, text_x, y + 4);
-    context.fillStyle = this.ink;
-    context.fillText(vehicle.name + unheard, text_x, y + 4);
     context.globalAlpha = 1;
   },
 };
