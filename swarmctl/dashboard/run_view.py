@@ -277,8 +277,8 @@ def _facts(vehicle: VehiclePicture) -> str:
             f"{known(vehicle.height_m, '{:z.0f} m')} high, {known(vehicle.speed_m_s, '{:.1f} m/s')}, "
             f"battery {known(vehicle.battery_percent, '{:.0f} %')}",
             f"{known(share, '{:.0f} %')} of the route, arrives in {known(vehicle.arrives_in_s, '{:.0f} s')}",
-            f"knows {vehicle.cells_known} cells and {vehicle.hostiles_known} hostiles; "
-            f"{vehicle.replans} replans, {known(vehicle.strikes, '{:.0f}')} strikes",
+            f"known cells: {vehicle.cells_known}, known hostiles: {vehicle.hostiles_known}",
+            f"changes of route: {vehicle.replans}, strikes: {known(vehicle.strikes, '{:.0f}')}",
             f"last word {known(vehicle.age_s, '{:.1f} s ago')}{link}",
         )
     )

@@ -136,7 +136,7 @@ def test_each_slider_and_command_arrives_at_a_vehicle(swarm: Swarm, browser: Any
 def test_a_swarm_of_agents_is_watched_through_a_restart_of_its_router(swarm: Swarm, browser: Any) -> None:
     page = browser.new_page()
     for card in launched(page, swarm):
-        card.filter(has_text=re.compile("knows [1-9]")).wait_for()
+        card.filter(has_text=re.compile("known cells: [1-9]")).wait_for()
     silent = page.locator(".card-vehicle.is-silent")
     swarm.router.kill()
     swarm.router.wait()

@@ -46,8 +46,10 @@ def test_a_replay_is_scrubbed_to_its_end(run: Path, address: str, browser: Any) 
     for vehicle in summary["vehicles"]:
         card = page.locator(".card-vehicle", has_text=vehicle["name"])
         known = vehicle["cells_own"] + vehicle["cells_heard"]
-        card.filter(has_text=f"knows {known} cells and {vehicle['hostiles_known']} hostiles").wait_for()
-        card.filter(has_text=f"{vehicle['replans']} replans, {vehicle['strikes']} strikes").wait_for()
+        card.filter(has_text=f"known cells: {known}, known hostiles: {vehicle['hostiles_known']}").wait_for()
+        card.filter(
+            has_text=f"changes of route: {vehicle['replans']}, strikes: {vehicle['strikes']}"
+        ).wait_for()
     again = browser.browser.new_context().new_page()
     assert again.goto(address).status == 401, "the address works once"
     assert errors == []

@@ -57,7 +57,7 @@ def test_a_point_leads_to_a_mission(folder: Path, address: str, browser: Any) ->
     page.keyboard.press("End")
     for row in (row for row in rows if row["seed"] == 2):
         card = page.locator(".card-vehicle").nth(row["uav"] - 1)
-        known = f"knows {row['cells_known']} cells and {row['hostiles_known']} hostiles"
+        known = f"known cells: {row['cells_known']}, known hostiles: {row['hostiles_known']}"
         card.filter(has_text=known).wait_for()
-        card.filter(has_text=f"{row['replans']} replans, {row['strikes']} strikes").wait_for()
+        card.filter(has_text=f"changes of route: {row['replans']}, strikes: {row['strikes']}").wait_for()
     assert errors == []
