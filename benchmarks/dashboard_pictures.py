@@ -1,7 +1,8 @@
 """Draw pictures of the dashboard: `python benchmarks/dashboard_pictures.py docs/images`.
 
 It flies the first example with and without communication and the example of a formation on the virtual
-clock, flies a short study, and photographs their pages in Chromium at 1280 × 800.
+clock, flies a short study, and photographs their pages in Chromium at 1280 × 800. The picture of the orders
+is of a flight in real time.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import argparse
 import re
 import shutil
+import signal
 import subprocess
 import tempfile
 from collections.abc import Iterator
@@ -55,8 +57,8 @@ def fly(folder: Path, name: str, example: str, communication: object) -> None:
 
 @contextmanager
 def page_of(browser: Browser, folder: Path, *words: str) -> Iterator[Page]:
-    """Start a dashboard, and open its page."""
-    command = ["swarmctl", "dashboard", *words]
+    """Start a dashboard, and open its page; the first word is the command."""
+    command = ["swarmctl", *words]
     process = subprocess.Popen(
         command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
     )
@@ -68,8 +70,8 @@ def page_of(browser: Browser, folder: Path, *words: str) -> Iterator[Page]:
         yield page
     finally:
         page.context.close()
-        process.terminate()
-        process.wait()
+        process.send_signal(signal.SIGINT)  # the first one ends a flight, the next one its dashboard
+        process.communicate()
 
 
 def scrub(page: Page, seconds: int) -> None:
@@ -79,6 +81,28 @@ def scrub(page: Page, seconds: int) -> None:
     for _ in range(seconds):
         page.keyboard.press(".")
     page.wait_for_timeout(2000)
+
+
+def show_what_if(page: Page) -> None:
+    """Move the slider of w for uav1, and draw its Pareto front."""
+    page.locator(".card-vehicle", has_text="uav1").press("Enter")
+    page.get_by_role("tab", name="What if").click()
+    page.get_by_role("slider", name="w: 0").locator("[tabindex]").focus()
+    for _ in range(5):
+        page.keyboard.press("ArrowLeft")
+    page.get_by_role("button", name="Pareto front").press("Enter")
+    page.wait_for_timeout(3000)
+
+
+def hold_uav2(page: Page) -> None:
+    """Let uav2 hold after 40 s of flight."""
+    page.locator(".card-vehicle", has_text="uav1").filter(has_text="flying").wait_for(timeout=90_000)
+    page.wait_for_timeout(40_000)
+    page.locator(".card-vehicle", has_text="uav2").press("Enter")
+    page.get_by_role("button", name="Hold", exact=True).press("Enter")
+    page.get_by_role("button", name="Give the order").press("Enter")
+    page.locator(".card-vehicle", has_text="uav2").filter(has_text="holding").wait_for()
+    page.wait_for_timeout(700)
 
 
 def main() -> None:
@@ -91,6 +115,9 @@ def main() -> None:
         fly(folder, "together", "swarm", "all")
         fly(folder, "silent", "swarm", 0)
         fly(folder, "formation", "formation", "all")
+        content = yaml.safe_load((folder / "together.yaml").read_text())
+        content["simulate"]["speedup"] = 1
+        (folder / "real-time.yaml").write_text(yaml.safe_dump(content))
         (folder / "reach.yaml").write_text(yaml.safe_dump(STUDY, sort_keys=False))
         swarmctl(folder, "study", "--config", "reach.yaml")
         browser = driver.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
@@ -99,10 +126,21 @@ def main() -> None:
             "dashboard-two": (["together", "silent"], 130),
             "dashboard-formation": (["formation"], 180),
         }.items():
-            with page_of(browser, folder, *words) as page:
+            with page_of(browser, folder, "dashboard", *words) as page:
                 scrub(page, seconds)
                 page.screenshot(path=out / f"{name}.png")
-        with page_of(browser, folder, "studies/reach") as page:
+                if name == "dashboard":
+                    show_what_if(page)
+                    page.screenshot(path=out / "dashboard-what-if.png")
+        shutil.copy(CONFIGS / "swarm.yaml", folder)
+        with page_of(browser, folder, "dashboard", "--setup", "swarm.yaml") as page:
+            page.get_by_role("status").filter(has_text="no problems").wait_for()
+            page.wait_for_timeout(2000)
+            page.screenshot(path=out / "dashboard-setup.png")
+        with page_of(browser, folder, "fly", "--config", "real-time.yaml", "--dashboard") as page:
+            hold_uav2(page)
+            page.screenshot(path=out / "dashboard-orders.png")
+        with page_of(browser, folder, "dashboard", "studies/reach") as page:
             page.locator(".nicegui-echart canvas, .nicegui-echart svg").first.wait_for()
             page.wait_for_timeout(2000)
             page.screenshot(path=out / "dashboard-study.png")

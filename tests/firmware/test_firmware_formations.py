@@ -21,6 +21,8 @@ ACROSS_M, ALONG_M = 2.0, 4.0
 
 TURN_M = 8.0
 """greatest error through a turn of 90 degrees"""
+SILENT_M = 10.0
+"""greatest error with two seconds without messages of the leader"""
 
 
 def group(n: int, approach: str, **area_changes: object) -> dict[str, Any]:
@@ -79,10 +81,28 @@ def test_three_members_keep_their_places_through_a_turn(
     changes["simulated"]["goal"] = goal
     with field_of(kinds, example="formation", **changes) as field:
         assert field.fly().ended(within_s=FLIGHT_S) == 0
-        rows = {uav: found for uav, found in seen(field.run, field.scenario).items() if found}
-        all_joined_s = max(found[0].boot_s for found in rows.values()) + TOLD_S
-        for uav, found in rows.items():
-            largest_m = max(row.error_m for row in settled(found, all_joined_s))
-            field.keep(FLOWN, f"{uav}: {largest_m:.1f} m at most from its place")
-            assert largest_m < TURN_M
-        assert summary(field.run)["separation"]["too_close"] == []
+        assert_largest_error(field, TURN_M)
+
+
+@on_each_firmware
+def test_two_seconds_without_messages_of_the_leader(
+    field_of: Any, kinds: Sequence[str], approach: str
+) -> None:
+    """The silence returns, because the time of the flight in formation is known only afterwards."""
+    changes = group(len(kinds), approach)
+    quiet = [{"uavs": ["uav1"], "from_s": at_s, "until_s": at_s + 2.0} for at_s in range(30, 300, 15)]
+    changes["communication"]["quiet"] = quiet
+    with field_of(kinds, example="formation", **changes) as field:
+        assert field.fly().ended(within_s=FLIGHT_S) == 0
+        assert_largest_error(field, SILENT_M)
+
+
+def assert_largest_error(field: Airfield, most_m: float) -> None:
+    """Check each member's distance from its place after all have joined."""
+    rows = {uav: found for uav, found in seen(field.run, field.scenario).items() if found}
+    all_joined_s = max(found[0].boot_s for found in rows.values()) + TOLD_S
+    for uav, found in rows.items():
+        largest_m = max(row.error_m for row in settled(found, all_joined_s))
+        field.keep(FLOWN, f"{uav}: {largest_m:.1f} m at most from its place")
+        assert largest_m < most_m
+    assert summary(field.run)["separation"]["too_close"] == []
