@@ -33,6 +33,7 @@ from swarmctl.agent.replan.time_bound import (
 )
 from swarmctl.agent.state import AgentState, Task
 from swarmctl.core import events as ev
+from swarmctl.core.any_angle.pull import Track
 from swarmctl.core.belief import Belief, weighed_occupancy
 from swarmctl.core.exposure import exposure, length_cells
 from swarmctl.core.geo import LatLon
@@ -87,23 +88,34 @@ def _decide_from(
     on_lattice = splice.leaves_ahead and not splice.lead_waypoints
     track = None if on_lattice else pulled_track(task, problem, route)
     position = _position_in_flight(state)
-    flown = route if track is None else track
     plan = mission_for(task, p_s, route, track, position, splice)
     if position is not None:
         begins = Waypoint(*position, state.height_m)
         plan = replace(plan, begins=begins, from_hold=state.plans.hold_is_own)
-    swap = ev.SwapMission(
+    swap = swap_to(state, plan, route, track, state.plans.because)
+    return replace(state, plans=plans.sent(swap, state.vehicle.time_boot_s)), [swap]
+
+
+def swap_to(
+    state: AgentState,
+    plan: FlightPlan,
+    route: Route,
+    track: Track | None = None,
+    because: tuple[ev.ObservationId, ...] = (),
+) -> ev.SwapMission:
+    """Return the change to a mission that flies a route, or its straightened track."""
+    flown = route if track is None else track
+    return ev.SwapMission(
         plan_id=state.plans.next_plan_id,
         plan=plan,
         cells=route.cells,
-        because=state.plans.because,
+        because=because,
         cost=route.cost,
         exposure_sum=flown.exposure_sum,
         safety_factor=flown.safety_factor,
-        length_m=flown.length_cells * task.grid.cell_size_m,
+        length_m=flown.length_cells * state.task.grid.cell_size_m,
         track=track,
     )
-    return replace(state, plans=plans.sent(swap, state.vehicle.time_boot_s)), [swap]
 
 
 def choose_route(

@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmctl.agent.replan.decide import believed_exposure
+from swarmctl.agent.replan.decide import believed_exposure, swap_to
 from swarmctl.agent.state import AgentState
 from swarmctl.core import events as ev
 from swarmctl.core.any_angle.track import crossed_cells
@@ -56,16 +56,7 @@ def rest_of_stored(state: AgentState, stored: ev.SwapMission) -> ev.SwapMission 
     route = route_of(problem, cells, cost)
     begins = Waypoint(*lat_lon, state.height_m)
     plan = replace(stored.plan, track=track[n_passed:], begins=begins, leaves_ahead=False, from_hold=True)
-    return ev.SwapMission(
-        plan_id=state.plans.next_plan_id,
-        plan=plan,
-        cells=cells,
-        because=(),
-        cost=cost,
-        exposure_sum=route.exposure_sum,
-        safety_factor=route.safety_factor,
-        length_m=route.length_cells * grid.cell_size_m,
-    )
+    return swap_to(state, plan, route)
 
 
 def _is_barred(state: AgentState, p_s: NDArray[np.float64], cell: tuple[int, int]) -> bool:
