@@ -177,7 +177,7 @@ def _alternatives(annotation: Any) -> Iterator[Any]:
 def suggestion(word: str, known: Iterable[str]) -> str:
     """Return the advice for a word that is none of the known ones."""
     known = list(known)
-    close = difflib.get_close_matches(word, known, n=1)
+    close = difflib.get_close_matches(word, known, n=1, cutoff=0.8)  # above that of a common section
     if not close:  # `count` for `simulate.count`
         close = [key for key in known if key.rsplit(".", 1)[-1] == word.rsplit(".", 1)[-1]]
     if close:
