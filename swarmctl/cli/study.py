@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shlex
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
@@ -133,11 +133,14 @@ def _run(experiment: Experiment, folder: Path, n_workers: int, scheduler: str | 
     from swarmctl.study.results import ResultsError, open_results  # noqa: PLC0415
     from swarmctl.study.run import run  # noqa: PLC0415
 
+    def next_block(n_worlds: int, widest: float) -> None:
+        err.print(_precision(experiment, n_worlds, widest), highlight=False)
+
     command = shlex.join(["swarmctl", *sys.argv[1:]])
     try:
         source = local_workers(n_workers) if scheduler is None else workers_of(scheduler)
         with source as workers, open_results(folder, experiment) as results, _progress(workers) as progress:
-            outcome = run(experiment, results, workers, progress, command, _next_block(experiment))
+            outcome = run(experiment, results, workers, progress, command, next_block)
     except (ResultsError, ClusterError, FlightFailed) as error:
         fail([str(error)], FAILED)
     except (KeyboardInterrupt, SystemExit):
@@ -145,23 +148,16 @@ def _run(experiment: Experiment, folder: Path, n_workers: int, scheduler: str | 
         err.print(text, highlight=False, markup=False, soft_wrap=True)
         raise typer.Exit(INTERRUPTED) from None
     if outcome.widest is not None:
-        text = f"{outcome.n_worlds} worlds: the widest interval is ± {outcome.widest:.3g}"
-        wanted = experiment.section.until
-        assert wanted is not None
-        say(text if outcome.widest <= wanted.half_width else f"{text}, wider than ± {wanted.half_width:g}")
+        say(_precision(experiment, outcome.n_worlds, outcome.widest))
     say(f"{outcome.n_rows} rows: {folder / 'results.parquet'}")
 
 
-def _next_block(experiment: Experiment) -> Callable[[int, float], None]:
-    """Return the function that says how precise a study with `until` is before its next block."""
-
-    def tell(n_worlds: int, widest: float) -> None:
-        wanted = experiment.section.until
-        assert wanted is not None
-        text = f"{n_worlds} worlds: the widest interval is ± {widest:.3g}; wanted is ± {wanted.half_width:g}"
-        err.print(text, highlight=False)
-
-    return tell
+def _precision(experiment: Experiment, n_worlds: int, widest: float) -> str:
+    """Return how precise a study with `until` is."""
+    wanted = experiment.section.until
+    assert wanted is not None
+    text = f"{n_worlds} worlds: the widest interval is ± {widest:.3g}"
+    return text if widest <= wanted.half_width else f"{text}, wider than ± {wanted.half_width:g}"
 
 
 class _Rate(ProgressColumn):

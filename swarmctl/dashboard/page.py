@@ -53,7 +53,7 @@ class Page:
         The default of the heading is the name of the swarm.
         """
         self._timelines = tuple(runs.values())
-        self._playback = Playback(is_live=self._is_live)
+        self._playback = Playback(is_live=self._is_flight)
         self._n_changes = 0
         seek = self._playback.seek
         self._views = [
@@ -99,7 +99,7 @@ class Page:
                 self._slider = ui.slider(min=0.0, max=1.0, step=0.1, value=0.0)
             self._slider.props("aria-label=Time").on("update:model-value", self._scrubbed, throttle=0.05)
             self._time = ui.label().classes("tabular-nums whitespace-nowrap")
-            if self._is_live:
+            if self._is_flight:
                 ui.button("Live", on_click=self._go_live).props("dense flat no-caps")
         ui.keyboard(on_key=self._step_key)
         ignored: Any = ["input", "select", "button", "textarea", *USED_BY]
@@ -107,7 +107,7 @@ class Page:
         ui.timer(EVERY_S, self._refresh)
 
     @property
-    def _is_live(self) -> bool:
+    def _is_flight(self) -> bool:
         # A page that is opened after the flight shows its end and its alarms.
         return any(timeline.is_flight for timeline in self._timelines)
 

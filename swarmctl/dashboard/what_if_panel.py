@@ -58,7 +58,9 @@ class WhatIfPanel:
         self._title = ui.label().classes("font-semibold text-sm")
         with ui.element("div").classes("sliders"):
             for name, text in SLIDERS:
-                self._add_slider(name, text)
+                slider, self._labels[name] = _add_slider(text, 1.0, step=0.01)
+                slider.on("update:model-value", partial(self._moved, name), throttle=0.1)
+                self._sliders[name] = slider
             self._range = None if send is None else self._add_range()
         with ui.row().classes("w-full gap-2"):
             ui.button("Weights flown", on_click=self.reset).props("dense flat no-caps")
@@ -72,25 +74,13 @@ class WhatIfPanel:
         self._chart.set_visibility(False)
         self.reset()
 
-    def _add_slider(self, name: str, text: str) -> None:
-        with ui.column().classes("w-full gap-0"):
-            with ui.row().classes("w-full items-center no-wrap gap-2"):
-                ui.label(text).classes("text-xs grow")
-                self._labels[name] = ui.label().classes("tabular-nums text-xs")
-            slider = ui.slider(min=0.0, max=1.0, step=0.01).props(f'dense aria-label="{text}"')
-            slider.on("update:model-value", partial(self._moved, name), throttle=0.1)
-        self._sliders[name] = slider
-
     def _add_range(self) -> ui.slider | None:
         """Add the slider of the range of communication; None for a swarm with a real vehicle."""
         if not all(self._timeline.area.simulated):
             return None
-        most, text = len(self._timeline.area.names) - 1, "range of communication, nearest vehicles"
-        with ui.column().classes("w-full gap-0"):
-            with ui.row().classes("w-full items-center no-wrap gap-2"):
-                ui.label(text).classes("text-xs grow")
-                told = ui.label().classes("tabular-nums text-xs")
-            slider = ui.slider(min=0, max=most, step=1, value=most).props(f'dense aria-label="{text}"')
+        most = len(self._timeline.area.names) - 1
+        slider, told = _add_slider("range of communication, nearest vehicles", most, step=1)
+        slider.set_value(most)
         told.bind_text_from(slider, "value", lambda value: "all" if value == most else f"{value:g}")
         return slider
 
@@ -262,3 +252,13 @@ def _front_options(points: Sequence[Sequence[float | None]], colour: str) -> dic
         "yAxis": {**axis, "name": "ΣP_s", "nameGap": 40},
         "series": [{**line, "color": colour}],
     }
+
+
+def _add_slider(text: str, most: float, *, step: float) -> tuple[ui.slider, ui.label]:
+    """Add a slider from 0 to `most`, below its text and the label for its value."""
+    with ui.column().classes("w-full gap-0"):
+        with ui.row().classes("w-full items-center no-wrap gap-2"):
+            ui.label(text).classes("text-xs grow")
+            label = ui.label().classes("tabular-nums text-xs")
+        slider = ui.slider(min=0.0, max=most, step=step).props(f'dense aria-label="{text}"')
+    return slider, label

@@ -9,7 +9,7 @@ import pytest
 import yaml
 from firmware import FLOWN, Airfield
 from flown_cells import summary
-from group_flights import TOLD_S, seen, settled, turn_cells
+from group_flights import in_place, turn_cells
 from swarmctl_process import ROOT
 from test_firmware_arrives import COPTER, FLIGHT_S, PX4
 
@@ -17,8 +17,6 @@ APPROACHES = ["leader_following", "virtual_structure", "behavioural"]
 ROWS, COLS = 7, 14
 ACROSS_M, ALONG_M = 2.0, 4.0
 """greatest RMS errors across and along straight ahead at 10 m/s, with messages 100 ms late"""
-
-
 TURN_M = 8.0
 """greatest error through a turn of 90 degrees"""
 SILENT_M = 10.0
@@ -57,7 +55,19 @@ def assert_kept_places(field: Airfield, approach: str) -> None:
         assert account["outcome"] == "arrived", account
 
 
+def assert_flown_within(field_of: Any, kinds: Sequence[str], changes: dict[str, Any], most_m: float) -> None:
+    """Fly, and check each member's distance from its place after all have joined."""
+    with field_of(kinds, example="formation", **changes) as field:
+        assert field.fly().ended(within_s=FLIGHT_S) == 0
+        for uav, rows in in_place(field.run, field.scenario).items():
+            largest_m = max(row.error_m for row in rows)
+            field.keep(FLOWN, f"{uav}: {largest_m:.1f} m at most from its place")
+            assert largest_m < most_m
+        assert summary(field.run)["separation"]["too_close"] == []
+
+
 def on_each_firmware(test: Any) -> Any:
+    """Run a test for each approach on each firmware."""
     kinds = [
         pytest.param([COPTER] * 3, marks=pytest.mark.firmware(COPTER), id="arducopter"),
         pytest.param([PX4] * 3, marks=pytest.mark.firmware(PX4), id="px4"),
@@ -79,9 +89,7 @@ def test_three_members_keep_their_places_through_a_turn(
     size, no_fly, goal = turn_cells()
     changes = group(len(kinds), approach, rows=size, cols=size, no_fly=no_fly)
     changes["simulated"]["goal"] = goal
-    with field_of(kinds, example="formation", **changes) as field:
-        assert field.fly().ended(within_s=FLIGHT_S) == 0
-        assert_largest_error(field, TURN_M)
+    assert_flown_within(field_of, kinds, changes, TURN_M)
 
 
 @on_each_firmware
@@ -92,17 +100,4 @@ def test_two_seconds_without_messages_of_the_leader(
     changes = group(len(kinds), approach)
     quiet = [{"uavs": ["uav1"], "from_s": at_s, "until_s": at_s + 2.0} for at_s in range(30, 300, 15)]
     changes["communication"]["quiet"] = quiet
-    with field_of(kinds, example="formation", **changes) as field:
-        assert field.fly().ended(within_s=FLIGHT_S) == 0
-        assert_largest_error(field, SILENT_M)
-
-
-def assert_largest_error(field: Airfield, most_m: float) -> None:
-    """Check each member's distance from its place after all have joined."""
-    rows = {uav: found for uav, found in seen(field.run, field.scenario).items() if found}
-    all_joined_s = max(found[0].boot_s for found in rows.values()) + TOLD_S
-    for uav, found in rows.items():
-        largest_m = max(row.error_m for row in settled(found, all_joined_s))
-        field.keep(FLOWN, f"{uav}: {largest_m:.1f} m at most from its place")
-        assert largest_m < most_m
-    assert summary(field.run)["separation"]["too_close"] == []
+    assert_flown_within(field_of, kinds, changes, SILENT_M)

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from evidence_files import sent_to
 from flights import AREA, Ui, coded, fly
-from group_flights import COLS, ROWS, TOLD_S, group, rms, seen, settled, turn_cells
+from group_flights import COLS, ROWS, group, in_place, rms, seen, settled, turn_cells
 
 from swarmctl.agent.state import ARRIVED
 from swarmctl.bus.endpoint import BusEndpoint
@@ -50,10 +50,9 @@ def test_members_keep_their_places_at_10_m_s_with_100_ms_of_delay(
     report = fly(scenario, tmp_path)
     assert [state.outcome for state in report.states.values()] == [ARRIVED] * 3
     assert report.summary["separation"]["too_close"] == []
-    members = {uav: rows for uav, rows in seen(tmp_path, scenario).items() if rows}
+    members = in_place(tmp_path, scenario)
     assert set(members) == flies_by_set_points(approach)
-    all_joined_s = max(rows[0].boot_s for rows in members.values()) + TOLD_S
-    for rows in (settled(rows, all_joined_s) for rows in members.values()):
+    for rows in members.values():
         assert rows[-1].boot_s - rows[0].boot_s > 30.0
         assert rms([row.across_m for row in rows]) < 1.0
         assert rms([row.along_m for row in rows]) < 2.0
@@ -146,10 +145,8 @@ def test_through_a_turn_of_90_degrees_no_member_is_4_m_from_its_place(
     scenario = through_a_turn(approach, autopilot)
     report = fly(scenario, tmp_path)
     assert [state.outcome for state in report.states.values()] == [ARRIVED] * 3
-    rows = {uav: found for uav, found in seen(tmp_path, scenario).items() if found}
-    all_joined_s = max(found[0].boot_s for found in rows.values()) + TOLD_S
-    for found in rows.values():
-        assert max(row.error_m for row in settled(found, all_joined_s)) < 4.0
+    for rows in in_place(tmp_path, scenario).values():
+        assert max(row.error_m for row in rows) < 4.0
 
 
 @full

@@ -112,11 +112,7 @@ def test_a_study_can_be_done_again_from_its_folder(tmp_path: Path, threads: Work
 
 @pytest.mark.parametrize(
     ("change", "named"),
-    [
-        ("set: {threats.count: 30}", "set.threats.count"),
-        ("tracks: [1]", "tracks"),
-        ("first_seed: 5", ""),
-    ],
+    [("set: {threats.count: 30}", "set.threats.count"), ("tracks: [1]", "tracks"), ("first_seed: 5", "")],
 )
 def test_the_folder_of_another_experiment_is_refused(
     change: str, named: str, tmp_path: Path, threads: Workers[Any, Any]

@@ -106,5 +106,12 @@ def settled(rows: list[Seen], since_s: float, within_m: float = 3.0) -> list[See
     return rows[first:]
 
 
+def in_place(folder: Path, scenario: Scenario) -> Mapping[int, list[Seen]]:
+    """Return what each member that flew by set-points saw at its place, after all had joined."""
+    rows = {uav: found for uav, found in seen(folder, scenario).items() if found}
+    all_joined_s = max(found[0].boot_s for found in rows.values()) + TOLD_S
+    return {uav: settled(found, all_joined_s) for uav, found in rows.items()}
+
+
 def rms(values: list[float]) -> float:
     return math.sqrt(sum(value * value for value in values) / len(values))

@@ -18,7 +18,14 @@ from swarmctl.study.experiment import load_experiment
 from swarmctl.study.figures import caption, validate
 from swarmctl.study.figures.base import Spec, index_of
 from swarmctl.study.figures.lines import Lines
-from swarmctl.study.figures.measures import estimate, factor_label, label, value_label, value_text
+from swarmctl.study.figures.measures import (
+    estimate,
+    factor_label,
+    label,
+    value_label,
+    value_text,
+    value_words,
+)
 from swarmctl.study.results import read_manifest
 from swarmctl.study.world import World
 
@@ -181,11 +188,11 @@ def option_of(chart: Chart, colours: Sequence[str]) -> dict[str, Any]:
     if is_numeric:
         axis["type"] = "log" if chart.x_scale == "log" else "value"
     else:
-        axis |= {"type": "category", "data": list(dict.fromkeys(map(value_text, values)))}
+        axis |= {"type": "category", "data": list(dict.fromkeys(map(value_words, values)))}
     symbols = ("circle", "rect", "triangle", "diamond", "pin", "arrow")
     series = []
     for i, (name, points) in enumerate(chart.series.items()):
-        places = [point.x if is_numeric else value_text(point.x) for point in points]
+        places = [point.x if is_numeric else value_words(point.x) for point in points]
         intervals = [
             [{"coord": [x, point.low], "symbol": "none"}, {"coord": [x, point.high], "symbol": "none"}]
             for x, point in zip(places, points, strict=True)
