@@ -10,7 +10,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
-from dashboard_process import StartDashboard, address_of, addresses_of
+from dashboard_process import StartDashboard, address_of, addresses_of, await_facts
 from flights import fly, small
 from map_tiles import mbtiles
 
@@ -45,11 +45,7 @@ def test_a_replay_is_scrubbed_to_its_end(run: Path, address: str, browser: Any) 
     page.keyboard.press("End")
     for vehicle in summary["vehicles"]:
         card = page.locator(".card-vehicle", has_text=vehicle["name"])
-        known = vehicle["cells_own"] + vehicle["cells_heard"]
-        card.filter(has_text=f"known cells: {known}, known hostiles: {vehicle['hostiles_known']}").wait_for()
-        card.filter(
-            has_text=f"changes of route: {vehicle['replans']}, strikes: {vehicle['strikes']}"
-        ).wait_for()
+        await_facts(card, vehicle["cells_own"] + vehicle["cells_heard"], vehicle)
     again = browser.browser.new_context().new_page()
     assert again.goto(address).status == 401, "the address works once"
     assert errors == []

@@ -8,7 +8,7 @@ from typing import Any
 
 import pyarrow.parquet as pq
 import pytest
-from dashboard_process import StartDashboard, address_of
+from dashboard_process import StartDashboard, address_of, await_facts
 from swarmctl_process import run as run_swarmctl
 
 pytestmark = pytest.mark.interop
@@ -57,7 +57,5 @@ def test_a_point_leads_to_a_mission(folder: Path, address: str, browser: Any) ->
     page.keyboard.press("End")
     for row in (row for row in rows if row["seed"] == 2):
         card = page.locator(".card-vehicle").nth(row["uav"] - 1)
-        known = f"known cells: {row['cells_known']}, known hostiles: {row['hostiles_known']}"
-        card.filter(has_text=known).wait_for()
-        card.filter(has_text=f"changes of route: {row['replans']}, strikes: {row['strikes']}").wait_for()
+        await_facts(card, row["cells_known"], row)
     assert errors == []

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from dashboard_process import StartDashboard, address_of
+from dashboard_process import StartDashboard, address_of, await_facts
 from flights import fly, small
 from swarmctl_process import run as run_swarmctl
 
@@ -39,9 +39,8 @@ def test_two_runs_are_scrubbed_together(folder: Path, address: str, browser: Any
     for name in RANGES:
         run = page.get_by_role("region", name=name)
         for vehicle in json.loads((folder / name / "summary.json").read_text())["vehicles"]:
-            known = vehicle["cells_own"] + vehicle["cells_heard"]
             card = run.locator(".card-vehicle", has_text=vehicle["name"])
-            card.filter(has_text=f"knows {known} cells and {vehicle['hostiles_known']} hostiles").wait_for()
+            await_facts(card, vehicle["cells_own"] + vehicle["cells_heard"], vehicle)
     assert errors == []
 
 
