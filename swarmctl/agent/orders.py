@@ -7,21 +7,25 @@ from typing import Any
 
 import msgspec
 
+from swarmctl.agent.commands import StepResult, command
 from swarmctl.agent.failsafes.base import DemandKind
 from swarmctl.agent.formation.membership import Membership
-from swarmctl.agent.own_modes import ROLE_OF_ORDER, own_mode_roles
-from swarmctl.agent.phases import IN_FLIGHT, ON_GROUND, PAST_PLANNING, Phase
-from swarmctl.agent.state import AgentState, Task
+from swarmctl.agent.own_modes import ROLE_OF_ORDER
+from swarmctl.agent.phases import ON_GROUND, PAST_PLANNING, Phase
+from swarmctl.agent.state import AgentState
+from swarmctl.agent.traffic.returning import (
+    demanded,
+    follows_order,
+    position_for_return,
+    urgent_return_reason,
+)
 from swarmctl.agent.traffic.wait import Wait, WaitFor, begin
 from swarmctl.core import events as ev
-from swarmctl.core.messages import CommandOutcome, VehicleAnswer, VehiclePosition
+from swarmctl.core.messages import CommandOutcome, VehicleAnswer
 from swarmctl.core.records import replace
 
 _WAIT_OF_ORDER = {ev.FlightOrder.RETURN: WaitFor.RETURN_PATH, ev.FlightOrder.LAND: WaitFor.GROUND}
-StepResult = tuple[AgentState, list[ev.Effect]]
 REPEAT_WHEN_RECENT = "telemetry is old; repeat the order when telemetry is recent"
-RETRY_AFTER_S = 5.0
-"""Time until a failed order or mission change is tried again [s]."""
 TOUCHING_DOWN_M = 2.0
 """Height above home [m] below which a descending vehicle touches down before it follows another order."""
 
@@ -42,59 +46,10 @@ def handle_operator_command(state: AgentState, event: ev.OperatorCommand, _now: 
     return state, effects
 
 
-def position_for_return(state: AgentState) -> VehiclePosition | None:
-    """Return position, home and speed for the schedule of returns; None if unknown or not in flight."""
-    v = state.vehicle
-    if state.phase not in IN_FLIGHT or v.lat_deg is None or v.lon_deg is None or v.alt_amsl_m is None:
-        return None
-    if v.home_lat_deg is None or v.home_lon_deg is None or v.home_alt_amsl_m is None:
-        return None
-    limits = state.task.separation.limits
-    return VehiclePosition(
-        v.lat_deg,
-        v.lon_deg,
-        v.alt_amsl_m,
-        v.home_lat_deg,
-        v.home_lon_deg,
-        v.home_alt_amsl_m,
-        speed_m_s=state.task.arrival.speed_m_s,
-        # A fixed wing in hold may be anywhere on its circle.
-        min_separation_m=(limits.horizontal_m + 2.0 * holding_radius_m(state.task), limits.vertical_m),
-        # Also True for an urgent return that a failsafe demands and the vehicle does not follow yet.
-        is_returning=_follows(state, ev.FlightOrder.RETURN)
-        or (bool(urgent_return_reason(state)) and state.order.given is not ev.FlightOrder.LAND),
-    )
-
-
-def holding_radius_m(task: Task) -> float:
-    """Return the radius of the vehicle's holding circle [m]; 0 for a copter."""
-    return 0.0 if task.wings is None else task.wings.loiter_radius_m
-
-
-def _follows(state: AgentState, order: ev.FlightOrder) -> bool:
-    """Return whether the vehicle follows this order in flight; a temporary hold does not count."""
-    return (
-        state.phase in IN_FLIGHT
-        and state.order.given is order
-        and state.order.is_followed
-        and not state.is_waiting  # a hold to wait is temporary
-    )
-
-
-def urgent_return_reason(state: AgentState) -> str:
-    """Return the reason why a failsafe demands an immediate return; "" if there is no such demand."""
-    return _demanded(state, DemandKind.RETURN)
-
-
-def _demanded(state: AgentState, kind: DemandKind) -> str:
-    urgent = (d.reason for d in state.demands if d is not None and d.kind is kind and d.urgent)
-    return next(urgent, "")
-
-
 def _would_stop_landing(state: AgentState, event: ev.OperatorCommand) -> bool:
     """Return whether an order is a recall that would stop a landing demanded by a failsafe."""
     is_recall = event.order is ev.FlightOrder.RETURN and (event.after_s > 0.0 or event.command is None)
-    return is_recall and state.order.given is ev.FlightOrder.LAND and bool(_demanded(state, DemandKind.LAND))
+    return is_recall and state.order.given is ev.FlightOrder.LAND and bool(demanded(state, DemandKind.LAND))
 
 
 def _is_released_and_armed(state: AgentState) -> bool:
@@ -115,10 +70,10 @@ def _order_answer(state: AgentState, event: ev.OperatorCommand) -> tuple[Command
         return "taken", "the vehicle stays on the ground until an order to launch [stays-on-ground]"
     if state.phase is Phase.LAUNCHING:
         return "taken", "the vehicle aborts its launch and lands [launch-aborted]"
-    if _follows(state, order):
+    if follows_order(state, order):
         return "taken", "the vehicle already follows this order [already-done]"
     if _would_stop_landing(state, event):
-        reason = _demanded(state, DemandKind.LAND)
+        reason = demanded(state, DemandKind.LAND)
         return "refused", f"a failsafe lands the vehicle: {reason} [failsafe-landing]"
     notes = []
     if state.lost:
@@ -199,7 +154,7 @@ def _apply_order(state: AgentState, event: ev.OperatorCommand, *, remote: bool) 
     order = event.order
     if _is_released_and_armed(state) and remote and order in ROLE_OF_ORDER:
         return command(state, order, by_person=True)
-    if state.ended or state.launch.is_aborted or _follows(state, order):
+    if state.ended or state.launch.is_aborted or follows_order(state, order):
         return state, []
     if order is ev.FlightOrder.RESUME:
         return (state, []) if _reason_against_resuming(state) else _resume(state)
@@ -308,24 +263,3 @@ def _with_behaviours(state: AgentState, event: ev.WeightsChanged) -> Membership:
     if formation is None or not event.behaviours:
         return membership
     return replace(membership, weights=formation.weights_with(membership.weights, event.behaviours))
-
-
-def command(
-    state: AgentState, order: ev.FlightOrder, *, by_person: bool = False, **changes: Any
-) -> StepResult:
-    """Give the vehicle an order and cancel a mission change in progress; `changes` are further fields.
-
-    `by_person`: an operator or a recall has just given the order, so it is sent whatever the mode is.
-    """
-    sent = state.order.sent(order, own_mode_roles(state))
-    phase = changes.pop("phase", state.phase)
-    plans = changes.pop("plans", state.plans).without_upload()
-    state = state.enter(phase, **changes, plans=plans, order=sent)
-    return state, [ev.Command(order, by_person)]
-
-
-def release_vehicle(state: AgentState, why: str) -> StepResult:
-    """Release the vehicle to another operator: the agent sends no further commands of its own."""
-    outcome = f"{why}; the program now sends only an operator's orders (`swarmctl order`)"
-    plans = state.plans.without_upload().not_due()
-    return state.enter(Phase.RELEASED, plans=plans, outcome=outcome), [ev.Release()]

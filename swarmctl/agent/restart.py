@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from swarmctl.agent.orders import StepResult, release_vehicle
+from swarmctl.agent.commands import StepResult, release_vehicle
 from swarmctl.agent.phases import ON_GROUND, Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.core import events as ev

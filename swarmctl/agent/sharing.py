@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from swarmctl.agent.arrival.simultaneous import earliest_in_s
-from swarmctl.agent.orders import StepResult
+from swarmctl.agent.commands import StepResult
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.neighbours import received_neighbours
 from swarmctl.agent.traffic.returning import return_target

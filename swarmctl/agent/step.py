@@ -10,18 +10,12 @@ from typing import Any
 import msgspec
 
 from swarmctl.agent.arrival.simultaneous import adjust_speed, speed_failed
+from swarmctl.agent.commands import RETRY_AFTER_S, StepResult, command, release_vehicle
 from swarmctl.agent.failsafes.enforcement import apply_failsafes
 from swarmctl.agent.formation.flight import fly_in_formation, not_following, note_following
 from swarmctl.agent.formation.member_messages import tell_group
 from swarmctl.agent.formation.presence import note_group, receive_members
-from swarmctl.agent.orders import (
-    RETRY_AFTER_S,
-    StepResult,
-    command,
-    handle_operator_command,
-    release_vehicle,
-    weights_changed,
-)
+from swarmctl.agent.orders import handle_operator_command, weights_changed
 from swarmctl.agent.own_modes import ROLE_OF_ORDER
 from swarmctl.agent.phases import IN_FLIGHT, ON_GROUND, Phase
 from swarmctl.agent.replan.mission_changes import (

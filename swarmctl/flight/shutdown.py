@@ -5,9 +5,9 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
-from swarmctl.agent.orders import position_for_return
 from swarmctl.agent.phases import IN_FLIGHT, Phase
 from swarmctl.agent.traffic.return_schedule import describe_schedule, schedule_for
+from swarmctl.agent.traffic.returning import position_for_return
 from swarmctl.agent.traffic.wait import WaitFor
 from swarmctl.config.flight import FlightSection
 from swarmctl.core import events as ev

@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from profiles import examples
 
+from swarmctl.agent.commands import RETRY_AFTER_S
 from swarmctl.agent.failsafes import ALWAYS_ON, low_battery
 from swarmctl.agent.failsafes.base import ActiveRule
-from swarmctl.agent.orders import RETRY_AFTER_S
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.mission_changes import MAX_FAILED_SWAPS
 from swarmctl.agent.state import ARRIVED, AgentState

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from agent_stories import Story, orders
 
-from swarmctl.agent.orders import RETRY_AFTER_S
+from swarmctl.agent.commands import RETRY_AFTER_S
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.mission_changes import MAX_FAILED_SWAPS
 from swarmctl.core import events as ev

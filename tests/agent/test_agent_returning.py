@@ -16,10 +16,10 @@ from trouble import Trouble, fly_with
 
 from swarmctl.agent.failsafes import low_battery, not_following
 from swarmctl.agent.failsafes.base import ActiveRule
-from swarmctl.agent.orders import position_for_return
 from swarmctl.agent.replan.landing_pattern import FixedWing
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.return_schedule import schedule_for
+from swarmctl.agent.traffic.returning import position_for_return
 from swarmctl.agent.traffic.wait import RULES, SETTLES_S, WaitFor
 from swarmctl.config.flight import FlightSection
 from swarmctl.core import events as ev

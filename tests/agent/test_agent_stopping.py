@@ -9,7 +9,7 @@ import pytest
 from agent_stories import GRID, Story, publications
 
 from swarmctl.agent.arrival.common_time import ArrivalGroup
-from swarmctl.agent.orders import RETRY_AFTER_S
+from swarmctl.agent.commands import RETRY_AFTER_S
 from swarmctl.agent.replan.copter_trajectory import fly_along, fly_with_stop
 from swarmctl.agent.replan.stopping import BrakingStop
 from swarmctl.agent.traffic.own_flight import planned_flight

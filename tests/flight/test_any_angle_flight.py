@@ -12,7 +12,7 @@ import pytest
 from flights import AREA, fly, small
 from recorded import effects
 
-from swarmctl.agent.orders import RETRY_AFTER_S
+from swarmctl.agent.commands import RETRY_AFTER_S
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.decide import first_flight, first_problem, first_route
 from swarmctl.agent.replan.route_to_mission import flown_route, pulled_track

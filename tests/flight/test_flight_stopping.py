@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from flights import fly, small
 
-from swarmctl.agent.orders import StepResult
+from swarmctl.agent.commands import StepResult
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.step import step

@@ -12,7 +12,7 @@ from gap_scenario import through_the_gap
 from random_flights import RandomFlight, draw
 from trouble import Trouble, inject, select_mode
 
-from swarmctl.agent.orders import StepResult, command, release_vehicle
+from swarmctl.agent.commands import StepResult, command, release_vehicle
 from swarmctl.agent.state import AgentState
 from swarmctl.core import events as ev
 from swarmctl.flight.run import FlightOptions

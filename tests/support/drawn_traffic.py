@@ -17,8 +17,8 @@ from flights import AREA, small
 from light_swarm import Air, LightAgent, LightSwarm
 from light_vehicle import LightVehicle
 
-from swarmctl.agent.orders import position_for_return
 from swarmctl.agent.traffic.return_schedule import schedule_for
+from swarmctl.agent.traffic.returning import position_for_return
 from swarmctl.config.scenario import Scenario
 from swarmctl.core import events as ev
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from swarmctl.agent.arrival.common_time import ArrivalGroup, CommandedSpeed, due_s, speed_for
-from swarmctl.agent.orders import StepResult
+from swarmctl.agent.commands import StepResult
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan import travel_time
 from swarmctl.agent.replan.length_bounds import CLIMB_M_S, LIFT_S

@@ -8,8 +8,8 @@ from __future__ import annotations
 from typing import Any
 
 from swarmctl.agent import failsafes
+from swarmctl.agent.commands import StepResult, command, release_vehicle
 from swarmctl.agent.failsafes.base import ActiveRoute, ActiveRule, Activity, Demand, DemandKind, FailsafeFacts
-from swarmctl.agent.orders import StepResult, command, release_vehicle
 from swarmctl.agent.own_modes import own_mode_roles
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.state import AgentState

@@ -10,6 +10,7 @@ import math
 from collections.abc import Mapping
 
 from swarmctl.agent.arrival.common_time import CommandedSpeed
+from swarmctl.agent.commands import StepResult, command, release_vehicle
 from swarmctl.agent.formation.approaches.base import (
     Along,
     ApproachResult,
@@ -21,7 +22,6 @@ from swarmctl.agent.formation.approaches.base import (
 from swarmctl.agent.formation.membership import ACCELERATION_M_S2, Formation, far_from_place
 from swarmctl.agent.formation.near_members import near_members
 from swarmctl.agent.formation.shape import ShapePlace, assigned, least_spacing_m
-from swarmctl.agent.orders import StepResult, command, release_vehicle
 from swarmctl.agent.own_modes import own_mode_roles
 from swarmctl.agent.phases import EN_ROUTE, Phase
 from swarmctl.agent.state import AgentState

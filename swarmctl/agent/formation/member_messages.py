@@ -6,7 +6,7 @@ import math
 
 import msgspec
 
-from swarmctl.agent.orders import StepResult
+from swarmctl.agent.commands import StepResult
 from swarmctl.agent.state import AgentState
 from swarmctl.core import events as ev
 from swarmctl.core.frames import MemberShared

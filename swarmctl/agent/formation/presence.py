@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import math
 
+from swarmctl.agent.commands import StepResult
 from swarmctl.agent.formation.approaches.place_keeping import on_new_route
 from swarmctl.agent.formation.group_planner import planner_of, shape_changes
 from swarmctl.agent.formation.membership import Formation, GroupRoute, Membership
 from swarmctl.agent.formation.near_members import JOINS_WITHIN_M, near_members, present_members_of
-from swarmctl.agent.orders import StepResult
 from swarmctl.agent.phases import EN_ROUTE, Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.core import events as ev

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from swarmctl.agent.commands import RETRY_AFTER_S, StepResult, command, release_vehicle
 from swarmctl.agent.formation.group_plan import plan_in_formation
-from swarmctl.agent.orders import RETRY_AFTER_S, StepResult, command, release_vehicle
 from swarmctl.agent.own_modes import own_mode_roles
 from swarmctl.agent.phases import IN_FLIGHT, ON_GROUND, PLANNING, Phase
 from swarmctl.agent.replan.decide import believed_exposure, decide

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from swarmctl.agent.orders import StepResult
+from swarmctl.agent.commands import StepResult
 from swarmctl.agent.phases import EN_ROUTE, IN_FLIGHT, Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.check import known_flights

@@ -17,7 +17,7 @@ import math
 
 import numpy as np
 
-from swarmctl.agent.orders import StepResult
+from swarmctl.agent.commands import StepResult
 from swarmctl.agent.phases import EN_ROUTE, IN_FLIGHT, Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.own_flight import planned_flight, position_amsl

@@ -23,8 +23,8 @@ from typing import Any
 
 import msgspec
 
+from swarmctl.agent.commands import StepResult, command
 from swarmctl.agent.failsafes.base import STRENGTH, DemandKind
-from swarmctl.agent.orders import StepResult, command
 from swarmctl.agent.own_modes import own_mode_roles
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.copter_trajectory import fly_along, land_from, waypoints_of

@@ -15,7 +15,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from swarmctl.agent.orders import StepResult, command, release_vehicle
+from swarmctl.agent.commands import StepResult, command, release_vehicle
 from swarmctl.agent.own_modes import own_mode_roles
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.copter_trajectory import from_takeoff

@@ -6,8 +6,8 @@ import math
 from collections.abc import Callable, Mapping
 
 from swarmctl.agent.arrival.simultaneous import note_arrival_times
+from swarmctl.agent.commands import StepResult
 from swarmctl.agent.formation.near_members import present_members_of
-from swarmctl.agent.orders import StepResult
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.prediction import HEARD_S, MAX_AGE_S, MAX_REPORT_AGE_S
 from swarmctl.agent.traffic.returning import note_returning

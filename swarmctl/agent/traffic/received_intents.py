@@ -9,8 +9,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from swarmctl.agent.commands import StepResult
 from swarmctl.agent.formation.near_members import present_members_of
-from swarmctl.agent.orders import StepResult
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.intents import MAX_UNCERTAINTY_M
 from swarmctl.agent.traffic.prediction import MAX_AGE_S

@@ -19,10 +19,11 @@ from typing import Any
 
 import msgspec
 
+from swarmctl.agent.commands import StepResult, command
 from swarmctl.agent.failsafes import lost_link
-from swarmctl.agent.orders import StepResult, command, position_for_return, urgent_return_reason
+from swarmctl.agent.failsafes.base import DemandKind
 from swarmctl.agent.phases import IN_FLIGHT, Phase
-from swarmctl.agent.state import AgentState
+from swarmctl.agent.state import AgentState, Task
 from swarmctl.agent.traffic.check import (
     SEPARATES_WITHIN_S,
     WAIT_WITHIN_S,
@@ -39,6 +40,7 @@ from swarmctl.agent.traffic.separation.watch import NeighbourReport
 from swarmctl.agent.traffic.wait import Verdict, Wait, WaitFor, begin, verdict
 from swarmctl.core import events as ev
 from swarmctl.core.geo import LatLon
+from swarmctl.core.messages import VehiclePosition
 from swarmctl.core.records import replace
 
 STAGGER_S = 10.0
@@ -283,3 +285,52 @@ def is_return_path_clear(state: AgentState, reports: Mapping[int, NeighbourRepor
         if counts:
             positions[uav] = position
     return not positions or schedule_for({**positions, state.task.uav: own}).begins_s[state.task.uav] == 0.0
+
+
+def position_for_return(state: AgentState) -> VehiclePosition | None:
+    """Return position, home and speed for the schedule of returns; None if unknown or not in flight."""
+    v = state.vehicle
+    if state.phase not in IN_FLIGHT or v.lat_deg is None or v.lon_deg is None or v.alt_amsl_m is None:
+        return None
+    if v.home_lat_deg is None or v.home_lon_deg is None or v.home_alt_amsl_m is None:
+        return None
+    limits = state.task.separation.limits
+    return VehiclePosition(
+        v.lat_deg,
+        v.lon_deg,
+        v.alt_amsl_m,
+        v.home_lat_deg,
+        v.home_lon_deg,
+        v.home_alt_amsl_m,
+        speed_m_s=state.task.arrival.speed_m_s,
+        # A fixed wing in hold may be anywhere on its circle.
+        min_separation_m=(limits.horizontal_m + 2.0 * holding_radius_m(state.task), limits.vertical_m),
+        # Also True for an urgent return that a failsafe demands and the vehicle does not follow yet.
+        is_returning=follows_order(state, ev.FlightOrder.RETURN)
+        or (bool(urgent_return_reason(state)) and state.order.given is not ev.FlightOrder.LAND),
+    )
+
+
+def holding_radius_m(task: Task) -> float:
+    """Return the radius of the vehicle's holding circle [m]; 0 for a copter."""
+    return 0.0 if task.wings is None else task.wings.loiter_radius_m
+
+
+def follows_order(state: AgentState, order: ev.FlightOrder) -> bool:
+    """Return whether the vehicle follows this order in flight; a temporary hold does not count."""
+    return (
+        state.phase in IN_FLIGHT
+        and state.order.given is order
+        and state.order.is_followed
+        and not state.is_waiting  # a hold to wait is temporary
+    )
+
+
+def urgent_return_reason(state: AgentState) -> str:
+    """Return the reason why a failsafe demands an immediate return; "" if there is no such demand."""
+    return demanded(state, DemandKind.RETURN)
+
+
+def demanded(state: AgentState, kind: DemandKind) -> str:
+    urgent = (d.reason for d in state.demands if d is not None and d.kind is kind and d.urgent)
+    return next(urgent, "")

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import msgspec
 
-from swarmctl.agent.orders import StepResult
+from swarmctl.agent.commands import StepResult
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.copter_trajectory import at_height, with_level_off
 from swarmctl.agent.state import AgentState

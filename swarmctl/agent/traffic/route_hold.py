@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
-from swarmctl.agent.orders import StepResult, command
+from swarmctl.agent.commands import StepResult, command
 from swarmctl.agent.phases import EN_ROUTE, Phase
 from swarmctl.agent.replan.copter_trajectory import DESCENT_M_S, at_height, waypoints_of, with_level_off
 from swarmctl.agent.replan.length_bounds import CLIMB_M_S

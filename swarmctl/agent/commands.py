@@ -1,0 +1,35 @@
+"""Commands of the agent to its vehicle. Pure."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from swarmctl.agent.own_modes import own_mode_roles
+from swarmctl.agent.phases import Phase
+from swarmctl.agent.state import AgentState
+from swarmctl.core import events as ev
+
+StepResult = tuple[AgentState, list[ev.Effect]]
+RETRY_AFTER_S = 5.0
+"""Time until a failed order or mission change is tried again [s]."""
+
+
+def command(
+    state: AgentState, order: ev.FlightOrder, *, by_person: bool = False, **changes: Any
+) -> StepResult:
+    """Give the vehicle an order and cancel a mission change in progress; `changes` are further fields.
+
+    `by_person`: an operator or a recall has just given the order, so it is sent whatever the mode is.
+    """
+    sent = state.order.sent(order, own_mode_roles(state))
+    phase = changes.pop("phase", state.phase)
+    plans = changes.pop("plans", state.plans).without_upload()
+    state = state.enter(phase, **changes, plans=plans, order=sent)
+    return state, [ev.Command(order, by_person)]
+
+
+def release_vehicle(state: AgentState, why: str) -> StepResult:
+    """Release the vehicle to another operator: the agent sends no further commands of its own."""
+    outcome = f"{why}; the program now sends only an operator's orders (`swarmctl order`)"
+    plans = state.plans.without_upload().not_due()
+    return state.enter(Phase.RELEASED, plans=plans, outcome=outcome), [ev.Release()]
