@@ -217,6 +217,17 @@ class AgentState:
         return progress_on(plan, None, self.task.grid, self.last_position)
 
     @property
+    def flies_mission(self) -> bool:
+        """True while the vehicle flies its mission, and no order and no mission change is under way.
+
+        The runner ends a job for the vehicle when it begins another one. So a part of the policy that only
+        adjusts the flight acts at such times, and ends no order.
+        """
+        is_under_way = self.phase is Phase.FLYING and self.plans.route is not None
+        is_free = self.plans.pending is None and self.order.given in (None, ev.FlightOrder.LAUNCH)
+        return is_under_way and is_free and not self.lost and self.vehicle.mode_role == "mission"
+
+    @property
     def is_waiting(self) -> bool:
         """True while the vehicle waits for other vehicles."""
         return self.wait is not None and self.wait.is_on

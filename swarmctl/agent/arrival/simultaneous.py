@@ -64,10 +64,7 @@ def note_arrival_times(state: AgentState, states: Sequence[tuple[int, StateShare
 def adjust_speed(state: AgentState) -> StepResult:
     """Set another speed if the vehicle would otherwise miss its arrival time. Called for each telemetry."""
     group, now_s = state.task.arrival_group, state.vehicle.time_boot_s
-    is_under_way = (
-        state.phase is Phase.FLYING and state.plans.route is not None and state.plans.pending is None
-    )
-    if group is None or not is_under_way or state.vehicle.mode_role != "mission" or state.lost:
+    if group is None or not state.flies_mission:
         return state, []
     if 0.0 <= now_s - state.speed.given_boot_s < MIN_INTERVAL_S:
         return state, []

@@ -62,7 +62,7 @@ def fly_in_formation(state: AgentState) -> StepResult:
         return state, _set_points(state, flown)
     if state.leads_group and formation.approach.LEADER_FLIES_MISSION:
         return _lead_mission(*_flown(state, formation))
-    if state.plans.pending is not None or state.vehicle.mode_role != "mission" or state.alarms:
+    if not state.flies_mission or state.alarms:
         return state, []
     state, flown = _flown(state, formation)
     state, ordered = command(state, ev.FlightOrder.FORMATION, phase=Phase.FORMATION)
@@ -144,9 +144,8 @@ def _at_full_speed(state: AgentState) -> StepResult:
 def _with_speed(state: AgentState, wanted_m_s: float) -> StepResult:
     now_s, full_m_s = state.vehicle.time_boot_s, state.task.arrival.speed_m_s
     present_m_s = full_m_s if state.speed.m_s is None else state.speed.m_s
-    if abs(wanted_m_s - present_m_s) < SPEED_CHANGE_M_S or now_s - state.speed.given_boot_s < SPEED_EVERY_S:
-        return state, []
-    if state.plans.pending is not None or state.vehicle.mode_role != "mission":
+    is_recent = now_s - state.speed.given_boot_s < SPEED_EVERY_S
+    if is_recent or not state.flies_mission or abs(wanted_m_s - present_m_s) < SPEED_CHANGE_M_S:
         return state, []
     return replace(state, speed=CommandedSpeed(wanted_m_s, now_s)), [ev.SetSpeed(wanted_m_s)]
 
