@@ -259,6 +259,7 @@ def formation_of(config: Config, section: FormationSection, specs: Sequence[Spec
         speed_m_s=section.speed_m_s or GROUP_SPEED * slowest_m_s,
         exposure=section.exposure,
         rate_hz=section.rate_hz,
+        cell_m=config.area.cell_size_m,
         closes_up=section.lost_member == "close_up",
         is_level=section.heights == "level",
         lost_after_s=section.lost_after_s,

@@ -22,7 +22,7 @@ from swarmctl.agent.phases import Phase
 from swarmctl.config.formations_checks import check_groups
 from swarmctl.config.scenario import Scenario
 
-ENDS_WITHIN_S = 600.0
+ENDS_WITHIN_S = 1500.0
 START_SPACING_M = 20.0
 CELL_M = 50.0
 STEP_S = 0.1

@@ -291,8 +291,8 @@ class FormationFlight:
                 OtherMember(
                     message.position,
                     message.velocity,
-                    places[numbers[j] or 0],
                     now - message.at_s,
+                    places[numbers[j] or 0],
                     message.error_m,
                 )
             )

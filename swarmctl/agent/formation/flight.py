@@ -17,10 +17,11 @@ from swarmctl.agent.formation.approaches.base import (
     Group,
     MemberLimits,
     OtherMember,
+    SetPointDemand,
     ThreatField,
 )
 from swarmctl.agent.formation.membership import ACCELERATION_M_S2, Formation, far_from_place
-from swarmctl.agent.formation.near_members import near_members
+from swarmctl.agent.formation.near_members import near_members, obstacles
 from swarmctl.agent.formation.shape import ShapePlace, assigned, least_spacing_m
 from swarmctl.agent.own_modes import own_mode_roles
 from swarmctl.agent.phases import EN_ROUTE, Phase
@@ -90,13 +91,15 @@ def not_following(state: AgentState, reason: str) -> StepResult:
 
 
 def _alone(state: AgentState, formation: Formation) -> StepResult:
-    """Fly on along the route of the group for a while, and then by the own mission."""
+    """Fly on for as long as the others keep the place, stand still, and then fly the own mission."""
     membership, now_s = state.membership, state.now_boot_s
     since_s = now_s if membership.alone_since_boot_s is None else membership.alone_since_boot_s
     if now_s - since_s >= formation.alone_after_s:
         return _leave(state, f"no other member was heard for {formation.alone_after_s:g} s")
     state = replace(state, membership=replace(membership, alone_since_boot_s=since_s))
     state, flown = _flown(state, formation)
+    if now_s - since_s >= formation.keeps_place_s - formation.lost_after_s:
+        flown = replace(flown, demand=SetPointDemand((0.0, 0.0, 0.0)))
     return state, _set_points(state, flown)
 
 
@@ -201,6 +204,7 @@ def _view(state: AgentState, formation: Formation) -> Group:
         place=places[state.task.uav],
         is_leader=state.leads_group,
         others=tuple(_member(state, uav, places[uav]) for uav in others),
+        obstacles=obstacles(state, formation),
         along=along,
         reference=route.reference,
         profile=route.profile,

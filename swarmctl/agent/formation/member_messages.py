@@ -12,6 +12,8 @@ from swarmctl.core import events as ev
 from swarmctl.core.frames import MemberShared
 from swarmctl.core.records import replace
 
+LEAVES_WITHIN_S = 10.0
+"""Time for which a vehicle that leaves goes on to tell its position, because others may fly behind it [s]."""
 ROUTE_EVERY_S = 2.0
 """Time between two messages with an unchanged route [s]."""
 
@@ -23,10 +25,11 @@ def tell_group(state: AgentState) -> StepResult:
     if formation is None or last.alt_amsl_m is None or last.lat_deg is None or last.lon_deg is None:
         return state, []
     joins = membership.leader is not None and not state.ended
-    if not joins and not membership.joins_told:
+    leaves = not joins and 0.0 <= now_s - membership.joined_boot_s < LEAVES_WITHIN_S
+    if not joins and not leaves and not membership.joins_told:
         return state, []
     is_leader = joins and state.leads_group
-    rate_hz = formation.rate_hz if is_leader else formation.approach.MEMBERS_TELL_HZ
+    rate_hz = formation.rate_hz if is_leader or leaves else formation.approach.MEMBERS_TELL_HZ
     # Telemetry comes at times of its own, so a message may be due a little early.
     if joins == membership.joins_told and 0.0 <= now_s - membership.sent_boot_s < 0.9 / rate_hz:
         return state, []
@@ -44,7 +47,9 @@ def tell_group(state: AgentState) -> StepResult:
         message = _as_leader(state, message, with_route=with_route)
         if with_route and message.route:
             membership = replace(membership, route_sent_boot_s=now_s)
-    state = replace(state, membership=replace(membership, sent_boot_s=now_s, joins_told=joins))
+    joined_boot_s = now_s if joins else membership.joined_boot_s
+    membership = replace(membership, sent_boot_s=now_s, joins_told=joins, joined_boot_s=joined_boot_s)
+    state = replace(state, membership=membership)
     return state, [ev.Publish(message, group=formation.members)]
 
 

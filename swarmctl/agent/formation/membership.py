@@ -14,6 +14,7 @@ from typing import Any, Literal
 from swarmctl.agent.formation.approaches.base import Along, Approach, PlaceMemory
 from swarmctl.agent.formation.reference import Reference, SpeedProfile, window_for
 from swarmctl.agent.formation.shape import Shape, ShapePlace, radius_m
+from swarmctl.agent.traffic.separation.watch import NeighbourIntent, NeighbourReport
 from swarmctl.core import events as ev
 from swarmctl.core.frames import MAX_POINTS, MemberShared
 from swarmctl.core.geo import LocalFrame
@@ -59,6 +60,8 @@ class Formation:
     """time after which it leaves [s]"""
     rate_hz: float = 5.0
     """rate of set-points, and of the leader's messages"""
+    cell_m: float = 0.0
+    """size of a cell of the area [m]"""
     radius_m: float = field(init=False)
     """greatest distance of a place from the reference point, over all shapes [m]"""
     _places: tuple[tuple[tuple[ShapePlace, ...], ...], ...] = field(init=False)
@@ -95,6 +98,11 @@ class Formation:
         first, last = self.places(0, n_present), self.places(len(self.shapes) - 1, n_present)
         farthest_m = max((math.dist(a, b) for a, b in zip(first, last, strict=True)), default=0.0)
         return farthest_m / self.params.closing_m_s + SETTLING_S if len(self.shapes) > 1 else 0.0
+
+    @property
+    def ends_before_m(self) -> float:
+        """Distance before the end of the route at which the group stops, and its members go on alone [m]."""
+        return self.radius_m + self.cell_m
 
     @property
     def keeps_place_s(self) -> float:
@@ -170,7 +178,10 @@ class GroupRoute:
         points_m = tuple(turning_points(points_m)[:MAX_POINTS])
         extent_m = formation.radius_m
         reference = Reference(points_m, window_for(extent_m))
-        profile = SpeedProfile.of(reference, extent_m, formation.speed_m_s, max_speed_m_s, ACCELERATION_M_S2)
+        end_m = max(reference.length_m - formation.ends_before_m, 0.0)
+        profile = SpeedProfile.of(
+            reference, extent_m, formation.speed_m_s, max_speed_m_s, ACCELERATION_M_S2, end_m
+        )
         return cls(leader, number, points_m, shapes, reference, profile, plan)
 
     def is_of(self, leader: int, number: int) -> bool:
@@ -216,6 +227,12 @@ class Membership:
     route_sent_boot_s: float = -math.inf
     joins_told: bool = False
     """last value of `MemberShared.joins` that was sent"""
+    joined_boot_s: float = -math.inf
+    """last time at which it was True"""
+    neighbours: Mapping[int, NeighbourReport] = field(default_factory=dict)
+    """states of present members: hidden from the rules for other traffic while they are present"""
+    intents: Mapping[int, NeighbourIntent] = field(default_factory=dict)
+    """their intents, also hidden: they count when a member is absent"""
 
     def with_messages(self, event: ev.Members, frame: LocalFrame) -> Membership:
         """Return the membership with new messages; `frame`: the area's local frame."""

@@ -3,11 +3,21 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Mapping
 
-from swarmctl.agent.formation.membership import Formation
+from swarmctl.agent.formation.approaches.base import Nearby
+from swarmctl.agent.formation.membership import Formation, MemberReport
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.state import AgentState
+from swarmctl.agent.traffic.separation.trajectory import extrapolate
+from swarmctl.agent.traffic.separation.watch import NeighbourIntent, NeighbourReport
+from swarmctl.core.records import replace
+from swarmctl.core.vehicle import BRAKING_M_S2
 
+STOPS_WITHIN_S = 8.0
+"""Time within which a silent member has stopped: alone, without set-points, or by a pilot [s]."""
+SILENT_S = 90.0
+"""Time for which a silent member counts as stopped near its last position [s]."""
 JOINS_WITHIN_M = 200.0
 """Greatest distance from another member at which a vehicle joins, beside the size of the shape [m]."""
 
@@ -26,11 +36,105 @@ def near_members(state: AgentState, formation: Formation, silence_s: float) -> t
     )
 
 
-def present_members_of(state: AgentState) -> frozenset[int]:
-    """Return the present members of the group that the vehicle flies in or leads; none outside of a group."""
+def obstacles(state: AgentState, formation: Formation) -> tuple[Nearby, ...]:
+    """Return what a member keeps apart from beside the present members; heights are above the sea.
+
+    A member that leaves tells its position for some seconds, and probably brakes. A member that fell silent
+    may have stopped on its announced flight, within STOPS_WITHIN_S of its last position.
+    """
+    found: list[Nearby] = []
+    for uav, told in state.membership.told.items():
+        age_s = state.now_boot_s - told.at_boot_s
+        if not told.message.joins and age_s <= formation.lost_after_s:
+            found.append(_braking(told, max(age_s, 0.0)))
+        elif told.message.joins and formation.lost_after_s < age_s <= SILENT_S and uav != state.task.uav:
+            found += _stopped(state, formation, uav, told)
+    return tuple(found)
+
+
+def _braking(told: MemberReport, age_s: float) -> Nearby:
+    east_m_s, north_m_s, up_m_s = told.message.velocity_m_s
+    speed_m_s = math.hypot(east_m_s, north_m_s)
+    left = max(1.0 - BRAKING_M_S2 / speed_m_s, 0.0) if speed_m_s else 0.0
+    here = (*told.here_m, told.message.alt_amsl_m)
+    return Nearby(here, (left * east_m_s, left * north_m_s, up_m_s), age_s)
+
+
+def _stopped(state: AgentState, formation: Formation, uav: int, told: MemberReport) -> Iterator[Nearby]:
+    """Yield the places at which a silent member may have stopped; its height in a level group is unknown."""
+    message, limits = told.message, state.task.separation.limits
+    own_amsl_m = state.vehicle.alt_amsl_m
+    up_m = own_amsl_m if formation.is_level and own_amsl_m is not None else message.alt_amsl_m
+    here = (*told.here_m, message.alt_amsl_m)
+    intent = {**state.membership.intents, **state.intents}.get(uav)
+    flight = None if intent is None else intent.flight
+    if flight is None or flight.at(told.at_boot_s) is None:
+        flight = extrapolate(here, message.velocity_m_s, told.at_boot_s, STOPS_WITHIN_S)
+    n = max(math.ceil(STOPS_WITHIN_S * math.hypot(*message.velocity_m_s[:2]) / limits.horizontal_m), 1)
+    places = (flight.at(told.at_boot_s + STOPS_WITHIN_S * k / n) for k in range(1, n + 1))
+    for place in (here, *(place for place in places if place is not None)):
+        yield Nearby((*place[:2], up_m), (0.0, 0.0, 0.0))
+
+
+def with_members_shown(state: AgentState) -> AgentState:
+    """Return the state as the rules for other traffic see it when the vehicle leaves its group.
+
+    The members fly on with the group for some seconds, so they do not change their plans for this vehicle.
+    """
+    membership = state.membership
+    members = {uav: replace(intent, may_change=False) for uav, intent in membership.intents.items()}
+    return replace(
+        state,
+        neighbours={**membership.neighbours, **state.neighbours},
+        intents={**members, **state.intents},
+    )
+
+
+def with_traffic(
+    state: AgentState,
+    neighbours: Mapping[int, NeighbourReport] | None = None,
+    intents: Mapping[int, NeighbourIntent] | None = None,
+) -> AgentState:
+    """Return the state with all that is known of other vehicles; None: as known before.
+
+    Present members are hidden from the rules for other traffic, because they keep apart by set-points.
+    """
+    members, membership = _present_members_of(state), state.membership
+    if not members and not membership.neighbours and not membership.intents:
+        return replace(
+            state,
+            neighbours=state.neighbours if neighbours is None else neighbours,
+            intents=state.intents if intents is None else intents,
+        )
+    if neighbours is None:
+        neighbours = {**membership.neighbours, **state.neighbours}
+    if intents is None:
+        intents = {**membership.intents, **state.intents}
+    hidden = replace(
+        membership,
+        neighbours={uav: report for uav, report in neighbours.items() if uav in members},
+        intents={uav: intent for uav, intent in intents.items() if uav in members},
+    )
+    return replace(
+        state,
+        membership=hidden,
+        neighbours={uav: report for uav, report in neighbours.items() if uav not in members},
+        intents={uav: intent for uav, intent in intents.items() if uav not in members},
+    )
+
+
+def _present_members_of(state: AgentState) -> frozenset[int]:
+    """Return the members that the vehicle keeps apart from by set-points; none outside of a group."""
     formation, membership = state.task.formation, state.membership
     if formation is None or membership.leader is None:
         return frozenset()
     if state.phase is not Phase.FORMATION and not (state.phase is Phase.FLYING and state.leads_group):
         return frozenset()
-    return frozenset(near_members(state, formation, formation.lost_after_s))
+    present = frozenset(near_members(state, formation, formation.lost_after_s))
+    if state.phase is not Phase.FORMATION:
+        return present
+    return present | {
+        uav
+        for uav, told in membership.told.items()
+        if not told.message.joins and state.now_boot_s - told.at_boot_s <= formation.lost_after_s
+    }

@@ -12,7 +12,7 @@ from swarmctl.agent.commands import StepResult
 from swarmctl.agent.formation.approaches.place_keeping import on_new_route
 from swarmctl.agent.formation.group_planner import planner_of, shape_changes
 from swarmctl.agent.formation.membership import Formation, GroupRoute, Membership
-from swarmctl.agent.formation.near_members import JOINS_WITHIN_M, near_members, present_members_of
+from swarmctl.agent.formation.near_members import JOINS_WITHIN_M, near_members, with_traffic
 from swarmctl.agent.phases import EN_ROUTE, Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.core import events as ev
@@ -22,6 +22,8 @@ from swarmctl.planners.base import Problem
 
 LOW_M, ON_ITS_WAY_M = 1.5, 3.0
 """Height below its cruise height, and distance along its route, up to which a vehicle still takes off [m]."""
+AT_END_M = 1.0
+"""Distance before the end of the group's way at which the group ends; the group is slow there [m]."""
 REJOINS_AFTER_S = 10.0
 """Time from leaving a group until the vehicle may join again [s]."""
 
@@ -32,13 +34,13 @@ def receive_members(state: AgentState, event: ev.Members, _now: float) -> StepRe
 
 
 def note_group(state: AgentState) -> StepResult:
-    """Note who is present and who leads, and forget the traffic reports of present members."""
+    """Note the present members and the leader, and hide present members from the rules for other traffic."""
     formation, before = state.task.formation, state.membership
     if formation is None:
         return state, []
     if not _belongs(state):
         alone = replace(before, leader=None, n_present=1)
-        return (state if before.leader is None else replace(state, membership=alone)), []
+        return (state if before.leader is None else with_traffic(replace(state, membership=alone))), []
     others = near_members(state, formation, formation.lost_after_s)
     present = [uav for uav in formation.members if uav == state.task.uav or uav in others]
     membership = replace(before, leader=present[0], n_present=len(present))
@@ -47,12 +49,7 @@ def note_group(state: AgentState) -> StepResult:
     membership = _with_route(state, formation, membership)
     if _is_at_end(state, formation, membership):
         membership = replace(membership, is_over=True, leader=None, n_present=1)
-    state = replace(state, membership=membership)
-    if not (members := present_members_of(state)):
-        return state, []
-    neighbours = {uav: report for uav, report in state.neighbours.items() if uav not in members}
-    intents = {uav: intent for uav, intent in state.intents.items() if uav not in members}
-    return replace(state, neighbours=neighbours, intents=intents), []
+    return with_traffic(replace(state, membership=membership)), []
 
 
 def _belongs(state: AgentState) -> bool:
@@ -162,4 +159,4 @@ def _is_at_end(state: AgentState, formation: Formation, membership: Membership) 
     if route is None or along is None:
         return False
     flown_m = along.s_m + along.speed_m_s * (state.now_boot_s - membership.at_boot_s)
-    return flown_m >= route.reference.length_m - formation.radius_m - state.task.grid.cell_size_m
+    return flown_m >= route.reference.length_m - formation.ends_before_m - AT_END_M

@@ -176,12 +176,13 @@ class SpeedProfile:
         cruise_m_s: float,
         max_speed_m_s: float,
         acceleration_m_s2: float,
+        end_m: float = math.inf,
     ) -> SpeedProfile:
         """Return the speeds at which a shape of this radius follows the reference.
 
         No place is faster than `max_speed_m_s`. In a turn a place accelerates by at most half of
         `acceleration_m_s2`, because an autopilot follows a velocity that changes faster only metres behind.
-        The speed changes by at most half of it, too, and it is 0 at the end.
+        The speed changes by at most half of it, too, and it is 0 from `end_m` on, or at the end of the route.
         """
         n = max(int(reference.length_m / 2.0), 1) + 1
         at_m = np.linspace(0.0, reference.length_m, n)
@@ -189,7 +190,7 @@ class SpeedProfile:
         fastest = np.minimum(cruise_m_s, max_speed_m_s / (1.0 + radius_m * turn))
         pull = bend + radius_m * (change + turn**2)
         squared = np.minimum(fastest**2, 0.5 * acceleration_m_s2 / np.maximum(pull, 1e-9))
-        squared[-1] = 0.0
+        squared[at_m >= min(end_m, reference.length_m)] = 0.0
         gained = acceleration_m_s2 * at_m  # v² grows by 2·(a/2)·s
         squared = np.minimum.accumulate((squared + gained)[::-1])[::-1] - gained
         squared = np.minimum.accumulate(squared - gained) + gained

@@ -48,7 +48,7 @@ from swarmctl.agent.traffic.route_hold import give_up, hold_would_block
 from swarmctl.agent.traffic.separation.clash import Clash, describe_clashes
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory, landing_start_s
 from swarmctl.agent.traffic.separation.watch import NeighbourIntent, NeighbourReport
-from swarmctl.agent.traffic.wait import Verdict, Wait, WaitFor, begin, verdict
+from swarmctl.agent.traffic.wait import MIN_HEIGHT_M, Verdict, Wait, WaitFor, begin, verdict
 from swarmctl.core import events as ev
 from swarmctl.core.mission import Waypoint
 from swarmctl.core.planar import PlanarPoint
@@ -61,8 +61,6 @@ STARTS_AFTER_S = (0.0, 2.0, 4.0)
 """Delays of the descent that are checked [s]: a vehicle takes some seconds to follow the order."""
 AT_SPOT_M = 1.0
 """Horizontal distance from the landing spot within which the vehicle lands where it is [m]."""
-MIN_HEIGHT_M = 5.0
-"""Height above home below which a vehicle lands without waiting [m]."""
 HOLD_BEFORE_DESCENT_S = 3.0
 """Longest time before the descent at which a conflict of the descent causes a hold [s]."""
 

@@ -28,7 +28,7 @@ from swarmctl.agent.traffic.check import (
     near_flights,
     share_of,
 )
-from swarmctl.agent.traffic.landing_queue import MIN_HEIGHT_M, hold_before_landing, is_urgent
+from swarmctl.agent.traffic.landing_queue import hold_before_landing, is_urgent
 from swarmctl.agent.traffic.own_flight import planned_flight, position_amsl, reach
 from swarmctl.agent.traffic.prediction import (
     HEARD_S,
@@ -43,6 +43,7 @@ from swarmctl.agent.traffic.route_hold import hold, may_give_way
 from swarmctl.agent.traffic.separation.approach import Limits
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory, brake, extrapolate
 from swarmctl.agent.traffic.separation.watch import NeighbourIntent, NeighbourReport
+from swarmctl.agent.traffic.wait import MIN_HEIGHT_M
 from swarmctl.core import events as ev
 from swarmctl.core.vehicle import BRAKING_M_S2
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 
 from swarmctl.agent.arrival.simultaneous import note_arrival_times
 from swarmctl.agent.commands import StepResult
-from swarmctl.agent.formation.near_members import present_members_of
+from swarmctl.agent.formation.near_members import with_traffic
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.prediction import HEARD_S, MAX_AGE_S, MAX_REPORT_AGE_S
 from swarmctl.agent.traffic.returning import note_returning
@@ -45,24 +45,22 @@ def receive_neighbours(state: AgentState, event: ev.Neighbours, _now: float) -> 
         uav: NeighbourReport(shared, now_s - shared.age_s, *to_local(shared.lat_deg, shared.lon_deg))
         for uav, shared in event.states
     }
-    known, is_near = state.neighbours.items(), _near_test(state)
+    before, is_near = {**state.membership.neighbours, **state.neighbours}, _near_test(state)
     kept = {
-        uav: report for uav, report in known if uav not in reports and 0.0 <= now_s - report.at_s <= MAX_AGE_S
+        uav: report
+        for uav, report in before.items()
+        if uav not in reports and 0.0 <= now_s - report.at_s <= MAX_AGE_S
     }
-    members = present_members_of(state)
     new = {
         uav: report
         for uav, report in reports.items()
-        if uav not in members and is_near(report.state, (report.east_m, report.north_m))
+        if is_near(report.state, (report.east_m, report.north_m))
     }
-    if any(uav not in state.neighbours or _was_silent(state, uav) for uav in new):
+    if any(uav not in before or now_s - before[uav].at_s > HEARD_S for uav in new):
         state = replace(state, intent_new_boot_s=now_s)  # a vehicle hears this one for the first time
     state = note_returning(note_arrival_times(state, event.states), reports)
-    return replace(state, neighbours={**kept, **new}, wait=state.wait and state.wait.noted(reports)), []
-
-
-def _was_silent(state: AgentState, uav: int) -> bool:
-    return state.vehicle.time_boot_s - state.neighbours[uav].at_s > HEARD_S
+    state = replace(state, wait=state.wait and state.wait.noted(reports))
+    return with_traffic(state, neighbours={**kept, **new}), []
 
 
 def _near_test(state: AgentState) -> Callable[[StateShared, PlanarPoint], bool]:

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from swarmctl.agent.commands import StepResult
-from swarmctl.agent.formation.near_members import present_members_of
+from swarmctl.agent.formation.near_members import with_traffic
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.intents import MAX_UNCERTAINTY_M
 from swarmctl.agent.traffic.prediction import MAX_AGE_S
@@ -33,7 +33,7 @@ SAME_TIME_S = 1e-6
 def receive_intents(state: AgentState, event: ev.Intents, _now: float) -> StepResult:
     """Store the recent intents of other vehicles."""
     now_s = state.vehicle.time_boot_s
-    kept = dict(state.intents)
+    kept = {**state.membership.intents, **state.intents}
     for uav, age_s, intent in event.intents:
         announced = _announced_flight(state.task.grid.frame, intent)
         kept.pop(uav, None)
@@ -48,13 +48,9 @@ def receive_intents(state: AgentState, event: ev.Intents, _now: float) -> StepRe
             kept[uav] = NeighbourIntent(
                 ahead, bounds, intent.may_change, sent_s, uncertainty, intent.on_ground, landing
             )
-    members = present_members_of(state)
-    fresh = {
-        uav: known
-        for uav, known in kept.items()
-        if 0.0 <= now_s - known.sent_s <= MAX_AGE_S and uav not in members
-    }
-    return replace(state, intents=fresh, others=_with_present_cells(state, event, kept)), []
+    fresh = {uav: known for uav, known in kept.items() if 0.0 <= now_s - known.sent_s <= MAX_AGE_S}
+    state = replace(state, others=_with_present_cells(state, event, kept))
+    return with_traffic(state, intents=fresh), []
 
 
 def _with_present_cells(

@@ -38,7 +38,7 @@ from swarmctl.agent.traffic.prediction import hears_nobody, position_of
 from swarmctl.agent.traffic.priority import SAME_HEIGHT_M
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory
 from swarmctl.agent.traffic.separation.watch import HEIGHT_MARGIN, NeighbourReport
-from swarmctl.agent.traffic.wait import Verdict, Wait, WaitFor, begin, verdict
+from swarmctl.agent.traffic.wait import MIN_HEIGHT_M, Verdict, Wait, WaitFor, begin, verdict
 from swarmctl.core import events as ev
 from swarmctl.core.mission import FlightPlan
 from swarmctl.core.planar import PlanarPoint
@@ -53,11 +53,14 @@ MAX_HEIGHTS = 8
 
 
 def may_give_way(state: AgentState) -> bool:
-    """Return whether the vehicle can give way: it flies its mission, not far below cruise height."""
+    """Return whether the vehicle can give way: it is on its way, and not in its climb after the take-off."""
     vehicle, task = state.vehicle, state.task
     if state.task.separation.action == "none" or state.phase not in EN_ROUTE or state.plans.route is None:
         return False
-    least_m = task.altitude_m - 2.0 * task.separation.limits.vertical_m
+    was_in_group = state.phase is Phase.FORMATION or state.membership.left_boot_s > -math.inf
+    climbed_m = task.altitude_m - 2.0 * task.separation.limits.vertical_m
+    # A group may fly far below its members' own heights.
+    least_m = min(MIN_HEIGHT_M, climbed_m) if was_in_group else climbed_m
     return not state.lost and vehicle.alt_rel_m is not None and vehicle.alt_rel_m >= least_m
 
 

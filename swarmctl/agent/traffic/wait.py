@@ -90,6 +90,8 @@ RULES: Mapping[WaitFor, WaitRule] = {
 """The deadline of a turn is the start time in the recall."""
 
 
+MIN_HEIGHT_M = 5.0
+"""Height above home below which a vehicle lands or leaves without waiting [m]."""
 SETTLES_S = 5.0
 """Time after the end of a wait in which the same wait may go on, with its deadline [s]."""
 

@@ -29,15 +29,21 @@ class MemberLimits:
 
 
 @dataclass(frozen=True, slots=True)
-class OtherMember:
-    """The last message of another present member."""
+class Nearby:
+    """The position of another vehicle, as it was last told."""
 
     position_m: Vector
     velocity_m_s: Vector
-    place: ShapePlace
-    """its present place in the shape"""
     age_s: float = 0.0
     """time since this was true [s]"""
+
+
+@dataclass(frozen=True, slots=True)
+class OtherMember(Nearby):
+    """The last message of another present member."""
+
+    place: ShapePlace = (0.0, 0.0, 0.0)
+    """its present place in the shape"""
     error_m: float = 0.0
     """its distance from its place over ground, as it told [m]"""
 
@@ -102,6 +108,8 @@ class Group:
     height_m: float
     """height of the reference point, in the datum of `position_m` [m]"""
     limits: MemberLimits
+    obstacles: tuple[Nearby, ...] = ()
+    """members that leave, and the places at which silent members may have stopped"""
     leader: int | None = None
     """index of the leader in `others`; None: this member leads"""
     flies_mission: bool = False

@@ -150,7 +150,7 @@ def _closing(away_m: float, fastest_m_s: float, acceleration_m_s2: float) -> flo
 
 
 def keep_separation(group: Group, velocity: Vector) -> Vector | None:
-    """Return a velocity that brings the member too near to no other one; None if `velocity` does so already.
+    """Return a velocity that brings the member too near to no other vehicle; None if `velocity` does so.
 
     A member may approach another one by `APPROACH_HZ` of the distance that is left to the separation, so
     the approach ends there. A member within the separation moves away. This holds over ground while the
@@ -161,7 +161,7 @@ def keep_separation(group: Group, velocity: Vector) -> Vector | None:
     near, climb = [], velocity[2]
     least_m = limits.separation_m + MARGIN_M
     reach_m = least_m + GROWTH_M_S * OLDEST_S + 2.0 * limits.speed_m_s / APPROACH_HZ
-    for member in group.others:
+    for member in (*group.others, *group.obstacles):
         age_s, (their_e, their_n, their_u) = member.age_s, member.velocity_m_s
         away_e = own[0] - member.position_m[0] - age_s * their_e
         away_n = own[1] - member.position_m[1] - age_s * their_n
