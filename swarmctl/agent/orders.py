@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Any
 
 import msgspec
@@ -10,16 +11,19 @@ import msgspec
 from swarmctl.agent.commands import StepResult, command
 from swarmctl.agent.failsafes.base import DemandKind
 from swarmctl.agent.formation.membership import Membership
+from swarmctl.agent.formation.near_members import with_members_shown
 from swarmctl.agent.own_modes import ROLE_OF_ORDER
 from swarmctl.agent.phases import ON_GROUND, PAST_PLANNING, Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.returning import (
     demanded,
     follows_order,
+    is_way_clear,
+    may_wait_to_leave,
     position_for_return,
     urgent_return_reason,
 )
-from swarmctl.agent.traffic.wait import Wait, WaitFor, begin
+from swarmctl.agent.traffic.wait import RULES, Wait, WaitFor, begin
 from swarmctl.core import events as ev
 from swarmctl.core.messages import CommandOutcome, VehicleAnswer
 from swarmctl.core.records import replace
@@ -38,7 +42,7 @@ def handle_operator_command(state: AgentState, event: ev.OperatorCommand, _now: 
     place = position_for_return(state)
     if (outcome == "taken" or not remote) and not _would_stop_landing(state, event):
         if urgent_return_reason(state):  # other returns are scheduled around it
-            event = msgspec.structs.replace(event, after_s=0.0, in_turn=False)
+            event = msgspec.structs.replace(event, after_s=0.0)
         state, effects = _apply_order(state, event, remote=remote)
     if event.command is not None:
         answer = VehicleAnswer(state.task.uav, state.task.name, outcome, note=note, place=place)
@@ -48,7 +52,7 @@ def handle_operator_command(state: AgentState, event: ev.OperatorCommand, _now: 
 
 def _would_stop_landing(state: AgentState, event: ev.OperatorCommand) -> bool:
     """Return whether an order is a recall that would stop a landing demanded by a failsafe."""
-    is_recall = event.order is ev.FlightOrder.RETURN and (event.after_s > 0.0 or event.command is None)
+    is_recall = event.order is ev.FlightOrder.RETURN and (bool(event.after_s) or event.command is None)
     return is_recall and state.order.given is ev.FlightOrder.LAND and bool(demanded(state, DemandKind.LAND))
 
 
@@ -75,22 +79,27 @@ def _order_answer(state: AgentState, event: ev.OperatorCommand) -> tuple[Command
     if _would_stop_landing(state, event):
         reason = demanded(state, DemandKind.LAND)
         return "refused", f"a failsafe lands the vehicle: {reason} [failsafe-landing]"
-    notes = []
+    return "taken", "; ".join(_notes(state, event))
+
+
+def _notes(state: AgentState, event: ev.OperatorCommand) -> Iterator[str]:
+    """Yield what an operator should know of an order to a vehicle in flight."""
+    order = event.order
     if state.lost:
-        notes.append("the link is lost; the order is sent now, and repeated after the loss [waits-for-link]")
-    if order is ev.FlightOrder.HOLD and state.waits_for(
-        WaitFor.RETURN_PATH
-    ):  # a failsafe demands the return only once
-        notes += [
-            f"the order cancels the return that a failsafe demanded: {state.outcome} [return-cancelled]"
-        ]
-    if event.after_s and urgent_return_reason(state):
-        notes.append(f"the vehicle returns at once: {urgent_return_reason(state)} [urgent-return]")
+        yield "the link is lost; the order is sent now, and repeated after the loss [waits-for-link]"
+    if order is ev.FlightOrder.HOLD and state.waits_for(WaitFor.RETURN_PATH):
+        # A failsafe demands the return only once.
+        yield f"the order cancels the return that a failsafe demanded: {state.outcome} [return-cancelled]"
+    if event.after_s and (reason := urgent_return_reason(state)):
+        yield f"the vehicle returns at once: {reason} [urgent-return]"
     elif event.after_s:
-        notes.append(
-            f"the vehicle first holds for {event.after_s:g} s, while other vehicles return [return-queue]"
+        yield f"the vehicle first holds for {event.after_s:g} s, while other vehicles return [return-queue]"
+    elif _is_blocked(state, event):
+        longest_s = RULES[_WAIT_OF_ORDER[order]].longest_s
+        yield (
+            f"the vehicle holds until its way is clear of other vehicles, {longest_s:g} s at most; repeat "
+            "the order, and the vehicle follows it at once [holds-first]"
         )
-    return "taken", "; ".join(notes)
 
 
 def _launch_answer(state: AgentState) -> tuple[CommandOutcome, str]:
@@ -180,33 +189,56 @@ def _apply_order(state: AgentState, event: ev.OperatorCommand, *, remote: bool) 
 
 
 def _apply_in_flight(state: AgentState, event: ev.OperatorCommand) -> StepResult:
-    """Hold, return or land; first hold if the order has a start time, or if the vehicle waits its turn."""
-    order = event.order
+    """Hold, return or land; first hold if the order has a start time, or if the way is not clear."""
+    order, now_s = event.order, state.vehicle.time_boot_s
     changes: dict[str, Any] = {"plans": state.plans.not_due(), "wait": None}
     if (state.vehicle.alt_rel_m or 0.0) > TOUCHING_DOWN_M:
         changes["arrived_boot_s"] = None  # the vehicle is over its goal, but does not land there
     changes["outcome"] = f"{order} ordered"
-    if not (event.after_s or event.in_turn):
-        changes["wait"] = _wait_after_repetition(state, order)
-        phase = Phase.HOLDING if order is ev.FlightOrder.HOLD else Phase.LEAVING
-        return command(state, order, by_person=True, **(changes | {"phase": phase}))
-    now_s = state.vehicle.time_boot_s
-    if event.in_turn:
-        wait = begin(_WAIT_OF_ORDER[order], now_s)
-    else:
+    if order not in _WAIT_OF_ORDER:
+        return command(state, order, by_person=True, phase=Phase.HOLDING, **changes)
+    purpose = _WAIT_OF_ORDER[order]
+    if event.after_s:
         wait = begin(WaitFor.TURN, now_s, until_s=now_s + event.after_s)
+    elif _is_blocked(state, event) or (_is_of_shutdown(state, event) and _may_wait(state, event)):
+        wait = begin(purpose, now_s)
+    else:
+        waited = _wait_for(state, order)
+        ended = begin(purpose, now_s).ended(now_s) if waited is None else waited.over(now_s)
+        return command(state, order, by_person=True, **(changes | {"phase": Phase.LEAVING, "wait": ended}))
     changes |= {"phase": Phase.HOLDING, "wait": wait, "last_shared_s": -math.inf}
-    if state.phase is Phase.HOLDING and state.order.given is ev.FlightOrder.HOLD:
+    if _holds(state):
         return replace(state, **changes), []
     return command(state, ev.FlightOrder.HOLD, by_person=True, **changes)
 
 
-def _wait_after_repetition(state: AgentState, order: ev.FlightOrder) -> Wait | None:
-    """Return the wait of a vehicle that waited before it followed this order: it waits no more."""
-    wait = state.wait
-    if wait is None or not wait.is_on or wait.purpose is not _WAIT_OF_ORDER.get(order):
-        return None
-    return wait.over(state.vehicle.time_boot_s)
+def _is_of_shutdown(state: AgentState, event: ev.OperatorCommand) -> bool:
+    """Return whether an order comes from a shutdown: all vehicles hold, and tell first that they wait."""
+    return event.command is None and _holds(state) and state.order.is_followed
+
+
+def _holds(state: AgentState) -> bool:
+    return state.phase is Phase.HOLDING and state.order.given is ev.FlightOrder.HOLD
+
+
+def _is_blocked(state: AgentState, event: ev.OperatorCommand) -> bool:
+    """Return whether an order to return or land first waits for other vehicles: the way is not clear."""
+    # Members of its group expect that the vehicle stops, but not that it flies through the group.
+    may_hold = _may_wait(state, event) and may_wait_to_leave(state)
+    return may_hold and not is_way_clear(with_members_shown(state), event.order)
+
+
+def _may_wait(state: AgentState, event: ev.OperatorCommand) -> bool:
+    """Return whether an order may wait for other vehicles; a repeated order does not."""
+    if event.order not in _WAIT_OF_ORDER or event.after_s is not None:
+        return False
+    return not (state.lost or state.telemetry_is_late) and _wait_for(state, event.order) is None
+
+
+def _wait_for(state: AgentState, order: ev.FlightOrder) -> Wait | None:
+    """Return the wait that goes on before this order; a repeated order ends it."""
+    wait = state.wait if state.is_waiting else None
+    return wait if wait is not None and wait.purpose in (_WAIT_OF_ORDER[order], WaitFor.TURN) else None
 
 
 def weights_changed(state: AgentState, event: ev.WeightsChanged, _now: float) -> StepResult:

@@ -225,12 +225,12 @@ class OperatorService:
             uavs, reply, {u: self._busy_answer(u) for u in uavs if u in busy}
         )
         asyncio.get_running_loop().call_later(ANSWER_WITHIN_S, partial(self._close, number))
-        returns = isinstance(command, GiveOrder) and command.order == "return"
-        delays = self._return_delays(uavs) if returns else {}
+        is_recall = isinstance(command, GiveOrder) and command.order == "return" and len(uavs) > 1
+        delays = self._return_delays(uavs) if is_recall else {}
         for uav in (u for u in uavs if u not in busy):
             if isinstance(command, SetWeights):
                 self._busy[uav] = number
-            event = _event(number, command, delays.get(uav, 0.0), ignored)
+            event = _event(number, command, delays.get(uav), ignored)
             self._agents[uav].command(event, partial(self._answered, number))
 
     def _vehicles(self, command: Request) -> list[int]:
@@ -302,7 +302,7 @@ class OperatorService:
             reply(encode(OperatorAnswer(refused=why)))
 
 
-def _event(number: int, command: Request, delay_s: float, ignored: tuple[int, ...]) -> AgentCommand:
+def _event(number: int, command: Request, delay_s: float | None, ignored: tuple[int, ...]) -> AgentCommand:
     match command:
         case SetWeights():
             return ev.WeightsChanged(
@@ -315,4 +315,5 @@ def _event(number: int, command: Request, delay_s: float, ignored: tuple[int, ..
             )
         case GiveOrder(order=order, after_s=after_s):
             by = printable(command.by)
-            return ev.OperatorCommand(ev.FlightOrder(order), number, max(after_s, delay_s), ignored, by=by)
+            after_s = max((s for s in (after_s, delay_s) if s is not None), default=None)
+            return ev.OperatorCommand(ev.FlightOrder(order), number, after_s, ignored, by=by)

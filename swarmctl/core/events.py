@@ -168,12 +168,11 @@ class OperatorCommand(_Record, frozen=True):
     order: FlightOrder
     command: int | None = None
     """number from the operator service, repeated in the `Answer`; None: an order of the agent's process"""
-    after_s: float = 0.0
-    """time of a hold before a return, by the vehicle's clock [s]"""
+    after_s: float | None = None
+    """time of a hold before a return in a recall, by the vehicle's clock [s]; None: a vehicle holds until its
+    return path, or the ground below it, is clear of other vehicles"""
     ignore: tuple[int, ...] = msgspec.field(default=(), name="past")
     """vehicles that a launch does not wait for"""
-    in_turn: bool = False
-    """True: the vehicle holds until its return path, or the ground below it, is clear of other vehicles"""
     by: str = ""
     """person and program that gave the order; empty: not told"""
 

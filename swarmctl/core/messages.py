@@ -99,8 +99,8 @@ class GiveOrder(
     uavs: tuple[int | str, ...] | None
     """system ids or names; None: all of the swarm"""
     order: OrderKind
-    after_s: float = 0.0
-    """time for which the vehicle holds before a return, while other vehicles return [s]"""
+    after_s: float | None = None
+    """time for which the vehicle holds before a return in a recall [s]; None: no recall"""
     ignore: tuple[int | str, ...] = msgspec.field(default=(), name="past")
     """vehicles that a launch does not wait for"""
     by: str = ""
@@ -110,7 +110,7 @@ class GiveOrder(
         if self.uavs is not None:
             _check_named(self.uavs)
         _check_by(self.by)
-        if not 0.0 <= self.after_s <= MAX_AFTER_S:
+        if self.after_s is not None and not 0.0 <= self.after_s <= MAX_AFTER_S:
             raise ValueError(f"after_s = {self.after_s:g}: expected 0 to {MAX_AFTER_S:g}")
         if self.after_s and self.order != "return":
             raise ValueError(f"after_s = {self.after_s:g} with order {self.order}: only return has after_s")

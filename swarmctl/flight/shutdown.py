@@ -58,7 +58,8 @@ class Shutdown:
             return
         flying = [m for m in in_flight if not m.state.ended]
         self._say(f"{names(flying) or 'no vehicle'} ordered to {order}")
-        self._order(flying, order)
+        # A vehicle that waits to return keeps its place, unless this program schedules all returns.
+        self._order([m for m in flying if self._flies_all or m not in leaving], order)
         await self._within(self._flight.on_exit_deadline_s, lambda m: m.state.ended, flying)
         late = [m for m in flying if m.state.phase is Phase.HOLDING and m.state.is_waiting]
         if late:
@@ -72,10 +73,9 @@ class Shutdown:
         is_scheduled = order is ev.FlightOrder.RETURN and self._flies_all
         if is_scheduled:
             delays_s = dict(return_delays_s(self._members, self._say, [m.spec.sysid for m in members]))
-        in_turn = order is not ev.FlightOrder.HOLD and not is_scheduled
         for member in members:
-            after_s = delays_s.get(member.spec.sysid, 0.0)
-            member.runner.post(ev.OperatorCommand(order, after_s=after_s, in_turn=in_turn))
+            after_s = delays_s.get(member.spec.sysid, 0.0) if is_scheduled else None
+            member.runner.post(ev.OperatorCommand(order, after_s=after_s))
 
     async def _within(
         self, deadline_s: float, condition: Callable[[Member], bool], members: Sequence[Member]

@@ -43,8 +43,10 @@ async def ask(
 
     Raises BadOptions and NoAnswer.
     """
-    # If one process flies all vehicles, that process schedules the returns.
+    # If one process flies all vehicles, that process schedules the returns. A single vehicle waits by itself.
     if not (flight.agents and isinstance(command, GiveOrder) and command.order == "return"):
+        return await client.ask(bus, flight, command, signing)
+    if command.uavs is not None and len(command.uavs) == 1:
         return await client.ask(bus, flight, command, signing)
     began_s = _now_s()
     first_answers = await _send_repeatedly(
@@ -96,7 +98,7 @@ async def _send_repeatedly(
         unconfirmed = tuple(uav for uav, v in answers.items() if v.outcome in ("unconfirmed", "silent"))
         if not unconfirmed:
             break
-        remaining_s = max(command.after_s - (_now_s() - began_s), 0.0)
+        remaining_s = max((command.after_s or 0.0) - (_now_s() - began_s), 0.0)
         repeated = msgspec.structs.replace(command, uavs=unconfirmed, after_s=remaining_s)
         for v in (await client.ask(bus, flight, repeated, signing)).vehicles:
             if v.outcome != "silent":

@@ -376,18 +376,18 @@ def test_a_shutdown_keeps_the_return_time_of_a_waiting_vehicle() -> None:
     assert run_virtual(scene()) == [RETURN]
 
 
-def in_turn(order: ev.FlightOrder, **other: Any) -> ReturnStory:
-    """Return the story of vehicle 2 that holds and gets an order in turn, with another vehicle near."""
+def ordered(order: ev.FlightOrder, **other: Any) -> ReturnStory:
+    """Return the story of vehicle 2 that holds and gets an order, with another vehicle in the way."""
     story = ReturnStory()
     story(ev.OperatorCommand(HOLD))
     story(ev.OrderDone(HOLD))
     story.goes_home(3, **other)
-    assert orders(story(ev.OperatorCommand(order, in_turn=True))) == []
+    assert orders(story(ev.OperatorCommand(order))) == []
     return story
 
 
-def test_a_return_in_turn_waits_for_a_clear_path() -> None:
-    story = in_turn(RETURN)
+def test_an_ordered_return_waits_for_a_clear_path() -> None:
+    story = ordered(RETURN)
     for col in (5, 4, 3, 2, 1):
         story.goes_home(3, col=col)
         assert orders(story.holds(60)) == []
@@ -395,15 +395,15 @@ def test_a_return_in_turn_waits_for_a_clear_path() -> None:
     assert orders(story.holds(60)) == [RETURN]
 
 
-def test_a_repeated_return_does_not_wait_its_turn() -> None:
-    story = in_turn(RETURN)
+def test_a_repeated_return_does_not_wait() -> None:
+    story = ordered(RETURN)
     assert orders(story.holds(60)) == []
     assert orders(story(ev.OperatorCommand(RETURN))) == [RETURN]
 
 
-def test_a_landing_in_turn_waits_for_a_vehicle_below() -> None:
+def test_an_ordered_landing_waits_for_a_vehicle_below() -> None:
     below = {"col": 4, "phase": "holding", "returns_to": None, "alt_amsl_m": AMSL_M - 10.0}
-    story = in_turn(LAND, **below)
+    story = ordered(LAND, **below)
     for _ in range(3):
         story.goes_home(3, **below)
         assert orders(story.holds(60)) == []

@@ -29,6 +29,7 @@ FOUND = {
     538: "a vehicle landed beside one, mute for 30 s, that had stopped before its landing",
     975: "a vehicle went on from its hold, just when the others did not hear it any more",
     490: "a vehicle took off while it heard no other vehicle",
+    314: "a vehicle, ordered to return from its descent, climbed into the way of one that came to the goal",
     641: "a vehicle with priority came from behind upon a vehicle that gave way but could not",
 }
 """seeds that broke a rule before, with the cause"""

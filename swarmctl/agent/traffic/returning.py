@@ -31,13 +31,14 @@ from swarmctl.agent.traffic.check import (
     known_flights,
 )
 from swarmctl.agent.traffic.intents import publish_intent
-from swarmctl.agent.traffic.own_flight import landing_flight, planned_flight, return_flight
-from swarmctl.agent.traffic.prediction import hears_nobody
+from swarmctl.agent.traffic.own_flight import landing_flight, planned_flight, position_amsl, return_flight
+from swarmctl.agent.traffic.prediction import hears_nobody, stopping_point
 from swarmctl.agent.traffic.priority import Activity, Standing, activity_of, gives_way
 from swarmctl.agent.traffic.return_schedule import may_be_returning, position_from_state, schedule_for
+from swarmctl.agent.traffic.route_hold import hold_would_block
 from swarmctl.agent.traffic.separation.trajectory import Trajectory
 from swarmctl.agent.traffic.separation.watch import NeighbourReport
-from swarmctl.agent.traffic.wait import Verdict, Wait, WaitFor, begin, verdict
+from swarmctl.agent.traffic.wait import MIN_HEIGHT_M, Verdict, Wait, WaitFor, begin, verdict
 from swarmctl.core import events as ev
 from swarmctl.core.geo import LatLon
 from swarmctl.core.messages import VehiclePosition
@@ -166,10 +167,7 @@ def update_return(state: AgentState) -> StepResult:
 def _land_if_clear(state: AgentState, wait: Wait) -> StepResult:
     now_s = state.vehicle.time_boot_s
 
-    def is_clear() -> bool:
-        return not hears_nobody(state) and not _leaving_conflicts(state, landing_flight(state))
-
-    match verdict(wait, now_s, is_clear):
+    match verdict(wait, now_s, lambda: is_way_clear(state, ev.FlightOrder.LAND)):
         case Verdict.WAIT:
             return state, []
         case Verdict.BLOCKED:
@@ -187,10 +185,7 @@ def _wait_or_start(state: AgentState, wait: Wait) -> StepResult:
     now_s = state.vehicle.time_boot_s
 
     def is_clear() -> bool:
-        if urgent_return_reason(state):
-            return True
-        is_clear = not hears_nobody(state) and is_return_path_clear(state, state.returning)
-        return is_clear and not _leaving_conflicts(state, return_flight(state))
+        return bool(urgent_return_reason(state)) or is_way_clear(state, ev.FlightOrder.RETURN)
 
     # At the end of the longest wait, vehicles start one after the other.
     early_s = STAGGER_S * min(_n_waiting_with_higher_id(state), MAX_STAGGERED)
@@ -215,6 +210,27 @@ def _wait_or_start(state: AgentState, wait: Wait) -> StepResult:
         ev.NotifyOperator("the return path is clear; the vehicle returns [return-clear]"),
         *ordered,
     ]
+
+
+def is_way_clear(state: AgentState, order: ev.FlightOrder) -> bool:
+    """Return whether the vehicle can return, or land here, without a conflict; not if it hears nobody."""
+    if hears_nobody(state):
+        return False
+    if order is ev.FlightOrder.LAND:
+        return not _leaving_conflicts(state, landing_flight(state))
+    is_clear = is_return_path_clear(state, state.returning)
+    return is_clear and not _leaving_conflicts(state, return_flight(state))
+
+
+def may_wait_to_leave(state: AgentState) -> bool:
+    """Return whether the vehicle may hold before an ordered return or landing.
+
+    It has to be high enough, and its hold must not block a vehicle that cannot give way.
+    """
+    up_m, here = state.vehicle.alt_rel_m, position_amsl(state)
+    if here is None or up_m is None or up_m < MIN_HEIGHT_M or _takes_off(state):
+        return False
+    return not hold_would_block(state, stopping_point(state, here), known_flights(state))
 
 
 def _leaving_conflicts(state: AgentState, flight: Trajectory | None) -> bool:
