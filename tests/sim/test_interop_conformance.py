@@ -79,13 +79,6 @@ def test_the_suite_follows_a_rebooting_vehicle_over_udp() -> None:
     assert "2 passed" in done.stdout
 
 
-def test_the_suite_connects_to_a_tcp_server() -> None:
-    port = free_port(socket.SOCK_STREAM)
-    with simulator("--url", f"tcpin:127.0.0.1:{port}"):
-        done = conformance(f"tcpout:127.0.0.1:{port}", *only("commands.target", "mission.download"))
-    assert done.returncode == 0, done.stdout + done.stderr
-
-
 def test_a_silent_link_is_a_usage_error() -> None:
     port = free_port(socket.SOCK_DGRAM)
     done = conformance(f"udpin:127.0.0.1:{port}", "--speedup", "100")

@@ -3,7 +3,6 @@
 import asyncio
 import contextlib
 import os
-import random
 import socket
 import tty
 
@@ -64,20 +63,6 @@ def test_vehicles_on_separate_ports_receive_their_own_messages() -> None:
         udp.close()
 
 
-@pytest.mark.full
-def test_system_ids_restart_on_each_port() -> None:
-    opened = udp_sockets(2, step=10)
-    url = f"udpout:127.0.0.1:{opened[0].getsockname()[1]}"
-    more = ("--count", "255", "--port-step", "10", "--speedup", "5", "--url", url)
-    with simulator(*more):
-        first, second = (Ground(udp) for udp in opened)
-        first.systems(1, 250)
-        second.systems(1, 5)
-        assert max(second.received_systems) == 5
-    for udp in opened:
-        udp.close()
-
-
 @pytest.mark.autopilots("1.18")
 def test_a_rebooted_vehicle_returns_from_another_port() -> None:
     udp, port = udp_socket()
@@ -113,18 +98,6 @@ def test_messages_from_another_port_are_ignored() -> None:
         Ground(stranger, ground.address).send(mavlink.MAVLink_timesync_message(0, 7))
         ground.answered(8, 1)
         assert [m.ts1 for m in ground.received if m.get_type() == "TIMESYNC" and m.tc1] == [8]
-
-
-@pytest.mark.full
-def test_a_vehicle_with_its_own_port_returns_from_another_port() -> None:
-    udp, port = udp_socket()
-    with udp, simulator("--per-port", "1", "--speedup", "5", "--url", f"udpout:127.0.0.1:{port}"):
-        ground = Ground(udp)
-        ground.systems(1)
-        before = ground.address
-        ground.reboot(1)
-        ground.until(lambda m: m.get_type() == "HEARTBEAT" and ground.address != before)
-        ground.answered(7, 1)
 
 
 @pytest.mark.full
@@ -235,22 +208,6 @@ def test_a_tcp_client_reconnects() -> None:
 
 
 @pytest.mark.full
-def test_an_absent_server_causes_one_warning() -> None:
-    port = free_tcp_port()
-
-    def errors(text: str) -> bool:
-        return text.count("\n") == 1 and f"tcpout 127.0.0.1:{port}: " in text and "[no-server]" in text
-
-    with simulator("--speedup", "5", "--url", f"tcp:127.0.0.1:{port}", errors=errors) as process:
-        assert line(process)
-        with socket.create_server(("127.0.0.1", port)) as server:
-            server.settimeout(LIMIT_S)
-            connection, _ = server.accept()
-            with connection:
-                Ground(connection).systems(1)
-
-
-@pytest.mark.full
 def test_the_limit_of_open_files_is_raised_for_clients() -> None:
     port = free_tcp_port(3)
     more = ("--count", "3", "--per-port", "1", "--speedup", "5", "--url", f"tcpin:127.0.0.1:{port}")
@@ -326,17 +283,3 @@ def test_one_fleet_is_served_at_several_urls() -> None:
             over_tcp.answered(21, 1)
             over_udp.until(lambda m: m.get_type() == "TIMESYNC" and m.ts1 == 21)
             over_udp.answered(22, 1)
-
-
-@pytest.mark.full
-def test_garbage_from_one_station_does_not_disturb_another() -> None:
-    port = free_tcp_port()
-    noise = random.Random(4)
-    with simulator("--speedup", "5", "--url", f"tcpin:127.0.0.1:{port}") as process:
-        assert line(process)
-        with client(port) as ground:
-            with client(port) as babbler:
-                for ts1 in range(30, 35):
-                    babbler.send_raw(noise.randbytes(5000) + b"\xfd\xff\x00" + noise.randbytes(100))
-                    ground.answered(ts1, 1)
-            ground.answered(40, 1)

@@ -1,15 +1,13 @@
 """MAVProxy, scripted, flies `python -m sim_vehicle` over loopback."""
 
 import math
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from mavproxy_process import LIMIT_S, MAVProxy, mavproxy
-from simulator_process import free_tcp_port, line, simulator, udp_socket
+from simulator_process import free_tcp_port, line, simulator
 
 pytestmark = pytest.mark.interop
 
@@ -74,28 +72,6 @@ def test_mavproxy_sets_up_and_flies_an_ardupilot_copter(tmp_path: Path) -> None:
 
 
 @pytest.mark.full
-def test_a_mission_is_flown_in_auto(tmp_path: Path) -> None:
-    udp, port = udp_socket()
-    udp.close()
-    (tmp_path / "plan.txt").write_text(PLAN)
-    with (
-        mavproxy(f"udpin:127.0.0.1:{port}", tmp_path) as proxy,
-        simulator("--speedup", "10", "--url", f"udpout:127.0.0.1:{port}", *BRISK),
-    ):
-        proxy.expect(r"online system 1")
-        proxy.expect(r"Received \d+ parameters")
-        proxy.command("set flushlogs True")
-        proxy.ask("wp load plan.txt", r"TYPE_MISSION: ACCEPTED")
-        proxy.ask("mode GUIDED", r"GUIDED> ")
-        proxy.ask("arm throttle", r"\bARMED")
-        proxy.ask("long MISSION_START 0 0", r"MISSION_START: ACCEPTED")
-        proxy.expect(r"AP: Mission: 2 WP")
-        proxy.expect(r"AP: Mission: 3 Land")
-        proxy.expect(r"\bDISARMED")
-    extract_mission(tmp_path, wanted=[16, 22, 16, 21])
-
-
-@pytest.mark.full
 def test_mavproxy_sets_up_and_flies_a_px4_copter(tmp_path: Path) -> None:
     port = free_tcp_port()
     (tmp_path / "plan.txt").write_text(PLAN)
@@ -125,16 +101,3 @@ def asked(proxy: MAVProxy, command: str, pattern: str, condition: Callable[[floa
         proxy.command(command)
         found = proxy.look(pattern, ANSWER_S)
         value = math.nan if found is None else float(found[1])
-
-
-def extract_mission(folder: Path, *, wanted: list[int]) -> None:
-    """Read the plan from MAVProxy's log of the flight by pymavlink's mavmission."""
-    (log,) = folder.glob("test/logs/*/flight1/flight.tlog")
-    tool = Path(sys.executable).with_name("mavmission.py")
-    plan = folder / "from_log.txt"
-    done = subprocess.run(
-        [sys.executable, str(tool), "--output", str(plan), str(log)],
-        capture_output=True, text=True, timeout=60, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    assert [int(row.split("\t")[3]) for row in plan.read_text().splitlines()[1:]] == wanted

@@ -240,10 +240,3 @@ def test_px4_loses_and_regains_its_satellites(slow: MavsdkPeer) -> None:
     vehicle.until(lambda: telemetry.gps_info().num_satellites == 10, "satellites")
     vehicle.until(lambda: telemetry.health().is_global_position_ok, "a global position")
     assert refusal(failure.inject, FailureUnit.SYSTEM_SERVO, FailureType.OFF, 0) == "UNSUPPORTED"
-
-
-@pytest.mark.autopilots("MAVSDK 5 failure")
-def test_ardupilot_does_not_know_the_failure_command(fast: MavsdkPeer) -> None:
-    vehicle = fast.take("ardupilot")
-    refused = refusal(vehicle.plugin(Failure).inject, FailureUnit.SENSOR_GPS, FailureType.OFF, 0)
-    assert refused == "UNSUPPORTED"

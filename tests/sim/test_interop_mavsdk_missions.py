@@ -1,7 +1,6 @@
 """MAVSDK's mission and mission_raw plug-ins with copters and planes of both autopilots."""
 
 import json
-import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
@@ -27,7 +26,6 @@ pytestmark = [pytest.mark.interop, pytest.mark.full]
 ROUTE = [takeoff(7.0), waypoint(25, 0, 7.0), waypoint(25, 25, 9.4), land(25, 25)]
 # ArduPilot repeats a request after 1 s of simulated time and refuses an item that arrives twice.
 SITE = ("--home", f"{LAT_DEG},{LON_DEG},300", "--speedup", "12", "--ready-s", "0")
-NAN = math.nan
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,6 @@
 """MAVSDK's public examples with a PX4 copter: mission, manual control, follow me."""
 
 import contextlib
-import math
 import threading
 import time
 from collections.abc import Iterator
@@ -9,9 +8,8 @@ from collections.abc import Iterator
 import pytest
 from mavsdk.plugins.follow_me import Config, FollowMe, TargetLocation
 from mavsdk.plugins.manual_control import ManualControl
-from mavsdk.plugins.mission import MissionError, MissionItem, MissionPlan
 from mavsdk.plugins.telemetry import FlightMode
-from mavsdk_peer import COPTERS, MavsdkPeer, Vehicle, connected
+from mavsdk_peer import COPTERS, MavsdkPeer, connected
 from station import LAT_DEG, LON_DEG
 
 pytestmark = [pytest.mark.interop, pytest.mark.full]
@@ -26,34 +24,6 @@ def copters() -> Iterator[MavsdkPeer]:
         "--personality", "ardupilot:1,px4:3", *SITE, *COPTERS, "--param", "COM_RC_LOSS_T=5"
     ) as peer:
         yield peer
-
-
-def waypoint(vehicle: Vehicle, north_m: float, height_m: float) -> MissionItem:
-    nan, place_deg = math.nan, vehicle.place_deg(north_m, 0)
-    action, nothing = MissionItem.CameraAction.NONE, MissionItem.VehicleAction.NONE
-    return MissionItem(*place_deg, height_m, 10, True, nan, nan, action, nan, nan, nan, nan, nan, nothing)
-
-
-def started(vehicle: Vehicle) -> bool:
-    try:
-        vehicle.mission.start_mission()
-    except MissionError as error:
-        if error.result.name != "DENIED":
-            raise
-        return False
-    return True
-
-
-def test_a_mission_of_waypoints_takes_off(copters: MavsdkPeer) -> None:
-    vehicle = copters.take("px4")
-    vehicle.ready()
-    vehicle.mission.set_return_to_launch_after_mission(True)
-    vehicle.mission.upload_mission(MissionPlan([waypoint(vehicle, north_m, 15.0) for north_m in (30, 60)]))
-    vehicle.action.arm()
-    vehicle.until(lambda: started(vehicle), "mission started")  # denied until the next health check
-    vehicle.until(lambda: vehicle.height_m > 13 and vehicle.near(0, 0, 2), "15 m above home")
-    vehicle.until(lambda: vehicle.near(60, 0, 6), "at the last waypoint")
-    vehicle.in_mode(FlightMode.RETURN_TO_LAUNCH)
 
 
 @contextlib.contextmanager

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 from pymavlink import mavutil, mavwp
-from simulator_process import LIMIT_S, free_tcp_port, line, simulator, udp_socket
+from simulator_process import LIMIT_S, free_tcp_port, line, simulator
 
 pytestmark = pytest.mark.interop
 PLAN = [(16, 0, 0.0, 0.0, 300.0), (22, 3, 0.0, 0.0, 20.0), (16, 3, 46.0494, 14.5062, 20.0), (20, 3, 0, 0, 0)]
@@ -96,16 +96,3 @@ def test_mavutil_flies_a_copter_and_the_log_tools_read_its_log(tmp_path: Path) -
     loader = mavwp.MAVWPLoader()
     assert loader.load(str(plan)) == len(PLAN)
     assert [loader.wp(i).command for i in range(len(PLAN))] == [command for command, *_ in PLAN]
-
-
-@pytest.mark.full
-def test_mavutil_connects_to_px4_over_udp() -> None:
-    udp, port = udp_socket()
-    udp.close()
-    more = ("--personality", "px4", "--speedup", "5", "--url", f"udpout:127.0.0.1:{port}")
-    with simulator(*more), connected(f"udpin:127.0.0.1:{port}") as vehicle:
-        assert vehicle.wait_heartbeat(timeout=LIMIT_S).autopilot == 12
-        assert "MISSION" in vehicle.mode_mapping()
-        mapped = vehicle.mode_mapping()["RTL"]
-        vehicle.set_mode(*mapped)
-        until(vehicle, "HEARTBEAT", lambda m: vehicle.flightmode == "RTL")

@@ -31,14 +31,6 @@ until_s: 12
 """
 
 
-@pytest.mark.full
-def test_the_first_line_describes_the_fleet_and_a_signal_ends_it() -> None:
-    udp, port = udp_socket()
-    with udp, simulator("--count", "5", "--speedup", "10", "--url", f"udpout:127.0.0.1:{port}") as process:
-        first = line(process)
-    assert first == f"sim_vehicle: 5 ardupilot copters, sysid 1-5, udpout 127.0.0.1:{port}, 10x real time\n"
-
-
 @pytest.mark.parametrize("number", [pytest.param(signal.SIGINT, marks=pytest.mark.full), signal.SIGTERM])
 def test_two_lines_and_no_table_on_a_pipe(number: signal.Signals) -> None:
     udp, port = udp_socket()
@@ -64,18 +56,6 @@ def test_a_closed_standard_output_does_not_end_the_fleet() -> None:
         Ground(udp).systems(1)
 
 
-@pytest.mark.full
-def test_a_ground_station_receives_a_mixed_fleet() -> None:
-    udp, port = udp_socket()
-    url = f"udpout:127.0.0.1:{port}"
-    with udp, simulator("--personality", "ardupilot:1,px4:2", "--speedup", "5", "--url", url) as process:
-        assert "1 ardupilot copter and 2 px4 copters, sysid 1-3" in line(process)
-        ground = Ground(udp)
-        ground.systems(1, 2, 3)
-    autopilots = {m.get_srcSystem(): m.autopilot for m in ground.received if m.get_type() == "HEARTBEAT"}
-    assert autopilots == {1: 3, 2: 12, 3: 12}
-
-
 def test_a_used_port_is_an_error_with_code_2() -> None:
     udp, port = udp_socket()
     with udp:
@@ -88,8 +68,6 @@ def test_a_used_port_is_an_error_with_code_2() -> None:
 @pytest.mark.parametrize(
     ("arguments", "found"),
     [
-        (("--url", "udp:127.0.0.1:1"), "udpout:HOST:PORT"),
-        (("--url", "serial:x"), "serial:DEVICE:BAUD"),
         (("--url", "serial:/dev/not-there:57600"), "cannot open serial /dev/not-there:57600"),
         (("--url", "udpout:no.such.host.invalid:1"), "[unknown-host]"),
         (("--url", "tcpin:127.0.0.1:65535", "--count", "2", "--per-port", "1"), "65535"),
@@ -97,18 +75,11 @@ def test_a_used_port_is_an_error_with_code_2() -> None:
             ("--url", "tcpin:127.0.0.1:45994", "--url", "tcpin::45995", "--count", "3", "--per-port", "1"),
             "[port-overlap]",
         ),
-        (("--home", "here"), "LAT,LON,ALT[,HEADING]"),
         (("--scenario", "/nowhere.yaml"), "/nowhere.yaml: "),
         (("--speedup", "0"), "'--speedup'"),
         (("--count", "0"), "'--count'"),
-        (("--fault", "packet_los"), "packet_loss"),
-        (("--fault", "packet_loss:rate=2"), "[fault-value]"),
-        (("--param", "WPNAV_SPED=3"), "[unknown-parameter]"),
         (("--step", "--speedup", "2"), "--speedup"),
         (("--nonsense",), "--nonsense"),
-        (("--personality", "apm"), "--personality"),
-        (("--sysid", "200", "--count", "100", "--per-port", "60"), "at most 51 "),
-        (("--sysid", "250", "--count", "10"), "at most 1 of 10 "),
         (("run", "clean_misson"), "clean_mission?"),
     ],
 )
@@ -125,14 +96,6 @@ def test_all_bad_arguments_are_reported_at_once() -> None:
     assert done.returncode == 2
     starts = [text.split()[1] for text in done.stderr.splitlines()]
     assert sorted(starts) == ["--fault", "--home", "--param", "--url", "--wind"]
-
-
-@pytest.mark.full
-def test_fault_help_lists_all_faults() -> None:
-    done = run("--fault", "help")
-    assert done.returncode == 0
-    assert "packet_loss: " in done.stdout
-    assert "link_outage: " in done.stdout
 
 
 def test_the_fleet_ends_with_its_parent_process() -> None:
@@ -176,24 +139,6 @@ def test_manual_time_stands_still_between_steps() -> None:
         process.stdin.write("quit\n")
         process.stdin.flush()
         assert process.wait(timeout=LIMIT_S) == 0
-
-
-@pytest.mark.full
-def test_stepping_reads_a_file_and_ends_with_it(tmp_path: Path) -> None:
-    udp, port = udp_socket()
-    script = tmp_path / "steps"
-    script.write_text("step 1.5\nfly\nstep -1\n\nstep 0.25\n")
-    command = [sys.executable, "-m", "sim_vehicle", "--step", "--url", f"udpout:127.0.0.1:{port}"]
-    with udp, script.open() as steps:
-        done = subprocess.run(
-            command, stdin=steps, capture_output=True, text=True, timeout=LIMIT_S, check=False
-        )
-    assert done.returncode == 0
-    assert done.stdout.splitlines()[1:3] == ["at 1.5", "at 1.75"]
-    assert [text.split(" is ")[0] for text in done.stderr.splitlines()] == [
-        "sim_vehicle: 'fly'",
-        "sim_vehicle: 'step -1'",
-    ]
 
 
 @pytest.mark.full
@@ -342,18 +287,6 @@ def test_the_table_uses_the_alternate_screen_and_leaves_its_last_state() -> None
     assert [text.split()[0] for text in after if "  STABILIZE  " in text] == ["1", "2", "3"]
     assert all(len(text) <= 40 for text in after[:-1])
     assert " s simulated, " in after[-1]
-
-
-@pytest.mark.full
-def test_warnings_appear_in_the_table_and_after_it() -> None:
-    more = ("--count", "200", "--speedup", "1000", "--url", f"tcpin:127.0.0.1:{free_tcp_port()}")
-    with Terminal(*more, width=120) as terminal:
-        terminal.until(OWN_SCREEN)
-        terminal.until("1000x real time: ")
-        terminal.process.send_signal(signal.SIGINT)
-        terminal.until(BACK)
-        after = terminal.rest()
-    assert re.search(r"sim_vehicle: .* 1000x real time: \d+\.\d s lost .*\[too-slow\]", after)
 
 
 @pytest.mark.full

@@ -15,14 +15,11 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.scenarios import ScenarioError
 from sim_vehicle.scenarios.script import ScriptStation
-from sim_vehicle.testing.rig import Clock, NotWithinTimeError, Rig, Swarm, Vehicle, scenario_for
+from sim_vehicle.testing.rig import Clock, NotWithinTimeError, Swarm, Vehicle
 from sim_vehicle.testing.served import ServedFleet
 
 pytest_plugins = ["sim_vehicle.pytest_plugin"]
 MakeSwarm = Callable[..., Swarm]
-
-
-# -- a ground station without sockets, under test on the virtual clock -------------------------------------
 
 
 class Lander:
@@ -104,20 +101,6 @@ def test_a_station_that_listens(vehicle: Vehicle, link: ServedFleet) -> None:
     assert vehicle.raw
 
 
-@pytest.mark.full
-@pytest.mark.interop
-def test_a_station_that_comes_late(vehicle: Vehicle, link: ServedFleet, clock: Clock) -> None:
-    with socket.socket() as station:
-        station.bind(("127.0.0.1", 0))
-        link.serve(f"tcpout:127.0.0.1:{station.getsockname()[1]}", speedup=10)
-        clock.run_for(1)
-        station.listen()
-        station.settimeout(10)
-        connection, _ = station.accept()
-        with connection:
-            assert connection.recv(100)
-
-
 @pytest.mark.interop
 def test_lost_time_causes_a_warning_at_the_end(vehicle: Vehicle, link: ServedFleet, clock: Clock) -> None:
     link.serve(speedup=1_000_000)
@@ -190,13 +173,6 @@ def test_a_swarm_of_any_kind(swarm: MakeSwarm, clock: Clock) -> None:
     assert after[1] == before[1]
 
 
-def test_each_autopilot_has_its_own_parameters(swarm: MakeSwarm, clock: Clock) -> None:
-    vehicle = swarm(params={"RTL_ALT": 500})[0]
-    read = mavlink.MAVLink_param_request_read_message(vehicle.sysid, 1, b"RTL_ALT", -1)
-    clock.run_for(1)
-    assert [m.param_value for m in vehicle.send(read) if m.get_type() == "PARAM_VALUE"] == [500]
-
-
 def test_an_unknown_parameter_is_an_error(swarm: MakeSwarm) -> None:
     with pytest.raises(ScenarioError, match="px4 copter: RTL_ALT"):
         swarm(personality="px4", params={"RTL_ALT": 500})
@@ -249,17 +225,3 @@ def test_an_impossible_swarm_is_an_error(swarm: MakeSwarm, options: dict[str, An
 def test_each_test_has_one_fleet(vehicle: Vehicle, swarm: MakeSwarm) -> None:
     with pytest.raises(RuntimeError, match="swarm"):
         swarm(count=2)
-
-
-def test_equal_seeds_give_equal_bytes(swarm: MakeSwarm, clock: Clock, sim_seed: int) -> None:
-    options: dict[str, Any] = {"faults": ["packet_loss:rate=0.3"], "personality": "mixed"}
-    vehicles = swarm(count=2, **options)
-    clock.run_for(20)
-    again = Rig(sim_seed)
-    twins = again.create(scenario_for(2, seed=sim_seed, **options), 0.0)
-    Clock(again).run_for(20)
-    other = Rig(sim_seed + 1)
-    others = other.create(scenario_for(2, seed=sim_seed + 1, **options), 0.0)
-    Clock(other).run_for(20)
-    assert [vehicle.raw for vehicle in vehicles] == [twin.raw for twin in twins]
-    assert [vehicle.raw for vehicle in vehicles] != [stranger.raw for stranger in others]

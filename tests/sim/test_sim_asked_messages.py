@@ -6,28 +6,27 @@ from typing import Any
 import ardupilot_messages as firmware
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import ALT_M, LAT_DEG, LON_DEG, Station, land, scenario, takeoff, waypoint
+from station import (
+    ALT_M,
+    LAT_DEG,
+    LON_DEG,
+    Station,
+    airborne_plane,
+    land,
+    station_of,
+    takeoff,
+    waypoint,
+)
 
-from sim_vehicle.fleet import Fleet
-
-TAKEOFF = 13
 STRIKES = {mavlink.MAVLINK_MSG_ID_NAMED_VALUE_INT}  # added by the simulator, for a scenario with hostiles
 UNGROUPED = {"HEARTBEAT", "TIMESYNC", "STATUSTEXT", "HOME_POSITION", "GPS_GLOBAL_ORIGIN"}
 
 
-def station_of(kind: str, **extra: Any) -> Station:
-    vehicle = scenario().vehicles[0].model_dump() | {"kind": kind, "params": {"LOG_BACKEND_TYPE": 0}}
-    return Station(Fleet(scenario(vehicles=[vehicle], **extra), ready_s=0))
-
-
 def in_the_air(kind: str, **extra: Any) -> Station:
+    if kind == "plane":
+        return airborne_plane(up_m=30, **extra)
     station = station_of(kind, **extra)
-    if kind == "copter":
-        station.fly(20)
-    else:
-        assert station.set_mode(TAKEOFF) == 0
-        assert station.arm() == 0
-        station.until(lambda: station.height_m > 30, 120)
+    station.fly(20)
     return station
 
 

@@ -7,10 +7,16 @@ import numpy as np
 import pytest
 from px4_station import QuietPx4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import ALT_M, LAT_DEG, LON_DEG, WITHOUT_LOG, Station, item, scenario, takeoff, waypoint
-
-from sim_vehicle.faults.spec import parse_fault
-from sim_vehicle.fleet import Fleet
+from station import (
+    LAT_DEG,
+    LON_DEG,
+    Station,
+    airborne_plane,
+    item,
+    station_of,
+    takeoff,
+    waypoint,
+)
 
 GUIDED, RTL, TAKEOFF_PLANE, RTL_PLANE, GUIDED_PLANE = 4, 6, 13, 11, 15
 FAILED = 4
@@ -18,36 +24,15 @@ ONLY_VELOCITY, ONLY_POSITION_AND_YAW = 0x0DC7, 0x0BF8
 M_PER_DEG = 111_195.0
 
 
-def set_parameter(station: Station, name: str, value: float) -> None:
-    replies = station.send(mavlink.MAVLink_param_set_message(1, 1, name.encode(), value, 9))
-    assert [m.param_value for m in replies if m.get_type() == "PARAM_VALUE"] == [pytest.approx(value)]
-
-
 def reposition(station: Station, north_m: float, height_m: float) -> int:
     x, y = round((LAT_DEG + north_m / M_PER_DEG) * 1e7), round(LON_DEG * 1e7)
     return station.command_int(mavlink.MAV_CMD_DO_REPOSITION, 6, x, y, height_m, -1, 1)
 
 
-def plane(params: dict[str, float] | None = None, personality: str = "ardupilot") -> Station:
-    vehicle = {"sysid": 1, "lat_deg": LAT_DEG, "lon_deg": LON_DEG, "alt_amsl_m": ALT_M, "type": "plane"}
-    quick = WITHOUT_LOG if personality == "ardupilot" else {}
-    vehicle |= {"params": quick | (params or {}), "personality": personality}
-    return Station(Fleet(scenario(vehicles=[vehicle]), ready_s=0))
-
-
 def plane_in_guided(params: dict[str, float] | None = None) -> Station:
-    station = plane(params)
-    assert station.set_mode(TAKEOFF_PLANE) == 0
-    assert station.arm() == 0
-    station.until(lambda: station.height_m > 45, 120)
+    station = airborne_plane(params)
     assert station.set_mode(GUIDED_PLANE) == 0
     return station
-
-
-def beat(station: Station) -> None:
-    station.send(
-        mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, 4, 3)
-    )
 
 
 def speed_m_s(station: Station) -> float:
@@ -55,20 +40,6 @@ def speed_m_s(station: Station) -> float:
 
 
 # -- limits --------------------------------------------------------------------------------------------------
-
-
-def test_an_unrelated_parameter_does_not_change_the_speed_of_a_return() -> None:
-    station = Station()
-    set_parameter(station, "RTL_SPEED", 300)
-    station.fly(20)
-    assert reposition(station, 300, 20) == 0
-    station.wait(30)
-    assert station.set_mode(RTL) == 0
-    station.wait(6)
-    assert speed_m_s(station) == pytest.approx(3.0, abs=0.2)
-    set_parameter(station, "SYSID_MYGCS", 255)
-    station.wait(4)
-    assert speed_m_s(station) == pytest.approx(3.0, abs=0.2)
 
 
 @pytest.mark.autopilots("MAVSDK 5 set_current_speed")
@@ -79,10 +50,10 @@ def test_a_changed_speed_holds_until_its_own_parameter_or_the_mode_changes() -> 
     assert station.command(mavlink.MAV_CMD_DO_CHANGE_SPEED, 1, 4) == 0
     station.wait(10)
     assert speed_m_s(station) == pytest.approx(4.0, abs=0.2)
-    set_parameter(station, "RTL_ALT", 2000)
+    station.set_parameter("RTL_ALT", 2000)
     station.wait(5)
     assert speed_m_s(station) == pytest.approx(4.0, abs=0.2)
-    set_parameter(station, "WPNAV_SPEED", 700)
+    station.set_parameter("WPNAV_SPEED", 700)
     station.wait(5)
     assert speed_m_s(station) == pytest.approx(7.0, abs=0.2)
 
@@ -113,12 +84,12 @@ def test_an_impossible_voltage_is_limited_and_the_vehicle_continues() -> None:
 
 def test_a_low_battery_refuses_arming_by_its_limit() -> None:
     station = Station()
-    set_parameter(station, "SIM_BATT_VOLTAGE", 10.0)
+    station.set_parameter("SIM_BATT_VOLTAGE", 10.0)
     station.wait(1)
     assert station.set_mode(GUIDED) == 0
     assert station.arm() == FAILED
     assert "Arm: Battery 1 low voltage failsafe" in station.texts()
-    set_parameter(station, "SIM_BATT_VOLTAGE", 12.6)
+    station.set_parameter("SIM_BATT_VOLTAGE", 12.6)
     station.wait(1)
     assert station.arm() == 0
 
@@ -127,34 +98,34 @@ def test_a_recovered_battery_refuses_arming_until_the_next_boot() -> None:
     station = Station()
     station.set_mode(GUIDED)
     assert station.arm() == 0
-    set_parameter(station, "DISARM_DELAY", 0)
-    set_parameter(station, "SIM_BATT_VOLTAGE", 10.0)
+    station.set_parameter("DISARM_DELAY", 0)
+    station.set_parameter("SIM_BATT_VOLTAGE", 10.0)
     station.until(lambda: any("is low" in text for text in station.texts()), 20)
-    set_parameter(station, "SIM_BATT_VOLTAGE", 12.6)
+    station.set_parameter("SIM_BATT_VOLTAGE", 12.6)
     assert station.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0) == 0
     station.wait(1)
     assert station.arm() == FAILED
     assert "Arm: Battery failsafe" in station.texts()
-    set_parameter(station, "ARMING_CHECK", 0)
+    station.set_parameter("ARMING_CHECK", 0)
     assert station.arm() == 0
 
 
 def test_a_silent_ground_station_refuses_arming() -> None:
     station = Station()
-    set_parameter(station, "FS_GCS_ENABLE", 1)
-    beat(station)
+    station.set_parameter("FS_GCS_ENABLE", 1)
+    station.beat()
     station.set_mode(GUIDED)
     station.wait(7)
     assert station.arm() == FAILED
     assert "Arm: GCS failsafe on" in station.texts()
-    beat(station)
+    station.beat()
     assert station.arm() == 0
 
 
 def test_a_failsafe_with_an_action_stops_the_motors_on_the_ground() -> None:
     station = Station()
-    set_parameter(station, "FS_GCS_ENABLE", 1)
-    beat(station)
+    station.set_parameter("FS_GCS_ENABLE", 1)
+    station.beat()
     station.set_mode(GUIDED)
     assert station.arm() == 0
     took_s = station.until(lambda: not station.armed, 9)
@@ -166,8 +137,8 @@ def test_a_failsafe_without_an_action_leaves_the_motors_on() -> None:
     station = Station()
     station.set_mode(GUIDED)
     assert station.arm() == 0
-    set_parameter(station, "DISARM_DELAY", 0)
-    set_parameter(station, "SIM_BATT_VOLTAGE", 10.0)  # BATT_FS_LOW_ACT 0
+    station.set_parameter("DISARM_DELAY", 0)
+    station.set_parameter("SIM_BATT_VOLTAGE", 10.0)  # BATT_FS_LOW_ACT 0
     station.until(lambda: any("is low" in text for text in station.texts()), 20)
     station.wait(1)
     assert station.armed
@@ -181,7 +152,7 @@ def test_a_plane_returns_from_a_fence_by_default_and_without_autoland(
     station = plane_in_guided({"FENCE_TYPE": 2, "FENCE_RADIUS": 300, **action_parameter})
     assert reposition(station, 700, 60) == 0
     station.wait(1)
-    set_parameter(station, "FENCE_ENABLE", 1)
+    station.set_parameter("FENCE_ENABLE", 1)
     station.until(lambda: any("breached" in text for text in station.texts()), 60)
     station.wait(1)
     assert station.mode == "RTL"
@@ -194,7 +165,7 @@ def test_a_plane_goes_to_the_fences_return_point_in_guided(action: int) -> None:
     assert station.upload([point], mavlink.MAV_MISSION_TYPE_FENCE) == 0
     assert reposition(station, 700, 60) == 0
     station.wait(1)
-    set_parameter(station, "FENCE_ENABLE", 1)
+    station.set_parameter("FENCE_ENABLE", 1)
     station.until(lambda: any("breached" in text for text in station.texts()), 60)
     station.wait(60)
     truth = station.fleet.truth()
@@ -208,7 +179,7 @@ def test_a_plane_goes_to_the_fences_return_point_in_guided(action: int) -> None:
 def test_a_plane_without_a_return_point_flies_home_at_the_requested_altitude() -> None:
     station = plane_in_guided({"FENCE_ACTION": 6, "FENCE_TYPE": 2, "FENCE_RADIUS": 300, "FENCE_RET_ALT": 80})
     assert reposition(station, 700, 60) == 0
-    set_parameter(station, "FENCE_ENABLE", 1)
+    station.set_parameter("FENCE_ENABLE", 1)
     station.until(lambda: any("breached" in text for text in station.texts()), 60)
     station.wait(60)
     truth = station.fleet.truth()
@@ -241,9 +212,9 @@ def test_the_time_of_a_breach_counts_from_the_boot() -> None:
     station.wait(100)
     assert station.command(mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1) == 0
     station.wait(5)
-    set_parameter(station, "FENCE_ALT_MAX", 15)
-    set_parameter(station, "FENCE_ACTION", 0)
-    set_parameter(station, "FENCE_ENABLE", 1)
+    station.set_parameter("FENCE_ALT_MAX", 15)
+    station.set_parameter("FENCE_ACTION", 0)
+    station.set_parameter("FENCE_ENABLE", 1)
     assert station.ask(mavlink.MAVLINK_MSG_ID_FENCE_STATUS).breach_time == 0
     station.set_mode(GUIDED)
     assert station.arm() == 0
@@ -303,7 +274,7 @@ def test_px4_counts_a_yaw_in_a_body_frame_from_north() -> None:
 def test_with_sysid_enforce_only_messages_of_the_ground_station_count() -> None:
     station = Station(sysid=42)
     assert station.set_mode(GUIDED) == 0
-    set_parameter(station, "SYSID_ENFORCE", 1)
+    station.set_parameter("SYSID_ENFORCE", 1)
     request = mavlink.MAVLink_param_request_read_message(1, 1, b"RTL_ALT", -1)
     arm = mavlink.MAVLink_command_long_message(1, 0, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0, 1, *[0] * 6)
     count = mavlink.MAVLink_mission_count_message(1, 0, 1, 0)
@@ -316,11 +287,11 @@ def test_with_sysid_enforce_only_messages_of_the_ground_station_count() -> None:
 
 def test_late_acknowledgements_are_sent_at_their_time() -> None:
     station = Station()
-    station.fleet.inject(parse_fault("slow_ack:delay_s=10,for=1"), station.now)
+    station.inject("slow_ack:delay_s=10,for=1")
     station.wait(0.2)
     station.send(mavlink.MAVLink_command_long_message(1, 0, mavlink.MAV_CMD_GET_HOME_POSITION, 0, *[0] * 7))
     station.wait(1.5)
-    station.fleet.inject(parse_fault("slow_ack:delay_s=1"), station.now)
+    station.inject("slow_ack:delay_s=1")
     station.wait(0.1)
     version = mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES
     station.send(mavlink.MAVLink_command_long_message(1, 0, version, 0, *[0] * 7))
@@ -338,22 +309,22 @@ def test_the_greatest_time_stamp_does_not_stop_the_telemetry() -> None:
     assert all(frame[2] == 1 and frame[-12:-6] == b"\xff" * 6 for frame in frames)
 
 
-# -- one vehicle, one state ----------------------------------------------------------------------------------
-
-
 def test_a_reboot_in_flight_disarms_vehicle_flight_and_heartbeat() -> None:
     station = Station()
     station.fly(40)
-    station.fleet.inject(parse_fault("reboot:silence_s=5"), station.now)
+    station.inject("reboot:silence_s=5")
     station.wait(1)
     vehicle = station.fleet.vehicles[0]
     assert (vehicle.armed, vehicle.flight.armed, station.armed) == (False, False, False)
 
 
+# -- one vehicle, one state ----------------------------------------------------------------------------------
+
+
 def test_a_copter_with_an_empty_battery_falls_out_of_the_sky() -> None:
     station = Station()
     station.fly(50)
-    set_parameter(station, "BATT_CAPACITY", 60)
+    station.set_parameter("BATT_CAPACITY", 60)
     station.until(lambda: bool(station.fleet.truth().crashed[0]), 60)
     station.wait(1)
     assert not station.armed
@@ -364,14 +335,14 @@ def test_a_copter_with_an_empty_battery_falls_out_of_the_sky() -> None:
     ("personality", "name"), [("ardupilot", "AIRSPEED_STALL"), ("px4", "FW_AIRSPD_STALL")]
 )
 def test_the_stall_speed_follows_its_parameter(personality: str, name: str) -> None:
-    made = [plane({name: stall_m_s}, personality) for stall_m_s in (6.0, 9.5)]
+    made = [station_of("plane", {name: stall_m_s}, personality=personality) for stall_m_s in (6.0, 9.5)]
     assert [station.fleet.world.dynamics.stall_m_s[0] for station in made] == [6.0, 9.5]
 
 
 def test_a_higher_stall_speed_takes_a_longer_run_to_leave_the_ground() -> None:
     seconds = []
     for stall_m_s in (6.0, 11.0):
-        station = plane({"AIRSPEED_STALL": stall_m_s})
+        station = station_of("plane", {"AIRSPEED_STALL": stall_m_s})
         station.set_mode(TAKEOFF_PLANE)
         assert station.arm() == 0
         seconds.append(station.until(lambda: bool(station.fleet.truth().airborne[0]), 30))  # noqa: B023
@@ -381,7 +352,7 @@ def test_a_higher_stall_speed_takes_a_longer_run_to_leave_the_ground() -> None:
 @pytest.mark.parametrize("slew_cdeg_s", [1000.0, 6000.0])
 def test_atc_slew_yaw_is_the_turn_rate(slew_cdeg_s: float) -> None:
     station = Station()
-    station.send(mavlink.MAVLink_param_set_message(1, 1, b"ATC_SLEW_YAW", slew_cdeg_s, 9))
+    station.set_parameter("ATC_SLEW_YAW", slew_cdeg_s)
     station.fly(20)
     before_deg = math.degrees(station.ask(mavlink.MAVLINK_MSG_ID_ATTITUDE).yaw)
     assert station.command(mavlink.MAV_CMD_CONDITION_YAW, 170, 0, 1, 1) == 0

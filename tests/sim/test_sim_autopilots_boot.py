@@ -91,7 +91,7 @@ def test_a_latched_failsafe_keeps_status_5_after_landing_and_disarming() -> None
     for name, value in ((b"BATT_FS_LOW_ACT", 1), (b"BATT_LOW_VOLT", 11)):
         station.send(mavlink.MAVLink_param_set_message(1, 0, name, value, 9))
     station.fly(8)
-    station.send(mavlink.MAVLink_param_set_message(1, 0, b"SIM_BATT_VOLTAGE", 10.5, 9))
+    station.set_parameter("SIM_BATT_VOLTAGE", 10.5)
     station.until(lambda: station.mode == "LAND", 20)
     station.until(lambda: not station.armed, 60)
     station.wait(30)

@@ -5,16 +5,11 @@ import math
 import pytest
 from px4_station import AUTO as PX4_AUTO
 from px4_station import HOLD, QuietPx4Station
-from px4_station import LAND as PX4_LAND
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import ALT_M, LAT_DEG, LON_DEG, Station, home_item, item, takeoff, waypoint
+from station import ALT_M, LAT_DEG, LON_DEG, Station, home_item, item, place_m, takeoff, waypoint
 
-GUIDED, AUTO, RTL, LAND, BRAKE = 4, 3, 6, 9, 17
+GUIDED = 4
 ACCEPTED, FAILED = 0, 4
-
-
-def north_m(station: Station) -> float:
-    return float(station.fleet.truth().lat_deg[0] - LAT_DEG) * 111_195
 
 
 def send_fence(station: Station, corners: int) -> int:
@@ -36,29 +31,13 @@ def test_take_off_is_flown_in_guided_to_a_height_above_home() -> None:
     assert station.height_m == pytest.approx(15, abs=0.3)
 
 
-@pytest.mark.autopilots("MAVSDK 5 RTL / land")
-def test_a_command_to_land_enters_the_mode_land() -> None:
-    station = Station()
-    station.fly(8)
-    assert station.command(mavlink.MAV_CMD_NAV_LAND) == ACCEPTED
-    assert station.heartbeat().custom_mode == LAND
-
-
-@pytest.mark.autopilots("MAVSDK 5 RTL / land", of="px4")
-def test_px4_enters_its_mode_land_by_a_command() -> None:
-    station = QuietPx4Station()
-    station.fly(8)
-    assert station.command(mavlink.MAV_CMD_NAV_LAND) == ACCEPTED
-    assert station.custom_mode == (PX4_AUTO, PX4_LAND)
-
-
 @pytest.mark.autopilots("MAVSDK 5 goto_location")
 def test_a_target_in_frame_0_is_above_mean_sea_level() -> None:
     station = Station()
     station.fly(10)
     there = (round((LAT_DEG + 40 / 111_195) * 1e7), round(LON_DEG * 1e7), ALT_M + 18)
     assert station.command_int(mavlink.MAV_CMD_DO_REPOSITION, 0, *there, -1, 1, 0, 0) == ACCEPTED
-    station.until(lambda: north_m(station) > 39 and station.height_m > 17.5, 60)
+    station.until(lambda: place_m(station)[0] > 39 and station.height_m > 17.5, 60)
     station.wait(5)
     assert station.height_m == pytest.approx(18, abs=0.3)
 
@@ -71,25 +50,9 @@ def test_px4_turns_to_the_yaw_of_a_target_in_radians() -> None:
     command = mavlink.MAV_CMD_DO_REPOSITION
     assert station.command_int(command, 5, *there, -1, 1, 0, math.pi / 2) == ACCEPTED
     assert station.custom_mode == (PX4_AUTO, HOLD)
-    station.until(lambda: north_m(station) > 39 and station.height_m > 17.5, 60)
+    station.until(lambda: place_m(station)[0] > 39 and station.height_m > 17.5, 60)
     station.wait(3)
     assert station.ask(mavlink.MAVLINK_MSG_ID_ATTITUDE).yaw == pytest.approx(math.pi / 2, abs=0.1)
-
-
-@pytest.mark.autopilots("MAVSDK 5 start_mission")
-def test_a_mission_starts_in_auto_pauses_in_brake_and_continues_in_auto() -> None:
-    station = Station()
-    assert station.upload([home_item(), takeoff(10), waypoint(200, 0, 10)]) == 0
-    assert station.set_mode(GUIDED) == ACCEPTED
-    assert station.arm() == ACCEPTED
-    assert station.set_mode(AUTO) == ACCEPTED
-    assert station.command(mavlink.MAV_CMD_MISSION_START) == ACCEPTED
-    station.until(lambda: north_m(station) > 50, 60)
-    assert station.set_mode(BRAKE) == ACCEPTED
-    station.wait(10)
-    assert station.set_mode(AUTO) == ACCEPTED
-    assert station.command(mavlink.MAV_CMD_MISSION_START) == ACCEPTED
-    station.until(lambda: north_m(station) > 190, 60)
 
 
 @pytest.mark.autopilots("MAVSDK 5 clear_mission")
@@ -105,5 +68,4 @@ def test_an_upload_of_a_home_alone_empties_the_mission() -> None:
 def test_an_uploaded_fence_is_not_enabled() -> None:
     station = Station()
     assert send_fence(station, 5) == ACCEPTED
-    (value,) = station.send(mavlink.MAVLink_param_request_read_message(1, 0, b"FENCE_ENABLE", -1))
-    assert value.param_value == 0
+    assert station.parameter("FENCE_ENABLE") == 0

@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import Station, acks, home_item, item, land, place_m, takeoff, waypoint
 
 AUTO = 3
-ACCEPTED, DENIED, FAILED = 0, 2, 4
+ACCEPTED, FAILED = 0, 4
 CURRENT = mavlink.MAVLINK_MSG_ID_MISSION_CURRENT
 SET_CURRENT = mavlink.MAV_CMD_DO_SET_MISSION_CURRENT
 RESTARTED = (2, "Auto mission changed, restarted command")
@@ -16,10 +16,6 @@ RESTARTED = (2, "Auto mission changed, restarted command")
 
 def restart_texts(station: Station) -> list[tuple[int, str]]:
     return [(m.severity, m.text) for m in station.of("STATUSTEXT") if m.text.startswith("Auto mission")]
-
-
-def reached(station: Station) -> list[int]:
-    return [m.seq for m in station.of("MISSION_ITEM_REACHED")]
 
 
 def northbound(more: int = 0) -> Station:
@@ -64,7 +60,7 @@ def test_after_a_shorter_mission_the_index_is_greater_than_the_total() -> None:
     station = Station()
     legs = [waypoint(20.0 * i, 0) for i in range(1, 4)]
     station.fly_mission([takeoff(), *legs[:2], waypoint(200, 0), waypoint(300, 0)])
-    station.until(lambda: reached(station) == [1, 2, 3], 60)
+    station.until(lambda: station.reached == [1, 2, 3], 60)
     assert station.upload([home_item(), takeoff(), *legs[:2]]) == ACCEPTED
     assert restart_texts(station)[-1][1] == "Auto mission changed but failed to restart command"
     station.until(lambda: place_m(station)[0] > 198, 60)
@@ -91,10 +87,10 @@ def test_setting_the_current_item_with_a_reset_restarts_the_jump_counts() -> Non
         station = Station()
         jump = item(mavlink.MAV_CMD_DO_JUMP, param1=2, param2=1)
         station.fly_mission([takeoff(5), waypoint(15, 0, 5), waypoint(30, 0, 5), jump, land(30, 10)])
-        station.until(lambda: reached(station) == [1, 2, 3, 2], 90)
+        station.until(lambda: station.reached == [1, 2, 3, 2], 90)
         assert station.command(SET_CURRENT, 3, reset) == ACCEPTED
         station.until(lambda: not station.armed, 180)
-        return reached(station)
+        return station.reached
 
     assert flown(reset=0) == [1, 2, 3, 2, 3]
     assert flown(reset=1) == [1, 2, 3, 2, 3, 2, 3]
@@ -114,7 +110,7 @@ def test_set_current_after_an_upload_in_auto_flies_the_new_plan_from_its_start()
     assert station.upload(new) == ACCEPTED
     assert station.command(SET_CURRENT, 1) == ACCEPTED
     station.received.clear()
-    station.until(lambda: reached(station) == [1, 2, 3], 120)
+    station.until(lambda: station.reached == [1, 2, 3], 120)
     assert station.mode == "AUTO"
 
 
@@ -137,7 +133,7 @@ def test_px4_flies_to_the_last_item_of_a_shortened_mission() -> None:
     near = [waypoint(10.0 * i, 0, 10) for i in range(1, 4)]
     station.upload_and_wait([takeoff(10), *near, waypoint(600, 0, 10), waypoint(600, 9, 10)])
     assert station.command(mavlink.MAV_CMD_MISSION_START) == 0
-    station.until(lambda: reached(station)[-1:] == [3], 90)
+    station.until(lambda: station.reached[-1:] == [3], 90)
     assert station.upload([takeoff(10), waypoint(0, 50, 10), waypoint(0, 200, 10)]) == ACCEPTED
     station.until(lambda: place_m(station)[1] > 190, 120)
 
@@ -148,4 +144,4 @@ def test_px4_set_current_0_after_an_upload_flies_the_new_plan_from_its_start() -
     assert station.upload([waypoint(60, 40, 10), waypoint(60, 120, 10), waypoint(0, 120, 10)]) == ACCEPTED
     station.received.clear()
     station.send(mavlink.MAVLink_mission_set_current_message(1, 1, 0))
-    station.until(lambda: reached(station) == [0, 1, 2], 200)
+    station.until(lambda: station.reached == [0, 1, 2], 200)

@@ -2,11 +2,10 @@
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import LAT_DEG, Station, home_item, item, land, scenario, takeoff, waypoint
+from station import LAT_DEG, Station, home_item, item, land, station_of, takeoff, waypoint
 
 from sim_vehicle.files.ftp import HEADER
 from sim_vehicle.files.ftp_rules import Opcode
-from sim_vehicle.fleet import Fleet
 from sim_vehicle.personalities import personality_of
 
 AUTO = 3
@@ -30,17 +29,17 @@ def test_mission_requests_to_any_component_are_answered(component: int) -> None:
 
 
 @pytest.mark.autopilots("1.16", "MAVSDK 5 params")
-def test_integer_parameters_have_an_integer_type_and_a_float_value() -> None:
-    station = Station()
+def test_parameters_have_the_type_of_their_default_and_a_float_value() -> None:
+    station = station_of(params={"RTL_ALT": 2000.0, "WPNAV_SPEED": 500.0})
     station.send(mavlink.MAVLink_param_request_list_message(1, 0))
     values = {m.param_id: m for m in station.of("PARAM_VALUE")}
     for name, kind, value in (
         ("DISARM_DELAY", mavlink.MAV_PARAM_TYPE_INT8, 10.0),
         ("SYSID_MYGCS", mavlink.MAV_PARAM_TYPE_INT16, 255.0),
-        ("RTL_ALT", mavlink.MAV_PARAM_TYPE_INT32, 1500.0),
+        ("RTL_ALT", mavlink.MAV_PARAM_TYPE_INT32, 2000.0),
+        ("WPNAV_SPEED", mavlink.MAV_PARAM_TYPE_REAL32, 500.0),
     ):
         assert (values[name].param_type, values[name].param_value) == (kind, value)
-    assert values["WPNAV_SPEED"].param_type == mavlink.MAV_PARAM_TYPE_REAL32
 
 
 @pytest.mark.autopilots("1.11")
@@ -112,6 +111,7 @@ def test_a_waypoint_in_the_mission_frame_is_flown_above_mean_sea_level() -> None
         (b"RTL_SPEED", 99.995, 100.0),  # rounding errors of whole numbers are corrected
         (b"RTL_SPEED", -1.9, -1.0),
         (b"WPNAV_SPEED", 123.5, 123.5),
+        (b"SYSID_THISMAV", 9.0, 1.0),  # cannot be set
     ],
 )
 def test_an_integer_parameter_is_limited_to_its_width(name: bytes, sent: float, kept: float) -> None:
@@ -125,16 +125,6 @@ def test_every_integer_parameter_has_a_declared_width(kind: str) -> None:
     personality = personality_of("ardupilot", kind)
     integers = {name for name, value in personality.parameters.defaults.items() if isinstance(value, int)}
     assert integers - set(personality.parameters.bits) == set()
-
-
-def test_a_scenarios_parameter_gets_the_type_of_its_default() -> None:
-    (vehicle,) = scenario().vehicles
-    changed = vehicle.model_copy(update={"params": {"RTL_ALT": 2000.0, "WPNAV_SPEED": 500.0}})
-    station = Station(Fleet(scenario(vehicles=[changed.model_dump()]), ready_s=0))
-    station.send(mavlink.MAVLink_param_request_list_message(1, 0))
-    values = {m.param_id: m for m in station.of("PARAM_VALUE")}
-    seen = [(values[name].param_type, values[name].param_value) for name in ("RTL_ALT", "WPNAV_SPEED")]
-    assert seen == [(mavlink.MAV_PARAM_TYPE_INT32, 2000.0), (mavlink.MAV_PARAM_TYPE_REAL32, 500.0)]
 
 
 def test_the_file_of_all_parameters_has_their_widths() -> None:

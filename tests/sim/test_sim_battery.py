@@ -7,7 +7,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from profiles import examples
 
-from sim_vehicle.physics.copter import TERMINAL_FALL_M_S
 from sim_vehicle.physics.wind import WindSettings
 from sim_vehicle.physics.world import AVIONICS_W, Batteries
 
@@ -88,8 +87,7 @@ def test_charge_never_increases_and_all_values_stay_in_range(
 
 def used_mah(manoeuvre: str, wind: WindSettings | None = None) -> float:
     """Charge that half a minute of a manoeuvre takes."""
-    world = physics_bench.world(wind=wind)
-    body = physics_bench.copter(world)
+    world, body = physics_bench.lone_copter(wind=wind)
     east, north, up = body.position_m
     if manoeuvre == "climb":
         body.fly_to(east, north, up + 200)
@@ -110,13 +108,12 @@ def test_climbing_speed_and_wind_take_more_charge_than_hovering() -> None:
 
 
 def test_a_circling_plane_takes_less_charge_than_a_hovering_copter() -> None:
-    world = physics_bench.world(planes=True)
-    body = physics_bench.plane(world)
-    assert body.current_a < 10
-    straight = physics_bench.plane(flying_straight := physics_bench.world(planes=True))
+    _, circling = physics_bench.lone_plane()
+    assert circling.current_a < 10
+    world, straight = physics_bench.lone_plane()
     straight.fly_to(0, 3000, physics_bench.GROUND_M + 50)
-    physics_bench.wait(flying_straight, 20.0)
-    assert straight.current_a < body.current_a  # lift for a turn has its drag
+    physics_bench.wait(world, 20.0)
+    assert straight.current_a < circling.current_a  # lift for a turn has its drag
 
 
 def test_armed_motors_idle_and_disarmed_motors_rest() -> None:
@@ -127,16 +124,3 @@ def test_armed_motors_idle_and_disarmed_motors_rest() -> None:
     physics_bench.wait(world, 0.5)
     assert resting_a == pytest.approx(AVIONICS_W / 12.6, rel=0.01)
     assert body.current_a - resting_a == pytest.approx(16.0 / 12.6, rel=0.01)
-
-
-def test_a_copter_with_an_empty_battery_falls_and_is_broken() -> None:
-    world = physics_bench.world()
-    body = physics_bench.copter(world)
-    body.set_battery(capacity_mah=body.used_mah + 20.0, full_v=12.6)
-    physics_bench.until(world, lambda: body.battery_remaining == 0)
-    physics_bench.until(world, lambda: not body.airborne)
-    assert body.take_touchdown_m_s() == pytest.approx(TERMINAL_FALL_M_S, abs=0.1)
-    assert body.crashed
-    body.fly_to(0, 0, physics_bench.GROUND_M + 20)
-    physics_bench.wait(world, 5.0)
-    assert not body.airborne

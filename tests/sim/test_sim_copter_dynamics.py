@@ -14,8 +14,7 @@ from sim_vehicle.physics.wind import WindSettings
 
 
 def test_a_velocity_is_reached_at_the_acceleration_limit_and_kept() -> None:
-    world = physics_bench.world()
-    body = physics_bench.copter(world)
+    world, body = physics_bench.lone_copter()
     body.move((3.0, 4.0, 1.0))
     took_s = physics_bench.until(world, lambda: math.hypot(*body.velocity_m_s[:2]) > 4.999)
     assert took_s == pytest.approx(5.0 / 2.5, abs=0.1)
@@ -24,16 +23,14 @@ def test_a_velocity_is_reached_at_the_acceleration_limit_and_kept() -> None:
 
 
 def test_a_velocity_above_the_limits_is_cut_and_keeps_its_direction() -> None:
-    world = physics_bench.world()
-    body = physics_bench.copter(world)
+    world, body = physics_bench.lone_copter()
     body.move((60.0, 80.0, -9.0))
     physics_bench.wait(world, 10.0)
     assert body.velocity_m_s == pytest.approx((6.0, 8.0, -1.5), abs=1e-6)
 
 
 def test_a_copter_stops_within_the_braking_distance_and_stays() -> None:
-    world = physics_bench.world()
-    body = physics_bench.copter(world)
+    world, body = physics_bench.lone_copter()
     body.move((10.0, 0.0, 0.0))
     physics_bench.wait(world, 10.0)
     before_m = body.position_m[0]
@@ -45,8 +42,7 @@ def test_a_copter_stops_within_the_braking_distance_and_stays() -> None:
 
 @pytest.mark.parametrize(("heading_deg", "rate_deg_s"), [(90.0, 30.0), (-90.0, 30.0), (170.0, 90.0)])
 def test_a_copter_turns_to_a_heading_the_short_way_at_the_rate(heading_deg: float, rate_deg_s: float) -> None:
-    world = physics_bench.world()
-    body = physics_bench.copter(world)
+    world, body = physics_bench.lone_copter()
     body.face(math.radians(heading_deg), math.radians(rate_deg_s))
     physics_bench.wait(world, 1.0)
     assert math.degrees(world.dynamics.rates_rad_s[0, 2]) == pytest.approx(
@@ -58,8 +54,7 @@ def test_a_copter_turns_to_a_heading_the_short_way_at_the_rate(heading_deg: floa
 
 
 def test_a_yaw_rate_lasts_until_the_next_order() -> None:
-    world = physics_bench.world()
-    body = physics_bench.copter(world)
+    world, body = physics_bench.lone_copter()
     body.move((0.0, 0.0, 0.0), yaw_rate_rad_s=0.5)
     physics_bench.wait(world, 10.0)
     assert body.heading_rad == pytest.approx(5.0, abs=0.1)
@@ -69,8 +64,7 @@ def test_a_yaw_rate_lasts_until_the_next_order() -> None:
 
 
 def test_a_copter_faces_along_its_legs_by_default() -> None:
-    world = physics_bench.world()
-    body = physics_bench.copter(world)
+    world, body = physics_bench.lone_copter()
     body.fly_to(100.0, 0.0, physics_bench.GROUND_M + 50)
     physics_bench.wait(world, 3.0)
     assert math.degrees(body.heading_rad) == pytest.approx(90.0, abs=0.1)
@@ -84,8 +78,7 @@ def test_a_copter_faces_along_its_legs_by_default() -> None:
 
 
 def test_tilt_follows_acceleration_and_drag_and_the_specific_force_follows_thrust() -> None:
-    world = physics_bench.world()
-    body = physics_bench.copter(world)
+    world, body = physics_bench.lone_copter()
     assert world.dynamics.attitude_rad[0, :2] == pytest.approx((0, 0), abs=1e-3)
     assert world.dynamics.specific_force_m_s2[0] == pytest.approx((0, 0, -GRAVITY_M_S2), abs=0.01)
     body.face(math.pi / 2)
@@ -119,8 +112,7 @@ def test_a_copter_in_wind_tilts_holds_its_position_and_uses_more_current() -> No
 
 
 def test_a_wind_above_the_tilt_limit_carries_a_copter_away() -> None:
-    world = physics_bench.world()
-    body = physics_bench.copter(world)
+    world, body = physics_bench.lone_copter()
     body.set_wind(30.0, 0.0)
     physics_bench.wait(world, 20.0)
     # The largest tilt is 40 degrees, which holds against sqrt(g tan(40 deg) / 0.016) = 22.7 m/s.
@@ -139,8 +131,7 @@ def test_gusts_move_a_copter_by_less_than_2_m() -> None:
 
 @pytest.mark.parametrize(("height_m", "contact_m_s"), [(3.0, math.sqrt(2 * 0.3 * 9.81 * 3.0)), (50.0, 8.0)])
 def test_a_copter_without_one_motor_spins_and_sinks_ever_faster(height_m: float, contact_m_s: float) -> None:
-    world = physics_bench.world()
-    body = physics_bench.copter(world, height_m=height_m)
+    world, body = physics_bench.lone_copter(height_m)
     world.motors_lost[0] = 1
     physics_bench.wait(world, 1.0)
     assert world.dynamics.rates_rad_s[0, 2] > math.radians(180)
@@ -151,8 +142,7 @@ def test_a_copter_without_one_motor_spins_and_sinks_ever_faster(height_m: float,
 
 
 def test_a_copter_without_two_motors_falls_and_is_broken() -> None:
-    world = physics_bench.world()
-    body = physics_bench.copter(world)
+    world, body = physics_bench.lone_copter()
     world.motors_lost[0] = 2
     took_s = physics_bench.until(world, lambda: not body.airborne)
     fall_s = 15.0 / GRAVITY_M_S2  # to terminal speed
@@ -167,8 +157,7 @@ def test_a_copter_without_two_motors_falls_and_is_broken() -> None:
 
 
 def test_a_copter_with_restored_motors_returns_to_its_position() -> None:
-    world = physics_bench.world()
-    body = physics_bench.copter(world)
+    world, body = physics_bench.lone_copter()
     world.motors_lost[0] = 1
     physics_bench.wait(world, 3.0)
     world.motors_lost[0] = 0
@@ -178,8 +167,7 @@ def test_a_copter_with_restored_motors_returns_to_its_position() -> None:
 
 @pytest.mark.parametrize(("sink_m_s", "breaks"), [(4.9, False), (5.2, True)])
 def test_a_contact_above_five_metres_a_second_breaks_a_copter(sink_m_s: float, breaks: bool) -> None:
-    world = physics_bench.world()
-    body = physics_bench.copter(world)
+    world, body = physics_bench.lone_copter()
     body.move_vertically(-sink_m_s)
     physics_bench.until(world, lambda: not body.airborne)
     assert body.crashed is breaks
@@ -188,8 +176,7 @@ def test_a_contact_above_five_metres_a_second_breaks_a_copter(sink_m_s: float, b
 
 
 def test_a_copter_disarmed_in_the_air_falls_and_recovers_when_armed() -> None:
-    world = physics_bench.world()
-    body = physics_bench.copter(world, height_m=100.0)
+    world, body = physics_bench.lone_copter(100.0)
     body.limit(vertical_acceleration_m_s2=10.0)
     body.arm(False)
     physics_bench.wait(world, 1.0)
@@ -209,8 +196,7 @@ NUMBERS = st.floats(-1e6, 1e6)
 def test_any_orders_keep_the_state_finite_and_within_limits(
     orders: list[tuple[int, float, float, float]],
 ) -> None:
-    world = physics_bench.world(wind=WindSettings(8.0, 30.0, 3.0))
-    body = physics_bench.copter(world, height_m=None)
+    world, body = physics_bench.lone_copter(None, wind=WindSettings(8.0, 30.0, 3.0))
     body.fly_to(0, 0, physics_bench.GROUND_M + 30)
     for kind, a, b, c in orders:
         if kind == 0:

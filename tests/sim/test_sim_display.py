@@ -166,12 +166,13 @@ def test_columns_disappear_in_their_order() -> None:
     assert gone == names[:-1]
 
 
-def test_columns_keep_their_width_when_numbers_change() -> None:
+def test_columns_keep_their_width_on_every_page_of_the_fleet() -> None:
     display = live(FleetOptions(count=40, faults=["packet_loss:sysid=1"]))
-    first = shown(display, 80, height=16)
-    later = [shown(display, 80, height=16, wall_s=5.0 * page) for page in range(5)]
-    headings = {line for lines in (first, *later) for line in lines if line.split()[0] == "id"}
-    assert len(headings) == 1
+    pages = [shown(display, 80, height=16, wall_s=5.0 * page) for page in range(4)]
+    assert len({line for lines in pages for line in lines if line.split()[0] == "id"}) == 1
+    assert [f"page {page + 1}/4  40 vehicles" in lines[-1] for page, lines in enumerate(pages)] == [True] * 4
+    first_words = (line.split()[0] for lines in pages for line in lines)
+    assert {int(word) for word in first_words if word.isdecimal()} == set(range(1, 41))
 
 
 def test_a_warning_is_shown_below_the_table() -> None:

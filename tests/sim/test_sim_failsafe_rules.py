@@ -3,21 +3,15 @@
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import (
-    ALT_M,
-    LAT_DEG,
-    LON_DEG,
-    WITHOUT_LOG,
     Station,
+    airborne_plane,
     home_item,
     item,
     land,
-    scenario,
+    station_of,
     takeoff,
     waypoint,
 )
-
-from sim_vehicle.faults.spec import parse_fault
-from sim_vehicle.fleet import Fleet
 
 FAILED = int(mavlink.MAV_RESULT_FAILED)
 FORCE = 21196
@@ -26,29 +20,12 @@ MANUAL, CIRCLE, FBWA, FBWB, PLANE_AUTO, PLANE_LOITER, PLANE_TAKEOFF, PLANE_GUIDE
 
 
 def start_station(kind: str = "copter", *, ready_s: float = 0.0, **params: float) -> Station:
-    vehicle = {"sysid": 1, "lat_deg": LAT_DEG, "lon_deg": LON_DEG, "alt_amsl_m": ALT_M, "type": kind}
-    return Station(Fleet(scenario(vehicles=[vehicle | {"params": WITHOUT_LOG | params}]), ready_s=ready_s))
-
-
-def inject(station: Station, fault: str) -> None:
-    station.fleet.inject(parse_fault(fault), station.now)
-
-
-def set_parameter(station: Station, name: str, value: float) -> None:
-    station.send(mavlink.MAVLink_param_set_message(1, 0, name.encode(), value, 9))
-
-
-def beat(station: Station) -> None:
-    message = mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_GCS, 8, 0, 0, mavlink.MAV_STATE_ACTIVE, 3)
-    station.send(message)
+    return station_of(kind, params, ready_s=ready_s)
 
 
 def plane(mode: int, **params: float) -> Station:
     """Return a station with the vehicle in the air, in that mode."""
-    station = start_station("plane", **params)
-    station.set_mode(PLANE_TAKEOFF)
-    assert station.arm() == 0
-    station.until(lambda: station.height_m > 45, 60)
+    station = airborne_plane(params)
     if mode == PLANE_AUTO:
         station.upload([home_item(), waypoint(5000, 0, 60)])
     assert station.set_mode(mode) == 0
@@ -63,17 +40,17 @@ def test_a_low_battery_before_arming_leaves_the_failsafe_ready() -> None:
     station.wait(15)
     assert not any("is low" in text for text in station.texts())
     assert station.heartbeat().system_status == mavlink.MAV_STATE_STANDBY
-    set_parameter(station, "SIM_BATT_VOLTAGE", 12.6)
+    station.set_parameter("SIM_BATT_VOLTAGE", 12.6)
     station.wait(1)
     station.fly(20)
-    set_parameter(station, "SIM_BATT_VOLTAGE", 10.5)
+    station.set_parameter("SIM_BATT_VOLTAGE", 10.5)
     assert station.until(lambda: station.mode == "RTL", 10) >= 2
 
 
 def test_the_worse_of_two_battery_limits_counts() -> None:
     station = start_station(BATT_LOW_VOLT=11.5, BATT_FS_LOW_ACT=2, BATT_CRT_VOLT=11.0, BATT_FS_CRT_ACT=1)
     station.fly(20)
-    set_parameter(station, "SIM_BATT_VOLTAGE", 10.5)
+    station.set_parameter("SIM_BATT_VOLTAGE", 10.5)
     station.until(lambda: station.mode != "GUIDED", 15)
     assert station.mode == "LAND"
     assert not any("is low" in text for text in station.texts())
@@ -98,7 +75,7 @@ def test_battery_actions_of_quadplanes_map_to_those_of_planes(action: int, mode:
     assert station.arm() == 0
     station.until(lambda: station.height_m > 45, 60)
     station.set_mode(PLANE_GUIDED)
-    set_parameter(station, "SIM_BATT_VOLTAGE", 11.0)
+    station.set_parameter("SIM_BATT_VOLTAGE", 11.0)
     station.until(lambda: any("is low" in text for text in station.texts()), 10)
     station.wait(1)
     assert station.mode == mode
@@ -112,7 +89,7 @@ def test_the_voltage_is_watched_by_default_on_a_copter_only(*, kind: str, is_wat
     if kind == "copter":
         assert station.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 20) == 0
     station.until(lambda: station.height_m > 15, 60)
-    set_parameter(station, "SIM_BATT_VOLTAGE", 10.0)
+    station.set_parameter("SIM_BATT_VOLTAGE", 10.0)
     station.wait(5)
     assert any("is low" in text for text in station.texts()) == is_watched
 
@@ -126,7 +103,7 @@ def test_a_low_battery_starts_the_mission_landing_of_a_plane_or_a_return(*, star
     assert station.arm() == 0
     station.until(lambda: station.height_m > 45, 60)
     station.set_mode(PLANE_GUIDED)
-    set_parameter(station, "SIM_BATT_VOLTAGE", 11.0)
+    station.set_parameter("SIM_BATT_VOLTAGE", 11.0)
     station.until(lambda: station.mode == mode, 10)
     if starts:
         assert "Landing sequence start" in station.texts()
@@ -140,8 +117,8 @@ def test_failsafes_do_not_interrupt_a_mission_landing() -> None:
     assert station.arm() == 0
     station.until(lambda: station.fleet.vehicles[0].mission.index == 3, 200)
     station.wait(1)
-    set_parameter(station, "SIM_BATT_VOLTAGE", 11.0)
-    inject(station, "rc_loss")
+    station.set_parameter("SIM_BATT_VOLTAGE", 11.0)
+    station.inject("rc_loss")
     station.wait(8)
     assert any("is low" in text for text in station.texts())
     assert station.mode == "AUTO"
@@ -169,7 +146,7 @@ def test_the_action_of_a_lost_position_follows_parameter_and_mode(
 ) -> None:
     station = start_station(FS_EKF_ACTION=action)
     station.fly(80)
-    inject(station, "gps_loss")
+    station.inject("gps_loss")
     station.wait(7)
     assert station.set_mode(begun_in) == 0
     station.wait(2)
@@ -180,16 +157,16 @@ def test_the_action_of_a_lost_position_follows_parameter_and_mode(
 def test_a_lost_position_without_a_remote_control_lands() -> None:
     station = start_station(FS_EKF_ACTION=2, FS_OPTIONS=4)
     station.fly(40)
-    inject(station, "rc_loss")
+    station.inject("rc_loss")
     station.until(lambda: "Radio Failsafe - Continuing Guided Mode" in station.texts(), 3)
-    inject(station, "gps_loss")
+    station.inject("gps_loss")
     station.until(lambda: station.mode == "LAND", 12)
 
 
 def test_without_a_threshold_the_position_is_not_watched() -> None:
     station = start_station(FS_EKF_THRESH=0)
     station.fly(40)
-    inject(station, "gps_loss")
+    station.inject("gps_loss")
     station.wait(20)
     assert station.mode == "GUIDED"
     assert "EKF Failsafe" not in station.texts()
@@ -198,7 +175,7 @@ def test_without_a_threshold_the_position_is_not_watched() -> None:
 def test_a_return_without_remote_control_lands_despite_its_final_height() -> None:
     station = start_station(RTL_ALT_FINAL=500, RTL_LOIT_TIME=1000)
     station.fly(20)
-    inject(station, "rc_loss")
+    station.inject("rc_loss")
     station.until(lambda: station.mode == "RTL", 5)
     station.until(lambda: not station.armed, 120)
 
@@ -227,21 +204,21 @@ def test_the_action_of_a_failsafe_follows_its_parameter(parameter: str, value: f
     station.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 20)
     station.until(lambda: station.height_m > 19, 30)
     if parameter == "FS_GCS_ENABLE":
-        beat(station)
+        station.beat()
     elif parameter == "FS_THR_ENABLE":
-        inject(station, "rc_loss")
+        station.inject("rc_loss")
     else:
-        set_parameter(station, "SIM_BATT_VOLTAGE", 11.0)
+        station.set_parameter("SIM_BATT_VOLTAGE", 11.0)
     station.until(lambda: station.mode == mode, 10)
 
 
 def test_a_brake_or_land_without_a_position_lands() -> None:
     station = start_station(FS_THR_ENABLE=7)
     station.fly(80)
-    inject(station, "gps_loss")
+    station.inject("gps_loss")
     station.set_mode(ALT_HOLD)
     station.until(lambda: not station.fleet.vehicles[0].position_known(station.now), 10)
-    inject(station, "rc_loss")
+    station.inject("rc_loss")
     station.until(lambda: station.mode == "LAND", 5)
 
 
@@ -262,7 +239,7 @@ def test_fs_options_lets_a_copter_continue_without_a_ground_station(
     station = start_station(FS_GCS_ENABLE=1, FS_OPTIONS=options)
     station.fly_mission([takeoff(60), waypoint(2000, 0, 60)])
     station.until(lambda: station.height_m > 59, 60)
-    beat(station)
+    station.beat()
     assert station.set_mode(mode) == 0
     station.wait(6)
     assert station.mode == ends_in
@@ -270,16 +247,14 @@ def test_fs_options_lets_a_copter_continue_without_a_ground_station(
 
 
 def test_pilot_modes_continue_without_a_ground_station_by_default() -> None:
-    station = start_station()
-    (option,) = station.send(mavlink.MAVLink_param_request_read_message(1, 0, b"FS_OPTIONS", -1))
-    assert option.param_value == 16
+    assert start_station().parameter("FS_OPTIONS") == 16
 
 
 @pytest.mark.parametrize(("watched", "mode"), [(0, "GUIDED"), (1, "RTL")])
 def test_a_watched_remote_control_is_lost_after_a_second(watched: int, mode: str) -> None:
     station = start_station(FS_THR_ENABLE=watched)
     station.fly(20)
-    inject(station, "rc_loss")
+    station.inject("rc_loss")
     station.wait(0.9)
     assert station.mode == "GUIDED"
     station.wait(0.4)
@@ -307,7 +282,7 @@ def test_a_plane_without_a_remote_control_acts_in_two_stages(
     long_action: int, mode: int, at_short: str, at_long: str
 ) -> None:
     station = plane(mode, FS_LONG_ACTN=long_action)
-    inject(station, "rc_loss")
+    station.inject("rc_loss")
     station.wait(1.3)
     assert station.mode == at_short
     station.wait(4.5)
@@ -325,20 +300,20 @@ def test_the_short_failsafe_of_a_plane_follows_its_parameter(
     short_action: int, mode: int, at_short: str
 ) -> None:
     station = plane(mode, FS_SHORT_ACTN=short_action)
-    inject(station, "rc_loss")
+    station.inject("rc_loss")
     station.wait(2)
     assert station.mode == at_short
 
 
 def test_without_a_short_failsafe_the_long_one_counts_from_the_last_frame() -> None:
     station = plane(MANUAL, FS_SHORT_ACTN=3, FS_LONG_TIMEOUT=3)
-    inject(station, "rc_loss")
+    station.inject("rc_loss")
     assert station.until(lambda: station.mode == "RTL", 10) == pytest.approx(3, abs=0.2)
 
 
 def test_a_plane_resumes_its_mode_when_the_remote_control_returns_in_time() -> None:
     station = plane(FBWB)
-    inject(station, "rc_loss:for=3")
+    station.inject("rc_loss:for=3")
     station.until(lambda: station.mode == "CIRCLE", 3)
     station.until(lambda: station.mode == "FBWB", 5)
     assert station.texts()[-2:] == ["RC Short Failsafe: switched to CIRCLE", "Short Failsafe Cleared"]
@@ -347,7 +322,7 @@ def test_a_plane_resumes_its_mode_when_the_remote_control_returns_in_time() -> N
 @pytest.mark.parametrize(("mode", "ends_in"), [(MANUAL, "RTL"), (PLANE_GUIDED, "GUIDED")])
 def test_a_plane_without_a_ground_station_returns_from_pilot_modes(mode: int, ends_in: str) -> None:
     station = plane(mode, FS_GCS_ENABL=1)
-    beat(station)
+    station.beat()
     station.wait(6)
     assert station.mode == ends_in
     assert f"GCS Failsafe On: {ends_in}" in station.texts()
@@ -355,7 +330,7 @@ def test_a_plane_without_a_ground_station_returns_from_pilot_modes(mode: int, en
 
 def test_a_plane_without_a_throttle_failsafe_ignores_a_lost_remote_control() -> None:
     station = plane(MANUAL, THR_FAILSAFE=0)
-    inject(station, "rc_loss")
+    station.inject("rc_loss")
     station.wait(8)
     assert station.mode == "MANUAL"
 
@@ -366,7 +341,7 @@ def test_a_plane_without_a_throttle_failsafe_ignores_a_lost_remote_control() -> 
 @pytest.mark.parametrize("kind", ["copter", "plane"])
 def test_a_lost_remote_control_refuses_arming(kind: str) -> None:
     station = start_station(kind)
-    inject(station, "rc_loss:for=5")
+    station.inject("rc_loss:for=5")
     station.set_mode(GUIDED if kind == "copter" else PLANE_GUIDED)
     station.wait(2)
     assert station.arm() == FAILED
@@ -377,7 +352,7 @@ def test_a_lost_remote_control_refuses_arming(kind: str) -> None:
 
 def test_a_copter_forced_to_arm_without_a_remote_control_stays_armed() -> None:
     station = start_station()
-    inject(station, "rc_loss")
+    station.inject("rc_loss")
     station.set_mode(GUIDED)
     station.wait(2)
     assert station.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1, FORCE) == 0

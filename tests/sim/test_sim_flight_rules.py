@@ -8,49 +8,28 @@ from px4_station import AUTO as PX4_AUTO
 from px4_station import HOLD, OFFBOARD, QuietPx4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import (
-    ALT_M,
     LAT_DEG,
     LON_DEG,
-    WITHOUT_LOG,
     Station,
+    airborne_plane,
     home_item,
     item,
     land,
     place_m,
-    scenario,
+    station_of,
     takeoff,
     waypoint,
 )
-
-from sim_vehicle.faults.spec import parse_fault
-from sim_vehicle.fleet import Fleet
 
 E7 = 1e7
 FBWA, FBWB, CRUISE, PLANE_AUTO, TAKEOFF_MODE, PLANE_GUIDED = 5, 6, 7, 10, 13, 15
 RELATIVE = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT
 
 
-def plane(**params: float) -> Station:
-    spec = {"sysid": 1, "lat_deg": LAT_DEG, "lon_deg": LON_DEG, "alt_amsl_m": ALT_M, "type": "plane"}
-    return Station(Fleet(scenario(seed=1, vehicles=[{**spec, "params": WITHOUT_LOG | params}]), ready_s=0.0))
-
-
-def airborne_plane(height_m: float = 100.0, **params: float) -> Station:
-    station = plane(TKOFF_ALT=height_m, **params)
-    assert station.set_mode(TAKEOFF_MODE) == 0
-    assert station.arm() == 0
-    station.until(lambda: station.height_m > height_m - 3, 120)
-    return station
-
-
 def fly_plane_mission(station: Station, items: list[dict[str, Any]]) -> None:
     assert station.upload([home_item(), takeoff(50), *items]) == 0
     assert station.set_mode(PLANE_AUTO) == 0
     assert station.arm() == 0
-
-
-def set_parameter(station: Station, name: str, value: float) -> None:
-    station.send(mavlink.MAVLink_param_set_message(1, 1, name.encode(), value, 9))
 
 
 def reposition(station: Station, north_m: float, height_m: float, *params: float) -> int:
@@ -64,8 +43,8 @@ def reposition(station: Station, north_m: float, height_m: float, *params: float
 
 def test_a_refused_reposition_changes_no_mode() -> None:
     station = Station()
-    set_parameter(station, "FENCE_RADIUS", 60.0)
-    set_parameter(station, "FENCE_ENABLE", 1)
+    station.set_parameter("FENCE_RADIUS", 60.0)
+    station.set_parameter("FENCE_ENABLE", 1)
     station.fly(20)
     assert station.set_mode(17) == 0
     assert reposition(station, 200, 20, -1, 1) == 4  # FAILED
@@ -93,7 +72,7 @@ def test_a_reposition_does_not_change_the_speed() -> None:
 def test_a_copter_grounded_by_a_lost_motor_stays_down_when_the_motor_returns() -> None:
     station = Station()
     station.fly(4)
-    station.fleet.inject(parse_fault("motor_loss:for=6"), station.now)
+    station.inject("motor_loss:for=6")
     station.until(lambda: not station.fleet.truth().airborne[0], 6)
     station.wait(8)
     assert station.height_m < 0.5
@@ -105,7 +84,7 @@ def test_a_copter_grounded_by_a_lost_motor_stays_down_when_the_motor_returns() -
 def test_an_unknown_battery_capacity_has_no_effect() -> None:
     station = Station()
     station.fly(20)
-    set_parameter(station, "BATT_CAPACITY", 0)
+    station.set_parameter("BATT_CAPACITY", 0)
     station.wait(20)
     assert station.height_m == pytest.approx(20, abs=1)
 
@@ -135,14 +114,14 @@ def test_set_points_without_any_field_do_not_keep_offboard_active(frame: int, va
 
 
 def test_a_plane_circles_in_its_take_off_mode() -> None:
-    station = airborne_plane()
+    station = airborne_plane({"TKOFF_ALT": 100.0}, up_m=97)
     station.wait(60)
     assert station.heartbeat().custom_mode == TAKEOFF_MODE
     assert station.height_m == pytest.approx(100, abs=8)
 
 
 def test_a_plane_without_rotors_does_not_take_off_on_command() -> None:
-    station = plane()
+    station = station_of("plane")
     assert station.set_mode(PLANE_GUIDED) == 0
     assert station.arm() == 0
     assert station.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 50) == 4  # FAILED
@@ -150,7 +129,7 @@ def test_a_plane_without_rotors_does_not_take_off_on_command() -> None:
 
 @pytest.mark.parametrize("mode", [FBWB, pytest.param(CRUISE, marks=pytest.mark.full)])
 def test_height_is_held_in_the_modes_that_control_it(mode: int) -> None:
-    station = airborne_plane()
+    station = airborne_plane({"TKOFF_ALT": 100.0}, up_m=97)
     assert station.set_mode(mode) == 0
     before_m, before = station.height_m, place_m(station)
     station.wait(20)
@@ -159,7 +138,7 @@ def test_height_is_held_in_the_modes_that_control_it(mode: int) -> None:
 
 
 def test_fbwa_does_not_hold_height() -> None:
-    station = airborne_plane()
+    station = airborne_plane({"TKOFF_ALT": 100.0}, up_m=97)
     assert station.set_mode(FBWA) == 0
     station.wait(30)
     assert station.height_m < 90
@@ -170,7 +149,7 @@ def test_fbwa_does_not_hold_height() -> None:
     [pytest.param(None, marks=pytest.mark.full), pytest.param(12.0, marks=pytest.mark.full), 21.0],
 )
 def test_turns_are_counted_at_any_speed(speed_m_s: float | None) -> None:
-    station = plane()
+    station = station_of("plane")
     speed = [item(mavlink.MAV_CMD_DO_CHANGE_SPEED, param1=0, param2=speed_m_s)] if speed_m_s else []
     turns = item(mavlink.MAV_CMD_NAV_LOITER_TURNS, 300, 0, 50, param1=3)
     fly_plane_mission(station, [*speed, turns, waypoint(300, 900, 50)])
@@ -188,7 +167,7 @@ def test_turns_are_counted_at_any_speed(speed_m_s: float | None) -> None:
 
 
 def test_a_change_of_altitude_in_a_mission_is_flown_straight() -> None:
-    station = plane()
+    station = station_of("plane")
     fly_plane_mission(
         station,
         [
@@ -205,7 +184,7 @@ def test_a_change_of_altitude_in_a_mission_is_flown_straight() -> None:
 
 
 def test_the_last_waypoint_before_a_landing_is_flown_through() -> None:
-    station = plane(WP_RADIUS=30)
+    station = station_of("plane", {"WP_RADIUS": 30})
     fly_plane_mission(station, [waypoint(600, 0, 50), waypoint(900, 0, 40), land(1300, 0)])
     station.until(lambda: station.ask(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT).seq == 4, 240)
     assert math.dist(place_m(station), (900, 0)) < 35
@@ -216,7 +195,7 @@ def test_the_last_waypoint_before_a_landing_is_flown_through() -> None:
     ("radius_m", "direction"), [pytest.param(90.0, 0.0, marks=pytest.mark.full), (140.0, 1.0)]
 )
 def test_a_reposition_sets_radius_and_direction_of_a_planes_circle(radius_m: float, direction: float) -> None:
-    station = airborne_plane()
+    station = airborne_plane({"TKOFF_ALT": 100.0}, up_m=97)
     assert reposition(station, 300, 100, -1, 1, radius_m, direction) == 0
     station.wait(90)
     away, swept_rad, seen_rad = [], 0.0, None

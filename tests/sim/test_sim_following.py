@@ -39,20 +39,14 @@ def setpoint(
     return mavlink.MAVLink_set_position_target_global_int_message(0, 1, 1, *fields)
 
 
-def hold(station: Station, message: Any, seconds: float) -> None:
-    for _ in range(round(seconds * 10)):
-        station.send(message)
-        station.wait(0.1)
-
-
 def flying(autopilot: str, **params: float) -> Station:
     """Return a station whose copter hovers 30 m above home and obeys set-points."""
     station = Station() if autopilot == "ardupilot" else QuietPx4Station(params=params)
     station.fly(30)
     if autopilot == "px4":
-        hold(station, setpoint(velocity=(0, 0, 0)), 0.5)
+        station.hold(setpoint(velocity=(0, 0, 0)), 0.5)
         assert station.change(OFFBOARD) == 0
-        hold(station, setpoint(velocity=(0, 0, 0)), 3)
+        station.hold(setpoint(velocity=(0, 0, 0)), 3)
     return station
 
 
@@ -112,18 +106,18 @@ def test_a_follower_at_10_m_s_is_as_far_behind_as_its_position_control_says(
 def test_ardupilot_limits_acceleration_and_jerk() -> None:
     """2.5 m/s^2 and 5 m/s^3: after t < 0.5 s the speed is 2.5 t^2, after 1.5 s 0.625 + 2.5 * 1."""
     station = flying("ardupilot")
-    hold(station, setpoint(velocity=(8, 0, 0)), 0.3)
+    station.hold(setpoint(velocity=(8, 0, 0)), 0.3)
     assert motion(station).vx == pytest.approx(2.5 * 0.3**2, abs=0.1)
-    hold(station, setpoint(velocity=(8, 0, 0)), 1.2)
+    station.hold(setpoint(velocity=(8, 0, 0)), 1.2)
     assert motion(station).vx == pytest.approx(0.625 + 2.5, abs=0.2)
 
 
 def test_px4_limits_the_tilt_only_and_the_speed_with_its_feed_forward() -> None:
     """The difference of velocity gives 1.8 times the acceleration; MPC_XY_VEL_MAX is 12 m/s."""
     station = flying("px4")
-    hold(station, setpoint(velocity=(4, 0, 0)), 0.5)
+    station.hold(setpoint(velocity=(4, 0, 0)), 0.5)
     assert motion(station).vx == pytest.approx(4 * (1 - math.exp(-1.8 * 0.5)), abs=0.25)
-    hold(station, setpoint(velocity=(20, 0, -9)), 10)
+    station.hold(setpoint(velocity=(20, 0, -9)), 10)
     assert motion(station).vx == pytest.approx(12, abs=0.2)
     assert motion(station).vz == pytest.approx(-3, abs=0.1)
 
@@ -153,7 +147,7 @@ def test_an_acceleration_ahead_of_the_velocity_shortens_the_way_to_a_speed() -> 
 
 
 def east_heading(station: Station) -> None:
-    hold(station, setpoint(velocity=(0, 0, 0), yaw=math.pi / 2), 4)
+    station.hold(setpoint(velocity=(0, 0, 0), yaw=math.pi / 2), 4)
 
 
 @pytest.mark.parametrize(
@@ -177,7 +171,7 @@ def test_a_velocity_is_flown_in_the_frames_of_the_firmware(
     station = flying(autopilot, COM_OF_LOSS_T=60.0)
     east_heading(station)
     before = place_m(station)
-    hold(station, setpoint(velocity=(3, 0, 0), yaw=math.pi / 2 if frame == LOCAL else None, frame=frame), 4)
+    station.hold(setpoint(velocity=(3, 0, 0), yaw=math.pi / 2 if frame == LOCAL else None, frame=frame), 4)
     north_m, east_m = (now - then for now, then in zip(place_m(station), before, strict=True))
     assert (north_m, east_m) == pytest.approx(moved, abs=2.5)
 
@@ -201,13 +195,13 @@ def test_a_global_position_with_a_velocity_is_flown_in_the_frames_of_the_firmwar
     station = flying(autopilot, COM_OF_LOSS_T=60.0)
     place = round((LAT_DEG + 10 / 111_195) * 1e7), round(LON_DEG * 1e7)
     up_m = ALT_M + 30 if frame == ABSOLUTE else 30
-    hold(station, setpoint((*place, up_m), (0, 0, 0), frame=frame), 10)
+    station.hold(setpoint((*place, up_m), (0, 0, 0), frame=frame), 10)
     assert place_m(station)[0] == pytest.approx(10 if flies else 0, abs=1)
 
 
 # -- type masks ----------------------------------------------------------------------------------------------
 
-HERE, THERE = (0, 0, -30), (12, 0, -30)
+THERE = (12, 0, -30)
 
 
 @pytest.mark.parametrize(
@@ -231,13 +225,13 @@ HERE, THERE = (0, 0, -30), (12, 0, -30)
 )
 def test_the_type_mask_decides_what_is_flown(autopilot: str, message: Any, north_m: float) -> None:
     station = flying(autopilot, COM_OF_LOSS_T=60.0)
-    hold(station, message, 10)
+    station.hold(message, 10)
     assert place_m(station)[0] == pytest.approx(north_m, abs=0.6)
 
 
 def test_ardupilot_stops_at_a_set_point_that_it_cannot_use() -> None:
     station = flying("ardupilot")
-    hold(station, setpoint(velocity=(5, 0, 0)), 4)
+    station.hold(setpoint(velocity=(5, 0, 0)), 4)
     station.send(setpoint(velocity=(5, 0, 0), frame=BODY_FRD))
     station.wait(2.5)  # less than GUID_TIMEOUT
     assert motion(station).vx < 1
@@ -262,7 +256,7 @@ def test_without_a_yaw_ardupilot_faces_its_course_and_px4_keeps_its_heading(
     autopilot: str, yaw_deg: float
 ) -> None:
     station = flying(autopilot)
-    hold(station, setpoint(velocity=(0, 4, 0)), 5)
+    station.hold(setpoint(velocity=(0, 4, 0)), 5)
     yaw_rad = station.ask(mavlink.MAVLINK_MSG_ID_ATTITUDE).yaw
     assert math.degrees(yaw_rad) == pytest.approx(yaw_deg, abs=3)
 
@@ -272,7 +266,7 @@ def test_without_a_yaw_ardupilot_faces_its_course_and_px4_keeps_its_heading(
 
 def test_ardupilot_keeps_on_for_guid_timeout_then_stays_where_the_target_was() -> None:
     station = flying("ardupilot")
-    hold(station, setpoint((0, 0, -30), (0, 0, 0)), 1)
+    station.hold(setpoint((0, 0, -30), (0, 0, 0)), 1)
     for step in range(100):
         station.send(setpoint((0.3 * step, 0, -30), (3, 0, 0)))
         station.wait(0.1)
@@ -284,26 +278,10 @@ def test_ardupilot_keeps_on_for_guid_timeout_then_stays_where_the_target_was() -
     assert motion(station).x == pytest.approx(0.3 * 99 + 9, abs=0.7)
 
 
-@pytest.mark.parametrize(
-    ("parameters", "expected"),
-    [({"COM_OBL_RC_ACT": 5}, (AUTO, HOLD)), ({"COM_OBL_RC_ACT": 3, "COM_OF_LOSS_T": 4.0}, (AUTO, 5))],
-)
-def test_px4_leaves_offboard_after_com_of_loss_t(
-    parameters: dict[str, float], expected: tuple[int, int]
-) -> None:
-    station = flying("px4", **parameters)
-    hold(station, setpoint(velocity=(3, 0, 0)), 3)
-    patience_s = parameters.get("COM_OF_LOSS_T", 1.0)
-    took_s = station.until(lambda: mode(station)[0] != OFFBOARD, 10)
-    assert took_s == pytest.approx(patience_s, abs=0.3)
-    station.wait(1.5)
-    assert mode(station) == expected
-
-
 def test_px4_without_manual_control_sinks_in_the_position_mode_after_lost_set_points() -> None:
     """PX4 1.15.3 in software sank at 0.7 m/s (MPC_LAND_SPEED), and did not brake."""
     station = flying("px4", COM_OBL_RC_ACT=0)
-    hold(station, setpoint(velocity=(3, 0, 0)), 4)
+    station.hold(setpoint(velocity=(3, 0, 0)), 4)
     station.until(lambda: mode(station) == (POSITION, 0), 3)
     station.wait(3)
     before_m = station.height_m
@@ -313,21 +291,18 @@ def test_px4_without_manual_control_sinks_in_the_position_mode_after_lost_set_po
     assert mode(station) == (POSITION, 0)
 
 
-def test_px4_returns_to_offboard_when_set_points_return() -> None:
+@pytest.mark.parametrize(("chosen", "expected"), [(False, (OFFBOARD, 0)), (True, (AUTO, HOLD))])
+def test_px4_returns_to_offboard_with_the_set_points_unless_a_mode_was_chosen(
+    *, chosen: bool, expected: tuple[int, int]
+) -> None:
     station = flying("px4", COM_OBL_RC_ACT=5)
     station.wait(3)
     assert mode(station) == (AUTO, HOLD)
-    hold(station, setpoint(velocity=(2, 0, 0)), 3)
-    assert mode(station)[0] == OFFBOARD
-    assert motion(station).vx == pytest.approx(2, abs=0.1)
-
-
-def test_px4_does_not_return_to_offboard_after_a_mode_of_the_station() -> None:
-    station = flying("px4", COM_OBL_RC_ACT=5)
-    station.wait(3)
-    assert station.change(AUTO, HOLD) == 0
-    hold(station, setpoint(velocity=(2, 0, 0)), 3)
-    assert mode(station) == (AUTO, HOLD)
+    if chosen:
+        assert station.change(AUTO, HOLD) == 0
+    station.hold(setpoint(velocity=(2, 0, 0)), 3)
+    assert mode(station) == expected
+    assert motion(station).vx == pytest.approx(0 if chosen else 2, abs=0.1)
 
 
 # -- targets told back ---------------------------------------------------------------------------------------
@@ -349,7 +324,7 @@ def test_ardupilot_tells_position_velocity_and_acceleration_back() -> None:
 
 def test_px4_tells_the_velocity_of_its_position_control_back() -> None:
     station = flying("px4")
-    hold(station, setpoint((None, None, -30), (2, 1, None)), 4)
+    station.hold(setpoint((None, None, -30), (2, 1, None)), 4)
     told = station.ask(LOCAL_TARGET)
     assert told.type_mask & 0x7 == 0x3
     assert told.z == pytest.approx(-30)

@@ -39,17 +39,6 @@ def opened(client: FtpClient, path: bytes, opcode: int = Opcode.OPEN_FILE_RO, se
 # -- reading -------------------------------------------------------------------------------------------
 
 
-@BOTH
-def test_open_returns_the_size_and_a_read_after_the_end_is_refused(rules: FtpRules) -> None:
-    c = client(rules)
-    reply = c.one(Opcode.OPEN_FILE_RO, b"/etc/motd")
-    assert (reply.seq, reply.request, reply.data) == (2, Opcode.OPEN_FILE_RO, struct.pack("<I", 5))
-    read = c.one(Opcode.READ_FILE, session=reply.session, offset=1, size=239)
-    assert (read.opcode, read.offset, read.data) == (Opcode.ACK, 1, b"ello")
-    assert c.one(Opcode.READ_FILE, session=reply.session, offset=5, size=239).error == FtpError.END_OF_FILE
-    assert c.one(Opcode.TERMINATE_SESSION, session=reply.session).opcode == Opcode.ACK
-
-
 def test_ardupilot_returns_the_requested_size_and_px4_a_full_message() -> None:
     for rules, length in ((ftp.ARDUPILOT, 10), (ftp.PX4, 239)):
         c = client(rules)

@@ -10,17 +10,13 @@ GROUND, AIR = "on the ground, uploading", "in flight, signing"
 # The short run launches each attack once.
 SHORT_RUN = {
     "any_message": ("px4", "copter", AIR),
-    "missions": ("ardupilot", "plane", GROUND),
     "flown_missions": ("ardupilot", "plane", AIR),
-    "files": ("ardupilot", "copter", GROUND),
     "written_files": ("px4", "copter", GROUND),
-    "logs": ("px4", "plane", GROUND),
     "flown_logs": ("ardupilot", "copter", AIR),
     "commands": ("ardupilot", "plane", AIR),
     "likely_commands": ("px4", "plane", AIR),
     "parameters": ("px4", "copter", AIR),
     "setpoints": ("ardupilot", "copter", AIR),
-    "talk": ("px4", "plane", GROUND),
 }
 CASES = [
     pytest.param(*case, attack, marks=() if case == SHORT_RUN[attack] else pytest.mark.full)

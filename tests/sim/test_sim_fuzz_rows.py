@@ -171,9 +171,6 @@ def test_a_cancelled_command_ends(is_signing: bool, mavlink1: bool) -> None:
     assert calibration_results(bench, mavlink1=mavlink1) == [wanted]
 
 
-def test_a_corrupted_cancellation_is_ignored() -> None:
-    assert calibration_results(Bench("ardupilot", "copter"), spoilt=1) == [ACCEPTED]
-
-
-def test_a_cancellation_for_another_vehicle_is_ignored() -> None:
-    assert calibration_results(Bench("ardupilot", "copter"), 2) == [ACCEPTED]
+@pytest.mark.parametrize("wrong", [{"spoilt": 1}, {"sysid": 2}], ids=["corrupted", "of another vehicle"])
+def test_another_cancellation_is_ignored(wrong: dict[str, int]) -> None:
+    assert calibration_results(Bench("ardupilot", "copter"), **wrong) == [ACCEPTED]

@@ -77,16 +77,3 @@ def test_accelerations_stay_within_their_limits(seed: int) -> None:
             else:
                 body.fly_to(east_m, north_m, up_m, float(rng.choice((0.0, 5.0, 10.0))))
         physics_bench.wait(world, 3.0, watch)
-
-
-def test_a_stop_from_full_speed_ends_where_braking_ends() -> None:
-    station = Station()
-    station.fly_mission([takeoff(), waypoint(800, 0), land(800, 0)])
-    station.until(lambda: station.fleet.truth().speed_m_s[0] > 9.99)
-    before = station.fleet.truth().lat_deg[0]
-    assert station.set_mode(17) == 0
-    station.wait(15)
-    truth = station.fleet.truth()
-    braking_m = (truth.lat_deg[0] - before) * 111_195
-    assert abs(braking_m - SPEED_M_S**2 / (2 * ACCELERATION_M_S2)) < 5.0
-    assert truth.speed_m_s[0] < 0.05

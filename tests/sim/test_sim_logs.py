@@ -312,14 +312,6 @@ def test_any_state_of_a_vehicle_can_be_logged(
     assert len(log.content) > before
 
 
-@BOTH
-def test_logs_are_equal_byte_for_byte(format_: Any) -> None:
-    one, other = format_(), format_()
-    flight(one)
-    flight(other)
-    assert one.content == other.content
-
-
 # -- recorder --------------------------------------------------------------------------------------------
 
 

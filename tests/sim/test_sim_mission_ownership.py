@@ -9,36 +9,20 @@ from station import (
     ALT_M,
     LAT_DEG,
     LON_DEG,
-    WITHOUT_LOG,
     Station,
     home_item,
     item,
     land,
-    scenario,
+    place_m,
+    station_of,
     takeoff,
     waypoint,
 )
-
-from sim_vehicle.fleet import Fleet
 
 GUIDED, COPTER_AUTO, RTL = 4, 3, 6
 PLANE_AUTO, PLANE_RTL, PLANE_TAKEOFF = 10, 11, 13
 ACCEPTED, DENIED, FAILED = 0, 2, 4
 RALLY, RALLY_POINT = 2, 5100
-
-
-def north_m(station: Station) -> float:
-    return float(station.fleet.truth().lat_deg[0] - LAT_DEG) * 111_195.0
-
-
-def plane() -> Station:
-    vehicle = {"sysid": 1, "lat_deg": LAT_DEG, "lon_deg": LON_DEG, "alt_amsl_m": ALT_M, "type": "plane"}
-    vehicle["params"] = WITHOUT_LOG
-    return Station(Fleet(scenario(vehicles=[vehicle]), ready_s=0.0))
-
-
-def current(station: Station) -> int:
-    return int(station.ask(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT).seq)
 
 
 def upload_rally(station: Station, north_m: float, z: float, frame: int = 3) -> None:
@@ -64,31 +48,31 @@ def test_a_mission_shortened_below_its_index_on_the_ground_starts_over() -> None
     assert station.set_mode(GUIDED) == ACCEPTED
     assert station.arm() == ACCEPTED
     assert station.command(mavlink.MAV_CMD_MISSION_START) == ACCEPTED
-    station.until(lambda: north_m(station) > 29, 60)
+    station.until(lambda: place_m(station)[0] > 29, 60)
     assert station.texts().count("Mission: 1 Takeoff") == 1
 
 
 def test_a_mission_shortened_below_its_index_in_another_mode_starts_over() -> None:
     station = Station()
     station.fly_mission([takeoff(10), waypoint(40, 0, 10), waypoint(300, 0, 10)])
-    station.until(lambda: current(station) == 3, 90)
+    station.until(lambda: station.current == 3, 90)
     assert station.set_mode(GUIDED) == ACCEPTED
     assert station.upload([home_item(), takeoff(20)]) == 0
     assert station.set_mode(COPTER_AUTO) == ACCEPTED
     station.until(lambda: station.height_m > 19.5, 60)
-    assert current(station) == 1
+    assert station.current == 1
 
 
 def test_a_do_command_uploaded_at_the_current_index_is_executed() -> None:
     station = Station()
     station.fly_mission([takeoff(10), waypoint(80, 0, 10), waypoint(300, 0, 10)])
-    station.until(lambda: current(station) == 2, 60)
+    station.until(lambda: station.current == 2, 60)
     assert station.set_mode(GUIDED) == ACCEPTED
     slower = item(mavlink.MAV_CMD_DO_CHANGE_SPEED, param1=1, param2=3)
     assert station.upload([home_item(), takeoff(10), slower, waypoint(300, 0, 10)]) == 0
     assert station.set_mode(COPTER_AUTO) == ACCEPTED
     station.wait(12)
-    assert current(station) == 3
+    assert station.current == 3
     assert float(station.fleet.truth().speed_m_s[0]) == pytest.approx(3.0, abs=0.2)
 
 
@@ -98,7 +82,7 @@ def test_do_commands_before_a_selected_command_run_with_it() -> None:
     assert station.upload([home_item(), takeoff(10), slower, waypoint(300, 0, 10)]) == 0
     station.fly(10)
     assert station.command(mavlink.MAV_CMD_DO_SET_MISSION_CURRENT, 2) == ACCEPTED
-    assert current(station) == 3
+    assert station.current == 3
     assert station.set_mode(COPTER_AUTO) == ACCEPTED
     station.wait(12)
     assert float(station.fleet.truth().speed_m_s[0]) == pytest.approx(3.0, abs=0.2)
@@ -109,11 +93,11 @@ def test_a_condition_continues_after_a_flight_in_another_mode() -> None:
     near = item(mavlink.MAV_CMD_CONDITION_DISTANCE, param1=100)
     slower = item(mavlink.MAV_CMD_DO_CHANGE_SPEED, param1=1, param2=3)
     station.fly_mission([takeoff(10), near, slower, waypoint(200, 0, 10)])
-    station.until(lambda: north_m(station) > 30, 60)
+    station.until(lambda: place_m(station)[0] > 30, 60)
     assert station.set_mode(GUIDED) == ACCEPTED
     station.wait(4)
     assert station.set_mode(COPTER_AUTO) == ACCEPTED
-    station.until(lambda: north_m(station) > 130, 60)
+    station.until(lambda: place_m(station)[0] > 130, 60)
     assert float(station.fleet.truth().speed_m_s[0]) == pytest.approx(3.0, abs=0.2)
 
 
@@ -123,7 +107,7 @@ def test_a_condition_continues_after_a_flight_in_another_mode() -> None:
 def paused() -> Station:
     station = Station()
     station.fly_mission([takeoff(10), waypoint(150, 0, 10), waypoint(200, 0, 10), waypoint(0, 0, 10)])
-    station.until(lambda: north_m(station) > 20, 60)
+    station.until(lambda: place_m(station)[0] > 20, 60)
     assert station.command(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 0) == ACCEPTED
     station.wait(6)
     return station
@@ -134,61 +118,52 @@ def test_selecting_a_command_during_a_pause_resumes_the_mission() -> None:
     assert station.command(mavlink.MAV_CMD_DO_SET_MISSION_CURRENT, 3) == ACCEPTED
     state = station.ask(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT).mission_state
     assert state == mavlink.MISSION_STATE_ACTIVE
-    station.until(lambda: current(station) == 4, 90)
+    station.until(lambda: station.current == 4, 90)
 
 
 def test_a_new_mission_during_a_pause_is_flown_after_the_pause() -> None:
     station = paused()
-    here = north_m(station)
+    here = place_m(station)[0]
     assert station.upload([home_item(), takeoff(10), waypoint(0, 90, 10), waypoint(0, 0, 10)]) == 0
     station.wait(15)
-    assert north_m(station) == pytest.approx(here, abs=0.5)
+    assert place_m(station)[0] == pytest.approx(here, abs=0.5)
     state = station.ask(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT).mission_state
     assert state == mavlink.MISSION_STATE_PAUSED
     assert station.command(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 1) == ACCEPTED
-    station.until(lambda: current(station) == 3, 90)
+    station.until(lambda: station.current == 3, 90)
 
 
 def test_a_vehicle_flies_to_a_deleted_command_after_a_pause() -> None:
     station = Station()
     station.fly_mission([takeoff(10), waypoint(20, 0, 10), waypoint(120, 0, 10)])
-    station.until(lambda: current(station) == 3 and north_m(station) > 40, 60)
+    station.until(lambda: station.current == 3 and place_m(station)[0] > 40, 60)
     assert station.command(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 0) == ACCEPTED
     station.wait(6)
     assert station.upload([home_item(), takeoff(10)]) == 0
     assert station.command(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 1) == ACCEPTED
-    station.until(lambda: north_m(station) > 119, 60)
+    station.until(lambda: place_m(station)[0] > 119, 60)
 
 
 # -- invalid and zero numbers ----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("command", [16, 19, 93, 112])
-def test_px4_skips_a_nan_hold_or_delay(command: int) -> None:
+@pytest.mark.parametrize("command", [16, 19, 93, 112, 178])
+def test_px4_continues_after_a_nan_hold_delay_or_type_of_speed(command: int) -> None:
     station = QuietPx4Station()
-    placed = command in (16, 19)
-    waits = item(command, 20, 0, 10.0, param1=NAN, frame=6 if placed else 2)
+    waits = item(command, 20, 0, 10.0, param1=NAN, param2=3.0, frame=6 if command in (16, 19) else 2)
     station.upload_and_wait([takeoff(10), waits, waypoint(40, 0, 10.0)])
     assert station.command(mavlink.MAV_CMD_MISSION_START, -1) == ACCEPTED
-    station.until(lambda: north_m(station) > 38, 90)
-
-
-def test_px4_continues_after_a_speed_change_of_a_nan_type() -> None:
-    station = QuietPx4Station()
-    speed = item(mavlink.MAV_CMD_DO_CHANGE_SPEED, frame=2, param1=NAN, param2=3.0)
-    station.upload_and_wait([takeoff(10), speed, waypoint(40, 0, 10.0)])
-    assert station.command(mavlink.MAV_CMD_MISSION_START, -1) == ACCEPTED
-    station.until(lambda: north_m(station) > 38, 90)
+    station.until(lambda: place_m(station)[0] > 38, 90)
 
 
 def test_px4_flies_to_a_zero_altitude_and_arducopter_keeps_its_altitude() -> None:
     copter, px4 = Station(), QuietPx4Station()
     copter.fly_mission([takeoff(15), waypoint(60, 0, 0.0), waypoint(100, 0, 15.0)])
-    copter.until(lambda: current(copter) == 3, 90)
+    copter.until(lambda: copter.current == 3, 90)
     assert copter.height_m == pytest.approx(15, abs=2.0)  # the altitude before this leg
     px4.upload_and_wait([takeoff(15), waypoint(60, 0, 0.0)])
     assert px4.command(mavlink.MAV_CMD_MISSION_START, -1) == ACCEPTED
-    px4.until(lambda: north_m(px4) > 50, 90)
+    px4.until(lambda: place_m(px4)[0] > 50, 90)
     px4.wait(20)
     assert px4.height_m < 1.0
 
@@ -212,7 +187,7 @@ def test_arducopter_returns_at_the_higher_of_rally_point_and_return_altitude(
     assert station.set_mode(RTL) == ACCEPTED
     assert highest_m(station, 60) == pytest.approx(expected_m, abs=0.7)
     station.until(lambda: not station.armed, 200)
-    assert north_m(station) == pytest.approx(60, abs=1.5)
+    assert place_m(station)[0] == pytest.approx(60, abs=1.5)
 
 
 def test_px4_counts_its_return_altitude_from_the_rally_point() -> None:
@@ -227,7 +202,7 @@ def test_px4_counts_its_return_altitude_from_the_rally_point() -> None:
 
 
 def test_arduplane_circles_at_the_altitude_of_its_rally_point() -> None:
-    station = plane()
+    station = station_of("plane")
     upload_rally(station, 300.0, 140.0)
     assert station.set_mode(PLANE_TAKEOFF) == ACCEPTED
     assert station.arm() == ACCEPTED
@@ -255,7 +230,7 @@ def test_px4_starts_at_the_requested_item() -> None:
     station.upload_and_wait([takeoff(10), waypoint(200, 0, 10.0), waypoint(30, 0, 10.0)])
     assert station.command(mavlink.MAV_CMD_MISSION_START, 3) == DENIED
     assert station.command(mavlink.MAV_CMD_MISSION_START, 2, 2) == ACCEPTED
-    assert current(station) == 2
+    assert station.current == 2
 
 
 def test_px4_flies_a_return_as_the_last_item_in_its_mode_without_a_report() -> None:
@@ -267,8 +242,8 @@ def test_px4_flies_a_return_as_the_last_item_in_its_mode_without_a_report() -> N
     station.until(lambda: station.custom_mode == (AUTO, RETURN), 90)
     station.until(lambda: not station.armed, 200)
     assert {message.seq for message in station.of("MISSION_ITEM_REACHED")} == {0, 1}
-    assert current(station) == 2
-    assert north_m(station) == pytest.approx(0, abs=3)
+    assert station.current == 2
+    assert place_m(station)[0] == pytest.approx(0, abs=3)
 
 
 def landing_mission() -> list[dict[str, Any]]:
@@ -277,21 +252,21 @@ def landing_mission() -> list[dict[str, Any]]:
 
 
 def test_arduplane_jumps_to_its_landing_sequence_on_request() -> None:
-    station = plane()
+    station = station_of("plane")
     assert station.upload(landing_mission()) == 0
     assert station.set_mode(PLANE_AUTO) == ACCEPTED
     assert station.arm() == ACCEPTED
-    station.until(lambda: current(station) == 2, 90)
+    station.until(lambda: station.current == 2, 90)
     station.wait(10)
     assert station.set_mode(PLANE_RTL) == ACCEPTED
     assert station.command(mavlink.MAV_CMD_DO_LAND_START) == ACCEPTED
-    assert (station.mode, current(station)) == ("AUTO", 4)
+    assert (station.mode, station.current) == ("AUTO", 4)
     assert "Landing sequence start" in station.texts()
-    station.until(lambda: current(station) == 5, 200)
+    station.until(lambda: station.current == 5, 200)
 
 
 def test_arduplane_without_a_landing_sequence_reports_that() -> None:
-    station = plane()
+    station = station_of("plane")
     assert station.upload([home_item(), takeoff(60), waypoint(500, 0, 60)]) == 0
     assert station.command(mavlink.MAV_CMD_DO_LAND_START) == FAILED
     assert station.texts()[-1] == "Unable to start landing sequence"

@@ -6,11 +6,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import LAT_DEG, LON_DEG, Station, acks, home_item, land, takeoff, waypoint
 
-WP, JUMP, RTL = (
-    mavlink.MAV_CMD_NAV_WAYPOINT,
-    mavlink.MAV_CMD_DO_JUMP,
-    mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH,
-)
+JUMP, RTL = mavlink.MAV_CMD_DO_JUMP, mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH
 
 
 def mission(n: int) -> list[dict[str, Any]]:

@@ -12,7 +12,7 @@ from transfer_bench import IdlePilot
 from sim_vehicle.vehicle.mission import Item, Mission, MissionState
 from sim_vehicle.vehicle.mission_px4 import Px4Mission
 
-TAKEOFF, WP, LAND, RTL, NAV_DELAY = 22, 16, 21, 20, 93
+TAKEOFF, WP, LAND, NAV_DELAY = 22, 16, 21, 93
 SPEED, JUMP, DELAY, DISTANCE, YAW, LAND_START = 178, 177, 112, 114, 115, 189
 
 

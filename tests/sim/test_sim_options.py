@@ -1,6 +1,8 @@
 """The command line: URLs, homes, personalities, wind, parameters, ports and system ids."""
 
 import math
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -42,11 +44,24 @@ def test_a_url_in_the_notations_of_other_tools(text: str, url: Url) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["", ":14550", "udpout:x", "udpout:x:0", "udpout:x:65536", "ftp:x:1", "a:b:c:1"]
-)
-def test_a_bad_url_is_refused(text: str) -> None:
-    with pytest.raises(UrlError, match="--url"):
-        parse_url(text)
+    ("parse", "option", "texts"),
+    [
+        (parse_url, "--url", ["", "udp", ":14550", "udpout:x", "udpout:x:0", "udpout:x:65536", "ftp:x:1",
+                              "http://x:1", "a:b:c:1", "serial:/dev/x"]),
+        (parse_home, "--home", ["46,14", "91,0,0", "90,0,0", "-89.5,0,0", "0,181,0", "0,0,nan", "0,0,0,400",
+                                "a,b,c", "1,2,3,4,5", ""]),
+        (parse_wind, "--wind", ["5", "-1,0", "61,0", "5,361", "5,0,31", "inf,0", "x,y"]),
+        (partial(parse_personality, count=1), "--personality", ["px5", ""]),
+        (partial(parse_personality, count=None), "--personality", ["px4:0", "px4:"]),
+        (partial(parse_personality, count=3), "--personality", ["px4:2"]),
+    ],
+)  # fmt: skip
+def test_a_bad_text_is_refused_with_its_option(
+    parse: Callable[[str], object], option: str, texts: list[str]
+) -> None:
+    for text in texts:
+        with pytest.raises((UrlError, OptionError), match=option):
+            parse(text)
 
 
 @PROPERTY
@@ -86,37 +101,14 @@ def test_the_personality_of_each_vehicle(text: str, count: int | None, names: li
     assert parse_personality(text, count) == names
 
 
-@pytest.mark.parametrize(
-    ("text", "count"), [("px5", 1), ("px4:0", None), ("px4:", None), ("px4:2", 3), ("", 1)]
-)
-def test_a_bad_personality_is_refused(text: str, count: int | None) -> None:
-    with pytest.raises(OptionError, match="--personality"):
-        parse_personality(text, count)
-
-
 def test_a_home_may_have_a_heading() -> None:
     assert parse_home("46,14.5,300") == (46, 14.5, 300, 0)
     assert parse_home("-35.36,149.16,584,353") == (-35.36, 149.16, 584, 353)
 
 
-@pytest.mark.parametrize(
-    "text",
-    ["46,14", "91,0,0", "90,0,0", "-89.5,0,0", "0,181,0", "0,0,nan", "0,0,0,400", "a,b,c", "1,2,3,4,5", ""],
-)
-def test_a_bad_home_is_refused(text: str) -> None:
-    with pytest.raises(OptionError, match="--home"):
-        parse_home(text)
-
-
 def test_a_wind_is_parsed() -> None:
     assert parse_wind("5,270") == {"speed_m_s": 5, "from_deg": 270}
     assert parse_wind("5,270,2") == {"speed_m_s": 5, "from_deg": 270, "gust_m_s": 2}
-
-
-@pytest.mark.parametrize("text", ["5", "-1,0", "61,0", "5,361", "5,0,31", "inf,0", "x,y"])
-def test_a_bad_wind_is_refused(text: str) -> None:
-    with pytest.raises(OptionError, match="--wind"):
-        parse_wind(text)
 
 
 @PROPERTY

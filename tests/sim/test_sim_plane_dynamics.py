@@ -22,8 +22,7 @@ def from_centre_m(body: Body, centre_m: tuple[float, float] = (0.0, 0.0)) -> flo
 
 
 def test_a_plane_rolls_takes_off_climbs_straight_and_circles() -> None:
-    world = physics_bench.world(planes=True)
-    body = physics_bench.plane(world, height_m=None)
+    world, body = physics_bench.lone_plane(None)
     body.loiter(0, 0, UP_M)
     took_s = physics_bench.until(world, lambda: body.airborne)
     assert took_s == pytest.approx(1.2 * 8.0 / 4.0, abs=0.2)  # 1.2 times the stall speed at 4 m/s2
@@ -36,8 +35,7 @@ def test_a_plane_rolls_takes_off_climbs_straight_and_circles() -> None:
 
 
 def test_a_plane_without_an_order_stays_on_the_ground() -> None:
-    world = physics_bench.world(planes=True)
-    body = physics_bench.plane(world, height_m=None)
+    world, body = physics_bench.lone_plane(None)
     physics_bench.wait(world, 5.0)
     assert body.position_m == pytest.approx((0, 0, physics_bench.GROUND_M))
     assert not body.airborne
@@ -48,8 +46,7 @@ def test_a_plane_without_an_order_stays_on_the_ground() -> None:
     [pytest.param(60.0, marks=pytest.mark.full), -60.0, pytest.param(100.0, marks=pytest.mark.full)],
 )
 def test_a_plane_loiters_on_a_circle(radius_m: float) -> None:
-    world = physics_bench.world(planes=True)
-    body = physics_bench.plane(world)
+    world, body = physics_bench.lone_plane()
     body.loiter(200, 100, UP_M, radius_m)
     physics_bench.until(world, lambda: body.reached)
     physics_bench.wait(world, 30.0)
@@ -70,8 +67,7 @@ def test_a_plane_loiters_on_a_circle(radius_m: float) -> None:
 
 
 def test_the_bank_limit_sets_the_narrowest_turn() -> None:
-    world = physics_bench.world(planes=True)
-    body = physics_bench.plane(world)
+    world, body = physics_bench.lone_plane()
     body.limit(bank_limit_deg=30.0)
     body.loiter(0, 0, UP_M, 5.0)  # narrower than the bank limit allows
     physics_bench.wait(world, 20.0)
@@ -85,8 +81,7 @@ def test_the_bank_limit_sets_the_narrowest_turn() -> None:
 
 
 def test_a_plane_continues_along_the_leg_after_a_waypoint() -> None:
-    world = physics_bench.world(planes=True)
-    body = physics_bench.plane(world)
+    world, body = physics_bench.lone_plane()
     body.fly_to(0, 600, UP_M)
     physics_bench.until(world, lambda: body.reached)
     assert from_centre_m(body, (0, 600)) <= 31
@@ -98,8 +93,7 @@ def test_a_plane_continues_along_the_leg_after_a_waypoint() -> None:
 
 
 def test_the_next_leg_begins_where_the_last_one_ended() -> None:
-    world = physics_bench.world(planes=True)
-    body = physics_bench.plane(world)
+    world, body = physics_bench.lone_plane()
     body.fly_to(0, 600, UP_M)
     physics_bench.until(world, lambda: body.reached)
     body.fly_to(800, 600, UP_M)
@@ -108,8 +102,7 @@ def test_the_next_leg_begins_where_the_last_one_ended() -> None:
 
 
 def test_a_plane_in_a_crosswind_holds_its_track() -> None:
-    world = physics_bench.world(planes=True, wind=WindSettings(8.0, 270.0))
-    body = physics_bench.plane(world)
+    world, body = physics_bench.lone_plane(wind=WindSettings(8.0, 270.0))
     body.fly_to(0, 300, UP_M)
     physics_bench.until(world, lambda: body.reached)
     body.fly_to(0, 3000, UP_M)
@@ -121,8 +114,7 @@ def test_a_plane_in_a_crosswind_holds_its_track() -> None:
 
 
 def test_a_headwind_above_the_airspeed_blows_a_plane_back() -> None:
-    world = physics_bench.world(planes=True)
-    body = physics_bench.plane(world)
+    world, body = physics_bench.lone_plane()
     body.fly_to(0, 5000, UP_M)
     physics_bench.wait(world, 20.0)
     body.set_wind(20.0, 0.0)
@@ -132,8 +124,7 @@ def test_a_headwind_above_the_airspeed_blows_a_plane_back() -> None:
 
 
 def test_a_circle_over_the_ground_stays_round_in_wind() -> None:
-    world = physics_bench.world(planes=True, wind=WindSettings(6.0, 300.0))
-    body = physics_bench.plane(world)
+    world, body = physics_bench.lone_plane(wind=WindSettings(6.0, 300.0))
     physics_bench.wait(world, 40.0)
     off_m = []
     physics_bench.wait(world, 40.0, lambda: off_m.append(from_centre_m(body) - 60))
@@ -141,8 +132,7 @@ def test_a_circle_over_the_ground_stays_round_in_wind() -> None:
 
 
 def test_a_plane_climbs_and_sinks_within_its_limits() -> None:
-    world = physics_bench.world(planes=True)
-    body = physics_bench.plane(world)
+    world, body = physics_bench.lone_plane()
     rates = []
     body.loiter(0, 0, UP_M + 100)
     took_s = physics_bench.until(world, lambda: body.position_m[2] > UP_M + 90)
@@ -160,16 +150,14 @@ def test_a_plane_climbs_and_sinks_within_its_limits() -> None:
 def test_a_plane_flies_at_the_requested_airspeed_within_its_limits(
     asked_m_s: float, flown_m_s: float
 ) -> None:
-    world = physics_bench.world(planes=True)
-    body = physics_bench.plane(world)
+    world, body = physics_bench.lone_plane()
     body.limit(speed_m_s=asked_m_s)
     physics_bench.wait(world, 10.0)
     assert world.dynamics.airspeed_m_s[0] == pytest.approx(flown_m_s, abs=1e-6)
 
 
 def test_a_plane_below_the_stall_speed_sinks() -> None:
-    world = physics_bench.world(planes=True)
-    body = physics_bench.plane(world)
+    world, body = physics_bench.lone_plane()
     body.limit(airspeed_min_m_s=4.0, speed_m_s=5.0)
     physics_bench.wait(world, 30.0)
     after_30_s_m = body.position_m[2]
@@ -187,8 +175,7 @@ def test_a_plane_below_the_stall_speed_sinks() -> None:
     ],
 )
 def test_a_plane_without_power_glides_eight_metres_forward_for_one_down(cause: str) -> None:
-    world = physics_bench.world(planes=True)
-    body = physics_bench.plane(world)
+    world, body = physics_bench.lone_plane()
     body.fly_to(0, 3000, UP_M)
     physics_bench.wait(world, 20.0)
     if cause == "motor":
@@ -218,8 +205,7 @@ def test_a_plane_without_power_glides_eight_metres_forward_for_one_down(cause: s
     ],
 )
 def test_a_plane_lands_along_a_slope_flares_and_rolls_out(wind: WindSettings) -> None:
-    world = physics_bench.world(planes=True, wind=wind)
-    body = physics_bench.plane(world)
+    world, body = physics_bench.lone_plane(wind=wind)
     body.fly_to(0, -600, UP_M)
     physics_bench.until(world, lambda: body.reached)
     body.fly_to(0, -500, UP_M)
@@ -237,8 +223,7 @@ def test_a_plane_lands_along_a_slope_flares_and_rolls_out(wind: WindSettings) ->
 
 
 def test_a_sinking_plane_continues_on_its_circle() -> None:
-    world = physics_bench.world(planes=True)
-    body = physics_bench.plane(world)
+    world, body = physics_bench.lone_plane()
     body.move_vertically(-2.0)
     physics_bench.wait(world, 10.0)
     assert body.velocity_m_s[2] == pytest.approx(-2.0, abs=0.01)
@@ -248,8 +233,7 @@ def test_a_sinking_plane_continues_on_its_circle() -> None:
 
 
 def test_a_velocity_is_a_course_and_a_climb() -> None:
-    world = physics_bench.world(planes=True, wind=WindSettings(5.0, 0.0))
-    body = physics_bench.plane(world)
+    world, body = physics_bench.lone_plane(wind=WindSettings(5.0, 0.0))
     body.move((10.0, 0.0, 2.0))
     physics_bench.wait(world, 10.0)
     east, north, up = body.velocity_m_s
@@ -259,8 +243,7 @@ def test_a_velocity_is_a_course_and_a_climb() -> None:
 
 
 def test_a_stopped_plane_circles_at_its_position() -> None:
-    world = physics_bench.world(planes=True)
-    body = physics_bench.plane(world)
+    world, body = physics_bench.lone_plane()
     body.fly_to(0, 2000, UP_M)
     physics_bench.wait(world, 20.0)
     here_m = body.position_m[:2]
@@ -284,8 +267,7 @@ NUMBERS = st.floats(-1e4, 1e4)
 @settings(max_examples=examples(15, least=5), derandomize=True, deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 6), NUMBERS, NUMBERS, NUMBERS), min_size=1, max_size=6))
 def test_any_orders_keep_a_plane_within_its_limits(orders: list[tuple[int, float, float, float]]) -> None:
-    world = physics_bench.world(planes=True, wind=WindSettings(7.0, 120.0, 2.0))
-    body = physics_bench.plane(world, height_m=None)
+    world, body = physics_bench.lone_plane(None, wind=WindSettings(7.0, 120.0, 2.0))
     body.loiter(0, 0, UP_M)
     physics_bench.wait(world, 10.0)
     for kind, a, b, c in orders:

@@ -1,4 +1,4 @@
-"""Mission landings of a plane: after a return and out of a circle; acceptance radii."""
+"""Ends of missions of a plane: landings after a return and out of a circle; acceptance radii."""
 
 import math
 from typing import Any
@@ -6,41 +6,18 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import (
-    ALT_M,
-    LAT_DEG,
-    LON_DEG,
-    WITHOUT_LOG,
     Station,
     home_item,
     item,
     land,
-    scenario,
+    place_m,
+    station_of,
     takeoff,
     waypoint,
 )
 
-from sim_vehicle.fleet import Fleet
-
 AUTO, RTL, GUIDED = 10, 11, 15
 RADIUS_M = 70.0
-METRES_A_DEGREE = 111_195.0
-
-
-def plane(**params: float) -> Station:
-    spec = {"sysid": 1, "lat_deg": LAT_DEG, "lon_deg": LON_DEG, "alt_amsl_m": ALT_M, "type": "plane"}
-    return Station(Fleet(scenario(seed=1, vehicles=[{**spec, "params": WITHOUT_LOG | params}]), ready_s=0.0))
-
-
-def place(station: Station) -> tuple[float, float]:
-    """Return the position north and east of the take-off [m]."""
-    truth = station.fleet.truth()
-    north_m = (float(truth.lat_deg[0]) - LAT_DEG) * METRES_A_DEGREE
-    east_m = (float(truth.lon_deg[0]) - LON_DEG) * METRES_A_DEGREE * math.cos(math.radians(LAT_DEG))
-    return north_m, east_m
-
-
-def current(station: Station) -> int:
-    return int(station.ask(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT).seq)
 
 
 def to_altitude(north_m: float, east_m: float, up_m: float, radius_m: float) -> dict[str, Any]:
@@ -54,30 +31,28 @@ def mission() -> list[dict[str, Any]]:
 
 
 def sent_home(**params: float) -> Station:
-    station = plane(RTL_ALTITUDE=-1.0, LAND_DISARMDELAY=5.0, **params)
+    station = station_of("plane", {"RTL_ALTITUDE": -1.0, "LAND_DISARMDELAY": 5.0} | params)
     assert station.upload(mission()) == 0
     assert station.set_mode(AUTO) == 0
     assert station.arm() == 0
-    station.until(lambda: place(station)[0] > 700, 120)
+    station.until(lambda: place_m(station)[0] > 700, 120)
     assert station.set_mode(RTL) == 0
     return station
 
 
 def test_a_return_with_autoland_flies_home_first() -> None:
     station = sent_home(RTL_AUTOLAND=1.0)
-    assert (station.mode, current(station)) == ("RTL", 2)
+    assert (station.mode, station.current) == ("RTL", 2)
     station.until(lambda: station.mode == "AUTO", 120)
-    north_m, east_m = place(station)
-    assert math.hypot(north_m, east_m) < 100.0
+    assert math.hypot(*place_m(station)) < 100.0
     station.until(lambda: not station.armed, 240)
-    north_m, east_m = place(station)
-    assert math.hypot(north_m, east_m) < 60.0
+    assert math.hypot(*place_m(station)) < 60.0
 
 
 def test_a_return_may_go_to_the_landing_at_once() -> None:
     station = sent_home(RTL_AUTOLAND=2.0)
     station.wait(2.0)
-    assert (station.mode, current(station)) == ("AUTO", 4)
+    assert (station.mode, station.current) == ("AUTO", 4)
 
 
 @pytest.mark.parametrize("autoland", [0.0, pytest.param(3.0, marks=pytest.mark.full)])
@@ -90,20 +65,20 @@ def test_a_return_without_autoland_circles_over_home(autoland: float) -> None:
 
 @pytest.mark.parametrize("way", [pytest.param(1.0, marks=pytest.mark.full), -1.0])
 def test_a_plane_leaves_a_circle_at_its_altitude_and_toward_the_next_item(way: float) -> None:
-    station = plane()
+    station = station_of("plane")
     circle = to_altitude(600, 0, 25, way * RADIUS_M)
     beyond = waypoint(600, 900, 25), waypoint(3000, 900, 25)
     assert station.upload([home_item(), takeoff(60), circle, *beyond]) == 0
     assert station.set_mode(AUTO) == 0
     assert station.arm() == 0
-    station.until(lambda: current(station) == 2, 60)
+    station.until(lambda: station.current == 2, 60)
     radii_m, sides = [], []
 
     def is_circle_left() -> bool:
-        north_m, east_m = place(station)
+        north_m, east_m = place_m(station)
         radii_m.append(math.hypot(north_m - 600, east_m))
         sides.append(north_m - 600)
-        return current(station) == 3
+        return station.current == 3
 
     station.until(is_circle_left, 200)
     assert station.height_m == pytest.approx(25, abs=6)
@@ -119,13 +94,13 @@ def test_a_plane_leaves_a_circle_at_its_altitude_and_toward_the_next_item(way: f
     ("radius_m", "nearest_m"), [(10.0, 10.0), pytest.param(120.0, 120.0, marks=pytest.mark.full), (0.0, 90.0)]
 )
 def test_a_waypoint_sets_its_acceptance_radius(radius_m: float, nearest_m: float) -> None:
-    station = plane()  # WP_RADIUS is 90 m as it comes
+    station = station_of("plane")  # WP_RADIUS is 90 m as it comes
     wide_waypoint = item(mavlink.MAV_CMD_NAV_WAYPOINT, 800, 0, 50, param2=radius_m)
     assert station.upload([home_item(), takeoff(50), wide_waypoint, waypoint(800, 1500, 50)]) == 0
     assert station.set_mode(AUTO) == 0
     assert station.arm() == 0
-    station.until(lambda: current(station) == 3, 120)
-    assert 800 - place(station)[0] == pytest.approx(nearest_m, abs=6)
+    station.until(lambda: station.current == 3, 120)
+    assert 800 - place_m(station)[0] == pytest.approx(nearest_m, abs=6)
 
 
 def landed_by_its_mission() -> Station:
@@ -139,7 +114,7 @@ def landed_by_its_mission() -> Station:
 @pytest.mark.parametrize("mode", [AUTO, GUIDED])
 def test_a_landed_plane_does_not_arm_in_its_landing_sequence(mode: int) -> None:
     station = landed_by_its_mission()
-    assert current(station) == 6, "the current item is still the landing"
+    assert station.current == 6, "the current item is still the landing"
     station.set_mode(mode)
     assert station.arm() == mavlink.MAV_RESULT_FAILED
     assert "Arm: In landing sequence" in station.texts()
@@ -153,6 +128,15 @@ def test_a_landed_mission_restarts_after_a_pilots_mode() -> None:
     assert "Arm: In landing sequence" in station.texts()
     station.set_mode(0)
     assert "In landing sequence: mission reset" in station.texts()
-    assert current(station) == 0
+    assert station.current == 0
     station.set_mode(GUIDED)
     assert station.arm() == 0
+
+
+def test_an_arduplane_returns_to_launch_after_its_mission() -> None:
+    station = station_of("plane")
+    assert station.upload([home_item(), takeoff(60.0), waypoint(400, 0, 60.0)]) == 0
+    assert station.set_mode(AUTO) == 0
+    assert station.arm() == 0
+    station.until(lambda: station.mode == "RTL", 180)
+    assert "Mission complete, changing mode to RTL" in station.texts()

@@ -2,12 +2,7 @@
 
 import pytest
 from px4_station import ACCEPTED, AUTO, HOLD, MISSION, QuietPx4Station
-from station import LAT_DEG, LON_DEG, takeoff, waypoint
-
-
-def offset_m(station: QuietPx4Station) -> tuple[float, float]:
-    truth = station.fleet.truth()
-    return (truth.lat_deg[0] - LAT_DEG) * 111_195.0, (truth.lon_deg[0] - LON_DEG) * 77_450.0
+from station import place_m, takeoff, waypoint
 
 
 def starts_mission(station: QuietPx4Station) -> None:
@@ -21,8 +16,8 @@ def test_a_copter_on_the_ground_climbs_to_its_first_item_before_it_moves(first: 
     station.upload_and_wait([first, waypoint(80, 0, 15)])
     starts_mission(station)
     station.until(lambda: station.height_m > 14, 60)
-    assert offset_m(station) == (pytest.approx(0, abs=1), pytest.approx(0, abs=1))
-    station.until(lambda: offset_m(station)[0] > 78, 60)
+    assert place_m(station) == (pytest.approx(0, abs=1), pytest.approx(0, abs=1))
+    station.until(lambda: place_m(station)[0] > 78, 60)
     assert [message.seq for message in station.of("MISSION_ITEM_REACHED")] == [0, 1]
 
 
@@ -34,13 +29,13 @@ def test_a_copter_in_the_air_climbs_first_only_to_a_higher_item(item_m: float, *
     station = QuietPx4Station()
     station.upload_and_wait([takeoff(10), waypoint(30, 0, 10), waypoint(200, 0, 10)])
     starts_mission(station)
-    station.until(lambda: offset_m(station)[0] > 60, 60)
+    station.until(lambda: place_m(station)[0] > 60, 60)
     assert station.change(AUTO, HOLD) == ACCEPTED
     station.wait(8)
-    held_m = offset_m(station)[0]
+    held_m = place_m(station)[0]
     station.upload_and_wait([waypoint(200, 0, item_m), waypoint(250, 0, item_m)])
     assert station.change(AUTO, MISSION) == ACCEPTED
-    station.until(lambda: offset_m(station)[0] > held_m + 10, 60)
+    station.until(lambda: place_m(station)[0] > held_m + 10, 60)
     assert (station.height_m > item_m - 1.5) is (climbs_first or item_m < 11)
 
 
@@ -48,10 +43,10 @@ def test_an_upload_in_the_mission_mode_turns_to_the_item_without_a_climb() -> No
     station = QuietPx4Station()
     station.upload_and_wait([takeoff(10), waypoint(200, 0, 10)])
     starts_mission(station)
-    station.until(lambda: offset_m(station)[0] > 30, 60)
+    station.until(lambda: place_m(station)[0] > 30, 60)
     station.upload_and_wait([waypoint(200, 0, 40), waypoint(250, 0, 40)])
     station.wait(3)
-    assert offset_m(station)[0] > 38
+    assert place_m(station)[0] > 38
     assert station.height_m < 30
 
 

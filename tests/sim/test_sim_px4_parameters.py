@@ -14,14 +14,8 @@ from px4_station import (
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import takeoff, waypoint
 
-from sim_vehicle.faults.spec import parse_fault
-
 GPS = int(mavlink.MAV_SYS_STATUS_SENSOR_GPS)
 MISSION_EXCEPTED, HOLD_EXCEPTED = 1, 2
-
-
-def inject(station: Px4Station, fault: str) -> None:
-    station.fleet.inject(parse_fault(fault), station.now)
 
 
 def flying_its_mission(**params: float) -> Px4Station:
@@ -46,7 +40,7 @@ def flying_its_mission(**params: float) -> Px4Station:
 def test_com_rcl_except_selects_modes_without_a_remote_control(excepted: int, sub: int, ends_in: int) -> None:
     station = flying_its_mission(COM_RCL_EXCEPT=excepted)
     assert station.change(AUTO, sub) == ACCEPTED
-    inject(station, "rc_loss")
+    station.inject("rc_loss")
     station.wait(3.0)
     assert station.custom_mode == (AUTO, ends_in)
 
@@ -54,7 +48,7 @@ def test_com_rcl_except_selects_modes_without_a_remote_control(excepted: int, su
 @pytest.mark.parametrize("after_s", [0.5, 3.0])
 def test_com_rc_loss_t_is_the_time_limit_of_the_remote_control(after_s: float) -> None:
     station = flying_its_mission(COM_RC_LOSS_T=after_s)
-    inject(station, "rc_loss")
+    station.inject("rc_loss")
     station.wait(after_s - 0.3)
     assert station.custom_mode == (AUTO, MISSION)
     station.wait(1.5)
@@ -65,7 +59,7 @@ def test_com_rc_loss_t_is_the_time_limit_of_the_remote_control(after_s: float) -
 def test_com_arm_wo_gps_allows_arming_without_gps_in_a_pilot_mode(without_gps: int, result: int) -> None:
     """COM_RC_IN_MODE 4 disables stick input, so arming requires no pilot."""
     station = Px4Station(params={"COM_ARM_WO_GPS": without_gps, "COM_RC_IN_MODE": 4})
-    inject(station, "gps_loss")
+    station.inject("gps_loss")
     station.wait(3.0)
     assert station.change(MANUAL) == ACCEPTED
     assert station.arm() == result
@@ -82,7 +76,7 @@ def gps_bits(station: Px4Station) -> tuple[bool, bool]:
 def test_gps_is_present_in_sys_status_while_the_estimator_uses_gps() -> None:
     station = flying_its_mission()
     assert gps_bits(station) == (True, True)
-    inject(station, "gps_loss:for=5")
+    station.inject("gps_loss:for=5")
     station.wait(2.0)
     assert gps_bits(station) == (False, False)
     station.wait(6.0)

@@ -53,10 +53,6 @@ def flown(items: list[dict[str, Any]], **params: float) -> QuietPx4Station:
     return station
 
 
-def current(station: QuietPx4Station) -> int:
-    return int(station.ask(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT).seq)
-
-
 def away_m(station: QuietPx4Station, north_m: float, east_m: float) -> float:
     return math.dist(place_m(station), (north_m, east_m))
 
@@ -111,7 +107,7 @@ def test_a_plane_climbs_straight_toward_its_take_off_item() -> None:
 
     def climbed() -> bool:
         sides.append(abs(place_m(station)[1]))
-        return current(station) == 1
+        return station.current == 1
 
     station.until(climbed, 60)
     assert station.height_m >= 29.5
@@ -123,24 +119,24 @@ def test_the_turn_before_a_waypoint_depends_on_the_speed_and_not_on_the_item() -
     for radius_m in (0.0, 200.0):
         corner = waypoint(450, 0, 40) | {"param2": radius_m}
         station = flown([up(), corner, waypoint(450, 1500, 40), *HOME])
-        station.until(lambda s=station: current(s) == 2, 120)
+        station.until(lambda s=station: s.current == 2, 120)
         assert 450 - place_m(station)[0] == pytest.approx(0.32 * 0.7 * 10.0 * 15.0, abs=3)
 
 
 def test_a_plane_too_low_at_a_waypoint_circles_to_its_altitude() -> None:
     station = flown([up(), waypoint(300, 0, 120), waypoint(1500, 0, 120), *HOME], NAV_FW_ALT_RAD=10.0)
-    station.until(lambda: current(station) == 1 and away_m(station, 300, 0) < 40, 60)
-    station.until(lambda: current(station) == 2, 120)
+    station.until(lambda: station.current == 1 and away_m(station, 300, 0) < 40, 60)
+    station.until(lambda: station.current == 2, 120)
     assert station.height_m > 109
     assert away_m(station, 300, 0) < 2 * RADIUS_M
 
 
 def test_a_plane_descends_on_the_circle_and_leaves_toward_the_landing() -> None:
     station = flown([up(), waypoint(300, 0, 60), *down(-100, 0)])
-    station.until(lambda: current(station) == 2, 120)
+    station.until(lambda: station.current == 2, 120)
     station.until(lambda: away_m(station, -350, RADIUS_M) < 150, 120)
     assert station.height_m == pytest.approx(60, abs=4)
-    station.until(lambda: current(station) == 3, 200)
+    station.until(lambda: station.current == 3, 200)
     assert station.height_m == pytest.approx(20, abs=6)
     assert place_m(station)[1] == pytest.approx(0, abs=20)
     assert station.ask(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE).landed_state == 4
@@ -157,7 +153,7 @@ def test_a_jump_leads_past_the_landing_at_home() -> None:
 
 def test_a_restarted_landing_spirals_down_around_its_position() -> None:
     station = flown([*ROUTE, *HOME])
-    station.until(lambda: current(station) == 2, 120)
+    station.until(lambda: station.current == 2, 120)
     station.send(mavlink.MAVLink_mission_set_current_message(1, 1, 5))
     station.until(lambda: not station.armed, 400)
     assert away_m(station, 0, 0) == pytest.approx(RADIUS_M, abs=40)
@@ -181,7 +177,7 @@ def test_a_return_lands_by_the_mission_according_to_rtl_type(
     items: list[dict[str, Any]], kind: int, lands_at: tuple[float, float] | None
 ) -> None:
     station = flown(items, RTL_TYPE=kind)
-    station.until(lambda: current(station) == 2, 120)
+    station.until(lambda: station.current == 2, 120)
     assert station.change(AUTO, RETURN) == 0
     station.wait(240)
     assert station.armed is (lands_at is None)
@@ -195,7 +191,7 @@ def test_a_return_lands_by_the_mission_according_to_rtl_type(
 def test_a_return_uses_the_first_landing_of_the_list() -> None:
     """A landing item before DO_LAND_START replaces it as the landing (mavlink_mission.cpp)."""
     station = flown([*ROUTE, *down(900, 0), *HOME], RTL_TYPE=1)
-    station.until(lambda: current(station) == 2, 120)
+    station.until(lambda: station.current == 2, 120)
     assert station.change(AUTO, RETURN) == 0
     station.until(lambda: not station.armed, 400)
     assert away_m(station, 900, 0) < 120
@@ -203,7 +199,7 @@ def test_a_return_uses_the_first_landing_of_the_list() -> None:
 
 def test_a_plane_below_its_return_altitude_climbs_at_its_position() -> None:
     station = flown([*ROUTE, *HOME], RTL_RETURN_ALT=80.0)
-    station.until(lambda: current(station) == 2, 120)
+    station.until(lambda: station.current == 2, 120)
     before = place_m(station)
     assert station.change(AUTO, RETURN) == 0
     station.until(lambda: station.height_m > 74, 60)
@@ -217,7 +213,7 @@ def test_a_nearer_rally_point_replaces_the_landing_of_a_return() -> None:
     assert station.upload([rally], mavlink.MAV_MISSION_TYPE_RALLY) == 0
     assert station.change(AUTO, MISSION) == 0
     assert station.arm() == 0
-    station.until(lambda: current(station) == 2, 120)
+    station.until(lambda: station.current == 2, 120)
     assert station.change(AUTO, RETURN) == 0
     station.wait(90)
     assert station.armed
@@ -235,7 +231,7 @@ def test_a_nearer_rally_point_replaces_the_landing_of_a_return() -> None:
 )
 def test_a_return_ignores_a_landing_without_a_position(items: list[dict[str, Any]], kind: int) -> None:
     station = flown(items, RTL_TYPE=kind)
-    station.until(lambda: current(station) == 2, 120)
+    station.until(lambda: station.current == 2, 120)
     assert station.change(AUTO, RETURN) == 0
     station.wait(120)
     assert station.armed
@@ -245,7 +241,7 @@ def test_a_return_ignores_a_landing_without_a_position(items: list[dict[str, Any
 @pytest.mark.full
 def test_a_return_along_the_mission_begins_at_the_current_item() -> None:
     station = flown([*ROUTE, waypoint(600, 600, 40), *HOME], RTL_TYPE=2)
-    station.until(lambda: current(station) == 1 and place_m(station)[0] > 300, 120)
+    station.until(lambda: station.current == 1 and place_m(station)[0] > 300, 120)
     assert station.change(AUTO, RETURN) == 0
     station.until(lambda: away_m(station, 1500, 0) < 50, 120)
     station.until(lambda: away_m(station, 600, 600) < 50, 120)
@@ -255,10 +251,10 @@ def test_a_return_along_the_mission_begins_at_the_current_item() -> None:
 
 def test_a_return_does_not_interrupt_a_landing() -> None:
     station = flown([*ROUTE, *HOME])
-    station.until(lambda: current(station) == 2, 120)
+    station.until(lambda: station.current == 2, 120)
     assert station.change(AUTO, HOLD) == 0
     assert station.command(mavlink.MAV_CMD_DO_LAND_START) == 0
-    station.until(lambda: current(station) == 5, 300)
+    station.until(lambda: station.current == 5, 300)
     assert station.change(AUTO, RETURN) == 0
     station.until(lambda: not station.armed, 40)  # to go around again would take longer
     assert away_m(station, 0, 0) < 60
@@ -266,7 +262,7 @@ def test_a_return_does_not_interrupt_a_landing() -> None:
 
 def test_a_plane_in_land_mode_circles_down_at_its_position() -> None:
     station = flown([*ROUTE, *HOME])
-    station.until(lambda: current(station) == 2, 120)
+    station.until(lambda: station.current == 2, 120)
     before = place_m(station)
     assert station.change(AUTO, LAND) == 0
     station.until(lambda: not station.armed, 200)

@@ -190,16 +190,6 @@ def test_the_package_runs_scenarios(hop: Path, tmp_path: Path) -> None:
     assert "hop: FAILED" in done.stdout
 
 
-@pytest.mark.full
-@pytest.mark.interop
-@pytest.mark.parametrize(("text", "code"), [(HOP, 0), ("nothing: 1", 2)])
-def test_the_package_exits_with_the_code_of_the_run(hop: Path, tmp_path: Path, text: str, code: int) -> None:
-    hop.write_text(text)
-    command = [sys.executable, "-m", "sim_vehicle", "run", str(hop), "--out", str(tmp_path / "out")]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
-    assert done.returncode == code, done.stdout + done.stderr
-
-
 @pytest.mark.interop
 def test_speedup_paces_the_run(hop: Path, tmp_path: Path) -> None:
     hop.write_text(HOVER)
@@ -229,27 +219,7 @@ def test_mavutil_reads_a_tlog(hop: Path, tmp_path: Path) -> None:
     assert 8 < times[-1] - times[0] < 11
 
 
-@pytest.mark.interop
-def test_mavlogdump_reads_a_tlog(hop: Path, tmp_path: Path) -> None:
-    hop.write_text(HOVER)
-    invoke(hop, "--out", tmp_path / "out")
-    tool = Path(sys.executable).parent / "mavlogdump.py"
-    command = [sys.executable, "-W", "ignore", str(tool), "--types", "COMMAND_ACK", "vehicle-2.tlog"]
-    done = subprocess.run(
-        command, cwd=tmp_path / "out/hop", capture_output=True, text=True, timeout=60, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    assert "2026-01-01 " in done.stdout
-    assert "command : 400" in done.stdout
-
-
 # -- the ground station's steps --------------------------------------------------------------------------
-
-
-def test_a_step_waits_until_the_vehicle_is_ready() -> None:
-    verdict = flown(HOVER.replace("ready_s: 0", "ready_s: 12").replace("until_s: 10", "until_s: 30"))
-    assert verdict.passed, verdict
-    assert all(vehicle.flown_m > 6 for vehicle in verdict.vehicles)
 
 
 def test_a_permanent_refusal_fails_the_run() -> None:

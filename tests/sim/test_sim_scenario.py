@@ -15,8 +15,6 @@ from hypothesis import strategies as st
 from profiles import examples
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.faults.spec import parse_fault
-from sim_vehicle.links.url import Url, UrlError, parse_url
 from sim_vehicle.physics.geodesy import LocalFrame
 from sim_vehicle.scenarios import Scenario, ScenarioError, default_scenario, load_scenario
 from sim_vehicle.scenarios.checks import CHECKS
@@ -62,13 +60,6 @@ def place_m(scenario: Scenario, index: int) -> tuple[float, float]:
     """Return the position of a vehicle east and north of 46 N, 14.5 E [m]."""
     spec = scenario.vehicles[index]
     return LocalFrame(46.0, 14.5).point_to_local(spec.lat_deg, spec.lon_deg)
-
-
-def test_a_scenario_is_loaded(tmp_path: Path) -> None:
-    scenario = load_scenario(written(tmp_path, GOOD))
-    assert scenario.seed == 7
-    assert scenario.hostiles == ((3, 4),)
-    assert load_scenario(written(tmp_path, {"vehicles": [VEHICLE]})).area is None
 
 
 def test_errors_in_json_with_tabs_have_their_lines(tmp_path: Path) -> None:
@@ -179,22 +170,6 @@ vehicles:
         assert land.command == mavlink.MAV_CMD_NAV_LAND
         assert (land.x, land.y) == (waypoint.x, waypoint.y)
         assert spec.goal_m() == (30, 40)
-
-
-def test_a_fault_is_a_command_line_text_or_a_mapping(tmp_path: Path) -> None:
-    scenario = from_yaml(
-        tmp_path,
-        HOME
-        + """
-count: 2
-faults:
-  - packet_loss:rate=0.2,at=30,for=10,sysid=2
-  - {fault: packet_loss, at_s: 30, for_s: 10, vehicles: [2], params: {rate: 0.2}}
-""",
-    )
-    assert scenario.faults[0] == parse_fault("packet_loss:rate=0.2,at=30,for=10,sysid=2")
-    assert scenario.faults[1].parameters() == scenario.faults[0].parameters()
-    assert scenario.faults[1].vehicles == [2]
 
 
 def test_a_loaded_scenario_survives_serialisation(tmp_path: Path) -> None:
@@ -395,28 +370,6 @@ def test_a_counted_fleet_stands_in_a_row() -> None:
     ]
     mixed = default_scenario(4, home=(46.0, 14.5, 10.0), personality="mixed").vehicles
     assert [v.personality for v in mixed] == ["ardupilot", "px4", "ardupilot", "px4"]
-
-
-@pytest.mark.parametrize(
-    ("text", "url"),
-    [
-        ("udpout:127.0.0.1:14550", Url("udpout", "127.0.0.1", 14550)),
-        ("udpout://127.0.0.1:14550", Url("udpout", "127.0.0.1", 14550)),
-        ("udpin::14550", Url("udpin", "0.0.0.0", 14550)),
-        ("tcpin://0.0.0.0:5760", Url("tcpin", "0.0.0.0", 5760)),
-        ("tcpout:localhost:5760", Url("tcpout", "localhost", 5760)),
-    ],
-)
-def test_urls_are_parsed(text: str, url: Url) -> None:
-    assert parse_url(text) == url
-
-
-@pytest.mark.parametrize(
-    "text", ["", "udp", "http://x:1", "udpout:127.0.0.1", "udpin:0.0.0.0:70000", "serial:/dev/x"]
-)
-def test_bad_urls_are_refused(text: str) -> None:
-    with pytest.raises(UrlError, match="--url"):
-        parse_url(text)
 
 
 # -- the schema ------------------------------------------------------------------------------------------

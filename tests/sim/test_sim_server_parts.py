@@ -1,4 +1,4 @@
-"""The parts of the server without sockets: datagrams, lateness, the manual clock, the table."""
+"""The parts of the server without sockets: datagrams, lateness, the manual clock, ports."""
 
 import asyncio
 import errno
@@ -176,13 +176,6 @@ def table_lines(options: FleetOptions, width: int, height: int, wall_s: float = 
     return [text.rstrip() for text in console.file.getvalue().splitlines()]
 
 
-def test_the_table_fits_terminals_of_any_size() -> None:
-    for width, height, count in ((80, 24, 5), (120, 40, 40), (60, 10, 260)):
-        lines = table_lines(FleetOptions(count=count, personality="mixed"), width, height)
-        assert len(lines) <= height - 1
-        assert all(len(text) <= width for text in lines)
-
-
 def test_every_vehicle_is_on_a_page() -> None:
     seen = set()
     for page in range(4):
@@ -190,11 +183,3 @@ def test_every_vehicle_is_on_a_page() -> None:
         assert f"page {page + 1}/4  40 vehicles" in lines[-1]
         seen |= {int(text.split()[0]) for text in lines if text.split()[0].isdecimal()}
     assert seen == set(range(1, 41))
-
-
-def test_a_wide_terminal_shows_the_position() -> None:
-    wide = "\n".join(table_lines(FleetOptions(), 120, 30))
-    narrow = "\n".join(table_lines(FleetOptions(), 80, 30))
-    assert "46.049000, 14.506000" in wide
-    assert "46.049000" not in narrow
-    assert "ardupilot copter" in narrow

@@ -39,12 +39,6 @@ def acceleration(north: float, east: float, down: float) -> Any:
     )
 
 
-def hold(station: Station, message: Any, seconds: float) -> None:
-    for _ in range(round(seconds * 10)):
-        station.send(message)
-        station.wait(0.1)
-
-
 def ardupilot() -> Station:
     station = Station()
     station.fly(30)
@@ -54,7 +48,7 @@ def ardupilot() -> Station:
 def px4() -> Station:
     station = QuietPx4Station()
     station.fly(30)
-    hold(station, acceleration(0, 0, 0), 1)
+    station.hold(acceleration(0, 0, 0), 1)
     assert station.change(OFFBOARD) == 0
     return station
 
@@ -65,8 +59,8 @@ BOTH = pytest.mark.parametrize("flying", [ardupilot, px4])
 @BOTH
 def test_an_attitude_accelerates_a_copter_by_its_tilt(flying: Callable[[], Station]) -> None:
     station = flying()
-    hold(station, attitude(0, 0, 0), 4)
-    hold(station, attitude(0, -10, 0), 3)
+    station.hold(attitude(0, 0, 0), 4)
+    station.hold(attitude(0, -10, 0), 3)
     shown = station.ask(ATTITUDE)
     assert math.degrees(shown.pitch) == pytest.approx(-10, abs=0.5)
     assert math.degrees(shown.roll) == pytest.approx(0, abs=0.5)
@@ -80,8 +74,8 @@ def test_an_attitude_accelerates_a_copter_by_its_tilt(flying: Callable[[], Stati
 @BOTH
 def test_a_roll_pushes_to_the_right_of_the_heading(flying: Callable[[], Station]) -> None:
     station = flying()
-    hold(station, attitude(0, 0, 90), 4)
-    hold(station, attitude(15, 0, 90), 2)
+    station.hold(attitude(0, 0, 90), 4)
+    station.hold(attitude(15, 0, 90), 2)
     position = station.ask(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT)
     assert position.hdg / 100 == pytest.approx(90, abs=1)
     assert position.vx / 100 < -3
@@ -91,20 +85,20 @@ def test_a_roll_pushes_to_the_right_of_the_heading(flying: Callable[[], Station]
 @BOTH
 def test_thrust_above_hovering_climbs_and_below_sinks(flying: Callable[[], Station]) -> None:
     station = flying()
-    hold(station, attitude(0, 0, 0, 0.75), 4)
+    station.hold(attitude(0, 0, 0, 0.75), 4)
     high_m = station.height_m
     assert high_m > 33
-    hold(station, attitude(0, 0, 0, 0.25), 6)
+    station.hold(attitude(0, 0, 0, 0.25), 6)
     assert station.height_m < high_m - 1
 
 
 @BOTH
 def test_body_rates_turn_and_tilt_the_vehicle(flying: Callable[[], Station]) -> None:
     station = flying()
-    hold(station, attitude(0, 0, 0), 4)
-    hold(station, rates(0, 0, 30), 2)
+    station.hold(attitude(0, 0, 0), 4)
+    station.hold(rates(0, 0, 30), 2)
     assert math.degrees(station.ask(ATTITUDE).yaw) == pytest.approx(60, abs=6)
-    hold(station, rates(10, 0, 0), 1.5)
+    station.hold(rates(10, 0, 0), 1.5)
     shown = station.ask(ATTITUDE)
     assert math.degrees(shown.roll) == pytest.approx(14, abs=2.5)
     assert math.degrees(shown.yaw) == pytest.approx(60, abs=8)
@@ -113,18 +107,18 @@ def test_body_rates_turn_and_tilt_the_vehicle(flying: Callable[[], Station]) -> 
 @BOTH
 def test_an_acceleration_is_flown(flying: Callable[[], Station]) -> None:
     station = flying()
-    hold(station, attitude(0, 0, 0), 4)
-    hold(station, acceleration(0, 1.5, 0), 2)
+    station.hold(attitude(0, 0, 0), 4)
+    station.hold(acceleration(0, 1.5, 0), 2)
     position = station.ask(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT)
     assert position.vy / 100 == pytest.approx(3.0, abs=0.4)
     assert abs(position.vx) < 20
-    hold(station, acceleration(0, 0, -0.5), 2)
+    station.hold(acceleration(0, 0, -0.5), 2)
     assert station.ask(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT).vz / 100 == pytest.approx(-1.0, abs=0.3)
 
 
 def test_a_vehicle_stops_after_its_last_attitude_setpoint() -> None:
     station = ardupilot()
-    hold(station, attitude(0, -10, 0), 3)
+    station.hold(attitude(0, -10, 0), 3)
     station.wait(12)
     position = station.ask(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT)
     assert math.hypot(position.vx, position.vy) < 20
@@ -143,7 +137,7 @@ def test_a_vehicle_stops_after_its_last_attitude_setpoint() -> None:
 def test_an_invalid_setpoint_changes_nothing(message: Any) -> None:
     station = ardupilot()
     before = station.fleet.truth()
-    hold(station, message, 2)
+    station.hold(message, 2)
     after = station.fleet.truth()
     assert abs(after.lat_deg[0] - before.lat_deg[0]) < 1e-6
     assert after.height_m[0] == pytest.approx(before.height_m[0], abs=0.3)
@@ -156,9 +150,9 @@ def test_a_plane_turns_toward_its_roll() -> None:
     assert station.arm() == 0
     assert station.command(mavlink.MAV_CMD_NAV_TAKEOFF, *[math.nan] * 6, 360) == 0
     station.until(lambda: station.mode == "Hold", 120)
-    hold(station, acceleration(0, 0, 0), 1)
+    station.hold(acceleration(0, 0, 0), 1)
     assert station.change(OFFBOARD) == 0
     before = station.ask(ATTITUDE).yaw
-    hold(station, attitude(25, 0, math.degrees(before)), 3)
+    station.hold(attitude(25, 0, math.degrees(before)), 3)
     turned = (station.ask(ATTITUDE).yaw - before + math.pi) % (2 * math.pi) - math.pi
     assert math.degrees(turned) > 20

@@ -9,18 +9,12 @@ from collections.abc import Callable
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import Station, scenario
+from station import Station, station_of
 
 from sim_vehicle.files.ftp import HEADER
 from sim_vehicle.files.ftp_rules import FtpError, Opcode
-from sim_vehicle.fleet import Fleet
 
 Values = Callable[[str], float]  # name -> value of a parameter; AssertionError without an answer
-
-
-def station_of(personality: str, kind: str) -> Station:
-    vehicle = scenario().vehicles[0].model_dump() | {"personality": personality, "kind": kind}
-    return Station(Fleet(scenario(vehicles=[vehicle]), ready_s=0))
 
 
 def value(station: Station, name: str) -> float:
@@ -81,14 +75,14 @@ BOTH_KINDS = pytest.mark.parametrize("kind", ["copter", "plane"])
 @pytest.mark.parametrize("component", list(RULES))
 def test_a_component_needs_no_setup(component: str, kind: str) -> None:
     personality, is_complete = RULES[component]
-    station = station_of(personality, kind)
+    station = station_of(kind, personality=personality)
     assert is_complete(lambda name: value(station, name))
 
 
 def test_the_frame_of_a_copter_needs_no_setup_and_a_plane_has_none() -> None:
-    assert value(station_of(ARDUPILOT, "copter"), "FRAME_CLASS") == 1
+    assert value(station_of("copter"), "FRAME_CLASS") == 1
     with pytest.raises(AssertionError):
-        value(station_of(ARDUPILOT, "plane"), "FRAME_CLASS")
+        value(station_of("plane"), "FRAME_CLASS")
 
 
 @pytest.mark.parametrize(
@@ -103,7 +97,7 @@ def test_the_frame_of_a_copter_needs_no_setup_and_a_plane_has_none() -> None:
 def test_parameters_of_one_kind_have_the_type_of_the_firmware(
     kind: str, name: str, width: int | None
 ) -> None:
-    station = station_of(ARDUPILOT, kind)
+    station = station_of(kind)
     replies = station.send(mavlink.MAVLink_param_request_read_message(1, 1, name.encode(), -1))
     types = [m.param_type for m in replies if m.get_type() == "PARAM_VALUE"]
     assert types == ([] if width is None else [width])
@@ -112,7 +106,7 @@ def test_parameters_of_one_kind_have_the_type_of_the_firmware(
 @BOTH_KINDS
 @pytest.mark.parametrize("personality", list(READ))
 def test_each_parameter_of_a_ground_stations_page_is_answered(personality: str, kind: str) -> None:
-    station = station_of(personality, kind)
+    station = station_of(kind, personality=personality)
     for name in READ[personality]:
         value(station, name)
 
@@ -131,7 +125,7 @@ def request(station: Station, opcode: int, data: bytes = b"", size: int = 0) -> 
 
 
 def test_ardupilots_system_files_are_listed_and_the_same_ones_can_be_read() -> None:
-    station = station_of(ARDUPILOT, "copter")
+    station = station_of("copter")
     answer, listing = request(station, Opcode.LIST_DIRECTORY, b"@SYS")
     assert answer == Opcode.ACK
     names = {line[1:].split(b"\t")[0].decode() for line in listing.strip(b"\0").split(b"\0")}

@@ -1,11 +1,15 @@
-"""MAVLink 2 signing of finished frames, compared with pymavlink."""
+"""MAVLink 2 signing of finished frames, compared with pymavlink, and of a vehicle with a key."""
+
+from typing import Any
 
 import pytest
+from fuzz_bench import Bench
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from profiles import examples
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.fleet import Fleet
 from sim_vehicle.wire.signing import Signing
 
 KEY = bytes(range(32))
@@ -186,3 +190,61 @@ def test_streams_above_the_limit_are_refused() -> None:
 def test_a_key_of_a_wrong_length_is_an_error() -> None:
     with pytest.raises(ValueError, match="32 bytes, found 5"):
         Signing().set_key(b"short", START)
+
+
+# -- SETUP_SIGNING to a vehicle ---------------------------------------------------------------------------
+
+
+def answers(bench: Bench) -> bool:
+    """Return True if vehicle 1 answers a request."""
+    request = mavlink.MAVLink_param_request_list_message(1, 1)
+    return any(m.get_type() == "PARAM_VALUE" for m in [*bench.send(request), *bench.wait(0.1)])
+
+
+def random_setup(target: int) -> Any:
+    return mavlink.MAVLink_setup_signing_message(target, 255, list(KEY), 7)
+
+
+@pytest.mark.parametrize(("target", "hears"), [(1, False), (0, False), (2, True), (9, True)])
+def test_setup_signing_to_an_ardupilot_leaves_it_deaf_to_unsigned_messages(target: int, hears: bool) -> None:
+    bench = Bench("ardupilot", "copter")
+    bench.send(random_setup(target))
+    assert answers(bench) is hears
+
+
+def test_a_px4_ignores_setup_signing() -> None:
+    bench = Bench("px4", "copter")
+    bench.send(random_setup(1))
+    assert answers(bench)
+
+
+def test_an_armed_ardupilot_refuses_a_key_and_hears_on() -> None:
+    bench = Bench("ardupilot", "copter")
+    bench.fly()
+    replies = bench.send(random_setup(1))
+    assert [m.severity for m in replies if m.get_type() == "STATUSTEXT"] == [mavlink.MAV_SEVERITY_WARNING]
+    assert answers(bench)
+
+
+def test_only_the_key_ends_the_signing_and_a_reboot_does_not() -> None:
+    bench = Bench("ardupilot", "copter")
+    bench.sign(1)
+    assert answers(bench)
+    bench.command(mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1)
+    bench.wait(3.0)
+    assert answers(bench)
+    bench.set_signatures(on=False)
+    assert not answers(bench)
+    bench.set_signatures(on=True)
+    bench.send(mavlink.MAVLink_setup_signing_message(1, 1, [0] * 32, 0))
+    bench.set_signatures(on=False)
+    assert answers(bench)
+
+
+def test_a_trusted_link_accepts_unsigned_messages_and_answers_with_signatures() -> None:
+    """SERIAL0 of ArduCopter 4.6.2 answered unsigned and wrongly signed requests too."""
+    bench = Bench("ardupilot", "copter")
+    bench.fleet = Fleet(bench.fleet.scenario, ready_s=0.0, trusted_links=(0,))
+    bench.send(random_setup(1))
+    assert answers(bench)
+    assert bench.raw[-1][2] & 1  # the bit of a signed frame

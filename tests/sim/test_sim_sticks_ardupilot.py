@@ -9,9 +9,7 @@ from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import ALT_M, LAT_DEG, LON_DEG, WITHOUT_LOG, Station, place_m, scenario
-
-from sim_vehicle.fleet import Fleet
+from station import Station, airborne_plane, place_m
 
 STABILIZE, ALT_HOLD, GUIDED, LOITER, POSHOLD = 0, 2, 4, 5, 16
 FBWA, FBWB = 5, 6
@@ -75,7 +73,7 @@ def test_rc_channels_shows_the_receiver_and_overrides_until_rc_override_time() -
 @pytest.mark.parametrize(("limit_s", "after_10_s"), [(0.0, 1500), (-1.0, 1600), (20.0, 1600), (5.0, 1500)])
 def test_rc_override_time(limit_s: float, after_10_s: int) -> None:
     station = Station()
-    station.send(mavlink.MAVLink_param_set_message(1, 1, b"RC_OVERRIDE_TIME", limit_s, 9))
+    station.set_parameter("RC_OVERRIDE_TIME", limit_s)
     override(station, 1600)
     assert channels(station)[0] == (1500 if limit_s == 0 else 1600)
     station.wait(10)
@@ -109,7 +107,7 @@ def test_only_the_own_ground_station_has_the_sticks() -> None:
     override(station, 1600)
     control(station, x=500)
     assert channels(station) == RECEIVER
-    station.send(mavlink.MAVLink_param_set_message(1, 1, b"SYSID_MYGCS", 254, 9))
+    station.set_parameter("SYSID_MYGCS", 254)
     override(station, 1600)
     assert channels(station)[0] == 1600
 
@@ -161,7 +159,7 @@ def test_a_raised_throttle_delays_the_automatic_disarming() -> None:
 
 def test_overrides_replace_a_failed_receiver_and_their_end_is_a_radio_failsafe() -> None:
     station = flying(LOITER)
-    station.send(mavlink.MAVLink_param_set_message(1, 1, b"SIM_RC_FAIL", 1, 9))
+    station.set_parameter("SIM_RC_FAIL", 1)
     hold(station, 5, *NEUTRAL)
     assert station.mode == "LOITER"
     station.wait(1.3)  # RC_FS_TIMEOUT
@@ -171,7 +169,7 @@ def test_overrides_replace_a_failed_receiver_and_their_end_is_a_radio_failsafe()
 def test_a_receiver_that_fails_after_an_override_counts_until_its_own_failure() -> None:
     station = flying(LOITER)
     station.wait(0.5)
-    station.send(mavlink.MAVLink_param_set_message(1, 1, b"SIM_RC_FAIL", 1, 9))
+    station.set_parameter("SIM_RC_FAIL", 1)
     station.wait(0.6)
     assert station.mode == "LOITER"
     station.wait(0.7)
@@ -293,15 +291,6 @@ def test_without_overrides_loiter_sinks_with_the_receivers_throttle() -> None:
 
 
 # -- plane -----------------------------------------------------------------------------------------------
-
-
-def airborne_plane() -> Station:
-    vehicle = {"sysid": 1, "lat_deg": LAT_DEG, "lon_deg": LON_DEG, "alt_amsl_m": ALT_M, "type": "plane"}
-    station = Station(Fleet(scenario(vehicles=[{**vehicle, "params": WITHOUT_LOG}]), ready_s=0.0))
-    assert station.set_mode(13) == 0  # TAKEOFF
-    assert station.arm() == 0
-    station.until(lambda: station.height_m > 49, 60)
-    return station
 
 
 def plane_attitude(station: Station) -> Any:

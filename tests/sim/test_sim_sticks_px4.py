@@ -10,7 +10,6 @@ from px4_station import (
     ACCEPTED,
     AUTO,
     HOLD,
-    MISSION,
     OFFBOARD,
     POSITION,
     RETURN,
@@ -18,7 +17,7 @@ from px4_station import (
     QuietPx4Station,
 )
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import ALT_M, LAT_DEG, LON_DEG, place_m, takeoff, waypoint
+from station import ALT_M, LAT_DEG, LON_DEG, place_m
 
 MANUAL, ALTITUDE, STABILIZED, FOLLOW = 1, 2, 7, 8
 CENTRE = (0, 0, 500, 0)
@@ -195,18 +194,6 @@ def test_the_loss_of_the_sticks_holds_and_returns() -> None:
     assert station.custom_mode == (AUTO, HOLD)
     station.wait(5.2)
     assert station.custom_mode == (AUTO, RETURN)
-
-
-@pytest.mark.full
-def test_com_rcl_except_lets_a_mission_continue_without_sticks() -> None:
-    station = QuietPx4Station(params={"COM_RCL_EXCEPT": 1})
-    station.upload_and_wait([takeoff(10), waypoint(300, 0, 10)])
-    hold(station, 0.5, *CENTRE)
-    assert station.change(AUTO, MISSION) == ACCEPTED
-    assert station.arm() == ACCEPTED
-    hold(station, 5, *CENTRE)
-    station.wait(10)
-    assert station.custom_mode == (AUTO, MISSION)
 
 
 def test_lost_setpoints_return_the_vehicle_to_its_pilot() -> None:

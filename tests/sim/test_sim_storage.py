@@ -11,12 +11,9 @@ from pymavlink import DFReader, mavftp
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import ALT_M, LAT_DEG, LON_DEG, Station, home_item, land, scenario, takeoff, waypoint
 
-from sim_vehicle.faults.spec import parse_fault
 from sim_vehicle.files.ftp import HEADER
 from sim_vehicle.files.ftp_rules import FtpError, Opcode
 from sim_vehicle.fleet import Fleet
-
-RTL = 6
 
 
 def fleet(*, seed: int = 1, count: int = 1, **spec: Any) -> Fleet:
@@ -215,7 +212,7 @@ def test_an_invalid_mission_is_refused_as_a_file() -> None:
     station = Ground(fleet())
     assert station.upload([home_item(), takeoff(), waypoint(10, 10)]) == 0
     content = station.file(b"@MISSION/mission.dat")
-    station.fleet.inject(parse_fault("mission_refused"), station.now)
+    station.inject("mission_refused")
     with pytest.raises(AssertionError, match="FAIL"):
         station.put(b"@MISSION/mission.dat", content[:8] + struct.pack("<H", 2) + content[10:-38])
     assert [m.command for m in station.download()] == [16, 22, 16]

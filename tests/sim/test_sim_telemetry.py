@@ -67,40 +67,6 @@ def test_messages_unsupported_by_ardupilot_are_denied(message_id: int) -> None:
     assert station.command(mavlink.MAV_CMD_REQUEST_MESSAGE, message_id) == mavlink.MAV_RESULT_FAILED
 
 
-@pytest.mark.autopilots("1.1")
-def test_a_data_stream_brings_its_group() -> None:
-    station = Station()
-    station.send(mavlink.MAVLink_request_data_stream_message(1, 0, mavlink.MAV_DATA_STREAM_POSITION, 4, 1))
-    counts = Counter(m.get_type() for m in station.wait(10))
-    assert counts["GLOBAL_POSITION_INT"] == counts["LOCAL_POSITION_NED"] == pytest.approx(40, abs=1)
-    assert "ATTITUDE" not in counts
-    station.send(mavlink.MAVLink_request_data_stream_message(1, 0, mavlink.MAV_DATA_STREAM_ALL, 4, 1))
-    assert {"SYS_STATUS", "ATTITUDE", "VFR_HUD", "EKF_STATUS_REPORT"} <= {
-        m.get_type() for m in station.wait(2)
-    }
-    station.send(mavlink.MAVLink_request_data_stream_message(1, 0, mavlink.MAV_DATA_STREAM_ALL, 0, 0))
-    assert {m.get_type() for m in station.wait(5)} <= {"HEARTBEAT", "TIMESYNC"}
-
-
-def test_positions_agree_with_each_other_and_with_the_truth() -> None:
-    station = Station()
-    station.fly_mission([takeoff(), waypoint(100, 50), land(100, 50)])
-    station.wait(20)
-    truth = station.fleet.truth()
-    position = station.ask(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT)
-    assert (position.lat, position.lon) == pytest.approx(
-        (truth.lat_deg[0] * 1e7, truth.lon_deg[0] * 1e7), abs=1
-    )
-    assert position.relative_alt == pytest.approx(truth.height_m[0] * 1000, abs=1)
-    local = station.ask(mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED)
-    north_m = (truth.lat_deg[0] - LAT_DEG) * 111_160
-    assert (local.x, local.z) == pytest.approx((north_m, -truth.height_m[0]), abs=0.1)
-    assert local.y == pytest.approx((truth.lon_deg[0] - LON_DEG) * 77_410, rel=0.01)
-    hud = station.ask(mavlink.MAVLINK_MSG_ID_VFR_HUD)
-    assert hud.groundspeed == pytest.approx(truth.speed_m_s[0], abs=1e-5)
-    assert hud.heading == pytest.approx(27, abs=1)  # atan(50 / 100)
-
-
 def test_landed_state_follows_the_flight() -> None:
     station = Station()
     station.stream(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE)

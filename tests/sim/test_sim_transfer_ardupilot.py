@@ -26,7 +26,6 @@ from transfer_bench import (
 
 from sim_vehicle.vehicle.injected_faults import MissionRefusal
 
-OTHER = (254, 190)
 ACCEPTED, ERROR, UNSUPPORTED_FRAME, UNSUPPORTED, NO_SPACE = 0, 1, 2, 3, 4
 INVALID_SEQUENCE, DENIED, CANCELLED = 13, 14, 15
 

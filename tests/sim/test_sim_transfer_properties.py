@@ -27,7 +27,6 @@ from transfer_bench import (
 
 PEERS = [GCS, (250, 190), (1, 191)]
 KINDS = [MISSION, FENCE, RALLY, 3, 255]
-REQUEST_AGAIN_S = {"ardupilot": 1.0, "px4": 0.25}
 QUIET_S = 10.0  # longer than either waits for an item
 
 seqs = st.integers(0, 5)

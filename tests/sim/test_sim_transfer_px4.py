@@ -14,7 +14,6 @@ from transfer_bench import (
     POLYGON,
     RALLY,
     RALLY_POINT,
-    Bench,
     fields,
     kinds,
     px4,
@@ -253,9 +252,8 @@ def test_messages_to_another_autopilot_are_ignored() -> None:
         assert requests(bench.send(mavlink.MAVLink_mission_count_message(1, component, 2, 0))) == [0]
 
 
-@pytest.mark.parametrize("make", [px4], ids=["px4"])
-def test_a_refused_mission(make: Any) -> None:
-    bench: Bench = make()
+def test_a_refused_mission() -> None:
+    bench = px4()
     bench.refusal = MissionRefusal(mavlink.MAV_MISSION_DENIED)
     assert bench.upload(waypoints(3)) == mavlink.MAV_MISSION_DENIED
     bench.refusal = MissionRefusal(mavlink.MAV_MISSION_NO_SPACE, at_item=1)

@@ -80,8 +80,7 @@ def happened(body: Body, world: World) -> bool:
 
 
 def test_an_event_is_reported_once() -> None:
-    world = physics_bench.world()
-    body = physics_bench.copter(world, height_m=None)
+    world, body = physics_bench.lone_copter(None)
     physics_bench.wait(world, 1.0)
     assert not happened(body, world)
     body.fly_to(0, 0, physics_bench.GROUND_M + 10)
@@ -110,8 +109,7 @@ def test_only_vehicles_with_an_event_are_woken() -> None:
 
 
 def test_invalid_limits_are_ignored_or_bounded() -> None:
-    world = physics_bench.world(planes=True)
-    body = physics_bench.plane(world, height_m=None)
+    world, body = physics_bench.lone_plane(None)
     before = world.dynamics.speed_m_s[0]
     body.limit(
         speed_m_s=float("nan"), bank_limit_deg=float("inf"), acceptance_radius_m=-5.0, acceleration_m_s2=0.0
@@ -124,8 +122,7 @@ def test_invalid_limits_are_ignored_or_bounded() -> None:
 
 @pytest.mark.parametrize("order", ["fly_to", "loiter", "land_at", "move"])
 def test_an_invalid_position_is_no_order(order: str) -> None:
-    world = physics_bench.world(planes=True)
-    body = physics_bench.plane(world)
+    world, body = physics_bench.lone_plane()
     before = rows(world, 0)
     nan = float("nan")
     if order == "move":

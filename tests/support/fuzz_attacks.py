@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from fuzz_bench import Bench
-from fuzz_files import files, flown_logs, logs, written_files
-from fuzz_missions import flown_missions, missions
+from fuzz_files import flown_logs, written_files
+from fuzz_missions import flown_missions
 from fuzz_values import COMPONENTS, DEAFENING, TARGETS, number, place, random_message
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import ALT_M, LAT_DEG, LON_DEG
@@ -18,6 +18,7 @@ from sim_vehicle.vehicle.commands import HANDLERS
 from sim_vehicle.wire.parser import CommandCancel
 
 Attack = Callable[[Bench, random.Random], Iterator[Any]]
+
 
 COMMANDS = sorted(mavlink.enums["MAV_CMD"])
 
@@ -128,44 +129,13 @@ def setpoints(bench: Bench, source: random.Random) -> Iterator[Any]:
             )
 
 
-def talk(_bench: Bench, source: random.Random) -> Iterator[Any]:
-    """Yield streams, clocks, pings, heartbeats, homes and origins."""
-    names = (
-        "request_data_stream", "timesync", "ping", "heartbeat", "set_mode", "set_gps_global_origin",
-        "param_request_read", "manual_control", "rc_channels_override", "set_home_position", "gps_rtcm_data",
-    )  # fmt: skip
-    kinds = [getattr(mavlink, f"MAVLink_{name}_message") for name in names]
-    for _ in range(100):
-        yield random_message(source.choice(kinds), source)
-        if source.random() < 0.3:
-            message_id = source.choice((0, 1, 24, 30, 33, 242, 148, 435, 244, 65_535))
-            interval_us = number("float", source)
-            yield mavlink.MAVLink_command_long_message(
-                source.choice(TARGETS), 1, 511, 0, message_id, interval_us, 0, 0, 0, 0, 0
-            )
-            for ask in (510, 512):
-                yield mavlink.MAVLink_command_long_message(
-                    source.choice(TARGETS), 1, ask, 0, message_id, message_id, 0, 0, 0, 0, 0
-                )
-
-
 ATTACKS: dict[str, Attack] = {
     attack.__name__: attack
     for attack in (
-        any_message,
-        missions,
-        flown_missions,
-        files,
-        written_files,
-        logs,
-        flown_logs,
-        commands,
-        likely_commands,
-        parameters,
+        any_message, flown_missions, written_files, flown_logs, commands, likely_commands, parameters,
         setpoints,
-        talk,
     )
-}
+}  # fmt: skip
 
 
 # Most frames that a vehicle sends in answer to one frame: every parameter, or a long unpaced transfer.

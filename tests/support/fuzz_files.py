@@ -1,4 +1,4 @@
-"""Attacks by file and log transfers: random order, bad content."""
+"""Attacks by file and log transfers: bad content, and logs after their flight."""
 
 import random
 import struct
@@ -14,14 +14,6 @@ from sim_vehicle.files.ftp import HEADER
 from sim_vehicle.files.packed_files import pack_mission
 from sim_vehicle.personalities import personality_of
 
-FILES = (
-    "", "/", ".", "..", "@PARAM/param.pck", "@PARAM/param.pck?start=0&count=99999999999999999999",
-    "@PARAM/param.pck?start=-1&count=x", "@MISSION/mission.dat", "@MISSION/fence.dat", "@MISSION/rally.dat",
-    "@SYS/threads.txt", "@SYS", "@ROMFS", "APM", "APM/LOGS", "APM/LOGS/00000001.BIN", "APM/x", "APM/x/y",
-    "/fs/microsd", "/fs/microsd/log", "/fs/microsd/a", "/fs/microsd/a/b", "/etc/extras", "../../etc/passwd",
-    "/etc/extras/component_general.json.xz", "\udcff\udcfe", "a" * 239, "?", "\n\t", "S", "F\t1",
-)  # fmt: skip
-OPERATIONS = (*range(16), 4, 4, 6, 6, 15, 15, 16, 128, 129, 255)
 GENERATED = ("@PARAM/param.pck?start=-1&count=x", "@MISSION/mission.dat", "@MISSION/fence.dat")
 
 
@@ -98,31 +90,6 @@ def written_files(bench: Bench, source: random.Random) -> Iterator[Any]:
             (10, other),
         ):
             yield _file_message(source, system, opcode, source.choice((0, 1, 2**31)), data)
-
-
-def files(_bench: Bench, source: random.Random) -> Iterator[Any]:
-    """Yield file transfers with unrelated operations, sessions, sizes and offsets."""
-    for _ in range(150):
-        path = source.choice(FILES).encode("utf-8", "surrogateescape")
-        data = source.choice(
-            (
-                path,
-                path,
-                path,
-                path + b"\0" + source.choice(FILES).encode("utf-8", "surrogateescape"),
-                source.randbytes(239),
-            )
-        )
-        size = source.choice((len(data), len(data), len(data), 0, 1, 239, 240, 255))
-        offset = source.choice((0, 0, 0, 1, 239, 2**16, 2**20, 2**31, 2**32 - 1))
-        head = HEADER.pack(
-            source.randint(0, 65_535), source.choice((0, 0, 0, 1, 255)), source.choice(OPERATIONS),
-            min(size, 255), source.choice((0, 4, 15)), source.choice((0, 1, 255)), offset,
-        )  # fmt: skip
-        payload = (head + data).ljust(251, b"\0")[:251]
-        yield mavlink.MAVLink_file_transfer_protocol_message(
-            0, source.choice(TARGETS), source.choice(COMPONENTS), payload
-        )
 
 
 def logs(_bench: Bench, source: random.Random) -> Iterator[Any]:

@@ -1,4 +1,4 @@
-"""Attacks by the mission protocol: wrong order, and valid lists with bad content."""
+"""Attacks by the mission protocol: valid lists with bad content."""
 
 import math
 import random
@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from typing import Any
 
 from fuzz_bench import Bench
-from fuzz_values import COMPONENTS, FLOATS, TARGETS, number, place
+from fuzz_values import number
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import ALT_M, LAT_DEG, LON_DEG
+from station import LAT_DEG, LON_DEG
 
 from sim_vehicle.personalities import personality_of
 from sim_vehicle.vehicle.mission import Item
@@ -17,66 +17,6 @@ FLOWN = (
     16, 16, 16, 17, 18, 19, 20, 21, 22, 31, 82, 93, 112, 113, 114, 115, 177, 178, 179, 189, 5001, 5003, 5004,
     5100, 0, 65_535,
 )  # fmt: skip
-
-
-def _item(source: random.Random, seq: int, kind: int) -> Any:
-    target, component = source.choice(TARGETS), source.choice(COMPONENTS)
-    x, y = place(source)
-    params = [source.choice((0.0, 0.0, 1.0, 3.0, number("float", source))) for _ in range(4)]
-    z = source.choice((0.0, 20.0, ALT_M + 20.0, number("float", source)))
-    frame = source.choice((0, 2, 3, 3, 3, 5, 6, 6, 10, 11, 255))
-    head = (
-        target,
-        component,
-        seq,
-        frame,
-        source.choice(FLOWN),
-        source.choice((0, 0, 0, 1, 2, 3, 255)),
-        source.choice((0, 1)),
-    )
-    if source.random() < 0.2:
-        return mavlink.MAVLink_mission_item_message(
-            *head, *params, source.choice((x * 1e-7, *FLOATS)), y * 1e-7, z, kind
-        )
-    return mavlink.MAVLink_mission_item_int_message(*head, *params, x, y, z, kind)
-
-
-def missions(_bench: Bench, source: random.Random) -> Iterator[Any]:
-    """Yield mission protocol messages in random order, with random sizes and content."""
-    seq = 0
-    for _ in range(120):
-        target, component = source.choice(TARGETS), source.choice(COMPONENTS)
-        kind = source.choice((0, 0, 0, 0, 1, 1, 2, 3, 254, 255))
-        count = source.choice((0, 1, 2, 3, 5, 128, 650, 3000, 65_534, 65_535))
-        at = source.choice((0, 0, 1, 2, 3, seq, 65_535))
-        choice = source.random()
-        if choice < 0.12:
-            seq = 0
-            yield mavlink.MAVLink_mission_count_message(
-                target, component, source.choice((1, 2, 3, count)), kind
-            )
-        elif choice < 0.65:
-            yield _item(source, source.choice((seq, seq, seq, seq, at)), kind)
-            seq += 1
-        elif choice < 0.70:
-            low, high = (source.choice((-32_768, -1, 0, 1, 2, 5, 32_767)) for _ in range(2))
-            yield mavlink.MAVLink_mission_write_partial_list_message(target, component, low, high, kind)
-        elif choice < 0.75:
-            yield mavlink.MAVLink_mission_request_list_message(target, component, kind)
-        elif choice < 0.80:
-            yield mavlink.MAVLink_mission_request_int_message(target, component, at, kind)
-        elif choice < 0.84:
-            yield mavlink.MAVLink_mission_request_message(target, component, at, kind)
-        elif choice < 0.87:
-            yield mavlink.MAVLink_mission_clear_all_message(target, component, kind)
-        elif choice < 0.90:
-            yield mavlink.MAVLink_mission_set_current_message(target, component, at)
-        elif choice < 0.94:
-            yield mavlink.MAVLink_mission_ack_message(target, component, source.randint(0, 255), kind)
-        else:
-            command = source.choice((300, 176, 224, 400, 193, 22, 20, 21))
-            params = (source.choice((0.0, 1.0, 3.0)), source.choice((3.0, 4.0, 10.0, 15.0)), 0, 0, 0, 0, 20)
-            yield mavlink.MAVLink_command_long_message(target, component, command, 0, *params)
 
 
 def _flown(bench: Bench) -> list[tuple[int, int]]:

@@ -1,6 +1,7 @@
 """A small world for tests of the physics: vehicles at the origin of a map, without noise by default."""
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -92,3 +93,13 @@ def plane(world: World, index: int = 0, *, height_m: float | None = 50.0) -> Bod
         until(world, lambda: body.reached)
         wait(world, 30.0)
     return body
+
+
+def lone_copter(height_m: float | None = 50.0, **settings: Any) -> tuple[World, Body]:
+    made = world(**settings)
+    return made, copter(made, height_m=height_m)
+
+
+def lone_plane(height_m: float | None = 50.0, **settings: Any) -> tuple[World, Body]:
+    made = world(planes=True, **settings)
+    return made, plane(made, height_m=height_m)

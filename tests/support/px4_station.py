@@ -10,7 +10,6 @@ from station import ALT_M, LAT_DEG, LON_DEG, Station
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.personalities import personality_of
 from sim_vehicle.scenarios import Scenario
-from sim_vehicle.station.messages import heartbeat
 from sim_vehicle.station.parameter_values import to_wire
 from sim_vehicle.station.status_texts import StatusTexts
 
@@ -87,10 +86,7 @@ class Px4Station(Station):
     def set_parameter(self, name: str, value: float | int) -> Any:
         """Send PARAM_SET, integers as their bytes; return the PARAM_VALUE."""
         kind = mavlink.MAV_PARAM_TYPE_INT32 if isinstance(value, int) else mavlink.MAV_PARAM_TYPE_REAL32
-        field = to_wire(value, kind, byte_wise=True)
-        replies = self.send(mavlink.MAVLink_param_set_message(1, 1, name.encode(), field, kind))
-        (answer,) = [m for m in replies if m.get_type() == "PARAM_VALUE"]
-        return answer
+        return self._set(name, to_wire(value, kind, byte_wise=True), kind)
 
     def setpoint(self, north_m: float, east_m: float, up_m: float) -> list[Any]:
         """Send SET_POSITION_TARGET_LOCAL_NED with a position."""
@@ -104,10 +100,6 @@ class Px4Station(Station):
         for _ in range(round(seconds * hz)):
             self.setpoint(*target_m)
             self.wait(1.0 / hz)
-
-    def beat(self) -> None:
-        """Send a heartbeat."""
-        self.send(heartbeat())
 
 
 class QuietPx4Station(Px4Station):

@@ -5,11 +5,12 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.faults.spec import parse_fault
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.scenarios import Scenario
 from sim_vehicle.station.exchanges import UploadPlan
 from sim_vehicle.station.frames import Receiver
-from sim_vehicle.station.messages import command_int, command_long
+from sim_vehicle.station.messages import command_int, command_long, heartbeat
 from sim_vehicle.station.plan_items import MISSION, PlanItem
 
 LAT_DEG, LON_DEG, ALT_M = 46.0490, 14.5060, 300.0
@@ -183,7 +184,44 @@ class Station:
         streamed = [m for m in self.received if m.get_msgId() == message_id]
         return (answers or streamed)[-1]
 
+    def set_parameter(self, name: str, value: float) -> Any:
+        """Send PARAM_SET; return the PARAM_VALUE."""
+        return self._set(name, value, mavlink.MAV_PARAM_TYPE_REAL32)
+
+    def _set(self, name: str, field: float, kind: int) -> Any:
+        replies = self.send(mavlink.MAVLink_param_set_message(self.target, 1, name.encode(), field, kind))
+        (answer,) = [m for m in replies if m.get_type() == "PARAM_VALUE"]
+        return answer
+
+    def parameter(self, name: str) -> float:
+        request = mavlink.MAVLink_param_request_read_message(self.target, 0, name.encode(), -1)
+        (answer,) = [m for m in self.send(request) if m.get_type() == "PARAM_VALUE"]
+        return float(answer.param_value)
+
+    def beat(self) -> None:
+        """Send a heartbeat."""
+        self.send(heartbeat())
+
+    def hold(self, message: Any, seconds: float) -> None:
+        """Send a set-point at 10 Hz."""
+        for _ in range(round(seconds * 10)):
+            self.send(message)
+            self.wait(0.1)
+
+    def inject(self, fault: str) -> None:
+        self.fleet.inject(parse_fault(fault), self.now)
+
     # -- state --------------------------------------------------------------------------------------------
+
+    @property
+    def reached(self) -> list[int]:
+        """The indices of the items reported as reached."""
+        return [m.seq for m in self.of("MISSION_ITEM_REACHED")]
+
+    @property
+    def current(self) -> int:
+        """The index of the current item."""
+        return int(self.ask(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT).seq)
 
     def of(self, kind: str) -> list[Any]:
         return [m for m in self.received if m.get_type() == kind]
@@ -219,6 +257,30 @@ class Station:
         assert self.set_mode(4) == 0
         assert self.arm() == 0
         assert self.command(mavlink.MAV_CMD_MISSION_START) == 0
+
+
+def station_of(
+    kind: str = "copter",
+    params: dict[str, float] | None = None,
+    *,
+    personality: str = "ardupilot",
+    ready_s: float = 0.0,
+    **extra: Any,
+) -> Station:
+    """Return a station of one vehicle; an ArduPilot is without a log."""
+    (vehicle,) = scenario().vehicles
+    quick = WITHOUT_LOG if personality == "ardupilot" else {}
+    fields = {"kind": kind, "personality": personality, "params": quick | (params or {})}
+    return Station(Fleet(scenario(vehicles=[vehicle.model_dump() | fields], **extra), ready_s=ready_s))
+
+
+def airborne_plane(params: dict[str, float] | None = None, *, up_m: float = 45.0, **extra: Any) -> Station:
+    """Return a station of an ArduPlane in TAKEOFF, above a height."""
+    station = station_of("plane", params, **extra)
+    assert station.set_mode(13) == 0
+    assert station.arm() == 0
+    station.until(lambda: station.height_m > up_m, 120)
+    return station
 
 
 def acks(messages: Sequence[Any]) -> list[int]:
