@@ -91,7 +91,8 @@ def clashes_if_changed(
     near_s = flight.times_s[0] + (TIME_TOLERANCE_S if present is None else SEPARATES_WITHIN_S)
 
     def separates(intent: NeighbourIntent) -> bool:
-        return _separates(flight, present, intent.flight, intent.limits(limits))
+        # A late vehicle may be anywhere on its flight, so the distance at equal times means nothing.
+        return not intent.may_be_late and _separates(flight, present, intent.flight, intent.limits(limits))
 
     found = clashes_with(flight, others, limits)
     return tuple(clash for clash in found if clash.at_s > near_s or not separates(others[clash.other]))
