@@ -63,6 +63,14 @@ def test_a_faster_vehicle_does_not_change_the_speed() -> None:
     assert speeds(story.at(100.0)) == []
 
 
+def test_no_speed_is_set_while_an_order_is_under_way() -> None:
+    story = ArrivalStory()
+    story.other(60.0)
+    order = story.state.order.sent(ev.FlightOrder.HOLD, frozenset())
+    story.state = replace(story.state, order=order)
+    assert speeds(story.at(100.0)) == []
+
+
 def test_a_vehicle_follows_a_later_arrival_but_not_with_every_message() -> None:
     story = ArrivalStory()
     story.other(50.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -98,6 +99,30 @@ def test_set_points_are_sent_until_telemetry_is_too_old_for_any_decision(like_ar
         agent.vehicle.delay_s = delay_s
         swarm.run(swarm.now + 2.0, lambda _now: None)
         assert (agent.vehicle.setpoint_age_s < 1.0) is is_sent
+
+
+@pytest.mark.parametrize("is_silent", [False, True])
+@each_kind
+def test_a_column_keeps_apart_from_a_leader_that_stops(like_ardupilot: bool, is_silent: bool) -> None:
+    # The silence of the leader is noticed a second later, so a column needs more room for it.
+    spacing_m = 30.0 if is_silent else 18.0
+    column = {"shape": {"kind": "column", "spacing_m": spacing_m}, "heights": "level"}
+    swarm = LightGroup(like_ardupilot=like_ardupilot, approach="virtual_structure", formation=column).joined()
+    leader, follower = swarm.agents[:2]
+    if is_silent:
+        leader.silent.append((swarm.now, swarm.now + 30.0))
+        swarm.air.mute[1] = [(swarm.now, swarm.now + 30.0)]
+    else:
+        leader(ev.OperatorCommand(ev.FlightOrder.HOLD))
+    limits, shares = swarm.scenario.config.separation, []
+
+    def look(_now: float) -> None:
+        east_m, north_m, up_m = (a - b for a, b in zip(leader.vehicle.at, follower.vehicle.at, strict=True))
+        apart = math.hypot(east_m, north_m) / limits.horizontal_m
+        shares.append(max(apart, abs(up_m) / limits.vertical_m))
+
+    swarm.run(swarm.now + 30.0, look)
+    assert min(shares) > 1.0
 
 
 def test_a_long_route_is_told_by_its_corners() -> None:

@@ -12,8 +12,14 @@ N_DEFAULT, N_FULL = 4, 5
 
 FOUND = {
     6: "a vehicle of a level group that had ended climbed to its own height past another one's hold",
-    18: "a mute vehicle returned and met a member on its mission",
     26: "two members with one height met after the take-off",
+    18: "a mute vehicle returned and met a member on its mission; a member returned through its group",
+    29: "a member that heard nobody flew on across the way of another one",
+    64: "the speed of a leader's mission ended a hold",
+    79: "a leader braked in front of its column",
+    94: "a member of a group far below its own height could not give way",
+    148: "a column stopped at full speed near the end of its route",
+    158: "a group flew into the place where its silent leader had stopped",
     27: "a vehicle that was refused the mode of set-points met a single vehicle",
 }
 """seeds that broke a rule before, with the cause; in the full run"""

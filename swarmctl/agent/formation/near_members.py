@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
+from functools import partial
+
+import numpy as np
 
 from swarmctl.agent.formation.approaches.base import Nearby
+from swarmctl.agent.formation.approaches.place_keeping import BRAKES_M_S2
 from swarmctl.agent.formation.membership import Formation, MemberReport
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.separation.trajectory import extrapolate
 from swarmctl.agent.traffic.separation.watch import NeighbourIntent, NeighbourReport
 from swarmctl.core.records import replace
-from swarmctl.core.vehicle import BRAKING_M_S2
 
 STOPS_WITHIN_S = 8.0
 """Time within which a silent member has stopped: alone, without set-points, or by a pilot [s]."""
+N_PLACES = 33
+"""Number of places compared."""
 SILENT_S = 90.0
 """Time for which a silent member counts as stopped near its last position [s]."""
 JOINS_WITHIN_M = 200.0
@@ -42,38 +47,41 @@ def obstacles(state: AgentState, formation: Formation) -> tuple[Nearby, ...]:
     A member that leaves tells its position for some seconds, and probably brakes. A member that fell silent
     may have stopped on its announced flight, within STOPS_WITHIN_S of its last position.
     """
-    found: list[Nearby] = []
+    found: list[Nearby | None] = []
     for uav, told in state.membership.told.items():
         age_s = state.now_boot_s - told.at_boot_s
         if not told.message.joins and age_s <= formation.lost_after_s:
             found.append(_braking(told, max(age_s, 0.0)))
         elif told.message.joins and formation.lost_after_s < age_s <= SILENT_S and uav != state.task.uav:
-            found += _stopped(state, formation, uav, told)
-    return tuple(found)
+            found.append(_stopped(state, formation, uav, told))
+    return tuple(nearby for nearby in found if nearby is not None)
 
 
 def _braking(told: MemberReport, age_s: float) -> Nearby:
     east_m_s, north_m_s, up_m_s = told.message.velocity_m_s
     speed_m_s = math.hypot(east_m_s, north_m_s)
-    left = max(1.0 - BRAKING_M_S2 / speed_m_s, 0.0) if speed_m_s else 0.0
+    left = max(1.0 - BRAKES_M_S2 / speed_m_s, 0.0) if speed_m_s else 0.0
     here = (*told.here_m, told.message.alt_amsl_m)
     return Nearby(here, (left * east_m_s, left * north_m_s, up_m_s), age_s)
 
 
-def _stopped(state: AgentState, formation: Formation, uav: int, told: MemberReport) -> Iterator[Nearby]:
-    """Yield the places at which a silent member may have stopped; its height in a level group is unknown."""
-    message, limits = told.message, state.task.separation.limits
-    own_amsl_m = state.vehicle.alt_amsl_m
-    up_m = own_amsl_m if formation.is_level and own_amsl_m is not None else message.alt_amsl_m
-    here = (*told.here_m, message.alt_amsl_m)
+def _stopped(state: AgentState, formation: Formation, uav: int, told: MemberReport) -> Nearby | None:
+    """Return the nearest place at which a silent member may have stopped; in a level group at any height."""
+    message, own = told.message, state.last_position
+    if own.lat_lon is None or own.alt_amsl_m is None:
+        return None
     intent = {**state.membership.intents, **state.intents}.get(uav)
     flight = None if intent is None else intent.flight
     if flight is None or flight.at(told.at_boot_s) is None:
+        here = (*told.here_m, message.alt_amsl_m)
         flight = extrapolate(here, message.velocity_m_s, told.at_boot_s, STOPS_WITHIN_S)
-    n = max(math.ceil(STOPS_WITHIN_S * math.hypot(*message.velocity_m_s[:2]) / limits.horizontal_m), 1)
-    places = (flight.at(told.at_boot_s + STOPS_WITHIN_S * k / n) for k in range(1, n + 1))
-    for place in (here, *(place for place in places if place is not None)):
-        yield Nearby((*place[:2], up_m), (0.0, 0.0, 0.0))
+    soonest_s = min(0.5 * math.hypot(*message.velocity_m_s[:2]) / BRAKES_M_S2, STOPS_WITHIN_S)
+    times_s = np.linspace(soonest_s, STOPS_WITHIN_S, N_PLACES).tolist()
+    places = [at[:2] for t in times_s if (at := flight.at(told.at_boot_s + t)) is not None]
+    here_m = state.task.grid.frame.to_local(*own.lat_lon)
+    nearest = min(places, key=partial(math.dist, here_m), default=told.here_m)
+    up_m = own.alt_amsl_m if formation.is_level else message.alt_amsl_m
+    return Nearby((*nearest, up_m), (0.0, 0.0, 0.0))
 
 
 def with_members_shown(state: AgentState) -> AgentState:

@@ -13,6 +13,7 @@ from swarmctl.agent.formation.approaches.base import (
     Along,
     ApproachResult,
     Group,
+    Nearby,
     PlaceMemory,
     SetPointDemand,
     Vector,
@@ -34,6 +35,8 @@ RESPONSE_S = 1.0
 """Time in which an autopilot takes a new velocity [s]: the present approach goes on for so long."""
 MARGIN_UP_M = 0.5
 """The same in height [m]."""
+TRUSTED_S, BRAKES_M_S2 = 0.6, 2.5
+"""Age up to which a velocity counts [s]; a member that tells nothing for longer may brake so hard."""
 OLDEST_S = 3.0
 """Greatest age by which the margin grows [s]."""
 SIDEWAYS = 0.3
@@ -163,8 +166,10 @@ def keep_separation(group: Group, velocity: Vector) -> Vector | None:
     reach_m = least_m + GROWTH_M_S * OLDEST_S + 2.0 * limits.speed_m_s / APPROACH_HZ
     for member in (*group.others, *group.obstacles):
         age_s, (their_e, their_n, their_u) = member.age_s, member.velocity_m_s
-        away_e = own[0] - member.position_m[0] - age_s * their_e
-        away_n = own[1] - member.position_m[1] - age_s * their_n
+        moved_s, left = _if_braking(member)
+        away_e = own[0] - member.position_m[0] - moved_s * their_e
+        away_n = own[1] - member.position_m[1] - moved_s * their_n
+        their_e, their_n = left * their_e, left * their_n
         away_m = math.hypot(away_e, away_n)
         if away_m > reach_m:
             continue
@@ -201,6 +206,17 @@ def keep_separation(group: Group, velocity: Vector) -> Vector | None:
         return None
     climb = min(max(climb, -limits.climb_m_s), limits.climb_m_s)
     return bounded((east, north, climb), limits.speed_m_s)
+
+
+def _if_braking(other: Nearby) -> tuple[float, float]:
+    """Return the way of another vehicle since its message, as time at its speed [s], and the share of its
+    speed that is left, if it brakes from TRUSTED_S on."""
+    speed_m_s, braking_s = math.hypot(*other.velocity_m_s[:2]), max(other.age_s - TRUSTED_S, 0.0)
+    if not speed_m_s or not braking_s:
+        return other.age_s, 1.0
+    braking_s = min(braking_s, speed_m_s / BRAKES_M_S2)
+    left = 1.0 - BRAKES_M_S2 * braking_s / speed_m_s
+    return TRUSTED_S + 0.5 * (1.0 + left) * braking_s, left
 
 
 def progress(group: Group, expected_m: float, point: tuple[float, float]) -> float:
