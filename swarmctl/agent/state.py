@@ -266,8 +266,9 @@ class AgentState:
         formation, membership = self.task.formation, self.membership
         if formation is None or membership.leader is None or membership.n_present == 1:
             return ""
-        shape = formation.shapes[min(membership.shape, len(formation.shapes) - 1)].kind
-        text = f"group {formation.name}: {shape} of {membership.n_present}"
+        shape = formation.shapes[min(membership.shape, len(formation.shapes) - 1)]
+        kind = "split" if membership.is_split else shape.kind
+        text = f"group {formation.name}: {kind} of {membership.n_present}"
         if self.leads_group:
             return f"{text}, leads"
         if membership.error_m is None:

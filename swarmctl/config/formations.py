@@ -35,6 +35,14 @@ class FormationSection(Section):
         description="Exposure of a group in its planner. sum: the sum of P_s over the members' cells. "
         "survival: 1 − ∏(1 − P_s).",
     )
+    split_factor: float | None = Field(
+        None,
+        ge=1.0,
+        le=100.0,
+        description="Price of flying apart, 1 or more. The group splits and meets again if the members' own "
+        "routes, times this factor, and the group's route from there on cost less than its route together. "
+        "Default: the group never splits.",
+    )
     heights: Literal["stepped", "level"] = Field(
         "stepped",
         description="stepped: each member flies at its own altitude. level: at the leader's altitude, with "

@@ -78,6 +78,8 @@ def check_groups(scenario: Scenario) -> Iterator[ConfigProblem]:
             yield from _check_room(scenario, places, (*here, key))
             yield from _check_messages(scenario, places, (*here, key))
         yield from _check_change(scenario, section, members, shapes, here)
+        if section.split_factor is not None:
+            yield from _check_split(scenario, section, members, here)
 
 
 def _check_members(section: FormationSection, members: list[Spec], here: KeyPath) -> Iterator[ConfigProblem]:
@@ -141,6 +143,30 @@ def _check_change(
                 f"and the members keep {least_m:g} m; raise spacing_m, or name the members in another order"
             )
             yield ConfigProblem((*here, "narrow_shape"), text)
+            return
+
+
+def _check_split(
+    scenario: Scenario, section: FormationSection, members: list[Spec], here: KeyPath
+) -> Iterator[ConfigProblem]:
+    """Yield problems of a group that may split: its measure, and members that may meet at one height."""
+    path: KeyPath = (*here, "split_factor")
+    if section.exposure != "sum":
+        text = "a split is compared by sums of exposure; set exposure: sum, or remove this key"
+        yield ConfigProblem(path, text)
+    if section.heights == "level":
+        text = "members that fly level may meet on own ways; set heights: stepped, or remove this key"
+        yield ConfigProblem(path, text)
+        return
+    least_up_m = scenario.config.separation.vertical_m + MARGIN_UP_M
+    for one, other in combinations(members, 2):
+        up_m = abs(one.altitude_m - other.altitude_m)
+        if up_m < least_up_m:
+            text = (
+                f"the ways of {one.name} and {other.name} may cross, and they fly {up_m:.3g} m above each "
+                f"other, below {least_up_m:g} m; raise flight.altitude_step_m, or remove this key"
+            )
+            yield ConfigProblem(path, text)
             return
 
 

@@ -260,6 +260,8 @@ def formation_of(config: Config, section: FormationSection, specs: Sequence[Spec
         exposure=section.exposure,
         rate_hz=section.rate_hz,
         cell_m=config.area.cell_size_m,
+        split_factor=section.split_factor,
+        reach_m=config.communication.max_distance_m or math.inf,
         closes_up=section.lost_member == "close_up",
         is_level=section.heights == "level",
         lost_after_s=section.lost_after_s,

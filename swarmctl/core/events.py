@@ -18,6 +18,7 @@ from swarmctl.core.messages import CommunicationRange, VehicleAnswer
 from swarmctl.core.mission import FlightPlan
 from swarmctl.core.observation import BeliefItem
 from swarmctl.core.setpoint import SetPoint
+from swarmctl.core.split import SplitPlan
 from swarmctl.core.threat import FiringStrength
 from swarmctl.core.vehicle import VehicleState
 
@@ -252,6 +253,8 @@ class SwapMission(_Record, frozen=True):
     track: Track | None = None
     """straight track flown in place of the lattice route; None: the route is flown. exposure_sum,
     safety_factor and length_m are those of the flown path; cost is always the route's"""
+    split: SplitPlan | None = None
+    """the members' own ways of a group whose leader flies this mission; None: the group flies together"""
 
 
 class Command(_Record, frozen=True):

@@ -26,9 +26,10 @@ from typing import Annotated, Any
 
 import msgspec
 
-from swarmctl.core.geo import LatLon
+from swarmctl.core.geo import LatLon, check_position
 from swarmctl.core.messages import MAX_BEHAVIOUR_WEIGHT, MAX_BEHAVIOURS
 from swarmctl.core.observation import Checkpoint, Id, Incarnation, Observation, Seq
+from swarmctl.core.split import SplitShared
 
 VERSION = 3
 UNSIGNED, SIGNED = 0, 1
@@ -82,11 +83,6 @@ class MessageRefused(ValueError):
         self.why = why
 
 
-def _check_position(lat_deg: float, lon_deg: float) -> None:
-    if not (abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0):
-        raise ValueError(f"position ({lat_deg}, {lon_deg}): expected degrees")
-
-
 class StateShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, tag="inform/state"):
     """Position, phase and knowledge of a UAV."""
 
@@ -136,9 +132,9 @@ class StateShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, tag
     """w and the three firing strengths after a change by an operator; None: those of the configuration"""
 
     def __post_init__(self) -> None:
-        _check_position(self.lat_deg, self.lon_deg)
+        check_position(self.lat_deg, self.lon_deg)
         if self.returns_to is not None:
-            _check_position(*self.returns_to)
+            check_position(*self.returns_to)
         optional = (self.late_s, self.alt_amsl_m, self.earliest_in_s, self.to_go_m)
         required = (self.time_s, self.alt_rel_m, *self.velocity_m_s, self.age_s, *(self.weights or ()))
         numbers = (*required, *(x for x in optional if x is not None))
@@ -184,7 +180,7 @@ class IntentShared(msgspec.Struct, frozen=True, omit_defaults=True, dict=True, t
             raise ValueError(f"a distance is not a number, below 0 or above {MAX_MAGNITUDE:g} m")
         before_s = -math.inf
         for point in self.points:
-            _check_position(point.lat_deg, point.lon_deg)
+            check_position(point.lat_deg, point.lon_deg)
             if not (abs(point.alt_amsl_m) <= MAX_MAGNITUDE and 0.0 <= point.in_s <= MAX_AHEAD_S):
                 raise ValueError(
                     f"a height is not a number or above {MAX_MAGNITUDE:g} m, "
@@ -222,6 +218,8 @@ class MemberShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, ta
         msgspec.Meta(max_length=MAX_POINTS),
     ] = ()
     """changes of shape along `route`: (distance [m], number of the shape from there on)"""
+    split: SplitShared | None = None
+    """a split of the group along `route`"""
     height_amsl_m: float = 0.0
     """the leader's alone: the group's height above the sea, if its members fly level [m]"""
     weights: Annotated[
@@ -232,7 +230,7 @@ class MemberShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, ta
 
     def __post_init__(self) -> None:
         for point in ((self.lat_deg, self.lon_deg), *self.route):
-            _check_position(*point)
+            check_position(*point)
         changes_m = (from_m for from_m, _ in self.shapes)
         heights = self.alt_amsl_m, self.height_amsl_m
         lengths = (*heights, *self.velocity_m_s, self.along_m, self.speed_m_s, *changes_m)
@@ -242,6 +240,12 @@ class MemberShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, ta
             raise ValueError(f"an age is outside 0 to {MAX_AHEAD_S:g} s")
         if self.along_m < 0.0 or self.speed_m_s < 0.0:
             raise ValueError("a distance or a speed along the route is below 0")
+
+    def with_route_of(self, before: MemberShared) -> MemberShared:
+        """Return the message; if it lacks the route that `before` has, with this route."""
+        if self.route or before.route_id != self.route_id:
+            return self
+        return msgspec.structs.replace(self, route=before.route, shapes=before.shapes, split=before.split)
 
 
 class HeldObservations(msgspec.Struct, frozen=True, array_like=True):
@@ -305,7 +309,7 @@ class Frame(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
         if not math.isfinite(self.unix_s):
             raise ValueError("the time of sending is not finite")
         if self.lat_deg is not None and self.lon_deg is not None:
-            _check_position(self.lat_deg, self.lon_deg)
+            check_position(self.lat_deg, self.lon_deg)
 
     @property
     def at(self) -> LatLon | None:

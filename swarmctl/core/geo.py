@@ -78,6 +78,12 @@ class LocalFrame:
         return lat_deg, lon_deg
 
 
+def check_position(lat_deg: float, lon_deg: float) -> None:
+    """Raise ValueError unless both are degrees of a latitude and a longitude."""
+    if not (abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0):
+        raise ValueError(f"position ({lat_deg}, {lon_deg}): expected degrees")
+
+
 def distance_m(a: LatLon, b: LatLon) -> float:
     """Return the length of the geodesic from `a` to `b` [m]."""
     _, _, metres = _ELLIPSOID.inv(a[1], a[0], b[1], b[0])

@@ -20,7 +20,8 @@ Benevolence and `formation` need the machine code on any area.
 
 A planner is one module with a frozen dataclass `Params`, the constants `USES_W` and `NEEDS_MACHINE_CODE`, the
 functions `plan(problem, params)` and `measure(problem, cells, params)`, and one line in `PLANNERS`. Of
-`swarmctl` the planners import only `core`. `meeting.split` compares a group with its members alone.
+`swarmctl` the planners import only `core`. `meeting.split` compares a group with its members alone,
+and `split_route` plans for a group that may split.
 """
 
 from __future__ import annotations

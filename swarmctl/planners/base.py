@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from swarmctl.core import exposure as measures
 from swarmctl.core.grid import Cell
+from swarmctl.core.split import SplitPlan
 
 MAX_FINITE = 1e200
 """greatest finite exposure, and greatest ψ; their sums over any route are finite too"""
@@ -131,6 +132,7 @@ class Route:
     searched: the searches of a planner that searches over w, in order
     lower_bound: proved lower bound on the cost of every route, equal to `cost` if the route is proved
         optimal; None: not computed
+    split: the members' own ways of a group that splits at the start; None: it flies together
     """
 
     cells: tuple[Cell, ...]
@@ -140,6 +142,7 @@ class Route:
     safety_factor: float
     searched: tuple[Searched, ...] = ()
     lower_bound: float | None = None
+    split: SplitPlan | None = None
 
 
 class Planner(Protocol):

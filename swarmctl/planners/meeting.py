@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -50,12 +50,14 @@ class Split:
     apart: least cost with a meeting; infinite if a member has no route of its own
     meeting: the state of this cost; of equal ones, the state that the members reach at the least cost
     routes: each member's own route to its place in the meeting
+    onward: the leader's cells from the meeting to the goal; empty if the split is not cheaper
     """
 
     together: float
     apart: float
     meeting: Meeting | None
     routes: tuple[tuple[Cell, ...], ...]
+    onward: tuple[Cell, ...] = ()
 
     @property
     def is_cheaper(self) -> bool:
@@ -68,10 +70,18 @@ class Split:
         return self.together - self.apart if self.is_cheaper else 0.0
 
 
-def split(problem: Problem, params: Params, starts: Sequence[Cell], alone_factor: float = 1.0) -> Split:
+def split(
+    problem: Problem,
+    params: Params,
+    starts: Sequence[Cell],
+    alone_factor: float = 1.0,
+    *,
+    is_apart: bool = False,
+) -> Split:
     """Return the comparison for a group in its state at the problem's start; `starts` are the members' cells.
 
-    `alone_factor` is a. A member outside the area or in a wall has no route of its own. Raises BadProblem for
+    `alone_factor` is a. `is_apart`: the members are apart already, so the cost together counts as infinite.
+    A member outside the area or in a wall has no route of its own. Raises BadProblem for
     another number of members, a factor below 1, and the measure `survival`, which is no sum over members.
     """
     if not 1.0 <= alone_factor < math.inf:
@@ -81,9 +91,8 @@ def split(problem: Problem, params: Params, starts: Sequence[Cell], alone_factor
     if len(starts) != len(params.shapes[0]):
         raise BadProblem(f"{len(starts)} starts for {len(params.shapes[0])} members: expected one for each")
     area = area_of(problem, params)
-    label, together = compiled(group_field.find_labels)(
-        area.graph, area.states(problem.start, params.start_poses())
-    )
+    states = area.states(problem.start, params.start_poses())
+    label, together = compiled(group_field.find_labels)(area.graph, states[:0] if is_apart else states)
     fields = [_field_to(problem, cell) for cell in starts]
     if None in fields:
         return Split(together, math.inf, None, ())
@@ -112,7 +121,13 @@ def split(problem: Problem, params: Params, starts: Sequence[Cell], alone_factor
         for field, place in zip(found, area.poses.cells[pose], strict=True)
     ]
     meeting = Meeting((row, col), float(HEADINGS_DEG[pose % 8]), pose // 8)
-    return Split(together, apart, meeting, tuple(routes))
+    compared = Split(together, apart, meeting, tuple(routes))
+    if not compared.is_cheaper:
+        return compared
+    ahead = area.flat(meeting.cell) + int(area.graph.ahead[pose])
+    state = np.array([ahead * len(area.poses.cells) + pose])
+    route = compiled(group_field.descend)(area.graph, label, state, float(label[state[0]]))
+    return replace(compared, onward=(meeting.cell, *area.cells_of(route)))
 
 
 def _field_to(problem: Problem, cell: Cell) -> kernels.Field | None:

@@ -1,4 +1,4 @@
-"""Statistics of groups: errors of the members, time in shape, and changes of leader and shape."""
+"""Statistics of groups: errors of the members, time in shape, changes of leader and shape, and splits."""
 
 from __future__ import annotations
 
@@ -32,6 +32,7 @@ class MemberStatistics:
     in_place_s: float = 0.0
     leader_changes: int = 0
     shape_changes: int = 0
+    splits: int = 0
     joins: int = 0
 
     def summary(self) -> dict[str, Any]:
@@ -44,6 +45,7 @@ class MemberStatistics:
             "joins": self.joins,
             "leader_changes": self.leader_changes,
             "shape_changes": self.shape_changes,
+            "splits": self.splits,
         }
 
 
@@ -71,6 +73,7 @@ class FormationStatistics:
         if earlier.leader is not None and earlier.n_present > 1:
             member.leader_changes += earlier.leader != membership.leader
             member.shape_changes += earlier.shape != membership.shape
+            member.splits += membership.is_split and not earlier.is_split
         if after.phase is not Phase.FORMATION or (error_m := membership.error_m) is None:
             member.is_joined = False
             return
@@ -93,6 +96,7 @@ class FormationStatistics:
                 "members": {names[uav]: member.summary() for uav, member in sorted(members.items())},
                 "leader_changes": max(member.leader_changes for member in members.values()),
                 "shape_changes": max(member.shape_changes for member in members.values()),
+                "splits": max(member.splits for member in members.values()),
             }
             for name, members in self._members.items()
         ]

@@ -111,6 +111,24 @@ def test_a_group_that_can_fly_is_accepted(group: dict[str, Any]) -> None:
             ("members", 2),
             id="a plane",
         ),
+        pytest.param(
+            {"split_factor": 1.1, "exposure": "survival"},
+            {"flight": {"altitude_step_m": 6.0}},
+            ("split_factor",),
+            id="a split has no measure of survival",
+        ),
+        pytest.param(
+            {"split_factor": 1.1, "heights": "level"},
+            {"flight": {"altitude_step_m": 6.0}},
+            ("split_factor",),
+            id="ways cross at one height",
+        ),
+        pytest.param(
+            {"split_factor": 1.1},
+            {"flight": {"altitude_step_m": 3.0}},
+            ("split_factor",),
+            id="ways cross with too little height between",
+        ),
     ],
 )
 def test_a_group_that_cannot_fly_is_refused(

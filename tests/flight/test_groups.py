@@ -89,6 +89,30 @@ def test_a_group_changes_its_shape_for_a_gap(tmp_path: Path) -> None:
     assert [state.outcome for state in report.states.values()] == [ARRIVED] * 3
 
 
+@pytest.mark.parametrize("approach", [pytest.param(a, marks=full) for a in APPROACHES])
+def test_a_group_splits_at_a_wall_with_gaps_and_meets_again(approach: str, tmp_path: Path) -> None:
+    rows, cols = 15, 17
+    scenario = group(
+        approach,
+        area={**AREA, "rows": rows, "cols": cols, "no_fly": [[r, 7] for r in range(9) if r not in (1, 4, 7)]},
+        flight={"altitude_m": 15.0, "altitude_step_m": 6.0},
+        simulate={"goal": [4, cols - 1], "start_spacing_m": 100.0},
+        formation={
+            "members": ["uav2", "uav1", "uav3"],
+            "shape": {"kind": "line", "spacing_m": 100.0},
+            "split_factor": 1.3,
+        },
+    )
+    report = fly(scenario, tmp_path)
+    (alpha,) = report.summary["formations"]
+    assert alpha["splits"] == 1
+    assert report.summary["separation"]["too_close"] == []
+    assert [vehicle["no_fly_cells_entered"] for vehicle in report.summary["vehicles"]] == [0, 0, 0]
+    assert [state.outcome for state in report.states.values()] == [ARRIVED] * 3
+    for found in filter(None, seen(tmp_path, scenario).values()):
+        assert max(row.error_m for row in found[-40:]) < 4.0
+
+
 def asked(scenario: Scenario, folder: Path, at_s: float, request: Request) -> tuple[Any, Ui]:
     """Fly, and give an operator's command, which the vehicles take."""
 

@@ -108,7 +108,7 @@ def draw(seed: int) -> DrawnFormation:
     heights, n = section.heights, len(section.members)
     drawn.story.append(
         f"{n} of {len(swarm.agents)} by {section.approach}: {shapes}, {section.shape.spacing_m:.0f} m, "
-        f"{heights}, {section.lost_member}; {air}, wind {wind}"
+        f"{heights}, split {section.split_factor}, {section.lost_member}; {air}, wind {wind}"
     )
     stagger_s = rng.choice([0.0, 0.0, 2.0])
     for i, agent in enumerate(swarm.agents):
@@ -151,6 +151,10 @@ def _scenario(rng: random.Random, seed: int) -> Scenario:
         },
         "formations": [_group(rng, n, has_gap)],
     }
+    # A generator of its own, so that the other draws of a seed are those of campaigns without splits.
+    more, (group,) = random.Random(seed), config["formations"]
+    if group["heights"] == "stepped" and config["flight"]["altitude_step_m"] > 3.5 and more.random() < 0.7:
+        group["split_factor"] = more.choice([1.0, 1.05, 1.2])
     scenario = small(**config)
     spots = rng.sample(free, n_single)
     tasks = tuple(

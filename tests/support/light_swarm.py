@@ -233,9 +233,7 @@ class LightAgent:
         earlier_s, earlier = self._members.get(uav, (-math.inf, message))
         if earlier_s > sent_s:
             return
-        if not message.route and earlier.route_id == message.route_id:
-            message = msgspec.structs.replace(message, route=earlier.route, shapes=earlier.shapes)
-        self._members[uav] = (sent_s, message)
+        self._members[uav] = (sent_s, message.with_route_of(earlier))
         self._new_members.add(uav)
 
     def _read_members(self, now: float) -> None:

@@ -6,6 +6,7 @@
 | `reference` | the group's route as a smooth curve, with a speed at each distance |
 | `approaches/` | one file for each approach: what a member does now, by what the members told |
 | `membership` | the group as one vehicle knows it |
+| `ways`, `split` | places on ways of their own, and the leader's choice to split |
 | `presence`, `near_members` | present members, leader and route |
 | `flight` | joining, set-points, the leader's speed, and leaving |
 | `group_planner`, `group_plan` | the leader's planner, and new routes in flight |

@@ -21,8 +21,9 @@ from swarmctl.agent.formation.approaches.base import (
     ThreatField,
 )
 from swarmctl.agent.formation.membership import ACCELERATION_M_S2, Formation, far_from_place
-from swarmctl.agent.formation.near_members import near_members, obstacles
-from swarmctl.agent.formation.shape import ShapePlace, assigned, least_spacing_m
+from swarmctl.agent.formation.near_members import near_members, obstacles, places_of
+from swarmctl.agent.formation.shape import ShapePlace, least_spacing_m
+from swarmctl.agent.formation.ways import Way
 from swarmctl.agent.own_modes import own_mode_roles
 from swarmctl.agent.phases import EN_ROUTE, Phase
 from swarmctl.agent.state import AgentState
@@ -161,7 +162,9 @@ def _flown(state: AgentState, formation: Formation) -> tuple[AgentState, Approac
     along, route, membership = _along(state), state.membership.route, state.membership
     assert route is not None
     if along is not None:
-        membership = replace(membership, shape=route.shape_at(along.s_m + along.age_s * along.speed_m_s))
+        now_m = along.s_m + along.age_s * along.speed_m_s
+        is_split = route.split_at(now_m) is not None
+        membership = replace(membership, shape=route.shape_at(now_m), is_split=is_split)
     params = formation.params_with(membership.weights)
     flown = formation.approach.fly(params, _view(replace(state, membership=membership), formation))
     away_m = 0.0 if flown.demand is None else math.hypot(*flown.error_m[:2])
@@ -187,7 +190,7 @@ def _view(state: AgentState, formation: Formation) -> Group:
     along = _along(state)
     others = near_members(state, formation, formation.lost_after_s)
     with_places = near_members(state, formation, formation.keeps_place_s)
-    places = _places(state, formation, (*with_places, state.task.uav))
+    places = places_of(state, formation, (*with_places, state.task.uav))
     velocity_m_s = vehicle.east_m_s, vehicle.north_m_s, vehicle.climb_m_s
     # Telemetry is as old as the link's delay: the vehicle has flown on since.
     then, since_s = (*state.task.grid.frame.to_local(*vehicle.lat_lon), vehicle.alt_amsl_m), vehicle.delay_s
@@ -203,7 +206,7 @@ def _view(state: AgentState, formation: Formation) -> Group:
         velocity_m_s=velocity_m_s,
         place=places[state.task.uav],
         is_leader=state.leads_group,
-        others=tuple(_member(state, uav, places[uav]) for uav in others),
+        others=tuple(_member(state, uav, places[uav], route.way_of(uav)) for uav in others),
         obstacles=obstacles(state, formation),
         along=along,
         reference=route.reference,
@@ -219,6 +222,7 @@ def _view(state: AgentState, formation: Formation) -> Group:
         flies_mission=state.phase is Phase.FLYING and state.leads_group,
         memory=membership.memory,
         threats=_threats(state),
+        way=route.way_of(state.task.uav),
         lead_s=RESTING_TARGET_LEAD_S if membership.setpoint_role == "setpoints" else 0.0,
     )
 
@@ -248,16 +252,7 @@ def _begin(state: AgentState) -> Along | None:
     return Along(s_m, min(state.vehicle.ground_speed_m_s, route.profile.at(s_m)))
 
 
-def _places(state: AgentState, formation: Formation, present: tuple[int, ...]) -> dict[int, ShapePlace]:
-    """Return the present place of each present member."""
-    is_present = [uav in present for uav in formation.members]
-    numbers = assigned(is_present, closes_up=formation.closes_up)
-    places = formation.places(state.membership.shape, len(present))
-    pairs = zip(formation.members, numbers, strict=True)
-    return {uav: places[number] for uav, number in pairs if number is not None}
-
-
-def _member(state: AgentState, uav: int, place: ShapePlace) -> OtherMember:
+def _member(state: AgentState, uav: int, place: ShapePlace, way: Way | None) -> OtherMember:
     told = state.membership.told[uav]
     message = told.message
     return OtherMember(
@@ -266,6 +261,7 @@ def _member(state: AgentState, uav: int, place: ShapePlace) -> OtherMember:
         place=place,
         age_s=max(state.now_boot_s - told.at_boot_s, 0.0),
         error_m=message.error_m,
+        way=way,
     )
 
 

@@ -7,7 +7,6 @@ set-points needs no mission: the group follows the new route from the next point
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from itertools import accumulate, pairwise
 
 import numpy as np
@@ -15,13 +14,13 @@ from numpy.typing import NDArray
 
 from swarmctl.agent.formation.group_planner import planner_of, shape_changes
 from swarmctl.agent.formation.membership import GroupRoute, Membership
+from swarmctl.agent.formation.split import cells_along, split_in_metres
 from swarmctl.agent.replan.decide import believed_exposure
 from swarmctl.agent.state import AgentState
-from swarmctl.core.grid import Cell, Grid
+from swarmctl.core.grid import Cell
 from swarmctl.core.records import replace
-from swarmctl.core.route import cells_between
-from swarmctl.core.track_position import StraightLegs
-from swarmctl.planners.base import Method, Problem, Unreachable
+from swarmctl.planners import split_route
+from swarmctl.planners.base import Method, Problem, Route, Unreachable
 
 AHEAD_S = 4.0
 """Time ahead at which a new route may turn off [s]: the shape turns that much later at the latest."""
@@ -38,11 +37,13 @@ def plan_in_formation(state: AgentState) -> AgentState:
     if not state.leads_group or route is None or along is None or membership.n_present == 1:
         return state
     least_m = along.s_m + max(AHEAD_S * along.speed_m_s, 1.0)
-    ahead = [(at_m, cell) for at_m, cell in _cells_along(task.grid, route.reference.legs) if at_m >= least_m]
+    ahead = [(at_m, cell) for at_m, cell in cells_along(task.grid, route.reference.legs) if at_m >= least_m]
     if len(ahead) < 2:
         return state
     splice_m, start = ahead[0]
-    method, problem = planner_of(state), _problem(state, p_s, start)
+    method, problem = planner_of(state, start), _problem(state, p_s, start)
+    if route.split_at(splice_m) is not None and method.planner is not split_route:
+        return state  # only the leader that planned a split knows the members' routes
     try:
         found = method.plan(problem)
     except Unreachable as error:
@@ -51,7 +52,7 @@ def plan_in_formation(state: AgentState) -> AgentState:
     present = method.measure(problem, rest) if rest[-1] in task.goals else math.inf
     if present <= found.cost * (1.0 + 1e-9):
         return state
-    return replace(state, membership=_on_new_route(state, route, splice_m, found.cells, method, problem))
+    return replace(state, membership=_on_new_route(state, route, splice_m, found, method, problem))
 
 
 def _problem(state: AgentState, p_s: NDArray[np.float64], start: Cell) -> Problem:
@@ -59,30 +60,11 @@ def _problem(state: AgentState, p_s: NDArray[np.float64], start: Cell) -> Proble
     return Problem(p_s, start, task.goals, state.w, task.psi_per_cell, task.max_exposure)
 
 
-def _cells_along(grid: Grid, legs: StraightLegs) -> list[tuple[float, Cell]]:
-    """Return the cells that a route passes, each with the distance along it to the cell's centre [m].
-
-    Between two corners of a lattice route the cells lie in a row, a column or a diagonal.
-    """
-    found: list[tuple[float, Cell]] = []
-    for at_m, point in zip(legs.at_m, legs.points, strict=True):
-        cell = grid.cell_at(*grid.frame.to_geodetic(*point))
-        if cell is None or (found and found[-1][1] == cell):
-            continue
-        if found:
-            begin_m, begin = found[-1]
-            line = cells_between(begin, cell)
-            each_m = (at_m - begin_m) / (len(line) - 1)
-            found += [(begin_m + k * each_m, between) for k, between in enumerate(line[1:-1], 1)]
-        found.append((at_m, cell))
-    return found
-
-
 def _on_new_route(
     state: AgentState,
     route: GroupRoute,
     splice_m: float,
-    cells: Sequence[Cell],
+    found: Route,
     method: Method,
     problem: Problem,
 ) -> Membership:
@@ -99,16 +81,22 @@ def _on_new_route(
     before_m = max((at_m for at_m in legs.at_m if at_m < along.s_m - BEHIND_M), default=None)
     if before_m is not None:
         kept.insert(0, (before_m, legs.point_at(before_m)))
-    moved_m, cell_m = kept[0][0], task.grid.cell_size_m
+    moved_m, cell_m, cells, plan = kept[0][0], task.grid.cell_size_m, found.cells, found.split
     centres = (task.grid.centre_m(cell) for cell in cells)
     points_m = (*(point for _, point in kept), *centres)
     shapes = [(from_m - moved_m, number) for from_m, number in route.shapes if from_m < splice_m]
     splice_m -= moved_m
     steps_m = (cell_m * math.dist(a, b) for a, b in pairwise(cells))
     centres_m = tuple(accumulate(steps_m, initial=splice_m))
-    shapes += shape_changes(state, method, problem, cells, centres_m, shapes[-1][1] if shapes else 0)
-    number = membership.n_routes + 1
-    new = GroupRoute.of(task.uav, number, points_m, tuple(shapes), formation, task.arrival.speed_m_s)
+    before = shapes[-1][1] if shapes else 0
+    shapes += shape_changes(state, method, problem, cells, centres_m, before, plan)
+    number, split = membership.n_routes + 1, route.split_at(along.s_m)
+    if plan is not None:
+        split = split_in_metres(state, plan, along.s_m - moved_m, centres_m[len(plan.routes[0])])
+    elif split is not None:
+        split = split.moved(-moved_m)
+    speed_m_s = task.arrival.speed_m_s
+    new = GroupRoute.of(task.uav, number, points_m, tuple(shapes), formation, speed_m_s, split=split)
     memory = membership.memory
     return replace(
         membership,

@@ -7,10 +7,14 @@ from collections.abc import Sequence
 
 from swarmctl.agent.formation.near_members import near_members
 from swarmctl.agent.formation.shape import assigned
+from swarmctl.agent.formation.split import with_split
 from swarmctl.agent.phases import ON_GROUND
 from swarmctl.agent.state import AgentState
 from swarmctl.core.grid import Cell
+from swarmctl.core.records import replace
+from swarmctl.core.split import SplitPlan
 from swarmctl.planners import formation as planner
+from swarmctl.planners import split_route
 from swarmctl.planners.base import Method, Problem, Unreachable
 
 OTHER_SHAPE = 0.1
@@ -18,9 +22,12 @@ OTHER_SHAPE = 0.1
 keep its narrow shape after a passage."""
 
 
-def planner_of(state: AgentState) -> Method:
+def planner_of(state: AgentState, start: Cell | None = None) -> Method:
     """Return the vehicle's planner; for the leader of a group, and on the ground for the first member, the
-    group's planner."""
+    group's planner.
+
+    start: the cell in flight at which the plan begins; without it the plan has no split
+    """
     formation, membership = state.task.formation, state.membership
     if formation is None:
         return state.task.method
@@ -30,7 +37,7 @@ def planner_of(state: AgentState) -> Method:
     if membership.n_present == 1 or not state.leads_group:
         return state.task.method
     others = near_members(state, formation, formation.keeps_place_s)
-    return _method(state, (*others, state.task.uav))
+    return with_split(state, _method(state, (*others, state.task.uav)), others, start)
 
 
 def _method(state: AgentState, present: Sequence[int]) -> Method:
@@ -68,26 +75,35 @@ def shape_changes(
     cells: Sequence[Cell],
     centres_m: Sequence[float],
     before: int = 0,
+    split: SplitPlan | None = None,
 ) -> list[tuple[float, int]]:
     """Return the changes of shape on a route of the group: (distance along it [m], number from there on).
 
     centres_m: distance along the route to the centre of each cell [m]
     before: number of the shape at the first cell
+    split: the split in which the members fly these cells up to the meeting; its shape is taken half-way
 
     The planner changes the shape at the centre before the cell that the group reaches in its new shape. The
     members need time for it, so a change to the narrow shape begins as much earlier; a change back does not.
     A route that the group cannot fly in any shape has no changes.
     """
     formation = state.task.formation
-    if method.planner is not planner or len(method.params.shapes) == 1:
+    params = method.params.group if method.planner is split_route else method.params
+    if method.planner not in (planner, split_route) or len(params.shapes) == 1:
         return []
+    changes: list[tuple[float, int]] = []
+    if split is not None:
+        first, meets = (cells.index(split.routes[0][k]) for k in (0, -1))
+        if split.shape != before:
+            changes, before = [(0.5 * (centres_m[first] + centres_m[meets]), split.shape)], split.shape
+        cells, centres_m, problem = cells[meets:], centres_m[meets:], replace(problem, start=cells[meets])
+        params = replace(params, start_heading_deg=None, start_shape=before)
     try:
-        numbers = planner.shapes_along(problem, cells, method.params)
+        numbers = planner.shapes_along(problem, cells, params)
     except Unreachable:
-        return []
+        return changes
     assert formation is not None
     takes_m = formation.speed_m_s * formation.change_s(state.membership.n_present)
-    changes: list[tuple[float, int]] = []
     for at_m, number in zip(centres_m, numbers[1:], strict=False):
         if number != before:
             begin_m = at_m - takes_m if number else at_m

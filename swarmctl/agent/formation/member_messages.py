@@ -7,10 +7,12 @@ import math
 import msgspec
 
 from swarmctl.agent.commands import StepResult
+from swarmctl.agent.formation.ways import Split
 from swarmctl.agent.state import AgentState
 from swarmctl.core import events as ev
 from swarmctl.core.frames import MemberShared
 from swarmctl.core.records import replace
+from swarmctl.core.split import SplitShared
 
 LEAVES_WITHIN_S = 10.0
 """Time for which a vehicle that leaves goes on to tell its position, because others may fly behind it [s]."""
@@ -68,5 +70,15 @@ def _as_leader(state: AgentState, message: MemberShared, *, with_route: bool) ->
         route_id=route.number,
         route=tuple(to_geodetic(*point) for point in route.points_m) if with_route else (),
         shapes=route.shapes if with_route else (),
+        split=_told_split(state, route.split_at(along.s_m)) if with_route else None,
         height_amsl_m=home_m + state.height_m,
     )
+
+
+def _told_split(state: AgentState, split: Split | None) -> SplitShared | None:
+    """Return the split as the leader tells it; None after its end."""
+    if split is None:
+        return None
+    to_geodetic = state.task.grid.frame.to_geodetic
+    ways = ((uav, tuple(to_geodetic(*point) for point in points)) for uav, points in split.points_m.items())
+    return SplitShared(split.begin_m, split.end_m, tuple(ways))

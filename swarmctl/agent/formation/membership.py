@@ -14,6 +14,7 @@ from typing import Any, Literal
 from swarmctl.agent.formation.approaches.base import Along, Approach, PlaceMemory
 from swarmctl.agent.formation.reference import Reference, SpeedProfile, window_for
 from swarmctl.agent.formation.shape import Shape, ShapePlace, radius_m
+from swarmctl.agent.formation.ways import Split, Way
 from swarmctl.agent.traffic.separation.watch import NeighbourIntent, NeighbourReport
 from swarmctl.core import events as ev
 from swarmctl.core.frames import MAX_POINTS, MemberShared
@@ -62,6 +63,10 @@ class Formation:
     """rate of set-points, and of the leader's messages"""
     cell_m: float = 0.0
     """size of a cell of the area [m]"""
+    split_factor: float | None = None
+    """price of flying apart (`planners.meeting`); None: the group never splits"""
+    reach_m: float = math.inf
+    """range of messages [m]"""
     radius_m: float = field(init=False)
     """greatest distance of a place from the reference point, over all shapes [m]"""
     _places: tuple[tuple[tuple[ShapePlace, ...], ...], ...] = field(init=False)
@@ -159,6 +164,7 @@ class GroupRoute:
     profile: SpeedProfile
     plan: tuple[int, int] | None = None
     """the leader's alone: number of its mission's plan, and of the members for which it chose shapes"""
+    split: Split | None = None
 
     @classmethod
     def of(
@@ -170,6 +176,7 @@ class GroupRoute:
         formation: Formation,
         max_speed_m_s: float,
         plan: tuple[int, int] | None = None,
+        split: Split | None = None,
     ) -> GroupRoute:
         """Return a route; `max_speed_m_s`: greatest speed of a member.
 
@@ -179,10 +186,11 @@ class GroupRoute:
         extent_m = formation.radius_m
         reference = Reference(points_m, window_for(extent_m))
         end_m = max(reference.length_m - formation.ends_before_m, 0.0)
+        ways = () if split is None else [(w.begin_m, w.end_m, w.curve) for w in split.ways.values()]
         profile = SpeedProfile.of(
-            reference, extent_m, formation.speed_m_s, max_speed_m_s, ACCELERATION_M_S2, end_m
+            reference, extent_m, formation.speed_m_s, max_speed_m_s, ACCELERATION_M_S2, end_m, ways
         )
-        return cls(leader, number, points_m, shapes, reference, profile, plan)
+        return cls(leader, number, points_m, shapes, reference, profile, plan, split)
 
     def is_of(self, leader: int, number: int) -> bool:
         return (self.leader, self.number) == (leader, number)
@@ -190,6 +198,14 @@ class GroupRoute:
     def shape_at(self, along_m: float) -> int:
         """Return the number of the shape at a distance along the route."""
         return next((number for from_m, number in reversed(self.shapes) if along_m >= from_m), 0)
+
+    def split_at(self, along_m: float) -> Split | None:
+        """Return the split of the group at a distance along the route; None: it flies together."""
+        return self.split if self.split is not None and self.split.is_at(along_m) else None
+
+    def way_of(self, uav: int) -> Way | None:
+        """Return the member's own way in the split; the leader of the plan has none, it flies the route."""
+        return None if self.split is None else self.split.ways.get(uav)
 
 
 @dataclass(frozen=True)  # without slots `replace` is fast
@@ -205,12 +221,15 @@ class Membership:
     """number of routes that this vehicle has told as the leader"""
     n_present: int = 1
     """number of present members, this vehicle included"""
+    n_present_since_boot_s: float = -math.inf
     along: Along | None = None
     """the reference point as this vehicle last computed it; its age counts from `at_boot_s`"""
     at_boot_s: float = -math.inf
     memory: PlaceMemory | None = None
     shape: int = 0
     """number of the present shape"""
+    is_split: bool = False
+    """True: the members fly ways of their own"""
     error_m: ShapePlace | None = None
     """the vehicle's position minus its place: forward, right, up [m]; None: it flies to no place"""
     far: FarFromPlace | None = None
@@ -267,6 +286,7 @@ class Membership:
             at_boot_s=-math.inf,
             memory=None,
             shape=0,
+            is_split=False,
             error_m=None,
             far=None,
             setpoint_role="",

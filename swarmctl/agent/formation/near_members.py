@@ -11,6 +11,7 @@ import numpy as np
 from swarmctl.agent.formation.approaches.base import Nearby
 from swarmctl.agent.formation.approaches.place_keeping import BRAKES_M_S2
 from swarmctl.agent.formation.membership import Formation, MemberReport
+from swarmctl.agent.formation.shape import ShapePlace, assigned
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.separation.trajectory import extrapolate
@@ -27,18 +28,32 @@ JOINS_WITHIN_M = 200.0
 """Greatest distance from another member at which a vehicle joins, beside the size of the shape [m]."""
 
 
+def joins_within_m(formation: Formation) -> float:
+    """Return the distance up to which a vehicle counts another one as a present member [m]."""
+    return JOINS_WITHIN_M + 2.0 * formation.radius_m
+
+
 def near_members(state: AgentState, formation: Formation, silence_s: float) -> tuple[int, ...]:
     """Return the other members that are heard and not far from this vehicle, in the group's order."""
     vehicle = state.last_position
     if vehicle.lat_lon is None:
         return ()
     here = state.task.grid.frame.to_local(*vehicle.lat_lon)
-    within_m = JOINS_WITHIN_M + 2.0 * formation.radius_m
+    within_m = joins_within_m(formation)
     told = state.membership.told
     others = state.membership.present(formation.members, state.now_boot_s, silence_s)
     return tuple(
         uav for uav in others if uav != state.task.uav and math.dist(here, told[uav].here_m) <= within_m
     )
+
+
+def places_of(state: AgentState, formation: Formation, present: tuple[int, ...]) -> dict[int, ShapePlace]:
+    """Return the present place in the shape of each of the present members."""
+    is_present = [uav in present for uav in formation.members]
+    numbers = assigned(is_present, closes_up=formation.closes_up)
+    places = formation.places(state.membership.shape, len(present))
+    pairs = zip(formation.members, numbers, strict=True)
+    return {uav: places[number] for uav, number in pairs if number is not None}
 
 
 def obstacles(state: AgentState, formation: Formation) -> tuple[Nearby, ...]:

@@ -7,15 +7,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from swarmctl.agent.commands import StepResult
 from swarmctl.agent.formation.approaches.place_keeping import on_new_route
 from swarmctl.agent.formation.group_planner import planner_of, shape_changes
 from swarmctl.agent.formation.membership import Formation, GroupRoute, Membership
 from swarmctl.agent.formation.near_members import JOINS_WITHIN_M, near_members, with_traffic
+from swarmctl.agent.formation.split import split_in_metres
+from swarmctl.agent.formation.ways import Split
 from swarmctl.agent.phases import EN_ROUTE, Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.core import events as ev
+from swarmctl.core.frames import MemberShared
 from swarmctl.core.planar import PlanarPoint, contains
 from swarmctl.core.records import replace
 from swarmctl.planners.base import Problem
@@ -38,12 +42,14 @@ def note_group(state: AgentState) -> StepResult:
     formation, before = state.task.formation, state.membership
     if formation is None:
         return state, []
-    if not _belongs(state):
+    if not _belongs(state) or _is_without_way(state, formation):
         alone = replace(before, leader=None, n_present=1)
         return (state if before.leader is None else with_traffic(replace(state, membership=alone))), []
     others = near_members(state, formation, formation.lost_after_s)
     present = [uav for uav in formation.members if uav == state.task.uav or uav in others]
     membership = replace(before, leader=present[0], n_present=len(present))
+    if membership.n_present != before.n_present:
+        membership = replace(membership, n_present_since_boot_s=state.now_boot_s)
     if len(weights := _told_weights(membership)) == len(formation.approach.WEIGHTS) > 0:
         membership = replace(membership, weights=weights)
     membership = _with_route(state, formation, membership)
@@ -68,6 +74,22 @@ def _belongs(state: AgentState) -> bool:
     return is_on_its_way and has_climbed and vehicle.time_boot_s - membership.left_boot_s >= REJOINS_AFTER_S
 
 
+def _is_without_way(state: AgentState, formation: Formation) -> bool:
+    """Return whether the group flies apart without a way for this vehicle, whose place may be in a wall."""
+    uav, membership = state.task.uav, state.membership
+    route, along = membership.route, membership.along
+    if formation.split_factor is None:
+        return False
+    if route is not None and along is not None and route.split_at(along.s_m) is not None:
+        return uav != route.leader and route.way_of(uav) is None
+    for other in near_members(state, formation, formation.lost_after_s):
+        told = membership.told[other].message
+        if told.route_id and told.split is not None:
+            is_apart = told.split.begin_m <= told.along_m < told.split.end_m
+            return is_apart and uav not in (of for of, _ in told.split.ways)
+    return False
+
+
 def _told_weights(membership: Membership) -> tuple[float, ...]:
     """Return the weights of the behaviours that the leader tells; empty: none, or this vehicle leads."""
     leader = membership.leader
@@ -84,10 +106,12 @@ def _with_route(state: AgentState, formation: Formation, membership: Membership)
         if not told.route or (present is not None and present.is_of(leader, told.route_id)):
             return membership
         points_m = tuple(state.task.grid.frame.to_local(*point) for point in told.route)
-        number, shapes = told.route_id, told.shapes
-        if not _is_near_area(state, points_m):
+        number, shapes, split = told.route_id, told.shapes, _told_split(state, told)
+        ways = () if split is None else split.points_m.values()
+        if not all(_is_near_area(state, points) for points in (points_m, *ways)):
             return membership  # a wrong route of the leader must lead nobody away
-        route = GroupRoute.of(leader, number, points_m, shapes, formation, state.task.arrival.speed_m_s)
+        speed_m_s = state.task.arrival.speed_m_s
+        route = GroupRoute.of(leader, number, points_m, shapes, formation, speed_m_s, split=split)
     elif state.phase is Phase.FORMATION:
         if present is None or present.leader == leader:
             return membership
@@ -114,7 +138,16 @@ def _with_route(state: AgentState, formation: Formation, membership: Membership)
     )
 
 
-def _is_near_area(state: AgentState, points_m: tuple[PlanarPoint, ...]) -> bool:
+def _told_split(state: AgentState, told: MemberShared) -> Split | None:
+    """Return the split that the leader has told, with the ways of the members in metres."""
+    if (split := told.split) is None:
+        return None
+    to_local = state.task.grid.frame.to_local
+    ways = {uav: [to_local(*point) for point in points] for uav, points in split.ways}
+    return Split.of(split.begin_m, split.end_m, ways)
+
+
+def _is_near_area(state: AgentState, points_m: Sequence[PlanarPoint]) -> bool:
     """Return whether a route stays in the fence, or without a fence near the area."""
     if state.task.fence is not None:
         return all(contains(state.task.fence.corners_m, point) for point in points_m)
@@ -132,16 +165,29 @@ def _route_of_mission(state: AgentState, formation: Formation, membership: Membe
     if swap is None or progress is None:
         return None
     plan = swap.plan_id, membership.n_present
-    if present is not None and present.leader == state.task.uav and present.plan == plan:
+    is_own = present is not None and present.leader == state.task.uav
+    if present is not None and is_own and present.plan == plan:
         return None
-    task, shapes = state.task, []
+    task, shapes, along = state.task, [], membership.along
+    split = None if present is None or along is None else present.split_at(along.s_m)
+    apart, centres_m = swap.split, progress.flight.centres_m
+    if apart is not None:
+        end_m = centres_m[swap.cells.index(apart.routes[0][-1]) + 1]
+        apart = apart if end_m > progress.along_m else None
+    if not is_own or present is None or present.plan is None or present.plan[0] != swap.plan_id:
+        if apart is not None and (present is None or along is None):
+            return None  # the members' places are unknown
+        if apart is not None:
+            split = split_in_metres(state, apart, progress.along_m, end_m)
+        elif split is not None and along is not None:
+            split = split.moved(progress.along_m - along.s_m)
     if state.plans.exposure is not None:
         problem = Problem(
             state.plans.exposure, swap.cells[0], task.goals, state.w, task.psi_per_cell, task.max_exposure
         )
         own = replace(state, membership=membership)
         method = planner_of(own)
-        shapes = shape_changes(own, method, problem, swap.cells, progress.flight.centres_m)
+        shapes = shape_changes(own, method, problem, swap.cells, centres_m, split=apart)
     return GroupRoute.of(
         task.uav,
         membership.n_routes + 1,
@@ -150,6 +196,7 @@ def _route_of_mission(state: AgentState, formation: Formation, membership: Membe
         formation,
         task.arrival.speed_m_s,
         plan,
+        split,
     )
 
 

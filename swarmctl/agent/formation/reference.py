@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import NamedTuple
@@ -55,6 +56,8 @@ class Pose(NamedTuple):
     slope_north: float
     turn_rad_m: float
     """change of the heading for each metre along the route [rad/m]"""
+    s_m: float
+    """distance along the route [m]"""
 
     def at(self, forward_m: float, right_m: float) -> PlanarPoint:
         """Return the position of an offset from the reference point, (east, north) [m]."""
@@ -120,6 +123,7 @@ class Reference:
             e1 + h * (e2 + 0.5 * h * e3),
             n1 + h * (n2 + 0.5 * h * n3),
             chi1 + h * chi2,
+            s_m,
         )
 
     def bends(
@@ -177,12 +181,16 @@ class SpeedProfile:
         max_speed_m_s: float,
         acceleration_m_s2: float,
         end_m: float = math.inf,
+        ways: Sequence[tuple[float, float, Reference]] = (),
     ) -> SpeedProfile:
         """Return the speeds at which a shape of this radius follows the reference.
 
         No place is faster than `max_speed_m_s`. In a turn a place accelerates by at most half of
         `acceleration_m_s2`, because an autopilot follows a velocity that changes faster only metres behind.
         The speed changes by at most half of it, too, and it is 0 from `end_m` on, or at the end of the route.
+
+        ways: stretches of the route on which a place follows a curve of its own, with begin and end [m];
+            there half of the members' reserve of speed is left, because ways are long
         """
         n = max(int(reference.length_m / 2.0), 1) + 1
         at_m = np.linspace(0.0, reference.length_m, n)
@@ -190,6 +198,12 @@ class SpeedProfile:
         fastest = np.minimum(cruise_m_s, max_speed_m_s / (1.0 + radius_m * turn))
         pull = bend + radius_m * (change + turn**2)
         squared = np.minimum(fastest**2, 0.5 * acceleration_m_s2 / np.maximum(pull, 1e-9))
+        for since_m, until_m, curve in ways:
+            ratio, on_way = curve.length_m / (until_m - since_m), (since_m <= at_m) & (at_m <= until_m)
+            _, _, bend = curve.bends((at_m[on_way] - since_m) * ratio)
+            most = 0.5 * (cruise_m_s + max_speed_m_s) / max(ratio, 1e-9)
+            limit = np.minimum(most**2, 0.5 * acceleration_m_s2 / np.maximum(bend * ratio**2, 1e-9))
+            squared[on_way] = np.minimum(squared[on_way], limit)
         squared[at_m >= min(end_m, reference.length_m)] = 0.0
         gained = acceleration_m_s2 * at_m  # v² grows by 2·(a/2)·s
         squared = np.minimum.accumulate((squared + gained)[::-1])[::-1] - gained

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+from swarmctl.agent.formation.near_members import near_members, places_of
+from swarmctl.agent.formation.ways import offset_of
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory
 
@@ -24,9 +26,13 @@ def flight_in_group(state: AgentState, here: LocalPoint, for_s: float = math.inf
     if formation is None or route is None or along is None or memory is None:
         return None
     pose = route.reference.at(along.s_m)
-    away_e, away_n = memory.place_m[0] - pose.east_m, memory.place_m[1] - pose.north_m
-    sin, cos = math.sin(pose.heading_rad), math.cos(pose.heading_rad)
-    forward, right = away_e * sin + away_n * cos, away_e * cos - away_n * sin
+    if (way := route.way_of(state.task.uav)) is None:
+        away_e, away_n = memory.place_m[0] - pose.east_m, memory.place_m[1] - pose.north_m
+        sin, cos = math.sin(pose.heading_rad), math.cos(pose.heading_rad)
+        place = (away_e * sin + away_n * cos, away_e * cos - away_n * sin, 0.0)
+    else:
+        others = near_members(state, formation, formation.keeps_place_s)
+        place = places_of(state, formation, (*others, state.task.uav))[state.task.uav]
     off_e, off_n = here[0] - memory.place_m[0], here[1] - memory.place_m[1]
     spare_m_s = max(state.task.arrival.speed_m_s - formation.speed_m_s, 1.0)
     joins_in_s = math.hypot(off_e, off_n) / spare_m_s
@@ -37,7 +43,9 @@ def flight_in_group(state: AgentState, here: LocalPoint, for_s: float = math.inf
     ):
         s_m, speed_m_s = route.profile.ahead(s_m, speed_m_s, EVERY_S)
         t_s = times[-1] + EVERY_S
-        east_m, north_m = route.reference.at(s_m).at(forward, right)
+        ahead = route.reference.at(s_m)
+        (to_e, to_n), _ = offset_of(ahead, place, way)
+        east_m, north_m = ahead.east_m + to_e, ahead.north_m + to_n
         left = max(1.0 - t_s / joins_in_s, 0.0) if joins_in_s else 0.0
         times.append(t_s)
         points.append((east_m + left * off_e, north_m + left * off_n, here[2]))

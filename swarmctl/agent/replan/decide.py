@@ -55,9 +55,9 @@ def _decide_from(
     state: AgentState, p_s: NDArray[np.float64], splice: Splice, *, leaves_track: bool = False
 ) -> tuple[AgentState, list[ev.Effect]]:
     """Plan a route from a splice point; `leaves_track`: the splice point is on a straightened track."""
-    task = replace(state.task, altitude_m=state.height_m, method=planner_of(state))
-    task = with_spare_time(state, task)
     start, joining = splice.kept[-1], joining_leg(state, splice)
+    task = replace(state.task, altitude_m=state.height_m, method=planner_of(state, start))
+    task = with_spare_time(state, task)
     if splice.leaves_ahead and start in task.goals and not state.plans.must_change:
         # The vehicle would reach its goal before the end of a swap.
         return replace(state, plans=state.plans.kept(p_s)), []
@@ -115,6 +115,7 @@ def swap_to(
         safety_factor=flown.safety_factor,
         length_m=flown.length_cells * state.task.grid.cell_size_m,
         track=track,
+        split=route.split,
     )
 
 
@@ -144,8 +145,9 @@ def _with_kept_cells(task: Task, problem: Problem, route: Route, splice: Splice)
         return route
     cells = (*splice.kept[:-1], *route.cells)
     unbounded = replace(problem, start=cells[0], min_length_cells=0.0, max_length_cells=math.inf)
-    cost = task.method.measure(unbounded, cells)
-    return route_of(unbounded, cells, cost if math.isfinite(cost) else route.cost)
+    cost = math.inf if route.split is not None else task.method.measure(unbounded, cells)
+    whole = route_of(unbounded, cells, cost if math.isfinite(cost) else route.cost)
+    return replace(whole, split=route.split)
 
 
 def believed_exposure(

@@ -184,9 +184,7 @@ class PeerRecord(msgspec.Struct, gc=False):
         elif isinstance(content, MemberShared):
             if frame.unix_s > self.member_unix_s:
                 # The agent may not have taken the last message, which may have had the route.
-                before = self.member
-                if before is not None and content.route_id == before.route_id and not content.route:
-                    content = msgspec.structs.replace(content, route=before.route, shapes=before.shapes)
+                content = content if self.member is None else content.with_route_of(self.member)
                 self.member, self.member_unix_s, self.has_new_member = content, frame.unix_s, True
         elif self.state_frame is None or frame.unix_s > self.state_frame.frame.unix_s:
             self.state_frame, self.state_s, self.has_new_state = decoded, now_s, True

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from swarmctl.agent.formation.reference import Reference, SpeedProfile
 from swarmctl.agent.formation.shape import ShapePlace
+from swarmctl.agent.formation.ways import Way
 
 Vector = tuple[float, float, float]
 """east, north, up in the area's local frame [m] or [m/s]"""
@@ -46,6 +47,8 @@ class OtherMember(Nearby):
     """its present place in the shape"""
     error_m: float = 0.0
     """its distance from its place over ground, as it told [m]"""
+    way: Way | None = None
+    """its own way while the group is split"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,6 +119,8 @@ class Group:
     """True: this vehicle leads by its mission, without set-points"""
     memory: PlaceMemory | None = None
     threats: ThreatField | None = None
+    way: Way | None = None
+    """own way while the group is split"""
     lead_s: float = 0.0
     """Time by which a demand is made for later [s]: half the period of the set-points for a vehicle whose
     target rests between them, such as PX4."""

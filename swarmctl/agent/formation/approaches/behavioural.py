@@ -40,6 +40,7 @@ from swarmctl.agent.formation.approaches.place_keeping import (
     progress,
 )
 from swarmctl.agent.formation.reference import Pose
+from swarmctl.agent.formation.ways import offset_of
 from swarmctl.core.section import Section
 
 LEADER_FLIES_MISSION = False
@@ -123,15 +124,13 @@ def _common_reference(group: Group) -> tuple[Along, Pose, Planar]:
     else:
         expected_m = group.reference.locate(group.position_m[:2])
     pose = group.reference.at(expected_m)
-    sin, cos = math.sin(pose.heading_rad), math.cos(pose.heading_rad)
-    forward, right, _ = group.place
-    east = group.position_m[0] - forward * sin - right * cos
-    north = group.position_m[1] - forward * cos + right * sin
+    (away_e, away_n), _ = offset_of(pose, group.place, group.way)
+    east, north = group.position_m[0] - away_e, group.position_m[1] - away_n
     for member in group.others:
         (their_e, their_n, _), (velocity_e, velocity_n, _) = member.position_m, member.velocity_m_s
-        forward, right, _ = member.place
-        east += their_e + member.age_s * velocity_e - forward * sin - right * cos
-        north += their_n + member.age_s * velocity_n - forward * cos + right * sin
+        (away_e, away_n), _ = offset_of(pose, member.place, member.way)
+        east += their_e + member.age_s * velocity_e - away_e
+        north += their_n + member.age_s * velocity_n - away_n
     n = 1 + len(group.others)
     centre = (east / n, north / n)
     s_m = progress(group, expected_m, centre)

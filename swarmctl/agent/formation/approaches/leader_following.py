@@ -15,6 +15,7 @@ from pydantic import Field
 from swarmctl.agent.formation.approaches.base import Along, ApproachResult, Group, PlaceMemory, Vector
 from swarmctl.agent.formation.approaches.place_keeping import keep_place, place_of, progress, reference_now
 from swarmctl.agent.formation.approaches.structure import Waiting, fly_in_structure
+from swarmctl.agent.formation.ways import offset_of
 
 LEADER_FLIES_MISSION = True
 MEMBERS_TELL_HZ = 2.0
@@ -55,12 +56,10 @@ def fly(params: Params, group: Group) -> ApproachResult:
         leader.velocity_m_s[0] + later_speed * pose.slope_east - then_speed * then.slope_east,
         leader.velocity_m_s[1] + later_speed * pose.slope_north - then_speed * then.slope_north,
     )
-    if leader.place[0] or leader.place[1]:  # a new leader, at the place that it had before
-        at = then.at(leader.place[0], leader.place[1])
-        away_e, away_n = at[0] - then.east_m, at[1] - then.north_m
-        turn = then_speed * then.turn_rad_m
-        point_e, point_n = point_e - away_e, point_n - away_n
-        velocity = (velocity[0] - turn * away_n, velocity[1] + turn * away_e)
+    if leader.place[0] or leader.place[1] or leader.way:  # a new leader, at the place that it had before
+        away, moves = offset_of(then, leader.place, leader.way, then_speed)
+        point_e, point_n = point_e - away[0], point_n - away[1]
+        velocity = (velocity[0] - moves[0], velocity[1] - moves[1])
     place_m, velocity_m_s = place_of(group, pose, (point_e, point_n), velocity, later_speed)
     return keep_place(group, pose, now, place_m, velocity_m_s, params.closing_m_s)
 

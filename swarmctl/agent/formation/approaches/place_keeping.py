@@ -19,6 +19,7 @@ from swarmctl.agent.formation.approaches.base import (
     Vector,
 )
 from swarmctl.agent.formation.reference import Pose, Reference
+from swarmctl.agent.formation.ways import offset_of
 from swarmctl.core.records import replace
 
 PAUSE_S = 1.5
@@ -77,17 +78,11 @@ def _same_place(s_m: float, before: Reference, after: Reference) -> float:
 def place_of(
     group: Group, pose: Pose, point: tuple[float, float], velocity: tuple[float, float], speed_m_s: float
 ) -> tuple[Vector, Vector]:
-    """Return position and velocity of the member's place in a shape at `point` that moves at `velocity`.
-
-    The velocity is v + ω × offset, with ω the speed along the route times the turn for each metre.
-    """
-    forward, right, up = group.place
-    sin, cos = math.sin(pose.heading_rad), math.cos(pose.heading_rad)
-    east, north = forward * sin + right * cos, forward * cos - right * sin
-    turn = speed_m_s * pose.turn_rad_m  # clockwise
+    """Return position and velocity of the member's place in a shape at `point` that moves at `velocity`."""
+    away, moves = offset_of(pose, group.place, group.way, speed_m_s)
     return (
-        (point[0] + east, point[1] + north, group.height_m + up),
-        (velocity[0] + turn * north, velocity[1] - turn * east, 0.0),
+        (point[0] + away[0], point[1] + away[1], group.height_m + group.place[2]),
+        (velocity[0] + moves[0], velocity[1] + moves[1], 0.0),
     )
 
 
