@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
+from swarmctl.agent.phases import EN_ROUTE
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.prediction import (
     MAX_AGE_S,
@@ -91,11 +92,19 @@ def clashes_if_changed(
     near_s = flight.times_s[0] + (TIME_TOLERANCE_S if present is None else SEPARATES_WITHIN_S)
 
     def separates(intent: NeighbourIntent) -> bool:
-        # A late vehicle may be anywhere on its flight, so the distance at equal times means nothing.
-        return not intent.may_be_late and _separates(flight, present, intent.flight, intent.limits(limits))
+        # Over a goal a vehicle has no other way than down: there the planned times of a late vehicle count.
+        if intent.may_be_late and state.phase in EN_ROUTE:
+            return _leads_away(flight, intent.flight, intent.limits(limits))
+        return _separates(flight, present, intent.flight, intent.limits(limits))
 
     found = clashes_with(flight, others, limits)
     return tuple(clash for clash in found if clash.at_s > near_s or not separates(others[clash.other]))
+
+
+def _leads_away(flight: Trajectory, other: Trajectory, limits: Limits) -> bool:
+    """Return whether a flight soon leaves the way of a vehicle that may be anywhere on this way."""
+    after = flight.since(flight.times_s[0] + SEPARATES_WITHIN_S)
+    return after is None or not find_clashes(after, {0: other}, limits, late=frozenset({0}))
 
 
 def _separates(flight: Trajectory, present: Trajectory | None, other: Trajectory, limits: Limits) -> bool:
