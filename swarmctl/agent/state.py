@@ -228,6 +228,18 @@ class AgentState:
         return is_under_way and is_free and not self.lost and self.vehicle.mode_role == "mission"
 
     @property
+    def all_neighbours(self) -> Mapping[int, NeighbourReport]:
+        """The states of other vehicles, those of hidden members of the group included."""
+        hidden = self.membership.neighbours
+        return {**hidden, **self.neighbours} if hidden else self.neighbours
+
+    @property
+    def all_intents(self) -> Mapping[int, NeighbourIntent]:
+        """The intents of other vehicles, those of hidden members of the group included."""
+        hidden = self.membership.intents
+        return {**hidden, **self.intents} if hidden else self.intents
+
+    @property
     def is_waiting(self) -> bool:
         """True while the vehicle waits for other vehicles."""
         return self.wait is not None and self.wait.is_on

@@ -34,7 +34,7 @@ _LOOKS = 129
 
 @dataclass(frozen=True, slots=True)
 class UnderWay:
-    """What is left of a split that the group flies."""
+    """The rest of a split that the group flies."""
 
     routes: tuple[tuple[Cell, ...], ...]
     """rest of each other member's own route, from its start on"""

@@ -65,7 +65,7 @@ def obstacles(state: AgentState, formation: Formation) -> tuple[Nearby, ...]:
     found: list[Nearby | None] = []
     for uav, told in state.membership.told.items():
         age_s = state.now_boot_s - told.at_boot_s
-        if not told.message.joins and age_s <= formation.lost_after_s:
+        if _leaves(state, formation, told):
             found.append(_braking(told, max(age_s, 0.0)))
         elif told.message.joins and formation.lost_after_s < age_s <= SILENT_S and uav != state.task.uav:
             found.append(_stopped(state, formation, uav, told))
@@ -85,7 +85,7 @@ def _stopped(state: AgentState, formation: Formation, uav: int, told: MemberRepo
     message, own = told.message, state.last_position
     if own.lat_lon is None or own.alt_amsl_m is None:
         return None
-    intent = {**state.membership.intents, **state.intents}.get(uav)
+    intent = state.all_intents.get(uav)
     flight = None if intent is None else intent.flight
     if flight is None or flight.at(told.at_boot_s) is None:
         here = (*told.here_m, message.alt_amsl_m)
@@ -104,13 +104,8 @@ def with_members_shown(state: AgentState) -> AgentState:
 
     The members fly on with the group for some seconds, so they do not change their plans for this vehicle.
     """
-    membership = state.membership
-    members = {uav: replace(intent, may_change=False) for uav, intent in membership.intents.items()}
-    return replace(
-        state,
-        neighbours={**membership.neighbours, **state.neighbours},
-        intents={**members, **state.intents},
-    )
+    members = {uav: replace(intent, may_change=False) for uav, intent in state.membership.intents.items()}
+    return replace(state, neighbours=state.all_neighbours, intents={**members, **state.intents})
 
 
 def with_traffic(
@@ -123,27 +118,17 @@ def with_traffic(
     Present members are hidden from the rules for other traffic, because they keep apart by set-points.
     """
     members, membership = _present_members_of(state), state.membership
-    if not members and not membership.neighbours and not membership.intents:
-        return replace(
-            state,
-            neighbours=state.neighbours if neighbours is None else neighbours,
-            intents=state.intents if intents is None else intents,
+    neighbours = state.all_neighbours if neighbours is None else neighbours
+    intents = state.all_intents if intents is None else intents
+    if members or membership.neighbours or membership.intents:
+        membership = replace(
+            membership,
+            neighbours={uav: report for uav, report in neighbours.items() if uav in members},
+            intents={uav: intent for uav, intent in intents.items() if uav in members},
         )
-    if neighbours is None:
-        neighbours = {**membership.neighbours, **state.neighbours}
-    if intents is None:
-        intents = {**membership.intents, **state.intents}
-    hidden = replace(
-        membership,
-        neighbours={uav: report for uav, report in neighbours.items() if uav in members},
-        intents={uav: intent for uav, intent in intents.items() if uav in members},
-    )
-    return replace(
-        state,
-        membership=hidden,
-        neighbours={uav: report for uav, report in neighbours.items() if uav not in members},
-        intents={uav: intent for uav, intent in intents.items() if uav not in members},
-    )
+        neighbours = {uav: report for uav, report in neighbours.items() if uav not in members}
+        intents = {uav: intent for uav, intent in intents.items() if uav not in members}
+    return replace(state, membership=membership, neighbours=neighbours, intents=intents)
 
 
 def _present_members_of(state: AgentState) -> frozenset[int]:
@@ -156,8 +141,9 @@ def _present_members_of(state: AgentState) -> frozenset[int]:
     present = frozenset(near_members(state, formation, formation.lost_after_s))
     if state.phase is not Phase.FORMATION:
         return present
-    return present | {
-        uav
-        for uav, told in membership.told.items()
-        if not told.message.joins and state.now_boot_s - told.at_boot_s <= formation.lost_after_s
-    }
+    return present | {uav for uav, told in membership.told.items() if _leaves(state, formation, told)}
+
+
+def _leaves(state: AgentState, formation: Formation, told: MemberReport) -> bool:
+    """Return whether a member leaves the group, and still tells its position."""
+    return not told.message.joins and state.now_boot_s - told.at_boot_s <= formation.lost_after_s

@@ -94,17 +94,18 @@ def clashes_if_changed(
     def separates(intent: NeighbourIntent) -> bool:
         # Over a goal a vehicle has no other way than down: there the planned times of a late vehicle count.
         if intent.may_be_late and state.phase in EN_ROUTE:
-            return _leads_away(flight, intent.flight, intent.limits(limits))
+            return _leads_away(flight, intent.flight, intent.limits(limits), is_late=True)
         return _separates(flight, present, intent.flight, intent.limits(limits))
 
     found = clashes_with(flight, others, limits)
     return tuple(clash for clash in found if clash.at_s > near_s or not separates(others[clash.other]))
 
 
-def _leads_away(flight: Trajectory, other: Trajectory, limits: Limits) -> bool:
-    """Return whether a flight soon leaves the way of a vehicle that may be anywhere on this way."""
+def _leads_away(flight: Trajectory, other: Trajectory, limits: Limits, *, is_late: bool = False) -> bool:
+    """Return whether a flight keeps the limits after SEPARATES_WITHIN_S; `is_late`: the other may be late."""
     after = flight.since(flight.times_s[0] + SEPARATES_WITHIN_S)
-    return after is None or not find_clashes(after, {0: other}, limits, late=frozenset({0}))
+    late = frozenset({0} if is_late else ())
+    return after is None or not find_clashes(after, {0: other}, limits, late=late)
 
 
 def _separates(flight: Trajectory, present: Trajectory | None, other: Trajectory, limits: Limits) -> bool:
@@ -114,8 +115,7 @@ def _separates(flight: Trajectory, present: Trajectory | None, other: Trajectory
     the limits if they come no closer than now, or if the present flight comes closer by BETTER_BY.
     """
     begin_s = flight.times_s[0]
-    after = flight.since(begin_s + SEPARATES_WITHIN_S)
-    if after is not None and find_clashes(after, {0: other}, limits):
+    if not _leads_away(flight, other, limits):
         return False
     here, there = flight.at(begin_s), other.at(begin_s)
     least = _least_share(flight, other, limits)

@@ -45,7 +45,7 @@ def receive_neighbours(state: AgentState, event: ev.Neighbours, _now: float) -> 
         uav: NeighbourReport(shared, now_s - shared.age_s, *to_local(shared.lat_deg, shared.lon_deg))
         for uav, shared in event.states
     }
-    before, is_near = {**state.membership.neighbours, **state.neighbours}, _near_test(state)
+    before, is_near = state.all_neighbours, _near_test(state)
     kept = {
         uav: report
         for uav, report in before.items()

@@ -33,7 +33,7 @@ SAME_TIME_S = 1e-6
 def receive_intents(state: AgentState, event: ev.Intents, _now: float) -> StepResult:
     """Store the recent intents of other vehicles."""
     now_s = state.vehicle.time_boot_s
-    kept = {**state.membership.intents, **state.intents}
+    kept = dict(state.all_intents)
     for uav, age_s, intent in event.intents:
         announced = _announced_flight(state.task.grid.frame, intent)
         kept.pop(uav, None)
