@@ -14,7 +14,7 @@ from light_vehicle import STOPS_AFTER_S
 
 from swarmctl.agent.formation.approaches import APPROACHES
 from swarmctl.agent.formation.reference import Reference, SpeedProfile, window_for
-from swarmctl.agent.formation.ways import Split, offset_of
+from swarmctl.agent.formation.ways import SplitStretch, offset_of
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.state import ARRIVED
 
@@ -128,7 +128,7 @@ def test_the_velocity_of_a_place_on_a_way_is_its_derivative(
         return tuple(found)
 
     reference = Reference(points(route), window_for(60.0))
-    split = Split.of(20.0, reference.length_m - 10.0, {3: points(way)})
+    split = SplitStretch.of(20.0, reference.length_m - 10.0, {3: points(way)})
     way_of_3 = split.ways[3]
 
     def place(s_m: float) -> tuple[float, float]:

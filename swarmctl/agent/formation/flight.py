@@ -23,7 +23,7 @@ from swarmctl.agent.formation.approaches.base import (
 from swarmctl.agent.formation.membership import ACCELERATION_M_S2, Formation, far_from_place
 from swarmctl.agent.formation.near_members import near_members, obstacles, places_of
 from swarmctl.agent.formation.shape import ShapePlace, least_spacing_m
-from swarmctl.agent.formation.ways import Way
+from swarmctl.agent.formation.ways import MemberWay
 from swarmctl.agent.own_modes import own_mode_roles
 from swarmctl.agent.phases import EN_ROUTE, Phase
 from swarmctl.agent.state import AgentState
@@ -252,7 +252,7 @@ def _begin(state: AgentState) -> Along | None:
     return Along(s_m, min(state.vehicle.ground_speed_m_s, route.profile.at(s_m)))
 
 
-def _member(state: AgentState, uav: int, place: ShapePlace, way: Way | None) -> OtherMember:
+def _member(state: AgentState, uav: int, place: ShapePlace, way: MemberWay | None) -> OtherMember:
     told = state.membership.told[uav]
     message = told.message
     return OtherMember(

@@ -7,7 +7,7 @@ import math
 import msgspec
 
 from swarmctl.agent.commands import StepResult
-from swarmctl.agent.formation.ways import Split
+from swarmctl.agent.formation.ways import SplitStretch
 from swarmctl.agent.state import AgentState
 from swarmctl.core import events as ev
 from swarmctl.core.frames import MemberShared
@@ -75,7 +75,7 @@ def _as_leader(state: AgentState, message: MemberShared, *, with_route: bool) ->
     )
 
 
-def _told_split(state: AgentState, split: Split | None) -> SplitShared | None:
+def _told_split(state: AgentState, split: SplitStretch | None) -> SplitShared | None:
     """Return the split as the leader tells it; None after its end."""
     if split is None:
         return None

@@ -14,7 +14,7 @@ from typing import Any, Literal
 from swarmctl.agent.formation.approaches.base import Along, Approach, PlaceMemory
 from swarmctl.agent.formation.reference import Reference, SpeedProfile, window_for
 from swarmctl.agent.formation.shape import Shape, ShapePlace, radius_m
-from swarmctl.agent.formation.ways import Split, Way
+from swarmctl.agent.formation.ways import MemberWay, SplitStretch
 from swarmctl.agent.traffic.separation.watch import NeighbourIntent, NeighbourReport
 from swarmctl.core import events as ev
 from swarmctl.core.frames import MAX_POINTS, MemberShared
@@ -164,7 +164,7 @@ class GroupRoute:
     profile: SpeedProfile
     plan: tuple[int, int] | None = None
     """the leader's alone: number of its mission's plan, and of the members for which it chose shapes"""
-    split: Split | None = None
+    split: SplitStretch | None = None
 
     @classmethod
     def of(
@@ -176,7 +176,7 @@ class GroupRoute:
         formation: Formation,
         max_speed_m_s: float,
         plan: tuple[int, int] | None = None,
-        split: Split | None = None,
+        split: SplitStretch | None = None,
     ) -> GroupRoute:
         """Return a route; `max_speed_m_s`: greatest speed of a member.
 
@@ -199,11 +199,11 @@ class GroupRoute:
         """Return the number of the shape at a distance along the route."""
         return next((number for from_m, number in reversed(self.shapes) if along_m >= from_m), 0)
 
-    def split_at(self, along_m: float) -> Split | None:
+    def split_at(self, along_m: float) -> SplitStretch | None:
         """Return the split of the group at a distance along the route; None: it flies together."""
         return self.split if self.split is not None and self.split.is_at(along_m) else None
 
-    def way_of(self, uav: int) -> Way | None:
+    def way_of(self, uav: int) -> MemberWay | None:
         """Return the member's own way in the split; the leader of the plan has none, it flies the route."""
         return None if self.split is None else self.split.ways.get(uav)
 

@@ -15,7 +15,7 @@ from swarmctl.agent.formation.group_planner import planner_of, shape_changes
 from swarmctl.agent.formation.membership import Formation, GroupRoute, Membership
 from swarmctl.agent.formation.near_members import JOINS_WITHIN_M, near_members, with_traffic
 from swarmctl.agent.formation.split import split_in_metres
-from swarmctl.agent.formation.ways import Split
+from swarmctl.agent.formation.ways import SplitStretch
 from swarmctl.agent.phases import EN_ROUTE, Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.core import events as ev
@@ -138,13 +138,13 @@ def _with_route(state: AgentState, formation: Formation, membership: Membership)
     )
 
 
-def _told_split(state: AgentState, told: MemberShared) -> Split | None:
+def _told_split(state: AgentState, told: MemberShared) -> SplitStretch | None:
     """Return the split that the leader has told, with the ways of the members in metres."""
     if (split := told.split) is None:
         return None
     to_local = state.task.grid.frame.to_local
     ways = {uav: [to_local(*point) for point in points] for uav, points in split.ways}
-    return Split.of(split.begin_m, split.end_m, ways)
+    return SplitStretch.of(split.begin_m, split.end_m, ways)
 
 
 def _is_near_area(state: AgentState, points_m: Sequence[PlanarPoint]) -> bool:
@@ -165,8 +165,8 @@ def _route_of_mission(state: AgentState, formation: Formation, membership: Membe
     if swap is None or progress is None:
         return None
     plan = swap.plan_id, membership.n_present
-    is_own = present is not None and present.leader == state.task.uav
-    if present is not None and is_own and present.plan == plan:
+    before = None if present is None or present.leader != state.task.uav else present.plan
+    if before == plan:
         return None
     task, shapes, along = state.task, [], membership.along
     split = None if present is None or along is None else present.split_at(along.s_m)
@@ -174,10 +174,10 @@ def _route_of_mission(state: AgentState, formation: Formation, membership: Membe
     if apart is not None:
         end_m = centres_m[swap.cells.index(apart.routes[0][-1]) + 1]
         apart = apart if end_m > progress.along_m else None
-    if not is_own or present is None or present.plan is None or present.plan[0] != swap.plan_id:
-        if apart is not None and (present is None or along is None):
-            return None  # the members' places are unknown
+    if before is None or before[0] != swap.plan_id:
         if apart is not None:
+            if present is None or along is None:
+                return None  # the members' places are unknown
             split = split_in_metres(state, apart, progress.along_m, end_m)
         elif split is not None and along is not None:
             split = split.moved(progress.along_m - along.s_m)

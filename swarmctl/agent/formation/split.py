@@ -10,7 +10,7 @@ import numpy as np
 from swarmctl.agent.formation.membership import GroupRoute
 from swarmctl.agent.formation.near_members import joins_within_m, places_of
 from swarmctl.agent.formation.shape import ShapePlace
-from swarmctl.agent.formation.ways import Split, offset_of
+from swarmctl.agent.formation.ways import SplitStretch, offset_of
 from swarmctl.agent.state import AgentState
 from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.planar import PlanarPoint, turning_points
@@ -80,7 +80,7 @@ def with_split(state: AgentState, method: Method, others: Sequence[int], start: 
     return Method("formation", split_route, params)
 
 
-def split_in_metres(state: AgentState, plan: SplitPlan, begin_m: float, end_m: float) -> Split:
+def split_in_metres(state: AgentState, plan: SplitPlan, begin_m: float, end_m: float) -> SplitStretch:
     """Return a split on the next route of the group; the ways begin at the members' present places.
 
     begin_m: distance of the reference point along the next route, at which the split begins [m]
@@ -111,7 +111,7 @@ def split_in_metres(state: AgentState, plan: SplitPlan, begin_m: float, end_m: f
             *((east + east_m, north + north_m) for east, north in ends),
         ]
         points_m[uav] = turning_points(points)
-    return Split.of(begin_m - behind_m, end_m, points_m, plan)
+    return SplitStretch.of(begin_m - behind_m, end_m, points_m, plan)
 
 
 def cells_along(grid: Grid, legs: StraightLegs) -> list[tuple[float, Cell]]:

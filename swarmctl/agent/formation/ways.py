@@ -22,7 +22,7 @@ INTO_SHAPE_M = 30.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Way:
+class MemberWay:
     """The way of a member during a split, by the distance along the group's route."""
 
     begin_m: float
@@ -53,7 +53,7 @@ class Way:
 
 
 def offset_of(
-    pose: Pose, place: ShapePlace, way: Way | None, speed_m_s: float = 0.0
+    pose: Pose, place: ShapePlace, way: MemberWay | None, speed_m_s: float = 0.0
 ) -> tuple[PlanarPoint, PlanarPoint]:
     """Return a place minus the reference point, (east, north) [m], and its velocity relative to it [m/s].
 
@@ -75,14 +75,14 @@ def offset_of(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Split:
+class SplitStretch:
     """A stretch of a group's route on which the members fly apart."""
 
     begin_m: float
     end_m: float
     points_m: Mapping[int, Sequence[PlanarPoint]]
     """points of the way of each member but the leader, (east, north) [m]"""
-    ways: Mapping[int, Way]
+    ways: Mapping[int, MemberWay]
     plan: SplitPlan | None = None
     """the leader's alone"""
 
@@ -93,9 +93,9 @@ class Split:
         end_m: float,
         points_m: Mapping[int, Sequence[PlanarPoint]],
         plan: SplitPlan | None = None,
-    ) -> Split:
+    ) -> SplitStretch:
         ways = {
-            uav: Way(begin_m, end_m, Reference(tuple(points), LEAST_WINDOW_M))
+            uav: MemberWay(begin_m, end_m, Reference(tuple(points), LEAST_WINDOW_M))
             for uav, points in points_m.items()
         }
         return cls(begin_m, end_m, points_m, ways, plan)
@@ -104,7 +104,7 @@ class Split:
         """Return whether the group is apart at a distance along the route."""
         return self.begin_m <= s_m < self.end_m
 
-    def moved(self, by_m: float) -> Split:
+    def moved(self, by_m: float) -> SplitStretch:
         """Return the split on a route whose distances are greater by `by_m`."""
         begin_m, end_m = self.begin_m + by_m, self.end_m + by_m
         ways = {uav: replace(way, begin_m=begin_m, end_m=end_m) for uav, way in self.ways.items()}

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from swarmctl.agent.formation.reference import Reference, SpeedProfile
 from swarmctl.agent.formation.shape import ShapePlace
-from swarmctl.agent.formation.ways import Way
+from swarmctl.agent.formation.ways import MemberWay
 
 Vector = tuple[float, float, float]
 """east, north, up in the area's local frame [m] or [m/s]"""
@@ -47,7 +47,7 @@ class OtherMember(Nearby):
     """its present place in the shape"""
     error_m: float = 0.0
     """its distance from its place over ground, as it told [m]"""
-    way: Way | None = None
+    way: MemberWay | None = None
     """its own way while the group is split"""
 
 
@@ -119,7 +119,7 @@ class Group:
     """True: this vehicle leads by its mission, without set-points"""
     memory: PlaceMemory | None = None
     threats: ThreatField | None = None
-    way: Way | None = None
+    way: MemberWay | None = None
     """own way while the group is split"""
     lead_s: float = 0.0
     """Time by which a demand is made for later [s]: half the period of the set-points for a vehicle whose
