@@ -10,7 +10,7 @@ from agent_stories import GRID, Story, publications
 
 from swarmctl.agent.arrival.common_time import ArrivalGroup
 from swarmctl.agent.commands import RETRY_AFTER_S
-from swarmctl.agent.replan.copter_trajectory import fly_along, fly_with_stop
+from swarmctl.agent.replan.copter_trajectory import DESCENT_M_S, fly_along, fly_with_stop
 from swarmctl.agent.replan.stopping import BrakingStop
 from swarmctl.agent.traffic.own_flight import planned_flight
 from swarmctl.agent.traffic.separation.trajectory import Trajectory
@@ -151,7 +151,7 @@ def test_a_holding_vehicle_needs_no_stop() -> None:
 def test_a_stop_behind_the_goal_costs_no_time() -> None:
     here, path = (0.0, 0.0, 30.0), [(60.0, 0.0), (60.0, 30.0)]
     stop = BrakingStop(brakes_in_s=8.0, brakes_in_m=80.0, speed_m_s=10.0, brakes_m_s2=2.5)
-    assert fly_with_stop(here, 30.0, path, 10.0, 10.0, stop) == fly_along(here, 30.0, path, 10.0, 10.0)
+    assert fly_with_stop(here, 30.0, path, 10.0, 10.0, stop, 30.0) == fly_along(here, 30.0, path, 10.0, 10.0)
 
 
 def test_the_intent_turns_with_the_plan_before_the_stop() -> None:
@@ -163,9 +163,18 @@ def test_the_intent_turns_with_the_plan_before_the_stop() -> None:
         10.0,
         10.0,
         BrakingStop(brakes_in_s=5.0, brakes_in_m=50.0, speed_m_s=10.0, brakes_m_s2=2.5),
+        30.0,
     )
     assert path.times_s[:4] == pytest.approx((0.0, 4.0, 5.0, 9.0))
     assert path.points[1:4] == ((40.0, 0.0, 30.0), (40.0, 10.0, 30.0), (40.0, 30.0, 30.0))
+
+
+def test_until_the_stop_the_vehicle_descends_by_its_present_plan() -> None:
+    here, path = (0.0, 0.0, 30.0), [(400.0, 0.0)]
+    stop = BrakingStop(brakes_in_s=4.0, brakes_in_m=40.0, speed_m_s=10.0, brakes_m_s2=2.5)
+    descends = fly_with_stop(here, 40.0, path, 10.0, 10.0, stop, 24.0)
+    goes_on = fly_with_stop(here, 40.0, path, 10.0, 10.0, stop, 0.0)
+    assert (descends.at(8.0), goes_on.at(8.0)) == ((60.0, 0.0, 24.0), (60.0, 0.0, 30.0 - 8.0 * DESCENT_M_S))
 
 
 @pytest.mark.parametrize(
@@ -190,6 +199,7 @@ def test_a_corner_on_the_braking_way_is_passed_once(corner_m: float) -> None:
         10.0,
         10.0,
         BrakingStop(brakes_in_s=1.1, brakes_in_m=11.0, speed_m_s=10.0, brakes_m_s2=2.5),
+        30.0,
     )
     path = path.later(50_000.0)  # the clock of a vehicle booted long ago
     assert 5.1 in [pytest.approx(t - 50_000.0) for t in path.times_s]

@@ -92,9 +92,11 @@ def fly_with_stop(
     speed_m_s: float,
     initial_m_s: float,
     stop: BrakingStop | None,
+    present_height_m: float,
 ) -> Trajectory:
-    """Return the trajectory of `fly_along` with a stop; the copter keeps its height until the stop.
+    """Return the trajectory of `fly_along` with a stop; until the stop the copter flies by its present plan.
 
+    So until then it climbs or descends to the height of this plan, `present_height_m`.
     If the stop is None or beyond the path, the result is that of `fly_along`.
     """
     parts = None if stop is None else split_track([here[:2], *path], stop.stops_in_m)
@@ -107,10 +109,16 @@ def fly_with_stop(
     for a, b in pairwise(until[:-1]):
         flown_m += math.dist(a, b)
         if times_s[-1] + SAME_TIME_S < (at_s := stop.time_at(flown_m)) < stop.stops_in_s - SAME_TIME_S:
-            points.append((*b, here[2]))
+            points.append((*b, _height_after(at_s, here[2], present_height_m)))
             times_s.append(at_s)
-    after = fly_along((*rest[0], here[2]), height_m, rest[1:], speed_m_s, RESTART_M_S).later(stop.stops_in_s)
+    stops_at = (*rest[0], _height_after(stop.stops_in_s, here[2], present_height_m))
+    after = fly_along(stops_at, height_m, rest[1:], speed_m_s, RESTART_M_S).later(stop.stops_in_s)
     return Trajectory((*times_s, *after.times_s), (*points, *after.points))
+
+
+def _height_after(seconds: float, from_m: float, to_m: float) -> float:
+    """Return the height of a climb or descent after some seconds [m]."""
+    return min(max(to_m, from_m - DESCENT_M_S * seconds), from_m + CLIMB_M_S * seconds)
 
 
 def fly_along(

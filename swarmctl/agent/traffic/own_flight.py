@@ -162,8 +162,8 @@ def flight_by_plan(state: AgentState, plan: FlightPlan) -> Trajectory | None:
         return to_shared_frame(state, climb_then_fly(here, plan.height_m, path, task.arrival.speed_m_s))
     if state.plans.route is None:
         return to_shared_frame(state, _from_hold(state, here, plan, path, state.plans.swap_times.likely_s))
-    stop = stop_for_new_plan(state)
-    flight = fly_with_stop(here, plan.height_m, path, task.arrival.speed_m_s, initial_m_s, stop)
+    stop, present_m = stop_for_new_plan(state), state.plans.route.plan.height_m
+    flight = fly_with_stop(here, plan.height_m, path, task.arrival.speed_m_s, initial_m_s, stop, present_m)
     return to_shared_frame(state, flight)
 
 
@@ -221,8 +221,10 @@ def _phase_trajectory(state: AgentState, here: LocalPoint, for_s: float) -> Traj
                 return _from_hold(state, here, plan, path, due_s)
             progress = state.progress_on(swap)
             remaining = path if progress is None else progress.points_ahead
-            initial_m_s = state.vehicle.ground_speed_m_s
-            return fly_with_stop(here, plan.height_m, remaining, speed_m_s, initial_m_s, stop_ahead(state))
+            initial_m_s, stop = state.vehicle.ground_speed_m_s, stop_ahead(state)
+            present = state.plans.route if state.plans.pending is not None else None
+            present_m = here[2] if present is None else present.plan.height_m
+            return fly_with_stop(here, plan.height_m, remaining, speed_m_s, initial_m_s, stop, present_m)
         case Phase.FLYING | Phase.LANDING | Phase.HOLDING:
             return hold_from(state, here, 0.0)
         case Phase.LEAVING if state.order.given is ev.FlightOrder.LAND:
