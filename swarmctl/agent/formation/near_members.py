@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from functools import partial
 
 import numpy as np
 
@@ -14,12 +13,13 @@ from swarmctl.agent.formation.membership import Formation, MemberReport
 from swarmctl.agent.formation.shape import ShapePlace, assigned
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.separation.trajectory import extrapolate
+from swarmctl.agent.traffic.separation.trajectory import LocalPoint, extrapolate
 from swarmctl.agent.traffic.separation.watch import NeighbourIntent, NeighbourReport
 from swarmctl.core.records import replace
 
-STOPS_WITHIN_S = 8.0
-"""Time within which a silent member has stopped: alone, without set-points, or by a pilot [s]."""
+SOON_S = 8.0
+"""Time within which a silent member has stopped: alone, without set-points, or by a pilot [s]. For as long
+members keep clear of the announced flight of a member that leaves."""
 N_PLACES = 33
 """Number of places compared."""
 SILENT_S = 90.0
@@ -59,17 +59,23 @@ def places_of(state: AgentState, formation: Formation, present: tuple[int, ...])
 def obstacles(state: AgentState, formation: Formation) -> tuple[Nearby, ...]:
     """Return what a member keeps apart from beside the present members; heights are above the sea.
 
-    A member that leaves tells its position for some seconds, and probably brakes. A member that fell silent
-    may have stopped on its announced flight, within STOPS_WITHIN_S of its last position.
+    A member that leaves tells its position for some seconds, and brakes before it flies as announced.
+    A silent member may have stopped on its announced flight, within SOON_S of its last position.
     """
-    found: list[Nearby | None] = []
+    found: list[Nearby] = []
+    own = state.last_position
+    if own.lat_lon is None or own.alt_amsl_m is None:
+        return ()
+    here = (*state.task.grid.frame.to_local(*own.lat_lon), own.alt_amsl_m)
     for uav, told in state.membership.told.items():
         age_s = state.now_boot_s - told.at_boot_s
         if _leaves(state, formation, told):
-            found.append(_braking(told, max(age_s, 0.0)))
+            found += [_braking(told, max(age_s, 0.0)), _on_announced_flight(state, here, uav, told)]
         elif told.message.joins and formation.lost_after_s < age_s <= SILENT_S and uav != state.task.uav:
-            found.append(_stopped(state, formation, uav, told))
-    return tuple(nearby for nearby in found if nearby is not None)
+            place = _on_announced_flight(state, here, uav, told).position_m
+            up_m = here[2] if formation.is_level else told.message.alt_amsl_m
+            found.append(Nearby((place[0], place[1], up_m), (0.0, 0.0, 0.0)))
+    return tuple(found)
 
 
 def _braking(told: MemberReport, age_s: float) -> Nearby:
@@ -80,23 +86,18 @@ def _braking(told: MemberReport, age_s: float) -> Nearby:
     return Nearby(here, (left * east_m_s, left * north_m_s, up_m_s), age_s)
 
 
-def _stopped(state: AgentState, formation: Formation, uav: int, told: MemberReport) -> Nearby | None:
-    """Return the nearest place at which a silent member may have stopped; in a level group at any height."""
-    message, own = told.message, state.last_position
-    if own.lat_lon is None or own.alt_amsl_m is None:
-        return None
-    intent = state.all_intents.get(uav)
+def _on_announced_flight(state: AgentState, here: LocalPoint, uav: int, told: MemberReport) -> Nearby:
+    """Return the place nearest to `here` at which a member may be within SOON_S of its last message."""
+    message, intent = told.message, state.all_intents.get(uav)
     flight = None if intent is None else intent.flight
     if flight is None or flight.at(told.at_boot_s) is None:
-        here = (*told.here_m, message.alt_amsl_m)
-        flight = extrapolate(here, message.velocity_m_s, told.at_boot_s, STOPS_WITHIN_S)
-    soonest_s = min(0.5 * math.hypot(*message.velocity_m_s[:2]) / BRAKES_M_S2, STOPS_WITHIN_S)
-    times_s = np.linspace(soonest_s, STOPS_WITHIN_S, N_PLACES).tolist()
-    places = [at[:2] for t in times_s if (at := flight.at(told.at_boot_s + t)) is not None]
-    here_m = state.task.grid.frame.to_local(*own.lat_lon)
-    nearest = min(places, key=partial(math.dist, here_m), default=told.here_m)
-    up_m = own.alt_amsl_m if formation.is_level else message.alt_amsl_m
-    return Nearby((*nearest, up_m), (0.0, 0.0, 0.0))
+        there = (*told.here_m, message.alt_amsl_m)
+        flight = extrapolate(there, message.velocity_m_s, told.at_boot_s, SOON_S)
+    soonest_s = min(0.5 * math.hypot(*message.velocity_m_s[:2]) / BRAKES_M_S2, SOON_S)
+    times_s = np.linspace(soonest_s, SOON_S, N_PLACES).tolist()
+    places = [at for t in times_s if (at := flight.at(told.at_boot_s + t)) is not None]
+    nearest = min(places, key=lambda at: math.dist(here[:2], at[:2]), default=flight.points[-1])
+    return Nearby(nearest, (0.0, 0.0, 0.0))
 
 
 def with_members_shown(state: AgentState) -> AgentState:
