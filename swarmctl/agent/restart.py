@@ -37,7 +37,7 @@ def restart(state: AgentState, event: ev.Restarted, now: float) -> StepResult:
         ), []
     if event.lands and state.phase in (Phase.LAUNCHING, Phase.FLYING):
         # It has passed its goal cell unseen. The time of its arrival is unknown.
-        return state.enter(Phase.LANDING, plans=state.plans.not_due(), intent_sent_boot_s=-math.inf), []
+        return state.enter(Phase.LANDING, plans=state.plans.not_due()).with_new_flight(), []
     return state, []
 
 

@@ -194,6 +194,10 @@ class AgentState:
             changes = {"membership": self.membership.without_place(self.vehicle.time_boot_s), **changes}
         return replace(self, phase=changed(self.phase, phase), **changes)
 
+    def with_new_flight(self) -> AgentState:
+        """Return the state of a vehicle that flies otherwise from now on: its intent is due at once."""
+        return replace(self, intent_sent_boot_s=-math.inf, intent_new_boot_s=self.vehicle.time_boot_s)
+
     @property
     def leads_group(self) -> bool:
         """True for the leader of a group; a vehicle alone leads a group of one."""

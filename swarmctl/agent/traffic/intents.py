@@ -2,10 +2,10 @@
 
 | situation | intent is sent |
 |---|---|
-| a new plan, a take-off, or the arrival over the goal | at once |
+| a new plan or order, a take-off, or the arrival over the goal | at once |
 | the vehicle is off its announced position | at most once a second |
 | until the take-off | every second: vehicles with the same order have to know before they arm |
-| within 3 s of a new plan, or of the first message of another vehicle | every second: messages are lost |
+| within 3 s of these, or of the first message of another vehicle | every second: messages are lost |
 | otherwise | every 5 s, for late joiners and against losses |
 
 `own_flight` computes the trajectory, `received_intents` stores those of other vehicles.
@@ -41,7 +41,7 @@ MAX_UNCERTAINTY_M = 60.0
 
 
 def share_intent(state: AgentState) -> StepResult:
-    """Send the own intent if it is due. Called for each telemetry."""
+    """Send the own intent if it is due. Called for each telemetry, and after each new plan or order."""
     now_s = state.vehicle.time_boot_s
     if state.ended and state.own_intent is None:
         return state, []
@@ -56,9 +56,9 @@ def share_intent(state: AgentState) -> StepResult:
     return _publish(state, None if state.ended else planned_flight(state))
 
 
-def publish_intent(state: AgentState, flight: Trajectory | None) -> StepResult:
-    """Broadcast `flight` as the own new intent; None withdraws it."""
-    return _publish(replace(state, intent_new_boot_s=state.vehicle.time_boot_s), flight)
+def withdraw_intent(state: AgentState) -> StepResult:
+    """Tell the others that the vehicle does not fly."""
+    return _publish(replace(state, intent_new_boot_s=state.vehicle.time_boot_s), None)
 
 
 def _publish(state: AgentState, flight: Trajectory | None) -> StepResult:

@@ -40,7 +40,6 @@ from swarmctl.agent.traffic.check import (
     near_flights,
     standing_of,
 )
-from swarmctl.agent.traffic.intents import publish_intent
 from swarmctl.agent.traffic.own_flight import planned_flight, position_amsl, to_shared_frame
 from swarmctl.agent.traffic.prediction import hears_nobody, position_of, stopping_point
 from swarmctl.agent.traffic.priority import Activity, Standing, gives_way
@@ -71,12 +70,11 @@ def arrive(state: AgentState) -> AgentState:
     changes: dict[str, Any] = {
         "plans": state.plans.not_due(),
         "arrived_boot_s": now_s,
-        "intent_sent_boot_s": -math.inf,
     }
     if wait is not None and state.waits_for(WaitFor.ROUTE):  # it stops in its goal cell
         until_s, plan = wait.deadline_boot_s, wait.plan
         changes["wait"] = begin(WaitFor.DESCENT, now_s, until_s=until_s, plan=plan, to=wait.to)
-    return state.enter(Phase.LANDING, **changes)
+    return state.enter(Phase.LANDING, **changes).with_new_flight()
 
 
 def queue_for_landing(state: AgentState) -> StepResult:
@@ -122,11 +120,9 @@ def land_after_unconfirmed_hold(state: AgentState) -> StepResult:
 
 
 def _land_here(state: AgentState, text: str) -> StepResult:
-    state, ordered = command(
-        state, ev.FlightOrder.LAND, plans=state.plans.on_route(state.interrupted), wait=None
-    )
-    state, published = publish_intent(state, planned_flight(state))
-    return state, [ev.NotifyOperator(text), *ordered, *published]
+    plans = state.plans.on_route(state.interrupted)
+    state, ordered = command(state, ev.FlightOrder.LAND, plans=plans, wait=None)
+    return state, [ev.NotifyOperator(text), *ordered]
 
 
 def is_urgent(state: AgentState) -> bool:
@@ -182,9 +178,7 @@ def hold_before_landing(state: AgentState, to: Mapping[int, NeighbourReport]) ->
     """Order a hold until the descent is clear; a second hold on the way to one landing keeps the deadline."""
     plan, now_s = state.plans.route or state.interrupted, state.vehicle.time_boot_s
     wait = begin(WaitFor.DESCENT, now_s, plan=plan, to=to, before=state.wait)
-    state, ordered = command(replace(state, n_holds=state.n_holds + 1), ev.FlightOrder.HOLD, wait=wait)
-    state, published = publish_intent(state, planned_flight(state))
-    return state, [*ordered, *published]
+    return command(replace(state, n_holds=state.n_holds + 1), ev.FlightOrder.HOLD, wait=wait)
 
 
 def _conflict_horizon_s(intent: NeighbourIntent) -> float:
@@ -222,9 +216,8 @@ def _land_if_clear(state: AgentState, wait: Wait, here: LocalPoint) -> StepResul
             return give_up(state)
         case Verdict.CLEAR:
             state, ordered = _land(state)
-            state, published = publish_intent(state, planned_flight(state))
             text = "the descent is clear; the vehicle lands [descent-clear]"
-            return state, [ev.NotifyOperator(text), *ordered, *published]
+            return state, [ev.NotifyOperator(text), *ordered]
         case Verdict.WAIT:
             return state, []
     assert state.wait is not None
@@ -302,7 +295,7 @@ def _land(state: AgentState) -> StepResult:
         plans=state.plans.uploading(new).from_own_hold(),
         order=state.order.noted(ev.FlightOrder.LAUNCH).followed(),
     )
-    return state, [new]
+    return state.with_new_flight(), [new]
 
 
 def _ended(state: AgentState) -> Wait | None:

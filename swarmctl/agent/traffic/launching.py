@@ -11,7 +11,6 @@ The first route is checked three times, because mode changes and arming take som
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -21,8 +20,8 @@ from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.copter_trajectory import from_takeoff
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.check import clashes_with, known_flights, standing_of
-from swarmctl.agent.traffic.intents import publish_intent
-from swarmctl.agent.traffic.own_flight import planned_flight, to_shared_frame
+from swarmctl.agent.traffic.intents import withdraw_intent
+from swarmctl.agent.traffic.own_flight import to_shared_frame
 from swarmctl.agent.traffic.prediction import hears_nobody
 from swarmctl.agent.traffic.priority import Activity, Standing, gives_way
 from swarmctl.agent.traffic.separation.clash import Clash, describe_clashes
@@ -65,10 +64,9 @@ def launch_if_possible(state: AgentState) -> StepResult:
     launch = replace(state.launch, conflict="")
     wait = state.wait and state.wait.ended(state.vehicle.time_boot_s)
     changes: dict[str, Any] = {"launch": launch, "trouble": "", "wait": wait}
-    state, ordered = command(state, ev.FlightOrder.LAUNCH, phase=Phase.LAUNCHING, **changes)
     # Vehicles with the same order learn of this flight before they arm.
-    state, published = publish_intent(state, planned_flight(state))
-    return state, [*messages, *ordered, *published]
+    state, ordered = command(state, ev.FlightOrder.LAUNCH, phase=Phase.LAUNCHING, **changes)
+    return state, [*messages, *ordered]
 
 
 def watch_first_route(state: AgentState) -> StepResult:
@@ -103,12 +101,7 @@ def postpone_launch(state: AgentState, event: ev.LaunchPostponed, _now: float) -
 
 
 def note_takeoff(state: AgentState) -> AgentState:
-    """Return the state after the take-off; the intent is due at once."""
-    return state.enter(
-        Phase.FLYING,
-        launch=state.launch.ended(),
-        intent_sent_boot_s=-math.inf,
-    )
+    return state.enter(Phase.FLYING, launch=state.launch.ended()).with_new_flight()
 
 
 def cancel_launch(state: AgentState, why: str) -> StepResult:
@@ -124,7 +117,7 @@ def cancel_launch(state: AgentState, why: str) -> StepResult:
 def _stand_by(state: AgentState) -> StepResult:
     """Put the vehicle on standby, and withdraw its intent."""
     state = state.enter(Phase.STANDBY, launch=state.launch.not_begun())
-    return (state, []) if state.own_intent is None else publish_intent(state, None)
+    return (state, []) if state.own_intent is None else withdraw_intent(state)
 
 
 def _intents_waited_for(state: AgentState) -> dict[int, NeighbourIntent]:

@@ -30,8 +30,7 @@ from swarmctl.agent.traffic.check import (
     clashes_of_route,
     known_flights,
 )
-from swarmctl.agent.traffic.intents import publish_intent
-from swarmctl.agent.traffic.own_flight import landing_flight, planned_flight, position_amsl, return_flight
+from swarmctl.agent.traffic.own_flight import landing_flight, position_amsl, return_flight
 from swarmctl.agent.traffic.prediction import hears_nobody, stopping_point
 from swarmctl.agent.traffic.priority import Activity, Standing, activity_of, gives_way
 from swarmctl.agent.traffic.return_schedule import may_be_returning, position_from_state, schedule_for
@@ -129,9 +128,7 @@ def hold_before_leaving(state: AgentState, to: Mapping[int, NeighbourReport]) ->
         waiting = replace(wait.again(), since_boot_s=now_s, checked_boot_s=now_s, to={**wait.to, **to})
     else:
         waiting = begin(purpose, now_s, to=to)
-    state, ordered = command(state, ev.FlightOrder.HOLD, phase=Phase.HOLDING, wait=waiting, **SHARED_AT_ONCE)
-    state, published = publish_intent(state, planned_flight(state))
-    return state, [*ordered, *published]
+    return command(state, ev.FlightOrder.HOLD, phase=Phase.HOLDING, wait=waiting, **SHARED_AT_ONCE)
 
 
 def _takes_off(state: AgentState) -> bool:

@@ -31,7 +31,7 @@ from swarmctl.agent.traffic.check import (
     standing_of,
 )
 from swarmctl.agent.traffic.conflicts import DeconflictionCounts, FlightComparison
-from swarmctl.agent.traffic.intents import may_change, publish_intent
+from swarmctl.agent.traffic.intents import may_change
 from swarmctl.agent.traffic.own_flight import flight_by_plan, planned_flight
 from swarmctl.agent.traffic.prediction import AIRBORNE_M, hears_nobody, position_of
 from swarmctl.agent.traffic.priority import Activity, Standing, gives_way
@@ -135,7 +135,7 @@ def deconflict(before: AgentState, decided: StepResult, now: float) -> StepResul
     swap = msgspec.structs.replace(swap, plan=_with_level_off_if_needed(before, swap.plan))
     flight = flight_by_plan(before, swap.plan)
     if before.alarms and _changes_height(before, swap.plan):
-        return _upload(state, swap, flight)  # an evasive climb comes first
+        return _upload(state, swap)  # an evasive climb comes first
     present_flight = None if before.plans.route is None else planned_flight(before)
     others = known_flights(state)
     clashes = _clashes(state, flight, others, present_flight)
@@ -150,7 +150,7 @@ def deconflict(before: AgentState, decided: StepResult, now: float) -> StepResul
     resolved = before.conflicts.predicted - before.conflicts.deferred_for
     if not clashes:
         state = _counted(state, replace(counts, by_route=counts.by_route + len(resolved)))
-        state, taken = _upload(state, swap, flight)
+        state, taken = _upload(state, swap)
         waited = before.plans.route is None and before.conflicts.deferred_for
         return state, [
             ev.NotifyOperator("the route is clear of other vehicles; the vehicle resumes it [resumes]"),
@@ -167,8 +167,8 @@ def deconflict(before: AgentState, decided: StepResult, now: float) -> StepResul
         others_text = describe_clashes(clashes, state.vehicle.time_boot_s)
         text = f"at {swap.plan.height_m:.0f} m the new route would conflict with {others_text}; the vehicle "
         text += f"flies the route at {height_m:.0f} m above home"
-        state, published = _upload(state, msgspec.structs.replace(swap, plan=plan), flight)
-        return state, [ev.NotifyOperator(f"{text} [height-change]"), *published]
+        state, taken = _upload(state, msgspec.structs.replace(swap, plan=plan))
+        return state, [ev.NotifyOperator(f"{text} [height-change]"), *taken]
     return _defer(before, state, swap, clashes, now)
 
 
@@ -195,14 +195,13 @@ def _with_level_off_if_needed(before: AgentState, plan: FlightPlan) -> FlightPla
     return with_level_off(before.task, plan, here, before.plans.swap_times.expected_s)
 
 
-def _upload(state: AgentState, swap: ev.SwapMission, flight: Trajectory | None) -> StepResult:
+def _upload(state: AgentState, swap: ev.SwapMission) -> StepResult:
     state = replace(
         state,
         plans=state.plans.uploading(swap),
         conflicts=replace(state.conflicts, predicted=frozenset(), deferred_for=frozenset()),
     )
-    state, published = publish_intent(state, flight)
-    return state, [swap, *published]
+    return state.with_new_flight(), [swap]
 
 
 def _defer(

@@ -26,7 +26,6 @@ from swarmctl.agent.traffic.check import (
     known_flights,
     standing_of,
 )
-from swarmctl.agent.traffic.intents import publish_intent
 from swarmctl.agent.traffic.own_flight import (
     HOLD_DURATION_S,
     flight_by_plan,
@@ -109,9 +108,7 @@ def hold(
         "n_holds": state.n_holds + (state.order.given is not ev.FlightOrder.HOLD),
         **changes,
     }
-    state, ordered = command(state, ev.FlightOrder.HOLD, **changes)
-    state, published = publish_intent(state, planned_flight(state))
-    return state, [*ordered, *published]
+    return command(state, ev.FlightOrder.HOLD, **changes)
 
 
 def resume_if_clear(state: AgentState) -> StepResult:
@@ -186,9 +183,8 @@ def _fly_stored(state: AgentState, stored: ev.SwapMission) -> StepResult:
         order=state.order.noted(ev.FlightOrder.LAUNCH).followed(),
         plans=state.plans.from_own_hold().sent(stored, now_s).due(),
     )
-    state, published = publish_intent(state, planned_flight(state))
     text = "the way to the vehicle's stored mission is clear of other vehicles; the vehicle flies it"
-    return state, [ev.NotifyOperator(f"{text} [resumes-stored]"), stored, *published]
+    return state.with_new_flight(), [ev.NotifyOperator(f"{text} [resumes-stored]"), stored]
 
 
 def _is_way_clear(state: AgentState, wait: Wait, rest: FlightPlan) -> bool:
