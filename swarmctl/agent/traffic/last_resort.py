@@ -77,7 +77,7 @@ def stop_in_time(state: AgentState) -> StepResult:
         return state, []
     vehicle, limits = state.vehicle, state.task.separation.limits
     now_s, velocity = vehicle.time_boot_s, (vehicle.east_m_s, vehicle.north_m_s, vehicle.climb_m_s)
-    mine = (plan.lasting(now_s + LOOKS_AHEAD_S), extrapolate(here, velocity, now_s, STRAIGHT_ON_S))
+    mine = (plan.lasting(now_s + LOOKS_AHEAD_S), _straight_on(here, velocity, plan, now_s))
     flights = known_flights(state)
     others = {uav: f for path in mine for uav, f in near_flights(path, flights, limits).items()}
     stop = _stop(here, velocity, now_s)
@@ -179,6 +179,14 @@ def _paths(state: AgentState, uav: int, intent: NeighbourIntent) -> Paths:
         here = straight.points[0]
         return intent.flight, Trajectory((now_s, now_s + LOOKS_AHEAD_S), (here, here))
     return intent.flight, straight.lasting(max(now_s, straight.times_s[0]) + STRAIGHT_ON_S)
+
+
+def _straight_on(here: LocalPoint, velocity_m_s: LocalPoint, plan: Trajectory, now_s: float) -> Trajectory:
+    """Return the own flight straight on for some seconds; a climb or descent ends at the plan's heights."""
+    heights_m = [here[2], *(point[2] for point in plan.lasting(now_s + LOOKS_AHEAD_S).points)]
+    least_m_s, most_m_s = ((z - here[2]) / STRAIGHT_ON_S for z in (min(heights_m), max(heights_m)))
+    climb_m_s = min(max(velocity_m_s[2], least_m_s), most_m_s)
+    return extrapolate(here, (velocity_m_s[0], velocity_m_s[1], climb_m_s), now_s, STRAIGHT_ON_S)
 
 
 def _stop(here: LocalPoint, velocity_m_s: LocalPoint, now_s: float) -> Trajectory:
