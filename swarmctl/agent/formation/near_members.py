@@ -59,8 +59,8 @@ def places_of(state: AgentState, formation: Formation, present: tuple[int, ...])
 def obstacles(state: AgentState, formation: Formation) -> tuple[Nearby, ...]:
     """Return what a member keeps apart from beside the present members; heights are above the sea.
 
-    A member that leaves tells its position for some seconds, and brakes before it flies as announced.
-    A silent member may have stopped on its announced flight, within SOON_S of its last position.
+    A member that leaves tells its position for some seconds. Its place, and that of a silent member, may be
+    anywhere on its announced flight within SOON_S of its last message: it may have stopped there.
     """
     found: list[Nearby] = []
     own = state.last_position
@@ -70,20 +70,12 @@ def obstacles(state: AgentState, formation: Formation) -> tuple[Nearby, ...]:
     for uav, told in state.membership.told.items():
         age_s = state.now_boot_s - told.at_boot_s
         if _leaves(state, formation, told):
-            found += [_braking(told, max(age_s, 0.0)), _on_announced_flight(state, here, uav, told)]
+            found.append(_on_announced_flight(state, here, uav, told))
         elif told.message.joins and formation.lost_after_s < age_s <= SILENT_S and uav != state.task.uav:
             place = _on_announced_flight(state, here, uav, told).position_m
             up_m = here[2] if formation.is_level else told.message.alt_amsl_m
             found.append(Nearby((place[0], place[1], up_m), (0.0, 0.0, 0.0)))
     return tuple(found)
-
-
-def _braking(told: MemberReport, age_s: float) -> Nearby:
-    east_m_s, north_m_s, up_m_s = told.message.velocity_m_s
-    speed_m_s = math.hypot(east_m_s, north_m_s)
-    left = max(1.0 - BRAKES_M_S2 / speed_m_s, 0.0) if speed_m_s else 0.0
-    here = (*told.here_m, told.message.alt_amsl_m)
-    return Nearby(here, (left * east_m_s, left * north_m_s, up_m_s), age_s)
 
 
 def _on_announced_flight(state: AgentState, here: LocalPoint, uav: int, told: MemberReport) -> Nearby:
