@@ -87,6 +87,7 @@ class FlownVehicle:
     """time within 5 m of the place [s]"""
     leader_changes: int
     shape_changes: int
+    splits: int
 
 
 NAMES = tuple(field.name for field in fields(FlownVehicle))
@@ -202,6 +203,7 @@ def _of_member(member: Mapping[str, Any] | None) -> dict[str, Any]:
         "in_place_s": 0.0 if member is None else member["time_in_place_s"],
         "leader_changes": 0 if member is None else member["leader_changes"],
         "shape_changes": 0 if member is None else member["shape_changes"],
+        "splits": 0 if member is None else member["splits"],
     }
 
 

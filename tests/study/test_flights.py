@@ -72,6 +72,7 @@ def test_rows_agree_with_the_summary_of_the_same_flight_and_do_not_depend_on_wor
         assert row.rms_along_m == member["rms_error_m"]["along"]
         assert row.largest_across_m == member["largest_error_m"]["across"]
         assert row.in_place_s == member["time_in_place_s"]
+        assert (row.shape_changes, row.splits) == (member["shape_changes"], member["splits"])
         cells = tracks[tracks.uav == row.uav][["row", "col"]].to_numpy()
         assert cells.tolist() == [[*cell] for cell in report.states[row.uav].flown.cells]
         assert row.exposure_sum == pytest.approx(p_s[tuple(cells[1:].T)].sum())
