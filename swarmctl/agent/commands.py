@@ -19,14 +19,14 @@ def command(
 ) -> StepResult:
     """Give the vehicle an order and cancel a mission change in progress; `changes` are further fields.
 
-    The other vehicles learn of the new flight at once.
+    The other vehicles learn of the new flight at once, unless the link is lost: then the vehicle may fly on.
     `by_person`: an operator or a recall has just given the order, so it is sent whatever the mode is.
     """
     sent = state.order.sent(order, own_mode_roles(state))
     phase = changes.pop("phase", state.phase)
     plans = changes.pop("plans", state.plans).without_upload()
     state = state.enter(phase, **changes, plans=plans, order=sent)
-    return state.with_new_flight(), [ev.Command(order, by_person)]
+    return state if state.lost else state.with_new_flight(), [ev.Command(order, by_person)]
 
 
 def release_vehicle(state: AgentState, why: str) -> StepResult:

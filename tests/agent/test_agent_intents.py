@@ -202,7 +202,8 @@ def test_a_vehicle_holds_if_the_present_plan_conflicts_soon_as_well(action: Avoi
     *_, stops, ends = intents(effects)[0].points
     assert ends.in_s - stops.in_s == pytest.approx(HOLD_DURATION_S)
     assert (stops.lat_deg, stops.lon_deg) == (ends.lat_deg, ends.lon_deg)
-    # The vehicle plans again when vehicle 1 has passed.
+    # The vehicle holds, and plans again when vehicle 1 has passed.
+    story(ev.OrderDone(ev.FlightOrder.HOLD))
     story.other(3, (0.0, 0.0, 0.0), (60.0, 400.0, 0.0))
     still = {"ground_speed_m_s": 0.0, "east_m_s": 0.0, "mode_role": "hold"}
     for _ in range(9):

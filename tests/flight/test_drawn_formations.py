@@ -20,6 +20,8 @@ FOUND = {
     94: "a member of a group far below its own height could not give way",
     148: "a column stopped at full speed near the end of its route",
     158: "a group flew into the place where its silent leader had stopped",
+    10: "a member with a low battery returned through its group; the others learned of a return late",
+    76: "a vehicle had announced a level flight, and descended by its present plan past another one",
     27: "a vehicle that was refused the mode of set-points met a single vehicle",
 }
 """seeds that broke a rule before, with the cause; in the full run"""

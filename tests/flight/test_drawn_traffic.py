@@ -22,6 +22,7 @@ FOUND = {
     312: "an ordered landing came down beside a landing vehicle",
     139: "a vehicle passed a silent one that landed beside the goal's centre",
     287: "a vehicle that braked was expected to fly straight on, and another one flew into its hold",
+    892: "a vehicle stopped in its climb for one that the climb would have passed",
     617: "a return that waited below a landing vehicle climbed through it at its deadline",
     657: "a vehicle landed through the height of one that was mute for 30 s",
     377: "a vehicle landed where one, mute for 30 s, had stopped on its way",

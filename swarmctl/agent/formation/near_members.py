@@ -8,7 +8,6 @@ from collections.abc import Mapping
 import numpy as np
 
 from swarmctl.agent.formation.approaches.base import Nearby
-from swarmctl.agent.formation.approaches.place_keeping import BRAKES_M_S2
 from swarmctl.agent.formation.membership import Formation, MemberReport
 from swarmctl.agent.formation.shape import ShapePlace, assigned
 from swarmctl.agent.phases import Phase
@@ -85,8 +84,7 @@ def _on_announced_flight(state: AgentState, here: LocalPoint, uav: int, told: Me
     if flight is None or flight.at(told.at_boot_s) is None:
         there = (*told.here_m, message.alt_amsl_m)
         flight = extrapolate(there, message.velocity_m_s, told.at_boot_s, SOON_S)
-    soonest_s = min(0.5 * math.hypot(*message.velocity_m_s[:2]) / BRAKES_M_S2, SOON_S)
-    times_s = np.linspace(soonest_s, SOON_S, N_PLACES).tolist()
+    times_s = np.linspace(0.0, SOON_S, N_PLACES).tolist()
     places = [at for t in times_s if (at := flight.at(told.at_boot_s + t)) is not None]
     nearest = min(places, key=lambda at: math.dist(here[:2], at[:2]), default=flight.points[-1])
     return Nearby(nearest, (0.0, 0.0, 0.0))

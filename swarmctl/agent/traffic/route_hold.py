@@ -117,7 +117,8 @@ def resume_if_clear(state: AgentState) -> StepResult:
     if state.phase is not Phase.FLYING or wait is None or wait.plan is None or not wait.is_on:
         return state, []
     plan = _rest_of(state, wait.plan.plan)
-    match verdict(wait, now_s, lambda: not hears_nobody(state) and _is_way_clear(state, wait, plan)):
+    may_go_on = state.order.is_followed and not hears_nobody(state)
+    match verdict(wait, now_s, lambda: may_go_on and _is_way_clear(state, wait, plan)):
         case Verdict.WAIT:
             return state, []
         case Verdict.OVER:

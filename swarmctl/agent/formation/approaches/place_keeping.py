@@ -171,6 +171,10 @@ def keep_separation(group: Group, velocity: Vector) -> Vector | None:
         if away_m < 1e-6:
             away_e, away_n, away_m = 1.0, 0.0, 1.0
         left_m = away_m - least_m - GROWTH_M_S * min(age_s, OLDEST_S)
+        unit_e, unit_n = away_e / away_m, away_n / away_m
+        theirs = their_e * unit_e + their_n * unit_n
+        closing = theirs - group.velocity_m_s[0] * unit_e - group.velocity_m_s[1] * unit_n
+        left_m -= RESPONSE_S * max(closing, 0.0)
         up_m = own[2] - member.position_m[2] - age_s * their_u
         if abs(up_m) >= limits.separation_up_m:
             if left_m < 0.0:
@@ -178,10 +182,6 @@ def keep_separation(group: Group, velocity: Vector) -> Vector | None:
                 height_left_m = abs(up_m) - limits.separation_up_m - MARGIN_UP_M
                 climb = above * max(above * climb, above * their_u - APPROACH_HZ * height_left_m)
             continue
-        unit_e, unit_n = away_e / away_m, away_n / away_m
-        theirs = their_e * unit_e + their_n * unit_n
-        closing = theirs - group.velocity_m_s[0] * unit_e - group.velocity_m_s[1] * unit_n
-        left_m -= RESPONSE_S * max(closing, 0.0)
         near.append((-left_m, unit_e, unit_n, theirs - APPROACH_HZ * left_m))
     east, north = velocity[0], velocity[1]
     is_changed = abs(climb - velocity[2]) > 1e-3
