@@ -6,9 +6,9 @@ Launch, new plans, holds, landings and the flown plan ask `clashes_with` about `
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
-from swarmctl.agent.phases import EN_ROUTE
+from swarmctl.agent.phases import EN_ROUTE, ENDED
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.prediction import (
     MAX_AGE_S,
@@ -49,22 +49,29 @@ def clashes_with(flight: Trajectory, others: Others, limits: Limits) -> tuple[Cl
 
     Flights keep MARGIN times the horizontal limit, because vehicles drift in wind and stop late.
     """
+    return _soonest_of_each([clash for clash, _ in _clashes_with_each(flight, others, limits)])
+
+
+def _clashes_with_each(
+    flight: Trajectory, others: Others, limits: Limits
+) -> Iterator[tuple[Clash, NeighbourIntent]]:
+    """Yield the first clash with each flight that another vehicle may take: its intent, or straight on."""
     limits = Limits(MARGIN * limits.horizontal_m, limits.vertical_m)
     near = near_flights(flight, others, limits)
-    wider = {uav: intent.limits(limits) for uav, intent in near.items() if any(intent.uncertainty_m)}
-    late = {uav for uav, intent in near.items() if intent.may_be_late}
-    flights = {uav: intent.flight for uav, intent in near.items()}
-    found = find_clashes(flight, flights, limits, wider=wider, late=late)
-    straight = {uav: intent.straight for uav, intent in near.items() if intent.straight is not None}
-    if not straight:
-        return found
-    found = tuple(sorted((*found, *find_clashes(flight, straight, limits)), key=_soonest))
+    straight = {uav: intent.straight_on() for uav, intent in near.items() if intent.straight is not None}
+    for part in (near, straight):
+        wider = {uav: intent.limits(limits) for uav, intent in part.items() if any(intent.uncertainty_m)}
+        late = {uav for uav, intent in part.items() if intent.may_be_late}
+        flights = {uav: intent.flight for uav, intent in part.items()}
+        for clash in find_clashes(flight, flights, limits, wider=wider, late=late):
+            yield clash, part[clash.other]
+
+
+def _soonest_of_each(clashes: Sequence[Clash]) -> tuple[Clash, ...]:
+    """Return the first clash with each vehicle, soonest first."""
+    found = sorted(clashes, key=lambda clash: (clash.at_s, clash.other))
     first = {clash.other: clash for clash in reversed(found)}
     return tuple(clash for clash in found if first[clash.other] is clash)
-
-
-def _soonest(clash: Clash) -> tuple[float, int]:
-    return clash.at_s, clash.other
 
 
 def near_flights(flight: Trajectory, others: Others, limits: Limits) -> dict[int, NeighbourIntent]:
@@ -97,8 +104,8 @@ def clashes_if_changed(
             return _leads_away(flight, intent.flight, intent.limits(limits), is_late=True)
         return _separates(flight, present, intent.flight, intent.limits(limits))
 
-    found = clashes_with(flight, others, limits)
-    return tuple(clash for clash in found if clash.at_s > near_s or not separates(others[clash.other]))
+    found = _clashes_with_each(flight, others, limits)
+    return _soonest_of_each([clash for clash, of in found if clash.at_s > near_s or not separates(of)])
 
 
 def _leads_away(flight: Trajectory, other: Trajectory, limits: Limits, *, is_late: bool = False) -> bool:
@@ -204,6 +211,8 @@ def known_intents(state: AgentState) -> dict[int, NeighbourIntent]:
         if not 0.0 <= (age_s := now_s - intent.sent_s) <= MAX_AGE_S:
             continue
         report = state.neighbours.get(uav)
+        if report is not None and report.at_s > intent.sent_s and report.state.phase in ENDED:
+            continue  # it has withdrawn its intent
         if age_s <= FRESH_S and (report is None or now_s - report.at_s <= MAX_REPORT_AGE_S):
             known[uav] = intent
             continue

@@ -21,7 +21,8 @@ HEARD_S = 3.0
 MAX_AGE_S = 90.0
 """Greatest age of an intent in use [s]: others keep clear of a silent vehicle's flight as announced."""
 SILENT_S = 180.0
-"""Time for which a vehicle that gave way stays clear of the last position of a silent vehicle [s]."""
+"""Time for which a vehicle that gave way stays clear of the last position of a silent vehicle [s]; others
+forget it with its state, after MAX_AGE_S."""
 AIRBORNE_M = 1.0
 """Height above home below which a vehicle counts as on the ground [m]."""
 
@@ -126,10 +127,11 @@ def acknowledged_s(state: AgentState) -> float:
 
 
 def silent_neighbours(state: AgentState) -> dict[int, Trajectory]:
-    """Return the last positions, as trajectories, of silent vehicles to which this vehicle gave way."""
+    """Return the last positions of silent vehicles, as trajectories; for vehicles without a known intent."""
     now_s = state.vehicle.time_boot_s
+    reports = {**state.neighbours, **({} if state.wait is None else state.wait.to)}
     return {
         uav: extrapolate(_reported_position(state, report), (0.0, 0.0, 0.0), now_s, SILENT_S)
-        for uav, report in ({} if state.wait is None else state.wait.to).items()
+        for uav, report in reports.items()
         if MAX_REPORT_AGE_S < now_s - report.at_s <= SILENT_S and report.state.alt_rel_m >= AIRBORNE_M
     }

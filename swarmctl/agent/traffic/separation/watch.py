@@ -75,6 +75,18 @@ class NeighbourIntent:
         """Return the intent of a vehicle off its intent, which may also fly straight on."""
         return replace(self, straight=straight, bounds=self.bounds.joined(Bounds.of(straight)))
 
+    def straight_on(self) -> NeighbourIntent:
+        """Return the flight straight on, as an intent."""
+        assert self.straight is not None
+        return replace(
+            self,
+            flight=self.straight,
+            straight=None,
+            landing=None,
+            uncertainty_m=(0.0, 0.0),
+            may_be_late=False,
+        )
+
     def of_silent_vehicle(self, heard_s: float, until_s: float) -> NeighbourIntent | None:
         """Return the intent of a vehicle that is not heard any more since `heard_s`, for a time `until_s`.
 
