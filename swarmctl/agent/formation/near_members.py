@@ -67,17 +67,17 @@ def obstacles(state: AgentState, formation: Formation) -> tuple[Nearby, ...]:
         return ()
     here = (*state.task.grid.frame.to_local(*own.lat_lon), own.alt_amsl_m)
     for uav, told in state.membership.told.items():
-        age_s = state.now_boot_s - told.at_boot_s
-        if _leaves(state, formation, told):
-            found.append(_on_announced_flight(state, here, uav, told))
-        elif told.message.joins and formation.lost_after_s < age_s <= SILENT_S and uav != state.task.uav:
-            place = _on_announced_flight(state, here, uav, told).position_m
-            up_m = here[2] if formation.is_level else told.message.alt_amsl_m
-            found.append(Nearby((place[0], place[1], up_m), (0.0, 0.0, 0.0)))
+        is_lost = formation.lost_after_s < state.now_boot_s - told.at_boot_s <= SILENT_S
+        leaves = _leaves(state, formation, told)
+        if leaves or (is_lost and told.message.joins and uav != state.task.uav):
+            east_m, north_m, up_m = _nearest_place(state, here, uav, told)
+            if not leaves:
+                up_m = here[2] if formation.is_level else told.message.alt_amsl_m
+            found.append(Nearby((east_m, north_m, up_m), (0.0, 0.0, 0.0)))
     return tuple(found)
 
 
-def _on_announced_flight(state: AgentState, here: LocalPoint, uav: int, told: MemberReport) -> Nearby:
+def _nearest_place(state: AgentState, here: LocalPoint, uav: int, told: MemberReport) -> LocalPoint:
     """Return the place nearest to `here` at which a member may be within SOON_S of its last message."""
     message, intent = told.message, state.all_intents.get(uav)
     flight = None if intent is None else intent.flight
@@ -86,8 +86,7 @@ def _on_announced_flight(state: AgentState, here: LocalPoint, uav: int, told: Me
         flight = extrapolate(there, message.velocity_m_s, told.at_boot_s, SOON_S)
     times_s = np.linspace(0.0, SOON_S, N_PLACES).tolist()
     places = [at for t in times_s if (at := flight.at(told.at_boot_s + t)) is not None]
-    nearest = min(places, key=lambda at: math.dist(here[:2], at[:2]), default=flight.points[-1])
-    return Nearby(nearest, (0.0, 0.0, 0.0))
+    return min(places, key=lambda at: math.dist(here[:2], at[:2]), default=flight.points[-1])
 
 
 def with_members_shown(state: AgentState) -> AgentState:
