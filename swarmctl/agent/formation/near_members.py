@@ -19,6 +19,8 @@ from swarmctl.core.records import replace
 SOON_S = 8.0
 """Time within which a silent member has stopped: alone, without set-points, or by a pilot [s]. For as long
 members keep clear of the announced flight of a member that leaves."""
+OFF_INTENT_M = 15.0
+"""Distance of a member from its announced place above which its intent is of an earlier flight [m]."""
 N_PLACES = 33
 """Number of places compared."""
 SILENT_S = 90.0
@@ -58,8 +60,8 @@ def places_of(state: AgentState, formation: Formation, present: tuple[int, ...])
 def obstacles(state: AgentState, formation: Formation) -> tuple[Nearby, ...]:
     """Return what a member keeps apart from beside the present members; heights are above the sea.
 
-    A member that leaves tells its position for some seconds. Its place, and that of a silent member, may be
-    anywhere on its announced flight within SOON_S of its last message: it may have stopped there.
+    A member that leaves tells its position for some seconds. Its next place, and that of a silent member, may
+    be anywhere on its announced flight within SOON_S of its last message: it may stop there.
     """
     found: list[Nearby] = []
     own = state.last_position
@@ -67,12 +69,14 @@ def obstacles(state: AgentState, formation: Formation) -> tuple[Nearby, ...]:
         return ()
     here = (*state.task.grid.frame.to_local(*own.lat_lon), own.alt_amsl_m)
     for uav, told in state.membership.told.items():
-        is_lost = formation.lost_after_s < state.now_boot_s - told.at_boot_s <= SILENT_S
-        leaves = _leaves(state, formation, told)
-        if leaves or (is_lost and told.message.joins and uav != state.task.uav):
-            east_m, north_m, up_m = _nearest_place(state, here, uav, told)
-            if not leaves:
-                up_m = here[2] if formation.is_level else told.message.alt_amsl_m
+        message, age_s = told.message, state.now_boot_s - told.at_boot_s
+        if _leaves(state, formation, told):
+            there = (*told.here_m, message.alt_amsl_m)
+            found.append(Nearby(there, message.velocity_m_s, max(age_s, 0.0)))
+            found.append(Nearby(_nearest_place(state, here, uav, told), (0.0, 0.0, 0.0)))
+        elif message.joins and formation.lost_after_s < age_s <= SILENT_S and uav != state.task.uav:
+            east_m, north_m, _ = _nearest_place(state, here, uav, told)
+            up_m = here[2] if formation.is_level else message.alt_amsl_m
             found.append(Nearby((east_m, north_m, up_m), (0.0, 0.0, 0.0)))
     return tuple(found)
 
@@ -81,7 +85,8 @@ def _nearest_place(state: AgentState, here: LocalPoint, uav: int, told: MemberRe
     """Return the place nearest to `here` at which a member may be within SOON_S of its last message."""
     message, intent = told.message, state.all_intents.get(uav)
     flight = None if intent is None else intent.flight
-    if flight is None or flight.at(told.at_boot_s) is None:
+    announced = None if flight is None else flight.at(told.at_boot_s)
+    if flight is None or announced is None or math.dist(announced[:2], told.here_m) > OFF_INTENT_M:
         there = (*told.here_m, message.alt_amsl_m)
         flight = extrapolate(there, message.velocity_m_s, told.at_boot_s, SOON_S)
     times_s = np.linspace(0.0, SOON_S, N_PLACES).tolist()
