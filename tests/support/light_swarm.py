@@ -155,7 +155,7 @@ class LightAgent:
         elif plan.leaves_ahead and plan.track and vehicle.passed(*self._local(plan.track[0])):
             self(ev.MissionFailed(swap.plan_id, "old", "too late", is_late=True))
         else:
-            vehicle.set_mission(plan, leaves_ahead=plan.leaves_ahead)
+            vehicle.set_mission(plan)
             self(ev.MissionAccepted(swap.plan_id, self.swarm.now - began_s))
 
     def _local(self, point: Any) -> tuple[float, float]:

@@ -84,12 +84,12 @@ class LightVehicle:
     def take_off(self) -> None:
         self.mode = "takeoff"
 
-    def set_mission(self, plan: FlightPlan, *, leaves_ahead: bool = False) -> None:
+    def set_mission(self, plan: FlightPlan) -> None:
         """Store a plan; in flight, fly it from here on."""
         self.plan = plan
         if self.armed and self.mode != "takeoff":
             moves = math.hypot(*self.velocity[:2]) > 1.0
-            self._begin_mission(stop=self.stops_for_missions and moves and not leaves_ahead)
+            self._begin_mission(stop=self.stops_for_missions and moves)
 
     def fly_mission(self) -> None:
         self._begin_mission(stop=False)

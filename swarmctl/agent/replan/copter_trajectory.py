@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -93,15 +94,18 @@ def fly_with_stop(
     initial_m_s: float,
     stop: BrakingStop | None,
     present_height_m: float,
+    begins_in_s: float = 0.0,
 ) -> Trajectory:
     """Return the trajectory of `fly_along` with a stop; until the stop the copter flies by its present plan.
 
-    So until then it climbs or descends to the height of this plan, `present_height_m`.
-    If the stop is None or beyond the path, the result is that of `fly_along`.
+    So until then it climbs or descends to the height of this plan, `present_height_m`. Without a stop it does
+    so for `begins_in_s`. If the stop is beyond the path, the result is that of `fly_along`.
     """
     parts = None if stop is None else split_track([here[:2], *path], stop.stops_in_m)
     if stop is None or parts is None:
-        return fly_along(here, height_m, path, speed_m_s, initial_m_s)
+        flight = fly_along(here, height_m, path, speed_m_s, initial_m_s)
+        up_m = _height_after(begins_in_s, here[2], present_height_m)
+        return flight if stop is not None else _at_first(flight, begins_in_s, up_m)
     until, rest = parts
     if (brakes := split_track(until, stop.brakes_in_m)) is not None:
         until = [*brakes[0], *brakes[1][1:]]
@@ -114,6 +118,17 @@ def fly_with_stop(
     stops_at = (*rest[0], _height_after(stop.stops_in_s, here[2], present_height_m))
     after = fly_along(stops_at, height_m, rest[1:], speed_m_s, RESTART_M_S).later(stop.stops_in_s)
     return Trajectory((*times_s, *after.times_s), (*points, *after.points))
+
+
+def _at_first(flight: Trajectory, until_s: float, up_m: float) -> Trajectory:
+    """Return a flight that has the height `up_m` after some seconds, and then goes on as before."""
+    at = flight.at(until_s)
+    if at is None or until_s <= SAME_TIME_S or at[2] == up_m:
+        return flight
+    n = bisect_right(flight.times_s, until_s + SAME_TIME_S)
+    return Trajectory(
+        (0.0, until_s, *flight.times_s[n:]), (flight.points[0], (*at[:2], up_m), *flight.points[n:])
+    )
 
 
 def _height_after(seconds: float, from_m: float, to_m: float) -> float:

@@ -163,7 +163,8 @@ def flight_by_plan(state: AgentState, plan: FlightPlan) -> Trajectory | None:
     if state.plans.route is None:
         return to_shared_frame(state, _from_hold(state, here, plan, path, state.plans.swap_times.likely_s))
     stop, present_m = stop_for_new_plan(state), state.plans.route.plan.height_m
-    flight = fly_with_stop(here, plan.height_m, path, task.arrival.speed_m_s, initial_m_s, stop, present_m)
+    speed_m_s, begins_in_s = task.arrival.speed_m_s, state.plans.swap_times.likely_s
+    flight = fly_with_stop(here, plan.height_m, path, speed_m_s, initial_m_s, stop, present_m, begins_in_s)
     return to_shared_frame(state, flight)
 
 
@@ -213,18 +214,16 @@ def _phase_trajectory(state: AgentState, here: LocalPoint, for_s: float) -> Traj
             if _climbs_vertically(state, here, plan):
                 return climb_then_fly(here, plan.height_m, path, speed_m_s)
             if state.plans.route is None and state.plans.pending is not None:
-                due_s = (
-                    state.plans.swaps.decided_boot_s
-                    + state.plans.swap_times.likely_s
-                    - state.vehicle.time_boot_s
-                )
-                return _from_hold(state, here, plan, path, due_s)
+                return _from_hold(state, here, plan, path, _swap_due_s(state))
             progress = state.progress_on(swap)
             remaining = path if progress is None else progress.points_ahead
             initial_m_s, stop = state.vehicle.ground_speed_m_s, stop_ahead(state)
             present = state.plans.route if state.plans.pending is not None else None
             present_m = here[2] if present is None else present.plan.height_m
-            return fly_with_stop(here, plan.height_m, remaining, speed_m_s, initial_m_s, stop, present_m)
+            begins_in_s = 0.0 if present is None else _swap_due_s(state)
+            return fly_with_stop(
+                here, plan.height_m, remaining, speed_m_s, initial_m_s, stop, present_m, begins_in_s
+            )
         case Phase.FLYING | Phase.LANDING | Phase.HOLDING:
             return hold_from(state, here, 0.0)
         case Phase.LEAVING if state.order.given is ev.FlightOrder.LAND:
@@ -232,6 +231,12 @@ def _phase_trajectory(state: AgentState, here: LocalPoint, for_s: float) -> Traj
         case Phase.LEAVING if state.order.given is ev.FlightOrder.RETURN:
             return _return_trajectory(state, here)
     return None
+
+
+def _swap_due_s(state: AgentState) -> float:
+    """Return the probable time until the pending plan is accepted [s]."""
+    plans = state.plans
+    return plans.swaps.decided_boot_s + plans.swap_times.likely_s - state.vehicle.time_boot_s
 
 
 def _return_trajectory(state: AgentState, here: LocalPoint) -> Trajectory | None:
