@@ -21,6 +21,7 @@ FOUND = {
     148: "a column stopped at full speed near the end of its route",
     158: "a group flew into the place where its silent leader had stopped",
     10: "a member with a low battery returned through its group; the others learned of a return late",
+    181: "a member flew over one that a pilot had stopped, because its old intent had led away from there",
     212: "a member whose hold had failed was told to fly its mission, and still followed set-points",
     866: "a member flew past a vehicle that a pilot had stopped, and that was silent then",
     987: "a return was announced of a vehicle whose link was lost, and that flew on",
