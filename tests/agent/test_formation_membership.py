@@ -54,6 +54,22 @@ def test_a_member_that_does_not_follow_leaves_and_arrives_alone(
 
 
 @each_kind
+def test_a_member_joins_around_no_fly_cells(like_ardupilot: bool) -> None:
+    wall = [(4, 0), (4, 1), (4, 2), (4, 3)]
+    area, starts = {"no_fly": [list(cell) for cell in wall]}, {"start_spacing_m": 100.0}
+    swarm = LightGroup(like_ardupilot=like_ardupilot, area=area, simulate=starts)
+    agent, entered = swarm.agents[2], set()
+
+    def joins() -> bool:
+        entered.add(agent.state.cell)
+        return not swarm.is_in_place(agent)
+
+    swarm.run_while(joins, 120.0)
+    assert (5, 3) in entered
+    assert entered.isdisjoint(wall)
+
+
+@each_kind
 def test_a_member_whose_set_points_are_refused_leaves_at_once(like_ardupilot: bool) -> None:
     swarm = LightGroup(like_ardupilot=like_ardupilot).joined()
     agent = swarm.agents[1]

@@ -60,7 +60,7 @@ class LightGroup(LightSwarm):
 
     def joined(self) -> LightGroup:
         """Fly until both followers have been at their places for a while."""
-        self.run_while(lambda: not all(self._is_in_place(agent) for agent in self.agents[1:]), 90.0)
+        self.run_while(lambda: not all(self.is_in_place(agent) for agent in self.agents[1:]), 90.0)
         return self
 
     def run_while(self, condition: Any, for_s: float) -> None:
@@ -71,7 +71,7 @@ class LightGroup(LightSwarm):
             self.run(self.now + TELEMETRY_EVERY * self.step_s, lambda _now: None)
 
     @staticmethod
-    def _is_in_place(agent: LightAgent) -> bool:
+    def is_in_place(agent: LightAgent) -> bool:
         error_m = agent.state.membership.error_m
         return agent.state.phase is Phase.FORMATION and error_m is not None and max(map(abs, error_m)) < 3.0
 

@@ -29,6 +29,9 @@ from swarmctl.agent.phases import EN_ROUTE, Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.route_hold import hold
 from swarmctl.core import events as ev
+from swarmctl.core.any_angle.track import crossed_cells
+from swarmctl.core.belief import OCCUPIED
+from swarmctl.core.grid import Cell
 from swarmctl.core.records import replace
 from swarmctl.core.setpoint import SetPoint
 
@@ -38,6 +41,8 @@ LOWEST_M, CEILING_MARGIN_M = 10.0, 3.0
 """Least height above home, and distance below the fence's ceiling, at which a member flies level [m]."""
 LEVEL_WITHIN = 0.4
 """Distance from its place within which a member flies at the group's height, in spacings."""
+STRAIGHT_ON_S = 3.0
+"""Time in which a member can stop, after some reaction [s]."""
 RESTING_TARGET_LEAD_S = 0.1
 """Time by which set-points are ahead for a vehicle whose target rests between them, as PX4's does [s]."""
 
@@ -61,13 +66,17 @@ def fly_in_formation(state: AgentState) -> StepResult:
             for_s, limit_m = formation.max_error_s, formation.max_error_m
             why = f"for {for_s:g} s the vehicle has been more than {limit_m:g} m from its place"
             return _leave(state, f"{why}, and comes no nearer ({far_m:.0f} m now)")
+        if (cell := _cell_in_the_way(state, formation)) is not None:
+            return _leave(state, f"cell {list(cell)} lies on the way to its place")
         return state, _set_points(state, flown)
     if state.leads_group and formation.approach.LEADER_FLIES_MISSION:
         return _lead_mission(*_flown(state, formation))
     if not state.flies_mission or state.alarms:
         return state, []
-    state, flown = _flown(state, formation)
-    state, ordered = command(state, ev.FlightOrder.FORMATION, phase=Phase.FORMATION)
+    joined, flown = _flown(state, formation)
+    if _cell_in_the_way(joined, formation) is not None:
+        return state, []  # its own mission leads around it
+    state, ordered = command(joined, ev.FlightOrder.FORMATION, phase=Phase.FORMATION)
     text = f"the vehicle joins group {formation.name}, which vehicle {membership.leader} leads [joins]"
     return state, [ev.NotifyOperator(text), *_set_points(state, flown), *ordered]
 
@@ -130,6 +139,31 @@ def _comes_no_nearer(state: AgentState, formation: Formation) -> float | None:
     if far is None or error_m is None or state.now_boot_s - far.since_boot_s < formation.max_error_s:
         return None
     return math.hypot(*error_m[:2])
+
+
+def _cell_in_the_way(state: AgentState, formation: Formation) -> Cell | None:
+    """Return a no-fly cell or a cell of a known hostile on the way to a place far away; else None.
+
+    The way leads straight on for STRAIGHT_ON_S, so that the vehicle can stop, and from there to the place.
+    Near its place a member flies where the group does, and the group's plan counts its cell.
+    """
+    memory, vehicle, grid = state.membership.memory, state.vehicle, state.task.grid
+    if memory is None or vehicle.lat_lon is None:
+        return None
+    here, there = grid.frame.to_local(*vehicle.lat_lon), memory.place_m[:2]
+    if math.dist(here, there) <= formation.max_error_m:
+        return None
+    ahead = here[0] + STRAIGHT_ON_S * vehicle.east_m_s, here[1] + STRAIGHT_ON_S * vehicle.north_m_s
+    points = [
+        (east_m / grid.cell_size_m, north_m / grid.cell_size_m) for east_m, north_m in (here, ahead, there)
+    ]
+    return next((cell for cell in crossed_cells(points).cells if _is_barred(state, cell)), None)
+
+
+def _is_barred(state: AgentState, cell: Cell) -> bool:
+    row, col = cell
+    is_inside = 0 <= row < state.task.grid.rows and 0 <= col < state.task.grid.cols
+    return is_inside and (cell in state.task.no_fly or state.belief.known[cell] == OCCUPIED)
 
 
 def _lead_mission(state: AgentState, flown: ApproachResult) -> StepResult:
