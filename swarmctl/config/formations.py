@@ -84,6 +84,11 @@ class FormationSection(Section):
     @field_validator("options")
     @classmethod
     def _fit_the_approach(cls, options: dict[str, Any], info: ValidationInfo) -> dict[str, Any]:
-        if (name := info.data.get("approach")) is not None:
-            APPROACHES[name].Params(**options)
+        if (name := info.data.get("approach")) is None:
+            return options
+        params = APPROACHES[name].Params
+        if unknown := sorted(options.keys() - params.model_fields.keys()):
+            known = ", ".join(params.model_fields)
+            raise ValueError(f"{name} has no option {', '.join(unknown)}; its options are {known}")
+        params(**options)
         return options
