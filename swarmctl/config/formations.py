@@ -28,7 +28,7 @@ class FormationSection(Section):
     )
     shape: Shape = Field(Shape(), description="The shape of the group.")
     narrow_shape: Shape | None = Field(
-        None, description="Shape for passages that are narrow or dear for `shape`. Default: none."
+        None, description="Shape for passages where `shape` does not fit, or costs more. Default: none."
     )
     exposure: Literal["sum", "survival"] = Field(
         "sum",
