@@ -42,7 +42,7 @@ def check_formations(config: Config) -> Iterator[ConfigProblem]:
                 yield ConfigProblem(path, str(error))
                 continue
             if uav in member_of:
-                text = f"{ref} is already a member of group {member_of[uav]}; remove it here or there"
+                text = f"{ref} is a member of group {member_of[uav]} already; list it once"
                 yield ConfigProblem(path, text)
             member_of[uav] = section.name
     if config.formations:

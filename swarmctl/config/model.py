@@ -189,6 +189,14 @@ def _problem(error: dict[str, Any], data: Any, schema: type[BaseModel]) -> Confi
         return ConfigProblem(path, "is missing; add it")
     if error["type"] == "string_pattern_mismatch":
         text = NAME_RULES[error["ctx"]["pattern"]]
+    if error["type"] in ("tuple_type", "list_type"):
+        text = "expected a list"
+    if error["type"] in ("too_short", "too_long"):
+        limit = error["ctx"].get("min_length", error["ctx"].get("max_length"))
+        side = "least" if error["type"] == "too_short" else "most"
+        return ConfigProblem(
+            path, f"expected at {side} {limit} entries, found {error['ctx']['actual_length']}"
+        )
     if error["type"] == "model_type":
         text = "expected a section, keys with values"
         text += "; to turn the rule off, write null" if path[:1] == ("rules",) else ""

@@ -51,7 +51,7 @@ def flight_table(summary: dict[str, Any]) -> FittedTable:
 
 
 def swarm_lines(summary: dict[str, Any]) -> list[str]:
-    """Return lines about mission changes, arrival and separation of the swarm."""
+    """Return lines about mission changes, arrival, separation and groups of the swarm."""
     separation, arrival, lines = summary["separation"], summary["arrival"], swap_lines(summary["vehicles"])
     if arrival is not None and arrival["spread_s"] is not None:
         how = "kept" if arrival["kept"] else "not kept"
@@ -85,7 +85,22 @@ def swarm_lines(summary: dict[str, Any]) -> list[str]:
             f"separation alarms: {separation['alarms']}; vehicles held {separation['held']} times and "
             f"climbed {separation['climbed']} times to give way"
         )
-    return lines
+    return [*lines, *map(_formation_line, summary["formations"])]
+
+
+def _formation_line(group: dict[str, Any]) -> str:
+    """Return a line about a group: how well its members kept their places, and what changed."""
+    members = [m for m in group["members"].values() if m["rms_error_m"]["along"] is not None]
+    if not members:
+        return f"group {group['name']}: no member reached its place"
+    in_place_s = [member["time_in_place_s"] for member in members]
+    along_m, across_m = (max(m["rms_error_m"][axis] for m in members) for axis in ("along", "across"))
+    return (
+        f"group {group['name']}: members in place for {min(in_place_s):.0f} to {max(in_place_s):.0f} s; "
+        f"largest RMS error {along_m:.1f} m along, {across_m:.1f} m across;\n  "
+        f"changes of shape {group['shape_changes']}, of leader {group['leader_changes']}; "
+        f"splits {group['splits']}"
+    )
 
 
 def _arrival_text(vehicle: dict[str, Any]) -> Text:

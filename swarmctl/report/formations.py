@@ -70,7 +70,8 @@ class FormationStatistics:
         earlier = before.membership
         if (earlier.shape, earlier.n_present) != (membership.shape, membership.n_present):
             member.is_joined = False
-        if earlier.leader is not None and earlier.n_present > 1:
+        flies_with_group = after.phase is Phase.FORMATION or after.leads_group
+        if flies_with_group and earlier.leader is not None and earlier.n_present > 1:
             member.leader_changes += earlier.leader != membership.leader
             member.shape_changes += earlier.shape != membership.shape
             member.splits += membership.is_split and not earlier.is_split
