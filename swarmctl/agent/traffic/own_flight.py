@@ -103,8 +103,8 @@ def reach(state: AgentState, for_s: float, straight_on_s: float) -> Bounds | Non
         return None
     east_m, north_m, up_m = here
     heights_m = [up_m, up_m + straight_on_s * vehicle.climb_m_s]
-    if (swap := state.plans.pending or state.plans.route) is not None:
-        heights_m.append(swap.plan.height_m)
+    swaps = (state.plans.pending, state.plans.route)
+    heights_m += [swap.plan.height_m for swap in swaps if swap is not None]
     if state.phase is Phase.LEAVING:
         heights_m.append(task.altitude_m)
     fastest_m_s = max(vehicle.ground_speed_m_s, task.arrival.speed_m_s, state.speed.m_s or 0.0)
