@@ -56,7 +56,7 @@ def step(state: AgentState, event: ev.Event, now: float) -> StepResult:
         # The end is told at once: the process may stop soon, and a disarmed vehicle tells nothing more.
         after, shared = share_state(replace(after, last_shared_s=-math.inf))
         effects = [*effects, *shared]
-    if after.intent_sent_boot_s == -math.inf:
+    if after.intent_sent_boot_s == -math.inf:  # of a new flight, whatever event began it
         after, announced = share_intent(after)
         effects = [*effects, *announced]
     return after, effects

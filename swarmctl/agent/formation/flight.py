@@ -29,7 +29,7 @@ from swarmctl.agent.phases import EN_ROUTE, Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.route_hold import hold
 from swarmctl.core import events as ev
-from swarmctl.core.any_angle.track import crossed_cells
+from swarmctl.core.any_angle.track import cells_under
 from swarmctl.core.belief import OCCUPIED
 from swarmctl.core.grid import Cell
 from swarmctl.core.records import replace
@@ -154,16 +154,9 @@ def _cell_in_the_way(state: AgentState, formation: Formation) -> Cell | None:
     if math.dist(here, there) <= formation.max_error_m:
         return None
     ahead = here[0] + STRAIGHT_ON_S * vehicle.east_m_s, here[1] + STRAIGHT_ON_S * vehicle.north_m_s
-    points = [
-        (east_m / grid.cell_size_m, north_m / grid.cell_size_m) for east_m, north_m in (here, ahead, there)
-    ]
-    return next((cell for cell in crossed_cells(points).cells if _is_barred(state, cell)), None)
-
-
-def _is_barred(state: AgentState, cell: Cell) -> bool:
-    row, col = cell
-    is_inside = 0 <= row < state.task.grid.rows and 0 <= col < state.task.grid.cols
-    return is_inside and (cell in state.task.no_fly or state.belief.known[cell] == OCCUPIED)
+    way = (cell for cell in cells_under((here, ahead, there), grid.cell_size_m) if grid.contains(cell))
+    no_fly, known = state.task.no_fly, state.belief.known
+    return next((cell for cell in way if cell in no_fly or known[cell] == OCCUPIED), None)
 
 
 def _lead_mission(state: AgentState, flown: ApproachResult) -> StepResult:

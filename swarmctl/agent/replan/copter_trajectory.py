@@ -101,11 +101,12 @@ def fly_with_stop(
     So until then it climbs or descends to the height of this plan, `present_height_m`. Without a stop it does
     so for `begins_in_s`. If the stop is beyond the path, the result is that of `fly_along`.
     """
-    parts = None if stop is None else split_track([here[:2], *path], stop.stops_in_m)
-    if stop is None or parts is None:
+    if stop is None:
         flight = fly_along(here, height_m, path, speed_m_s, initial_m_s)
-        up_m = _height_after(begins_in_s, here[2], present_height_m)
-        return flight if stop is not None else _at_first(flight, begins_in_s, up_m)
+        return _at_first(flight, begins_in_s, _height_after(begins_in_s, here[2], present_height_m))
+    parts = split_track([here[:2], *path], stop.stops_in_m)
+    if parts is None:
+        return fly_along(here, height_m, path, speed_m_s, initial_m_s)
     until, rest = parts
     if (brakes := split_track(until, stop.brakes_in_m)) is not None:
         until = [*brakes[0], *brakes[1][1:]]

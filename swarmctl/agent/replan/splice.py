@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.stopping import distance_and_speed_after, stop_for_new_plan
 from swarmctl.agent.state import AgentState
-from swarmctl.core.any_angle.track import crossed_cells
+from swarmctl.core.any_angle.track import cells_under
 from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.mission import Waypoint
 from swarmctl.core.planar import PlanarPoint
@@ -127,8 +127,8 @@ def splice_on_track(state: AgentState, p_s: NDArray[np.float64]) -> Splice:
         key=lambda m: _past_centre_m(grid, (progress.here, *progress.points_within(m))),
     )
     path = (progress.here, *progress.points_within(lead_m))
-    cell, size_m = grid.cell_at(*grid.frame.to_geodetic(*path[-1])), grid.cell_size_m
-    crossed = crossed_cells([(e / size_m, n / size_m) for e, n in path]).cells[1:]
+    cell = grid.cell_at(*grid.frame.to_geodetic(*path[-1]))
+    crossed = cells_under(path, grid.cell_size_m)[1:]
     if cell is None or any(_is_wall(state, p_s, at) for at in crossed):
         return at_once
     lead_waypoints = tuple(Waypoint(*grid.frame.to_geodetic(*point), state.height_m) for point in path[1:])

@@ -71,10 +71,15 @@ def stop_ahead(state: AgentState) -> BrakingStop | None:
     """Return the stop for the pending plan or the plan just accepted; None if no stop lies ahead."""
     now_s, plans = state.vehicle.time_boot_s, state.plans
     if plans.pending is not None:
-        due_s = plans.swaps.decided_boot_s + plans.swap_times.likely_s
-        return _stop(state, max(due_s - now_s, 0.0)) if plans.route is not None else None
+        return _stop(state, max(swap_due_s(state), 0.0)) if plans.route is not None else None
     is_braking = plans.swaps.done_boot_s <= now_s < plans.swaps.braking_until_boot_s
     return _stop(state, 0.0) if is_braking else None
+
+
+def swap_due_s(state: AgentState) -> float:
+    """Return the probable time until the pending plan is accepted [s]; below 0 if it is late."""
+    plans = state.plans
+    return plans.swaps.decided_boot_s + plans.swap_times.likely_s - state.vehicle.time_boot_s
 
 
 def _stop(state: AgentState, brakes_in_s: float) -> BrakingStop | None:

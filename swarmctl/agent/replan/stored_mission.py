@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from swarmctl.agent.replan.decide import believed_exposure, swap_to
 from swarmctl.agent.state import AgentState
 from swarmctl.core import events as ev
-from swarmctl.core.any_angle.track import crossed_cells
+from swarmctl.core.any_angle.track import cells_under
 from swarmctl.core.mission import Waypoint
 from swarmctl.core.records import replace
 from swarmctl.core.route import cells_between
@@ -43,10 +43,8 @@ def rest_of_stored(state: AgentState, stored: ev.SwapMission) -> ev.SwapMission 
     cells = (*cells_between(cell, stored.cells[first])[:-1], *stored.cells[first:])
     p_s = believed_exposure(state.task, state.belief, state.strength, state.own)
     there = grid.frame.to_local(track[n_passed].lat_deg, track[n_passed].lon_deg)
-    ends = [
-        (east_m / grid.cell_size_m, north_m / grid.cell_size_m) for east_m, north_m in (progress.here, there)
-    ]
-    if any(_is_barred(state, p_s, crossed) for crossed in crossed_cells(ends).cells):
+    way = cells_under((progress.here, there), grid.cell_size_m)
+    if any(_is_barred(state, p_s, crossed) for crossed in way):
         return None
     task = state.task
     problem = Problem(p_s, cell, task.goals, state.w, task.psi_per_cell, task.max_exposure)
@@ -62,7 +60,7 @@ def rest_of_stored(state: AgentState, stored: ev.SwapMission) -> ev.SwapMission 
 def _is_barred(state: AgentState, p_s: NDArray[np.float64], cell: tuple[int, int]) -> bool:
     """Return whether a cell is outside the area, a wall, or newly exposed."""
     grid, before = state.task.grid, state.plans.route_exposure
-    if not (0 <= cell[0] < grid.rows and 0 <= cell[1] < grid.cols):
+    if not grid.contains(cell):
         return True
     here = float(p_s[cell])
     if not math.isfinite(here) or here > state.task.max_exposure:

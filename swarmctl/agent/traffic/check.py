@@ -166,12 +166,13 @@ def may_meet_anyone(state: AgentState, box: Bounds) -> bool:
     limits, home_m = state.task.separation.limits, home_amsl_m(state)
     wide_m, high_m = MARGIN * limits.horizontal_m, MARGIN * limits.vertical_m
     box = box.wider((TIME_TOLERANCE_S, wide_m, wide_m, high_m))
-    if predictions(state, box) or silent_neighbours(state):
+    intents = known_intents(state)
+    if predictions(state, box) or silent_neighbours(state).keys() - intents.keys():
         return True
     box = box.higher(home_m)
     return any(
         box.meets(intent.bounds) and (any(intent.uncertainty_m) or intent.flight.may_meet(box))
-        for intent in known_intents(state).values()
+        for intent in intents.values()
     )
 
 

@@ -58,7 +58,7 @@ def share_intent(state: AgentState) -> StepResult:
 
 def withdraw_intent(state: AgentState) -> StepResult:
     """Tell the others that the vehicle does not fly."""
-    return _publish(replace(state, intent_new_boot_s=state.vehicle.time_boot_s), None)
+    return _publish(state, None)
 
 
 def _publish(state: AgentState, flight: Trajectory | None) -> StepResult:

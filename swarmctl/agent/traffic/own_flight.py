@@ -20,7 +20,7 @@ from swarmctl.agent.replan.copter_trajectory import (
     waypoints_of,
 )
 from swarmctl.agent.replan.length_bounds import LIFT_S
-from swarmctl.agent.replan.stopping import stop_ahead, stop_for_new_plan
+from swarmctl.agent.replan.stopping import stop_ahead, stop_for_new_plan, swap_due_s
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.prediction import AIRBORNE_M, position_of
 from swarmctl.agent.traffic.separation.trajectory import (
@@ -214,13 +214,13 @@ def _phase_trajectory(state: AgentState, here: LocalPoint, for_s: float) -> Traj
             if _climbs_vertically(state, here, plan):
                 return climb_then_fly(here, plan.height_m, path, speed_m_s)
             if state.plans.route is None and state.plans.pending is not None:
-                return _from_hold(state, here, plan, path, _swap_due_s(state))
+                return _from_hold(state, here, plan, path, swap_due_s(state))
             progress = state.progress_on(swap)
             remaining = path if progress is None else progress.points_ahead
             initial_m_s, stop = state.vehicle.ground_speed_m_s, stop_ahead(state)
             present = state.plans.route if state.plans.pending is not None else None
             present_m = here[2] if present is None else present.plan.height_m
-            begins_in_s = 0.0 if present is None else _swap_due_s(state)
+            begins_in_s = 0.0 if present is None else swap_due_s(state)
             return fly_with_stop(
                 here, plan.height_m, remaining, speed_m_s, initial_m_s, stop, present_m, begins_in_s
             )
@@ -231,12 +231,6 @@ def _phase_trajectory(state: AgentState, here: LocalPoint, for_s: float) -> Traj
         case Phase.LEAVING if state.order.given is ev.FlightOrder.RETURN:
             return _return_trajectory(state, here)
     return None
-
-
-def _swap_due_s(state: AgentState) -> float:
-    """Return the probable time until the pending plan is accepted [s]."""
-    plans = state.plans
-    return plans.swaps.decided_boot_s + plans.swap_times.likely_s - state.vehicle.time_boot_s
 
 
 def _return_trajectory(state: AgentState, here: LocalPoint) -> Trajectory | None:

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmctl.core.grid import Cell
-from swarmctl.core.planar import distance_to_leg
+from swarmctl.core.planar import PlanarPoint, distance_to_leg
 
 Floats = NDArray[np.float64]
 GridPoint = tuple[float, float]
@@ -74,6 +74,11 @@ def crossed_cells(points: Sequence[GridPoint]) -> CrossedCells:
         (x, y) = points[0]
         return CrossedCells(((math.floor(y), math.floor(x)),), (0.0,), (0,))
     return CrossedCells(tuple(cells), tuple(lengths), tuple(legs))
+
+
+def cells_under(path_m: Sequence[PlanarPoint], cell_size_m: float) -> tuple[Cell, ...]:
+    """Return the cells that a path crosses, in the order flown; points (east, north) are local [m]."""
+    return crossed_cells([(east_m / cell_size_m, north_m / cell_size_m) for east_m, north_m in path_m]).cells
 
 
 def _crossed(a: GridPoint, b: GridPoint) -> tuple[list[Cell], list[float]]:
