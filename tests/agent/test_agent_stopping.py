@@ -177,6 +177,14 @@ def test_until_the_stop_the_vehicle_descends_by_its_present_plan() -> None:
     assert (descends.at(8.0), goes_on.at(8.0)) == ((60.0, 0.0, 24.0), (60.0, 0.0, 30.0 - 8.0 * DESCENT_M_S))
 
 
+def test_without_a_stop_the_present_height_counts_until_the_mission_change_along_the_same_way() -> None:
+    here, path = (0.0, 0.0, 30.0), [(20.0, 0.0), (20.0, 400.0)]
+    level = fly_along(here, 30.0, path, 10.0, 10.0)
+    climbs = fly_with_stop(here, 40.0, path, 10.0, 10.0, None, 30.0, 6.0)
+    for t in (1.0, 2.0, 3.0, 4.0, 5.0):
+        assert climbs.at(t) == pytest.approx(level.at(t))
+
+
 @pytest.mark.parametrize(
     ("autopilot", "vehicle_type", "brakes_m_s2"), [(3, 2, 2.5), (3, 1, None), (12, 2, None)]
 )

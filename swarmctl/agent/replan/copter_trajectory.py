@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -103,7 +103,7 @@ def fly_with_stop(
     """
     if stop is None:
         flight = fly_along(here, height_m, path, speed_m_s, initial_m_s)
-        return _at_first(flight, begins_in_s, _height_after(begins_in_s, here[2], present_height_m))
+        return _at_first(flight, begins_in_s, present_height_m)
     parts = split_track([here[:2], *path], stop.stops_in_m)
     if parts is None:
         return fly_along(here, height_m, path, speed_m_s, initial_m_s)
@@ -121,15 +121,17 @@ def fly_with_stop(
     return Trajectory((*times_s, *after.times_s), (*points, *after.points))
 
 
-def _at_first(flight: Trajectory, until_s: float, up_m: float) -> Trajectory:
-    """Return a flight that has the height `up_m` after some seconds, and then goes on as before."""
+def _at_first(flight: Trajectory, until_s: float, to_m: float) -> Trajectory:
+    """Return a flight that climbs or descends toward `to_m` until `until_s`, and then goes on as before."""
     at = flight.at(until_s)
-    if at is None or until_s <= SAME_TIME_S or at[2] == up_m:
+    if at is None or until_s <= SAME_TIME_S:
         return flight
+    n_before = bisect_left(flight.times_s, until_s - SAME_TIME_S)
     n = bisect_right(flight.times_s, until_s + SAME_TIME_S)
-    return Trajectory(
-        (0.0, until_s, *flight.times_s[n:]), (flight.points[0], (*at[:2], up_m), *flight.points[n:])
-    )
+    times_s = (*flight.times_s[:n_before], until_s)
+    passed, up_m = (*flight.points[:n_before], at), flight.points[0][2]
+    points = [(*p[:2], _height_after(t, up_m, to_m)) for t, p in zip(times_s, passed, strict=True)]
+    return Trajectory((*times_s, *flight.times_s[n:]), (*points, *flight.points[n:]))
 
 
 def _height_after(seconds: float, from_m: float, to_m: float) -> float:
