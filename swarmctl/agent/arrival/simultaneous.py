@@ -13,7 +13,7 @@ from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan import travel_time
 from swarmctl.agent.replan.length_bounds import CLIMB_M_S, LIFT_S
 from swarmctl.agent.replan.spare_time import update_spare_time
-from swarmctl.agent.replan.stopping import BrakingStop, after_stop, stop_ahead
+from swarmctl.agent.replan.stopping import MissionChange, after_stop, change_ahead
 from swarmctl.agent.replan.wing_trajectory import ROLL_S
 from swarmctl.agent.state import ARRIVED, AgentState
 from swarmctl.core import events as ev
@@ -101,8 +101,8 @@ class _PathToGoal:
     takeoff_s: float
     """lift-off and remaining climb of a copter, or ground roll of a fixed wing [s]; 0 s for the lift-off
     and the ground roll after arming"""
-    stop: BrakingStop | None = None
-    """stop before the start of a new plan"""
+    change: MissionChange | None = None
+    """change to a new plan"""
     turn_radius_m: float | None = None
     """turn radius of a fixed wing, which flies at one speed [m]; None for a vehicle that brakes at corners"""
 
@@ -112,7 +112,7 @@ class _PathToGoal:
             flown, _ = rounded(self.track, self.turn_radius_m)
             flown_m = math.fsum(math.dist(a, b) for a, b in pairwise(flown))
             return self.takeoff_s + max(flown_m - self.edge_m, 0.0) / speed_m_s
-        stop_s, track, initial_m_s = after_stop(self.track, min(self.initial_m_s, speed_m_s), self.stop)
+        stop_s, track, initial_m_s = after_stop(self.track, min(self.initial_m_s, speed_m_s), self.change)
         return (
             self.takeoff_s
             + stop_s
@@ -134,7 +134,7 @@ def _path_to_goal(state: AgentState) -> _PathToGoal | None:
     takeoff_s = max(state.height_m - (vehicle.alt_rel_m or 0.0), 0.0) / CLIMB_M_S + (
         0.0 if vehicle.armed else LIFT_S
     )
-    return _PathToGoal(track, edge_m, speed_m_s, takeoff_s, stop_ahead(state))
+    return _PathToGoal(track, edge_m, speed_m_s, takeoff_s, change_ahead(state))
 
 
 def _slowest_m_s(state: AgentState, group: ArrivalGroup) -> float:

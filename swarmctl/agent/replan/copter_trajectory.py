@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from bisect import bisect_left, bisect_right
+from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 
 from swarmctl.agent.replan import travel_time, wing_trajectory
 from swarmctl.agent.replan.length_bounds import CLIMB_M_S, LIFT_S
-from swarmctl.agent.replan.stopping import RESTART_M_S, BrakingStop, split_track
+from swarmctl.agent.replan.stopping import RESTART_M_S, MissionChange, split_track
 from swarmctl.agent.state import Task
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory
 from swarmctl.core.geo import LatLon
@@ -86,52 +86,39 @@ def climb_then_fly(
     return Trajectory((0.0, *flight.times_s), (here, *flight.points))
 
 
-def fly_with_stop(
+def fly_through_change(
     here: LocalPoint,
+    velocity_m_s: PlanarPoint,
+    present_height_m: float,
+    present_path: Sequence[PlanarPoint],
+    change: MissionChange,
     height_m: float,
     path: Sequence[PlanarPoint],
     speed_m_s: float,
-    initial_m_s: float,
-    stop: BrakingStop | None,
-    present_height_m: float,
-    begins_in_s: float = 0.0,
 ) -> Trajectory:
-    """Return the trajectory of `fly_along` with a stop; until the stop the copter flies by its present plan.
+    """Return the trajectory by the present plan until a mission change, then along `path` at `height_m`.
 
-    So until then it climbs or descends to the height of this plan, `present_height_m`. Without a stop it does
-    so for `begins_in_s`. If the stop is beyond the path, the result is that of `fly_along`.
+    A vehicle that brakes for the change stops straight ahead at its present height, and then flies to the
+    first point of `path`, even back to it. If the present path ends before the change, the vehicle lands.
     """
-    if stop is None:
-        flight = fly_along(here, height_m, path, speed_m_s, initial_m_s)
-        return _at_first(flight, begins_in_s, present_height_m)
-    parts = split_track([here[:2], *path], stop.stops_in_m)
+    parts = ([here[:2]], ()) if change.in_m <= 0.0 else split_track([here[:2], *present_path], change.in_m)
     if parts is None:
-        return fly_along(here, height_m, path, speed_m_s, initial_m_s)
-    until, rest = parts
-    if (brakes := split_track(until, stop.brakes_in_m)) is not None:
-        until = [*brakes[0], *brakes[1][1:]]
-    points, times_s, flown_m = [here], [0.0], 0.0
-    for a, b in pairwise(until[:-1]):
+        return fly_along(here, present_height_m, present_path, speed_m_s, change.speed_m_s)
+    flown, points, times_s, flown_m = parts[0], [here], [0.0], 0.0
+    for a, b in pairwise(flown):
         flown_m += math.dist(a, b)
-        if times_s[-1] + SAME_TIME_S < (at_s := stop.time_at(flown_m)) < stop.stops_in_s - SAME_TIME_S:
+        if times_s[-1] + SAME_TIME_S < (at_s := change.in_s * flown_m / change.in_m):
             points.append((*b, _height_after(at_s, here[2], present_height_m)))
             times_s.append(at_s)
-    stops_at = (*rest[0], _height_after(stop.stops_in_s, here[2], present_height_m))
-    after = fly_along(stops_at, height_m, rest[1:], speed_m_s, RESTART_M_S).later(stop.stops_in_s)
-    return Trajectory((*times_s, *after.times_s), (*points, *after.points))
-
-
-def _at_first(flight: Trajectory, until_s: float, to_m: float) -> Trajectory:
-    """Return a flight that climbs or descends toward `to_m` until `until_s`, and then goes on as before."""
-    at = flight.at(until_s)
-    if at is None or until_s <= SAME_TIME_S:
-        return flight
-    n_before = bisect_left(flight.times_s, until_s - SAME_TIME_S)
-    n = bisect_right(flight.times_s, until_s + SAME_TIME_S)
-    times_s = (*flight.times_s[:n_before], until_s)
-    passed, up_m = (*flight.points[:n_before], at), flight.points[0][2]
-    points = [(*p[:2], _height_after(t, up_m, to_m)) for t, p in zip(times_s, passed, strict=True)]
-    return Trajectory((*times_s, *flight.times_s[n:]), (*points, *flight.points[n:]))
+    end, before, initial_m_s = flown[-1], flown[-2:-1], change.speed_m_s
+    if change.brakes_m_s2:
+        along = tuple(b - a for a, b in zip(before[0], end, strict=True)) if before else velocity_m_s
+        share = change.stopping_m / (math.hypot(*along) or 1.0)
+        end, initial_m_s = (end[0] + share * along[0], end[1] + share * along[1]), RESTART_M_S
+    ends_at = (*end, _height_after(change.in_s, here[2], present_height_m))
+    after = fly_along(ends_at, height_m, path, speed_m_s, initial_m_s).later(change.stops_in_s)
+    n = bisect_left(times_s, change.stops_in_s - SAME_TIME_S)
+    return Trajectory((*times_s[:n], *after.times_s), (*points[:n], *after.points))
 
 
 def _height_after(seconds: float, from_m: float, to_m: float) -> float:

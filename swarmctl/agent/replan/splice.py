@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmctl.agent.phases import Phase
-from swarmctl.agent.replan.stopping import distance_and_speed_after, stop_for_new_plan
+from swarmctl.agent.replan.stopping import change_for_new_plan, distance_and_speed_after
 from swarmctl.agent.state import AgentState
 from swarmctl.core.any_angle.track import cells_under
 from swarmctl.core.grid import Cell, Grid
@@ -169,10 +169,10 @@ def _swap_distance_m(state: AgentState) -> float:
     A vehicle that brakes for the new plan may stop up to MAX_OVERSHOOT_CELLS past the splice point.
     """
     flown_m, _ = distance_and_speed_after(state, state.plans.swap_times.expected_s)
-    stop = stop_for_new_plan(state)
-    if stop is None:
+    change = change_for_new_plan(state)
+    if change is None or not change.brakes_m_s2:
         return flown_m
-    return max(flown_m, stop.stops_in_m - max_overshoot_m(state.task.grid))
+    return max(flown_m, change.stops_in_m - max_overshoot_m(state.task.grid))
 
 
 def _is_wall(state: AgentState, p_s: NDArray[np.float64], cell: Cell) -> bool:

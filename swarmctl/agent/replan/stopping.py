@@ -1,4 +1,4 @@
-"""The stop of a vehicle that brakes for a new plan: the time and position of the stop. Pure.
+"""The change to a new plan in flight: its time and place, and the stop for it. Pure.
 
 An ArduPilot copter brakes to a stop before it flies by a new mission, even straight on
 (`VehicleState.brakes_m_s2`). The copter flies by its old plan until it brakes, and speeds up after the stop.
@@ -25,34 +25,32 @@ CORNER_M = 0.01
 
 
 @dataclass(frozen=True, slots=True)
-class BrakingStop:
-    """A stop on the track ahead of a vehicle."""
+class MissionChange:
+    """A change to a new plan ahead of a vehicle. Until then the vehicle flies by its present plan."""
 
-    brakes_in_s: float
-    """time until braking begins [s]"""
-    brakes_in_m: float
-    """distance until braking begins [m]"""
+    in_s: float
+    """time until the vehicle accepts the new plan [s]"""
+    in_m: float
+    """distance flown until then [m]"""
     speed_m_s: float
-    """speed before braking [m/s]"""
-    brakes_m_s2: float
+    """speed at that time [m/s]"""
+    brakes_m_s2: float | None
+    """deceleration to a stop [m/s²]; None: the vehicle does not stop"""
 
     @property
     def stops_in_s(self) -> float:
-        return self.brakes_in_s + self.speed_m_s / self.brakes_m_s2
+        """Time until the stop, or until the change of a vehicle that does not stop [s]."""
+        return self.in_s + (self.speed_m_s / self.brakes_m_s2 if self.brakes_m_s2 else 0.0)
 
     @property
     def stops_in_m(self) -> float:
-        return self.brakes_in_m + self.speed_m_s**2 / (2.0 * self.brakes_m_s2)
+        """Distance to the stop, or to the change of a vehicle that does not stop [m]."""
+        return self.in_m + self.stopping_m
 
-    def time_at(self, distance_m: float) -> float:
-        """Return the time until the vehicle has flown `distance_m`, a part of the distance to the stop [s].
-
-        The speed is constant before braking.
-        """
-        if distance_m <= self.brakes_in_m:
-            return self.brakes_in_s * distance_m / self.brakes_in_m if self.brakes_in_m > 0.0 else 0.0
-        braking_m = max(self.stops_in_m - distance_m, 0.0)
-        return self.stops_in_s - math.sqrt(2.0 * braking_m / self.brakes_m_s2)
+    @property
+    def stopping_m(self) -> float:
+        """Distance in which the vehicle brakes [m]."""
+        return self.speed_m_s**2 / (2.0 * self.brakes_m_s2) if self.brakes_m_s2 else 0.0
 
 
 def distance_and_speed_after(state: AgentState, seconds: float) -> tuple[float, float]:
@@ -62,18 +60,18 @@ def distance_and_speed_after(state: AgentState, seconds: float) -> tuple[float, 
     return 0.5 * (speed_m_s + top_m_s) * seconds, top_m_s
 
 
-def stop_for_new_plan(state: AgentState) -> BrakingStop | None:
-    """Return the stop for a plan that is sent now; None if the vehicle does not stop for it."""
-    return _stop(state, state.plans.swap_times.likely_s) if state.plans.route is not None else None
+def change_for_new_plan(state: AgentState) -> MissionChange | None:
+    """Return the change to a plan that is sent now; None if the vehicle flies no plan."""
+    return _change(state, state.plans.swap_times.likely_s) if state.plans.route is not None else None
 
 
-def stop_ahead(state: AgentState) -> BrakingStop | None:
-    """Return the stop for the pending plan or the plan just accepted; None if no stop lies ahead."""
+def change_ahead(state: AgentState) -> MissionChange | None:
+    """Return the change to the pending plan, or to the plan for which the vehicle brakes; otherwise None."""
     now_s, plans = state.vehicle.time_boot_s, state.plans
     if plans.pending is not None:
-        return _stop(state, max(swap_due_s(state), 0.0)) if plans.route is not None else None
+        return _change(state, max(swap_due_s(state), 0.0)) if plans.route is not None else None
     is_braking = plans.swaps.done_boot_s <= now_s < plans.swaps.braking_until_boot_s
-    return _stop(state, 0.0) if is_braking else None
+    return _change(state, 0.0) if is_braking else None
 
 
 def swap_due_s(state: AgentState) -> float:
@@ -82,14 +80,10 @@ def swap_due_s(state: AgentState) -> float:
     return plans.swaps.decided_boot_s + plans.swap_times.likely_s - state.vehicle.time_boot_s
 
 
-def _stop(state: AgentState, brakes_in_s: float) -> BrakingStop | None:
-    brakes_m_s2 = state.vehicle.brakes_m_s2
-    if brakes_m_s2 is None:
-        return None
-    brakes_in_m, speed_m_s = distance_and_speed_after(state, brakes_in_s)
-    if speed_m_s < STANDING_M_S:
-        return None
-    return BrakingStop(brakes_in_s, brakes_in_m, speed_m_s, brakes_m_s2)
+def _change(state: AgentState, in_s: float) -> MissionChange:
+    in_m, speed_m_s = distance_and_speed_after(state, in_s)
+    brakes_m_s2 = state.vehicle.brakes_m_s2 if speed_m_s >= STANDING_M_S else None
+    return MissionChange(in_s, in_m, speed_m_s, brakes_m_s2)
 
 
 def stop_end_s(state: AgentState) -> float:
@@ -97,8 +91,7 @@ def stop_end_s(state: AgentState) -> float:
 
     Without a stop the result is the present time.
     """
-    stop = _stop(state, 0.0)
-    return state.vehicle.time_boot_s + (0.0 if stop is None else stop.stops_in_s)
+    return state.vehicle.time_boot_s + _change(state, 0.0).stops_in_s
 
 
 def split_track(
@@ -120,13 +113,13 @@ def split_track(
 
 
 def after_stop(
-    track: Sequence[PlanarPoint], initial_m_s: float, stop: BrakingStop | None
+    track: Sequence[PlanarPoint], initial_m_s: float, change: MissionChange | None
 ) -> tuple[float, Sequence[PlanarPoint], float]:
     """Return the time until the stop [s], the track after the stop, and the start speed on that track [m/s].
 
     Without a stop on the track the result is 0, the whole track and `initial_m_s`.
     """
-    parts = None if stop is None else split_track(track, stop.stops_in_m)
-    if stop is None or parts is None:
+    if change is None or not change.brakes_m_s2:
         return 0.0, track, initial_m_s
-    return stop.stops_in_s, parts[1], RESTART_M_S
+    parts = split_track(track, change.stops_in_m)
+    return (0.0, track, initial_m_s) if parts is None else (change.stops_in_s, parts[1], RESTART_M_S)

@@ -84,8 +84,11 @@ def stop_in_time(state: AgentState) -> StepResult:
     to_avoid = {uav for uav, flight in others.items() if _has_to_stop(state, mine, stop, uav, flight)}
     if not to_avoid:
         return state, []
-    # The stop must not be worse with regard to all vehicles.
-    theirs = [path for uav, flight in others.items() for path in _paths(state, uav, flight)]
+    # The stop must not be worse with regard to all vehicles that cannot stop for it in time.
+    cannot_stop = {
+        uav: f for uav, f in others.items() if uav in to_avoid or not _can_stop_for(state, stop, uav)
+    }
+    theirs = [path for uav, flight in cannot_stop.items() for path in _paths(state, uav, flight)]
     if not _helps(stop, theirs, limits, share_of(mine, theirs, limits)):
         return state, []
     to = {uav: state.neighbours[uav] for uav in to_avoid if uav in state.neighbours}
@@ -155,6 +158,20 @@ def _standing(state: AgentState, mine: Paths, together: float, uav: int, intent:
     helps = _helps(stop, mine, intent.limits(state.task.separation.limits), together)
     can_yield = hears and helps and activity in (Activity.EN_ROUTE, Activity.LANDING)
     return Standing(activity, can_yield, uav, here.points[0][2])
+
+
+def _can_stop_for(state: AgentState, stop: Trajectory, uav: int) -> bool:
+    """Return whether another vehicle can still stop clear of this vehicle's stop."""
+    report = state.neighbours.get(uav)
+    path = None if report is None else predict(state, report)
+    if report is None or path is None or state.task.uav not in report.state.hears:
+        return False
+    if activity_of(report.state.phase) not in (Activity.EN_ROUTE, Activity.LANDING):
+        return False
+    here, velocity_m_s = path.higher(home_amsl_m(state)).points[0], report.state.velocity_m_s
+    reacts_s = state.vehicle.time_boot_s - report.at_s + LIKELY_REACTION_S + REACTS_S
+    last = brake(here, velocity_m_s, report.at_s, LOOKS_AHEAD_S, reacts_s, LIKELY_BRAKING_M_S2)
+    return share_of((stop,), (last,), state.task.separation.limits) >= ENOUGH
 
 
 def _helps(stop: Trajectory, others: Paths, limits: Limits, together: float) -> bool:

@@ -7,6 +7,7 @@ except where a docstring says above home.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from swarmctl.agent.formation.trajectory import flight_in_group
 from swarmctl.agent.phases import EN_ROUTE, Phase
@@ -15,12 +16,18 @@ from swarmctl.agent.replan.copter_trajectory import (
     DESCENT_M_S,
     climb_then_fly,
     fly_along,
-    fly_with_stop,
+    fly_through_change,
     land_from,
     waypoints_of,
 )
 from swarmctl.agent.replan.length_bounds import LIFT_S
-from swarmctl.agent.replan.stopping import stop_ahead, stop_for_new_plan, swap_due_s
+from swarmctl.agent.replan.stopping import (
+    MissionChange,
+    change_ahead,
+    change_for_new_plan,
+    split_track,
+    swap_due_s,
+)
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.prediction import AIRBORNE_M, position_of
 from swarmctl.agent.traffic.separation.trajectory import (
@@ -151,9 +158,7 @@ def flight_by_plan(state: AgentState, plan: FlightPlan) -> Trajectory | None:
     here = position_of(state)
     if here is None:
         return None
-    task, vehicle = state.task, state.vehicle
-    initial_m_s = vehicle.ground_speed_m_s if state.plans.route is not None else 0.0
-    path = waypoints_of(task, plan)
+    task, path = state.task, waypoints_of(state.task, plan)
     if task.wings is not None:
         return to_shared_frame(
             state, wing_trajectory.in_flight(task, plan, here, path[:-1], task.arrival.speed_m_s)
@@ -162,10 +167,33 @@ def flight_by_plan(state: AgentState, plan: FlightPlan) -> Trajectory | None:
         return to_shared_frame(state, climb_then_fly(here, plan.height_m, path, task.arrival.speed_m_s))
     if state.plans.route is None:
         return to_shared_frame(state, _from_hold(state, here, plan, path, state.plans.swap_times.likely_s))
-    stop, present_m = stop_for_new_plan(state), state.plans.route.plan.height_m
-    speed_m_s, begins_in_s = task.arrival.speed_m_s, state.plans.swap_times.likely_s
-    flight = fly_with_stop(here, plan.height_m, path, speed_m_s, initial_m_s, stop, present_m, begins_in_s)
+    change = change_for_new_plan(state)
+    assert change is not None
+    flight = _through_change(state, here, change, plan, path, task.arrival.speed_m_s)
     return to_shared_frame(state, flight)
+
+
+def _through_change(
+    state: AgentState,
+    here: LocalPoint,
+    change: MissionChange,
+    plan: FlightPlan,
+    path: Sequence[PlanarPoint],
+    speed_m_s: float,
+) -> Trajectory:
+    """Return the trajectory of a copter that changes from its present route to `plan`, along `path`."""
+    route, vehicle = state.plans.route, state.vehicle
+    assert route is not None
+    progress = state.progress_on(route)
+    present_path = waypoints_of(state.task, route.plan) if progress is None else progress.points_ahead
+    if plan.leaves_ahead:
+        # The vehicle passes the first points of the new plan by its present plan.
+        parts = split_track([here[:2], *path], change.in_m)
+        path = path[-1:] if parts is None else parts[1][1:]
+    velocity_m_s, height_m = (vehicle.east_m_s, vehicle.north_m_s), route.plan.height_m
+    return fly_through_change(
+        here, velocity_m_s, height_m, present_path, change, plan.height_m, path, speed_m_s
+    )
 
 
 def _from_hold(
@@ -217,13 +245,9 @@ def _phase_trajectory(state: AgentState, here: LocalPoint, for_s: float) -> Traj
                 return _from_hold(state, here, plan, path, swap_due_s(state))
             progress = state.progress_on(swap)
             remaining = path if progress is None else progress.points_ahead
-            initial_m_s, stop = state.vehicle.ground_speed_m_s, stop_ahead(state)
-            present = state.plans.route if state.plans.pending is not None else None
-            present_m = here[2] if present is None else present.plan.height_m
-            begins_in_s = 0.0 if present is None else swap_due_s(state)
-            return fly_with_stop(
-                here, plan.height_m, remaining, speed_m_s, initial_m_s, stop, present_m, begins_in_s
-            )
+            if (change := change_ahead(state)) is not None:
+                return _through_change(state, here, change, plan, remaining, speed_m_s)
+            return fly_along(here, plan.height_m, remaining, speed_m_s, state.vehicle.ground_speed_m_s)
         case Phase.FLYING | Phase.LANDING | Phase.HOLDING:
             return hold_from(state, here, 0.0)
         case Phase.LEAVING if state.order.given is ev.FlightOrder.LAND:
