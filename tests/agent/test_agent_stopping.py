@@ -10,8 +10,8 @@ from agent_stories import GRID, Story, publications
 
 from swarmctl.agent.arrival.common_time import ArrivalGroup
 from swarmctl.agent.commands import RETRY_AFTER_S
-from swarmctl.agent.replan.copter_trajectory import DESCENT_M_S, fly_along, fly_with_stop
-from swarmctl.agent.replan.stopping import BrakingStop
+from swarmctl.agent.replan.copter_trajectory import DESCENT_M_S, fly_along, fly_through_change
+from swarmctl.agent.replan.stopping import MissionChange
 from swarmctl.agent.traffic.own_flight import planned_flight
 from swarmctl.agent.traffic.separation.trajectory import Trajectory
 from swarmctl.core import events as ev
@@ -148,41 +148,56 @@ def test_a_holding_vehicle_needs_no_stop() -> None:
     assert plans[0] == plans[1]
 
 
-def test_a_stop_behind_the_goal_costs_no_time() -> None:
-    here, path = (0.0, 0.0, 30.0), [(60.0, 0.0), (60.0, 30.0)]
-    stop = BrakingStop(brakes_in_s=8.0, brakes_in_m=80.0, speed_m_s=10.0, brakes_m_s2=2.5)
-    assert fly_with_stop(here, 30.0, path, 10.0, 10.0, stop, 30.0) == fly_along(here, 30.0, path, 10.0, 10.0)
+HERE, EAST = (0.0, 0.0, 30.0), (10.0, 0.0)
+"""position and velocity before a mission change"""
 
 
-def test_the_intent_turns_with_the_plan_before_the_stop() -> None:
-    here, path = (0.0, 0.0, 30.0), [(40.0, 0.0), (40.0, 400.0)]
-    path = fly_with_stop(
-        here,
-        30.0,
-        path,
-        10.0,
-        10.0,
-        BrakingStop(brakes_in_s=5.0, brakes_in_m=50.0, speed_m_s=10.0, brakes_m_s2=2.5),
-        30.0,
+def test_a_change_after_the_landing_spot_has_no_effect() -> None:
+    present = [(60.0, 0.0), (60.0, 30.0)]
+    change = MissionChange(in_s=12.0, in_m=120.0, speed_m_s=10.0, brakes_m_s2=2.5)
+    flight = fly_through_change(HERE, EAST, 30.0, present, change, 30.0, [(500.0, 0.0)], 10.0)
+    assert flight == fly_along(HERE, 30.0, present, 10.0, 10.0)
+
+
+def test_the_vehicle_turns_by_its_present_plan_and_stops_straight_ahead() -> None:
+    present = [(40.0, 0.0), (40.0, 400.0)]
+    change = MissionChange(in_s=5.0, in_m=50.0, speed_m_s=10.0, brakes_m_s2=2.5)
+    flight = fly_through_change(HERE, EAST, 30.0, present, change, 30.0, [(500.0, 0.0)], 10.0)
+    assert flight.times_s[:4] == pytest.approx((0.0, 4.0, 5.0, 9.0))
+    assert flight.points[1:4] == ((40.0, 0.0, 30.0), (40.0, 10.0, 30.0), (40.0, 30.0, 30.0))
+
+
+def test_a_vehicle_flies_back_to_the_waypoint_behind_its_stop() -> None:
+    change = MissionChange(in_s=2.0, in_m=20.0, speed_m_s=10.0, brakes_m_s2=2.5)
+    path = [(30.0, 0.0), (30.0, 400.0)]
+    flight = fly_through_change(HERE, EAST, 30.0, [(400.0, 0.0)], change, 30.0, path, 10.0)
+    assert flight.points[2:4] == ((40.0, 0.0, 30.0), (30.0, 0.0, 30.0))
+
+
+def test_a_vehicle_that_brakes_now_stops_in_the_direction_of_its_velocity() -> None:
+    change = MissionChange(in_s=0.0, in_m=0.0, speed_m_s=10.0, brakes_m_s2=2.5)
+    flight = fly_through_change(HERE, (0.0, -10.0), 30.0, [], change, 30.0, [(400.0, 0.0)], 10.0)
+    assert flight.at(4.0) == (0.0, -20.0, 30.0)
+
+
+@pytest.mark.parametrize(
+    ("present_m", "reaches_m"), [(24.0, 24.0), (0.0, 30.0 - 4.0 * DESCENT_M_S), (90.0, 40.0)]
+)
+def test_until_the_change_the_vehicle_climbs_or_descends_by_its_present_plan(
+    present_m: float, reaches_m: float
+) -> None:
+    change = MissionChange(in_s=4.0, in_m=40.0, speed_m_s=10.0, brakes_m_s2=2.5)
+    flight = fly_through_change(HERE, EAST, present_m, [(400.0, 0.0)], change, 40.0, [(400.0, 0.0)], 10.0)
+    assert flight.at(8.0) == (60.0, 0.0, reaches_m)
+
+
+def test_a_vehicle_that_does_not_brake_leaves_its_present_plan_at_the_change() -> None:
+    change = MissionChange(in_s=6.0, in_m=60.0, speed_m_s=10.0, brakes_m_s2=None)
+    flight = fly_through_change(
+        HERE, EAST, 30.0, [(20.0, 0.0), (20.0, 400.0)], change, 40.0, [(300.0, 40.0)], 10.0
     )
-    assert path.times_s[:4] == pytest.approx((0.0, 4.0, 5.0, 9.0))
-    assert path.points[1:4] == ((40.0, 0.0, 30.0), (40.0, 10.0, 30.0), (40.0, 30.0, 30.0))
-
-
-def test_until_the_stop_the_vehicle_descends_by_its_present_plan() -> None:
-    here, path = (0.0, 0.0, 30.0), [(400.0, 0.0)]
-    stop = BrakingStop(brakes_in_s=4.0, brakes_in_m=40.0, speed_m_s=10.0, brakes_m_s2=2.5)
-    descends = fly_with_stop(here, 40.0, path, 10.0, 10.0, stop, 24.0)
-    goes_on = fly_with_stop(here, 40.0, path, 10.0, 10.0, stop, 0.0)
-    assert (descends.at(8.0), goes_on.at(8.0)) == ((60.0, 0.0, 24.0), (60.0, 0.0, 30.0 - 8.0 * DESCENT_M_S))
-
-
-def test_without_a_stop_the_present_height_counts_until_the_mission_change_along_the_same_way() -> None:
-    here, path = (0.0, 0.0, 30.0), [(20.0, 0.0), (20.0, 400.0)]
-    level = fly_along(here, 30.0, path, 10.0, 10.0)
-    climbs = fly_with_stop(here, 40.0, path, 10.0, 10.0, None, 30.0, 6.0)
-    for t in (1.0, 2.0, 3.0, 4.0, 5.0):
-        assert climbs.at(t) == pytest.approx(level.at(t))
+    assert [flight.at(t) for t in (2.0, 6.0)] == [(20.0, 0.0, 30.0), (20.0, 40.0, 30.0)]
+    assert flight.points[3] == (300.0, 40.0, 40.0)
 
 
 @pytest.mark.parametrize(
@@ -199,16 +214,9 @@ def test_the_deceleration_follows_from_the_firmware(
     "corner_m", [11.0 - 1e-13, 11.0, 11.0 + 1e-13, 31.0 - 1e-13, 31.0, 31.0 + 1e-13, 31.001]
 )
 def test_a_corner_on_the_braking_way_is_passed_once(corner_m: float) -> None:
-    here, path = (0.0, 0.0, 30.0), [(corner_m, 0.0), (corner_m, 400.0)]
-    path = fly_with_stop(
-        here,
-        30.0,
-        path,
-        10.0,
-        10.0,
-        BrakingStop(brakes_in_s=1.1, brakes_in_m=11.0, speed_m_s=10.0, brakes_m_s2=2.5),
-        30.0,
-    )
-    path = path.later(50_000.0)  # the clock of a vehicle booted long ago
-    assert 5.1 in [pytest.approx(t - 50_000.0) for t in path.times_s]
-    assert path.times_s[-1] > 50_045.0
+    present = [(corner_m, 0.0), (corner_m, 400.0)]
+    change = MissionChange(in_s=1.1, in_m=11.0, speed_m_s=10.0, brakes_m_s2=2.5)
+    flight = fly_through_change(HERE, EAST, 30.0, present, change, 30.0, present, 10.0)
+    flight = flight.later(50_000.0)  # the clock of a vehicle booted long ago
+    assert 5.1 in [pytest.approx(t - 50_000.0) for t in flight.times_s]
+    assert flight.times_s[-1] > 50_045.0

@@ -70,7 +70,7 @@ def avoid_collisions(state: AgentState) -> StepResult:
     elif hears_nobody(state):
         effects = []
     else:
-        lower_ids = [alarm for alarm in alarms if alarm.other > state.task.uav]
+        lower_ids = [alarm for alarm in alarms if alarm.is_close and alarm.other > state.task.uav]
         to_avoid = [alarm for alarm in (*new, *lower_ids) if _has_to_give_way(state, alarm.other)]
         state, effects = _give_way(state, to_avoid)
     return state, [*messages, *effects]

@@ -161,8 +161,9 @@ def _wait_if_conflicting(state: AgentState, here: LocalPoint) -> StepResult:
         if clash.at_s < min(until_s, now_s + _conflict_horizon_s(waited_for[clash.other]))
     ]
     east_m, north_m, up_m = stopping_point(state, here)
-    stop = (east_m, north_m, up_m + min(state.vehicle.climb_m_s, 0.0))
-    if not clashes or hold_would_block(state, stop, others):
+    # A descending vehicle stops at once, or within about a second.
+    stops_at_m = {up_m, up_m + min(state.vehicle.climb_m_s, 0.0)}
+    if not clashes or any(hold_would_block(state, (east_m, north_m, z), others) for z in stops_at_m):
         return state, []
     counts, n, reports = state.conflicts.counts, len(clashes), state.neighbours
     counts = replace(counts, predicted=counts.predicted + n, by_waiting=counts.by_waiting + n)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from swarmctl.agent.traffic.separation.approach import Limits, PairDistance, closest, intervals
+from swarmctl.agent.traffic.separation.clash import HEIGHT_TOLERANCE_M
 from swarmctl.agent.traffic.separation.trajectory import Bounds, Trajectory
 from swarmctl.core.frames import StateShared
 
@@ -114,8 +115,10 @@ class ProximityAlarm:
     other: int
     approach: PairDistance
     """last prediction, by the vehicle's own clock"""
+    is_close: bool = True
+    """False: only the wider limits for the end of an alarm are not kept"""
     clear_since_s: float | None = None
-    """time since which the conflict is no longer predicted [s]; None while predicted"""
+    """time since which the wider limits are predicted to be kept [s]; None while they are not"""
 
 
 def update_alarms(
@@ -133,18 +136,19 @@ def update_alarms(
     """
     before = {alarm.other: alarm for alarm in alarms}
     wide = _wide(rules)
+    near = Limits(rules.limits.horizontal_m, rules.limits.vertical_m - HEIGHT_TOLERANCE_M)
     after = []
     for uav in sorted({*others, *before}):
         other, known = others.get(uav), before.get(uav)
-        limits = rules.limits if known is None else wide
-        if other is not None and intervals(own, other, limits):
+        is_close = other is not None and bool(intervals(own, other, near))
+        if other is not None and (is_close or (known is not None and intervals(own, other, wide))):
             at = closest(own, other, rules.limits)
             assert at is not None
-            after.append(ProximityAlarm(uav, at))
+            after.append(ProximityAlarm(uav, at, is_close))
         elif known is not None:
             since_s = now_s if known.clear_since_s is None else known.clear_since_s
             if now_s - since_s < CLEAR_FOR_S:
-                after.append(ProximityAlarm(uav, known.approach, since_s))
+                after.append(ProximityAlarm(uav, known.approach, False, since_s))
     return tuple(after)
 
 
