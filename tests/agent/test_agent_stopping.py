@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -10,12 +11,13 @@ from agent_stories import GRID, Story, publications
 
 from swarmctl.agent.arrival.common_time import ArrivalGroup
 from swarmctl.agent.commands import RETRY_AFTER_S
-from swarmctl.agent.replan.copter_trajectory import DESCENT_M_S, fly_along, fly_through_change
+from swarmctl.agent.replan.copter_trajectory import DESCENT_M_S, FlightPart, fly_along, fly_through_change
 from swarmctl.agent.replan.stopping import MissionChange
 from swarmctl.agent.traffic.own_flight import planned_flight
 from swarmctl.agent.traffic.separation.trajectory import Trajectory
 from swarmctl.core import events as ev
 from swarmctl.core.frames import IntentShared, StateShared
+from swarmctl.core.planar import PlanarPoint
 from swarmctl.mavlink.dialects import dialect_for
 from swarmctl.mavlink.telemetry.vehicle_state import Telemetry
 
@@ -150,34 +152,53 @@ def test_a_holding_vehicle_needs_no_stop() -> None:
 
 HERE, EAST = (0.0, 0.0, 30.0), (10.0, 0.0)
 """position and velocity before a mission change"""
+FAR: list[PlanarPoint] = [(400.0, 0.0)]
 
 
-def test_a_change_after_the_landing_spot_has_no_effect() -> None:
+def changing(
+    in_s: float,
+    present: Sequence[PlanarPoint],
+    new: Sequence[PlanarPoint],
+    *,
+    velocity_m_s: PlanarPoint = EAST,
+    brakes_m_s2: float | None = 2.5,
+    heights_m: tuple[float, float] = (30.0, 30.0),
+    leaves_ahead: bool = False,
+) -> Trajectory:
+    """Return the flight of a vehicle at HERE with a mission change after `in_s`."""
+    change = MissionChange(in_s, 10.0 * in_s, 10.0, brakes_m_s2)
+    before, after = FlightPart(heights_m[0], present), FlightPart(heights_m[1], new)
+    return fly_through_change(HERE, velocity_m_s, before, change, after, 10.0, leaves_ahead=leaves_ahead)
+
+
+def test_a_change_after_the_landing_has_no_effect() -> None:
     present = [(60.0, 0.0), (60.0, 30.0)]
-    change = MissionChange(in_s=12.0, in_m=120.0, speed_m_s=10.0, brakes_m_s2=2.5)
-    flight = fly_through_change(HERE, EAST, 30.0, present, change, 30.0, [(500.0, 0.0)], 10.0)
-    assert flight == fly_along(HERE, 30.0, present, 10.0, 10.0)
+    assert changing(30.0, present, FAR) == fly_along(HERE, 30.0, present, 10.0, 10.0)
 
 
 def test_the_vehicle_turns_by_its_present_plan_and_stops_straight_ahead() -> None:
-    present = [(40.0, 0.0), (40.0, 400.0)]
-    change = MissionChange(in_s=5.0, in_m=50.0, speed_m_s=10.0, brakes_m_s2=2.5)
-    flight = fly_through_change(HERE, EAST, 30.0, present, change, 30.0, [(500.0, 0.0)], 10.0)
-    assert flight.times_s[:4] == pytest.approx((0.0, 4.0, 5.0, 9.0))
-    assert flight.points[1:4] == ((40.0, 0.0, 30.0), (40.0, 10.0, 30.0), (40.0, 30.0, 30.0))
+    present = [(100.0, 0.0), (100.0, 400.0)]
+    planned, flight = fly_along(HERE, 30.0, present, 10.0, 10.0), changing(16.0, present, FAR)
+    for t in (5.0, 9.0, 12.0, 16.0):
+        assert flight.at(t) == pytest.approx(planned.at(t))
+    changes_at, stops_at = planned.at(16.0), flight.at(20.0)
+    assert changes_at is not None
+    assert stops_at == pytest.approx((100.0, changes_at[1] + 20.0, 30.0), abs=0.5)
 
 
 def test_a_vehicle_flies_back_to_the_waypoint_behind_its_stop() -> None:
-    change = MissionChange(in_s=2.0, in_m=20.0, speed_m_s=10.0, brakes_m_s2=2.5)
-    path = [(30.0, 0.0), (30.0, 400.0)]
-    flight = fly_through_change(HERE, EAST, 30.0, [(400.0, 0.0)], change, 30.0, path, 10.0)
-    assert flight.points[2:4] == ((40.0, 0.0, 30.0), (30.0, 0.0, 30.0))
+    flight = changing(2.0, FAR, [(30.0, 0.0), (30.0, 400.0)])
+    assert flight.points[2] == (40.0, 0.0, 30.0)
+    assert (30.0, 0.0, 30.0) in flight.points[3:]
+
+
+def test_a_vehicle_does_not_fly_back_to_waypoints_of_both_plans_before_the_change() -> None:
+    flight = changing(3.0, FAR, [(20.0, 0.0), (100.0, 0.0), (100.0, 50.0)], leaves_ahead=True)
+    assert [east_m for east_m, _, _ in flight.points] == sorted(east_m for east_m, _, _ in flight.points)
 
 
 def test_a_vehicle_that_brakes_now_stops_in_the_direction_of_its_velocity() -> None:
-    change = MissionChange(in_s=0.0, in_m=0.0, speed_m_s=10.0, brakes_m_s2=2.5)
-    flight = fly_through_change(HERE, (0.0, -10.0), 30.0, [], change, 30.0, [(400.0, 0.0)], 10.0)
-    assert flight.at(4.0) == (0.0, -20.0, 30.0)
+    assert changing(0.0, FAR, FAR, velocity_m_s=(0.0, -10.0)).at(4.0) == (0.0, -20.0, 30.0)
 
 
 @pytest.mark.parametrize(
@@ -186,18 +207,13 @@ def test_a_vehicle_that_brakes_now_stops_in_the_direction_of_its_velocity() -> N
 def test_until_the_change_the_vehicle_climbs_or_descends_by_its_present_plan(
     present_m: float, reaches_m: float
 ) -> None:
-    change = MissionChange(in_s=4.0, in_m=40.0, speed_m_s=10.0, brakes_m_s2=2.5)
-    flight = fly_through_change(HERE, EAST, present_m, [(400.0, 0.0)], change, 40.0, [(400.0, 0.0)], 10.0)
-    assert flight.at(8.0) == (60.0, 0.0, reaches_m)
+    assert changing(4.0, FAR, FAR, heights_m=(present_m, 50.0)).at(8.0) == (60.0, 0.0, reaches_m)
 
 
 def test_a_vehicle_that_does_not_brake_leaves_its_present_plan_at_the_change() -> None:
-    change = MissionChange(in_s=6.0, in_m=60.0, speed_m_s=10.0, brakes_m_s2=None)
-    flight = fly_through_change(
-        HERE, EAST, 30.0, [(20.0, 0.0), (20.0, 400.0)], change, 40.0, [(300.0, 40.0)], 10.0
-    )
-    assert [flight.at(t) for t in (2.0, 6.0)] == [(20.0, 0.0, 30.0), (20.0, 40.0, 30.0)]
-    assert flight.points[3] == (300.0, 40.0, 40.0)
+    flight = changing(4.0, FAR, [(40.0, 300.0)], brakes_m_s2=None, heights_m=(30.0, 40.0))
+    assert flight.at(4.0) == pytest.approx((40.0, 0.0, 30.0))
+    assert (40.0, 300.0, 40.0) in flight.points
 
 
 @pytest.mark.parametrize(
@@ -215,8 +231,6 @@ def test_the_deceleration_follows_from_the_firmware(
 )
 def test_a_corner_on_the_braking_way_is_passed_once(corner_m: float) -> None:
     present = [(corner_m, 0.0), (corner_m, 400.0)]
-    change = MissionChange(in_s=1.1, in_m=11.0, speed_m_s=10.0, brakes_m_s2=2.5)
-    flight = fly_through_change(HERE, EAST, 30.0, present, change, 30.0, present, 10.0)
-    flight = flight.later(50_000.0)  # the clock of a vehicle booted long ago
-    assert 5.1 in [pytest.approx(t - 50_000.0) for t in flight.times_s]
+    flight = changing(1.1, present, present).later(50_000.0)  # the clock of a vehicle booted long ago
+    assert flight.points[-3][:2] == (corner_m, 400.0)
     assert flight.times_s[-1] > 50_045.0

@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 from bisect import bisect_left
 from collections.abc import Sequence
-from dataclasses import replace
-from itertools import pairwise
+from dataclasses import dataclass, replace
 
 from swarmctl.agent.replan import travel_time, wing_trajectory
 from swarmctl.agent.replan.length_bounds import CLIMB_M_S, LIFT_S
-from swarmctl.agent.replan.stopping import RESTART_M_S, MissionChange, split_track
+from swarmctl.agent.replan.stopping import CORNER_M, RESTART_M_S, MissionChange, split_track
 from swarmctl.agent.state import Task
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory
 from swarmctl.core.geo import LatLon
@@ -21,6 +20,8 @@ DESCENT_M_S = 1.5
 """descent rate down to LOW_M [m/s]: the default of ArduCopter's WPNAV_SPEED_DN"""
 LAND_M_S = 0.5
 """descent rate below LOW_M [m/s]: the default of LAND_SPEED"""
+RAMPS_S = 20.0
+"""time for which a flight shows where it speeds up and brakes; farther ahead only its corners [s]"""
 LEVEL_S = 0.4
 """duration of a climb or descent below which the flight counts as level [s]"""
 SAME_TIME_S = 1e-3
@@ -86,39 +87,64 @@ def climb_then_fly(
     return Trajectory((0.0, *flight.times_s), (here, *flight.points))
 
 
+@dataclass(frozen=True, slots=True)
+class FlightPart:
+    """A flight at one height."""
+
+    height_m: float
+    """above home [m]"""
+    path: Sequence[PlanarPoint]
+    """points ahead of the vehicle, and the landing spot"""
+
+
 def fly_through_change(
     here: LocalPoint,
     velocity_m_s: PlanarPoint,
-    present_height_m: float,
-    present_path: Sequence[PlanarPoint],
+    present: FlightPart,
     change: MissionChange,
-    height_m: float,
-    path: Sequence[PlanarPoint],
+    new: FlightPart,
     speed_m_s: float,
+    *,
+    leaves_ahead: bool = False,
 ) -> Trajectory:
-    """Return the trajectory by the present plan until a mission change, then along `path` at `height_m`.
+    """Return the trajectory by the present plan until a mission change, then by the new plan to its landing.
 
     A vehicle that brakes for the change stops straight ahead at its present height, and then flies to the
-    first point of `path`, even back to it. If the present path ends before the change, the vehicle lands.
+    first point of the new path, even back to it. If the new plan first follows the present plan
+    (`leaves_ahead`), the vehicle does not fly to the points that it has passed before the change. If the
+    present path ends before the change, the vehicle lands there.
     """
-    parts = ([here[:2]], ()) if change.in_m <= 0.0 else split_track([here[:2], *present_path], change.in_m)
-    if parts is None:
-        return fly_along(here, present_height_m, present_path, speed_m_s, change.speed_m_s)
-    flown, points, times_s, flown_m = parts[0], [here], [0.0], 0.0
-    for a, b in pairwise(flown):
-        flown_m += math.dist(a, b)
-        if times_s[-1] + SAME_TIME_S < (at_s := change.in_s * flown_m / change.in_m):
-            points.append((*b, _height_after(at_s, here[2], present_height_m)))
-            times_s.append(at_s)
-    end, before, initial_m_s = flown[-1], flown[-2:-1], change.speed_m_s
-    if change.brakes_m_s2:
-        along = tuple(b - a for a, b in zip(before[0], end, strict=True)) if before else velocity_m_s
-        share = change.stopping_m / (math.hypot(*along) or 1.0)
-        end, initial_m_s = (end[0] + share * along[0], end[1] + share * along[1]), RESTART_M_S
-    ends_at = (*end, _height_after(change.in_s, here[2], present_height_m))
-    after = fly_along(ends_at, height_m, path, speed_m_s, initial_m_s).later(change.stops_in_s)
-    n = bisect_left(times_s, change.stops_in_s - SAME_TIME_S)
+    initial_m_s, path = math.hypot(*velocity_m_s), new.path
+    profile = travel_time.speed_profile([here[:2], *present.path], speed_m_s, initial_m_s=initial_m_s)
+    if change.in_s >= profile.times_s[-1] and present.path:
+        return fly_along(here, present.height_m, present.path, speed_m_s, initial_m_s)
+    flown_m, changes_m_s = profile.after(change.in_s) if change.in_s > SAME_TIME_S else (0.0, initial_m_s)
+    n = bisect_left(profile.times_s, change.in_s - SAME_TIME_S) or 1
+    points, times_s, end = [here], [0.0], profile.at(flown_m)[0]
+    for point, at_s in zip(profile.points[1:n], profile.times_s[1:n], strict=True):
+        points.append((*point, _height_after(at_s, here[2], present.height_m)))
+        times_s.append(at_s)
+    if leaves_ahead:
+        parts = split_track([here[:2], *path], flown_m)
+        path = path[-1:] if parts is None else parts[1][1:]
+    height_m = _height_after(change.in_s, here[2], present.height_m)
+    ends_at, ends_s = (*end, height_m), change.in_s
+    if change.brakes_m_s2 and changes_m_s > RESTART_M_S:
+        before = bisect_left(profile.at_m, flown_m - CORNER_M)
+        along = velocity_m_s if before == 0 else _direction(profile.points[before - 1], end)
+        share = changes_m_s**2 / (2.0 * change.brakes_m_s2 * math.hypot(*along))
+        if ends_s > times_s[-1] + SAME_TIME_S:
+            points.append(ends_at)
+            times_s.append(ends_s)
+        ends_at = (end[0] + share * along[0], end[1] + share * along[1], height_m)
+        ends_s, changes_m_s = ends_s + changes_m_s / change.brakes_m_s2, RESTART_M_S
+    after = fly_along(ends_at, new.height_m, path, speed_m_s, changes_m_s).later(ends_s)
+    n = bisect_left(times_s, ends_s - SAME_TIME_S)
     return Trajectory((*times_s[:n], *after.times_s), (*points[:n], *after.points))
+
+
+def _direction(a: PlanarPoint, b: PlanarPoint) -> PlanarPoint:
+    return b[0] - a[0], b[1] - a[1]
 
 
 def _height_after(seconds: float, from_m: float, to_m: float) -> float:
@@ -130,18 +156,25 @@ def fly_along(
     here: LocalPoint, height_m: float, path: Sequence[PlanarPoint], speed_m_s: float, initial_m_s: float = 0.0
 ) -> Trajectory:
     """Return the trajectory along `path` at `height_m` to the landing, from `here` at speed `initial_m_s`."""
-    corners, passed_s = travel_time.corner_times([here[:2], *path], speed_m_s, initial_m_s=initial_m_s)
-    if len(corners) > 1 and path[0] not in corners[:2] and path[0] != here[:2]:
-        # The first point of the path is no corner, but the flight is level from this point on.
-        share = min(math.dist(here[:2], path[0]) / math.dist(here[:2], corners[1]), 0.99)
-        corners.insert(1, path[0])
-        passed_s.insert(1, share * passed_s[1])
-    points, times_s = [here], [0.0]
-    # A climb that takes longer than the first leg delays all later points.
+    profile = travel_time.speed_profile(
+        [here[:2], *path], speed_m_s, initial_m_s=initial_m_s, ramps_s=RAMPS_S
+    )
+    # The vehicle climbs evenly to the first point of its path. A longer climb delays all later points.
+    level_m = next((away_m for point in path if (away_m := math.dist(here[:2], point)) > 0.0), 0.0)
+    level_m = min(level_m, profile.at_m[-1])
+    level, level_s = profile.at(level_m)
     rate_m_s = CLIMB_M_S if height_m > here[2] else DESCENT_M_S
-    late_s = max(abs(height_m - here[2]) / rate_m_s - passed_s[1], 0.0) if len(corners) > 1 else 0.0
-    for corner, at_s in zip(corners[1:], passed_s[1:], strict=True):
-        points.append((*corner, height_m))
+    late_s = max(abs(height_m - here[2]) / rate_m_s - level_s, 0.0)
+    n = bisect_left(profile.at_m, level_m - CORNER_M) or 1
+    points, times_s = [here], [0.0]
+    for point, at_m, at_s in zip(profile.points[1:n], profile.at_m[1:n], profile.times_s[1:n], strict=True):
+        points.append((*point, here[2] + at_m / level_m * (height_m - here[2])))
+        times_s.append(at_s * (1.0 + late_s / level_s))
+    if level_m > 0.0 and profile.at_m[n] > level_m + CORNER_M and height_m != here[2]:
+        points.append((*level, height_m))
+        times_s.append(level_s + late_s)
+    for point, at_s in zip(profile.points[n:], profile.times_s[n:], strict=True):
+        points.append((*point, height_m))
         times_s.append(at_s + late_s)
     return land_from(points, times_s)
 

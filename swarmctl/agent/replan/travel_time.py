@@ -17,7 +17,9 @@ Between short legs a turn may cost as much as a stop, so the estimate has a stop
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import accumulate, pairwise
 
 from swarmctl.core.planar import PlanarPoint
@@ -35,6 +37,10 @@ SHORT_S = 4.5
 """Duration of a leg at full speed [s]; the estimate has a stop at both ends of a shorter leg."""
 STRAIGHT_RAD = 0.1
 """Greatest turn that counts as straight [rad]."""
+
+
+LEAST_RAMP_S = 0.5
+"""Least time between two points of a speed profile between corners [s]."""
 
 
 def braking_loss_s(speed_m_s: float, brakes_m_s2: float = BRAKING_M_S2) -> float:
@@ -62,29 +68,94 @@ def arrives_s(
 
     `initial_m_s` is the speed at the start. The result is not before the start of the last leg.
     """
-    corners, times_s, last_m_s = _corner_times_and_speed(track, speed_m_s, initial_m_s)
+    corners, times_s, passed_m_s = _corner_times_and_speeds(track, speed_m_s, initial_m_s)
     if len(corners) < 2:
         return 0.0
     last_m = math.dist(corners[-2], corners[-1])
-    return times_s[-1] - _leg_end_s(last_m_s, last_m, min(remaining_m, last_m), speed_m_s)
+    return times_s[-1] - _leg_end_s(passed_m_s[-2], last_m, min(remaining_m, last_m), speed_m_s)
 
 
-def corner_times(
-    track: Sequence[PlanarPoint], speed_m_s: float, *, initial_m_s: float = 0.0
-) -> tuple[list[PlanarPoint], list[float]]:
-    """Return the ends and corners of a track that ends in a stop, and the time from the start to each [s]."""
-    corners, times_s, _ = _corner_times_and_speed(track, speed_m_s, initial_m_s)
-    return corners, times_s
+@dataclass(frozen=True, slots=True)
+class SpeedProfile:
+    """A flight along a track that ends in a stop: the points at which the acceleration changes."""
+
+    points: Sequence[PlanarPoint]
+    """both ends, the corners, and points between them"""
+    at_m: Sequence[float]
+    """distance of each point along the track [m]"""
+    times_s: Sequence[float]
+    """time from the start to each point [s]"""
+    speeds_m_s: Sequence[float]
+    """speed at each point [m/s]"""
+
+    def at(self, distance_m: float) -> tuple[PlanarPoint, float]:
+        """Return the point at a distance along the track, and the time from the start to it [s]."""
+        if distance_m >= self.at_m[-1]:
+            return self.points[-1], self.times_s[-1]
+        i = max(bisect_right(self.at_m, distance_m), 1) - 1
+        share = (distance_m - self.at_m[i]) / (self.at_m[i + 1] - self.at_m[i])
+        (e0, n0), (e1, n1) = self.points[i : i + 2]
+        slow, fast = self.speeds_m_s[i : i + 2]
+        # By constant acceleration, share · mean = slow · u + change · u² / 2, with the share u of the time.
+        mean_m_s, change_m_s = 0.5 * (slow + fast), fast - slow
+        if abs(change_m_s) > 1e-6 * mean_m_s:
+            root = math.sqrt(max(slow * slow + 2.0 * change_m_s * mean_m_s * share, 0.0))
+            u = (root - slow) / change_m_s
+        else:
+            u = share
+        t0, t1 = self.times_s[i : i + 2]
+        return (e0 + share * (e1 - e0), n0 + share * (n1 - n0)), t0 + u * (t1 - t0)
+
+    def after(self, seconds: float) -> tuple[float, float]:
+        """Return the distance flown after a time [m], and the speed then [m/s]."""
+        if seconds >= self.times_s[-1]:
+            return self.at_m[-1], 0.0
+        i = max(bisect_right(self.times_s, seconds), 1) - 1
+        u = (seconds - self.times_s[i]) / (self.times_s[i + 1] - self.times_s[i])
+        slow, fast = self.speeds_m_s[i : i + 2]
+        share = u * (2.0 * slow + (fast - slow) * u) / (slow + fast) if slow + fast > 0.0 else u
+        return self.at_m[i] + share * (self.at_m[i + 1] - self.at_m[i]), slow + u * (fast - slow)
 
 
-def _corner_times_and_speed(
+def speed_profile(
+    track: Sequence[PlanarPoint], speed_m_s: float, *, initial_m_s: float = 0.0, ramps_s: float = math.inf
+) -> SpeedProfile:
+    """Return the flight along a track that ends in a stop, from the speed `initial_m_s`.
+
+    Legs that begin after `ramps_s` have no points between their corners.
+    """
+    corners, times_s, passed_m_s = _corner_times_and_speeds(track, speed_m_s, initial_m_s)
+    points, at_m, each_s, speeds_m_s = corners[:1], [0.0], [0.0], passed_m_s[:1]
+    for i, (a, b) in enumerate(pairwise(corners)):
+        begin_m_s, end_m_s, leg_m = passed_m_s[i], passed_m_s[i + 1], math.dist(a, b)
+        top_m_s, from_m = _top_m_s(begin_m_s, end_m_s, leg_m, speed_m_s), at_m[-1]
+        up_m = (top_m_s**2 - begin_m_s**2) / (2 * ACCELERATION_M_S2)
+        down_m = (top_m_s**2 - end_m_s**2) / (2 * BRAKING_M_S2)
+        up_s = times_s[i] + (SETTLE_S if i else 0.0) + (top_m_s - begin_m_s) / ACCELERATION_M_S2
+        down_s = times_s[i + 1] - (top_m_s - end_m_s) / BRAKING_M_S2
+        for on_m, on_s in ((up_m, up_s), (leg_m - down_m, down_s)):
+            is_between = each_s[-1] + LEAST_RAMP_S < on_s < times_s[i + 1] - LEAST_RAMP_S
+            if is_between and times_s[i] <= ramps_s:
+                share = on_m / leg_m
+                points.append((a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])))
+                at_m.append(from_m + on_m)
+                each_s.append(on_s)
+                speeds_m_s.append(top_m_s)
+        points.append(b)
+        at_m.append(from_m + leg_m)
+        each_s.append(times_s[i + 1])
+        speeds_m_s.append(end_m_s)
+    return SpeedProfile(points, at_m, each_s, speeds_m_s)
+
+
+def _corner_times_and_speeds(
     track: Sequence[PlanarPoint], speed_m_s: float, initial_m_s: float
-) -> tuple[list[PlanarPoint], list[float], float]:
-    """Return the corners, the time at each [s], and the speed at the start of the last leg [m/s]."""
+) -> tuple[list[PlanarPoint], list[float], list[float]]:
+    """Return both ends and the corners, the time at each [s], and the speed at each [m/s]."""
     corners = _corners(track)
     legs_m = [math.dist(a, b) for a, b in pairwise(corners)]
     if not legs_m:
-        return corners, [0.0] * len(corners), 0.0
+        return corners, [0.0] * len(corners), [0.0] * len(corners)
     short = [leg_m < SHORT_S * speed_m_s for leg_m in legs_m]
     short[0] = short[0] and initial_m_s == 0.0 and len(legs_m) > 1
     passed_m_s = [min(initial_m_s, speed_m_s)]
@@ -96,7 +167,7 @@ def _corner_times_and_speed(
     legs = zip(pairwise(passed_m_s), legs_m, strict=True)
     each_s = [_leg_s(*ends, leg_m, speed_m_s) for ends, leg_m in legs]
     each_s[1:] = [leg_s + SETTLE_S for leg_s in each_s[1:]]
-    return corners, list(accumulate(each_s, initial=0.0)), passed_m_s[-2]
+    return corners, list(accumulate(each_s, initial=0.0)), passed_m_s
 
 
 def _corners(track: Sequence[PlanarPoint]) -> list[PlanarPoint]:

@@ -14,6 +14,7 @@ from swarmctl.agent.phases import EN_ROUTE, Phase
 from swarmctl.agent.replan import wing_trajectory
 from swarmctl.agent.replan.copter_trajectory import (
     DESCENT_M_S,
+    FlightPart,
     climb_then_fly,
     fly_along,
     fly_through_change,
@@ -25,7 +26,6 @@ from swarmctl.agent.replan.stopping import (
     MissionChange,
     change_ahead,
     change_for_new_plan,
-    split_track,
     swap_due_s,
 )
 from swarmctl.agent.state import AgentState
@@ -186,13 +186,14 @@ def _through_change(
     assert route is not None
     progress = state.progress_on(route)
     present_path = waypoints_of(state.task, route.plan) if progress is None else progress.points_ahead
-    if plan.leaves_ahead:
-        # The vehicle passes the first points of the new plan by its present plan.
-        parts = split_track([here[:2], *path], change.in_m)
-        path = path[-1:] if parts is None else parts[1][1:]
-    velocity_m_s, height_m = (vehicle.east_m_s, vehicle.north_m_s), route.plan.height_m
     return fly_through_change(
-        here, velocity_m_s, height_m, present_path, change, plan.height_m, path, speed_m_s
+        here,
+        (vehicle.east_m_s, vehicle.north_m_s),
+        FlightPart(route.plan.height_m, present_path),
+        change,
+        FlightPart(plan.height_m, path),
+        speed_m_s,
+        leaves_ahead=plan.leaves_ahead,
     )
 
 
@@ -296,8 +297,11 @@ def _fixed_wing_trajectory(state: AgentState, here: LocalPoint, speed_m_s: float
 
 
 def _climbs_vertically(state: AgentState, here: LocalPoint, plan: FlightPlan) -> bool:
-    vehicle = state.vehicle
-    if vehicle.home_lat_deg is None or vehicle.home_lon_deg is None or state.plans.replans:
+    """Return whether the vehicle is still in its take-off: in its first mission, low above home."""
+    vehicle, route = state.vehicle, state.plans.route
+    if vehicle.home_lat_deg is None or vehicle.home_lon_deg is None:
+        return False
+    if route is None or route.plan.begins is not None:
         return False
     home = state.task.grid.frame.to_local(vehicle.home_lat_deg, vehicle.home_lon_deg)
     return math.dist(here[:2], home) < VERTICAL_WITHIN_M and here[2] < plan.height_m - AIRBORNE_M
