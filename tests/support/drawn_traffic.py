@@ -261,7 +261,8 @@ def order(drawn: DrawnTraffic, rng: random.Random, agent: LightAgent) -> None:
 
 
 def _sent_home_if_holding(agent: LightAgent, give: Callable[[ev.FlightOrder], None]) -> None:
-    if agent.state.phase.value == "holding":
+    # A repeated order would end the wait for a clear return path.
+    if agent.state.phase.value == "holding" and not agent.state.is_waiting:
         give(ev.FlightOrder.RETURN)
 
 
