@@ -118,6 +118,14 @@ def test_a_copter_does_not_wait_in_the_way_of_the_landing_vehicle() -> None:
     assert orders(story.at(4.0)) == []
 
 
+def test_a_copter_does_not_wait_just_below_a_silent_vehicle() -> None:
+    story = LandingStory()
+    story.at(10.0)
+    story.other(1, (0.0, -200.0, 30.0), (20.0, 0.0, 30.0), (22.0, 12.0, 30.0), (90.0, 12.0, 0.0))
+    story.now += 25.0
+    assert orders(story.at(0.0, 28.5, **STILL, climb_m_s=-1.5)) == []
+
+
 @pytest.mark.parametrize(
     ("up_m", "changes"),
     [

@@ -53,6 +53,18 @@ def test_an_alarm_ends_with_hysteresis() -> None:
     assert step(alarms, 30.0, 16.0, 6.0) == ()
 
 
+@pytest.mark.parametrize(("up_m", "raises", "stays_close"), [(2.6, True, True), (2.8, False, False)])
+def test_heights_are_compared_with_the_accuracy_of_held_heights(
+    up_m: float, raises: bool, stays_close: bool
+) -> None:
+    """A flight that the trajectory check takes as clear raises no alarm, and causes no hold by an old one."""
+    own = extrapolate((0.0, 0.0, 40.0), (5.0, 0.0, 0.0), 0.0, 10.0)
+    above = extrapolate((40.0, 0.0, 40.0 + up_m), (-5.0, 0.0, 0.0), 0.0, 10.0)
+    assert bool(update_alarms((), own, {7: above}, RULES, 0.0)) is raises
+    (alarm,) = update_alarms(head_on(50.0), own, {7: above}, RULES, 0.0)
+    assert alarm.is_close is stays_close
+
+
 def test_an_alarm_for_a_vehicle_without_telemetry_ends() -> None:
     alarms = head_on(50.0)
     own = extrapolate((0.0, 0.0, 40.0), (5.0, 0.0, 0.0), 1.0, 10.0)
