@@ -75,6 +75,13 @@ def plan(
         style="bright_black",
         highlight=False,
     )
+    if scenario.config.formations:
+        out.print(
+            "A group follows the route of its first member, which is planned for all. Every other member has "
+            "a mission of its own, and flies it without the group.",
+            style="bright_black",
+            highlight=False,
+        )
     out.print(f"map and missions: {folder}", highlight=False, soft_wrap=True)
 
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from swarmctl.agent.formation.group_planner import first_method
 from swarmctl.agent.replan.decide import first_flight, first_problem, first_route
 from swarmctl.agent.state import Task
 from swarmctl.config.arrival_checks import check_arrival, check_time_bounds, unmet_time_bound
@@ -61,7 +62,10 @@ def _check_flights(scenario: Scenario) -> Iterator[ConfigProblem]:
     n_simulated = simulate.count if simulate is not None else 0
     yield from _check_starts(scenario)
     routes: dict[int, Route] = {}
-    for index, (spec, task) in enumerate(zip(scenario.specs, scenario.tasks, strict=True)):
+    groups = list(check_groups(scenario))
+    # Only a group without problems has shapes to plan a route for.
+    tasks = [replace(task, formation=None) if groups else task for task in scenario.tasks]
+    for index, (spec, task) in enumerate(zip(scenario.specs, tasks, strict=True)):
         here: KeyPath = ("simulate",) if index < n_simulated else ("vehicles", index - n_simulated)
         yield from _check_approach(scenario, spec, here)
         yield from _check_landing(scenario, task, (*here, "goal"))
@@ -79,14 +83,24 @@ def _check_flights(scenario: Scenario) -> Iterator[ConfigProblem]:
                 text = f"{task.name} cannot reach its goal: {task.max_exposure:g} excludes every route"
                 yield ConfigProblem(("planner", "max_exposure"), f"{text}; give {least:g} or more")
                 continue
+            if first_method(task) is not task.method:
+                yield _group_without_route(scenario, task, error)
+                continue
             text = f"{task.name} cannot reach its goal: {error}; open a passage in area.no_fly"
             yield ConfigProblem((*here, "goal"), text)
         else:
             routes[spec.sysid] = route
             yield from _check_turns(scenario, task, route, (*here, "turn_radius_m"))
     yield from check_landings(scenario)
-    yield from check_groups(scenario)
+    yield from groups
     yield from check_separation(scenario, routes)
+
+
+def _group_without_route(scenario: Scenario, task: Task, error: Unreachable) -> ConfigProblem:
+    assert task.formation is not None
+    names = [section.name for section in scenario.config.formations]
+    text = f"{error} (narrow_shape), or open a passage in area.no_fly"
+    return ConfigProblem(("formations", names.index(task.formation.name), "shape"), text)
 
 
 def _least_max_exposure(task: Task, scenario: Scenario) -> float | None:

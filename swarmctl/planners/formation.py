@@ -100,10 +100,10 @@ def plan(problem: Problem, params: Params) -> Route:
         n = area.poses.n_members
         if n == 1:
             raise problem.unreachable()
+        shapes = "its shape" if len(params.shapes) == 1 else f"any of its {len(params.shapes)} shapes"
         raise Unreachable(
-            f"no route leads a group of {n} from {problem.start} to a goal in any of its "
-            f"{len(params.shapes)} shapes: walls, or the border of the area, lie in its way; add a narrower "
-            "shape"
+            f"no route leads a group of {n} from {problem.start} to a goal in {shapes}: walls, or the border "
+            "of the area, lie in its way; add a narrower shape"
         )
     cells = area.cells_of(compiled(group_field.descend)(area.graph, label, starts, cost))
     return route_of(problem, cells, _cheapest_poses(area, cells, params)[0])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from swarmctl.agent.formation.group_planner import first_method
 from swarmctl.agent.replan.decide import first_problem
 from swarmctl.agent.replan.length_bounds import UNBOUNDED
 from swarmctl.agent.replan.route_to_mission import flown_route
@@ -37,9 +38,11 @@ def first_routes(scenario: Scenario) -> dict[str, tuple[FirstRoute, ...]]:
     """Return the routes of all vehicles before any observation.
 
     The keys are labels such as `w = 0.5`: one for each w of PLAN_WEIGHTS, and `scenario.chosen_by`. The
-    configured planner gives the routes of `scenario.chosen_by`, the paper's planner all other routes.
+    configured planner gives the routes of `scenario.chosen_by`, for the first member of a group the group's
+    planner. The paper's planner gives all other routes.
     """
     paper_method = Method("dijkstra", PAPER_PLANNER, PAPER_PLANNER.Params())
+    configured = tuple(replace(task, method=first_method(task)) for task in scenario.tasks)
     choices = {
         w: tuple(
             replace(task, method=paper_method, arrival=UNBOUNDED, w=w, benevolence=0.0)
@@ -49,9 +52,9 @@ def first_routes(scenario: Scenario) -> dict[str, tuple[FirstRoute, ...]]:
     }
     planner = scenario.config.planner
     if PLANNERS[planner.name].USES_W and not planner.benevolence:
-        choices[planner.w] = scenario.tasks
+        choices[planner.w] = configured
     named = {f"w = {w:g}": tasks for w, tasks in sorted(choices.items())}
-    named[scenario.chosen_by] = scenario.tasks
+    named[scenario.chosen_by] = configured
     return {
         name: tuple(_first_route(task, scenario.prior) for task in tasks) for name, tasks in named.items()
     }
@@ -93,5 +96,12 @@ def _numbers(scenario: Scenario, first: FirstRoute, *, is_chosen: bool) -> tuple
         f"{flown.exposure_sum:.3f}",
         product_text(flown.safety_factor),
         *estimate_texts(scenario.survival_probability(task.uav, scenario.prior, task.strength, flown.cells)),
-        "← configured" if is_chosen else "",
+        _choice(task) if is_chosen else "",
     )
+
+
+def _choice(task: Task) -> str:
+    if task.formation is None:
+        return "← configured"
+    group = f"group {task.formation.name}"
+    return f"← {group}" if task.uav == task.formation.members[0] else f"← without {group}"

@@ -115,6 +115,8 @@ def unsupported(scenario: Scenario) -> str | None:
         return "a study has no turns of a radius; set turn_radius_m to 0, and fly copters"
     if scenario.config.arrival is not None:
         return "a study has no simultaneous or staggered arrival; remove the section arrival"
+    if scenario.config.formations:
+        return "each vehicle flies alone; set kind: flights, or remove the section formations"
     return None
 
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from swarmctl.agent.formation.membership import Formation
 from swarmctl.agent.formation.near_members import near_members
 from swarmctl.agent.formation.shape import assigned
 from swarmctl.agent.formation.split import with_split
 from swarmctl.agent.phases import ON_GROUND
-from swarmctl.agent.state import AgentState
+from swarmctl.agent.state import AgentState, Task
 from swarmctl.core.grid import Cell
 from swarmctl.core.records import replace
 from swarmctl.core.split import SplitPlan
@@ -32,20 +33,40 @@ def planner_of(state: AgentState, start: Cell | None = None) -> Method:
     if formation is None:
         return state.task.method
     if state.phase in ON_GROUND:
-        is_first = state.task.uav == formation.members[0]
-        return _method(state, formation.members) if is_first else state.task.method
+        return first_method(state.task)
     if membership.n_present == 1 or not state.leads_group:
         return state.task.method
     others = near_members(state, formation, formation.keeps_place_s)
-    return with_split(state, _method(state, (*others, state.task.uav)), others, start)
+    heading_deg = None
+    if membership.route is not None and membership.along is not None:
+        heading = membership.route.reference.at(membership.along.s_m).heading_rad
+        heading_deg = math.degrees(heading) % 360.0
+    method = _method(state.task, formation, (*others, state.task.uav), heading_deg, membership.shape)
+    return with_split(state, method, others, start)
 
 
-def _method(state: AgentState, present: Sequence[int]) -> Method:
-    """Return the planner of a group of these vehicles, which this vehicle leads."""
-    formation, membership, cell_m = state.task.formation, state.membership, state.task.grid.cell_size_m
-    assert formation is not None
+def first_method(task: Task) -> Method:
+    """Return the planner of a vehicle's first route: for the first member of a group, the group's planner."""
+    formation = task.formation
+    if formation is None or task.uav != formation.members[0]:
+        return task.method
+    return _method(task, formation, formation.members)
+
+
+def _method(
+    task: Task,
+    formation: Formation,
+    present: Sequence[int],
+    heading_deg: float | None = None,
+    shape: int = 0,
+) -> Method:
+    """Return the planner of a group of these vehicles, which the task's vehicle leads.
+
+    heading_deg: heading of a group under way, which has the shape of number `shape`; None on the ground
+    """
+    cell_m = task.grid.cell_size_m
     numbers = assigned([uav in present for uav in formation.members], closes_up=formation.closes_up)
-    own = numbers[formation.members.index(state.task.uav)]
+    own = numbers[formation.members.index(task.uav)]
     others = [number for number in numbers if number is not None and number != own]
     shapes = []
     for k in range(len(formation.shapes)):
@@ -53,17 +74,12 @@ def _method(state: AgentState, present: Sequence[int]) -> Method:
         forward_m, right_m, _ = places[own or 0]
         offsets = ((places[i][0] - forward_m, places[i][1] - right_m) for i in others)
         shapes.append(((0.0, 0.0), *((f / cell_m, r / cell_m) for f, r in offsets)))
-    heading_deg = None
-    if membership.route is not None and membership.along is not None and state.phase not in ON_GROUND:
-        heading = membership.route.reference.at(membership.along.s_m).heading_rad
-        heading_deg = math.degrees(heading) % 360.0
-    is_under_way = heading_deg is not None
     params = planner.Params(
         tuple(shapes),
         formation.exposure,
-        other_shape_cost=OTHER_SHAPE * state.task.psi_per_cell,
+        other_shape_cost=OTHER_SHAPE * task.psi_per_cell,
         start_heading_deg=heading_deg,
-        start_shape=membership.shape if is_under_way else None,
+        start_shape=None if heading_deg is None else shape,
     )
     return Method("formation", planner, params)
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmctl.agent.formation.group_planner import planner_of
+from swarmctl.agent.formation.group_planner import first_method, planner_of
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.length_bounds import LeadIn, before_takeoff
 from swarmctl.agent.replan.route_to_mission import (
@@ -188,8 +188,10 @@ def route_gains(
 def first_route(task: Task, belief: Belief, w: float | None = None) -> Route:
     """Return the route from the entry cell, as planned before the flight.
 
-    Raises Unreachable, or BoundTooTight if no route meets the task's time bound.
+    The route of a group's first member is the group's. Raises Unreachable, or BoundTooTight if no route meets
+    the task's time bound.
     """
+    task = replace(task, method=first_method(task))
     return route_within_bounds(task, first_problem(task, belief, w))
 
 
