@@ -125,10 +125,12 @@ def _least_max_exposure(task: Task, scenario: Scenario) -> float | None:
 def _check_turns(scenario: Scenario, task: Task, route: Route, path: KeyPath) -> Iterator[ConfigProblem]:
     if task.turn_radius_m == 0.0:
         return
-    if task.any_angle is None:
+    if not scenario.config.flight.any_angle:
         text = "turns are planned on straightened routes only; set flight.any_angle: true"
         yield ConfigProblem(path, text)
         return
+    if task.any_angle is None:
+        return  # a plane in a group, which is refused there
     side_m = max(scenario.grid.size_east_m, scenario.grid.size_north_m)
     if task.turn_radius_m > side_m:
         text = f"{task.turn_radius_m:g} m is more than the longest side of the area, {side_m:g} m; lower it"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import combinations
 
 from swarmctl.agent.formation.approaches.place_keeping import MARGIN_M, MARGIN_UP_M
@@ -14,6 +14,7 @@ from swarmctl.agent.formation.shape import (
     radius_m,
     width_m,
 )
+from swarmctl.agent.traffic.wait import MIN_HEIGHT_M
 from swarmctl.config.communication import vehicle_of
 from swarmctl.config.formations import FormationSection
 from swarmctl.config.model import Config
@@ -77,26 +78,50 @@ def check_groups(scenario: Scenario) -> Iterator[ConfigProblem]:
             yield from _check_distances(scenario, section, members, places, (*here, key))
             yield from _check_room(scenario, places, (*here, key))
             yield from _check_messages(scenario, places, (*here, key))
+            if section.heights == "level":
+                yield from _check_heights(scenario, members, places, (*here, key))
         yield from _check_change(scenario, section, members, shapes, here)
         if section.split_factor is not None:
             yield from _check_split(scenario, section, members, here)
 
 
 def _check_members(section: FormationSection, members: list[Spec], here: KeyPath) -> Iterator[ConfigProblem]:
-    for j, spec in enumerate(members):
-        path = (*here, "members", j)
-        if spec.airframe == "plane":
-            text = f"{spec.name} is a plane, and a place in a shape needs a vehicle that can hover; remove it"
-            yield ConfigProblem(path, text)
-        if not LINKS[spec.link].sends_set_points:
-            text = f"{spec.name} has the link {spec.link}, which sends no set-points; set link: direct"
-            yield ConfigProblem(path, text)
-        if section.speed_m_s is not None and section.speed_m_s >= spec.speed_m_s:
-            text = (
-                f"{section.speed_m_s:g} m/s leaves {spec.name} ({spec.speed_m_s:g} m/s) no reserve for "
-                f"turns; give {0.8 * spec.speed_m_s:.3g} or less"
-            )
-            yield ConfigProblem((*here, "speed_m_s"), text)
+    path = (*here, "members")
+    if planes := _names(spec for spec in members if spec.airframe == "plane"):
+        text = f"a place in a shape needs a vehicle that can hover; remove the planes: {planes}"
+        yield ConfigProblem(path, text)
+    if without := _names(spec for spec in members if not LINKS[spec.link].sends_set_points):
+        yield ConfigProblem(
+            path, f"a member needs a link that sends set-points; set link: direct for {without}"
+        )
+    if bound := _names(s for s in members if s.arrive_after_s > 0.0 or s.arrive_within_s < math.inf):
+        text = f"a group has no time of arrival; remove arrive_after_s and arrive_within_s of {bound}"
+        yield ConfigProblem(path, text)
+    slowest = min(members, key=lambda spec: spec.speed_m_s)
+    if section.speed_m_s is not None and section.speed_m_s >= slowest.speed_m_s:
+        text = (
+            f"{section.speed_m_s:g} m/s leaves {slowest.name} ({slowest.speed_m_s:g} m/s) no reserve for "
+            f"turns; give {0.8 * slowest.speed_m_s:.3g} or less"
+        )
+        yield ConfigProblem((*here, "speed_m_s"), text)
+
+
+def _names(specs: Iterable[Spec]) -> str:
+    return ", ".join(spec.name for spec in specs)
+
+
+def _check_heights(
+    scenario: Scenario, members: list[Spec], places: tuple[ShapePlace, ...], path: KeyPath
+) -> Iterator[ConfigProblem]:
+    """Yield the problem of a member of a level group that would fly too low, or above the fence."""
+    low_m, high_m, leader = MIN_HEIGHT_M, scenario.ceiling_m, members[0]
+    for spec, (_, _, up_m) in zip(members, places, strict=True):
+        height_m = leader.altitude_m + up_m
+        if not low_m <= height_m <= high_m:
+            limit = f"below {low_m:g} m" if height_m < low_m else f"above the fence's ceiling of {high_m:g} m"
+            text = f"with {leader.name} at {leader.altitude_m:g} m, {spec.name} would fly at {height_m:g} m, "
+            yield ConfigProblem(path, f"{text}{limit}; change height_step_m, or the offsets' heights")
+            return
 
 
 def _check_distances(
