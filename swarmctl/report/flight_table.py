@@ -89,17 +89,18 @@ def swarm_lines(summary: dict[str, Any]) -> list[str]:
 
 
 def _formation_line(group: dict[str, Any]) -> str:
-    """Return a line about a group: how well its members kept their places, and what changed."""
+    """Return two lines about a group: leaders, errors of the members, and changes."""
     members = [m for m in group["members"].values() if m["rms_error_m"]["along"] is not None]
     if not members:
-        return f"group {group['name']}: no member reached its place"
+        return f"group {group['name']} ({group['approach']}): no member reached its place"
     in_place_s = [member["time_in_place_s"] for member in members]
     along_m, across_m = (max(m["rms_error_m"][axis] for m in members) for axis in ("along", "across"))
+    led = ", ".join(f"{name} for {led_s:.0f} s" for name, led_s in group["led_s"].items())
     return (
-        f"group {group['name']}: members in place for {min(in_place_s):.0f} to {max(in_place_s):.0f} s; "
-        f"largest RMS error {along_m:.1f} m along, {across_m:.1f} m across;\n  "
-        f"changes of shape {group['shape_changes']}, of leader {group['leader_changes']}; "
-        f"splits {group['splits']}"
+        f"group {group['name']} ({group['approach']}): led by {led}; members in place for "
+        f"{min(in_place_s):.0f} to {max(in_place_s):.0f} s;\n  "
+        f"largest RMS error {along_m:.1f} m along, {across_m:.1f} m across; "
+        f"changes of shape {group['shape_changes']}, splits {group['splits']}"
     )
 
 

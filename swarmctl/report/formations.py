@@ -7,6 +7,7 @@ from collections import defaultdict
 from dataclasses import dataclass, field
 from typing import Any
 
+from swarmctl.agent.formation.membership import Formation
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.state import AgentState
 
@@ -49,24 +50,40 @@ class MemberStatistics:
         }
 
 
+@dataclass(slots=True)
+class GroupStatistics:
+    """The flight of one group."""
+
+    formation: Formation
+    members: dict[int, MemberStatistics] = field(default_factory=dict)
+    led_s: defaultdict[int, float] = field(default_factory=lambda: defaultdict(float))
+    """time for which each member has led [s]"""
+    shapes_s: defaultdict[int, float] = field(default_factory=lambda: defaultdict(float))
+    """time in each shape, by its number [s]"""
+
+
 class FormationStatistics:
     """The groups of a flight."""
 
     def __init__(self) -> None:
-        self._members: defaultdict[str, dict[int, MemberStatistics]] = defaultdict(dict)
+        self._groups: dict[str, GroupStatistics] = {}
 
     def moved(self, before: AgentState, after: AgentState) -> None:
         """Count a telemetry message of a vehicle."""
         formation, membership = after.task.formation, after.membership
         if formation is None:
             return
-        member = self._members[formation.name].setdefault(after.task.uav, MemberStatistics())
+        group = self._groups.setdefault(formation.name, GroupStatistics(formation))
+        member = group.members.setdefault(after.task.uav, MemberStatistics())
         if membership.leader is None or membership.n_present == 1:
             return
         step_s = after.vehicle.time_boot_s - before.vehicle.time_boot_s
         if not 0.0 <= step_s <= LONGEST_STEP_S:
             return
         member.in_group_s += step_s
+        if after.leads_group:
+            group.led_s[after.task.uav] += step_s
+            group.shapes_s[membership.shape] += step_s
         earlier = before.membership
         if (earlier.shape, earlier.n_present) != (membership.shape, membership.n_present):
             member.is_joined = False
@@ -89,15 +106,21 @@ class FormationStatistics:
                 member.squares_m2[axis] += error * error
                 member.largest_m[axis] = max(member.largest_m[axis], abs(error))
 
-    def summary(self, names: dict[int, str]) -> list[dict[str, Any]]:
-        """Return the groups, each with its members by name; `names`: the vehicles by system id."""
+    def summary(self, names: dict[int, str], approaches: dict[str, str]) -> list[dict[str, Any]]:
+        """Return the groups; `names`: vehicles by system id, `approaches`: by the name of the group."""
         return [
             {
                 "name": name,
-                "members": {names[uav]: member.summary() for uav, member in sorted(members.items())},
-                "leader_changes": max(member.leader_changes for member in members.values()),
-                "shape_changes": max(member.shape_changes for member in members.values()),
-                "splits": max(member.splits for member in members.values()),
+                "approach": approaches[name],
+                "members": {names[uav]: member.summary() for uav, member in sorted(group.members.items())},
+                "led_s": {names[uav]: led_s for uav, led_s in group.led_s.items()},
+                "time_in_shapes_s": {
+                    key: group.shapes_s[number]
+                    for number, key in enumerate(("shape", "narrow_shape")[: len(group.formation.shapes)])
+                },
+                "leader_changes": max(member.leader_changes for member in group.members.values()),
+                "shape_changes": max(member.shape_changes for member in group.members.values()),
+                "splits": max(member.splits for member in group.members.values()),
             }
-            for name, members in self._members.items()
+            for name, group in self._groups.items()
         ]

@@ -124,7 +124,9 @@ def _subtitle(scenario: Scenario, routes: str = "") -> str:
     routes = routes or ", ".join(dict.fromkeys((config.planner.name, scenario.chosen_by)))
     hostiles = scenario.true_hostiles
     n_hostiles = "unknown" if hostiles is None else len(hostiles)
-    return f"{n} vehicle{'s' if n != 1 else ''} · {n_hostiles} hostiles · {routes} · seed {config.seed}"
+    groups = "".join(f" · {group.name}: {group.approach.replace('_', ' ')}" for group in config.formations)
+    vehicles = f"{n} vehicle{'s' if n != 1 else ''}"
+    return f"{vehicles} · {n_hostiles} hostiles · {routes}{groups} · seed {config.seed}"
 
 
 def _draw(folder: Path, picture: MapPicture) -> None:

@@ -193,6 +193,7 @@ def summary(
     reports is not in `payload_reports`. `crossings` counts crossings of first routes; None: not counted.
     """
     merged = _merged_belief(scenario, states)
+    approaches = {section.name: section.approach for section in scenario.config.formations}
     return {
         "name": scenario.config.name,
         "seed": scenario.config.seed,
@@ -212,7 +213,7 @@ def summary(
         "latency": statistics.latencies(),
         "separation": statistics.separation.summary(states, crossings),
         "arrival": statistics.arrivals.summary(states, _simulated_seconds(scenario, clock)),
-        "formations": statistics.formations.summary(scenario.config.names),
+        "formations": statistics.formations.summary(scenario.config.names, approaches),
         "operator_commands": commands,
         "vehicles": [
             _vehicle(scenario, states[task.uav], statistics, networks[task.uav])

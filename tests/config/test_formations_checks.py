@@ -93,7 +93,10 @@ def test_a_group_that_can_fly_is_accepted(group: dict[str, Any]) -> None:
         ),
         pytest.param(
             {},
-            {"simulate": {"arrive_within_s": 900.0, "speed_m_s": 10.0}},
+            {
+                "simulate": {"arrive_within_s": 900.0, "speed_m_s": 10.0},
+                "planner": {"name": "time_bound"},
+            },
             ("members",),
             id="a time of arrival",
         ),

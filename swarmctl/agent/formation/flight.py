@@ -48,7 +48,12 @@ RESTING_TARGET_LEAD_S = 0.1
 
 
 def fly_in_formation(state: AgentState) -> StepResult:
-    """Join the group, fly to the place, lead, or leave."""
+    """Join the group, fly to the place, lead, or leave; the leader reports a new shape, and a split."""
+    after, effects = _fly_in_formation(state)
+    return after, [*_changes_of_group(state, after), *effects]
+
+
+def _fly_in_formation(state: AgentState) -> StepResult:
     formation, membership = state.task.formation, state.membership
     if formation is None or state.phase not in EN_ROUTE:
         return state, []
@@ -79,6 +84,22 @@ def fly_in_formation(state: AgentState) -> StepResult:
     state, ordered = command(joined, ev.FlightOrder.FORMATION, phase=Phase.FORMATION)
     text = f"the vehicle joins group {formation.name}, which vehicle {membership.leader} leads [joins]"
     return state, [ev.NotifyOperator(text), *_set_points(state, flown), *ordered]
+
+
+def _changes_of_group(before: AgentState, after: AgentState) -> list[ev.Effect]:
+    """Return the leader's reports about a new shape of its group, and about a split."""
+    formation, old, new, uav = after.task.formation, before.membership, after.membership, after.task.uav
+    if formation is None or new.n_present == 1 or not (old.leader == new.leader == uav):
+        return []
+    group, texts = f"group {formation.name}", []
+    if new.shape != old.shape:
+        shape = formation.shapes[min(new.shape, len(formation.shapes) - 1)].kind
+        texts.append(f"{group} changes its shape: {shape} [shape]")
+    if new.is_split and not old.is_split:
+        texts.append(f"{group} splits: the members fly ways of their own, and meet again [splits]")
+    if old.is_split and not new.is_split:
+        texts.append(f"{group} flies together again [meets]")
+    return [ev.NotifyOperator(text) for text in texts]
 
 
 def note_following(state: AgentState) -> AgentState:
