@@ -3,7 +3,7 @@
 | behaviour | velocity |
 |---|---|
 | collision avoidance | away from near members |
-| threat avoidance | down the gradient of P_s |
+| threat avoidance | down the gradient of P_s, but never back along the route |
 | formation keeping | toward the place relative to the members' common reference, and its turn |
 | goal seeking | along the route, and back to it |
 
@@ -92,7 +92,7 @@ def fly(params: Params, group: Group) -> ApproachResult:
     error_m = math.hypot(*error)
     pull = min(FORMATION_HZ * error_m, params.closing_m_s) / error_m if error_m > 1e-9 else 0.0
     keeping = (pull * error[0] + turning[0], pull * error[1] + turning[1])
-    threat = _threat(params, group)
+    threat = _threat(params, group, pose)
     collision, their = _collision(params, group)
     weights = (params.goal_weight, params.formation_weight, params.threat_weight, params.collision_weight)
     weighted = [
@@ -148,8 +148,11 @@ def _goal(pose: Pose, centre: Planar, speed_m_s: float) -> Planar:
     )
 
 
-def _threat(params: Params, group: Group) -> Planar:
-    """Return the velocity down the gradient of P_s."""
+def _threat(params: Params, group: Group, pose: Pose) -> Planar:
+    """Return the velocity down the gradient of P_s, without a part back along the route.
+
+    The plan has compared the exposure of all ways. Against the route, threats could stop a group for ever.
+    """
     if group.threats is None or not params.threat_weight:
         return 0.0, 0.0
     east, north = gradient(group.threats, group.position_m[0], group.position_m[1])
@@ -157,7 +160,11 @@ def _threat(params: Params, group: Group) -> Planar:
     if steep < 1e-9:
         return 0.0, 0.0
     speed = params.threat_m_s * min(1.0, steep / params.threat_step)
-    return -speed * east / steep, -speed * north / steep
+    away = -speed * east / steep, -speed * north / steep
+    slope = math.hypot(pose.slope_east, pose.slope_north) or 1.0
+    along = (pose.slope_east / slope, pose.slope_north / slope)
+    back = min(away[0] * along[0] + away[1] * along[1], 0.0)
+    return away[0] - back * along[0], away[1] - back * along[1]
 
 
 def gradient(threats: ThreatField, east_m: float, north_m: float) -> Planar:
