@@ -89,6 +89,14 @@ def test_a_group_changes_its_shape_for_a_gap(tmp_path: Path) -> None:
     assert [state.outcome for state in report.states.values()] == [ARRIVED] * 3
 
 
+def test_a_group_of_copters_that_stop_for_missions_does_not_stop_for_a_new_route(tmp_path: Path) -> None:
+    scenario = group(threats={"count": 1, "hostiles": [[ROWS // 2, COLS // 2]]})
+    assert fly(scenario, tmp_path).summary["separation"]["too_close"] == []
+    leader = seen(tmp_path, scenario)[1]
+    under_way = [row for row in leader if row.boot_s < leader[-1].boot_s - 5.0]
+    assert min(row.speed_m_s for row in under_way) > 2.0
+
+
 @pytest.mark.parametrize("approach", [pytest.param(a, marks=full) for a in APPROACHES])
 def test_a_group_splits_at_a_wall_with_gaps_and_meets_again(approach: str, tmp_path: Path) -> None:
     rows, cols = 15, 17

@@ -1,7 +1,8 @@
 """New routes of a group whose leader follows set-points. Pure.
 
-A leader that flies its mission changes its route like every vehicle, by a new mission. A leader that follows
-set-points needs no mission: the group follows the new route from the next point ahead on.
+A leader that follows set-points needs no mission: the group follows the new route from the next point ahead
+on. A leader that flies its mission changes its route by a new mission, if its vehicle flies on meanwhile.
+Otherwise it follows set-points from then on.
 """
 
 from __future__ import annotations
@@ -12,11 +13,14 @@ from itertools import accumulate, pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from swarmctl.agent.commands import StepResult, command
 from swarmctl.agent.formation.group_planner import planner_of, shape_changes
 from swarmctl.agent.formation.membership import GroupRoute, Membership
 from swarmctl.agent.formation.split import cells_along, split_in_metres
+from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.decide import believed_exposure
 from swarmctl.agent.state import AgentState
+from swarmctl.core import events as ev
 from swarmctl.core.grid import Cell
 from swarmctl.core.records import replace
 from swarmctl.planners import split_route
@@ -26,6 +30,26 @@ AHEAD_S = 4.0
 """Time ahead at which a new route may turn off [s]: the shape turns that much later at the latest."""
 BEHIND_M = 100.0
 """Length of the route behind the group that is kept [m]."""
+
+
+def plan_of_leader(state: AgentState) -> StepResult | None:
+    """Plan for a leader on its mission that would stop for a new one; None for any other vehicle.
+
+    It flies a better route by set-points, so its group does not stop.
+    """
+    formation, membership = state.task.formation, state.membership
+    if formation is None or not formation.approach.LEADER_FLIES_MISSION or not state.flies_mission:
+        return None
+    if not state.leads_group or membership.n_present == 1 or membership.along is None:
+        return None
+    if state.vehicle.brakes_m_s2 is None or state.plans.must_change or state.alarms:
+        return None
+    planned = plan_in_formation(state)
+    if planned.membership.route is membership.route:
+        return planned, []
+    planned, ordered = command(planned, ev.FlightOrder.FORMATION, phase=Phase.FORMATION)
+    text = f"the vehicle leads group {formation.name} on by set-points: for a new mission it would stop"
+    return planned, [ev.NotifyOperator(f"{text} [leads-on]"), *ordered]
 
 
 def plan_in_formation(state: AgentState) -> AgentState:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from swarmctl.agent.commands import RETRY_AFTER_S, StepResult, command, release_vehicle
-from swarmctl.agent.formation.group_plan import plan_in_formation
+from swarmctl.agent.formation.group_plan import plan_in_formation, plan_of_leader
 from swarmctl.agent.own_modes import own_mode_roles
 from swarmctl.agent.phases import IN_FLIGHT, ON_GROUND, PLANNING, Phase
 from swarmctl.agent.replan.decide import believed_exposure, decide
@@ -68,6 +68,8 @@ def plan_if_due(state: AgentState, _event: ev.Tick, now: float) -> StepResult:
         return state, []
     if state.phase is Phase.FORMATION:
         return plan_in_formation(state), []
+    if (led := plan_of_leader(state)) is not None:
+        return led
     try:
         state, effects = deconflict(state, decide(state), now)
     except Unreachable as error:

@@ -1,5 +1,7 @@
 """Leader following: the others keep their places relative to the leader, which flies its mission.
 
+A leader whose vehicle stops for new missions flies new routes by set-points (`group_plan.plan_of_leader`).
+
 A follower predicts the leader along the leader's route from what it told: position, velocity, and its
 distance along the route. Velocity and turn of the leader are fed forward. The leader is slowed for turns and
 for a follower that is far behind.
@@ -39,7 +41,7 @@ def fly(params: Params, group: Group) -> ApproachResult:
     """Return a follower's set-point; for the leader the speed of its mission, and its progress to tell."""
     if group.leader is None:
         # A new leader was a follower before. It goes on along the group's route by set-points, because a
-        # mission from beside the route would cross the places of the others.
+        # mission from beside the route would cross the places of the others. So does a leader on a new route.
         return _lead_mission(params, group) if group.flies_mission else fly_in_structure(params, group)
     leader = group.others[group.leader]
     told = reference_now(group) if group.along is None else group.along
