@@ -101,7 +101,7 @@ class LightAgent:
                 self.swarm.publish(self.uav, message, group)
             case ev.SendSetPoint(setpoint):
                 self.vehicle.take_setpoint(setpoint)
-            case ev.SetSpeed(speed_m_s) if self.task.formation is not None:
+            case ev.SetSpeed(speed_m_s):
                 self._begin(lambda job: self._later(job, 0.2, lambda: self._set_speed(speed_m_s)))
             case ev.SwapMission():
                 self._begin(lambda job: self._swap(effect, job))
