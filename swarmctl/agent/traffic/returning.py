@@ -22,6 +22,7 @@ import msgspec
 from swarmctl.agent.commands import StepResult, command
 from swarmctl.agent.failsafes import lost_link
 from swarmctl.agent.failsafes.base import DemandKind
+from swarmctl.agent.formation.near_members import with_members_shown
 from swarmctl.agent.phases import IN_FLIGHT, Phase
 from swarmctl.agent.state import AgentState, Task
 from swarmctl.agent.traffic.check import (
@@ -96,13 +97,21 @@ def wait_to_return(state: AgentState, **changes: Any) -> StepResult | None:
 
     Return None if the path is clear already, or if the vehicle cannot hold.
     """
-    if _takes_off(state) or is_return_path_clear(state, state.returning):
+    if _takes_off(state) or not _is_blocked(state):
         return None
     waiting = begin(WaitFor.RETURN_PATH, state.vehicle.time_boot_s, before=state.wait)
     changes |= {"phase": Phase.HOLDING, "wait": waiting, **SHARED_AT_ONCE}
     if state.phase is Phase.HOLDING and state.order.given is ev.FlightOrder.HOLD:
         return replace(state, **changes), []
     return command(state, ev.FlightOrder.HOLD, **changes)
+
+
+def _is_blocked(state: AgentState) -> bool:
+    """Return whether others return first, or fly on the return path although this vehicle may hold."""
+    if not is_return_path_clear(state, state.returning):
+        return True
+    # Members of its group expect that the vehicle stops, but not that it flies through the group.
+    return may_wait_to_leave(state) and not is_way_clear(with_members_shown(state), ev.FlightOrder.RETURN)
 
 
 def may_hold_before_leaving(state: AgentState) -> bool:
