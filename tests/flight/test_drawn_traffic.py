@@ -31,6 +31,10 @@ FOUND = {
     975: "a vehicle went on from its hold, just when the others did not hear it any more",
     490: "a vehicle took off while it heard no other vehicle",
     314: "a vehicle, ordered to return from its descent, climbed into the way of one that came to the goal",
+    58: "a vehicle did not stop for one in its way, because another one followed it",
+    195: "a vehicle stopped past its next waypoint and flew back, other than announced",
+    381: "a vehicle stopped its descent just below a silent one",
+    963: "an alarm ended each flight that the trajectory check had found clear",
     641: "a vehicle with priority came from behind upon a vehicle that gave way but could not",
 }
 """seeds that broke a rule before, with the cause"""
