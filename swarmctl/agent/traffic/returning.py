@@ -110,6 +110,8 @@ def _is_blocked(state: AgentState) -> bool:
     """Return whether others return first, or fly on the return path although this vehicle may hold."""
     if not is_return_path_clear(state, state.returning):
         return True
+    if hears_nobody(state):
+        return False  # the others do not expect a hold either, and a low battery does not wait for them
     # Members of its group expect that the vehicle stops, but not that it flies through the group.
     return may_wait_to_leave(state) and not is_way_clear(with_members_shown(state), ev.FlightOrder.RETURN)
 
