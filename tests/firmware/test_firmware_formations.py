@@ -82,6 +82,22 @@ def test_three_members_keep_their_places(field_of: Any, kinds: Sequence[str], ap
         assert_kept_places(field, approach)
 
 
+@pytest.mark.firmware(COPTER)
+def test_a_group_of_arducopters_does_not_stop_for_a_new_route(field_of: Any) -> None:
+    changes = group(3, "leader_following")
+    changes["threats"] = {"count": 1, "hostiles": [[ROWS // 2, COLS // 2]]}
+    with field_of([COPTER] * 3, example="formation", **changes) as field:
+        assert field.fly().ended(within_s=FLIGHT_S) == 0
+        leader = in_place(field.run, field.scenario)[1]
+        under_way = [row for row in leader if row.boot_s < leader[-1].boot_s - 5.0]
+        slowest_m_s = min(row.speed_m_s for row in under_way)
+        field.keep(
+            FLOWN, f"slowest: {slowest_m_s:.1f} m/s; largest error {max(r.error_m for r in under_way):.1f} m"
+        )
+        assert slowest_m_s > 2.0
+        assert summary(field.run)["separation"]["too_close"] == []
+
+
 @on_each_firmware
 def test_three_members_keep_their_places_through_a_turn(
     field_of: Any, kinds: Sequence[str], approach: str
