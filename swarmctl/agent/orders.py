@@ -11,15 +11,13 @@ import msgspec
 from swarmctl.agent.commands import StepResult, command
 from swarmctl.agent.failsafes.base import DemandKind
 from swarmctl.agent.formation.membership import Membership
-from swarmctl.agent.formation.near_members import with_members_shown
 from swarmctl.agent.own_modes import ROLE_OF_ORDER
 from swarmctl.agent.phases import ON_GROUND, PAST_PLANNING, Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.returning import (
     demanded,
     follows_order,
-    is_way_clear,
-    may_wait_to_leave,
+    holds_first,
     position_for_return,
     urgent_return_reason,
 )
@@ -94,7 +92,7 @@ def _notes(state: AgentState, event: ev.OperatorCommand) -> Iterator[str]:
         yield f"the vehicle returns at once: {reason} [urgent-return]"
     elif event.after_s:
         yield f"the vehicle first holds for {event.after_s:g} s, while other vehicles return [return-queue]"
-    elif _is_blocked(state, event):
+    elif _may_wait(state, event) and holds_first(state, order):
         longest_s = RULES[_WAIT_OF_ORDER[order]].longest_s
         yield (
             f"the vehicle holds until its way is clear of other vehicles, {longest_s:g} s at most; repeat "
@@ -200,7 +198,7 @@ def _apply_in_flight(state: AgentState, event: ev.OperatorCommand) -> StepResult
     purpose = _WAIT_OF_ORDER[order]
     if event.after_s:
         wait = begin(WaitFor.TURN, now_s, until_s=now_s + event.after_s)
-    elif _is_blocked(state, event) or (_is_of_shutdown(state, event) and _may_wait(state, event)):
+    elif _may_wait(state, event) and (holds_first(state, order) or _is_of_shutdown(state, event)):
         wait = begin(purpose, now_s)
     else:
         waited = _wait_for(state, order)
@@ -219,13 +217,6 @@ def _is_of_shutdown(state: AgentState, event: ev.OperatorCommand) -> bool:
 
 def _holds(state: AgentState) -> bool:
     return state.phase is Phase.HOLDING and state.order.given is ev.FlightOrder.HOLD
-
-
-def _is_blocked(state: AgentState, event: ev.OperatorCommand) -> bool:
-    """Return whether an order to return or land first waits for other vehicles: the way is not clear."""
-    # Members of its group expect that the vehicle stops, but not that it flies through the group.
-    may_hold = _may_wait(state, event) and may_wait_to_leave(state)
-    return may_hold and not is_way_clear(with_members_shown(state), event.order)
 
 
 def _may_wait(state: AgentState, event: ev.OperatorCommand) -> bool:

@@ -91,6 +91,7 @@ def share_state(state: AgentState) -> StepResult:
         waits=_waits(state),
         group=state.group[:MAX_TEXT],
         weights=_changed_weights(state),
+        hovers=state.task.wings is None,
     )
     return replace(state, last_shared_s=vehicle.time_boot_s), [ev.Publish(message)]
 

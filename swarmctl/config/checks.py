@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from swarmctl.agent.formation.group_planner import first_method
+from swarmctl.agent.formation.group_planner import leads_first
 from swarmctl.agent.replan.decide import first_flight, first_problem, first_route
 from swarmctl.agent.state import Task
 from swarmctl.config.arrival_checks import check_arrival, check_time_bounds, unmet_time_bound
@@ -83,7 +83,7 @@ def _check_flights(scenario: Scenario) -> Iterator[ConfigProblem]:
                 text = f"{task.name} cannot reach its goal: {task.max_exposure:g} excludes every route"
                 yield ConfigProblem(("planner", "max_exposure"), f"{text}; give {least:g} or more")
                 continue
-            if first_method(task) is not task.method:
+            if leads_first(task):
                 yield _group_without_route(scenario, task, error)
                 continue
             text = f"{task.name} cannot reach its goal: {error}; open a passage in area.no_fly"
@@ -99,7 +99,7 @@ def _check_flights(scenario: Scenario) -> Iterator[ConfigProblem]:
 def _group_without_route(scenario: Scenario, task: Task, error: Unreachable) -> ConfigProblem:
     assert task.formation is not None
     names = [section.name for section in scenario.config.formations]
-    text = f"{error} (narrow_shape), or open a passage in area.no_fly"
+    text = f"{error}; give narrow_shape a narrower shape, or open a passage in area.no_fly"
     return ConfigProblem(("formations", names.index(task.formation.name), "shape"), text)
 
 

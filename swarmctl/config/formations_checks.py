@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from itertools import combinations
+from itertools import combinations, product
 
 from swarmctl.agent.formation.approaches.place_keeping import MARGIN_M, MARGIN_UP_M
+from swarmctl.agent.formation.flight import CEILING_MARGIN_M, LOWEST_M
 from swarmctl.agent.formation.shape import (
     ShapePlace,
     least_spacing_between_m,
@@ -14,7 +15,6 @@ from swarmctl.agent.formation.shape import (
     radius_m,
     width_m,
 )
-from swarmctl.agent.traffic.wait import MIN_HEIGHT_M
 from swarmctl.config.communication import vehicle_of
 from swarmctl.config.formations import FormationSection
 from swarmctl.config.model import Config
@@ -113,12 +113,14 @@ def _names(specs: Iterable[Spec]) -> str:
 def _check_heights(
     scenario: Scenario, members: list[Spec], places: tuple[ShapePlace, ...], path: KeyPath
 ) -> Iterator[ConfigProblem]:
-    """Yield the problem of a member of a level group that would fly too low, or above the fence."""
-    low_m, high_m, leader = MIN_HEIGHT_M, scenario.ceiling_m, members[0]
-    for spec, (_, _, up_m) in zip(members, places, strict=True):
-        height_m = leader.altitude_m + up_m
+    """Yield the problem of a member that would fly too low or too high when one of the members leads."""
+    low_m, high_m = LOWEST_M, scenario.ceiling_m - CEILING_MARGIN_M
+    for leader, (spec, place) in product(members, zip(members, places, strict=True)):
+        height_m = leader.altitude_m + place[2]
         if not low_m <= height_m <= high_m:
-            limit = f"below {low_m:g} m" if height_m < low_m else f"above the fence's ceiling of {high_m:g} m"
+            limit = f"below {low_m:g} m"
+            if height_m > high_m:
+                limit = f"less than {CEILING_MARGIN_M:g} m below the fence's ceiling, or above it"
             text = f"with {leader.name} at {leader.altitude_m:g} m, {spec.name} would fly at {height_m:g} m, "
             yield ConfigProblem(path, f"{text}{limit}; change height_step_m, or the offsets' heights")
             return

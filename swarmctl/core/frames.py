@@ -130,6 +130,8 @@ class StateShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, tag
     """group, shape, leader and place error of a UAV in a formation, in words; empty: none"""
     weights: tuple[float, float, float, float] | None = None
     """w and the three firing strengths after a change by an operator; None: those of the configuration"""
+    hovers: bool = True
+    """False: the UAV is a fixed wing, which cannot stop"""
 
     def __post_init__(self) -> None:
         check_position(self.lat_deg, self.lon_deg)

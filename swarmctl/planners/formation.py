@@ -103,7 +103,7 @@ def plan(problem: Problem, params: Params) -> Route:
         shapes = "its shape" if len(params.shapes) == 1 else f"any of its {len(params.shapes)} shapes"
         raise Unreachable(
             f"no route leads a group of {n} from {problem.start} to a goal in {shapes}: walls, or the border "
-            "of the area, lie in its way; add a narrower shape"
+            "of the area, lie in its way"
         )
     cells = area.cells_of(compiled(group_field.descend)(area.graph, label, starts, cost))
     return route_of(problem, cells, _cheapest_poses(area, cells, params)[0])

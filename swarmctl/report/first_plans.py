@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from swarmctl.agent.formation.group_planner import first_method
+from swarmctl.agent.formation.group_planner import first_method, leads_first
 from swarmctl.agent.replan.decide import first_problem
 from swarmctl.agent.replan.length_bounds import UNBOUNDED
 from swarmctl.agent.replan.route_to_mission import flown_route
@@ -104,4 +104,4 @@ def _choice(task: Task) -> str:
     if task.formation is None:
         return "← configured"
     group = f"group {task.formation.name}"
-    return f"← {group}" if task.uav == task.formation.members[0] else f"← without {group}"
+    return f"← {group}" if leads_first(task) else f"← without {group}"

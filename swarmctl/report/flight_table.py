@@ -95,7 +95,7 @@ def _formation_line(group: dict[str, Any]) -> str:
         return f"group {group['name']} ({group['approach']}): no member reached its place"
     in_place_s = [member["time_in_place_s"] for member in members]
     along_m, across_m = (max(m["rms_error_m"][axis] for m in members) for axis in ("along", "across"))
-    led = ", ".join(f"{name} for {led_s:.0f} s" for name, led_s in group["led_s"].items())
+    led = ", ".join(f"{name} for {led_s:.0f} s" for name, led_s in group["led_s"].items()) or "nobody"
     return (
         f"group {group['name']} ({group['approach']}): led by {led}; members in place for "
         f"{min(in_place_s):.0f} to {max(in_place_s):.0f} s;\n  "

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
 import pytest
 from agent_stories import GRID, Story, publications
+from hypothesis import given
+from hypothesis import strategies as st
 
 from swarmctl.agent.arrival.common_time import ArrivalGroup
 from swarmctl.agent.commands import RETRY_AFTER_S
-from swarmctl.agent.replan.copter_trajectory import DESCENT_M_S, FlightPart, fly_along, fly_through_change
+from swarmctl.agent.replan.copter_trajectory import FlightPart, fly_along, fly_through_change
 from swarmctl.agent.replan.stopping import MissionChange
+from swarmctl.agent.replan.travel_time import timed_track
 from swarmctl.agent.traffic.own_flight import planned_flight
 from swarmctl.agent.traffic.separation.trajectory import Trajectory
 from swarmctl.core import events as ev
@@ -201,13 +205,13 @@ def test_a_vehicle_that_brakes_now_stops_in_the_direction_of_its_velocity() -> N
     assert changing(0.0, FAR, FAR, velocity_m_s=(0.0, -10.0)).at(4.0) == (0.0, -20.0, 30.0)
 
 
-@pytest.mark.parametrize(
-    ("present_m", "reaches_m"), [(24.0, 24.0), (0.0, 30.0 - 4.0 * DESCENT_M_S), (90.0, 40.0)]
-)
-def test_until_the_change_the_vehicle_climbs_or_descends_by_its_present_plan(
-    present_m: float, reaches_m: float
-) -> None:
-    assert changing(4.0, FAR, FAR, heights_m=(present_m, 50.0)).at(8.0) == (60.0, 0.0, reaches_m)
+@pytest.mark.parametrize("present_m", [24.0, 0.0, 50.0])
+def test_until_the_change_the_vehicle_climbs_or_descends_by_its_present_plan(present_m: float) -> None:
+    planned = fly_along(HERE, present_m, FAR, 10.0, 10.0)
+    flight, changes_at = changing(4.0, FAR, FAR, heights_m=(present_m, 70.0)), planned.at(4.0)
+    assert flight.at(2.0) == pytest.approx(planned.at(2.0))
+    assert changes_at is not None
+    assert flight.at(8.0) == pytest.approx((changes_at[0] + 20.0, 0.0, changes_at[2]), abs=0.5)
 
 
 def test_a_vehicle_that_does_not_brake_leaves_its_present_plan_at_the_change() -> None:
@@ -232,5 +236,20 @@ def test_the_deceleration_follows_from_the_firmware(
 def test_a_corner_on_the_braking_way_is_passed_once(corner_m: float) -> None:
     present = [(corner_m, 0.0), (corner_m, 400.0)]
     flight = changing(1.1, present, present).later(50_000.0)  # the clock of a vehicle booted long ago
-    assert flight.points[-3][:2] == (corner_m, 400.0)
+    corners = [at for at in flight.points if at[:2] == pytest.approx((corner_m, 0.0), abs=1e-6)]
+    assert len(corners) == 1
     assert flight.times_s[-1] > 50_045.0
+
+
+@given(
+    st.lists(st.tuples(st.floats(-300.0, 300.0), st.floats(-300.0, 300.0)), min_size=1, max_size=6),
+    st.floats(1.0, 20.0),
+    st.floats(0.0, 1.0),
+)
+def test_a_timed_track_keeps_order_and_speed(path: list[PlanarPoint], speed_m_s: float, share: float) -> None:
+    track = timed_track([(0.0, 0.0), *path], speed_m_s, initial_m_s=share * speed_m_s)
+    for (a, b), (begin_s, end_s) in zip(pairwise(track.points), pairwise(track.times_s), strict=True):
+        assert 0.0 < math.dist(a, b) <= 1.001 * speed_m_s * (end_s - begin_s) + 1e-6
+    assert track.after(track.times_s[-1])[0] == track.at_m[-1]
+    for at_m in (0.25 * track.at_m[-1], 0.5 * track.at_m[-1], 0.9 * track.at_m[-1]):
+        assert track.after(track.at(at_m)[1])[0] == pytest.approx(at_m, abs=1e-3 * max(track.at_m[-1], 1.0))

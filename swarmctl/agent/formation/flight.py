@@ -89,7 +89,7 @@ def _fly_in_formation(state: AgentState) -> StepResult:
 def _changes_of_group(before: AgentState, after: AgentState) -> list[ev.Effect]:
     """Return the leader's reports about a new shape of its group, and about a split."""
     formation, old, new, uav = after.task.formation, before.membership, after.membership, after.task.uav
-    if formation is None or new.n_present == 1 or not (old.leader == new.leader == uav):
+    if formation is None or new.along is None or new.n_present == 1 or not (old.leader == new.leader == uav):
         return []
     group, texts = f"group {formation.name}", []
     if new.shape != old.shape:

@@ -19,6 +19,7 @@ from swarmctl.agent.formation.membership import GroupRoute, Membership
 from swarmctl.agent.formation.split import cells_along, split_in_metres
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.decide import believed_exposure
+from swarmctl.agent.replan.splice import is_wall_close, may_learn_of_walls
 from swarmctl.agent.state import AgentState
 from swarmctl.core import events as ev
 from swarmctl.core.grid import Cell
@@ -44,6 +45,10 @@ def plan_of_leader(state: AgentState) -> StepResult | None:
         return None
     if state.vehicle.brakes_m_s2 is None or state.plans.must_change or state.alarms:
         return None
+    if may_learn_of_walls(state):
+        p_s = believed_exposure(state.task, state.belief, state.strength, state.own)
+        if is_wall_close(state, p_s):
+            return None  # a new mission leaves the route at once
     planned = plan_in_formation(state)
     if planned.membership.route is membership.route:
         return planned, []

@@ -48,9 +48,14 @@ def planner_of(state: AgentState, start: Cell | None = None) -> Method:
 def first_method(task: Task) -> Method:
     """Return the planner of a vehicle's first route: for the first member of a group, the group's planner."""
     formation = task.formation
-    if formation is None or task.uav != formation.members[0]:
+    if formation is None or not leads_first(task):
         return task.method
     return _method(task, formation, formation.members)
+
+
+def leads_first(task: Task) -> bool:
+    """Return whether a vehicle is the first member of a group."""
+    return task.formation is not None and task.uav == task.formation.members[0]
 
 
 def _method(

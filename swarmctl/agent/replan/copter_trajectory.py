@@ -94,7 +94,7 @@ class FlightPart:
     height_m: float
     """above home [m]"""
     path: Sequence[PlanarPoint]
-    """points ahead of the vehicle, and the landing spot"""
+    """points ahead of the vehicle, and the landing spot, (east, north) [m]"""
 
 
 def fly_through_change(
@@ -109,71 +109,63 @@ def fly_through_change(
 ) -> Trajectory:
     """Return the trajectory by the present plan until a mission change, then by the new plan to its landing.
 
+    here: east, north, height above home [m]; velocity_m_s: east, north; speed_m_s: speed of the plans
+
     A vehicle that brakes for the change stops straight ahead at its present height, and then flies to the
     first point of the new path, even back to it. If the new plan first follows the present plan
     (`leaves_ahead`), the vehicle does not fly to the points that it has passed before the change. If the
     present path ends before the change, the vehicle lands there.
     """
-    initial_m_s, path = math.hypot(*velocity_m_s), new.path
-    profile = travel_time.speed_profile([here[:2], *present.path], speed_m_s, initial_m_s=initial_m_s)
-    if change.in_s >= profile.times_s[-1] and present.path:
-        return fly_along(here, present.height_m, present.path, speed_m_s, initial_m_s)
-    flown_m, changes_m_s = profile.after(change.in_s) if change.in_s > SAME_TIME_S else (0.0, initial_m_s)
-    n = bisect_left(profile.times_s, change.in_s - SAME_TIME_S) or 1
-    points, times_s, end = [here], [0.0], profile.at(flown_m)[0]
-    for point, at_s in zip(profile.points[1:n], profile.times_s[1:n], strict=True):
-        points.append((*point, _height_after(at_s, here[2], present.height_m)))
-        times_s.append(at_s)
+    initial_m_s, path, in_s = math.hypot(*velocity_m_s), new.path, change.in_s
+    flight = fly_along(here, present.height_m, present.path, speed_m_s, initial_m_s)
+    track = travel_time.timed_track([here[:2], *present.path], speed_m_s, initial_m_s=initial_m_s)
+    changes_at = flight.at(in_s)
+    if changes_at is None or (present.path and in_s >= track.times_s[-1]):
+        return flight
+    flown_m, changes_m_s = track.after(in_s) if in_s > SAME_TIME_S else (0.0, initial_m_s)
     if leaves_ahead:
         parts = split_track([here[:2], *path], flown_m)
         path = path[-1:] if parts is None else parts[1][1:]
-    height_m = _height_after(change.in_s, here[2], present.height_m)
-    ends_at, ends_s = (*end, height_m), change.in_s
-    if change.brakes_m_s2 and changes_m_s > RESTART_M_S:
-        before = bisect_left(profile.at_m, flown_m - CORNER_M)
-        along = velocity_m_s if before == 0 else _direction(profile.points[before - 1], end)
-        share = changes_m_s**2 / (2.0 * change.brakes_m_s2 * math.hypot(*along))
-        if ends_s > times_s[-1] + SAME_TIME_S:
-            points.append(ends_at)
-            times_s.append(ends_s)
-        ends_at = (end[0] + share * along[0], end[1] + share * along[1], height_m)
-        ends_s, changes_m_s = ends_s + changes_m_s / change.brakes_m_s2, RESTART_M_S
-    after = fly_along(ends_at, new.height_m, path, speed_m_s, changes_m_s).later(ends_s)
-    n = bisect_left(times_s, ends_s - SAME_TIME_S)
+    n = bisect_left(flight.times_s, in_s - SAME_TIME_S) or 1
+    points, times_s = [*flight.points[:n]], [*flight.times_s[:n]]
+    before = points[-1]
+    along = (
+        velocity_m_s
+        if n == 1 and flown_m <= CORNER_M
+        else (changes_at[0] - before[0], changes_at[1] - before[1])
+    )
+    if change.brakes_m_s2 and changes_m_s > RESTART_M_S and (away_m := math.hypot(*along)) > 0.0:
+        if in_s > times_s[-1] + SAME_TIME_S:
+            points.append(changes_at)
+            times_s.append(in_s)
+        share = changes_m_s**2 / (2.0 * change.brakes_m_s2 * away_m)
+        changes_at = (changes_at[0] + share * along[0], changes_at[1] + share * along[1], changes_at[2])
+        in_s, changes_m_s = in_s + changes_m_s / change.brakes_m_s2, RESTART_M_S
+    after = fly_along(changes_at, new.height_m, path, speed_m_s, changes_m_s).later(in_s)
+    n = bisect_left(times_s, in_s - SAME_TIME_S)
     return Trajectory((*times_s[:n], *after.times_s), (*points[:n], *after.points))
-
-
-def _direction(a: PlanarPoint, b: PlanarPoint) -> PlanarPoint:
-    return b[0] - a[0], b[1] - a[1]
-
-
-def _height_after(seconds: float, from_m: float, to_m: float) -> float:
-    """Return the height of a climb or descent after some seconds [m]."""
-    return min(max(to_m, from_m - DESCENT_M_S * seconds), from_m + CLIMB_M_S * seconds)
 
 
 def fly_along(
     here: LocalPoint, height_m: float, path: Sequence[PlanarPoint], speed_m_s: float, initial_m_s: float = 0.0
 ) -> Trajectory:
     """Return the trajectory along `path` at `height_m` to the landing, from `here` at speed `initial_m_s`."""
-    profile = travel_time.speed_profile(
-        [here[:2], *path], speed_m_s, initial_m_s=initial_m_s, ramps_s=RAMPS_S
-    )
+    track = travel_time.timed_track([here[:2], *path], speed_m_s, initial_m_s=initial_m_s, ramps_s=RAMPS_S)
     # The vehicle climbs evenly to the first point of its path. A longer climb delays all later points.
     level_m = next((away_m for point in path if (away_m := math.dist(here[:2], point)) > 0.0), 0.0)
-    level_m = min(level_m, profile.at_m[-1])
-    level, level_s = profile.at(level_m)
+    level_m = min(level_m, track.at_m[-1])
+    level, level_s = track.at(level_m)
     rate_m_s = CLIMB_M_S if height_m > here[2] else DESCENT_M_S
     late_s = max(abs(height_m - here[2]) / rate_m_s - level_s, 0.0)
-    n = bisect_left(profile.at_m, level_m - CORNER_M) or 1
+    n = bisect_left(track.at_m, level_m - CORNER_M) or 1
     points, times_s = [here], [0.0]
-    for point, at_m, at_s in zip(profile.points[1:n], profile.at_m[1:n], profile.times_s[1:n], strict=True):
+    for point, at_m, at_s in zip(track.points[1:n], track.at_m[1:n], track.times_s[1:n], strict=True):
         points.append((*point, here[2] + at_m / level_m * (height_m - here[2])))
         times_s.append(at_s * (1.0 + late_s / level_s))
-    if level_m > 0.0 and profile.at_m[n] > level_m + CORNER_M and height_m != here[2]:
+    if level_m > 0.0 and track.at_m[n] > level_m + CORNER_M and height_m != here[2]:
         points.append((*level, height_m))
         times_s.append(level_s + late_s)
-    for point, at_s in zip(profile.points[n:], profile.times_s[n:], strict=True):
+    for point, at_s in zip(track.points[n:], track.times_s[n:], strict=True):
         points.append((*point, height_m))
         times_s.append(at_s + late_s)
     return land_from(points, times_s)

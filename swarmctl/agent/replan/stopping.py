@@ -26,7 +26,10 @@ CORNER_M = 0.01
 
 @dataclass(frozen=True, slots=True)
 class MissionChange:
-    """A change to a new plan ahead of a vehicle. Until then the vehicle flies by its present plan."""
+    """A change to a new plan ahead of a vehicle. Until then the vehicle flies by its present plan.
+
+    Distance and speed are estimates without corners: the vehicle is not farther, and not faster.
+    """
 
     in_s: float
     """time until the vehicle accepts the new plan [s]"""
@@ -45,12 +48,7 @@ class MissionChange:
     @property
     def stops_in_m(self) -> float:
         """Distance to the stop, or to the change of a vehicle that does not stop [m]."""
-        return self.in_m + self.stopping_m
-
-    @property
-    def stopping_m(self) -> float:
-        """Distance in which the vehicle brakes [m]."""
-        return self.speed_m_s**2 / (2.0 * self.brakes_m_s2) if self.brakes_m_s2 else 0.0
+        return self.in_m + (self.speed_m_s**2 / (2.0 * self.brakes_m_s2) if self.brakes_m_s2 else 0.0)
 
 
 def distance_and_speed_after(state: AgentState, seconds: float) -> tuple[float, float]:

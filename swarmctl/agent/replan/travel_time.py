@@ -40,7 +40,9 @@ STRAIGHT_RAD = 0.1
 
 
 LEAST_RAMP_S = 0.5
-"""Least time between two points of a speed profile between corners [s]."""
+"""Least time between two points of a timed track between corners [s]."""
+LEAST_RAMP_M = 0.1
+"""Least distance of such a point from a corner [m]."""
 
 
 def braking_loss_s(speed_m_s: float, brakes_m_s2: float = BRAKING_M_S2) -> float:
@@ -76,11 +78,11 @@ def arrives_s(
 
 
 @dataclass(frozen=True, slots=True)
-class SpeedProfile:
+class TimedTrack:
     """A flight along a track that ends in a stop: the points at which the acceleration changes."""
 
     points: Sequence[PlanarPoint]
-    """both ends, the corners, and points between them"""
+    """both ends, the corners, and points between them, (east, north) [m]"""
     at_m: Sequence[float]
     """distance of each point along the track [m]"""
     times_s: Sequence[float]
@@ -117,10 +119,10 @@ class SpeedProfile:
         return self.at_m[i] + share * (self.at_m[i + 1] - self.at_m[i]), slow + u * (fast - slow)
 
 
-def speed_profile(
+def timed_track(
     track: Sequence[PlanarPoint], speed_m_s: float, *, initial_m_s: float = 0.0, ramps_s: float = math.inf
-) -> SpeedProfile:
-    """Return the flight along a track that ends in a stop, from the speed `initial_m_s`.
+) -> TimedTrack:
+    """Return the flight from the speed `initial_m_s` along a track, of at least one point, to a stop.
 
     Legs that begin after `ramps_s` have no points between their corners.
     """
@@ -135,6 +137,7 @@ def speed_profile(
         down_s = times_s[i + 1] - (top_m_s - end_m_s) / BRAKING_M_S2
         for on_m, on_s in ((up_m, up_s), (leg_m - down_m, down_s)):
             is_between = each_s[-1] + LEAST_RAMP_S < on_s < times_s[i + 1] - LEAST_RAMP_S
+            is_between = is_between and LEAST_RAMP_M < on_m < leg_m - LEAST_RAMP_M
             if is_between and times_s[i] <= ramps_s:
                 share = on_m / leg_m
                 points.append((a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])))
@@ -145,7 +148,7 @@ def speed_profile(
         at_m.append(from_m + leg_m)
         each_s.append(times_s[i + 1])
         speeds_m_s.append(end_m_s)
-    return SpeedProfile(points, at_m, each_s, speeds_m_s)
+    return TimedTrack(points, at_m, each_s, speeds_m_s)
 
 
 def _corner_times_and_speeds(

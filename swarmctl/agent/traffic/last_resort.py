@@ -156,7 +156,7 @@ def _standing(state: AgentState, mine: Paths, together: float, uav: int, intent:
     hears = state.task.uav in report.state.hears
     stop = _stop(here.points[0], report.state.velocity_m_s, report.at_s)
     helps = _helps(stop, mine, intent.limits(state.task.separation.limits), together)
-    can_yield = hears and helps and activity in (Activity.EN_ROUTE, Activity.LANDING)
+    can_yield = report.state.hovers and hears and helps and activity in (Activity.EN_ROUTE, Activity.LANDING)
     return Standing(activity, can_yield, uav, here.points[0][2])
 
 
@@ -167,6 +167,8 @@ def _can_stop_for(state: AgentState, stop: Trajectory, uav: int) -> bool:
     if report is None or path is None or state.task.uav not in report.state.hears:
         return False
     if activity_of(report.state.phase) not in (Activity.EN_ROUTE, Activity.LANDING):
+        return False
+    if not report.state.hovers or report.state.alt_rel_m < MIN_HEIGHT_M:
         return False
     here, velocity_m_s = path.higher(home_amsl_m(state)).points[0], report.state.velocity_m_s
     reacts_s = state.vehicle.time_boot_s - report.at_s + LIKELY_REACTION_S + REACTS_S

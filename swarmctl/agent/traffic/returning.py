@@ -7,6 +7,7 @@ Vehicles broadcast their returns, and their holds before a return.
 | one vehicle returns, another waits | the returning vehicle is first |
 | two vehicles wait | the lower system id is first |
 | two vehicles started at the same time | within 5 s the vehicle with the higher system id holds again |
+| another vehicle soon flies through the path home | the vehicle holds, if its hold is in nobody's way |
 | urgent return (very low battery) | starts at once; other returns are scheduled around it |
 | a vehicle has waited for 120 s | returns in any case; lower system ids up to 60 s earlier, in 10 s steps |
 """
@@ -110,10 +111,8 @@ def _is_blocked(state: AgentState) -> bool:
     """Return whether others return first, or fly on the return path although this vehicle may hold."""
     if not is_return_path_clear(state, state.returning):
         return True
-    if hears_nobody(state):
-        return False  # the others do not expect a hold either, and a low battery does not wait for them
-    # Members of its group expect that the vehicle stops, but not that it flies through the group.
-    return may_wait_to_leave(state) and not is_way_clear(with_members_shown(state), ev.FlightOrder.RETURN)
+    # In silence the others do not expect a hold either, and a low battery does not wait for them.
+    return not hears_nobody(with_members_shown(state)) and holds_first(state, ev.FlightOrder.RETURN)
 
 
 def may_hold_before_leaving(state: AgentState) -> bool:
@@ -228,6 +227,12 @@ def is_way_clear(state: AgentState, order: ev.FlightOrder) -> bool:
         return not _leaving_conflicts(state, landing_flight(state))
     is_clear = is_return_path_clear(state, state.returning)
     return is_clear and not _leaving_conflicts(state, return_flight(state))
+
+
+def holds_first(state: AgentState, order: ev.FlightOrder) -> bool:
+    """Return whether a return or landing first waits for other vehicles: its way is not clear."""
+    # Members of its group expect that the vehicle stops, but not that it flies through the group.
+    return may_wait_to_leave(state) and not is_way_clear(with_members_shown(state), order)
 
 
 def may_wait_to_leave(state: AgentState) -> bool:

@@ -157,7 +157,7 @@ class Approach(Protocol):
 
     @property
     def LEADER_FLIES_MISSION(self) -> bool:  # noqa: N802
-        """True if the leader flies its mission and all others fly set-points."""
+        """True if the leader flies its mission, as long as it need not stop for a new one."""
 
     @property
     def MEMBERS_TELL_HZ(self) -> float:  # noqa: N802

@@ -1,4 +1,4 @@
-"""Leader following: the others keep their places relative to the leader, which flies its mission.
+"""Leader following: the others keep their places relative to the leader, which flies its mission first.
 
 A leader whose vehicle stops for new missions flies new routes by set-points (`group_plan.plan_of_leader`).
 

@@ -116,7 +116,7 @@ class ProximityAlarm:
     approach: PairDistance
     """last prediction, by the vehicle's own clock"""
     is_close: bool = True
-    """False: only the wider limits for the end of an alarm are not kept"""
+    """True while the limits, less the accuracy of heights, are predicted to be broken"""
     clear_since_s: float | None = None
     """time since which the wider limits are predicted to be kept [s]; None while they are not"""
 
@@ -131,12 +131,12 @@ def update_alarms(
     """Return the updated alarms, in order of system id.
 
     `others`: predicted trajectories of the vehicles that sent a state recently; vehicles that stay outside
-    `alarm_bounds` may be missing. An alarm begins at once and ends with hysteresis, so that position errors
-    do not toggle the alarm.
+    `alarm_bounds` may be missing. Heights count with HEIGHT_TOLERANCE_M, as in `clash`. An alarm begins at
+    once and ends with hysteresis, so that position errors do not toggle the alarm.
     """
     before = {alarm.other: alarm for alarm in alarms}
     wide = _wide(rules)
-    near = Limits(rules.limits.horizontal_m, rules.limits.vertical_m - HEIGHT_TOLERANCE_M)
+    near = Limits(rules.limits.horizontal_m, max(rules.limits.vertical_m - HEIGHT_TOLERANCE_M, 0.0))
     after = []
     for uav in sorted({*others, *before}):
         other, known = others.get(uav), before.get(uav)
