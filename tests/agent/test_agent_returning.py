@@ -102,6 +102,16 @@ def test_a_vehicle_holds_until_its_return_path_is_clear(
     assert "23 %" in story.state.outcome
 
 
+def test_a_low_battery_waits_for_a_vehicle_that_flies_through_the_path_home() -> None:
+    story = ReturnStory()
+    flies = {"phase": "flying", "returns_to": None, "alt_rel_m": 30.0, "alt_amsl_m": AMSL_M}
+    story.goes_home(3, col=2, velocity_m_s=(5.0, 0.0, 0.0), **flies)
+    assert orders(story.at(23)) == [HOLD]
+    story(ev.OrderDone(HOLD))
+    story.goes_home(3, row=7, velocity_m_s=(0.0, 10.0, 0.0), **flies)
+    assert orders(story.holds()) == [RETURN]
+
+
 def test_a_return_does_not_wait_for_a_return_elsewhere() -> None:
     story = ReturnStory()
     story.goes_home(3, row=8, returns_to=GRID.centre((8, 8)))

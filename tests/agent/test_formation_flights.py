@@ -152,6 +152,23 @@ def test_the_behavioural_approach_goes_around_a_threat(null_space: bool) -> None
     assert flown[1].s_m > 250.0
 
 
+@pytest.mark.parametrize("null_space", [False, True])
+def test_threats_ahead_do_not_stop_a_behavioural_group(null_space: bool) -> None:
+    north_m = (np.arange(100) + 0.5) * 10.0
+    wall = np.tile(np.maximum(1.0 - np.abs(north_m - 200.0) / 50.0, 0.0)[:, None], (1, 20))
+    params = {"null_space": null_space, "threat_weight": 5.0}
+    flight = FormationFlight(
+        "behavioural",
+        WEDGE,
+        ((60.0, 0.0), (60.0, 900.0)),
+        2,
+        PX4,
+        params=params,
+        threats=ThreatField(wall, 10.0),
+    )
+    assert flight.run(60.0)[-1].s_m > 300.0
+
+
 @pytest.mark.parametrize("row", range(3))
 @pytest.mark.parametrize("col", range(3))
 def test_the_gradient_of_a_plane_of_exposure_is_its_slope(row: int, col: int) -> None:

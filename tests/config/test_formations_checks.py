@@ -115,6 +115,12 @@ def test_a_group_that_can_fly_is_accepted(group: dict[str, Any]) -> None:
             ("shape", "offsets_m"),
             id="few offsets",
         ),
+        pytest.param(
+            {"shape": {"kind": "line", "spacing_m": 60.0}},
+            {"area": {"no_fly": [[row, 4] for row in range(AREA["rows"]) if row != 4]}},
+            ("shape",),
+            id="a wall with a gap for one vehicle",
+        ),
         pytest.param({}, {"communication": {"max_distance_m": 25.0}}, ("shape",), id="messages end too near"),
         pytest.param({}, {"communication": {"range": 1}}, ("shape",), id="messages reach one member"),
         pytest.param(

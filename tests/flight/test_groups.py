@@ -82,9 +82,13 @@ def through_a_gap(approach: str = "leader_following") -> Scenario:
 
 def test_a_group_changes_its_shape_for_a_gap(tmp_path: Path) -> None:
     scenario = through_a_gap()
-    report = fly(scenario, tmp_path)
+    ui = Ui()
+    report = fly(scenario, tmp_path, ui=ui)
     (alpha,) = report.summary["formations"]
-    assert alpha["shape_changes"] >= 1
+    assert alpha["shape_changes"] == len(coded(ui.said, "uav1", "shape")) >= 1
+    times_s = alpha["time_in_shapes_s"]
+    assert times_s["narrow_shape"] > 5.0
+    assert sum(times_s.values()) == pytest.approx(alpha["led_s"]["uav1"])
     assert [vehicle["no_fly_cells_entered"] for vehicle in report.summary["vehicles"]] == [0, 0, 0]
     assert [state.outcome for state in report.states.values()] == [ARRIVED] * 3
 
@@ -111,9 +115,10 @@ def test_a_group_splits_at_a_wall_with_gaps_and_meets_again(approach: str, tmp_p
             "split_factor": 1.3,
         },
     )
-    report = fly(scenario, tmp_path)
+    ui = Ui()
+    report = fly(scenario, tmp_path, ui=ui)
     (alpha,) = report.summary["formations"]
-    assert alpha["splits"] == 1
+    assert (alpha["splits"], len(coded(ui.said, "uav2", "splits")), len(coded(ui.said, "uav2", "meets"))) == (1, 1, 1)
     assert report.summary["separation"]["too_close"] == []
     assert [vehicle["no_fly_cells_entered"] for vehicle in report.summary["vehicles"]] == [0, 0, 0]
     assert [state.outcome for state in report.states.values()] == [ARRIVED] * 3
