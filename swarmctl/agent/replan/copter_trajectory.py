@@ -22,6 +22,8 @@ LAND_M_S = 0.5
 """descent rate below LOW_M [m/s]: the default of LAND_SPEED"""
 RAMPS_S = 20.0
 """time for which a flight shows where it speeds up and brakes; farther ahead only its corners [s]"""
+REACHED_M = 3.0
+"""distance from its next waypoint at which a stopped vehicle flies on from there, and not back [m]"""
 LEVEL_S = 0.4
 """duration of a climb or descent below which the flight counts as level [s]"""
 SAME_TIME_S = 1e-3
@@ -141,6 +143,8 @@ def fly_through_change(
         share = changes_m_s**2 / (2.0 * change.brakes_m_s2 * away_m)
         changes_at = (changes_at[0] + share * along[0], changes_at[1] + share * along[1], changes_at[2])
         in_s, changes_m_s = in_s + changes_m_s / change.brakes_m_s2, RESTART_M_S
+        if len(path) > 1 and math.dist(changes_at[:2], path[0]) <= REACHED_M:
+            path = path[1:]
     after = fly_along(changes_at, new.height_m, path, speed_m_s, changes_m_s).later(in_s)
     n = bisect_left(times_s, in_s - SAME_TIME_S)
     return Trajectory((*times_s[:n], *after.times_s), (*points[:n], *after.points))
