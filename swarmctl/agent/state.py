@@ -282,8 +282,7 @@ class AgentState:
         formation, membership = self.task.formation, self.membership
         if formation is None or membership.leader is None or membership.n_present == 1:
             return ""
-        shape = formation.shapes[min(membership.shape, len(formation.shapes) - 1)]
-        kind = "split" if membership.is_split else shape.kind
+        kind = "split" if membership.is_split else formation.shape(membership.shape).kind
         text = f"group {formation.name}: {kind} of {membership.n_present}"
         if self.leads_group:
             return f"{text}, leads"

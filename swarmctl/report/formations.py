@@ -7,9 +7,9 @@ from collections import defaultdict
 from dataclasses import dataclass, field
 from typing import Any
 
-from swarmctl.agent.formation.membership import Formation
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.state import AgentState
+from swarmctl.config.model import Config
 
 IN_PLACE_M = 5.0
 """Distance from its place within which a member counts as in place [m]."""
@@ -54,7 +54,6 @@ class MemberStatistics:
 class GroupStatistics:
     """The flight of one group."""
 
-    formation: Formation
     members: dict[int, MemberStatistics] = field(default_factory=dict)
     led_s: defaultdict[int, float] = field(default_factory=lambda: defaultdict(float))
     """time for which each member has led [s]"""
@@ -73,7 +72,7 @@ class FormationStatistics:
         formation, membership = after.task.formation, after.membership
         if formation is None:
             return
-        group = self._groups.setdefault(formation.name, GroupStatistics(formation))
+        group = self._groups.setdefault(formation.name, GroupStatistics())
         member = group.members.setdefault(after.task.uav, MemberStatistics())
         if membership.leader is None or membership.n_present == 1:
             return
@@ -106,17 +105,19 @@ class FormationStatistics:
                 member.squares_m2[axis] += error * error
                 member.largest_m[axis] = max(member.largest_m[axis], abs(error))
 
-    def summary(self, names: dict[int, str], approaches: dict[str, str]) -> list[dict[str, Any]]:
-        """Return the groups; `names`: vehicles by system id, `approaches`: by the name of the group."""
+    def summary(self, config: Config) -> list[dict[str, Any]]:
+        """Return the groups that have flown; `config`: the configuration of their flight."""
+        names, sections = config.names, {section.name: section for section in config.formations}
         return [
             {
                 "name": name,
-                "approach": approaches[name],
+                "approach": sections[name].approach,
                 "members": {names[uav]: member.summary() for uav, member in sorted(group.members.items())},
                 "led_s": {names[uav]: led_s for uav, led_s in group.led_s.items()},
                 "time_in_shapes_s": {
                     key: group.shapes_s[number]
-                    for number, key in enumerate(("shape", "narrow_shape")[: len(group.formation.shapes)])
+                    for number, key in enumerate(("shape", "narrow_shape"))
+                    if getattr(sections[name], key) is not None
                 },
                 "leader_changes": max(member.leader_changes for member in group.members.values()),
                 "shape_changes": max(member.shape_changes for member in group.members.values()),

@@ -193,7 +193,6 @@ def summary(
     reports is not in `payload_reports`. `crossings` counts crossings of first routes; None: not counted.
     """
     merged = _merged_belief(scenario, states)
-    approaches = {section.name: section.approach for section in scenario.config.formations}
     return {
         "name": scenario.config.name,
         "seed": scenario.config.seed,
@@ -213,7 +212,7 @@ def summary(
         "latency": statistics.latencies(),
         "separation": statistics.separation.summary(states, crossings),
         "arrival": statistics.arrivals.summary(states, _simulated_seconds(scenario, clock)),
-        "formations": statistics.formations.summary(scenario.config.names, approaches),
+        "formations": statistics.formations.summary(scenario.config),
         "operator_commands": commands,
         "vehicles": [
             _vehicle(scenario, states[task.uav], statistics, networks[task.uav])

@@ -43,7 +43,6 @@ FOUND_IN_FULL_RUNS = (368, 609, 646, 740, 893, 916)
 """seeds of larger swarms that broke a limit before; each costs up to 13 s. In 609 a vehicle waited before its
 landing in the way of one that was mute for 30 s."""
 
-
 OPEN = {10}
 """seeds that break a limit today, as docs/limits.md says; only `--drawn-traffic` flies them"""
 

@@ -93,8 +93,7 @@ def _changes_of_group(before: AgentState, after: AgentState) -> list[ev.Effect]:
         return []
     group, texts = f"group {formation.name}", []
     if new.shape != old.shape:
-        shape = formation.shapes[min(new.shape, len(formation.shapes) - 1)].kind
-        texts.append(f"{group} changes its shape: {shape} [shape]")
+        texts.append(f"{group} changes its shape: {formation.shape(new.shape).kind} [shape]")
     if new.is_split and not old.is_split:
         texts.append(f"{group} splits: the members fly ways of their own, and meet again [splits]")
     if old.is_split and not new.is_split:

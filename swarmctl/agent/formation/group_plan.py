@@ -45,11 +45,10 @@ def plan_of_leader(state: AgentState) -> StepResult | None:
         return None
     if state.vehicle.brakes_m_s2 is None or state.plans.must_change or state.alarms:
         return None
-    if may_learn_of_walls(state):
-        p_s = believed_exposure(state.task, state.belief, state.strength, state.own)
-        if is_wall_close(state, p_s):
-            return None  # a new mission leaves the route at once
     planned = plan_in_formation(state)
+    assert planned.plans.exposure is not None
+    if may_learn_of_walls(state) and is_wall_close(state, planned.plans.exposure):
+        return None  # a new mission leaves the route at once
     if planned.membership.route is membership.route:
         return planned, []
     planned, ordered = command(planned, ev.FlightOrder.FORMATION, phase=Phase.FORMATION)

@@ -93,6 +93,10 @@ class Formation:
         names = (f"{name}_weight" for name in self.approach.WEIGHTS)
         return self.params.model_copy(update=dict(zip(names, weights, strict=True)))
 
+    def shape(self, number: int) -> Shape:
+        """Return the shape of a number; of a greater number than there are shapes, the last one."""
+        return self.shapes[min(number, len(self.shapes) - 1)]
+
     def places(self, number: int, n_present: int) -> tuple[ShapePlace, ...]:
         """Return the places of shape `number`."""
         n = n_present if self.closes_up else len(self.members)

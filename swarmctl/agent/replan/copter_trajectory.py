@@ -119,8 +119,10 @@ def fly_through_change(
     present path ends before the change, the vehicle lands there.
     """
     initial_m_s, path, in_s = math.hypot(*velocity_m_s), new.path, change.in_s
-    flight = fly_along(here, present.height_m, present.path, speed_m_s, initial_m_s)
-    track = travel_time.timed_track([here[:2], *present.path], speed_m_s, initial_m_s=initial_m_s)
+    track = travel_time.timed_track(
+        [here[:2], *present.path], speed_m_s, initial_m_s=initial_m_s, ramps_s=max(RAMPS_S, in_s)
+    )
+    flight = _fly_on(track, here, present.height_m, present.path)
     changes_at = flight.at(in_s)
     if changes_at is None or (present.path and in_s >= track.times_s[-1]):
         return flight
@@ -155,6 +157,13 @@ def fly_along(
 ) -> Trajectory:
     """Return the trajectory along `path` at `height_m` to the landing, from `here` at speed `initial_m_s`."""
     track = travel_time.timed_track([here[:2], *path], speed_m_s, initial_m_s=initial_m_s, ramps_s=RAMPS_S)
+    return _fly_on(track, here, height_m, path)
+
+
+def _fly_on(
+    track: travel_time.TimedTrack, here: LocalPoint, height_m: float, path: Sequence[PlanarPoint]
+) -> Trajectory:
+    """Return the trajectory on a track from `here` along `path`, at `height_m` to the landing."""
     # The vehicle climbs evenly to the first point of its path. A longer climb delays all later points.
     level_m = next((away_m for point in path if (away_m := math.dist(here[:2], point)) > 0.0), 0.0)
     level_m = min(level_m, track.at_m[-1])

@@ -37,8 +37,6 @@ SHORT_S = 4.5
 """Duration of a leg at full speed [s]; the estimate has a stop at both ends of a shorter leg."""
 STRAIGHT_RAD = 0.1
 """Greatest turn that counts as straight [rad]."""
-
-
 LEAST_RAMP_S = 0.5
 """Least time between two points of a timed track between corners [s]."""
 LEAST_RAMP_M = 0.1
@@ -130,15 +128,13 @@ def timed_track(
     points, at_m, each_s, speeds_m_s = corners[:1], [0.0], [0.0], passed_m_s[:1]
     for i, (a, b) in enumerate(pairwise(corners)):
         begin_m_s, end_m_s, leg_m = passed_m_s[i], passed_m_s[i + 1], math.dist(a, b)
-        top_m_s, from_m = _top_m_s(begin_m_s, end_m_s, leg_m, speed_m_s), at_m[-1]
-        up_m = (top_m_s**2 - begin_m_s**2) / (2 * ACCELERATION_M_S2)
-        down_m = (top_m_s**2 - end_m_s**2) / (2 * BRAKING_M_S2)
+        (top_m_s, up_m, down_m), from_m = _ramps(begin_m_s, end_m_s, leg_m, speed_m_s), at_m[-1]
         up_s = times_s[i] + (SETTLE_S if i else 0.0) + (top_m_s - begin_m_s) / ACCELERATION_M_S2
         down_s = times_s[i + 1] - (top_m_s - end_m_s) / BRAKING_M_S2
         for on_m, on_s in ((up_m, up_s), (leg_m - down_m, down_s)):
-            is_between = each_s[-1] + LEAST_RAMP_S < on_s < times_s[i + 1] - LEAST_RAMP_S
-            is_between = is_between and LEAST_RAMP_M < on_m < leg_m - LEAST_RAMP_M
-            if is_between and times_s[i] <= ramps_s:
+            is_later = each_s[-1] + LEAST_RAMP_S < on_s < times_s[i + 1] - LEAST_RAMP_S
+            is_farther = LEAST_RAMP_M < on_m < leg_m - LEAST_RAMP_M
+            if is_later and is_farther and times_s[i] <= ramps_s:
                 share = on_m / leg_m
                 points.append((a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])))
                 at_m.append(from_m + on_m)
@@ -204,11 +200,16 @@ def _make_flyable(passed_m_s: list[float], legs_m: Sequence[float]) -> None:
 
 def _leg_s(begin_m_s: float, end_m_s: float, leg_m: float, speed_m_s: float) -> float:
     """Return the time for a leg: speeding up, full speed if the leg is long enough, and braking [s]."""
-    top_m_s = _top_m_s(begin_m_s, end_m_s, leg_m, speed_m_s)
-    up_m = (top_m_s**2 - begin_m_s**2) / (2 * ACCELERATION_M_S2)
-    down_m = (top_m_s**2 - end_m_s**2) / (2 * BRAKING_M_S2)
+    top_m_s, up_m, down_m = _ramps(begin_m_s, end_m_s, leg_m, speed_m_s)
     ramps_s = (top_m_s - begin_m_s) / ACCELERATION_M_S2 + (top_m_s - end_m_s) / BRAKING_M_S2
     return ramps_s + (max(leg_m - up_m - down_m, 0.0) / top_m_s if top_m_s > 0.0 else 0.0)
+
+
+def _ramps(begin_m_s: float, end_m_s: float, leg_m: float, speed_m_s: float) -> tuple[float, float, float]:
+    """Return the greatest speed on a leg [m/s], and the distances of speeding up and of braking [m]."""
+    top_m_s = _top_m_s(begin_m_s, end_m_s, leg_m, speed_m_s)
+    up_m = (top_m_s**2 - begin_m_s**2) / (2 * ACCELERATION_M_S2)
+    return top_m_s, up_m, (top_m_s**2 - end_m_s**2) / (2 * BRAKING_M_S2)
 
 
 def _top_m_s(begin_m_s: float, end_m_s: float, leg_m: float, speed_m_s: float) -> float:

@@ -152,23 +152,27 @@ def _standing(state: AgentState, mine: Paths, together: float, uav: int, intent:
     path = None if report is None else predict(state, report)
     if report is None or path is None:
         return Standing(Activity.EMERGENCY, False, uav)
-    activity, here = activity_of(report.state.phase), path.higher(home_amsl_m(state))
-    hears = state.task.uav in report.state.hears
+    here = path.higher(home_amsl_m(state))
     stop = _stop(here.points[0], report.state.velocity_m_s, report.at_s)
     helps = _helps(stop, mine, intent.limits(state.task.separation.limits), together)
-    can_yield = report.state.hovers and hears and helps and activity in (Activity.EN_ROUTE, Activity.LANDING)
-    return Standing(activity, can_yield, uav, here.points[0][2])
+    return Standing(
+        activity_of(report.state.phase), helps and _may_hold(state, report), uav, here.points[0][2]
+    )
+
+
+def _may_hold(state: AgentState, other: NeighbourReport) -> bool:
+    """Return whether another vehicle may hold for this one: a copter, en route or landing, that hears it."""
+    is_free = activity_of(other.state.phase) in (Activity.EN_ROUTE, Activity.LANDING)
+    return is_free and other.state.hovers and state.task.uav in other.state.hears
 
 
 def _can_stop_for(state: AgentState, stop: Trajectory, uav: int) -> bool:
     """Return whether another vehicle can still stop clear of this vehicle's stop."""
     report = state.neighbours.get(uav)
     path = None if report is None else predict(state, report)
-    if report is None or path is None or state.task.uav not in report.state.hears:
+    if report is None or path is None or not _may_hold(state, report):
         return False
-    if activity_of(report.state.phase) not in (Activity.EN_ROUTE, Activity.LANDING):
-        return False
-    if not report.state.hovers or report.state.alt_rel_m < MIN_HEIGHT_M:
+    if report.state.alt_rel_m < MIN_HEIGHT_M:
         return False
     here, velocity_m_s = path.higher(home_amsl_m(state)).points[0], report.state.velocity_m_s
     reacts_s = state.vehicle.time_boot_s - report.at_s + LIKELY_REACTION_S + REACTS_S

@@ -165,10 +165,8 @@ def flight_by_plan(state: AgentState, plan: FlightPlan) -> Trajectory | None:
         )
     if _climbs_vertically(state, here, plan):
         return to_shared_frame(state, climb_then_fly(here, plan.height_m, path, task.arrival.speed_m_s))
-    if state.plans.route is None:
+    if (change := change_for_new_plan(state)) is None:
         return to_shared_frame(state, _from_hold(state, here, plan, path, state.plans.swap_times.likely_s))
-    change = change_for_new_plan(state)
-    assert change is not None
     flight = _through_change(state, here, change, plan, path, task.arrival.speed_m_s)
     return to_shared_frame(state, flight)
 
