@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
+import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.files.component_metadata import ComponentMetadata
@@ -87,20 +88,8 @@ def px4_files(*, metadata: Callable[[], ComponentMetadata], recorder: FlightReco
 
 def px4_log_name(log: StoredLog) -> str:
     """Return the path of a log under PX4_LOGS, `YYYY-MM-DD/hh_mm_ss.ulg` of its start (UTC)."""
-    days, seconds = divmod(max(int(log.begun_utc_s), 0), 86_400)
-    year, month, day = _civil(days)
-    minutes, second = divmod(seconds, 60)
-    return f"{year:04d}-{month:02d}-{day:02d}/{minutes // 60:02d}_{minutes % 60:02d}_{second:02d}.ulg"
-
-
-def _civil(days: int) -> tuple[int, int, int]:
-    """Return year, month and day of a number of days since 1970-01-01 (proleptic Gregorian calendar)."""
-    era, day_of_era = divmod(days + 719_468, 146_097)  # eras of 400 years, each from the first of March
-    year_of_era = (day_of_era - day_of_era // 1460 + day_of_era // 36_524 - day_of_era // 146_096) // 365
-    day_of_year = day_of_era - (365 * year_of_era + year_of_era // 4 - year_of_era // 100)
-    shifted = (5 * day_of_year + 2) // 153
-    month = shifted + 3 if shifted < 10 else shifted - 9
-    return year_of_era + era * 400 + (month <= 2), month, day_of_year - (153 * shifted + 2) // 5 + 1
+    date, time = str(np.datetime64(max(int(log.begun_utc_s), 0), "s")).split("T")
+    return f"{date}/{time.replace(':', '_')}.ulg"
 
 
 def _mission_file(

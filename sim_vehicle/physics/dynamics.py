@@ -177,8 +177,3 @@ class Dynamics(Motion):
             below = below * np.cos(roll) - aside * np.sin(roll)
             self._derived["force"] = np.column_stack((forward, right, below))
         return self._derived["force"]
-
-    @property
-    def heading_rad(self) -> Floats:
-        """Heading clockwise from north, (n,) in [0, 2 pi) [rad]."""
-        return np.asarray(self.attitude[2] % (2 * np.pi))

@@ -97,9 +97,6 @@ class World:
         self.has_event = dynamics.has_event  # (n,), for the vehicle's autopilot
         self.estimate_m, self.estimate_velocity_m_s = dynamics.estimate_m, dynamics.estimate_velocity_m_s
         self.gps = Gps(gps, frame, dynamics.position)
-        # written by faults
-        self.motors_lost, self.sag_v = dynamics.motors_lost, self.batteries.sag_v
-        self.gps_lost, self.gps_offset_m = self.gps.lost, self.gps.offset_m
         bias_draws = np.column_stack([sensors.standard_normal(2) for _, _, sensors in streams])
         self.estimator = Estimator(dynamics.error, dynamics.velocity_error, bias_draws, gps.drift_m)
         self._draws: Normals | None = None
@@ -148,11 +145,6 @@ class World:
     def position_ok(self) -> Bools:
         """True for estimates good enough for navigation, (n,)."""
         return self.estimator.position_ok
-
-    @property
-    def wind_m_s(self) -> Floats:
-        """Wind east, north, up at each vehicle, (n, 3) [m/s]."""
-        return self.wind.wind_m_s
 
     def geodetic(self) -> tuple[Floats, Floats]:
         """Return the true latitude and longitude of all vehicles, (n,), (n,) [deg]."""

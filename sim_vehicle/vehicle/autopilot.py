@@ -234,11 +234,6 @@ class Autopilot:
         if found is not None:
             self.replace_faults(*found, self.now)
 
-    def clock_ahead_s(self, now: float) -> float:
-        """Return the lead of the vehicle's own clock over simulated time [s]."""
-        status, i = self.status, self.index
-        return float(status.clock_offset_s[i] + (now - status.clock_since_s[i]) * status.clock_drift[i])
-
     # -- time ---------------------------------------------------------------------------------------------
 
     def decide(self, now: float, *, has_event: bool) -> None:

@@ -5,7 +5,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-MAX_ALTITUDE_M = 83_000.0
+MAX_ALTITUDE_M = 83_000.0  # limit of the absolute altitude, as in the mission storage of ArduPilot
 
 
 @dataclass(frozen=True, slots=True)

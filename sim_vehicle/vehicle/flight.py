@@ -31,8 +31,8 @@ class Flight:
         self.landing_now = False
         self.taking_off = False
         self.takeoff_amsl_m: float | None = None  # requested altitude; None: `takeoff_height_m` above home
-        self._ground_since_s = -math.inf
-        self._manoeuvre: Manoeuvre | None = None
+        self.ground_since_s = -math.inf
+        self.manoeuvre: Manoeuvre | None = None  # outside of missions
         self.guided_target_m: tuple[float, float, float] | None = None
         # limits set in flight, by name
         self._set_in_flight: dict[str, float] = {}
@@ -50,17 +50,8 @@ class Flight:
     def armed(self) -> bool:
         return self.body.armed
 
-    @property
-    def manoeuvre(self) -> Manoeuvre | None:
-        """The manoeuvre in progress, outside of missions."""
-        return self._manoeuvre
-
     def landed(self, now: float) -> bool:
-        return not self.body.airborne and now - self._ground_since_s >= LANDED_AFTER_S
-
-    @property
-    def ground_since_s(self) -> float:
-        return self._ground_since_s
+        return not self.body.airborne and now - self.ground_since_s >= LANDED_AFTER_S
 
     @property
     def flying(self) -> bool:
@@ -106,7 +97,7 @@ class Flight:
             waits = self.pilot.busy or self.mission.waiting or not self.flying
             busy = waits and (self.armed or self.mission.state is MissionState.ACTIVE)
         else:
-            busy = self.armed and (self._manoeuvre is not None or self.behaviour in PILOTED)
+            busy = self.armed and (self.manoeuvre is not None or self.behaviour in PILOTED)
         settling = not self.body.airborne and not self.landed(now)
         return now + RUN_INTERVAL_S if busy or settling else math.inf
 
@@ -126,7 +117,7 @@ class Flight:
         if self.behaviour is Behaviour.MISSION and mode.behaviour is not Behaviour.MISSION:
             self.mission.stop()
         self.behaviour = mode.behaviour
-        self._manoeuvre, self.guided_target_m = None, None
+        self.manoeuvre, self.guided_target_m = None, None
         self.pilot.forget()
         self.taking_off = False
         self._piloting.begin()
@@ -138,9 +129,9 @@ class Flight:
         elif self.flying:
             self.body.stop()
             if mode.behaviour is Behaviour.LAND:
-                self._manoeuvre = Landing(self, None)
+                self.manoeuvre = Landing(self, None)
             elif mode.behaviour is Behaviour.RETURN:
-                self._manoeuvre = Return(self) if by_mission is None else ReturnByMission(self, *by_mission)
+                self.manoeuvre = Return(self) if by_mission is None else ReturnByMission(self, *by_mission)
         self.begin_takeoff()
 
     def begin_takeoff(self) -> None:
@@ -156,32 +147,32 @@ class Flight:
     def run(self, now: float) -> None:
         """Run the control loop at `now` [s]."""
         if self.body.airborne:
-            self._ground_since_s = math.inf
-        elif math.isinf(self._ground_since_s) and self._ground_since_s > 0:
-            self._ground_since_s = now
+            self.ground_since_s = math.inf
+        elif math.isinf(self.ground_since_s) and self.ground_since_s > 0:
+            self.ground_since_s = now
         if self.behaviour is Behaviour.MISSION:
             self.mission.update(self.pilot, now)
         elif self.armed:
             self._run_without_mission(now)
-        by_mission = isinstance(self._manoeuvre, ReturnByMission) and self._manoeuvre.landing
+        by_mission = isinstance(self.manoeuvre, ReturnByMission) and self.manoeuvre.landing
         self.landing_now = self.behaviour is Behaviour.LAND or self.pilot.landing or by_mission
 
     def _run_without_mission(self, now: float) -> None:
         if self.behaviour in PILOTED:
             self._piloting.run(self.vehicle.remote.sticks(now))
         elif self.behaviour in (Behaviour.LAND, Behaviour.RETURN):
-            done = self._manoeuvre.update(now) if self._manoeuvre is not None else self.landed(now)
+            done = self.manoeuvre.update(now) if self.manoeuvre is not None else self.landed(now)
             if done:
                 self.disarm()
-        elif self.behaviour is Behaviour.TAKEOFF and self._manoeuvre is not None:
-            if self._manoeuvre.update(now):
-                self._manoeuvre, self.taking_off = None, False
+        elif self.behaviour is Behaviour.TAKEOFF and self.manoeuvre is not None:
+            if self.manoeuvre.update(now):
+                self.manoeuvre, self.taking_off = None, False
                 self.vehicle.modes.taken_off()
-        elif self._manoeuvre is not None and not self.taking_off:
-            if self._manoeuvre.update(now):
-                self._manoeuvre = None
+        elif self.manoeuvre is not None and not self.taking_off:
+            if self.manoeuvre.update(now):
+                self.manoeuvre = None
         elif self.taking_off and self.body.airborne and self.body.reached:
-            self.taking_off, self._manoeuvre = False, None
+            self.taking_off, self.manoeuvre = False, None
 
     # -- guided -------------------------------------------------------------------------------------------
 
@@ -205,17 +196,13 @@ class Flight:
         self.cleared_for_takeoff = self.taking_off = True
         if self.flight_parameters.takeoff.speed_m_s is not None:
             self.limit(climb_m_s=self.flight_parameters.takeoff.speed_m_s)
-        self._manoeuvre = Takeoff(self, alt_amsl_m)
-
-    def fly(self, manoeuvre: Manoeuvre) -> None:
-        """Begin a manoeuvre in a hold or guided mode."""
-        self._manoeuvre = manoeuvre
+        self.manoeuvre = Takeoff(self, alt_amsl_m)
 
     def guided_go(self, lat_deg: float, lon_deg: float, alt_amsl_m: float) -> None:
         """Fly to a position; a vehicle on the ground stays there."""
         self.taking_off = False
         if self.flying:
-            self._manoeuvre = None
+            self.manoeuvre = None
             self.go((*self.body.locate(lat_deg, lon_deg), alt_amsl_m))
 
     def pause(self) -> bool:

@@ -64,7 +64,8 @@ def _on_version_request(vehicle: Vehicle, _message: Any, now: float) -> None:
 
 def _on_timesync(vehicle: Vehicle, message: Any, now: float) -> None:
     if message.tc1 == 0:
-        clock_ns = round((now - vehicle.readiness.boot_s + vehicle.clock_ahead_s(now)) * 1e9)
+        ahead_s = vehicle.injected_faults.clock_offset_s(now)
+        clock_ns = round((now - vehicle.readiness.boot_s + ahead_s) * 1e9)
         vehicle.send(mavlink.MAVLink_timesync_message(clock_ns, message.ts1))
 
 

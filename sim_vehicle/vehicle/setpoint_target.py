@@ -42,18 +42,8 @@ def rotated(vehicle: Vehicle, forward: float, right: float) -> tuple[float, floa
     return forward * cos - right * sin, forward * sin + right * cos
 
 
-def origin_m(vehicle: Vehicle) -> Vector:
-    """Return the origin of local coordinates: east, north, up."""
-    east_m, north_m, up_m = vehicle.home_and_rally.origin_m
-    return east_m, north_m, up_m
-
-
 def east_north_up(north: float, east: float, down: float) -> Vector:
     return east, north, -down
-
-
-def local(message: Any) -> bool:
-    return bool(message.get_type() == "SET_POSITION_TARGET_LOCAL_NED")
 
 
 def yaw(message: Any) -> tuple[float | None, float | None]:

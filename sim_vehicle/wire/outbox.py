@@ -47,9 +47,8 @@ class Outbox:
     def _send(self, message_id: int, vehicles: npt.NDArray[np.int64], now: float) -> int:
         stream = STREAMS[message_id]
         view = View(self._world, self._status, vehicles, now)
-        has_data = stream.has_data(view)
-        if not has_data.all():
-            view.i = vehicles = vehicles[has_data]
+        if stream.has_data is not None:
+            view.i = vehicles = vehicles[stream.has_data(view)]
         if len(vehicles):
             frames = self._encoder.frames(stream.layout, stream.payloads(view), vehicles)
             self._frames.extend(zip(vehicles.tolist(), frames, strict=True))

@@ -50,7 +50,6 @@ class Signing:
         self._key: bytes | None = None
         self._timestamp = 0  # latest time stamp sent or received
         self._streams: dict[tuple[int, int, int], int] = {}  # link, system, component -> latest time stamp
-        self.refused = 0  # number of refused frames
 
     @property
     def active(self) -> bool:
@@ -101,9 +100,7 @@ class Signing:
         if self._key is None:
             return True
         signed = frame[0] == MAVLINK2 and bool(frame[2] & SIGNED)
-        accepted = (signed and self._verified(frame)) or _message_id(frame) in UNSIGNED_ALLOWED
-        self.refused += not accepted
-        return accepted
+        return (signed and self._verified(frame)) or _message_id(frame) in UNSIGNED_ALLOWED
 
     def _verified(self, frame: bytes) -> bool:
         if not hmac.compare_digest(self._hash(frame[:-6]), frame[-6:]):

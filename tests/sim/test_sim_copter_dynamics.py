@@ -132,7 +132,7 @@ def test_gusts_move_a_copter_by_less_than_2_m() -> None:
 @pytest.mark.parametrize(("height_m", "contact_m_s"), [(3.0, math.sqrt(2 * 0.3 * 9.81 * 3.0)), (50.0, 8.0)])
 def test_a_copter_without_one_motor_spins_and_sinks_ever_faster(height_m: float, contact_m_s: float) -> None:
     world, body = physics_bench.lone_copter(height_m)
-    world.motors_lost[0] = 1
+    world.dynamics.motors_lost[0] = 1
     physics_bench.wait(world, 1.0)
     assert world.dynamics.rates_rad_s[0, 2] > math.radians(180)
     assert body.velocity_m_s[2] == pytest.approx(-0.3 * GRAVITY_M_S2, abs=0.3)
@@ -143,12 +143,12 @@ def test_a_copter_without_one_motor_spins_and_sinks_ever_faster(height_m: float,
 
 def test_a_copter_without_two_motors_falls_and_is_broken() -> None:
     world, body = physics_bench.lone_copter()
-    world.motors_lost[0] = 2
+    world.dynamics.motors_lost[0] = 2
     took_s = physics_bench.until(world, lambda: not body.airborne)
     fall_s = 15.0 / GRAVITY_M_S2  # to terminal speed
     assert took_s == pytest.approx(fall_s + (50 - 15.0 * fall_s / 2) / 15.0, abs=0.2)
     assert body.crashed
-    world.motors_lost[0] = 0
+    world.dynamics.motors_lost[0] = 0
     body.arm(True)
     body.fly_to(0, 0, physics_bench.GROUND_M + 20)
     physics_bench.wait(world, 5.0)
@@ -158,9 +158,9 @@ def test_a_copter_without_two_motors_falls_and_is_broken() -> None:
 
 def test_a_copter_with_restored_motors_returns_to_its_position() -> None:
     world, body = physics_bench.lone_copter()
-    world.motors_lost[0] = 1
+    world.dynamics.motors_lost[0] = 1
     physics_bench.wait(world, 3.0)
-    world.motors_lost[0] = 0
+    world.dynamics.motors_lost[0] = 0
     physics_bench.wait(world, 40.0)
     assert body.position_m == pytest.approx((0, 0, physics_bench.GROUND_M + 50), abs=0.1)
 

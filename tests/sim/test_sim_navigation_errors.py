@@ -60,14 +60,14 @@ def test_a_copter_with_a_noisy_estimate_holds_its_position() -> None:
 
 def test_a_glitch_is_rejected_at_first_and_then_moves_the_vehicle() -> None:
     world, body = physics_bench.lone_copter()
-    world.gps_offset_m[0] = (40.0, 0.0, 0.0)
+    world.gps.offset_m[0] = (40.0, 0.0, 0.0)
     physics_bench.wait(world, 5.0)
     assert world.gps.position_m[0, 0] == pytest.approx(40.0, abs=0.5)
     assert off_m(world) < 1.0
     physics_bench.wait(world, 30.0)
     assert truth_m(world) == pytest.approx((-40.0, 0.0), abs=0.5)
     assert body.position_m[:2] == pytest.approx((0, 0), abs=0.5)
-    world.gps_offset_m[0] = 0.0
+    world.gps.offset_m[0] = 0.0
     physics_bench.wait(world, 40.0)
     assert off_m(world) < 0.5
 
@@ -76,7 +76,7 @@ def test_a_slow_glitch_is_followed() -> None:
     world = physics_bench.world()
     physics_bench.copter(world)
     for step in range(200):
-        world.gps_offset_m[0] = (0.0, 0.1 * step, 0.0)
+        world.gps.offset_m[0] = (0.0, 0.1 * step, 0.0)
         physics_bench.wait(world, 0.25)
     physics_bench.wait(world, 20.0)
     assert truth_m(world) == pytest.approx((0.0, -19.9), abs=0.5)
@@ -84,7 +84,7 @@ def test_a_slow_glitch_is_followed() -> None:
 
 def test_a_glitch_does_not_change_the_barometric_height() -> None:
     world, body = physics_bench.lone_copter()
-    world.gps_offset_m[0] = (0.0, 0.0, 30.0)
+    world.gps.offset_m[0] = (0.0, 0.0, 30.0)
     physics_bench.wait(world, 30.0)
     assert world.gps.position_m[0, 2] - world.dynamics.position_m[0, 2] == pytest.approx(30.0)
     assert body.alt_amsl_m == pytest.approx(physics_bench.GROUND_M + 50, abs=0.1)
@@ -93,7 +93,7 @@ def test_a_glitch_does_not_change_the_barometric_height() -> None:
 def test_a_copter_without_gps_dead_reckons_drifts_and_loses_its_position() -> None:
     world, body = physics_bench.lone_copter()
     body.take_events()
-    world.gps_lost[0] = True
+    world.gps.lost[0] = True
     physics_bench.wait(world, 7.0)
     assert (body.gps_fix, body.position_ok) == (False, True)
     assert (world.gps.fix_type[0], world.gps.satellites[0]) == (NO_FIX, 0)
@@ -104,7 +104,7 @@ def test_a_copter_without_gps_dead_reckons_drifts_and_loses_its_position() -> No
     assert body.take_events()
     physics_bench.wait(world, 30.0)
     assert off_m(world) > 5 * after_7_s_m > 0
-    world.gps_lost[0] = False
+    world.gps.lost[0] = False
     physics_bench.wait(world, 0.5)
     assert world.position_ok[0]
     assert body.take_events()
@@ -115,7 +115,7 @@ def test_a_copter_without_gps_dead_reckons_drifts_and_loses_its_position() -> No
 
 def test_estimated_and_true_positions_agree_with_the_map() -> None:
     world, body = physics_bench.lone_copter()
-    world.gps_offset_m[0] = (3.0, 0.0, 0.0)
+    world.gps.offset_m[0] = (3.0, 0.0, 0.0)
     physics_bench.wait(world, 60.0)
     lat_deg, lon_deg = world.geodetic()
     estimated_lat_deg, estimated_lon_deg = world.estimated_geodetic()

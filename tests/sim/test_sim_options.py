@@ -217,4 +217,4 @@ def test_a_fault_on_an_unknown_system_id_is_an_error() -> None:
 def test_vehicles_face_the_heading_of_home() -> None:
     scenario, _ = make_scenario(FleetOptions(home="46,14.5,300,270", count=2))
     fleet = Fleet(scenario, ready_s=0.0)
-    assert fleet.world.dynamics.heading_rad == pytest.approx([1.5 * math.pi] * 2)
+    assert fleet.world.dynamics.attitude[2] == pytest.approx([-0.5 * math.pi] * 2)

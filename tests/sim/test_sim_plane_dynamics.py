@@ -179,7 +179,7 @@ def test_a_plane_without_power_glides_eight_metres_forward_for_one_down(cause: s
     body.fly_to(0, 3000, UP_M)
     physics_bench.wait(world, 20.0)
     if cause == "motor":
-        world.motors_lost[0] = 1
+        world.dynamics.motors_lost[0] = 1
     elif cause == "battery":
         world.batteries.used_mah[0] = 1e6
     else:

@@ -44,7 +44,7 @@ def rows(world: World, index: int) -> list[list[float]]:
             world.estimate_m,
             world.estimate_velocity_m_s,
             world.gps.position_m,
-            world.wind_m_s,
+            world.wind.wind_m_s,
             np.column_stack([world.batteries.voltage_v, world.batteries.used_mah, m.airspeed_m_s]),
         )
     ]

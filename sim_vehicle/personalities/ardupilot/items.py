@@ -8,10 +8,9 @@ from collections.abc import Callable
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.vehicle.command import MAX_ALTITUDE_M
 from sim_vehicle.vehicle.mission import Item
 from sim_vehicle.vehicle.params import as_float32
-
-MAX_ALTITUDE_M = 83_000.0  # the storage has only altitudes between -MAX_ALTITUDE_M and MAX_ALTITUDE_M
 
 _STORED_FRAME = {
     mavlink.MAV_FRAME_GLOBAL: mavlink.MAV_FRAME_GLOBAL,
@@ -30,10 +29,6 @@ Roundings = tuple[Rounding, Rounding, Rounding, Rounding]
 
 def _zero(_value: float) -> float:
     return 0.0
-
-
-def _float32(value: float) -> float:
-    return as_float32(value)
 
 
 def _integer(lowest: int, highest: int) -> Rounding:
@@ -91,21 +86,21 @@ _WITH_POSITION: dict[int, Roundings] = {
 # Command -> rounding of parameters 1 to 4, for commands without a position
 _WITHOUT_POSITION: dict[int, Roundings] = {
     mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: (_zero, _zero, _zero, _zero),
-    mavlink.MAV_CMD_NAV_DELAY: (_float32, _i8, _i8, _i8),
-    mavlink.MAV_CMD_CONDITION_DELAY: (_float32, _zero, _zero, _zero),
-    mavlink.MAV_CMD_CONDITION_DISTANCE: (_float32, _zero, _zero, _zero),
-    mavlink.MAV_CMD_CONDITION_YAW: (_float32, _float32, _i8, _u8),
+    mavlink.MAV_CMD_NAV_DELAY: (as_float32, _i8, _i8, _i8),
+    mavlink.MAV_CMD_CONDITION_DELAY: (as_float32, _zero, _zero, _zero),
+    mavlink.MAV_CMD_CONDITION_DISTANCE: (as_float32, _zero, _zero, _zero),
+    mavlink.MAV_CMD_CONDITION_YAW: (as_float32, as_float32, _i8, _u8),
     mavlink.MAV_CMD_DO_JUMP: (_u16, _i16, _zero, _zero),
-    mavlink.MAV_CMD_DO_CHANGE_SPEED: (_u8, _float32, _float32, _zero),
+    mavlink.MAV_CMD_DO_CHANGE_SPEED: (_u8, as_float32, as_float32, _zero),
     mavlink.MAV_CMD_DO_SET_RELAY: (_u8, _u8, _zero, _zero),
-    mavlink.MAV_CMD_DO_REPEAT_RELAY: (_u8, _i16, _float32, _zero),
+    mavlink.MAV_CMD_DO_REPEAT_RELAY: (_u8, _i16, as_float32, _zero),
     mavlink.MAV_CMD_DO_SET_SERVO: (_u8, _u16, _zero, _zero),
-    mavlink.MAV_CMD_DO_REPEAT_SERVO: (_u8, _u16, _i16, _float32),
+    mavlink.MAV_CMD_DO_REPEAT_SERVO: (_u8, _u16, _i16, as_float32),
     mavlink.MAV_CMD_DO_SET_ROI_NONE: (_u16, _zero, _zero, _zero),
     mavlink.MAV_CMD_DO_DIGICAM_CONFIGURE: (_u8, _u16, _u8, _u8),
     mavlink.MAV_CMD_DO_DIGICAM_CONTROL: (_u8, _u8, _i8, _u8),
-    mavlink.MAV_CMD_DO_MOUNT_CONTROL: (_float32, _float32, _float32, _zero),
-    mavlink.MAV_CMD_DO_SET_CAM_TRIGG_DIST: (_float32, _zero, _u8, _zero),
+    mavlink.MAV_CMD_DO_MOUNT_CONTROL: (as_float32, as_float32, as_float32, _zero),
+    mavlink.MAV_CMD_DO_SET_CAM_TRIGG_DIST: (as_float32, _zero, _u8, _zero),
     mavlink.MAV_CMD_DO_FENCE_ENABLE: (_u16, _zero, _zero, _zero),
     mavlink.MAV_CMD_DO_PARACHUTE: (_u16, _zero, _zero, _zero),
     mavlink.MAV_CMD_DO_GRIPPER: (_u8, _u8, _zero, _zero),
@@ -113,12 +108,12 @@ _WITHOUT_POSITION: dict[int, Roundings] = {
     mavlink.MAV_CMD_DO_SET_RESUME_REPEAT_DIST: (_u16, _zero, _zero, _zero),
     mavlink.MAV_CMD_DO_SPRAYER: (_u16, _zero, _zero, _zero),
     mavlink.MAV_CMD_DO_AUX_FUNCTION: (_u16, _u8, _zero, _zero),
-    mavlink.MAV_CMD_DO_WINCH: (_u8, _u8, _float32, _float32),
-    mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW: (_float32, _float32, _float32, _float32),
-    mavlink.MAV_CMD_IMAGE_START_CAPTURE: (_u8, _float32, _u16, _u16),
+    mavlink.MAV_CMD_DO_WINCH: (_u8, _u8, as_float32, as_float32),
+    mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW: (as_float32, as_float32, as_float32, as_float32),
+    mavlink.MAV_CMD_IMAGE_START_CAPTURE: (_u8, as_float32, _u16, _u16),
     mavlink.MAV_CMD_IMAGE_STOP_CAPTURE: (_u8, _zero, _zero, _zero),
-    mavlink.MAV_CMD_SET_CAMERA_ZOOM: (_u8, _float32, _zero, _zero),
-    mavlink.MAV_CMD_SET_CAMERA_FOCUS: (_u8, _float32, _zero, _zero),
+    mavlink.MAV_CMD_SET_CAMERA_ZOOM: (_u8, as_float32, _zero, _zero),
+    mavlink.MAV_CMD_SET_CAMERA_FOCUS: (_u8, as_float32, _zero, _zero),
     mavlink.MAV_CMD_VIDEO_START_CAPTURE: (_u8, _zero, _zero, _zero),
     mavlink.MAV_CMD_VIDEO_STOP_CAPTURE: (_u8, _zero, _zero, _zero),
 }
@@ -176,7 +171,7 @@ def _store(item: Item, with_position: dict[int, Roundings]) -> Item | int:
         param4=param4,
         x=item.x,
         y=item.y,
-        z=as_float32(whole_centimetres(item.z) / 100.0),
+        z=as_float32(int(as_float32(as_float32(item.z) * 100.0)) / 100.0),  # whole centimetres
     )
 
 
@@ -214,8 +209,3 @@ def _item_without_position(item: Item, parameters: ItemParameters) -> Item:
         return Item(item.command, 0, *parameters)
     z = as_float32(item.z) if math.isfinite(item.z) else 0.0
     return Item(item.command, 0, *parameters, x=item.x, y=item.y, z=z)
-
-
-def whole_centimetres(z_m: float) -> int:
-    """Convert altitude [m] to [cm], truncated in single precision as on the autopilot."""
-    return int(as_float32(as_float32(z_m) * 100.0))

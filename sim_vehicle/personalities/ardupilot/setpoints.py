@@ -23,7 +23,7 @@ MAX_VELOCITY_M_S = 1000.0
 def read_setpoint(vehicle: Vehicle, message: Any) -> Target | None:
     """Return the target of a message; None: the message changes nothing."""
     mask, frame = message.type_mask, message.coordinate_frame
-    local = st.local(message)
+    local = message.get_type() == "SET_POSITION_TARGET_LOCAL_NED"
     if local and frame not in LOCAL_FRAMES:
         return STOP
     has_position = not mask & st.IGNORE_POSITION
@@ -75,7 +75,7 @@ def _local_m(vehicle: Vehicle, message: Any) -> st.Vector:
     frame = message.coordinate_frame
     offset = _vector(vehicle, message.x, message.y, message.z, body=frame in BODY_FRAMES)
     at_origin = frame == mavlink.MAV_FRAME_LOCAL_NED
-    east_m, north_m, up_m = st.origin_m(vehicle) if at_origin else vehicle.body.position_m
+    east_m, north_m, up_m = vehicle.home_and_rally.origin_m if at_origin else vehicle.body.position_m
     return east_m + offset[0], north_m + offset[1], up_m + offset[2]
 
 

@@ -202,7 +202,8 @@ def orbit(vehicle: Vehicle, command: Command, now: float) -> int:
         return ACCEPTED
     vehicle.modes.enter(modes.ORBIT)
     speed_m_s = abs(command.param2) if math.isfinite(command.param2) and command.param2 else ORBIT_SPEED_M_S
-    vehicle.flight.fly(Orbit(vehicle.body, vehicle.body.locate(*centre_deg), up_m, radius_m, speed_m_s))
+    centre_m = vehicle.body.locate(*centre_deg)
+    vehicle.flight.manoeuvre = Orbit(vehicle.body, centre_m, up_m, radius_m, speed_m_s)
     return ACCEPTED
 
 

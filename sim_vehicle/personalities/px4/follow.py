@@ -94,5 +94,5 @@ def on_follow_target(vehicle: Vehicle, message: Any, now: float) -> None:
     follow = vehicle.flight.manoeuvre
     if not isinstance(follow, Follow):
         follow = Follow(vehicle, now)
-        vehicle.flight.fly(follow)
+        vehicle.flight.manoeuvre = follow
     follow.receive(message, now)

@@ -7,17 +7,15 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim_vehicle.personalities.px4 import wing_missions
 from sim_vehicle.vehicle.behaviour import Behaviour
 from sim_vehicle.vehicle.interface import Vehicle
-from sim_vehicle.vehicle.mission import Item
+from sim_vehicle.vehicle.mission import LANDINGS, TAKEOFFS, Item
 from sim_vehicle.vehicle.rally import distance_m
 
-_TAKEOFFS = frozenset({mavlink.MAV_CMD_NAV_TAKEOFF, mavlink.MAV_CMD_NAV_VTOL_TAKEOFF})
-_LANDINGS = frozenset({mavlink.MAV_CMD_NAV_LAND, mavlink.MAV_CMD_NAV_VTOL_LAND})
-_POSITION_COMMANDS = _TAKEOFFS | {
+_POSITION_COMMANDS = TAKEOFFS | {
     mavlink.MAV_CMD_NAV_WAYPOINT,
     mavlink.MAV_CMD_NAV_LOITER_UNLIM,
     mavlink.MAV_CMD_NAV_LOITER_TIME,
     mavlink.MAV_CMD_NAV_LOITER_TO_ALT,
-    *_LANDINGS,
+    *LANDINGS,
 }
 TAKEOFF_REQUIRED, LANDING_REQUIRED, BOTH_REQUIRED, BOTH_OR_NONE = 1, 2, 3, 4  # MIS_TKO_LAND_REQ
 
@@ -131,15 +129,15 @@ def _fence_refusal(vehicle: Vehicle, items: Sequence[Item]) -> str | None:
 
 
 def _takeoff_refusal(items: Sequence[Item]) -> str | None:
-    placed = [item.command in _TAKEOFFS for item in items if item.command in _POSITION_COMMANDS]
+    placed = [item.command in TAKEOFFS for item in items if item.command in _POSITION_COMMANDS]
     return "Mission rejected: takeoff not first waypoint item" if any(placed[1:]) else None
 
 
 def _required_items_refusal(items: Sequence[Item], required: int) -> str | None:
     if not items:
         return None
-    takeoff = any(item.command in _TAKEOFFS for item in items)
-    landing = any(item.command in _LANDINGS for item in items)
+    takeoff = any(item.command in TAKEOFFS for item in items)
+    landing = any(item.command in LANDINGS for item in items)
     if required in (TAKEOFF_REQUIRED, BOTH_REQUIRED) and not takeoff:
         return "Mission rejected: Takeoff waypoint required."
     if required in (LANDING_REQUIRED, BOTH_REQUIRED) and not landing:

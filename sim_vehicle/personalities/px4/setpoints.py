@@ -20,7 +20,7 @@ TERRAIN_FRAME = mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT
 
 def read_setpoint(vehicle: Vehicle, message: Any) -> Target | None:
     """Return the target of a message; None: the message changes nothing."""
-    local = st.local(message)
+    local = message.get_type() == "SET_POSITION_TARGET_LOCAL_NED"
     frame, body = message.coordinate_frame, False
     if local:
         body = frame == mavlink.MAV_FRAME_BODY_NED
@@ -87,7 +87,7 @@ def _local_m(vehicle: Vehicle, message: Any) -> st.Vector:
     offset = st.east_north_up(
         *(v if abs(v) < st.MAX_COORDINATE_M else math.nan for v in (north_m, east_m, down_m))
     )
-    origin_m = st.origin_m(vehicle)
+    origin_m = vehicle.home_and_rally.origin_m
     return origin_m[0] + offset[0], origin_m[1] + offset[1], origin_m[2] + offset[2]
 
 
@@ -99,5 +99,5 @@ def _global_m(vehicle: Vehicle, message: Any) -> st.Vector:
         return st.NOTHING
     up_m = vehicle.flight.altitude_amsl_m(message.coordinate_frame, alt_m)
     if message.coordinate_frame == RELATIVE_FRAME:  # PX4 1.15 takes the origin's height above home twice
-        up_m += 2 * (st.origin_m(vehicle)[2] - vehicle.flight.home().alt_amsl_m)
+        up_m += 2 * (vehicle.home_and_rally.origin_m[2] - vehicle.flight.home().alt_amsl_m)
     return (*vehicle.body.locate(lat_deg, lon_deg), up_m)

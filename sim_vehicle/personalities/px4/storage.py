@@ -11,7 +11,6 @@ from sim_vehicle.files.component_metadata import (
     COMPONENT_METADATA,
     Component,
     ComponentMetadata,
-    ParameterMeta,
 )
 from sim_vehicle.files.logs.recorder import LogLimits
 from sim_vehicle.files.logs.ulog import UlogLog
@@ -19,6 +18,7 @@ from sim_vehicle.files.vehicle_files import px4_files
 from sim_vehicle.personalities.px4 import parameters
 from sim_vehicle.vehicle.interface import Vehicle
 from sim_vehicle.vehicle.storage import Storage
+from sim_vehicle.wire.encode import Layout
 
 
 def storage(vehicle: Vehicle, limits: LogLimits) -> Storage:
@@ -43,20 +43,18 @@ def _metadata(plane: bool, flight_sw_version: int, capabilities: int) -> Compone
     """Return the metadata shared by all vehicles of one kind, created on the first call."""
     version = ".".join(str(flight_sw_version >> shift & 0xFF) for shift in (24, 16, 8))
     values = parameters.PLANE if plane else parameters.COPTER
-    described = [ParameterMeta(name, value) for name, value in sorted(values.items())]
-    return ComponentMetadata(Component("PX4", "sim_vehicle", version, capabilities), described)
+    return ComponentMetadata(Component("PX4", "sim_vehicle", version, capabilities), values)
 
 
-def _message(message_id: int) -> Callable[[Vehicle, float], Sequence[Any]]:
+def _message(layout: Layout) -> Callable[[Vehicle, float], Sequence[Any]]:
     def messages(vehicle: Vehicle, _parameter: float) -> Sequence[Any]:
         boot_ms = round((vehicle.now - vehicle.readiness.boot_s) * 1000)
-        message = _metadata_of(vehicle).message(message_id, boot_ms)
-        return [] if message is None else [message]
+        return [_metadata_of(vehicle).message(layout, boot_ms)]
 
     return messages
 
 
 ONE_SHOT_MESSAGES = {
-    message_id: _message(message_id)
-    for message_id in (COMPONENT_METADATA, COMPONENT_INFORMATION, COMPONENT_INFORMATION_BASIC)
+    layout.message_id: _message(layout)
+    for layout in (COMPONENT_METADATA, COMPONENT_INFORMATION, COMPONENT_INFORMATION_BASIC)
 }

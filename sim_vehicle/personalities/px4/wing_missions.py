@@ -6,8 +6,7 @@ from itertools import pairwise
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.personalities.px4.mission_landing import LANDINGS
-from sim_vehicle.vehicle.mission import Item
+from sim_vehicle.vehicle.mission import LANDINGS, Item
 from sim_vehicle.vehicle.numbers import finite
 from sim_vehicle.vehicle.rally import distance_m
 

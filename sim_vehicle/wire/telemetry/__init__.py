@@ -21,18 +21,14 @@ Mask = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class Stream:
-    """One streamable message: `has_data` masks the vehicles with data for the message."""
+    """One streamable message: `has_data` masks the vehicles with data for the message; None: all have."""
 
     layout: Layout
     columns: Builder
-    has_data: Callable[[View], Mask]
+    has_data: Callable[[View], Mask] | None
 
     def payloads(self, view: View) -> Payloads:
         return pack_payloads(self.layout, len(view.i), self.columns(view))
-
-
-def _all_vehicles(v: View) -> Mask:
-    return np.ones(len(v.i), dtype=bool)
 
 
 def _no_vehicle(v: View) -> Mask:
@@ -43,80 +39,76 @@ def _nothing(_v: View) -> Columns:
     return {}
 
 
-def _has_home(v: View) -> Mask:
-    return v.status.has_home[v.i]
-
-
-def _has_channels(v: View) -> Mask:
-    return np.asarray(v.status.rc_count[v.i] > 0)
-
-
-def _threatened(v: View) -> Mask:
-    return v.status.threatened[v.i]
-
-
-def _fenced(v: View) -> Mask:
-    return v.status.fence_enabled[v.i]
-
-
-def _has_origin(v: View) -> Mask:
-    return v.status.has_origin[v.i]
-
-
-_TABLE: dict[int, tuple[Builder, Callable[[View], Mask]]] = {
-    mavlink.MAVLINK_MSG_ID_HEARTBEAT: (vehicle.heartbeat, _all_vehicles),
-    mavlink.MAVLINK_MSG_ID_SYS_STATUS: (vehicle.sys_status, _all_vehicles),
-    mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: (sensors.system_time, _all_vehicles),
-    mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: (sensors.gps_raw_int, _all_vehicles),
-    mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: (motion.global_position_int, _all_vehicles),
-    mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: (motion.local_position_ned, _has_origin),
-    mavlink.MAVLINK_MSG_ID_ATTITUDE: (motion.attitude, _all_vehicles),
-    mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: (motion.attitude_quaternion, _all_vehicles),
-    mavlink.MAVLINK_MSG_ID_VFR_HUD: (motion.vfr_hud, _all_vehicles),
-    mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: (sensors.battery_status, _all_vehicles),
-    mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: (vehicle.extended_sys_state, _all_vehicles),
-    mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT: (motion.ekf_status_report, _all_vehicles),
-    mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: (motion.estimator_status, _all_vehicles),
-    mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: (vehicle.mission_current, _all_vehicles),
-    mavlink.MAVLINK_MSG_ID_HOME_POSITION: (vehicle.home_position, _has_home),
-    mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: (vehicle.gps_global_origin, _has_origin),
-    mavlink.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT: (motion.nav_controller_output, motion.is_steered),
-    mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT: (
-        motion.position_target_global_int,
-        motion.has_global_target,
-    ),
-    mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED: (
-        motion.position_target_local_ned,
-        motion.has_local_target,
-    ),
-    mavlink.MAVLINK_MSG_ID_ALTITUDE: (motion.altitude, _all_vehicles),
-    mavlink.MAVLINK_MSG_ID_WIND: (sensors.wind, _all_vehicles),
-    mavlink.MAVLINK_MSG_ID_WIND_COV: (sensors.wind_cov, _all_vehicles),
-    mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE: (sensors.scaled_pressure, _all_vehicles),
-    mavlink.MAVLINK_MSG_ID_RAW_IMU: (sensors.raw_imu, _all_vehicles),
-    mavlink.MAVLINK_MSG_ID_SCALED_IMU: (sensors.scaled_imu_since_boot, _all_vehicles),
-    mavlink.MAVLINK_MSG_ID_SCALED_IMU2: (sensors.scaled_imu_since_boot, _all_vehicles),
-    mavlink.MAVLINK_MSG_ID_HIGHRES_IMU: (sensors.highres_imu, _all_vehicles),
-    mavlink.MAVLINK_MSG_ID_VIBRATION: (sensors.vibration, _all_vehicles),
-    mavlink.MAVLINK_MSG_ID_POWER_STATUS: (sensors.power_status, _all_vehicles),
-    mavlink.MAVLINK_MSG_ID_FENCE_STATUS: (vehicle.fence_status, _fenced),
-    mavlink.MAVLINK_MSG_ID_RC_CHANNELS: (sensors.rc_channels, _has_channels),
-    mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: (sensors.servo_output_raw, _all_vehicles),
-    mavlink.MAVLINK_MSG_ID_NAMED_VALUE_INT: (vehicle.strikes, _threatened),
-    mavlink.MAVLINK_MSG_ID_TIMESYNC: (sensors.timesync, _all_vehicles),
-    mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR: (_nothing, _no_vehicle),
-    mavlink.MAVLINK_MSG_ID_ACTUATOR_OUTPUT_STATUS: (px4.actuator_output_status, _all_vehicles),
-    mavlink.MAVLINK_MSG_ID_FLIGHT_INFORMATION: (px4.flight_information, _all_vehicles),
-    mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION: (px4.hil_state_quaternion, _all_vehicles),
-    mavlink.MAVLINK_MSG_ID_ODOMETRY: (px4.odometry, _has_origin),
+_BUILDERS: dict[int, Builder] = {
+    mavlink.MAVLINK_MSG_ID_HEARTBEAT: vehicle.heartbeat,
+    mavlink.MAVLINK_MSG_ID_SYS_STATUS: vehicle.sys_status,
+    mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: sensors.system_time,
+    mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: sensors.gps_raw_int,
+    mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: motion.global_position_int,
+    mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: motion.local_position_ned,
+    mavlink.MAVLINK_MSG_ID_ATTITUDE: motion.attitude,
+    mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: motion.attitude_quaternion,
+    mavlink.MAVLINK_MSG_ID_VFR_HUD: motion.vfr_hud,
+    mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: sensors.battery_status,
+    mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: vehicle.extended_sys_state,
+    mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT: motion.ekf_status_report,
+    mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: motion.estimator_status,
+    mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: vehicle.mission_current,
+    mavlink.MAVLINK_MSG_ID_HOME_POSITION: vehicle.home_position,
+    mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: vehicle.gps_global_origin,
+    mavlink.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT: motion.nav_controller_output,
+    mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT: motion.position_target_global_int,
+    mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED: motion.position_target_local_ned,
+    mavlink.MAVLINK_MSG_ID_ALTITUDE: motion.altitude,
+    mavlink.MAVLINK_MSG_ID_WIND: sensors.wind,
+    mavlink.MAVLINK_MSG_ID_WIND_COV: sensors.wind_cov,
+    mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE: sensors.scaled_pressure,
+    mavlink.MAVLINK_MSG_ID_RAW_IMU: sensors.raw_imu,
+    mavlink.MAVLINK_MSG_ID_SCALED_IMU: sensors.scaled_imu_since_boot,
+    mavlink.MAVLINK_MSG_ID_SCALED_IMU2: sensors.scaled_imu_since_boot,
+    mavlink.MAVLINK_MSG_ID_HIGHRES_IMU: sensors.highres_imu,
+    mavlink.MAVLINK_MSG_ID_VIBRATION: sensors.vibration,
+    mavlink.MAVLINK_MSG_ID_POWER_STATUS: sensors.power_status,
+    mavlink.MAVLINK_MSG_ID_FENCE_STATUS: vehicle.fence_status,
+    mavlink.MAVLINK_MSG_ID_RC_CHANNELS: sensors.rc_channels,
+    mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: sensors.servo_output_raw,
+    mavlink.MAVLINK_MSG_ID_NAMED_VALUE_INT: vehicle.strikes,
+    mavlink.MAVLINK_MSG_ID_TIMESYNC: sensors.timesync,
+    mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR: _nothing,
+    mavlink.MAVLINK_MSG_ID_ACTUATOR_OUTPUT_STATUS: px4.actuator_output_status,
+    mavlink.MAVLINK_MSG_ID_FLIGHT_INFORMATION: px4.flight_information,
+    mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION: px4.hil_state_quaternion,
+    mavlink.MAVLINK_MSG_ID_ODOMETRY: px4.odometry,
+    px4.TIME_ESTIMATE_TO_TARGET.message_id: px4.time_estimate_to_target,
+    px4.CURRENT_EVENT_SEQUENCE.message_id: px4.current_event_sequence,
+    px4.CURRENT_MODE.message_id: px4.current_mode,
 }
-_ARDUPILOT_TABLE = dict.fromkeys(ardupilot.ABSENT, (_nothing, _no_vehicle)) | ardupilot.ROWS
-ARDUPILOT_ONLY = frozenset(_ARDUPILOT_TABLE)
-_MISSING_IN_DIALECT: tuple[tuple[Layout, Builder, Callable[[View], Mask]], ...] = (
-    (px4.TIME_ESTIMATE_TO_TARGET, px4.time_estimate_to_target, _has_origin),
-    (px4.CURRENT_EVENT_SEQUENCE, px4.current_event_sequence, _all_vehicles),
-    (px4.CURRENT_MODE, px4.current_mode, _all_vehicles),
-)
+_ABSENT = dict.fromkeys(ardupilot.ABSENT, _nothing)
+ARDUPILOT_ONLY = frozenset(_ABSENT | ardupilot.BUILDERS)
+# Message id -> mask of the vehicles with data for the message; absent: all vehicles.
+_HAS_DATA: dict[int, Callable[[View], Mask]] = ardupilot.HAS_DATA | {
+    **dict.fromkeys((*_ABSENT, mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR), _no_vehicle),
+    **dict.fromkeys(
+        (
+            mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN,
+            mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
+            mavlink.MAVLINK_MSG_ID_ODOMETRY,
+            px4.TIME_ESTIMATE_TO_TARGET.message_id,
+        ),
+        lambda v: v.status.has_origin[v.i],
+    ),
+    mavlink.MAVLINK_MSG_ID_HOME_POSITION: lambda v: v.status.has_home[v.i],
+    mavlink.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT: motion.is_steered,
+    mavlink.MAVLINK_MSG_ID_POSITION_TARGET_GLOBAL_INT: motion.has_global_target,
+    mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED: motion.has_local_target,
+    mavlink.MAVLINK_MSG_ID_FENCE_STATUS: lambda v: v.status.fence_enabled[v.i],
+    mavlink.MAVLINK_MSG_ID_RC_CHANNELS: lambda v: np.asarray(v.status.rc_count[v.i] > 0),
+    mavlink.MAVLINK_MSG_ID_NAMED_VALUE_INT: lambda v: v.status.threatened[v.i],
+}
+_MISSING_IN_DIALECT = {
+    layout.message_id: layout
+    for layout in (px4.TIME_ESTIMATE_TO_TARGET, px4.CURRENT_EVENT_SEQUENCE, px4.CURRENT_MODE)
+}
 # Extension fields missing in the dialect; CRC_EXTRA does not cover extension fields.
 _EXTENSIONS = {
     mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: ("mission_id", "fence_id", "rally_points_id"),
@@ -124,6 +116,8 @@ _EXTENSIONS = {
 
 
 def _layout(message_id: int) -> Layout:
+    if message_id in _MISSING_IN_DIALECT:
+        return _MISSING_IN_DIALECT[message_id]
     layout = layout_of(message_id)
     known = layout.dtype.names or ()
     fields = [(name, "<u4") for name in _EXTENSIONS.get(message_id, ()) if name not in known]
@@ -131,8 +125,8 @@ def _layout(message_id: int) -> Layout:
 
 
 STREAMS: dict[int, Stream] = {
-    message_id: Stream(_layout(message_id), columns, mask)
-    for message_id, (columns, mask) in (_ARDUPILOT_TABLE | _TABLE).items()
-} | {layout.message_id: Stream(layout, columns, mask) for layout, columns, mask in _MISSING_IN_DIALECT}
+    message_id: Stream(_layout(message_id), columns, _HAS_DATA.get(message_id))
+    for message_id, columns in (_ABSENT | ardupilot.BUILDERS | _BUILDERS).items()
+}
 
 __all__ = ["ARDUPILOT_ONLY", "STREAMS", "Stream", "View"]

@@ -67,20 +67,8 @@ ABSENT = (
 )
 
 
-def _all(v: View) -> Bools:
-    return np.ones(len(v.i), dtype=bool)
-
-
-def _copters(v: View) -> Bools:
-    return np.asarray(~v.world.dynamics.planes[v.i])
-
-
 def _planes(v: View) -> Bools:
     return np.asarray(v.world.dynamics.planes[v.i])
-
-
-def _with_position(v: View) -> Bools:
-    return np.asarray(v.status.gps_seen[v.i])
 
 
 def ahrs(_v: View) -> Columns:
@@ -157,7 +145,7 @@ def attitude_target(v: View) -> Columns:
 def aoa_ssa(v: View) -> Columns:
     """Return the angles of the airflow at the fuselage of a plane [deg]; 0 on the ground."""
     dynamics, i = v.world.dynamics, v.i
-    east, north, up = (dynamics.velocity_m_s[i] - v.world.wind_m_s[i]).T
+    east, north, up = (dynamics.velocity_m_s[i] - v.world.wind.wind_m_s[i]).T
     _, pitch, yaw = dynamics.attitude_rad[i].T
     attack = pitch - np.arctan2(up, np.hypot(east, north))
     side = np.arctan2(east, north) - yaw
@@ -282,22 +270,28 @@ def high_latency2(v: View) -> Columns:
     }
 
 
-Row = tuple[Callable[[View], Columns], Callable[[View], Bools]]
-ROWS: dict[int, Row] = {
-    mavlink.MAVLINK_MSG_ID_MISSION_ITEM_REACHED: (mission_item_reached, _all),
-    mavlink.MAVLINK_MSG_ID_ATTITUDE_TARGET: (attitude_target, _copters),
-    mavlink.MAVLINK_MSG_ID_SIM_STATE: (sim_state, _all),
-    mavlink.MAVLINK_MSG_ID_SCALED_IMU3: (scaled_imu3, _all),
-    mavlink.MAVLINK_MSG_ID_TERRAIN_REPORT: (terrain_report, _with_position),
-    mavlink.MAVLINK_MSG_ID_MEMINFO: (meminfo, _all),
-    mavlink.MAVLINK_MSG_ID_AHRS: (ahrs, _all),
-    mavlink.MAVLINK_MSG_ID_SIMSTATE: (simstate, _all),
-    mavlink.MAVLINK_MSG_ID_HWSTATUS: (hwstatus, _all),
-    mavlink.MAVLINK_MSG_ID_AHRS2: (ahrs2, _all),
-    mavlink.MAVLINK_MSG_ID_HIGH_LATENCY2: (high_latency2, _all),
-    mavlink.MAVLINK_MSG_ID_AUTOPILOT_STATE_FOR_GIMBAL_DEVICE: (autopilot_state_for_gimbal_device, _all),
-    mavlink.MAVLINK_MSG_ID_AIRSPEED: (airspeed, _planes),
-    mavlink.MAVLINK_MSG_ID_AOA_SSA: (aoa_ssa, _planes),
-    mavlink.MAVLINK_MSG_ID_ESC_TELEMETRY_1_TO_4: (esc_telemetry_1_to_4, _all),
-    mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE2: (scaled_pressure, _all),
+BUILDERS: dict[int, Callable[[View], Columns]] = {
+    mavlink.MAVLINK_MSG_ID_MISSION_ITEM_REACHED: mission_item_reached,
+    mavlink.MAVLINK_MSG_ID_ATTITUDE_TARGET: attitude_target,
+    mavlink.MAVLINK_MSG_ID_SIM_STATE: sim_state,
+    mavlink.MAVLINK_MSG_ID_SCALED_IMU3: scaled_imu3,
+    mavlink.MAVLINK_MSG_ID_TERRAIN_REPORT: terrain_report,
+    mavlink.MAVLINK_MSG_ID_MEMINFO: meminfo,
+    mavlink.MAVLINK_MSG_ID_AHRS: ahrs,
+    mavlink.MAVLINK_MSG_ID_SIMSTATE: simstate,
+    mavlink.MAVLINK_MSG_ID_HWSTATUS: hwstatus,
+    mavlink.MAVLINK_MSG_ID_AHRS2: ahrs2,
+    mavlink.MAVLINK_MSG_ID_HIGH_LATENCY2: high_latency2,
+    mavlink.MAVLINK_MSG_ID_AUTOPILOT_STATE_FOR_GIMBAL_DEVICE: autopilot_state_for_gimbal_device,
+    mavlink.MAVLINK_MSG_ID_AIRSPEED: airspeed,
+    mavlink.MAVLINK_MSG_ID_AOA_SSA: aoa_ssa,
+    mavlink.MAVLINK_MSG_ID_ESC_TELEMETRY_1_TO_4: esc_telemetry_1_to_4,
+    mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE2: scaled_pressure,
+}
+# Message id -> mask of the vehicles with data for the message; absent: all vehicles.
+HAS_DATA: dict[int, Callable[[View], Bools]] = {
+    mavlink.MAVLINK_MSG_ID_ATTITUDE_TARGET: lambda v: np.asarray(~v.world.dynamics.planes[v.i]),
+    mavlink.MAVLINK_MSG_ID_TERRAIN_REPORT: lambda v: v.status.gps_seen[v.i],
+    mavlink.MAVLINK_MSG_ID_AIRSPEED: _planes,
+    mavlink.MAVLINK_MSG_ID_AOA_SSA: _planes,
 }

@@ -70,7 +70,7 @@ def timesync(v: View) -> Columns:
 
 def wind(v: View) -> Columns:
     """Return the true wind in ArduPilot's WIND; `direction` is the direction from which the wind blows."""
-    east, north, up = v.world.wind_m_s[v.i].T
+    east, north, up = v.world.wind.wind_m_s[v.i].T
     return {
         "direction": np.rad2deg(np.arctan2(-east, -north)),
         "speed": np.hypot(east, north),
@@ -79,7 +79,7 @@ def wind(v: View) -> Columns:
 
 
 def wind_cov(v: View) -> Columns:
-    east, north, up = v.world.wind_m_s[v.i].T
+    east, north, up = v.world.wind.wind_m_s[v.i].T
     return {
         "time_usec": v.since_boot_us(),
         "wind_x": north,
