@@ -35,6 +35,7 @@ def test_the_new_route_is_appended_to_the_old_one_and_flown_without_a_stop():
     new = bench.session.mission_items(NEW)
     result, modes, aims = watched_swap(bench, NEW)
     assert (result.failure, result.flying, result.stood_still_s) == (None, "new", 0.0)
+    assert 0.0 < result.took_s < 2.0
     assert modes == {"AUTO"}
     assert aims <= {aimed_at, (new[2].x, new[2].y)}
     assert bench.holds(bench.session.items)

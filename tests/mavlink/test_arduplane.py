@@ -1,37 +1,21 @@
-"""ArduPlane, flown by the simulator: taken off, changed in flight, held, called back and landed."""
+"""ArduPlane's mission, and its flights that differ from those of PX4 (`test_planes`)."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
-from functools import partial
 
 import pytest
-from flying_bench import HOME, FlyingBench
-from plane_flights import (
-    FIRST,
-    LOW_M,
-    RADIUS_M,
-    SECOND,
-    bench,
-    here,
-    landed,
-    nearest_m,
-)
+from flying_bench import HOME
+from plane_flights import FIRST, GOAL, LOW_M, RADIUS_M, away_m, bench, landed
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.mission import FlightPlan, MissionItem
-from swarmctl.core.vehicle import Landed
 from swarmctl.mavlink.dialects import dialect_for
 from swarmctl.mavlink.procedures import basic
-from swarmctl.mavlink.procedures.basic import set_speed
 from swarmctl.mavlink.procedures.land import landing_items
 
 PLANE = dialect_for(mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, mavlink.MAV_TYPE_FIXED_WING)
-
-
-def in_flight(first: FlightPlan = FIRST) -> FlyingBench:
-    return bench().flying(first)
 
 
 # --- messages sent
@@ -65,6 +49,12 @@ def test_the_mission_takes_off_turns_before_corners_and_lands_at_the_goal_or_at_
             FlightPlan(40.0, FIRST.track, FIRST.landing),
             "airframe: plane",
         ),
+        (
+            mavlink.MAV_AUTOPILOT_PX4,
+            mavlink.MAV_TYPE_FIXED_WING,
+            FlightPlan(40.0, FIRST.track, FIRST.landing),
+            "airframe: plane",
+        ),
     ],
 )
 def test_a_plan_for_another_airframe_is_refused(autopilot, kind, which, cure) -> None:
@@ -74,7 +64,7 @@ def test_a_plan_for_another_airframe_is_refused(autopilot, kind, which, cure) ->
 
 def test_a_read_back_equals_the_mission_sent_except_for_storage() -> None:
     sent = (*PLANE.mission_items(FIRST),)
-    stored = bench().uploaded(FIRST).stored
+    stored = bench("ardupilot").uploaded(FIRST).stored
     assert stored != sent
     assert PLANE.differences(sent, stored) == ()
     wider = replace(stored[3], param2=stored[3].param2 + 1.0)
@@ -88,17 +78,10 @@ def test_a_read_back_equals_the_mission_sent_except_for_storage() -> None:
 # --- flights
 
 
-def test_a_launch_begins_at_the_first_item() -> None:
-    flown = bench().uploaded(FIRST)
-    flown.vehicle.set_current(6)
-    assert flown.do("launch", basic.launch).failure is None
-    assert flown.session.state.mission_seq == 1
-
-
 def test_the_plane_lands_at_its_goal_and_is_made_ready_again_there() -> None:
-    flown = in_flight()
+    flown = bench("ardupilot").flying(FIRST)
     assert landed(flown)
-    assert math.dist(here(flown), (400.0, 900.0)) < 60.0
+    assert away_m(flown, GOAL) < 60.0
     # ArduPlane stays in its landing item and refuses to arm there (`AP_Arming_Plane::pre_arm_checks`).
     assert flown.do("prepare", basic.prepare, 60.0).failure is None
     assert flown.mode == "GUIDED"
@@ -107,95 +90,12 @@ def test_the_plane_lands_at_its_goal_and_is_made_ready_again_there() -> None:
     assert flown.do("launch", basic.launch).failure is None
 
 
-def test_a_new_route_is_taken_over_without_a_stop() -> None:
-    flown = in_flight()
-    done = flown.swap(SECOND)
-    assert (done.failure, done.flying) == (None, "new")
-    assert flown.mode == "AUTO"
-    assert nearest_m(flown, (-200.0, 700.0), 60.0) < 45.0
-    assert landed(flown)
-    assert math.dist(here(flown), (400.0, 900.0)) < 60.0
-
-
-def test_a_plane_holds_in_a_circle_at_its_height() -> None:
-    flown = in_flight()
-    assert flown.do("hold", basic.hold).failure is None
-    centre = here(flown)
-    flown.run(30.0)
-    away_m, heights_m = [], []
-
-    def measure() -> bool:
-        away_m.append(math.dist(here(flown), centre))
-        heights_m.append(flown.session.state.alt_rel_m)
-        return False
-
-    flown.run(60.0, measure)
-    assert flown.mode == "GUIDED"
-    assert max(away_m) < RADIUS_M + 40.0, "the circle lies a moment ahead of the command"
-    assert max(heights_m) - min(heights_m) < 3.0
-    assert flown.session.state.landed is Landed.IN_AIR
-
-
-def test_the_route_of_a_holding_plane_is_changed() -> None:
-    flown = in_flight()
-    assert flown.do("hold", basic.hold).failure is None
-    done = flown.swap(replace(SECOND, from_hold=True))
-    assert (done.failure, done.flying) == (None, "new")
-    assert landed(flown)
-    assert math.dist(here(flown), (400.0, 900.0)) < 60.0
-
-
-def test_a_plane_returns_and_lands_at_home() -> None:
-    flown = in_flight()
-    assert flown.do("return", basic.return_home).failure is None
-    assert flown.mode == "RTL"
-    assert landed(flown)
-    assert math.dist(here(flown), (0.0, 0.0)) < 60.0
-
-
-def test_a_command_to_land_leads_to_the_nearest_landing() -> None:
-    flown = in_flight()
-    assert flown.do("land", basic.land).failure is None
-    assert flown.mode == "AUTO"
-    assert flown.session.state.mission_seq in landing_items(flown.session.items)
-    assert landed(flown)
-    assert math.dist(here(flown), (0.0, 0.0)) < 60.0
-
-
-def test_a_command_to_land_during_a_landing_causes_no_go_around() -> None:
-    flown = bench().uploaded(FIRST)
-    assert flown.do("launch", basic.launch).failure is None
-    assert flown.run(300.0, lambda: flown.session.state.mission_seq == 8), "no final approach"
-    sent = len(flown.commands)
-    assert flown.do("land", basic.land).failure is None
-    assert mavlink.MAV_CMD_DO_LAND_START not in flown.commands[sent:]
-    assert landed(flown, 60.0)
-
-
-def test_a_command_to_land_on_the_ground_disarms() -> None:
-    flown = bench().uploaded(FIRST)
-    flown.vehicle.arm(flown.now, force=True)
-    assert flown.run(5.0, lambda: flown.session.state.armed)
-    assert flown.do("land", basic.land).failure is None
-    assert not flown.vehicle.armed
-    assert mavlink.MAV_CMD_DO_LAND_START not in flown.commands
-
-
 def test_a_plane_without_a_landing_reports_that_it_does_not_land() -> None:
-    flown = in_flight()
+    flown = bench("ardupilot").flying(FIRST)
     del flown.vehicle.mission.items[5:]
     failure = flown.do("land", basic.land).failure
     assert failure is not None
     assert "FAILED" in failure
-
-
-def test_the_set_speed_is_the_airspeed() -> None:
-    flown = in_flight()
-    assert flown.do("speed", partial(set_speed, speed_m_s=12.0)).failure is None
-    (message,) = [m for m in flown.of("COMMAND_LONG") if m.command == mavlink.MAV_CMD_DO_CHANGE_SPEED]
-    assert message.param1 == mavlink.SPEED_TYPE_AIRSPEED
-    flown.run(10.0)
-    assert flown.session.state.ground_speed_m_s == pytest.approx(12.0, abs=0.3)
 
 
 def test_items_outside_a_landing_do_not_belong_to_it() -> None:

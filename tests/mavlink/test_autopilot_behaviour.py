@@ -36,6 +36,22 @@ def test_hold_needs_no_remote_control(personality):
 
 
 @BOTH
+@pytest.mark.parametrize(
+    ("procedure", "modes"),
+    [
+        (basic.hold, {"ardupilot": "GUIDED", "px4": "AUTO.LOITER"}),
+        (basic.return_home, {"ardupilot": "RTL", "px4": "AUTO.RTL"}),
+        (basic.land, {"ardupilot": "LAND", "px4": "AUTO.LAND"}),
+    ],
+    ids=["hold", "return_home", "land"],
+)
+def test_an_operators_command_is_seen_in_the_heartbeat(personality, procedure, modes):
+    bench = FlyingBench(personality).flying(OLD)
+    assert bench.do("command", procedure).failure is None
+    assert bench.mode == bench.session.state.mode == modes[personality]
+
+
+@BOTH
 def test_a_vehicle_that_holds_takes_a_new_mission_and_flies_it(personality):
     bench = FlyingBench(personality).flying(OLD)
     assert bench.do("hold", basic.hold).failure is None
@@ -70,7 +86,6 @@ def test_a_pilot_takeover_at_any_moment_of_a_swap_is_respected(personality):
     assert foreign > 0
 
 
-@pytest.mark.full
 @BOTH
 @pytest.mark.autopilots("2 shorter mission")
 @pytest.mark.autopilots("2 shorter mission", of="px4")

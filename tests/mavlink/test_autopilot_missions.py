@@ -233,10 +233,14 @@ def test_the_flown_item_is_never_overwritten_and_the_next_is_set_by_a_known_mess
 
 @pytest.mark.autopilots("2 MISSION_SET_CURRENT", of="px4")
 def test_px4_gets_its_first_item_by_message_and_confirms_it():
+    """PX4 keeps its current item after a landing and after an upload of the same mission."""
     bench = FlyingBench("px4").flying(OLD)
     assert bench.do("land", basic.land).failure is None
     assert bench.run(120, lambda: not bench.session.state.armed)
+    assert bench.vehicle.mission.index > 0
+    again = bench.session.items
     assert bench.do("prepare", basic.prepare).failure is None
+    assert upload(bench, again).failure is None
     lost = []
     bench.block = lambda m: (
         m.get_type() == "MISSION_SET_CURRENT" and len(lost) < 2 and not lost.append(bench.now)

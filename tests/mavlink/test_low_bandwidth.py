@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import heapq
 from itertools import count, pairwise
 
 import pytest
-from low_bandwidth_bench import FRAME, LowBandwidthBench, route
+from flying_bench import FlyingBench
+from metric_plans import place, plan
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from swarmctl.mavlink.protocol.conversation import MavlinkPeer
+from swarmctl.mavlink.session import Session
 from swarmctl.mavlink.telemetry.instruments import read_instruments
 from swarmctl.mavlink.telemetry.streams import UNUSED_IDS, Streaming
 from swarmctl.preflight.checks.telemetry import MAX_PERIOD_S
@@ -16,6 +20,45 @@ BOTH = pytest.mark.parametrize("personality", ["ardupilot", "px4"])
 SPARING = Streaming(position_hz=2.0, stops_others=True)
 POSITION = 33
 INTERVAL = int(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL)
+
+
+class LowBandwidthBench(FlyingBench):
+    """A radio with `rate_bytes_s` each way; a datagram that would wait longer than `BUFFER_S` is lost."""
+
+    BUFFER_S = 1.0
+    AIR_S = 0.02
+    UNUSED_EVERY_S = None
+
+    def __init__(self, personality: str, rate_bytes_s: float, streaming: Streaming | None = None) -> None:
+        super().__init__(personality)
+        self.session = Session(MavlinkPeer(1), streaming=streaming)
+        self.down: list[tuple[float, bytes]] = []
+        """time of arrival [s], and the datagram"""
+        self.n_lost = 0
+        self.rate_bytes_s = rate_bytes_s
+        self._free_s = {True: 0.0, False: 0.0}
+        self._numbers = count()
+
+    def _post(self, data: bytes, up: bool) -> None:
+        begin_s = max(self._free_s[up], self.now)
+        if begin_s - self.now > self.BUFFER_S:
+            self.n_lost += 1
+            return
+        self._free_s[up] = begin_s + len(data) / self.rate_bytes_s
+        there_s = self._free_s[up] + self.AIR_S
+        if not up:
+            self.down.append((there_s, data))
+        heapq.heappush(self._queue, (there_s, next(self._numbers), up, data))
+
+    def another_streams(self, *ids: int, every_s: float = 0.25) -> None:
+        """Request streams for another station, over the same radio."""
+        for msgid in ids:
+            wanted = (float(msgid), 1e6 * every_s, 0.0, 0.0, 0.0, 0.0, 0.0)
+            self.another_sends(mavlink.MAVLink_command_long_message(1, 1, INTERVAL, 0, *wanted))
+
+    def bytes_s(self, over_s: float) -> float:
+        """Return the vehicle's average data rate over the last `over_s` seconds [bytes/s]."""
+        return sum(len(data) for at_s, data in self.down if at_s > self.now - over_s) / over_s
 
 
 @BOTH
@@ -33,11 +76,11 @@ def test_a_low_position_rate_keeps_the_whole_telemetry_small(personality: str) -
 @BOTH
 def test_a_mission_is_changed_in_flight_over_a_radio_of_one_kilobyte_a_second(personality: str) -> None:
     bench = LowBandwidthBench(personality, 1000.0, SPARING)
-    bench.flying(route((0.0, 60.0), (0.0, 120.0), (0.0, 600.0)))
-    north_m = FRAME.to_local(*bench.vehicle.body.lat_lon_deg)[1]
+    bench.flying(plan((0.0, 60.0), (0.0, 120.0), (0.0, 600.0)))
+    north_m = place(bench)[1]
     begun_s = bench.now
     new = [(0.0, north_m + 150.0), *((20.0 * i, north_m + 150.0) for i in range(1, 8))]
-    done = bench.swap(route(*new, leaves_ahead=True))
+    done = bench.swap(plan(*new, leaves_ahead=True))
     assert (done.failure, done.flying, done.stood_still_s) == (None, "new", 0.0)
     assert bench.now - begun_s < 5.0
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import pytest
 from bench import Bench, Faults, plan
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from profiles import examples
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scripted_copter import Script
 
 from swarmctl.mavlink.events import ProcedureDone, VehicleRebooted
@@ -25,47 +27,11 @@ MODEST = settings(
 )
 
 
-def test_prepare_sets_guided_again_after_the_boot_has_undone_it():
-    bench = Bench(Script(boot_s=4.0, ready_at_s=6.0)).prepared()
-    assert bench.copter.mode_name == "GUIDED"
-    assert bench.session.state.ready
-    assert sum(command == 176 for command, _ in bench.copter.commands) >= 2
-    assert bench.now >= 6.0
-
-
-def test_prepare_waits_and_reports_the_reason():
-    bench = Bench(Script(ready_at_s=30.0)).connected()
-    bench.take(bench.session.begin("prepare", basic.prepare, bench.now))
-    assert not bench.run(20, lambda: bench.session.busy_with is None)
-    assert any(reason.endswith("[no-position]") for reason in bench.session.state.not_ready)
-    assert bench.run(20, lambda: bench.session.busy_with is None)
-
-
-def test_prepare_refuses_a_vehicle_that_is_armed():
-    bench = Bench().prepared()
-    bench.copter.armed = True
-    bench.run(2)
-    assert "[armed]" in bench.do("prepare", basic.prepare).failure
-
-
 def test_an_upload_onto_a_flying_vehicle_is_refused():
     bench = Bench().flying(OLD)
     before = len(bench.sent)
     assert "[armed]" in bench.upload(NEW).failure
     assert len(bench.sent) == before
-
-
-def test_launch_takes_off_and_flies_the_mission():
-    bench = Bench().flying(OLD)
-    assert bench.copter.mode_name == "AUTO"
-    assert bench.run(120, lambda: not bench.copter.armed), "no landing at the end of the mission"
-    assert bench.copter.alt == 0.0
-
-
-def test_launch_without_a_mission_arms_nothing():
-    bench = Bench().prepared()
-    assert "[no-mission]" in bench.do("launch", basic.launch).failure
-    assert not bench.copter.armed
 
 
 @pytest.mark.parametrize("late", [False, True], ids=["text before the ack", "text after the ack"])
@@ -82,28 +48,6 @@ def test_launch_that_stays_on_the_ground_ends_disarmed():
     bench.upload(OLD)
     assert "[no-take-off]" in bench.do("launch", basic.launch).failure
     assert not bench.copter.armed
-
-
-def test_swap_flies_the_new_plan_from_its_first_waypoint():
-    bench = Bench().flying(OLD)
-    result = bench.swap(NEW)
-    assert (result.failure, result.flying, result.stood_still_s) == (None, "new", 0.0)
-    assert 0.0 < result.took_s < 2.0
-    assert bench.flies(NEW, behind=OLD)
-    assert bench.copter.mode_name == "AUTO"
-    assert bench.copter.seq == len(bench.items(OLD)), "the current item is not the first appended one"
-    assert len(bench.session.items) == len(bench.copter.mission)
-
-
-def test_a_swap_without_partial_lists_is_flown_from_its_first_waypoint():
-    bench = Bench(Script(partial_lists=False)).flying(OLD)
-    result = bench.swap(NEW)
-    assert (result.failure, result.flying) == (None, "new")
-    modes = [params[1] for command, params in bench.copter.commands if command == 176]
-    assert modes[-2:] == [4.0, 3.0], "no hold during the swap"
-    assert bench.mission_is(NEW)
-    assert (bench.copter.mode_name, bench.copter.seq) == ("AUTO", 2)
-    assert len(bench.session.items) == len(bench.items(NEW))
 
 
 @pytest.mark.parametrize(
@@ -161,49 +105,6 @@ def test_a_landing_vehicle_keeps_its_mission():
     result = bench.swap(NEW)
     assert result.flying == "old"
     assert result.failure.endswith("[not-flying]")
-
-
-@pytest.mark.parametrize("mode", [5, 6, 9], ids=["LOITER", "RTL", "LAND"])
-def test_a_swap_leaves_a_vehicle_alone_after_a_takeover(mode):
-    bench = Bench().flying(OLD)
-    bench.copter.mode = mode
-    bench.run(2)
-    before = len(bench.sent)
-    assert bench.swap(NEW).flying == "theirs"
-    assert len(bench.sent) == before
-    assert bench.mission_is(OLD)
-
-
-def test_a_pilot_takeover_during_the_upload_is_respected():
-    bench = Bench(faults=Faults(max_delay_s=0.3)).flying(OLD)
-    bench.begin_swap(NEW)
-    assert bench.run(20, lambda: bench.copter.transfer is not None)
-    bench.copter.mode = 5
-    assert bench.run(200, lambda: bench.session.busy_with is None)
-    assert bench.result.flying == "theirs"
-    assert bench.copter.mode_name == "LOITER"
-    assert 224 not in [command for command, _ in bench.copter.commands], "the current item was changed"
-
-
-def test_a_swap_after_a_failed_one_starts_from_hold():
-    bench = Bench().flying(OLD)
-    bench.copter.script = Script(refuse_set_current=True)
-    assert bench.swap(NEW).flying == "hold"
-    bench.copter.script = Script()
-    assert bench.swap(replace(NEW, from_hold=True)).flying == "new"
-    assert bench.mission_is(NEW)
-
-
-@pytest.mark.parametrize(
-    ("procedure", "mode"),
-    [(basic.hold, "GUIDED"), (basic.return_home, "RTL"), (basic.land, "LAND")],
-    ids=["hold", "return_home", "land"],
-)
-def test_an_operators_command_is_seen_in_the_heartbeat(procedure, mode):
-    bench = Bench().flying(OLD)
-    assert bench.do("command", procedure).failure is None
-    assert bench.copter.mode_name == mode
-    assert bench.session.state.mode == mode
 
 
 def test_an_operators_command_is_repeated_after_a_boot_undoes_the_mode():
@@ -275,23 +176,6 @@ def test_cancelling_an_upload_sends_a_cancellation():
     assert ProcedureDone("upload", Done("cancelled")) in bench.events
 
 
-def test_a_lost_final_ack_is_settled_by_reading_back():
-    bench = Bench().prepared()
-    bench.block_down = lambda m: m.get_type() == "MISSION_ACK"
-    assert bench.upload(OLD).failure is None
-    assert bench.mission_is(OLD)
-    assert len(bench.of("MISSION_COUNT")) == 1
-
-
-def test_an_upload_during_an_unfinished_transfer_is_repeated_later():
-    bench = Bench().prepared()
-    bench.block = lambda m: m.get_type() == "MISSION_ITEM_INT" and m.seq == 3 and bench.now < 30
-    assert bench.upload(OLD).failure is None
-    counts = [now for now, m in bench.sent if m.get_type() == "MISSION_COUNT"]
-    assert counts[-1] - counts[0] >= 9.0
-    assert bench.mission_is(OLD)
-
-
 def test_a_reboot_restarts_the_streams_and_makes_the_mission_unknown():
     bench = Bench().prepared()
     bench.upload(OLD)
@@ -358,26 +242,36 @@ def test_successive_uploads_never_mix(faults):
         assert bench.mission_is(NEW)
 
 
-@MODEST
-@given(faults=faults, partial_lists=st.booleans())
-def test_a_swap_on_a_bad_wire_flies_no_mixture_and_reports_truly(faults, partial_lists):
-    bench = Bench(Script(partial_lists=partial_lists)).flying(OLD)
-    bench.spoil(faults)
-    mixed = []
+# Speed
 
-    def watch() -> bool:
-        whole = bench.flies(OLD) or bench.flies(NEW) or bench.flies(NEW, behind=OLD)
-        if bench.copter.armed and bench.copter.mode_name == "AUTO" and not whole:
-            mixed.append(bench.now)
-        return bench.session.busy_with is None
+CHANGE_SPEED = mavlink.MAV_CMD_DO_CHANGE_SPEED
 
-    bench.begin_swap(NEW)
-    assert bench.run(600, watch)
-    assert mixed == []
-    flying = bench.result.flying
-    if flying == "new":
-        assert bench.flies(NEW) or bench.flies(NEW, behind=OLD)
-    if flying == "old":
-        assert bench.flies(OLD)
-    if flying == "hold":
-        assert bench.copter.mode_name == "GUIDED"
+
+def speeds_sent(bench: Bench) -> list:
+    return [m for _, m in bench.sent if m.get_type() == "COMMAND_LONG" and m.command == CHANGE_SPEED]
+
+
+def test_the_ground_speed_is_sent_once_and_a_refusal_is_reported():
+    bench = Bench(Script(speeds=False)).flying(plan(north=8))
+    assert (
+        bench.do("set_speed", partial(basic.set_speed, speed_m_s=6.5)).failure
+        == "DO_CHANGE_SPEED: UNSUPPORTED"
+    )
+    (message,) = speeds_sent(bench)
+    assert (message.param1, message.param2, message.param3) == (mavlink.SPEED_TYPE_GROUNDSPEED, 6.5, -1.0)
+
+
+@pytest.mark.parametrize(("mode", "number"), [("LOITER", 5), ("GUIDED", 4), ("RTL", 6)])
+def test_nothing_is_sent_to_a_vehicle_that_does_not_fly_its_mission(mode, number):
+    bench = Bench().flying(plan(north=8))
+    bench.copter.mode = number
+    bench.run(3)
+    assert mode in bench.do("set_speed", partial(basic.set_speed, speed_m_s=6.5)).failure
+    assert speeds_sent(bench) == []
+
+
+def test_an_unanswered_speed_is_repeated_a_limited_number_of_times():
+    bench = Bench().flying(plan(north=8))
+    bench.block = lambda message: getattr(message, "command", None) == CHANGE_SPEED
+    assert "no answer" in bench.do("set_speed", partial(basic.set_speed, speed_m_s=6.5)).failure
+    assert [m.confirmation for m in speeds_sent(bench)] == [0, 1, 2, 3, 4]

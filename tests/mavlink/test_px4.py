@@ -17,7 +17,6 @@ from wire_bench import Faults
 from swarmctl.core.mission import FlightPlan, MissionItem, Waypoint
 from swarmctl.mavlink.dialects import Readiness, dialect_for
 from swarmctl.mavlink.dialects.px4 import Px4Copter
-from swarmctl.mavlink.procedures import basic
 from swarmctl.mavlink.protocol.mission_upload import UploadOutcome
 
 PX4 = dialect_for(mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_TYPE_QUADROTOR)
@@ -107,52 +106,6 @@ def test_read_back_is_compared_with_item_0_and_modulo_frames(found, equal):
     assert (PX4.differences((WP,), (found,)) == ()) is equal
 
 
-def test_px4_takes_off_flies_its_mission_and_lands():
-    bench = FlyingBench("px4").flying(OLD)
-    assert bench.mode == "AUTO.MISSION"
-    assert bench.session.state.alt_rel_m == pytest.approx(20.0, abs=1.0)
-    assert bench.run(200, lambda: not bench.session.state.armed)
-    assert not bench.vehicle.body.crashed
-
-
-def test_a_second_launch_begins_at_the_first_item():
-    """PX4 keeps its current item after a landing and after an upload of the same mission."""
-    bench = FlyingBench("px4").flying(OLD)
-    assert bench.do("land", basic.land).failure is None
-    assert bench.run(120, lambda: not bench.session.state.armed)
-    assert bench.vehicle.mission.index > 0
-    again = bench.session.items
-    assert bench.do("prepare", basic.prepare).failure is None
-    assert bench.do("upload", lambda c: basic.upload(c, again)).failure is None
-    assert bench.do("launch", basic.launch).failure is None
-    assert bench.session.state.mission_seq == 0
-    assert [m.seq for m in bench.of(SET_CURRENT)] == [0]
-
-
-def test_a_refused_arming_is_reported_in_the_words_of_the_vehicle():
-    bench = FlyingBench("px4").uploaded(OLD)
-    bench.vehicle.params.set("COM_ARM_BAT_MIN", 2.0)
-    failure = bench.do("launch", basic.launch).failure
-    assert "COMPONENT_ARM_DISARM: TEMPORARILY_REJECTED" in failure
-    assert "Preflight Fail" in failure
-    assert not bench.vehicle.armed
-
-
-@pytest.mark.parametrize(
-    ("procedure", "mode"),
-    [
-        (basic.hold, "AUTO.LOITER"),
-        (basic.return_home, "AUTO.RTL"),
-        (basic.land, "AUTO.LAND"),
-    ],
-    ids=["hold", "return_home", "land"],
-)
-def test_an_operators_command_is_seen_in_the_heartbeat(procedure, mode):
-    bench = FlyingBench("px4").flying(OLD)
-    assert bench.do("command", procedure).failure is None
-    assert bench.mode == bench.session.state.mode == mode
-
-
 def test_a_swap_changes_the_mission_at_once_and_does_not_stop():
     bench = FlyingBench("px4").flying(OLD)
     modes, aims = set(), set()
@@ -188,13 +141,6 @@ def test_an_autopilot_that_overlooks_the_marked_item_gets_a_message():
     assert 224 not in bench.commands
 
 
-def test_a_mission_shorter_than_the_current_item_is_flown_from_its_first_item():
-    bench = FlyingBench("px4").flying(OLD)
-    assert bench.run(100, lambda: bench.session.state.mission_seq == 7)
-    assert bench.swap(plan(north=2, east=0.001)).flying == "new"
-    assert bench.vehicle.mission.index == 1
-
-
 @pytest.mark.parametrize("at_item", [None, 0, 3], ids=["at the count", "the first item", "in mid-upload"])
 def test_a_vehicle_that_refuses_a_mission_flies_the_old_one_without_a_stop(at_item):
     bench = FlyingBench("px4").flying(OLD)
@@ -207,13 +153,6 @@ def test_a_vehicle_that_refuses_a_mission_flies_the_old_one_without_a_stop(at_it
     assert bench.mode == "AUTO.MISSION"
     assert bench.holds(old)
     assert bench.session.items == bench.stored
-
-
-def test_a_lost_final_acknowledgement_is_settled_by_reading_back():
-    bench = FlyingBench("px4").flying(OLD)
-    bench.block_down = lambda m: m.get_type() == "MISSION_ACK"
-    assert bench.swap(NEW).flying == "new"
-    assert len(bench.of("MISSION_COUNT")) == 2, "one for each mission"
 
 
 @pytest.mark.autopilots("2 upload is atomic?", "2 abandoned upload", of="px4")

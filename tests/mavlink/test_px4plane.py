@@ -1,48 +1,25 @@
-"""PX4's fixed wings, flown by the simulator: taken off, changed in flight, held, called back and landed."""
+"""Missions of PX4's fixed wings, and their flights that differ from those of ArduPlane (`test_planes`)."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
-from functools import partial
 
 import pytest
-from flying_bench import HOME, FlyingBench
-from plane_flights import FIRST, FRAME, LOW_M, RADIUS_M, SECOND, here, landed, nearest_m, plan
+from flying_bench import HOME
+from plane_flights import FIRST, FRAME, GOAL, LOW_M, RADIUS_M, SECOND, START, away_m, bench, landed, plan
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from swarmctl.core.geo import distance_m
-from swarmctl.core.mission import FlightPlan, MissionItem
-from swarmctl.core.vehicle import Landed, VehicleState
+from swarmctl.core.mission import MissionItem
+from swarmctl.core.vehicle import VehicleState
 from swarmctl.mavlink.dialects import dialect_for
 from swarmctl.mavlink.dialects.plan import append_items
 from swarmctl.mavlink.procedures import basic
-from swarmctl.mavlink.procedures.basic import set_speed
 from swarmctl.mavlink.procedures.land import landing_items, nearest_landing
 
-SETUP = {
-    "RTL_TYPE": 1,
-    "RTL_RETURN_ALT": 30.0,
-    "NAV_LOITER_RAD": RADIUS_M,
-    "NAV_FW_ALT_RAD": 30.0,
-    "FW_LND_ANG": 6.0,
-}
 PLANE = dialect_for(mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_TYPE_FIXED_WING)
-GOAL, START = (400.0, 900.0), (0.0, 0.0)
 AT_HOME, AT_GOAL = 6, 9
 """The circles before both landings, as items of FIRST."""
-
-
-def bench(**params: float) -> FlyingBench:
-    return FlyingBench("px4", "plane", params=SETUP | params)
-
-
-def in_flight(first: FlightPlan = FIRST) -> FlyingBench:
-    return bench().flying(first)
-
-
-def away_m(flown: FlyingBench, point: tuple[float, float]) -> float:
-    return math.dist(here(flown), point)
 
 
 # --- messages sent
@@ -71,11 +48,6 @@ def test_the_last_waypoint_lies_behind_the_goal() -> None:
     assert (east_m, north_m) == pytest.approx((400 + 30 * 0.8, 900 + 30 * 0.6), abs=0.1)
 
 
-def test_a_plan_for_a_copter_is_refused() -> None:
-    with pytest.raises(ValueError, match="`airframe: plane`"):
-        PLANE.mission_items(FlightPlan(40.0, FIRST.track, FIRST.landing), HOME)
-
-
 def test_jumps_of_appended_items_keep_their_targets() -> None:
     items = PLANE.mission_items(FIRST)
     longer = append_items((*items[:3], items[2], items[2]), items, 1)
@@ -86,7 +58,7 @@ def test_jumps_of_appended_items_keep_their_targets() -> None:
 
 def test_a_read_back_equals_the_mission_sent() -> None:
     sent = PLANE.mission_items(FIRST)
-    stored = bench().uploaded(FIRST).stored
+    stored = bench("px4").uploaded(FIRST).stored
     assert PLANE.differences(sent, stored) == ()
     elsewhere = replace(stored[4], param1=5.0)
     assert PLANE.differences(sent, (*stored[:4], elsewhere, *stored[5:])), (
@@ -107,7 +79,7 @@ def test_the_nearest_landing_has_the_nearest_circle() -> None:
 
 
 def test_the_plane_flies_over_its_goal_and_lands_there() -> None:
-    flown = bench().uploaded(FIRST)
+    flown = bench("px4").uploaded(FIRST)
     assert flown.do("launch", basic.launch).failure is None
     assert flown.run(300.0, lambda: away_m(flown, GOAL) < 10.0)
     assert landed(flown)
@@ -115,27 +87,20 @@ def test_the_plane_flies_over_its_goal_and_lands_there() -> None:
 
 
 def test_an_infeasible_mission_is_refused_with_the_text_of_the_vehicle() -> None:
-    failure = bench(FW_LND_ANG=3.0).prepared().upload(FIRST).failure
+    failure = bench("px4", FW_LND_ANG=3.0).prepared().upload(FIRST).failure
     assert failure is not None
     assert "the landing glide slope is steeper than the vehicle setting of 3.0 degrees" in failure
 
 
 def test_a_mission_outside_the_fence_is_refused() -> None:
-    failure = bench(GF_MAX_HOR_DIST=500.0).prepared().upload(FIRST).failure
+    failure = bench("px4", GF_MAX_HOR_DIST=500.0).prepared().upload(FIRST).failure
     assert failure is not None
     assert "Geofence violation for waypoint 3" in failure
 
 
-def test_a_launch_begins_at_the_first_item() -> None:
-    flown = bench().uploaded(FIRST)
-    flown.vehicle.set_current(AT_GOAL)
-    assert flown.do("launch", basic.launch).failure is None
-    assert flown.session.state.mission_seq == 0
-
-
 @pytest.mark.full
 def test_a_repeated_mission_leads_to_the_goal_again() -> None:
-    flown = bench().uploaded(FIRST)
+    flown = bench("px4").uploaded(FIRST)
     assert flown.do("launch", basic.launch).failure is None
     assert flown.run(300.0, lambda: flown.session.state.mission_seq == AT_GOAL)
     assert flown.do("return", basic.return_home).failure is None
@@ -149,23 +114,8 @@ def test_a_repeated_mission_leads_to_the_goal_again() -> None:
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("leaves_ahead", [True, False])
-def test_a_new_route_is_taken_over_without_a_stop(*, leaves_ahead: bool) -> None:
-    flown = in_flight()
-    done = flown.swap(replace(SECOND, leaves_ahead=leaves_ahead))
-    assert (done.failure, done.flying) == (None, "new")
-    assert flown.mode == "AUTO.MISSION"
-    jump = next(item for item in flown.stored if item.command == mavlink.MAV_CMD_DO_JUMP)
-    circle = flown.stored[int(jump.param1)]
-    assert distance_m((circle.x / 1e7, circle.y / 1e7), FRAME.to_geodetic(460.0, 650.0)) < 1.0
-    assert nearest_m(flown, (-200.0, 700.0), 60.0) < 45.0
-    assert landed(flown)
-    assert away_m(flown, GOAL) < 60.0
-
-
-@pytest.mark.full
 def test_a_plane_returns_home_after_a_swap() -> None:
-    flown = in_flight()
+    flown = bench("px4").flying(FIRST)
     assert flown.swap(SECOND).failure is None
     assert flown.do("return", basic.return_home).failure is None
     assert landed(flown)
@@ -174,7 +124,7 @@ def test_a_plane_returns_home_after_a_swap() -> None:
 
 @pytest.mark.full
 def test_a_plane_landing_at_its_goal_gets_no_other_mission() -> None:
-    flown = bench().uploaded(FIRST)
+    flown = bench("px4").uploaded(FIRST)
     assert flown.do("launch", basic.launch).failure is None
     assert flown.run(300.0, lambda: flown.session.state.mission_seq == AT_GOAL)
     before = flown.stored
@@ -186,7 +136,7 @@ def test_a_plane_landing_at_its_goal_gets_no_other_mission() -> None:
 
 def test_a_plane_that_reaches_its_landing_during_an_upload_lands_at_its_goal() -> None:
     longer = plan((230.0, 750.0), (250.0, 900.0))  # not over the goal
-    flown = in_flight()
+    flown = bench("px4").flying(FIRST)
     assert flown.run(200.0, lambda: flown.session.state.mission_seq == 3 and away_m(flown, GOAL) < 30.0)
     flown.block = lambda message: (
         message.get_type() == "MISSION_ITEM_INT" and flown.session.state.mission_seq == 3
@@ -198,78 +148,19 @@ def test_a_plane_that_reaches_its_landing_during_an_upload_lands_at_its_goal() -
     assert away_m(flown, GOAL) < 60.0
 
 
-def test_a_plane_holds_in_a_circle_at_its_height() -> None:
-    flown = in_flight()
-    flown.run(5.0)
-    assert flown.do("hold", basic.hold).failure is None
-    centre, height_m = here(flown), flown.session.state.alt_rel_m
-    flown.run(90.0)
-    assert flown.mode == "AUTO.LOITER"
-    assert away_m(flown, centre) < RADIUS_M + 40.0
-    assert flown.session.state.alt_rel_m == pytest.approx(height_m, abs=4.0)
-    assert flown.session.state.landed is Landed.IN_AIR
-
-
-@pytest.mark.full
-def test_the_route_of_a_holding_plane_is_changed() -> None:
-    flown = in_flight()
-    assert flown.do("hold", basic.hold).failure is None
-    done = flown.swap(replace(SECOND, from_hold=True))
-    assert (done.failure, done.flying) == (None, "new")
-    assert landed(flown)
-    assert away_m(flown, GOAL) < 60.0
-
-
-def test_a_plane_returns_and_lands_at_home_in_return_mode() -> None:
-    flown = in_flight()
-    assert flown.do("return", basic.return_home).failure is None
-    assert landed(flown)
-    assert away_m(flown, START) < 60.0
-    assert mavlink.MAV_CMD_DO_LAND_START not in flown.commands
-
-
-@pytest.mark.full
-@pytest.mark.parametrize(
-    ("track", "where"), [([(0.0, 300.0), (0.0, 600.0)], START), ([(0.0, 300.0), (300.0, 850.0)], GOAL)]
-)
-@pytest.mark.parametrize("held", [True, False])
-def test_a_command_to_land_leads_to_the_nearest_landing(track, where, *, held: bool) -> None:
-    flown = in_flight(plan(*track))
-    if where == GOAL:
-        flown.run(60.0, lambda: away_m(flown, (300.0, 850.0)) < 150.0)
-    if held:
-        assert flown.do("hold", basic.hold).failure is None
-    assert flown.do("land", basic.land).failure is None
-    assert flown.mode == "AUTO.MISSION"
-    assert flown.session.state.mission_seq in landing_items(flown.session.items)
-    assert landed(flown)
-    assert away_m(flown, where) < 60.0
-
-
 @pytest.mark.full
 def test_a_command_to_land_works_during_a_return() -> None:
-    flown = in_flight()
+    flown = bench("px4").flying(FIRST)
     assert flown.do("return", basic.return_home).failure is None
     flown.run(5.0)
     assert flown.do("land", basic.land).failure is None
     assert flown.mode == "AUTO.MISSION"
     assert landed(flown)
     assert away_m(flown, START) < 60.0
-
-
-@pytest.mark.full
-def test_a_command_to_land_during_a_landing_causes_no_go_around() -> None:
-    flown = bench().uploaded(FIRST)
-    assert flown.do("launch", basic.launch).failure is None
-    assert flown.run(300.0, lambda: flown.session.state.mission_seq == AT_GOAL + 1), "no final approach"
-    sent = len(flown.of("MISSION_SET_CURRENT"))
-    assert flown.do("land", basic.land).failure is None
-    assert len(flown.of("MISSION_SET_CURRENT")) == sent
-    assert landed(flown, 60.0)
 
 
 def test_a_plane_with_unknown_landings_flies_to_the_known_landing() -> None:
-    flown = in_flight()
+    flown = bench("px4").flying(FIRST)
     flown.session._require_context().verified_items = ()
     assert flown.do("land", basic.land).failure is None
     assert mavlink.MAV_CMD_DO_LAND_START in flown.commands
@@ -278,7 +169,7 @@ def test_a_plane_with_unknown_landings_flies_to_the_known_landing() -> None:
 
 
 def test_a_command_that_may_arm_is_not_sent_to_a_disarmed_plane() -> None:
-    flown = in_flight()
+    flown = bench("px4").flying(FIRST)
     assert flown.do("return", basic.return_home).failure is None
     flown.block_down = lambda message: message.get_type() in ("HEARTBEAT", "EXTENDED_SYS_STATE")
     flown.run(400.0, lambda: not flown.vehicle.armed)
@@ -287,21 +178,3 @@ def test_a_command_that_may_arm_is_not_sent_to_a_disarmed_plane() -> None:
         flown.session._require_context().verified_items = known
         assert flown.do("land", basic.land).failure is not None
         assert not flown.vehicle.armed
-
-
-def test_a_command_to_land_on_the_ground_disarms() -> None:
-    flown = bench().uploaded(FIRST)
-    flown.vehicle.arm(flown.now, force=True)
-    assert flown.run(5.0, lambda: flown.session.state.armed)
-    assert flown.do("land", basic.land).failure is None
-    assert not flown.vehicle.armed
-    assert flown.of("MISSION_SET_CURRENT") == []
-
-
-def test_the_set_speed_is_the_airspeed() -> None:
-    flown = in_flight()
-    assert flown.do("speed", partial(set_speed, speed_m_s=12.0)).failure is None
-    (message,) = [m for m in flown.of("COMMAND_LONG") if m.command == mavlink.MAV_CMD_DO_CHANGE_SPEED]
-    assert message.param1 == mavlink.SPEED_TYPE_AIRSPEED
-    flown.run(10.0)
-    assert flown.session.state.ground_speed_m_s == pytest.approx(12.0, abs=0.3)

@@ -1,4 +1,4 @@
-"""A plan that is changed shortly before the first centre of the area: positions and cells of the plans."""
+"""An agent and its vehicle together, with changed plans: the track flown over good and slow links."""
 
 from __future__ import annotations
 
@@ -8,12 +8,10 @@ import pytest
 from agent_flight import GRID, ROW, AgentFlight, largest_retreat_m
 from profiles import full_only
 
+from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.swap_times import SwapTimes
+from swarmctl.core import events as ev
 from swarmctl.core.route import MAX_OVERSHOOT_CELLS
-
-OUTSIDE_M = 2.0
-"""Greatest distance from the cells of the plans [m]; a diagonal leg passes the corner of two more cells."""
-OVERSHOOT_M = MAX_OVERSHOOT_CELLS * GRID.cell_size_m
 
 
 @pytest.mark.parametrize(
@@ -49,5 +47,28 @@ def test_a_vehicle_that_arrives_fast_stays_in_the_cells_of_its_plans(
 
     assert flight.bench.run(120.0, is_past)
     assert flight.swaps
-    assert max(outside_m) < OUTSIDE_M
-    assert largest_retreat_m(flight.flown) < OVERSHOOT_M
+    assert max(outside_m) < 2.0, "a diagonal leg passes the corner of two more cells"
+    assert largest_retreat_m(flight.flown) < MAX_OVERSHOOT_CELLS * GRID.cell_size_m
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("personality", ["ardupilot", "px4"])
+@pytest.mark.parametrize("delay_s", [0.02, 1.0])
+def test_changed_plans_are_flown_without_a_stop_or_a_turn_back(personality: str, delay_s: float) -> None:
+    """Reports of hostiles six cells ahead on the route arrive at four columns."""
+    flight = AgentFlight(personality, delay_s)
+    columns = [2, 6, 10, 14]
+
+    def report_hostiles() -> None:
+        cell = GRID.cell_at(*GRID.frame.to_geodetic(*flight.place))
+        if cell is not None and columns and cell[1] >= columns[0] and flight.state.plans.route is not None:
+            ahead = cell[1] + 6
+            flight.receives_hostiles(next(at for at in flight.state.plans.route.cells if at[1] == ahead))
+            columns.pop(0)
+
+    flight.lands(report_hostiles)
+    assert flight.state.phase is Phase.DONE
+    done = flight.ended[1:]
+    assert len(done) >= 2
+    assert all(isinstance(event, ev.MissionAccepted) and event.stood_still_s == 0.0 for event in done)
+    assert largest_retreat_m(flight.flown) < 2.0
