@@ -17,7 +17,7 @@ import numpy as np
 from swarmctl.core import exposure as measures
 from swarmctl.core.grid import Cell
 from swarmctl.planners import bounds, constrained, kernels
-from swarmctl.planners.base import Problem, Route, is_open, route_of
+from swarmctl.planners.base import Problem, Route, route_of
 
 USES_W = False
 NEEDS_MACHINE_CODE = False
@@ -59,11 +59,7 @@ def plan(problem: Problem, params: Params) -> Route:
     raise bounds.none_between(problem, "no detour over one or two cells", nearest)
 
 
-def measure(problem: Problem, cells: Sequence[Cell], _params: Params) -> float:
-    """Return ΣP_s; infinite through a wall or out of the bounds on length."""
-    if not (is_open(problem, cells) and bounds.keeps(problem, cells)):
-        return math.inf
-    return measures.exposure_sum(problem.exposure, cells)
+measure = constrained.measure
 
 
 class _Detours:

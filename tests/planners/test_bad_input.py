@@ -42,18 +42,6 @@ def test_a_single_row_or_column_has_one_route(search: Search, turned: bool) -> N
     assert route.exposure_sum == pytest.approx(0.9)
 
 
-@every_search
-def test_an_area_of_one_cell_has_a_route_of_one_cell(search: Search) -> None:
-    assert search(Problem(np.array([[0.7]]), (0, 0), ((0, 0),), 0.5, 0.1)).cells == ((0, 0),)
-
-
-@every_search
-def test_a_goal_behind_a_maximum_exposure_is_unreachable(search: Search) -> None:
-    limited = dataclasses.replace(ROW, max_exposure=0.25)
-    with pytest.raises(Unreachable):
-        search(limited)
-
-
 @bounded_search
 def test_an_unreachable_goal_with_a_bound_is_unreachable_and_not_too_far(search: Search) -> None:
     limited = dataclasses.replace(ROW, max_exposure=0.25, max_length_cells=2.0)

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from profiles import examples, full_only
 
-from swarmctl.planners import PLANNERS, BadProblem, BoundTooTight, Problem, constrained, method, time_bound
+from swarmctl.planners import BadProblem, BoundTooTight, Problem, constrained, time_bound
 from swarmctl.planners.constrained import Params
 
 EXACT = Params(max_labels=0)
@@ -112,8 +112,3 @@ def test_a_bound_that_no_route_keeps_is_an_error_with_the_shortest_route() -> No
         constrained.plan(bounded, EXACT)
     assert caught.value.nearest.length_cells == 59.0
     assert constrained.measure(bounded, caught.value.nearest.cells, EXACT) == math.inf
-
-
-def test_a_negative_budget_is_refused_when_the_configuration_is_read() -> None:
-    with pytest.raises(ValueError, match="max_labels"):
-        method("constrained", PLANNERS["constrained"], {"max_labels": -1})

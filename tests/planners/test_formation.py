@@ -2,7 +2,6 @@
 
 import dataclasses
 import math
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -127,31 +126,6 @@ def test_the_measure_of_any_route_is_the_least_over_headings_and_shapes(
 
 
 @SEARCHES
-@given(fields(), groups, st.integers(1, 3))
-def test_a_turned_area_has_the_turned_route_at_the_same_cost(
-    problem: Problem, params: Params, quarter_turns: int
-) -> None:
-    """Turn the area clockwise on the map: rows grow north, so the array turns the other way."""
-    index = np.arange(problem.exposure.size).reshape(problem.exposure.shape)
-    turned_index = np.rot90(index, quarter_turns)
-    place = {int(i): (int(r), int(c)) for (r, c), i in np.ndenumerate(turned_index)}
-    heading = params.start_heading_deg
-    turned = dataclasses.replace(
-        problem,
-        exposure=np.rot90(problem.exposure, quarter_turns).copy(),
-        start=place[int(index[problem.start])],
-        goals=tuple(place[int(index[goal])] for goal in problem.goals),
-    )
-    turned_params = dataclasses.replace(
-        params, start_heading_deg=None if heading is None else (heading + 90 * quarter_turns) % 360
-    )
-    one, other = found(problem, params), found(turned, turned_params)
-    assert (one is None) == (other is None)
-    if one is not None and other is not None:
-        assert other.cost == pytest.approx(one.cost, rel=1e-12)
-
-
-@SEARCHES
 @given(fields(), groups)
 def test_members_fly_over_no_wall_and_never_leave_the_area(problem: Problem, params: Params) -> None:
     route = found(problem, params)
@@ -173,16 +147,6 @@ def test_members_fly_over_no_wall_and_never_leave_the_area(problem: Problem, par
             for (row, col), is_in in list(zip(member, inside, strict=True))[1:]
             if is_in
         )
-
-
-@SEARCHES
-@given(fields(), groups)
-def test_no_turn_between_two_steps_is_above_the_limit(problem: Problem, params: Params) -> None:
-    route = found(problem, params)
-    if route is not None:
-        headings = [math.degrees(math.atan2(b[1] - a[1], b[0] - a[0])) for a, b in pairwise(route.cells)]
-        turns = [abs((b - a + 180.0) % 360.0 - 180.0) for a, b in pairwise(headings)]
-        assert max(turns, default=0.0) <= params.max_turn_deg + 1e-9
 
 
 def passage(width: int) -> Problem:

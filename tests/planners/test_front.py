@@ -15,7 +15,6 @@ from profiles import examples, full_only
 
 from swarmctl.core.grid import Cell
 from swarmctl.planners import (
-    BadProblem,
     BoundTooTight,
     Front,
     Problem,
@@ -200,11 +199,6 @@ def test_bounds_without_a_point_are_an_error_with_the_nearest_route(
         pareto_front(bounded)
     longest = rough_front(0).routes[-1].length_cells
     assert caught.value.nearest.length_cells == (nearest or longest)
-
-
-def test_a_negative_budget_is_refused() -> None:
-    with pytest.raises(BadProblem, match="max_labels = -5"):
-        pareto_front(rough(0), max_labels=-5)
 
 
 def test_the_front_of_a_start_at_the_goal_is_one_point() -> None:

@@ -1,9 +1,11 @@
 """The planners as a library: plain arrays in, routes out."""
 
+import re
 import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from inspect import getdoc
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from profiles import examples
 from swarmctl import planners
 from swarmctl.planners import PLANNERS, Problem, Replanner, cost_to_go, dijkstra, plan, warm_up
 
+PAGE = Path(__file__).parents[2] / "docs" / "planner-library.md"
 FIELD = np.random.default_rng(1).random((12, 20)) * 0.3
 PROBLEM = Problem(FIELD, (6, 0), ((6, 19),), 0.5, 0.13, max_length_cells=25.0)
 
@@ -57,6 +60,14 @@ def test_the_example_in_the_documentation_runs() -> None:
     example = example_of(planners)
     assert "pareto_front(problem)" in example
     exec(compile(example, "example", "exec"), {})
+
+
+def test_the_examples_of_the_page_run_one_after_the_other() -> None:
+    examples = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), flags=re.DOTALL)
+    names: dict[str, object] = {}
+    for example in examples:
+        exec(compile(example, str(PAGE), "exec"), names)
+    assert {"pareto_front", "route"} <= set(names)
 
 
 def test_the_example_of_the_replanner_runs() -> None:

@@ -1,13 +1,11 @@
 """The greatest safety factor, and that the paper's route does not always have it."""
 
-import dataclasses
 import math
 
 import numpy as np
 import pytest
 from brute_force import TIE, all_routes, small_problems
 from hypothesis import given, settings
-from hypothesis import strategies as st
 from profiles import examples
 
 from swarmctl.planners import Problem, Unreachable, dijkstra, survival
@@ -85,13 +83,3 @@ def test_a_route_of_any_length_around_a_certain_loss_is_taken() -> None:
     route = survival.plan(Problem(field, (0, 0), ((0, 39),), 0.0, 0.1), PARAMS)
     assert (2, 20) in route.cells
     assert route.cost < CERTAIN_LOSS
-
-
-@settings(max_examples=examples(40), deadline=None, derandomize=True)
-@given(small_problems(), st.floats(0.0, 1.0), st.floats(0.0, 2.0))
-def test_w_and_psi_do_not_matter(problem: Problem, w: float, psi: float) -> None:
-    try:
-        route = survival.plan(problem, PARAMS)
-    except Unreachable:
-        return
-    assert survival.plan(dataclasses.replace(problem, w=w, psi_per_cell=psi), PARAMS) == route
