@@ -18,7 +18,7 @@ from swarmctl.bus.network import Network, RunClock
 from swarmctl.bus.node.decoding import DecodedFrame
 from swarmctl.bus.node.exchange import NodeOptions
 from swarmctl.bus.node.peer import RANKED_LAST_AFTER_S, PeerRecord, nearest_uavs
-from swarmctl.bus.radio import LossReason, Partition, Radio, RadioSettings, RadioSilence
+from swarmctl.bus.radio import LossReason, Radio, RadioSettings
 from swarmctl.bus.transports.base import Transport
 from swarmctl.bus.transports.inbox import TURN_S
 from swarmctl.bus.transports.memory import MemoryBus
@@ -263,23 +263,18 @@ def test_a_slow_machine_does_not_change_the_sequence_on_the_virtual_clock() -> N
 # --- the model, in simulated time
 
 
-def reception_delay_s(settings: RadioSettings, speedup: float = 1.0, at_s: float = 0.0) -> float | None:
-    """Return the delay of a message sent at `at_s` from UAV 1 to UAV 2 [simulated s]; None above 30 s."""
+def reception_delay_s(settings: RadioSettings, speedup: float) -> float:
+    """Return the delay of a message from UAV 1 to UAV 2 [simulated s]."""
 
-    async def scene() -> float | None:
+    async def scene() -> float:
         loop = asyncio.get_running_loop()
         with closing(MemoryBus()) as transport:
             options = NodeOptions(20, 20, sync_every_s=0.0)
             swarm = Swarm(transport, 1, 2, radio=settings, speedup=speedup, options=options)
             with closing(swarm.network):
-                await asyncio.sleep(at_s / speedup)
                 began_s = loop.time()
                 swarm.publishes(1, 1)
-                try:
-                    async with asyncio.timeout(30.0 / speedup):
-                        await swarm.received[2].get()
-                except TimeoutError:
-                    return None
+                await swarm.next_of(2)
                 return (loop.time() - began_s) * speedup
 
     return run_virtual(scene())
@@ -301,15 +296,6 @@ def test_the_age_of_an_intent_is_in_simulated_seconds(speedup: float) -> None:
                 assert swarm.network.take_new_intents(2)[1][1] == pytest.approx(2.0, abs=1e-3)
 
     run_virtual(scene())
-
-
-def test_partitions_and_silences_begin_and_end() -> None:
-    cut = RadioSettings(partitions=(Partition((frozenset({1}), frozenset({2})), 10.0, 20.0),))
-    assert [reception_delay_s(cut, at_s=t) is not None for t in (5.0, 15.0, 25.0)] == [True, False, True]
-    quiet = RadioSettings(quiet=(RadioSilence(frozenset({1}), 10.0, 20.0),))
-    assert [reception_delay_s(quiet, at_s=t) is not None for t in (5.0, 15.0, 25.0)] == [True, False, True]
-    receiving = RadioSettings(quiet=(RadioSilence(frozenset({2}), 0.0, 99.0),))
-    assert reception_delay_s(receiving) is not None  # a silenced vehicle receives
 
 
 @pytest.mark.parametrize(
@@ -346,25 +332,6 @@ def test_losses_are_counted_by_cause() -> None:
                 assert counters.sent["inform/observation"] == 200
                 assert swarm.network.counters(2).received + counters.lost[LossReason.LOSS] == 200
                 assert 60 < counters.lost[LossReason.LOSS] < 140
-
-    run_virtual(scene())
-
-
-def test_lost_observations_are_recovered() -> None:
-    async def scene() -> None:
-        with closing(MemoryBus()) as transport:
-            radio = RadioSettings(loss=0.4, delay_s=0.1, jitter_s=0.3)
-            options = NodeOptions(20, 20, round_trip_s=0.8)
-            swarm = Swarm(transport, 1, 2, 3, radio=radio, options=options)
-            with closing(swarm.network):
-                sent = {swarm.publishes(1, seq) for seq in range(1, 21)}
-                for _ in range(60):
-                    for uav in (1, 2, 3):
-                        swarm.network.publish(uav, state(46.0 + uav * 1e-4))
-                    await asyncio.sleep(1.0)
-                for uav in (2, 3):
-                    received = {swarm.received[uav].get_nowait() for _ in range(swarm.received[uav].qsize())}
-                    assert received == sent
 
     run_virtual(scene())
 

@@ -70,14 +70,6 @@ def test_another_process_has_access_to_the_operator_key_only() -> None:
     asyncio.run(scene())
 
 
-def test_a_bus_without_an_endpoint_is_not_reachable() -> None:
-    async def scene() -> None:
-        with ZenohBus() as bus:
-            assert bus.endpoint is None
-
-    asyncio.run(scene())
-
-
 def occupied_port(held: contextlib.ExitStack) -> int:
     holder = held.enter_context(contextlib.closing(socket.socket()))
     holder.bind(("127.0.0.1", 0))

@@ -314,18 +314,6 @@ def test_a_busy_vehicle_gets_no_new_weights() -> None:
     run_virtual(scene())
 
 
-def test_a_vehicle_is_selected_by_its_name_or_its_system_id() -> None:
-    async def scene() -> None:
-        bus = MemoryBus()
-        station = Station(bus)
-        for uavs in ((2,), ("2",), ("uav2",), ("uav2", 2)):
-            answer = await client.ask(bus, client.FlightEndpoints("test", ANYWHERE), SetWeights(uavs, w=0.2))
-            assert [v.uav for v in answer.vehicles] == [2]
-        assert [uav for uav, _ in station.posted] == [2] * 4
-
-    run_virtual(scene())
-
-
 @pytest.mark.parametrize(
     ("words", "expected"),
     [

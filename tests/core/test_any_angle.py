@@ -129,19 +129,6 @@ def test_a_track_has_the_fewest_legs_and_the_least_length_among_those(
     assert track.length_cells == pytest.approx(best[1])
 
 
-@BOTH
-@given(case=cases())
-@QUICK
-def test_a_straightened_track_is_not_straightened_further(measure: ExposureMeasure, case: Case) -> None:
-    once = pull_straight(case.threat, case.route, measure)
-    if all(
-        len(ends_and_turns(case.route[i : j + 1])) <= 2
-        for i, j in itertools.pairwise(indices(case.route, once))
-    ):
-        again = pull_straight(case.threat, once.over, measure)  # the track is a lattice route itself
-        assert len(again.corners) == len(once.corners)
-
-
 @pytest.mark.parametrize(
     ("measure", "corners"),
     [

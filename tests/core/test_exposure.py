@@ -80,36 +80,7 @@ def test_length_counts_a_diagonal_as_root_two() -> None:
             length_cells([(0, 0), leap])
 
 
-def test_least_exposure_is_not_greatest_safety() -> None:
-    # ERRATUM: the paper says that the two routes are the same.
-    p_s = np.array([[0.0, 0.50, 0.0, 0.0], [0.0, 0.26, 0.26, 0.0]])
-    one_cell, two_cells = [(0, 0), (0, 1), (0, 2)], [(0, 0), (1, 1), (1, 2)]
-    assert exposure_sum(p_s, one_cell) == pytest.approx(0.50)
-    assert exposure_sum(p_s, two_cells) == pytest.approx(0.52)
-    assert safety_factor(p_s, one_cell) == pytest.approx(0.500)
-    assert safety_factor(p_s, two_cells) == pytest.approx(0.548, abs=5e-4)
-
-
 def test_the_sum_of_exposures_is_no_probability() -> None:
     # ERRATUM: the paper calls P_s a probability.
     p_s = exposure(np.ones((3, 3)), FiringStrength(0.9, 0.5, 0.3))
     assert p_s[1, 1] == pytest.approx(4.1)
-
-
-def test_the_safety_factor_is_not_the_survival() -> None:
-    # ERRATUM: one unknown hostile threatens neighbouring cells, and the product counts it as several.
-    crossing = [(10, col) for col in range(20)]
-    p_s = exposure(PRIOR.occupancy(), STRENGTH)
-    assert exposure_sum(p_s, crossing) == pytest.approx(2.5, abs=0.05)
-    assert safety_factor(p_s, crossing) == pytest.approx(0.07, abs=0.005)
-
-    rng = np.random.default_rng(20)
-    n_worlds = 4000
-    survival = np.empty(n_worlds)
-    for world in range(n_worlds):
-        occupied = np.zeros(400)
-        occupied[rng.choice(400, 24, replace=False)] = 1.0
-        survival[world] = safety_factor(exposure(occupied.reshape(20, 20), STRENGTH), crossing)
-    standard_error = survival.std() / math.sqrt(n_worlds)
-    assert survival.mean() == pytest.approx(0.13, abs=0.005 + 4.0 * standard_error)
-    assert survival.mean() - 4.0 * standard_error > safety_factor(p_s, crossing)

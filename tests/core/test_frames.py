@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 
@@ -169,31 +170,56 @@ def test_fields_that_a_later_version_adds_are_tolerated(row: tuple[Content, str]
     assert SEAL.decode(bytes((VERSION, 0)) + msgspec.msgpack.encode(body)).content == content
 
 
+def refusal(content: Content, /, *, of_frame: bool = False, **changes: object) -> MessageRefused:
+    """Return the refusal of a content, or of its frame, with changed fields; None leaves a field out."""
+    body = msgspec.msgpack.decode(encoded(content)[2:])
+    part = body if of_frame else body["content"]
+    part.update(changes)
+    body = {name: value for name, value in body.items() if value is not None}
+    with pytest.raises(MessageRefused) as refused:
+        SEAL.decode(bytes((VERSION, 0)) + msgspec.msgpack.encode(body))
+    return refused.value
+
+
 @pytest.mark.parametrize("field", ["sender", "incarnation", "n", "unix_s", "content"])
 def test_a_missing_field_is_refused_by_name(field: str) -> None:
-    body = msgspec.msgpack.decode(encoded(SEEN)[2:])
-    del body[field]
-    with pytest.raises(MessageRefused, match=field) as refused:
-        SEAL.decode(bytes((VERSION, 0)) + msgspec.msgpack.encode(body))
-    assert refused.value.why is RefusalReason.MALFORMED
+    refused = refusal(SEEN, of_frame=True, **{field: None})
+    assert field in str(refused)
+    assert refused.why is RefusalReason.MALFORMED
 
 
 @pytest.mark.parametrize(
     ("field", "value"),
-    [
-        ("sender", 0),
-        ("sender", 255),
-        ("n", 0),
-        ("unix_s", float("nan")),
-        ("lat_deg", float("inf")),
-        ("n", 1.5),
-    ],
+    [("sender", 0), ("sender", 255), ("n", 0), ("n", 1.5), ("unix_s", math.nan), ("lat_deg", math.inf)],
 )
 def test_an_invalid_value_is_refused(field: str, value: float) -> None:
-    body = msgspec.msgpack.decode(encoded(SEEN)[2:])
-    body[field] = value
-    with pytest.raises(MessageRefused):
-        SEAL.decode(bytes((VERSION, 0)) + msgspec.msgpack.encode(body))
+    refusal(SEEN, of_frame=True, **{field: value})
+
+
+@pytest.mark.parametrize(
+    ("content", "field", "value"),
+    [
+        (STATE, "alt_amsl_m", math.nan),
+        (STATE, "earliest_in_s", math.nan),
+        # Sums of numbers out of any autopilot's range may overflow.
+        (STATE, "alt_rel_m", 1e12),
+        (STATE, "alt_amsl_m", -1e12),
+        (STATE, "velocity_m_s", [1.7e308, 0.0, 0.0]),
+        (INTENT, "around_m", [1e200, 0.0]),
+        (INTENT, "around_m", [0.0, 1e200]),
+        (INTENT, "points", [[0.0, 46.0, 14.5, 1e200]]),
+        (INTENT, "points", [[0.0, 46.0, 14.5, 340.0], [0.0, 46.0, 14.5, 340.0]]),
+        (INTENT, "points", [[-1.0, 46.0, 14.5, 340.0]]),
+        (INTENT, "points", [[frames.MAX_AHEAD_S + 1.0, 46.0, 14.5, 340.0]]),
+        (INTENT, "points", [[0.0, 91.0, 14.5, 340.0]]),
+        (INTENT, "points", [[0.0, 46.0, 14.5, math.nan]]),
+        (INTENT, "points", [[math.inf, 46.0, 14.5, 340.0]]),
+        (INTENT, "points", [[0.0, 46.0, 14.5]]),
+        (INTENT, "points", [[float(t), 46.0, 14.5, 340.0] for t in range(frames.MAX_POINTS + 1)]),
+    ],
+)
+def test_an_impossible_state_or_intent_is_refused(content: Content, field: str, value: object) -> None:
+    assert refusal(content, **{field: value}).why is RefusalReason.MALFORMED
 
 
 MOVING = {"alt_amsl_m": 340.0, "velocity_m_s": (3.0, -4.0, 0.5), "earliest_in_s": 21.5}
@@ -202,57 +228,6 @@ MOVING = {"alt_amsl_m": 340.0, "velocity_m_s": (3.0, -4.0, 0.5), "earliest_in_s"
 def test_velocity_and_arrival_time_survive_encoding() -> None:
     moving = msgspec.structs.replace(STATE, **MOVING)
     assert SEAL.decode(encoded(moving)).content == moving
-
-
-@pytest.mark.parametrize("field", ["alt_amsl_m", "earliest_in_s"])
-def test_a_state_with_nan_is_refused(field: str) -> None:
-    body = msgspec.msgpack.decode(encoded(STATE)[2:])
-    body["content"][field] = float("nan")
-    with pytest.raises(MessageRefused) as refused:
-        SEAL.decode(bytes((VERSION, 0)) + msgspec.msgpack.encode(body))
-    assert refused.value.why is RefusalReason.MALFORMED
-
-
-@pytest.mark.parametrize(
-    ("content", "field", "value"),
-    [
-        (STATE, "alt_rel_m", 1e12),
-        (STATE, "alt_amsl_m", -1e12),
-        (STATE, "velocity_m_s", [1.7e308, 0.0, 0.0]),
-        (INTENT, "around_m", [1e200, 0.0]),
-        (INTENT, "around_m", [0.0, 1e200]),
-        (INTENT, "points", [[0.0, 46.0, 14.5, 1e200]]),
-    ],
-)
-def test_a_number_out_of_any_autopilots_range_is_refused(content: Content, field: str, value: object) -> None:
-    """Sums of such numbers may overflow."""
-    body = msgspec.msgpack.decode(encoded(content)[2:])
-    body["content"][field] = value
-    with pytest.raises(MessageRefused) as refused:
-        SEAL.decode(bytes((VERSION, 0)) + msgspec.msgpack.encode(body))
-    assert refused.value.why is RefusalReason.MALFORMED
-
-
-@pytest.mark.parametrize(
-    "points",
-    [
-        [[0.0, 46.0, 14.5, 340.0], [0.0, 46.0, 14.5, 340.0]],
-        [[-1.0, 46.0, 14.5, 340.0]],
-        [[frames.MAX_AHEAD_S + 1.0, 46.0, 14.5, 340.0]],
-        [[0.0, 91.0, 14.5, 340.0]],
-        [[0.0, 46.0, 14.5, float("nan")]],
-        [[float("inf"), 46.0, 14.5, 340.0]],
-        [[0.0, 46.0, 14.5]],
-        [[float(t), 46.0, 14.5, 340.0] for t in range(frames.MAX_POINTS + 1)],
-    ],
-    ids=["two at once", "past", "far ahead", "no place", "no height", "no time", "short", "too many"],
-)
-def test_an_invalid_intent_is_refused(points: list[list[float]]) -> None:
-    body = msgspec.msgpack.decode(encoded(INTENT)[2:])
-    body["content"]["points"] = points
-    with pytest.raises(MessageRefused) as refused:
-        SEAL.decode(bytes((VERSION, 0)) + msgspec.msgpack.encode(body))
-    assert refused.value.why is RefusalReason.MALFORMED
 
 
 def test_the_longest_intent_fits_into_a_relayed_message() -> None:

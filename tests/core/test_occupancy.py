@@ -161,15 +161,6 @@ def test_on_large_areas_independent_cells_stay_independent(p_cell: float) -> Non
     np.testing.assert_allclose(p, odds / (1.0 + odds), rtol=1e-9)
 
 
-def test_independent_cells_are_the_binomial_prior() -> None:
-    count = HostileCount.binomial(12, 0.2)
-    belief = Belief.prior(3, 4, count, ERRING).merge([Observation(1, 1, 0.0, ((0, 0, True), (1, 1, False)))])
-    p = np.full((3, 4), 0.2)
-    p[0, 0] = 0.2 * 0.9 / (0.2 * 0.9 + 0.8 * 0.02)
-    p[1, 1] = 0.2 * 0.1 / (0.2 * 0.1 + 0.8 * 0.98)
-    np.testing.assert_allclose(belief.occupancy(), p, rtol=1e-12)
-
-
 def test_repeated_looks_count_and_the_total_changes_unobserved_cells() -> None:
     belief = Belief.prior(10, 10, 6, ERRING)
     unseen, hit = [belief.occupancy()[9, 9]], [belief.occupancy()[0, 0]]
@@ -185,15 +176,6 @@ def test_repeated_looks_count_and_the_total_changes_unobserved_cells() -> None:
     assert unseen[-1] == pytest.approx(5 / 98, rel=1e-4)  # one surely found, one cell surely clear
     assert belief.n_found == 1
     assert (belief.known[0, 0], belief.known[0, 1], belief.known[9, 9]) == (OCCUPIED, CLEAR, UNKNOWN)
-
-
-def test_contradictory_looks_are_evidence_and_no_conflict() -> None:
-    hit, clear = Observation(1, 1, 0.0, ((0, 0, True),)), Observation(2, 1, 0.0, ((0, 0, False),))
-    belief = Belief.prior(5, 5, 3, ERRING)
-    once, both = belief.merge([hit]).occupancy()[0, 0], belief.merge([hit, clear]).occupancy()[0, 0]
-    assert both < once
-    ratio = (0.9 / 0.02) * (0.1 / 0.98)
-    assert both == pytest.approx(3 * ratio / (3 * ratio + 22), rel=1e-12)
 
 
 LARGE = [

@@ -49,6 +49,8 @@ def exact_survival(
 
 
 def test_the_straight_crossing_of_the_model() -> None:
+    # ERRATUM: the safety factor is not the survival. One unknown hostile threatens neighbouring cells, and
+    # the product counts it as several.
     belief = Belief.prior(20, 20, 24)
     p_s = exposure(belief.occupancy(), STRENGTH)
     chance = survival_probability(belief, STRENGTH, STRAIGHT, np.random.default_rng(1))
