@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 from serial_device import SerialDevice
-from simulator_process import Ground
+from simulator_process import Ground, free_tcp_port, free_udp_port, line, simulator
 
 from sim_vehicle.conformance.sockets import open_wire
 from sim_vehicle.links.url import parse_url
@@ -26,25 +26,6 @@ LIMIT_S = 60.0
 SPEEDUP = "5"
 # None of them measures a rate, because a busy machine must not fail them.
 QUICK = ("version", "parameters.set", "commands.target", "mission.download", "arming.arms_and_disarms")
-
-
-def free_port(kind: socket.SocketKind) -> int:
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
-@contextmanager
-def simulator(*arguments: str) -> Iterator[subprocess.Popen[str]]:
-    command = [sys.executable, "-m", "sim_vehicle", "--speedup", SPEEDUP, "--ready-s", "1", *arguments]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    assert process.stdout is not None
-    process.stdout.readline()
-    try:
-        yield process
-    finally:
-        process.terminate()
-        process.communicate(timeout=LIMIT_S)
 
 
 def conformance(url: str, *arguments: str) -> subprocess.CompletedProcess[str]:
@@ -57,8 +38,8 @@ def only(*patterns: str) -> list[str]:
 
 
 def test_the_suite_runs_over_udp_and_writes_json(tmp_path: Path) -> None:
-    port, path = free_port(socket.SOCK_DGRAM), tmp_path / "results.json"
-    with simulator("--url", f"udpout:127.0.0.1:{port}"):
+    port, path = free_udp_port(), tmp_path / "results.json"
+    with simulator("--speedup", SPEEDUP, "--url", f"udpout:127.0.0.1:{port}"):
         done = conformance(f"udpin:127.0.0.1:{port}", "--json", str(path), *only(*QUICK))
     assert done.returncode == 0, done.stdout + done.stderr
     results = json.loads(path.read_text())
@@ -69,8 +50,8 @@ def test_the_suite_runs_over_udp_and_writes_json(tmp_path: Path) -> None:
 
 
 def test_the_suite_follows_a_rebooting_vehicle_over_udp() -> None:
-    port = free_port(socket.SOCK_DGRAM)
-    with simulator("--count", "3", "--url", f"udpout:127.0.0.1:{port}"):
+    port = free_udp_port()
+    with simulator("--count", "3", "--speedup", SPEEDUP, "--url", f"udpout:127.0.0.1:{port}"):
         done = conformance(
             f"udpin:127.0.0.1:{port}", "--sysid", "2", *only("reboot.answers_again", "reboot.parameters_stay")
         )
@@ -80,7 +61,7 @@ def test_the_suite_follows_a_rebooting_vehicle_over_udp() -> None:
 
 
 def test_a_silent_link_is_a_usage_error() -> None:
-    port = free_port(socket.SOCK_DGRAM)
+    port = free_udp_port()
     done = conformance(f"udpin:127.0.0.1:{port}", "--speedup", "100")
     assert done.returncode == 2
     assert "[no-heartbeat]" in done.stderr
@@ -91,22 +72,25 @@ def test_a_silent_link_is_a_usage_error() -> None:
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_suite_lands_the_vehicle(number: signal.Signals) -> None:
-    port = free_port(socket.SOCK_STREAM)
+    port = free_tcp_port()
     command = [sys.executable, "-m", "sim_vehicle", "conformance", f"tcpout:127.0.0.1:{port}"]
-    url = ("--url", f"tcpin:127.0.0.1:{port}")
-    with simulator(*url), Ground(socket.create_connection(("127.0.0.1", port), LIMIT_S)) as observer:
-        process = subprocess.Popen(
-            [*command, "--speedup", SPEEDUP, *only("flight.hold*")],
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        )  # fmt: skip
-        try:
-            observer.until(lambda m: m.get_type() == "GLOBAL_POSITION_INT" and m.relative_alt > 8000)
-            process.send_signal(number)
-            out, errors = process.communicate(timeout=LIMIT_S)
-        finally:
-            process.kill()
-        # Without a landing the vehicle would stay armed for longer than this wait.
-        observer.until(lambda m: m.get_type() == "HEARTBEAT" and m.autopilot == 3 and not m.base_mode & 128)
+    with simulator("--speedup", SPEEDUP, "--url", f"tcpin:127.0.0.1:{port}") as fleet:
+        assert line(fleet)
+        with Ground(socket.create_connection(("127.0.0.1", port), LIMIT_S)) as observer:
+            process = subprocess.Popen(
+                [*command, "--speedup", SPEEDUP, *only("flight.hold*")],
+                stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+            )  # fmt: skip
+            try:
+                observer.until(lambda m: m.get_type() == "GLOBAL_POSITION_INT" and m.relative_alt > 8000)
+                process.send_signal(number)
+                out, errors = process.communicate(timeout=LIMIT_S)
+            finally:
+                process.kill()
+            # Without a landing the vehicle would stay armed for longer than this wait.
+            observer.until(
+                lambda m: m.get_type() == "HEARTBEAT" and m.autopilot == 3 and not m.base_mode & 128
+            )
     assert process.returncode == 130, out + errors
     assert "[restoring]" in errors
     assert "checks" in out  # the matrix of the finished checks
@@ -164,22 +148,24 @@ def serial_bridge(device: SerialDevice, port: int) -> Iterator[threading.Event]:
 
 
 def test_an_unplugged_serial_device_ends_with_a_report(tmp_path: Path) -> None:
-    port = free_port(socket.SOCK_STREAM)
+    port = free_tcp_port()
     device = SerialDevice(tmp_path / "device")
     command = [sys.executable, "-m", "sim_vehicle", "conformance", "-v", "--speedup", SPEEDUP]
-    with simulator("--url", f"tcpin:127.0.0.1:{port}"), serial_bridge(device, port) as pulled:
-        process = subprocess.Popen(
-            [*command, f"serial:{device.name}:57600", *only("heartbeat", "commands.ack")],
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        )  # fmt: skip
-        try:
-            assert process.stdout is not None
-            while "heartbeat.once_a_second" not in (line := process.stdout.readline()):
-                assert line, process.communicate(timeout=LIMIT_S)
-            pulled.set()
-            out, errors = process.communicate(timeout=LIMIT_S)
-        finally:
-            process.kill()
+    with simulator("--speedup", SPEEDUP, "--url", f"tcpin:127.0.0.1:{port}") as fleet:
+        assert line(fleet)
+        with serial_bridge(device, port) as pulled:
+            process = subprocess.Popen(
+                [*command, f"serial:{device.name}:57600", *only("heartbeat", "commands.ack")],
+                stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+            )  # fmt: skip
+            try:
+                assert process.stdout is not None
+                while "heartbeat.once_a_second" not in (shown := process.stdout.readline()):
+                    assert shown, process.communicate(timeout=LIMIT_S)
+                pulled.set()
+                out, errors = process.communicate(timeout=LIMIT_S)
+            finally:
+                process.kill()
     assert process.returncode == 1, out + errors
     assert errors == ""
     assert "[vehicle-silent]" in out

@@ -1,10 +1,11 @@
-"""All transports with plain sockets: ports, several stations, reboots, slow and noisy peers."""
+"""All transports with plain sockets: ports, several stations, reboots, slow and noisy peers, a bug."""
 
 import asyncio
 import contextlib
 import os
 import socket
 import tty
+from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -19,10 +20,15 @@ from simulator_process import (
     udp_sockets,
 )
 
+from sim_vehicle.fleet import Fleet
 from sim_vehicle.links import LinkCallbacks, make_link
 from sim_vehicle.links.stream import Stream
 from sim_vehicle.links.udp import MAX_PEERS
 from sim_vehicle.links.url import parse_url
+from sim_vehicle.scenarios import default_scenario
+from sim_vehicle.serving.pace import RealTime
+from sim_vehicle.serving.server import Server
+from sim_vehicle.wire.outbox import Frames
 
 pytestmark = pytest.mark.interop
 
@@ -283,3 +289,23 @@ def test_one_fleet_is_served_at_several_urls() -> None:
             over_tcp.answered(21, 1)
             over_udp.until(lambda m: m.get_type() == "TIMESYNC" and m.ts1 == 21)
             over_udp.answered(22, 1)
+
+
+def test_a_bug_on_the_receive_path_stops_the_server() -> None:
+    class BuggyFleet(Fleet):
+        def receive(self, *_data: Any, **_how: Any) -> Frames:
+            raise ZeroDivisionError("a bug")
+
+    async def serve_and_speak() -> None:
+        async with asyncio.timeout(LIMIT_S):
+            serving = asyncio.create_task(server.run())
+            _, address = await asyncio.to_thread(udp.recvfrom, 4096)
+            udp.sendto(b"\xfd", address)
+            await serving
+
+    udp, port = udp_socket()
+    fleet = BuggyFleet(default_scenario(1, home=(46.0, 14.5, 300.0)))
+    url = parse_url(f"udpout:127.0.0.1:{port}")
+    server = Server(fleet, [url], RealTime(1.0, print), warn=print)
+    with udp, pytest.raises(ZeroDivisionError):
+        asyncio.run(serve_and_speak())
