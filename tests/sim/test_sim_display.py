@@ -114,10 +114,11 @@ def test_a_long_line_is_shortened_from_its_end() -> None:
 # -- the live table ---------------------------------------------------------------------------------------
 
 
-def live(options: FleetOptions) -> Display:
+def live(options: FleetOptions, warning: str = "") -> Display:
     fleet = Fleet(make_scenario(options)[0], ready_s=0)
     fleet.step(0.0)
-    return Display(Server(fleet, [parse_url("udpout:127.0.0.1:14550")], ManualPace(), warn=lambda text: None))
+    server = Server(fleet, [parse_url("udpout:127.0.0.1:14550")], ManualPace(), warn=lambda text: None)
+    return Display(server, lambda: warning)
 
 
 def shown(display: Display, width: int, height: int = 24, wall_s: float = 0.0) -> list[str]:
@@ -176,9 +177,7 @@ def test_columns_keep_their_width_on_every_page_of_the_fleet() -> None:
 
 
 def test_a_warning_is_shown_below_the_table() -> None:
-    fleet = Fleet(make_scenario(FleetOptions(count=60))[0], ready_s=0)
-    server = Server(fleet, [parse_url("udpout:127.0.0.1:14550")], ManualPace(), warn=lambda text: None)
-    lines = shown(Display(server, lambda: "cannot keep up with 10x real time"), 30, height=12)
+    lines = shown(live(FleetOptions(count=60), "cannot keep up with 10x real time"), 30, height=12)
     assert lines[-1] == "cannot keep up with 10x real …"
     assert len(lines) == 12
 

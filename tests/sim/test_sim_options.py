@@ -142,19 +142,9 @@ def test_surplus_system_ids_use_more_ports_only_on_request() -> None:
     assert (scenario.vehicles[-1].link, scenario.vehicles[-1].sysid) == (1, 1)
 
 
-@pytest.mark.parametrize(
-    ("text", "begins", "code"),
-    [
-        ("gps_lost", "--fault gps_lost: ", "[fault-name]"),
-        ("packet_loss:rate=2", "--fault packet_loss: rate=2: ", "[fault-value]"),
-        ("gps_loss:rate=1", "--fault gps_loss: ", "[fault-key]"),
-    ],
-)
-def test_an_invalid_fault_is_named_once(text: str, begins: str, code: str) -> None:
-    with pytest.raises(OptionError) as caught:
-        make_scenario(FleetOptions(faults=[text]))
-    assert str(caught.value).startswith(begins)
-    assert code in str(caught.value)
+def test_an_invalid_fault_is_named_once() -> None:
+    with pytest.raises(OptionError, match=r"^--fault packet_loss: rate=2: .*\[fault-value\]$"):
+        make_scenario(FleetOptions(faults=["packet_loss:rate=2"]))
 
 
 def test_parameters_are_set_on_vehicles_that_have_them() -> None:

@@ -2,8 +2,6 @@
 
 import json
 import shlex
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +11,7 @@ from pymavlink import mavutil
 from typer.testing import CliRunner, Result
 
 from sim_vehicle.epoch import EPOCH_US
-from sim_vehicle.scenarios import Scenario, load_scenario
+from sim_vehicle.scenarios import load_scenario
 from sim_vehicle.scenarios.command import FOLDER, run, shipped
 from sim_vehicle.scenarios.file import parse_scenario
 from sim_vehicle.scenarios.runner import Run, Verdict
@@ -182,15 +180,6 @@ def test_another_seed_changes_the_flight(hop: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.interop
-def test_the_package_runs_scenarios(hop: Path, tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "sim_vehicle", "run", str(hop), "--out", str(tmp_path / "out")]
-    hop.write_text(HOVER.replace("max_height_m: 12", "max_height_m: 1"))
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
-    assert done.returncode == 1
-    assert "hop: FAILED" in done.stdout
-
-
-@pytest.mark.interop
 def test_speedup_paces_the_run(hop: Path, tmp_path: Path) -> None:
     hop.write_text(HOVER)
     done = invoke(hop, "--out", tmp_path / "out", "--speedup", 40)
@@ -240,8 +229,7 @@ def test_an_expected_refusal_passes() -> None:
 
 def test_a_step_without_an_answer_fails_after_its_time() -> None:
     script = "script: [{at_s: 5, disarm: , timeout_s: 4}]\nfaults: ['link_outage:at=4.5']"
-    scenario = parse_scenario(HOME + "count: 1\n" + script + "\nuntil_s: 30", "test.yaml")
-    (step,) = Run(scenario).run().steps_failed
+    (step,) = flown(HOME + "count: 1\n" + script + "\nuntil_s: 30").steps_failed
     assert "[no-answer]" in step.text
     assert step.t_s == pytest.approx(9, abs=0.2)
 
@@ -260,8 +248,7 @@ def test_a_parameter_is_set_in_the_autopilots_encoding(personality: str, name: s
         HOME
         + f"vehicles: [{{personality: {personality}}}]\nscript: [{{param: {{{name}: {value}}}}}]\nuntil_s: 12"
     )
-    scenario: Scenario = parse_scenario(text, "test.yaml")
-    flight = Run(scenario)
+    flight = Run(parse_scenario(text, "test.yaml"))
     assert flight.run().passed
     assert flight.fleet.vehicles[0].params[name] == value
 

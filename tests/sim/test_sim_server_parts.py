@@ -2,7 +2,6 @@
 
 import asyncio
 import errno
-import io
 import os
 from collections.abc import Sequence
 
@@ -10,13 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from profiles import examples
-from rich.console import Console
 
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.links import LinkError
 from sim_vehicle.links.base import cannot_open
 from sim_vehicle.links.url import parse_url
-from sim_vehicle.serving.display import Display
 from sim_vehicle.serving.manual_clock import ManualClock
 from sim_vehicle.serving.options import FleetOptions, make_scenario
 from sim_vehicle.serving.pace import ManualPace
@@ -162,24 +159,3 @@ def test_urls_with_overlapping_ports_are_refused(port_step: int, one: str, other
 )
 def test_urls_with_separate_ports_are_accepted(port_step: int, one: str, other: str) -> None:
     assert serve_three(port_step, one, other).describe_ports()
-
-
-def table_lines(options: FleetOptions, width: int, height: int, wall_s: float = 0.0) -> list[str]:
-    fleet = Fleet(make_scenario(options)[0], ready_s=0)
-    fleet.step(0.0)
-    server = Server(fleet, [parse_url("udpout:127.0.0.1:14550")], ManualPace(), warn=lambda text: None)
-    console = Console(file=io.StringIO(), width=width, height=height, color_system=None)
-    display = Display(server)
-    display.render(0.0, width, height)
-    console.print(display.render(wall_s, width, height))
-    assert isinstance(console.file, io.StringIO)
-    return [text.rstrip() for text in console.file.getvalue().splitlines()]
-
-
-def test_every_vehicle_is_on_a_page() -> None:
-    seen = set()
-    for page in range(4):
-        lines = table_lines(FleetOptions(count=40), 80, 16, wall_s=page * 5.0)
-        assert f"page {page + 1}/4  40 vehicles" in lines[-1]
-        seen |= {int(text.split()[0]) for text in lines if text.split()[0].isdecimal()}
-    assert seen == set(range(1, 41))

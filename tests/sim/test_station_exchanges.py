@@ -16,7 +16,7 @@ from sim_vehicle.station.exchanges import (
     UploadPlan,
 )
 from sim_vehicle.station.frames import NOISE, STATION, Receiver, Sender
-from sim_vehicle.station.messages import command_int, command_long, set_mode
+from sim_vehicle.station.messages import command_long
 from sim_vehicle.station.parameter_values import INTEGER_RANGES, from_wire, to_wire
 from sim_vehicle.station.plan_items import MISSION, PlanItem
 
@@ -177,19 +177,6 @@ def test_a_parameter_is_set_when_the_vehicle_answers_with_its_value(answer: int,
     bench.exchange.receive(again, 0.2)
     assert bench.exchange.outcome is not None
     assert bench.exchange.outcome.accepted is accepted
-
-
-@pytest.mark.parametrize(
-    ("number", "params"), [(4, (1, 4, 0)), (4 << 16 | 3 << 24, (1, 4, 3))], ids=["ArduPilot", "PX4"]
-)
-def test_the_mode_of_px4_has_two_numbers(number: int, params: tuple[int, ...]) -> None:
-    message = set_mode(TARGET, number)
-    assert (message.param1, message.param2, message.param3) == params
-
-
-def test_a_command_without_a_place_is_complete() -> None:
-    message = command_int(TARGET, ARM, 1)
-    assert (message.param1, message.param2, message.x, message.z) == (1, 0, 0, 0)
 
 
 def test_an_item_of_floating_point_has_the_frame_of_such_positions() -> None:
