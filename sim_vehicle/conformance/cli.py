@@ -85,10 +85,8 @@ def conformance(
             identity = vehicle.connect(sysid)
         except WireError as error:
             raise _usage(error) from error
-        vehicle.permissions = set(
-            granted_permissions(
-                identity, frozenset(k for k, given in allow.items() if given), ground_only=ground_only
-            )
+        vehicle.permissions = granted_permissions(
+            identity, frozenset(k for k, given in allow.items() if given), ground_only=ground_only
         )
         console.print(describe_vehicle(identity), highlight=False)
         report = run(

@@ -59,6 +59,7 @@ class Traffic:
 
     During each wait the station receives frames and sends one heartbeat per second.
 
+    permissions: the allowed actions on the vehicle (`guard.PERMISSIONS`).
     received: frames of the vehicle since the check began.
     last: latest frame of each kind.
     texts: time [s], severity and text of each STATUSTEXT of the run.
@@ -68,10 +69,9 @@ class Traffic:
     saved_plans: MAV_MISSION_TYPE of each saved plan; the suite overwrites only saved plans.
     """
 
-    def __init__(self, wire: Wire, *, permissions: Collection[str] = ()) -> None:
-        """`permissions`: the allowed actions on the vehicle (`guard.PERMISSIONS`)."""
+    def __init__(self, wire: Wire) -> None:
         self._wire = wire
-        self.permissions: set[str] = set(permissions)
+        self.permissions: frozenset[str] = frozenset()
         self.identity = VehicleIdentity(0, 1, mavlink.MAV_AUTOPILOT_INVALID, 0)
         self.received: list[ReceivedFrame] = []
         self.last: dict[str, ReceivedFrame] = {}

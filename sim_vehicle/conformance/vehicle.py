@@ -1,7 +1,7 @@
 """The vehicle under test: its state, its commands, and the changes to undo."""
 
 import struct
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
@@ -25,8 +25,8 @@ _UNKNOWN = object()
 class VehicleUnderTest(Traffic):
     """One vehicle: identity, state, commands, and changes that are undone afterwards."""
 
-    def __init__(self, wire: Wire, *, permissions: Collection[str] = ()) -> None:
-        super().__init__(wire, permissions=permissions)
+    def __init__(self, wire: Wire) -> None:
+        super().__init__(wire)
         self.dialect: Dialect = GENERIC
         # changed part of the vehicle -> function that restores the part
         self.pending_restores: dict[str, Callable[[], None]] = {}

@@ -6,17 +6,30 @@ from typing import Any
 
 import pytest
 import typer
-from bent_vehicle import GROUND, BentWire, DroppingWire, conform, connected, describe_failures, fleet, named
+from bent_vehicle import (
+    GROUND,
+    BentWire,
+    DroppingWire,
+    conform,
+    connected,
+    describe_failures,
+    fleet,
+    has_mission,
+    named,
+    one_check,
+    store_mission,
+    without_simulator_mark,
+)
 from fleet_wire import FleetWire
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.generator.mavcrc import x25crc
 from typer.testing import CliRunner
 
-from sim_vehicle.conformance import flying, parameters, plans
+from sim_vehicle.conformance import flying, parameters
 from sim_vehicle.conformance.assertions import Skip
 from sim_vehicle.conformance.cli import conformance
 from sim_vehicle.conformance.guard import Forbidden, permission_for
-from sim_vehicle.conformance.registry import CATEGORIES, Check, all_checks, check, select
+from sim_vehicle.conformance.registry import CATEGORIES, all_checks, check, select
 from sim_vehicle.conformance.report import as_json
 from sim_vehicle.conformance.runner import Outcome, granted_permissions, run
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
@@ -28,12 +41,10 @@ VEHICLES = [(name, kind) for name in ("ardupilot", "px4") for kind in ("copter",
 # -- the registry ----------------------------------------------------------------------------------------
 
 
-def test_at_least_150_checks_have_unique_names_and_a_sentence_each() -> None:
+def test_every_category_has_checks_and_every_check_a_statement() -> None:
     checks = all_checks()
-    assert len(checks) >= 150
-    assert len({found.name for found in checks}) == len(checks)
     assert {found.category for found in checks} == set(CATEGORIES)
-    assert [found.name for found in checks if not found.summary.endswith((".", "?"))] == []
+    assert [found.name for found in checks if not found.summary] == []
 
 
 def test_duplicate_names_and_unknown_permissions_are_refused() -> None:
@@ -51,18 +62,6 @@ def test_a_pattern_is_a_category_a_beginning_or_a_shell_pattern() -> None:
     assert all("unknown" in found.name for found in select(["*unknown*"]))
     with pytest.raises(ValueError, match=r"nonsense.*--list"):
         select(["nonsense"])
-
-
-def store_mission(vehicle: VehicleUnderTest, items: list[plans.PlanItem]) -> None:
-    """Store a mission on the vehicle; the suite has no copy of it."""
-    vehicle.saved_plans.add(plans.MISSION)
-    plans.upload_or_fail(vehicle, items)
-    vehicle.saved_plans.clear()
-
-
-def one_check(function: Any, *, category: str = "parameters", limit_s: float = 60.0) -> Check:
-    """Return a check outside of the registry."""
-    return Check(f"{category}.made_up", function, limit_s=limit_s)
 
 
 # -- the simulator passes --------------------------------------------------------------------------------
@@ -98,28 +97,18 @@ def test_two_runs_are_equal() -> None:
 
 def test_plans_and_battery_parameters_are_restored() -> None:
     vehicle = connected(FleetWire(fleet(ready_s=0.0)))
-    items, capacity = plans.sample_plan(vehicle, 6), parameters.read(vehicle, "BATT_CAPACITY").value
-    store_mission(vehicle, items)
+    items, capacity = store_mission(vehicle), parameters.read(vehicle, "BATT_CAPACITY").value
     report = run(
         vehicle, select(["mission.upload.one_item", "mission.clear.empties", "flight.status_is_active"])
     )
     assert report.count(Outcome.PASSED) == 3
     assert report.notes == ()
-    vehicle.begin_check()
-    assert plans.coordinates(vehicle, plans.download(vehicle)) == plans.coordinates(vehicle, items)
+    assert has_mission(vehicle, items)
     assert parameters.read(vehicle, "BATT_CAPACITY").value == capacity
     assert not vehicle.armed
 
 
 # -- permissions -----------------------------------------------------------------------------------------
-
-
-def without_simulator_mark(message: Any) -> list[Any]:
-    """Hide the mark of the simulator."""
-    if message.get_type() == "AUTOPILOT_VERSION":
-        message.uid2 = bytes(18)
-        message.uid = 7
-    return [message]
 
 
 @pytest.mark.virtual
@@ -153,7 +142,7 @@ def test_ground_only_applies_to_the_simulator() -> None:
     vehicle = VehicleUnderTest(FleetWire(inner))
     identity = vehicle.connect()
     assert identity.simulator
-    vehicle.permissions = set(granted_permissions(identity, frozenset({"arm"}), ground_only=True))
+    vehicle.permissions = granted_permissions(identity, frozenset({"arm"}), ground_only=True)
     report = run(vehicle, select(["arming", "flight"]))
     assert named(report, Outcome.PASSED) == set()
     assert not inner.truth().armed[0]
@@ -215,7 +204,7 @@ def test_another_vehicle_on_the_link_is_unchanged(personality: str) -> None:
     inner = fleet(personality, ready_s=0.0, count=2)
     wire = Watched(inner)
     other = connected(wire, sysid=2)
-    store_mission(other, items := plans.sample_plan(other))
+    items = store_mission(other)
     flying.set_ready_mode(other)
     before, mode = parameters.fetch_all(other), other.mode
     report = run(connected(wire, sysid=1), all_checks())
@@ -225,7 +214,7 @@ def test_another_vehicle_on_the_link_is_unchanged(personality: str) -> None:
     assert inner.boots()[1] == 1
     other = connected(wire, sysid=2)
     assert parameters.fetch_all(other) == before
-    assert plans.coordinates(other, plans.download(other)) == plans.coordinates(other, items)
+    assert has_mission(other, items)
     assert other.mode == mode
 
 
@@ -282,7 +271,8 @@ def crc(frame: bytes, message: Any) -> bytes:
 
 
 def test_only_requests_can_be_sent_before_a_vehicle_is_connected() -> None:
-    vehicle = VehicleUnderTest(FleetWire(fleet(ready_s=0.0)), permissions=("arm", "simulator"))
+    vehicle = VehicleUnderTest(FleetWire(fleet(ready_s=0.0)))
+    vehicle.permissions = frozenset({"arm", "simulator"})
     for sysid in (0, 1):
         with pytest.raises(Forbidden):
             vehicle.send(arm_message(sysid))
@@ -317,13 +307,11 @@ def test_a_mission_without_a_copy_is_not_overwritten(patterns: tuple[str, ...]) 
 
     wire = BentWire(fleet(ready_s=0.0), alter)
     vehicle = connected(wire)
-    items = plans.sample_plan(vehicle, 6)
-    store_mission(vehicle, items)
+    items = store_mission(vehicle)
     state["broken"] = True
     report = run(vehicle, select(patterns))
     state["broken"] = False
-    vehicle.begin_check()
-    assert plans.coordinates(vehicle, plans.download(vehicle)) == plans.coordinates(vehicle, items)
+    assert has_mission(vehicle, items)
     assert [note for note in report.notes if "mission" in note and "[plan-unsaved]" in note]
     own = [r for r in report.results if r.check.category in ("mission", "modes")]
     assert [r.outcome for r in own if r.outcome is not Outcome.SKIPPED] == [Outcome.FAILED][: len(own)]
@@ -336,14 +324,10 @@ def test_every_category_saves_a_plan_before_writing() -> None:
     """`--only` may select each category alone."""
     for category in CATEGORIES:
         vehicle = connected(FleetWire(fleet(ready_s=0.0)))
-        items = plans.sample_plan(vehicle, 4)
-        store_mission(vehicle, items)
+        items = store_mission(vehicle, 4)
         report = run(vehicle, [c for c in select([category]) if c.limit_s <= 120 and not c.airborne][:12])
         assert [r.check.name for r in report.results if "[plan-unsaved]" in r.seen] == []
-        vehicle.begin_check()
-        assert plans.coordinates(vehicle, plans.download(vehicle)) == plans.coordinates(vehicle, items), (
-            category
-        )
+        assert has_mission(vehicle, items), category
 
 
 # -- the end of a run ------------------------------------------------------------------------------------
@@ -448,16 +432,14 @@ class OutageWire(FleetWire):
 def test_a_vehicle_is_landed_and_restored_after_an_outage(up_m: float, lasts_s: float) -> None:
     inner = fleet(ready_s=0.0)
     vehicle = connected(OutageWire(inner, up_m=up_m, lasts_s=lasts_s))
-    items, capacity = plans.sample_plan(vehicle, 6), parameters.read(vehicle, "BATT_CAPACITY").value
-    store_mission(vehicle, items)
+    items, capacity = store_mission(vehicle), parameters.read(vehicle, "BATT_CAPACITY").value
     report = run(vehicle, select(["flight.hold", "flight.return"]))
     assert report.count(Outcome.FAILED) >= 1
     assert report.count(Outcome.PASSED) >= 1  # after the outage the run goes on
     assert report.notes == ()
     assert not inner.truth().airborne[0]
     assert not inner.truth().armed[0]
-    vehicle.begin_check()
-    assert plans.coordinates(vehicle, plans.download(vehicle)) == plans.coordinates(vehicle, items)
+    assert has_mission(vehicle, items)
     assert parameters.read(vehicle, "BATT_CAPACITY").value == capacity
 
 

@@ -4,7 +4,7 @@ import hashlib
 from typing import Any
 
 import pytest
-from bent_vehicle import GROUND, HOME, DroppingWire, conform, failures_with, fleet, named
+from bent_vehicle import GROUND, HOME, DroppingWire, acknowledged, conform, failures_with, fleet, named
 from fleet_wire import FleetWire
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -221,11 +221,8 @@ def test_an_unrestored_default_rate_is_noticed(personality: str) -> None:
         kind = message.get_type()
         return bool(kind == "COMMAND_LONG" and message.command == 511 and message.param2 == 0)
 
-    def accepted(message: Any) -> list[Any]:
-        return [mavlink.MAVLink_command_ack_message(message.command, 0, 0, 0, 255, 190)]
-
     for before in ((), ("messages.interval.10_hz",), ("messages.interval.4_hz",)):
-        wire = DroppingWire(fleet(personality, ready_s=0.0), to_default, accepted)
+        wire = DroppingWire(fleet(personality, ready_s=0.0), to_default, acknowledged)
         assert outcomes(wire, *before, "messages.interval.default")["messages.interval.default"] is (
             Outcome.FAILED
         )

@@ -1,35 +1,37 @@
-"""The conformance suite is safe for its vehicle: dangerous checks, reboots, restoration, connections."""
+"""The conformance suite is safe for its vehicle: dangerous checks, reboots, restoration, links."""
 
 import socket
 import threading
 from typing import Any
 
 import pytest
-from bent_vehicle import BentWire, DroppingWire, conform, connected, fleet, named
+from bent_vehicle import (
+    BentWire,
+    DroppingWire,
+    acknowledged,
+    conform,
+    connected,
+    fleet,
+    has_mission,
+    named,
+    one_check,
+    store_mission,
+    without_simulator_mark,
+)
 from fleet_wire import FleetWire
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.conformance import flying, parameters, plans
+from sim_vehicle.conformance import flying, parameters
 from sim_vehicle.conformance.assertions import Skip
 from sim_vehicle.conformance.guard import ALTER, ARM, CRASH, REBOOT
-from sim_vehicle.conformance.registry import Check, all_checks, select
+from sim_vehicle.conformance.registry import all_checks, select
 from sim_vehicle.conformance.runner import Outcome, granted_permissions, run
-from sim_vehicle.conformance.sockets import TcpWire
+from sim_vehicle.conformance.sockets import SenderAddresses, TcpWire
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.links.url import parse_url
 
 REQUEST, INTERVAL = mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
 NAN_ID = "commands.parameters.no_number"
-
-
-def without_simulator_mark(message: Any) -> list[Any]:
-    if message.get_type() == "AUTOPILOT_VERSION":
-        message.uid2 = bytes(18)
-    return [message]
-
-
-def one_check(function: Any, *needs: str) -> Check:
-    return Check("parameters.made_up", function, needs=frozenset(needs))
 
 
 # -- dangerous checks ------------------------------------------------------------------------------------
@@ -75,17 +77,14 @@ def test_a_vehicle_that_a_dangerous_check_ends_was_restored_before() -> None:
 
     wire = FragileWire(fleet(ready_s=0.0))
     vehicle = connected(wire)
-    vehicle.saved_plans.add(plans.MISSION)
-    plans.upload_or_fail(vehicle, items := plans.sample_plan(vehicle, 6))
-    vehicle.saved_plans.clear()
+    items = store_mission(vehicle)
     report = run(vehicle, select(["mission.clear.empties", NAN_ID]))
     assert wire.ended
     assert named(report, Outcome.PASSED) == {"mission.clear.empties"}
     assert named(report, Outcome.FAILED) == {NAN_ID}
     assert [note for note in report.notes if "[vehicle-lost]" in note or "[not-restored]" in note] == []
     wire.ended = False
-    vehicle.begin_check()
-    assert plans.coordinates(vehicle, plans.download(vehicle)) == plans.coordinates(vehicle, items)
+    assert has_mission(vehicle, items)
 
 
 # -- reboots ---------------------------------------------------------------------------------------------
@@ -111,10 +110,7 @@ def test_a_vehicle_that_does_not_reboot_soon_after_its_boot_is_noticed() -> None
     def reboot(message: Any) -> bool:
         return bool(message.get_type() == "COMMAND_LONG" and message.command == 246 and message.param1 == 1)
 
-    def accepted(message: Any) -> list[Any]:
-        return [mavlink.MAVLink_command_ack_message(message.command, 0, 0, 0, 255, 190)]
-
-    report = conform(DroppingWire(fleet(ready_s=0.0), reboot, accepted), "reboot.answers_again")
+    report = conform(DroppingWire(fleet(ready_s=0.0), reboot, acknowledged), "reboot.answers_again")
     assert named(report, Outcome.FAILED) == {"reboot.answers_again"}
 
 
@@ -193,6 +189,48 @@ def test_a_connection_made_again_keeps_no_short_time_out() -> None:
         reader.join()
         second.close()
     assert len(received) == amount
+
+
+# -- the address of a system id on a UDP port ------------------------------------------------------------
+
+A, B = ("127.0.0.1", 1), ("127.0.0.1", 2)
+
+
+def test_a_silent_vehicle_may_return_at_another_address() -> None:
+    senders = SenderAddresses()
+    assert senders.received(1, A, 0.0)
+    assert senders.received(1, B, 1.5)
+    assert senders.address(1) == B
+    assert senders.addresses == [B]
+
+
+def test_a_second_vehicle_with_the_same_id_is_ignored() -> None:
+    senders = SenderAddresses()
+    assert senders.received(1, A, 0.0)
+    assert not senders.received(1, B, 0.4)
+    assert senders.received(1, A, 0.8)
+    assert senders.is_ambiguous(1)
+    assert senders.address(1) == A
+    assert not senders.received(1, B, 60.0)  # not even when the first has fallen silent
+    assert senders.received(1, A, 61.0)
+
+
+def test_a_vehicle_may_return_at_another_address_after_a_quick_reboot() -> None:
+    senders = SenderAddresses()
+    assert senders.received(1, A, 0.0)
+    assert not senders.received(1, B, 0.5)
+    assert senders.received(1, B, 1.5)
+    assert senders.address(1) == B
+    assert not senders.is_ambiguous(1)
+
+
+def test_systems_behind_one_address_are_listed_once() -> None:
+    senders = SenderAddresses()
+    assert senders.received(1, A, 0.0)
+    assert senders.received(2, A, 0.0)
+    assert senders.received(3, B, 0.0)
+    assert senders.addresses == [A, B]
+    assert senders.address(9) is None
 
 
 # -- the vehicle's clock ---------------------------------------------------------------------------------

@@ -1,12 +1,13 @@
 """A vehicle for the conformance suite on the virtual clock, and a vehicle with altered output."""
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from typing import Any
 
 from fleet_wire import FleetWire
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.conformance.registry import select
+from sim_vehicle.conformance import plans
+from sim_vehicle.conformance.registry import Check, select
 from sim_vehicle.conformance.runner import Outcome, RunReport, granted_permissions, run
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.fleet import Fleet
@@ -25,18 +26,34 @@ def fleet(
     return Fleet(scenario, ready_s=ready_s)
 
 
-def connected(wire: FleetWire, *, allow: Collection[str] = (), sysid: int | None = None) -> VehicleUnderTest:
-    """Return a station connected to the vehicle behind a wire, with its permissions."""
+def connected(wire: FleetWire, sysid: int | None = None) -> VehicleUnderTest:
+    """Return a station connected to the vehicle behind a wire, with the permissions without options."""
     vehicle = VehicleUnderTest(wire)
-    vehicle.permissions = set(
-        granted_permissions(vehicle.connect(sysid), frozenset(allow), ground_only=False)
-    )
+    vehicle.permissions = granted_permissions(vehicle.connect(sysid), frozenset(), ground_only=False)
     return vehicle
 
 
-def conform(wire: FleetWire, *patterns: str, allow: Collection[str] = ()) -> RunReport:
+def store_mission(vehicle: VehicleUnderTest, n_items: int = 6) -> list[plans.PlanItem]:
+    """Store a mission on the vehicle and return its items; the suite has no copy of it."""
+    vehicle.saved_plans.add(plans.MISSION)
+    items = plans.store_sample(vehicle, n_items)
+    vehicle.saved_plans.clear()
+    return items
+
+
+def has_mission(vehicle: VehicleUnderTest, items: list[plans.PlanItem]) -> bool:
+    vehicle.begin_check()
+    return plans.coordinates(vehicle, plans.download(vehicle)) == plans.coordinates(vehicle, items)
+
+
+def one_check(function: Any, *needs: str, limit_s: float = 60.0) -> Check:
+    """Return a check outside of the registry."""
+    return Check("parameters.made_up", function, needs=frozenset(needs), limit_s=limit_s)
+
+
+def conform(wire: FleetWire, *patterns: str) -> RunReport:
     """Run the applicable checks on the vehicle behind a wire."""
-    return run(connected(wire, allow=allow), select(patterns))
+    return run(connected(wire), select(patterns))
 
 
 def named(report: RunReport, outcome: Outcome) -> set[str]:
@@ -46,6 +63,19 @@ def named(report: RunReport, outcome: Outcome) -> set[str]:
 def describe_failures(report: RunReport) -> str:
     failed = [r for r in report.results if r.outcome is Outcome.FAILED]
     return "\n".join(f"{result.check.name}: {result.seen}" for result in failed)
+
+
+def without_simulator_mark(message: Any) -> list[Any]:
+    """Hide the mark of the simulator."""
+    if message.get_type() == "AUTOPILOT_VERSION":
+        message.uid2 = bytes(18)
+        message.uid = 7
+    return [message]
+
+
+def acknowledged(message: Any) -> list[Any]:
+    """Return the acceptance of a command that the vehicle does not receive."""
+    return [mavlink.MAVLink_command_ack_message(message.command, 0, 0, 0, 255, 190)]
 
 
 class BentWire(FleetWire):
