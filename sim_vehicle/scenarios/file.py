@@ -106,8 +106,7 @@ def parse_data(data: dict[str, Any]) -> Scenario:
     try:
         return Scenario.model_validate(data)
     except ValidationError as error:
-        lines = [f"{'.'.join(map(str, path))}: {text}" for path, text in _findings(error, [])]
-        raise ScenarioError("\n".join(line.removeprefix(": ") for line in lines)) from None
+        raise _without_lines(error, Scenario) from None
 
 
 def read_step(action: str, value: Any) -> ScriptStep:
@@ -120,8 +119,12 @@ def read_step(action: str, value: Any) -> ScriptStep:
     try:
         return ScriptStep.model_validate({action: value})
     except ValidationError as error:
-        lines = [f"{'.'.join(map(str, path))}: {text}" for path, text in _findings(error, [], ScriptStep)]
-        raise ScenarioError("\n".join(line.removeprefix(": ") for line in lines)) from None
+        raise _without_lines(error, ScriptStep) from None
+
+
+def _without_lines(error: ValidationError, model: type[BaseModel]) -> ScenarioError:
+    lines = [f"{'.'.join(map(str, path))}: {text}" for path, text in _findings(error, [], model)]
+    return ScenarioError("\n".join(line.removeprefix(": ") for line in lines))
 
 
 def _expanded(data: dict[Any, Any]) -> tuple[list[Finding], dict[Any, Any], list[int]]:
@@ -299,18 +302,14 @@ def default_scenario(
     count: int,
     *,
     home: tuple[float, float, float],
-    first_sysid: int = 1,
     seed: int = 0,
     personality: str = "ardupilot",
     kind: str = "copter",
-    per_link: int = VEHICLES_PER_LINK,
 ) -> Scenario:
     """Return a scenario of `count` vehicles in a row, eastward from home.
 
     home: latitude [deg], longitude [deg], altitude [m above mean sea level].
-    first_sysid: lowest system id on each link.
     personality: a name in PERSONALITIES, or "mixed" for all personalities in alternation.
-    per_link: largest number of vehicles on a link.
     """
     lat_deg, lon_deg, alt_amsl_m = home
     frame = LocalFrame(lat_deg, lon_deg)
@@ -318,16 +317,15 @@ def default_scenario(
     vehicles = []
     for i in range(count):
         lat, lon = frame.point_to_geodetic(i * SPACING_M, 0.0)
-        name = names[i % len(names)]
         vehicles.append(
             {
-                "sysid": first_sysid + i % per_link,
+                "sysid": 1 + i % VEHICLES_PER_LINK,
                 "lat_deg": lat,
                 "lon_deg": lon,
                 "alt_amsl_m": alt_amsl_m,
-                "personality": name,
+                "personality": names[i % len(names)],
                 "kind": kind,
-                "link": i // per_link,
+                "link": i // VEHICLES_PER_LINK,
             }
         )
     return parse_data({"seed": seed, "vehicles": vehicles})

@@ -24,23 +24,10 @@ from sim_vehicle.scenarios.plan import Leg, PlanWriter
 from sim_vehicle.scenarios.schema import file_schema
 from sim_vehicle.scenarios.steps import ScriptStep
 
-VEHICLE = {"sysid": 1, "lat_deg": 46.0, "lon_deg": 14.5, "alt_amsl_m": 10.0}
-AREA = {"origin_lat_deg": 46.0, "origin_lon_deg": 14.5, "rows": 20, "cols": 20, "cell_size_m": 50.0}
-GOOD: dict[str, Any] = {
-    "seed": 7,
-    "vehicles": [VEHICLE],
-    "area": AREA,
-    "firing_strength": [0.6, 0.3, 0.1],
-    "hostiles": [[3, 4]],
-}
 HOME = "home: {lat_deg: 46.0, lon_deg: 14.5, alt_amsl_m: 300}\n"
 MIXED = "vehicles: [{}, {personality: px4}]\n"
-
-
-def written(tmp_path: Path, content: Any) -> Path:
-    path = tmp_path / "scenario.json"
-    path.write_text(content if isinstance(content, str) else json.dumps(content))
-    return path
+AREA = "area: {origin_lat_deg: 46, origin_lon_deg: 14.5, rows: 20, cols: 20, cell_size_m: 50}\n"
+THREATS = HOME + "count: 1\n" + AREA + "firing_strength: [0.6, 0.3, 0.1]\n"
 
 
 def from_yaml(tmp_path: Path, text: str) -> Scenario:
@@ -62,39 +49,14 @@ def place_m(scenario: Scenario, index: int) -> tuple[float, float]:
     return LocalFrame(46.0, 14.5).point_to_local(spec.lat_deg, spec.lon_deg)
 
 
-def test_errors_in_json_with_tabs_have_their_lines(tmp_path: Path) -> None:
-    text = json.dumps(GOOD | {"seed": -1}, indent="\t")
-    with pytest.raises(ScenarioError, match=r"scenario\.json:2: seed: "):
-        load_scenario(written(tmp_path, text))
-
-
 @pytest.mark.parametrize(
-    ("content", "found"),
-    [
-        pytest.param("{", "scenario.json:1: ", id="broken JSON"),
-        pytest.param({**GOOD, "hostile": []}, "hostile: ", id="unknown"),
-        pytest.param({**GOOD, "vehicles": []}, "vehicles: ", id="no vehicle"),
-        pytest.param({**GOOD, "vehicles": [VEHICLE, VEHICLE]}, ": [1]", id="a sysid twice"),
-        pytest.param({**GOOD, "vehicles": [VEHICLE | {"sysid": 0}]}, "vehicles.0.sysid", id="sysid 0"),
-        pytest.param({**GOOD, "firing_strength": [0.3, 0.3, 0.1]}, "firing_strength: ", id="equal strengths"),
-        pytest.param({**GOOD, "hostiles": [[20, 0]]}, "[(20, 0)]", id="a hostile outside"),
-        pytest.param({**GOOD, "hostiles": [[1, 1], [1, 1]]}, "[(1, 1)]", id="a hostile twice"),
-        pytest.param({**GOOD, "area": None}, "`area`", id="hostiles without an area"),
-        pytest.param(
-            {**GOOD, "vehicles": [VEHICLE | {"params": {"WPNAV_SPED": 1}}]},
-            "ardupilot copter: WPNAV_SPED;",
-            id="an unknown parameter",
-        ),
-        pytest.param(
-            {**GOOD, "vehicles": [VEHICLE | {"personality": "px4", "params": {"WPNAV_SPEED": 1}}]},
-            "px4 copter: WPNAV_SPEED;",
-            id="another autopilot's parameter",
-        ),
-    ],
+    ("text", "found"),
+    [("{", "scenario.json:1: "), ('{\n\t"count": 1,\n\t"seed": -1\n}', "scenario.json:3: seed: ")],
+    ids=["not closed", "tabs"],
 )
-def test_a_bad_scenario_is_refused_with_its_place(tmp_path: Path, content: Any, found: str) -> None:
+def test_errors_in_json_have_their_lines(text: str, found: str) -> None:
     with pytest.raises(ScenarioError) as caught:
-        load_scenario(written(tmp_path, content))
+        parse_scenario(text, "scenario.json")
     assert found in str(caught.value)
 
 
@@ -249,6 +211,16 @@ faults: [packet_los]
         (HOME + "count: 1\nchecks: [{mode_is: 5}]", 3, "(mode), found 5"),
         (HOME + "count: 1\nchecks: [{no_crash: {by_s: 5}}]", 3, "`by_s`"),
         (HOME + "count: 1\nwind: {speed_m_s: '7'}", 3, "wind.speed_m_s: must be a number, found '7'"),
+        # vehicles and threats
+        (HOME + "vehicles: []", 2, "vehicles: "),
+        (HOME + "vehicles: [{sysid: 1}, {sysid: 1}]", 2, "vehicles: system ids on one link must differ"),
+        (HOME + "vehicles: [{sysid: 0}]", 2, "vehicles.0.sysid"),
+        (HOME + "vehicles: [{params: {WPNAV_SPED: 1}}]", 2, "ardupilot copter: WPNAV_SPED;"),
+        (HOME + "vehicles: [{personality: px4, params: {WPNAV_SPEED: 1}}]", 2, "px4 copter: WPNAV_SPEED;"),
+        (HOME + "count: 1\nfiring_strength: [0.3, 0.3, 0.1]", 3, "firing_strength: "),
+        (THREATS + "hostiles: [[20, 0]]", 5, "[(20, 0)]"),
+        (THREATS + "hostiles: [[1, 1], [1, 1]]", 5, "[(1, 1)]"),
+        (HOME + "count: 1\nhostiles: [[3, 4]]", 3, "`area`"),
         # types
         (HOME + "count: 1\nwind: 5", 3,
          "wind: must be a section with keys (speed_m_s, from_deg, gust_m_s), found 5"),
@@ -355,21 +327,10 @@ vehicles:
     assert [v.goal_item() for v in scenario.vehicles] == [2, 1, None]
 
 
-def test_a_counted_fleet_stands_in_a_row() -> None:
-    scenario = default_scenario(3, home=(46.0, 14.5, 10.0), first_sysid=7)
-    assert [v.sysid for v in scenario.vehicles] == [7, 8, 9]
-    assert place_m(scenario, 1)[0] == pytest.approx(5, abs=0.01)
-    with pytest.raises(ScenarioError, match="sysid"):
-        default_scenario(10, home=(46.0, 14.5, 10.0), first_sysid=245)
-    assert [v.link for v in default_scenario(5, home=(46.0, 14.5, 10.0), per_link=2).vehicles] == [
-        0,
-        0,
-        1,
-        1,
-        2,
-    ]
-    mixed = default_scenario(4, home=(46.0, 14.5, 10.0), personality="mixed").vehicles
-    assert [v.personality for v in mixed] == ["ardupilot", "px4", "ardupilot", "px4"]
+def test_a_mixed_fleet_alternates_between_the_autopilots_in_a_row() -> None:
+    mixed = default_scenario(4, home=(46.0, 14.5, 10.0), personality="mixed")
+    assert [v.personality for v in mixed.vehicles] == ["ardupilot", "px4", "ardupilot", "px4"]
+    assert [round(place_m(mixed, i)[0], 2) for i in range(4)] == [0, 5, 10, 15]
 
 
 # -- the schema ------------------------------------------------------------------------------------------
