@@ -4,7 +4,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, plans
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
-from sim_vehicle.station.plan_items import PlanItem
+from sim_vehicle.station.messages import PlanItem
 
 CORNERS = ((40.0, 0.0), (40.0, 40.0), (0.0, 40.0))  # metres north and east of the start
 HEIGHT_M = 12.0  # above home

@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance.assertions import CheckFailed, Skip
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
-from sim_vehicle.station.parameter_values import from_wire, to_wire
+from sim_vehicle.station.messages import from_wire, to_wire
 
 LIST_QUIET_S = 1.5  # after a longer pause in a list, missing entries are requested
 LIST_S = 120.0  # longest time for a parameter list

@@ -13,7 +13,7 @@ from sim_vehicle.conformance.traffic import Condition
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.station.exchanges import REQUESTS, UploadPlan
 from sim_vehicle.station.frames import STATION, ReceivedFrame, Source
-from sim_vehicle.station.plan_items import MISSION, PlanItem
+from sim_vehicle.station.messages import MISSION, PlanItem
 
 FENCE = int(mavlink.MAV_MISSION_TYPE_FENCE)
 RALLY = int(mavlink.MAV_MISSION_TYPE_RALLY)

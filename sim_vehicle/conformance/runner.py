@@ -14,7 +14,7 @@ from sim_vehicle.conformance.plans import FENCE, RALLY, PlanBackup
 from sim_vehicle.conformance.registry import Check
 from sim_vehicle.conformance.traffic import is_autopilot
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
-from sim_vehicle.station.plan_items import MISSION
+from sim_vehicle.station.messages import MISSION
 
 SILENCE_S = 5.0  # longest wait for a heartbeat after a check; without a heartbeat the check fails
 HEARTBEAT_WAIT_S = 60.0  # longest wait for a heartbeat after a silence: a boot takes up to a minute

@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.physics.geodesy import LocalFrame
 from sim_vehicle.scenarios.base import Length, Metres, NoSettings, Number, OneOf, Seconds, Section
-from sim_vehicle.station.plan_items import PlanItem
+from sim_vehicle.station.messages import PlanItem
 from sim_vehicle.vehicle.mission import NAVIGATION
 
 Height = Annotated[float, Field(strict=True, gt=0, le=10_000)]

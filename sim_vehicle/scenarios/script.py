@@ -14,8 +14,7 @@ from sim_vehicle.scenarios.step_exchanges import StepExchanges
 from sim_vehicle.scenarios.steps import ScriptStep
 from sim_vehicle.station.exchanges import Exchange
 from sim_vehicle.station.frames import NOISE, Receiver, Sender
-from sim_vehicle.station.messages import heartbeat
-from sim_vehicle.station.status_texts import StatusTexts
+from sim_vehicle.station.messages import StatusTexts, heartbeat
 from sim_vehicle.wire.frame import HEADER2_BYTES, MAVLINK2
 
 HEARTBEAT_S = 1.0

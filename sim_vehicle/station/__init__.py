@@ -1,6 +1,5 @@
 """The one client of vehicles, without sockets and clocks: for scenarios, the conformance suite and test rigs.
 
-`frames` packs and parses messages. `exchanges` has the requests to one vehicle; `messages`, `plan_items` and
-`parameter_values` have their contents. `status_texts` joins the chunks of texts. The simulated vehicles are
-not imported, so the client fits any vehicle.
+`frames` packs and parses messages. `messages` has their contents. `exchanges` has the requests to a vehicle.
+The simulated vehicles are not imported, so the client fits any vehicle.
 """

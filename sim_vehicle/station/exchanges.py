@@ -9,9 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.epoch import EPSILON_S
 from sim_vehicle.station.frames import STATION
-from sim_vehicle.station.messages import Target, command_long, enum_name, set_mode
-from sim_vehicle.station.parameter_values import to_wire
-from sim_vehicle.station.plan_items import MISSION, PlanItem
+from sim_vehicle.station.messages import MISSION, PlanItem, Target, command_long, enum_name, set_mode, to_wire
 
 RESEND_S = 1.5
 IN_PROGRESS_S = 60.0  # longest wait for the next COMMAND_ACK after IN_PROGRESS

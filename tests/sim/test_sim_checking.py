@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim_vehicle.scenarios.file import parse_scenario
 from sim_vehicle.scenarios.progress import MissionProgress
 from sim_vehicle.scenarios.runner import Run, Verdict
-from sim_vehicle.station.status_texts import GAP, StatusTexts
+from sim_vehicle.station.messages import GAP, StatusTexts
 
 HOME = "home: {lat_deg: 46.0490, lon_deg: 14.5060, alt_amsl_m: 300}\nready_s: 0\n"
 BOTH = pytest.mark.parametrize("personality", ["ardupilot", "px4"])

@@ -16,9 +16,7 @@ from sim_vehicle.station.exchanges import (
     UploadPlan,
 )
 from sim_vehicle.station.frames import NOISE, STATION, Receiver, Sender
-from sim_vehicle.station.messages import command_long
-from sim_vehicle.station.parameter_values import INTEGER_RANGES, from_wire, to_wire
-from sim_vehicle.station.plan_items import MISSION, PlanItem
+from sim_vehicle.station.messages import INTEGER_RANGES, MISSION, PlanItem, command_long, from_wire, to_wire
 
 TARGET = (1, 1)
 ARM = mavlink.MAV_CMD_COMPONENT_ARM_DISARM

@@ -10,8 +10,7 @@ from station import ALT_M, LAT_DEG, LON_DEG, Station
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.personalities import personality_of
 from sim_vehicle.scenarios import Scenario
-from sim_vehicle.station.parameter_values import to_wire
-from sim_vehicle.station.status_texts import StatusTexts
+from sim_vehicle.station.messages import StatusTexts, to_wire
 
 ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED = 0, 1, 2, 3, 4
 MANUAL, ALTITUDE, POSITION, AUTO, ACRO, OFFBOARD, STABILIZED = 1, 2, 3, 4, 5, 6, 7

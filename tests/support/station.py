@@ -10,8 +10,7 @@ from sim_vehicle.fleet import Fleet
 from sim_vehicle.scenarios import Scenario
 from sim_vehicle.station.exchanges import UploadPlan
 from sim_vehicle.station.frames import Receiver
-from sim_vehicle.station.messages import command_int, command_long, heartbeat
-from sim_vehicle.station.plan_items import MISSION, PlanItem
+from sim_vehicle.station.messages import MISSION, PlanItem, command_int, command_long, heartbeat
 
 LAT_DEG, LON_DEG, ALT_M = 46.0490, 14.5060, 300.0
 STEP_S = 0.1

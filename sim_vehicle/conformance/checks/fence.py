@@ -12,7 +12,7 @@ from sim_vehicle.conformance.assertions import ACCEPTED, equal, near, refused
 from sim_vehicle.conformance.plans import FENCE
 from sim_vehicle.conformance.registry import CheckFunction, check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
-from sim_vehicle.station.plan_items import MISSION, PlanItem
+from sim_vehicle.station.messages import MISSION, PlanItem
 
 CLAIMS, KNOWN = ("MISSION_FENCE",), ("ardupilot", "px4")
 INCLUSION_VERTEX = mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION

@@ -18,7 +18,7 @@ from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.traffic import SECOND_STATION
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.station.frames import STATION
-from sim_vehicle.station.plan_items import MISSION
+from sim_vehicle.station.messages import MISSION
 
 N_MANY_ITEMS = 100
 AGREE_M = 3.0  # a position in floating point is within this distance

@@ -11,7 +11,7 @@ from sim_vehicle.conformance.guard import ARM
 from sim_vehicle.conformance.plans import FENCE
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
-from sim_vehicle.station.plan_items import PlanItem
+from sim_vehicle.station.messages import PlanItem
 
 FLY_S = 300.0  # time limit of a check
 PASS_M = 4.0  # a waypoint within this distance counts as passed

@@ -9,7 +9,7 @@ from sim_vehicle.conformance import flying, missions, plans
 from sim_vehicle.conformance.assertions import ACCEPTED, equal, holds, near
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
-from sim_vehicle.station.plan_items import PlanItem
+from sim_vehicle.station.messages import PlanItem
 
 FLY_S = 300.0  # time limit of a check
 PASS_M = 4.0  # a waypoint within this distance counts as reached

@@ -11,7 +11,7 @@ from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.traffic import SECOND_STATION
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.station.exchanges import REQUESTS
-from sim_vehicle.station.plan_items import MISSION, PlanItem
+from sim_vehicle.station.messages import MISSION, PlanItem
 
 NO_SUCH_COMMAND = 31_900
 N_OLD, N_NEW = 7, 5  # items without home: in the earlier mission, in the interrupted upload

@@ -12,7 +12,7 @@ from sim_vehicle.conformance.assertions import CheckFailed, Skip, equal, holds, 
 from sim_vehicle.conformance.registry import CheckFunction, check
 from sim_vehicle.conformance.traffic import SECOND_STATION, Condition
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
-from sim_vehicle.station.parameter_values import INTEGER_RANGES
+from sim_vehicle.station.messages import INTEGER_RANGES
 
 NO_SUCH = "NO_SUCH_PARAM"
 SILENT_S = 1.5  # a request without an answer for this time counts as unanswered

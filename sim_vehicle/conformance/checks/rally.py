@@ -10,7 +10,7 @@ from sim_vehicle.conformance.assertions import ACCEPTED, equal, near, refused
 from sim_vehicle.conformance.plans import RALLY
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
-from sim_vehicle.station.plan_items import PlanItem
+from sim_vehicle.station.messages import PlanItem
 
 _rally_check = partial(check, claims=("MISSION_RALLY",))
 

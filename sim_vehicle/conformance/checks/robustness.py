@@ -1,4 +1,4 @@
-"""Robustness against garbage, malformed frames and floods."""
+"""Robustness against garbage, malformed frames and floods; the texts and answers at the end of the run."""
 
 import struct
 from collections.abc import Callable, Iterable
@@ -9,7 +9,7 @@ import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import parameters, plans
-from sim_vehicle.conformance.assertions import ACCEPTED, CheckFailed, equal, holds
+from sim_vehicle.conformance.assertions import ACCEPTED, CheckFailed, Skip, equal, holds
 from sim_vehicle.conformance.frames import LONGEST_FRAME, frame
 from sim_vehicle.conformance.guard import SIMULATOR
 from sim_vehicle.conformance.registry import CheckFunction, check
@@ -296,3 +296,40 @@ for _name, _description, _payload in (
         needs=[SIMULATOR],
         limit_s=120,
     )(_every_message_check(_payload))
+
+
+# -- the end of the run -----------------------------------------------------------------------------------
+
+
+def _texts(vehicle: VehicleUnderTest) -> list[tuple[float, int, str]]:
+    if not vehicle.texts:
+        raise Skip("the vehicle sent no texts")
+    return vehicle.texts
+
+
+@check("endurance.texts.severities")
+def severities(vehicle: VehicleUnderTest) -> str:
+    """Every STATUSTEXT has a MAV_SEVERITY."""
+    wrong = [
+        (severity, text)
+        for _, severity, text in _texts(vehicle)
+        if severity not in mavlink.enums["MAV_SEVERITY"]
+    ]
+    holds(not wrong, f"saw {wrong[:2]}")
+    return f"{len(vehicle.texts)} texts"
+
+
+@check("endurance.texts.are_readable")
+def readable(vehicle: VehicleUnderTest) -> str:
+    """Every STATUSTEXT is printable, apart from tabs; PX4 also sends a mere tab."""
+    wrong = [text for _, _, text in _texts(vehicle) if not text.replace("\t", " ").isprintable()]
+    holds(not wrong, f"saw {wrong[:2]!r}")
+    return f"{len(vehicle.texts)} texts"
+
+
+@check("endurance.still_answers")
+def still_answers(vehicle: VehicleUnderTest) -> str:
+    """At the end of the run the vehicle sends a heartbeat and AUTOPILOT_VERSION."""
+    vehicle.expect("HEARTBEAT", within_s=3.0)
+    vehicle.request("AUTOPILOT_VERSION")
+    return f"mode {vehicle.mode}"
