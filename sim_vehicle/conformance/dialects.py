@@ -39,6 +39,11 @@ class VehicleIdentity:
         return bool(self.capabilities & bit)
 
 
+def version_text(software: int) -> str:
+    """Return the version in flight_sw_version, such as `4.6.2`."""
+    return f"{software >> 24}.{software >> 16 & 0xFF}.{software >> 8 & 0xFF}"
+
+
 def px4_mode(main: int, sub: int = 0) -> int:
     """Return PX4's custom_mode for a main mode and a sub mode."""
     return sub << 24 | main << 16

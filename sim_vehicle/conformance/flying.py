@@ -91,9 +91,9 @@ def wait_ready(vehicle: VehicleUnderTest) -> float:
     return vehicle.now - began_s
 
 
-def last_texts(vehicle: VehicleUnderTest, count: int = 3) -> str:
-    """Return the latest STATUSTEXTs of the vehicle, for the message of a failure."""
-    texts = [text for _, _, text in vehicle.texts[-count:]]
+def last_texts(vehicle: VehicleUnderTest) -> str:
+    """Return the latest three STATUSTEXTs of the vehicle, for the message of a failure."""
+    texts = [text for _, _, text in vehicle.texts[-3:]]
     return "last texts: " + " | ".join(texts) if texts else "no texts"
 
 
@@ -110,8 +110,8 @@ def wait_until_armed(vehicle: VehicleUnderTest, within_s: float = HEARTBEAT_LAG_
     return vehicle.wait_until(lambda: vehicle.armed, "armed in the heartbeat", within_s)
 
 
-def wait_until_disarmed(vehicle: VehicleUnderTest, within_s: float = HEARTBEAT_LAG_S) -> float:
-    return vehicle.wait_until(lambda: not vehicle.armed, "disarmed in the heartbeat", within_s)
+def wait_until_disarmed(vehicle: VehicleUnderTest) -> float:
+    return vehicle.wait_until(lambda: not vehicle.armed, "disarmed in the heartbeat", HEARTBEAT_LAG_S)
 
 
 def wait_until_landed(vehicle: VehicleUnderTest, within_s: float = LAND_S) -> float:

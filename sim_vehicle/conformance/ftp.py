@@ -64,9 +64,9 @@ class FtpClient:
         self.vehicle.send(self.message(opcode, data, **fields))
         return self.seq
 
-    def reply(self, mark: int, within_s: float = REPLY_S) -> tuple[Reply, int] | None:
-        """Return the first reply after a mark, and the mark after the reply; None after `within_s`."""
-        index = self.vehicle.seek(("FILE_TRANSFER_PROTOCOL",), within_s=within_s, mark=mark)
+    def reply(self, mark: int) -> tuple[Reply, int] | None:
+        """Return the first reply after a mark, and the mark after the reply; None after `REPLY_S`."""
+        index = self.vehicle.seek(("FILE_TRANSFER_PROTOCOL",), within_s=REPLY_S, mark=mark)
         if index is None:
             return None
         return _reply(bytes(self.vehicle.received[index].message.payload)), index + 1

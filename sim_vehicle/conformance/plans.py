@@ -113,7 +113,7 @@ def request_list(vehicle: VehicleUnderTest, kind: int = MISSION) -> Any:
     return mavlink.MAVLink_mission_request_list_message(*vehicle.target, kind)
 
 
-def clear_message(vehicle: VehicleUnderTest, kind: int = MISSION) -> Any:
+def clear_message(vehicle: VehicleUnderTest, kind: int) -> Any:
     return mavlink.MAVLink_mission_clear_all_message(*vehicle.target, kind)
 
 
@@ -240,11 +240,9 @@ def store(vehicle: VehicleUnderTest, items: Sequence[PlanItem], kind: int = MISS
     return expect_stored(vehicle, items, kind)
 
 
-def next_result(
-    vehicle: VehicleUnderTest, mark: int, kind: int = MISSION, *, source: Source = STATION
-) -> str:
-    """Return the name of the MAV_MISSION_RESULT in the next MISSION_ACK."""
-    return mission_result_name(vehicle.expect("MISSION_ACK", for_station(kind, source), mark=mark).type)
+def next_result(vehicle: VehicleUnderTest, mark: int, *, source: Source = STATION) -> str:
+    """Return the name of the MAV_MISSION_RESULT in the next MISSION_ACK for a mission."""
+    return mission_result_name(vehicle.expect("MISSION_ACK", for_station(MISSION, source), mark=mark).type)
 
 
 def cancel_upload(vehicle: VehicleUnderTest) -> None:

@@ -70,6 +70,7 @@ def check(
     statement: the verified statement; default: the function's docstring.
     """
     required = frozenset(needs) | ({ARM} if airborne else frozenset())
+    claimed, autopilots = tuple(claims), frozenset(dialects)
     if name in CHECKS:
         raise ValueError(f"two checks are named {name!r}")
     if name.partition(".")[0] not in CATEGORIES or not name.partition(".")[2]:
@@ -82,16 +83,7 @@ def check(
     def register(function: CheckFunction) -> CheckFunction:
         summary = (statement or function.__doc__ or "").strip().partition("\n")[0]
         CHECKS[name] = Check(
-            name,
-            function,
-            summary,
-            required,
-            tuple(claims),
-            frozenset(dialects),
-            kind,
-            airborne,
-            source,
-            limit_s,
+            name, function, summary, required, claimed, autopilots, kind, airborne, source, limit_s
         )
         return function
 

@@ -5,14 +5,14 @@ from collections.abc import Iterable
 from itertools import groupby
 from typing import Any
 
-from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
-from sim_vehicle.conformance.dialects import VehicleIdentity
+from sim_vehicle.conformance.dialects import VehicleIdentity, version_text
 from sim_vehicle.conformance.registry import Check
 from sim_vehicle.conformance.runner import CheckResult, Outcome, RunReport
+from sim_vehicle.station.messages import enum_name
 
 STYLES = {Outcome.PASSED: "green", Outcome.FAILED: "bold red", Outcome.SKIPPED: "yellow"}
 NAME_WIDTH = 36
@@ -20,17 +20,10 @@ NAME_WIDTH = 36
 
 def describe_vehicle(identity: VehicleIdentity) -> str:
     """Return the identity of the vehicle in one line."""
-
-    def name(enum: str, value: int, prefix: str) -> str:
-        entry = mavlink.enums[enum].get(value)
-        return entry.name.removeprefix(prefix) if entry is not None else str(value)
-
+    autopilot = enum_name("MAV_AUTOPILOT", identity.autopilot, "MAV_AUTOPILOT_")
+    kind = enum_name("MAV_TYPE", identity.vehicle_type, "MAV_TYPE_")
     suffix = ", the simulator" if identity.simulator else ""
-    version = f"{identity.software >> 24}.{identity.software >> 16 & 0xFF}.{identity.software >> 8 & 0xFF}"
-    return (
-        f"system {identity.sysid}: {name('MAV_AUTOPILOT', identity.autopilot, 'MAV_AUTOPILOT_')} {version}, "
-        f"{name('MAV_TYPE', identity.vehicle_type, 'MAV_TYPE_')}{suffix}"
-    )
+    return f"system {identity.sysid}: {autopilot} {version_text(identity.software)}, {kind}{suffix}"
 
 
 def describe_counts(results: Iterable[CheckResult]) -> str:

@@ -58,8 +58,8 @@ class SenderAddresses:
         return True
 
 
-class _VehicleClock:
-    """The vehicle time: wall time since the start, multiplied by `speedup`."""
+class _TimedWire:
+    """A wire with the vehicle time: wall time since the start, multiplied by `speedup`."""
 
     def __init__(self, speedup: float) -> None:
         self._speedup = speedup
@@ -71,8 +71,11 @@ class _VehicleClock:
     def _wall_s(self, vehicle_s: float) -> float:
         return max(0.0, vehicle_s / self._speedup)
 
+    def follow(self, sysid: int) -> None:
+        """Do nothing, unless the link has several peers."""
 
-class UdpWire(_VehicleClock):
+
+class UdpWire(_TimedWire):
     """A UDP socket that sends to the URL's address (udpout) or to the senders' latest addresses (udpin)."""
 
     def __init__(self, url: Url, speedup: float) -> None:
@@ -138,7 +141,7 @@ def _connected(url: Url, within_s: float) -> socket.socket:
     return connection
 
 
-class TcpWire(_VehicleClock):
+class TcpWire(_TimedWire):
     """A TCP connection that is opened again after a disconnection, for example by a reboot."""
 
     def __init__(self, url: Url, speedup: float) -> None:
@@ -198,16 +201,13 @@ class TcpWire(_VehicleClock):
             self._connection.close()
             self._connection = None
 
-    def follow(self, sysid: int) -> None:
-        """Do nothing: a connection has one peer."""
-
     def close(self) -> None:
         self._drop()
         if self._listener is not None:
             self._listener.close()
 
 
-class SerialWire(_VehicleClock):
+class SerialWire(_TimedWire):
     """A serial port that is opened again after a disconnection, for example of an autopilot on USB."""
 
     def __init__(self, device: str, baud: int, speedup: float) -> None:
@@ -256,9 +256,6 @@ class SerialWire(_VehicleClock):
         if self._port is not None:
             self._port.close()
             self._port = None
-
-    def follow(self, sysid: int) -> None:
-        """Do nothing: a serial port has one peer."""
 
     def close(self) -> None:
         self._drop()

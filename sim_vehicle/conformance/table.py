@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.conformance.dialects import PLANE_TYPES
+from sim_vehicle.conformance.dialects import PLANE_TYPES, version_text
 from sim_vehicle.conformance.registry import CATEGORIES
 
 UNEXPLAINED, USAGE_ERROR = 1, 2  # exit codes
@@ -103,10 +103,9 @@ def _vehicles(content: Any) -> Iterator[VehicleResults]:
             )
         return
     identity = content["vehicle"]
-    number = identity["flight_sw_version"]
     yield VehicleResults(
         _name(identity["autopilot"], identity["type"]),
-        f"{number >> 24}.{number >> 16 & 0xFF}.{number >> 8 & 0xFF}",
+        version_text(identity["flight_sw_version"]),
         bool(identity["simulator"]),
         {c["name"]: (c["result"], c["seen"]) for c in content["checks"] if _is_result(c)},
     )

@@ -10,6 +10,7 @@ from bent_vehicle import (
     GROUND,
     BentWire,
     DroppingWire,
+    FleetWire,
     conform,
     connected,
     describe_failures,
@@ -20,7 +21,6 @@ from bent_vehicle import (
     store_mission,
     without_simulator_mark,
 )
-from fleet_wire import FleetWire
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.generator.mavcrc import x25crc
 from typer.testing import CliRunner

@@ -4,8 +4,17 @@ import hashlib
 from typing import Any
 
 import pytest
-from bent_vehicle import GROUND, HOME, DroppingWire, acknowledged, conform, failures_with, fleet, named
-from fleet_wire import FleetWire
+from bent_vehicle import (
+    GROUND,
+    HOME,
+    DroppingWire,
+    FleetWire,
+    acknowledged,
+    conform,
+    failures_with,
+    fleet,
+    named,
+)
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance.checks.signing import KEY

@@ -8,6 +8,7 @@ import pytest
 from bent_vehicle import (
     BentWire,
     DroppingWire,
+    FleetWire,
     acknowledged,
     conform,
     connected,
@@ -18,7 +19,6 @@ from bent_vehicle import (
     store_mission,
     without_simulator_mark,
 )
-from fleet_wire import FleetWire
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, parameters

@@ -1,9 +1,9 @@
-"""A vehicle for the conformance suite on the virtual clock, and a vehicle with altered output."""
+"""A vehicle for the conformance suite on the virtual clock, and vehicles with altered messages."""
 
+from collections import deque
 from collections.abc import Callable
 from typing import Any
 
-from fleet_wire import FleetWire
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import plans
@@ -16,7 +16,35 @@ from sim_vehicle.station.frames import NOISE, Receiver
 
 HOME = (46.0490, 14.5060, 300.0)
 GROUND = ("heartbeat", "version", "parameters", "commands", "mission.download")
+STEP_S = 0.05
 Alteration = Callable[[Any], list[Any]]
+
+
+class FleetWire:
+    """A `Wire` directly into a fleet: waiting advances simulated time, without a socket."""
+
+    def __init__(self, fleet: Fleet) -> None:
+        self.fleet = fleet
+        self._now = 0.0
+        self._queue = deque(frame for _, frame in fleet.step(0.0))
+
+    def send(self, data: bytes) -> None:
+        self._queue.extend(frame for _, frame in self.fleet.receive(data, self._now, peer="conformance"))
+
+    def receive(self, timeout_s: float) -> bytes | None:
+        end_s = self._now + timeout_s
+        while not self._queue and self._now < end_s:
+            self._now = min(self._now + STEP_S, end_s)
+            self._queue.extend(frame for _, frame in self.fleet.step(self._now))
+        return self._queue.popleft() if self._queue else None
+
+    def now_s(self) -> float:
+        return self._now
+
+    def follow(self, sysid: int) -> None:
+        """Do nothing: every vehicle receives every message and processes those addressed to it."""
+
+    def close(self) -> None: ...
 
 
 def fleet(

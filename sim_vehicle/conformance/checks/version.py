@@ -6,6 +6,7 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance.assertions import ACCEPTED, Skip, equal, holds, within
+from sim_vehicle.conformance.dialects import version_text
 from sim_vehicle.conformance.frames import PROTOCOL_VERSION
 from sim_vehicle.conformance.registry import CheckFunction, check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
@@ -59,7 +60,7 @@ def software_is_named(vehicle: VehicleUnderTest) -> str:
     value = _version(vehicle).flight_sw_version
     holds(value >> 8 != 0, f"expected a version above 0.0.0, saw flight_sw_version {value:#x}")
     holds(value & 0xFF in RELEASES, f"expected a FIRMWARE_VERSION_TYPE, saw {value & 0xFF}")
-    return f"{value >> 24}.{value >> 16 & 0xFF}.{value >> 8 & 0xFF} {RELEASES[value & 0xFF]}"
+    return f"{version_text(value)} {RELEASES[value & 0xFF]}"
 
 
 @check("version.has_an_identity")
