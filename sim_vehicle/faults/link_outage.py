@@ -4,10 +4,6 @@ from sim_vehicle.faults.base import EndFault, Fault, FaultParams, FaultTarget
 from sim_vehicle.wire.channel import TimedFrames
 
 
-class Params(FaultParams):
-    pass
-
-
 class Silence:
     """A stage that drops every frame."""
 
@@ -17,8 +13,8 @@ class Silence:
         return []
 
 
-def begin(target: FaultTarget, _params: Params, _now: float) -> EndFault:
+def begin(target: FaultTarget, _params: FaultParams, _now: float) -> EndFault:
     return target.disturb("both", lambda _rng: Silence())
 
 
-FAULT = Fault("link_outage", "no frame passes in either direction", Params, begin)
+FAULT = Fault("link_outage", "no frame passes in either direction", FaultParams, begin)

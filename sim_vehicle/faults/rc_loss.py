@@ -4,12 +4,8 @@ from sim_vehicle.faults.base import EndFault, Fault, FaultParams, FaultTarget
 from sim_vehicle.vehicle.injected_faults import FaultEffect
 
 
-class Params(FaultParams):
-    pass
-
-
-def begin(target: FaultTarget, _params: Params, now: float) -> EndFault:
+def begin(target: FaultTarget, _params: FaultParams, now: float) -> EndFault:
     return target.apply(FaultEffect(rc_lost=True), now)
 
 
-FAULT = Fault("rc_loss", "the remote control is lost", Params, begin)
+FAULT = Fault("rc_loss", "the remote control is lost", FaultParams, begin)

@@ -104,28 +104,13 @@ class ParameterHelp:
     description: str
 
 
-@dataclass(frozen=True, slots=True)
-class FaultHelp:
-    name: str
-    summary: str
-    parameters: tuple[ParameterHelp, ...]
-
-
-def describe() -> list[FaultHelp]:
-    """Return the help of all faults, in the registry's order."""
-    return [
-        FaultHelp(fault.name, fault.summary, tuple(_parameter_help(fault.params)))
-        for fault in FAULTS.values()
-    ]
-
-
 def help_text() -> str:
     """Return the text of `--fault help`."""
     lines = ["--fault NAME[:key=value,...], once for each fault; keys of every fault:"]
     lines += [f"    {key:<14} {meaning}" for key, meaning in COMMON_KEYS.items()]
-    for fault in describe():
+    for fault in FAULTS.values():
         lines.append(f"{fault.name}: {fault.summary}")
-        for p in fault.parameters:
+        for p in parameter_help(fault.params):
             unit = f" [{p.unit}]" if p.unit else ""
             lines.append(f"    {p.name:<14} {p.description}{unit}; {p.allowed}, default {p.default}")
     return "\n".join(lines)
@@ -169,14 +154,14 @@ def _first_finding(name: str, error: ValidationError) -> str:
     names = {"at_s": "at", "for_s": "for", "vehicles": "sysid"}
     key = names.get(str(finding["loc"][0]), str(finding["loc"][0]))
     expected = COMMON_RANGES.get(key) or next(
-        (p.allowed for p in _parameter_help(FAULTS[name].params) if p.name == key), ""
+        (p.allowed for p in parameter_help(FAULTS[name].params) if p.name == key), ""
     )
     value = _value_text(finding["input"])
     return f"fault {name}: {key}={value}: expected {expected}; allowed: {_allowed(name)} [fault-value]"
 
 
 def _allowed(name: str) -> str:
-    params = [f"{p.name} ({p.allowed}, default {p.default})" for p in _parameter_help(FAULTS[name].params)]
+    params = [f"{p.name} ({p.allowed}, default {p.default})" for p in parameter_help(FAULTS[name].params)]
     return ", ".join([*params, *COMMON_KEYS])
 
 
@@ -207,7 +192,8 @@ def _sysids(name: str, text: str) -> list[int]:
     return sysids
 
 
-def _parameter_help(model: type[FaultParams]) -> list[ParameterHelp]:
+def parameter_help(model: type[FaultParams]) -> list[ParameterHelp]:
+    """Return the help of a fault's parameters."""
     return [
         ParameterHelp(
             name=name,
