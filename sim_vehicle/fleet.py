@@ -72,11 +72,9 @@ class Fleet:
         keeps_logs: False if no station downloads flight logs; the vehicles then record none.
         """
         specs = scenario.vehicles
-        area = scenario.area
-        centre = (area.origin_lat_deg, area.origin_lon_deg) if area else (specs[0].lat_deg, specs[0].lon_deg)
         self.scenario = scenario
         generators = np.random.default_rng(scenario.seed).spawn(len(specs))
-        self.world = _world(scenario, centre, [generator.spawn(1)[0] for generator in generators])
+        self.world = _world(scenario, [generator.spawn(1)[0] for generator in generators])
         self.status = Status(len(specs))
         self.sysids = tuple(spec.sysid for spec in specs)
         self.links = tuple(spec.link for spec in specs)
@@ -118,6 +116,7 @@ class Fleet:
         self._ready_frames: Frames = []  # frames for the next result of `receive` or `step`
         self._schedule = Schedule(scenario.faults, self.sysids, self._access, scenario.seed)
         self._threats: Threats | None = None
+        area = scenario.area
         if area is not None and scenario.firing_strength is not None:
             self.status.threatened[:] = bool(scenario.hostiles)
             self._threats = Threats(
@@ -323,13 +322,11 @@ class Fleet:
         self._cells = cells
 
 
-def _world(
-    scenario: Scenario, centre: tuple[float, float], generators: Sequence[np.random.Generator]
-) -> World:
+def _world(scenario: Scenario, generators: Sequence[np.random.Generator]) -> World:
     specs, wind, gps = scenario.vehicles, scenario.wind, scenario.gps
     defaults = GpsSettings()
     world = World(
-        LocalFrame(*centre),
+        LocalFrame(*scenario.origin_deg),
         np.array([spec.lat_deg for spec in specs]),
         np.array([spec.lon_deg for spec in specs]),
         np.array([spec.alt_amsl_m for spec in specs]),

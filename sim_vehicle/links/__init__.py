@@ -18,9 +18,4 @@ def make_link(url: Url, callbacks: LinkCallbacks, *, vehicles: Collection[int]) 
         return SerialLink(url, callbacks)
     if url.is_udp:
         return UdpIn(url, callbacks) if url.listens else UdpOut(url, callbacks, vehicles)
-    single_vehicle = len(vehicles) == 1
-    return (
-        TcpIn(url, callbacks, single_vehicle=single_vehicle)
-        if url.listens
-        else TcpOut(url, callbacks, single_vehicle=single_vehicle)
-    )
+    return (TcpIn if url.listens else TcpOut)(url, callbacks, single_vehicle=len(vehicles) == 1)

@@ -19,8 +19,10 @@ RECONNECT_S = 0.5  # time between two attempts to connect
 class _Connections:
     """The connections of one URL."""
 
-    def __init__(self, url: Url, callbacks: LinkCallbacks) -> None:
-        self._url, self._callbacks = url, callbacks
+    def __init__(self, url: Url, callbacks: LinkCallbacks, *, single_vehicle: bool) -> None:
+        self._url, self._callbacks, self._single_vehicle = url, callbacks, single_vehicle
+        self._warned = False
+        self._retry_timer: asyncio.TimerHandle | None = None
         self._streams: dict[Stream, tuple[socket.socket, Hashable]] = {}
         self._dropped = 0  # chunks dropped on ended connections
 
@@ -76,11 +78,8 @@ class TcpIn(_Connections):
     """A server; as on SITL, a reboot of the port's only vehicle closes the connections."""
 
     def __init__(self, url: Url, callbacks: LinkCallbacks, *, single_vehicle: bool) -> None:
-        super().__init__(url, callbacks)
-        self._single_vehicle = single_vehicle
+        super().__init__(url, callbacks, single_vehicle=single_vehicle)
         self._server: socket.socket | None = None
-        self._retry_timer: asyncio.TimerHandle | None = None
-        self._warned = False
 
     def open(self) -> None:
         family, address = resolve(self._url, socket.SOCK_STREAM)
@@ -146,13 +145,10 @@ class TcpOut(_Connections):
     """A client that reconnects. After a warning, failures are silent until the server has sent data."""
 
     def __init__(self, url: Url, callbacks: LinkCallbacks, *, single_vehicle: bool) -> None:
-        super().__init__(url, callbacks)
-        self._single_vehicle = single_vehicle
+        super().__init__(url, callbacks, single_vehicle=single_vehicle)
         self._family = socket.AF_INET
         self._address: Address = ()
         self._connecting: socket.socket | None = None
-        self._retry_timer: asyncio.TimerHandle | None = None
-        self._warned = False
 
     def open(self) -> None:
         self._family, self._address = resolve(self._url, socket.SOCK_STREAM)

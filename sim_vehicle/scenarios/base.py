@@ -1,7 +1,7 @@
 """Types and base classes for the sections of a scenario."""
 
 from collections.abc import Iterable
-from typing import Annotated, Any, Self
+from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 from pydantic_core import CoreSchema, core_schema
@@ -73,9 +73,3 @@ class OneOf(Section):
     def chosen(self) -> str:
         """Return the name of the chosen field."""
         return next(name for name in self.choices() if getattr(self, name) is not None)
-
-    @model_validator(mode="after")
-    def _one_is_given(self) -> Self:
-        if not any(getattr(self, name) is not None for name in self.choices()):
-            raise ValueError(f"needs exactly one of {', '.join(self.choices())}, found none")
-        return self

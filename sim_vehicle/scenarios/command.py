@@ -4,7 +4,6 @@ import difflib
 import json
 import shlex
 import time
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -78,7 +77,7 @@ def schema() -> None:
 
 
 def _print_scenario(name: str) -> None:
-    names = {scenario.name: scenario.path for scenario in shipped()}
+    names = shipped()
     if name not in names:
         raise typer.BadParameter(
             f"{name!r} is not a shipped scenario; the names are {', '.join(names)}", param_hint="--show"
@@ -146,7 +145,8 @@ class _SpeedLimit:
 
 
 def _list(console: Console, *, with_scenarios: bool, with_checks: bool) -> None:
-    listed = [(scenario.name, f": {scenario.about}") for scenario in shipped()] if with_scenarios else []
+    scenarios = shipped() if with_scenarios else {}
+    listed = [(name, f": {load_scenario(path).about}") for name, path in scenarios.items()]
     for check in CHECKS.values() if with_checks else ():
         argument = ""
         if check.argument is not None:
@@ -160,18 +160,9 @@ def _list(console: Console, *, with_scenarios: bool, with_checks: bool) -> None:
             console.print(line, soft_wrap=True)
 
 
-@dataclass(frozen=True, slots=True)
-class ShippedScenario:
-    name: str
-    about: str
-    path: Path
-
-
-def shipped() -> list[ShippedScenario]:
-    """Return the shipped scenarios, by name."""
-    return [
-        ShippedScenario(path.stem, load_scenario(path).about, path) for path in sorted(FOLDER.glob("*.yaml"))
-    ]
+def shipped() -> dict[str, Path]:
+    """Return the files of the shipped scenarios, by name."""
+    return {path.stem: path for path in sorted(FOLDER.glob("*.yaml"))}
 
 
 def find_scenario(text: str) -> Path:
@@ -179,7 +170,7 @@ def find_scenario(text: str) -> Path:
     path = Path(text)
     if path.exists():
         return path
-    names = {file.stem: file for file in FOLDER.glob("*.yaml")}
+    names = shipped()
     if text in names:
         return names[text]
     near = difflib.get_close_matches(path.stem, names, n=1)

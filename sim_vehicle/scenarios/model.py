@@ -186,6 +186,13 @@ class Scenario(Section):
             raise InconsistentScenarioError(findings)
         return self
 
+    @property
+    def origin_deg(self) -> tuple[float, float]:
+        """Return latitude and longitude [deg] of the origin of the fleet's common local plane."""
+        if self.area is not None:
+            return self.area.origin_lat_deg, self.area.origin_lon_deg
+        return self.vehicles[0].lat_deg, self.vehicles[0].lon_deg
+
     def _duplicate_sysids(self) -> list[Finding]:
         counted = Counter((v.link, v.sysid) for v in self.vehicles)
         duplicates = sorted({sysid for (_, sysid), n in counted.items() if n > 1})
@@ -196,14 +203,12 @@ class Scenario(Section):
 
     def _distant_vehicles(self) -> list[Finding]:
         """Return findings on vehicles too far away for the fleet's common local plane."""
-        area, first = self.area, self.vehicles[0]
-        origin = (area.origin_lat_deg, area.origin_lon_deg) if area else (first.lat_deg, first.lon_deg)
-        frame = LocalFrame(*origin)
+        frame = LocalFrame(*self.origin_deg)
         findings: list[Finding] = []
         for index, vehicle in enumerate(self.vehicles):
             away_m = math.hypot(*frame.point_to_local(vehicle.lat_deg, vehicle.lon_deg))
             if away_m > MAX_DISTANCE_M:
-                name = "the area's origin" if area else "the first vehicle"
+                name = "the area's origin" if self.area else "the first vehicle"
                 limit = f"{MAX_DISTANCE_M / 1000:.0f} km"
                 text = f"starts {away_m / 1000:.0f} km from {name}; the limit is {limit}"
                 findings.append((("vehicles", index), text))

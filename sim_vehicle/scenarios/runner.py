@@ -94,12 +94,7 @@ class Run:
         self._on_failure = on_failure
         self._running_checks = [RunningCheck(spec, scenario) for spec in scenario.checks]
         self._failures_reported = 0
-        area, first = scenario.area, scenario.vehicles[0]
-        self._frame = (
-            LocalFrame(area.origin_lat_deg, area.origin_lon_deg)
-            if area is not None
-            else LocalFrame(first.lat_deg, first.lon_deg)
-        )
+        self._frame = LocalFrame(*scenario.origin_deg)
         self._start_m = self._local(
             np.array([v.lat_deg for v in scenario.vehicles]),
             np.array([v.lon_deg for v in scenario.vehicles]),

@@ -16,8 +16,8 @@ YIELD_S = 0.01  # longest run of ticks before the sockets are read
 class Pace(Protocol):
     """The pace of a fleet; simulated time counts from the start [s]."""
 
-    finished: bool
-    """True after the last tick"""
+    finished: bool  # True after the last tick
+    lost_s: float  # wall time skipped because the simulation was too slow [s]
 
     def start(self) -> None: ...
 
@@ -30,10 +30,6 @@ class Pace(Protocol):
     def late_s(self, tick_s: float) -> float:
         """Return the delay of the tick at `tick_s` in wall time [s]; negative before the tick is due."""
 
-    @property
-    def lost_s(self) -> float:
-        """Wall time skipped because the simulation was too slow [s]."""
-
     def __str__(self) -> str: ...
 
 
@@ -41,25 +37,20 @@ class RealTime:
     """A pace by the wall clock times `speedup`, with a warning on a slow machine."""
 
     def __init__(self, speedup: float, warn: Callable[[str], None]) -> None:
-        self.finished = False
+        self.finished, self.lost_s = False, 0.0
         self.speedup = speedup
         self._warn = warn
-        self._lost_s = 0.0
         self._start_s = self._yielded_s = time.monotonic()
         self._reported_s = -LAG_REPORT_EVERY_S
 
     def __str__(self) -> str:
         return f"{self.speedup:g}x real time"
 
-    @property
-    def lost_s(self) -> float:
-        return self._lost_s
-
     def start(self) -> None:
         self._start_s = self._yielded_s = time.monotonic()
 
     def late_s(self, tick_s: float) -> float:
-        return time.monotonic() - self._start_s - self._lost_s - tick_s / self.speedup
+        return time.monotonic() - self._start_s - self.lost_s - tick_s / self.speedup
 
     async def due(self, tick_s: float) -> bool:
         late_s = self.late_s(tick_s)
@@ -75,12 +66,12 @@ class RealTime:
         return True
 
     def _skip_lost_time(self, late_s: float) -> None:
-        self._lost_s += late_s
+        self.lost_s += late_s
         wall_s = time.monotonic() - self._start_s
         if wall_s - self._reported_s >= LAG_REPORT_EVERY_S:
             self._reported_s = wall_s
             self._warn(
-                f"the machine is too slow for {self}: {self._lost_s:.1f} s lost so far; "
+                f"the machine is too slow for {self}: {self.lost_s:.1f} s lost so far; "
                 "use fewer vehicles or a smaller --speedup [too-slow]"
             )
 
@@ -92,17 +83,13 @@ class ManualPace:
     """A pace by request: time passes only after `grant`."""
 
     def __init__(self) -> None:
-        self.finished = False
+        self.finished, self.lost_s = False, 0.0
         self._granted_s = 0.0
         self._waiting: list[tuple[float, Callable[[float], None]]] = []
         self._woken = asyncio.Event()
 
     def __str__(self) -> str:
         return "manual clock"
-
-    @property
-    def lost_s(self) -> float:
-        return 0.0
 
     def start(self) -> None:
         """Do nothing: time passes only after a grant."""

@@ -11,26 +11,15 @@ from sim_vehicle.scenarios.model import VehicleSpec
 from sim_vehicle.scenarios.script import FrameSink
 
 
-class Tlog:
-    """One telemetry log; the caller opens and closes `file`."""
-
-    def __init__(self, file: BinaryIO) -> None:
-        self._file = file
-
-    def write(self, frame: bytes, now: float) -> None:
-        """Write one whole MAVLink frame at `now` [s of simulated time]."""
-        self._file.write(struct.pack(">Q", EPOCH_US + round(now * 1e6)) + frame)
-
-
 @contextlib.contextmanager
 def tlogs(folder: Path, vehicles: Sequence[VehicleSpec]) -> Iterator[FrameSink]:
     """Open a tlog for each vehicle in `folder`; yield a function that writes a frame to a vehicle's tlog."""
     folder.mkdir(parents=True, exist_ok=True)
     with contextlib.ExitStack() as files:
-        logs = [Tlog(files.enter_context(_open(folder, spec))) for spec in vehicles]
+        logs = [files.enter_context(_open(folder, spec)) for spec in vehicles]
 
         def record_frame(index: int, frame: bytes, now: float) -> None:
-            logs[index].write(frame, now)
+            logs[index].write(struct.pack(">Q", EPOCH_US + round(now * 1e6)) + frame)
 
         yield record_frame
 

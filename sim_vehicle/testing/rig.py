@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from sim_vehicle.epoch import EPSILON_S
 from sim_vehicle.faults.spec import FaultError, parse_fault
@@ -20,6 +20,9 @@ from sim_vehicle.serving.tlog import tlogs
 from sim_vehicle.station.frames import STATION, Receiver, Sender
 from sim_vehicle.wire.outbox import Frames
 
+if TYPE_CHECKING:
+    from sim_vehicle.testing.served import ServerThread
+
 STEP_S = 0.05  # simulated time of one tick of the test's clock
 HOME = (46.0490, 14.5060, 300.0)  # latitude, longitude [deg], altitude above mean sea level [m]
 PEER = "the test"
@@ -31,20 +34,6 @@ Result = TypeVar("Result")
 
 class NotWithinTimeError(AssertionError):
     """A condition that did not hold in time, or a failed action."""
-
-
-class FleetThread(Protocol):
-    """A thread that runs the fleet."""
-
-    def call(self, function: Callable[[], Result]) -> Result:
-        """Run a function between two ticks of the fleet; return its result."""
-
-    def sleep_briefly(self) -> None:
-        """Sleep for a moment of wall time; raise an error of the thread."""
-
-    @property
-    def now(self) -> float:
-        """Simulated time [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,7 +168,7 @@ class Rig:
         self.seed = seed
         self.fleet: Fleet | None = None
         self.vehicles: list[Vehicle] = []
-        self.serving: FleetThread | None = None
+        self.serving: ServerThread | None = None
         self.operator_lines: deque[str] = deque(maxlen=MAX_OPERATOR_LINES)  # output of a server
         self._sender = Sender()
         self._station: ScriptStation | None = None

@@ -88,6 +88,7 @@ class ServerThread:
         return done.result(DEADLINE_S)
 
     def sleep_briefly(self) -> None:
+        """Sleep for a moment of wall time; raise an error of the thread."""
         time.sleep(WAIT_S)
         if self._error is not None:
             raise self._error

@@ -18,7 +18,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim_vehicle.physics.geodesy import LocalFrame
 from sim_vehicle.scenarios import Scenario, ScenarioError, default_scenario, load_scenario
 from sim_vehicle.scenarios.checks import CHECKS
-from sim_vehicle.scenarios.command import FOLDER as SHIPPED
+from sim_vehicle.scenarios.command import shipped
 from sim_vehicle.scenarios.file import parse_scenario
 from sim_vehicle.scenarios.plan import Leg, PlanWriter
 from sim_vehicle.scenarios.schema import file_schema
@@ -375,7 +375,7 @@ def fits_the_schema(text: str) -> bool:
     return holds(yaml.safe_load(text), schema, schema["$defs"])
 
 
-@pytest.mark.parametrize("path", sorted(SHIPPED.glob("*.yaml")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", shipped().values(), ids=shipped())
 def test_shipped_scenarios_fit_the_schema(path: Path) -> None:
     assert fits_the_schema(path.read_text())
 
