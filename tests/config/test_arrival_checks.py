@@ -5,29 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from config_files import assert_problems
+from config_files import SMALL_AREA, assert_problems, problems
 
-from swarmctl.config.checks import check_config
-from swarmctl.config.model import ConfigError, load
-
-AREA = "area: {origin_lat_deg: 46.0, origin_lon_deg: 14.4, rows: 8, cols: 8, cell_size_m: 50}\n"
-THREATS = "threats: {count: 5}\n"
 REAL = (
     "vehicles:\n"
     '  - {name: alpha, url: "udpin://:14999", sysid: 1, goal: [3, 7],\n'
     "     start: {lat_deg: 46.00157, lon_deg: 14.3994}, REST}\n"
 )
-
-
-def troubles(tmp_path: Path, planner: str, vehicles: str) -> list[str]:
-    """Return the problems of this planner with these vehicles, without the file's name."""
-    file = tmp_path / "swarm.yaml"
-    file.write_text(f"{AREA}{THREATS}planner: {planner}\n{vehicles}")
-    try:
-        load(file, check_config)
-    except ConfigError as error:
-        return [line.removeprefix(f"{file}:") for line in error.lines]
-    return []
 
 
 def simulate(rest: str) -> str:
@@ -143,4 +127,5 @@ ROWS: list[tuple[str, str, str, list[tuple[str, ...]]]] = [
 def test_an_error_of_a_time_bound_is_reported_at_its_key(
     planner: str, vehicles: str, expected: list[tuple[str, ...]], tmp_path: Path
 ) -> None:
-    assert_problems(troubles(tmp_path, planner, vehicles), expected)
+    found = problems(f"{SMALL_AREA}planner: {planner}\n{vehicles}", tmp_path)
+    assert_problems([line.removeprefix(":") for line in found], expected)

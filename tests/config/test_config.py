@@ -8,24 +8,6 @@ from pathlib import Path
 import pytest
 from config_files import GOOD, assert_problems, problems
 
-from swarmctl.config import model, scenario
-from swarmctl.config.checks import check_config
-
-SHIPPED = Path(__file__).parents[2] / "configs" / "swarm.yaml"
-
-
-def test_the_shipped_configuration_has_the_documented_values() -> None:
-    built = scenario.build(model.load(SHIPPED, check_config))
-    assert len(built.specs) == 5
-    assert (built.grid.rows, built.grid.cols, built.grid.cell_size_m) == (20, 20, 50.0)
-    assert len(built.hostiles) == 24
-    assert built.strength.kernel[1].tolist() == [0.3, 0.6, 0.3]
-    assert built.psi_per_cell == pytest.approx(0.132)
-
-
-def test_a_good_configuration_has_no_problems(tmp_path: Path) -> None:
-    assert problems(GOOD, tmp_path) == []
-
 
 def test_starts_that_are_too_near_are_found_with_a_third_start_between_their_longitudes(
     tmp_path: Path,
@@ -115,6 +97,13 @@ BAD: list[tuple[str, str, str, list[tuple[str, ...]]]] = [
     ("malformed YAML", "vehicles:", "vehicles: [", [(":9",)]),
     ("an alias within itself", "vehicles:", "x: &a [*a]\nvehicles:", [(":1",)]),
     ("aliases by the million", "vehicles:", f"x: {MILLION_ALIASES}\nvehicles:", [(":8",)]),
+    (
+        "a wall before both goals",
+        "cell_size_m: 50}",
+        f"cell_size_m: 50, no_fly: {[[row, 5] for row in range(20)]}}}",
+        [(":9: vehicles[0].goal", "a ", "area.no_fly"), (":10: vehicles[1].goal", "b ", "area.no_fly")],
+    ),
+    ("an empty file", GOOD, "", [(":1", "swarmctl init")]),
     ("a key twice", "planner:", "name: again\nplanner:", [(":6", "'name'", "line 1")]),
 ]
 
@@ -127,47 +116,7 @@ def test_an_error_is_reported_with_its_line_its_key_and_the_values(
     assert_problems(problems(GOOD.replace(old, new, 1), tmp_path), expected)
 
 
-def test_errors_of_several_sections_are_reported_at_once(tmp_path: Path) -> None:
-    found = problems(GOOD.replace("w: 0.5", "w: -1").replace("[3, 19]", "[33, 9]"), tmp_path)
-    assert [line.split(": ")[:2] for line in found] == [[":6", "planner.w"], [":9", "vehicles[0].goal[0]"]]
-
-
-def test_a_goal_behind_a_wall_is_unreachable_and_named(tmp_path: Path) -> None:
-    wall = [[row, 5] for row in range(20)]
-    text = GOOD.replace("cell_size_m: 50}", f"cell_size_m: 50, no_fly: {wall}}}")
-    found = problems(text, tmp_path)
-    assert_problems(
-        found, [(":9: vehicles[0].goal", "a ", "area.no_fly"), (":10: vehicles[1].goal", "b ", "area.no_fly")]
-    )
-
-
 def test_too_many_vehicles_for_one_goal_are_refused(tmp_path: Path) -> None:
     crowd = "area: {origin_lat_deg: 46.0, origin_lon_deg: 14.0, rows: 20, cols: 20, cell_size_m: 10}\n"
     crowd += "threats: {count: 2}\nsimulate: {count: 30, goal: [3, 19]}\n"
     assert_problems(list(set(problems(crowd, tmp_path))), [(":3: simulate.goal", "30", "1.7 m", "10 m")])
-
-
-def test_a_missing_file_is_named(tmp_path: Path) -> None:
-    with pytest.raises(model.ConfigError) as error:
-        model.load(tmp_path / "nowhere.yaml")
-    assert_problems(error.value.lines, [(str(tmp_path / "nowhere.yaml"), "--config")])
-
-
-def test_an_empty_file_is_refused(tmp_path: Path) -> None:
-    assert_problems(problems("", tmp_path), [(":1", "swarmctl init")])
-
-
-def test_the_same_seed_hides_the_same_hostiles(tmp_path: Path) -> None:
-    file = tmp_path / "swarm.yaml"
-    draws = []
-    for seed in (1, 1, 2):
-        file.write_text(GOOD + f"seed: {seed}\n")
-        draws.append(scenario.build(model.load(file, check_config)).hostiles)
-    assert draws[0] == draws[1] != draws[2]
-
-
-@pytest.mark.parametrize("file", sorted(SHIPPED.parent.glob("*.yaml")), ids=lambda file: file.name)
-def test_every_shipped_configuration_has_no_problems(file: Path) -> None:
-    loaded = model.load(file, check_config)
-    assert scenario.build(loaded).tasks
-    assert model.Config.model_validate_json(loaded.model_dump_json()) == loaded

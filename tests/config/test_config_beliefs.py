@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -160,9 +159,3 @@ def test_an_error_in_a_distribution_over_several_lines_is_reported_at_its_line(t
         loaded(tmp_path, text)
     (line,) = error.value.lines
     assert line.removeprefix(str(tmp_path / "swarm.yaml")).startswith(":6: threats.count.max: ")
-
-
-def test_the_schema_has_every_distribution() -> None:
-    schema = json.dumps(model.Config.model_json_schema())
-    for name in ("poisson", "binomial", "uniform", "weights", "p_false_alarm"):
-        assert name in schema

@@ -5,32 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from config_files import assert_problems
+from config_files import ALPHA, SIMULATED, SMALL_AREA, assert_problems, problems, section_problems
 
-from swarmctl.config.checks import check_config
-from swarmctl.config.model import ConfigError, load
-
-REST = """\
-area: {origin_lat_deg: 46.0, origin_lon_deg: 14.4, rows: 8, cols: 8, cell_size_m: 50}
-threats: {count: 5}
-"""
-SIMULATED = "simulate: {count: 3}\n"
-ALPHA = (
-    'vehicles: [{name: alpha, url: "udpin://:14999", sysid: 2, goal: [3, 7], '
-    "start: {lat_deg: 46.00157, lon_deg: 14.3994}}]\n"
-)
 MESH = "mesh: {uav1: tcp/10.0.0.1:7447, uav2: tcp/10.0.0.2:7447, uav3: tcp/10.0.0.3:7447}"
 
 
-def troubles(tmp_path: Path, communication: str, vehicles: str = SIMULATED) -> list[str]:
-    """Return the problems of this section, on line 4, without the names of the file and the section."""
-    file = tmp_path / "swarm.yaml"
-    file.write_text(f"{REST}{vehicles}communication: {{{communication}}}\n")
-    try:
-        load(file, check_config)
-    except ConfigError as error:
-        return [line.removeprefix(f"{file}:4: communication").removeprefix(".") for line in error.lines]
-    return []
+def troubles(communication: str, tmp_path: Path, vehicles: str = SIMULATED) -> list[str]:
+    return section_problems("communication", communication, vehicles, tmp_path)
 
 
 RIGHT = [
@@ -47,12 +28,17 @@ RIGHT = [
     MESH,
     "mesh: {1: tcp/10.0.0.1:7447, uav2: tcp/10.0.0.2:7447, '3': tcp/10.0.0.3:7447}",
     "listen: none",
+    "keys: keys",
+    "keys: keys, listen: none",
+    "keys: keys, bus: memory, listen: tcp/localhost:0",
+    "keys: keys, router: tls/10.0.0.9:7447",
+    "keys: k, mesh: {1: quic/10.0.0.1:7447, 2: tls/10.0.0.2:7447, 3: tls/10.0.0.3:7447}",
 ]
 
 
 @pytest.mark.parametrize("communication", RIGHT)
 def test_a_correct_section_has_no_problems(communication: str, tmp_path: Path) -> None:
-    assert troubles(tmp_path, communication) == []
+    assert troubles(communication, tmp_path) == []
 
 
 ROWS: list[tuple[str, str, list[tuple[str, ...]]]] = [
@@ -118,8 +104,6 @@ ROWS: list[tuple[str, str, list[tuple[str, ...]]]] = [
     ),
     ("a star and a mesh", f"router: tcp/10.0.0.9:7447, {MESH}", [("", "router", "mesh")]),
     ("a star within one process", "bus: memory, router: tcp/10.0.0.9:7447", [("router", "bus: zenoh")]),
-    ("keys that only sign the evidence", "keys: keys", []),
-    ("keys within one process", "keys: keys, bus: memory, listen: tcp/localhost:0", []),
     (
         "keys that do not protect the endpoint",
         "keys: keys, listen: tcp/0.0.0.0:7447",
@@ -130,6 +114,21 @@ ROWS: list[tuple[str, str, list[tuple[str, ...]]]] = [
         "keys: keys, router: tcp/10.0.0.9:7447",
         [("router", "tcp/10.0.0.9:7447", "communication.keys", "tls/")],
     ),
+    (
+        "a router with certificates and no keys",
+        "router: tls/10.0.0.9:7447",
+        [("router", "tls/10.0.0.9:7447", "communication.keys", "`swarmctl keys`")],
+    ),
+    (
+        "a flight that listens with certificates",
+        "listen: tls/10.0.0.9:7447",
+        [("listen", "tls/10.0.0.9:7447", "tcp/HOST:PORT")],
+    ),
+    (
+        "one node of the mesh without certificates",
+        "keys: k, mesh: {1: quic/10.0.0.1:7447, 2: tcp/10.0.0.2:7447, 3: tls/10.0.0.3:7447}",
+        [("mesh.2", "tcp/10.0.0.2:7447", "communication.keys", "tls/")],
+    ),
 ]
 
 
@@ -139,72 +138,30 @@ ROWS: list[tuple[str, str, list[tuple[str, ...]]]] = [
 def test_an_error_is_reported_at_its_key(
     communication: str, expected: list[tuple[str, ...]], tmp_path: Path
 ) -> None:
-    assert_problems(troubles(tmp_path, communication), expected)
-
-
-SECURE: list[tuple[str, str, list[tuple[str, ...]]]] = [
-    ("a router with keys", "keys: keys, router: tls/10.0.0.9:7447", []),
-    (
-        "a mesh with keys",
-        "keys: k, mesh: {1: quic/10.0.0.1:7447, 2: tls/10.0.0.2:7447, 3: tls/10.0.0.3:7447}",
-        [],
-    ),
-    (
-        "no keys",
-        "router: tls/10.0.0.9:7447",
-        [("router", "tls/10.0.0.9:7447", "communication.keys", "`swarmctl keys`")],
-    ),
-    (
-        "a flight that listens with certificates",
-        "listen: tls/10.0.0.9:7447",
-        [("listen", "tls/10.0.0.9:7447", "tcp/HOST:PORT")],
-    ),
-    ("keys without an endpoint", "keys: keys, listen: none", []),
-    (
-        "one node of the mesh without",
-        "keys: k, mesh: {1: quic/10.0.0.1:7447, 2: tcp/10.0.0.2:7447, 3: tls/10.0.0.3:7447}",
-        [("mesh.2", "tcp/10.0.0.2:7447", "communication.keys", "tls/")],
-    ),
-]
-
-
-@pytest.mark.parametrize(
-    ("communication", "expected"), [row[1:] for row in SECURE], ids=[r[0] for r in SECURE]
-)
-def test_endpoints_with_certificates_and_keys_go_together(
-    communication: str, expected: list[tuple[str, ...]], tmp_path: Path
-) -> None:
-    assert_problems(troubles(tmp_path, communication), expected)
+    assert_problems(troubles(communication, tmp_path), expected)
 
 
 def test_vehicles_with_a_url_are_named_by_name_and_by_system_id(tmp_path: Path) -> None:
     named = "quiet: [{uavs: [alpha]}], partitions: [{from_s: 0, groups: [[2]]}]"
-    assert troubles(tmp_path, named, ALPHA) == []
-    found = troubles(tmp_path, "quiet: [{uavs: [uav2]}]", ALPHA)
+    assert troubles(named, tmp_path, ALPHA) == []
+    found = troubles("quiet: [{uavs: [uav2]}]", tmp_path, ALPHA)
     assert_problems(found, [("quiet[0].uavs[0]", "uav2", "2 (alpha)")])
 
 
 def test_a_name_that_matches_two_vehicles_is_refused(tmp_path: Path) -> None:
     vehicles = ALPHA.replace("alpha", '"1"') + "simulate: {count: 1}\n"
-    file = tmp_path / "swarm.yaml"
-    file.write_text(f"{REST}{vehicles}communication: {{quiet: [{{uavs: [1]}}]}}\n")
-    with pytest.raises(ConfigError) as error:
-        load(file, check_config)
-    place = f"{file}:5: communication.quiet[0].uavs[0]"
-    assert_problems(error.value.lines, [(place, "1 (uav1)", "2 (1)")])
+    found = problems(f"{SMALL_AREA}{vehicles}communication: {{quiet: [{{uavs: [1]}}]}}\n", tmp_path)
+    assert_problems(found, [(":5: communication.quiet[0].uavs[0]", "1 (uav1)", "2 (1)")])
 
 
 def test_a_vehicle_with_an_error_is_not_reported_as_missing(tmp_path: Path) -> None:
     """A correction of the vehicle's entry removes all these problems."""
-    file = tmp_path / "swarm.yaml"
     section = "communication: {quiet: [{uavs: [alpha]}], mesh: {alpha: tcp/10.0.0.1:7447}}\n"
-    file.write_text(f"{REST}{SIMULATED}{ALPHA.replace('sysid: 2', 'sysid: 900')}{section}")
-    with pytest.raises(ConfigError) as error:
-        load(file, check_config)
-    assert [line.split(": ")[1] for line in error.value.lines] == ["vehicles[0].sysid"]
+    found = problems(f"{SMALL_AREA}{SIMULATED}{ALPHA.replace('sysid: 2', 'sysid: 900')}{section}", tmp_path)
+    assert [line.split(": ")[1] for line in found] == ["vehicles[0].sysid"]
 
 
 def test_without_vehicles_only_their_absence_is_reported(tmp_path: Path) -> None:
-    (found,) = troubles(tmp_path, "quiet: [{uavs: [uav1]}]", "planner: {name: dijkstra}\n")
+    (found,) = troubles("quiet: [{uavs: [uav1]}]", tmp_path, "planner: {name: dijkstra}\n")
     assert ": vehicles: " in found
     assert "`simulate: {count: 5}`" in found

@@ -5,36 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from config_files import assert_problems
+from config_files import ALPHA, SIMULATED, SMALL_AREA, assert_problems, section_problems
 from typer.testing import CliRunner
 
 from swarmctl.cli.main import cli
-from swarmctl.config.checks import check_config
-from swarmctl.config.model import ConfigError, load
-
-REST = """\
-area: {origin_lat_deg: 46.0, origin_lon_deg: 14.4, rows: 8, cols: 8, cell_size_m: 50}
-threats: {count: 5}
-"""
-SIMULATED = "simulate: {count: 3}\n"
-ALPHA = (
-    'vehicles: [{name: alpha, url: "udpin://127.0.0.1:14999", sysid: 2, goal: [3, 7], '
-    "start: {lat_deg: 46.00157, lon_deg: 14.3994}}]\n"
-)
-
-
-def written(tmp_path: Path, links: str, vehicles: str) -> Path:
-    file = tmp_path / "swarm.yaml"
-    file.write_text(f"{REST}{vehicles}links: {{{links}}}\n")
-    return file
-
-
-def troubles(file: Path) -> list[str]:
-    try:
-        load(file, check_config)
-    except ConfigError as error:
-        return [line.removeprefix(f"{file}:4: links.") for line in error.lines]
-    return []
 
 
 @pytest.mark.parametrize(
@@ -51,7 +25,7 @@ def troubles(file: Path) -> list[str]:
     ],
 )
 def test_a_correct_section_has_no_problems(tmp_path: Path, links: str, vehicles: str) -> None:
-    assert troubles(written(tmp_path, links, vehicles)) == []
+    assert section_problems("links", links, vehicles, tmp_path) == []
 
 
 @pytest.mark.parametrize(
@@ -83,27 +57,13 @@ def test_a_correct_section_has_no_problems(tmp_path: Path, links: str, vehicles:
 def test_an_error_is_reported_at_its_key(
     tmp_path: Path, links: str, vehicles: str, expected: tuple[str, ...]
 ) -> None:
-    assert_problems(troubles(written(tmp_path, links, vehicles)), [expected])
+    assert_problems(section_problems("links", links, vehicles, tmp_path), [expected])
 
 
-def test_check_reads_the_signing_key(tmp_path: Path) -> None:
-    key = tmp_path / "some.key"
-    file = written(tmp_path, f"signing_key: {key}", ALPHA)
-
-    def check() -> tuple[int, str]:
-        result = CliRunner().invoke(cli, ["check", "--config", str(file), "--out", str(tmp_path / "runs")])
-        return result.exit_code, result.output
-
-    code, output = check()
-    assert code == 2
-    assert f"{file}:4: links.signing_key: {key}: " in output
-    key.write_text("passphrase: correct horse\n")
-    key.chmod(0o644)
-    code, output = check()
-    assert code == 2
-    assert f"{file}:4: links.signing_key: {key}" in output
-    key.chmod(0o600)
-    assert check()[0] == 0
+def written(tmp_path: Path, links: str, vehicles: str) -> Path:
+    file = tmp_path / "swarm.yaml"
+    file.write_text(f"{SMALL_AREA}{vehicles}links: {{{links}}}\n")
+    return file
 
 
 def test_the_path_of_the_signing_key_is_relative_to_the_folder_of_the_command(

@@ -56,6 +56,9 @@ def test_a_lost_link_shorter_than_three_heartbeats_is_refused(
 ) -> None:
     simulated = f"simulate: {{count: 1, goal: [0, 9], speedup: {speedup}}}\n"
     policy = "preflight: {policy: {lost_link: return, lost_link_after_s: 10}}\n"
-    (found,) = problems(GOOD.partition("vehicles:")[0] + simulated + policy, tmp_path)
+    configuration = GOOD.partition("vehicles:")[0] + simulated + policy
+    (found,) = problems(configuration, tmp_path)
     assert found.startswith(":9: preflight.policy.lost_link_after_s: ")
     assert (str(least_s) in found) is is_possible
+    longer = configuration.replace("lost_link_after_s: 10", f"lost_link_after_s: {least_s}")
+    assert (problems(longer, tmp_path) == []) is is_possible

@@ -22,11 +22,6 @@ def test_every_shipped_configuration_is_an_example() -> None:
     assert [example(path.stem).read_text() for path in CONFIGS] == [path.read_text() for path in CONFIGS]
 
 
-def test_an_unknown_example_is_refused_with_the_known_names() -> None:
-    with pytest.raises(ValueError, match=r"swram.*apart, .*swarm"):
-        example("swram")
-
-
 def test_the_wheel_has_every_example() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())
     included = project["tool"]["hatch"]["build"]["targets"]["wheel"]["force-include"]

@@ -24,12 +24,13 @@ MESH = "communication: {mesh: {1: tcp/10.0.0.1:7447, uav2: tcp/10.0.0.2:7447}}\n
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "configs").glob("*.yaml")), ids=lambda path: path.stem)
-def test_the_roster_of_a_shipped_configuration_equals_the_part_of_the_whole(
+def test_a_shipped_configuration_has_no_problems_and_its_roster_is_a_part_of_it(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     whole = build(load(path, check_config))
     monkeypatch.setattr(model, "load", lambda *_: pytest.fail("the whole was checked"))
     found = load_roster(path)
+    assert model.Config.model_validate_json(whole.config.model_dump_json()) == whole.config
     assert found.name == whole.config.name
     assert found.communication == whole.config.communication
     assert found.names == {spec.sysid: spec.name for spec in whole.swarm}

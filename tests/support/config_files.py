@@ -22,6 +22,17 @@ vehicles:
 """
 
 
+SMALL_AREA = """\
+area: {origin_lat_deg: 46.0, origin_lon_deg: 14.4, rows: 8, cols: 8, cell_size_m: 50}
+threats: {count: 5}
+"""
+SIMULATED = "simulate: {count: 3}\n"
+ALPHA = (
+    'vehicles: [{name: alpha, url: "udpin://127.0.0.1:14999", sysid: 2, goal: [3, 7], '
+    "start: {lat_deg: 46.00157, lon_deg: 14.3994}}]\n"
+)
+
+
 def problems(text: str, tmp_path: Path) -> list[str]:
     file = tmp_path / "swarm.yaml"
     file.write_text(text)
@@ -31,6 +42,12 @@ def problems(text: str, tmp_path: Path) -> list[str]:
         return [line.removeprefix(str(file)) for line in error.lines]
     scenario.build(loaded)
     return []
+
+
+def section_problems(section: str, content: str, vehicles: str, tmp_path: Path) -> list[str]:
+    """Return the problems of a section on line 4, without the names of the file and of the section."""
+    found = problems(f"{SMALL_AREA}{vehicles}{section}: {{{content}}}\n", tmp_path)
+    return [line.removeprefix(f":4: {section}").removeprefix(".") for line in found]
 
 
 def assert_problems(found: Sequence[str], expected: Sequence[Sequence[str]]) -> None:
