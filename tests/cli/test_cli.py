@@ -42,12 +42,6 @@ def test_help_names_every_command_and_the_first_step() -> None:
         assert word in result.output
 
 
-def test_a_valid_configuration_passes_the_check(tmp_path: Path) -> None:
-    result = swarmctl("check", "--config", SHIPPED, "--out", tmp_path)
-    assert result.exit_code == 0
-    assert re.search(r"\b5 .*\b20 × 20 .*\b50 m, 24 ", result.output)
-
-
 def test_an_invalid_configuration_is_refused_with_every_line(tmp_path: Path) -> None:
     file = tmp_path / "bad.yaml"
     file.write_text(SHIPPED.read_text().replace("rows: 20", "rows: 0").replace("w: 0.5", "w: 2"))
@@ -199,12 +193,6 @@ def test_real_vehicles_need_their_names_typed(
     assert result.exit_code == 2
     assert error in result.stderr
     assert not (tmp_path / "runs").exists()
-
-
-def test_real_is_refused_where_everything_is_simulated(tmp_path: Path) -> None:
-    result = swarmctl("fly", "--config", SHIPPED, "--real", "--out", tmp_path / "runs")
-    assert result.exit_code == 2
-    assert "--real" in result.stderr
 
 
 def test_vehicles_with_a_url_do_not_fly_on_the_virtual_clock(real: Path, tmp_path: Path) -> None:

@@ -190,20 +190,6 @@ def test_a_report_reaches_an_agent_through_the_router(protocol: str, no_flight: 
     assert taken == [(((4, 7, True),), "operator")]
 
 
-def test_a_report_without_a_running_swarm_is_an_error(no_flight: Path) -> None:
-    result = ran("--uav", "3", "--cell", "4,7", "--clear")
-    assert result.exit_code == 1
-    assert "[no-swarm]" in result.stderr
-
-
-def test_a_report_to_a_flight_that_has_ended_is_an_error(no_flight: Path) -> None:
-    with flying():
-        pass
-    result = ran("--swarm", "test", "--uav", "3", "--cell", "4,7", "--clear")
-    assert result.exit_code == 1
-    assert "[flight-ended]" in result.stderr
-
-
 @pytest.mark.parametrize(
     ("words", "reason"),
     [

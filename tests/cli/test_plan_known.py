@@ -35,16 +35,6 @@ def test_earlier_observations_change_the_front(flown: Path, tmp_path: Path) -> N
     assert summary["hostiles"]["found"] > 0
 
 
-@pytest.mark.parametrize("words", [(), ("--front",)])
-def test_a_run_over_another_area_is_refused(words: tuple[str, ...], flown: Path, tmp_path: Path) -> None:
-    config = tmp_path / "small.yaml"
-    config.write_text(SMALL.replace("rows: 8", "rows: 3"))
-    done = swarmctl("plan", "--config", config, "--out", tmp_path / "runs", "--known", flown, *words)
-    assert done.exit_code == 2
-    assert "[other-area]" in done.output
-    assert not (tmp_path / "runs").exists()
-
-
 def test_an_invalid_run_is_an_error_with_its_path(flown: Path, tmp_path: Path) -> None:
     config = flown.parent.parent / "small.yaml"
     done = swarmctl("plan", "--config", config, "--out", tmp_path / "runs", "--known", tmp_path)

@@ -17,7 +17,7 @@ from swarmctl.mavlink.procedures.fence import fence_items
 from swarmctl.mavlink.telemetry.instruments import Instruments
 from swarmctl.preflight.checks import CHECKS
 from swarmctl.preflight.facts import Finding, PreflightFacts
-from swarmctl.preflight.policy import DeclaredBehaviour, NoParameterTable, RequiredParameter, parameters_for
+from swarmctl.preflight.policy import DeclaredBehaviour, RequiredParameter, parameters_for
 
 
 def landing(at_goal: tuple[float, float], at_home: tuple[float, float] | None = None) -> FlightPlan:
@@ -249,17 +249,6 @@ def test_the_checks_say_which_parameters_fly_sets() -> None:
         assert BY_PROGRAM not in found.cure
 
 
-def test_an_unsupported_firmware_is_reported_with_the_supported_versions() -> None:
-    behaviour = DeclaredBehaviour(Policy(), gcs_sysid=255, altitude_m=40.0, ceiling_m=90.0)
-    with pytest.raises(NoParameterTable) as error:
-        parameters_for(Firmware("PX4", (1, 17)), behaviour)
-    found = finding("parameters", but(no_table_because=str(error.value)))
-    assert not found.ok
-    assert found.found == str(error.value)
-    for text in ("PX4 1.17", "ArduCopter 4.5 to 4.7", "PX4 1.14 to 1.16"):
-        assert text in found.found
-
-
 def test_a_parameter_that_a_firmware_has_and_does_not_report_fails() -> None:
     """A PX4 sends no answer for a name that it lacks; a lost answer looks the same."""
     behaviour = DeclaredBehaviour(Policy(lost_link="return"), gcs_sysid=255, altitude_m=40.0, ceiling_m=90.0)
@@ -273,7 +262,3 @@ def test_a_parameter_that_a_firmware_has_and_does_not_report_fails() -> None:
     for value, ok in ((0.0, True), (6.0, True), (1.0, False)):
         complete = replace(of_the_link, parameters=reported | {"COM_DLL_EXCEPT": value})
         assert finding("parameters", complete).ok is ok
-
-
-def test_parameters_as_declared_pass() -> None:
-    assert finding("parameters", but(required_parameters=REQUIRED, parameters=RIGHT)).ok

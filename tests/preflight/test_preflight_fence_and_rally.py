@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import struct
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -83,15 +84,12 @@ def test_a_fence_with_correct_parameters_is_enforced_before_arming(
     assert "altitude_max" in vehicle.fence_watch.find(*vehicle.body.lat_lon_deg, FAR_ABOVE_M)
 
 
-def drop_acknowledgements(command: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Drop all acknowledgements of `command` from now on."""
-
-    def is_ack(frame: bytes) -> bool:
-        return frame[7:10] == b"\x4d\0\0" and int.from_bytes(frame[10:12], "little") == command
+def drop_answers(monkeypatch: pytest.MonkeyPatch, is_dropped: Callable[[bytes], bool]) -> None:
+    """Drop these frames (MAVLink 2) of all vehicles."""
 
     class LossyFleet(virtual_simulator.Fleet):  # type: ignore[misc, name-defined]
         def receive(self, *args: object, **kwargs: object) -> list[tuple[int, bytes]]:
-            return [(i, frame) for i, frame in super().receive(*args, **kwargs) if not is_ack(frame)]
+            return [(i, frame) for i, frame in super().receive(*args, **kwargs) if not is_dropped(frame)]
 
     monkeypatch.setattr(virtual_simulator, "Fleet", LossyFleet)
 
@@ -99,7 +97,8 @@ def drop_acknowledgements(command: int, monkeypatch: pytest.MonkeyPatch) -> None
 def test_a_fence_that_may_not_be_enforced_keeps_the_vehicle_on_the_ground(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    drop_acknowledgements(int(mavlink.MAV_CMD_DO_FENCE_ENABLE), monkeypatch)
+    command = struct.pack("<H", mavlink.MAV_CMD_DO_FENCE_ENABLE)
+    drop_answers(monkeypatch, lambda frame: frame[7:10] == b"\x4d\0\0" and frame[10:12] == command)
     report = fly(small(simulate={"count": 1, "ready_s": 1.0}), tmp_path)
     assert report.ended == "failed"
     ((which, found),) = failing(report).items()
@@ -148,13 +147,7 @@ def test_a_vehicle_that_does_not_report_its_rally_points_fails(
     autopilot: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The other facts are still collected."""
-
-    class LossyFleet(virtual_simulator.Fleet):  # type: ignore[misc, name-defined]
-        def receive(self, *args: object, **kwargs: object) -> list[tuple[int, bytes]]:
-            frames = super().receive(*args, **kwargs)
-            return [(i, f) for i, f in frames if f[7:10] != b"\x2c\0\0" or f[14:15] != b"\x02"]
-
-    monkeypatch.setattr(virtual_simulator, "Fleet", LossyFleet)
+    drop_answers(monkeypatch, lambda frame: frame[7:10] == b"\x2c\0\0" and frame[14:15] == b"\x02")
     swarm = {"count": 1, "ready_s": 1.0, "autopilot": autopilot}
     ui = Ui()
     report = fly(small(simulate=swarm), tmp_path, options=NEVER, ui=ui)

@@ -46,13 +46,6 @@ def test_a_copter_with_an_agent_of_its_own_returns_at_its_own_height_too() -> No
     assert not its.accepts(2600.0)
 
 
-@pytest.mark.parametrize(("firmware", "name", "per_m"), COPTERS, ids=["ArduCopter", "of 4.7", "PX4"])
-def test_a_copter_that_flies_alone_may_return_at_60_m(firmware: Firmware, name: str, per_m: float) -> None:
-    (its,) = wanted(small(simulate={"count": 1}), firmware, name)
-    assert its.accepts(60.0 * per_m)
-    assert not its.accepts(61.0 * per_m)
-
-
 def test_a_plane_of_a_swarm_returns_at_its_present_height_or_at_its_own() -> None:
     """ArduPlane climbs or descends to RTL_ALTITUDE."""
     scenario = small(
