@@ -97,12 +97,6 @@ def other_run(run: Path) -> None:
 
 CHANGES: dict[str, tuple[Callable[[Path], object], str, str]] = {
     "a changed line": (changed(FILE_NAME, b'"param2":4', b'"param2":5'), "chain-broken", f"{FILE_NAME}:2: "),
-    "a removed line": (lines(lambda all_: all_[:2] + all_[3:]), "chain-broken", f"{FILE_NAME}:3: "),
-    "an inserted line": (lines(lambda all_: all_[:3] + all_[1:]), "chain-broken", f"{FILE_NAME}:4: "),
-    "swapped lines": (
-        lines(lambda all_: [all_[0], all_[2], all_[1], *all_[3:]]), "chain-broken", f"{FILE_NAME}:2: ",
-    ),
-    "a line after the end": (lines(lambda all_: [*all_, all_[1]]), "chain-broken", f"{FILE_NAME}:7: "),
     "a cut within a line": (lines(lambda all_: [*all_[:4], all_[4][:9]]), "chain-broken", f"{FILE_NAME}:5: "),
     "cut lines": (lines(lambda all_: all_[:-1]), "not-closed", f"{FILE_NAME}:5: "),
     "no lines": (lines(lambda _: []), "not-closed", f"{FILE_NAME}: "),
@@ -147,7 +141,7 @@ def test_evidence_of_format_1_is_readable() -> None:
     result = audit(Path(__file__).parent / "evidence_format_1.jsonl", "--all")
     assert result.exit_code == 0
     assert " operator " in result.output
-    assert "acknowledgement" in result.output
+    assert " acknowledgement " in result.output
 
 
 def test_a_crashed_process_leaves_a_chain_that_is_not_closed(tmp_path: Path) -> None:

@@ -85,43 +85,52 @@ def test_a_second_run_marks_the_folders_to_copy_again(folder: Path) -> None:
     assert [one.name for one in make_keys(folder, NAMES, 30, NOW) if one.is_changed] == ["uav1"]
 
 
-def nothing(_folder: Path) -> None:
-    pass
+Change = Callable[[Path], object]
 
 
-def copied_to_a_companion(folder: Path) -> None:
-    for name in ("ca", "uav1", "operator", "router"):
-        shutil.rmtree(folder / name)
+def without(*names: str) -> Change:
+    """Return a change of a folder of keys that removes participants."""
+    return lambda folder: [shutil.rmtree(folder / name) for name in names]
 
 
-def without_any_folder(folder: Path) -> None:
-    shutil.rmtree(folder)
+def copied(source: str, target: str) -> Change:
+    """Return a change that replaces a file, or a participant's whole folder, with another one."""
+
+    def change(folder: Path) -> None:
+        if (folder / source).is_dir():
+            shutil.rmtree(folder / target)
+            shutil.copytree(folder / source, folder / target)
+        else:
+            shutil.copy(folder / source, folder / target)
+
+    return change
 
 
-def without_one_folder(folder: Path) -> None:
-    shutil.rmtree(folder / "uav3")
+def of_another_swarm(*names: str) -> Change:
+    """Return a change that replaces the folder of uav3, or these files, with those of another swarm."""
+
+    def change(folder: Path) -> None:
+        make_keys(folder.parent / "others", ["uav3"], 30, NOW)
+        for name in names:
+            copied(f"../others/uav3/{name}", f"uav3/{name}")(folder)
+
+    return change
 
 
-def with_a_folder_of_another_swarm(folder: Path) -> None:
-    make_keys(folder.parent / "others", ["uav3"], 30, NOW)
-    shutil.rmtree(folder / "uav3")
-    shutil.copytree(folder.parent / "others" / "uav3", folder / "uav3")
-
-
-FOLDER_CASES: list[tuple[Callable[[Path], None], int, list[str]]] = [
+FOLDER_CASES: list[tuple[Change, int, list[str]]] = [
     # change to the folder, days later, lines reported
-    (nothing, 0, []),
-    (copied_to_a_companion, 0, []),
-    (without_any_folder, 0, ["keys/uav1: "]),
-    (without_one_folder, 0, ["keys/uav3: "]),
-    (with_a_folder_of_another_swarm, 0, ["keys/uav1/ca.pem"]),
-    (nothing, 31, [f"keys/{name}/cert.pem was valid until 2030-05-31 12:00 UTC" for name in NAMES]),
+    (without(), 0, []),
+    (without("ca", "uav1", "operator", "router"), 0, []),  # copied to a companion
+    (shutil.rmtree, 0, ["keys/uav1: "]),
+    (without("uav3"), 0, ["keys/uav3: "]),
+    (of_another_swarm(""), 0, ["keys/uav1/ca.pem"]),
+    (without(), 31, [f"keys/{name}/cert.pem was valid until 2030-05-31 12:00 UTC" for name in NAMES]),
 ]
 
 
 @pytest.mark.parametrize(("change", "days", "lines"), FOLDER_CASES)
 def test_unusable_keys_are_found_before_they_are_needed(
-    folder: Path, change: Callable[[Path], None], days: int, lines: list[str]
+    folder: Path, change: Change, days: int, lines: list[str]
 ) -> None:
     change(folder)
     found = list(find_problems(folder, NAMES, NOW + dt.timedelta(days=days)))
@@ -138,81 +147,40 @@ def test_a_certificate_names_its_owner_and_all_its_hosts(folder: Path) -> None:
     assert by_name["uav3"].until == NOW + dt.timedelta(days=30)
 
 
-def without_a_file(folder: Path) -> None:
-    (folder / "uav3" / "signers.json").unlink()
+def written(file: str, content: str) -> Change:
+    return lambda folder: (folder / file).write_text(content)
 
 
-def readable_by_others(folder: Path) -> None:
-    (folder / "uav3" / "key.pem").chmod(0o640)
+ANOTHERS_KEY = (copied("uav1/key.pem", "uav3/key.pem"), r"uav3/key.pem .*uav3/cert.pem")
+ANOTHERS_FOLDER = (copied("uav1", "uav3"), r"uav3/cert.pem .* uav3;")
+CUT_OFF = (written("uav3/cert.pem", "-----BEGIN CERTIFICATE-----"), r"uav3/cert.pem .*PEM")
+FOREIGN = of_another_swarm("cert.pem", "key.pem")
+BROKEN: dict[str, tuple[Change, str]] = {
+    "no table": (
+        lambda folder: (folder / "uav3" / "signers.json").unlink(),
+        r"uav3/signers.json: No such file.*`swarmctl keys`",
+    ),
+    "a readable key": (
+        lambda folder: (folder / "uav3" / "key.pem").chmod(0o640), r"uav3/key.pem .*0640.*chmod 600",
+    ),
+    "a readable signing key": (
+        lambda folder: (folder / "uav3" / "sign.pem").chmod(0o604), r"uav3/sign.pem .*0604.*chmod 600",
+    ),
+    "another's key": ANOTHERS_KEY,
+    "another's signing key": (copied("uav1/sign.pem", "uav3/sign.pem"), r"signers.json .*uav3/sign.pem"),
+    "another's folder": ANOTHERS_FOLDER,
+    "another swarm's certificate": (FOREIGN, r"uav3/cert.pem .*uav3/ca.pem"),
+    "a cut certificate": CUT_OFF,
+    "no key": (written("uav3/key.pem", "nonsense"), r"uav3/key.pem .*PEM"),
+    "a wrong table": (written("uav3/signers.json", '{"uav3": "AAAA"}'), r"uav3/signers.json "),
+    "no folder": (without("uav3"), r"uav3: .*`swarmctl keys --out "),
+}  # fmt: skip
 
 
-def signing_key_readable_by_others(folder: Path) -> None:
-    (folder / "uav3" / "sign.pem").chmod(0o604)
-
-
-def with_anothers_key(folder: Path) -> None:
-    shutil.copy(folder / "uav1" / "key.pem", folder / "uav3" / "key.pem")
-
-
-def with_anothers_signing_key(folder: Path) -> None:
-    shutil.copy(folder / "uav1" / "sign.pem", folder / "uav3" / "sign.pem")
-
-
-def with_another_name(folder: Path) -> None:
-    shutil.rmtree(folder / "uav3")
-    shutil.copytree(folder / "uav1", folder / "uav3")
-
-
-def of_another_swarm(folder: Path) -> None:
-    make_keys(folder.parent / "others", ["uav3"], 30, NOW)
-    for name in ("cert.pem", "key.pem"):
-        shutil.copy(folder.parent / "others" / "uav3" / name, folder / "uav3" / name)
-
-
-def cut_off(folder: Path) -> None:
-    path = folder / "uav3" / "cert.pem"
-    path.write_bytes(path.read_bytes()[:200])
-
-
-def no_key(folder: Path) -> None:
-    (folder / "uav3" / "key.pem").write_text("nonsense")
-
-
-def no_table(folder: Path) -> None:
-    (folder / "uav3" / "signers.json").write_text(json.dumps({"uav3": "AAAA"}))
-
-
-def without_a_folder(folder: Path) -> None:
-    shutil.rmtree(folder / "uav3")
-
-
-def with_an_authority_of_two(folder: Path) -> None:
-    shutil.copy(folder / "uav1" / "key.pem", folder / "ca" / "key.pem")
-
-
-def without_the_authoritys_key(folder: Path) -> None:
-    (folder / "ca" / "key.pem").unlink()
-
-
-BROKEN: dict[Callable[[Path], None], str] = {
-    without_a_file: r"uav3/signers.json: No such file.*`swarmctl keys`",
-    readable_by_others: r"uav3/key.pem .*0640.*chmod 600",
-    signing_key_readable_by_others: r"uav3/sign.pem .*0604.*chmod 600",
-    with_anothers_key: r"uav3/key.pem .*uav3/cert.pem",
-    with_anothers_signing_key: r"signers.json .*uav3/sign.pem",
-    with_another_name: r"uav3/cert.pem .* uav3;",
-    of_another_swarm: r"uav3/cert.pem .*uav3/ca.pem",
-    cut_off: r"uav3/cert.pem .*PEM",
-    no_key: r"uav3/key.pem .*PEM",
-    no_table: r"uav3/signers.json ",
-    without_a_folder: r"uav3: .*`swarmctl keys --out ",
-}
-
-
-@pytest.mark.parametrize("broken", BROKEN)
-def test_a_broken_folder_is_refused_with_its_file(broken: Callable[[Path], None], folder: Path) -> None:
-    broken(folder)
-    with pytest.raises(KeyringError, match=BROKEN[broken]):
+@pytest.mark.parametrize(("change", "found"), BROKEN.values(), ids=BROKEN)
+def test_a_broken_folder_is_refused_with_its_file(change: Change, found: str, folder: Path) -> None:
+    change(folder)
+    with pytest.raises(KeyringError, match=found):
         load_keyring(folder, "uav3", NOW)
 
 
@@ -227,20 +195,20 @@ def test_a_certificate_outside_its_validity_is_refused_with_the_date(
         load_keyring(folder, "uav3", NOW + dt.timedelta(days=days))
 
 
-MAKING_ON_TOP: dict[Callable[[Path], None], str] = {
-    with_another_name: r"uav3/cert.pem .* uav3;",
-    of_another_swarm: r"uav3/cert.pem .*/ca\b",
-    with_anothers_key: r"uav3/key.pem .*uav3/cert.pem",
-    cut_off: r"uav3/cert.pem .*PEM",
-    with_an_authority_of_two: r"ca/key.pem .*ca/ca.pem",
-    without_the_authoritys_key: r"ca/key.pem: No such file",
-}
-
-
-@pytest.mark.parametrize("broken", MAKING_ON_TOP)
-def test_broken_and_foreign_folders_are_not_extended(broken: Callable[[Path], None], folder: Path) -> None:
-    broken(folder)
-    with pytest.raises(KeyringError, match=MAKING_ON_TOP[broken]):
+@pytest.mark.parametrize(
+    ("change", "found"),
+    [
+        ANOTHERS_FOLDER,
+        (FOREIGN, r"uav3/cert.pem .*/ca\b"),
+        ANOTHERS_KEY,
+        CUT_OFF,
+        (copied("uav1/key.pem", "ca/key.pem"), r"ca/key.pem .*ca/ca.pem"),
+        (lambda folder: (folder / "ca" / "key.pem").unlink(), r"ca/key.pem: No such file"),
+    ],
+)
+def test_broken_and_foreign_folders_are_not_extended(change: Change, found: str, folder: Path) -> None:
+    change(folder)
+    with pytest.raises(KeyringError, match=found):
         make_keys(folder, NAMES, 30, NOW)
 
 

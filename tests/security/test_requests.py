@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import pytest
 from cryptography.exceptions import InvalidSignature
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
@@ -23,16 +25,19 @@ OPERATOR = Ed25519PrivateKey.from_private_bytes(b"o" * 32)
 UAV = Ed25519PrivateKey.from_private_bytes(b"u" * 32)
 
 
-def is_signed_by_operator(signature: bytes, data: bytes) -> bool:
-    try:
-        OPERATOR.public_key().verify(signature, data)
-    except InvalidSignature:
-        return False
-    return True
+def verify_with(key: Ed25519PrivateKey) -> Callable[[bytes, bytes], bool]:
+    def is_signed(signature: bytes, data: bytes) -> bool:
+        try:
+            key.public_key().verify(signature, data)
+        except InvalidSignature:
+            return False
+        return True
+
+    return is_signed
 
 
 def verifier(began_unix_s: float = NOW - 100.0) -> RequestVerifier:
-    return RequestVerifier("test", is_signed_by_operator, began_unix_s, 5.0)
+    return RequestVerifier("test", verify_with(OPERATOR), began_unix_s, 5.0)
 
 
 def signed(
@@ -87,18 +92,10 @@ def test_a_command_from_before_the_agents_start_is_refused(down_s: float) -> Non
         verifier(began_unix_s=NOW + down_s).verify(KEY, signed(NOW), NOW + 10.0)
 
 
-def is_uavs(signature: bytes, data: bytes) -> bool:
-    try:
-        UAV.public_key().verify(signature, data)
-    except InvalidSignature:
-        return False
-    return True
-
-
 def test_an_answer_is_valid_for_its_vehicle_and_its_command_only() -> None:
     question = signed()
     answer = sign_answer("test", KEY, question, b"taken", UAV.sign)
-    assert verify_answer("test", KEY, question, answer, is_uavs) == b"taken"
+    assert verify_answer("test", KEY, question, answer, verify_with(UAV)) == b"taken"
     other_key = KEY.replace("/3/", "/4/")
     for data, swarm, key, asked in (
         (sign_answer("test", KEY, question, b"taken", OPERATOR.sign), "test", KEY, question),
@@ -110,7 +107,7 @@ def test_an_answer_is_valid_for_its_vehicle_and_its_command_only() -> None:
         (b"", "test", KEY, question),
     ):
         with pytest.raises(BadMessage):
-            verify_answer(swarm, key, asked, data, is_uavs)
+            verify_answer(swarm, key, asked, data, verify_with(UAV))
 
 
 @given(st.binary(max_size=300))

@@ -49,11 +49,6 @@ def test_a_flight_is_found_by_its_name_until_its_end(no_flight: Path) -> None:
     assert directory.running_swarms() == []
 
 
-def test_the_only_flight_need_not_be_named(no_flight: Path) -> None:
-    with directory.registered("one", HERE, "token"):
-        assert client.find(None, None, None) == client.FlightEndpoints("one", HERE)
-
-
 def test_several_flights_need_a_name(no_flight: Path) -> None:
     with directory.registered("one", HERE, "token"), directory.registered("two", THERE, "token"):
         with pytest.raises(client.BadOptions, match=r"one .*tcp/127.0.0.1:4001 .*two .*\[which-swarm\]"):
@@ -271,12 +266,6 @@ def test_options_that_name_no_swarm_are_refused(
         client.find(swarm, config, connect)
 
 
-def test_the_configuration_refuses_an_invalid_endpoint() -> None:
-    with pytest.raises(ValueError, match="tcp/HOST:PORT"):
-        listening(listen="127.0.0.1:7447")
-    assert json.loads(listening().model_dump_json())["communication"]["listen"] == "tcp/127.0.0.1:0"
-
-
 def test_a_flight_that_has_ended_is_reported_as_ended(no_flight: Path) -> None:
     with directory.registered("one", HERE, "token"):
         assert directory.ended_unix_s("one") is None
@@ -316,7 +305,6 @@ def test_a_flights_age_is_in_its_largest_unit(age_s: float, text: str) -> None:
     ("words", "reason"),
     [
         ("--w 0.5", "[which-vehicles]"),
-        ("--all --uav 1 --w 0.5", "[which-vehicles]"),
         ("--all", "[nothing-to-change]"),
         ("--all --w 1.5", "w = 1.5: "),
         ("--all --w nan", "w = nan: "),
@@ -326,20 +314,12 @@ def test_a_flights_age_is_in_its_largest_unit(age_s: float, text: str) -> None:
         ("--all --firing-strength a,b,c", "--firing-strength 'a,b,c': "),
         ("--all --firing-strength 0.1,0.3,0.7", "decrease strictly"),
         ("--all --firing-strength 0.7,0.3,0.1 --direct 0.7", "[strengths-twice]"),
-        ("--all --w 0.5 --connect tcp/127.0.0.1:7447", "[which-swarm]"),
-        ("--all --w 0.5 --config nowhere.yaml", "nowhere.yaml: "),
     ],
 )
 def test_an_unclear_command_is_a_usage_error(words: str, reason: str, no_flight: Path) -> None:
     result = CliRunner().invoke(cli, ["set", *words.split()])
     assert result.exit_code == 2
     assert reason in result.stderr
-
-
-def test_a_command_without_a_running_swarm_is_an_error(no_flight: Path) -> None:
-    result = CliRunner().invoke(cli, ["set", "--uav", "3", "--w", "0.2"])
-    assert result.exit_code == 1
-    assert "[no-swarm]" in result.stderr
 
 
 def test_a_command_is_given_and_answered(no_flight: Path) -> None:
@@ -351,17 +331,3 @@ def test_a_command_is_given_and_answered(no_flight: Path) -> None:
         assert line.startswith(f"{name}: w = 0.2 ")
         assert all(value in line for value in ("0.7, 0.3, 0.1", "plan 5"))
     assert station.posted[0] == (1, ev.WeightsChanged(1, 0.2, FiringStrength(0.7, 0.3, 0.1)))
-
-
-def test_a_command_for_an_unknown_vehicle_is_refused_with_the_vehicles_there(no_flight: Path) -> None:
-    with station_in_a_thread():
-        result = CliRunner().invoke(cli, ["set", "--uav", "1", "--uav", "9", "--w", "0.2"])
-    assert result.exit_code == 1
-    assert "1 (uav1), 2 (uav2)" in result.stderr
-
-
-def test_a_command_names_vehicles_by_name_or_system_id(no_flight: Path) -> None:
-    with station_in_a_thread() as station:
-        result = CliRunner().invoke(cli, ["set", "--uav", "uav2", "--uav", "1", "--w", "0.2"])
-    assert result.exit_code == 0
-    assert [uav for uav, _ in station.posted] == [1, 2]
