@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 from collections.abc import Iterator
@@ -34,13 +35,15 @@ def browser() -> Iterator[Any]:
 
 @pytest.fixture
 def start_dashboard() -> Iterator[StartDashboard]:
-    """Return a function that starts a command with a dashboard, and returns the process."""
+    """Return a function that starts a command of the program, and returns the process."""
     with ExitStack() as processes:
 
         def start(*words: str | Path, cwd: Path | None = None) -> subprocess.Popen[str]:
             process = subprocess.Popen(
                 [*SWARMCTL, *map(str, words)],
                 cwd=cwd,
+                # Without a desktop the program opens no browser itself.
+                env=dict(os.environ, DISPLAY="", WAYLAND_DISPLAY=""),
                 stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT,
                 text=True,

@@ -5,15 +5,14 @@ from __future__ import annotations
 import re
 import socket
 import subprocess
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pytest
 from dashboard_process import StartDashboard, address_of
-from swarmctl_process import SWARMCTL, read_until
+from swarmctl_process import read_until
 from swarmctl_process import run as run_swarmctl
 
 pytestmark = [
@@ -51,27 +50,17 @@ class Swarm:
 
 
 @pytest.fixture
-def swarm(folder: Path) -> Iterator[Swarm]:
+def swarm(folder: Path, start_dashboard: StartDashboard) -> Swarm:
     """Start a router, an agent for each vehicle, and the dashboard."""
-    with ExitStack() as processes:
 
-        def start(*words: str) -> subprocess.Popen[str]:
-            process = subprocess.Popen(
-                [*SWARMCTL, *words, "--config", "apart.yaml"],
-                cwd=folder,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.STDOUT,
-                text=True,
-            )
-            processes.enter_context(process)
-            processes.callback(process.kill)
-            return process
+    def start(*words: str) -> subprocess.Popen[str]:
+        return start_dashboard(*words, "--config", "apart.yaml", cwd=folder)
 
-        router = start("router")
-        read_until(router, "listening at")
-        for name in NAMES:
-            read_until(start("agent", "--uav", name), "[ready]")
-        yield Swarm(start, router, start("dashboard"))
+    router = start("router")
+    read_until(router, "listening at")
+    for name in NAMES:
+        read_until(start("agent", "--uav", name), "[ready]")
+    return Swarm(start, router, start("dashboard"))
 
 
 def launched(page: Any, swarm: Swarm) -> list[Any]:

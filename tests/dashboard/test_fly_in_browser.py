@@ -5,13 +5,12 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-from dashboard_process import address_of
-from swarmctl_process import SWARMCTL, read_until
+from dashboard_process import StartDashboard, address_of
+from swarmctl_process import read_until
 
 pytestmark = pytest.mark.interop
 OVER = "the flight is over"
@@ -29,7 +28,9 @@ flight: {altitude_m: 15, altitude_step_m: 5}
 
 
 @pytest.fixture
-def flight(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[subprocess.Popen[str]]:
+def flight(
+    tmp_path: Path, request: pytest.FixtureRequest, start_dashboard: StartDashboard
+) -> subprocess.Popen[str]:
     """Start a flight; its parameter is the side of a cell [m].
 
     Orders find all swarms of a machine by name, so flights of other processes have other names.
@@ -37,16 +38,7 @@ def flight(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[subproces
     content = SWARM.replace("CELL", str(getattr(request, "param", 50)))
     content = content.replace("NAME", f"watched-{os.getpid()}")
     (tmp_path / "swarm.yaml").write_text(content)
-    # Without a desktop the program opens no browser itself.
-    environment = dict(os.environ, DISPLAY="", WAYLAND_DISPLAY="")
-    command = [*SWARMCTL, "fly", "--config", "swarm.yaml", "--dashboard"]
-    with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=tmp_path, env=environment
-    ) as process:
-        try:
-            yield process
-        finally:
-            process.kill()
+    return start_dashboard("fly", "--config", "swarm.yaml", "--dashboard", cwd=tmp_path)
 
 
 def test_a_flight_is_watched_to_its_end(flight: subprocess.Popen[str], browser: Any) -> None:

@@ -67,17 +67,12 @@ def marks(axes: Axes) -> list[tuple[float, float, str]]:
     ]
 
 
-def test_every_route_is_a_point_and_routes_of_no_w_are_hollow() -> None:
+def test_every_route_is_a_point_and_a_line_joins_those_of_the_hull() -> None:
     shown = panel(9)
     (chart,) = charts(drawn(shown))
     found = marks(chart)
     assert [(x, y) for x, y, _ in found] == [(p.length_m, p.exposure_sum) for p in shown.points]
     assert [face != "white" for _, _, face in found] == [p.supported for p in shown.points]
-
-
-def test_the_line_joins_the_routes_of_the_hull_only() -> None:
-    shown = panel(9)
-    (chart,) = charts(drawn(shown))
     (hull,) = [line for line in chart.lines if line.get_marker() == "None" and line.get_linestyle() == "-"]
     assert list(hull.get_xdata()) == [p.length_m for p in shown.points if p.supported]
 
@@ -95,12 +90,17 @@ def test_chart_and_map_show_a_route_in_one_colour() -> None:
     assert len({to_rgb(colour) for colour in colours(6)}) == 6
 
 
-def test_the_configured_route_has_a_ring_and_a_label() -> None:
+def test_the_configured_route_the_bound_and_the_time_are_marked() -> None:
     shown = panel()
     (chart,) = charts(drawn(shown))
     (ring,) = [line for line in chart.lines if line.get_marker() == "o" and line.get_markersize() > 8.0]
     assert (ring.get_xdata()[0], ring.get_ydata()[0]) == shown.chosen
-    assert "constrained" in {text.get_text() for text in chart.texts}
+    (bound,) = [line for line in chart.lines if line.get_linestyle() == "--"]
+    low, high = chart.get_xlim()
+    assert low < bound.get_xdata()[0] == 1100.0 < high
+    assert {"constrained", "within 132 s"} <= {text.get_text() for text in chart.texts}
+    (seconds,) = chart.child_axes
+    assert seconds.get_xlim() == pytest.approx([22.0 + edge / 10.0 for edge in (low, high)])
 
 
 OFF = [GRID.centre((3, col)) for col in (0, 9, 19)]
@@ -128,25 +128,10 @@ def test_a_front_of_one_route_is_labelled_and_shows_its_exposure(exposure: float
     assert -low < 0.2 * high
 
 
-def test_a_bound_is_a_line_that_lies_in_the_chart() -> None:
-    (chart,) = charts(drawn(panel()))
-    (line,) = [line for line in chart.lines if line.get_linestyle() == "--"]
-    low, high = chart.get_xlim()
-    assert low < line.get_xdata()[0] == 1100.0 < high
-    assert "within 132 s" in {text.get_text() for text in chart.texts}
-
-
 def test_a_bound_far_beyond_the_front_does_not_squeeze_it() -> None:
     (chart,) = charts(drawn(panel(bounds=[FrontBound(90_000.0, "within 9000 s", is_latest=True)])))
     assert chart.get_xlim()[1] < 2_000.0
     assert "within 9000 s" not in {text.get_text() for text in chart.texts}
-
-
-def test_the_upper_axis_has_the_seconds_from_take_off() -> None:
-    (chart,) = charts(drawn(panel()))
-    (seconds,) = chart.child_axes
-    low, high = seconds.get_xlim()
-    assert (low, high) == pytest.approx([22.0 + edge / 10.0 for edge in chart.get_xlim()])
 
 
 def texts_of(figure: Figure) -> list[Text]:

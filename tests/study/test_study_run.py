@@ -181,24 +181,19 @@ def test_an_experiment_ends_at_the_first_block_that_is_precise_enough(
     assert study(load_experiment(path), tmp_path / "two", threads) == outcome
 
 
-def test_the_precision_is_told_before_each_further_block(tmp_path: Path, threads: Workers[Any, Any]) -> None:
+def test_the_precision_is_told_before_each_further_block_until_there_are_no_more_worlds(
+    tmp_path: Path, threads: Workers[Any, Any]
+) -> None:
     until = "until: {measure: strikes, half_width: 0.001, block: 8}"
     experiment = small_experiment(tmp_path, until, worlds=20)
     told: list[tuple[int, float]] = []
     with open_results(tmp_path / "out", experiment) as results:
-        run(experiment, results, threads, lambda *_: None, "", lambda n, widest: told.append((n, widest)))
+        outcome = run(
+            experiment, results, threads, lambda *_: None, "", lambda n, widest: told.append((n, widest))
+        )
     assert [n for n, _ in told] == [8, 16]
-    assert all(widest > 0.001 for _, widest in told)
-
-
-def test_until_ends_with_the_greatest_number_of_worlds(tmp_path: Path, threads: Workers[Any, Any]) -> None:
-    experiment = small_experiment(
-        tmp_path, "until: {measure: strikes, half_width: 0.001, block: 8}", worlds=20
-    )
-    outcome = study(experiment, tmp_path / "out", threads)
+    assert all(widest > 0.001 for _, widest in [*told, (outcome.n_worlds, outcome.widest)])
     assert (outcome.n_worlds, outcome.n_rows) == (20, 180)
-    assert outcome.widest is not None
-    assert outcome.widest > 0.001
 
 
 def test_a_bug_in_a_mission_names_level_and_seeds(

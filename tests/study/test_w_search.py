@@ -55,15 +55,6 @@ def test_a_fine_grid_finds_the_best_route_of_all_w() -> None:
         assert {round(route.exposure_sum, 9) for route in corners[1:]} <= seen
 
 
-@pytest.mark.parametrize("method", w_search.METHODS)
-def test_equal_generators_give_equal_searches(method: str) -> None:
-    crossing = problem(3, 0.2)
-    first, second = (
-        w_search.search(crossing, method, 12, 0.1, np.random.default_rng(5)).tried for _ in range(2)
-    )
-    assert first == second
-
-
 # The fitness over w of a method's proposals: a plateau, a hill beside a higher hill, a slope.
 def proposals(method: str, fitness: dict[float, float], searches: int, step: float) -> list[float]:
     """Return the w that a method tries on a made-up fitness; the nearest w given counts."""
