@@ -103,16 +103,11 @@ def has(vehicle: VehicleUnderTest, name: str) -> bool:
     """Return True if the vehicle lists a parameter or, before `fetch_all`, answers a read of it."""
     if vehicle.catalogue:
         return name in vehicle.catalogue
-    return any(
-        vehicle.wait_for("PARAM_VALUE", lambda m: m.param_id == name, mark=mark) is not None
-        for mark in (_request_value(vehicle, name) for _ in range(2))
-    )
-
-
-def _request_value(vehicle: VehicleUnderTest, name: str) -> int:
-    mark = vehicle.mark()
-    vehicle.send(read_message(vehicle, name))
-    return mark
+    for _ in range(2):
+        mark = vehicle.send(read_message(vehicle, name))
+        if vehicle.wait_for("PARAM_VALUE", lambda m: m.param_id == name, mark=mark) is not None:
+            return True
+    return False
 
 
 def value_or_none(vehicle: VehicleUnderTest, name: str) -> float | None:

@@ -177,12 +177,12 @@ class _RunState:
         """Run one check, or record a skipped check with its reason."""
         reason = self.stop_reason if self.stop_reason is not None else _skip_reason(self._vehicle, check)
         result = (
-            CheckResult(check, Outcome.SKIPPED, reason, 0.0) if reason is not None else self._run_check(check)
+            CheckResult(check, Outcome.SKIPPED, reason, 0.0) if reason is not None else self._result_of(check)
         )
         self.results.append(result)
         self._on_result(result)
 
-    def _run_check(self, check: Check) -> CheckResult:
+    def _result_of(self, check: Check) -> CheckResult:
         if check.dangerous and self._restored is None:
             self._restored, self._backup = self._restore(), None
         if self._backup is None and check.category in WRITES_PLANS:
@@ -195,7 +195,7 @@ class _RunState:
         if not self._battery_enlarged and check.category in FLIES and SIMULATOR in self._vehicle.permissions:
             self._battery_enlarged = True
             _enlarge_battery(self._vehicle)
-        result = _run_check(self._vehicle, check)
+        result = _run_function(self._vehicle, check)
         failure = self._failure_after(check)
         if failure is None:
             return result
@@ -241,13 +241,29 @@ class _RunState:
         return notes + self._restore()
 
     def _restore(self) -> list[str]:
-        self._vehicle.begin_check()
-        unsaved = {} if self._backup is None else self._backup.unsaved
+        vehicle, backup = self._vehicle, self._backup
+        vehicle.begin_check()
+        unsaved = {} if backup is None else backup.unsaved
         notes = [
             f"the {PLAN_NAMES[kind]} could not be saved and was not overwritten: {why} [plan-unsaved]"
             for kind, why in unsaved.items()
         ]
-        return notes + _restore(self._vehicle, self._backup)
+        if not _sends_heartbeats(vehicle, HEARTBEAT_WAIT_S):
+            state = "armed" if vehicle.armed else "disarmed"
+            changed = [*vehicle.pending_restores, *(backup.names() if backup is not None else [])]
+            lost = (
+                f"the vehicle sent no heartbeat for {HEARTBEAT_WAIT_S:g} s (last heartbeat: {state}); "
+                f"these changes remain: {', '.join(changed) or 'none'} [vehicle-lost]"
+            )
+            return [*notes, lost]
+        if ARM in vehicle.permissions:
+            vehicle.wait(flying.HEARTBEAT_LAG_S)  # the heartbeat may not yet show a recent arming
+        notes += _land(vehicle)
+        if backup is not None and vehicle.armed:  # a plan in use must not change
+            notes.append("the plans were not restored, because the vehicle is armed [not-restored]")
+        elif backup is not None:
+            notes += backup.restore()
+        return notes + vehicle.restore_all()
 
 
 def _skip_reason(vehicle: VehicleUnderTest, check: Check) -> str | None:
@@ -268,7 +284,7 @@ def _skip_reason(vehicle: VehicleUnderTest, check: Check) -> str | None:
     return None
 
 
-def _run_check(vehicle: VehicleUnderTest, check: Check) -> CheckResult:
+def _run_function(vehicle: VehicleUnderTest, check: Check) -> CheckResult:
     began_s = vehicle.now
     try:
         _prepare(vehicle, check)
@@ -345,25 +361,6 @@ def _alive(vehicle: VehicleUnderTest) -> bool:
 
 def _sends_heartbeats(vehicle: VehicleUnderTest, within_s: float) -> bool:
     return vehicle.wait_for("HEARTBEAT", is_autopilot, within_s=within_s) is not None
-
-
-def _restore(vehicle: VehicleUnderTest, backup: PlanBackup | None) -> list[str]:
-    """Restore the vehicle; return a text for each failure."""
-    if not _sends_heartbeats(vehicle, HEARTBEAT_WAIT_S):
-        state = "armed" if vehicle.armed else "disarmed"
-        changed = [*vehicle.pending_restores, *(backup.names() if backup is not None else [])]
-        return [
-            f"the vehicle sent no heartbeat for {HEARTBEAT_WAIT_S:g} s (last heartbeat: {state}); "
-            f"these changes remain: {', '.join(changed) or 'none'} [vehicle-lost]"
-        ]
-    if ARM in vehicle.permissions:
-        vehicle.wait(flying.HEARTBEAT_LAG_S)  # the heartbeat may not yet show a recent arming
-    notes = _land(vehicle)
-    if backup is not None and vehicle.armed:  # a plan in use must not change
-        notes.append("the plans were not restored, because the vehicle is armed [not-restored]")
-    elif backup is not None:
-        notes += backup.restore()
-    return notes + vehicle.restore_all()
 
 
 def _land(vehicle: VehicleUnderTest) -> list[str]:

@@ -15,6 +15,12 @@ from sim_vehicle.scenarios import Scenario, ScenarioError, default_scenario, loa
 
 MAX_SYSID = 250
 MAX_LATITUDE = 89  # [deg]; near a pole a short step east spans many degrees of longitude
+# name, lower bound, upper bound, unit of each number
+HOME_BOUNDS = (
+    ("latitude", -MAX_LATITUDE, MAX_LATITUDE, ""), ("longitude", -180, 180, ""),
+    ("altitude", -500, 9000, ""), ("heading", -360, 360, ""),
+)  # fmt: skip
+WIND_BOUNDS = (("speed", 0, 60, " m/s"), ("direction", 0, 360, " degrees"), ("gust", 0, 30, " m/s"))
 DEFAULT_HOME = "46.0490,14.5060,300"  # Ljubljana, Slovenia
 KINDS = {"copter": "copter", "plane": "plane", "arducopter": "copter", "arduplane": "plane"}
 Value = TypeVar("Value")
@@ -192,12 +198,7 @@ def parse_home(text: str) -> tuple[float, float, float, float]:
     numbers = _numbers(text)
     if len(numbers) not in (3, 4):
         raise OptionError(f"--home {text!r} is not LAT,LON,ALT[,HEADING], for example {DEFAULT_HOME}")
-    for value, low, high, name in zip(
-        numbers, (-MAX_LATITUDE, -180, -500, -360), (MAX_LATITUDE, 180, 9000, 360),
-        ("latitude", "longitude", "altitude", "heading"), strict=False,
-    ):  # fmt: skip
-        if not low <= value <= high:
-            raise OptionError(f"--home {text!r}: the {name} {value:g} is out of range; use {low} to {high}")
+    _check_bounds(f"--home {text!r}", numbers, HOME_BOUNDS)
     heading_deg = numbers[3] % 360 if len(numbers) == 4 else 0.0
     return numbers[0], numbers[1], numbers[2], heading_deg
 
@@ -209,21 +210,21 @@ def parse_wind(text: str) -> dict[str, float]:
         raise OptionError(
             f"--wind {text!r} is not SPEED,FROM[,GUST] in m/s, degrees, m/s; for example 5,270,2"
         )
-    bounds = ((0, 60, "speed", " m/s"), (0, 360, "direction", " degrees"), (0, 30, "gust", " m/s"))
-    for value, (low, high, name, unit) in zip(numbers, bounds, strict=False):
-        if not low <= value <= high:
-            raise OptionError(
-                f"--wind {text!r}: the {name} {value:g} is out of range; use {low} to {high}{unit}"
-            )
+    _check_bounds(f"--wind {text!r}", numbers, WIND_BOUNDS)
     return dict(zip(("speed_m_s", "from_deg", "gust_m_s"), numbers, strict=False))
 
 
+def _check_bounds(option: str, numbers: Sequence[float], bounds: Sequence[tuple[str, int, int, str]]) -> None:
+    for value, (name, low, high, unit) in zip(numbers, bounds, strict=False):
+        if not low <= value <= high:
+            raise OptionError(f"{option}: the {name} {value:g} is out of range; use {low} to {high}{unit}")
+
+
 def _numbers(text: str) -> list[float]:
-    try:
-        numbers = [float(part) for part in text.split(",")]
-    except ValueError:
-        return []
-    return numbers if all(map(math.isfinite, numbers)) else []
+    """Return the finite numbers between commas; empty if a part is none."""
+    parts = text.split(",")
+    numbers = [number for part in parts if (number := _number(part)) is not None]
+    return numbers if len(numbers) == len(parts) else []
 
 
 # -- parameters ----------------------------------------------------------------------------------------

@@ -90,50 +90,39 @@ class _OperatorWarnings:
 async def _serve(scenario: Scenario, settings: ServeSettings) -> None:
     _allow_files()
     warnings = _OperatorWarnings()
-    with contextlib.ExitStack() as stack:
-        record = (
-            None
-            if settings.tlog is None
-            else stack.enter_context(_recorded(settings.tlog, scenario, warnings.warn))
-        )
-        await _run(scenario, settings, record, warnings)
-
-
-async def _run(
-    scenario: Scenario,
-    settings: ServeSettings,
-    record: Callable[[Frames, float], None] | None,
-    warnings: _OperatorWarnings,
-) -> None:
     pace: Pace = ManualPace() if settings.speedup is None else RealTime(settings.speedup, warnings.warn)
-    server = Server(
-        Fleet(scenario, ready_s=settings.ready_s),
-        settings.urls,
-        pace,
-        warn=warnings.warn,
-        port_step=settings.port_step,
-        parent_pid=settings.parent_pid,
-        record=record,
-    )
+    with contextlib.ExitStack() as logs:
+        record = None
+        if settings.tlog is not None:
+            record = logs.enter_context(_recorded(settings.tlog, scenario, warnings.warn))
+        server = Server(
+            Fleet(scenario, ready_s=settings.ready_s),
+            settings.urls,
+            pace,
+            warn=warnings.warn,
+            port_step=settings.port_step,
+            parent_pid=settings.parent_pid,
+            record=record,
+        )
 
-    def print_first_lines() -> None:
-        typer.echo(f"sim_vehicle: {describe_fleet(scenario)}, {server.describe_ports()}, {pace}")
-        if isinstance(pace, ManualPace) and sys.stdin.isatty():
-            typer.echo(f"sim_vehicle: manual clock; enter {FORMS}, for example step 0.5")
+        def print_first_lines() -> None:
+            typer.echo(f"sim_vehicle: {describe_fleet(scenario)}, {server.describe_ports()}, {pace}")
+            if isinstance(pace, ManualPace) and sys.stdin.isatty():
+                typer.echo(f"sim_vehicle: manual clock; enter {FORMS}, for example step 0.5")
 
-    running = asyncio.ensure_future(server.run(on_open=print_first_lines))
-    loop = asyncio.get_running_loop()
-    for signal_number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(signal_number, running.cancel)
-    async with contextlib.AsyncExitStack() as stack:
-        if isinstance(pace, ManualPace):
-            # A table would cover the typed lines.
-            stack.enter_context(stepped_from(sys.stdin.fileno(), pace, typer.echo, warnings.warn))
-        elif settings.table and sys.stdout is not None and sys.stdout.isatty():
-            await stack.enter_async_context(_table_shown(server, warnings))
-        with contextlib.suppress(asyncio.CancelledError):
-            await running
-    typer.echo(f"sim_vehicle: {summary(server)}")
+        running = asyncio.ensure_future(server.run(on_open=print_first_lines))
+        loop = asyncio.get_running_loop()
+        for signal_number in (signal.SIGINT, signal.SIGTERM):
+            loop.add_signal_handler(signal_number, running.cancel)
+        async with contextlib.AsyncExitStack() as stack:
+            if isinstance(pace, ManualPace):
+                # A table would cover the typed lines.
+                stack.enter_context(stepped_from(sys.stdin.fileno(), pace, typer.echo, warnings.warn))
+            elif settings.table and sys.stdout is not None and sys.stdout.isatty():
+                await stack.enter_async_context(_table_shown(server, warnings))
+            with contextlib.suppress(asyncio.CancelledError):
+                await running
+        typer.echo(f"sim_vehicle: {summary(server)}")
 
 
 def _allow_files() -> None:

@@ -89,6 +89,7 @@ class Server:
             self._links[link] = [
                 make_link(self._url_of(url, link), callbacks, vehicles=vehicles) for url in urls
             ]
+        self._all_links = [link for links in self._links.values() for link in links]
         self._refuse_shared_ports()
 
     def _url_of(self, url: Url, link: int) -> Url:
@@ -125,11 +126,11 @@ class Server:
     @property
     def dropped(self) -> int:
         """Number of datagrams and chunks dropped for slow receivers."""
-        return sum(link.dropped for links in self._links.values() for link in links)
+        return sum(link.dropped for link in self._all_links)
 
     def stations(self) -> int:
         """Return the number of connected ground stations; a station on two links counts twice."""
-        return sum(link.stations() for links in self._links.values() for link in links)
+        return sum(link.stations() for link in self._all_links)
 
     def describe_ports(self) -> str:
         """Return the ports as text: `udpout 127.0.0.1:14550 to 14553 and tcpin 0.0.0.0:5760 to 5763`."""
@@ -141,9 +142,8 @@ class Server:
         """Open the links; run until a cancellation, or until the end of the pace or of the parent process."""
         asyncio.get_running_loop().set_exception_handler(self._note_bug)
         try:
-            for links in self._links.values():
-                for link in links:
-                    link.open()
+            for link in self._all_links:
+                link.open()
             self.pace.start()
             on_open()
             while not (self.pace.finished or self._parent_has_ended()):
@@ -153,9 +153,8 @@ class Server:
                 if due:
                     self._tick()
         finally:
-            for links in self._links.values():
-                for link in links:
-                    link.close()
+            for link in self._all_links:
+                link.close()
 
     def _tick(self) -> None:
         self.simulated_s = self._ticks * TICK_S
@@ -175,14 +174,13 @@ class Server:
             loop.default_exception_handler(context)
 
     def _parent_has_ended(self) -> bool:
-        if self._parent_pid is None:
-            return False
         try:
-            os.kill(self._parent_pid, 0)
+            if self._parent_pid is not None:
+                os.kill(self._parent_pid, 0)
         except ProcessLookupError:
             return True
         except PermissionError:
-            return False
+            pass
         return False
 
     def _receiver(self, link: int) -> Callable[[bytes, Hashable, Collection[int] | None], None]:
