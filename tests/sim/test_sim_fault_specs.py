@@ -15,7 +15,7 @@ from sim_vehicle.faults.failure_command import inject_failure
 from sim_vehicle.faults.schedule import Schedule, VehicleAccess
 from sim_vehicle.faults.sim_parameters import faults_of
 from sim_vehicle.faults.spec import FaultError, FaultSpec, help_text, parameter_help, parse_fault
-from sim_vehicle.vehicle.injected_faults import InjectedFaults, ModeStuck
+from sim_vehicle.vehicle.injected_faults import InjectedFaults
 from sim_vehicle.wire.channel import Channel
 
 
@@ -25,15 +25,12 @@ class FaultyVehicles:
     def __init__(self, *texts: str, sysids: tuple[int, ...] = (1, 2, 3)) -> None:
         self.injected_faults = [InjectedFaults(np.random.default_rng(i)) for i in range(len(sysids))]
         self.channels = [Channel() for _ in sysids]
-        self.reboots: list[tuple[int, float, float]] = []
         specs = [parse_fault(text) for text in texts]
         self.schedule = Schedule(specs, sysids, self._access, seed=3)
 
     def _access(self, index: int) -> VehicleAccess:
         return VehicleAccess(
-            lambda: self.channels[index],
-            self.injected_faults[index],
-            lambda now, silence_s: self.reboots.append((index, now, silence_s)),
+            lambda: self.channels[index], self.injected_faults[index], lambda _now, _silence_s: None
         )
 
     def replace(self, key: Any, specs: Any, now: float) -> None:
@@ -185,16 +182,6 @@ def test_a_system_id_on_two_links_selects_both_vehicles() -> None:
     assert [a.gps_lost for a in vehicles.injected_faults] == [False, True, False, True]
 
 
-def test_an_injected_fault_begins_at_once_and_lasts_for_its_duration() -> None:
-    vehicles = FaultyVehicles()
-    vehicles.schedule.tick(20.0)
-    vehicles.schedule.inject(parse_fault("stuck_mode:answer=refused,for=5,sysid=1"), 20.0)
-    assert vehicles.injected_faults[0].mode_stuck is ModeStuck.REFUSED
-    assert vehicles.schedule.names(0) == ("stuck_mode",)
-    vehicles.schedule.tick(25.0)
-    assert vehicles.injected_faults[0].mode_stuck is None
-
-
 def test_a_ramp_grows_to_its_offset_and_leaves_nothing_behind() -> None:
     vehicles = FaultyVehicles("gps_glitch:east_m=0,north_m=50,ramp_s=10,for=20")
     offsets = []
@@ -224,12 +211,6 @@ def test_acknowledgements_are_lost_at_their_rate() -> None:
     lost = [sum(a.loses_ack() for _ in range(1000)) for a in vehicles.injected_faults]
     assert 400 < lost[0] < 600
     assert lost[1:] == [1000, 0]
-
-
-def test_a_reboot_has_its_silence() -> None:
-    vehicles = FaultyVehicles("reboot:at=7,silence_s=3,sysid=3")
-    vehicles.schedule.tick(7.0)
-    assert vehicles.reboots == [(2, 7.0, 3.0)]
 
 
 # -- MAV_CMD_INJECT_FAILURE -------------------------------------------------------------------------------
