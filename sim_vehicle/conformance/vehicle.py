@@ -59,7 +59,7 @@ class VehicleUnderTest(Traffic):
         for received in self.received:
             self._keep_latest(received)
         for request in (
-            self.command_long(mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION),
+            self.version_request(),
             self.command_long(mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES, 1),
         ):
             try:
@@ -124,6 +124,11 @@ class VehicleUnderTest(Traffic):
 
     def command_long(self, command: int, *params: float, confirmation: int = 0, to: Any = None) -> Any:
         return command_long(to or self.target, command, *params, confirmation=confirmation)
+
+    def version_request(self, **fields: Any) -> Any:
+        """Return a request for AUTOPILOT_VERSION, which has no effect and is answered by every vehicle."""
+        version = mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION
+        return self.command_long(mavlink.MAV_CMD_REQUEST_MESSAGE, version, **fields)
 
     def command_int(self, command: int, *params: float, **place: Any) -> Any:
         """Return COMMAND_INT; `place`: frame, x, y, z."""

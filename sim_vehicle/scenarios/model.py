@@ -268,31 +268,23 @@ class Scenario(Section):
         return findings
 
     def _check_requirements(self) -> list[Finding]:
-        findings: list[Finding] = []
-        for index, check in enumerate(self.checks):
-            need, where = CHECKS[check.name].needs, ("checks", index)
-            if need in ("area", "hostiles", "others"):
-                findings += [(where, f"{check.name} needs {text}") for text in self._missing_parts(need)]
-                continue
-            without_need = [
-                v.sysid for v in self.selected(check.vehicles) if need is not None and not _has(v, need)
-            ]
-            if without_need:
-                what = "`goal` or a mission with a position" if need == "goal" else f"`{need}`"
-                cure = "add it, or name other vehicles in the check's `vehicles`"
-                findings.append(
-                    (where, f"{check.name} needs {what}, missing on vehicles {without_need}; {cure}")
-                )
-        return findings
+        return [
+            (("checks", index), f"{check.name} needs {missing}")
+            for index, check in enumerate(self.checks)
+            if (missing := self._missing(CHECKS[check.name].needs, self.selected(check.vehicles)))
+        ]
 
-    def _missing_parts(self, need: str) -> list[str]:
-        if need == "area" and self.area is None:
-            return ["the scenario's `area`"]
-        if need == "hostiles" and not self.hostiles:
-            return ["the scenario's `hostiles`"]
-        if need == "others" and len(self.vehicles) < 2:
-            return ["two vehicles or more"]
-        return []
+    def _missing(self, need: str | None, vehicles: Sequence[VehicleSpec]) -> str:
+        """Return what a check needs and the scenario or a vehicle lacks, in words, or an empty text."""
+        present = {"area": self.area, "hostiles": self.hostiles, "others": self.vehicles[1:]}
+        if need is None or present.get(need):
+            return ""
+        if need in present:
+            return "two vehicles or more" if need == "others" else f"the scenario's `{need}`"
+        lacking = [v.sysid for v in vehicles if not (v.goal_m() if need == "goal" else getattr(v, need))]
+        what = "`goal` or a mission with a position" if need == "goal" else f"`{need}`"
+        cure = "add it, or name other vehicles in the check's `vehicles`"
+        return f"{what}, missing on vehicles {lacking}; {cure}" if lacking else ""
 
     def _mode_problems(self) -> list[Finding]:
         """Return findings on steps and checks with a mode that a selected vehicle does not have."""
@@ -364,10 +356,6 @@ class Scenario(Section):
     def selected(self, sysids: Collection[int] | None) -> list[VehicleSpec]:
         """Return the vehicles with these system ids, on any link; None selects all vehicles."""
         return [v for v in self.vehicles if sysids is None or v.sysid in sysids]
-
-
-def _has(vehicle: VehicleSpec, need: str) -> bool:
-    return bool({"goal": vehicle.goal_m(), "fence": vehicle.fence, "mission": vehicle.mission}[need])
 
 
 def _mode_names(personality: str, kind: str, *, selectable: bool) -> list[str]:

@@ -24,13 +24,8 @@ FOREIGN = "PX4 mavlink_receiver.cpp, handle_message_command_both: FAILED unless 
 CALIBRATION_S = 60.0  # longest wait for the end of a calibration
 
 
-def _request(vehicle: VehicleUnderTest, **fields: Any) -> Any:
-    """Return the command of most checks: a request for AUTOPILOT_VERSION."""
-    return vehicle.command_long(REQUEST, VERSION, **fields)
-
-
 def _ack(vehicle: VehicleUnderTest, source: Source = STATION) -> Any:
-    return vehicle.ask(_request(vehicle), "COMMAND_ACK", source=source)
+    return vehicle.ask(vehicle.version_request(), "COMMAND_ACK", source=source)
 
 
 def _results(vehicle: VehicleUnderTest, mark: int, command: int = REQUEST) -> list[str]:
@@ -39,7 +34,7 @@ def _results(vehicle: VehicleUnderTest, mark: int, command: int = REQUEST) -> li
 
 
 def _next_is_accepted(vehicle: VehicleUnderTest) -> str:
-    return equal(vehicle.result(_request(vehicle)), ACCEPTED, "the next command")
+    return equal(vehicle.result(vehicle.version_request()), ACCEPTED, "the next command")
 
 
 # -- acknowledgement -------------------------------------------------------------------------------------
@@ -63,7 +58,7 @@ def names_the_station(vehicle: VehicleUnderTest) -> str:
 @check("commands.ack.comes_once")
 def comes_once(vehicle: VehicleUnderTest) -> str:
     """One command brings one acknowledgement."""
-    mark = vehicle.send(_request(vehicle))
+    mark = vehicle.send(vehicle.version_request())
     vehicle.wait(1.5)
     return str(equal(len(_results(vehicle, mark)), 1, "acknowledgements"))
 
@@ -73,7 +68,7 @@ def is_quick(vehicle: VehicleUnderTest) -> str:
     """At least four of five short commands are acknowledged within 1 s; a link may lose one."""
     took_s = []
     for _ in range(5):
-        began_s, mark = vehicle.now, vehicle.send(_request(vehicle))
+        began_s, mark = vehicle.now, vehicle.send(vehicle.version_request())
         if vehicle.wait_for("COMMAND_ACK", lambda m: m.command == REQUEST, within_s=1.0, mark=mark):
             took_s.append(vehicle.now - began_s)
     holds(len(took_s) >= 4, f"expected 4 acknowledgements within 1 s each, saw {len(took_s)}")
@@ -85,7 +80,7 @@ def confirmation(vehicle: VehicleUnderTest) -> str:
     """A repeated command with a higher confirmation number is acknowledged like the first command."""
     for number in range(3):
         ack = vehicle.ask(
-            _request(vehicle, confirmation=number), "COMMAND_ACK", lambda m: m.command == REQUEST
+            vehicle.version_request(confirmation=number), "COMMAND_ACK", lambda m: m.command == REQUEST
         )
         equal(result_name(ack.result), ACCEPTED, f"confirmation {number}")
     return "3 times ACCEPTED"
@@ -119,7 +114,7 @@ for _name, _statement, _build, _expected in _RESULTS:
 @check("commands.int.same_as_long")
 def int_same_as_long(vehicle: VehicleUnderTest) -> str:
     """A command without a position has the same result as COMMAND_INT and COMMAND_LONG."""
-    as_long = vehicle.result(_request(vehicle))
+    as_long = vehicle.result(vehicle.version_request())
     return equal(vehicle.result(vehicle.command_int(REQUEST, VERSION)), as_long, "COMMAND_INT")
 
 
@@ -139,7 +134,7 @@ def _not_executed(vehicle: VehicleUnderTest, message: Any) -> str:
 @check("commands.target.another_vehicle", source=FOREIGN)
 def another_vehicle(vehicle: VehicleUnderTest) -> str:
     """A command to another system is not executed; ArduPilot does not answer it, PX4 answers FAILED."""
-    return _not_executed(vehicle, _request(vehicle, to=(vehicle.unused_sysid(), 1)))
+    return _not_executed(vehicle, vehicle.version_request(to=(vehicle.unused_sysid(), 1)))
 
 
 @check("commands.target.another_vehicle_int", source=FOREIGN)
@@ -162,7 +157,7 @@ def all_systems(vehicle: VehicleUnderTest) -> str:
 @check("commands.target.all_components")
 def all_components(vehicle: VehicleUnderTest) -> str:
     """A command to component 0 reaches the autopilot."""
-    vehicle.ask(_request(vehicle, to=(vehicle.identity.sysid, 0)), "COMMAND_ACK")
+    vehicle.ask(vehicle.version_request(to=(vehicle.identity.sysid, 0)), "COMMAND_ACK")
     return "answered"
 
 
@@ -170,7 +165,7 @@ def all_components(vehicle: VehicleUnderTest) -> str:
 def other_component(vehicle: VehicleUnderTest) -> str:
     """A command to component 77 is executed by ArduPilot; PX4 answers FAILED."""
     expected = vehicle.known(ardupilot=(ACCEPTED, True), px4=("FAILED", False))
-    mark = vehicle.send(_request(vehicle, to=(vehicle.identity.sysid, 77)))
+    mark = vehicle.send(vehicle.version_request(to=(vehicle.identity.sysid, 77)))
     ack = vehicle.expect("COMMAND_ACK", lambda m: m.command == REQUEST, mark=mark)
     vehicle.wait(0.5)
     executed = bool(vehicle.since(mark, "AUTOPILOT_VERSION"))
@@ -188,8 +183,8 @@ def any_station(vehicle: VehicleUnderTest) -> str:
 @check("commands.station.two_at_once")
 def two_at_once(vehicle: VehicleUnderTest) -> str:
     """The vehicle acknowledges two commands that two stations send at the same moment."""
-    mark = vehicle.send(_request(vehicle))
-    vehicle.send(_request(vehicle), SECOND_STATION)
+    mark = vehicle.send(vehicle.version_request())
+    vehicle.send(vehicle.version_request(), SECOND_STATION)
     vehicle.wait(1.5)
     targets = [m.target_system for m in vehicle.since(mark, "COMMAND_ACK") if m.command == REQUEST]
     equal(len(targets), 2, "acknowledgements")
@@ -282,4 +277,4 @@ def nothing_to_cancel(vehicle: VehicleUnderTest) -> str:
 @check("commands.target.broadcast_is_refused", dialects=("px4",), source=FOREIGN)
 def px4_refuses_system_0(vehicle: VehicleUnderTest) -> str:
     """PX4 does not execute REQUEST_MESSAGE to system 0."""
-    return _not_executed(vehicle, _request(vehicle, to=(0, 0)))
+    return _not_executed(vehicle, vehicle.version_request(to=(0, 0)))

@@ -18,8 +18,6 @@ from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.station.frames import STATION, Source
 from sim_vehicle.station.messages import heartbeat
 
-REQUEST = mavlink.MAV_CMD_REQUEST_MESSAGE
-VERSION = mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION
 UNKNOWN_ID = 60_000
 N_REQUESTS = 200
 ANSWER_S = 10.0  # longest time to the first answer after a flood
@@ -27,11 +25,11 @@ Build = Callable[[VehicleUnderTest], bytes]
 
 
 def _require_answer(vehicle: VehicleUnderTest) -> None:
-    equal(vehicle.command(REQUEST, VERSION), ACCEPTED, "a command afterwards")
+    equal(vehicle.result(vehicle.version_request()), ACCEPTED, "a command afterwards")
 
 
 def _request(vehicle: VehicleUnderTest) -> bytes:
-    return vehicle.sender.pack(vehicle.command_long(REQUEST, VERSION))
+    return vehicle.sender.pack(vehicle.version_request())
 
 
 def _bad_checksum(vehicle: VehicleUnderTest) -> bytes:
@@ -42,7 +40,7 @@ def _bad_checksum(vehicle: VehicleUnderTest) -> bytes:
 
 def _repacked(vehicle: VehicleUnderTest, *, padded: bool = False, added: bytes = b"", **flags: Any) -> bytes:
     """Return a command in a frame with other flags, with its trailing zeros, or with further bytes."""
-    message = vehicle.command_long(REQUEST, VERSION)
+    message = vehicle.version_request()
     payload = vehicle.sender.pack(message)[10:-2]
     whole = payload.ljust(message.unpacker.size, b"\0") if padded else payload
     return frame(vehicle.sender, message.id, whole + added, message.crc_extra, **flags)
@@ -119,7 +117,7 @@ def twenty_kilobytes(vehicle: VehicleUnderTest) -> str:
 
 def _mavlink1(vehicle: VehicleUnderTest) -> bytes:
     codec = vehicle.sender.codec()
-    data = bytes(vehicle.command_long(REQUEST, VERSION).pack(codec, force_mavlink1=True))
+    data = bytes(vehicle.version_request().pack(codec, force_mavlink1=True))
     codec.seq = (codec.seq + 1) % 256
     return data
 
@@ -199,7 +197,7 @@ def _flood_check(build: Callable[[VehicleUnderTest], Iterable[tuple[Any, Source]
             vehicle.send(message, source)
         began_s = vehicle.now
         while vehicle.now - began_s < ANSWER_S:
-            mark = vehicle.send(vehicle.command_long(REQUEST, VERSION))
+            mark = vehicle.send(vehicle.version_request())
             if vehicle.wait_for("AUTOPILOT_VERSION", within_s=2.0, mark=mark) is not None:
                 break
         else:
@@ -222,7 +220,7 @@ _FLOODS: tuple[tuple[str, str, float, Callable[[VehicleUnderTest], list[tuple[An
     ("lists", "ten simultaneous requests for the parameter list", 120,
      lambda v: [(mavlink.MAVLink_param_request_list_message(*v.target), STATION)] * 10),
     ("commands", "a hundred simultaneous commands", 60,
-     lambda v: [(v.command_long(REQUEST, VERSION), STATION)] * 100),
+     lambda v: [(v.version_request(), STATION)] * 100),
     ("stations", "heartbeats of fifty ground stations", 60,
      lambda _: [(heartbeat(), (sysid, 190)) for sysid in range(150, 200)]),
 )  # fmt: skip

@@ -19,7 +19,6 @@ KEY = hashlib.sha256(b"sim_vehicle conformance").digest()
 OTHER_KEY = hashlib.sha256(b"another key").digest()
 Y2015_US = 1_420_070_400_000_000  # Unix time of 2015-01-01 [us]
 STAMP = 50_000_000_000_000  # time stamp in 2030 [10 us since 2015]
-REQUEST, VERSION = mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION
 SIGNER, FORGER, PLAIN = (253, 190), (252, 190), (251, 190)  # further stations: (system id, component id)
 KEY_REMOVAL_ATTEMPTS = 5
 _check = partial(check, needs=[ALTER])
@@ -71,8 +70,8 @@ def _remove_key(vehicle: VehicleUnderTest) -> None:
 def without_a_key(vehicle: VehicleUnderTest) -> str:
     """A vehicle without a key accepts signed frames."""
     _sign_with(vehicle, FORGER, OTHER_KEY, STAMP)
-    message = vehicle.command_long(REQUEST, VERSION)
-    ack = vehicle.ask(message, "COMMAND_ACK", lambda m: m.command == REQUEST, source=FORGER)
+    message = vehicle.version_request()
+    ack = vehicle.ask(message, "COMMAND_ACK", lambda m: m.command == message.command, source=FORGER)
     equal(result_name(ack.result), ACCEPTED, "a signed command")
     return ACCEPTED
 
@@ -104,7 +103,7 @@ def stamps_go_up(vehicle: VehicleUnderTest) -> str:
 def takes_right_key(vehicle: VehicleUnderTest) -> str:
     """A command signed with the right key is executed."""
     with _signing_key(vehicle):
-        ack = vehicle.ask(vehicle.command_long(REQUEST, VERSION), "COMMAND_ACK", source=SIGNER)
+        ack = vehicle.ask(vehicle.version_request(), "COMMAND_ACK", source=SIGNER)
     equal(result_name(ack.result), ACCEPTED, "a signed command")
     return ACCEPTED
 
@@ -116,10 +115,10 @@ def _executed(vehicle: VehicleUnderTest, data: bytes) -> bool:
 
 def _require_untrusted_link(vehicle: VehicleUnderTest) -> None:
     """Raise Skip if the vehicle trusts the link and therefore accepts unsigned frames."""
-    if _executed(vehicle, vehicle.sender.pack(vehicle.command_long(REQUEST, VERSION), PLAIN)):
+    if _executed(vehicle, vehicle.sender.pack(vehicle.version_request(), PLAIN)):
         raise Skip("the vehicle trusts this link and accepts unsigned frames")
     # An answer shows that the link works, so the unsigned request was probably refused, not lost.
-    vehicle.ask(vehicle.command_long(REQUEST, VERSION), "COMMAND_ACK", source=SIGNER)
+    vehicle.ask(vehicle.version_request(), "COMMAND_ACK", source=SIGNER)
 
 
 @_check("signing.refuses_unsigned")
@@ -136,7 +135,7 @@ def refuses_wrong_key(vehicle: VehicleUnderTest) -> str:
     with _signing_key(vehicle) as stamp:
         _require_untrusted_link(vehicle)
         _sign_with(vehicle, FORGER, OTHER_KEY, stamp + 9000)
-        executed = _executed(vehicle, vehicle.sender.pack(vehicle.command_long(REQUEST, VERSION), FORGER))
+        executed = _executed(vehicle, vehicle.sender.pack(vehicle.version_request(), FORGER))
     holds(not executed, "expected no answer to a wrong key, saw a COMMAND_ACK")
     return "refused"
 
@@ -146,7 +145,7 @@ def refuses_replay(vehicle: VehicleUnderTest) -> str:
     """A repeated signed frame is refused, unless the link is trusted."""
     with _signing_key(vehicle):
         _require_untrusted_link(vehicle)
-        data = vehicle.sender.pack(vehicle.command_long(REQUEST, VERSION), SIGNER)
+        data = vehicle.sender.pack(vehicle.version_request(), SIGNER)
         holds(_executed(vehicle, data), "the first command was not executed")
         executed = _executed(vehicle, data)
     holds(not executed, "expected no answer to a replay, saw a COMMAND_ACK")
@@ -160,5 +159,5 @@ def turned_off(vehicle: VehicleUnderTest) -> str:
         pass
     mark = vehicle.wait(3.0)
     equal([e.kind for e in _signed(vehicle.received[mark:])], [], "signed frames")
-    equal(vehicle.command(REQUEST, VERSION), ACCEPTED, "an unsigned command")
+    equal(vehicle.result(vehicle.version_request()), ACCEPTED, "an unsigned command")
     return "off"
