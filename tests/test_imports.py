@@ -81,7 +81,7 @@ ONLY_IN: dict[str, set[str]] = {
         "sim_vehicle.testing.served",
     },
     "matplotlib": {"swarmctl.report.pictures", "swarmctl.study.figures"},
-    "mcap": {"swarmctl.report.record", "swarmctl.report.record_file", "swarmctl.report.record_stream"},
+    "mcap": {"swarmctl.report.record", "swarmctl.report.record_file"},
     "typer": {
         "swarmctl.cli",
         "sim_vehicle.__main__",

@@ -1,35 +1,48 @@
-"""Reading of `run.mcap`: the format, the metadata, the messages, and the lock of a run in progress."""
+"""Reading of `run.mcap`: the format, the configuration, the messages, and the lock of a run in progress.
+
+The reader takes a file from its begin on, also while a flight writes it. It parses only the fields that are
+used, so that a dashboard opens the record of an hour in seconds.
+"""
 
 from __future__ import annotations
 
 import fcntl
 import struct
+import zlib
+from collections.abc import Iterator
 from dataclasses import dataclass
-from io import SEEK_END, BytesIO
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, NamedTuple
 
-from mcap.exceptions import EndOfFile
+import zstandard
 from mcap.opcode import Opcode
-from mcap.records import Channel, Message, Metadata, Schema
+from mcap.records import Metadata
 from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC
 
 from swarmctl import __version__
+from swarmctl.config.model import Config
 
 FORMAT = 3
 READABLE = frozenset({"2", "3"})
 """readable formats; format 2 has a channel for each vehicle and each kind of event and effect"""
 _RECORD = struct.Struct("<BQ")
 """opcode and length, before each record of an MCAP file"""
+_CHUNK = struct.Struct("<QQQII")
+"""first and last time, length when unpacked, checksum, and length of the name of the compression"""
+OPCODES = frozenset(Opcode) | frozenset(range(0x80, 0x100))
+"""the format's opcodes, and those that it leaves to programs"""
+_MESSAGE = struct.Struct("<HIQQ")
+"""channel, number, time of logging, time of publishing"""
+MAX_CHUNK_BYTES = 1 << 28
+"""longest chunk, packed or unpacked [bytes]; a longer chunk is damage"""
 
 
 class RecordError(Exception):
     """A record that cannot be read; the text holds the file and the fault."""
 
 
-@dataclass(frozen=True, slots=True)
-class StoredMessage:
+class StoredMessage(NamedTuple):
     """One message of a record, as stored."""
 
     number: int
@@ -65,19 +78,15 @@ def lock(file: BinaryIO) -> bool:
 
 def read(path: Path) -> StoredRecord:
     """Return the complete part of a record. Raises RecordError."""
+    stream = RecordStream(path)
     try:
-        with path.open("rb") as file:
-            end, is_cut = _complete_part(file)
-            file.seek(0)
-            metadata, messages = _parsed(BytesIO(file.read(end)))
-    except FileNotFoundError:
-        raise not_found(path) from None
-    except Exception as error:  # a damaged record fails in many ways: compression, unknown channels
-        raise damaged(path, error) from error
-    if metadata.get("format") not in READABLE:
-        text = f"swarmctl {__version__} cannot read this record; use the version that wrote it"
-        raise RecordError(f"{path}: {text} [other-format]")
-    return StoredRecord(metadata, sorted(messages, key=lambda message: message.number), is_cut)
+        metadata = stream.metadata()
+        messages = [message for chunk in stream.chunks() for message in chunk]
+    finally:
+        stream.close()
+    return StoredRecord(
+        metadata, sorted(messages, key=lambda message: message.number), not stream.is_complete
+    )
 
 
 def not_found(path: Path) -> RecordError:
@@ -89,48 +98,126 @@ def damaged(path: Path, error: Exception) -> RecordError:
     return RecordError(f"{path}: cannot be read as a record: {reason} [damaged]")
 
 
-def _complete_part(file: BinaryIO) -> tuple[int, bool]:
-    """Return the length of the part with complete records [bytes], and whether the file is cut.
+class RecordStream:
+    """The messages of one record, in the order of writing. Each call goes on where the last one ended.
 
-    An MCAP file is a magic number and records of opcode (1 byte), length (8 bytes) and content; the last
-    record is the footer.
+    Raises RecordError for a file that is no record, or that is damaged; a file that ends early is no damage.
     """
-    size, position = file.seek(0, SEEK_END), len(MCAP0_MAGIC)
-    while position + _RECORD.size <= size:
-        file.seek(position)
-        opcode, length = _RECORD.unpack(file.read(_RECORD.size))
-        if position + _RECORD.size + length > size:
-            break
-        position += _RECORD.size + length
-        if opcode == Opcode.FOOTER:
-            return size, False
-    return min(position, size), True
 
-
-def _parsed(file: BinaryIO) -> tuple[dict[str, str], list[StoredMessage]]:
-    """Return this program's metadata and the messages."""
-    metadata: dict[str, str] = {}
-    schemas: dict[int, Schema] = {}
-    channels: dict[int, Channel] = {}
-    messages: list[StoredMessage] = []
-    records = StreamReader(file).records
-    while True:
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.is_complete = False
+        """True after the end of a finished record"""
+        self.n_read = 0
+        """bytes read so far"""
+        self._schemas: dict[int, tuple[str, bytes]] = {}
+        """name and definition"""
+        self._channels: dict[int, tuple[str, str, bytes]] = {}
+        """topic, and name and definition of its schema"""
         try:
-            part = next(records)
-        except (StopIteration, EndOfFile):
-            return metadata, messages
-        match part:
-            case Metadata(name="swarmctl"):
-                metadata = part.metadata
-            case Schema():
-                schemas[part.id] = part
-            case Channel():
-                channels[part.id] = part
-            case Message():
-                channel = channels[part.channel_id]
-                schema = schemas[channel.schema_id]
-                messages.append(
-                    StoredMessage(
-                        part.sequence, channel.topic, schema.name, schema.data, part.log_time, part.data
-                    )
-                )
+            self._file = path.open("rb")
+        except FileNotFoundError:
+            raise not_found(path) from None
+        except OSError as error:
+            raise damaged(path, error) from error
+
+    @property
+    def size(self) -> int:
+        """Length of the file now [bytes]."""
+        return self.path.stat().st_size
+
+    def close(self) -> None:
+        self._file.close()
+
+    def metadata(self) -> dict[str, str]:
+        """Return format, version and configuration, which precede every message. Raises RecordError."""
+        try:
+            self._file.seek(0)
+            records = StreamReader(self._file).records
+            metadata = next(r.metadata for r in records if isinstance(r, Metadata) and r.name == "swarmctl")
+        except Exception as error:  # a damaged record fails in many ways
+            raise damaged(self.path, error) from error
+        if metadata.get("format") in READABLE:
+            return metadata
+        text = f"swarmctl {__version__} cannot read this record; use the version that wrote it"
+        raise RecordError(f"{self.path}: {text} [other-format]")
+
+    def configuration(self) -> Config:
+        """Return the configuration of the run. Raises RecordError."""
+        metadata = self.metadata()
+        try:
+            return Config.model_validate_json(metadata["config"])
+        except (KeyError, ValueError) as error:
+            raise damaged(self.path, error) from error
+
+    def chunks(self) -> Iterator[list[StoredMessage]]:
+        """Yield the messages of each complete chunk that the file has now, after those of earlier calls."""
+        try:
+            self.n_read = max(self.n_read, len(MCAP0_MAGIC))
+            size = self.size
+            while not self.is_complete and self.n_read + _RECORD.size <= size:
+                self._file.seek(self.n_read)
+                opcode, length = _opcode_and_length(self._file.read(_RECORD.size))
+                end = self.n_read + _RECORD.size + length
+                if end > size:
+                    return
+                if opcode == Opcode.CHUNK:
+                    messages = list(self._messages(_unpacked(self._file.read(length))))
+                    self.n_read = end
+                    yield messages
+                self.n_read = end
+                self.is_complete = opcode == Opcode.FOOTER
+        except RecordError:
+            raise
+        except Exception as error:  # a damaged record fails in many ways: compression, lengths, names
+            raise damaged(self.path, error) from error
+
+    def _messages(self, chunk: bytes) -> Iterator[StoredMessage]:
+        at, size = 0, len(chunk)
+        while at < size:
+            opcode, length = _RECORD.unpack_from(chunk, at)
+            at += _RECORD.size
+            if at + length > size:
+                raise ValueError("a chunk that ends inside a record")
+            if opcode == Opcode.MESSAGE:
+                channel, number, log_time_ns, _ = _MESSAGE.unpack_from(chunk, at)
+                data = chunk[at + _MESSAGE.size : at + length]
+                yield StoredMessage(number, *self._channels[channel], log_time_ns, data)
+            elif opcode == Opcode.SCHEMA:
+                (schema,) = struct.unpack_from("<H", chunk, at)
+                name, rest = _sized(chunk, at + 2)
+                _, rest = _sized(chunk, rest)  # the encoding
+                self._schemas[schema] = name.decode(), _sized(chunk, rest)[0]
+            elif opcode == Opcode.CHANNEL:
+                channel, schema = struct.unpack_from("<HH", chunk, at)
+                self._channels[channel] = _sized(chunk, at + 4)[0].decode(), *self._schemas[schema]
+            at += length
+
+
+def _unpacked(chunk: bytes) -> bytes:
+    _, _, size, checksum, name_length = _CHUNK.unpack_from(chunk)
+    at = _CHUNK.size + name_length
+    compression, content = chunk[_CHUNK.size : at], chunk[at + 8 :]
+    if size > MAX_CHUNK_BYTES:
+        raise ValueError(f"a chunk of {size} bytes")
+    if compression == b"zstd":
+        content = zstandard.ZstdDecompressor().decompress(content, max_output_size=size)
+    elif compression:
+        raise ValueError(f"unknown compression {compression!r}")
+    if checksum and zlib.crc32(content) != checksum:
+        raise ValueError("a chunk with a wrong checksum")
+    return content
+
+
+def _sized(chunk: bytes, at: int) -> tuple[bytes, int]:
+    """Return bytes that follow their length, and the index after them."""
+    (length,) = struct.unpack_from("<I", chunk, at)
+    return chunk[at + 4 : at + 4 + length], at + 4 + length
+
+
+def _opcode_and_length(head: bytes) -> tuple[int, int]:
+    """Return opcode and length [bytes] of a record of the file. Raises ValueError for other bytes."""
+    opcode, length = _RECORD.unpack(head)
+    if opcode not in OPCODES:
+        raise ValueError(f"{opcode} is no opcode of a record")
+    return opcode, length

@@ -30,8 +30,7 @@ from swarmctl.dashboard.sources.bus import BusSource
 from swarmctl.dashboard.sources.recording import QUIET_AFTER_S, RecordSource
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.report import record
-from swarmctl.report.record_file import RecordError
-from swarmctl.report.record_stream import StreamedMessage
+from swarmctl.report.record_file import RecordError, StoredMessage
 
 pytestmark = pytest.mark.virtual
 
@@ -42,7 +41,7 @@ TWO = {"count": 2, "ready_s": 3.0}
 class Flight:
     run: Path
     timeline: Timeline
-    messages: list[StreamedMessage]
+    messages: list[StoredMessage]
     heard: BusSource
     """what a station heard on the bus during the flight"""
     summary: dict[str, Any]

@@ -10,7 +10,7 @@ from typing import Any
 from swarmctl.dashboard.model import Timeline
 from swarmctl.dashboard.sources.record_facts import RecordFacts
 from swarmctl.dashboard.sources.recording import RecordSource
-from swarmctl.report.record_stream import RecordStream, StreamedMessage
+from swarmctl.report.record_file import RecordStream, StoredMessage
 
 
 class Page:
@@ -54,14 +54,14 @@ def whole(run: Path) -> Timeline:
     return source.timeline
 
 
-def messages_of(run: Path) -> list[StreamedMessage]:
+def messages_of(run: Path) -> list[StoredMessage]:
     stream = RecordStream(run / "run.mcap")
     messages = [message for chunk in stream.chunks() for message in chunk]
     stream.close()
     return messages
 
 
-def folded(timeline: Timeline, messages: list[StreamedMessage], until_s: float) -> Timeline:
+def folded(timeline: Timeline, messages: list[StoredMessage], until_s: float) -> Timeline:
     """Return a new timeline of the messages up to a time."""
     new = Timeline(timeline.scenario, "recording", timeline.began_unix_s)
     facts = RecordFacts(new, messages[0].log_time_ns)

@@ -28,7 +28,7 @@ from swarmctl.dashboard.model import Timeline
 from swarmctl.report import foxglove
 from swarmctl.report.foxglove import LogLevel
 from swarmctl.report.record import EFFECTS, EVENTS
-from swarmctl.report.record_stream import StreamedMessage
+from swarmctl.report.record_file import StoredMessage
 
 MAX_HEARD_AGE_S = 5.0
 """age above which an intent came in another vehicle's answer, not from its sender [s]"""
@@ -100,7 +100,7 @@ class RecordFacts:
         """what the messages of a topic are; empty: nothing that is shown"""
         self._uav = {vehicle.name: uav for uav, vehicle in timeline.vehicles.items()}
 
-    def fold(self, message: StreamedMessage) -> None:
+    def fold(self, message: StoredMessage) -> None:
         """Fold a message, if it shows something. Raises ValueError for a damaged message."""
         kind = self._kinds.get(message.topic)
         if kind is None:

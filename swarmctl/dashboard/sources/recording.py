@@ -16,8 +16,7 @@ from swarmctl.dashboard.model import Timeline
 from swarmctl.dashboard.picture import SourceKind
 from swarmctl.dashboard.sources.record_facts import RecordFacts
 from swarmctl.report.record import record_path
-from swarmctl.report.record_file import RecordError, damaged
-from swarmctl.report.record_stream import RecordStream, StreamedMessage
+from swarmctl.report.record_file import RecordError, RecordStream, StoredMessage, damaged
 
 SLICE_S = 0.03
 """longest time of reading without serving the page [s]"""
@@ -84,7 +83,7 @@ class RecordSource:
                 raise damaged(self._stream.path, error) from error
         return True
 
-    def _read(self) -> Iterator[list[StreamedMessage]]:
+    def _read(self) -> Iterator[list[StoredMessage]]:
         return self._stream.chunks()
 
     def _total_s(self) -> float:
