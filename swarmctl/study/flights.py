@@ -26,7 +26,7 @@ from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.report.outcome import FlightReport
 from swarmctl.report.summary import known_to_any
 from swarmctl.report.ui import SilentUi
-from swarmctl.study.missions import Missions, as_columns, types_of
+from swarmctl.study.missions import Table, as_columns, types_of
 from swarmctl.study.world import World
 
 
@@ -100,7 +100,7 @@ def unsupported(scenario: Scenario) -> str | None:
     return None if need is None else f"{need}; the kind flights needs simulated vehicles [real-clock]"
 
 
-def fly_flights(scenario: Scenario, seeds: Sequence[int], kept: Collection[int] = ()) -> Missions:
+def fly_flights(scenario: Scenario, seeds: Sequence[int], kept: Collection[int] = ()) -> Table:
     """Fly one flight for each seed; keep the entered cells of the seeds in `kept`. Raises FlightFailed."""
     rows: list[tuple[Any, ...]] = []
     tracks: list[tuple[int, ...]] = []
@@ -114,7 +114,7 @@ def fly_flights(scenario: Scenario, seeds: Sequence[int], kept: Collection[int] 
             hostiles += [(seed, *cell) for cell in sorted(world.hostiles)]
             for uav, state in sorted(report.states.items()):
                 tracks += [(seed, uav, step, *cell) for step, cell in enumerate(state.flown.cells)]
-    return Missions(
+    return Table(
         as_columns(("seed", *NAMES), rows, types_of(FlownVehicle)),
         as_columns(("seed", "uav", "step", "row", "col"), tracks),
         as_columns(("seed", "row", "col"), hostiles),

@@ -8,36 +8,21 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from swarmctl.config.model import Config
 from swarmctl.config.scenario import Scenario, build
 from swarmctl.core.section import Section
 from swarmctl.study import flights, routes
 from swarmctl.study.mission import unsupported
-from swarmctl.study.missions import NAMES, fly_missions
+from swarmctl.study.missions import NAMES, Table, fly_missions
 from swarmctl.study.provenance import versions
 
-Columns = Mapping[str, npt.NDArray[Any]]
-"""a table: arrays of one length, by the names of the columns"""
 MISSION_MEASURES = tuple(name for name in NAMES if name != "uav")
 FLIGHT_MEASURES = tuple(name for name in flights.NAMES if name != "uav")
-
-
-@dataclass(frozen=True, slots=True)
-class Table:
-    """The results of some seeds at one level: one row a seed and vehicle."""
-
-    rows: Columns
-    """`seed`, `uav` and the measures"""
-    tracks: Columns = field(default_factory=dict)
-    """`seed`, `uav`, `step`, `row`, `col` of the flown cells, for the seeds whose tracks are kept"""
-    hostiles: Columns = field(default_factory=dict)
-    """`seed`, `row`, `col` of the true hostiles, for the seeds whose tracks are kept"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,24 +39,21 @@ class Kind:
     """schema of the section `search` of an experiment file; None: the kind has no settings"""
 
 
-def _missions(scenario: Scenario, seeds: Sequence[int], kept: Collection[int], _: None) -> Table:
-    flown = fly_missions(scenario, seeds, kept)
-    return Table(flown.columns, flown.tracks, flown.hostiles)
-
-
-def _flights(scenario: Scenario, seeds: Sequence[int], kept: Collection[int], _: None) -> Table:
-    flown = flights.fly_flights(scenario, seeds, kept)
-    return Table(flown.columns, flown.tracks, flown.hostiles)
-
-
-def _routes(scenario: Scenario, seeds: Sequence[int], kept: Collection[int], search: routes.Search) -> Table:
-    return Table(routes.rows(scenario, seeds, kept, search))
-
-
 KINDS: Mapping[str, Kind] = {
-    "missions": Kind(_missions, MISSION_MEASURES, unsupported=unsupported),
-    "flights": Kind(_flights, FLIGHT_MEASURES, unsupported=flights.unsupported),
-    "routes": Kind(_routes, routes.MEASURES, routes.unsupported, routes.Search),
+    "missions": Kind(
+        lambda scenario, seeds, kept, _: fly_missions(scenario, seeds, kept), MISSION_MEASURES, unsupported
+    ),
+    "flights": Kind(
+        lambda scenario, seeds, kept, _: flights.fly_flights(scenario, seeds, kept),
+        FLIGHT_MEASURES,
+        flights.unsupported,
+    ),
+    "routes": Kind(
+        lambda scenario, seeds, _, search: Table(routes.rows(scenario, seeds, search)),
+        routes.MEASURES,
+        routes.unsupported,
+        routes.Search,
+    ),
 }
 
 

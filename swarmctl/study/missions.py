@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from types import MappingProxyType
 from typing import Any
 
@@ -20,20 +20,22 @@ from swarmctl.study.mission import fly_mission, unsupported
 from swarmctl.study.vehicle_result import MissionResult, VehicleResult
 from swarmctl.study.world import World
 
-Columns = dict[str, NDArray[Any]]
+Columns = Mapping[str, NDArray[Any]]
+"""arrays of one length, by the names of the columns"""
 NAMES = tuple(field.name for field in fields(VehicleResult))
 
 
 @dataclass(frozen=True, slots=True)
-class Missions:
-    """The results of missions as columns of equal length, in the order of seeds and vehicles."""
+class Table:
+    """The results of some seeds at one level, as columns of equal length: one row a seed and vehicle."""
 
-    columns: Columns
-    """`seed`, and the fields of `VehicleResult`: one row for each vehicle and mission"""
-    tracks: Columns
-    """`seed`, `uav`, `step`, `row`, `col`, `strikes`: one row for each entry into a cell, of kept seeds"""
-    hostiles: Columns
-    """`seed`, `row`, `col`: the true hostiles of kept seeds"""
+    rows: Columns
+    """`seed`, `uav` and the measures"""
+    tracks: Columns = field(default_factory=dict)
+    """`seed`, `uav`, `step`, `row`, `col` of the flown cells, for the seeds whose tracks are kept; missions
+    have the `strikes` of each step besides"""
+    hostiles: Columns = field(default_factory=dict)
+    """`seed`, `row`, `col` of the true hostiles, for the seeds whose tracks are kept"""
 
 
 def flyer_of(scenario: Scenario) -> Callable[[World], MissionResult]:
@@ -45,7 +47,7 @@ def flyer_of(scenario: Scenario) -> Callable[[World], MissionResult]:
     return lambda world: fly_mission(scenario, world)
 
 
-def fly_missions(scenario: Scenario, seeds: Sequence[int], kept: Collection[int] = ()) -> Missions:
+def fly_missions(scenario: Scenario, seeds: Sequence[int], kept: Collection[int] = ()) -> Table:
     """Fly one mission for each seed; keep the tracks of the seeds in `kept`.
 
     Raises ValueError for a scenario of which the abstract mission has no model.
@@ -63,7 +65,7 @@ def fly_missions(scenario: Scenario, seeds: Sequence[int], kept: Collection[int]
             for row, cells, strikes in zip(result.rows, result.tracks, result.strikes, strict=True):
                 entries = enumerate(zip(cells, strikes, strict=True))
                 tracks += [(seed, row.uav, step, *cell, hits) for step, (cell, hits) in entries]
-    return Missions(
+    return Table(
         as_columns(("seed", *NAMES), rows, types_of(VehicleResult)),
         as_columns(("seed", "uav", "step", "row", "col", "strikes"), tracks),
         as_columns(("seed", "row", "col"), hostiles),

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Annotated, Any
@@ -116,9 +116,7 @@ def unsupported(scenario: Scenario) -> str | None:
     return None
 
 
-def rows(
-    scenario: Scenario, seeds: Sequence[int], _kept: Collection[int], settings: Search
-) -> dict[str, NDArray[Any]]:
+def rows(scenario: Scenario, seeds: Sequence[int], settings: Search) -> dict[str, NDArray[Any]]:
     """Return the columns `seed`, `uav` and MEASURES: one row for each seed and vehicle, in this order.
 
     Raises Unreachable, and BoundTooTight if a bound of the base configuration excludes every route.

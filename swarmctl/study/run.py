@@ -12,7 +12,8 @@ from swarmctl.study import provenance
 from swarmctl.study.batches import Batch, BatchQueue, missing
 from swarmctl.study.cluster import ClusterError, Workers
 from swarmctl.study.experiment import Experiment
-from swarmctl.study.kinds import Table, compute
+from swarmctl.study.kinds import compute
+from swarmctl.study.missions import Table
 from swarmctl.study.results import Results, read_manifest
 
 Progress = Callable[[int, int], None]

@@ -77,11 +77,11 @@ def test_missions_with_everything_are_equal() -> None:
 def test_columns_hold_the_rows_and_tracks_of_each_seed() -> None:
     scenario = small()
     missions = fly_missions(scenario, [5, 2], kept=[2])
-    assert missions.columns["seed"].tolist() == [5, 5, 5, 2, 2, 2]
-    assert missions.columns["uav"].tolist() == [1, 2, 3, 1, 2, 3]
+    assert missions.rows["seed"].tolist() == [5, 5, 5, 2, 2, 2]
+    assert missions.rows["uav"].tolist() == [1, 2, 3, 1, 2, 3]
     result = fly_mission(scenario, World.drawn(scenario, 2))
-    assert missions.columns["strikes"][3:].tolist() == [row.strikes for row in result.rows]
-    assert missions.columns["length_m"][3:].tolist() == [row.length_m for row in result.rows]
+    assert missions.rows["strikes"][3:].tolist() == [row.strikes for row in result.rows]
+    assert missions.rows["length_m"][3:].tolist() == [row.length_m for row in result.rows]
     tracks = missions.tracks
     assert set(tracks["seed"].tolist()) == {2}
     cells = list(zip(tracks["row"].tolist(), tracks["col"].tolist(), strict=True))
@@ -99,4 +99,4 @@ def test_other_settings_are_flown_by_the_plain_mission() -> None:
     ):
         scenario = small(**sections)
         assert not covers(scenario)
-        assert len(fly_missions(scenario, [1]).columns["uav"]) == 3
+        assert len(fly_missions(scenario, [1]).rows["uav"]) == 3

@@ -30,15 +30,15 @@ def built(tmp_path: Path, miss: str = "0.0") -> Scenario:
 
 
 def table(base: Scenario, **settings: Any) -> dict[str, NDArray[Any]]:
-    return rows(base, range(8), (), Search(**{"observed": 0.3, **settings}))
+    return rows(base, range(8), Search(**{"observed": 0.3, **settings}))
 
 
 def test_a_row_for_each_seed_and_vehicle_whatever_the_batches(tmp_path: Path) -> None:
     base = built(tmp_path)
     settings = Search(method="simulated_annealing", longer=0.2, observed=0.3)
-    whole = rows(base, range(8), (), settings)
+    whole = rows(base, range(8), settings)
     assert list(zip(whole["seed"], whole["uav"], strict=True)) == [(s, u) for s in range(8) for u in (1, 2)]
-    parts = [rows(base, seeds, (), settings) for seeds in (range(3), range(3, 8))]
+    parts = [rows(base, seeds, settings) for seeds in (range(3), range(3, 8))]
     for name in ("seed", "uav", *MEASURES):
         assert whole[name].tolist() == [*parts[0][name], *parts[1][name]], name
 
@@ -104,7 +104,7 @@ def test_everything_known_leaves_one_world(tmp_path: Path) -> None:
 
 
 def test_strikes_happen_as_often_as_the_true_hostiles_hit(tmp_path: Path) -> None:
-    routes = rows(built(tmp_path), range(150), (), Search(method="dijkstra", simulated_worlds=2))
+    routes = rows(built(tmp_path), range(150), Search(method="dijkstra", simulated_worlds=2))
     expected = routes["true_survival"]
     spread = 3.0 * float(np.sqrt((expected * (1.0 - expected)).sum()))
     assert abs(routes["survived"].sum() - expected.sum()) < spread

@@ -10,7 +10,8 @@ from cli_runner import SHIPPED
 
 from swarmctl.config.scenario import Scenario
 from swarmctl.study.experiment import Experiment, load_experiment
-from swarmctl.study.kinds import Kind, Table
+from swarmctl.study.kinds import Kind
+from swarmctl.study.missions import Table
 
 FACTORS = "factors: {planner.w: [0, 0.5, 1], simulate.count: [1, 2]}"
 
