@@ -97,8 +97,7 @@ def dashboard(
         from swarmctl.dashboard.server import CannotServe, Source, serve, serve_page  # noqa: PLC0415
     except ModuleNotFoundError as error:
         fail([f"the dashboard needs {error.name}: pip install 'mavlink-swarmctl[dashboard]'"], USAGE)
-    from swarmctl.dashboard.sources.live_file import open_live  # noqa: PLC0415
-    from swarmctl.dashboard.sources.recording import RecordSource  # noqa: PLC0415
+    from swarmctl.dashboard.sources.recording import RecordSource, open_live  # noqa: PLC0415
 
     where = _where(listen, port, cert, key, config)
     background = None if tiles is None else _tiles_or_exit(tiles)

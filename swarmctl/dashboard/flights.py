@@ -11,7 +11,7 @@ from typing import Protocol
 from swarmctl.config.scenario import Scenario
 from swarmctl.dashboard.model import Timeline
 from swarmctl.dashboard.orders_panel import Send
-from swarmctl.dashboard.sources.live_file import open_live
+from swarmctl.dashboard.sources.recording import open_live
 from swarmctl.report.record import record_path
 from swarmctl.report.record_file import RecordError
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import msgspec
@@ -15,10 +16,72 @@ from swarmctl.dashboard import style
 from swarmctl.dashboard.access import SESSION, Session, Sessions
 from swarmctl.dashboard.model import Timeline
 from swarmctl.dashboard.orders_panel import AbortButton, Send
-from swarmctl.dashboard.playback import SPEEDS, Playback
 from swarmctl.dashboard.run_view import RunView
 from swarmctl.dashboard.tiles import Tiles
-from swarmctl.dashboard.time_marks import marks_of
+
+SPEEDS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
+"""offered speeds of a replay, as multiples of the run's time"""
+
+
+@dataclass
+class Playback:
+    """Position, speed and state of a replay; `is_live`: the newest data are shown."""
+
+    time_s: float = 0.0
+    speed: float = 1.0
+    is_playing: bool = False
+    is_live: bool = False
+    _looked_s: float | None = None
+
+    def advance(self, now_s: float, end_s: float) -> float:
+        """Return the time to show at the wall time `now_s`, from 0 to the end of the source."""
+        passed_s = 0.0 if self._looked_s is None else max(now_s - self._looked_s, 0.0)
+        self._looked_s = now_s
+        if self.is_live:
+            self.time_s = end_s
+        elif self.is_playing:
+            self.time_s += self.speed * passed_s
+            if self.time_s >= end_s:
+                self.time_s, self.is_playing = end_s, False
+        self.time_s = min(max(self.time_s, 0.0), end_s)
+        return self.time_s
+
+    def seek(self, time_s: float) -> None:
+        self.time_s, self.is_live = time_s, False
+
+
+HEIGHTS = {"alarm": 12, "warning": 8, "change": 4}
+"""height of each kind of mark, so that its colour is not needed [px]"""
+WIDTH = 1000
+"""number of different places of a mark"""
+
+
+def marks_of(timelines: Iterable[Timeline], end_s: float) -> str:
+    """Return the marks of runs from 0 to `end_s` as SVG; of several marks at one place the highest."""
+    at: dict[int, str] = {}
+
+    def add(time_s: float, kind: str) -> None:
+        x = 2 * round(0.5 * WIDTH * min(time_s / max(end_s, 0.1), 1.0))
+        if HEIGHTS[kind] > HEIGHTS.get(at.get(x, ""), 0):
+            at[x] = kind
+
+    for timeline in timelines:
+        for change in timeline.changes.items:
+            add(change.time_s, "change")
+        for event in timeline.events.items:
+            if event.severity != "info":
+                add(event.time_s, event.severity)
+    marks = (
+        f'<rect class="{kind}" x="{x - 1}" y="{HEIGHTS["alarm"] - HEIGHTS[kind]}" width="2" '
+        f'height="{HEIGHTS[kind]}"/>'
+        for x, kind in at.items()
+    )
+    label = "Alarms (high), warnings, and changes of routes (low)"
+    return (
+        f'<svg viewBox="0 0 {WIDTH} {HEIGHTS["alarm"]}" preserveAspectRatio="none" role="img" '
+        f'aria-label="{label}">{"".join(marks)}</svg>'
+    )
+
 
 EVERY_S = 0.1
 """interval of the changes that a browser gets [s]"""
@@ -116,7 +179,7 @@ class Page:
         return max(timeline.source.end_s for timeline in self._timelines)
 
     def _refresh(self) -> None:
-        time_s = self._playback.advance(time.monotonic(), 0.0, self._end_s)
+        time_s = self._playback.advance(time.monotonic(), self._end_s)
         for view in self._views:
             view.refresh(time_s)
         # One scale of P_s for all maps: equal shades are equal values.

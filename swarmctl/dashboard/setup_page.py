@@ -16,10 +16,9 @@ from swarmctl.config.yaml_lines import KeyPath
 from swarmctl.core.exposure import exposure
 from swarmctl.dashboard import looks, style
 from swarmctl.dashboard.access import SESSION, Sessions
-from swarmctl.dashboard.confirmation import confirmed
 from swarmctl.dashboard.draft import Draft
 from swarmctl.dashboard.flights import Flights, NotStarted
-from swarmctl.dashboard.orders_panel import tell
+from swarmctl.dashboard.orders_panel import confirmed, tell
 from swarmctl.dashboard.page import present, serve_run
 from swarmctl.dashboard.risk_map import RiskMap
 from swarmctl.dashboard.setup_edits import (

@@ -119,3 +119,16 @@ class RecordSource:
                 return
             else:
                 await asyncio.sleep(LOOK_EVERY_S)
+
+
+WAIT_S = 60.0
+"""longest wait for the record of a flight that has just begun [s]"""
+
+
+async def open_live(run: Path, wait_s: float = WAIT_S) -> RecordSource:
+    """Open the record of a flight; wait until the flight has begun it. Raises RecordError."""
+    loop = asyncio.get_running_loop()
+    until_s = loop.time() + wait_s
+    while not record_path(run).exists() and loop.time() < until_s:  # noqa: ASYNC110, another process writes it
+        await asyncio.sleep(LOOK_EVERY_S)
+    return RecordSource(run, "live file")
