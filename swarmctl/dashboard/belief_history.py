@@ -47,8 +47,7 @@ class BeliefHistory:
         self._prior = prior
         self._uav = uav
         self._cols = prior.looks.shape[1]
-        self.learned_s: dict[Name, float] = {}
-        """time at which each observation was learned"""
+        self._learned: set[Name] = set()
         self._held: dict[Source, list[Observation]] = {}
         self._checkpoints: dict[Source, Checkpoint] = {}
         self.times_s = array("d")
@@ -75,12 +74,12 @@ class BeliefHistory:
                 continue
             name = (item.observer, item.incarnation, item.seq)
             checkpoint = self._checkpoints.get(item.source)
-            if name in self.learned_s or (checkpoint is not None and item.seq <= checkpoint.upto):
+            if name in self._learned or (checkpoint is not None and item.seq <= checkpoint.upto):
                 continue
             rows, cols = self._prior.looks.shape
             if any(row >= rows or col >= cols for row, col, _ in item.cells):
                 continue
-            self.learned_s[name] = time_s
+            self._learned.add(name)
             self._held.setdefault(item.source, []).append(item)
             self._add(item, 1)
             self._end_item(time_s)

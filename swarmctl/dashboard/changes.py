@@ -1,16 +1,15 @@
 """The difference between two pictures, as plain data for a page: only what has changed. Pure.
 
-A page keeps what it has, and replaces what it gets. Of lists that only grow it gets the new end, with the
+A page keeps what it has, and replaces what it gets. Of tracks and strikes it gets the new end, with the
 index at which it begins; so a page whose list is longer, after a scrub back, cuts it first.
 
 | key | content |
 |---|---|
 | `time_s`, `unix_s` | always |
-| `source` | the whole `SourceState` |
 | `vehicles` | {name: {field: value}}; `track`: {from, points}; `belief`: cells or all codes, see `belief` |
 | `belief` | the same for all vehicles together |
 | `hearing`, `conflicts`, `groups` | the whole list |
-| `events`, `changes`, `strikes` | {from, items} |
+| `strikes` | {from, items} |
 
 A belief is {cells: [index, code, index, code, …]} with index = row · cols + col, or {codes: base64 of a byte
 a cell, row after row}, whichever is shorter.
@@ -28,11 +27,10 @@ import numpy as np
 from swarmctl.dashboard.history import Grown
 from swarmctl.dashboard.picture import CellCodes, Picture, VehiclePicture
 
-_GROWING = ("events", "changes", "strikes")
-_DIGITS = {"height_m": 1, "speed_m_s": 1, "heading_deg": 0, "progress": 3, "arrives_in_s": 0, "age_s": 1}
+_FIELDS = ("position", "height_m", "heading_deg", "age_s", "is_silent", "route")
+"""what the map shows of a vehicle, besides its track and belief"""
+_DIGITS = {"height_m": 1, "heading_deg": 0, "age_s": 1}
 """decimals of numbers that change all the time; finer changes are not sent"""
-_SPECIAL = frozenset({"name", "track", "belief", "belief_version"})
-_FIELDS = tuple(field for field in VehiclePicture.__struct_fields__ if field not in _SPECIAL)
 BYTES_A_CELL = 10
 """approximate length of a changed cell as JSON; a whole belief takes 4 bytes for 3 cells"""
 
@@ -40,8 +38,6 @@ BYTES_A_CELL = 10
 def changes(before: Picture | None, after: Picture) -> dict[str, Any]:
     """Return what a page has to be sent that shows `before`; None: a page that shows nothing yet."""
     result: dict[str, Any] = {"time_s": round(after.time_s, 3), "unix_s": round(after.unix_s, 3)}
-    if before is None or before.source != after.source:
-        result["source"] = msgspec.to_builtins(after.source)
     shown = {} if before is None else {vehicle.name: vehicle for vehicle in before.vehicles}
     vehicles = {v.name: changed for v in after.vehicles if (changed := _vehicle(shown.get(v.name), v))}
     if vehicles:
@@ -50,10 +46,9 @@ def changes(before: Picture | None, after: Picture) -> dict[str, Any]:
         items = getattr(after, name)
         if before is None or items != getattr(before, name):
             result[name] = _rounded_list(items)
-    for name in _GROWING:
-        new = _growth(None if before is None else getattr(before, name), getattr(after, name))
-        if new is not None:
-            result[name] = {"from": new, "items": msgspec.to_builtins(list(getattr(after, name)[new:]))}
+    new = _growth(None if before is None else before.strikes, after.strikes)
+    if new is not None:
+        result["strikes"] = {"from": new, "items": msgspec.to_builtins(list(after.strikes[new:]))}
     belief = _belief(None if before is None else before.common_belief, after.common_belief)
     if belief is not None:
         result["belief"] = belief
@@ -86,8 +81,6 @@ def _rounded(field: str, value: Any) -> Any:
         return round(value, _DIGITS[field])
     if field == "position":
         return [round(value[0], 1), round(value[1], 1)]
-    if field == "lat_lon":
-        return [round(value[0], 6), round(value[1], 6)]
     return msgspec.to_builtins(value) if isinstance(value, msgspec.Struct) else value
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection
 
 from swarmctl.agent.traffic.prediction import MAX_AGE_S
@@ -28,12 +27,9 @@ class Conflicts:
         for uav in list(flights):
             own = flights.pop(uav)
             for clash in find_clashes(own, flights, self._limits):
-                mine, other = own.at(clash.at_s), _nearest_point(flights[clash.other], clash.at_s)
-                if mine is None:
-                    continue
-                pair = (names[uav], names[clash.other])
-                horizontal_m, vertical_m = math.dist(mine[:2], other[:2]), abs(mine[2] - other[2])
-                found.append(Conflict(pair, max(clash.at_s, 0.0), mine[:2], horizontal_m, vertical_m))
+                if (mine := own.at(clash.at_s)) is not None:
+                    pair = (names[uav], names[clash.other])
+                    found.append(Conflict(pair, max(clash.at_s, 0.0), mine[:2]))
         return tuple(sorted(found, key=lambda conflict: (conflict.in_s, conflict.vehicles)))
 
     def _flight(self, vehicle: VehicleFacts, time_s: float) -> Trajectory | None:
@@ -54,9 +50,3 @@ class Conflicts:
         )
         rest = flight.since(0.0)
         return None if rest is None or len(rest.times_s) < 2 else until_landing(rest)
-
-
-def _nearest_point(flight: Trajectory, at_s: float) -> tuple[float, float, float]:
-    """Return the place of a flight at a time; before and after the flight its first and last point."""
-    at = flight.at(at_s)
-    return at if at is not None else flight.points[0 if at_s < flight.times_s[0] else -1]

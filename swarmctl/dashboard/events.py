@@ -2,26 +2,16 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Sequence
-
-import msgspec
 
 from swarmctl.agent.state import ARRIVED
 from swarmctl.dashboard.facts import Words
-from swarmctl.dashboard.picture import Event, RouteChange, Severity
+from swarmctl.dashboard.picture import RouteChange, Severity
 
-_CODE = re.compile(r" \[([a-z0-9-]+)\]$")
 ALARMS = frozenset({"failed", "released"})
 """phases that are an alarm"""
 NEAR = "predicted to come too close"
 """begin of the agent's text about a vehicle that comes too close"""
-
-
-def with_code(event: Event) -> Event:
-    """Return the event with the code of its text apart."""
-    code = _CODE.search(event.text)
-    return event if code is None else msgspec.structs.replace(event, code=code.group(1))
 
 
 def of_words(before: Words, after: Words, *, is_bus: bool) -> Iterator[tuple[Severity, str]]:

@@ -98,7 +98,6 @@ class VehicleFacts:
         """times of the vehicle's words"""
         self.track: Items[Point] = Items()
         self.route: Steps[Route | None] = Steps()
-        self.uploading: Steps[Route | None] = Steps()
         self.plans: dict[int, Route] = {}
         """routes by plan number"""
         self.beliefs = beliefs

@@ -63,12 +63,10 @@ def area(scenario: Scenario) -> AreaPicture:
         tuple(grid.frame.to_local(*corner) for corner in scenario.fence_polygon),
         None if hostiles is None else tuple(sorted(hostiles)),
         tuple(spec.name for spec in specs),
-        tuple(spec.sysid for spec in specs),
         tuple(colour_of(i) for i in range(len(specs))),
         tuple(spec.simulated for spec in specs),
         # The paper's sensor sees the 3 × 3 cells around the vehicle.
         tuple(1.5 * cell_m for _ in specs),
-        (config.separation.horizontal_m, config.separation.vertical_m),
     )
 
 
@@ -123,22 +121,17 @@ def vehicle(timeline: Timeline, facts: VehicleFacts, time_s: float, with_belief:
     frame, here = timeline.scenario.grid.frame, motion.lat_lon
     version = facts.beliefs.version(time_s)
     n_known, n_own = facts.beliefs.counts(version)
-    task_w = timeline.scenario.config.planner.w
-    strength = words.strength or timeline.scenario.strength
     has_all = timeline.kind != "bus"
     return VehiclePicture(
         facts.name,
-        facts.uav,
         words.phase,
         words.mode,
-        here,
         None if here is None else frame.to_local(*here),
         None if here is None else timeline.scenario.grid.cell_at(*here),
         motion.height_m,
         motion.speed_m_s,
         motion.course_deg,
         None if motion.battery_percent is None else round(motion.battery_percent),
-        words.armed,
         progress(motion, words),
         arrives_in_s(motion, words),
         "" if timeline.kind == "abstract mission" else _link(motion, words, age_s),
@@ -149,12 +142,9 @@ def vehicle(timeline: Timeline, facts: VehicleFacts, time_s: float, with_belief:
         facts.beliefs.n_found(version) if has_all else words.n_found,
         words.replans,
         None if motion.strikes is None else round(motion.strikes),
-        task_w if words.w is None else words.w,
-        (strength.direct, strength.first_neighbour, strength.second_neighbour),
         words.waiting,
         words.outcome or words.trouble or words.group,
         facts.route.at(time_s),
-        facts.uploading.at(time_s),
         facts.track.until(time_s),
         facts.beliefs.belief(version).codes if with_belief else None,
         version,

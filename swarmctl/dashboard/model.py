@@ -166,7 +166,6 @@ class Timeline:
         """Fold the decision for a new plan."""
         time_s, vehicle = self._touch(time_s), self.vehicles[uav]
         new = looks.route(self.scenario.grid, swap)
-        vehicle.uploading.add(time_s, new)
         self._change_route(vehicle, time_s, new, swap.because)
 
     def chosen(self, uav: int, time_s: float, new: Route) -> None:
@@ -177,22 +176,16 @@ class Timeline:
 
     def _change_route(self, vehicle: VehicleFacts, time_s: float, new: Route, names: Iterable[Name]) -> None:
         vehicle.plans[new.plan_id] = new
-        because = tuple(self._learned(vehicle, name) for name in names)
+        because = tuple(map(self._learned, names))
         old = vehicle.route.last
         change = RouteChange(len(self.changes.items) + 1, time_s, vehicle.name, old, None, new, because)
         self.changes.add(time_s, change)
         self.event(vehicle, time_s, "info", events.of_change(change, self.area.names))
 
-    def _learned(self, vehicle: VehicleFacts, name: Name) -> Learned:
-        found = self.observations.get(name)
-        observer = self.vehicles.get(name[0])
+    def _learned(self, name: Name) -> Learned:
+        found, observer = self.observations.get(name), self.vehicles.get(name[0])
         return Learned(
-            f"vehicle {name[0]}" if observer is None else observer.name,
-            name[2],
-            name[0] == vehicle.uav,
-            None if found is None else found[1],
-            vehicle.beliefs.learned_s.get(name, self.end_s),
-            () if found is None else found[0].cells,
+            f"vehicle {name[0]}" if observer is None else observer.name, None if found is None else found[1]
         )
 
     def accepted(self, uav: int, time_s: float, plan_id: int) -> None:
@@ -200,12 +193,10 @@ class Timeline:
         time_s, vehicle = self._touch(time_s), self.vehicles[uav]
         if plan_id in vehicle.plans:
             vehicle.route.add(time_s, vehicle.plans[plan_id])
-        vehicle.uploading.add(time_s, None)
 
     def not_accepted(self, uav: int, time_s: float, plan_id: int, reason: str) -> None:
         """Fold that a mission change has failed."""
         time_s, vehicle = self._touch(time_s), self.vehicles[uav]
-        vehicle.uploading.add(time_s, None)
         self.event(vehicle, time_s, "warning", f"plan {plan_id} did not get onto the vehicle: {reason}")
 
     def intent(self, uav: int, time_s: float, intent: IntentShared, *, is_route: bool) -> None:
@@ -264,7 +255,7 @@ class Timeline:
         """Fold a text for the operator."""
         text = printable(text)
         event = Event(len(self.events.items) + 1, self._touch(time_s), name, "warning", text)
-        self.events.add(event.time_s, events.with_code(event))
+        self.events.add(event.time_s, event)
 
     def note_silence(self) -> None:
         """Add an alarm for each vehicle that has fallen silent, and a line for each that is heard again."""
@@ -282,7 +273,7 @@ class Timeline:
 
     def event(self, vehicle: VehicleFacts, time_s: float, severity: Severity, text: str) -> None:
         event = Event(len(self.events.items) + 1, time_s, vehicle.name, severity, text)
-        self.events.add(time_s, events.with_code(event))
+        self.events.add(time_s, event)
 
     def _say(self, vehicle: VehicleFacts, time_s: float, **changes: Any) -> None:
         before = vehicle.said
@@ -342,7 +333,7 @@ class Timeline:
     def source(self) -> SourceState:
         age_s = self.now_s - self.end_s if self.is_live else 0.0
         total_s = max(self.total_s, self.end_s)
-        return SourceState(self.kind, self.is_live, 0.0, self.now_s, total_s, age_s, self.text, self.lacks)
+        return SourceState(self.kind, self.is_live, self.now_s, total_s, age_s, self.text, self.lacks)
 
     def vehicle(self, name: str) -> VehicleFacts:
         """Return the histories of a vehicle. Raises KeyError."""

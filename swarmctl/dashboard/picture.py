@@ -46,16 +46,12 @@ class AreaPicture(msgspec.Struct, frozen=True):
     """true cells of the hostiles; None if nothing simulates them"""
     names: tuple[str, ...]
     """names of the vehicles, in the order of their colours"""
-    numbers: tuple[int, ...]
-    """system ids of the vehicles, in the same order"""
     colours: tuple[str, ...]
     """colour of each vehicle as #rrggbb, as in the pictures of the report"""
     simulated: tuple[bool, ...]
     """True for each vehicle that the simulator plays"""
     footprints_m: tuple[float, ...]
     """distance within which each vehicle's sensor sees the centre of a cell [m]; 0: only the cell below"""
-    least_separation_m: tuple[float, float] = (0.0, 0.0)
-    """least distance between vehicles, over ground and in height [m]"""
 
 
 class SourceState(msgspec.Struct, frozen=True):
@@ -64,12 +60,10 @@ class SourceState(msgspec.Struct, frozen=True):
     kind: SourceKind
     is_live: bool
     """True while new data may come"""
-    begin_s: float
-    """first time that can be shown, by the run's clock [s]"""
     end_s: float
     """last time that can be shown, by the run's clock [s]"""
     total_s: float
-    """length of the record, as far as known; above `end_s - begin_s` while the record is still being read"""
+    """length of the record, as far as known; above `end_s` while the record is still being read"""
     age_s: float = 0.0
     """age of the newest data of a live source [s]"""
     text: str = ""
@@ -98,15 +92,8 @@ class Learned(msgspec.Struct, frozen=True):
 
     observer: str
     """name of the vehicle that observed"""
-    seq: int
-    is_own: bool
-    """True if the vehicle itself observed"""
     observed_s: float | None
     """time of the observation by the run's clock [s]; None: not known"""
-    received_s: float
-    """time at which the vehicle learned it, by the run's clock [s]"""
-    cells: tuple[tuple[int, int, bool], ...]
-    """(row, col, occupied); empty for observations that a checkpoint replaced"""
 
 
 class RouteChange(msgspec.Struct, frozen=True):
@@ -143,8 +130,6 @@ class Conflict(msgspec.Struct, frozen=True):
     """time until the least distance [s]"""
     at: Point
     """place of the first vehicle at that time"""
-    horizontal_m: float
-    vertical_m: float
 
 
 class Group(msgspec.Struct, frozen=True):
@@ -175,19 +160,15 @@ class Event(msgspec.Struct, frozen=True):
     """empty: the whole swarm"""
     severity: Severity
     text: str
-    code: str = ""
-    """code in brackets at the end of the text, such as telemetry-old; empty: none"""
 
 
 class VehiclePicture(msgspec.Struct, frozen=True):
     """A vehicle at one time; None for a value that is not known."""
 
     name: str
-    number: int
     phase: str = ""
     """phase of the agent; empty before the first word"""
     mode: str = ""
-    lat_lon: LatLon | None = None
     position: Point | None = None
     cell: Cell | None = None
     height_m: float | None = None
@@ -197,7 +178,6 @@ class VehiclePicture(msgspec.Struct, frozen=True):
     heading_deg: float | None = None
     """course over ground, or the heading of a slow vehicle [deg]"""
     battery_percent: int | None = None
-    armed: bool | None = None
     progress: float | None = None
     """share of the route, 0..1"""
     arrives_in_s: float | None = None
@@ -213,17 +193,12 @@ class VehiclePicture(msgspec.Struct, frozen=True):
     hostiles_known: int = 0
     replans: int = 0
     strikes: int | None = None
-    w: float | None = None
-    strength: tuple[float, float, float] | None = None
-    """firing strengths of the next plan: own cell, first and second neighbours"""
     waiting: str = ""
     """what the vehicle waits for, in words; empty: for nothing"""
     note: str = ""
     """alarm, outcome or trouble in words, as in the terminal"""
     route: Route | None = None
     """plan that is flown"""
-    uploading: Route | None = None
-    """plan that is being uploaded"""
     track: Sequence[Point] = ()
     """flown track"""
     belief: CellCodes | None = None

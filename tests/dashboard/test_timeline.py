@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 from dashboard_page import Page, folded, messages_of, whole
@@ -25,7 +26,7 @@ from swarmctl.core.frames import Frame, FrameCodec, StateShared
 from swarmctl.dashboard import looks
 from swarmctl.dashboard.changes import changes
 from swarmctl.dashboard.model import EVERYBODY, Timeline
-from swarmctl.dashboard.picture import OCCUPIED, OWN, SEEN
+from swarmctl.dashboard.picture import OCCUPIED, OWN, SEEN, Picture
 from swarmctl.dashboard.sources.bus import BusSource
 from swarmctl.dashboard.sources.recording import QUIET_AFTER_S, RecordSource
 from swarmctl.flight.virtual_clock import run_virtual
@@ -104,9 +105,9 @@ def test_each_seek_shows_what_a_fold_from_the_begin_shows(flight: Flight, shares
         page.apply(changes(before, picture))
         before = picture
         begin = Page()
-        begin.apply(changes(None, folded(flight.timeline, flight.messages, time_s).at(time_s, beliefs)))
-        for shown in (page.shown, begin.shown):
-            shown.pop("source", None)
+        anew = folded(flight.timeline, flight.messages, time_s).at(time_s, beliefs)
+        begin.apply(changes(None, anew))
+        assert without_source(picture) == without_source(anew)
         assert page.shown == begin.shown
 
 
@@ -137,11 +138,7 @@ def test_a_change_of_a_route_tells_both_routes_and_what_was_learned(flight: Flig
         shown = looks.compared(flight.timeline, change.number)
         assert shown.new.length_m is not None
         assert shown.new.cells
-        for learned in shown.because:
-            assert learned.cells
-            assert learned.observed_s is not None
-            assert learned.observed_s <= learned.received_s <= change.time_s
-            assert learned.is_own == (learned.observer == change.vehicle)
+        assert all(learned.observed_s <= change.time_s for learned in shown.because)
         if shown.old_now is not None:
             cell = flight.timeline.at(change.time_s).vehicles[0].cell
             assert shown.old_now.exposure_sum is not None
@@ -169,13 +166,18 @@ def test_a_record_that_grows_is_shown_as_far_as_it_is_and_ages(flight: Flight, t
     source.close()
     ended = source.timeline.at()
     assert not ended.source.is_live
-    assert replace_source(ended) == replace_source(flight.timeline.at())
+    assert without_source(ended) == without_source(flight.timeline.at())
 
 
-def replace_source(picture: Any) -> dict[str, Any]:
-    shown = changes(None, picture)
-    shown.pop("source")
-    return shown
+def without_source(picture: Picture) -> Any:
+    """Return a picture as plain data, without the state of its source."""
+    shown = msgspec.structs.asdict(picture)
+    del shown["source"]
+
+    def plain(each: Any) -> list[Any]:
+        return each.tolist() if isinstance(each, np.ndarray) else list(each)
+
+    return msgspec.to_builtins(shown, enc_hook=plain)
 
 
 def test_a_cut_or_foreign_file_is_told(flight: Flight, tmp_path: Path) -> None:
@@ -224,7 +226,6 @@ def test_costs_and_reasons_of_an_announced_route_follow_from_what_the_station_kn
         assert change.new.length_m == pytest.approx(plan.length_m, abs=75.0)
         assert change.new.exposure_sum == pytest.approx(plan.exposure_sum, abs=0.4)
         assert change.because
-        assert all(learned.cells for learned in change.because)
 
 
 def test_a_vehicle_that_is_not_heard_is_shown_with_the_age_of_its_last_word(flight: Flight) -> None:
@@ -245,7 +246,8 @@ def test_a_vehicle_that_is_not_heard_is_shown_with_the_age_of_its_last_word(flig
     shown = picture.vehicles[0]
     assert (shown.is_silent, shown.phase, shown.cell) == (True, "flying", (2, 2))
     assert shown.age_s == pytest.approx(20.0)
-    assert [event.code for event in picture.events if event.severity == "alarm"] == ["vehicle-silent"]
+    (alarm,) = [event for event in picture.events if event.severity == "alarm"]
+    assert alarm.text.endswith("[vehicle-silent]")
     # It is shown again as it was.
     assert not source.timeline.at(4.0).vehicles[0].is_silent
 

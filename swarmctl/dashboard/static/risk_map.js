@@ -28,7 +28,7 @@ export default {
   data: () => ({ unheard_s: 0 }),
   mounted() {
     this.vehicles = {};
-    this.growing = { events: [], changes: [], strikes: [] };
+    this.strikes = [];
     this.hearing = [];
     this.conflicts = [];
     this.groups = [];
@@ -67,7 +67,7 @@ export default {
       this.vehicles = {};
       this.belief = null;
       this.exposure = null;
-      this.growing = { events: [], changes: [], strikes: [] };
+      this.strikes = [];
       for (const [i, name] of area.names.entries()) {
         this.vehicles[name] = { name, colour: area.colours[i], track: [], belief: null };
       }
@@ -101,9 +101,7 @@ export default {
       }
       if (changes.belief) this.belief = this.merged(this.belief, changes.belief);
       for (const name of ["hearing", "conflicts", "groups"]) if (name in changes) this[name] = changes[name];
-      for (const [name, items] of Object.entries(this.growing)) {
-        if (name in changes) items.splice(changes[name].from, Infinity, ...changes[name].items);
-      }
+      if (changes.strikes) this.strikes.splice(changes.strikes.from, Infinity, ...changes.strikes.items);
       if (changes.belief || Object.values(changes.vehicles ?? {}).some((v) => v.belief)) this.paint_cells();
       this.draw_soon();
     },

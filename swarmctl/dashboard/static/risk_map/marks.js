@@ -66,7 +66,7 @@ export default {
     }
   },
   draw_strikes(context) {
-    for (const strike of this.growing.strikes) {
+    for (const strike of this.strikes) {
       const [x, y] = this.place(strike.at);
       context.fillStyle = "#cc0000";
       context.beginPath();
