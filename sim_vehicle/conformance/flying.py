@@ -1,7 +1,7 @@
 """Arming, take-off, movement and landing of the vehicle under test."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -12,6 +12,7 @@ from sim_vehicle.conformance.assertions import ACCEPTED, CheckFailed, Skip, equa
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.station import messages
 
+AIRBORNE_M = 3.0  # an armed vehicle above this height flies
 HEIGHT_M, PLANE_HEIGHT_M = 20.0, 50.0  # height of the take-off above home
 READY_S, CLIMB_S, LAND_S = 150.0, 90.0, 240.0  # longest times until ready, at height, landed
 PREARM_BIT = 0x10000000  # MAV_SYS_STATUS_PREARM_CHECK
@@ -37,14 +38,10 @@ def try_mode(vehicle: VehicleUnderTest, role: str) -> str:
     return vehicle.result(messages.set_mode(vehicle.target, mode_number(vehicle, role)))
 
 
-def in_mode(vehicle: VehicleUnderTest, role: str) -> Callable[[], bool]:
-    number = mode_number(vehicle, role)
-    return lambda: vehicle.mode == number
-
-
 def wait_for_mode(vehicle: VehicleUnderTest, role: str, within_s: float = HEARTBEAT_LAG_S) -> float:
     """Wait for a mode in the heartbeat; return the time taken [s]."""
-    return vehicle.wait_until(in_mode(vehicle, role), f"the {role} mode in the heartbeat", within_s)
+    number = mode_number(vehicle, role)
+    return vehicle.wait_until(lambda: vehicle.mode == number, f"the {role} mode in the heartbeat", within_s)
 
 
 def set_mode(vehicle: VehicleUnderTest, role: str) -> None:
@@ -144,11 +141,6 @@ def home(vehicle: VehicleUnderTest) -> tuple[int, int]:
     return found.latitude, found.longitude
 
 
-def position(vehicle: VehicleUnderTest) -> Any:
-    """Request and return GLOBAL_POSITION_INT."""
-    return vehicle.request("GLOBAL_POSITION_INT")
-
-
 def height_m(vehicle: VehicleUnderTest) -> float:
     """Return the latest reported height above home [m]; NaN before the first report."""
     entry = vehicle.last.get("GLOBAL_POSITION_INT")
@@ -189,10 +181,6 @@ def start_streams(vehicle: VehicleUnderTest) -> None:
     vehicle.wait_until(lambda: "GLOBAL_POSITION_INT" in vehicle.last, "GLOBAL_POSITION_INT", 5.0)
 
 
-def is_airborne(vehicle: VehicleUnderTest) -> bool:
-    return vehicle.armed and height_m(vehicle) > 3.0
-
-
 def takeoff_command(vehicle: VehicleUnderTest, height: float) -> Any:
     """Return NAV_TAKEOFF to a height above home [m], in the autopilot's altitude frame."""
     if vehicle.dialect.name != "px4":
@@ -221,7 +209,7 @@ def wait_until_above(vehicle: VehicleUnderTest, enough_m: float, within_s: float
 def ensure_airborne(vehicle: VehicleUnderTest) -> None:
     """Start the streams, take off unless airborne, and hold the position (a plane circles)."""
     start_streams(vehicle)
-    if not is_airborne(vehicle):
+    if not (vehicle.armed and height_m(vehicle) > AIRBORNE_M):
         if vehicle.identity.kind == "plane":
             _launch_plane(vehicle)
         else:

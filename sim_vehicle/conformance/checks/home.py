@@ -99,7 +99,7 @@ def relative_follows(vehicle: VehicleUnderTest) -> str:
         z = before.altitude / 1000 - 5.0
         equal(_set_home(vehicle, before.latitude, before.longitude, z), ACCEPTED, "DO_SET_HOME")
         vehicle.wait(1.0)
-        message = flying.position(vehicle)
+        message = vehicle.request("GLOBAL_POSITION_INT")
         near(message.relative_alt / 1000, message.alt / 1000 - z, 0.5, "relative_alt")
     return f"{message.relative_alt / 1000:.1f} m"
 
