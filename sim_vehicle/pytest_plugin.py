@@ -122,8 +122,7 @@ def swarm(_sim_rig: "Rig") -> "Callable[..., Swarm]":
 @pytest.fixture
 def vehicle(swarm: "Callable[..., Swarm]") -> "Vehicle":
     """Return one ArduPilot copter, ready to arm."""
-    made: Vehicle = swarm()[0]
-    return made
+    return swarm()[0]
 
 
 @pytest.fixture

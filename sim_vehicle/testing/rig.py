@@ -3,7 +3,7 @@
 import difflib
 import inspect
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -145,20 +145,7 @@ class Vehicle:
         self._rig.do(self.index, step)
 
 
-class Swarm(Sequence[Vehicle]):
-    """The vehicles of the fleet under test, in order."""
-
-    def __init__(self, vehicles: Sequence[Vehicle], scenario: Scenario) -> None:
-        self._vehicles, self.scenario = tuple(vehicles), scenario
-
-    def __getitem__(self, index: Any) -> Any:
-        return self._vehicles[index]
-
-    def __len__(self) -> int:
-        return len(self._vehicles)
-
-    def __iter__(self) -> Iterator[Vehicle]:
-        return iter(self._vehicles)
+Swarm = tuple[Vehicle, ...]  # the vehicles of the fleet under test, in order
 
 
 class Rig:
@@ -186,7 +173,7 @@ class Rig:
         self.fleet = Fleet(scenario, ready_s=ready_s)
         self.vehicles = [Vehicle(self, index) for index in range(len(scenario.vehicles))]
         self.take(self.fleet.step(0.0), 0.0)
-        return Swarm(self.vehicles, scenario)
+        return tuple(self.vehicles)
 
     def existing(self) -> Fleet:
         __tracebackhide__ = True

@@ -173,11 +173,6 @@ def test_a_swarm_of_any_kind(swarm: MakeSwarm, clock: Clock) -> None:
     assert after[1] == before[1]
 
 
-def test_an_unknown_parameter_is_an_error(swarm: MakeSwarm) -> None:
-    with pytest.raises(ScenarioError, match="px4 copter: RTL_ALT"):
-        swarm(personality="px4", params={"RTL_ALT": 500})
-
-
 def test_a_step_that_fails_fails_the_test(vehicle: Vehicle, clock: Clock) -> None:
     vehicle.do("command", {"command": "DO_PARACHUTE", "params": [2]})
     with pytest.raises(NotWithinTimeError, match="vehicle 1: command"):
@@ -210,6 +205,7 @@ def test_an_impossible_action_is_an_error(vehicle: Vehicle, action: tuple[Any, .
         ({"count": 0}, "count=0: "),
         ({"personality": "betaflight"}, "personality='betaflight': "),
         ({"kind": "plain"}, "kind='plain': did you mean 'plane'?"),
+        ({"personality": "px4", "params": {"RTL_ALT": 500}}, "px4 copter: RTL_ALT"),
         ({"faults": ["gps_los"]}, "gps_loss?"),
         ({"faults": "gps_loss"}, "faults='gps_loss'"),
         ({"wind": {"speed": 5}}, "wind.speed: "),
