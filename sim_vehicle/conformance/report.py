@@ -38,13 +38,7 @@ def matrix(report: RunReport) -> Group:
     parts: list[Any] = []
     for category, group in groupby(report.results, key=lambda result: result.check.category):
         results = list(group)
-        table = Table(
-            title=f"{category}: {describe_counts(results)}",
-            title_justify="left",
-            expand=True,
-            show_edge=False,
-        )
-        table.add_column("check", width=NAME_WIDTH, overflow="fold")
+        table = _checks_table(f"{category}: {describe_counts(results)}")
         table.add_column("result", width=7)
         table.add_column("seen", ratio=1, overflow="fold")
         table.add_column("s", justify="right", width=5)
@@ -66,6 +60,12 @@ def matrix(report: RunReport) -> Group:
     return Group(*parts)
 
 
+def _checks_table(title: str) -> Table:
+    table = Table(title=title, title_justify="left", expand=True, show_edge=False)
+    table.add_column("check", width=NAME_WIDTH, overflow="fold")
+    return table
+
+
 def _printable(text: str) -> str:
     """Replace unprintable characters by blanks, because they would disturb a terminal."""
     return "".join(character if character.isprintable() else " " for character in text)
@@ -78,8 +78,7 @@ def list_checks(checks: Iterable[Check]) -> Group:
     for category, group in groupby(checks, key=lambda found: found.category):
         found = list(group)
         total += len(found)
-        table = Table(title=f"{category}: {len(found)}", title_justify="left", expand=True, show_edge=False)
-        table.add_column("check", width=NAME_WIDTH, overflow="fold")
+        table = _checks_table(f"{category}: {len(found)}")
         table.add_column("statement", ratio=1, overflow="fold")
         table.add_column("only with", width=14, overflow="fold")
         for entry in found:

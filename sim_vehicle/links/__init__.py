@@ -18,4 +18,5 @@ def make_link(url: Url, callbacks: LinkCallbacks, *, vehicles: Collection[int]) 
         return SerialLink(url, callbacks)
     if url.is_udp:
         return UdpIn(url, callbacks) if url.listens else UdpOut(url, callbacks, vehicles)
-    return (TcpIn if url.listens else TcpOut)(url, callbacks, single_vehicle=len(vehicles) == 1)
+    tcp_link = TcpIn if url.listens else TcpOut
+    return tcp_link(url, callbacks, single_vehicle=len(vehicles) == 1)
