@@ -6,7 +6,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from vehicle_texts import ITEMS, PEER, mission_ack, request
 
-from swarmctl.mavlink.protocol.mission_current import SetCurrent
+from swarmctl.mavlink.protocol.command import SetCurrent
 from swarmctl.mavlink.protocol.mission_upload import Upload, UploadOutcome
 
 

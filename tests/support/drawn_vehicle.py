@@ -21,10 +21,9 @@ from swarmctl.mavlink.dialects.ardupilot import ArduCopter
 from swarmctl.mavlink.dialects.arduplane import ArduPlane
 from swarmctl.mavlink.dialects.px4 import Px4Copter
 from swarmctl.mavlink.dialects.px4plane import Px4Plane
-from swarmctl.mavlink.protocol.command import CommandOutcome, CommandResult
+from swarmctl.mavlink.protocol.command import CommandOutcome, CommandResult, SetCurrent
 from swarmctl.mavlink.protocol.conversation import MavlinkPeer
 from swarmctl.mavlink.protocol.mission_append import Append, AppendResult
-from swarmctl.mavlink.protocol.mission_current import SetCurrent
 from swarmctl.mavlink.protocol.mission_download import Download, DownloadOutcome, DownloadResult
 from swarmctl.mavlink.protocol.mission_upload import Upload, UploadOutcome, UploadResult
 from swarmctl.mavlink.protocol.procedure import Context, Procedure

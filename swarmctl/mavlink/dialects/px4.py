@@ -17,9 +17,8 @@ from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import FlightPlan, MissionItem, Waypoint
 from swarmctl.mavlink.dialects.base import Readiness
 from swarmctl.mavlink.dialects.plan import LAND, TAKEOFF, WAYPOINT, copter_track, differences, item_at
-from swarmctl.mavlink.protocol.command import CommandResult
+from swarmctl.mavlink.protocol.command import CommandResult, SetCurrent
 from swarmctl.mavlink.protocol.conversation import Conversation, MavlinkPeer
-from swarmctl.mavlink.protocol.mission_current import SetCurrent
 
 _AUTO_MAIN_MODE = 4
 # Main and sub mode; custom_mode is sub << 24 | main << 16.

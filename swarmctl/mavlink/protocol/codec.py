@@ -19,7 +19,7 @@ GCS_COMPID = int(mavlink.MAV_COMP_ID_MISSIONPLANNER)
 
 _V1_MAGIC, _V2_MAGIC = 0xFE, 0xFD
 _V1_OVERHEAD_BYTES, _V2_OVERHEAD_BYTES = 8, 12
-_V2_HEADER_BYTES = 10
+_V1_HEADER_BYTES, _V2_HEADER_BYTES = 6, 10
 _SIGNED_FLAG = 0x01
 _SIGNATURE_BYTES = 13
 _LOG_TIME_BYTES = 8
@@ -151,16 +151,21 @@ class Decoder:
             return None
 
 
+def payload(message: Message) -> bytes:
+    """Return the payload as received; empty if the message was not received."""
+    frame = bytes(message.get_msgbuf() or b"")
+    if not frame:
+        return b""
+    begin = _V2_HEADER_BYTES if frame[0] == _V2_MAGIC else _V1_HEADER_BYTES
+    return frame[begin : begin + frame[1]]
+
+
 def extension(message: Message, at: int) -> int:
     """Return the unsigned 4-byte field at offset `at` of the payload, for a field that pymavlink lacks.
 
-    A field that was not sent is 0: MAVLink 2 cuts trailing zeros.
+    A field that was not sent is 0: MAVLink 1 has no extensions, and MAVLink 2 cuts trailing zeros.
     """
-    frame = bytes(message.get_msgbuf() or b"")
-    if not frame or frame[0] != _V2_MAGIC:
-        return 0
-    payload = frame[_V2_HEADER_BYTES : _V2_HEADER_BYTES + frame[1]]
-    return int.from_bytes(payload[at : at + 4], "little")
+    return int.from_bytes(payload(message)[at : at + 4], "little")
 
 
 class Signature(NamedTuple):

@@ -60,21 +60,13 @@ class Download(Conversation[DownloadResult]):
     ) -> None:
         super().__init__()
         self._peer = peer
-        self._type = mission_type
-        self._first = self._next = self._requested_to = first
+        self.mission_type = mission_type
+        self.first = self._next = self._requested_to = first
         self._window, self._copies, self._in_order = window, copies, in_order
         self._repeat_s, self._begin_s = self.REPEAT_PERIOD_S, 0.0
         self._count = 0
         self._items: dict[int, MissionItem] = {}
         self._tries = 0
-
-    @property
-    def mission_type(self) -> int:
-        return self._type
-
-    @property
-    def first(self) -> int:
-        return self._first
 
     def _begin(self, now: float) -> list[Message]:
         self._begin_s = now
@@ -85,7 +77,7 @@ class Download(Conversation[DownloadResult]):
         self.next_deadline = now + self._repeat_s
         to = (self._peer.sysid, self._peer.compid)
         if self.state is ConversationState.WAITING:
-            return [mavlink.MAVLink_mission_request_list_message(*to, mission_type=self._type)]
+            return [mavlink.MAVLink_mission_request_list_message(*to, mission_type=self.mission_type)]
         self._requested_to = self._next
         return self._request_items()
 
@@ -96,7 +88,7 @@ class Download(Conversation[DownloadResult]):
         self._requested_to = max(self._requested_to, end)
         to = (self._peer.sysid, self._peer.compid)
         return [
-            mavlink.MAVLink_mission_request_int_message(*to, seq, mission_type=self._type)
+            mavlink.MAVLink_mission_request_int_message(*to, seq, mission_type=self.mission_type)
             for seq in to_request
             for _ in range(self._copies)
         ]
@@ -105,7 +97,7 @@ class Download(Conversation[DownloadResult]):
         kind = message.get_type()
         if kind not in ("MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_ACK"):
             return []
-        if message.mission_type != self._type or not self._peer.is_for_us(message):
+        if message.mission_type != self.mission_type or not self._peer.is_for_us(message):
             return []
         if kind == "MISSION_COUNT" and self.state is ConversationState.WAITING:
             self._enter(ConversationState.EXCHANGING)
@@ -165,7 +157,9 @@ class Download(Conversation[DownloadResult]):
         return [self._ack(mavlink.MAV_MISSION_OPERATION_CANCELLED)]
 
     def _ack(self, code: int) -> Message:
-        return mavlink.MAVLink_mission_ack_message(self._peer.sysid, self._peer.compid, code, self._type)
+        return mavlink.MAVLink_mission_ack_message(
+            self._peer.sysid, self._peer.compid, code, self.mission_type
+        )
 
 
 def item_of(message: Message) -> MissionItem:

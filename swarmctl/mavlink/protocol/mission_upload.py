@@ -92,9 +92,9 @@ class Upload(Conversation[UploadResult]):
         super().__init__()
         self._too_late = too_late
         self._peer = peer
-        self._current, self._flown = current, flown
-        self._type = mission_type
-        self._items = tuple(items)
+        self.current, self.flown = current, flown
+        self.mission_type = mission_type
+        self.items = tuple(items)
         self._max_requested = -1
         """highest item requested so far"""
         self._last_requested = 0
@@ -115,22 +115,6 @@ class Upload(Conversation[UploadResult]):
         self._last_nack = ""
         self._begin_s = self._idle_at = self._stuck_at = 0.0
 
-    @property
-    def items(self) -> tuple[MissionItem, ...]:
-        return self._items
-
-    @property
-    def mission_type(self) -> int:
-        return self._type
-
-    @property
-    def current(self) -> int | None:
-        return self._current
-
-    @property
-    def flown(self) -> int | None:
-        return self._flown
-
     def _begin(self, now: float) -> list[Message]:
         self._begin_s = now
         self._idle_at = now + self.FIRST_LIMIT_S
@@ -141,7 +125,7 @@ class Upload(Conversation[UploadResult]):
         self.next_deadline = min(now + self.REPEAT_PERIOD_S, self._idle_at)
         return [
             mavlink.MAVLink_mission_count_message(
-                self._peer.sysid, self._peer.compid, len(self._items), mission_type=self._type
+                self._peer.sysid, self._peer.compid, len(self.items), mission_type=self.mission_type
             )
         ]
 
@@ -149,7 +133,7 @@ class Upload(Conversation[UploadResult]):
         kind = message.get_type()
         if kind not in ("MISSION_REQUEST", "MISSION_REQUEST_INT", "MISSION_ACK"):
             return []
-        if message.mission_type != self._type or not self._peer.is_for_us(message):
+        if message.mission_type != self.mission_type or not self._peer.is_for_us(message):
             return []
         if kind == "MISSION_ACK":
             self._on_ack(int(message.type), now)
@@ -157,7 +141,7 @@ class Upload(Conversation[UploadResult]):
         return self._on_request(int(message.seq), now)
 
     def _on_request(self, seq: int, now: float) -> list[Message]:
-        if seq >= len(self._items):
+        if seq >= len(self.items):
             return []  # from an earlier, longer transfer
         if self.state is ConversationState.WAITING:
             if seq != 0:
@@ -169,7 +153,7 @@ class Upload(Conversation[UploadResult]):
         if seq > self._max_requested:
             self._record_progress(seq, now)
         self.next_deadline = min(self._idle_at, self._stuck_at)
-        if seq == len(self._items) - 1 and self._too_late(self._round_trip_s):
+        if seq == len(self.items) - 1 and self._too_late(self._round_trip_s):
             return self._withhold_last(seq, now)
         return self._answer(seq, now)
 
@@ -195,8 +179,8 @@ class Upload(Conversation[UploadResult]):
             self._requested.clear()
         self._requested.add(seq)
         self._last_requested = seq
-        last = len(self._items) - 1
-        end = len(self._items) if seq == last else min(seq + WINDOW, last)
+        last = len(self.items) - 1
+        end = len(self.items) if seq == last else min(seq + WINDOW, last)
         numbers = range(max(seq, self._next_to_send), end)
         self._next_to_send = max(self._next_to_send, end)
         self._resent.update(number for number in numbers if number in self._sent_s)
@@ -208,7 +192,7 @@ class Upload(Conversation[UploadResult]):
         return [self._item(number) for number in numbers for _ in range(copies)]
 
     def _item(self, seq: int) -> Message:
-        return item_message(self._peer, seq, self._items[seq], self._type, current=seq == self._current)
+        return item_message(self._peer, seq, self.items[seq], self.mission_type, current=seq == self.current)
 
     def _is_overdue(self, seq: int, now: float) -> bool:
         if seq not in self._sent_s:
@@ -221,7 +205,7 @@ class Upload(Conversation[UploadResult]):
 
     @property
     def _is_all_sent(self) -> bool:
-        return len(self._sent_s) == len(self._items)
+        return len(self._sent_s) == len(self.items)
 
     def _on_ack(self, code: int, now: float) -> None:
         name = name_of("MAV_MISSION_RESULT", code).removeprefix("MAV_MISSION_")
@@ -265,7 +249,10 @@ class Upload(Conversation[UploadResult]):
     def _closing_messages(self, now: float) -> list[Message]:
         return [
             mavlink.MAVLink_mission_ack_message(
-                self._peer.sysid, self._peer.compid, mavlink.MAV_MISSION_OPERATION_CANCELLED, self._type
+                self._peer.sysid,
+                self._peer.compid,
+                mavlink.MAV_MISSION_OPERATION_CANCELLED,
+                self.mission_type,
             )
         ]
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from swarmctl.mavlink.protocol.codec import Message
+from swarmctl.mavlink.protocol.codec import Message, payload
 from swarmctl.mavlink.protocol.conversation import Conversation, ConversationState, MavlinkPeer
 from swarmctl.mavlink.protocol.outcome import Done
 from swarmctl.mavlink.protocol.procedure import Context, Procedure
@@ -31,7 +31,6 @@ _PACKED: Mapping[int, str] = {
     int(mavlink.MAV_PARAM_TYPE_INT32): "<i",
     _REAL32: "<f",
 }
-_V2_MAGIC, _V1_HEADER_BYTES, _V2_HEADER_BYTES = 0xFD, 6, 10
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,16 +46,9 @@ def decoded(message: Message, *, byte_wise: bool) -> Parameter:
     kind = int(message.param_type)
     if not byte_wise or kind == _REAL32 or kind not in _PACKED:
         return Parameter(float(message.param_value), kind)
-    return Parameter(float(struct.unpack(_PACKED[kind], _value_bytes(message))[0]), kind)
-
-
-def _value_bytes(message: Message) -> bytes:
     # The bytes as received: a conversion to float would change some integers (signalling NaNs).
-    if not message.get_msgbuf():  # an outgoing message
-        return struct.pack("<f", message.param_value)
-    frame = bytes(message.get_msgbuf())
-    start = _V2_HEADER_BYTES if frame[0] == _V2_MAGIC else _V1_HEADER_BYTES
-    return frame[start : start + 4]
+    data = payload(message)[:4] or struct.pack("<f", message.param_value)
+    return Parameter(float(struct.unpack(_PACKED[kind], data)[0]), kind)
 
 
 def encoded(parameter: Parameter, *, byte_wise: bool) -> float:
