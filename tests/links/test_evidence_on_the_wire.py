@@ -8,13 +8,11 @@ from pathlib import Path
 import pytest
 from evidence_files import ARM as ARMING
 from evidence_files import HOLD, Written
-from forward_world import WATCHER, ForwardReceiver
 from link_world import World, north, play, until
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scripted_copter import Copter
 
 from swarmctl.links.base import LaunchFailed
-from swarmctl.links.frontend import FrontEnd
 
 ARM, START = mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_MISSION_START
 
@@ -23,15 +21,8 @@ class EvidenceWorld(World):
     """A copter and an evidence file on a disk that can fill up."""
 
     def __init__(self, folder: Path) -> None:
-        super().__init__(Copter(1))
         self.written = Written(folder, asyncio.get_running_loop().time)
-        self.watching = ForwardReceiver()
-        self.front = FrontEnd(
-            wall_time_us=self._wall,
-            memory={"test": self.wire, "watcher": self.watching.wire},
-            evidence=self.written.evidence,
-            say=self.said.append,
-        )
+        super().__init__(Copter(1), evidence=self.written.evidence)
 
     async def __aexit__(self, *error: object) -> None:
         await super().__aexit__(*error)
@@ -70,8 +61,7 @@ def test_an_arming_command_that_cannot_be_recorded_is_not_sent(tmp_path: Path) -
 def test_an_arming_command_of_another_station_that_cannot_be_recorded_is_not_sent(tmp_path: Path) -> None:
     async def story() -> None:
         async with EvidenceWorld(tmp_path) as world:
-            await world.front.forward(WATCHER, commands=True)
-            world.watching.wire.from_vehicle(b"", "station")
+            await world.forward(commands=True)
             await world.link().connect(10)
             await asyncio.sleep(5)
             world.disk_is_full()

@@ -7,7 +7,6 @@ import socket
 from typing import Any
 
 import pytest
-from forward_world import WATCHER, ForwardReceiver
 from link_world import HURRY, WIRE, World, play, until
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -40,23 +39,13 @@ class WatchedWorld(World):
     """Copters, links to them, and a station that receives forwarded frames."""
 
     def __init__(self, *copters: Copter, commands: bool = False) -> None:
-        super().__init__(*copters)
         self.recorder = SentRecorder()
-        self.watching = ForwardReceiver()
-        self.said: list[str] = []
-        self.front = FrontEnd(
-            wall_time_us=self._wall,
-            memory={"test": self.wire, "watcher": self.watching.wire},
-            evidence=self.recorder,
-            say=self.said.append,
-        )
+        super().__init__(*copters, evidence=self.recorder)
         self._commands = commands
 
     async def __aenter__(self) -> WatchedWorld:
         await super().__aenter__()
-        await self.front.forward(WATCHER, commands=self._commands)
-        self.watching.wire.from_vehicle(b"", "station")  # the first packet shows the station's address
-        await asyncio.sleep(0)
+        await self.forward(commands=self._commands)
         return self
 
 

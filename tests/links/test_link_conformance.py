@@ -12,6 +12,7 @@ import pytest
 from link_world import World, asked_of, flying, north, play, until
 from scripted_copter import Copter, Script
 
+from swarmctl.core.setpoint import SetPoint
 from swarmctl.links import LINKS
 from swarmctl.links.base import (
     AddressChanged,
@@ -33,6 +34,7 @@ from swarmctl.links.base import (
 from swarmctl.mavlink.protocol.outcome import Done
 
 REAL = {"mavsdk"}
+EAST = SetPoint((4.0, 0.0, 0.0))
 
 
 EVERY_LINK = pytest.mark.parametrize(
@@ -345,3 +347,30 @@ def test_a_lost_command_is_repeated_after_one_second(kind):
             assert sent[1] - sent[0] == pytest.approx(1.0, abs=0.3)
 
     play(story(), real=kind != "direct")
+
+
+def test_set_points_are_sent_before_and_during_the_call_that_follows_them(kind):
+    async def story():
+        copter = Copter(1)
+        async with World(copter, kind=kind) as world:
+            link = world.link()
+            assert not link.send_setpoint(EAST)
+            with pytest.raises(LinkError):
+                await link.follow_setpoints()
+            await link.connect(10)
+            await link.prepare(30, lambda _: None)
+            await link.upload(north(8))
+            with pytest.raises(CommandFailed):
+                await link.follow_setpoints()
+            await link.launch()
+            await until(lambda: link.state().mission_seq == 3)
+            following = asyncio.create_task(link.follow_setpoints())
+            await asyncio.sleep(0)
+            assert link.send_setpoint(EAST)
+            await following
+            assert link.state().mode == "GUIDED"
+            assert link.send_setpoint(EAST)
+            link.close()
+            assert not link.send_setpoint(EAST)
+
+    play(story(), real=kind in REAL)

@@ -9,7 +9,7 @@ import socket
 import tty
 
 import pytest
-from link_world import HURRY
+from link_world import HURRY, play, until
 from scripted_copter import Copter, Script
 
 from swarmctl.links import line
@@ -29,14 +29,6 @@ def free_port(kind: int = socket.SOCK_DGRAM) -> int:
         return s.getsockname()[1]
 
 
-def play(story) -> None:
-    async def bounded():
-        async with asyncio.timeout(20):
-            await story
-
-    asyncio.run(bounded())
-
-
 def copter_s() -> float:
     """Return the copters' time, which runs faster than the machine's [s]."""
     return HURRY * asyncio.get_running_loop().time()
@@ -44,12 +36,6 @@ def copter_s() -> float:
 
 def front_end() -> FrontEnd:
     return FrontEnd(wall_time_us=lambda: 0)
-
-
-async def until(condition) -> None:
-    async with asyncio.timeout(10):
-        while not condition():  # noqa: ASYNC110 - waits for the outside world
-            await asyncio.sleep(0.01)
 
 
 async def pump(copter: Copter, send) -> None:
@@ -126,7 +112,7 @@ def test_udp_follows_a_reboot_to_another_port(monkeypatch):
             assert AddressChanged(f"{HOST}:{port}") in events
             second.transport.close()
 
-    play(story())
+    play(story(), real=True)
 
 
 def test_udp_reports_two_vehicles_with_one_system_id():
@@ -146,7 +132,7 @@ def test_udp_reports_two_vehicles_with_one_system_id():
             a.transport.close()
             b.transport.close()
 
-    play(story())
+    play(story(), real=True)
 
 
 def test_udpout_sends_the_first_packet():
@@ -157,7 +143,7 @@ def test_udpout_sends_the_first_packet():
             await link(front, Endpoint("udpout", HOST, port)).connect(10)
         peer.transport.close()
 
-    play(story())
+    play(story(), real=True)
 
 
 @pytest.mark.parametrize(
@@ -174,7 +160,7 @@ def test_an_occupied_port_is_a_clear_error(kind, sock):
                 with pytest.raises(TransportError, match=r"\[port-taken\]"):
                     await front.open(here)
 
-    play(story())
+    play(story(), real=True)
 
 
 def test_two_front_ends_cannot_share_a_udp_port():
@@ -186,7 +172,7 @@ def test_two_front_ends_cannot_share_a_udp_port():
             with pytest.raises(TransportError, match=r"\[port-taken\]"):
                 await two.open(here)
 
-    play(story())
+    play(story(), real=True)
 
 
 @pytest.mark.parametrize(
@@ -200,7 +186,7 @@ def test_an_impossible_address_is_a_clear_error(endpoint):
             with pytest.raises(TransportError):
                 await front.open(endpoint)
 
-    play(story())
+    play(story(), real=True)
 
 
 async def serve_tcp(copter: Copter, port: int):
@@ -233,7 +219,7 @@ def test_tcp_out_connects_to_a_late_vehicle_and_again_after_a_cut():
                 await alpha.hold()
             server.close()
 
-    play(story())
+    play(story(), real=True)
 
 
 def test_tcp_in_serves_the_vehicle_that_connects():
@@ -256,7 +242,7 @@ def test_tcp_in_serves_the_vehicle_that_connects():
             writer.close()
             await reading
 
-    play(story())
+    play(story(), real=True)
 
 
 def test_serial_works_through_a_pseudo_terminal_and_survives_its_end():
@@ -284,7 +270,7 @@ def test_serial_works_through_a_pseudo_terminal_and_survives_its_end():
             assert "device" in front.trouble_on(device)
         os.close(their_end)
 
-    play(story())
+    play(story(), real=True)
 
 
 def test_a_missing_serial_device_is_a_clear_error():
@@ -293,7 +279,7 @@ def test_a_missing_serial_device_is_a_clear_error():
             with pytest.raises(TransportError, match="/dev/no-such-tty"):
                 await front.open(Endpoint("serial", "/dev/no-such-tty", baud=57600))
 
-    play(story())
+    play(story(), real=True)
 
 
 @pytest.mark.parametrize("kind", ["udpin", "tcpin"])
@@ -313,4 +299,4 @@ def test_bytes_that_the_loop_has_not_read_count_as_unread(kind: str) -> None:
                 assert ground.has_unread(endpoint)
                 await until(lambda: not ground.has_unread(endpoint))
 
-    play(story())
+    play(story(), real=True)

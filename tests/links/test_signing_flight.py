@@ -8,9 +8,10 @@ from pathlib import Path
 import pytest
 from link_world import north, play, until
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from signed_world import BEGAN_US, KEY, WATCHER, SignedWorld, station
+from signed_world import KEY, SignedWorld, station
 
-from swarmctl.links.base import NoAnswer, VehicleLost
+from swarmctl.core.setpoint import SetPoint
+from swarmctl.links.base import FramesRefused, NoAnswer, VehicleLost
 from swarmctl.links.signing import LATE, OTHER_KEY, REPEATED, UNSIGNED
 from swarmctl.security.mavlink_key import TimestampFile
 
@@ -18,17 +19,16 @@ from swarmctl.security.mavlink_key import TimestampFile
 def test_pymavlink_verifies_all_frames_of_a_signed_flight_both_ways(tmp_path: Path) -> None:
     async def story() -> None:
         async with SignedWorld(tmp_path) as world:
-            await world.front.forward(WATCHER)
-            world.watcher.from_vehicle(b"", "station")
+            await world.forward()
             link = world.link()
             await link.connect(10)
             await link.prepare(60, lambda _: None)
             await link.upload(north(2))
             await link.launch()
             await until(lambda: not link.state().armed, 300)
-            assert world.vehicle.signing.refused == 0
             assert world.front.refusal_summary == ""
-            for frames in (world.to_vehicles, world.from_vehicles, world.watched):
+            sent = [frame for frame, _ in world.to_vehicles]
+            for frames in (sent, world.from_vehicles, world.watching.frames):
                 receiver = station()
                 messages = [m for frame in frames for m in receiver.parse_buffer(frame)]
                 assert len(messages) == len(frames) > 50
@@ -68,13 +68,13 @@ def test_a_forged_heartbeat_and_a_replayed_frame_change_nothing(tmp_path: Path) 
         async with SignedWorld(tmp_path) as world:
             link = world.link()
             await link.connect(10)
-            world.deaf = True
+            world.silent = True
             intruder = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
             armed = mavlink.MAVLink_heartbeat_message(2, 3, 209, 3, 4, 3)
             replayed = world.from_vehicles[0]
             for _ in range(20):
-                world.wire.from_vehicle(bytes(armed.pack(intruder)), "fleet")
-                world.wire.from_vehicle(replayed, "fleet")
+                world.wire.from_vehicle(bytes(armed.pack(intruder)), world.port(0))
+                world.wire.from_vehicle(replayed, world.port(0))
                 await asyncio.sleep(0.5)
             assert not link.state().armed
             assert any(isinstance(event, VehicleLost) for event in world.events)
@@ -84,12 +84,14 @@ def test_a_forged_heartbeat_and_a_replayed_frame_change_nothing(tmp_path: Path) 
     play(story())
 
 
-def test_a_vehicle_with_a_late_clock_learns_the_time_and_is_accepted(tmp_path: Path) -> None:
+def test_a_vehicle_with_a_late_clock_is_reported_once_and_learns_the_time(tmp_path: Path) -> None:
     async def story() -> None:
         async with SignedWorld(tmp_path, behind_s=3600) as world:
             identity = await world.link().connect(10)
             assert identity.simulated
             assert LATE in world.front.refusal_summary
+            (event,) = [event for event in world.events if isinstance(event, FramesRefused)]
+            assert all(value in event.text for value in (LATE, "(1 ", "vehicle 1"))
 
     play(story())
 
@@ -97,9 +99,7 @@ def test_a_vehicle_with_a_late_clock_learns_the_time_and_is_accepted(tmp_path: P
 def test_the_vehicle_accepts_a_second_run_after_the_clock_went_back(tmp_path: Path) -> None:
     async def story(behind_us: int) -> None:
         async with SignedWorld(tmp_path) as world:
-            world.front._wall_time_us = world.front._shared.guard._wall_time_us = lambda: (
-                BEGAN_US - behind_us + round(asyncio.get_running_loop().time() * 1e6)
-            )
+            world.began_us -= behind_us
             if behind_us:
                 world.give_key(KEY, kept[-1] - 1)
             await world.link().connect(10)
@@ -115,14 +115,39 @@ def test_the_vehicle_accepts_a_second_run_after_the_clock_went_back(tmp_path: Pa
 def test_commands_of_another_station_need_the_key_too(tmp_path: Path, key: bytes, mode: int) -> None:
     async def story() -> None:
         async with SignedWorld(tmp_path) as world:
-            await world.front.forward(WATCHER, commands=True)
+            await world.forward(commands=True)
             link = world.link()
             await link.connect(10)
             await asyncio.sleep(10)
             hold = mavlink.MAVLink_command_long_message(1, 1, 176, 0, 1, 4, 0, 0, 0, 0, 0)
-            world.watcher.from_vehicle(bytes(hold.pack(station(key))), "station")
+            world.watching.wire.from_vehicle(bytes(hold.pack(station(key))), "station")
             await asyncio.sleep(5)
             assert link.state().mode == {4: "GUIDED", 0: "STABILIZE"}[mode]
             assert (OTHER_KEY in world.front.refusal_summary) == (key != KEY)
+
+    play(story())
+
+
+def test_signed_set_points_are_followed(tmp_path: Path) -> None:
+    async def story() -> None:
+        async with SignedWorld(tmp_path) as world:
+            link = world.link()
+            await link.connect(10)
+            await link.prepare(60, lambda _: None)
+            await link.upload(north(8))
+            await link.launch()
+            await until(lambda: link.state().mission_seq == 3)
+            await link.follow_setpoints()
+            east = SetPoint((4.0, 0.0, 0.0))
+            sent = len(world.to_vehicles)
+            for _ in range(100):
+                assert link.send_setpoint(east)
+                await asyncio.sleep(0.1)
+            assert link.state().east_m_s == pytest.approx(4.0, abs=0.2)
+            number = mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_GLOBAL_INT.to_bytes(3, "little")
+            frames = [frame for frame, _ in world.to_vehicles[sent:] if frame[7:10] == number]
+            receiver = station()
+            messages = [m for frame in frames for m in receiver.parse_buffer(frame)]
+            assert len(messages) == receiver.signing.goodsig_count == 100
 
     play(story())

@@ -12,12 +12,11 @@ import pytest
 from flights import Ui, fly, small
 from link_world import play
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from signed_world import WATCHER, SignedWorld, station
+from signed_world import SignedWorld, station
 
 from sim_vehicle.fleet import Fleet
 from swarmctl.flight import virtual_simulator
 from swarmctl.flight.run import VIRTUAL_EPOCH_NS
-from swarmctl.links.base import FramesRefused
 from swarmctl.links.signing import (
     AHEAD,
     LATE,
@@ -125,24 +124,14 @@ def test_forged_system_ids_do_not_fill_the_memory() -> None:
     assert all(value in text for value in (UNSIGNED, "(250 ", "system 7", "far:7"))
 
 
-def test_a_vehicle_with_a_late_clock_is_reported_once(tmp_path: Path) -> None:
-    async def story() -> None:
-        async with SignedWorld(tmp_path, behind_s=3600) as world:
-            await world.link().connect(10)
-            (event,) = [event for event in world.events if isinstance(event, FramesRefused)]
-            assert all(value in event.text for value in (LATE, "(1 ", "fleet"))
-
-    play(story())
-
-
 def test_a_refused_station_is_reported(tmp_path: Path) -> None:
     async def story() -> None:
         async with SignedWorld(tmp_path) as world:
-            await world.front.forward(WATCHER, commands=True)
+            await world.forward(commands=True)
             await world.link().connect(10)
             for key in (OTHER, OTHER, OTHER, KEY):
                 hold = mavlink.MAVLink_command_long_message(1, 1, 176, 0, 1, 4, 0, 0, 0, 0, 0)
-                world.watcher.from_vehicle(bytes(hold.pack(station(key))), "station")
+                world.watching.wire.from_vehicle(bytes(hold.pack(station(key))), "station")
             await asyncio.sleep(1.0)
             (report,) = [line for line in world.said if "[frames-refused]" in line]
             assert all(value in report for value in (OTHER_KEY, "(1 ", "system 252", "memory:watcher"))
