@@ -105,14 +105,14 @@ class Check:
     summary: str
     when: When
     function: CheckFunction
-    argument: str | None  # name of the argument; None: without an argument
-    default: float | str | None  # None: the argument must be given
-    takes_text: bool  # the argument is text, not a number
-    unit: str
-    needs: Need | None
-    least: float  # lower bound of a meaningful argument
-    most: float  # upper bound of a meaningful argument
-    away_m: AwayFunction | None  # returns the distance to the event [m]; inf while no event is expected
+    argument: str | None = None  # name of the argument; None: without an argument
+    default: float | str | None = None  # None: the argument must be given
+    takes_text: bool = False  # the argument is text, not a number
+    unit: str = ""
+    needs: Need | None = None
+    least: float = -BOUND  # lower bound of a meaningful argument
+    most: float = BOUND  # upper bound of a meaningful argument
+    away_m: AwayFunction | None = None  # distance to the event [m]; inf while no event is expected
 
     @property
     def bounds(self) -> str:
@@ -125,26 +125,15 @@ class Check:
 CHECKS: dict[str, Check] = {}
 
 
-def check(
-    when: When,
-    argument: str | None = None,
-    *,
-    default: float | str | None = None,
-    text: bool = False,
-    unit: str = "",
-    needs: Need | None = None,
-    least: float = -BOUND,
-    most: float = BOUND,
-    away_m: AwayFunction | None = None,
-) -> Callable[[CheckFunction], CheckFunction]:
-    """Register a check; the function's name and docstring are the check's name and summary."""
+def check(when: When, argument: str | None = None, **fields: Any) -> Callable[[CheckFunction], CheckFunction]:
+    """Register a check; the function's name and docstring are the check's name and summary.
+
+    fields: further fields of `Check`.
+    """
 
     def register(function: CheckFunction) -> CheckFunction:
-        name = function.__name__
-        summary = (function.__doc__ or "").strip()
-        CHECKS[name] = Check(
-            name, summary, when, function, argument, default, text, unit, needs, least, most, away_m
-        )
+        name, summary = function.__name__, (function.__doc__ or "").strip()
+        CHECKS[name] = Check(name, summary, when, function, argument, **fields)
         return function
 
     return register
@@ -209,21 +198,21 @@ for _name, _summary, _measure, _keeps, _settings in _LIMITS:
     check("always", **_settings)(_limit_check(_name, _summary, _measure, _keeps))
 
 
-@check("always", "words", text=True)
+@check("always", "words", takes_text=True)
 def never_says(view: RunView, words: str) -> tuple[Bools, Measured]:
     """The ground station receives no text with these words."""
     received = view.received_text(words)
     return ~received, ["received" if text else "not received" for text in received]
 
 
-@check("eventually", "words", text=True)
+@check("eventually", "words", takes_text=True)
 def heard_text(view: RunView, words: str) -> tuple[Bools, Measured]:
     """The ground station receives a text with these words."""
     received = view.received_text(words)
     return received, ["received" if text else "not received" for text in received]
 
 
-@check("eventually", "mode", text=True)
+@check("eventually", "mode", takes_text=True)
 def mode_is(view: RunView, mode: str) -> tuple[Bools, Measured]:
     """The vehicle is in this mode, or in one of several modes (`RTL|Return`)."""
     wanted = mode.casefold().split("|")

@@ -115,24 +115,24 @@ class Leg(OneOf):
     item: RawItem | None = None
 
     @property
+    def _raw_command(self) -> int | None:
+        return None if self.item is None else mavlink_number("MAV_CMD_", self.item.command)
+
+    @property
     def flown(self) -> bool:
         """Return True for a leg that moves or holds the vehicle; False for a speed or a jump."""
         if self.item is not None:
-            return mavlink_number("MAV_CMD_", self.item.command) in NAVIGATION
+            return self._raw_command in NAVIGATION
         return self.speed_m_s is None and self.jump is None
 
     @property
     def lands(self) -> bool:
         """Return True if the vehicle is on the ground after this leg."""
-        if self.item is not None:
-            return mavlink_number("MAV_CMD_", self.item.command) in LANDINGS
-        return self.rtl is not None or self.land is not None
+        return self.rtl is not None or self.land is not None or self._raw_command in LANDINGS
 
     @property
     def returns(self) -> bool:
-        if self.item is not None:
-            return mavlink_number("MAV_CMD_", self.item.command) == int(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)
-        return self.rtl is not None
+        return self.rtl is not None or self._raw_command == mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH
 
     def place(self) -> tuple[float, float] | None:
         """Return the position of this leg, east and north [m], or None."""

@@ -20,6 +20,14 @@ from sim_vehicle.vehicle.behaviour import Behaviour
 
 NAN = float("nan")
 READY_WAIT_SHARE = 0.5  # longest wait for readiness, as a share of the step's time
+# Step of one command -> the command and its parameters.
+COMMANDS = {
+    "arm": (mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0),
+    "disarm": (mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0.0),
+    "rtl": (mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH,),
+    "land": (mavlink.MAV_CMD_NAV_LAND, 0.0, 0.0, 0.0, NAN, NAN, NAN, NAN),
+    "reboot": (mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1.0),
+}
 
 
 class StepExchanges:
@@ -69,13 +77,8 @@ class StepExchanges:
     def _single_command(self, step: ScriptStep) -> Exchange:
         if step.command is not None:
             return self._long_command(mavlink_number("MAV_CMD_", step.command.command), *step.command.params)
-        return {
-            "arm": lambda: self._long_command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0),
-            "disarm": lambda: self._long_command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0.0),
-            "rtl": lambda: self._long_command(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH),
-            "land": lambda: self._long_command(mavlink.MAV_CMD_NAV_LAND, 0.0, 0.0, 0.0, NAN, NAN, NAN, NAN),
-            "reboot": lambda: self._long_command(mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1.0),
-        }[step.chosen]()
+        command, *params = COMMANDS[step.chosen]
+        return self._long_command(int(command), *params)
 
     def _long_command(self, command: int, *params: float) -> Exchange:
         return Command(self._send, command_long(self._target, command, *params))
