@@ -9,7 +9,8 @@ import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.epoch import EPSILON_S
-from sim_vehicle.faults.schedule import Schedule, VehicleAccess
+from sim_vehicle.faults.base import VehicleAccess
+from sim_vehicle.faults.schedule import Schedule
 from sim_vehicle.faults.spec import FaultSpec
 from sim_vehicle.files.logs.recorder import NO_LOGS, limits_for
 from sim_vehicle.files.logs.sampling import samples

@@ -23,27 +23,36 @@ class FaultParams(BaseModel):
 
 
 @dataclass(frozen=True, slots=True)
-class FaultTarget:
-    """Access of a fault to one vehicle.
+class VehicleAccess:
+    """The parts of one vehicle that faults change.
 
     channel: returns the impaired link, created on the first call.
     injected_faults: effects on the vehicle.
-    generator: returns a new random generator at each call.
     reboot: restarts the autopilot at a time [s] with a silence [s].
-    every_tick: registers a callback for each tick (time [s]); returns a function that removes the callback.
     """
 
     channel: Callable[[], Channel]
     injected_faults: InjectedFaults
-    generator: Callable[[], np.random.Generator]
     reboot: Callable[[float, float], None]
+
+
+@dataclass(frozen=True, slots=True)
+class FaultTarget:
+    """One vehicle, and what the schedule offers to its fault.
+
+    generator: returns a new random generator at each call.
+    every_tick: registers a callback for each tick (time [s]); returns a function that removes the callback.
+    """
+
+    vehicle: VehicleAccess
+    generator: Callable[[], np.random.Generator]
     every_tick: Callable[[Callable[[float], None]], Callable[[], None]]
 
     def disturb(
         self, affected: LinkDirections, make_stage: Callable[[np.random.Generator], Stage]
     ) -> EndFault:
         """Add a stage to each affected direction; return a function that removes the stages."""
-        channel = self.channel()
+        channel = self.vehicle.channel()
         removals = [
             channel.add(direction, make_stage(self.generator()))
             for direction in Direction
@@ -58,7 +67,7 @@ class FaultTarget:
 
     def apply(self, effect: FaultEffect, now: float) -> EndFault:
         """Apply an effect to the vehicle from `now` [s]; return the function that ends the effect."""
-        return self.injected_faults.begin(effect, now)
+        return self.vehicle.injected_faults.begin(effect, now)
 
 
 BeginFault = Callable[[FaultTarget, Any, float], EndFault]  # target, parameters, time [s] -> end function

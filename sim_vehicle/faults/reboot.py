@@ -14,7 +14,7 @@ class Params(FaultParams):
 
 
 def begin(target: FaultTarget, params: Params, now: float) -> EndFault:
-    target.reboot(now, params.silence_s)
+    target.vehicle.reboot(now, params.silence_s)
     return lambda _now: None
 
 

@@ -12,22 +12,11 @@ import numpy as np
 
 from sim_vehicle.epoch import EPSILON_S
 from sim_vehicle.faults import FAULTS
-from sim_vehicle.faults.base import EndFault, FaultTarget
+from sim_vehicle.faults.base import EndFault, FaultTarget, VehicleAccess
 from sim_vehicle.faults.spec import FaultError, FaultSpec
 from sim_vehicle.ranges import ranges
-from sim_vehicle.vehicle.injected_faults import InjectedFaults
-from sim_vehicle.wire.channel import Channel
 
 SPAWN_KEY = 0xFA17  # separates the random generators of faults from the generators of vehicles
-
-
-@dataclass(frozen=True, slots=True)
-class VehicleAccess:
-    """Access of the schedule to one vehicle; `FaultTarget` describes the fields."""
-
-    channel: Callable[[], Channel]
-    injected_faults: InjectedFaults
-    reboot: Callable[[float, float], None]
 
 
 @dataclass(slots=True)
@@ -139,17 +128,9 @@ class Schedule:
             return
         self._begun = [begun for begun in self._begun if not begun.ended] + [fault]
         kind = FAULTS[fault.spec.fault]
-        fault.stop = kind.begin(self._target(fault.vehicle_index), fault.spec.parameters(), now)
-
-    def _target(self, index: int) -> FaultTarget:
-        access = self._access(index)
-        return FaultTarget(
-            access.channel,
-            access.injected_faults,
-            lambda: self._generator(index),
-            access.reboot,
-            self._every_tick,
-        )
+        index = fault.vehicle_index
+        target = FaultTarget(self._access(index), partial(self._generator, index), self._every_tick)
+        fault.stop = kind.begin(target, fault.spec.parameters(), now)
 
     def _generator(self, index: int) -> np.random.Generator:
         count = self._generators_made[index]

@@ -132,7 +132,7 @@ def is_heartbeat(frame: bytes) -> bool:
 
 
 def begin(target: FaultTarget, params: Params, _now: float) -> EndFault:
-    channel, air = target.channel(), _Air()
+    channel, air = target.vehicle.channel(), _Air()
     ground = Radio(params, air, channel, Direction.TO_VEHICLE, target.generator())
     vehicle = Radio(params, air, channel, Direction.FROM_VEHICLE, target.generator())
     ground.other, vehicle.other = vehicle, ground

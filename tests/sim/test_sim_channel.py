@@ -13,7 +13,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scipy import stats
 
 from sim_vehicle.faults import FAULTS
-from sim_vehicle.faults.schedule import Schedule, VehicleAccess
+from sim_vehicle.faults.base import VehicleAccess
+from sim_vehicle.faults.schedule import Schedule
 from sim_vehicle.faults.spec import parse_fault
 from sim_vehicle.vehicle.injected_faults import InjectedFaults
 from sim_vehicle.wire.channel import Channel, Direction
@@ -192,13 +193,6 @@ def test_a_line_fed_above_its_rate_delivers_at_its_rate() -> None:
     arrived = Wire("bandwidth:rate_bytes_s=1000,buffer_bytes=1000").carry(numbered(1000, 100), gap_s=0.05)
     span_s = arrived[-1][1] - arrived[0][1]
     assert 100 * (len(arrived) - 1) / span_s == pytest.approx(1000.0, rel=0.01)
-
-
-def test_outage_and_one_way() -> None:
-    outage, one_way = Wire("link_outage"), Wire("one_way:dead=to_vehicle")
-    frames = numbered(20)
-    assert outage.carry(frames, UP) == outage.carry(frames, DOWN) == one_way.carry(frames, UP) == []
-    assert [frame for frame, _ in one_way.carry(frames, DOWN)] == frames
 
 
 def test_the_other_direction_of_a_fault_is_unimpaired() -> None:

@@ -11,8 +11,9 @@ from pydantic import ValidationError
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.faults import FAULTS
+from sim_vehicle.faults.base import VehicleAccess
 from sim_vehicle.faults.failure_command import inject_failure
-from sim_vehicle.faults.schedule import Schedule, VehicleAccess
+from sim_vehicle.faults.schedule import Schedule
 from sim_vehicle.faults.sim_parameters import faults_of
 from sim_vehicle.faults.spec import FaultError, FaultSpec, help_text, parameter_help, parse_fault
 from sim_vehicle.vehicle.injected_faults import InjectedFaults
