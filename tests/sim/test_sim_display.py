@@ -86,19 +86,6 @@ def test_every_column_is_whole_or_absent(columns: list[Column], width: int) -> N
 
 @PROPERTY
 @given(tables())
-def test_more_width_shows_more_columns_in_a_fixed_order(columns: list[Column]) -> None:
-    before: list[Column] = []
-    for width in range(20, 320, 3):
-        kept = fitting(columns, width)
-        assert all(shown in kept for shown in before)
-        left_out = [shown.priority for shown in columns if shown not in kept]
-        assert not left_out or max(left_out) <= min(shown.priority for shown in kept)
-        before = kept
-    assert fitting(columns, None) == columns
-
-
-@PROPERTY
-@given(tables())
 def test_without_a_width_no_cell_is_cut_or_padded(columns: list[Column]) -> None:
     for row, line in enumerate(plain(table(columns, None))[1:]):
         assert line == line.rstrip()
@@ -128,18 +115,16 @@ def shown(display: Display, width: int, height: int = 24, wall_s: float = 0.0) -
     return [text.rstrip() for text in console.file.getvalue().splitlines()]
 
 
-FAULTS = ["motor_loss", "gps_loss", "sensor_unhealthy"]
+FAULTS = ["motor_loss", "gps_loss"]
 
 
 @pytest.mark.parametrize(
     ("options", "ids"),
     [
-        (FleetOptions(count=2, personality="mixed", kind="plane", faults=FAULTS[:2]), {"1", "2"}),
-        (FleetOptions(count=3, sysid=248, faults=FAULTS), {"248", "249", "250"}),
+        (FleetOptions(count=2, personality="mixed", kind="plane", faults=FAULTS), {"1", "2"}),
         (FleetOptions(count=4, per_port=1, sysid=200), {"0:200", "1:201", "2:202", "3:203"}),
-        (FleetOptions(count=4), {"1", "2", "3", "4"}),
     ],
-    ids=["faults", "long_ids", "several_ports", "plain"],
+    ids=["faults", "several_ports"],
 )
 def test_id_and_battery_are_whole_at_any_width(options: FleetOptions, ids: set[str]) -> None:
     display = live(options)
