@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from swarmctl.core.vehicle import Landed
 from swarmctl.mavlink.events import VehicleRebooted
 from swarmctl.mavlink.procedures import basic
-from swarmctl.mavlink.protocol.codec import Decoder, FrameSplitter
+from swarmctl.mavlink.protocol.codec import FrameSplitter
 
 OLD = plan(north=8)
 BOTH = pytest.mark.parametrize("personality", ["ardupilot", "px4"])
@@ -60,19 +60,6 @@ def test_boot_text_is_neither_a_message_nor_a_vehicle():
     stream = FrameSplitter().feed(b"".join(data))  # as over a serial line
     assert len(stream) == len(data) - len(text)
     assert {frame.sysid for frame in stream} == {1}
-
-
-@pytest.mark.autopilots("1.19", of="px4")
-def test_unknown_messages_are_skipped_and_keep_their_sender():
-    bench = FlyingBench("px4").connected()
-    data: list[bytes] = []
-    bench.on_datagram = data.append
-    bench.run(15)
-    frames = [frame for piece in data for frame in FrameSplitter().feed(piece)]
-    unknown = {frame.msgid for frame in frames if not frame.known}
-    assert unknown, "PX4 sends some"
-    assert {frame.sysid for frame in frames} == {1}
-    assert [Decoder().decode(frame) for frame in frames if not frame.known][:1] == [None]
 
 
 @pytest.mark.autopilots("1.3")

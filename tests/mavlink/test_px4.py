@@ -12,7 +12,6 @@ from metric_plans import place
 from metric_plans import plan as metric_plan
 from profiles import full_only
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from wire_bench import Faults
 
 from swarmctl.core.mission import FlightPlan, MissionItem, Waypoint
 from swarmctl.mavlink.dialects import Readiness, dialect_for
@@ -194,25 +193,6 @@ def test_a_swap_leaves_a_vehicle_alone_after_a_takeover(number):
     assert bench.swap(NEW).flying == "theirs"
     assert len(bench.sent) == before
     assert bench.holds(old)
-
-
-@pytest.mark.full
-def test_a_pilots_hold_at_any_moment_of_a_swap_is_respected():
-    """A swap on PX4 needs no hold; so each hold comes from another station or a pilot."""
-    held = 0
-    for tenths in range(30):
-        bench = FlyingBench("px4").flying(OLD)
-        bench.spoil(Faults(max_delay_s=0.2, seed=tenths))
-        bench.begin_swap(NEW)
-        bench.run(tenths / 10)
-        if bench.session.busy_with is None:
-            break
-        bench.vehicle.modes.enter(4 << 16 | 3 << 24)
-        assert bench.run(200, lambda b=bench: b.session.busy_with is None)
-        assert bench.result.flying == "theirs", bench.result
-        assert bench.mode == "AUTO.LOITER"
-        held += 1
-    assert held > 5
 
 
 def test_a_mission_that_the_vehicle_finds_infeasible_ends_with_the_old_one(monkeypatch):

@@ -148,22 +148,43 @@ def test_a_clock_that_goes_back_is_a_reboot_and_clears_the_state():
     assert telemetry.receive(position(700), 0.0)
 
 
-@pytest.mark.parametrize(
-    ("uptime_s", "silent_s", "reboots"),
-    [
-        (61.0, 1.0, 0),
-        (90.0, 30.0, 0),
-        (180.0, 120.0, 0),
-        (119.5, 120.0, 0),
-        (90.0, 120.0, 1),
-        (61.0, 70.0, 1),
-    ],
-)
-def test_a_clock_younger_than_the_silence_shows_a_reboot(uptime_s, silent_s, reboots):
+WRAP_S = 2**32 / 1000.0
+"""`time_boot_ms` wraps to 0 after 49.7 days."""
+CLOCKS: dict[str, tuple[list[tuple[float, float]], int]] = {
+    "a silence": ([(0.0, 60.0), (1.0, 61.0)], 0),
+    "30 s of silence": ([(0.0, 60.0), (30.0, 90.0)], 0),
+    "two minutes of silence": ([(0.0, 60.0), (120.0, 180.0)], 0),
+    "a clock as old as the silence": ([(0.0, 60.0), (120.0, 119.5)], 0),
+    "a clock younger than the silence": ([(0.0, 60.0), (120.0, 90.0)], 1),
+    "a clock younger than the silence, just ahead": ([(0.0, 60.0), (70.0, 61.0)], 1),
+    "the wrap": ([(n, WRAP_S - 2.5 + n) for n in range(6)], 0),
+    "ten minutes of silence over the wrap": ([(0.0, WRAP_S - 60.0), (600.0, WRAP_S + 540.0)], 0),
+    "70 s of silence over the wrap": ([(0.0, WRAP_S - 60.0), (70.0, WRAP_S + 9.5)], 0),
+    "a reboot in a silence before the wrap": ([(0.0, WRAP_S - 60.0), (600.0, 20.0)], 1),
+    "a reboot a minute before the wrap": ([(0.0, WRAP_S - 60.0), (5.0, 4.0)], 1),
+    "a reboot after the wrap": ([(0.0, WRAP_S - 0.5), (1.0, WRAP_S + 0.5), (60.0, 9.0), (61.0, 10.0)], 1),
+}
+"""times [s] of the receipt and on the vehicle's clock, and the number of reboots"""
+
+
+@pytest.mark.parametrize("name", CLOCKS)
+def test_a_clock_younger_than_the_silence_shows_a_reboot(name):
     """After a silence longer than the old uptime the new clock may be ahead of the old one."""
-    telemetry = folded(position(60_000))
-    telemetry.receive(position(round(1000 * uptime_s)), silent_s)
+    times_s, reboots = CLOCKS[name]
+    telemetry = Telemetry(COPTER)
+    for now_s, boot_s in times_s:
+        telemetry.receive(position(round(boot_s * 1000) % 2**32), now_s)
     assert telemetry.n_reboots == reboots
+    assert telemetry.state.time_boot_s == pytest.approx(times_s[-1][1])
+
+
+@pytest.mark.parametrize("late_s", [WRAP_S - 0.2, WRAP_S - 1.2])
+def test_a_late_message_from_before_the_wrap_is_dropped(late_s):
+    telemetry = Telemetry(COPTER)
+    for now_s, boot_s in ((0.0, WRAP_S - 0.5), (0.8, WRAP_S + 0.3), (0.9, late_s)):
+        telemetry.receive(position(round(boot_s * 1000) % 2**32), now_s)
+    assert telemetry.n_reboots == 0
+    assert telemetry.state.time_boot_s == pytest.approx(WRAP_S + 0.3)
 
 
 @pytest.mark.parametrize(
@@ -421,58 +442,6 @@ def test_only_the_mark_of_the_built_in_simulator_identifies_it(uid2, simulated):
     identity = session.identity(version)
     assert identity == Identity(1, 3, 2, "ArduPilot 4.6.2", uid2)
     assert identity.simulated is simulated
-
-
-WRAP_MS = 2**32
-"""`time_boot_ms` wraps to 0 after 49.7 days."""
-
-
-def at(boot_ms: int):
-    return position(boot_ms=boot_ms % WRAP_MS)
-
-
-def test_a_clock_continues_over_its_32_bit_wrap() -> None:
-    telemetry = Telemetry(dialect_for(3, 2))
-    for now_s in range(6):
-        telemetry.receive(at(WRAP_MS - 2500 + now_s * 1000), 100.0 + now_s)
-    assert telemetry.n_reboots == 0
-    assert telemetry.state.time_boot_s == pytest.approx((WRAP_MS + 2500) / 1000.0)
-
-
-def test_a_late_message_from_before_the_wrap_is_dropped() -> None:
-    telemetry = Telemetry(dialect_for(3, 2))
-    for now_s, boot_ms in ((0.0, WRAP_MS - 500), (0.8, WRAP_MS + 300), (0.9, WRAP_MS - 200)):
-        telemetry.receive(at(boot_ms), now_s)
-    assert telemetry.n_reboots == 0
-    assert telemetry.state.time_boot_s == pytest.approx((WRAP_MS + 300) / 1000.0)
-
-
-def test_an_overtaken_message_at_the_wrap_is_no_reboot() -> None:
-    telemetry = Telemetry(dialect_for(3, 2))
-    for now_s, boot_ms in ((0.0, WRAP_MS - 200), (0.5, WRAP_MS + 300), (0.5, WRAP_MS - 1200)):
-        telemetry.receive(at(boot_ms), now_s)
-    assert telemetry.n_reboots == 0
-    assert telemetry.state.time_boot_s == pytest.approx((WRAP_MS + 300) / 1000.0)
-
-
-@pytest.mark.parametrize(
-    ("silent_s", "uptime_s", "reboots"),
-    [(600.0, 540.0, 0), (600.0, 20.0, 1), (5.0, 4.0, 1), (70.0, 9.5, 0)],
-)
-def test_a_reboot_near_the_wrap_of_the_clock_is_noticed(silent_s, uptime_s, reboots) -> None:
-    """The last message before the silence comes one minute before the wrap."""
-    telemetry = Telemetry(dialect_for(3, 2))
-    telemetry.receive(at(WRAP_MS - 60_000), 0.0)
-    telemetry.receive(at(WRAP_MS + int(uptime_s * 1000)), silent_s)
-    assert telemetry.n_reboots == reboots
-
-
-def test_the_clock_restarts_at_a_reboot() -> None:
-    telemetry = Telemetry(dialect_for(3, 2))
-    for now_s, boot_ms in ((0.0, WRAP_MS - 500), (1.0, WRAP_MS + 500), (60.0, 9_000), (61.0, 10_000)):
-        telemetry.receive(at(boot_ms), now_s)
-    assert telemetry.n_reboots == 1
-    assert telemetry.state.time_boot_s == pytest.approx(10.0)
 
 
 def system_time(boot_ms: int):
