@@ -104,12 +104,12 @@ def test_chunks_are_assembled(chunks: list[tuple[int, int, str]], expected: list
 
 # -- missions --------------------------------------------------------------------------------------------
 
-LAPS = f"mission: [takeoff: 10, {at(10, 15)}, {at(10, 30)}, jump: {{to: 2, times: 2}}]"
+LAPS = f"[takeoff: 10, {at(10, 15)}, {at(10, 30)}, jump: {{to: 2, times: 2}}]"
 
 
 @ARDUPILOT_FIRST
 def test_a_mission_with_jumps_is_complete_after_the_last_round(personality: str) -> None:
-    text = f"vehicles: [{{personality: {personality}, {LAPS}}}]\nscript: [fly_mission]\n"
+    text = f"vehicles: [{{personality: {personality}, mission: {LAPS}}}]\nscript: [fly_mission]\n"
     reached: list[int] = []
     parser = mavlink.MAVLink(None)
     parser.robust_parsing = True
@@ -127,42 +127,37 @@ def test_a_mission_with_jumps_is_complete_after_the_last_round(personality: str)
     assert run.run().passed
 
 
-@ARDUPILOT_FIRST
-def test_an_endless_mission_is_never_complete(personality: str) -> None:
-    endless = LAPS.replace("times: 2", "times: -1")
-    text = f"vehicles: [{{personality: {personality}, {endless}}}]\nscript: [fly_mission]\n"
-    assert verdicts(flown(text + "checks: [mission_complete]\nuntil_s: 60")) == {"mission_complete": False}
-
-
-@pytest.mark.parametrize("script", ["[upload_mission]", "[upload_mission, {takeoff: 10}, {at_s: 15, rtl: }]"])
-def test_an_uploaded_return_without_a_flight_is_not_complete(script: str) -> None:
-    verdict = flown(
-        f"vehicles: [{{personality: px4, mission: [rtl]}}]\nscript: {script}\n"
-        "checks: [mission_complete]\nuntil_s: 40"
-    )
-    assert verdicts(verdict) == {"mission_complete": False}
-
-
 RETURN = "item: {command: NAV_RETURN_TO_LAUNCH, frame: 2}"
+FLY = "[fly_mission]"
+ONCE = f"takeoff: 6, {at(6, 15)}"
+ENDLESS = LAPS.replace("times: 2", "times: -1")
 
 
 @pytest.mark.parametrize(
-    ("personality", "end"),
+    ("personality", "mission", "script", "complete"),
     [
-        ("px4", "land"),
-        ("ardupilot", "delay_s: 1"),
-        ("px4", RETURN),
-        pytest.param("ardupilot", "rtl", marks=pytest.mark.full),
-        pytest.param("px4", "rtl", marks=pytest.mark.full),
-        pytest.param("ardupilot", "land", marks=pytest.mark.full),
-        pytest.param("px4", "delay_s: 1", marks=pytest.mark.full),
-        pytest.param("ardupilot", RETURN, marks=pytest.mark.full),
+        ("px4", f"[{ONCE}, land]", FLY, True),
+        ("ardupilot", f"[{ONCE}, delay_s: 1]", FLY, True),
+        ("px4", f"[{ONCE}, {RETURN}]", FLY, True),
+        pytest.param("ardupilot", f"[{ONCE}, rtl]", FLY, True, marks=pytest.mark.full),
+        pytest.param("px4", f"[{ONCE}, rtl]", FLY, True, marks=pytest.mark.full),
+        pytest.param("ardupilot", f"[{ONCE}, land]", FLY, True, marks=pytest.mark.full),
+        pytest.param("px4", f"[{ONCE}, delay_s: 1]", FLY, True, marks=pytest.mark.full),
+        pytest.param("ardupilot", f"[{ONCE}, {RETURN}]", FLY, True, marks=pytest.mark.full),
+        # endless
+        ("ardupilot", ENDLESS, FLY, False),
+        pytest.param("px4", ENDLESS, FLY, False, marks=pytest.mark.full),
+        # uploaded and not flown
+        ("px4", "[rtl]", "[upload_mission]", False),
+        ("px4", "[rtl]", "[upload_mission, {takeoff: 10}, {at_s: 15, rtl: }]", False),
     ],
 )
-def test_a_mission_is_complete_with_any_last_item(personality: str, end: str) -> None:
-    text = f"vehicles: [{{personality: {personality}, mission: [takeoff: 6, {at(6, 15)}, {end}]}}]\n"
-    verdict = flown(text + "script: [fly_mission]\nchecks: [mission_complete]\nuntil_s: 65")
-    assert verdicts(verdict) == {"mission_complete": True}
+def test_a_mission_is_complete_after_its_last_item(
+    personality: str, mission: str, script: str, complete: bool
+) -> None:
+    vehicles = f"vehicles: [{{personality: {personality}, mission: {mission}}}]\n"
+    verdict = flown(vehicles + f"script: {script}\nchecks: [mission_complete]\nuntil_s: 65")
+    assert verdicts(verdict) == {"mission_complete": complete}
 
 
 def test_an_early_landing_does_not_complete_the_mission() -> None:
@@ -172,7 +167,7 @@ def test_an_early_landing_does_not_complete_the_mission() -> None:
 
 
 def test_a_duplicate_frame_counts_one_round() -> None:
-    scenario = parse_scenario(HOME + f"vehicles: [{{personality: px4, {LAPS}}}]", "test.yaml")
+    scenario = parse_scenario(HOME + f"vehicles: [{{personality: px4, mission: {LAPS}}}]", "test.yaml")
     progress = MissionProgress(scenario.vehicles[0])
     codec = mavlink.MAVLink(None, 1, 1)
 
