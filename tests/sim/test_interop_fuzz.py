@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from simulator_process import Ground, free_tcp_port, heartbeat, line, simulator, udp_socket
+from simulator_process import Ground, free_tcp_port, free_udp_port, heartbeat, line, simulator, udp_socket
 
 pytestmark = [pytest.mark.interop, pytest.mark.full]
 
@@ -65,8 +65,7 @@ def wait_for_answer(ground: Ground, ts1: int, target: int) -> None:
 
 
 def test_a_station_is_served_during_udp_floods() -> None:
-    udp, port = udp_socket()
-    udp.close()
+    port = free_udp_port()
     with simulator(
         "--personality", "mixed", "--count", "4", "--speedup", "4", "--url", f"udpin:127.0.0.1:{port}",
         errors=only_flood_warnings,

@@ -13,6 +13,7 @@ from simulator_process import (
     LIMIT_S,
     Ground,
     free_tcp_port,
+    free_udp_port,
     heartbeat,
     line,
     simulator,
@@ -109,8 +110,7 @@ def test_messages_from_another_port_are_ignored() -> None:
 @pytest.mark.full
 @pytest.mark.autopilots("1.18")
 def test_a_late_ground_station_is_served() -> None:
-    udp, port = udp_socket()
-    udp.close()
+    port = free_udp_port()
     with simulator("--speedup", "20", "--url", f"udpout:127.0.0.1:{port}") as process:
         assert line(process)
         for _ in range(2):  # repeatedly
@@ -120,8 +120,7 @@ def test_a_late_ground_station_is_served() -> None:
 
 
 def test_a_listening_udp_fleet_answers_every_sender() -> None:
-    udp, port = udp_socket()
-    udp.close()
+    port = free_udp_port()
     with simulator("--speedup", "5", "--url", f"udpin:127.0.0.1:{port}") as process:
         assert line(process)
         one, _ = udp_socket()
@@ -148,8 +147,7 @@ def test_a_listening_port_keeps_a_bounded_number_of_peers() -> None:
             if len(gone) == 8:
                 enough.set()
 
-        probe, port = udp_socket()
-        probe.close()
+        port = free_udp_port()
         link = make_link(
             parse_url(f"udpin:127.0.0.1:{port}"),
             LinkCallbacks(lambda data, peer, reach: None, forgotten, lambda text: None),

@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 
 import pytest
 from serial_device import SerialDevice
-from simulator_process import LIMIT_S, free_tcp_port, udp_socket
+from simulator_process import LIMIT_S, free_tcp_port, free_udp_port, udp_socket
 
 from sim_vehicle.links import Link, LinkCallbacks, LinkError, make_link
 from sim_vehicle.links.stream import Stream
@@ -89,8 +89,7 @@ def test_a_peer_silent_for_a_minute_is_forgotten() -> None:
     events = LinkEvents()
 
     async def silent(loop: Loop) -> None:
-        probe, port = udp_socket()
-        probe.close()
+        port = free_udp_port()
         link = events.link(f"udpin:127.0.0.1:{port}")
         link.open()
         udp, _ = udp_socket()

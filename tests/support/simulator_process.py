@@ -77,19 +77,19 @@ def free_udp_port() -> int:
     return port
 
 
-def udp_sockets(count: int, step: int = 1) -> list[socket.socket]:
-    """Return sockets bound to ports that are `step` apart."""
+def udp_sockets(count: int) -> list[socket.socket]:
+    """Return sockets bound to consecutive ports."""
     for _ in range(100):
         first, port = udp_socket()
         opened = [first]
         try:
-            opened += [udp_socket(port + i * step)[0] for i in range(1, count)]
+            opened += [udp_socket(port + i)[0] for i in range(1, count)]
         except (OSError, OverflowError):
             for udp in opened:
                 udp.close()
         else:
             return opened
-    raise AssertionError(f"no {count} free ports {step} apart")
+    raise AssertionError(f"no {count} consecutive free ports")
 
 
 def free_tcp_port(count: int = 1, step: int = 1) -> int:
