@@ -6,8 +6,8 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from agent_stories import codes, orders, publications
-from collision_stories import MID_M, ApproachStory, operator_texts
+from agent_stories import MID_M, codes, operator_texts, orders, publications
+from collision_stories import ApproachStory
 
 from swarmctl.agent.failsafes.base import Fence
 from swarmctl.agent.phases import Phase

@@ -10,12 +10,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from agent_stories import GRID, Story, codes, orders, publications
+from agent_stories import AMSL_M, GRID, MID_M, Story, codes, operator_texts, orders, publications
 from hypothesis import Phase as HypothesisPhase
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from profiles import examples
-from traffic_stories import AMSL_M, MID_M, operator_texts
 
 from swarmctl.agent.failsafes.base import Fence
 from swarmctl.agent.phases import Phase

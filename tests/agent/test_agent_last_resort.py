@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from agent_stories import codes
-from collision_stories import MID_M, ApproachStory
+from agent_stories import MID_M, codes
+from collision_stories import ApproachStory
 
 
 def test_a_vehicle_stops_in_time_if_its_follower_can_stop_too() -> None:

@@ -6,8 +6,7 @@ import re
 from typing import Any
 
 import pytest
-from agent_stories import GRID, Story, codes, orders, publications
-from traffic_stories import AMSL_M, MID_M, operator_texts
+from agent_stories import AMSL_M, GRID, MID_M, Story, codes, operator_texts, orders, publications
 
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.traffic.prediction import MAX_AGE_S

@@ -9,9 +9,8 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from agent_stories import GRID, Story, codes, orders, publications
+from agent_stories import AMSL_M, GRID, Story, codes, operator_texts, orders, publications
 from recall_stories import gathering
-from traffic_stories import AMSL_M, operator_texts
 from trouble import Trouble, fly_with
 
 from swarmctl.agent.failsafes import low_battery, not_following

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import json
 import math
 import os
@@ -20,6 +19,7 @@ import pytest
 from flights import Ui, small
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from operator_station import Pair, memory_pair
 from profiles import examples
 
 from swarmctl.agent.replan.decide import first_route
@@ -323,12 +323,6 @@ class Vehicle:
                 await self._changed.wait()
 
 
-@contextmanager
-def in_memory() -> Iterator[tuple[Transport, Transport]]:
-    bus = MemoryBus()
-    yield bus, bus
-
-
 def endpoint() -> BusEndpoint:
     """Return an endpoint at a free port of this machine."""
     with socket.socket() as probe:
@@ -359,12 +353,9 @@ def over_a_router() -> Iterator[tuple[Transport, Transport]]:
         yield agent, payload
 
 
-Both = Callable[[], contextlib.AbstractContextManager[tuple[Transport, Transport]]]
-
-
-@pytest.fixture(params=[in_memory, over_an_endpoint, over_a_router])
-def both(request: pytest.FixtureRequest) -> Both:
-    made: Both = request.param
+@pytest.fixture(params=[memory_pair, over_an_endpoint, over_a_router])
+def both(request: pytest.FixtureRequest) -> Pair:
+    made: Pair = request.param
     return made
 
 
@@ -377,7 +368,7 @@ async def answered(payload: Transport, data: bytes) -> ReportAnswer:
     raise AssertionError("no answer")
 
 
-def test_a_query_is_answered_with_the_accepted_cells(both: Both) -> None:
+def test_a_query_is_answered_with_the_accepted_cells(both: Pair) -> None:
     async def scene() -> None:
         with both() as (agent, payload):
             vehicle = Vehicle(agent)
@@ -391,7 +382,7 @@ def test_a_query_is_answered_with_the_accepted_cells(both: Both) -> None:
     asyncio.run(scene())
 
 
-def test_a_query_is_answered_with_the_reason_of_a_refusal(both: Both) -> None:
+def test_a_query_is_answered_with_the_reason_of_a_refusal(both: Pair) -> None:
     async def scene() -> None:
         with both() as (agent, payload):
             vehicle = Vehicle(agent)
@@ -409,7 +400,7 @@ def test_a_query_is_answered_with_the_reason_of_a_refusal(both: Both) -> None:
     asyncio.run(scene())
 
 
-def test_a_put_report_is_accepted_or_counted(both: Both) -> None:
+def test_a_put_report_is_accepted_or_counted(both: Pair) -> None:
     async def scene() -> None:
         with both() as (agent, payload):
             vehicle = Vehicle(agent)
@@ -447,7 +438,7 @@ def test_a_report_under_a_wildcard_is_refused(key: str, comes_in: bool) -> None:
     asyncio.run(scene())
 
 
-def test_reports_of_another_vehicle_are_ignored(both: Both) -> None:
+def test_reports_of_another_vehicle_are_ignored(both: Pair) -> None:
     async def scene() -> None:
         with both() as (agent, payload):
             vehicle = Vehicle(agent)

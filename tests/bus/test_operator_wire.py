@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import math
 import re
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 
 import msgspec
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from operator_station import ANYWHERE, KEY, Station, zenoh_pair
+from operator_station import ANYWHERE, KEY, Pair, Station, memory_pair, zenoh_pair
 from profiles import examples
 
 from swarmctl.bus import keys, operator_service
 from swarmctl.bus.operator_service import CommandCounts
 from swarmctl.bus.transports import zenoh_config
-from swarmctl.bus.transports.base import MAX_MESSAGE_BYTES, MAX_QUERY_BYTES, Transport
+from swarmctl.bus.transports.base import MAX_MESSAGE_BYTES, MAX_QUERY_BYTES
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.bus.transports.zenoh import MAX_PENDING_QUERIES, ZenohBus
 from swarmctl.core import events as ev
@@ -124,22 +122,13 @@ def test_unknown_fields_of_an_answer_are_ignored() -> None:
     assert decode_answer(b"\x01" + msgspec.msgpack.encode(later)) == OperatorAnswer(refused="no")
 
 
-@contextmanager
-def in_memory() -> Iterator[tuple[Transport, Transport]]:
-    bus = MemoryBus()
-    yield bus, bus
-
-
-Both = Callable[[], contextlib.AbstractContextManager[tuple[Transport, Transport]]]
-
-
-@pytest.fixture(params=[in_memory, zenoh_pair])
-def both(request: pytest.FixtureRequest) -> Both:
-    made: Both = request.param
+@pytest.fixture(params=[memory_pair, zenoh_pair])
+def both(request: pytest.FixtureRequest) -> Pair:
+    made: Pair = request.param
     return made
 
 
-def test_a_command_reaches_the_named_vehicles_and_their_answers_return(both: Both) -> None:
+def test_a_command_reaches_the_named_vehicles_and_their_answers_return(both: Pair) -> None:
     async def scene() -> None:
         with both() as (ground, operator):
             station = Station(ground)
@@ -155,7 +144,7 @@ def test_a_command_reaches_the_named_vehicles_and_their_answers_return(both: Bot
 
 
 def test_an_invalid_command_is_counted_shown_and_answered_but_reaches_no_vehicle(
-    both: Both, monkeypatch: pytest.MonkeyPatch
+    both: Pair, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(operator_service, "BURST", 99)
 
@@ -263,7 +252,7 @@ def test_the_text_about_a_refused_command_has_no_control_characters() -> None:
     asyncio.run(scene())
 
 
-def test_a_command_for_another_swarm_gets_no_answer(both: Both) -> None:
+def test_a_command_for_another_swarm_gets_no_answer(both: Pair) -> None:
     async def scene() -> None:
         with both() as (ground, operator):
             station = Station(ground)

@@ -82,19 +82,6 @@ def test_every_search_is_a_route_of_dijkstras_and_few_are_needed(seed: int) -> N
             assert route.exposure_sum == pytest.approx(searched.exposure_sum)
 
 
-def test_no_w_finds_a_better_route_within_the_bound() -> None:
-    field = terrain(3, 30)
-    free = Problem(field, (15, 0), ((15, 29),), 0.5, 0.15)
-    every_w = [
-        dijkstra.plan(dataclasses.replace(free, w=float(w)), dijkstra.Params())
-        for w in np.linspace(0.001, 1.0, 400)
-    ]
-    for bound in np.linspace(29.0, 60.0, 25).tolist():
-        found = time_bound.plan(dataclasses.replace(free, max_length_cells=bound), LEAST_EXPOSED)
-        best = min((r.exposure_sum for r in every_w if r.length_cells <= bound), default=math.inf)
-        assert found.exposure_sum <= best + 1e-12
-
-
 def detours() -> Problem:
     """Return a problem with two routes: 2 cells with exposure 1.0, and 2√2 cells without exposure."""
     field = np.array([[9.0, 0.0, 9.0], [0.0, 1.0, 0.0]])

@@ -18,6 +18,9 @@ from swarmctl.core.vehicle import Landed, VehicleState
 from swarmctl.planners import PLANNERS, Method
 
 GRID = Grid(9, 9, 50.0, 46.0, 14.0)
+MID_M = GRID.centre_m((4, 4))
+AMSL_M = 330.0
+"""at 30 m above home"""
 
 
 DIJKSTRA = Method("dijkstra", PLANNERS["dijkstra"], PLANNERS["dijkstra"].Params())
@@ -112,3 +115,7 @@ def publications(effects: list[ev.Effect]) -> list[object]:
 
 def orders(effects: list[ev.Effect]) -> list[ev.FlightOrder]:
     return [e.order for e in effects if isinstance(e, ev.Command)]
+
+
+def operator_texts(effects: list[ev.Effect]) -> list[str]:
+    return [effect.text for effect in effects if isinstance(effect, ev.NotifyOperator)]

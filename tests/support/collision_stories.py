@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from agent_stories import GRID, Story
+from agent_stories import GRID, MID_M, Story
 
 from swarmctl.agent.traffic.separation.watch import AvoidanceAction, SeparationRules
 from swarmctl.core import events as ev
 from swarmctl.core.frames import StateShared
-
-MID_M = GRID.centre_m((4, 4))
 
 
 class ApproachStory(Story):
@@ -45,7 +43,3 @@ class ApproachStory(Story):
         Vehicle 2 would be over the middle at the same time.
         """
         self.other(uav, MID_M[0], MID_M[1] - 110.0, (0.0, 10.0, 0.0), **changes)
-
-
-def operator_texts(effects: list[ev.Effect]) -> list[str]:
-    return [effect.text for effect in effects if isinstance(effect, ev.NotifyOperator)]

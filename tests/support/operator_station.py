@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 
 from swarmctl.bus.authentication import NO_AUTHENTICATION, Authentication
@@ -11,6 +11,7 @@ from swarmctl.bus.endpoint import BusEndpoint
 from swarmctl.bus.operator_service import AgentCommand, CommandCounts, OperatorService
 from swarmctl.bus.transports import zenoh_config
 from swarmctl.bus.transports.base import Transport
+from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.bus.transports.zenoh import ZenohBus
 from swarmctl.core.messages import VehicleAnswer
 
@@ -19,6 +20,8 @@ ANYWHERE = BusEndpoint("127.0.0.1", 0)
 
 
 AnswerTo = Callable[[VehicleAnswer], None]
+Pair = Callable[[], AbstractContextManager[tuple[Transport, Transport]]]
+"""Opens the buses of a service and of its user, which may be one bus."""
 
 
 @dataclass
@@ -63,6 +66,12 @@ class Station:
                 answer_to(taken)
 
         return StubAgent(taken.name, command)
+
+
+@contextmanager
+def memory_pair() -> Iterator[tuple[Transport, Transport]]:
+    bus = MemoryBus()
+    yield bus, bus
 
 
 @contextmanager
