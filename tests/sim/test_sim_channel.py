@@ -202,22 +202,15 @@ def test_the_other_direction_of_a_fault_is_unimpaired() -> None:
     assert wire.carry(frames, UP) == []
 
 
-def test_frames_after_a_delay_fault_do_not_overtake_delayed_frames() -> None:
+def test_frames_after_a_delay_fault_do_not_overtake_and_the_channel_is_idle_after_them() -> None:
     wire = Wire("delay:delay_s=2,for=1")
+    assert not wire.channel.idle
     wire.channel.put(DOWN, b"held", 0.9)
     wire.schedule.tick(1.0)
     wire.channel.put(DOWN, b"later", 1.1)
     assert wire.channel.take(DOWN, 2.89) == []
+    assert not wire.channel.idle
     assert [frame for frame, _ in wire.channel.take(DOWN, 2.9)] == [b"held", b"later"]
-
-
-def test_a_channel_without_faults_and_frames_is_idle() -> None:
-    wire = Wire("delay:delay_s=2,for=1")
-    assert not wire.channel.idle
-    wire.channel.put(DOWN, b"held", 0.9)
-    wire.schedule.tick(1.0)
-    assert not wire.channel.idle
-    wire.channel.take(DOWN, 3.0)
     assert wire.channel.idle
 
 

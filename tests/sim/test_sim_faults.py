@@ -28,7 +28,9 @@ MISSION = [home_item(), takeoff(20), waypoint(100, 0), waypoint(100, 100), waypo
 
 
 def start_station(*faults: str, **fields: Any) -> Station:
-    return Station(Fleet(scenario(faults=list(faults), **fields), ready_s=0.0))
+    """Return a station with one vehicle; `fields`: further keys of the vehicle."""
+    vehicle = {"sysid": 1, "lat_deg": LAT_DEG, "lon_deg": LON_DEG, "alt_amsl_m": ALT_M, **fields}
+    return Station(Fleet(scenario(faults=list(faults), vehicles=[vehicle]), ready_s=0.0))
 
 
 def fleet(count: int, *faults: str, **fields: Any) -> Fleet:
@@ -251,17 +253,16 @@ def test_a_gps_glitch_moves_the_true_position() -> None:
 
 
 def test_a_battery_sag_is_reported_and_ends() -> None:
+    def reported_v() -> float:
+        return float(station.ask(mavlink.MAVLINK_MSG_ID_SYS_STATUS).voltage_battery / 1000)
+
     station = start_station()
-    volts = station.ask(mavlink.MAVLINK_MSG_ID_SYS_STATUS).voltage_battery / 1000
+    before_v = reported_v()
     station.inject("battery_sag:sag_v=1.5,for=5")
     station.wait(1)
-    assert station.ask(mavlink.MAVLINK_MSG_ID_SYS_STATUS).voltage_battery / 1000 == pytest.approx(
-        volts - 1.5, abs=0.1
-    )
+    assert reported_v() == pytest.approx(before_v - 1.5, abs=0.1)
     station.wait(5)
-    assert station.ask(mavlink.MAVLINK_MSG_ID_SYS_STATUS).voltage_battery / 1000 == pytest.approx(
-        volts, abs=0.1
-    )
+    assert reported_v() == pytest.approx(before_v, abs=0.1)
 
 
 def test_removed_charge_returns_at_the_end_of_the_fault() -> None:
@@ -304,8 +305,7 @@ def test_sim_engine_fail_needs_a_multiplier() -> None:
 
 
 def test_a_parameter_of_the_scenario_counts_from_the_start() -> None:
-    vehicle = {"sysid": 1, "lat_deg": LAT_DEG, "lon_deg": LON_DEG, "params": {"SIM_GPS_DISABLE": 1}}
-    station = Station(Fleet(scenario(vehicles=[vehicle]), ready_s=0.0))
+    station = start_station(params={"SIM_GPS_DISABLE": 1})
     assert station.fleet.faults_on(0) == ("gps_loss",)
 
 
@@ -316,12 +316,9 @@ def test_ardupilot_has_no_failure_command() -> None:
 
 @pytest.mark.autopilots("MAVSDK 5 failure", of="px4")
 def test_px4_injects_failures_only_with_sys_failure_en() -> None:
-    vehicle = {"sysid": 1, "lat_deg": LAT_DEG, "lon_deg": LON_DEG, "personality": "px4"}
-    station = Station(Fleet(scenario(vehicles=[vehicle]), ready_s=0.0))
     gps_off = (mavlink.MAV_CMD_INJECT_FAILURE, mavlink.FAILURE_UNIT_SENSOR_GPS, mavlink.FAILURE_TYPE_OFF)
-    assert station.command(*gps_off) == mavlink.MAV_RESULT_DENIED
-    allowed = {"params": {"SYS_FAILURE_EN": 1}}
-    station = Station(Fleet(scenario(vehicles=[vehicle | allowed]), ready_s=0.0))
+    assert start_station(personality="px4").command(*gps_off) == mavlink.MAV_RESULT_DENIED
+    station = start_station(personality="px4", params={"SYS_FAILURE_EN": 1})
     assert station.command(*gps_off) == mavlink.MAV_RESULT_ACCEPTED
     assert station.fleet.faults_on(0) == ("gps_loss",)
     gps_ok = (mavlink.MAV_CMD_INJECT_FAILURE, mavlink.FAILURE_UNIT_SENSOR_GPS, mavlink.FAILURE_TYPE_OK)
