@@ -159,7 +159,6 @@ def test_an_unplugged_serial_device_ends_with_a_report(tmp_path: Path) -> None:
                 stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
             )  # fmt: skip
             try:
-                assert process.stdout is not None
                 while "heartbeat.once_a_second" not in (shown := process.stdout.readline()):
                     assert shown, process.communicate(timeout=LIMIT_S)
                 pulled.set()

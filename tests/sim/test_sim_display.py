@@ -111,7 +111,6 @@ def live(options: FleetOptions, warning: str = "") -> Display:
 def shown(display: Display, width: int, height: int = 24, wall_s: float = 0.0) -> list[str]:
     console = Console(file=io.StringIO(), width=width, height=height, color_system=None)
     console.print(display.render(wall_s, width, height))
-    assert isinstance(console.file, io.StringIO)
     return [text.rstrip() for text in console.file.getvalue().splitlines()]
 
 
@@ -193,7 +192,6 @@ def verdict() -> Verdict:
 def report(width: int, *, terminal: bool) -> list[str]:
     console = Console(file=io.StringIO(), width=width, force_terminal=terminal, color_system=None)
     print_verdict(console, verdict())
-    assert isinstance(console.file, io.StringIO)
     return console.file.getvalue().splitlines()
 
 

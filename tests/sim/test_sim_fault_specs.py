@@ -313,7 +313,6 @@ def test_a_failure_command_with_any_parameters_is_answered(unit: float, kind: fl
 )
 def test_a_simulation_parameter_is_a_fault(name: str, values: dict[str, float], expected: list[str]) -> None:
     found = faults_of(name, values.__getitem__, 60.0)
-    assert found is not None
     assert [str(spec) for spec in found[1]] == expected
 
 
@@ -325,6 +324,5 @@ def test_a_glitch_in_longitude_shrinks_towards_the_poles() -> None:
     """ArduPilot adds SIM_GPS_GLITCH_Y to the longitude (SIM_GPS.cpp)."""
     values = {"SIM_GPS_GLITCH_X": 0.0, "SIM_GPS_GLITCH_Y": 0.001, "SIM_GPS_GLITCH_Z": 0.0}
     found = faults_of("SIM_GPS_GLITCH_Y", values.__getitem__, 60.0)
-    assert found is not None
     (glitch,) = found[1]
     assert glitch.params["east_m"] == pytest.approx(0.001 * 111_319.5 / 2.0)

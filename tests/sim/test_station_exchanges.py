@@ -68,7 +68,6 @@ def test_a_command_is_repeated_with_its_confirmation_until_the_acknowledgement()
     assert bench.until(2 * RESEND_S) == 3
     assert [m.confirmation for m in bench.kinds] == [0, 1, 2]
     bench.exchange.receive(ack(mavlink.MAV_RESULT_DENIED), 3.0)
-    assert bench.exchange.outcome is not None
     assert (bench.exchange.outcome.accepted, bench.exchange.outcome.text) == (False, "DENIED")
     assert bench.until(100.0) == 3
 
@@ -94,7 +93,6 @@ def test_a_command_in_progress_is_not_repeated() -> None:
 def test_a_result_without_a_name_is_a_number() -> None:
     bench = arming()
     bench.exchange.receive(ack(200), 1.0)
-    assert bench.exchange.outcome is not None
     assert bench.exchange.outcome.text == "200"
 
 
@@ -103,7 +101,6 @@ def test_attempts_end_an_exchange_without_an_answer() -> None:
     assert bench.until(2 * RESEND_S) == 3
     assert bench.exchange.outcome is None
     assert bench.until(3 * RESEND_S) == 3
-    assert bench.exchange.outcome is not None
     assert bench.exchange.outcome.message is None
 
 
@@ -114,7 +111,6 @@ def test_an_upload_sends_the_requested_items() -> None:
     bench.exchange.receive(mission_ack(mavlink.MAV_MISSION_INVALID_SEQUENCE), 1.1)  # the repeated item
     assert bench.exchange.outcome is None
     bench.exchange.receive(mission_ack(mavlink.MAV_MISSION_ACCEPTED), 1.2)
-    assert bench.exchange.outcome is not None
     assert bench.exchange.outcome.accepted
     assert bench.kinds[0].count == 3
     assert [m.seq for m in bench.kinds[1:]] == [0, 1, 1, 2]
@@ -147,7 +143,6 @@ def test_a_stalled_upload_restarts_unless_its_attempts_are_limited(
 def test_a_request_beyond_the_plan_fails_the_upload() -> None:
     bench = uploading()
     bench.exchange.receive(request(3), 0.1)
-    assert bench.exchange.outcome is not None
     assert not bench.exchange.outcome.accepted
     assert len(bench.sent) == 1
 
@@ -173,7 +168,6 @@ def test_a_parameter_is_set_when_the_vehicle_answers_with_its_value(answer: int,
     bench.exchange.receive(first, 0.1)
     assert bench.kinds[-1].get_type() == "PARAM_SET"
     bench.exchange.receive(again, 0.2)
-    assert bench.exchange.outcome is not None
     assert bench.exchange.outcome.accepted is accepted
 
 
