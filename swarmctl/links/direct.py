@@ -141,8 +141,7 @@ class DirectLink:
             raise self._not_ready(timeout_s) from None
         finally:
             self._on_waiting = None
-        if done.failure:
-            raise PrepareFailed(f"{self._label}: the vehicle is not prepared: {done.failure}")
+        self._check(done, PrepareFailed, "the vehicle is not prepared")
 
     async def upload(self, plan: FlightPlan) -> float:
         self._require_connection()
@@ -152,8 +151,7 @@ class DirectLink:
             raise UploadFailed(f"{self._label}: the plan cannot be flown: {error}") from error
         async with self._ground_lock:
             done: Done = await self._perform("upload", partial(basic.upload, items=items))
-        if done.failure:
-            raise UploadFailed(f"{self._label}: the mission is not verified on the vehicle: {done.failure}")
+        self._check(done, UploadFailed, "the mission is not verified on the vehicle")
         return done.swap_takes_s if isinstance(done, Uploaded) else 0.0
 
     async def read_parameters(self, names: Collection[str]) -> dict[str, float]:
@@ -164,14 +162,12 @@ class DirectLink:
     async def set_parameters(self, values: Mapping[str, float]) -> None:
         procedure = partial(parameters.set_parameters, wanted=values, byte_wise=self._byte_wise)
         done: Done = await self._perform_on_ground("set parameters", procedure)
-        if done.failure:
-            raise ParametersFailed(f"{self._label}: the parameters are not all set: {done.failure}")
+        self._check(done, ParametersFailed, "the parameters are not all set")
 
     async def put_fence(self, polygon: Sequence[LatLon]) -> None:
         items = fence.fence_items(polygon)
         done: Done = await self._perform_on_ground("upload fence", partial(fence.put_fence, items=items))
-        if done.failure:
-            raise FenceFailed(f"{self._label}: the fence is not verified on the vehicle: {done.failure}")
+        self._check(done, FenceFailed, "the fence is not verified on the vehicle")
 
     async def read_fence(self) -> tuple[MissionItem, ...]:
         found: DownloadResult = await self._read("fence", fence.read_fence, FenceFailed)
@@ -181,8 +177,7 @@ class DirectLink:
 
     async def enable_fence(self) -> None:
         done: Done = await self._perform_on_ground("enable fence", fence.enable_fence)
-        if done.failure:
-            raise FenceFailed(f"{self._label}: the fence is not confirmed as enabled: {done.failure}")
+        self._check(done, FenceFailed, "the fence is not confirmed as enabled")
 
     async def count_rally_points(self) -> int:
         found: rally.RallyPoints = await self._read("rally points", rally.count_rally_points)
@@ -224,8 +219,7 @@ class DirectLink:
 
     async def follow_setpoints(self) -> None:
         done: Done = await self._perform("follow set-points", basic.follow_setpoints)
-        if done.failure:
-            raise CommandFailed(f"{self._label}: the vehicle does not follow set-points: {done.failure}")
+        self._check(done, CommandFailed, "the vehicle does not follow set-points")
 
     def send_setpoint(self, setpoint: SetPoint) -> bool:
         message = self._session.setpoint_message(setpoint, self._now())
@@ -236,8 +230,7 @@ class DirectLink:
 
     async def set_speed(self, speed_m_s: float) -> None:
         done: Done = await self._perform("set_speed", partial(basic.set_speed, speed_m_s=speed_m_s))
-        if done.failure:
-            raise CommandFailed(f"{self._label}: set_speed failed: {done.failure}")
+        self._check(done, CommandFailed, "set_speed failed")
 
     async def return_home(self, *, check_mode_first: bool = False) -> None:
         await self._perform_urgent(
@@ -304,8 +297,7 @@ class DirectLink:
         if self._waiter is not None:
             self._interrupt(name)
         done: Done = await self._perform(name, procedure)
-        if done.failure:
-            raise CommandFailed(f"{self._label}: {name} failed: {done.failure}")
+        self._check(done, CommandFailed, f"{name} failed")
 
     async def _perform(self, name: str, procedure: Callable[[Context], Procedure[Any]]) -> Any:
         self._require_connection()
@@ -379,6 +371,11 @@ class DirectLink:
     @property
     def _label(self) -> str:
         return f"{self.name} (system {self.sysid} at {self.endpoint})"
+
+    def _check(self, done: Done, error: Callable[[str], LinkError], problem: str) -> None:
+        """Raise `error` if the procedure has failed."""
+        if done.failure:
+            raise error(f"{self._label}: {problem}: {done.failure}")
 
     def _require_connection(self) -> None:
         if not self._heartbeat_received.is_set() or self._session.unsupported:

@@ -94,10 +94,6 @@ class Session:
         return READ_IDS | UNUSED_IDS if self._streaming.stops_others else READ_IDS
 
     @property
-    def link_state(self) -> LinkState:
-        return self._presence.state
-
-    @property
     def state(self) -> VehicleState:
         return VehicleState() if self._context is None else self._context.state
 
