@@ -242,7 +242,6 @@ def test_hold_interrupts_a_swap_and_other_calls_are_refused_as_busy(kind):
     play(story(), real=kind != "direct")
 
 
-@pytest.mark.full
 def test_a_cancelled_upload_is_cancelled_on_the_vehicle(kind):
     async def story():
         copter = Copter(1)

@@ -13,7 +13,7 @@ from link_world import HURRY, play, until
 from scripted_copter import Copter, Script
 
 from swarmctl.links import line
-from swarmctl.links.base import AddressChanged, NoAnswer, SystemIdConflict, TransportError
+from swarmctl.links.base import AddressChanged, NoAnswer, TransportError
 from swarmctl.links.direct import DirectLink
 from swarmctl.links.frontend import FrontEnd
 from swarmctl.links.url import Endpoint
@@ -111,26 +111,6 @@ def test_udp_follows_a_reboot_to_another_port(monkeypatch):
             port = second.transport.get_extra_info("sockname")[1]
             assert AddressChanged(f"{HOST}:{port}") in events
             second.transport.close()
-
-    play(story(), real=True)
-
-
-def test_udp_reports_two_vehicles_with_one_system_id():
-    async def story():
-        here = Endpoint("udpin", HOST, free_port())
-        async with front_end() as front:
-            events: list = []
-            alpha = link(front, here, events)
-            copter, double = Copter(1, BOOTED), Copter(1, BOOTED)
-            await front.open(here)
-            a = await udp_peer(copter, (HOST, here.port))
-            b = await udp_peer(double, (HOST, here.port))
-            async with playing(copter, a.send):
-                await alpha.connect(10)
-                async with playing(double, b.send):
-                    await until(lambda: any(isinstance(e, SystemIdConflict) for e in events))
-            a.transport.close()
-            b.transport.close()
 
     play(story(), real=True)
 

@@ -13,9 +13,8 @@ from profiles import examples
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scripted_copter import Script
 
-from swarmctl.mavlink.events import ProcedureDone, VehicleRebooted
+from swarmctl.mavlink.events import VehicleRebooted
 from swarmctl.mavlink.procedures import basic
-from swarmctl.mavlink.protocol.outcome import Done
 
 OLD, NEW = plan(north=8), plan(north=6, east=0.002, alt=33.333)
 MODEST = settings(
@@ -161,18 +160,6 @@ def test_a_speed_from_before_the_hold_does_not_show_that_the_vehicle_flies_on():
     result = bench.swap(NEW)
     assert result.flying != "new"
     assert "[not-flying-on]" in result.failure
-
-
-def test_cancelling_an_upload_sends_a_cancellation():
-    bench = Bench(faults=Faults(max_delay_s=0.5)).prepared()
-    bench.take(bench.session.begin("upload", lambda c: basic.upload(c, bench.items(OLD)), bench.now))
-    assert bench.run(20, lambda: bench.copter.transfer is not None and bench.copter.transfer.asked > 2)
-    bench.take(bench.session.cancel(bench.now))
-    bench.run(1)
-    assert bench.copter.acks_received == [15]
-    assert bench.session.busy_with is None
-    assert bench.session.items == ()
-    assert ProcedureDone("upload", Done("cancelled")) in bench.events
 
 
 def test_a_reboot_restarts_the_streams_and_makes_the_mission_unknown():
