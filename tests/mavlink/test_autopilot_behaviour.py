@@ -5,14 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from flying_bench import Faults, FlyingBench, plan
+from flying_bench import BOTH, Faults, FlyingBench, plan
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.mavlink.procedures import basic
 
 OLD, NEW = plan(north=8), plan(north=5, east=0.001)
 PARTIAL = "MISSION_WRITE_PARTIAL_LIST"
-BOTH = pytest.mark.parametrize("personality", ["ardupilot", "px4"])
 
 
 def orders(message) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from flying_bench import ALT_M, Faults, FlyingBench, on_the_ground, plan
+from flying_bench import ALT_M, BOTH, Faults, FlyingBench, on_the_ground, plan
 from profiles import full_only
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -13,7 +13,6 @@ from swarmctl.mavlink.procedures import basic
 from swarmctl.mavlink.protocol.codec import FrameSplitter
 
 OLD = plan(north=8)
-BOTH = pytest.mark.parametrize("personality", ["ardupilot", "px4"])
 ARM, START, MODE = (
     mavlink.MAV_CMD_COMPONENT_ARM_DISARM,
     mavlink.MAV_CMD_MISSION_START,

@@ -6,14 +6,13 @@ import math
 from dataclasses import replace
 
 import pytest
-from flying_bench import Faults, FlyingBench, plan
+from flying_bench import BOTH, Faults, FlyingBench, plan
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.mission import MissionItem
 from swarmctl.mavlink.procedures import basic
 
 OLD = plan(north=8, alt=33.333)
-BOTH = pytest.mark.parametrize("personality", ["ardupilot", "px4"])
 RELATIVE = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from functools import partial
 
 import pytest
-from flying_bench import FlyingBench, plan
+from flying_bench import BOTH, FlyingBench, plan
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.mavlink.procedures import basic
@@ -24,7 +24,7 @@ def flying(personality: str) -> FlyingBench:
     return FlyingBench(personality).flying(plan(north=20))
 
 
-@pytest.mark.parametrize("personality", ["ardupilot", "px4"])
+@BOTH
 @pytest.mark.parametrize(
     ("before", "name", "procedure", "number", "life_s"),
     [

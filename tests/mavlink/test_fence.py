@@ -8,7 +8,7 @@ from dataclasses import replace
 from functools import partial
 
 import pytest
-from flying_bench import HOME, FlyingBench, on_the_ground, plan
+from flying_bench import BOTH, HOME, FlyingBench, on_the_ground, plan
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from profiles import examples
@@ -25,7 +25,6 @@ from swarmctl.mavlink.procedures.fence import (
 )
 from swarmctl.mavlink.protocol.mission_download import DownloadOutcome
 
-BOTH = pytest.mark.parametrize("personality", ["ardupilot", "px4"])
 LAT, LON = HOME
 SQUARE = (
     (LAT - 0.01, LON - 0.01),

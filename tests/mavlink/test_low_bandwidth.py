@@ -6,7 +6,7 @@ import heapq
 from itertools import count, pairwise
 
 import pytest
-from flying_bench import FlyingBench
+from flying_bench import BOTH, FlyingBench
 from metric_plans import place, plan
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -16,7 +16,6 @@ from swarmctl.mavlink.telemetry.instruments import read_instruments
 from swarmctl.mavlink.telemetry.streams import UNUSED_IDS, Streaming
 from swarmctl.preflight.checks.telemetry import MAX_PERIOD_S
 
-BOTH = pytest.mark.parametrize("personality", ["ardupilot", "px4"])
 SPARING = Streaming(position_hz=2.0, stops_others=True)
 POSITION = 33
 INTERVAL = int(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL)

@@ -6,7 +6,7 @@ import struct
 from dataclasses import replace
 
 import pytest
-from flying_bench import Faults, FlyingBench, on_the_ground, plan
+from flying_bench import BOTH, Faults, FlyingBench, on_the_ground, plan
 from profiles import full_only
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -18,8 +18,6 @@ from swarmctl.mavlink.protocol.codec import GCS_COMPID, GCS_SYSID, Decoder, Fram
 from swarmctl.mavlink.protocol.conversation import MavlinkPeer
 from swarmctl.mavlink.protocol.mission_upload import Upload, UploadOutcome, item_message
 from swarmctl.mavlink.telemetry.mission_watch import OTHER_MISSION_LASTS_S, SETTLING_S, MissionWatch
-
-AUTOPILOTS = pytest.mark.parametrize("personality", ["ardupilot", "px4"])
 
 
 def another_uploads(bench: FlyingBench, north: int) -> None:
@@ -53,7 +51,7 @@ def states(bench: FlyingBench) -> list[VehicleState]:
     return [event.state for event in bench.events if isinstance(event, StateChanged)]
 
 
-@AUTOPILOTS
+@BOTH
 def test_another_mission_on_a_flying_vehicle_is_noticed_and_the_own_mission_is_dropped(
     personality: str,
 ) -> None:
@@ -67,7 +65,7 @@ def test_another_mission_on_a_flying_vehicle_is_noticed_and_the_own_mission_is_d
     assert states(bench)[-1].other_mission
 
 
-@AUTOPILOTS
+@BOTH
 def test_own_swaps_do_not_count_as_another_mission(personality: str) -> None:
     bench = FlyingBench(personality).flying(plan(north=8))
     for north in (12, 5, 9):
@@ -77,7 +75,7 @@ def test_own_swaps_do_not_count_as_another_mission(personality: str) -> None:
     assert not any(state.other_mission for state in states(bench))
 
 
-@AUTOPILOTS
+@BOTH
 def test_a_cleared_mission_counts_as_another_until_the_own_mission_is_uploaded_again(
     personality: str,
 ) -> None:
@@ -183,7 +181,7 @@ def test_home_alone_is_not_requested() -> None:
     assert watch.tick(0, 60.0) == []
 
 
-@AUTOPILOTS
+@BOTH
 @pytest.mark.parametrize("within_s", [0.0, 3.0])
 def test_another_mission_with_an_equal_count_is_noticed(personality: str, within_s: float) -> None:
     """The other upload may follow directly after the own one."""

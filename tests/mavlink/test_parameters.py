@@ -7,7 +7,7 @@ import struct
 from functools import partial
 
 import pytest
-from flying_bench import FlyingBench, on_the_ground, plan
+from flying_bench import BOTH, FlyingBench, on_the_ground, plan
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from profiles import examples
@@ -15,7 +15,6 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.mavlink.protocol.parameters import Parameter, encoded, read_parameters, set_parameters
 
-BOTH = pytest.mark.parametrize("personality", ["ardupilot", "px4"])
 WHOLE = {"ardupilot": "FENCE_ENABLE", "px4": "NAV_DLL_ACT"}
 REAL = {"ardupilot": "FENCE_ALT_MAX", "px4": "GF_MAX_VER_DIST"}
 INT32 = int(mavlink.MAV_PARAM_TYPE_INT32)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from bench import Bench, Script
-from flying_bench import HOME, FlyingBench, on_the_ground
+from flying_bench import BOTH, HOME, FlyingBench, on_the_ground
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from profiles import examples
@@ -12,7 +12,6 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.mavlink.procedures.rally import RALLY, RallyPoints, count_rally_points
 
-BOTH = pytest.mark.parametrize("personality", ["ardupilot", "px4"])
 POINT = mavlink.MAV_CMD_NAV_RALLY_POINT
 
 

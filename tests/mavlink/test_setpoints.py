@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from flying_bench import HOME, FlyingBench, plan
+from flying_bench import BOTH, HOME, FlyingBench, plan
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from wire_bench import Faults
 
@@ -28,7 +28,6 @@ PILOT = {"ardupilot": (5.0, 0.0, "LOITER"), "px4": (4.0, 5.0, "AUTO.RTL")}
 """parameters and name of a mode that another party sets"""
 NORTH_EAST_UP = (5.0, 6.2, 0.3)
 """8 m/s over ground"""
-BOTH = pytest.mark.parametrize("personality", ["ardupilot", "px4"])
 Velocity = tuple[float, float, float]
 SIM_PARAMS = {"ardupilot": {}, "px4": {"COM_OBL_RC_ACT": 5.0}}
 
@@ -144,7 +143,7 @@ def test_an_incomplete_set_point_is_never_sent(setpoint):
         setpoint_message(MavlinkPeer(1), setpoint)
 
 
-@pytest.mark.parametrize("personality", ["ardupilot", "px4"])
+@BOTH
 def test_a_fixed_wing_is_not_led_by_set_points(personality):
     bench = FlyingBench(personality, "plane").connected()
     assert bench.session.dialect.setpoint_mode is None

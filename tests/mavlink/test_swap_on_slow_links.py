@@ -8,7 +8,7 @@ from itertools import count, pairwise
 from typing import Any
 
 import pytest
-from flying_bench import FlyingBench
+from flying_bench import BOTH, FlyingBench
 from metric_plans import most_backwards_m, place, plan
 from profiles import full_only
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -72,7 +72,7 @@ def flying(personality: str, delay_s: float = DELAY_S) -> FlyingBench:
     return bench
 
 
-@pytest.mark.parametrize("personality", ["ardupilot", "px4"])
+@BOTH
 @pytest.mark.parametrize("delay_s", [*full_only(0.02, 0.2), DELAY_S])
 def test_a_plan_that_leaves_the_old_one_ahead_is_flown_without_a_stop_or_a_turn_back(
     personality: str, delay_s: float
@@ -86,7 +86,7 @@ def test_a_plan_that_leaves_the_old_one_ahead_is_flown_without_a_stop_or_a_turn_
     assert place(bench) == pytest.approx(new[-1], abs=3.0)
 
 
-@pytest.mark.parametrize("personality", ["ardupilot", "px4"])
+@BOTH
 def test_common_corners_are_flown_from_any_position(personality: str) -> None:
     """The old plan has a corner before the splice point."""
     bench = FlyingBench(personality)
@@ -101,7 +101,7 @@ def test_common_corners_are_flown_from_any_position(personality: str) -> None:
     assert place(bench) == pytest.approx(new[-1], abs=3.0)
 
 
-@pytest.mark.parametrize("personality", ["ardupilot", "px4"])
+@BOTH
 def test_a_vehicle_past_the_splice_point_flies_on_along_its_old_plan(personality: str) -> None:
     bench = flying(personality)
     turns_m = place(bench)[1] + 20.0
@@ -231,7 +231,7 @@ def test_a_vehicle_that_passed_corners_before_the_read_back_is_not_sent_back(
     assert place(bench) == pytest.approx(new[-1], abs=3.0)
 
 
-@pytest.mark.parametrize("personality", ["ardupilot", "px4"])
+@BOTH
 @pytest.mark.parametrize("blind_s", [1.0, *full_only(0.0, 0.5, 2.0, 3.0, 5.0)])
 def test_a_vehicle_without_a_position_during_a_swap_is_never_sent_back(
     personality: str, blind_s: float

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from flying_bench import FlyingBench, plan
+from flying_bench import BOTH, FlyingBench, plan
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from profiles import examples
@@ -94,7 +94,7 @@ def test_no_timesync_goes_over_a_link_that_keeps_up() -> None:
     assert bench.of("TIMESYNC") == []
 
 
-@pytest.mark.parametrize("personality", ["ardupilot", "px4"])
+@BOTH
 @pytest.mark.parametrize("stall_s", [5.0, 20.0])
 def test_a_command_waits_until_the_backlog_of_a_stall_is_processed(personality: str, stall_s: float) -> None:
     """A heartbeat of the backlog is no new heartbeat."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any, Self
 
+import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from wire_bench import HOME, Faults, WireBench, north_of_home
 
@@ -15,11 +16,13 @@ from swarmctl.core.mission import FlightPlan, MissionItem
 from swarmctl.mavlink.protocol.parameters import BYTE_WISE
 from swarmctl.mavlink.telemetry.streams import UNUSED_IDS
 
+BOTH = pytest.mark.parametrize("personality", ["ardupilot", "px4"])
+"""Run a test on each multicopter."""
 ALT_M = 300.0
 NO_LOGS = {"ardupilot": {"LOG_BACKEND_TYPE": 0.0}, "px4": {"SDLOG_MODE": -1.0}}
 """Parameters of a vehicle that records no flights; an eighth of a flight's time goes into its log."""
 
-__all__ = ["ALT_M", "HOME", "Faults", "FlyingBench", "on_the_ground", "plan"]
+__all__ = ["ALT_M", "BOTH", "HOME", "Faults", "FlyingBench", "on_the_ground", "plan"]
 
 
 def plan(*, north: int = 5, alt: float = 20.0, east: float = 0.0) -> FlightPlan:
