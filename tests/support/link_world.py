@@ -13,6 +13,7 @@ from scripted_copter import Copter
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.scenarios import Scenario
 from swarmctl.core.mission import FlightPlan, Waypoint
+from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.links import LINKS
 from swarmctl.links.direct import DirectLink
 from swarmctl.links.frontend import FrontEnd
@@ -26,20 +27,6 @@ HURRY = 25.0
 """speed-up: seconds of a copter's time in one second of the machine's clock"""
 
 
-class VirtualLoop(asyncio.SelectorEventLoop):
-    """An event loop whose time jumps to the next timer when no task is ready."""
-
-    virtual_s = 0.0
-
-    def time(self) -> float:
-        return self.virtual_s
-
-    def _run_once(self) -> None:
-        if not self._ready and self._scheduled:
-            self.virtual_s = max(self.virtual_s, self._scheduled[0].when())
-        super()._run_once()
-
-
 def play(story, *, real: bool = False) -> None:
     """Run an async story for at most an hour on a virtual clock, or at most a minute of real time."""
 
@@ -47,8 +34,8 @@ def play(story, *, real: bool = False) -> None:
         async with asyncio.timeout(60 if real else 3600):
             await story
 
-    with asyncio.Runner(loop_factory=None if real else VirtualLoop) as runner:
-        runner.run(bounded())
+    run = asyncio.run if real else run_virtual
+    run(bounded())
 
 
 def north(count: int, east: float = 0.0) -> FlightPlan:
