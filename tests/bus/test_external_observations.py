@@ -6,7 +6,6 @@ import asyncio
 import json
 import math
 import os
-import socket
 import sys
 import tempfile
 import time
@@ -21,6 +20,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from operator_station import Pair, memory_pair
 from profiles import examples
+from zenoh_nodes import here
 
 from swarmctl.agent.replan.decide import first_route
 from swarmctl.bus import keys
@@ -323,13 +323,6 @@ class Vehicle:
                 await self._changed.wait()
 
 
-def endpoint() -> BusEndpoint:
-    """Return an endpoint at a free port of this machine."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return BusEndpoint("127.0.0.1", probe.getsockname()[1])
-
-
 @contextmanager
 def over_an_endpoint() -> Iterator[tuple[Transport, Transport]]:
     """Yield the buses of the agent and of the payload; one process flies the swarm."""
@@ -344,7 +337,7 @@ def over_an_endpoint() -> Iterator[tuple[Transport, Transport]]:
 @contextmanager
 def over_a_router() -> Iterator[tuple[Transport, Transport]]:
     """Yield the buses of the agent and of the payload; each agent is its own process."""
-    at = endpoint()
+    at = here("tcp")
     with (
         ZenohBus(zenoh_config.router(at, "test", [1, 3])),
         ZenohBus(zenoh_config.client(at)) as agent,

@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from swarmctl_process import ROOT, SWARMCTL, read_until, run
+from zenoh_nodes import free_port
 
 pytestmark = pytest.mark.interop
 
@@ -36,12 +37,6 @@ def started(*words: str | Path, cwd: Path) -> Iterator[subprocess.Popen[str]]:
             yield process
         finally:
             process.kill()
-
-
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 @pytest.mark.full

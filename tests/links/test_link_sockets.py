@@ -11,6 +11,7 @@ import tty
 import pytest
 from link_world import HURRY, play, until
 from scripted_copter import Copter, Script
+from zenoh_nodes import free_port
 
 from swarmctl.links import line
 from swarmctl.links.base import AddressChanged, NoAnswer, TransportError
@@ -21,12 +22,6 @@ from swarmctl.links.url import Endpoint
 pytestmark = pytest.mark.interop
 HOST = "127.0.0.1"
 BOOTED = Script(boot_s=0.0)
-
-
-def free_port(kind: int = socket.SOCK_DGRAM) -> int:
-    with socket.socket(socket.AF_INET, kind) as s:
-        s.bind((HOST, 0))
-        return s.getsockname()[1]
 
 
 def copter_s() -> float:
@@ -185,7 +180,7 @@ async def serve_tcp(copter: Copter, port: int):
 @pytest.mark.autopilots("1.18")
 def test_tcp_out_connects_to_a_late_vehicle_and_again_after_a_cut():
     async def story():
-        copter, port = Copter(1, BOOTED), free_port(socket.SOCK_STREAM)
+        copter, port = Copter(1, BOOTED), free_port()
         there = Endpoint("tcpout", HOST, port)
         async with front_end() as front:
             alpha = link(front, there)
@@ -204,7 +199,7 @@ def test_tcp_out_connects_to_a_late_vehicle_and_again_after_a_cut():
 
 def test_tcp_in_serves_the_vehicle_that_connects():
     async def story():
-        copter, port = Copter(1, BOOTED), free_port(socket.SOCK_STREAM)
+        copter, port = Copter(1, BOOTED), free_port()
         here = Endpoint("tcpin", HOST, port)
         async with front_end() as front:
             alpha = link(front, here)
@@ -265,7 +260,7 @@ def test_a_missing_serial_device_is_a_clear_error():
 @pytest.mark.parametrize("kind", ["udpin", "tcpin"])
 def test_bytes_that_the_loop_has_not_read_count_as_unread(kind: str) -> None:
     socket_kind = socket.SOCK_DGRAM if kind == "udpin" else socket.SOCK_STREAM
-    endpoint = Endpoint(kind, HOST, free_port(socket_kind))
+    endpoint = Endpoint(kind, HOST, free_port())
 
     async def story() -> None:
         async with front_end() as ground:
