@@ -6,7 +6,6 @@ import asyncio
 import datetime as dt
 import json
 import re
-import socket
 import tempfile
 import threading
 import time
@@ -17,10 +16,11 @@ from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner, Result
+from zenoh_nodes import here
 
 from swarmctl.bus import directory
 from swarmctl.bus.authentication import NO_AUTHENTICATION, Authentication
-from swarmctl.bus.endpoint import BusEndpoint, parse_endpoint
+from swarmctl.bus.endpoint import BusEndpoint
 from swarmctl.bus.external_observations import ReportReceiver
 from swarmctl.bus.sensor_reports import Report, ReportedCells, report_schema
 from swarmctl.bus.transports import zenoh_config
@@ -167,9 +167,7 @@ def test_a_vehicle_without_a_report_receiver_is_an_error_with_advice(no_flight: 
 
 @pytest.mark.parametrize("protocol", ["tcp", "tls"])
 def test_a_report_reaches_an_agent_through_the_router(protocol: str, no_flight: Path) -> None:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        at = parse_endpoint(f"{protocol}/127.0.0.1:{probe.getsockname()[1]}")
+    at = here(protocol)
     communication = f"router: {at}"
     shown: dict[str, Credentials | None] = {"router": None, "uav3": None}
     if protocol == "tls":

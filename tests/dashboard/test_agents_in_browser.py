@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import socket
 import subprocess
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ import pytest
 from dashboard_process import StartDashboard, address_of
 from swarmctl_process import read_until
 from swarmctl_process import run as run_swarmctl
+from zenoh_nodes import free_port
 
 pytestmark = [
     pytest.mark.interop,
@@ -35,10 +35,7 @@ RANGE = "range of communication"
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    (tmp_path / "apart.yaml").write_text(SWARM.replace("PORT", str(port)))
+    (tmp_path / "apart.yaml").write_text(SWARM.replace("PORT", str(free_port())))
     return tmp_path
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import signal
-import socket
 import subprocess
 import time
 from collections.abc import Callable, Iterator
@@ -14,6 +13,7 @@ from pathlib import Path
 
 import pytest
 from swarmctl_process import SWARMCTL, read_until
+from zenoh_nodes import free_port
 
 from swarmctl.core.messages import VehicleAnswer
 from swarmctl.report.answers import order_line
@@ -69,10 +69,7 @@ class Field:
 
 @pytest.fixture
 def place(tmp_path: Path) -> Iterator[Field]:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    (tmp_path / "apart.yaml").write_text(APART.replace("PORT", str(port)))
+    (tmp_path / "apart.yaml").write_text(APART.replace("PORT", str(free_port())))
     field = Field(tmp_path)
     try:
         yield field

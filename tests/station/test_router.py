@@ -6,12 +6,11 @@ import asyncio
 import datetime as dt
 import os
 import signal
-import socket
 from pathlib import Path
 
 import pytest
+from zenoh_nodes import here
 
-from swarmctl.bus.endpoint import BusEndpoint
 from swarmctl.bus.transports import zenoh_config
 from swarmctl.bus.transports.zenoh import ZenohBus
 from swarmctl.security.issue import make_keys
@@ -26,9 +25,7 @@ from swarmctl.station import router
 def test_a_client_is_named_as_in_the_configuration(participant: str, shown_as: str, tmp_path: Path) -> None:
     now = dt.datetime.now(dt.UTC)
     make_keys(tmp_path, ["uav1", "uav2", "operator", "router"], 5, now)
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        at = BusEndpoint("127.0.0.1", probe.getsockname()[1], "tls")
+    at = here("tls")
     configuration = zenoh_config.router(at, "test", [1, 2], load_keyring(tmp_path, "router", now).credentials)
     lines: list[str] = []
     has_come = asyncio.Event()
