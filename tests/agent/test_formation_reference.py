@@ -24,10 +24,6 @@ def lattice_routes(draw: st.DrawFn) -> tuple[tuple[float, float], ...]:
     return tuple(points)
 
 
-def place(reference: Reference, s_m: float, forward_m: float, right_m: float) -> tuple[float, float]:
-    return reference.at(s_m).at(forward_m, right_m)
-
-
 @given(lattice_routes(), st.floats(0.0, 150.0), st.floats(0.0, 2 * math.pi))
 @example(U_TURN, 60.0, 1.5)
 def test_a_place_moves_without_jumps_at_a_bounded_speed(

@@ -29,9 +29,6 @@ Sent = tuple[int, int, int, float]
 
 UAVS = st.integers(1, 4)
 SENT = st.lists(st.tuples(UAVS, UAVS, st.integers(1, 3000), st.floats(0.0, 2.0)), max_size=60)
-GROUPS = st.lists(st.frozensets(UAVS, min_size=1), min_size=1, max_size=3).map(tuple)
-PLACES = st.tuples(st.floats(-89.0, 89.0), st.floats(-180.0, 180.0))
-NEAR = st.tuples(st.floats(46.0, 46.01), st.floats(14.0, 14.01))
 
 
 def outcomes(radio: Radio, sent: Sequence[Sent]) -> list[tuple[Sent, float, float | LossReason]]:

@@ -90,11 +90,6 @@ def lines(change: Callable[[list[bytes]], list[bytes]]) -> Callable[[Path], obje
     return write
 
 
-def other_run(run: Path) -> None:
-    """Put the valid evidence of another run beside the files."""
-    (run / FILE_NAME).write_bytes(b"".join(chained(entries(files={}))))
-
-
 CHANGES: dict[str, tuple[Callable[[Path], object], str, str]] = {
     "a changed line": (changed(FILE_NAME, b'"param2":4', b'"param2":5'), "chain-broken", f"{FILE_NAME}:2: "),
     "a cut within a line": (lines(lambda all_: [*all_[:4], all_[4][:9]]), "chain-broken", f"{FILE_NAME}:5: "),

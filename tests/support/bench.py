@@ -37,16 +37,5 @@ class Bench(WireBench):
         """Return whether the vehicle's memory has exactly this plan, without item 0."""
         return [m[:5] for m in self.copter.mission][1:] == self._stored(plan)[1:]
 
-    def flies(self, plan: FlightPlan, *, behind: FlightPlan | None = None) -> bool:
-        """Return whether the vehicle flies this plan.
-
-        The vehicle's list has the whole plan, alone or `behind` another; the current item is of this plan.
-        """
-        before = self._stored(plan)[:2] if behind is None else self._stored(behind)
-        begin, tail = len(before), self._stored(plan)[2:]
-        held = [m[:5] for m in self.copter.mission]
-        own = range(0 if behind is None else begin, begin + len(tail))
-        return held[1:begin] == before[1:] and held[begin : own.stop] == tail and self.copter.seq in own
-
     def _stored(self, plan: FlightPlan) -> list[tuple]:
         return [(i.command, i.frame, i.x, i.y, int(i.z * 100) / 100) for i in self.items(plan)]

@@ -35,7 +35,6 @@ ABANDONED_S = 30.0
 class FormationWitness(Witness):
     in_formation_s: Counter[int] = field(default_factory=Counter)
     """number of looks at which each vehicle followed set-points"""
-    _stood_since: dict[int, float] = field(default_factory=dict)
 
     def look(self, now: float) -> None:
         super().look(now)

@@ -149,9 +149,7 @@ class Pilot:
     command: ApproachResult | None = None
     place: tuple[float, float, float] = (0.0, 0.0, 0.0)
     mission_speed_m_s: float = 0.0
-    absent_from_s: float = math.inf
     fails_at_s: float = math.inf
-    heading_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 @dataclass

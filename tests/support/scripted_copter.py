@@ -70,7 +70,6 @@ class Copter:
         self.mission: list[tuple] = []
         self.uid2 = b"sim_vehicle\0" + bytes(6)
         self.position = list(HOME)
-        self.strikes = 0
         self.commands: list[tuple[int, tuple[float, ...]]] = []
         self.acks_received: list[int] = []
         self.boot(0.0)
@@ -81,7 +80,6 @@ class Copter:
         self.streams: dict[int, float] = {}
         self.due: dict[int, float] = {0: now}
         self.transfer: Transfer | None = None
-        self.finished_count = 0
         self.moved = 0.0
         self.out: list[bytes] = []
         self.later: list = []

@@ -26,7 +26,6 @@ from swarmctl.security.participant import load_keyring
 SWARM = "test"
 UAVS = (1, 2, 3)
 NAMES = ("uav1", "uav2", "uav3", "operator", "router")
-PROTOCOLS = ("tcp", "tls", "quic")
 NOW = dt.datetime.now(dt.UTC)
 
 
