@@ -1,11 +1,12 @@
 """One vehicle's airframe and battery, as its autopilot reads and commands them."""
 
 import math
+from functools import partial
 
 import numpy as np
 
 from sim_vehicle.physics.copter import HOVER_THROTTLE
-from sim_vehicle.physics.following import Follower
+from sim_vehicle.physics.following import follow
 from sim_vehicle.physics.motion import MotionOrder
 from sim_vehicle.physics.world import World
 
@@ -31,7 +32,7 @@ class Body:
         self._motion = world.dynamics
         self._index = index
         self.plane = bool(world.dynamics.planes[index])
-        self.follow = Follower(world.dynamics, index).follow
+        self.follow = partial(follow, world.dynamics, index)
 
     # -- state --------------------------------------------------------------------------------------------
 

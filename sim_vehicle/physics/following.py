@@ -39,42 +39,35 @@ class Following:
     speed_m_s: float | None = None
     climb_m_s: float | None = None
     descent_m_s: float | None = None
-    limits_total: bool = (
-        False  # the speeds limit also the feed-forward, not only the velocity toward the target
-    )
+    limits_total: bool = False  # the speeds limit the feed-forward too, not only the velocity to the target
     target_moves: bool = False  # between two set-points the target moves on
     faces_course: bool = False  # without a yaw a copter turns into the direction of its flight
 
 
-class Follower:
-    """The order to one copter to follow a set-point."""
-
-    def __init__(self, motion: Motion, index: int) -> None:
-        self._motion, self._index = motion, index
-
-    def follow(self, position_m: Vector, velocity_m_s: Vector, push_m_s2: Vector, control: Following) -> None:
-        """Follow a position, a velocity and an acceleration east, north, up; nan: this axis has none."""
-        motion, i = self._motion, self._index
-        follow = motion.follow
-        if motion.order[i] != MotionOrder.FOLLOW:
-            follow.wanted_acceleration_m_s2[:, i] = motion.acceleration[:, i]
-        follow.position_m[:, i] = position_m
-        follow.velocity_m_s[:, i] = np.clip(velocity_m_s, -MAX_SPEED_M_S, MAX_SPEED_M_S)
-        push = np.clip(np.nan_to_num(push_m_s2), -MAX_ACCELERATION_M_S2, MAX_ACCELERATION_M_S2)
-        follow.acceleration_m_s2[:, i] = push
-        for row, gains in enumerate((control.horizontal, control.vertical)):
-            follow.position_hz[row, i], follow.velocity_hz[row, i] = gains.position_hz, gains.velocity_hz
-            follow.acceleration_limit_m_s2[row, i] = gains.acceleration_m_s2
-            follow.braking_m_s2[row, i] = gains.braking_m_s2
-            follow.jerk_limit_m_s3[row, i], follow.lag_s[row, i] = gains.jerk_m_s3, gains.lag_s
-        follow.speed_m_s[i] = control.speed_m_s or motion.speed_m_s[i]
-        follow.climb_m_s[i] = control.climb_m_s or motion.climb_m_s[i]
-        follow.descent_m_s[i] = control.descent_m_s or motion.descent_m_s[i]
-        follow.limits_total[i], follow.target_moves[i] = control.limits_total, control.target_moves
-        follow.faces_course[i] = control.faces_course
-        motion.target[:, i] = np.where(np.isnan(position_m), motion.estimate[:, i], position_m)
-        motion.pass_speed_m_s[i] = motion.circle_radius_m[i] = 0.0
-        motion.order[i], motion.reached[i] = MotionOrder.FOLLOW, False
+def follow(
+    motion: Motion, i: int, position_m: Vector, velocity_m_s: Vector, push_m_s2: Vector, control: Following
+) -> None:
+    """Order copter `i` to follow a set-point, each part east, north, up; nan: this axis has none."""
+    target = motion.follow
+    if motion.order[i] != MotionOrder.FOLLOW:
+        target.wanted_acceleration_m_s2[:, i] = motion.acceleration[:, i]
+    target.position_m[:, i] = position_m
+    target.velocity_m_s[:, i] = np.clip(velocity_m_s, -MAX_SPEED_M_S, MAX_SPEED_M_S)
+    push = np.clip(np.nan_to_num(push_m_s2), -MAX_ACCELERATION_M_S2, MAX_ACCELERATION_M_S2)
+    target.acceleration_m_s2[:, i] = push
+    for row, gains in enumerate((control.horizontal, control.vertical)):
+        target.position_hz[row, i], target.velocity_hz[row, i] = gains.position_hz, gains.velocity_hz
+        target.acceleration_limit_m_s2[row, i] = gains.acceleration_m_s2
+        target.braking_m_s2[row, i] = gains.braking_m_s2
+        target.jerk_limit_m_s3[row, i], target.lag_s[row, i] = gains.jerk_m_s3, gains.lag_s
+    target.speed_m_s[i] = control.speed_m_s or motion.speed_m_s[i]
+    target.climb_m_s[i] = control.climb_m_s or motion.climb_m_s[i]
+    target.descent_m_s[i] = control.descent_m_s or motion.descent_m_s[i]
+    target.limits_total[i], target.target_moves[i] = control.limits_total, control.target_moves
+    target.faces_course[i] = control.faces_course
+    motion.target[:, i] = np.where(np.isnan(position_m), motion.estimate[:, i], position_m)
+    motion.pass_speed_m_s[i] = motion.circle_radius_m[i] = 0.0
+    motion.order[i], motion.reached[i] = MotionOrder.FOLLOW, False
 
 
 def accelerate(m: Motion, i: Ints, dt_s: float) -> Floats:

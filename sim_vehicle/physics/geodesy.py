@@ -28,6 +28,13 @@ def metres_per_degree(lat_deg: float) -> tuple[float, float]:
     return math.radians(meridional_m), math.radians(normal_m * math.cos(math.radians(lat_deg)))
 
 
+def distance_m(a_deg: tuple[float, float], b_deg: tuple[float, float]) -> float:
+    """Return the distance [m] between two positions near each other (latitude, longitude [deg])."""
+    north_m, east_m = metres_per_degree(a_deg[0])
+    longitude_deg = (b_deg[1] - a_deg[1] + 180.0) % 360.0 - 180.0
+    return math.hypot((b_deg[0] - a_deg[0]) * north_m, longitude_deg * east_m)
+
+
 class LocalFrame:
     """Azimuthal equidistant plane centred on one point of the WGS84 ellipsoid: east and north in metres."""
 

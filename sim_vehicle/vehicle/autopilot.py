@@ -27,7 +27,6 @@ from sim_vehicle.vehicle.flight import Flight
 from sim_vehicle.vehicle.flight_parameters import FlightParameters
 from sim_vehicle.vehicle.home_and_rally import HomeAndRally
 from sim_vehicle.vehicle.injected_faults import InjectedFaults
-from sim_vehicle.vehicle.interface import MessageOutput
 from sim_vehicle.vehicle.jobs import Jobs
 from sim_vehicle.vehicle.mission import MissionState
 from sim_vehicle.vehicle.modes import Modes
@@ -38,6 +37,7 @@ from sim_vehicle.vehicle.readiness import Readiness
 from sim_vehicle.vehicle.receivers import RECEIVERS
 from sim_vehicle.vehicle.sender import Sender
 from sim_vehicle.vehicle.setpoints import Setpoints
+from sim_vehicle.wire.outbox import Outbox
 from sim_vehicle.wire.signing import Signing
 from sim_vehicle.wire.status import Status
 from sim_vehicle.wire.streams import Rates, Streams
@@ -86,7 +86,7 @@ class Autopilot:
         rng: np.random.Generator,
         status: Status,
         streams: Streams,
-        output: MessageOutput,
+        output: Outbox,
         injected_faults: InjectedFaults,
         replace_faults: Replace,
         log_limits: LogLimits,
@@ -96,13 +96,7 @@ class Autopilot:
         self.status, self._output = status, output
         telemetry = personality.telemetry
         self.rates = Rates(streams, index, telemetry.default_rates_hz, telemetry.unsupported)
-        self.sender = Sender(
-            telemetry.texts,
-            injected_faults,
-            send=lambda message: output.message(index, message),
-            clock=lambda: self.now,
-            record=self._record_text,
-        )
+        self.sender = Sender(self, output)
         self.send = self.sender.send
         self.send_text, self.announce = self.sender.send_text, self.sender.announce
         body.set_gps_fix(telemetry.gps_fix_type)
@@ -150,9 +144,6 @@ class Autopilot:
         self.flight.reboot(self.mode)
 
     # -- output -------------------------------------------------------------------------------------------
-
-    def _record_text(self, now: float, severity: int, text: str) -> None:
-        self.storage.text(now, severity, text)
 
     def announce_refusals(self, event: str, now: float) -> None:
         """Send one STATUSTEXT for each reason against arming; `event` selects the personality's text."""

@@ -5,14 +5,13 @@ replaces handlers.
 """
 
 import math
-from collections.abc import Callable
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.physics.geodesy import GeodeticPosition
 from sim_vehicle.vehicle.behaviour import Behaviour
 from sim_vehicle.vehicle.command import MAX_ALTITUDE_M, Command
-from sim_vehicle.vehicle.interface import Vehicle
+from sim_vehicle.vehicle.interface import CommandHandler, Vehicle
 from sim_vehicle.vehicle.numbers import finite, to_int
 
 FORCE = 21_196  # param2 of arm and disarm: skip the checks
@@ -58,7 +57,7 @@ def do_set_mode(vehicle: Vehicle, command: Command, now: float) -> int:
     return ACCEPTED if vehicle.modes.set(to_int(command.param2), now) else FAILED
 
 
-def change_to(behaviour: Behaviour) -> Callable[[Vehicle, Command, float], int]:
+def change_to(behaviour: Behaviour) -> CommandHandler:
     """Return a handler that changes to the personality's mode of `behaviour`."""
 
     def handler(vehicle: Vehicle, _command: Command, now: float) -> int:
@@ -178,12 +177,13 @@ def request_message(vehicle: Vehicle, command: Command, now: float) -> int:
     return ACCEPTED if sent or (accepts_empty and vehicle.rates.can_stream(message_id)) else FAILED
 
 
-def request_capabilities(vehicle: Vehicle, _command: Command, now: float) -> int:
-    return ACCEPTED if vehicle.send_now(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION, now) else FAILED
+def send_message(message_id: int, otherwise: int = FAILED) -> CommandHandler:
+    """Return a handler that sends a message; `otherwise` is the result if the vehicle has no data for it."""
 
+    def handler(vehicle: Vehicle, _command: Command, now: float) -> int:
+        return ACCEPTED if vehicle.send_now(message_id, now) else otherwise
 
-def get_home(vehicle: Vehicle, _command: Command, now: float) -> int:
-    return ACCEPTED if vehicle.send_now(mavlink.MAVLINK_MSG_ID_HOME_POSITION, now) else FAILED
+    return handler
 
 
 def set_home(vehicle: Vehicle, command: Command, now: float) -> int:
@@ -261,7 +261,7 @@ def storage(_vehicle: Vehicle, command: Command, _now: float) -> int:
     return ACCEPTED if command.param1 in (0, 1) else FAILED
 
 
-HANDLERS: dict[int, Callable[[Vehicle, Command, float], int]] = {
+HANDLERS: dict[int, CommandHandler] = {
     mavlink.MAV_CMD_COMPONENT_ARM_DISARM: arm_disarm,
     mavlink.MAV_CMD_DO_SET_MODE: do_set_mode,
     mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: change_to(Behaviour.RETURN),
@@ -275,8 +275,8 @@ HANDLERS: dict[int, Callable[[Vehicle, Command, float], int]] = {
     mavlink.MAV_CMD_SET_MESSAGE_INTERVAL: set_message_interval,
     mavlink.MAV_CMD_GET_MESSAGE_INTERVAL: get_message_interval,
     mavlink.MAV_CMD_REQUEST_MESSAGE: request_message,
-    mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: request_capabilities,
-    mavlink.MAV_CMD_GET_HOME_POSITION: get_home,
+    mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: send_message(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION),
+    mavlink.MAV_CMD_GET_HOME_POSITION: send_message(mavlink.MAVLINK_MSG_ID_HOME_POSITION),
     mavlink.MAV_CMD_DO_SET_HOME: set_home,
     mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: reboot,
     mavlink.MAV_CMD_PREFLIGHT_CALIBRATION: calibrate,

@@ -8,9 +8,9 @@ import math
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.physics.geodesy import distance_m
 from sim_vehicle.vehicle.flight_parameters import FailsafeAction, FenceParameters
 from sim_vehicle.vehicle.interface import Vehicle
-from sim_vehicle.vehicle.rally import distance_m
 
 ALTITUDE_MAX, CIRCLE, POLYGON, ALTITUDE_MIN = "altitude_max", "circle", "polygon", "altitude_min"
 NAMES = {ALTITUDE_MAX: "Max Alt", CIRCLE: "Circle", POLYGON: "Polygon", ALTITUDE_MIN: "Min Alt"}

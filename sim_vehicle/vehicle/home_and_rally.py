@@ -1,11 +1,41 @@
 """Home, the origin of local coordinates, and rally points of one vehicle."""
 
+import math
+from collections.abc import Sequence
+
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.physics.geodesy import GeodeticPosition
+from sim_vehicle.physics.geodesy import GeodeticPosition, distance_m
 from sim_vehicle.vehicle.interface import Vehicle
 from sim_vehicle.vehicle.mission import Item
-from sim_vehicle.vehicle.rally import Rally
+
+
+class Rally:
+    """The stored rally points of one vehicle, as mission items."""
+
+    def __init__(self) -> None:
+        self.items: tuple[Item, ...] = ()
+
+    def replace(self, items: Sequence[Item]) -> None:
+        self.items = tuple(items)
+
+    def nearest(
+        self,
+        here_deg: tuple[float, float],
+        home_deg: tuple[float, float],
+        *,
+        limit_m: float = math.inf,
+        include_home: bool = True,
+    ) -> Item | None:
+        """Return the nearest rally point closer than `limit_m`, or None for home.
+
+        include_home: only points closer than home count.
+        """
+        if include_home:
+            limit_m = min(limit_m, distance_m(here_deg, home_deg))
+        distances_m = [distance_m(here_deg, (item.x * 1e-7, item.y * 1e-7)) for item in self.items]
+        nearest_m = min(distances_m, default=math.inf)
+        return self.items[distances_m.index(nearest_m)] if nearest_m < limit_m else None
 
 
 class HomeAndRally:

@@ -1,4 +1,4 @@
-"""Types between the parts of one vehicle, and the protocols of what a vehicle is given.
+"""Types between the parts of one vehicle, and the protocol of its remote control.
 
 The vehicle imports its parts. The parts know the vehicle's type only, so at run time they do not import it.
 """
@@ -17,20 +17,6 @@ Vehicle: TypeAlias = "Autopilot"
 FlightControl: TypeAlias = "Flight"
 CommandHandler = Callable[[Vehicle, Command, float], int]  # vehicle, command, time [s] -> MAV_RESULT
 OneShotMessage = Callable[[Vehicle, float], Sequence[Any]]  # vehicle, param2 of the request -> messages
-
-
-class MessageOutput(Protocol):
-    """The fleet's encoder and link, which take a vehicle's messages."""
-
-    def message(self, vehicle: int, message: Any) -> None:
-        """Pack and send one message."""
-
-    def raw(self, vehicle: int, data: bytes) -> None:
-        """Send bytes that are not a MAVLink frame, such as a boot text."""
-
-    def stream_now(self, vehicle: int, message_id: int, now: float) -> bool:
-        """Send one message of STREAMS; return False if the vehicle has no data for the message yet."""
-        ...
 
 
 class RemoteInput(Protocol):

@@ -2,32 +2,24 @@
 
 import heapq
 import math
-from collections.abc import Callable, Mapping
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.epoch import EPSILON_S
-from sim_vehicle.vehicle.injected_faults import InjectedFaults
+from sim_vehicle.vehicle.interface import Vehicle
+from sim_vehicle.wire.outbox import Outbox
 
 TEXT_BYTES = 50  # largest length of the text in one STATUSTEXT
 ACKNOWLEDGEMENTS = frozenset({mavlink.MAVLINK_MSG_ID_COMMAND_ACK, mavlink.MAVLINK_MSG_ID_MISSION_ACK})
 
 
 class Sender:
-    """Sender of messages; `clock` returns the simulated time [s], `record` receives every STATUSTEXT."""
+    """Sender of one vehicle's messages to the fleet's `output`."""
 
-    def __init__(
-        self,
-        texts: Mapping[str, tuple[int, str]],
-        injected_faults: InjectedFaults,
-        *,
-        send: Callable[[Any], None],
-        clock: Callable[[], float],
-        record: Callable[[float, int, str], None],
-    ) -> None:
-        self._texts, self._injected_faults = texts, injected_faults
-        self._send, self._clock, self._record = send, clock, record
+    def __init__(self, vehicle: Vehicle, output: Outbox) -> None:
+        self._vehicle, self._output = vehicle, output
+        self._texts, self._injected_faults = vehicle.personality.telemetry.texts, vehicle.injected_faults
         # Heap of acknowledgements that a fault delays: due time [s], number, message.
         self._delayed: list[tuple[float, int, Any]] = []
         self._delayed_count = 0
@@ -48,15 +40,15 @@ class Sender:
             if self._injected_faults.loses_ack():
                 return
             if self._injected_faults.ack_delay_s > 0:
-                due_s = self._clock() + self._injected_faults.ack_delay_s
+                due_s = self._vehicle.now + self._injected_faults.ack_delay_s
                 heapq.heappush(self._delayed, (due_s, self._delayed_count, message))
                 self._delayed_count += 1
                 return
-        self._send(message)
+        self._output.message(self._vehicle.index, message)
 
     def send_text(self, severity: int, text: str) -> None:
         """Send a text as STATUSTEXT; split a text of more than TEXT_BYTES into chunks with a common id."""
-        self._record(self._clock(), severity, text)
+        self._vehicle.storage.text(self._vehicle.now, severity, text)
         data = text.encode()
         if len(data) <= TEXT_BYTES:
             self.send(mavlink.MAVLink_statustext_message(severity, data))
@@ -85,4 +77,4 @@ class Sender:
     def send_delayed(self, now: float) -> None:
         """Send the delayed acknowledgements due by `now` [s]."""
         while self._delayed and self._delayed[0][0] <= now + EPSILON_S:
-            self._send(heapq.heappop(self._delayed)[2])
+            self._output.message(self._vehicle.index, heapq.heappop(self._delayed)[2])

@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 from profiles import examples
 from transfer_bench import CIRCLE, EXCLUDED, NOT_CIRCLE, POLYGON, RETURN_POINT
 
-from sim_vehicle.physics.geodesy import LocalFrame, metres_per_degree
+from sim_vehicle.physics.geodesy import LocalFrame, distance_m, metres_per_degree
 from sim_vehicle.vehicle.fence import Fence
+from sim_vehicle.vehicle.home_and_rally import Rally
 from sim_vehicle.vehicle.mission import Item
-from sim_vehicle.vehicle.rally import Rally, distance_m
 
 LAT, LON = 46.0, 14.5
 

@@ -8,10 +8,11 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim_vehicle.personalities.ardupilot.items import store_item as store_ardupilot
 from sim_vehicle.personalities.px4.items import store_item as store_px4
 from sim_vehicle.vehicle.fence import Fence
+from sim_vehicle.vehicle.home_and_rally import Rally
 from sim_vehicle.vehicle.mission import Item, Mission
 from sim_vehicle.vehicle.mission_px4 import Px4Mission
-from sim_vehicle.vehicle.rally import Rally
-from sim_vehicle.vehicle.transfer import ArduPilotTransfer, Px4Transfer
+from sim_vehicle.vehicle.transfer.ardupilot import ArduPilotTransfer
+from sim_vehicle.vehicle.transfer.px4 import Px4Transfer
 from sim_vehicle.vehicle.transfer.stores import FenceStore, MissionStore, RallyStore
 
 GCS = (255, 190)

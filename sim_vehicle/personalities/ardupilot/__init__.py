@@ -29,7 +29,7 @@ from sim_vehicle.vehicle.flight_parameters import FailsafeAction
 from sim_vehicle.vehicle.interface import Vehicle
 from sim_vehicle.vehicle.mission import Item, Mission
 from sim_vehicle.vehicle.params import ParameterTable
-from sim_vehicle.vehicle.transfer import ArduPilotTransfer
+from sim_vehicle.vehicle.transfer.ardupilot import ArduPilotTransfer
 from sim_vehicle.vehicle.transfer.stores import FenceStore, MissionStore, RallyStore
 
 MAX_MISSION_ITEMS = 650

@@ -4,12 +4,12 @@ from types import MappingProxyType
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.physics.geodesy import distance_m
 from sim_vehicle.vehicle.behaviour import Behaviour
 from sim_vehicle.vehicle.command import Command
 from sim_vehicle.vehicle.commands import ACCEPTED, FAILED
 from sim_vehicle.vehicle.interface import CommandHandler, Vehicle
 from sim_vehicle.vehicle.mission import Item
-from sim_vehicle.vehicle.rally import distance_m
 
 
 def start_landing(vehicle: Vehicle, now: float) -> bool:

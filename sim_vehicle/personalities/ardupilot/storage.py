@@ -1,17 +1,18 @@
-"""ArduPilot's logs and files: DataFlash, packed parameters and missions."""
+"""ArduPilot's logs and files: DataFlash, packed parameters and missions, and `@SYS` as in software."""
 
+import errno
 from collections.abc import Iterator
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.files import ftp_rules, log_transfer
+from sim_vehicle.files.filesystem import FileError, GeneratedFile
 from sim_vehicle.files.logs.dataflash import DataFlashLog
 from sim_vehicle.files.logs.recorder import LogLimits
 from sim_vehicle.files.packed_files import Parameter, UploadedMission
 from sim_vehicle.files.vehicle_files import ardupilot_files
 from sim_vehicle.personalities.ardupilot.parameters import TOTALS
-from sim_vehicle.personalities.ardupilot.system_files import SYSTEM_FILES
 from sim_vehicle.vehicle.interface import Vehicle
 from sim_vehicle.vehicle.mission import Item
 from sim_vehicle.vehicle.storage import Storage
@@ -20,6 +21,42 @@ from sim_vehicle.vehicle.transfer.stores import Store
 from sim_vehicle.vehicle.transfer.wire import MISSION, item_from_message, item_message
 
 _NO_PEER = (0, 0)  # target of the items in a file
+
+# Files under @SYS; most are listed and cannot be opened.
+_LISTED_BYTES = 100_000  # size of a text in a listing, before it is made
+_STORAGE_BYTES = 16_384
+_PORT = "SERIAL0 TX=       0 RX=       0 TXBD=     0 RXBD=     0 connected     (link)"
+_TEXTS = {
+    "tasks.txt": "TasksV2\n",  # without SCHED_OPTIONS no task is measured
+    "uarts.txt": f"UARTV1\n{_PORT}\n",  # bytes are not counted
+}
+# Texts of hardware that software does not have, and the crash that has not happened.
+_EMPTY = (
+    "threads.txt",
+    "dma.txt",
+    "memory.txt",
+    "timers.txt",
+    "can_log.txt",
+    "can0_stats.txt",
+    "can1_stats.txt",
+    "crash_dump.bin",
+)
+
+
+def _missing(_query: str) -> bytes:
+    raise FileError(errno.ENOENT)
+
+
+def _text_file(text: str) -> GeneratedFile:
+    return GeneratedFile(read=lambda _query: text.encode(), size=lambda: _LISTED_BYTES)
+
+
+_SYSTEM_FILES = {
+    **dict.fromkeys(_EMPTY, GeneratedFile(read=_missing, size=lambda: _LISTED_BYTES)),
+    **{name: _text_file(text) for name, text in _TEXTS.items()},
+    # The parameters are not stored as bytes.
+    "storage.bin": GeneratedFile(read=lambda _query: bytes(_STORAGE_BYTES), size=lambda: _STORAGE_BYTES),
+}
 
 
 def storage(vehicle: Vehicle, limits: LogLimits) -> Storage:
@@ -53,7 +90,7 @@ def storage(vehicle: Vehicle, limits: LogLimits) -> Storage:
             items=lambda kind: _items(stores[kind], kind),
             set_items=set_items,
             recorder=recorder,
-            system=SYSTEM_FILES,
+            system=_SYSTEM_FILES,
         ),
         ftp_rules=ftp_rules.ARDUPILOT,
         log_rules=log_transfer.ARDUPILOT,

@@ -17,12 +17,10 @@ from sim_vehicle.personalities.px4.orbit import Orbit
 from sim_vehicle.physics.geodesy import GeodeticPosition
 from sim_vehicle.vehicle import commands as common
 from sim_vehicle.vehicle.command import MAX_ALTITUDE_M, Command
+from sim_vehicle.vehicle.commands import ACCEPTED, DENIED, FAILED, TEMPORARILY_REJECTED, UNSUPPORTED
 from sim_vehicle.vehicle.interface import CommandHandler, Vehicle
 from sim_vehicle.vehicle.numbers import to_int
 
-ACCEPTED, DENIED = int(mavlink.MAV_RESULT_ACCEPTED), int(mavlink.MAV_RESULT_DENIED)
-FAILED, UNSUPPORTED = int(mavlink.MAV_RESULT_FAILED), int(mavlink.MAV_RESULT_UNSUPPORTED)
-TEMPORARILY_REJECTED = int(mavlink.MAV_RESULT_TEMPORARILY_REJECTED)
 CUSTOM, AUTO = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, mavlink.MAV_MODE_FLAG_AUTO_ENABLED
 STICKS, GUIDED = mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED, mavlink.MAV_MODE_FLAG_GUIDED_ENABLED
 STABILIZED = mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED
@@ -99,18 +97,16 @@ def takeoff(vehicle: Vehicle, command: Command, now: float) -> int:
     return ACCEPTED
 
 
-def land(vehicle: Vehicle, _command: Command, now: float) -> int:
-    if not vehicle.modes.set(modes.LAND, now):
-        return TEMPORARILY_REJECTED
-    vehicle.announce("landing")
-    return ACCEPTED
+def change_to(number: int, event: str) -> CommandHandler:
+    """Return a handler that changes to a mode and announces `event`."""
 
+    def handler(vehicle: Vehicle, _command: Command, now: float) -> int:
+        if not vehicle.modes.set(number, now):
+            return TEMPORARILY_REJECTED
+        vehicle.announce(event)
+        return ACCEPTED
 
-def return_to_launch(vehicle: Vehicle, _command: Command, now: float) -> int:
-    if not vehicle.modes.set(modes.RETURN, now):
-        return TEMPORARILY_REJECTED
-    vehicle.announce("returning")
-    return ACCEPTED
+    return handler
 
 
 def mission_start(vehicle: Vehicle, command: Command, now: float) -> int:
@@ -298,14 +294,6 @@ def request_message(vehicle: Vehicle, command: Command, now: float) -> int:
     return DENIED if common.request_message(vehicle, command, now) != ACCEPTED else ACCEPTED
 
 
-def get_home(vehicle: Vehicle, command: Command, now: float) -> int:
-    return DENIED if common.get_home(vehicle, command, now) != ACCEPTED else ACCEPTED
-
-
-def flight_information(vehicle: Vehicle, _command: Command, now: float) -> int:
-    return ACCEPTED if vehicle.send_now(mavlink.MAVLINK_MSG_ID_FLIGHT_INFORMATION, now) else DENIED
-
-
 def inject_failure(vehicle: Vehicle, command: Command, now: float) -> int:
     """Inject a failure if SYS_FAILURE_EN is 1."""
     if vehicle.params["SYS_FAILURE_EN"] != 1:
@@ -353,21 +341,19 @@ _WITHOUT_EFFECT = (
 )
 
 
-def protocol_version(vehicle: Vehicle, _command: Command, now: float) -> int:
-    return ACCEPTED if vehicle.send_now(messages.PROTOCOL_VERSION.message_id, now) else DENIED
-
-
 COMMANDS: MappingProxyType[int, CommandHandler] = MappingProxyType(
     dict.fromkeys(_UNSUPPORTED_COMMANDS, _unsupported)
     | dict.fromkeys(_WITHOUT_EFFECT, _accept)
     | {
-        mavlink.MAV_CMD_REQUEST_PROTOCOL_VERSION: protocol_version,
+        mavlink.MAV_CMD_REQUEST_PROTOCOL_VERSION: common.send_message(
+            messages.PROTOCOL_VERSION.message_id, otherwise=DENIED
+        ),
         mavlink.MAV_CMD_COMPONENT_ARM_DISARM: arm_disarm,
         mavlink.MAV_CMD_DO_SET_MODE: set_mode,
         mavlink.MAV_CMD_DO_SET_STANDARD_MODE: set_standard_mode,
         mavlink.MAV_CMD_NAV_TAKEOFF: takeoff,
-        mavlink.MAV_CMD_NAV_LAND: land,
-        mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: return_to_launch,
+        mavlink.MAV_CMD_NAV_LAND: change_to(modes.LAND, "landing"),
+        mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: change_to(modes.RETURN, "returning"),
         mavlink.MAV_CMD_MISSION_START: mission_start,
         mavlink.MAV_CMD_DO_LAND_START: land_start,
         mavlink.MAV_CMD_DO_REPOSITION: reposition,
@@ -383,8 +369,12 @@ COMMANDS: MappingProxyType[int, CommandHandler] = MappingProxyType(
         mavlink.MAV_CMD_SET_MESSAGE_INTERVAL: set_message_interval,
         mavlink.MAV_CMD_GET_MESSAGE_INTERVAL: get_message_interval,
         mavlink.MAV_CMD_REQUEST_MESSAGE: request_message,
-        mavlink.MAV_CMD_GET_HOME_POSITION: get_home,
-        mavlink.MAV_CMD_REQUEST_FLIGHT_INFORMATION: flight_information,
+        mavlink.MAV_CMD_GET_HOME_POSITION: common.send_message(
+            mavlink.MAVLINK_MSG_ID_HOME_POSITION, otherwise=DENIED
+        ),
+        mavlink.MAV_CMD_REQUEST_FLIGHT_INFORMATION: common.send_message(
+            mavlink.MAVLINK_MSG_ID_FLIGHT_INFORMATION, otherwise=DENIED
+        ),
         mavlink.MAV_CMD_INJECT_FAILURE: inject_failure,
         mavlink.MAV_CMD_ACTUATOR_TEST: actuator_test,
         mavlink.MAV_CMD_CONTROL_HIGH_LATENCY: _high_latency,

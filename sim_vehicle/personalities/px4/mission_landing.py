@@ -9,11 +9,11 @@ from collections.abc import Sequence
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.physics.geodesy import distance_m
 from sim_vehicle.vehicle.behaviour import Behaviour
 from sim_vehicle.vehicle.interface import Vehicle
 from sim_vehicle.vehicle.mission import LANDINGS, Item
 from sim_vehicle.vehicle.numbers import finite
-from sim_vehicle.vehicle.rally import distance_m
 
 LANDING_OR_RALLY, BY_MISSION, CLOSEST = 1, 2, 3  # RTL_TYPE; 0: home or a rally point
 MIN_DISTANCE_THRESHOLD_M = 2.0  # MIN_DIST_THRESHOLD in the source

@@ -4,8 +4,3 @@ ArduPilot serves missions, fences and rally points by three independent servers 
 item. PX4 has one state machine and one partner for all three lists, and replaces a stored list at the end of
 the upload. `wire` converts between items and messages for both autopilots.
 """
-
-from sim_vehicle.vehicle.transfer.ardupilot import ArduPilotTransfer
-from sim_vehicle.vehicle.transfer.px4 import Px4Transfer
-
-__all__ = ["ArduPilotTransfer", "Px4Transfer"]

@@ -17,9 +17,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.epoch import EPSILON_S
 from sim_vehicle.vehicle.fence import POLYGONS, Fence
+from sim_vehicle.vehicle.home_and_rally import Rally
 from sim_vehicle.vehicle.injected_faults import MissionRefusal
 from sim_vehicle.vehicle.mission import Item, Mission
-from sim_vehicle.vehicle.rally import Rally
 from sim_vehicle.vehicle.transfer.wire import (
     ALL,
     FENCE,

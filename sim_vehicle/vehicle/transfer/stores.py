@@ -1,16 +1,16 @@
 """ArduPilot's stores of missions, fences and rally points; each store decides when to write."""
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.vehicle.fence import CIRCLES, POLYGONS, Fence
+from sim_vehicle.vehicle.home_and_rally import Rally
 from sim_vehicle.vehicle.mission import Item, Mission
 from sim_vehicle.vehicle.numbers import to_int
 from sim_vehicle.vehicle.params import as_float32
-from sim_vehicle.vehicle.rally import Rally
 
 ACCEPTED = int(mavlink.MAV_MISSION_ACCEPTED)
 ERROR = int(mavlink.MAV_MISSION_ERROR)
@@ -30,7 +30,7 @@ _STORED_FRAME = {
 }
 
 
-class Store(Protocol):
+class Store(ABC):
     """One list of items on the vehicle; results are MAV_MISSION_RESULT."""
 
     name: str
@@ -38,36 +38,43 @@ class Store(Protocol):
     autocontinue: int  # value of autocontinue in downloads
 
     @property
-    def count(self) -> int: ...
+    @abstractmethod
+    def count(self) -> int:
+        """Number of stored items."""
 
     @property
     def total(self) -> int:
         """Value of the parameter that counts stored items."""
-        ...
+        return self.count
 
+    @abstractmethod
     def begin(self, count: int) -> None:
         """Begin an upload of `count` items, which replaces the list."""
 
-    def begin_update(self) -> None:
+    def begin_update(self) -> None:  # noqa: B027
         """Begin a partial upload."""
 
+    @abstractmethod
     def put(self, index: int, item: Item, last: int) -> int:
         """Take one item; `last` is the last index of the upload."""
-        ...
 
-    def complete(self) -> int: ...
+    def complete(self) -> int:
+        """End a complete upload."""
+        return ACCEPTED
 
-    def abandon(self) -> None:
+    def abandon(self) -> None:  # noqa: B027
         """End an aborted upload."""
 
-    def clear(self) -> bool: ...  # False: refused
+    @abstractmethod
+    def clear(self) -> bool:
+        """Delete all items; return False if this is refused."""
 
+    @abstractmethod
     def read(self, index: int) -> Item | int:
         """Return an item, or the MAV_MISSION_RESULT of a refused request."""
-        ...
 
 
-class MissionStore:
+class MissionStore(Store):
     """Mission store: items are written one by one, and a shorter count truncates the list at once.
 
     store_item: converts an item to its stored form, or returns the MAV_MISSION_RESULT of a refusal.
@@ -93,16 +100,9 @@ class MissionStore:
     def count(self) -> int:
         return self._mission.count
 
-    @property
-    def total(self) -> int:
-        return self._mission.count
-
     def begin(self, count: int) -> None:
         if self._mission.cut(count):
             self._changed(-1)
-
-    def begin_update(self) -> None:
-        pass
 
     def put(self, index: int, item: Item, last: int) -> int:
         stored = self._store_item(item)
@@ -123,9 +123,6 @@ class MissionStore:
         self._send_text(mavlink.MAV_SEVERITY_INFO, "Flight plan received")
         return ACCEPTED
 
-    def abandon(self) -> None:
-        pass
-
     def clear(self) -> bool:
         if self._flying():
             return False
@@ -136,7 +133,7 @@ class MissionStore:
         return self._mission.item(index) if index == 0 or index < self.count else ERROR
 
 
-class FenceStore:
+class FenceStore(Store):
     """Fence store: items are collected and checked together; only a valid fence is written."""
 
     name, autocontinue = "Fence", 0
@@ -254,7 +251,7 @@ def _fence_storage_bytes(items: list[Item]) -> int:
     return n_bytes
 
 
-class RallyStore:
+class RallyStore(Store):
     """Rally point store: points are written one by one, like a mission."""
 
     name, autocontinue, max_items = "Rally", 0, MAX_RALLY_POINTS
@@ -266,15 +263,8 @@ class RallyStore:
     def count(self) -> int:
         return len(self._rally.items)
 
-    @property
-    def total(self) -> int:
-        return self.count
-
     def begin(self, count: int) -> None:
         self._rally.replace(self._rally.items[:count])
-
-    def begin_update(self) -> None:
-        pass
 
     def put(self, index: int, item: Item, last: int) -> int:
         if item.command != mavlink.MAV_CMD_NAV_RALLY_POINT:
@@ -292,12 +282,6 @@ class RallyStore:
         point = Item(item.command, frame=_STORED_FRAME[item.frame], x=item.x, y=item.y, z=float(int(item.z)))
         self._rally.replace([*self._rally.items[:index], point, *self._rally.items[index + 1 :]])
         return ACCEPTED
-
-    def complete(self) -> int:
-        return ACCEPTED
-
-    def abandon(self) -> None:
-        pass
 
     def clear(self) -> bool:
         self._rally.replace([])
