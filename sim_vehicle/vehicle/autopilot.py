@@ -94,6 +94,9 @@ class Autopilot:
         self.injected_faults, self.replace_faults, self.signing = injected_faults, replace_faults, Signing()
         self.index, self.sysid, self.body, self.personality, self.rng = index, sysid, body, personality, rng
         self.status, self._output = status, output
+        status.autopilot[index] = personality.identity.autopilot
+        status.vehicle_type[index] = personality.identity.vehicle_type
+        status.home_is_local[index] = personality.home.is_local
         telemetry = personality.telemetry
         self.rates = Rates(streams, index, telemetry.default_rates_hz, telemetry.unsupported)
         self.sender = Sender(self, output)

@@ -20,7 +20,7 @@ SENSORS = int(
 
 
 def publish(vehicle: Vehicle, now: float) -> None:
-    """Write one vehicle's row, except for clock faults, threats, strikes and load."""
+    """Write one vehicle's row, except for its identity, clock faults, threats, strikes and load."""
     status, i = vehicle.status, vehicle.index
     status.booted[i] = vehicle.booted
     status.boot_s[i] = vehicle.readiness.boot_s
@@ -45,8 +45,6 @@ def publish(vehicle: Vehicle, now: float) -> None:
 
 def _heartbeat(vehicle: Vehicle) -> None:
     status, i, personality, mode = vehicle.status, vehicle.index, vehicle.personality, vehicle.mode
-    status.autopilot[i] = personality.identity.autopilot
-    status.vehicle_type[i] = personality.identity.vehicle_type
     armed = int(mavlink.MAV_MODE_FLAG_SAFETY_ARMED) if vehicle.armed else 0
     status.armed_since_s[i] = vehicle.arming.armed_since_s
     status.flying_since_s[i] = vehicle.arming.flying_since_s
@@ -102,7 +100,6 @@ def _health(vehicle: Vehicle, now: float) -> None:
 
 def _places(vehicle: Vehicle) -> None:
     status, i = vehicle.status, vehicle.index
-    status.home_is_local[i] = vehicle.personality.home.is_local
     home, origin = vehicle.home_and_rally.home, vehicle.home_and_rally.origin
     status.has_home[i] = home is not None
     if home is not None:
