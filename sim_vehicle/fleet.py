@@ -272,7 +272,7 @@ class Fleet:
         if due:
             view = View(self.world, self.status, np.array(due), now)
             for index, sample in zip(due, samples(view), strict=True):
-                self.vehicles[index].storage.sample(now, sample)
+                self.vehicles[index].storage.recorder.sample(now, sample)
 
     # -- faults and impaired links ------------------------------------------------------------------------
 

@@ -9,7 +9,7 @@ from sim_vehicle.files.filesystem import FileSystem
 from sim_vehicle.files.ftp import FtpServer
 from sim_vehicle.files.ftp_rules import FtpRules
 from sim_vehicle.files.log_transfer import LogRules, LogTransfer
-from sim_vehicle.files.logs.record import Failsafe, FlightLog, LogStart, LogWhen, Sample
+from sim_vehicle.files.logs.record import Failsafe, FlightLog, LogStart, LogWhen
 from sim_vehicle.files.logs.recorder import FlightRecorder, LogLimits
 from sim_vehicle.physics.geodesy import GeodeticPosition
 from sim_vehicle.vehicle.interface import Vehicle
@@ -129,10 +129,6 @@ class Storage:
             return False
         from_boot = when is LogWhen.FROM_BOOT and not self._disarmed_since_boot
         return vehicle.armed or when is LogWhen.ALWAYS or from_boot
-
-    def sample(self, now: float, sample: Sample) -> None:
-        """Record the vehicle's state at `now` [s]; called when `recorder.due`."""
-        self.recorder.sample(now, sample)
 
     def text(self, now: float, severity: int, text: str) -> None:
         """Record a STATUSTEXT; begin a log first if required."""

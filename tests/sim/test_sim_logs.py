@@ -67,7 +67,6 @@ def flight(log: FlightLog, *, mode: int = 4, next_mode: int = 6) -> None:
     log.failsafe(ARM_S + 6, Failsafe.BATTERY, False)
     log.landed(ARM_S + 8, True)
     log.armed(ARM_S + 9, False)
-    log.end(ARM_S + 9)
 
 
 # -- DataFlash -------------------------------------------------------------------------------------------

@@ -188,9 +188,6 @@ class DataFlashLog:
     def strike(self, now: float, count: int, over: tuple[int, int], by: tuple[int, int]) -> None:
         self._add("STRK", self._us(now), count, *over, *by)
 
-    def end(self, now: float) -> None:
-        """Do nothing: a DataFlash log has no end mark."""
-
 
 def _e7(degrees: float) -> int:
     return round(degrees * 1e7) if math.isfinite(degrees) else 0

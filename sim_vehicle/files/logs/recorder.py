@@ -78,7 +78,6 @@ class FlightRecorder:
 
     def end(self, now: float) -> None:
         if self._log is not None:
-            self._log.end(now)
             self._update_time(now)
         self._log, self._due_s = None, math.inf
 

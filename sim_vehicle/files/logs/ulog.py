@@ -187,9 +187,6 @@ class UlogLog:
     def strike(self, now: float, count: int, over: tuple[int, int], by: tuple[int, int]) -> None:
         self._add("strike", now, count, *over, *by)
 
-    def end(self, now: float) -> None:
-        """Do nothing: a ULog file has no end mark."""
-
 
 def _quaternion(roll_rad: float, pitch_rad: float, yaw_rad: float) -> tuple[float, float, float, float]:
     """Return the rotation from body to north-east-down, (w, x, y, z)."""
