@@ -345,14 +345,6 @@ class Autopilot:
     def armed(self) -> bool:
         return self.arming.armed
 
-    def arm(self, now: float, *, force: bool) -> bool:
-        """Start the motors and return True; after a refusal, announce the reasons and return False."""
-        return self.arming.arm(now, force=force)
-
-    def disarm(self, *, force: bool) -> bool:
-        """Stop the motors and return True; return False in the air unless `force` is set."""
-        return self.arming.disarm(force=force)
-
     # -- mission ------------------------------------------------------------------------------------------
 
     def start_mission_if_stopped(self) -> None:

@@ -45,9 +45,9 @@ def execute(vehicle: Vehicle, command: Command, now: float) -> int:
 def arm_disarm(vehicle: Vehicle, command: Command, now: float) -> int:
     force = to_int(command.param2) == FORCE
     if command.param1 == 1:
-        return ACCEPTED if vehicle.arm(now, force=force) else vehicle.personality.arming.refused
+        return ACCEPTED if vehicle.arming.arm(now, force=force) else vehicle.personality.arming.refused
     if command.param1 == 0:
-        return ACCEPTED if vehicle.disarm(force=force) else vehicle.personality.arming.disarm_refused
+        return ACCEPTED if vehicle.arming.disarm(force=force) else vehicle.personality.arming.disarm_refused
     return UNSUPPORTED
 
 
@@ -235,7 +235,7 @@ def fence_enable(vehicle: Vehicle, command: Command, _now: float) -> int:
 def terminate(vehicle: Vehicle, command: Command, _now: float) -> int:
     if command.param1 <= 0.5:
         return DENIED
-    vehicle.disarm(force=True)
+    vehicle.arming.disarm(force=True)
     return ACCEPTED
 
 

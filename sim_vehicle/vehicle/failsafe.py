@@ -147,7 +147,7 @@ class Failsafes:
             if mode_number is not None:
                 vehicle.modes.enter(mode_number)
         if action in (FailsafeAction.TERMINATE, FailsafeAction.DISARM):
-            vehicle.disarm(force=True)
+            vehicle.arming.disarm(force=True)
             return
         start_landing = vehicle.personality.mission.start_landing
         if start_landing is not None and action is FailsafeAction.LAND and start_landing(vehicle, now):

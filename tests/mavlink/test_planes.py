@@ -135,7 +135,7 @@ def test_a_command_to_land_during_a_landing_causes_no_go_around(personality) -> 
 @BOTH
 def test_a_command_to_land_on_the_ground_disarms(personality) -> None:
     flown = bench(personality).uploaded(FIRST)
-    flown.vehicle.arm(flown.now, force=True)
+    flown.vehicle.arming.arm(flown.now, force=True)
     assert flown.run(5.0, lambda: flown.session.state.armed)
     assert flown.do("land", basic.land).failure is None
     assert not flown.vehicle.armed

@@ -21,8 +21,8 @@ from sim_vehicle.personalities.base import (
 )
 from sim_vehicle.personalities.px4 import flight_parameters, parameters, storage
 from sim_vehicle.personalities.px4.commands import COMMANDS
-from sim_vehicle.personalities.px4.follow import on_follow_target
 from sim_vehicle.personalities.px4.items import store_item
+from sim_vehicle.personalities.px4.manoeuvres import on_follow_target
 from sim_vehicle.personalities.px4.messages import DEFAULT_RATES_HZ, ONE_SHOT_MESSAGES, targets
 from sim_vehicle.personalities.px4.mission_landing import return_by_mission
 from sim_vehicle.personalities.px4.modes import HOLD, MODES, TERMINATION

@@ -12,8 +12,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.faults import failure_command as failures
 from sim_vehicle.personalities.px4 import messages, modes
+from sim_vehicle.personalities.px4.manoeuvres import Orbit
 from sim_vehicle.personalities.px4.mission_landing import mission_landing
-from sim_vehicle.personalities.px4.orbit import Orbit
 from sim_vehicle.physics.geodesy import GeodeticPosition
 from sim_vehicle.vehicle import commands as common
 from sim_vehicle.vehicle.command import MAX_ALTITUDE_M, Command
@@ -76,10 +76,10 @@ def arm_disarm(vehicle: Vehicle, command: Command, now: float) -> int:
     """Arm or disarm; a forced disarming (param2) also stops the motors in the air."""
     action = round(command.param1) if math.isfinite(command.param1) else -1
     if action == 1:
-        return ACCEPTED if vehicle.arm(now, force=False) else TEMPORARILY_REJECTED
+        return ACCEPTED if vehicle.arming.arm(now, force=False) else TEMPORARILY_REJECTED
     if action == 0:
         forced = to_int(command.param2) == common.FORCE
-        return ACCEPTED if vehicle.disarm(force=forced) else TEMPORARILY_REJECTED
+        return ACCEPTED if vehicle.arming.disarm(force=forced) else TEMPORARILY_REJECTED
     vehicle.announce("arm_unknown", value=command.param1)
     return common.NO_ANSWER
 
@@ -226,7 +226,7 @@ def terminate(vehicle: Vehicle, command: Command, _now: float) -> int:
     if not (command.param1 > 0.5 and vehicle.armed):
         return DENIED
     vehicle.modes.enter(modes.TERMINATION)
-    vehicle.disarm(force=True)
+    vehicle.arming.disarm(force=True)
     return ACCEPTED
 
 
