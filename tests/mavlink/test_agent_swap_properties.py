@@ -7,7 +7,7 @@ from itertools import groupby
 import pytest
 from agent_flight import GRID, AgentFlight
 from flying_bench import Faults
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from swarmctl.agent.phases import Phase
@@ -53,6 +53,7 @@ outages = st.lists(st.tuples(st.floats(0.0, 120.0), st.sampled_from([1.0, 4.0]))
     database=None,
 )
 @given(wire=wires, cuts=outages, delay_s=st.sampled_from([0.0, 0.2, 0.8]), drawn=reports)
+@example(wire=Faults(loss=0.2, seed=11243), cuts=[(0.0, 4.0)], delay_s=0.2, drawn=[(0.0, 1), (0.0, 2)])
 def test_no_change_leads_back_or_out_of_the_cells_of_its_plans(
     personality: str,
     wire: Faults,

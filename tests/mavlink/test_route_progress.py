@@ -8,8 +8,9 @@ import pytest
 from flying_bench import HOME
 
 from swarmctl.core.geo import LocalFrame
-from swarmctl.core.mission import MissionItem
+from swarmctl.core.mission import MissionItem, Waypoint
 from swarmctl.core.vehicle import VehicleState
+from swarmctl.mavlink.dialects.plan import LAND, WAYPOINT, item_at
 from swarmctl.mavlink.procedures.swap.route_progress import RouteProgress
 
 FRAME = LocalFrame(*HOME)
@@ -23,9 +24,8 @@ def state(east_m: float, north_m: float, east_m_s: float = 0.0, north_m_s: float
     )
 
 
-def item(east_m: float, north_m: float) -> MissionItem:
-    lat_deg, lon_deg = FRAME.to_geodetic(east_m, north_m)
-    return MissionItem(16, 3, round(lat_deg * 1e7), round(lon_deg * 1e7), 20.0)
+def item(east_m: float, north_m: float, command: int = WAYPOINT) -> MissionItem:
+    return item_at(command, 3, Waypoint(*FRAME.to_geodetic(east_m, north_m), 20.0), 20.0)
 
 
 ROUTE = RouteProgress(state(0.0, 0.0), (item(0.0, 100.0), item(100.0, 100.0), item(200.0, 100.0)))
@@ -88,6 +88,14 @@ def test_a_corner_ahead_is_common_to_both_routes_if_the_vehicle_is_beside_them()
     flown = (item(0.0, 0.0), item(0.0, 400.0))
     progress = RouteProgress(state(5.0, 0.0), (item(0.0, 100.0), item(200.0, 100.0)), flown)
     assert progress.at(state(5.0, 110.0, north_m_s=10.0)).is_late
+
+
+def test_a_plan_stored_after_the_landing_is_not_flown() -> None:
+    """A plan that was appended too late stays in the vehicle's list."""
+    turn = item(0.0, 100.0)
+    flown = (item(0.0, 0.0), item(0.0, 400.0), item(0.0, 400.0, LAND), turn, item(300.0, 100.0))
+    progress = RouteProgress(state(0.0, 0.0), (turn, item(200.0, 100.0)), flown)
+    assert progress.at(state(0.0, 110.0, north_m_s=10.0)).is_late
 
 
 def test_a_route_without_a_start_begins_at_its_first_item() -> None:

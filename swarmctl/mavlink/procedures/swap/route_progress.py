@@ -15,6 +15,7 @@ from swarmctl.core.geo import LocalFrame
 from swarmctl.core.mission import MissionItem
 from swarmctl.core.planar import PlanarPoint, distance_to_leg, distance_to_track
 from swarmctl.core.vehicle import VehicleState
+from swarmctl.mavlink.dialects.plan import LAND
 
 CORNER_MARGIN_S = 0.75
 """time before and after a corner in which no command is sent: its arrival could be on either side"""
@@ -45,7 +46,10 @@ class RoutePosition:
 
 
 class RouteProgress:
-    """A route from the vehicle's position at `begin` over `items`, up to the first item without a position.
+    """A route from the vehicle's position at `begin` over `items`, up to the landing.
+
+    A plan that was appended too late stays stored after the landing, and is not flown. An item without a
+    position ends the route before that item.
 
     `flown`: items of the route before the swap, from the item before the current one on; empty if unknown.
     If that first item has no position, the vehicle's position at `begin` takes its place.
@@ -67,10 +71,11 @@ class RouteProgress:
         """begin of the flown leg, which the first leg follows; None if the new route leaves at once"""
 
     def _places(self, items: Sequence[MissionItem]) -> list[PlanarPoint]:
-        """Return the items' positions (east, north) [m], up to the first item without a position."""
+        """Return the items' positions (east, north) [m], up to the landing or an item without a position."""
         if self._frame is None:
             return []
-        with_position = takewhile(lambda item: item.x or item.y, items)
+        n_flown = next((n for n, item in enumerate(items, 1) if item.command == LAND), len(items))
+        with_position = takewhile(lambda item: item.x or item.y, items[:n_flown])
         return [self._frame.to_local(item.x / 1e7, item.y / 1e7) for item in with_position]
 
     def _common_m(self, flown: Sequence[PlanarPoint]) -> float:
