@@ -30,6 +30,9 @@ AHEAD_M = 20.0
 because a vehicle that turns back at a corner seems to go back on the leg before the corner."""
 CUT_CORNERS = 1.5
 """Distance ahead in which the next place is looked for, in units of the distance moved."""
+MOVES_M_S, BESIDE_M = 1.0, 1.0
+"""Speed from which on a vehicle's direction of flight counts [m/s], and distance within which two legs count
+as equally near [m]."""
 OVERHEAD_M = 1.0
 """Greatest distance before a centre at which a vehicle counts as over the centre [m]."""
 
@@ -159,7 +162,28 @@ def progress_on(
     at = flight.legs.locate(here, since_m, until_m)
     if at.cross_track_m > flight.on_route_m:
         at = flight.legs.locate(here, since_m)
+    elif _leads_against(flight.legs, at.leg, vehicle):
+        at = _after_turning_back(flight.legs, at, here, until_m, vehicle)
     return Progress(flight, here, at, max(before.reached_m, at.along_m))
+
+
+def _after_turning_back(
+    legs: StraightLegs, at: TrackPosition, here: PlanarPoint, until_m: float, vehicle: VehicleState
+) -> TrackPosition:
+    """Return the place on the leg back, of two legs over the same ground; `at` is on the leg out."""
+    corner_m = legs.at_m[at.leg + 1]
+    if corner_m >= min(until_m, legs.at_m[-1]):
+        return at
+    back = legs.locate(here, corner_m, until_m)
+    is_beside = back.cross_track_m <= at.cross_track_m + BESIDE_M
+    return back if is_beside and not _leads_against(legs, back.leg, vehicle) else at
+
+
+def _leads_against(legs: StraightLegs, leg: int, vehicle: VehicleState) -> bool:
+    """Return whether a leg leads against the vehicle's direction of flight."""
+    (ax, ay), (bx, by) = legs.points[leg : leg + 2]
+    along_m = (bx - ax) * vehicle.east_m_s + (by - ay) * vehicle.north_m_s
+    return along_m < 0.0 and vehicle.ground_speed_m_s > MOVES_M_S
 
 
 def planned_legs(grid: Grid, plan: FlightPlan, takeoff: LatLon | None) -> StraightLegs:
