@@ -28,7 +28,7 @@ from swarmctl.agent.restart import restart
 from swarmctl.agent.sharing import learn_from_others, learn_from_sensor, share_state
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.touchdown import end_at_touchdown, has_touched_down, may_be_armed, note_disarming
-from swarmctl.agent.traffic.collision_avoidance import avoid_collisions
+from swarmctl.agent.traffic.alarms import raise_alarms
 from swarmctl.agent.traffic.intents import share_intent
 from swarmctl.agent.traffic.landing_queue import arrive, land_after_unconfirmed_hold, queue_for_landing
 from swarmctl.agent.traffic.last_resort import stop_in_time
@@ -43,6 +43,7 @@ from swarmctl.agent.traffic.neighbours import receive_neighbours
 from swarmctl.agent.traffic.received_intents import receive_intents
 from swarmctl.agent.traffic.returning import update_return
 from swarmctl.agent.traffic.route_deconfliction import check_own_route
+from swarmctl.agent.traffic.route_hold import resume_if_clear
 from swarmctl.core import events as ev
 from swarmctl.core.grid import Cell
 from swarmctl.core.records import replace
@@ -177,7 +178,8 @@ def _steer(state: AgentState, now: float) -> StepResult:
         land_after_unconfirmed_hold,
         partial(_repeat_order, now=now),
         update_return,
-        avoid_collisions,
+        raise_alarms,
+        resume_if_clear,
         queue_for_landing,
         stop_in_time,
         adjust_speed,

@@ -26,11 +26,10 @@ class SeparationSection(Section):
         10.0,
         gt=0.0,
         le=120.0,
-        description="Prediction time of the conflict check in flight [s].",
+        description="Time ahead in which flights are compared, for the alarm and for a stop in time [s].",
     )
     action: Literal["hold", "climb", "none"] = Field(
         "hold",
-        description="Reaction of the vehicle that gives way in a predicted conflict, usually the vehicle "
-        "with the higher system id. hold: a hold until the way is clear; a climb for a fixed wing, or if the "
-        "hold would be too close to another vehicle. climb: a climb. none: only the alarm.",
+        description="Reaction to a conflict within look_ahead_s, by the rule of priority. hold: a copter "
+        "stops until its way is clear, a fixed wing climbs. climb: a climb. none: only the alarm.",
     )

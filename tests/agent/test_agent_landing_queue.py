@@ -101,7 +101,7 @@ def test_a_landing_is_announced_at_once_as_fixed() -> None:
     [
         ("above", {"up_m": 38.0}),
         ("vehicle past the spot by then", {"in_s": 1.0, "up_m": 15.0}),
-        ("vehicle with time to give way", {"may_change": True, "in_s": 12.0, "up_m": 18.0}),
+        ("vehicle with time to give way", {"may_change": True, "in_s": 15.0, "up_m": 14.0}),
     ],
 )
 def test_a_landing_does_not_wait_for_vehicles_outside_the_descent(what: str, changes: dict[str, Any]) -> None:

@@ -10,7 +10,7 @@ from random_trajectories import flights
 
 from swarmctl.agent.phases import IN_FLIGHT
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.last_resort import LOOKS_AHEAD_S, STRAIGHT_ON_S
+from swarmctl.agent.traffic.last_resort import STRAIGHT_ON_S
 from swarmctl.agent.traffic.own_flight import own_trajectory, planned_flight, reach
 from swarmctl.agent.traffic.prediction import home_amsl_m
 from swarmctl.agent.traffic.separation.trajectory import Bounds, Trajectory
@@ -36,10 +36,10 @@ def _outside(state: AgentState) -> str:
     """Return the own flight that leaves the box of the quick test; empty if none does."""
     now_s, look_ahead_s = state.vehicle.time_boot_s, state.task.separation.look_ahead_s
     plan, own = planned_flight(state), own_trajectory(state)
-    box, wide = reach(state, LOOKS_AHEAD_S, STRAIGHT_ON_S), reach(state, look_ahead_s, look_ahead_s)
+    box, wide = reach(state, look_ahead_s, STRAIGHT_ON_S), reach(state, look_ahead_s, look_ahead_s)
     if plan is None or own is None or box is None or wide is None:
         return ""
-    if not _holds(box, plan.lasting(now_s + LOOKS_AHEAD_S).higher(-home_amsl_m(state))):
+    if not _holds(box, plan.lasting(now_s + look_ahead_s).higher(-home_amsl_m(state))):
         return f"{now_s:.1f} s, {state.phase}: {plan}"
     return "" if _holds(wide, own) else f"{now_s:.1f} s, {state.phase}: {own}"
 

@@ -103,7 +103,7 @@ def test_two_vehicles_too_close_without_a_warning_are_found(
     changes = importlib.import_module("swarmctl.agent.replan.mission_changes")
     monkeypatch.setattr(changes, "deconflict", lambda _before, decided, _now: decided)
     monkeypatch.setattr(step, "check_own_route", lambda state: (state, []))
-    monkeypatch.setattr(step, "avoid_collisions", lambda state: (state, []))
+    monkeypatch.setattr(step, "raise_alarms", lambda state: (state, []))
     monkeypatch.setattr(step, "stop_in_time", lambda state: (state, []))
     found = flown(drawn_together(), tmp_path / "together", monkeypatch)
     assert any("(1, 2)" in text and text.endswith("[no-warning]") for text in found)

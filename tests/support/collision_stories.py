@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from agent_stories import GRID, MID_M, Story
+from agent_stories import GRID, MID_M, Story, orders
 
 from swarmctl.agent.traffic.separation.watch import AvoidanceAction, SeparationRules
 from swarmctl.core import events as ev
@@ -37,9 +37,15 @@ class ApproachStory(Story):
         self(ev.Neighbours(((uav, StateShared(**shared)),)))
         self.now -= 1.0
 
-    def crossing(self, uav: int, **changes: Any) -> None:
-        """Deliver the state, one second old, of a vehicle over the middle of the area.
+    def crossing(self, uav: int, away_m: float = 100.0, **changes: Any) -> None:
+        """Deliver the state, one second old, of a vehicle on its way north over the middle of the area.
 
-        Vehicle 2 would be over the middle at the same time.
+        It will be `away_m` before the middle when vehicle 2 gets its next telemetry.
         """
-        self.other(uav, MID_M[0], MID_M[1] - 110.0, (0.0, 10.0, 0.0), **changes)
+        self.other(uav, MID_M[0], MID_M[1] - away_m - 10.0, (0.0, 10.0, 0.0), **changes)
+
+    def stopped(self, uav: int = 1, **changes: Any) -> None:
+        """Let vehicle 2 stop 50 m before the middle, for a vehicle that crosses its way there."""
+        self.crossing(uav, 50.0, **changes)
+        assert orders(self.at(MID_M[0] - 50.0)) == [ev.FlightOrder.HOLD]
+        self(ev.OrderDone(ev.FlightOrder.HOLD))

@@ -70,10 +70,19 @@ class Witness:
                 math.hypot(de, dn) / limits.horizontal_m, abs(du) / (limits.vertical_m - HEIGHT_TOLERANCE_M)
             )
             self.least_share = min(self.least_share, share)
-            if share < 1.0 and not (self.excused(one.uav, now) or self.excused(other.uav, now)):
+            if share < 1.0 and not self._is_excused(one, other, now):
                 self._note((one.uav, other.uav), now, share)
         for agent in self.swarm.agents:
             self._look_at_hold(agent, now)
+
+    def _is_excused(self, one: LightAgent, other: LightAgent, now: float) -> bool:
+        """Return whether no rule could keep two vehicles apart.
+
+        An operator's hold may be in the way of a vehicle without a link, which nobody can stop.
+        """
+        pairs = (one, other), (other, one)
+        is_ordered = any(a.uav in self.ordered_hold and b.is_silent(now) for a, b in pairs)
+        return is_ordered or self.excused(one.uav, now) or self.excused(other.uav, now)
 
     def _note(self, pair: tuple[int, int], now: float, share: float) -> None:
         for breach in self.breaches:

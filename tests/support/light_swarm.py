@@ -31,6 +31,8 @@ NEIGHBOURS_EVERY_S = 0.5
 LOST_AFTER_S = 3.0
 """silence after which the link counts as lost [s]"""
 ORDER_FAILS_AFTER_S = 4.0
+STOPS_WITHIN_S = 6.0
+"""time in which a vehicle with a new link is stopped, or leaves the place [s]"""
 
 
 @dataclass
@@ -129,6 +131,10 @@ class LightAgent:
                 self.tick()
 
         self.swarm.at(self.swarm.now + after_s, resume)
+
+    def is_silent(self, now: float) -> bool:
+        """Return whether the vehicle has no link, or has it again for less than STOPS_WITHIN_S."""
+        return any(since <= now < until + STOPS_WITHIN_S for since, until in self.silent)
 
     def _reaches(self) -> bool:
         now = self.swarm.now

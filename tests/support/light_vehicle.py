@@ -197,7 +197,9 @@ class LightVehicle:
                 self.hold()
                 self._fell = True
         if self._braking:
-            if math.hypot(*self.velocity[:2]) > 0.3:
+            # ArduCopter holds where it stops, PX4 flies back to the height at which it was ordered to hold.
+            climbs = self.stops_for_missions and abs(self.velocity[2]) > 0.3
+            if climbs or math.hypot(*self.velocity[:2]) > 0.3:
                 return 0.0, 0.0, 0.0
             self._braking, self._anchor = False, (self.at[0], self.at[1], self.at[2])
             self._leg_from = self._anchor

@@ -1,4 +1,4 @@
-"""Last resort: a copter stops if it comes too close to another vehicle within seconds. Pure.
+"""Last resort: a copter stops if it will come too close to another vehicle within `look_ahead_s`. Pure.
 
 All other layers decide earlier, by plans. This layer acts when those decisions were not enough: the other
 vehicle follows closely, has just changed its plan, or is late. Both vehicles compare the same flights: each
@@ -47,14 +47,14 @@ from swarmctl.agent.traffic.wait import MIN_HEIGHT_M
 from swarmctl.core import events as ev
 from swarmctl.core.vehicle import BRAKING_M_S2
 
-LOOKS_AHEAD_S = 8.0
-"""Time ahead in which plans are compared [s]."""
 STRAIGHT_ON_S = 5.0
 """Time for which a vehicle may fly straight on instead of by its plan [s]."""
 REACTS_S = 1.5
 """Longest time from a decision to the start of braking [s]: the last moment for a stop allows for it."""
 LIKELY_REACTION_S, LIKELY_BRAKING_M_S2 = 0.75, 2.6
 """Probable time to the start of braking [s], and deceleration: with them two flights are compared."""
+SPEED_OVER_S = 0.5
+"""Time over which the speed on an announced flight is taken [s]."""
 ENOUGH = 1.1
 """Share of the limits that two flights have to keep."""
 BETTER_BY = 0.2
@@ -69,24 +69,26 @@ def stop_in_time(state: AgentState) -> StepResult:
         return _stop_if_unannounced(state)
     if not _may_stop(state) or (not state.neighbours and not state.intents):
         return state, []
-    box = reach(state, LOOKS_AHEAD_S, STRAIGHT_ON_S)
+    look_ahead_s = state.task.separation.look_ahead_s
+    box = reach(state, look_ahead_s, STRAIGHT_ON_S)
     if box is None or not may_meet_anyone(state, box):
         return state, []
-    here, plan = position_amsl(state), planned_flight(state, LOOKS_AHEAD_S)
+    here, plan = position_amsl(state), planned_flight(state, look_ahead_s)
     if here is None or plan is None:
         return state, []
     vehicle, limits = state.vehicle, state.task.separation.limits
     now_s, velocity = vehicle.time_boot_s, (vehicle.east_m_s, vehicle.north_m_s, vehicle.climb_m_s)
-    mine = (plan.lasting(now_s + LOOKS_AHEAD_S), _straight_on(here, velocity, plan, now_s))
+    plan = plan.lasting(now_s + look_ahead_s)
+    mine = (plan, _straight_on(here, velocity, plan, now_s))
     flights = known_flights(state)
     others = {uav: f for path in mine for uav, f in near_flights(path, flights, limits).items()}
-    stop = _stop(here, velocity, now_s)
+    stop = _stop(state, here, velocity, now_s)
     to_avoid = {uav for uav, flight in others.items() if _has_to_stop(state, mine, stop, uav, flight)}
     if not to_avoid:
         return state, []
     # The stop must not be worse with regard to all vehicles that cannot stop for it in time.
     cannot_stop = {
-        uav: f for uav, f in others.items() if uav in to_avoid or not _can_stop_for(state, stop, uav)
+        uav: f for uav, f in others.items() if uav in to_avoid or not _can_stop_for(state, stop, uav, f)
     }
     theirs = [path for uav, flight in cannot_stop.items() for path in _paths(state, uav, flight)]
     if not _helps(stop, theirs, limits, share_of(mine, theirs, limits)):
@@ -140,6 +142,8 @@ def _has_to_stop(state: AgentState, mine: Paths, stop: Trajectory, uav: int, int
     last_moment_s = vehicle.time_boot_s + REACTS_S + vehicle.ground_speed_m_s / BRAKING_M_S2
     if share_of([path.lasting(last_moment_s) for path in mine], theirs, limits) < ENOUGH:
         return True
+    if state.task.separation.action == "climb":
+        return False  # until the last moment the vehicle climbs to give way
     here = position_amsl(state)
     assert here is not None
     own = Standing(activity_of(state.phase), True, state.task.uav, here[2])
@@ -153,7 +157,7 @@ def _standing(state: AgentState, mine: Paths, together: float, uav: int, intent:
     if report is None or path is None:
         return Standing(Activity.EMERGENCY, False, uav)
     here = path.higher(home_amsl_m(state))
-    stop = _stop(here.points[0], report.state.velocity_m_s, report.at_s)
+    stop = _stop(state, here.points[0], report.state.velocity_m_s, report.at_s)
     helps = _helps(stop, mine, intent.limits(state.task.separation.limits), together)
     return Standing(
         activity_of(report.state.phase), helps and _may_hold(state, report), uav, here.points[0][2]
@@ -166,18 +170,21 @@ def _may_hold(state: AgentState, other: NeighbourReport) -> bool:
     return is_free and other.state.hovers and state.task.uav in other.state.hears
 
 
-def _can_stop_for(state: AgentState, stop: Trajectory, uav: int) -> bool:
-    """Return whether another vehicle can still stop clear of this vehicle's stop."""
+def _can_stop_for(state: AgentState, stop: Trajectory, uav: int, intent: NeighbourIntent) -> bool:
+    """Return whether another vehicle, on its known flight, can still stop clear of this vehicle's stop."""
     report = state.neighbours.get(uav)
-    path = None if report is None else predict(state, report)
-    if report is None or path is None or not _may_hold(state, report):
+    if report is None or not _may_hold(state, report) or report.state.alt_rel_m < MIN_HEIGHT_M:
         return False
-    if report.state.alt_rel_m < MIN_HEIGHT_M:
+    flight = intent.straight or intent.flight
+    brakes_s = state.vehicle.time_boot_s + LIKELY_REACTION_S + REACTS_S
+    before, there = flight.lasting(brakes_s).at(brakes_s - SPEED_OVER_S), flight.lasting(brakes_s).points[-1]
+    if before is None:
         return False
-    here, velocity_m_s = path.higher(home_amsl_m(state)).points[0], report.state.velocity_m_s
-    reacts_s = state.vehicle.time_boot_s - report.at_s + LIKELY_REACTION_S + REACTS_S
-    last = brake(here, velocity_m_s, report.at_s, LOOKS_AHEAD_S, reacts_s, LIKELY_BRAKING_M_S2)
-    return share_of((stop,), (last,), state.task.separation.limits) >= ENOUGH
+    east_m_s, north_m_s, climb_m_s = ((b - a) / SPEED_OVER_S for a, b in zip(before, there, strict=True))
+    velocity_m_s = east_m_s, north_m_s, climb_m_s
+    rules = state.task.separation
+    last = brake(there, velocity_m_s, brakes_s, rules.look_ahead_s, brakes_m_s2=LIKELY_BRAKING_M_S2)
+    return share_of((stop,), (flight.lasting(brakes_s), last), rules.limits) >= ENOUGH
 
 
 def _helps(stop: Trajectory, others: Paths, limits: Limits, together: float) -> bool:
@@ -200,21 +207,23 @@ def _paths(state: AgentState, uav: int, intent: NeighbourIntent) -> Paths:
         return (straight,)
     if intent.flight.ends_in_hold:
         here = straight.points[0]
-        return intent.flight, Trajectory((now_s, now_s + LOOKS_AHEAD_S), (here, here))
+        until_s = now_s + state.task.separation.look_ahead_s
+        return intent.flight, Trajectory((now_s, until_s), (here, here))
     return intent.flight, straight.lasting(max(now_s, straight.times_s[0]) + STRAIGHT_ON_S)
 
 
 def _straight_on(here: LocalPoint, velocity_m_s: LocalPoint, plan: Trajectory, now_s: float) -> Trajectory:
     """Return the own flight straight on for some seconds; a climb or descent ends at the plan's heights."""
-    heights_m = [here[2], *(point[2] for point in plan.lasting(now_s + LOOKS_AHEAD_S).points)]
+    heights_m = [here[2], *(point[2] for point in plan.points)]
     least_m_s, most_m_s = ((z - here[2]) / STRAIGHT_ON_S for z in (min(heights_m), max(heights_m)))
     climb_m_s = min(max(velocity_m_s[2], least_m_s), most_m_s)
     return extrapolate(here, (velocity_m_s[0], velocity_m_s[1], climb_m_s), now_s, STRAIGHT_ON_S)
 
 
-def _stop(here: LocalPoint, velocity_m_s: LocalPoint, now_s: float) -> Trajectory:
+def _stop(state: AgentState, here: LocalPoint, velocity_m_s: LocalPoint, now_s: float) -> Trajectory:
     """Return the probable flight of a vehicle that stops now, heights above the sea."""
-    return brake(here, velocity_m_s, now_s, LOOKS_AHEAD_S, LIKELY_REACTION_S, LIKELY_BRAKING_M_S2)
+    for_s = state.task.separation.look_ahead_s
+    return brake(here, velocity_m_s, now_s, for_s, LIKELY_REACTION_S, LIKELY_BRAKING_M_S2)
 
 
 def _follows_own_order(state: AgentState) -> bool:

@@ -1,6 +1,6 @@
 """Store the recent intents of other vehicles as trajectories by the own clock. Pure.
 
-Without a recent intent of a vehicle, `collision_avoidance` still watches its position.
+Without a recent intent of a vehicle, `alarms` and `last_resort` still watch its position.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def receive_intents(state: AgentState, event: ev.Intents, _now: float) -> StepRe
             uncertainty = (min(away_m, MAX_UNCERTAINTY_M), up_m)  # a false sender must not block a wide area
             flight, bounds = announced[0].later(sent_s), announced[1].later(sent_s)
             bounds = bounds.wider((0.0, uncertainty[0], uncertainty[0], uncertainty[1]))
-            # `collision_avoidance` handles the landing of a vehicle that can still change its plan.
+            # `landing_queue` handles the landing of a vehicle that can still change its plan.
             ahead = until_landing(flight) if intent.may_change else flight
             landing = flight if intent.may_change else None
             kept[uav] = NeighbourIntent(

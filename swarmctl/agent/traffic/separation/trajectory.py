@@ -18,6 +18,8 @@ LocalPoint = tuple[float, float, float]
 Boxes = NDArray[np.float64]
 """(segments, 8): least time [s], east, north and up [m] of each segment, then the greatest values"""
 
+DRIFT_M_S = 0.8
+"""Horizontal speed below which a vehicle drifts in the wind, and comes back to its place [m/s]."""
 LEAST_BRAKING_S = 0.1
 """Duration of braking below which a flight counts as a hold from its begin [s]."""
 
@@ -217,8 +219,13 @@ def _is_vertical_descent(a: LocalPoint, b: LocalPoint) -> bool:
 
 
 def extrapolate(here: LocalPoint, velocity_m_s: LocalPoint, from_s: float, for_s: float) -> Trajectory:
-    """Return the straight flight from `here` at a velocity (east, north, up) [m/s] for `for_s` seconds."""
+    """Return the straight flight from `here` at a velocity (east, north, up) [m/s] for `for_s` seconds.
+
+    A horizontal speed below DRIFT_M_S leads nowhere.
+    """
     (e, n, u), (ve, vn, vu) = here, velocity_m_s
+    if math.hypot(ve, vn) < DRIFT_M_S:
+        ve = vn = 0.0
     return Trajectory((from_s, from_s + for_s), (here, (e + ve * for_s, n + vn * for_s, u + vu * for_s)))
 
 

@@ -11,8 +11,8 @@ from collision_stories import ApproachStory
 
 from swarmctl.agent.failsafes.base import Fence
 from swarmctl.agent.phases import Phase
-from swarmctl.agent.replan.mission_changes import needs_tick
 from swarmctl.agent.traffic.prediction import silent_neighbours
+from swarmctl.agent.traffic.separation.watch import AvoidanceAction
 from swarmctl.core import events as ev
 from swarmctl.core.frames import StateShared
 from swarmctl.core.vehicle import Landed
@@ -24,43 +24,42 @@ def acknowledged(effects: list[ev.Effect]) -> tuple[int, ...]:
     return state.hears
 
 
-def test_the_higher_system_id_holds_and_reports_it() -> None:
-    story = ApproachStory()
-    story.crossing(1)
+def gives_way(action: AvoidanceAction, uav: int, **changes: Any) -> bool:
+    """Return whether vehicle 2 climbs or stops for a vehicle that crosses its way in 10 s."""
+    story = ApproachStory(action)
+    story.crossing(uav, **changes)
     effects = story.at(125.0)
-    assert orders(effects) == [ev.FlightOrder.HOLD]
-    assert codes(effects) == ["alarm-yields"]
-    assert "vehicle 1" in operator_texts(effects)[0]
-    assert story.state.phase is Phase.FLYING
-    assert not needs_tick(replace(story.state, plans=replace(story.state.plans, dirty=True)), story.now)
+    return story.state.height_offset_m > 0.0 or orders(effects) == [ev.FlightOrder.HOLD]
 
 
-def test_the_lower_system_id_continues_and_reports_it() -> None:
-    story = ApproachStory()
-    story.crossing(3)
-    effects = story.at(125.0)
-    assert orders(effects) == []
-    assert codes(effects) == ["alarm-other-yields"]
+@pytest.mark.parametrize("action", ["climb", "hold"])
+def test_the_higher_system_id_gives_way(action: AvoidanceAction) -> None:
+    assert gives_way(action, 1)
+    assert not gives_way(action, 3)
 
 
+@pytest.mark.parametrize("action", ["climb", "hold"])
 @pytest.mark.parametrize("hears", [(), (1, 4)])
-def test_the_lower_system_id_gives_way_without_an_acknowledgement(
-    hears: tuple[int, ...],
+def test_a_vehicle_gives_way_to_one_that_does_not_receive_it(
+    action: AvoidanceAction, hears: tuple[int, ...]
 ) -> None:
-    """A vehicle cannot give way to a vehicle whose messages do not arrive."""
-    story = ApproachStory()
-    story.crossing(3, hears=hears)
-    effects = story.at(125.0)
-    assert orders(effects) == [ev.FlightOrder.HOLD]
-    assert codes(effects) == ["alarm-not-heard"]
+    assert gives_way(action, 3, hears=hears)
 
 
-def test_a_vehicle_gives_way_as_soon_as_the_acknowledgement_ends() -> None:
-    story = ApproachStory()
+@pytest.mark.parametrize("action", ["climb", "hold"])
+@pytest.mark.parametrize("phase", ["landing", "leaving", "holding", "released"])
+def test_a_vehicle_gives_way_to_one_that_cannot(action: AvoidanceAction, phase: str) -> None:
+    assert gives_way(action, 3, phase=phase)
+
+
+@pytest.mark.parametrize("change", [{"hears": ()}, {"phase": "leaving"}])
+def test_a_vehicle_climbs_as_soon_as_the_other_cannot_give_way_any_more(change: dict[str, Any]) -> None:
+    story = ApproachStory(action="climb")
     story.crossing(3)
-    assert orders(story.at(125.0)) == []
-    story.other(3, MID_M[0], MID_M[1] - 95.0, (0.0, 10.0, 0.0), hears=())
-    assert orders(story.at(135.0)) == [ev.FlightOrder.HOLD]
+    assert codes(story.at(125.0)) == ["alarm-other-yields"]
+    story.other(3, MID_M[0], MID_M[1] - 95.0, (0.0, 10.0, 0.0), **change)
+    story.at(135.0)
+    assert story.state.height_offset_m > 0.0
 
 
 def test_the_state_lists_the_recently_received_vehicles() -> None:
@@ -86,9 +85,7 @@ def test_an_alarm_is_reported_once() -> None:
 
 def test_a_landed_vehicle_does_not_count_as_silent() -> None:
     story = ApproachStory()
-    story.crossing(1)
-    story.at(125.0)
-    story(ev.OrderDone(ev.FlightOrder.HOLD))
+    story.stopped()
     story.other(1, MID_M[0], MID_M[1] + 90.0, (0.0, 0.0, 0.0), alt_rel_m=30.0)
     story.at(140.0)
     story.other(1, MID_M[0], MID_M[1] + 90.0, (0.0, 0.0, 0.0), alt_rel_m=0.0, phase="done")
@@ -116,9 +113,7 @@ def test_action_none_only_reports_the_alarm() -> None:
 
 def test_a_holding_vehicle_plans_again_and_resumes_after_the_crossing() -> None:
     story = ApproachStory()
-    story.crossing(1)
-    story.at(125.0)
-    story(ev.OrderDone(ev.FlightOrder.HOLD))
+    story.stopped()
     still = {"ground_speed_m_s": 0.0, "east_m_s": 0.0, "mode": "GUIDED", "mode_role": "hold"}
     for second in range(30):
         story.other(1, MID_M[0], MID_M[1] - 90.0 + 10.0 * second, (0.0, 10.0, 0.0))
@@ -133,15 +128,6 @@ def test_a_holding_vehicle_plans_again_and_resumes_after_the_crossing() -> None:
     story.at(141.0)
     assert story.state.phase is Phase.FLYING
     assert story.state.ended is False
-
-
-def test_a_vehicle_climbs_if_a_hold_would_be_too_close() -> None:
-    story = ApproachStory()
-    story.other(1, 230.0, MID_M[1], (-10.0, 0.0, 0.0))  # head-on
-    effects = story.at(125.0)
-    assert orders(effects) == []
-    swap = story.swap()
-    assert swap.plan.track[-1].alt_rel_m == pytest.approx(33.6)
 
 
 def test_a_climb_clears_all_vehicles_nearby() -> None:
@@ -181,29 +167,12 @@ def test_the_least_distance_includes_vehicles_of_other_processes() -> None:
 
 def test_an_operators_order_takes_precedence() -> None:
     story = ApproachStory()
-    story.crossing(1)
-    story.at(125.0)
+    story.stopped()
     assert orders(story(ev.OperatorCommand(ev.FlightOrder.RETURN))) == [ev.FlightOrder.RETURN]
+    story.other(1, MID_M[0], MID_M[1] + 20.0, (0.0, 10.0, 0.0))
     story.at(130.0, mode="RTL", mode_role="return")
     assert not story.state.is_waiting
     assert story.state.phase is Phase.LEAVING
-
-
-@pytest.mark.parametrize("phase", ["landing", "leaving", "holding", "released"])
-def test_the_lower_system_id_gives_way_to_a_vehicle_unable_to_give_way(phase: str) -> None:
-    story = ApproachStory()
-    story.crossing(3, phase=phase)
-    effects = story.at(125.0)
-    assert orders(effects) == [ev.FlightOrder.HOLD]
-    assert codes(effects) == ["alarm-yields"]
-
-
-def test_a_vehicle_gives_way_if_vehicle_3_becomes_unable_after_the_alarm() -> None:
-    story = ApproachStory()
-    story.crossing(3)
-    assert orders(story.at(125.0)) == []
-    story.other(3, MID_M[0], MID_M[1] - 95.0, (0.0, 10.0, 0.0), phase="leaving")
-    assert orders(story.at(135.0)) == [ev.FlightOrder.HOLD]
 
 
 def test_a_returning_vehicle_is_not_stopped() -> None:
@@ -237,9 +206,7 @@ def codes_while_holding(story: ApproachStory, seconds: int, **standing: Any) -> 
 
 def test_a_vehicle_resumes_above_the_blocking_vehicle_after_a_long_hold() -> None:
     story = ApproachStory()
-    story.crossing(1)
-    story.at(125.0)
-    story(ev.OrderDone(ev.FlightOrder.HOLD))
+    story.stopped()
     assert codes_while_holding(story, 55) == []
     assert codes_while_holding(story, 10) == ["resumes-higher"]
     assert story.swap().plan.landing.alt_rel_m == pytest.approx(33.6)
@@ -247,18 +214,14 @@ def test_a_vehicle_resumes_above_the_blocking_vehicle_after_a_long_hold() -> Non
 
 def test_a_vehicle_without_a_clear_height_keeps_holding_and_reports_repeatedly() -> None:
     story = ApproachStory(fence=Fence((), 36.0))
-    story.crossing(1)
-    story.at(125.0)
-    story(ev.OrderDone(ev.FlightOrder.HOLD))
+    story.stopped()
     assert codes_while_holding(story, 130) == ["keeps-holding"] * 2
     assert story.state.is_waiting
 
 
 def test_a_holding_vehicle_stays_clear_of_a_silent_vehicle() -> None:
     story = ApproachStory()
-    story.crossing(1)
-    story.at(125.0)
-    story(ev.OrderDone(ev.FlightOrder.HOLD))
+    story.stopped()
     still = {"ground_speed_m_s": 0.0, "east_m_s": 0.0, "mode": "GUIDED", "mode_role": "hold"}
     # Vehicle 1 holds over the crossing, sends one more state and then falls silent.
     story.other(1, MID_M[0], MID_M[1], (0.0, 0.0, 0.0))
@@ -275,9 +238,7 @@ STILL = {"ground_speed_m_s": 0.0, "east_m_s": 0.0, "mode": "GUIDED", "mode_role"
 def test_a_vehicle_that_hears_nobody_keeps_its_hold_until_it_is_heard_again() -> None:
     """The others keep clear of its flight as announced for 90 s, and do not learn of a new one."""
     story = ApproachStory()
-    story.crossing(1)
-    story.at(125.0)
-    story(ev.OrderDone(ev.FlightOrder.HOLD))
+    story.stopped()
     story.other(1, MID_M[0], MID_M[1] + 60.0, (0.0, 10.0, 0.0), age_s=1.0)
     found_codes = [code for _ in range(80) for code in codes(story.at(140.0, **STILL))]
     assert found_codes == ["keeps-holding"]
@@ -311,9 +272,7 @@ def test_a_vehicle_resumes_away_from_another_that_holds_too_close(
 ) -> None:
     """The route leads east, away from a vehicle beside it."""
     story = ApproachStory()
-    story.crossing(4, phase="landing")
-    story.at(125.0)
-    story(ev.OrderDone(ev.FlightOrder.HOLD))
+    story.stopped(4, phase="landing")
     still = {"ground_speed_m_s": 0.0, "east_m_s": 0.0, "mode": "GUIDED", "mode_role": "hold"}
     found_codes = []
     for _ in range(50):

@@ -1,38 +1,30 @@
-"""Collision avoidance: alarms by positions, and evasive holds and climbs. Pure.
+"""Alarms by positions, and evasive climbs. Pure.
 
-An alarm predicts that this vehicle and another come too close within `look_ahead_s` (default 10 s). The rule
-of `priority` says which vehicle gives way. A vehicle that does not acknowledge this vehicle's state cannot
-give way to it.
-
-The evasive action is a hold (`route_hold`). A fixed wing climbs instead, and so does a copter if
-`separation.action` is `climb` or a hold is too close.
+An alarm predicts that this vehicle and another come too close within `look_ahead_s` (default 10 s). A fixed
+wing, which cannot stop, gives way with a climb. So does a copter with `separation.action: climb`. The rule of
+`priority` says which vehicle gives way. A vehicle that does not acknowledge this vehicle's state cannot give
+way to it. A copter stops later, if that is necessary (`last_resort`).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 from swarmctl.agent.commands import StepResult
 from swarmctl.agent.phases import EN_ROUTE, IN_FLIGHT, Phase
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.check import known_flights
-from swarmctl.agent.traffic.own_flight import own_trajectory, position_amsl, reach
+from swarmctl.agent.traffic.own_flight import own_trajectory, reach
 from swarmctl.agent.traffic.prediction import (
     hears_nobody,
     position_of,
     predict,
     predictions,
-    stopping_point,
 )
 from swarmctl.agent.traffic.priority import Activity, Standing, activity_of, gives_way
 from swarmctl.agent.traffic.route_hold import (
     ceiling_m,
-    hold,
-    hold_would_block,
     may_give_way,
     reachable_heights_m,
-    resume_if_clear,
 )
 from swarmctl.agent.traffic.separation.trajectory import Bounds
 from swarmctl.agent.traffic.separation.watch import (
@@ -46,12 +38,12 @@ from swarmctl.core import events as ev
 from swarmctl.core.records import replace
 
 
-def avoid_collisions(state: AgentState) -> StepResult:
-    """Update the alarms, report new alarms, and give way or resume. Called for each telemetry."""
-    if not (state.neighbours or state.alarms or state.wait):
+def raise_alarms(state: AgentState) -> StepResult:
+    """Update the alarms, report new alarms, and climb if the vehicle gives way so."""
+    if not (state.neighbours or state.alarms):
         return state, []
     rules, now_s = state.task.separation, state.vehicle.time_boot_s
-    if not state.alarms and not state.wait and _is_alone(state):
+    if not state.alarms and _is_alone(state):
         return state, []
     before = {alarm.other for alarm in state.alarms}
     own = own_trajectory(state)
@@ -65,15 +57,22 @@ def avoid_collisions(state: AgentState) -> StepResult:
     messages: list[ev.Effect] = [
         ev.NotifyOperator(f"{_alarm_text(state, alarm)}{_reaction(state, alarm)}") for alarm in new
     ]
-    if state.is_waiting:
-        state, effects = resume_if_clear(state)
-    elif hears_nobody(state):
-        effects = []
-    else:
-        lower_ids = [alarm for alarm in alarms if alarm.is_close and alarm.other > state.task.uav]
-        to_avoid = [alarm for alarm in (*new, *lower_ids) if _has_to_give_way(state, alarm.other)]
-        state, effects = _give_way(state, to_avoid)
-    return state, [*messages, *effects]
+    lower_ids = [alarm for alarm in alarms if alarm.is_close and alarm.other > state.task.uav]
+    if (
+        _climbs(state)
+        and not state.is_waiting
+        and may_give_way(state)
+        and not hears_nobody(state)
+        and any(_has_to_give_way(state, alarm.other) for alarm in (*new, *lower_ids))
+    ):
+        state = _climb(state)
+    return state, messages
+
+
+def _climbs(state: AgentState) -> bool:
+    """Return whether the vehicle gives way with a climb."""
+    action = state.task.separation.action
+    return action == "climb" or (action == "hold" and state.task.wings is not None)
 
 
 def _is_alone(state: AgentState) -> bool:
@@ -101,25 +100,6 @@ def _standing(state: AgentState, uav: int, report: NeighbourReport) -> Standing:
 def _acknowledges(state: AgentState, other: NeighbourReport) -> bool:
     """Return whether another vehicle acknowledges this vehicle's state."""
     return state.task.uav in other.state.hears
-
-
-def _give_way(state: AgentState, to_avoid: Sequence[ProximityAlarm]) -> StepResult:
-    rules = state.task.separation
-    if not may_give_way(state) or not to_avoid:
-        return state, []
-    climbing = _climb(state)
-    # A fixed wing would circle in hold, so it climbs.
-    prefers_hold = rules.action == "hold" or climbing is state
-    if prefers_hold and state.task.wings is None and not _hold_is_in_the_way(state):
-        reports = state.neighbours
-        to = {alarm.other: reports[alarm.other] for alarm in to_avoid if alarm.other in reports}
-        return hold(state, state.plans.route, to)
-    return climbing, []
-
-
-def _hold_is_in_the_way(state: AgentState) -> bool:
-    here = position_amsl(state)
-    return here is not None and hold_would_block(state, stopping_point(state, here), known_flights(state))
 
 
 def _climb(state: AgentState) -> AgentState:
@@ -157,15 +137,16 @@ def _alarm_text(state: AgentState, alarm: ProximityAlarm) -> str:
 def _reaction(state: AgentState, alarm: ProximityAlarm) -> str:
     if state.task.separation.action == "none":
         return "; separation.action is none, so order one vehicle to hold [alarm]"
+    if not _climbs(state):
+        return "; one of the two stops in time, if it can [alarm-stops]"
     if not _has_to_give_way(state, alarm.other):
         return f"; vehicle {alarm.other} gives way [alarm-other-yields]"
     if not (may_give_way(state) or state.is_waiting):
         advice = f"if vehicle {alarm.other} does not give way, order vehicle {alarm.other} to hold"
         return f"; this vehicle cannot give way now; {advice} [alarm-cannot-yield]"
-    action = "continues to hold" if state.is_waiting else "gives way"
     report = state.neighbours.get(alarm.other)
     acknowledges = report is None or report.state.phase not in EN_ROUTE or _acknowledges(state, report)
     if acknowledges or state.task.uav > alarm.other:
-        return f"; this vehicle {action} [alarm-yields]"
+        return "; this vehicle gives way [alarm-yields]"
     cause = f"vehicle {alarm.other} does not acknowledge receiving its state"
-    return f"; this vehicle {action}, because {cause} [alarm-not-heard]"
+    return f"; this vehicle gives way, because {cause} [alarm-not-heard]"
