@@ -27,7 +27,7 @@ BACK_M = 10.0
 """Distance before the greatest distance reached from which on the next place is looked for [m]."""
 AHEAD_M = 20.0
 """Distance ahead in which the next place is looked for, beside the distance moved [m]; more than BACK_M,
-because a vehicle that turns back at a corner seems to go back on the leg before the corner."""
+because a slow vehicle that turns back at a corner seems to go back on the leg before the corner."""
 CUT_CORNERS = 1.5
 """Distance ahead in which the next place is looked for, in units of the distance moved."""
 MOVES_M_S, BESIDE_M = 1.0, 1.0
