@@ -6,7 +6,10 @@ import math
 
 from swarmctl.agent.formation.near_members import near_members, places_of
 from swarmctl.agent.formation.ways import offset_of
+from swarmctl.agent.replan.copter_trajectory import DESCENT_M_S
+from swarmctl.agent.replan.length_bounds import CLIMB_M_S
 from swarmctl.agent.state import AgentState
+from swarmctl.agent.traffic.prediction import home_amsl_m
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory
 
 EVERY_S = 2.0
@@ -19,6 +22,7 @@ def flight_in_group(state: AgentState, here: LocalPoint, for_s: float = math.inf
     """Return the flight from 0 s on, with heights above home; None before the first set-point.
 
     The present distance from the place shrinks to 0 in the time that the vehicle takes at its spare speed.
+    The vehicle climbs or descends to the place's present height at once.
     `for_s`: time for which the flight is needed at least [s].
     """
     formation, membership = state.task.formation, state.membership
@@ -36,6 +40,7 @@ def flight_in_group(state: AgentState, here: LocalPoint, for_s: float = math.inf
     off_e, off_n = here[0] - memory.place_m[0], here[1] - memory.place_m[1]
     spare_m_s = max(state.task.arrival.speed_m_s - formation.speed_m_s, 1.0)
     joins_in_s = math.hypot(off_e, off_n) / spare_m_s
+    rises_m = memory.place_m[2] - home_amsl_m(state) - here[2]
     s_m, speed_m_s = along.s_m, along.speed_m_s
     times, points = [0.0], [here]
     while (
@@ -48,5 +53,6 @@ def flight_in_group(state: AgentState, here: LocalPoint, for_s: float = math.inf
         east_m, north_m = ahead.east_m + to_e, ahead.north_m + to_n
         left = max(1.0 - t_s / joins_in_s, 0.0) if joins_in_s else 0.0
         times.append(t_s)
-        points.append((east_m + left * off_e, north_m + left * off_n, here[2]))
+        up_m = here[2] + min(max(rises_m, -DESCENT_M_S * t_s), CLIMB_M_S * t_s)
+        points.append((east_m + left * off_e, north_m + left * off_n, up_m))
     return Trajectory(tuple(times), tuple(points)) if len(points) > 1 else None
