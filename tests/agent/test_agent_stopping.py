@@ -253,3 +253,11 @@ def test_a_timed_track_keeps_order_and_speed(path: list[PlanarPoint], speed_m_s:
     assert track.after(track.times_s[-1])[0] == track.at_m[-1]
     for at_m in (0.25 * track.at_m[-1], 0.5 * track.at_m[-1], 0.9 * track.at_m[-1]):
         assert track.after(track.at(at_m)[1])[0] == pytest.approx(at_m, abs=1e-3 * max(track.at_m[-1], 1.0))
+
+
+def test_a_vehicle_beside_its_route_does_not_stop_at_the_next_waypoint_of_a_straight_route() -> None:
+    path = [(100.0, 0.0), (130.0, 0.0), (300.0, 0.0)]
+    on_route, beside = (
+        timed_track([(90.0, north_m), *path], 10.0, initial_m_s=10.0) for north_m in (0.0, 2.0)
+    )
+    assert beside.times_s[-1] == pytest.approx(on_route.times_s[-1], abs=0.1)
