@@ -11,8 +11,8 @@ Vehicles with the same goal arrive at different heights, and a landing descends 
 | at the same height within 1 m | lands if its system id is lower; otherwise as for a lower vehicle |
 
 The other vehicle, if en route, avoids conflicts further ahead (`route_deconfliction`). Below 5 m no wait
-begins. An urgent failsafe prevents or ends a wait. While the link is lost, the queue does nothing. A fixed
-wing does not wait, because it cannot hover.
+begins. An urgent failsafe prevents a wait, and ends one that has lasted for 10 s. While the link is lost, the
+queue does nothing. A fixed wing does not wait, because it cannot hover.
 """
 
 from __future__ import annotations
@@ -81,16 +81,14 @@ def queue_for_landing(state: AgentState) -> StepResult:
     """Hold for another vehicle, or land when the descent is clear. Called for each telemetry message."""
     if state.phase is not Phase.LANDING or state.task.wings is not None or state.lost:
         return state, []
-    if state.is_waiting and is_urgent(state):
-        return _land_here(
-            state,
-            "an urgent failsafe ends the wait; the vehicle lands where it is [landing-urgent]",
-        )
-    here = position_amsl(state)
+    here, wait = position_amsl(state), state.wait if state.is_waiting else None
+    if wait is not None and is_urgent(state) and not wait.has_just_begun(state.vehicle.time_boot_s):
+        text = "an urgent failsafe ends the wait; the vehicle lands where it is [landing-urgent]"
+        return _land_here(state, text)
     if here is None:
         return state, []
-    if state.wait is not None and state.is_waiting:
-        return _land_if_clear(state, state.wait, here)
+    if wait is not None:
+        return _land_if_clear(state, wait, here)
     return _wait_if_conflicting(state, here) if _may_wait(state) else (state, [])
 
 
