@@ -150,6 +150,17 @@ def test_a_new_plan_without_conflict_is_uploaded_and_announced() -> None:
     assert story.state.conflicts.counts.predicted == 0
 
 
+def test_a_vehicle_that_keeps_its_old_mission_announces_it_again_at_once() -> None:
+    """Its link may be lost, and then nothing else tells the others which plan it flies."""
+    story = IntentStory()
+    assert story.state.plans.route is not None
+    old_id = story.state.plans.route.plan_id
+    story.hear((4, 5, True))
+    swap = story.swap()
+    (again,) = intents(story(ev.MissionFailed(swap.plan_id, "old", "no answer")))
+    assert again.plan_id == old_id != swap.plan_id
+
+
 @pytest.mark.parametrize("uav", [1, 3])
 def test_a_new_plan_gives_way_to_earlier_plans(uav: int) -> None:
     """The rule also holds for the earlier plan of a higher system id."""

@@ -139,4 +139,5 @@ def mission_failed(state: AgentState, event: ev.MissionFailed, now: float) -> St
         return command(state, state.task.fallback, phase=Phase.LEAVING, given_up=True)
     retry_at_s = now if event.is_late else now + RETRY_AFTER_S
     plans = state.plans.again(swap, retry_at_s, flies_old=event.flying == "old")
-    return replace(state, plans=plans), []
+    # The link may be lost: without this announcement others expect the flight by the new plan for long.
+    return replace(state, plans=plans).with_new_flight(), []
