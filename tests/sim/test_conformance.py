@@ -69,12 +69,14 @@ def test_a_pattern_is_a_category_a_beginning_or_a_shell_pattern() -> None:
 
 @pytest.mark.autopilots("1.7", "1.9", "1.17", "2 count", "2 abandoned upload", "2 requests")
 @pytest.mark.autopilots("2 wrong / duplicate item", "2 CLEAR_ALL", "2 DO_SET_MISSION_CURRENT")
-@pytest.mark.autopilots("MAVSDK 5 offboard")
-@pytest.mark.autopilots("1.5", "2 item 0", "2 count", "2 RTL item", "2 abandoned upload", of="px4")
+@pytest.mark.autopilots("2 second GCS / download during upload", "2 PX4 otherwise")
+@pytest.mark.autopilots("MAVSDK 5 offboard", "MAVSDK 5 takeoff")
+@pytest.mark.autopilots("1.5", "1.14", "2 item 0", "2 count", "2 RTL item", "2 abandoned upload", of="px4")
 @pytest.mark.autopilots("2 upload is atomic?", "2 second GCS / download during upload", of="px4")
 @pytest.mark.autopilots("2 DO_SET_MISSION_CURRENT", "2 MISSION_WRITE_PARTIAL_LIST", of="px4")
 @pytest.mark.autopilots("2 pause/continue", "2 CLEAR_ALL", "2 PX4 otherwise", of="px4")
 @pytest.mark.autopilots("MAVSDK 5 hold", "MAVSDK 5 start_mission", "MAVSDK 5 mission_raw item 0", of="px4")
+@pytest.mark.autopilots("MAVSDK 5 clear_mission", "MAVSDK 5 offboard", "MAVSDK 5 set_current_speed", of="px4")
 @pytest.mark.virtual
 @pytest.mark.parametrize(
     ("personality", "kind"),

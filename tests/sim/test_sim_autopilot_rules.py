@@ -24,11 +24,6 @@ ONLY_VELOCITY, ONLY_POSITION_AND_YAW = 0x0DC7, 0x0BF8
 M_PER_DEG = 111_195.0
 
 
-def reposition(station: Station, north_m: float, height_m: float) -> int:
-    x, y = round((LAT_DEG + north_m / M_PER_DEG) * 1e7), round(LON_DEG * 1e7)
-    return station.command_int(mavlink.MAV_CMD_DO_REPOSITION, 6, x, y, height_m, -1, 1)
-
-
 def plane_in_guided(params: dict[str, float] | None = None) -> Station:
     station = airborne_plane(params)
     assert station.set_mode(GUIDED_PLANE) == 0
@@ -46,7 +41,7 @@ def speed_m_s(station: Station) -> float:
 def test_a_changed_speed_holds_until_its_own_parameter_or_the_mode_changes() -> None:
     station = Station()
     station.fly(20)
-    assert reposition(station, 1000, 20) == 0
+    assert station.reposition(1000, 20) == 0
     assert station.command(mavlink.MAV_CMD_DO_CHANGE_SPEED, 1, 4) == 0
     station.wait(10)
     assert speed_m_s(station) == pytest.approx(4.0, abs=0.2)
@@ -150,7 +145,7 @@ def test_a_plane_returns_from_a_fence_by_default_and_without_autoland(
 ) -> None:
     action_parameter = {} if action is None else {"FENCE_ACTION": action}
     station = plane_in_guided({"FENCE_TYPE": 2, "FENCE_RADIUS": 300, **action_parameter})
-    assert reposition(station, 700, 60) == 0
+    assert station.reposition(700, 60) == 0
     station.wait(1)
     station.set_parameter("FENCE_ENABLE", 1)
     station.until(lambda: any("breached" in text for text in station.texts()), 60)
@@ -163,7 +158,7 @@ def test_a_plane_goes_to_the_fences_return_point_in_guided(action: int) -> None:
     station = plane_in_guided({"FENCE_ACTION": action, "FENCE_TYPE": 2, "FENCE_RADIUS": 300})
     point = item(mavlink.MAV_CMD_NAV_FENCE_RETURN_POINT, 0, 150, 0, frame=0)
     assert station.upload([point], mavlink.MAV_MISSION_TYPE_FENCE) == 0
-    assert reposition(station, 700, 60) == 0
+    assert station.reposition(700, 60) == 0
     station.wait(1)
     station.set_parameter("FENCE_ENABLE", 1)
     station.until(lambda: any("breached" in text for text in station.texts()), 60)
@@ -178,7 +173,7 @@ def test_a_plane_goes_to_the_fences_return_point_in_guided(action: int) -> None:
 
 def test_a_plane_without_a_return_point_flies_home_at_the_requested_altitude() -> None:
     station = plane_in_guided({"FENCE_ACTION": 6, "FENCE_TYPE": 2, "FENCE_RADIUS": 300, "FENCE_RET_ALT": 80})
-    assert reposition(station, 700, 60) == 0
+    assert station.reposition(700, 60) == 0
     station.set_parameter("FENCE_ENABLE", 1)
     station.until(lambda: any("breached" in text for text in station.texts()), 60)
     station.wait(60)
@@ -200,7 +195,7 @@ def test_a_plane_returns_at_its_altitude_from_above_and_below(
     start_m: float, altitude_m: float, end_m: float
 ) -> None:
     station = plane_in_guided({"RTL_ALTITUDE": altitude_m})
-    assert reposition(station, 200, start_m) == 0
+    assert station.reposition(200, start_m) == 0
     station.until(lambda: abs(station.height_m - start_m) < 2, 90)
     assert station.set_mode(RTL_PLANE) == 0
     station.wait(60)
@@ -307,15 +302,6 @@ def test_the_greatest_time_stamp_does_not_stop_the_telemetry() -> None:
     frames = [frame for _, frame in station.fleet.step(3.0)]
     assert frames
     assert all(frame[2] == 1 and frame[-12:-6] == b"\xff" * 6 for frame in frames)
-
-
-def test_a_reboot_in_flight_disarms_vehicle_flight_and_heartbeat() -> None:
-    station = Station()
-    station.fly(40)
-    station.inject("reboot:silence_s=5")
-    station.wait(1)
-    vehicle = station.fleet.vehicles[0]
-    assert (vehicle.armed, vehicle.flight.armed, station.armed) == (False, False, False)
 
 
 # -- one vehicle, one state ----------------------------------------------------------------------------------

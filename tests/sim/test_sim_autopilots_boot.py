@@ -44,10 +44,12 @@ def test_gps_home_and_position_come_after_10_20_and_41_seconds() -> None:
     assert station.set_mode(GUIDED) == 0
     station.until(lambda: station.ask(mavlink.MAVLINK_MSG_ID_GPS_RAW_INT).fix_type >= 3, 60)
     assert station.now == pytest.approx(10, abs=1)
+    assert "EKF3 IMU0 origin set" not in station.texts()
     station.until(lambda: station.of("HOME_POSITION") != [], 60)
     assert station.now == pytest.approx(20, abs=1)
     station.until(lambda: position_estimated(station), 60)
     assert station.now == pytest.approx(41, abs=1)
+    assert "EKF3 IMU0 origin set" in station.texts()
     assert prearm_ok(station)
 
 

@@ -3,9 +3,8 @@
 from typing import Any
 
 import pytest
-from px4_station import QuietPx4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import Station, acks, home_item, item, land, place_m, takeoff, waypoint
+from station import Station, home_item, item, land, place_m, takeoff, waypoint
 
 AUTO = 3
 ACCEPTED, FAILED = 0, 4
@@ -70,17 +69,6 @@ def test_after_a_shorter_mission_the_index_is_greater_than_the_total() -> None:
     assert station.armed
 
 
-@pytest.mark.autopilots("2 MISSION_WRITE_PARTIAL_LIST")
-def test_a_partial_write_of_the_current_item_in_auto_turns_the_vehicle() -> None:
-    station = northbound()
-    before_m = place_m(station)
-    station.send(mavlink.MAVLink_mission_write_partial_list_message(1, 0, 2, 2, 0))
-    assert acks(station.send(station.item_message(2, waypoint(before_m[0], 500)))) == [ACCEPTED]
-    station.wait(15)
-    assert place_m(station)[1] > 60
-    assert abs(place_m(station)[0] - before_m[0]) < 40
-
-
 @pytest.mark.autopilots("2 DO_SET_MISSION_CURRENT")
 def test_setting_the_current_item_with_a_reset_restarts_the_jump_counts() -> None:
     def flown(reset: int) -> list[int]:
@@ -103,45 +91,4 @@ def test_an_empty_mission_cannot_be_paused() -> None:
     assert station.command(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 0) == FAILED
 
 
-@pytest.mark.autopilots("MAVSDK 3 replace mid-flight")
-def test_set_current_after_an_upload_in_auto_flies_the_new_plan_from_its_start() -> None:
-    station = northbound()
-    new = [home_item(), waypoint(50, 60), waypoint(50, 200), waypoint(0, 200)]
-    assert station.upload(new) == ACCEPTED
-    assert station.command(SET_CURRENT, 1) == ACCEPTED
-    station.received.clear()
-    station.until(lambda: station.reached == [1, 2, 3], 120)
-    assert station.mode == "AUTO"
-
-
 # -- PX4 ---------------------------------------------------------------------------------------------------
-
-
-def px4_northbound(more: int = 0) -> QuietPx4Station:
-    """Return a PX4 on its way to item 1, far in the north, with more items behind it."""
-    station = QuietPx4Station()
-    behind = (waypoint(600, 50.0 * i, 10) for i in range(1, more + 1))
-    station.upload_and_wait([takeoff(10), waypoint(600, 0, 10), *behind])
-    assert station.command(mavlink.MAV_CMD_MISSION_START) == 0
-    station.until(lambda: place_m(station)[0] > 20, 60)
-    return station
-
-
-@pytest.mark.autopilots("2 shorter mission", of="px4")
-def test_px4_flies_to_the_last_item_of_a_shortened_mission() -> None:
-    station = QuietPx4Station()
-    near = [waypoint(10.0 * i, 0, 10) for i in range(1, 4)]
-    station.upload_and_wait([takeoff(10), *near, waypoint(600, 0, 10), waypoint(600, 9, 10)])
-    assert station.command(mavlink.MAV_CMD_MISSION_START) == 0
-    station.until(lambda: station.reached[-1:] == [3], 90)
-    assert station.upload([takeoff(10), waypoint(0, 50, 10), waypoint(0, 200, 10)]) == ACCEPTED
-    station.until(lambda: place_m(station)[1] > 190, 120)
-
-
-@pytest.mark.autopilots("MAVSDK 3 replace mid-flight", of="px4")
-def test_px4_set_current_0_after_an_upload_flies_the_new_plan_from_its_start() -> None:
-    station = px4_northbound(more=2)
-    assert station.upload([waypoint(60, 40, 10), waypoint(60, 120, 10), waypoint(0, 120, 10)]) == ACCEPTED
-    station.received.clear()
-    station.send(mavlink.MAVLink_mission_set_current_message(1, 1, 0))
-    station.until(lambda: station.reached == [0, 1, 2], 200)

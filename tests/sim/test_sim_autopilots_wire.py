@@ -1,31 +1,13 @@
 """ArduCopter on the wire: ids, sizes and kinds of messages, moving home, and returns as items."""
 
 import pytest
+from files_client import FileStation
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import LAT_DEG, Station, home_item, item, land, station_of, takeoff, waypoint
+from station import Station, home_item, item, land, place_m, station_of, takeoff, waypoint
 
-from sim_vehicle.files.ftp import HEADER
-from sim_vehicle.files.ftp_rules import Opcode
 from sim_vehicle.personalities import personality_of
 
 AUTO = 3
-
-
-def north_m(lat_e7: float) -> float:
-    return (lat_e7 * 1e-7 - LAT_DEG) * 111_195
-
-
-@pytest.mark.autopilots("1.15")
-@pytest.mark.parametrize("component", [0, 77, 190])
-def test_mission_requests_to_any_component_are_answered(component: int) -> None:
-    station = Station()
-    assert station.upload([home_item(), takeoff(), waypoint(10, 0)]) == 0
-    (count,) = station.send(mavlink.MAVLink_mission_request_list_message(1, component, 0))
-    assert count.count == 3
-    (got,) = station.send(mavlink.MAVLink_mission_request_int_message(1, component, 2, 0))
-    assert (got.get_type(), got.seq) == ("MISSION_ITEM_INT", 2)
-    (request,) = station.send(mavlink.MAVLink_mission_count_message(1, component, 2, 0))
-    assert (request.get_type(), request.seq) == ("MISSION_REQUEST", 0)
 
 
 @pytest.mark.autopilots("1.16", "MAVSDK 5 params")
@@ -48,12 +30,11 @@ def test_a_return_ends_at_the_place_of_the_last_arming() -> None:
     station.fly_mission([takeoff(10), waypoint(100, 0, 10), land(100, 0)])
     station.until(lambda: not station.armed, 120)
     station.fly(10)
-    away = round((LAT_DEG + 160 / 111_195) * 1e7)
-    assert station.command_int(mavlink.MAV_CMD_DO_REPOSITION, 6, away, 145_060_000, 10, -1, 1) == 0
-    station.until(lambda: north_m(station.fleet.truth().lat_deg[0] * 1e7) > 158, 60)
+    assert station.reposition(160, 10) == 0
+    station.until(lambda: place_m(station)[0] > 158, 60)
     assert station.command(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH) == 0
     station.until(lambda: not station.armed, 120)
-    assert north_m(station.fleet.truth().lat_deg[0] * 1e7) == pytest.approx(100, abs=1.5)
+    assert place_m(station)[0] == pytest.approx(100, abs=1.5)
 
 
 @pytest.mark.autopilots("1.11")
@@ -128,21 +109,9 @@ def test_every_integer_parameter_has_a_declared_width(kind: str) -> None:
 
 
 def test_the_file_of_all_parameters_has_their_widths() -> None:
-    station = Station()
-
-    def ask(seq: int, opcode: int, data: bytes) -> bytes:
-        head = HEADER.pack(seq, 0, opcode, len(data), 0, 0, 0)
-        payload = (head + data).ljust(251, b"\0")
-        replies = station.send(mavlink.MAVLink_file_transfer_protocol_message(0, 1, 1, payload))
-        (reply,) = [m for m in replies if m.get_type() == "FILE_TRANSFER_PROTOCOL"]
-        return bytes(reply.payload)[HEADER.size :]
-
+    station = FileStation()
     station.send(mavlink.MAVLink_param_request_list_message(1, 0))
     names = [m.param_id for m in station.of("PARAM_VALUE")]
-    for seq, (name, kind) in enumerate(
-        (("FENCE_ENABLE", 1), ("SYSID_MYGCS", 2), ("RTL_ALT", 3), ("RTL_CONE_SLOPE", 4))
-    ):
-        ask(10 + 3 * seq, Opcode.TERMINATE_SESSION, b"")
-        ask(11 + 3 * seq, Opcode.OPEN_FILE_RO, b"@PARAM/param.pck?start=%d&count=1" % names.index(name))
-        content = ask(12 + 3 * seq, Opcode.READ_FILE, bytes(200))
+    for name, kind in (("FENCE_ENABLE", 1), ("SYSID_MYGCS", 2), ("RTL_ALT", 3), ("RTL_CONE_SLOPE", 4)):
+        content = station.file(b"@PARAM/param.pck?start=%d&count=1" % names.index(name))
         assert (content[8 : 8 + len(name)].decode(), content[6] & 15) == (name, kind)

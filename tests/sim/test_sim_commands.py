@@ -1,8 +1,11 @@
 """Readiness, arming, modes, commands and parameters."""
 
+from collections.abc import Callable
+
 import pytest
+from px4_station import QuietPx4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import Station, home_item, takeoff, waypoint
+from station import Station, home_item, waypoint
 
 FAILED, DENIED, UNSUPPORTED = (
     mavlink.MAV_RESULT_FAILED,
@@ -45,17 +48,28 @@ def test_a_mode_set_right_after_boot_is_acknowledged_and_silently_undone() -> No
     assert station.mode == "GUIDED"
 
 
-def test_an_arducopter_is_a_quadrotor() -> None:
-    beat = Station().heartbeat()
+def test_an_arducopter_is_a_quadrotor_with_three_cells() -> None:
+    station = Station()
+    beat = station.heartbeat()
     assert (beat.type, beat.autopilot) == (mavlink.MAV_TYPE_QUADROTOR, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA)
+    voltage_mv = station.ask(mavlink.MAVLINK_MSG_ID_SYS_STATUS).voltage_battery
+    assert voltage_mv == pytest.approx(12_600, abs=100)
 
 
 @pytest.mark.autopilots("1.14")
-def test_a_copter_disarmed_by_force_in_flight_falls() -> None:
-    station = Station()
+@pytest.mark.autopilots("1.14", of="px4")
+@pytest.mark.parametrize("make", [Station, QuietPx4Station])
+def test_a_copter_disarmed_by_force_in_flight_falls(make: Callable[[], Station]) -> None:
+    station = make()
     station.fly()
     assert station.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0, 21196) == 0
     assert station.until(lambda: station.height_m == 0, 10) < 4
+
+
+def test_a_take_off_of_an_armed_copter_needs_guided() -> None:
+    station = Station()
+    assert station.arm() == 0
+    assert station.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 15) == FAILED
 
 
 def test_a_reposition_outside_of_guided_needs_its_flag() -> None:
@@ -73,6 +87,9 @@ def test_a_reposition_outside_of_guided_needs_its_flag() -> None:
         pytest.param((mavlink.MAV_CMD_DO_CHANGE_SPEED, 1, -1), FAILED, id="no speed"),
         pytest.param((mavlink.MAV_CMD_DO_FENCE_ENABLE, 5), FAILED, id="fence neither on nor off"),
         pytest.param((mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 0), UNSUPPORTED, id="a reboot of nothing"),
+        pytest.param((mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 2), UNSUPPORTED, id="shutdown"),
+        pytest.param((mavlink.MAV_CMD_DO_ORBIT, 10, 2), UNSUPPORTED, id="orbit"),
+        pytest.param((mavlink.MAV_CMD_DO_SET_RELAY, 0, 1), UNSUPPORTED, id="relay"),
     ],
 )
 def test_unavailable_commands_are_refused(command: tuple[float, ...], result: int) -> None:
@@ -116,14 +133,6 @@ def test_the_list_has_every_index_and_a_parameter_by_name_has_none() -> None:
     assert got.param_value == 1000
     set_to = station.set_parameter("RTL_ALT", 2500)
     assert got.param_index == set_to.param_index == 65_535
-
-
-def test_a_speed_parameter_changes_the_speed() -> None:
-    station = Station()
-    station.set_parameter("WPNAV_SPEED", 300)
-    station.fly_mission([takeoff(10), waypoint(300, 0, 10)])
-    station.wait(30)
-    assert station.fleet.truth().speed_m_s[0] == pytest.approx(3, abs=0.1)
 
 
 @pytest.mark.autopilots("1.10")

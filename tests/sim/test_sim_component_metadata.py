@@ -38,14 +38,6 @@ def payload(layout: Layout) -> bytes:
     return bytes(frame[10:-2].ljust(size, b"\0"))
 
 
-def test_component_metadata_names_the_general_file_and_its_checksum() -> None:
-    time_ms, crc, uri = struct.unpack("<II100s", payload(COMPONENT_METADATA))
-    assert time_ms == 1234
-    assert uri.rstrip(b"\0") == b"mftp:///etc/extras/component_general.json.xz"
-    content = lzma.decompress(METADATA.files["etc/extras/component_general.json.xz"])
-    assert crc == zlib.crc32(content, 0xFFFFFFFF) ^ 0xFFFFFFFF
-
-
 def test_component_information_names_the_same_file_and_no_peripherals() -> None:
     _, crc, no_crc, uri, none = struct.unpack("<III100s100s", payload(COMPONENT_INFORMATION))
     assert struct.unpack("<II100s", payload(COMPONENT_METADATA))[1:] == (crc, uri)

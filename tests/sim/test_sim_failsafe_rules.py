@@ -67,10 +67,23 @@ def landing_mission() -> list[dict]:  # type: ignore[type-arg]
     ]
 
 
-@pytest.mark.parametrize(("action", "mode"), [(4, "AUTO"), (5, "GUIDED"), (6, "AUTO"), (7, "RTL")])
-def test_battery_actions_of_quadplanes_map_to_those_of_planes(action: int, mode: str) -> None:
+@pytest.mark.parametrize(
+    ("action", "lands", "mode"),
+    [
+        (2, True, "AUTO"),
+        (2, False, "RTL"),
+        # actions of quadplanes
+        (4, True, "AUTO"),
+        (5, True, "GUIDED"),
+        (6, True, "AUTO"),
+        (7, True, "RTL"),
+    ],
+)
+def test_a_low_battery_of_a_plane_starts_its_mission_landing_or_a_return(
+    action: int, *, lands: bool, mode: str
+) -> None:
     station = start_station("plane", BATT_LOW_VOLT=11.5, BATT_FS_LOW_ACT=action, BATT_LOW_TIMER=1)
-    station.upload(landing_mission())
+    station.upload(landing_mission()[: None if lands else 3])
     station.set_mode(PLANE_TAKEOFF)
     assert station.arm() == 0
     station.until(lambda: station.height_m > 45, 60)
@@ -92,22 +105,6 @@ def test_the_voltage_is_watched_by_default_on_a_copter_only(*, kind: str, is_wat
     station.set_parameter("SIM_BATT_VOLTAGE", 10.0)
     station.wait(5)
     assert any("is low" in text for text in station.texts()) == is_watched
-
-
-@pytest.mark.parametrize(("starts", "mode"), [(True, "AUTO"), (False, "RTL")])
-def test_a_low_battery_starts_the_mission_landing_of_a_plane_or_a_return(*, starts: bool, mode: str) -> None:
-    station = start_station("plane", BATT_LOW_VOLT=11.5, BATT_FS_LOW_ACT=2, BATT_LOW_TIMER=1)
-    items = landing_mission()
-    station.upload(items if starts else items[:3])
-    station.set_mode(PLANE_TAKEOFF)
-    assert station.arm() == 0
-    station.until(lambda: station.height_m > 45, 60)
-    station.set_mode(PLANE_GUIDED)
-    station.set_parameter("SIM_BATT_VOLTAGE", 11.0)
-    station.until(lambda: station.mode == mode, 10)
-    if starts:
-        assert "Landing sequence start" in station.texts()
-        station.until(lambda: station.height_m < 0.1, 200)
 
 
 def test_failsafes_do_not_interrupt_a_mission_landing() -> None:

@@ -80,28 +80,6 @@ def test_an_outage_is_silence_in_both_directions_until_its_end() -> None:
     assert station.set_mode(GUIDED) == 0
 
 
-def test_a_bad_radio_sends_its_status_and_a_mission_upload_succeeds() -> None:
-    station = start_station("sik_radio:rate=0.1")
-    beat = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3)
-    for _ in range(10):
-        station.send(beat)
-        station.wait(1.0)
-    radios = [m for m in station.received if m.get_type() == "RADIO_STATUS"]
-    assert len(radios) == 10
-    assert {m.get_srcSystem() for m in radios} == {51}
-    done = len(acks(station.received))
-    station.send(mavlink.MAVLink_mission_count_message(1, 1, len(MISSION), 0))
-    answered: set[int] = set()
-    for _ in range(600):
-        if len(acks(station.received)) > done:
-            break
-        for request in [m for m in station.wait(0.1) if m.get_type() == "MISSION_REQUEST"]:
-            answered.add(request.seq)
-            station.send(station.item_message(request.seq, MISSION[request.seq]))
-    assert acks(station.received)[-1] == mavlink.MAV_MISSION_ACCEPTED
-    assert answered == set(range(len(MISSION)))
-
-
 def fleet_bytes(steps_s: float, *, seed: int = 3) -> dict[int, bytes]:
     """Return the bytes of each vehicle over 12 s; the fleet has many impairments."""
     impaired = fleet(
@@ -144,13 +122,6 @@ def test_a_fault_on_one_vehicle_does_not_change_the_bytes_of_another() -> None:
 
 
 # -- what a vehicle answers -------------------------------------------------------------------------------
-
-
-def test_a_refused_mission_is_not_kept() -> None:
-    station = start_station("mission_refused:result=no_space,for=10")
-    assert acks(station.count(3)) == [mavlink.MAV_MISSION_NO_SPACE]
-    station.wait(10)
-    assert station.upload(MISSION) == 0
 
 
 def test_a_mission_refused_at_an_item_keeps_the_items_before() -> None:
@@ -272,15 +243,6 @@ def test_removed_charge_returns_at_the_end_of_the_fault() -> None:
     assert station.fleet.truth().battery_remaining[0] == pytest.approx(0.3, abs=0.01)
     station.wait(5)
     assert station.fleet.truth().battery_remaining[0] > 0.99
-
-
-@pytest.mark.parametrize(("motors", "at_least_m_s"), [(1, 0.5), (2, 3.0)])
-def test_a_copter_without_motors_comes_down(motors: int, at_least_m_s: float) -> None:
-    station = start_station()
-    station.fly(40)
-    station.inject(f"motor_loss:motors={motors}")
-    took_s = station.until(lambda: station.height_m < 0.1, 120)
-    assert 40 / took_s > at_least_m_s
 
 
 def test_a_fleet_with_all_faults_at_once_continues() -> None:

@@ -9,17 +9,6 @@ from station import Station, home_item, item, land, place_m, scenario, takeoff, 
 from sim_vehicle.fleet import Fleet
 
 
-def test_a_mission_after_a_full_boot_is_flown_at_wpnav_speed() -> None:
-    station = Station(ready_s=41.0)
-    station.until(lambda: "EKF3 IMU0 origin set" in station.texts(), 30)
-    station.wait(25)
-    station.stream(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT)
-    station.fly_mission([takeoff(), waypoint(150, 0), waypoint(150, 100, 30), land(150, 100)])
-    station.until(lambda: not station.armed)
-    speeds = [math.hypot(m.vx, m.vy) / 100 for m in station.of("GLOBAL_POSITION_INT")]
-    assert 9.5 < max(speeds) < 10.3  # WPNAV_SPEED 1000 cm/s
-
-
 def test_a_waypoint_on_a_straight_line_is_passed_at_full_speed() -> None:
     station = Station()
     station.stream(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT)

@@ -1,6 +1,7 @@
 """Rules of flight that are easy to get wrong, for each autopilot."""
 
 import math
+from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -8,8 +9,6 @@ from px4_station import AUTO as PX4_AUTO
 from px4_station import HOLD, OFFBOARD, QuietPx4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import (
-    LAT_DEG,
-    LON_DEG,
     Station,
     airborne_plane,
     home_item,
@@ -21,9 +20,7 @@ from station import (
     waypoint,
 )
 
-E7 = 1e7
 FBWA, FBWB, CRUISE, PLANE_AUTO, TAKEOFF_MODE, PLANE_GUIDED = 5, 6, 7, 10, 13, 15
-RELATIVE = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT
 
 
 def fly_plane_mission(station: Station, items: list[dict[str, Any]]) -> None:
@@ -32,10 +29,14 @@ def fly_plane_mission(station: Station, items: list[dict[str, Any]]) -> None:
     assert station.arm() == 0
 
 
-def reposition(station: Station, north_m: float, height_m: float, *params: float) -> int:
-    place = (round((LAT_DEG + north_m / 111_195) * E7), round(LON_DEG * E7), height_m)
-    head = [*params, *(0.0,) * (4 - len(params))]
-    return station.command_int(mavlink.MAV_CMD_DO_REPOSITION, RELATIVE, *place, *head)
+def around(station: Station) -> tuple[float, float]:
+    """Return distance [m] and bearing [rad] of the vehicle from a point 300 m north of the start."""
+    north_m, east_m = place_m(station)
+    return math.hypot(north_m - 300, east_m), math.atan2(east_m, north_m - 300)
+
+
+def swept_rad(circle: list[tuple[float, float]]) -> float:
+    return sum(math.remainder(b - a, 2 * math.pi) for (_, a), (_, b) in pairwise(circle))
 
 
 # -- ArduCopter ------------------------------------------------------------------------------------------
@@ -47,16 +48,16 @@ def test_a_refused_reposition_changes_no_mode() -> None:
     station.set_parameter("FENCE_ENABLE", 1)
     station.fly(20)
     assert station.set_mode(17) == 0
-    assert reposition(station, 200, 20, -1, 1) == 4  # FAILED
+    assert station.reposition(200, 20) == 4  # FAILED
     assert station.mode == "BRAKE"
-    assert reposition(station, 30, 20, -1, 1) == 0
+    assert station.reposition(30, 20) == 0
     assert station.mode == "GUIDED"
 
 
 def test_a_reposition_to_height_0_is_denied() -> None:
     station = Station()
     station.fly(20)
-    assert reposition(station, 30, 0.0, -1, 1) == 2  # DENIED
+    assert station.reposition(30, 0.0) == 2  # DENIED
     station.wait(5)
     assert station.height_m == pytest.approx(20, abs=1)
 
@@ -64,7 +65,7 @@ def test_a_reposition_to_height_0_is_denied() -> None:
 def test_a_reposition_does_not_change_the_speed() -> None:
     station = Station()
     station.fly(20)
-    assert reposition(station, 300, 20, 2.0, 1) == 0
+    assert station.reposition(300, 20, 2.0, 1) == 0
     station.wait(10)
     assert station.fleet.truth().speed_m_s[0] > 8  # WPNAV_SPEED
 
@@ -155,15 +156,11 @@ def test_turns_are_counted_at_any_speed(speed_m_s: float | None) -> None:
     fly_plane_mission(station, [*speed, turns, waypoint(300, 900, 50)])
     station.until(lambda: math.dist(place_m(station), (300, 0)) < 70, 120)
     last = 3 + len(speed)
-    swept_rad, seen_rad = 0.0, None
-    while station.ask(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT).seq < last:
+    circle = [around(station)]
+    while station.current < last:
         station.wait(0.5)
-        north_m, east_m = place_m(station)
-        bearing_rad = math.atan2(east_m, north_m - 300)
-        if seen_rad is not None:
-            swept_rad += math.remainder(bearing_rad - seen_rad, 2 * math.pi)
-        seen_rad = bearing_rad
-    assert abs(swept_rad) / (2 * math.pi) == pytest.approx(3, abs=0.4)
+        circle.append(around(station))
+    assert abs(swept_rad(circle)) / (2 * math.pi) == pytest.approx(3, abs=0.4)
 
 
 def test_a_change_of_altitude_in_a_mission_is_flown_straight() -> None:
@@ -176,9 +173,9 @@ def test_a_change_of_altitude_in_a_mission_is_flown_straight() -> None:
             waypoint(300, 900, 120),
         ],
     )
-    station.until(lambda: station.ask(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT).seq == 3, 120)
+    station.until(lambda: station.current == 3, 120)
     begun = place_m(station)
-    station.until(lambda: station.ask(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT).seq == 4, 120)
+    station.until(lambda: station.current == 4, 120)
     assert station.height_m == pytest.approx(120, abs=7)
     assert math.dist(begun, place_m(station)) > 150
 
@@ -186,7 +183,7 @@ def test_a_change_of_altitude_in_a_mission_is_flown_straight() -> None:
 def test_the_last_waypoint_before_a_landing_is_flown_through() -> None:
     station = station_of("plane", {"WP_RADIUS": 30})
     fly_plane_mission(station, [waypoint(600, 0, 50), waypoint(900, 0, 40), land(1300, 0)])
-    station.until(lambda: station.ask(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT).seq == 4, 240)
+    station.until(lambda: station.current == 4, 240)
     assert math.dist(place_m(station), (900, 0)) < 35
     station.until(lambda: not station.armed, 240)
 
@@ -196,16 +193,11 @@ def test_the_last_waypoint_before_a_landing_is_flown_through() -> None:
 )
 def test_a_reposition_sets_radius_and_direction_of_a_planes_circle(radius_m: float, direction: float) -> None:
     station = airborne_plane({"TKOFF_ALT": 100.0}, up_m=97)
-    assert reposition(station, 300, 100, -1, 1, radius_m, direction) == 0
+    assert station.reposition(300, 100, -1, 1, radius_m, direction) == 0
     station.wait(90)
-    away, swept_rad, seen_rad = [], 0.0, None
+    circle = []
     for _ in range(60):
         station.wait(0.5)
-        north_m, east_m = place_m(station)
-        away.append(math.hypot(north_m - 300, east_m))
-        bearing_rad = math.atan2(east_m, north_m - 300)
-        if seen_rad is not None:
-            swept_rad += math.remainder(bearing_rad - seen_rad, 2 * math.pi)
-        seen_rad = bearing_rad
-    assert sum(away) / len(away) == pytest.approx(radius_m, abs=6)
-    assert (swept_rad < 0) is (direction != 0)
+        circle.append(around(station))
+    assert sum(away_m for away_m, _ in circle) / len(circle) == pytest.approx(radius_m, abs=6)
+    assert (swept_rad(circle) < 0) is (direction != 0)

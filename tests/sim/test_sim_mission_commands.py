@@ -29,12 +29,6 @@ YAW, DISTANCE, SPEED = (
 NAN = math.nan
 
 
-def reached(station: Station) -> list[int]:
-    """Return the values in order without immediate repetitions."""
-    seqs = [m.seq for m in station.of("MISSION_ITEM_REACHED")]
-    return [seq for before, seq in zip([-1, *seqs], seqs, strict=False) if seq != before]
-
-
 @pytest.mark.autopilots("2 read-back")
 @pytest.mark.parametrize(
     ("command", "sent", "kept"),
@@ -125,7 +119,7 @@ def test_storing_a_stored_item_again_changes_nothing(
 def test_turns_are_flown_around_the_position() -> None:
     station = Station()
     station.fly_mission([takeoff(), item(TURNS, 80, 0, 20, param1=2, param3=20), waypoint(0, 0), land(0, 0)])
-    station.until(lambda: reached(station)[-1:] == [1], 60)
+    station.until(lambda: station.reached[-1:] == [1], 60)
     angles: list[float] = []
     distances: list[float] = []
 
@@ -134,7 +128,7 @@ def test_turns_are_flown_around_the_position() -> None:
         if math.hypot(north_m - 80, east_m) < 26:
             angles.append(math.atan2(east_m, north_m - 80))
             distances.append(math.hypot(north_m - 80, east_m))
-        return reached(station)[-1] == 2
+        return station.reached[-1] == 2
 
     station.until(watch, 200)
     swept = sum(math.remainder(b - a, 2 * math.pi) for a, b in pairwise(angles))
@@ -146,8 +140,8 @@ def test_turns_are_flown_around_the_position() -> None:
 def test_a_delay_holds_the_vehicle_at_its_position() -> None:
     station = Station()
     station.fly_mission([takeoff(10), waypoint(30, 0, 10), item(DELAY, param1=8), waypoint(60, 0, 10)])
-    station.until(lambda: reached(station)[-1:] == [2], 60)
-    waited_s = station.until(lambda: reached(station)[-1] == 3, 30)
+    station.until(lambda: station.reached[-1:] == [2], 60)
+    waited_s = station.until(lambda: station.reached[-1] == 3, 30)
     assert waited_s == pytest.approx(8, abs=0.5)
     assert place_m(station)[0] == pytest.approx(30, abs=3)
 
@@ -155,7 +149,7 @@ def test_a_delay_holds_the_vehicle_at_its_position() -> None:
 def test_a_change_of_altitude_at_a_position() -> None:
     station = Station()
     station.fly_mission([takeoff(10), item(TO_ALT, 40, 0, 35), land(40, 0)])
-    station.until(lambda: reached(station)[-1:] == [2], 90)
+    station.until(lambda: station.reached[-1:] == [2], 90)
     assert station.height_m == pytest.approx(35, abs=2.1)  # within the radius of a waypoint
     assert place_m(station)[0] == pytest.approx(40, abs=2)
 
@@ -171,7 +165,7 @@ def test_a_distance_condition_delays_a_do_command() -> None:
             land(150, 0),
         ]
     )
-    station.until(lambda: 2 in reached(station), 60)
+    station.until(lambda: 2 in station.reached, 60)
     assert 150 - place_m(station)[0] == pytest.approx(50, abs=3)
     station.wait(6)
     assert station.fleet.truth().speed_m_s[0] == pytest.approx(3, abs=0.3)
@@ -181,7 +175,7 @@ def test_a_yaw_condition_turns_the_vehicle() -> None:
     station = Station()
     station.stream(mavlink.MAVLINK_MSG_ID_ATTITUDE)
     station.fly_mission([takeoff(10), item(YAW, param1=135), waypoint(300, 0, 10), land(300, 0)])
-    station.until(lambda: reached(station)[-1:] == [2], 60)
+    station.until(lambda: station.reached[-1:] == [2], 60)
     station.wait(0.5)
     assert math.degrees(station.of("ATTITUDE")[-1].yaw) == pytest.approx(135, abs=6)
 
@@ -199,7 +193,7 @@ def test_a_landing_sequence_and_a_missing_payload_do_not_stop_a_mission() -> Non
     ]
     station.fly_mission([takeoff(5), *(item(command) for command in idle), waypoint(20, 0, 5), land(20, 0)])
     station.until(lambda: not station.armed, 120)
-    assert reached(station) == [1, *range(2, 10)]
+    assert station.reached == [1, *range(2, 10)]
 
 
 def test_a_mission_can_set_home() -> None:
@@ -226,19 +220,6 @@ def test_px4_flies_a_mission_over_its_do_commands_and_holds_at_the_end() -> None
     assert station.change(4, 4) == 0
     assert station.arm() == 0
     station.until(lambda: "Mission finished, loitering" in station.texts(), 120)
-    assert reached(station) == [0, 1, 2, 3]
+    assert station.reached == [0, 1, 2, 3]
     station.wait(0.5)
     assert station.custom_mode == (4, 3)
-
-
-@pytest.mark.autopilots("2 CLEAR_ALL", "MAVSDK 5 clear_mission", of="px4")
-def test_px4_stops_with_a_text_when_its_mission_is_cleared() -> None:
-    station = QuietPx4Station()
-    station.upload_and_wait([takeoff(10), waypoint(300, 0, 10)])
-    station.change(4, 4)
-    station.arm()
-    station.until(lambda: place_m(station)[0] > 50, 60)
-    station.send(mavlink.MAVLink_mission_clear_all_message(1, 1, 0))
-    assert "No valid mission available, loitering" in station.texts()
-    station.wait(20)
-    assert place_m(station)[0] < 120

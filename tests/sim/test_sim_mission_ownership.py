@@ -7,8 +7,6 @@ from px4_station import AUTO, MISSION, NAN, RETURN, QuietPx4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import (
     ALT_M,
-    LAT_DEG,
-    LON_DEG,
     Station,
     home_item,
     item,
@@ -27,14 +25,6 @@ RALLY, RALLY_POINT = 2, 5100
 
 def upload_rally(station: Station, north_m: float, z: float, frame: int = 3) -> None:
     assert station.upload([item(RALLY_POINT, north_m, 0, z, frame=frame)], RALLY) == 0
-
-
-def highest_m(station: Station, seconds: int) -> float:
-    heights = []
-    for _ in range(seconds):
-        station.wait(1.0)
-        heights.append(station.height_m)
-    return max(heights)
 
 
 # -- a mission shorter than its index --------------------------------------------------------------------
@@ -180,13 +170,12 @@ def test_arducopter_returns_at_the_higher_of_rally_point_and_return_altitude(
 ) -> None:
     station = Station()
     upload_rally(station, 60.0, z, frame)
+    assert station.parameter("RALLY_TOTAL") == 1
     station.fly(10)
-    x = round((LAT_DEG + 100 / 111_195) * 1e7)
-    station.command_int(mavlink.MAV_CMD_DO_REPOSITION, 6, x, round(LON_DEG * 1e7), 10, -1, 1)
+    assert station.reposition(100, 10) == ACCEPTED
     station.wait(25)
     assert station.set_mode(RTL) == ACCEPTED
-    assert highest_m(station, 60) == pytest.approx(expected_m, abs=0.7)
-    station.until(lambda: not station.armed, 200)
+    assert station.highest_m() == pytest.approx(expected_m, abs=0.7)
     assert place_m(station)[0] == pytest.approx(60, abs=1.5)
 
 
@@ -194,11 +183,10 @@ def test_px4_counts_its_return_altitude_from_the_rally_point() -> None:
     station = QuietPx4Station(params={"RTL_RETURN_ALT": 20.0, "RTL_CONE_ANG": 0})
     upload_rally(station, 60.0, 12.0, 3)
     station.fly(10)
-    x = round((LAT_DEG + 110 / 111_195) * 1e7)
-    station.command_int(mavlink.MAV_CMD_DO_REPOSITION, 0, x, round(LON_DEG * 1e7), ALT_M + 10, -1, 1)
+    assert station.reposition(110, 10) == ACCEPTED
     station.wait(30)
     assert station.command(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH) == ACCEPTED
-    assert highest_m(station, 40) == pytest.approx(32, abs=1.0)
+    assert station.highest_m() == pytest.approx(32, abs=1.0)
 
 
 def test_arduplane_circles_at_the_altitude_of_its_rally_point() -> None:

@@ -60,16 +60,6 @@ def test_a_mission_with_too_many_items_is_refused() -> None:
     assert acks(station.count(650)) == []
 
 
-@pytest.mark.autopilots("2 second GCS / download during upload")
-def test_a_download_by_a_second_ground_station_is_denied_during_an_upload() -> None:
-    station = Station()
-    other = Station(station.fleet, sysid=250)
-    other.now = station.now
-    station.count(4)
-    listing = other.send(mavlink.MAVLink_mission_request_list_message(1, 0, 0))
-    assert acks(listing) == [mavlink.MAV_MISSION_DENIED]
-
-
 @pytest.mark.autopilots("2 MISSION_WRITE_PARTIAL_LIST")
 @pytest.mark.parametrize(
     ("start", "end"), [(6, 6), (3, 2), (-1, 2)], ids=["beyond the end", "backwards", "negative"]

@@ -58,19 +58,6 @@ def test_arming_in_takeoff_mode_starts_the_take_off() -> None:
 # -- disarming, landing, return --------------------------------------------------------------------------
 
 
-@pytest.mark.autopilots("1.14", of="px4")
-def test_disarming_in_flight_is_temporarily_rejected_unless_forced() -> None:
-    station = QuietPx4Station()
-    station.fly(10)
-    disarm = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
-    assert station.command(disarm, 0) == TEMPORARILY_REJECTED
-    assert "Disarming denied: not landed" in station.texts()
-    assert station.armed
-    assert station.command(disarm, 0, 21_196) == ACCEPTED
-    assert not station.armed
-    station.until(lambda: not station.fleet.truth().airborne[0], 20)
-
-
 @pytest.mark.autopilots("MAVSDK 5 RTL / land", of="px4")
 def test_a_landing_slows_down_and_disarms_two_seconds_after_touchdown() -> None:
     station = QuietPx4Station()
@@ -94,8 +81,7 @@ def test_a_landing_slows_down_and_disarms_two_seconds_after_touchdown() -> None:
 def test_a_return_climbs_flies_home_descends_and_lands() -> None:
     station = QuietPx4Station()
     station.fly(12)
-    there = (round((LAT_DEG + 60 * NORTH_DEG_PER_M) * E7), round(LON_DEG * E7), ALT_M + 12)
-    assert station.command_int(mavlink.MAV_CMD_DO_REPOSITION, 5, *there, -1, 1, 0, NAN) == ACCEPTED
+    assert station.reposition(60, 12) == ACCEPTED
     station.until(lambda: abs(place_m(station)[0] - 60) < 2, 60)
     assert station.command(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH) == ACCEPTED
     assert "Returning to launch" in station.texts()
@@ -118,15 +104,10 @@ def test_a_return_climbs_flies_home_descends_and_lands() -> None:
 def test_a_return_within_rtl_min_dist_climbs_to_a_cone(north_m: float, highest_m: float) -> None:
     station = QuietPx4Station()
     station.fly(5)
-    there = (round((LAT_DEG + north_m * NORTH_DEG_PER_M) * E7), round(LON_DEG * E7), ALT_M + 5)
-    assert station.command_int(mavlink.MAV_CMD_DO_REPOSITION, 5, *there, -1, 1, 0, NAN) == ACCEPTED
+    assert station.reposition(north_m, 5) == ACCEPTED
     station.wait(15)
     assert station.change(AUTO, RETURN) == ACCEPTED
-    reached_m = 0.0
-    while station.armed:
-        station.wait(0.5)
-        reached_m = max(reached_m, station.height_m)
-    assert reached_m == pytest.approx(highest_m, abs=0.7)
+    assert station.highest_m() == pytest.approx(highest_m, abs=0.7)
 
 
 def test_a_negative_rtl_land_delay_keeps_a_return_over_home() -> None:
@@ -160,19 +141,6 @@ def test_a_reposition_needs_its_flag_and_a_target_inside_the_fence() -> None:
     assert "Reposition is outside geofence" in station.texts()
     station.wait(20)
     assert away_m(station) < 3
-
-
-@pytest.mark.autopilots("MAVSDK 5 set_current_speed", of="px4")
-def test_speed_follows_the_parameter_and_the_command() -> None:
-    station = QuietPx4Station()
-    station.fly(10)
-    far = (LAT_DEG + 400 * NORTH_DEG_PER_M, LON_DEG, ALT_M + 10)
-    assert station.command(mavlink.MAV_CMD_DO_REPOSITION, -1, 1, 0, NAN, *far) == ACCEPTED
-    station.wait(8)
-    assert station.fleet.truth().speed_m_s[0] == pytest.approx(5.0, abs=0.4)  # MPC_XY_CRUISE
-    assert station.command(mavlink.MAV_CMD_DO_CHANGE_SPEED, 1, 9.0) == ACCEPTED
-    station.wait(8)
-    assert station.fleet.truth().speed_m_s[0] == pytest.approx(9.0, abs=0.5)
 
 
 def test_a_change_of_altitude_keeps_the_position() -> None:
@@ -210,23 +178,6 @@ def test_a_pilots_mode_is_not_available_in_the_air_without_a_pilot() -> None:
 
 
 # -- offboard --------------------------------------------------------------------------------------------
-
-
-@pytest.mark.autopilots("MAVSDK 5 offboard", of="px4")
-def test_offboard_needs_setpoints_first() -> None:
-    station = QuietPx4Station()
-    station.fly(10)
-    assert station.change(OFFBOARD) == TEMPORARILY_REJECTED
-    assert "Switching to Offboard is currently not available" in station.texts()
-    station.stream_setpoints(1.5, 0, 0, 10)
-    assert station.change(OFFBOARD) == ACCEPTED
-    station.stream_setpoints(15, 20, 10, 12)
-    north_m, east_m = place_m(station)
-    assert (north_m, east_m, station.height_m) == (
-        pytest.approx(20, abs=1.5),
-        pytest.approx(10, abs=1.5),
-        pytest.approx(12, abs=1.0),
-    )
 
 
 def test_a_setpoint_above_an_armed_copter_in_offboard_starts_the_take_off() -> None:
@@ -315,7 +266,7 @@ def test_a_warning_during_the_hold_does_not_end_the_hold() -> None:
 
 
 @pytest.mark.autopilots("2 fence use", of="px4")
-@pytest.mark.parametrize(("action", "mode"), [(1, "Mission"), (2, "Hold"), (5, "Land")])
+@pytest.mark.parametrize(("action", "mode"), [(1, "Mission"), (2, "Hold"), (3, "Return"), (5, "Land")])
 def test_gf_action_is_the_reaction_to_a_breach_of_the_fence_around_home(action: int, mode: str) -> None:
     station = QuietPx4Station(params={"GF_ACTION": action, "GF_MAX_HOR_DIST": 30.0, "COM_FAIL_ACT_T": 0.0})
     station.upload_and_wait([takeoff(10), waypoint(150, 0, 10), waypoint(150, 10, 10)])

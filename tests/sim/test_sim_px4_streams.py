@@ -68,13 +68,6 @@ def test_ground_truth_and_odometry_agree_with_the_true_position() -> None:
     assert all(1100 < pulse < 1900 for pulse in outputs.actuator[:4])
 
 
-def test_home_is_set_with_the_position_and_arming_is_possible() -> None:
-    station = Px4Station(ready_s=None)
-    station.until(lambda: bool(station.of("HOME_POSITION")), 60)
-    assert station.now == pytest.approx(37, abs=1)
-    assert station.arm() == ACCEPTED
-
-
 def test_the_receiver_of_px4_reports_a_3d_fix() -> None:
     station = Px4Station()
     station.wait(1.5)  # PX4 refuses a request right after its stream

@@ -8,11 +8,11 @@ import struct
 from collections.abc import Callable
 
 import pytest
+from files_client import FileStation
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import Station, station_of
 
-from sim_vehicle.files.ftp import HEADER
-from sim_vehicle.files.ftp_rules import FtpError, Opcode
+from sim_vehicle.files.ftp_rules import Opcode
 
 Values = Callable[[str], float]  # name -> value of a parameter; AssertionError without an answer
 
@@ -114,33 +114,18 @@ def test_each_parameter_of_a_ground_stations_page_is_answered(personality: str, 
 # -- files -----------------------------------------------------------------------------------------------
 
 
-def request(station: Station, opcode: int, data: bytes = b"", size: int = 0) -> tuple[int, bytes]:
-    """Send a request of file transfer; return the opcode and the data of the answer."""
-    header = HEADER.pack(opcode, 0, opcode, size or len(data), 0, 0, 0)
-    payload = list((header + data).ljust(251, b"\0"))
-    replies = station.send(mavlink.MAVLink_file_transfer_protocol_message(0, 1, 1, payload))
-    (reply,) = [bytes(m.payload) for m in replies if m.get_type() == "FILE_TRANSFER_PROTOCOL"]
-    _, _, answer, length, _, _, _ = HEADER.unpack_from(reply)
-    return answer, reply[HEADER.size : HEADER.size + length]
-
-
 def test_ardupilots_system_files_are_listed_and_the_same_ones_can_be_read() -> None:
-    station = station_of("copter")
-    answer, listing = request(station, Opcode.LIST_DIRECTORY, b"@SYS")
-    assert answer == Opcode.ACK
+    station = FileStation()
+    listing = station.ftp(Opcode.LIST_DIRECTORY, b"@SYS")
     names = {line[1:].split(b"\t")[0].decode() for line in listing.strip(b"\0").split(b"\0")}
     assert names == {
         "can0_stats.txt", "can1_stats.txt", "can_log.txt", "crash_dump.bin", "dma.txt", "memory.txt",
         "storage.bin", "tasks.txt", "threads.txt", "timers.txt", "uarts.txt",
     }  # fmt: skip
-    contents = {}
-    for name in sorted(names):
-        answer, data = request(station, Opcode.OPEN_FILE_RO, f"@SYS/{name}".encode())
-        if answer == Opcode.ACK:
-            contents[name] = request(station, Opcode.READ_FILE, size=80)[1]
-            request(station, Opcode.TERMINATE_SESSION)
-        else:
-            assert data[0] == FtpError.FILE_NOT_FOUND
-    assert set(contents) == {"storage.bin", "tasks.txt", "uarts.txt"}
-    assert contents["tasks.txt"] == b"TasksV2\n"
-    assert contents["uarts.txt"].startswith(b"UARTV1\nSERIAL0 ")
+    readable = {"storage.bin", "tasks.txt", "uarts.txt"}
+    for name in sorted(names - readable):
+        with pytest.raises(AssertionError, match="FILE_NOT_FOUND"):
+            station.file(f"@SYS/{name}".encode())
+    assert station.file(b"@SYS/storage.bin")
+    assert station.file(b"@SYS/tasks.txt") == b"TasksV2\n"
+    assert station.file(b"@SYS/uarts.txt").startswith(b"UARTV1\nSERIAL0 ")

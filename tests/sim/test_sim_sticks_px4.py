@@ -9,17 +9,17 @@ import pytest
 from px4_station import (
     ACCEPTED,
     AUTO,
+    FOLLOW,
     HOLD,
     OFFBOARD,
     POSITION,
-    RETURN,
     TEMPORARILY_REJECTED,
     QuietPx4Station,
 )
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import ALT_M, LAT_DEG, LON_DEG, place_m
 
-MANUAL, ALTITUDE, STABILIZED, FOLLOW = 1, 2, 7, 8
+MANUAL, ALTITUDE, STABILIZED = 1, 2, 7
 CENTRE = (0, 0, 500, 0)
 
 
@@ -186,16 +186,6 @@ def test_moving_sticks_take_over_from_an_auto_mode(override: int, *, takes_over:
     assert ("Pilot took over using sticks" in station.texts()) is takes_over
 
 
-def test_the_loss_of_the_sticks_holds_and_returns() -> None:
-    station = flying(POSITION)
-    station.wait(0.3)
-    assert station.custom_mode == (POSITION, 0)
-    station.wait(0.3)
-    assert station.custom_mode == (AUTO, HOLD)
-    station.wait(5.2)
-    assert station.custom_mode == (AUTO, RETURN)
-
-
 def test_lost_setpoints_return_the_vehicle_to_its_pilot() -> None:
     station = QuietPx4Station()
     station.fly(15)
@@ -250,9 +240,3 @@ def test_follow_target_holds_a_height_above_the_target() -> None:
         follow(station, 0, up_m=15)
         station.wait(1.0)
     assert station.height_m == pytest.approx(15 + 8, abs=0.7)
-
-
-def test_follow_target_cannot_be_armed() -> None:
-    station = QuietPx4Station()
-    assert station.change(AUTO, FOLLOW) == ACCEPTED
-    assert station.arm() == TEMPORARILY_REJECTED

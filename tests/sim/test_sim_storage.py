@@ -1,18 +1,17 @@
 """A vehicle's logs and files from the outside: flights, downloaded logs, and files."""
 
-import json
-import lzma
 import struct
 from pathlib import Path
 from typing import Any
 
 import pytest
+from files_client import FileStation
 from pymavlink import DFReader, mavftp
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import ALT_M, LAT_DEG, LON_DEG, Station, home_item, land, scenario, takeoff, waypoint
+from station import ALT_M, LAT_DEG, LON_DEG, home_item, land, scenario, takeoff, waypoint
 
 from sim_vehicle.files.ftp import HEADER
-from sim_vehicle.files.ftp_rules import FtpError, Opcode
+from sim_vehicle.files.ftp_rules import Opcode
 from sim_vehicle.fleet import Fleet
 
 
@@ -23,7 +22,7 @@ def fleet(*, seed: int = 1, count: int = 1, **spec: Any) -> Fleet:
     )
 
 
-class Ground(Station):
+class Ground(FileStation):
     """A station with log and file messages."""
 
     def log_list(self) -> list[Any]:
@@ -41,27 +40,6 @@ class Ground(Station):
         }
         self.send(mavlink.MAVLink_log_request_end_message(self.target, 1))
         return b"".join(chunks[offset] for offset in sorted(chunks))
-
-    def ftp(self, opcode: int, data: bytes = b"", *, offset: int = 0, size: int | None = None) -> bytes:
-        """Return the data of the answer to one successful request."""
-        self.seq = getattr(self, "seq", 0) + 1
-        head = HEADER.pack(self.seq, 0, opcode, len(data) if size is None else size, 0, 0, offset)
-        payload = (head + data).ljust(251, b"\0")
-        replies = self.send(mavlink.MAVLink_file_transfer_protocol_message(0, self.target, 1, payload))
-        (reply,) = [m for m in replies if m.get_type() == "FILE_TRANSFER_PROTOCOL"]
-        answer = bytes(reply.payload)
-        _, _, result, length, _, _, _ = HEADER.unpack_from(answer)
-        body = answer[HEADER.size : HEADER.size + length]
-        assert result == Opcode.ACK, FtpError(body[0])
-        return body
-
-    def file(self, path: bytes) -> bytes:
-        (size,) = struct.unpack("<I", self.ftp(Opcode.OPEN_FILE_RO, path))
-        content = b""
-        while len(content) < size:
-            content += self.ftp(Opcode.READ_FILE, offset=len(content), size=239)
-        self.ftp(Opcode.TERMINATE_SESSION)
-        return content
 
     def put(self, path: bytes, content: bytes) -> None:
         self.ftp(Opcode.CREATE_FILE, path)
@@ -255,21 +233,3 @@ def test_only_ardupilot_serves_files_to_any_component(personality: str, answers:
     payload = HEADER.pack(1, 0, Opcode.NONE, 0, 0, 0, 0).ljust(251, b"\0")
     replies = station.send(mavlink.MAVLink_file_transfer_protocol_message(0, 1, 77, payload))
     assert sum(m.get_type() == "FILE_TRANSFER_PROTOCOL" for m in replies) == answers
-
-
-def test_the_metadata_of_px4_describes_its_parameters() -> None:
-    station = px4()
-    request = mavlink.MAVLink_command_long_message(
-        1, 1, mavlink.MAV_CMD_REQUEST_MESSAGE, 0, 397, 0, 0, 0, 0, 0, 0
-    )
-    replies = station.send(request)
-    assert any(m.get_type() == "COMMAND_ACK" and m.result == 0 for m in replies)
-    (message,) = [m for m in replies if m.get_msgId() == 397 or m.get_type() == "UNKNOWN_397"]
-    frame = bytes(message.get_msgbuf())
-    uri = frame[10 + 8 : -2].rstrip(b"\0").decode()
-    general = json.loads(lzma.decompress(station.file(uri.removeprefix("mftp://").encode())))
-    (parameters,) = general["metadataTypes"]
-    file = station.file(parameters["uri"].removeprefix("mftp://").encode())
-    names = {row["name"] for row in json.loads(lzma.decompress(file))["parameters"]}
-    station.send(mavlink.MAVLink_param_request_list_message(1, 1))
-    assert names == {m.param_id for m in station.of("PARAM_VALUE")} - {"_HASH_CHECK"}

@@ -239,25 +239,6 @@ def test_rally_uploads_are_limited_and_not_atomic() -> None:
 # -- missions --------------------------------------------------------------------------------------------
 
 
-@pytest.mark.autopilots("2 types 2 / 3 / 255")
-@pytest.mark.parametrize("kind", [3, 4, 255])
-def test_unknown_mission_types_are_unsupported_and_clear_nothing(kind: int) -> None:
-    bench = ardupilot()
-    for upload, of_kind in ((waypoints(3), MISSION), (square(), FENCE), ([fields(0, RALLY_POINT)], RALLY)):
-        assert bench.upload(upload, of_kind) == ACCEPTED
-    assert bench.clear(kind) == [UNSUPPORTED]
-    assert results(bench.ask_list(kind)) == [UNSUPPORTED]
-    assert [len(bench.download(of_kind)) for of_kind in (MISSION, FENCE, RALLY)] == [3, 4, 1]
-
-
-def test_a_lost_request_is_repeated_on_a_repeated_count() -> None:
-    bench = ardupilot()
-    bench.count(3)
-    bench.item(fields(0))
-    assert requests(bench.count(3)) == [0]
-    assert requests(bench.item(fields(0))) == [1]
-
-
 def test_an_item_with_current_2_is_a_guided_target() -> None:
     bench = ardupilot()
     assert results(bench.item(fields(0, current=2))) == [ERROR]

@@ -1,17 +1,45 @@
 """Clients of FTP and of the log messages in virtual time: messages in, messages out."""
 
+import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 from pymavlink import mavftp
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from station import Station
 
 from sim_vehicle.files.filesystem import FileSystem
 from sim_vehicle.files.ftp import HEADER, FtpServer
-from sim_vehicle.files.ftp_rules import FtpRules, Opcode
+from sim_vehicle.files.ftp_rules import FtpError, FtpRules, Opcode
 
 TICK_S = 0.1
+
+
+class FileStation(Station):
+    """A station of a whole vehicle that reads files by MAVLink FTP."""
+
+    def ftp(self, opcode: int, data: bytes = b"", *, offset: int = 0, size: int | None = None) -> bytes:
+        """Return the data of the answer to one request; raise AssertionError with the error of a refusal."""
+        self.seq = getattr(self, "seq", 0) + 1
+        head = HEADER.pack(self.seq, 0, opcode, len(data) if size is None else size, 0, 0, offset)
+        payload = (head + data).ljust(251, b"\0")
+        replies = self.send(mavlink.MAVLink_file_transfer_protocol_message(0, self.target, 1, payload))
+        (reply,) = [m for m in replies if m.get_type() == "FILE_TRANSFER_PROTOCOL"]
+        answer = bytes(reply.payload)
+        _, _, result, length, _, _, _ = HEADER.unpack_from(answer)
+        body = answer[HEADER.size : HEADER.size + length]
+        assert result == Opcode.ACK, FtpError(body[0]).name
+        return body
+
+    def file(self, path: bytes) -> bytes:
+        """Return the content of a file."""
+        (size,) = struct.unpack("<I", self.ftp(Opcode.OPEN_FILE_RO, path))
+        content = b""
+        while len(content) < size:
+            content += self.ftp(Opcode.READ_FILE, offset=len(content), size=239)
+        self.ftp(Opcode.TERMINATE_SESSION)
+        return content
 
 
 class MessageCodec:

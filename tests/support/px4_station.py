@@ -14,7 +14,7 @@ from sim_vehicle.station.messages import StatusTexts, to_wire
 
 ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED = 0, 1, 2, 3, 4
 MANUAL, ALTITUDE, POSITION, AUTO, ACRO, OFFBOARD, STABILIZED = 1, 2, 3, 4, 5, 6, 7
-TAKEOFF, HOLD, MISSION, RETURN, LAND = 2, 3, 4, 5, 6
+TAKEOFF, HOLD, MISSION, RETURN, LAND, FOLLOW = 2, 3, 4, 5, 6, 8
 NAN = math.nan
 
 
@@ -46,6 +46,9 @@ class Px4Station(Station):
 
     def change(self, main: int, sub: int = 0) -> int:
         return self.command(mavlink.MAV_CMD_DO_SET_MODE, 1, main, sub)
+
+    def reposition(self, north_m: float, height_m: float, *params: float) -> int:
+        return super().reposition(north_m, ALT_M + height_m, *(params or (-1, 1, 0, NAN)))
 
     def ask(self, message_id: int) -> Any:
         """Request a message and return it; MISSION_CURRENT, which PX4 only streams, is the latest one."""

@@ -137,6 +137,12 @@ class Station:
     def command_int(self, command: int, frame: int, x: int, y: int, z: float, *params: float) -> int:
         return self._result(command_int((self.target, 0), command, *params, frame=frame, x=x, y=y, z=z))
 
+    def reposition(self, north_m: float, height_m: float, *params: float) -> int:
+        """Send DO_REPOSITION to a position north of the start; by default it may change the mode."""
+        x, y = round((LAT_DEG + north_m / 111_195) * 1e7), round(LON_DEG * 1e7)
+        frame = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT
+        return self.command_int(mavlink.MAV_CMD_DO_REPOSITION, frame, x, y, height_m, *(params or (-1, 1)))
+
     def set_mode(self, number: int) -> int:
         return self.command(mavlink.MAV_CMD_DO_SET_MODE, 1, number)
 
@@ -206,6 +212,14 @@ class Station:
         for _ in range(round(seconds * 10)):
             self.send(message)
             self.wait(0.1)
+
+    def highest_m(self) -> float:
+        """Return the greatest height until the vehicle is disarmed [m]."""
+        heights_m = [self.height_m]
+        while self.armed:
+            self.wait(0.5)
+            heights_m.append(self.height_m)
+        return max(heights_m)
 
     def inject(self, fault: str) -> None:
         self.fleet.inject(parse_fault(fault), self.now)
