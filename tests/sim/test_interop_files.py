@@ -9,8 +9,7 @@ from mavsdk.plugins.component_metadata import ComponentMetadata, MetadataType
 from mavsdk.plugins.ftp import Ftp, FtpResult
 from mavsdk.plugins.log_files import LogFiles, LogFilesResult
 from mavsdk_peer import COPTERS, MavsdkPeer, StreamedValues, Vehicle, connected, finish
-from pymavlink import DFReader, mavftp, mavutil
-from simulator_process import LIMIT_S, free_udp_port, simulator
+from pymavlink import DFReader
 
 pytestmark = [pytest.mark.interop, pytest.mark.full]
 
@@ -84,22 +83,3 @@ def test_mavsdk_finds_the_parameter_metadata(peer: MavsdkPeer) -> None:
     update = available.until(lambda found: found.type == MetadataType.PARAMETER)
     described = json.loads(update.json_metadata)
     assert "MIS_TAKEOFF_ALT" in {row["name"] for row in described["parameters"]}
-
-
-def test_pymavlink_downloads_all_parameters_of_ardupilot_as_a_file(tmp_path: Path) -> None:
-    port = free_udp_port()
-    with simulator("--url", f"udpout:127.0.0.1:{port}", "--ready-s", "0"):
-        link = mavutil.mavlink_connection(f"udpin:127.0.0.1:{port}", source_system=255)
-        try:
-            assert link.wait_heartbeat(timeout=LIMIT_S) is not None
-            client = mavftp.MAVFTP(link, link.target_system, 1)
-            values, defaults = tmp_path / "values.param", tmp_path / "defaults.param"
-            client.cmd_getparams([str(values), str(defaults)])
-            assert (
-                client.process_ftp_reply("getparams", timeout=LIMIT_S).error_code == mavftp.FtpError.Success
-            )
-            assert "RTL_ALT,1500" in values.read_text()
-            assert client.cmd_list(["/"]).error_code == mavftp.FtpError.Success
-            assert {entry.name for entry in client.list_result} == {"@MISSION", "@PARAM", "@SYS", "APM"}
-        finally:
-            link.close()

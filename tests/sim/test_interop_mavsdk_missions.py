@@ -1,4 +1,4 @@
-"""MAVSDK's mission and mission_raw plug-ins with copters and planes of both autopilots."""
+"""MAVSDK's mission and mission_raw plug-ins with copters of both autopilots."""
 
 import json
 from collections.abc import Callable, Iterator, Sequence
@@ -7,8 +7,7 @@ from typing import Any
 import pytest
 from mavsdk.exceptions import MavsdkError
 from mavsdk.plugins.mission import MissionItem, MissionPlan
-from mavsdk.plugins.mission_raw import MissionRawError
-from mavsdk.plugins.telemetry import FlightMode, LandedState
+from mavsdk.plugins.telemetry import FlightMode
 from mavsdk_peer import (
     COPTERS,
     MavsdkPeer,
@@ -20,7 +19,7 @@ from mavsdk_peer import (
     refusal,
     side_by_side,
 )
-from station import LAT_DEG, LON_DEG, home_item, item, land, takeoff, waypoint
+from station import LAT_DEG, LON_DEG, home_item, land, takeoff, waypoint
 
 pytestmark = [pytest.mark.interop, pytest.mark.full]
 ROUTE = [takeoff(7.0), waypoint(25, 0, 7.0), waypoint(25, 25, 9.4), land(25, 25)]
@@ -31,13 +30,6 @@ SITE = ("--home", f"{LAT_DEG},{LON_DEG},300", "--speedup", "12", "--ready-s", "0
 @pytest.fixture(scope="module")
 def copters() -> Iterator[MavsdkPeer]:
     with connected("--personality", "ardupilot:4,px4:4", *SITE, *COPTERS) as peer:
-        yield peer
-
-
-@pytest.fixture(scope="module")
-def planes() -> Iterator[MavsdkPeer]:
-    slow_disarming = ("--param", "LAND_DISARMDELAY=0", "--param", "COM_DISARM_PRFLT=-1")
-    with connected("--type", "plane", "--personality", "ardupilot:1,px4:1", *SITE, *slow_disarming) as peer:
         yield peer
 
 
@@ -106,37 +98,6 @@ def test_a_raw_mission_is_stored_and_flown_to_its_landing(copters: MavsdkPeer, p
     assert len(raw.download_mission()) == (0 if vehicle.px4 else 1)  # ArduPilot's home stays
 
 
-@pytest.mark.autopilots("2 MISSION_SET_CURRENT", "MAVSDK 3 replace mid-flight")
-@pytest.mark.autopilots("2 MISSION_SET_CURRENT", "MAVSDK 3 replace mid-flight", of="px4")
-@side_by_side
-def test_the_current_item_of_a_raw_mission_is_set_and_a_pause_continues(
-    copters: MavsdkPeer, personality: str
-) -> None:
-    vehicle = copters.take(personality)
-    vehicle.take_off(10.0)
-    raw, first = vehicle.mission_raw, 0 if vehicle.px4 else 1
-    changed, progress = StreamedValues(), StreamedValues()
-    raw.subscribe_mission_changed(changed, None)
-    raw.subscribe_mission_progress(progress, None)
-    upload(vehicle, [waypoint(30, 0, 10), waypoint(60, 0, 10), waypoint(60, -30, 10)])
-    if vehicle.px4:
-        changed.next()  # known from the checksum or the id of the plan
-    start(vehicle, raw)
-    raw.set_current_mission_item(first + 2)
-    vehicle.until(lambda: vehicle.offset_m()[1] < -5, "on the way to the last item")
-    assert vehicle.offset_m()[0] < 55
-    raw.pause_mission()
-    vehicle.in_mode(FlightMode.HOLD)
-    vehicle.until(lambda: vehicle.ground_speed_m_s < 0.3, "standing")
-    assert not vehicle.near(60, -30)
-    with pytest.raises(MissionRawError, match="INVALID_ARGUMENT"):
-        raw.set_current_mission_item(9)
-    start(vehicle, raw)
-    vehicle.until(lambda: vehicle.near(60, -30), "at the last item")
-    vehicle.until(raw.is_mission_finished, "finished", 10)
-    assert progress.until(lambda p: p.current == p.total).total == first + 3
-
-
 def plan_of(vehicle: Vehicle) -> str:
     """Return a plan in the file format of QGroundControl."""
 
@@ -179,13 +140,6 @@ def test_a_plan_of_qgroundcontrol_and_its_rally_point(copters: MavsdkPeer, perso
     raw.upload_rally_points([point])
     (kept,) = raw.download_rallypoints()
     assert (kept.command, kept.x, kept.y) == (5100, point.x, point.y)
-    vehicle.action.arm()
-    start(vehicle, raw)
-    vehicle.until(lambda: vehicle.near(25, 0), "25 m north")
-    if vehicle.px4:
-        vehicle.in_mode(FlightMode.RETURN_TO_LAUNCH)
-    vehicle.disarmed()
-    assert vehicle.near(-20, 0) or vehicle.near(0, 0)
 
 
 # -- mission ---------------------------------------------------------------------------------------------
@@ -273,27 +227,3 @@ def test_ardupilot_accepts_plain_waypoints_of_the_mission_plugin(copters: Mavsdk
 
 
 # -- planes ----------------------------------------------------------------------------------------------
-
-
-@side_by_side
-def test_a_plane_flies_a_mission_and_circles(planes: MavsdkPeer, personality: str) -> None:
-    vehicle = planes.take(personality)
-    telemetry = vehicle.telemetry
-    telemetry.set_rate_fixedwing_metrics(5.0)
-    vehicle.ready()
-    loiter = item(17, 200, 160, 40.0, param3=80.0)
-    upload(vehicle, [item(22, 150, 0, 30.0), waypoint(200, 0, 40.0), loiter])
-    progress = StreamedValues()
-    vehicle.mission_raw.subscribe_mission_progress(progress, None)
-    vehicle.action.arm()
-    start(vehicle, vehicle.mission_raw)
-    vehicle.until(lambda: vehicle.height_m > 25, "25 m high")
-    vehicle.until(lambda: vehicle.near(200, 0, 90), "at the waypoint")
-    vehicle.until(lambda: vehicle.near(200, 160, 110), "at the circle")
-    assert telemetry.fixedwing_metrics().airspeed_m_s > 10
-    assert telemetry.landed_state() == LandedState.IN_AIR
-    progress.until(lambda p: p.current == p.total - 1)
-    vehicle.action.return_to_launch()
-    vehicle.in_mode(FlightMode.RETURN_TO_LAUNCH)
-    vehicle.until(lambda: vehicle.near(0, 0, 130), "circling over home")
-    assert telemetry.armed()

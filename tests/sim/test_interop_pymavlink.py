@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 from pymavlink import mavutil, mavwp
-from simulator_process import LIMIT_S, free_tcp_port, free_udp_port, line, simulator
+from simulator_process import LIMIT_S, free_tcp_port, line, simulator
 
 pytestmark = pytest.mark.interop
 PLAN = [(16, 0, 0.0, 0.0, 300.0), (22, 3, 0.0, 0.0, 20.0), (16, 3, 46.0494, 14.5062, 20.0), (20, 3, 0, 0, 0)]
@@ -96,23 +96,3 @@ def test_mavutil_flies_a_copter_and_the_log_tools_read_its_log(tmp_path: Path) -
     loader = mavwp.MAVWPLoader()
     assert loader.load(str(plan)) == len(PLAN)
     assert [loader.wp(i).command for i in range(len(PLAN))] == [command for command, *_ in PLAN]
-
-
-@pytest.mark.full
-def test_commands_of_mavutil_need_the_key_and_a_signature() -> None:
-    port, key = free_udp_port(), bytes(range(32))
-    with (
-        simulator("--speedup", "5", "--url", f"udpout:127.0.0.1:{port}"),
-        connected(f"udpin:127.0.0.1:{port}") as vehicle,
-    ):
-        assert vehicle.wait_heartbeat(timeout=LIMIT_S) is not None
-        stamp = int((time.time() - 1_420_070_400) * 100_000)
-        vehicle.mav.setup_signing_send(vehicle.target_system, vehicle.target_component, list(key), stamp)
-        until(vehicle, "HEARTBEAT", lambda m: m.get_header().incompat_flags)
-        vehicle.set_mode("GUIDED")
-        vehicle.setup_signing(key, sign_outgoing=True)
-        signed = until(vehicle, "HEARTBEAT", lambda m: True)
-        assert signed.get_signed()
-        assert signed.custom_mode == 0  # the unsigned mode change was ignored
-        vehicle.set_mode("GUIDED")
-        until(vehicle, "HEARTBEAT", lambda m: m.custom_mode == 4)
