@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from px4_station import QuietPx4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from setpoint_messages import BODY, BODY_OFFSET, LOCAL, OFFSET, setpoint
 from station import (
-    LAT_DEG,
-    LON_DEG,
     Station,
     airborne_plane,
     item,
+    place_m,
     station_of,
     takeoff,
     waypoint,
@@ -20,8 +20,6 @@ from station import (
 
 GUIDED, RTL, TAKEOFF_PLANE, RTL_PLANE, GUIDED_PLANE = 4, 6, 13, 11, 15
 FAILED = 4
-ONLY_VELOCITY, ONLY_POSITION_AND_YAW = 0x0DC7, 0x0BF8
-M_PER_DEG = 111_195.0
 
 
 def plane_in_guided(params: dict[str, float] | None = None) -> Station:
@@ -55,9 +53,7 @@ def test_a_changed_speed_holds_until_its_own_parameter_or_the_mode_changes() -> 
 
 def test_a_negative_speed_restores_the_cruising_speed_of_px4() -> None:
     station = QuietPx4Station()
-    station.upload([takeoff(20), waypoint(2000, 0, 20)])
-    station.wait(2)
-    assert station.command(mavlink.MAV_CMD_MISSION_START) == 0
+    station.fly_mission([takeoff(20), waypoint(2000, 0, 20)])
     station.until(lambda: speed_m_s(station) > 4.5, 60)
     assert station.command(mavlink.MAV_CMD_DO_CHANGE_SPEED, 1, 3) == 0
     station.wait(5)
@@ -139,47 +135,41 @@ def test_a_failsafe_without_an_action_leaves_the_motors_on() -> None:
     assert station.armed
 
 
-@pytest.mark.parametrize("action", [None, pytest.param(1, marks=pytest.mark.full), 8])
-def test_a_plane_returns_from_a_fence_by_default_and_without_autoland(
-    action: int | None,
-) -> None:
-    action_parameter = {} if action is None else {"FENCE_ACTION": action}
-    station = plane_in_guided({"FENCE_TYPE": 2, "FENCE_RADIUS": 300, **action_parameter})
+def outside_its_fence(params: dict[str, float], *points: dict[str, Any]) -> Station:
+    """Return a station of a plane in GUIDED that has just left its fence, a circle of 300 m, to the north."""
+    station = plane_in_guided({"FENCE_TYPE": 2, "FENCE_RADIUS": 300} | params)
+    assert station.upload(list(points), mavlink.MAV_MISSION_TYPE_FENCE) == 0
     assert station.reposition(700, 60) == 0
     station.wait(1)
     station.set_parameter("FENCE_ENABLE", 1)
     station.until(lambda: any("breached" in text for text in station.texts()), 60)
+    return station
+
+
+@pytest.mark.parametrize(
+    "params", [{}, pytest.param({"FENCE_ACTION": 1}, marks=pytest.mark.full), {"FENCE_ACTION": 8}]
+)
+def test_a_plane_returns_from_a_fence_by_default_and_without_autoland(params: dict[str, float]) -> None:
+    station = outside_its_fence(params)
     station.wait(1)
     assert station.mode == "RTL"
 
 
 @pytest.mark.parametrize("action", [pytest.param(6, marks=pytest.mark.full), 7])
 def test_a_plane_goes_to_the_fences_return_point_in_guided(action: int) -> None:
-    station = plane_in_guided({"FENCE_ACTION": action, "FENCE_TYPE": 2, "FENCE_RADIUS": 300})
     point = item(mavlink.MAV_CMD_NAV_FENCE_RETURN_POINT, 0, 150, 0, frame=0)
-    assert station.upload([point], mavlink.MAV_MISSION_TYPE_FENCE) == 0
-    assert station.reposition(700, 60) == 0
-    station.wait(1)
-    station.set_parameter("FENCE_ENABLE", 1)
-    station.until(lambda: any("breached" in text for text in station.texts()), 60)
+    station = outside_its_fence({"FENCE_ACTION": action}, point)
     station.wait(60)
-    truth = station.fleet.truth()
-    east_m = (truth.lon_deg[0] - LON_DEG) * M_PER_DEG * math.cos(math.radians(LAT_DEG))
-    north_m = (truth.lat_deg[0] - LAT_DEG) * M_PER_DEG
     assert station.mode == "GUIDED"
-    assert math.hypot(north_m, east_m - 150) == pytest.approx(60, abs=15)  # WP_LOITER_RAD
+    assert math.dist(place_m(station), (0, 150)) == pytest.approx(60, abs=15)  # WP_LOITER_RAD
     assert station.height_m == pytest.approx((-10 + 2 + 100 - 2) / 2, abs=3)
 
 
 def test_a_plane_without_a_return_point_flies_home_at_the_requested_altitude() -> None:
-    station = plane_in_guided({"FENCE_ACTION": 6, "FENCE_TYPE": 2, "FENCE_RADIUS": 300, "FENCE_RET_ALT": 80})
-    assert station.reposition(700, 60) == 0
-    station.set_parameter("FENCE_ENABLE", 1)
-    station.until(lambda: any("breached" in text for text in station.texts()), 60)
+    station = outside_its_fence({"FENCE_ACTION": 6, "FENCE_RET_ALT": 80})
     station.wait(60)
-    truth = station.fleet.truth()
     assert station.mode == "GUIDED"
-    assert abs(truth.lat_deg[0] - LAT_DEG) * M_PER_DEG < 75
+    assert abs(place_m(station)[0]) < 75
     assert station.height_m == pytest.approx(80, abs=3)
 
 
@@ -222,20 +212,13 @@ def test_the_time_of_a_breach_counts_from_the_boot() -> None:
 # -- set-points ----------------------------------------------------------------------------------------------
 
 
-def yaw_setpoint(frame: int, mask: int, yaw_rad: float, **values: float) -> Any:
-    v = dict.fromkeys(("x", "y", "z", "vx", "vy", "vz"), 0.0) | values
-    return mavlink.MAVLink_set_position_target_local_ned_message(
-        0, 1, 1, frame, mask, v["x"], v["y"], v["z"], v["vx"], v["vy"], v["vz"], 0, 0, 0, yaw_rad, 0
-    )
-
-
 @pytest.mark.parametrize(
     ("frame", "turns"),
     [
-        (mavlink.MAV_FRAME_LOCAL_NED, False),
-        (mavlink.MAV_FRAME_LOCAL_OFFSET_NED, False),
-        (mavlink.MAV_FRAME_BODY_NED, True),
-        (mavlink.MAV_FRAME_BODY_OFFSET_NED, True),
+        (LOCAL, False),
+        (OFFSET, False),
+        (BODY, True),
+        (BODY_OFFSET, True),
     ],
 )
 def test_a_yaw_in_a_body_frame_is_relative_to_the_heading(frame: int, turns: bool) -> None:
@@ -243,7 +226,7 @@ def test_a_yaw_in_a_body_frame_is_relative_to_the_heading(frame: int, turns: boo
     station.fly(20)
     assert station.command(mavlink.MAV_CMD_CONDITION_YAW, 90, 0, 1, 0) == 0
     station.wait(5)
-    station.send(yaw_setpoint(frame, ONLY_POSITION_AND_YAW, math.radians(30), z=-20 if frame == 1 else 0))
+    station.send(setpoint((0, 0, -20 if frame == LOCAL else 0), yaw=math.radians(30), frame=frame))
     station.wait(6)
     yaw_deg = math.degrees(station.ask(mavlink.MAVLINK_MSG_ID_ATTITUDE).yaw)
     assert yaw_deg == pytest.approx(120 if turns else 30, abs=2)
@@ -251,14 +234,10 @@ def test_a_yaw_in_a_body_frame_is_relative_to_the_heading(frame: int, turns: boo
 
 def test_px4_counts_a_yaw_in_a_body_frame_from_north() -> None:
     station = QuietPx4Station()
-    for _ in range(20):
-        station.send(yaw_setpoint(mavlink.MAV_FRAME_LOCAL_NED, ONLY_VELOCITY & ~0x400, 1.0, vz=-1.0))
-        station.wait(0.1)
+    station.hold(setpoint(velocity=(0, 0, -1), yaw=1.0), 2)
     assert station.change(6) == 0
     assert station.arm() == 0
-    for _ in range(100):
-        station.send(yaw_setpoint(mavlink.MAV_FRAME_BODY_NED, ONLY_VELOCITY & ~0x400, 1.0, vz=-1.0))
-        station.wait(0.1)
+    station.hold(setpoint(velocity=(0, 0, -1), yaw=1.0, frame=BODY), 10)
     assert station.height_m > 3
     assert station.ask(mavlink.MAVLINK_MSG_ID_ATTITUDE).yaw == pytest.approx(1.0, abs=0.05)
 

@@ -4,13 +4,8 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import Station
 
-PREARM_BIT = 0x1000_0000
 EKF_POSITION = 16
 GUIDED, AUTO, STABILIZE = 4, 3, 0
-
-
-def prearm_ok(station: Station) -> bool:
-    return bool(station.ask(mavlink.MAVLINK_MSG_ID_SYS_STATUS).onboard_control_sensors_health & PREARM_BIT)
 
 
 def position_estimated(station: Station) -> bool:
@@ -50,7 +45,7 @@ def test_gps_home_and_position_come_after_10_20_and_41_seconds() -> None:
     station.until(lambda: position_estimated(station), 60)
     assert station.now == pytest.approx(41, abs=1)
     assert "EKF3 IMU0 origin set" in station.texts()
-    assert prearm_ok(station)
+    assert station.prearm_ok
 
 
 @pytest.mark.autopilots("1.3")
@@ -60,13 +55,13 @@ def test_the_prearm_bit_asks_for_a_position_in_guided_and_in_auto_but_not_in_sta
     ready = {}
     for mode in (STABILIZE, GUIDED, AUTO):
         assert station.set_mode(mode) == 0
-        ready[mode] = prearm_ok(station)
+        ready[mode] = station.prearm_ok
     assert ready == {STABILIZE: True, GUIDED: False, AUTO: False}
     assert not position_estimated(station)
     station.wait(21)
     for mode in (STABILIZE, GUIDED, AUTO):
         assert station.set_mode(mode) == 0
-        assert prearm_ok(station)
+        assert station.prearm_ok
 
 
 @pytest.mark.autopilots("1.5")

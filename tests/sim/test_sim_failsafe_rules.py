@@ -6,8 +6,8 @@ from station import (
     Station,
     airborne_plane,
     home_item,
-    item,
     land,
+    landing_mission,
     station_of,
     takeoff,
     waypoint,
@@ -54,17 +54,6 @@ def test_the_worse_of_two_battery_limits_counts() -> None:
     station.until(lambda: station.mode != "GUIDED", 15)
     assert station.mode == "LAND"
     assert not any("is low" in text for text in station.texts())
-
-
-def landing_mission() -> list[dict]:  # type: ignore[type-arg]
-    return [
-        home_item(),
-        takeoff(50),
-        waypoint(3000, 0, 60),
-        item(mavlink.MAV_CMD_DO_LAND_START, 200, 600),
-        waypoint(0, 600, 40),
-        land(0, 0),
-    ]
 
 
 @pytest.mark.parametrize(
@@ -196,10 +185,7 @@ def test_a_return_without_remote_control_lands_despite_its_final_height() -> Non
 )
 def test_the_action_of_a_failsafe_follows_its_parameter(parameter: str, value: float, mode: str) -> None:
     station = start_station("copter", **{parameter: value, "BATT_LOW_VOLT": 11.5, "BATT_LOW_TIMER": 1})
-    station.set_mode(GUIDED)
-    assert station.arm() == 0
-    station.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 20)
-    station.until(lambda: station.height_m > 19, 30)
+    station.fly(20)
     if parameter == "FS_GCS_ENABLE":
         station.beat()
     elif parameter == "FS_THR_ENABLE":
@@ -357,26 +343,21 @@ def test_a_copter_forced_to_arm_without_a_remote_control_stays_armed() -> None:
     assert station.armed
 
 
-def test_a_copter_without_a_needed_position_cannot_be_forced_to_arm() -> None:
-    station = start_station(ready_s=41.0)
+@pytest.mark.parametrize(
+    ("kind", "mode", "params", "refusal"),
+    [
+        ("copter", GUIDED, {}, "Need Position Estimate"),
+        ("copter", STABILIZE, {}, None),
+        ("copter", STABILIZE, {"FENCE_ENABLE": 1}, "Fence enabled, need position estimate"),
+        ("plane", PLANE_GUIDED, {}, None),
+    ],
+)
+def test_a_needed_position_cannot_be_replaced_by_force(
+    kind: str, mode: int, params: dict[str, float], refusal: str | None
+) -> None:
+    station = start_station(kind, ready_s=41.0, **params)
     station.wait(5)
-    station.set_mode(GUIDED)
-    assert station.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1, FORCE) == FAILED
-    assert "Arm: Need Position Estimate" in station.texts()
-    assert not station.armed
-    station.set_mode(STABILIZE)
-    assert station.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1, FORCE) == 0
-
-
-def test_a_fence_around_home_needs_a_position_in_every_mode() -> None:
-    station = start_station(ready_s=41.0, FENCE_ENABLE=1)
-    station.wait(5)
-    assert station.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1, FORCE) == FAILED
-    assert "Arm: Fence enabled, need position estimate" in station.texts()
-
-
-def test_a_plane_may_be_forced_to_arm_without_a_position() -> None:
-    station = start_station("plane", ready_s=41.0)
-    station.wait(5)
-    station.set_mode(PLANE_GUIDED)
-    assert station.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1, FORCE) == 0
+    assert station.set_mode(mode) == 0
+    assert station.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1, FORCE) == (FAILED if refusal else 0)
+    assert station.armed is (refusal is None)
+    assert refusal is None or f"Arm: {refusal}" in station.texts()

@@ -170,9 +170,7 @@ def test_px4_stores_and_ignores_a_fence_without_home_inside() -> None:
     station.wait(1.0)
     assert station.upload(square(50, north_m=300), FENCE) == 0
     assert station.texts()[-1] == "Geofence invalid, doesn't contain Home position"
-    station.upload_and_wait([takeoff(10), waypoint(60, 0, 10), waypoint(0, 0, 10)])
-    assert station.change(4, 4) == 0
-    assert station.arm() == 0
+    station.fly_mission([takeoff(10), waypoint(60, 0, 10), waypoint(0, 0, 10)])
     station.until(lambda: "Mission finished, loitering" in station.texts(), 120)
 
 
@@ -181,9 +179,7 @@ def test_px4_holds_at_the_edge_of_its_fence() -> None:
     station = QuietPx4Station(params={"GF_ACTION": 2})
     station.wait(1.0)
     assert station.upload(square(80), FENCE) == 0
-    station.upload_and_wait([takeoff(10), waypoint(300, 0, 10)])
-    assert station.change(4, 4) == 0
-    assert station.arm() == 0
+    station.fly_mission([takeoff(10), waypoint(300, 0, 10)])
     station.until(lambda: station.custom_mode == (4, 3), 60)
     station.wait(20)
     assert 75 < place_m(station)[0] < 110

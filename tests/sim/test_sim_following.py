@@ -1,42 +1,17 @@
 """Set-points of position and velocity: what each autopilot accepts, and how its copter follows."""
 
 import math
-from collections.abc import Sequence
 from typing import Any
 
 import pytest
 from px4_station import AUTO, HOLD, OFFBOARD, POSITION, QuietPx4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from setpoint_messages import BODY, BODY_FRD, BODY_OFFSET, NONE, OFFSET, setpoint
 from station import ALT_M, LAT_DEG, LON_DEG, Station, place_m
 
-LOCAL, OFFSET = mavlink.MAV_FRAME_LOCAL_NED, mavlink.MAV_FRAME_LOCAL_OFFSET_NED
-BODY, BODY_OFFSET = mavlink.MAV_FRAME_BODY_NED, mavlink.MAV_FRAME_BODY_OFFSET_NED
-BODY_FRD = mavlink.MAV_FRAME_BODY_FRD
 RELATIVE, ABSOLUTE = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT, mavlink.MAV_FRAME_GLOBAL_INT
 FLOAT_RELATIVE, TERRAIN = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT, mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT
 LOCAL_TARGET = mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED
-Axes = Sequence[float | None]
-NONE: Axes = (None, None, None)
-
-
-def setpoint(
-    position: Axes = NONE,
-    velocity: Axes = NONE,
-    acceleration: Axes = NONE,
-    *,
-    yaw: float | None = None,
-    yaw_rate: float | None = None,
-    frame: int = LOCAL,
-    force: bool = False,
-) -> Any:
-    """North, east, down, or a global position of 1e-7 deg and m; None: ignored in the type mask."""
-    values = [*position, *velocity, *acceleration, yaw, yaw_rate]
-    bits = [*range(9), 10, 11]
-    mask = sum(1 << bit for bit, value in zip(bits, values, strict=True) if value is None)
-    fields = frame, mask | (0x200 if force else 0), *(value or 0 for value in values)
-    if frame in (LOCAL, OFFSET, BODY, BODY_OFFSET, BODY_FRD):
-        return mavlink.MAVLink_set_position_target_local_ned_message(0, 1, 1, *fields)
-    return mavlink.MAVLink_set_position_target_global_int_message(0, 1, 1, *fields)
 
 
 def flying(autopilot: str, **params: float) -> Station:
@@ -53,12 +28,6 @@ def flying(autopilot: str, **params: float) -> Station:
 def motion(station: Station) -> Any:
     """Return LOCAL_POSITION_NED."""
     return station.ask(mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED)
-
-
-def mode(station: Station) -> tuple[int, int]:
-    """Return main and sub number of a PX4 mode."""
-    number = station.of("HEARTBEAT")[-1].custom_mode
-    return number >> 16 & 0xFF, number >> 24
 
 
 # -- following -----------------------------------------------------------------------------------------------
@@ -278,22 +247,22 @@ def test_px4_without_manual_control_sinks_in_the_position_mode_after_lost_set_po
     """PX4 1.15.3 in software sank at 0.7 m/s (MPC_LAND_SPEED), and did not brake."""
     station = flying("px4", COM_OBL_RC_ACT=0)
     station.hold(setpoint(velocity=(3, 0, 0)), 4)
-    station.until(lambda: mode(station) == (POSITION, 0), 3)
+    station.until(lambda: station.custom_mode == (POSITION, 0), 3)
     station.wait(3)
     before_m = station.height_m
     station.wait(5)
     assert before_m - station.height_m == pytest.approx(5 * 0.7, abs=0.3)
     assert motion(station).vx > 1
-    assert mode(station) == (POSITION, 0)
+    assert station.custom_mode == (POSITION, 0)
 
 
 def test_px4_does_not_return_to_offboard_after_a_chosen_mode() -> None:
     station = flying("px4", COM_OBL_RC_ACT=5)
     station.wait(3)
-    assert mode(station) == (AUTO, HOLD)
+    assert station.custom_mode == (AUTO, HOLD)
     assert station.change(AUTO, HOLD) == 0
     station.hold(setpoint(velocity=(2, 0, 0)), 3)
-    assert mode(station) == (AUTO, HOLD)
+    assert station.custom_mode == (AUTO, HOLD)
     assert motion(station).vx == pytest.approx(0, abs=0.1)
 
 

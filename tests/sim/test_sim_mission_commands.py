@@ -214,11 +214,9 @@ def px4_item(command: int, *args: float, **fields: Any) -> dict[str, Any]:
 
 def test_px4_flies_a_mission_over_its_do_commands_and_holds_at_the_end() -> None:
     station = QuietPx4Station()
-    station.upload_and_wait(
+    station.fly_mission(
         [takeoff(10), px4_item(SPEED, param1=1, param2=4.0), waypoint(40, 0, 10), px4_item(DELAY, param1=3)]
     )
-    assert station.change(4, 4) == 0
-    assert station.arm() == 0
     station.until(lambda: "Mission finished, loitering" in station.texts(), 120)
     assert station.reached == [0, 1, 2, 3]
     station.wait(0.5)

@@ -1,7 +1,5 @@
 """Missions with changes, pauses and invalid values in flight."""
 
-from typing import Any
-
 import pytest
 from px4_station import AUTO, MISSION, NAN, RETURN, QuietPx4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -10,7 +8,7 @@ from station import (
     Station,
     home_item,
     item,
-    land,
+    landing_mission,
     place_m,
     station_of,
     takeoff,
@@ -141,8 +139,7 @@ def test_a_vehicle_flies_to_a_deleted_command_after_a_pause() -> None:
 def test_px4_continues_after_a_nan_hold_delay_or_type_of_speed(command: int) -> None:
     station = QuietPx4Station()
     waits = item(command, 20, 0, 10.0, param1=NAN, param2=3.0, frame=6 if command in (16, 19) else 2)
-    station.upload_and_wait([takeoff(10), waits, waypoint(40, 0, 10.0)])
-    assert station.command(mavlink.MAV_CMD_MISSION_START, -1) == ACCEPTED
+    station.fly_mission([takeoff(10), waits, waypoint(40, 0, 10.0)])
     station.until(lambda: place_m(station)[0] > 38, 90)
 
 
@@ -151,8 +148,7 @@ def test_px4_flies_to_a_zero_altitude_and_arducopter_keeps_its_altitude() -> Non
     copter.fly_mission([takeoff(15), waypoint(60, 0, 0.0), waypoint(100, 0, 15.0)])
     copter.until(lambda: copter.current == 3, 90)
     assert copter.height_m == pytest.approx(15, abs=2.0)  # the altitude before this leg
-    px4.upload_and_wait([takeoff(15), waypoint(60, 0, 0.0)])
-    assert px4.command(mavlink.MAV_CMD_MISSION_START, -1) == ACCEPTED
+    px4.fly_mission([takeoff(15), waypoint(60, 0, 0.0)])
     px4.until(lambda: place_m(px4)[0] > 50, 90)
     px4.wait(20)
     assert px4.height_m < 1.0
@@ -224,19 +220,13 @@ def test_px4_starts_at_the_requested_item() -> None:
 def test_px4_flies_a_return_as_the_last_item_in_its_mode_without_a_report() -> None:
     station = QuietPx4Station()
     rtl = item(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH, frame=2, x=0, y=0)
-    station.upload_and_wait([takeoff(10), waypoint(30, 0, 10.0), rtl])
-    assert station.command(mavlink.MAV_CMD_MISSION_START, -1) == ACCEPTED
+    station.fly_mission([takeoff(10), waypoint(30, 0, 10.0), rtl])
     assert station.custom_mode == (AUTO, MISSION)
     station.until(lambda: station.custom_mode == (AUTO, RETURN), 90)
     station.until(lambda: not station.armed, 200)
     assert {message.seq for message in station.of("MISSION_ITEM_REACHED")} == {0, 1}
     assert station.current == 2
     assert place_m(station)[0] == pytest.approx(0, abs=3)
-
-
-def landing_mission() -> list[dict[str, Any]]:
-    start = item(mavlink.MAV_CMD_DO_LAND_START, 500, 0)
-    return [home_item(), takeoff(60), waypoint(2500, 0, 60), start, waypoint(400, 0, 50), land(0, 0)]
 
 
 def test_arduplane_jumps_to_its_landing_sequence_on_request() -> None:

@@ -180,15 +180,6 @@ def test_a_pilots_mode_is_not_available_in_the_air_without_a_pilot() -> None:
 # -- offboard --------------------------------------------------------------------------------------------
 
 
-def test_a_setpoint_above_an_armed_copter_in_offboard_starts_the_take_off() -> None:
-    station = QuietPx4Station()
-    station.stream_setpoints(1.5, 0, 0, 5)
-    assert station.change(OFFBOARD) == ACCEPTED
-    assert station.arm() == ACCEPTED
-    station.stream_setpoints(10, 0, 0, 5)
-    assert station.height_m == pytest.approx(5, abs=0.7)
-
-
 @pytest.mark.parametrize(
     ("action", "mode"), [(0, "Position"), (1, "Altitude"), (2, "Stabilized"), (4, "Land"), (5, "Hold")]
 )
@@ -211,8 +202,7 @@ def test_com_obl_rc_act_is_the_reaction_to_lost_setpoints(action: int, mode: str
 def test_a_landing_inside_a_mission_does_not_disarm() -> None:
     """`Commander::handleAutoDisarm` does not disarm in mission mode before the end of the mission."""
     station = QuietPx4Station()
-    station.upload_and_wait([takeoff(10), land(30, 20), waypoint(60, 20, 10)])
-    assert station.command(mavlink.MAV_CMD_MISSION_START) == ACCEPTED
+    station.fly_mission([takeoff(10), land(30, 20), waypoint(60, 20, 10)])
     station.until(lambda: station.fleet.vehicles[0].mission.index == 2, 240)
     station.wait(10)
     assert station.armed
@@ -269,8 +259,7 @@ def test_a_warning_during_the_hold_does_not_end_the_hold() -> None:
 @pytest.mark.parametrize(("action", "mode"), [(1, "Mission"), (2, "Hold"), (3, "Return"), (5, "Land")])
 def test_gf_action_is_the_reaction_to_a_breach_of_the_fence_around_home(action: int, mode: str) -> None:
     station = QuietPx4Station(params={"GF_ACTION": action, "GF_MAX_HOR_DIST": 30.0, "COM_FAIL_ACT_T": 0.0})
-    station.upload_and_wait([takeoff(10), waypoint(150, 0, 10), waypoint(150, 10, 10)])
-    assert station.command(mavlink.MAV_CMD_MISSION_START) == ACCEPTED
+    station.fly_mission([takeoff(10), waypoint(150, 0, 10), waypoint(150, 10, 10)])
     station.until(lambda: place_m(station)[0] > 31, 60)
     station.wait(1.0)
     assert station.mode == mode

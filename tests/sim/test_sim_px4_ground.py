@@ -29,12 +29,6 @@ from px4_station import (
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import takeoff, waypoint
 
-
-def prearm_ok(station: Px4Station) -> bool:
-    health = station.ask(mavlink.MAVLINK_MSG_ID_SYS_STATUS).onboard_control_sensors_health
-    return bool(health & mavlink.MAV_SYS_STATUS_PREARM_CHECK)
-
-
 # -- boot and readiness ----------------------------------------------------------------------------------
 
 
@@ -55,13 +49,13 @@ def test_px4_boots_into_hold_without_non_mavlink_bytes() -> None:
 def test_arming_is_temporarily_rejected_for_36_to_38_seconds() -> None:
     station = Px4Station(ready_s=None)
     station.wait(36.0)
-    assert not prearm_ok(station)
+    assert not station.prearm_ok
     assert station.of("HOME_POSITION") == []
     assert station.arm() == TEMPORARILY_REJECTED
     assert "Preflight Fail: No valid global position estimate" in station.texts()
     assert any(text.startswith("Arming denied: Resolve") for text in station.texts())
     station.wait(2.0)
-    assert prearm_ok(station)
+    assert station.prearm_ok
     assert station.of("HOME_POSITION") != []
     assert station.arm() == ACCEPTED
     assert "Armed by external command" in station.texts()
@@ -187,7 +181,7 @@ def test_arming_is_refused_in_some_modes(main: int, sub: int, reason: str) -> No
     assert station.change(main, sub) == ACCEPTED
     assert station.arm() == TEMPORARILY_REJECTED
     assert f"Preflight Fail: {reason}" in station.texts()
-    assert not prearm_ok(station)
+    assert not station.prearm_ok
 
 
 def test_a_watched_ground_station_is_required_for_arming() -> None:

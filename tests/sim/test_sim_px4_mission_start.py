@@ -5,16 +5,10 @@ from px4_station import ACCEPTED, AUTO, HOLD, MISSION, QuietPx4Station
 from station import place_m, takeoff, waypoint
 
 
-def starts_mission(station: QuietPx4Station) -> None:
-    assert station.arm() == ACCEPTED
-    assert station.change(AUTO, MISSION) == ACCEPTED
-
-
 @pytest.mark.parametrize("first", [waypoint(40, 0, 15), takeoff(15)])
 def test_a_copter_on_the_ground_climbs_to_its_first_item_before_it_moves(first: object) -> None:
     station = QuietPx4Station()
-    station.upload_and_wait([first, waypoint(80, 0, 15)])
-    starts_mission(station)
+    station.fly_mission([first, waypoint(80, 0, 15)])
     station.until(lambda: station.height_m > 14, 60)
     assert place_m(station) == (pytest.approx(0, abs=1), pytest.approx(0, abs=1))
     station.until(lambda: place_m(station)[0] > 78, 60)
@@ -27,8 +21,7 @@ def test_a_copter_on_the_ground_climbs_to_its_first_item_before_it_moves(first: 
 )
 def test_a_copter_in_the_air_climbs_first_only_to_a_higher_item(item_m: float, *, climbs_first: bool) -> None:
     station = QuietPx4Station()
-    station.upload_and_wait([takeoff(10), waypoint(30, 0, 10), waypoint(200, 0, 10)])
-    starts_mission(station)
+    station.fly_mission([takeoff(10), waypoint(30, 0, 10), waypoint(200, 0, 10)])
     station.until(lambda: place_m(station)[0] > 60, 60)
     assert station.change(AUTO, HOLD) == ACCEPTED
     station.wait(8)
@@ -41,8 +34,7 @@ def test_a_copter_in_the_air_climbs_first_only_to_a_higher_item(item_m: float, *
 
 def test_an_upload_in_the_mission_mode_turns_to_the_item_without_a_climb() -> None:
     station = QuietPx4Station()
-    station.upload_and_wait([takeoff(10), waypoint(200, 0, 10)])
-    starts_mission(station)
+    station.fly_mission([takeoff(10), waypoint(200, 0, 10)])
     station.until(lambda: place_m(station)[0] > 30, 60)
     station.upload_and_wait([waypoint(200, 0, 40), waypoint(250, 0, 40)])
     station.wait(3)

@@ -13,8 +13,7 @@ MISSION_ITEMS = [takeoff(), waypoint(60, 0), waypoint(900, 0)]
 def flying_beyond_the_limit() -> QuietPx4Station:
     """Return a copter that flies to its last item, more than `LIMIT_M` from the first item."""
     station = QuietPx4Station(params={"MIS_DIST_1WP": LIMIT_M})
-    station.upload_and_wait(MISSION_ITEMS)
-    assert station.command(mavlink.MAV_CMD_MISSION_START) == ACCEPTED
+    station.fly_mission(MISSION_ITEMS)
     station.until(lambda: any(m.seq == 1 for m in station.of("MISSION_ITEM_REACHED")), 120)
     assert not any(text.startswith(TOO_FAR) for text in station.texts())
     return station

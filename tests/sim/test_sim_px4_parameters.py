@@ -20,9 +20,7 @@ MISSION_EXCEPTED, HOLD_EXCEPTED = 1, 2
 
 def flying_its_mission(**params: float) -> Px4Station:
     station = Px4Station(params={"COM_FAIL_ACT_T": 0.0, **params})
-    station.upload_and_wait([takeoff(20), waypoint(300, 0, 20)])
-    assert station.change(AUTO, MISSION) == ACCEPTED
-    assert station.arm() == ACCEPTED
+    station.fly_mission([takeoff(20), waypoint(300, 0, 20)])
     station.until(lambda: station.height_m > 15, 60)
     return station
 

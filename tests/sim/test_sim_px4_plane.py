@@ -47,9 +47,7 @@ def plane(**params: float) -> QuietPx4Station:
 
 def flown(items: list[dict[str, Any]], **params: float) -> QuietPx4Station:
     station = plane(**params)
-    station.upload_and_wait(items)
-    assert station.change(AUTO, MISSION) == 0
-    assert station.arm() == 0
+    station.fly_mission(items)
     return station
 
 
@@ -208,11 +206,9 @@ def test_a_plane_below_its_return_altitude_climbs_at_its_position() -> None:
 
 def test_a_nearer_rally_point_replaces_the_landing_of_a_return() -> None:
     station = plane(RTL_TYPE=1)
-    station.upload_and_wait([*ROUTE, *HOME])
     rally = item(mavlink.MAV_CMD_NAV_RALLY_POINT, 900, 0, 40)
     assert station.upload([rally], mavlink.MAV_MISSION_TYPE_RALLY) == 0
-    assert station.change(AUTO, MISSION) == 0
-    assert station.arm() == 0
+    station.fly_mission([*ROUTE, *HOME])
     station.until(lambda: station.current == 2, 120)
     assert station.change(AUTO, RETURN) == 0
     station.wait(90)

@@ -7,11 +7,12 @@ from typing import Any
 import pytest
 from px4_station import OFFBOARD, QuietPx4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from setpoint_messages import setpoint
 from station import Station
 
 ATTITUDE = mavlink.MAVLINK_MSG_ID_ATTITUDE
 HOVER = 0.5
-ONLY_ACCELERATION, WITHOUT_RATES, WITHOUT_ATTITUDE = 0x0C3F, 0x07, 0x80
+WITHOUT_RATES, WITHOUT_ATTITUDE = 0x07, 0x80
 IDENTITY = (1.0, 0.0, 0.0, 0.0)
 
 
@@ -34,9 +35,7 @@ def rates(roll: float, pitch: float, yaw: float) -> Any:
 
 
 def acceleration(north: float, east: float, down: float) -> Any:
-    return mavlink.MAVLink_set_position_target_local_ned_message(
-        0, 1, 1, mavlink.MAV_FRAME_LOCAL_NED, ONLY_ACCELERATION, 0, 0, 0, 0, 0, 0, north, east, down, 0, 0
-    )
+    return setpoint(acceleration=(north, east, down))
 
 
 def ardupilot() -> Station:
@@ -64,10 +63,10 @@ def test_an_attitude_accelerates_a_copter_by_its_tilt(flying: Callable[[], Stati
     shown = station.ask(ATTITUDE)
     assert math.degrees(shown.pitch) == pytest.approx(-10, abs=0.5)
     assert math.degrees(shown.roll) == pytest.approx(0, abs=0.5)
-    position = station.ask(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT)
+    north_m_s, east_m_s, _ = station.velocity_m_s
     # g tan(10 deg) for 3 s, less the drag of the air
-    assert 4.0 < position.vx / 100 < 3 * 9.81 * math.tan(math.radians(10))
-    assert abs(position.vy) < 20
+    assert 4.0 < north_m_s < 3 * 9.81 * math.tan(math.radians(10))
+    assert abs(east_m_s) < 0.2
     assert station.height_m == pytest.approx(30, abs=0.5)
 
 
@@ -109,19 +108,17 @@ def test_an_acceleration_is_flown(flying: Callable[[], Station]) -> None:
     station = flying()
     station.hold(attitude(0, 0, 0), 4)
     station.hold(acceleration(0, 1.5, 0), 2)
-    position = station.ask(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT)
-    assert position.vy / 100 == pytest.approx(3.0, abs=0.4)
-    assert abs(position.vx) < 20
+    north_m_s, east_m_s, _ = station.velocity_m_s
+    assert (north_m_s, east_m_s) == (pytest.approx(0, abs=0.2), pytest.approx(3.0, abs=0.4))
     station.hold(acceleration(0, 0, -0.5), 2)
-    assert station.ask(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT).vz / 100 == pytest.approx(-1.0, abs=0.3)
+    assert station.velocity_m_s[2] == pytest.approx(1.0, abs=0.3)
 
 
 def test_a_vehicle_stops_after_its_last_attitude_setpoint() -> None:
     station = ardupilot()
     station.hold(attitude(0, -10, 0), 3)
     station.wait(12)
-    position = station.ask(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT)
-    assert math.hypot(position.vx, position.vy) < 20
+    assert math.hypot(*station.velocity_m_s[:2]) < 0.2
 
 
 @pytest.mark.parametrize(

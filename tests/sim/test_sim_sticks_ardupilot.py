@@ -49,11 +49,6 @@ def flying(mode: int, height_m: float = 40.0) -> Station:
     return station
 
 
-def velocity_m_s(station: Station) -> tuple[float, float, float]:
-    message = station.ask(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT)
-    return message.vx / 100, message.vy / 100, -message.vz / 100
-
-
 # -- channels --------------------------------------------------------------------------------------------
 
 
@@ -196,10 +191,10 @@ def test_stabilize_takes_off_climbs_and_falls_by_its_throttle() -> None:
     hold(station, 2, 1500, 1500, 1400, 1500)
     assert station.height_m < 0.1
     hold(station, 5, 1500, 1500, 1700, 1500)
-    assert velocity_m_s(station)[2] == pytest.approx(8.5, abs=1.0)
+    assert station.velocity_m_s[2] == pytest.approx(8.5, abs=1.0)
     assert station.height_m == pytest.approx(32, abs=8)
     hold(station, 2, 1500, 1500, 1000, 1500)
-    assert velocity_m_s(station)[2] == pytest.approx(-8, abs=3)
+    assert station.velocity_m_s[2] == pytest.approx(-8, abs=3)
 
 
 @pytest.mark.parametrize(
@@ -216,7 +211,7 @@ def test_stabilize_takes_off_climbs_and_falls_by_its_throttle() -> None:
 def test_alt_hold_climbs_by_the_throttle_outside_its_deadzone(throttle_us: int, climb_m_s: float) -> None:
     station = flying(ALT_HOLD)
     hold(station, 3, 1500, 1500, throttle_us, 1500)
-    assert velocity_m_s(station)[2] == pytest.approx(climb_m_s, abs=0.12)
+    assert station.velocity_m_s[2] == pytest.approx(climb_m_s, abs=0.12)
 
 
 @pytest.mark.parametrize(
@@ -265,9 +260,9 @@ def test_loiter_flies_by_the_sticks_brakes_and_holds(mode: int) -> None:
     station = flying(mode)
     start_m = place_m(station)
     hold(station, 1, 1500, 1000, 1500, 1500)
-    assert 1.5 < velocity_m_s(station)[0] < 6  # no leap
+    assert 1.5 < station.velocity_m_s[0] < 6  # no leap
     hold(station, 6, 1500, 1000, 1500, 1500)
-    assert velocity_m_s(station)[0] == pytest.approx(11.5, abs=2)
+    assert station.velocity_m_s[0] == pytest.approx(11.5, abs=2)
     hold(station, 8, *NEUTRAL)
     held_m = place_m(station)
     hold(station, 5, *NEUTRAL)
@@ -275,7 +270,7 @@ def test_loiter_flies_by_the_sticks_brakes_and_holds(mode: int) -> None:
     assert held_m[0] - start_m[0] > 60
     assert station.height_m == pytest.approx(40, abs=1)
     hold(station, 4, 1500, 1500, 2000, 1500)
-    assert velocity_m_s(station)[2] == pytest.approx(2.5, abs=0.1)
+    assert station.velocity_m_s[2] == pytest.approx(2.5, abs=0.1)
     assert math.dist(place_m(station), held_m) < 0.5
 
 
@@ -308,7 +303,7 @@ def test_a_plane_glides_without_its_remote_control() -> None:
     station.wait(12)
     assert station.mode == "FBWA"
     assert station.ask(mavlink.MAVLINK_MSG_ID_VFR_HUD).throttle == 0
-    assert velocity_m_s(station)[2] < -0.3
+    assert station.velocity_m_s[2] < -0.3
 
 
 @pytest.mark.full

@@ -43,11 +43,6 @@ def flying(main: int, sub: int = 0, **params: float) -> QuietPx4Station:
     return station
 
 
-def velocity_m_s(station: QuietPx4Station) -> tuple[float, float, float]:
-    message = station.ask(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT)
-    return message.vx / 100, message.vy / 100, -message.vz / 100
-
-
 # -- input -----------------------------------------------------------------------------------------------
 
 
@@ -117,13 +112,13 @@ def test_position_takes_off_flies_brakes_and_holds() -> None:
     hold(station, 0.5, *CENTRE)
     assert station.arm() == ACCEPTED
     hold(station, 8, 0, 0, 1000, 0)
-    assert velocity_m_s(station)[2] == pytest.approx(3.0, abs=0.3)
+    assert station.velocity_m_s[2] == pytest.approx(3.0, abs=0.3)
     hold(station, 3, *CENTRE)
     held_m = station.height_m
     hold(station, 1, 1000, 0, 500, 0)
-    assert 1.5 < velocity_m_s(station)[0] < 5.5
+    assert 1.5 < station.velocity_m_s[0] < 5.5
     hold(station, 5, 1000, 0, 500, 0)
-    assert velocity_m_s(station)[0] == pytest.approx(9.5, abs=1.0)
+    assert station.velocity_m_s[0] == pytest.approx(9.5, abs=1.0)
     hold(station, 6, *CENTRE)
     stopped_m = place_m(station)
     hold(station, 4, *CENTRE)
@@ -146,16 +141,16 @@ def test_altitude_leans_and_climbs(throttle: int, climb_m_s: float) -> None:
     hold(station, 2.5, 1000, 0, throttle, 0)
     pitch_deg = math.degrees(station.ask(mavlink.MAVLINK_MSG_ID_ATTITUDE).pitch)
     assert pitch_deg == pytest.approx(-35, abs=1)
-    assert velocity_m_s(station)[2] == pytest.approx(climb_m_s, abs=0.15)
+    assert station.velocity_m_s[2] == pytest.approx(climb_m_s, abs=0.15)
 
 
 @pytest.mark.full
 def test_a_leaning_copter_sinks_in_stabilized() -> None:
     station = flying(STABILIZED)
     hold(station, 2, 1000, 0, 500, 0)
-    assert velocity_m_s(station)[2] < -1.0
+    assert station.velocity_m_s[2] < -1.0
     hold(station, 2, 0, 0, 700, 0)
-    assert velocity_m_s(station)[2] > 2.0
+    assert station.velocity_m_s[2] > 2.0
 
 
 @pytest.mark.full
@@ -170,7 +165,7 @@ def test_a_plane_banks_and_climbs_in_altitude() -> None:
     hold(station, 4, -1000, 1000, 500, 0)
     roll_deg = math.degrees(station.ask(mavlink.MAVLINK_MSG_ID_ATTITUDE).roll)
     assert roll_deg == pytest.approx(50, abs=2)  # FW_R_LIM
-    assert velocity_m_s(station)[2] == pytest.approx(3.0, abs=0.5)  # FW_T_CLMB_R_SP
+    assert station.velocity_m_s[2] == pytest.approx(3.0, abs=0.5)  # FW_T_CLMB_R_SP
 
 
 # -- taking over and loss --------------------------------------------------------------------------------

@@ -118,7 +118,7 @@ def test_equal_runs_give_equal_bytes_with_any_step() -> None:
     assert any(b"STRIKE" in frame for _, frame in once)
 
 
-def test_stopped_strike_messages_stay_stopped_with_another_stream() -> None:
+def test_strikes_are_sent_with_any_stream_unless_they_are_stopped() -> None:
     area = {"origin_lat_deg": LAT_DEG, "origin_lon_deg": LON_DEG, "rows": 3, "cols": 3, "cell_size_m": 50.0}
     extra = {"area": area, "firing_strength": (1.0, 0.5, 0.1), "hostiles": [[0, 0]]}
     station = Station(Fleet(scenario(**extra), ready_s=0))
@@ -126,6 +126,7 @@ def test_stopped_strike_messages_stay_stopped_with_another_stream() -> None:
     def counts(seconds: float) -> int:
         return sum(m.get_type() == "NAMED_VALUE_INT" for m in station.wait(seconds))
 
+    assert counts(5) == 0
     station.stream(mavlink.MAVLINK_MSG_ID_ATTITUDE)
     assert counts(5) == pytest.approx(5, abs=1)
     assert station.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, ONLY_WITH_HOSTILES, -1) == 0

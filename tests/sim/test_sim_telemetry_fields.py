@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from setpoint_messages import setpoint
 from station import ALT_M, LAT_DEG, LON_DEG, Station, home_item, land, scenario, takeoff, waypoint
 
 from sim_vehicle.fleet import Fleet
@@ -282,9 +283,7 @@ def test_ardupilot_reports_a_target_in_modes_with_a_target() -> None:
 def test_a_velocity_setpoint_is_the_local_target(personality: str) -> None:
     station = Station(_fleet(personality))
     _take_off(station, personality)
-    order = mavlink.MAVLink_set_position_target_local_ned_message(
-        0, 1, 1, mavlink.MAV_FRAME_LOCAL_NED, 0x0DC7, 0, 0, 0, 3.0, -2.0, -0.5, 0, 0, 0, 0, 0
-    )
+    order = setpoint(velocity=(3.0, -2.0, -0.5))
     station.send(order)
     if personality == "px4":
         assert station.command(mavlink.MAV_CMD_DO_SET_MODE, 1, 6) == 0  # Offboard

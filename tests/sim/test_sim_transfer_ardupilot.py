@@ -9,7 +9,6 @@ from transfer_bench import (
     CIRCLE,
     EXCLUDED,
     FENCE,
-    MISSION,
     NOT_CIRCLE,
     POLYGON,
     RALLY,
@@ -24,10 +23,8 @@ from transfer_bench import (
     waypoints,
 )
 
-from sim_vehicle.vehicle.injected_faults import MissionRefusal
-
 ACCEPTED, ERROR, UNSUPPORTED_FRAME, UNSUPPORTED, NO_SPACE = 0, 1, 2, 3, 4
-INVALID_SEQUENCE, DENIED, CANCELLED = 13, 14, 15
+INVALID_SEQUENCE, CANCELLED = 13, 15
 
 
 def ring(vertices: int, command: int = POLYGON) -> list[dict[str, Any]]:
@@ -248,18 +245,6 @@ def test_an_item_with_current_2_is_a_guided_target() -> None:
     assert results(bench.item(fields(0, current=2, command=2999))) == [UNSUPPORTED]
     assert bench.calls == [("guided", 20.0, False), ("guided", 20.0, False), ("guided", 33.0, True)]
     assert bench.mission.count == 0
-
-
-def test_a_refused_mission() -> None:
-    bench = ardupilot()
-    bench.refusal = MissionRefusal(DENIED)
-    assert bench.upload(waypoints(3)) == DENIED
-    bench.refusal = MissionRefusal(NO_SPACE, at_item=1)
-    assert bench.upload(waypoints(3)) == NO_SPACE
-    assert bench.mission.count == 1
-    bench.refusal = None
-    assert bench.upload(waypoints(3)) == ACCEPTED
-    assert bench.calls[-1] == ("stored", MISSION, 3)
 
 
 def test_ardupilot_has_no_mission_ids() -> None:

@@ -25,6 +25,8 @@ from transfer_bench import (
     waypoints,
 )
 
+from sim_vehicle.vehicle.injected_faults import MissionRefusal
+
 PEERS = [GCS, (250, 190), (1, 191)]
 KINDS = [MISSION, FENCE, RALLY, 3, 255]
 QUIET_S = 10.0  # longer than either waits for an item
@@ -154,3 +156,16 @@ def test_an_upload_over_a_lossy_link_stores_the_whole_mission(make: Any, lost: l
             wanted = replies
     assert accepted or bench.mission.count == 5
     assert [item.x for item in bench.mission.items] == [values["x"] for values in items]
+
+
+@pytest.mark.parametrize(("make", "kept", "told"), [(ardupilot, 1, [("stored", MISSION, 3)]), (px4, 0, [])])
+def test_a_fault_refuses_a_mission_at_once_or_at_an_item(make: Any, kept: int, told: list[Any]) -> None:
+    bench: Bench = make()
+    bench.refusal = MissionRefusal(mavlink.MAV_MISSION_DENIED)
+    assert bench.upload(waypoints(3)) == mavlink.MAV_MISSION_DENIED
+    bench.refusal = MissionRefusal(mavlink.MAV_MISSION_NO_SPACE, at_item=1)
+    assert bench.upload(waypoints(3)) == mavlink.MAV_MISSION_NO_SPACE
+    assert len(bench.mission.items) == kept
+    bench.refusal = None
+    assert bench.upload(waypoints(3)) == mavlink.MAV_MISSION_ACCEPTED
+    assert bench.calls[-1:] == told

@@ -23,8 +23,6 @@ from transfer_bench import (
     waypoints,
 )
 
-from sim_vehicle.vehicle.injected_faults import MissionRefusal
-
 OTHER = (254, 190)
 ACCEPTED, ERROR = 0, 1
 
@@ -250,14 +248,3 @@ def test_messages_to_another_autopilot_are_ignored() -> None:
         assert bench.send(mavlink.MAVLink_mission_count_message(system, component, 2, 0)) == []
     for component in (0, 1, 190):
         assert requests(bench.send(mavlink.MAVLink_mission_count_message(1, component, 2, 0))) == [0]
-
-
-def test_a_refused_mission() -> None:
-    bench = px4()
-    bench.refusal = MissionRefusal(mavlink.MAV_MISSION_DENIED)
-    assert bench.upload(waypoints(3)) == mavlink.MAV_MISSION_DENIED
-    bench.refusal = MissionRefusal(mavlink.MAV_MISSION_NO_SPACE, at_item=1)
-    assert bench.upload(waypoints(3)) == mavlink.MAV_MISSION_NO_SPACE
-    assert bench.mission.empty
-    bench.refusal = None
-    assert bench.upload(waypoints(3)) == ACCEPTED

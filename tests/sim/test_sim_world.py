@@ -58,12 +58,6 @@ def test_a_vehicle_flies_alike_alone_and_in_a_fleet(fleet: list[tuple[bool, int]
         assert rows(together, index) == rows(flown([plane], [seed]), 0)
 
 
-def test_equal_seeds_give_equal_worlds_and_other_seeds_do_not() -> None:
-    first, again, other = flown([False], [1]), flown([False], [1]), flown([False], [2])
-    assert rows(first, 0) == rows(again, 0)
-    assert rows(first, 0) != rows(other, 0)
-
-
 def test_draws_do_not_depend_on_the_number_of_generators() -> None:
     alone = Normals([np.random.default_rng(7)], 3)
     among = Normals([np.random.default_rng(seed) for seed in range(5, 75)], 3)

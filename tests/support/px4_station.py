@@ -77,6 +77,12 @@ class Px4Station(Station):
         assert self.upload(items) == 0
         self.wait(1.0)
 
+    def fly_mission(self, items: Sequence[dict[str, Any]]) -> None:
+        """Upload, and arm in the mission mode."""
+        self.upload_and_wait(items)
+        assert self.change(AUTO, MISSION) == 0
+        assert self.arm() == 0
+
     def fly(self, height_m: float = 20.0) -> None:
         """Arm, take off and hold at a height."""
         assert self.arm() == 0

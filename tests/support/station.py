@@ -67,6 +67,12 @@ def land(north_m: float, east_m: float) -> dict[str, Any]:
     return item(mavlink.MAV_CMD_NAV_LAND, north_m, east_m)
 
 
+def landing_mission() -> list[dict[str, Any]]:
+    """Return a mission of an ArduPlane, with its home and a landing sequence from item 3."""
+    start = item(mavlink.MAV_CMD_DO_LAND_START, 200, 600)
+    return [home_item(), takeoff(50), waypoint(3000, 0, 60), start, waypoint(0, 600, 40), land(0, 0)]
+
+
 def place_m(station: "Station") -> tuple[float, float]:
     """Return the true position of the vehicle: north and east of the start [m]."""
     truth = station.fleet.truth()
@@ -248,6 +254,17 @@ class Station:
     @property
     def height_m(self) -> float:
         return float(self.fleet.truth().height_m[0])
+
+    @property
+    def velocity_m_s(self) -> tuple[float, float, float]:
+        """The reported velocity: north, east, up."""
+        message = self.ask(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT)
+        return message.vx / 100, message.vy / 100, -message.vz / 100
+
+    @property
+    def prearm_ok(self) -> bool:
+        health = self.ask(mavlink.MAVLINK_MSG_ID_SYS_STATUS).onboard_control_sensors_health
+        return bool(health & mavlink.MAV_SYS_STATUS_PREARM_CHECK)
 
     @property
     def armed(self) -> bool:
