@@ -30,9 +30,9 @@ AHEAD_M = 20.0
 because a slow vehicle that turns back at a corner seems to go back on the leg before the corner."""
 CUT_CORNERS = 1.5
 """Distance ahead in which the next place is looked for, in units of the distance moved."""
-MOVES_M_S, BESIDE_M = 1.0, 1.0
-"""Speed from which on a vehicle's direction of flight counts [m/s], and distance within which two legs count
-as equally near [m]."""
+MOVES_M_S, EQUALLY_NEAR_M, CORNER_M = 1.0, 1.0, 3.0
+"""Speed from which on a vehicle's direction of flight counts [m/s], distance within which two legs count as
+equally near [m], and distance before a corner from which a vehicle may turn to the next leg [m]."""
 OVERHEAD_M = 1.0
 """Greatest distance before a centre at which a vehicle counts as over the centre [m]."""
 
@@ -163,19 +163,23 @@ def progress_on(
     if at.cross_track_m > flight.on_route_m:
         at = flight.legs.locate(here, since_m)
     elif _leads_against(flight.legs, at.leg, vehicle):
-        at = _after_turning_back(flight.legs, at, here, until_m, vehicle)
+        reachable_m = before.reached_m + CUT_CORNERS * math.dist(before.here, here) + CORNER_M
+        at = _after_turning_back(flight.legs, at, here, reachable_m, vehicle)
     return Progress(flight, here, at, max(before.reached_m, at.along_m))
 
 
 def _after_turning_back(
-    legs: StraightLegs, at: TrackPosition, here: PlanarPoint, until_m: float, vehicle: VehicleState
+    legs: StraightLegs, at: TrackPosition, here: PlanarPoint, reachable_m: float, vehicle: VehicleState
 ) -> TrackPosition:
-    """Return the place on the leg back, of two legs over the same ground; `at` is on the leg out."""
+    """Return the place on the leg back, of two legs over the same ground; `at` is on the leg out.
+
+    A vehicle that moves back before it can have reached the corner stays on the leg out.
+    """
     corner_m = legs.at_m[at.leg + 1]
-    if corner_m >= min(until_m, legs.at_m[-1]):
+    if corner_m >= min(reachable_m, legs.at_m[-1]):
         return at
-    back = legs.locate(here, corner_m, until_m)
-    is_beside = back.cross_track_m <= at.cross_track_m + BESIDE_M
+    back = legs.locate(here, corner_m, corner_m + AHEAD_M)
+    is_beside = back.cross_track_m <= at.cross_track_m + EQUALLY_NEAR_M
     return back if is_beside and not _leads_against(legs, back.leg, vehicle) else at
 
 

@@ -33,7 +33,7 @@ def order(
             "--ignore",
             metavar="NAME",
             help="Launch although the route conflicts with the flight of this vehicle (name or system id); "
-            "repeatable. Collision avoidance in flight still covers that vehicle.",
+            "repeatable. The last resort in flight still covers that vehicle.",
             show_default=False,
         ),
     ] = None,

@@ -79,7 +79,8 @@ class Config(Roster, extra="forbid"):
         PreflightSection(), description="Checks of every vehicle before arming."
     )
     separation: SeparationSection = Field(
-        SeparationSection(), description="The least distances between vehicles, and collision avoidance."
+        SeparationSection(),
+        description="The least distances between vehicles, and the reaction to conflicts.",
     )
     arrival: ArrivalSection | None = Field(
         None, description="Arrival of all vehicles at one time, or in order. Default: independent arrivals."

@@ -31,5 +31,6 @@ class SeparationSection(Section):
     action: Literal["hold", "climb", "none"] = Field(
         "hold",
         description="Reaction to a conflict within look_ahead_s, by the rule of priority. hold: a copter "
-        "stops until its way is clear, a fixed wing climbs. climb: a climb. none: only the alarm.",
+        "stops until its way is clear, a fixed wing climbs. climb: a climb, and a stop at the last moment "
+        "if that is not enough. none: only the alarm.",
     )

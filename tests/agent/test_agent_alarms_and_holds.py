@@ -1,4 +1,4 @@
-"""Collision avoidance of one agent, as stories."""
+"""Alarms, evasive climbs and holds of one agent, as stories."""
 
 from __future__ import annotations
 
@@ -29,7 +29,9 @@ def gives_way(action: AvoidanceAction, uav: int, **changes: Any) -> bool:
     story = ApproachStory(action)
     story.crossing(uav, **changes)
     effects = story.at(125.0)
-    return story.state.height_offset_m > 0.0 or orders(effects) == [ev.FlightOrder.HOLD]
+    climbs, holds = story.state.height_offset_m > 0.0, orders(effects) == [ev.FlightOrder.HOLD]
+    assert not (holds if action == "climb" else climbs)
+    return climbs or holds
 
 
 @pytest.mark.parametrize("action", ["climb", "hold"])
@@ -44,6 +46,43 @@ def test_a_vehicle_gives_way_to_one_that_does_not_receive_it(
     action: AvoidanceAction, hears: tuple[int, ...]
 ) -> None:
     assert gives_way(action, 3, hears=hears)
+
+
+@pytest.mark.parametrize(
+    ("action", "uav", "changes", "expected"),
+    [
+        ("climb", 1, {}, ["alarm-yields"]),
+        ("climb", 3, {}, ["alarm-other-yields"]),
+        ("climb", 3, {"hears": ()}, ["alarm-not-heard"]),
+        ("hold", 1, {}, ["alarm-yields", "stops-in-time"]),
+        ("hold", 3, {"hears": ()}, ["alarm-not-heard", "stops-in-time"]),
+        ("none", 1, {}, ["alarm"]),
+    ],
+)
+def test_an_alarm_tells_the_reaction(
+    action: AvoidanceAction, uav: int, changes: dict[str, Any], expected: list[str]
+) -> None:
+    story = ApproachStory(action)
+    story.crossing(uav, **changes)
+    assert codes(story.at(125.0)) == expected
+
+
+def test_a_returning_vehicle_tells_that_it_cannot_climb_out_of_the_way() -> None:
+    story = ApproachStory(action="climb")
+    story(ev.OperatorCommand(ev.FlightOrder.RETURN))
+    story(ev.OrderDone(ev.FlightOrder.RETURN))
+    story.other(1, 200.0, MID_M[1], (0.0, 0.0, 0.0))
+    assert codes(story.at(130.0, mode="RTL", mode_role="return")) == ["alarm-cannot-yield"]
+
+
+def test_a_vehicle_that_climbs_stops_at_its_last_moment() -> None:
+    """The vehicle ahead does not move, and its height has no room above it."""
+    story = ApproachStory(action="climb", fence=Fence((), 36.0))
+    stops = []
+    for east_m in range(100, 220, 10):
+        story.other(1, 230.0, MID_M[1], (0.0, 0.0, 0.0), phase="holding")
+        stops += [east_m] * (orders(story.at(float(east_m))) == [ev.FlightOrder.HOLD])
+    assert 40.0 < 230.0 - stops[0] < 90.0
 
 
 @pytest.mark.parametrize("action", ["climb", "hold"])
@@ -165,7 +204,7 @@ def test_the_least_distance_includes_vehicles_of_other_processes() -> None:
     assert (least["horizontal_m"], least["vertical_m"]) == pytest.approx((5.0, 8.0), abs=0.01)
 
 
-def test_an_operators_order_takes_precedence() -> None:
+def test_an_operators_order_ends_the_hold() -> None:
     story = ApproachStory()
     story.stopped()
     assert orders(story(ev.OperatorCommand(ev.FlightOrder.RETURN))) == [ev.FlightOrder.RETURN]
@@ -175,7 +214,7 @@ def test_an_operators_order_takes_precedence() -> None:
     assert story.state.phase is Phase.LEAVING
 
 
-def test_a_returning_vehicle_is_not_stopped() -> None:
+def test_a_returning_vehicle_without_a_known_home_is_not_stopped() -> None:
     story = ApproachStory()
     story(ev.OperatorCommand(ev.FlightOrder.RETURN))
     story(ev.OrderDone(ev.FlightOrder.RETURN))

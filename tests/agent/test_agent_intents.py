@@ -415,7 +415,7 @@ def test_no_two_plans_conflict_after_all_intents_have_arrived(
         a, b = one.state, other.state
         if Phase.FLYING not in (a.phase, b.phase) or a.own_intent is None or b.own_intent is None:
             continue
-        # Collision avoidance handles descents through another vehicle's height. Times are compared by
+        # `landing_queue` handles descents through another vehicle's height. Times are compared by
         # positions up to 0.5 s old.
         mine, theirs = until_landing(a.own_intent), {b.task.uav: until_landing(b.own_intent)}
         meet = find_clashes(mine, theirs, a.task.separation.limits, TIME_TOLERANCE_S - 0.6)

@@ -122,3 +122,16 @@ def test_a_corner_stays_ahead_until_it_is_passed() -> None:
         assert progress is not None
         waypoints.append(progress.waypoint)
     assert waypoints == [1, 1, 2]
+
+
+def test_a_vehicle_that_moves_back_before_a_corner_stays_before_it() -> None:
+    plan = plan_over(((0, 0), (0, 3), (0, 0)))
+    rows = flown(plan, 1.0)
+    turns_m = PlannedFlight.of(plan, GRID, at(0.0, 0.0)).legs.at_m[2]
+    progress = next(row for true_m, row in rows if true_m >= turns_m - 10.0)
+    for back_m in (1.0, 2.0, 3.0):
+        place = rows[int(turns_m - 10.0 - back_m)][1].here
+        after = progress_on(plan, progress, GRID, at(*place, (-2.0, 0.0)))
+        assert after is not None
+        progress = after
+        assert progress.along_m < turns_m

@@ -121,9 +121,9 @@ def not_following(state: AgentState, reason: str) -> StepResult:
 
 
 def _alone(state: AgentState, formation: Formation) -> StepResult:
-    """Fly on for as long as the others keep the place, stand still, and then fly the own mission."""
+    """Leave if all others have left. Else fly on while they keep the place, stand still, and then leave."""
     membership, now_s = state.membership, state.now_boot_s
-    if not any(report.message.joins for report in membership.told.values()):
+    if membership.told and not any(report.message.joins for report in membership.told.values()):
         return _leave(state, "all other members have left")
     since_s = now_s if membership.alone_since_boot_s is None else membership.alone_since_boot_s
     if now_s - since_s >= formation.alone_after_s:

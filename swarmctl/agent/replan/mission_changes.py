@@ -131,13 +131,13 @@ def mission_failed(state: AgentState, event: ev.MissionFailed, now: float) -> St
     if state.phase is Phase.LANDING and (event.flying != "old" or swap.plan.from_hold):
         # The vehicle may hold in its goal cell, so it has to land there.
         return command(state, ev.FlightOrder.LAND)
+    # Without an announcement others expect the flight by the new plan, for long if the link is lost.
     if state.phase is Phase.LANDING:
-        return without_swap_trouble(state), []
+        return without_swap_trouble(state).with_new_flight(), []
     if state.phase is not Phase.FLYING:
         return state, []
     if state.plans.swaps.n_failed >= MAX_FAILED_SWAPS:
         return command(state, state.task.fallback, phase=Phase.LEAVING, given_up=True)
     retry_at_s = now if event.is_late else now + RETRY_AFTER_S
     plans = state.plans.again(swap, retry_at_s, flies_old=event.flying == "old")
-    # The link may be lost: without this announcement others expect the flight by the new plan for long.
     return replace(state, plans=plans).with_new_flight(), []

@@ -37,8 +37,9 @@ SHORT_S = 4.5
 """Duration of a leg at full speed [s]; the estimate has a stop at both ends of a shorter leg."""
 STRAIGHT_RAD = 0.1
 """Greatest turn that counts as straight [rad]."""
-BESIDE_M = 3.0
-"""Greatest distance from the line of a leg at which a vehicle flies on to it without a turn [m]."""
+BESIDE_M, BESIDE_RAD = 3.0, 0.5
+"""Greatest distance from the line of a leg [m], and greatest turn [rad], with which a vehicle beside the line
+flies on to it as if it came along the line."""
 LEAST_RAMP_S = 0.5
 """Least time between two points of a timed track between corners [s]."""
 LEAST_RAMP_M = 0.1
@@ -174,19 +175,18 @@ def _corner_times_and_speeds(
 def _corners(track: Sequence[PlanarPoint]) -> list[PlanarPoint]:
     corners: list[PlanarPoint] = list(track[:1])
     for here, after in pairwise(track[1:]):
-        is_turn = here != corners[-1] and _turn_rad(corners[-1], here, after) > STRAIGHT_RAD
-        if is_turn and not (len(corners) == 1 and _is_beside(corners[0], here, after)):
+        turn_rad = 0.0 if here == corners[-1] else _turn_rad(corners[-1], here, after)
+        is_drift = len(corners) == 1 and turn_rad <= BESIDE_RAD and _is_beside(corners[0], here, after)
+        if turn_rad > STRAIGHT_RAD and not is_drift:
             corners.append(here)
     return corners + [end for end in track[1:][-1:] if end != corners[-1]]
 
 
 def _is_beside(start: PlanarPoint, here: PlanarPoint, after: PlanarPoint) -> bool:
-    """Return whether a vehicle at `start` comes along the line from `here` to `after`, or just beside it."""
-    leg_m, away = math.dist(here, after), (start[0] - here[0], start[1] - here[1])
-    if leg_m == 0.0:
-        return False
-    east, north = (after[0] - here[0]) / leg_m, (after[1] - here[1]) / leg_m
-    return away[0] * east + away[1] * north < 0.0 and abs(away[0] * north - away[1] * east) <= BESIDE_M
+    """Return whether `start` is within BESIDE_M of the line through `here` and `after`."""
+    leg_m = math.dist(here, after)
+    east, north = after[0] - here[0], after[1] - here[1]
+    return abs((start[0] - here[0]) * north - (start[1] - here[1]) * east) <= BESIDE_M * leg_m
 
 
 def _turn_rad(before: PlanarPoint, here: PlanarPoint, after: PlanarPoint) -> float:

@@ -13,10 +13,10 @@
 | `launching` | first route | waits on the ground |
 | `route_deconfliction` | plans, before and while they are flown | another height, another route, or hold |
 | `route_hold` | a hold on the route | its begin, its end, the heights that it may go on at |
-| `alarms` | positions, 10 s ahead | tells of a conflict; a fixed wing climbs |
+| `alarms` | positions, `look_ahead_s` ahead | reports a conflict; climbs, if the vehicle gives way so |
 | `landing_queue` | descent at the goal | holds above the landing spot |
 | `returning`, `return_schedule` | return path | holds until the path is clear |
-| `last_resort` | plans and velocities, 10 s ahead | stops in time |
+| `last_resort` | plans and velocities, `look_ahead_s` ahead | stops a copter in time |
 
 One check: launch, new plan, flown plan, hold, return and landing ask `check.clashes_with` about
 `check.known_flights`: intents, else extrapolated positions, else last positions. A vehicle off its intent

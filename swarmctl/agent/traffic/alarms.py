@@ -3,16 +3,18 @@
 An alarm predicts that this vehicle and another come too close within `look_ahead_s` (default 10 s). A fixed
 wing, which cannot stop, gives way with a climb. So does a copter with `separation.action: climb`. The rule of
 `priority` says which vehicle gives way. A vehicle that does not acknowledge this vehicle's state cannot give
-way to it. A copter stops later, if that is necessary (`last_resort`).
+way to it. `last_resort` stops a copter.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from swarmctl.agent.commands import StepResult
 from swarmctl.agent.phases import EN_ROUTE, IN_FLIGHT, Phase
 from swarmctl.agent.state import AgentState
+from swarmctl.agent.traffic.last_resort import may_stop
 from swarmctl.agent.traffic.own_flight import own_trajectory, reach
 from swarmctl.agent.traffic.prediction import (
     hears_nobody,
@@ -23,6 +25,7 @@ from swarmctl.agent.traffic.prediction import (
 from swarmctl.agent.traffic.priority import Activity, Standing, activity_of, gives_way
 from swarmctl.agent.traffic.route_hold import (
     ceiling_m,
+    climbs_to_give_way,
     may_give_way,
     reachable_heights_m,
 )
@@ -39,7 +42,7 @@ from swarmctl.core.records import replace
 
 
 def raise_alarms(state: AgentState) -> StepResult:
-    """Update the alarms, report new alarms, and climb if the vehicle gives way so."""
+    """Update and report the alarms; request a climb if the vehicle gives way by climbing."""
     if not (state.neighbours or state.alarms):
         return state, []
     rules, now_s = state.task.separation, state.vehicle.time_boot_s
@@ -57,22 +60,15 @@ def raise_alarms(state: AgentState) -> StepResult:
     messages: list[ev.Effect] = [
         ev.NotifyOperator(f"{_alarm_text(state, alarm)}{_reaction(state, alarm)}") for alarm in new
     ]
-    lower_ids = [alarm for alarm in alarms if alarm.is_close and alarm.other > state.task.uav]
-    if (
-        _climbs(state)
-        and not state.is_waiting
-        and may_give_way(state)
-        and not hears_nobody(state)
-        and any(_has_to_give_way(state, alarm.other) for alarm in (*new, *lower_ids))
-    ):
-        state = _climb(state)
-    return state, messages
+    return _climb(state) if _has_to_climb(state, new) else state, messages
 
 
-def _climbs(state: AgentState) -> bool:
-    """Return whether the vehicle gives way with a climb."""
-    action = state.task.separation.action
-    return action == "climb" or (action == "hold" and state.task.wings is not None)
+def _has_to_climb(state: AgentState, new: Sequence[ProximityAlarm]) -> bool:
+    """Return whether the vehicle climbs now: at a new alarm, or if the other cannot give way any more."""
+    if not climbs_to_give_way(state) or state.is_waiting or not may_give_way(state) or hears_nobody(state):
+        return False
+    lower_ids = (alarm for alarm in state.alarms if alarm.is_close and alarm.other > state.task.uav)
+    return any(_has_to_give_way(state, alarm.other) for alarm in (*new, *lower_ids))
 
 
 def _is_alone(state: AgentState) -> bool:
@@ -137,16 +133,19 @@ def _alarm_text(state: AgentState, alarm: ProximityAlarm) -> str:
 def _reaction(state: AgentState, alarm: ProximityAlarm) -> str:
     if state.task.separation.action == "none":
         return "; separation.action is none, so order one vehicle to hold [alarm]"
-    if not _climbs(state):
-        return "; one of the two stops in time, if it can [alarm-stops]"
-    if not _has_to_give_way(state, alarm.other):
-        return f"; vehicle {alarm.other} gives way [alarm-other-yields]"
-    if not (may_give_way(state) or state.is_waiting):
+    if climbs_to_give_way(state):
+        can, does = may_give_way(state), "gives way"
+        if not _has_to_give_way(state, alarm.other):
+            return f"; vehicle {alarm.other} gives way [alarm-other-yields]"
+    else:
+        can, does = may_stop(state), "stops if that is necessary"
+    if not (can or state.is_waiting):
         advice = f"if vehicle {alarm.other} does not give way, order vehicle {alarm.other} to hold"
         return f"; this vehicle cannot give way now; {advice} [alarm-cannot-yield]"
     report = state.neighbours.get(alarm.other)
-    acknowledges = report is None or report.state.phase not in EN_ROUTE or _acknowledges(state, report)
-    if acknowledges or state.task.uav > alarm.other:
-        return "; this vehicle gives way [alarm-yields]"
-    cause = f"vehicle {alarm.other} does not acknowledge receiving its state"
-    return f"; this vehicle gives way, because {cause} [alarm-not-heard]"
+    if report is None or report.state.phase not in EN_ROUTE or _acknowledges(state, report):
+        return f"; this vehicle {does} [alarm-yields]"
+    return (
+        f"; this vehicle {does}; vehicle {alarm.other} does not acknowledge receiving its state "
+        "[alarm-not-heard]"
+    )

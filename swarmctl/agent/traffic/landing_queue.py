@@ -82,7 +82,7 @@ def queue_for_landing(state: AgentState) -> StepResult:
     if state.phase is not Phase.LANDING or state.task.wings is not None or state.lost:
         return state, []
     here, wait = position_amsl(state), state.wait if state.is_waiting else None
-    if wait is not None and is_urgent(state) and not wait.has_just_begun(state.vehicle.time_boot_s):
+    if wait is not None and is_urgent(state) and not wait.other_may_pass(state.vehicle.time_boot_s):
         text = "an urgent failsafe ends the wait; the vehicle lands where it is [landing-urgent]"
         return _land_here(state, text)
     if here is None:

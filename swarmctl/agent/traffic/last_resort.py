@@ -19,7 +19,7 @@ from collections.abc import Mapping, Sequence
 
 from swarmctl.agent.commands import StepResult
 from swarmctl.agent.own_modes import own_mode_roles
-from swarmctl.agent.phases import Phase
+from swarmctl.agent.phases import EN_ROUTE, Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.check import (
     come_within,
@@ -32,6 +32,7 @@ from swarmctl.agent.traffic.landing_queue import hold_before_landing, is_urgent
 from swarmctl.agent.traffic.own_flight import planned_flight, position_amsl, reach
 from swarmctl.agent.traffic.prediction import (
     HEARD_S,
+    MAX_REPORT_AGE_S,
     acknowledged_s,
     hears_nobody,
     home_amsl_m,
@@ -51,6 +52,8 @@ STRAIGHT_ON_S = 5.0
 """Time for which a vehicle may fly straight on instead of by its plan [s]."""
 REACTS_S = 1.5
 """Longest time from a decision to the start of braking [s]: the last moment for a stop allows for it."""
+DECIDES_WITHIN_S = 1.0
+"""Time before the last moment for a stop in which the rule of priority decides [s]."""
 LIKELY_REACTION_S, LIKELY_BRAKING_M_S2 = 0.75, 2.6
 """Probable time to the start of braking [s], and deceleration: with them two flights are compared."""
 SPEED_OVER_S = 0.5
@@ -67,9 +70,9 @@ def stop_in_time(state: AgentState) -> StepResult:
     """Hold if the vehicle comes too close to another one soon, and has to stop for it."""
     if hears_nobody(state):
         return _stop_if_unannounced(state)
-    if not _may_stop(state) or (not state.neighbours and not state.intents):
+    if not may_stop(state) or (not state.neighbours and not state.intents):
         return state, []
-    look_ahead_s = state.task.separation.look_ahead_s
+    look_ahead_s = _compared_s(state)
     box = reach(state, look_ahead_s, STRAIGHT_ON_S)
     if box is None or not may_meet_anyone(state, box):
         return state, []
@@ -95,7 +98,9 @@ def stop_in_time(state: AgentState) -> StepResult:
         return state, []
     to = {uav: state.neighbours[uav] for uav in to_avoid if uav in state.neighbours}
     names = " and ".join(f"vehicle {uav}" for uav in sorted(to_avoid))
-    text = f"the vehicle would come too close to {names} within seconds; it holds [stops-in-time]"
+    text = (
+        f"the vehicle would come too close to {names} soon; it holds until its way is clear [stops-in-time]"
+    )
     return _hold(state, to, text)
 
 
@@ -112,7 +117,7 @@ def _stop_if_unannounced(state: AgentState) -> StepResult:
     begins_route = (
         state.phase is Phase.FLYING and state.plans.route is None and state.plans.pending is not None
     )
-    if not is_unannounced or not (_may_stop(state) or (_follows_own_order(state) and begins_route)):
+    if not is_unannounced or not (may_stop(state) or (_follows_own_order(state) and begins_route)):
         return state, []
     text = "no other vehicle is heard any more, and none knows this flight; the vehicle holds [unannounced]"
     return _hold(state, {}, text)
@@ -142,8 +147,8 @@ def _has_to_stop(state: AgentState, mine: Paths, stop: Trajectory, uav: int, int
     last_moment_s = vehicle.time_boot_s + REACTS_S + vehicle.ground_speed_m_s / BRAKING_M_S2
     if share_of([path.lasting(last_moment_s) for path in mine], theirs, limits) < ENOUGH:
         return True
-    if state.task.separation.action == "climb":
-        return False  # until the last moment the vehicle climbs to give way
+    if state.task.separation.action == "climb" and state.phase in EN_ROUTE:
+        return False  # until its last moment the vehicle climbs to give way
     here = position_amsl(state)
     assert here is not None
     own = Standing(activity_of(state.phase), True, state.task.uav, here[2])
@@ -165,9 +170,10 @@ def _standing(state: AgentState, mine: Paths, together: float, uav: int, intent:
 
 
 def _may_hold(state: AgentState, other: NeighbourReport) -> bool:
-    """Return whether another vehicle may hold for this one: a copter, en route or landing, that hears it."""
+    """Return whether another vehicle may hold for this one: a copter in contact, en route or landing."""
+    is_heard = 0.0 <= state.vehicle.time_boot_s - other.at_s <= MAX_REPORT_AGE_S
     is_free = activity_of(other.state.phase) in (Activity.EN_ROUTE, Activity.LANDING)
-    return is_free and other.state.hovers and state.task.uav in other.state.hears
+    return is_heard and is_free and other.state.hovers and state.task.uav in other.state.hears
 
 
 def _can_stop_for(state: AgentState, stop: Trajectory, uav: int, intent: NeighbourIntent) -> bool:
@@ -177,14 +183,14 @@ def _can_stop_for(state: AgentState, stop: Trajectory, uav: int, intent: Neighbo
         return False
     flight = intent.straight or intent.flight
     brakes_s = state.vehicle.time_boot_s + LIKELY_REACTION_S + REACTS_S
-    before, there = flight.lasting(brakes_s).at(brakes_s - SPEED_OVER_S), flight.lasting(brakes_s).points[-1]
+    until = flight.lasting(brakes_s)
+    before, there = until.at(brakes_s - SPEED_OVER_S), until.points[-1]
     if before is None:
         return False
-    east_m_s, north_m_s, climb_m_s = ((b - a) / SPEED_OVER_S for a, b in zip(before, there, strict=True))
-    velocity_m_s = east_m_s, north_m_s, climb_m_s
-    rules = state.task.separation
-    last = brake(there, velocity_m_s, brakes_s, rules.look_ahead_s, brakes_m_s2=LIKELY_BRAKING_M_S2)
-    return share_of((stop,), (flight.lasting(brakes_s), last), rules.limits) >= ENOUGH
+    velocity_m_s = (there[0] - before[0]) / SPEED_OVER_S, (there[1] - before[1]) / SPEED_OVER_S, 0.0
+    last = brake(there, velocity_m_s, brakes_s, _compared_s(state), brakes_m_s2=LIKELY_BRAKING_M_S2)
+    limits = intent.limits(state.task.separation.limits)
+    return share_of((stop,), (until, last), limits) >= ENOUGH
 
 
 def _helps(stop: Trajectory, others: Paths, limits: Limits, together: float) -> bool:
@@ -207,7 +213,7 @@ def _paths(state: AgentState, uav: int, intent: NeighbourIntent) -> Paths:
         return (straight,)
     if intent.flight.ends_in_hold:
         here = straight.points[0]
-        until_s = now_s + state.task.separation.look_ahead_s
+        until_s = now_s + _compared_s(state)
         return intent.flight, Trajectory((now_s, until_s), (here, here))
     return intent.flight, straight.lasting(max(now_s, straight.times_s[0]) + STRAIGHT_ON_S)
 
@@ -222,8 +228,13 @@ def _straight_on(here: LocalPoint, velocity_m_s: LocalPoint, plan: Trajectory, n
 
 def _stop(state: AgentState, here: LocalPoint, velocity_m_s: LocalPoint, now_s: float) -> Trajectory:
     """Return the probable flight of a vehicle that stops now, heights above the sea."""
-    for_s = state.task.separation.look_ahead_s
-    return brake(here, velocity_m_s, now_s, for_s, LIKELY_REACTION_S, LIKELY_BRAKING_M_S2)
+    return brake(here, velocity_m_s, now_s, _compared_s(state), LIKELY_REACTION_S, LIKELY_BRAKING_M_S2)
+
+
+def _compared_s(state: AgentState) -> float:
+    """Return the time ahead in which flights are compared [s]: enough for the rule of priority to decide."""
+    last_moment_s = REACTS_S + state.task.arrival.speed_m_s / BRAKING_M_S2
+    return max(state.task.separation.look_ahead_s, last_moment_s + DECIDES_WITHIN_S)
 
 
 def _follows_own_order(state: AgentState) -> bool:
@@ -237,7 +248,8 @@ def _follows_own_order(state: AgentState) -> bool:
     return follows and is_high and vehicle.armed and vehicle.mode_role in own_mode_roles(state)
 
 
-def _may_stop(state: AgentState) -> bool:
+def may_stop(state: AgentState) -> bool:
+    """Return whether the vehicle can stop for another one now."""
     if not _follows_own_order(state):
         return False
     match state.phase:

@@ -84,7 +84,12 @@ def _passes(begin_m: float, way_m: float, low_m: float, high_m: float) -> bool:
 
 def home_amsl_m(state: AgentState) -> float:
     """Return the height of this vehicle's home above the sea; 0 if the vehicle's heights are unknown."""
-    return (state.vehicle.alt_amsl_m or 0.0) - (state.vehicle.alt_rel_m or 0.0)
+    vehicle = state.vehicle
+    return (
+        0.0
+        if vehicle.alt_amsl_m is None or vehicle.alt_rel_m is None
+        else vehicle.alt_amsl_m - vehicle.alt_rel_m
+    )
 
 
 def _reported_position(state: AgentState, report: NeighbourReport) -> LocalPoint:

@@ -4,7 +4,7 @@ A new plan of a flying vehicle is compared with the recent intents of other vehi
 
 | the new plan | action |
 |---|---|
-| changes the height during a proximity alarm | is uploaded without a comparison |
+| changes the height in an alarm, and the vehicle gives way by climbing | is uploaded without a comparison |
 | has no conflict | is uploaded |
 | conflicts, but another height is clear | is uploaded with the lowest clear height |
 | conflicts at each height tried | is deferred: the vehicle keeps its plan, or holds if that conflicts soon |
@@ -35,7 +35,7 @@ from swarmctl.agent.traffic.intents import may_change
 from swarmctl.agent.traffic.own_flight import flight_by_plan, planned_flight
 from swarmctl.agent.traffic.prediction import AIRBORNE_M, hears_nobody, position_of
 from swarmctl.agent.traffic.priority import Activity, Standing, gives_way
-from swarmctl.agent.traffic.route_hold import heights_to_try, hold, may_hold
+from swarmctl.agent.traffic.route_hold import climbs_to_give_way, heights_to_try, hold, may_hold
 from swarmctl.agent.traffic.separation.clash import Clash, describe_clashes
 from swarmctl.agent.traffic.separation.trajectory import Trajectory
 from swarmctl.core import events as ev
@@ -134,7 +134,7 @@ def deconflict(before: AgentState, decided: StepResult, now: float) -> StepResul
         return decided
     swap = msgspec.structs.replace(swap, plan=_with_level_off_if_needed(before, swap.plan))
     flight = flight_by_plan(before, swap.plan)
-    if before.alarms and _changes_height(before, swap.plan):
+    if before.alarms and climbs_to_give_way(before) and _changes_height(before, swap.plan):
         return _upload(state, swap)  # an evasive climb comes first
     present_flight = None if before.plans.route is None else planned_flight(before)
     others = known_flights(state)

@@ -63,6 +63,12 @@ def may_give_way(state: AgentState) -> bool:
     return not state.lost and vehicle.alt_rel_m is not None and vehicle.alt_rel_m >= least_m
 
 
+def climbs_to_give_way(state: AgentState) -> bool:
+    """Return whether the vehicle gives way with a climb: a fixed wing, or a copter with `action: climb`."""
+    action = state.task.separation.action
+    return action == "climb" or (action == "hold" and state.task.wings is not None)
+
+
 def may_hold(state: AgentState) -> bool:
     """Return whether the vehicle can hold without a conflict."""
     here = position_amsl(state)

@@ -93,7 +93,8 @@ RULES: Mapping[WaitFor, WaitRule] = {
 MIN_HEIGHT_M = 5.0
 """Height above home below which a vehicle lands or leaves without waiting [m]."""
 PASSES_WITHIN_S = 10.0
-"""Time from the begin of a wait in which an urgent failsafe does not end it: another vehicle passes [s]."""
+"""Time from the first begin of a wait for which an urgent failsafe does not end it [s]: another vehicle may
+pass just below."""
 SETTLES_S = 5.0
 """Time after the end of a wait in which the same wait may go on, with its deadline [s]."""
 
@@ -152,9 +153,9 @@ class Wait:
         """Return whether the wait is on, or has ended at most SETTLES_S ago."""
         return 0.0 <= now_s - (now_s if self.ended_boot_s is None else self.ended_boot_s) < SETTLES_S
 
-    def has_just_begun(self, now_s: float) -> bool:
-        """Return whether the other vehicle may still be just below or beside this one."""
-        return 0.0 <= now_s - self.since_boot_s < PASSES_WITHIN_S
+    def other_may_pass(self, now_s: float) -> bool:
+        """Return whether another vehicle may still pass just below or beside this one."""
+        return 0.0 <= now_s - (self.deadline_boot_s - self.rule.longest_s) < PASSES_WITHIN_S
 
     def tried(self, now_s: float) -> Wait:
         """Return the wait after a check that was not clear."""

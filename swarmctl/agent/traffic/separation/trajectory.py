@@ -221,7 +221,7 @@ def _is_vertical_descent(a: LocalPoint, b: LocalPoint) -> bool:
 def extrapolate(here: LocalPoint, velocity_m_s: LocalPoint, from_s: float, for_s: float) -> Trajectory:
     """Return the straight flight from `here` at a velocity (east, north, up) [m/s] for `for_s` seconds.
 
-    A horizontal speed below DRIFT_M_S leads nowhere.
+    A horizontal speed below DRIFT_M_S counts as 0.
     """
     (e, n, u), (ve, vn, vu) = here, velocity_m_s
     if math.hypot(ve, vn) < DRIFT_M_S:
