@@ -42,7 +42,13 @@ from swarmctl.agent.traffic.priority import Activity, Standing, activity_of, giv
 from swarmctl.agent.traffic.returning import hold_before_leaving, may_hold_before_leaving
 from swarmctl.agent.traffic.route_hold import hold, may_give_way
 from swarmctl.agent.traffic.separation.approach import Limits
-from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory, brake, extrapolate
+from swarmctl.agent.traffic.separation.trajectory import (
+    LocalPoint,
+    Trajectory,
+    brake,
+    extrapolate,
+    until_landing,
+)
 from swarmctl.agent.traffic.separation.watch import NeighbourIntent, NeighbourReport
 from swarmctl.agent.traffic.wait import MIN_HEIGHT_M
 from swarmctl.core import events as ev
@@ -81,6 +87,8 @@ def stop_in_time(state: AgentState) -> StepResult:
         return state, []
     vehicle, limits = state.vehicle, state.task.separation.limits
     now_s, velocity = vehicle.time_boot_s, (vehicle.east_m_s, vehicle.north_m_s, vehicle.climb_m_s)
+    if state.phase in EN_ROUTE:
+        plan = until_landing(plan)  # over the goal the landing queue decides
     plan = plan.lasting(now_s + look_ahead_s)
     mine = (plan, _straight_on(here, velocity, plan, now_s))
     flights = known_flights(state)
