@@ -27,6 +27,7 @@ FOUND = {
     866: "a member flew past a vehicle that a pilot had stopped, and that was silent then",
     987: "a return was announced of a vehicle whose link was lost, and that flew on",
     76: "a vehicle had announced a level flight, and descended by its present plan past another one",
+    290: "a member that descended to its place was expected above the vehicle that it came down to",
     27: "a vehicle that was refused the mode of set-points met a single vehicle",
 }
 """seeds that broke a rule before, with the cause; in the full run"""
