@@ -25,8 +25,9 @@ from swarmctl.core import events as ev
 UP_M = 1.0
 HEIGHT_TOLERANCE_M = 0.3
 """accuracy of held heights, as docs/traffic.md states"""
-AIR_WAIT_S, LATER_S = 300.0, 15.0
-"""longest wait of docs/traffic.md, and the time to notice and to order [s]"""
+AIR_WAIT_S, LATER_S = 300.0 + 120.0, 15.0
+"""longest waits of docs/traffic.md, for a route or a descent and then for the return path, and the time to
+notice and to order [s]"""
 ENDS_WITHIN_S = 1500.0
 LAUNCHED_S = 12.0
 HOMES_APART_M = 14.0
