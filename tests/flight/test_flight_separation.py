@@ -87,8 +87,9 @@ def test_the_higher_system_id_holds_until_the_other_has_passed(tmp_path: Path) -
     separation, shown = meeting(tmp_path, "hold")
     assert separation["too_close"] == []
     assert separation["held"] >= 1
-    (stops, *_), (resumes, *_) = coded(shown, "uav2", "stops-in-time"), coded(shown, "uav2", "resumes")
-    assert shown.index(stops) < shown.index(resumes)
+    (yields, *_), (resumes, *_) = coded(shown, "uav2", "alarm-yields"), coded(shown, "uav2", "resumes")
+    assert shown.index(yields) < shown.index(resumes)
+    assert coded(shown, "uav2", "stops-in-time")
 
 
 @pytest.mark.full
@@ -99,6 +100,7 @@ def test_the_lower_system_id_holds_if_the_higher_one_does_not_receive_its_states
     assert separation["too_close"] == []
     assert separation["held"] >= 1
     assert not any("[alarm" in line for line in shown if line.startswith("uav2: "))
+    assert coded(shown, "uav1", "alarm-not-heard")
     assert coded(shown, "uav1", "stops-in-time")
 
 

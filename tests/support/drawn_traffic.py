@@ -82,8 +82,10 @@ class Witness:
         An operator's hold may be in the way of a vehicle without a link, which nobody can stop.
         """
         pairs = (one, other), (other, one)
-        is_ordered = any(a.uav in self.ordered_hold and b.is_silent(now) for a, b in pairs)
-        return is_ordered or self.excused(one.uav, now) or self.excused(other.uav, now)
+        in_the_way = any(
+            a.uav in self.ordered_hold and a.vehicle.mode == "hold" and b.is_silent(now) for a, b in pairs
+        )
+        return in_the_way or self.excused(one.uav, now) or self.excused(other.uav, now)
 
     def _note(self, pair: tuple[int, int], now: float, share: float) -> None:
         for breach in self.breaches:

@@ -197,7 +197,7 @@ class LightVehicle:
                 self.hold()
                 self._fell = True
         if self._braking:
-            # ArduCopter holds where it stops, PX4 flies back to the height at which it was ordered to hold.
+            # ArduCopter holds where it stops; PX4 takes the height at which it no longer moves over ground.
             climbs = self.stops_for_missions and abs(self.velocity[2]) > 0.3
             if climbs or math.hypot(*self.velocity[:2]) > 0.3:
                 return 0.0, 0.0, 0.0
