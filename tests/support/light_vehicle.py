@@ -23,6 +23,8 @@ Vector = tuple[float, float, float]
 ACCELERATION_M_S2, BRAKES_M_S2 = 2.5, 2.5
 CLIMB_M_S, DESCENT_M_S, LAND_M_S, LOW_M = 2.5, 1.5, 0.5, 10.0
 VERTICAL_M_S2 = 1.5
+VERTICAL_LEAD_S = 0.2
+"""time by which the climb leads the speed over ground on a leg [s]"""
 REACHED_M = 1.5
 POSITION_HZ, FASTER = 0.95, 1.2
 """speed toward a demanded position for each metre [1/s]; greatest speed by set-points, in `speed_m_s`"""
@@ -249,7 +251,9 @@ class LightVehicle:
         if du:
             rate = CLIMB_M_S if du > 0.0 else DESCENT_M_S
             speed = min(speed, rate * away_m / abs(du))
-        up = du * speed / away_m
+        # The vehicle stays on the straight leg, also while it speeds up.
+        ahead = (de * self.velocity[0] + dn * self.velocity[1]) / away_m + ACCELERATION_M_S2 * VERTICAL_LEAD_S
+        up = du * max(min(speed, ahead), 0.0) / away_m
         return de / away_m * speed, dn / away_m * speed, up
 
     @property
