@@ -129,6 +129,20 @@ def test_the_intent_continues_the_braking_and_then_speeds_up_from_the_stop() -> 
     assert landing_delay_s(*stories) == pytest.approx(0.0, abs=1e-6)
 
 
+def test_a_plan_that_is_sent_during_a_stop_is_announced_from_this_stop_on() -> None:
+    story = StopStory(2.5)
+    story.new_plan()
+    story.at(85.0)
+    story.accept_plan()
+    story.at(94.0, 7.5)
+    assert story.state.plans.route is not None
+    ahead = next(cell for cell in story.state.plans.route.cells if cell[1] > 6)
+    story.hear((*ahead, True), observer=9, seq=2)
+    effects = story.tick()
+    assert story.state.plans.pending is not None
+    assert flight(published_intent(effects)).at(3.0) == pytest.approx((94.0 + 11.25, ROW_M, 330.0), abs=0.1)
+
+
 def test_a_failed_swap_adds_no_stop_to_the_intent() -> None:
     stories = pair()
     for story in stories:

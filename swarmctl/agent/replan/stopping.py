@@ -60,16 +60,27 @@ def distance_and_speed_after(state: AgentState, seconds: float) -> tuple[float, 
 
 def change_for_new_plan(state: AgentState) -> MissionChange | None:
     """Return the change to a plan that is sent now; None if the vehicle flies no plan."""
-    return _change(state, state.plans.swap_times.likely_s) if state.plans.route is not None else None
+    if state.plans.route is None:
+        return None
+    return _stop_under_way(state) or _change(state, state.plans.swap_times.likely_s)
 
 
 def change_ahead(state: AgentState) -> MissionChange | None:
     """Return the change to the pending plan, or to the plan for which the vehicle brakes; otherwise None."""
-    now_s, plans = state.vehicle.time_boot_s, state.plans
-    if plans.pending is not None:
-        return _change(state, max(swap_due_s(state), 0.0)) if plans.route is not None else None
-    is_braking = plans.swaps.done_boot_s <= now_s < plans.swaps.braking_until_boot_s
-    return _change(state, 0.0) if is_braking else None
+    if state.plans.route is None:
+        return None
+    if (stop := _stop_under_way(state)) is not None or state.plans.pending is None:
+        return stop
+    return _change(state, max(swap_due_s(state), 0.0))
+
+
+def _stop_under_way(state: AgentState) -> MissionChange | None:
+    """Return the present stop of a vehicle that has just accepted a plan; None if it does not brake.
+
+    A plan that is sent during this stop needs no second one.
+    """
+    now_s, swaps = state.vehicle.time_boot_s, state.plans.swaps
+    return _change(state, 0.0) if swaps.done_boot_s <= now_s < swaps.braking_until_boot_s else None
 
 
 def swap_due_s(state: AgentState) -> float:
