@@ -11,8 +11,9 @@ from agent_stories import GRID, Story, codes, orders, publications
 from swarmctl.agent.failsafes import low_battery
 from swarmctl.agent.failsafes.base import ActiveRule
 from swarmctl.agent.phases import Phase
+from swarmctl.agent.traffic.route_hold import hold
 from swarmctl.agent.traffic.separation.watch import SeparationRules
-from swarmctl.agent.traffic.wait import PASSES_WITHIN_S
+from swarmctl.agent.traffic.wait import PASSES_WITHIN_S, RULES, WaitFor
 from swarmctl.core import events as ev
 from swarmctl.core.frames import IntentPoint, IntentShared, StateShared
 from swarmctl.core.vehicle import Landed
@@ -179,6 +180,17 @@ def test_a_copter_over_its_landing_spot_lands_there() -> None:
     assert orders(effects) == [ev.FlightOrder.LAND]
     assert swaps(effects) == []
     assert story.state.phase is Phase.LANDING
+
+
+def test_a_vehicle_that_stopped_on_its_way_into_the_goal_cell_has_waited_long_enough() -> None:
+    story = LandingStory()
+    held, _ = hold(story.state, story.state.plans.route, {})
+    story.state, held_boot_s = held, story.state.vehicle.time_boot_s
+    story(ev.OrderDone(ev.FlightOrder.HOLD))
+    while "descent-clear" not in codes(story.at(10.0, **HOLDS)):
+        pass
+    waited_s = story.state.vehicle.time_boot_s - held_boot_s
+    assert waited_s == pytest.approx(RULES[WaitFor.ROUTE].least_s, abs=1.0)
 
 
 def test_a_landing_does_not_wait_for_a_landed_silent_vehicle() -> None:

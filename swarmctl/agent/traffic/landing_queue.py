@@ -73,7 +73,7 @@ def arrive(state: AgentState) -> AgentState:
     }
     if wait is not None and state.waits_for(WaitFor.ROUTE):  # it stops in its goal cell
         until_s, plan = wait.deadline_boot_s, wait.plan
-        changes["wait"] = begin(WaitFor.DESCENT, now_s, until_s=until_s, plan=plan, to=wait.to)
+        changes["wait"] = begin(WaitFor.DESCENT, wait.since_boot_s, until_s=until_s, plan=plan, to=wait.to)
     return state.enter(Phase.LANDING, **changes).with_new_flight()
 
 
