@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import pytest
 from light_group import LateVehicle, LightGroup
+from light_swarm import LightAgent
 
 from swarmctl.agent.formation.approaches import APPROACHES
 from swarmctl.agent.formation.membership import Formation, GroupRoute
@@ -130,15 +131,32 @@ def test_a_column_keeps_apart_from_a_leader_that_stops(like_ardupilot: bool, is_
         swarm.air.mute[1] = [(swarm.now, swarm.now + 30.0)]
     else:
         leader(ev.OperatorCommand(ev.FlightOrder.HOLD))
+    assert least_share(swarm, leader, follower) > 1.0
+
+
+def least_share(swarm: LightGroup, one: LightAgent, other: LightAgent) -> float:
+    """Fly for 30 s, and return the least distance of two vehicles as a share of the limits."""
     limits, shares = swarm.scenario.config.separation, []
 
     def look(_now: float) -> None:
-        east_m, north_m, up_m = (a - b for a, b in zip(leader.vehicle.at, follower.vehicle.at, strict=True))
+        east_m, north_m, up_m = (a - b for a, b in zip(one.vehicle.at, other.vehicle.at, strict=True))
         apart = math.hypot(east_m, north_m) / limits.horizontal_m
         shares.append(max(apart, abs(up_m) / limits.vertical_m))
 
     swarm.run(swarm.now + 30.0, look)
-    assert min(shares) > 1.0
+    return min(shares)
+
+
+@each_kind
+def test_the_last_member_gives_way_to_a_leader_that_returns_through_its_hold(like_ardupilot: bool) -> None:
+    column = {"shape": {"kind": "column", "spacing_m": 60.0}, "heights": "level"}
+    swarm = LightGroup(
+        like_ardupilot=like_ardupilot, approach="behavioural", formation=column, count=2
+    ).joined()
+    leader, follower = swarm.agents
+    leader.vehicle.battery_percent = 18.0
+    assert least_share(swarm, leader, follower) > 1.0
+    assert (leader.state.phase, follower.state.phase) == (Phase.LEAVING, Phase.FLYING)
 
 
 def test_a_long_route_is_told_by_its_corners() -> None:

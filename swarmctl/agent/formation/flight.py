@@ -20,14 +20,18 @@ from swarmctl.agent.formation.approaches.base import (
     SetPointDemand,
     ThreatField,
 )
+from swarmctl.agent.formation.approaches.place_keeping import keep_separation
 from swarmctl.agent.formation.membership import ACCELERATION_M_S2, Formation, far_from_place
-from swarmctl.agent.formation.near_members import near_members, obstacles, places_of
+from swarmctl.agent.formation.near_members import near_members, obstacles, places_of, with_members_shown
 from swarmctl.agent.formation.shape import ShapePlace, least_spacing_m
 from swarmctl.agent.formation.ways import MemberWay
 from swarmctl.agent.own_modes import own_mode_roles
 from swarmctl.agent.phases import EN_ROUTE, Phase
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.route_hold import hold
+from swarmctl.agent.traffic.check import known_flights
+from swarmctl.agent.traffic.own_flight import position_amsl
+from swarmctl.agent.traffic.prediction import stopping_point
+from swarmctl.agent.traffic.route_hold import hold, hold_would_block
 from swarmctl.core import events as ev
 from swarmctl.core.any_angle.track import cells_under
 from swarmctl.core.belief import OCCUPIED
@@ -43,6 +47,8 @@ LEVEL_WITHIN = 0.4
 """Distance from its place within which a member flies at the group's height, in spacings."""
 STRAIGHT_ON_S = 3.0
 """Time in which a member can stop, after some reaction [s]."""
+ANNOUNCED_WITHIN_S = 2.0
+"""Time within which a member that leaves has announced its next flight to the others [s]."""
 RESTING_TARGET_LEAD_S = 0.1
 """Time by which set-points are ahead for a vehicle whose target rests between them, as PX4's does [s]."""
 
@@ -121,18 +127,37 @@ def not_following(state: AgentState, reason: str) -> StepResult:
 
 
 def _alone(state: AgentState, formation: Formation) -> StepResult:
-    """Leave if all others have left. Else fly on while they keep the place, stand still, and then leave."""
+    """Leave if all others have left. Else fly on while they keep the place, stand still, and then leave.
+
+    A member that leaves holds. While its hold may be in the way of another vehicle it stands still by
+    set-points instead, and gives way.
+    """
     membership, now_s = state.membership, state.now_boot_s
-    if membership.told and not any(report.message.joins for report in membership.told.values()):
-        return _leave(state, "all other members have left")
     since_s = now_s if membership.alone_since_boot_s is None else membership.alone_since_boot_s
-    if now_s - since_s >= formation.alone_after_s:
-        return _leave(state, f"no other member was heard for {formation.alone_after_s:g} s")
-    state = replace(state, membership=replace(membership, alone_since_boot_s=since_s))
+    state, alone_s = (
+        replace(state, membership=replace(membership, alone_since_boot_s=since_s)),
+        now_s - since_s,
+    )
+    if membership.told and not any(report.message.joins for report in membership.told.values()):
+        stands_still = True
+        if alone_s >= ANNOUNCED_WITHIN_S and not _would_block(state):
+            return _leave(state, "all other members have left")
+    else:
+        stands_still = alone_s >= formation.keeps_place_s - formation.lost_after_s
+        if alone_s >= formation.alone_after_s:
+            return _leave(state, f"no other member was heard for {formation.alone_after_s:g} s")
     state, flown = _flown(state, formation)
-    if now_s - since_s >= formation.keeps_place_s - formation.lost_after_s:
-        flown = replace(flown, demand=SetPointDemand((0.0, 0.0, 0.0)))
+    if stands_still:
+        still = (0.0, 0.0, 0.0)
+        safe = keep_separation(_view(state, formation), still)
+        flown = replace(flown, demand=SetPointDemand(safe or still))
     return state, _set_points(state, flown)
+
+
+def _would_block(state: AgentState) -> bool:
+    """Return whether the hold of a member that leaves would be in the way of another vehicle."""
+    here, shown = position_amsl(state), with_members_shown(state)
+    return here is not None and hold_would_block(shown, stopping_point(state, here), known_flights(shown))
 
 
 def _leave(state: AgentState, why: str) -> StepResult:

@@ -19,6 +19,8 @@ from swarmctl.core.records import replace
 SOON_S = 8.0
 """Time within which a silent member has stopped: alone, without set-points, or by a pilot [s]. For as long
 members keep clear of the announced flight of a member that leaves."""
+STOPS_WITHIN_S = 4.0
+"""Time at its speed within which a silent member stops straight ahead [s]."""
 OFF_INTENT_M = 15.0
 """Distance of a member from its announced place above which its intent is of an earlier flight [m]."""
 N_PLACES = 33
@@ -82,16 +84,19 @@ def obstacles(state: AgentState, formation: Formation) -> tuple[Nearby, ...]:
 
 
 def _nearest_place(state: AgentState, here: LocalPoint, uav: int, told: MemberReport) -> LocalPoint:
-    """Return the place nearest to `here` at which a member may be within SOON_S of its last message."""
+    """Return the place nearest to `here` at which a member may be within SOON_S of its last message.
+
+    It flies as announced, or stops straight ahead: on a lost link it gets no set-points round a turn.
+    """
     message, intent = told.message, state.all_intents.get(uav)
-    flight = None if intent is None else intent.flight
-    announced = None if flight is None else flight.at(told.at_boot_s)
-    if flight is None or announced is None or math.dist(announced[:2], told.here_m) > OFF_INTENT_M:
-        there = (*told.here_m, message.alt_amsl_m)
-        flight = extrapolate(there, message.velocity_m_s, told.at_boot_s, SOON_S)
-    times_s = np.linspace(0.0, SOON_S, N_PLACES).tolist()
-    places = [at for t in times_s if (at := flight.at(told.at_boot_s + t)) is not None]
-    return min(places, key=lambda at: math.dist(here[:2], at[:2]), default=flight.points[-1])
+    there = (*told.here_m, message.alt_amsl_m)
+    paths = [extrapolate(there, message.velocity_m_s, told.at_boot_s, STOPS_WITHIN_S)]
+    announced = None if intent is None else intent.flight.at(told.at_boot_s)
+    if intent is not None and announced and math.dist(announced[:2], told.here_m) <= OFF_INTENT_M:
+        paths.append(intent.flight)
+    times_s = (told.at_boot_s + np.linspace(0.0, SOON_S, N_PLACES)).tolist()
+    places = [at for path in paths for at_s in times_s if (at := path.at(at_s)) is not None]
+    return min(places, key=lambda at: math.dist(here[:2], at[:2]))
 
 
 def with_members_shown(state: AgentState) -> AgentState:
