@@ -260,7 +260,8 @@ def weights_changed(state: AgentState, event: ev.WeightsChanged, _now: float) ->
     state = replace(state, w=w, strength=strength, plans=plans, membership=_with_behaviours(state, event))
     note = "the link is lost; the vehicle plans when the link is back [waits-for-link]" if state.lost else ""
     if event.behaviours and state.membership.leader not in (None, state.task.uav):
-        note = f"vehicle {state.membership.leader} leads the group, and its weights count [leader-decides]"
+        leader = state.task.name_of(state.membership.leader)
+        note = f"{leader} leads the group, and its weights count [leader-decides]"
     if not changed and event.range is None and not event.behaviours:
         note = "the vehicle already has these weights and keeps its plan [unchanged]"
     taken = VehicleAnswer(state.task.uav, state.task.name, "taken", state.plans.next_plan_id, note)

@@ -99,7 +99,7 @@ def share_state(state: AgentState) -> StepResult:
 def _waits(state: AgentState) -> str:
     if state.wait is None or not state.wait.is_on:
         return ""
-    return state.wait.description(state.vehicle.time_boot_s)[:MAX_TEXT]
+    return state.wait.description(state.vehicle.time_boot_s, state.task.name_of)[:MAX_TEXT]
 
 
 def _changed_weights(state: AgentState) -> tuple[float, float, float, float] | None:

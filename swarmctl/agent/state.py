@@ -96,6 +96,12 @@ class Task:
 
     formation: Formation | None = None
     """the vehicle's group; None: it flies alone"""
+    names: Mapping[int, str] = field(default_factory=dict)
+    """names of all vehicles of the configuration, for messages"""
+
+    def name_of(self, uav: int) -> str:
+        """Return another vehicle's name for a message."""
+        return self.names.get(uav, f"vehicle {uav}")
 
     def landing_spot(self, goal: Cell) -> LatLon:
         """Return this vehicle's landing spot in a goal cell."""
@@ -272,9 +278,8 @@ class AgentState:
         """Active proximity alarms as text; empty if there is none, or if the flight has ended."""
         if self.ended or not self.alarms:
             return ""
-        others = ", ".join(str(alarm.other) for alarm in self.alarms)
-        noun = "vehicle" if len(self.alarms) == 1 else "vehicles"
-        return f"predicted to come too close to {noun} {others}"
+        others = ", ".join(self.task.name_of(alarm.other) for alarm in self.alarms)
+        return f"predicted to come too close to {others}"
 
     @property
     def group(self) -> str:
@@ -286,10 +291,11 @@ class AgentState:
         text = f"group {formation.name}: {kind} of {membership.n_present}"
         if self.leads_group:
             return f"{text}, leads"
+        leader = self.task.name_of(membership.leader)
         if membership.error_m is None:
-            return f"{text}, led by vehicle {membership.leader}"
+            return f"{text}, led by {leader}"
         away_m = math.hypot(*membership.error_m[:2])
-        return f"{text}, led by vehicle {membership.leader}, {away_m:.1f} m from its place"
+        return f"{text}, led by {leader}, {away_m:.1f} m from its place"
 
     @property
     def late(self) -> str:

@@ -203,6 +203,7 @@ def _tasks(
     planner = config.planner
     chosen = method(planner.name, PLANNERS[planner.name], planner.options)
     no_fly = frozenset(config.area.no_fly)
+    names = {spec.sysid: spec.name for spec in specs}
     policy = config.preflight.policy
     groups = tuple(formation_of(config, section, specs) for section in config.formations)
     declared = LostLink(does=policy.lost_link, after_s=float(policy.lost_link_after_s))
@@ -241,6 +242,7 @@ def _tasks(
             benevolence=planner.benevolence,
             others=_others(config, specs, spec),
             formation=formation,
+            names=names,
         )
 
 

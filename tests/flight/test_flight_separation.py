@@ -74,8 +74,8 @@ def test_without_an_action_both_vehicles_alarm_and_come_too_close(tmp_path: Path
     assert least["horizontal_m"] < 10.0
     assert least["vertical_m"] < 3.0
     assert separation["too_close"][0]["seconds"] > 1.0
-    assert all("vehicle 2" in line for line in coded(shown, "uav1", "alarm"))
-    assert all("vehicle 1" in line for line in coded(shown, "uav2", "alarm"))
+    assert all("uav2" in line for line in coded(shown, "uav1", "alarm"))
+    assert all("uav1" in line for line in coded(shown, "uav2", "alarm"))
     assert coded(shown, "uav1", "alarm")
     assert coded(shown, "uav2", "alarm")
     assert separation["held"] == separation["climbed"] == 0
@@ -123,8 +123,8 @@ def test_first_routes_that_would_meet_are_separated_before_any_alarm(
     assert separation["first_routes"] == {"predicted": 1, "by_height": 0}
     assert separation["plans_in_flight"]["by_height"] >= 1
     assert separation["plans_in_flight"]["unresolved"] == 0
-    assert not any("vehicle 2 in " in line for line in shown if line.startswith("uav1: "))
-    assert any("vehicle 1 in " in line for line in shown if line.startswith("uav2: "))
+    assert not any("uav2 in " in line for line in shown if line.startswith("uav1: "))
+    assert any("uav1 in " in line for line in shown if line.startswith("uav2: "))
 
 
 def flown_after_waiting(folder: Path, **simulate: float) -> None:
@@ -141,7 +141,7 @@ def flown_after_waiting(folder: Path, **simulate: float) -> None:
     report = fly(scenario, folder, ui=ui, options=FlightOptions(waivers=(Waiver("separation"),)))
     assert report.all_arrived
     (waits,), (launches,) = coded(ui.said, "uav2", "launch-waits"), coded(ui.said, "uav2", "launch-clear")
-    assert "vehicle 1 in " in waits
+    assert "uav1 in " in waits
     assert ui.said.index(waits) < ui.said.index(launches)
     separation = report.summary["separation"]
     assert separation["plans_in_flight"]["unresolved"] == 0

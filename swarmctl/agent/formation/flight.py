@@ -30,7 +30,7 @@ from swarmctl.agent.phases import EN_ROUTE, Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.check import known_flights
 from swarmctl.agent.traffic.own_flight import position_amsl
-from swarmctl.agent.traffic.prediction import stopping_point
+from swarmctl.agent.traffic.prediction import home_amsl_m, stopping_point
 from swarmctl.agent.traffic.route_hold import hold, hold_would_block
 from swarmctl.core import events as ev
 from swarmctl.core.any_angle.track import cells_under
@@ -88,7 +88,8 @@ def _fly_in_formation(state: AgentState) -> StepResult:
     if _cell_in_the_way(joined, formation) is not None:
         return state, []  # its own mission leads around it
     state, ordered = command(joined, ev.FlightOrder.FORMATION, phase=Phase.FORMATION)
-    text = f"the vehicle joins group {formation.name}, which vehicle {membership.leader} leads [joins]"
+    leader = state.task.name_of(membership.leader)
+    text = f"the vehicle joins group {formation.name}, which {leader} leads [joins]"
     return state, [ev.NotifyOperator(text), *_set_points(state, flown), *ordered]
 
 
@@ -355,10 +356,7 @@ def _height_amsl_m(state: AgentState, formation: Formation, places: Mapping[int,
     A vehicle keeps its own height until it is near its place: so vehicles cross each other's ways at
     different heights.
     """
-    vehicle, membership, place = state.vehicle, state.membership, places[state.task.uav]
-    assert vehicle.alt_amsl_m is not None
-    assert vehicle.alt_rel_m is not None
-    home_m = vehicle.alt_amsl_m - vehicle.alt_rel_m
+    membership, place, home_m = state.membership, places[state.task.uav], home_amsl_m(state)
     own_m = home_m + state.height_m
     if not formation.is_level:
         return own_m - place[2]

@@ -124,28 +124,26 @@ def _alarm_text(state: AgentState, alarm: ProximityAlarm) -> str:
     # Rounded down, so that a distance below its limit never looks equal to the limit.
     horizontal_m, vertical_m = math.floor(at.horizontal_m), math.floor(10.0 * at.vertical_m) / 10.0
     return (
-        f"this vehicle is predicted to come too close to vehicle {alarm.other} in {in_s:.0f} s "
+        f"this vehicle is predicted to come too close to {state.task.name_of(alarm.other)} in {in_s:.0f} s "
         f"({horizontal_m} m horizontally, limit {limits.horizontal_m:g} m; "
         f"{vertical_m:.1f} m vertically, limit {limits.vertical_m:g} m)"
     )
 
 
 def _reaction(state: AgentState, alarm: ProximityAlarm) -> str:
+    other = state.task.name_of(alarm.other)
     if state.task.separation.action == "none":
         return "; separation.action is none, so order one vehicle to hold [alarm]"
     if climbs_to_give_way(state):
         can, does = may_give_way(state), "gives way"
         if not _has_to_give_way(state, alarm.other):
-            return f"; vehicle {alarm.other} gives way [alarm-other-yields]"
+            return f"; {other} gives way [alarm-other-yields]"
     else:
         can, does = may_stop(state), "stops if that is necessary"
     if not (can or state.is_waiting):
-        advice = f"if vehicle {alarm.other} does not give way, order vehicle {alarm.other} to hold"
+        advice = f"if {other} does not give way, order it to hold"
         return f"; this vehicle cannot give way now; {advice} [alarm-cannot-yield]"
     report = state.neighbours.get(alarm.other)
     if report is None or report.state.phase not in EN_ROUTE or _acknowledges(state, report):
         return f"; this vehicle {does} [alarm-yields]"
-    return (
-        f"; this vehicle {does}; vehicle {alarm.other} does not acknowledge receiving its state "
-        "[alarm-not-heard]"
-    )
+    return f"; this vehicle {does}; {other} does not acknowledge receiving its state [alarm-not-heard]"

@@ -74,6 +74,14 @@ def _soonest_of_each(clashes: Sequence[Clash]) -> tuple[Clash, ...]:
     return tuple(clash for clash in found if first[clash.other] is clash)
 
 
+def describe_clashes(state: AgentState, clashes: Sequence[Clash]) -> str:
+    """Return as text the other vehicles, and the time until each clash."""
+    now_s, name_of = state.vehicle.time_boot_s, state.task.name_of
+    return " and ".join(
+        f"{name_of(clash.other)} in {max(clash.at_s - now_s, 0.0):.0f} s" for clash in clashes
+    )
+
+
 def near_flights(flight: Trajectory, others: Others, limits: Limits) -> dict[int, NeighbourIntent]:
     """Return those of `others` that may clash with a flight, by bounding boxes."""
     at = TIME_TOLERANCE_S, limits.horizontal_m, limits.horizontal_m, limits.vertical_m

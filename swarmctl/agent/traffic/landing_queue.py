@@ -36,6 +36,7 @@ from swarmctl.agent.traffic.check import (
     clashes_if_changed,
     clashes_with,
     come_within,
+    describe_clashes,
     known_flights,
     near_flights,
     standing_of,
@@ -44,7 +45,7 @@ from swarmctl.agent.traffic.own_flight import planned_flight, position_amsl, to_
 from swarmctl.agent.traffic.prediction import hears_nobody, position_of, stopping_point
 from swarmctl.agent.traffic.priority import Activity, Standing, gives_way
 from swarmctl.agent.traffic.route_hold import give_up, hold_would_block
-from swarmctl.agent.traffic.separation.clash import Clash, describe_clashes
+from swarmctl.agent.traffic.separation.clash import Clash
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory, landing_start_s
 from swarmctl.agent.traffic.separation.watch import NeighbourIntent, NeighbourReport
 from swarmctl.agent.traffic.wait import MIN_HEIGHT_M, Verdict, Wait, WaitFor, begin, verdict
@@ -168,7 +169,7 @@ def _wait_if_conflicting(state: AgentState, here: LocalPoint) -> StepResult:
     state = replace(state, conflicts=replace(state.conflicts, counts=counts))
     to = {clash.other: reports[clash.other] for clash in clashes if clash.other in reports}
     state, effects = hold_before_landing(state, to)
-    text = f"the landing would conflict with {describe_clashes(clashes, now_s)}"
+    text = f"the landing would conflict with {describe_clashes(state, clashes)}"
     text += "; the vehicle holds until its descent is clear [landing-queue]"
     return state, [ev.NotifyOperator(text), *effects]
 
@@ -225,7 +226,7 @@ def _land_if_clear(state: AgentState, wait: Wait, here: LocalPoint) -> StepResul
     text = (
         f"the vehicle has held before its landing for at least {wait.rule.report_every_s:.0f} s; the landing "
     )
-    text += f"would still conflict with {describe_clashes(_descent_conflicts(state, here), now_s)}"
+    text += f"would still conflict with {describe_clashes(state, _descent_conflicts(state, here))}"
     text += "; the vehicle continues to hold [landing-queue-long]"
     return replace(state, wait=state.wait.tried(now_s).reported(now_s)), [ev.NotifyOperator(text)]
 

@@ -105,7 +105,7 @@ def stop_in_time(state: AgentState) -> StepResult:
     if not _helps(stop, theirs, limits, share_of(mine, theirs, limits)):
         return state, []
     to = {uav: state.neighbours[uav] for uav in to_avoid if uav in state.neighbours}
-    names = " and ".join(f"vehicle {uav}" for uav in sorted(to_avoid))
+    names = " and ".join(map(state.task.name_of, sorted(to_avoid)))
     text = (
         f"the vehicle would come too close to {names} soon; it holds until its way is clear [stops-in-time]"
     )

@@ -19,12 +19,12 @@ from swarmctl.agent.own_modes import own_mode_roles
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.copter_trajectory import from_takeoff
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.check import clashes_with, known_flights, standing_of
+from swarmctl.agent.traffic.check import clashes_with, describe_clashes, known_flights, standing_of
 from swarmctl.agent.traffic.intents import withdraw_intent
 from swarmctl.agent.traffic.own_flight import to_shared_frame
 from swarmctl.agent.traffic.prediction import hears_nobody
 from swarmctl.agent.traffic.priority import Activity, Standing, gives_way
-from swarmctl.agent.traffic.separation.clash import Clash, describe_clashes
+from swarmctl.agent.traffic.separation.clash import Clash
 from swarmctl.agent.traffic.separation.trajectory import until_landing
 from swarmctl.agent.traffic.separation.watch import NeighbourIntent
 from swarmctl.agent.traffic.wait import Verdict, WaitFor, begin, verdict
@@ -145,7 +145,7 @@ def _route_clashes(state: AgentState, others: Mapping[int, NeighbourIntent]) -> 
 
 
 def _conflict_text(state: AgentState, clashes: tuple[Clash, ...]) -> str:
-    return f"the first route would conflict with {describe_clashes(clashes, state.vehicle.time_boot_s)}"
+    return f"the first route would conflict with {describe_clashes(state, clashes)}"
 
 
 def _wait(state: AgentState, why: str, *, again: bool = False) -> StepResult:

@@ -29,7 +29,7 @@ from swarmctl.agent.replan.stopping import (
     swap_due_s,
 )
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.prediction import AIRBORNE_M, position_of
+from swarmctl.agent.traffic.prediction import AIRBORNE_M, home_amsl_m, position_of
 from swarmctl.agent.traffic.separation.trajectory import (
     Bounds,
     LocalPoint,
@@ -214,7 +214,7 @@ def to_shared_frame(state: AgentState, flight: Trajectory | None) -> Trajectory 
     vehicle = state.vehicle
     if flight is None or vehicle.alt_amsl_m is None or vehicle.alt_rel_m is None:
         return None
-    return flight.later(vehicle.time_boot_s).higher(vehicle.alt_amsl_m - vehicle.alt_rel_m)
+    return flight.later(vehicle.time_boot_s).higher(home_amsl_m(state))
 
 
 def _phase_trajectory(state: AgentState, here: LocalPoint, for_s: float) -> Trajectory | None:

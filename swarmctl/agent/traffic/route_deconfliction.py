@@ -26,6 +26,7 @@ from swarmctl.agent.traffic.check import (
     SEPARATES_WITHIN_S,
     Others,
     clashes_of_route,
+    describe_clashes,
     known_flights,
     known_intents,
     standing_of,
@@ -36,7 +37,7 @@ from swarmctl.agent.traffic.own_flight import flight_by_plan, planned_flight
 from swarmctl.agent.traffic.prediction import AIRBORNE_M, hears_nobody, position_of
 from swarmctl.agent.traffic.priority import Activity, Standing, gives_way
 from swarmctl.agent.traffic.route_hold import climbs_to_give_way, heights_to_try, hold, may_hold
-from swarmctl.agent.traffic.separation.clash import Clash, describe_clashes
+from swarmctl.agent.traffic.separation.clash import Clash
 from swarmctl.agent.traffic.separation.trajectory import Trajectory
 from swarmctl.core import events as ev
 from swarmctl.core.mission import FlightPlan
@@ -82,7 +83,7 @@ def check_own_route(state: AgentState) -> StepResult:
     if not others:
         return state, []
     state = replace(state, plans=state.plans.due(must_change=True))
-    text = f"the route conflicts with {describe_clashes(new, state.vehicle.time_boot_s)}"
+    text = f"the route conflicts with {describe_clashes(state, new)}"
     text += "; this vehicle gives way with a new plan [route-conflict]"
     return state, [ev.NotifyOperator(text)] if new else []
 
@@ -164,7 +165,7 @@ def deconflict(before: AgentState, decided: StepResult, now: float) -> StepResul
         resolved |= {clash.other for clash in clashes} - before.conflicts.deferred_for
         state = _counted(state, replace(counts, by_height=counts.by_height + len(resolved)))
         state = replace(state, height_offset_m=height_m - state.task.altitude_m)
-        others_text = describe_clashes(clashes, state.vehicle.time_boot_s)
+        others_text = describe_clashes(state, clashes)
         text = f"at {swap.plan.height_m:.0f} m the new route would conflict with {others_text}; the vehicle "
         text += f"flies the route at {height_m:.0f} m above home"
         state, taken = _upload(state, msgspec.structs.replace(swap, plan=plan))
@@ -230,7 +231,7 @@ def _defer(
         state = _counted(state, replace(counts, by_waiting=n_waiting))
     messages: list[ev.Effect] = []
     if new:
-        others_text = describe_clashes(new, state.vehicle.time_boot_s)
+        others_text = describe_clashes(state, new)
         text = f"no height is clear for the new route (conflict with {others_text}); the vehicle {reaction}"
         messages.append(ev.NotifyOperator(text))
     if not holds:

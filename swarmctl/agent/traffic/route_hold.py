@@ -33,7 +33,7 @@ from swarmctl.agent.traffic.own_flight import (
     planned_flight,
     position_amsl,
 )
-from swarmctl.agent.traffic.prediction import hears_nobody, position_of
+from swarmctl.agent.traffic.prediction import hears_nobody, home_amsl_m, position_of
 from swarmctl.agent.traffic.priority import SAME_HEIGHT_M
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory
 from swarmctl.agent.traffic.separation.watch import HEIGHT_MARGIN, NeighbourReport
@@ -254,7 +254,7 @@ def heights_to_try(state: AgentState, plan: FlightPlan) -> Sequence[float]:
     if vehicle.alt_amsl_m is None or vehicle.alt_rel_m is None or here is None:
         return []
     least_m, reachable_m = reachable_heights_m(state, here, waypoints_of(task, plan))
-    home_m = vehicle.alt_amsl_m - vehicle.alt_rel_m
+    home_m = home_amsl_m(state)
     margin_m = HEIGHT_MARGIN * task.separation.limits.vertical_m
     tops_m = {
         max(point[2] for point in intent.flight.points) + intent.uncertainty_m[1] - home_m

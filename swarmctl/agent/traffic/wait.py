@@ -133,14 +133,10 @@ class Wait:
     def rule(self) -> WaitRule:
         return RULES[self.purpose]
 
-    def description(self, now_s: float) -> str:
-        """Return the wait in words; the names of the other vehicles are their numbers."""
-        others = ", ".join(map(str, sorted(self.to)))
-        text = (
-            f"{self.rule.where}, for vehicle{'s' * (len(self.to) > 1)} {others}"
-            if others
-            else self.rule.where
-        )
+    def description(self, now_s: float, name_of: Callable[[int], str]) -> str:
+        """Return the wait in words; `name_of` gives the names of the other vehicles."""
+        others = ", ".join(map(name_of, sorted(self.to)))
+        text = f"{self.rule.where}, for {others}" if others else self.rule.where
         left_s = self.deadline_boot_s - now_s
         return text if left_s == math.inf else f"{text}, for at most {max(left_s, 0.0):.0f} s"
 

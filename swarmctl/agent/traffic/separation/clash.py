@@ -41,12 +41,6 @@ class Clash:
     """earliest time at which the own vehicle is too close [s]"""
 
 
-def describe_clashes(clashes: Sequence[Clash], now_s: float) -> str:
-    """Return as text the other vehicles, and the time until each clash."""
-    texts = [f"vehicle {clash.other} in {max(clash.at_s - now_s, 0.0):.0f} s" for clash in clashes]
-    return " and ".join(texts)
-
-
 def find_clashes(
     own: Trajectory,
     others: Mapping[int, Trajectory],
