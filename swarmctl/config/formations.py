@@ -11,6 +11,13 @@ from swarmctl.agent.formation.shape import Shape
 from swarmctl.core.section import NameIn, Section
 
 
+def _with_options_of_each_approach(schema: dict[str, Any]) -> None:
+    """Add to the JSON schema of `options` the parameters of each approach."""
+    schema["anyOf"] = [
+        {**module.Params.model_json_schema(), "title": name} for name, module in APPROACHES.items()
+    ]
+
+
 class FormationSection(Section):
     """A group of vehicles that flies in a shape."""
 
@@ -24,7 +31,9 @@ class FormationSection(Section):
         "leader_following", description=f"How the members keep their places: {', '.join(APPROACHES)}."
     )
     options: dict[str, Any] = Field(
-        {}, description="Parameters of the approach, by name. Default: the approach's own values."
+        {},
+        description="Parameters of the approach, by name. Default: the approach's own values.",
+        json_schema_extra=_with_options_of_each_approach,
     )
     shape: Shape = Field(Shape(), description="The shape of the group.")
     narrow_shape: Shape | None = Field(

@@ -10,9 +10,14 @@ from pydantic_core import CoreSchema, core_schema
 
 
 class Section(BaseModel):
-    """A frozen model that refuses unknown keys, NaN, infinities and values of another type."""
+    """A frozen model that refuses unknown keys, NaN, infinities and values of another type.
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
+    A text below a field is its description in the schema.
+    """
+
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, allow_inf_nan=False, strict=True, use_attribute_docstrings=True
+    )
 
 
 class NameIn:

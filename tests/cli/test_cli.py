@@ -13,6 +13,8 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 from profiles import examples
 
+from swarmctl.agent.formation.approaches import APPROACHES
+
 REAL = """\
 area: {origin_lat_deg: 46.0, origin_lon_deg: 14.0, rows: 8, cols: 8, cell_size_m: 50}
 threats: {count: 5}
@@ -90,6 +92,9 @@ def test_the_schema_has_the_sections() -> None:
         "vehicles",
     }
     assert schema["additionalProperties"] is False
+    options = schema["$defs"]["FormationSection"]["properties"]["options"]["anyOf"]
+    assert {params["title"] for params in options} == set(APPROACHES)
+    assert "threat_weight" in options[1]["properties"]
 
 
 def test_a_record_replays_with_equal_decisions_and_a_changed_record_does_not(
