@@ -251,9 +251,11 @@ class LightVehicle:
         if du:
             rate = CLIMB_M_S if du > 0.0 else DESCENT_M_S
             speed = min(speed, rate * away_m / abs(du))
-        # The vehicle stays on the straight leg, also while it speeds up.
+        # The vehicle stays on the straight leg, also while it speeds up, and levels off in time.
         ahead = (de * self.velocity[0] + dn * self.velocity[1]) / away_m + ACCELERATION_M_S2 * VERTICAL_LEAD_S
         up = du * max(min(speed, ahead), 0.0) / away_m
+        brakes_m_s = math.sqrt(1.4 * VERTICAL_M_S2 * abs(du))
+        up = max(-brakes_m_s, min(brakes_m_s, up))
         return de / away_m * speed, dn / away_m * speed, up
 
     @property
