@@ -62,7 +62,8 @@ class Recorder:
     """The recorder of one `run.mcap`, an `Observer` of runners. Only `close` writes the index of the file.
 
     A replay reads the agents' events and effects. Positions, routes, hostiles and texts are also recorded in
-    Foxglove's own schemas. An effect on a vehicle or on the swarm is in the file before it is performed.
+    Foxglove's own schemas. An effect on a vehicle or on the swarm is in the file before it is performed; a
+    set-point at most FLUSH_PERIOD_S later.
     """
 
     def __init__(
@@ -213,7 +214,7 @@ def _acts(effect: ev.Effect) -> bool:
     match effect:
         case ev.Publish(message):
             return isinstance(message, Observation)
-        case ev.NotifyOperator():
+        case ev.NotifyOperator() | ev.SendSetPoint():  # set-points come several times a second
             return False
     return True
 
