@@ -38,6 +38,8 @@ MARGIN_UP_M = 0.5
 """The same in height [m]."""
 TRUSTED_S, BRAKES_M_S2 = 0.6, 2.5
 """Age up to which a velocity counts [s]; a member that tells nothing for longer may brake so hard."""
+IN_PLACE_M = 3.0
+"""Greatest distance of a member from its place at which it is expected to stay there [m]."""
 OLDEST_S = 3.0
 """Greatest age by which the margin grows [s]."""
 SIDEWAYS = 0.3
@@ -159,7 +161,7 @@ def keep_separation(group: Group, velocity: Vector) -> Vector | None:
     near, climb = [], velocity[2]
     least_m = limits.separation_m + MARGIN_M
     reach_m = least_m + GROWTH_M_S * OLDEST_S + 2.0 * limits.speed_m_s / APPROACH_HZ
-    for member in (*group.others, *group.obstacles):
+    for member in (*group.others, *_silent_by_plan(group), *group.obstacles):
         age_s, (their_e, their_n, their_u) = member.age_s, member.velocity_m_s
         moved_s, left = _if_braking(member)
         away_e = own[0] - member.position_m[0] - moved_s * their_e
@@ -201,6 +203,27 @@ def keep_separation(group: Group, velocity: Vector) -> Vector | None:
         return None
     climb = min(max(climb, -limits.climb_m_s), limits.climb_m_s)
     return bounded((east, north, climb), limits.speed_m_s)
+
+
+def _silent_by_plan(group: Group) -> list[Nearby]:
+    """Return where members that have told nothing for TRUSTED_S are now, if they have kept their places.
+
+    In a turn of the route they are not straight ahead of their last position.
+    """
+    silent = [m for m in group.others if m.age_s > TRUSTED_S and m.error_m <= IN_PLACE_M]
+    if not silent:
+        return []
+    now, found = reference_now(group), []
+    pose = group.reference.at(now.s_m)
+    for member in silent:
+        then = group.reference.at(max(now.s_m - member.age_s * now.speed_m_s, 0.0))
+        (before_e, before_n), _ = offset_of(then, member.place, member.way)
+        (away_e, away_n), (moves_e, moves_n) = offset_of(pose, member.place, member.way, now.speed_m_s)
+        east_m = member.position_m[0] + pose.east_m + away_e - then.east_m - before_e
+        north_m = member.position_m[1] + pose.north_m + away_n - then.north_m - before_n
+        velocity = now.speed_m_s * pose.slope_east + moves_e, now.speed_m_s * pose.slope_north + moves_n, 0.0
+        found.append(Nearby((east_m, north_m, member.position_m[2]), velocity))
+    return found
 
 
 def _if_braking(other: Nearby) -> tuple[float, float]:
