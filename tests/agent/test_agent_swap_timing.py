@@ -234,10 +234,17 @@ def test_the_worst_of_the_last_three_swaps_is_expected() -> None:
         times = times.measured(took_s, stood_s)
     assert times.expected_s == pytest.approx(1.25 * 2.0 + 0.5)
     assert times.stop_s == 0.0
-    assert times.too_late().expected_s > 1.25 * 2.0 * times.expected_s
+
+
+def test_after_a_late_swap_twice_the_duration_is_expected_and_the_measured_one_announced() -> None:
+    times = SwapTimes().measured(2.0, 0.0)
+    late = times.too_late()
+    assert late.expected_s == 2.0 * times.expected_s
+    assert late.likely_s == 2.0
+    assert late.measured(2.0, 0.0).measured(2.0, 0.0).expected_s == times.expected_s
     for _ in range(20):
-        times = times.too_late()
-    assert times.took_s[-1] == MAX_EXPECTED_S
+        late = late.too_late()
+    assert late.expected_s == MAX_EXPECTED_S
 
 
 def test_the_upload_on_the_ground_sets_the_expected_duration_of_the_first_swap() -> None:

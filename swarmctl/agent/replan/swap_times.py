@@ -29,6 +29,8 @@ class SwapTimes:
     """times for which the vehicle held or stood still [s]"""
     prior_s: float = PRIOR_S
     """expected duration before the first measurement [s]"""
+    least_s: float = 0.0
+    """least expected duration after a late swap; half of it after each swap in time [s]"""
 
     @classmethod
     def expecting(cls, takes_s: float) -> SwapTimes:
@@ -37,16 +39,17 @@ class SwapTimes:
 
     def measured(self, took_s: float, stood_s: float) -> SwapTimes:
         """Return these times with one more swap."""
-        return SwapTimes((*self.took_s, took_s)[-N_KEPT:], (*self.stood_s, stood_s)[-N_KEPT:], self.prior_s)
+        durations_s, stops_s = (*self.took_s, took_s)[-N_KEPT:], (*self.stood_s, stood_s)[-N_KEPT:]
+        return SwapTimes(durations_s, stops_s, self.prior_s, 0.5 * self.least_s)
 
     def too_late(self) -> SwapTimes:
-        """Return these times after a late swap, as if it had taken twice the expected duration."""
-        return replace(self, took_s=(*self.took_s, min(2.0 * self.expected_s, MAX_EXPECTED_S))[-N_KEPT:])
+        """Return these times after a late swap: twice the duration is expected from now on."""
+        return replace(self, least_s=min(2.0 * self.expected_s, MAX_EXPECTED_S))
 
     @property
     def expected_s(self) -> float:
         """Expected duration with a margin [s]; the vehicle flies by its old plan for this time."""
-        return _with_margin_s(max(self.took_s)) if self.took_s else self.prior_s
+        return max(_with_margin_s(max(self.took_s)) if self.took_s else self.prior_s, self.least_s)
 
     @property
     def likely_s(self) -> float:
