@@ -37,6 +37,7 @@ from swarmctl.agent.traffic.check import (
     clashes_with,
     come_within,
     describe_clashes,
+    goes_second,
     known_flights,
     near_flights,
     standing_of,
@@ -207,11 +208,12 @@ def _land_if_clear(state: AgentState, wait: Wait, here: LocalPoint) -> StepResul
     now_s = state.vehicle.time_boot_s
     # A stopped vehicle may still report LANDING for some seconds.
     is_holding = state.order.is_followed and state.vehicle.landed is not Landed.LANDING
-    # A silent vehicle with LANDING in its last report counts as landed.
-    reports = {uav: r for uav, r in wait.to.items() if r.state.phase != Phase.LANDING}
-    state = replace(state, wait=replace(wait, to=reports))
     may_land = is_holding and not hears_nobody(state)
-    match verdict(wait, now_s, lambda: may_land and not _descent_conflicts(state, here)):
+
+    def is_clear() -> bool:
+        return may_land and not _descent_conflicts(state, here)
+
+    match verdict(wait, now_s, is_clear, goes_second=goes_second(state, wait)):
         case Verdict.OVER:
             return give_up(state)
         case Verdict.CLEAR:

@@ -22,6 +22,7 @@ from swarmctl.agent.own_modes import own_mode_roles
 from swarmctl.agent.phases import EN_ROUTE, Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.check import (
+    ENOUGH,
     come_within,
     known_flights,
     may_meet_anyone,
@@ -64,8 +65,6 @@ LIKELY_REACTION_S, LIKELY_BRAKING_M_S2 = 0.75, 2.6
 """Probable time to the start of braking [s], and deceleration: with them two flights are compared."""
 SPEED_OVER_S = 0.5
 """Time over which the speed on an announced flight is taken [s]."""
-ENOUGH = 1.1
-"""Share of the limits that two flights have to keep."""
 BETTER_BY = 0.2
 """Least improvement by a stop that is still too close, as a share of the limits."""
 

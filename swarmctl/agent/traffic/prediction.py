@@ -11,6 +11,7 @@ from swarmctl.agent.phases import ENDED, Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.separation.trajectory import Bounds, LocalPoint, Trajectory, extrapolate
 from swarmctl.agent.traffic.separation.watch import NeighbourReport
+from swarmctl.agent.traffic.wait import WaitFor
 from swarmctl.core.frames import StateShared
 from swarmctl.core.vehicle import BRAKING_M_S2, VehicleState
 
@@ -133,8 +134,11 @@ def acknowledged_s(state: AgentState) -> float:
 
 def silent_neighbours(state: AgentState) -> dict[int, Trajectory]:
     """Return the last positions of silent vehicles, as trajectories; for vehicles without a known intent."""
-    now_s = state.vehicle.time_boot_s
-    reports = {**state.neighbours, **({} if state.wait is None else state.wait.to)}
+    now_s, wait = state.vehicle.time_boot_s, state.wait
+    given_way = {} if wait is None else wait.to
+    if wait is not None and wait.purpose is WaitFor.DESCENT:  # one that was landing then has landed
+        given_way = {uav: report for uav, report in given_way.items() if report.state.phase != Phase.LANDING}
+    reports = {**state.neighbours, **given_way}
     return {
         uav: extrapolate(_reported_position(state, report), (0.0, 0.0, 0.0), now_s, SILENT_S)
         for uav, report in reports.items()

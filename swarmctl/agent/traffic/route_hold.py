@@ -23,6 +23,7 @@ from swarmctl.agent.traffic.check import (
     Others,
     clashes_of_route,
     clashes_with,
+    goes_second,
     known_flights,
     standing_of,
 )
@@ -124,7 +125,11 @@ def resume_if_clear(state: AgentState) -> StepResult:
         return state, []
     plan = _rest_of(state, wait.plan.plan)
     may_go_on = state.order.is_followed and not hears_nobody(state)
-    match verdict(wait, now_s, lambda: may_go_on and _is_way_clear(state, wait, plan)):
+
+    def is_clear() -> bool:
+        return may_go_on and _is_way_clear(state, wait, plan)
+
+    match verdict(wait, now_s, is_clear, goes_second=goes_second(state, wait)):
         case Verdict.WAIT:
             return state, []
         case Verdict.OVER:

@@ -95,6 +95,9 @@ MIN_HEIGHT_M = 5.0
 PASSES_WITHIN_S = 10.0
 """Time from the first begin of a wait for which an urgent failsafe does not end it [s]: another vehicle may
 pass just below."""
+SECOND_S = 2.5
+"""Time by which a wait is longer if another vehicle waits, too, and goes first [s]: its new flight is known
+by then, also if a message is lost."""
 SETTLES_S = 5.0
 """Time after the end of a wait in which the same wait may go on, with its deadline [s]."""
 
@@ -199,8 +202,17 @@ def begin(
     return Wait(purpose, now_s, deadline_s, plan, to or {}, checked_boot_s=now_s, by_stored=by_stored)
 
 
-def verdict(wait: Wait, now_s: float, is_clear: Callable[[], bool], *, early_s: float = 0.0) -> Verdict:
+def verdict(
+    wait: Wait,
+    now_s: float,
+    is_clear: Callable[[], bool],
+    *,
+    early_s: float = 0.0,
+    goes_second: bool = False,
+) -> Verdict:
     """Return whether a wait ends now. `is_clear` is asked at most once each `check_every_s`.
+
+    `goes_second`: another vehicle waits, too, and goes first.
 
     The deadline comes `early_s` earlier. After a reboot the vehicle's clock is before the start of the wait,
     and the wait is over.
@@ -208,6 +220,7 @@ def verdict(wait: Wait, now_s: float, is_clear: Callable[[], bool], *, early_s: 
     if not wait.since_boot_s <= now_s < wait.deadline_boot_s - early_s:
         return Verdict.OVER
     rule = wait.rule
-    if now_s - wait.since_boot_s < rule.least_s or 0.0 <= now_s - wait.checked_boot_s < rule.check_every_s:
+    least_s = rule.least_s + (SECOND_S if goes_second else 0.0)
+    if now_s - wait.since_boot_s < least_s or 0.0 <= now_s - wait.checked_boot_s < rule.check_every_s:
         return Verdict.WAIT
     return Verdict.CLEAR if is_clear() else Verdict.BLOCKED
