@@ -89,7 +89,7 @@ def stop_in_time(state: AgentState) -> StepResult:
     if state.phase in EN_ROUTE:
         plan = until_landing(plan)  # over the goal the landing queue decides
     plan = plan.lasting(now_s + look_ahead_s)
-    mine = (plan, _straight_on(here, velocity, plan, now_s))
+    mine = _own_paths(state, here, velocity, plan)
     flights = known_flights(state)
     others = {uav: f for path in mine for uav, f in near_flights(path, flights, limits).items()}
     stop = _stop(state, here, velocity, now_s)
@@ -225,12 +225,18 @@ def _paths(state: AgentState, uav: int, intent: NeighbourIntent) -> Paths:
     return intent.flight, straight.lasting(max(now_s, straight.times_s[0]) + STRAIGHT_ON_S)
 
 
-def _straight_on(here: LocalPoint, velocity_m_s: LocalPoint, plan: Trajectory, now_s: float) -> Trajectory:
-    """Return the own flight straight on for some seconds; a climb or descent ends at the plan's heights."""
+def _own_paths(state: AgentState, here: LocalPoint, velocity_m_s: LocalPoint, plan: Trajectory) -> Paths:
+    """Return the flights that this vehicle may take: its plan, or straight on for some seconds.
+
+    A climb or descent straight on ends at the plan's heights. A landing vehicle brakes for its spot by its plan.
+    """
+    if state.phase is Phase.LANDING:
+        return (plan,)
     heights_m = [here[2], *(point[2] for point in plan.points)]
     least_m_s, most_m_s = ((z - here[2]) / STRAIGHT_ON_S for z in (min(heights_m), max(heights_m)))
     climb_m_s = min(max(velocity_m_s[2], least_m_s), most_m_s)
-    return extrapolate(here, (velocity_m_s[0], velocity_m_s[1], climb_m_s), now_s, STRAIGHT_ON_S)
+    velocity_m_s = velocity_m_s[0], velocity_m_s[1], climb_m_s
+    return plan, extrapolate(here, velocity_m_s, state.vehicle.time_boot_s, STRAIGHT_ON_S)
 
 
 def _stop(state: AgentState, here: LocalPoint, velocity_m_s: LocalPoint, now_s: float) -> Trajectory:
