@@ -153,7 +153,7 @@ def keep_separation(group: Group, velocity: Vector) -> Vector | None:
     """Return a velocity that brings the member too near to no other vehicle; None if `velocity` does so.
 
     A member may approach another one by `APPROACH_HZ` of the distance that is left to the separation, so
-    the approach ends there. A member within the separation moves away. This holds over ground while the
+    the approach ends there, and no faster than it can stop if both brake at any time. A member within the separation moves away. This holds over ground while the
     heights are within the vertical separation, and in height while the distance is within the horizontal
     one.
     """
@@ -184,7 +184,8 @@ def keep_separation(group: Group, velocity: Vector) -> Vector | None:
                 height_left_m = abs(up_m) - limits.separation_up_m - MARGIN_UP_M
                 climb = above * max(above * climb, above * their_u - APPROACH_HZ * height_left_m)
             continue
-        near.append((-left_m, unit_e, unit_n, theirs - APPROACH_HZ * left_m))
+        stops_m_s = math.sqrt(min(theirs, 0.0) ** 2 + 2.0 * limits.acceleration_m_s2 * max(left_m, 0.0))
+        near.append((-left_m, unit_e, unit_n, max(theirs - APPROACH_HZ * left_m, -stops_m_s)))
     east, north = velocity[0], velocity[1]
     is_changed = abs(climb - velocity[2]) > 1e-3
     near.sort()  # the nearest member last, so that it decides if no velocity suits all
