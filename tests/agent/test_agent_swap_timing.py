@@ -238,12 +238,13 @@ def test_the_worst_of_the_last_three_swaps_is_expected() -> None:
 
 def test_after_a_late_swap_twice_the_duration_is_expected_and_the_measured_one_announced() -> None:
     times = SwapTimes().measured(2.0, 0.0)
-    late = times.too_late()
+    late = times.too_late(2.2)
     assert late.expected_s == 2.0 * times.expected_s
-    assert late.likely_s == 2.0
-    assert late.measured(2.0, 0.0).measured(2.0, 0.0).expected_s == times.expected_s
+    assert late.likely_s == 2.2
+    on_time = late.measured(2.0, 0.0).measured(2.0, 0.0).measured(2.0, 0.0)
+    assert on_time.expected_s == times.expected_s
     for _ in range(20):
-        late = late.too_late()
+        late = late.too_late(2.2)
     assert late.expected_s == MAX_EXPECTED_S
 
 

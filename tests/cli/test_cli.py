@@ -93,8 +93,9 @@ def test_the_schema_has_the_sections() -> None:
     }
     assert schema["additionalProperties"] is False
     options = schema["$defs"]["FormationSection"]["properties"]["options"]["anyOf"]
-    assert {params["title"] for params in options} == set(APPROACHES)
-    assert "threat_weight" in options[1]["properties"]
+    assert {params["title"]: set(params["properties"]) for params in options} == {
+        name: set(module.Params.model_fields) for name, module in APPROACHES.items()
+    }
 
 
 def test_a_record_replays_with_equal_decisions_and_a_changed_record_does_not(

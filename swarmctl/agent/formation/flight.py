@@ -28,10 +28,8 @@ from swarmctl.agent.formation.ways import MemberWay
 from swarmctl.agent.own_modes import own_mode_roles
 from swarmctl.agent.phases import EN_ROUTE, Phase
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.check import known_flights
-from swarmctl.agent.traffic.own_flight import position_amsl
-from swarmctl.agent.traffic.prediction import home_amsl_m, stopping_point
-from swarmctl.agent.traffic.route_hold import hold, hold_would_block
+from swarmctl.agent.traffic.prediction import home_amsl_m
+from swarmctl.agent.traffic.route_hold import hold, would_block
 from swarmctl.core import events as ev
 from swarmctl.core.any_angle.track import cells_under
 from swarmctl.core.belief import OCCUPIED
@@ -47,6 +45,8 @@ LEVEL_WITHIN = 0.4
 """Distance from its place within which a member flies at the group's height, in spacings."""
 STRAIGHT_ON_S = 3.0
 """Time in which a member can stop, after some reaction [s]."""
+GIVES_WAY_FOR_S = 30.0
+"""Time for which the last member gives way to those that have left [s]; they tell their positions so long."""
 ANNOUNCED_WITHIN_S = 2.0
 """Time within which a member that leaves has announced its next flight to the others [s]."""
 RESTING_TARGET_LEAD_S = 0.1
@@ -70,7 +70,9 @@ def _fly_in_formation(state: AgentState) -> StepResult:
         return _leave(state, _why_apart(state)) if in_formation else _at_full_speed(state)
     if membership.n_present == 1:
         return _alone(state, formation) if in_formation else _at_full_speed(state)
-    state = replace(state, membership=replace(membership, alone_since_boot_s=None))
+    leader = state.task.name_of(membership.leader)
+    membership = replace(membership, alone_since_boot_s=None, stands_still=False)
+    state = replace(state, membership=membership)
     if in_formation:
         state, flown = _flown(state, formation)
         if (far_m := _comes_no_nearer(state, formation)) is not None:
@@ -79,7 +81,7 @@ def _fly_in_formation(state: AgentState) -> StepResult:
             return _leave(state, f"{why}, and comes no nearer ({far_m:.0f} m now)")
         if (cell := _cell_in_the_way(state, formation)) is not None:
             return _leave(state, f"cell {list(cell)} lies on the way to its place")
-        return state, _set_points(state, flown)
+        return state, _set_points(state, flown.demand)
     if state.leads_group and formation.approach.LEADER_FLIES_MISSION:
         return _lead_mission(*_flown(state, formation))
     if not state.flies_mission or state.alarms:
@@ -88,9 +90,8 @@ def _fly_in_formation(state: AgentState) -> StepResult:
     if _cell_in_the_way(joined, formation) is not None:
         return state, []  # its own mission leads around it
     state, ordered = command(joined, ev.FlightOrder.FORMATION, phase=Phase.FORMATION)
-    leader = state.task.name_of(membership.leader)
     text = f"the vehicle joins group {formation.name}, which {leader} leads [joins]"
-    return state, [ev.NotifyOperator(text), *_set_points(state, flown), *ordered]
+    return state, [ev.NotifyOperator(text), *_set_points(state, flown.demand), *ordered]
 
 
 def _changes_of_group(before: AgentState, after: AgentState) -> list[ev.Effect]:
@@ -130,35 +131,31 @@ def not_following(state: AgentState, reason: str) -> StepResult:
 def _alone(state: AgentState, formation: Formation) -> StepResult:
     """Leave if all others have left. Else fly on while they keep the place, stand still, and then leave.
 
-    A member that leaves holds. While its hold may be in the way of another vehicle it stands still by
-    set-points instead, and gives way.
+    A member that leaves holds. If all others have left, and its hold would be in the way of another vehicle,
+    the member stands still by set-points, and gives way, for at most GIVES_WAY_FOR_S.
     """
     membership, now_s = state.membership, state.now_boot_s
     since_s = now_s if membership.alone_since_boot_s is None else membership.alone_since_boot_s
-    state, alone_s = (
-        replace(state, membership=replace(membership, alone_since_boot_s=since_s)),
-        now_s - since_s,
-    )
+    alone_s = now_s - since_s
     if membership.told and not any(report.message.joins for report in membership.told.values()):
         stands_still = True
-        if alone_s >= ANNOUNCED_WITHIN_S and not _would_block(state):
+        gives_way = alone_s < GIVES_WAY_FOR_S and would_block(with_members_shown(state))
+        if alone_s >= ANNOUNCED_WITHIN_S and not gives_way:
             return _leave(state, "all other members have left")
     else:
         stands_still = alone_s >= formation.keeps_place_s - formation.lost_after_s
         if alone_s >= formation.alone_after_s:
             return _leave(state, f"no other member was heard for {formation.alone_after_s:g} s")
-    state, flown = _flown(state, formation)
-    if stands_still:
-        still = (0.0, 0.0, 0.0)
-        safe = keep_separation(_view(state, formation), still)
-        flown = replace(flown, demand=SetPointDemand(safe or still))
-    return state, _set_points(state, flown)
-
-
-def _would_block(state: AgentState) -> bool:
-    """Return whether the hold of a member that leaves would be in the way of another vehicle."""
-    here, shown = position_amsl(state), with_members_shown(state)
-    return here is not None and hold_would_block(shown, stopping_point(state, here), known_flights(shown))
+    begins = stands_still and not membership.stands_still
+    membership = replace(membership, alone_since_boot_s=since_s, stands_still=stands_still)
+    state = replace(state, membership=membership)
+    if not stands_still:
+        state, flown = _flown(state, formation)
+        return state, _set_points(state, flown.demand)
+    if begins:
+        state = state.with_new_flight()
+    still = (0.0, 0.0, 0.0)
+    return state, _set_points(state, SetPointDemand(keep_separation(_view(state, formation), still) or still))
 
 
 def _leave(state: AgentState, why: str) -> StepResult:
@@ -376,11 +373,11 @@ def _threats(state: AgentState) -> ThreatField | None:
     return None if exposure is None else ThreatField(exposure, state.task.grid.cell_size_m)
 
 
-def _set_points(state: AgentState, flown: ApproachResult) -> list[ev.Effect]:
+def _set_points(state: AgentState, demand: SetPointDemand | None) -> list[ev.Effect]:
     """Return the set-point for the vehicle."""
-    if flown.demand is None:
+    if demand is None:
         return []
     at, alt_amsl_m = None, None
-    if (position_m := flown.demand.position_m) is not None:
+    if (position_m := demand.position_m) is not None:
         at, alt_amsl_m = state.task.grid.frame.to_geodetic(*position_m[:2]), position_m[2]
-    return [ev.SendSetPoint(SetPoint(flown.demand.velocity_m_s, at, alt_amsl_m))]
+    return [ev.SendSetPoint(SetPoint(demand.velocity_m_s, at, alt_amsl_m))]

@@ -243,6 +243,8 @@ class Membership:
     setpoint_role: str = ""
     """role of the mode in which the vehicle follows set-points; empty: not confirmed yet"""
     alone_since_boot_s: float | None = None
+    stands_still: bool = False
+    """True: the vehicle is alone in its group, and stands still by set-points"""
     left_boot_s: float = -math.inf
     is_over: bool = False
     """True: the group has ended for this vehicle"""

@@ -19,8 +19,8 @@ from swarmctl.core.records import replace
 SOON_S = 8.0
 """Time within which a silent member has stopped: alone, without set-points, or by a pilot [s]. For as long
 members keep clear of the announced flight of a member that leaves."""
-STOPS_WITHIN_S = 4.0
-"""Time at its speed within which a silent member stops straight ahead [s]."""
+STRAIGHT_ON_S = 6.0
+"""A silent member stops nearer than it flies straight on in this time [s]: ArduPilot goes on for 3 s."""
 OFF_INTENT_M = 15.0
 """Distance of a member from its announced place above which its intent is of an earlier flight [m]."""
 N_PLACES = 33
@@ -63,7 +63,7 @@ def obstacles(state: AgentState, formation: Formation) -> tuple[Nearby, ...]:
     """Return what a member keeps apart from beside the present members; heights are above the sea.
 
     A member that leaves tells its position for some seconds. Its next place, and that of a silent member, may
-    be anywhere on its announced flight within SOON_S of its last message: it may stop there.
+    be anywhere on its announced flight within SOON_S of its last message, or straight ahead, where it stops.
     """
     found: list[Nearby] = []
     own = state.last_position
@@ -90,7 +90,7 @@ def _nearest_place(state: AgentState, here: LocalPoint, uav: int, told: MemberRe
     """
     message, intent = told.message, state.all_intents.get(uav)
     there = (*told.here_m, message.alt_amsl_m)
-    paths = [extrapolate(there, message.velocity_m_s, told.at_boot_s, STOPS_WITHIN_S)]
+    paths = [extrapolate(there, message.velocity_m_s, told.at_boot_s, STRAIGHT_ON_S)]
     announced = None if intent is None else intent.flight.at(told.at_boot_s)
     if intent is not None and announced and math.dist(announced[:2], told.here_m) <= OFF_INTENT_M:
         paths.append(intent.flight)

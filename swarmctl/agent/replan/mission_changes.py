@@ -120,7 +120,7 @@ def mission_failed(state: AgentState, event: ev.MissionFailed, now: float) -> St
     if swap is None or swap.plan_id != event.plan_id:
         return state, []
     # A mode change during the swap may have reset the speed.
-    speed, plans = state.speed.unknown(), state.plans.failed(event)
+    speed, plans = state.speed.unknown(), state.plans.failed(event, state.vehicle.time_boot_s)
     state = replace(state, plans=plans, speed=speed, trouble=event.reason)
     if state.phase in ON_GROUND:
         return state.enter(Phase.FAILED, outcome=event.reason), []

@@ -134,10 +134,12 @@ class Plans:
         """Return the plans after an upload on the ground, which took `took_s` [s] if measured."""
         return self if took_s is None else replace(self, swap_times=SwapTimes.expecting(took_s))
 
-    def failed(self, event: ev.MissionFailed) -> Plans:
-        """Return the plans after a failed mission change."""
+    def failed(self, event: ev.MissionFailed, boot_s: float) -> Plans:
+        """Return the plans after a failed mission change, at `boot_s` by the vehicle's clock."""
         swaps = self.swaps.failed(event.reason, is_late=event.is_late)
-        times = self.swap_times.too_late() if event.is_late else self.swap_times
+        times = (
+            self.swap_times.too_late(boot_s - self.swaps.decided_boot_s) if event.is_late else self.swap_times
+        )
         return replace(self, pending=None, swaps=swaps, swap_times=times, hold_is_own=event.flying == "hold")
 
     def again(self, plan: ev.SwapMission, retry_at_s: float, *, flies_old: bool) -> Plans:

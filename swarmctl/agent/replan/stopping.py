@@ -62,25 +62,28 @@ def change_for_new_plan(state: AgentState) -> MissionChange | None:
     """Return the change to a plan that is sent now; None if the vehicle flies no plan."""
     if state.plans.route is None:
         return None
-    return _stop_under_way(state) or _change(state, state.plans.swap_times.likely_s)
+    return _change_of_plans(state, state.plans.swap_times.likely_s)
 
 
 def change_ahead(state: AgentState) -> MissionChange | None:
     """Return the change to the pending plan, or to the plan for which the vehicle brakes; otherwise None."""
     if state.plans.route is None:
         return None
-    if (stop := _stop_under_way(state)) is not None or state.plans.pending is None:
-        return stop
-    return _change(state, max(swap_due_s(state), 0.0))
+    if state.plans.pending is None:
+        return _stop_under_way(state)
+    return _change_of_plans(state, max(swap_due_s(state), 0.0))
 
 
 def _stop_under_way(state: AgentState) -> MissionChange | None:
-    """Return the present stop of a vehicle that has just accepted a plan; None if it does not brake.
-
-    A plan that is sent during this stop needs no second one.
-    """
+    """Return the present stop of a vehicle that has just accepted a plan; None if it does not brake."""
     now_s, swaps = state.vehicle.time_boot_s, state.plans.swaps
     return _change(state, 0.0) if swaps.done_boot_s <= now_s < swaps.braking_until_boot_s else None
+
+
+def _change_of_plans(state: AgentState, in_s: float) -> MissionChange:
+    """Return the change to a plan that the vehicle accepts in `in_s`; during a present stop no second one."""
+    stop = _stop_under_way(state)
+    return stop if stop is not None and in_s <= stop.stops_in_s else _change(state, in_s)
 
 
 def swap_due_s(state: AgentState) -> float:

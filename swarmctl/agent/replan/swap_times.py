@@ -42,9 +42,13 @@ class SwapTimes:
         durations_s, stops_s = (*self.took_s, took_s)[-N_KEPT:], (*self.stood_s, stood_s)[-N_KEPT:]
         return SwapTimes(durations_s, stops_s, self.prior_s, 0.5 * self.least_s)
 
-    def too_late(self) -> SwapTimes:
-        """Return these times after a late swap: twice the duration is expected from now on."""
-        return replace(self, least_s=min(2.0 * self.expected_s, MAX_EXPECTED_S))
+    def too_late(self, took_s: float) -> SwapTimes:
+        """Return these times after a late swap that has taken `took_s` until then [s].
+
+        Twice the expected duration is expected from now on, at most MAX_EXPECTED_S.
+        """
+        least_s = min(2.0 * self.expected_s, MAX_EXPECTED_S)
+        return replace(self, took_s=(*self.took_s, took_s)[-N_KEPT:], least_s=least_s)
 
     @property
     def expected_s(self) -> float:

@@ -19,12 +19,11 @@ from swarmctl.agent.traffic.prediction import (
     reported_amsl_m,
     silent_neighbours,
 )
-from swarmctl.agent.traffic.priority import Activity, Standing, activity_of, gives_way
+from swarmctl.agent.traffic.priority import Activity, Standing
 from swarmctl.agent.traffic.separation.approach import Limits, closest, intervals
 from swarmctl.agent.traffic.separation.clash import TIME_TOLERANCE_S, Clash, find_clashes
 from swarmctl.agent.traffic.separation.trajectory import Bounds, Trajectory, until_landing
 from swarmctl.agent.traffic.separation.watch import NeighbourIntent, NeighbourReport
-from swarmctl.agent.traffic.wait import Wait
 
 Others = Mapping[int, NeighbourIntent]
 """flights of other vehicles by system id"""
@@ -140,7 +139,8 @@ def _separates(flight: Trajectory, present: Trajectory | None, other: Trajectory
     if least is None or here is None or there is None:
         return True
     now = limits.share(math.dist(here[:2], there[:2]), abs(here[2] - there[2]))
-    if least >= min(now, ENOUGH) - 1e-6:
+    # A vehicle that brakes now may come as near as the limits.
+    if least >= min(now, 1.0 if present is None else ENOUGH) - 1e-6:
         return True
     present_least = None if present is None else _least_share(present, other, limits)
     return present_least is not None and least >= present_least + BETTER_BY
@@ -238,23 +238,6 @@ def as_intent(state: AgentState, path: Trajectory) -> NeighbourIntent:
     """Return a predicted path, with heights above home, as a flight that its vehicle cannot change."""
     flight = path.higher(home_amsl_m(state))
     return NeighbourIntent(flight, Bounds.of(flight), may_change=False, sent_s=path.times_s[0])
-
-
-def goes_second(state: AgentState, wait: Wait) -> bool:
-    """Return whether another vehicle waits near this waiting vehicle, and goes first by the rule of priority.
-
-    Two vehicles that wait for each other would otherwise go on at the same moment, and stop again.
-    """
-    vehicle = state.vehicle
-    mine = Standing(activity_of(state.phase), True, state.task.uav, vehicle.alt_amsl_m or 0.0)
-    return any(
-        bool(report.state.waits)
-        and gives_way(
-            mine,
-            Standing(activity_of(report.state.phase), True, uav, reported_amsl_m(state, report)),
-        )
-        for uav, report in wait.to.items()
-    )
 
 
 def standing_of(state: AgentState, uav: int, intent: NeighbourIntent) -> Standing:

@@ -37,7 +37,6 @@ from swarmctl.agent.traffic.check import (
     clashes_with,
     come_within,
     describe_clashes,
-    goes_second,
     known_flights,
     near_flights,
     standing_of,
@@ -45,7 +44,7 @@ from swarmctl.agent.traffic.check import (
 from swarmctl.agent.traffic.own_flight import planned_flight, position_amsl, to_shared_frame
 from swarmctl.agent.traffic.prediction import hears_nobody, position_of, stopping_point
 from swarmctl.agent.traffic.priority import Activity, Standing, gives_way
-from swarmctl.agent.traffic.route_hold import give_up, hold_would_block
+from swarmctl.agent.traffic.route_hold import give_up, goes_second, hold_would_block
 from swarmctl.agent.traffic.separation.clash import Clash
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory, landing_start_s
 from swarmctl.agent.traffic.separation.watch import NeighbourIntent, NeighbourReport
@@ -108,7 +107,8 @@ def land_after_unconfirmed_hold(state: AgentState) -> StepResult:
     if here is None or up_m is None:
         return state, []
     is_low = up_m < MIN_HEIGHT_M
-    has_just_begun = state.vehicle.time_boot_s - state.wait.since_boot_s < state.wait.rule.least_s
+    began_boot_s = max(state.wait.since_boot_s, state.arrived_boot_s or -math.inf)
+    has_just_begun = state.vehicle.time_boot_s - began_boot_s < state.wait.rule.least_s
     is_hold_needed = has_just_begun or bool(_descent_conflicts(state, here))
     if is_hold_needed and not is_low:
         return state, []
@@ -213,7 +213,7 @@ def _land_if_clear(state: AgentState, wait: Wait, here: LocalPoint) -> StepResul
     def is_clear() -> bool:
         return may_land and not _descent_conflicts(state, here)
 
-    match verdict(wait, now_s, is_clear, goes_second=goes_second(state, wait)):
+    match verdict(wait, now_s, is_clear, goes_second=goes_second(state)):
         case Verdict.OVER:
             return give_up(state)
         case Verdict.CLEAR:

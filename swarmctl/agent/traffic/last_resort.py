@@ -228,7 +228,7 @@ def _paths(state: AgentState, uav: int, intent: NeighbourIntent) -> Paths:
 def _own_paths(state: AgentState, here: LocalPoint, velocity_m_s: LocalPoint, plan: Trajectory) -> Paths:
     """Return the flights that this vehicle may take: its plan, or straight on for some seconds.
 
-    A climb or descent straight on ends at the plan's heights. A landing vehicle brakes for its spot by its plan.
+    A climb or descent straight on ends at the plan's heights. A landing vehicle brakes for its spot.
     """
     if state.phase is Phase.LANDING:
         return (plan,)

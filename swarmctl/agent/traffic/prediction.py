@@ -136,7 +136,8 @@ def silent_neighbours(state: AgentState) -> dict[int, Trajectory]:
     """Return the last positions of silent vehicles, as trajectories; for vehicles without a known intent."""
     now_s, wait = state.vehicle.time_boot_s, state.wait
     given_way = {} if wait is None else wait.to
-    if wait is not None and wait.purpose is WaitFor.DESCENT:  # one that was landing then has landed
+    if wait is not None and wait.purpose is WaitFor.DESCENT:
+        # A silent vehicle with LANDING in its last report counts as landed.
         given_way = {uav: report for uav, report in given_way.items() if report.state.phase != Phase.LANDING}
     reports = {**state.neighbours, **given_way}
     return {

@@ -33,10 +33,10 @@ from swarmctl.agent.traffic.check import (
     known_flights,
 )
 from swarmctl.agent.traffic.own_flight import landing_flight, position_amsl, return_flight
-from swarmctl.agent.traffic.prediction import hears_nobody, stopping_point
+from swarmctl.agent.traffic.prediction import hears_nobody
 from swarmctl.agent.traffic.priority import Activity, Standing, activity_of, gives_way
 from swarmctl.agent.traffic.return_schedule import may_be_returning, position_from_state, schedule_for
-from swarmctl.agent.traffic.route_hold import hold_would_block
+from swarmctl.agent.traffic.route_hold import would_block
 from swarmctl.agent.traffic.separation.trajectory import Trajectory
 from swarmctl.agent.traffic.separation.watch import NeighbourReport
 from swarmctl.agent.traffic.wait import MIN_HEIGHT_M, Verdict, Wait, WaitFor, begin, verdict
@@ -243,7 +243,7 @@ def may_wait_to_leave(state: AgentState) -> bool:
     up_m, here = state.vehicle.alt_rel_m, position_amsl(state)
     if here is None or up_m is None or up_m < MIN_HEIGHT_M or _takes_off(state):
         return False
-    return not hold_would_block(state, stopping_point(state, here), known_flights(state))
+    return not would_block(state)
 
 
 def _leaving_conflicts(state: AgentState, flight: Trajectory | None) -> bool:

@@ -23,7 +23,6 @@ from swarmctl.agent.traffic.check import (
     Others,
     clashes_of_route,
     clashes_with,
-    goes_second,
     known_flights,
     standing_of,
 )
@@ -34,8 +33,14 @@ from swarmctl.agent.traffic.own_flight import (
     planned_flight,
     position_amsl,
 )
-from swarmctl.agent.traffic.prediction import hears_nobody, home_amsl_m, position_of
-from swarmctl.agent.traffic.priority import SAME_HEIGHT_M
+from swarmctl.agent.traffic.prediction import (
+    hears_nobody,
+    home_amsl_m,
+    position_of,
+    reported_amsl_m,
+    stopping_point,
+)
+from swarmctl.agent.traffic.priority import SAME_HEIGHT_M, Standing, activity_of, gives_way
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory
 from swarmctl.agent.traffic.separation.watch import HEIGHT_MARGIN, NeighbourReport
 from swarmctl.agent.traffic.wait import MIN_HEIGHT_M, Verdict, Wait, WaitFor, begin, verdict
@@ -46,6 +51,8 @@ from swarmctl.core.records import replace
 
 RESUME_AFTER_S = (0.0, 3.0, 6.0)
 """Delays with which a resumed route has to be clear [s]: a vehicle follows a new plan after some seconds."""
+WAITS_NEAR = 4.0
+"""Distance within which two vehicles wait for each other, in units of the separation."""
 CEILING_MARGIN_M = 3.0
 """Distance kept below the fence's ceiling [m]."""
 MAX_HEIGHTS = 8
@@ -81,6 +88,12 @@ def may_hold(state: AgentState) -> bool:
     return may_give_way(state) and not clashes_of_route(state, flight, known_flights(state))
 
 
+def would_block(state: AgentState) -> bool:
+    """Return whether a hold that begins now would block another vehicle, as in `hold_would_block`."""
+    here = position_amsl(state)
+    return here is not None and hold_would_block(state, stopping_point(state, here), known_flights(state))
+
+
 def hold_would_block(state: AgentState, stop: LocalPoint, others: Others) -> bool:
     """Return whether a hold at `stop` would block a vehicle that cannot give way, or cannot do so in time.
 
@@ -97,6 +110,27 @@ def hold_would_block(state: AgentState, stop: LocalPoint, others: Others) -> boo
     clashes = clashes_with(hold, near, limits)
     until_s = now_s + SEPARATES_WITHIN_S
     return any(not near[clash.other].may_change or clash.at_s < until_s for clash in clashes)
+
+
+def goes_second(state: AgentState) -> bool:
+    """Return whether another vehicle waits near this waiting vehicle, and goes first by the rule of priority.
+
+    Two vehicles that wait for each other would otherwise go on at the same moment, and stop again.
+    """
+    here = position_of(state)
+    if here is None:
+        return False
+    mine = Standing(activity_of(state.phase), True, state.task.uav, here[2] + home_amsl_m(state))
+    near_m = WAITS_NEAR * state.task.separation.limits.horizontal_m
+    return any(
+        bool(report.state.waits)
+        and math.dist(here[:2], (report.east_m, report.north_m)) <= near_m
+        and gives_way(
+            mine,
+            Standing(activity_of(report.state.phase), True, uav, reported_amsl_m(state, report)),
+        )
+        for uav, report in state.neighbours.items()
+    )
 
 
 def hold(
@@ -129,7 +163,7 @@ def resume_if_clear(state: AgentState) -> StepResult:
     def is_clear() -> bool:
         return may_go_on and _is_way_clear(state, wait, plan)
 
-    match verdict(wait, now_s, is_clear, goes_second=goes_second(state, wait)):
+    match verdict(wait, now_s, is_clear, goes_second=goes_second(state)):
         case Verdict.WAIT:
             return state, []
         case Verdict.OVER:

@@ -95,9 +95,9 @@ MIN_HEIGHT_M = 5.0
 PASSES_WITHIN_S = 10.0
 """Time from the first begin of a wait for which an urgent failsafe does not end it [s]: another vehicle may
 pass just below."""
-SECOND_S = 2.5
-"""Time by which a wait is longer if another vehicle waits, too, and goes first [s]: its new flight is known
-by then, also if a message is lost."""
+GOES_SECOND_AFTER_S = 2.5
+"""Time by which a wait is longer if another vehicle waits, too, and goes first [s]: the first vehicle has
+announced its new flight by then, also if a message is lost."""
 SETTLES_S = 5.0
 """Time after the end of a wait in which the same wait may go on, with its deadline [s]."""
 
@@ -220,7 +220,7 @@ def verdict(
     if not wait.since_boot_s <= now_s < wait.deadline_boot_s - early_s:
         return Verdict.OVER
     rule = wait.rule
-    least_s = rule.least_s + (SECOND_S if goes_second else 0.0)
+    least_s = rule.least_s + (GOES_SECOND_AFTER_S if goes_second else 0.0)
     if now_s - wait.since_boot_s < least_s or 0.0 <= now_s - wait.checked_boot_s < rule.check_every_s:
         return Verdict.WAIT
     return Verdict.CLEAR if is_clear() else Verdict.BLOCKED

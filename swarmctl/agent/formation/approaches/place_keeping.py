@@ -153,9 +153,9 @@ def keep_separation(group: Group, velocity: Vector) -> Vector | None:
     """Return a velocity that brings the member too near to no other vehicle; None if `velocity` does so.
 
     A member may approach another one by `APPROACH_HZ` of the distance that is left to the separation, so
-    the approach ends there, and no faster than it can stop if both brake at any time. A member within the separation moves away. This holds over ground while the
-    heights are within the vertical separation, and in height while the distance is within the horizontal
-    one.
+    the approach ends there, and no faster than it can stop if both brake at any time. A member within the
+    separation moves away. This holds over ground while the heights are within the vertical separation, and
+    in height while the distance is within the horizontal one.
     """
     limits, own = group.limits, group.position_m
     near, climb = [], velocity[2]
