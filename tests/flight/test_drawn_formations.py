@@ -28,6 +28,11 @@ FOUND = {
     987: "a return was announced of a vehicle whose link was lost, and that flew on",
     76: "a vehicle had announced a level flight, and descended by its present plan past another one",
     290: "a member that descended to its place was expected above the vehicle that it came down to",
+    134: "a leader that lost its link in a turn was expected on its announced flight only",
+    196: "a recall stopped a member that came up fast behind another one",
+    230: "a member without messages was expected straight ahead in a turn of the route",
+    397: "the last member held in the way of a leader that returned through it",
+    425: "members forgot a leader that returned through them before it had passed",
     27: "a vehicle that was refused the mode of set-points met a single vehicle",
 }
 """seeds that broke a rule before, with the cause; in the full run"""

@@ -51,6 +51,9 @@ FOUND_IN_FULL_RUNS = {
     679: "past a corner where its route turned back, a vehicle announced the leg before the corner",
     142: "two vehicles drifted over neighbouring landing spots, and held and resumed in turns",
     432: "as 142",
+    150: "a landing vehicle stopped nearer to another one than its landing spot is",
+    310: "after a late mission change, changes were announced too late",
+    961: "a vehicle that had stopped on its route waited again before its landing, in the way of a lost link",
     566: "a vehicle beside its route announced a stop at its next waypoint",
 }
 """larger swarms; each flight takes up to 13 s"""
