@@ -22,6 +22,7 @@ from swarmctl.agent.traffic.separation.trajectory import Trajectory
 from swarmctl.core import events as ev
 from swarmctl.core.frames import IntentShared, StateShared
 from swarmctl.core.planar import PlanarPoint
+from swarmctl.core.vehicle import BRAKING_M_S2
 from swarmctl.mavlink.dialects import dialect_for
 from swarmctl.mavlink.telemetry.vehicle_state import Telemetry
 
@@ -141,6 +142,33 @@ def test_a_plan_that_is_sent_during_a_stop_is_announced_from_this_stop_on() -> N
     effects = story.tick()
     assert story.state.plans.pending is not None
     assert flight(published_intent(effects)).at(3.0) == pytest.approx((94.0 + 11.25, ROW_M, 330.0), abs=0.1)
+
+
+HOME_LAT_DEG, HOME_LON_DEG = GRID.frame.to_geodetic(-50.0, ROW_M)
+HOME = {"home_lat_deg": HOME_LAT_DEG, "home_lon_deg": HOME_LON_DEG}
+"""125 m behind the vehicle"""
+
+
+@pytest.mark.parametrize("order", [ev.FlightOrder.RETURN, ev.FlightOrder.LAND])
+def test_an_ordered_return_or_landing_begins_with_a_stop_straight_ahead(order: ev.FlightOrder) -> None:
+    story = StopStory(2.5)
+    story.at(75.0, **HOME)
+    story(ev.OperatorCommand(order))
+    path, stops_s = planned_flight(story.state), 10.0 / BRAKING_M_S2
+    assert path is not None
+    stop = path.at(story.state.vehicle.time_boot_s + stops_s)
+    assert stop == pytest.approx((75.0 + 0.5 * 10.0 * stops_s, ROW_M, 330.0), abs=0.1)
+
+
+def test_a_vehicle_that_flies_home_is_announced_at_its_speed() -> None:
+    story = StopStory(2.5)
+    story.at(75.0, **HOME)
+    story(ev.OperatorCommand(ev.FlightOrder.RETURN))
+    story.at(75.0, -10.0, ground_speed_m_s=10.0, **HOME)
+    path = planned_flight(story.state)
+    assert path is not None
+    at = path.at(story.state.vehicle.time_boot_s + 2.0)
+    assert at == pytest.approx((55.0, ROW_M, 330.0), abs=0.5)
 
 
 def test_a_failed_swap_adds_no_stop_to_the_intent() -> None:

@@ -7,7 +7,7 @@ except where a docstring says above home.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from swarmctl.agent.formation.trajectory import flight_in_group
 from swarmctl.agent.phases import EN_ROUTE, Phase
@@ -23,6 +23,7 @@ from swarmctl.agent.replan.copter_trajectory import (
 )
 from swarmctl.agent.replan.length_bounds import LIFT_S
 from swarmctl.agent.replan.stopping import (
+    STANDING_M_S,
     MissionChange,
     change_ahead,
     change_for_new_plan,
@@ -50,6 +51,8 @@ VERTICAL_WITHIN_M = 5.0
 """Horizontal distance within which a climb at home, or a descent that has begun, counts as vertical [m]."""
 REACH_FACTOR, REACH_UP_M = 1.2, 0.1
 """How much a quick test's box is larger than the own flight: over ground as a factor, in height [m]."""
+TOWARD_HOME = 0.7
+"""Least share of its speed with which a vehicle on its return flies toward its home."""
 DESCENT_BEGINS_WITHIN_M = 2.0
 """Horizontal distance from the landing spot within which a vehicle begins its vertical descent [m]."""
 
@@ -79,7 +82,7 @@ def return_flight(state: AgentState) -> Trajectory | None:
 def landing_flight(state: AgentState) -> Trajectory | None:
     """Return the own trajectory of a landing here that begins now; None if the position is unknown."""
     here = position_of(state)
-    return None if here is None else to_shared_frame(state, land_from([here], [0.0]))
+    return None if here is None else to_shared_frame(state, _land_here(state, here))
 
 
 def own_trajectory(state: AgentState) -> Trajectory | None:
@@ -235,7 +238,7 @@ def _phase_trajectory(state: AgentState, here: LocalPoint, for_s: float) -> Traj
         case Phase.FLYING | Phase.LANDING if swap is not None and not state.is_waiting:
             plan, path = swap.plan, waypoints_of(task, swap.plan)
             if state.phase is Phase.LANDING and state.order.given is ev.FlightOrder.LAND:
-                return land_from([here], [0.0])
+                return _land_here(state, here)
             if state.phase is Phase.LANDING and _descends_vertically(here, path[-1], plan.height_m):
                 return land_from([(*path[-1], here[2])], [0.0])
             if _climbs_vertically(state, here, plan):
@@ -250,7 +253,7 @@ def _phase_trajectory(state: AgentState, here: LocalPoint, for_s: float) -> Traj
         case Phase.FLYING | Phase.LANDING | Phase.HOLDING:
             return hold_from(state, here, 0.0)
         case Phase.LEAVING if state.order.given is ev.FlightOrder.LAND:
-            return land_from([here], [0.0])
+            return _land_here(state, here)
         case Phase.LEAVING if state.order.given is ev.FlightOrder.RETURN:
             return _return_trajectory(state, here)
     return None
@@ -259,18 +262,48 @@ def _phase_trajectory(state: AgentState, here: LocalPoint, for_s: float) -> Traj
 def _return_trajectory(state: AgentState, here: LocalPoint) -> Trajectory | None:
     """Return the trajectory of a return, heights above home; None if home is unknown.
 
-    A return begins with a climb to a height that a firmware's parameter sets: the cruise height or less.
+    A return begins with a climb to a height that a firmware's parameter sets: the cruise height or less. A
+    vehicle that does not fly toward its home yet stops first.
     """
-    home = state.vehicle.home_lat_deg, state.vehicle.home_lon_deg
+    home, vehicle = (state.vehicle.home_lat_deg, state.vehicle.home_lon_deg), state.vehicle
     if home[0] is None or home[1] is None:
         return None
-    path = [state.task.grid.frame.to_local(home[0], home[1])]
-    if math.dist(here[:2], path[0]) < VERTICAL_WITHIN_M:
+    place = state.task.grid.frame.to_local(home[0], home[1])
+    away_m = math.dist(here[:2], place)
+    if away_m < VERTICAL_WITHIN_M:
         return land_from([here], [0.0])
-    height_m, speed_m_s = state.task.altitude_m, state.task.arrival.speed_m_s
-    if here[2] > height_m - AIRBORNE_M:
-        return fly_along(here, here[2], path, speed_m_s)
-    return climb_then_fly(here, height_m, path, speed_m_s)
+    to_e, to_n = (place[0] - here[0]) / away_m, (place[1] - here[1]) / away_m
+    toward_m_s = to_e * vehicle.east_m_s + to_n * vehicle.north_m_s
+    if _is_high(state, here) and toward_m_s >= TOWARD_HOME * vehicle.ground_speed_m_s:
+        return fly_along(here, here[2], [place], state.task.arrival.speed_m_s, toward_m_s)
+    return _from_stop(state, here, lambda stop: _fly_home(state, stop, place))
+
+
+def _fly_home(state: AgentState, here: LocalPoint, place: PlanarPoint) -> Trajectory:
+    """Return the trajectory of a return from a stop to a place above the home."""
+    speed_m_s = state.task.arrival.speed_m_s
+    if _is_high(state, here):
+        return fly_along(here, here[2], [place], speed_m_s)
+    return climb_then_fly(here, state.task.altitude_m, [place], speed_m_s)
+
+
+def _is_high(state: AgentState, here: LocalPoint) -> bool:
+    return here[2] > state.task.altitude_m - AIRBORNE_M
+
+
+def _land_here(state: AgentState, here: LocalPoint) -> Trajectory:
+    """Return the trajectory of an ordered landing, heights above home."""
+    return _from_stop(state, here, lambda stop: land_from([stop], [0.0]))
+
+
+def _from_stop(state: AgentState, here: LocalPoint, go_on: Callable[[LocalPoint], Trajectory]) -> Trajectory:
+    """Return a trajectory that begins with a stop straight ahead; `go_on` returns the rest from there on."""
+    vehicle = state.vehicle
+    if state.task.wings is not None or vehicle.ground_speed_m_s < STANDING_M_S:
+        return go_on(here)
+    braking = brake(here, (vehicle.east_m_s, vehicle.north_m_s, 0.0), 0.0, HOLD_DURATION_S)
+    flight = go_on(braking.points[1]).later(braking.times_s[1])
+    return Trajectory((0.0, *flight.times_s), (here, *flight.points))
 
 
 def _descends_vertically(here: LocalPoint, spot: tuple[float, float], height_m: float) -> bool:
