@@ -99,7 +99,7 @@ REFUSED: dict[str, tuple[bytes, RejectReason, str]] = {
     "nothing": (b"", RejectReason.MALFORMED, "--schema"),
     "no JSON": (b"\x01\x02nonsense", RejectReason.MALFORMED, "JSON is malformed"),
     "no object": (b"[1, 2]", RejectReason.MALFORMED, "Expected `object`"),
-    "no text": (b'{"version": 1, "source": "\xff"}', RejectReason.MALFORMED, "utf-8"),
+    "no text": (b'{"version": 1, "source": "\xff"}', RejectReason.MALFORMED, "--schema"),
     "too deep": (b'{"x":' * 3000, RejectReason.MALFORMED, "recursion"),
     "two reports": (report_of(cells=ONE_CELL) * 2, RejectReason.MALFORMED, "trailing"),
     "no version": (b'{"cells": [[4, 7, true]]}', RejectReason.MALFORMED, "missing required field `version`"),
