@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
 
 from swarmctl.agent.phases import EN_ROUTE, ENDED
 from swarmctl.agent.state import AgentState
@@ -22,7 +23,7 @@ from swarmctl.agent.traffic.prediction import (
 from swarmctl.agent.traffic.priority import Activity, Standing
 from swarmctl.agent.traffic.separation.approach import Limits, closest, intervals
 from swarmctl.agent.traffic.separation.clash import TIME_TOLERANCE_S, Clash, find_clashes
-from swarmctl.agent.traffic.separation.trajectory import Bounds, Trajectory, until_landing
+from swarmctl.agent.traffic.separation.trajectory import Bounds, LocalPoint, Trajectory, until_landing
 from swarmctl.agent.traffic.separation.watch import NeighbourIntent, NeighbourReport
 
 Others = Mapping[int, NeighbourIntent]
@@ -40,6 +41,9 @@ ENOUGH = 1.1
 """Share of the limits that two near vehicles keep if they can: they drift, and brake early or late."""
 BETTER_BY = 0.3
 """Least improvement, as a share of the limits, of a plan that is still too close to another vehicle."""
+
+PLACES_EVERY_S = 0.5
+"""Time between two places on a flight that are compared [s]."""
 
 OFF_INTENT_S, OFF_INTENT_M, OFF_INTENT_UP_M = 1.5, 4.0, 2.0
 """Distances from the announced position beyond which a vehicle is off its intent: over ground the distance
@@ -111,7 +115,7 @@ def clashes_if_changed(
     def separates(intent: NeighbourIntent) -> bool:
         # Over a goal a vehicle has no other way than down: there the planned times of a late vehicle count.
         if intent.may_be_late and state.phase in EN_ROUTE:
-            return _leads_away(flight, intent.flight, intent.limits(limits), is_late=True)
+            return _separates_from_late(flight, intent.flight, intent.limits(limits))
         return _separates(flight, present, intent.flight, intent.limits(limits))
 
     found = _clashes_with_each(flight, others, limits)
@@ -144,6 +148,33 @@ def _separates(flight: Trajectory, present: Trajectory | None, other: Trajectory
         return True
     present_least = None if present is None else _least_share(present, other, limits)
     return present_least is not None and least >= present_least + BETTER_BY
+
+
+def _separates_from_late(flight: Trajectory, other: Trajectory, limits: Limits) -> bool:
+    """Return whether a flight separates a vehicle from one that may be anywhere on its flight.
+
+    It comes no nearer to any place of the other flight than now, if that is nearer than the limits.
+    """
+    here = flight.points[0]
+    now = min(limits.share(math.dist(here[:2], at[:2]), abs(here[2] - at[2])) for at in _places(other))
+    share = min(now, 1.0) - 1e-6
+    nearer = Limits(share * limits.horizontal_m, share * limits.vertical_m)
+    is_nearer = bool(find_clashes(flight, {0: other}, nearer, late=frozenset({0})))
+    return not is_nearer and _leads_away(flight, other, limits, is_late=True)
+
+
+def _places(flight: Trajectory) -> Iterator[LocalPoint]:
+    """Yield places on a flight, at most PLACES_EVERY_S apart."""
+    for (a, b), (from_s, to_s) in zip(pairwise(flight.points), pairwise(flight.times_s), strict=True):
+        n = max(math.ceil((to_s - from_s) / PLACES_EVERY_S), 1)
+        for k in range(n):
+            share = k / n
+            yield (
+                a[0] + share * (b[0] - a[0]),
+                a[1] + share * (b[1] - a[1]),
+                a[2] + share * (b[2] - a[2]),
+            )
+    yield flight.points[-1]
 
 
 def _least_share(flight: Trajectory, other: Trajectory, limits: Limits) -> float | None:
