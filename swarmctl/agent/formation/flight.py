@@ -70,9 +70,8 @@ def _fly_in_formation(state: AgentState) -> StepResult:
         return _leave(state, _why_apart(state)) if in_formation else _at_full_speed(state)
     if membership.n_present == 1:
         return _alone(state, formation) if in_formation else _at_full_speed(state)
-    leader = state.task.name_of(membership.leader)
-    membership = replace(membership, alone_since_boot_s=None, stands_still=False)
-    state = replace(state, membership=membership)
+    not_alone = replace(membership, alone_since_boot_s=None, stands_still=False)
+    state = replace(state, membership=not_alone)
     if in_formation:
         state, flown = _flown(state, formation)
         if (far_m := _comes_no_nearer(state, formation)) is not None:
@@ -90,6 +89,7 @@ def _fly_in_formation(state: AgentState) -> StepResult:
     if _cell_in_the_way(joined, formation) is not None:
         return state, []  # its own mission leads around it
     state, ordered = command(joined, ev.FlightOrder.FORMATION, phase=Phase.FORMATION)
+    leader = state.task.name_of(membership.leader)
     text = f"the vehicle joins group {formation.name}, which {leader} leads [joins]"
     return state, [ev.NotifyOperator(text), *_set_points(state, flown.demand), *ordered]
 

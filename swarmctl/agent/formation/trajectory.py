@@ -10,12 +10,10 @@ from swarmctl.agent.replan.copter_trajectory import DESCENT_M_S
 from swarmctl.agent.replan.length_bounds import CLIMB_M_S
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.prediction import home_amsl_m
-from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory, brake
+from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory
 
 EVERY_S = 2.0
 """Time between two points of the flight [s]."""
-STANDS_FOR_S = 30.0
-"""Time for which a member that stands still announces its place [s]."""
 MAX_POINTS = 100
 """Greatest number of points: the flight is announced for 200 s at most."""
 
@@ -27,9 +25,7 @@ def flight_in_group(state: AgentState, here: LocalPoint, for_s: float = math.inf
     The vehicle climbs or descends to the place's present height at once.
     `for_s`: time for which the flight is needed at least [s].
     """
-    formation, membership, vehicle = state.task.formation, state.membership, state.vehicle
-    if membership.stands_still:
-        return brake(here, (vehicle.east_m_s, vehicle.north_m_s, 0.0), 0.0, STANDS_FOR_S)
+    formation, membership = state.task.formation, state.membership
     route, along, memory = membership.route, membership.along, membership.memory
     if formation is None or route is None or along is None or memory is None:
         return None

@@ -222,15 +222,14 @@ def _land_if_clear(state: AgentState, wait: Wait, here: LocalPoint) -> StepResul
             return state, [ev.NotifyOperator(text), *ordered]
         case Verdict.WAIT:
             return state, []
-    assert state.wait is not None
     if not wait.is_report_due(now_s):
-        return replace(state, wait=state.wait.tried(now_s)), []
+        return replace(state, wait=wait.tried(now_s)), []
     text = (
         f"the vehicle has held before its landing for at least {wait.rule.report_every_s:.0f} s; the landing "
     )
     text += f"would still conflict with {describe_clashes(state, _descent_conflicts(state, here))}"
     text += "; the vehicle continues to hold [landing-queue-long]"
-    return replace(state, wait=state.wait.tried(now_s).reported(now_s)), [ev.NotifyOperator(text)]
+    return replace(state, wait=wait.tried(now_s).reported(now_s)), [ev.NotifyOperator(text)]
 
 
 def _descent_conflicts(state: AgentState, here_amsl: LocalPoint) -> tuple[Clash, ...]:

@@ -230,7 +230,7 @@ def _phase_trajectory(state: AgentState, here: LocalPoint, for_s: float) -> Traj
     if task.wings is not None:
         return _fixed_wing_trajectory(state, here, speed_m_s)
     match state.phase:
-        case Phase.FORMATION:
+        case Phase.FORMATION if not state.membership.stands_still:
             return flight_in_group(state, here, for_s)
         case Phase.LAUNCHING if swap is not None:
             lift_s = LIFT_S if here[2] < AIRBORNE_M else 0.0
@@ -250,7 +250,7 @@ def _phase_trajectory(state: AgentState, here: LocalPoint, for_s: float) -> Traj
             if (change := change_ahead(state)) is not None:
                 return _through_change(state, here, change, plan, remaining, speed_m_s)
             return fly_along(here, plan.height_m, remaining, speed_m_s, state.vehicle.ground_speed_m_s)
-        case Phase.FLYING | Phase.LANDING | Phase.HOLDING:
+        case Phase.FLYING | Phase.FORMATION | Phase.LANDING | Phase.HOLDING:
             return hold_from(state, here, 0.0)
         case Phase.LEAVING if state.order.given is ev.FlightOrder.LAND:
             return _land_here(state, here)
@@ -298,10 +298,9 @@ def _land_here(state: AgentState, here: LocalPoint) -> Trajectory:
 
 def _from_stop(state: AgentState, here: LocalPoint, go_on: Callable[[LocalPoint], Trajectory]) -> Trajectory:
     """Return a trajectory that begins with a stop straight ahead; `go_on` returns the rest from there on."""
-    vehicle = state.vehicle
-    if state.task.wings is not None or vehicle.ground_speed_m_s < STANDING_M_S:
+    if state.task.wings is not None or state.vehicle.ground_speed_m_s < STANDING_M_S:
         return go_on(here)
-    braking = brake(here, (vehicle.east_m_s, vehicle.north_m_s, 0.0), 0.0, HOLD_DURATION_S)
+    braking = hold_from(state, here, 0.0)
     flight = go_on(braking.points[1]).later(braking.times_s[1])
     return Trajectory((0.0, *flight.times_s), (here, *flight.points))
 
