@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -19,7 +20,8 @@ from swarmctl.agent.replan.landing_pattern import FixedWing
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.return_schedule import schedule_for
 from swarmctl.agent.traffic.returning import position_for_return
-from swarmctl.agent.traffic.wait import RULES, SETTLES_S, WaitFor
+from swarmctl.agent.traffic.route_hold import hold
+from swarmctl.agent.traffic.wait import PASSES_WITHIN_S, RULES, SETTLES_S, WaitFor
 from swarmctl.config.flight import FlightSection
 from swarmctl.core import events as ev
 from swarmctl.core.frames import MAX_MAGNITUDE, StateShared
@@ -109,6 +111,42 @@ def test_a_low_battery_waits_for_a_vehicle_that_flies_through_the_path_home() ->
     story(ev.OrderDone(HOLD))
     story.goes_home(3, row=7, velocity_m_s=(0.0, 10.0, 0.0), **flies)
     assert orders(story.holds()) == [RETURN]
+
+
+def seconds_in_hold(story: ReturnStory, percent: int, comes: Callable[[], None] = lambda: None) -> float:
+    """Return the time until a vehicle in hold returns, with `comes` before each position."""
+    began_s = story.state.vehicle.time_boot_s
+    story(ev.OrderDone(HOLD))
+    while True:
+        comes()
+        if orders(story.holds(percent)) == [RETURN]:
+            return story.state.vehicle.time_boot_s - began_s
+
+
+@pytest.mark.parametrize("passes_s", [3, 60])
+def test_an_urgent_return_waits_for_a_passing_vehicle_but_not_for_long(passes_s: int) -> None:
+    story = ReturnStory()
+    began_s = story.now
+
+    def comes() -> None:
+        flies = {"phase": "flying", "returns_to": None, "alt_rel_m": 30.0, "alt_amsl_m": AMSL_M}
+        row = 4 if story.now - began_s < passes_s else 7
+        story.goes_home(3, row=row, col=2, velocity_m_s=(5.0, 0.0, 0.0), **flies)
+
+    comes()
+    assert orders(story.at(19)) == [HOLD]
+    assert seconds_in_hold(story, 19, comes) == pytest.approx(min(passes_s, PASSES_WITHIN_S), abs=1.0)
+
+
+def test_a_vehicle_in_hold_that_hears_nobody_waits_before_its_return() -> None:
+    story = ReturnStory()
+    story.goes_home(3, col=5, phase="flying", returns_to=None, alt_amsl_m=AMSL_M)
+    story.state, _ = hold(story.state, story.state.plans.route, {})
+    story(ev.OrderDone(HOLD))
+    for _ in range(5):
+        assert orders(story.holds(60)) == []
+    assert orders(story.holds(19)) == [HOLD]
+    assert seconds_in_hold(story, 19) == pytest.approx(PASSES_WITHIN_S, abs=1.0)
 
 
 def test_a_return_does_not_wait_for_a_return_elsewhere() -> None:

@@ -46,7 +46,7 @@ def apply_failsafes(state: AgentState, now: float) -> StepResult:
     if not any(demands) and not any(before):
         return state, []
     new_demands = tuple(
-        demand if demand is not None and _is_new(state, previous, demand) else None
+        demand if demand is not None and (previous is None or previous.kind is not demand.kind) else None
         for previous, demand in zip(before, demands, strict=True)
     )
     strongest = failsafes.strongest(new_demands)
@@ -68,13 +68,6 @@ def apply_failsafes(state: AgentState, now: float) -> StepResult:
         return state, effects
     state, ordered = followed
     return state, [*effects, *ordered]
-
-
-def _is_new(state: AgentState, previous: Demand | None, demand: Demand) -> bool:
-    if previous is None or previous.kind is not demand.kind:
-        return True
-    # A return that has become urgent ends the wait for a clear path.
-    return demand.urgent and not previous.urgent and state.phase is Phase.HOLDING and state.is_waiting
 
 
 def _reaction(state: AgentState, followed: StepResult | None, demand: Demand) -> str:
@@ -135,9 +128,9 @@ def _order_for(state: AgentState, demand: Demand) -> StepResult:
         "outcome": demand.reason,
         "trouble": demand.reason,
     }
-    if order is ev.FlightOrder.RETURN and not demand.urgent:
+    if order is ev.FlightOrder.RETURN:
         if (waiting := wait_to_return(state, **changes)) is not None:
             return waiting
-        return start_return(state, may_hold_again=True, **changes)
+        return start_return(state, may_hold_again=not demand.urgent, **changes)
     changes |= {"wait": None, **SHARED_AT_ONCE}
     return command(state, order, phase=Phase.LEAVING if is_leaving else Phase.HOLDING, **changes)

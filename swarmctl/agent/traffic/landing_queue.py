@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import msgspec
@@ -83,9 +84,6 @@ def queue_for_landing(state: AgentState) -> StepResult:
     if state.phase is not Phase.LANDING or state.task.wings is not None or state.lost:
         return state, []
     here, wait = position_amsl(state), state.wait if state.is_waiting else None
-    if wait is not None and is_urgent(state) and not wait.other_may_pass(state.vehicle.time_boot_s):
-        text = "an urgent failsafe ends the wait; the vehicle lands where it is [landing-urgent]"
-        return _land_here(state, text)
     if here is None:
         return state, []
     if wait is not None:
@@ -213,23 +211,26 @@ def _land_if_clear(state: AgentState, wait: Wait, here: LocalPoint) -> StepResul
     def is_clear() -> bool:
         return may_land and not _descent_conflicts(state, here)
 
-    match verdict(wait, now_s, is_clear, goes_second=goes_second(state)):
+    urgent, second = is_urgent(state), partial(goes_second, state)
+    ends, wait = verdict(wait, now_s, is_clear, goes_second=second, urgent=urgent)
+    match ends:
+        case Verdict.OVER if urgent:
+            text = "an urgent failsafe ends the wait; the vehicle lands where it is [landing-urgent]"
+            return _land_here(state, text)
         case Verdict.OVER:
             return give_up(state)
         case Verdict.CLEAR:
             state, ordered = _land(state)
             text = "the descent is clear; the vehicle lands [descent-clear]"
             return state, [ev.NotifyOperator(text), *ordered]
-        case Verdict.WAIT:
-            return state, []
-    if not wait.is_report_due(now_s):
-        return replace(state, wait=wait.tried(now_s)), []
+    if ends is Verdict.WAIT or not wait.is_report_due(now_s):
+        return replace(state, wait=wait), []
     text = (
         f"the vehicle has held before its landing for at least {wait.rule.report_every_s:.0f} s; the landing "
     )
     text += f"would still conflict with {describe_clashes(state, _descent_conflicts(state, here))}"
     text += "; the vehicle continues to hold [landing-queue-long]"
-    return replace(state, wait=wait.tried(now_s).reported(now_s)), [ev.NotifyOperator(text)]
+    return replace(state, wait=wait.reported(now_s)), [ev.NotifyOperator(text)]
 
 
 def _descent_conflicts(state: AgentState, here_amsl: LocalPoint) -> tuple[Clash, ...]:

@@ -152,7 +152,8 @@ def _wait(state: AgentState, why: str, *, again: bool = False) -> StepResult:
     """Wait on the ground, or cancel the launch. Further attempts do not restart the waiting time."""
     now_s = state.vehicle.time_boot_s
     wait = state.wait or begin(WaitFor.FIRST_ROUTE, now_s)
-    if verdict(wait, now_s, lambda: False) is Verdict.OVER:
+    ends, wait = verdict(wait, now_s, lambda: False)
+    if ends is Verdict.OVER:
         why += f", even after a wait of {wait.rule.longest_s:.0f} s on the ground"
         return cancel_launch(state, f"{why}{_ignore_hint(state)}")
     text = f"{why}; the vehicle waits on the ground for at most {wait.deadline_boot_s - now_s:.0f} s"

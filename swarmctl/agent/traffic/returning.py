@@ -8,7 +8,7 @@ Vehicles broadcast their returns, and their holds before a return.
 | two vehicles wait | the lower system id is first |
 | two vehicles started at the same time | within 5 s the vehicle with the higher system id holds again |
 | another vehicle soon flies through the path home | the vehicle holds, if its hold is in nobody's way |
-| urgent return (very low battery) | starts at once; other returns are scheduled around it |
+| urgent return (very low battery) | is first; holds for 10 s at most while others fly on its path |
 | a vehicle has waited for 120 s | returns in any case; lower system ids up to 60 s earlier, in 10 s steps |
 """
 
@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import msgspec
@@ -109,10 +110,16 @@ def wait_to_return(state: AgentState, **changes: Any) -> StepResult | None:
 
 def _is_blocked(state: AgentState) -> bool:
     """Return whether others return first, or fly on the return path although this vehicle may hold."""
-    if not is_return_path_clear(state, state.returning):
+    if not _is_its_turn(state):
         return True
-    # In silence the others do not expect a hold either, and a low battery does not wait for them.
-    return not hears_nobody(with_members_shown(state)) and holds_first(state, ev.FlightOrder.RETURN)
+    # In silence the others do not expect that a flying vehicle holds, but one in hold waits on.
+    is_expected = state.is_waiting or not hears_nobody(with_members_shown(state))
+    return is_expected and holds_first(state, ev.FlightOrder.RETURN)
+
+
+def _is_its_turn(state: AgentState) -> bool:
+    """Return whether no other return goes first; an urgent return is first of all."""
+    return bool(urgent_return_reason(state)) or is_return_path_clear(state, state.returning)
 
 
 def may_hold_before_leaving(state: AgentState) -> bool:
@@ -174,11 +181,9 @@ def update_return(state: AgentState) -> StepResult:
 def _land_if_clear(state: AgentState, wait: Wait) -> StepResult:
     now_s = state.vehicle.time_boot_s
 
-    match verdict(wait, now_s, lambda: is_way_clear(state, ev.FlightOrder.LAND)):
-        case Verdict.WAIT:
-            return state, []
-        case Verdict.BLOCKED:
-            return replace(state, wait=wait.tried(now_s)), []
+    ends, wait = verdict(wait, now_s, partial(is_way_clear, state, ev.FlightOrder.LAND))
+    if ends in (Verdict.WAIT, Verdict.BLOCKED):
+        return replace(state, wait=wait), []
     state, ordered = _land_here(state, wait)
     return state, [ev.NotifyOperator("the vehicle lands as ordered [ground-clear]"), *ordered]
 
@@ -189,17 +194,17 @@ def _land_here(state: AgentState, wait: Wait) -> StepResult:
 
 
 def _wait_or_start(state: AgentState, wait: Wait) -> StepResult:
-    now_s = state.vehicle.time_boot_s
-
-    def is_clear() -> bool:
-        return bool(urgent_return_reason(state)) or is_way_clear(state, ev.FlightOrder.RETURN)
-
+    now_s, urgent = state.vehicle.time_boot_s, bool(urgent_return_reason(state))
     # At the end of the longest wait, vehicles start one after the other.
     early_s = STAGGER_S * min(_n_waiting_with_higher_id(state), MAX_STAGGERED)
-    match verdict(wait, now_s, is_clear, early_s=early_s if wait.purpose is WaitFor.RETURN_PATH else 0.0):
+    if wait.purpose is not WaitFor.RETURN_PATH:
+        early_s = 0.0
+    clear = partial(is_way_clear, state, ev.FlightOrder.RETURN)
+    ends, wait = verdict(wait, now_s, clear, early_s=early_s, urgent=urgent)
+    match ends:
         case Verdict.OVER:
             ended = wait.ended(now_s) if wait.purpose is WaitFor.RETURN_PATH else None
-            is_blocked = _leaving_conflicts(state, return_flight(state))
+            is_blocked = not urgent and _leaving_conflicts(state, return_flight(state))
             if is_blocked and not _leaving_conflicts(state, landing_flight(state)):
                 text = f"the return path is not clear after {wait.rule.longest_s:.0f} s of holding"
                 state, ordered = _land_here(state, wait)
@@ -208,10 +213,8 @@ def _wait_or_start(state: AgentState, wait: Wait) -> StepResult:
                     *ordered,
                 ]
             return start_return(state, wait=ended)
-        case Verdict.WAIT:
-            return state, []
-        case Verdict.BLOCKED:
-            return replace(state, wait=wait.tried(now_s)), []
+        case Verdict.WAIT | Verdict.BLOCKED:
+            return replace(state, wait=wait), []
     state, ordered = start_return(state, may_hold_again=True)
     return state, [
         ev.NotifyOperator("the return path is clear; the vehicle returns [return-clear]"),
@@ -225,8 +228,7 @@ def is_way_clear(state: AgentState, order: ev.FlightOrder) -> bool:
         return False
     if order is ev.FlightOrder.LAND:
         return not _leaving_conflicts(state, landing_flight(state))
-    is_clear = is_return_path_clear(state, state.returning)
-    return is_clear and not _leaving_conflicts(state, return_flight(state))
+    return _is_its_turn(state) and not _leaving_conflicts(state, return_flight(state))
 
 
 def holds_first(state: AgentState, order: ev.FlightOrder) -> bool:
@@ -238,12 +240,12 @@ def holds_first(state: AgentState, order: ev.FlightOrder) -> bool:
 def may_wait_to_leave(state: AgentState) -> bool:
     """Return whether the vehicle may hold before an ordered return or landing.
 
-    It has to be high enough, and its hold must not block a vehicle that cannot give way.
+    It has to be high enough, and a new hold must not block a vehicle that cannot give way.
     """
     up_m, here = state.vehicle.alt_rel_m, position_amsl(state)
     if here is None or up_m is None or up_m < MIN_HEIGHT_M or _takes_off(state):
         return False
-    return not would_block(state)
+    return state.is_waiting or not would_block(state)
 
 
 def _leaving_conflicts(state: AgentState, flight: Trajectory | None) -> bool:

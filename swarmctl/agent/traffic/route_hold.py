@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -154,18 +155,17 @@ def hold(
 
 def resume_if_clear(state: AgentState) -> StepResult:
     """End the hold if the route is clear, or at its deadline. Called for each telemetry message."""
-    wait, now_s = state.wait, state.vehicle.time_boot_s
-    if state.phase is not Phase.FLYING or wait is None or wait.plan is None or not wait.is_on:
+    before, now_s = state.wait, state.vehicle.time_boot_s
+    if state.phase is not Phase.FLYING or before is None or before.plan is None or not before.is_on:
         return state, []
-    plan = _rest_of(state, wait.plan.plan)
+    plan = _rest_of(state, before.plan.plan)
     may_go_on = state.order.is_followed and not hears_nobody(state)
 
     def is_clear() -> bool:
-        return may_go_on and _is_way_clear(state, wait, plan)
+        return may_go_on and _is_way_clear(state, before, plan)
 
-    match verdict(wait, now_s, is_clear, goes_second=goes_second(state)):
-        case Verdict.WAIT:
-            return state, []
+    ends, wait = verdict(before, now_s, is_clear, goes_second=partial(goes_second, state))
+    match ends:
         case Verdict.OVER:
             return give_up(state)
         case Verdict.CLEAR if (stored := _stored(state, wait)) is not None:
@@ -175,8 +175,8 @@ def resume_if_clear(state: AgentState) -> StepResult:
                 "the interrupted route is clear of other vehicles; the vehicle holds until it has a new plan"
             )
             return _resume(state, f"{text} [resumes]")
-    if not wait.is_report_due(now_s):
-        return replace(state, wait=wait.tried(now_s)), []
+    if ends is Verdict.WAIT or not wait.is_report_due(now_s):
+        return replace(state, wait=wait), []
     text = f"the vehicle has held for at least {wait.rule.report_every_s:.0f} s"
     for height_m in () if hears_nobody(state) else heights_to_try(state, plan):
         if _is_clear(state, _levelled(state, at_height(plan, height_m))):
@@ -184,7 +184,7 @@ def resume_if_clear(state: AgentState) -> StepResult:
             state = replace(state, height_offset_m=height_m - state.task.altitude_m, plans=plans)
             state = replace(state, conflicts=replace(state.conflicts, deferred_for=frozenset()))
             return _resume(state, f"{text}; it resumes its route at {height_m:.0f} m [resumes-higher]")
-    return replace(state, wait=wait.tried(now_s).reported(now_s)), [
+    return replace(state, wait=wait.reported(now_s)), [
         ev.NotifyOperator(f"{text}; no height found is clear, so it continues to hold [keeps-holding]")
     ]
 

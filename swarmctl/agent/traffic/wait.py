@@ -93,18 +93,18 @@ RULES: Mapping[WaitFor, WaitRule] = {
 MIN_HEIGHT_M = 5.0
 """Height above home below which a vehicle lands or leaves without waiting [m]."""
 PASSES_WITHIN_S = 10.0
-"""Time from the first begin of a wait for which an urgent failsafe does not end it [s]: another vehicle may
-pass just below."""
+"""Longest wait under an urgent failsafe, from its first begin [s]: another vehicle may pass just below, or
+through the way home."""
 GOES_SECOND_AFTER_S = 2.5
-"""Time by which a wait is longer if another vehicle waits, too, and goes first [s]: the first vehicle has
-announced its new flight by then, also if a message is lost."""
+"""Time for which the way has to be clear if another vehicle waits, too, and goes first [s]: the first vehicle
+has announced its new flight by then, also if a message is lost."""
 SETTLES_S = 5.0
 """Time after the end of a wait in which the same wait may go on, with its deadline [s]."""
 
 
 class Verdict(Enum):
     WAIT = "wait"
-    """the wait goes on, without a check"""
+    """the wait goes on: it is no time for a check, or another vehicle goes first"""
     BLOCKED = "blocked"
     """the wait goes on after a check"""
     CLEAR = "clear"
@@ -125,6 +125,8 @@ class Wait:
     to: Mapping[int, NeighbourReport] = field(default_factory=dict)
     """last states of the vehicles to which this vehicle gives way"""
     checked_boot_s: float = -math.inf
+    clear_boot_s: float | None = None
+    """time since which all checks were clear; None: the last one was not"""
     reported_boot_s: float = -math.inf
     """time of the last message about this wait"""
     by_stored: bool = False
@@ -152,14 +154,6 @@ class Wait:
         """Return whether the wait is on, or has ended at most SETTLES_S ago."""
         return 0.0 <= now_s - (now_s if self.ended_boot_s is None else self.ended_boot_s) < SETTLES_S
 
-    def other_may_pass(self, now_s: float) -> bool:
-        """Return whether another vehicle may still pass just below or beside this one."""
-        return 0.0 <= now_s - (self.deadline_boot_s - self.rule.longest_s) < PASSES_WITHIN_S
-
-    def tried(self, now_s: float) -> Wait:
-        """Return the wait after a check that was not clear."""
-        return replace(self, checked_boot_s=now_s)
-
     def ended(self, now_s: float) -> Wait:
         """Return the wait of a vehicle that goes on, and may have to wait again until the same deadline."""
         return replace(self, ended_boot_s=now_s)
@@ -170,7 +164,7 @@ class Wait:
 
     def again(self) -> Wait:
         """Return the wait of a vehicle that has to wait again; its deadline stays."""
-        return replace(self, ended_boot_s=None)
+        return replace(self, ended_boot_s=None, clear_boot_s=None)
 
     def noted(self, reports: Mapping[int, NeighbourReport]) -> Wait:
         """Return the wait with new states of the vehicles to which this vehicle gives way."""
@@ -208,19 +202,29 @@ def verdict(
     is_clear: Callable[[], bool],
     *,
     early_s: float = 0.0,
-    goes_second: bool = False,
-) -> Verdict:
-    """Return whether a wait ends now. `is_clear` is asked at most once each `check_every_s`.
+    goes_second: Callable[[], bool] = lambda: False,
+    urgent: bool = False,
+) -> tuple[Verdict, Wait]:
+    """Return whether a wait ends now, and the wait after a check.
 
-    `goes_second`: another vehicle waits, too, and goes first.
+    `is_clear` is asked at most once each `check_every_s`.
+    `goes_second`, asked while the way is clear: another vehicle waits, too, and goes first.
+    `urgent`: an urgent failsafe demands the end of the wait; it lasts PASSES_WITHIN_S at most.
 
     The deadline comes `early_s` earlier. After a reboot the vehicle's clock is before the start of the wait,
     and the wait is over.
     """
-    if not wait.since_boot_s <= now_s < wait.deadline_boot_s - early_s:
-        return Verdict.OVER
-    rule = wait.rule
-    least_s = rule.least_s + (GOES_SECOND_AFTER_S if goes_second else 0.0)
-    if now_s - wait.since_boot_s < least_s or 0.0 <= now_s - wait.checked_boot_s < rule.check_every_s:
-        return Verdict.WAIT
-    return Verdict.CLEAR if is_clear() else Verdict.BLOCKED
+    rule, until_s = wait.rule, wait.deadline_boot_s - early_s
+    if urgent:
+        until_s = min(until_s, wait.deadline_boot_s - rule.longest_s + PASSES_WITHIN_S)
+    if not wait.since_boot_s <= now_s < until_s:
+        return Verdict.OVER, wait
+    is_new = now_s - wait.since_boot_s < rule.least_s
+    if is_new or 0.0 <= now_s - wait.checked_boot_s < rule.check_every_s:
+        return Verdict.WAIT, wait
+    if not is_clear():
+        return Verdict.BLOCKED, replace(wait, checked_boot_s=now_s, clear_boot_s=None)
+    since_s = now_s if wait.clear_boot_s is None else wait.clear_boot_s
+    wait = replace(wait, checked_boot_s=now_s, clear_boot_s=since_s)
+    is_soon = now_s - since_s < GOES_SECOND_AFTER_S and goes_second()
+    return (Verdict.WAIT if is_soon else Verdict.CLEAR), wait
