@@ -21,8 +21,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from swarmctl.agent.formation.approaches import APPROACHES
-from swarmctl.agent.formation.approaches.base import ThreatField
+from swarmctl.agent.formation.approaches.base import Group, MemberLimits, Nearby, ThreatField
 from swarmctl.agent.formation.approaches.behavioural import gradient
+from swarmctl.agent.formation.approaches.place_keeping import keep_separation
+from swarmctl.agent.formation.reference import Reference, SpeedProfile
 from swarmctl.agent.formation.shape import Shape
 
 WEDGE = Shape(kind="wedge", spacing_m=30.0)
@@ -131,6 +133,31 @@ def test_two_members_of_the_behavioural_approach_pass_each_other_on_the_way_to_t
     samples = flight.run(70.0)
     assert least_distance_m(samples, range(3)) > 10.0
     assert largest_m(samples[-100:]) < 3.0
+
+
+@pytest.mark.parametrize(("ahead_m", "descends"), [(60.0, True), (25.0, False)])
+def test_a_member_descends_to_the_height_of_a_standing_vehicle_only_if_it_can_stop_before_it(
+    ahead_m: float, *, descends: bool
+) -> None:
+    route = Reference(((0.0, 0.0), (500.0, 0.0)), 15.0)
+    flies = (8.0, 0.0, -1.0)
+    group = Group(
+        now_s=0.0,
+        position_m=(0.0, 0.0, 34.0),
+        velocity_m_s=flies,
+        place=(0.0, 0.0, 0.0),
+        is_leader=False,
+        others=(),
+        along=None,
+        reference=route,
+        profile=SpeedProfile.of(route, 10.0, 8.0, 10.0, 2.0),
+        height_m=30.0,
+        limits=MemberLimits(10.0, 2.0, separation_m=10.0, separation_up_m=3.0),
+        obstacles=(Nearby((ahead_m, 0.0, 30.0), (0.0, 0.0, 0.0)),),
+    )
+    safe = keep_separation(group, flies)
+    assert (safe is None) is descends
+    assert safe is None or safe[2] > -0.5
 
 
 def ridge(side_m: float, cell_m: float = 10.0) -> ThreatField:

@@ -15,6 +15,7 @@ from swarmctl.agent.formation.shape import Shape
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.state import ARRIVED
 from swarmctl.agent.step import step
+from swarmctl.agent.traffic.own_flight import planned_flight, position_amsl
 from swarmctl.core import events as ev
 from swarmctl.core.frames import MAX_POINTS
 from swarmctl.core.setpoint import SetPoint
@@ -52,6 +53,22 @@ def test_a_member_that_does_not_follow_leaves_and_arrives_alone(
     monkeypatch.undo()
     assert swarm.run(swarm.now + ENDS_WITHIN_S, lambda _now: None)
     assert [a.state.outcome for a in swarm.agents] == [ARRIVED] * 3
+
+
+def test_a_member_announces_the_way_that_it_flies_now_not_the_one_to_its_place(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    swarm = LightGroup().joined()
+    agent = swarm.agents[2]
+    take = agent.vehicle.take_setpoint
+    monkeypatch.setattr(agent.vehicle, "take_setpoint", lambda _set_point: take(SetPoint((0.5, 0.0, 0.0))))
+    swarm.run(swarm.now + 8.0, lambda _now: None)
+    here, flight = position_amsl(agent.state), planned_flight(agent.state)
+    assert here is not None
+    assert flight is not None
+    soon = flight.at(flight.times_s[0] + 2.0)
+    assert soon is not None
+    assert soon == pytest.approx((here[0] + 1.0, here[1], here[2]), abs=0.2)
 
 
 @each_kind

@@ -76,7 +76,7 @@ def obstacles(state: AgentState, formation: Formation) -> tuple[Nearby, ...]:
             there = (*told.here_m, message.alt_amsl_m)
             found.append(Nearby(there, message.velocity_m_s, max(age_s, 0.0)))
             found.append(Nearby(_nearest_place(state, here, uav, told), (0.0, 0.0, 0.0)))
-        elif message.joins and formation.lost_after_s < age_s <= SILENT_S and uav != state.task.uav:
+        elif uav != state.task.uav and _is_silent(state, formation, told):
             east_m, north_m, _ = _nearest_place(state, here, uav, told)
             up_m = here[2] if formation.is_level else message.alt_amsl_m
             found.append(Nearby((east_m, north_m, up_m), (0.0, 0.0, 0.0)))
@@ -141,9 +141,19 @@ def _present_members_of(state: AgentState) -> frozenset[int]:
     present = frozenset(near_members(state, formation, formation.lost_after_s))
     if state.phase is not Phase.FORMATION:
         return present
-    return present | {uav for uav, told in membership.told.items() if _leaves(state, formation, told)}
+    return present | {
+        uav
+        for uav, told in membership.told.items()
+        if _leaves(state, formation, told) or _is_silent(state, formation, told)
+    }
 
 
 def _leaves(state: AgentState, formation: Formation, told: MemberReport) -> bool:
     """Return whether a member leaves the group, and still tells its position."""
     return not told.message.joins and state.now_boot_s - told.at_boot_s <= formation.lost_after_s
+
+
+def _is_silent(state: AgentState, formation: Formation, told: MemberReport) -> bool:
+    """Return whether a member was in the group, and has told nothing since: it may stand in the way."""
+    age_s = state.now_boot_s - told.at_boot_s
+    return told.message.joins and formation.lost_after_s < age_s <= SILENT_S

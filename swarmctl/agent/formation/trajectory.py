@@ -21,7 +21,8 @@ MAX_POINTS = 100
 def flight_in_group(state: AgentState, here: LocalPoint, for_s: float = math.inf) -> Trajectory | None:
     """Return the flight from 0 s on, with heights above home; None before the first set-point.
 
-    The present distance from the place shrinks to 0 in the time that the vehicle takes at its spare speed.
+    The vehicle keeps its present velocity for EVERY_S: others may be in its way to its place. Then its
+    distance from the place shrinks to 0 in the time that it takes at its spare speed.
     The vehicle climbs or descends to the place's present height at once.
     `for_s`: time for which the flight is needed at least [s].
     """
@@ -37,7 +38,9 @@ def flight_in_group(state: AgentState, here: LocalPoint, for_s: float = math.inf
     else:
         others = near_members(state, formation, formation.keeps_place_s)
         place = places_of(state, formation, (*others, state.task.uav))[state.task.uav]
-    off_e, off_n = here[0] - memory.place_m[0], here[1] - memory.place_m[1]
+    velocity_m_s = state.vehicle.east_m_s, state.vehicle.north_m_s
+    moves_e, moves_n = (EVERY_S * (velocity_m_s[k] - memory.velocity_m_s[k]) for k in (0, 1))
+    off_e, off_n = here[0] - memory.place_m[0] + moves_e, here[1] - memory.place_m[1] + moves_n
     spare_m_s = max(state.task.arrival.speed_m_s - formation.speed_m_s, 1.0)
     joins_in_s = math.hypot(off_e, off_n) / spare_m_s
     rises_m = memory.place_m[2] - home_amsl_m(state) - here[2]
@@ -51,7 +54,7 @@ def flight_in_group(state: AgentState, here: LocalPoint, for_s: float = math.inf
         ahead = route.reference.at(s_m)
         (to_e, to_n), _ = offset_of(ahead, place, way)
         east_m, north_m = ahead.east_m + to_e, ahead.north_m + to_n
-        left = max(1.0 - t_s / joins_in_s, 0.0) if joins_in_s else 0.0
+        left = max(1.0 - times[-1] / joins_in_s, 0.0) if joins_in_s else 0.0
         times.append(t_s)
         up_m = here[2] + min(max(rises_m, -DESCENT_M_S * t_s), CLIMB_M_S * t_s)
         points.append((east_m + left * off_e, north_m + left * off_n, up_m))

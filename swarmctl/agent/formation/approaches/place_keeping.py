@@ -155,7 +155,7 @@ def keep_separation(group: Group, velocity: Vector) -> Vector | None:
     A member may approach another one by `APPROACH_HZ` of the distance that is left to the separation, so
     the approach ends there, and no faster than it can stop if both brake at any time. A member within the
     separation moves away. This holds over ground while the heights are within the vertical separation, and
-    in height while the distance is within the horizontal one.
+    in height while the distance is within the horizontal one, or will be before the member has braked.
     """
     limits, own = group.limits, group.position_m
     near, climb = [], velocity[2]
@@ -179,7 +179,7 @@ def keep_separation(group: Group, velocity: Vector) -> Vector | None:
         left_m -= RESPONSE_S * max(closing, 0.0)
         up_m = own[2] - member.position_m[2] - age_s * their_u
         if abs(up_m) >= limits.separation_up_m:
-            if left_m < 0.0:
+            if left_m < max(closing, 0.0) ** 2 / (2.0 * limits.acceleration_m_s2):
                 above = math.copysign(1.0, up_m)
                 height_left_m = abs(up_m) - limits.separation_up_m - MARGIN_UP_M
                 climb = above * max(above * climb, above * their_u - APPROACH_HZ * height_left_m)
