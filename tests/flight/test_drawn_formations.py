@@ -33,6 +33,10 @@ FOUND = {
     230: "a member without messages was expected straight ahead in a turn of the route",
     397: "the last member held in the way of a leader that returned through it",
     425: "members forgot a leader that returned through them before it had passed",
+    993: "a mute vehicle, in hold, returned through the hold of another one",
+    785: "a member was announced at the speed of its group, and crept",
+    755: "a member descended to the height of one that had stopped ahead of it",
+    827: "members left their column because its leader was silent, and stopped too near to each other",
     27: "a vehicle that was refused the mode of set-points met a single vehicle",
 }
 """seeds that broke a rule before, with the cause; in the full run"""

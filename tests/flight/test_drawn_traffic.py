@@ -54,6 +54,7 @@ FOUND_IN_FULL_RUNS = {
     150: "a landing vehicle stopped nearer to another one than its landing spot is",
     310: "after a late mission change, changes were announced too late",
     961: "a vehicle that had stopped on its route waited again before its landing, in the way of a lost link",
+    852: "two vehicles went on from their holds within a second",
     566: "a vehicle beside its route announced a stop at its next waypoint",
 }
 """larger swarms; each flight takes up to 13 s"""

@@ -26,6 +26,8 @@ VERTICAL_M_S2 = 1.5
 VERTICAL_LEAD_S = 0.2
 """time by which the climb leads the speed over ground on a leg [s]"""
 REACHED_M = 1.5
+CORNER_M = 2.0
+"""distance from its new leg that a vehicle reaches after a corner [m]: the default of WPNAV_RADIUS"""
 POSITION_HZ, FASTER = 0.95, 1.2
 """speed toward a demanded position for each metre [1/s]; greatest speed by set-points, in `speed_m_s`"""
 STOPS_AFTER_S, FALLS_AFTER_S = 3.0, 1.0
@@ -265,9 +267,9 @@ class LightVehicle:
     def _turn_speed(self, corner: Vector, after: Vector) -> float:
         a = (corner[0] - self._leg_from[0], corner[1] - self._leg_from[1])
         b = (after[0] - corner[0], after[1] - corner[1])
-        lengths = math.hypot(*a) * math.hypot(*b)
-        straight = (a[0] * b[0] + a[1] * b[1]) / lengths if lengths > 0.0 else 0.0
-        return self._cruise_m_s if straight > 0.99 else 1.0 + 2.0 * max(straight, 0.0)
+        turn_rad = abs(math.remainder(math.atan2(a[0], a[1]) - math.atan2(b[0], b[1]), math.tau))
+        # While the velocity turns, the vehicle moves v² · turn² / 2a beside its new leg.
+        return min(self._cruise_m_s, math.sqrt(2.0 * ACCELERATION_M_S2 * CORNER_M) / max(turn_rad, 1e-6))
 
     def _hover(self, place: Sequence[float], up_m_s: float) -> Vector:
         e, n = (max(-2.0, min(2.0, there - here)) for there, here in zip(place, self.at[:2], strict=True))
