@@ -76,10 +76,11 @@ def obstacles(state: AgentState, formation: Formation) -> tuple[Nearby, ...]:
             there = (*told.here_m, message.alt_amsl_m)
             found.append(Nearby(there, message.velocity_m_s, max(age_s, 0.0)))
             found.append(Nearby(_nearest_place(state, here, uav, told), (0.0, 0.0, 0.0)))
-        elif uav != state.task.uav and _is_silent(state, formation, told):
+        elif uav != state.task.uav and _is_silent(state, formation, told, SILENT_S):
             east_m, north_m, _ = _nearest_place(state, here, uav, told)
-            up_m = here[2] if formation.is_level else message.alt_amsl_m
-            found.append(Nearby((east_m, north_m, up_m), (0.0, 0.0, 0.0)))
+            # In a level group it may be anywhere between its last height and the group's.
+            heights_m = {message.alt_amsl_m, here[2]} if formation.is_level else {message.alt_amsl_m}
+            found += [Nearby((east_m, north_m, up_m), (0.0, 0.0, 0.0)) for up_m in heights_m]
     return tuple(found)
 
 
@@ -144,7 +145,7 @@ def _present_members_of(state: AgentState) -> frozenset[int]:
     return present | {
         uav
         for uav, told in membership.told.items()
-        if _leaves(state, formation, told) or _is_silent(state, formation, told)
+        if _leaves(state, formation, told) or _is_silent(state, formation, told, SOON_S)
     }
 
 
@@ -153,7 +154,7 @@ def _leaves(state: AgentState, formation: Formation, told: MemberReport) -> bool
     return not told.message.joins and state.now_boot_s - told.at_boot_s <= formation.lost_after_s
 
 
-def _is_silent(state: AgentState, formation: Formation, told: MemberReport) -> bool:
-    """Return whether a member was in the group, and has told nothing since: it may stand in the way."""
+def _is_silent(state: AgentState, formation: Formation, told: MemberReport, for_s: float) -> bool:
+    """Return whether a member was in the group, and has told nothing since, for at most `for_s` [s]."""
     age_s = state.now_boot_s - told.at_boot_s
-    return told.message.joins and formation.lost_after_s < age_s <= SILENT_S
+    return told.message.joins and formation.lost_after_s < age_s <= for_s
