@@ -33,7 +33,6 @@ FOUND = {
     314: "a vehicle, ordered to return from its descent, climbed into the way of one that came to the goal",
     58: "a vehicle did not stop for one in its way, because another one followed it",
     195: "a vehicle stopped past its next waypoint and flew back, other than announced",
-    381: "a vehicle stopped its descent just below a silent one",
     963: "an alarm ended each flight that the trajectory check had found clear",
     641: "a vehicle with priority came from behind upon a vehicle that gave way but could not",
     337: "a vehicle stopped above another one, and an urgent landing began at once",
