@@ -36,7 +36,6 @@ FOUND = {
     993: "a mute vehicle, in hold, returned through the hold of another one",
     785: "a member was announced at the speed of its group, and crept",
     755: "a member descended to the height of one that had stopped ahead of it",
-    148: "a member descended upon one below it that told nothing for 2 s",
     827: "members left their column because its leader was silent, and stopped too near to each other",
     27: "a vehicle that was refused the mode of set-points met a single vehicle",
 }

@@ -43,7 +43,7 @@ LOWEST_M, CEILING_MARGIN_M = 10.0, 3.0
 """Least height above home, and distance below the fence's ceiling, at which a member flies level [m]."""
 LEVEL_WITHIN = 0.4
 """Distance from its place within which a member flies at the group's height, in spacings."""
-STRAIGHT_ON_S = 3.0
+STOPS_WITHIN_S = 3.0
 """Time in which a member can stop, after some reaction [s]."""
 GIVES_WAY_FOR_S = 30.0
 """Time for which the last member gives way to those that have left [s]; they tell their positions so long."""
@@ -189,7 +189,7 @@ def _comes_no_nearer(state: AgentState, formation: Formation) -> float | None:
 def _cell_in_the_way(state: AgentState, formation: Formation) -> Cell | None:
     """Return a no-fly cell or a cell of a known hostile on the way to a place far away; else None.
 
-    The way leads straight on for STRAIGHT_ON_S, so that the vehicle can stop, and from there to the place.
+    The way leads straight on for STOPS_WITHIN_S, so that the vehicle can stop, and from there to the place.
     Near its place a member flies where the group does, and the group's plan counts its cell.
     """
     memory, vehicle, grid = state.membership.memory, state.vehicle, state.task.grid
@@ -198,7 +198,7 @@ def _cell_in_the_way(state: AgentState, formation: Formation) -> Cell | None:
     here, there = grid.frame.to_local(*vehicle.lat_lon), memory.place_m[:2]
     if math.dist(here, there) <= formation.max_error_m:
         return None
-    ahead = here[0] + STRAIGHT_ON_S * vehicle.east_m_s, here[1] + STRAIGHT_ON_S * vehicle.north_m_s
+    ahead = here[0] + STOPS_WITHIN_S * vehicle.east_m_s, here[1] + STOPS_WITHIN_S * vehicle.north_m_s
     way = (cell for cell in cells_under((here, ahead, there), grid.cell_size_m) if grid.contains(cell))
     no_fly, known = state.task.no_fly, state.belief.known
     return next((cell for cell in way if cell in no_fly or known[cell] == OCCUPIED), None)

@@ -19,7 +19,7 @@ from swarmctl.core.records import replace
 SOON_S = 8.0
 """Time within which a silent member has stopped: alone, without set-points, or by a pilot [s]. For as long
 members keep clear of the announced flight of a member that leaves."""
-STRAIGHT_ON_S = 6.0
+AHEAD_S = 6.0
 """A silent member stops nearer than it flies straight on in this time [s]: ArduPilot goes on for 3 s."""
 OFF_INTENT_M = 15.0
 """Distance of a member from its announced place above which its intent is of an earlier flight [m]."""
@@ -91,7 +91,7 @@ def _nearest_place(state: AgentState, here: LocalPoint, uav: int, told: MemberRe
     """
     message, intent = told.message, state.all_intents.get(uav)
     there = (*told.here_m, message.alt_amsl_m)
-    paths = [extrapolate(there, message.velocity_m_s, told.at_boot_s, STRAIGHT_ON_S)]
+    paths = [extrapolate(there, message.velocity_m_s, told.at_boot_s, AHEAD_S)]
     announced = None if intent is None else intent.flight.at(told.at_boot_s)
     if intent is not None and announced and math.dist(announced[:2], told.here_m) <= OFF_INTENT_M:
         paths.append(intent.flight)

@@ -63,9 +63,13 @@ class Params(Section):
     """Weights and parameters of the behaviours."""
 
     goal_weight: Annotated[float, Field(ge=0)] = 1.0
+    """weight of goal seeking"""
     formation_weight: Annotated[float, Field(ge=0)] = 1.0
+    """weight of formation keeping"""
     threat_weight: Annotated[float, Field(ge=0)] = 0.5
+    """weight of threat avoidance"""
     collision_weight: Annotated[float, Field(ge=0)] = 1.0
+    """weight of collision avoidance"""
     null_space: bool = False
     """collision avoidance before threat avoidance, formation keeping and goal seeking, each across the
     directions of those before it; False: the weighted sum"""

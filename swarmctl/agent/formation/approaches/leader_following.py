@@ -10,13 +10,16 @@ for a follower that is far behind.
 from __future__ import annotations
 
 import math
-from typing import Annotated
-
-from pydantic import Field
 
 from swarmctl.agent.formation.approaches.base import Along, ApproachResult, Group, PlaceMemory, Vector
 from swarmctl.agent.formation.approaches.place_keeping import keep_place, place_of, progress, reference_now
-from swarmctl.agent.formation.approaches.structure import Waiting, fly_in_structure
+from swarmctl.agent.formation.approaches.structure import (
+    LeastSpeedShare,
+    SlowsFrom,
+    SlowsTo,
+    Waiting,
+    fly_in_structure,
+)
 from swarmctl.agent.formation.ways import offset_of
 
 LEADER_FLIES_MISSION = True
@@ -32,9 +35,9 @@ _NONE: Vector = (0.0, 0.0, 0.0)
 class Params(Waiting):
     """Parameters of leader following."""
 
-    slows_from_m: Annotated[float, Field(ge=0)] = 5.0
-    slows_to_m: Annotated[float, Field(gt=0)] = 25.0
-    least_speed_share: Annotated[float, Field(ge=0, le=1)] = 0.4
+    slows_from_m: SlowsFrom = 5.0
+    slows_to_m: SlowsTo = 25.0
+    least_speed_share: LeastSpeedShare = 0.4
 
 
 def fly(params: Params, group: Group) -> ApproachResult:

@@ -25,17 +25,26 @@ LONGEST_STEP_S = 0.5
 """Greatest age of the leader's own last reference, from which it goes on step by step [s]."""
 
 
+SlowsFrom = Annotated[
+    float, Field(ge=0, description="largest error of a member at which the group keeps its speed [m]")
+]
+SlowsTo = Annotated[
+    float, Field(gt=0, description="error of a member from which the group has its least speed [m]")
+]
+LeastSpeedShare = Annotated[
+    float,
+    Field(ge=0, le=1, description="least speed, as a share of the speed without errors; 0: the group waits"),
+]
+
+
 class Waiting(Section):
     """How fast members take their places, and how a group waits for them; the approaches set the defaults."""
 
     closing_m_s: Annotated[float, Field(gt=0)] = 3.0
     """greatest speed of a member relative to its place, while it joins or the shape changes [m/s]"""
-    slows_from_m: Annotated[float, Field(ge=0)]
-    """largest error of a member at which the group keeps its speed [m]"""
-    slows_to_m: Annotated[float, Field(gt=0)]
-    """error of a member from which the group has its least speed [m]"""
-    least_speed_share: Annotated[float, Field(ge=0, le=1)]
-    """least speed, as a share of the speed without errors; 0: the group waits"""
+    slows_from_m: SlowsFrom
+    slows_to_m: SlowsTo
+    least_speed_share: LeastSpeedShare
 
     def model_post_init(self, _context: object) -> None:
         if self.slows_to_m <= self.slows_from_m:

@@ -7,12 +7,14 @@ structure back. Here the errors slow it down, instead of a fit of the structure 
 
 from __future__ import annotations
 
-from typing import Annotated
-
-from pydantic import Field
-
 from swarmctl.agent.formation.approaches.base import ApproachResult, Group
-from swarmctl.agent.formation.approaches.structure import Waiting, fly_in_structure
+from swarmctl.agent.formation.approaches.structure import (
+    LeastSpeedShare,
+    SlowsFrom,
+    SlowsTo,
+    Waiting,
+    fly_in_structure,
+)
 
 LEADER_FLIES_MISSION = False
 MEMBERS_TELL_HZ = 2.0
@@ -22,9 +24,9 @@ WEIGHTS: tuple[str, ...] = ()
 class Params(Waiting):
     """Parameters of the virtual structure."""
 
-    slows_from_m: Annotated[float, Field(ge=0)] = 3.0
-    slows_to_m: Annotated[float, Field(gt=0)] = 15.0
-    least_speed_share: Annotated[float, Field(ge=0, le=1)] = 0.3
+    slows_from_m: SlowsFrom = 3.0
+    slows_to_m: SlowsTo = 15.0
+    least_speed_share: LeastSpeedShare = 0.3
 
 
 def fly(params: Params, group: Group) -> ApproachResult:
