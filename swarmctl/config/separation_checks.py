@@ -9,9 +9,9 @@ from itertools import combinations
 from swarmctl.agent.replan.copter_trajectory import from_takeoff
 from swarmctl.agent.replan.decide import first_flight, first_problem
 from swarmctl.agent.state import Task
-from swarmctl.agent.traffic.separation import conflicts
 from swarmctl.agent.traffic.separation.approach import Limits
 from swarmctl.agent.traffic.separation.clash import TIME_TOLERANCE_S
+from swarmctl.agent.traffic.separation.conflicts import conflicts
 from swarmctl.agent.traffic.separation.trajectory import Trajectory
 from swarmctl.agent.traffic.separation.watch import HEIGHT_MARGIN
 from swarmctl.config.problems import ConfigProblem

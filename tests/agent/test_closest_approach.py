@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from random_trajectories import flights
 
-from swarmctl.agent.traffic.separation import conflicts
 from swarmctl.agent.traffic.separation.approach import Limits, closest, intervals, nearest
+from swarmctl.agent.traffic.separation.conflicts import conflicts
 from swarmctl.agent.traffic.separation.trajectory import Trajectory, extrapolate
 
 LIMITS = Limits(20.0, 5.0)

@@ -10,36 +10,7 @@ from __future__ import annotations
 from typing import Any
 
 from swarmctl.agent.failsafes import fence_ahead, gps_loss, lost_link, low_battery, not_following, taken_over
-from swarmctl.agent.failsafes.base import (
-    ACTIVITY_AS_DEMAND,
-    STRENGTH,
-    ActiveRoute,
-    ActiveRule,
-    Activity,
-    Demand,
-    DemandKind,
-    FailsafeFacts,
-    Fence,
-    OptionalRule,
-    Rule,
-)
-
-__all__ = [
-    "ACTIVITY_AS_DEMAND",
-    "ALWAYS_ON",
-    "RULES",
-    "STRENGTH",
-    "ActiveRoute",
-    "ActiveRule",
-    "Activity",
-    "Demand",
-    "DemandKind",
-    "FailsafeFacts",
-    "Fence",
-    "Rule",
-    "evaluate",
-    "strongest",
-]
+from swarmctl.agent.failsafes.base import STRENGTH, ActiveRule, Demand, FailsafeFacts, OptionalRule
 
 ALWAYS_ON: tuple[ActiveRule, ...] = (
     ActiveRule(taken_over, taken_over.Params()),

@@ -9,7 +9,16 @@ from typing import Any
 
 from swarmctl.agent import failsafes
 from swarmctl.agent.commands import StepResult, command, release_vehicle
-from swarmctl.agent.failsafes.base import ActiveRoute, ActiveRule, Activity, Demand, DemandKind, FailsafeFacts
+from swarmctl.agent.failsafes.base import (
+    ACTIVITY_AS_DEMAND,
+    STRENGTH,
+    ActiveRoute,
+    ActiveRule,
+    Activity,
+    Demand,
+    DemandKind,
+    FailsafeFacts,
+)
 from swarmctl.agent.own_modes import own_mode_roles
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.state import AgentState
@@ -114,8 +123,8 @@ def _active_route(state: AgentState) -> ActiveRoute | None:
 
 
 def _exceeds_activity(state: AgentState, demand: Demand) -> bool:
-    fulfilled = failsafes.ACTIVITY_AS_DEMAND.get(_activity(state))
-    return fulfilled is not None and failsafes.STRENGTH[demand.kind] > failsafes.STRENGTH[fulfilled]
+    fulfilled = ACTIVITY_AS_DEMAND.get(_activity(state))
+    return fulfilled is not None and STRENGTH[demand.kind] > STRENGTH[fulfilled]
 
 
 def _order_for(state: AgentState, demand: Demand) -> StepResult:

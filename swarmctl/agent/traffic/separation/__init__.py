@@ -15,34 +15,3 @@ Points are (east, north, up) [m], times are by one clock [s].
 
 Imports core.
 """
-
-from swarmctl.agent.traffic.separation.approach import Limits, PairDistance, closest, intervals
-from swarmctl.agent.traffic.separation.conflicts import (
-    CrossingCounts,
-    PairConflict,
-    conflicts,
-    count_crossings,
-)
-from swarmctl.agent.traffic.separation.trajectory import (
-    LocalPoint,
-    Trajectory,
-    extrapolate,
-    landing_start_s,
-    until_landing,
-)
-
-__all__ = [
-    "CrossingCounts",
-    "Limits",
-    "LocalPoint",
-    "PairConflict",
-    "PairDistance",
-    "Trajectory",
-    "closest",
-    "conflicts",
-    "count_crossings",
-    "extrapolate",
-    "intervals",
-    "landing_start_s",
-    "until_landing",
-]
