@@ -27,7 +27,7 @@ class GivenOrder:
 
     def noted(self, order: FlightOrder) -> GivenOrder:
         """Return the record of an order that the vehicle follows without a message."""
-        return replace(self, given=order, is_followed=True)
+        return replace(self, given=order, is_followed=True, repeat_at_s=math.inf)
 
     def followed(self) -> GivenOrder:
         """Return the record after the vehicle has confirmed the order."""

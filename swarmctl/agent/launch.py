@@ -15,12 +15,15 @@ class Launch:
     ignored: frozenset[int] = frozenset()
     """vehicles that the launch does not wait for, by an operator's order"""
     is_aborted: bool = False
-    armed_seen: bool = False
-    """True once the vehicle was seen armed after its launch order"""
     conflict: str = ""
     """conflict of the first route during the launch, as text; empty: none"""
     armed_boot_s: float | None = None
-    """time at which the vehicle was first seen armed; start of its time bound"""
+    """time at which the vehicle was first seen armed after its launch order; start of its time bound"""
+
+    @property
+    def armed_seen(self) -> bool:
+        """True once the vehicle was seen armed after its launch order."""
+        return self.armed_boot_s is not None
 
     def withdrawn(self) -> Launch:
         """Return the launch without its order."""
@@ -28,14 +31,11 @@ class Launch:
 
     def not_begun(self) -> Launch:
         """Return the launch of a vehicle that is disarmed again."""
-        return replace(self, armed_seen=False, armed_boot_s=None)
+        return replace(self, armed_boot_s=None)
 
     def begun(self, boot_s: float) -> Launch:
         """Return the launch of a vehicle that is armed at `boot_s`; only the first time counts."""
-        if self.armed_seen and self.armed_boot_s is not None:
-            return self
-        armed_boot_s = boot_s if self.armed_boot_s is None else self.armed_boot_s
-        return replace(self, armed_seen=True, armed_boot_s=armed_boot_s)
+        return self if self.armed_seen else replace(self, armed_boot_s=boot_s)
 
     def ended(self) -> Launch:
         """Return the launch of a vehicle in flight."""

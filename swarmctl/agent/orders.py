@@ -32,7 +32,7 @@ TOUCHING_DOWN_M = 2.0
 """Height above home [m] below which a descending vehicle touches down before it follows another order."""
 
 
-def handle_operator_command(state: AgentState, event: ev.OperatorCommand, _now: float) -> StepResult:
+def handle_operator_command(state: AgentState, event: ev.OperatorCommand) -> StepResult:
     """Follow an order; an operator's order is also answered."""
     remote = event.command is not None
     outcome, note = _order_answer(state, event)
@@ -152,7 +152,7 @@ def _resume(state: AgentState) -> StepResult:
         return command(state, ev.FlightOrder.LAND, by_person=True, phase=Phase.LANDING, arrived_boot_s=boot_s)
     return state.enter(
         Phase.FLYING,
-        order=replace(state.order, given=ev.FlightOrder.LAUNCH),
+        order=state.order.noted(ev.FlightOrder.LAUNCH),
         plans=state.plans.without_route().resumed(),
     ), []
 

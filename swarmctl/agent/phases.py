@@ -32,7 +32,7 @@ ENDED = frozenset({Phase.RELEASED, Phase.DONE, Phase.FAILED})
 ON_GROUND = frozenset({Phase.WAITING, Phase.UPLOADING, Phase.STANDBY})
 IN_FLIGHT = frozenset({Phase.FLYING, Phase.FORMATION, Phase.LANDING, Phase.HOLDING, Phase.LEAVING})
 PAST_PLANNING = ENDED | {Phase.LANDING, Phase.HOLDING, Phase.LEAVING}
-PLANNING = frozenset({Phase.UPLOADING, Phase.STANDBY, Phase.FLYING})
+PLANNING = frozenset({Phase.UPLOADING, Phase.STANDBY, Phase.FLYING, Phase.FORMATION})
 EN_ROUTE = frozenset({Phase.FLYING, Phase.FORMATION})
 
 TRANSITIONS: dict[Phase, frozenset[Phase]] = {

@@ -90,8 +90,8 @@ def _rebooted(state: AgentState, _event: ev.Rebooted, _now: float) -> StepResult
     ), []
 
 
-def _operator(state: AgentState, event: ev.OperatorCommand, now: float) -> StepResult:
-    state, effects = handle_operator_command(state, event, now)
+def _operator(state: AgentState, event: ev.OperatorCommand, _now: float) -> StepResult:
+    state, effects = handle_operator_command(state, event)
     state, begun = launch_if_possible(state)
     state, conflict = watch_first_route(state)
     begun += conflict
@@ -241,8 +241,8 @@ def _send_intent(state: AgentState) -> StepResult:
     return state, [*published, *conflicts]
 
 
-def _intents(state: AgentState, event: ev.Intents, now: float) -> StepResult:
-    state, _ = receive_intents(state, event, now)
+def _intents(state: AgentState, event: ev.Intents, _now: float) -> StepResult:
+    state = receive_intents(state, event)
     state, conflict = watch_first_route(state)
     state, checked = check_own_route(state)
     return state, [*conflict, *checked]

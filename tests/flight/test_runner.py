@@ -99,7 +99,7 @@ def flying(link: SlowLink, *observers: Notes) -> Runner:
         observers,
     )
     where = VehicleState(lat_deg=46.0, lon_deg=14.0, alt_rel_m=30.0, armed=True)
-    runner.state = replace(runner.state, phase=Phase.FLYING, vehicle=where, launch=Launch(armed_seen=True))
+    runner.state = replace(runner.state, phase=Phase.FLYING, vehicle=where, launch=Launch(armed_boot_s=0.0))
     return runner
 
 

@@ -27,7 +27,7 @@ def needs_tick(state: AgentState, now: float) -> bool:
     """Return whether the agent has to decide on a plan now."""
     return (
         state.plans.dirty
-        and (state.phase in PLANNING or state.phase is Phase.FORMATION)
+        and state.phase in PLANNING
         and state.plans.pending is None
         and not state.waits_for(WaitFor.ROUTE)
         and not state.lost

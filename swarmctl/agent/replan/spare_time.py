@@ -22,11 +22,6 @@ LEAST_EXPOSED = Method("window", window, window.Params())
 """Planning method for the least exposed route."""
 
 
-def is_early(due_s: float, soonest_s: float) -> bool:
-    """Return whether the vehicle has enough spare time for another route."""
-    return due_s - soonest_s > MIN_EARLY_S
-
-
 def with_spare_time(state: AgentState, task: Task) -> Task:
     """Return the task; for an early copter, replace its method and its time bound.
 
@@ -56,7 +51,7 @@ def with_spare_time(state: AgentState, task: Task) -> Task:
 
 def update_spare_time(state: AgentState, due_s: float, soonest_s: float) -> AgentState:
     """Mark the plan dirty if spare time is new, its due time has changed, or the vehicle is the last one."""
-    new_due_s = due_s if is_early(due_s, soonest_s) else None
+    new_due_s = due_s if due_s - soonest_s > MIN_EARLY_S else None
     previous_due_s = state.common_arrival.spare_time_due_s
     if new_due_s is None:
         # The less exposed route uses up the spare time. Only the last vehicle gives this route up.

@@ -45,12 +45,14 @@ def raise_alarms(state: AgentState) -> StepResult:
     """Update and report the alarms; request a climb if the vehicle gives way by climbing."""
     if not (state.neighbours or state.alarms):
         return state, []
+    if state.phase not in IN_FLIGHT:
+        return replace(state, alarms=()), []
     rules, now_s = state.task.separation, state.vehicle.time_boot_s
     if not state.alarms and _is_alone(state):
         return state, []
     before = {alarm.other for alarm in state.alarms}
     own = own_trajectory(state)
-    if own is None or state.phase not in IN_FLIGHT:
+    if own is None:
         return replace(state, alarms=()), []
     near = predictions(state, alarm_bounds(Bounds.of(own), rules))
     alarms = update_alarms(state.alarms, own, near, rules, now_s)

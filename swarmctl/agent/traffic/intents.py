@@ -53,15 +53,11 @@ def share_intent(state: AgentState) -> StepResult:
     is_due = not 0.0 <= since_s < every_s or state.ended
     if not is_due and (since_s < MIN_INTERVAL_S or not _is_off_intent(state)):
         return state, []
-    return _publish(state, None if state.ended else planned_flight(state))
+    return publish_intent(state, None if state.ended else planned_flight(state))
 
 
-def withdraw_intent(state: AgentState) -> StepResult:
-    """Tell the others that the vehicle does not fly."""
-    return _publish(state, None)
-
-
-def _publish(state: AgentState, flight: Trajectory | None) -> StepResult:
+def publish_intent(state: AgentState, flight: Trajectory | None) -> StepResult:
+    """Send a flight as the own intent; None: the vehicle does not fly."""
     swap, now_s = state.plans.pending or state.plans.route, state.vehicle.time_boot_s
     message = IntentShared(
         plan_id=0 if swap is None or flight is None else swap.plan_id,

@@ -26,7 +26,6 @@ import msgspec
 
 from swarmctl.agent.commands import StepResult, command
 from swarmctl.agent.failsafes.base import STRENGTH, DemandKind
-from swarmctl.agent.own_modes import own_mode_roles
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.copter_trajectory import fly_along, land_from, waypoints_of
 from swarmctl.agent.state import AgentState
@@ -45,7 +44,7 @@ from swarmctl.agent.traffic.check import (
 from swarmctl.agent.traffic.own_flight import planned_flight, position_amsl, to_shared_frame
 from swarmctl.agent.traffic.prediction import hears_nobody, position_of, stopping_point
 from swarmctl.agent.traffic.priority import Activity, Standing, gives_way
-from swarmctl.agent.traffic.route_hold import give_up, goes_second, hold_would_block
+from swarmctl.agent.traffic.route_hold import follows_own_order, give_up, goes_second, hold_would_block
 from swarmctl.agent.traffic.separation.clash import Clash
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory, landing_start_s
 from swarmctl.agent.traffic.separation.watch import NeighbourIntent, NeighbourReport
@@ -130,13 +129,8 @@ def is_urgent(state: AgentState) -> bool:
 
 
 def _may_wait(state: AgentState) -> bool:
-    vehicle, action = state.vehicle, state.task.separation.action
-    if action == "none" or state.plans.route is None or state.plans.pending is not None or is_urgent(state):
-        return False
-    follows = state.order.is_followed or state.order.given in (None, ev.FlightOrder.LAUNCH)
-    in_own_mode = follows and vehicle.mode_role in own_mode_roles(state)
-    is_high = vehicle.alt_rel_m is not None and vehicle.alt_rel_m >= MIN_HEIGHT_M
-    return in_own_mode and vehicle.armed and is_high
+    flies_plan = state.plans.route is not None and state.plans.pending is None
+    return flies_plan and not is_urgent(state) and follows_own_order(state)
 
 
 def _wait_if_conflicting(state: AgentState, here: LocalPoint) -> StepResult:
@@ -295,7 +289,7 @@ def _land(state: AgentState) -> StepResult:
         state,
         wait=_ended(state),
         plans=state.plans.uploading(new).from_own_hold(),
-        order=state.order.noted(ev.FlightOrder.LAUNCH).followed(),
+        order=state.order.noted(ev.FlightOrder.LAUNCH),
     )
     return state.with_new_flight(), [new]
 

@@ -18,7 +18,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from swarmctl.agent.commands import StepResult
-from swarmctl.agent.own_modes import own_mode_roles
 from swarmctl.agent.phases import EN_ROUTE, Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.check import (
@@ -41,7 +40,7 @@ from swarmctl.agent.traffic.prediction import (
 )
 from swarmctl.agent.traffic.priority import Activity, Standing, activity_of, gives_way
 from swarmctl.agent.traffic.returning import hold_before_leaving, may_hold_before_leaving
-from swarmctl.agent.traffic.route_hold import hold, may_give_way
+from swarmctl.agent.traffic.route_hold import follows_own_order, hold, may_give_way
 from swarmctl.agent.traffic.separation.approach import Limits
 from swarmctl.agent.traffic.separation.trajectory import (
     LocalPoint,
@@ -124,7 +123,7 @@ def _stop_if_unannounced(state: AgentState) -> StepResult:
     begins_route = (
         state.phase is Phase.FLYING and state.plans.route is None and state.plans.pending is not None
     )
-    if not is_unannounced or not (may_stop(state) or (_follows_own_order(state) and begins_route)):
+    if not is_unannounced or not (may_stop(state) or (follows_own_order(state) and begins_route)):
         return state, []
     text = "no other vehicle is heard any more, and none knows this flight; the vehicle holds [unannounced]"
     return _hold(state, {}, text)
@@ -250,20 +249,9 @@ def _compared_s(state: AgentState) -> float:
     return max(state.task.separation.look_ahead_s, last_moment_s + DECIDES_WITHIN_S)
 
 
-def _follows_own_order(state: AgentState) -> bool:
-    """Return whether a copter flies by an order of this agent, is high enough, and does not wait already."""
-    vehicle, task = state.vehicle, state.task
-    if task.wings is not None or task.separation.action == "none" or state.is_waiting or state.lost:
-        return False
-    leaves = state.phase is Phase.LEAVING
-    follows = leaves or state.order.is_followed or state.order.given in (None, ev.FlightOrder.LAUNCH)
-    is_high = vehicle.alt_rel_m is not None and vehicle.alt_rel_m >= MIN_HEIGHT_M
-    return follows and is_high and vehicle.armed and vehicle.mode_role in own_mode_roles(state)
-
-
 def may_stop(state: AgentState) -> bool:
     """Return whether the vehicle can stop for another one now."""
-    if not _follows_own_order(state):
+    if not follows_own_order(state):
         return False
     match state.phase:
         case Phase.FLYING | Phase.FORMATION:

@@ -11,7 +11,7 @@ The first route is checked three times, because mode changes and arming take som
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from swarmctl.agent.commands import StepResult, command, release_vehicle
@@ -20,7 +20,7 @@ from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.copter_trajectory import from_takeoff
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.check import clashes_with, describe_clashes, known_flights, standing_of
-from swarmctl.agent.traffic.intents import withdraw_intent
+from swarmctl.agent.traffic.intents import publish_intent
 from swarmctl.agent.traffic.own_flight import to_shared_frame
 from swarmctl.agent.traffic.prediction import hears_nobody
 from swarmctl.agent.traffic.priority import Activity, Standing, gives_way
@@ -46,10 +46,11 @@ def launch_if_possible(state: AgentState) -> StepResult:
         return release_vehicle(
             state, f"the vehicle is in mode {state.vehicle.mode}, which this program has not ordered"
         )
+    clashes = _route_clashes(state, _intents_waited_for(state))
     if hears_nobody(state):
-        return _wait(state, "no other vehicle is heard any more")
-    if clashes := _route_clashes(state, _intents_waited_for(state)):
-        return _wait(state, _conflict_text(state, clashes))
+        return _wait(state, "no other vehicle is heard any more", clashes)
+    if clashes:
+        return _wait(state, _conflict_text(state, clashes), clashes)
     messages: list[ev.Effect] = []
     if state.wait is not None:
         messages.append(ev.NotifyOperator("the wait is over; the vehicle launches [launch-clear]"))
@@ -96,7 +97,8 @@ def postpone_launch(state: AgentState, event: ev.LaunchPostponed, _now: float) -
     if event.was_armed:
         return cancel_launch(state, f"{event.reason}; the vehicle was disarmed again")
     state, withdrawn = _stand_by(state)
-    state, messages = _wait(state, event.reason, again=True)
+    clashes = _route_clashes(state, _intents_waited_for(state))
+    state, messages = _wait(state, event.reason, clashes, again=True)
     return state, [*withdrawn, *messages]
 
 
@@ -117,7 +119,7 @@ def cancel_launch(state: AgentState, why: str) -> StepResult:
 def _stand_by(state: AgentState) -> StepResult:
     """Put the vehicle on standby, and withdraw its intent."""
     state = state.enter(Phase.STANDBY, launch=state.launch.not_begun())
-    return (state, []) if state.own_intent is None else withdraw_intent(state)
+    return (state, []) if state.own_intent is None else publish_intent(state, None)
 
 
 def _intents_waited_for(state: AgentState) -> dict[int, NeighbourIntent]:
@@ -148,25 +150,25 @@ def _conflict_text(state: AgentState, clashes: tuple[Clash, ...]) -> str:
     return f"the first route would conflict with {describe_clashes(state, clashes)}"
 
 
-def _wait(state: AgentState, why: str, *, again: bool = False) -> StepResult:
+def _wait(state: AgentState, why: str, clashes: Sequence[Clash], *, again: bool = False) -> StepResult:
     """Wait on the ground, or cancel the launch. Further attempts do not restart the waiting time."""
     now_s = state.vehicle.time_boot_s
     wait = state.wait or begin(WaitFor.FIRST_ROUTE, now_s)
     ends, wait = verdict(wait, now_s, lambda: False)
     if ends is Verdict.OVER:
         why += f", even after a wait of {wait.rule.longest_s:.0f} s on the ground"
-        return cancel_launch(state, f"{why}{_ignore_hint(state)}")
+        return cancel_launch(state, f"{why}{_ignore_hint(state, clashes)}")
     text = f"{why}; the vehicle waits on the ground for at most {wait.deadline_boot_s - now_s:.0f} s"
-    text += f"{_ignore_hint(state)} [launch-waits]"
+    text += f"{_ignore_hint(state, clashes)} [launch-waits]"
     is_new = state.wait is None or again
     state = replace(state, wait=wait.again(), trouble=text)
     return state, [ev.NotifyOperator(text)] if is_new else []
 
 
-def _ignore_hint(state: AgentState) -> str:
+def _ignore_hint(state: AgentState, clashes: Sequence[Clash]) -> str:
     """Return the command to launch despite conflicts; "" if there are none, or no operator gave the order."""
-    clashes = _route_clashes(state, _intents_waited_for(state)) if state.launch.is_operators else ()
-    options = " ".join(
-        f"--ignore {uav}" for uav in sorted({*state.launch.ignored, *(clash.other for clash in clashes)})
-    )
-    return f" (launch without waiting: `order launch --uav {state.task.uav} {options}`)" if clashes else ""
+    if not clashes or not state.launch.is_operators:
+        return ""
+    others = sorted({*state.launch.ignored, *(clash.other for clash in clashes)})
+    options = " ".join(f"--ignore {uav}" for uav in others)
+    return f" (launch without waiting: `order launch --uav {state.task.uav} {options}`)"

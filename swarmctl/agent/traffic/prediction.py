@@ -55,15 +55,13 @@ def predict(state: AgentState, report: NeighbourReport) -> Trajectory | None:
 def predictions(state: AgentState, within: Bounds) -> dict[int, Trajectory]:
     """Return the extrapolated trajectories of the neighbours that come within bounds, heights above home."""
     (_, west_m, south_m, low_m), (_, east_m, north_m, high_m) = within.least, within.most
-    vehicle, until_s = state.vehicle, state.vehicle.time_boot_s + state.task.separation.look_ahead_s
-    is_known = vehicle.alt_amsl_m is not None and vehicle.alt_rel_m is not None
-    home_m = home_amsl_m(state)
+    until_s = state.vehicle.time_boot_s + state.task.separation.look_ahead_s
     found = {}
     for uav, report in state.neighbours.items():
         # Most neighbours are at other heights or far away, and need no trajectory.
         shared, lasts_s = report.state, until_s - report.at_s
         east_m_s, north_m_s, up_m_s = shared.velocity_m_s
-        up_m = shared.alt_amsl_m - home_m if is_known and shared.alt_amsl_m is not None else shared.alt_rel_m
+        up_m = _up_m(state.vehicle, shared)
         to_up_m = up_m + up_m_s * lasts_s
         if (up_m > high_m and to_up_m > high_m) or (up_m < low_m and to_up_m < low_m):
             continue

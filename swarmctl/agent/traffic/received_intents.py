@@ -9,16 +9,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from swarmctl.agent.commands import StepResult
 from swarmctl.agent.formation.near_members import with_traffic
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.intents import MAX_UNCERTAINTY_M
 from swarmctl.agent.traffic.prediction import MAX_AGE_S
-from swarmctl.agent.traffic.separation.trajectory import (
-    Bounds,
-    Trajectory,
-    until_landing,
-)
+from swarmctl.agent.traffic.separation.trajectory import Bounds, Trajectory, until_landing
 from swarmctl.agent.traffic.separation.watch import NeighbourIntent
 from swarmctl.core import events as ev
 from swarmctl.core.frames import IntentShared
@@ -30,8 +25,8 @@ SAME_TIME_S = 1e-6
 """Least time between two points of a received intent [s]; by a clock of many days, less is no time."""
 
 
-def receive_intents(state: AgentState, event: ev.Intents, _now: float) -> StepResult:
-    """Store the recent intents of other vehicles."""
+def receive_intents(state: AgentState, event: ev.Intents) -> AgentState:
+    """Return the state with the recent intents of other vehicles."""
     now_s = state.vehicle.time_boot_s
     kept = dict(state.all_intents)
     for uav, age_s, intent in event.intents:
@@ -50,7 +45,7 @@ def receive_intents(state: AgentState, event: ev.Intents, _now: float) -> StepRe
             )
     fresh = {uav: known for uav, known in kept.items() if 0.0 <= now_s - known.sent_s <= MAX_AGE_S}
     state = replace(state, others=_with_present_cells(state, event, kept))
-    return with_traffic(state, intents=fresh), []
+    return with_traffic(state, intents=fresh)
 
 
 def _with_present_cells(

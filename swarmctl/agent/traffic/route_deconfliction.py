@@ -64,7 +64,8 @@ def check_own_route(state: AgentState) -> StepResult:
         ), []
     assert state.own_intent is not None
     state, clashes = _update_comparisons(state, state.own_intent)
-    found = [clash for clash in clashes if _gives_way(state, clash.other)]
+    flights = known_flights(state) if clashes else {}
+    found = [clash for clash in clashes if _gives_way(state, clash.other, flights)]
     if not found and not state.conflicts.predicted:
         return state, []
     others = frozenset(clash.other for clash in found)
@@ -115,9 +116,8 @@ def _update_comparisons(state: AgentState, own: Trajectory) -> tuple[AgentState,
     return replace(state, conflicts=replace(state.conflicts, compared=after)), tuple(found)
 
 
-def _gives_way(state: AgentState, other: int) -> bool:
+def _gives_way(state: AgentState, other: int, flights: Others) -> bool:
     """Return whether this vehicle gives way to another with a known flight, by the rule of priority."""
-    flights = known_flights(state)
     if other not in flights:
         return True
     mine = Standing(Activity.EN_ROUTE, may_change(state), state.task.uav)
@@ -170,7 +170,7 @@ def deconflict(before: AgentState, decided: StepResult, now: float) -> StepResul
         text += f"flies the route at {height_m:.0f} m above home"
         state, taken = _upload(state, msgspec.structs.replace(swap, plan=plan))
         return state, [ev.NotifyOperator(f"{text} [height-change]"), *taken]
-    return _defer(before, state, swap, clashes, now)
+    return _defer(before, state, swap, clashes, others, now)
 
 
 def _clashes(
@@ -206,7 +206,12 @@ def _upload(state: AgentState, swap: ev.SwapMission) -> StepResult:
 
 
 def _defer(
-    before: AgentState, state: AgentState, swap: ev.SwapMission, clashes: tuple[Clash, ...], now: float
+    before: AgentState,
+    state: AgentState,
+    swap: ev.SwapMission,
+    clashes: tuple[Clash, ...],
+    flights: Others,
+    now: float,
 ) -> StepResult:
     """Defer a plan: the vehicle keeps its present route, or holds; the plan is tried again soon."""
     others = frozenset(clash.other for clash in clashes)
@@ -216,8 +221,8 @@ def _defer(
         plans=state.plans.deferred(before.plans, swap.because),
         conflicts=replace(state.conflicts, deferred_for=before.conflicts.deferred_for | others),
     )
-    present_clashes = _clashes(state, planned_flight(before), known_flights(state))
-    yielding = [clash for clash in present_clashes if _gives_way(before, clash.other)]
+    present_clashes = _clashes(state, planned_flight(before), flights)
+    yielding = [clash for clash in present_clashes if _gives_way(before, clash.other, flights)]
     near_s = yielding[0].at_s - state.vehicle.time_boot_s if yielding else HOLDS_WITHIN_S
     again_s = RETRY_SOON_S if near_s < 2.0 * SEPARATES_WITHIN_S else RETRY_S
     state = replace(state, plans=state.plans.not_before(now + again_s))

@@ -14,6 +14,7 @@ from itertools import pairwise
 from typing import Any
 
 from swarmctl.agent.commands import StepResult, command
+from swarmctl.agent.own_modes import own_mode_roles
 from swarmctl.agent.phases import EN_ROUTE, Phase
 from swarmctl.agent.replan.copter_trajectory import DESCENT_M_S, at_height, waypoints_of, with_level_off
 from swarmctl.agent.replan.length_bounds import CLIMB_M_S
@@ -70,6 +71,17 @@ def may_give_way(state: AgentState) -> bool:
     # A group may fly far below its members' own heights.
     least_m = min(MIN_HEIGHT_M, climbed_m) if was_in_group else climbed_m
     return not state.lost and vehicle.alt_rel_m is not None and vehicle.alt_rel_m >= least_m
+
+
+def follows_own_order(state: AgentState) -> bool:
+    """Return whether a copter flies by an order of this agent, is high enough, and does not wait already."""
+    vehicle, task = state.vehicle, state.task
+    if task.wings is not None or task.separation.action == "none" or state.is_waiting or state.lost:
+        return False
+    leaves = state.phase is Phase.LEAVING
+    follows = leaves or state.order.is_followed or state.order.given in (None, ev.FlightOrder.LAUNCH)
+    is_high = vehicle.alt_rel_m is not None and vehicle.alt_rel_m >= MIN_HEIGHT_M
+    return follows and is_high and vehicle.armed and vehicle.mode_role in own_mode_roles(state)
 
 
 def climbs_to_give_way(state: AgentState) -> bool:
@@ -158,11 +170,9 @@ def resume_if_clear(state: AgentState) -> StepResult:
     before, now_s = state.wait, state.vehicle.time_boot_s
     if state.phase is not Phase.FLYING or before is None or before.plan is None or not before.is_on:
         return state, []
-    plan = _rest_of(state, before.plan.plan)
-    may_go_on = state.order.is_followed and not hears_nobody(state)
 
     def is_clear() -> bool:
-        return may_go_on and _is_way_clear(state, before, plan)
+        return state.order.is_followed and not hears_nobody(state) and _is_way_clear(state, before)
 
     ends, wait = verdict(before, now_s, is_clear, goes_second=partial(goes_second, state))
     match ends:
@@ -177,6 +187,7 @@ def resume_if_clear(state: AgentState) -> StepResult:
             return _resume(state, f"{text} [resumes]")
     if ends is Verdict.WAIT or not wait.is_report_due(now_s):
         return replace(state, wait=wait), []
+    plan = _rest_of(state, before.plan.plan)
     text = f"the vehicle has held for at least {wait.rule.report_every_s:.0f} s"
     for height_m in () if hears_nobody(state) else heights_to_try(state, plan):
         if _is_clear(state, _levelled(state, at_height(plan, height_m))):
@@ -208,7 +219,7 @@ def _resume(state: AgentState, text: str) -> StepResult:
     state = replace(
         state,
         wait=state.wait.ended(state.vehicle.time_boot_s),
-        order=state.order.noted(ev.FlightOrder.LAUNCH).followed(),
+        order=state.order.noted(ev.FlightOrder.LAUNCH),
         plans=state.plans.resumed(),
     )
     return state, messages
@@ -226,17 +237,20 @@ def _fly_stored(state: AgentState, stored: ev.SwapMission) -> StepResult:
     state = replace(
         state,
         wait=state.wait.ended(now_s),
-        order=state.order.noted(ev.FlightOrder.LAUNCH).followed(),
+        order=state.order.noted(ev.FlightOrder.LAUNCH),
         plans=state.plans.from_own_hold().sent(stored, now_s).due(),
     )
     text = "the way to the vehicle's stored mission is clear of other vehicles; the vehicle flies it"
     return state.with_new_flight(), [ev.NotifyOperator(f"{text} [resumes-stored]"), stored]
 
 
-def _is_way_clear(state: AgentState, wait: Wait, rest: FlightPlan) -> bool:
-    """Return whether the way by the stored mission is clear, or by `rest` if that is planned anew."""
+def _is_way_clear(state: AgentState, wait: Wait) -> bool:
+    """Return whether the way by the stored mission is clear, or by the rest of the interrupted one."""
+    assert wait.plan is not None
     stored = _stored(state, wait)
-    return _is_clear(state, _levelled(state, rest) if stored is None else stored.plan)
+    return _is_clear(
+        state, _levelled(state, _rest_of(state, wait.plan.plan)) if stored is None else stored.plan
+    )
 
 
 def _levelled(state: AgentState, plan: FlightPlan) -> FlightPlan:

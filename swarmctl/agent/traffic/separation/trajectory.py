@@ -111,7 +111,7 @@ class Trajectory:
 
     @property
     def ends_in_hold(self) -> bool:
-        """Whether the vehicle stays at the last point."""
+        """True if the vehicle stays at the last point."""
         return len(self.points) > 1 and self.points[-1] == self.points[-2]
 
     def lasting(self, until_s: float) -> Trajectory:
@@ -191,15 +191,8 @@ class Bounds:
 
 def until_landing(flight: Trajectory) -> Trajectory:
     """Return the flight up to its final vertical descent; the whole flight if the descent has begun."""
-    points = before_landing(flight.points)
-    n = len(points)
-    return flight if n == len(flight.points) else _of_checked(flight.times_s[:n], points)
-
-
-def before_landing(points: tuple[LocalPoint, ...]) -> tuple[LocalPoint, ...]:
-    """Return the points up to the final vertical descent; all points if the descent has begun."""
-    n = _n_before_landing(points)
-    return points if n < 2 else points[:n]
+    n = _n_before_landing(flight.points)
+    return flight if n < 2 or n == len(flight.points) else _of_checked(flight.times_s[:n], flight.points[:n])
 
 
 def landing_start_s(flight: Trajectory) -> float:
