@@ -146,7 +146,6 @@ def test_a_member_descends_to_the_height_of_a_standing_vehicle_only_if_it_can_st
         position_m=(0.0, 0.0, 34.0),
         velocity_m_s=flies,
         place=(0.0, 0.0, 0.0),
-        is_leader=False,
         others=(),
         along=None,
         reference=route,

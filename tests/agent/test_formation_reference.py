@@ -63,7 +63,7 @@ def test_the_curve_begins_and_ends_where_the_route_does(points: tuple[tuple[floa
 
 
 def test_a_corner_is_cut_by_a_quarter_of_its_window_and_the_heading_turns_over_its_own() -> None:
-    reference = Reference(CORNER, 60.0, corner_m=15.0)
+    reference = Reference(CORNER, 60.0)
     at_corner = reference.at(400.0)
     assert math.dist((at_corner.east_m, at_corner.north_m), CORNER[1]) == pytest.approx(
         15.0 * math.sqrt(2.0) / 6.0

@@ -308,7 +308,6 @@ class FormationFlight:
             position_m=tuple(pilot.vehicle.position),
             velocity_m_s=tuple(pilot.vehicle.velocity),
             place=pilot.place,
-            is_leader=leader == k,
             others=tuple(others),
             along=along,
             reference=self._reference,

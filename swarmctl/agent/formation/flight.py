@@ -29,7 +29,7 @@ from swarmctl.agent.own_modes import own_mode_roles
 from swarmctl.agent.phases import EN_ROUTE, Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.prediction import home_amsl_m
-from swarmctl.agent.traffic.route_hold import hold, would_block
+from swarmctl.agent.traffic.route_hold import ceiling_m, hold, would_block
 from swarmctl.core import events as ev
 from swarmctl.core.any_angle.track import cells_under
 from swarmctl.core.belief import OCCUPIED
@@ -39,8 +39,8 @@ from swarmctl.core.setpoint import SetPoint
 
 SPEED_EVERY_S, SPEED_CHANGE_M_S = 2.0, 0.3
 """Least time and least difference between two speeds of the leader's mission [s], [m/s]."""
-LOWEST_M, CEILING_MARGIN_M = 10.0, 3.0
-"""Least height above home, and distance below the fence's ceiling, at which a member flies level [m]."""
+LOWEST_M = 10.0
+"""Least height above home at which a member flies level [m]."""
 LEVEL_WITHIN = 0.4
 """Distance from its place within which a member flies at the group's height, in spacings."""
 STOPS_WITHIN_S = 3.0
@@ -124,7 +124,7 @@ def not_following(state: AgentState, reason: str) -> StepResult:
         return _leave(state, reason)
     if state.vehicle.mode_role != "mission":
         return release_vehicle(state, f"{reason}, in mode {state.vehicle.mode}")
-    order = state.order.noted(ev.FlightOrder.LAUNCH).followed()
+    order = state.order.noted(ev.FlightOrder.LAUNCH)
     return state.enter(Phase.FLYING, order=order, plans=state.plans.due(), trouble=reason), []
 
 
@@ -154,8 +154,8 @@ def _alone(state: AgentState, formation: Formation) -> StepResult:
         return state, _set_points(state, flown.demand)
     if begins:
         state = state.with_new_flight()
-    still = (0.0, 0.0, 0.0)
-    return state, _set_points(state, SetPointDemand(keep_separation(_view(state, formation), still) or still))
+    still, group = (0.0, 0.0, 0.0), _view(state, formation, _along(state))
+    return state, _set_points(state, SetPointDemand(keep_separation(group, still) or still))
 
 
 def _leave(state: AgentState, why: str) -> StepResult:
@@ -238,7 +238,7 @@ def _flown(state: AgentState, formation: Formation) -> tuple[AgentState, Approac
         is_split = route.split_at(now_m) is not None
         membership = replace(membership, shape=route.shape_at(now_m), is_split=is_split)
     params = formation.params_with(membership.weights)
-    flown = formation.approach.fly(params, _view(replace(state, membership=membership), formation))
+    flown = formation.approach.fly(params, _view(replace(state, membership=membership), formation, along))
     away_m = 0.0 if flown.demand is None else math.hypot(*flown.error_m[:2])
     membership = replace(
         membership,
@@ -251,15 +251,14 @@ def _flown(state: AgentState, formation: Formation) -> tuple[AgentState, Approac
     return replace(state, membership=membership), flown
 
 
-def _view(state: AgentState, formation: Formation) -> Group:
-    """Return the group as this vehicle sees it; heights are above the sea."""
+def _view(state: AgentState, formation: Formation, along: Along | None) -> Group:
+    """Return the group as this vehicle sees it, with its reference point; heights are above the sea."""
     membership, vehicle, now_s = state.membership, state.vehicle, state.now_boot_s
     route, leader = membership.route, membership.leader
     assert route is not None
     assert leader is not None
     assert vehicle.lat_lon is not None
     assert vehicle.alt_amsl_m is not None
-    along = _along(state)
     others = near_members(state, formation, formation.lost_after_s)
     with_places = near_members(state, formation, formation.keeps_place_s)
     places = places_of(state, formation, (*with_places, state.task.uav))
@@ -277,7 +276,6 @@ def _view(state: AgentState, formation: Formation) -> Group:
         position_m=here,
         velocity_m_s=velocity_m_s,
         place=places[state.task.uav],
-        is_leader=state.leads_group,
         others=tuple(_member(state, uav, places[uav], route.way_of(uav)) for uav in others),
         obstacles=obstacles(state, formation),
         along=along,
@@ -364,8 +362,7 @@ def _height_amsl_m(state: AgentState, formation: Formation, places: Mapping[int,
     if not is_near or told.route_id == 0:
         return own_m - place[2]
     # A wrong height of the leader must lead no vehicle into the ground, or through the fence's ceiling.
-    ceiling_m = math.inf if state.task.fence is None else state.task.fence.ceiling_m - CEILING_MARGIN_M
-    return min(max(told.height_amsl_m + place[2], home_m + LOWEST_M), home_m + ceiling_m) - place[2]
+    return min(max(told.height_amsl_m + place[2], home_m + LOWEST_M), home_m + ceiling_m(state)) - place[2]
 
 
 def _threats(state: AgentState) -> ThreatField | None:

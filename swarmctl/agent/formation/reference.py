@@ -83,12 +83,10 @@ class Reference:
 
     points_m: waypoints (east, north) [m]
     window_m: window of the heading before and after a corner [m] (`window_for`)
-    corner_m: window of the point before and after a corner [m]
     """
 
     points_m: tuple[PlanarPoint, ...]
     window_m: float
-    corner_m: float = CORNER_M
     legs: StraightLegs = field(init=False)
     _knots_m: tuple[float, ...] = field(init=False)
     """distances between which the curve is one polynomial"""
@@ -102,7 +100,7 @@ class Reference:
         if len(points) == 1:
             points *= 2
         legs = StraightLegs.over(points)
-        knots_m, pieces = _pieces(legs, self.window_m, self.corner_m)
+        knots_m, pieces = _pieces(legs, self.window_m)
         for name, value in (("legs", legs), ("_knots_m", knots_m), ("_pieces", pieces)):
             object.__setattr__(self, name, value)
 
@@ -157,7 +155,7 @@ class Reference:
 
     def locate(self, point: PlanarPoint) -> float:
         """Return the distance along the route of the place nearest to a point, on the whole route [m]."""
-        return self.project(point, self.legs.locate(point).along_m, self.corner_m)
+        return self.project(point, self.legs.locate(point).along_m, CORNER_M)
 
     def _distance_m(self, point: PlanarPoint, s_m: float) -> float:
         pose = self.at(s_m)
@@ -253,9 +251,7 @@ def _directions(legs: StraightLegs) -> tuple[tuple[float, float, float], ...]:
     return tuple(directions)
 
 
-def _pieces(
-    legs: StraightLegs, window_m: float, corner_m: float
-) -> tuple[tuple[float, ...], tuple[_Piece, ...]]:
+def _pieces(legs: StraightLegs, window_m: float) -> tuple[tuple[float, ...], tuple[_Piece, ...]]:
     """Return the knots of the curve, and the polynomial after each knot.
 
     The values at the knots are sums over the corners near them. Between two knots d²p/ds² and dχ/ds are
@@ -263,7 +259,7 @@ def _pieces(
     """
     directions, length_m = np.array(_directions(legs)), legs.at_m[-1]
     corners_m, changes = np.array(legs.at_m[1:-1]), np.diff(directions, axis=0)
-    windows_m = np.minimum(corner_m, np.minimum(corners_m, length_m - corners_m))
+    windows_m = np.minimum(CORNER_M, np.minimum(corners_m, length_m - corners_m))
     around = (corners_m, *(corners_m + k * w for k in (-1, 1) for w in (windows_m, window_m)))
     knots = np.unique(np.clip(np.concatenate([[0.0, length_m], *around]), 0.0, length_m))
     knots = np.append(knots[:-1][np.diff(knots) > LEAST_LEG_M], length_m) if length_m else np.zeros(2)

@@ -101,7 +101,6 @@ class Group:
     """own velocity"""
     place: ShapePlace
     """own place, after the choice of shape and the assignment of places"""
-    is_leader: bool
     others: tuple[OtherMember, ...]
     """the other present members; in leader following the leader is `others[leader]`"""
     along: Along | None
@@ -124,6 +123,11 @@ class Group:
     lead_s: float = 0.0
     """Time by which a demand is made for later [s]: half the period of the set-points for a vehicle whose
     target rests between them, such as PX4."""
+
+    @property
+    def is_leader(self) -> bool:
+        """True if this member leads."""
+        return self.leader is None
 
 
 @dataclass(frozen=True, slots=True)
