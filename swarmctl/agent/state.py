@@ -7,6 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from swarmctl.agent.arrival.common_time import ArrivalGroup, CommandedSpeed, CommonArrival
 from swarmctl.agent.failsafes import ALWAYS_ON
 from swarmctl.agent.failsafes.base import ActiveRule, Demand, Fence
@@ -38,7 +41,7 @@ from swarmctl.core.records import replace
 from swarmctl.core.route import landing_spot
 from swarmctl.core.threat import FiringStrength
 from swarmctl.core.vehicle import VehicleState
-from swarmctl.planners.base import Method
+from swarmctl.planners.base import Method, Problem
 from swarmctl.planners.benevolence import OtherVehicle
 
 ARRIVED = "arrived"
@@ -102,6 +105,10 @@ class Task:
     def name_of(self, uav: int) -> str:
         """Return another vehicle's name for a message."""
         return self.names.get(uav, f"vehicle {uav}")
+
+    def problem(self, p_s: NDArray[np.float64], start: Cell, w: float) -> Problem:
+        """Return the planning problem from a cell to the goals; `p_s` (rows, cols): exposure P_s."""
+        return Problem(p_s, start, self.goals, w, self.psi_per_cell, self.max_exposure)
 
     def landing_spot(self, goal: Cell) -> LatLon:
         """Return this vehicle's landing spot in a goal cell."""

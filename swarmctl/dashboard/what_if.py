@@ -53,7 +53,7 @@ class Question:
 
     def problem(self, weights: Weights) -> Problem:
         task, p_s = self.task, exposure(self.occupancy, weights.strength)
-        return Problem(p_s, self.cell, task.goals, weights.w, task.psi_per_cell, task.max_exposure)
+        return task.problem(p_s, self.cell, weights.w)
 
     def rest_of_plan(self, strength: FiringStrength) -> Route | None:
         """Return the rest of the plan, with ΣP_s by these strengths; None beside the plan."""

@@ -10,9 +10,6 @@ from __future__ import annotations
 import math
 from itertools import accumulate, pairwise
 
-import numpy as np
-from numpy.typing import NDArray
-
 from swarmctl.agent.commands import StepResult, command
 from swarmctl.agent.formation.group_planner import planner_of, shape_changes
 from swarmctl.agent.formation.membership import GroupRoute, Membership
@@ -20,9 +17,9 @@ from swarmctl.agent.formation.split import cells_along, split_in_metres
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.decide import believed_exposure
 from swarmctl.agent.replan.splice import is_wall_close, may_learn_of_walls
+from swarmctl.agent.replan.time_bound import BETTER_BY
 from swarmctl.agent.state import AgentState
 from swarmctl.core import events as ev
-from swarmctl.core.grid import Cell
 from swarmctl.core.records import replace
 from swarmctl.planners import split_route
 from swarmctl.planners.base import Method, Problem, Route, Unreachable
@@ -69,7 +66,7 @@ def plan_in_formation(state: AgentState) -> AgentState:
     if len(ahead) < 2:
         return state
     splice_m, start = ahead[0]
-    method, problem = planner_of(state, start), _problem(state, p_s, start)
+    method, problem = planner_of(state, start), task.problem(p_s, start, state.w)
     if route.split_at(splice_m) is not None and method.planner is not split_route:
         return state  # only the leader that planned a split knows the members' routes
     try:
@@ -78,14 +75,9 @@ def plan_in_formation(state: AgentState) -> AgentState:
         return replace(state, trouble=str(error))
     rest = [cell for _, cell in ahead]
     present = method.measure(problem, rest) if rest[-1] in task.goals else math.inf
-    if present <= found.cost * (1.0 + 1e-9):
+    if present <= found.cost * (1.0 + BETTER_BY):
         return state
     return replace(state, membership=_on_new_route(state, route, splice_m, found, method, problem))
-
-
-def _problem(state: AgentState, p_s: NDArray[np.float64], start: Cell) -> Problem:
-    task = state.task
-    return Problem(p_s, start, task.goals, state.w, task.psi_per_cell, task.max_exposure)
 
 
 def _on_new_route(

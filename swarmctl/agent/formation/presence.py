@@ -22,7 +22,6 @@ from swarmctl.core import events as ev
 from swarmctl.core.frames import MemberShared
 from swarmctl.core.planar import PlanarPoint, contains
 from swarmctl.core.records import replace
-from swarmctl.planners.base import Problem
 
 LOW_M, ON_ITS_WAY_M = 1.5, 3.0
 """Height below its cruise height, and distance along its route, up to which a vehicle still takes off [m]."""
@@ -182,9 +181,7 @@ def _route_of_mission(state: AgentState, formation: Formation, membership: Membe
         elif split is not None and along is not None:
             split = split.moved(progress.along_m - along.s_m)
     if state.plans.exposure is not None:
-        problem = Problem(
-            state.plans.exposure, swap.cells[0], task.goals, state.w, task.psi_per_cell, task.max_exposure
-        )
+        problem = task.problem(state.plans.exposure, swap.cells[0], state.w)
         own = replace(state, membership=membership)
         method = planner_of(own)
         shapes = shape_changes(own, method, problem, swap.cells, centres_m, split=apart)

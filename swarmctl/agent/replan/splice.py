@@ -83,7 +83,7 @@ def splice_on_route(state: AgentState, p_s: NDArray[np.float64]) -> Splice:
     if first >= len(cells):
         return at_once
     for last in range(first, len(cells)):
-        if _is_wall(state, p_s, cells[last]):
+        if is_wall(state, p_s, cells[last]):
             return at_once
         if progress.to_centre_m(last) >= least_m:
             break
@@ -129,7 +129,7 @@ def splice_on_track(state: AgentState, p_s: NDArray[np.float64]) -> Splice:
     path = (progress.here, *progress.points_within(lead_m))
     cell = grid.cell_at(*grid.frame.to_geodetic(*path[-1]))
     crossed = cells_under(path, grid.cell_size_m)[1:]
-    if cell is None or any(_is_wall(state, p_s, at) for at in crossed):
+    if cell is None or any(is_wall(state, p_s, at) for at in crossed):
         return at_once
     lead_waypoints = tuple(Waypoint(*grid.frame.to_geodetic(*point), state.height_m) for point in path[1:])
     index = swap.cells.index(cell) if cell in swap.cells else None
@@ -155,7 +155,7 @@ def is_wall_close(state: AgentState, p_s: NDArray[np.float64]) -> bool:
     if swap is None:
         return True
     entered = 0 if state.progress is None else state.progress.cell_index
-    return any(_is_wall(state, p_s, cell) for cell in swap.cells[entered + 1 : entered + 1 + URGENT_CELLS])
+    return any(is_wall(state, p_s, cell) for cell in swap.cells[entered + 1 : entered + 1 + URGENT_CELLS])
 
 
 def may_learn_of_walls(state: AgentState) -> bool:
@@ -175,5 +175,6 @@ def _swap_distance_m(state: AgentState) -> float:
     return max(flown_m, change.stops_in_m - max_overshoot_m(state.task.grid))
 
 
-def _is_wall(state: AgentState, p_s: NDArray[np.float64], cell: Cell) -> bool:
+def is_wall(state: AgentState, p_s: NDArray[np.float64], cell: Cell) -> bool:
+    """Return whether a cell of the area is a no-fly cell, or above `max_exposure`."""
     return bool(p_s[cell] > state.task.max_exposure) or not math.isfinite(p_s[cell])

@@ -11,13 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmctl.agent.replan.decide import believed_exposure, swap_to
+from swarmctl.agent.replan.splice import is_wall
 from swarmctl.agent.state import AgentState
 from swarmctl.core import events as ev
 from swarmctl.core.any_angle.track import cells_under
 from swarmctl.core.mission import Waypoint
 from swarmctl.core.records import replace
 from swarmctl.core.route import cells_between
-from swarmctl.planners.base import Problem, route_of
+from swarmctl.planners.base import route_of
 
 NEWLY_EXPOSED = 0.1
 """Rise of P_s since the mission was planned from which on the way back to it does not cross a cell."""
@@ -46,9 +47,8 @@ def rest_of_stored(state: AgentState, stored: ev.SwapMission) -> ev.SwapMission 
     way = cells_under((progress.here, there), grid.cell_size_m)
     if any(_is_barred(state, p_s, crossed) for crossed in way):
         return None
-    task = state.task
-    problem = Problem(p_s, cell, task.goals, state.w, task.psi_per_cell, task.max_exposure)
-    cost = task.method.measure(problem, cells)
+    problem = state.task.problem(p_s, cell, state.w)
+    cost = state.task.method.measure(problem, cells)
     if not math.isfinite(cost):
         return None
     route = route_of(problem, cells, cost)
@@ -62,7 +62,5 @@ def _is_barred(state: AgentState, p_s: NDArray[np.float64], cell: tuple[int, int
     grid, before = state.task.grid, state.plans.route_exposure
     if not grid.contains(cell):
         return True
-    here = float(p_s[cell])
-    if not math.isfinite(here) or here > state.task.max_exposure:
-        return True
-    return before is not None and here > float(before[cell]) + NEWLY_EXPOSED
+    is_newly_exposed = before is not None and float(p_s[cell]) > float(before[cell]) + NEWLY_EXPOSED
+    return is_newly_exposed or is_wall(state, p_s, cell)
