@@ -24,12 +24,10 @@ class Flown:
 
     def moved(self, before: VehicleState, after: VehicleState) -> Flown:
         """Return the record with the way between two positions of an armed vehicle."""
-        if not after.armed or before.lat_deg is None or before.lon_deg is None:
+        here, there = before.lat_lon, after.lat_lon
+        if not after.armed or here is None or there is None:
             return self
-        if after.lat_deg is None or after.lon_deg is None:
-            return self
-        way_m = distance_m((before.lat_deg, before.lon_deg), (after.lat_deg, after.lon_deg))
-        return replace(self, length_m=self.length_m + way_m)
+        return replace(self, length_m=self.length_m + distance_m(here, there))
 
     def entered(self, cell: Cell, p_s: float) -> Flown:
         """Return the record with one more cell, of believed exposure `p_s`."""

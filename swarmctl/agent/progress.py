@@ -200,7 +200,7 @@ def planned_legs(grid: Grid, plan: FlightPlan, takeoff: LatLon | None) -> Straig
 
 def _takeoff(vehicle: VehicleState) -> LatLon | None:
     """Return the place of take-off [deg]; None for an armed vehicle whose home is unknown."""
-    return vehicle.takeoff_lat_lon if not vehicle.armed or vehicle.home_lat_deg is not None else None
+    return vehicle.home_lat_lon if vehicle.armed else vehicle.lat_lon
 
 
 def _turn_inside_m(plan: ev.SwapMission) -> float:

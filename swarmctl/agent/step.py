@@ -249,9 +249,8 @@ def _intents(state: AgentState, event: ev.Intents, _now: float) -> StepResult:
 
 
 def _update_position(state: AgentState, vehicle: VehicleState) -> AgentState:
-    assert vehicle.lat_deg is not None
-    assert vehicle.lon_deg is not None
-    cell = state.task.grid.cell_at(vehicle.lat_deg, vehicle.lon_deg)
+    assert vehicle.lat_lon is not None
+    cell = state.task.grid.cell_at(*vehicle.lat_lon)
     entered = cell is not None and cell != state.cell and vehicle.armed
     flown = state.flown.moved(state.vehicle, vehicle)
     state = replace(state, vehicle=vehicle, last_position=vehicle, cell=cell, flown=flown).with_progress()

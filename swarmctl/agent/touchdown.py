@@ -78,21 +78,18 @@ def _is_down_at_goal(state: AgentState) -> bool:
 
 def _distance_text(state: AgentState) -> str:
     """Return the distance from home as text for a return that ended elsewhere; "" for other flights."""
-    v = state.vehicle
-    if v.lat_deg is None or v.lon_deg is None or v.home_lat_deg is None or v.home_lon_deg is None:
+    here, home = state.vehicle.lat_lon, state.vehicle.home_lat_lon
+    if here is None or home is None or state.order.given is not FlightOrder.RETURN:
         return ""
-    if state.order.given is not FlightOrder.RETURN:
-        return ""
-    away_m = distance_m((v.lat_deg, v.lon_deg), (v.home_lat_deg, v.home_lon_deg))
+    away_m = distance_m(here, home)
     at_home_m = AT_HOME_M if state.task.wings is None else ROLL_OUT_M
     return f" {away_m:.0f} m from home" if away_m > at_home_m else ""
 
 
 def _rolled_out(state: AgentState) -> bool:
     """Return whether a fixed wing is within its roll-out distance of the planned touchdown."""
-    vehicle, swap = state.vehicle, state.plans.route
-    if swap is None or swap.plan.approach is None or vehicle.lat_deg is None or vehicle.lon_deg is None:
+    here, swap = state.vehicle.lat_lon, state.plans.route
+    if swap is None or swap.plan.approach is None or here is None:
         return False
     touchdown = swap.plan.approach.touchdown
-    away_m = distance_m((vehicle.lat_deg, vehicle.lon_deg), (touchdown.lat_deg, touchdown.lon_deg))
-    return away_m <= ROLL_OUT_M
+    return distance_m(here, (touchdown.lat_deg, touchdown.lon_deg)) <= ROLL_OUT_M

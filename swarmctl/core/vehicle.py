@@ -90,9 +90,14 @@ class VehicleState:
     @property
     def takeoff_lat_lon(self) -> tuple[float, float] | None:
         """Place of take-off [deg]: home of an armed vehicle, else the vehicle's position; None if unknown."""
-        if self.armed and self.home_lat_deg is not None and self.home_lon_deg is not None:
-            return self.home_lat_deg, self.home_lon_deg
-        return self.lat_lon
+        return (self.home_lat_lon if self.armed else None) or self.lat_lon
+
+    @property
+    def home_lat_lon(self) -> tuple[float, float] | None:
+        """The vehicle's home [deg]; None if unknown."""
+        if self.home_lat_deg is None or self.home_lon_deg is None:
+            return None
+        return self.home_lat_deg, self.home_lon_deg
 
     @property
     def lat_lon(self) -> tuple[float, float] | None:

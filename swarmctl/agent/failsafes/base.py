@@ -94,10 +94,8 @@ class FailsafeFacts:
     @property
     def position_m(self) -> tuple[float, float] | None:
         """(east, north) in `frame` [m]; None if unknown."""
-        vehicle = self.vehicle
-        if vehicle.lat_deg is None or vehicle.lon_deg is None:
-            return None
-        return self.frame.to_local(vehicle.lat_deg, vehicle.lon_deg)
+        lat_lon = self.vehicle.lat_lon
+        return None if lat_lon is None else self.frame.to_local(*lat_lon)
 
 
 class Rule(Protocol):

@@ -69,9 +69,9 @@ def _near_test(state: AgentState) -> Callable[[StateShared, PlanarPoint], bool]:
     The test returns False if the own position is unknown.
     """
     vehicle, rules, frame = state.vehicle, state.task.separation, state.task.grid.frame
-    if vehicle.lat_deg is None or vehicle.lon_deg is None:
+    if vehicle.lat_lon is None:
         return lambda _other, _there: False
-    here, least_m = frame.to_local(vehicle.lat_deg, vehicle.lon_deg), 2.0 * rules.limits.horizontal_m
+    here, least_m = frame.to_local(*vehicle.lat_lon), 2.0 * rules.limits.horizontal_m
     ahead_s, own_m_s = rules.look_ahead_s + MAX_REPORT_AGE_S, vehicle.ground_speed_m_s
 
     def is_near(other: StateShared, there: PlanarPoint) -> bool:

@@ -147,11 +147,11 @@ def hold_from(state: AgentState, here: LocalPoint, begin_s: float) -> Trajectory
 def _hold_at_last_position(state: AgentState) -> Trajectory | None:
     """Return a hold at the last position, at half the last height because the vehicle may be landing."""
     last, now_s = state.last_position, state.vehicle.time_boot_s
-    if last.lat_deg is None or last.lon_deg is None or last.alt_amsl_m is None or last.alt_rel_m is None:
+    if last.lat_lon is None or last.alt_amsl_m is None or last.alt_rel_m is None:
         return None
     if not 0.0 <= now_s - last.time_boot_s <= LAST_POSITION_S:
         return None
-    place = state.task.grid.frame.to_local(last.lat_deg, last.lon_deg)
+    place = state.task.grid.frame.to_local(*last.lat_lon)
     up_m = last.alt_amsl_m - 0.5 * max(last.alt_rel_m, 0.0)
     return Trajectory((now_s, now_s + HOLD_DURATION_S), ((*place, up_m), (*place, up_m)))
 
@@ -265,10 +265,10 @@ def _return_trajectory(state: AgentState, here: LocalPoint) -> Trajectory | None
     A return begins with a climb to a height that a firmware's parameter sets: the cruise height or less. A
     vehicle that does not fly toward its home yet stops first.
     """
-    home, vehicle = (state.vehicle.home_lat_deg, state.vehicle.home_lon_deg), state.vehicle
-    if home[0] is None or home[1] is None:
+    vehicle = state.vehicle
+    if vehicle.home_lat_lon is None:
         return None
-    place = state.task.grid.frame.to_local(home[0], home[1])
+    place = state.task.grid.frame.to_local(*vehicle.home_lat_lon)
     away_m = math.dist(here[:2], place)
     if away_m < VERTICAL_WITHIN_M:
         return land_from([here], [0.0])
@@ -328,10 +328,8 @@ def _fixed_wing_trajectory(state: AgentState, here: LocalPoint, speed_m_s: float
 
 def _climbs_vertically(state: AgentState, here: LocalPoint, plan: FlightPlan) -> bool:
     """Return whether the vehicle is still in its take-off: in its first mission, low above home."""
-    vehicle, route = state.vehicle, state.plans.route
-    if vehicle.home_lat_deg is None or vehicle.home_lon_deg is None:
+    home, route = state.vehicle.home_lat_lon, state.plans.route
+    if home is None or route is None or route.plan.begins is not None:
         return False
-    if route is None or route.plan.begins is not None:
-        return False
-    home = state.task.grid.frame.to_local(vehicle.home_lat_deg, vehicle.home_lon_deg)
+    home = state.task.grid.frame.to_local(*home)
     return math.dist(here[:2], home) < VERTICAL_WITHIN_M and here[2] < plan.height_m - AIRBORNE_M

@@ -31,9 +31,9 @@ AIRBORNE_M = 1.0
 def position_of(state: AgentState) -> LocalPoint | None:
     """Return this vehicle's position; None if the last telemetry has none."""
     vehicle = state.vehicle
-    if vehicle.lat_deg is None or vehicle.lon_deg is None or vehicle.alt_rel_m is None:
+    if vehicle.lat_lon is None or vehicle.alt_rel_m is None:
         return None
-    return (*state.task.grid.frame.to_local(vehicle.lat_deg, vehicle.lon_deg), vehicle.alt_rel_m)
+    return (*state.task.grid.frame.to_local(*vehicle.lat_lon), vehicle.alt_rel_m)
 
 
 def stopping_point(state: AgentState, here: LocalPoint) -> LocalPoint:

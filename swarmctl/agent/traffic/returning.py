@@ -64,8 +64,6 @@ def return_target(state: AgentState) -> LatLon | None:
     The result is None for any other vehicle, and if home is unknown.
     """
     vehicle = state.vehicle
-    if vehicle.home_lat_deg is None or vehicle.home_lon_deg is None:
-        return None
     match state.phase:
         case Phase.LEAVING:
             returns = state.order.given is ev.FlightOrder.RETURN
@@ -75,7 +73,7 @@ def return_target(state: AgentState) -> LatLon | None:
             returns = vehicle.armed and vehicle.mode_role == "return"
         case _:
             returns = state.lost and state.phase in IN_FLIGHT and _returns_on_lost_link(state)
-    return (vehicle.home_lat_deg, vehicle.home_lon_deg) if returns else None
+    return vehicle.home_lat_lon if returns else None
 
 
 def _returns_on_lost_link(state: AgentState) -> bool:
@@ -321,17 +319,15 @@ def is_return_path_clear(state: AgentState, reports: Mapping[int, NeighbourRepor
 def position_for_return(state: AgentState) -> VehiclePosition | None:
     """Return position, home and speed for the schedule of returns; None if unknown or not in flight."""
     v = state.vehicle
-    if state.phase not in IN_FLIGHT or v.lat_deg is None or v.lon_deg is None or v.alt_amsl_m is None:
+    if state.phase not in IN_FLIGHT or v.lat_lon is None or v.alt_amsl_m is None:
         return None
-    if v.home_lat_deg is None or v.home_lon_deg is None or v.home_alt_amsl_m is None:
+    if v.home_lat_lon is None or v.home_alt_amsl_m is None:
         return None
     limits = state.task.separation.limits
     return VehiclePosition(
-        v.lat_deg,
-        v.lon_deg,
+        *v.lat_lon,
         v.alt_amsl_m,
-        v.home_lat_deg,
-        v.home_lon_deg,
+        *v.home_lat_lon,
         v.home_alt_amsl_m,
         speed_m_s=state.task.arrival.speed_m_s,
         # A fixed wing in hold may be anywhere on its circle.
