@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from math import dist
+from math import cos, dist, sin
 
 MIN_CORNER_OFFSET_M = 0.01
 """Least distance of a corner from the line between the neighbouring corners [m]. Without this limit, rounding
@@ -12,6 +12,15 @@ adds corners on straight edges, and autopilots store few corners."""
 
 PlanarPoint = tuple[float, float]
 """(east, north) [m]"""
+
+
+def by_heading(offset: PlanarPoint, heading_rad: float) -> PlanarPoint:
+    """Return an offset (forward, right) as (east, north), or (east, north) as (forward, right).
+
+    The heading is clockwise from north [rad]. Both ways are the same reflection.
+    """
+    (a, b), sin_heading, cos_heading = offset, sin(heading_rad), cos(heading_rad)
+    return a * sin_heading + b * cos_heading, a * cos_heading - b * sin_heading
 
 
 def distance_to_leg(point: PlanarPoint, a: PlanarPoint, b: PlanarPoint) -> float:

@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmctl.core.planar import PlanarPoint
+from swarmctl.core.planar import PlanarPoint, by_heading
 from swarmctl.core.track_position import StraightLegs
 
 LEAST_WINDOW_M = 15.0
@@ -61,11 +61,8 @@ class Pose(NamedTuple):
 
     def at(self, forward_m: float, right_m: float) -> PlanarPoint:
         """Return the position of an offset from the reference point, (east, north) [m]."""
-        sin, cos = math.sin(self.heading_rad), math.cos(self.heading_rad)
-        return (
-            self.east_m + forward_m * sin + right_m * cos,
-            self.north_m + forward_m * cos - right_m * sin,
-        )
+        east_m, north_m = by_heading((forward_m, right_m), self.heading_rad)
+        return self.east_m + east_m, self.north_m + north_m
 
 
 _Piece = tuple[float, float, float, float, float, float, float, float, float, float, float]

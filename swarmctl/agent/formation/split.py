@@ -13,7 +13,7 @@ from swarmctl.agent.formation.shape import ShapePlace
 from swarmctl.agent.formation.ways import SplitStretch, offset_of
 from swarmctl.agent.state import AgentState
 from swarmctl.core.grid import Cell, Grid
-from swarmctl.core.planar import PlanarPoint, turning_points
+from swarmctl.core.planar import PlanarPoint, by_heading, turning_points
 from swarmctl.core.records import replace
 from swarmctl.core.route import cells_between
 from swarmctl.core.split import SplitPlan
@@ -101,9 +101,7 @@ def split_in_metres(state: AgentState, plan: SplitPlan, begin_m: float, end_m: f
     heading_rad = math.atan2(plan.ahead[1] - meeting[1], plan.ahead[0] - meeting[0])
     points_m: dict[int, Sequence[PlanarPoint]] = {}
     for uav, cells in zip(plan.members[1:], plan.routes[1:], strict=True):
-        forward_m, right_m, _ = meeting_places[uav]
-        east_m = forward_m * math.sin(heading_rad) + right_m * math.cos(heading_rad)
-        north_m = forward_m * math.cos(heading_rad) - right_m * math.sin(heading_rad)
+        east_m, north_m = by_heading(meeting_places[uav][:2], heading_rad)
         ends = (grid.centre_m(cell) for cell in (meeting, plan.ahead))
         points = [
             *(_place_m(route, uav, places[uav], look_m) for look_m in looks_m),

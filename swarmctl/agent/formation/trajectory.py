@@ -11,6 +11,7 @@ from swarmctl.agent.replan.length_bounds import CLIMB_M_S
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.prediction import home_amsl_m
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory
+from swarmctl.core.planar import by_heading
 
 EVERY_S = 2.0
 """Time between two points of the flight [s]."""
@@ -21,8 +22,8 @@ MAX_POINTS = 100
 def flight_in_group(state: AgentState, here: LocalPoint, for_s: float = math.inf) -> Trajectory | None:
     """Return the flight from 0 s on, with heights above home; None before the first set-point.
 
-    The vehicle keeps its present velocity for EVERY_S: others may be in its way to its place. Then its
-    distance from the place shrinks to 0 in the time that it takes at its spare speed.
+    The vehicle keeps its present velocity for EVERY_S, because others may be between it and its place. Then
+    its distance from the place shrinks to 0 at its spare speed.
     The vehicle climbs or descends to the place's present height at once.
     `for_s`: time for which the flight is needed at least [s].
     """
@@ -33,8 +34,7 @@ def flight_in_group(state: AgentState, here: LocalPoint, for_s: float = math.inf
     pose = route.reference.at(along.s_m)
     if (way := route.way_of(state.task.uav)) is None:
         away_e, away_n = memory.place_m[0] - pose.east_m, memory.place_m[1] - pose.north_m
-        sin, cos = math.sin(pose.heading_rad), math.cos(pose.heading_rad)
-        place = (away_e * sin + away_n * cos, away_e * cos - away_n * sin, 0.0)
+        place = (*by_heading((away_e, away_n), pose.heading_rad), 0.0)
     else:
         others = near_members(state, formation, formation.keeps_place_s)
         place = places_of(state, formation, (*others, state.task.uav))[state.task.uav]

@@ -7,13 +7,12 @@ way to the shape.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from swarmctl.agent.formation.reference import LEAST_WINDOW_M, Pose, Reference
 from swarmctl.agent.formation.shape import ShapePlace
-from swarmctl.core.planar import PlanarPoint
+from swarmctl.core.planar import PlanarPoint, by_heading
 from swarmctl.core.records import replace
 from swarmctl.core.split import SplitPlan
 
@@ -60,9 +59,7 @@ def offset_of(
     The velocity is ω × offset, with ω the speed along the route times the turn for each metre; on a way there
     is added its own change.
     """
-    forward, right, _ = place
-    sin, cos = math.sin(pose.heading_rad), math.cos(pose.heading_rad)
-    east, north = forward * sin + right * cos, forward * cos - right * sin
+    east, north = by_heading(place[:2], pose.heading_rad)
     turn = speed_m_s * pose.turn_rad_m  # clockwise
     moves = (turn * north, -turn * east)
     if way is None or not way.begin_m <= pose.s_m < way.end_m:
