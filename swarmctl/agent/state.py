@@ -301,8 +301,7 @@ class AgentState:
         leader = self.task.name_of(membership.leader)
         if membership.error_m is None:
             return f"{text}, led by {leader}"
-        away_m = math.hypot(*membership.error_m[:2])
-        return f"{text}, led by {leader}, {away_m:.1f} m from its place"
+        return f"{text}, led by {leader}, {membership.from_place_m:.1f} m from its place"
 
     @property
     def late(self) -> str:

@@ -151,7 +151,7 @@ def test_a_member_descends_to_the_height_of_a_standing_vehicle_only_if_it_can_st
         reference=route,
         profile=SpeedProfile.of(route, 10.0, 8.0, 10.0, 2.0),
         height_m=30.0,
-        limits=MemberLimits(10.0, 2.0, separation_m=10.0, separation_up_m=3.0),
+        limits=MemberLimits(10.0, separation_m=10.0, separation_up_m=3.0),
         obstacles=(Nearby((ahead_m, 0.0, 30.0), (0.0, 0.0, 0.0)),),
     )
     safe = keep_separation(group, flies)

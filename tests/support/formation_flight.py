@@ -14,6 +14,7 @@ from typing import Any
 
 from swarmctl.agent.formation.approaches import APPROACHES
 from swarmctl.agent.formation.approaches.base import (
+    ACCELERATION_M_S2,
     Along,
     ApproachResult,
     Group,
@@ -144,7 +145,6 @@ class Pilot:
 
     vehicle: Vehicle
     memory: PlaceMemory | None = None
-    along: tuple[Along, float] | None = None
     inbox: dict[int, Message] = field(default_factory=dict)
     command: ApproachResult | None = None
     place: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -194,7 +194,6 @@ class FormationFlight:
         self._params = self._module.Params(**self.params)
         self._limits = MemberLimits(
             speed_m_s=self.max_speed_m_s,
-            acceleration_m_s2=2.0,
             separation_m=self.separation_m,
             separation_up_m=5.0,
         )
@@ -214,7 +213,7 @@ class FormationFlight:
         radius = max(radius_m(shape.places(self.n)) for shape in shapes)
         self._reference = Reference(tuple(points), window_for(radius))
         self._profile = SpeedProfile.of(
-            self._reference, radius, self.cruise_m_s, self.max_speed_m_s, self._limits.acceleration_m_s2
+            self._reference, radius, self.cruise_m_s, self.max_speed_m_s, ACCELERATION_M_S2
         )
 
     def run(self, seconds: float) -> list[Sample]:
@@ -238,7 +237,7 @@ class FormationFlight:
             for pilot in self.pilots:
                 if pilot.command is not None and pilot.command.demand is None and now < pilot.fails_at_s:
                     pilot.vehicle.fly_mission(
-                        self._reference, pilot.command.along.s_m, pilot.mission_speed_m_s, STEP_S
+                        self._reference, pilot.command.memory.along.s_m, pilot.mission_speed_m_s, STEP_S
                     )
                     pilot.vehicle.position[2] += STEP_S * pilot.vehicle.velocity[2]
                     pilot.vehicle.velocity[2] = max(
@@ -254,13 +253,12 @@ class FormationFlight:
         self._use(points)
 
         def moved(message: Message) -> Message:
-            along, _ = on_new_route(message.along, None, before, self._reference)
-            return replace(message, along=along)
+            return replace(message, along=on_new_route(message.along, before, self._reference))
 
         for pilot in self.pilots:
-            told, at_s = pilot.along or (None, 0.0)
-            told, pilot.memory = on_new_route(told, pilot.memory, before, self._reference)
-            pilot.along = None if told is None else (told, at_s)
+            if (memory := pilot.memory) is not None:
+                along = on_new_route(memory.along, before, self._reference)
+                pilot.memory = replace(memory, along=along)
             pilot.inbox = {k: moved(message) for k, message in pilot.inbox.items()}
         self._mail = [(at_s, j, k, moved(message)) for at_s, j, k, message in self._mail]
 
@@ -295,7 +293,7 @@ class FormationFlight:
                 )
             )
         if leader == k:
-            told = pilot.along
+            told = None if pilot.memory is None else (pilot.memory.along, pilot.memory.now_s)
         elif leader in pilot.inbox:
             message = pilot.inbox[leader]
             told = message.along, message.at_s
@@ -322,7 +320,6 @@ class FormationFlight:
         )
         command = self._module.fly(self._params, group)
         pilot.command, pilot.memory = command, command.memory
-        pilot.along = command.along, now
         if command.demand is not None:
             pilot.vehicle.set_point(command.demand.velocity_m_s, command.demand.position_m)
         pilot.mission_speed_m_s = command.mission_speed_m_s or 0.0
@@ -332,9 +329,8 @@ class FormationFlight:
             if now >= pilot.fails_at_s or pilot.command is None:
                 continue
             e, c = pilot.command.error_m, pilot.command
-            along_at = pilot.along
-            assert along_at is not None
-            s_m, v = self._profile.ahead(c.along.s_m, c.along.speed_m_s, now - along_at[1])
+            along, age_s = c.memory.along, now - c.memory.now_s
+            s_m, v = self._profile.ahead(along.s_m, along.speed_m_s, age_s)
             message = Message(
                 now,
                 tuple(pilot.vehicle.position),
@@ -362,10 +358,9 @@ class FormationFlight:
         leads = [k for k, p in enumerate(self.pilots) if p.command is not None and p in alive]
         first = alive[0]
         errors = []
-        along = first.along
-        if along is None:
+        if (memory := first.memory) is None:
             return Sample(now, [], [], 0.0, [], [])
-        s_m, _ = self._profile.ahead(along[0].s_m, along[0].speed_m_s, now - along[1])
+        s_m, _ = self._profile.ahead(memory.along.s_m, memory.along.speed_m_s, now - memory.now_s)
         pose = self._reference.at(s_m)
         point = (pose.east_m, pose.north_m)
         if self._module.LEADER_FLIES_MISSION:

@@ -21,7 +21,7 @@ from swarmctl.agent.formation.approaches.base import (
     ThreatField,
 )
 from swarmctl.agent.formation.approaches.place_keeping import keep_separation
-from swarmctl.agent.formation.membership import ACCELERATION_M_S2, Formation, far_from_place
+from swarmctl.agent.formation.membership import Formation, far_from_place
 from swarmctl.agent.formation.near_members import near_members, obstacles, places_of, with_members_shown
 from swarmctl.agent.formation.shape import ShapePlace, least_spacing_m
 from swarmctl.agent.formation.ways import MemberWay
@@ -180,10 +180,10 @@ def _why_apart(state: AgentState) -> str:
 
 def _comes_no_nearer(state: AgentState, formation: Formation) -> float | None:
     """Return the distance from the place of a vehicle that does not follow [m]; None if it follows."""
-    far, error_m = state.membership.far, state.membership.error_m
-    if far is None or error_m is None or state.now_boot_s - far.since_boot_s < formation.max_error_s:
+    far = state.membership.far
+    if far is None or state.now_boot_s - far.since_boot_s < formation.max_error_s:
         return None
-    return math.hypot(*error_m[:2])
+    return state.membership.from_place_m
 
 
 def _cell_in_the_way(state: AgentState, formation: Formation) -> Cell | None:
@@ -239,16 +239,10 @@ def _flown(state: AgentState, formation: Formation) -> tuple[AgentState, Approac
         membership = replace(membership, shape=route.shape_at(now_m), is_split=is_split)
     params = formation.params_with(membership.weights)
     flown = formation.approach.fly(params, _view(replace(state, membership=membership), formation, along))
-    away_m = 0.0 if flown.demand is None else math.hypot(*flown.error_m[:2])
-    membership = replace(
-        membership,
-        along=flown.along,
-        at_boot_s=state.now_boot_s,
-        memory=flown.memory,
-        error_m=None if flown.demand is None else flown.error_m,
-        far=far_from_place(membership.far, away_m, state.now_boot_s, formation),
-    )
-    return replace(state, membership=membership), flown
+    error_m = None if flown.demand is None else flown.error_m
+    membership = replace(membership, memory=flown.memory, error_m=error_m)
+    far = far_from_place(membership.far, membership.from_place_m, state.now_boot_s, formation)
+    return replace(state, membership=replace(membership, far=far)), flown
 
 
 def _view(state: AgentState, formation: Formation, along: Along | None) -> Group:
@@ -284,7 +278,6 @@ def _view(state: AgentState, formation: Formation, along: Along | None) -> Group
         height_m=_height_amsl_m(state, formation, places),
         limits=MemberLimits(
             speed_m_s=state.task.arrival.speed_m_s,
-            acceleration_m_s2=ACCELERATION_M_S2,
             separation_m=limits.horizontal_m,
             separation_up_m=limits.vertical_m,
         ),
@@ -307,10 +300,9 @@ def _along(state: AgentState) -> Along | None:
             message, fastest_m_s = told.message, state.task.arrival.speed_m_s
             along_m = min(message.along_m, route.reference.length_m)
             return Along(along_m, min(message.speed_m_s, fastest_m_s), max(now_s - told.at_boot_s, 0.0))
-    along = membership.along
-    if along is None:
+    if (memory := membership.memory) is None:
         return _begin(state)
-    return replace(along, age_s=max(now_s - membership.at_boot_s, 0.0))
+    return replace(memory.along, age_s=max(now_s - memory.now_s, 0.0))
 
 
 def _begin(state: AgentState) -> Along | None:

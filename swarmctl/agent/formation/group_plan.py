@@ -91,8 +91,9 @@ def _on_new_route(
     """Return the membership with a route that turns off at `splice_m`; before it all stays the same."""
     membership, task, formation = state.membership, state.task, state.task.formation
     assert formation is not None
-    assert membership.along is not None
-    legs, along = route.reference.legs, membership.along
+    memory = membership.memory
+    assert memory is not None
+    legs, along = route.reference.legs, memory.along
     kept = [
         (at_m, point)
         for at_m, point in zip(legs.at_m, legs.points, strict=True)
@@ -117,12 +118,10 @@ def _on_new_route(
         split = split.moved(-moved_m)
     speed_m_s = task.arrival.speed_m_s
     new = GroupRoute.of(task.uav, number, points_m, tuple(shapes), formation, speed_m_s, split=split)
-    memory = membership.memory
     return replace(
         membership,
         route=new,
-        along=replace(along, s_m=along.s_m - moved_m),
-        memory=memory and replace(memory, s_m=memory.s_m - moved_m),
+        memory=replace(memory, along=replace(along, s_m=along.s_m - moved_m)),
         route_sent_boot_s=-math.inf,
         n_routes=number,
     )

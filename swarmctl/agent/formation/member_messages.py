@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import msgspec
 
 from swarmctl.agent.commands import StepResult
@@ -42,7 +40,7 @@ def tell_group(state: AgentState) -> StepResult:
         velocity_m_s=(last.east_m_s, last.north_m_s, last.climb_m_s),
         age_s=max(now_s - last.time_boot_s, 0.0) + max(state.vehicle.delay_s, 0.0),
         joins=joins,
-        error_m=0.0 if membership.error_m is None else math.hypot(*membership.error_m[:2]),
+        error_m=membership.from_place_m,
     )
     if is_leader:
         with_route = not 0.0 <= now_s - membership.route_sent_boot_s < ROUTE_EVERY_S

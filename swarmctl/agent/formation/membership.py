@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from swarmctl.agent.formation.approaches.base import Along, Approach, PlaceMemory
+from swarmctl.agent.formation.approaches.base import ACCELERATION_M_S2, Along, Approach, PlaceMemory
 from swarmctl.agent.formation.reference import Reference, SpeedProfile, window_for
 from swarmctl.agent.formation.shape import Shape, ShapePlace, radius_m
 from swarmctl.agent.formation.ways import MemberWay, SplitStretch
@@ -29,8 +29,6 @@ SETTLING_S = 4.0
 """Time of a change of shape besides the members' ways at their closing speed [s]."""
 NEARER_M = 1.0
 """Least distance by which a member that follows comes nearer to its place in `Formation.max_error_s` [m]."""
-ACCELERATION_M_S2 = 2.0
-"""Greatest acceleration demanded of a member."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,10 +224,8 @@ class Membership:
     n_present: int = 1
     """number of present members, this vehicle included"""
     n_present_since_boot_s: float = -math.inf
-    along: Along | None = None
-    """the reference point as this vehicle last computed it; its age counts from `at_boot_s`"""
-    at_boot_s: float = -math.inf
     memory: PlaceMemory | None = None
+    """the last call of the approach; None: before the first, and away from the group"""
     shape: int = 0
     """number of the present shape"""
     is_split: bool = False
@@ -237,7 +233,7 @@ class Membership:
     error_m: ShapePlace | None = None
     """the vehicle's position minus its place: forward, right, up [m]; None: it flies to no place"""
     far: FarFromPlace | None = None
-    """how long the vehicle has been far from its place; None: it is near"""
+    """record of a vehicle far from its place; None: it is near"""
     weights: tuple[float, ...] = ()
     """weights of the approach's behaviours after an operator's change, in its order; empty: as configured"""
     setpoint_role: str = ""
@@ -258,6 +254,16 @@ class Membership:
     """states of present members: hidden from the rules for other traffic while they are present"""
     intents: Mapping[int, NeighbourIntent] = field(default_factory=dict)
     """their intents, also hidden: they count when a member is absent"""
+
+    @property
+    def along(self) -> Along | None:
+        """The reference point as this vehicle last computed it; its age counts from `memory.now_s`."""
+        return None if self.memory is None else self.memory.along
+
+    @property
+    def from_place_m(self) -> float:
+        """Distance from the place over ground [m]; 0 if the vehicle flies to no place."""
+        return 0.0 if self.error_m is None else math.hypot(*self.error_m[:2])
 
     def with_messages(self, event: ev.Members, frame: LocalFrame) -> Membership:
         """Return the membership with new messages; `frame`: the area's local frame."""
@@ -288,8 +294,6 @@ class Membership:
         """Return the membership of a vehicle that leaves its place at `now_s`."""
         return replace(
             self,
-            along=None,
-            at_boot_s=-math.inf,
             memory=None,
             shape=0,
             is_split=False,

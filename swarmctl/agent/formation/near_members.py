@@ -60,7 +60,7 @@ def places_of(state: AgentState, formation: Formation, present: tuple[int, ...])
 
 
 def obstacles(state: AgentState, formation: Formation) -> tuple[Nearby, ...]:
-    """Return what a member keeps apart from beside the present members; heights are above the sea.
+    """Return the vehicles from which a member keeps apart, beside the present members; heights above the sea.
 
     A member that leaves tells its position for some seconds. Its next place, and that of a silent member, may
     be anywhere on its announced flight within SOON_S of its last message, or straight ahead, where it stops.

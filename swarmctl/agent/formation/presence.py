@@ -123,14 +123,14 @@ def _with_route(state: AgentState, formation: Formation, membership: Membership)
         if own is None:
             return membership
         route = own
-    along, memory = membership.along, membership.memory
-    if present is not None:
-        along, memory = on_new_route(along, memory, present.reference, route.reference)
+    memory = membership.memory
+    if present is not None and memory is not None:
+        along = on_new_route(memory.along, present.reference, route.reference)
+        memory = replace(memory, along=along)
     n_routes = max(membership.n_routes, route.number) if leader == state.task.uav else membership.n_routes
     return replace(
         membership,
         route=route,
-        along=along,
         memory=memory,
         n_routes=n_routes,
         route_sent_boot_s=-math.inf,
@@ -199,8 +199,8 @@ def _route_of_mission(state: AgentState, formation: Formation, membership: Membe
 
 def _is_at_end(state: AgentState, formation: Formation, membership: Membership) -> bool:
     """Return whether the reference point is so near the end of the route that the members go on alone."""
-    route, along = membership.route, membership.along
-    if route is None or along is None:
+    route, memory = membership.route, membership.memory
+    if route is None or memory is None:
         return False
-    flown_m = along.s_m + along.speed_m_s * (state.now_boot_s - membership.at_boot_s)
+    flown_m = memory.along.s_m + memory.along.speed_m_s * (state.now_boot_s - memory.now_s)
     return flown_m >= route.reference.length_m - formation.ends_before_m - AT_END_M

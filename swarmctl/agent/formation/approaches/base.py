@@ -1,4 +1,4 @@
-"""The interface of an approach: what one member knows of its group, and what it shall do now."""
+"""The interface of an approach: a member's knowledge of its group, and its set-point."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ from swarmctl.agent.formation.ways import MemberWay
 
 Vector = tuple[float, float, float]
 """east, north, up in the area's local frame [m] or [m/s]"""
+ACCELERATION_M_S2, CLIMB_M_S = 2.0, 1.0
+"""Greatest acceleration over ground, and greatest climb or sink rate, demanded of a member."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,8 +24,6 @@ class MemberLimits:
 
     speed_m_s: float
     """greatest speed over ground that is demanded of a member"""
-    acceleration_m_s2: float = 2.0
-    climb_m_s: float = 1.0
     separation_m: float = 10.0
     """least distance over ground of two members whose heights differ by less than `separation_up_m` [m]"""
     separation_up_m: float = 5.0
@@ -78,16 +78,17 @@ class PlaceMemory:
     """The facts that a law keeps from call to call. A member that joins, or has paused, begins with none."""
 
     now_s: float
+    """time of the call, by the member's clock [s]"""
     place_m: Vector
-    """where the place was"""
+    """position of the place"""
     velocity_m_s: Vector
-    """how the place moved"""
+    """velocity of the place"""
     offset_m: Vector
-    """demanded position minus place: what is left of a jump of the place"""
+    """demanded position minus place: the rest of a jump of the place"""
     rate_m_s: Vector
     """change of `offset_m`"""
-    s_m: float
-    """distance of the reference point along the route [m]"""
+    along: Along
+    """the reference point"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,9 +150,8 @@ class ApproachResult:
     """None: the member flies its mission"""
     error_m: Vector
     """the member's position minus its place: forward, right, up [m]"""
-    along: Along
-    """the reference point now; the leader tells it"""
     memory: PlaceMemory
+    """the facts for the next call, with the reference point, which the leader tells"""
     mission_speed_m_s: float | None = None
     """speed for the mission of a leader that flies it; None: the member flies set-points"""
 
@@ -176,4 +176,4 @@ class Approach(Protocol):
         """A frozen section with a default for each field."""
 
     def fly(self, params: Any, group: Group, /) -> ApproachResult:
-        """Return what the member does now."""
+        """Return the member's set-point, or the speed of a leader's mission."""

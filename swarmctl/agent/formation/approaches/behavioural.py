@@ -25,6 +25,8 @@ from typing import Annotated
 from pydantic import Field
 
 from swarmctl.agent.formation.approaches.base import (
+    ACCELERATION_M_S2,
+    CLIMB_M_S,
     Along,
     ApproachResult,
     Group,
@@ -107,11 +109,11 @@ def fly(params: Params, group: Group) -> ApproachResult:
         velocity = _projected(params, weighted, error_m, their)
     else:
         velocity = (sum(v[0] for v in weighted), sum(v[1] for v in weighted))
-    climb = min(max(place_m[2] - own[2], -group.limits.climb_m_s), group.limits.climb_m_s)
+    climb = min(max(place_m[2] - own[2], -CLIMB_M_S), CLIMB_M_S)
     wanted = _steady(group, bounded((*velocity, climb), group.limits.speed_m_s))
     safe = keep_separation(group, wanted) or wanted
-    memory = PlaceMemory(group.now_s, place_m, safe, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), along.s_m)
-    return ApproachResult(SetPointDemand(safe), error_of(group, pose, place_m), along, memory)
+    memory = PlaceMemory(group.now_s, place_m, safe, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), along)
+    return ApproachResult(SetPointDemand(safe), error_of(group, pose, place_m), memory)
 
 
 def _common_reference(group: Group) -> tuple[Along, Pose, Planar]:
@@ -122,7 +124,7 @@ def _common_reference(group: Group) -> tuple[Along, Pose, Planar]:
     memory = group.memory
     if memory is not None:
         dt = min(max(group.now_s - memory.now_s, 0.0), 1.0)
-        expected_m = memory.s_m + dt * group.profile.at(memory.s_m)
+        expected_m = memory.along.s_m + dt * group.profile.at(memory.along.s_m)
     elif group.along is not None:
         expected_m, _ = group.profile.ahead(group.along.s_m, group.along.speed_m_s, group.along.age_s)
     else:
@@ -266,6 +268,6 @@ def _steady(group: Group, wanted: tuple[float, float, float]) -> tuple[float, fl
     before = group.velocity_m_s if memory is None else memory.velocity_m_s
     dt = 0.1 if memory is None else min(max(group.now_s - memory.now_s, 0.0), 1.0)
     east, north, _ = bounded(
-        (wanted[0] - before[0], wanted[1] - before[1], 0.0), 2.0 * group.limits.acceleration_m_s2 * dt
+        (wanted[0] - before[0], wanted[1] - before[1], 0.0), 2.0 * ACCELERATION_M_S2 * dt
     )
     return before[0] + east, before[1] + north, wanted[2]

@@ -84,5 +84,5 @@ def _lead_mission(params: Params, group: Group) -> ApproachResult:
     soon_m = s_m + LOOKS_AHEAD_S * along.speed_m_s
     limit = min(group.profile.at(s_m), group.profile.at(min(soon_m, 0.999 * group.reference.length_m)))
     waiting = max(limit * share, math.hypot(east, north) - SLOWING_M_S)
-    memory = PlaceMemory(group.now_s, own, group.velocity_m_s, _NONE, _NONE, s_m)
-    return ApproachResult(None, _NONE, along, memory, min(limit, waiting))
+    memory = PlaceMemory(group.now_s, own, group.velocity_m_s, _NONE, _NONE, along)
+    return ApproachResult(None, _NONE, memory, min(limit, waiting))

@@ -10,6 +10,8 @@ from __future__ import annotations
 import math
 
 from swarmctl.agent.formation.approaches.base import (
+    ACCELERATION_M_S2,
+    CLIMB_M_S,
     Along,
     ApproachResult,
     Group,
@@ -20,6 +22,7 @@ from swarmctl.agent.formation.approaches.base import (
 )
 from swarmctl.agent.formation.reference import Pose, Reference
 from swarmctl.agent.formation.ways import offset_of
+from swarmctl.core.planar import by_heading
 from swarmctl.core.records import replace
 
 PAUSE_S = 1.5
@@ -61,20 +64,10 @@ def reference_now(group: Group) -> Along:
     return Along(s_m, speed_m_s)
 
 
-def on_new_route(
-    along: Along | None, memory: PlaceMemory | None, before: Reference, after: Reference
-) -> tuple[Along | None, PlaceMemory | None]:
-    """Return what was told and remembered on one route for another route, at the nearest place there."""
-    if along is not None:
-        along = replace(along, s_m=_same_place(along.s_m, before, after))
-    if memory is not None:
-        memory = replace(memory, s_m=_same_place(memory.s_m, before, after))
-    return along, memory
-
-
-def _same_place(s_m: float, before: Reference, after: Reference) -> float:
-    pose = before.at(s_m)
-    return after.locate((pose.east_m, pose.north_m))
+def on_new_route(along: Along, before: Reference, after: Reference) -> Along:
+    """Return a reference point of one route for another route, at the nearest place there."""
+    pose = before.at(along.s_m)
+    return replace(along, s_m=after.locate((pose.east_m, pose.north_m)))
 
 
 def place_of(
@@ -101,28 +94,25 @@ def keep_place(
     own = group.position_m
     pull = [POSITION_HZ * (position[k] - own[k]) for k in range(3)]
     east, north, _ = bounded((flown[0] + pull[0], flown[1] + pull[1], 0.0), limits.speed_m_s)
-    climb = min(max(flown[2] + pull[2], -limits.climb_m_s), limits.climb_m_s)
+    climb = min(max(flown[2] + pull[2], -CLIMB_M_S), CLIMB_M_S)
     demand = SetPointDemand(flown, position)
     if (safe := keep_separation(group, (east, north, climb))) is not None:
         demand = SetPointDemand(safe)
         offset = (own[0] - place_m[0], own[1] - place_m[1], own[2] - place_m[2])
         rate = (safe[0] - velocity_m_s[0], safe[1] - velocity_m_s[1], 0.0)
-    memory = PlaceMemory(group.now_s, place_m, velocity_m_s, offset, rate, along.s_m)
-    return ApproachResult(demand, error_of(group, pose, place_m), along, memory)
+    memory = PlaceMemory(group.now_s, place_m, velocity_m_s, offset, rate, along)
+    return ApproachResult(demand, error_of(group, pose, place_m), memory)
 
 
 def glide(group: Group, place_m: Vector, velocity_m_s: Vector, closing_m_s: float) -> tuple[Vector, Vector]:
     """Return the demanded position minus the place, and its change [m], [m/s]."""
-    memory, limits = group.memory, group.limits
+    memory = group.memory
     dt = 0.0 if memory is None else group.now_s - memory.now_s
     if memory is None or not 0.0 <= dt <= PAUSE_S:
         offset = _minus(group.position_m, place_m)
-        own, limit = group.velocity_m_s, limits.climb_m_s
-        return offset, (
-            own[0] - velocity_m_s[0],
-            own[1] - velocity_m_s[1],
-            min(max(own[2], -limit), limit),
-        )
+        own = group.velocity_m_s
+        climb = min(max(own[2], -CLIMB_M_S), CLIMB_M_S)
+        return offset, (own[0] - velocity_m_s[0], own[1] - velocity_m_s[1], climb)
     before, moved = memory.place_m, memory.velocity_m_s
     half = 0.5 * dt
     offset_e, offset_n, offset_u = memory.offset_m
@@ -133,12 +123,12 @@ def glide(group: Group, place_m: Vector, velocity_m_s: Vector, closing_m_s: floa
     offset_u += before[2] - place_m[2]
     away = math.hypot(offset_e, offset_n)
     # Half of the acceleration brakes, so that the rate can follow.
-    back = _closing(away, closing_m_s, limits.acceleration_m_s2) / away if away > 1e-9 else 0.0
+    back = _closing(away, closing_m_s, ACCELERATION_M_S2) / away if away > 1e-9 else 0.0
     change_e, change_n = -back * offset_e - rate_e, -back * offset_n - rate_n
-    size, most = math.hypot(change_e, change_n), limits.acceleration_m_s2 * dt
+    size, most = math.hypot(change_e, change_n), ACCELERATION_M_S2 * dt
     share = most / size if size > most else 1.0
     rate_e, rate_n = rate_e + share * change_e, rate_n + share * change_n
-    rate_u = -math.copysign(_closing(abs(offset_u), limits.climb_m_s, limits.climb_m_s), offset_u)
+    rate_u = -math.copysign(_closing(abs(offset_u), CLIMB_M_S, CLIMB_M_S), offset_u)
     return (
         (offset_e + rate_e * dt, offset_n + rate_n * dt, offset_u + rate_u * dt),
         (rate_e, rate_n, rate_u),
@@ -179,12 +169,12 @@ def keep_separation(group: Group, velocity: Vector) -> Vector | None:
         left_m -= RESPONSE_S * max(closing, 0.0)
         up_m = own[2] - member.position_m[2] - age_s * their_u
         if abs(up_m) >= limits.separation_up_m:
-            if left_m < max(closing, 0.0) ** 2 / (2.0 * limits.acceleration_m_s2):
+            if left_m < max(closing, 0.0) ** 2 / (2.0 * ACCELERATION_M_S2):
                 above = math.copysign(1.0, up_m)
                 height_left_m = abs(up_m) - limits.separation_up_m - MARGIN_UP_M
                 climb = above * max(above * climb, above * their_u - APPROACH_HZ * height_left_m)
             continue
-        stops_m_s = math.sqrt(min(theirs, 0.0) ** 2 + 2.0 * limits.acceleration_m_s2 * max(left_m, 0.0))
+        stops_m_s = math.sqrt(min(theirs, 0.0) ** 2 + 2.0 * ACCELERATION_M_S2 * max(left_m, 0.0))
         near.append((-left_m, unit_e, unit_n, max(theirs - APPROACH_HZ * left_m, -stops_m_s)))
     east, north = velocity[0], velocity[1]
     is_changed = abs(climb - velocity[2]) > 1e-3
@@ -202,12 +192,12 @@ def keep_separation(group: Group, velocity: Vector) -> Vector | None:
             break
     if not is_changed:
         return None
-    climb = min(max(climb, -limits.climb_m_s), limits.climb_m_s)
+    climb = min(max(climb, -CLIMB_M_S), CLIMB_M_S)
     return bounded((east, north, climb), limits.speed_m_s)
 
 
 def _silent_by_plan(group: Group) -> list[Nearby]:
-    """Return where members that have told nothing for TRUSTED_S are now, if they have kept their places.
+    """Return the present positions of members that have told nothing for TRUSTED_S, but keep their places.
 
     In a turn of the route they are not straight ahead of their last position.
     """
@@ -248,50 +238,18 @@ def progress(group: Group, expected_m: float, point: tuple[float, float]) -> flo
     s_m = group.reference.project(point, expected_m, REACH_M)
     if (memory := group.memory) is None:
         return s_m
-    dt = min(max(group.now_s - memory.now_s, 0.0), PAUSE_S)
-    pose = group.reference.at(memory.s_m)
-    step_m = dt * group.profile.at(memory.s_m)
+    dt, before_m = min(max(group.now_s - memory.now_s, 0.0), PAUSE_S), memory.along.s_m
+    pose = group.reference.at(before_m)
+    step_m = dt * group.profile.at(before_m)
     standing = 1.0 - min(math.hypot(pose.slope_east, pose.slope_north), 1.0)
     most_m = FASTER * max(step_m, dt * math.hypot(group.velocity_m_s[0], group.velocity_m_s[1]))
-    return min(max(s_m, memory.s_m + standing * step_m), memory.s_m + most_m, group.reference.length_m)
-
-
-def waiting_share(group: Group, error_m: float, from_m: float, to_m: float, least: float) -> float:
-    """Return the share of the speed at which the group waits for its member with the largest error.
-
-    The share falls evenly from 1 at an error of `from_m` to `least` at `to_m`.
-    """
-    largest_m = max((member.error_m for member in group.others), default=0.0)
-    excess = (max(largest_m, error_m) - from_m) / (to_m - from_m)
-    return 1.0 - (1.0 - least) * min(max(excess, 0.0), 1.0)
-
-
-def own_error_m(group: Group) -> float:
-    """Return the member's distance over ground from its place [m]; 0 before the first call."""
-    if (memory := group.memory) is None:
-        return 0.0
-    dt, own, place, moves = group.now_s - memory.now_s, group.position_m, memory.place_m, memory.velocity_m_s
-    return math.hypot(own[0] - place[0] - dt * moves[0], own[1] - place[1] - dt * moves[1])
-
-
-def advanced(group: Group, told: Along, share: float) -> Along:
-    """Return the reference point moved on from `told`, toward a share of the profile's speed.
-
-    The speed changes by at most half of the acceleration.
-    """
-    wanted = group.profile.at(told.s_m + told.age_s * told.speed_m_s) * share
-    change = 0.5 * group.limits.acceleration_m_s2 * told.age_s
-    speed_m_s = min(max(wanted, told.speed_m_s - change), told.speed_m_s + change)
-    s_m = told.s_m + 0.5 * told.age_s * (told.speed_m_s + speed_m_s)
-    length_m = group.reference.length_m
-    return Along(min(s_m, length_m), speed_m_s if s_m < length_m else 0.0)
+    return min(max(s_m, before_m + standing * step_m), before_m + most_m, group.reference.length_m)
 
 
 def error_of(group: Group, pose: Pose, place_m: Vector) -> Vector:
     """Return the member's position minus its place: forward, right, up [m]."""
     east, north, up = _minus(group.position_m, place_m)
-    sin, cos = math.sin(pose.heading_rad), math.cos(pose.heading_rad)
-    return east * sin + north * cos, east * cos - north * sin, up
+    return *by_heading((east, north), pose.heading_rad), up
 
 
 def bounded(velocity: Vector, speed_m_s: float) -> Vector:

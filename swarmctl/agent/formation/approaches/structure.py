@@ -6,18 +6,16 @@ member with the largest error. A new leader goes on from its own prediction.
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
 from pydantic import Field
 
-from swarmctl.agent.formation.approaches.base import Along, ApproachResult, Group
+from swarmctl.agent.formation.approaches.base import ACCELERATION_M_S2, Along, ApproachResult, Group
 from swarmctl.agent.formation.approaches.place_keeping import (
-    advanced,
     keep_place,
-    own_error_m,
     place_of,
     reference_now,
-    waiting_share,
 )
 from swarmctl.core.section import Section
 
@@ -38,7 +36,7 @@ LeastSpeedShare = Annotated[
 
 
 class Waiting(Section):
-    """How fast members take their places, and how a group waits for them; the approaches set the defaults."""
+    """Speed at which members take their places, and the wait of a group; the approaches set the defaults."""
 
     closing_m_s: Annotated[float, Field(gt=0)] = 3.0
     """greatest speed of a member relative to its place, while it joins or the shape changes [m/s]"""
@@ -53,8 +51,13 @@ class Waiting(Section):
             )
 
     def share(self, group: Group, own_error_m: float = 0.0) -> float:
-        """Return the share of its speed at which the group waits for its members."""
-        return waiting_share(group, own_error_m, self.slows_from_m, self.slows_to_m, self.least_speed_share)
+        """Return the share of its speed at which the group waits for its member with the largest error.
+
+        The share falls evenly from 1 at `slows_from_m` to the least share at `slows_to_m`.
+        """
+        largest_m = max((member.error_m for member in group.others), default=0.0)
+        excess = (max(largest_m, own_error_m) - self.slows_from_m) / (self.slows_to_m - self.slows_from_m)
+        return 1.0 - (1.0 - self.least_speed_share) * min(max(excess, 0.0), 1.0)
 
 
 def fly_in_structure(waiting: Waiting, group: Group) -> ApproachResult:
@@ -72,4 +75,25 @@ def lead_structure(waiting: Waiting, group: Group) -> Along:
     told = group.along
     if told is None or told.age_s > LONGEST_STEP_S:
         return reference_now(group)
-    return advanced(group, told, waiting.share(group, own_error_m(group)))
+    return _advanced(group, told, waiting.share(group, _own_error_m(group)))
+
+
+def _own_error_m(group: Group) -> float:
+    """Return the member's distance over ground from its place [m]; 0 before the first call."""
+    if (memory := group.memory) is None:
+        return 0.0
+    dt, own, place, moves = group.now_s - memory.now_s, group.position_m, memory.place_m, memory.velocity_m_s
+    return math.hypot(own[0] - place[0] - dt * moves[0], own[1] - place[1] - dt * moves[1])
+
+
+def _advanced(group: Group, told: Along, share: float) -> Along:
+    """Return the reference point moved on from `told`, toward a share of the profile's speed.
+
+    The speed changes by at most half of the acceleration.
+    """
+    wanted = group.profile.at(told.s_m + told.age_s * told.speed_m_s) * share
+    change = 0.5 * ACCELERATION_M_S2 * told.age_s
+    speed_m_s = min(max(wanted, told.speed_m_s - change), told.speed_m_s + change)
+    s_m = told.s_m + 0.5 * told.age_s * (told.speed_m_s + speed_m_s)
+    length_m = group.reference.length_m
+    return Along(min(s_m, length_m), speed_m_s if s_m < length_m else 0.0)
