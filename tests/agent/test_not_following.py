@@ -6,12 +6,12 @@ from itertools import pairwise
 from math import hypot
 
 import pytest
-from failsafe_facts import RuleRunner, at, facts
+from failsafe_facts import RuleRunner, at, facts, route_over
 from hypothesis import given
 from hypothesis import strategies as st
 
 from swarmctl.agent.failsafes import not_following
-from swarmctl.agent.failsafes.base import ActiveRoute, DemandKind
+from swarmctl.agent.failsafes.base import DemandKind
 from swarmctl.core.planar import distance_to_track
 
 LIMITS = {"metres": 50.0, "seconds": 10.0}
@@ -58,12 +58,10 @@ def test_a_new_plan_begins_where_the_vehicle_is() -> None:
     rule = RuleRunner(not_following, **LIMITS)
     for second in range(10):
         rule(float(second), facts(at(200.0, 200.0)))
-    route = facts().route
-    assert route is not None
     for second in range(10, 60):
         there = facts(
             at(200.0 - 2.0 * (second - 10), 200.0 - 4.0 * (second - 10)),
-            route=ActiveRoute(2, (route.points[0],)),
+            route=route_over(2, (100.0, 0.0)),
         )
         assert rule(float(second), there) is None
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from swarmctl.agent.failsafes.base import ActiveRoute, Demand, FailsafeFacts, Rule
+from swarmctl.agent.failsafes.base import Demand, FailsafeFacts, Rule
+from swarmctl.core.events import SwapMission
 from swarmctl.core.geo import LocalFrame
+from swarmctl.core.mission import FlightPlan, Waypoint
 from swarmctl.core.vehicle import Landed, VehicleState
 
 FRAME = LocalFrame(46.0, 14.4)
@@ -29,15 +31,20 @@ def at(east_m: float, north_m: float, **changes: Any) -> VehicleState:
     return replace(flies, **changes)
 
 
+def route_over(plan_id: int, *points_m: tuple[float, float]) -> SwapMission:
+    """Return a plan over these points (east, north) [m]."""
+    *track, landing = (Waypoint(*FRAME.to_geodetic(*point), 30.0) for point in points_m)
+    return SwapMission(plan_id, FlightPlan(30.0, tuple(track), landing), (), (), 0.0, 0.0, 1.0, 0.0)
+
+
 def facts(vehicle: VehicleState | None = None, **changes: Any) -> FailsafeFacts:
     """Return the facts of a vehicle that flies its mission to the east, along the frame's axis."""
-    points = tuple(FRAME.to_geodetic(east_m, 0.0) for east_m in (100.0, 1000.0))
     known = FailsafeFacts(
         vehicle or at(0.0, 0.0),
         FRAME,
         activity="mission",
         own_roles=frozenset({"mission"}),
-        route=ActiveRoute(1, points),
+        route=route_over(1, (100.0, 0.0), (1000.0, 0.0)),
     )
     return replace(known, **changes)
 

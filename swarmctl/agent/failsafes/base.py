@@ -6,7 +6,9 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, Literal, Protocol
 
-from swarmctl.core.geo import LatLon, LocalFrame
+from swarmctl.core.events import SwapMission
+from swarmctl.core.geo import LocalFrame
+from swarmctl.core.planar import PlanarPoint
 from swarmctl.core.section import Section
 from swarmctl.core.vehicle import VehicleState
 
@@ -19,7 +21,7 @@ class DemandKind(StrEnum):
     HOLD = "hold"
     RETURN = "return"
     LAND = "land"
-    RELEASE = "let_go"
+    RELEASE = "release"
     """release to another operator; the agent sends no further commands"""
 
 
@@ -49,15 +51,6 @@ class Demand:
 
 
 @dataclass(frozen=True, slots=True)
-class ActiveRoute:
-    """Route that the vehicle has to fly now."""
-
-    plan_id: int
-    points: tuple[LatLon, ...]
-    """waypoints and landing spot, in order"""
-
-
-@dataclass(frozen=True, slots=True)
 class Fence:
     corners_m: tuple[tuple[float, float], ...]
     """(east, north) in the area's local frame [m], in order"""
@@ -81,8 +74,8 @@ class FailsafeFacts:
     """True while the link is lost; `vehicle` is old then"""
     telemetry_is_late: bool = False
     """True while telemetry is too old to show another operator's action"""
-    route: ActiveRoute | None = None
-    """None during a mission change, or if there is no mission"""
+    route: SwapMission | None = None
+    """the plan that the vehicle has to fly now; None during a mission change, or if there is no mission"""
     fence: Fence | None = None
     turn_radius_m: float = 0.0
     """turn radius of a fixed wing; 0: a copter"""
@@ -96,6 +89,13 @@ class FailsafeFacts:
         """(east, north) in `frame` [m]; None if unknown."""
         lat_lon = self.vehicle.lat_lon
         return None if lat_lon is None else self.frame.to_local(*lat_lon)
+
+    def track_m(self) -> tuple[PlanarPoint, ...]:
+        """Return the waypoints and the landing spot of `route` in `frame` [m]; empty without a route."""
+        if self.route is None:
+            return ()
+        points = (*self.route.plan.waypoints, self.route.plan.landing)
+        return tuple(self.frame.to_local(point.lat_deg, point.lon_deg) for point in points)
 
 
 class Rule(Protocol):

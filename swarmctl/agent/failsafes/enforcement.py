@@ -12,7 +12,6 @@ from swarmctl.agent.commands import StepResult, command, release_vehicle
 from swarmctl.agent.failsafes.base import (
     ACTIVITY_AS_DEMAND,
     STRENGTH,
-    ActiveRoute,
     ActiveRule,
     Activity,
     Demand,
@@ -114,12 +113,9 @@ def _activity(state: AgentState) -> Activity:
     return _ACTIVITY_OF_PHASE.get(state.phase, "ground")
 
 
-def _active_route(state: AgentState) -> ActiveRoute | None:
-    swap = state.plans.route
-    if state.phase is not Phase.FLYING or swap is None or state.plans.pending is not None:
-        return None
-    points = (*swap.plan.waypoints, swap.plan.landing)
-    return ActiveRoute(swap.plan_id, tuple((point.lat_deg, point.lon_deg) for point in points))
+def _active_route(state: AgentState) -> ev.SwapMission | None:
+    is_flown = state.phase is Phase.FLYING and state.plans.pending is None
+    return state.plans.route if is_flown else None
 
 
 def _exceeds_activity(state: AgentState, demand: Demand) -> bool:

@@ -119,5 +119,4 @@ def _leaves_fence(
     there = (here[0] + stops_m * memory.course[0], here[1] + stops_m * memory.course[1])
     if contains(corners_m, there):
         return False
-    track = tuple(facts.frame.to_local(*point) for point in facts.route.points)
-    return distance_to_track(here, track) > params.off_route_m
+    return distance_to_track(here, facts.track_m()) > params.off_route_m

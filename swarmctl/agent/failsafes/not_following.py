@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Literal
 
 from pydantic import Field
 
 from swarmctl.agent.failsafes.base import Demand, DemandKind, FailsafeFacts, has_lasted, true_since
-from swarmctl.core.planar import PlanarPoint, distance_to_leg, distance_to_track
+from swarmctl.core.planar import PlanarPoint, distance_to_track
 from swarmctl.core.section import Section
 
 NAME = "not_following"
@@ -52,20 +51,17 @@ def evaluate(
         kept = None if memory is None else memory.demanded
         return memory and NotFollowingMemory(memory.plan_id, memory.track_m, demanded=kept), kept
     if memory is None or memory.plan_id != route.plan_id:
-        track = (here, *(facts.frame.to_local(*point) for point in route.points))
-        memory = NotFollowingMemory(route.plan_id, track)
-    legs = pairwise(memory.track_m)
-    is_on_track = any(distance_to_leg(here, a, b) <= params.metres for a, b in legs)
+        memory = NotFollowingMemory(route.plan_id, (here, *facts.track_m()))
+    away_m = distance_to_track(here, memory.track_m)
     is_still = (
         facts.vehicle.ground_speed_m_s < MAX_STILL_M_S and abs(facts.vehicle.climb_m_s) < MAX_STILL_CLIMB_M_S
     )
-    off_since_s = true_since(memory.off_since_s, not is_on_track, now)
+    off_since_s = true_since(memory.off_since_s, away_m > params.metres, now)
     still_since_s = true_since(memory.still_since_s, is_still, now)
     demanded = memory.demanded
     if off_since_s is None and still_since_s is None:
         demanded = None
     elif demanded is None and has_lasted(off_since_s, params.seconds, now):
-        away_m = distance_to_track(here, memory.track_m)
         found = f"the vehicle was more than {params.metres:g} m off its route for {params.seconds:g} s"
         demanded = Demand(DemandKind(params.action), f"{found} ({away_m:.0f} m at the end)")
     elif demanded is None and has_lasted(still_since_s, params.seconds, now):
