@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from typing import Any
 
+from swarmctl.agent.arrival.common_time import CommandedSpeed
 from swarmctl.agent.own_modes import own_mode_roles
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.core import events as ev
+from swarmctl.core.records import replace
 
 StepResult = tuple[AgentState, list[ev.Effect]]
 RETRY_AFTER_S = 5.0
 """Time until a failed order or mission change is tried again [s]."""
+SPEED_EVERY_S, SPEED_CHANGE_M_S = 2.0, 0.2
+"""Least time and least difference between two speeds of a mission [s], [m/s]."""
 
 
 def command(
@@ -27,6 +31,21 @@ def command(
     plans = changes.pop("plans", state.plans).without_upload()
     state = state.enter(phase, **changes, plans=plans, order=sent)
     return state if state.lost else state.with_new_flight(), [ev.Command(order, by_person)]
+
+
+def may_set_speed(state: AgentState) -> bool:
+    """Return whether the vehicle flies its mission, and its last speed command is not recent."""
+    since_s = state.vehicle.time_boot_s - state.speed.given_boot_s
+    return state.flies_mission and not 0.0 <= since_s < SPEED_EVERY_S
+
+
+def set_speed(state: AgentState, wanted_m_s: float) -> StepResult:
+    """Set the speed of the mission, if the present speed differs by SPEED_CHANGE_M_S or more."""
+    present_m_s = state.task.arrival.speed_m_s if state.speed.m_s is None else state.speed.m_s
+    if not may_set_speed(state) or abs(wanted_m_s - present_m_s) < SPEED_CHANGE_M_S:
+        return state, []
+    speed = CommandedSpeed(wanted_m_s, state.vehicle.time_boot_s)
+    return replace(state, speed=speed), [ev.SetSpeed(wanted_m_s)]
 
 
 def release_vehicle(state: AgentState, why: str) -> StepResult:

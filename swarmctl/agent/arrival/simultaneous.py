@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from swarmctl.agent.arrival.common_time import ArrivalGroup, CommandedSpeed, due_s, speed_for
-from swarmctl.agent.commands import StepResult
+from swarmctl.agent.arrival.common_time import ArrivalGroup, due_s, speed_for
+from swarmctl.agent.commands import StepResult, may_set_speed, set_speed
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan import travel_time
 from swarmctl.agent.replan.length_bounds import CLIMB_M_S, LIFT_S
@@ -22,10 +22,6 @@ from swarmctl.core.frames import StateShared
 from swarmctl.core.planar import PlanarPoint
 from swarmctl.core.records import replace
 
-MIN_INTERVAL_S = 2.0
-"""least time between two speed changes [s]"""
-MIN_CHANGE_M_S = 0.2
-"""least speed change that is sent [m/s]"""
 FIXED_SPEED_WITHIN_S = 4.0
 """time to the goal at full speed below which the speed stays [s], because the vehicle brakes there"""
 BEFORE_ARRIVAL = frozenset({Phase.STANDBY, Phase.LAUNCHING, Phase.FLYING})
@@ -64,9 +60,7 @@ def note_arrival_times(state: AgentState, states: Sequence[tuple[int, StateShare
 def adjust_speed(state: AgentState) -> StepResult:
     """Set another speed if the vehicle would otherwise miss its arrival time. Called for each telemetry."""
     group, now_s = state.task.arrival_group, state.vehicle.time_boot_s
-    if group is None or not state.flies_mission:
-        return state, []
-    if 0.0 <= now_s - state.speed.given_boot_s < MIN_INTERVAL_S:
+    if group is None or not may_set_speed(state):
         return state, []
     full_m_s = state.task.arrival.speed_m_s
     path = _path_to_goal(state)
@@ -77,10 +71,7 @@ def adjust_speed(state: AgentState) -> StepResult:
     state = update_spare_time(state, due, now_s + soonest_s)
     state = replace(state, common_arrival=replace(state.common_arrival, due_s=due))
     new_m_s = speed_for(path.arrives_in_s, due - now_s, full_m_s, _slowest_m_s(state, group))
-    present_m_s = full_m_s if state.speed.m_s is None else state.speed.m_s
-    if abs(new_m_s - present_m_s) < MIN_CHANGE_M_S:
-        return state, []
-    return replace(state, speed=CommandedSpeed(new_m_s, now_s)), [ev.SetSpeed(new_m_s)]
+    return set_speed(state, new_m_s)
 
 
 def speed_failed(state: AgentState, event: ev.SpeedFailed, _now: float) -> StepResult:

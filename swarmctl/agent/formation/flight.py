@@ -9,8 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from swarmctl.agent.arrival.common_time import CommandedSpeed
-from swarmctl.agent.commands import StepResult, command, release_vehicle
+from swarmctl.agent.commands import StepResult, command, release_vehicle, set_speed
 from swarmctl.agent.formation.approaches.base import (
     Along,
     ApproachResult,
@@ -37,8 +36,6 @@ from swarmctl.core.grid import Cell
 from swarmctl.core.records import replace
 from swarmctl.core.setpoint import SetPoint
 
-SPEED_EVERY_S, SPEED_CHANGE_M_S = 2.0, 0.3
-"""Least time and least difference between two speeds of the leader's mission [s], [m/s]."""
 LOWEST_M = 10.0
 """Least height above home at which a member flies level [m]."""
 LEVEL_WITHIN = 0.4
@@ -207,23 +204,14 @@ def _cell_in_the_way(state: AgentState, formation: Formation) -> Cell | None:
 def _lead_mission(state: AgentState, flown: ApproachResult) -> StepResult:
     """Set the speed of the leader's mission: for the shape's turns, and for followers that are behind."""
     wanted_m_s = flown.mission_speed_m_s
-    return (state, []) if wanted_m_s is None else _with_speed(state, wanted_m_s)
+    return (state, []) if wanted_m_s is None else set_speed(state, wanted_m_s)
 
 
 def _at_full_speed(state: AgentState) -> StepResult:
     """Set the vehicle's own speed again after it has led a group."""
     if state.speed.m_s is None or state.task.arrival_group is not None:
         return state, []
-    return _with_speed(state, state.task.arrival.speed_m_s)
-
-
-def _with_speed(state: AgentState, wanted_m_s: float) -> StepResult:
-    now_s, full_m_s = state.vehicle.time_boot_s, state.task.arrival.speed_m_s
-    present_m_s = full_m_s if state.speed.m_s is None else state.speed.m_s
-    is_recent = now_s - state.speed.given_boot_s < SPEED_EVERY_S
-    if is_recent or not state.flies_mission or abs(wanted_m_s - present_m_s) < SPEED_CHANGE_M_S:
-        return state, []
-    return replace(state, speed=CommandedSpeed(wanted_m_s, now_s)), [ev.SetSpeed(wanted_m_s)]
+    return set_speed(state, state.task.arrival.speed_m_s)
 
 
 # --- the view of an approach, and its answer
