@@ -168,6 +168,16 @@ def progress_on(
     return Progress(flight, here, at, max(before.reached_m, at.along_m))
 
 
+def points_ahead_on(
+    plan: ev.SwapMission, grid: Grid, vehicle: VehicleState
+) -> tuple[PlanarPoint, ...] | None:
+    """Return `Progress.points_ahead` at the begin of a plan; None while the position is unknown."""
+    if (lat_lon := vehicle.lat_lon) is None:
+        return None
+    legs = planned_legs(grid, plan.plan, _takeoff(vehicle) or lat_lon)
+    return legs.points[legs.locate(grid.frame.to_local(*lat_lon)).leg + 1 :]
+
+
 def _after_turning_back(
     legs: StraightLegs, at: TrackPosition, here: PlanarPoint, reachable_m: float, vehicle: VehicleState
 ) -> TrackPosition:

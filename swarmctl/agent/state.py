@@ -18,7 +18,7 @@ from swarmctl.agent.formation.membership import Formation, Membership
 from swarmctl.agent.given_order import GivenOrder
 from swarmctl.agent.launch import Launch
 from swarmctl.agent.phases import ENDED, Phase, changed
-from swarmctl.agent.progress import Progress, progress_on
+from swarmctl.agent.progress import Progress, points_ahead_on, progress_on
 from swarmctl.agent.replan.landing_pattern import FixedWing
 from swarmctl.agent.replan.length_bounds import UNBOUNDED, TimeBound
 from swarmctl.agent.replan.plans import Plans
@@ -37,6 +37,7 @@ from swarmctl.core.any_angle.corners import ExposureMeasure
 from swarmctl.core.belief import Belief
 from swarmctl.core.geo import LatLon
 from swarmctl.core.grid import Cell, Grid
+from swarmctl.core.planar import PlanarPoint
 from swarmctl.core.records import replace
 from swarmctl.core.route import landing_spot
 from swarmctl.core.threat import FiringStrength
@@ -120,8 +121,8 @@ class Task:
 class AgentState:
     """Everything an agent knows; `step` returns a new state and never changes a state in place.
 
-    Fields that end in `_boot_s`, and `last_shared_s`, are times by the vehicle's clock. `retry_at_s` and
-    `disarmed_since_s` are times by the run's clock.
+    Fields that end in `_boot_s`, and `last_shared_s`, are times by the vehicle's clock. `disarmed_since_s` is
+    a time by the run's clock.
     """
 
     task: Task
@@ -232,6 +233,15 @@ class AgentState:
         if self.progress is not None and self.progress.flight.plan is plan:
             return self.progress
         return progress_on(plan, None, self.task.grid, self.last_position)
+
+    def points_ahead(self, plan: ev.SwapMission) -> tuple[PlanarPoint, ...] | None:
+        """Return the waypoints ahead and the landing spot of a plan; None while the position is unknown.
+
+        It is quicker than `progress_on` for a plan that is not followed.
+        """
+        if self.progress is not None and self.progress.flight.plan is plan:
+            return self.progress.points_ahead
+        return points_ahead_on(plan, self.task.grid, self.last_position)
 
     @property
     def flies_mission(self) -> bool:

@@ -50,7 +50,7 @@ LAST_POSITION_S = 180.0
 VERTICAL_WITHIN_M = 5.0
 """Horizontal distance within which a climb at home, or a descent that has begun, counts as vertical [m]."""
 REACH_FACTOR, REACH_UP_M = 1.2, 0.1
-"""How much a quick test's box is larger than the own flight: over ground as a factor, in height [m]."""
+"""Enlargement of a quick test's box beyond the own flight: over ground as a factor, in height [m]."""
 TOWARD_HOME = 0.7
 """Least share of its speed with which a vehicle on its return flies toward its home."""
 DESCENT_BEGINS_WITHIN_M = 2.0
@@ -185,8 +185,7 @@ def _through_change(
     """Return the trajectory of a copter that changes from its present route to `plan`, along `path`."""
     route, vehicle = state.plans.route, state.vehicle
     assert route is not None
-    progress = state.progress_on(route)
-    present_path = waypoints_of(state.task, route.plan) if progress is None else progress.points_ahead
+    present_path = state.points_ahead(route) or waypoints_of(state.task, route.plan)
     return fly_through_change(
         here,
         (vehicle.east_m_s, vehicle.north_m_s),
@@ -245,8 +244,7 @@ def _phase_trajectory(state: AgentState, here: LocalPoint, for_s: float) -> Traj
                 return climb_then_fly(here, plan.height_m, path, speed_m_s)
             if state.plans.route is None and state.plans.pending is not None:
                 return _from_hold(state, here, plan, path, swap_due_s(state))
-            progress = state.progress_on(swap)
-            remaining = path if progress is None else progress.points_ahead
+            remaining = state.points_ahead(swap) or path
             if (change := change_ahead(state)) is not None:
                 return _through_change(state, here, change, plan, remaining, speed_m_s)
             return fly_along(here, plan.height_m, remaining, speed_m_s, state.vehicle.ground_speed_m_s)
