@@ -12,7 +12,9 @@ New information only marks the plan dirty. A later `Tick` plans once with all ne
 | `formation/` | flight in a group, by set-points |
 | `failsafes/` | reactions to failures, one file for each rule |
 | `launch`, `given_order`, `flown` | records of the state, each with the changes that it knows |
+| `progress` | position of the vehicle on its plan |
 | `orders`, `own_modes` | operators' orders; modes that the agent has set |
+| `commands`, `restart` | orders to the vehicle; a new start of the program in flight |
 | `sharing`, `touchdown` | belief and broadcast state; end of the flight |
 
 Imports core and planners. Begin with `step`.

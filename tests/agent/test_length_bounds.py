@@ -42,8 +42,6 @@ def test_the_early_bound_counts_no_lost_time() -> None:
     plain, losing = LeadIn(60.0, 0.0, 0.0), LeadIn(60.0, 0.0, 0.0, lost_s=5.0)
     assert length_bounds(between, CELL_M, losing).min_cells == length_bounds(between, CELL_M, plain).min_cells
     assert length_bounds(between, CELL_M, losing).max_cells == pytest.approx(11.0)
-    assert LengthBounds(4.0, 10.0).misses_by(3.0, 5.0) == pytest.approx(1.0)
-    assert LengthBounds(4.0, 10.0).misses_by(9.0, 1.5) == pytest.approx(0.5)
 
 
 LEAD_INS = [
@@ -76,12 +74,20 @@ def test_bounds_shorter_than_a_cell_close_but_never_cross() -> None:
     assert found.min_cells == found.max_cells == pytest.approx(12.0)
 
 
-MISSES = [(3.0, 1.0), (4.0, 0.0), (7.0, 0.0), (10.0, 0.0), (12.5, 2.5)]
+MISSES = [
+    (3.0, 0.0, 1.0),
+    (4.0, 0.0, 0.0),
+    (7.0, 0.0, 0.0),
+    (10.0, 0.0, 0.0),
+    (12.5, 0.0, 2.5),
+    (3.0, 5.0, 1.0),
+    (9.0, 1.5, 0.5),
+]
 
 
-@pytest.mark.parametrize(("length", "missed"), MISSES)
-def test_the_distance_of_a_length_from_its_bounds(length: float, missed: float) -> None:
-    assert LengthBounds(4.0, 10.0).misses_by(length) == pytest.approx(missed)
+@pytest.mark.parametrize(("length", "lost", "missed"), MISSES)
+def test_the_distance_of_a_length_from_its_bounds(length: float, lost: float, missed: float) -> None:
+    assert LengthBounds(4.0, 10.0).misses_by(length, lost) == pytest.approx(missed)
 
 
 ends = st.floats(0.0, 500.0)

@@ -105,7 +105,7 @@ class Group:
     others: tuple[OtherMember, ...]
     """the other present members; in leader following the leader is `others[leader]`"""
     along: Along | None
-    """what the leader told last, or this member itself if it leads; None: nothing yet"""
+    """the reference point told last, by the leader or by this member if it leads; None: none yet"""
     reference: Reference
     profile: SpeedProfile
     height_m: float
