@@ -58,6 +58,8 @@ class StreamKeeper:
         self._peer = peer
         self._rates_hz = rates_hz
         self._due: dict[int, float] = {}
+        self._check_at: float | None = None
+        """time of the next search for missing streams [s]"""
         self._repeat_s = dict.fromkeys(rates_hz, _REPEAT_PAUSE_S)
         self._stops_others = stops_others
         self._received_s: dict[int, float] = {}
@@ -69,14 +71,15 @@ class StreamKeeper:
 
     @property
     def next_deadline(self) -> float | None:
-        due = min(self._due.values(), default=None)
-        return due if due is None or not self._to_stop else min(due, self._stop_at)
+        at = self._check_at
+        return at if at is None or not self._to_stop else min(at, self._stop_at)
 
     def demand(self, due: float) -> None:
         """Schedule requests at time `due` for all streams that have not arrived by then."""
         for msgid in self._rates_hz:
             self._due[msgid] = due
             self._repeat_s[msgid] = _REPEAT_PAUSE_S
+        self._check_at = due
         self._stopped.clear()
 
     def on_message(self, msgid: int, now: float) -> None:
@@ -101,6 +104,7 @@ class StreamKeeper:
         for msgid in missing:
             self._due[msgid] = now + max(self._repeat_s[msgid], 3.0 / self._rates_hz[msgid])
             self._repeat_s[msgid] = min(2 * self._repeat_s[msgid], _MAX_REPEAT_PAUSE_S)
+        self._check_at = min(self._due.values(), default=None)
         requests = [self._set_interval(msgid, float(round(1e6 / self._rates_hz[msgid]))) for msgid in missing]
         return requests + self._stop(now)
 
