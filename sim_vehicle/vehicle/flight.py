@@ -17,7 +17,7 @@ from sim_vehicle.vehicle.piloting import Piloting
 LANDED_AFTER_S = 1.0  # time on the ground until the vehicle counts as landed
 MAX_SPEED_M_S = 50.0
 MAX_ALTITUDE_M = 1e6  # largest absolute altitude
-RUN_INTERVAL_S = 0.1  # longest time between two runs by sticks, or while a manoeuvre is in progress
+RUN_INTERVAL_S = 0.1  # time between two runs by sticks, or while a manoeuvre is in progress
 
 
 class Flight:
@@ -57,8 +57,13 @@ class Flight:
     def flying(self) -> bool:
         return self.armed and self.body.airborne
 
+    @property
+    def height_m(self) -> float:
+        """Height above home [m]."""
+        return self.body.alt_amsl_m - self.home().alt_amsl_m
+
     def landing_speed_m_s(self) -> float:
-        return self.flight_parameters.landing.speed_at(self.body.alt_amsl_m - self.home().alt_amsl_m)
+        return self.flight_parameters.landing.speed_at(self.height_m)
 
     def limit(self, **limits: float) -> None:
         """Replace limits of the parameters (see `Body.limit`) until the mode changes."""
@@ -99,7 +104,13 @@ class Flight:
         else:
             busy = self.armed and (self.manoeuvre is not None or self.behaviour in PILOTED)
         settling = not self.body.airborne and not self.landed(now)
-        return now + RUN_INTERVAL_S if busy or settling else math.inf
+        if not (busy or settling):
+            return math.inf
+        if self.pilot.landing and self.flying:
+            # Half of the time, because the estimate of the height has errors.
+            steady_s = 0.5 * self.flight_parameters.landing.steady_s(self.height_m)
+            return now + max(steady_s, RUN_INTERVAL_S)
+        return now + RUN_INTERVAL_S
 
     # -- modes --------------------------------------------------------------------------------------------
 

@@ -147,6 +147,13 @@ class LandingParameters:
             return self.speed_m_s + share * (self.speed_high_m_s - self.speed_m_s)
         return self.speed_high_m_s
 
+    def steady_s(self, height_m: float) -> float:
+        """Return the time until a descent from a height above home slows down [s]; inf: it does not."""
+        if height_m < self.slow_below_m:
+            return math.inf
+        steady_m = height_m - max(self.slow_below_m, self.slowing_below_m)
+        return max(steady_m / self.speed_high_m_s, 0.0)
+
 
 @dataclass(frozen=True, slots=True)
 class MissionParameters:
