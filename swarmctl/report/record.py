@@ -27,6 +27,7 @@ from swarmctl.core import events as ev
 from swarmctl.core.frames import AgentMessage
 from swarmctl.core.grid import Cell
 from swarmctl.core.observation import Observation
+from swarmctl.core.vehicle import VehicleState
 from swarmctl.report import foxglove, record_file
 from swarmctl.report.record_file import FORMAT, StoredMessage, StoredRecord
 
@@ -125,9 +126,8 @@ class Recorder:
             if isinstance(effect, ev.SwapMission):
                 shown = foxglove.route(name, effect.plan, self._colours[uav])
                 self._show(foxglove.route_topic(name), "foxglove.GeoJSON", shown, now)
-        if isinstance(event, ev.TelemetryReceived) and event.state.has_position:
-            fix = foxglove.location_fix(self._log_time(now), name, event.state, self._colours[uav])
-            self._show(foxglove.location_topic(name), "foxglove.LocationFix", fix, now)
+        if isinstance(event, ev.TelemetryReceived):
+            self._show_location(before.vehicle, event.state, uav, now)
         if isinstance(event, ev.Observed):
             self._show_found({(row, col) for row, col, occupied in event.cells if occupied}, now)
         if any(map(_acts, effects)) or not 0.0 <= now - self._flushed_s < FLUSH_PERIOD_S:
@@ -160,6 +160,13 @@ class Recorder:
         if (true_hostiles := self._scenario.true_hostiles) is not None:
             hostiles = foxglove.hostiles(grid, true_hostiles, "hostile (truth)")
             self._show(foxglove.HOSTILES, "foxglove.GeoJSON", hostiles, now)
+
+    def _show_location(self, before: VehicleState, state: VehicleState, uav: int, now: float) -> None:
+        """Write a vehicle's position once a second of its clock: a map needs no more, and events have all."""
+        if state.has_position and int(state.time_boot_s) != int(before.time_boot_s):
+            name = self._names[uav]
+            fix = foxglove.location_fix(self._log_time(now), name, state, self._colours[uav])
+            self._show(foxglove.location_topic(name), "foxglove.LocationFix", fix, now)
 
     def _show_found(self, cells: set[Cell], now: float) -> None:
         if not cells <= self._found:
