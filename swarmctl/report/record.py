@@ -31,8 +31,6 @@ from swarmctl.core.vehicle import VehicleState
 from swarmctl.report import foxglove, record_file
 from swarmctl.report.record_file import FORMAT, StoredMessage, StoredRecord
 
-CHUNK_BYTES = 1 << 16
-"""size of a chunk"""
 FLUSH_PERIOD_S = 1.0
 """longest time without a flush, by the run's clock [s]: a process that is killed loses this time at most"""
 
@@ -81,7 +79,7 @@ class Recorder:
         self._file = draft.open("wb")
         with contextlib.suppress(OSError):  # without locks the flight begins, but no program can continue it
             record_file.lock(self._file)
-        self._writer = Writer(self._file, chunk_size=CHUNK_BYTES)
+        self._writer = Writer(self._file)
         self._writer.start(profile="", library=f"swarmctl {__version__}")
         # A replay builds its agents from the configuration.
         config = scenario.config.model_dump_json()
