@@ -327,8 +327,10 @@ class DirectLink:
         self._apply(self._session.receive(message, self._now()))
 
     def _on_timer(self) -> None:
+        assert self._timer is not None
+        now = max(self._now(), self._timer.when())  # a loop may call a little early
         self._timer = None
-        self._apply(self._session.tick(self._now()))
+        self._apply(self._session.tick(now))
 
     def _apply(self, step: SessionStep) -> None:
         if self._channel is not None:
