@@ -63,8 +63,7 @@ class FrameSplitter:
         self._buffer += data
         frames: list[Frame] = []
         buffer, at = self._buffer, 0
-        while (start := _next_magic(buffer, at)) is not None:
-            at = start
+        while (at := _next_magic(buffer, at)) < len(buffer):
             length = _frame_length(buffer, at)
             if length is None or at + length > len(buffer):
                 break
@@ -77,8 +76,6 @@ class FrameSplitter:
             else:
                 frames.append(frame)
                 at += length
-        else:
-            at = len(buffer)
         del buffer[:at]
         return frames
 
@@ -112,11 +109,11 @@ def _frame(data: bytes) -> Frame:
     return Frame(data, data[3], data[4], data[5])
 
 
-def _next_magic(buffer: bytearray, at: int) -> int | None:
-    if at < len(buffer) and buffer[at] in (_V1_MAGIC, _V2_MAGIC):
-        return at
-    found = [i for i in (buffer.find(_V1_MAGIC, at), buffer.find(_V2_MAGIC, at)) if i >= 0]
-    return min(found) if found else None
+def _next_magic(buffer: bytearray, at: int) -> int:
+    """Return the index of the next start byte, from `at` on; the length of the buffer if there is none."""
+    while at < len(buffer) and buffer[at] not in (_V1_MAGIC, _V2_MAGIC):
+        at += 1
+    return at
 
 
 def _frame_length(buffer: bytes | bytearray, at: int) -> int | None:

@@ -117,16 +117,17 @@ class Telemetry:
 
     def receive(self, message: Message, now: float) -> bool:
         """Update the state from a message; return True for a new state. `now`: local clock [s]."""
-        handler = self._handlers.get(message.get_type())
+        kind, msgid = message.get_type(), message.get_msgId()
+        handler = self._handlers.get(kind)
         if handler is None:
             return False
         self._now = now
-        was_missing = message.get_msgId() in self._missing
-        self._missing.discard(message.get_msgId())
+        was_missing = msgid in self._missing
+        self._missing.discard(msgid)
         is_new_state = handler(message)
-        if was_missing or message.get_type() in _READINESS_SOURCES:
+        if was_missing or kind in _READINESS_SOURCES:
             self._update_readiness()
-        if not is_new_state and message.get_type() in _PERIODIC_SOURCES:
+        if not is_new_state and kind in _PERIODIC_SOURCES:
             is_new_state = now - self._new_state_s >= NEW_STATE_PERIOD_S
         if is_new_state:
             self._new_state_s = now
