@@ -215,12 +215,12 @@ class Node:
             if isinstance(decoded, bytes):
                 peer.add_bytes(len(decoded), now.run_s)
                 decoded = self._decode(decoded)
+                check_message(message, decoded, now.unix_s, self._options)
             frame = decoded.frame
             loss = self._distance_loss
             if loss is not None and (cause := loss(self._sender.position, frame.at)):
                 self.counters.lost[cause] += 1
                 return output
-            check_message(message, decoded, now.unix_s, self._options)
             if peer.admit(frame, now.run_s):  # nothing was heard from the peer for a while
                 self._requests.schedule(sender, now.run_s)
             self._handle(output, peer, decoded, now)
@@ -272,16 +272,15 @@ class Node:
 
     def _record_of(self, peer: PeerRecord, decoded: DecodedFrame) -> SourceRecord:
         """Return the observations of a peer's current incarnation. Raises MessageRefused."""
-        if peer.record is None:
-            peer.record = self._replica.of(decoded.source)
-        return peer.record
+        record = peer.record = self._replica.of(decoded.source)
+        return record
 
     def _handle_state(
         self, peer: PeerRecord, decoded: DecodedFrame, state: StateShared, now: Instant
     ) -> None:
         """Store a peer's state; schedule a request if observations of the peer are missing here."""
         peer.update(decoded, now.run_s)
-        record = self._record_of(peer, decoded)
+        record = peer.record or self._record_of(peer, decoded)
         peer.direct_state_s = now.run_s
         if record.upto < state.last_seq:
             peer.agreed_s = -math.inf

@@ -191,9 +191,10 @@ class PeerRecord(msgspec.Struct, gc=False):
 
     def take_state(self) -> StateShared:
         """Return the new state, which is then no longer new."""
-        assert self.state is not None
+        state = self.state
+        assert state is not None
         self.has_new_state = False
-        return self.state
+        return state
 
     def take_intent(self) -> IntentShared:
         """Return the new intent, which is then no longer new."""
