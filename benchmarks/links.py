@@ -50,7 +50,7 @@ from swarmctl.links.frontend import FrontEnd
 from swarmctl.links.transports.memory import MemoryWire
 from swarmctl.links.url import Endpoint, parse_url
 from swarmctl.mavlink.dialects import dialect_for
-from swarmctl.mavlink.protocol.codec import Decoder, Encoder, FrameSplitter, Message
+from swarmctl.mavlink.protocol.codec import Encoder, FrameSplitter, Message, decode
 from swarmctl.mavlink.protocol.mission_download import item_of
 
 HOME = (46.0490, 14.5060, 300.0)
@@ -122,9 +122,8 @@ class LossyFleet:
 
     def _request(self, data: bytes, message_type: str) -> list[Message]:
         """Return the answers of this type to a request."""
-        decoder = Decoder()
         frames = self.fleet.receive(data, self.now_s(), peer="benchmark")
-        messages = [decoder.decode(f) for _, answer in frames for f in FrameSplitter().feed(answer)]
+        messages = [decode(f) for _, answer in frames for f in FrameSplitter().feed(answer)]
         return [m for m in messages if m is not None and m.get_type() == message_type]
 
 

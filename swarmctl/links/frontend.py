@@ -28,10 +28,10 @@ from swarmctl.links.url import Endpoint
 from swarmctl.mavlink.protocol.codec import (
     GCS_COMPID,
     GCS_SYSID,
-    Decoder,
     Encoder,
     Frame,
     Message,
+    decode,
 )
 from swarmctl.mavlink.protocol.command import is_forced_arming
 from swarmctl.mavlink.session import READ_IDS
@@ -64,7 +64,7 @@ class FrontEnd:
         self._wall_time_us = wall_time_us
         self._memory = memory or {}
         guard = SigningGuard(signing, wall_time_us)
-        self._shared = LineShared(Encoder(sysid, compid), Decoder(), Forwarder(), guard, evidence, say)
+        self._shared = LineShared(Encoder(sysid, compid), Forwarder(), guard, evidence, say)
         self._lines: dict[Endpoint, Line] = {}
         self._open_lock = asyncio.Lock()
         self._timer: asyncio.TimerHandle | None = None
@@ -115,7 +115,7 @@ class FrontEnd:
             if text := self._refusals.of_stranger(frame.sysid, why, where, asyncio.get_running_loop().time()):
                 self._say(f"other stations: {text}")
             return
-        message = self._shared.decoder.decode(frame)
+        message = decode(frame)
         if message is None:
             return
         target = int(getattr(message, "target_system", 0))

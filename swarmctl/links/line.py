@@ -15,7 +15,7 @@ from swarmctl.links.signing import LATE, Refusals, SigningGuard
 from swarmctl.links.tlog import TlogWriter
 from swarmctl.links.transports.base import Address, Transport
 from swarmctl.links.url import Endpoint
-from swarmctl.mavlink.protocol.codec import Decoder, Encoder, Frame, FrameSplitter, Message
+from swarmctl.mavlink.protocol.codec import Encoder, Frame, FrameSplitter, Message, decode
 from swarmctl.mavlink.telemetry.presence import own_heartbeat
 
 _LATE_LIMIT, _SPLITTERS_LIMIT = 64, 1024
@@ -160,7 +160,6 @@ class LineShared:
     """Objects shared by all lines of a front end."""
 
     encoder: Encoder
-    decoder: Decoder
     forwarder: Forwarder
     guard: SigningGuard
     evidence: EvidenceRecorder | None
@@ -254,8 +253,8 @@ class Line:
                 channel.receive(frame, address, now)
 
     def decode(self, frame: Frame) -> Message | None:
-        """Return the message of a vehicle's frame and record it as evidence; None for a damaged payload."""
-        message = self._shared.decoder.decode(frame)
+        """Return the message of a vehicle's frame and record it as evidence; None for an unknown message."""
+        message = decode(frame)
         if message is not None and self._shared.evidence is not None:
             self._shared.evidence.from_vehicle(frame.sysid, message)
         return message

@@ -30,7 +30,7 @@ from swarmctl.links.base import Identity, LinkError
 from swarmctl.links.direct import DirectLink
 from swarmctl.links.frontend import FrontEnd
 from swarmctl.links.mavsdk_conversations import MavsdkGate, OnEnd, with_mavsdk
-from swarmctl.mavlink.protocol.codec import Decoder, FrameSplitter, Message
+from swarmctl.mavlink.protocol.codec import FrameSplitter, Message, decode
 from swarmctl.mavlink.protocol.procedure import Context, Procedure
 from swarmctl.mavlink.session import SessionStep
 
@@ -50,7 +50,7 @@ class MavsdkStation:
         self._links: dict[int, MavsdkLink] = {}
         self._plugins: dict[int, tuple[Any, Any]] = {}
         """plug-ins by system id: a shared pair would mix the transfers of two vehicles"""
-        self._splitter, self._decoder = FrameSplitter(), Decoder()
+        self._splitter = FrameSplitter()
         # MAVSDK's log would go to the terminal, which belongs to the user interface.
         log_subscribe(lambda *_: True)
         configuration = Configuration.create_manual(front_end.sysid, front_end.compid, False)
@@ -105,7 +105,7 @@ class MavsdkStation:
 
     def _on_outgoing(self, data: bytes) -> None:
         for frame in self._splitter.feed(data):
-            message = self._decoder.decode(frame)
+            message = decode(frame)
             link = self._links.get(getattr(message, "target_system", 0))
             if message is not None and link is not None:
                 link.send_from_mavsdk(message)

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import random
 from itertools import pairwise
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from profiles import examples
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from swarmctl.mavlink.protocol.codec import Decoder, Encoder, Frame, FrameSplitter
+from swarmctl.mavlink.protocol.codec import Encoder, Frame, FrameSplitter, decode, payload
 
 MODEST = settings(max_examples=examples(100), deadline=None, derandomize=True)
 TEXT = st.binary(max_size=80).map(lambda b: b.replace(b"\xfd", b"I").replace(b"\xfe", b"n"))
@@ -46,7 +48,7 @@ def test_boot_text_between_frames_is_skipped():
 def test_mavlink_1_frames_are_read_too():
     (frame,) = split(heartbeat(v1=True, sysid=3))
     assert (frame.sysid, frame.compid, frame.msgid) == (3, 1, 0)
-    assert Decoder().decode(frame).custom_mode == 4
+    assert decode(frame).custom_mode == 4
 
 
 def test_signed_frames_are_read_with_their_signature():
@@ -57,7 +59,7 @@ def test_signed_frames_are_read_with_their_signature():
     frames = split(data + heartbeat())
     assert [f.sysid for f in frames] == [4, 7]
     assert frames[0].data == data
-    assert Decoder().decode(frames[0]).type == 2
+    assert decode(frames[0]).type == 2
 
 
 def test_a_valid_frame_of_an_unknown_message_keeps_its_system_id_and_is_never_decoded():
@@ -65,7 +67,7 @@ def test_a_valid_frame_of_an_unknown_message_keeps_its_system_id_and_is_never_de
     frames = splitter.feed(heartbeat() + unknown_frame(sysid=9) + heartbeat(1))
     assert [f.sysid for f in frames] == [7, 9, 7]
     assert not frames[1].known
-    assert Decoder().decode(frames[1]) is None
+    assert decode(frames[1]) is None
 
 
 def test_a_frame_with_unknown_flags_is_skipped():
@@ -115,7 +117,7 @@ def test_frames_after_any_invalid_bytes_are_found(garbage):
     splitter = FrameSplitter()
     for piece in garbage:
         for frame in splitter.feed(piece):
-            Decoder().decode(frame)
+            decode(frame)
     splitter.feed(b"." * 300)  # longer than any frame that garbage can have promised
     assert [f.data for f in splitter.feed(heartbeat(9))] == [heartbeat(9)]
 
@@ -131,3 +133,17 @@ def test_each_address_gets_an_unbroken_sequence():
 def test_a_ground_station_sends_mavlink_2_as_255_190():
     data = Encoder().pack(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3), "a")
     assert (data[0], data[5], data[6]) == (0xFD, 255, 190)
+
+
+@pytest.mark.parametrize("cut", [0, 3])
+@pytest.mark.parametrize("msgid", sorted(mavlink.mavlink_map))
+def test_a_message_is_decoded_as_pymavlink_decodes_it(msgid: int, cut: int):
+    kind = mavlink.mavlink_map[msgid]
+    content = random.Random(msgid).randbytes(max(kind.unpacker.size - cut, 1))
+    body = bytes((len(content), 0, 0, 5, 7, 1)) + msgid.to_bytes(3, "little") + content
+    crc = mavlink.x25crc(body + bytes((kind.crc_extra,))).crc
+    (frame,) = split(b"\xfd" + body + crc.to_bytes(2, "little"))
+    ours, theirs = decode(frame), mavlink.MAVLink(None).decode(bytearray(frame.data))
+    assert repr(ours.to_dict()) == repr(theirs.to_dict())
+    assert (ours.get_srcSystem(), ours.get_srcComponent()) == (7, 1)
+    assert payload(ours) == content

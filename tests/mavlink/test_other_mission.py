@@ -14,7 +14,7 @@ from swarmctl.core.mission import MissionItem
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.mavlink.dialects import dialect_for
 from swarmctl.mavlink.events import StateChanged
-from swarmctl.mavlink.protocol.codec import GCS_COMPID, GCS_SYSID, Decoder, FrameSplitter
+from swarmctl.mavlink.protocol.codec import GCS_COMPID, GCS_SYSID, FrameSplitter, decode
 from swarmctl.mavlink.protocol.conversation import MavlinkPeer
 from swarmctl.mavlink.protocol.mission_upload import Upload, UploadOutcome, item_message
 from swarmctl.mavlink.telemetry.mission_watch import OTHER_MISSION_LASTS_S, SETTLING_S, MissionWatch
@@ -25,7 +25,7 @@ def another_uploads(bench: FlyingBench, north: int) -> None:
     items = bench.session.mission_items(plan(north=north, east=-0.002))
     upload = Upload(MavlinkPeer(1, own_sysid=200, own_compid=190), items)
     station = mavlink.MAVLink(None, srcSystem=200, srcComponent=190)
-    decoder, queue = Decoder(), upload.start(bench.now)
+    queue = upload.start(bench.now)
     for _ in range(400):
         frames = [
             frame
@@ -35,7 +35,7 @@ def another_uploads(bench: FlyingBench, north: int) -> None:
         queue = []
         for frame in frames:
             for part in FrameSplitter().feed(frame):
-                message = decoder.decode(part)
+                message = decode(part)
                 if message is not None and upload.result is None:
                     queue += upload.receive(message, bench.now)
         if upload.result is not None:

@@ -14,7 +14,7 @@ from typing import Any, Self
 from swarmctl.core.mission import FlightPlan, Waypoint
 from swarmctl.mavlink.events import ProcedureDone
 from swarmctl.mavlink.procedures import basic
-from swarmctl.mavlink.protocol.codec import Decoder, Encoder, FrameSplitter
+from swarmctl.mavlink.protocol.codec import Encoder, FrameSplitter, decode
 from swarmctl.mavlink.protocol.conversation import MavlinkPeer
 from swarmctl.mavlink.session import Session, SessionStep
 
@@ -60,7 +60,7 @@ class WireBench:
         """(from, until) of stalls: the ground station does nothing, and what arrives waits in its inbox"""
         self._inbox: list[bytes] = []
         self._rng = random.Random(self.faults.seed)
-        self._encoder, self._decoder = Encoder(), Decoder()
+        self._encoder = Encoder()
         self._queue: list[tuple[float, int, bool, bytes]] = []
         self._n = 0
         self._delivers = False
@@ -131,7 +131,7 @@ class WireBench:
     def _hear(self, data: bytes) -> None:
         self.on_datagram(data)
         for frame in FrameSplitter().feed(data):
-            message = self._decoder.decode(frame)
+            message = decode(frame)
             if message is not None and not self.block_down(message):
                 self.take(self.session.receive(message, self.now))
 

@@ -7,6 +7,7 @@ https://mavlink.io/en/guide/serialization.html
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterator
+from itertools import islice
 from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -93,13 +94,15 @@ def _unknown_flags(frame: Frame) -> int:
 
 
 def logged_frames(tlog: bytes) -> Iterator[Frame]:
-    """Return the frames of a tlog, each after 8 bytes of time, up to the end or the first damaged frame."""
+    """Return the known frames of a tlog with right checksums, each after 8 bytes of time."""
     at = _LOG_TIME_BYTES
     while at + _V2_HEADER_BYTES <= len(tlog) and tlog[at] in (_V1_MAGIC, _V2_MAGIC):
         length = _frame_length(tlog, at) or 0
         if at + length > len(tlog):
             return
-        yield _frame(tlog[at : at + length])
+        frame = _frame(tlog[at : at + length])
+        if frame.known and _has_right_checksum(frame):
+            yield frame
         at += length + _LOG_TIME_BYTES
 
 
@@ -129,32 +132,35 @@ def _may_end_at(buffer: bytearray, end: int) -> bool:
     return end == len(buffer) or buffer[end] in (_V1_MAGIC, _V2_MAGIC)
 
 
-class Decoder:
-    """Decoder of verified frames; it keeps no state between frames."""
+def decode(frame: Frame) -> Message | None:
+    """Return the message of a frame with a right checksum; None for a message that the dialect lacks.
 
-    def __init__(self) -> None:
-        self._mav = mavlink.MAVLink(None)
+    `MAVLink.decode` would compute the checksum again, and return an unknown message with source system 0, a
+    vehicle that does not exist.
+    """
+    if not frame.known:
+        return None
+    kind = mavlink.mavlink_map[frame.msgid]
+    size = kind.unpacker.size
+    # MAVLink 2 cuts trailing zeros, and a later version of the message may be longer.
+    values = iter(kind.unpacker.unpack(_payload(frame.data)[:size].ljust(size, b"\0")))
+    fields = [next(values) if n == 1 else list(islice(values, n)) for n in kind.lengths]
+    message = kind(*[fields[i] for i in kind.orders])
+    header = message.get_header()
+    header.srcSystem, header.srcComponent = frame.sysid, frame.compid
+    message.get_msgbuf().extend(frame.data)
+    return message
 
-    def decode(self, frame: Frame) -> Message | None:
-        """Return the message; None for an unknown message and for a payload that does not fit.
 
-        pymavlink would return an unknown message with source system 0, a vehicle that does not exist.
-        """
-        if not frame.known:
-            return None
-        try:
-            return self._mav.decode(bytearray(frame.data))
-        except mavlink.MAVError:
-            return None
+def _payload(frame: bytes) -> bytes:
+    begin = _V2_HEADER_BYTES if frame[0] == _V2_MAGIC else _V1_HEADER_BYTES
+    return frame[begin : begin + frame[1]]
 
 
 def payload(message: Message) -> bytes:
     """Return the payload as received; empty if the message was not received."""
     frame = bytes(message.get_msgbuf() or b"")
-    if not frame:
-        return b""
-    begin = _V2_HEADER_BYTES if frame[0] == _V2_MAGIC else _V1_HEADER_BYTES
-    return frame[begin : begin + frame[1]]
+    return _payload(frame) if frame else b""
 
 
 def extension(message: Message, at: int) -> int:

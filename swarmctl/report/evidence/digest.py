@@ -9,7 +9,7 @@ from typing import Any
 
 from swarmctl.core.vehicle import Landed
 from swarmctl.mavlink.dialects import Unsupported, dialect_for
-from swarmctl.mavlink.protocol.codec import Decoder, Message, logged_frames
+from swarmctl.mavlink.protocol.codec import Message, decode, logged_frames
 from swarmctl.mavlink.protocol.command import name_of
 from swarmctl.mavlink.telemetry.presence import AUTOPILOT_COMPID, is_armed
 from swarmctl.report.evidence.chain import CheckedChain
@@ -131,11 +131,11 @@ def digest(checked: CheckedChain, tlogs: Mapping[str, bytes]) -> dict[str, Vehic
 
 
 def _digest(commands: Iterator[Mapping[str, Any]], sysid: int, tlog: bytes) -> VehicleDigest:
-    found, decoder = VehicleDigest(), Decoder()
+    found = VehicleDigest()
     for frame in logged_frames(tlog):
         is_answer = (frame.sysid, frame.compid) == (sysid, AUTOPILOT_COMPID) and frame.name in _READ
         is_command = frame.sysid != sysid and frame.name not in UNRECORDED
-        message = decoder.decode(frame) if is_answer or is_command else None
+        message = decode(frame) if is_answer or is_command else None
         if message is not None and is_answer:
             found.received(message)
         elif getattr(message, "target_system", 0) == sysid:
