@@ -15,6 +15,7 @@ from wire_bench import Faults
 from swarmctl.core.geo import LocalFrame, distance_m
 from swarmctl.core.setpoint import SetPoint
 from swarmctl.mavlink.dialects import dialect_for
+from swarmctl.mavlink.dialects.px4 import Px4
 from swarmctl.mavlink.procedures import basic
 from swarmctl.mavlink.protocol.conversation import MavlinkPeer
 from swarmctl.mavlink.protocol.setpoint import setpoint_message
@@ -361,6 +362,17 @@ def test_after_a_hold_a_vehicle_goes_on_by_its_stored_mission_without_an_upload(
     assert bench.holds(bench.session.items)
     done = bench.swap(NEW)
     assert (done.failure, done.flying) == (None, "new"), "and takes a new mission later"
+
+
+def test_a_px4_far_from_the_start_of_its_stored_mission_gets_a_new_one(monkeypatch):
+    """PX4 refuses to fly a mission that begins MIS_DIST_1WP or more from the vehicle."""
+    bench, _ = led("px4")
+    assert bench.do("hold", basic.hold).failure is None
+    bench.another_sets(MIS_DIST_1WP=10.0)
+    monkeypatch.setattr(Px4, "flies_stored_within_m", 10.0)
+    done = bench.swap(replace(OLD, track=OLD.track[5:], from_hold=True))
+    assert (done.failure, done.flying) == (None, "new")
+    assert bench.mode == MISSION["px4"]
 
 
 @BOTH

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from math import trunc
+from math import inf, trunc
 from types import MappingProxyType
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -76,6 +76,7 @@ class ArduPilot:
     upload_timeout_s = 9.0
     """ArduPilot ends a transfer after 8 s without an item"""
     uploads_atomically = False
+    flies_stored_within_m = inf
     brakes_m_s2: float | None = None
     serves_single_items = True
     lands_at_nearest = True

@@ -113,6 +113,10 @@ class Dialect(Protocol):
         """Return whether a complete upload replaces the old mission at once, not item by item."""
 
     @property
+    def flies_stored_within_m(self) -> float:
+        """Distance of a vehicle from the first position of its stored mission up to which it flies it [m]."""
+
+    @property
     def brakes_m_s2(self) -> float | None:
         """Deceleration before the flight to a new current item; None: the vehicle turns without a stop."""
 

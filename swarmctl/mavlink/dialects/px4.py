@@ -85,6 +85,8 @@ class Px4:
     upload_timeout_s = 6.0
     """PX4 ends a transfer silently after 5 s without an item"""
     uploads_atomically = True
+    flies_stored_within_m = 900.0
+    """MIS_DIST_1WP of 1.14 and 1.15; preflight asks for this value at least"""
     serves_single_items = False
     """PX4 answers such requests by an error text to all stations"""
 

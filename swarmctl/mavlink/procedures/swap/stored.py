@@ -1,12 +1,15 @@
 """Swap to a plan that is stored already: the vehicle holds, and flies its stored mission from an item on.
 
-Nothing is uploaded. A member that leaves its group goes on by its own mission in this way.
+Nothing is uploaded. A member that leaves its group goes on by its own mission in this way. A PX4 far away
+from the first position of its mission does not fly it, so there a new mission is uploaded instead.
 """
 
 from __future__ import annotations
 
+import math
 from enum import StrEnum
 
+from swarmctl.core.geo import distance_m
 from swarmctl.core.mission import MissionItem
 from swarmctl.mavlink.dialects.plan import append_items
 from swarmctl.mavlink.procedures.guarded import UNTIL_REPLACED_S, confirm_state
@@ -28,11 +31,17 @@ HOLDING_STATES = frozenset({State.SETTING_ITEM, State.HOLDING})
 
 
 def stored_at(ctx: Context, items: tuple[MissionItem, ...]) -> int | None:
-    """Return the index in the stored mission of a plan's first waypoint; None if the plan is not stored.
+    """Return the index in the stored mission of a plan's first waypoint.
 
-    The last place counts: a list may hold earlier plans with the same items.
+    The last place counts: a list may hold earlier plans with the same items. The result is None if the plan
+    is not stored, or if the vehicle is too far away to fly its stored mission.
     """
     stored, first = ctx.verified_items, ctx.dialect.first_waypoint_seq
+    within_m, here = ctx.dialect.flies_stored_within_m, ctx.state.lat_lon
+    if within_m < math.inf and stored:
+        begins = stored[0].x * 1e-7, stored[0].y * 1e-7
+        if here is None or distance_m(begins, here) >= within_m:
+            return None
     n_items = len(items) - first
     for begin in range(len(stored) - n_items, first - 1, -1):
         expected = append_items(stored[:begin], items, first)[begin:]
