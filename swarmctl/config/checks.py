@@ -99,7 +99,7 @@ def _check_flights(scenario: Scenario) -> Iterator[ConfigProblem]:
 def _group_without_route(scenario: Scenario, task: Task, error: Unreachable) -> ConfigProblem:
     assert task.formation is not None
     names = [section.name for section in scenario.config.formations]
-    text = f"{error}; give narrow_shape a narrower shape, or open a passage in area.no_fly"
+    text = f"{error}; set a narrow_shape that is narrower, such as a column, or open a passage in area.no_fly"
     return ConfigProblem(("formations", names.index(task.formation.name), "shape"), text)
 
 

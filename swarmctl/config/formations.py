@@ -8,6 +8,7 @@ from pydantic import Field, ValidationInfo, field_validator
 
 from swarmctl.agent.formation.approaches import APPROACHES
 from swarmctl.agent.formation.shape import Shape
+from swarmctl.core.operator_text import VEHICLE_NAME
 from swarmctl.core.section import NameIn, Section
 
 
@@ -21,7 +22,7 @@ def _with_options_of_each_approach(schema: dict[str, Any]) -> None:
 class FormationSection(Section):
     """A group of vehicles that flies in a shape."""
 
-    name: str = Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*$", description="Name of the group.")
+    name: str = Field(pattern=VEHICLE_NAME, description="Name of the group.")
     members: tuple[int | str, ...] = Field(
         min_length=2,
         description="Vehicles by name or system id, in the order in which they take the places. The first "

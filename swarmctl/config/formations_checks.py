@@ -9,6 +9,7 @@ from itertools import combinations, product
 from swarmctl.agent.formation.approaches.place_keeping import MARGIN_M, MARGIN_UP_M
 from swarmctl.agent.formation.flight import LOWEST_M
 from swarmctl.agent.formation.shape import (
+    Shape,
     ShapePlace,
     least_spacing_between_m,
     least_spacing_m,
@@ -24,6 +25,10 @@ from swarmctl.config.scenario import Scenario
 from swarmctl.config.specs import Spec
 from swarmctl.config.yaml_lines import KeyPath
 from swarmctl.links import LINKS
+
+SPARE_M = 2.0
+"""Distance beyond the separation that two places at one height keep [m]: members are off their places by as
+much."""
 
 
 def check_formations(config: Config) -> Iterator[ConfigProblem]:
@@ -68,22 +73,38 @@ def check_groups(scenario: Scenario) -> Iterator[ConfigProblem]:
         members = [spec for uav in uavs for spec in scenario.swarm if spec.sysid == uav]
         here: KeyPath = ("formations", i)
         yield from _check_members(section, members, here)
-        try:
-            shapes = {"shape": section.shape.places(len(members))}
-            if section.narrow_shape is not None:
-                shapes["narrow_shape"] = section.narrow_shape.places(len(members))
-        except ValueError as error:
-            yield ConfigProblem((*here, "shape", "offsets_m"), f"{error}; add the missing offsets")
+        yield from _check_range(scenario, len(members), (*here, "members"))
+        of = {"shape": section.shape, "narrow_shape": section.narrow_shape}
+        of_group = {key: shape for key, shape in of.items() if shape is not None}
+        if wrong := list(_check_offsets(section, len(members), of_group, here)):
+            yield from wrong
             continue
+        shapes = {key: shape.places(len(members)) for key, shape in of_group.items()}
         for key, places in shapes.items():
-            yield from _check_distances(scenario, section, members, places, (*here, key))
-            yield from _check_room(scenario, places, (*here, key))
+            shape = of_group[key]
+            yield from _check_distances(scenario, section, members, shape, (*here, key))
+            yield from _check_room(scenario, shape, places, (*here, key))
             yield from _check_messages(scenario, places, (*here, key))
             if section.heights == "level":
                 yield from _check_heights(scenario, members, places, (*here, key))
         yield from _check_change(scenario, section, members, shapes, here)
         if section.split_factor is not None:
             yield from _check_split(scenario, section, members, here)
+
+
+def _check_offsets(
+    section: FormationSection, n: int, shapes: Mapping[str, Shape], here: KeyPath
+) -> Iterator[ConfigProblem]:
+    """Yield problems of a wrong number of offsets, and of heights that have no effect."""
+    for key, shape in shapes.items():
+        n_offsets = len(shape.offsets_m)
+        if shape.kind == "offsets" and n_offsets != n - 1:
+            text = f"{n_offsets} offsets: expected {n - 1}, one for each member but the first"
+            yield ConfigProblem((*here, key, "offsets_m"), text)
+        heights = {"height_step_m": shape.height_step_m, "offsets_m": any(up for *_, up in shape.offsets_m)}
+        if section.heights == "stepped" and (used := [name for name, height in heights.items() if height]):
+            text = "heights of places have an effect only in a level group; set heights: level, or give 0"
+            yield ConfigProblem((*here, key, used[0]), text)
 
 
 def _check_members(section: FormationSection, members: list[Spec], here: KeyPath) -> Iterator[ConfigProblem]:
@@ -131,22 +152,32 @@ def _check_distances(
     scenario: Scenario,
     section: FormationSection,
     members: list[Spec],
-    places: tuple[ShapePlace, ...],
+    shape: Shape,
     path: KeyPath,
 ) -> Iterator[ConfigProblem]:
     """Yield the problem of two places that are nearer than members keep, over ground and in height."""
     limits = scenario.config.separation
-    least_m, least_up_m = limits.horizontal_m + MARGIN_M, limits.vertical_m + MARGIN_UP_M
-    for (one, a), (other, b) in combinations(zip(members, places, strict=True), 2):
+    least_m, least_up_m = limits.horizontal_m + SPARE_M, limits.vertical_m + MARGIN_UP_M
+    places = zip(members, shape.places(len(members)), strict=True)
+    for (one, a), (other, b) in combinations(places, 2):
         apart_m, up_m = math.dist(a[:2], b[:2]), _up_m(section, one, a, other, b)
         if apart_m < least_m and up_m < least_up_m:
             text = (
                 f"the places of {one.name} and {other.name} are {apart_m:.3g} m apart over ground and "
                 f"{up_m:.3g} m in height, below the separation and the members' margin ({least_m:g} m and "
-                f"{least_up_m:g} m); raise spacing_m to {least_m:g} m or more"
+                f"{least_up_m:g} m); {_farther_apart(shape, apart_m, least_m)}"
             )
             yield ConfigProblem(path, text)
             return
+
+
+def _farther_apart(shape: Shape, apart_m: float, least_m: float) -> str:
+    """Return the cure for places that are too near to each other."""
+    if shape.kind == "offsets" or apart_m == 0.0:
+        return "give other offsets_m"
+    needed_m = math.ceil(shape.spacing_m * least_m / apart_m)
+    opening = ", or open the wedge" if shape.kind == "wedge" and apart_m < shape.spacing_m else ""
+    return f"raise spacing_m to {needed_m:g} m or more{opening}"
 
 
 def _check_change(
@@ -203,7 +234,9 @@ def _up_m(section: FormationSection, one: Spec, a: ShapePlace, other: Spec, b: S
     return abs(a[2] - b[2]) if section.heights == "level" else abs(one.altitude_m - other.altitude_m)
 
 
-def _check_room(scenario: Scenario, places: tuple[ShapePlace, ...], path: KeyPath) -> Iterator[ConfigProblem]:
+def _check_room(
+    scenario: Scenario, shape: Shape, places: tuple[ShapePlace, ...], path: KeyPath
+) -> Iterator[ConfigProblem]:
     """Yield the problem of a shape that is wider than the area, or than the fence around it."""
     grid = scenario.grid
     corners = [grid.frame.to_local(*corner) for corner in scenario.fence_polygon]
@@ -211,7 +244,8 @@ def _check_room(scenario: Scenario, places: tuple[ShapePlace, ...], path: KeyPat
     extent_m = max(width_m(places), radius_m(places))
     for what, room_m in (("area", min(grid.size_east_m, grid.size_north_m)), ("fence", fence_m)):
         if extent_m > room_m:
-            text = f"the shape is {extent_m:.4g} m wide, and the {what} {room_m:.4g} m; lower spacing_m"
+            key = "offsets_m" if shape.kind == "offsets" else "spacing_m"
+            text = f"the shape is {extent_m:.4g} m wide, and the {what} {room_m:.4g} m; lower {key}"
             yield ConfigProblem(path, text)
             return
 
@@ -219,8 +253,8 @@ def _check_room(scenario: Scenario, places: tuple[ShapePlace, ...], path: KeyPat
 def _check_messages(
     scenario: Scenario, places: tuple[ShapePlace, ...], path: KeyPath
 ) -> Iterator[ConfigProblem]:
-    """Yield the problem of a range of communication that does not reach from one end to the other."""
-    c, n = scenario.config.communication, len(places)
+    """Yield the problem of messages that do not reach from one end to the other, or not the neighbours."""
+    c = scenario.config.communication
     extent_m = max((math.dist(a[:2], b[:2]) for a, b in combinations(places, 2)), default=0.0)
     if c.max_distance_m is not None and extent_m > c.max_distance_m:
         text = (
@@ -228,14 +262,19 @@ def _check_messages(
             "lower spacing_m, or raise communication.max_distance_m"
         )
         yield ConfigProblem(path, text, depends_on=("communication", "max_distance_m"))
-    if c.range != "all" and c.range < n - 1:
-        text = (
-            f"a message reaches {c.range} vehicles, and each member has {n - 1} others; raise "
-            f"communication.range to {n - 1} or more, or write all"
-        )
-        yield ConfigProblem(path, text, depends_on=("communication", "range"))
     nearest_m = least_spacing_m(places)
     if c.min_distance_m > nearest_m:
         text = f"members {nearest_m:.3g} m apart hear nothing below communication.min_distance_m = "
         text += f"{c.min_distance_m:g} m; lower that key, or raise spacing_m"
         yield ConfigProblem(path, text, depends_on=("communication", "min_distance_m"))
+
+
+def _check_range(scenario: Scenario, n: int, path: KeyPath) -> Iterator[ConfigProblem]:
+    """Yield the problem of messages that reach fewer vehicles than a member has others."""
+    reach = scenario.config.communication.range
+    if reach != "all" and reach < n - 1:
+        text = (
+            f"a message reaches {reach} vehicles, and each member has {n - 1} others; raise "
+            f"communication.range to {n - 1} or more, or write all"
+        )
+        yield ConfigProblem(path, text, depends_on=("communication", "range"))

@@ -187,7 +187,9 @@ def _problem(error: dict[str, Any], data: Any, schema: type[BaseModel]) -> Confi
         return ConfigProblem(path, _unknown_key(tuple(error["loc"]), schema))
     text = str(error["msg"]).removeprefix("Value error, ")
     if error["type"] == "missing":
-        return ConfigProblem(path, "is missing; add it")
+        last = error["loc"][-1]
+        text = f"expected at least {last + 1} entries" if isinstance(last, int) else "is missing; add it"
+        return ConfigProblem(path, text)
     if error["type"] == "string_pattern_mismatch":
         text = NAME_RULES[error["ctx"]["pattern"]]
     if error["type"] in ("tuple_type", "list_type"):

@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import json
+import re
 from typing import Any
 
 import pytest
 from flights import AREA
 
 from swarmctl.config.checks import check_config
-from swarmctl.config.model import Config
+from swarmctl.config.model import Config, validate
+from swarmctl.config.problems import ConfigProblem
 
 GROUP = {"name": "alpha", "members": ["uav1", "uav2", "uav3"]}
 
 
 def keys_of_problems(*groups: dict[str, Any], **sections: Any) -> set[tuple[str | int, ...]]:
+    return {problem.path for problem in problems(*groups, **sections)}
+
+
+def problems(*groups: dict[str, Any], **sections: Any) -> list[ConfigProblem]:
     content: dict[str, Any] = {
         "name": "small",
         "area": AREA,
@@ -26,7 +32,7 @@ def keys_of_problems(*groups: dict[str, Any], **sections: Any) -> set[tuple[str 
     for name, change in sections.items():
         content[name] = {**content.get(name, {}), **change}
     config = Config.model_validate_json(json.dumps(content))
-    return {problem.path for problem in check_config(config)}
+    return list(check_config(config))
 
 
 def test_a_wedge_of_three_is_accepted() -> None:
@@ -67,7 +73,7 @@ def test_a_group_that_can_fly_is_accepted(group: dict[str, Any]) -> None:
             id="level, too near",
         ),
         pytest.param(
-            {"shape": {"kind": "line", "spacing_m": 10.5}, "heights": "level"},
+            {"shape": {"kind": "line", "spacing_m": 11.5}, "heights": "level"},
             {},
             ("shape",),
             id="level, no margin beside the separation",
@@ -116,13 +122,25 @@ def test_a_group_that_can_fly_is_accepted(group: dict[str, Any]) -> None:
             id="few offsets",
         ),
         pytest.param(
+            {"shape": {"kind": "offsets", "offsets_m": [[0, 0, 0], [-30, 30, 0], [-30, -30, 0]]}},
+            {},
+            ("shape", "offsets_m"),
+            id="an offset for the first member",
+        ),
+        pytest.param(
+            {"shape": {"kind": "line", "height_step_m": 4.0}},
+            {},
+            ("shape", "height_step_m"),
+            id="heights of places without an effect",
+        ),
+        pytest.param(
             {"shape": {"kind": "line", "spacing_m": 60.0}},
             {"area": {"no_fly": [[row, 4] for row in range(AREA["rows"]) if row != 4]}},
             ("shape",),
             id="a wall with a gap for one vehicle",
         ),
         pytest.param({}, {"communication": {"max_distance_m": 25.0}}, ("shape",), id="messages end too near"),
-        pytest.param({}, {"communication": {"range": 1}}, ("shape",), id="messages reach one member"),
+        pytest.param({}, {"communication": {"range": 1}}, ("members",), id="messages reach one member"),
         pytest.param(
             {}, {"communication": {"min_distance_m": 35.0}}, ("shape",), id="members are too near to hear"
         ),
@@ -180,3 +198,21 @@ def test_an_unknown_parameter_of_an_approach_is_refused(approach: str) -> None:
                 | {"formations": [GROUP | {"approach": approach, "options": {"closeness": 1.0}}]}
             )
         )
+
+
+def test_the_spacing_of_the_cure_is_accepted() -> None:
+    def problems_of(spacing_m: float) -> list[ConfigProblem]:
+        shape = {"kind": "wedge", "spacing_m": spacing_m, "opening_deg": 30.0}
+        return problems({"shape": shape, "heights": "level"})
+
+    (problem,) = problems_of(20.0)
+    needed_m = re.search(r"([0-9]+) m or more", problem.text)
+    assert needed_m is not None
+    assert problems_of(float(needed_m[1])) == []
+
+
+def test_a_group_with_a_wrong_name_is_refused() -> None:
+    group = {"name": "alpha team", "members": ("uav1", "uav2", "uav3")}
+    content = {"area": AREA, "threats": {"count": 0}, "simulate": {"count": 3}, "formations": (group,)}
+    _, found = validate(content, check_config)
+    assert [problem.path for problem in found] == [("formations", 0, "name")]
