@@ -89,18 +89,21 @@ def swarm_lines(summary: dict[str, Any]) -> list[str]:
 
 
 def _formation_line(group: dict[str, Any]) -> str:
-    """Return two lines about a group: leaders, errors of the members, and changes."""
+    """Return two lines about a group: leaders, errors, changes, and vehicles that never joined."""
     members = [m for m in group["members"].values() if m["rms_error_m"]["along"] is not None]
     if not members:
         return f"group {group['name']} ({group['approach']}): no member reached its place"
     in_place_s = [member["time_in_place_s"] for member in members]
     along_m, across_m = (max(m["rms_error_m"][axis] for m in members) for axis in ("along", "across"))
     led = ", ".join(f"{name} for {led_s:.0f} s" for name, led_s in group["led_s"].items()) or "nobody"
+    apart = [name for name, m in group["members"].items() if not m["joins"] and name not in group["led_s"]]
+    never = f"; {' and '.join(apart)} never joined" if apart else ""
     return (
         f"group {group['name']} ({group['approach']}): led by {led}; members in place for "
         f"{min(in_place_s):.0f} to {max(in_place_s):.0f} s;\n  "
         f"largest RMS error {along_m:.1f} m along, {across_m:.1f} m across; "
-        f"changes of shape {group['shape_changes']}, splits {group['splits']}"
+        f"changes of leader {group['leader_changes']}, of shape {group['shape_changes']}, "
+        f"splits {group['splits']}{never}"
     )
 
 
