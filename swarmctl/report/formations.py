@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.config.model import Config
+from swarmctl.core.geo import LatLon
 
 IN_PLACE_M = 5.0
 """Distance from its place within which a member counts as in place [m]."""
+DRAWN_EVERY_S = 20.0
+"""Time between two shapes of a group on the map [s]."""
 LONGEST_STEP_S = 2.0
 """Longest time between two telemetry messages that counts as time in a group [s]."""
 AXES = ("along", "across", "height")
@@ -59,6 +63,10 @@ class GroupStatistics:
     """time for which each member has led [s]"""
     shapes_s: defaultdict[int, float] = field(default_factory=lambda: defaultdict(float))
     """time in each shape, by its number [s]"""
+    here: dict[int, LatLon] = field(default_factory=dict)
+    """last position of each member that flies with the group"""
+    drawn_boot_s: float = -math.inf
+    """time of the last shape in `FormationStatistics.drawn`, by the leader's clock"""
 
 
 class FormationStatistics:
@@ -66,6 +74,8 @@ class FormationStatistics:
 
     def __init__(self) -> None:
         self._groups: dict[str, GroupStatistics] = {}
+        self.drawn: list[Sequence[LatLon]] = []
+        """positions of the members of a group at one time, for the map"""
 
     def moved(self, before: AgentState, after: AgentState) -> None:
         """Count a telemetry message of a vehicle."""
@@ -74,6 +84,8 @@ class FormationStatistics:
             return
         group = self._groups.setdefault(formation.name, GroupStatistics())
         member = group.members.setdefault(after.task.uav, MemberStatistics())
+        flies_with_group = after.phase is Phase.FORMATION or after.leads_group
+        self._place(group, after, flies_with_group=flies_with_group)
         if membership.leader is None or membership.n_present == 1:
             return
         step_s = after.vehicle.time_boot_s - before.vehicle.time_boot_s
@@ -86,7 +98,6 @@ class FormationStatistics:
         earlier = before.membership
         if (earlier.shape, earlier.n_present) != (membership.shape, membership.n_present):
             member.is_joined = False
-        flies_with_group = after.phase is Phase.FORMATION or after.leads_group
         if flies_with_group and earlier.leader is not None and earlier.n_present > 1:
             member.leader_changes += earlier.leader != membership.leader
             member.shape_changes += earlier.shape != membership.shape
@@ -104,6 +115,17 @@ class FormationStatistics:
             for axis, error in enumerate(error_m):
                 member.squares_m2[axis] += error * error
                 member.largest_m[axis] = max(member.largest_m[axis], abs(error))
+
+    def _place(self, group: GroupStatistics, after: AgentState, *, flies_with_group: bool) -> None:
+        """Note the position of a member, and of the whole group every DRAWN_EVERY_S."""
+        uav, here, now_s = after.task.uav, after.vehicle.lat_lon, after.vehicle.time_boot_s
+        if not flies_with_group or here is None or after.membership.n_present == 1:
+            group.here.pop(uav, None)
+            return
+        group.here[uav] = here
+        if after.leads_group and len(group.here) > 1 and abs(now_s - group.drawn_boot_s) >= DRAWN_EVERY_S:
+            group.drawn_boot_s = now_s
+            self.drawn.append(tuple(group.here.values()))
 
     def summary(self, config: Config) -> list[dict[str, Any]]:
         """Return the groups that have flown; `config`: the configuration of their flight."""

@@ -113,6 +113,7 @@ def _flown_picture(scenario: Scenario, report: FlightReport) -> MapPicture:
         known=known_to_any(scenario, report.states),
         no_fly=frozenset(scenario.config.area.no_fly),
         tracks=tracks,
+        groups=report.statistics.formations.drawn,
         title=scenario.config.name,
         subtitle=_subtitle(scenario),
     )

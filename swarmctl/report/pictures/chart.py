@@ -10,6 +10,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike
+from scipy.sparse.csgraph import minimum_spanning_tree
 
 from swarmctl.core.belief import OCCUPIED, UNKNOWN
 from swarmctl.core.grid import Grid
@@ -20,6 +21,8 @@ from swarmctl.report.pictures.style import (
     FORBIDDEN,
     FOUND,
     GRID_LINE,
+    GROUP_LINE,
+    GROUP_POINT,
     HATCH,
     INK,
     NEVER_FOUND,
@@ -108,12 +111,25 @@ def draw_tracks(axes: Axes, picture: MapPicture, points_per_m: float) -> None:
             axes.plot(*flown[-1], "s", ms=6.5, mfc=face, mec=edge, mew=0.9, zorder=8)
         strikes = local_m(grid, track.strikes)
         axes.plot(*strikes.T, "*", ms=9.0, mfc=STRIKE, mec=INK, mew=0.7, ls="none", zorder=9)
+    _draw_groups(axes, picture)
     starts = local_m(grid, [track.start for track in picture.tracks])
     for index, (start, badge) in enumerate(
         zip(starts, _spread(starts, BADGE_PT / points_per_m), strict=True)
     ):
         axes.plot(*np.stack([start, badge]).T, color=colour_of(index), lw=0.8, zorder=9.5)
         draw_badge(axes, float(badge[0]), float(badge[1]), index)
+
+
+def _draw_groups(axes: Axes, picture: MapPicture) -> None:
+    """Draw the members of each group at one time as dots, with lines between neighbours."""
+    lines: list[Points] = []
+    for members in picture.groups:
+        points = local_m(picture.grid, members)
+        between_m = np.hypot(*(points[:, None] - points[None, :]).transpose(2, 0, 1))
+        ends = np.argwhere(minimum_spanning_tree(between_m).toarray() > 0.0)
+        lines += [points[pair] for pair in ends]
+        axes.plot(*points.T, **GROUP_POINT, zorder=8.6)
+    axes.add_collection(LineCollection(lines, **GROUP_LINE, zorder=8.5))
 
 
 def _spread(points: Points, least_m: float) -> Points:

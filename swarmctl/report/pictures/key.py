@@ -17,6 +17,7 @@ from swarmctl.report.pictures.style import (
     FORBIDDEN,
     FOUND,
     GRID_LINE,
+    GROUP_POINT,
     HATCH,
     INK,
     NEVER_FOUND,
@@ -66,6 +67,8 @@ def line_rows(picture: MapPicture) -> list[KeyRow]:
             style = {"ms": 6.5, "mfc": "white", "mec": INK, "mew": 0.9}
             rows.append(_point_row("last known position", "s", style))
     rows += [_line_row(label, style) for label, style in planned_styles(picture).items()]
+    if picture.groups:
+        rows.append(_group_row("a group, every 20 s"))
     n_strikes = sum(len(track.strikes) for track in picture.tracks)
     if n_strikes:
         style = {"ms": 9.0, "mfc": STRIKE, "mec": INK, "mew": 0.7}
@@ -118,6 +121,16 @@ def _text_row(text: str) -> KeyRow:
 def _line_row(text: str, style: dict[str, Any]) -> KeyRow:
     def draw(axes: Axes, x: float, y: float) -> None:
         axes.plot([x, x + 0.3], [y, y], color=INK, **style)
+        _text(axes, x, y, text)
+
+    return draw
+
+
+def _group_row(text: str) -> KeyRow:
+    def draw(axes: Axes, x: float, y: float) -> None:
+        xs, ys = [x + 0.03, x + 0.15, x + 0.27], [y + 0.05, y - 0.05, y + 0.05]
+        axes.plot(xs, ys, color=INK, lw=1.0)
+        axes.plot(xs, ys, **GROUP_POINT)
         _text(axes, x, y, text)
 
     return draw

@@ -56,6 +56,8 @@ class MapPicture:
     subtitle: str = ""
     no_fly: frozenset[Cell] = frozenset()
     """cells that no route may enter"""
+    groups: Sequence[Sequence[LatLon]] = ()
+    """positions of the members of a group at one time, for several times"""
 
 
 def local_m(grid: Grid, points: Sequence[LatLon]) -> Points:

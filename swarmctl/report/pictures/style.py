@@ -22,6 +22,10 @@ DASHES: tuple[Dashes, ...] = ((0, (4.0, 2.0)), (0, (1.0, 1.4)), (0, (7.0, 1.6, 1
 BANDS = ((5.4, 0.30), (3.2, 0.62), (1.2, 1.0))
 """width [pt] and opacity of planned lines on a map without flown lines; coinciding lines all stay visible"""
 
+GROUP_LINE: dict[str, Any] = {"colors": INK, "linewidths": 1.0}
+GROUP_POINT: dict[str, Any] = {"marker": "o", "ls": "none", "ms": 3.4, "mfc": INK, "mec": "white", "mew": 0.5}
+"""a group at one time: lines between its members, and a dot for each"""
+
 BADGE_PT = 11.5
 """diameter of the numbered disc of a vehicle with its white rim"""
 
