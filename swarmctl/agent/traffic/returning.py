@@ -202,7 +202,7 @@ def _wait_or_start(state: AgentState, wait: Wait) -> StepResult:
     match ends:
         case Verdict.OVER:
             ended = wait.ended(now_s) if wait.purpose is WaitFor.RETURN_PATH else None
-            is_blocked = not urgent and _leaving_conflicts(state, return_flight(state))
+            is_blocked = _leaving_conflicts(state, return_flight(state))
             if is_blocked and not _leaving_conflicts(state, landing_flight(state)):
                 text = f"the return path is not clear after {wait.rule.longest_s:.0f} s of holding"
                 state, ordered = _land_here(state, wait)
