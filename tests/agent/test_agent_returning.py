@@ -15,11 +15,11 @@ from recall_stories import gathering
 from trouble import Trouble, fly_with
 
 from swarmctl.agent.failsafes import low_battery, not_following
-from swarmctl.agent.failsafes.base import ActiveRule
+from swarmctl.agent.failsafes.base import ActiveRule, Demand, DemandKind
 from swarmctl.agent.replan.landing_pattern import FixedWing
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.return_schedule import schedule_for
-from swarmctl.agent.traffic.returning import position_for_return
+from swarmctl.agent.traffic.returning import may_hold_before_leaving, position_for_return
 from swarmctl.agent.traffic.route_hold import hold
 from swarmctl.agent.traffic.wait import PASSES_WITHIN_S, RULES, SETTLES_S, WaitFor
 from swarmctl.config.flight import FlightSection
@@ -113,18 +113,25 @@ def test_a_low_battery_waits_for_a_vehicle_that_flies_through_the_path_home() ->
     assert orders(story.holds()) == [RETURN]
 
 
-def seconds_in_hold(story: ReturnStory, percent: int, comes: Callable[[], None] = lambda: None) -> float:
-    """Return the time until a vehicle in hold returns, with `comes` before each position."""
+def end_of_hold(
+    story: ReturnStory, percent: int, comes: Callable[[], None] = lambda: None
+) -> tuple[ev.FlightOrder, float]:
+    """Return the order after a hold, and its time; `comes` is called before each position."""
     began_s = story.state.vehicle.time_boot_s
     story(ev.OrderDone(HOLD))
-    while True:
+    for _ in range(int(MAX_RETURN_WAIT_S)):
         comes()
-        if orders(story.holds(percent)) == [RETURN]:
-            return story.state.vehicle.time_boot_s - began_s
+        if given := orders(story.holds(percent)):
+            return given[0], story.state.vehicle.time_boot_s - began_s
+    raise AssertionError("the hold does not end")
 
 
-@pytest.mark.parametrize("passes_s", [3, 60])
-def test_an_urgent_return_waits_for_a_passing_vehicle_but_not_for_long(passes_s: int) -> None:
+@pytest.mark.parametrize(
+    ("passes_s", "order"), [(3, RETURN), (60, LAND)], ids=["passes", "stays in the way home"]
+)
+def test_an_urgent_return_waits_for_a_passing_vehicle_but_not_for_long(
+    passes_s: int, order: ev.FlightOrder
+) -> None:
     story = ReturnStory()
     began_s = story.now
 
@@ -135,7 +142,8 @@ def test_an_urgent_return_waits_for_a_passing_vehicle_but_not_for_long(passes_s:
 
     comes()
     assert orders(story.at(19)) == [HOLD]
-    assert seconds_in_hold(story, 19, comes) == pytest.approx(min(passes_s, PASSES_WITHIN_S), abs=1.0)
+    given, after_s = end_of_hold(story, 19, comes)
+    assert (given, after_s) == (order, pytest.approx(min(passes_s, PASSES_WITHIN_S), abs=1.0))
 
 
 def test_a_vehicle_in_hold_that_hears_nobody_waits_before_its_return() -> None:
@@ -146,7 +154,8 @@ def test_a_vehicle_in_hold_that_hears_nobody_waits_before_its_return() -> None:
     for _ in range(5):
         assert orders(story.holds(60)) == []
     assert orders(story.holds(19)) == [HOLD]
-    assert seconds_in_hold(story, 19) == pytest.approx(PASSES_WITHIN_S, abs=1.0)
+    given, after_s = end_of_hold(story, 19)
+    assert (given, after_s) == (RETURN, pytest.approx(PASSES_WITHIN_S, abs=1.0))
 
 
 def test_a_return_does_not_wait_for_a_return_elsewhere() -> None:
@@ -294,6 +303,13 @@ def test_an_urgent_demand_causes_a_return_without_a_wait() -> None:
     story.goes_home(3)
     given = [order for _ in range(6) for order in orders(story.at(60))]
     assert given == [RETURN]
+
+
+@pytest.mark.parametrize(("kind", "may_hold"), [(DemandKind.WARN, True), (DemandKind.RETURN, False)])
+def test_a_returning_vehicle_gives_way_while_a_rule_only_warns(kind: DemandKind, *, may_hold: bool) -> None:
+    story = ReturnStory()
+    assert orders(story.at(23)) == [RETURN]
+    assert may_hold_before_leaving(replace(story.state, demands=(Demand(kind, "found"),))) is may_hold
 
 
 def test_an_operators_order_takes_precedence() -> None:

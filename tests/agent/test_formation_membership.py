@@ -149,6 +149,15 @@ def test_a_column_keeps_apart_from_a_leader_that_stops(like_ardupilot: bool, is_
     else:
         leader(ev.OperatorCommand(ev.FlightOrder.HOLD))
     assert least_share(swarm, leader, follower) > 1.0
+    assert [text[-12:] for _, text in follower.said].count("[new-leader]") == 1
+
+
+def test_at_the_end_of_the_route_each_member_plans_anew_and_flies_to_its_goal() -> None:
+    swarm = LightGroup(count=3).joined()
+    assert swarm.run(swarm.now + ENDS_WITHIN_S, lambda _now: None)
+    ends = [text for agent in swarm.agents for _, text in agent.said if text.endswith("[resumes-stored]")]
+    assert ends == []
+    assert [agent.state.outcome for agent in swarm.agents] == [ARRIVED] * 3
 
 
 def least_share(swarm: LightGroup, one: LightAgent, other: LightAgent) -> float:

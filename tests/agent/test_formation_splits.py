@@ -67,7 +67,9 @@ class Watch:
             vehicle = agent.vehicle
             if vehicle.mode == "setpoints" and vehicle.setpoint_age_s > STOPS_AFTER_S + LATE_S:
                 self.abandoned.add(agent.uav)
-        for a, b in combinations([agent.vehicle for agent in self.swarm.agents if agent.vehicle.armed], 2):
+        # Over the shared goal a vehicle without messages may meet another one.
+        flying = [a for a in self.swarm.agents if a.vehicle.armed and a.state.phase is not Phase.LANDING]
+        for a, b in combinations([agent.vehicle for agent in flying], 2):
             if abs(a.at[2] - b.at[2]) < limits.vertical_m - 0.5:
                 self.least_m = min(self.least_m, math.dist(a.at[:2], b.at[:2]))
 

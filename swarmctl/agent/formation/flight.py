@@ -76,7 +76,8 @@ def _fly_in_formation(state: AgentState) -> StepResult:
             why = f"for {for_s:g} s the vehicle has been more than {limit_m:g} m from its place"
             return _leave(state, f"{why}, and comes no nearer ({far_m:.0f} m now)")
         if (cell := _cell_in_the_way(state, formation)) is not None:
-            return _leave(state, f"cell {list(cell)} lies on the way to its place")
+            what = "no-fly" if cell in state.task.no_fly else "hostile"
+            return _leave(state, f"the {what} cell {list(cell)} lies on the straight way to its place")
         return state, _set_points(state, flown.demand)
     if state.leads_group and formation.approach.LEADER_FLIES_MISSION:
         return _lead_mission(*_flown(state, formation))

@@ -37,7 +37,10 @@ def receive_members(state: AgentState, event: ev.Members, _now: float) -> StepRe
 
 
 def note_group(state: AgentState) -> StepResult:
-    """Note the present members and the leader, and hide present members from the rules for other traffic."""
+    """Note the present members and the leader, and hide present members from the rules for other traffic.
+
+    A vehicle that begins to lead in place of another one reports it.
+    """
     formation, before = state.task.formation, state.membership
     if formation is None:
         return state, []
@@ -54,7 +57,13 @@ def note_group(state: AgentState) -> StepResult:
     membership = _with_route(state, formation, membership)
     if _is_at_end(state, formation, membership):
         membership = replace(membership, is_over=True, leader=None, n_present=1)
-    return with_traffic(replace(state, membership=membership)), []
+    effects: list[ev.Effect] = []
+    if membership.leader == state.task.uav != before.leader is not None:
+        text = (
+            f"the vehicle leads group {formation.name} now, in place of {state.task.name_of(before.leader)}"
+        )
+        effects = [ev.NotifyOperator(f"{text} [new-leader]")]
+    return with_traffic(replace(state, membership=membership)), effects
 
 
 def _belongs(state: AgentState) -> bool:

@@ -25,7 +25,6 @@ from typing import Any
 import msgspec
 
 from swarmctl.agent.commands import StepResult, command
-from swarmctl.agent.failsafes.base import STRENGTH, DemandKind
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.copter_trajectory import fly_along, land_from, waypoints_of
 from swarmctl.agent.state import AgentState
@@ -44,6 +43,7 @@ from swarmctl.agent.traffic.check import (
 from swarmctl.agent.traffic.own_flight import planned_flight, position_amsl, to_shared_frame
 from swarmctl.agent.traffic.prediction import hears_nobody, position_of, stopping_point
 from swarmctl.agent.traffic.priority import Activity, Standing, gives_way
+from swarmctl.agent.traffic.returning import is_urgent
 from swarmctl.agent.traffic.route_hold import follows_own_order, give_up, goes_second, hold_would_block
 from swarmctl.agent.traffic.separation.clash import Clash
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory, landing_start_s
@@ -120,12 +120,6 @@ def _land_here(state: AgentState, text: str) -> StepResult:
     plans = state.plans.on_route(state.interrupted)
     state, ordered = command(state, ev.FlightOrder.LAND, plans=plans, wait=None)
     return state, [ev.NotifyOperator(text), *ordered]
-
-
-def is_urgent(state: AgentState) -> bool:
-    """Return whether an urgent failsafe demands a return, a landing or a release."""
-    demands = (demand for demand in state.demands if demand is not None and demand.urgent)
-    return any(STRENGTH[demand.kind] >= STRENGTH[DemandKind.RETURN] for demand in demands)
 
 
 def _may_wait(state: AgentState) -> bool:

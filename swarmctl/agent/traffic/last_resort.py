@@ -28,7 +28,7 @@ from swarmctl.agent.traffic.check import (
     near_flights,
     share_of,
 )
-from swarmctl.agent.traffic.landing_queue import hold_before_landing, is_urgent
+from swarmctl.agent.traffic.landing_queue import hold_before_landing
 from swarmctl.agent.traffic.own_flight import planned_flight, position_amsl, reach
 from swarmctl.agent.traffic.prediction import (
     HEARD_S,
@@ -39,7 +39,11 @@ from swarmctl.agent.traffic.prediction import (
     predict,
 )
 from swarmctl.agent.traffic.priority import Activity, Standing, activity_of, gives_way
-from swarmctl.agent.traffic.returning import hold_before_leaving, may_hold_before_leaving
+from swarmctl.agent.traffic.returning import (
+    hold_before_leaving,
+    is_urgent,
+    may_hold_before_leaving,
+)
 from swarmctl.agent.traffic.route_hold import follows_own_order, hold, may_give_way
 from swarmctl.agent.traffic.separation.approach import Limits
 from swarmctl.agent.traffic.separation.trajectory import (

@@ -23,7 +23,7 @@ import msgspec
 
 from swarmctl.agent.commands import StepResult, command
 from swarmctl.agent.failsafes import lost_link
-from swarmctl.agent.failsafes.base import DemandKind
+from swarmctl.agent.failsafes.base import STRENGTH, DemandKind
 from swarmctl.agent.formation.near_members import with_members_shown
 from swarmctl.agent.phases import IN_FLIGHT, Phase
 from swarmctl.agent.state import AgentState, Task
@@ -122,7 +122,7 @@ def _is_its_turn(state: AgentState) -> bool:
 
 def may_hold_before_leaving(state: AgentState) -> bool:
     """Return whether a return or landing may hold for others: it is not urgent, and has time left to wait."""
-    if state.launch.is_aborted or any(d is not None and d.urgent for d in state.demands):
+    if state.launch.is_aborted or is_urgent(state):
         return False
     wait = state.wait
     return (
@@ -351,6 +351,12 @@ def follows_order(state: AgentState, order: ev.FlightOrder) -> bool:
         and state.order.is_followed
         and not state.is_waiting  # a hold to wait is temporary
     )
+
+
+def is_urgent(state: AgentState) -> bool:
+    """Return whether an urgent failsafe demands a return, a landing or a release."""
+    demands = (demand for demand in state.demands if demand is not None and demand.urgent)
+    return any(STRENGTH[demand.kind] >= STRENGTH[DemandKind.RETURN] for demand in demands)
 
 
 def urgent_return_reason(state: AgentState) -> str:

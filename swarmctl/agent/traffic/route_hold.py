@@ -151,10 +151,12 @@ def hold(
 ) -> StepResult:
     """Order a hold to give way; a second hold on the way to one clear route keeps the first deadline.
 
-    The vehicle has no route while it holds. A member of a group leaves its place.
+    The vehicle has no route while it holds. A member of a group leaves its place, and may go on by its stored
+    mission. At the end of the group's route it plans anew, because that mission leads elsewhere.
     """
     in_group, now_s = state.phase is Phase.FORMATION, state.vehicle.time_boot_s
-    wait = begin(WaitFor.ROUTE, now_s, plan=plan, to=to, by_stored=in_group, before=state.wait)
+    by_stored = in_group and not state.membership.is_over
+    wait = begin(WaitFor.ROUTE, now_s, plan=plan, to=to, by_stored=by_stored, before=state.wait)
     changes = {
         "phase": Phase.FLYING,
         "wait": wait,
