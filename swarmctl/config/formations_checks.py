@@ -74,20 +74,20 @@ def check_groups(scenario: Scenario) -> Iterator[ConfigProblem]:
         here: KeyPath = ("formations", i)
         yield from _check_members(section, members, here)
         yield from _check_range(scenario, len(members), (*here, "members"))
-        of = {"shape": section.shape, "narrow_shape": section.narrow_shape}
-        of_group = {key: shape for key, shape in of.items() if shape is not None}
-        if wrong := list(_check_offsets(section, len(members), of_group, here)):
+        shapes = {"shape": section.shape}
+        if section.narrow_shape is not None:
+            shapes["narrow_shape"] = section.narrow_shape
+        if wrong := list(_check_offsets(section, len(members), shapes, here)):
             yield from wrong
             continue
-        shapes = {key: shape.places(len(members)) for key, shape in of_group.items()}
-        for key, places in shapes.items():
-            shape = of_group[key]
+        for key, shape in shapes.items():
+            places = shape.places(len(members))
             yield from _check_distances(scenario, section, members, shape, (*here, key))
             yield from _check_room(scenario, shape, places, (*here, key))
             yield from _check_messages(scenario, places, (*here, key))
             if section.heights == "level":
                 yield from _check_heights(scenario, members, places, (*here, key))
-        yield from _check_change(scenario, section, members, shapes, here)
+        yield from _check_change(scenario, section, members, here)
         if section.split_factor is not None:
             yield from _check_split(scenario, section, members, here)
 
@@ -184,15 +184,15 @@ def _check_change(
     scenario: Scenario,
     section: FormationSection,
     members: list[Spec],
-    shapes: Mapping[str, tuple[ShapePlace, ...]],
     here: KeyPath,
 ) -> Iterator[ConfigProblem]:
     """Yield the problem of two members that come too near while the group changes its shape."""
-    if "narrow_shape" not in shapes:
+    if section.narrow_shape is None:
         return
     limits = scenario.config.separation
     least_m, least_up_m = limits.horizontal_m + MARGIN_M, limits.vertical_m + MARGIN_UP_M
-    ways = zip(members, shapes["shape"], shapes["narrow_shape"], strict=True)
+    n = len(members)
+    ways = zip(members, section.shape.places(n), section.narrow_shape.places(n), strict=True)
     for (one, a, a_to), (other, b, b_to) in combinations(ways, 2):
         apart_m = least_spacing_between_m((a, b), (a_to, b_to))
         up_m = min(_up_m(section, one, a, other, b), _up_m(section, one, a_to, other, b_to))

@@ -12,11 +12,10 @@ from swarmctl.agent.phases import Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.config.model import Config
 from swarmctl.core.geo import LatLon
+from swarmctl.report.pictures.scene import GROUP_EVERY_S
 
 IN_PLACE_M = 5.0
 """Distance from its place within which a member counts as in place [m]."""
-DRAWN_EVERY_S = 20.0
-"""Time between two shapes of a group on the map [s]."""
 LONGEST_STEP_S = 2.0
 """Longest time between two telemetry messages that counts as time in a group [s]."""
 AXES = ("along", "across", "height")
@@ -117,13 +116,13 @@ class FormationStatistics:
                 member.largest_m[axis] = max(member.largest_m[axis], abs(error))
 
     def _place(self, group: GroupStatistics, after: AgentState, *, flies_with_group: bool) -> None:
-        """Note the position of a member, and of the whole group every DRAWN_EVERY_S."""
+        """Note the position of a member, and of the whole group every GROUP_EVERY_S."""
         uav, here, now_s = after.task.uav, after.vehicle.lat_lon, after.vehicle.time_boot_s
         if not flies_with_group or here is None or after.membership.n_present == 1:
             group.here.pop(uav, None)
             return
         group.here[uav] = here
-        if after.leads_group and len(group.here) > 1 and abs(now_s - group.drawn_boot_s) >= DRAWN_EVERY_S:
+        if after.leads_group and len(group.here) > 1 and abs(now_s - group.drawn_boot_s) >= GROUP_EVERY_S:
             group.drawn_boot_s = now_s
             self.drawn.append(tuple(group.here.values()))
 

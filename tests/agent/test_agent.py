@@ -453,6 +453,13 @@ def test_a_vehicle_over_its_goal_gets_no_new_route() -> None:
     assert story.tick() == []
 
 
+def test_a_landing_short_of_the_goal_is_a_failure_with_its_cell() -> None:
+    story = Story().flying()
+    story.over((4, 3), armed=False, landed=Landed.ON_GROUND)
+    assert story.state.phase is Phase.FAILED
+    assert "(4, 3)" in story.state.outcome
+
+
 def test_a_holding_vehicle_over_its_goal_is_ordered_to_land() -> None:
     story = Story().flying()
     story.hear((4, 4, True))

@@ -58,10 +58,9 @@ def note_group(state: AgentState) -> StepResult:
     if _is_at_end(state, formation, membership):
         membership = replace(membership, is_over=True, leader=None, n_present=1)
     effects: list[ev.Effect] = []
-    if membership.leader == state.task.uav != before.leader is not None:
-        text = (
-            f"the vehicle leads group {formation.name} now, in place of {state.task.name_of(before.leader)}"
-        )
+    led = before.leader
+    if led is not None and led != state.task.uav and membership.leader == state.task.uav:
+        text = f"the vehicle leads group {formation.name} now, in place of {state.task.name_of(led)}"
         effects = [ev.NotifyOperator(f"{text} [new-leader]")]
     return with_traffic(replace(state, membership=membership)), effects
 

@@ -46,7 +46,7 @@ def raise_alarms(state: AgentState) -> StepResult:
     if not (state.neighbours or state.alarms):
         return state, []
     if state.phase not in IN_FLIGHT:
-        return replace(state, alarms=()), []
+        return (replace(state, alarms=()) if state.alarms else state), []
     rules, now_s = state.task.separation, state.vehicle.time_boot_s
     if not state.alarms and _is_alone(state):
         return state, []

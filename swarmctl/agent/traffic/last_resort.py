@@ -39,11 +39,7 @@ from swarmctl.agent.traffic.prediction import (
     predict,
 )
 from swarmctl.agent.traffic.priority import Activity, Standing, activity_of, gives_way
-from swarmctl.agent.traffic.returning import (
-    hold_before_leaving,
-    is_urgent,
-    may_hold_before_leaving,
-)
+from swarmctl.agent.traffic.returning import hold_before_leaving, is_urgent, may_hold_before_leaving
 from swarmctl.agent.traffic.route_hold import follows_own_order, hold, may_give_way
 from swarmctl.agent.traffic.separation.approach import Limits
 from swarmctl.agent.traffic.separation.trajectory import (

@@ -329,5 +329,5 @@ def _climbs_vertically(state: AgentState, here: LocalPoint, plan: FlightPlan) ->
     home, route = state.vehicle.home_lat_lon, state.plans.route
     if home is None or route is None or route.plan.begins is not None:
         return False
-    home = state.task.grid.frame.to_local(*home)
-    return math.dist(here[:2], home) < VERTICAL_WITHIN_M and here[2] < plan.height_m - AIRBORNE_M
+    place = state.task.grid.frame.to_local(*home)
+    return math.dist(here[:2], place) < VERTICAL_WITHIN_M and here[2] < plan.height_m - AIRBORNE_M

@@ -9,7 +9,8 @@ Vehicles broadcast their returns, and their holds before a return.
 | two vehicles started at the same time | within 5 s the vehicle with the higher system id holds again |
 | another vehicle soon flies through the path home | the vehicle holds, if its hold is in nobody's way |
 | urgent return (very low battery) | is first; holds for 10 s at most while others fly on its path |
-| a vehicle has waited for 120 s | returns in any case; lower system ids up to 60 s earlier, in 10 s steps |
+| a vehicle has waited for 120 s | returns, or lands if only the ground is clear |
+| several vehicles wait so long | lower system ids start up to 60 s earlier, in 10 s steps |
 """
 
 from __future__ import annotations
@@ -177,9 +178,8 @@ def update_return(state: AgentState) -> StepResult:
 
 
 def _land_if_clear(state: AgentState, wait: Wait) -> StepResult:
-    now_s = state.vehicle.time_boot_s
-
-    ends, wait = verdict(wait, now_s, partial(is_way_clear, state, ev.FlightOrder.LAND))
+    clear = partial(is_way_clear, state, ev.FlightOrder.LAND)
+    ends, wait = verdict(wait, state.vehicle.time_boot_s, clear)
     if ends in (Verdict.WAIT, Verdict.BLOCKED):
         return replace(state, wait=wait), []
     state, ordered = _land_here(state, wait)
@@ -204,7 +204,7 @@ def _wait_or_start(state: AgentState, wait: Wait) -> StepResult:
             ended = wait.ended(now_s) if wait.purpose is WaitFor.RETURN_PATH else None
             is_blocked = _leaving_conflicts(state, return_flight(state))
             if is_blocked and not _leaving_conflicts(state, landing_flight(state)):
-                text = f"the return path is not clear after {wait.rule.longest_s:.0f} s of holding"
+                text = "the return path is not clear at the end of the wait"
                 state, ordered = _land_here(state, wait)
                 return state, [
                     ev.NotifyOperator(f"{text}; the vehicle lands where it is [return-blocked]"),

@@ -249,10 +249,9 @@ def _fly_stored(state: AgentState, stored: ev.SwapMission) -> StepResult:
 def _is_way_clear(state: AgentState, wait: Wait) -> bool:
     """Return whether the way by the stored mission is clear, or by the rest of the interrupted one."""
     assert wait.plan is not None
-    stored = _stored(state, wait)
-    return _is_clear(
-        state, _levelled(state, _rest_of(state, wait.plan.plan)) if stored is None else stored.plan
-    )
+    if (stored := _stored(state, wait)) is not None:
+        return _is_clear(state, stored.plan)
+    return _is_clear(state, _levelled(state, _rest_of(state, wait.plan.plan)))
 
 
 def _levelled(state: AgentState, plan: FlightPlan) -> FlightPlan:

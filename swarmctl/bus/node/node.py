@@ -247,7 +247,7 @@ class Node:
         sender = decoded.frame.sender
         match decoded.frame.content:
             case Observation() as seen:
-                record = peer.record or self._record_of(peer, decoded)
+                record = self._record_of(peer, decoded)
                 if self._store(output, record, seen, decoded) and self._options.relay:
                     self._relay(output, [decoded.data], sender, now)
                 if record.upto < seen.seq:
@@ -272,15 +272,16 @@ class Node:
 
     def _record_of(self, peer: PeerRecord, decoded: DecodedFrame) -> SourceRecord:
         """Return the observations of a peer's current incarnation. Raises MessageRefused."""
-        record = peer.record = self._replica.of(decoded.source)
-        return record
+        if peer.record is None:
+            peer.record = self._replica.of(decoded.source)
+        return peer.record
 
     def _handle_state(
         self, peer: PeerRecord, decoded: DecodedFrame, state: StateShared, now: Instant
     ) -> None:
         """Store a peer's state; schedule a request if observations of the peer are missing here."""
         peer.update(decoded, now.run_s)
-        record = peer.record or self._record_of(peer, decoded)
+        record = self._record_of(peer, decoded)
         peer.direct_state_s = now.run_s
         if record.upto < state.last_seq:
             peer.agreed_s = -math.inf

@@ -191,10 +191,9 @@ class PeerRecord(msgspec.Struct, gc=False):
 
     def take_state(self) -> StateShared:
         """Return the new state, which is then no longer new."""
-        state = self.state
-        assert state is not None
+        assert self.state is not None
         self.has_new_state = False
-        return state
+        return self.state
 
     def take_intent(self) -> IntentShared:
         """Return the new intent, which is then no longer new."""

@@ -12,7 +12,7 @@ from matplotlib.patches import Rectangle
 
 from swarmctl.core.belief import OCCUPIED, UNKNOWN
 from swarmctl.report.foxglove import colour_of
-from swarmctl.report.pictures.scene import MapPicture, VehicleTrack, shading
+from swarmctl.report.pictures.scene import GROUP_EVERY_S, MapPicture, VehicleTrack, shading
 from swarmctl.report.pictures.style import (
     FORBIDDEN,
     FOUND,
@@ -68,7 +68,7 @@ def line_rows(picture: MapPicture) -> list[KeyRow]:
             rows.append(_point_row("last known position", "s", style))
     rows += [_line_row(label, style) for label, style in planned_styles(picture).items()]
     if picture.groups:
-        rows.append(_group_row("a group, every 20 s"))
+        rows.append(_group_row(f"a group, every {GROUP_EVERY_S:g} s"))
     n_strikes = sum(len(track.strikes) for track in picture.tracks)
     if n_strikes:
         style = {"ms": 9.0, "mfc": STRIKE, "mec": INK, "mew": 0.7}

@@ -17,6 +17,10 @@ Points = NDArray[np.float64]
 """(n, 2) metres east and north of the area's south-west corner"""
 
 
+GROUP_EVERY_S = 20.0
+"""Time between two positions of a group on a map [s]."""
+
+
 @dataclass(frozen=True, slots=True)
 class PlannedTrack:
     """One planned line of a vehicle; lines with equal labels, e.g. "w = 0.5", share a style."""
@@ -57,7 +61,7 @@ class MapPicture:
     no_fly: frozenset[Cell] = frozenset()
     """cells that no route may enter"""
     groups: Sequence[Sequence[LatLon]] = ()
-    """positions of the members of a group at one time, for several times"""
+    """positions of the members of a group at one time, every GROUP_EVERY_S"""
 
 
 def local_m(grid: Grid, points: Sequence[LatLon]) -> Points:
