@@ -1,57 +1,33 @@
-"""The registry of faults."""
+"""The registry of faults: `link` and `sik_radio` have the faults of the link, `vehicle` has the others."""
 
-from sim_vehicle.faults import (
-    absent_ack,
-    bandwidth,
-    battery_sag,
-    burst_loss,
-    clock_drift,
-    corruption,
-    delay,
-    duplication,
-    gps_glitch,
-    gps_loss,
-    link_outage,
-    mission_refused,
-    motor_loss,
-    one_way,
-    packet_loss,
-    rc_loss,
-    reboot,
-    reordering,
-    sensor_unhealthy,
-    sik_radio,
-    slow_ack,
-    stuck_mode,
-)
+from sim_vehicle.faults import link, vehicle
 from sim_vehicle.faults.base import Fault
+from sim_vehicle.faults.sik_radio import SikRadio
 
-FAULTS: dict[str, Fault] = {
+FAULTS: dict[str, type[Fault]] = {
     fault.name: fault
     for fault in (
-        # the link
-        packet_loss.FAULT,
-        burst_loss.FAULT,
-        delay.FAULT,
-        duplication.FAULT,
-        reordering.FAULT,
-        corruption.FAULT,
-        bandwidth.FAULT,
-        sik_radio.FAULT,
-        link_outage.FAULT,
-        one_way.FAULT,
-        # the vehicle
-        gps_loss.FAULT,
-        gps_glitch.FAULT,
-        battery_sag.FAULT,
-        motor_loss.FAULT,
-        rc_loss.FAULT,
-        mission_refused.FAULT,
-        slow_ack.FAULT,
-        absent_ack.FAULT,
-        reboot.FAULT,
-        stuck_mode.FAULT,
-        sensor_unhealthy.FAULT,
-        clock_drift.FAULT,
+        link.PacketLoss,
+        link.BurstLoss,
+        link.Delay,
+        link.Duplication,
+        link.Reordering,
+        link.Corruption,
+        link.Bandwidth,
+        SikRadio,
+        link.LinkOutage,
+        link.OneWay,
+        vehicle.GpsLoss,
+        vehicle.GpsGlitch,
+        vehicle.BatterySag,
+        vehicle.MotorLoss,
+        vehicle.RcLoss,
+        vehicle.MissionRefused,
+        vehicle.SlowAck,
+        vehicle.AbsentAck,
+        vehicle.Reboot,
+        vehicle.StuckMode,
+        vehicle.SensorUnhealthy,
+        vehicle.ClockDrift,
     )
 }

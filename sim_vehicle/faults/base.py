@@ -1,8 +1,8 @@
-"""The interface of a fault: parameters, begin function and end function."""
+"""The base classes of faults. The fields of a fault are its parameters."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
@@ -14,12 +14,6 @@ EndFault = Callable[[float], None]  # called with the end time [s]
 LinkDirections = Literal["both", "to_vehicle", "from_vehicle"]
 Share = Annotated[float, Field(ge=0, le=1)]
 DIRECTION: Any = Field(default="both", description="affected direction")
-
-
-class FaultParams(BaseModel):
-    """Parameters of one fault; a name can end in the unit, such as `_s` for seconds."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,15 +42,54 @@ class FaultTarget:
     generator: Callable[[], np.random.Generator]
     every_tick: Callable[[Callable[[float], None]], Callable[[], None]]
 
-    def disturb(
-        self, affected: LinkDirections, make_stage: Callable[[np.random.Generator], Stage]
-    ) -> EndFault:
-        """Add a stage to each affected direction; return a function that removes the stages."""
-        channel = self.vehicle.channel()
+
+class Fault(BaseModel):
+    """One kind of fault; the name of a parameter can end in the unit, such as `_s` for seconds."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    name: ClassVar[str]
+    summary: ClassVar[str]  # one line
+
+    def begin(self, target: FaultTarget, now: float) -> EndFault:
+        """Begin the fault at `now` [s]; return the function that ends the fault."""
+        raise NotImplementedError
+
+
+class VehicleFault(Fault):
+    """A fault with a constant effect on the vehicle."""
+
+    def effect(self) -> FaultEffect:
+        raise NotImplementedError
+
+    def begin(self, target: FaultTarget, now: float) -> EndFault:
+        return target.vehicle.injected_faults.begin(self.effect(), now)
+
+
+class LinkFault(Fault):
+    """A fault of the link."""
+
+    @property
+    def affected(self) -> LinkDirections:
+        """Return the field `direction`; a fault without this field affects both directions."""
+        affected: LinkDirections = getattr(self, "direction", "both")
+        return affected
+
+    @property
+    def in_order(self) -> bool:
+        """Return True if the stage keeps the order of the frames."""
+        return True
+
+    def stage(self, rng: np.random.Generator) -> Stage:
+        """Return the stage of one direction."""
+        raise NotImplementedError
+
+    def begin(self, target: FaultTarget, now: float) -> EndFault:
+        channel = target.vehicle.channel()
         removals = [
-            channel.add(direction, make_stage(self.generator()))
+            channel.add(direction, self.stage(target.generator()), in_order=self.in_order)
             for direction in Direction
-            if affected in ("both", direction.value)
+            if self.affected in ("both", direction.value)
         ]
 
         def end(_now: float) -> None:
@@ -64,18 +97,3 @@ class FaultTarget:
                 remove()
 
         return end
-
-    def apply(self, effect: FaultEffect, now: float) -> EndFault:
-        """Apply an effect to the vehicle from `now` [s]; return the function that ends the effect."""
-        return self.vehicle.injected_faults.begin(effect, now)
-
-
-BeginFault = Callable[[FaultTarget, Any, float], EndFault]  # target, parameters, time [s] -> end function
-
-
-@dataclass(frozen=True, slots=True)
-class Fault:
-    name: str
-    summary: str  # one line
-    params: type[FaultParams]
-    begin: BeginFault

@@ -11,7 +11,6 @@ from functools import partial
 import numpy as np
 
 from sim_vehicle.epoch import EPSILON_S
-from sim_vehicle.faults import FAULTS
 from sim_vehicle.faults.base import EndFault, FaultTarget, VehicleAccess
 from sim_vehicle.faults.spec import FaultError, FaultSpec
 from sim_vehicle.ranges import ranges
@@ -127,10 +126,9 @@ class Schedule:
         if fault.ended:
             return
         self._begun = [begun for begun in self._begun if not begun.ended] + [fault]
-        kind = FAULTS[fault.spec.fault]
         index = fault.vehicle_index
         target = FaultTarget(self._access(index), partial(self._generator, index), self._every_tick)
-        fault.stop = kind.begin(target, fault.spec.parameters(), now)
+        fault.stop = fault.spec.parameters().begin(target, now)
 
     def _generator(self, index: int) -> np.random.Generator:
         count = self._generators_made[index]

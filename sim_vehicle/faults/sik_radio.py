@@ -11,42 +11,13 @@ import numpy as np
 from pydantic import Field, model_validator
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.faults.base import EndFault, Fault, FaultParams, FaultTarget, Share
-from sim_vehicle.faults.burst_loss import BurstLoss
-from sim_vehicle.faults.burst_loss import Params as BurstParams
-from sim_vehicle.faults.corruption import Corruption
+from sim_vehicle.faults.base import EndFault, Fault, FaultTarget, Share
+from sim_vehicle.faults.link import BurstLoss, Corruption
 from sim_vehicle.wire.channel import Channel, Direction, TimedFrames
 
 RADIO_SYSTEM, RADIO_COMPONENT = ord("3"), ord("D")
 PACKET_OVERHEAD_BYTES = 16  # preamble, synchronisation, header, trailer and checksum in the air
 SIGNAL_SPREAD = 4.0  # standard deviation of the reported signal strength and noise, raw
-
-
-class Params(FaultParams):
-    air_rate_bit_s: Annotated[float, Field(ge=2000, le=250_000)] = Field(
-        default=57_600.0, description="bits a second in the air, both directions together"
-    )
-    rate: Share = Field(default=0.12, description="share of the frames lost")
-    burst_frames: Annotated[float, Field(ge=1)] = Field(
-        default=4.0, description="mean length of a burst of losses, in frames"
-    )
-    spoilt: Share = Field(default=0.005, description="share of the frames with flipped bits")
-    turn_s: Annotated[float, Field(ge=0, le=1)] = Field(
-        default=0.06, description="longest wait for a turn to transmit"
-    )
-    buffer_bytes: Annotated[int, Field(ge=300)] = Field(
-        default=2048, description="buffer of a radio; a frame that does not fit is lost"
-    )
-    rssi: Annotated[int, Field(ge=0, le=254)] = Field(default=75, description="reported signal strength, raw")
-    noise: Annotated[int, Field(ge=0, le=254)] = Field(default=50, description="reported noise, raw")
-
-    @model_validator(mode="after")
-    def _check_bursts(self) -> Self:
-        self.bursts()
-        return self
-
-    def bursts(self) -> BurstParams:
-        return BurstParams(rate=self.rate, burst_frames=self.burst_frames)
 
 
 class _Air:
@@ -60,15 +31,13 @@ class _Air:
 class Radio:
     """The radio that transmits the frames of one direction."""
 
-    in_order = True
-
     def __init__(
-        self, params: Params, air: _Air, channel: Channel, direction: Direction, rng: np.random.Generator
+        self, params: "SikRadio", air: _Air, channel: Channel, direction: Direction, rng: np.random.Generator
     ):
         self._params, self._air, self._channel = params, air, channel
         self._direction, self._rng = direction, rng
-        self._loss = BurstLoss(params.bursts(), rng)
-        self._corruption = Corruption(params.spoilt, 3, rng)
+        self._loss = params.bursts().stage(rng)
+        self._corruption = Corruption(rate=params.spoilt).stage(rng)
         self._waiting: deque[tuple[float, int]] = deque()  # end of the transmission [s], length [bytes]
         self._waiting_bytes = 0
         self._codec = mavlink.MAVLink(None, srcSystem=RADIO_SYSTEM, srcComponent=RADIO_COMPONENT)
@@ -131,24 +100,45 @@ def is_heartbeat(frame: bytes) -> bool:
     return frame[:1] == b"\xfe" and frame[5:6] == b"\0"
 
 
-def begin(target: FaultTarget, params: Params, _now: float) -> EndFault:
-    channel, air = target.vehicle.channel(), _Air()
-    ground = Radio(params, air, channel, Direction.TO_VEHICLE, target.generator())
-    vehicle = Radio(params, air, channel, Direction.FROM_VEHICLE, target.generator())
-    ground.other, vehicle.other = vehicle, ground
-    remove_ground = channel.add(Direction.TO_VEHICLE, ground)
-    remove_vehicle = channel.add(Direction.FROM_VEHICLE, vehicle)
+class SikRadio(Fault):
+    name = "sik_radio"
+    summary = "a bad SiK radio: slow, shared by both directions, bursts of loss, RADIO_STATUS"
 
-    def end(_end_s: float) -> None:
-        remove_ground()
-        remove_vehicle()
+    air_rate_bit_s: Annotated[float, Field(ge=2000, le=250_000)] = Field(
+        default=57_600.0, description="bits a second in the air, both directions together"
+    )
+    rate: Share = Field(default=0.12, description="share of the frames lost")
+    burst_frames: Annotated[float, Field(ge=1)] = Field(
+        default=4.0, description="mean length of a burst of losses, in frames"
+    )
+    spoilt: Share = Field(default=0.005, description="share of the frames with flipped bits")
+    turn_s: Annotated[float, Field(ge=0, le=1)] = Field(
+        default=0.06, description="longest wait for a turn to transmit"
+    )
+    buffer_bytes: Annotated[int, Field(ge=300)] = Field(
+        default=2048, description="buffer of a radio; a frame that does not fit is lost"
+    )
+    rssi: Annotated[int, Field(ge=0, le=254)] = Field(default=75, description="reported signal strength, raw")
+    noise: Annotated[int, Field(ge=0, le=254)] = Field(default=50, description="reported noise, raw")
 
-    return end
+    @model_validator(mode="after")
+    def _check_bursts(self) -> Self:
+        self.bursts()
+        return self
 
+    def bursts(self) -> BurstLoss:
+        return BurstLoss(rate=self.rate, burst_frames=self.burst_frames)
 
-FAULT = Fault(
-    "sik_radio",
-    "a bad SiK radio: slow, shared by both directions, bursts of loss, RADIO_STATUS",
-    Params,
-    begin,
-)
+    def begin(self, target: FaultTarget, now: float) -> EndFault:
+        channel, air = target.vehicle.channel(), _Air()
+        ground = Radio(self, air, channel, Direction.TO_VEHICLE, target.generator())
+        vehicle = Radio(self, air, channel, Direction.FROM_VEHICLE, target.generator())
+        ground.other, vehicle.other = vehicle, ground
+        remove_ground = channel.add(Direction.TO_VEHICLE, ground)
+        remove_vehicle = channel.add(Direction.FROM_VEHICLE, vehicle)
+
+        def end(_end_s: float) -> None:
+            remove_ground()
+            remove_vehicle()
+
+        return end

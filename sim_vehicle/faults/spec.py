@@ -2,14 +2,12 @@
 
 import difflib
 from dataclasses import dataclass
-from enum import Enum
-from typing import Annotated, Any, Literal, Self, Union, get_args, get_origin
+from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
-from pydantic.fields import FieldInfo
 
 from sim_vehicle.faults import FAULTS
-from sim_vehicle.faults.base import FaultParams
+from sim_vehicle.faults.base import Fault
 
 SystemId = Annotated[int, Field(ge=1, le=255)]
 COMMON_KEYS = {  # keys that every fault accepts
@@ -49,9 +47,13 @@ class FaultSpec(BaseModel):
         self.parameters()
         return self
 
-    def parameters(self) -> FaultParams:
-        """Return the checked parameters, including defaults."""
-        return _parameters(self.fault, self.params)
+    def parameters(self) -> Fault:
+        """Return the fault with its checked parameters, including defaults."""
+        _check_name(self.fault)
+        try:
+            return FAULTS[self.fault].model_validate(self.params)
+        except ValidationError as error:
+            raise FaultError(_first_finding(self.fault, error)) from error
 
     def __str__(self) -> str:
         """Return the text that `parse_fault` reads."""
@@ -82,12 +84,14 @@ def parse_fault(text: str) -> FaultSpec:
         given[key] = value
     common = {key: given.pop(key, None) for key in COMMON_KEYS}
     try:
-        return FaultSpec(
-            fault=name,
-            params=given,
-            vehicles=None if common["sysid"] is None else _sysids(name, common["sysid"]),
-            at_s=_seconds(name, "at", common["at"] or "0"),
-            for_s=None if common["for"] is None else _seconds(name, "for", common["for"]),
+        return FaultSpec.model_validate(
+            {
+                "fault": name,
+                "params": given,
+                "vehicles": None if common["sysid"] is None else _sysids(name, common["sysid"]),
+                "at_s": common["at"] or 0.0,
+                "for_s": common["for"],
+            }
         )
     except ValidationError as error:
         raise FaultError(_first_finding(name, error)) from error
@@ -110,25 +114,10 @@ def help_text() -> str:
     lines += [f"    {key:<14} {meaning}" for key, meaning in COMMON_KEYS.items()]
     for fault in FAULTS.values():
         lines.append(f"{fault.name}: {fault.summary}")
-        for p in parameter_help(fault.params):
+        for p in parameter_help(fault):
             unit = f" [{p.unit}]" if p.unit else ""
             lines.append(f"    {p.name:<14} {p.description}{unit}; {p.allowed}, default {p.default}")
     return "\n".join(lines)
-
-
-def _parameters(name: str, params: dict[str, Any]) -> FaultParams:
-    _check_name(name)
-    model = FAULTS[name].params
-    unknown = [key for key in params if key not in model.model_fields]
-    if unknown:
-        near = _suggestion(unknown[0], [*model.model_fields, *COMMON_KEYS])
-        raise FaultError(
-            f"fault {name}: unknown key {unknown[0]!r}{near}; allowed: {_allowed(name)} [fault-key]"
-        )
-    try:
-        return model.model_validate(params)
-    except ValidationError as error:
-        raise FaultError(_first_finding(name, error)) from error
 
 
 def _check_name(name: str) -> None:
@@ -145,7 +134,9 @@ def _suggestion(word: str, words: list[str]) -> str:
 
 
 def _first_finding(name: str, error: ValidationError) -> str:
-    finding = error.errors(include_url=False)[0]
+    """Return the text of an unknown key, or else of the first finding."""
+    findings = error.errors(include_url=False)
+    finding = next((f for f in findings if f["type"] == "extra_forbidden"), findings[0])
     text = finding["msg"].removeprefix("Value error, ")
     if text.startswith("fault "):
         return text
@@ -153,25 +144,19 @@ def _first_finding(name: str, error: ValidationError) -> str:
         return f"fault {name}: {text} [fault-value]"
     names = {"at_s": "at", "for_s": "for", "vehicles": "sysid"}
     key = names.get(str(finding["loc"][0]), str(finding["loc"][0]))
+    if finding["type"] == "extra_forbidden":
+        near = _suggestion(key, [*FAULTS[name].model_fields, *COMMON_KEYS])
+        return f"fault {name}: unknown key {key!r}{near}; allowed: {_allowed(name)} [fault-key]"
     expected = COMMON_RANGES.get(key) or next(
-        (p.allowed for p in parameter_help(FAULTS[name].params) if p.name == key), ""
+        (p.allowed for p in parameter_help(FAULTS[name]) if p.name == key), ""
     )
     value = _value_text(finding["input"])
     return f"fault {name}: {key}={value}: expected {expected}; allowed: {_allowed(name)} [fault-value]"
 
 
 def _allowed(name: str) -> str:
-    params = [f"{p.name} ({p.allowed}, default {p.default})" for p in parameter_help(FAULTS[name].params)]
+    params = [f"{p.name} ({p.allowed}, default {p.default})" for p in parameter_help(FAULTS[name])]
     return ", ".join([*params, *COMMON_KEYS])
-
-
-def _seconds(name: str, key: str, text: str) -> float:
-    try:
-        return float(text)
-    except ValueError as error:
-        raise FaultError(
-            f"fault {name}: {key}={text}: expected a time in seconds, for example {key}=30 [fault-value]"
-        ) from error
 
 
 def _sysids(name: str, text: str) -> list[int]:
@@ -192,44 +177,29 @@ def _sysids(name: str, text: str) -> list[int]:
     return sysids
 
 
-def parameter_help(model: type[FaultParams]) -> list[ParameterHelp]:
+def parameter_help(fault: type[Fault]) -> list[ParameterHelp]:
     """Return the help of a fault's parameters."""
     return [
         ParameterHelp(
             name=name,
             unit=next((unit for suffix, unit in UNITS.items() if name.endswith(suffix)), ""),
-            default="none" if field.default is None else _value_text(field.default),
-            allowed=_allowed_values(field),
-            description=field.description or "",
+            default="none" if schema["default"] is None else _value_text(schema["default"]),
+            allowed=_allowed_values(schema.get("anyOf", [schema])[0]),
+            description=schema["description"],
         )
-        for name, field in model.model_fields.items()
+        for name, schema in fault.model_json_schema()["properties"].items()
     ]
 
 
-def _allowed_values(field: FieldInfo) -> str:
-    kind: Any = field.annotation
-    metadata = list(field.metadata)
-    if get_origin(kind) is Union or type(kind).__name__ == "UnionType":
-        kind = next(part for part in get_args(kind) if part is not type(None))
-    if get_origin(kind) is Annotated:
-        kind, *inner = get_args(kind)
-        metadata += [m for part in inner for m in getattr(part, "metadata", ())]
-    if get_origin(kind) is Literal:
-        return "|".join(get_args(kind))
-    if isinstance(kind, type) and issubclass(kind, Enum):
-        return "|".join(str(member.value) for member in kind)
-    bounds = {
-        sign: getattr(m, name)
-        for m in metadata
-        for name, sign in (("ge", ">="), ("gt", ">"), ("le", "<="), ("lt", "<"))
-        if hasattr(m, name)
-    }
+def _allowed_values(schema: dict[str, Any]) -> str:
+    if "enum" in schema:
+        return "|".join(schema["enum"])
+    signs = {"minimum": ">=", "exclusiveMinimum": ">", "maximum": "<=", "exclusiveMaximum": "<"}
+    bounds = {sign: schema[name] for name, sign in signs.items() if name in schema}
     if ">=" in bounds and "<=" in bounds:
         return f"{bounds['>=']:g} to {bounds['<=']:g}"
     return " and ".join(f"{sign} {bound:g}" for sign, bound in bounds.items()) or "a number"
 
 
 def _value_text(value: object) -> str:
-    if isinstance(value, Enum):
-        return str(value.value)
     return f"{value:g}" if isinstance(value, float) else str(value)

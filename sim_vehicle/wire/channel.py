@@ -9,7 +9,6 @@ import itertools
 import math
 from collections.abc import Callable
 from enum import Enum
-from typing import Protocol
 
 
 class Direction(Enum):
@@ -22,25 +21,16 @@ class Direction(Enum):
 TimedFrames = list[tuple[bytes, float]]
 
 
-class Stage(Protocol):
-    """One impairment of one direction.
-
-    A call takes a frame and the time at which the frame leaves the previous stage [s]. The call returns the
-    frames that leave this stage, each with its time [s], which is never earlier than `due_s`. A stage with
-    `in_order` keeps the order of the frames.
-    """
-
-    @property
-    def in_order(self) -> bool: ...
-
-    def __call__(self, frame: bytes, due_s: float) -> TimedFrames: ...
+# One impairment of one direction. A stage takes a frame and the time at which the frame leaves the previous
+# stage [s], and returns the frames that leave this stage, each with its time [s], never earlier.
+Stage = Callable[[bytes, float], TimedFrames]
 
 
 class _Lane:
     """One direction: its stages and the frames in transit."""
 
     def __init__(self) -> None:
-        self.stages: list[Stage] = []
+        self.stages: list[tuple[Stage, bool]] = []  # with True for a stage that keeps the order
         self.in_transit: list[tuple[float, int, bytes]] = []  # heap of due time [s], number, frame
         self.last_due_s = -math.inf
 
@@ -55,20 +45,20 @@ class Channel:
         self._lanes = {direction: _Lane() for direction in Direction}
         self._order = itertools.count()  # frames due at the same time leave in order of arrival
 
-    def add(self, direction: Direction, stage: Stage) -> Callable[[], None]:
-        """Append a stage and return a function that removes the stage."""
-        stages = self._lanes[direction].stages
-        stages.append(stage)
-        return lambda: stages.remove(stage)
+    def add(self, direction: Direction, stage: Stage, *, in_order: bool = True) -> Callable[[], None]:
+        """Append a stage, and return a function that removes it; `in_order`: it keeps the frames' order."""
+        stages, entry = self._lanes[direction].stages, (stage, in_order)
+        stages.append(entry)
+        return lambda: stages.remove(entry)
 
     def put(self, direction: Direction, frame: bytes, now: float) -> None:
         """Send one frame at `now` [s]."""
         lane = self._lanes[direction]
         timed_frames: TimedFrames = [(frame, now)]
-        for stage in lane.stages:
+        for stage, _ in lane.stages:
             timed_frames = [output for timed in timed_frames for output in stage(*timed)]
         # Later frames must not overtake frames that a removed stage has delayed.
-        if all(stage.in_order for stage in lane.stages):
+        if all(in_order for _, in_order in lane.stages):
             timed_frames = [(frame, max(due_s, lane.last_due_s)) for frame, due_s in timed_frames]
             lane.last_due_s = max((due_s for _, due_s in timed_frames), default=lane.last_due_s)
         for output, due_s in timed_frames:

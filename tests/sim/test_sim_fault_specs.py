@@ -86,7 +86,7 @@ def test_an_unknown_word_without_a_similar_one_gets_no_suggestion(text: str) -> 
 
 def test_every_invalid_value_is_reported_with_its_code() -> None:
     for fault in FAULTS.values():
-        for parameter in parameter_help(fault.params):
+        for parameter in parameter_help(fault):
             with pytest.raises(FaultError) as caught:
                 parse_fault(f"{fault.name}:{parameter.name}=x")
             text = str(caught.value)
@@ -132,11 +132,11 @@ def test_a_fault_reads_back_from_its_own_text(
 
 
 def test_every_fault_is_described_with_its_parameters() -> None:
-    described = [p for fault in FAULTS.values() for p in parameter_help(fault.params)]
+    described = [p for fault in FAULTS.values() for p in parameter_help(fault)]
     assert all(p.description and p.default and p.allowed for p in described)
     for name, fault in FAULTS.items():
         assert f"{name}: {fault.summary}\n" in help_text()
-        assert all(f"    {p.name} " in help_text() for p in parameter_help(fault.params))
+        assert all(f"    {p.name} " in help_text() for p in parameter_help(fault))
     units = {p.name: p.unit for p in described}
     assert units["rate_bytes_s"] == "B/s"
     assert units["air_rate_bit_s"] == "bit/s"
