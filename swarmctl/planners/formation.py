@@ -44,7 +44,8 @@ class Params:
     exposure: Literal["sum", "survival"] = "sum"
     """`sum`: ΣP_s of the members; `survival`: 1 − ∏(1 − P_s), the chance of a strike on a member"""
     change_cost: float = 0.0
-    """cost of a change of shape besides the members' ways, in the unit of Eq. 5"""
+    """cost of a change to another shape than the first, besides the members' ways, in the unit of Eq. 5; the
+    change back is free"""
     other_shape_cost: float = 0.0
     """cost of a cell of length in another shape than the first, in the unit of Eq. 5"""
     max_turn_deg: Literal[45, 90, 135, 180] = 90

@@ -99,7 +99,7 @@ class FormationStatistics:
             member.is_joined = False
         if flies_with_group and earlier.leader is not None and earlier.n_present > 1:
             member.leader_changes += earlier.leader != membership.leader
-            member.shape_changes += earlier.shape != membership.shape
+            member.shape_changes += earlier.has_shape and earlier.shape != membership.shape
             member.splits += membership.is_split and not earlier.is_split
         if after.phase is not Phase.FORMATION or (error_m := membership.error_m) is None:
             member.is_joined = False

@@ -84,7 +84,7 @@ class Group:
             if not is_allowed:
                 return math.inf
         distance = (1.0 - problem.w) * problem.psi_per_cell * sum(math.dist(a, b) for a, b in ways)
-        return distance + (params.change_cost if old[1] != new[1] else 0.0)
+        return distance + (params.change_cost if old[1] != new[1] != 0 else 0.0)
 
     @functools.cached_property
     def longest_way(self) -> float:

@@ -23,6 +23,7 @@ from swarmctl.agent.formation.approaches.place_keeping import keep_separation
 from swarmctl.agent.formation.membership import Formation, far_from_place
 from swarmctl.agent.formation.near_members import near_members, obstacles, places_of, with_members_shown
 from swarmctl.agent.formation.shape import ShapePlace, least_spacing_m
+from swarmctl.agent.formation.split import followers_in_place
 from swarmctl.agent.formation.ways import MemberWay
 from swarmctl.agent.own_modes import own_mode_roles
 from swarmctl.agent.phases import EN_ROUTE, Phase
@@ -98,7 +99,7 @@ def _changes_of_group(before: AgentState, after: AgentState) -> list[ev.Effect]:
     if formation is None or new.along is None or new.n_present == 1 or not (old.leader == new.leader == uav):
         return []
     group, texts = f"group {formation.name}", []
-    if new.shape != old.shape:
+    if new.shape != old.shape and old.has_shape:
         texts.append(f"{group} changes its shape: {formation.shape(new.shape).kind} [shape]")
     if new.is_split and not old.is_split:
         texts.append(f"{group} splits: the members fly ways of their own, and meet again [splits]")
@@ -231,7 +232,10 @@ def _flown(state: AgentState, formation: Formation) -> tuple[AgentState, Approac
     error_m = None if flown.demand is None else flown.error_m
     membership = replace(membership, memory=flown.memory, error_m=error_m)
     far = far_from_place(membership.far, membership.from_place_m, state.now_boot_s, formation)
-    return replace(state, membership=replace(membership, far=far)), flown
+    state = replace(state, membership=replace(membership, far=far))
+    if not membership.has_shape and any(followers_in_place(state).values()):
+        state = replace(state, membership=replace(state.membership, has_shape=True))
+    return state, flown
 
 
 def _view(state: AgentState, formation: Formation, along: Along | None) -> Group:

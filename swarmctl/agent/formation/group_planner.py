@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from swarmctl.agent.formation.membership import Formation
 from swarmctl.agent.formation.near_members import near_members
 from swarmctl.agent.formation.shape import assigned
-from swarmctl.agent.formation.split import with_split
+from swarmctl.agent.formation.split import is_formed, with_split
 from swarmctl.agent.phases import ON_GROUND
 from swarmctl.agent.state import AgentState, Task
 from swarmctl.core.grid import Cell
@@ -21,6 +21,8 @@ from swarmctl.planners.base import Method, Problem, Unreachable
 OTHER_SHAPE = 0.1
 """Cost of a cell of length in another shape than the first, in lengths of a vehicle: without it a group would
 keep its narrow shape after a passage."""
+WHILE_FORMING = 10.0
+"""Price of a change of shape while members still fly to their places, as a multiple."""
 
 
 def planner_of(state: AgentState, start: Cell | None = None) -> Method:
@@ -41,7 +43,8 @@ def planner_of(state: AgentState, start: Cell | None = None) -> Method:
     if membership.route is not None and membership.along is not None:
         heading = membership.route.reference.at(membership.along.s_m).heading_rad
         heading_deg = math.degrees(heading) % 360.0
-    method = _method(state.task, formation, (*others, state.task.uav), heading_deg, membership.shape)
+    present, formed = (*others, state.task.uav), is_formed(state)
+    method = _method(state.task, formation, present, heading_deg, membership.shape, is_formed=formed)
     return with_split(state, method, others, start)
 
 
@@ -63,11 +66,18 @@ def _method(
     formation: Formation,
     present: Sequence[int],
     heading_deg: float | None = None,
-    shape: int = 0,
+    shape: int | None = None,
+    *,
+    is_formed: bool = True,
 ) -> Method:
     """Return the planner of a group of these vehicles, which the task's vehicle leads.
 
-    heading_deg: heading of a group under way, which has the shape of number `shape`; None on the ground
+    heading_deg: heading of a group under way; None before the first route in flight
+    shape: number of the present shape; None on the ground
+
+    is_formed: False for a group whose members still fly to their places
+
+    A change of shape costs the way that a vehicle flies meanwhile.
     """
     cell_m = task.grid.cell_size_m
     numbers = assigned([uav in present for uav in formation.members], closes_up=formation.closes_up)
@@ -79,12 +89,14 @@ def _method(
         forward_m, right_m, _ = places[own or 0]
         offsets = ((places[i][0] - forward_m, places[i][1] - right_m) for i in others)
         shapes.append(((0.0, 0.0), *((f / cell_m, r / cell_m) for f, r in offsets)))
+    change_cells = formation.change_m(len(present)) / cell_m * (1.0 if is_formed else WHILE_FORMING)
     params = planner.Params(
         tuple(shapes),
         formation.exposure,
+        change_cost=change_cells * task.psi_per_cell,
         other_shape_cost=OTHER_SHAPE * task.psi_per_cell,
         start_heading_deg=heading_deg,
-        start_shape=None if heading_deg is None else shape,
+        start_shape=shape,
     )
     return Method("formation", planner, params)
 
@@ -124,7 +136,7 @@ def shape_changes(
     except Unreachable:
         return changes
     assert formation is not None
-    takes_m = formation.speed_m_s * formation.change_s(state.membership.n_present)
+    takes_m = formation.change_m(state.membership.n_present)
     for at_m, number in zip(centres_m, numbers[1:], strict=False):
         if number != before:
             begin_m = at_m - takes_m if number else at_m

@@ -100,11 +100,12 @@ class Formation:
         n = n_present if self.closes_up else len(self.members)
         return self._places[min(number, len(self.shapes) - 1)][n]
 
-    def change_s(self, n_present: int) -> float:
-        """Return the time that a change of shape takes [s]."""
+    def change_m(self, n_present: int) -> float:
+        """Return the length of the route on which the members take their places in another shape [m]."""
         first, last = self.places(0, n_present), self.places(len(self.shapes) - 1, n_present)
         farthest_m = max((math.dist(a, b) for a, b in zip(first, last, strict=True)), default=0.0)
-        return farthest_m / self.params.closing_m_s + SETTLING_S if len(self.shapes) > 1 else 0.0
+        change_s = farthest_m / self.params.closing_m_s + SETTLING_S if len(self.shapes) > 1 else 0.0
+        return self.speed_m_s * change_s
 
     @property
     def ends_before_m(self) -> float:
@@ -228,6 +229,8 @@ class Membership:
     """the last call of the approach; None: before the first, and away from the group"""
     shape: int = 0
     """number of the present shape"""
+    has_shape: bool = False
+    """True: since this vehicle joined, a member that follows has been at its place"""
     is_split: bool = False
     """True: the members fly ways of their own"""
     error_m: ShapePlace | None = None
@@ -296,6 +299,7 @@ class Membership:
             self,
             memory=None,
             shape=0,
+            has_shape=False,
             is_split=False,
             error_m=None,
             far=None,

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from swarmctl.agent.formation.membership import GroupRoute
-from swarmctl.agent.formation.near_members import joins_within_m, places_of
+from swarmctl.agent.formation.near_members import joins_within_m, near_members, places_of
 from swarmctl.agent.formation.shape import ShapePlace
 from swarmctl.agent.formation.ways import SplitStretch, offset_of
 from swarmctl.agent.state import AgentState
@@ -22,9 +22,9 @@ from swarmctl.planners import split_route
 from swarmctl.planners.base import Method
 
 IN_PLACE_M = 10.0
-"""Greatest distance from its place at which a member begins a way of its own [m]."""
+"""Greatest distance from its place of a member that is at its place [m]."""
 COMPLETE_S = 20.0
-"""Time for which a group waits for absent members before it splits [s]: during a split none can join."""
+"""Time for which a group waits for absent members before it is complete without them [s]."""
 BEHIND_M = 5.0
 """Distance behind the reference point at which a split begins, because members hear of it later [m]."""
 RANGE_MARGIN_M = 20.0
@@ -51,10 +51,7 @@ def with_split(state: AgentState, method: Method, others: Sequence[int], start: 
         return method
     under_way = None
     if present is None:
-        is_complete = len(places) == len(formation.members)
-        if not is_complete and state.now_boot_s - membership.n_present_since_boot_s < COMPLETE_S:
-            return method
-        if not all(_is_in_place(state, route, uav, places[uav]) for uav in others):
+        if not is_formed(state):
             return method
         points = [_place_m(route, uav, places[uav], s_m) for uav in others]
         starts = [grid.cell_at(*grid.frame.to_geodetic(*point)) for point in points]
@@ -78,6 +75,29 @@ def with_split(state: AgentState, method: Method, others: Sequence[int], start: 
         under_way,
     )
     return Method("formation", split_route, params)
+
+
+def is_formed(state: AgentState) -> bool:
+    """Return whether the present members are at their places, and absent ones have had their time to join."""
+    formation, membership = state.task.formation, state.membership
+    assert formation is not None
+    in_place = followers_in_place(state)
+    is_complete = len(in_place) == len(formation.members) - 1
+    waits_s = state.now_boot_s - membership.n_present_since_boot_s
+    return (is_complete or waits_s >= COMPLETE_S) and all(in_place.values())
+
+
+def followers_in_place(state: AgentState) -> dict[int, bool]:
+    """Return for each present member but the leader whether it is at its place; none without a route."""
+    formation, route, along = state.task.formation, state.membership.route, state.membership.along
+    if formation is None or route is None or along is None:
+        return {}
+    others = near_members(state, formation, formation.keeps_place_s)
+    places = places_of(state, formation, (*others, state.task.uav))
+    in_place = {uav: _is_in_place(state, route, uav, places[uav]) for uav in others}
+    if state.membership.error_m is not None:
+        in_place[state.task.uav] = state.membership.from_place_m <= IN_PLACE_M
+    return {uav: is_there for uav, is_there in in_place.items() if uav != state.membership.leader}
 
 
 def split_in_metres(state: AgentState, plan: SplitPlan, begin_m: float, end_m: float) -> SplitStretch:
