@@ -141,8 +141,8 @@ class AgentState:
     """telemetry of the last message with a position"""
     cell: Cell | None = None
     """cell below the last position; None outside the area, or before the first position"""
-    lost: bool = False
-    """True while the link is lost"""
+    silent_s: float = 0.0
+    """time without a link, noted once a second while the link is lost [s]; 0 while it is not"""
     telemetry_is_late: bool = False
     """True while telemetry is too old to decide by it"""
     plans: Plans = field(default_factory=Plans)
@@ -210,7 +210,17 @@ class AgentState:
 
     def with_new_flight(self) -> AgentState:
         """Return the state of a vehicle that flies otherwise from now on: its intent is due at once."""
-        return replace(self, intent_sent_boot_s=-math.inf, intent_new_boot_s=self.vehicle.time_boot_s)
+        return replace(self, intent_sent_boot_s=-math.inf, intent_new_boot_s=self.now_boot_s)
+
+    @property
+    def lost(self) -> bool:
+        """True while the link is lost."""
+        return self.silent_s > 0.0
+
+    @property
+    def now_boot_s(self) -> float:
+        """Present time by the vehicle's clock [s]: time of the last telemetry, its delay, and the silence."""
+        return self.vehicle.time_boot_s + max(self.vehicle.delay_s, 0.0) + self.silent_s
 
     @property
     def leads_group(self) -> bool:
@@ -279,11 +289,6 @@ class AgentState:
     def waits_for(self, purpose: WaitFor) -> bool:
         """Return whether the vehicle waits now, for this purpose."""
         return self.wait is not None and self.wait.is_on and self.wait.purpose is purpose
-
-    @property
-    def now_boot_s(self) -> float:
-        """Present time by the vehicle's clock: the time of the last telemetry, and its delay [s]."""
-        return self.vehicle.time_boot_s + max(self.vehicle.delay_s, 0.0)
 
     @property
     def height_m(self) -> float:

@@ -268,14 +268,21 @@ def _joined(state: AgentState, event: ev.Joined, _now: float) -> StepResult:
     return replace(state, incarnation=event.incarnation, next_seq=1), []
 
 
-def _link_lost(state: AgentState, _event: ev.LinkLost, now: float) -> StepResult:
-    state, demanded = apply_failsafes(replace(state, lost=True, last_shared_s=-math.inf), now)
-    state, shared = share_state(state) if state.phase in IN_FLIGHT else (state, [])
-    return state, [*demanded, *shared]
+def _link_lost(state: AgentState, event: ev.LinkLost, now: float) -> StepResult:
+    """Act on a lost link, and tell the others again and again which flight they have to expect."""
+    is_new, state = not state.lost, replace(state, silent_s=event.age_s)
+    if is_new:
+        state = replace(state, last_shared_s=-math.inf).with_new_flight()
+    state, effects = apply_failsafes(state, now)
+    if state.phase in IN_FLIGHT:
+        for part in (share_state, share_intent):
+            state, shared = part(state)
+            effects += shared
+    return state, effects
 
 
 def _link_restored(state: AgentState, _event: ev.LinkRestored, now: float) -> StepResult:
-    state = replace(state, lost=False)
+    state = replace(state, silent_s=0.0)
     if state.order.given in ROLE_OF_ORDER and not state.order.is_followed:
         # The next telemetry repeats the order, unless that telemetry shows another operator's mode.
         return replace(state, order=state.order.repeated(now)), []

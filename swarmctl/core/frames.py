@@ -171,6 +171,8 @@ class IntentShared(msgspec.Struct, frozen=True, omit_defaults=True, dict=True, t
     """greatest distance of the UAV from the announced flight, over ground and in height [m]"""
     on_ground: bool = False
     """True from the launch order until the UAV has taken off"""
+    age_s: float = 0.0
+    """age of the last telemetry when the message was sent [s]: the times of `points` begin then"""
 
     @cached_property
     def derived(self) -> dict[Hashable, Any]:
@@ -180,6 +182,8 @@ class IntentShared(msgspec.Struct, frozen=True, omit_defaults=True, dict=True, t
     def __post_init__(self) -> None:
         if not all(0.0 <= m <= MAX_MAGNITUDE for m in self.around_m):
             raise ValueError(f"a distance is not a number, below 0 or above {MAX_MAGNITUDE:g} m")
+        if not 0.0 <= self.age_s <= MAX_AHEAD_S:
+            raise ValueError(f"an age is outside 0 to {MAX_AHEAD_S:g} s")
         before_s = -math.inf
         for point in self.points:
             check_position(point.lat_deg, point.lon_deg)

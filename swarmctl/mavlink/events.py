@@ -57,7 +57,7 @@ class StateChanged:
 
 @dataclass(frozen=True, slots=True)
 class VehicleLost:
-    """No heartbeat for longer than the limit."""
+    """No heartbeat for longer than the limit; reported again each second until the next heartbeat."""
 
     age_s: float
 

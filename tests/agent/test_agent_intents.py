@@ -55,7 +55,7 @@ class IntentStory(Story):
         self, uav: int, *points: tuple[float, float, float], age_s: float = 0.0, **changes: Any
     ) -> list[ev.Effect]:
         """Receive an intent of vehicle `uav`: points (seconds from then, east, north), at the same height."""
-        up_m = changes.pop("up_m", 0.0)
+        up_m, changes["age_s"] = changes.pop("up_m", 0.0), changes.pop("message_age_s", 0.0)
         path = tuple(IntentPoint(t, *GRID.frame.to_geodetic(e, n), AMSL_M + up_m) for t, e, n in points)
         return self(ev.Intents(((uav, age_s, IntentShared(1, path, **changes)),)))
 
@@ -471,10 +471,23 @@ def test_the_last_position_expires() -> None:
     assert intents(effects)[-3].points != ()
 
 
-def test_a_lost_link_shares_the_last_position_once() -> None:
+def test_a_vehicle_without_a_link_announces_its_flight_since_the_last_telemetry_again_and_again() -> None:
+    """The messages are the same but for their age, and the others expect the same flight from each."""
     story = IntentStory()
-    (state,) = states(story(ev.LinkLost(4.0)))
-    assert GRID.frame.to_local(state.lat_deg, state.lon_deg)[0] == pytest.approx(75.0, abs=0.01)
+    for age_s in (4.0, 5.0):
+        effects = story(ev.LinkLost(age_s))
+        (state,), (intent,) = states(effects), intents(effects)
+        assert GRID.frame.to_local(state.lat_deg, state.lon_deg)[0] == pytest.approx(75.0, abs=0.01)
+        first = intent.points[0]
+        assert GRID.frame.to_local(first.lat_deg, first.lon_deg)[0] == pytest.approx(75.0, abs=0.01)
+        assert (state.age_s, intent.age_s, first.in_s, intent.may_change) == (age_s, age_s, 0.0, False)
+
+
+def test_an_intent_begins_at_its_senders_last_telemetry() -> None:
+    story = IntentStory()
+    story.other(1, (0.0, 0.0, 0.0), (60.0, 500.0, 0.0), message_age_s=4.0)
+    known = known_flights(story.state)[1].flight
+    assert known.times_s[0] == pytest.approx(story.state.vehicle.time_boot_s - 4.0)
 
 
 @pytest.mark.parametrize(("away_m", "around_m", "height_m"), [(50.0, 60.0, 33.6), (50.0, 20.0, 30.0)])

@@ -335,8 +335,7 @@ def test_presence_is_lost_after_five_seconds_and_comes_back():
     assert presence.on_heartbeat(10.0) is LinkState.NEVER_HEARD
     assert presence.next_deadline == 15.0
     assert not presence.tick(14.9)
-    assert presence.tick(15.0)
-    assert not presence.tick(16.0)
+    assert [presence.tick(now) for now in (15.0, 15.9, 16.0)] == [True, False, True]
     assert presence.on_heartbeat(20.0) is LinkState.LOST
     assert presence.state is LinkState.ALIVE
 
@@ -382,7 +381,8 @@ def test_a_session_reports_a_closed_list_of_events():
     assert events_of(session, 0.5, text("Init", 6)) == [StatusText(6, "Init")]
     assert events_of(session, 1.0, position()) == [StateChanged(session.state)]
     assert session.next_deadline == 5.0
-    assert session.tick(5.0).events == [VehicleLost(5.0)]
+    found = [session.tick(0.5 * n).events for n in range(10, 15)]
+    assert found == [[VehicleLost(5.0)], [], [VehicleLost(6.0)], [], [VehicleLost(7.0)]]
     assert events_of(session, 9.0, heartbeat(0)) == [VehicleRestored(9.0), StateChanged(session.state)]
 
 

@@ -23,6 +23,7 @@ from swarmctl.core import events as ev
 from swarmctl.core.frames import IntentShared, MemberShared, StateShared
 from swarmctl.core.grid import Cell
 from swarmctl.core.observation import Observation
+from swarmctl.mavlink.telemetry.presence import LOST_EVERY_S
 
 STEP_S = 0.125
 TELEMETRY_EVERY = 2
@@ -64,7 +65,7 @@ class LightAgent:
         self.swap_s = 1.0
         self._job = 0
         self._conflict = ""
-        self._lost = False
+        self._lost_s = -math.inf
         self._contact_s = 0.0
         self._read_s = -1.0
         self._seen: Cell | None = None
@@ -253,13 +254,14 @@ class LightAgent:
         """Pass on the vehicle's telemetry, then what the neighbours sent, as the runner does."""
         now = self.swarm.now
         if any(since <= now < until for since, until in self.silent):
-            if not self._lost and now - self._contact_s > LOST_AFTER_S:
-                self._lost = True
-                self(ev.LinkLost(now - self._contact_s))
+            silent_s = now - self._contact_s
+            if silent_s > LOST_AFTER_S and now - self._lost_s >= LOST_EVERY_S:
+                self._lost_s = now
+                self(ev.LinkLost(silent_s))
             return
         self._contact_s = now
-        if self._lost:
-            self._lost = False
+        if self._lost_s > -math.inf:
+            self._lost_s = -math.inf
             self(ev.LinkRestored())
         self._read_members(now)
         vehicle = self.vehicle.telemetry(self.boot_s + now)

@@ -6,6 +6,7 @@
 | the vehicle is off its announced position | at most once a second |
 | until the take-off | every second: vehicles with the same order have to know before they arm |
 | within 3 s of these, or of the first message of another vehicle | every second: messages are lost |
+| without a link: the flight from the last telemetry on | as above |
 | otherwise | every 5 s, for late joiners and against losses |
 
 `own_flight` computes the trajectory, `received_intents` stores those of other vehicles.
@@ -42,7 +43,7 @@ MAX_UNCERTAINTY_M = 60.0
 
 def share_intent(state: AgentState) -> StepResult:
     """Send the own intent if it is due. Called for each telemetry, and after each new plan or order."""
-    now_s = state.vehicle.time_boot_s
+    now_s = state.now_boot_s
     if state.ended and state.own_intent is None:
         return state, []
     if not (state.ended or state.phase in IN_FLIGHT or state.phase is Phase.LAUNCHING):
@@ -58,15 +59,16 @@ def share_intent(state: AgentState) -> StepResult:
 
 def publish_intent(state: AgentState, flight: Trajectory | None) -> StepResult:
     """Send a flight as the own intent; None: the vehicle does not fly."""
-    swap, now_s = state.plans.pending or state.plans.route, state.vehicle.time_boot_s
+    swap = state.plans.pending or state.plans.route
     message = IntentShared(
         plan_id=0 if swap is None or flight is None else swap.plan_id,
         points=() if flight is None else _points(state, flight),
         may_change=may_change(state),
         around_m=(0.0, 0.0) if flight is None else _uncertainty_m(state),
         on_ground=state.phase is Phase.LAUNCHING,
+        age_s=min(state.now_boot_s - state.vehicle.time_boot_s, MAX_AHEAD_S),
     )
-    return replace(state, own_intent=flight, intent_sent_boot_s=now_s), [ev.Publish(message)]
+    return replace(state, own_intent=flight, intent_sent_boot_s=state.now_boot_s), [ev.Publish(message)]
 
 
 def may_change(state: AgentState) -> bool:

@@ -33,7 +33,7 @@ def receive_intents(state: AgentState, event: ev.Intents) -> AgentState:
         announced = _announced_flight(state.task.grid.frame, intent)
         kept.pop(uav, None)
         if announced is not None and uav != state.task.uav:
-            sent_s, (away_m, up_m) = now_s - age_s, intent.around_m
+            sent_s, (away_m, up_m) = now_s - age_s - intent.age_s, intent.around_m
             uncertainty = (min(away_m, MAX_UNCERTAINTY_M), up_m)  # a false sender must not block a wide area
             flight, bounds = announced[0].later(sent_s), announced[1].later(sent_s)
             bounds = bounds.wider((0.0, uncertainty[0], uncertainty[0], uncertainty[1]))

@@ -43,6 +43,10 @@ class LinkState(Enum):
     LOST = "lost"
 
 
+LOST_EVERY_S = 1.0
+"""Time between two reports of a lost vehicle [s]."""
+
+
 class Presence:
     """Presence of a vehicle by the age of its last heartbeat."""
 
@@ -50,6 +54,7 @@ class Presence:
         self.state = LinkState.NEVER_HEARD
         self._lost_after_s = lost_after_s
         self._last_heartbeat_s = -inf
+        self._reported_s = -inf
 
     def age_s(self, now: float) -> float:
         """Return the time since the last heartbeat [s]; infinite before the first."""
@@ -57,7 +62,13 @@ class Presence:
 
     @property
     def next_deadline(self) -> float | None:
-        return self._last_heartbeat_s + self._lost_after_s if self.state is LinkState.ALIVE else None
+        """Time of the next `tick` that reports the vehicle as lost [s]; None before its first heartbeat."""
+        match self.state:
+            case LinkState.ALIVE:
+                return self._last_heartbeat_s + self._lost_after_s
+            case LinkState.LOST:
+                return self._reported_s + LOST_EVERY_S
+        return None
 
     def on_heartbeat(self, now: float) -> LinkState:
         """Record a heartbeat; return the state before the heartbeat."""
@@ -65,10 +76,10 @@ class Presence:
         return before
 
     def tick(self, now: float) -> bool:
-        """Return whether the vehicle has become lost with this call."""
+        """Return whether the vehicle is lost, once when it becomes so, then every LOST_EVERY_S."""
         if self.next_deadline is None or now < self.next_deadline:
             return False
-        self.state = LinkState.LOST
+        self.state, self._reported_s = LinkState.LOST, now
         return True
 
 
