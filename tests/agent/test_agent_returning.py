@@ -113,6 +113,16 @@ def test_a_low_battery_waits_for_a_vehicle_that_flies_through_the_path_home() ->
     assert orders(story.holds()) == [RETURN]
 
 
+@pytest.mark.parametrize(("other_m", "order"), [(25.0, HOLD), (12.0, RETURN)])
+def test_a_return_from_a_low_hold_is_clear_at_each_height_up_to_the_cruise_height(
+    other_m: float, order: ev.FlightOrder
+) -> None:
+    story, low = ReturnStory(), {"alt_rel_m": 20.0, "alt_amsl_m": AMSL_M - 10.0}
+    stands = {"phase": "holding", "returns_to": None, "alt_rel_m": other_m}
+    story.goes_home(3, col=3, alt_amsl_m=AMSL_M - 30.0 + other_m, **stands)
+    assert orders(story.at(23, **low)) == [order]
+
+
 def end_of_hold(
     story: ReturnStory, percent: int, comes: Callable[[], None] = lambda: None
 ) -> tuple[ev.FlightOrder, float]:

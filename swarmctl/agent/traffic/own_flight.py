@@ -73,10 +73,20 @@ def planned_flight(state: AgentState, for_s: float = math.inf) -> Trajectory | N
     )
 
 
-def return_flight(state: AgentState) -> Trajectory | None:
-    """Return the own trajectory of a return that begins now; None if position or home is unknown."""
-    here = position_of(state)
-    return None if here is None else to_shared_frame(state, _return_trajectory(state, here))
+def return_flights(state: AgentState) -> list[Trajectory]:
+    """Return the own trajectories of a return that begins now, one for each height that it may have.
+
+    A return climbs to a height that a parameter of the firmware sets: the cruise height or less. The list has
+    heights that are at most the vertical limit apart, and is empty if position or home is unknown.
+    """
+    here, cruise_m = position_of(state), state.task.altitude_m
+    if here is None:
+        return []
+    climb_m = max(cruise_m - here[2], 0.0)
+    n = math.ceil(climb_m / state.task.separation.limits.vertical_m)
+    heights_m = [cruise_m - climb_m * k / max(n, 1) for k in range(n + 1)]
+    flights = (to_shared_frame(state, _return_trajectory(state, here, height_m)) for height_m in heights_m)
+    return [flight for flight in flights if flight is not None]
 
 
 def landing_flight(state: AgentState) -> Trajectory | None:
@@ -253,15 +263,14 @@ def _phase_trajectory(state: AgentState, here: LocalPoint, for_s: float) -> Traj
         case Phase.LEAVING if state.order.given is ev.FlightOrder.LAND:
             return _land_here(state, here)
         case Phase.LEAVING if state.order.given is ev.FlightOrder.RETURN:
-            return _return_trajectory(state, here)
+            return _return_trajectory(state, here, task.altitude_m)
     return None
 
 
-def _return_trajectory(state: AgentState, here: LocalPoint) -> Trajectory | None:
-    """Return the trajectory of a return, heights above home; None if home is unknown.
+def _return_trajectory(state: AgentState, here: LocalPoint, height_m: float) -> Trajectory | None:
+    """Return the trajectory of a return at a height, heights above home; None if home is unknown.
 
-    A return begins with a climb to a height that a firmware's parameter sets: the cruise height or less. A
-    vehicle that does not fly toward its home yet stops first.
+    A return begins with the climb to its height. A vehicle that does not fly toward its home yet stops first.
     """
     vehicle = state.vehicle
     if vehicle.home_lat_lon is None:
@@ -272,21 +281,21 @@ def _return_trajectory(state: AgentState, here: LocalPoint) -> Trajectory | None
         return land_from([here], [0.0])
     to_e, to_n = (place[0] - here[0]) / away_m, (place[1] - here[1]) / away_m
     toward_m_s = to_e * vehicle.east_m_s + to_n * vehicle.north_m_s
-    if _is_high(state, here) and toward_m_s >= TOWARD_HOME * vehicle.ground_speed_m_s:
+    if _is_high(here, height_m) and toward_m_s >= TOWARD_HOME * vehicle.ground_speed_m_s:
         return fly_along(here, here[2], [place], state.task.arrival.speed_m_s, toward_m_s)
-    return _from_stop(state, here, lambda stop: _fly_home(state, stop, place))
+    return _from_stop(state, here, lambda stop: _fly_home(state, stop, place, height_m))
 
 
-def _fly_home(state: AgentState, here: LocalPoint, place: PlanarPoint) -> Trajectory:
+def _fly_home(state: AgentState, here: LocalPoint, place: PlanarPoint, height_m: float) -> Trajectory:
     """Return the trajectory of a return from a stop to a place above the home."""
     speed_m_s = state.task.arrival.speed_m_s
-    if _is_high(state, here):
+    if _is_high(here, height_m):
         return fly_along(here, here[2], [place], speed_m_s)
-    return climb_then_fly(here, state.task.altitude_m, [place], speed_m_s)
+    return climb_then_fly(here, height_m, [place], speed_m_s)
 
 
-def _is_high(state: AgentState, here: LocalPoint) -> bool:
-    return here[2] > state.task.altitude_m - AIRBORNE_M
+def _is_high(here: LocalPoint, height_m: float) -> bool:
+    return here[2] > height_m - AIRBORNE_M
 
 
 def _land_here(state: AgentState, here: LocalPoint) -> Trajectory:

@@ -16,7 +16,7 @@ Vehicles broadcast their returns, and their holds before a return.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -34,7 +34,7 @@ from swarmctl.agent.traffic.check import (
     clashes_of_route,
     known_flights,
 )
-from swarmctl.agent.traffic.own_flight import landing_flight, position_amsl, return_flight
+from swarmctl.agent.traffic.own_flight import landing_flight, position_amsl, return_flights
 from swarmctl.agent.traffic.prediction import hears_nobody
 from swarmctl.agent.traffic.priority import Activity, Standing, activity_of, gives_way
 from swarmctl.agent.traffic.return_schedule import may_be_returning, position_from_state, schedule_for
@@ -202,8 +202,7 @@ def _wait_or_start(state: AgentState, wait: Wait) -> StepResult:
     match ends:
         case Verdict.OVER:
             ended = wait.ended(now_s) if wait.purpose is WaitFor.RETURN_PATH else None
-            is_blocked = _leaving_conflicts(state, return_flight(state))
-            if is_blocked and not _leaving_conflicts(state, landing_flight(state)):
+            if _return_conflicts(state) and not _landing_conflicts(state):
                 text = "the return path is not clear at the end of the wait"
                 state, ordered = _land_here(state, wait)
                 return state, [
@@ -225,8 +224,8 @@ def is_way_clear(state: AgentState, order: ev.FlightOrder) -> bool:
     if hears_nobody(state):
         return False
     if order is ev.FlightOrder.LAND:
-        return not _leaving_conflicts(state, landing_flight(state))
-    return _is_its_turn(state) and not _leaving_conflicts(state, return_flight(state))
+        return not _landing_conflicts(state)
+    return _is_its_turn(state) and not _return_conflicts(state)
 
 
 def holds_first(state: AgentState, order: ev.FlightOrder) -> bool:
@@ -246,17 +245,24 @@ def may_wait_to_leave(state: AgentState) -> bool:
     return state.is_waiting or not would_block(state)
 
 
-def _leaving_conflicts(state: AgentState, flight: Trajectory | None) -> bool:
-    """Return whether a return or landing would soon conflict with another vehicle's flight.
+def _return_conflicts(state: AgentState) -> bool:
+    return _leaving_conflicts(state, return_flights(state))
+
+
+def _landing_conflicts(state: AgentState) -> bool:
+    flight = landing_flight(state)
+    return flight is not None and _leaving_conflicts(state, [flight])
+
+
+def _leaving_conflicts(state: AgentState, flights: Sequence[Trajectory]) -> bool:
+    """Return whether a return or landing by any of these flights would soon conflict with another vehicle's.
 
     Farther ahead, a vehicle that can change its plan gives way.
     """
-    now_s = state.vehicle.time_boot_s
-    if flight is None:
-        return False
-    others = known_flights(state)
+    now_s, others = state.vehicle.time_boot_s, known_flights(state)
     return any(
         clash.at_s - now_s < (SEPARATES_WITHIN_S if others[clash.other].may_change else WAIT_WITHIN_S)
+        for flight in flights
         for clash in clashes_of_route(state, flight, others)
     )
 
