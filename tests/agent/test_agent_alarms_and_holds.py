@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
 import pytest
-from agent_stories import MID_M, codes, operator_texts, orders, publications
+from agent_stories import GRID, MID_M, codes, operator_texts, orders, publications
 from collision_stories import ApproachStory
 
 from swarmctl.agent.failsafes.base import Fence
@@ -14,9 +15,11 @@ from swarmctl.agent.phases import Phase
 from swarmctl.agent.traffic.prediction import silent_neighbours
 from swarmctl.agent.traffic.separation.watch import AvoidanceAction
 from swarmctl.core import events as ev
-from swarmctl.core.frames import StateShared
+from swarmctl.core.frames import IntentPoint, IntentShared, StateShared
 from swarmctl.core.vehicle import Landed
 from swarmctl.report.separation import SeparationStatistics
+
+STILL: dict[str, Any] = {"ground_speed_m_s": 0.0, "east_m_s": 0.0, "mode": "GUIDED", "mode_role": "hold"}
 
 
 def acknowledged(effects: list[ev.Effect]) -> tuple[int, ...]:
@@ -153,10 +156,9 @@ def test_action_none_only_reports_the_alarm() -> None:
 def test_a_holding_vehicle_plans_again_and_resumes_after_the_crossing() -> None:
     story = ApproachStory()
     story.stopped()
-    still = {"ground_speed_m_s": 0.0, "east_m_s": 0.0, "mode": "GUIDED", "mode_role": "hold"}
     for second in range(30):
         story.other(1, MID_M[0], MID_M[1] - 90.0 + 10.0 * second, (0.0, 10.0, 0.0))
-        effects = story.at(140.0, **still)
+        effects = story.at(140.0, **STILL)
         if operator_texts(effects):
             break
         assert orders(effects) == []
@@ -236,10 +238,9 @@ def test_an_evasive_climb_respects_the_ceiling() -> None:
 def codes_while_holding(story: ApproachStory, seconds: int, **standing: Any) -> list[str]:
     """Return the codes of the messages while vehicle 2 holds 25 m away from vehicle 1 on its route."""
     found_codes = []
-    still = {"ground_speed_m_s": 0.0, "east_m_s": 0.0, "mode": "GUIDED", "mode_role": "hold"}
     for _ in range(seconds):
         story.other(1, 185.0, MID_M[1], (0.0, 0.0, 0.0), **standing)
-        found_codes += codes(story.at(160.0, **still))
+        found_codes += codes(story.at(160.0, **STILL))
     return found_codes
 
 
@@ -249,6 +250,26 @@ def test_a_vehicle_resumes_above_the_blocking_vehicle_after_a_long_hold() -> Non
     assert codes_while_holding(story, 55) == []
     assert codes_while_holding(story, 10) == ["resumes-higher"]
     assert story.swap().plan.landing.alt_rel_m == pytest.approx(33.6)
+
+
+def test_a_vehicle_in_the_way_of_one_that_cannot_give_way_climbs_at_once() -> None:
+    story, still = ApproachStory(), {**STILL, "alt_amsl_m": 330.0}
+    story.stopped()
+    story.at(160.0, **still)
+    path = tuple(
+        IntentPoint(in_s, *GRID.frame.to_geodetic(160.0, MID_M[1] - away_m), 330.0)
+        for in_s, away_m in ((0.0, 120.0), (24.0, -120.0))
+    )
+    story(ev.Intents(((3, 0.0, IntentShared(1, path, may_change=False)),)))
+    found = []
+    for _ in range(3):
+        story.other(1, 185.0, MID_M[1], (0.0, 0.0, 0.0))
+        found += codes(story.at(160.0, **still))
+    assert found == ["resumes-higher"]
+    climb, *_ = story.swap().plan.track
+    east_m, north_m = GRID.frame.to_local(climb.lat_deg, climb.lon_deg)
+    assert math.dist((east_m, north_m), (160.0, MID_M[1])) < 5.0
+    assert climb.alt_rel_m == pytest.approx(33.6)
 
 
 def test_a_vehicle_without_a_clear_height_keeps_holding_and_reports_repeatedly() -> None:
@@ -261,17 +282,13 @@ def test_a_vehicle_without_a_clear_height_keeps_holding_and_reports_repeatedly()
 def test_a_holding_vehicle_stays_clear_of_a_silent_vehicle() -> None:
     story = ApproachStory()
     story.stopped()
-    still = {"ground_speed_m_s": 0.0, "east_m_s": 0.0, "mode": "GUIDED", "mode_role": "hold"}
     # Vehicle 1 holds over the crossing, sends one more state and then falls silent.
     story.other(1, MID_M[0], MID_M[1], (0.0, 0.0, 0.0))
-    found_codes = [operator_texts(story.at(140.0, **still)) for _ in range(50)]
+    found_codes = [operator_texts(story.at(140.0, **STILL)) for _ in range(50)]
     assert not any(found_codes)
-    later = [code for _ in range(150) for code in codes(story.at(140.0, **still))]
+    later = [code for _ in range(150) for code in codes(story.at(140.0, **STILL))]
     assert {"keeps-holding", "resumes-higher"} & set(later)
     assert not story.state.is_waiting, "the vehicle resumes above that position or after three minutes"
-
-
-STILL = {"ground_speed_m_s": 0.0, "east_m_s": 0.0, "mode": "GUIDED", "mode_role": "hold"}
 
 
 def test_a_vehicle_that_hears_nobody_keeps_its_hold_until_it_is_heard_again() -> None:
@@ -312,11 +329,10 @@ def test_a_vehicle_resumes_away_from_another_that_holds_too_close(
     """The route leads east, away from a vehicle beside it."""
     story = ApproachStory()
     story.stopped(4, phase="landing")
-    still = {"ground_speed_m_s": 0.0, "east_m_s": 0.0, "mode": "GUIDED", "mode_role": "hold"}
     found_codes = []
     for _ in range(50):
         story.other(4, MID_M[0], MID_M[1], (0.0, 0.0, 0.0), alt_rel_m=0.0)  # landed
         position_m = (east_m, MID_M[1] + north_m)
         story.other(uav, *position_m, (0.0, 0.0, 0.0), alt_rel_m=up_m)  # holds as well
-        found_codes += codes(story.at(140.0, **still))
+        found_codes += codes(story.at(140.0, **STILL))
     assert ("resumes" in found_codes) is goes_on

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from swarmctl.agent.arrival.common_time import ArrivalGroup
 from swarmctl.agent.commands import RETRY_AFTER_S
 from swarmctl.agent.replan.copter_trajectory import FlightPart, fly_along, fly_through_change
+from swarmctl.agent.replan.length_bounds import CLIMB_M_S
 from swarmctl.agent.replan.stopping import MissionChange
 from swarmctl.agent.replan.travel_time import timed_track
 from swarmctl.agent.traffic.own_flight import planned_flight
@@ -236,6 +237,13 @@ def test_a_vehicle_flies_back_to_the_waypoint_behind_its_stop() -> None:
     flight = changing(2.0, FAR, [(30.0, 0.0), (30.0, 400.0)])
     assert flight.points[2] == (40.0, 0.0, 30.0)
     assert (30.0, 0.0, 30.0) in flight.points[3:]
+
+
+def test_a_vehicle_at_a_waypoint_climbs_there_to_the_height_of_its_new_plan() -> None:
+    flight = changing(2.0, FAR, [(41.0, 0.0), (141.0, 0.0)], heights_m=(30.0, 45.0))
+    climbed_s = next(t for t, point in zip(flight.times_s, flight.points, strict=True) if point[2] == 45.0)
+    assert flight.at(climbed_s) == pytest.approx((41.0, 0.0, 45.0))
+    assert climbed_s > 15.0 / CLIMB_M_S
 
 
 def test_a_vehicle_does_not_fly_back_to_waypoints_of_both_plans_before_the_change() -> None:

@@ -54,6 +54,9 @@ FOUND_IN_FULL_RUNS = {
     310: "after a late mission change, changes were announced too late",
     961: "a vehicle that had stopped on its route waited again before its landing, in the way of a lost link",
     852: "two vehicles went on from their holds within a second",
+    644: "a return from a low hold passed over a vehicle, for it did not climb as high as expected",
+    166: "two vehicles stood near each other for minutes, and neither climbed",
+    381: "the one message of a flight without a link was lost, and a vehicle held in its way",
     566: "a vehicle beside its route announced a stop at its next waypoint",
 }
 """larger swarms; each flight takes up to 13 s"""

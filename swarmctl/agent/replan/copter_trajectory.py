@@ -24,6 +24,8 @@ RAMPS_S = 20.0
 """time for which a flight shows where it speeds up and brakes; farther ahead only its corners [s]"""
 REACHED_M = 3.0
 """distance from its next waypoint at which a stopped vehicle flies on from there, and not back [m]"""
+LEVEL_AHEAD_M = 4.0
+"""distance over ground in which a vehicle climbs from a stand [m]: more than waypoints count as reached"""
 LEVEL_S = 0.4
 """duration of a climb or descent below which the flight counts as level [s]"""
 SAME_TIME_S = 1e-3
@@ -53,17 +55,20 @@ def at_height(plan: FlightPlan, height_m: float) -> FlightPlan:
     )
 
 
-def with_level_off(task: Task, plan: FlightPlan, here: LocalPoint, after_s: float) -> FlightPlan:
+def with_level_off(
+    task: Task, plan: FlightPlan, here: LocalPoint, after_s: float | None = None
+) -> FlightPlan:
     """Return the plan with one more waypoint, at the point where the vehicle can reach the plan's height.
 
-    The climb or descent begins in `after_s` [s]. Vehicles climb evenly between waypoints, so a plan without
-    this waypoint reaches its height only at its first waypoint. A plan whose first waypoint is near, or whose
-    height hardly differs, stays unchanged.
+    The climb or descent begins in `after_s` [s]; None: from a stand, and nearly vertical. Vehicles climb
+    evenly between waypoints, so a plan without this waypoint reaches its height only at its first waypoint. A
+    plan whose first waypoint is near, or whose height hardly differs, stays unchanged.
     """
     height_m, first = plan.height_m, waypoints_of(task, plan)[0]
     rate_m_s = CLIMB_M_S if height_m > here[2] else DESCENT_M_S
     takes_s = abs(height_m - here[2]) / rate_m_s
-    level_m, away_m = task.arrival.speed_m_s * (after_s + takes_s), math.dist(here[:2], first)
+    level_m = LEVEL_AHEAD_M if after_s is None else task.arrival.speed_m_s * (after_s + takes_s)
+    away_m = math.dist(here[:2], first)
     if takes_s < LEVEL_S or away_m < 2.0 * level_m:
         return plan
     east_m, north_m = (a + level_m / away_m * (b - a) for a, b in zip(here[:2], first, strict=True))
@@ -145,7 +150,8 @@ def fly_through_change(
         share = changes_m_s**2 / (2.0 * change.brakes_m_s2 * away_m)
         changes_at = (changes_at[0] + share * along[0], changes_at[1] + share * along[1], changes_at[2])
         in_s, changes_m_s = in_s + changes_m_s / change.brakes_m_s2, RESTART_M_S
-        if len(path) > 1 and math.dist(changes_at[:2], path[0]) <= REACHED_M:
+        # A vehicle at a waypoint, but not at its height, climbs or descends there.
+        if len(path) > 1 and math.dist(changes_at, (*path[0], new.height_m)) <= REACHED_M:
             path = path[1:]
     after = fly_along(changes_at, new.height_m, path, speed_m_s, changes_m_s).later(in_s)
     n = bisect_left(times_s, in_s - SAME_TIME_S)

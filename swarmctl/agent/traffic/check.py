@@ -39,6 +39,8 @@ WAIT_WITHIN_S = 15.0
 """Time within which a conflict with a vehicle that cannot change its plan causes a wait [s]."""
 ENOUGH = 1.1
 """Share of the limits that two near vehicles keep if they can: they drift, and brake early or late."""
+CLOSER_BY = 0.1
+"""Share of the limits by which two close vehicles may come closer before they separate."""
 BETTER_BY = 0.3
 """Least improvement, as a share of the limits, of a plan that is still too close to another vehicle."""
 
@@ -133,7 +135,7 @@ def _separates(flight: Trajectory, present: Trajectory | None, other: Trajectory
     """Return whether a flight separates two vehicles that are close now.
 
     From SEPARATES_WITHIN_S on, the flight has to keep the limits. Until then the vehicles may be closer than
-    ENOUGH if they come no closer than now, or if the present flight comes closer by BETTER_BY.
+    ENOUGH if they hardly come closer than now, or if the present flight comes closer by BETTER_BY.
     """
     begin_s = flight.times_s[0]
     if not _leads_away(flight, other, limits):
@@ -144,7 +146,7 @@ def _separates(flight: Trajectory, present: Trajectory | None, other: Trajectory
         return True
     now = limits.share(math.dist(here[:2], there[:2]), abs(here[2] - there[2]))
     # A vehicle that brakes now may come as near as the limits.
-    if least >= min(now, 1.0 if present is None else ENOUGH) - 1e-6:
+    if least >= min(now, 1.0 if present is None else ENOUGH) - CLOSER_BY:
         return True
     present_least = None if present is None else _least_share(present, other, limits)
     return present_least is not None and least >= present_least + BETTER_BY

@@ -190,7 +190,7 @@ def _with_level_off_if_needed(before: AgentState, plan: FlightPlan) -> FlightPla
     if here is None or before.task.wings is not None:
         return plan
     if route is None:
-        return with_level_off(before.task, plan, here, 0.0)  # the vehicle stands still during the upload
+        return with_level_off(before.task, plan, here)  # the vehicle stands still during the upload
     if not _changes_height(before, plan):
         return plan
     return with_level_off(before.task, plan, here, before.plans.swap_times.expected_s)

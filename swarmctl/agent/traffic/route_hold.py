@@ -1,8 +1,9 @@
 """The hold of a copter that gives way on its route: begin, end, and the heights that it may fly at. Pure.
 
 The hold is a wait (`wait.WaitFor.ROUTE`). It ends when the interrupted route is clear, from the hold on and
-also some seconds later. Every 60 s the vehicle tries the route at other heights, too. Then the vehicle needs
-a new plan from the hold. A member that has left its group goes on by its stored mission, if that is possible.
+also some seconds later. Every 60 s the vehicle tries the route at other heights, too, and at once if it holds
+in the way of a vehicle that cannot give way. Then the vehicle needs a new plan from the hold. A member that
+has left its group goes on by its stored mission, if that is possible.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ from swarmctl.core.mission import FlightPlan
 from swarmctl.core.planar import PlanarPoint
 from swarmctl.core.records import replace
 
-RESUME_AFTER_S = (0.0, 3.0, 6.0)
+RESUME_AFTER_S: Sequence[float] = (0.0, 3.0, 6.0)
 """Delays with which a resumed route has to be clear [s]: a vehicle follows a new plan after some seconds."""
 WAITS_NEAR = 4.0
 """Distance within which two vehicles wait for each other, in units of the separation."""
@@ -187,16 +188,21 @@ def resume_if_clear(state: AgentState) -> StepResult:
                 "the interrupted route is clear of other vehicles; the vehicle holds until it has a new plan"
             )
             return _resume(state, f"{text} [resumes]")
-    if ends is Verdict.WAIT or not wait.is_report_due(now_s):
+    is_report_due = wait.is_report_due(now_s)
+    if ends is Verdict.WAIT or not (is_report_due or would_block(state)):
         return replace(state, wait=wait), []
-    plan = _rest_of(state, before.plan.plan)
+    plan, after_s = _rest_of(state, before.plan.plan), RESUME_AFTER_S
     text = f"the vehicle has held for at least {wait.rule.report_every_s:.0f} s"
+    if not is_report_due:
+        text, after_s = "the vehicle holds in the way of one that cannot give way", RESUME_AFTER_S[:2]
     for height_m in () if hears_nobody(state) else heights_to_try(state, plan):
-        if _is_clear(state, _levelled(state, at_height(plan, height_m))):
+        if _is_clear(state, _levelled(state, at_height(plan, height_m)), after_s):
             plans = state.plans.due(must_change=True)
             state = replace(state, height_offset_m=height_m - state.task.altitude_m, plans=plans)
             state = replace(state, conflicts=replace(state.conflicts, deferred_for=frozenset()))
             return _resume(state, f"{text}; it resumes its route at {height_m:.0f} m [resumes-higher]")
+    if not is_report_due:
+        return replace(state, wait=wait), []
     return replace(state, wait=wait.reported(now_s)), [
         ev.NotifyOperator(f"{text}; no height found is clear, so it continues to hold [keeps-holding]")
     ]
@@ -257,18 +263,16 @@ def _is_way_clear(state: AgentState, wait: Wait) -> bool:
 def _levelled(state: AgentState, plan: FlightPlan) -> FlightPlan:
     """Return a plan that is uploaded from the hold, with its level-off waypoint."""
     here = position_of(state)
-    return plan if here is None else with_level_off(state.task, plan, here, 0.0)
+    return plan if here is None else with_level_off(state.task, plan, here)
 
 
-def _is_clear(state: AgentState, plan: FlightPlan) -> bool:
+def _is_clear(state: AgentState, plan: FlightPlan, after_s: Sequence[float] = RESUME_AFTER_S) -> bool:
     """Return whether a plan is clear for a start now or a few seconds later."""
     flight = flight_by_plan(state, plan)
     if flight is None:
         return False
     others, present = known_flights(state), planned_flight(state)
-    return not any(
-        clashes_of_route(state, flight.later(seconds), others, present) for seconds in RESUME_AFTER_S
-    )
+    return not any(clashes_of_route(state, flight.later(seconds), others, present) for seconds in after_s)
 
 
 def _rest_of(state: AgentState, plan: FlightPlan) -> FlightPlan:
