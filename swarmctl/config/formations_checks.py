@@ -26,7 +26,7 @@ from swarmctl.config.specs import Spec
 from swarmctl.config.yaml_lines import KeyPath
 from swarmctl.links import LINKS
 
-SPARE_M = 2.0
+SPARE_M = 3.0
 """Distance beyond the separation that two places at one height keep [m]: members are off their places by as
 much."""
 

@@ -28,7 +28,7 @@ from swarmctl.agent.formation.ways import MemberWay
 from swarmctl.agent.own_modes import own_mode_roles
 from swarmctl.agent.phases import EN_ROUTE, Phase
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.prediction import home_amsl_m
+from swarmctl.agent.traffic.prediction import home_amsl_m, position_of, reported_amsl_m
 from swarmctl.agent.traffic.route_hold import ceiling_m, hold, would_block
 from swarmctl.core import events as ev
 from swarmctl.core.any_angle.track import cells_under
@@ -41,6 +41,8 @@ LOWEST_M = 10.0
 """Least height above home at which a member flies level [m]."""
 LEVEL_WITHIN = 0.4
 """Distance from its place within which a member flies at the group's height, in spacings."""
+CLEAR_LIMITS = 3.0
+"""Distance from other vehicles at which a member changes to the group's height, in limits."""
 STOPS_WITHIN_S = 3.0
 """Time in which a member can stop, after some reaction [s]."""
 GIVES_WAY_FOR_S = 30.0
@@ -333,8 +335,8 @@ def _level_within_m(state: AgentState, places: Mapping[int, ShapePlace]) -> floa
 def _height_amsl_m(state: AgentState, formation: Formation, places: Mapping[int, ShapePlace]) -> float:
     """Return the height of the reference point above the sea; `places`: those of the present members.
 
-    A vehicle keeps its own height until it is near its place: so vehicles cross each other's ways at
-    different heights.
+    A vehicle keeps its own height until it is near its place, and no other vehicle is between the heights: so
+    vehicles cross each other's ways at different heights.
     """
     membership, place, home_m = state.membership, places[state.task.uav], home_amsl_m(state)
     own_m = home_m + state.height_m
@@ -347,7 +349,20 @@ def _height_amsl_m(state: AgentState, formation: Formation, places: Mapping[int,
     if not is_near or told.route_id == 0:
         return own_m - place[2]
     # A wrong height of the leader must lead no vehicle into the ground, or through the fence's ceiling.
-    return min(max(told.height_amsl_m + place[2], home_m + LOWEST_M), home_m + ceiling_m(state)) - place[2]
+    up_m = min(max(told.height_amsl_m + place[2], home_m + LOWEST_M), home_m + ceiling_m(state))
+    return (own_m if _is_other_between(state, up_m) else up_m) - place[2]
+
+
+def _is_other_between(state: AgentState, up_m: float) -> bool:
+    """Return whether a vehicle that is no present member is near, between the own height and another one."""
+    limits, here = state.task.separation.limits, position_of(state)
+    assert here is not None
+    low_m, high_m = sorted((here[2] + home_amsl_m(state), up_m))
+    return high_m - low_m > limits.vertical_m and any(
+        low_m - limits.vertical_m < reported_amsl_m(state, report) < high_m + limits.vertical_m
+        and math.dist(here[:2], (report.east_m, report.north_m)) < CLEAR_LIMITS * limits.horizontal_m
+        for report in state.neighbours.values()
+    )
 
 
 def _threats(state: AgentState) -> ThreatField | None:

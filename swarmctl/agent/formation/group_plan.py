@@ -16,7 +16,7 @@ from swarmctl.agent.formation.membership import GroupRoute, Membership
 from swarmctl.agent.formation.split import cells_along, split_in_metres
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.decide import believed_exposure
-from swarmctl.agent.replan.splice import is_wall_close, may_learn_of_walls
+from swarmctl.agent.replan.splice import GROUP_TURNS_AFTER_S, is_wall_close, may_learn_of_walls
 from swarmctl.agent.replan.time_bound import BETTER_BY
 from swarmctl.agent.state import AgentState
 from swarmctl.core import events as ev
@@ -24,8 +24,6 @@ from swarmctl.core.records import replace
 from swarmctl.planners import split_route
 from swarmctl.planners.base import Method, Problem, Route, Unreachable
 
-AHEAD_S = 4.0
-"""Time ahead at which a new route may turn off [s]: the shape turns that much later at the latest."""
 BEHIND_M = 100.0
 """Length of the route behind the group that is kept [m]."""
 
@@ -61,7 +59,7 @@ def plan_in_formation(state: AgentState) -> AgentState:
     route, along = membership.route, membership.along
     if not state.leads_group or route is None or along is None or membership.n_present == 1:
         return state
-    least_m = along.s_m + max(AHEAD_S * along.speed_m_s, 1.0)
+    least_m = along.s_m + max(GROUP_TURNS_AFTER_S * along.speed_m_s, 1.0)
     ahead = [(at_m, cell) for at_m, cell in cells_along(task.grid, route.reference.legs) if at_m >= least_m]
     if len(ahead) < 2:
         return state

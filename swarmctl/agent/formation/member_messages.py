@@ -14,7 +14,7 @@ from swarmctl.core.split import SplitShared
 
 LEAVES_WITHIN_S = 30.0
 """Time for which a vehicle that leaves goes on to tell its position, because others may fly behind it [s]."""
-ROUTE_EVERY_S = 2.0
+ROUTE_EVERY_S = 1.0
 """Time between two messages with an unchanged route [s]."""
 
 

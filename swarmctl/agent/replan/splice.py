@@ -34,6 +34,8 @@ URGENT_CELLS = 3
 """Number of cells ahead in which a wall requires a new plan at once."""
 CHANGE_S = 2.0
 """Least time for which a fixed wing flies on by its old plan during a swap [s]."""
+GROUP_TURNS_AFTER_S = 4.0
+"""Least time ahead at which a new route of a group may turn off [s]: all members brake for the turn."""
 N_SPLICE_POINTS = 21
 """Number of points on the next cell's length of a track that are compared for a splice."""
 TURN_OFF_RADII = math.tan(math.pi / 8.0)
@@ -168,7 +170,8 @@ def _swap_distance_m(state: AgentState) -> float:
 
     A vehicle that brakes for the new plan may stop up to MAX_OVERSHOOT_CELLS past the splice point.
     """
-    flown_m, _ = distance_and_speed_after(state, state.plans.swap_times.expected_s)
+    least_s = GROUP_TURNS_AFTER_S if state.leads_group and state.membership.n_present > 1 else 0.0
+    flown_m, _ = distance_and_speed_after(state, max(state.plans.swap_times.expected_s, least_s))
     change = change_for_new_plan(state)
     if change is None or not change.brakes_m_s2:
         return flown_m
