@@ -6,8 +6,6 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-import msgspec
-
 from swarmctl.agent.commands import StepResult, command
 from swarmctl.agent.failsafes.base import DemandKind
 from swarmctl.agent.formation.membership import Membership
@@ -32,52 +30,49 @@ TOUCHING_DOWN_M = 2.0
 """Height above home [m] below which a descending vehicle touches down before it follows another order."""
 
 
+_Decision = tuple[CommandOutcome, str, StepResult]
+"""the outcome and the note of an answer, and the state and effects of the order"""
+
+
 def handle_operator_command(state: AgentState, event: ev.OperatorCommand) -> StepResult:
     """Follow an order; an operator's order is also answered."""
-    remote = event.command is not None
-    outcome, note = _order_answer(state, event)
-    effects: list[ev.Effect] = []
     place = position_for_return(state)
-    if (outcome == "taken" or not remote) and not _would_stop_landing(state, event):
-        if urgent_return_reason(state):  # other returns are scheduled around it
-            event = msgspec.structs.replace(event, after_s=0.0)
-        state, effects = _apply_order(state, event, remote=remote)
+    outcome, note, (state, effects) = _decide(state, event)
     if event.command is not None:
         answer = VehicleAnswer(state.task.uav, state.task.name, outcome, note=note, place=place)
         effects = [*effects, ev.Answer(event.command, answer)]
     return state, effects
 
 
-def _would_stop_landing(state: AgentState, event: ev.OperatorCommand) -> bool:
-    """Return whether an order is a recall that would stop a landing demanded by a failsafe."""
-    is_recall = event.order is ev.FlightOrder.RETURN and (bool(event.after_s) or event.command is None)
-    return is_recall and state.order.given is ev.FlightOrder.LAND and bool(demanded(state, DemandKind.LAND))
-
-
-def _is_released_and_armed(state: AgentState) -> bool:
-    return state.phase is Phase.RELEASED and state.vehicle.armed
-
-
-def _order_answer(state: AgentState, event: ev.OperatorCommand) -> tuple[CommandOutcome, str]:
-    order = event.order
-    if _is_released_and_armed(state) and event.command is not None and order in ROLE_OF_ORDER:
-        return "taken", "another operator controls the vehicle; the order is sent once [sent-once]"
+def _decide(state: AgentState, event: ev.OperatorCommand) -> _Decision:
+    order, remote = event.order, event.command is not None
+    unchanged: StepResult = state, []
+    if state.phase is Phase.RELEASED and state.vehicle.armed and remote and order in ROLE_OF_ORDER:
+        note = "another operator controls the vehicle; the order is sent once [sent-once]"
+        return "taken", note, command(state, order, by_person=True)
     if state.ended:
-        return "over", f"the flight is over: {state.phase}" + (f", {state.outcome}" if state.outcome else "")
+        outcome = f", {state.outcome}" if state.outcome else ""
+        return "over", f"the flight is over: {state.phase}{outcome}", unchanged
     if state.launch.is_aborted:
-        return "refused", "the launch is being aborted; the vehicle lands [launch-aborted]"
-    if order not in ROLE_OF_ORDER:
-        return _launch_answer(state) if order is ev.FlightOrder.LAUNCH else _resume_answer(state)
+        return "refused", "the launch is being aborted; the vehicle lands [launch-aborted]", unchanged
+    if order is ev.FlightOrder.LAUNCH:
+        return _decide_launch(state, event)
+    if order is ev.FlightOrder.RESUME:
+        why = _reason_against_resuming(state)
+        return ("refused", why, unchanged) if why else ("taken", "", _resume(state))
     if state.phase in ON_GROUND:
-        return "taken", "the vehicle stays on the ground until an order to launch [stays-on-ground]"
+        note = "the vehicle stays on the ground until an order to launch [stays-on-ground]"
+        return "taken", note, _stay_on_ground(state, event)
     if state.phase is Phase.LAUNCHING:
-        return "taken", "the vehicle aborts its launch and lands [launch-aborted]"
+        return "taken", "the vehicle aborts its launch and lands [launch-aborted]", _abort_launch(state)
     if follows_order(state, order):
-        return "taken", "the vehicle already follows this order [already-done]"
-    if _would_stop_landing(state, event):
-        reason = demanded(state, DemandKind.LAND)
-        return "refused", f"a failsafe lands the vehicle: {reason} [failsafe-landing]"
-    return "taken", "; ".join(_notes(state, event))
+        return "taken", "the vehicle already follows this order [already-done]", unchanged
+    # A recall must not stop a landing that a failsafe demands.
+    is_recall = order is ev.FlightOrder.RETURN and (bool(event.after_s) or not remote)
+    reason = demanded(state, DemandKind.LAND)
+    if is_recall and reason and state.order.given is ev.FlightOrder.LAND:
+        return "refused", f"a failsafe lands the vehicle: {reason} [failsafe-landing]", unchanged
+    return "taken", "; ".join(_notes(state, event)), _follow_in_flight(state, event)
 
 
 def _notes(state: AgentState, event: ev.OperatorCommand) -> Iterator[str]:
@@ -100,29 +95,39 @@ def _notes(state: AgentState, event: ev.OperatorCommand) -> Iterator[str]:
         )
 
 
-def _launch_answer(state: AgentState) -> tuple[CommandOutcome, str]:
+def _decide_launch(state: AgentState, event: ev.OperatorCommand) -> _Decision:
+    remote, ignored = event.command is not None, frozenset(event.ignore)
+    unchanged: StepResult = state, []
     if state.phase in (Phase.HOLDING, Phase.LEAVING):
         advice = "order the vehicle to hold, then to resume"
-        return "refused", f"the vehicle is in flight: {state.outcome or state.phase}; {advice} [not-resumed]"
+        note = f"the vehicle is in flight: {state.outcome or state.phase}; {advice} [not-resumed]"
+        return "refused", note, unchanged
     if state.phase is Phase.LAUNCHING:
-        return "taken", "the vehicle is about to take off [launching]"
+        launch = replace(state.launch, ignored=state.launch.ignored | ignored)
+        return "taken", "the vehicle is about to take off [launching]", (replace(state, launch=launch), [])
     if state.phase not in ON_GROUND:
-        return "taken", "the vehicle has launched already [launched-already]"
-    # A vehicle must not arm later, after the operator has stopped watching the vehicle.
+        return "taken", "the vehicle has launched already [launched-already]", unchanged
+    if not remote and state.order.given in ROLE_OF_ORDER:
+        return "refused", "an operator keeps the vehicle on the ground", unchanged
+    # The own process orders a launch before the vehicle is ready. An operator's order must not launch the
+    # vehicle later, after the operator has stopped watching it.
+    if remote and (why := _reason_against_launching(state)):
+        return "refused", why, unchanged
+    is_uploading = state.plans.pending is not None
+    note = "the vehicle launches after its new plan is uploaded [after-upload]" if is_uploading else ""
+    launch = replace(state.launch, is_ordered=True, is_operators=remote, ignored=ignored)
+    return "taken", note, (replace(state, launch=launch), [])
+
+
+def _reason_against_launching(state: AgentState) -> str:
+    """Return the reason why a vehicle on the ground cannot launch now; "" if it can."""
     if state.lost:
-        return "refused", "the link is lost; repeat the order when the link is back [launch-without-link]"
+        return "the link is lost; repeat the order when the link is back [launch-without-link]"
     if state.telemetry_is_late:
-        return "refused", f"{REPEAT_WHEN_RECENT} [telemetry-old]"
+        return f"{REPEAT_WHEN_RECENT} [telemetry-old]"
     if state.phase is not Phase.STANDBY:
-        return "refused", f"the vehicle is not ready yet: {state.trouble or state.phase} [not-ready]"
-    if state.plans.pending is not None:
-        return "taken", "the vehicle launches after its new plan is uploaded [after-upload]"
-    return "taken", ""
-
-
-def _resume_answer(state: AgentState) -> tuple[CommandOutcome, str]:
-    why = _reason_against_resuming(state)
-    return ("refused", why) if why else ("taken", "")
+        return f"the vehicle is not ready yet: {state.trouble or state.phase} [not-ready]"
+    return ""
 
 
 def _reason_against_resuming(state: AgentState) -> str:
@@ -157,36 +162,21 @@ def _resume(state: AgentState) -> StepResult:
     ), []
 
 
-def _apply_order(state: AgentState, event: ev.OperatorCommand, *, remote: bool) -> StepResult:
-    order = event.order
-    if _is_released_and_armed(state) and remote and order in ROLE_OF_ORDER:
-        return command(state, order, by_person=True)
-    if state.ended or state.launch.is_aborted or follows_order(state, order):
-        return state, []
-    if order is ev.FlightOrder.RESUME:
-        return (state, []) if _reason_against_resuming(state) else _resume(state)
-    if order is ev.FlightOrder.LAUNCH:
-        if state.phase is Phase.LAUNCHING and event.ignore:
-            ignored = state.launch.ignored | frozenset(event.ignore)
-            return replace(state, launch=replace(state.launch, ignored=ignored)), []
-        if state.phase not in ON_GROUND or (state.order.given in ROLE_OF_ORDER and not remote):
-            return state, []  # launched already, or kept on the ground by an operator
-        ignored = frozenset(event.ignore)
-        launch = replace(state.launch, is_ordered=True, is_operators=remote, ignored=ignored)
-        return replace(state, launch=launch), []
-    if state.phase in ON_GROUND and remote:
-        return replace(state, launch=state.launch.withdrawn(), order=state.order.noted(order), wait=None), []
-    if state.phase in ON_GROUND:
+def _stay_on_ground(state: AgentState, event: ev.OperatorCommand) -> StepResult:
+    """Withdraw the launch by an operator's order; the own process ends the flight."""
+    if event.command is None:
         return state.enter(Phase.DONE, outcome="not launched", plans=state.plans.without_upload()), []
-    if state.phase is Phase.LAUNCHING:
-        # The vehicle is armed or will be soon, on the ground or just above it: it has to land.
-        launch, land = replace(state.launch, is_aborted=True), ev.FlightOrder.LAND
-        aborted = {"launch": launch, "outcome": "launch aborted"}
-        return command(state, land, by_person=True, phase=Phase.LEAVING, **aborted)
-    return _apply_in_flight(state, event)
+    launch, order = state.launch.withdrawn(), state.order.noted(event.order)
+    return replace(state, launch=launch, order=order, wait=None), []
 
 
-def _apply_in_flight(state: AgentState, event: ev.OperatorCommand) -> StepResult:
+def _abort_launch(state: AgentState) -> StepResult:
+    """Land: the vehicle is armed or will be soon, on the ground or just above it."""
+    aborted = {"launch": replace(state.launch, is_aborted=True), "outcome": "launch aborted"}
+    return command(state, ev.FlightOrder.LAND, by_person=True, phase=Phase.LEAVING, **aborted)
+
+
+def _follow_in_flight(state: AgentState, event: ev.OperatorCommand) -> StepResult:
     """Hold, return or land; first hold if the order has a start time, or if the way is not clear."""
     order, now_s = event.order, state.vehicle.time_boot_s
     changes: dict[str, Any] = {"plans": state.plans.not_due(), "wait": None}
@@ -196,7 +186,7 @@ def _apply_in_flight(state: AgentState, event: ev.OperatorCommand) -> StepResult
     if order not in _WAIT_OF_ORDER:
         return command(state, order, by_person=True, phase=Phase.HOLDING, **changes)
     purpose = _WAIT_OF_ORDER[order]
-    if event.after_s:
+    if event.after_s and not urgent_return_reason(state):  # other returns are scheduled around an urgent one
         wait = begin(WaitFor.TURN, now_s, until_s=now_s + event.after_s)
     elif _may_wait(state, event) and (holds_first(state, order) or _is_of_shutdown(state, event)):
         wait = begin(purpose, now_s)
@@ -220,8 +210,8 @@ def _holds(state: AgentState) -> bool:
 
 
 def _may_wait(state: AgentState, event: ev.OperatorCommand) -> bool:
-    """Return whether an order may wait for other vehicles; a repeated order does not."""
-    if event.order not in _WAIT_OF_ORDER or event.after_s is not None:
+    """Return whether an order may wait for other vehicles; a repeated order and an urgent return do not."""
+    if event.order not in _WAIT_OF_ORDER or event.after_s is not None or urgent_return_reason(state):
         return False
     return not (state.lost or state.telemetry_is_late) and _wait_for(state, event.order) is None
 
