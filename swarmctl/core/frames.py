@@ -152,10 +152,15 @@ class IntentPoint(msgspec.Struct, frozen=True, array_like=True, gc=False):
     """A future position of a UAV."""
 
     in_s: float
-    """time after the frame was sent (`Frame.unix_s`), in seconds of the vehicles' clocks"""
+    """time after the UAV's last telemetry, which is `IntentShared.age_s` before the frame was sent [s]"""
     lat_deg: float
     lon_deg: float
     alt_amsl_m: float
+
+
+def _check_age(age_s: float) -> None:
+    if not 0.0 <= age_s <= MAX_AHEAD_S:
+        raise ValueError(f"an age is outside 0 to {MAX_AHEAD_S:g} s")
 
 
 class IntentShared(msgspec.Struct, frozen=True, omit_defaults=True, dict=True, tag="inform/intent"):
@@ -172,7 +177,7 @@ class IntentShared(msgspec.Struct, frozen=True, omit_defaults=True, dict=True, t
     on_ground: bool = False
     """True from the launch order until the UAV has taken off"""
     age_s: float = 0.0
-    """age of the last telemetry when the message was sent [s]: the times of `points` begin then"""
+    """age of the UAV's last telemetry when the message was sent [s]"""
 
     @cached_property
     def derived(self) -> dict[Hashable, Any]:
@@ -182,8 +187,7 @@ class IntentShared(msgspec.Struct, frozen=True, omit_defaults=True, dict=True, t
     def __post_init__(self) -> None:
         if not all(0.0 <= m <= MAX_MAGNITUDE for m in self.around_m):
             raise ValueError(f"a distance is not a number, below 0 or above {MAX_MAGNITUDE:g} m")
-        if not 0.0 <= self.age_s <= MAX_AHEAD_S:
-            raise ValueError(f"an age is outside 0 to {MAX_AHEAD_S:g} s")
+        _check_age(self.age_s)
         before_s = -math.inf
         for point in self.points:
             check_position(point.lat_deg, point.lon_deg)
@@ -242,8 +246,7 @@ class MemberShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, ta
         lengths = (*heights, *self.velocity_m_s, self.along_m, self.speed_m_s, *changes_m)
         if not (max(map(abs, lengths)) <= MAX_MAGNITUDE and 0.0 <= self.error_m <= MAX_MAGNITUDE):
             raise ValueError(f"a height, a distance or a speed is above {MAX_MAGNITUDE:g} (m or m/s)")
-        if not 0.0 <= self.age_s <= MAX_AHEAD_S:
-            raise ValueError(f"an age is outside 0 to {MAX_AHEAD_S:g} s")
+        _check_age(self.age_s)
         if self.along_m < 0.0 or self.speed_m_s < 0.0:
             raise ValueError("a distance or a speed along the route is below 0")
 
