@@ -146,7 +146,7 @@ def _separates(flight: Trajectory, present: Trajectory | None, other: Trajectory
         return True
     now = limits.share(math.dist(here[:2], there[:2]), abs(here[2] - there[2]))
     # A vehicle that brakes now may come as near as the limits.
-    if least >= min(now, 1.0 if present is None else ENOUGH) - CLOSER_BY:
+    if least >= min(now - CLOSER_BY, 1.0 if present is None else ENOUGH) - 1e-6:
         return True
     present_least = None if present is None else _least_share(present, other, limits)
     return present_least is not None and least >= present_least + BETTER_BY
