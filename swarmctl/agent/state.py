@@ -284,7 +284,7 @@ class AgentState:
     @property
     def interrupted(self) -> ev.SwapMission | None:
         """Mission that a hold for other vehicles interrupts."""
-        return None if self.wait is None else self.wait.plan
+        return None if self.wait is None else self.wait.mission
 
     def waits_for(self, purpose: WaitFor) -> bool:
         """Return whether the vehicle waits now, for this purpose."""

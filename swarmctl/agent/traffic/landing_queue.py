@@ -73,8 +73,10 @@ def arrive(state: AgentState) -> AgentState:
         "arrived_boot_s": now_s,
     }
     if wait is not None and state.waits_for(WaitFor.ROUTE):  # it stops in its goal cell
-        until_s, plan = wait.deadline_boot_s, wait.plan
-        changes["wait"] = begin(WaitFor.DESCENT, wait.since_boot_s, until_s=until_s, plan=plan, to=wait.to)
+        until_s, mission = wait.deadline_boot_s, wait.mission
+        changes["wait"] = begin(
+            WaitFor.DESCENT, wait.since_boot_s, until_s=until_s, mission=mission, to=wait.to
+        )
     return state.enter(Phase.LANDING, **changes).with_new_flight()
 
 
@@ -163,8 +165,8 @@ def _wait_if_conflicting(state: AgentState, here: LocalPoint) -> StepResult:
 
 def hold_before_landing(state: AgentState, to: Mapping[int, NeighbourReport]) -> StepResult:
     """Order a hold until the descent is clear; a second hold on the way to one landing keeps the deadline."""
-    plan, now_s = state.plans.route or state.interrupted, state.vehicle.time_boot_s
-    wait = begin(WaitFor.DESCENT, now_s, plan=plan, to=to, before=state.wait)
+    mission, now_s = state.plans.route or state.interrupted, state.vehicle.time_boot_s
+    wait = begin(WaitFor.DESCENT, now_s, mission=mission, to=to, before=state.wait)
     return command(replace(state, n_holds=state.n_holds + 1), ev.FlightOrder.HOLD, wait=wait)
 
 

@@ -148,7 +148,7 @@ def goes_second(state: AgentState) -> bool:
 
 
 def hold(
-    state: AgentState, plan: ev.SwapMission | None, to: Mapping[int, NeighbourReport], **changes: Any
+    state: AgentState, mission: ev.SwapMission | None, to: Mapping[int, NeighbourReport], **changes: Any
 ) -> StepResult:
     """Order a hold to give way; a second hold on the way to one clear route keeps the first deadline.
 
@@ -157,7 +157,7 @@ def hold(
     """
     in_group, now_s = state.phase is Phase.FORMATION, state.vehicle.time_boot_s
     by_stored = in_group and not state.membership.is_over
-    wait = begin(WaitFor.ROUTE, now_s, plan=plan, to=to, by_stored=by_stored, before=state.wait)
+    wait = begin(WaitFor.ROUTE, now_s, mission=mission, to=to, by_stored=by_stored, before=state.wait)
     changes = {
         "phase": Phase.FLYING,
         "wait": wait,
@@ -171,7 +171,7 @@ def hold(
 def resume_if_clear(state: AgentState) -> StepResult:
     """End the hold if the route is clear, or at its deadline. Called for each telemetry message."""
     before, now_s = state.wait, state.vehicle.time_boot_s
-    if state.phase is not Phase.FLYING or before is None or before.plan is None or not before.is_on:
+    if state.phase is not Phase.FLYING or before is None or before.mission is None or not before.is_on:
         return state, []
 
     def is_clear() -> bool:
@@ -191,7 +191,7 @@ def resume_if_clear(state: AgentState) -> StepResult:
     is_report_due = wait.is_report_due(now_s)
     if ends is Verdict.WAIT or not (is_report_due or would_block(state)):
         return replace(state, wait=wait), []
-    plan, after_s = _rest_of(state, before.plan.plan), RESUME_AFTER_S
+    plan, after_s = _rest_of(state, before.mission.plan), RESUME_AFTER_S
     text = f"the vehicle has held for at least {wait.rule.report_every_s:.0f} s"
     if not is_report_due:
         text, after_s = "the vehicle holds in the way of one that cannot give way", RESUME_AFTER_S[:2]
@@ -235,7 +235,7 @@ def _resume(state: AgentState, text: str) -> StepResult:
 
 def _stored(state: AgentState, wait: Wait) -> ev.SwapMission | None:
     """Return the rest of the stored mission, if the vehicle may go on by it."""
-    return rest_of_stored(state, wait.plan) if wait.by_stored and wait.plan is not None else None
+    return rest_of_stored(state, wait.mission) if wait.by_stored and wait.mission is not None else None
 
 
 def _fly_stored(state: AgentState, stored: ev.SwapMission) -> StepResult:
@@ -254,10 +254,10 @@ def _fly_stored(state: AgentState, stored: ev.SwapMission) -> StepResult:
 
 def _is_way_clear(state: AgentState, wait: Wait) -> bool:
     """Return whether the way by the stored mission is clear, or by the rest of the interrupted one."""
-    assert wait.plan is not None
+    assert wait.mission is not None
     if (stored := _stored(state, wait)) is not None:
         return _is_clear(state, stored.plan)
-    return _is_clear(state, _levelled(state, _rest_of(state, wait.plan.plan)))
+    return _is_clear(state, _levelled(state, _rest_of(state, wait.mission.plan)))
 
 
 def _levelled(state: AgentState, plan: FlightPlan) -> FlightPlan:

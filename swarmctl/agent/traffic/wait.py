@@ -120,7 +120,7 @@ class Wait:
     purpose: WaitFor
     since_boot_s: float
     deadline_boot_s: float
-    plan: SwapMission | None = None
+    mission: SwapMission | None = None
     """mission that the hold interrupted; None: the wait interrupts no mission"""
     to: Mapping[int, NeighbourReport] = field(default_factory=dict)
     """last states of the vehicles to which this vehicle gives way"""
@@ -182,7 +182,7 @@ def begin(
     now_s: float,
     *,
     until_s: float = math.inf,
-    plan: SwapMission | None = None,
+    mission: SwapMission | None = None,
     to: Mapping[int, NeighbourReport] | None = None,
     by_stored: bool = False,
     before: Wait | None = None,
@@ -191,9 +191,9 @@ def begin(
     if before is not None and before.purpose is purpose and before.may_go_on(now_s):
         again = {**before.to, **(to or {})}
         before = replace(before, by_stored=by_stored or before.by_stored)
-        return replace(before.again(), since_boot_s=now_s, plan=plan, to=again, checked_boot_s=now_s)
+        return replace(before.again(), since_boot_s=now_s, mission=mission, to=again, checked_boot_s=now_s)
     deadline_s = min(now_s + RULES[purpose].longest_s, until_s)
-    return Wait(purpose, now_s, deadline_s, plan, to or {}, checked_boot_s=now_s, by_stored=by_stored)
+    return Wait(purpose, now_s, deadline_s, mission, to or {}, checked_boot_s=now_s, by_stored=by_stored)
 
 
 def verdict(
