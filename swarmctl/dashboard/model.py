@@ -242,7 +242,10 @@ class Timeline:
         )
 
     def link_lost(self, uav: int, time_s: float, age_s: float) -> None:
+        """Fold a report of a lost link; it comes again each second."""
         time_s, vehicle = self._touch(time_s), self.vehicles[uav]
+        if vehicle.said.lost_since_s is not None:
+            return
         self._say(vehicle, time_s, lost_since_s=time_s - age_s)
         self.event(vehicle, time_s, "alarm", f"no telemetry for {age_s:.0f} s: the link is lost")
 

@@ -282,3 +282,11 @@ def test_a_group_is_shown_with_its_leader_and_errors(tmp_path: Path) -> None:
     together = [groups[0] for groups in shown if groups and len(groups[0].members) == 3]
     assert {(g.name, g.members, g.leader) for g in together} == {("alpha", ("uav1", "uav2", "uav3"), "uav1")}
     assert all(error_m is not None for error_m in together[-1].errors_m)
+
+
+def test_a_lost_link_that_is_reported_each_second_is_one_alarm() -> None:
+    timeline = Timeline(small(simulate=TWO), "record", 0.0)
+    for time_s in (15.0, 16.0, 17.0):
+        timeline.link_lost(1, time_s, time_s - 10.0)
+    assert [event.severity for event in timeline.at().events] == ["alarm"]
+    assert timeline.vehicles[1].said.lost_since_s == 10.0
