@@ -1,6 +1,5 @@
 """The conformance suite on the virtual clock: the simulator passes, and permissions are kept."""
 
-import json
 import math
 from typing import Any
 
@@ -25,12 +24,11 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.generator.mavcrc import x25crc
 from typer.testing import CliRunner
 
-from sim_vehicle.conformance import flying, parameters
+from sim_vehicle.conformance import parameters
 from sim_vehicle.conformance.assertions import Skip
 from sim_vehicle.conformance.cli import conformance
 from sim_vehicle.conformance.guard import Forbidden, permission_for
 from sim_vehicle.conformance.registry import CATEGORIES, all_checks, check, select
-from sim_vehicle.conformance.report import as_json
 from sim_vehicle.conformance.runner import Outcome, granted_permissions, run
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.station.frames import STATION
@@ -71,7 +69,9 @@ def test_a_pattern_is_a_category_a_beginning_or_a_shell_pattern() -> None:
 @pytest.mark.autopilots("2 wrong / duplicate item", "2 CLEAR_ALL", "2 DO_SET_MISSION_CURRENT")
 @pytest.mark.autopilots("2 second GCS / download during upload", "2 PX4 otherwise")
 @pytest.mark.autopilots("MAVSDK 5 offboard", "MAVSDK 5 takeoff")
-@pytest.mark.autopilots("1.5", "1.14", "2 item 0", "2 count", "2 RTL item", "2 abandoned upload", of="px4")
+@pytest.mark.autopilots(
+    "1.5", "1.14", "1.16", "2 item 0", "2 count", "2 RTL item", "2 abandoned upload", of="px4"
+)
 @pytest.mark.autopilots("2 upload is atomic?", "2 second GCS / download during upload", of="px4")
 @pytest.mark.autopilots("2 DO_SET_MISSION_CURRENT", "2 MISSION_WRITE_PARTIAL_LIST", of="px4")
 @pytest.mark.autopilots("2 pause/continue", "2 CLEAR_ALL", "2 PX4 otherwise", of="px4")
@@ -89,25 +89,6 @@ def test_the_simulator_passes_every_check(personality: str, kind: str) -> None:
     assert len(report.results) == len(all_checks())
     assert report.count(Outcome.PASSED) >= 150
     assert [r.check.name for r in report.results if "[battery-low]" in r.seen] == []
-
-
-def test_two_runs_are_equal() -> None:
-    first, second = (as_json(conform(FleetWire(fleet(ready_s=0.0)), *GROUND), "") for _ in range(2))
-    assert first == second
-    assert json.loads(first)["counts"]["failed"] == 0
-
-
-def test_plans_and_battery_parameters_are_restored() -> None:
-    vehicle = connected(FleetWire(fleet(ready_s=0.0)))
-    items, capacity = store_mission(vehicle), parameters.read(vehicle, "BATT_CAPACITY").value
-    report = run(
-        vehicle, select(["mission.upload.one_item", "mission.clear.empties", "flight.status_is_active"])
-    )
-    assert report.count(Outcome.PASSED) == 3
-    assert report.notes == ()
-    assert has_mission(vehicle, items)
-    assert parameters.read(vehicle, "BATT_CAPACITY").value == capacity
-    assert not vehicle.armed
 
 
 # -- permissions -----------------------------------------------------------------------------------------
@@ -190,34 +171,6 @@ def test_a_vehicle_armed_before_the_run_is_left_alone() -> None:
 
 
 # -- other vehicles on the link --------------------------------------------------------------------------
-
-
-@pytest.mark.full
-@pytest.mark.virtual
-@pytest.mark.parametrize("personality", ["ardupilot", "px4"])
-def test_another_vehicle_on_the_link_is_unchanged(personality: str) -> None:
-    class Watched(FleetWire):
-        armed_seen = False
-
-        def receive(self, timeout_s: float) -> bytes | None:
-            self.armed_seen |= bool(self.fleet.truth().armed[1])
-            return super().receive(timeout_s)
-
-    inner = fleet(personality, ready_s=0.0, count=2)
-    wire = Watched(inner)
-    other = connected(wire, sysid=2)
-    items = store_mission(other)
-    flying.set_ready_mode(other)
-    before, mode = parameters.fetch_all(other), other.mode
-    report = run(connected(wire, sysid=1), all_checks())
-    assert [r.check.name for r in report.results if "Forbidden" in r.seen] == []
-    assert report.count(Outcome.PASSED) >= 150
-    assert not wire.armed_seen
-    assert inner.boots()[1] == 1
-    other = connected(wire, sysid=2)
-    assert parameters.fetch_all(other) == before
-    assert has_mission(other, items)
-    assert other.mode == mode
 
 
 def arm_message(sysid: int) -> Any:
@@ -347,7 +300,7 @@ class InterruptingWire(FleetWire):
         return super().receive(timeout_s)
 
 
-@pytest.mark.parametrize("times", [1, 2, pytest.param(3, marks=pytest.mark.full)])
+@pytest.mark.parametrize("times", [1, 2])
 def test_an_interrupted_flight_ends_on_the_ground(times: int) -> None:
     inner = fleet(ready_s=0.0)
     wire = InterruptingWire(inner)
@@ -423,17 +376,9 @@ class OutageWire(FleetWire):
         return data if self._open else None
 
 
-@pytest.mark.parametrize(
-    ("up_m", "lasts_s"),
-    [
-        pytest.param(1.0, 120.0, marks=pytest.mark.full),
-        (10.0, 120.0),
-        pytest.param(19.5, 50.0, marks=pytest.mark.full),
-    ],
-)
-def test_a_vehicle_is_landed_and_restored_after_an_outage(up_m: float, lasts_s: float) -> None:
+def test_a_vehicle_is_landed_and_restored_after_an_outage() -> None:
     inner = fleet(ready_s=0.0)
-    vehicle = connected(OutageWire(inner, up_m=up_m, lasts_s=lasts_s))
+    vehicle = connected(OutageWire(inner, up_m=10.0, lasts_s=120.0))
     items, capacity = store_mission(vehicle), parameters.read(vehicle, "BATT_CAPACITY").value
     report = run(vehicle, select(["flight.hold", "flight.return"]))
     assert report.count(Outcome.FAILED) >= 1

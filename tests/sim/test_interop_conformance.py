@@ -3,15 +3,11 @@
 import contextlib
 import json
 import os
-import select
 import signal
 import socket
 import subprocess
 import sys
-import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -118,57 +114,6 @@ def test_an_interrupted_scenario_writes_no_verdict(number: signal.Signals, tmp_p
 
 
 # -- serial --------------------------------------------------------------------------------------------------
-
-
-@contextmanager
-def serial_bridge(device: SerialDevice, port: int) -> Iterator[threading.Event]:
-    """Connect the device to a TCP port, until the event unplugs it."""
-    end = device.plug_in()
-    pulled = threading.Event()
-    peer = socket.create_connection(("127.0.0.1", port), LIMIT_S)
-
-    def carry() -> None:
-        with contextlib.suppress(OSError):
-            while not pulled.is_set():
-                ready, _, _ = select.select([end, peer.fileno()], [], [], 0.05)
-                if end in ready:
-                    peer.sendall(os.read(end, 4096))
-                if peer.fileno() in ready:
-                    os.write(end, peer.recv(4096))
-        device.pull()
-
-    thread = threading.Thread(target=carry)
-    thread.start()
-    try:
-        yield pulled
-    finally:
-        pulled.set()
-        thread.join(LIMIT_S)
-        peer.close()
-
-
-def test_an_unplugged_serial_device_ends_with_a_report(tmp_path: Path) -> None:
-    port = free_tcp_port()
-    device = SerialDevice(tmp_path / "device")
-    command = [sys.executable, "-m", "sim_vehicle", "conformance", "-v", "--speedup", SPEEDUP]
-    with simulator("--speedup", SPEEDUP, "--url", f"tcpin:127.0.0.1:{port}") as fleet:
-        assert line(fleet)
-        with serial_bridge(device, port) as pulled:
-            process = subprocess.Popen(
-                [*command, f"serial:{device.name}:57600", *only("heartbeat", "commands.ack")],
-                stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-            )  # fmt: skip
-            try:
-                while "heartbeat.once_a_second" not in (shown := process.stdout.readline()):
-                    assert shown, process.communicate(timeout=LIMIT_S)
-                pulled.set()
-                out, errors = process.communicate(timeout=LIMIT_S)
-            finally:
-                process.kill()
-    assert process.returncode == 1, out + errors
-    assert errors == ""
-    assert "[vehicle-silent]" in out
-    assert "[vehicle-lost]" in out
 
 
 def test_a_returning_serial_device_is_opened_again(tmp_path: Path) -> None:

@@ -2,9 +2,7 @@
 
 import asyncio
 import contextlib
-import os
 import socket
-import tty
 from typing import Any
 
 import pytest
@@ -105,18 +103,6 @@ def test_messages_from_another_port_are_ignored() -> None:
         Ground(stranger, ground.address).send(mavlink.MAVLink_timesync_message(0, 7))
         ground.answered(8, 1)
         assert [m.ts1 for m in ground.received if m.get_type() == "TIMESYNC" and m.tc1] == [8]
-
-
-@pytest.mark.full
-@pytest.mark.autopilots("1.18")
-def test_a_late_ground_station_is_served() -> None:
-    port = free_udp_port()
-    with simulator("--speedup", "20", "--url", f"udpout:127.0.0.1:{port}") as process:
-        assert line(process)
-        for _ in range(2):  # repeatedly
-            udp, _ = udp_socket(port)
-            with udp:
-                Ground(udp).systems(1)
 
 
 def test_a_listening_udp_fleet_answers_every_sender() -> None:
@@ -253,21 +239,6 @@ def test_a_stalled_client_costs_bounded_memory_and_gets_whole_frames() -> None:
 
 
 # -- serial ------------------------------------------------------------------------------------------------
-
-
-def test_a_serial_line_carries_the_fleet() -> None:
-    ground_end, fleet_end = os.openpty()
-    tty.setraw(ground_end)
-    tty.setraw(fleet_end)
-    with simulator(
-        "--count", "2", "--speedup", "5", "--url", f"serial:{os.ttyname(fleet_end)}:57600"
-    ) as process:
-        assert f"serial {os.ttyname(fleet_end)}:57600" in line(process)
-        ground = Ground(ground_end)
-        ground.systems(1, 2)
-        ground.answered(11, 2)
-    os.close(ground_end)
-    os.close(fleet_end)
 
 
 # -- several at once, and nonsense -------------------------------------------------------------------------

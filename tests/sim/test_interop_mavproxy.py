@@ -71,27 +71,6 @@ def test_mavproxy_sets_up_and_flies_an_ardupilot_copter(tmp_path: Path) -> None:
             proxy.expect(r"\bDISARMED")
 
 
-@pytest.mark.full
-def test_mavproxy_sets_up_and_flies_a_px4_copter(tmp_path: Path) -> None:
-    port = free_tcp_port()
-    (tmp_path / "plan.txt").write_text(PLAN)
-    more = ("--personality", "px4", "--speedup", "5", "--url", f"tcpin:127.0.0.1:{port}")
-    with simulator(*more) as process:
-        assert line(process)
-        with mavproxy(f"tcp:127.0.0.1:{port}", tmp_path) as proxy:
-            proxy.expect(r"online system 1")
-            proxy.expect(r"Received \d+ parameters")
-            proxy.ask("wp load plan.txt", r"TYPE_MISSION: ACCEPTED")
-            proxy.ask("wp list", r"Requesting 4 waypoints")
-            proxy.expect(r"Saved 4 waypoints")
-            proxy.ask("arm throttle", r"\bARMED")
-            # `mode` is broken for PX4 in MAVProxy itself: it packs a tuple as a number.
-            proxy.ask("long DO_SET_MODE 209 4 2", r"TAKEOFF> ")
-            proxy.expect(r"LOITER> ")
-            proxy.ask("long NAV_RETURN_TO_LAUNCH", r"RTL> ")
-            proxy.expect(r"\bDISARMED")
-
-
 def asked(proxy: MAVProxy, command: str, pattern: str, condition: Callable[[float], bool]) -> None:
     """Request a number until it has the expected value; early answers may be missing."""
     end_s = time.monotonic() + LIMIT_S

@@ -46,16 +46,6 @@ def test_two_lines_and_no_table_on_a_pipe(number: signal.Signals) -> None:
     )
 
 
-@pytest.mark.full
-def test_a_closed_standard_output_does_not_end_the_fleet() -> None:
-    udp, port = udp_socket()
-    with udp, simulator("--speedup", "10", "--url", f"udpout:127.0.0.1:{port}") as process:
-        assert line(process)
-        process.stdout.close()
-        process.stdout = None
-        Ground(udp).systems(1)
-
-
 def test_a_used_port_is_an_error_with_code_2() -> None:
     udp, port = udp_socket()
     with udp:
@@ -102,19 +92,6 @@ def test_the_fleet_ends_with_its_parent_process() -> None:
         assert line(process)
         parent.communicate(b"\n", timeout=LIMIT_S)
         assert process.wait(timeout=LIMIT_S) == 0
-
-
-@pytest.mark.full
-def test_a_slow_machine_causes_a_warning() -> None:
-    url = f"tcpin:127.0.0.1:{free_tcp_port()}"
-    more = ("--count", "200", "--speedup", "1000", "--url", url)
-    with simulator(*more, errors=lambda _: True) as process:
-        assert line(process)
-        warning = process.stderr.readline()
-        process.terminate()
-        output = process.stdout.read()
-    assert re.match(r"sim_vehicle: .* 1000x real time: \d+\.\d s lost .*\[too-slow\]\n", warning)
-    assert re.search(r"late by .* \d+\.\d s ", output)
 
 
 def test_manual_time_stands_still_between_steps() -> None:
@@ -177,14 +154,6 @@ def test_a_run_with_lost_output_exits_with_its_verdict(
     os.close(output)
     assert (done.returncode, done.stderr) == (code, message)
     assert json.loads((tmp_path / "hop" / "verdict.json").read_text())["passed"] is (code == 0)
-
-
-@pytest.mark.full
-@pytest.mark.parametrize("arguments", [("run", "--list-checks"), ("--fault", "help"), ("--help",)])
-def test_a_list_tolerates_a_full_disk(arguments: tuple[str, ...]) -> None:
-    done = run(*arguments, before="exec >/dev/full")
-    assert done.returncode == 0
-    assert done.stderr == "sim_vehicle: standard output is lost (No space left on device)\n"
 
 
 @pytest.mark.full
@@ -308,15 +277,3 @@ def test_serving_on_windows_is_refused() -> None:
     )
     assert done.returncode == 2
     assert re.fullmatch(r"sim_vehicle: .*Windows.*\n", done.stderr)
-
-
-def test_messages_of_each_vehicle_are_logged(tmp_path: Path) -> None:
-    script = tmp_path / "steps"
-    script.write_text("step 10\n")
-    command = [sys.executable, "-m", "sim_vehicle", "--step", "--count", "2", "--url"]
-    command += [f"tcpin:127.0.0.1:{free_tcp_port()}", "--tlog", str(tmp_path / "logs")]
-    with script.open() as steps:
-        subprocess.run(command, stdin=steps, capture_output=True, timeout=LIMIT_S, check=True)
-    logs = list((tmp_path / "logs").iterdir())
-    assert len(logs) == 2
-    assert all(log.read_bytes().count(b"\xfd") >= 10 for log in logs)

@@ -205,10 +205,3 @@ def test_heavy_imports_wait_for_the_first_fixture(project: Path) -> None:
     )
     done = run_pytest(project, "-p", MODULE)
     assert done.returncode == 0, done.stdout
-
-
-@pytest.mark.interop
-def test_the_fixtures_are_listed_with_their_use(project: Path) -> None:
-    listed = run_pytest(project, "-p", MODULE, "--fixtures")
-    for name in ("vehicle", "swarm", "clock", "link", "sim_seed"):
-        assert re.search(rf"^{name}\b", listed.stdout, re.MULTILINE), name

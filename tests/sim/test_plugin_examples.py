@@ -4,7 +4,6 @@ Read from top to bottom as documentation; docs/simulator/testing.md has the firs
 """
 
 import socket
-import threading
 import time
 from collections.abc import Callable
 from typing import Any
@@ -14,7 +13,6 @@ from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.scenarios import ScenarioError
-from sim_vehicle.scenarios.script import ScriptStation
 from sim_vehicle.testing.rig import Clock, NotWithinTimeError, Swarm, Vehicle
 from sim_vehicle.testing.served import ServedFleet
 
@@ -91,43 +89,12 @@ def test_a_socket_is_enough(vehicle: Vehicle, link: ServedFleet, clock: Clock) -
 
 
 @pytest.mark.interop
-def test_a_station_that_listens(vehicle: Vehicle, link: ServedFleet) -> None:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as station:
-        station.bind(("127.0.0.1", 0))
-        station.settimeout(10)
-        link.serve(f"udpout:127.0.0.1:{station.getsockname()[1]}", speedup=5)
-        data, _ = station.recvfrom(4096)
-    assert data
-    assert vehicle.raw
-
-
-@pytest.mark.interop
 def test_lost_time_causes_a_warning_at_the_end(vehicle: Vehicle, link: ServedFleet, clock: Clock) -> None:
     link.serve(speedup=1_000_000)
     end_s = time.monotonic() + 1.1  # a lag of 1 s is reported
     clock.run_until(lambda: time.monotonic() > end_s, timeout=1e9)
     with pytest.warns(RuntimeWarning, match="too-slow"):
         link.close()
-
-
-@pytest.mark.interop
-def test_one_thread_runs_a_served_fleet_and_its_ground_station(
-    vehicle: Vehicle, link: ServedFleet, clock: Clock, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    threads: list[threading.Thread] = []
-    receive = ScriptStation.receive
-
-    def received(station: ScriptStation, index: int, data: bytes, now: float) -> None:
-        threads.append(threading.current_thread())
-        receive(station, index, data, now)
-
-    monkeypatch.setattr(ScriptStation, "receive", received)
-    link.serve(speedup=10)
-    clock.run_for(2)
-    vehicle.do("takeoff", 5)
-    clock.run_until(lambda: vehicle.armed)
-    assert len(set(threads)) == 1
-    assert threads[0] is not threading.main_thread()
 
 
 # -- further features ---------------------------------------------------------------------------------------

@@ -19,13 +19,8 @@ import pytest
 from mavsdk import Autopilot, ComponentType, Configuration, ConnectionResult, Mavsdk
 from mavsdk.exceptions import MavsdkError
 from mavsdk.plugins.action import Action
-from mavsdk.plugins.geofence import Geofence
-from mavsdk.plugins.info import Info
 from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkMessage
-from mavsdk.plugins.mission import Mission
 from mavsdk.plugins.mission_raw import MissionItem, MissionRaw
-from mavsdk.plugins.offboard import Offboard
-from mavsdk.plugins.param import Param
 from mavsdk.plugins.telemetry import FlightMode, Telemetry
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from simulator_process import LIMIT_S, free_udp_port, simulator
@@ -69,28 +64,8 @@ class Vehicle:
         return self.plugin(Action)
 
     @cached_property
-    def param(self) -> Param:
-        return self.plugin(Param)
-
-    @cached_property
-    def mission(self) -> Mission:
-        return self.plugin(Mission)
-
-    @cached_property
     def mission_raw(self) -> MissionRaw:
         return self.plugin(MissionRaw)
-
-    @cached_property
-    def geofence(self) -> Geofence:
-        return self.plugin(Geofence)
-
-    @cached_property
-    def offboard(self) -> Offboard:
-        return self.plugin(Offboard)
-
-    @cached_property
-    def info(self) -> Info:
-        return self.plugin(Info)
 
     @cached_property
     def direct(self) -> MavlinkDirect:
@@ -230,11 +205,6 @@ class MavsdkPeer:
         raise AssertionError(f"no {personality} is left; taken: {sorted(self._taken)}")
 
 
-def _only_late(errors: str) -> bool:
-    """Return True if all warnings are about lost time on a slow machine."""
-    return all("[too-slow]" in line for line in errors.splitlines())
-
-
 @contextmanager
 def connected(*arguments: str) -> Iterator[MavsdkPeer]:
     """Start a simulator with these arguments and connect MAVSDK to it."""
@@ -242,7 +212,7 @@ def connected(*arguments: str) -> Iterator[MavsdkPeer]:
     mavsdk = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
     assert mavsdk.add_any_connection(f"udpin://127.0.0.1:{port}") == ConnectionResult.SUCCESS
     try:
-        with simulator("--no-table", "--url", f"udpout:127.0.0.1:{port}", *arguments, errors=_only_late):
+        with simulator("--no-table", "--url", f"udpout:127.0.0.1:{port}", *arguments):
             peer = MavsdkPeer(mavsdk)
             yield peer
     finally:
@@ -284,16 +254,6 @@ def side_by_side(test: Callable[..., None]) -> Callable[..., None]:
         ended.pop(personality).result()
 
     return pytest.mark.parametrize("personality", list(AUTOPILOTS))(case)
-
-
-def finish(start: Callable[[Callable[..., None]], Any]) -> tuple[Any, ...]:
-    """Start an asynchronous call and return its last callback's values (NEXT is an interim result)."""
-    results: queue.Queue[tuple[Any, ...]] = queue.Queue()
-    start(lambda *values: results.put(values))
-    while True:
-        values = results.get(timeout=LIMIT_S)
-        if values[0].name != "NEXT":
-            return values
 
 
 def refusal(call: Callable[..., Any], *arguments: Any) -> str:
