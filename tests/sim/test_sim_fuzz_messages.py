@@ -11,11 +11,8 @@ GROUND, AIR = "on the ground, uploading", "in flight, signing"
 SHORT_RUN = {
     "any_message": ("px4", "copter", AIR),
     "flown_missions": ("ardupilot", "plane", AIR),
-    "written_files": ("px4", "copter", GROUND),
-    "flown_logs": ("ardupilot", "copter", AIR),
     "commands": ("ardupilot", "plane", AIR),
     "likely_commands": ("px4", "plane", AIR),
-    "parameters": ("px4", "copter", AIR),
     "setpoints": ("ardupilot", "copter", AIR),
 }
 CASES = [

@@ -113,11 +113,10 @@ def test_a_mission_shortened_before_its_current_item() -> None:
     bench.check()
 
 
-@pytest.mark.parametrize("z", [3.4e38, pytest.param(-3.4e38, marks=pytest.mark.full)])
-def test_a_home_at_an_extreme_altitude(z: float) -> None:
+def test_a_home_at_an_extreme_altitude() -> None:
     bench = Bench("px4", "copter")
     bench.fly()
-    items = [(3, 22, 0, 0, 0, 0, 30.0), (2, 179, 0, 0, 0, 0, z), (3, 16, 0, 0, 0, 0, 40.0)]
+    items = [(3, 22, 0, 0, 0, 0, 30.0), (2, 179, 0, 0, 0, 0, 3.4e38), (3, 16, 0, 0, 0, 0, 40.0)]
     assert upload(bench, *items) == [ACCEPTED]
     bench.wait(1.0)
     assert bench.command(mavlink.MAV_CMD_DO_SET_MODE, 1, 4, 4) == ACCEPTED
