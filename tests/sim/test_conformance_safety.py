@@ -196,39 +196,29 @@ def test_a_connection_made_again_keeps_no_short_time_out() -> None:
 A, B = ("127.0.0.1", 1), ("127.0.0.1", 2)
 
 
-def test_a_silent_vehicle_may_return_at_another_address() -> None:
+@pytest.mark.parametrize(
+    ("received", "accepted", "address", "is_ambiguous"),
+    [
+        pytest.param([(A, 0.0), (B, 1.5)], [True, True], B, False, id="silent, then elsewhere"),
+        # not even when the first has fallen silent
+        pytest.param([(A, 0.0), (B, 0.4), (A, 0.8), (B, 60.0), (A, 61.0)], [True, False, True, False, True],
+                     A, True, id="a second vehicle with the same id"),
+        pytest.param([(A, 0.0), (B, 0.5), (B, 1.5)], [True, False, True], B, False, id="a quick reboot"),
+    ],
+)  # fmt: skip
+def test_a_vehicle_may_return_at_another_address_and_a_second_one_is_ignored(
+    received: list[tuple[Any, float]], accepted: list[bool], address: Any, is_ambiguous: bool
+) -> None:
     senders = SenderAddresses()
-    assert senders.received(1, A, 0.0)
-    assert senders.received(1, B, 1.5)
-    assert senders.address(1) == B
-    assert senders.addresses == [B]
-
-
-def test_a_second_vehicle_with_the_same_id_is_ignored() -> None:
-    senders = SenderAddresses()
-    assert senders.received(1, A, 0.0)
-    assert not senders.received(1, B, 0.4)
-    assert senders.received(1, A, 0.8)
-    assert senders.is_ambiguous(1)
-    assert senders.address(1) == A
-    assert not senders.received(1, B, 60.0)  # not even when the first has fallen silent
-    assert senders.received(1, A, 61.0)
-
-
-def test_a_vehicle_may_return_at_another_address_after_a_quick_reboot() -> None:
-    senders = SenderAddresses()
-    assert senders.received(1, A, 0.0)
-    assert not senders.received(1, B, 0.5)
-    assert senders.received(1, B, 1.5)
-    assert senders.address(1) == B
-    assert not senders.is_ambiguous(1)
+    assert [senders.received(1, *each) for each in received] == accepted
+    assert senders.address(1) == address
+    assert senders.is_ambiguous(1) is is_ambiguous
+    assert senders.addresses == [address]
 
 
 def test_systems_behind_one_address_are_listed_once() -> None:
     senders = SenderAddresses()
-    assert senders.received(1, A, 0.0)
-    assert senders.received(2, A, 0.0)
-    assert senders.received(3, B, 0.0)
+    assert all(senders.received(sysid, address, 0.0) for sysid, address in ((1, A), (2, A), (3, B)))
     assert senders.addresses == [A, B]
     assert senders.address(9) is None
 
