@@ -189,12 +189,6 @@ def test_a_slow_line_delays_frames_by_their_length_and_drops_those_above_its_buf
     assert [due_s for _, due_s in arrived] == pytest.approx([0.1 * (i + 1) for i in range(10)])
 
 
-def test_a_line_fed_above_its_rate_delivers_at_its_rate() -> None:
-    arrived = Wire("bandwidth:rate_bytes_s=1000,buffer_bytes=1000").carry(numbered(1000, 100), gap_s=0.05)
-    span_s = arrived[-1][1] - arrived[0][1]
-    assert 100 * (len(arrived) - 1) / span_s == pytest.approx(1000.0, rel=0.01)
-
-
 def test_the_other_direction_of_a_fault_is_unimpaired() -> None:
     wire = Wire("packet_loss:rate=1,direction=to_vehicle")
     frames = numbered(20)

@@ -12,9 +12,6 @@ from sim_vehicle.station.messages import GAP, StatusTexts
 
 HOME = "home: {lat_deg: 46.0490, lon_deg: 14.5060, alt_amsl_m: 300}\nready_s: 0\n"
 BOTH = pytest.mark.parametrize("personality", ["ardupilot", "px4"])
-ARDUPILOT_FIRST = pytest.mark.parametrize(
-    "personality", ["ardupilot", pytest.param("px4", marks=pytest.mark.full)]
-)
 
 
 def flown(text: str, **changes: Any) -> Verdict:
@@ -54,10 +51,9 @@ def test_a_goal_at_the_start_is_not_reached_on_the_ground(personality: str) -> N
     assert verdict.checks[0].failures[0].found.endswith("not flown yet")
 
 
-@ARDUPILOT_FIRST
-def test_a_goal_at_the_start_is_reached_by_returning(personality: str) -> None:
+def test_a_goal_at_the_start_is_reached_by_returning() -> None:
     verdict = flown(
-        f"vehicles: [{{personality: {personality}, {ROUND}}}]\nscript: [fly_mission]\n"
+        f"vehicles: [{{{ROUND}}}]\nscript: [fly_mission]\n"
         "checks: [reached_goal: {within_m: 3, by_s: 16}, reached_goal: {within_m: 3}, airborne: {by_s: 16}]\n"
         "until_s: 120"
     )
@@ -107,9 +103,8 @@ def test_chunks_are_assembled(chunks: list[tuple[int, int, str]], expected: list
 LAPS = f"[takeoff: 10, {at(10, 15)}, {at(10, 30)}, jump: {{to: 2, times: 2}}]"
 
 
-@ARDUPILOT_FIRST
-def test_a_mission_with_jumps_is_complete_after_the_last_round(personality: str) -> None:
-    text = f"vehicles: [{{personality: {personality}, mission: {LAPS}}}]\nscript: [fly_mission]\n"
+def test_a_mission_with_jumps_is_complete_after_the_last_round() -> None:
+    text = f"vehicles: [{{mission: {LAPS}}}]\nscript: [fly_mission]\n"
     reached: list[int] = []
     parser = mavlink.MAVLink(None)
     parser.robust_parsing = True
@@ -139,14 +134,8 @@ ENDLESS = LAPS.replace("times: 2", "times: -1")
         ("px4", f"[{ONCE}, land]", FLY, True),
         ("ardupilot", f"[{ONCE}, delay_s: 1]", FLY, True),
         ("px4", f"[{ONCE}, {RETURN}]", FLY, True),
-        pytest.param("ardupilot", f"[{ONCE}, rtl]", FLY, True, marks=pytest.mark.full),
-        pytest.param("px4", f"[{ONCE}, rtl]", FLY, True, marks=pytest.mark.full),
-        pytest.param("ardupilot", f"[{ONCE}, land]", FLY, True, marks=pytest.mark.full),
-        pytest.param("px4", f"[{ONCE}, delay_s: 1]", FLY, True, marks=pytest.mark.full),
-        pytest.param("ardupilot", f"[{ONCE}, {RETURN}]", FLY, True, marks=pytest.mark.full),
         # endless
         ("ardupilot", ENDLESS, FLY, False),
-        pytest.param("px4", ENDLESS, FLY, False, marks=pytest.mark.full),
         # uploaded and not flown
         ("px4", "[rtl]", "[upload_mission]", False),
         ("px4", "[rtl]", "[upload_mission, {takeoff: 10}, {at_s: 15, rtl: }]", False),
@@ -188,11 +177,7 @@ def test_a_duplicate_frame_counts_one_round() -> None:
 
 @pytest.mark.parametrize(
     ("kind", "personality", "mode"),
-    [
-        pytest.param("copter", "ardupilot", "LOITER", marks=pytest.mark.full),
-        ("copter", "px4", "Return"),
-        ("plane", "ardupilot", "RTL"),
-    ],
+    [("copter", "px4", "Return"), ("plane", "ardupilot", "RTL")],
 )
 def test_mode_names_map_to_the_numbers_of_each_autopilot(kind: str, personality: str, mode: str) -> None:
     vehicle = f"{{personality: {personality}, type: {kind}}}"
@@ -205,15 +190,7 @@ def test_mode_names_map_to_the_numbers_of_each_autopilot(kind: str, personality:
 
 
 @pytest.mark.parametrize(
-    ("personality", "script"),
-    [
-        ("ardupilot", "fly_mission"),
-        ("px4", "takeoff: 9"),
-        ("ardupilot", "arm"),
-        pytest.param("px4", "fly_mission", marks=pytest.mark.full),
-        pytest.param("ardupilot", "takeoff: 9", marks=pytest.mark.full),
-        pytest.param("px4", "arm", marks=pytest.mark.full),
-    ],
+    ("personality", "script"), [("ardupilot", "fly_mission"), ("px4", "takeoff: 9"), ("ardupilot", "arm")]
 )
 def test_arming_waits_for_readiness(personality: str, script: str) -> None:
     text = (

@@ -1,7 +1,6 @@
 """Checks on constructed states: measured values, failures, and their texts."""
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -292,12 +291,3 @@ def test_the_distance_beyond_a_fence(
     shapes: list[FenceShape], place: tuple[float, float], beyond_m: float
 ) -> None:
     assert outside_m(shapes, *place) == pytest.approx(beyond_m)
-
-
-@settings(max_examples=examples(100), derandomize=True, deadline=None)
-@given(east_m=st.floats(-30, 30), north_m=st.floats(-30, 30))
-def test_each_point_violates_either_the_inclusion_or_the_exclusion(east_m: float, north_m: float) -> None:
-    beyond: Callable[[FenceShape], float] = lambda fence: outside_m([fence], east_m, north_m)  # noqa: E731
-    inside = 0 <= east_m <= 10 and 0 <= north_m <= 10
-    assert (beyond(shape(keep_in=SQUARE)) == 0) == inside or beyond(shape(keep_in=SQUARE)) < 1e-9
-    assert min(beyond(shape(keep_in=SQUARE)), beyond(shape(keep_out=SQUARE))) == 0

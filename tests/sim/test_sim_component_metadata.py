@@ -2,9 +2,7 @@
 
 import json
 import lzma
-import re
 import struct
-import zlib
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.generator.mavcrc import x25crc
@@ -56,16 +54,6 @@ def unpacked(path: str) -> dict:  # type: ignore[type-arg]
     assert content.check == lzma.CHECK_CRC32
     loaded: dict = json.loads(text)  # type: ignore[type-arg]
     return loaded
-
-
-def test_the_general_file_lists_the_parameters_with_their_checksum() -> None:
-    general = unpacked("etc/extras/component_general.json.xz")
-    assert general["version"] == 1
-    assert re.fullmatch(r"\d+\.\d+\.\d+(\.\d+)?", general["firmwareVersion"])
-    (only,) = general["metadataTypes"]
-    path = only["uri"].removeprefix("mftp:///")
-    assert only["type"] == 1
-    assert only["fileCrc"] == zlib.crc32(METADATA.files[path], 0xFFFFFFFF) ^ 0xFFFFFFFF
 
 
 def test_each_parameter_is_described() -> None:

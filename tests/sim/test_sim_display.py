@@ -117,29 +117,6 @@ def shown(display: Display, width: int, height: int = 24, wall_s: float = 0.0) -
 FAULTS = ["motor_loss", "gps_loss"]
 
 
-@pytest.mark.parametrize(
-    ("options", "ids"),
-    [
-        (FleetOptions(count=2, personality="mixed", kind="plane", faults=FAULTS), {"1", "2"}),
-        (FleetOptions(count=4, per_port=1, sysid=200), {"0:200", "1:201", "2:202", "3:203"}),
-    ],
-    ids=["faults", "several_ports"],
-)
-def test_id_and_battery_are_whole_at_any_width(options: FleetOptions, ids: set[str]) -> None:
-    display = live(options)
-    for width in range(200, 19, -1):
-        lines = shown(display, width)
-        assert all(len(line) <= width for line in lines)
-        (heading,) = [line for line in lines if line.split()[:1] == ["id"]]
-        first = lines.index(heading) + 1
-        rows = lines[first : first + len(ids)]
-        assert {row.split()[0] for row in rows} == ids
-        for row in rows:
-            assert "100%" in row.split()
-            cut = row.find("…")
-            assert cut < 0 or cut >= heading.index("faults")
-
-
 def test_columns_disappear_in_their_order() -> None:
     display = live(FleetOptions(count=2, faults=FAULTS[:1]))
     gone: list[str] = []

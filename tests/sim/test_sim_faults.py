@@ -80,33 +80,6 @@ def test_an_outage_is_silence_in_both_directions_until_its_end() -> None:
     assert station.set_mode(GUIDED) == 0
 
 
-def fleet_bytes(steps_s: float, *, seed: int = 3) -> dict[int, bytes]:
-    """Return the bytes of each vehicle over 12 s; the fleet has many impairments."""
-    impaired = fleet(
-        3, "burst_loss:rate=0.2", "delay:delay_s=0.3,jitter_s=0.3", "duplication", "reordering:at=4,for=3",
-        "corruption:rate=0.05,at=2", "sik_radio:sysid=2,at=6,for=3", "absent_ack:rate=0.5", seed=seed,
-    )  # fmt: skip
-    codec = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
-    out = {0: b"", 1: b"", 2: b""}
-    asked = 0
-    step = 0
-    while step * steps_s <= 12.0:
-        now = step * steps_s
-        frames = impaired.step(now)
-        if now >= asked:
-            asked += 1
-            request = mavlink.MAVLink_param_request_list_message(asked % 3 + 1, 1)
-            frames += impaired.receive(request.pack(codec), now)
-        for index, frame in frames:
-            out[index] += frame
-        step += 1
-    return out
-
-
-def test_the_bytes_do_not_depend_on_the_size_of_a_step() -> None:
-    assert fleet_bytes(0.5) == fleet_bytes(0.1) == fleet_bytes(0.025)
-
-
 def test_a_fault_on_one_vehicle_does_not_change_the_bytes_of_another() -> None:
     def run(*faults: str) -> dict[int, bytes]:
         out: dict[int, bytes] = {0: b"", 1: b""}
@@ -256,14 +229,6 @@ def test_a_fleet_with_all_faults_at_once_continues() -> None:
 
 
 # -- simulation parameters and the failure command --------------------------------------------------------
-
-
-def test_sim_engine_fail_needs_a_multiplier() -> None:
-    station = start_station()
-    station.set_parameter("SIM_ENGINE_FAIL", 3)
-    assert station.fleet.faults_on(0) == ()
-    station.set_parameter("SIM_ENGINE_MUL", 0)
-    assert station.fleet.faults_on(0) == ("motor_loss",)
 
 
 def test_a_parameter_of_the_scenario_counts_from_the_start() -> None:

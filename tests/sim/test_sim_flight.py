@@ -159,25 +159,6 @@ def test_a_copter_in_a_pilot_mode_without_sticks_sinks_to_the_ground(mode: int) 
     assert mode == 0 or hit == "SIM Hit ground at 2.50 m/s"
 
 
-@pytest.mark.autopilots("1.6", "MAVSDK 5 hold", "MAVSDK 5 start_mission")
-@pytest.mark.parametrize(
-    "mode", [pytest.param(17, id="BRAKE"), pytest.param(4, id="GUIDED", marks=pytest.mark.full)]
-)
-def test_a_copter_holds_its_position_in_brake_and_guided(mode: int) -> None:
-    station = Station()
-    station.fly_mission([takeoff(), waypoint(500, 0), land(500, 0)])
-    station.until(lambda: place_m(station)[0] > 100)
-    assert station.set_mode(mode) == 0
-    station.wait(10)
-    there = place_m(station)
-    station.wait(30)
-    assert place_m(station) == pytest.approx(there, abs=0.5)
-    assert station.height_m == pytest.approx(20, abs=0.5)
-    assert station.ask(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT).mission_state == mavlink.MISSION_STATE_PAUSED
-    assert station.set_mode(3) == 0
-    station.until(lambda: place_m(station)[0] > 400, 60)
-
-
 def test_the_leg_after_an_interrupted_one_begins_at_rest() -> None:
     # `AC_WPNav::set_wp_destination`: it begins at the place where the vehicle can stop.
     station = Station()

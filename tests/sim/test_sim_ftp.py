@@ -6,11 +6,10 @@ import zlib
 from typing import Any
 
 import pytest
-from files_client import FtpClient, FtpReply, MessageCodec, pymavlink_ftp
+from files_client import FtpClient, MessageCodec
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from profiles import examples
-from pymavlink import mavftp
 
 from sim_vehicle.files import ftp_rules as ftp
 from sim_vehicle.files.filesystem import FileError, FileSystem, GeneratedFile, constant
@@ -299,61 +298,4 @@ def test_every_listed_entry_can_be_opened_after_any_operations(steps: list[Any])
     assert tree.read("etc/motd") == b"hello"
 
 
-@BOTH
-@settings(derandomize=True, deadline=None, max_examples=examples(40))
-@given(content=st.binary(min_size=1, max_size=900), fates=st.lists(st.sampled_from("rqd-"), max_size=60))
-def test_a_file_survives_upload_and_download_over_a_lossy_link(
-    rules: FtpRules, content: bytes, fates: list[str]
-) -> None:
-    """Each exchange may lose its request or reply, or be duplicated; the client repeats requests."""
-    c, waiting = client(rules), list(fates)
-
-    def ask(opcode: int, data: bytes = b"", **fields: Any) -> FtpReply:
-        c.seq += 1
-        while True:
-            fate = waiting.pop() if waiting else "-"
-            if fate == "q":
-                continue
-            replies = c.request(opcode, data, seq=c.seq, **fields)
-            if fate == "d":
-                assert c.request(opcode, data, seq=c.seq, **fields) == replies
-            if fate != "r":
-                assert replies[0].seq == c.seq + 1
-                return replies[0]
-
-    session = ask(Opcode.CREATE_FILE, b"/disk/f").session
-    for offset in range(0, len(content), 100):
-        data = content[offset : offset + 100]
-        assert ask(Opcode.WRITE_FILE, data, session=session, offset=offset).opcode == Opcode.ACK
-    assert ask(Opcode.TERMINATE_SESSION, session=session).opcode == Opcode.ACK
-    opened = ask(Opcode.OPEN_FILE_RO, b"/disk/f")
-    assert opened.data == struct.pack("<I", len(content))
-    read = b""
-    while len(read) < len(content):
-        read += ask(Opcode.READ_FILE, session=opened.session, offset=len(read), size=239).data
-    assert read == content
-    assert ask(Opcode.TERMINATE_SESSION, session=opened.session).opcode == Opcode.ACK
-
-
 # -- pymavlink's client --------------------------------------------------------------------------------
-
-
-@BOTH
-def test_pymavlinks_client_lists_reads_and_writes(rules: FtpRules, tmp_path: Any) -> None:
-    c = client(rules)
-    theirs = pymavlink_ftp(c)
-    listing = theirs.cmd_list(["/etc"])
-    assert listing.error_code == mavftp.FtpError.Success
-    assert {(e.name, e.size_b) for e in listing.directory_listing} == {
-        (name.removeprefix("etc/"), len(content)) for name, content in FILES.items()
-    }
-    target = tmp_path / "big.bin"
-    theirs.cmd_get(["/etc/big.bin", str(target)])
-    theirs.process_ftp_reply("OpenFileRO", timeout=10)
-    assert target.read_bytes() == TEXT
-    source = tmp_path / "up.bin"
-    source.write_bytes(TEXT[:3000])
-    theirs.cmd_put([str(source), "/disk/up.bin"])
-    assert theirs.process_ftp_reply("put", timeout=10).error_code == mavftp.FtpError.Success
-    session = opened(c, b"/disk/up.bin")
-    assert b"".join(r.data for r in c.request(Opcode.BURST_READ_FILE, session=session)[:-1]) == TEXT[:3000]

@@ -79,11 +79,6 @@ def test_ardupilot_counts_from_one_and_px4_from_zero() -> None:
 
 
 @BOTH
-def test_an_empty_log_list_is_one_entry(rules: LogRules) -> None:
-    assert Vehicle(rules).listing() == [(0, 0, 0, 0, 0)]
-
-
-@BOTH
 @settings(derandomize=True, deadline=None, max_examples=examples(60))
 @given(
     content=st.binary(max_size=1500),
@@ -176,15 +171,6 @@ def test_px4_serves_stations_in_turns() -> None:
     assert abs(counts[0] - counts[1]) < 20
     sent += vehicle.wait(5.0)
     assert data([m for m in sent if m.get_type() == "LOG_DATA" and m.id == 1]) == b"b" * 9_000
-
-
-@BOTH
-def test_erased_logs_are_gone(rules: LogRules) -> None:
-    vehicle = Vehicle(rules, b"a", b"b")
-    vehicle.listing()
-    vehicle.receive(mavlink.MAVLink_log_erase_message(1, 1))
-    assert vehicle.ask(rules.first_id, 0, 90) == []
-    assert vehicle.listing() == [(0, 0, 0, 0, 0)]
 
 
 STEPS = st.one_of(

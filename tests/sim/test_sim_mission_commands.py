@@ -5,9 +5,6 @@ from itertools import pairwise
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from profiles import examples
 from px4_station import QuietPx4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import Station, item, land, place_m, takeoff, waypoint
@@ -88,32 +85,6 @@ def test_a_plane_stores_the_radii_of_a_waypoint_and_refuses_a_spline() -> None:
     assert isinstance(stored, Item)
     assert (stored.param1, stored.param2, stored.param3, stored.param4) == (0, 30, 255, 0)
     assert store_plane_item(Item(SPLINE)) == mavlink.MAV_MISSION_UNSUPPORTED
-
-
-@settings(derandomize=True, deadline=None, max_examples=examples(150))
-@given(
-    st.integers(0, 3000),
-    st.integers(0, 12),
-    st.lists(st.floats(width=32), min_size=5, max_size=5),
-    st.integers(-(2**31), 2**31 - 1),
-    st.sampled_from([store_item, store_plane_item]),
-)
-def test_storing_a_stored_item_again_changes_nothing(
-    command: int, frame: int, numbers: list[float], x: int, store: Any
-) -> None:
-    p1, p2, p3, p4, z = numbers
-    stored = store(Item(command, frame, p1, p2, p3, p4, x, x, z))
-    if isinstance(stored, Item):
-        again = store(stored)
-        # centimetres are cut a second time, as in the storage
-        assert again.z == pytest.approx(stored.z, abs=0.011, rel=1e-6)
-        assert (again.param1, again.param2, again.param3, again.param4, again.x) == (
-            stored.param1,
-            stored.param2,
-            stored.param3,
-            stored.param4,
-            stored.x,
-        )
 
 
 def test_turns_are_flown_around_the_position() -> None:

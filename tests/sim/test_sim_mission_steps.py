@@ -1,12 +1,6 @@
 """The order in which both autopilots execute a mission, with a pilot that only records."""
 
-from typing import Any
-
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from profiles import examples
-from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from transfer_bench import IdlePilot
 
 from sim_vehicle.vehicle.mission import Item, Mission, MissionState
@@ -214,76 +208,3 @@ def test_the_nearest_landing_sequence_is_found() -> None:
     assert mission.land_start(lambda item: abs(item.x - 90)) == 2
     assert mission.land_start(lambda item: abs(item.x - 30)) == 4
     assert ardupilot(Item(WP))[0].land_start(lambda item: 0.0) is None
-
-
-COMMANDS = st.sampled_from([TAKEOFF, WP, LAND, NAV_DELAY, SPEED, DELAY, YAW, DISTANCE, LAND_START])
-ITEMS = st.lists(
-    st.one_of(
-        COMMANDS.map(lambda command: Item(command, param1=1.0)),
-        st.builds(jump, st.integers(0, 8), st.integers(-1, 3)),
-    ),
-    max_size=9,
-)
-CHANGES = ("new", "cut", "write", "clear")
-EVENTS = st.lists(
-    st.sampled_from(
-        [
-            *("arm", "disarm", "enter", "leave", "arrive", "depart", "set", "restart", "pause", "resume"),
-            *("reboot", *CHANGES),
-        ]
-    ),
-    max_size=30,
-)
-
-
-def apply_event(event: str, mission: Mission, pilot: IdlePilot, index: int) -> None:
-    """Apply an event that does not change the items of the mission."""
-    pilot.armed = event == "arm" or (pilot.armed and event != "disarm")
-    pilot.arrived = event == "arrive" or (pilot.arrived and event != "depart")
-    action = {
-        "disarm": mission.reset,
-        "enter": lambda: mission.start_or_resume(pilot),
-        "leave": mission.stop,
-        "set": lambda: mission.set_current(pilot, index),
-        "restart": lambda: mission.restart_current(pilot),
-        "pause": mission.pause,
-        "resume": lambda: mission.resume(pilot),
-        "reboot": mission.reboot,
-    }.get(event)
-    if action is not None:
-        action()
-
-
-def change(event: str, mission: Mission, pilot: IdlePilot, new: list[Item], index: int) -> None:
-    """Change the items of the mission: at once on PX4, item by item on ArduPilot."""
-    if isinstance(mission, Px4Mission):
-        mission.replace(pilot, new if event in ("new", "write") else new[: index // 2])
-        assert mission.index < max(mission.count, 1)
-    elif event == "clear":
-        mission.clear()
-    elif event == "write":
-        for item in new[:1]:
-            mission.put(min(index, mission.count), item)
-    else:
-        mission.cut(max(1, index))
-        for item in new if event == "new" else []:
-            mission.put(mission.count, item)
-
-
-@settings(derandomize=True, deadline=None, max_examples=examples(200))
-@given(ITEMS, ITEMS, EVENTS, st.sampled_from([px4, ardupilot]), st.integers(0, 9))
-def test_a_mission_stays_consistent_under_any_events(
-    items: list[Item], others: list[Item], events: list[str], make: Any, index: int
-) -> None:
-    mission, pilot = make(*items)
-    for step, event in enumerate(events):
-        if event in CHANGES:
-            change(event, mission, pilot, others, index)
-        else:
-            apply_event(event, mission, pilot, index)
-        mission.update(pilot, float(step))
-        assert mission.reported_state in MissionState
-        if mission.current_item is not None and isinstance(mission, Px4Mission):
-            assert mission.current_item == mission.items[mission.index]
-        if mission.state is MissionState.ACTIVE and mission.current_item is not None:
-            assert mission.current_item.command != mavlink.MAV_CMD_DO_JUMP

@@ -1,24 +1,16 @@
 """The simulator's documentation: its examples run, its lists are complete."""
 
-import dataclasses
-import inspect
 import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-from pydantic import BaseModel
 
 from sim_vehicle.faults import FAULTS
-from sim_vehicle.scenarios import Area, Gps, Scenario, VehicleSpec, Wind
-from sim_vehicle.scenarios.checks import CHECKS, COMMON
-from sim_vehicle.scenarios.file import Home, Shorthand, parse_scenario
-from sim_vehicle.scenarios.plan import Circle, FenceShape, Jump, Land, Leg, Loiter, RawItem, Takeoff, Waypoint
+from sim_vehicle.scenarios.checks import CHECKS
+from sim_vehicle.scenarios.file import parse_scenario
 from sim_vehicle.scenarios.runner import Run
-from sim_vehicle.scenarios.steps import GoTo, RawCommand, ScriptStep
-from sim_vehicle.testing.rig import Clock, Vehicle, VehicleTruth, scenario_for
-from sim_vehicle.testing.served import ServedFleet
 
 ROOT = Path(__file__).parents[2]
 
@@ -33,12 +25,6 @@ def blocks(language: str, name: str) -> list[str]:
 
 def test_every_fault_is_in_the_table() -> None:
     assert re.findall(r"^\| `(\w+)` \|", page("faults"), flags=re.MULTILINE) == list(FAULTS)
-
-
-def named(text: str) -> set[str]:
-    """Return the words in code on a page."""
-    spans = re.findall(r"`([^`\n]+)`", re.sub(r"```.*?```", "", text, flags=re.DOTALL))
-    return set(re.findall(r"\w+", " ".join(spans)))
 
 
 @pytest.mark.full
@@ -79,37 +65,6 @@ def test_every_check_is_on_the_page_with_its_summary() -> None:
     assert [argument.split(" ")[0].strip("`") for _, argument, *_ in rows] == [
         check.argument or "" for check in CHECKS.values()
     ]
-
-
-@pytest.mark.parametrize(
-    "model",
-    [Scenario, VehicleSpec, Area, Wind, Gps, Home, Shorthand, Leg, Waypoint, Takeoff, Loiter, Land, Jump,
-     RawItem, FenceShape, Circle, ScriptStep, GoTo, RawCommand],
-    ids=lambda model: model.__name__,
-)  # fmt: skip
-def test_every_key_of_a_scenario_is_on_its_page(model: type[BaseModel]) -> None:
-    known = named(page("scenarios")) | {"param2", "param3"}  # `param1` to `param4`
-    assert not set(model.model_fields) - known
-
-
-def test_every_setting_of_a_check_is_on_the_page() -> None:
-    assert not set(COMMON) - named(page("scenarios"))
-
-
-@pytest.mark.parametrize(("fixture", "kind"), [("vehicle", Vehicle), ("clock", Clock), ("link", ServedFleet)])
-def test_every_fixture_attribute_is_on_the_page_and_has_its_help(fixture: str, kind: type) -> None:
-    public = [name for name in vars(kind) if not name.startswith("_")]
-    on_the_page = set(re.findall(rf"`{fixture}\.(\w+)", page("testing")))
-    assert set(public) - on_the_page == set()
-    assert [name for name in public if not inspect.getdoc(getattr(kind, name))] == []
-
-
-def test_every_argument_and_field_of_the_fixtures_is_on_the_page() -> None:
-    words = named(page("testing"))
-    keywords = set(inspect.signature(scenario_for).parameters) - {"seed"}
-    truth = {field.name for field in dataclasses.fields(VehicleTruth)}
-    assert keywords | truth | {"ready_s", "sysid", "index", "sim_seed"} <= words
-    assert set(ScriptStep.choices()) - {"heartbeat"} <= words
 
 
 def test_the_readme_links_to_pages_that_exist() -> None:

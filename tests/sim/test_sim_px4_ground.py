@@ -135,17 +135,6 @@ def test_auto_without_a_sub_mode_is_mission_and_an_unknown_sub_mode_is_rejected(
     assert "Unsupported auto mode" in station.texts()
 
 
-def test_available_modes_list_every_mode_once() -> None:
-    station = Px4Station()
-    start = len(station.raw)
-    assert station.command(mavlink.MAV_CMD_REQUEST_MESSAGE, 435, 0) == ACCEPTED
-    assert station.raw[start:].count(b"Hold") == station.raw[start:].count(b"Precision Landing") == 1
-    start = len(station.raw)
-    assert station.command(mavlink.MAV_CMD_REQUEST_MESSAGE, 435, 1) == ACCEPTED
-    assert b"Manual" in station.raw[start:]
-    assert b"Hold" not in station.raw[start:]
-
-
 def test_standard_modes() -> None:
     station = Px4Station()
     assert (
@@ -263,19 +252,6 @@ def test_every_integer_is_stored_exactly(number: int) -> None:
     assert wire.rstrip(b"\0") in station.raw[payload_before:]
 
 
-@pytest.mark.autopilots("1.16", of="px4")
-def test_a_wrong_type_gets_no_reply() -> None:
-    station = Px4Station()
-
-    def answers(name: bytes, kind: int) -> list[object]:
-        replies = station.send(mavlink.MAVLink_param_set_message(1, 1, name, 5.0, kind))
-        return [m for m in replies if m.get_type() in ("PARAM_VALUE", "PARAM_ERROR")]
-
-    assert answers(b"NAV_DLL_ACT", mavlink.MAV_PARAM_TYPE_REAL32) == []
-    assert answers(b"MIS_TAKEOFF_ALT", mavlink.MAV_PARAM_TYPE_INT32) == []
-    assert len(answers(b"MIS_TAKEOFF_ALT", mavlink.MAV_PARAM_TYPE_REAL32)) == 1
-
-
 def test_the_list_begins_with_a_hash_that_changes_with_the_values() -> None:
     station = Px4Station()
     replies = station.send(mavlink.MAVLink_param_request_list_message(1, 1))
@@ -369,11 +345,8 @@ def test_a_repeated_list_has_no_hash() -> None:
 
 def _to(target: tuple[int, int], name: str) -> Any:
     """Return a message with a visible effect, to a system and component."""
-    arm = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
     here = (mavlink.MAV_FRAME_LOCAL_NED, 0x0DF8, 0, 0, -5, *[0.0] * 8)
     messages = {
-        "arm": lambda: mavlink.MAVLink_command_long_message(*target, arm, 0, 1, 0, 0, 0, 0, 0, 0),
-        "arm_int": lambda: mavlink.MAVLink_command_int_message(*target, 0, arm, 0, 0, 1, 0, 0, 0, 0, 0, 0),
         "set": lambda: mavlink.MAVLink_param_set_message(*target, b"MIS_TAKEOFF_ALT", 9.0, 9),
         "read": lambda: mavlink.MAVLink_param_request_read_message(*target, b"MIS_TAKEOFF_ALT", -1),
         "list": lambda: mavlink.MAVLink_param_request_list_message(*target),
@@ -391,10 +364,6 @@ def _obeys(target: tuple[int, int], name: str) -> bool:
     station.wait(1.0)
     origin = station.ask(mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN)
     replies = station.send(_to(target, name))
-    if name in ("arm", "arm_int"):
-        results = [m.result for m in replies if m.get_type() == "COMMAND_ACK"]
-        assert results == [ACCEPTED if station.armed else FAILED]
-        return station.armed
     if name == "origin":
         return bool(station.of("GPS_GLOBAL_ORIGIN")[-1].latitude != origin.latitude)
     if name == "setpoint":
@@ -405,8 +374,6 @@ def _obeys(target: tuple[int, int], name: str) -> bool:
 @pytest.mark.parametrize(
     ("name", "systems"),
     [
-        ("arm", (1,)),
-        ("arm_int", (1,)),
         ("set", (1,)),
         ("read", (1,)),
         ("list", (1,)),

@@ -9,19 +9,6 @@ from station import ALT_M, LAT_DEG, LON_DEG, Station
 
 FLIGHT_INFORMATION = mavlink.MAVLINK_MSG_ID_FLIGHT_INFORMATION
 ORIGIN = mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN
-ONLY_PX4 = {
-    mavlink.MAVLINK_MSG_ID_ACTUATOR_OUTPUT_STATUS,
-    FLIGHT_INFORMATION,
-    mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION,
-    mavlink.MAVLINK_MSG_ID_ODOMETRY,
-}
-
-
-@pytest.mark.parametrize("message_id", sorted(ONLY_PX4))
-def test_a_message_of_px4_has_the_requested_rate(message_id: int) -> None:
-    station = Px4Station()
-    station.stream(message_id, hz=5)
-    assert len([m for m in station.wait(10) if m.get_msgId() == message_id]) == pytest.approx(50, abs=1)
 
 
 def test_a_distance_sensor_can_be_requested_and_an_unknown_message_cannot() -> None:

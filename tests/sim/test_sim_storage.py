@@ -12,6 +12,7 @@ from station import ALT_M, LAT_DEG, LON_DEG, home_item, land, scenario, takeoff,
 
 from sim_vehicle.files.ftp import HEADER
 from sim_vehicle.files.ftp_rules import Opcode
+from sim_vehicle.files.packed_files import Parameter, pack_parameters
 from sim_vehicle.fleet import Fleet
 
 
@@ -176,6 +177,34 @@ def test_the_parameters_are_downloaded_as_a_file() -> None:
     assert any(text.startswith("ArduCopter V4.6.2") for text in station.texts())
 
 
+def parameter_file(*rows: Parameter) -> bytes:
+    content = pack_parameters(rows)
+    return content[:4] + struct.pack("<H", len(content)) + content[6:]
+
+
+def test_uploaded_parameters_are_set_and_unknown_ones_are_ignored() -> None:
+    station = Ground(fleet())
+    rows = [
+        Parameter("ARMING_CHECK", 0, 0),
+        Parameter("NO_SUCH", 5, 5),
+        Parameter("BATT_LOW_VOLT", 12.5, 0.0),
+    ]
+    station.put(b"@PARAM/param.pck", parameter_file(*rows))
+    assert (station.parameter("ARMING_CHECK"), station.parameter("BATT_LOW_VOLT")) == (0, 12.5)
+    with pytest.raises(AssertionError, match="FAIL"):
+        station.put(b"@PARAM/param.pck", parameter_file(Parameter("RTL_ALT", 2000, 0))[:-1])
+    assert station.parameter("RTL_ALT") == 1500
+
+
+def test_a_reboot_discards_an_unfinished_upload() -> None:
+    station = Ground(fleet())
+    station.ftp(Opcode.CREATE_FILE, b"@PARAM/param.pck")
+    station.ftp(Opcode.WRITE_FILE, b"half")
+    assert station.command(mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1) == 0
+    station.wait(5.0)
+    assert mavftp.MAVFTP.ftp_param_decode(station.file(b"@PARAM/param.pck")) is not None
+
+
 def test_a_mission_is_uploaded_as_a_file() -> None:
     station = Ground(fleet())
     assert station.upload([home_item(), takeoff(), waypoint(10, 10)]) == 0
@@ -184,16 +213,13 @@ def test_a_mission_is_uploaded_as_a_file() -> None:
     longer = content[:8] + struct.pack("<H", 4) + content[10:] + content[-38:]
     station.put(b"@MISSION/mission.dat", longer)
     assert [m.command for m in station.download()] == [16, 22, 16, 16]
-
-
-def test_an_invalid_mission_is_refused_as_a_file() -> None:
-    station = Ground(fleet())
-    assert station.upload([home_item(), takeoff(), waypoint(10, 10)]) == 0
-    content = station.file(b"@MISSION/mission.dat")
+    for wrong in (longer[:-1], longer[:-38] + bytes(38), b"\0" + longer[1:], longer[:2] + b"\1" + longer[3:]):
+        with pytest.raises(AssertionError, match="FAIL"):
+            station.put(b"@MISSION/mission.dat", wrong)
     station.inject("mission_refused")
     with pytest.raises(AssertionError, match="FAIL"):
-        station.put(b"@MISSION/mission.dat", content[:8] + struct.pack("<H", 2) + content[10:-38])
-    assert [m.command for m in station.download()] == [16, 22, 16]
+        station.put(b"@MISSION/mission.dat", content)
+    assert [m.command for m in station.download()] == [16, 22, 16, 16]
 
 
 # -- PX4 -------------------------------------------------------------------------------------------------

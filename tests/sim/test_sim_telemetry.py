@@ -1,23 +1,27 @@
 """Messages of a vehicle by default and on request; equal runs give equal bytes."""
 
 from collections import Counter
+from collections.abc import Callable
 from typing import Any
 
 import ardupilot_messages as firmware
 import pytest
+from px4_station import Px4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import LAT_DEG, LON_DEG, Station, land, scenario, takeoff, waypoint
 
 from sim_vehicle.fleet import Fleet
 
 UNASKED = {"HEARTBEAT", "TIMESYNC", "STATUSTEXT", "HOME_POSITION", "GPS_GLOBAL_ORIGIN"}
-NOT_ARDUPILOTS = {
+ONLY_PX4 = {
     mavlink.MAVLINK_MSG_ID_ACTUATOR_OUTPUT_STATUS,
-    mavlink.MAVLINK_MSG_ID_ALTITUDE,
-    mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS,
     mavlink.MAVLINK_MSG_ID_FLIGHT_INFORMATION,
     mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION,
     mavlink.MAVLINK_MSG_ID_ODOMETRY,
+}
+NOT_ARDUPILOTS = ONLY_PX4 | {
+    mavlink.MAVLINK_MSG_ID_ALTITUDE,
+    mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS,
     mavlink.MAVLINK_MSG_ID_TIMESYNC,
     mavlink.MAVLINK_MSG_ID_WIND_COV,
     380,  # TIME_ESTIMATE_TO_TARGET
@@ -43,9 +47,17 @@ def test_without_a_request_there_are_no_streams() -> None:
 
 
 @pytest.mark.autopilots("1.1")
-@pytest.mark.parametrize("message_id", sorted(ASKED_FOR))
-def test_each_message_has_the_requested_rate_and_can_be_stopped(message_id: int) -> None:
-    station = Station()
+@pytest.mark.parametrize(
+    ("make", "message_id"),
+    [
+        *((Station, message_id) for message_id in sorted(ASKED_FOR)),
+        *((Px4Station, m) for m in sorted(ONLY_PX4)),
+    ],
+)
+def test_each_message_has_the_requested_rate_and_can_be_stopped(
+    make: Callable[[], Station], message_id: int
+) -> None:
+    station = make()
     station.stream(message_id, hz=5)
     rate = [m for m in station.wait(10) if m.get_msgId() == message_id]
     assert len(rate) == pytest.approx(50, abs=1)
@@ -84,11 +96,23 @@ def test_landed_state_follows_the_flight() -> None:
     ]
 
 
+IMPAIRMENTS = [
+    "delay:delay_s=0.3,jitter_s=0.3,sysid=2", "duplication", "reordering:at=4,for=3",
+    "sik_radio:sysid=3,at=12", "burst_loss:rate=0.2,at=6", "corruption:rate=0.05,at=6", "absent_ack:rate=0.5",
+]  # fmt: skip
+
+
 def flight_bytes(step_s: float, seed: int = 1) -> list[tuple[int, bytes]]:
     """Return the bytes of a short flight of three vehicles; their input does not depend on the step."""
     vehicles = [scenario().vehicles[0].model_copy(update={"sysid": sysid}) for sysid in (1, 2, 3)]
     area = {"origin_lat_deg": LAT_DEG, "origin_lon_deg": LON_DEG, "rows": 9, "cols": 9, "cell_size_m": 20}
-    extra = {"area": area, "firing_strength": [0.6, 0.3, 0.1], "hostiles": [[1, 0], [3, 1]], "seed": seed}
+    extra = {
+        "area": area,
+        "firing_strength": [0.6, 0.3, 0.1],
+        "hostiles": [[1, 0], [3, 1]],
+        "seed": seed,
+        "faults": IMPAIRMENTS,
+    }
     fleet = Fleet(scenario(**extra, vehicles=[v.model_dump() for v in vehicles]), ready_s=0)
     codec = mavlink.MAVLink(None, srcSystem=255)
     out: list[tuple[int, bytes]] = []

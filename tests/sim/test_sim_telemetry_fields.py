@@ -313,9 +313,7 @@ def test_a_plane_reports_its_next_position(personality: str, mask: int | None) -
     station = Station(_fleet(personality, "plane", wind_m_s=0.0))
     assert not _reports(station, GLOBAL_TARGET)  # in MANUAL, or on the ground
     if personality == "ardupilot":
-        assert station.upload([home_item(), takeoff(40), waypoint(500, 0, 40)]) == 0
-        assert station.set_mode(10) == 0
-        assert station.arm() == 0
+        station.fly_plane_mission([home_item(), takeoff(40), waypoint(500, 0, 40)])
     else:
         assert station.arm() == 0
         assert station.command(mavlink.MAV_CMD_NAV_TAKEOFF, NAN, NAN, NAN, NAN, NAN, NAN, ALT_M + 40) == 0

@@ -19,8 +19,6 @@ from transfer_bench import (
     ardupilot,
     fields,
     px4,
-    requests,
-    results,
     square,
     waypoints,
 )
@@ -89,10 +87,6 @@ def play(bench: Bench, script: list[Any]) -> None:
         assert bench.machine.next_deadline_s >= bench.now - 1e-6 or not bench.wait(0.05)
 
 
-def stored(bench: Bench) -> tuple[Any, ...]:
-    return tuple(bench.mission.items), bench.fence.items, bench.rally.items
-
-
 @pytest.mark.parametrize("make", [ardupilot, px4], ids=["ardupilot", "px4"])
 @settings(derandomize=True, deadline=None, max_examples=examples(60))
 @given(script=events)
@@ -103,59 +97,6 @@ def test_a_clean_upload_succeeds_after_anything(make: Any, script: list[Any]) ->
     for items, kind in ((waypoints(4), MISSION), (square(), FENCE), ([fields(0, RALLY_POINT)], RALLY)):
         assert bench.upload(items, kind) == 0
         assert len(bench.download(kind)) == len(items)
-
-
-@settings(derandomize=True, deadline=None, max_examples=examples(100))
-@given(script=events)
-def test_px4_never_stores_part_of_a_list(script: list[Any]) -> None:
-    """A stored list is empty or has the size of an announced list."""
-    bench = px4()
-    bench.upload(waypoints(4))
-    sizes: set[int] = {0, 4}
-    for action, peer_or_wait_s, message in script:
-        before = stored(bench)
-        if action == "wait":
-            bench.wait(peer_or_wait_s)
-            assert stored(bench) == before
-            continue
-        if message.get_type() == "MISSION_COUNT":
-            sizes.add(message.count)
-        replies = bench.send(message, peer_or_wait_s)
-        if stored(bench) != before:
-            assert 0 in results(replies)
-        assert all(len(items) in sizes for items in stored(bench))
-
-
-@pytest.mark.parametrize("make", [ardupilot, px4], ids=["ardupilot", "px4"])
-@settings(derandomize=True, deadline=None, max_examples=examples(60))
-@given(lost=st.lists(st.booleans(), max_size=40))
-def test_an_upload_over_a_lossy_link_stores_the_whole_mission(make: Any, lost: list[bool]) -> None:
-    """The station repeats the count until the first request and answers every request."""
-    bench: Bench = make()
-    losses = iter(lost)
-    items = waypoints(5)
-
-    def after_loss(replies: list[Any]) -> list[Any]:
-        return [] if next(losses, False) else replies
-
-    accepted = False
-    wanted = after_loss(bench.count(5)) if not next(losses, False) else []
-    for _ in range(200):
-        if 0 in results(wanted):
-            accepted = True
-            break
-        asked = requests(wanted)
-        if asked:
-            wanted = after_loss(bench.item(items[asked[-1]])) if not next(losses, False) else []
-        else:
-            replies = after_loss(bench.wait(1.05))
-            if not replies and bench.machine.next_deadline_s == float("inf"):
-                if bench.mission.count == 5:
-                    break  # only the acknowledgement was lost
-                replies = bench.count(5)
-            wanted = replies
-    assert accepted or bench.mission.count == 5
-    assert [item.x for item in bench.mission.items] == [values["x"] for values in items]
 
 
 @pytest.mark.parametrize(("make", "kept", "told"), [(ardupilot, 1, [("stored", MISSION, 3)]), (px4, 0, [])])

@@ -1,11 +1,9 @@
 """Clients of FTP and of the log messages in virtual time: messages in, messages out."""
 
 import struct
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from pymavlink import mavftp
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import Station
 
@@ -133,39 +131,3 @@ class FtpClient:
             self.server.tick(self.now)
             replies += self.take()
         return replies
-
-
-class _FtpConnection:
-    """A connection for pymavlink's MAVFTP; every poll without a message lets time pass."""
-
-    source_system, source_component = 255, 190
-
-    def __init__(self, client: FtpClient, drop: Callable[[], bool]) -> None:
-        self.mav = self
-        self._client, self._drop = client, drop
-        self._inbox: list[Any] = []
-
-    def file_transfer_protocol_send(self, network: int, system: int, component: int, payload: bytes) -> None:
-        if not self._drop():
-            message = mavlink.MAVLink_file_transfer_protocol_message(
-                network, system, component, bytes(payload)
-            )
-            self._client.server.receive(self._client.wire.to_vehicle(message), self._client.now)
-            self._collect()
-
-    def recv_match(self, **_wanted: Any) -> Any:
-        if not self._inbox:
-            self._client.now += TICK_S
-            self._client.server.tick(self._client.now)
-            self._collect()
-        return self._inbox.pop(0) if self._inbox else None
-
-    def _collect(self) -> None:
-        arrived = [self._client.wire.to_station(message) for message in self._client.sent]
-        self._client.sent.clear()
-        self._inbox += [message for message in arrived if not self._drop()]
-
-
-def pymavlink_ftp(client: FtpClient, *, drop: Callable[[], bool] = lambda: False) -> mavftp.MAVFTP:
-    """Return pymavlink's FTP client, connected to the server of `client`; `drop` loses messages."""
-    return mavftp.MAVFTP(_FtpConnection(client, drop), 1, 1)

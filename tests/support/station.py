@@ -288,6 +288,12 @@ class Station:
         assert self.arm() == 0
         assert self.command(mavlink.MAV_CMD_MISSION_START) == 0
 
+    def fly_plane_mission(self, items: Sequence[dict[str, Any]]) -> None:
+        """Upload to an ArduPlane, select AUTO, arm."""
+        assert self.upload(items) == 0
+        assert self.set_mode(10) == 0
+        assert self.arm() == 0
+
 
 def station_of(
     kind: str = "copter",
