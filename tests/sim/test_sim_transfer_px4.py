@@ -14,6 +14,7 @@ from transfer_bench import (
     POLYGON,
     RALLY,
     RALLY_POINT,
+    ardupilot,
     fields,
     kinds,
     px4,
@@ -22,6 +23,8 @@ from transfer_bench import (
     square,
     waypoints,
 )
+
+from sim_vehicle.vehicle.injected_faults import MissionRefusal
 
 OTHER = (254, 190)
 ACCEPTED, ERROR = 0, 1
@@ -248,3 +251,19 @@ def test_messages_to_another_autopilot_are_ignored() -> None:
         assert bench.send(mavlink.MAVLink_mission_count_message(system, component, 2, 0)) == []
     for component in (0, 1, 190):
         assert requests(bench.send(mavlink.MAVLink_mission_count_message(1, component, 2, 0))) == [0]
+
+
+# -- both autopilots ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("make", "kept", "told"), [(ardupilot, 1, [("stored", MISSION, 3)]), (px4, 0, [])])
+def test_a_fault_refuses_a_mission_at_once_or_at_an_item(make: Any, kept: int, told: list[Any]) -> None:
+    bench = make()
+    bench.refusal = MissionRefusal(mavlink.MAV_MISSION_DENIED)
+    assert bench.upload(waypoints(3)) == mavlink.MAV_MISSION_DENIED
+    bench.refusal = MissionRefusal(mavlink.MAV_MISSION_NO_SPACE, at_item=1)
+    assert bench.upload(waypoints(3)) == mavlink.MAV_MISSION_NO_SPACE
+    assert len(bench.mission.items) == kept
+    bench.refusal = None
+    assert bench.upload(waypoints(3)) == mavlink.MAV_MISSION_ACCEPTED
+    assert bench.calls[-1:] == told

@@ -134,20 +134,18 @@ class Bench:
         rest = [values[n] for n in ("param1", "param2", "param3", "param4", "x", "y", "z")]
         return self.send(mavlink.MAVLink_mission_item_int_message(1, 1, *head, *rest, kind), peer)
 
-    def upload(
-        self, items: Sequence[dict[str, Any]], kind: int = MISSION, peer: tuple[int, int] = GCS
-    ) -> int:
+    def upload(self, items: Sequence[dict[str, Any]], kind: int = MISSION) -> int:
         """Send all items as requested; return the last acknowledgement."""
-        replies = self.count(len(items), kind, peer)
+        replies = self.count(len(items), kind)
         for seq, values in enumerate(items):
             if results(replies):
                 break
             assert requests(replies) == [seq]
-            replies = self.item(values, kind, peer)
+            replies = self.item(values, kind)
         return results(replies)[-1]
 
-    def ask_list(self, kind: int = MISSION, peer: tuple[int, int] = GCS) -> list[Any]:
-        return self.send(mavlink.MAVLink_mission_request_list_message(1, 1, kind), peer)
+    def ask_list(self, kind: int = MISSION) -> list[Any]:
+        return self.send(mavlink.MAVLink_mission_request_list_message(1, 1, kind))
 
     def read(self, seq: int, kind: int = MISSION, peer: tuple[int, int] = GCS) -> list[Any]:
         return self.send(mavlink.MAVLink_mission_request_int_message(1, 1, seq, kind), peer)
@@ -155,17 +153,17 @@ class Bench:
     def ack(self, result: int = 0, kind: int = MISSION, peer: tuple[int, int] = GCS) -> list[Any]:
         return self.send(mavlink.MAVLink_mission_ack_message(1, 1, result, kind), peer)
 
-    def download(self, kind: int = MISSION, peer: tuple[int, int] = GCS) -> list[Any]:
-        replies = self.ask_list(kind, peer)
+    def download(self, kind: int = MISSION) -> list[Any]:
+        replies = self.ask_list(kind)
         (count,) = [m.count for m in replies if m.get_type() == "MISSION_COUNT"]
         items = []
         for seq in range(count):
-            items += [m for m in self.read(seq, kind, peer) if m.get_type() == "MISSION_ITEM_INT"]
-        self.ack(0, kind, peer)
+            items += [m for m in self.read(seq, kind) if m.get_type() == "MISSION_ITEM_INT"]
+        self.ack(0, kind)
         return items
 
-    def clear(self, kind: int = MISSION, peer: tuple[int, int] = GCS) -> list[int]:
-        return results(self.send(mavlink.MAVLink_mission_clear_all_message(1, 1, kind), peer))
+    def clear(self, kind: int = MISSION) -> list[int]:
+        return results(self.send(mavlink.MAVLink_mission_clear_all_message(1, 1, kind)))
 
 
 def results(messages: Sequence[Any]) -> list[int]:
