@@ -246,6 +246,13 @@ def test_a_vehicle_at_a_waypoint_climbs_there_to_the_height_of_its_new_plan() ->
     assert climbed_s > 15.0 / CLIMB_M_S
 
 
+@pytest.mark.parametrize(("rise_m", "climbs_s"), [(4.0, 4.0), (25.0, 12.5), (-1.0, 2.0), (-15.0, 11.5)])
+def test_a_climb_speeds_up_and_slows_down_at_1_m_s2(rise_m: float, climbs_s: float) -> None:
+    """At 2.5 m/s up and 1.5 m/s down, the defaults of ArduCopter's WPNAV_SPEED_UP and WPNAV_SPEED_DN."""
+    flight = fly_along((0.0, 0.0, 30.0), 30.0 + rise_m, [(4.0, 0.0), (400.0, 0.0)], 10.0)
+    assert flight.at(climbs_s) == pytest.approx((4.0, 0.0, 30.0 + rise_m))
+
+
 def test_a_vehicle_does_not_fly_back_to_waypoints_of_both_plans_before_the_change() -> None:
     flight = changing(3.0, FAR, [(20.0, 0.0), (100.0, 0.0), (100.0, 50.0)], leaves_ahead=True)
     assert [east_m for east_m, _, _ in flight.points] == sorted(east_m for east_m, _, _ in flight.points)

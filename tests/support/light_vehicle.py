@@ -22,7 +22,7 @@ Vector = tuple[float, float, float]
 
 ACCELERATION_M_S2, BRAKES_M_S2 = 2.5, 2.5
 CLIMB_M_S, DESCENT_M_S, LAND_M_S, LOW_M = 2.5, 1.5, 0.5, 10.0
-VERTICAL_M_S2 = 1.5
+VERTICAL_M_S2 = 1.0
 VERTICAL_LEAD_S = 0.2
 """time by which the climb leads the speed over ground on a leg [s]"""
 REACHED_M = 1.5

@@ -18,6 +18,8 @@ from swarmctl.core.planar import PlanarPoint
 
 DESCENT_M_S = 1.5
 """descent rate down to LOW_M [m/s]: the default of ArduCopter's WPNAV_SPEED_DN"""
+CLIMB_M_S2 = 1.0
+"""acceleration of climbs and descents [m/s²]: the default of ArduCopter's WPNAV_ACCEL_Z"""
 LAND_M_S = 0.5
 """descent rate below LOW_M [m/s]: the default of LAND_SPEED"""
 RAMPS_S = 20.0
@@ -26,7 +28,7 @@ REACHED_M = 3.0
 """distance from its next waypoint at which a stopped vehicle flies on from there, and not back [m]"""
 LEVEL_AHEAD_M = 4.0
 """distance over ground in which a vehicle climbs from a stand [m]: more than waypoints count as reached"""
-LEVEL_S = 0.4
+LEVEL_S = 2.0
 """duration of a climb or descent below which the flight counts as level [s]"""
 SAME_TIME_S = 1e-3
 """difference in time below which two points of a flight count as the same point [s]"""
@@ -65,15 +67,22 @@ def with_level_off(
     plan whose first waypoint is near, or whose height hardly differs, stays unchanged.
     """
     height_m, first = plan.height_m, waypoints_of(task, plan)[0]
-    rate_m_s = CLIMB_M_S if height_m > here[2] else DESCENT_M_S
-    takes_s = abs(height_m - here[2]) / rate_m_s
+    takes_s = _climb_s(height_m - here[2])
     level_m = LEVEL_AHEAD_M if after_s is None else task.arrival.speed_m_s * (after_s + takes_s)
     away_m = math.dist(here[:2], first)
-    if takes_s < LEVEL_S or away_m < 2.0 * level_m:
+    if takes_s < LEVEL_S or away_m < 1.25 * level_m:
         return plan
     east_m, north_m = (a + level_m / away_m * (b - a) for a, b in zip(here[:2], first, strict=True))
     level = Waypoint(*task.grid.frame.to_geodetic(east_m, north_m), height_m)
     return replace(plan, track=(level, *plan.track))
+
+
+def _climb_s(rise_m: float) -> float:
+    """Return the time of a climb, or of a descent with `rise_m` below 0, between two level flights [s]."""
+    rate_m_s, way_m = CLIMB_M_S if rise_m > 0.0 else DESCENT_M_S, abs(rise_m)
+    if way_m < rate_m_s**2 / CLIMB_M_S2:
+        return 2.0 * math.sqrt(way_m / CLIMB_M_S2)
+    return way_m / rate_m_s + rate_m_s / CLIMB_M_S2
 
 
 def waypoints_of(task: Task, plan: FlightPlan) -> list[PlanarPoint]:
@@ -174,8 +183,7 @@ def _fly_on(
     level_m = next((away_m for point in path if (away_m := math.dist(here[:2], point)) > 0.0), 0.0)
     level_m = min(level_m, track.at_m[-1])
     level, level_s = track.at(level_m)
-    rate_m_s = CLIMB_M_S if height_m > here[2] else DESCENT_M_S
-    late_s = max(abs(height_m - here[2]) / rate_m_s - level_s, 0.0)
+    late_s = max(_climb_s(height_m - here[2]) - level_s, 0.0)
     n = bisect_left(track.at_m, level_m - CORNER_M) or 1
     points, times_s = [here], [0.0]
     for point, at_m, at_s in zip(track.points[1:n], track.at_m[1:n], track.times_s[1:n], strict=True):
