@@ -297,8 +297,8 @@ class AgentState:
 
     @property
     def alarm(self) -> str:
-        """Active proximity alarms as text; empty if there is none, or if the flight has ended."""
-        if self.ended or not self.alarms:
+        """Active proximity alarms as text; empty if there is none, or if nothing predicts the flight now."""
+        if self.ended or self.lost or self.telemetry_is_late or not self.alarms:
             return ""
         others = ", ".join(self.task.name_of(alarm.other) for alarm in self.alarms)
         return f"predicted to come too close to {others}"

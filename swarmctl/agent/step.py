@@ -22,7 +22,7 @@ from swarmctl.agent.replan.mission_changes import (
     mission_accepted,
     mission_failed,
     plan_if_due,
-    without_swap_trouble,
+    without_trouble,
 )
 from swarmctl.agent.restart import restart
 from swarmctl.agent.sharing import learn_from_others, learn_from_sensor, share_state
@@ -113,6 +113,8 @@ def _order_done(state: AgentState, event: ev.OrderDone, _now: float) -> StepResu
     if event.order is not state.order.given:
         return state, []
     state = replace(state, order=state.order.followed())
+    if state.trouble.startswith(_failed(event.order)):
+        state = without_trouble(state)
     if state.phase is Phase.LAUNCHING:
         return note_takeoff(state), []
     if state.phase is Phase.FORMATION:
@@ -122,13 +124,17 @@ def _order_done(state: AgentState, event: ev.OrderDone, _now: float) -> StepResu
     return state, []
 
 
+def _failed(order: ev.FlightOrder) -> str:
+    return f"{order} failed"
+
+
 def _order_failed(state: AgentState, event: ev.OrderFailed, now: float) -> StepResult:
     if event.order is not state.order.given:
         return state, []
     if state.ended:
         is_late_order = event.order in ROLE_OF_ORDER  # an operator gave the order after the release
-        return state, [ev.NotifyOperator(f"{event.order} failed: {event.reason}")] if is_late_order else []
-    state = replace(state, trouble=f"{event.order} failed: {event.reason}")
+        return state, [ev.NotifyOperator(f"{_failed(event.order)}: {event.reason}")] if is_late_order else []
+    state = replace(state, trouble=f"{_failed(event.order)}: {event.reason}")
     if event.order is ev.FlightOrder.FORMATION:
         return not_following(state, state.trouble)
     if state.phase is not Phase.LAUNCHING:
@@ -197,7 +203,7 @@ def _arrive(state: AgentState) -> StepResult:
     """Begin the landing of a vehicle that flies over its goal cell."""
     if state.phase is not Phase.FLYING or state.cell not in state.task.goals:
         return state, []
-    return without_swap_trouble(arrive(state)), []
+    return without_trouble(arrive(state)), []
 
 
 def _repeat_order(state: AgentState, now: float) -> StepResult:

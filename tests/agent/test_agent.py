@@ -379,6 +379,19 @@ def test_a_vehicle_without_a_route_keeps_its_plan() -> None:
     assert story.tick() == []
     assert story.state.plans.route is before
     assert "(7, 1)" in story.state.trouble
+    story.over((4, 3))
+    story.hear((0, 7, False), seq=2)
+    assert story.tick() == []
+    assert story.state.trouble == ""
+
+
+def test_the_trouble_of_a_failed_order_ends_when_the_order_is_followed() -> None:
+    story = Story().flying()
+    story(ev.OperatorCommand(ev.FlightOrder.HOLD))
+    story(ev.OrderFailed(ev.FlightOrder.HOLD, "no answer"))
+    assert "no answer" in story.state.trouble
+    story(ev.OrderDone(ev.FlightOrder.HOLD))
+    assert story.state.trouble == ""
 
 
 def test_a_holding_vehicle_without_a_route_returns() -> None:

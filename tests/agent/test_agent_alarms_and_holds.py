@@ -145,6 +145,15 @@ def test_a_vehicle_on_the_ground_shares_no_alarm() -> None:
     assert "vehicle 1" not in shared.trouble
 
 
+def test_a_vehicle_with_a_lost_link_shows_no_alarm() -> None:
+    story = ApproachStory(action="none")
+    story.crossing(1)
+    story.at(125.0)
+    assert story.state.alarm != ""
+    story(ev.LinkLost(5.0))
+    assert story.state.alarm == ""
+
+
 def test_action_none_only_reports_the_alarm() -> None:
     story = ApproachStory(action="none")
     story.crossing(1)

@@ -71,6 +71,7 @@ def plan_in_formation(state: AgentState) -> AgentState:
         found = method.plan(problem)
     except Unreachable as error:
         return replace(state, trouble=str(error))
+    state = replace(state, trouble="")
     rest = [cell for _, cell in ahead]
     present = method.measure(problem, rest) if rest[-1] in task.goals else math.inf
     if present <= found.cost * (1.0 + BETTER_BY):

@@ -75,14 +75,12 @@ def plan_if_due(state: AgentState, _event: ev.Tick, now: float) -> StepResult:
     except Unreachable as error:
         return _handle_unreachable_goal(replace(state, plans=state.plans.unreachable(), trouble=str(error)))
     keeps_plan = state.plans.route is not None and state.plans.pending is None and not state.plans.dirty
-    return (without_swap_trouble(state) if keeps_plan else state), effects
+    return (without_trouble(state) if keeps_plan else state), effects
 
 
-def without_swap_trouble(state: AgentState) -> AgentState:
-    """Clear the trouble of a failed mission change, because the vehicle flies its planned mission."""
-    return (
-        replace(state, trouble="") if state.trouble and state.trouble == state.plans.swaps.failure else state
-    )
+def without_trouble(state: AgentState) -> AgentState:
+    """Clear the last problem, because the vehicle flies as planned."""
+    return replace(state, trouble="") if state.trouble else state
 
 
 def _handle_unreachable_goal(state: AgentState) -> StepResult:
@@ -133,7 +131,7 @@ def mission_failed(state: AgentState, event: ev.MissionFailed, now: float) -> St
         return command(state, ev.FlightOrder.LAND)
     # Without an announcement others expect the flight by the new plan, for long if the link is lost.
     if state.phase is Phase.LANDING:
-        return without_swap_trouble(state).with_new_flight(), []
+        return without_trouble(state).with_new_flight(), []
     if state.phase is not Phase.FLYING:
         return state, []
     if state.plans.swaps.n_failed >= MAX_FAILED_SWAPS:

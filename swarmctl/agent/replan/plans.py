@@ -136,7 +136,7 @@ class Plans:
 
     def failed(self, event: ev.MissionFailed, boot_s: float) -> Plans:
         """Return the plans after a failed mission change, at `boot_s` by the vehicle's clock."""
-        swaps = self.swaps.failed(event.reason, is_late=event.is_late)
+        swaps = self.swaps.failed(is_late=event.is_late)
         times = (
             self.swap_times.too_late(boot_s - self.swaps.decided_boot_s) if event.is_late else self.swap_times
         )

@@ -81,16 +81,14 @@ class SwapHistory:
     """end of the braking that the last mission change in flight causes"""
     n_failed: int = 0
     """number of failed mission changes since the last success; late changes do not count"""
-    failure: str = ""
-    """reason of the last failed mission change, as text"""
 
     def done(self, boot_s: float, braking_until_boot_s: float) -> SwapHistory:
         """Return the history after a mission change in flight."""
         return replace(self, done_boot_s=boot_s, braking_until_boot_s=braking_until_boot_s)
 
-    def failed(self, reason: str, *, is_late: bool) -> SwapHistory:
+    def failed(self, *, is_late: bool) -> SwapHistory:
         """Return the history after a failed mission change."""
-        return replace(self, n_failed=self.n_failed + (not is_late), failure=reason)
+        return replace(self, n_failed=self.n_failed + (not is_late))
 
 
 def _with_margin_s(took_s: float) -> float:
