@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from swarmctl.agent.formation.group_planner import first_method, leads_first
-from swarmctl.agent.replan.decide import first_problem
+from swarmctl.agent.formation.group_planner import first_method, leads_first, shape_changes
+from swarmctl.agent.formation.membership import GroupRoute
+from swarmctl.agent.formation.reference import Reference, window_for
+from swarmctl.agent.replan.decide import first_flight, first_problem
 from swarmctl.agent.replan.length_bounds import UNBOUNDED
 from swarmctl.agent.replan.route_to_mission import flown_route
 from swarmctl.agent.replan.time_bound import route_within_bounds
 from swarmctl.agent.state import Task
 from swarmctl.config.scenario import PAPER_PLANNER, Scenario
 from swarmctl.core.belief import Belief
+from swarmctl.core.geo import LatLon
 from swarmctl.planners import PLANNERS, Method, Problem, Route, Unreachable
+from swarmctl.report.pictures.scene import GROUP_EVERY_S
 from swarmctl.report.tables import Column, FittedTable, estimate_texts, product_text
 
 PLAN_WEIGHTS = (0.0, 0.5, 1.0)
@@ -63,6 +68,30 @@ def first_routes(scenario: Scenario) -> dict[str, tuple[FirstRoute, ...]]:
 def _first_route(task: Task, prior: Belief) -> FirstRoute:
     problem = first_problem(task, prior)
     return FirstRoute(task, problem, route_within_bounds(task, problem))
+
+
+def planned_shapes(first: FirstRoute) -> Iterator[tuple[LatLon, ...]]:
+    """Yield the places of a group's members every GROUP_EVERY_S along the first member's route.
+
+    There are none for any other vehicle. Raises Unreachable if the route has no room for its landing.
+    """
+    task, frame = first.task, first.task.grid.frame
+    formation, method = task.formation, task.method
+    if formation is None or not leads_first(task):
+        return
+    track = first_flight(task, first.problem, first.route).track
+    points_m = tuple(frame.to_local(point.lat_deg, point.lon_deg) for point in track)
+    curve, cells = Reference(points_m, window_for(formation.radius_m)), first.route.cells
+    centres_m = [curve.locate(task.grid.centre_m(cell)) for cell in cells]
+    n = len(formation.members)
+    shapes = tuple(shape_changes(formation, n, method, first.problem, cells, centres_m))
+    route = GroupRoute.of(task.uav, 1, points_m, shapes, formation, task.arrival.speed_m_s)
+    at_m = 0.0
+    while at_m < route.reference.length_m - formation.ends_before_m:
+        pose = route.reference.at(at_m)
+        places = formation.places(route.shape_at(at_m), n)
+        yield tuple(frame.to_geodetic(*pose.at(forward_m, right_m)) for forward_m, right_m, _ in places)
+        at_m, _ = route.profile.ahead(at_m, route.profile.at(at_m), GROUP_EVERY_S)
 
 
 def plan_table(scenario: Scenario, routes: dict[str, tuple[FirstRoute, ...]]) -> FittedTable:

@@ -16,7 +16,7 @@ from swarmctl.core.mission import FlightPlan
 from swarmctl.planners import Unreachable
 from swarmctl.report import foxglove
 from swarmctl.report.final_state import is_lost_in_air
-from swarmctl.report.first_plans import FirstRoute
+from swarmctl.report.first_plans import FirstRoute, planned_shapes
 from swarmctl.report.outcome import FlightReport
 from swarmctl.report.pictures.scene import MapPicture, PlannedTrack, VehicleTrack
 from swarmctl.report.plan_files import plan_json
@@ -56,6 +56,7 @@ def write_plans(folder: Path, scenario: Scenario, routes: dict[str, tuple[FirstR
         known=scenario.prior.known,
         no_fly=frozenset(scenario.config.area.no_fly),
         tracks=tracks,
+        groups=[places for first in routes[scenario.chosen_by] for places in planned_shapes(first)],
         title=f"{scenario.config.name}: first routes",
         subtitle=_subtitle(scenario, ", ".join(routes)),
     )

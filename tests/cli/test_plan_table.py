@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import pytest
 from flights import AREA, small
+from group_flights import group
 from rich.table import Table
 
 from swarmctl.agent.replan.length_bounds import before_takeoff
@@ -14,7 +16,7 @@ from swarmctl.agent.step import step
 from swarmctl.config.scenario import Scenario
 from swarmctl.core import events as ev
 from swarmctl.core.any_angle.corners import ExposureMeasure
-from swarmctl.report.first_plans import first_routes, plan_table
+from swarmctl.report.first_plans import first_routes, plan_table, planned_shapes
 from swarmctl.report.tables import estimate_texts, product_text
 
 LARGER = {**AREA, "rows": 16, "cols": 16}
@@ -124,3 +126,15 @@ def test_only_a_product_of_0_is_printed_as_0(value: float, text: str) -> None:
 def test_the_default_any_angle_measure_is_the_entered_exposure() -> None:
     (task,) = small(flight={"any_angle": True}, simulate={"count": 1}).tasks
     assert task.any_angle is ExposureMeasure.ENTERED
+
+
+def test_a_planned_group_flies_in_its_shape_until_near_its_goal() -> None:
+    scenario = group()  # a wedge of 30 m between members, at 10 m/s
+    leader, *others = first_routes(scenario)[scenario.chosen_by]
+    shapes = [[scenario.grid.frame.to_local(*place) for place in places] for places in planned_shapes(leader)]
+    assert [list(planned_shapes(other)) for other in others] == [[], []]
+    assert len(shapes) >= 2
+    for first, right, left in shapes:
+        assert math.dist(first, right) == pytest.approx(30.0)
+        assert math.dist(first, left) == pytest.approx(30.0)
+    assert shapes[1][0][0] - shapes[0][0][0] == pytest.approx(200.0, abs=10.0)

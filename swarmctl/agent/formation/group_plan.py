@@ -109,7 +109,7 @@ def _on_new_route(
     steps_m = (cell_m * math.dist(a, b) for a, b in pairwise(cells))
     centres_m = tuple(accumulate(steps_m, initial=splice_m))
     before = shapes[-1][1] if shapes else 0
-    shapes += shape_changes(state, method, problem, cells, centres_m, before, plan)
+    shapes += shape_changes(formation, membership.n_present, method, problem, cells, centres_m, before, plan)
     number, split = membership.n_routes + 1, route.split_at(along.s_m)
     if plan is not None:
         split = split_in_metres(state, plan, along.s_m - moved_m, centres_m[len(plan.routes[0])])

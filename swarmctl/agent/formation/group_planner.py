@@ -102,7 +102,8 @@ def _method(
 
 
 def shape_changes(
-    state: AgentState,
+    formation: Formation | None,
+    n_present: int,
     method: Method,
     problem: Problem,
     cells: Sequence[Cell],
@@ -120,7 +121,6 @@ def shape_changes(
     members need time for it, so a change to the narrow shape begins as much earlier; a change back does not.
     A route that the group cannot fly in any shape has no changes.
     """
-    formation = state.task.formation
     params = method.params.group if method.planner is split_route else method.params
     if method.planner not in (planner, split_route) or len(params.shapes) == 1:
         return []
@@ -136,7 +136,7 @@ def shape_changes(
     except Unreachable:
         return changes
     assert formation is not None
-    takes_m = formation.change_m(state.membership.n_present)
+    takes_m = formation.change_m(n_present)
     for at_m, number in zip(centres_m, numbers[1:], strict=False):
         if number != before:
             begin_m = at_m - takes_m if number else at_m
