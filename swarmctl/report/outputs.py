@@ -10,7 +10,7 @@ from swarmctl.agent.replan.decide import first_flight
 from swarmctl.agent.replan.landing_pattern import pattern_from
 from swarmctl.config.scenario import Scenario
 from swarmctl.config.specs import Spec
-from swarmctl.core.any_angle.turns import rounded
+from swarmctl.core.any_angle.turns import rounded as with_arcs
 from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import FlightPlan
 from swarmctl.planners import Unreachable
@@ -22,10 +22,19 @@ from swarmctl.report.pictures.scene import MapPicture, PlannedTrack, VehicleTrac
 from swarmctl.report.plan_files import plan_json
 from swarmctl.report.summary import known_to_any
 
+AS_GIVEN = ("configuration", "resolved")
+"""Sections of `summary.json` whose numbers are not rounded: they configure the flight."""
+DECIMALS = {"m": 2, "s": 3}
+"""Decimals of metres, and of seconds and speeds, in `summary.json`."""
+SIGNIFICANT = 6
+"""Significant digits of its other numbers, such as probabilities."""
+
 
 def write_run(folder: Path, scenario: Scenario, report: FlightReport) -> None:
     """Write the summary, the map, Foxglove's layout, and a `.plan` for each vehicle with an accepted plan."""
-    _write_json(folder / "summary.json", {**report.summary, "ended": report.ended, "trouble": report.trouble})
+    given = {key: report.summary[key] for key in AS_GIVEN if key in report.summary}
+    content = {**rounded(report.summary), **given, "ended": report.ended, "trouble": report.trouble}
+    _write_json(folder / "summary.json", content)
     grid = scenario.grid
     centre = grid.frame.to_geodetic(grid.size_east_m / 2.0, grid.size_north_m / 2.0)
     _write_json(folder / "foxglove.json", foxglove.layout([spec.name for spec in scenario.specs], centre))
@@ -73,7 +82,7 @@ def _track(spec: Spec, first: FirstRoute) -> list[LatLon]:
     if task.turn_radius_m == 0.0:
         return points
     frame = task.grid.frame
-    arcs, _ = rounded([frame.to_local(*point) for point in points[1:-1]], task.turn_radius_m)
+    arcs, _ = with_arcs([frame.to_local(*point) for point in points[1:-1]], task.turn_radius_m)
     landing = []
     if plan.approach is not None:
         pattern = pattern_from(plan.approach, frame)
@@ -136,6 +145,25 @@ def _draw(folder: Path, picture: MapPicture) -> None:
     from swarmctl.report.pictures.sheet import draw_map  # noqa: PLC0415
 
     draw_map(folder / "map.png", picture)
+
+
+def rounded(value: Any, digits: int | None = None) -> Any:
+    """Return the content with rounded numbers.
+
+    The unit at the end of a name gives the decimals of the number, or of all numbers in a section of that
+    name. A number without a unit keeps SIGNIFICANT digits.
+    """
+    if isinstance(value, dict):
+        return {key: rounded(part, DECIMALS.get(_unit(key), digits)) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [rounded(part, digits) for part in value]
+    if not isinstance(value, float):
+        return value
+    return float(f"{value:.{SIGNIFICANT}g}") if digits is None else round(value, digits)
+
+
+def _unit(key: str) -> str:
+    return str(key).rpartition("_")[2]
 
 
 def _write_json(path: Path, content: dict[str, Any]) -> None:
