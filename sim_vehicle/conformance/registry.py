@@ -8,8 +8,9 @@ Its docstring is the verified statement. Checks of one shape are rows of a table
 import fnmatch
 import importlib
 import pkgutil
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
+from typing import Any
 
 from sim_vehicle.conformance.guard import ARM, CRASH, PERMISSIONS
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
@@ -32,8 +33,8 @@ class Check:
     function: CheckFunction
     summary: str = ""  # the verified statement in one line
     needs: frozenset[str] = frozenset()  # required permissions (`PERMISSIONS`)
-    claims: tuple[str, ...] = ()  # required MAV_PROTOCOL_CAPABILITY bits, without their prefix
-    dialects: frozenset[str] = frozenset()  # names of the autopilots' dialects; empty: all
+    claims: Collection[str] = ()  # required MAV_PROTOCOL_CAPABILITY bits, without their prefix
+    dialects: Collection[str] = ()  # names of the autopilots' dialects; empty: all
     kind: str | None = None  # copter or plane; None: both
     airborne: bool = False  # True: the check starts in flight
     # Document of the expected behaviour: MAVLink, a line of notes/AUTOPILOTS.md, or a file of a firmware.
@@ -54,23 +55,13 @@ CHECKS: dict[str, Check] = {}
 
 
 def check(
-    name: str,
-    *,
-    statement: str = "",
-    needs: Iterable[str] = (),
-    claims: Iterable[str] = (),
-    dialects: Iterable[str] = (),
-    kind: str | None = None,
-    airborne: bool = False,
-    source: str = "MAVLink",
-    limit_s: float = 60.0,
+    name: str, *, statement: str = "", needs: Iterable[str] = (), airborne: bool = False, **conditions: Any
 ) -> Callable[[CheckFunction], CheckFunction]:
     """Register a function under `category.name`; raise ValueError for a bad name or permission.
 
-    statement: the verified statement; default: the function's docstring.
+    statement: the verified statement; default: the function's docstring. conditions: fields of `Check`.
     """
     required = frozenset(needs) | ({ARM} if airborne else frozenset())
-    claimed, autopilots = tuple(claims), frozenset(dialects)
     if name in CHECKS:
         raise ValueError(f"two checks are named {name!r}")
     if name.partition(".")[0] not in CATEGORIES or not name.partition(".")[2]:
@@ -82,9 +73,7 @@ def check(
 
     def register(function: CheckFunction) -> CheckFunction:
         summary = (statement or function.__doc__ or "").strip().partition("\n")[0]
-        CHECKS[name] = Check(
-            name, function, summary, required, claimed, autopilots, kind, airborne, source, limit_s
-        )
+        CHECKS[name] = Check(name, function, summary, required, airborne=airborne, **conditions)
         return function
 
     return register
