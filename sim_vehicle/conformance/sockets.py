@@ -4,7 +4,6 @@ import contextlib
 import select
 import socket
 import time
-from collections.abc import Callable
 from typing import Any
 
 import serial
@@ -134,35 +133,26 @@ class UdpWire(_TimedWire):
         self._socket.close()
 
 
-def _connected(url: Url, within_s: float) -> socket.socket:
-    """Return a connection made within this time, with `SEND_S` as its later time-out."""
-    connection = socket.create_connection((url.host, url.port), timeout=within_s)
-    connection.settimeout(SEND_S)
-    return connection
+class _StreamWire(_TimedWire):
+    """A stream that is opened again after a disconnection, for example by a reboot."""
 
+    _stream: Any = None
 
-class TcpWire(_TimedWire):
-    """A TCP connection that is opened again after a disconnection, for example by a reboot."""
+    def _open(self, within_s: float) -> Any:
+        """Open the stream within a time [s of wall time]; raise OSError or ValueError."""
+        raise NotImplementedError
 
-    def __init__(self, url: Url, speedup: float) -> None:
-        super().__init__(speedup)
-        self._url = url
-        self._connection: socket.socket | None = None
-        self._listener: socket.socket | None = None
-        try:
-            if url.listens:
-                family = socket.AF_INET6 if ":" in url.host else socket.AF_INET
-                self._listener = socket.create_server((url.host, url.port), family=family)
-            else:
-                self._connection = _connected(url, CONNECT_S)
-        except OSError as error:
-            remedy = "the port is free" if url.listens else "a vehicle listens at this address"
-            raise WireError(f"cannot open {url}: {error.strerror or error}; check that {remedy}") from error
+    def _write(self, data: bytes) -> None:
+        raise NotImplementedError
+
+    def _read(self, within_s: float) -> bytes | None:
+        """Return the next bytes within a time [s of wall time], or None; raise OSError if it ended."""
+        raise NotImplementedError
 
     def send(self, data: bytes) -> None:
-        if self._connection is not None:
+        if self._stream is not None:
             try:
-                self._connection.sendall(data)
+                self._write(data)
             except OSError:
                 self._drop()
 
@@ -170,95 +160,91 @@ class TcpWire(_TimedWire):
         end_s = time.monotonic() + self._wall_s(timeout_s)
         while True:
             remaining_s = max(0.0, end_s - time.monotonic())
-            if self._connection is None and not self._connect(remaining_s):
-                return None
-            assert self._connection is not None
-            ready, _, _ = select.select([self._connection], [], [], max(0.0, end_s - time.monotonic()))
-            if not ready:
-                return None
-            with contextlib.suppress(OSError):
-                if data := self._connection.recv(DATAGRAM_BYTES):
-                    return data
-            self._drop()
-
-    def _connect(self, remaining_s: float) -> bool:
-        """Try once to connect, for at most about `remaining_s` [s of wall time]; return True on success."""
-        if self._listener is not None:
-            ready, _, _ = select.select([self._listener], [], [], remaining_s)
-            if ready:
-                self._connection, _ = self._listener.accept()
-                self._connection.settimeout(SEND_S)
-            return bool(ready)
-        try:
-            self._connection = _connected(self._url, max(remaining_s, 0.01))
-        except OSError:
-            time.sleep(min(remaining_s, RECONNECT_S))
-            return False
-        return True
+            was_open = self._stream is not None
+            try:
+                if not was_open:
+                    self._stream = self._open(remaining_s)
+                return self._read(max(0.0, end_s - time.monotonic()))
+            except (OSError, ValueError):
+                self._drop()
+                if not was_open:
+                    time.sleep(min(max(0.0, end_s - time.monotonic()), RECONNECT_S))
+                    return None
 
     def _drop(self) -> None:
-        if self._connection is not None:
-            self._connection.close()
-            self._connection = None
+        if self._stream is not None:
+            self._stream.close()
+            self._stream = None
 
     def close(self) -> None:
         self._drop()
+
+
+class TcpWire(_StreamWire):
+    """A TCP connection to a server, or from a client."""
+
+    def __init__(self, url: Url, speedup: float) -> None:
+        super().__init__(speedup)
+        self._url = url
+        self._listener: socket.socket | None = None
+        try:
+            if url.listens:
+                family = socket.AF_INET6 if ":" in url.host else socket.AF_INET
+                self._listener = socket.create_server((url.host, url.port), family=family)
+            else:
+                self._stream = self._open(CONNECT_S)
+        except OSError as error:
+            remedy = "the port is free" if url.listens else "a vehicle listens at this address"
+            raise WireError(f"cannot open {url}: {error.strerror or error}; check that {remedy}") from error
+
+    def _open(self, within_s: float) -> socket.socket:
+        if self._listener is not None:
+            self._listener.settimeout(within_s)
+            stream, _ = self._listener.accept()
+        else:
+            stream = socket.create_connection((self._url.host, self._url.port), timeout=max(within_s, 0.01))
+        stream.settimeout(SEND_S)
+        return stream
+
+    def _write(self, data: bytes) -> None:
+        self._stream.sendall(data)
+
+    def _read(self, within_s: float) -> bytes | None:
+        ready, _, _ = select.select([self._stream], [], [], within_s)
+        if not ready:
+            return None
+        data: bytes = self._stream.recv(DATAGRAM_BYTES)
+        if not data:
+            raise ConnectionResetError
+        return data
+
+    def close(self) -> None:
+        super().close()
         if self._listener is not None:
             self._listener.close()
 
 
-class SerialWire(_TimedWire):
-    """A serial port that is opened again after a disconnection, for example of an autopilot on USB."""
+class SerialWire(_StreamWire):
+    """A serial port, also of an autopilot on USB."""
 
     def __init__(self, device: str, baud: int, speedup: float) -> None:
         super().__init__(speedup)
         self._device, self._baud = device, baud
-        self._port: serial.Serial | None = None
         try:
-            self._open()
+            self._stream = self._open(0.0)
         except (OSError, ValueError) as error:
             raise WireError(f"cannot open {device} at {baud} baud: {error}; check the device") from error
 
-    def _open(self) -> None:
-        self._port = serial.Serial(self._device, self._baud, timeout=0)
+    def _open(self, within_s: float) -> serial.Serial:
+        return serial.Serial(self._device, self._baud, timeout=0)
 
-    def send(self, data: bytes) -> None:
-        if self._port is not None:
-            try:
-                self._port.write(data)
-            except OSError:
-                self._drop()
+    def _write(self, data: bytes) -> None:
+        self._stream.write(data)
 
-    def receive(self, timeout_s: float) -> bytes | None:
-        end_s = time.monotonic() + self._wall_s(timeout_s)
-        while self._port is None:
-            remaining_s = max(0.0, end_s - time.monotonic())
-            if not self._reopen(remaining_s) and remaining_s == 0.0:
-                return None
-        try:
-            self._port.timeout = max(0.0, end_s - time.monotonic())
-            first = self._port.read(1)
-            return first + self._port.read(self._port.in_waiting) if first else None
-        except OSError:
-            self._drop()
-            return None
-
-    def _reopen(self, remaining_s: float) -> bool:
-        """Try once to open the port; wait at most `remaining_s` [s of wall time] after a failure."""
-        try:
-            self._open()
-        except (OSError, ValueError):
-            time.sleep(min(remaining_s, RECONNECT_S))
-            return False
-        return True
-
-    def _drop(self) -> None:
-        if self._port is not None:
-            self._port.close()
-            self._port = None
-
-    def close(self) -> None:
-        self._drop()
+    def _read(self, within_s: float) -> bytes | None:
+        self._stream.timeout = within_s
+        first: bytes = self._stream.read(1)
+        return first + self._stream.read(self._stream.in_waiting) if first else None
 
 
 def _source(data: bytes) -> int | None:
@@ -272,13 +258,6 @@ def _source(data: bytes) -> int | None:
 
 def open_wire(url: Url, *, speedup: float = 1.0) -> Wire:
     """Open the wire for a URL; raise WireError if the URL cannot be opened."""
-    wires: dict[str, Callable[[], Wire]] = {
-        "udpin": lambda: UdpWire(url, speedup),
-        "udpout": lambda: UdpWire(url, speedup),
-        "tcpin": lambda: TcpWire(url, speedup),
-        "tcpout": lambda: TcpWire(url, speedup),
-        "serial": lambda: SerialWire(url.host, url.port, speedup),
-    }
-    if url.kind not in wires:
-        raise WireError(f"{url}: {url.kind} is an unknown kind of link; use one of {', '.join(wires)}")
-    return wires[url.kind]()
+    if url.is_serial:
+        return SerialWire(url.host, url.port, speedup)
+    return UdpWire(url, speedup) if url.is_udp else TcpWire(url, speedup)
