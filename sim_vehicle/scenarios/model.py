@@ -3,7 +3,7 @@
 import difflib
 import math
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
@@ -193,86 +193,68 @@ class Scenario(Section):
             return self.area.origin_lat_deg, self.area.origin_lon_deg
         return self.vehicles[0].lat_deg, self.vehicles[0].lon_deg
 
-    def _duplicate_sysids(self) -> list[Finding]:
+    def _duplicate_sysids(self) -> Iterator[Finding]:
         counted = Counter((v.link, v.sysid) for v in self.vehicles)
-        duplicates = sorted({sysid for (_, sysid), n in counted.items() if n > 1})
-        if not duplicates:
-            return []
-        text = f"system ids on one link must differ; duplicates: {duplicates}"
-        return [(("vehicles",), text)]
+        if duplicates := sorted({sysid for (_, sysid), n in counted.items() if n > 1}):
+            yield ("vehicles",), f"system ids on one link must differ; duplicates: {duplicates}"
 
-    def _distant_vehicles(self) -> list[Finding]:
-        """Return findings on vehicles too far away for the fleet's common local plane."""
+    def _distant_vehicles(self) -> Iterator[Finding]:
+        """Find vehicles too far away for the fleet's common local plane."""
         frame = LocalFrame(*self.origin_deg)
-        findings: list[Finding] = []
+        name = "the area's origin" if self.area else "the first vehicle"
+        limit = f"{MAX_DISTANCE_M / 1000:.0f} km"
         for index, vehicle in enumerate(self.vehicles):
             away_m = math.hypot(*frame.point_to_local(vehicle.lat_deg, vehicle.lon_deg))
             if away_m > MAX_DISTANCE_M:
-                name = "the area's origin" if self.area else "the first vehicle"
-                limit = f"{MAX_DISTANCE_M / 1000:.0f} km"
-                text = f"starts {away_m / 1000:.0f} km from {name}; the limit is {limit}"
-                findings.append((("vehicles", index), text))
-        return findings
+                yield (
+                    ("vehicles", index),
+                    f"starts {away_m / 1000:.0f} km from {name}; the limit is {limit}",
+                )
 
-    def _mission_problems(self) -> list[Finding]:
-        findings: list[Finding] = []
+    def _mission_problems(self) -> Iterator[Finding]:
         for index, vehicle in enumerate(self.vehicles):
             where: KeyPath = ("vehicles", index, "mission")
             legs = vehicle.mission
             if legs and not any(leg.flown or leg.item is not None for leg in legs):
-                findings.append((where, "has only speeds and jumps; add a takeoff or a waypoint"))
-            findings += [((*where, i), text) for i in range(len(legs)) if (text := jump_problem(legs, i))]
-        return findings
+                yield where, "has only speeds and jumps; add a takeoff or a waypoint"
+            yield from (((*where, i), text) for i in range(len(legs)) if (text := jump_problem(legs, i)))
 
-    def _threat_problems(self) -> list[Finding]:
-        findings: list[Finding] = []
+    def _threat_problems(self) -> Iterator[Finding]:
         if self.firing_strength is not None:
             own, nearest, diagonal = self.firing_strength
             if not own > nearest > diagonal:
                 text = "must decrease: own cell, adjacent cells, diagonal cells; found"
-                findings.append((("firing_strength",), f"{text} {own}, {nearest}, {diagonal}"))
+                yield ("firing_strength",), f"{text} {own}, {nearest}, {diagonal}"
         if not self.hostiles:
-            return findings
+            return
         where: KeyPath = ("hostiles",)
         if self.area is None or self.firing_strength is None:
-            return [*findings, (where, "needs `area` and `firing_strength`; add the missing section")]
+            yield where, "needs `area` and `firing_strength`; add the missing section"
+            return
         rows, cols = self.area.rows, self.area.cols
-        outside = [cell for cell in self.hostiles if not (0 <= cell[0] < rows and 0 <= cell[1] < cols)]
-        if outside:
-            findings.append(
-                (where, f"{outside} are outside of rows 0 to {rows - 1}, columns 0 to {cols - 1}")
-            )
-        duplicates = [cell for cell, n in Counter(self.hostiles).items() if n > 1]
-        if duplicates:
-            findings.append((where, f"a cell has at most one hostile; duplicates: {duplicates}"))
-        return findings
+        if outside := [cell for cell in self.hostiles if not (0 <= cell[0] < rows and 0 <= cell[1] < cols)]:
+            yield where, f"{outside} are outside of rows 0 to {rows - 1}, columns 0 to {cols - 1}"
+        if duplicates := [cell for cell, n in Counter(self.hostiles).items() if n > 1]:
+            yield where, f"a cell has at most one hostile; duplicates: {duplicates}"
 
-    def _unknown_sysids(self) -> list[Finding]:
+    def _unknown_sysids(self) -> Iterator[Finding]:
         known = {v.sysid for v in self.vehicles}
-        named: list[tuple[KeyPath, Collection[int] | None]] = []
-        named += [(("script", i), step.vehicles) for i, step in enumerate(self.script)]
-        named += [(("faults", i), fault.vehicles) for i, fault in enumerate(self.faults)]
-        named += [(("checks", i), check.vehicles) for i, check in enumerate(self.checks)]
-        return [
-            (where, f"no vehicle has system id {sorted(unknown)}; the system ids are {sorted(known)}")
-            for where, sysids in named
-            if (unknown := set(sysids or ()) - known)
-        ]
+        for section in ("script", "faults", "checks"):
+            for i, entry in enumerate(getattr(self, section)):
+                if unknown := set(entry.vehicles or ()) - known:
+                    text = f"no vehicle has system id {sorted(unknown)}; the system ids are {sorted(known)}"
+                    yield (section, i), text
 
-    def _script_problems(self) -> list[Finding]:
-        findings: list[Finding] = []
+    def _script_problems(self) -> Iterator[Finding]:
         for index, step in enumerate(self.script):
             for vehicle in self.selected(step.vehicles):
                 if text := _missing_for_step(step, vehicle):
-                    findings.append((("script", index), f"{step.chosen}: vehicle {vehicle.sysid} {text}"))
-        return findings
+                    yield ("script", index), f"{step.chosen}: vehicle {vehicle.sysid} {text}"
 
-    def _check_requirements(self) -> list[Finding]:
-        return [
-            (("checks", index), f"{check.name} needs {missing}")
-            for index, check in enumerate(self.checks)
-            if (missing := self._missing(CHECKS[check.name].needs, self.selected(check.vehicles)))
-        ]
+    def _check_requirements(self) -> Iterator[Finding]:
+        for index, check in enumerate(self.checks):
+            if missing := self._missing(CHECKS[check.name].needs, self.selected(check.vehicles)):
+                yield ("checks", index), f"{check.name} needs {missing}"
 
     def _missing(self, need: str | None, vehicles: Sequence[VehicleSpec]) -> str:
         """Return what a check needs and the scenario or a vehicle lacks, in words, or an empty text."""
@@ -286,58 +268,52 @@ class Scenario(Section):
         cure = "add it, or name other vehicles in the check's `vehicles`"
         return f"{what}, missing on vehicles {lacking}; {cure}" if lacking else ""
 
-    def _mode_problems(self) -> list[Finding]:
-        """Return findings on steps and checks with a mode that a selected vehicle does not have."""
-        requested: list[tuple[KeyPath, str, str, Collection[int] | None]] = []
-        for index, step in enumerate(self.script):
-            if step.mode is not None:
-                requested.append((("script", index), "mode", step.mode, step.vehicles))
-        for index, check in enumerate(self.checks):
-            if CHECKS[check.name].argument == "mode":
-                requested.append((("checks", index), check.name, str(check.value), check.vehicles))
-        findings: list[Finding] = []
+    def _mode_problems(self) -> Iterator[Finding]:
+        """Find steps and checks with a mode that a selected vehicle does not have."""
+        requested: list[tuple[KeyPath, str, str, Collection[int] | None]] = [
+            (("script", index), "mode", step.mode, step.vehicles)
+            for index, step in enumerate(self.script)
+            if step.mode is not None
+        ]
+        requested += [
+            (("checks", index), check.name, str(check.value), check.vehicles)
+            for index, check in enumerate(self.checks)
+            if CHECKS[check.name].argument == "mode"
+        ]
         for where, what, alternatives, sysids in requested:
             kinds: set[tuple[str, str]] = {(v.personality, v.kind) for v in self.selected(sysids)}
             available = {kind: _mode_names(*kind, selectable=what == "mode") for kind in sorted(kinds)}
-            text = _mode_problem(alternatives, available)
-            if text and available:  # unknown vehicles have their own finding
-                findings.append((where, f"{what}: {text}"))
-        return findings
+            if available and (text := _mode_problem(alternatives, available)):
+                yield where, f"{what}: {text}"  # unknown vehicles have their own finding
 
-    def _late_steps_and_checks(self) -> list[Finding]:
-        findings: list[Finding] = []
+    def _late_steps_and_checks(self) -> Iterator[Finding]:
         for index, step in enumerate(self.script):
             if step.at_s >= self.until_s:
-                findings.append((("script", index), self._too_late(step.chosen, "at_s", step.at_s)))
+                yield ("script", index), self._too_late(step.chosen, "at_s", step.at_s)
         for index, check in enumerate(self.checks):
-            late = [("from_s", check.from_s)] if check.from_s >= self.until_s else []
+            if check.from_s >= self.until_s:
+                yield ("checks", index), self._too_late(check.name, "from_s", check.from_s)
+                continue
             for name, time_s in (("until_s", check.until_s), ("by_s", check.by_s)):
                 if time_s is not None and time_s > self.until_s:
-                    late.append((name, time_s))
-            findings += [(("checks", index), self._too_late(check.name, *times)) for times in late[:1]]
-        return findings
+                    yield ("checks", index), self._too_late(check.name, name, time_s)
+                    break
 
-    def _late_faults(self) -> list[Finding]:
-        return [
-            (("faults", index), self._too_late(fault.fault, "at_s", fault.at_s))
-            for index, fault in enumerate(self.faults)
-            if fault.at_s >= self.until_s
-        ]
+    def _late_faults(self) -> Iterator[Finding]:
+        for index, fault in enumerate(self.faults):
+            if fault.at_s >= self.until_s:
+                yield ("faults", index), self._too_late(fault.fault, "at_s", fault.at_s)
 
-    def _idle_problems(self) -> list[Finding]:
-        """Return findings on a missing script and on missions that no step uploads."""
+    def _idle_problems(self) -> Iterator[Finding]:
+        """Find a missing script, and missions that no step uploads."""
         if not self.script and not self.checks:
-            text = "has neither `script` nor `checks`; add a `script` (`[fly_mission]`), or `checks`"
-            return [((), text)]
-        uploaded: set[int] = set()
-        for step in self.script:
-            if step.chosen in ("fly_mission", "upload_mission"):
-                uploaded |= {v.sysid for v in self.selected(step.vehicles)}
-        return [
-            (("vehicles", index, "mission"), "is not uploaded; add `script: [fly_mission]`")
-            for index, vehicle in enumerate(self.vehicles)
-            if vehicle.mission and vehicle.sysid not in uploaded
-        ]
+            yield (), "has neither `script` nor `checks`; add a `script` (`[fly_mission]`), or `checks`"
+            return
+        uploads = [step for step in self.script if step.chosen in ("fly_mission", "upload_mission")]
+        uploaded = {v.sysid for step in uploads for v in self.selected(step.vehicles)}
+        for index, vehicle in enumerate(self.vehicles):
+            if vehicle.mission and vehicle.sysid not in uploaded:
+                yield ("vehicles", index, "mission"), "is not uploaded; add `script: [fly_mission]`"
 
     @staticmethod
     def step_problem(step: ScriptStep, vehicle: VehicleSpec) -> str:

@@ -16,6 +16,15 @@ Height = Annotated[float, Field(strict=True, gt=0, le=10_000)]
 LANDINGS = frozenset(
     {mavlink.MAV_CMD_NAV_LAND, mavlink.MAV_CMD_NAV_VTOL_LAND, mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH}
 )
+# Items without a position.
+WITHOUT_PLACE = frozenset(
+    {
+        mavlink.MAV_CMD_DO_CHANGE_SPEED,
+        mavlink.MAV_CMD_NAV_DELAY,
+        mavlink.MAV_CMD_DO_JUMP,
+        mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH,
+    }
+)
 MIN_WIDTH_M = 0.02  # width of the narrowest polygon; MAVLink's unit of 1e-7 degrees is 1.1 cm
 MAX_NUMBER = {"MAV_CMD_": 0xFFFF, "MAV_FRAME_": 0xFF}  # largest number of the MAVLink field
 
@@ -225,30 +234,27 @@ class PlanWriter:
 
     def mission(self, legs: Sequence[Leg], *, home_first: bool) -> list[PlanItem]:
         """Return the mission's items; `home_first`: item 0 is a placeholder for home (ArduPilot)."""
-        items = [self._item_at(mavlink.MAV_CMD_NAV_WAYPOINT, 0.0, 0.0, 0.0)] if home_first else []
+        items = [self._item_at(mavlink.MAV_CMD_NAV_WAYPOINT, (0.0, 0.0))] if home_first else []
         first, place = len(items), (0.0, 0.0)
         for leg in legs:
             place = leg.place() or place
-            items.append(self._item(leg, place, first=first))
+            if leg.item is not None:
+                items.append(self._raw(leg.item))
+                continue
+            command, z, params = _command_of(leg, first)
+            items.append(self._item_at(command, None if command in WITHOUT_PLACE else place, z, *params))
         return items
 
     def fence(self, shapes: Sequence[FenceShape]) -> list[PlanItem]:
         items: list[PlanItem] = []
         for shape in shapes:
             polygon, circle = shape.keep_in or shape.keep_out, shape.keep_in_circle or shape.keep_out_circle
+            side = "INCLUSION" if shape.inclusion else "EXCLUSION"
             if polygon is not None:
-                command = (
-                    mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION
-                    if shape.inclusion
-                    else mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION
-                )
+                command = mavlink_number("MAV_CMD_", f"NAV_FENCE_POLYGON_VERTEX_{side}")
                 items += [self._vertex(command, len(polygon), *corner) for corner in polygon]
             elif circle is not None:
-                command = (
-                    mavlink.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION
-                    if shape.inclusion
-                    else mavlink.MAV_CMD_NAV_FENCE_CIRCLE_EXCLUSION
-                )
+                command = mavlink_number("MAV_CMD_", f"NAV_FENCE_CIRCLE_{side}")
                 items.append(self._vertex(command, circle.radius_m, circle.east_m, circle.north_m))
         return items
 
@@ -256,59 +262,41 @@ class PlanWriter:
         x, y = self.place(east_m, north_m)
         return PlanItem(command, x, y, frame=mavlink.MAV_FRAME_GLOBAL, params=(param1, 0.0, 0.0, 0.0))
 
-    def _item_at(self, command: int, east_m: float, north_m: float, z: float, *params: float) -> PlanItem:
-        x, y = self.place(east_m, north_m)
-        param1, _, param3 = [*params, 0.0, 0.0, 0.0][:3]
-        frame = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT
-        return PlanItem(command, x, y, z, frame, (param1, 0.0, param3, 0.0))
-
-    def _item(self, leg: Leg, place: tuple[float, float], *, first: int) -> PlanItem:
-        if leg.takeoff is not None:
-            return self._item_at(mavlink.MAV_CMD_NAV_TAKEOFF, *place, leg.takeoff.height_m)
-        if leg.waypoint is not None:
-            return self._item_at(
-                mavlink.MAV_CMD_NAV_WAYPOINT, *place, leg.waypoint.height_m, leg.waypoint.hold_s
-            )
-        if leg.loiter is not None:
-            return self._loiter(leg.loiter)
-        if leg.land is not None:
-            return self._item_at(mavlink.MAV_CMD_NAV_LAND, *place, 0.0)
-        if leg.item is not None:
-            return self._raw(leg.item)
-        return _without_place(leg, first=first)
-
-    def _loiter(self, loiter: Loiter) -> PlanItem:
-        where = (loiter.east_m, loiter.north_m, loiter.height_m)
-        if loiter.turns is not None:
-            return self._item_at(mavlink.MAV_CMD_NAV_LOITER_TURNS, *where, loiter.turns, 0.0, loiter.radius_m)
-        if loiter.for_s is not None:
-            return self._item_at(mavlink.MAV_CMD_NAV_LOITER_TIME, *where, loiter.for_s, 0.0, loiter.radius_m)
-        return self._item_at(mavlink.MAV_CMD_NAV_LOITER_UNLIM, *where, 0.0, 0.0, loiter.radius_m)
+    def _item_at(
+        self, command: int, place: tuple[float, float] | None, z: float = 0.0, *params: float
+    ) -> PlanItem:
+        """Return an item at a place, east and north [m], or without a place."""
+        param1, param2, param3 = (*params, 0.0, 0.0, 0.0)[:3]
+        frame = mavlink.MAV_FRAME_MISSION if place is None else mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT
+        x, y = (0, 0) if place is None else self.place(*place)
+        return PlanItem(command, x, y, z, frame, (param1, param2, param3, 0.0))
 
     def _raw(self, raw: RawItem) -> PlanItem:
-        x, y = (0, 0)
-        if raw.east_m is not None and raw.north_m is not None:
-            x, y = self.place(raw.east_m, raw.north_m)
-        return PlanItem(
-            mavlink_number("MAV_CMD_", raw.command),
-            x,
-            y,
-            raw.z,
-            mavlink_number("MAV_FRAME_", raw.frame),
-            (raw.param1, raw.param2, raw.param3, raw.param4),
-        )
+        placed = raw.east_m is not None and raw.north_m is not None
+        x, y = self.place(raw.east_m or 0.0, raw.north_m or 0.0) if placed else (0, 0)
+        params = (raw.param1, raw.param2, raw.param3, raw.param4)
+        command = mavlink_number("MAV_CMD_", raw.command)
+        return PlanItem(command, x, y, raw.z, mavlink_number("MAV_FRAME_", raw.frame), params)
 
 
-def _without_place(leg: Leg, *, first: int) -> PlanItem:
-    frame = mavlink.MAV_FRAME_MISSION
+def _command_of(leg: Leg, first: int) -> tuple[int, float, tuple[float, ...]]:
+    """Return MAV_CMD, z [m] and the first parameters of a leg; `first`: number of the first leg's item."""
+    if takeoff := leg.takeoff:
+        return mavlink.MAV_CMD_NAV_TAKEOFF, takeoff.height_m, ()
+    if waypoint := leg.waypoint:
+        return mavlink.MAV_CMD_NAV_WAYPOINT, waypoint.height_m, (waypoint.hold_s,)
+    if loiter := leg.loiter:
+        command, amount = mavlink.MAV_CMD_NAV_LOITER_UNLIM, 0.0
+        if loiter.turns is not None:
+            command, amount = mavlink.MAV_CMD_NAV_LOITER_TURNS, loiter.turns
+        elif loiter.for_s is not None:
+            command, amount = mavlink.MAV_CMD_NAV_LOITER_TIME, loiter.for_s
+        return command, loiter.height_m, (amount, 0.0, loiter.radius_m)
     if leg.speed_m_s is not None:
-        ground_speed = float(mavlink.SPEED_TYPE_GROUNDSPEED)
-        params = (ground_speed, leg.speed_m_s, -1.0, 0.0)
-        return PlanItem(mavlink.MAV_CMD_DO_CHANGE_SPEED, frame=frame, params=params)
+        return mavlink.MAV_CMD_DO_CHANGE_SPEED, 0.0, (mavlink.SPEED_TYPE_GROUNDSPEED, leg.speed_m_s, -1.0)
     if leg.delay_s is not None:
-        return PlanItem(mavlink.MAV_CMD_NAV_DELAY, frame=frame, params=(leg.delay_s, 0.0, 0.0, 0.0))
-    if leg.jump is not None:
-        to = float(leg.jump.to - 1 + first)
-        params = (to, float(leg.jump.times), 0.0, 0.0)
-        return PlanItem(mavlink.MAV_CMD_DO_JUMP, frame=frame, params=params)
-    return PlanItem(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH, frame=frame)
+        return mavlink.MAV_CMD_NAV_DELAY, 0.0, (leg.delay_s,)
+    if jump := leg.jump:
+        return mavlink.MAV_CMD_DO_JUMP, 0.0, (float(jump.to - 1 + first), float(jump.times))
+    command = mavlink.MAV_CMD_NAV_LAND if leg.land else mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH
+    return command, 0.0, ()
