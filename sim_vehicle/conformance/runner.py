@@ -70,9 +70,7 @@ def granted_permissions(
     identity: VehicleIdentity, allow: frozenset[str], *, ground_only: bool
 ) -> frozenset[str]:
     """Return all permissions for the simulator, else those of `allow`; `ground_only` removes ARM."""
-    granted = allow - {SIMULATOR}
-    if identity.simulator:
-        granted = PERMISSIONS
+    granted = PERMISSIONS if identity.simulator else allow - {SIMULATOR}
     return granted - {ARM} if ground_only else granted
 
 
@@ -288,27 +286,26 @@ def _run_function(vehicle: VehicleUnderTest, check: Check) -> CheckResult:
     began_s = vehicle.now
     try:
         _prepare(vehicle, check)
-    except CheckFailed as error:
-        return CheckResult(check, Outcome.FAILED, f"could not start: {error}", vehicle.now - began_s)
-    except Skip as reason:
-        return CheckResult(check, Outcome.SKIPPED, f"could not start: {reason}", vehicle.now - began_s)
+    except (CheckFailed, Skip) as error:
+        outcome, text = _outcome_of(error)
+        return CheckResult(check, outcome, f"could not start: {text}", vehicle.now - began_s)
     began_s = vehicle.now
     vehicle.begin_check(check.limit_s)
     try:
         outcome, seen = Outcome.PASSED, check.function(vehicle)
-    except CheckFailed as error:
-        outcome, seen = Outcome.FAILED, str(error)
-        _pass_on_interrupt(error)
-    except Skip as reason:
-        outcome, seen = Outcome.SKIPPED, str(reason)
-        _pass_on_interrupt(reason)
     except Exception as error:  # noqa: BLE001 (an unexpected answer must not stop the run)
-        outcome, seen = Outcome.FAILED, f"the check raised {error!r}"
+        outcome, seen = _outcome_of(error)
         _pass_on_interrupt(error)
     finally:
         vehicle.deadline_s = math.inf
         vehicle.heartbeats_off = False
     return CheckResult(check, outcome, seen, vehicle.now - began_s)
+
+
+def _outcome_of(error: Exception) -> tuple[Outcome, str]:
+    if isinstance(error, Skip):
+        return Outcome.SKIPPED, str(error)
+    return Outcome.FAILED, str(error) if isinstance(error, CheckFailed) else f"the check raised {error!r}"
 
 
 def _pass_on_interrupt(error: BaseException) -> None:

@@ -18,44 +18,21 @@ from sim_vehicle.wire.encode import DefinedMessage, Layout
 DIRECTORY = "/etc/extras"
 PARAMETER_TYPE = 1  # COMP_METADATA_TYPE_PARAMETER
 
+
+def _layout(message_id: int, name: str, crc_extra: int, **fields: str) -> Layout:
+    return Layout(message_id, name, bytes([crc_extra]), np.dtype(list(fields.items())))
+
+
 # Messages missing in pymavlink.
-COMPONENT_INFORMATION = Layout(
-    395,
-    "COMPONENT_INFORMATION",
-    bytes([0]),
-    np.dtype(
-        [
-            ("time_boot_ms", "<u4"),
-            ("general_metadata_file_crc", "<u4"),
-            ("peripherals_metadata_file_crc", "<u4"),
-            ("general_metadata_uri", "S100"),
-            ("peripherals_metadata_uri", "S100"),
-        ]
-    ),
-)
-COMPONENT_INFORMATION_BASIC = Layout(
-    396,
-    "COMPONENT_INFORMATION_BASIC",
-    bytes([50]),
-    np.dtype(
-        [
-            ("capabilities", "<u8"),
-            ("time_boot_ms", "<u4"),
-            ("time_manufacture_s", "<u4"),
-            ("vendor_name", "S32"),
-            ("model_name", "S32"),
-            ("software_version", "S24"),
-            ("hardware_version", "S24"),
-            ("serial_number", "S32"),
-        ]
-    ),
-)
-COMPONENT_METADATA = Layout(
-    397,
-    "COMPONENT_METADATA",
-    bytes([182]),
-    np.dtype([("time_boot_ms", "<u4"), ("file_crc", "<u4"), ("uri", "S100")]),
-)
+COMPONENT_INFORMATION = _layout(
+    395, "COMPONENT_INFORMATION", 0, time_boot_ms="<u4", general_metadata_file_crc="<u4",
+    peripherals_metadata_file_crc="<u4", general_metadata_uri="S100", peripherals_metadata_uri="S100",
+)  # fmt: skip
+COMPONENT_INFORMATION_BASIC = _layout(
+    396, "COMPONENT_INFORMATION_BASIC", 50, capabilities="<u8", time_boot_ms="<u4", time_manufacture_s="<u4",
+    vendor_name="S32", model_name="S32", software_version="S24", hardware_version="S24", serial_number="S32",
+)  # fmt: skip
+COMPONENT_METADATA = _layout(397, "COMPONENT_METADATA", 182, time_boot_ms="<u4", file_crc="<u4", uri="S100")
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,6 +20,8 @@ from sim_vehicle.files.pacing import BYTES_S, MAX_BYTES_AT_ONCE, Pacer
 HEADER = struct.Struct("<HBBBBBxI")  # seq, session, opcode, size, request's opcode, burst complete, offset
 SIZE = struct.Struct("<I")
 MAX_DATA_BYTES = 239  # bytes of data in one message
+# Requests at an offset, which their answers repeat.
+POSITIONED = frozenset({Opcode.LIST_DIRECTORY, Opcode.READ_FILE, Opcode.WRITE_FILE})
 FRAME_BYTES = 277  # assumed size of one message on the link
 
 
@@ -38,6 +40,10 @@ class _Request:
     offset: int
     size: int
     data: bytes
+
+    @property
+    def path(self) -> str:
+        return _path(self.data)
 
 
 @dataclass
@@ -81,8 +87,9 @@ class FtpServer:
         self._open: _OpenFile | None = None
         self._burst: _Burst | None = None
         self._last: tuple[_Request, bytes] | None = None  # the latest answered request and its answer
-        self._operations: dict[int, Callable[[_Request, float], tuple[bytes, int]]] = {
-            Opcode.NONE: lambda _request, _now: (b"", 0),
+        # opcode -> function of the request and the time [s] that returns the data of the answer
+        self._operations: dict[int, Callable[[_Request, float], bytes | None]] = {
+            Opcode.NONE: lambda _request, _now: None,
             Opcode.TERMINATE_SESSION: self._terminate,
             Opcode.RESET_SESSIONS: self._reset_sessions,
             Opcode.LIST_DIRECTORY: self._list,
@@ -91,14 +98,16 @@ class FtpServer:
             Opcode.CREATE_FILE: self._open_to_write,
             Opcode.OPEN_FILE_WO: self._open_to_write,
             Opcode.WRITE_FILE: self._write,
-            Opcode.REMOVE_FILE: self._remove,
-            Opcode.CREATE_DIRECTORY: self._make_directory,
-            Opcode.REMOVE_DIRECTORY: self._remove_directory,
+            Opcode.REMOVE_FILE: lambda request, _now: files.remove(request.path),
+            Opcode.CREATE_DIRECTORY: lambda request, _now: files.make_directory(request.path),
+            Opcode.REMOVE_DIRECTORY: lambda request, _now: files.remove_directory(request.path),
             Opcode.RENAME: self._rename,
-            Opcode.CALC_FILE_CRC32: self._checksum,
+            Opcode.CALC_FILE_CRC32: lambda request, _now: SIZE.pack(checksum(files.read(request.path))),
         }
         if rules.truncates:
-            self._operations[Opcode.TRUNCATE_FILE] = self._truncate
+            self._operations[Opcode.TRUNCATE_FILE] = lambda request, _now: files.truncate(
+                request.path, request.offset
+            )
 
     @property
     def busy(self) -> bool:
@@ -153,10 +162,10 @@ class FtpServer:
         operation = self._operations.get(request.opcode)
         if operation is None:
             raise _Nak(self._rules.unknown_command)
-        data, offset = operation(request, now)
+        data = operation(request, now) or b""
         if self._open is not None and self._open.session == request.session:
             self._open.last_use_s = now
-        self._reply(request, Opcode.ACK, data, offset)
+        self._reply(request, Opcode.ACK, data, request.offset if request.opcode in POSITIONED else 0)
 
     def _reply(self, request: _Request, opcode: Opcode, data: bytes, offset: int) -> None:
         opens = opcode is Opcode.ACK and request.opcode in OPENING_OPCODES
@@ -189,20 +198,18 @@ class FtpServer:
             raise _Nak(self._rules.another_session)
         self._abandon()
 
-    def _terminate(self, request: _Request, _now: float) -> tuple[bytes, int]:
+    def _terminate(self, request: _Request, _now: float) -> None:
         opened = self._open
         if self._rules.terminate_needs_open and (opened is None or request.session != 0):
             raise _Nak(self._rules.nothing_open)
         if opened is not None and request.session == opened.session:
             self._close()
-        return b"", 0
 
-    def _reset_sessions(self, request: _Request, _now: float) -> tuple[bytes, int]:
+    def _reset_sessions(self, request: _Request, _now: float) -> None:
         if self._open is not None and (
             not self._rules.client_names_session or request.session == self._open.session
         ):
             self._close()
-        return b"", 0
 
     def _close(self) -> None:
         opened, self._open, self._burst = self._open, None, None
@@ -225,18 +232,17 @@ class FtpServer:
 
     # -- files -------------------------------------------------------------------------------------------
 
-    def _open_to_read(self, request: _Request, now: float) -> tuple[bytes, int]:
+    def _open_to_read(self, request: _Request, now: float) -> bytes | None:
         session = self._new_session(request, now)
-        path = _path(request.data)
-        content = self._files.read(path)
-        self._open = _OpenFile(session, path, content, now)
-        return SIZE.pack(len(content)), 0
+        content = self._files.read(request.path)
+        self._open = _OpenFile(session, request.path, content, now)
+        return SIZE.pack(len(content))
 
-    def _open_to_write(self, request: _Request, now: float) -> tuple[bytes, int]:
+    def _open_to_write(self, request: _Request, now: float) -> bytes | None:
         session = self._new_session(request, now)
-        path = self._files.open_to_write(_path(request.data), truncate=request.opcode == Opcode.CREATE_FILE)
+        path = self._files.open_to_write(request.path, truncate=request.opcode == Opcode.CREATE_FILE)
         self._open = _OpenFile(session, path, None, now)
-        return (SIZE.pack(len(self._files.read(path))) if self._rules.reports_sizes else b""), 0
+        return SIZE.pack(len(self._files.read(path))) if self._rules.reports_sizes else None
 
     def _content(self) -> bytes:
         if self._open is None:
@@ -245,12 +251,12 @@ class FtpServer:
             raise _Nak(FtpError.FAIL)
         return self._open.content
 
-    def _read(self, request: _Request, _now: float) -> tuple[bytes, int]:
+    def _read(self, request: _Request, _now: float) -> bytes | None:
         size = request.size if self._rules.obeys_read_size else MAX_DATA_BYTES
         data = self._content()[request.offset : request.offset + size]
         if not data:
             raise _Nak(FtpError.END_OF_FILE)
-        return data, request.offset
+        return data
 
     def _continue_burst(self, burst: _Burst, now: float) -> None:
         opened = self._open
@@ -275,46 +281,24 @@ class FtpServer:
             self._burst = None
         self._transmit(request.peer, head + data)
 
-    def _write(self, request: _Request, _now: float) -> tuple[bytes, int]:
+    def _write(self, request: _Request, _now: float) -> bytes | None:
         opened = self._open
         if opened is None:
             raise _Nak(self._rules.nothing_open)
         if opened.content is not None:
             raise _Nak(FtpError.FAIL)
         self._files.write(opened.path, request.offset, request.data)
-        return (SIZE.pack(len(request.data)) if self._rules.reports_sizes else b""), request.offset
+        return SIZE.pack(len(request.data)) if self._rules.reports_sizes else None
 
-    def _remove(self, request: _Request, _now: float) -> tuple[bytes, int]:
-        self._files.remove(_path(request.data))
-        return b"", 0
-
-    def _truncate(self, request: _Request, _now: float) -> tuple[bytes, int]:
-        self._files.truncate(_path(request.data), request.offset)
-        return b"", 0
-
-    def _rename(self, request: _Request, _now: float) -> tuple[bytes, int]:
+    def _rename(self, request: _Request, _now: float) -> None:
         old, separator, new = request.data.partition(b"\0")
         if not separator:
             raise _Nak(FtpError.INVALID_DATA_SIZE)
         self._files.rename(_path(old), _path(new))
-        return b"", 0
 
-    def _checksum(self, request: _Request, _now: float) -> tuple[bytes, int]:
-        return SIZE.pack(checksum(self._files.read(_path(request.data)))), 0
-
-    # -- directories -------------------------------------------------------------------------------------
-
-    def _make_directory(self, request: _Request, _now: float) -> tuple[bytes, int]:
-        self._files.make_directory(_path(request.data))
-        return b"", 0
-
-    def _remove_directory(self, request: _Request, _now: float) -> tuple[bytes, int]:
-        self._files.remove_directory(_path(request.data))
-        return b"", 0
-
-    def _list(self, request: _Request, _now: float) -> tuple[bytes, int]:
+    def _list(self, request: _Request, _now: float) -> bytes | None:
         lines = [b"S\0", b"S\0"] if self._rules.lists_dots else []
-        lines += [_line(entry) for entry in self._files.entries(_path(request.data))]
+        lines += [_line(entry) for entry in self._files.entries(request.path)]
         lines = [line for line in lines if len(line) <= MAX_DATA_BYTES]
         listed = b""
         for line in lines[request.offset :]:
@@ -323,7 +307,7 @@ class FtpServer:
             listed += line
         if not listed:
             raise _Nak(FtpError.END_OF_FILE)
-        return listed, request.offset
+        return listed
 
 
 def checksum(content: bytes) -> int:

@@ -3,6 +3,7 @@
 import math
 import struct
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -11,7 +12,7 @@ from sim_vehicle.conformance import flying
 from sim_vehicle.conformance.assertions import ACCEPTED, Skip, command_name, equal, holds, id_of, result_name
 from sim_vehicle.conformance.frames import COMMAND_CANCEL, COMMAND_CANCEL_EXTRA, frame
 from sim_vehicle.conformance.guard import ALTER, CRASH
-from sim_vehicle.conformance.registry import CheckFunction, check
+from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.traffic import SECOND_STATION
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.station.frames import STATION, Source
@@ -35,9 +36,6 @@ def _results(vehicle: VehicleUnderTest, mark: int, command: int = REQUEST) -> li
 
 def _next_is_accepted(vehicle: VehicleUnderTest) -> str:
     return equal(vehicle.result(vehicle.version_request()), ACCEPTED, "the next command")
-
-
-# -- acknowledgement -------------------------------------------------------------------------------------
 
 
 @check("commands.ack.names_the_command")
@@ -103,12 +101,12 @@ _RESULTS: tuple[tuple[str, str, Callable[[VehicleUnderTest], Any], str], ...] = 
 )  # fmt: skip
 
 
-def _result_check(build: Callable[[VehicleUnderTest], Any], expected: str) -> CheckFunction:
-    return lambda vehicle: equal(vehicle.result(build(vehicle)), expected, "result")
+def _has_result(vehicle: VehicleUnderTest, build: Callable[[VehicleUnderTest], Any], expected: str) -> str:
+    return equal(vehicle.result(build(vehicle)), expected, "result")
 
 
 for _name, _statement, _build, _expected in _RESULTS:
-    check(f"commands.{_name}", statement=_statement)(_result_check(_build, _expected))
+    check(f"commands.{_name}", statement=_statement)(partial(_has_result, build=_build, expected=_expected))
 
 
 @check("commands.int.same_as_long")
@@ -116,9 +114,6 @@ def int_same_as_long(vehicle: VehicleUnderTest) -> str:
     """A command without a position has the same result as COMMAND_INT and COMMAND_LONG."""
     as_long = vehicle.result(vehicle.version_request())
     return equal(vehicle.result(vehicle.command_int(REQUEST, VERSION)), as_long, "COMMAND_INT")
-
-
-# -- targets and stations --------------------------------------------------------------------------------
 
 
 def _not_executed(vehicle: VehicleUnderTest, message: Any) -> str:
@@ -189,9 +184,6 @@ def two_at_once(vehicle: VehicleUnderTest) -> str:
     targets = [m.target_system for m in vehicle.since(mark, "COMMAND_ACK") if m.command == REQUEST]
     equal(len(targets), 2, "acknowledgements")
     return f"to {targets}"
-
-
-# -- numbers that are none, and progress -----------------------------------------------------------------
 
 
 @check(

@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim_vehicle.conformance import parameters, plans
 from sim_vehicle.conformance.assertions import ACCEPTED, equal, near, refused
 from sim_vehicle.conformance.plans import FENCE, RALLY
-from sim_vehicle.conformance.registry import CheckFunction, check
+from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.station.messages import MISSION, PlanItem
 
@@ -89,19 +89,12 @@ def _store_square(vehicle: VehicleUnderTest) -> list[PlanItem]:
     return items
 
 
-# -- one upload: its result, or what is read back --------------------------------------------------------
-
-
-def _round_trip_check(build: Build) -> CheckFunction:
-    """Return a check: the fence is accepted and read back, param1 (vertex count, radius) included."""
-
-    def run(vehicle: VehicleUnderTest) -> str:
-        items = build(vehicle)
-        for seen, sent in zip(plans.store(vehicle, items, FENCE), items, strict=True):
-            near(seen.param1, sent.params[0], 0.5, "vertex count or radius")
-        return f"{len(items)} items"
-
-    return run
+def _round_trip(vehicle: VehicleUnderTest, build: Build) -> str:
+    """The fence is accepted and read back, param1 (vertex count, radius) included."""
+    items = build(vehicle)
+    for seen, sent in zip(plans.store(vehicle, items, FENCE), items, strict=True):
+        near(seen.param1, sent.params[0], 0.5, "vertex count or radius")
+    return f"{len(items)} items"
 
 
 _ROUND_TRIPS: tuple[tuple[str, str, Build], ...] = (
@@ -115,25 +108,21 @@ _ROUND_TRIPS: tuple[tuple[str, str, Build], ...] = (
      lambda v: [circle(v, 300), circle(v, 20, north_m=120, command=EXCLUSION_CIRCLE)]),
 )  # fmt: skip
 for _name, _statement, _build in _ROUND_TRIPS:
-    check(f"fence.{_name}", statement=_statement, claims=CLAIMS)(_round_trip_check(_build))
+    check(f"fence.{_name}", statement=_statement, claims=CLAIMS)(partial(_round_trip, build=_build))
 check(
     "fence.self_intersecting",
     statement="A self-intersecting polygon is accepted, and its vertices are read back exactly.",
     claims=CLAIMS,
     dialects=("ardupilot",),
     source="AUTOPILOTS 2: self-intersecting accepted",
-)(_round_trip_check(lambda v: polygon(v, CROSSED)))
+)(partial(_round_trip, build=lambda v: polygon(v, CROSSED)))
 
 
-def _result_check(build: Build, results: Mapping[str, str]) -> CheckFunction:
-    """Return a check of an upload's result by autopilot; an autopilot without a result must refuse."""
-
-    def run(vehicle: VehicleUnderTest) -> str:
-        seen = _result(vehicle, build(vehicle))
-        expected = results.get(vehicle.dialect.name)
-        return refused(seen) if expected is None else equal(seen, expected, "upload")
-
-    return run
+def _uploads(vehicle: VehicleUnderTest, build: Build, results: Mapping[str, str]) -> str:
+    """The upload has the result of the autopilot; an autopilot without a result refuses."""
+    seen = _result(vehicle, build(vehicle))
+    expected = results.get(vehicle.dialect.name)
+    return refused(seen) if expected is None else equal(seen, expected, "upload")
 
 
 _RESULTS: tuple[tuple[str, str, Build, dict[str, str], tuple[str, ...], str], ...] = (
@@ -154,11 +143,9 @@ _RESULTS: tuple[tuple[str, str, Build, dict[str, str], tuple[str, ...], str], ..
 )  # fmt: skip
 for _name, _statement, _build, _results, _dialects, _source in _RESULTS:
     check(f"fence.{_name}", statement=_statement, claims=CLAIMS, dialects=_dialects, source=_source)(
-        _result_check(_build, _results)
+        partial(_uploads, build=_build, results=_results)
     )
 
-
-# -- several transfers -----------------------------------------------------------------------------------
 
 _fence_check = partial(check, claims=CLAIMS)
 _ardupilot_check = partial(_fence_check, dialects=("ardupilot",))
@@ -198,36 +185,31 @@ def total_parameter(vehicle: VehicleUnderTest) -> str:
     return f"{equal(parameters.read(vehicle, 'FENCE_TOTAL').value, 6, 'FENCE_TOTAL'):g}"
 
 
-def _clears(kind: int, build: Build) -> CheckFunction:
-    def run(vehicle: VehicleUnderTest) -> str:
-        plans.upload_or_fail(vehicle, build(vehicle), kind)
-        equal(plans.clear(vehicle, kind), ACCEPTED, "MISSION_CLEAR_ALL")
-        equal(plans.count(vehicle, kind), 0, "items left")
-        return "empty"
-
-    return run
+def _clears(vehicle: VehicleUnderTest, kind: int, build: Build) -> str:
+    plans.upload_or_fail(vehicle, build(vehicle), kind)
+    equal(plans.clear(vehicle, kind), ACCEPTED, "MISSION_CLEAR_ALL")
+    equal(plans.count(vehicle, kind), 0, "items left")
+    return "empty"
 
 
-def _is_independent(kind: int, build: Build) -> CheckFunction:
-    """Return a check: an upload leaves the mission, and the clearing of the mission leaves this plan."""
-
-    def run(vehicle: VehicleUnderTest) -> str:
-        mission, items = plans.store_sample(vehicle), build(vehicle)
-        plans.upload_or_fail(vehicle, items, kind)
-        plans.expect_stored(vehicle, mission)
-        plans.clear(vehicle)
-        plans.expect_stored(vehicle, items, kind)
-        return "independent"
-
-    return run
+def _is_independent(vehicle: VehicleUnderTest, kind: int, build: Build) -> str:
+    """An upload leaves the mission, and the clearing of the mission leaves this plan."""
+    mission, items = plans.store_sample(vehicle), build(vehicle)
+    plans.upload_or_fail(vehicle, items, kind)
+    plans.expect_stored(vehicle, mission)
+    plans.clear(vehicle)
+    plans.expect_stored(vehicle, items, kind)
+    return "independent"
 
 
-_fence_check("fence.clear", statement="Clearing removes the fence.")(_clears(FENCE, polygon))
+_fence_check("fence.clear", statement="Clearing removes the fence.")(
+    partial(_clears, kind=FENCE, build=polygon)
+)
 _fence_check(
     "fence.is_not_the_mission",
     statement="The upload of a fence does not change the mission; clearing the mission does not change the "
     "fence.",
-)(_is_independent(FENCE, polygon))
+)(partial(_is_independent, kind=FENCE, build=polygon))
 
 
 @_ardupilot_check(
@@ -275,8 +257,6 @@ def empty_upload(vehicle: VehicleUnderTest) -> str:
     equal(plans.count(vehicle, FENCE), 0, "items left")
     return "empty"
 
-
-# -- rally points ----------------------------------------------------------------------------------------
 
 _rally_check = partial(check, claims=("MISSION_RALLY",))
 
@@ -332,7 +312,7 @@ _rally_check(
     "rally.is_not_the_mission",
     statement="Rally points do not change the mission; clearing the mission does not change the rally "
     "points.",
-)(_is_independent(RALLY, _points))
+)(partial(_is_independent, kind=RALLY, build=_points))
 _rally_check("rally.clear", statement="Clearing is accepted and removes the rally points.")(
-    _clears(RALLY, _points)
+    partial(_clears, kind=RALLY, build=_points)
 )

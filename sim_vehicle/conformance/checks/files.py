@@ -12,7 +12,7 @@ from typing import Any
 from sim_vehicle.conformance import frames, ftp, parameters
 from sim_vehicle.conformance.assertions import CheckFailed, Skip, equal, holds
 from sim_vehicle.conformance.ftp import FtpClient
-from sim_vehicle.conformance.registry import CheckFunction, check
+from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 METADATA = struct.Struct("<II100s")  # COMPONENT_METADATA on the wire: time_boot_ms, file_crc, uri
@@ -85,15 +85,11 @@ def lists(vehicle: VehicleUnderTest) -> str:
     return f"{len(entries)} entries"
 
 
-def _refusal_check(opcode: int, path: bytes, errors: tuple[int, ...]) -> CheckFunction:
-    """Return a check: the request is refused, with one of the errors or, if there are none, with any."""
-
-    def run(vehicle: VehicleUnderTest) -> str:
-        with _client(vehicle) as client:
-            answer = client.ask(opcode, path)
-        return _refused(answer, *errors)
-
-    return run
+def _refuses(vehicle: VehicleUnderTest, opcode: int, path: bytes, errors: tuple[int, ...]) -> str:
+    """The request is refused, with one of the errors or, if there are none, with any."""
+    with _client(vehicle) as client:
+        answer = client.ask(opcode, path)
+    return _refused(answer, *errors)
 
 
 def _refused(answer: ftp.Reply, *errors: int) -> str:
@@ -111,7 +107,9 @@ for _name, _statement, _opcode, _path, _errors in (
      99, b"", (ftp.UNKNOWN_COMMAND, ftp.FAIL)),
     ("session_that_is_not_open", "A read from an unopened session is refused.", ftp.READ, b"", ()),
 ):  # fmt: skip
-    _check(f"ftp.{_name}", statement=_statement)(_refusal_check(_opcode, _path, _errors))
+    _check(f"ftp.{_name}", statement=_statement)(
+        partial(_refuses, opcode=_opcode, path=_path, errors=_errors)
+    )
 
 
 @_check("ftp.reads_a_file", limit_s=200)
@@ -219,9 +217,6 @@ def packed_parameters(vehicle: VehicleUnderTest) -> str:
     if not abs(total - listed) <= 2:
         raise CheckFailed(f"expected {listed} parameters, saw {total}")
     return f"{count} of {total} parameters, {len(data)} bytes"
-
-
-# -- component metadata -------------------------------------------------------------------------------
 
 
 def _metadata(vehicle: VehicleUnderTest) -> tuple[int, str]:

@@ -20,9 +20,6 @@ _copter_check = partial(check, airborne=True, kind="copter", limit_s=300)
 _plane_check = partial(check, airborne=True, kind="plane", limit_s=300)
 
 
-# -- take-off --------------------------------------------------------------------------------------------
-
-
 @check("flight.takeoff.leaves_the_ground", needs=[ARM], kind="copter", limit_s=400)
 def takeoff_landed_state(vehicle: VehicleUnderTest) -> str:
     """In a take-off landed_state changes from ON_GROUND to IN_AIR, without LANDING in between."""
@@ -57,9 +54,6 @@ def disarm_refused(vehicle: VehicleUnderTest) -> str:
     vehicle.wait(1.5)
     holds(vehicle.armed, "the vehicle disarmed in flight")
     return equal(result, vehicle.dialect.refusal, "disarming")
-
-
-# -- holding ---------------------------------------------------------------------------------------------
 
 
 @_copter_check("flight.hold.keeps_its_place", source="AUTOPILOTS 1.6: BRAKE, GUIDED hold altitude")
@@ -106,9 +100,6 @@ def loiter_sinks(vehicle: VehicleUnderTest) -> str:
     flying.set_mode(vehicle, "hold")
     holds(sunk_m > 3.0, f"expected a descent of more than 3 m in 3 s, saw {sunk_m:.1f} m")
     return f"{sunk_m:.1f} m in 3 s"
-
-
-# -- repositioning ---------------------------------------------------------------------------------------
 
 
 @_copter_check("flight.reposition.goes_there", source="AUTOPILOTS 1.17")
@@ -215,9 +206,6 @@ def empty_mission(vehicle: VehicleUnderTest) -> str:
     if seen == ACCEPTED:
         flying.wait_for_mode(vehicle, "return")
     return seen
-
-
-# -- return and landing ------------------------------------------------------------------------------------
 
 
 @_copter_check("flight.land.can_be_broken_off")

@@ -141,9 +141,6 @@ def offboard_needs_setpoints(vehicle: VehicleUnderTest) -> str:
     return refused(seen)
 
 
-# -- telemetry -------------------------------------------------------------------------------------------
-
-
 @_any_copter_check("flight.telemetry.velocity")
 def velocity(vehicle: VehicleUnderTest) -> str:
     """The distance by vx and vy agrees with the change of the position."""

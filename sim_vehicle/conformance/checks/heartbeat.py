@@ -10,7 +10,7 @@ from sim_vehicle.conformance.assertions import ACCEPTED, CheckFailed, Skip, equa
 from sim_vehicle.conformance.dialects import version_text
 from sim_vehicle.conformance.flying import mode_name
 from sim_vehicle.conformance.frames import PROTOCOL_VERSION
-from sim_vehicle.conformance.registry import CheckFunction, check
+from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.station.frames import ReceivedFrame
 
@@ -65,9 +65,6 @@ def no_gaps(vehicle: VehicleUnderTest) -> str:
     gap_s = max((b.at_s - a.at_s for a, b in pairwise(_heartbeats(vehicle))), default=LISTEN_S)
     holds(gap_s < 2.0, f"expected gaps below 2 s, saw {gap_s:.2f} s")
     return f"longest gap {gap_s:.2f} s"
-
-
-# -- fields of a heartbeat on the ground -----------------------------------------------------------------
 
 
 @check("heartbeat.ids_in_range")
@@ -136,9 +133,6 @@ def autopilot_is_known(vehicle: VehicleUnderTest) -> str:
     return _name("MAV_AUTOPILOT", vehicle.heartbeat.autopilot)
 
 
-# -- framing ---------------------------------------------------------------------------------------------
-
-
 @check("heartbeat.goes_on_without_a_station", limit_s=30)
 def goes_on_without_a_station(vehicle: VehicleUnderTest) -> str:
     """The vehicle sends heartbeats while the station is silent."""
@@ -188,9 +182,6 @@ def nothing_but_mavlink(vehicle: VehicleUnderTest) -> str:
     noise = bytes(vehicle.noise)
     holds(not noise, f"saw {len(noise)} bytes outside of frames: {noise[:20]!r}")
     return "no other bytes"
-
-
-# -- identity and claims ------------------------------------------------------------------------------
 
 
 def _version(vehicle: VehicleUnderTest) -> Any:
@@ -249,24 +240,25 @@ def has_an_identity(vehicle: VehicleUnderTest) -> str:
     return bytes(version.uid2).hex() if any(version.uid2) else f"{version.uid:#x}"
 
 
-def _claims_check(*capabilities: str) -> CheckFunction:
-    def run(vehicle: VehicleUnderTest) -> str:
-        missing = [name for name in capabilities if not vehicle.identity.claims(name)]
-        holds(not missing, f"not claimed: {' and '.join(missing)}")
-        return ", ".join(capabilities)
-
-    run.__doc__ = f"{' and '.join(capabilities)} {'is' if len(capabilities) == 1 else 'are'} claimed."
-    return run
+def _claims(vehicle: VehicleUnderTest, *capabilities: str) -> str:
+    missing = [name for name in capabilities if not vehicle.identity.claims(name)]
+    holds(not missing, f"not claimed: {' and '.join(missing)}")
+    return ", ".join(capabilities)
 
 
-check("version.claims_mavlink2")(_claims_check("MAVLINK2"))
-check("version.claims_integer_missions")(_claims_check("MISSION_INT"))
-check("version.claims_command_int", dialects=("ardupilot", "px4"))(_claims_check("COMMAND_INT"))
+check("version.claims_mavlink2", statement="MAVLINK2 is claimed.")(lambda v: _claims(v, "MAVLINK2"))
+check("version.claims_integer_missions", statement="MISSION_INT is claimed.")(
+    lambda v: _claims(v, "MISSION_INT")
+)
+check("version.claims_command_int", statement="COMMAND_INT is claimed.", dialects=("ardupilot", "px4"))(
+    lambda v: _claims(v, "COMMAND_INT")
+)
 check(
     "version.claims_fence_and_rally",
+    statement="MISSION_FENCE and MISSION_RALLY are claimed.",
     dialects=("ardupilot", "px4"),
     source="AUTOPILOTS 2: fence, types 2/3/255",
-)(_claims_check("MISSION_FENCE", "MISSION_RALLY"))
+)(lambda v: _claims(v, "MISSION_FENCE", "MISSION_RALLY"))
 
 
 @check("version.claims_a_parameter_encoding", source="AUTOPILOTS 1.16")

@@ -85,9 +85,6 @@ def _end_transfer(vehicle: VehicleUnderTest) -> None:
     vehicle.send(mavlink.MAVLink_log_request_end_message(*vehicle.target))
 
 
-# -- checks ------------------------------------------------------------------------------------------------
-
-
 @check("logs.list")
 def log_list(vehicle: VehicleUnderTest) -> str:
     """LOG_REQUEST_LIST brings a LOG_ENTRY for each log; without logs, a LOG_ENTRY with num_logs 0."""

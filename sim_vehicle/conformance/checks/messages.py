@@ -16,7 +16,7 @@ from sim_vehicle.conformance.assertions import (
     refused,
     within,
 )
-from sim_vehicle.conformance.registry import CheckFunction, check
+from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 NOT_A_MESSAGE = 16_777_000  # an unused message id
@@ -30,8 +30,6 @@ REQUESTED_OF_ARDUPILOT = (
 WITHOUT_DATA = "CAMERA_FEEDBACK"  # needs a camera
 REQUEST, SET_INTERVAL = mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
 
-# -- on request ------------------------------------------------------------------------------------------
-
 
 def _require(vehicle: VehicleUnderTest, kind: str) -> None:
     """Request a message; raise CheckFailed if the vehicle refuses."""
@@ -41,26 +39,23 @@ def _require(vehicle: VehicleUnderTest, kind: str) -> None:
         raise CheckFailed(f"expected {kind} on request: {refusal}") from refusal
 
 
-def _request_check(kind: str) -> CheckFunction:
-    def run(vehicle: VehicleUnderTest) -> str:
-        flying.wait_ready(vehicle)
-        # The known autopilots send all messages of `REQUESTED`, but HOME_POSITION only with a home.
-        if vehicle.dialect.known and kind != "HOME_POSITION":
-            _require(vehicle, kind)
-        else:
-            vehicle.request(kind)
-        return kind
-
-    run.__doc__ = f"The vehicle sends {kind} on request; PX4 denies a repeated request without news."
-    return run
+def _sends_on_request(vehicle: VehicleUnderTest, kind: str) -> str:
+    flying.wait_ready(vehicle)
+    # The known autopilots send all messages of `REQUESTED`, but HOME_POSITION only with a home.
+    if vehicle.dialect.known and kind != "HOME_POSITION":
+        _require(vehicle, kind)
+    else:
+        vehicle.request(kind)
+    return kind
 
 
 for _kind in REQUESTED:
     check(
         f"messages.request.{_kind.lower()}",
         limit_s=200,
+        statement=f"The vehicle sends {_kind} on request; PX4 denies a repeated request without news.",
         source="PX4 mavlink_receiver.cpp, handle_request_message_command: DENIED without news",
-    )(_request_check(_kind))
+    )(partial(_sends_on_request, kind=_kind))
 
 
 @check(
@@ -112,9 +107,6 @@ def unknown_is_refused(vehicle: VehicleUnderTest) -> str:
     return refused(vehicle.command(REQUEST, NOT_A_MESSAGE))
 
 
-# -- intervals -------------------------------------------------------------------------------------------
-
-
 def _rate_hz(vehicle: VehicleUnderTest, kind: str, seconds: float) -> float:
     return len(vehicle.since(vehicle.wait(seconds), kind)) / seconds
 
@@ -125,17 +117,17 @@ def _requested_rate_hz(vehicle: VehicleUnderTest, kind: str, rate_hz: float, sec
         return _rate_hz(vehicle, kind, seconds)
 
 
-def _rate_check(rate_hz: float, seconds: float) -> CheckFunction:
-    def run(vehicle: VehicleUnderTest) -> str:
-        seen_hz = _requested_rate_hz(vehicle, "ATTITUDE", rate_hz, seconds)
-        return f"{near(seen_hz, rate_hz, max(0.2 * rate_hz, 1 / seconds), 'messages a second'):.2f} Hz"
-
-    run.__doc__ = f"SET_MESSAGE_INTERVAL for {rate_hz:g} Hz gives that rate within 20 %."
-    return run
+def _has_rate(vehicle: VehicleUnderTest, rate_hz: float, seconds: float) -> str:
+    seen_hz = _requested_rate_hz(vehicle, "ATTITUDE", rate_hz, seconds)
+    return f"{near(seen_hz, rate_hz, max(0.2 * rate_hz, 1 / seconds), 'messages a second'):.2f} Hz"
 
 
 for _rate, _seconds in ((0.5, 10.0), (1.0, 8.0), (4.0, 5.0), (10.0, 4.0)):
-    check(f"messages.interval.{_rate:g}_hz", source="AUTOPILOTS 1.1")(_rate_check(_rate, _seconds))
+    check(
+        f"messages.interval.{_rate:g}_hz",
+        statement=f"SET_MESSAGE_INTERVAL for {_rate:g} Hz gives that rate within 20 %.",
+        source="AUTOPILOTS 1.1",
+    )(partial(_has_rate, rate_hz=_rate, seconds=_seconds))
 
 
 @check("messages.interval.stops")
@@ -221,8 +213,6 @@ def by_command_int(vehicle: VehicleUnderTest) -> str:
             vehicle.set_interval("ATTITUDE", 0)
     return result
 
-
-# -- data streams ----------------------------------------------------------------------------------------
 
 _ardupilot_check = partial(check, dialects=("ardupilot",))
 

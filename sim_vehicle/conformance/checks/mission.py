@@ -33,9 +33,6 @@ def _expect_empty(vehicle: VehicleUnderTest) -> int:
     return int(within(plans.count(vehicle), 0, int(vehicle.dialect.home_item), "stored items"))
 
 
-# -- upload ----------------------------------------------------------------------------------------------
-
-
 @check("mission.upload.is_accepted", limit_s=200)
 def is_accepted(vehicle: VehicleUnderTest) -> str:
     """A small mission is accepted."""
@@ -130,9 +127,6 @@ def announced_twice(vehicle: VehicleUnderTest) -> str:
     vehicle.wait(0.1)
     plans.store(vehicle, items)
     return ACCEPTED
-
-
-# -- download --------------------------------------------------------------------------------------------
 
 
 @check("mission.download.counts_what_was_sent", source="AUTOPILOTS 2: count")
@@ -236,9 +230,6 @@ def ignores_list_for_other_system(vehicle: VehicleUnderTest) -> str:
     mark = vehicle.send(mavlink.MAVLink_mission_request_list_message(*target, MISSION))
     vehicle.expect_none("MISSION_COUNT", during_s=1.5, mark=mark)
     return "no answer"
-
-
-# -- clearing --------------------------------------------------------------------------------------------
 
 
 @check("mission.clear.empties")

@@ -207,9 +207,6 @@ def plane_flies_every_item(vehicle: VehicleUnderTest) -> str:
     return f"{len(targets)} waypoints"
 
 
-# -- changes in flight ------------------------------------------------------------------------------------
-
-
 @_air_check("mission-flight.jump_by_message")
 def jump_by_message(vehicle: VehicleUnderTest) -> str:
     """MISSION_SET_CURRENT in flight sends the vehicle back to the previous waypoint."""

@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, plans
 from sim_vehicle.conformance.assertions import ACCEPTED, equal, holds, near, refused, within
-from sim_vehicle.conformance.registry import CheckFunction, check
+from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.station.messages import PlanItem
 
@@ -116,24 +116,17 @@ def command_restart(vehicle: VehicleUnderTest) -> str:
     return f"seq {within(_current(vehicle).seq, 0, 1, 'current item')}"
 
 
-# -- results -----------------------------------------------------------------------------------------------
-
 _RETURN = PlanItem(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH)
 _Change = Callable[[PlanItem], PlanItem]
 
 
-def _upload_check(change: _Change, content: str, outcomes: Mapping[str, str]) -> CheckFunction:
-    """Return a check of the upload of a take-off and a changed waypoint, by autopilot or for all ("")."""
-
-    def run(vehicle: VehicleUnderTest) -> str:
-        expected = outcomes[""] if "" in outcomes else vehicle.known(**outcomes)
-        place = plans.current_position(vehicle)
-        item = change(plans.waypoint(place, 30, 0))
-        done = plans.upload(vehicle, plans.plan(vehicle, plans.takeoff(place), item))
-        return equal(done.result, expected, content)
-
-    run.__doc__ = f"A mission with {content}: {', '.join(f'{k} {v}'.strip() for k, v in outcomes.items())}."
-    return run
+def _upload(vehicle: VehicleUnderTest, change: _Change, content: str, outcomes: Mapping[str, str]) -> str:
+    """A take-off and a changed waypoint have the result of the autopilot; the key "" means all."""
+    expected = outcomes[""] if "" in outcomes else vehicle.known(**outcomes)
+    place = plans.current_position(vehicle)
+    item = change(plans.waypoint(place, 30, 0))
+    done = plans.upload(vehicle, plans.plan(vehicle, plans.takeoff(place), item))
+    return equal(done.result, expected, content)
 
 
 _CASES: tuple[tuple[str, str, _Change, dict[str, str]], ...] = (
@@ -164,9 +157,13 @@ _CASES: tuple[tuple[str, str, _Change, dict[str, str]], ...] = (
 )  # fmt: skip
 for _name, _content, _change, _outcomes in _CASES:
     _line = "RTL item" if _name.startswith("return_") else "error codes"
-    check(f"mission.error.{_name}", dialects=tuple(filter(None, _outcomes)), source=f"AUTOPILOTS 2: {_line}")(
-        _upload_check(_change, _content, _outcomes)
-    )
+    _results = ", ".join(f"{autopilot} {result}".strip() for autopilot, result in _outcomes.items())
+    check(
+        f"mission.error.{_name}",
+        statement=f"A mission with {_content}: {_results}.",
+        dialects=tuple(filter(None, _outcomes)),
+        source=f"AUTOPILOTS 2: {_line}",
+    )(partial(_upload, change=_change, content=_content, outcomes=_outcomes))
 
 
 @check("mission.error.too_many", source="AUTOPILOTS 2: error codes", limit_s=40)
@@ -190,8 +187,6 @@ def item_without_upload(vehicle: VehicleUnderTest) -> str:
     plans.expect_stored(vehicle, items)
     return result
 
-
-# -- read back ----------------------------------------------------------------------------------------------
 
 PX4_PINS = "PX4 mavlink_mission.cpp, format_mavlink_mission_item"
 PINS = "AUTOPILOTS 2: read-back differs"
@@ -254,28 +249,27 @@ _ROWS = (
 )  # fmt: skip
 
 
-def _readback_check(row: _ReadBack) -> CheckFunction:
-    def run(vehicle: VehicleUnderTest) -> str:
-        expected = vehicle.known(**row.back)
-        place = plans.current_position(vehicle)
-        item: PlanItem = replace(plans.waypoint(place, 60, 40), **row.sent)
-        plans.upload_or_fail(vehicle, plans.plan(vehicle, plans.takeoff(place), item))
-        stored = plans.download(vehicle)[-1]
-        seen = {name: getattr(stored, name) for name in expected}
-        for name, value in expected.items():
-            if math.isnan(value):
-                equal(math.isnan(seen[name]), True, f"{name} is NaN")
-            else:
-                near(seen[name], value, TOLERANCE, name)
-        return ", ".join(f"{name} {value:g}" for name, value in seen.items())
-
-    return run
+def _reads_back(vehicle: VehicleUnderTest, row: _ReadBack) -> str:
+    expected = vehicle.known(**row.back)
+    place = plans.current_position(vehicle)
+    item: PlanItem = replace(plans.waypoint(place, 60, 40), **row.sent)
+    plans.upload_or_fail(vehicle, plans.plan(vehicle, plans.takeoff(place), item))
+    stored = plans.download(vehicle)[-1]
+    seen = {name: getattr(stored, name) for name in expected}
+    for name, value in expected.items():
+        if math.isnan(value):
+            equal(math.isnan(seen[name]), True, f"{name} is NaN")
+        else:
+            near(seen[name], value, TOLERANCE, name)
+    return ", ".join(f"{name} {value:g}" for name, value in seen.items())
 
 
 for _row in _ROWS:
     _only = {"dialects": tuple(_row.back)} if len(_row.back) == 1 else {}
     _conditions = {"source": PINS, **_only, **_row.conditions}
-    check(f"mission.readback.{_row.name}", statement=_row.statement, **_conditions)(_readback_check(_row))
+    check(f"mission.readback.{_row.name}", statement=_row.statement, **_conditions)(
+        partial(_reads_back, row=_row)
+    )
 
 
 @check(

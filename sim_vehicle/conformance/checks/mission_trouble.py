@@ -180,9 +180,6 @@ def same_station_restarts(vehicle: VehicleUnderTest) -> str:
     return done.result
 
 
-# -- partial writes --------------------------------------------------------------------------------------
-
-
 def _write_partial(vehicle: VehicleUnderTest, first: int, last: int) -> int:
     message = mavlink.MAVLink_mission_write_partial_list_message(*vehicle.target, first, last, MISSION)
     return vehicle.send(message)

@@ -1,7 +1,7 @@
 """Flight modes on the ground: setting, refusals, reports."""
 
 import struct
-from collections.abc import Callable
+from functools import partial
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -20,19 +20,20 @@ AVAILABLE = struct.Struct("<IIBBB35s")  # AVAILABLE_MODES on the wire
 CURRENT = struct.Struct("<IIB")  # CURRENT_MODE on the wire
 
 
-def _set_mode_check(role: str) -> Callable[[VehicleUnderTest], str]:
-    def run(vehicle: VehicleUnderTest) -> str:
-        flying.mode_number(vehicle, role)
-        flying.wait_ready(vehicle)
-        flying.set_mode(vehicle, role)
-        return flying.mode_name(vehicle, vehicle.mode)
-
-    run.__doc__ = f"DO_SET_MODE for {role} is accepted on the ground, and the heartbeat shows the mode."
-    return run
+def _sets_mode(vehicle: VehicleUnderTest, role: str) -> str:
+    flying.mode_number(vehicle, role)
+    flying.wait_ready(vehicle)
+    flying.set_mode(vehicle, role)
+    return flying.mode_name(vehicle, vehicle.mode)
 
 
 for _role in MODE_ROLES:
-    check(f"modes.set.{_role}", source="AUTOPILOTS 1.5", limit_s=200)(_set_mode_check(_role))
+    check(
+        f"modes.set.{_role}",
+        statement=f"DO_SET_MODE for {_role} is accepted on the ground, and the heartbeat shows the mode.",
+        source="AUTOPILOTS 1.5",
+        limit_s=200,
+    )(partial(_sets_mode, role=_role))
 
 
 @check(

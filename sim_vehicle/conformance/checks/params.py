@@ -3,13 +3,14 @@
 import math
 import struct
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import parameters
 from sim_vehicle.conformance.assertions import CheckFailed, Skip, equal, holds, near, within
-from sim_vehicle.conformance.registry import CheckFunction, check
+from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.traffic import SECOND_STATION, Condition
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.station.messages import INTEGER_RANGES
@@ -35,9 +36,6 @@ def _first(vehicle: VehicleUnderTest) -> str:
 def _is_listed(message: Any) -> bool:
     """Return True for a value of a list; a value that is reported unasked (STAT_RUNTIME) has no index."""
     return bool(message.param_index != parameters.UNINDEXED)
-
-
-# -- the list --------------------------------------------------------------------------------------------
 
 
 @check("parameters.list.is_complete", limit_s=150)
@@ -95,25 +93,20 @@ def same_twice(vehicle: VehicleUnderTest) -> str:
     return f"{len(equal(list(parameters.fetch_all(vehicle)), first, 'names'))} names"
 
 
-# -- requests without an answer --------------------------------------------------------------------------
-
-
 def _beyond(vehicle: VehicleUnderTest) -> int:
     return len(parameters.listed(vehicle)) + 7
 
 
-def _silence_check(
-    build: Callable[[VehicleUnderTest], Any], answer: Callable[[VehicleUnderTest], Condition]
-) -> CheckFunction:
-    """Return a check: a vehicle that answers a valid read does not answer this message."""
-
-    def run(vehicle: VehicleUnderTest) -> str:
-        parameters.read(vehicle, _first(vehicle))
-        vehicle.send(build(vehicle))
-        vehicle.expect_none("PARAM_VALUE", answer(vehicle), during_s=SILENT_S)
-        return "no PARAM_VALUE"
-
-    return run
+def _is_unanswered(
+    vehicle: VehicleUnderTest,
+    build: Callable[[VehicleUnderTest], Any],
+    answer: Callable[[VehicleUnderTest], Condition],
+) -> str:
+    """A vehicle that answers a valid read does not answer this message."""
+    parameters.read(vehicle, _first(vehicle))
+    vehicle.send(build(vehicle))
+    vehicle.expect_none("PARAM_VALUE", answer(vehicle), during_s=SILENT_S)
+    return "no PARAM_VALUE"
 
 
 _UNANSWERED: tuple[
@@ -137,10 +130,9 @@ _UNANSWERED: tuple[
      "AUTOPILOTS 1.16: PARAM_SET of an unknown name: no reply at all"),
 )  # fmt: skip
 for _name, _statement, _build, _answer, _source in _UNANSWERED:
-    check(f"parameters.{_name}", statement=_statement, source=_source)(_silence_check(_build, _answer))
-
-
-# -- reading ---------------------------------------------------------------------------------------------
+    check(f"parameters.{_name}", statement=_statement, source=_source)(
+        partial(_is_unanswered, build=_build, answer=_answer)
+    )
 
 
 @check("parameters.read.by_name")
@@ -182,9 +174,6 @@ def read_by_second_station(vehicle: VehicleUnderTest) -> str:
     request = parameters.read_message(vehicle, name)
     vehicle.ask(request, "PARAM_VALUE", lambda m: m.param_id == name, source=SECOND_STATION)
     return name
-
-
-# -- writing ---------------------------------------------------------------------------------------------
 
 
 @check("parameters.set.is_acknowledged")

@@ -2,6 +2,7 @@
 
 import struct
 from collections.abc import Callable, Iterable
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -12,7 +13,7 @@ from sim_vehicle.conformance import parameters, plans
 from sim_vehicle.conformance.assertions import ACCEPTED, CheckFailed, Skip, equal, holds
 from sim_vehicle.conformance.frames import LONGEST_FRAME, frame
 from sim_vehicle.conformance.guard import SIMULATOR
-from sim_vehicle.conformance.registry import CheckFunction, check
+from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.traffic import SECOND_STATION
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.station.frames import STATION, Source
@@ -54,19 +55,13 @@ def _random_bytes(length: int, seed: int) -> bytes:
     return np.random.default_rng(seed).bytes(length)
 
 
-# -- garbage: the vehicle still answers ------------------------------------------------------------------
-
-
-def _survives(build: Build) -> CheckFunction:
-    def run(vehicle: VehicleUnderTest) -> str:
-        sent = build(vehicle)
-        # The zeros end a frame that the garbage may announce; it would swallow the next commands.
-        vehicle.send_raw(sent + bytes(LONGEST_FRAME))
-        vehicle.wait(0.3)
-        _require_answer(vehicle)
-        return f"{len(sent)} bytes"
-
-    return run
+def _survives(vehicle: VehicleUnderTest, build: Build) -> str:
+    sent = build(vehicle)
+    # The zeros end a frame that the garbage may announce; it would swallow the next commands.
+    vehicle.send_raw(sent + bytes(LONGEST_FRAME))
+    vehicle.wait(0.3)
+    _require_answer(vehicle)
+    return f"{len(sent)} bytes"
 
 
 _GARBAGE: tuple[tuple[str, str, Build], ...] = (
@@ -84,7 +79,7 @@ _GARBAGE: tuple[tuple[str, str, Build], ...] = (
 )  # fmt: skip
 for _name, _description, _build in _GARBAGE:
     check(f"robustness.{_name}", statement=f"The vehicle still answers after {_description}.")(
-        _survives(_build)
+        partial(_survives, build=_build)
     )
 
 
@@ -112,9 +107,6 @@ def twenty_kilobytes(vehicle: VehicleUnderTest) -> str:
     return "20 kB"
 
 
-# -- frames: the command inside is acknowledged, or not --------------------------------------------------
-
-
 def _mavlink1(vehicle: VehicleUnderTest) -> bytes:
     codec = vehicle.sender.codec()
     data = bytes(vehicle.version_request().pack(codec, force_mavlink1=True))
@@ -122,18 +114,15 @@ def _mavlink1(vehicle: VehicleUnderTest) -> bytes:
     return data
 
 
-def _frame_check(build: Build, *, answered: bool) -> CheckFunction:
-    def run(vehicle: VehicleUnderTest) -> str:
-        mark = vehicle.send_raw(build(vehicle))
-        if answered:
-            vehicle.expect("COMMAND_ACK", mark=mark)
-            vehicle.wait(0.5)
-        else:
-            vehicle.expect_none("COMMAND_ACK", during_s=1.5, mark=mark)
-        _require_answer(vehicle)
-        return "answered" if answered else "dropped"
-
-    return run
+def _frame_is(vehicle: VehicleUnderTest, build: Build, *, answered: bool) -> str:
+    mark = vehicle.send_raw(build(vehicle))
+    if answered:
+        vehicle.expect("COMMAND_ACK", mark=mark)
+        vehicle.wait(0.5)
+    else:
+        vehicle.expect_none("COMMAND_ACK", during_s=1.5, mark=mark)
+    _require_answer(vehicle)
+    return "answered" if answered else "dropped"
 
 
 _FRAMES: tuple[tuple[str, str, bool, Build], ...] = (
@@ -153,7 +142,7 @@ _FRAMES: tuple[tuple[str, str, bool, Build], ...] = (
      lambda v: _repacked(v, compatible=0x40)),
 )  # fmt: skip
 for _name, _description, _answered, _build in _FRAMES:
-    check(f"robustness.{_name}", statement=_description)(_frame_check(_build, answered=_answered))
+    check(f"robustness.{_name}", statement=_description)(partial(_frame_is, build=_build, answered=_answered))
 
 
 @check("robustness.frame.two_at_once")
@@ -185,29 +174,24 @@ def sequence_gap(vehicle: VehicleUnderTest) -> str:
     return "answered"
 
 
-# -- floods ----------------------------------------------------------------------------------------------
-
-
-def _flood_check(build: Callable[[VehicleUnderTest], Iterable[tuple[Any, Source]]]) -> CheckFunction:
-    """Return a check: after many messages at once the vehicle answers soon, and its heartbeats went on."""
-
-    def run(vehicle: VehicleUnderTest) -> str:
-        messages, first_mark = list(build(vehicle)), vehicle.mark()
-        for message, source in messages:
-            vehicle.send(message, source)
-        began_s = vehicle.now
-        while vehicle.now - began_s < ANSWER_S:
-            mark = vehicle.send(vehicle.version_request())
-            if vehicle.wait_for("AUTOPILOT_VERSION", within_s=2.0, mark=mark) is not None:
-                break
-        else:
-            raise CheckFailed(f"no answer within {ANSWER_S:g} s")
-        beats_s = [entry.at_s for entry in vehicle.received[first_mark:] if entry.kind == "HEARTBEAT"]
-        gap_s = max((b - a for a, b in pairwise(beats_s)), default=0.0)
-        holds(gap_s < 3.0, f"no heartbeat for {gap_s:.1f} s")
-        return f"answered after {vehicle.now - began_s:.2f} s"
-
-    return run
+def _survives_flood(
+    vehicle: VehicleUnderTest, build: Callable[[VehicleUnderTest], Iterable[tuple[Any, Source]]]
+) -> str:
+    """After many messages at once the vehicle answers soon, and its heartbeats went on."""
+    messages, first_mark = list(build(vehicle)), vehicle.mark()
+    for message, source in messages:
+        vehicle.send(message, source)
+    began_s = vehicle.now
+    while vehicle.now - began_s < ANSWER_S:
+        mark = vehicle.send(vehicle.version_request())
+        if vehicle.wait_for("AUTOPILOT_VERSION", within_s=2.0, mark=mark) is not None:
+            break
+    else:
+        raise CheckFailed(f"no answer within {ANSWER_S:g} s")
+    beats_s = [entry.at_s for entry in vehicle.received[first_mark:] if entry.kind == "HEARTBEAT"]
+    gap_s = max((b - a for a, b in pairwise(beats_s)), default=0.0)
+    holds(gap_s < 3.0, f"no heartbeat for {gap_s:.1f} s")
+    return f"answered after {vehicle.now - began_s:.2f} s"
 
 
 def _reads(vehicle: VehicleUnderTest) -> list[tuple[Any, Source]]:
@@ -229,7 +213,7 @@ for _name, _description, _limit_s, _messages in _FLOODS:
         f"robustness.flood.{_name}",
         statement=f"The vehicle still answers after {_description}.",
         limit_s=_limit_s,
-    )(_flood_check(_messages))
+    )(partial(_survives_flood, build=_messages))
 
 
 @check("robustness.flood.mission_counts")
@@ -242,33 +226,27 @@ def flood_of_counts(vehicle: VehicleUnderTest) -> str:
     return ACCEPTED
 
 
-# -- messages of most kinds ------------------------------------------------------------------------------
-
 # Messages that could change the vehicle for later checks; messages with an `objection` are not sent either.
 _EXCLUDED = frozenset({"COMMAND_LONG", "COMMAND_INT", "SETUP_SIGNING", "PARAM_SET", "SET_MODE", "LOG_ERASE"})
 
 
-def _every_message_check(payload: Callable[[int], bytes]) -> CheckFunction:
-    """Return a check with messages of most kinds, with a payload of this length, addressed to the vehicle."""
-
-    def run(vehicle: VehicleUnderTest) -> str:
-        count = 0
-        for message_id, message in sorted(mavlink.mavlink_map.items()):
-            if message.msgname in _EXCLUDED or message_id < 0:
-                continue
-            data = _addressed(message, payload(message.unpacker.size), vehicle.target)
-            sent = frame(vehicle.sender, message_id, data, message.crc_extra)
-            if vehicle.objection(sent) is not None:
-                continue
-            vehicle.send_raw(sent)
-            count += 1
-            if count % 40 == 0:
-                vehicle.wait(0.2)
-        vehicle.wait(10.0)
-        _require_answer(vehicle)
-        return f"{count} messages"
-
-    return run
+def _survives_messages(vehicle: VehicleUnderTest, payload: Callable[[int], bytes]) -> str:
+    """The vehicle answers after messages of most kinds; `payload` returns a payload of a length."""
+    count = 0
+    for message_id, message in sorted(mavlink.mavlink_map.items()):
+        if message.msgname in _EXCLUDED or message_id < 0:
+            continue
+        data = _addressed(message, payload(message.unpacker.size), vehicle.target)
+        sent = frame(vehicle.sender, message_id, data, message.crc_extra)
+        if vehicle.objection(sent) is not None:
+            continue
+        vehicle.send_raw(sent)
+        count += 1
+        if count % 40 == 0:
+            vehicle.wait(0.2)
+    vehicle.wait(10.0)
+    _require_answer(vehicle)
+    return f"{count} messages"
 
 
 def _addressed(message: Any, payload: bytes, target: tuple[int, int]) -> bytes:
@@ -293,10 +271,7 @@ for _name, _description, _payload in (
         statement=f"The vehicle still answers after messages of most kinds with {_description}.",
         needs=[SIMULATOR],
         limit_s=120,
-    )(_every_message_check(_payload))
-
-
-# -- the end of the run -----------------------------------------------------------------------------------
+    )(partial(_survives_messages, payload=_payload))
 
 
 def _texts(vehicle: VehicleUnderTest) -> list[tuple[float, int, str]]:

@@ -55,9 +55,6 @@ def _roll_us(vehicle: VehicleUnderTest) -> int:
     return int(vehicle.request("RC_CHANNELS").chan1_raw)
 
 
-# -- ArduPilot's overrides -------------------------------------------------------------------------------
-
-
 def _check_override(name: str, source: str) -> Callable[[Any], Any]:
     return check(f"arming.{name}", needs=[ARM], dialects=("ardupilot",), source=source)
 
@@ -110,9 +107,6 @@ def joystick_sets_channels(vehicle: VehicleUnderTest) -> str:
     return "1750, then released"
 
 
-# -- arming ----------------------------------------------------------------------------------------------
-
-
 @check(
     "arming.throttle_is_up",
     needs=[ARM],
@@ -134,9 +128,6 @@ def throttle_is_up(vehicle: VehicleUnderTest) -> str:
     vehicle.wait(1.0)
     flying.set_ready_mode(vehicle)
     return equal(seen, expected, "arming with the throttle at 90 %")
-
-
-# -- flight ----------------------------------------------------------------------------------------------
 
 
 @contextmanager

@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, plans
 from sim_vehicle.conformance.assertions import CheckFailed, Skip, equal, holds, near, within
-from sim_vehicle.conformance.registry import CheckFunction, check
+from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 STILL_M_S = 1.0  # a vehicle at rest is slower
@@ -19,9 +20,6 @@ GYRO = mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO
 
 def _degrees_apart(a: float, b: float) -> float:
     return abs((a - b + 180) % 360 - 180)
-
-
-# -- one message on request ------------------------------------------------------------------------------
 
 
 def _position_in_range(m: Any) -> str:
@@ -87,15 +85,12 @@ _FIELDS: tuple[tuple[str, str, str, Callable[[Any], str], str], ...] = (
 )  # fmt: skip
 
 
-def _field_check(kind: str, test: Callable[[Any], str]) -> CheckFunction:
-    return lambda vehicle: test(vehicle.request(kind))
+def _field(vehicle: VehicleUnderTest, kind: str, test: Callable[[Any], str]) -> str:
+    return test(vehicle.request(kind))
 
 
 for _name, _statement, _kind, _test, _source in _FIELDS:
-    check(f"telemetry.{_name}", statement=_statement, source=_source)(_field_check(_kind, _test))
-
-
-# -- the latest of several streams -----------------------------------------------------------------------
+    check(f"telemetry.{_name}", statement=_statement, source=_source)(partial(_field, kind=_kind, test=_test))
 
 
 def _speed_is_zero(position: Any, hud: Any) -> str:
@@ -173,12 +168,12 @@ def _latest(vehicle: VehicleUnderTest, *kinds: str) -> list[Any]:
     return [found[kind][-1] for kind in kinds]
 
 
-def _stream_check(kinds: tuple[str, ...], test: Callable[..., str]) -> CheckFunction:
-    return lambda vehicle: test(*_latest(vehicle, *kinds))
+def _agrees(vehicle: VehicleUnderTest, kinds: tuple[str, ...], test: Callable[..., str]) -> str:
+    return test(*_latest(vehicle, *kinds))
 
 
 for _name, _statement, _kinds, _agree in _STREAMS:
-    check(f"telemetry.{_name}", statement=_statement)(_stream_check(_kinds, _agree))
+    check(f"telemetry.{_name}", statement=_statement)(partial(_agrees, kinds=_kinds, test=_agree))
 
 
 @check("telemetry.position.agrees_with_gps", limit_s=200)
@@ -189,9 +184,6 @@ def agrees_with_gps(vehicle: VehicleUnderTest) -> str:
     away_m = plans.distance_m((position.lat, position.lon), (gps.lat, gps.lon))
     holds(away_m < AGREE_M, f"expected less than {AGREE_M:g} m apart, saw {away_m:.1f} m")
     return f"{away_m:.2f} m apart"
-
-
-# -- all messages of some seconds ------------------------------------------------------------------------
 
 
 @check("telemetry.time.goes_forward")
@@ -251,9 +243,6 @@ def imu(vehicle: VehicleUnderTest) -> str:
         holds(acceleration[2] < 0, f"{kind}.zacc: expected a negative value, saw {acceleration[2]:.2f} m/s2")
         return f"{kind} {acceleration[2]:.2f} m/s2"
     raise Skip("the vehicle sends no acceleration")
-
-
-# -- several requests ------------------------------------------------------------------------------------
 
 
 @check("telemetry.altitude.relative_is_from_home")
