@@ -65,6 +65,10 @@ class VehicleResults:
     simulator: bool
     results: dict[str, Result] = field(default_factory=dict)  # check -> result
 
+    @property
+    def title(self) -> str:
+        return f"{self.name} {self.version}{' (simulator)' if self.simulator else ''}"
+
 
 def _name(autopilot: int, vehicle_type: int) -> str:
     kind = "Plane" if vehicle_type in PLANE_TYPES else "Copter"
@@ -90,17 +94,12 @@ def read(paths: Iterable[Path]) -> list[VehicleResults]:
 def _vehicles(content: Any) -> Iterator[VehicleResults]:
     if COMPACT in content:
         for place, (name, version, simulator) in enumerate(content[COMPACT]):
-            title = _title(name, version, simulator=simulator)
-            yield VehicleResults(
-                name,
-                version,
-                bool(simulator),
-                {
-                    check: (OUTCOMES[letters[place]], content["seen"].get(check, {}).get(title, ""))
-                    for check, letters in content["checks"].items()
-                    if letters[place] != NO_RESULT
-                },
-            )
+            vehicle = VehicleResults(name, version, bool(simulator))
+            for check, letters in content["checks"].items():
+                if letters[place] != NO_RESULT:
+                    observation = content["seen"].get(check, {}).get(vehicle.title, "")
+                    vehicle.results[check] = OUTCOMES[letters[place]], observation
+            yield vehicle
         return
     identity = content["vehicle"]
     yield VehicleResults(
@@ -109,10 +108,6 @@ def _vehicles(content: Any) -> Iterator[VehicleResults]:
         bool(identity["simulator"]),
         {c["name"]: (c["result"], c["seen"]) for c in content["checks"] if _is_result(c)},
     )
-
-
-def _title(name: str, version: str, *, simulator: bool) -> str:
-    return f"{name} {version}{' (simulator)' if simulator else ''}"
 
 
 def _is_result(entry: Mapping[str, Any]) -> bool:
@@ -131,10 +126,9 @@ def compact(vehicles: Sequence[VehicleResults]) -> str:
     }
     seen: dict[str, dict[str, str]] = {}
     for vehicle in vehicles:
-        title = _title(vehicle.name, vehicle.version, simulator=vehicle.simulator)
         for check, (outcome, observation) in sorted(vehicle.results.items()):
             if outcome != "passed" and not observation.startswith("only for"):
-                seen.setdefault(check, {})[title] = observation
+                seen.setdefault(check, {})[vehicle.title] = observation
     content = {
         COMPACT: [[vehicle.name, vehicle.version, vehicle.simulator] for vehicle in vehicles],
         "checks": letters,
@@ -149,10 +143,6 @@ class _Pair:
 
     firmware: VehicleResults
     simulator: VehicleResults
-
-    @property
-    def title(self) -> str:
-        return f"{self.firmware.name} {self.firmware.version}"
 
     def asked(self) -> list[str]:
         """Return the checks with a result of both."""
@@ -184,7 +174,7 @@ def pairs(vehicles: Sequence[VehicleResults]) -> list[_Pair]:
 
 def page(found: Sequence[_Pair]) -> str:
     """Return the page: a summary by category, then the rows that differ or failed, with reasons."""
-    names = [pair.title for pair in found]
+    names = [pair.firmware.title for pair in found]
     lines = [
         "# Firmware",
         "",
@@ -251,14 +241,16 @@ def _differences(found: Sequence[_Pair]) -> Iterator[str]:
         for (outcome, simulated, why), checks in groups.items():
             texts = {_shown(pair.firmware.results[check][1]) for check in checks}
             seen = f": {texts.pop()}" if len(texts) == 1 and texts != {""} else ""
-            rows.append(f"| {_listed(checks)} | {pair.title} | {outcome}{seen} | {simulated} | {why} |")
+            rows.append(
+                f"| {_listed(checks)} | {pair.firmware.title} | {outcome}{seen} | {simulated} | {why} |"
+            )
     head = ("| check | firmware | result | simulator | reason |", "|---|---|---|---|---|")
     yield from (*head, *rows) if rows else ("None.",)
 
 
 def _common_failures(found: Sequence[_Pair]) -> Iterator[str]:
     rows = [
-        f"| `{check}` | {pair.title} | {_shown(pair.firmware.results[check][1])} |"
+        f"| `{check}` | {pair.firmware.title} | {_shown(pair.firmware.results[check][1])} |"
         for pair in found
         for check in pair.asked()
         if not pair.differs(check) and pair.firmware.results[check][0] == "failed"

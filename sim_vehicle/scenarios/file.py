@@ -311,21 +311,12 @@ def default_scenario(
     home: latitude [deg], longitude [deg], altitude [m above mean sea level].
     personality: a name in PERSONALITIES, or "mixed" for all personalities in alternation.
     """
-    lat_deg, lon_deg, alt_amsl_m = home
-    frame = LocalFrame(lat_deg, lon_deg)
     names = tuple(PERSONALITIES) if personality == "mixed" else (personality,)
-    vehicles = []
-    for i in range(count):
-        lat, lon = frame.point_to_geodetic(i * SPACING_M, 0.0)
-        vehicles.append(
-            {
-                "sysid": 1 + i % VEHICLES_PER_LINK,
-                "lat_deg": lat,
-                "lon_deg": lon,
-                "alt_amsl_m": alt_amsl_m,
-                "personality": names[i % len(names)],
-                "kind": kind,
-                "link": i // VEHICLES_PER_LINK,
-            }
-        )
-    return parse_data({"seed": seed, "vehicles": vehicles})
+    entries = [
+        {"personality": names[i % len(names)], "kind": kind, "east_m": i * SPACING_M} for i in range(count)
+    ]
+    place = dict(zip(POSITION_KEYS, home, strict=True))
+    findings, data, _ = _expanded({"seed": seed, "home": place, "vehicles": entries})
+    if findings:
+        raise ScenarioError("\n".join(f"{'.'.join(map(str, path))}: {text}" for path, text in findings))
+    return parse_data(data)

@@ -5,7 +5,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim_vehicle.personalities import Personality, personality_of
 from sim_vehicle.scenarios.model import VehicleSpec
 from sim_vehicle.scenarios.plan import PlanWriter, mavlink_number
-from sim_vehicle.scenarios.steps import ScriptStep
+from sim_vehicle.scenarios.steps import GoTo, ScriptStep
 from sim_vehicle.station.exchanges import (
     ChangeMode,
     Command,
@@ -56,45 +56,40 @@ class StepExchanges:
         if step.takeoff is not None:
             return self._takeoff(step.takeoff, step.timeout_s)
         if step.mode is not None:
-            return [self._mode(self.mode_number(step.mode))]
+            return [ChangeMode(self._send, self._target, self.mode_number(step.mode))]
         if step.goto is not None:
-            place = self._writer.place(step.goto.east_m, step.goto.north_m)
-            if self._altitudes_amsl:
-                amsl_m = self._spec.alt_amsl_m + step.goto.height_m
-                return [self._reposition(mavlink.MAV_FRAME_GLOBAL, place, amsl_m)]
-            return [self._reposition(mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT, place, step.goto.height_m)]
+            return [self._reposition(step.goto)]
         if step.param is not None:
             return [self._parameter(name, value) for name, value in step.param.items()]
         if step.arm is not None and step.expect == "accepted":
             return self._wait_and_arm(step.timeout_s)
-        return [self._single_command(step)]
+        if step.command is not None:
+            number = mavlink_number("MAV_CMD_", step.command.command)
+            return [self._long_command(number, *step.command.params)]
+        command, *params = COMMANDS[chosen]
+        return [self._long_command(int(command), *params)]
 
     def mode_number(self, name: str) -> int:
         """Return the number of a mode; of alternatives, such as `RTL|Return`, the first that exists."""
         numbers = {mode.name.casefold(): mode.number for mode in self._personality.modes.by_number.values()}
         return next(numbers[wanted] for wanted in name.casefold().split("|") if wanted in numbers)
 
-    def _single_command(self, step: ScriptStep) -> Exchange:
-        if step.command is not None:
-            return self._long_command(mavlink_number("MAV_CMD_", step.command.command), *step.command.params)
-        command, *params = COMMANDS[step.chosen]
-        return self._long_command(int(command), *params)
-
     def _long_command(self, command: int, *params: float) -> Exchange:
         return Command(self._send, command_long(self._target, command, *params))
 
-    def _reposition(self, frame: int, place: tuple[int, int], z: float) -> Exchange:
+    def _reposition(self, goal: GoTo) -> Exchange:
+        frame, z = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT, goal.height_m
+        if self._altitudes_amsl:
+            frame, z = mavlink.MAV_FRAME_GLOBAL, goal.height_m + self._spec.alt_amsl_m
         params = (-1.0, float(mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE), 0.0, NAN)
-        x, y = place
+        x, y = self._writer.place(goal.east_m, goal.north_m)
         command = mavlink.MAV_CMD_DO_REPOSITION
         return Command(self._send, command_int(self._target, command, *params, frame=frame, x=x, y=y, z=z))
 
-    def _mode(self, custom_mode: int) -> Exchange:
-        return ChangeMode(self._send, self._target, custom_mode)
-
     def _mode_for(self, behaviour: Behaviour) -> Exchange:
         modes = self._personality.modes.by_number.values()
-        return self._mode(next(mode.number for mode in modes if mode.behaviour is behaviour))
+        number = next(mode.number for mode in modes if mode.behaviour is behaviour)
+        return ChangeMode(self._send, self._target, number)
 
     def _mission(self) -> Exchange:
         items = self._writer.mission(self._spec.mission, home_first=self._personality.mission.home_item)
