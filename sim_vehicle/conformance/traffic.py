@@ -58,29 +58,22 @@ class Traffic:
     """The messages between the suite's ground stations and one vehicle.
 
     During each wait the station receives frames and sends one heartbeat per second.
-
-    permissions: the allowed actions on the vehicle (`guard.PERMISSIONS`).
-    received: frames of the vehicle since the check began.
-    last: latest frame of each kind.
-    texts: time [s], severity and text of each STATUSTEXT of the run.
-    noise: bytes outside of valid frames since the check began.
-    sender: the encoders of the stations.
-    seen_sysids: system ids of all senders so far, including other vehicles.
-    saved_plans: MAV_MISSION_TYPE of each saved plan; the suite overwrites only saved plans.
     """
 
     def __init__(self, wire: Wire) -> None:
         self._wire = wire
-        self.permissions: frozenset[str] = frozenset()
+        self.permissions: frozenset[str] = frozenset()  # allowed actions on the vehicle (`guard.PERMISSIONS`)
         self.identity = VehicleIdentity(0, 1, mavlink.MAV_AUTOPILOT_INVALID, 0)
-        self.received: list[ReceivedFrame] = []
-        self.last: dict[str, ReceivedFrame] = {}
-        self.texts: list[tuple[float, int, str]] = []
-        self.noise = bytearray()
+        self.received: list[ReceivedFrame] = []  # from the vehicle since the check began
+        self.last: dict[str, ReceivedFrame] = {}  # the latest frame of each kind
+        self.texts: list[
+            tuple[float, int, str]
+        ] = []  # time [s], severity, text of each STATUSTEXT of the run
+        self.noise = bytearray()  # outside of valid frames since the check began
         self.heartbeats_off = False
         self.deadline_s = math.inf
-        self.seen_sysids: set[int] = set()
-        self.saved_plans: set[int] = set()
+        self.seen_sysids: set[int] = set()  # of all senders so far, including other vehicles
+        self.saved_plans: set[int] = set()  # MAV_MISSION_TYPE of each plan that the suite may overwrite
         self.sender, self._receiver = Sender(), Receiver()
         self._next_heartbeat_s = 0.0
         self._sent_tail = b""  # the last bytes sent, because a frame may be sent in pieces

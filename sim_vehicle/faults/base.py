@@ -18,28 +18,20 @@ DIRECTION: Any = Field(default="both", description="affected direction")
 
 @dataclass(frozen=True, slots=True)
 class VehicleAccess:
-    """The parts of one vehicle that faults change.
+    """The parts of one vehicle that faults change."""
 
-    channel: returns the impaired link, created on the first call.
-    injected_faults: effects on the vehicle.
-    reboot: restarts the autopilot at a time [s] with a silence [s].
-    """
-
-    channel: Callable[[], Channel]
+    channel: Callable[[], Channel]  # returns the impaired link, created on the first call
     injected_faults: InjectedFaults
-    reboot: Callable[[float, float], None]
+    reboot: Callable[[float, float], None]  # restarts the autopilot at a time [s] with a silence [s]
 
 
 @dataclass(frozen=True, slots=True)
 class FaultTarget:
-    """One vehicle, and what the schedule offers to its fault.
-
-    generator: returns a new random generator at each call.
-    every_tick: registers a callback for each tick (time [s]); returns a function that removes the callback.
-    """
+    """One vehicle, and what the schedule offers to its fault."""
 
     vehicle: VehicleAccess
-    generator: Callable[[], np.random.Generator]
+    generator: Callable[[], np.random.Generator]  # returns a new random generator at each call
+    # registers a callback for each tick (time [s]); returns a function that removes the callback
     every_tick: Callable[[Callable[[float], None]], Callable[[], None]]
 
 

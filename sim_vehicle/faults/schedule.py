@@ -41,8 +41,6 @@ class _PlannedFault:
 class Schedule:
     """The faults of a fleet; raise FaultError if a fault names an unknown vehicle.
 
-    Parameters
-    ----------
     specs: faults of the scenario.
     sysids: system ids by vehicle index; a system id can occur on several links.
     access: returns the access to a vehicle by its index.

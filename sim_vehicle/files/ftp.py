@@ -65,8 +65,6 @@ class _Burst:
 class FtpServer:
     """The FTP server of one vehicle.
 
-    Parameters
-    ----------
     files: the served files.
     rules: the behaviour of the autopilot.
     send: called with each outgoing message.

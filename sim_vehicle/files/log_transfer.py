@@ -48,8 +48,6 @@ class _Transfer:
 class LogTransfer:
     """The log server of one vehicle.
 
-    Parameters
-    ----------
     logs: returns the logs, oldest first.
     erase: erases the logs.
     rules: the behaviour of the autopilot.

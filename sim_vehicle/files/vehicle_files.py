@@ -39,8 +39,6 @@ def ardupilot_files(
 ) -> FileSystem:
     """Return ArduPilot's tree: `@PARAM`, `@MISSION`, `@SYS` and the logs; `/APM` is writable.
 
-    Parameters
-    ----------
     parameters: returns the parameters, in the order of their index.
     set_parameter: called for each parameter of an upload.
     banner: sends the texts that announce a parameter download.

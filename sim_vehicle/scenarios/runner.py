@@ -74,8 +74,6 @@ class Verdict:
 class Run:
     """A run of a scenario.
 
-    Parameters
-    ----------
     on_frame: called with vehicle index, frame and time for every message, in both directions.
     on_failure: called with a line of text about each failure, except of steps that are unfinished at the end.
     """

@@ -90,8 +90,6 @@ class Contact:
 class ScriptStation:
     """A ground station that runs the steps of a script, in parallel for all vehicles.
 
-    Parameters
-    ----------
     scenario: scenario with the vehicles and the script.
     on_frame: receiver of every whole message, in both directions.
     """
