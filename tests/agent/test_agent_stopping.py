@@ -9,12 +9,12 @@ from typing import Any
 
 import pytest
 from agent_stories import GRID, Story, publications
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from swarmctl.agent.arrival.common_time import ArrivalGroup
 from swarmctl.agent.commands import RETRY_AFTER_S
-from swarmctl.agent.replan.copter_trajectory import FlightPart, fly_along, fly_through_change
+from swarmctl.agent.replan.copter_trajectory import FlightPart, fly_along, fly_through_change, land_from
 from swarmctl.agent.replan.length_bounds import CLIMB_M_S
 from swarmctl.agent.replan.stopping import MissionChange
 from swarmctl.agent.replan.travel_time import timed_track
@@ -244,6 +244,13 @@ def test_a_vehicle_at_a_waypoint_climbs_there_to_the_height_of_its_new_plan() ->
     climbed_s = next(t for t, point in zip(flight.times_s, flight.points, strict=True) if point[2] == 45.0)
     assert flight.at(climbed_s) == pytest.approx((41.0, 0.0, 45.0))
     assert climbed_s > 15.0 / CLIMB_M_S
+
+
+@given(up_m=st.floats(0.0, 200.0), boot_s=st.floats(0.0, 1e6))
+@example(up_m=math.nextafter(10.0, 11.0), boot_s=214.2)
+def test_the_times_of_a_landing_increase_on_every_clock(up_m: float, boot_s: float) -> None:
+    landing = land_from([(0.0, 0.0, up_m)], [0.0]).later(boot_s)
+    assert all(later > earlier for earlier, later in pairwise(landing.times_s))
 
 
 @pytest.mark.parametrize(("rise_m", "climbs_s"), [(4.0, 4.0), (25.0, 12.5), (-1.0, 2.0), (-15.0, 11.5)])

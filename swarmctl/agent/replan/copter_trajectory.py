@@ -202,9 +202,10 @@ def land_from(points: Sequence[LocalPoint], times_s: Sequence[float]) -> Traject
     """Return the trajectory through these points, with a vertical landing from the last point."""
     points, times_s = [*points], [*times_s]
     east_m, north_m, up_m = points[-1]
-    if up_m > LOW_M:
+    descends_s = (up_m - LOW_M) / DESCENT_M_S
+    if descends_s > SAME_TIME_S:
         points.append((east_m, north_m, LOW_M))
-        times_s.append(times_s[-1] + (up_m - LOW_M) / DESCENT_M_S)
+        times_s.append(times_s[-1] + descends_s)
     # A vehicle on the ground keeps its place for a moment, so that the trajectory has a duration.
     points.append((east_m, north_m, min(up_m, 0.0)))
     times_s.append(times_s[-1] + max(min(up_m, LOW_M), LOW_M / 100.0) / LAND_M_S)
