@@ -31,7 +31,8 @@ TELEMETRY_EVERY = 2
 NEIGHBOURS_EVERY_S = 0.5
 LOST_AFTER_S = 3.0
 """silence after which the link counts as lost [s]"""
-ORDER_FAILS_AFTER_S = 4.0
+CONFIRMS_AFTER_S, ORDER_FAILS_AFTER_S = 0.6, 4.0
+"""time after which telemetry confirms an order, at the earliest and at the latest [s]"""
 STOPS_WITHIN_S = 6.0
 """time in which a vehicle with a new link is stopped, or leaves the place [s]"""
 
@@ -196,14 +197,27 @@ class LightAgent:
                 act()
 
         self._later(job, delay_s, act_if_flying)
-        self._later(job, delay_s + 0.6, lambda: self(ev.OrderDone(order)))
+        self._confirm(job, order, self.swarm.now + delay_s)
 
     def _follow_setpoints(self, job: int) -> None:
         order = ev.FlightOrder.FORMATION
         if not self.vehicle.follow_setpoints():
             self(ev.OrderFailed(order, "the mode is refused"))
             return
-        self._later(job, 0.6, lambda: self(ev.OrderDone(order)))
+        self._confirm(job, order, self.swarm.now)
+
+    def _confirm(self, job: int, order: ev.FlightOrder, followed_s: float) -> None:
+        """Report an order as done once telemetry shows it, or as failed."""
+
+        def look() -> None:
+            if self._contact_s > followed_s:
+                self(ev.OrderDone(order))
+            elif self.swarm.now - followed_s < ORDER_FAILS_AFTER_S:
+                self._later(job, CONFIRMS_AFTER_S, look)
+            else:
+                self(ev.OrderFailed(order, "no answer"))
+
+        self._later(job, followed_s - self.swarm.now + CONFIRMS_AFTER_S, look)
 
     def _arm(self, job: int) -> None:
         if self._conflict:

@@ -249,7 +249,8 @@ class LightVehicle:
         if away_m < 0.5:
             return self._hover(target[:2], self._climb_to(target[2]))
         turn = self._turn_speed(target, after[0]) if after else 0.0
-        speed = min(self._cruise_m_s, math.sqrt(turn * turn + 2.0 * 0.7 * BRAKES_M_S2 * away_m))
+        to_turn_m = max(away_m - REACHED_M, 0.0) if after else away_m
+        speed = min(self._cruise_m_s, math.sqrt(turn * turn + 2.0 * 0.7 * BRAKES_M_S2 * to_turn_m))
         if du:
             rate = CLIMB_M_S if du > 0.0 else DESCENT_M_S
             speed = min(speed, rate * away_m / abs(du))
