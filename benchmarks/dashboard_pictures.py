@@ -124,7 +124,7 @@ def main() -> None:
         for name, (words, seconds) in {
             "dashboard": (["together"], 64),
             "dashboard-two": (["together", "silent"], 130),
-            "dashboard-formation": (["formation"], 180),
+            "dashboard-formation": (["formation"], 120),
         }.items():
             with page_of(browser, folder, "dashboard", *words) as page:
                 scrub(page, seconds)

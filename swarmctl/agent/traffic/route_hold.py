@@ -184,9 +184,7 @@ def resume_if_clear(state: AgentState) -> StepResult:
         case Verdict.CLEAR if (stored := _stored(state, wait)) is not None:
             return _fly_stored(state, stored)
         case Verdict.CLEAR:
-            text = (
-                "the interrupted route is clear of other vehicles; the vehicle holds until it has a new plan"
-            )
+            text = "the interrupted route is clear of other vehicles; the vehicle goes on with a new plan"
             return _resume(state, f"{text} [resumes]")
     is_report_due = wait.is_report_due(now_s)
     if ends is Verdict.WAIT or not (is_report_due or would_block(state)):
