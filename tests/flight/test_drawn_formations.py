@@ -38,7 +38,6 @@ FOUND = {
     755: "a member descended to the height of one that had stopped ahead of it",
     827: "members left their column because its leader was silent, and stopped too near to each other",
     265: "a vehicle climbed at a waypoint, and was expected to climb on its way",
-    274: "a member descended to the height of its group through that of another vehicle",
     514: "a member turned late, because the message with the new route was lost",
     967: "a leader turned off a second after its new plan, and its followers could not",
     27: "a vehicle that was refused the mode of set-points met a single vehicle",

@@ -33,8 +33,8 @@ LOST_AFTER_S = 3.0
 """silence after which the link counts as lost [s]"""
 CONFIRMS_AFTER_S, ORDER_FAILS_AFTER_S = 0.6, 4.0
 """time after which telemetry confirms an order, at the earliest and at the latest [s]"""
-STOPS_WITHIN_S = 6.0
-"""time in which a vehicle with a new link is stopped, or leaves the place [s]"""
+STOPS_WITHIN_S = 7.0
+"""time in which a vehicle with a new link is stopped, or has climbed away from the place [s]"""
 
 
 @dataclass

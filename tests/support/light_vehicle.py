@@ -22,7 +22,8 @@ Vector = tuple[float, float, float]
 
 ACCELERATION_M_S2, BRAKES_M_S2 = 2.5, 2.5
 CLIMB_M_S, DESCENT_M_S, LAND_M_S, LOW_M = 2.5, 1.5, 0.5, 10.0
-VERTICAL_M_S2 = 1.0
+VERTICAL_M_S2 = {True: 1.0, False: 3.0}
+"""acceleration of climbs, by `stops_for_missions` [m/s²]: WPNAV_ACCEL_Z, and the lesser of PX4's limits"""
 VERTICAL_LEAD_S = 0.2
 """time by which the climb leads the speed over ground on a leg [s]"""
 REACHED_M = 1.5
@@ -184,7 +185,7 @@ class LightVehicle:
         share = min(most / max(math.hypot(de, dn), 1e-9), 1.0)
         self.velocity[0] += share * de
         self.velocity[1] += share * dn
-        most = VERTICAL_M_S2 * dt_s
+        most = VERTICAL_M_S2[self.stops_for_missions] * dt_s
         self.velocity[2] += max(-most, min(most, up - self.velocity[2]))
 
     def _wanted_velocity(self) -> Vector:
@@ -257,9 +258,12 @@ class LightVehicle:
         # The vehicle stays on the straight leg, also while it speeds up, and levels off in time.
         ahead = (de * self.velocity[0] + dn * self.velocity[1]) / away_m + ACCELERATION_M_S2 * VERTICAL_LEAD_S
         up = du * max(min(speed, ahead), 0.0) / away_m
-        brakes_m_s = math.sqrt(1.4 * VERTICAL_M_S2 * abs(du))
-        up = max(-brakes_m_s, min(brakes_m_s, up))
-        return de / away_m * speed, dn / away_m * speed, up
+        most_m_s = self._levelling_m_s(du)
+        return de / away_m * speed, dn / away_m * speed, max(-most_m_s, min(most_m_s, up))
+
+    def _levelling_m_s(self, away_m: float) -> float:
+        """Return the greatest climb rate at a distance from a height, at which the vehicle levels off."""
+        return math.sqrt(1.4 * VERTICAL_M_S2[self.stops_for_missions] * abs(away_m))
 
     @property
     def _cruise_m_s(self) -> float:
@@ -277,7 +281,9 @@ class LightVehicle:
         return e, n, up_m_s
 
     def _climb_to(self, up_m: float) -> float:
-        return max(-DESCENT_M_S, min(CLIMB_M_S, up_m - self.at[2]))
+        away_m = up_m - self.at[2]
+        rate_m_s = min(abs(away_m), self._levelling_m_s(away_m))
+        return max(-DESCENT_M_S, min(CLIMB_M_S, math.copysign(rate_m_s, away_m)))
 
     def _descent(self) -> float:
         return -(DESCENT_M_S if self.at[2] > LOW_M else LAND_M_S)
