@@ -61,11 +61,11 @@ def share_state(state: AgentState) -> StepResult:
     if last.lat_deg is None or last.lon_deg is None or last.alt_rel_m is None:
         return state, []
     # The vehicle's clock restarts at 0 after a reboot.
-    elapsed_s = state.now_boot_s - state.last_shared_s
+    elapsed_s = vehicle.time_boot_s - state.last_shared_s
     if 0.0 <= elapsed_s < SHARE_STATE_EVERY_S:
         return state, []
     message = StateShared(
-        time_s=state.now_boot_s,
+        time_s=vehicle.time_boot_s,
         lat_deg=last.lat_deg,
         lon_deg=last.lon_deg,
         alt_rel_m=last.alt_rel_m,
@@ -83,7 +83,9 @@ def share_state(state: AgentState) -> StepResult:
         velocity_m_s=(last.east_m_s, last.north_m_s, last.climb_m_s),
         hears=received_neighbours(state),
         returns_to=return_target(state),
-        age_s=max(state.now_boot_s - last.time_boot_s, 0.0),
+        age_s=max(vehicle.time_boot_s - last.time_boot_s, 0.0)
+        + (vehicle.delay_s if state.telemetry_is_late else 0.0)
+        + state.silent_s,
         battery_percent=vehicle.battery_percent,
         strikes=vehicle.strikes,
         to_go_m=None if state.progress is None else state.progress.to_last_waypoint_m,
@@ -92,7 +94,7 @@ def share_state(state: AgentState) -> StepResult:
         weights=_changed_weights(state),
         hovers=state.task.wings is None,
     )
-    return replace(state, last_shared_s=state.now_boot_s), [ev.Publish(message)]
+    return replace(state, last_shared_s=vehicle.time_boot_s), [ev.Publish(message)]
 
 
 def _waits(state: AgentState) -> str:

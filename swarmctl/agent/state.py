@@ -141,8 +141,10 @@ class AgentState:
     """telemetry of the last message with a position"""
     cell: Cell | None = None
     """cell below the last position; None outside the area, or before the first position"""
+    lost: bool = False
+    """True while the link is lost"""
     silent_s: float = 0.0
-    """time without a link, noted once a second while the link is lost [s]; 0 while it is not"""
+    """time without telemetry, noted once a second while the link is lost [s]"""
     telemetry_is_late: bool = False
     """True while telemetry is too old to decide by it"""
     plans: Plans = field(default_factory=Plans)
@@ -211,11 +213,6 @@ class AgentState:
     def with_new_flight(self) -> AgentState:
         """Return the state of a vehicle that flies otherwise from now on: its intent is due at once."""
         return replace(self, intent_sent_boot_s=-math.inf, intent_new_boot_s=self.now_boot_s)
-
-    @property
-    def lost(self) -> bool:
-        """True while the link is lost."""
-        return self.silent_s > 0.0
 
     @property
     def now_boot_s(self) -> float:

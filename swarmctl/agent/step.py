@@ -113,7 +113,7 @@ def _order_done(state: AgentState, event: ev.OrderDone, _now: float) -> StepResu
     if event.order is not state.order.given:
         return state, []
     state = replace(state, order=state.order.followed())
-    if state.trouble.startswith(_failed(event.order)):
+    if state.trouble.startswith(_failure_text(event.order)):
         state = without_trouble(state)
     if state.phase is Phase.LAUNCHING:
         return note_takeoff(state), []
@@ -124,17 +124,18 @@ def _order_done(state: AgentState, event: ev.OrderDone, _now: float) -> StepResu
     return state, []
 
 
-def _failed(order: ev.FlightOrder) -> str:
+def _failure_text(order: ev.FlightOrder) -> str:
     return f"{order} failed"
 
 
 def _order_failed(state: AgentState, event: ev.OrderFailed, now: float) -> StepResult:
     if event.order is not state.order.given:
         return state, []
+    text = f"{_failure_text(event.order)}: {event.reason}"
     if state.ended:
         is_late_order = event.order in ROLE_OF_ORDER  # an operator gave the order after the release
-        return state, [ev.NotifyOperator(f"{_failed(event.order)}: {event.reason}")] if is_late_order else []
-    state = replace(state, trouble=f"{_failed(event.order)}: {event.reason}")
+        return state, [ev.NotifyOperator(text)] if is_late_order else []
+    state = replace(state, trouble=text)
     if event.order is ev.FlightOrder.FORMATION:
         return not_following(state, state.trouble)
     if state.phase is not Phase.LAUNCHING:
@@ -153,7 +154,7 @@ def _order_failed(state: AgentState, event: ev.OrderFailed, now: float) -> StepR
 
 def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> StepResult:
     """Act on new telemetry: note it, end the flight, follow the failsafe rules, steer, tell the others."""
-    state = _note_telemetry(state, event.state)
+    state = _note_telemetry(replace(state, silent_s=0.0) if state.silent_s else state, event.state)
     if has_touched_down(state):
         return end_at_touchdown(state), []
     effects: list[ev.Effect] = []
@@ -276,19 +277,17 @@ def _joined(state: AgentState, event: ev.Joined, _now: float) -> StepResult:
 
 def _link_lost(state: AgentState, event: ev.LinkLost, now: float) -> StepResult:
     """Act on a lost link, and tell the others again and again which flight they have to expect."""
-    is_new, state = not state.lost, replace(state, silent_s=event.age_s)
+    is_new, state = not state.lost, replace(state, lost=True, silent_s=event.age_s)
     if is_new:
         state = replace(state, last_shared_s=-math.inf).with_new_flight()
     state, effects = apply_failsafes(state, now)
-    if state.phase in IN_FLIGHT:
-        for part in (share_state, share_intent):
-            state, shared = part(state)
-            effects += shared
-    return state, effects
+    state, shared = share_state(state) if is_new and state.phase in IN_FLIGHT else (state, [])
+    state, announced = share_intent(state)
+    return state, [*effects, *shared, *announced]
 
 
 def _link_restored(state: AgentState, _event: ev.LinkRestored, now: float) -> StepResult:
-    state = replace(state, silent_s=0.0)
+    state = replace(state, lost=False, silent_s=0.0)
     if state.order.given in ROLE_OF_ORDER and not state.order.is_followed:
         # The next telemetry repeats the order, unless that telemetry shows another operator's mode.
         return replace(state, order=state.order.repeated(now)), []

@@ -158,7 +158,10 @@ class SpeedFailed(_Record, frozen=True):
 
 
 class LinkLost(_Record, frozen=True):
+    """The link is lost; the event comes again each second."""
+
     age_s: float
+    """time since the last heartbeat [s]"""
 
 
 class LinkRestored(_Record, frozen=True):

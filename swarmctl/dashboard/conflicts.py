@@ -40,6 +40,7 @@ class Conflicts:
             return None
         boot_s = Motion(*row).boot_s
         elapsed_s = 0.0 if boot_s is None or sent.boot_s is None else boot_s - sent.boot_s
+        elapsed_s += sent.intent.age_s
         points = sent.intent.points
         if len(points) < 2 or not 0.0 <= elapsed_s <= MAX_AGE_S:
             return None

@@ -59,7 +59,7 @@ class Poses:
         """Greatest number of rows or columns between the leader and a member."""
         return int(np.abs(self.cells).max())
 
-    def leaves_shape(self) -> NDArray[np.bool_]:
+    def enters_other_shape(self) -> NDArray[np.bool_]:
         """Return True for changes of pose to a new shape that is not the first one, (poses, poses)."""
         shape = np.arange(len(self.cells)) // 8
         return np.not_equal.outer(shape, shape) & (shape > 0)
@@ -148,7 +148,7 @@ def group_area(
         entry[pad:-pad, pad:-pad, k] = np.where(np.isnan(cost), math.inf, cost)
 
     distance = (1.0 - problem.w) * problem.psi_per_cell
-    turn = distance * poses.ways_cells + change_cost * poses.leaves_shape()
+    turn = distance * poses.ways_cells + change_cost * poses.enters_other_shape()
     turn[~poses.is_allowed] = math.inf
     cells_ahead = np.tile(STEP_CELLS, n_poses // 8)
     price = n_members * distance + np.where(np.arange(n_poses) < 8, 0.0, other_shape_cost)

@@ -26,8 +26,8 @@ AS_GIVEN = ("configuration", "resolved")
 """Sections of `summary.json` whose numbers are not rounded: they configure the flight."""
 DECIMALS = {"m": 2, "s": 3}
 """Decimals of metres, and of seconds and speeds, in `summary.json`."""
-SIGNIFICANT = 6
-"""Significant digits of its other numbers, such as probabilities."""
+SIGNIFICANT, LEAST_SIGNIFICANT = 6, 3
+"""Significant digits of its other numbers, such as probabilities, and the least of all numbers."""
 
 
 def write_run(folder: Path, scenario: Scenario, report: FlightReport) -> None:
@@ -151,7 +151,7 @@ def rounded(value: Any, digits: int | None = None) -> Any:
     """Return the content with rounded numbers.
 
     The unit at the end of a name gives the decimals of the number, or of all numbers in a section of that
-    name. A number without a unit keeps SIGNIFICANT digits.
+    name, but a small number keeps LEAST_SIGNIFICANT digits. A number without a unit keeps SIGNIFICANT digits.
     """
     if isinstance(value, dict):
         return {key: rounded(part, DECIMALS.get(_unit(key), digits)) for key, part in value.items()}
@@ -159,7 +159,10 @@ def rounded(value: Any, digits: int | None = None) -> Any:
         return [rounded(part, digits) for part in value]
     if not isinstance(value, float):
         return value
-    return float(f"{value:.{SIGNIFICANT}g}") if digits is None else round(value, digits)
+    if digits is None:
+        return float(f"{value:.{SIGNIFICANT}g}")
+    is_small = abs(value) < 10.0 ** (LEAST_SIGNIFICANT - 1 - digits)
+    return float(f"{value:.{LEAST_SIGNIFICANT}g}") if is_small else round(value, digits)
 
 
 def _unit(key: str) -> str:

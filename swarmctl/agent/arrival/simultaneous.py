@@ -50,7 +50,11 @@ def note_arrival_times(state: AgentState, states: Sequence[tuple[int, StateShare
     if state.task.arrival_group is None:
         return state
     now_s = state.vehicle.time_boot_s
-    new = {uav: now_s + other.earliest_in_s for uav, other in states if other.earliest_in_s is not None}
+    new = {
+        uav: now_s + other.earliest_in_s - other.age_s
+        for uav, other in states
+        if other.earliest_in_s is not None
+    }
     removed = {uav for uav, other in states if other.earliest_in_s is None}
     arrival = state.common_arrival
     kept = {uav: at_s for uav, at_s in arrival.others_earliest_s.items() if uav not in removed}

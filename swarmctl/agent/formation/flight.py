@@ -26,7 +26,7 @@ from swarmctl.agent.formation.shape import ShapePlace, least_spacing_m
 from swarmctl.agent.formation.split import followers_in_place
 from swarmctl.agent.formation.ways import MemberWay
 from swarmctl.agent.own_modes import own_mode_roles
-from swarmctl.agent.phases import EN_ROUTE, Phase
+from swarmctl.agent.phases import EN_ROUTE, ENDED, Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.prediction import home_amsl_m, position_of, reported_amsl_m
 from swarmctl.agent.traffic.route_hold import ceiling_m, hold, would_block
@@ -126,7 +126,8 @@ def not_following(state: AgentState, reason: str) -> StepResult:
     if state.vehicle.mode_role != "mission":
         return release_vehicle(state, f"{reason}, in mode {state.vehicle.mode}")
     order = state.order.noted(ev.FlightOrder.LAUNCH)
-    return state.enter(Phase.FLYING, order=order, plans=state.plans.due(), trouble=reason), []
+    state = state.enter(Phase.FLYING, order=order, plans=state.plans.due(), trouble=reason)
+    return state, [ev.NotifyOperator(f"{reason}; the vehicle flies its own mission [not-joined]")]
 
 
 def _alone(state: AgentState, formation: Formation) -> StepResult:
@@ -354,7 +355,7 @@ def _height_amsl_m(state: AgentState, formation: Formation, places: Mapping[int,
 
 
 def _is_other_between(state: AgentState, up_m: float) -> bool:
-    """Return whether a vehicle that is no present member is near, between the own height and another one."""
+    """Return whether a vehicle that is no present member is near, between the own height and `up_m`."""
     limits, here = state.task.separation.limits, position_of(state)
     assert here is not None
     low_m, high_m = sorted((here[2] + home_amsl_m(state), up_m))
@@ -362,6 +363,7 @@ def _is_other_between(state: AgentState, up_m: float) -> bool:
         low_m - limits.vertical_m < reported_amsl_m(state, report) < high_m + limits.vertical_m
         and math.dist(here[:2], (report.east_m, report.north_m)) < CLEAR_LIMITS * limits.horizontal_m
         for report in state.neighbours.values()
+        if report.state.phase not in ENDED
     )
 
 

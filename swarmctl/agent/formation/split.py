@@ -22,7 +22,7 @@ from swarmctl.planners import split_route
 from swarmctl.planners.base import Method
 
 IN_PLACE_M = 10.0
-"""Greatest distance from its place of a member that is at its place [m]."""
+"""Distance from its place within which a member has taken the place [m]."""
 COMPLETE_S = 20.0
 """Time for which a group waits for absent members before it is complete without them [s]."""
 BEHIND_M = 5.0

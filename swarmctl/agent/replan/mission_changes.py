@@ -5,7 +5,7 @@ from __future__ import annotations
 from swarmctl.agent.commands import RETRY_AFTER_S, StepResult, command, release_vehicle
 from swarmctl.agent.formation.group_plan import plan_in_formation, plan_of_leader
 from swarmctl.agent.own_modes import own_mode_roles
-from swarmctl.agent.phases import IN_FLIGHT, ON_GROUND, PLANNING, Phase
+from swarmctl.agent.phases import EN_ROUTE, IN_FLIGHT, ON_GROUND, PLANNING, Phase
 from swarmctl.agent.replan.decide import believed_exposure, decide
 from swarmctl.agent.replan.splice import is_wall_close, may_learn_of_walls
 from swarmctl.agent.replan.stopping import stop_end_s
@@ -74,7 +74,8 @@ def plan_if_due(state: AgentState, _event: ev.Tick, now: float) -> StepResult:
         state, effects = deconflict(state, decide(state), now)
     except Unreachable as error:
         return _handle_unreachable_goal(replace(state, plans=state.plans.unreachable(), trouble=str(error)))
-    keeps_plan = state.plans.route is not None and state.plans.pending is None and not state.plans.dirty
+    is_flown = state.phase in EN_ROUTE and state.plans.route is not None
+    keeps_plan = is_flown and state.plans.pending is None and not state.plans.dirty
     return (without_trouble(state) if keeps_plan else state), effects
 
 

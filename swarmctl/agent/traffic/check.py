@@ -40,7 +40,7 @@ WAIT_WITHIN_S = 15.0
 ENOUGH = 1.1
 """Share of the limits that two near vehicles keep if they can: they drift, and brake early or late."""
 CLOSER_BY = 0.1
-"""Share of the limits by which two close vehicles may come closer before they separate."""
+"""Share of their distance by which two close vehicles may come closer before they separate."""
 BETTER_BY = 0.3
 """Least improvement, as a share of the limits, of a plan that is still too close to another vehicle."""
 
@@ -146,7 +146,7 @@ def _separates(flight: Trajectory, present: Trajectory | None, other: Trajectory
         return True
     now = limits.share(math.dist(here[:2], there[:2]), abs(here[2] - there[2]))
     # A vehicle that brakes now may come as near as the limits.
-    if least >= min(now - CLOSER_BY, 1.0 if present is None else ENOUGH) - 1e-6:
+    if least >= min((1.0 - CLOSER_BY) * now, 1.0 if present is None else ENOUGH) - 1e-6:
         return True
     present_least = None if present is None else _least_share(present, other, limits)
     return present_least is not None and least >= present_least + BETTER_BY

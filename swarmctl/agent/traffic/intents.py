@@ -66,7 +66,7 @@ def publish_intent(state: AgentState, flight: Trajectory | None) -> StepResult:
         may_change=may_change(state),
         around_m=(0.0, 0.0) if flight is None else _uncertainty_m(state),
         on_ground=state.phase is Phase.LAUNCHING,
-        age_s=min(state.now_boot_s - state.vehicle.time_boot_s, MAX_AHEAD_S),
+        age_s=min(state.silent_s, MAX_AHEAD_S),
     )
     return replace(state, own_intent=flight, intent_sent_boot_s=state.now_boot_s), [ev.Publish(message)]
 

@@ -255,7 +255,7 @@ def _landing_conflicts(state: AgentState) -> bool:
 
 
 def _leaving_conflicts(state: AgentState, flights: Sequence[Trajectory]) -> bool:
-    """Return whether a return or landing by any of these flights would soon conflict with another vehicle's.
+    """Return whether a return or landing by any of these flights would soon conflict with another flight.
 
     Farther ahead, a vehicle that can change its plan gives way.
     """

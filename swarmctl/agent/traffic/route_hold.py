@@ -52,7 +52,7 @@ from swarmctl.core.mission import FlightPlan
 from swarmctl.core.planar import PlanarPoint
 from swarmctl.core.records import replace
 
-RESUME_AFTER_S: Sequence[float] = (0.0, 3.0, 6.0)
+RESUME_AFTER_S, CLIMB_AFTER_S = (0.0, 3.0, 6.0), (0.0, 3.0)
 """Delays with which a resumed route has to be clear [s]: a vehicle follows a new plan after some seconds."""
 WAITS_NEAR = 4.0
 """Distance within which two vehicles wait for each other, in units of the separation."""
@@ -189,10 +189,13 @@ def resume_if_clear(state: AgentState) -> StepResult:
     is_report_due = wait.is_report_due(now_s)
     if ends is Verdict.WAIT or not (is_report_due or would_block(state)):
         return replace(state, wait=wait), []
-    plan, after_s = _rest_of(state, before.mission.plan), RESUME_AFTER_S
-    text = f"the vehicle has held for at least {wait.rule.report_every_s:.0f} s"
-    if not is_report_due:
-        text, after_s = "the vehicle holds in the way of one that cannot give way", RESUME_AFTER_S[:2]
+    plan = _rest_of(state, before.mission.plan)
+    text = (
+        f"the vehicle has held for at least {wait.rule.report_every_s:.0f} s"
+        if is_report_due
+        else "the vehicle holds in the way of another vehicle, which cannot give way in time"
+    )
+    after_s = RESUME_AFTER_S if is_report_due else CLIMB_AFTER_S
     for height_m in () if hears_nobody(state) else heights_to_try(state, plan):
         if _is_clear(state, _levelled(state, at_height(plan, height_m)), after_s):
             plans = state.plans.due(must_change=True)
@@ -293,7 +296,7 @@ def reachable_heights_m(
 ) -> tuple[float, float]:
     """Return the lowest and the highest height [m] that a new plan along `path` reaches half-way to its end.
 
-    A later climb would end over the goal, where other vehicles come down; `with_level_off` has the same rule.
+    A later climb would end over the goal, where other vehicles come down.
     """
     legs_m = sum(math.dist(a, b) for a, b in pairwise([here[:2], *path]))
     remaining_s = max(0.5 * legs_m / state.task.arrival.speed_m_s - state.plans.swap_times.expected_s, 0.0)

@@ -12,6 +12,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.mavlink.protocol.codec import Message
 
+LOST_EVERY_S = 1.0
+"""Time between two reports of a lost vehicle [s]."""
 AUTOPILOT_COMPID = int(mavlink.MAV_COMP_ID_AUTOPILOT1)
 _NO_VEHICLE_TYPES = (
     mavlink.MAV_TYPE_GCS,
@@ -41,10 +43,6 @@ class LinkState(Enum):
     NEVER_HEARD = "never heard"
     ALIVE = "alive"
     LOST = "lost"
-
-
-LOST_EVERY_S = 1.0
-"""Time between two reports of a lost vehicle [s]."""
 
 
 class Presence:
