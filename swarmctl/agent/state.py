@@ -214,6 +214,10 @@ class AgentState:
         """Return the state of a vehicle that flies otherwise from now on: its intent is due at once."""
         return replace(self, intent_sent_boot_s=-math.inf, intent_new_boot_s=self.now_boot_s)
 
+    def without_trouble(self) -> AgentState:
+        """Return the state without the text of the last problem."""
+        return replace(self, trouble="") if self.trouble else self
+
     @property
     def now_boot_s(self) -> float:
         """Present time by the vehicle's clock [s]: time of the last telemetry, its delay, and the silence."""

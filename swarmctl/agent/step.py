@@ -22,7 +22,6 @@ from swarmctl.agent.replan.mission_changes import (
     mission_accepted,
     mission_failed,
     plan_if_due,
-    without_trouble,
 )
 from swarmctl.agent.restart import restart
 from swarmctl.agent.sharing import learn_from_others, learn_from_sensor, share_state
@@ -114,7 +113,7 @@ def _order_done(state: AgentState, event: ev.OrderDone, _now: float) -> StepResu
         return state, []
     state = replace(state, order=state.order.followed())
     if state.trouble.startswith(_failure_text(event.order)):
-        state = without_trouble(state)
+        state = state.without_trouble()
     if state.phase is Phase.LAUNCHING:
         return note_takeoff(state), []
     if state.phase is Phase.FORMATION:
@@ -204,7 +203,7 @@ def _arrive(state: AgentState) -> StepResult:
     """Begin the landing of a vehicle that flies over its goal cell."""
     if state.phase is not Phase.FLYING or state.cell not in state.task.goals:
         return state, []
-    return without_trouble(arrive(state)), []
+    return arrive(state).without_trouble(), []
 
 
 def _repeat_order(state: AgentState, now: float) -> StepResult:

@@ -71,7 +71,7 @@ def plan_in_formation(state: AgentState) -> AgentState:
         found = method.plan(problem)
     except Unreachable as error:
         return replace(state, trouble=str(error))
-    state = replace(state, trouble="")
+    state = state.without_trouble()
     rest = [cell for _, cell in ahead]
     present = method.measure(problem, rest) if rest[-1] in task.goals else math.inf
     if present <= found.cost * (1.0 + BETTER_BY):
@@ -109,7 +109,8 @@ def _on_new_route(
     steps_m = (cell_m * math.dist(a, b) for a, b in pairwise(cells))
     centres_m = tuple(accumulate(steps_m, initial=splice_m))
     before = shapes[-1][1] if shapes else 0
-    shapes += shape_changes(formation, membership.n_present, method, problem, cells, centres_m, before, plan)
+    takes_m = formation.change_m(membership.n_present)
+    shapes += shape_changes(takes_m, method, problem, cells, centres_m, before, plan)
     number, split = membership.n_routes + 1, route.split_at(along.s_m)
     if plan is not None:
         split = split_in_metres(state, plan, along.s_m - moved_m, centres_m[len(plan.routes[0])])

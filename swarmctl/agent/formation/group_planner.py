@@ -102,8 +102,7 @@ def _method(
 
 
 def shape_changes(
-    formation: Formation | None,
-    n_present: int,
+    takes_m: float,
     method: Method,
     problem: Problem,
     cells: Sequence[Cell],
@@ -113,6 +112,7 @@ def shape_changes(
 ) -> list[tuple[float, int]]:
     """Return the changes of shape on a route of the group: (distance along it [m], number from there on).
 
+    takes_m: length of the route on which the members take their places in another shape [m]
     centres_m: distance along the route to the centre of each cell [m]
     before: number of the shape at the first cell
     split: the split in which the members fly these cells up to the meeting; its shape is taken half-way
@@ -135,8 +135,6 @@ def shape_changes(
         numbers = planner.shapes_along(problem, cells, params)
     except Unreachable:
         return changes
-    assert formation is not None
-    takes_m = formation.change_m(n_present)
     for at_m, number in zip(centres_m, numbers[1:], strict=False):
         if number != before:
             begin_m = at_m - takes_m if number else at_m

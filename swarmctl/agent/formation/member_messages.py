@@ -38,7 +38,7 @@ def tell_group(state: AgentState) -> StepResult:
         lon_deg=last.lon_deg,
         alt_amsl_m=last.alt_amsl_m,
         velocity_m_s=(last.east_m_s, last.north_m_s, last.climb_m_s),
-        age_s=max(now_s - last.time_boot_s, 0.0) + max(state.vehicle.delay_s, 0.0),
+        age_s=max(state.now_boot_s - last.time_boot_s, 0.0),
         joins=joins,
         error_m=membership.from_place_m,
     )

@@ -192,8 +192,8 @@ def _route_of_mission(state: AgentState, formation: Formation, membership: Membe
         problem = task.problem(state.plans.exposure, swap.cells[0], state.w)
         own = replace(state, membership=membership)
         method = planner_of(own)
-        n_present = membership.n_present
-        shapes = shape_changes(formation, n_present, method, problem, swap.cells, centres_m, split=apart)
+        takes_m = formation.change_m(membership.n_present)
+        shapes = shape_changes(takes_m, method, problem, swap.cells, centres_m, split=apart)
     return GroupRoute.of(
         task.uav,
         membership.n_routes + 1,

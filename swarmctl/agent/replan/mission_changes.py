@@ -76,12 +76,7 @@ def plan_if_due(state: AgentState, _event: ev.Tick, now: float) -> StepResult:
         return _handle_unreachable_goal(replace(state, plans=state.plans.unreachable(), trouble=str(error)))
     is_flown = state.phase in EN_ROUTE and state.plans.route is not None
     keeps_plan = is_flown and state.plans.pending is None and not state.plans.dirty
-    return (without_trouble(state) if keeps_plan else state), effects
-
-
-def without_trouble(state: AgentState) -> AgentState:
-    """Clear the last problem, because the vehicle flies as planned."""
-    return replace(state, trouble="") if state.trouble else state
+    return (state.without_trouble() if keeps_plan else state), effects
 
 
 def _handle_unreachable_goal(state: AgentState) -> StepResult:
@@ -132,7 +127,7 @@ def mission_failed(state: AgentState, event: ev.MissionFailed, now: float) -> St
         return command(state, ev.FlightOrder.LAND)
     # Without an announcement others expect the flight by the new plan, for long if the link is lost.
     if state.phase is Phase.LANDING:
-        return without_trouble(state).with_new_flight(), []
+        return state.without_trouble().with_new_flight(), []
     if state.phase is not Phase.FLYING:
         return state, []
     if state.plans.swaps.n_failed >= MAX_FAILED_SWAPS:

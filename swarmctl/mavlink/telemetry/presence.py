@@ -52,32 +52,24 @@ class Presence:
         self.state = LinkState.NEVER_HEARD
         self._lost_after_s = lost_after_s
         self._last_heartbeat_s = -inf
-        self._reported_s = -inf
+        self.next_deadline: float | None = None
+        """time of the next `tick` that reports the vehicle as lost [s]; None before its first heartbeat"""
 
     def age_s(self, now: float) -> float:
         """Return the time since the last heartbeat [s]; infinite before the first."""
         return now - self._last_heartbeat_s
 
-    @property
-    def next_deadline(self) -> float | None:
-        """Time of the next `tick` that reports the vehicle as lost [s]; None before its first heartbeat."""
-        match self.state:
-            case LinkState.ALIVE:
-                return self._last_heartbeat_s + self._lost_after_s
-            case LinkState.LOST:
-                return self._reported_s + LOST_EVERY_S
-        return None
-
     def on_heartbeat(self, now: float) -> LinkState:
         """Record a heartbeat; return the state before the heartbeat."""
         before, self.state, self._last_heartbeat_s = self.state, LinkState.ALIVE, now
+        self.next_deadline = now + self._lost_after_s
         return before
 
     def tick(self, now: float) -> bool:
         """Return whether the vehicle is lost, once when it becomes so, then every LOST_EVERY_S."""
         if self.next_deadline is None or now < self.next_deadline:
             return False
-        self.state, self._reported_s = LinkState.LOST, now
+        self.state, self.next_deadline = LinkState.LOST, now + LOST_EVERY_S
         return True
 
 
