@@ -97,7 +97,7 @@ def test_the_summary_has_three_different_chances(doubtful: Flight) -> None:
     assert 10.0 < summary["hostiles"]["expected"] < 40.0
     assert summary["hostiles"]["announced_count_was_too_low"] is False
     by_steps = {0: 0.6, 1: 0.3, 2: 0.1}
-    for row, state in zip(summary["vehicles"], report.states.values(), strict=True):
+    for row, state in zip(report.summary["vehicles"], report.states.values(), strict=True):
         start = row["at_takeoff"]
         chance = start["chance_by_simulation"]
         assert 0.0 <= chance["low_95"] < chance["estimate"] < chance["high_95"] <= 1.0
@@ -109,7 +109,7 @@ def test_the_summary_has_three_different_chances(doubtful: Flight) -> None:
             for hr, hc in scenario.hostiles
             if max(abs(r - hr), abs(c - hc)) <= 1
         )
-        assert row["chance_among_true_hostiles"] == pytest.approx(exact, rel=1e-5)
+        assert row["chance_among_true_hostiles"] == pytest.approx(exact, rel=1e-12)
 
 
 @pytest.mark.full

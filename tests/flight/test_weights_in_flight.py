@@ -395,7 +395,7 @@ def test_the_summary_has_the_history_of_the_weights(flown: Flown) -> None:
     assert [v["weight_changes"] for v in summary["vehicles"]] == [1, 1, 0]
     assert first[1]["from_plan"] == flown.answer.vehicles[0].from_plan
     assert 0.0 < first[1]["flight_time_s"] < 30.0
-    assert summary["psi_per_cell"] == pytest.approx(flown.scenario.psi_per_cell)
+    assert flown.report.summary["psi_per_cell"] == flown.scenario.psi_per_cell
 
 
 @pytest.mark.virtual
