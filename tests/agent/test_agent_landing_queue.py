@@ -98,6 +98,17 @@ def test_a_landing_is_announced_at_once_as_fixed() -> None:
     assert not intent.may_change
 
 
+def test_a_flight_over_the_landing_spot_is_announced_to_the_end_of_its_route_before_its_descent() -> None:
+    story = LandingStory(landing_index=0, landing_count=2)
+    before_m = SPOT_M[0] - GRID.frame.to_local(*story.state.task.landing_spot(GOAL))[0]
+    story.at(before_m + 10.0)
+    (intent,) = (m for m in publications(story.at(before_m)) if isinstance(m, IntentShared))
+    flown_m = [GRID.frame.to_local(point.lat_deg, point.lon_deg)[0] for point in intent.points]
+    assert before_m == pytest.approx(6.0, abs=0.1)
+    assert max(flown_m) == pytest.approx(SPOT_M[0], abs=0.1)
+    assert flown_m[-1] == pytest.approx(SPOT_M[0] - before_m, abs=0.1)
+
+
 @pytest.mark.parametrize(
     ("what", "changes"),
     [

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from agent_stories import MID_M, codes
+from agent_stories import GRID, MID_M, codes, orders
 from collision_stories import ApproachStory
+
+from swarmctl.core import events as ev
+from swarmctl.core.frames import IntentPoint, IntentShared
 
 
 def test_a_vehicle_stops_in_time_if_its_follower_can_stop_too() -> None:
@@ -14,3 +17,14 @@ def test_a_vehicle_stops_in_time_if_its_follower_can_stop_too() -> None:
         if "stops-in-time" in codes(story.at(east_m)):
             return
     raise AssertionError("the vehicle does not stop")
+
+
+def test_a_vehicle_does_not_stop_where_a_faster_one_is_about_to_pass_by_its_announced_flight() -> None:
+    story, east_m = ApproachStory(), 150.0
+    story.other(1, east_m - 35.0, MID_M[1] + 9.0, (14.0, -1.8, 0.0))
+    path = (0.0, east_m - 35.0, MID_M[1] + 9.0), (2.9, east_m + 5.0, MID_M[1] + 4.0), (6.0, east_m, 300.0)
+    points = tuple(IntentPoint(t, *GRID.frame.to_geodetic(east, north), 330.0) for t, east, north in path)
+    story(ev.Intents(((1, 0.0, IntentShared(1, points)),)))
+    story.now -= 1.0
+    slow = {"ground_speed_m_s": 3.5, "east_m_s": 3.5}
+    assert orders(story.at(east_m, **slow)) == []

@@ -99,8 +99,7 @@ def stop_in_time(state: AgentState) -> StepResult:
     cannot_stop = {
         uav: f for uav, f in others.items() if uav in to_avoid or not _can_stop_for(state, stop, uav, f)
     }
-    theirs = [path for uav, flight in cannot_stop.items() for path in _paths(state, uav, flight)]
-    if not _helps(stop, theirs, limits, share_of(mine, theirs, limits)):
+    if not _helps(stop, mine, [_paths(state, uav, flight) for uav, flight in cannot_stop.items()], limits):
         return state, []
     to = {uav: state.neighbours[uav] for uav in to_avoid if uav in state.neighbours}
     names = " and ".join(map(state.task.name_of, sorted(to_avoid)))
@@ -146,8 +145,7 @@ def _has_to_stop(state: AgentState, mine: Paths, stop: Trajectory, uav: int, int
     theirs = _paths(state, uav, intent)
     if not come_within(mine, theirs, limits, ENOUGH):
         return False
-    together = share_of(mine, theirs, limits)
-    if not _helps(stop, theirs, limits, together):
+    if not _helps(stop, mine, [theirs], limits):
         return False
     vehicle = state.vehicle
     last_moment_s = vehicle.time_boot_s + REACTS_S + vehicle.ground_speed_m_s / BRAKING_M_S2
@@ -158,10 +156,10 @@ def _has_to_stop(state: AgentState, mine: Paths, stop: Trajectory, uav: int, int
     here = position_amsl(state)
     assert here is not None
     own = Standing(activity_of(state.phase), True, state.task.uav, here[2])
-    return gives_way(own, _standing(state, mine, together, uav, intent))
+    return gives_way(own, _standing(state, mine, theirs, uav, intent))
 
 
-def _standing(state: AgentState, mine: Paths, together: float, uav: int, intent: NeighbourIntent) -> Standing:
+def _standing(state: AgentState, mine: Paths, theirs: Paths, uav: int, intent: NeighbourIntent) -> Standing:
     """Return another vehicle's standing; without a report, or if its stop does not help, it cannot yield."""
     report = state.neighbours.get(uav)
     path = None if report is None else predict(state, report)
@@ -169,7 +167,7 @@ def _standing(state: AgentState, mine: Paths, together: float, uav: int, intent:
         return Standing(Activity.EMERGENCY, False, uav)
     here = path.higher(home_amsl_m(state))
     stop = _stop(state, here.points[0], report.state.velocity_m_s, report.at_s)
-    helps = _helps(stop, mine, intent.limits(state.task.separation.limits), together)
+    helps = _helps(stop, theirs, [mine], intent.limits(state.task.separation.limits))
     return Standing(
         activity_of(report.state.phase), helps and _may_hold(state, report), uav, here.points[0][2]
     )
@@ -199,13 +197,23 @@ def _can_stop_for(state: AgentState, stop: Trajectory, uav: int, intent: Neighbo
     return share_of((stop,), (until, last), limits) >= ENOUGH
 
 
-def _helps(stop: Trajectory, others: Paths, limits: Limits, together: float) -> bool:
-    """Return whether a stop is clear of the others' paths, or better than no stop."""
-    return share_of((stop,), others, limits) >= min(ENOUGH, together + BETTER_BY)
+def _helps(stop: Trajectory, paths: Paths, others: Sequence[Paths], limits: Limits) -> bool:
+    """Return whether a stop is clear of the others' paths, or better than to fly on by `paths`.
+
+    A stop in the way of the flights that are announced is not better, whatever else may happen.
+    """
+    every = [path for theirs in others for path in theirs]
+    share = share_of((stop,), every, limits)
+    if share >= ENOUGH:
+        return True
+    announced = [theirs[0] for theirs in others]
+    if share < share_of(paths, every, limits) + BETTER_BY:
+        return False
+    return share_of((stop,), announced, limits) >= min(ENOUGH, share_of(paths[:1], announced, limits))
 
 
 def _paths(state: AgentState, uav: int, intent: NeighbourIntent) -> Paths:
-    """Return the flights that another vehicle may take: its intent, or straight on for some seconds.
+    """Return the flights that another vehicle may take: first its intent, then straight on for some seconds.
 
     A vehicle off its intent flies straight on.
     A vehicle with a hold as its intent brakes. It may stop sooner than announced, also where it is now.
@@ -225,7 +233,7 @@ def _paths(state: AgentState, uav: int, intent: NeighbourIntent) -> Paths:
 
 
 def _own_paths(state: AgentState, here: LocalPoint, velocity_m_s: LocalPoint, plan: Trajectory) -> Paths:
-    """Return the flights that this vehicle may take: its plan, or straight on for some seconds.
+    """Return the flights that this vehicle may take: first its plan, then straight on for some seconds.
 
     A climb or descent straight on ends at the plan's heights. A landing vehicle brakes for its spot.
     """

@@ -248,13 +248,13 @@ def _phase_trajectory(state: AgentState, here: LocalPoint, for_s: float) -> Traj
             plan, path = swap.plan, waypoints_of(task, swap.plan)
             if state.phase is Phase.LANDING and state.order.given is ev.FlightOrder.LAND:
                 return _land_here(state, here)
-            if state.phase is Phase.LANDING and _descends_vertically(here, path[-1], plan.height_m):
+            remaining = state.points_ahead(swap) or path
+            if state.phase is Phase.LANDING and _descends_vertically(here, remaining, plan.height_m):
                 return land_from([(*path[-1], here[2])], [0.0])
             if _climbs_vertically(state, here, plan):
                 return climb_then_fly(here, plan.height_m, path, speed_m_s)
             if state.plans.route is None and state.plans.pending is not None:
                 return _from_hold(state, here, plan, path, swap_due_s(state))
-            remaining = state.points_ahead(swap) or path
             if (change := change_ahead(state)) is not None:
                 return _through_change(state, here, change, plan, remaining, speed_m_s)
             return fly_along(here, plan.height_m, remaining, speed_m_s, state.vehicle.ground_speed_m_s)
@@ -312,10 +312,15 @@ def _from_stop(state: AgentState, here: LocalPoint, go_on: Callable[[LocalPoint]
     return Trajectory((0.0, *flight.times_s), (here, *flight.points))
 
 
-def _descends_vertically(here: LocalPoint, spot: tuple[float, float], height_m: float) -> bool:
-    """Return whether the vehicle descends vertically at its landing spot; wind may move it a little."""
-    has_begun = here[2] < height_m - AIRBORNE_M
-    return math.dist(here[:2], spot) < (VERTICAL_WITHIN_M if has_begun else DESCENT_BEGINS_WITHIN_M)
+def _descends_vertically(here: LocalPoint, points_ahead: Sequence[PlanarPoint], height_m: float) -> bool:
+    """Return whether the vehicle descends vertically at its landing spot; wind may move it a little.
+
+    A route may lead over the landing spot before its end: there the descent does not begin.
+    """
+    away_m = math.dist(here[:2], points_ahead[-1])
+    if here[2] < height_m - AIRBORNE_M:
+        return away_m < VERTICAL_WITHIN_M
+    return len(points_ahead) == 1 and away_m < DESCENT_BEGINS_WITHIN_M
 
 
 def _fixed_wing_trajectory(state: AgentState, here: LocalPoint, speed_m_s: float) -> Trajectory | None:
