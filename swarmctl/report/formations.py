@@ -8,14 +8,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from swarmctl.agent.formation.membership import IN_PLACE_M
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.config.model import Config
 from swarmctl.core.geo import LatLon
 from swarmctl.report.pictures.scene import GROUP_EVERY_S
 
-IN_PLACE_M = 5.0
-"""Distance from its place within which a member counts as in place [m]."""
 LONGEST_STEP_S = 2.0
 """Longest time between two telemetry messages that counts as time in a group [s]."""
 AXES = ("along", "across", "height")

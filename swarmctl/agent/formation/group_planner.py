@@ -45,7 +45,7 @@ def planner_of(state: AgentState, start: Cell | None = None) -> Method:
         heading_deg = math.degrees(heading) % 360.0
     present, formed = (*others, state.task.uav), is_formed(state)
     method = _method(state.task, formation, present, heading_deg, membership.shape, is_formed=formed)
-    return with_split(state, method, others, start)
+    return with_split(state, method, others, start, is_formed=formed)
 
 
 def first_method(task: Task) -> Method:

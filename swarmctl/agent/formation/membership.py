@@ -27,6 +27,8 @@ PLACE_KEPT = 3.0
 gap in the messages must not move the whole group."""
 SETTLING_S = 4.0
 """Time of a change of shape besides the members' ways at their closing speed [s]."""
+IN_PLACE_M = 5.0
+"""Distance from its place within which a member is in place [m]."""
 NEARER_M = 1.0
 """Least distance by which a member that follows comes nearer to its place in `Formation.max_error_s` [m]."""
 

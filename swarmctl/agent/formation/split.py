@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from swarmctl.agent.formation.membership import GroupRoute
+from swarmctl.agent.formation.membership import IN_PLACE_M, GroupRoute
 from swarmctl.agent.formation.near_members import joins_within_m, near_members, places_of
 from swarmctl.agent.formation.shape import ShapePlace
 from swarmctl.agent.formation.ways import SplitStretch, offset_of
@@ -21,8 +21,6 @@ from swarmctl.core.track_position import StraightLegs
 from swarmctl.planners import split_route
 from swarmctl.planners.base import Method
 
-IN_PLACE_M = 10.0
-"""Distance from its place within which a member has taken the place [m]."""
 COMPLETE_S = 20.0
 """Time for which a group waits for absent members before it is complete without them [s]."""
 BEHIND_M = 5.0
@@ -32,12 +30,15 @@ RANGE_MARGIN_M = 20.0
 _LOOKS = 8
 
 
-def with_split(state: AgentState, method: Method, others: Sequence[int], start: Cell | None) -> Method:
+def with_split(
+    state: AgentState, method: Method, others: Sequence[int], start: Cell | None, *, is_formed: bool
+) -> Method:
     """Return the planner that compares a split, if the group may split at the start of the plan.
 
     method: the planner for flying together
     others: the other present members in the group's order
     start: the leader's cell at which the plan begins; None: on the ground, or for a route that is known
+    is_formed: the members are at their places
 
     Only a leader at the reference point plans a split, and only while all members are at their places.
     """
@@ -51,7 +52,7 @@ def with_split(state: AgentState, method: Method, others: Sequence[int], start: 
         return method
     under_way = None
     if present is None:
-        if not is_formed(state):
+        if not is_formed:
             return method
         points = [_place_m(route, uav, places[uav], s_m) for uav in others]
         starts = [grid.cell_at(*grid.frame.to_geodetic(*point)) for point in points]

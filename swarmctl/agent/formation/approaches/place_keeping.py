@@ -41,7 +41,7 @@ MARGIN_UP_M = 0.5
 """The same in height [m]."""
 TRUSTED_S, BRAKES_M_S2 = 0.6, 2.5
 """Age up to which a velocity counts [s]; a member that tells nothing for longer may brake so hard."""
-IN_PLACE_M = 3.0
+STAYS_WITHIN_M = 3.0
 """Greatest distance of a member from its place at which it is expected to stay there [m]."""
 OLDEST_S = 3.0
 """Greatest age by which the margin grows [s]."""
@@ -201,7 +201,7 @@ def _silent_by_plan(group: Group) -> list[Nearby]:
 
     In a turn of the route they are not straight ahead of their last position.
     """
-    silent = [m for m in group.others if m.age_s > TRUSTED_S and m.error_m <= IN_PLACE_M]
+    silent = [m for m in group.others if m.age_s > TRUSTED_S and m.error_m <= STAYS_WITHIN_M]
     if not silent:
         return []
     now, found = reference_now(group), []
