@@ -73,7 +73,7 @@ def share_state(state: AgentState) -> StepResult:
         n_observed=state.belief.n_observed,
         n_found=state.belief.n_found,
         mode=vehicle.mode[:MAX_TEXT],
-        plan_id=0 if state.plans.route is None else state.plans.route.plan_id,
+        plan_id=0 if state.plans.mission is None else state.plans.mission.plan_id,
         replans=state.plans.replans,
         late_s=state.plans.late_s,
         outcome=state.outcome[:MAX_TEXT],

@@ -231,7 +231,7 @@ class AgentState:
     @property
     def followed(self) -> ev.SwapMission | None:
         """The plan being flown, to be flown after the launch, or interrupted to give way."""
-        return (self.interrupted if self.is_waiting else None) or self.plans.route
+        return (self.interrupted if self.is_waiting else None) or self.plans.mission
 
     def with_progress(self) -> AgentState:
         """Return the state with the progress on `followed` at the present position."""
@@ -261,7 +261,7 @@ class AgentState:
         The runner ends a job for the vehicle when it begins another one. So a part of the policy that only
         adjusts the flight acts at such times, and ends no order.
         """
-        is_under_way = self.phase is Phase.FLYING and self.plans.route is not None
+        is_under_way = self.phase is Phase.FLYING and self.plans.mission is not None
         is_free = self.plans.pending is None and self.order.given in (None, ev.FlightOrder.LAUNCH)
         return is_under_way and is_free and not self.lost and self.vehicle.mode_role == "mission"
 

@@ -88,7 +88,7 @@ def _distance_text(state: AgentState) -> str:
 
 def _rolled_out(state: AgentState) -> bool:
     """Return whether a fixed wing is within its roll-out distance of the planned touchdown."""
-    here, swap = state.vehicle.lat_lon, state.plans.route
+    here, swap = state.vehicle.lat_lon, state.plans.mission
     if swap is None or swap.plan.approach is None or here is None:
         return False
     touchdown = swap.plan.approach.touchdown

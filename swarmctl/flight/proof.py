@@ -41,7 +41,7 @@ def candidates(state: AgentState) -> list[int]:
 
 def _possible_swaps(state: AgentState) -> dict[int, ev.SwapMission]:
     """Return the missions that the vehicle may fly by the numbers of their plans, the most likely first."""
-    swaps = (state.plans.pending, state.plans.route, state.interrupted, state.plans.accepted)
+    swaps = (state.plans.pending, state.plans.mission, state.interrupted, state.plans.accepted)
     return {swap.plan_id: swap for swap in swaps if swap is not None}
 
 

@@ -141,8 +141,8 @@ class FlightStatistics:
         vehicle.strikes += [here] * (state.strikes - before.vehicle.strikes)
         if vehicle.took_off_s is None:
             vehicle.took_off_s = state.time_boot_s
-            if after.plans.route is not None:
-                vehicle.takeoff_plan = TakeoffPlan(after.plans.route, after.belief, after.strength)
+            if after.plans.mission is not None:
+                vehicle.takeoff_plan = TakeoffPlan(after.plans.mission, after.belief, after.strength)
         vehicle.last_s = state.time_boot_s
 
     def _accepted(self, vehicle: VehicleStatistics, swap: ev.SwapMission, now: float) -> None:

@@ -110,8 +110,8 @@ def test_a_contradicting_sighting_is_published_as_a_contradiction(occupied: bool
 
 def test_a_hostile_ahead_changes_the_mission_and_names_the_observation() -> None:
     story = Story().flying()
-    assert story.state.plans.route is not None
-    assert (4, 4) in story.state.plans.route.cells
+    assert story.state.plans.mission is not None
+    assert (4, 4) in story.state.plans.mission.cells
     story.hear((4, 4, True), observer=3, seq=7)
     swap = story.swap()
     assert (4, 4) not in swap.cells
@@ -152,12 +152,14 @@ def test_replanning_starts_from_the_position_of_the_vehicle() -> None:
 
 def test_a_leg_through_a_neighbouring_cell_changes_no_mission() -> None:
     story = Story(goals=((8, 8),)).flying()
-    assert story.state.plans.route is not None
+    assert story.state.plans.mission is not None
     diagonal = next(
-        i for i in range(8) if story.state.plans.route.cells[i + 1][0] > story.state.plans.route.cells[i][0]
+        i
+        for i in range(8)
+        if story.state.plans.mission.cells[i + 1][0] > story.state.plans.mission.cells[i][0]
     )
-    (row, col) = story.state.plans.route.cells[diagonal]
-    for cell in story.state.plans.route.cells[: diagonal + 1]:
+    (row, col) = story.state.plans.mission.cells[diagonal]
+    for cell in story.state.plans.mission.cells[: diagonal + 1]:
         story.over(cell)
     story.over((row, col + 1))
     story.hear((0, 8, False))
@@ -223,11 +225,11 @@ def test_a_vehicle_that_reboots_in_flight_is_released_for_that_reason() -> None:
 
 def test_a_vehicle_left_in_hold_gets_a_plan_even_without_observations() -> None:
     story = Story().flying()
-    before = story.state.plans.route
+    before = story.state.plans.mission
     story.hear((4, 4, True))
     swap = story.swap()
     story(ev.MissionFailed(swap.plan_id, "hold", "no answer"))
-    assert story.state.plans.route is None
+    assert story.state.plans.mission is None
     story.now += RETRY_AFTER_S
     assert before is not None
     assert story.swap().cells[-1] == before.cells[-1]
@@ -373,11 +375,11 @@ def test_a_vehicle_that_reboots_on_the_ground_is_prepared_again() -> None:
 def test_a_vehicle_without_a_route_keeps_its_plan() -> None:
     wall = frozenset((row, col) for row in range(6, 9) for col in range(3) if (row, col) != (7, 1))
     story = Story(no_fly=wall).flying()
-    before = story.state.plans.route
+    before = story.state.plans.mission
     story.over((7, 1))
     story.hear((0, 8, False))
     assert story.tick() == []
-    assert story.state.plans.route is before
+    assert story.state.plans.mission is before
     assert "(7, 1)" in story.state.trouble
     story.over((4, 3))
     story.hear((0, 7, False), seq=2)
@@ -586,9 +588,9 @@ def test_the_sequence_of_observations_does_not_change_the_route(
             story.accept()
         ends.append(story.state)
     assert np.array_equal(ends[0].belief.known, ends[1].belief.known)
-    assert ends[0].plans.route is not None
-    assert ends[1].plans.route is not None
-    assert ends[0].plans.route.cells == ends[1].plans.route.cells
+    assert ends[0].plans.mission is not None
+    assert ends[1].plans.mission is not None
+    assert ends[0].plans.mission.cells == ends[1].plans.mission.cells
 
 
 def test_disarmed_heartbeats_in_the_air_end_the_flight_only_after_some_seconds() -> None:

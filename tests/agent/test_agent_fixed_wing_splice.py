@@ -36,7 +36,7 @@ def flying(east_m: float, task=WING, **changes) -> AgentState:
     home = dict(zip(("home_lat_deg", "home_lon_deg"), GRID.frame.to_geodetic(-50.0, 175.0), strict=True))
     vehicle = replace(state.vehicle, lat_deg=lat_deg, lon_deg=lon_deg, alt_rel_m=40.0, armed=True, **home)
     state = replace(state, phase=Phase.FLYING, vehicle=vehicle, last_position=vehicle)
-    plans = replace(state.plans, route=swap, **changes)
+    plans = replace(state.plans, mission=swap, **changes)
     return replace(state, cell=GRID.cell_at(lat_deg, lon_deg), plans=plans).with_progress()
 
 

@@ -153,8 +153,8 @@ def test_a_new_plan_without_conflict_is_uploaded_and_announced() -> None:
 def test_a_vehicle_that_keeps_its_old_mission_announces_it_again_at_once() -> None:
     """Its link may be lost, and then nothing else tells the others which plan it flies."""
     story = IntentStory()
-    assert story.state.plans.route is not None
-    old_id = story.state.plans.route.plan_id
+    assert story.state.plans.mission is not None
+    old_id = story.state.plans.mission.plan_id
     story.hear((4, 5, True))
     swap = story.swap()
     (again,) = intents(story(ev.MissionFailed(swap.plan_id, "old", "no answer")))
@@ -186,11 +186,11 @@ def test_without_a_free_height_a_new_plan_is_deferred() -> None:
     # The row of vehicle 2 is free; each route around the hostile has a conflict.
     for uav, north_m in ((1, MID_M[1] + 100.0), (3, MID_M[1] - 100.0)):
         story.other(uav, (0.0, MID_M[0] + 50.0, north_m), (90.0, MID_M[0] + 55.0, north_m))
-    before = story.state.plans.route
+    before = story.state.plans.mission
     effects = report_hostile_ahead(story)
     assert heights(effects) == []
     assert codes(effects) == ["plan-deferred"]
-    assert story.state.plans.route is before
+    assert story.state.plans.mission is before
     assert story.state.plans.pending is None
     assert story.state.conflicts.counts.by_waiting == story.state.conflicts.counts.predicted >= 1
     assert story.tick() == []

@@ -137,8 +137,8 @@ def test_a_plan_that_is_sent_during_a_stop_is_announced_from_this_stop_on() -> N
     story.at(85.0)
     story.accept_plan()
     story.at(94.0, 7.5)
-    assert story.state.plans.route is not None
-    ahead = next(cell for cell in story.state.plans.route.cells if cell[1] > 6)
+    assert story.state.plans.mission is not None
+    ahead = next(cell for cell in story.state.plans.mission.cells if cell[1] > 6)
     story.hear((*ahead, True), observer=9, seq=2)
     effects = story.tick()
     assert story.state.plans.pending is not None

@@ -96,7 +96,7 @@ def test_a_backward_clock_jump_delays_no_plan() -> None:
 def test_the_splice_point_is_ahead_of_the_vehicle_at_the_end_of_the_swap(took_s: float) -> None:
     story = SwapStory(took_s)
     story.at(30.0)
-    before = story.state.plans.route
+    before = story.state.plans.mission
     assert before is not None
     story.hear((4, 7, True))
     swap = story.swap()
@@ -149,8 +149,8 @@ def _place(east_m: float) -> tuple[float, float]:
 def test_corners_before_the_splice_point_are_kept_only_ahead_of_the_vehicle(is_ahead: bool) -> None:
     story = Story(entry=(0, 0), goals=((4, 8),)).launching()
     story(ev.OrderDone(ev.FlightOrder.LAUNCH))
-    assert story.state.plans.route is not None
-    cells = story.state.plans.route.cells
+    assert story.state.plans.mission is not None
+    cells = story.state.plans.mission.cells
     _, came, corner, goes = next(turn for turn in _turns(cells) if turn[1] != turn[3])
     (east_m, north_m), (rows, cols) = GRID.centre_m(corner), came if is_ahead else goes
     way, length = (-20.0 if is_ahead else 20.0), (rows**2 + cols**2) ** 0.5
@@ -198,7 +198,7 @@ def test_a_splice_point_on_a_track_is_after_the_swap_and_beside_a_centre() -> No
     ).launching()
     story(ev.OrderDone(ev.FlightOrder.LAUNCH))
     story.over((0, 0))
-    flown = story.state.plans.route
+    flown = story.state.plans.mission
     assert flown is not None
     assert flown.track is not None
     ends = [GRID.frame.to_local(p.lat_deg, p.lon_deg) for p in flown.plan.track]
@@ -268,6 +268,6 @@ def test_a_late_plan_is_replaced_at_once_by_a_plan_that_turns_farther_ahead() ->
         if not again:
             break  # the vehicle would be at its goal before the splice point
     assert story.state.phase is Phase.FLYING
-    assert story.state.plans.route is not None
+    assert story.state.plans.mission is not None
     assert story.state.plans.swap_times.expected_s > 2.0 * PRIOR_S
     assert first.plan_id < story.state.plans.next_plan_id - 1

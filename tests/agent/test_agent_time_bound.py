@@ -90,7 +90,9 @@ def test_the_detour_is_flown_only_with_enough_time() -> None:
         flight = flying(within_s=within_s)
         flight.hear(*HOSTILES_ON_ROUTE)
         cells = (
-            swap.cells if (swap := next(iter(swaps(flight.tick())), None)) else flight.state.plans.route.cells
+            swap.cells
+            if (swap := next(iter(swaps(flight.tick())), None))
+            else flight.state.plans.mission.cells
         )
         assert (length_cells(cells) > 8.0) == (length > 8.0)
         assert flight.state.late == ""
@@ -134,12 +136,12 @@ def test_a_mission_change_that_would_cost_the_arrival_in_time_is_not_made() -> N
     flight = flying(within_s=80.0)
     flight.hear(*HOSTILES_ON_ROUTE)
     flight.tick()
-    before = flight.state.plans.route
+    before = flight.state.plans.mission
     # 60 s are left for a route of 60 s: in time only without a swap.
     flight.over((0, 0), time_boot_s=140.0)
     flight.hear((8, 8, False), seq=2)
     assert swaps(flight.tick()) == []
-    assert flight.state.plans.route is before
+    assert flight.state.plans.mission is before
 
 
 def test_a_route_into_a_wall_is_left_even_if_the_vehicle_becomes_late() -> None:
@@ -283,7 +285,7 @@ def test_a_track_that_becomes_worse_than_its_route_is_planned_again() -> None:
     flight.launching()
     flight(ev.OrderDone(ev.FlightOrder.LAUNCH))
     flight.over((0, 0))
-    flown = flight.state.plans.route
+    flown = flight.state.plans.mission
     assert flown is not None
     assert flown.track is not None
     beside = [cell for cell in flown.track.over if cell not in flown.cells]

@@ -18,7 +18,7 @@ BESIDE = (6, 4)
 def beside_the_route(*seen: tuple[int, int, bool]) -> tuple[Story, ev.SwapMission]:
     """Return a vehicle beside its stored mission, with new observations, and the mission."""
     story = Story().flying()
-    stored = story.state.plans.route
+    stored = story.state.plans.mission
     assert stored is not None
     if seen:
         story.hear(*seen)

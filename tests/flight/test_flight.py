@@ -164,9 +164,9 @@ def test_the_plan_files_hold_the_last_missions(shipped: tuple[Scenario, FlightRe
         assert plan["fileType"] == "Plan"
         items = plan["mission"]["items"]
         assert [items[0]["command"], items[-1]["command"]] == [22, 21]
-        assert state.plans.route is not None
+        assert state.plans.mission is not None
         assert [tuple(i["params"][4:6]) for i in items[1:-1]] == [
-            (p.lat_deg, p.lon_deg) for p in state.plans.route.plan.track
+            (p.lat_deg, p.lon_deg) for p in state.plans.mission.plan.track
         ]
 
 
@@ -231,7 +231,7 @@ def test_a_vehicle_that_never_answers_stops_the_flight_before_any_arming(tmp_pat
     assert "[no-heartbeat]" in line
     assert " 15 s" in line
     assert not any(s.vehicle.armed for s in report.states.values())
-    assert all(s.plans.route is None for s in report.states.values())
+    assert all(s.plans.mission is None for s in report.states.values())
 
 
 @pytest.mark.parametrize(

@@ -50,9 +50,9 @@ def test_the_shipped_fixed_wings_and_copters_arrive_by_changed_missions(tmp_path
     for uav in (1, 4):
         state = report.states[uav]
         assert state.plans.replans > 0
-        assert state.plans.route is not None
-        assert state.plans.route.plan.approach is not None
-        assert away_m(report, uav, state.plans.route.plan.approach.touchdown) < ROLL_OUT_M
+        assert state.plans.mission is not None
+        assert state.plans.mission.plan.approach is not None
+        assert away_m(report, uav, state.plans.mission.plan.approach.touchdown) < ROLL_OUT_M
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert summary["separation"]["too_close"] == []
     plan = json.loads((tmp_path / "uav1.plan").read_text())["mission"]
@@ -104,9 +104,9 @@ def test_fixed_wings_of_px4_arrive_by_changed_missions_and_land_at_their_goals(
     assert [s.outcome for s in report.states.values()] == ["arrived"] * 3
     assert sum(s.plans.replans for s in report.states.values()) > 0
     for uav, state in report.states.items():
-        assert state.plans.route is not None
-        assert state.plans.route.plan.approach is not None
-        assert away_m(report, uav, state.plans.route.plan.approach.touchdown) < ROLL_OUT_M
+        assert state.plans.mission is not None
+        assert state.plans.mission.plan.approach is not None
+        assert away_m(report, uav, state.plans.mission.plan.approach.touchdown) < ROLL_OUT_M
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert summary["separation"]["too_close"] == []
     assert kinds(tmp_path, [spec.name for spec in scenario.specs]) == [PLANE] * 3

@@ -46,8 +46,8 @@ def test_a_fixed_wing_with_a_critical_battery_lands_at_its_nearest_landing(
     state = report.states[2]
     # The nearest landing is the one in its goal cell, so the vehicle has arrived.
     assert (state.outcome, state.given_up) == ("arrived", True)
-    assert state.plans.route is not None
-    approach = state.plans.route.plan.approach
+    assert state.plans.mission is not None
+    approach = state.plans.mission.plan.approach
     assert approach is not None
     places = [scenario.specs[1].start, approach.touchdown]
     assert min(away_m(report, 2, place) for place in places) < ROLL_OUT_M

@@ -152,7 +152,7 @@ def test_a_vehicle_that_does_as_recorded_is_taken_over(
     story = moment()
     taken_over(story, finding(story, stored, **changes), commanded=commanded)
     assert story.state.phase is phase
-    assert (story.state.plans.route and story.state.plans.route.plan_id) == plan
+    assert (story.state.plans.mission and story.state.plans.mission.plan_id) == plan
     assert story.state.plans.pending is None
     assert not story.state.lost
 
@@ -216,7 +216,7 @@ def test_a_vehicle_on_the_ground_is_prepared_again(moment: Moment) -> None:
     story = moment()
     taken_over(story, finding(story, NONE, **DOWN, cell=(4, 0)))
     assert story.state.phase is Phase.WAITING
-    assert story.state.plans.route is None
+    assert story.state.plans.mission is None
     story(ev.Ready())
     assert story.swap().plan_id > 1
 

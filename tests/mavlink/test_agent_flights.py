@@ -40,9 +40,9 @@ def test_a_vehicle_that_arrives_fast_stays_in_the_cells_of_its_plans(
         if (
             flight.place[0] >= first_m - before_m
             and not flight.swaps
-            and flight.state.plans.route is not None
+            and flight.state.plans.mission is not None
         ):
-            flight.receives_hostiles(*flight.state.plans.route.cells[2:5])
+            flight.receives_hostiles(*flight.state.plans.mission.cells[2:5])
         return flight.place[0] > 130.0
 
     assert flight.bench.run(120.0, is_past)
@@ -61,9 +61,9 @@ def test_changed_plans_are_flown_without_a_stop_or_a_turn_back(personality: str,
 
     def report_hostiles() -> None:
         cell = GRID.cell_at(*GRID.frame.to_geodetic(*flight.place))
-        if cell is not None and columns and cell[1] >= columns[0] and flight.state.plans.route is not None:
+        if cell is not None and columns and cell[1] >= columns[0] and flight.state.plans.mission is not None:
             ahead = cell[1] + 6
-            flight.receives_hostiles(next(at for at in flight.state.plans.route.cells if at[1] == ahead))
+            flight.receives_hostiles(next(at for at in flight.state.plans.mission.cells if at[1] == ahead))
             columns.pop(0)
 
     flight.lands(report_hostiles)

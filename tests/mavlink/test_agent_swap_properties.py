@@ -72,8 +72,8 @@ def test_no_change_leads_back_or_out_of_the_cells_of_its_plans(
         while left and left[0][0] <= bench.now - lifted_s:
             _, ahead = left.pop(0)
             progress, is_flying = flight.state.progress, flight.state.phase is Phase.FLYING
-            if flight.state.plans.route is not None and progress is not None and is_flying:
-                cells = flight.state.plans.route.cells
+            if flight.state.plans.mission is not None and progress is not None and is_flying:
+                cells = flight.state.plans.mission.cells
                 flight.receives_hostiles(cells[min(progress.cell_index + ahead, len(cells) - 1)])
 
     flight.lands(watch)

@@ -115,7 +115,7 @@ def _activity(state: AgentState) -> Activity:
 
 def _active_route(state: AgentState) -> ev.SwapMission | None:
     is_flown = state.phase is Phase.FLYING and state.plans.pending is None
-    return state.plans.route if is_flown else None
+    return state.plans.mission if is_flown else None
 
 
 def _exceeds_activity(state: AgentState, demand: Demand) -> bool:

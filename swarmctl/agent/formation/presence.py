@@ -74,7 +74,7 @@ def _belongs(state: AgentState) -> bool:
         return False
     if state.phase is Phase.FORMATION:
         return True
-    if state.plans.route is None or state.progress is None:
+    if state.plans.mission is None or state.progress is None:
         return False
     is_on_its_way = state.plans.replans > 0 or state.progress.along_m >= ON_ITS_WAY_M
     has_climbed = (vehicle.alt_rel_m or 0.0) >= state.height_m - LOW_M
@@ -168,7 +168,7 @@ def _is_near_area(state: AgentState, points_m: Sequence[PlanarPoint]) -> bool:
 
 def _route_of_mission(state: AgentState, formation: Formation, membership: Membership) -> GroupRoute | None:
     """Return the route of a leader that flies its mission; None if it is the present one, or unknown."""
-    swap, progress, present = state.plans.route, state.progress, membership.route
+    swap, progress, present = state.plans.mission, state.progress, membership.route
     if swap is None or progress is None:
         return None
     plan = swap.plan_id, membership.n_present

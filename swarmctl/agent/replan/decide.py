@@ -61,7 +61,7 @@ def _decide_from(
     if splice.leaves_ahead and start in task.goals and not state.plans.must_change:
         # The vehicle would reach its goal before the end of a swap.
         return replace(state, plans=state.plans.kept(p_s)), []
-    present = state.plans.route
+    present = state.plans.mission
     ahead = None if present is None or splice.index is None else present.cells[splice.index :]
     lead_in = lead_in_to(state, splice)
     gain = route_gains(task, p_s, state.belief, state.strength, state.w, state.others, state.own)

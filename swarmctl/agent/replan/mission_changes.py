@@ -55,7 +55,7 @@ def _was_just_swapped(state: AgentState) -> bool:
 
 def _must_plan_now(state: AgentState) -> bool:
     """Return whether planning is urgent: no plan is flown, the plan must change, or a wall is close."""
-    if state.plans.must_change or state.plans.route is None:
+    if state.plans.must_change or state.plans.mission is None:
         return True
     if not may_learn_of_walls(state):
         return False
@@ -74,7 +74,7 @@ def plan_if_due(state: AgentState, _event: ev.Tick, now: float) -> StepResult:
         state, effects = deconflict(state, decide(state), now)
     except Unreachable as error:
         return _handle_unreachable_goal(replace(state, plans=state.plans.unreachable(), trouble=str(error)))
-    is_flown = state.phase in EN_ROUTE and state.plans.route is not None
+    is_flown = state.phase in EN_ROUTE and state.plans.mission is not None
     keeps_plan = is_flown and state.plans.pending is None and not state.plans.dirty
     return (state.without_trouble() if keeps_plan else state), effects
 
@@ -83,7 +83,7 @@ def _handle_unreachable_goal(state: AgentState) -> StepResult:
     """Keep the present route, or end the flight, because the agent has found no route to a goal."""
     if state.phase in ON_GROUND:
         return state.enter(Phase.FAILED, outcome=state.trouble), []
-    if state.plans.route is not None:
+    if state.plans.mission is not None:
         return state, []
     return command(state, state.task.fallback, phase=Phase.LEAVING, given_up=True)
 

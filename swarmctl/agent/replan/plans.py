@@ -1,4 +1,4 @@
-"""The plans of one vehicle: the plan flown, the plan being uploaded, and the need for a new plan. Pure.
+"""The plans of one vehicle: the mission flown, the one being uploaded, and the need for a new plan. Pure.
 
 Only the methods here change the record; other modules name the change.
 """
@@ -18,12 +18,12 @@ from swarmctl.planners.base import Route
 
 @dataclass(frozen=True, slots=True)
 class Plans:
-    route: ev.SwapMission | None = None
-    """plan being flown, or to be flown after the launch; None while a hold interrupts the plan"""
+    mission: ev.SwapMission | None = None
+    """mission being flown, or to be flown after the launch; None while a hold interrupts it"""
     accepted: ev.SwapMission | None = None
-    """last plan verified on the vehicle, flown or not"""
+    """last mission verified on the vehicle, flown or not"""
     pending: ev.SwapMission | None = None
-    """plan being uploaded"""
+    """mission being uploaded"""
     dirty: bool = False
     """True: the agent has to decide on a plan"""
     must_change: bool = False
@@ -87,14 +87,14 @@ class Plans:
         """Return the plans of a vehicle off its route that knows the exposure `p_s` now."""
         return replace(self, exposure=p_s, dirty=False, because=())
 
-    def sent(self, plan: ev.SwapMission, boot_s: float) -> Plans:
+    def sent(self, mission: ev.SwapMission, boot_s: float) -> Plans:
         """Return the plans after the decision for a new plan, at `boot_s` by the vehicle's clock."""
         swaps = replace(self.swaps, decided_boot_s=boot_s)
-        return replace(self.uploading(plan), because=(), must_change=False, swaps=swaps)
+        return replace(self.uploading(mission), because=(), must_change=False, swaps=swaps)
 
-    def uploading(self, plan: ev.SwapMission) -> Plans:
-        """Return the plans while a plan is being uploaded."""
-        return replace(self, pending=plan, next_plan_id=max(self.next_plan_id, plan.plan_id + 1))
+    def uploading(self, mission: ev.SwapMission) -> Plans:
+        """Return the plans while a mission is being uploaded."""
+        return replace(self, pending=mission, next_plan_id=max(self.next_plan_id, mission.plan_id + 1))
 
     def deferred(self, before: Plans, because: tuple[ev.ObservationId, ...]) -> Plans:
         """Return the plans after a decision whose plan is tried again; `before`: those at the decision."""
@@ -114,13 +114,13 @@ class Plans:
 
     # --- the outcome of a mission change
 
-    def verified(self, plan: ev.SwapMission) -> Plans:
-        """Return the plans after the vehicle has accepted a plan."""
-        return replace(self, accepted=plan, pending=None)
+    def verified(self, mission: ev.SwapMission) -> Plans:
+        """Return the plans after the vehicle has accepted a mission."""
+        return replace(self, accepted=mission, pending=None)
 
-    def taken(self, plan: ev.SwapMission) -> Plans:
-        """Return the plans of a vehicle that flies, or will fly, an accepted plan."""
-        return replace(self.afresh(), route=plan, route_exposure=self.exposure, hold_is_own=False)
+    def taken(self, mission: ev.SwapMission) -> Plans:
+        """Return the plans of a vehicle that flies, or will fly, an accepted mission."""
+        return replace(self.afresh(), mission=mission, route_exposure=self.exposure, hold_is_own=False)
 
     def changed_in_flight(
         self, boot_s: float, braking_until_boot_s: float, took_s: float | None, stood_s: float
@@ -142,17 +142,17 @@ class Plans:
         )
         return replace(self, pending=None, swaps=swaps, swap_times=times, hold_is_own=event.flying == "hold")
 
-    def again(self, plan: ev.SwapMission, retry_at_s: float, *, flies_old: bool) -> Plans:
-        """Return the plans that follow the failure of `plan`: a new decision from `retry_at_s` on.
+    def again(self, mission: ev.SwapMission, retry_at_s: float, *, flies_old: bool) -> Plans:
+        """Return the plans that follow the failure of `mission`: a new decision from `retry_at_s` on.
 
-        A vehicle that no longer flies its old plan has no route, so it takes any new plan.
+        A vehicle that no longer flies its old mission has none, so it takes any new plan.
         """
         return replace(
             self,
             dirty=True,
-            because=(*plan.because, *self.because),
+            because=(*mission.because, *self.because),
             retry_at_s=retry_at_s,
-            route=self.route if flies_old else None,
+            mission=self.mission if flies_old else None,
         )
 
     # --- orders
@@ -163,11 +163,11 @@ class Plans:
 
     def without_route(self) -> Plans:
         """Return the plans of a vehicle that leaves its route."""
-        return replace(self, route=None)
+        return replace(self, mission=None)
 
-    def on_route(self, plan: ev.SwapMission | None) -> Plans:
-        """Return the plans of a vehicle that goes on by an interrupted plan."""
-        return replace(self, route=plan)
+    def on_route(self, mission: ev.SwapMission | None) -> Plans:
+        """Return the plans of a vehicle that goes on by an interrupted mission."""
+        return replace(self, mission=mission)
 
     def resumed(self) -> Plans:
         """Return the plans of a vehicle in its agent's own hold, which needs a new plan."""
@@ -187,4 +187,4 @@ class Plans:
 
     def forgotten(self) -> Plans:
         """Return the plans of a vehicle whose mission is unknown again."""
-        return replace(self, route=None, pending=None)
+        return replace(self, mission=None, pending=None)

@@ -210,7 +210,7 @@ def corners_ahead(task: Task, corners: Sequence[Cell], position: LatLon) -> Sequ
 
 def is_track_still_good(state: AgentState, p_s: NDArray[np.float64]) -> bool:
     """Return whether the present track is still as good as its route; True if there is no track."""
-    task, swap, progress = state.task, state.plans.route, state.progress
+    task, swap, progress = state.task, state.plans.mission, state.progress
     if swap is None or swap.track is None or task.any_angle is None or state.plans.route_exposure is None:
         return True
     if progress is None:

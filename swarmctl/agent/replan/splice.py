@@ -66,7 +66,7 @@ class Splice:
 
 def splice_on_route(state: AgentState, p_s: NDArray[np.float64]) -> Splice:
     """Return the splice for a new route from the present lattice route, or from a fixed wing's track."""
-    task, swap, progress, at_once = state.task, state.plans.route, state.progress, leaving_at_once(state)
+    task, swap, progress, at_once = state.task, state.plans.mission, state.progress, leaving_at_once(state)
     if swap is None or progress is None or at_once.index is None or state.phase is not Phase.FLYING:
         return at_once
     cells, index = swap.cells, progress.cell_index
@@ -101,7 +101,7 @@ def leaving_at_once(state: AgentState) -> Splice:
     If there is no route, or the vehicle is off its route, the new route begins in the vehicle's cell. Outside
     the area it begins in the last cell flown, or in the entry cell.
     """
-    if state.plans.route is not None and state.progress is not None and state.progress.is_on_route:
+    if state.plans.mission is not None and state.progress is not None and state.progress.is_on_route:
         return Splice((state.progress.cell,), state.progress.cell_index)
     if state.cell is not None:
         return Splice((state.cell,))
@@ -114,7 +114,7 @@ def splice_on_track(state: AgentState, p_s: NDArray[np.float64]) -> Splice:
 
     The new route begins at this centre. A splice point beyond the centre would make the vehicle fly back.
     """
-    swap, progress, grid = state.plans.route, state.progress, state.task.grid
+    swap, progress, grid = state.plans.mission, state.progress, state.task.grid
     assert state.cell is not None
     at_once, least_m = Splice((state.cell,)), _swap_distance_m(state)
     if swap is None or progress is None or state.vehicle.mode_role != "mission":
@@ -153,7 +153,7 @@ def _past_centre_m(grid: Grid, path: Sequence[PlanarPoint]) -> float:
 
 def is_wall_close(state: AgentState, p_s: NDArray[np.float64]) -> bool:
     """Return whether a wall is among the next URGENT_CELLS cells of the route; True if there is no route."""
-    swap = state.plans.route
+    swap = state.plans.mission
     if swap is None:
         return True
     entered = 0 if state.progress is None else state.progress.cell_index

@@ -60,14 +60,14 @@ def distance_and_speed_after(state: AgentState, seconds: float) -> tuple[float, 
 
 def change_for_new_plan(state: AgentState) -> MissionChange | None:
     """Return the change to a plan that is sent now; None if the vehicle flies no plan."""
-    if state.plans.route is None:
+    if state.plans.mission is None:
         return None
     return _change_of_plans(state, state.plans.swap_times.likely_s)
 
 
 def change_ahead(state: AgentState) -> MissionChange | None:
     """Return the change to the pending plan, or to the plan for which the vehicle brakes; otherwise None."""
-    if state.plans.route is None:
+    if state.plans.mission is None:
         return None
     if state.plans.pending is None:
         return _stop_under_way(state)

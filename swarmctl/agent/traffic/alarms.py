@@ -76,7 +76,7 @@ def _has_to_climb(state: AgentState, new: Sequence[ProximityAlarm]) -> bool:
 def _is_alone(state: AgentState) -> bool:
     """Return whether no vehicle comes near a copter within the look-ahead time: a quick test by boxes."""
     rules, plans = state.task.separation, state.plans
-    follows_plan = state.phase is Phase.FLYING and plans.route is not None and plans.pending is None
+    follows_plan = state.phase is Phase.FLYING and plans.mission is not None and plans.pending is None
     straight_on_s = 0.0 if follows_plan else rules.look_ahead_s
     box = reach(state, rules.look_ahead_s, straight_on_s) if state.task.wings is None else None
     return box is not None and not predictions(state, alarm_bounds(box, rules))

@@ -59,7 +59,7 @@ def share_intent(state: AgentState) -> StepResult:
 
 def publish_intent(state: AgentState, flight: Trajectory | None) -> StepResult:
     """Send a flight as the own intent; None: the vehicle does not fly."""
-    swap = state.plans.pending or state.plans.route
+    swap = state.plans.pending or state.plans.mission
     message = IntentShared(
         plan_id=0 if swap is None or flight is None else swap.plan_id,
         points=() if flight is None else _points(state, flight),

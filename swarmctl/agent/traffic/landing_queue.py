@@ -125,12 +125,12 @@ def _land_here(state: AgentState, text: str) -> StepResult:
 
 
 def _may_wait(state: AgentState) -> bool:
-    flies_plan = state.plans.route is not None and state.plans.pending is None
+    flies_plan = state.plans.mission is not None and state.plans.pending is None
     return flies_plan and not is_urgent(state) and follows_own_order(state)
 
 
 def _wait_if_conflicting(state: AgentState, here: LocalPoint) -> StepResult:
-    assert state.plans.route is not None
+    assert state.plans.mission is not None
     flight, now_s = planned_flight(state), state.vehicle.time_boot_s
     if flight is None:
         return state, []
@@ -140,7 +140,7 @@ def _wait_if_conflicting(state: AgentState, here: LocalPoint) -> StepResult:
     descends_s = landing_start_s(flight)
     # Until shortly before the descent, only conflicts of the level flight count. For a conflict of the
     # descent, the vehicle stops later, near its landing spot, unless it would stand in the way there.
-    spot = (*waypoints_of(state.task, state.plans.route.plan)[-1], here[2])
+    spot = (*waypoints_of(state.task, state.plans.mission.plan)[-1], here[2])
     stops_later = descends_s > now_s + HOLD_BEFORE_DESCENT_S and not hold_would_block(state, spot, near)
     until_s = descends_s if stops_later else math.inf
     clashes = [
@@ -165,7 +165,7 @@ def _wait_if_conflicting(state: AgentState, here: LocalPoint) -> StepResult:
 
 def hold_before_landing(state: AgentState, to: Mapping[int, NeighbourReport]) -> StepResult:
     """Order a hold until the descent is clear; a second hold on the way to one landing keeps the deadline."""
-    mission, now_s = state.plans.route or state.interrupted, state.vehicle.time_boot_s
+    mission, now_s = state.plans.mission or state.interrupted, state.vehicle.time_boot_s
     wait = begin(WaitFor.DESCENT, now_s, mission=mission, to=to, before=state.wait)
     return command(replace(state, n_holds=state.n_holds + 1), ev.FlightOrder.HOLD, wait=wait)
 

@@ -120,7 +120,7 @@ def _stop_if_unannounced(state: AgentState) -> StepResult:
     heard_s = max(report.at_s for report in state.neighbours.values())
     is_unannounced = acknowledged_s(state) < changed_s <= heard_s + HEARD_S
     begins_route = (
-        state.phase is Phase.FLYING and state.plans.route is None and state.plans.pending is not None
+        state.phase is Phase.FLYING and state.plans.mission is None and state.plans.pending is not None
     )
     if not is_unannounced or not (may_stop(state) or (follows_own_order(state) and begins_route)):
         return state, []
@@ -131,7 +131,7 @@ def _stop_if_unannounced(state: AgentState) -> StepResult:
 def _hold(state: AgentState, to: Mapping[int, NeighbourReport], text: str) -> StepResult:
     match state.phase:
         case Phase.FLYING | Phase.FORMATION:
-            state, effects = hold(state, state.plans.route or state.plans.pending, to)
+            state, effects = hold(state, state.plans.mission or state.plans.pending, to)
         case Phase.LANDING:
             state, effects = hold_before_landing(state, to)
         case _:

@@ -105,7 +105,7 @@ def own_trajectory(state: AgentState) -> Trajectory | None:
     if here is None:
         return None
     now_s = vehicle.time_boot_s
-    if state.phase in EN_ROUTE and state.plans.route is not None and state.plans.pending is None:
+    if state.phase in EN_ROUTE and state.plans.mission is not None and state.plans.pending is None:
         flight = _phase_trajectory(state, here, for_s)
         if flight is not None:
             return until_landing(flight).later(now_s).lasting(now_s + for_s)
@@ -123,7 +123,7 @@ def reach(state: AgentState, for_s: float, straight_on_s: float) -> Bounds | Non
         return None
     east_m, north_m, up_m = here
     heights_m = [up_m, up_m + straight_on_s * vehicle.climb_m_s]
-    swaps = (state.plans.pending, state.plans.route)
+    swaps = (state.plans.pending, state.plans.mission)
     heights_m += [swap.plan.height_m for swap in swaps if swap is not None]
     if state.phase is Phase.LEAVING:
         heights_m.append(task.altitude_m)
@@ -140,7 +140,7 @@ def reach(state: AgentState, for_s: float, straight_on_s: float) -> Bounds | Non
 
 def _lands_beyond(state: AgentState, distance_m: float) -> bool:
     """Return whether the vehicle flies its route, and its landing is farther ahead than a distance."""
-    progress, route = state.progress, state.plans.route
+    progress, route = state.progress, state.plans.mission
     if state.phase is not Phase.FLYING or state.plans.pending is not None or state.is_waiting:
         return False
     if progress is None or route is None or progress.flight.plan is not route:
@@ -193,7 +193,7 @@ def _through_change(
     speed_m_s: float,
 ) -> Trajectory:
     """Return the trajectory of a copter that changes from its present route to `plan`, along `path`."""
-    route, vehicle = state.plans.route, state.vehicle
+    route, vehicle = state.plans.mission, state.vehicle
     assert route is not None
     present_path = state.points_ahead(route) or waypoints_of(state.task, route.plan)
     return fly_through_change(
@@ -234,7 +234,7 @@ def _phase_trajectory(state: AgentState, here: LocalPoint, for_s: float) -> Traj
 
     It lasts `for_s` at least, or until its end [s].
     """
-    task, swap = state.task, state.plans.pending or state.plans.route
+    task, swap = state.task, state.plans.pending or state.plans.mission
     speed_m_s = state.speed.m_s or task.arrival.speed_m_s
     if task.wings is not None:
         return _fixed_wing_trajectory(state, here, speed_m_s)
@@ -253,7 +253,7 @@ def _phase_trajectory(state: AgentState, here: LocalPoint, for_s: float) -> Traj
                 return land_from([(*path[-1], here[2])], [0.0])
             if _climbs_vertically(state, here, plan):
                 return climb_then_fly(here, plan.height_m, path, speed_m_s)
-            if state.plans.route is None and state.plans.pending is not None:
+            if state.plans.mission is None and state.plans.pending is not None:
                 return _from_hold(state, here, plan, path, swap_due_s(state))
             if (change := change_ahead(state)) is not None:
                 return _through_change(state, here, change, plan, remaining, speed_m_s)
@@ -325,7 +325,7 @@ def _descends_vertically(here: LocalPoint, points_ahead: Sequence[PlanarPoint], 
 
 def _fixed_wing_trajectory(state: AgentState, here: LocalPoint, speed_m_s: float) -> Trajectory | None:
     """Return the trajectory of a fixed wing that launches, flies its plan or lands; None otherwise."""
-    task, swap, vehicle = state.task, state.plans.pending or state.plans.route, state.vehicle
+    task, swap, vehicle = state.task, state.plans.pending or state.plans.mission, state.vehicle
     if swap is None or state.is_waiting:
         return None
     if state.phase in (Phase.LAUNCHING, Phase.FLYING):
@@ -340,7 +340,7 @@ def _fixed_wing_trajectory(state: AgentState, here: LocalPoint, speed_m_s: float
 
 def _climbs_vertically(state: AgentState, here: LocalPoint, plan: FlightPlan) -> bool:
     """Return whether the vehicle is still in its take-off: in its first mission, low above home."""
-    home, route = state.vehicle.home_lat_lon, state.plans.route
+    home, route = state.vehicle.home_lat_lon, state.plans.mission
     if home is None or route is None or route.plan.begins is not None:
         return False
     place = state.task.grid.frame.to_local(*home)

@@ -137,7 +137,7 @@ def deconflict(before: AgentState, decided: StepResult, now: float) -> StepResul
     flight = flight_by_plan(before, swap.plan)
     if before.alarms and climbs_to_give_way(before) and _changes_height(before, swap.plan):
         return _upload(state, swap)  # an evasive climb comes first
-    present_flight = None if before.plans.route is None else planned_flight(before)
+    present_flight = None if before.plans.mission is None else planned_flight(before)
     others = known_flights(state)
     clashes = _clashes(state, flight, others, present_flight)
     new = [
@@ -152,7 +152,7 @@ def deconflict(before: AgentState, decided: StepResult, now: float) -> StepResul
     if not clashes:
         state = _counted(state, replace(counts, by_route=counts.by_route + len(resolved)))
         state, taken = _upload(state, swap)
-        waited = before.plans.route is None and before.conflicts.deferred_for
+        waited = before.plans.mission is None and before.conflicts.deferred_for
         return state, [
             ev.NotifyOperator("the route is clear of other vehicles; the vehicle resumes it [resumes]"),
             *taken,
@@ -180,13 +180,13 @@ def _clashes(
 
 
 def _changes_height(before: AgentState, plan: FlightPlan) -> bool:
-    route = before.plans.route
+    route = before.plans.mission
     return route is not None and abs(plan.height_m - route.plan.height_m) >= AIRBORNE_M
 
 
 def _with_level_off_if_needed(before: AgentState, plan: FlightPlan) -> FlightPlan:
     """Return the plan, with a level-off waypoint if the plan changes the height."""
-    here, route = position_of(before), before.plans.route
+    here, route = position_of(before), before.plans.mission
     if here is None or before.task.wings is not None:
         return plan
     if route is None:
@@ -226,8 +226,8 @@ def _defer(
     near_s = yielding[0].at_s - state.vehicle.time_boot_s if yielding else HOLDS_WITHIN_S
     again_s = RETRY_SOON_S if near_s < 2.0 * SEPARATES_WITHIN_S else RETRY_S
     state = replace(state, plans=state.plans.not_before(now + again_s))
-    holds = before.plans.route is None or (near_s < HOLDS_WITHIN_S and may_hold(before))
-    reaction = "continues to hold" if before.plans.route is None else "holds"
+    holds = before.plans.mission is None or (near_s < HOLDS_WITHIN_S and may_hold(before))
+    reaction = "continues to hold" if before.plans.mission is None else "holds"
     reaction = f"{reaction} [plan-deferred-hold]" if holds else "keeps its present route [plan-deferred]"
     waits = others | (before.conflicts.predicted if holds else frozenset())
     if holds or not yielding:
@@ -242,5 +242,5 @@ def _defer(
     if not holds:
         return state, messages
     conflicts = replace(state.conflicts, predicted=frozenset())
-    state, ordered = hold(state, before.plans.route or swap, {}, conflicts=conflicts)
+    state, ordered = hold(state, before.plans.mission or swap, {}, conflicts=conflicts)
     return state, [*messages, *ordered]

@@ -65,7 +65,7 @@ MAX_HEIGHTS = 8
 def may_give_way(state: AgentState) -> bool:
     """Return whether the vehicle can give way: it is on its way, and not in its climb after the take-off."""
     vehicle, task = state.vehicle, state.task
-    if state.task.separation.action == "none" or state.phase not in EN_ROUTE or state.plans.route is None:
+    if state.task.separation.action == "none" or state.phase not in EN_ROUTE or state.plans.mission is None:
         return False
     was_in_group = state.phase is Phase.FORMATION or state.membership.left_boot_s > -math.inf
     climbed_m = task.altitude_m - 2.0 * task.separation.limits.vertical_m
