@@ -23,12 +23,17 @@ def by_heading(offset: PlanarPoint, heading_rad: float) -> PlanarPoint:
     return a * sin_heading + b * cos_heading, a * cos_heading - b * sin_heading
 
 
-def distance_to_leg(point: PlanarPoint, a: PlanarPoint, b: PlanarPoint) -> float:
-    """Return the distance from a point to the straight leg from a to b, in the unit of the points."""
+def share_of_leg(point: PlanarPoint, a: PlanarPoint, b: PlanarPoint) -> float:
+    """Return how far along the straight leg from a to b its nearest place to a point is: 0 at a, 1 at b."""
     (ax, ay), (bx, by) = a, b
     squared = (bx - ax) ** 2 + (by - ay) ** 2
     share = ((point[0] - ax) * (bx - ax) + (point[1] - ay) * (by - ay)) / squared if squared else 0.0
-    share = min(max(share, 0.0), 1.0)
+    return min(max(share, 0.0), 1.0)
+
+
+def distance_to_leg(point: PlanarPoint, a: PlanarPoint, b: PlanarPoint) -> float:
+    """Return the distance from a point to the straight leg from a to b, in the unit of the points."""
+    (ax, ay), (bx, by), share = a, b, share_of_leg(point, a, b)
     return dist(point, (ax + share * (bx - ax), ay + share * (by - ay)))
 
 

@@ -97,6 +97,17 @@ def test_samples_are_too_close_within_the_intervals_and_not_outside(a: Trajector
             assert inside == (kept < 1.0)
 
 
+@given(flights(), st.tuples(st.integers(-60, 60), st.integers(-60, 60)))
+def test_the_nearest_place_of_a_flight_is_on_it_and_no_sample_is_nearer(
+    flight: Trajectory, point: tuple[int, int]
+) -> None:
+    place = flight.nearest(point)
+    on = [leg.at(t) for leg in flight.segments() for t in np.linspace(leg.begin_s, leg.end_s, 200)]
+    longest_m = max(math.dist(leg.a, leg.b) for leg in flight.segments())
+    assert min(math.dist(place, at) for at in on) <= longest_m / 199
+    assert min(math.dist(point, at[:2]) for at in on) >= math.dist(point, place[:2]) - 1e-9
+
+
 @given(st.lists(flights(), min_size=2, max_size=6))
 def test_the_sweep_finds_the_same_pairs_as_brute_force(swarm: list[Trajectory]) -> None:
     numbered = dict(enumerate(swarm, start=1))

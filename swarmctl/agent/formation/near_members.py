@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-import numpy as np
-
 from swarmctl.agent.formation.approaches.base import Nearby
 from swarmctl.agent.formation.membership import Formation, MemberReport
 from swarmctl.agent.formation.shape import ShapePlace, assigned
@@ -23,8 +21,6 @@ AHEAD_S = 6.0
 """A silent member stops nearer than it flies straight on in this time [s]: ArduPilot goes on for 3 s."""
 OFF_INTENT_M = 15.0
 """Distance of a member from its announced place above which its intent is of an earlier flight [m]."""
-N_PLACES = 33
-"""Number of places compared."""
 SILENT_S = 90.0
 """Time for which a silent member counts as stopped near its last position [s]."""
 JOINS_WITHIN_M = 200.0
@@ -91,12 +87,10 @@ def _nearest_place(state: AgentState, here: LocalPoint, uav: int, told: MemberRe
     """
     message, intent = told.message, state.all_intents.get(uav)
     there = (*told.here_m, message.alt_amsl_m)
-    paths = [extrapolate(there, message.velocity_m_s, told.at_boot_s, AHEAD_S)]
-    announced = None if intent is None else intent.flight.at(told.at_boot_s)
-    if intent is not None and announced and math.dist(announced[:2], told.here_m) <= OFF_INTENT_M:
-        paths.append(intent.flight)
-    times_s = (told.at_boot_s + np.linspace(0.0, SOON_S, N_PLACES)).tolist()
-    places = [at for path in paths for at_s in times_s if (at := path.at(at_s)) is not None]
+    places = [extrapolate(there, message.velocity_m_s, told.at_boot_s, AHEAD_S).nearest(here[:2])]
+    announced = None if intent is None else intent.flight.since(told.at_boot_s)
+    if announced is not None and math.dist(announced.points[0][:2], told.here_m) <= OFF_INTENT_M:
+        places.append(announced.lasting(told.at_boot_s + SOON_S).nearest(here[:2]))
     return min(places, key=lambda at: math.dist(here[:2], at[:2]))
 
 

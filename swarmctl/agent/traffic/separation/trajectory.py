@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from swarmctl.core.planar import PlanarPoint, share_of_leg
 from swarmctl.core.vehicle import BRAKING_M_S2
 
 LocalPoint = tuple[float, float, float]
@@ -119,6 +120,16 @@ class Trajectory:
         n, at = bisect_left(self.times_s, until_s), self.at(until_s)
         last = self.points[-1] if at is None else at
         return _of_checked((*self.times_s[:n], until_s), (*self.points[:n], last))
+
+    def nearest(self, point: PlanarPoint) -> LocalPoint:
+        """Return the place of the flight that is nearest to (east, north) [m] over ground."""
+
+        def on(leg: Segment) -> LocalPoint:
+            share = share_of_leg(point, leg.a[:2], leg.b[:2])
+            return leg.at(leg.begin_s + share * (leg.end_s - leg.begin_s))
+
+        places = map(on, self.segments())
+        return min(places, key=lambda at: math.dist(point, at[:2]), default=self.points[0])
 
     def later(self, seconds: float) -> Trajectory:
         """Return the same flight, shifted in time."""
