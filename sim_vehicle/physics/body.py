@@ -14,6 +14,7 @@ MIN_LEG_M = 2.0  # shortest leg that sets a copter's heading
 # (lowest, highest) value that the equations of motion support.
 SPEED_RANGE_M_S, ACCELERATION_RANGE_M_S2, RADIUS_RANGE_M = (0.05, 100.0), (0.05, 30.0), (0.05, 1e4)
 YAW_RATE_RANGE_RAD_S = (math.radians(1.0), math.radians(400.0))
+LIFT_OFF_RANGE_S = (0.0, 60.0)
 BANK_RANGE_RAD = (math.radians(5.0), math.radians(75.0))
 MAX_WIND_M_S = 100.0
 STALL_RANGE_M_S = (2.0, 50.0)
@@ -155,6 +156,7 @@ class Body:
         """Start or stop the motors; stopped in the air, a copter falls and a plane glides."""
         i, motion = self._index, self._motion
         motion.armed[i] = armed and not motion.crashed[i]
+        motion.armed_s[i] *= armed
         if not armed:
             motion.order[i] = MotionOrder.FALL if self.airborne else MotionOrder.GROUNDED
         elif self.airborne and motion.order[i] == MotionOrder.FALL:
@@ -310,6 +312,7 @@ class Body:
         vertical_acceleration_m_s2: float | None = None,
         acceptance_radius_m: float | None = None,
         yaw_rate_deg_s: float | None = None,
+        lift_off_s: float | None = None,
         airspeed_min_m_s: float | None = None,
         airspeed_max_m_s: float | None = None,
         loiter_radius_m: float | None = None,
@@ -328,6 +331,7 @@ class Body:
             (motion.vertical_acceleration_limit_m_s2, vertical_acceleration_m_s2, ACCELERATION_RANGE_M_S2),
             (motion.acceptance_radius_m, acceptance_radius_m, RADIUS_RANGE_M),
             (motion.yaw_rate_max_rad_s, yaw_rate_rad_s, YAW_RATE_RANGE_RAD_S),
+            (motion.lift_off_s, lift_off_s, LIFT_OFF_RANGE_S),
             (motion.airspeed_min_m_s, airspeed_min_m_s, SPEED_RANGE_M_S),
             (motion.airspeed_max_m_s, airspeed_max_m_s, SPEED_RANGE_M_S),
             (motion.loiter_radius_m, loiter_radius_m, (-RADIUS_RANGE_M[1], RADIUS_RANGE_M[1])),

@@ -186,7 +186,7 @@ def throttle(m: Motion, i: Selection) -> Floats:
 
 
 def lifts_off(m: Motion) -> Bools:
-    """Return the mask of the copters on the ground that are commanded and able to climb, (n,)."""
+    """Return the mask of the copters on the ground that are commanded and able to climb by now, (n,)."""
     up = (m.order == MotionOrder.POSITION) & (m.target[2] > m.ground_m + 0.1)
     up |= (
         (m.order == MotionOrder.RATE) | (m.order == MotionOrder.VELOCITY) | (m.order == MotionOrder.TILT)
@@ -195,7 +195,7 @@ def lifts_off(m: Motion) -> Bools:
     rises = (m.follow.position_m[2] > m.ground_m + 0.1) | (m.follow.velocity_m_s[2] > 0)
     up |= (m.order == MotionOrder.FOLLOW) & rises
     able = ~(m.crashed | m.exhausted | m.planes | m.airborne) & (m.motors_lost == 0)
-    return np.asarray(up & m.armed & able)
+    return np.asarray(up & m.armed & able & (m.armed_s >= m.lift_off_s))
 
 
 def lean_acceleration_m_s2(roll_rad: float, pitch_rad: float, yaw_rad: float) -> tuple[float, float]:

@@ -40,7 +40,9 @@ class Dynamics(Motion):
         """Advance every vehicle by `dt_s` [s]."""
         self._derived.clear()
         self._restrict_orders()
-        if np.count_nonzero(self.armed & ~self.airborne):
+        waits = self.armed & ~self.airborne
+        if np.count_nonzero(waits):
+            self.armed_s[waits] += dt_s
             self._lift_off()
         rolls = self._has_planes and bool(np.count_nonzero(plane.rolls(self)))
         if rolls or np.count_nonzero(self.airborne):

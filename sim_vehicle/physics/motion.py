@@ -101,6 +101,7 @@ class Motion:
 
     def _begin_orders(self, n: int) -> None:
         self.armed: Bools = np.zeros(n, dtype=bool)
+        self.armed_s = np.zeros(n)  # time on the ground since arming
         self.order = np.full(n, MotionOrder.GROUNDED, dtype=np.int64)
         self.target = self.position.copy()
         self.target_m = self.target.T
@@ -133,6 +134,7 @@ class Motion:
         self.vertical_acceleration_limit_m_s2 = np.full(n, 1.0)
         self.acceptance_radius_m = np.full(n, 2.0)  # of a target
         self.yaw_rate_max_rad_s = np.full(n, MAX_YAW_RATE_RAD_S)
+        self.lift_off_s = np.zeros(n)  # least time from arming to the lift-off of a copter
         self.yaw_rate_limit_rad_s = np.full(n, np.inf)  # of the present turn; the maximum holds too
         self.airspeed_min_m_s = np.full(n, 10.0)
         self.airspeed_max_m_s = np.full(n, 22.0)

@@ -205,9 +205,18 @@ class Flight:
     def climb_to(self, alt_amsl_m: float) -> None:
         """Climb to an altitude [m above mean sea level], from the ground or in the air."""
         self.cleared_for_takeoff = self.taking_off = True
-        if self.flight_parameters.takeoff.speed_m_s is not None:
-            self.limit(climb_m_s=self.flight_parameters.takeoff.speed_m_s)
         self.manoeuvre = Takeoff(self, alt_amsl_m)
+
+    def limit_climb(self) -> None:
+        """During a take-off, climb slowly near the ground; above, the parameters' speed holds again."""
+        takeoff, is_slow = self.flight_parameters.takeoff, "climb_m_s" in self._set_in_flight
+        if takeoff.speed_m_s is None or is_slow is (self.height_m < takeoff.slow_below_m):
+            return
+        if is_slow:
+            del self._set_in_flight["climb_m_s"]
+            self.apply_limits()
+        else:
+            self.limit(climb_m_s=takeoff.speed_m_s)
 
     def guided_go(self, lat_deg: float, lon_deg: float, alt_amsl_m: float) -> None:
         """Fly to a position; a vehicle on the ground stays there."""

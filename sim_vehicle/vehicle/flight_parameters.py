@@ -50,6 +50,7 @@ class Limits:
     vertical_acceleration_m_s2: float
     acceptance_radius_m: float
     yaw_rate_deg_s: float = 60.0  # of a copter
+    lift_off_s: float = 0.0  # least time from arming to the lift-off of a copter
 
 
 @dataclass(frozen=True)
@@ -98,9 +99,11 @@ class TakeoffParameters:
     """Take-off: `flight` and `mission_pilot`."""
 
     height_m: float
-    speed_m_s: float | None = None  # None: the climb speed of the limits
+    speed_m_s: float | None = None  # near the ground; None: the climb speed of the limits
+    slow_below_m: float = 0.0  # height above home below which `speed_m_s` holds
     then: Behaviour | None = None  # behaviour after the climb; None: hold in the take-off mode
     straight: bool = False  # a plane climbs straight towards the take-off position; else in circles
+    reached_m: float | None = None  # height left where the climb ends; None: the acceptance radius
 
 
 @dataclass(frozen=True, slots=True)

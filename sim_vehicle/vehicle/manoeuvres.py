@@ -172,6 +172,7 @@ class Takeoff:
         flight.go((east_m, north_m, alt_amsl_m))
 
     def update(self, _now: float) -> bool:
+        self._flight.limit_climb()
         body = self._flight.body
         at_altitude = body.plane or abs(body.alt_amsl_m - self._alt_amsl_m) < TAKEOFF_TOLERANCE_M
         return body.airborne and body.reached and at_altitude

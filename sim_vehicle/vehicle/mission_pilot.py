@@ -261,10 +261,14 @@ class MissionPilot:
                 flight.go((east_m, north_m, up_m + CLIMB_MARGIN_M), flight.flight_parameters.limits.speed_m_s)
                 return False
             return flight.body.alt_amsl_m >= self._target_m[2]
+        flight.limit_climb()
         if not flight.body.airborne:
             flight.go(self._target_m)
             return False
-        return flight.body.reached
+        reached_m = flight.flight_parameters.takeoff.reached_m
+        if reached_m is None:
+            return flight.body.reached
+        return flight.body.alt_amsl_m >= self._target_m[2] - reached_m
 
     def _landing_done(self, item: Item, now: float) -> bool:
         flight = self._flight

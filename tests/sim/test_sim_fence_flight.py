@@ -158,8 +158,9 @@ def test_a_return_close_to_home_climbs_to_the_cone_of_rtl_cone_slope(
 ) -> None:
     station = Station()
     station.set_parameter("RTL_CONE_SLOPE", slope)
+    station.set_parameter("WPNAV_RADIUS", 20)
     station.fly_mission([takeoff(5), waypoint(north_m, 0, 5)])
-    station.wait(25.0)
+    station.wait(30.0)
     assert place_m(station)[0] == pytest.approx(north_m, abs=0.5)
     assert station.command(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH) == 0
     assert station.highest_m() == pytest.approx(highest_m, abs=1.6)  # 0.5 m of position is 1.5 m of cone

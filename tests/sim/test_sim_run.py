@@ -134,10 +134,10 @@ def test_a_passed_run_exits_with_0_and_leaves_its_files(hop: Path, tmp_path: Pat
 
 
 def test_a_failed_run_exits_with_1_and_its_command_repeats_it(hop: Path, tmp_path: Path) -> None:
-    hop.write_text(HOVER.replace("max_height_m: 12", "max_height_m: 5"))
+    hop.write_text(HOVER.replace("max_height_m: 12", "max_height_m: 3"))
     first = invoke(hop, "--out", tmp_path / "first", "--seed", 77)
     assert first.exit_code == 1
-    assert "vehicle 1: max_height_m 5: failed, found 5." in first.output
+    assert "vehicle 2: max_height_m 3: failed, found 3." in first.output
     (command,) = [line for line in first.output.splitlines() if "python -m sim_vehicle run" in line]
     words = shlex.split(command[command.index("python") :])
     assert words[:4] == ["python", "-m", "sim_vehicle", "run"]

@@ -188,7 +188,7 @@ def test_manual_control_counts_as_a_heartbeat_of_the_ground_station(throttle: in
 def test_stabilize_takes_off_climbs_and_falls_by_its_throttle() -> None:
     station = Station()
     assert station.arm() == 0
-    hold(station, 2, 1500, 1500, 1400, 1500)
+    hold(station, 4, 1500, 1500, 1400, 1500)
     assert station.height_m < 0.1
     hold(station, 5, 1500, 1500, 1700, 1500)
     assert station.velocity_m_s[2] == pytest.approx(8.5, abs=1.0)

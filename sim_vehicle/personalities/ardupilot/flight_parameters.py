@@ -13,6 +13,10 @@ from sim_vehicle.vehicle.sticks import PilotLimits
 
 MIN_SPEED_M_S, MAX_SPEED_M_S = 0.1, 50.0
 MIN_RETURN_HEIGHT_M, MIN_CONE_SLOPE = 0.3, 0.5
+# ARMING_DELAY_SEC (2 s), twice MOT_SPOOL_TIME (0.5 s), and the throttle's rise to its hover value, at
+# TKOFF_SLEW_TIME (2 s) for the full throttle; ArduCopter 4.6.2 reports the take-off after 3.4 to 3.8 s
+LIFT_OFF_S = 3.8
+TAKEOFF_REACHED_M = 0.1  # a take-off in a mission ends where the climb ends, not at the acceptance radius
 FENCE_GIVE_UP_M = 100.0  # distance beyond a fence limit at which a copter lands
 STALL_M_S = 8.0  # for a plane with AIRSPEED_STALL 0
 FENCE_ALT_MAX, FENCE_CIRCLE, FENCE_POLYGONS, FENCE_ALT_MIN = 1, 2, 4, 8  # bits of FENCE_TYPE
@@ -221,6 +225,7 @@ def copter_flight_parameters(params: Parameters) -> FlightParameters:
             vertical_acceleration_m_s2=max(params["WPNAV_ACCEL_Z"], 10.0) / 100,
             acceptance_radius_m=max(params["WPNAV_RADIUS"], 10.0) / 100,
             yaw_rate_deg_s=max(params["ATC_SLEW_YAW"], 500.0) / 100,
+            lift_off_s=LIFT_OFF_S,
         ),
         battery=_battery(params, _BATTERY_ACTIONS),
         arming=fp.ArmingParameters(
@@ -229,7 +234,7 @@ def copter_flight_parameters(params: Parameters) -> FlightParameters:
             disarm_landed_s=disarm_s,
             disarm_unflown_s=disarm_s,
         ),
-        takeoff=fp.TakeoffParameters(height_m=10.0),
+        takeoff=fp.TakeoffParameters(height_m=10.0, reached_m=TAKEOFF_REACHED_M),
         mission=fp.MissionParameters(
             takes_off=bool(options & 2),
             restarts=params["MIS_RESTART"] == 1,

@@ -17,6 +17,7 @@ from sim_vehicle.vehicle.sticks import PilotLimits
 HeightAt = Callable[[float, float], float]
 MIN_SPEED_M_S = 0.1
 DEFAULT_CAPACITY_MAH = 5000.0
+LIFT_OFF_S = 4.0  # COM_SPOOLUP_TIME (1 s) and the ramp of the thrust, MPC_TKO_RAMP_T (3 s)
 NO_STICKS = 4  # value of COM_RC_IN_MODE
 MAX_IGNORED_DELAY_S = 0.1  # COM_FAIL_ACT_T up to this value counts as 0
 
@@ -113,10 +114,16 @@ def _returning(
 
 
 def _takeoff(
-    params: Parameters, *, speed_m_s: float | None = None, straight: bool = False
+    params: Parameters,
+    *,
+    speed_m_s: float | None = None,
+    slow_below_m: float = 0.0,
+    straight: bool = False,
+    reached_m: float | None = None,
 ) -> fp.TakeoffParameters:
     then = Behaviour.MISSION if params["COM_TAKEOFF_ACT"] == 1 else Behaviour.HOLD
-    return fp.TakeoffParameters(params["MIS_TAKEOFF_ALT"], speed_m_s, then, straight)
+    height_m = params["MIS_TAKEOFF_ALT"]
+    return fp.TakeoffParameters(height_m, speed_m_s, slow_below_m, then, straight, reached_m)
 
 
 def _flight_parameters(
@@ -237,8 +244,14 @@ def copter_flight_parameters(params: Parameters) -> FlightParameters:
             vertical_acceleration_m_s2=vertical_acceleration_m_s2,
             acceptance_radius_m=max(params["NAV_ACC_RAD"], 0.05),
             yaw_rate_deg_s=_positive(params["MPC_YAWRAUTO_MAX"]),
+            lift_off_s=LIFT_OFF_S,
         ),
-        takeoff=_takeoff(params, speed_m_s=_positive(params["MPC_TKO_SPEED"])),
+        takeoff=_takeoff(
+            params,
+            speed_m_s=_positive(params["MPC_TKO_SPEED"]),
+            slow_below_m=params["MPC_LAND_ALT1"],
+            reached_m=_positive(params["NAV_MC_ALT_RAD"]),
+        ),
         mission=fp.MissionParameters(waypoint_height_m=_positive(params["NAV_MC_ALT_RAD"])),
         returning=_returning(params, cruise_m_s, height_at=_return_height(params)),
         landing=fp.LandingParameters(
