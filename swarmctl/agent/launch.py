@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from swarmctl.agent.replan.climb import LIFT_S
+
 
 @dataclass(frozen=True, slots=True)
 class Launch:
@@ -24,6 +26,10 @@ class Launch:
     def armed_seen(self) -> bool:
         """True once the vehicle was seen armed after its launch order."""
         return self.armed_boot_s is not None
+
+    def lifts_off_in_s(self, now_s: float) -> float:
+        """Return the time until the lift-off of a copter on the ground [s]."""
+        return LIFT_S if self.armed_boot_s is None else max(self.armed_boot_s + LIFT_S - now_s, 0.0)
 
     def withdrawn(self) -> Launch:
         """Return the launch without its order."""

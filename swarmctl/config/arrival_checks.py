@@ -7,7 +7,8 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from swarmctl.agent.replan.length_bounds import CLIMB_M_S, before_takeoff
+from swarmctl.agent.replan.climb import climb_s
+from swarmctl.agent.replan.length_bounds import before_takeoff
 from swarmctl.agent.replan.time_bound import arrives_s
 from swarmctl.agent.state import Task
 from swarmctl.config.model import Config
@@ -76,10 +77,10 @@ def unmet_time_bound(task: Task, nearest: Route, here: KeyPath) -> Iterator[Conf
     """Yield the problem of a bound that no route meets; `nearest` comes closest to the bound."""
     arrival, lead_in = task.arrival, before_takeoff(task.arrival, task.altitude_m)
     takes_s = arrives_s(task, nearest.length_cells, nearest.cells)
-    climb_s, lead_s = task.altitude_m / CLIMB_M_S, lead_in.lead_m / arrival.speed_m_s
+    up_s, lead_s = climb_s(task.altitude_m), lead_in.lead_m / arrival.speed_m_s
     through_s = nearest.length_cells * task.grid.cell_size_m / arrival.speed_m_s
-    lost_s = takes_s - climb_s - lead_s - through_s
-    parts = f"{climb_s:.1f} s to climb, {lead_s:.1f} s to the area, {through_s:.1f} s through it and "
+    lost_s = takes_s - up_s - lead_s - through_s
+    parts = f"{up_s:.1f} s to climb, {lead_s:.1f} s to the area, {through_s:.1f} s through it and "
     parts += f"{lost_s:.1f} s for lift-off, acceleration and turns"
     if takes_s > arrival.within_s:
         needed_s = math.ceil(10.0 * takes_s) / 10.0

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 from swarmctl.agent.arrival.common_time import ArrivalGroup
 from swarmctl.agent.commands import RETRY_AFTER_S
+from swarmctl.agent.replan.climb import CLIMB_M_S
 from swarmctl.agent.replan.copter_trajectory import FlightPart, fly_along, fly_through_change, land_from
-from swarmctl.agent.replan.length_bounds import CLIMB_M_S
 from swarmctl.agent.replan.stopping import MissionChange
 from swarmctl.agent.replan.travel_time import timed_track
 from swarmctl.agent.traffic.own_flight import planned_flight

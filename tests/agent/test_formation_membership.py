@@ -82,7 +82,7 @@ def test_a_member_joins_around_no_fly_cells(like_ardupilot: bool) -> None:
         entered.add(agent.state.cell)
         return not swarm.is_in_place(agent)
 
-    swarm.run_while(joins, 120.0)
+    swarm.run_while(joins, 140.0)
     assert (5, 3) in entered
     assert entered.isdisjoint(wall)
 

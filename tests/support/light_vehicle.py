@@ -22,6 +22,7 @@ Vector = tuple[float, float, float]
 
 ACCELERATION_M_S2, BRAKES_M_S2 = 2.5, 2.5
 CLIMB_M_S, DESCENT_M_S, LAND_M_S, LOW_M = 2.5, 1.5, 0.5, 10.0
+LIFT_S = 4.0
 VERTICAL_M_S2 = {True: 1.0, False: 3.0}
 """acceleration of climbs, by `stops_for_missions` [m/s²]: WPNAV_ACCEL_Z, and the lesser of PX4's limits"""
 VERTICAL_LEAD_S = 0.2
@@ -72,6 +73,7 @@ class LightVehicle:
     _targets: list[Vector] = field(default_factory=list)
     _leg_from: Vector = (0.0, 0.0, 0.0)
     _braking: bool = False
+    _lifts_off_in_s: float = 0.0
     _anchor: Vector | None = None
     _gust: list[float] = field(default_factory=lambda: [0.0, 0.0])
 
@@ -81,7 +83,7 @@ class LightVehicle:
     # --- commands
 
     def arm(self) -> None:
-        self.armed = True
+        self.armed, self._lifts_off_in_s = True, LIFT_S
 
     def disarm(self) -> None:
         self.armed, self.mode, self.velocity = False, "idle", [0.0, 0.0, 0.0]
@@ -162,6 +164,9 @@ class LightVehicle:
         if not self.armed or self.mode == "idle":
             return
         self.setpoint_age_s += dt_s
+        self._lifts_off_in_s -= dt_s
+        if self._lifts_off_in_s > 0.0:
+            return
         east, north, up = self._wanted_velocity()
         self._accelerate(east, north, up, dt_s)
         for axis in range(2):

@@ -9,9 +9,9 @@ from itertools import pairwise
 
 from swarmctl.agent.arrival.common_time import ArrivalGroup, due_s, speed_for
 from swarmctl.agent.commands import StepResult, may_set_speed, set_speed
-from swarmctl.agent.phases import Phase
+from swarmctl.agent.phases import IN_FLIGHT, Phase
 from swarmctl.agent.replan import travel_time
-from swarmctl.agent.replan.length_bounds import CLIMB_M_S, LIFT_S
+from swarmctl.agent.replan.climb import climb_s
 from swarmctl.agent.replan.spare_time import update_spare_time
 from swarmctl.agent.replan.stopping import MissionChange, after_stop, change_ahead
 from swarmctl.agent.replan.wing_trajectory import ROLL_S
@@ -126,9 +126,8 @@ def _path_to_goal(state: AgentState) -> _PathToGoal | None:
     if wings is not None:  # a fixed wing climbs along its route
         roll_s = 0.0 if vehicle.armed else ROLL_S
         return _PathToGoal(track, edge_m, speed_m_s, roll_s, turn_radius_m=state.task.turn_radius_m)
-    takeoff_s = max(state.height_m - (vehicle.alt_rel_m or 0.0), 0.0) / CLIMB_M_S + (
-        0.0 if vehicle.armed else LIFT_S
-    )
+    lift_s = 0.0 if state.phase in IN_FLIGHT else state.launch.lifts_off_in_s(vehicle.time_boot_s)
+    takeoff_s = lift_s + climb_s(max(state.height_m - (vehicle.alt_rel_m or 0.0), 0.0))
     return _PathToGoal(track, edge_m, speed_m_s, takeoff_s, change_ahead(state))
 
 

@@ -6,8 +6,7 @@ import math
 
 from swarmctl.agent.formation.near_members import near_members, places_of
 from swarmctl.agent.formation.ways import offset_of
-from swarmctl.agent.replan.copter_trajectory import DESCENT_M_S
-from swarmctl.agent.replan.length_bounds import CLIMB_M_S
+from swarmctl.agent.replan.climb import CLIMB_M_S, DESCENT_M_S
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.prediction import home_amsl_m
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory

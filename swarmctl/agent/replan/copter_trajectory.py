@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from swarmctl.agent.replan import travel_time, wing_trajectory
-from swarmctl.agent.replan.length_bounds import CLIMB_M_S, LIFT_S
+from swarmctl.agent.replan.climb import DESCENT_M_S, LIFT_S, climb_s
 from swarmctl.agent.replan.stopping import CORNER_M, RESTART_M_S, MissionChange, split_track
 from swarmctl.agent.state import Task
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory
@@ -16,10 +16,6 @@ from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import FlightPlan, Waypoint
 from swarmctl.core.planar import PlanarPoint
 
-DESCENT_M_S = 1.5
-"""descent rate down to LOW_M [m/s]: the default of ArduCopter's WPNAV_SPEED_DN"""
-CLIMB_M_S2 = 1.0
-"""acceleration of climbs and descents [m/s²]: the default of ArduCopter's WPNAV_ACCEL_Z"""
 LAND_M_S = 0.5
 """descent rate below LOW_M [m/s]: the default of LAND_SPEED"""
 RAMPS_S = 20.0
@@ -67,7 +63,7 @@ def with_level_off(
     plan whose first waypoint is near, or whose height hardly differs, stays unchanged.
     """
     height_m, first = plan.height_m, waypoints_of(task, plan)[0]
-    takes_s = _climb_s(height_m - here[2])
+    takes_s = climb_s(height_m - here[2])
     level_m = LEVEL_AHEAD_M if after_s is None else task.arrival.speed_m_s * (after_s + takes_s)
     away_m = math.dist(here[:2], first)
     if takes_s < LEVEL_S or away_m < 1.25 * level_m:
@@ -75,14 +71,6 @@ def with_level_off(
     east_m, north_m = (a + level_m / away_m * (b - a) for a, b in zip(here[:2], first, strict=True))
     level = Waypoint(*task.grid.frame.to_geodetic(east_m, north_m), height_m)
     return replace(plan, track=(level, *plan.track))
-
-
-def _climb_s(rise_m: float) -> float:
-    """Return the time of a climb, or of a descent with `rise_m` below 0, between two level flights [s]."""
-    rate_m_s, way_m = CLIMB_M_S if rise_m > 0.0 else DESCENT_M_S, abs(rise_m)
-    if way_m < rate_m_s**2 / CLIMB_M_S2:
-        return 2.0 * math.sqrt(way_m / CLIMB_M_S2)
-    return way_m / rate_m_s + rate_m_s / CLIMB_M_S2
 
 
 def waypoints_of(task: Task, plan: FlightPlan) -> list[PlanarPoint]:
@@ -95,7 +83,7 @@ def climb_then_fly(
     here: LocalPoint, height_m: float, path: Sequence[PlanarPoint], speed_m_s: float, lift_s: float = 0.0
 ) -> Trajectory:
     """Return the trajectory of a vertical climb after `lift_s` [s], a flight along `path`, and a landing."""
-    up_s = lift_s + max(height_m - here[2], 0.0) / CLIMB_M_S
+    up_s = lift_s + climb_s(max(height_m - here[2], 0.0))
     there = (here[0], here[1], height_m)
     if up_s == 0.0:
         return fly_along(there, height_m, path, speed_m_s)
@@ -183,7 +171,7 @@ def _fly_on(
     level_m = next((away_m for point in path if (away_m := math.dist(here[:2], point)) > 0.0), 0.0)
     level_m = min(level_m, track.at_m[-1])
     level, level_s = track.at(level_m)
-    late_s = max(_climb_s(height_m - here[2]) - level_s, 0.0)
+    late_s = max(climb_s(height_m - here[2]) - level_s, 0.0)
     n = bisect_left(track.at_m, level_m - CORNER_M) or 1
     points, times_s = [here], [0.0]
     for point, at_m, at_s in zip(track.points[1:n], track.at_m[1:n], track.times_s[1:n], strict=True):

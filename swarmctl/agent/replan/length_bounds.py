@@ -10,12 +10,7 @@ import math
 from dataclasses import dataclass
 
 from swarmctl.agent.replan import travel_time
-
-CLIMB_M_S = 2.5
-"""assumed climb rate [m/s]: the default of ArduCopter's WPNAV_SPEED_UP"""
-
-LIFT_S = 1.5
-"""time from arming to the start of the climb [s]"""
+from swarmctl.agent.replan.climb import LIFT_S, climb_s
 
 HOLD_S = 0.5
 """assumed hold for the first swap in flight [s]; later swaps use measured times"""
@@ -72,9 +67,8 @@ class LeadIn:
 
         `lost_s` is the time lost at turns (`travel_time.lost_s`).
         """
-        climb_s = max(self.climb_m, 0.0) / CLIMB_M_S
         at_speed_s = (self.lead_m + length_m) / arrival.speed_m_s
-        return self.elapsed_s + climb_s + self.lost_s + at_speed_s + lost_s
+        return self.elapsed_s + climb_s(max(self.climb_m, 0.0)) + self.lost_s + at_speed_s + lost_s
 
 
 @dataclass(frozen=True, slots=True)

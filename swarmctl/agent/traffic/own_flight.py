@@ -12,8 +12,8 @@ from collections.abc import Callable, Sequence
 from swarmctl.agent.formation.trajectory import flight_in_group
 from swarmctl.agent.phases import EN_ROUTE, Phase
 from swarmctl.agent.replan import wing_trajectory
+from swarmctl.agent.replan.climb import DESCENT_M_S
 from swarmctl.agent.replan.copter_trajectory import (
-    DESCENT_M_S,
     FlightPart,
     climb_then_fly,
     fly_along,
@@ -21,7 +21,6 @@ from swarmctl.agent.replan.copter_trajectory import (
     land_from,
     waypoints_of,
 )
-from swarmctl.agent.replan.length_bounds import LIFT_S
 from swarmctl.agent.replan.stopping import (
     STANDING_M_S,
     MissionChange,
@@ -242,7 +241,7 @@ def _phase_trajectory(state: AgentState, here: LocalPoint, for_s: float) -> Traj
         case Phase.FORMATION if not state.membership.stands_still:
             return flight_in_group(state, here, for_s)
         case Phase.LAUNCHING if swap is not None:
-            lift_s = LIFT_S if here[2] < AIRBORNE_M else 0.0
+            lift_s = state.launch.lifts_off_in_s(state.vehicle.time_boot_s) if here[2] < AIRBORNE_M else 0.0
             return climb_then_fly(here, swap.plan.height_m, waypoints_of(task, swap.plan), speed_m_s, lift_s)
         case Phase.FLYING | Phase.LANDING if swap is not None and not state.is_waiting:
             plan, path = swap.plan, waypoints_of(task, swap.plan)

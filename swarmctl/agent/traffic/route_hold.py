@@ -17,8 +17,8 @@ from typing import Any
 from swarmctl.agent.commands import StepResult, command
 from swarmctl.agent.own_modes import own_mode_roles
 from swarmctl.agent.phases import EN_ROUTE, Phase
-from swarmctl.agent.replan.copter_trajectory import DESCENT_M_S, at_height, waypoints_of, with_level_off
-from swarmctl.agent.replan.length_bounds import CLIMB_M_S
+from swarmctl.agent.replan.climb import CLIMB_M_S, DESCENT_M_S
+from swarmctl.agent.replan.copter_trajectory import at_height, waypoints_of, with_level_off
 from swarmctl.agent.replan.stored_mission import rest_of_stored
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.check import (
