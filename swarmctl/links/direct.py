@@ -67,7 +67,6 @@ class DirectLink:
         name: str,
         on_event: Callable[[LinkEvent], None],
         tlog: Path | None = None,
-        lost_after_s: float = 5.0,
         streaming: Streaming | None = None,
     ) -> None:
         self.name = name
@@ -76,11 +75,7 @@ class DirectLink:
         self._front_end = front_end
         self._on_event = on_event
         self._tlog = tlog
-        self._session = Session(
-            MavlinkPeer(sysid, own_sysid=front_end.sysid, own_compid=front_end.compid),
-            lost_after_s,
-            streaming,
-        )
+        self._session = Session(MavlinkPeer(sysid), streaming)
         self._channel: Channel | None = None
         self._heartbeat_received = asyncio.Event()
         self._waiter: asyncio.Future[Any] | None = None
@@ -155,12 +150,12 @@ class DirectLink:
         return done.swap_takes_s if isinstance(done, Uploaded) else 0.0
 
     async def read_parameters(self, names: Collection[str]) -> dict[str, float]:
-        procedure = partial(parameters.read_parameters, names=names, byte_wise=self._byte_wise)
+        procedure = partial(parameters.read_parameters, names=names)
         result: dict[str, parameters.Parameter] = await self._read("parameters", procedure)
         return {name: parameter.value for name, parameter in result.items()}
 
     async def set_parameters(self, values: Mapping[str, float]) -> None:
-        procedure = partial(parameters.set_parameters, wanted=values, byte_wise=self._byte_wise)
+        procedure = partial(parameters.set_parameters, wanted=values)
         done: Done = await self._perform_on_ground("set parameters", procedure)
         self._check(done, ParametersFailed, "the parameters are not all set")
 
@@ -269,11 +264,6 @@ class DirectLink:
             )
         except LinkError as error:
             raise LinkError(f"{self.name}: {error}") from None
-
-    @property
-    def _byte_wise(self) -> bool:
-        self._require_connection()
-        return self._session.autopilot in parameters.BYTE_WISE
 
     async def _read(
         self,

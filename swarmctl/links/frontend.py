@@ -26,7 +26,6 @@ from swarmctl.links.transports.base import Transport
 from swarmctl.links.transports.memory import MemoryTransport, MemoryWire
 from swarmctl.links.url import Endpoint
 from swarmctl.mavlink.protocol.codec import (
-    GCS_COMPID,
     GCS_SYSID,
     Encoder,
     Frame,
@@ -56,15 +55,11 @@ class FrontEnd:
         evidence: EvidenceRecorder | None = None,
         signing: Signing | None = None,
         say: Callable[[str], None] = lambda _text: None,
-        sysid: int = GCS_SYSID,
-        compid: int = GCS_COMPID,
     ) -> None:
-        self.sysid = sysid
-        self.compid = compid
         self._wall_time_us = wall_time_us
         self._memory = memory or {}
         guard = SigningGuard(signing, wall_time_us)
-        self._shared = LineShared(Encoder(sysid, compid), Forwarder(), guard, evidence, say)
+        self._shared = LineShared(Encoder(), Forwarder(), guard, evidence, say)
         self._lines: dict[Endpoint, Line] = {}
         self._open_lock = asyncio.Lock()
         self._timer: asyncio.TimerHandle | None = None
@@ -152,7 +147,7 @@ class FrontEnd:
                 "(ArduPilot: parameter SYSID_THISMAV, or MAV_SYSID since version 4.7; PX4: MAV_SYS_ID) or "
                 "its own link [system-id-twice]"
             )
-        if sysid == self.sysid:
+        if sysid == GCS_SYSID:
             raise LinkError(
                 f"system id {sysid} on {endpoint} is this ground station's id; give the vehicle an id from "
                 "1 to 254 [system-id-own]"

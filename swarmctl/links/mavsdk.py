@@ -30,7 +30,7 @@ from swarmctl.links.base import Identity, LinkError
 from swarmctl.links.direct import DirectLink
 from swarmctl.links.frontend import FrontEnd
 from swarmctl.links.mavsdk_conversations import MavsdkGate, OnEnd, with_mavsdk
-from swarmctl.mavlink.protocol.codec import FrameSplitter, Message, decode
+from swarmctl.mavlink.protocol.codec import GCS_COMPID, GCS_SYSID, FrameSplitter, Message, decode
 from swarmctl.mavlink.protocol.procedure import Context, Procedure
 from swarmctl.mavlink.session import SessionStep
 
@@ -45,7 +45,7 @@ _ITEM_FIELDS = tuple(MissionItem.__dataclass_fields__)
 class MavsdkStation:
     """Owner of a front end's only `Mavsdk` object, from the front end's first MAVSDK link to the last."""
 
-    def __init__(self, front_end: FrontEnd) -> None:
+    def __init__(self) -> None:
         self._loop = asyncio.get_running_loop()
         self._links: dict[int, MavsdkLink] = {}
         self._plugins: dict[int, tuple[Any, Any]] = {}
@@ -53,7 +53,7 @@ class MavsdkStation:
         self._splitter = FrameSplitter()
         # MAVSDK's log would go to the terminal, which belongs to the user interface.
         log_subscribe(lambda *_: True)
-        configuration = Configuration.create_manual(front_end.sysid, front_end.compid, False)
+        configuration = Configuration.create_manual(GCS_SYSID, GCS_COMPID, False)
         self._mavsdk: Mavsdk | None = Mavsdk(configuration)
         set_timeout = self._mavsdk._lib.mavsdk_set_timeout_s
         set_timeout.argtypes = [ctypes.c_void_p, ctypes.c_double]
@@ -167,7 +167,7 @@ class MavsdkLink(DirectLink):
                 )
             station = _STATIONS.get(self._front_end)
             if station is None or not station.is_open:
-                station = _STATIONS[self._front_end] = MavsdkStation(self._front_end)
+                station = _STATIONS[self._front_end] = MavsdkStation()
             self._gate, self._found = MavsdkGate(), asyncio.Event()
             station.join(self)
             self._station = station

@@ -69,13 +69,11 @@ class SessionStep(NamedTuple):
 class Session:
     """Session of one vehicle. Every input returns the messages to send and the events to report."""
 
-    def __init__(
-        self, peer: MavlinkPeer, lost_after_s: float = 5.0, streaming: Streaming | None = None
-    ) -> None:
+    def __init__(self, peer: MavlinkPeer, streaming: Streaming | None = None) -> None:
         self.peer = peer
         self.unsupported: str | None = None
         """reason why this type of vehicle is unsupported, set by the first heartbeat; None if supported"""
-        self._presence = Presence(lost_after_s)
+        self._presence = Presence()
         self._streaming = streaming or Streaming()
         self._context: Context | None = None
         self._streams: StreamKeeper | None = None
@@ -110,13 +108,6 @@ class Session:
         """Return whether the vehicle is lost or never heard, and no command or transfer is under way."""
         is_alive = self._presence.state is LinkState.ALIVE
         return not is_alive and (self._driver is None or self._driver.is_waiting)
-
-    @property
-    def autopilot(self) -> int:
-        """Return MAV_AUTOPILOT from the last heartbeat. Raises IllegalEvent before the first."""
-        if self._heartbeat is None:
-            raise IllegalEvent("autopilot before the first heartbeat")
-        return self._heartbeat.autopilot
 
     @property
     def dialect(self) -> Dialect:
@@ -245,7 +236,7 @@ class Session:
         except Unsupported as error:
             self.unsupported = str(error)
             return
-        self._context = Context(self.peer, dialect, Telemetry(dialect))
+        self._context = Context(self.peer, heartbeat.autopilot, dialect, Telemetry(dialect))
         streaming = self._streaming
         rates_hz = streaming.rates_hz(dialect.streams_hz)
         self._streams = StreamKeeper(self.peer, rates_hz, stops_others=streaming.stops_others)

@@ -60,8 +60,7 @@ def whole_flight(personality: str) -> FlyingBench:
     bench = FlyingBench(personality).prepared()
     bench.do("identify", basic.identify)
     bench.do("instruments", read_instruments)
-    wanted = {WHOLE[personality]: 3.0}
-    assert bench.do("set", partial(set_parameters, wanted=wanted, byte_wise=bench.byte_wise)).failure is None
+    assert bench.do("set", partial(set_parameters, wanted={WHOLE[personality]: 3.0})).failure is None
     assert bench.do("fence", partial(put_fence, items=fence_items(SQUARE))).failure is None
     if personality == "ardupilot":
         assert bench.do("enable fence", enable_fence).failure is None

@@ -21,12 +21,12 @@ INT32 = int(mavlink.MAV_PARAM_TYPE_INT32)
 
 
 def read(bench: FlyingBench, *names: str) -> dict[str, float]:
-    procedure = partial(read_parameters, names=names, byte_wise=bench.byte_wise)
+    procedure = partial(read_parameters, names=names)
     return {name: p.value for name, p in bench.do("read", procedure).items()}
 
 
 def write(bench: FlyingBench, **wanted: float) -> str | None:
-    procedure = partial(set_parameters, wanted=wanted, byte_wise=bench.byte_wise)
+    procedure = partial(set_parameters, wanted=wanted)
     return bench.do("write", procedure).failure
 
 
@@ -87,7 +87,7 @@ def test_no_parameter_is_set_on_a_vehicle_that_is_armed_meanwhile(personality):
     bench = FlyingBench(personality).uploaded(plan(north=8))
     before = bench.params[WHOLE[personality]]
     bench.block_down = lambda m: m.get_type() == "PARAM_VALUE"
-    procedure = partial(set_parameters, wanted={WHOLE[personality]: 1 - before}, byte_wise=bench.byte_wise)
+    procedure = partial(set_parameters, wanted={WHOLE[personality]: 1 - before})
     bench.begin("write", procedure)
     arm = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
     bench.another_sends(mavlink.MAVLink_command_long_message(1, 1, arm, 0, 1, 0, 0, 0, 0, 0, 0))

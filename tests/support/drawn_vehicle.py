@@ -61,7 +61,7 @@ class DrawnVehicle:
 
     def __init__(self, draw: Random, dialect: Dialect) -> None:
         self.draw, self.dialect = draw, dialect
-        self.context = Context(MavlinkPeer(1), dialect, self)  # type: ignore[arg-type]
+        self.context = Context(MavlinkPeer(1), 0, dialect, self)  # type: ignore[arg-type]
         self.stored = dialect.mission_items(self.plan(*OLD), START)
         self.track, self.at_m = list(OLD), draw.uniform(0.0, 350.0)
         self.mishaps, self.failures = draw.choice(SHARES) / 4.0, draw.choice(SHARES)

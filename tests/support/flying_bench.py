@@ -13,7 +13,6 @@ from sim_vehicle.faults.spec import parse_fault
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.scenarios import Scenario
 from swarmctl.core.mission import FlightPlan, MissionItem
-from swarmctl.mavlink.protocol.parameters import BYTE_WISE
 from swarmctl.mavlink.telemetry.streams import UNUSED_IDS
 
 BOTH = pytest.mark.parametrize("personality", ["ardupilot", "px4"])
@@ -83,10 +82,6 @@ class FlyingBench(WireBench):
     @property
     def params(self) -> Any:
         return self.vehicle.params
-
-    @property
-    def byte_wise(self) -> bool:
-        return self.session.autopilot in BYTE_WISE
 
     @property
     def mode(self) -> str:

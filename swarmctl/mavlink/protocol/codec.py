@@ -188,8 +188,6 @@ class Encoder:
     """
 
     def __init__(self, sysid: int = GCS_SYSID, compid: int = GCS_COMPID) -> None:
-        self.sysid = sysid
-        self.compid = compid
         self._mav = mavlink.MAVLink(None, srcSystem=sysid, srcComponent=compid)
         self._next_seq: dict[Hashable, int] = {}
 

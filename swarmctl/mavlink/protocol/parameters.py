@@ -167,10 +167,9 @@ class WriteParameters(_ParameterExchange):
         return same_value(parameter.value, self._new[name].value)
 
 
-def read_parameters(
-    ctx: Context, names: Iterable[str], *, byte_wise: bool
-) -> Procedure[dict[str, Parameter]]:
+def read_parameters(ctx: Context, names: Iterable[str]) -> Procedure[dict[str, Parameter]]:
     """Read parameters; return the parameters that the vehicle reports, by name."""
+    byte_wise = ctx.autopilot in BYTE_WISE
     current: dict[str, Parameter] = yield ReadParameters(ctx.peer, names, byte_wise=byte_wise)
     return current
 
@@ -181,11 +180,11 @@ def _refusal_if_armed(ctx: Context) -> Done | None:
     return Done(why) if ctx.state.armed else None
 
 
-def set_parameters(ctx: Context, wanted: Mapping[str, float], *, byte_wise: bool) -> Procedure[Done]:
+def set_parameters(ctx: Context, wanted: Mapping[str, float]) -> Procedure[Done]:
     """Change the parameters that differ from `wanted` on a disarmed vehicle, and confirm the new values."""
     if armed := _refusal_if_armed(ctx):
         return armed
-    current = yield from read_parameters(ctx, wanted, byte_wise=byte_wise)
+    current = yield from read_parameters(ctx, wanted)
     if armed := _refusal_if_armed(ctx):  # a pilot may have armed the vehicle during the reading
         return armed
     unknown = [name for name in wanted if name not in current]
@@ -197,7 +196,7 @@ def set_parameters(ctx: Context, wanted: Mapping[str, float], *, byte_wise: bool
         if not same_value(value, current[name].value)
     }
     try:
-        writing = WriteParameters(ctx.peer, to_write, byte_wise=byte_wise)
+        writing = WriteParameters(ctx.peer, to_write, byte_wise=ctx.autopilot in BYTE_WISE)
     except ValueError as error:
         return Done(f"nothing was set: {error}")
     written: dict[str, Parameter] = yield writing

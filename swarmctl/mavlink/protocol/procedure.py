@@ -28,6 +28,8 @@ class Context:
     """State shared by the procedures of one vehicle; only the procedures and the session write to it."""
 
     peer: MavlinkPeer
+    autopilot: int
+    """MAV_AUTOPILOT"""
     dialect: Dialect
     telemetry: Telemetry
     now: float = 0.0

@@ -12,6 +12,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.mavlink.protocol.codec import Message
 
+LOST_AFTER_S = 5.0
+"""age of the last heartbeat from which on a vehicle is lost"""
 LOST_EVERY_S = 1.0
 """Time between two reports of a lost vehicle [s]."""
 AUTOPILOT_COMPID = int(mavlink.MAV_COMP_ID_AUTOPILOT1)
@@ -48,9 +50,8 @@ class LinkState(Enum):
 class Presence:
     """Presence of a vehicle by the age of its last heartbeat."""
 
-    def __init__(self, lost_after_s: float = 5.0) -> None:
+    def __init__(self) -> None:
         self.state = LinkState.NEVER_HEARD
-        self._lost_after_s = lost_after_s
         self._last_heartbeat_s = -inf
         self.next_deadline: float | None = None
         """time of the next `tick` that reports the vehicle as lost [s]; None before its first heartbeat"""
@@ -62,7 +63,7 @@ class Presence:
     def on_heartbeat(self, now: float) -> LinkState:
         """Record a heartbeat; return the state before the heartbeat."""
         before, self.state, self._last_heartbeat_s = self.state, LinkState.ALIVE, now
-        self.next_deadline = now + self._lost_after_s
+        self.next_deadline = now + LOST_AFTER_S
         return before
 
     def tick(self, now: float) -> bool:
