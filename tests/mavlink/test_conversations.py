@@ -10,7 +10,7 @@ from swarmctl.mavlink.protocol.command import Command
 from swarmctl.mavlink.protocol.conversation import ConversationState, IllegalEvent
 from swarmctl.mavlink.protocol.mission_download import Download
 from swarmctl.mavlink.protocol.mission_upload import Upload
-from swarmctl.mavlink.protocol.wait import RequestMessage, RequestUntil, WaitUntil, wait
+from swarmctl.mavlink.protocol.wait import CollectMessages, RequestUntil, WaitUntil, wait
 
 
 def test_a_wait_ends_at_its_condition_or_its_time_out():
@@ -51,14 +51,15 @@ def test_a_request_waits_for_a_newer_heartbeat():
     assert again.result is True
 
 
-def test_a_message_request_is_repeated_every_second_until_the_message_arrives():
-    pending = RequestMessage(PEER, 148)
-    assert [m.param1 for m in pending.start(0.0)] == [148.0]
+def test_missing_messages_are_requested_again_every_second():
+    pending = CollectMessages(PEER, (148, 2), tries=3)
+    assert [m.param1 for m in pending.start(0.0)] == [148.0, 2.0]
     assert pending.tick(0.5) == []
-    assert kinds(pending.tick(1.0)) == ["COMMAND_LONG"]
+    assert [m.param1 for m in pending.tick(1.0)] == [148.0, 2.0]
     message = mavlink.MAVLink_autopilot_version_message(0, 1, 0, 0, 0, b"", b"", b"", 0, 0, 0)
     pending.receive(message, 1.5)
-    assert pending.result is message
+    assert [m.param1 for m in pending.tick(2.0)] == [2.0]
+    assert (pending.tick(3.0), pending.result) == ([], {148: (message, 1.5)})
 
 
 @pytest.mark.parametrize(
@@ -68,7 +69,7 @@ def test_a_message_request_is_repeated_every_second_until_the_message_arrives():
         Upload(PEER, ITEMS),
         Download(PEER),
         wait(1.0),
-        RequestMessage(PEER, 148),
+        CollectMessages(PEER, (148,)),
         RequestUntil(PEER, bool, 1.0),
     ],
 )

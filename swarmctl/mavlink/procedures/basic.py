@@ -32,7 +32,7 @@ from swarmctl.mavlink.protocol.command import Command
 from swarmctl.mavlink.protocol.outcome import Done, Swapped, Uploaded
 from swarmctl.mavlink.protocol.procedure import Context, Procedure
 from swarmctl.mavlink.protocol.setpoint import STOP, setpoint_message
-from swarmctl.mavlink.protocol.wait import RequestMessage, RequestUntil, SendUntil, WaitUntil
+from swarmctl.mavlink.protocol.wait import CollectMessages, RequestUntil, SendUntil, WaitUntil
 from swarmctl.mavlink.telemetry.vehicle_state import STILL_CLIMB_M_S, STILL_M_S
 
 __all__ = [
@@ -66,8 +66,9 @@ SAME_THROTTLE = -1.0
 
 def identify(ctx: Context) -> Procedure[Message]:
     """Request AUTOPILOT_VERSION until it arrives; return it."""
-    version = yield RequestMessage(ctx.peer, mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
-    return version
+    number = mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION
+    received: dict[int, tuple[Message, float]] = yield CollectMessages(ctx.peer, (number,))
+    return received[number][0]
 
 
 def prepare(ctx: Context) -> Procedure[Done]:

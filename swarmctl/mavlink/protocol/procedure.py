@@ -16,7 +16,7 @@ from swarmctl.core.vehicle import RECENT_DELAY_S, VehicleState
 from swarmctl.mavlink.dialects import Dialect
 from swarmctl.mavlink.protocol.codec import Message
 from swarmctl.mavlink.protocol.conversation import Conversation, ConversationState, MavlinkPeer
-from swarmctl.mavlink.protocol.wait import RequestUntil, WaitUntil
+from swarmctl.mavlink.protocol.wait import WaitUntil
 from swarmctl.mavlink.telemetry.vehicle_state import Telemetry
 
 R = TypeVar("R")
@@ -69,7 +69,7 @@ class Driver(Conversation[R]):
     @property
     def is_waiting(self) -> bool:
         """Return whether the procedure waits, without a command or a transfer under way."""
-        return isinstance(self._current, WaitUntil | RequestUntil)
+        return isinstance(self._current, WaitUntil)
 
     def _begin(self, now: float) -> list[Message]:
         self._enter(ConversationState.EXCHANGING)

@@ -1,8 +1,9 @@
-"""Conversations that wait: for a condition, with or without requests, or for one message."""
+"""Conversations that wait: for a condition, with or without requests, or for messages."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterable
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -27,11 +28,14 @@ class WaitUntil(Conversation[bool]):
         return self._check()
 
     def _on_deadline(self, now: float) -> list[Message]:
-        self._finish(self._condition())
+        self._finish(self._is_fulfilled())
         return []
 
+    def _is_fulfilled(self) -> bool:
+        return self._condition()
+
     def _check(self) -> list[Message]:
-        if self._condition():
+        if self._is_fulfilled():
             self._finish(True)
         return []
 
@@ -66,7 +70,7 @@ class SendUntil(WaitUntil):
         return [self._message, *self._check()]
 
 
-class RequestUntil(Conversation[bool]):
+class RequestUntil(SendUntil):
     """Repeated request of a message, until the message has arrived and `condition()` holds.
 
     The result is True, or False after `timeout_s`. A message counts as arrived only if `counts()` holds then.
@@ -85,55 +89,53 @@ class RequestUntil(Conversation[bool]):
         message_id: int = mavlink.MAVLINK_MSG_ID_HEARTBEAT,
         counts: Callable[[], bool] = lambda: True,
     ) -> None:
-        super().__init__()
-        self._condition = condition
+        super().__init__(request_message(peer, message_id), condition, timeout_s)
         self._counts = counts
-        self._timeout_s = timeout_s
         self._message_id = message_id
         self._received = False
-        self._end = 0.0
-        self._request = command_long(peer, mavlink.MAV_CMD_REQUEST_MESSAGE, (float(message_id),))
-
-    def _begin(self, now: float) -> list[Message]:
-        self._end = now + self._timeout_s
-        return self._ask(now)
 
     def _on_message(self, message: Message, now: float) -> list[Message]:
-        if not self._received:
-            self._received = message.get_msgId() == self._message_id and self._counts()
-        if self._received and self._condition():
-            self._finish(True)
-        return []
+        self._received = self._received or (message.get_msgId() == self._message_id and self._counts())
+        return super()._on_message(message, now)
 
-    def _on_deadline(self, now: float) -> list[Message]:
-        if now >= self._end:
-            self._finish(False)
-            return []
-        return self._ask(now)
-
-    def _ask(self, now: float) -> list[Message]:
-        self.next_deadline = min(self._end, now + self.REPEAT_PERIOD_S)
-        return [self._request]
+    def _is_fulfilled(self) -> bool:
+        return self._received and super()._is_fulfilled()
 
 
-class RequestMessage(Conversation[Message]):
-    """Request of one message (MAV_CMD_REQUEST_MESSAGE), repeated until that message arrives."""
+class CollectMessages(Conversation[dict[int, tuple[Message, float]]]):
+    """Request of some messages (MAV_CMD_REQUEST_MESSAGE), at most `tries` times each.
+
+    The result is message id -> (message, arrival time [s]); a message that did not arrive has no entry.
+    """
 
     REPEAT_PERIOD_S = 1.0
 
-    def __init__(self, peer: MavlinkPeer, message_id: int) -> None:
+    def __init__(self, peer: MavlinkPeer, ids: Iterable[int], tries: float = math.inf) -> None:
         super().__init__()
-        self._message_id = message_id
-        self._request = command_long(peer, mavlink.MAV_CMD_REQUEST_MESSAGE, (float(message_id),))
+        self._requests = {msgid: request_message(peer, msgid) for msgid in ids}
+        """requests of the messages that have not arrived, by message id"""
+        self._received: dict[int, tuple[Message, float]] = {}
+        self._tries_left = tries
 
     def _begin(self, now: float) -> list[Message]:
-        self.next_deadline = now + self.REPEAT_PERIOD_S
-        return [self._request]
+        return self._on_deadline(now)
 
     def _on_message(self, message: Message, now: float) -> list[Message]:
-        if message.get_msgId() == self._message_id:
-            self._finish(message)
+        if self._requests.pop(message.get_msgId(), None) is not None:
+            self._received[message.get_msgId()] = message, now
+        if not self._requests:
+            self._finish(self._received)
         return []
 
     def _on_deadline(self, now: float) -> list[Message]:
-        return self._begin(now)
+        if self._tries_left == 0:
+            self._finish(self._received)
+            return []
+        self._tries_left -= 1
+        self.next_deadline = now + self.REPEAT_PERIOD_S
+        return list(self._requests.values())
+
+
+def request_message(peer: MavlinkPeer, message_id: int) -> Message:
+    """Return the command that requests one message, MAV_CMD_REQUEST_MESSAGE."""
+    return command_long(peer, mavlink.MAV_CMD_REQUEST_MESSAGE, (float(message_id),))

@@ -11,10 +11,8 @@ from dataclasses import dataclass
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.mavlink.protocol.codec import Message
-from swarmctl.mavlink.protocol.command import command_long
-from swarmctl.mavlink.protocol.conversation import Conversation, ConversationState, MavlinkPeer
 from swarmctl.mavlink.protocol.procedure import Context, Procedure
-from swarmctl.mavlink.protocol.wait import WaitUntil
+from swarmctl.mavlink.protocol.wait import CollectMessages, WaitUntil
 
 REQUESTED_IDS = (
     int(mavlink.MAVLINK_MSG_ID_GPS_RAW_INT),
@@ -22,6 +20,8 @@ REQUESTED_IDS = (
     int(mavlink.MAVLINK_MSG_ID_HOME_POSITION),
     int(mavlink.MAVLINK_MSG_ID_SYS_STATUS),
 )
+TRIES = 5
+"""greatest number of requests of each message"""
 POSITIONS_WAIT_S = 5.0
 """longest wait for positions of a vehicle that has just begun to send them"""
 _UNKNOWN_HDOP = 0xFFFF
@@ -52,52 +52,9 @@ class Instruments:
     """mean time between the last positions [s]; None: too few positions in time"""
 
 
-class CollectMessages(Conversation[dict[int, tuple[Message, float]]]):
-    """Request of some messages (MAV_CMD_REQUEST_MESSAGE), at most TRIES times each.
-
-    The result is message id -> (message, arrival time [s]); a message that did not arrive has no entry.
-    """
-
-    REPEAT_PERIOD_S = 1.0
-    TRIES = 5
-
-    def __init__(self, peer: MavlinkPeer, ids: tuple[int, ...]) -> None:
-        super().__init__()
-        self._peer = peer
-        self._ids = ids
-        self._received: dict[int, tuple[Message, float]] = {}
-        self._tries = 0
-
-    def _begin(self, now: float) -> list[Message]:
-        self._enter(ConversationState.EXCHANGING)
-        return self._ask(now)
-
-    def _ask(self, now: float) -> list[Message]:
-        self._tries += 1
-        self.next_deadline = now + self.REPEAT_PERIOD_S
-        missing = [msgid for msgid in self._ids if msgid not in self._received]
-        return [
-            command_long(self._peer, mavlink.MAV_CMD_REQUEST_MESSAGE, (float(msgid),)) for msgid in missing
-        ]
-
-    def _on_message(self, message: Message, now: float) -> list[Message]:
-        msgid = int(message.get_msgId())
-        if msgid in self._ids:
-            self._received[msgid] = (message, now)
-            if len(self._received) == len(self._ids):
-                self._finish(self._received)
-        return []
-
-    def _on_deadline(self, now: float) -> list[Message]:
-        if self._tries < self.TRIES:
-            return self._ask(now)
-        self._finish(self._received)
-        return []
-
-
 def read_instruments(ctx: Context) -> Procedure[Instruments]:
     """Request the instruments; return the readings that arrive in time."""
-    received: dict[int, tuple[Message, float]] = yield CollectMessages(ctx.peer, REQUESTED_IDS)
+    received: dict[int, tuple[Message, float]] = yield CollectMessages(ctx.peer, REQUESTED_IDS, TRIES)
     gps = received.get(int(mavlink.MAVLINK_MSG_ID_GPS_RAW_INT))
     clock = received.get(int(mavlink.MAVLINK_MSG_ID_SYSTEM_TIME))
     fix = None if gps is None else _fix(gps[0])
