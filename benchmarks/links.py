@@ -51,7 +51,7 @@ from swarmctl.links.transports.memory import MemoryWire
 from swarmctl.links.url import Endpoint, parse_url
 from swarmctl.mavlink.dialects import dialect_for
 from swarmctl.mavlink.protocol.codec import Encoder, FrameSplitter, Message, decode
-from swarmctl.mavlink.protocol.mission_download import item_of
+from swarmctl.mavlink.protocol.mission_transfer import item_of
 
 HOME = (46.0490, 14.5060, 300.0)
 M_PER_DEG = 111_195.0

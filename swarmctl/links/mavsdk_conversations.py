@@ -18,7 +18,8 @@ from swarmctl.core.mission import MissionItem
 from swarmctl.mavlink.protocol.codec import Message
 from swarmctl.mavlink.protocol.conversation import Conversation
 from swarmctl.mavlink.protocol.mission_download import Download, DownloadOutcome, DownloadResult
-from swarmctl.mavlink.protocol.mission_upload import MISSION, Upload, UploadOutcome, UploadResult
+from swarmctl.mavlink.protocol.mission_transfer import MISSION
+from swarmctl.mavlink.protocol.mission_upload import Upload, UploadOutcome, UploadResult
 from swarmctl.mavlink.protocol.procedure import Procedure
 
 R = TypeVar("R")

@@ -16,7 +16,8 @@ from swarmctl.mavlink.dialects import dialect_for
 from swarmctl.mavlink.events import StateChanged
 from swarmctl.mavlink.protocol.codec import GCS_COMPID, GCS_SYSID, FrameSplitter, decode
 from swarmctl.mavlink.protocol.conversation import MavlinkPeer
-from swarmctl.mavlink.protocol.mission_upload import Upload, UploadOutcome, item_message
+from swarmctl.mavlink.protocol.mission_transfer import item_message
+from swarmctl.mavlink.protocol.mission_upload import Upload, UploadOutcome
 from swarmctl.mavlink.telemetry.mission_watch import OTHER_MISSION_LASTS_S, SETTLING_S, MissionWatch
 
 

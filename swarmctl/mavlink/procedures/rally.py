@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.mavlink.protocol.codec import Message
-from swarmctl.mavlink.protocol.command import name_of
-from swarmctl.mavlink.protocol.conversation import Conversation, MavlinkPeer
+from swarmctl.mavlink.protocol.conversation import MavlinkPeer
+from swarmctl.mavlink.protocol.mission_transfer import MissionTransfer, result_name
 from swarmctl.mavlink.protocol.procedure import Context, Procedure
 
 RALLY = int(mavlink.MAV_MISSION_TYPE_RALLY)
@@ -30,18 +30,18 @@ class RallyPoints:
     failure: str = ""
 
 
-class CountRallyPoints(Conversation[RallyPoints]):
+class CountRallyPoints(MissionTransfer[RallyPoints]):
     """Request of the number of rally points, sent up to TRIES times.
 
     `may_lack`: True if the answer "unsupported" means 0 points.
     """
 
+    REPLIES = frozenset({"MISSION_COUNT", "MISSION_ACK"})
     REPEAT_PERIOD_S = 1.0
     TRIES = 12
 
     def __init__(self, peer: MavlinkPeer, *, may_lack: bool) -> None:
-        super().__init__()
-        self._peer = peer
+        super().__init__(peer, RALLY)
         self._may_lack = may_lack
         self._tries = 0
         self._last_answer = "no answer"
@@ -52,23 +52,17 @@ class CountRallyPoints(Conversation[RallyPoints]):
     def _ask(self, now: float) -> list[Message]:
         self._tries += 1
         self.next_deadline = now + self.REPEAT_PERIOD_S
-        to = (self._peer.sysid, self._peer.compid)
-        return [mavlink.MAVLink_mission_request_list_message(*to, mission_type=RALLY)]
+        return [self._list_request()]
 
-    def _on_message(self, message: Message, now: float) -> list[Message]:
-        kind = message.get_type()
-        if kind not in ("MISSION_COUNT", "MISSION_ACK"):
-            return []
-        if message.mission_type != RALLY or not self._peer.is_for_us(message):
-            return []
-        if kind == "MISSION_COUNT":
+    def _on_reply(self, message: Message, now: float) -> list[Message]:
+        if message.get_type() == "MISSION_COUNT":
             self._finish(RallyPoints(int(message.count)))
             return self._closing_messages(now)
         if self._may_lack and message.type == mavlink.MAV_MISSION_UNSUPPORTED:
             self._finish(RallyPoints(0))
             return []
         # Other refusals may be temporary: another station may be uploading rally points.
-        self._last_answer = name_of("MAV_MISSION_RESULT", int(message.type)).removeprefix("MAV_MISSION_")
+        self._last_answer = result_name(int(message.type))
         return []
 
     def _on_deadline(self, now: float) -> list[Message]:
@@ -76,12 +70,6 @@ class CountRallyPoints(Conversation[RallyPoints]):
             return self._ask(now)
         self._finish(RallyPoints(None, f"no number after {self._tries} requests: {self._last_answer}"))
         return self._closing_messages(now)
-
-    def _closing_messages(self, now: float) -> list[Message]:
-        """Return the message that ends the transfer; otherwise PX4 would wait for requests of items."""
-        to = (self._peer.sysid, self._peer.compid)
-        code = mavlink.MAV_MISSION_OPERATION_CANCELLED
-        return [mavlink.MAVLink_mission_ack_message(*to, code, mission_type=RALLY)]
 
 
 def count_rally_points(ctx: Context) -> Procedure[RallyPoints]:

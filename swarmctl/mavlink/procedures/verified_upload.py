@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 from swarmctl.core.mission import MissionItem
 from swarmctl.mavlink.protocol.mission_download import Download, DownloadOutcome, DownloadResult
-from swarmctl.mavlink.protocol.mission_upload import MISSION, WINDOW, Upload, UploadOutcome, UploadResult
+from swarmctl.mavlink.protocol.mission_transfer import MISSION
+from swarmctl.mavlink.protocol.mission_upload import WINDOW, Upload, UploadOutcome, UploadResult
 from swarmctl.mavlink.protocol.outcome import Done
 from swarmctl.mavlink.protocol.procedure import Context, Procedure
 from swarmctl.mavlink.protocol.wait import wait

@@ -28,9 +28,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.mission import MissionItem
 from swarmctl.mavlink.protocol.codec import Message
-from swarmctl.mavlink.protocol.command import name_of
-from swarmctl.mavlink.protocol.conversation import Conversation, ConversationState, MavlinkPeer
-from swarmctl.mavlink.protocol.mission_upload import MISSION, WINDOW, item_message
+from swarmctl.mavlink.protocol.conversation import ConversationState, MavlinkPeer
+from swarmctl.mavlink.protocol.mission_transfer import MISSION, MissionTransfer, item_message, result_name
+from swarmctl.mavlink.protocol.mission_upload import WINDOW
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,12 +47,13 @@ class AppendResult:
     """True if the vehicle stores fewer items than before: another station has changed the mission"""
 
 
-class Append(Conversation[AppendResult]):
+class Append(MissionTransfer[AppendResult]):
     """One attempt to append `items` to the `count` items that a vehicle stores.
 
     `too_late`: called with the round-trip time [s]; True stops the append as useless.
     """
 
+    REPLIES = frozenset({"MISSION_REQUEST", "MISSION_REQUEST_INT", "MISSION_ACK", "MISSION_COUNT"})
     QUIET_S = 0.5
     """shortest silence after which the number of stored items is requested; 1.5 round trips if longer"""
     MAX_QUIET_S = 4.0
@@ -73,9 +74,8 @@ class Append(Conversation[AppendResult]):
         items: Sequence[MissionItem],
         too_late: Callable[[float], bool] = lambda _round_trip_s: False,
     ) -> None:
-        super().__init__()
+        super().__init__(peer)
         self._too_late = too_late
-        self._peer = peer
         self._n_before = count
         self._items = tuple(items)
         self._n_stored = 0
@@ -127,12 +127,8 @@ class Append(Conversation[AppendResult]):
             messages += [*[announcement] * self._copies, *[item] * self._copies]
         return messages
 
-    def _on_message(self, message: Message, now: float) -> list[Message]:
+    def _on_reply(self, message: Message, now: float) -> list[Message]:
         kind = message.get_type()
-        if kind not in ("MISSION_REQUEST", "MISSION_REQUEST_INT", "MISSION_ACK", "MISSION_COUNT"):
-            return []
-        if message.mission_type != MISSION or not self._peer.is_for_us(message):
-            return []
         if kind == "MISSION_ACK":
             return self._on_ack(int(message.type), now)
         if kind == "MISSION_COUNT":
@@ -177,7 +173,7 @@ class Append(Conversation[AppendResult]):
             self._n_count_requests -= 1
             self._on_answer(now)
             return self._burst(now) if self._awaits_count else []
-        name = name_of("MAV_MISSION_RESULT", code).removeprefix("MAV_MISSION_")
+        name = result_name(code)
         if code in (mavlink.MAV_MISSION_ERROR, mavlink.MAV_MISSION_INVALID_SEQUENCE):
             # A second copy, from this or the previous transfer, gets the same answer.
             self._last_nack = name
@@ -227,8 +223,10 @@ class Append(Conversation[AppendResult]):
     def _request_count(self) -> list[Message]:
         self._awaits_count = True
         self._n_count_requests += self._copies
-        to = (self._peer.sysid, self._peer.compid)
-        return [mavlink.MAVLink_mission_request_list_message(*to, mission_type=MISSION)] * self._copies
+        return [self._list_request()] * self._copies
+
+    def _closing_messages(self, now: float) -> list[Message]:
+        return []  # each item is a transfer of its own, which ends with the item
 
     @property
     def _has_refused(self) -> bool:

@@ -9,9 +9,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.mission import MissionItem
 from swarmctl.mavlink.protocol.codec import Message
-from swarmctl.mavlink.protocol.command import name_of
-from swarmctl.mavlink.protocol.conversation import Conversation, ConversationState, MavlinkPeer
-from swarmctl.mavlink.protocol.mission_upload import MISSION
+from swarmctl.mavlink.protocol.conversation import ConversationState, MavlinkPeer
+from swarmctl.mavlink.protocol.mission_transfer import MISSION, MissionTransfer, item_of, result_name
 
 
 class DownloadOutcome(Enum):
@@ -35,7 +34,7 @@ class DownloadResult:
     text: str
 
 
-class Download(Conversation[DownloadResult]):
+class Download(MissionTransfer[DownloadResult]):
     """One attempt to read the items from `first` on.
 
     window: number of items requested at a time; 1: each item takes a round trip
@@ -44,6 +43,7 @@ class Download(Conversation[DownloadResult]):
         the transfer. So if `window` > 1, the download has to be restarted after a loss.
     """
 
+    REPLIES = frozenset({"MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_ACK"})
     REPEAT_PERIOD_S, MAX_REPEAT_PERIOD_S = 1.0, 4.0
     TRIES = 12
     """Number of tries of a request. With 30 % loss, six tries fail in 59 % of all transfers of 50 items."""
@@ -58,9 +58,7 @@ class Download(Conversation[DownloadResult]):
         *,
         in_order: bool = False,
     ) -> None:
-        super().__init__()
-        self._peer = peer
-        self.mission_type = mission_type
+        super().__init__(peer, mission_type)
         self.first = self._next = self._requested_to = first
         self._window, self._copies, self._in_order = window, copies, in_order
         self._repeat_s, self._begin_s = self.REPEAT_PERIOD_S, 0.0
@@ -75,9 +73,8 @@ class Download(Conversation[DownloadResult]):
     def _request(self, now: float) -> list[Message]:
         self._tries += 1
         self.next_deadline = now + self._repeat_s
-        to = (self._peer.sysid, self._peer.compid)
         if self.state is ConversationState.WAITING:
-            return [mavlink.MAVLink_mission_request_list_message(*to, mission_type=self.mission_type)]
+            return [self._list_request()]
         self._requested_to = self._next
         return self._request_items()
 
@@ -93,12 +90,8 @@ class Download(Conversation[DownloadResult]):
             for _ in range(self._copies)
         ]
 
-    def _on_message(self, message: Message, now: float) -> list[Message]:
+    def _on_reply(self, message: Message, now: float) -> list[Message]:
         kind = message.get_type()
-        if kind not in ("MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_ACK"):
-            return []
-        if message.mission_type != self.mission_type or not self._peer.is_for_us(message):
-            return []
         if kind == "MISSION_COUNT" and self.state is ConversationState.WAITING:
             self._enter(ConversationState.EXCHANGING)
             self._count = int(message.count)
@@ -133,8 +126,7 @@ class Download(Conversation[DownloadResult]):
             *([mavlink.MAV_MISSION_ERROR] if self.state is ConversationState.WAITING else []),
         )
         if code not in stale:
-            name = name_of("MAV_MISSION_RESULT", code).removeprefix("MAV_MISSION_")
-            self._end(DownloadOutcome.REFUSED, name)
+            self._end(DownloadOutcome.REFUSED, result_name(code))
 
     def _on_deadline(self, now: float) -> list[Message]:
         may_not_repeat = self.state is ConversationState.EXCHANGING and self._in_order and self._window > 1
@@ -152,27 +144,3 @@ class Download(Conversation[DownloadResult]):
         complete = outcome is DownloadOutcome.COMPLETE
         items = tuple(self._items[seq] for seq in sorted(self._items)) if complete else ()
         self._finish(DownloadResult(outcome, items, f"read-back {outcome.value}: {reason}"))
-
-    def _closing_messages(self, now: float) -> list[Message]:
-        return [self._ack(mavlink.MAV_MISSION_OPERATION_CANCELLED)]
-
-    def _ack(self, code: int) -> Message:
-        return mavlink.MAVLink_mission_ack_message(
-            self._peer.sysid, self._peer.compid, code, self.mission_type
-        )
-
-
-def item_of(message: Message) -> MissionItem:
-    """Return the item in a MISSION_ITEM_INT."""
-    return MissionItem(
-        command=int(message.command),
-        frame=int(message.frame),
-        x=int(message.x),
-        y=int(message.y),
-        z=float(message.z),
-        param1=float(message.param1),
-        param2=float(message.param2),
-        param3=float(message.param3),
-        param4=float(message.param4),
-        autocontinue=int(message.autocontinue),
-    )

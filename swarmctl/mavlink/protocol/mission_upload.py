@@ -22,10 +22,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.mission import MissionItem
 from swarmctl.mavlink.protocol.codec import Message
-from swarmctl.mavlink.protocol.command import name_of
-from swarmctl.mavlink.protocol.conversation import Conversation, ConversationState, MavlinkPeer
-
-MISSION = int(mavlink.MAV_MISSION_TYPE_MISSION)
+from swarmctl.mavlink.protocol.conversation import ConversationState, MavlinkPeer
+from swarmctl.mavlink.protocol.mission_transfer import MISSION, MissionTransfer, item_message, result_name
 
 
 class UploadOutcome(Enum):
@@ -60,7 +58,7 @@ WINDOW = 8
 After a loss each item is sent twice; if the buffer then overflows, the vehicle requests the items again."""
 
 
-class Upload(Conversation[UploadResult]):
+class Upload(MissionTransfer[UploadResult]):
     """One attempt to upload `items` of a MAV_MISSION_TYPE.
 
     current: item marked as current, if any
@@ -69,6 +67,7 @@ class Upload(Conversation[UploadResult]):
         that item
     """
 
+    REPLIES = frozenset({"MISSION_REQUEST", "MISSION_REQUEST_INT", "MISSION_ACK"})
     OVERDUE_ROUND_TRIPS = 1.25
     MAX_OVERDUE_S = 2.5
     """time after which an item counts as lost: this number of round trips, at most MAX_OVERDUE_S"""
@@ -89,11 +88,9 @@ class Upload(Conversation[UploadResult]):
         flown: int | None = None,
         too_late: Callable[[float], bool] = lambda _round_trip_s: False,
     ) -> None:
-        super().__init__()
+        super().__init__(peer, mission_type)
         self._too_late = too_late
-        self._peer = peer
         self.current, self.flown = current, flown
-        self.mission_type = mission_type
         self.items = tuple(items)
         self._max_requested = -1
         """highest item requested so far"""
@@ -129,13 +126,8 @@ class Upload(Conversation[UploadResult]):
             )
         ]
 
-    def _on_message(self, message: Message, now: float) -> list[Message]:
-        kind = message.get_type()
-        if kind not in ("MISSION_REQUEST", "MISSION_REQUEST_INT", "MISSION_ACK"):
-            return []
-        if message.mission_type != self.mission_type or not self._peer.is_for_us(message):
-            return []
-        if kind == "MISSION_ACK":
+    def _on_reply(self, message: Message, now: float) -> list[Message]:
+        if message.get_type() == "MISSION_ACK":
             self._on_ack(int(message.type), now)
             return []
         return self._on_request(int(message.seq), now)
@@ -208,7 +200,7 @@ class Upload(Conversation[UploadResult]):
         return len(self._sent_s) == len(self.items)
 
     def _on_ack(self, code: int, now: float) -> None:
-        name = name_of("MAV_MISSION_RESULT", code).removeprefix("MAV_MISSION_")
+        name = result_name(code)
         if code == mavlink.MAV_MISSION_ACCEPTED:
             if self._is_all_sent:
                 self._end(UploadOutcome.ACCEPTED, name)
@@ -245,36 +237,3 @@ class Upload(Conversation[UploadResult]):
         nack = f"; refusal {self._last_nack}" if self._last_nack and outcome is not outcome.ACCEPTED else ""
         text = f"upload {outcome.value}: {reason}{nack}"
         self._finish(UploadResult(outcome, text, is_lossy=self._is_lossy))
-
-    def _closing_messages(self, now: float) -> list[Message]:
-        return [
-            mavlink.MAVLink_mission_ack_message(
-                self._peer.sysid,
-                self._peer.compid,
-                mavlink.MAV_MISSION_OPERATION_CANCELLED,
-                self.mission_type,
-            )
-        ]
-
-
-def item_message(
-    peer: MavlinkPeer, seq: int, item: MissionItem, mission_type: int = MISSION, *, current: bool = False
-) -> Message:
-    """Return a MISSION_ITEM_INT, the answer to both kinds of request."""
-    return mavlink.MAVLink_mission_item_int_message(
-        peer.sysid,
-        peer.compid,
-        seq,
-        item.frame,
-        item.command,
-        int(current),
-        item.autocontinue,
-        item.param1,
-        item.param2,
-        item.param3,
-        item.param4,
-        item.x,
-        item.y,
-        item.z,
-        mission_type,
-    )

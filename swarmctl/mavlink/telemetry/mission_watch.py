@@ -19,8 +19,7 @@ from swarmctl.core.mission import MissionItem
 from swarmctl.mavlink.dialects import Dialect
 from swarmctl.mavlink.protocol.codec import Message, extension
 from swarmctl.mavlink.protocol.conversation import MavlinkPeer
-from swarmctl.mavlink.protocol.mission_download import item_of
-from swarmctl.mavlink.protocol.mission_upload import MISSION
+from swarmctl.mavlink.protocol.mission_transfer import MISSION, item_of
 
 SETTLING_S = 2.0
 """time after an own procedure during which messages are ignored: late messages show the previous mission"""
