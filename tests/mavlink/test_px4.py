@@ -14,7 +14,7 @@ from profiles import full_only
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.mission import FlightPlan, MissionItem, Waypoint
-from swarmctl.mavlink.dialects import Readiness, dialect_for
+from swarmctl.mavlink.dialects import dialect_for
 from swarmctl.mavlink.dialects.px4 import Px4Copter
 from swarmctl.mavlink.protocol.mission_upload import UploadOutcome
 
@@ -44,21 +44,6 @@ def test_modes_have_their_names(custom_mode, name):
 )
 def test_a_mode_is_set_by_main_and_sub_mode(mode, params):
     assert PX4.mode_params(mode) == params
-
-
-@pytest.mark.parametrize(
-    ("readiness", "reasons"),
-    [
-        (Readiness("AUTO.LOITER", True, None, ()), ()),
-        (Readiness("POSCTL", True, None, ()), ("POSCTL",)),
-        (Readiness("AUTO.LOITER", False, None, ()), ("[pre-arm]",)),
-        (Readiness("AUTO.LOITER", False, None, ("Preflight Fail: Compass",)), ("Preflight Fail: Compass",)),
-    ],
-)
-def test_readiness_is_the_pre_arm_bit_in_a_mode_without_a_pilot(readiness, reasons):
-    found = PX4.not_ready(readiness)
-    assert len(found) == len(reasons)
-    assert all(reason in text for reason, text in zip(reasons, found, strict=True))
 
 
 def test_a_plan_becomes_takeoff_waypoints_land_without_a_home_placeholder():

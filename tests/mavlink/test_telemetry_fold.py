@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.mission import FlightPlan, MissionItem, Waypoint
 from swarmctl.core.vehicle import Landed
-from swarmctl.mavlink.dialects import Readiness, Unsupported, dialect_for
+from swarmctl.mavlink.dialects import Unsupported, dialect_for
 from swarmctl.mavlink.events import (
     FirstHeartbeat,
     Identity,
@@ -26,7 +26,7 @@ from swarmctl.mavlink.telemetry.presence import LinkState, Presence
 from swarmctl.mavlink.telemetry.streams import StreamKeeper
 from swarmctl.mavlink.telemetry.vehicle_state import Telemetry
 
-COPTER = dialect_for(3, 2)
+COPTER, PX4 = dialect_for(3, 2), dialect_for(12, 2)
 M = mavlink
 
 
@@ -209,31 +209,51 @@ def test_the_parts_of_a_long_text_are_joined_and_a_missing_part_is_marked():
     assert list(telemetry.texts) == [(4, a + b + c), (4, f"{a} ... {c}")]
 
 
-READY = Readiness("GUIDED", True, 16, ())
+def ekf(flags: int):
+    return M.MAVLink_ekf_status_report_message(flags, 0, 0, 0, 0, 0)
 
 
 @pytest.mark.parametrize(
-    ("readiness", "reasons"),
+    ("dialect", "messages", "reasons"),
     [
-        (READY, ()),
-        (Readiness("AUTO", True, 0x3F, ()), ()),
-        (Readiness("STABILIZE", True, 16, ()), ("STABILIZE",)),
-        (Readiness("GUIDED", False, 16, ()), ("[pre-arm]",)),
-        (Readiness("GUIDED", False, 16, ("PreArm: Hello",)), ("PreArm: Hello",)),
-        (Readiness("GUIDED", True, 15, ()), ("[no-position]",)),
+        (COPTER, (heartbeat(4), sys_status(), ekf(16)), ()),
+        (COPTER, (heartbeat(3), sys_status(), ekf(0x3F)), ()),
+        (COPTER, (heartbeat(0), sys_status(), ekf(16)), ("STABILIZE",)),
+        (COPTER, (heartbeat(4), sys_status(False), ekf(16)), ("[pre-arm]",)),
+        (COPTER, (heartbeat(4), sys_status(False), ekf(16), text("PreArm: Hello")), ("PreArm: Hello",)),
+        (
+            COPTER,
+            (heartbeat(4), text("PreArm: Hello"), sys_status(), sys_status(False), ekf(16)),
+            ("[pre-arm]",),
+        ),
+        (COPTER, (heartbeat(4), sys_status(), ekf(15)), ("[no-position]",)),
+        (PX4, (heartbeat(4 << 16 | 3 << 24), sys_status()), ()),
+        (PX4, (heartbeat(3 << 16), sys_status()), ("POSCTL",)),
+        (
+            PX4,
+            (heartbeat(4 << 16 | 3 << 24), sys_status(False), text("Preflight Fail: Gyro")),
+            ("Fail: Gyro",),
+        ),
     ],
 )
-def test_ready_is_guided_and_prearm_and_a_position_estimate(readiness, reasons):
-    found = COPTER.not_ready(readiness)
+def test_ready_is_the_pre_arm_bit_in_a_mode_without_a_pilot_and_a_position_estimate(
+    dialect, messages, reasons
+):
+    rest = M.MAVLink_extended_sys_state_message(0, 1), M.MAVLink_mission_current_message(0, 0), position()
+    telemetry = Telemetry(dialect)
+    for message in (*rest, *messages):
+        telemetry.receive(message, 0.0)
+    found = telemetry.state.not_ready
     assert len(found) == len(reasons)
     assert all(reason in text for reason, text in zip(reasons, found, strict=True))
+    assert telemetry.state.ready == (not reasons)
 
 
 def test_a_vehicle_is_ready_only_after_all_messages_arrived():
     telemetry = folded(heartbeat(4), sys_status(), position())
     (reason,) = telemetry.state.not_ready
     assert "EKF_STATUS_REPORT, EXTENDED_SYS_STATE, MISSION_CURRENT" in reason
-    telemetry.receive(M.MAVLink_ekf_status_report_message(16, 0, 0, 0, 0, 0), 0.0)
+    telemetry.receive(ekf(16), 0.0)
     telemetry.receive(M.MAVLink_extended_sys_state_message(0, 1), 0.0)
     telemetry.receive(M.MAVLink_mission_current_message(0, 0), 0.0)
     assert telemetry.state.ready

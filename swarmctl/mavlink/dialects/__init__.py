@@ -10,12 +10,12 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.mavlink.dialects.ardupilot import ArduCopter
 from swarmctl.mavlink.dialects.arduplane import ArduPlane
-from swarmctl.mavlink.dialects.base import Dialect, Readiness, Unsupported
+from swarmctl.mavlink.dialects.base import Dialect, Unsupported
 from swarmctl.mavlink.dialects.px4 import Px4Copter
 from swarmctl.mavlink.dialects.px4plane import Px4Plane
 from swarmctl.mavlink.protocol.command import name_of
 
-__all__ = ["Dialect", "Readiness", "Unsupported", "dialect_for"]
+__all__ = ["Dialect", "Unsupported", "dialect_for"]
 
 _MULTICOPTERS = (
     mavlink.MAV_TYPE_QUADROTOR,

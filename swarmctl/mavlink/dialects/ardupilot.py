@@ -5,7 +5,7 @@ Facts observed on ArduCopter 4.6.2 in software-in-the-loop.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import inf, trunc
 from types import MappingProxyType
@@ -14,7 +14,6 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import FlightPlan, MissionItem
-from swarmctl.mavlink.dialects.base import Readiness
 from swarmctl.mavlink.dialects.plan import LAND, TAKEOFF, WAYPOINT, copter_track, differences, item_at
 from swarmctl.mavlink.protocol.command import Command, CommandResult
 from swarmctl.mavlink.protocol.conversation import Conversation, MavlinkPeer
@@ -67,7 +66,6 @@ class ArduPilot:
             mavlink.MAVLINK_MSG_ID_HOME_POSITION: 0.2,
         }
     )
-    readiness_ids = tuple(msgid for msgid in streams_hz if msgid != mavlink.MAVLINK_MSG_ID_HOME_POSITION)
     first_seq: int | None = None
     arms_at_any_item = True
     first_waypoint_seq = 2
@@ -90,18 +88,6 @@ class ArduPilot:
     def mode_params(self, name: str) -> tuple[float, ...]:
         number = next(number for number, mode in self.mode_names.items() if mode == name)
         return float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED), float(number)
-
-    def not_ready(self, readiness: Readiness) -> tuple[str, ...]:
-        return tuple(self._reasons(readiness))
-
-    def _reasons(self, readiness: Readiness) -> Iterator[str]:
-        if readiness.mode not in (self.hold_mode, self.mission_mode):
-            yield f"mode is {readiness.mode or 'unknown'}, not {self.hold_mode}"
-        if readiness.prearm_ok is False:
-            yield "; ".join(readiness.complaints) or "pre-arm checks not passed [pre-arm]"
-        # The pre-arm bit covers the position only in modes that need a position. STABILIZE needs none.
-        if readiness.ekf_flags is not None and not readiness.ekf_flags & mavlink.EKF_POS_HORIZ_ABS:
-            yield "no position estimate yet [no-position]"
 
     def differences(
         self, sent: Sequence[MissionItem], found: Sequence[MissionItem], first: int = 0

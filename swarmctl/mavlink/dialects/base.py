@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Protocol
 
 from swarmctl.core.geo import LatLon
@@ -14,19 +13,6 @@ from swarmctl.mavlink.protocol.conversation import Conversation, MavlinkPeer
 
 class Unsupported(Exception):
     """No dialect for this vehicle."""
-
-
-@dataclass(frozen=True, slots=True)
-class Readiness:
-    """Telemetry that `Dialect.not_ready` needs; None: not received yet."""
-
-    mode: str
-    prearm_ok: bool | None
-    """SYS_STATUS health bit MAV_SYS_STATUS_PREARM_CHECK"""
-    ekf_flags: int | None
-    """EKF_STATUS_REPORT.flags"""
-    complaints: tuple[str, ...]
-    """last texts of the vehicle about failed pre-arm checks"""
 
 
 class Dialect(Protocol):
@@ -75,11 +61,7 @@ class Dialect(Protocol):
 
     @property
     def streams_hz(self) -> Mapping[int, float]:
-        """Rates to request [Hz], by message id."""
-
-    @property
-    def readiness_ids(self) -> tuple[int, ...]:
-        """Ids of the messages that readiness needs."""
+        """Rates to request [Hz], by message id. Readiness needs all these messages except HOME_POSITION."""
 
     @property
     def first_seq(self) -> int | None:
@@ -132,9 +114,6 @@ class Dialect(Protocol):
 
     def mode_params(self, name: str) -> tuple[float, ...]:
         """Return the parameters of MAV_CMD_DO_SET_MODE."""
-
-    def not_ready(self, readiness: Readiness) -> tuple[str, ...]:
-        """Return the reasons against arming and flying a mission now; empty if there are none."""
 
     def mission_items(self, plan: FlightPlan, start: LatLon | None = None) -> tuple[MissionItem, ...]:
         """Return a plan as this autopilot's mission; `start` is the take-off position.

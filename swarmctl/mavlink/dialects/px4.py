@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 
@@ -15,7 +15,6 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import FlightPlan, MissionItem, Waypoint
-from swarmctl.mavlink.dialects.base import Readiness
 from swarmctl.mavlink.dialects.plan import LAND, TAKEOFF, WAYPOINT, copter_track, differences, item_at
 from swarmctl.mavlink.protocol.command import CommandResult, SetCurrent
 from swarmctl.mavlink.protocol.conversation import Conversation, MavlinkPeer
@@ -73,7 +72,6 @@ class Px4:
             mavlink.MAVLINK_MSG_ID_HOME_POSITION: 0.5,
         }
     )
-    readiness_ids = tuple(msgid for msgid in streams_hz if msgid != mavlink.MAVLINK_MSG_ID_HOME_POSITION)
     first_seq = 0
     """PX4 begins at the current item, which landings and uploads do not reset"""
     arms_at_any_item = True
@@ -102,16 +100,6 @@ class Px4:
     def mode_params(self, name: str) -> tuple[float, ...]:
         main, sub = _MODES[name]
         return float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED), float(main), float(sub)
-
-    def not_ready(self, readiness: Readiness) -> tuple[str, ...]:
-        return tuple(self._reasons(readiness))
-
-    def _reasons(self, readiness: Readiness) -> Iterator[str]:
-        # The pre-arm bit is for the current mode, and manual modes have fewer checks.
-        if readiness.mode not in (self.hold_mode, self.mission_mode):
-            yield f"mode is {readiness.mode or 'unknown'}, not {self.hold_mode}"
-        if readiness.prearm_ok is False:
-            yield "; ".join(readiness.complaints) or "pre-arm checks not passed [pre-arm]"
 
     def differences(
         self, sent: Sequence[MissionItem], found: Sequence[MissionItem], first: int = 0

@@ -12,9 +12,10 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.records import replace
 from swarmctl.core.vehicle import MAX_DELAY_S, Landed, ModeRole, VehicleState
-from swarmctl.mavlink.dialects import Dialect, Readiness
+from swarmctl.mavlink.dialects import Dialect
 from swarmctl.mavlink.protocol.codec import Message
 from swarmctl.mavlink.telemetry.presence import is_armed
+from swarmctl.mavlink.telemetry.readiness import Readiness
 from swarmctl.mavlink.telemetry.statustext import TextAssembler, strike_count
 from swarmctl.mavlink.telemetry.vehicle_clock import VehicleClock
 
@@ -41,10 +42,7 @@ MIN_ALT_M, MAX_ALT_M = -1000.0, 20_000.0
 TEXTS_KEPT = 256
 
 _LANDED = {landed.value: landed for landed in Landed}
-_COMPLAINTS = ("PreArm: ", "Arm: ", "Preflight Fail: ")
-_COMPLAINTS_KEPT = 3
 _PERIODIC_SOURCES = ("HEARTBEAT", "SYS_STATUS")
-_READINESS_SOURCES = ("HEARTBEAT", "SYS_STATUS", "EKF_STATUS_REPORT", "STATUSTEXT")
 
 
 class Telemetry:
@@ -76,11 +74,8 @@ class Telemetry:
         self._positions_s: deque[float] = deque(maxlen=MAX_POSITIONS)
         """arrival times of the last positions"""
         self._assembler = TextAssembler()
-        self._prearm_ok: bool | None = None
-        self._ekf_flags: int | None = None
+        self._readiness = Readiness(dialect)
         self._had_gps = False
-        self._complaints: tuple[str, ...] = ()
-        self._missing = set(dialect.readiness_ids)
         self._roles: dict[str, ModeRole] = {
             dialect.land_mode: "land",  # overwritten below if the mission mode lands
             dialect.hold_mode: "hold",
@@ -94,7 +89,7 @@ class Telemetry:
             "GLOBAL_POSITION_INT": self._global_position,
             "SYS_STATUS": self._sys_status,
             "SYSTEM_TIME": self._system_time,
-            "EKF_STATUS_REPORT": self._ekf_status,
+            "EKF_STATUS_REPORT": lambda _message: False,  # only readiness has its content
             "EXTENDED_SYS_STATE": self._extended_sys_state,
             "MISSION_CURRENT": self._mission_current,
             "HOME_POSITION": self._home_position,
@@ -117,16 +112,16 @@ class Telemetry:
 
     def receive(self, message: Message, now: float) -> bool:
         """Update the state from a message; return True for a new state. `now`: local clock [s]."""
-        kind, msgid = message.get_type(), message.get_msgId()
+        kind = message.get_type()
         handler = self._handlers.get(kind)
         if handler is None:
             return False
         self._now = now
-        was_missing = msgid in self._missing
-        self._missing.discard(msgid)
+        changes_readiness = self._readiness.receive(message)
         is_new_state = handler(message)
-        if was_missing or kind in _READINESS_SOURCES:
-            self._update_readiness()
+        if changes_readiness:
+            reasons = self._readiness.reasons(self._changes.get("mode", self._state.mode))
+            self._changes |= {"ready": not reasons, "not_ready": reasons}
         if not is_new_state and kind in _PERIODIC_SOURCES:
             is_new_state = now - self._new_state_s >= NEW_STATE_PERIOD_S
         if is_new_state:
@@ -268,23 +263,19 @@ class Telemetry:
             heartbeat_s=last.heartbeat_s,
         )
         self._changes = {}
-        self._prearm_ok = self._ekf_flags = None
+        self._readiness = Readiness(self._dialect)
         self._had_gps = False
-        self._complaints = ()
-        self._missing = set(self._dialect.readiness_ids)
         self.n_reboots += 1
         self._clock.restart()
         self._clock.receive(time_boot_s, self._now)
         return True
 
     def _sys_status(self, message: Message) -> bool:
-        health = int(message.onboard_control_sensors_health)
-        self._prearm_ok = bool(health & mavlink.MAV_SYS_STATUS_PREARM_CHECK)
-        if self._prearm_ok:
-            self._complaints = ()
-        self._changes["gps_ok"] = self._gps_ok(int(message.onboard_control_sensors_present), health)
         percent, millivolts = int(message.battery_remaining), int(message.voltage_battery)
         self._changes |= {
+            "gps_ok": self._gps_ok(
+                message.onboard_control_sensors_present, message.onboard_control_sensors_health
+            ),
             "battery_percent": percent if 0 <= percent <= 100 else None,
             "battery_v": None if millivolts == 0xFFFF else millivolts / 1000.0,
             "status_s": self._now,
@@ -302,10 +293,6 @@ class Telemetry:
             self._had_gps = True
             return bool(health & mavlink.MAV_SYS_STATUS_SENSOR_GPS)
         return False if self._had_gps else None
-
-    def _ekf_status(self, message: Message) -> bool:
-        self._ekf_flags = int(message.flags)
-        return False
 
     def _extended_sys_state(self, message: Message) -> bool:
         self._changes["landed"] = _LANDED.get(message.landed_state, Landed.UNDEFINED)
@@ -343,9 +330,7 @@ class Telemetry:
             strikes = strike_count(text)
             if strikes is not None:
                 self._raise_strikes(strikes)
-            if text.startswith(_COMPLAINTS):
-                kept = (*(c for c in self._complaints if c != text), text)
-                self._complaints = kept[-_COMPLAINTS_KEPT:]
+            self._readiness.add_text(text)
         return False
 
     def _named_value_int(self, message: Message) -> bool:
@@ -356,15 +341,6 @@ class Telemetry:
     def _raise_strikes(self, count: int) -> None:
         # The highest running count is right, even if messages were lost or late.
         self._changes["strikes"] = max(self.state.strikes, count)
-
-    def _update_readiness(self) -> None:
-        mode = self._changes.get("mode", self._state.mode)
-        readiness = Readiness(mode, self._prearm_ok, self._ekf_flags, self._complaints)
-        reasons = self._dialect.not_ready(readiness)
-        if self._missing:
-            names = sorted(mavlink.mavlink_map[msgid].msgname for msgid in self._missing)
-            reasons = (*reasons, f"no {', '.join(names)} received yet")
-        self._changes |= {"ready": not reasons, "not_ready": reasons}
 
 
 _NO_POSITION: Mapping[str, float | None] = MappingProxyType(
