@@ -144,10 +144,9 @@ class DirectLink:
             items = self._session.mission_items(plan)
         except ValueError as error:
             raise UploadFailed(f"{self._label}: the plan cannot be flown: {error}") from error
-        async with self._ground_lock:
-            done: Done = await self._perform("upload", partial(basic.upload, items=items))
+        done: Uploaded = await self._perform_on_ground("upload", partial(basic.upload, items=items))
         self._check(done, UploadFailed, "the mission is not verified on the vehicle")
-        return done.swap_takes_s if isinstance(done, Uploaded) else 0.0
+        return done.swap_takes_s
 
     async def read_parameters(self, names: Collection[str]) -> dict[str, float]:
         procedure = partial(parameters.read_parameters, names=names)
@@ -204,9 +203,8 @@ class DirectLink:
         self._require_connection()
         self._apply(self._session.keep_streams(self._now()))
         procedure = partial(recognise, plans=plans, candidates=candidates)
-        done: Done = await self._perform("recognise", procedure)
-        if not isinstance(done, Recognised) or done.failure:
-            raise LinkError(f"{self._label}: the stored mission cannot be read: {done.failure}")
+        done: Recognised = await self._perform("recognise", procedure)
+        self._check(done, LinkError, "the stored mission cannot be read")
         return done
 
     async def hold(self, *, check_mode_first: bool = False) -> None:

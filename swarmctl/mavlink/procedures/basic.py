@@ -123,16 +123,16 @@ def hold(ctx: Context, *, check_mode_first: bool = False) -> Procedure[Done]:
     if stops and not check_mode_first:
         yield SendUntil(stop, lambda: True, 0.0)
     # PX4 may hold because set-points stopped. It would follow the next set-point, but not after a command.
-    failure = yield from _set_mode_urgently(
+    done = yield from _set_mode_urgently(
         ctx, dialect.hold_mode, check_mode_first=check_mode_first, skip_if_done=False
     )
-    if stops and failure is None:
+    if stops and done.failure is None:
         yield SendUntil(stop, lambda: _stands(ctx) or ctx.state.mode != dialect.hold_mode, STOP_WAIT_S)
         if ctx.state.mode != dialect.hold_mode:
-            failure = describe_takeover(ctx.state)
-        elif not _stands(ctx):
-            failure = f"the vehicle is in hold mode, but still moves after {STOP_WAIT_S:g} s [no-hold]"
-    return Done(failure)
+            return Done(describe_takeover(ctx.state))
+        if not _stands(ctx):
+            return Done(f"the vehicle is in hold mode, but still moves after {STOP_WAIT_S:g} s [no-hold]")
+    return done
 
 
 def _stands(ctx: Context) -> bool:
@@ -164,20 +164,15 @@ def follow_setpoints(ctx: Context) -> Procedure[Done]:
 
 def return_home(ctx: Context, *, check_mode_first: bool = False) -> Procedure[Done]:
     """Set return mode."""
-    return Done(
-        (yield from _set_mode_urgently(ctx, ctx.dialect.return_mode, check_mode_first=check_mode_first))
-    )
+    return _set_mode_urgently(ctx, ctx.dialect.return_mode, check_mode_first=check_mode_first)
 
 
 def land(ctx: Context, *, check_mode_first: bool = False) -> Procedure[Done]:
     """Land by the mission's landing if the dialect has a land command, else by land mode."""
-    if ctx.dialect.land_command is not None:
-        return Done(
-            (yield from land_by_mission(ctx, ctx.dialect.land_command, check_mode_first=check_mode_first))
-        )
-    return Done(
-        (yield from _set_mode_urgently(ctx, ctx.dialect.land_mode, check_mode_first=check_mode_first))
-    )
+    dialect = ctx.dialect
+    if dialect.land_command is None:
+        return (yield from _set_mode_urgently(ctx, dialect.land_mode, check_mode_first=check_mode_first))
+    return Done((yield from land_by_mission(ctx, dialect.land_command, check_mode_first=check_mode_first)))
 
 
 def set_speed(ctx: Context, speed_m_s: float) -> Procedure[Done]:
@@ -196,8 +191,8 @@ def set_speed(ctx: Context, speed_m_s: float) -> Procedure[Done]:
 
 def _set_mode_urgently(
     ctx: Context, mode: str, *, check_mode_first: bool, skip_if_done: bool = True
-) -> Procedure[str | None]:
-    """Set a mode at once, with several tries; return the failure.
+) -> Procedure[Done]:
+    """Set a mode at once, with several tries.
 
     The first command is sent without a new heartbeat, unless `check_mode_first` is set. The procedure ends
     when a heartbeat shows a mode outside the allowed modes: another party has chosen that mode.
@@ -226,5 +221,5 @@ def _set_mode_urgently(
             if failure is None:
                 break
     except NotInControl as why:
-        return str(why) if failure is None else f"{failure}; {why}"
-    return failure
+        return Done(str(why) if failure is None else f"{failure}; {why}")
+    return Done(failure)

@@ -13,14 +13,13 @@ from swarmctl.core.vehicle import Landed, VehicleState
 from swarmctl.mavlink.dialects.plan import JUMP, LAND, LAND_START, LOITER_TO_ALT
 from swarmctl.mavlink.procedures.guarded import (
     UNTIL_REPLACED_S,
-    GuardedCommand,
     NotInControl,
-    StateCondition,
     command,
     in_modes,
     send_guarded,
     set_mode,
 )
+from swarmctl.mavlink.procedures.set_current import set_current_item
 from swarmctl.mavlink.protocol.procedure import Context, Procedure
 
 
@@ -49,38 +48,22 @@ def land_by_mission(
             )
         if items and lands(ctx.state):
             return None  # a second command would restart the approach
+        order = command(ctx, land_command, lasts_s=UNTIL_REPLACED_S)
         if dialect.lands_at_nearest:
-            order = command(ctx, land_command, lasts_s=UNTIL_REPLACED_S)
             return (
                 yield from send_guarded(ctx, order, is_allowed, lands, skip_first_check=not check_mode_first)
             )
-        circle_seq = nearest_landing(ctx.verified_items, ctx.state)
-        if circle_seq is not None:
-            return (
-                yield from _fly_from_item(
-                    ctx, circle_seq, in_modes(modes, armed=True), check_mode_first=check_mode_first
-                )
-            )
-        # This command may arm the vehicle, so a new heartbeat always precedes it.
         flies = in_modes(modes, armed=True)
-        order = command(ctx, land_command, lasts_s=UNTIL_REPLACED_S)
-        return (yield from send_guarded(ctx, order, flies, lands))
+        circle_seq = nearest_landing(ctx.verified_items, ctx.state)
+        if circle_seq is None:
+            # This command may arm the vehicle, so a new heartbeat always precedes it.
+            return (yield from send_guarded(ctx, order, flies, lands))
+        failure = yield from set_current_item(
+            ctx, circle_seq, flies, lasts_s=UNTIL_REPLACED_S, skip_first_check=not check_mode_first
+        )
+        return failure or (yield from set_mode(ctx, dialect.mission_mode, flies, armed=True))
     except NotInControl as why:
         return str(why)
-
-
-def _fly_from_item(
-    ctx: Context, seq: int, is_allowed: StateCondition, *, check_mode_first: bool
-) -> Procedure[str | None]:
-    """Make the vehicle fly its mission from item `seq` on; return the failure."""
-    failure = yield from send_guarded(
-        ctx,
-        GuardedCommand(lambda attempt: ctx.dialect.set_current(ctx.peer, seq, attempt), UNTIL_REPLACED_S),
-        is_allowed,
-        lambda s: is_allowed(s) and s.mission_seq == seq,
-        skip_first_check=not check_mode_first,
-    )
-    return failure or (yield from set_mode(ctx, ctx.dialect.mission_mode, is_allowed, armed=True))
 
 
 def landing_items(items: tuple[MissionItem, ...]) -> frozenset[int]:

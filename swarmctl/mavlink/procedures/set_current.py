@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from swarmctl.core.vehicle import VehicleState
 from swarmctl.mavlink.procedures.guarded import (
     UNTIL_REPLACED_S,
     GuardedCommand,
@@ -46,11 +47,16 @@ def ensure_current_item(ctx: Context, seq: int, before: StateCondition) -> Proce
 
 
 def set_current_item(
-    ctx: Context, seq: int, before: StateCondition, *, lasts_s: float
+    ctx: Context, seq: int, before: StateCondition, *, lasts_s: float, skip_first_check: bool = False
 ) -> Procedure[str | None]:
     """Make an item current; return the failure. Raises NotInControl.
 
     lasts_s: time from now for which this item is the right one [s]; a vehicle that flies on passes it.
+    skip_first_check: as for `send_guarded`
     """
     order = GuardedCommand(lambda attempt: ctx.dialect.set_current(ctx.peer, seq, attempt), ctx.now + lasts_s)
-    return (yield from send_guarded(ctx, order, before, lambda s: before(s) and s.mission_seq == seq))
+
+    def is_current(state: VehicleState) -> bool:
+        return before(state) and state.mission_seq == seq
+
+    return (yield from send_guarded(ctx, order, before, is_current, skip_first_check=skip_first_check))
