@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -66,6 +67,17 @@ class SessionStep(NamedTuple):
     events: list[SessionEvent]
 
 
+@dataclass(slots=True)
+class _Vehicle:
+    """A supported vehicle, known from its first heartbeat on."""
+
+    heartbeat: FirstHeartbeat
+    """autopilot and type in the last heartbeat"""
+    context: Context
+    streams: StreamKeeper
+    mission: MissionWatch
+
+
 class Session:
     """Session of one vehicle. Every input returns the messages to send and the events to report."""
 
@@ -75,10 +87,8 @@ class Session:
         """reason why this type of vehicle is unsupported, set by the first heartbeat; None if supported"""
         self._presence = Presence()
         self._streaming = streaming or Streaming()
-        self._context: Context | None = None
-        self._streams: StreamKeeper | None = None
-        self._heartbeat: FirstHeartbeat | None = None
-        self._mission: MissionWatch | None = None
+        self._vehicle: _Vehicle | None = None
+        """None before the first heartbeat, and if the vehicle is unsupported"""
         self._other_mission = False
         """True if another station has uploaded a mission"""
         self._driver: Driver[Any] | None = None
@@ -93,11 +103,11 @@ class Session:
 
     @property
     def state(self) -> VehicleState:
-        return VehicleState() if self._context is None else self._context.state
+        return VehicleState() if self._vehicle is None else self._vehicle.context.state
 
     @property
     def items(self) -> tuple[MissionItem, ...]:
-        return () if self._context is None else self._context.verified_items
+        return () if self._vehicle is None else self._vehicle.context.verified_items
 
     @property
     def busy_with(self) -> str | None:
@@ -112,7 +122,7 @@ class Session:
     @property
     def dialect(self) -> Dialect:
         """Return the vehicle's dialect. Raises IllegalEvent for an unknown or unsupported vehicle."""
-        return self._require_context().dialect
+        return self._known_vehicle().context.dialect
 
     def mission_items(self, plan: FlightPlan) -> tuple[MissionItem, ...]:
         """Return a plan as this vehicle's mission. Raises ValueError for a plan that cannot be flown."""
@@ -123,10 +133,9 @@ class Session:
 
         Raises ValueError for a set-point that is incomplete or not finite.
         """
-        context = self._context
-        if context is None or context.dialect.setpoint_mode is None:
+        if self._vehicle is None or self.dialect.setpoint_mode is None:
             return None
-        context.setpoint_sent_s = now
+        self._vehicle.context.setpoint_sent_s = now
         return setpoint_message(self.peer, setpoint)
 
     def age_s(self, now: float) -> float:
@@ -134,22 +143,19 @@ class Session:
 
     def identity(self, version: Message) -> Identity:
         """Return the vehicle's identity from its heartbeat and an AUTOPILOT_VERSION."""
-        if self._heartbeat is None:
-            raise IllegalEvent("identity before the first heartbeat")
+        heartbeat = self._known_vehicle().heartbeat
         number = int(version.flight_sw_version)
         firmware = f"{self.dialect.name} {number >> 24}.{number >> 16 & 0xFF}.{number >> 8 & 0xFF}"
-        return Identity(
-            self.peer.sysid,
-            self._heartbeat.autopilot,
-            self._heartbeat.vehicle_type,
-            firmware,
-            bytes(version.uid2),
-        )
+        uid2 = bytes(version.uid2)
+        return Identity(self.peer.sysid, heartbeat.autopilot, heartbeat.vehicle_type, firmware, uid2)
 
     @property
     def next_deadline(self) -> float | None:
-        sources = (self._presence, self._streams, self._driver or self._mission)
-        deadlines = [due for s in sources if s is not None and (due := s.next_deadline) is not None]
+        vehicle = self._vehicle
+        if vehicle is None:
+            return self._presence.next_deadline
+        sources = (self._presence, vehicle.streams, self._driver or vehicle.mission)
+        deadlines = [due for source in sources if (due := source.next_deadline) is not None]
         return min(deadlines, default=None)
 
     # Inputs
@@ -161,39 +167,41 @@ class Session:
         is_heartbeat = message.get_type() == "HEARTBEAT"
         if is_heartbeat and not is_vehicle_heartbeat(message):
             return step  # from a companion with the autopilot's component id
-        silent_s = self._on_heartbeat(message, now, step) if is_heartbeat else None
-        if self._context is None:
-            if silent_s is not None:
-                step.events.append(VehicleRestored(silent_s))
+        is_restored = is_heartbeat and self._on_heartbeat(message, now, step)
+        if self._vehicle is None:
             return step
-        self._update_telemetry(self._context, message, now, step, silent_s)
+        is_new_state = self._update_telemetry(self._vehicle, message, now, step)
+        if is_new_state or is_restored:
+            # After a loss the agent uses this state, so it includes the heartbeat.
+            step.events.append(StateChanged(self.state))
         if self._driver is not None:
             step.messages.extend(self._driver.receive(message, now))
-            self._report_end(step)
+            self._report_end(step, now)
         return step
 
     def tick(self, now: float) -> SessionStep:
         step = SessionStep([], [])
         if self._presence.tick(now):
             step.events.append(VehicleLost(self._presence.age_s(now)))
-        if self._streams is not None:
-            step.messages.extend(self._streams.tick(now))
+        if self._vehicle is None:
+            return step
+        step.messages.extend(self._vehicle.streams.tick(now))
         if self._driver is not None:
             step.messages.extend(self._driver.tick(now))
-            self._report_end(step)
-        elif self._mission is not None:
-            step.messages.extend(self._mission.tick(self.state.mission_seq, now))
+            self._report_end(step, now)
+        else:
+            step.messages.extend(self._vehicle.mission.tick(self.state.mission_seq, now))
         return step
 
     def begin(self, name: str, procedure: Callable[[Context], Procedure[Any]], now: float) -> SessionStep:
         """Start a procedure. Raises IllegalEvent during another procedure, and as `dialect` does."""
         if self._driver is not None:
             raise IllegalEvent(f"{name} while {self._procedure_name} runs")
-        context = self._require_context()
+        context = self._known_vehicle().context
         self._procedure_name = name
         self._driver = Driver(procedure(context), context)
         step = SessionStep(self._driver.start(now), [])
-        self._report_end(step)
+        self._report_end(step, now)
         return step
 
     def cancel(self, now: float) -> SessionStep:
@@ -201,34 +209,32 @@ class Session:
         step = SessionStep([], [])
         if self._driver is not None:
             step.messages.extend(self._driver.cancel(now))
-            self._driver = None
-            self._require_context().interrupted = True
-            self._own_procedure_ended(now)
-            step.events.append(ProcedureDone(self._procedure_name, Done("cancelled")))
+            step.events.append(self._end(Done("cancelled"), now, interrupted=True))
         return step
 
     def keep_streams(self, now: float) -> SessionStep:
         """Request the telemetry streams, and request a stream again when the stream stops."""
-        self._require_context()
-        if self._streams is not None and self._streams.next_deadline is None:
-            self._streams.demand(now)
-            return SessionStep(self._streams.tick(now), [])
-        return SessionStep([], [])
+        streams = self._known_vehicle().streams
+        if streams.next_deadline is None:
+            streams.demand(now)
+        return SessionStep(streams.tick(now), [])
 
-    def _on_heartbeat(self, message: Message, now: float, step: SessionStep) -> float | None:
-        """Record a heartbeat; return the silence before it if the vehicle was lost [s], else None."""
+    def _on_heartbeat(self, message: Message, now: float, step: SessionStep) -> bool:
+        """Record a heartbeat; return whether the vehicle was lost before it."""
         silent_s = self._presence.age_s(now)
         before = self._presence.on_heartbeat(now)
         heartbeat = FirstHeartbeat(int(message.autopilot), int(message.type))
         if before is LinkState.NEVER_HEARD:
             step.events.append(heartbeat)
             self._identify(heartbeat)
-        self._heartbeat = heartbeat
-        if before is not LinkState.LOST:
-            return None
-        if self._streams is not None and self._streams.next_deadline is not None:
-            self._streams.demand(now + AFTER_SILENCE_S)
-        return silent_s
+        was_lost = before is LinkState.LOST
+        if was_lost:
+            step.events.append(VehicleRestored(silent_s))
+        if self._vehicle is not None:
+            self._vehicle.heartbeat = heartbeat
+            if was_lost:
+                self._vehicle.streams.renew(now + AFTER_SILENCE_S)
+        return was_lost
 
     def _identify(self, heartbeat: FirstHeartbeat) -> None:
         try:
@@ -236,68 +242,63 @@ class Session:
         except Unsupported as error:
             self.unsupported = str(error)
             return
-        self._context = Context(self.peer, heartbeat.autopilot, dialect, Telemetry(dialect))
-        streaming = self._streaming
-        rates_hz = streaming.rates_hz(dialect.streams_hz)
-        self._streams = StreamKeeper(self.peer, rates_hz, stops_others=streaming.stops_others)
-        self._mission = MissionWatch(self.peer, dialect)
+        rates_hz = self._streaming.rates_hz(dialect.streams_hz)
+        self._vehicle = _Vehicle(
+            heartbeat,
+            Context(self.peer, heartbeat.autopilot, dialect, Telemetry(dialect)),
+            StreamKeeper(self.peer, rates_hz, stops_others=self._streaming.stops_others),
+            MissionWatch(self.peer, dialect),
+        )
 
-    def _update_telemetry(
-        self, context: Context, message: Message, now: float, step: SessionStep, silent_s: float | None
-    ) -> None:
-        telemetry = context.telemetry
+    def _update_telemetry(self, vehicle: _Vehicle, message: Message, now: float, step: SessionStep) -> bool:
+        """Update telemetry, mission watch and streams; return whether the vehicle's state is new."""
+        context, telemetry = vehicle.context, vehicle.context.telemetry
         n_texts, n_reboots = telemetry.n_texts, telemetry.n_reboots
         context.now = now
-        is_new_state = telemetry.receive(message, now) | self._watch_mission(context, message, now)
-        step.events.extend(StatusText(severity, text) for severity, text in telemetry.texts_since(n_texts))
+        is_new_state = telemetry.receive(message, now) | self._watch_mission(vehicle, message, now)
+        if telemetry.n_texts != n_texts:
+            step.events.extend(StatusText(*text) for text in telemetry.texts_since(n_texts))
         if telemetry.n_reboots != n_reboots:
             step.events.append(VehicleRebooted())
             context.verified_items, self._other_mission = (), False
-            self._own_procedure_ended(now)
-            if self._streams is not None and self._streams.next_deadline is not None:
-                self._streams.demand(now)
-                step.messages.extend(self._streams.tick(now))
+            vehicle.mission.own_procedure_ended((), now)
+            vehicle.streams.renew(now)
+            step.messages.extend(vehicle.streams.tick(now))
         step.messages.extend(telemetry.questions(now))
-        if self._streams is not None:
-            self._streams.on_message(message.get_msgId(), now)
-        if silent_s is not None:
-            # The agent uses the next StateChanged, so that state has to include this heartbeat.
-            step.events.append(VehicleRestored(silent_s))
-        if is_new_state or silent_s is not None:
-            step.events.append(StateChanged(telemetry.state))
+        vehicle.streams.on_message(message.get_msgId(), now)
+        return is_new_state
 
-    def _watch_mission(self, context: Context, message: Message, now: float) -> bool:
+    def _watch_mission(self, vehicle: _Vehicle, message: Message, now: float) -> bool:
         """Update `other_mission` of the vehicle's state; return whether `other_mission` has changed."""
-        assert self._mission is not None
+        context, mission = vehicle.context, vehicle.mission
         if context.verified_items and self._other_mission:
             return self._report_other_mission(context, False)
         if self._driver is not None:
-            self._mission.receive_own_transfer(message)
+            mission.receive_own_transfer(message)
             return False
-        if not self._mission.shows_other_mission(message, now):
+        if not mission.shows_other_mission(message, now):
             return False
         context.verified_items = ()
-        self._own_procedure_ended(now)
+        mission.own_procedure_ended((), now)
         return self._report_other_mission(context, True)
-
-    def _own_procedure_ended(self, now: float) -> None:
-        assert self._mission is not None
-        self._mission.own_procedure_ended(self._require_context().verified_items, now)
 
     def _report_other_mission(self, context: Context, is_stored: bool) -> bool:
         self._other_mission = is_stored
         context.telemetry.set_other_mission(is_stored)
         return True
 
-    def _report_end(self, step: SessionStep) -> None:
-        if self._driver is None or self._driver.result is None:
-            return
-        self._own_procedure_ended(self._require_context().now)
-        step.events.append(ProcedureDone(self._procedure_name, self._driver.result))
-        self._driver = None
-        self._require_context().interrupted = False
+    def _report_end(self, step: SessionStep, now: float) -> None:
+        if self._driver is not None and self._driver.result is not None:
+            step.events.append(self._end(self._driver.result, now, interrupted=False))
 
-    def _require_context(self) -> Context:
-        if self._context is None:
+    def _end(self, result: Any, now: float, *, interrupted: bool) -> ProcedureDone:
+        """End the running procedure."""
+        vehicle = self._known_vehicle()
+        self._driver, vehicle.context.interrupted = None, interrupted
+        vehicle.mission.own_procedure_ended(vehicle.context.verified_items, now)
+        return ProcedureDone(self._procedure_name, result)
+
+    def _known_vehicle(self) -> _Vehicle:
+        if self._vehicle is None:
             raise IllegalEvent(f"system {self.peer.sysid} is unknown: no usable heartbeat received yet")
-        return self._context
+        return self._vehicle

@@ -161,7 +161,7 @@ def test_a_command_to_land_works_during_a_return() -> None:
 
 def test_a_plane_with_unknown_landings_flies_to_the_known_landing() -> None:
     flown = bench("px4").flying(FIRST)
-    flown.session._require_context().verified_items = ()
+    flown.session._known_vehicle().context.verified_items = ()
     assert flown.do("land", basic.land).failure is None
     assert mavlink.MAV_CMD_DO_LAND_START in flown.commands
     assert landed(flown)
@@ -175,6 +175,6 @@ def test_a_command_that_may_arm_is_not_sent_to_a_disarmed_plane() -> None:
     flown.run(400.0, lambda: not flown.vehicle.armed)
     flown.block_down = lambda message: message.get_type() == "EXTENDED_SYS_STATE"
     for known in (flown.session.items, ()):
-        flown.session._require_context().verified_items = known
+        flown.session._known_vehicle().context.verified_items = known
         assert flown.do("land", basic.land).failure is not None
         assert not flown.vehicle.armed

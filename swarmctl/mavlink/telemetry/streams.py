@@ -82,6 +82,11 @@ class StreamKeeper:
         self._check_at = due
         self._stopped.clear()
 
+    def renew(self, due: float) -> None:
+        """Schedule the requests as `demand` does, if the streams have been demanded before."""
+        if self._check_at is not None:
+            self.demand(due)
+
     def on_message(self, msgid: int, now: float) -> None:
         if msgid in self._due:
             self._repeat_s[msgid] = _REPEAT_PAUSE_S
