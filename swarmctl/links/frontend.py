@@ -196,7 +196,7 @@ class FrontEnd:
             self._timer.cancel()
             self._timer = None
         for line in self._lines.values():
-            await line.close()
+            await line.transport.close()
         self._lines.clear()
         await self._shared.forwarder.close()
 

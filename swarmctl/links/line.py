@@ -105,7 +105,6 @@ class Channel:
         self._on_message = on_message
         self._line = line
         self._tlog = tlog
-        self._is_attached = True
         line.add(self)
 
     @property
@@ -132,8 +131,8 @@ class Channel:
             self._on_message(message)
 
     def send(self, messages: list[Message]) -> None:
-        """Send to the vehicle's address; drop messages before an address is known and after `detach`."""
-        if self.address is not None and self._is_attached:
+        """Send to the vehicle's address; drop messages before an address is known."""
+        if self.address is not None:
             for message in messages:
                 self.log(self._line.send(message, self.address, self.sysid))
 
@@ -146,13 +145,11 @@ class Channel:
             self._tlog.flush()
 
     def detach(self) -> None:
-        """Leave the line and close the log. Idempotent."""
-        if self._is_attached:
-            self._is_attached = False
-            self._line.remove(self)
-            if self._tlog is not None:
-                self._tlog.close()
-                self._tlog = None
+        """Leave the line and close the log."""
+        self._line.remove(self)
+        if self._tlog is not None:
+            self._tlog.close()
+            self._tlog = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,11 +189,6 @@ class Line:
 
     def remove(self, channel: Channel) -> None:
         del self._channels[channel.sysid]
-
-    async def close(self) -> None:
-        for channel in tuple(self._channels.values()):
-            channel.detach()
-        await self.transport.close()
 
     @property
     def sysids(self) -> Set[int]:

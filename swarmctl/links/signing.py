@@ -131,12 +131,8 @@ class Signing:
             self._reserve()
         return Signature(self._key, (self._first_link_id + line) % 256, self._last)
 
-    def accepts(self, frame: bytes, clock: int) -> bool:
-        """Return whether a frame with a right checksum is accepted."""
-        return not self.why_not(frame, clock)
-
     def why_not(self, frame: bytes, clock: int) -> str:
-        """Return the reason for refusing a frame; empty if the frame is accepted."""
+        """Return the reason for refusing a frame with a right checksum; empty if the frame is accepted."""
         why = self._fault(frame, clock)
         if why:
             self.refused[why] += 1

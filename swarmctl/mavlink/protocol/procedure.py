@@ -64,7 +64,8 @@ class Driver(Conversation[R]):
         super().__init__()
         self._procedure = procedure
         self._context = context
-        self._current: Conversation[Any] | None = None
+        self._current: Conversation[Any]
+        """conversation that runs, from the procedure's first wait on"""
 
     @property
     def is_waiting(self) -> bool:
@@ -76,21 +77,17 @@ class Driver(Conversation[R]):
         return self._resume(None, now)
 
     def _on_message(self, message: Message, now: float) -> list[Message]:
-        assert self._current is not None
         return self._resume_after_end(self._current.receive(message, now), now)
 
     def _on_deadline(self, now: float) -> list[Message]:
-        assert self._current is not None
         return self._resume_after_end(self._current.tick(now), now)
 
     def _closing_messages(self, now: float) -> list[Message]:
-        assert self._current is not None
         messages = self._current.cancel(now)
         self._procedure.close()
         return messages
 
     def _resume_after_end(self, messages: list[Message], now: float) -> list[Message]:
-        assert self._current is not None
         if self._current.result is not None:
             return messages + self._resume(self._current.result, now)
         self.next_deadline = self._current.next_deadline
