@@ -32,12 +32,6 @@ def split(data: bytes) -> list[Frame]:
     return FrameSplitter().feed(data)
 
 
-def test_a_frame_has_sender_and_message_id_without_decoding():
-    (frame,) = split(heartbeat(sysid=200))
-    assert frame[1:] == (200, 1, 0)
-    assert frame.known
-
-
 def test_boot_text_between_frames_is_skipped():
     splitter = FrameSplitter()
     text = b"\n\nInit ArduCopter V4.6.2 (abc)\n\nFree RAM: 1234\n"

@@ -18,17 +18,6 @@ def started_upload(*, asked: int = 0) -> Upload:
     return upload
 
 
-@pytest.mark.parametrize("legacy", [True, False], ids=["MISSION_REQUEST", "MISSION_REQUEST_INT"])
-def test_both_kinds_of_request_are_answered_with_item_int(legacy):
-    upload = started_upload()
-    sent = [m for seq in range(3) for m in upload.receive(request(seq, legacy=legacy), 0.1)]
-    assert [(m.get_type(), m.seq, m.x) for m in sent] == [
-        ("MISSION_ITEM_INT", i, ITEMS[i].x) for i in range(3)
-    ]
-    upload.receive(mission_ack(0), 0.2)
-    assert upload.result.outcome is UploadOutcome.ACCEPTED
-
-
 def test_the_count_is_announced_every_second_until_the_first_request():
     upload = Upload(PEER, ITEMS)
     sent = [(0.0, m.count) for m in upload.start(0.0)]

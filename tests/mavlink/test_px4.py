@@ -38,14 +38,6 @@ def test_modes_have_their_names(custom_mode, name):
     assert PX4.mode_name(custom_mode) == name
 
 
-@pytest.mark.parametrize(
-    ("mode", "params"),
-    [("AUTO.LOITER", (1.0, 4.0, 3.0)), ("AUTO.MISSION", (1.0, 4.0, 4.0)), ("ACRO", (1.0, 5.0, 0.0))],
-)
-def test_a_mode_is_set_by_main_and_sub_mode(mode, params):
-    assert PX4.mode_params(mode) == params
-
-
 def test_a_plan_becomes_takeoff_waypoints_land_without_a_home_placeholder():
     short = FlightPlan(20.0, (Waypoint(46.1, 14.1, 25.0),), Waypoint(46.2, 14.2, 25.0))
     items = PX4.mission_items(short, (46.0, 14.0))

@@ -50,13 +50,6 @@ def test_an_ardupilot_built_without_rally_points_has_none() -> None:
     assert counted(bench) == RallyPoints(0)
 
 
-@pytest.mark.parametrize("points", [0, 2])
-def test_a_requested_list_is_recognised_by_its_type(points: int) -> None:
-    bench = Bench(Script(rally_points=points)).connected()
-    bench.copter.mission = [(16, 3, 0, 0, 20.0, 0, 0.0, 0.0, 0.0)] * 7
-    assert counted(bench) == RallyPoints(points)
-
-
 def test_an_unsupported_answer_of_px4_is_not_a_number() -> None:
     """Each build of PX4 has rally points."""
     bench = Bench(Script(rally_points=None))

@@ -22,7 +22,6 @@ from swarmctl.mavlink.events import (
 from swarmctl.mavlink.protocol.conversation import IllegalEvent, MavlinkPeer
 from swarmctl.mavlink.protocol.wait import RequestUntil, wait
 from swarmctl.mavlink.session import Session
-from swarmctl.mavlink.telemetry.presence import LinkState, Presence
 from swarmctl.mavlink.telemetry.streams import StreamKeeper
 from swarmctl.mavlink.telemetry.vehicle_state import Telemetry
 
@@ -346,18 +345,6 @@ def test_a_mission_of_another_length_is_different():
 
 
 # Presence and streams
-
-
-def test_presence_is_lost_after_five_seconds_and_comes_back():
-    presence = Presence()
-    assert (presence.state, presence.next_deadline) == (LinkState.NEVER_HEARD, None)
-    assert presence.age_s(3.0) == float("inf")
-    assert presence.on_heartbeat(10.0) is LinkState.NEVER_HEARD
-    assert presence.next_deadline == 15.0
-    assert not presence.tick(14.9)
-    assert [presence.tick(now) for now in (15.0, 15.9, 16.0)] == [True, False, True]
-    assert presence.on_heartbeat(20.0) is LinkState.LOST
-    assert presence.state is LinkState.ALIVE
 
 
 @pytest.mark.parametrize(

@@ -89,11 +89,6 @@ def test_without_a_question_due_nothing_is_sent() -> None:
     assert clock.questions(100.2 + ASK_FROM_S) == []
 
 
-def test_no_timesync_goes_over_a_link_that_keeps_up() -> None:
-    bench = FlyingBench("ardupilot").flying(plan(north=3))
-    assert bench.of("TIMESYNC") == []
-
-
 @BOTH
 @pytest.mark.parametrize("stall_s", [5.0, 20.0])
 def test_a_command_waits_until_the_backlog_of_a_stall_is_processed(personality: str, stall_s: float) -> None:

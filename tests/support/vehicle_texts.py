@@ -15,9 +15,8 @@ def ack(command: int, result: int, to: int = 255):
     return mavlink.MAVLink_command_ack_message(command, result, 0, 0, to, 190)
 
 
-def request(seq: int, *, to: int = 255, kind: int = 0, legacy: bool = True):
-    make = mavlink.MAVLink_mission_request_message if legacy else mavlink.MAVLink_mission_request_int_message
-    return make(to, 190, seq, kind)
+def request(seq: int, *, to: int = 255, kind: int = 0):
+    return mavlink.MAVLink_mission_request_message(to, 190, seq, kind)
 
 
 def mission_ack(result: int, *, to: int = 255, kind: int = 0):
