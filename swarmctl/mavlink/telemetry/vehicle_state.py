@@ -21,15 +21,6 @@ from swarmctl.mavlink.telemetry.vehicle_clock import VehicleClock
 
 STILL_M_S, STILL_CLIMB_M_S = 0.5, 0.3
 """a vehicle in the air below both speeds stands still"""
-REBOOT_STEP_S = 3.0
-"""greatest step back of the vehicle's clock by a late datagram; a larger step is a reboot"""
-LATE_MESSAGE_S = 1.0
-"""Margin for late messages. A vehicle has rebooted if its time since boot is shorter than the time since the
-previous message of its clock, by more than this margin."""
-CONTINUES_S = 0.5
-"""greatest step of the vehicle's clock between two messages of a vehicle that has not rebooted"""
-CLOCK_WRAP_S = 2**32 / 1000.0
-"""period of time_boot_ms, which has 32 bits: 49.7 days"""
 MAX_POSITION_AGE_S = 3.0
 """Age after which a position is dropped, by the local clock. ArduPilot reports the loss of its position; PX4
 stops sending positions."""
@@ -66,10 +57,6 @@ class Telemetry:
         self._changes: dict[str, Any] = {}
         self._now = 0.0
         self._clock = VehicleClock()
-        self._clock_received_s: float | None = None
-        self._clock_reported_s = 0.0
-        self._clock_before_s = 0.0
-        """time in completed periods of the clock, 49.7 days each"""
         self._new_state_s = -math.inf
         self._positions_s: deque[float] = deque(maxlen=MAX_POSITIONS)
         """arrival times of the last positions"""
@@ -181,18 +168,14 @@ class Telemetry:
 
     def _system_time(self, message: Message) -> bool:
         """Update the vehicle's clock while no positions arrive; positions also carry the clock."""
-        time_boot_s = self._clock_s(message)
-        if (
-            not self._notice_reboot(time_boot_s)
-            and self._position_is_old
-            and time_boot_s > self.state.time_boot_s
-        ):
+        time_boot_s = self._read_clock(message)
+        if time_boot_s is not None and self._position_is_old and time_boot_s > self.state.time_boot_s:
             self._changes["time_boot_s"] = time_boot_s
         return False
 
     def _global_position(self, message: Message) -> bool:
-        time_boot_s = self._clock_s(message)
-        if self._notice_reboot(time_boot_s) or time_boot_s < self._time_boot_s:
+        time_boot_s = self._read_clock(message)
+        if time_boot_s is None or time_boot_s < self._time_boot_s:
             return False
         self._count_standing(time_boot_s)
         position = _position_fields(message)
@@ -221,39 +204,14 @@ class Telemetry:
         if is_still and last.armed and last.landed is Landed.IN_AIR:
             self.stood_still_s += time_boot_s - last.time_boot_s
 
-    def _clock_s(self, message: Message) -> float:
-        """Return the time since boot, also across the clock's wrap after 49.7 days.
-
-        A restarted clock has wrapped if the local clock expects a wrap; otherwise the vehicle has rebooted.
-        """
-        reported_s = float(message.time_boot_ms) / 1000.0 + self._clock_before_s
-        if self._clock_before_s and reported_s - self._clock_reported_s > CLOCK_WRAP_S / 2.0:
-            return reported_s - CLOCK_WRAP_S  # late message from before the wrap
-        if self._clock_received_s is not None:
-            ran_s = reported_s + CLOCK_WRAP_S - self._clock_reported_s
-            if abs(ran_s - (self._now - self._clock_received_s)) <= REBOOT_STEP_S:
-                self._clock_before_s += CLOCK_WRAP_S
-                return reported_s + CLOCK_WRAP_S
-        return reported_s
-
-    def _notice_reboot(self, time_boot_s: float) -> bool:
-        last_wrap_s = self._clock_reported_s // CLOCK_WRAP_S * CLOCK_WRAP_S
-        received_s, reported_s = self._clock_received_s, self._clock_reported_s
-        self._clock_received_s, self._clock_reported_s = self._now, time_boot_s
-        went_back = time_boot_s < self._time_boot_s - REBOOT_STEP_S
-        ran_s = time_boot_s - last_wrap_s  # below 0: late message from before the wrap
-        # A clock that continues belongs to a message that has waited somewhere.
-        continues = 0.0 <= time_boot_s - reported_s <= CONTINUES_S
-        waited_s = 0.0 if received_s is None or continues else self._now - received_s - LATE_MESSAGE_S
-        has_restarted = 0.0 <= ran_s < waited_s
-        if not (went_back or has_restarted):
-            self._clock.receive(time_boot_s, self._now)
+    def _read_clock(self, message: Message) -> float | None:
+        """Return a message's time since boot [s]; None if it shows a reboot, which clears the state."""
+        time_boot_s, has_rebooted = self._clock.read(message, self._now, self._time_boot_s)
+        if not has_rebooted:
             self._changes["delay_s"] = round(self._clock.age_s(self._now, time_boot_s), 1)
-            return False
+            return time_boot_s
         # Heartbeats come without a request, so their fields stay; other fields are from before the reboot.
         last = self.state
-        time_boot_s -= self._clock_before_s
-        self._clock_before_s, self._clock_reported_s = 0.0, time_boot_s
         self._state = VehicleState(
             time_boot_s=time_boot_s,
             mode=last.mode,
@@ -266,9 +224,7 @@ class Telemetry:
         self._readiness = Readiness(self._dialect)
         self._had_gps = False
         self.n_reboots += 1
-        self._clock.restart()
-        self._clock.receive(time_boot_s, self._now)
-        return True
+        return None
 
     def _sys_status(self, message: Message) -> bool:
         percent, millivolts = int(message.battery_remaining), int(message.voltage_battery)
@@ -334,7 +290,7 @@ class Telemetry:
         return False
 
     def _named_value_int(self, message: Message) -> bool:
-        if message.name.rstrip("\0") == "strikes" and not self._notice_reboot(self._clock_s(message)):
+        if message.name.rstrip("\0") == "strikes" and self._read_clock(message) is not None:
             self._raise_strikes(int(message.value))
         return False
 
