@@ -172,7 +172,7 @@ class DrawnVehicle:
             except StopIteration as stop:
                 return stop.value
             match conversation:
-                case WaitUntil() | RequestUntil():
+                case WaitUntil():
                     answer = self.wait(conversation)
                 case Upload():
                     answer = self.upload(conversation)
@@ -188,7 +188,7 @@ class DrawnVehicle:
 
     def wait(self, conversation: Any) -> bool:
         for _ in range(self.draw.randint(1, 4)):
-            if isinstance(conversation, WaitUntil) and conversation._condition():
+            if not isinstance(conversation, RequestUntil) and conversation._condition():
                 return True
             self.fly(self.draw.choice((0.1, 0.5, 2.0)))
         counts = getattr(conversation, "_counts", lambda: True)
