@@ -33,7 +33,6 @@ from swarmctl.mavlink.protocol.codec import (
     decode,
 )
 from swarmctl.mavlink.protocol.command import is_forced_arming
-from swarmctl.mavlink.session import READ_IDS
 from swarmctl.mavlink.telemetry.presence import HEARTBEAT_PERIOD_S
 
 
@@ -132,8 +131,8 @@ class FrontEnd:
         on_message: Callable[[Message], None],
         on_event: Callable[[ChannelEvent], None],
         may_move: Callable[[], bool],
-        tlog: Path | None = None,
-        read_ids: Set[int] = READ_IDS,
+        tlog: Path | None,
+        read_ids: Set[int],
     ) -> Channel:
         """Return the channel of one system id on an open endpoint; `on_message` gets messages of `read_ids`.
 

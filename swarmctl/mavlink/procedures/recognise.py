@@ -16,9 +16,10 @@ from dataclasses import dataclass
 from swarmctl.core.mission import FlightPlan, MissionItem
 from swarmctl.core.vehicle import Landed
 from swarmctl.mavlink.dialects import Dialect
-from swarmctl.mavlink.dialects.plan import LAND, append_items
+from swarmctl.mavlink.dialects.plan import LAND
 from swarmctl.mavlink.procedures.guarded import NotInControl, confirm_state
 from swarmctl.mavlink.procedures.land import landing_items
+from swarmctl.mavlink.procedures.swap.stored import is_stored_at
 from swarmctl.mavlink.procedures.verified_upload import read_back
 from swarmctl.mavlink.protocol.mission_download import DownloadOutcome
 from swarmctl.mavlink.protocol.outcome import Done
@@ -99,10 +100,8 @@ def _flown_plan(
         items = missions[number]
         for begin in range(first, len(found) - len(items) + first + 1):
             end = begin + len(items) - first
-            if not _is_current(dialect, seq, range(begin, end), len(found)):
-                continue
-            expected = append_items(found[:begin], items, first)[begin:]
-            if dialect.differences(expected, found[begin:end], begin):
+            is_current = _is_current(dialect, seq, range(begin, end), len(found))
+            if not (is_current and is_stored_at(dialect, found, items, begin)):
                 continue
             if [item.command for item in found[:first]] != [item.command for item in items[:first]]:
                 return "its take-off is not the program's"

@@ -11,6 +11,7 @@ from enum import StrEnum
 
 from swarmctl.core.geo import distance_m
 from swarmctl.core.mission import MissionItem
+from swarmctl.mavlink.dialects import Dialect
 from swarmctl.mavlink.dialects.plan import append_items
 from swarmctl.mavlink.procedures.guarded import UNTIL_REPLACED_S, confirm_state
 from swarmctl.mavlink.procedures.set_current import set_current_item
@@ -42,12 +43,16 @@ def stored_at(ctx: Context, items: tuple[MissionItem, ...]) -> int | None:
         begins = stored[0].x * 1e-7, stored[0].y * 1e-7
         if here is None or distance_m(begins, here) >= within_m:
             return None
-    n_items = len(items) - first
-    for begin in range(len(stored) - n_items, first - 1, -1):
-        expected = append_items(stored[:begin], items, first)[begin:]
-        if not ctx.dialect.differences(expected, stored[begin : begin + n_items], begin):
-            return begin
-    return None
+    indices = range(len(stored) - len(items) + first, first - 1, -1)
+    return next((begin for begin in indices if is_stored_at(ctx.dialect, stored, items, begin)), None)
+
+
+def is_stored_at(
+    dialect: Dialect, stored: tuple[MissionItem, ...], items: tuple[MissionItem, ...], begin: int
+) -> bool:
+    """Return whether index `begin` of a stored list has a mission's items from its first waypoint on."""
+    expected = append_items(stored[:begin], items, dialect.first_waypoint_seq)[begin:]
+    return not dialect.differences(expected, stored[begin : begin + len(expected)], begin)
 
 
 class StoredSwap(Machine[State]):
