@@ -4,7 +4,8 @@
 |---|---|
 | commands: one message, without MAVSDK's repetitions and time-outs | MAVSDK |
 | uploads and read-backs of whole missions | MAVSDK |
-| parts of a mission, and an upload that keeps the current item: MAVSDK has neither | this program |
+| parts of a mission: MAVSDK has none | this program |
+| uploads that may keep the current item and withhold the last: MAVSDK can do neither | this program |
 | fences, parameters, MISSION_SET_CURRENT | this program |
 """
 
@@ -134,7 +135,7 @@ def with_mavsdk(procedure: Procedure[R], mavsdk: MissionTransfers) -> Procedure[
 
 def _by_mavsdk(direct: Conversation[Any], mavsdk: MissionTransfers) -> Conversation[Any]:
     match direct:
-        case Upload() if direct.mission_type == MISSION and direct.flown is None:
+        case Upload() if direct.mission_type == MISSION and direct.too_late is None:
             # MAVSDK sends only missions with exactly one current item: item 0 if no item is marked.
             items, current = direct.items, direct.current or 0
             return MavsdkTransfer(

@@ -210,14 +210,15 @@ class DrawnVehicle:
 
     def upload(self, conversation: Any) -> UploadResult:
         self.fly(self.draw.choice((0.2, 1.0, 4.0)))
-        if conversation._too_late(self.draw.choice((0.1, 0.5, 3.0))):
+        round_trip_s = self.draw.choice((0.1, 0.5, 3.0))
+        if conversation.too_late is not None and conversation.too_late(round_trip_s):
             return UploadResult(UploadOutcome.TOO_LATE, "too late")
         outcome = UploadOutcome.ACCEPTED if self.usually() else self.draw.choice(list(UploadOutcome))
         if outcome in (UploadOutcome.ACCEPTED, UploadOutcome.UNCONFIRMED) or not self.usually():
             self.stored = conversation.items
-            seq = conversation.flown if conversation.current is None else conversation.current
-            if self.usually() and seq is not None and self.dialect.uploads_atomically:
-                self.change(mission_seq=seq)
+            marked = conversation.current
+            if self.usually() and marked is not None and self.dialect.uploads_atomically:
+                self.change(mission_seq=marked)
         return UploadResult(outcome, outcome.value)
 
     def append(self, conversation: Any) -> AppendResult:

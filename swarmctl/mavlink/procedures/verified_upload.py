@@ -32,23 +32,20 @@ def upload_mission(
     items: tuple[MissionItem, ...],
     current: int | None = None,
     tries: int = UPLOAD_TRIES,
-    flown: int | None = None,
-    too_late: Callable[[float], bool] = lambda _round_trip_s: False,
+    too_late: Callable[[float], bool] | None = None,
     is_over: Callable[[], bool] = lambda: False,
 ) -> Procedure[VerifiedUpload]:
     """Upload a mission, read it back and compare; try again unless the failure is final.
 
     A success means that exactly `items` are on the vehicle.
 
-    current: item marked as current; None: no mark
-    flown: item that the vehicle flies now; it stays current if no item is marked
-    too_late: called with the round-trip time [s]; True withholds the last item and ends the upload
+    current, too_late: as for `Upload`
     is_over: called before each further try; True ends the tries
     """
     ctx.verified_items, ctx.plan_first_seq = (), ctx.dialect.first_waypoint_seq
 
     def upload() -> Upload:
-        return Upload(ctx.peer, items, current=current, flown=flown, too_late=too_late)
+        return Upload(ctx.peer, items, current=current, too_late=too_late)
 
     def differences(found: tuple[MissionItem, ...]) -> tuple[str, ...]:
         return ctx.dialect.differences(items, found)

@@ -61,10 +61,9 @@ After a loss each item is sent twice; if the buffer then overflows, the vehicle 
 class Upload(MissionTransfer[UploadResult]):
     """One attempt to upload `items` of a MAV_MISSION_TYPE.
 
-    current: item marked as current, if any
-    flown: item that the vehicle flies now; it stays current if no item is marked
+    current: item marked as current; None: no mark, so a vehicle in flight keeps its current item
     too_late: called with the round-trip time [s] when the vehicle requests the last item; True withholds
-        that item
+        that item. None: never too late
     """
 
     REPLIES = frozenset({"MISSION_REQUEST", "MISSION_REQUEST_INT", "MISSION_ACK"})
@@ -85,12 +84,11 @@ class Upload(MissionTransfer[UploadResult]):
         items: Sequence[MissionItem],
         mission_type: int = MISSION,
         current: int | None = None,
-        flown: int | None = None,
-        too_late: Callable[[float], bool] = lambda _round_trip_s: False,
+        too_late: Callable[[float], bool] | None = None,
     ) -> None:
         super().__init__(peer, mission_type)
-        self._too_late = too_late
-        self.current, self.flown = current, flown
+        self.too_late = too_late
+        self.current = current
         self.items = tuple(items)
         self._max_requested = -1
         """highest item requested so far"""
@@ -145,7 +143,8 @@ class Upload(MissionTransfer[UploadResult]):
         if seq > self._max_requested:
             self._record_progress(seq, now)
         self.next_deadline = min(self._idle_at, self._stuck_at)
-        if seq == len(self.items) - 1 and self._too_late(self._round_trip_s):
+        is_last = seq == len(self.items) - 1
+        if is_last and self.too_late is not None and self.too_late(self._round_trip_s):
             return self._withhold_last(seq, now)
         return self._answer(seq, now)
 

@@ -96,7 +96,6 @@ class AtomicSwap(Machine[State]):
             self._items,
             self._marked,
             tries=1,
-            flown=self._flown,
             too_late=lambda round_trip_s: swap.lacks_position() or swap.is_past_splice(round_trip_s),
         )
         swap.current_since_s = uploaded.uploaded_s
