@@ -26,11 +26,12 @@ from swarmctl.planners.kernels.lattice import ROOT2
 from swarmctl.study import kernel_layout as k
 from swarmctl.study import replan_kernels
 from swarmctl.study.compiled_mission import CompiledMission
+from swarmctl.study.kinds import KINDS
 from swarmctl.study.mission import fly_mission
-from swarmctl.study.missions import fly_missions
 from swarmctl.study.world import World
 
 REPEATS = 2000
+MISSIONS = KINDS["missions"]
 PLAIN_PARTS = {
     "choose_route": "search and decision",
     "believed_exposure": "belief to exposure (Eq. 3 and 4)",
@@ -55,7 +56,7 @@ def rates(scenario: Scenario, n_worlds: int) -> Table:
         world = World.drawn(scenario, seed)
         plain_s += cpu_s(lambda world=world: fly_mission(scenario, world))  # type: ignore[misc]
         seeds = range(10 * seed, 10 * seed + 10)
-        compiled_s += cpu_s(lambda seeds=seeds: fly_missions(scenario, seeds)) / 10  # type: ignore[misc]
+        compiled_s += cpu_s(lambda seeds=seeds: MISSIONS.table(scenario, seeds)) / 10  # type: ignore[misc]
     table.add_row("plain", f"{n_worlds / plain_s:.1f}", "1")
     table.add_row("compiled", f"{n_worlds / compiled_s:.0f}", f"{plain_s / compiled_s:.0f}")
     return table
@@ -66,7 +67,7 @@ def compiled_parts(scenario: Scenario, n_worlds: int) -> Table:
     loop = CompiledMission(scenario)
     worlds = [World.drawn(scenario, seed) for seed in range(n_worlds)]
     results = [loop.fly(world) for world in worlds]
-    whole_s = cpu_s(lambda: fly_missions(scenario, range(n_worlds))) / n_worlds
+    whole_s = cpu_s(lambda: MISSIONS.table(scenario, range(n_worlds))) / n_worlds
     fly_s = cpu_s(lambda: [loop.fly(world) for world in worlds]) / n_worlds
     vehicles, _ = loop.flown_once(worlds[-1])
     result_s = cpu_s(lambda: [loop.result(worlds[-1], vehicles) for _ in worlds]) / n_worlds
@@ -157,7 +158,7 @@ def main() -> None:
     options = parser.parse_args()
     scenario = build(load(options.config))
     console = Console(width=110)
-    fly_missions(scenario, [0])  # compiles
+    MISSIONS.table(scenario, [0])  # compiles
     console.print(describe_load())
     console.print(rates(scenario, options.worlds))
     console.print(compiled_parts(scenario, 10 * options.worlds))

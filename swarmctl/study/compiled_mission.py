@@ -7,6 +7,8 @@ Routes, strikes, counts and sums are equal to those of `fly_mission`; `covers` s
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -17,8 +19,9 @@ from swarmctl.planners.kernels import is_small
 from swarmctl.planners.kernels.compilation import compiled
 from swarmctl.planners.kernels.lattice import offsets_of
 from swarmctl.study import kernel_layout as k
-from swarmctl.study.mission import MAX_ENTRIES_PER_CELL, first_route, on_ground
+from swarmctl.study.mission import MAX_ENTRIES_PER_CELL, first_route, fly_mission, on_ground
 from swarmctl.study.mission_kernels import mission
+from swarmctl.study.tables import SeedResult
 from swarmctl.study.vehicle_result import MissionResult, measured
 from swarmctl.study.world import MASK, World
 
@@ -40,6 +43,11 @@ def covers(scenario: Scenario) -> bool:
         and not radio.partitions
         and not radio.quiet
     )
+
+
+def flyer_of(scenario: Scenario) -> Callable[[World], MissionResult]:
+    """Return the function that flies the missions of a scenario: by the compiled loop where it can."""
+    return CompiledMission(scenario).fly if covers(scenario) else partial(fly_mission, scenario)
 
 
 class CompiledMission:
@@ -204,4 +212,4 @@ class CompiledMission:
             rows.append(row)
             tracks.append(tuple(map(tuple, cells.tolist())))
             strikes.append(tuple(hits))
-        return MissionResult(tuple(rows), tuple(tracks), tuple(strikes))
+        return SeedResult(tuple(rows), tuple(tracks), tuple(strikes))

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import math
 import tempfile
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +26,7 @@ from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.report.outcome import FlightReport
 from swarmctl.report.summary import known_to_any
 from swarmctl.report.ui import SilentUi
-from swarmctl.study.missions import Table, as_columns, types_of
+from swarmctl.study.tables import SeedResult
 from swarmctl.study.world import World
 
 
@@ -90,7 +90,6 @@ class FlownVehicle:
     splits: int
 
 
-NAMES = tuple(field.name for field in fields(FlownVehicle))
 AXES = ("along", "across", "height")
 
 
@@ -100,25 +99,12 @@ def unsupported(scenario: Scenario) -> str | None:
     return None if need is None else f"{need}; the kind flights needs simulated vehicles [real-clock]"
 
 
-def fly_flights(scenario: Scenario, seeds: Sequence[int], kept: Collection[int] = ()) -> Table:
-    """Fly one flight for each seed; keep the entered cells of the seeds in `kept`. Raises FlightFailed."""
-    rows: list[tuple[Any, ...]] = []
-    tracks: list[tuple[int, ...]] = []
-    hostiles: list[tuple[int, ...]] = []
-    for seed in seeds:
-        config = scenario.config.model_copy(update={"seed": seed})
-        of_seed, world = build(config), World.drawn(scenario, seed)
-        report = _fly(of_seed)
-        rows += [(seed, *(getattr(row, name) for name in NAMES)) for row in _rows(of_seed, report, world)]
-        if seed in kept:
-            hostiles += [(seed, *cell) for cell in sorted(world.hostiles)]
-            for uav, state in sorted(report.states.items()):
-                tracks += [(seed, uav, step, *cell) for step, cell in enumerate(state.flown.cells)]
-    return Table(
-        as_columns(("seed", *NAMES), rows, types_of(FlownVehicle)),
-        as_columns(("seed", "uav", "step", "row", "col"), tracks),
-        as_columns(("seed", "row", "col"), hostiles),
-    )
+def flown(scenario: Scenario, world: World) -> SeedResult[FlownVehicle]:
+    """Fly the flight with the seed of a world. Raises FlightFailed."""
+    of_seed = build(scenario.config.model_copy(update={"seed": world.seed}))
+    report = _fly(of_seed)
+    rows = tuple(_rows(of_seed, report, world))
+    return SeedResult(rows, tuple(report.states[row.uav].flown.cells for row in rows))
 
 
 def _fly(scenario: Scenario) -> FlightReport:

@@ -7,50 +7,57 @@ results are the same whatever the batches are.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
-
-import numpy as np
 
 from swarmctl.config.model import Config
 from swarmctl.config.scenario import Scenario, build
 from swarmctl.core.section import Section
-from swarmctl.study import flights, routes
-from swarmctl.study.mission import unsupported
-from swarmctl.study.missions import NAMES, Table, fly_missions
+from swarmctl.study import flights, mission, routes
+from swarmctl.study.compiled_mission import flyer_of
 from swarmctl.study.provenance import versions
-
-MISSION_MEASURES = tuple(name for name in NAMES if name != "uav")
-FLIGHT_MEASURES = tuple(name for name in flights.NAMES if name != "uav")
+from swarmctl.study.tables import SeedResult, Table, names_of, table_of
+from swarmctl.study.vehicle_result import VehicleResult
+from swarmctl.study.world import World
 
 
 @dataclass(frozen=True, slots=True)
 class Kind:
     """Something that an experiment computes."""
 
-    compute: Callable[[Scenario, Sequence[int], Collection[int], Any], Table]
-    """arguments: scenario, seeds, the seeds whose tracks are kept, settings"""
-    measures: tuple[str, ...]
-    """columns of the rows besides `seed` and `uav`, in order"""
+    row: type[Any]
+    """dataclass of a row: the field `uav`, then the measures"""
+    computer: Callable[[Scenario, Any], Callable[[World], SeedResult[Any]]]
+    """returns the function that computes one world, by scenario and settings of a level"""
     unsupported: Callable[[Scenario], str | None] = lambda _: None
     """why the kind has no model of a scenario; None if it has one"""
     settings: type[Section] | None = None
     """schema of the section `search` of an experiment file; None: the kind has no settings"""
 
+    @property
+    def measures(self) -> tuple[str, ...]:
+        """Columns of the rows besides `seed` and `uav`, in order."""
+        return names_of(self.row)[1:]
+
+    def table(
+        self, scenario: Scenario, seeds: Iterable[int], kept: Collection[int] = (), settings: Any = None
+    ) -> Table:
+        """Return the results of `seeds` at one level; keep the tracks of the seeds in `kept`."""
+        compute_world = self.computer(scenario, settings)
+        worlds = (World.drawn(scenario, seed) for seed in seeds)
+        return table_of(((world, compute_world(world)) for world in worlds), self.row, kept)
+
 
 KINDS: Mapping[str, Kind] = {
-    "missions": Kind(
-        lambda scenario, seeds, kept, _: fly_missions(scenario, seeds, kept), MISSION_MEASURES, unsupported
-    ),
+    "missions": Kind(VehicleResult, lambda scenario, _: flyer_of(scenario), mission.unsupported),
     "flights": Kind(
-        lambda scenario, seeds, kept, _: flights.fly_flights(scenario, seeds, kept),
-        FLIGHT_MEASURES,
-        flights.unsupported,
+        flights.FlownVehicle, lambda scenario, _: partial(flights.flown, scenario), flights.unsupported
     ),
     "routes": Kind(
-        lambda scenario, seeds, _, search: Table(routes.rows(scenario, seeds, search)),
-        routes.MEASURES,
+        routes.RouteResult,
+        lambda scenario, search: partial(routes.searched, scenario, search),
         routes.unsupported,
         routes.Search,
     ),
@@ -65,7 +72,5 @@ def compute(
     The rows are sorted by seed and UAV.
     """
     began_s = time.perf_counter()
-    table = KINDS[kind].compute(build(config), seeds, [seed for seed in seeds if seed in kept], settings)
-    order = np.lexsort((table.rows["uav"], table.rows["seed"]))
-    rows = {name: table.rows[name][order] for name in ("seed", "uav", *KINDS[kind].measures)}
-    return Table(rows, table.tracks, table.hostiles), time.perf_counter() - began_s, versions()
+    table = KINDS[kind].table(build(config), seeds, kept, settings)
+    return table, time.perf_counter() - began_s, versions()

@@ -48,6 +48,7 @@ from swarmctl.core.grid import Cell
 from swarmctl.core.observation import Observation
 from swarmctl.planners.base import Problem, Route, Unreachable
 from swarmctl.planners.benevolence import OtherVehicle
+from swarmctl.study.tables import SeedResult
 from swarmctl.study.vehicle_result import MissionResult, measured
 from swarmctl.study.way import NO_WAY, Way, along_route, along_track
 from swarmctl.study.world import World
@@ -357,7 +358,7 @@ class _Mission:
 
     def result(self) -> MissionResult:
         p_s = measures.exposure(self._world.occupancy(), self._scenario.strength)  # Eq. 2
-        return MissionResult(
+        return SeedResult(
             tuple(
                 measured(
                     self._scenario,

@@ -26,7 +26,7 @@ import pyarrow.parquet as pq
 from swarmctl.study.batches import Batch
 from swarmctl.study.experiment import Experiment
 from swarmctl.study.levels import Level
-from swarmctl.study.missions import Columns, Table
+from swarmctl.study.tables import Columns, Table
 
 PARTS = ("rows", "tracks", "hostiles")
 TABLES = {"rows": "results.parquet", "tracks": "tracks.parquet", "hostiles": "hostiles.parquet"}

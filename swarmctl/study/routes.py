@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from enum import IntEnum
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from swarmctl.agent.replan.decide import first_problem
@@ -27,6 +26,7 @@ from swarmctl.core.observation import Observation
 from swarmctl.core.section import NameIn, Section
 from swarmctl.planners import PLANNERS, Problem, Route, plan
 from swarmctl.study import w_search
+from swarmctl.study.tables import SeedResult
 from swarmctl.study.world import World
 
 SAME = 1e-9
@@ -106,9 +106,6 @@ class RouteResult:
     """no route has a greater believed safety factor"""
 
 
-MEASURES = tuple(RouteResult.__dataclass_fields__)[1:]
-
-
 def unsupported(scenario: Scenario) -> str | None:
     """Return why routes of a scenario cannot be compared with the exact answers; None if they can."""
     if any(first_problem(task, scenario.prior).min_length_cells > 0.0 for task in scenario.tasks):
@@ -116,17 +113,12 @@ def unsupported(scenario: Scenario) -> str | None:
     return None
 
 
-def rows(scenario: Scenario, seeds: Sequence[int], settings: Search) -> dict[str, NDArray[Any]]:
-    """Return the columns `seed`, `uav` and MEASURES: one row for each seed and vehicle, in this order.
+def searched(scenario: Scenario, settings: Search, world: World) -> SeedResult[RouteResult]:
+    """Return the route of each vehicle in one world.
 
     Raises Unreachable, and BoundTooTight if a bound of the base configuration excludes every route.
     """
-    results = [(seed, result) for seed in seeds for result in _results(scenario, seed, settings)]
-    columns = {"seed": np.array([seed for seed, _ in results], dtype=np.int64)}
-    for name in ("uav", *MEASURES):
-        values = np.array([getattr(result, name) for _, result in results])
-        columns[name] = values.astype(np.int16) if name == "uav" else values
-    return columns
+    return SeedResult(tuple(_results(scenario, settings, world)))
 
 
 def drawn_belief(scenario: Scenario, world: World, observed: float) -> Belief:
@@ -148,9 +140,7 @@ def drawn_belief(scenario: Scenario, world: World, observed: float) -> Belief:
     return scenario.prior.merge(observations)
 
 
-def _results(scenario: Scenario, seed: int, settings: Search) -> Iterator[RouteResult]:
-    """Yield the route of each vehicle for one seed."""
-    world = World.drawn(scenario, seed)
+def _results(scenario: Scenario, settings: Search, world: World) -> Iterator[RouteResult]:
     belief = drawn_belief(scenario, world, settings.observed)
     true_p_s = measures.exposure(world.occupancy(), scenario.strength)  # Eq. 2
     for task in scenario.tasks:
@@ -159,13 +149,13 @@ def _results(scenario: Scenario, seed: int, settings: Search) -> Iterator[RouteR
         if settings.longer is not None:
             bound = min(problem.max_length_cells, (1.0 + settings.longer) * shortest.length_cells)
             problem = replace(problem, max_length_cells=bound)
-        route, n_searches = _search(problem, settings, _generator(seed, Stream.SEARCH, task.uav))
+        route, n_searches = _search(problem, settings, _generator(world.seed, Stream.SEARCH, task.uav))
         exact, best_w, safest = (plan(problem, name) for name in ("constrained", "time_bound", "survival"))
         believed_survival = survival_probability(
             belief,
             task.strength,
             route.cells,
-            _generator(seed, Stream.SURVIVAL, task.uav),
+            _generator(world.seed, Stream.SURVIVAL, task.uav),
             settings.simulated_worlds,
         ).estimate
         # The first entry into each cell: a route of these methods has no cell twice.

@@ -13,8 +13,8 @@ from swarmctl.study.batches import Batch, BatchQueue, missing
 from swarmctl.study.cluster import ClusterError, Workers
 from swarmctl.study.experiment import Experiment
 from swarmctl.study.kinds import compute
-from swarmctl.study.missions import Table
 from swarmctl.study.results import Results, read_manifest
+from swarmctl.study.tables import Table
 
 Progress = Callable[[int, int], None]
 """called with the number of finished missions, and of all missions as far as decided"""

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from swarmctl.config.scenario import Scenario
 from swarmctl.core import exposure as measures
 from swarmctl.core.any_angle.pull import Track
-from swarmctl.core.grid import Cell
 from swarmctl.planners.base import Route
+from swarmctl.study.tables import SeedResult
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,15 +58,7 @@ class VehicleResult:
     """n_V at the end"""
 
 
-@dataclass(frozen=True, slots=True)
-class MissionResult:
-    """The results of one mission, one item for each vehicle."""
-
-    rows: tuple[VehicleResult, ...]
-    tracks: tuple[tuple[Cell, ...], ...]
-    """the cells entered, in order"""
-    strikes: tuple[tuple[int, ...], ...]
-    """the number of strikes at each entry"""
+MissionResult = SeedResult[VehicleResult]
 
 
 def measured(

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from swarmctl.study.compiled_mission import CompiledMission, covers
+from swarmctl.study.kinds import KINDS
 from swarmctl.study.mission import fly_mission
-from swarmctl.study.missions import fly_missions
 from swarmctl.study.world import World
 
 NETWORKS = st.fixed_dictionaries(
@@ -76,7 +76,7 @@ def test_missions_with_everything_are_equal() -> None:
 
 def test_columns_hold_the_rows_and_tracks_of_each_seed() -> None:
     scenario = small()
-    missions = fly_missions(scenario, [5, 2], kept=[2])
+    missions = KINDS["missions"].table(scenario, [5, 2], kept=[2])
     assert missions.rows["seed"].tolist() == [5, 5, 5, 2, 2, 2]
     assert missions.rows["uav"].tolist() == [1, 2, 3, 1, 2, 3]
     result = fly_mission(scenario, World.drawn(scenario, 2))
@@ -99,4 +99,4 @@ def test_other_settings_are_flown_by_the_plain_mission() -> None:
     ):
         scenario = small(**sections)
         assert not covers(scenario)
-        assert len(fly_missions(scenario, [1]).rows["uav"]) == 3
+        assert len(KINDS["missions"].table(scenario, [1]).rows["uav"]) == 3

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,8 @@ from numpy.typing import NDArray
 
 from swarmctl.config import model, scenario
 from swarmctl.config.scenario import Scenario
-from swarmctl.study.routes import MEASURES, Search, drawn_belief, rows, unsupported
+from swarmctl.study.kinds import KINDS
+from swarmctl.study.routes import Search, drawn_belief, unsupported
 from swarmctl.study.world import World
 
 YAML = """\
@@ -29,7 +31,11 @@ def built(tmp_path: Path, miss: str = "0.0") -> Scenario:
     return scenario.build(model.load(file))
 
 
-def table(base: Scenario, **settings: Any) -> dict[str, NDArray[Any]]:
+def rows(base: Scenario, seeds: range, settings: Search) -> Mapping[str, NDArray[Any]]:
+    return KINDS["routes"].table(base, seeds, settings=settings).rows
+
+
+def table(base: Scenario, **settings: Any) -> Mapping[str, NDArray[Any]]:
     return rows(base, range(8), Search(**{"observed": 0.3, **settings}))
 
 
@@ -39,7 +45,7 @@ def test_a_row_for_each_seed_and_vehicle_whatever_the_batches(tmp_path: Path) ->
     whole = rows(base, range(8), settings)
     assert list(zip(whole["seed"], whole["uav"], strict=True)) == [(s, u) for s in range(8) for u in (1, 2)]
     parts = [rows(base, seeds, settings) for seeds in (range(3), range(3, 8))]
-    for name in ("seed", "uav", *MEASURES):
+    for name in whole:
         assert whole[name].tolist() == [*parts[0][name], *parts[1][name]], name
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,8 @@ from cli_runner import SHIPPED
 from swarmctl.config.scenario import Scenario
 from swarmctl.study.experiment import Experiment, load_experiment
 from swarmctl.study.kinds import Kind
-from swarmctl.study.missions import Table
+from swarmctl.study.tables import SeedResult
+from swarmctl.study.world import World
 
 FACTORS = "factors: {planner.w: [0, 0.5, 1], simulate.count: [1, 2]}"
 
@@ -30,23 +32,27 @@ def small_experiment(folder: Path, *lines: str, worlds: int = 20) -> Experiment:
     return load_experiment(experiment_file(folder, FACTORS, *lines), worlds)
 
 
+@dataclass(frozen=True)
+class QuickRow:
+    uav: int
+    strikes: int
+    survived: bool
+
+
 def quick_kind(before_seed: Callable[[int], None] = lambda _: None) -> Kind:
     """Return a kind whose strikes are drawn from seed, vehicle and w; `before_seed` runs before each seed."""
 
-    def compute(scenario: Scenario, seeds: Sequence[int], kept: Collection[int], _: object) -> Table:
-        rows = []
-        for seed in seeds:
-            before_seed(seed)
-            for spec in reversed(scenario.specs):
-                p = 0.1 + 0.5 * scenario.config.planner.w
-                rows.append((seed, spec.sysid, np.random.default_rng((seed, spec.sysid)).binomial(9, p)))
-        seed, uav, strikes = np.array(rows, dtype=np.int64).reshape(-1, 3).T
-        kept_seeds = np.array(sorted(kept), dtype=np.int64)
-        track = {"seed": kept_seeds, "uav": np.ones_like(kept_seeds), "step": np.zeros_like(kept_seeds)}
-        return Table(
-            {"seed": seed, "uav": uav.astype(np.int16), "strikes": strikes, "survived": strikes == 0},
-            track | {"row": kept_seeds, "col": kept_seeds},
-            {"seed": kept_seeds, "row": kept_seeds, "col": kept_seeds},
-        )
+    def computer(scenario: Scenario, _: object) -> Callable[[World], SeedResult[QuickRow]]:
+        p = 0.1 + 0.5 * scenario.config.planner.w
 
-    return Kind(compute, ("strikes", "survived"))
+        def drawn(world: World) -> SeedResult[QuickRow]:
+            before_seed(world.seed)
+            rows = []
+            for spec in reversed(scenario.specs):
+                strikes = int(np.random.default_rng((world.seed, spec.sysid)).binomial(9, p))
+                rows.append(QuickRow(spec.sysid, strikes, strikes == 0))
+            return SeedResult(tuple(rows), ((scenario.specs[0].entry,),))
+
+        return drawn
+
+    return Kind(QuickRow, computer)
