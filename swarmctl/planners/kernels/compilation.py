@@ -12,7 +12,7 @@ import hashlib
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from types import FunctionType
+from types import FunctionType, ModuleType
 from typing import Any, ParamSpec, TypeVar
 
 from swarmctl.planners.kernels.lattice import Floats, offsets_of
@@ -61,10 +61,10 @@ def _dispatcher(kernel: FunctionType) -> Any:
         dispatcher: Any = njit(nogil=True, cache=True)(linked)
     except RuntimeError:  # no folder for the cache is writable
         return njit(nogil=True)(linked)
-    # numba compiles again after a change of the kernel's own file; this adds the files of its helpers.
+    # numba compiles again after a change of the kernel's own file; this adds its helpers and constants.
     with contextlib.suppress(AttributeError):  # numba has no public name for the stamp
         stored = dispatcher._cache._cache_file
-        stored._source_stamp = (stored._source_stamp, _digest(_files_of(kernel)))
+        stored._source_stamp = (stored._source_stamp, _digest(kernel))
     return dispatcher
 
 
@@ -75,16 +75,17 @@ def _called_by(kernel: FunctionType) -> dict[str, FunctionType]:
 
 
 @functools.cache
-def _files_of(kernel: FunctionType) -> frozenset[str]:
-    """Return the source files of a kernel and of all kernels that it calls."""
-    below = (_files_of(helper) for helper in _called_by(kernel).values())
-    return frozenset({kernel.__code__.co_filename}).union(*below)
-
-
-def _digest(files: frozenset[str]) -> str:
-    """Return a digest of the contents of files."""
-    digests = (hashlib.sha256(Path(file).read_bytes()).digest() for file in sorted(files))
-    return hashlib.sha256(b"".join(digests)).hexdigest()
+def _digest(kernel: FunctionType) -> str:
+    """Return a digest of a kernel's file, of the constants that it uses, and of the kernels that it calls."""
+    code, values = kernel.__code__, kernel.__globals__
+    constants = {
+        name: values[name]
+        for name in code.co_names
+        if name in values and not isinstance(values[name], FunctionType | ModuleType)
+    }
+    parts = [Path(code.co_filename).read_text(encoding="utf-8"), repr(constants)]
+    parts += map(_digest, _called_by(kernel).values())
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()
 
 
 def compiled(kernel: Callable[P, R]) -> Callable[P, R]:
