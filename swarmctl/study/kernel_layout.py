@@ -14,15 +14,13 @@ from swarmctl.planners.kernels.lattice import Bytes, Floats, Ints
 
 Int32s = NDArray[np.int32]
 
-UAV, ENTRY, INDEX, N_ROUTE, N_FLOWN, HAS_NEWS, PHASE, SEARCHES, REPLANS, SENT, RECEIVED, KNOWN, FOUND = range(
-    13
-)
-"""columns of `ints`: system id, entry cell, index in the route, cells of the route, cells flown, ..."""
-N_INTS = 13
-EDGE_S, CENTRE_S, FROM_S, FROM_X, FROM_Y, TO_S, TO_X, TO_Y, SPEED, ARRIVED_S = range(10)
-"""columns of `floats`: times of the next edge and centre, the present leg, speed, and arrival"""
+N_INTS = 12
+UAV, INDEX, N_ROUTE, N_FLOWN, HAS_NEWS, PHASE, SEARCHES, REPLANS, SENT, RECEIVED, KNOWN, FOUND = range(N_INTS)
+"""columns of `ints`: system id, index in the route, cells of the route, cells flown, ..."""
 N_FLOATS = 10
-SEE, RECEIVE, DECIDE, ENDED = range(4)
+EDGE_S, CENTRE_S, FROM_S, FROM_X, FROM_Y, TO_S, TO_X, TO_Y, SPEED, ARRIVED_S = range(N_FLOATS)
+"""columns of `floats`: times of the next edge and centre, the present leg, speed, and arrival"""
+SEE, DECIDE, ENDED = range(3)
 """what a vehicle does next (`PHASE`), and the order in one moment"""
 TO, FROM, OBSERVATION = range(3)
 ARRIVES_S, SENT_X, SENT_Y = range(3)

@@ -114,7 +114,7 @@ def _widest(experiment: Experiment, results: Results, seeds: range) -> float | N
     from swarmctl.study.statistics import estimate  # noqa: PLC0415 - scipy.stats loads slowly
 
     measured = (results.values(level.index, until.measure, seeds) for level in experiment.levels)
-    return max(estimate(values, worlds).half_width for values, worlds in measured)
+    return max(float(estimate(values, worlds).half_width) for values, worlds in measured)
 
 
 def _manifest(experiment: Experiment, results: Results, command: str) -> dict[str, Any]:

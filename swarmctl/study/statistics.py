@@ -6,6 +6,7 @@ of each interval here. Arrays have one row a group (a level, or a value on an ax
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,33 +23,30 @@ _CHUNK = 250
 """number of resamples drawn at once, which limits the memory to 2 MB for 1000 worlds"""
 
 
-@dataclass(frozen=True, slots=True)
-class Estimate:
-    """One estimated value with its interval."""
-
-    value: float
-    low: float
-    high: float
-    n_worlds: int
-
-    @property
-    def half_width(self) -> float:
-        """Return half the width of the interval; infinite if one world is too few for an interval."""
-        return (self.high - self.low) / 2 if np.isfinite(self.high - self.low) else float("inf")
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Estimates:
-    """Estimated values with their intervals, each an array (groups,); NaN: not defined."""
+    """Estimated values with their intervals, arrays of one shape; NaN: not defined."""
 
     value: Floats
     low: Floats
     high: Floats
     n_worlds: Ints
 
-    def __getitem__(self, index: int) -> Estimate:
-        low, high = float(self.low[index]), float(self.high[index])
-        return Estimate(float(self.value[index]), low, high, int(self.n_worlds[index]))
+    def __getitem__(self, at: Any) -> Estimates:
+        """Return the part at an index of the arrays."""
+        return Estimates(self.value[at], self.low[at], self.high[at], self.n_worlds[at])
+
+    def reshape(self, shape: Sequence[int]) -> Estimates:
+        """Return the same values as arrays of another shape."""
+        size = tuple(shape)
+        value, low, high = (limit.reshape(size) for limit in (self.value, self.low, self.high))
+        return Estimates(value, low, high, self.n_worlds.reshape(size))
+
+    @property
+    def half_width(self) -> Floats:
+        """Half the width of each interval; infinite if one world is too few for an interval."""
+        width = self.high - self.low
+        return np.where(np.isfinite(width), width / 2, np.inf)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,8 +74,8 @@ def by_world(values: ArrayLike, groups: ArrayLike, worlds: ArrayLike, n_groups: 
     return Sums(total.reshape(shape), count.reshape(shape))
 
 
-def estimate(values: NDArray[Any], worlds: ArrayLike) -> Estimate:
-    """Return the mean of `values` (n,) with its interval, by their type as in `estimates`."""
+def estimate(values: NDArray[Any], worlds: ArrayLike) -> Estimates:
+    """Return the mean of `values` (n,) with its interval, as numbers, by their type as in `estimates`."""
     sums = by_world(values, np.zeros(np.size(worlds), dtype=np.int64), worlds, 1)
     return estimates(values.dtype, sums.total, sums.count)[0]
 
@@ -110,13 +108,13 @@ def ratios(
     return _interval(value, sample, (below != 0).sum(axis=1))
 
 
-def counts(events: ArrayLike, denominator: ArrayLike, seed: int = 0, resamples: int = RESAMPLES) -> Estimates:
+def counts(events: ArrayLike, denominator: ArrayLike) -> Estimates:
     """Return events by unit of the denominator: as `ratios`, also right where no event was seen.
 
     A bootstrap of zeros has no width. There the upper limit is the exact one of a Poisson count of zero.
     """
     total, units = _matrix(events).sum(axis=1), _matrix(denominator).sum(axis=1)
-    found = ratios(events, denominator, seed, resamples)
+    found = ratios(events, denominator)
     with np.errstate(divide="ignore"):
         limit = -np.log((1.0 - CONFIDENCE) / 2) / units
     none = (total == 0) & (units > 0)
@@ -125,13 +123,7 @@ def counts(events: ArrayLike, denominator: ArrayLike, seed: int = 0, resamples: 
     )
 
 
-def differences(
-    numerator: ArrayLike,
-    denominator: ArrayLike,
-    reference: ArrayLike,
-    seed: int = 0,
-    resamples: int = RESAMPLES,
-) -> Estimates:
+def differences(numerator: ArrayLike, denominator: ArrayLike, reference: ArrayLike) -> Estimates:
     """Return the ratio of each group minus the ratio of its reference group, in the worlds of both.
 
     `reference` (groups,) are row indices. Both groups of a pair get the same drawn worlds, so what a world
@@ -141,14 +133,12 @@ def differences(
     n = top.shape[0]
     with np.errstate(divide="ignore", invalid="ignore"):
         value = top.sum(axis=1) / below.sum(axis=1) - top_ref.sum(axis=1) / below_ref.sum(axis=1)
-        drawn = _resample(np.concatenate([top, below, top_ref, below_ref]), seed, resamples)
+        drawn = _resample(np.concatenate([top, below, top_ref, below_ref]))
         sample = drawn[:, :n] / drawn[:, n : 2 * n] - drawn[:, 2 * n : 3 * n] / drawn[:, 3 * n :]
     return _interval(value, sample, (below != 0).sum(axis=1))
 
 
-def savings(
-    saved: Sums, spent: Sums, reference: ArrayLike, seed: int = 0, resamples: int = RESAMPLES
-) -> Estimates:
+def savings(saved: Sums, spent: Sums, reference: ArrayLike) -> Estimates:
     """Return what each group saves against its reference for each unit that it spends more.
 
     This is Σ(saved_ref − saved) / Σ(spent − spent_ref) over the worlds of both. The value and its interval
@@ -160,7 +150,7 @@ def savings(
     gain = (saved.total[row] - saved.total) * both
     cost = (spent.total - spent.total[row]) * both
     n = gain.shape[0]
-    drawn = _resample(np.concatenate([gain, cost]), seed, resamples)
+    drawn = _resample(np.concatenate([gain, cost]))
     is_defined = (drawn[:, n:] > 0).all(axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
         value = np.where(is_defined, gain.sum(axis=1) / cost.sum(axis=1), np.nan)
@@ -211,7 +201,7 @@ def _paired(
     return a * both, b * both, a[row] * both, b[row] * both
 
 
-def _resample(columns: Floats, seed: int, resamples: int) -> Floats:
+def _resample(columns: Floats, seed: int = 0, resamples: int = RESAMPLES) -> Floats:
     """Return the sums of `columns` (k, worlds) over worlds drawn with replacement, (resamples, k)."""
     rng = np.random.default_rng(seed)
     n_worlds = columns.shape[1]

@@ -27,8 +27,8 @@ from swarmctl.study.figures.base import (
 from swarmctl.study.figures.dots import height_mm
 from swarmctl.study.figures.labels import Labels
 from swarmctl.study.figures.marks import draw_lines, draw_rows, draw_zero, name_series
-from swarmctl.study.figures.measures import factor_label, label, one_of, parts, shaped, value_label
-from swarmctl.study.figures.panels import estimates_of, factors_of, panels_of, select
+from swarmctl.study.figures.measures import factor_label, label, one_of, parts, value_label
+from swarmctl.study.figures.panels import estimates_of, factors_of, panels_of
 from swarmctl.study.figures.style import columns_of, fit, heading, is_numeric, set_unit
 from swarmctl.study.statistics import Estimates
 
@@ -86,11 +86,11 @@ def draw(study: Study, spec: Differences) -> Figure:
         indices = np.arange(int(np.prod(shape))).reshape(tuple(shape))
         row = np.take(indices, [reference], axis=dimension)
         rows = np.broadcast_to(row, tuple(shape)).ravel()
-        return shaped(_compared(table, name, spec.per, groups, rows), shape)
+        return _compared(table, name, spec.per, groups, rows).reshape(shape)
 
     for panel in panels:
         found = estimates_of(study, spec, panel, axes, estimator)
-        found = select(found, (slice(None), rest) if along == spec.compare else (rest,))
+        found = found[:, rest] if along == spec.compare else found[rest]
         heading(panel.axes, _heading(spec, panel.measure, panel.value, against))
         if spec.per is None:
             set_unit(panel.axes.xaxis if is_rows else panel.axes.yaxis, panel.measure)

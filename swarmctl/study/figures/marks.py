@@ -76,11 +76,12 @@ def draw_lines(
         axes.set_xlim(-0.3, len(values) - 0.7)
     axes.set_xlabel(mathtext(factor_label(factor)))
     axes.grid(axis="x", visible=False)
-    low, high = _limits(found)
+    low, high = limits(found)
     from_zero(axes, low, high)
 
 
-def _limits(found: Estimates) -> tuple[float, float]:
+def limits(found: Estimates) -> tuple[float, float]:
+    """Return the least and the greatest end of the intervals; NaN without any value."""
     low = np.where(np.isfinite(found.low), found.low, found.value)
     high = np.where(np.isfinite(found.high), found.high, found.value)
     if not np.isfinite(low).any():
@@ -109,7 +110,7 @@ def draw_rows(
     axes.set_ylim(len(values) - 0.5, -0.5)
     axes.tick_params(axis="y", length=0)
     axes.spines["left"].set_visible(False)
-    low_x, high_x = _limits(found)
+    low_x, high_x = limits(found)
     if np.isfinite(low_x + high_x):
         spare = 0.07 * (high_x - low_x) or 0.05 * abs(high_x) or 0.5
         axes.set_xlim(low_x - spare, high_x + spare)

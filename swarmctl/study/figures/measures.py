@@ -178,11 +178,4 @@ def parts(table: pd.DataFrame, name: str, groups: NDArray[np.int64], n_groups: i
 def estimate(table: pd.DataFrame, name: str, groups: NDArray[np.int64], shape: Sequence[int]) -> Estimates:
     """Return the estimates of a measure by group, as arrays of `shape`; groups are flat indices into it."""
     part = parts(table, name, groups, int(np.prod(shape)))
-    return shaped(statistics.estimates(part.dtype, part.top.total, part.below), shape)
-
-
-def shaped(found: Estimates, shape: Sequence[int]) -> Estimates:
-    """Return flat estimates as arrays of `shape`."""
-    size = tuple(shape)
-    value, low, high = (limit.reshape(size) for limit in (found.value, found.low, found.high))
-    return Estimates(value, low, high, found.n_worlds.reshape(size))
+    return statistics.estimates(part.dtype, part.top.total, part.below).reshape(shape)

@@ -56,18 +56,9 @@ def estimates_of(
     """Return the estimates of a panel, with one dimension for each of `axes`, for the values drawn."""
     index, shape = study.groups(spec, (spec.panels, *axes))
     found = estimator(study.table, panel.measure, index, shape)
-    if spec.panels is not None:
-        row = index_of(study.values(spec.panels), panel.value)
-        found = select(found, (row,))
-    else:
-        found = select(found, (0,))
+    found = found[index_of(study.values(spec.panels), panel.value)]
     for dimension, factor in enumerate(axes):
         if factor is not None and factor in spec.where:
             rows = [index_of(study.values(factor), value) for value in study.shown(spec, factor)]
-            found = select(found, (*(slice(None) for _ in range(dimension)), rows))
+            found = found[*(slice(None) for _ in range(dimension)), rows]
     return found
-
-
-def select(found: Estimates, at: tuple[int | slice | list[int], ...]) -> Estimates:
-    """Return the part of `found` at an index."""
-    return Estimates(found.value[at], found.low[at], found.high[at], found.n_worlds[at])

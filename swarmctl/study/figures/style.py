@@ -124,14 +124,13 @@ def dark(colour: str) -> str:
     return to_hex(tuple((rgb * min(1.0, 0.42 / brightness)).tolist())) if brightness > 0 else colour
 
 
-def heading(axes: Axes, text: str) -> int:
-    """Write the words of the vertical axis above it, where they need no turned head; return their lines."""
+def heading(axes: Axes, text: str) -> None:
+    """Write the words of the vertical axis above it, where they need no turned head."""
     figure = axes.get_figure(root=True)
     assert figure is not None
     width_mm = figure.get_size_inches()[0] * 25.4 / columns_of(axes)[1] - 9.0
     lines = textwrap.wrap(text, max(int(width_mm / LETTER_MM), 12))
     axes.set_title(mathtext("\n".join(lines)), color=INK).set_label(HEADING)
-    return len(lines)
 
 
 def fit(figure: Figure) -> None:

@@ -13,6 +13,7 @@ from pydantic import Field
 from swarmctl.report.pictures.style import INK
 from swarmctl.study.figures.base import Names, Spec, Study, interval_text
 from swarmctl.study.figures.labels import Label, Labels
+from swarmctl.study.figures.marks import limits
 from swarmctl.study.figures.measures import estimate, factor_label, label, mathtext, value_label
 from swarmctl.study.figures.panels import Panel, estimates_of, factors_of, panels_of
 from swarmctl.study.figures.style import MARKERS, colours, from_zero, set_log, set_unit
@@ -50,9 +51,7 @@ def draw(study: Study, spec: Tradeoff) -> Figure:
         panel.axes.set_xlabel(mathtext(label(spec.x)))
         set_unit(panel.axes.xaxis, spec.x)
         set_unit(panel.axes.yaxis, panel.measure)
-        low = np.where(np.isfinite(y.low), y.low, y.value)
-        high = np.where(np.isfinite(y.high), y.high, y.value)
-        from_zero(panel.axes, float(np.nanmin(low)), float(np.nanmax(high)))
+        from_zero(panel.axes, *limits(y))
         panel.axes.margins(x=0.1)
     labels.place(figure)
     return figure
