@@ -28,7 +28,6 @@ from swarmctl.flight.task_tree import run_tasks
 from swarmctl.flight.wiring import Flight
 from swarmctl.links.base import LinkError
 from swarmctl.preflight.results import summary_of
-from swarmctl.report.final_state import describe_final_state
 from swarmctl.report.outcome import Ending, FlightReport, ended_by_operator
 from swarmctl.report.summary import summary
 from swarmctl.report.ui import Ui
@@ -96,7 +95,7 @@ def _final_states(flight: Flight, failures: tuple[BaseException, ...]) -> Iterat
         if simulator_failed and member.spec.simulated and member.state.outcome != ARRIVED:
             yield f"{member.name}: ended with the simulator [simulator-ended]"
         elif member.state.outcome != ARRIVED:
-            yield describe_final_state(member)
+            yield member.final_state()
 
 
 def _summary(flight: Flight, ended: Ending, wall_s: float) -> dict[str, Any]:
@@ -108,6 +107,7 @@ def _summary(flight: Flight, ended: Ending, wall_s: float) -> dict[str, Any]:
         states,
         flight.records.statistics,
         clock=run.clock,
+        speedup=run.times.speedup,
         wall_s=wall_s if run.clock == "real" else None,
         commands=asdict(flight.operator_service.counts),
         networks=flight.resources.network.all_counters(),

@@ -17,12 +17,13 @@ from swarmctl.config.flight import FlightSection
 from swarmctl.core import events as ev
 from swarmctl.core.geo import distance_m
 from swarmctl.core.operator_text import extended
+from swarmctl.flight.flight_end import FlightEnd
 from swarmctl.flight.member import POLL_S, Member, names, until
 from swarmctl.flight.permission import Permission, PreflightFailed, not_simulated
 from swarmctl.flight.shutdown import Shutdown
 from swarmctl.flight.takeover import Takeover
 from swarmctl.links.base import LinkError
-from swarmctl.report.final_state import FlightEnd, describe_final_state, is_released_in_air
+from swarmctl.report.final_state import is_released_in_air
 
 START_TOLERANCE_M = 100.0
 """greatest distance between a vehicle and its configured start [m]"""
@@ -188,7 +189,7 @@ class Director:
             failures += failed.lines
         # A pilot or another station may have taken over a vehicle that was ready.
         failures += [f"{m.name}: {m.state.outcome}" for m in unreleased if m.state.ended]
-        failures += [describe_final_state(m) for m in unreleased if m.state.lost]
+        failures += [m.final_state() for m in unreleased if m.state.lost]
         if failures:
             raise PreflightFailed(list(dict.fromkeys(failures)))
 
@@ -288,7 +289,7 @@ class Director:
         if member.state.ended:
             raise PreflightFailed([f"{member.name}: {member.state.outcome}"])
         if member.state.lost:
-            raise PreflightFailed([describe_final_state(member)])
+            raise PreflightFailed([member.final_state()])
 
     async def _prepare(self, member: Member) -> None:
         timeout_s = self._flight.ready_timeout_s

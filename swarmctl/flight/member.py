@@ -10,6 +10,7 @@ from swarmctl.bus.external_observations import ReportCounts
 from swarmctl.config.specs import Spec
 from swarmctl.flight.runner import Runner
 from swarmctl.links.base import Identity
+from swarmctl.report.final_state import describe_final_state
 
 POLL_S = 0.1
 
@@ -51,6 +52,11 @@ class Member:
     def silent_for(self, limit_s: float) -> bool:
         """Return whether the link is lost and the vehicle's last message is older than `limit_s`."""
         return self.state.lost and self.runner.link.age_s() > limit_s
+
+    def final_state(self) -> str:
+        """Return a line with the vehicle's state, for the end of the flight."""
+        link = self.runner.link
+        return describe_final_state(self.state, link.state(), link.age_s())
 
     async def connect(self, timeout_s: float) -> Identity:
         """Wait for the vehicle's first answer and return its identity. Raises LinkError."""

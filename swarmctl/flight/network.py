@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Literal
 
 from swarmctl.bus.network import Network, RunClock
 from swarmctl.bus.node.exchange import NodeOptions
@@ -26,12 +25,6 @@ def options_of(scenario: Scenario) -> NodeOptions:
         clock_tolerance_s=c.clock_tolerance_s,
         perfect_sensors=scenario.prior.sensor.is_perfect,
     )
-
-
-def speedup_of(scenario: Scenario, clock: Literal["real", "virtual"]) -> float:
-    """Return the simulated seconds in one second of the loop."""
-    simulate = scenario.config.simulate
-    return simulate.speedup if simulate is not None and clock == "real" else 1.0
 
 
 def network_of(

@@ -17,7 +17,6 @@ from swarmctl.config.specs import Spec
 from swarmctl.core.frames import FrameCodec
 from swarmctl.flight.director import Launch
 from swarmctl.flight.member import Member
-from swarmctl.flight.network import speedup_of
 from swarmctl.flight.permission import Permission
 from swarmctl.flight.simulator import AddressOf
 from swarmctl.links import LINKS
@@ -78,7 +77,9 @@ class Run:
 
     @property
     def times(self) -> RunClock:
-        return RunClock(self.epoch_ns / 1e9, speedup_of(self.scenario, self.clock))
+        simulate = self.scenario.config.simulate
+        speedup = simulate.speedup if simulate is not None and self.clock == "real" else 1.0
+        return RunClock(self.epoch_ns / 1e9, speedup)
 
     @property
     def names(self) -> dict[int, str]:

@@ -181,6 +181,7 @@ def summary(
     statistics: FlightStatistics,
     *,
     clock: str,
+    speedup: float,
     wall_s: float | None,
     commands: dict[str, int],
     networks: Mapping[int, NetworkCounters],
@@ -189,10 +190,11 @@ def summary(
 ) -> dict[str, Any]:
     """Return the content of `summary.json`.
 
-    `networks` and `payload_reports` count messages and reports by system id. A vehicle without a receiver of
-    reports is not in `payload_reports`. `crossings` counts crossings of first routes; None: not counted.
+    `speedup`: simulated seconds in one second of the run's clock. `networks` and `payload_reports` count
+    messages and reports by system id. A vehicle without a receiver of reports is not in `payload_reports`.
+    `crossings` counts crossings of first routes; None: not counted.
     """
-    merged = _merged_belief(scenario, states)
+    merged, configuration = _merged_belief(scenario, states), scenario.config.model_dump(mode="json")
     return {
         "name": scenario.config.name,
         "seed": scenario.config.seed,
@@ -201,7 +203,7 @@ def summary(
         "versions": _versions(),
         "arrived": sum(s.outcome == ARRIVED for s in states.values()),
         "hostiles": {
-            "announced": scenario.config.model_dump(mode="json")["threats"]["count"],
+            "announced": configuration["threats"]["count"],
             "true": len(scenario.hostiles),
             "found": merged.n_found,
             "expected": float(merged.occupancy().sum()),
@@ -211,7 +213,7 @@ def summary(
         "latency_clock": "simulated seconds" if clock == "virtual" else "wall seconds",
         "latency": statistics.latencies(),
         "separation": statistics.separation.summary(states, crossings),
-        "arrival": statistics.arrivals.summary(states, _simulated_seconds(scenario, clock)),
+        "arrival": statistics.arrivals.summary(states, speedup),
         "formations": statistics.formations.summary(scenario.config),
         "operator_commands": commands,
         "vehicles": [
@@ -219,17 +221,12 @@ def summary(
             | {"looks": payload_reports.get(task.uav)}
             for task in scenario.tasks
         ],
-        "configuration": scenario.config.model_dump(mode="json"),
+        "configuration": configuration,
         "resolved": {
             "hostiles": sorted(scenario.hostiles),
             "vehicles": [_spec(scenario, i) for i in range(len(scenario.specs))],
         },
     }
-
-
-def _simulated_seconds(scenario: Scenario, clock: str) -> float:
-    simulate = scenario.config.simulate
-    return simulate.speedup if clock == "real" and simulate is not None else 1.0
 
 
 def known_to_any(scenario: Scenario, states: dict[int, AgentState]) -> NDArray[np.int8]:

@@ -142,6 +142,7 @@ def test_the_chance_at_take_off_is_computed_for_the_track_with_the_belief_at_tak
         states,
         statistics,
         clock="virtual",
+        speedup=1.0,
         wall_s=None,
         commands={},
         networks=networks,
