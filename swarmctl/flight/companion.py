@@ -5,13 +5,12 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 from swarmctl.bus import directory
-from swarmctl.bus.authentication import NO_AUTHENTICATION
 from swarmctl.bus.transports.base import BusError, Transport
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.bus.transports.subscriptions import ReportOnce
@@ -22,7 +21,6 @@ from swarmctl.config.scenario import Scenario
 from swarmctl.core.frames import FrameCodec
 from swarmctl.flight import app
 from swarmctl.flight.director import Launch
-from swarmctl.flight.member import Member
 from swarmctl.flight.permission import Permission
 from swarmctl.flight.run import Clock, FlightOptions
 from swarmctl.flight.simulator import AddressOf, undisturbed
@@ -57,21 +55,6 @@ def scenario_for(scenario: Scenario, uav: int, url: str | None = None) -> Scenar
     return replace(alone, specs=(spec,))
 
 
-def order_refusal(members: Sequence[Member], *, has_keys: bool) -> str:
-    """Return the reason why operators' orders are refused; empty if orders are accepted.
-
-    Without keys the sender of an order is unknown: any host on the network could launch or land an aircraft.
-    Therefore without keys only vehicles of the built-in simulator accept orders.
-    """
-    real = [m.name for m in members if m.identity is None or not m.identity.simulated]
-    if has_keys or not real:
-        return ""
-    return (
-        f"orders without keys have no proven sender, so real vehicles ({', '.join(real)}) refuse them: make "
-        "keys with `swarmctl keys` and set communication.keys [orders-need-keys]"
-    )
-
-
 async def fly(
     scenario: Scenario,
     folder: Path,
@@ -93,19 +76,15 @@ async def fly(
     Raises BusError if the network cannot be opened, and KeyringError for an unusable SWARMCTL_TOKEN_FILE.
     """
     (spec,) = scenario.specs
-    options = FlightOptions(
-        launch,
-        spec.sysid,
-        lambda members: order_refusal(members, has_keys=keyring is not None),
-        frame_codec=None
-        if keyring is None
-        else FrameCodec(scenario.config.name, keyring.sign, keyring.verify),
-        authentication=NO_AUTHENTICATION if keyring is None else _by_operator(scenario, keyring),
-        signer=None if keyring is None else EvidenceSigner(keyring.name, keyring.signing_key),
-        waivers=waivers,
-        resumes=resumes,
-    )
-
+    options = FlightOptions(launch, spec.sysid, waivers=waivers, resumes=resumes)
+    if keyring is not None:
+        name, tolerance_s = scenario.config.name, scenario.config.communication.clock_tolerance_s
+        options = replace(
+            options,
+            frame_codec=FrameCodec(name, keyring.sign, keyring.verify),
+            authentication=requests.by_operator(name, keyring, tolerance_s, time.time),
+            signer=EvidenceSigner(keyring.name, keyring.signing_key),
+        )
     ui = SafeUi(ui)
     flown = partial(app.fly, scenario, folder, ui, clock=clock, permission=permission, address_of=address_of)
     failed = ReportOnce(ui.say)
@@ -117,11 +96,6 @@ async def fly(
         zenoh = stack.enter_context(ZenohBus(network, on_failure=failed))
         watch_bus = partial(_report_connection, zenoh, network, ui)
         return await flown(bus=zenoh, options=replace(options, watch_bus=watch_bus))
-
-
-def _by_operator(scenario: Scenario, keyring: Keyring) -> requests.SignedRequests:
-    tolerance_s = scenario.config.communication.clock_tolerance_s
-    return requests.by_operator(scenario.config.name, keyring, tolerance_s, time.time)
 
 
 @contextlib.contextmanager

@@ -19,7 +19,7 @@ from swarmctl.core.geo import distance_m
 from swarmctl.core.operator_text import extended
 from swarmctl.flight.flight_end import FlightEnd
 from swarmctl.flight.member import POLL_S, Member, names, until
-from swarmctl.flight.permission import Permission, PreflightFailed, not_simulated
+from swarmctl.flight.permission import Permission, PreflightFailed, vehicles_to_permit
 from swarmctl.flight.shutdown import Shutdown
 from swarmctl.flight.takeover import Takeover
 from swarmctl.links.base import LinkError
@@ -159,7 +159,7 @@ class Director:
         if failures := await self._run_for_all(self._connect):
             raise PreflightFailed(failures)
         if self._checks_only:
-            not_simulated(self._members)
+            vehicles_to_permit(self._members)
             await self._prepare_all()
             return
         self._permit(self._members)
@@ -219,7 +219,7 @@ class Director:
 
     def _permit(self, members: Sequence[Member]) -> None:
         """Make vehicles armable, after permission for those not simulated. Raises PreflightFailed."""
-        external = not_simulated(members)
+        external = vehicles_to_permit(members)
         if external:
             self._permission(external)
         for member in members:

@@ -91,6 +91,11 @@ class Member:
         self._failure = reason.removeprefix(f"{self.name}: ")
 
 
+def not_simulated(members: Sequence[Member]) -> list[Member]:
+    """Return the vehicles that are not known to be of the built-in simulator."""
+    return [m for m in members if m.identity is None or not m.identity.simulated]
+
+
 def names(members: Sequence[Member]) -> str:
     return ", ".join(m.name for m in members)
 

@@ -11,7 +11,7 @@ from swarmctl.bus.operator_service import OperatorService
 from swarmctl.bus.transports.base import Transport
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.messages import GiveOrder, Request
-from swarmctl.flight.member import Member
+from swarmctl.flight.member import Member, names, not_simulated
 from swarmctl.flight.shutdown import return_delays_s
 
 
@@ -22,26 +22,23 @@ def operator_service_for(
     members: Sequence[Member],
     *,
     uav: int | None,
-    order_refusal: Callable[[Sequence[Member]], str] | None,
+    has_keys: bool,
     authentication: Authentication,
 ) -> OperatorService:
     """Return the operator service of vehicle `uav`, or of all vehicles if `uav` is None.
 
-    `order_refusal` returns the reason why orders are refused now, or an empty
-    text. If `order_refusal` is None, `unsigned_order_refusal` decides.
+    has_keys: the operator's key signs the orders
     """
 
     def refusal(command: Request) -> str:
-        if authentication is NO_AUTHENTICATION and (real := _real_vehicles(members)):
+        if authentication is NO_AUTHENTICATION and (real := names(not_simulated(members))):
             return (
-                f"the bus of this flight authenticates no sender, so real vehicles ({', '.join(real)}) "
-                "refuse commands: give FlightOptions.authentication [orders-need-keys]"
+                f"the bus of this flight authenticates no sender, so real vehicles ({real}) refuse commands: "
+                "give FlightOptions.authentication [orders-need-keys]"
             )
-        if not isinstance(command, GiveOrder):
-            return "" if command.range is None else range_refusal(scenario, members)
-        if order_refusal is not None:
-            return order_refusal(members)
-        return unsigned_order_refusal(scenario, members, command)
+        if isinstance(command, GiveOrder):
+            return order_refusal(scenario, members, command, flies_all=uav is None, has_keys=has_keys)
+        return "" if command.range is None else range_refusal(scenario, members)
 
     return OperatorService(
         transport,
@@ -55,13 +52,10 @@ def operator_service_for(
     )
 
 
-def _real_vehicles(members: Sequence[Member]) -> list[str]:
-    return [m.name for m in members if m.identity is None or not m.identity.simulated]
-
-
 def range_refusal(scenario: Scenario, members: Sequence[Member]) -> str:
     """Return the reason why the range of communication cannot be changed; empty in a simulated swarm."""
-    real = dict.fromkeys([s.name for s in scenario.swarm if not s.simulated] + _real_vehicles(members))
+    others = [spec.name for spec in scenario.swarm if not spec.simulated]
+    real = dict.fromkeys([*others, *(member.name for member in not_simulated(members))])
     if not real:
         return ""
     return (
@@ -70,22 +64,31 @@ def range_refusal(scenario: Scenario, members: Sequence[Member]) -> str:
     )
 
 
-def unsigned_order_refusal(scenario: Scenario, members: Sequence[Member], order: GiveOrder) -> str:
-    """Return the reason why a process that flies all vehicles refuses an order; empty for an accepted order.
+def order_refusal(
+    scenario: Scenario, members: Sequence[Member], order: GiveOrder, *, flies_all: bool, has_keys: bool
+) -> str:
+    """Return the reason why an order is refused; empty for an accepted order.
 
-    A token shows only that the sender knows a secret. Therefore no order launches a real vehicle, and real
-    vehicles accept orders from this machine only.
+    Without keys the sender of an order is unknown: any host on the network could launch or land an aircraft.
+    So an agent without keys accepts orders for vehicles of the built-in simulator only. A process that flies
+    all vehicles has a token, which shows only that the sender knows a secret. Therefore no order launches a
+    real vehicle there, and real vehicles accept orders from this machine only.
     """
-    real = _real_vehicles(members)
-    listen = scenario.config.communication.listen
-    if not real:
+    real = names(not_simulated(members))
+    if has_keys or not real:
         return ""
+    if not flies_all:
+        return (
+            f"orders without keys have no proven sender, so real vehicles ({real}) refuse them: make keys "
+            "with `swarmctl keys` and set communication.keys [orders-need-keys]"
+        )
     if order.order == "launch":
-        return f"only `swarmctl fly` launches real vehicles ({', '.join(real)}) [launch-by-fly-only]"
+        return f"only `swarmctl fly` launches real vehicles ({real}) [launch-by-fly-only]"
+    listen = scenario.config.communication.listen
     if listen == NO_ENDPOINT or parse_endpoint(listen).is_loopback:
         return ""
     return (
-        f"other machines reach {listen}, where orders need no key, so real vehicles ({', '.join(real)}) "
-        "refuse orders: set communication.listen to tcp/127.0.0.1:0, or fly with `swarmctl agent` and keys "
+        f"other machines reach {listen}, where orders need no key, so real vehicles ({real}) refuse orders: "
+        "set communication.listen to tcp/127.0.0.1:0, or fly with `swarmctl agent` and keys "
         "[orders-need-keys]"
     )

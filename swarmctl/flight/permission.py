@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from swarmctl.flight.member import Member
+from swarmctl.flight.member import Member, not_simulated
 
 
 class PreflightFailed(Exception):
@@ -19,7 +19,7 @@ Permission = Callable[[Sequence[Member]], None]
 """a function called with the vehicles that are not simulated; raises PreflightFailed to forbid arming"""
 
 
-def not_simulated(members: Sequence[Member]) -> list[Member]:
+def vehicles_to_permit(members: Sequence[Member]) -> list[Member]:
     """Return the vehicles that the built-in simulator does not fly.
 
     Raises PreflightFailed if two vehicles share a system id, or if another vehicle answers in place of a
@@ -29,7 +29,7 @@ def not_simulated(members: Sequence[Member]) -> list[Member]:
     if duplicates:
         advice = "give each vehicle its own system id"
         raise PreflightFailed([f"{m.name}: {m.runner.conflict}; {advice}" for m in duplicates])
-    external = [m for m in members if m.identity is None or not m.identity.simulated]
+    external = not_simulated(members)
     unexpected = [m for m in external if m.spec.simulated]
     if unexpected:
         raise PreflightFailed([_unexpected(m) for m in unexpected])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import socket
 import time
-from collections.abc import Callable, Coroutine, Mapping, Sequence
+from collections.abc import Callable, Coroutine, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -16,7 +16,6 @@ from swarmctl.config.scenario import Scenario
 from swarmctl.config.specs import Spec
 from swarmctl.core.frames import FrameCodec
 from swarmctl.flight.director import Launch
-from swarmctl.flight.member import Member
 from swarmctl.flight.permission import Permission
 from swarmctl.flight.simulator import AddressOf
 from swarmctl.links import LINKS
@@ -38,15 +37,12 @@ class FlightOptions:
     launch: Launch = "when-ready"
     operator_service_of: int | None = None
     """the vehicle that this process flies for a swarm of several processes; None: this process flies all"""
-    order_refusal: Callable[[Sequence[Member]], str] | None = None
-    """function that returns the reason why operators' orders are refused now, or an empty text; None:
-    `operator_orders.unsigned_order_refusal` decides"""
     authentication: Authentication = NO_AUTHENTICATION
     """check of operators' commands on an open bus; a bus that the flight opens has a token of its own"""
     report_authentication: Authentication = NO_AUTHENTICATION
     """check of payloads' reports on an open bus; links with certificates need none"""
     frame_codec: FrameCodec | None = None
-    """codec that signs and verifies the messages between vehicles; None: messages are unsigned"""
+    """codec that signs and verifies messages by the swarm's keys; None: there are no keys"""
     watch_bus: Callable[[], Coroutine[Any, Any, None]] | None = None
     """a task that reports the state of an open bus until it is cancelled"""
     signer: Signer | None = None

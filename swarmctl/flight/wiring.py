@@ -41,7 +41,7 @@ class Flight:
             run.ui.say,
             self.members,
             uav=run.options.operator_service_of,
-            order_refusal=run.options.order_refusal,
+            has_keys=run.options.frame_codec is not None,
             authentication=resources.token_authentication or run.options.authentication,
         )
         self.preflight = Preflight(

@@ -33,7 +33,7 @@ from swarmctl.core.messages import (
     VehicleAnswer,
     decode_answer,
 )
-from swarmctl.flight import app, companion
+from swarmctl.flight import app, companion, operator_orders
 from swarmctl.flight.permission import Permission
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.links.base import Identity
@@ -366,6 +366,7 @@ def test_without_keys_only_simulated_vehicles_take_orders(
 ) -> None:
     identity = None if uid2 is None else Identity(1, 3, 2, "ArduPilot 4.6.2", uid2.ljust(18, b"\0"))
     member: Any = KnownMember("alpha", identity)
-    reason = companion.order_refusal([member], has_keys=has_keys)
+    order = GiveOrder(None, "hold")
+    reason = operator_orders.order_refusal(small(), [member], order, flies_all=False, has_keys=has_keys)
     assert bool(reason) is closed
     assert not closed or ("alpha" in reason and reason.endswith("[orders-need-keys]"))

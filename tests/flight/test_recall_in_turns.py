@@ -190,7 +190,9 @@ def test_unsigned_orders_launch_no_aircraft_and_come_from_this_machine_only(
 ) -> None:
     scenario = small(communication={"bus": "memory", "listen": listen})
     members: Any = [KnownMember("alpha")]
-    found = operator_orders.unsigned_order_refusal(scenario, members, GiveOrder(None, order))
+    found = operator_orders.order_refusal(
+        scenario, members, GiveOrder(None, order), flies_all=True, has_keys=False
+    )
     assert refused in found
     assert bool(found) is bool(refused)
 

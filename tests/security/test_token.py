@@ -227,7 +227,7 @@ def test_real_vehicles_take_nothing_from_a_bus_without_authentication(
             Ui().say,
             members,
             uav=None,
-            order_refusal=None,
+            has_keys=False,
             authentication=authentication,
         )
         return await client.ask(bus, client.FlightEndpoints("small", ANYWHERE), command, signing)
