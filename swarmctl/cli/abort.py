@@ -15,7 +15,7 @@ from swarmctl.bus import directory
 from swarmctl.bus.authentication import RequestSigning
 from swarmctl.bus.transports.base import BusError
 from swarmctl.bus.transports.zenoh_config import Credentials
-from swarmctl.cli.console import err
+from swarmctl.cli.console import err, say
 from swarmctl.cli.operator_command import (
     AllOption,
     ConnectOption,
@@ -42,7 +42,7 @@ def _print_running() -> None:
     """Print this user's flights on this machine, with their ages."""
     with contextlib.suppress(BusError):  # reported by the search for the flight
         for flight in directory.running_swarms():
-            err.print(f"found {client.describe(flight)}", highlight=False, markup=False, soft_wrap=True)
+            say(f"found {client.describe(flight)}", console=err)
 
 
 def register(cli: typer.Typer) -> None:

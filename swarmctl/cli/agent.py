@@ -16,7 +16,7 @@ from swarmctl.bus.endpoint import NO_ENDPOINT
 from swarmctl.bus.transports.access import name_of
 from swarmctl.bus.transports.base import BusError
 from swarmctl.bus.transports.zenoh_config import Configuration
-from swarmctl.cli.configuration import keys_problem_lines, load_scenario_or_exit, require_flyable
+from swarmctl.cli.configuration import fail_for_keys, load_scenario_or_exit, require_flyable
 from swarmctl.cli.console import (
     FAILED,
     USAGE,
@@ -189,7 +189,7 @@ def _keyring(config: Path, scenario: Scenario) -> Keyring | None:
     try:
         return joining.keyring_of(scenario.config, name_of(spec.sysid), dt.datetime.now(dt.UTC))
     except KeyringError as error:
-        fail(keys_problem_lines(config, [str(error)]), FAILED)
+        fail_for_keys(config, error)
 
 
 def _network(

@@ -18,7 +18,7 @@ from swarmctl.cli.configuration import (
     load_scenario_or_exit,
     require_flyable,
 )
-from swarmctl.cli.console import ConfigOrExampleOption, ExampleOption, OutOption, out
+from swarmctl.cli.console import ConfigOrExampleOption, ExampleOption, OutOption, say
 from swarmctl.config.scenario import Scenario
 from swarmctl.config.yaml_lines import Document
 from swarmctl.preflight.checks import battery
@@ -36,11 +36,11 @@ def check(
     scenario = load_scenario_or_exit(config)
     problems = [*keys_problem_lines(config, _key_problems(scenario)), *battery.problems(scenario)]
     require_flyable(config, scenario, out_folder, problems)
-    out.print(f"{config}: no problems. {describe(scenario)}", highlight=False, soft_wrap=True)
+    say(f"{config}: no problems. {describe(scenario)}")
     real = [spec.name for spec in scenario.specs if not spec.simulated]
     if real and scenario.config.preflight.endurance_s is None:
         text = f"set preflight.endurance_s: without it the check `battery` fails for {', '.join(real)}"
-        out.print(f"{text}, unless the built-in simulator flies them", highlight=False, soft_wrap=True)
+        say(f"{text}, unless the built-in simulator flies them")
 
 
 def problems_of(path: Path, document: Document, scenario: Scenario, out_folder: Path) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 from swarmctl.cli.console import FAILED, USAGE, err, fail
 from swarmctl.config import yaml_lines
@@ -106,6 +106,11 @@ def _signing_key_problems(scenario: Scenario) -> Iterator[ConfigProblem]:
             read_mavlink_key(Path(file))
         except KeyringError as error:
             yield ConfigProblem(("links", "signing_key"), str(error))
+
+
+def fail_for_keys(path: Path | None, error: KeyringError) -> NoReturn:
+    """Exit with an error of keys, at the line of the folder if a configuration names it."""
+    fail([str(error)] if path is None else keys_problem_lines(path, [str(error)]), FAILED)
 
 
 def keys_problem_lines(path: Path, problems: Iterable[str]) -> list[str]:

@@ -54,9 +54,14 @@ OutOption = Annotated[Path, typer.Option("--out", help="Parent folder of the run
 VerboseOption = Annotated[bool, typer.Option("--verbose", "-v", help="Show all messages.")]
 
 
-def say(text: str) -> None:
+def say(text: str, style: str | None = None, console: Console = out) -> None:
     """Print a text without markup, highlighting or added line breaks."""
-    out.print(text, highlight=False, markup=False, soft_wrap=True)
+    console.print(text, style=style, highlight=False, markup=False, soft_wrap=True)
+
+
+def say_error(text: str) -> None:
+    """Print an error to the standard error output."""
+    say(text, "red", err)
 
 
 def timed(text: str) -> str:
@@ -72,7 +77,7 @@ def log(text: str) -> None:
 def fail(lines: Sequence[str], code: int) -> NoReturn:
     """Print errors to the standard error output, and exit with `code`."""
     for text in lines:
-        err.print(text, style="red", highlight=False, markup=False, soft_wrap=True)
+        say_error(text)
     raise typer.Exit(code)
 
 

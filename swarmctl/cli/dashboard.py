@@ -132,12 +132,10 @@ def dashboard(
 
     try:
         asyncio.run(shown())
-    except CannotServe as error:
+    except (CannotServe, record_file.RecordError) as error:
         fail([str(error)], USAGE)
     except BusError as error:
         fail([str(error)], FAILED)
-    except record_file.RecordError as error:
-        fail([str(error)], USAGE)
     except ConfigError as error:
         fail(error.lines, USAGE)
     except OSError as error:

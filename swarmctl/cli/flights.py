@@ -15,7 +15,7 @@ from typing import Annotated, Any, TypeVar
 
 import typer
 
-from swarmctl.cli.console import FAILED, INTERRUPTED, USAGE, err, fail, out, timed
+from swarmctl.cli.console import FAILED, INTERRUPTED, USAGE, fail, out, say, say_error, timed
 from swarmctl.config.links_checks import forwarding_problem
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.operator_text import typed_names
@@ -132,30 +132,25 @@ def _late_vehicles(report: FlightReport) -> list[str]:
 
 def _print_results(report: FlightReport, folder: Path) -> None:
     for text in report.trouble:
-        err.print(text, style="red", highlight=False, markup=False, soft_wrap=True)
+        say_error(text)
     if report.ended in ("ended", "stopped", "abandoned"):
         out.print(flight_table(report.summary))
         for text in network_lines(report.summary):
-            out.print(text, style="yellow", highlight=False, markup=False, soft_wrap=True)
+            say(text, "yellow")
     if report.ended != "ended" or not report.all_arrived:
         if report.ended == "abandoned":
-            out.print(
-                "the program did not wait for the vehicles; their last known states:",
-                style="yellow",
-                highlight=False,
-            )
+            say("the program did not wait for the vehicles; their last known states:", "yellow")
         for text in report.final_states:
-            out.print(text, highlight=False, markup=False, soft_wrap=True)
+            say(text)
     if report.ended == "failed":
-        out.print("no flight was completed; the lines above give the reasons", highlight=False)
+        say("no flight was completed; the lines above give the reasons")
     else:
-        out.print(f"{report.arrived} of {len(report.states)} arrived", highlight=False)
+        say(f"{report.arrived} of {len(report.states)} arrived")
         if ordered := report.ended_by_operator:
-            out.print(f"ended by the operator: {', '.join(ordered)}", highlight=False, soft_wrap=True)
+            say(f"ended by the operator: {', '.join(ordered)}")
         if late := _late_vehicles(report):
-            text = f"missed their time bounds: {', '.join(late)} [time-bound-missed]"
-            err.print(text, style="red", highlight=False, markup=False, soft_wrap=True)
-    out.print(f"run folder: {folder}", highlight=False, soft_wrap=True)
+            say_error(f"missed their time bounds: {', '.join(late)} [time-bound-missed]")
+    say(f"run folder: {folder}")
 
 
 def _write_files(folder: Path, scenario: Scenario, report: FlightReport) -> str:
@@ -196,7 +191,7 @@ def _confirmed(scenario: Scenario, confirm: str) -> frozenset[str]:
             )
         for spec in scenario.specs:
             if not spec.simulated:
-                out.print(f"  {spec.name}: system {spec.sysid} at {spec.url}", highlight=False)
+                say(f"  {spec.name}: system {spec.sysid} at {spec.url}")
         confirm = typer.prompt(
             "These real vehicles will be armed and fly. Type their names, separated by commas"
         )

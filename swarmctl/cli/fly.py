@@ -25,8 +25,8 @@ from swarmctl.cli.console import (
     OutOption,
     VerboseOption,
     fail,
-    out,
     run_folder,
+    say,
 )
 from swarmctl.cli.flights import (
     ConfirmOption,
@@ -116,7 +116,7 @@ def fly(
     )
     folder = folder or run_folder(out_folder, scenario.config.name)
     subject = config if unfinished is None else unfinished.folder
-    out.print(f"{subject}: {describe(scenario)}; connecting", highlight=False, soft_wrap=True)
+    say(f"{subject}: {describe(scenario)}; connecting")
     display = terminal(verbose=verbose)
     tune_collector()
     with (

@@ -9,8 +9,8 @@ from pathlib import Path
 from swarmctl.bus.transports.access import OPERATOR
 from swarmctl.bus.transports.zenoh import ZenohBus
 from swarmctl.bus.transports.zenoh_config import Configuration
-from swarmctl.cli.configuration import keys_problem_lines
-from swarmctl.cli.console import FAILED, USAGE, fail
+from swarmctl.cli.configuration import fail_for_keys
+from swarmctl.cli.console import USAGE, fail
 from swarmctl.config import joining
 from swarmctl.config.roster import Roster
 from swarmctl.core.frames import FrameCodec
@@ -39,7 +39,7 @@ def ground_station_or_exit(config: Path, swarm: Roster, connect: str | None) -> 
         keyring = joining.keyring_of(swarm, OPERATOR, dt.datetime.now(dt.UTC))
         network = joining.as_station(swarm, connect, keyring)
     except KeyringError as error:
-        fail(keys_problem_lines(config, [str(error)]), FAILED)
+        fail_for_keys(config, error)
     except joining.NoNetwork as error:
         advice = "" if connect is not None else ", or give --connect tcp/HOST:PORT"
         fail([extended(str(error), advice)], USAGE)

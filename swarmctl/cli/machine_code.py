@@ -11,6 +11,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+from swarmctl.cli.console import say
 from swarmctl.config.model import Config
 from swarmctl.planners.kernels.compilation import numba_cache
 
@@ -36,12 +37,12 @@ def prepare(config: Config, console: Console) -> None:
         return
     if numba_cache() is None:
         text = "machine code cannot be stored, so every run compiles the planners"
-        _print(console, f"{text}; set NUMBA_CACHE_DIR to a writable folder")
+        say(f"{text}; set NUMBA_CACHE_DIR to a writable folder", console=console)
         return
     try:
         compile_all(console)
     except CompilerError as error:
-        _print(console, str(error))
+        say(str(error), console=console)
 
 
 def is_ready() -> bool:
@@ -86,16 +87,12 @@ def _progress(process: subprocess.Popen[str]) -> Iterator[tuple[int, int]]:
 def _show(progress: Iterator[tuple[int, int]], console: Console) -> None:
     """Show a bar on a terminal, a line for each kernel elsewhere."""
     if not console.is_terminal:
-        _print(console, PROGRESS_TEXT)
+        say(PROGRESS_TEXT, console=console)
         for done, total in progress:
-            _print(console, f"compiled: {done} of {total} kernels")
+            say(f"compiled: {done} of {total} kernels", console=console)
         return
     columns = TextColumn(PROGRESS_TEXT), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
     with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task(PROGRESS_TEXT, total=None)
         for done, total in progress:
             bar.update(task, completed=done, total=total)
-
-
-def _print(console: Console, text: str) -> None:
-    console.print(text, highlight=False, markup=False, soft_wrap=True)

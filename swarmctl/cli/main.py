@@ -15,7 +15,7 @@ from typer.core import TyperCommand, TyperGroup
 
 from swarmctl import __version__
 from swarmctl.bus.transports.process_exit import exit_process
-from swarmctl.cli.console import BUG, INTERRUPTED, OK, err, out
+from swarmctl.cli.console import BUG, INTERRUPTED, OK, err, say
 from swarmctl.cli.registry import COMMANDS
 
 
@@ -59,7 +59,7 @@ cli = typer.Typer(
 
 def _print_version(is_given: bool) -> None:
     if is_given:
-        out.print(f"swarmctl {__version__}", highlight=False)
+        say(f"swarmctl {__version__}")
         raise typer.Exit
 
 
@@ -87,7 +87,6 @@ def _exit_code() -> int:
         return INTERRUPTED
     except Exception:  # noqa: BLE001 - the only place where a bug becomes an exit code
         traceback.print_exc()
-        text = "swarmctl: this is a bug; please report it with the text above [bug]"
-        err.print(text, style="bold red", markup=False)
+        say("swarmctl: this is a bug; please report it with the text above [bug]", "bold red", err)
         return BUG
     return OK

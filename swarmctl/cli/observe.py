@@ -23,7 +23,7 @@ from swarmctl.bus.sensor_reports import (
 from swarmctl.bus.transports.access import OPERATOR
 from swarmctl.bus.transports.base import BusError, Transport
 from swarmctl.bus.transports.zenoh_config import Credentials
-from swarmctl.cli.configuration import keys_problem_lines, load_roster_or_exit
+from swarmctl.cli.configuration import fail_for_keys, load_roster_or_exit
 from swarmctl.cli.console import FAILED, USAGE, fail, out, say
 from swarmctl.cli.operator_command import (
     ConnectOption,
@@ -94,7 +94,7 @@ def observe(
         receiver = _vehicle(uav, roster)
         flight, credentials, signing = _find_flight(swarm, roster, connect, receiver)
     except KeyringError as error:
-        fail([str(error)] if config is None else keys_problem_lines(config, [str(error)]), FAILED)
+        fail_for_keys(config, error)
     except BusError as error:
         fail([str(error)], FAILED)
     except ValueError as error:

@@ -16,8 +16,8 @@ from swarmctl.bus.authentication import RequestSigning
 from swarmctl.bus.transports.access import OPERATOR
 from swarmctl.bus.transports.base import BusError
 from swarmctl.bus.transports.zenoh_config import Credentials
-from swarmctl.cli.configuration import keys_problem_lines, load_roster_or_exit
-from swarmctl.cli.console import FAILED, USAGE, err, fail, out
+from swarmctl.cli.configuration import fail_for_keys, load_roster_or_exit
+from swarmctl.cli.console import FAILED, USAGE, err, fail, out, say
 from swarmctl.config import joining
 from swarmctl.core.messages import OperatorAnswer, Request, VehicleAnswer
 from swarmctl.security.files import KeyringError
@@ -73,7 +73,7 @@ def send_or_exit(
         signing = signing_for(flight, keyring)
         answer = asyncio.run(send(flight, request, credentials, signing))
     except KeyringError as error:
-        fail([str(error)] if config is None else keys_problem_lines(config, [str(error)]), FAILED)
+        fail_for_keys(config, error)
     except (BusError, client.NoAnswer) as error:
         fail([str(error)], FAILED)
     except ValueError as error:
@@ -133,7 +133,6 @@ def _print_answer(
     if answer.refused:
         fail([f"{flight.swarm} refused the command: {answer.refused}"], FAILED)
     for vehicle in answer.vehicles:
-        console = out if vehicle.outcome == "taken" else err
-        console.print(line_of(vehicle), highlight=False, markup=False, soft_wrap=True)
+        say(line_of(vehicle), console=out if vehicle.outcome == "taken" else err)
     if client.has_failed(request, answer):
         raise typer.Exit(FAILED)

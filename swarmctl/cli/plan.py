@@ -82,7 +82,7 @@ def plan(
             style="bright_black",
             highlight=False,
         )
-    out.print(f"map and missions: {folder}", highlight=False, soft_wrap=True)
+    say(f"map and missions: {folder}")
 
 
 def _with_prior(scenario: Scenario, run: Path) -> Scenario:
@@ -109,4 +109,4 @@ def _plan_front(scenario: Scenario, out_folder: Path, uav: str, max_labels: int)
     out.print(front.front_table(found))
     for text in [*front.front_notes(found), front.EXPLANATION]:
         out.print(text, style="bright_black", highlight=False, markup=False)
-    out.print(f"all routes, with their cells, and the picture: {folder}", highlight=False, soft_wrap=True)
+    say(f"all routes, with their cells, and the picture: {folder}")

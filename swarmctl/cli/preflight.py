@@ -17,8 +17,9 @@ from swarmctl.cli.console import (
     ConfigOrExampleOption,
     ExampleOption,
     VerboseOption,
-    err,
     out,
+    say,
+    say_error,
 )
 from swarmctl.cli.flights import (
     WaiveOption,
@@ -88,9 +89,9 @@ def _conclude(checks: FlightReport, scenario: Scenario) -> None:
     listed = {str(found) for findings in checks.checked.values() for found in findings}
     for text in checks.trouble:
         if text not in listed:  # the tables show the listed problems
-            err.print(text, style="red", highlight=False, markup=False, soft_wrap=True)
+            say_error(text)
     if checks.ended in ("stopped", "abandoned"):
         raise typer.Exit(INTERRUPTED)
     if checks.trouble or len(checks.checked) < len(scenario.specs):
         raise typer.Exit(FAILED)
-    out.print("no check prevents the launch; no vehicle was armed", highlight=False)
+    say("no check prevents the launch; no vehicle was armed")

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from swarmctl.cli import machine_code
-from swarmctl.cli.console import FAILED, USAGE, err, fail, out, say
+from swarmctl.cli.console import FAILED, USAGE, err, fail, say
 from swarmctl.report import record, record_file
 
 
@@ -34,6 +34,4 @@ def replay(
         )
     if verdict.difference:
         fail([f"the decisions differ: {verdict.difference}"], FAILED)
-    out.print(
-        f"the decisions are the same: {verdict.events} events, {verdict.effects} effects", highlight=False
-    )
+    say(f"the decisions are the same: {verdict.events} events, {verdict.effects} effects")

@@ -15,7 +15,7 @@ from swarmctl.bus.transports import zenoh_config
 from swarmctl.bus.transports.access import ROUTER
 from swarmctl.bus.transports.base import BusError
 from swarmctl.bus.transports.zenoh_config import Configuration, Credentials
-from swarmctl.cli.configuration import keys_problem_lines, load_roster_or_exit
+from swarmctl.cli.configuration import fail_for_keys, load_roster_or_exit
 from swarmctl.cli.console import FAILED, USAGE, ConfigOption, fail, log, say
 from swarmctl.config.communication import Communication
 from swarmctl.security.files import KeyringError
@@ -84,7 +84,7 @@ def _credentials(
     try:
         return load_keyring(folder, ROUTER, dt.datetime.now(dt.UTC)).credentials
     except KeyringError as error:
-        fail([str(error)] if keys is not None else keys_problem_lines(config, [str(error)]), FAILED)
+        fail_for_keys(config if keys is None else None, error)
 
 
 def _run(configuration: Configuration, names: Mapping[int, str], common_names: Mapping[str, str]) -> None:

@@ -134,7 +134,7 @@ def _run(experiment: Experiment, folder: Path, n_workers: int, scheduler: str | 
     from swarmctl.study.run import run  # noqa: PLC0415
 
     def next_block(n_worlds: int, widest: float) -> None:
-        err.print(_precision(experiment, n_worlds, widest), highlight=False)
+        say(_precision(experiment, n_worlds, widest), console=err)
 
     command = shlex.join(["swarmctl", *sys.argv[1:]])
     try:
@@ -145,7 +145,7 @@ def _run(experiment: Experiment, folder: Path, n_workers: int, scheduler: str | 
         fail([str(error)], FAILED)
     except (KeyboardInterrupt, SystemExit):
         text = f"interrupted; {folder} keeps the finished batches, and the same command goes on from there"
-        err.print(text, highlight=False, markup=False, soft_wrap=True)
+        say(text, console=err)
         raise typer.Exit(INTERRUPTED) from None
     if outcome.widest is not None:
         say(_precision(experiment, outcome.n_worlds, outcome.widest))
@@ -205,7 +205,7 @@ class _Lines:
     def __call__(self, done: int, total: int) -> None:
         if (tenth := 10 * done // total) != self._tenth:
             self._tenth = tenth
-            err.print(f"{done} of {total} done", highlight=False)
+            say(f"{done} of {total} done", console=err)
 
 
 def _report(folder: Path) -> None:

@@ -80,3 +80,11 @@ def test_a_flight_beyond_a_full_battery_is_a_problem_with_its_line(tmp_path: Pat
     assert f"{file}:7: alpha: battery: " in result.stderr
     assert f"{file}:8: beta: battery: " in result.stderr
     assert "preflight.endurance_s" in result.stderr
+
+
+def test_brackets_in_the_name_of_a_file_are_printed(tmp_path: Path) -> None:
+    file = config(tmp_path, "null").rename(tmp_path / "[red]two.yaml")
+    checked = swarmctl("check", "--config", file, "--out", tmp_path)
+    planned = swarmctl("plan", "--config", file, "--out", tmp_path / "[b]")
+    assert str(file) in checked.output
+    assert str(tmp_path / "[b]") in planned.output
