@@ -159,7 +159,7 @@ SHEETS = [
         [panel(3, "a-name-as-long-as-a-name-may-be..", about="12345 routes, 1234 on the hull; cut off")] * 2,
     ),
     ("nothing inside the hull", [panel(2)]),
-    ("no bound, nothing configured", [panel(bounds=[], chosen=None)]),
+    ("no bound", [panel(bounds=[])]),
 ]
 
 

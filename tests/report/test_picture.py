@@ -230,8 +230,3 @@ def test_numbers_of_vehicles_with_one_start_do_not_overlap() -> None:
     at = chart.transData.transform([text.get_position() for text in texts_of(chart)])
     gaps = np.hypot(*(at[:, None] - at[None, :]).transpose(2, 0, 1))[~np.eye(6, dtype=bool)]
     assert gaps.min() > 0.9 * 11.5 / 72.0 * 160.0
-
-
-def test_knowledge_of_another_area_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match=r"\(3, 3\) .*\(20, 20\)"):
-        draw_map(tmp_path / "map.png", picture(known=np.zeros((3, 3), dtype=np.int8)))

@@ -86,11 +86,10 @@ def _draw_chart(axes: Axes, panel: FrontPanel) -> None:
         axes.plot(
             point.length_m, point.exposure_sum, "o", ms=size, mfc=face, mec=colour, mew=1.1, zorder=order
         )
-    if panel.chosen is not None:
-        axes.plot(*panel.chosen, "o", ms=size + 5.5, mfc="none", mec=INK, mew=1.4, zorder=6)
-        if panel.chosen_track is not None:
-            axes.plot(*panel.chosen, "o", ms=size, mfc=INK, mec=INK, mew=1.1, zorder=6)
-        _label_chosen(axes, panel.chosen, panel.chosen_label)
+    axes.plot(*panel.chosen, "o", ms=size + 5.5, mfc="none", mec=INK, mew=1.4, zorder=6)
+    if panel.chosen_track is not None:
+        axes.plot(*panel.chosen, "o", ms=size, mfc=INK, mec=INK, mew=1.1, zorder=6)
+    _label_chosen(axes, panel.chosen, panel.chosen_label)
     if len(points) == 1:
         axes.text(
             0.5, 0.25, "one route is shortest and least exposed", transform=axes.transAxes, fontsize=8.5,
@@ -101,9 +100,7 @@ def _draw_chart(axes: Axes, panel: FrontPanel) -> None:
 
 
 def _set_limits(axes: Axes, panel: FrontPanel, length_m: ArrayLike, exposure: ArrayLike) -> None:
-    lengths, exposures = np.atleast_1d(length_m), np.atleast_1d(exposure)
-    if panel.chosen is not None:
-        lengths, exposures = np.append(lengths, panel.chosen[0]), np.append(exposures, panel.chosen[1])
+    lengths, exposures = np.append(length_m, panel.chosen[0]), np.append(exposure, panel.chosen[1])
     shown = [bound.length_m for bound in panel.bounds if 0.0 < bound.length_m < 1.6 * lengths.max()]
     lengths = np.append(lengths, shown)
     if exposures.max() - exposures.min() <= FLAT_SHARE * exposures.max():  # too flat for an axis
@@ -218,8 +215,7 @@ def _draw_key(axes: Axes, panels: Sequence[FrontPanel]) -> None:
     symbols = [("on the hull: found with some w", 5.5, QUIET, QUIET, 1.1)]
     if n_inside:
         symbols.append(("inside: found by `constrained` only", 5.5, "white", QUIET, 1.1))
-    if any(panel.chosen is not None for panel in panels):
-        symbols.append(("configured", 9.5, "none", INK, 1.4))
+    symbols.append(("configured", 9.5, "none", INK, 1.4))
     for text, size, face, edge, width in symbols:
         axes.plot(x + 0.08, y, "o", ms=size, mfc=face, mec=edge, mew=width)
         axes.text(x + 0.24, y, text, fontsize=8.5, color=INK, va="center")

@@ -50,10 +50,10 @@ class FrontPanel:
     entry_s: float
     """time from take-off to the entry cell, where the route length begins [s]"""
     speed_m_s: float
-    chosen: tuple[float, float] | None = None
+    chosen: tuple[float, float]
     """(length [m], ΣP_s) of the configured route"""
-    chosen_label: str = ""
+    chosen_label: str
     """the planner's name, or `w = …`"""
+    bounds: Sequence[FrontBound]
     chosen_track: Sequence[LatLon] | None = None
     """the configured route's line on the map; None if this route is in `points`"""
-    bounds: Sequence[FrontBound] = ()

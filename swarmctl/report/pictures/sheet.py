@@ -36,10 +36,7 @@ BELOW_COLUMNS = 2
 
 
 def draw_map(path: Path, picture: MapPicture) -> None:
-    """Write the PNG, 1440 pixels wide; equal pictures give equal bytes. Raises ValueError, OSError."""
-    shape = (picture.grid.rows, picture.grid.cols)
-    if picture.known.shape != shape:
-        raise ValueError(f"known cells of shape {picture.known.shape} for an area of {shape} cells")
+    """Write the PNG, 1440 pixels wide; equal pictures give equal bytes. Raises OSError."""
     figure = figure_of(picture)
     # Without `Software`, the bytes do not depend on matplotlib's version number.
     figure.savefig(path, dpi=DPI, format="png", metadata={"Software": None})
