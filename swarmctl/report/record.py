@@ -30,6 +30,7 @@ from swarmctl.core.observation import Observation
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.report import foxglove, record_file
 from swarmctl.report.record_file import FORMAT, StoredMessage, StoredRecord
+from swarmctl.report.ui import Observer
 
 FLUSH_PERIOD_S = 1.0
 """longest time without a flush, by the run's clock [s]: a process that is killed loses this time at most"""
@@ -57,8 +58,8 @@ class BusRecord(msgspec.Struct, frozen=True):
     vehicle: str = ""
 
 
-class Recorder:
-    """The recorder of one `run.mcap`, an `Observer` of runners. Only `close` writes the index of the file.
+class Recorder(Observer):
+    """The recorder of one `run.mcap`. Only `close` writes the index of the file.
 
     A replay reads the agents' events and effects. Positions, routes, hostiles and texts are also recorded in
     Foxglove's own schemas. An effect on a vehicle or on the swarm is in the file before it is performed; a
@@ -248,7 +249,7 @@ class ReplayResult:
     effects: int
     difference: str
     """the first difference; empty without a difference"""
-    is_cut: bool = False
+    is_cut: bool
     """True if the record has no end, because the process died; the complete part was replayed"""
 
 
@@ -258,8 +259,8 @@ def replay(path: Path, prepare: Callable[[Config], None] = lambda _: None) -> Re
     `prepare` gets the recorded configuration before the replay builds the scenario.
     """
     content = read(path)
-    prepare(content.config)
-    return fold(content, build(content.config), lambda *_: None)
+    prepare(content.stored.config)
+    return fold(content, build(content.stored.config), lambda *_: None)
 
 
 OnFolded = Callable[[AgentState, ev.Event, AgentState, list[ev.Effect], "Row"], None]
@@ -270,7 +271,7 @@ def fold(content: RecordContent, scenario: Scenario, on_folded: OnFolded) -> Rep
     """Fold the recorded events of every agent, compare the effects, and call `on_folded` after each event."""
     states = {task.name: begin(task, scenario.prior) for task in scenario.tasks}
     expected: dict[str, list[ev.Effect]] = {name: [] for name in states}
-    events = effects = 0
+    events, effects, is_cut = 0, 0, content.stored.is_cut
     for row in content.rows:
         name, record = row.vehicle, row.record
         if isinstance(record, EffectRecord):
@@ -279,21 +280,21 @@ def fold(content: RecordContent, scenario: Scenario, on_folded: OnFolded) -> Rep
             if not due or due[0] != record.effect:
                 found = due[0] if due else "nothing"
                 text = f"{name} at {record.now_s:.3f} s: recorded {record.effect}, now {found}"
-                return ReplayResult(events, effects, text, content.is_cut)
+                return ReplayResult(events, effects, text, is_cut)
             due.pop(0)
             continue
         if expected[name]:
             text = f"{name} before {record.now_s:.3f} s: nothing recorded, now {expected[name][0]}"
-            return ReplayResult(events, effects, text, content.is_cut)
+            return ReplayResult(events, effects, text, is_cut)
         events += 1
         before = states[name]
         states[name], folded = step(before, record.event, record.now_s)
         expected[name] = list(folded)
         on_folded(before, record.event, states[name], folded, row)
     for name, due in expected.items():
-        if due and not content.is_cut:
-            return ReplayResult(events, effects, f"{name} at the end: nothing recorded, now {due[0]}")
-    return ReplayResult(events, effects, "", content.is_cut)
+        if due and not is_cut:
+            return ReplayResult(events, effects, f"{name} at the end: nothing recorded, now {due[0]}", is_cut)
+    return ReplayResult(events, effects, "", is_cut)
 
 
 def recorded_observations(run: Path) -> tuple[Config, list[Observation]]:
@@ -301,7 +302,7 @@ def recorded_observations(run: Path) -> tuple[Config, list[Observation]]:
     content = read(record_path(run))
     effects = (row.record.effect for row in content.rows if isinstance(row.record, EffectRecord))
     messages = (effect.message for effect in effects if isinstance(effect, ev.Publish))
-    return content.config, [m for m in messages if isinstance(m, Observation)]
+    return content.stored.config, [m for m in messages if isinstance(m, Observation)]
 
 
 def record_path(run: Path) -> Path:
@@ -321,22 +322,18 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class RecordContent:
-    """Configuration, events and effects of a record."""
+    """A record with its events and effects."""
 
-    config: Config
-    rows: list[Row]
-    is_cut: bool
-    """True if the record has no end, because the process died"""
     stored: StoredRecord
+    rows: list[Row]
 
 
 def read(path: Path) -> RecordContent:
     """Return the complete part of a record. Raises RecordError."""
     stored = record_file.read(path)
     try:
-        config = Config.model_validate_json(stored.metadata["config"])
-        return RecordContent(config, list(_rows(stored.messages)), stored.is_cut, stored)
-    except Exception as error:  # a damaged record fails in many ways: JSON, unknown keys or kinds of events
+        return RecordContent(stored, list(_rows(stored.messages)))
+    except Exception as error:  # a damaged record fails in many ways: JSON, unknown kinds of events
         raise record_file.damaged(path, error) from error
 
 

@@ -57,7 +57,7 @@ class StoredMessage(NamedTuple):
 class StoredRecord:
     """The complete part of a record."""
 
-    metadata: dict[str, str]
+    config: Config
     messages: list[StoredMessage]
     """in the order of their numbers"""
     is_cut: bool
@@ -80,13 +80,11 @@ def read(path: Path) -> StoredRecord:
     """Return the complete part of a record. Raises RecordError."""
     stream = RecordStream(path)
     try:
-        metadata = stream.metadata()
+        config = stream.configuration()
         messages = [message for chunk in stream.chunks() for message in chunk]
     finally:
         stream.close()
-    return StoredRecord(
-        metadata, sorted(messages, key=lambda message: message.number), not stream.is_complete
-    )
+    return StoredRecord(config, sorted(messages, key=lambda message: message.number), not stream.is_complete)
 
 
 def not_found(path: Path) -> RecordError:
@@ -129,22 +127,17 @@ class RecordStream:
     def close(self) -> None:
         self._file.close()
 
-    def metadata(self) -> dict[str, str]:
-        """Return format, version and configuration, which precede every message. Raises RecordError."""
+    def configuration(self) -> Config:
+        """Return the configuration of the run, which precedes every message. Raises RecordError."""
         try:
             self._file.seek(0)
             records = StreamReader(self._file).records
             metadata = next(r.metadata for r in records if isinstance(r, Metadata) and r.name == "swarmctl")
         except Exception as error:  # a damaged record fails in many ways
             raise damaged(self.path, error) from error
-        if metadata.get("format") in READABLE:
-            return metadata
-        text = f"swarmctl {__version__} cannot read this record; use the version that wrote it"
-        raise RecordError(f"{self.path}: {text} [other-format]")
-
-    def configuration(self) -> Config:
-        """Return the configuration of the run. Raises RecordError."""
-        metadata = self.metadata()
+        if metadata.get("format") not in READABLE:
+            text = f"swarmctl {__version__} cannot read this record; use the version that wrote it"
+            raise RecordError(f"{self.path}: {text} [other-format]")
         try:
             return Config.model_validate_json(metadata["config"])
         except (KeyError, ValueError) as error:

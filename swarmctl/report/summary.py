@@ -22,7 +22,6 @@ from swarmctl.bus.node.exchange import NetworkCounters
 from swarmctl.config.scenario import Scenario
 from swarmctl.core import events as ev
 from swarmctl.core.belief import Belief
-from swarmctl.core.frames import AgentMessage
 from swarmctl.core.geo import LatLon, distance_m
 from swarmctl.core.inference.survival import survival_among
 from swarmctl.core.observation import Observation
@@ -33,6 +32,7 @@ from swarmctl.report.final_state import describe_outcome, final_phase
 from swarmctl.report.formations import FormationStatistics
 from swarmctl.report.separation import SeparationStatistics
 from swarmctl.report.swaps import SwapStatistics
+from swarmctl.report.ui import Observer
 
 MIN_STEP_M = 1.0
 """least distance between two kept positions of a flight [m]: a hovering vehicle adds none"""
@@ -78,7 +78,7 @@ class VehicleStatistics:
         return None if self.took_off_s is None or self.last_s is None else self.last_s - self.took_off_s
 
 
-class FlightStatistics:
+class FlightStatistics(Observer):
     """Statistics of all vehicles."""
 
     def __init__(self) -> None:
@@ -124,12 +124,6 @@ class FlightStatistics:
             if isinstance(effect, ev.Publish) and isinstance(effect.message, Observation):
                 observation = effect.message
                 self._observed_s[*observation.source, observation.seq] = now
-
-    def sent(self, uav: int, message: AgentMessage, recipients: int, now: float) -> None:
-        pass
-
-    def noted(self, uav: int, text: str, now: float, *, to_operator: bool) -> None:
-        pass
 
     def _add_position(self, vehicle: VehicleStatistics, before: AgentState, after: AgentState) -> None:
         state = after.vehicle

@@ -36,8 +36,8 @@ class SilentUi:
     def refresh(self, view: SwarmView) -> None: ...
 
 
-class Observer(Protocol):
-    """A receiver of all events of the flight, such as the recorder, the summary or the user interface."""
+class Observer:
+    """A receiver of all events of the flight, such as the recorder; here each method does nothing."""
 
     def folded(
         self, before: AgentState, event: ev.Event, after: AgentState, effects: list[ev.Effect], now: float
@@ -74,7 +74,7 @@ class SafeUi:
 
 
 @dataclass(slots=True)
-class UiObserver:
+class UiObserver(Observer):
     """An observer that shows vehicles' messages and changes of state to the operator."""
 
     ui: Ui
@@ -110,9 +110,6 @@ class UiObserver:
                 changed or reach is not None or behaviours or answer.outcome != "taken"
             ):
                 self.ui.say(weights_line(w, strength, answer, reach, behaviours))
-
-    def sent(self, uav: int, message: AgentMessage, recipients: int, now: float) -> None:
-        pass
 
     def noted(self, uav: int, text: str, now: float, *, to_operator: bool) -> None:
         (self.ui.say if to_operator else self.ui.log)(f"{self.names[uav]}: {text}")

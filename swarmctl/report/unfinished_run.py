@@ -85,7 +85,7 @@ def unfinished_content(run: Path) -> tuple[record.RecordContent, BinaryIO]:
             content = record.read(record.record_path(run))
         except record_file.RecordError as error:
             raise UnfinishedRunError(str(error)) from error
-        if not content.is_cut:
+        if not content.stored.is_cut:
             raise UnfinishedRunError(
                 f"{run}: the run has ended in order, so there is nothing to go on with; start a new flight "
                 "without --resume, and command vehicles that are still in the air by another ground station "
@@ -190,7 +190,7 @@ def load(
     """
     content, file = unfinished_content(run)
     try:
-        scenario = scenario_of(content.config)
+        scenario = scenario_of(content.stored.config)
         return scenario, rebuild(run, content, file, scenario, epoch_ns)
     except BaseException:
         file.close()

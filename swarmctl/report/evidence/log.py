@@ -12,7 +12,6 @@ from typing import Any, Protocol
 
 from swarmctl.agent.state import AgentState
 from swarmctl.core import events as ev
-from swarmctl.core.frames import AgentMessage
 from swarmctl.mavlink.protocol.codec import Message
 from swarmctl.mavlink.protocol.parameters import BYTE_WISE
 from swarmctl.report.evidence.chain import (
@@ -25,6 +24,7 @@ from swarmctl.report.evidence.chain import (
     signed_content,
 )
 from swarmctl.report.evidence.commands import UNRECORDED, arms, content
+from swarmctl.report.ui import Observer
 
 FILE_NAME = "evidence.jsonl"
 SYNC_TIMEOUT_S = 10.0
@@ -41,8 +41,8 @@ class Signer(Protocol):
     def sign(self, data: bytes) -> str: ...
 
 
-class Evidence:
-    """The evidence of one run: an `EvidenceRecorder` for the front end, and an `Observer` for runners.
+class Evidence(Observer):
+    """The evidence of one run, also an `EvidenceRecorder` for the front end.
 
     A failed write or sync, as on a full disk, ends the evidence. The operator is told, and no further vehicle
     is armed.
@@ -116,10 +116,6 @@ class Evidence:
             if isinstance(effect, ev.Answer):
                 asks |= {"outcome": effect.answer.outcome, "note": effect.answer.note}
         self.operator(vehicle=after.task.name, **asks)
-
-    def sent(self, uav: int, message: AgentMessage, recipients: int, now: float) -> None: ...
-
-    def noted(self, uav: int, text: str, now: float, *, to_operator: bool) -> None: ...
 
     def waived(self, vehicle: str | None, check: str, because: str = "") -> None:
         """Record that an operator lets a preflight check fail."""
