@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Mapping
-from enum import StrEnum
 from functools import partial
-from typing import Annotated
+from typing import Annotated, Literal
 
 import msgspec
 import typer
@@ -32,12 +31,6 @@ from swarmctl.station import client, recall
 from swarmctl.station.client import FlightEndpoints
 
 
-class Manoeuvre(StrEnum):
-    HOLD = "hold"
-    RETURN = "return"
-    LAND = "land"
-
-
 def _print_running() -> None:
     """Print this user's flights on this machine, with their ages."""
     with contextlib.suppress(BusError):  # reported by the search for the flight
@@ -50,7 +43,9 @@ def register(cli: typer.Typer) -> None:
 
 
 def abort(
-    manoeuvre: Annotated[Manoeuvre, typer.Argument(metavar="hold|return|land", show_default=False)],
+    manoeuvre: Annotated[
+        Literal["hold", "return", "land"], typer.Argument(metavar="hold|return|land", show_default=False)
+    ],
     uav: UavsOption = None,
     all_vehicles: AllOption = False,
     config: FlyingConfigOption = None,
@@ -66,11 +61,11 @@ def abort(
     if swarm is None and config is None and connect is None:
         _print_running()
     send_or_exit(
-        lambda: GiveOrder(client.chosen_vehicles(uav or [], all_vehicles), manoeuvre.value),
+        lambda: GiveOrder(client.chosen_vehicles(uav or [], all_vehicles), manoeuvre),
         swarm,
         config,
         connect,
-        partial(order_line, manoeuvre.value),
+        partial(order_line, manoeuvre),
         send=partial(send_to_valid_names, recall.send),
     )
 

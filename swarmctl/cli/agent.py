@@ -5,9 +5,8 @@ from __future__ import annotations
 import datetime as dt
 import time
 from dataclasses import replace
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -53,10 +52,7 @@ from swarmctl.report.unfinished_run import UnfinishedRun
 from swarmctl.security.files import KeyringError
 from swarmctl.security.participant import Keyring
 
-
-class Launch(StrEnum):
-    ORDERED = "ordered"
-    WHEN_READY = "when-ready"
+Launch = Literal["ordered", "when-ready"]
 
 
 def register(cli: typer.Typer) -> None:
@@ -79,7 +75,7 @@ def agent(
         typer.Option(
             help="ordered: at `swarmctl order launch`; when-ready: after the checks and the vehicle's delay."
         ),
-    ] = Launch.ORDERED,
+    ] = "ordered",
     connect: Annotated[
         str | None,
         typer.Option(metavar="tcp/HOST:PORT", help="The router's endpoint, instead of communication.router."),
@@ -139,7 +135,7 @@ def _fly(
                         display,
                         clock="real",
                         permission=may_arm,
-                        launch=launch.value,
+                        launch=launch,
                         network=network,
                         keyring=keyring,
                         waivers=waivers,
@@ -197,13 +193,13 @@ def _network(
 ) -> Configuration | None:
     (spec,) = scenario.specs
     is_isolated = scenario.config.communication.router is None and not scenario.config.communication.mesh
-    if connect is None and is_isolated and launch is Launch.WHEN_READY:
+    if connect is None and is_isolated and launch == "when-ready":
         say(f"{spec.name} flies without a network: `communication` has neither router nor mesh [no-network]")
         return None
     try:
         return joining.as_agent(scenario.config, spec.sysid, connect, keyring)
     except joining.NoNetwork as error:
-        advice = f", or give --connect tcp/HOST:PORT, or fly alone with --launch {Launch.WHEN_READY}"
+        advice = ", or give --connect tcp/HOST:PORT, or fly alone with --launch when-ready"
         fail([extended(str(error), advice if is_isolated and connect is None else "")], USAGE)
 
 

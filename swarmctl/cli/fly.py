@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 from dataclasses import replace
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -46,17 +45,11 @@ from swarmctl.cli.resume import ResumeOption, load_or_exit, require_host, run_or
 from swarmctl.config.scenario import Scenario
 from swarmctl.flight import app
 from swarmctl.flight.gc_tuning import tune_collector
-from swarmctl.flight.run import DEFAULT_OPTIONS
+from swarmctl.flight.run import DEFAULT_OPTIONS, Clock
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.report.evidence.log import Signer
 from swarmctl.security.evidence_keys import operator_evidence_signer
 from swarmctl.security.files import KeyringError
-
-
-class Clock(StrEnum):
-    REAL = "real"
-    VIRTUAL = "virtual"
-
 
 ClockOption = Annotated[
     Clock,
@@ -71,7 +64,7 @@ def register(cli: typer.Typer) -> None:
 def fly(
     config: ConfigOrExampleOption = None,
     example: ExampleOption = None,
-    clock: ClockOption = Clock.REAL,
+    clock: ClockOption = "real",
     real: RealOption = False,
     confirm: ConfirmOption = "",
     forward: ForwardOption = None,
@@ -94,19 +87,19 @@ def fly(
     if resume is not None:
         name = "" if given is None else given.config.name
         run = run_or_exit(resume, out_folder, name)
-        if clock is Clock.VIRTUAL:
+        if clock == "virtual":
             fail(["--resume: a flight on the virtual clock ends with its program [virtual-clock]"], USAGE)
         scenario, unfinished = load_or_exit(run, given)
     assert scenario is not None
     scenario = with_forwarding(scenario, forward or [])
-    if config is not None and clock is Clock.VIRTUAL:
+    if config is not None and clock == "virtual":
         require_simulated_clock(config, scenario)
-    if dashboard and clock is Clock.VIRTUAL:
+    if dashboard and clock == "virtual":
         fail(["--dashboard shows flights in real time; open the run with `swarmctl dashboard RUN`"], USAGE)
     may_arm = arming_permission(scenario, real=real, confirm=confirm)
     if config is None:
         require_host(scenario, out_folder)
-    elif clock is Clock.REAL:
+    elif clock == "real":
         require_flyable(config, scenario, out_folder)
     options = replace(
         DEFAULT_OPTIONS,
@@ -128,11 +121,11 @@ def fly(
                 scenario,
                 folder,
                 display,
-                clock=clock.value,
+                clock=clock,
                 permission=may_arm,
                 options=options,
             )
-            report = run_virtual(flight) if clock is Clock.VIRTUAL else run_flight(flight)
+            report = run_virtual(flight) if clock == "virtual" else run_flight(flight)
         conclude(report, scenario, folder)
 
 

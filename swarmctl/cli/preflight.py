@@ -28,7 +28,7 @@ from swarmctl.cli.flights import (
     terminal,
     uninterrupted,
 )
-from swarmctl.cli.fly import Clock, ClockOption
+from swarmctl.cli.fly import ClockOption
 from swarmctl.config.scenario import Scenario
 from swarmctl.flight import app
 from swarmctl.flight.gc_tuning import tune_collector
@@ -45,7 +45,7 @@ def register(cli: typer.Typer) -> None:
 def preflight(
     config: ConfigOrExampleOption = None,
     example: ExampleOption = None,
-    clock: ClockOption = Clock.REAL,
+    clock: ClockOption = "real",
     waive: WaiveOption = None,
     verbose: VerboseOption = False,
 ) -> None:
@@ -56,12 +56,12 @@ def preflight(
     """
     config = config_or_example(config, example)
     scenario = load_scenario_or_exit(config)
-    if clock is Clock.VIRTUAL:
+    if clock == "virtual":
         require_simulated_clock(config, scenario)
     options = replace(DEFAULT_OPTIONS, launch="never", waivers=parse_waivers_or_exit(waive, scenario))
     with tempfile.TemporaryDirectory(prefix="swarmctl-preflight-") as name:
         folder = Path(name)
-        if clock is Clock.REAL:
+        if clock == "real":
             require_flyable(config, scenario, folder)
         display = terminal(verbose=verbose)
         tune_collector()
@@ -70,12 +70,12 @@ def preflight(
                 scenario,
                 folder,
                 display,
-                clock=clock.value,
+                clock=clock,
                 permission=lambda _: None,
                 bus=MemoryBus(ReportOnce(display.say)),
                 options=options,
             )
-            checks = run_virtual(flight) if clock is Clock.VIRTUAL else run(flight)
+            checks = run_virtual(flight) if clock == "virtual" else run(flight)
     _conclude(checks, scenario)
 
 
