@@ -30,7 +30,7 @@ def write(folder: Path) -> Path:
     Reads the tables, manifest.json and experiment.yaml of the folder and nothing else. One figure that
     fails does not stop the others: ReportError, raised at the end, names all that failed.
     """
-    manifest = _manifest(folder)
+    manifest = manifest_of(folder)
     study = read(folder, manifest)
     question, entries = _experiment(folder, manifest)
     summary = summarise(study)
@@ -76,10 +76,8 @@ def read(folder: Path, manifest: Mapping[str, Any]) -> Study:
         for name in table.columns
         if name not in (*KEYS, *factors) and (table[name].dtype == bool or table[name].dtype.kind in "iuf")
     ]
-    rows, cols = manifest.get("rows"), manifest.get("cols")
-    area = (int(rows), int(cols)) if rows and cols else None
     tracks, hostiles = (_table(folder / f"{name}.parquet") for name in ("tracks", "hostiles"))
-    return Study(table, factors, measures, tracks, hostiles, area)
+    return Study(table, factors, measures, (manifest["rows"], manifest["cols"]), tracks, hostiles)
 
 
 def summarise(study: Study) -> pd.DataFrame:
@@ -125,7 +123,8 @@ def _table(path: Path) -> pd.DataFrame | None:
     return pd.read_parquet(path) if path.exists() else None
 
 
-def _manifest(folder: Path) -> dict[str, Any]:
+def manifest_of(folder: Path) -> dict[str, Any]:
+    """Return the manifest of a results folder. Raises ReportError if there is none."""
     path = folder / "manifest.json"
     if not path.exists():
         raise ReportError(f"{folder} has no manifest.json; name the folder of a study [study-none]")

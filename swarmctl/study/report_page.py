@@ -107,12 +107,11 @@ def page(
 
 def _facts(manifest: Mapping[str, Any], study: Study) -> str:
     seeds = study.table["seed"]
-    missions = manifest.get("missions") or study.table.groupby(["level", "seed"]).ngroups
     facts = [(factor_label(name), f"{_values(values)} ({name})") for name, values in study.factors.items()]
     facts += [
         ("Levels", n_text(int(study.table["level"].nunique()))),
         ("Worlds a level", f"{n_text(study.n_worlds)}, seeds {seeds.min()} to {seeds.max()}"),
-        ("Missions", n_text(int(missions))),
+        ("Missions", n_text(study.table.groupby(["level", "seed"]).ngroups)),
     ]
     if elapsed := manifest.get("elapsed_s"):
         n_workers = manifest.get("workers")

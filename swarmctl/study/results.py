@@ -28,7 +28,6 @@ from swarmctl.study.experiment import Experiment
 from swarmctl.study.levels import Level
 from swarmctl.study.tables import Columns, Table
 
-PARTS = ("rows", "tracks", "hostiles")
 TABLES = {"rows": "results.parquet", "tracks": "tracks.parquet", "hostiles": "hostiles.parquet"}
 ROWS_A_GROUP = 1 << 16
 """rows of a row group of results.parquet: fixed, so that its bytes do not depend on the parts"""
@@ -63,7 +62,7 @@ class Results:
 
     def add(self, batch: Batch, table: Table) -> None:
         """Keep the results of a batch on the disk."""
-        for name in reversed(PARTS):  # the rows come last: they say that the batch is finished
+        for name in reversed(TABLES):  # the rows come last: they say that the batch is finished
             columns: Columns = getattr(table, name)
             if name == "rows" or (columns and len(next(iter(columns.values())))):
                 _write_part(self._part(batch.level, batch.seeds, name), pa.table(dict(columns)))
@@ -80,7 +79,7 @@ class Results:
         n_rows = 0
         for name, file in TABLES.items():
             tables = (
-                self._with_factors(level, table) if name == "rows" else _with_level(level, table)
+                self._with_level(level, table, with_factors=name == "rows")
                 for level in self._experiment.levels
                 for table in self._tables(level.index, name, seeds)
             )
@@ -110,15 +109,13 @@ class Results:
             seed = table["seed"].to_numpy()
             yield table.filter(pa.array((seed >= seeds.start) & (seed < seeds.stop)))
 
-    def _with_factors(self, level: Level, table: pa.Table) -> pa.Table:
-        fields: dict[str, Any] = {"level": pa.repeat(pa.scalar(level.index, pa.int32()), len(table))}
-        for name, value in level.values.items():
-            fields[name] = pa.repeat(pa.scalar(value, self._types[name]), len(table))
-        return pa.table(fields | {name: table[name] for name in table.column_names})
-
-
-def _with_level(level: Level, table: pa.Table) -> pa.Table:
-    return table.add_column(0, "level", pa.repeat(pa.scalar(level.index, pa.int32()), len(table)))
+    def _with_level(self, level: Level, table: pa.Table, *, with_factors: bool) -> pa.Table:
+        """Return a table with the level, and the values of the factors, as columns before its own."""
+        first = {"level": pa.scalar(level.index, pa.int32())}
+        if with_factors:
+            first |= {name: pa.scalar(value, self._types[name]) for name, value in level.values.items()}
+        columns = {name: pa.repeat(value, len(table)) for name, value in first.items()}
+        return pa.table(columns | {name: table[name] for name in table.column_names})
 
 
 def _write_sorted(path: Path, tables: Iterator[pa.Table]) -> int:

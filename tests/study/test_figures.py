@@ -84,7 +84,7 @@ CASES: dict[str, tuple[dict[str, list[Any]], dict[str, Any]]] = {
 def study_of(factors: dict[str, list[Any]], n_worlds: int = 12) -> Study:
     table = made_up_study.rows(factors, n_worlds)
     measures = [name for name in table.columns if name not in KEYS | factors.keys()]
-    return Study(table, factors, measures, *made_up_study.tracks(table), (20, 20))
+    return Study(table, factors, measures, (20, 20), *made_up_study.tracks(table))
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -165,7 +165,7 @@ def test_a_true_probability_lies_on_the_diagonal() -> None:
     p = rng.random(40_000)
     columns = {"level": 0, "seed": np.arange(p.size), "uav": 0}
     columns |= {"safety_factor": p, "survived": rng.random(p.size) < p}
-    study = Study(pd.DataFrame(columns), {}, ["safety_factor", "survived"])
+    study = Study(pd.DataFrame(columns), {}, ["safety_factor", "survived"], (20, 20))
     spec = Calibration(kind="calibration", predicted=("safety_factor",))
     at, found = _binned(study, spec, "safety_factor", None, None)
     assert at == pytest.approx(np.arange(10) / 10 + 0.05, abs=0.005)

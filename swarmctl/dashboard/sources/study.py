@@ -26,7 +26,6 @@ from swarmctl.study.figures.measures import (
     value_text,
     value_words,
 )
-from swarmctl.study.results import read_manifest
 from swarmctl.study.world import World
 
 KEPT_MISSIONS = 8
@@ -76,7 +75,7 @@ class StudySource:
         """Read a folder. Raises `report.ReportError` and ConfigError."""
         self.folder = folder
         self.experiment = load_experiment(folder / "experiment.yaml")
-        self.study = report.read(folder, read_manifest(folder))
+        self.study = report.read(folder, report.manifest_of(folder))
         self.names = [str(level) for level in self.experiment.levels]
         self.mission = lru_cache(KEPT_MISSIONS)(self._mission)
 

@@ -57,10 +57,10 @@ class Study:
     factors: Mapping[str, Sequence[object]]
     """values of each factor, in order"""
     measures: Sequence[str]
+    area: tuple[int, int]
+    """rows and columns"""
     tracks: pd.DataFrame | None = None
     hostiles: pd.DataFrame | None = None
-    area: tuple[int, int] | None = None
-    """rows and columns; None: as far as tracks and hostiles reach"""
 
     @property
     def n_worlds(self) -> int:

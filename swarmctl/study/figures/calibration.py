@@ -12,7 +12,7 @@ from swarmctl.study import statistics
 from swarmctl.study.figures.base import Names, Spec, Study, index_of, n_text
 from swarmctl.study.figures.labels import Label, Labels
 from swarmctl.study.figures.measures import label, mathtext, value_label
-from swarmctl.study.figures.panels import factors_of
+from swarmctl.study.figures.panels import factors_of, words_of
 from swarmctl.study.figures.style import MARKERS, colours, page
 from swarmctl.study.statistics import Estimates, Floats
 
@@ -41,8 +41,7 @@ def draw(study: Study, spec: Calibration) -> Figure:
     labels = Labels()
     for axes, value in zip(panels, values, strict=True):
         _draw(axes, labels, study, spec, value)
-        text = mathtext(f"{label(spec.observed)}, as observed")
-        axes.set_title(text if spec.panels is None else f"{value_label(spec.panels, value)}: {text}")
+        axes.set_title(mathtext(words_of(spec, value, f"{label(spec.observed)}, as observed")))
     labels.place(figure)
     return figure
 

@@ -28,7 +28,7 @@ from swarmctl.study.figures.dots import height_mm
 from swarmctl.study.figures.labels import Labels
 from swarmctl.study.figures.marks import draw_lines, draw_rows, draw_zero, name_series
 from swarmctl.study.figures.measures import factor_label, label, one_of, parts, value_label
-from swarmctl.study.figures.panels import estimates_of, factors_of, panels_of
+from swarmctl.study.figures.panels import estimates_of, factors_of, panels_of, words_of
 from swarmctl.study.figures.style import columns_of, fit, heading, is_numeric, set_unit
 from swarmctl.study.statistics import Estimates
 
@@ -120,7 +120,7 @@ def _heading(spec: Differences, measure: str, value: object, against: str) -> st
     text = f"{label(measure)}: difference to {against}"
     if spec.per is not None:
         text = f"{label(measure)} saved for each {one_of(spec.per)} more than with {against}"
-    return text if spec.panels is None else f"{value_label(spec.panels, value)}: {text}"
+    return words_of(spec, value, text)
 
 
 def caption(study: Study, spec: Differences) -> str:

@@ -32,6 +32,11 @@ def factors_of(*names: str | None) -> set[str]:
     return {name for name in names if name is not None}
 
 
+def words_of(spec: Spec, value: object, text: str) -> str:
+    """Return the words above a panel, after its value of the factor `panels`."""
+    return text if spec.panels is None else f"{value_label(spec.panels, value)}: {text}"
+
+
 def panels_of(
     study: Study, spec: Spec, names: Sequence[str], panel_mm: float = PANEL_MM, most_columns: int = 3
 ) -> tuple[Figure, list[Panel]]:
@@ -43,10 +48,7 @@ def panels_of(
     figure, places = page(spec.width, len(pairs), panel_mm, most_columns)
     panels = [Panel(axes, *pair) for axes, pair in zip(places, pairs, strict=True)]
     for panel in panels:
-        text = label(panel.measure)
-        if spec.panels is not None:
-            text = f"{value_label(spec.panels, panel.value)}: {text}"
-        heading(panel.axes, text)
+        heading(panel.axes, words_of(spec, panel.value, label(panel.measure)))
     return figure, panels
 
 

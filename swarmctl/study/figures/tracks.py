@@ -18,8 +18,8 @@ from swarmctl.report.pictures.chart import draw_area
 from swarmctl.report.pictures.scene import MapPicture
 from swarmctl.report.pictures.style import FOUND, HATCH, INK, STRIKE
 from swarmctl.study.figures.base import Spec, Study, index_of
-from swarmctl.study.figures.measures import factor_label, mathtext, value_label
-from swarmctl.study.figures.panels import factors_of
+from swarmctl.study.figures.measures import factor_label, mathtext
+from swarmctl.study.figures.panels import factors_of, words_of
 from swarmctl.study.figures.style import SMALL_PT, WIDTH_MM, dark, page
 
 KEY_MM, HEAD_MM = 6.0, 5.0
@@ -43,7 +43,7 @@ def draw(study: Study, spec: Tracks) -> Figure:
     seed = int(tracks["seed"].min()) if spec.seed is None else spec.seed
     if not (tracks["seed"] == seed).any():
         raise ValueError(f"the results have no tracks of seed {seed}; name it in `tracks:` of the experiment")
-    rows, cols = study.area or _reach(tracks, hostiles)
+    rows, cols = study.area
     values = study.shown(spec, spec.panels)
     n_columns = min(len(values), 3 if spec.width == "two" else 1 if len(values) < 2 else 2)
     panel_mm = (WIDTH_MM[spec.width] - 2.0 * (n_columns + 1)) / n_columns * rows / cols + HEAD_MM
@@ -57,18 +57,12 @@ def draw(study: Study, spec: Tracks) -> Figure:
         _draw_threats(axes, rows, cols, threats, width_pt / (cols + 1.6))
         _draw_tracks(axes, tracks[(tracks["seed"] == seed) & (tracks["level"] == level)])
         flown = study.table[(study.table["seed"] == seed) & (study.table["level"] == level)]
-        name = f"{value_label(spec.panels, value)}: " if spec.panels is not None else ""
         about = f"{flown['length_cells'].mean():.1f} cells, ΣP_s {flown['exposure_sum'].mean():.2f}"
         n = int(flown["strikes"].sum())
-        text = f"{name}{about}, {n} strike{'' if n == 1 else 's'}"
+        text = words_of(spec, value, f"{about}, {n} strike{'' if n == 1 else 's'}")
         axes.set_title(mathtext(text), pad=1.5, fontsize=SMALL_PT)
     _draw_key(figure)
     return figure
-
-
-def _reach(tracks: pd.DataFrame, hostiles: pd.DataFrame) -> tuple[int, int]:
-    rows, cols = (max(tracks[axis].max(), hostiles[axis].max()) + 1 for axis in ("row", "col"))
-    return int(rows), int(cols)
 
 
 def _level(study: Study, spec: Tracks, value: object, seed: int) -> int:
