@@ -30,7 +30,6 @@ from swarmctl.study.levels import Factor, Level, Scalar, levels_of
 class Experiment:
     """An experiment without problems."""
 
-    path: Path
     text: str
     base_text: str
     section: ExperimentFile
@@ -117,9 +116,7 @@ def load_experiment(path: Path, worlds: int | None = None) -> Experiment:
     if not levels:
         problems.append(ConfigProblem(("where",), "no combination of values is left; correct the conditions"))
     text, base_text = (file.read_text(encoding="utf-8") for file in (path, base_path))
-    experiment = Experiment(
-        path, text, base_text, section, tuple(factors), tuple(levels), tuple(setups), worlds
-    )
+    experiment = Experiment(text, base_text, section, tuple(factors), tuple(levels), tuple(setups), worlds)
     problems += _figure_problems(experiment)
     if problems:
         raise _error(path, document, problems)

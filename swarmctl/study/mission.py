@@ -138,7 +138,6 @@ class Vehicle:
     belief: Belief
     own: Belief | None
     """belief by the vehicle's own observations; None without autonomy"""
-    takeoff_s: float
     over_entry_s: float
     """time over the centre of the entry cell"""
     leg: Leg
@@ -333,7 +332,7 @@ class _Mission:
         """Take the best route by the present belief if it is better than the rest of the present route."""
         task, strength = vehicle.task, self._scenario.strength
         p_s = believed_exposure(task, vehicle.belief, strength, vehicle.own)
-        lead_in = LeadIn(elapsed_s=now_s - vehicle.takeoff_s, climb_m=0.0, lead_m=0.0)
+        lead_in = LeadIn(elapsed_s=now_s - vehicle.spec.delay_s, climb_m=0.0, lead_m=0.0)
         gain = route_gains(task, p_s, vehicle.belief, strength, task.w, self._others(vehicle), vehicle.own)
         problem = problem_from(task, p_s, here, task.w, lead_in, gain)
         vehicle.searches += 1
@@ -391,4 +390,4 @@ def on_ground(task: Task, spec: Spec, belief: Belief) -> Vehicle:
     start_m, entry_m = task.grid.frame.to_local(*spec.start), task.grid.centre_m(task.entry)
     leg = climbed_s, start_m, over_entry_s, entry_m
     own = belief if task.autonomy > 0.0 else None
-    return Vehicle(task, spec, belief, own, spec.delay_s, over_entry_s, leg)
+    return Vehicle(task, spec, belief, own, over_entry_s, leg)
