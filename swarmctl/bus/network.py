@@ -21,6 +21,7 @@ from swarmctl.bus.node.exchange import (
     Instant,
     Message,
     NetworkCounters,
+    NewestT,
     NodeOptions,
     NodeOutput,
     OutgoingMessage,
@@ -32,8 +33,6 @@ from swarmctl.bus.transports.inbox import TURN_S
 from swarmctl.core.frames import (
     AgentMessage,
     FrameCodec,
-    IntentShared,
-    MemberShared,
     RefusalReason,
     Snapshot,
     SnapshotAsked,
@@ -186,31 +185,16 @@ class Network:
         """Let a UAV send to the `k` nearest UAVs from now on; None: to all."""
         self._members[uav].node.k = k
 
-    def states(self, uav: int) -> dict[int, StateShared]:
-        """Return the newest state of each other UAV, as received by this UAV."""
-        return self._members[uav].node.states()
-
-    def take_new_states(self, uav: int) -> dict[int, StateShared]:
-        """Return the states that are new at this UAV since the last call, by their UAV."""
-        return self._members[uav].node.take_new_states()
-
-    def take_new_intents(self, uav: int) -> dict[int, tuple[IntentShared, float]]:
-        """Return the intents that are new at this UAV since the last call, with their ages, by their UAV.
+    def take_new(self, uav: int, kind: type[NewestT]) -> tuple[tuple[int, float, NewestT], ...]:
+        """Return (sender, age, message) of each UAV with a new message of this kind, as received by `uav`.
 
         The age is in simulated seconds, and 0 or more even if the clocks differ.
         """
         unix_s, speedup = self._clock.unix_s(), self._clock.speedup
-        items = self._members[uav].node.take_new_intents().items()
-        return {other: (intent, max(unix_s - sent_s, 0.0) * speedup) for other, (intent, sent_s) in items}
-
-    def take_new_members(self, uav: int) -> dict[int, tuple[MemberShared, float]]:
-        """Return the messages of formation members that are new at this UAV, with their ages, by their UAV.
-
-        The age is in simulated seconds, as for `take_new_intents`.
-        """
-        unix_s, speedup = self._clock.unix_s(), self._clock.speedup
-        items = self._members[uav].node.take_new_members().items()
-        return {other: (member, max(unix_s - sent_s, 0.0) * speedup) for other, (member, sent_s) in items}
+        taken = self._members[uav].node.take_new(kind)
+        return tuple(
+            (other, max(unix_s - sent_s, 0.0) * speedup, message) for other, sent_s, message in taken
+        )
 
     def counters(self, uav: int) -> NetworkCounters:
         return self._members[uav].node.counters

@@ -23,6 +23,7 @@ from swarmctl.bus.network import Network
 from swarmctl.bus.operator_service import AgentCommand
 from swarmctl.core import events as ev
 from swarmctl.core.belief import Belief
+from swarmctl.core.frames import IntentShared, MemberShared, StateShared
 from swarmctl.core.messages import VehicleAnswer
 from swarmctl.core.mission import FlightPlan
 from swarmctl.core.observation import BeliefItem
@@ -208,19 +209,18 @@ class Runner:
         """Queue the new messages of the vehicle's group, before the telemetry that is flown by them."""
         if self.state.task.formation is None:
             return
-        if told := self._network.take_new_members(self.state.task.uav):
-            newest = tuple((uav, age_s, member) for uav, (member, age_s) in told.items())
-            self.post(ev.Members(boot_s, newest))
+        if members := self._network.take_new(self.state.task.uav, MemberShared):
+            self.post(ev.Members(boot_s, members))
 
     def _read_neighbours(self, boot_s: float) -> None:
         if 0.0 <= boot_s - self._neighbours_read_s < NEIGHBOURS_EVERY_S:
             return
         self._neighbours_read_s = boot_s
-        states = self._network.take_new_states(self.state.task.uav)
-        if relevant := relevant_states(self.state, states):
+        states = self._network.take_new(self.state.task.uav, StateShared)
+        if relevant := relevant_states(self.state, {uav: state for uav, _age_s, state in states}):
             self.post(ev.Neighbours(relevant))
-        if intents := self._network.take_new_intents(self.state.task.uav):
-            self.post(ev.Intents(tuple((uav, age_s, intent) for uav, (intent, age_s) in intents.items())))
+        if intents := self._network.take_new(self.state.task.uav, IntentShared):
+            self.post(ev.Intents(intents))
 
     async def run(self) -> None:
         """Fold events until cancelled; a cancellation also ends the jobs."""

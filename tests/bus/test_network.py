@@ -23,7 +23,7 @@ from swarmctl.bus.transports.base import Transport
 from swarmctl.bus.transports.inbox import TURN_S
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.bus.transports.zenoh import ZenohBus
-from swarmctl.core.frames import Frame, FrameCodec, IntentPoint, IntentShared, RefusalReason
+from swarmctl.core.frames import Frame, FrameCodec, IntentPoint, IntentShared, RefusalReason, StateShared
 from swarmctl.core.geo import distance_m
 from swarmctl.core.observation import BeliefItem, Observation
 from swarmctl.flight.virtual_clock import run_virtual
@@ -293,7 +293,8 @@ def test_the_age_of_an_intent_is_in_simulated_seconds(speedup: float) -> None:
             with closing(swarm.network):
                 swarm.network.publish(1, IntentShared(1, (IntentPoint(0.0, 46.0, 14.4, 340.0),)))
                 await asyncio.sleep(2.0 / speedup)
-                assert swarm.network.take_new_intents(2)[1][1] == pytest.approx(2.0, abs=1e-3)
+                ((_, age_s, _),) = swarm.network.take_new(2, IntentShared)
+                assert age_s == pytest.approx(2.0, abs=1e-3)
 
     run_virtual(scene())
 
@@ -389,7 +390,8 @@ def peer_at(uav: int, place: tuple[float, float] | None, heard_s: float) -> Peer
     if place is None:
         return PeerRecord()
     frame = Frame(uav, 1, 1, 1.8e9, state(*place))
-    return PeerRecord(state_frame=DecodedFrame(frame, frame.act, b"", (uav, 1)), state_s=heard_s)
+    newest = {StateShared: DecodedFrame(frame, frame.act, b"", (uav, 1))}
+    return PeerRecord(newest=newest, state_s=heard_s)
 
 
 @pytest.mark.parametrize(

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import msgspec
 
 from swarmctl.bus.node.decoding import DecodedFrame
+from swarmctl.core.frames import IntentShared, MemberShared, StateShared
 from swarmctl.core.observation import BeliefItem
+
+NewestT = TypeVar("NewestT", StateShared, IntentShared, MemberShared)
+"""a kind of message of which only each UAV's newest counts"""
 
 STALE_S = 60.0
 """age at which messages may be replays and are refused, in addition to the round trip of the radio model"""

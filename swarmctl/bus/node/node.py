@@ -19,7 +19,14 @@ import numpy as np
 
 from swarmctl.bus.node.contradictions import Contradictions
 from swarmctl.bus.node.decoding import DecodedFrame, DecodeFrame, frame_decoder
-from swarmctl.bus.node.exchange import Instant, Message, NetworkCounters, NodeOptions, NodeOutput
+from swarmctl.bus.node.exchange import (
+    Instant,
+    Message,
+    NetworkCounters,
+    NewestT,
+    NodeOptions,
+    NodeOutput,
+)
 from swarmctl.bus.node.peer import (
     WORK_PER_OBSERVATION,
     WORK_PER_OTHER_FRAME,
@@ -95,27 +102,21 @@ class Node:
         self._requests = RequestSchedule(options, rng)
         self._rng = rng
         self._distance_loss = distance_loss
+        self._with_new: dict[type[Content], set[int]] = {
+            kind: set() for kind in (StateShared, IntentShared, MemberShared)
+        }
+        """UAVs with a message that the agent has not taken yet, by the kind of the message"""
 
-    def states(self) -> dict[int, StateShared]:
-        """Return the newest known state of each other UAV."""
-        return {uav: peer.state for uav, peer in self._peers.items() if peer.state is not None}
+    def take_new(self, kind: type[NewestT]) -> list[tuple[int, float, NewestT]]:
+        """Return (UAV, unix time [s], newest message of this kind) of each UAV with a new message.
 
-    def take_new_states(self) -> dict[int, StateShared]:
-        """Return the states that are new since the last call."""
-        return {uav: peer.take_state() for uav, peer in self._peers.items() if peer.has_new_state}
-
-    def take_new_intents(self) -> dict[int, tuple[IntentShared, float]]:
-        """Return the intents that are new since the last call, each with its unix time [s], by system id."""
-        changed = [(uav, peer) for uav, peer in self._peers.items() if peer.has_new_intent]
-        return {uav: (peer.take_intent(), peer.intent_unix_s) for uav, peer in changed}
-
-    def take_new_members(self) -> dict[int, tuple[MemberShared, float]]:
-        """Return the messages of formation members that are new since the last call, each with unix time [s].
-
-        Of several messages of a member only the newest counts; its route is the last one that it sent.
+        A message is new until it is taken. A member's route is the last one that the member sent.
         """
-        changed = [(uav, peer) for uav, peer in self._peers.items() if peer.has_new_member]
-        return {uav: (peer.take_member(), peer.member_unix_s) for uav, peer in changed}
+        uavs, self._with_new[kind] = sorted(self._with_new[kind]), set()
+        frames = ((uav, self._peers[uav].newest[kind].frame) for uav in uavs)
+        return [
+            (uav, frame.unix_s, frame.content) for uav, frame in frames if isinstance(frame.content, kind)
+        ]
 
     def moved(self, position: LatLon) -> None:
         """Update the UAV's position between two state messages."""
@@ -183,7 +184,7 @@ class Node:
         silent = [
             u
             for u, p in self._peers.items()
-            if u not in receivers and (p.state_frame is None or p.is_ranked_last(now.run_s))
+            if u not in receivers and (p.state is None or p.is_ranked_last(now.run_s))
         ]
         return (silent[int(self._rng.integers(len(silent)))],) if silent else ()
 
@@ -255,7 +256,7 @@ class Node:
             case StateShared() as state:
                 self._handle_state(peer, decoded, state, now)
             case IntentShared() | MemberShared():
-                peer.update(decoded, now.run_s)
+                self._update(peer, decoded, now)
             case SnapshotAsked() as asked:
                 self._answer(output, sender, asked, now)
             case Snapshot(frames=frames, last=last):
@@ -280,7 +281,7 @@ class Node:
         self, peer: PeerRecord, decoded: DecodedFrame, state: StateShared, now: Instant
     ) -> None:
         """Store a peer's state; schedule a request if observations of the peer are missing here."""
-        peer.update(decoded, now.run_s)
+        self._update(peer, decoded, now)
         record = self._record_of(peer, decoded)
         peer.direct_state_s = now.run_s
         if record.upto < state.last_seq:
@@ -288,6 +289,11 @@ class Node:
             self._requests.schedule(decoded.frame.sender, now.run_s)
         elif self._replica.has_held(state.knows):
             peer.agreed_s = now.run_s
+
+    def _update(self, peer: PeerRecord, decoded: DecodedFrame, now: Instant) -> None:
+        """Store a state, intent or member message, unless it is old."""
+        if peer.update(decoded, now.run_s):
+            self._with_new[type(decoded.frame.content)].add(decoded.frame.sender)
 
     def _store(
         self, output: NodeOutput, record: SourceRecord, item: BeliefItem, decoded: DecodedFrame
@@ -347,7 +353,7 @@ class Node:
                 RefusalReason.MALFORMED, f"{decoded.act} is not valid inside another message"
             )
         if peer is not None and now.unix_s - frame.unix_s <= self._options.max_age_s:
-            peer.update(decoded, now.run_s)
+            self._update(peer, decoded, now)
         return False
 
     def _relay(self, output: NodeOutput, frames: list[bytes], received_from: int, now: Instant) -> None:
@@ -387,8 +393,8 @@ class Node:
     def _send_requests(self, output: NodeOutput, now: Instant) -> None:
         while (uav := self._requests.pop_due(now.run_s)) is not None:
             if not self._peers[uav].agrees(self._replica, now.run_s):
-                peers = self._peers.items()
-                states = tuple((u, p.state_frame.frame.unix_s) for u, p in peers if p.state_frame is not None)
+                newest = ((u, p.newest.get(StateShared)) for u, p in self._peers.items())
+                states = tuple((u, decoded.frame.unix_s) for u, decoded in newest if decoded is not None)
                 self._send(output, SnapshotAsked(self._replica.digest(), states), (uav,), now)
                 self.counters.snapshots_asked += 1
                 self._requests.record_request(uav, now.run_s)

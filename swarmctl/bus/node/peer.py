@@ -7,12 +7,14 @@ from collections.abc import Iterable, Mapping
 
 import msgspec
 import numpy as np
+from msgspec.structs import replace
 
 from swarmctl.bus.node.decoding import DecodedFrame
 from swarmctl.bus.node.exchange import STALE_S, Message, NodeOptions
 from swarmctl.bus.node.replica import Replica, SourceRecord
 from swarmctl.bus.rate import TokenBucket
 from swarmctl.core.frames import (
+    Content,
     Frame,
     IntentShared,
     MemberShared,
@@ -73,10 +75,10 @@ class PeerRecord(msgspec.Struct, gc=False):
 
     incarnation: int = -1
     """incarnation in the newest message; -1: no message received"""
-    newest: int = 0
-    """number of the newest message of this incarnation"""
+    last_n: int = 0
+    """greatest number of a message of this incarnation"""
     missing: int = 0
-    """bit i: message `newest` - i has not arrived; sets instead of bits took 1 GB for a hundred UAVs"""
+    """bit i: message `last_n` - i has not arrived; sets instead of bits took 1 GB for a hundred UAVs"""
     received_s: float = -math.inf
     """time of the last direct message"""
     n_bytes: int = 0
@@ -88,23 +90,14 @@ class PeerRecord(msgspec.Struct, gc=False):
     """limit on the peer's requests; None before the first request"""
     record: SourceRecord | None = None
     """observations of the peer's current incarnation; None until first needed"""
-    state_frame: DecodedFrame | None = None
-    """frame of the newest known state, received directly or relayed"""
+    newest: dict[type[Content], DecodedFrame] = {}
+    """newest known state, intent and member message, each received directly or relayed"""
     state_s: float = -math.inf
-    """reception time of `state_frame`"""
+    """reception time of the newest state"""
     direct_state_s: float = -math.inf
     """reception time of the last direct state; -inf after `record_missing`"""
     agreed_s: float = -math.inf
     """time of the last direct state without news for this UAV; -inf if an observation is missing"""
-    intent: IntentShared | None = None
-    intent_unix_s: float = -math.inf
-    intent_frame: bytes = b""
-    member: MemberShared | None = None
-    member_unix_s: float = -math.inf
-    has_new_member: bool = False
-    has_new_state: bool = False
-    has_new_intent: bool = False
-    """True until `take_state` and `take_intent`"""
 
     def admit(self, frame: Frame, now_s: float) -> bool:
         """Accept a message; return whether it is the first of its incarnation, or the first after a silence.
@@ -117,9 +110,9 @@ class PeerRecord(msgspec.Struct, gc=False):
                 raise MessageRefused(
                     RefusalReason.REPLAY, f"message {n} is older than the restart of vehicle {frame.sender}"
                 )
-            self.incarnation, self.newest, self.missing = frame.incarnation, 0, 0
+            self.incarnation, self.last_n, self.missing = frame.incarnation, 0, 0
             self.received_s, self.record = -math.inf, None
-        ahead = n - self.newest
+        ahead = n - self.last_n
         if ahead <= 0 and (ahead <= -REPLAY_WINDOW or not self.missing >> -ahead & 1):
             raise MessageRefused(
                 RefusalReason.REPLAY, f"message {n} of vehicle {frame.sender} arrived before, or is too late"
@@ -127,7 +120,7 @@ class PeerRecord(msgspec.Struct, gc=False):
         # The rate limit comes last: replayed messages must not use up the sender's rate.
         self.add_work(WORK_PER_MESSAGE, now_s)
         if ahead > 0:
-            self.newest = n
+            self.last_n = n
             if self.missing or ahead > 1:
                 # All messages of the gap are missing, up to the size of the window.
                 shift = min(ahead, REPLAY_WINDOW)
@@ -170,42 +163,25 @@ class PeerRecord(msgspec.Struct, gc=False):
 
     @property
     def state(self) -> StateShared | None:
-        return None if self.state_frame is None else self.state_frame.frame.content  # type: ignore[return-value]
+        decoded = self.newest.get(StateShared)
+        return None if decoded is None else decoded.frame.content  # type: ignore[return-value]
 
-    def update(self, decoded: DecodedFrame, now_s: float) -> None:
-        """Store the peer's state or intended trajectory, received directly or relayed, unless it is old."""
+    def update(self, decoded: DecodedFrame, now_s: float) -> bool:
+        """Store a state, intent or member message; return False for an old message."""
         frame, content = decoded.frame, decoded.frame.content
-        if frame.incarnation < self.incarnation:
-            return
-        if isinstance(content, IntentShared):
-            if frame.unix_s > self.intent_unix_s:
-                self.intent, self.intent_unix_s, self.intent_frame = content, frame.unix_s, decoded.data
-                self.has_new_intent = True
-        elif isinstance(content, MemberShared):
-            if frame.unix_s > self.member_unix_s:
-                # The agent may not have taken the last message, which may have had the route.
-                content = content if self.member is None else content.with_route_of(self.member)
-                self.member, self.member_unix_s, self.has_new_member = content, frame.unix_s, True
-        elif self.state_frame is None or frame.unix_s > self.state_frame.frame.unix_s:
-            self.state_frame, self.state_s, self.has_new_state = decoded, now_s, True
-
-    def take_state(self) -> StateShared:
-        """Return the new state, which is then no longer new."""
-        assert self.state is not None
-        self.has_new_state = False
-        return self.state
-
-    def take_intent(self) -> IntentShared:
-        """Return the new intent, which is then no longer new."""
-        assert self.intent is not None
-        self.has_new_intent = False
-        return self.intent
-
-    def take_member(self) -> MemberShared:
-        """Return the new message of a formation's member, which is then no longer new."""
-        assert self.member is not None
-        self.has_new_member = False
-        return self.member
+        before = self.newest.get(type(content))
+        if frame.incarnation < self.incarnation or (
+            before is not None and frame.unix_s <= before.frame.unix_s
+        ):
+            return False
+        if isinstance(content, StateShared):
+            self.state_s = now_s
+        elif isinstance(content, MemberShared) and before is not None:
+            # The agent may not have taken the message before, which may have had the route.
+            content = content.with_route_of(before.frame.content)  # type: ignore[arg-type]
+            decoded = replace(decoded, frame=replace(frame, content=content))
+        self.newest[type(content)] = decoded
+        return True
 
     def record_missing(self) -> None:
         """Record that the peer has observations that are missing here, and ignore the peer's last state."""
@@ -221,9 +197,8 @@ class PeerRecord(msgspec.Struct, gc=False):
 
     def is_ranked_last(self, now_s: float) -> bool:
         """Return whether the peer's state is known, but no news since `RANKED_LAST_AFTER_S`."""
-        return self.state_frame is not None and (
-            now_s - max(self.received_s, self.state_s) > RANKED_LAST_AFTER_S
-        )
+        latest_s = max(self.received_s, self.state_s)
+        return StateShared in self.newest and now_s - latest_s > RANKED_LAST_AFTER_S
 
 
 def nearest_uavs(
@@ -251,10 +226,10 @@ def nearest_uavs(
 def states_since(peers: Iterable[PeerRecord], known: Mapping[int, float], unix_s: float) -> list[bytes]:
     """Return the frames of states newer than `known` (UAV -> unix [s]), and these UAVs' recent intents."""
     newer = [
-        (peer, decoded)
+        (decoded, peer.newest.get(IntentShared))
         for peer in peers
-        if (decoded := peer.state_frame) is not None
+        if (decoded := peer.newest.get(StateShared)) is not None
         and decoded.frame.unix_s > known.get(decoded.frame.sender, -math.inf) + MIN_STATE_LEAD_S
     ]
-    frames = [decoded.data for _, decoded in newer]
-    return frames + [p.intent_frame for p, _ in newer if unix_s - p.intent_unix_s <= STALE_S]
+    recent = [intent for _, intent in newer if intent and unix_s - intent.frame.unix_s <= STALE_S]
+    return [state.data for state, _ in newer] + [intent.data for intent in recent]
