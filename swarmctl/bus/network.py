@@ -19,7 +19,6 @@ from swarmctl.bus.backlog import Backlog, QueuedMessage
 from swarmctl.bus.node.decoding import frame_decoder
 from swarmctl.bus.node.exchange import (
     Instant,
-    Message,
     NetworkCounters,
     NewestT,
     NodeOptions,
@@ -226,7 +225,7 @@ class Network:
             return
         sender, act = origin
         try:
-            self._perform(member, member.node.receive(Message(sender, act, payload), self._now()))
+            self._perform(member, member.node.receive_bytes(sender, act, payload, self._now()))
         except Exception:  # noqa: BLE001 - no message from outside may end a flight
             self._report_bug(member, sender)
 
@@ -335,15 +334,14 @@ class Network:
 
     def _deliver_message(self, queued: QueuedMessage, now: Instant) -> None:
         decoded, to = queued
-        message = Message(decoded.frame.sender, decoded.act, decoded)
         for uav in to:
             member = self._members[uav]
             try:
-                output = member.node.receive(message, now)
+                output = member.node.receive(decoded, now)
                 self._send_output(member, output)
                 self._add_news(member, output.news)
             except Exception:  # noqa: BLE001 - a bug with one message does not affect the others
-                self._report_bug(member, message.sender)
+                self._report_bug(member, decoded.frame.sender)
 
     def _add_news(self, member: _Member, news: Sequence[BeliefItem]) -> None:
         if news and not member.news:

@@ -37,7 +37,7 @@ def message_from(sender: int, n: int, kind: type, to: tuple[int, ...]) -> Queued
         IntentShared: IntentShared(1),
     }
     frame = Frame(sender, 1, n, 0.0, contents[kind])
-    return QueuedMessage(DecodedFrame(frame, frame.act, bytes(100), (sender, 1)), to)
+    return QueuedMessage(DecodedFrame(frame, bytes(100), (sender, 1)), to)
 
 
 ANY = st.tuples(

@@ -390,7 +390,7 @@ def peer_at(uav: int, place: tuple[float, float] | None, heard_s: float) -> Peer
     if place is None:
         return PeerRecord()
     frame = Frame(uav, 1, 1, 1.8e9, state(*place))
-    newest = {StateShared: DecodedFrame(frame, frame.act, b"", (uav, 1))}
+    newest = {StateShared: DecodedFrame(frame, b"", (uav, 1))}
     return PeerRecord(newest=newest, state_s=heard_s)
 
 

@@ -8,7 +8,7 @@ from itertools import count
 
 import numpy as np
 
-from swarmctl.bus.node.exchange import Instant, Message, NodeOptions, NodeOutput
+from swarmctl.bus.node.exchange import Instant, NodeOptions, NodeOutput
 from swarmctl.bus.node.node import Node
 from swarmctl.core.belief import Belief
 from swarmctl.core.frames import FrameCodec, StateShared
@@ -94,7 +94,7 @@ class NodeSwarm:
 
     def deliver(self, sender: int, to: int, act: str, data: bytes) -> None:
         uav = self.uavs[to]
-        self.take(uav, uav.node.receive(Message(sender, act, data), self.now))
+        self.take(uav, uav.node.receive_bytes(sender, act, data, self.now))
 
     def run(self, seconds: float) -> None:
         end_s = self.now_s + seconds

@@ -29,8 +29,6 @@ class DecodedFrame(msgspec.Struct, frozen=True, gc=False):
     """A valid frame: well formed, inside the area, and signed if the swarm requires signatures."""
 
     frame: Frame
-    act: str
-    """act and kind, such as `inform/state`"""
     data: bytes
     source: Source
     """sender and incarnation"""
@@ -69,11 +67,11 @@ def frame_decoder(codec: FrameCodec, rows: int, cols: int) -> DecodeFrame:
                 for is_occupied in (False, True)
             )
             mark = mark_of(content)
-            return DecodedFrame(frame, frame.act, data, source, content.seq, clear, occupied, mark)
+            return DecodedFrame(frame, data, source, content.seq, clear, occupied, mark)
         if isinstance(content, Checkpoint):
             with _refuse_outside():
                 content.counts(rows * cols)
-        return DecodedFrame(frame, frame.act, data, source)
+        return DecodedFrame(frame, data, source)
 
     cached = lru_cache(maxsize=CACHED_FRAMES)(decode)
     return lambda data: cached(data) if len(data) <= MAX_CACHED_BYTES else decode(data)

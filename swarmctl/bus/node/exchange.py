@@ -8,7 +8,6 @@ from typing import NamedTuple, TypeVar
 
 import msgspec
 
-from swarmctl.bus.node.decoding import DecodedFrame
 from swarmctl.core.frames import IntentShared, MemberShared, StateShared
 from swarmctl.core.observation import BeliefItem
 
@@ -50,16 +49,6 @@ class Instant(NamedTuple):
     """simulated time of the run [s]"""
     unix_s: float
     """wall clock [s since 1970]"""
-
-
-class Message(NamedTuple):
-    """A received message; sender and act are those of its key."""
-
-    sender: int
-    act: str
-    """act and kind, such as `inform/state`"""
-    frame: bytes | DecodedFrame
-    """bytes of another process, not checked yet; or the decoded frame of a UAV of this process"""
 
 
 @dataclass(frozen=True, slots=True)

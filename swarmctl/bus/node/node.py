@@ -21,7 +21,6 @@ from swarmctl.bus.node.contradictions import Contradictions
 from swarmctl.bus.node.decoding import DecodedFrame, DecodeFrame, frame_decoder
 from swarmctl.bus.node.exchange import (
     Instant,
-    Message,
     NetworkCounters,
     NewestT,
     NodeOptions,
@@ -141,7 +140,7 @@ class Node:
             to = self._receivers(now)
             data = self._send(output, message, to, now)
             self._sent_since_bytes += len(data)
-            self._store_own(message, data)
+            self._store_own(data)
             self._contradictions.record_own(message)
             if against:
                 for decoded in self._replica.frames():
@@ -171,7 +170,7 @@ class Node:
             decoded = self._decode(self._sender.earlier_frame(seen, unix_s))
             # After more restarts than peers accept, the oldest observations are only in the agent's belief.
             with contextlib.suppress(MessageRefused):
-                self._replica.add(self._replica.of(seen.source), seen, decoded)
+                self._replica.add(self._replica.of(seen.source), decoded)
             self._contradictions.record_own(seen)
 
     def _random_silent_uav(self, receivers: tuple[int, ...], now: Instant) -> tuple[int, ...]:
@@ -188,8 +187,8 @@ class Node:
         ]
         return (silent[int(self._rng.integers(len(silent)))],) if silent else ()
 
-    def _store_own(self, own: BeliefItem, data: bytes) -> None:
-        self._replica.add(self._replica.of(self._own_source), own, self._decode(data))
+    def _store_own(self, data: bytes) -> None:
+        self._replica.add(self._replica.of(self._own_source), self._decode(data))
 
     def _make_checkpoint(self, output: NodeOutput, to: tuple[int, ...], now: Instant) -> None:
         """Make a checkpoint; send a checkpoint that is short enough or replaces many frames."""
@@ -197,7 +196,7 @@ class Node:
         if made is None:
             return
         data = self._sender.frame(made, now.unix_s)
-        self._store_own(made, data)
+        self._store_own(data)
         # With requests disabled, no checkpoint is sent: a checkpoint would deliver missed observations.
         is_long_due = made.upto >= self._last_sent_upto + COMPACT_AFTER
         if (len(data) <= self._sent_since_bytes or is_long_due) and self._requests.is_enabled:
@@ -207,18 +206,24 @@ class Node:
 
     # --- messages of other UAVs
 
-    def receive(self, message: Message, now: Instant) -> NodeOutput:
-        """Handle a message of another UAV."""
-        output = NodeOutput()
-        sender, _, decoded = message
+    def receive_bytes(self, sender: int, act: str, data: bytes, now: Instant) -> NodeOutput:
+        """Check and handle a message of another process; sender and act are those of its key."""
         try:
-            peer = self._peer(sender)
-            if isinstance(decoded, bytes):
-                peer.add_bytes(len(decoded), now.run_s)
-                decoded = self._decode(decoded)
-                check_message(message, decoded, now.unix_s, self._options)
-            frame = decoded.frame
-            loss = self._distance_loss
+            self._peer(sender).add_bytes(len(data), now.run_s)
+            decoded = self._decode(data)
+            check_message(sender, act, decoded.frame, now.unix_s, self._options)
+        except MessageRefused as refused:
+            output = NodeOutput()
+            self._refuse(output, refused, f"of vehicle {sender}", sender)
+            return output
+        return self.receive(decoded, now)
+
+    def receive(self, decoded: DecodedFrame, now: Instant) -> NodeOutput:
+        """Handle a message of another UAV."""
+        output, frame = NodeOutput(), decoded.frame
+        sender = frame.sender
+        try:
+            peer, loss = self._peer(sender), self._distance_loss
             if loss is not None and (cause := loss(self._sender.position, frame.at)):
                 self.counters.lost[cause] += 1
                 return output
@@ -227,8 +232,7 @@ class Node:
             self._handle(output, peer, decoded, now)
             self._send_requests(output, now)
         except MessageRefused as refused:
-            self.count_refusal(refused.why, sender)
-            output.notices.append((refused.why, f"a message of vehicle {sender} was refused: {refused}"))
+            self._refuse(output, refused, f"of vehicle {sender}", sender)
         else:
             self.counters.received += 1
         return output
@@ -239,6 +243,10 @@ class Node:
             raise MessageRefused(RefusalReason.STRANGER, f"vehicle {uav} does not belong to this swarm")
         return peer
 
+    def _refuse(self, output: NodeOutput, refused: MessageRefused, origin: str, sender: int) -> None:
+        self.count_refusal(refused.why, sender)
+        output.notices.append((refused.why, f"a message {origin} was refused: {refused}"))
+
     def count_refusal(self, why: RefusalReason, sender: int | None) -> None:
         self.counters.refused[why] += 1
         if sender in self._peers:
@@ -248,9 +256,9 @@ class Node:
         sender = decoded.frame.sender
         match decoded.frame.content:
             case Observation() as seen:
-                record = self._record_of(peer, decoded)
+                record = self._replica.of(decoded.source)
                 if self._store(output, record, seen, decoded) and self._options.relay:
-                    self._relay(output, [decoded.data], sender, now)
+                    self._relay(output, [decoded], sender, now)
                 if record.upto < seen.seq:
                     self._request_missing(sender, now)
             case StateShared() as state:
@@ -268,21 +276,15 @@ class Node:
                     self._relay(output, fresh, sender, now)
             case _:
                 raise MessageRefused(
-                    RefusalReason.MALFORMED, f"{decoded.act} is valid only inside another message"
+                    RefusalReason.MALFORMED, f"{decoded.frame.act} is valid only inside another message"
                 )
-
-    def _record_of(self, peer: PeerRecord, decoded: DecodedFrame) -> SourceRecord:
-        """Return the observations of a peer's current incarnation. Raises MessageRefused."""
-        if peer.record is None:
-            peer.record = self._replica.of(decoded.source)
-        return peer.record
 
     def _handle_state(
         self, peer: PeerRecord, decoded: DecodedFrame, state: StateShared, now: Instant
     ) -> None:
         """Store a peer's state; schedule a request if observations of the peer are missing here."""
         self._update(peer, decoded, now)
-        record = self._record_of(peer, decoded)
+        record = self._replica.of(decoded.source)
         peer.direct_state_s = now.run_s
         if record.upto < state.last_seq:
             peer.agreed_s = -math.inf
@@ -299,16 +301,9 @@ class Node:
         self, output: NodeOutput, record: SourceRecord, item: BeliefItem, decoded: DecodedFrame
     ) -> bool:
         """Store an observation or checkpoint; return whether it is new. Raises MessageRefused."""
-        if decoded.source == self._own_source:
-            if isinstance(item, Observation) and item.seq > record.latest:
-                raise MessageRefused(
-                    RefusalReason.TWO_CONTENTS,
-                    f"another process flies vehicle {self.uav}: {item.two_contents}",
-                )
-            return False
         was_upto = record.upto
         try:
-            if not self._replica.add(record, item, decoded):
+            if not self._replica.add(record, decoded):
                 return False
         except MessageRefused:
             self.counters.flagged[item.observer] = max(self.counters.flagged[item.observer], 1)
@@ -322,7 +317,7 @@ class Node:
 
     def _handle_all_relayed(
         self, output: NodeOutput, frames: Iterable[bytes], sender: int, now: Instant
-    ) -> list[bytes]:
+    ) -> list[DecodedFrame]:
         """Handle relayed frames, and return the new frames; skip the rest after too many refused frames."""
         fresh, n_refused, peer = [], 0, self._peers[sender]
         for data in frames:
@@ -330,12 +325,10 @@ class Node:
                 decoded = self._decode(data)
                 peer.add_work(WORK_PER_OBSERVATION if decoded.seq else WORK_PER_OTHER_FRAME, now.run_s)
                 if self._handle_relayed(output, decoded, now):
-                    fresh.append(data)
+                    fresh.append(decoded)
             except MessageRefused as refused:
                 n_refused += 1
-                self.count_refusal(refused.why, sender)
-                text = f"a message relayed by vehicle {sender} was refused: {refused}"
-                output.notices.append((refused.why, text))
+                self._refuse(output, refused, f"relayed by vehicle {sender}", sender)
                 if n_refused == MAX_REFUSED_FRAMES or refused.why is RefusalReason.TOO_FAST:
                     break
         return fresh
@@ -347,21 +340,29 @@ class Node:
         peer = None if frame.sender == self.uav else self._peer(frame.sender)
         content = frame.content
         if isinstance(content, Observation | Checkpoint):
-            return self._store(output, self._replica.of(decoded.source), content, decoded)
+            record = self._replica.of(decoded.source)
+            if decoded.source != self._own_source:
+                return self._store(output, record, content, decoded)
+            if decoded.seq > record.latest:
+                raise MessageRefused(
+                    RefusalReason.TWO_CONTENTS,
+                    f"another process flies vehicle {self.uav}: {content.two_contents}",
+                )
+            return False
         if not isinstance(content, StateShared | IntentShared):
-            raise MessageRefused(
-                RefusalReason.MALFORMED, f"{decoded.act} is not valid inside another message"
-            )
+            raise MessageRefused(RefusalReason.MALFORMED, f"{frame.act} is not valid inside another message")
         if peer is not None and now.unix_s - frame.unix_s <= self._options.max_age_s:
             self._update(peer, decoded, now)
         return False
 
-    def _relay(self, output: NodeOutput, frames: list[bytes], received_from: int, now: Instant) -> None:
-        observers = {self._decode(data).frame.sender for data in frames}
+    def _relay(
+        self, output: NodeOutput, frames: list[DecodedFrame], received_from: int, now: Instant
+    ) -> None:
+        observers = {decoded.frame.sender for decoded in frames}
         to = tuple(u for u in self._receivers(now) if u != received_from and observers != {u})
         if to:
             self.counters.relayed += len(frames)
-            for part in split_frames(frames):
+            for part in split_frames([decoded.data for decoded in frames]):
                 self._send(output, Relayed(part), to, now)
 
     # --- requests for missed observations

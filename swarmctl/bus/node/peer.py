@@ -10,8 +10,8 @@ import numpy as np
 from msgspec.structs import replace
 
 from swarmctl.bus.node.decoding import DecodedFrame
-from swarmctl.bus.node.exchange import STALE_S, Message, NodeOptions
-from swarmctl.bus.node.replica import Replica, SourceRecord
+from swarmctl.bus.node.exchange import STALE_S, NodeOptions
+from swarmctl.bus.node.replica import Replica
 from swarmctl.bus.rate import TokenBucket
 from swarmctl.core.frames import (
     Content,
@@ -43,14 +43,12 @@ MIN_STATE_LEAD_S = 1.0
 """smallest lead of a state over the requester's state for which the state is sent"""
 
 
-def check_message(message: Message, decoded: DecodedFrame, unix_s: float, options: NodeOptions) -> None:
+def check_message(sender: int, act: str, frame: Frame, unix_s: float, options: NodeOptions) -> None:
     """Raise MessageRefused if a frame differs from its key, is stale, or is from the future."""
-    frame = decoded.frame
-    if frame.sender != message.sender or decoded.act != message.act:
+    if (frame.sender, frame.act) != (sender, act):
         raise MessageRefused(
             RefusalReason.SOURCE,
-            f"the frame is {decoded.act} of vehicle {frame.sender}, but the key is {message.act} of vehicle "
-            f"{message.sender}",
+            f"the frame is {frame.act} of vehicle {frame.sender}, but the key is {act} of vehicle {sender}",
         )
     check_time(frame, unix_s, options)
     if (age_s := unix_s - frame.unix_s) > options.max_age_s:
@@ -88,8 +86,6 @@ class PeerRecord(msgspec.Struct, gc=False):
     work_period_end_s: float = -math.inf
     request_bucket: TokenBucket | None = None
     """limit on the peer's requests; None before the first request"""
-    record: SourceRecord | None = None
-    """observations of the peer's current incarnation; None until first needed"""
     newest: dict[type[Content], DecodedFrame] = {}
     """newest known state, intent and member message, each received directly or relayed"""
     state_s: float = -math.inf
@@ -111,7 +107,7 @@ class PeerRecord(msgspec.Struct, gc=False):
                     RefusalReason.REPLAY, f"message {n} is older than the restart of vehicle {frame.sender}"
                 )
             self.incarnation, self.last_n, self.missing = frame.incarnation, 0, 0
-            self.received_s, self.record = -math.inf, None
+            self.received_s = -math.inf
         ahead = n - self.last_n
         if ahead <= 0 and (ahead <= -REPLAY_WINDOW or not self.missing >> -ahead & 1):
             raise MessageRefused(

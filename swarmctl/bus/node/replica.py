@@ -13,7 +13,7 @@ import msgspec
 
 from swarmctl.bus.node.decoding import DecodedFrame
 from swarmctl.core.frames import HeldObservations, MessageRefused, RefusalReason
-from swarmctl.core.observation import BeliefItem, Checkpoint, Observation, Source, checkpoint
+from swarmctl.core.observation import Checkpoint, Observation, Source, checkpoint
 
 COMPACT_AFTER = 256
 """a checkpoint with this many observations more than the receiver's checkpoint is sent in any case"""
@@ -76,11 +76,13 @@ class SourceRecord(msgspec.Struct, gc=False):
         self.mark ^= decoded.mark
         return True
 
-    def adopt(self, adopted: Checkpoint, decoded: DecodedFrame) -> bool:
+    def adopt(self, decoded: DecodedFrame) -> bool:
         """Adopt a checkpoint that summarises more than the current checkpoint; return True if adopted.
 
         Raises MessageRefused if this UAV holds all summarised observations and their contents differ.
         """
+        adopted = decoded.frame.content
+        assert isinstance(adopted, Checkpoint)
         upto = adopted.upto
         if upto <= self.checkpoint_upto:
             return False
@@ -152,13 +154,13 @@ class Replica:
             record = self._records[source] = SourceRecord(source)
         return record
 
-    def add(self, record: SourceRecord, item: BeliefItem, decoded: DecodedFrame) -> bool:
+    def add(self, record: SourceRecord, decoded: DecodedFrame) -> bool:
         """Add an observation or checkpoint to the record of its source; return whether it was added.
 
         Raises MessageRefused if it contradicts held observations.
         """
         before = record.mark
-        is_added = record.add(decoded) if isinstance(item, Observation) else record.adopt(item, decoded)
+        is_added = record.add(decoded) if decoded.seq else record.adopt(decoded)
         if record.mark != before:
             self.fingerprint ^= before ^ record.mark
             self._earlier[self.fingerprint] = None
