@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import count
 
 import numpy as np
 import pytest
@@ -13,8 +14,9 @@ from profiles import examples
 
 from swarmctl.bus.node.exchange import NodeOptions
 from swarmctl.bus.node.node import CHECKPOINT_EVERY
-from swarmctl.bus.node.replica import COMPACT_AFTER
+from swarmctl.bus.node.replica import COMPACT_AFTER, MAX_INCARNATIONS
 from swarmctl.core.frames import IntentPoint, IntentShared, RefusalReason
+from swarmctl.core.observation import Observation
 
 IDS = (1, 2, 3, 4, 5)
 HEALED_S = 40.0
@@ -143,6 +145,17 @@ def test_a_late_joiner_gets_all_observations_from_its_first_peer() -> None:
     swarm.run(2.0)
     assert np.array_equal(swarm.uavs[3].belief.looks, swarm.uavs[1].belief.looks)
     assert swarm.uavs[2].node.counters.snapshots_served >= 1
+
+
+def test_an_agent_that_was_restarted_often_still_shares_its_observations() -> None:
+    swarm = NodeSwarm((1, 2))
+    swarm.incarnations = count(100)
+    swarm.uavs[1].start()
+    earlier = [Observation(1, 1, 0.0, ((1, 1, True),), n) for n in range(1, MAX_INCARNATIONS + 2)]
+    swarm.uavs[1].node.restore((UNIX_S - 60.0, seen) for seen in earlier)
+    swarm.uavs[1].observe((2, 2, True))
+    swarm.run(2.0)
+    assert swarm.uavs[2].belief.hits[2, 2] == 1
 
 
 def test_a_uav_outside_all_ranges_keeps_requesting() -> None:

@@ -14,8 +14,8 @@ import contextlib
 import math
 from collections.abc import Callable, Iterable
 
-import msgspec
 import numpy as np
+from msgspec.structs import replace
 
 from swarmctl.bus.node.contradictions import Contradictions
 from swarmctl.bus.node.decoding import DecodedFrame, DecodeFrame, frame_decoder
@@ -25,6 +25,7 @@ from swarmctl.bus.node.exchange import (
     NewestT,
     NodeOptions,
     NodeOutput,
+    OutgoingMessage,
 )
 from swarmctl.bus.node.peer import (
     WORK_PER_OBSERVATION,
@@ -50,6 +51,7 @@ from swarmctl.core.frames import (
     Snapshot,
     SnapshotAsked,
     StateShared,
+    act_of,
 )
 from swarmctl.core.geo import LatLon
 from swarmctl.core.grid import Cell
@@ -83,14 +85,14 @@ class Node:
         self.uav = uav
         self.incarnation = incarnation
         self.counters = NetworkCounters()
-        self._sender = Sender(uav, incarnation, codec, self.counters)
+        self._sender = Sender(uav, incarnation, codec)
         self._options = options
         self.k = options.k
         """number of nearest UAVs that each message goes to; None: all"""
         self._decode = decode or frame_decoder(codec, options.rows, options.cols)
-        self._own_source = (uav, incarnation)
         self._peers = {other: PeerRecord() for other in sorted(set(others) - {uav})}
         self._replica = Replica()
+        self._own = self._replica.of((uav, incarnation))
         self._contradictions = Contradictions(uav, options, self.counters.flagged)
         self._last_sent_upto = 0
         """number of the last observation in the newest sent checkpoint"""
@@ -101,6 +103,8 @@ class Node:
         self._requests = RequestSchedule(options, rng)
         self._rng = rng
         self._distance_loss = distance_loss
+        self._output = NodeOutput()
+        """output of the current call"""
         self._with_new: dict[type[Content], set[int]] = {
             kind: set() for kind in (StateShared, IntentShared, MemberShared)
         }
@@ -135,40 +139,42 @@ class Node:
         `group`: the receivers of a member's message, as far as they are in range.
         `against`: cells in which the agent's observation contradicts earlier reports of other UAVs.
         """
-        output = NodeOutput()
-        if isinstance(message, Observation):
-            to = self._receivers(now)
-            data = self._send(output, message, to, now)
-            self._sent_since_bytes += len(data)
-            self._store_own(data)
-            self._contradictions.record_own(message)
-            if against:
-                for decoded in self._replica.frames():
-                    output.notices += self._contradictions.find(decoded, against)
-            if (message.seq + self.uav) % CHECKPOINT_EVERY == 0:  # UAVs make checkpoints at different times
-                self._make_checkpoint(output, to, now)
-        elif isinstance(message, IntentShared):
-            self._send(output, message, self._receivers(now), now)
-        elif isinstance(message, MemberShared):
-            self._send(output, message, tuple(u for u in self._receivers(now) if u in group), now)
-        else:
+        output = self._output = NodeOutput()
+        if isinstance(message, StateShared):
             self._sender.position = message.lat_deg, message.lon_deg
-            state = msgspec.structs.replace(
-                message,
-                last_seq=self._replica.of(self._own_source).latest,
-                knows=self._replica.fingerprint,
-                refused=self.counters.refused.total(),
-                flagged=tuple(sorted(self.counters.flagged)),
-            )
-            receivers = self._receivers(now)
-            self._send(output, state, (*receivers, *self._random_silent_uav(receivers, now)), now)
+        to = self._receivers(now)
+        match message:
+            case Observation():
+                data = self._send(message, to, now)
+                self._sent_since_bytes += len(data)
+                self._replica.add(self._own, self._decode(data))
+                self._contradictions.record_own(message)
+                if against:
+                    for decoded in self._replica.frames():
+                        output.notices += self._contradictions.find(decoded, against)
+                # UAVs make checkpoints at different times.
+                if (message.seq + self.uav) % CHECKPOINT_EVERY == 0:
+                    self._make_checkpoint(to, now)
+            case IntentShared():
+                self._send(message, to, now)
+            case MemberShared():
+                self._send(message, tuple(u for u in to if u in group), now)
+            case StateShared():
+                state = replace(
+                    message,
+                    last_seq=self._own.latest,
+                    knows=self._replica.fingerprint,
+                    refused=self.counters.refused.total(),
+                    flagged=tuple(sorted(self.counters.flagged)),
+                )
+                self._send(state, (*to, *self._random_silent_uav(to, now)), now)
         return output
 
     def restore(self, observations: Iterable[tuple[float, Observation]]) -> None:
         """Store own observations of earlier incarnations, each with its unix time, to answer requests."""
         for unix_s, seen in observations:
             decoded = self._decode(self._sender.earlier_frame(seen, unix_s))
-            # After more restarts than peers accept, the oldest observations are only in the agent's belief.
+            # After more restarts than peers accept, further observations are only in the agent's belief.
             with contextlib.suppress(MessageRefused):
                 self._replica.add(self._replica.of(seen.source), decoded)
             self._contradictions.record_own(seen)
@@ -187,22 +193,19 @@ class Node:
         ]
         return (silent[int(self._rng.integers(len(silent)))],) if silent else ()
 
-    def _store_own(self, data: bytes) -> None:
-        self._replica.add(self._replica.of(self._own_source), self._decode(data))
-
-    def _make_checkpoint(self, output: NodeOutput, to: tuple[int, ...], now: Instant) -> None:
+    def _make_checkpoint(self, to: tuple[int, ...], now: Instant) -> None:
         """Make a checkpoint; send a checkpoint that is short enough or replaces many frames."""
-        made = self._replica.of(self._own_source).summary(self._options.rows, self._options.cols)
+        made = self._own.summary(self._options.rows, self._options.cols)
         if made is None:
             return
         data = self._sender.frame(made, now.unix_s)
-        self._store_own(data)
+        self._replica.add(self._own, self._decode(data))
         # With requests disabled, no checkpoint is sent: a checkpoint would deliver missed observations.
         is_long_due = made.upto >= self._last_sent_upto + COMPACT_AFTER
         if (len(data) <= self._sent_since_bytes or is_long_due) and self._requests.is_enabled:
             self._last_sent_upto, self._sent_since_bytes = made.upto, 0
             self._deferred[made.source] = made
-            self._send(output, Relayed((data,)), to, now)
+            self._send(Relayed((data,)), to, now)
 
     # --- messages of other UAVs
 
@@ -213,15 +216,15 @@ class Node:
             decoded = self._decode(data)
             check_message(sender, act, decoded.frame, now.unix_s, self._options)
         except MessageRefused as refused:
-            output = NodeOutput()
-            self._refuse(output, refused, f"of vehicle {sender}", sender)
-            return output
+            self._output = NodeOutput()
+            self._refuse(refused, f"of vehicle {sender}", sender)
+            return self._output
         return self.receive(decoded, now)
 
     def receive(self, decoded: DecodedFrame, now: Instant) -> NodeOutput:
         """Handle a message of another UAV."""
-        output, frame = NodeOutput(), decoded.frame
-        sender = frame.sender
+        output = self._output = NodeOutput()
+        frame, sender = decoded.frame, decoded.frame.sender
         try:
             peer, loss = self._peer(sender), self._distance_loss
             if loss is not None and (cause := loss(self._sender.position, frame.at)):
@@ -229,10 +232,10 @@ class Node:
                 return output
             if peer.admit(frame, now.run_s):  # nothing was heard from the peer for a while
                 self._requests.schedule(sender, now.run_s)
-            self._handle(output, peer, decoded, now)
-            self._send_requests(output, now)
+            self._handle(peer, decoded, now)
+            self._send_requests(now)
         except MessageRefused as refused:
-            self._refuse(output, refused, f"of vehicle {sender}", sender)
+            self._refuse(refused, f"of vehicle {sender}", sender)
         else:
             self.counters.received += 1
         return output
@@ -243,22 +246,22 @@ class Node:
             raise MessageRefused(RefusalReason.STRANGER, f"vehicle {uav} does not belong to this swarm")
         return peer
 
-    def _refuse(self, output: NodeOutput, refused: MessageRefused, origin: str, sender: int) -> None:
+    def _refuse(self, refused: MessageRefused, origin: str, sender: int) -> None:
         self.count_refusal(refused.why, sender)
-        output.notices.append((refused.why, f"a message {origin} was refused: {refused}"))
+        self._output.notices.append((refused.why, f"a message {origin} was refused: {refused}"))
 
     def count_refusal(self, why: RefusalReason, sender: int | None) -> None:
         self.counters.refused[why] += 1
         if sender in self._peers:
             self.counters.refused_from[sender] += 1
 
-    def _handle(self, output: NodeOutput, peer: PeerRecord, decoded: DecodedFrame, now: Instant) -> None:
+    def _handle(self, peer: PeerRecord, decoded: DecodedFrame, now: Instant) -> None:
         sender = decoded.frame.sender
         match decoded.frame.content:
             case Observation() as seen:
                 record = self._replica.of(decoded.source)
-                if self._store(output, record, seen, decoded) and self._options.relay:
-                    self._relay(output, [decoded], sender, now)
+                if self._store(record, seen, decoded) and self._options.relay:
+                    self._relay([decoded], sender, now)
                 if record.upto < seen.seq:
                     self._request_missing(sender, now)
             case StateShared() as state:
@@ -266,14 +269,14 @@ class Node:
             case IntentShared() | MemberShared():
                 self._update(peer, decoded, now)
             case SnapshotAsked() as asked:
-                self._answer(output, sender, asked, now)
+                self._answer(sender, asked, now)
             case Snapshot(frames=frames, last=last):
-                self._handle_all_relayed(output, frames, sender, now)
-                self._requests.record_answer(sender, has_news=bool(output.news), is_last=last)
+                self._handle_all_relayed(frames, sender, now)
+                self._requests.record_answer(sender, has_news=bool(self._output.news), is_last=last)
             case Relayed(frames=frames):
-                fresh = self._handle_all_relayed(output, frames, sender, now)
+                fresh = self._handle_all_relayed(frames, sender, now)
                 if fresh and self._options.relay:
-                    self._relay(output, fresh, sender, now)
+                    self._relay(fresh, sender, now)
             case _:
                 raise MessageRefused(
                     RefusalReason.MALFORMED, f"{decoded.frame.act} is valid only inside another message"
@@ -297,9 +300,7 @@ class Node:
         if peer.update(decoded, now.run_s):
             self._with_new[type(decoded.frame.content)].add(decoded.frame.sender)
 
-    def _store(
-        self, output: NodeOutput, record: SourceRecord, item: BeliefItem, decoded: DecodedFrame
-    ) -> bool:
+    def _store(self, record: SourceRecord, item: BeliefItem, decoded: DecodedFrame) -> bool:
         """Store an observation or checkpoint; return whether it is new. Raises MessageRefused."""
         was_upto = record.upto
         try:
@@ -308,32 +309,30 @@ class Node:
         except MessageRefused:
             self.counters.flagged[item.observer] = max(self.counters.flagged[item.observer], 1)
             raise
-        if isinstance(item, Checkpoint) and item.upto <= was_upto and self._requests.is_enabled:
+        if isinstance(item, Checkpoint) and item.upto <= was_upto:
             self._deferred[item.source] = item
             return True
-        output.notices += self._contradictions.find(decoded)
-        output.news.append(item)
+        self._output.notices += self._contradictions.find(decoded)
+        self._output.news.append(item)
         return True
 
-    def _handle_all_relayed(
-        self, output: NodeOutput, frames: Iterable[bytes], sender: int, now: Instant
-    ) -> list[DecodedFrame]:
+    def _handle_all_relayed(self, frames: Iterable[bytes], sender: int, now: Instant) -> list[DecodedFrame]:
         """Handle relayed frames, and return the new frames; skip the rest after too many refused frames."""
         fresh, n_refused, peer = [], 0, self._peers[sender]
         for data in frames:
             try:
                 decoded = self._decode(data)
                 peer.add_work(WORK_PER_OBSERVATION if decoded.seq else WORK_PER_OTHER_FRAME, now.run_s)
-                if self._handle_relayed(output, decoded, now):
+                if self._handle_relayed(decoded, now):
                     fresh.append(decoded)
             except MessageRefused as refused:
                 n_refused += 1
-                self._refuse(output, refused, f"relayed by vehicle {sender}", sender)
+                self._refuse(refused, f"relayed by vehicle {sender}", sender)
                 if n_refused == MAX_REFUSED_FRAMES or refused.why is RefusalReason.TOO_FAST:
                     break
         return fresh
 
-    def _handle_relayed(self, output: NodeOutput, decoded: DecodedFrame, now: Instant) -> bool:
+    def _handle_relayed(self, decoded: DecodedFrame, now: Instant) -> bool:
         """Handle a relayed frame; return whether it is a new observation or checkpoint."""
         frame = decoded.frame
         check_time(frame, now.unix_s, self._options)
@@ -341,8 +340,8 @@ class Node:
         content = frame.content
         if isinstance(content, Observation | Checkpoint):
             record = self._replica.of(decoded.source)
-            if decoded.source != self._own_source:
-                return self._store(output, record, content, decoded)
+            if record is not self._own:
+                return self._store(record, content, decoded)
             if decoded.seq > record.latest:
                 raise MessageRefused(
                     RefusalReason.TWO_CONTENTS,
@@ -355,15 +354,13 @@ class Node:
             self._update(peer, decoded, now)
         return False
 
-    def _relay(
-        self, output: NodeOutput, frames: list[DecodedFrame], received_from: int, now: Instant
-    ) -> None:
+    def _relay(self, frames: list[DecodedFrame], received_from: int, now: Instant) -> None:
         observers = {decoded.frame.sender for decoded in frames}
         to = tuple(u for u in self._receivers(now) if u != received_from and observers != {u})
         if to:
             self.counters.relayed += len(frames)
             for part in split_frames([decoded.data for decoded in frames]):
-                self._send(output, Relayed(part), to, now)
+                self._send(Relayed(part), to, now)
 
     # --- requests for missed observations
 
@@ -373,7 +370,7 @@ class Node:
         self._requests.schedule(peer, now.run_s)
 
     def tick(self, now: Instant) -> NodeOutput:
-        output = NodeOutput()
+        output = self._output = NodeOutput()
         if self._requests.tick(now.run_s):
             for source in [*self._deferred][:MAX_DEFERRED_PER_TICK]:
                 output.news.append(self._deferred.pop(source))
@@ -383,7 +380,7 @@ class Node:
             neighbours = differing if known else receivers
             if neighbours:
                 self._requests.schedule(neighbours[int(self._rng.integers(len(neighbours)))], now.run_s)
-        self._send_requests(output, now)
+        self._send_requests(now)
         return output
 
     @property
@@ -391,16 +388,16 @@ class Node:
         """Time at which the node must tick again [s]."""
         return self._requests.next_deadline_s
 
-    def _send_requests(self, output: NodeOutput, now: Instant) -> None:
+    def _send_requests(self, now: Instant) -> None:
         while (uav := self._requests.pop_due(now.run_s)) is not None:
             if not self._peers[uav].agrees(self._replica, now.run_s):
                 newest = ((u, p.newest.get(StateShared)) for u, p in self._peers.items())
                 states = tuple((u, decoded.frame.unix_s) for u, decoded in newest if decoded is not None)
-                self._send(output, SnapshotAsked(self._replica.digest(), states), (uav,), now)
+                self._send(SnapshotAsked(self._replica.digest(), states), (uav,), now)
                 self.counters.snapshots_asked += 1
                 self._requests.record_request(uav, now.run_s)
 
-    def _answer(self, output: NodeOutput, asker: int, asked: SnapshotAsked, now: Instant) -> None:
+    def _answer(self, asker: int, asked: SnapshotAsked, now: Instant) -> None:
         self._peers[asker].add_request(asker, now.run_s)
         frames = list(self._replica.missing(asked.have))
         frames += states_since(
@@ -408,7 +405,7 @@ class Node:
         )
         parts = list(split_frames(frames))
         for i, part in enumerate(parts):
-            self._send(output, Snapshot(part, i == len(parts) - 1), (asker,), now)
+            self._send(Snapshot(part, i == len(parts) - 1), (asker,), now)
         self.counters.snapshots_served += 1
         if self._replica.lacks(asked.have):
             self._request_missing(asker, now)
@@ -419,7 +416,10 @@ class Node:
         """Return the UAVs in communication range."""
         return nearest_uavs(self._sender.position, self._peers, self.k, now.run_s)
 
-    def _send(self, output: NodeOutput, content: Content, to: tuple[int, ...], now: Instant) -> bytes:
-        out = self._sender.message(content, to, now.unix_s)
-        output.messages.append(out)
-        return out.data
+    def _send(self, content: Content, to: tuple[int, ...], now: Instant) -> bytes:
+        """Send a message, counted for each receiver; return its frame."""
+        data, act = self._sender.frame(content, now.unix_s), act_of(content)
+        self.counters.sent[act] += len(to)
+        self.counters.sent_bytes += len(data) * len(to)
+        self._output.messages.append(OutgoingMessage(to, act, data))
+        return data

@@ -1,10 +1,9 @@
-"""Outgoing messages of a UAV: numbered, signed and counted. No I/O."""
+"""Frames of a UAV: numbered and signed. No I/O."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
-from swarmctl.bus.node.exchange import NetworkCounters, OutgoingMessage
 from swarmctl.core.frames import (
     MAX_FRAMES,
     MAX_INNER_BYTES,
@@ -13,31 +12,21 @@ from swarmctl.core.frames import (
     FrameCodec,
     MemberShared,
     StateShared,
-    act_of,
 )
 from swarmctl.core.geo import LatLon
 from swarmctl.core.observation import Observation
 
 
 class Sender:
-    def __init__(self, uav: int, incarnation: int, codec: FrameCodec, counters: NetworkCounters) -> None:
+    def __init__(self, uav: int, incarnation: int, codec: FrameCodec) -> None:
         self.position: LatLon | None = None
         self._uav = uav
         self._incarnation = incarnation
         self._codec = codec
-        self._counters = counters
         self._n = 0
 
-    def message(self, content: Content, to: tuple[int, ...], unix_s: float) -> OutgoingMessage:
-        """Return the next message, counted as sent to each receiver."""
-        data = self.frame(content, unix_s)
-        act = act_of(content)
-        self._counters.sent[act] += len(to)
-        self._counters.sent_bytes += len(data) * len(to)
-        return OutgoingMessage(to, act, data)
-
     def frame(self, content: Content, unix_s: float) -> bytes:
-        """Return the next numbered and signed frame, which is not counted as sent."""
+        """Return the next frame."""
         self._n += 1
         has_position = isinstance(content, StateShared | MemberShared)
         lat_deg, lon_deg = (None, None) if has_position or self.position is None else self.position
