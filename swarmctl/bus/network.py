@@ -137,10 +137,10 @@ class Network:
             self._uavs,
             self._options,
             self._codec,
+            self._decode,
             incarnation,
             rng,
             distance_loss,
-            self._decode,
         )
         if (before := self._members.get(uav)) is not None and before.timer is not None:
             before.timer.cancel()

@@ -8,6 +8,7 @@ from itertools import count
 
 import numpy as np
 
+from swarmctl.bus.node.decoding import frame_decoder
 from swarmctl.bus.node.exchange import Instant, NodeOptions, NodeOutput
 from swarmctl.bus.node.node import Node
 from swarmctl.core.belief import Belief
@@ -40,7 +41,9 @@ class Uav:
         """Start the UAV's program, or restart it; all earlier knowledge is gone."""
         incarnation = next(self.swarm.incarnations)
         rng = np.random.default_rng((self.uav, incarnation))
-        self.node = Node(self.uav, self.swarm.ids, self.swarm.options, self.swarm.seal, incarnation, rng)
+        swarm = self.swarm
+        decode = frame_decoder(swarm.seal, ROWS, COLS)
+        self.node = Node(self.uav, swarm.ids, swarm.options, swarm.seal, decode, incarnation, rng)
         self.belief = Belief.prior(ROWS, COLS, 5)
         self.seq = 0
 

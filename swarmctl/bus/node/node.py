@@ -18,7 +18,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from swarmctl.bus.node.contradictions import Contradictions
-from swarmctl.bus.node.decoding import DecodedFrame, DecodeFrame, frame_decoder
+from swarmctl.bus.node.decoding import DecodedFrame, DecodeFrame
 from swarmctl.bus.node.exchange import (
     Instant,
     NetworkCounters,
@@ -77,10 +77,10 @@ class Node:
         others: Iterable[int],
         options: NodeOptions,
         codec: FrameCodec,
+        decode: DecodeFrame,
         incarnation: int,
         rng: np.random.Generator,
         distance_loss: DistanceLoss | None = None,
-        decode: DecodeFrame | None = None,
     ) -> None:
         self.uav = uav
         self.incarnation = incarnation
@@ -89,7 +89,7 @@ class Node:
         self._options = options
         self.k = options.k
         """number of nearest UAVs that each message goes to; None: all"""
-        self._decode = decode or frame_decoder(codec, options.rows, options.cols)
+        self._decode = decode
         self._peers = {other: PeerRecord() for other in sorted(set(others) - {uav})}
         self._replica = Replica()
         self._own = self._replica.of((uav, incarnation))
@@ -149,9 +149,8 @@ class Node:
                 self._sent_since_bytes += len(data)
                 self._replica.add(self._own, self._decode(data))
                 self._contradictions.record_own(message)
-                if against:
-                    for decoded in self._replica.frames():
-                        output.notices += self._contradictions.find(decoded, against)
+                for decoded in self._replica.frames() if against else ():
+                    output.notices += self._contradictions.find(decoded, against)
                 # UAVs make checkpoints at different times.
                 if (message.seq + self.uav) % CHECKPOINT_EVERY == 0:
                     self._make_checkpoint(to, now)
@@ -264,8 +263,15 @@ class Node:
                     self._relay([decoded], sender, now)
                 if record.upto < seen.seq:
                     self._request_missing(sender, now)
-            case StateShared() as state:
-                self._handle_state(peer, decoded, state, now)
+            case StateShared(last_seq=last_seq, knows=knows):
+                self._update(peer, decoded, now)
+                record = self._replica.of(decoded.source)
+                peer.direct_state_s = now.run_s
+                if record.upto < last_seq:
+                    peer.agreed_s = -math.inf
+                    self._requests.schedule(sender, now.run_s)
+                elif self._replica.has_held(knows):
+                    peer.agreed_s = now.run_s
             case IntentShared() | MemberShared():
                 self._update(peer, decoded, now)
             case SnapshotAsked() as asked:
@@ -281,19 +287,6 @@ class Node:
                 raise MessageRefused(
                     RefusalReason.MALFORMED, f"{decoded.frame.act} is valid only inside another message"
                 )
-
-    def _handle_state(
-        self, peer: PeerRecord, decoded: DecodedFrame, state: StateShared, now: Instant
-    ) -> None:
-        """Store a peer's state; schedule a request if observations of the peer are missing here."""
-        self._update(peer, decoded, now)
-        record = self._replica.of(decoded.source)
-        peer.direct_state_s = now.run_s
-        if record.upto < state.last_seq:
-            peer.agreed_s = -math.inf
-            self._requests.schedule(decoded.frame.sender, now.run_s)
-        elif self._replica.has_held(state.knows):
-            peer.agreed_s = now.run_s
 
     def _update(self, peer: PeerRecord, decoded: DecodedFrame, now: Instant) -> None:
         """Store a state, intent or member message, unless it is old."""
