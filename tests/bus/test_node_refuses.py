@@ -15,7 +15,7 @@ from node_swarm import COLS, ROWS, UNIX_S, NodeSwarm, state
 
 from swarmctl.bus.node.exchange import Instant, NodeOptions
 from swarmctl.bus.node.node import MAX_REFUSED_FRAMES
-from swarmctl.bus.node.peer import MAX_WORK, WORK_PER_MESSAGE
+from swarmctl.bus.node.peer import WORK_BURST, WORK_PER_MESSAGE
 from swarmctl.bus.node.replica import MAX_INCARNATIONS
 from swarmctl.core.frames import (
     MAX_FRAME_BYTES,
@@ -31,7 +31,7 @@ from swarmctl.core.frames import (
 )
 from swarmctl.core.observation import Checkpoint, Observation, checkpoint
 
-MOST = MAX_WORK // WORK_PER_MESSAGE
+MOST = WORK_BURST // WORK_PER_MESSAGE
 """Messages accepted at once."""
 
 

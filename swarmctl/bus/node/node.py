@@ -35,6 +35,7 @@ from swarmctl.bus.node.peer import (
     check_time,
     nearest_uavs,
     states_since,
+    too_fast,
 )
 from swarmctl.bus.node.replica import COMPACT_AFTER, Replica, SourceRecord
 from swarmctl.bus.node.request_schedule import RequestSchedule
@@ -105,21 +106,14 @@ class Node:
         self._distance_loss = distance_loss
         self._output = NodeOutput()
         """output of the current call"""
-        self._with_new: dict[type[Content], set[int]] = {
-            kind: set() for kind in (StateShared, IntentShared, MemberShared)
-        }
-        """UAVs with a message that the agent has not taken yet, by the kind of the message"""
 
     def take_new(self, kind: type[NewestT]) -> list[tuple[int, float, NewestT]]:
         """Return (UAV, unix time [s], newest message of this kind) of each UAV with a new message.
 
         A message is new until it is taken. A member's route is the last one that the member sent.
         """
-        uavs, self._with_new[kind] = sorted(self._with_new[kind]), set()
-        frames = ((uav, self._peers[uav].newest[kind].frame) for uav in uavs)
-        return [
-            (uav, frame.unix_s, frame.content) for uav, frame in frames if isinstance(frame.content, kind)
-        ]
+        taken = [(uav, peer.take(kind)) for uav, peer in self._peers.items() if kind in peer.untaken]
+        return [(uav, unix_s, message) for uav, (unix_s, message) in taken]
 
     def moved(self, position: LatLon) -> None:
         """Update the UAV's position between two state messages."""
@@ -211,7 +205,9 @@ class Node:
     def receive_bytes(self, sender: int, act: str, data: bytes, now: Instant) -> NodeOutput:
         """Check and handle a message of another process; sender and act are those of its key."""
         try:
-            self._peer(sender).add_bytes(len(data), now.run_s)
+            limit = self._peer(sender).bytes_limit
+            if not limit.try_take(now.run_s, len(data)):
+                raise too_fast(limit, "bytes")
             decoded = self._decode(data)
             check_message(sender, act, decoded.frame, now.unix_s, self._options)
         except MessageRefused as refused:
@@ -264,7 +260,7 @@ class Node:
                 if record.upto < seen.seq:
                     self._request_missing(sender, now)
             case StateShared(last_seq=last_seq, knows=knows):
-                self._update(peer, decoded, now)
+                peer.update(decoded, now.run_s)
                 record = self._replica.of(decoded.source)
                 peer.direct_state_s = now.run_s
                 if record.upto < last_seq:
@@ -273,7 +269,7 @@ class Node:
                 elif self._replica.has_held(knows):
                     peer.agreed_s = now.run_s
             case IntentShared() | MemberShared():
-                self._update(peer, decoded, now)
+                peer.update(decoded, now.run_s)
             case SnapshotAsked() as asked:
                 self._answer(sender, asked, now)
             case Snapshot(frames=frames, last=last):
@@ -287,11 +283,6 @@ class Node:
                 raise MessageRefused(
                     RefusalReason.MALFORMED, f"{decoded.frame.act} is valid only inside another message"
                 )
-
-    def _update(self, peer: PeerRecord, decoded: DecodedFrame, now: Instant) -> None:
-        """Store a state, intent or member message, unless it is old."""
-        if peer.update(decoded, now.run_s):
-            self._with_new[type(decoded.frame.content)].add(decoded.frame.sender)
 
     def _store(self, record: SourceRecord, item: BeliefItem, decoded: DecodedFrame) -> bool:
         """Store an observation or checkpoint; return whether it is new. Raises MessageRefused."""
@@ -344,7 +335,7 @@ class Node:
         if not isinstance(content, StateShared | IntentShared):
             raise MessageRefused(RefusalReason.MALFORMED, f"{frame.act} is not valid inside another message")
         if peer is not None and now.unix_s - frame.unix_s <= self._options.max_age_s:
-            self._update(peer, decoded, now)
+            peer.update(decoded, now.run_s)
         return False
 
     def _relay(self, frames: list[DecodedFrame], received_from: int, now: Instant) -> None:
@@ -391,7 +382,9 @@ class Node:
                 self._requests.record_request(uav, now.run_s)
 
     def _answer(self, asker: int, asked: SnapshotAsked, now: Instant) -> None:
-        self._peers[asker].add_request(asker, now.run_s)
+        limit = self._peers[asker].request_limit
+        if not limit.try_take(now.run_s):
+            raise too_fast(limit, "requests")
         frames = list(self._replica.missing(asked.have))
         frames += states_since(
             (p for uav, p in self._peers.items() if uav != asker), dict(asked.states), now.unix_s

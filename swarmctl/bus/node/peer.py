@@ -7,10 +7,11 @@ from collections.abc import Iterable, Mapping
 
 import msgspec
 import numpy as np
+from msgspec import field
 from msgspec.structs import replace
 
 from swarmctl.bus.node.decoding import DecodedFrame
-from swarmctl.bus.node.exchange import STALE_S, NodeOptions
+from swarmctl.bus.node.exchange import STALE_S, NewestT, NodeOptions
 from swarmctl.bus.node.replica import Replica
 from swarmctl.bus.rate import TokenBucket
 from swarmctl.core.frames import (
@@ -28,14 +29,15 @@ SILENT_AFTER_S = 5.0
 """silence of a UAV after which its next message causes a request for missed observations"""
 RANKED_LAST_AFTER_S = 20.0
 """time without direct or relayed news after which a UAV ranks last among the receivers"""
-RATE_PERIOD_S = 10.0
-MAX_BYTES, MAX_WORK = 8_000_000, 10_000
-"""greatest number of bytes from one sender, and of steps of work at a receiver, in `RATE_PERIOD_S`"""
+BYTES_PER_S, BYTES_BURST = 800_000.0, 8_000_000
+"""limit on the bytes from one sender: in the long run [1/s], and at once"""
+WORK_PER_S, WORK_BURST = 1000.0, 10_000
+"""limit on the steps of work that one sender causes"""
 WORK_PER_MESSAGE = 5
 WORK_PER_OBSERVATION, WORK_PER_OTHER_FRAME = 1, 20
 """steps of work for a frame inside a message, in addition to the steps for the message"""
 REQUESTS_PER_S, REQUESTS_BURST = 4.0, 16
-"""limit on the requests of one peer: in the long run [1/s], and at once"""
+"""limit on the requests of one sender"""
 REPLAY_WINDOW = 1024
 """number of later messages of the same sender after which a late message counts as a replay"""
 REPLAY_WINDOW_MASK = (1 << REPLAY_WINDOW) - 1
@@ -68,6 +70,12 @@ def check_time(frame: Frame, unix_s: float, options: NodeOptions) -> None:
         )
 
 
+def too_fast(limit: TokenBucket, unit: str) -> MessageRefused:
+    return MessageRefused(
+        RefusalReason.TOO_FAST, f"the messages need more than {limit.per_s:g} {unit} a second"
+    )
+
+
 class PeerRecord(msgspec.Struct, gc=False):
     """The known state of another UAV, without reference cycles, so the garbage collector can skip it."""
 
@@ -79,15 +87,13 @@ class PeerRecord(msgspec.Struct, gc=False):
     """bit i: message `last_n` - i has not arrived; sets instead of bits took 1 GB for a hundred UAVs"""
     received_s: float = -math.inf
     """time of the last direct message"""
-    n_bytes: int = 0
-    work: int = 0
-    """bytes received, and work caused, in the current period"""
-    bytes_period_end_s: float = -math.inf
-    work_period_end_s: float = -math.inf
-    request_bucket: TokenBucket | None = None
-    """limit on the peer's requests; None before the first request"""
+    bytes_limit: TokenBucket = field(default_factory=lambda: TokenBucket(BYTES_PER_S, BYTES_BURST))
+    work_limit: TokenBucket = field(default_factory=lambda: TokenBucket(WORK_PER_S, WORK_BURST))
+    request_limit: TokenBucket = field(default_factory=lambda: TokenBucket(REQUESTS_PER_S, REQUESTS_BURST))
     newest: dict[type[Content], DecodedFrame] = {}
     """newest known state, intent and member message, each received directly or relayed"""
+    untaken: set[type[Content]] = set()
+    """kinds of messages of `newest` that the agent has not taken yet"""
     state_s: float = -math.inf
     """reception time of the newest state"""
     direct_state_s: float = -math.inf
@@ -127,49 +133,24 @@ class PeerRecord(msgspec.Struct, gc=False):
         self.received_s = now_s
         return was_silent
 
-    def add_work(self, units: int, now_s: float) -> None:
+    def add_work(self, n_steps: int, now_s: float) -> None:
         """Count work caused by the peer's messages. Raises MessageRefused above the limit."""
-        if now_s >= self.work_period_end_s:
-            self.work_period_end_s, self.work = now_s + RATE_PERIOD_S, 0
-        self.work += units
-        if self.work > MAX_WORK:
-            raise MessageRefused(
-                RefusalReason.TOO_FAST,
-                f"the messages cause more than {MAX_WORK} steps of work in {RATE_PERIOD_S:g} s",
-            )
-
-    def add_bytes(self, n_bytes: int, now_s: float) -> None:
-        """Count received bytes before decoding. Raises MessageRefused above the limit."""
-        if now_s >= self.bytes_period_end_s:
-            self.bytes_period_end_s, self.n_bytes = now_s + RATE_PERIOD_S, 0
-        self.n_bytes += n_bytes
-        if self.n_bytes > MAX_BYTES:
-            raise MessageRefused(
-                RefusalReason.TOO_FAST, f"more than {MAX_BYTES} bytes in {RATE_PERIOD_S:g} s"
-            )
-
-    def add_request(self, uav: int, now_s: float) -> None:
-        """Count a request of the peer, vehicle `uav`. Raises MessageRefused above the limit."""
-        if self.request_bucket is None:
-            self.request_bucket = TokenBucket(REQUESTS_PER_S, REQUESTS_BURST)
-        if not self.request_bucket.try_take(now_s):
-            raise MessageRefused(
-                RefusalReason.TOO_FAST, f"vehicle {uav} sends more than {REQUESTS_PER_S:g} requests a second"
-            )
+        if not self.work_limit.try_take(now_s, n_steps):
+            raise too_fast(self.work_limit, "steps of work")
 
     @property
     def state(self) -> StateShared | None:
         decoded = self.newest.get(StateShared)
         return None if decoded is None else decoded.frame.content  # type: ignore[return-value]
 
-    def update(self, decoded: DecodedFrame, now_s: float) -> bool:
-        """Store a state, intent or member message; return False for an old message."""
+    def update(self, decoded: DecodedFrame, now_s: float) -> None:
+        """Store a state, intent or member message, unless it is old."""
         frame, content = decoded.frame, decoded.frame.content
         before = self.newest.get(type(content))
         if frame.incarnation < self.incarnation or (
             before is not None and frame.unix_s <= before.frame.unix_s
         ):
-            return False
+            return
         if isinstance(content, StateShared):
             self.state_s = now_s
         elif isinstance(content, MemberShared) and before is not None:
@@ -177,7 +158,13 @@ class PeerRecord(msgspec.Struct, gc=False):
             content = content.with_route_of(before.frame.content)  # type: ignore[arg-type]
             decoded = replace(decoded, frame=replace(frame, content=content))
         self.newest[type(content)] = decoded
-        return True
+        self.untaken.add(type(content))
+
+    def take(self, kind: type[NewestT]) -> tuple[float, NewestT]:
+        """Return the untaken message of a kind with its unix time [s]."""
+        self.untaken.remove(kind)
+        frame = self.newest[kind].frame
+        return frame.unix_s, frame.content  # type: ignore[return-value]
 
     def record_missing(self) -> None:
         """Record that the peer has observations that are missing here, and ignore the peer's last state."""
