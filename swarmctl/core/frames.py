@@ -18,15 +18,16 @@ refused if it has another version or an invalid value, or lacks a field without 
 
 from __future__ import annotations
 
-import math
+import sys
 from collections.abc import Callable, Hashable
 from enum import StrEnum
 from functools import cached_property
+from itertools import pairwise
 from typing import Annotated, Any
 
 import msgspec
 
-from swarmctl.core.geo import LatLon, check_position
+from swarmctl.core.geo import LatLon
 from swarmctl.core.messages import MAX_BEHAVIOUR_WEIGHT, MAX_BEHAVIOURS
 from swarmctl.core.observation import Checkpoint, Id, Incarnation, Observation, Seq
 from swarmctl.core.split import SplitShared
@@ -52,6 +53,15 @@ MAX_ACKNOWLEDGED = 254
 MAX_FRAMES = 256
 """most frames inside one message"""
 
+# The decoder refuses numbers outside of these limits, and NaN.
+Finite = Annotated[float, msgspec.Meta(ge=-sys.float_info.max, le=sys.float_info.max)]
+Latitude = Annotated[float, msgspec.Meta(ge=-90.0, le=90.0)]
+Longitude = Annotated[float, msgspec.Meta(ge=-180.0, le=180.0)]
+Magnitude = Annotated[float, msgspec.Meta(ge=-MAX_MAGNITUDE, le=MAX_MAGNITUDE)]
+Distance = Annotated[float, msgspec.Meta(ge=0.0, le=MAX_MAGNITUDE)]
+Seconds = Annotated[float, msgspec.Meta(ge=0.0, le=MAX_AHEAD_S)]
+Velocity = tuple[Magnitude, Magnitude, Magnitude]
+"""east, north, up [m/s]"""
 Frames = Annotated[tuple[bytes, ...], msgspec.Meta(max_length=MAX_FRAMES)]
 Text = Annotated[str, msgspec.Meta(max_length=MAX_TEXT)]
 
@@ -86,11 +96,11 @@ class MessageRefused(ValueError):
 class StateShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, tag="inform/state"):
     """Position, phase and knowledge of a UAV."""
 
-    time_s: float
+    time_s: Finite
     """vehicle's clock since boot [s]"""
-    lat_deg: float
-    lon_deg: float
-    alt_rel_m: float
+    lat_deg: Latitude
+    lon_deg: Longitude
+    alt_rel_m: Magnitude
     phase: Text
     n_observed: int
     n_found: int
@@ -101,7 +111,7 @@ class StateShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, tag
     mode: Text = ""
     plan_id: int = 0
     replans: int = 0
-    late_s: float | None = None
+    late_s: Finite | None = None
     """predicted time from take-off to arrival [s], if outside the time bound; else None"""
     outcome: Text = ""
     trouble: Text = ""
@@ -109,58 +119,38 @@ class StateShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, tag
     """number of messages that the UAV refused"""
     flagged: tuple[int, ...] = ()
     """UAVs whose observations contradict this UAV's observations, or each other"""
-    alt_amsl_m: float | None = None
-    velocity_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """east, north, up [m/s]"""
-    earliest_in_s: float | None = None
+    alt_amsl_m: Magnitude | None = None
+    velocity_m_s: Velocity = (0.0, 0.0, 0.0)
+    earliest_in_s: Finite | None = None
     """least time to the goal [s], negative after the arrival; None if no simultaneous arrival is planned"""
     hears: Annotated[tuple[Id, ...], msgspec.Meta(max_length=MAX_ACKNOWLEDGED)] = ()
     """nearby UAVs whose messages arrived recently; an acknowledgement to each of them"""
-    returns_to: tuple[float, float] | None = None
+    returns_to: tuple[Latitude, Longitude] | None = None
     """home of a UAV that returns, or that holds until its turn to return [deg]"""
-    age_s: float = 0.0
+    age_s: Annotated[float, msgspec.Meta(ge=0.0, le=sys.float_info.max)] = 0.0
     """age of position, height and velocity [s]; 0 while new values arrive from the vehicle"""
     battery_percent: Annotated[int, msgspec.Meta(ge=0, le=100)] | None = None
     strikes: Annotated[int, msgspec.Meta(ge=0, lt=2**31)] = 0
-    to_go_m: float | None = None
+    to_go_m: Finite | None = None
     """distance along the route to its last waypoint [m], negative past it; None without a route"""
     waits: Text = ""
     """what the UAV waits for, in words; empty: for nothing"""
     group: Text = ""
     """group, shape, leader and place error of a UAV in a formation, in words; empty: none"""
-    weights: tuple[float, float, float, float] | None = None
+    weights: tuple[Finite, Finite, Finite, Finite] | None = None
     """w and the three firing strengths after a change by an operator; None: those of the configuration"""
     hovers: bool = True
     """False: the UAV is a fixed wing, which cannot stop"""
-
-    def __post_init__(self) -> None:
-        check_position(self.lat_deg, self.lon_deg)
-        if self.returns_to is not None:
-            check_position(*self.returns_to)
-        optional = (self.late_s, self.alt_amsl_m, self.earliest_in_s, self.to_go_m)
-        required = (self.time_s, self.alt_rel_m, *self.velocity_m_s, self.age_s, *(self.weights or ()))
-        numbers = (*required, *(x for x in optional if x is not None))
-        if not all(map(math.isfinite, numbers)) or self.age_s < 0.0:
-            raise ValueError(
-                "a time, height, speed, distance or weight is not finite, or the age is below 0 s"
-            )
-        if max(map(abs, (self.alt_rel_m, self.alt_amsl_m or 0.0, *self.velocity_m_s))) > MAX_MAGNITUDE:
-            raise ValueError(f"a height or a speed is above {MAX_MAGNITUDE:g} (m or m/s)")
 
 
 class IntentPoint(msgspec.Struct, frozen=True, array_like=True, gc=False):
     """A future position of a UAV."""
 
-    in_s: float
+    in_s: Seconds
     """time after the UAV's last telemetry, which is `IntentShared.age_s` before the frame was sent [s]"""
-    lat_deg: float
-    lon_deg: float
-    alt_amsl_m: float
-
-
-def _check_age(age_s: float) -> None:
-    if not 0.0 <= age_s <= MAX_AHEAD_S:
-        raise ValueError(f"an age is outside 0 to {MAX_AHEAD_S:g} s")
+    lat_deg: Latitude
+    lon_deg: Longitude
+    alt_amsl_m: Magnitude
 
 
 class IntentShared(msgspec.Struct, frozen=True, omit_defaults=True, dict=True, tag="inform/intent"):
@@ -172,11 +162,11 @@ class IntentShared(msgspec.Struct, frozen=True, omit_defaults=True, dict=True, t
     """points with increasing times; empty: the flight is unknown"""
     may_change: bool = True
     """True if the UAV can give way: its agent may change its mission, now or after take-off"""
-    around_m: tuple[float, float] = (0.0, 0.0)
+    around_m: tuple[Distance, Distance] = (0.0, 0.0)
     """greatest distance of the UAV from the announced flight, over ground and in height [m]"""
     on_ground: bool = False
     """True from the launch order until the UAV has taken off"""
-    age_s: float = 0.0
+    age_s: Seconds = 0.0
     """age of the UAV's last telemetry when the message was sent [s]"""
 
     @cached_property
@@ -185,70 +175,45 @@ class IntentShared(msgspec.Struct, frozen=True, omit_defaults=True, dict=True, t
         return {}
 
     def __post_init__(self) -> None:
-        if not all(0.0 <= m <= MAX_MAGNITUDE for m in self.around_m):
-            raise ValueError(f"a distance is not a number, below 0 or above {MAX_MAGNITUDE:g} m")
-        _check_age(self.age_s)
-        before_s = -math.inf
-        for point in self.points:
-            check_position(point.lat_deg, point.lon_deg)
-            if not (abs(point.alt_amsl_m) <= MAX_MAGNITUDE and 0.0 <= point.in_s <= MAX_AHEAD_S):
-                raise ValueError(
-                    f"a height is not a number or above {MAX_MAGNITUDE:g} m, "
-                    f"or a time is outside 0 to {MAX_AHEAD_S:g} s"
-                )
-            if point.in_s <= before_s:
-                raise ValueError("times do not increase: expected each to be later than the previous one")
-            before_s = point.in_s
+        if any(later.in_s <= point.in_s for point, later in pairwise(self.points)):
+            raise ValueError("times do not increase: expected each to be later than the previous one")
 
 
 class MemberShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, tag="inform/member"):
     """Position and velocity of a member of a formation, and what the leader decides for the group."""
 
-    lat_deg: float
-    lon_deg: float
-    alt_amsl_m: float
-    velocity_m_s: tuple[float, float, float]
-    """east, north, up [m/s]"""
-    age_s: float = 0.0
+    lat_deg: Latitude
+    lon_deg: Longitude
+    alt_amsl_m: Magnitude
+    velocity_m_s: Velocity
+    age_s: Seconds = 0.0
     """age of position and velocity when the message was sent [s]"""
     joins: bool = True
     """False: the member leaves the group, or its flight ends"""
-    error_m: float = 0.0
+    error_m: Distance = 0.0
     """distance of the member from its place [m]"""
-    along_m: float = 0.0
+    along_m: Distance = 0.0
     """the leader's alone: distance of the group's reference along the route [m]"""
-    speed_m_s: float = 0.0
+    speed_m_s: Distance = 0.0
     """the leader's alone: speed of the reference along the route [m/s]"""
     route_id: int = 0
     """the leader's alone: number of the group's route; 0: the sender does not lead"""
-    route: Annotated[tuple[tuple[float, float], ...], msgspec.Meta(max_length=MAX_POINTS)] = ()
+    route: Annotated[tuple[tuple[Latitude, Longitude], ...], msgspec.Meta(max_length=MAX_POINTS)] = ()
     """the leader's alone: the route's points [deg]; empty in most messages, for they seldom change"""
     shapes: Annotated[
-        tuple[tuple[float, Annotated[int, msgspec.Meta(ge=0, le=1)]], ...],
+        tuple[tuple[Magnitude, Annotated[int, msgspec.Meta(ge=0, le=1)]], ...],
         msgspec.Meta(max_length=MAX_POINTS),
     ] = ()
     """changes of shape along `route`: (distance [m], number of the shape from there on)"""
     split: SplitShared | None = None
     """a split of the group along `route`"""
-    height_amsl_m: float = 0.0
+    height_amsl_m: Magnitude = 0.0
     """the leader's alone: the group's height above the sea, if its members fly level [m]"""
     weights: Annotated[
         tuple[Annotated[float, msgspec.Meta(ge=0.0, le=MAX_BEHAVIOUR_WEIGHT)], ...],
         msgspec.Meta(max_length=MAX_BEHAVIOURS),
     ] = ()
     """the leader's alone: the weights of all behaviours of the approach, after an operator's change"""
-
-    def __post_init__(self) -> None:
-        for point in ((self.lat_deg, self.lon_deg), *self.route):
-            check_position(*point)
-        changes_m = (from_m for from_m, _ in self.shapes)
-        heights = self.alt_amsl_m, self.height_amsl_m
-        lengths = (*heights, *self.velocity_m_s, self.along_m, self.speed_m_s, *changes_m)
-        if not (max(map(abs, lengths)) <= MAX_MAGNITUDE and 0.0 <= self.error_m <= MAX_MAGNITUDE):
-            raise ValueError(f"a height, a distance or a speed is above {MAX_MAGNITUDE:g} (m or m/s)")
-        _check_age(self.age_s)
-        if self.along_m < 0.0 or self.speed_m_s < 0.0:
-            raise ValueError("a distance or a speed along the route is below 0")
 
     def with_route_of(self, before: MemberShared) -> MemberShared:
         """Return the message; if it lacks the route that `before` has, with this route."""
@@ -307,18 +272,12 @@ class Frame(msgspec.Struct, frozen=True, omit_defaults=True, gc=False):
     incarnation: Incarnation
     n: Seq
     """running number of the messages of this sender's incarnation"""
-    unix_s: float
+    unix_s: Finite
     """time of sending (unix) [s]"""
     content: Content
-    lat_deg: float | None = None
-    lon_deg: float | None = None
+    lat_deg: Latitude | None = None
+    lon_deg: Longitude | None = None
     """position of the sender [deg]; None if unknown, or if the content has the position"""
-
-    def __post_init__(self) -> None:
-        if not math.isfinite(self.unix_s):
-            raise ValueError("the time of sending is not finite")
-        if self.lat_deg is not None and self.lon_deg is not None:
-            check_position(self.lat_deg, self.lon_deg)
 
     @property
     def at(self) -> LatLon | None:

@@ -291,14 +291,14 @@ def test_a_low_vehicle_is_not_ordered_to_wait_after_a_lost_link() -> None:
 def test_a_low_battery_ends_the_wait_above_the_landing_spot() -> None:
     rules = (ActiveRule(low_battery, low_battery.Params(seconds=0.0)),)
     story = LandingStory(rules=rules).waiting()
-    assert orders(story.at(3.0, battery_percent=24.0, **HOLDS)) == []
-    assert orders(story.at(3.0, battery_percent=19.0, **HOLDS)) == [], "the other vehicle may just pass below"
-    seconds = [s for s in range(15) if orders(story.at(3.0, battery_percent=19.0, **HOLDS))]
+    assert orders(story.at(3.0, battery_percent=24, **HOLDS)) == []
+    assert orders(story.at(3.0, battery_percent=19, **HOLDS)) == [], "the other vehicle may just pass below"
+    seconds = [s for s in range(15) if orders(story.at(3.0, battery_percent=19, **HOLDS))]
     assert PASSES_WITHIN_S - 5.0 <= seconds[0] <= PASSES_WITHIN_S
     fresh = LandingStory(rules=rules)
-    fresh.at(10.0, battery_percent=9.0)
+    fresh.at(10.0, battery_percent=9)
     fresh.passing_below()
-    assert orders(fresh.at(4.0, battery_percent=9.0)) == []
+    assert orders(fresh.at(4.0, battery_percent=9)) == []
 
 
 def test_the_state_of_a_vehicle_without_an_intent_is_extrapolated() -> None:

@@ -79,19 +79,3 @@ def test_a_frame_with_a_malformed_split_is_refused(split: Any) -> None:
     with pytest.raises(MessageRefused) as refused:
         codec.decode(data[:2] + msgspec.msgpack.encode(frame))
     assert refused.value.why is RefusalReason.MALFORMED
-
-
-@pytest.mark.parametrize(
-    "fields",
-    [
-        {"error_m": -1.0},
-        {"error_m": math.nan},
-        {"age_s": -1.0},
-        {"along_m": math.inf},
-        {"route": ((91.0, 0.0),)},
-    ],
-)
-def test_impossible_numbers_are_refused(fields: dict[str, object]) -> None:
-    """The constructor refuses what a sender may put into a frame, and so does the decoder."""
-    with pytest.raises(ValueError, match=r"height|position|age"):
-        member(**fields)

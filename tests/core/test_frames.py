@@ -216,9 +216,14 @@ def test_an_invalid_value_is_refused(field: str, value: float) -> None:
         (INTENT, "points", [[math.inf, 46.0, 14.5, 340.0]]),
         (INTENT, "points", [[0.0, 46.0, 14.5]]),
         (INTENT, "points", [[float(t), 46.0, 14.5, 340.0] for t in range(frames.MAX_POINTS + 1)]),
+        (MEMBER, "error_m", -1.0),
+        (MEMBER, "error_m", math.nan),
+        (MEMBER, "age_s", -1.0),
+        (MEMBER, "along_m", math.inf),
+        (MEMBER, "route", [[91.0, 0.0]]),
     ],
 )
-def test_an_impossible_state_or_intent_is_refused(content: Content, field: str, value: object) -> None:
+def test_an_impossible_message_is_refused(content: Content, field: str, value: object) -> None:
     assert refusal(content, **{field: value}).why is RefusalReason.MALFORMED
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 
+import msgspec
+
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.mission_changes import needs_tick
 from swarmctl.agent.state import Task, begin
@@ -53,6 +55,8 @@ class Story:
     def __call__(self, event: ev.Event) -> list[ev.Effect]:
         self.now += 1.0
         self.state, self.effects = step(self.state, event, self.now)
+        for message in publications(self.effects):
+            check_accepted(message)
         return self.effects
 
     def tick(self) -> list[ev.Effect]:
@@ -107,6 +111,11 @@ def codes(effects: list[ev.Effect]) -> list[str]:
     """Return the codes of the messages to the operator; "" for a message without one."""
     found = (re.search(r"\[([a-z-]+)\]$", e.text) for e in effects if isinstance(e, ev.NotifyOperator))
     return [match[1] if match else "" for match in found]
+
+
+def check_accepted(message: object) -> None:
+    """Check that the decoder of a receiver accepts a published message."""
+    msgspec.msgpack.decode(msgspec.msgpack.encode(message), type=type(message))
 
 
 def publications(effects: list[ev.Effect]) -> list[object]:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import msgspec
+from agent_stories import check_accepted
 from light_vehicle import LightVehicle
 
 from swarmctl.agent.phases import ON_GROUND
@@ -332,6 +333,7 @@ class LightSwarm:
 
     def publish(self, sender: int, message: Any, group: tuple[int, ...] = ()) -> None:
         """Send a message to the other vehicles; `group`: the only receivers, if there are any."""
+        check_accepted(message)
         if not self.air.carries(sender, self.now):
             return
         sent_s = self.now
