@@ -7,10 +7,9 @@ import heapq
 import itertools
 import traceback
 from collections import Counter, deque
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sized
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Protocol, TypeVar
 
 import numpy as np
 
@@ -43,8 +42,6 @@ from swarmctl.core.operator_text import printable
 
 SLOW_SLICE_S = 0.005
 """time slice for requests and their answers while other messages wait; at least one message is delivered"""
-T = TypeVar("T")
-T_co = TypeVar("T_co", covariant=True)
 OnNews = Callable[[tuple[BeliefItem, ...]], None]
 MAX_LINES = 10
 """largest number of shown lines for each topic and UAV; the counters count all"""
@@ -161,16 +158,17 @@ class Network:
         `against`: cells in which the agent's observation contradicts earlier reports of other UAVs.
         `group`: the receivers of a MemberShared.
         """
-        output = self._members[uav].node.publish(message, self._now(), against, group)
+        member = self._members[uav]
+        output = member.node.publish(message, self._now(), against, group)
         first = output.messages[0]
         # The station hears from every vehicle, also from those that have nobody in range.
-        is_state = isinstance(message, StateShared)
-        key = keys.to_station(self._swarm, uav)
-        self._transport.put(
-            key if is_state else keys.copy_to_station(self._swarm, first.act, uav), first.data
-        )
-        self._perform(self._members[uav], output)
-        return len(output.messages[0].to)
+        if isinstance(message, StateShared):
+            key = keys.to_station(self._swarm, uav)
+        else:
+            key = keys.copy_to_station(self._swarm, first.act, uav)
+        self._transport.put(key, first.data)
+        self._perform(member, output)
+        return len(first.to)
 
     def restore(self, uav: int, observations: Iterable[tuple[float, Observation]]) -> None:
         """Give a UAV its own observations of earlier incarnations, each with its unix time [s]."""
@@ -195,11 +193,9 @@ class Network:
             (other, max(unix_s - sent_s, 0.0) * speedup, message) for other, sent_s, message in taken
         )
 
-    def counters(self, uav: int) -> NetworkCounters:
-        return self._members[uav].node.counters
-
-    def all_counters(self) -> dict[int, NetworkCounters]:
-        """Return the counters of the UAVs of this process, by system id."""
+    @property
+    def counters(self) -> dict[int, NetworkCounters]:
+        """Counters of the UAVs of this process, by system id."""
         return {uav: member.node.counters for uav, member in self._members.items()}
 
     def close(self) -> None:
@@ -236,16 +232,16 @@ class Network:
         self._show(member, [("bug", text)])
 
     def _perform(self, member: _Member, output: NodeOutput) -> None:
-        self._send_output(member, output)
-        if output.news:
-            member.on_news(tuple(output.news))
-
-    def _send_output(self, member: _Member, output: NodeOutput) -> None:
-        """Send the messages, show the notices and set the timer."""
+        """Send the messages, show the notices, queue the news and set the timer."""
         for out in output.messages:
             self._send(member.node, out)
         if output.notices:
             self._show(member, output.notices)
+        if output.news:
+            if not member.news:
+                self._members_with_news.append(member)
+            member.news += output.news
+            self._schedule_delivery()
         if member.node.next_deadline_s != member.timer_s:
             self._arm(member)
 
@@ -323,12 +319,12 @@ class Network:
             return
         now = self._now()
         slow_slice_s = SLOW_SLICE_S if self._queue else TURN_S
-        for queued in _within(TURN_S, self._queue):
-            self._deliver_message(queued, now)
-        for member in _within(TURN_S, self._members_with_news):
-            self._deliver_news(member)
-        for queued in _within(slow_slice_s, self._slow_queue):
-            self._deliver_message(queued, now)
+        for _ in _within(TURN_S, self._queue):
+            self._deliver_message(self._queue.popleft(), now)
+        for _ in _within(TURN_S, self._members_with_news):
+            self._deliver_news(self._members_with_news.popleft())
+        for _ in _within(slow_slice_s, self._slow_queue):
+            self._deliver_message(self._slow_queue.popleft(), now)
         if self._queue or self._members_with_news or self._slow_queue:
             self._schedule_delivery()
 
@@ -337,16 +333,9 @@ class Network:
         for uav in to:
             member = self._members[uav]
             try:
-                output = member.node.receive(decoded, now)
-                self._send_output(member, output)
-                self._add_news(member, output.news)
+                self._perform(member, member.node.receive(decoded, now))
             except Exception:  # noqa: BLE001 - a bug with one message does not affect the others
                 self._report_bug(member, decoded.frame.sender)
-
-    def _add_news(self, member: _Member, news: Sequence[BeliefItem]) -> None:
-        if news and not member.news:
-            self._members_with_news.append(member)
-        member.news += news
 
     def _deliver_news(self, member: _Member) -> None:
         news, member.news = member.news, []
@@ -380,19 +369,14 @@ class Network:
         self._perform(member, member.node.tick(now))
 
 
-class _Waiting(Protocol[T_co]):
-    def __len__(self) -> int: ...
-    def popleft(self) -> T_co: ...
+def _within(seconds: float, waiting: Sized) -> Iterator[None]:
+    """Yield while items wait, for `seconds` by the loop's clock, and at least once for an item.
 
-
-def _within(seconds: float, waiting: _Waiting[T]) -> Iterator[T]:
-    """Yield waiting items in order for `seconds` by the loop's clock, and at least one item.
-
-    On a virtual clock all items are yielded: the order of a run must not depend on the machine's speed.
+    On a virtual clock this handles all items: the order of a run must not depend on the machine's speed.
     """
     loop = asyncio.get_running_loop()
     until_s = loop.time() + seconds
     while waiting:
-        yield waiting.popleft()
+        yield
         if loop.time() > until_s:
             return

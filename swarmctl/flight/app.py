@@ -110,7 +110,7 @@ def _summary(flight: Flight, ended: Ending, wall_s: float) -> dict[str, Any]:
         speedup=run.times.speedup,
         wall_s=wall_s if run.clock == "real" else None,
         commands=asdict(flight.operator_service.counts),
-        networks=flight.resources.network.all_counters(),
+        networks=flight.resources.network.counters,
         payload_reports={uav: asdict(counts) for uav, counts in reports.items() if counts is not None},
         crossings=flight.preflight.crossings,
     )

@@ -196,7 +196,7 @@ async def _show(flight: Flight) -> None:
                 m.state,
                 m.runner.link.age_s(),
                 m.overdue_because,
-                flight.resources.network.counters(m.spec.sysid).refused.total(),
+                flight.resources.network.counters[m.spec.sysid].refused.total(),
                 lost_timeout_s=config.flight.lost_timeout_s,
             )
             for m in flight.members

@@ -113,8 +113,8 @@ def test_dropped_messages_are_counted_reported_and_requested_again(
                 for seq in range(1, 501):
                     swarm.publish(1, observation(1, seq, incarnations[1]))
                 await asyncio.sleep(0.1)
-                assert 300 < swarm.counters(2).lost[LossReason.OVERLOAD] < 500
-                assert swarm.counters(1).lost == {}
+                assert 300 < swarm.counters[2].lost[LossReason.OVERLOAD] < 500
+                assert swarm.counters[1].lost == {}
                 assert ["[bus-overload]" in text for uav, text in lines if uav == 2] == [True]
                 for uav in (1, 2):
                     newest = {other: state for other, _, state in swarm.take_new(uav, StateShared)}

@@ -15,7 +15,6 @@ from node_swarm import state
 
 from swarmctl.bus import keys
 from swarmctl.bus.network import Network, RunClock
-from swarmctl.bus.node.decoding import DecodedFrame
 from swarmctl.bus.node.exchange import NodeOptions
 from swarmctl.bus.node.peer import RANKED_LAST_AFTER_S, PeerRecord, nearest_uavs
 from swarmctl.bus.radio import LossReason, Radio, RadioSettings
@@ -23,7 +22,7 @@ from swarmctl.bus.transports.base import Transport
 from swarmctl.bus.transports.inbox import TURN_S
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.bus.transports.zenoh import ZenohBus
-from swarmctl.core.frames import Frame, FrameCodec, IntentPoint, IntentShared, RefusalReason, StateShared
+from swarmctl.core.frames import Frame, FrameCodec, IntentPoint, IntentShared, RefusalReason
 from swarmctl.core.geo import distance_m
 from swarmctl.core.observation import BeliefItem, Observation
 from swarmctl.flight.virtual_clock import run_virtual
@@ -87,8 +86,8 @@ def test_a_message_reaches_all_others_and_not_its_sender(bus: Open) -> None:
                 sent = swarm.publishes(1, 1)
                 assert [await swarm.next_of(2), await swarm.next_of(3)] == [sent, sent]
                 assert swarm.received[1].empty()
-                assert swarm.network.counters(1).sent["inform/observation"] == 2
-                assert swarm.network.counters(2).received >= 1
+                assert swarm.network.counters[1].sent["inform/observation"] == 2
+                assert swarm.network.counters[2].received >= 1
 
     asyncio.run(scene())
 
@@ -123,7 +122,7 @@ def test_a_message_under_another_key_is_refused_and_counted(key: str, why: Refus
                 transport.put(key, data)
                 sent = swarm.publishes(2, 1)
                 assert await swarm.next_of(3) == sent
-                assert swarm.network.counters(3).refused == {why: 1}
+                assert swarm.network.counters[3].refused == {why: 1}
 
     asyncio.run(scene())
 
@@ -160,7 +159,7 @@ def test_a_flood_of_invalid_messages_is_reported_in_ten_lines() -> None:
                     transport.put("swarmctl/test/uav/2/inform/state/1", b"junk")
                     await asyncio.sleep(3600.0)
                 assert lines == [2] * 10
-                assert sum(swarm.counters(2).refused.values()) == 15
+                assert sum(swarm.counters[2].refused.values()) == 15
 
     run_virtual(scene())
 
@@ -212,7 +211,7 @@ def test_a_uav_that_joins_again_learns_earlier_observations() -> None:
                 assert {(seen.observer, seen.seq) for seen in items if isinstance(seen, Observation)} >= {
                     (uav, seq) for uav in (1, 2) for seq in range(1, 7)
                 }
-                assert all(not swarm.network.counters(uav).refused for uav in (1, 2, 3))
+                assert all(not swarm.network.counters[uav].refused for uav in (1, 2, 3))
 
     run_virtual(scene())
 
@@ -314,7 +313,7 @@ def test_a_uav_out_of_range_is_not_received(metres: float, lost: LossReason | No
                 swarm.publishes(1, 1)
                 await asyncio.sleep(1.0)
                 assert swarm.received[2].empty() is (lost is not None)
-                assert swarm.network.counters(2).lost == ({} if lost is None else {lost: 1})
+                assert swarm.network.counters[2].lost == ({} if lost is None else {lost: 1})
 
     run_virtual(scene())
 
@@ -329,9 +328,9 @@ def test_losses_are_counted_by_cause() -> None:
                 for seq in range(1, 201):
                     swarm.publishes(1, seq)
                     await asyncio.sleep(0.1)
-                counters = swarm.network.counters(1)
+                counters = swarm.network.counters[1]
                 assert counters.sent["inform/observation"] == 200
-                assert swarm.network.counters(2).received + counters.lost[LossReason.LOSS] == 200
+                assert swarm.network.counters[2].received + counters.lost[LossReason.LOSS] == 200
                 assert 60 < counters.lost[LossReason.LOSS] < 140
 
     run_virtual(scene())
@@ -346,9 +345,7 @@ def test_a_uav_without_losses_sends_no_requests() -> None:
             with closing(swarm.network):
                 for seq in range(1, 200):
                     await in_turn(swarm, seq)
-                asked = {
-                    uav: counters.snapshots_asked for uav, counters in swarm.network.all_counters().items()
-                }
+                asked = {uav: counters.snapshots_asked for uav, counters in swarm.network.counters.items()}
                 # One request for each other UAV, after its first message.
                 assert asked == dict.fromkeys(range(1, 6), 4)
 
@@ -382,16 +379,14 @@ Places = dict[int, tuple[float, float] | None]
 
 
 def reached(places: Places, silent: set[int], k: int | None) -> tuple[int, ...]:
-    peers = {uav: peer_at(uav, places[uav], 0.0 if uav in silent else 100.0) for uav in sorted(places)}
+    peers = {uav: peer_at(places[uav], 0.0 if uav in silent else 100.0) for uav in sorted(places)}
     return nearest_uavs(HERE, peers, k, 100.0 + RANKED_LAST_AFTER_S)
 
 
-def peer_at(uav: int, place: tuple[float, float] | None, heard_s: float) -> PeerRecord:
+def peer_at(place: tuple[float, float] | None, heard_s: float) -> PeerRecord:
     if place is None:
         return PeerRecord()
-    frame = Frame(uav, 1, 1, 1.8e9, state(*place))
-    newest = {StateShared: DecodedFrame(frame, b"", (uav, 1))}
-    return PeerRecord(newest=newest, state_s=heard_s)
+    return PeerRecord(state=state(*place), state_s=heard_s)
 
 
 @pytest.mark.parametrize(

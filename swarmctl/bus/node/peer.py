@@ -94,6 +94,8 @@ class PeerRecord(msgspec.Struct, gc=False):
     """newest known state, intent and member message, each received directly or relayed"""
     untaken: set[type[Content]] = set()
     """kinds of messages of `newest` that the agent has not taken yet"""
+    state: StateShared | None = None
+    """content of the newest state; read for each peer and each sent message"""
     state_s: float = -math.inf
     """reception time of the newest state"""
     direct_state_s: float = -math.inf
@@ -138,11 +140,6 @@ class PeerRecord(msgspec.Struct, gc=False):
         if not self.work_limit.try_take(now_s, n_steps):
             raise too_fast(self.work_limit, "steps of work")
 
-    @property
-    def state(self) -> StateShared | None:
-        decoded = self.newest.get(StateShared)
-        return None if decoded is None else decoded.frame.content  # type: ignore[return-value]
-
     def update(self, decoded: DecodedFrame, now_s: float) -> None:
         """Store a state, intent or member message, unless it is old."""
         frame, content = decoded.frame, decoded.frame.content
@@ -152,7 +149,7 @@ class PeerRecord(msgspec.Struct, gc=False):
         ):
             return
         if isinstance(content, StateShared):
-            self.state_s = now_s
+            self.state, self.state_s = content, now_s
         elif isinstance(content, MemberShared) and before is not None:
             # The agent may not have taken the message before, which may have had the route.
             content = content.with_route_of(before.frame.content)  # type: ignore[arg-type]
@@ -181,7 +178,7 @@ class PeerRecord(msgspec.Struct, gc=False):
     def is_ranked_last(self, now_s: float) -> bool:
         """Return whether the peer's state is known, but no news since `RANKED_LAST_AFTER_S`."""
         latest_s = max(self.received_s, self.state_s)
-        return StateShared in self.newest and now_s - latest_s > RANKED_LAST_AFTER_S
+        return self.state is not None and now_s - latest_s > RANKED_LAST_AFTER_S
 
 
 def nearest_uavs(
