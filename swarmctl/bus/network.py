@@ -190,7 +190,7 @@ class Network:
         unix_s, speedup = self._clock.unix_s(), self._clock.speedup
         taken = self._members[uav].node.take_new(kind)
         return tuple(
-            (other, max(unix_s - sent_s, 0.0) * speedup, message) for other, sent_s, message in taken
+            (other, max(unix_s - sent_s, 0.0) * speedup, message) for other, (sent_s, message) in taken
         )
 
     @property

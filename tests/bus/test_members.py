@@ -38,7 +38,7 @@ def test_only_the_group_within_range_hears_a_member() -> None:
 def test_the_newest_message_of_a_member_counts_once() -> None:
     swarm = NodeSwarm((1, 2))
     published(swarm, member(46.0), member(46.001))
-    ((uav, sent_s, message),), again = (swarm.uavs[2].node.take_new(MemberShared) for _ in range(2))
+    ((uav, (sent_s, message)),), again = (swarm.uavs[2].node.take_new(MemberShared) for _ in range(2))
     assert (uav, message.lat_deg, again) == (1, 46.001, [])
     assert UNIX_S <= sent_s <= UNIX_S + 0.2
 
@@ -47,7 +47,7 @@ def test_the_newest_message_of_a_member_counts_once() -> None:
 def test_a_route_with_its_split_holds_until_another_one_is_told(route_id: int, kept: object) -> None:
     swarm = NodeSwarm((1, 2))
     published(swarm, member(route_id=7, route=ROUTE, split=SPLIT), member(route_id=route_id))
-    ((_, _, message),) = swarm.uavs[2].node.take_new(MemberShared)
+    ((_, (_, message)),) = swarm.uavs[2].node.take_new(MemberShared)
     assert (message.route, message.split) == kept
 
 

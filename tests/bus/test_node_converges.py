@@ -272,7 +272,7 @@ def shares_intent(swarm: NodeSwarm, uav: int, plan_id: int) -> None:
 
 def known(swarm: NodeSwarm, uav: int) -> dict[int, int]:
     """Return the plan ids of the other UAVs in the node's new intents."""
-    return {other: intent.plan_id for other, _, intent in swarm.uavs[uav].node.take_new(IntentShared)}
+    return {other: intent.plan_id for other, (_, intent) in swarm.uavs[uav].node.take_new(IntentShared)}
 
 
 def test_all_receivers_keep_the_newest_intent() -> None:
@@ -284,7 +284,7 @@ def test_all_receivers_keep_the_newest_intent() -> None:
     shares_intent(swarm, 1, 6)
     swarm.carry = at_once
     swarm.run(3.0)
-    ((_, sent_s, intent),) = swarm.uavs[2].node.take_new(IntentShared)
+    ((_, (sent_s, intent)),) = swarm.uavs[2].node.take_new(IntentShared)
     assert intent.plan_id == 6
     assert sent_s == pytest.approx(UNIX_S + 0.5)
     assert known(swarm, 3) == {1: 6}

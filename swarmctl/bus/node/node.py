@@ -95,10 +95,6 @@ class Node:
         self._replica = Replica()
         self._own = self._replica.of((uav, incarnation))
         self._contradictions = Contradictions(uav, options, self.counters.flagged)
-        self._last_sent_upto = 0
-        """number of the last observation in the newest sent checkpoint"""
-        self._sent_since_bytes = 0
-        """bytes of observations sent after the newest sent checkpoint"""
         self._deferred: dict[Source, Checkpoint] = {}
         """checkpoints without new observations; these only save memory, so the agent gets a few at a tick"""
         self._requests = RequestSchedule(options, rng)
@@ -107,13 +103,12 @@ class Node:
         self._output = NodeOutput()
         """output of the current call"""
 
-    def take_new(self, kind: type[NewestT]) -> list[tuple[int, float, NewestT]]:
-        """Return (UAV, unix time [s], newest message of this kind) of each UAV with a new message.
+    def take_new(self, kind: type[NewestT]) -> list[tuple[int, tuple[float, NewestT]]]:
+        """Return (UAV, (unix time [s], newest message of this kind)) of each UAV with a new message.
 
         A message is new until it is taken. A member's route is the last one that the member sent.
         """
-        taken = [(uav, peer.take(kind)) for uav, peer in self._peers.items() if kind in peer.untaken]
-        return [(uav, unix_s, message) for uav, (unix_s, message) in taken]
+        return [(uav, peer.take(kind)) for uav, peer in self._peers.items() if kind in peer.untaken]
 
     def moved(self, position: LatLon) -> None:
         """Update the UAV's position between two state messages."""
@@ -139,9 +134,7 @@ class Node:
         to = self._receivers(now)
         match message:
             case Observation():
-                data = self._send(message, to, now)
-                self._sent_since_bytes += len(data)
-                self._replica.add(self._own, self._decode(data))
+                self._replica.add(self._own, self._decode(self._send(message, to, now)))
                 self._contradictions.record_own(message)
                 for decoded in self._replica.frames() if against else ():
                     output.notices += self._contradictions.find(decoded, against)
@@ -177,7 +170,7 @@ class Node:
 
         Without these messages two groups would stay separate if every UAV has `k` neighbours in its group.
         """
-        if not receivers or self._options.sync_every_s == 0.0 or len(receivers) == len(self._peers):
+        if not receivers or not self._requests.is_enabled or len(receivers) == len(self._peers):
             return ()
         silent = [
             u
@@ -187,16 +180,17 @@ class Node:
         return (silent[int(self._rng.integers(len(silent)))],) if silent else ()
 
     def _make_checkpoint(self, to: tuple[int, ...], now: Instant) -> None:
-        """Make a checkpoint; send a checkpoint that is short enough or replaces many frames."""
+        """Replace own observations by a checkpoint and send it, if it is shorter or replaces many."""
+        replaced = self._own.in_order
         made = self._own.summary(self._options.rows, self._options.cols)
         if made is None:
             return
         data = self._sender.frame(made, now.unix_s)
+        if len(replaced) < COMPACT_AFTER and len(data) > sum(len(decoded.data) for decoded in replaced):
+            return
         self._replica.add(self._own, self._decode(data))
         # With requests disabled, no checkpoint is sent: a checkpoint would deliver missed observations.
-        is_long_due = made.upto >= self._last_sent_upto + COMPACT_AFTER
-        if (len(data) <= self._sent_since_bytes or is_long_due) and self._requests.is_enabled:
-            self._last_sent_upto, self._sent_since_bytes = made.upto, 0
+        if self._requests.is_enabled:
             self._deferred[made.source] = made
             self._send(Relayed((data,)), to, now)
 
@@ -258,7 +252,8 @@ class Node:
                 if self._store(record, seen, decoded) and self._options.relay:
                     self._relay([decoded], sender, now)
                 if record.upto < seen.seq:
-                    self._request_missing(sender, now)
+                    peer.record_missing()
+                    self._requests.schedule(sender, now.run_s)
             case StateShared(last_seq=last_seq, knows=knows):
                 peer.update(decoded, now.run_s)
                 record = self._replica.of(decoded.source)
@@ -271,7 +266,7 @@ class Node:
             case IntentShared() | MemberShared():
                 peer.update(decoded, now.run_s)
             case SnapshotAsked() as asked:
-                self._answer(sender, asked, now)
+                self._answer(peer, sender, asked, now)
             case Snapshot(frames=frames, last=last):
                 self._handle_all_relayed(frames, sender, now)
                 self._requests.record_answer(sender, has_news=bool(self._output.news), is_last=last)
@@ -348,19 +343,14 @@ class Node:
 
     # --- requests for missed observations
 
-    def _request_missing(self, peer: int, now: Instant) -> None:
-        """Schedule a request for observations that the peer holds and this UAV lacks."""
-        self._peers[peer].record_missing()
-        self._requests.schedule(peer, now.run_s)
-
     def tick(self, now: Instant) -> NodeOutput:
         output = self._output = NodeOutput()
         if self._requests.tick(now.run_s):
             for source in [*self._deferred][:MAX_DEFERRED_PER_TICK]:
                 output.news.append(self._deferred.pop(source))
             receivers = self._receivers(now)
-            known = {u: p for u in receivers if (p := self._peers[u]).state is not None}
-            differing = [u for u, p in known.items() if not p.agrees(self._replica, now.run_s)]
+            known = [u for u in receivers if self._peers[u].state is not None]
+            differing = [u for u in known if not self._peers[u].agrees(self._replica, now.run_s)]
             neighbours = differing if known else receivers
             if neighbours:
                 self._requests.schedule(neighbours[int(self._rng.integers(len(neighbours)))], now.run_s)
@@ -381,10 +371,9 @@ class Node:
                 self.counters.snapshots_asked += 1
                 self._requests.record_request(uav, now.run_s)
 
-    def _answer(self, asker: int, asked: SnapshotAsked, now: Instant) -> None:
-        limit = self._peers[asker].request_limit
-        if not limit.try_take(now.run_s):
-            raise too_fast(limit, "requests")
+    def _answer(self, peer: PeerRecord, asker: int, asked: SnapshotAsked, now: Instant) -> None:
+        if not peer.request_limit.try_take(now.run_s):
+            raise too_fast(peer.request_limit, "requests")
         frames = list(self._replica.missing(asked.have))
         frames += states_since(
             (p for uav, p in self._peers.items() if uav != asker), dict(asked.states), now.unix_s
@@ -394,7 +383,8 @@ class Node:
             self._send(Snapshot(part, i == len(parts) - 1), (asker,), now)
         self.counters.snapshots_served += 1
         if self._replica.lacks(asked.have):
-            self._request_missing(asker, now)
+            peer.record_missing()
+            self._requests.schedule(asker, now.run_s)
 
     # --- output
 
