@@ -18,14 +18,13 @@ from swarmctl.bus.sensor_reports import RejectedReport, RejectReason, Report, Re
 from swarmctl.bus.transports.base import MAX_QUERY_BYTES, Reply, Transport
 from swarmctl.core.grid import Grid
 from swarmctl.core.messages import BadMessage
-from swarmctl.core.operator_text import printable
+from swarmctl.core.operator_text import excerpt
 
 PER_S = 50.0
 BURST = 50
 """limits on the reports to one vehicle, accepted or refused: PER_S a second, BURST at once"""
 SHOWN_AGAIN_AFTER_S = 10.0
 """time without a refusal for the same reason, after which a further refusal is shown"""
-MAX_REASON_CHARS = 400
 TIMEOUT_S = 3.0
 """longest wait for an answer; an agent answers as soon as the report arrives"""
 
@@ -113,8 +112,7 @@ class ReportReceiver:
     def _refuse(self, bad: RejectedReport, now_s: float) -> ReportAnswer:
         reason, refused = bad.reason, self.counts.refused
         refused[reason.value] = refused.get(reason.value, 0) + 1
-        # The text may quote the sender, and is shown in a terminal.
-        why = printable(str(bad)[:MAX_REASON_CHARS])
+        why = excerpt(str(bad))
         before_s = self._refused_at_s.get(reason)
         self._refused_at_s[reason] = now_s
         if before_s is None or now_s - before_s > SHOWN_AGAIN_AFTER_S:

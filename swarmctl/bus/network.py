@@ -38,7 +38,7 @@ from swarmctl.core.frames import (
 )
 from swarmctl.core.grid import Cell
 from swarmctl.core.observation import BeliefItem, Observation
-from swarmctl.core.operator_text import printable
+from swarmctl.core.operator_text import excerpt
 
 SLOW_SLICE_S = 0.005
 """time slice for requests and their answers while other messages wait; at least one message is delivered"""
@@ -348,8 +348,7 @@ class Network:
         for topic, text in notices:
             member.n_lines[topic] += 1
             if member.n_lines[topic] <= MAX_LINES:
-                # The text may quote the sender, and is shown in a terminal.
-                self._say(member.node.uav, printable(text[:400]))
+                self._say(member.node.uav, excerpt(text))
 
     def _arm(self, member: _Member) -> None:
         if self._closed:

@@ -29,11 +29,10 @@ from swarmctl.core.messages import (
     decode_command,
     encode,
 )
-from swarmctl.core.operator_text import printable, resolve_vehicles
+from swarmctl.core.operator_text import excerpt, printable, resolve_vehicles
 
 ANSWER_WITHIN_S = 3.0
 """longest wait for the agents' answers; an agent in a long search may answer too late"""
-MAX_REASON_CHARS = 400
 PER_S = 4.0
 BURST = 8
 """limits on commands with a valid signature under one key, refused or not: PER_S a second, BURST at once"""
@@ -294,8 +293,7 @@ class OperatorService:
 
     def _refuse(self, why: str, reply: Reply | None, *, is_shown: bool = True) -> None:
         self.counts.refused += 1
-        # The text may quote the sender, and is shown in a terminal.
-        why = printable(why[:MAX_REASON_CHARS])
+        why = excerpt(why)
         if is_shown:
             self._say(f"an operator's command was refused ({self.counts.refused} so far): {why}")
         if reply is not None:

@@ -9,6 +9,8 @@ from collections.abc import Iterable, Mapping
 MAX_LISTED = 10
 """Greatest number of names listed in an error."""
 
+MAX_EXCERPT_CHARS = 400
+
 VEHICLE_NAME = r"^[A-Za-z0-9_][A-Za-z0-9_.-]{0,31}$"
 """pattern of a vehicle's name: valid as the name of a file and as the value of an option"""
 
@@ -16,6 +18,11 @@ VEHICLE_NAME = r"^[A-Za-z0-9_][A-Za-z0-9_.-]{0,31}$"
 def printable(text: str) -> str:
     """Return the text with `?` for each unprintable character, such as a terminal's escapes."""
     return "".join(c if c.isprintable() else "?" for c in text)
+
+
+def excerpt(text: str) -> str:
+    """Return the printable beginning of a text that may quote a sender; terminals and files show it."""
+    return printable(text[:MAX_EXCERPT_CHARS])
 
 
 _CODE = re.compile(r" \[[a-z0-9-]+\]$")

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from swarmctl.bus.transports.base import Receive
-from swarmctl.core.operator_text import printable
+from swarmctl.core.operator_text import excerpt, printable
 
 EVERYTHING = "**"
 MAX_TEXTS = 32
@@ -69,8 +69,7 @@ class ReportOnce:
             f"a bug in handling a message of the bus{where}; the message is ignored: "
             f"{type(error).__name__}: {error}"
         )
-        # The text may quote the sender, and is shown in a terminal.
-        text = printable(text[:400])
+        text = excerpt(text)
         if text not in self._said:
             self._said.add(text)
             self._say(f"{text} (key {printable(key[:100])}; shown once) [receiver-bug]")
