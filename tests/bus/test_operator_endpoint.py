@@ -111,11 +111,14 @@ def test_an_endpoint_without_a_swarm_is_an_error(monkeypatch: pytest.MonkeyPatch
         ("tcp/[::1]:7447", "::1", 7447, True),
         ("tcp/0.0.0.0:7447", "0.0.0.0", 7447, False),
         ("tcp/ground.example:7447", "ground.example", 7447, False),
+        ("tls/ground:7447", "ground", 7447, False),
+        ("quic/[::1]:1", "::1", 1, True),
     ],
 )
 def test_an_endpoint_is_read_and_written(text: str, host: str, port: int, loopback: bool) -> None:
     endpoint = parse_endpoint(text)
     assert (endpoint.host, endpoint.port, endpoint.is_loopback) == (host, port, loopback)
+    assert endpoint.is_certified == (not text.startswith("tcp"))
     assert str(endpoint) == text
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from swarmctl.bus.endpoint import BusEndpoint, parse_endpoint
+from swarmctl.bus.endpoint import BusEndpoint
 from swarmctl.bus.transports import zenoh_config
 from swarmctl.bus.transports.access import router_rules
 from swarmctl.bus.transports.zenoh_config import Configuration, Credentials
@@ -73,10 +73,3 @@ def test_a_vehicles_rights_do_not_depend_on_other_vehicles() -> None:
     listed = router_rules("test", range(1, 101), common_names={})
     assert max(len(rule["key_exprs"]) for rule in listed["rules"]) <= 300
     assert sum(len(rule["key_exprs"]) for rule in listed["rules"]) < 15_000
-
-
-@pytest.mark.parametrize("text", ["tls/ground:7447", "quic/[::1]:1", "tcp/127.0.0.1:0"])
-def test_an_endpoint_of_each_protocol_is_read_and_written(text: str) -> None:
-    endpoint = parse_endpoint(text)
-    assert str(endpoint) == text
-    assert endpoint.is_certified == (not text.startswith("tcp"))
