@@ -92,17 +92,6 @@ def test_a_message_reaches_all_others_and_not_its_sender(bus: Open) -> None:
     asyncio.run(scene())
 
 
-def test_messages_of_one_sender_arrive_in_order(bus: Open) -> None:
-    async def scene() -> None:
-        with bus() as transport:
-            swarm = Swarm(transport, 1, 2)
-            with closing(swarm.network):
-                sent = [swarm.publishes(1, seq) for seq in range(1, 51)]
-                assert [await swarm.next_of(2) for _ in sent] == sent
-
-    asyncio.run(scene())
-
-
 @pytest.mark.parametrize(
     ("key", "why"),
     [
