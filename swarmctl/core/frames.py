@@ -58,7 +58,7 @@ Finite = Annotated[float, msgspec.Meta(ge=-sys.float_info.max, le=sys.float_info
 Latitude = Annotated[float, msgspec.Meta(ge=-90.0, le=90.0)]
 Longitude = Annotated[float, msgspec.Meta(ge=-180.0, le=180.0)]
 Magnitude = Annotated[float, msgspec.Meta(ge=-MAX_MAGNITUDE, le=MAX_MAGNITUDE)]
-Distance = Annotated[float, msgspec.Meta(ge=0.0, le=MAX_MAGNITUDE)]
+NonNegative = Annotated[float, msgspec.Meta(ge=0.0, le=MAX_MAGNITUDE)]
 Seconds = Annotated[float, msgspec.Meta(ge=0.0, le=MAX_AHEAD_S)]
 Velocity = tuple[Magnitude, Magnitude, Magnitude]
 """east, north, up [m/s]"""
@@ -162,7 +162,7 @@ class IntentShared(msgspec.Struct, frozen=True, omit_defaults=True, dict=True, t
     """points with increasing times; empty: the flight is unknown"""
     may_change: bool = True
     """True if the UAV can give way: its agent may change its mission, now or after take-off"""
-    around_m: tuple[Distance, Distance] = (0.0, 0.0)
+    around_m: tuple[NonNegative, NonNegative] = (0.0, 0.0)
     """greatest distance of the UAV from the announced flight, over ground and in height [m]"""
     on_ground: bool = False
     """True from the launch order until the UAV has taken off"""
@@ -190,11 +190,11 @@ class MemberShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, ta
     """age of position and velocity when the message was sent [s]"""
     joins: bool = True
     """False: the member leaves the group, or its flight ends"""
-    error_m: Distance = 0.0
+    error_m: NonNegative = 0.0
     """distance of the member from its place [m]"""
-    along_m: Distance = 0.0
+    along_m: NonNegative = 0.0
     """the leader's alone: distance of the group's reference along the route [m]"""
-    speed_m_s: Distance = 0.0
+    speed_m_s: NonNegative = 0.0
     """the leader's alone: speed of the reference along the route [m/s]"""
     route_id: int = 0
     """the leader's alone: number of the group's route; 0: the sender does not lead"""
