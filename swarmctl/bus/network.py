@@ -224,6 +224,8 @@ class Network:
             self._perform(member, member.node.receive_bytes(sender, act, payload, self._now()))
         except Exception:  # noqa: BLE001 - no message from outside may end a flight
             self._report_bug(member, sender)
+        if self._members_with_news:
+            self._schedule_delivery()
 
     def _report_bug(self, member: _Member, sender: int | None) -> None:
         """Report the exception that is being handled."""
@@ -241,7 +243,6 @@ class Network:
             if not member.news:
                 self._members_with_news.append(member)
             member.news += output.news
-            self._schedule_delivery()
         if member.node.next_deadline_s != member.timer_s:
             self._arm(member)
 
@@ -366,6 +367,8 @@ class Network:
         now = self._now()
         now = now._replace(run_s=max(now.run_s, member.node.next_deadline_s))
         self._perform(member, member.node.tick(now))
+        if self._members_with_news:
+            self._schedule_delivery()
 
 
 def _within(seconds: float, waiting: Sized) -> Iterator[None]:

@@ -16,11 +16,14 @@ class TokenBucket:
 
     def try_take(self, now_s: float, n: int = 1) -> bool:
         """Take `n` tokens and return True; return False if fewer are left."""
-        tokens = min(self._tokens + (now_s - self._at_s) * self.per_s, self._burst)
+        tokens, burst = self._tokens + (now_s - self._at_s) * self.per_s, self._burst
+        tokens = burst if tokens > burst else tokens  # each message comes here, and `min` takes longer
         self._at_s = now_s
-        is_within = tokens >= n
-        self._tokens = tokens - n if is_within else tokens
-        return is_within
+        if tokens < n:
+            self._tokens = tokens
+            return False
+        self._tokens = tokens - n
+        return True
 
     def is_full(self, now_s: float) -> bool:
         """Return whether a whole burst is available."""

@@ -254,14 +254,14 @@ class Node:
                 if record.upto < seen.seq:
                     peer.record_missing()
                     self._requests.schedule(sender, now.run_s)
-            case StateShared(last_seq=last_seq, knows=knows):
+            case StateShared() as state:
                 peer.update(decoded, now.run_s)
                 record = self._replica.of(decoded.source)
                 peer.direct_state_s = now.run_s
-                if record.upto < last_seq:
+                if record.upto < state.last_seq:
                     peer.agreed_s = -math.inf
                     self._requests.schedule(sender, now.run_s)
-                elif self._replica.has_held(knows):
+                elif self._replica.has_held(state.knows):
                     peer.agreed_s = now.run_s
             case IntentShared() | MemberShared():
                 peer.update(decoded, now.run_s)
@@ -301,7 +301,9 @@ class Node:
         for data in frames:
             try:
                 decoded = self._decode(data)
-                peer.add_work(WORK_PER_OBSERVATION if decoded.seq else WORK_PER_OTHER_FRAME, now.run_s)
+                steps = WORK_PER_OBSERVATION if decoded.seq else WORK_PER_OTHER_FRAME
+                if not peer.work_limit.try_take(now.run_s, steps):
+                    raise too_fast(peer.work_limit, "steps of work")
                 if self._handle_relayed(decoded, now):
                     fresh.append(decoded)
             except MessageRefused as refused:

@@ -122,7 +122,8 @@ class PeerRecord(msgspec.Struct, gc=False):
                 RefusalReason.REPLAY, f"message {n} of vehicle {frame.sender} arrived before, or is too late"
             )
         # The rate limit comes last: replayed messages must not use up the sender's rate.
-        self.add_work(WORK_PER_MESSAGE, now_s)
+        if not self.work_limit.try_take(now_s, WORK_PER_MESSAGE):
+            raise too_fast(self.work_limit, "steps of work")
         if ahead > 0:
             self.last_n = n
             if self.missing or ahead > 1:
@@ -134,11 +135,6 @@ class PeerRecord(msgspec.Struct, gc=False):
         was_silent = now_s - self.received_s > SILENT_AFTER_S
         self.received_s = now_s
         return was_silent
-
-    def add_work(self, n_steps: int, now_s: float) -> None:
-        """Count work caused by the peer's messages. Raises MessageRefused above the limit."""
-        if not self.work_limit.try_take(now_s, n_steps):
-            raise too_fast(self.work_limit, "steps of work")
 
     def update(self, decoded: DecodedFrame, now_s: float) -> None:
         """Store a state, intent or member message, unless it is old."""
