@@ -126,6 +126,7 @@ class MissionPilot:
     def _climb_done(self, item: Item) -> bool:
         """Continue the climb; at its end begin the leg to `item` and return True."""
         flight = self._flight
+        flight.limit_climb()
         if not flight.body.airborne:
             self._begin_climb()
             return False
