@@ -32,7 +32,7 @@ from swarmctl.core.frames import IntentPoint, IntentShared, StateShared
 from swarmctl.core.observation import Observation
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.dashboard.changes import changes
-from swarmctl.dashboard.model import EVERYBODY, Timeline
+from swarmctl.dashboard.model import Timeline
 from swarmctl.dashboard.sources.recording import RecordSource
 
 LATENCIES = ("observation_to_last_peers_belief_s", "observation_to_last_changed_mission_s")
@@ -113,7 +113,6 @@ def live(console: Console, vehicles: int, cells: int, seconds: int) -> None:
     timeline = Timeline(scenario, "live file", 0.0)
     made_up = MadeUpSwarm(scenario, timeline)
     before, n_bytes, fold_s, picture_s = None, 0, 0.0, 0.0
-    beliefs = (EVERYBODY, scenario.swarm[0].name)
     encode = msgspec.json.Encoder().encode
     for second in range(seconds):
         start = time.process_time()
@@ -121,7 +120,7 @@ def live(console: Console, vehicles: int, cells: int, seconds: int) -> None:
         fold_s += time.process_time() - start
         start = time.process_time()
         for part in range(PICTURES_A_SECOND):
-            picture = timeline.at(second + part / PICTURES_A_SECOND, beliefs)
+            picture = timeline.at(second + part / PICTURES_A_SECOND)
             n_bytes += len(encode(changes(before, picture)))
             before = picture
         picture_s += time.process_time() - start
@@ -148,7 +147,7 @@ def replayed(console: Console, run: Path) -> None:
     rng, took = random.Random(1), []
     for _ in range(200):
         start = time.perf_counter()
-        timeline.at(rng.uniform(0.0, timeline.end_s), (EVERYBODY, timeline.area.names[0]))
+        timeline.at(rng.uniform(0.0, timeline.end_s))
         took.append(time.perf_counter() - start)
     took.sort()
     table = make_table(

@@ -6,8 +6,9 @@ index at which it begins; so a page whose list is longer, after a scrub back, cu
 | key | content |
 |---|---|
 | `time_s`, `unix_s` | always |
-| `vehicles` | {name: {field: value}}; `track`: {from, points}; `belief`: cells or all codes, see `belief` |
-| `belief` | the same for all vehicles together |
+| `vehicles` | {name: {field: value}}; `track`: {from, points} |
+| `whose` | the vehicle with the belief that is shown; empty: all vehicles together |
+| `belief` | cells or all codes |
 | `hearing`, `conflicts`, `groups` | the whole list |
 | `strikes` | {from, items} |
 
@@ -28,7 +29,7 @@ from swarmctl.dashboard.history import Grown
 from swarmctl.dashboard.picture import CellCodes, Picture, VehiclePicture
 
 _FIELDS = ("position", "height_m", "heading_deg", "age_s", "is_silent", "route")
-"""what the map shows of a vehicle, besides its track and belief"""
+"""what the map shows of a vehicle, besides its track"""
 _DIGITS = {"height_m": 1, "heading_deg": 0, "age_s": 1}
 """decimals of numbers that change all the time; finer changes are not sent"""
 BYTES_A_CELL = 10
@@ -49,7 +50,9 @@ def changes(before: Picture | None, after: Picture) -> dict[str, Any]:
     new = _growth(None if before is None else before.strikes, after.strikes)
     if new is not None:
         result["strikes"] = {"from": new, "items": msgspec.to_builtins(list(after.strikes[new:]))}
-    belief = _belief(None if before is None else before.common_belief, after.common_belief)
+    if before is None or before.whose != after.whose:
+        result["whose"] = after.whose
+    belief = _belief(None if before is None else before.belief, after.belief)
     if belief is not None:
         result["belief"] = belief
     return result
@@ -68,9 +71,6 @@ def _vehicle(before: VehiclePicture | None, after: VehiclePicture) -> dict[str, 
     if new is not None:
         points = [[round(east, 1), round(north, 1)] for east, north in after.track[new:]]
         changed["track"] = {"from": new, "points": points}
-    belief = _belief(None if before is None else before.belief, after.belief)
-    if belief is not None:
-        changed["belief"] = belief
     return changed
 
 
@@ -107,10 +107,9 @@ def _growth(before: Sequence[Any] | None, after: Sequence[Any]) -> int | None:
     return None if list(before) == list(after) else 0
 
 
-def _belief(before: CellCodes | None, after: CellCodes | None) -> dict[str, Any] | None:
-    if after is None or before is after:
-        return None
-    if before is not None and before.shape == after.shape:
+def _belief(before: CellCodes | None, after: CellCodes) -> dict[str, Any] | None:
+    """Return the changes of a belief, which may be another vehicle's than before; None if there are none."""
+    if before is not None:
         cells = np.flatnonzero(before != after)
         if not cells.size:
             return None

@@ -111,7 +111,7 @@ def rest_of(old: Route, cell: Cell | None, p_s: NDArray, area: AreaPicture) -> R
     return Route(old.plan_id, rest, points, length_m, exposure_sum(p_s, rest), safety_factor(p_s, rest))
 
 
-def vehicle(timeline: Timeline, facts: VehicleFacts, time_s: float, with_belief: bool) -> VehiclePicture:
+def vehicle(timeline: Timeline, facts: VehicleFacts, time_s: float) -> VehiclePicture:
     """Return a vehicle at a time."""
     row = facts.motion.at(time_s)
     motion = Motion() if row is None else Motion(*row)
@@ -146,8 +146,6 @@ def vehicle(timeline: Timeline, facts: VehicleFacts, time_s: float, with_belief:
         words.outcome or words.trouble or words.group,
         facts.route.at(time_s),
         facts.track.until(time_s),
-        facts.beliefs.belief(version).codes if with_belief else None,
-        version,
     )
 
 

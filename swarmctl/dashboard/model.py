@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable
 from typing import Any
 
 import msgspec
@@ -309,26 +309,23 @@ class Timeline:
 
     # --- pictures
 
-    def at(self, time_s: float | None = None, beliefs: Collection[str] = (EVERYBODY,)) -> Picture:
-        """Return the picture at a time; None: now.
-
-        `beliefs` has the names of the vehicles whose beliefs are wanted, EVERYBODY for that of all together.
-        """
+    def at(self, time_s: float | None = None, whose: str = EVERYBODY) -> Picture:
+        """Return the picture at a time, with the belief of a vehicle or of EVERYBODY; None: now."""
         time_s = self.now_s if time_s is None else min(max(time_s, 0.0), self.now_s)
-        vehicles = tuple(looks.vehicle(self, v, time_s, v.name in beliefs) for v in self.vehicles.values())
-        version = self.common.version(time_s)
+        vehicles = tuple(looks.vehicle(self, v, time_s) for v in self.vehicles.values())
+        history = self._beliefs(whose)
         return Picture(
             time_s,
             self.began_unix_s + time_s,
             self.source,
             vehicles,
+            whose,
+            history.belief(history.version(time_s)).codes,
             self._hearing.at(time_s, self.end_s, self.version),
             self._conflicts.at(time_s, self.end_s, self.version),
             self.events.until(time_s),
             self.changes.until(time_s),
             self.strikes.until(time_s),
-            self.common.belief(version).codes if EVERYBODY in beliefs else None,
-            version,
             looks.groups(self, time_s),
         )
 
@@ -347,14 +344,16 @@ class Timeline:
         words = self.vehicle(name).words.at(time_s) if name else None
         return self.scenario.strength if words is None or words.strength is None else words.strength
 
+    def exposure_key(self, name: str, time_s: float) -> tuple[str, int, FiringStrength]:
+        """Return a value that is equal for two times with the same `exposure`."""
+        return name, self._beliefs(name).version(time_s), self.strength(name, time_s)
+
     def exposure(self, name: str, time_s: float | None = None) -> NDArray[np.float64]:
         """Return P_s of each cell (Eq. 2-4) by a vehicle's belief, or by that of EVERYBODY; read-only."""
         time_s = self.now_s if time_s is None else time_s
-        version, strength = self._beliefs(name).version(time_s), self.strength(name, time_s)
-        key = (version, strength)
-        cached = self._exposures.get(name)
+        key, cached = self.exposure_key(name, time_s), self._exposures.get(name)
         if cached is None or cached[0] != key:
-            p_s = exposure(self.occupancy(name, time_s), strength)
+            p_s = exposure(self.occupancy(name, time_s), self.strength(name, time_s))
             p_s.flags.writeable = False
             cached = self._exposures[name] = key, p_s
         return cached[1]

@@ -201,10 +201,6 @@ class VehiclePicture(msgspec.Struct, frozen=True):
     """plan that is flown"""
     track: Sequence[Point] = ()
     """flown track"""
-    belief: CellCodes | None = None
-    """None: the source does not have the vehicle's belief"""
-    belief_version: int = 0
-    """number that grows with each change of the belief"""
 
 
 class Picture(msgspec.Struct, frozen=True):
@@ -215,13 +211,13 @@ class Picture(msgspec.Struct, frozen=True):
     source: SourceState
     vehicles: tuple[VehiclePicture, ...]
     """in the order of `AreaPicture.names`"""
+    whose: str
+    """name of the vehicle with the belief that is shown; empty: what all vehicles together know"""
+    belief: CellCodes
     hearing: tuple[Hearing, ...] = ()
     conflicts: tuple[Conflict, ...] = ()
     events: Sequence[Event] = ()
     """all events up to `time_s`, in order"""
     changes: Sequence[RouteChange] = ()
     strikes: Sequence[Strike] = ()
-    common_belief: CellCodes | None = None
-    """what all vehicles together know; OWN is not used"""
-    common_version: int = 0
     groups: tuple[Group, ...] = ()

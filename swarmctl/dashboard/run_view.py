@@ -58,7 +58,8 @@ class RunView:
         self._seek = seek
         self._shown: Picture | None = None
         self._whose = EVERYBODY
-        self._exposed: tuple[str, int] | None = None
+        self._exposed: object = None
+        """key of the exposure"""
         self._largest_sent: float | None = None
         self._is_ready = False
         self._severities: tuple[Severity, ...] = SEVERITIES
@@ -119,12 +120,12 @@ class RunView:
         """Send what has changed at a time; beyond the end of this run its end is shown."""
         if not self._is_ready:
             return
-        picture = self.timeline.at(time_s, (self._whose,))
+        picture = self.timeline.at(time_s, self._whose)
         self._map.apply(changes(self._shown, picture))
         self._shown = picture
-        version = self._version(picture)
-        if self._exposed != (self._whose, version):
-            self._exposed, self._largest_sent = (self._whose, version), None
+        key = self.timeline.exposure_key(self._whose, time_s)
+        if self._exposed != key:
+            self._exposed, self._largest_sent = key, None
             self.exposure = self.timeline.exposure(self._whose, time_s)
 
     def shade(self, largest: float) -> None:
@@ -135,11 +136,6 @@ class RunView:
 
     def set_options(self, **options: Any) -> None:
         self._map.set_options(**options)
-
-    def _version(self, picture: Picture) -> int:
-        if self._whose == EVERYBODY:
-            return picture.common_version
-        return next(v.belief_version for v in picture.vehicles if v.name == self._whose)
 
     def show(self, time_s: float) -> None:
         """Show the picture that was sent last in the cards and lists."""
@@ -167,7 +163,6 @@ class RunView:
 
     def _choose_belief(self, event: events.ValueChangeEventArguments[Any]) -> None:
         self._whose = event.value
-        self._map.set_options(whose=event.value)
         self._what_if.choose(event.value)
         if self._orders is not None:
             self._orders.choose(event.value)

@@ -35,6 +35,7 @@ from swarmctl.report.record_file import RecordError, StoredMessage
 pytestmark = pytest.mark.virtual
 
 TWO = {"count": 2, "ready_s": 3.0}
+WHOSE = st.sampled_from([EVERYBODY, "uav1", "uav2"])
 
 
 @dataclass
@@ -84,26 +85,26 @@ def test_the_end_of_a_record_is_that_of_the_summary(flight: Flight) -> None:
         assert shown.battery_percent == told["battery_percent"]
         assert flight.timeline.vehicle(shown.name).now.flown_m == pytest.approx(told["flown_m"])
         assert shown.progress == 1.0
-    assert (
-        flight.timeline.common.belief(picture.common_version).belief.n_found
-        == (flight.summary["hostiles"]["found"])
-    )
+    common = flight.timeline.common
+    n_found = common.belief(common.version(picture.time_s)).belief.n_found
+    assert n_found == flight.summary["hostiles"]["found"]
     n_strikes = sum(strike.count for strike in picture.strikes)
     assert n_strikes == sum(vehicle["strikes"] for vehicle in flight.summary["vehicles"])
 
 
 @settings(max_examples=examples(5), suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(shares=st.lists(st.floats(0.0, 1.0), min_size=1, max_size=3))
-def test_each_seek_shows_what_a_fold_from_the_begin_shows(flight: Flight, shares: list[float]) -> None:
-    beliefs = [EVERYBODY, *flight.timeline.area.names]
+@given(seeks=st.lists(st.tuples(st.floats(0.0, 1.0), WHOSE), min_size=1, max_size=3))
+def test_each_seek_shows_what_a_fold_from_the_begin_shows(
+    flight: Flight, seeks: list[tuple[float, str]]
+) -> None:
     page, before = Page(), None
-    for share in shares:
+    for share, whose in seeks:
         time_s = share * flight.timeline.end_s
-        picture = flight.timeline.at(time_s, beliefs)
+        picture = flight.timeline.at(time_s, whose)
         page.apply(changes(before, picture))
         before = picture
         begin = Page()
-        anew = folded(flight.timeline, flight.messages, time_s).at(time_s, beliefs)
+        anew = folded(flight.timeline, flight.messages, time_s).at(time_s, whose)
         begin.apply(changes(None, anew))
         assert without_source(picture) == without_source(anew)
         assert page.shown == begin.shown
@@ -117,16 +118,15 @@ def test_beliefs_and_exposures_are_those_of_the_agents(flight: Flight) -> None:
         states[after.task.name] = after
 
     assert record.fold(content, flight.timeline.scenario, keep).difference == ""
-    picture = flight.timeline.at(None, list(states))
-    for vehicle in picture.vehicles:
-        state, codes = states[vehicle.name], vehicle.belief
-        assert codes is not None
+    assert len(states) == 2
+    for name, state in states.items():
+        codes = flight.timeline.at(None, name).belief
         assert np.array_equal(codes & SEEN > 0, state.belief.looks > 0)
         assert np.array_equal(codes & OCCUPIED > 0, state.belief.known == 1)
         assert state.own is not None
         assert np.array_equal(codes & OWN > 0, state.own.looks > 0)
         p_s = believed_exposure(state.task, state.belief, state.strength, state.own)
-        assert flight.timeline.exposure(vehicle.name) == pytest.approx(p_s)
+        assert flight.timeline.exposure(name) == pytest.approx(p_s)
 
 
 def test_a_change_of_a_route_tells_both_routes_and_what_was_learned(flight: Flight) -> None:
@@ -199,7 +199,7 @@ def test_a_cut_or_foreign_file_is_told(flight: Flight, tmp_path: Path) -> None:
 def test_a_station_on_the_bus_shows_what_the_record_shows(flight: Flight) -> None:
     assert flight.heard.board.refused == 0
     assert flight.heard.n_missed == 0
-    live, kept = flight.heard.timeline.at(None, ["uav1"]), flight.timeline.at(None, ["uav1"])
+    live, kept = flight.heard.timeline.at(None, "uav1"), flight.timeline.at(None, "uav1")
     for heard, recorded in zip(live.vehicles, kept.vehicles, strict=True):
         for field in ("name", "phase", "note", "replans", "strikes", "battery_percent", "cell", "cells_own"):
             assert getattr(heard, field) == getattr(recorded, field)
@@ -207,7 +207,7 @@ def test_a_station_on_the_bus_shows_what_the_record_shows(flight: Flight) -> Non
         assert heard.hostiles_known == recorded.hostiles_known
         assert heard.position == pytest.approx(recorded.position, abs=1.0)
     # The vehicles hear each other, so the station knows that they hold what it has seen.
-    assert np.array_equal(live.vehicles[0].belief, kept.vehicles[0].belief)
+    assert np.array_equal(live.belief, kept.belief)
     flown = flight.heard.timeline.at(0.5 * flight.heard.timeline.end_s)
     assert all(v.route is not None and len(v.route.points) > 1 for v in flown.vehicles)
     assert flown.hearing

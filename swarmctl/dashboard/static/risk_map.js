@@ -32,8 +32,9 @@ export default {
     this.hearing = [];
     this.conflicts = [];
     this.groups = [];
+    this.whose = "";
     this.belief = null;
-    this.options = { shading: "heat", whose: "", hearing: true, hostiles: false, dark: false };
+    this.options = { shading: "heat", hearing: true, hostiles: false, dark: false };
     this.view = { scale: 1, east: 0, north: 0 };
     this.observer = new ResizeObserver(() => this.fit());
     this.observer.observe(this.$el);
@@ -69,7 +70,7 @@ export default {
       this.exposure = null;
       this.strikes = [];
       for (const [i, name] of area.names.entries()) {
-        this.vehicles[name] = { name, colour: area.colours[i], track: [], belief: null };
+        this.vehicles[name] = { name, colour: area.colours[i], track: [] };
       }
       this.fit();
     },
@@ -94,15 +95,17 @@ export default {
       if ("unix_s" in changes) this.heard_ms = Date.now();
       for (const [name, changed] of Object.entries(changes.vehicles ?? {})) {
         const vehicle = this.vehicles[name];
-        const { track, belief, ...fields } = changed;
+        const { track, ...fields } = changed;
         Object.assign(vehicle, fields);
         if (track) vehicle.track.splice(track.from, Infinity, ...track.points);
-        if (belief) vehicle.belief = this.merged(vehicle.belief, belief);
       }
-      if (changes.belief) this.belief = this.merged(this.belief, changes.belief);
+      this.whose = changes.whose ?? this.whose;
+      if (changes.belief) {
+        this.belief = this.merged(this.belief, changes.belief);
+        this.paint_cells();
+      }
       for (const name of ["hearing", "conflicts", "groups"]) if (name in changes) this[name] = changes[name];
       if (changes.strikes) this.strikes.splice(changes.strikes.from, Infinity, ...changes.strikes.items);
-      if (changes.belief || Object.values(changes.vehicles ?? {}).some((v) => v.belief)) this.paint_cells();
       this.draw_soon();
     },
     merged(before, belief) {

@@ -23,13 +23,10 @@ export default {
   has_dark_cells() {
     return this.options.dark && this.options.shading !== "paper";
   },
-  shown_belief() {
-    return this.options.whose ? this.vehicles[this.options.whose]?.belief : this.belief;
-  },
   // The cells are painted once a change, one pixel a cell, and drawn enlarged with each frame.
   paint_cells() {
     if (!this.area) return;
-    const { rows, cols } = this.area, dark = this.options.dark, codes = this.shown_belief();
+    const { rows, cols } = this.area, dark = this.options.dark, codes = this.belief;
     const cells = (this.cells ??= document.createElement("canvas"));
     cells.width = cols;
     cells.height = rows;
@@ -54,7 +51,7 @@ export default {
     const [left, top] = this.place([0, rows * cell_size_m]);
     context.imageSmoothingEnabled = false;
     if (this.cells) context.drawImage(this.cells, left, top, cols * cell, rows * cell);
-    const codes = this.shown_belief();
+    const codes = this.belief;
     if (cell >= 4) {
       context.beginPath();
       for (let row = 0; row < rows; row++) {
@@ -69,7 +66,7 @@ export default {
       context.lineWidth = 1;
       context.stroke();
     }
-    if (this.options.whose && cell >= 8) this.draw_own(context, codes, left, top, cell);
+    if (this.whose && cell >= 8) this.draw_own(context, codes, left, top, cell);
     context.strokeStyle = this.ink;
     context.lineWidth = 1;
     context.strokeRect(left, top, cols * cell, rows * cell);
@@ -77,7 +74,7 @@ export default {
   // Cells that the chosen vehicle has seen itself carry a dot of its colour; heard cells carry none.
   draw_own(context, codes, left, top, cell) {
     const { rows, cols } = this.area;
-    context.fillStyle = this.vehicles[this.options.whose].colour;
+    context.fillStyle = this.vehicles[this.whose].colour;
     for (let i = 0; i < (codes?.length ?? 0); i++) {
       if (!(codes[i] & OWN)) continue;
       const x = left + ((i % cols) + 0.5) * cell, y = top + (rows - 0.5 - Math.floor(i / cols)) * cell;
