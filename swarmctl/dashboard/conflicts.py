@@ -8,7 +8,7 @@ from swarmctl.agent.traffic.prediction import MAX_AGE_S
 from swarmctl.agent.traffic.separation.clash import find_clashes
 from swarmctl.agent.traffic.separation.trajectory import Trajectory, until_landing
 from swarmctl.config.scenario import Scenario, separation_of
-from swarmctl.dashboard.facts import Motion, VehicleFacts
+from swarmctl.dashboard.facts import VehicleFacts
 from swarmctl.dashboard.picture import Conflict
 
 
@@ -35,10 +35,9 @@ class Conflicts:
     def _flight(self, vehicle: VehicleFacts, time_s: float) -> Trajectory | None:
         """Return the announced flight, with times from now on in seconds of the vehicle's clock."""
         sent = vehicle.intents.at(time_s)
-        row = vehicle.motion.at(time_s)
-        if sent is None or row is None:
+        if sent is None:
             return None
-        boot_s = Motion(*row).boot_s
+        boot_s = vehicle.motion.at(time_s).boot_s
         elapsed_s = 0.0 if boot_s is None or sent.boot_s is None else boot_s - sent.boot_s
         elapsed_s += sent.intent.age_s
         points = sent.intent.points

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from array import array
+from bisect import bisect_right
+from collections import defaultdict
 from typing import NamedTuple
 
 import msgspec
@@ -12,7 +15,7 @@ from swarmctl.core.geo import LatLon
 from swarmctl.core.messages import CommunicationRange
 from swarmctl.core.threat import FiringStrength
 from swarmctl.dashboard.belief_history import BeliefHistory
-from swarmctl.dashboard.history import Items, Rows, Steps
+from swarmctl.dashboard.history import Items, Steps
 from swarmctl.dashboard.picture import Point, Route
 
 
@@ -40,14 +43,35 @@ class Motion(NamedTuple):
         return None if self.lat_deg is None or self.lon_deg is None else (self.lat_deg, self.lon_deg)
 
 
+class Motions:
+    """The rows of a vehicle, packed: an hour has ten thousands. NaN stands for an unknown number."""
+
+    __slots__ = ("_numbers", "_times_s", "last")
+
+    def __init__(self) -> None:
+        self._times_s = array("d")
+        self._numbers = array("d")
+        self.last = Motion()
+        """the newest row"""
+
+    def add(self, time_s: float, row: Motion) -> None:
+        self.last = row
+        self._times_s.append(time_s)
+        self._numbers.extend([math.nan if number is None else number for number in row])
+
+    def at(self, time_s: float) -> Motion:
+        """Return the last row up to a time; before the first row all numbers are unknown."""
+        end = len(Motion._fields) * bisect_right(self._times_s, time_s)
+        row = self._numbers[max(end - len(Motion._fields), 0) : end]
+        return Motion(*(None if math.isnan(number) else number for number in row))
+
+
 class Words(msgspec.Struct, frozen=True):
     """What changes now and then."""
 
     phase: str = ""
     mode: str = ""
     armed: bool | None = None
-    landing_is_over: bool = False
-    """True once the vehicle has arrived or landed at its goal: its route is complete"""
     outcome: str = ""
     trouble: str = ""
     waiting: str = ""
@@ -84,29 +108,22 @@ _intents = msgspec.msgpack.Decoder(IntentShared)
 class VehicleFacts:
     """The histories of one vehicle."""
 
-    def __init__(self, index: int, name: str, uav: int, beliefs: BeliefHistory) -> None:
-        self.index = index
+    def __init__(self, name: str, uav: int, beliefs: BeliefHistory) -> None:
         self.name = name
         self.uav = uav
-        self.motion = Rows(len(Motion._fields))
-        self.now = Motion()
-        """the newest row"""
-        self.words: Steps[Words] = Steps()
-        self.said = Words()
-        """the newest words"""
+        self.motion = Motions()
+        self.words = Steps(Words())
         self.word_s = array("d")
         """times of the vehicle's words"""
         self.track: Items[Point] = Items()
-        self.route: Steps[Route | None] = Steps()
+        self.route: Steps[Route | None] = Steps(None)
         self.plans: dict[int, Route] = {}
         """routes by plan number"""
         self.beliefs = beliefs
-        self.intents: Steps[SentIntent] = Steps()
-        self.intent_s = array("d")
-        """times of all intents"""
-        self.heard_s: dict[int, array[float]] = {}
+        self.intents: Items[SentIntent] = Items()
+        self.heard_s: defaultdict[int, array[float]] = defaultdict(lambda: array("d"))
         """times at which messages of each other vehicle had arrived"""
-        self.intents_heard_s: dict[int, array[float]] = {}
+        self.intents_heard_s: defaultdict[int, array[float]] = defaultdict(lambda: array("d"))
         """the same, of intents"""
         self.is_silent = False
         """True if an alarm has told that the vehicle is silent"""

@@ -50,28 +50,26 @@ class Grown(Sequence[T], Generic[T]):
 
 
 class Steps(Generic[T]):
-    """A value that changes now and then."""
+    """A value that changes now and then; `first` holds before the first change."""
 
     __slots__ = ("times_s", "values")
 
-    def __init__(self) -> None:
-        self.times_s = array("d")
-        self.values: list[T] = []
+    def __init__(self, first: T) -> None:
+        self.times_s = array("d", [-math.inf])
+        self.values = [first]
 
     def add(self, time_s: float, value: T) -> None:
         """Add a value, unless it equals the last one."""
-        if not self.values or self.values[-1] != value:
+        if self.last != value:
             self.times_s.append(time_s)
             self.values.append(value)
 
     @property
-    def last(self) -> T | None:
-        return self.values[-1] if self.values else None
+    def last(self) -> T:
+        return self.values[-1]
 
-    def at(self, time_s: float) -> T | None:
-        """Return the value at a time; None before the first."""
-        n = bisect_right(self.times_s, time_s)
-        return self.values[n - 1] if n else None
+    def at(self, time_s: float) -> T:
+        return self.values[bisect_right(self.times_s, time_s) - 1]
 
 
 class Items(Generic[T]):
@@ -90,33 +88,10 @@ class Items(Generic[T]):
     def until(self, time_s: float) -> Grown[T]:
         return Grown(self.items, bisect_right(self.times_s, time_s))
 
-
-class Rows:
-    """Rows of numbers, packed; NaN for an unknown number."""
-
-    __slots__ = ("_width", "numbers", "times_s")
-
-    def __init__(self, width: int) -> None:
-        self.times_s = array("d")
-        self.numbers = array("d")
-        self._width = width
-
-    def add(self, time_s: float, row: Sequence[float | None]) -> None:
-        self.times_s.append(time_s)
-        self.numbers.extend([math.nan if number is None else number for number in row])
-
-    def at(self, time_s: float) -> list[float | None] | None:
-        """Return the last row up to a time, with None for unknown numbers; None before the first row."""
+    def at(self, time_s: float) -> T | None:
+        """Return the last item up to a time; None before the first."""
         n = bisect_right(self.times_s, time_s)
-        return self.row(n - 1) if n else None
-
-    def row(self, index: int) -> list[float | None]:
-        at = index * self._width
-        return [None if math.isnan(x) else x for x in self.numbers[at : at + self._width]]
-
-    @property
-    def last(self) -> list[float | None] | None:
-        return self.row(len(self.times_s) - 1) if self.times_s else None
+        return self.items[n - 1] if n else None
 
 
 class EachSecond(Generic[T]):

@@ -43,10 +43,6 @@ MIN_SENT = 4
 """least number of messages for an estimate of the loss"""
 
 
-def times() -> array[float]:
-    return array("d")
-
-
 def area(scenario: Scenario) -> AreaPicture:
     """Return the constant part of the pictures."""
     grid, specs, config = scenario.grid, scenario.swarm, scenario.config
@@ -94,8 +90,7 @@ def compared(timeline: Timeline, number: int) -> RouteChange:
     change = timeline.changes.items[number - 1]
     if change.old is None or not change.old.cells:
         return change
-    motion = timeline.vehicle(change.vehicle).motion.at(change.time_s)
-    at = None if motion is None else Motion(*motion).lat_lon
+    at = timeline.vehicle(change.vehicle).motion.at(change.time_s).lat_lon
     cell = None if at is None else timeline.scenario.grid.cell_at(*at)
     rest = rest_of(change.old, cell, timeline.exposure(change.vehicle, change.time_s), timeline.area)
     return msgspec.structs.replace(change, old_now=rest)
@@ -113,9 +108,7 @@ def rest_of(old: Route, cell: Cell | None, p_s: NDArray, area: AreaPicture) -> R
 
 def vehicle(timeline: Timeline, facts: VehicleFacts, time_s: float) -> VehiclePicture:
     """Return a vehicle at a time."""
-    row = facts.motion.at(time_s)
-    motion = Motion() if row is None else Motion(*row)
-    words = facts.words.at(time_s) or Words()
+    motion, words = facts.motion.at(time_s), facts.words.at(time_s)
     word_s = last_before(facts.word_s, time_s)
     age_s = None if word_s is None else time_s - word_s
     frame, here = timeline.scenario.grid.frame, motion.lat_lon
@@ -151,7 +144,7 @@ def vehicle(timeline: Timeline, facts: VehicleFacts, time_s: float) -> VehiclePi
 
 def progress(motion: Motion, words: Words) -> float | None:
     """Return the share of the route, 0..1, as the terminal shows it."""
-    if words.landing_is_over or words.outcome == ARRIVED:
+    if words.phase == "landing" or words.outcome == ARRIVED:
         return 1.0
     if motion.to_go_m is None:
         return None
@@ -180,8 +173,8 @@ def hearing(timeline: Timeline, time_s: float) -> tuple[Hearing, ...]:
             last_s = last_before(heard_s, time_s)
             if last_s is not None and time_s - last_s <= HEARING_FADES_S:
                 sender = timeline.vehicles[uav]
-                got_s = receiver.intents_heard_s.get(uav, times())
-                loss = None if timeline.kind == "bus" else _loss(sender.intent_s, got_s, time_s)
+                sent_s, got_s = sender.intents.times_s, receiver.intents_heard_s[uav]
+                loss = None if timeline.kind == "bus" else _loss(sent_s, got_s, time_s)
                 edges.append(Hearing(sender.name, receiver.name, time_s - last_s, loss))
     return tuple(edges)
 
@@ -191,7 +184,7 @@ def groups(timeline: Timeline, time_s: float) -> tuple[Group, ...]:
     shown, config = [], timeline.scenario.config
     for formation in config.formations:
         vehicles = [timeline.vehicles[vehicle_of(word, config.names)] for word in formation.members]
-        members = [(vehicle.name, vehicle.words.at(time_s) or Words()) for vehicle in vehicles]
+        members = [(vehicle.name, vehicle.words.at(time_s)) for vehicle in vehicles]
         present = [(name, words) for name, words in members if words.group]
         if len(present) < 2:
             continue

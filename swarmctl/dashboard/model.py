@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmctl.agent.phases import ENDED
-from swarmctl.agent.state import ARRIVED
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.belief import weighed_occupancy
 from swarmctl.core.events import SwapMission
@@ -31,7 +30,7 @@ from swarmctl.core.vehicle import VehicleState
 from swarmctl.dashboard import announced, events, looks, motions
 from swarmctl.dashboard.belief_history import BeliefHistory, Name
 from swarmctl.dashboard.conflicts import Conflicts
-from swarmctl.dashboard.facts import Motion, SentIntent, VehicleFacts
+from swarmctl.dashboard.facts import Motion, SentIntent, VehicleFacts, Words
 from swarmctl.dashboard.history import EachSecond, Items
 from swarmctl.dashboard.picture import (
     SILENT_AFTER_S,
@@ -60,8 +59,6 @@ class Timeline:
         self.area: AreaPicture = looks.area(scenario)
         self.kind: SourceKind = kind
         self.began_unix_s = began_unix_s
-        self.is_flight = kind in ("live file", "bus")
-        """True for a flight that was in progress, though it may have ended since"""
         self.is_live = self.is_flight
         self.now_s = 0.0
         """time to show if none is chosen; a live source moves it on, though no data come"""
@@ -76,8 +73,8 @@ class Timeline:
         """number that grows with new data"""
         self.scenario = scenario
         self.vehicles = {
-            spec.sysid: VehicleFacts(i, spec.name, spec.sysid, BeliefHistory(scenario.prior, spec.sysid))
-            for i, spec in enumerate(scenario.swarm)
+            spec.sysid: VehicleFacts(spec.name, spec.sysid, BeliefHistory(scenario.prior, spec.sysid))
+            for spec in scenario.swarm
         }
         self._by_name = {vehicle.name: vehicle for vehicle in self.vehicles.values()}
         self._autonomy = scenario.config.planner.autonomy
@@ -94,6 +91,11 @@ class Timeline:
         self._hearing = EachSecond(lambda time_s: looks.hearing(self, time_s))
         self._exposures: dict[str, tuple[object, NDArray[np.float64]]] = {}
 
+    @property
+    def is_flight(self) -> bool:
+        """True for a flight that was in progress, though it may have ended since."""
+        return self.kind in ("live file", "bus")
+
     # --- the fold
 
     def _touch(self, time_s: float) -> float:
@@ -108,7 +110,7 @@ class Timeline:
         time_s, vehicle = self._touch(time_s), self.vehicles[uav]
         vehicle.word_s.append(time_s)
         self._say(vehicle, time_s, mode=state.mode, armed=state.armed, lost_since_s=None)
-        self._move(vehicle, time_s, motions.of_telemetry(vehicle.now, state))
+        self._move(vehicle, time_s, motions.of_telemetry(vehicle.motion.last, state))
 
     def shared(self, uav: int, time_s: float, state: StateShared, *, has_telemetry: bool) -> None:
         """Fold the state that a vehicle tells each second; `has_telemetry`: its positions come otherwise."""
@@ -124,21 +126,20 @@ class Timeline:
             vehicle,
             time_s,
             phase=printable(state.phase),
-            mode=printable(state.mode) or vehicle.said.mode,
+            mode=printable(state.mode) or vehicle.words.last.mode,
             outcome=printable(state.outcome),
             trouble=printable(state.trouble),
             waiting=printable(state.waits),
             group=printable(state.group),
-            landing_is_over=state.phase == "landing" or state.outcome == ARRIVED,
             replans=state.replans,
             n_observed=state.n_observed,
             n_found=state.n_found,
             **({} if w is None else {"w": w, "strength": strength}),
         )
         if not has_telemetry:
-            self._move(vehicle, time_s, motions.of_word(vehicle.now, state))
-        elif vehicle.now.to_go_m != state.to_go_m:
-            self._move(vehicle, time_s, vehicle.now._replace(to_go_m=state.to_go_m))
+            self._move(vehicle, time_s, motions.of_word(vehicle.motion.last, state))
+        elif vehicle.motion.last.to_go_m != state.to_go_m:
+            self._move(vehicle, time_s, vehicle.motion.last._replace(to_go_m=state.to_go_m))
         flown = vehicle.plans.get(state.plan_id)
         if flown is not None or state.plan_id == 0:
             vehicle.route.add(time_s, flown)
@@ -180,7 +181,7 @@ class Timeline:
         old = vehicle.route.last
         change = RouteChange(len(self.changes.items) + 1, time_s, vehicle.name, old, None, new, because)
         self.changes.add(time_s, change)
-        self.event(vehicle, time_s, "info", events.of_change(change, self.area.names))
+        self._event(vehicle.name, time_s, "info", events.of_change(change, self.area.names))
 
     def _learned(self, name: Name) -> Learned:
         found, observer = self.observations.get(name), self.vehicles.get(name[0])
@@ -197,13 +198,12 @@ class Timeline:
     def not_accepted(self, uav: int, time_s: float, plan_id: int, reason: str) -> None:
         """Fold that a mission change has failed."""
         time_s, vehicle = self._touch(time_s), self.vehicles[uav]
-        self.event(vehicle, time_s, "warning", f"plan {plan_id} did not get onto the vehicle: {reason}")
+        self._event(vehicle.name, time_s, "warning", f"plan {plan_id} did not get onto the vehicle: {reason}")
 
     def intent(self, uav: int, time_s: float, intent: IntentShared, *, is_route: bool) -> None:
         """Fold the flight that a vehicle announces; `is_route`: its plans do not come otherwise."""
         time_s, vehicle = self._touch(time_s), self.vehicles[uav]
-        vehicle.intents.add(time_s, SentIntent(vehicle.now.boot_s, _encode(intent)))
-        vehicle.intent_s.append(time_s)
+        vehicle.intents.add(time_s, SentIntent(vehicle.motion.last.boot_s, _encode(intent)))
         if is_route and intent.plan_id and intent.points:
             route = vehicle.plans.get(intent.plan_id)
             if route is None:
@@ -218,9 +218,9 @@ class Timeline:
         if sender not in self.vehicles or receiver not in self.vehicles or sender == receiver:
             return
         vehicle = self.vehicles[receiver]
-        for times, is_due in ((vehicle.heard_s, True), (vehicle.intents_heard_s, is_intent)):
-            if is_due:
-                times.setdefault(sender, looks.times()).append(time_s)
+        vehicle.heard_s[sender].append(time_s)
+        if is_intent:
+            vehicle.intents_heard_s[sender].append(time_s)
 
     def weights(
         self,
@@ -232,7 +232,7 @@ class Timeline:
     ) -> None:
         """Fold an operator's new weights and range of communication."""
         time_s, vehicle = self._touch(time_s), self.vehicles[uav]
-        said = vehicle.said
+        said = vehicle.words.last
         self._say(
             vehicle,
             time_s,
@@ -244,56 +244,55 @@ class Timeline:
     def link_lost(self, uav: int, time_s: float, age_s: float) -> None:
         """Fold a report of a lost link; it comes again each second."""
         time_s, vehicle = self._touch(time_s), self.vehicles[uav]
-        if vehicle.said.lost_since_s is not None:
+        if vehicle.words.last.lost_since_s is not None:
             return
         self._say(vehicle, time_s, lost_since_s=time_s - age_s)
-        self.event(vehicle, time_s, "alarm", f"no telemetry for {age_s:.0f} s: the link is lost")
+        self._event(vehicle.name, time_s, "alarm", f"no telemetry for {age_s:.0f} s: the link is lost")
 
     def link_restored(self, uav: int, time_s: float) -> None:
         time_s, vehicle = self._touch(time_s), self.vehicles[uav]
         self._say(vehicle, time_s, lost_since_s=None)
-        self.event(vehicle, time_s, "info", "telemetry arrives again")
+        self._event(vehicle.name, time_s, "info", "telemetry arrives again")
 
     def note(self, name: str, time_s: float, text: str) -> None:
         """Fold a text for the operator."""
-        text = printable(text)
-        event = Event(len(self.events.items) + 1, self._touch(time_s), name, "warning", text)
-        self.events.add(event.time_s, event)
+        self._event(name, self._touch(time_s), "warning", printable(text))
 
     def note_silence(self) -> None:
         """Add an alarm for each vehicle that has fallen silent, and a line for each that is heard again."""
         for vehicle in self.vehicles.values():
             last_s = vehicle.word_s[-1] if vehicle.word_s else None
-            may_end = vehicle.said.phase in ENDED  # the agent of a vehicle that has ended may stop
+            may_end = vehicle.words.last.phase in ENDED  # the agent of a vehicle that has ended may stop
             is_silent = last_s is not None and not may_end and self.now_s - last_s > SILENT_AFTER_S
             if is_silent and not vehicle.is_silent:
-                self.event(vehicle, self.now_s, "alarm", f"no word for {SILENT_AFTER_S:g} s [vehicle-silent]")
+                self._event(
+                    vehicle.name, self.now_s, "alarm", f"no word for {SILENT_AFTER_S:g} s [vehicle-silent]"
+                )
             elif vehicle.is_silent and not is_silent:
-                self.event(vehicle, self.now_s, "info", "heard again")
+                self._event(vehicle.name, self.now_s, "info", "heard again")
             vehicle.is_silent = is_silent
 
     # --- parts of the fold
 
-    def event(self, vehicle: VehicleFacts, time_s: float, severity: Severity, text: str) -> None:
-        event = Event(len(self.events.items) + 1, time_s, vehicle.name, severity, text)
-        self.events.add(time_s, event)
+    def _event(self, name: str, time_s: float, severity: Severity, text: str) -> None:
+        self.events.add(time_s, Event(len(self.events.items) + 1, time_s, name, severity, text))
 
     def _say(self, vehicle: VehicleFacts, time_s: float, **changes: Any) -> None:
-        before = vehicle.said
+        before = vehicle.words.last
         for key, value in changes.items():
             if getattr(before, key) != value:
                 break
         else:
             return
-        vehicle.said = after = msgspec.structs.replace(before, **changes)
+        after = msgspec.structs.replace(before, **changes)
         vehicle.words.add(time_s, after)
         for severity, text in events.of_words(before, after, is_bus=self.kind == "bus"):
-            self.event(vehicle, time_s, severity, text)
+            self._event(vehicle.name, time_s, severity, text)
 
     def _move(self, vehicle: VehicleFacts, time_s: float, row: Motion) -> None:
-        before, vehicle.now = vehicle.now, row
+        before = vehicle.motion.last
         vehicle.motion.add(time_s, row)
-        here, armed = row.lat_lon, vehicle.said.armed
+        here, armed = row.lat_lon, vehicle.words.last.armed
         if here is None:
             return
         is_flying = (row.height_m or 0.0) > MIN_STEP_M if armed is None else armed
@@ -305,7 +304,7 @@ class Timeline:
         if new > 0:
             place = self.scenario.grid.frame.to_local(*here)
             self.strikes.add(time_s, Strike(time_s, vehicle.name, place, new))
-            self.event(vehicle, time_s, "alarm", events.of_strikes(new, int(row.strikes or 0)))
+            self._event(vehicle.name, time_s, "alarm", events.of_strikes(new, int(row.strikes or 0)))
 
     # --- pictures
 
@@ -339,10 +338,14 @@ class Timeline:
         """Return the histories of a vehicle. Raises KeyError."""
         return self._by_name[name]
 
+    def words(self, name: str, time_s: float) -> Words:
+        """Return the words of a vehicle at a time; EVERYBODY has none."""
+        return self.vehicle(name).words.at(time_s) if name else Words()
+
     def strength(self, name: str, time_s: float) -> FiringStrength:
         """Return the firing strengths by which a vehicle plans; those of the configuration for EVERYBODY."""
-        words = self.vehicle(name).words.at(time_s) if name else None
-        return self.scenario.strength if words is None or words.strength is None else words.strength
+        strength = self.words(name, time_s).strength
+        return self.scenario.strength if strength is None else strength
 
     def exposure_key(self, name: str, time_s: float) -> tuple[str, int, FiringStrength]:
         """Return a value that is equal for two times with the same `exposure`."""

@@ -17,7 +17,6 @@ from swarmctl.core.exposure import exposure
 from swarmctl.core.grid import Cell
 from swarmctl.core.threat import FiringStrength
 from swarmctl.dashboard import looks
-from swarmctl.dashboard.facts import Motion
 from swarmctl.dashboard.model import Timeline
 from swarmctl.dashboard.picture import AreaPicture, Route
 from swarmctl.planners import Problem, Unreachable, base
@@ -66,8 +65,7 @@ def question_of(timeline: Timeline, name: str, time_s: float) -> Question:
     """Return the question of a vehicle at a time. Raises NoAnswer, and KeyError for an unknown name."""
     facts = timeline.vehicle(name)
     task = next((task for task in timeline.scenario.tasks if task.uav == facts.uav), None)
-    motion = facts.motion.at(time_s)
-    here = None if motion is None else Motion(*motion).lat_lon
+    here = facts.motion.at(time_s).lat_lon
     if task is None:
         raise NoAnswer(f"{name}: its task is not in this configuration")
     # On the ground a vehicle stands beside the area; its route begins in its entry cell.
@@ -80,15 +78,14 @@ def question_of(timeline: Timeline, name: str, time_s: float) -> Question:
 
 def weights_of(timeline: Timeline, name: str, time_s: float) -> Weights:
     """Return the weights by which a vehicle plans; for EVERYBODY those of the configuration."""
-    words = timeline.vehicle(name).words.at(time_s) if name else None
-    w = timeline.scenario.config.planner.w if words is None or words.w is None else words.w
+    w = timeline.words(name, time_s).w
+    w = timeline.scenario.config.planner.w if w is None else w
     return Weights(w, timeline.strength(name, time_s))
 
 
 def range_of(timeline: Timeline, name: str, time_s: float) -> int:
     """Return the number of nearest vehicles that a vehicle sends to; for EVERYBODY by the configuration."""
-    words = timeline.vehicle(name).words.at(time_s) if name else None
-    reach = timeline.scenario.config.communication.range if words is None else words.range
+    reach = timeline.words(name, time_s).range
     reach = timeline.scenario.config.communication.range if reach is None else reach
     most = len(timeline.area.names) - 1
     return most if reach == "all" else min(reach, most)

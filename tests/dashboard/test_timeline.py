@@ -83,7 +83,7 @@ def test_the_end_of_a_record_is_that_of_the_summary(flight: Flight) -> None:
         assert shown.hostiles_known == told["hostiles_known"]
         assert (shown.strikes, shown.replans) == (told["strikes"], told["replans"])
         assert shown.battery_percent == told["battery_percent"]
-        assert flight.timeline.vehicle(shown.name).now.flown_m == pytest.approx(told["flown_m"])
+        assert flight.timeline.vehicle(shown.name).motion.last.flown_m == pytest.approx(told["flown_m"])
         assert shown.progress == 1.0
     common = flight.timeline.common
     n_found = common.belief(common.version(picture.time_s)).belief.n_found
@@ -287,4 +287,4 @@ def test_a_lost_link_that_is_reported_each_second_is_one_alarm() -> None:
     for time_s in (15.0, 16.0, 17.0):
         timeline.link_lost(1, time_s, time_s - 10.0)
     assert [event.severity for event in timeline.at().events] == ["alarm"]
-    assert timeline.vehicles[1].said.lost_since_s == 10.0
+    assert timeline.vehicles[1].words.last.lost_since_s == 10.0
