@@ -57,11 +57,10 @@ class BeliefHistory:
         self._cells, self._looks, self._hits = array("i"), array("i"), array("i")
         self._own = bytearray()
         self._seen_cells: set[int] = set()
-        self._own_cells: set[int] = set()
         self._hits_of: dict[int, int] = {}
         """hits of each cell with a hit"""
-        self._n_known, self._n_own, self._n_hit = array("i"), array("i"), array("i")
-        """number of different cells after each item: all, those of the vehicle itself, those with a hit"""
+        self._n_known, self._n_hit = array("i"), array("i")
+        """number of different cells after each item: all, and those with a hit"""
         self._counts_hits = prior.sensor.is_perfect and prior.count.is_number
         """True if each cell with a hit is a hostile (Eq. 4), so that no belief is needed for their number"""
         self._cache: BeliefAt | None = None
@@ -111,14 +110,11 @@ class BeliefHistory:
             self._add_cell(item.observer, row * self._cols + col, sign, sign * occupied)
 
     def _add_cell(self, observer: int, cell: int, looks: int, hits: int) -> None:
-        is_own = observer == self._uav
         self._cells.append(cell)
         self._looks.append(looks)
         self._hits.append(hits)
-        self._own.append(is_own)
+        self._own.append(observer == self._uav)
         self._seen_cells.add(cell)
-        if is_own:
-            self._own_cells.add(cell)
         if hits and not (new := self._hits_of.get(cell, 0) + hits):
             del self._hits_of[cell]
         elif hits:
@@ -128,16 +124,15 @@ class BeliefHistory:
         self.times_s.append(time_s)
         self._ends.append(len(self._cells))
         self._n_known.append(len(self._seen_cells))
-        self._n_own.append(len(self._own_cells))
         self._n_hit.append(len(self._hits_of))
 
     def version(self, time_s: float) -> int:
         """Return the number of items up to a time."""
         return bisect_right(self.times_s, time_s)
 
-    def counts(self, version: int) -> tuple[int, int]:
-        """Return the numbers of different cells known, and of those that the vehicle itself observed."""
-        return (self._n_known[version - 1], self._n_own[version - 1]) if version else (0, 0)
+    def n_known(self, version: int) -> int:
+        """Return the number of different cells known."""
+        return self._n_known[version - 1] if version else 0
 
     def n_found(self, version: int) -> int:
         """Return the number of hostiles found, as `Belief.n_found`; fast for the paper's belief."""

@@ -49,11 +49,9 @@ class Draft:
         except (OSError, UnicodeDecodeError) as error:
             raise ConfigError([f"{path}: the file cannot be read: {error}"]) from error
         try:
-            draft.edited({})
+            draft.value(())
         except yaml_lines.YamlError as error:
             raise ConfigError([f"{path}:{error.line}: {error.text}"]) from error
-        except ValueError as error:
-            raise ConfigError([f"{path}: {error}"]) from error
         return draft
 
     @property
@@ -78,8 +76,6 @@ class Draft:
         wanted = _plain(self.document.data)
         for path, value in changes.items():
             _set(wanted, path, value)
-        if not changes:
-            return self.text
         yaml = _round_trip()
         try:
             root = yaml.load(self.text)

@@ -11,7 +11,7 @@ from typing import Protocol
 from swarmctl.config.scenario import Scenario
 from swarmctl.dashboard.model import Timeline
 from swarmctl.dashboard.orders_panel import Send
-from swarmctl.dashboard.sources.recording import open_live
+from swarmctl.dashboard.sources.recording import RecordSource
 from swarmctl.report.record import record_path
 from swarmctl.report.record_file import RecordError
 
@@ -86,7 +86,7 @@ class Flights:
                     raise NotStarted("\n".join(process.output()))
                 await asyncio.sleep(LOOK_EVERY_S)
             try:
-                source = await open_live(process.folder)
+                source = RecordSource(process.folder, "live file")
             except RecordError as error:
                 raise NotStarted(str(error)) from error
             reading = asyncio.create_task(source.run())

@@ -7,10 +7,11 @@ from array import array
 from bisect import bisect_right
 from typing import TYPE_CHECKING
 
-import msgspec
+import numpy as np
 from numpy.typing import NDArray
 
-from swarmctl.agent.state import ARRIVED
+from swarmctl.agent.replan.route_to_mission import flown_route
+from swarmctl.agent.state import ARRIVED, Task
 from swarmctl.config.communication import vehicle_of
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.events import SwapMission
@@ -29,6 +30,8 @@ from swarmctl.dashboard.picture import (
     RouteChange,
     VehiclePicture,
 )
+from swarmctl.planners import Problem
+from swarmctl.planners import base as planners
 from swarmctl.report.foxglove import colour_of
 from swarmctl.report.live_rows import link_text
 
@@ -47,12 +50,11 @@ def area(scenario: Scenario) -> AreaPicture:
     """Return the constant part of the pictures."""
     grid, specs, config = scenario.grid, scenario.swarm, scenario.config
     hostiles = scenario.true_hostiles
-    cell_m = grid.cell_size_m
     return AreaPicture(
         config.name,
         grid.rows,
         grid.cols,
-        cell_m,
+        grid.cell_size_m,
         grid.corners(),
         tuple(sorted({goal for spec in specs for goal in spec.goals})),
         tuple(sorted(config.area.no_fly)),
@@ -61,8 +63,6 @@ def area(scenario: Scenario) -> AreaPicture:
         tuple(spec.name for spec in specs),
         tuple(colour_of(i) for i in range(len(specs))),
         tuple(spec.simulated for spec in specs),
-        # The paper's sensor sees the 3 × 3 cells around the vehicle.
-        tuple(1.5 * cell_m for _ in specs),
     )
 
 
@@ -80,29 +80,31 @@ def route(grid: Grid, swap: SwapMission) -> Route:
     )
 
 
-def compared(timeline: Timeline, number: int) -> RouteChange:
-    """Return a change of a route with the rest of the old route by the belief at the decision.
+def flown(task: Task, problem: Problem, route: planners.Route) -> Route:
+    """Return a planner's route as it would be flown. Raises Unreachable if it cannot be flown."""
+    track, grid = flown_route(task, problem, route), task.grid
+    points = tuple(grid.centre_m(cell) for cell in track.corners)
+    length_m = track.length_cells * grid.cell_size_m
+    return Route(0, route.cells, points, length_m, track.exposure_sum, track.safety_factor)
 
-    Raises IndexError.
-    """
-    if not 1 <= number <= len(timeline.changes.items):
-        raise IndexError(f"change {number}: expected 1 to {len(timeline.changes.items)}")
-    change = timeline.changes.items[number - 1]
-    if change.old is None or not change.old.cells:
-        return change
+
+def rest_of_old(timeline: Timeline, change: RouteChange) -> Route | None:
+    """Return the rest of the old route at a change, by the belief at the decision; None: not known."""
+    if change.old is None:
+        return None
     at = timeline.vehicle(change.vehicle).motion.at(change.time_s).lat_lon
     cell = None if at is None else timeline.scenario.grid.cell_at(*at)
-    rest = rest_of(change.old, cell, timeline.exposure(change.vehicle, change.time_s), timeline.area)
-    return msgspec.structs.replace(change, old_now=rest)
+    p_s = timeline.exposure(change.vehicle, change.time_s)
+    return rest_of(change.old, cell, p_s, timeline.scenario.grid)
 
 
-def rest_of(old: Route, cell: Cell | None, p_s: NDArray, area: AreaPicture) -> Route | None:  # type: ignore[type-arg]
+def rest_of(old: Route, cell: Cell | None, p_s: NDArray[np.float64], grid: Grid) -> Route | None:
     """Return the rest of a route from a cell on, with length and exposure by P_s; None beside the route."""
     if cell is None or cell not in old.cells:
         return None
     rest = old.cells[len(old.cells) - 1 - old.cells[::-1].index(cell) :]
-    points = tuple(((col + 0.5) * area.cell_size_m, (row + 0.5) * area.cell_size_m) for row, col in rest)
-    length_m = length_cells(rest) * area.cell_size_m
+    points = tuple(grid.centre_m(cell) for cell in rest)
+    length_m = length_cells(rest) * grid.cell_size_m
     return Route(old.plan_id, rest, points, length_m, exposure_sum(p_s, rest), safety_factor(p_s, rest))
 
 
@@ -113,14 +115,13 @@ def vehicle(timeline: Timeline, facts: VehicleFacts, time_s: float) -> VehiclePi
     age_s = None if word_s is None else time_s - word_s
     frame, here = timeline.scenario.grid.frame, motion.lat_lon
     version = facts.beliefs.version(time_s)
-    n_known, n_own = facts.beliefs.counts(version)
+    n_known = facts.beliefs.n_known(version)
     has_all = timeline.kind != "bus"
     return VehiclePicture(
         facts.name,
         words.phase,
         words.mode,
         None if here is None else frame.to_local(*here),
-        None if here is None else timeline.scenario.grid.cell_at(*here),
         motion.height_m,
         motion.speed_m_s,
         motion.course_deg,
@@ -130,7 +131,6 @@ def vehicle(timeline: Timeline, facts: VehicleFacts, time_s: float) -> VehiclePi
         "" if timeline.kind == "abstract mission" else _link(motion, words, age_s),
         age_s,
         age_s is None or age_s > SILENT_AFTER_S,
-        n_own,
         n_known if has_all else max(words.n_observed, n_known),
         facts.beliefs.n_found(version) if has_all else words.n_found,
         words.replans,

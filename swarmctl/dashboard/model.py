@@ -179,7 +179,7 @@ class Timeline:
         vehicle.plans[new.plan_id] = new
         because = tuple(map(self._learned, names))
         old = vehicle.route.last
-        change = RouteChange(len(self.changes.items) + 1, time_s, vehicle.name, old, None, new, because)
+        change = RouteChange(time_s, vehicle.name, old, new, because)
         self.changes.add(time_s, change)
         self._event(vehicle.name, time_s, "info", events.of_change(change, self.area.names))
 

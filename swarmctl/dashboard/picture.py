@@ -50,8 +50,6 @@ class AreaPicture(msgspec.Struct, frozen=True):
     """colour of each vehicle as #rrggbb, as in the pictures of the report"""
     simulated: tuple[bool, ...]
     """True for each vehicle that the simulator plays"""
-    footprints_m: tuple[float, ...]
-    """distance within which each vehicle's sensor sees the centre of a cell [m]; 0: only the cell below"""
 
 
 class SourceState(msgspec.Struct, frozen=True):
@@ -77,14 +75,17 @@ class Route(msgspec.Struct, frozen=True):
 
     plan_id: int
     cells: tuple[Cell, ...]
-    """lattice route; empty if only the points are known"""
+    """cells below the route"""
     points: tuple[Point, ...]
     """flown points with the landing"""
-    length_m: float | None = None
-    exposure_sum: float | None = None
+    length_m: float
+    exposure_sum: float
     """ΣP_s by the belief at the decision"""
-    safety_factor: float | None = None
+    safety_factor: float
     """∏(1 − P_s) by the belief at the decision"""
+
+    def __str__(self) -> str:
+        return f"{self.length_m:.0f} m, ΣP_s {self.exposure_sum:.3f}, ∏(1 − P_s) {self.safety_factor:.3f}"
 
 
 class Learned(msgspec.Struct, frozen=True):
@@ -99,14 +100,10 @@ class Learned(msgspec.Struct, frozen=True):
 class RouteChange(msgspec.Struct, frozen=True):
     """A new plan of a vehicle: both routes, and what the vehicle had learned."""
 
-    number: int
-    """running number of the changes of this swarm, from 1"""
     time_s: float
     vehicle: str
     old: Route | None
     """route flown before; None for the first route"""
-    old_now: Route | None
-    """rest of the old route from the vehicle's cell at the decision, by the new belief; None: not known"""
     new: Route
     because: tuple[Learned, ...]
 
@@ -170,7 +167,6 @@ class VehiclePicture(msgspec.Struct, frozen=True):
     """phase of the agent; empty before the first word"""
     mode: str = ""
     position: Point | None = None
-    cell: Cell | None = None
     height_m: float | None = None
     """above home [m]"""
     speed_m_s: float | None = None
@@ -188,7 +184,6 @@ class VehiclePicture(msgspec.Struct, frozen=True):
     """time since the last word of the vehicle [s]; None before the first"""
     is_silent: bool = True
     """True if the last word is older than SILENT_AFTER_S, or there was none: the vehicle may have moved on"""
-    cells_own: int | None = None
     cells_known: int = 0
     hostiles_known: int = 0
     replans: int = 0

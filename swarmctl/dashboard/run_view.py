@@ -183,12 +183,12 @@ class RunView:
 
     def _show_change(self, change: RouteChange) -> None:
         self._seek(change.time_s)
-        compared = looks.compared(self.timeline, change.number)
-        old = compared.old_now or compared.old
+        rest = looks.rest_of_old(self.timeline, change)
+        old = rest or change.old
         ghosts = [] if old is None else [{"points": old.points, "colour": "#888888"}]
         self._draw_ghosts(ghosts)
-        if compared.old_now is not None:
-            told = f"new route {_costs(change.new)}; rest of the old route {_costs(compared.old_now)}"
+        if rest is not None:
+            told = f"new route {change.new}; rest of the old route {rest}"
             ui.notify(f"{change.vehicle} at {change.time_s:.0f} s: {told}", position="bottom", timeout=8000)
 
     def _route_row(self, change: RouteChange) -> None:
@@ -199,9 +199,9 @@ class RunView:
         row = ui.button(on_click=lambda: self._show_change(change)).props("flat no-caps align=left")
         with row.classes("w-full p-1"), ui.column().classes("gap-0 items-start w-full"):
             ui.label(f"{change.time_s:.0f} s: {change.vehicle}").classes("font-semibold")
-            ui.label(f"new: {_costs(change.new)}").classes("text-xs")
+            ui.label(f"new: {change.new}").classes("text-xs")
             if change.old is not None:
-                ui.label(f"old, when it was planned: {_costs(change.old)}").classes("text-xs")
+                ui.label(f"old, when it was planned: {change.old}").classes("text-xs")
             if learned:
                 ui.label(f"learned from {learned}").classes("text-xs opacity-75 text-left")
 
@@ -276,13 +276,6 @@ def _facts(vehicle: VehiclePicture) -> str:
             f"last word {known(vehicle.age_s, '{:.1f} s ago')}{link}",
         )
     )
-
-
-def _costs(route: object) -> str:
-    length_m, exposure_sum = getattr(route, "length_m", None), getattr(route, "exposure_sum", None)
-    if length_m is None or exposure_sum is None:
-        return "length and ΣP_s not known"
-    return f"{length_m:.0f} m, ΣP_s {exposure_sum:.2f}"
 
 
 SHOWN = 3

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from swarmctl.agent.replan.route_to_mission import flown_route
 from swarmctl.config.model import Config
 from swarmctl.config.scenario import Scenario
 from swarmctl.config.yaml_lines import KeyPath
 from swarmctl.core.grid import Grid
-from swarmctl.dashboard.picture import Point
+from swarmctl.dashboard import looks
+from swarmctl.dashboard.picture import Point, Route
 from swarmctl.planners import Unreachable
 from swarmctl.report import first_plans
 
@@ -32,14 +33,12 @@ Edits = dict[KeyPath, Any]
 
 @dataclass(frozen=True, slots=True)
 class FirstRouteShown:
-    """A vehicle's first route on the map; the measures are None if no track of the route can be flown."""
+    """A vehicle's first route on the map."""
 
     name: str
     start: Point
-    points: tuple[Point, ...]
-    length_m: float | None
-    exposure_sum: float | None
-    safety_factor: float | None
+    route: Route | None
+    """None if no track of the route can be flown"""
 
 
 def edits_of_click(config: Config, tool: str, whose: str, at: Point) -> Edits:
@@ -105,32 +104,25 @@ def first_routes(scenario: Scenario) -> list[FirstRouteShown]:
     grid, found = scenario.grid, first_plans.first_routes(scenario)[scenario.chosen_by]
     shown = []
     for spec, first in zip(scenario.specs, found, strict=True):
-        start = grid.frame.to_local(*spec.start)
-        try:
-            flown = flown_route(first.task, first.problem, first.route)
-        except Unreachable:
-            shown.append(FirstRouteShown(spec.name, start, (), None, None, None))
-            continue
-        points = (start, *(grid.centre_m(cell) for cell in flown.corners))
-        length_m = flown.length_cells * grid.cell_size_m
-        shown.append(
-            FirstRouteShown(spec.name, start, points, length_m, flown.exposure_sum, flown.safety_factor)
-        )
+        route = None
+        with contextlib.suppress(Unreachable):
+            route = looks.flown(first.task, first.problem, first.route)
+        shown.append(FirstRouteShown(spec.name, grid.frame.to_local(*spec.start), route))
     return shown
 
 
 def as_changes(routes: list[FirstRouteShown]) -> Mapping[str, Any]:
     """Return the routes in the form of `changes.changes`, for the map."""
-    vehicles = {
-        route.name: {
-            "position": route.start,
-            "heading_deg": 0.0 if not route.points else _course_deg(route.points[0], route.points[1]),
+    vehicles = {}
+    for shown in routes:
+        points = None if shown.route is None else (shown.start, *shown.route.points)
+        vehicles[shown.name] = {
+            "position": shown.start,
+            "heading_deg": 0.0 if points is None else _course_deg(points[0], points[1]),
             "is_silent": False,
             "age_s": 0.0,
-            "route": {"points": route.points} if route.points else None,
+            "route": None if points is None else {"points": points},
         }
-        for route in routes
-    }
     return {"time_s": 0.0, "vehicles": vehicles}
 
 

@@ -211,7 +211,7 @@ class SetupPage:
             for route in routes:
                 with ui.row().classes("gap-2 no-wrap items-center"):
                     ui.element("div").style(f"width: 12px; height: 12px; background: {colours[route.name]}")
-                    ui.label(f"{route.name}: {_measures(route)}")
+                    ui.label(f"{route.name}: {route.route or 'no track of the route can be flown'}")
 
 
 def _computed(
@@ -231,12 +231,6 @@ def _number(
     field = ui.number(label, value=value, step=step, on_change=typed)
     field.props("dense outlined debounce=400")
     return field
-
-
-def _measures(route: FirstRouteShown) -> str:
-    if route.length_m is None:
-        return "no track of the route can be flown"
-    return f"{route.length_m:.0f} m, ΣP_s {route.exposure_sum:.3f}, ∏(1 − P_s) {route.safety_factor:.3f}"
 
 
 def address(number: int) -> str:

@@ -11,15 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmctl.agent.replan.route_to_mission import flown_route
 from swarmctl.agent.state import Task
 from swarmctl.core.exposure import exposure
 from swarmctl.core.grid import Cell
 from swarmctl.core.threat import FiringStrength
 from swarmctl.dashboard import looks
 from swarmctl.dashboard.model import Timeline
-from swarmctl.dashboard.picture import AreaPicture, Route
-from swarmctl.planners import Problem, Unreachable, base
+from swarmctl.dashboard.picture import Route
+from swarmctl.planners import Problem, Unreachable
 from swarmctl.planners.front import Front, pareto_front
 
 MAX_LABELS = 200_000
@@ -43,7 +42,6 @@ class Question:
     """A vehicle at one time: its task, what it believes, and where it is."""
 
     task: Task
-    area: AreaPicture
     occupancy: NDArray[np.float64]
     """(rows, cols) probability that a cell is occupied, by the vehicle's belief"""
     cell: Cell
@@ -58,7 +56,7 @@ class Question:
         """Return the rest of the plan, with ΣP_s by these strengths; None beside the plan."""
         if self.planned is None:
             return None
-        return looks.rest_of(self.planned, self.cell, exposure(self.occupancy, strength), self.area)
+        return looks.rest_of(self.planned, self.cell, exposure(self.occupancy, strength), self.task.grid)
 
 
 def question_of(timeline: Timeline, name: str, time_s: float) -> Question:
@@ -73,7 +71,7 @@ def question_of(timeline: Timeline, name: str, time_s: float) -> Question:
     if cell is None and facts.track.until(time_s) and here is not None:
         raise NoAnswer(f"{name}: outside the area")
     occupancy = timeline.occupancy(name, time_s)
-    return Question(task, timeline.area, occupancy, cell or task.entry, facts.route.at(time_s))
+    return Question(task, occupancy, cell or task.entry, facts.route.at(time_s))
 
 
 def weights_of(timeline: Timeline, name: str, time_s: float) -> Weights:
@@ -96,7 +94,7 @@ def route_with(question: Question, weights: Weights) -> Route:
     problem = question.problem(weights)
     try:
         route = question.task.method.plan(problem)
-        return _as_route(question, problem, route)
+        return looks.flown(question.task, problem, route)
     except Unreachable as error:
         raise NoAnswer(str(error)) from error
 
@@ -106,13 +104,6 @@ def front_of(question: Question, weights: Weights) -> tuple[Front, tuple[Route, 
     problem = question.problem(weights)
     try:
         front = pareto_front(problem, max_labels=MAX_LABELS)
-        return front, tuple(_as_route(question, problem, route) for route in front.routes)
+        return front, tuple(looks.flown(question.task, problem, route) for route in front.routes)
     except Unreachable as error:
         raise NoAnswer(str(error)) from error
-
-
-def _as_route(question: Question, problem: Problem, route: base.Route) -> Route:
-    flown, size_m = flown_route(question.task, problem, route), question.task.grid.cell_size_m
-    points = tuple(((col + 0.5) * size_m, (row + 0.5) * size_m) for row, col in flown.corners)
-    length_m = flown.length_cells * size_m
-    return Route(0, route.cells, points, length_m, flown.exposure_sum, flown.safety_factor)

@@ -151,8 +151,8 @@ class WhatIfPanel:
                 lines.append(f"{name}: {answer}")
                 continue
             ghosts.append({"points": answer.points, "colour": self._colours[name]})
-            rest = "" if planned is None else f"; its plan {_measures(planned)}"
-            lines.append(f"{name}: {_measures(answer)}{rest}")
+            rest = "" if planned is None else f"; its plan {planned}"
+            lines.append(f"{name}: {answer}{rest}")
         self._draw(ghosts)
         self._text.set_text("\n".join([f"At {self._time_s:.0f} s, by these weights:", *lines]))
 
@@ -204,7 +204,7 @@ class WhatIfPanel:
         self._front_text.set_text(
             f"{len(self._front)} routes of {self._whose} at {self._time_s:.0f} s. Click a point.{note}"
         )
-        points = [[round(route.length_m or 0.0, 1), route.exposure_sum] for route in self._front]
+        points = [[round(route.length_m, 1), route.exposure_sum] for route in self._front]
         self._chart.options.clear()
         self._chart.options.update(_front_options(points, self._colours[self._whose]))
         self._chart.update()
@@ -216,7 +216,7 @@ class WhatIfPanel:
         found_by = "only a search with a bound finds this route" if w is None else f"found with w = {w:.2f}"
         if w is not None:
             self._set("w", round(w, 2))
-        self._front_text.set_text(f"{self._whose}: {_measures(route)}; {found_by}")
+        self._front_text.set_text(f"{self._whose}: {route}; {found_by}")
 
 
 def _answers(questions: dict[str, Question], weights: Weights) -> dict[str, tuple[Route | None, Route | str]]:
@@ -230,11 +230,7 @@ def _answers(questions: dict[str, Question], weights: Weights) -> dict[str, tupl
     return found
 
 
-def _measures(route: Route) -> str:
-    return f"{route.length_m:.0f} m, ΣP_s {route.exposure_sum:.2f}, ∏(1 − P_s) {route.safety_factor:.2f}"
-
-
-def _front_options(points: Sequence[Sequence[float | None]], colour: str) -> dict[str, Any]:
+def _front_options(points: Sequence[Sequence[float]], colour: str) -> dict[str, Any]:
     axis: dict[str, Any] = {
         "type": "value",
         "scale": True,

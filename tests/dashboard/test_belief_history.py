@@ -46,7 +46,6 @@ def test_a_history_gives_the_belief_of_each_moment(sensor: SensorModel, items: l
         found = history.belief(version)
         assert np.array_equal(found.belief.looks, expected.looks)
         assert np.array_equal(found.belief.hits, expected.hits)
-        n_known, n_own = history.counts(version)
-        assert (n_known, n_own) == (expected.n_observed, expected.n_cells_from(1))
+        assert history.n_known(version) == expected.n_observed
         assert history.n_found(version) == expected.n_found
-        assert np.count_nonzero(found.codes & OWN) == n_own
+        assert np.count_nonzero(found.codes & OWN) == expected.n_cells_from(1)

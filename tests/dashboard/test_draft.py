@@ -108,6 +108,6 @@ def test_the_first_routes_are_those_of_plan(file: Path) -> None:
     scenario = build(load(file, check_config))
     planned = first_plans.first_routes(scenario)[scenario.chosen_by]
     shown = first_routes(scenario)
-    assert [route.exposure_sum for route in shown] == pytest.approx(
+    assert [each.route.exposure_sum for each in shown] == pytest.approx(
         [first.route.exposure_sum for first in planned]
     )

@@ -76,10 +76,7 @@ def test_the_end_of_a_record_is_that_of_the_summary(flight: Flight) -> None:
     picture = flight.timeline.at()
     for shown, told in zip(picture.vehicles, flight.summary["vehicles"], strict=True):
         assert (shown.name, shown.phase, shown.note) == (told["name"], told["phase"], told["outcome"])
-        assert (shown.cells_own, shown.cells_known) == (
-            told["cells_own"],
-            told["cells_own"] + told["cells_heard"],
-        )
+        assert shown.cells_known == told["cells_own"] + told["cells_heard"]
         assert shown.hostiles_known == told["hostiles_known"]
         assert (shown.strikes, shown.replans) == (told["strikes"], told["replans"])
         assert shown.battery_percent == told["battery_percent"]
@@ -133,14 +130,13 @@ def test_a_change_of_a_route_tells_both_routes_and_what_was_learned(flight: Flig
     changed = [change for change in flight.timeline.changes.items if change.old is not None]
     assert changed
     for change in changed:
-        shown = looks.compared(flight.timeline, change.number)
-        assert shown.new.length_m is not None
-        assert shown.new.cells
-        assert all(learned.observed_s <= change.time_s for learned in shown.because)
-        if shown.old_now is not None:
-            cell = flight.timeline.at(change.time_s).vehicles[0].cell
-            assert shown.old_now.exposure_sum is not None
-            assert cell is not None
+        assert all(learned.observed_s <= change.time_s for learned in change.because)
+        rest = looks.rest_of_old(flight.timeline, change)
+        if rest is not None:
+            assert rest.cells == change.old.cells[-len(rest.cells) :]
+            p_s = flight.timeline.exposure(change.vehicle, change.time_s)
+            assert rest.exposure_sum == pytest.approx(sum(p_s[cell] for cell in rest.cells[1:]))
+    assert any(looks.rest_of_old(flight.timeline, change) is not None for change in changed)
 
 
 def test_a_record_that_grows_is_shown_as_far_as_it_is_and_ages(flight: Flight, tmp_path: Path) -> None:
@@ -201,7 +197,7 @@ def test_a_station_on_the_bus_shows_what_the_record_shows(flight: Flight) -> Non
     assert flight.heard.n_missed == 0
     live, kept = flight.heard.timeline.at(None, "uav1"), flight.timeline.at(None, "uav1")
     for heard, recorded in zip(live.vehicles, kept.vehicles, strict=True):
-        for field in ("name", "phase", "note", "replans", "strikes", "battery_percent", "cell", "cells_own"):
+        for field in ("name", "phase", "note", "replans", "strikes", "battery_percent"):
             assert getattr(heard, field) == getattr(recorded, field)
         assert heard.cells_known == recorded.cells_known
         assert heard.hostiles_known == recorded.hostiles_known
@@ -242,7 +238,8 @@ def test_a_vehicle_that_is_not_heard_is_shown_with_the_age_of_its_last_word(flig
     source.move_on("", 123.0)
     picture = source.timeline.at()
     shown = picture.vehicles[0]
-    assert (shown.is_silent, shown.phase, shown.cell) == (True, "flying", (2, 2))
+    assert (shown.is_silent, shown.phase) == (True, "flying")
+    assert shown.position == pytest.approx(flight.timeline.scenario.grid.centre_m((2, 2)))
     assert shown.age_s == pytest.approx(20.0)
     (alarm,) = [event for event in picture.events if event.severity == "alarm"]
     assert alarm.text.endswith("[vehicle-silent]")

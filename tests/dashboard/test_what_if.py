@@ -57,8 +57,8 @@ def test_with_the_weights_flown_the_route_is_that_of_the_vehicle(timeline: Timel
 
 def test_w_0_gives_the_shortest_route_and_w_1_the_least_exposed(question: Question) -> None:
     by_w = [route_with(question, Weights(w, STRENGTH)) for w in (0.0, 0.25, 0.5, 0.75, 1.0)]
-    lengths = [route.length_m or 0.0 for route in by_w]
-    sums = [route.exposure_sum or 0.0 for route in by_w]
+    lengths = [route.length_m for route in by_w]
+    sums = [route.exposure_sum for route in by_w]
     assert all(a <= b + 1e-9 for a, b in pairwise(lengths))
     assert all(a >= b - 1e-9 for a, b in pairwise(sums))
     assert sums[0] > sums[-1]

@@ -137,8 +137,8 @@ export default {
       for (const ghost of this.ghosts ?? []) this.line(context, ghost.points, ghost.colour, 3, [2, 5]);
       this.draw_groups(context);
       this.draw_strikes(context);
-      for (const [i, vehicle] of Object.values(this.vehicles).entries()) {
-        this.draw_footprint(context, vehicle, this.area.footprints_m[i]);
+      for (const vehicle of Object.values(this.vehicles)) {
+        this.draw_footprint(context, vehicle);
         this.draw_vehicle(context, vehicle);
       }
       this.draw_names(context);

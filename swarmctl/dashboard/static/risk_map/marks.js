@@ -85,10 +85,10 @@ export default {
     this.line(context, vehicle.track, vehicle.colour, 2.5);
     if (vehicle.route) this.line(context, vehicle.route.points, vehicle.colour, 1.5, [7, 5]);
   },
-  // The sensor sees the cells whose centres lie in this square around the vehicle.
-  draw_footprint(context, vehicle, footprint_m) {
-    if (!vehicle.position || !footprint_m || vehicle.is_silent || !(vehicle.height_m > 1)) return;
-    const [x, y] = this.place(vehicle.position), half = footprint_m * this.view.scale;
+  // The paper's sensor sees the 3 × 3 cells around the vehicle: those with centres in this square.
+  draw_footprint(context, vehicle) {
+    if (!vehicle.position || vehicle.is_silent || !(vehicle.height_m > 1)) return;
+    const [x, y] = this.place(vehicle.position), half = 1.5 * this.area.cell_size_m * this.view.scale;
     context.strokeStyle = vehicle.colour;
     context.lineWidth = 1;
     context.setLineDash([2, 3]);
