@@ -46,7 +46,7 @@ def parse(text: str) -> Document:
         if node is None:
             raise YamlError(1, "the file is empty; `swarmctl init FILE` writes a starter configuration")
         lines: dict[KeyPath, int] = {}
-        _walk(node, (), lines)
+        _walk(loader, node, (), lines)
         return Document(_tupled(loader.construct_document(node)), lines)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
@@ -61,7 +61,8 @@ def parse(text: str) -> Document:
             loader.dispose()
 
 
-def _walk(node: yaml.Node, path: KeyPath, lines: dict[KeyPath, int]) -> None:
+def _walk(loader: yaml.SafeLoader, node: yaml.Node, path: KeyPath, lines: dict[KeyPath, int]) -> None:
+    """Note the line of each key and list item below a node, and check the scalars. Raises YamlError."""
     if len(lines) > MAX_VALUES:
         text = f"the file has more than {MAX_VALUES} values, with its aliases expanded; remove aliases"
         raise YamlError(node.start_mark.line + 1, text)
@@ -72,11 +73,17 @@ def _walk(node: yaml.Node, path: KeyPath, lines: dict[KeyPath, int]) -> None:
             if here in lines:
                 raise YamlError(line, f"key {here[-1]!r} is already on line {lines[here]}; remove one")
             lines[here] = line
-            _walk(value_node, here, lines)
+            _walk(loader, value_node, here, lines)
     elif isinstance(node, yaml.SequenceNode):
         for index, item in enumerate(node.value):
             lines[(*path, index)] = item.start_mark.line + 1
-            _walk(item, (*path, index), lines)
+            _walk(loader, item, (*path, index), lines)
+    else:
+        try:
+            loader.construct_object(node)
+        except (ValueError, AttributeError) as error:  # such as a date of month 13
+            text = f"{node.value!r} is no valid {node.tag.rpartition(':')[2]}; write a text in quotes"
+            raise YamlError(node.start_mark.line + 1, text) from error
 
 
 def _tupled(data: Any) -> Any:

@@ -93,6 +93,8 @@ BAD: list[tuple[str, str, str, list[tuple[str, ...]]]] = [
         "goal: [3, 19], entry: [0, 19]",
         [(":9: vehicles[0].entry", "a ", "(0, 19)")],
     ),
+    ("a date of month 13", "name: test", "name: 2030-13-01", [(":1", "'2030-13-01'", "quotes")]),
+    ("a tag that does not fit", "rows: 20", "rows: !!int many", [(":2", "'many'", "int")]),
     ("a NUL byte", "name: test", "name: te\0st", [(":1",)]),
     ("malformed YAML", "vehicles:", "vehicles: [", [(":9",)]),
     ("an alias within itself", "vehicles:", "x: &a [*a]\nvehicles:", [(":1",)]),
