@@ -25,6 +25,7 @@ from swarmctl.config.specs import Spec, entry_of, on_border, simulated_goals
 from swarmctl.config.threats import Binomial, Drawn, Poisson, Uniform, Weights
 from swarmctl.config.wings_checks import check_landings, check_plane, check_wings
 from swarmctl.config.yaml_lines import KeyPath
+from swarmctl.core.any_angle.track import cells_under
 from swarmctl.core.geo import distance_m
 from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.route import greatest_landing_spacing_m
@@ -161,14 +162,8 @@ def _check_starts(scenario: Scenario) -> Iterator[ConfigProblem]:
 def _check_approach(scenario: Scenario, spec: Spec, here: KeyPath) -> Iterator[ConfigProblem]:
     """Yield the problem of a straight flight to the entry over no_fly, or across other cells of the area."""
     grid = scenario.grid
-    (east_m, north_m), (to_east_m, to_north_m) = grid.frame.to_local(*spec.start), grid.centre_m(spec.entry)
-    n = 1 + math.ceil(20 * math.hypot(to_east_m - east_m, to_north_m - north_m) / grid.cell_size_m)
-    over: set[Cell] = set()
-    for k in range(n + 1):
-        east, north = east_m + (to_east_m - east_m) * k / n, north_m + (to_north_m - north_m) * k / n
-        cell = (math.floor(north / grid.cell_size_m), math.floor(east / grid.cell_size_m))
-        if grid.contains(cell):
-            over.add(cell)
+    approach = (grid.frame.to_local(*spec.start), grid.centre_m(spec.entry))
+    over = {cell for cell in cells_under(approach, grid.cell_size_m) if grid.contains(cell)}
     forbidden = sorted(over & set(scenario.config.area.no_fly))
     far = sorted(c for c in over if max(abs(c[0] - spec.entry[0]), abs(c[1] - spec.entry[1])) > 1)
     key = (*here, "entry") if here[0] == "vehicles" else here
