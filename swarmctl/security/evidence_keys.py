@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import binascii
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +15,7 @@ from swarmctl.security.files import (
     PARTICIPANT_NAME,
     KeyringError,
     check_private,
+    public_text,
     read_public_keys,
     read_signing_key,
 )
@@ -31,7 +31,7 @@ class EvidenceSigner:
 
     @property
     def public_key(self) -> str:
-        return base64.b64encode(self.signing_key.public_key().public_bytes_raw()).decode()
+        return public_text(self.signing_key)
 
     def sign(self, data: bytes) -> str:
         return base64.b64encode(self.signing_key.sign(data)).decode()
@@ -59,7 +59,7 @@ def is_valid_signature(data: bytes, key: str, signature: str) -> bool:
     try:
         public = Ed25519PublicKey.from_public_bytes(base64.b64decode(key, validate=True))
         public.verify(base64.b64decode(signature, validate=True), data)
-    except (ValueError, TypeError, binascii.Error, InvalidSignature):
+    except (ValueError, InvalidSignature):
         return False
     return True
 
@@ -96,7 +96,7 @@ def key_trouble(folder: Path, name: str, key: str) -> str:
             f"{folder}: no subfolder has a signers.json; give a folder made by `swarmctl keys`"
         )
     listed_key = read_public_keys(tables[0]).get(name)
-    if listed_key is not None and base64.b64encode(listed_key.public_bytes_raw()).decode() == key:
+    if listed_key is not None and public_text(listed_key) == key:
         return ""
     if (at := revoked_at(tables[0].parent, name, key)) is not None:
         return (

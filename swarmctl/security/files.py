@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import base64
-import binascii
 import datetime as dt
-import json
 import re
 import stat
+from collections.abc import Mapping
 from pathlib import Path
 
+import msgspec
 from cryptography import x509
 from cryptography.exceptions import InvalidSignature
 from cryptography.hazmat.primitives import serialization
@@ -65,15 +65,27 @@ def read_signing_key(path: Path) -> Ed25519PrivateKey:
     return key
 
 
+_public_keys = msgspec.json.Decoder(dict[str, bytes])
+
+
 def read_public_keys(path: Path) -> dict[str, Ed25519PublicKey]:
     content = read(path)
     try:
-        return {
-            name: Ed25519PublicKey.from_public_bytes(base64.b64decode(text, validate=True))
-            for name, text in json.loads(content).items()
-        }
-    except (ValueError, TypeError, AttributeError, binascii.Error) as error:
+        table = _public_keys.decode(content)
+        return {name: Ed25519PublicKey.from_public_bytes(key) for name, key in table.items()}
+    except ValueError as error:
         raise KeyringError(f"{path} is not a table of public keys: {error}; restore it") from error
+
+
+def encode_table(table: Mapping[str, object]) -> bytes:
+    """Return a table as indented JSON, with bytes in base64."""
+    return msgspec.json.format(msgspec.json.encode(table), indent=2) + b"\n"
+
+
+def public_text(key: Ed25519PrivateKey | Ed25519PublicKey) -> str:
+    """Return the public key in base64."""
+    public = key.public_key() if isinstance(key, Ed25519PrivateKey) else key
+    return base64.b64encode(public.public_bytes_raw()).decode()
 
 
 def check_name(path: Path, certificate: x509.Certificate, name: str) -> None:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import base64
 import datetime as dt
 import ipaddress
-import json
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -25,6 +23,7 @@ from swarmctl.security.files import (
     check_key_pair,
     check_name,
     check_validity,
+    encode_table,
     hosts_of,
     read_certificate,
     read_ec_key,
@@ -36,7 +35,6 @@ from swarmctl.security.revocation import (
     Revoked,
     check_not_revoked,
     common_name,
-    encode_revoked,
     read_revoked,
     remove_keys,
     swarms_with,
@@ -85,16 +83,15 @@ def make_keys(
     for name in (*names, *revoke):
         if not PARTICIPANT_NAME.fullmatch(name):
             raise KeyringError(f"{name!r} is not a participant: expected uav1 to uav254, operator or router")
-    hosts = hosts or {}
+    hosts = dict(hosts or {})
     try:
         authority = _authority(folder / AUTHORITY, days, now)
         if swarm is not None and (swarms := swarms_with(folder / AUTHORITY, swarm, share=share)):
             _write(folder / AUTHORITY / SWARMS_FILE, swarms)
-        hosts = dict(hosts)
         for name in revoke:
             # The list first: an interrupted revocation is completed by the next one.
             revoked = with_revoked(folder, name, now)
-            _write(folder / FILE_NAME, encode_revoked(revoked))
+            _write(folder / FILE_NAME, encode_table(revoked))
             hosts[name] = (*hosts.get(name, ()), *hosts_of(read_certificate(folder / name / "cert.pem")))
             remove_keys(folder / name, len(revoked[name]))
         revoked = read_revoked(folder)
@@ -200,10 +197,9 @@ def _distribute(folder: Path, revoked: Revoked) -> set[str]:
     public = {
         path.name: read_signing_key(path / "sign.pem").public_key().public_bytes_raw() for path in folders
     }
-    text = json.dumps({name: base64.b64encode(key).decode() for name, key in public.items()}, indent=2)
-    contents = {"signers.json": text.encode() + b"\n"}
+    contents = {"signers.json": encode_table(public)}
     if revoked:
-        contents[FILE_NAME] = encode_revoked(revoked)
+        contents[FILE_NAME] = encode_table(revoked)
     changed = [
         path / file
         for path in folders

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import binascii
 import fcntl
 import hashlib
 import os
@@ -55,7 +54,7 @@ def _parse_key(text: str) -> bytes | None:
         return bytes.fromhex(text)
     try:
         key = base64.b64decode(text, validate=True)
-    except (ValueError, binascii.Error):
+    except ValueError:
         return None
     return key if len(key) == KEY_BYTES else None
 

@@ -11,7 +11,6 @@ participant. Revocation works in two ways:
 
 from __future__ import annotations
 
-import base64
 import contextlib
 import datetime as dt
 from collections.abc import Mapping
@@ -21,6 +20,7 @@ import msgspec
 
 from swarmctl.security.files import (
     KeyringError,
+    public_text,
     read,
     read_certificate,
     read_signing_key,
@@ -58,10 +58,6 @@ def read_revoked(folder: Path) -> Revoked:
         raise KeyringError(f"{path} is not a list of revoked keys: {error}; restore it") from error
 
 
-def encode_revoked(revoked: Revoked) -> bytes:
-    return msgspec.json.format(msgspec.json.encode(revoked), indent=2) + b"\n"
-
-
 def common_name(name: str, revoked: Revoked) -> str:
     """Return the common name of a participant's valid certificate."""
     n_revoked = len(revoked.get(name, ()))
@@ -95,9 +91,8 @@ def with_revoked(folder: Path, name: str, now: dt.datetime) -> Revoked:
             "interrupted revocation, run `swarmctl keys` without --revoke"
         )
     serial = f"{read_certificate(own / 'cert.pem').serial_number:x}"
-    public_key = read_signing_key(own / "sign.pem").public_key().public_bytes_raw()
     revoked = read_revoked(folder)
-    keys = RevokedKeys(serial, base64.b64encode(public_key).decode(), now.timestamp())
+    keys = RevokedKeys(serial, public_text(read_signing_key(own / "sign.pem")), now.timestamp())
     earlier = revoked.get(name, ())
     if any(entry.certificate == serial for entry in earlier):  # an interrupted revocation
         return revoked
