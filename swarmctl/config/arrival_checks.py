@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from itertools import compress
 
 import numpy as np
 
@@ -20,6 +21,12 @@ from swarmctl.planners import PLANNERS, BadProblem, Method, Problem, Route, meth
 TWO_CELLS = ((0, 0), (0, 1))
 
 
+def time_bounds(section: Simulate | Vehicle) -> list[str]:
+    """Return the keys of the given time bounds."""
+    given = (section.arrive_within_s is not None, section.arrive_after_s > 0.0)
+    return list(compress(("arrive_within_s", "arrive_after_s"), given))
+
+
 def check_arrival(config: Config) -> Iterator[ConfigProblem]:
     """Yield problems of a common arrival: vehicles without a speed, and time bounds beside `arrival`."""
     if config.arrival is None:
@@ -28,32 +35,20 @@ def check_arrival(config: Config) -> Iterator[ConfigProblem]:
         if vehicle.speed_m_s is None:
             text = "is missing: `arrival` needs the vehicle's greatest speed over ground [m/s]; add it"
             yield ConfigProblem(("vehicles", i, "speed_m_s"), text)
-    sections = [(("vehicles", i), vehicle) for i, vehicle in enumerate(config.vehicles)]
-    bounded = [(here, section.arrive_within_s, section.arrive_after_s) for here, section in sections]
-    if config.simulate is not None:
-        simulate = config.simulate
-        bounded.append((("simulate",), simulate.arrive_within_s, simulate.arrive_after_s))  # type: ignore[arg-type]
-    for here, within_s, after_s in bounded:
-        for key, given in (("arrive_within_s", within_s is not None), ("arrive_after_s", after_s > 0.0)):
-            if given:
-                text = "`arrival` sets the arrival time of all vehicles; remove this key, or `arrival`"
-                yield ConfigProblem((*here, key), text)
+    for here, section in config.vehicle_sections:
+        for key in time_bounds(section):
+            text = "`arrival` sets the arrival time of all vehicles; remove this key, or `arrival`"
+            yield ConfigProblem((*here, key), text)
 
 
 def check_time_bounds(config: Config) -> Iterator[ConfigProblem]:
     """Yield problems of time bounds: no speed, a contradiction, or a planner that ignores the bound."""
-    bounded: list[tuple[KeyPath, Simulate | Vehicle]] = [
-        (("vehicles", i), vehicle) for i, vehicle in enumerate(config.vehicles)
-    ]
-    if config.simulate is not None:
-        bounded.insert(0, (("simulate",), config.simulate))
-    for here, section in bounded:
+    supports = {"arrive_within_s": _rejects_long_routes, "arrive_after_s": _rejects_short_routes}
+    for here, section in config.vehicle_sections:
         after_s, within_s = section.arrive_after_s, section.arrive_within_s
-        if within_s is not None:
-            yield from _check_support(config, (*here, "arrive_within_s"), _rejects_long_routes)
-        if after_s > 0.0:
-            yield from _check_support(config, (*here, "arrive_after_s"), _rejects_short_routes)
-        if (within_s is not None or after_s > 0.0) and section.speed_m_s is None:
+        for key in time_bounds(section):
+            yield from _check_support(config, (*here, key), supports[key])
+        if time_bounds(section) and section.speed_m_s is None:
             text = "is missing: a time bound needs the vehicle's speed over ground [m/s]; add it"
             yield ConfigProblem((*here, "speed_m_s"), text)
         if within_s is not None and after_s > within_s:

@@ -29,6 +29,7 @@ from swarmctl.config.separation import SeparationSection
 from swarmctl.config.threats import Threats
 from swarmctl.config.vehicles import Simulate, Vehicle
 from swarmctl.config.wings import WingsSection
+from swarmctl.config.yaml_lines import KeyPath
 from swarmctl.core.grid import Cell
 from swarmctl.core.inference.sensor import SensorModel
 from swarmctl.core.operator_text import VEHICLE_NAME
@@ -93,6 +94,14 @@ class Config(Roster, extra="forbid"):
     vehicles: tuple[Vehicle, ...] = Field((), description="Vehicles by MAVLink URL. Default: none.")
 
     @property
+    def vehicle_sections(self) -> list[tuple[KeyPath, Simulate | Vehicle]]:
+        """The sections of vehicles with their paths: `simulate`, followed by each of `vehicles`."""
+        simulated: list[tuple[KeyPath, Simulate | Vehicle]] = []
+        if self.simulate is not None:
+            simulated.append((("simulate",), self.simulate))
+        return [*simulated, *((("vehicles", i), vehicle) for i, vehicle in enumerate(self.vehicles))]
+
+    @property
     def needs_machine_code(self) -> bool:
         """True if a planner of this swarm needs machine code."""
         planner, n_cells = self.planner, self.area.rows * self.area.cols
@@ -141,7 +150,7 @@ def schema_problems(error: ValidationError, data: Any, schema: type[BaseModel]) 
     return _merged(_problem(dict(e), data, schema) for e in error.errors(include_url=False))
 
 
-def _check_valid_part(data: Any, wrong: list[yaml_lines.KeyPath], check: Check) -> Iterator[ConfigProblem]:
+def _check_valid_part(data: Any, wrong: list[KeyPath], check: Check) -> Iterator[ConfigProblem]:
     """Yield problems between the valid values, so that one run reports as many problems as possible."""
     if not isinstance(data, dict):
         return
@@ -166,7 +175,7 @@ def _check_valid_part(data: Any, wrong: list[yaml_lines.KeyPath], check: Check) 
 
 def _merged(problems: Iterable[ConfigProblem]) -> list[ConfigProblem]:
     """Return one problem for each key: pydantic reports a wrong value once for each member of a union."""
-    texts: dict[yaml_lines.KeyPath, list[str]] = {}
+    texts: dict[KeyPath, list[str]] = {}
     for problem in problems:
         texts.setdefault(problem.path, []).append(problem.text)
     return [ConfigProblem(path, "; or ".join(dict.fromkeys(several))) for path, several in texts.items()]
@@ -209,7 +218,7 @@ def _problem(error: dict[str, Any], data: Any, schema: type[BaseModel]) -> Confi
     return ConfigProblem(path, text[:1].lower() + text[1:])
 
 
-def _in_file(path: yaml_lines.KeyPath, data: Any, *, keep_last: bool) -> yaml_lines.KeyPath:
+def _in_file(path: KeyPath, data: Any, *, keep_last: bool) -> KeyPath:
     """Return pydantic's path without names of union members; `keep_last`: keep a last key not in `data`."""
     kept: list[str | int] = []
     for i, part in enumerate(path):
@@ -226,7 +235,7 @@ def _in_file(path: yaml_lines.KeyPath, data: Any, *, keep_last: bool) -> yaml_li
     return tuple(kept)
 
 
-def _unknown_key(path: yaml_lines.KeyPath, schema: type[BaseModel]) -> str:
+def _unknown_key(path: KeyPath, schema: type[BaseModel]) -> str:
     models = [schema]
     for part in path[:-1]:
         fields = models[0].model_fields if models else {}
@@ -248,12 +257,12 @@ def models_in(annotation: Any) -> Iterator[type[BaseModel]]:
         yield from models_in(part)
 
 
-def _without(data: Any, paths: list[yaml_lines.KeyPath], here: yaml_lines.KeyPath = ()) -> Any:
+def _without(data: Any, paths: list[KeyPath], here: KeyPath = ()) -> Any:
     if isinstance(data, dict):
         return {k: _without(v, paths, (*here, k)) for k, v in data.items() if (*here, str(k)) not in paths}
     return data
 
 
-def _touches(path: yaml_lines.KeyPath, other: yaml_lines.KeyPath) -> bool:
+def _touches(path: KeyPath, other: KeyPath) -> bool:
     shorter = min(len(path), len(other))
     return path[:shorter] == other[:shorter]

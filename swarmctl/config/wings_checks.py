@@ -8,11 +8,13 @@ from itertools import combinations, pairwise
 
 from swarmctl.agent.replan.landing import goal_pattern, home_approach, home_pattern
 from swarmctl.agent.state import Task
+from swarmctl.config.arrival_checks import time_bounds
 from swarmctl.config.autopilots import AUTOPILOTS
 from swarmctl.config.model import Config
 from swarmctl.config.problems import ConfigProblem
 from swarmctl.config.scenario import Scenario
 from swarmctl.config.specs import Spec, simulated_autopilot
+from swarmctl.config.vehicles import Simulate, Vehicle
 from swarmctl.config.yaml_lines import KeyPath
 from swarmctl.core.geo import distance_m
 from swarmctl.core.planar import PlanarPoint, distance_to_track
@@ -27,33 +29,28 @@ CLIMB_SLOPE = 0.25
 
 def check_wings(config: Config) -> Iterator[ConfigProblem]:
     """Yield problems of settings that fixed wings exclude, and of `wings` without a fixed wing."""
-    paths = list(_plane_paths(config))
-    if not paths:
+    planes = [(here, section) for here, section in config.vehicle_sections if _has_planes(config, section)]
+    if not planes:
         if "wings" in config.model_fields_set:
             text = "no vehicle is a fixed wing; remove this section, or set `airframe: plane` on a vehicle"
             yield ConfigProblem(("wings",), text)
         return
     if not config.flight.any_angle:
         text = "fixed wings need straightened routes, with room for their turns; set it to true"
-        yield ConfigProblem(("flight", "any_angle"), text, depends_on=paths[0])
-    for here in paths:
-        section = config.vehicles[here[1]] if here[0] == "vehicles" else config.simulate  # type: ignore[index]
-        assert section is not None
-        if section.arrive_within_s is not None or section.arrive_after_s > 0.0:
+        yield ConfigProblem(("flight", "any_angle"), text, depends_on=planes[0][0])
+    for here, section in planes:
+        for key in time_bounds(section):
             text = "flight times of fixed wings are not precise enough for a time bound; remove it"
-            key = "arrive_within_s" if section.arrive_within_s is not None else "arrive_after_s"
             yield ConfigProblem((*here, key), text)
         if not LINKS[section.link].flies_planes:
             yield ConfigProblem((*here, "link"), "fixed wings need the link `direct`; set link: direct")
 
 
-def _plane_paths(config: Config) -> Iterator[KeyPath]:
-    simulate = config.simulate
-    if simulate is not None and any(
-        AUTOPILOTS[simulated_autopilot(config, i)].airframe == "plane" for i in range(simulate.count)
-    ):
-        yield ("simulate",)
-    yield from (("vehicles", i) for i, v in enumerate(config.vehicles) if v.airframe == "plane")
+def _has_planes(config: Config, section: Simulate | Vehicle) -> bool:
+    if isinstance(section, Vehicle):
+        return section.airframe == "plane"
+    autopilots = (simulated_autopilot(config, i) for i in range(section.count))
+    return any(AUTOPILOTS[name].airframe == "plane" for name in autopilots)
 
 
 def check_plane(scenario: Scenario, spec: Spec, task: Task, here: KeyPath) -> Iterator[ConfigProblem]:
