@@ -47,7 +47,7 @@ class PreflightFacts:
     """time since the last position; infinite before the first"""
     status_age_s: float
     """time since the last SYS_STATUS (charge, readiness to arm); infinite before the first"""
-    instruments: Instruments | None
+    instruments: Instruments
     clock_offset_s: float | None
     """the vehicle's clock minus the reference clock"""
     clock_tolerance_s: float

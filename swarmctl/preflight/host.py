@@ -9,7 +9,7 @@ import socket
 from collections.abc import Iterator
 from pathlib import Path
 
-from swarmctl.bus.endpoint import parse_endpoint
+from swarmctl.bus.endpoint import NO_ENDPOINT, parse_endpoint
 from swarmctl.bus.transports import BUSES
 from swarmctl.config.communication import Communication
 from swarmctl.config.scenario import Scenario
@@ -35,14 +35,8 @@ def _endpoint_trouble(endpoint: Endpoint, name: str, sockets: contextlib.ExitSta
             yield f"{name}: {endpoint}: device {endpoint.host} does not exist; plug the radio in [no-device]"
     elif endpoint.listens:
         kind = socket.SOCK_DGRAM if endpoint.kind == "udpin" else socket.SOCK_STREAM
-        family = socket.AF_INET6 if ":" in endpoint.host else socket.AF_INET
-        probe = sockets.enter_context(contextlib.closing(socket.socket(family, kind)))
-        if kind is socket.SOCK_STREAM:
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as a server does
-        try:
-            probe.bind((endpoint.host, endpoint.port))
-        except OSError as error:
-            yield f"{name}: {endpoint}: {_bind_problem(endpoint, error)}"
+        if problem := _bind_problem(endpoint.host, endpoint.port, kind, sockets):
+            yield f"{name}: {endpoint}: {problem}"
     elif endpoint.kind in ("udpout", "tcpout"):
         try:
             socket.getaddrinfo(endpoint.host, endpoint.port)
@@ -51,30 +45,26 @@ def _endpoint_trouble(endpoint: Endpoint, name: str, sockets: contextlib.ExitSta
 
 
 def _listen_trouble(communication: Communication, sockets: contextlib.ExitStack) -> Iterator[str]:
-    if not BUSES[communication.bus].is_networked or communication.listen == "none":
+    if not BUSES[communication.bus].is_networked or communication.listen == NO_ENDPOINT:
         return
     endpoint = parse_endpoint(communication.listen)
-    probe = sockets.enter_context(contextlib.closing(_stream_socket(endpoint.host)))
+    if problem := _bind_problem(endpoint.host, endpoint.port, socket.SOCK_STREAM, sockets):
+        yield f"communication.listen: {endpoint}: {problem}"
+
+
+def _bind_problem(host: str, port: int, kind: socket.SocketKind, sockets: contextlib.ExitStack) -> str:
+    """Listen as long as `sockets` is open; return the reason as text if this fails, else an empty text."""
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    probe = sockets.enter_context(contextlib.closing(socket.socket(family, kind)))
+    if kind is socket.SOCK_STREAM:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as a server does
     try:
-        probe.bind((endpoint.host, endpoint.port))
+        probe.bind((host, port))
     except OSError as error:
-        port_in_use = (
-            f"port {endpoint.port} is in use; stop the other program, or give another port (0: any free port)"
-        )
-        other = f"{error.strerror or error}; give an address of this machine"
-        yield f"communication.listen: {endpoint}: {port_in_use if error.errno == errno.EADDRINUSE else other}"
-
-
-def _stream_socket(host: str) -> socket.socket:
-    stream = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_STREAM)
-    stream.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as a server does
-    return stream
-
-
-def _bind_problem(endpoint: Endpoint, error: OSError) -> str:
-    if error.errno == errno.EADDRINUSE:
-        return f"port {endpoint.port} is in use; stop the other ground station, or give another port"
-    return f"cannot listen here: {error.strerror or error}; give an address of this machine"
+        if error.errno == errno.EADDRINUSE:
+            return f"port {port} is in use; stop the other program, or give another port (0: any free port)"
+        return f"cannot listen here: {error.strerror or error}; give an address of this machine"
+    return ""
 
 
 def _folder_trouble(runs: Path) -> Iterator[str]:

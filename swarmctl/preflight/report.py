@@ -16,20 +16,17 @@ _SET_BY_FLY = Text("fly sets", "yellow")
 
 
 def overview(checked: Mapping[str, Sequence[CheckResult]]) -> Table:
-    """Return a table with a row for each vehicle and a column for each check."""
+    """Return a table with a row for each vehicle and a column for each check; results are in their order."""
     grid = Table(box=box.SIMPLE_HEAD, header_style="bold", pad_edge=False, padding=(0, 1, 0, 0))
     grid.add_column("vehicle", no_wrap=True)
     for check in CHECKS:
         grid.add_column(check.NAME, no_wrap=True)
     for name, results in checked.items():
-        by_check = {result.check: result for result in results}
-        grid.add_row(name, *(_verdict(by_check.get(check.NAME)) for check in CHECKS))
+        grid.add_row(name, *map(_verdict, results))
     return grid
 
 
-def _verdict(result: CheckResult | None) -> Text:
-    if result is None:
-        return _FAILS
+def _verdict(result: CheckResult) -> Text:
     if result.waived:
         return _WAIVED
     if result.finding.set_by_fly:

@@ -85,7 +85,6 @@ UNFIT: list[tuple[str, PreflightFacts, str]] = [
     ("position", state(ready=False, not_ready=("PreArm: Compass",)), "PreArm: Compass"),
     ("telemetry", but(instruments=Instruments(FIX, 1.8e9, 10.0, position_every_s=2.6)), "2.6 s"),
     ("telemetry", but(instruments=Instruments(FIX, 1.8e9, 10.0)), "2.5 s"),
-    ("gps", but(instruments=None), "GPS_RAW_INT"),
     ("gps", but(instruments=Instruments(None, None, None)), "GPS_RAW_INT"),
     ("gps", gps(fix_type=2), r"\b2, 9 .*HDOP 1\.20"),
     ("gps", gps(satellites=5), "5 satellites"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from swarmctl.preflight.facts import Finding, PreflightFacts
+from swarmctl.preflight.facts import Finding, PreflightFacts, without_route
 
 NAME = "heading"
 WAIVABLE = True
@@ -17,13 +17,9 @@ def check(facts: PreflightFacts) -> Finding:
         return Finding(True, "a copter, which takes off on the spot", "any heading")
     state, plan = facts.state, facts.plan
     if plan is None or state.lat_deg is None or state.lon_deg is None:
-        return Finding(
-            False, "no verified route on the vehicle", "a heading along the first leg", "upload the mission"
-        )
-    (e0, n0), (e1, n1) = (
-        facts.frame.to_local(state.lat_deg, state.lon_deg),
-        facts.frame.to_local(plan.track[0].lat_deg, plan.track[0].lon_deg),
-    )
+        return Finding(False, *without_route(facts, "a heading along the first leg"))
+    e0, n0 = facts.frame.to_local(state.lat_deg, state.lon_deg)
+    e1, n1 = facts.frame.to_local(plan.track[0].lat_deg, plan.track[0].lon_deg)
     leg_deg = math.degrees(math.atan2(e1 - e0, n1 - n0)) % 360.0
     wanted = f"{leg_deg:.0f} degrees (the first leg), within {MAX_ANGLE_DEG:g} degrees"
     if state.heading_deg is None:
