@@ -19,7 +19,6 @@ from swarmctl.cli.operator_command import (
     AllOption,
     ConnectOption,
     FlyingConfigOption,
-    SendCommand,
     SwarmOption,
     UavsOption,
     send_or_exit,
@@ -66,12 +65,11 @@ def abort(
         config,
         connect,
         partial(order_line, manoeuvre),
-        send=partial(send_to_valid_names, recall.send),
+        send=send_to_valid_names,
     )
 
 
 async def send_to_valid_names(
-    send: SendCommand,
     flight: FlightEndpoints,
     command: Request,
     credentials: Credentials | None,
@@ -79,20 +77,22 @@ async def send_to_valid_names(
 ) -> OperatorAnswer:
     """Send a command to all vehicles with valid names; unknown names become refused answers.
 
-    A misspelt name must not keep the other vehicles in the air. Raises the errors of `send`.
+    A misspelt name must not keep the other vehicles in the air. Raises the errors of `recall.send`.
     """
     words = tuple(map(str, command.uavs or ()))
     if flight.agents:  # each agent answers for one vehicle, and the configuration has all names
         problems = {word: why for word in words if (why := _name_problem(word, flight.agents))}
         valid = tuple(word for word in words if word not in problems)
         if not problems or not valid:
-            return await send(flight, command, credentials, signing)
-        answer = await send(flight, _addressed(command, valid), credentials, signing)
+            return await recall.send(flight, command, credentials, signing)
+        answer = await recall.send(flight, _addressed(command, valid), credentials, signing)
         return _with_refused(answer, problems)
-    answer = await send(flight, command, credentials, signing)
+    answer = await recall.send(flight, command, credentials, signing)
     if not answer.refused or len(words) < 2:
         return answer
-    answers = {word: await send(flight, _addressed(command, (word,)), credentials, signing) for word in words}
+    answers = {
+        word: await recall.send(flight, _addressed(command, (word,)), credentials, signing) for word in words
+    }
     vehicles = tuple(vehicle for each in answers.values() for vehicle in each.vehicles)
     problems = {
         word: each.refused.removeprefix("nothing was changed: ")

@@ -63,7 +63,7 @@ def send_or_exit(
     config: Path | None,
     connect: str | None,
     line_of: Callable[[VehicleAnswer], str],
-    send: SendCommand = client.send,
+    send: SendCommand = recall.send,
 ) -> None:
     """Send a command and print the answers; exit on a failure, or if a vehicle did not take the command."""
     try:

@@ -213,17 +213,6 @@ def _endpoint(text: str) -> BusEndpoint:
     return endpoint
 
 
-async def send(
-    flight: FlightEndpoints,
-    command: Request,
-    credentials: Credentials | None = None,
-    signing: RequestSigning = NO_AUTHENTICATION,
-) -> OperatorAnswer:
-    """Send a command and return the answer. Raises BusError, BadOptions and NoAnswer."""
-    with connected(flight, credentials) as bus:
-        return await ask(bus, flight, command, signing)
-
-
 @contextlib.contextmanager
 def connected(flight: FlightEndpoints, credentials: Credentials | None = None) -> Iterator[ZenohBus]:
     """Yield a connection to the first endpoint of the flight that answers. Raises BusError."""

@@ -28,7 +28,7 @@ async def send(
     credentials: Credentials | None = None,
     signing: RequestSigning = NO_AUTHENTICATION,
 ) -> OperatorAnswer:
-    """Send a command as `client.send` does; an order to return also schedules the vehicles' returns.
+    """Send a command and return the answer; an order to return also schedules the vehicles' returns.
 
     Raises BusError, BadOptions and NoAnswer.
     """

@@ -23,7 +23,7 @@ from swarmctl.core.messages import (
     encode,
 )
 from swarmctl.preflight import host
-from swarmctl.station import client
+from swarmctl.station import client, recall
 
 
 def test_a_wildcard_is_refused_and_counted() -> None:
@@ -97,7 +97,7 @@ def test_an_endpoint_without_a_swarm_is_an_error(monkeypatch: pytest.MonkeyPatch
     async def scene() -> None:
         with contextlib.ExitStack() as held:
             station = client.FlightEndpoints("test", BusEndpoint("127.0.0.1", occupied_port(held)))
-        await client.send(station, SetWeights(None, w=0.2))
+        await recall.send(station, SetWeights(None, w=0.2))
 
     with pytest.raises(BusError, match=r"tcp/127\.0\.0\.1:.*\[no-swarm-at-endpoint\]"):
         asyncio.run(scene())
