@@ -110,7 +110,7 @@ class MadeUpSwarm:
 
 def live(console: Console, vehicles: int, cells: int, seconds: int) -> None:
     scenario = swarm(vehicles, cells)
-    timeline = Timeline(scenario, "live file", 0.0)
+    timeline = Timeline(scenario, "live file")
     made_up = MadeUpSwarm(scenario, timeline)
     before, n_bytes, fold_s, picture_s = None, 0, 0.0, 0.0
     encode = msgspec.json.Encoder().encode

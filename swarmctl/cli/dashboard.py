@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import os
-import time
 from collections.abc import Awaitable, Callable, Coroutine
 from functools import partial
 from pathlib import Path
@@ -175,7 +174,7 @@ async def _watch(config: Path, connect: str | None, serve: Callable[..., Corouti
     station = ground_station_or_exit(config, swarm, connect)
     with ZenohBus(station.network) as bus:
         now_s = asyncio.get_running_loop().time()
-        source = BusSource(scenario, station.codec, now_s, time.time())
+        source = BusSource(scenario, station.codec, now_s)
         run = partial(source.run, bus, partial(station.state_of, bus))
         send = _sender(swarm.name, config, connect)
         await serve({str(config): Source(source.timeline, run)}, send=send)

@@ -5,7 +5,6 @@ index at which it begins; so a page whose list is longer, after a scrub back, cu
 
 | key | content |
 |---|---|
-| `time_s`, `unix_s` | always |
 | `vehicles` | {name: {field: value}}; `track`: {from, points} |
 | `whose` | the vehicle with the belief that is shown; empty: all vehicles together |
 | `belief` | cells or all codes |
@@ -38,7 +37,7 @@ BYTES_A_CELL = 10
 
 def changes(before: Picture | None, after: Picture) -> dict[str, Any]:
     """Return what a page has to be sent that shows `before`; None: a page that shows nothing yet."""
-    result: dict[str, Any] = {"time_s": round(after.time_s, 3), "unix_s": round(after.unix_s, 3)}
+    result: dict[str, Any] = {}
     shown = {} if before is None else {vehicle.name: vehicle for vehicle in before.vehicles}
     vehicles = {v.name: changed for v in after.vehicles if (changed := _vehicle(shown.get(v.name), v))}
     if vehicles:
@@ -95,16 +94,11 @@ def _rounded_list(items: Sequence[msgspec.Struct]) -> list[dict[str, Any]]:
     ]
 
 
-def _growth(before: Sequence[Any] | None, after: Sequence[Any]) -> int | None:
-    """Return the index from which on `after` is new; None if nothing is."""
+def _growth(before: Grown[Any] | None, after: Grown[Any]) -> int | None:
+    """Return the index from which on `after`, another part of the same list, is new; None if nothing is."""
     if before is None:
         return 0
-    if isinstance(after, Grown) and isinstance(before, Grown):
-        if after.continues(before):
-            return None if len(after) == len(before) else len(before)
-        if before.continues(after):
-            return len(after)
-    return None if list(before) == list(after) else 0
+    return None if len(before) == len(after) else min(len(before), len(after))
 
 
 def _belief(before: CellCodes | None, after: CellCodes) -> dict[str, Any] | None:

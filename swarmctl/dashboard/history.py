@@ -39,15 +39,6 @@ class Grown(Sequence[T], Generic[T]):
             raise IndexError(index)
         return self._items[index if index >= 0 else self._n + index]
 
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Sequence) and len(self) == len(other) and list(self) == list(other)
-
-    __hash__ = None  # type: ignore[assignment]
-
-    def continues(self, other: Sequence[T]) -> bool:
-        """Return whether this sequence begins with `other`, an earlier look at the same list."""
-        return isinstance(other, Grown) and other._items is self._items and other._n <= self._n
-
 
 class Steps(Generic[T]):
     """A value that changes now and then; `first` holds before the first change."""

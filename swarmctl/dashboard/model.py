@@ -55,10 +55,9 @@ _encode = msgspec.msgpack.Encoder().encode
 class Timeline:
     """Everything known of one swarm, from the first time to the last."""
 
-    def __init__(self, scenario: Scenario, kind: SourceKind, began_unix_s: float) -> None:
+    def __init__(self, scenario: Scenario, kind: SourceKind) -> None:
         self.area: AreaPicture = looks.area(scenario)
         self.kind: SourceKind = kind
-        self.began_unix_s = began_unix_s
         self.is_live = self.is_flight
         self.now_s = 0.0
         """time to show if none is chosen; a live source moves it on, though no data come"""
@@ -315,7 +314,6 @@ class Timeline:
         history = self._beliefs(whose)
         return Picture(
             time_s,
-            self.began_unix_s + time_s,
             self.source,
             vehicles,
             whose,

@@ -1,12 +1,11 @@
 """The types of what the dashboard shows at one time. Pure data.
 
 East and north are metres in the local frame of the area (`Grid.frame`): the origin is the south-west corner.
-Cells are (row, col); row 0 is the south edge. `time_s` is the run's clock, `unix_s` the wall clock.
+Cells are (row, col); row 0 is the south edge. `time_s` is the run's clock.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Literal
 
 import msgspec
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 
 from swarmctl.core.geo import LatLon
 from swarmctl.core.grid import Cell
+from swarmctl.dashboard.history import Grown
 
 SourceKind = Literal["recording", "live file", "bus", "abstract mission"]
 Severity = Literal["info", "warning", "alarm"]
@@ -62,11 +62,11 @@ class SourceState(msgspec.Struct, frozen=True):
     """last time that can be shown, by the run's clock [s]"""
     total_s: float
     """length of the record, as far as known; above `end_s` while the record is still being read"""
-    age_s: float = 0.0
+    age_s: float
     """age of the newest data of a live source [s]"""
-    text: str = ""
+    text: str
     """state of the connection or of the file in words, for the operator; empty: nothing to tell"""
-    lacks: tuple[str, ...] = ()
+    lacks: tuple[str, ...]
     """kinds of data that this source does not have, in words"""
 
 
@@ -115,7 +115,7 @@ class Hearing(msgspec.Struct, frozen=True):
     receiver: str
     age_s: float
     """time since the receiver last reported to hear the sender, or got a message of it [s]"""
-    loss: float | None = None
+    loss: float | None
     """share of the sender's messages that did not arrive, over the last minute; None: not known"""
 
 
@@ -144,7 +144,7 @@ class Strike(msgspec.Struct, frozen=True):
     time_s: float
     vehicle: str
     at: Point
-    count: int = 1
+    count: int
 
 
 class Event(msgspec.Struct, frozen=True):
@@ -163,38 +163,38 @@ class VehiclePicture(msgspec.Struct, frozen=True):
     """A vehicle at one time; None for a value that is not known."""
 
     name: str
-    phase: str = ""
+    phase: str
     """phase of the agent; empty before the first word"""
-    mode: str = ""
-    position: Point | None = None
-    height_m: float | None = None
+    mode: str
+    position: Point | None
+    height_m: float | None
     """above home [m]"""
-    speed_m_s: float | None = None
+    speed_m_s: float | None
     """over ground [m/s]"""
-    heading_deg: float | None = None
+    heading_deg: float | None
     """course over ground, or the heading of a slow vehicle [deg]"""
-    battery_percent: int | None = None
-    progress: float | None = None
+    battery_percent: int | None
+    progress: float | None
     """share of the route, 0..1"""
-    arrives_in_s: float | None = None
+    arrives_in_s: float | None
     """predicted time to the last waypoint [s]"""
-    link: str = ""
+    link: str
     """quality of the link in words, as in the terminal"""
-    age_s: float | None = None
+    age_s: float | None
     """time since the last word of the vehicle [s]; None before the first"""
-    is_silent: bool = True
+    is_silent: bool
     """True if the last word is older than SILENT_AFTER_S, or there was none: the vehicle may have moved on"""
-    cells_known: int = 0
-    hostiles_known: int = 0
-    replans: int = 0
-    strikes: int | None = None
-    waiting: str = ""
+    cells_known: int
+    hostiles_known: int
+    replans: int
+    strikes: int | None
+    waiting: str
     """what the vehicle waits for, in words; empty: for nothing"""
-    note: str = ""
+    note: str
     """alarm, outcome or trouble in words, as in the terminal"""
-    route: Route | None = None
+    route: Route | None
     """plan that is flown"""
-    track: Sequence[Point] = ()
+    track: Grown[Point]
     """flown track"""
 
 
@@ -202,17 +202,16 @@ class Picture(msgspec.Struct, frozen=True):
     """Everything that the page shows at one time, besides the constant `AreaPicture`."""
 
     time_s: float
-    unix_s: float
     source: SourceState
     vehicles: tuple[VehiclePicture, ...]
     """in the order of `AreaPicture.names`"""
     whose: str
     """name of the vehicle with the belief that is shown; empty: what all vehicles together know"""
     belief: CellCodes
-    hearing: tuple[Hearing, ...] = ()
-    conflicts: tuple[Conflict, ...] = ()
-    events: Sequence[Event] = ()
+    hearing: tuple[Hearing, ...]
+    conflicts: tuple[Conflict, ...]
+    events: Grown[Event]
     """all events up to `time_s`, in order"""
-    changes: Sequence[RouteChange] = ()
-    strikes: Sequence[Strike] = ()
-    groups: tuple[Group, ...] = ()
+    changes: Grown[RouteChange]
+    strikes: Grown[Strike]
+    groups: tuple[Group, ...]

@@ -123,7 +123,7 @@ def as_changes(routes: list[FirstRouteShown]) -> Mapping[str, Any]:
             "age_s": 0.0,
             "route": None if points is None else {"points": points},
         }
-    return {"time_s": 0.0, "vehicles": vehicles}
+    return {"vehicles": vehicles}
 
 
 def _course_deg(begin: Point, end: Point) -> float:

@@ -67,7 +67,7 @@ class HeardBus(MemoryBus):
 def flight(tmp_path_factory: pytest.TempPathFactory) -> Flight:
     run = tmp_path_factory.mktemp("run")
     scenario = small(sensor={"p_miss": 0.1, "p_false_alarm": 0.02}, planner={"autonomy": 0.3}, simulate=TWO)
-    heard = BusSource(scenario, FrameCodec("small"), 1767225600.0, 1767225600.0)
+    heard = BusSource(scenario, FrameCodec("small"), 1767225600.0)
     summary = fly(scenario, run, bus=HeardBus(heard)).summary
     return Flight(run, whole(run), messages_of(run), heard, summary)
 
@@ -224,7 +224,7 @@ def test_costs_and_reasons_of_an_announced_route_follow_from_what_the_station_kn
 
 def test_a_vehicle_that_is_not_heard_is_shown_with_the_age_of_its_last_word(flight: Flight) -> None:
     codec = FrameCodec("small")
-    source = BusSource(flight.timeline.scenario, codec, 100.0, 100.0)
+    source = BusSource(flight.timeline.scenario, codec, 100.0)
     source.move_on("", 102.0)
     assert [(v.is_silent, v.age_s) for v in source.timeline.at().vehicles] == [(True, None)] * 2
     lat_deg, lon_deg = flight.timeline.scenario.grid.centre((2, 2))
@@ -249,7 +249,7 @@ def test_a_vehicle_that_is_not_heard_is_shown_with_the_age_of_its_last_word(flig
 
 def test_a_station_receives_until_it_is_cancelled(flight: Flight) -> None:
     bus, codec = MemoryBus(), FrameCodec("small")
-    source = BusSource(flight.timeline.scenario, codec, 0.0, 0.0)
+    source = BusSource(flight.timeline.scenario, codec, 0.0)
     lat_deg, lon_deg = flight.timeline.scenario.grid.centre((2, 2))
 
     async def station() -> None:
@@ -280,7 +280,7 @@ def test_a_group_is_shown_with_its_leader_and_errors(tmp_path: Path) -> None:
 
 
 def test_a_lost_link_that_is_reported_each_second_is_one_alarm() -> None:
-    timeline = Timeline(small(simulate=TWO), "record", 0.0)
+    timeline = Timeline(small(simulate=TWO), "record")
     for time_s in (15.0, 16.0, 17.0):
         timeline.link_lost(1, time_s, time_s - 10.0)
     assert [event.severity for event in timeline.at().events] == ["alarm"]

@@ -82,11 +82,11 @@ def test_each_route_of_the_front_with_a_w_is_found_by_it(question: Question) -> 
 
 
 def test_before_the_first_word_the_route_begins_in_the_entry_cell(scenario: Scenario) -> None:
-    question = question_of(Timeline(scenario, "record", 0.0), "uav2", 0.0)
+    question = question_of(Timeline(scenario, "record"), "uav2", 0.0)
     assert route_with(question, Weights(0.5, STRENGTH)).cells[0] == scenario.tasks[1].entry
 
 
 def test_a_vehicle_of_another_configuration_has_no_answer(scenario: Scenario) -> None:
     alone = replace(scenario, specs=scenario.specs[:1], tasks=scenario.tasks[:1])
     with pytest.raises(NoAnswer, match="uav2"):
-        question_of(Timeline(alone, "record", 0.0), "uav2", 0.0)
+        question_of(Timeline(alone, "record"), "uav2", 0.0)

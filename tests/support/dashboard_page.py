@@ -63,7 +63,7 @@ def messages_of(run: Path) -> list[StoredMessage]:
 
 def folded(timeline: Timeline, messages: list[StoredMessage], until_s: float) -> Timeline:
     """Return a new timeline of the messages up to a time."""
-    new = Timeline(timeline.scenario, "recording", timeline.began_unix_s)
+    new = Timeline(timeline.scenario, "recording")
     facts = RecordFacts(new, messages[0].log_time_ns)
     for message in messages:
         if (message.log_time_ns - messages[0].log_time_ns) / 1e9 <= until_s:

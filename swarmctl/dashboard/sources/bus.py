@@ -30,10 +30,10 @@ LACKS = (
 class BusSource:
     """The messages of a swarm, folded into a timeline. Its times count from the station's start."""
 
-    def __init__(self, scenario: Scenario, codec: FrameCodec, now_s: float, unix_s: float) -> None:
-        """`now_s` is a monotonic time, `unix_s` the wall clock's."""
+    def __init__(self, scenario: Scenario, codec: FrameCodec, now_s: float) -> None:
+        """`now_s` is a monotonic time."""
         names = {spec.sysid: spec.name for spec in scenario.swarm}
-        self.timeline = Timeline(scenario, "bus", unix_s)
+        self.timeline = Timeline(scenario, "bus")
         self.timeline.lacks = LACKS
         self.board = StateBoard(scenario.config.name, names, scenario.grid, codec)
         self._swarm = scenario.config.name

@@ -42,7 +42,7 @@ class _Told(Watcher):
 
     def __init__(self, scenario: Scenario, world: World) -> None:
         self._scenario = scenario
-        self._timeline = Timeline(scenario, "abstract mission", 0.0)
+        self._timeline = Timeline(scenario, "abstract mission")
         hostiles = tuple(sorted(world.hostiles))
         self._timeline.area = msgspec.structs.replace(self._timeline.area, hostiles=hostiles)
         uavs = [task.uav for task in scenario.tasks]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 from swarmctl.config.scenario import build
@@ -16,7 +16,7 @@ from swarmctl.dashboard.model import Timeline
 from swarmctl.dashboard.picture import SourceKind
 from swarmctl.dashboard.sources.record_facts import RecordFacts
 from swarmctl.report.record import record_path
-from swarmctl.report.record_file import RecordError, RecordStream, StoredMessage, damaged
+from swarmctl.report.record_file import RecordError, RecordStream, damaged
 
 SLICE_S = 0.03
 """longest time of reading without serving the page [s]"""
@@ -39,9 +39,9 @@ class RecordSource:
         except RecordError:
             self._stream.close()
             raise
-        self.timeline = Timeline(scenario, kind, 0.0)
+        self.timeline = Timeline(scenario, kind)
         self._facts: RecordFacts | None = None
-        self._messages = self._read()
+        self._messages = self._stream.chunks()
         self._grew_s = clock()
 
     @property
@@ -69,22 +69,18 @@ class RecordSource:
     def _read_chunk(self) -> bool:
         messages = next(self._messages, None)
         if messages is None:
-            self._messages = self._read()  # a file that grows may have more later
+            self._messages = self._stream.chunks()  # a file that grows may have more later
             return False
         if messages:
             self._grew_s = self._clock()
         for message in messages:
             if self._facts is None:
                 self._facts = RecordFacts(self.timeline, message.log_time_ns)
-                self.timeline.began_unix_s = message.log_time_ns / 1e9
             try:
                 self._facts.fold(message)
             except ValueError as error:
                 raise damaged(self._stream.path, error) from error
         return True
-
-    def _read(self) -> Iterator[list[StoredMessage]]:
-        return self._stream.chunks()
 
     def _total_s(self) -> float:
         """Return the length of the record, estimated from the part that is read."""
@@ -125,10 +121,10 @@ WAIT_S = 60.0
 """longest wait for the record of a flight that has just begun [s]"""
 
 
-async def open_live(run: Path, wait_s: float = WAIT_S) -> RecordSource:
+async def open_live(run: Path) -> RecordSource:
     """Open the record of a flight; wait until the flight has begun it. Raises RecordError."""
     loop = asyncio.get_running_loop()
-    until_s = loop.time() + wait_s
+    until_s = loop.time() + WAIT_S
     while not record_path(run).exists() and loop.time() < until_s:  # noqa: ASYNC110, another process writes it
         await asyncio.sleep(LOOK_EVERY_S)
     return RecordSource(run, "live file")

@@ -53,7 +53,6 @@ class Chart:
     title: str
     caption: str
     x: str
-    measure: str
     y: str
     x_scale: str
     series: dict[str, list[Point]]
@@ -126,9 +125,7 @@ class StudySource:
                 where = "" if spec.panels is None else value_label(spec.panels, panel)
                 title = ": ".join(filter(None, (spec.title, where, label(measure))))
                 text = caption(study, spec).replace("Bands:", "Upright lines:")
-                charts.append(
-                    Chart(title, text, factor_label(spec.x), measure, label(measure), spec.x_scale, series)
-                )
+                charts.append(Chart(title, text, factor_label(spec.x), label(measure), spec.x_scale, series))
         return charts
 
     def worlds(self, levels: Sequence[int]) -> list[WorldResult]:

@@ -91,8 +91,7 @@ export default {
     },
     apply(changes) {
       if (!this.area) return;
-      this.time_s = changes.time_s;
-      if ("unix_s" in changes) this.heard_ms = Date.now();
+      if (!this.options.places) this.heard_ms = Date.now(); // the set-up sends changes only after a click
       for (const [name, changed] of Object.entries(changes.vehicles ?? {})) {
         const vehicle = this.vehicles[name];
         const { track, ...fields } = changed;
