@@ -94,9 +94,10 @@ class StateBoard:
         self._names = names
         self._grid = grid
         self._codec = codec
-        self._newest: dict[int, tuple[Frame, StateShared, float]] = {}
-        self._newest_copy: dict[int, Frame] = {}
-        """newest other message of each vehicle"""
+        self._states: dict[int, tuple[StateShared, float]] = {}
+        """newest state of each vehicle, and the time of its reception"""
+        self._newest: dict[tuple[int, bool], tuple[int, int]] = {}
+        """incarnation and number of the newest frame, by vehicle, of states (True) and of other messages"""
 
     def receive(self, key: str, payload: bytes, now_s: float, unix_s: float) -> Frame | None:
         """Return the frame that a vehicle sent to stations, and store a state; refuse and count all others.
@@ -109,23 +110,16 @@ class StateBoard:
             self.refused += 1
             return None
         # A replayed frame has a valid signature, but its content is old.
-        is_new = self._is_newer(frame) and abs(unix_s - frame.unix_s) <= MAX_STATE_AGE_S
-        if not is_new or frame.sender not in self._names or key != self._key_of(frame):
+        series, number = (frame.sender, isinstance(frame.content, StateShared)), (frame.incarnation, frame.n)
+        is_new = series not in self._newest or number > self._newest[series]
+        is_current = abs(unix_s - frame.unix_s) <= MAX_STATE_AGE_S
+        if not (is_new and is_current) or frame.sender not in self._names or key != self._key_of(frame):
             self.refused += 1
             return None
+        self._newest[series] = number
         if isinstance(frame.content, StateShared):
-            self._newest[frame.sender] = frame, frame.content, now_s
-        else:
-            self._newest_copy[frame.sender] = frame
+            self._states[frame.sender] = frame.content, now_s
         return frame
-
-    def _is_newer(self, frame: Frame) -> bool:
-        if isinstance(frame.content, StateShared):
-            stored = self._newest.get(frame.sender)
-            last = None if stored is None else stored[0]
-        else:
-            last = self._newest_copy.get(frame.sender)
-        return last is None or (frame.incarnation, frame.n) > (last.incarnation, last.n)
 
     def _key_of(self, frame: Frame) -> str:
         """Return the key under which a station gets this frame; "" for messages that stations do not get."""
@@ -138,20 +132,20 @@ class StateBoard:
 
     @property
     def has_all(self) -> bool:
-        return len(self._newest) == len(self._names)
+        return len(self._states) == len(self._names)
 
     @property
     def has_any(self) -> bool:
-        return bool(self._newest)
+        return bool(self._states)
 
     def view(self, network: str, now_s: float) -> SwarmView:
         return SwarmView(self._swarm, network, [self._row(uav, now_s) for uav in self._names], self.refused)
 
     def _row(self, uav: int, now_s: float) -> VehicleRow:
-        name, newest = self._names[uav], self._newest.get(uav)
+        name, newest = self._names[uav], self._states.get(uav)
         if newest is None:
             return VehicleRow(name, None, None, None)
-        _, state, received_s = newest
+        state, received_s = newest
         flagged = state.flagged[: len(self._names)]
         contradicted_by = tuple(self._names.get(other, str(other)) for other in flagged)
         cell = self._grid.cell_at(state.lat_deg, state.lon_deg)
