@@ -36,15 +36,16 @@ FindProblems = Callable[[Draft, Scenario], list[str]]
 
 MARGIN_PX = 90
 """margin around the area, for starts outside it"""
-FIELDS: dict[KeyPath, tuple[str, str]] = {
-    ("area", "rows"): ("Rows", "int"),
-    ("area", "cols"): ("Columns", "int"),
-    ("area", "cell_size_m"): ("Side of a cell [m]", "float"),
-    ("simulate", "count"): ("Simulated vehicles", "int"),
-    ("threats", "count"): ("Hostiles", "int"),
-    ("planner", "w"): ("w: 0 short, 1 safe", "float"),
-    ("seed",): ("Seed", "int"),
+FIELDS: dict[KeyPath, tuple[str, int | None]] = {
+    ("area", "rows"): ("Rows", 1),
+    ("area", "cols"): ("Columns", 1),
+    ("area", "cell_size_m"): ("Side of a cell [m]", None),
+    ("simulate", "count"): ("Simulated vehicles", 1),
+    ("threats", "count"): ("Hostiles", 1),
+    ("planner", "w"): ("w: 0 short, 1 safe", None),
+    ("seed",): ("Seed", 1),
 }
+"""label and step of each number that can be typed"""
 
 
 class SetupPage:
@@ -85,10 +86,11 @@ class SetupPage:
             "w-full"
         ).props("dense outlined options-dense")
         with ui.element("div").classes("fields"):
-            for path, (label, kind) in FIELDS.items():
+            for path, (label, step) in FIELDS.items():
                 value = self._draft.value(path)
                 if isinstance(value, (int, float)):
-                    self._fields[path] = _number(label, kind, value, partial(self._typed, path))
+                    field = ui.number(label, value=value, step=step, on_change=partial(self._typed, path))
+                    self._fields[path] = field.props("dense outlined debounce=400")
         with ui.row().classes("w-full gap-2"):
             ui.button("Save", on_click=self._save).props("dense no-caps")
             ui.button("Save and fly", on_click=self._fly).props("dense no-caps outline")
@@ -222,15 +224,6 @@ def _computed(
         return None, problems, []
     scenario = build(config)
     return scenario, find_problems(draft, scenario), first_routes(scenario)
-
-
-def _number(
-    label: str, kind: str, value: float, typed: Callable[[events.ValueChangeEventArguments[Any]], Any]
-) -> ui.number:
-    step = 1 if kind == "int" else None
-    field = ui.number(label, value=value, step=step, on_change=typed)
-    field.props("dense outlined debounce=400")
-    return field
 
 
 def address(number: int) -> str:
