@@ -15,7 +15,6 @@ from swarmctl.agent.failsafes.base import Fence
 from swarmctl.agent.failsafes.lost_link import Params as LostLink
 from swarmctl.agent.formation.approaches import APPROACHES
 from swarmctl.agent.formation.membership import Formation
-from swarmctl.agent.replan.landing_pattern import FixedWing
 from swarmctl.agent.replan.length_bounds import TimeBound
 from swarmctl.agent.state import Task
 from swarmctl.agent.traffic.separation.approach import Limits
@@ -87,10 +86,6 @@ class Scenario:
         return replace(
             self, specs=tuple(self.specs[i] for i in here), tasks=tuple(self.tasks[i] for i in here)
         )
-
-    def wings(self, spec: Spec) -> FixedWing | None:
-        """Return the performance of a fixed wing; None for a copter."""
-        return wings_of(self.config, spec)
 
     def formation_of(self, uav: int) -> Formation | None:
         """Return the group of a vehicle of this process; None if it flies alone."""

@@ -19,6 +19,7 @@ from swarmctl.flight.runner import Runner
 from swarmctl.flight.takeover import Takeover
 from swarmctl.links import LINKS
 from swarmctl.links.base import Link, LinkEvent, Streaming
+from swarmctl.preflight.collection import FactCollector
 from swarmctl.preflight.conversation import Preflight
 from swarmctl.preflight.results import CheckResult
 from swarmctl.sensors import SOURCES
@@ -44,15 +45,21 @@ class Flight:
             has_keys=run.options.frame_codec is not None,
             authentication=resources.token_authentication or run.options.authentication,
         )
-        self.preflight = Preflight(
+        may_set, is_check_only = run.scenario.config.preflight.set_parameters, run.options.launch == "never"
+        collector = FactCollector(
             run.scenario,
-            run.options.waivers,
             unix_s_at_zero=run.times.unix_s_at_zero,
             speedup=run.times.speedup,
             free_clocks=run.clock == "real",
+            fly_may_set=may_set and is_check_only,
+            say=run.ui.say,
+        )
+        self.preflight = Preflight(
+            collector,
+            run.options.waivers,
             say=run.ui.say,
             on_waived=self._record_waiver,
-            sets_parameters=run.options.launch != "never",
+            sets_parameters=may_set and not is_check_only,
         )
         self.director = Director(
             self.members,

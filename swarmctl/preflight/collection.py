@@ -71,7 +71,7 @@ class FactCollector:
     unix_s_at_zero: wall time at which the clock of the running loop showed 0 [s]
     speedup: simulated seconds in a second of the loop's clock
     free_clocks: True if the dates of simulated vehicles differ from this machine's date
-    is_before_fly: True in a run of checks only, so that `fly` may still set parameters
+    fly_may_set: True in a run of checks only, if `fly` will set parameters
     """
 
     def __init__(
@@ -81,14 +81,14 @@ class FactCollector:
         unix_s_at_zero: float,
         speedup: float,
         free_clocks: bool,
-        is_before_fly: bool,
+        fly_may_set: bool,
         say: Callable[[str], None],
     ) -> None:
         self._scenario = scenario
         self._unix_s_at_zero = unix_s_at_zero
         self._speedup = speedup
         self._free_clocks = free_clocks
-        self._fly_may_set = is_before_fly and scenario.config.preflight.set_parameters
+        self._fly_may_set = fly_may_set
         self._say = say
         self.fence_polygon = scenario.fence_polygon
         separation = scenario.config.separation

@@ -7,7 +7,6 @@ from typing import Any
 
 from swarmctl.agent.traffic.separation.conflicts import CrossingCounts, count_crossings
 from swarmctl.agent.traffic.separation.trajectory import until_landing
-from swarmctl.config.scenario import Scenario
 from swarmctl.links.base import FenceFailed, ParametersFailed
 from swarmctl.preflight.checks import CHECKS, separation
 from swarmctl.preflight.collection import FactCollector, VehicleToCheck
@@ -23,21 +22,17 @@ ATTEMPTS = 3
 class Preflight:
     """The checks of one run.
 
-    sets_parameters: False for the command `preflight`
-    unix_s_at_zero, speedup, free_clocks: as for `FactCollector`
+    sets_parameters: True if wrong parameters are written to the vehicles
     """
 
     def __init__(
         self,
-        scenario: Scenario,
+        collector: FactCollector,
         waivers: Sequence[Waiver],
         *,
-        unix_s_at_zero: float,
-        speedup: float,
-        free_clocks: bool,
         say: Callable[[str], None],
-        on_waived: Callable[[CheckResult], None] = lambda _: None,
-        sets_parameters: bool = True,
+        on_waived: Callable[[CheckResult], None],
+        sets_parameters: bool,
     ) -> None:
         self.checked: dict[str, tuple[CheckResult, ...]] = {}
         """the last results of every vehicle, by name"""
@@ -46,15 +41,8 @@ class Preflight:
         self._waivers = waivers
         self._say = say
         self._on_waived = on_waived
-        self._sets_parameters = sets_parameters and scenario.config.preflight.set_parameters
-        self._collector = FactCollector(
-            scenario,
-            unix_s_at_zero=unix_s_at_zero,
-            speedup=speedup,
-            free_clocks=free_clocks,
-            is_before_fly=not sets_parameters,
-            say=say,
-        )
+        self._sets_parameters = sets_parameters
+        self._collector = collector
 
     async def set_up(self, vehicle: VehicleToCheck) -> None:
         """Set parameters, if the configuration allows it, and upload the fence.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from swarmctl.config.scenario import Scenario
-from swarmctl.config.specs import Spec
+from swarmctl.config.specs import Spec, wings_of
 from swarmctl.mavlink.firmware import Firmware
 from swarmctl.mavlink.protocol.codec import GCS_SYSID
 from swarmctl.preflight.policy import DeclaredBehaviour, NoParameterTable, parameters_for
@@ -19,7 +19,7 @@ def declared_behaviour(scenario: Scenario, spec: Spec) -> DeclaredBehaviour:
         GCS_SYSID,
         spec.altitude_m,
         scenario.ceiling_m,
-        scenario.wings(spec),
+        wings_of(scenario.config, spec),
         spec.speed_m_s,
         spec.turn_radius_m,
         among_others=len(scenario.swarm) > 1,
