@@ -11,7 +11,6 @@ from swarmctl.preflight.policy.behaviour import (
     cruise_and_bank,
 )
 from swarmctl.preflight.policy.required import (
-    NoParameterTable,
     RequiredParameter,
     Version,
     above_zero,
@@ -86,9 +85,7 @@ _PLANE_CRITICAL = (0.0, 1.0, 2.0)  # 3: Terminate, 5: Parachute; 4, 6 and 7 need
 
 
 def plane(behaviour: DeclaredBehaviour, version: Version) -> tuple[RequiredParameter, ...]:
-    policy, wings = behaviour.policy, behaviour.wings
-    if wings is None:
-        raise NoParameterTable("a fixed wing, but configured as a copter; set `airframe: plane`")
+    policy, wings = behaviour.policy, behaviour.fixed_wing()
     watched = policy.lost_link != "continue"
     return (
         exactly("FS_GCS_ENABL", behaviour.lost_link, 1.0 if watched else 0.0),

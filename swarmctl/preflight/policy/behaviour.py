@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from swarmctl.agent.replan.landing_pattern import FixedWing
 from swarmctl.agent.traffic.return_schedule import CLIMBS_TO_M
 from swarmctl.config.preflight import Policy
-from swarmctl.preflight.policy.required import RequiredParameter
+from swarmctl.preflight.policy.required import NoParameterTable, RequiredParameter
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +34,12 @@ class DeclaredBehaviour:
     """greatest distance between two points of the flight [m]"""
     in_formation: bool = False
     """True if the vehicle follows set-points as a member of a formation"""
+
+    def fixed_wing(self) -> FixedWing:
+        """Return the performance of a fixed wing. Raises NoParameterTable if a copter is configured."""
+        if self.wings is None:
+            raise NoParameterTable("a fixed wing, but configured as a copter; set `airframe: plane`")
+        return self.wings
 
     @property
     def lost_link(self) -> str:

@@ -14,7 +14,7 @@ from swarmctl.preflight.policy.behaviour import (
     cruise_and_bank,
     cruise_speed,
 )
-from swarmctl.preflight.policy.required import NoParameterTable, RequiredParameter, Version, exactly, one_of
+from swarmctl.preflight.policy.required import RequiredParameter, Version, exactly, one_of
 
 _LOST_LINK = {"return": (2.0,), "land": (3.0,), "hold": (1.0,), "continue": (0.0,)}
 _BATTERY = {"return": (3.0,), "land": (2.0,)}
@@ -81,9 +81,7 @@ _DEFAULT_ALT_RAD_M = 10.0  # default of NAV_FW_ALT_RAD
 
 
 def plane(behaviour: DeclaredBehaviour, version: Version) -> tuple[RequiredParameter, ...]:
-    policy, wings = behaviour.policy, behaviour.wings
-    if wings is None:
-        raise NoParameterTable("a fixed wing, but configured as a copter; set `airframe: plane`")
+    policy, wings = behaviour.policy, behaviour.fixed_wing()
     return (
         *_link(behaviour, version, _PLANE_LOST_LINK),
         one_of("COM_LOW_BAT_ACT", behaviour.low_battery, {"return": (3.0,)}, policy.low_battery),
