@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 from swarmctl.agent.state import ARRIVED
 from swarmctl.dashboard.facts import Words
@@ -36,18 +36,14 @@ def of_words(before: Words, after: Words, *, is_bus: bool) -> Iterator[tuple[Sev
         yield "info", f"new weights from the next plan on: {text.lstrip(', ')}"
 
 
-def of_change(change: RouteChange, names: Sequence[str]) -> str:
+def of_change(change: RouteChange) -> str:
     """Return a new plan in words: the reason, the length and ΣP_s."""
     new = change.new
     text = f"plan {new.plan_id} of {new.length_m:.0f} m with ΣP_s {new.exposure_sum:.2f}"
-    who = sorted({learned.observer for learned in change.because}, key=lambda n: _rank(n, names))
+    who = dict.fromkeys(learned.observer for learned in change.because)
     return f"{text}, after observations by {', '.join(who)}" if who else text
 
 
 def of_strikes(new: int, total: int) -> str:
     times = "" if new == 1 else f" {new} times"
     return f"struck{times}; strikes in all: {total}"
-
-
-def _rank(name: str, names: Sequence[str]) -> tuple[int, str]:
-    return (names.index(name) if name in names else len(names), name)

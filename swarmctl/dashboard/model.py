@@ -180,7 +180,7 @@ class Timeline:
         old = vehicle.route.last
         change = RouteChange(time_s, vehicle.name, old, new, because)
         self.changes.add(time_s, change)
-        self._event(vehicle.name, time_s, "info", events.of_change(change, self.area.names))
+        self._event(vehicle.name, time_s, "info", events.of_change(change))
 
     def _learned(self, name: Name) -> Learned:
         found, observer = self.observations.get(name), self.vehicles.get(name[0])

@@ -53,14 +53,12 @@ class WhatIfPanel:
         self._front: tuple[Route, ...] = ()
         self._w_of: list[float | None] = []
         self._values: dict[str, float] = {}
-        self._labels: dict[str, ui.label] = {}
         self._sliders: dict[str, ui.slider] = {}
         self._title = ui.label().classes("font-semibold text-sm")
         with ui.element("div").classes("sliders"):
             for name, text in SLIDERS:
-                slider, self._labels[name] = _add_slider(text, 1.0, step=0.01)
+                slider = self._sliders[name] = _add_slider(text, 1.0, 0.01, "{:.2f}".format)
                 slider.on("update:model-value", partial(self._moved, name), throttle=0.1)
-                self._sliders[name] = slider
             self._range = None if send is None else self._add_range()
         with ui.row().classes("w-full gap-2"):
             ui.button("Weights flown", on_click=self.reset).props("dense flat no-caps")
@@ -79,10 +77,8 @@ class WhatIfPanel:
         if not all(self._timeline.area.simulated):
             return None
         most = len(self._timeline.area.names) - 1
-        slider, told = _add_slider("range of communication, nearest vehicles", most, step=1)
-        slider.set_value(most)
-        told.bind_text_from(slider, "value", lambda value: "all" if value == most else f"{value:g}")
-        return slider
+        text = "range of communication, nearest vehicles"
+        return _add_slider(text, most, 1, lambda value: "all" if value == most else f"{value:g}")
 
     def choose(self, whose: str) -> None:
         """Turn to another vehicle, or to EVERYBODY."""
@@ -111,7 +107,6 @@ class WhatIfPanel:
     def _set(self, name: str, value: float) -> None:
         self._values[name] = value
         self._sliders[name].set_value(value)
-        self._labels[name].set_text(f"{value:.2f}")
 
     @property
     def _weights(self) -> Weights:
@@ -121,7 +116,6 @@ class WhatIfPanel:
     async def _moved(self, name: str, event: events.GenericEventArguments) -> None:
         """Search with the sliders' values; values that arrive during a search are searched afterwards."""
         self._values[name] = float(event.args)
-        self._labels[name].set_text(f"{self._values[name]:.2f}")
         self._is_outdated = True
         if self._is_busy:
             return
@@ -250,11 +244,12 @@ def _front_options(points: Sequence[Sequence[float]], colour: str) -> dict[str, 
     }
 
 
-def _add_slider(text: str, most: float, *, step: float) -> tuple[ui.slider, ui.label]:
-    """Add a slider from 0 to `most`, below its text and the label for its value."""
+def _add_slider(text: str, most: float, step: float, text_of: Callable[[float], str]) -> ui.slider:
+    """Add a slider from 0 to `most`, below its text and its value as text."""
     with ui.column().classes("w-full gap-0"):
         with ui.row().classes("w-full items-center no-wrap gap-2"):
             ui.label(text).classes("text-xs grow")
             label = ui.label().classes("tabular-nums text-xs")
-        slider = ui.slider(min=0.0, max=most, step=step).props(f'dense aria-label="{text}"')
-    return slider, label
+        slider = ui.slider(min=0.0, max=most, step=step, value=most).props(f'dense aria-label="{text}"')
+    label.bind_text_from(slider, "value", text_of)
+    return slider

@@ -56,7 +56,7 @@ class BusSource:
         if frame is None:
             return
         uav, time_s, content = frame.sender, now_s - self._began_s, frame.content
-        if self._incarnation(uav) != frame.incarnation:
+        if uav not in self._n_made or self._n_made[uav][0] != frame.incarnation:
             self.timeline.vehicles[uav].plans.clear()  # a new start of the program numbers its plans anew
             self._n_made[uav] = frame.incarnation, 0
         if isinstance(content, StateShared):
@@ -67,10 +67,6 @@ class BusSource:
             self.timeline.intent(uav, time_s, content, is_route=True)
         elif isinstance(content, Observation):
             self._observed(frame, content, time_s)
-
-    def _incarnation(self, uav: int) -> int | None:
-        made = self._n_made.get(uav)
-        return None if made is None else made[0]
 
     def _observed(self, frame: Frame, observation: Observation, time_s: float) -> None:
         if observation.observer != frame.sender:
