@@ -33,11 +33,8 @@ class Grown(Sequence[T], Generic[T]):
     @overload
     def __getitem__(self, index: slice) -> Sequence[T]: ...
     def __getitem__(self, index: int | slice) -> T | Sequence[T]:
-        if isinstance(index, slice):
-            return [self._items[i] for i in range(*index.indices(self._n))]
-        if not -self._n <= index < self._n:
-            raise IndexError(index)
-        return self._items[index if index >= 0 else self._n + index]
+        at = range(self._n)[index]
+        return self._items[at] if isinstance(at, int) else [self._items[i] for i in at]
 
 
 class Steps(Generic[T]):
