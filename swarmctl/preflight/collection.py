@@ -13,9 +13,8 @@ from typing import Protocol
 from swarmctl.agent.phases import IN_FLIGHT, ON_GROUND, Phase
 from swarmctl.agent.replan.copter_trajectory import from_takeoff
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.separation.approach import Limits
 from swarmctl.agent.traffic.separation.trajectory import Trajectory
-from swarmctl.config.scenario import Scenario
+from swarmctl.config.scenario import Scenario, separation_of
 from swarmctl.config.specs import Spec
 from swarmctl.core.mission import FlightPlan, MissionItem
 from swarmctl.links.base import FenceFailed, Identity, Link, LinkError
@@ -58,6 +57,9 @@ class VehicleToCheck(Protocol):
 class _Answers:
     """The answers of one vehicle; a missing answer has the default value."""
 
+    required: tuple[RequiredParameter, ...]
+    no_table_because: str
+    """reason why the required parameters are unknown; empty if they are known"""
     instruments: Instruments = field(default_factory=partial(Instruments, None, None, None))
     parameters: Mapping[str, float] = field(default_factory=dict)
     fence_failure: str = ""
@@ -91,8 +93,7 @@ class FactCollector:
         self._fly_may_set = fly_may_set
         self._say = say
         self.fence_polygon = scenario.fence_polygon
-        separation = scenario.config.separation
-        self.limits = Limits(separation.horizontal_m, separation.vertical_m)
+        self.limits = separation_of(scenario.config).limits
         self.trajectories: dict[str, Trajectory | None] = {}
         """positions over time on the first routes of this process's vehicles; None: unknown"""
         self._instruments: dict[str, Instruments] = {}
@@ -123,12 +124,11 @@ class FactCollector:
 
     async def _ask(self, vehicle: VehicleToCheck) -> _Answers:
         """Return a vehicle's answers; a LinkError ends the requests, except at the rally points."""
-        link, required = vehicle.runner.link, self.required_parameters(vehicle)[0]
-        answers = _Answers()
+        link, answers = vehicle.runner.link, _Answers(*self.required_parameters(vehicle))
         try:
             answers.instruments = await link.read_instruments()
-            answers.parameters = await link.read_parameters([r.name for r in required])
-            answers.fence_failure = await _enable_fence(link, required, answers.parameters)
+            answers.parameters = await link.read_parameters([r.name for r in answers.required])
+            answers.fence_failure = await _enable_fence(link, answers.required, answers.parameters)
             answers.rally_points = await self._count_rally_points(link)
             answers.fence = await link.read_fence()
         except LinkError as error:
@@ -146,7 +146,6 @@ class FactCollector:
         self, vehicle: VehicleToCheck, everyone: Sequence[VehicleToCheck], answers: _Answers
     ) -> PreflightFacts:
         spec, runner, section = vehicle.spec, vehicle.runner, self._scenario.config.preflight
-        required, no_table_because = self.required_parameters(vehicle)
         state = runner.link.state()
         return PreflightFacts(
             name=spec.name,
@@ -160,10 +159,10 @@ class FactCollector:
             instruments=answers.instruments,
             clock_offset_s=self._clock_offset_s(vehicle, everyone),
             clock_tolerance_s=section.clock_tolerance_s * (self._speedup if spec.simulated else 1.0),
-            required_parameters=required,
-            no_table_because=no_table_because,
+            required_parameters=answers.required,
+            no_table_because=answers.no_table_because,
             parameters=answers.parameters,
-            fly_sets=corrections(required, answers.parameters) if self._fly_may_set else {},
+            fly_sets=corrections(answers.required, answers.parameters) if self._fly_may_set else {},
             may_set_parameters=section.set_parameters,
             fence=self.fence_polygon,
             fence_items=answers.fence,
