@@ -27,9 +27,8 @@ from swarmctl.core.observation import BeliefItem, Observation
 from swarmctl.core.operator_text import printable
 from swarmctl.core.threat import FiringStrength
 from swarmctl.core.vehicle import VehicleState
-from swarmctl.dashboard import announced, events, looks, motions
+from swarmctl.dashboard import announced, conflicts, events, looks, motions
 from swarmctl.dashboard.belief_history import BeliefHistory, Name
-from swarmctl.dashboard.conflicts import Conflicts
 from swarmctl.dashboard.facts import Motion, SentIntent, VehicleFacts, Words
 from swarmctl.dashboard.history import EachSecond, Items
 from swarmctl.dashboard.picture import (
@@ -76,7 +75,6 @@ class Timeline:
             for spec in scenario.swarm
         }
         self._by_name = {vehicle.name: vehicle for vehicle in self.vehicles.values()}
-        self._autonomy = scenario.config.planner.autonomy
         self.common = BeliefHistory(scenario.prior, None)
         self.observations: dict[Name, tuple[Observation, float]] = {}
         """each observation, and the time of the first word of it"""
@@ -85,8 +83,7 @@ class Timeline:
         self.acknowledged: set[int] = set()
         """numbers of the alarms that a person has acknowledged"""
         self.strikes: Items[Strike] = Items()
-        conflicts = Conflicts(scenario)
-        self._conflicts = EachSecond(lambda time_s: conflicts.at(self.vehicles.values(), time_s))
+        self._conflicts = EachSecond(lambda time_s: conflicts.predicted(self, time_s))
         self._hearing = EachSecond(lambda time_s: looks.hearing(self, time_s))
         self._exposures: dict[str, tuple[object, NDArray[np.float64]]] = {}
 
@@ -364,8 +361,9 @@ class Timeline:
         history = self._beliefs(name)
         version = history.version(time_s)
         belief = history.belief(version).belief
-        if name and self._autonomy > 0.0:
-            return weighed_occupancy(belief, history.own_belief(version), self._autonomy)
+        autonomy = self.scenario.config.planner.autonomy
+        if name and autonomy > 0.0:
+            return weighed_occupancy(belief, history.own_belief(version), autonomy)
         return belief.occupancy()
 
     def _beliefs(self, name: str) -> BeliefHistory:

@@ -21,7 +21,7 @@ from swarmctl.agent.replan.decide import believed_exposure
 from swarmctl.agent.state import AgentState
 from swarmctl.bus import keys
 from swarmctl.bus.transports.memory import MemoryBus
-from swarmctl.core.frames import Frame, FrameCodec, StateShared
+from swarmctl.core.frames import Frame, FrameCodec, IntentPoint, IntentShared, StateShared
 from swarmctl.dashboard import looks
 from swarmctl.dashboard.changes import changes
 from swarmctl.dashboard.model import EVERYBODY, Timeline
@@ -245,6 +245,28 @@ def test_a_vehicle_that_is_not_heard_is_shown_with_the_age_of_its_last_word(flig
     assert alarm.text.endswith("[vehicle-silent]")
     # It is shown again as it was.
     assert not source.timeline.at(4.0).vehicles[0].is_silent
+
+
+def test_flights_that_are_announced_to_meet_are_a_conflict() -> None:
+    scenario = small(simulate=TWO)
+    timeline, grid = Timeline(scenario, "bus"), scenario.grid
+    for uav, begin, end in ((1, (4, 0), (4, 6)), (2, (4, 6), (4, 0))):
+        flown = ((0.0, begin), (30.0, end))
+        points = tuple(IntentPoint(in_s, *grid.centre(cell), 340.0) for in_s, cell in flown)
+        here = StateShared(5.0, *grid.centre(begin), 40.0, "flying", 0, 0)
+        timeline.shared(uav, 1.0, here, has_telemetry=False)
+        timeline.intent(uav, 1.0, IntentShared(1, points), is_route=True)
+    (conflict,) = timeline.at().conflicts
+    assert conflict.vehicles == ("uav1", "uav2")
+    assert conflict.in_s == pytest.approx(15.0, abs=2.0)
+    assert conflict.at == pytest.approx(grid.centre_m((4, 3)), abs=20.0)
+    # The second vehicle tells 4 s later that it lands.
+    timeline.shared(
+        2, 5.0, StateShared(9.0, *grid.centre((4, 6)), 40.0, "landing", 0, 0), has_telemetry=False
+    )
+    timeline.intent(2, 5.0, IntentShared(1), is_route=True)
+    assert timeline.at().conflicts == ()
+    assert timeline.at(2.0).conflicts == (conflict,)
 
 
 def test_a_station_receives_until_it_is_cancelled(flight: Flight) -> None:
