@@ -15,9 +15,11 @@ MAX_ANGLE_DEG = 25.0
 def check(facts: PreflightFacts) -> Finding:
     if facts.airframe != "plane":
         return Finding(True, "a copter, which takes off on the spot", "any heading")
-    state, plan = facts.state, facts.plan
-    if plan is None or state.lat_deg is None or state.lon_deg is None:
-        return Finding(False, *without_route(facts, "a heading along the first leg"))
+    state, plan, wanted = facts.state, facts.plan, "a heading along the first leg"
+    if plan is None:
+        return Finding(False, *without_route(facts, wanted))
+    if state.lat_deg is None or state.lon_deg is None:
+        return Finding(False, "no position of the vehicle", wanted, "wait for the first position")
     e0, n0 = facts.frame.to_local(state.lat_deg, state.lon_deg)
     e1, n1 = facts.frame.to_local(plan.track[0].lat_deg, plan.track[0].lon_deg)
     leg_deg = math.degrees(math.atan2(e1 - e0, n1 - n0)) % 360.0
