@@ -101,7 +101,7 @@ def _toggled(cells: tuple[tuple[int, int], ...], cell: tuple[int, int]) -> list[
 
 def first_routes(scenario: Scenario) -> list[FirstRouteShown]:
     """Return the configured first route of each vehicle, as `swarmctl plan` computes it."""
-    grid, found = scenario.grid, first_plans.first_routes(scenario)[scenario.chosen_by]
+    grid, found = scenario.grid, first_plans.configured_routes(scenario)
     shown = []
     for spec, first in zip(scenario.specs, found, strict=True):
         route = None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 from swarmctl.agent.formation.group_planner import first_method, leads_first, shape_changes
@@ -43,11 +43,10 @@ def first_routes(scenario: Scenario) -> dict[str, tuple[FirstRoute, ...]]:
     """Return the routes of all vehicles before any observation.
 
     The keys are labels such as `w = 0.5`: one for each w of PLAN_WEIGHTS, and `scenario.chosen_by`. The
-    configured planner gives the routes of `scenario.chosen_by`, for the first member of a group the group's
-    planner. The paper's planner gives all other routes.
+    routes of `scenario.chosen_by` are the `configured_routes`. The paper's planner gives all other routes.
     """
     paper_method = Method("dijkstra", PAPER_PLANNER, PAPER_PLANNER.Params())
-    configured = tuple(replace(task, method=first_method(task)) for task in scenario.tasks)
+    configured = _configured(scenario)
     choices = {
         w: tuple(
             replace(task, method=paper_method, arrival=UNBOUNDED, w=w, benevolence=0.0)
@@ -60,9 +59,20 @@ def first_routes(scenario: Scenario) -> dict[str, tuple[FirstRoute, ...]]:
         choices[planner.w] = configured
     named = {f"w = {w:g}": tasks for w, tasks in sorted(choices.items())}
     named[scenario.chosen_by] = configured
-    return {
-        name: tuple(_first_route(task, scenario.prior) for task in tasks) for name, tasks in named.items()
-    }
+    return {name: _first_routes(tasks, scenario.prior) for name, tasks in named.items()}
+
+
+def configured_routes(scenario: Scenario) -> tuple[FirstRoute, ...]:
+    """Return the configured planner's routes; for the first member of a group, the group planner's."""
+    return _first_routes(_configured(scenario), scenario.prior)
+
+
+def _configured(scenario: Scenario) -> tuple[Task, ...]:
+    return tuple(replace(task, method=first_method(task)) for task in scenario.tasks)
+
+
+def _first_routes(tasks: Iterable[Task], prior: Belief) -> tuple[FirstRoute, ...]:
+    return tuple(_first_route(task, prior) for task in tasks)
 
 
 def _first_route(task: Task, prior: Belief) -> FirstRoute:
