@@ -57,15 +57,11 @@ class CommandRules:
 
 @dataclass(frozen=True, slots=True)
 class MessageRules:
-    """Other received messages: `receivers`."""
+    """Other received messages, and messages on request: `receivers`, `one_shot_messages`."""
 
     # message type -> handler (vehicle, message, time [s]), besides `receivers.RECEIVERS`
-    receivers: Mapping[str, Callable[[Vehicle, Any, float], None]] = field(default_factory=dict)
+    receivers: Mapping[str, Callable[[Vehicle, Any, float], None]]
     one_shot: Mapping[int, OneShotMessage] = field(default_factory=dict)  # besides the common ones
-    acknowledges_set_mode: bool = False  # the SET_MODE message
-    answers_version_request: bool = False  # answers AUTOPILOT_VERSION_REQUEST
-    answers_ping: bool = False  # answers PING without a target
-    supports_signing: bool = False  # supports MAVLink 2 signing; else signatures are ignored
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,7 +112,6 @@ class HomeRules:
 
     with_position: bool = False  # home is set with the position estimate, not before
     is_local: bool = False  # HOME_POSITION also has local coordinates
-    origin_moves: bool = False  # SET_GPS_GLOBAL_ORIGIN moves the origin; False: only sets a missing origin
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,12 +135,12 @@ class Personality:
     modes: ModeTable
     arming: ArmingRules
     commands: CommandRules
+    messages: MessageRules
     telemetry: TelemetryRules
     mission: MissionRules
     remote: Callable[[Vehicle], RemoteInput]
     storage: Callable[[Vehicle, LogLimits], Any]  # logs and files
     setpoints: SetpointRules
     ready_s: float  # time from boot to a position estimate
-    messages: MessageRules = MessageRules()
     home: HomeRules = HomeRules()
     failsafes: FailsafeRules = FailsafeRules()

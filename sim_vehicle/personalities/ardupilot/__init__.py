@@ -10,6 +10,7 @@ from sim_vehicle.personalities.ardupilot import flight_parameters, messages, par
 from sim_vehicle.personalities.ardupilot.commands import PLANE_COMMANDS, start_landing
 from sim_vehicle.personalities.ardupilot.items import store_item, store_plane_item
 from sim_vehicle.personalities.ardupilot.modes import COPTER_MODES, PLANE_MODES, copter_targets, plane_targets
+from sim_vehicle.personalities.ardupilot.receivers import RECEIVERS
 from sim_vehicle.personalities.ardupilot.remote import Remote, stick_refusals
 from sim_vehicle.personalities.ardupilot.setpoints import read_setpoint
 from sim_vehicle.personalities.ardupilot.storage import storage
@@ -240,7 +241,7 @@ _COPTER = Personality(
         mandatory_refusals=_mandatory_refusals,
     ),
     commands=CommandRules({}, is_addressed=lambda _sysid, _message: True, accepts_empty_requests=True),
-    messages=MessageRules(answers_version_request=True, supports_signing=True),
+    messages=MessageRules(RECEIVERS),
     telemetry=TelemetryRules(
         texts=_TEXTS,
         streams=messages.COPTER_STREAMS,

@@ -22,11 +22,11 @@ from sim_vehicle.personalities.base import (
 from sim_vehicle.personalities.px4 import flight_parameters, parameters, storage
 from sim_vehicle.personalities.px4.commands import COMMANDS
 from sim_vehicle.personalities.px4.items import store_item
-from sim_vehicle.personalities.px4.manoeuvres import on_follow_target
 from sim_vehicle.personalities.px4.messages import DEFAULT_RATES_HZ, ONE_SHOT_MESSAGES, targets
 from sim_vehicle.personalities.px4.mission_landing import return_by_mission
 from sim_vehicle.personalities.px4.modes import HOLD, MODES, TERMINATION
 from sim_vehicle.personalities.px4.readiness import feasible, refusals
+from sim_vehicle.personalities.px4.receivers import RECEIVERS
 from sim_vehicle.personalities.px4.remote import Remote, stick_refusals
 from sim_vehicle.personalities.px4.setpoints import read_setpoint
 from sim_vehicle.vehicle.behaviour import Behaviour, ModeTable
@@ -236,12 +236,7 @@ _COPTER = Personality(
         flight_counter="COM_FLIGHT_UUID",
     ),
     commands=CommandRules(COMMANDS, is_addressed=_is_addressed, refuses_foreign=True),
-    messages=MessageRules(
-        receivers={"FOLLOW_TARGET": on_follow_target},
-        one_shot=ONE_SHOT_MESSAGES | storage.ONE_SHOT_MESSAGES,
-        acknowledges_set_mode=True,
-        answers_ping=True,
-    ),
+    messages=MessageRules(RECEIVERS, one_shot=ONE_SHOT_MESSAGES | storage.ONE_SHOT_MESSAGES),
     telemetry=TelemetryRules(
         texts=_TEXTS,
         streams={},
@@ -257,7 +252,7 @@ _COPTER = Personality(
     mission=MissionRules(
         make=_mission, transfer=_transfer, store_item=store_item, home_item=False, ends_in=Behaviour.HOLD
     ),
-    home=HomeRules(with_position=True, is_local=True, origin_moves=True),
+    home=HomeRules(with_position=True, is_local=True),
     failsafes=FailsafeRules(modes={FailsafeAction.TERMINATE: TERMINATION}),
     remote=Remote,
     storage=storage.storage,
