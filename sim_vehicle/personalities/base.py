@@ -35,12 +35,10 @@ class ArmingRules:
 
     refusals: Callable[[Vehicle, float], list[str]]  # reasons against arming now
     stick_refusals: Callable[[Vehicle, float], list[str]]  # reasons against arming by the sticks
-    refused: int  # MAV_RESULT of a refused arming
-    disarm_refused: int  # MAV_RESULT of a refused disarming in flight
-    by_force: bool = True  # a forced arming skips the checks except `mandatory_refusals`
+    # reasons against an arming by force, which skips the other checks
     mandatory_refusals: Callable[[Vehicle, float], list[str]] = lambda _vehicle, _now: []
-    landing_disarms: bool = True  # the end of a landing disarms; False: only `disarm_landed_s` disarms
-    stays_armed_in_mission: bool = False  # a landing inside a mission leaves the vehicle armed
+    # the end of a landing disarms; False: only `disarm_landed_s` disarms, and never inside a mission
+    landing_disarms: bool = True
     flight_counter: str | None = None  # name of the parameter that counts flights
 
 
@@ -52,7 +50,6 @@ class CommandRules:
     # (own system id, message to this system or to all systems) -> True if the message is processed
     is_addressed: Callable[[int, Any], bool]
     refuses_foreign: bool = False  # answers a command to another system or component with FAILED
-    accepts_empty_requests: bool = False  # a request for a known message without data is accepted
 
 
 @dataclass(frozen=True, slots=True)

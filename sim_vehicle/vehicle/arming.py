@@ -34,7 +34,6 @@ class Arming:
     def arm(self, now: float, *, force: bool, text: str = "armed") -> bool:
         """Start the motors and return True; after a refusal, announce the reasons and return False."""
         vehicle = self._vehicle
-        force = force and self._rules.by_force
         if self.armed:
             return True
         if vehicle.body.crashed:  # a crashed vehicle cannot be armed, even by force
@@ -121,7 +120,7 @@ class Arming:
         if vehicle.remote.keeps_armed(now):
             self._idle_since_s = now
         due_s = max(self._armed_at_s, vehicle.flight.ground_since_s, self._idle_since_s) + delay_s
-        if self._flown and vehicle.flies_mission and self._rules.stays_armed_in_mission:
+        if self._flown and vehicle.flies_mission and not self._rules.landing_disarms:
             return math.inf
         if vehicle.flight.landed(now) and now + EPSILON_S >= due_s:
             self.stop("disarmed_landed" if self._flown else "disarmed_unflown")

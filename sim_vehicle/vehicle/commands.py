@@ -45,9 +45,9 @@ def execute(vehicle: Vehicle, command: Command, now: float) -> int:
 def arm_disarm(vehicle: Vehicle, command: Command, now: float) -> int:
     force = to_int(command.param2) == FORCE
     if command.param1 == 1:
-        return ACCEPTED if vehicle.arming.arm(now, force=force) else vehicle.personality.arming.refused
+        return ACCEPTED if vehicle.arming.arm(now, force=force) else FAILED
     if command.param1 == 0:
-        return ACCEPTED if vehicle.arming.disarm(force=force) else vehicle.personality.arming.disarm_refused
+        return ACCEPTED if vehicle.arming.disarm(force=force) else FAILED
     return UNSUPPORTED
 
 
@@ -171,10 +171,10 @@ def reported_interval_us(vehicle: Vehicle, message_id: int) -> int:
 
 
 def request_message(vehicle: Vehicle, command: Command, now: float) -> int:
+    """Send a message; accept also a request for a known message without data."""
     message_id = to_int(command.param1)
     sent = vehicle.send_now(message_id, now, command.param2)
-    accepts_empty = vehicle.personality.commands.accepts_empty_requests
-    return ACCEPTED if sent or (accepts_empty and vehicle.rates.can_stream(message_id)) else FAILED
+    return ACCEPTED if sent or vehicle.rates.can_stream(message_id) else FAILED
 
 
 def send_message(message_id: int, otherwise: int = FAILED) -> CommandHandler:

@@ -116,7 +116,6 @@ class Mission:
     paused: bool = False
     without_approach: bool = False  # the vehicle did not fly the item before the current item
     climbs_first: bool = False  # before the first navigation command the vehicle climbs in place, if needed
-    disarms_on_landing: bool = True  # a landing item ends the mission and stops the motors
     stays_landed: bool = False  # a landing does not end the mission; disarming in the mission keeps the index
     in_landing: bool = False  # the mission is in a landing sequence
     _items: list[Item] = field(default_factory=list)

@@ -276,7 +276,7 @@ class MissionPilot:
         done = self._manoeuvre.update(now) if self._manoeuvre is not None else flight.landed(now)
         if item.command in LANDINGS and flight.mission.stays_landed:
             return False
-        if done and flight.armed and flight.mission.disarms_on_landing:
+        if done and flight.armed and flight.vehicle.personality.arming.landing_disarms:
             # A landing ends the mission. Disarming resets the mission, so the landing item is not reported.
             flight.mission.end()
             flight.disarm()

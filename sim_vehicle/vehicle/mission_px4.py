@@ -50,7 +50,6 @@ class Px4Mission(Mission):
     ) -> None:
         super().__init__(home=lambda: Item(mavlink.MAV_CMD_NAV_WAYPOINT), climbs_first=True)
         self._plane = plane
-        self.disarms_on_landing = False
         self._feasible, self._go_home = feasible, go_home
         self._valid = True
         self._in_mission_mode = False

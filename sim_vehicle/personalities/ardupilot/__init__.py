@@ -236,11 +236,9 @@ _COPTER = Personality(
     arming=ArmingRules(
         refusals=_refusals,
         stick_refusals=stick_refusals,
-        refused=mavlink.MAV_RESULT_FAILED,
-        disarm_refused=mavlink.MAV_RESULT_FAILED,
         mandatory_refusals=_mandatory_refusals,
     ),
-    commands=CommandRules({}, is_addressed=lambda _sysid, _message: True, accepts_empty_requests=True),
+    commands=CommandRules({}, is_addressed=lambda _sysid, _message: True),
     messages=MessageRules(RECEIVERS),
     telemetry=TelemetryRules(
         texts=_TEXTS,

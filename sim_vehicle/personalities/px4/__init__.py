@@ -228,11 +228,7 @@ _COPTER = Personality(
     arming=ArmingRules(
         refusals=refusals,
         stick_refusals=stick_refusals,
-        refused=mavlink.MAV_RESULT_TEMPORARILY_REJECTED,
-        disarm_refused=mavlink.MAV_RESULT_TEMPORARILY_REJECTED,
-        by_force=False,
         landing_disarms=False,
-        stays_armed_in_mission=True,
         flight_counter="COM_FLIGHT_UUID",
     ),
     commands=CommandRules(COMMANDS, is_addressed=_is_addressed, refuses_foreign=True),

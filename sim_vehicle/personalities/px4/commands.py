@@ -275,7 +275,7 @@ def run_prearm_checks(vehicle: Vehicle, _command: Command, now: float) -> int:
 
 
 def set_message_interval(vehicle: Vehicle, command: Command, now: float) -> int:
-    return FAILED if common.set_message_interval(vehicle, command, now) != ACCEPTED else ACCEPTED
+    return ACCEPTED if common.set_message_interval(vehicle, command, now) == ACCEPTED else FAILED
 
 
 def get_message_interval(vehicle: Vehicle, command: Command, now: float) -> int:
@@ -291,7 +291,7 @@ def request_message(vehicle: Vehicle, command: Command, now: float) -> int:
     without_news = published_s is not None and latest_s is not None and now - latest_s < published_s
     if without_news or message_id == mavlink.MAVLINK_MSG_ID_MISSION_CURRENT:
         return DENIED
-    return DENIED if common.request_message(vehicle, command, now) != ACCEPTED else ACCEPTED
+    return ACCEPTED if vehicle.send_now(message_id, now, command.param2) else DENIED
 
 
 def inject_failure(vehicle: Vehicle, command: Command, now: float) -> int:
