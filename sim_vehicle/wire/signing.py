@@ -9,6 +9,7 @@ import hmac
 import struct
 from typing import Any
 
+from fastcrc.crc16 import mcrf4xx
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.wire.frame import HEADER2_BYTES, MAVLINK2
@@ -22,25 +23,6 @@ SIGNED = 0x01  # bit of the incompatibility flags, the third byte
 SIGNATURE_BYTES = 13  # link id, time stamp of 6 bytes, 6 bytes of the hash
 UNSIGNED_ALLOWED = frozenset({mavlink.MAVLINK_MSG_ID_RADIO_STATUS, mavlink.MAVLINK_MSG_ID_RADIO})
 NO_KEY = bytes(32)
-
-
-def _crc_changes() -> list[int]:
-    """Return the change of a checksum by the bit SIGNED, indexed by the number of bytes after its byte.
-
-    The checksum is linear, so the change depends only on the bit's place. CRC_EXTRA need not be known.
-    """
-    changes = []
-    crc, byte = 0, SIGNED
-    for _ in range(HEADER2_BYTES + 255):
-        mixed = byte ^ (crc & 0xFF)
-        mixed = (mixed ^ (mixed << 4)) & 0xFF
-        crc = ((crc >> 8) ^ (mixed << 8) ^ (mixed << 3) ^ (mixed >> 4)) & 0xFFFF
-        changes.append(crc)
-        byte = 0
-    return changes
-
-
-CRC_CHANGES = _crc_changes()
 
 
 class Signing:
@@ -83,7 +65,9 @@ class Signing:
         # A time stamp at its limit stays there, so receivers reject all later messages of the vehicle.
         self._timestamp = min(self._timestamp + 1, LAST_TIMESTAMP)
         (crc,) = struct.unpack("<H", frame[-2:])
-        crc ^= CRC_CHANGES[len(frame) - 4]  # bytes after the flag's byte, CRC_EXTRA in place of the checksum
+        # The checksum is linear, so the bit SIGNED changes it by the checksum of this bit and zeros: one zero
+        # for each later byte and for CRC_EXTRA, which need not be known.
+        crc ^= mcrf4xx(bytes([SIGNED]) + bytes(len(frame) - 4), 0)
         covered = b"".join(
             (
                 frame[:2],
