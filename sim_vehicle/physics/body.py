@@ -11,13 +11,25 @@ from sim_vehicle.physics.motion import MotionOrder
 from sim_vehicle.physics.world import World
 
 MIN_LEG_M = 2.0  # shortest leg that sets a copter's heading
-# (lowest, highest) value that the equations of motion support.
-SPEED_RANGE_M_S, ACCELERATION_RANGE_M_S2, RADIUS_RANGE_M = (0.05, 100.0), (0.05, 30.0), (0.05, 1e4)
-YAW_RATE_RANGE_RAD_S = (math.radians(1.0), math.radians(400.0))
-LIFT_OFF_RANGE_S = (0.0, 60.0)
-BANK_RANGE_RAD = (math.radians(5.0), math.radians(75.0))
+RADIANS = math.radians(1.0)  # in a degree
+# limit -> its array in `Motion`, the array's units in a unit of the limit, and the lowest and the highest
+# limit that the equations of motion support
+LIMITS = {
+    "speed_m_s": ("speed_m_s", 1.0, 0.05, 100.0),  # plane: airspeed
+    "climb_m_s": ("climb_m_s", 1.0, 0.05, 100.0),
+    "descent_m_s": ("descent_m_s", 1.0, 0.05, 100.0),
+    "acceleration_m_s2": ("acceleration_limit_m_s2", 1.0, 0.05, 30.0),
+    "vertical_acceleration_m_s2": ("vertical_acceleration_limit_m_s2", 1.0, 0.05, 30.0),
+    "acceptance_radius_m": ("acceptance_radius_m", 1.0, 0.05, 1e4),
+    "yaw_rate_deg_s": ("yaw_rate_max_rad_s", RADIANS, 1.0, 400.0),
+    "lift_off_s": ("lift_off_s", 1.0, 0.0, 60.0),
+    "airspeed_min_m_s": ("airspeed_min_m_s", 1.0, 0.05, 100.0),
+    "airspeed_max_m_s": ("airspeed_max_m_s", 1.0, 0.05, 100.0),
+    "loiter_radius_m": ("loiter_radius_m", 1.0, -1e4, 1e4),
+    "bank_limit_deg": ("bank_limit_rad", RADIANS, 5.0, 75.0),
+    "stall_m_s": ("stall_m_s", 1.0, 2.0, 50.0),
+}
 MAX_WIND_M_S = 100.0
-STALL_RANGE_M_S = (2.0, 50.0)
 CAPACITY_RANGE_MAH, VOLTAGE_RANGE_V = (1.0, 1e6), (1.0, 1000.0)
 
 
@@ -302,44 +314,12 @@ class Body:
         elif motion.order[i] == MotionOrder.POSITION and not motion.reached[i]:
             self._face_along_leg()
 
-    def limit(
-        self,
-        *,
-        speed_m_s: float | None = None,
-        climb_m_s: float | None = None,
-        descent_m_s: float | None = None,
-        acceleration_m_s2: float | None = None,
-        vertical_acceleration_m_s2: float | None = None,
-        acceptance_radius_m: float | None = None,
-        yaw_rate_deg_s: float | None = None,
-        lift_off_s: float | None = None,
-        airspeed_min_m_s: float | None = None,
-        airspeed_max_m_s: float | None = None,
-        loiter_radius_m: float | None = None,
-        bank_limit_deg: float | None = None,
-        stall_m_s: float | None = None,
-    ) -> None:
-        """Set the given limits within the supported range; a plane's speed is its airspeed."""
-        i, motion = self._index, self._motion
-        bank_limit_rad = None if bank_limit_deg is None else math.radians(bank_limit_deg)
-        yaw_rate_rad_s = None if yaw_rate_deg_s is None else math.radians(yaw_rate_deg_s)
-        for array, value, (lowest, highest) in (
-            (motion.speed_m_s, speed_m_s, SPEED_RANGE_M_S),
-            (motion.climb_m_s, climb_m_s, SPEED_RANGE_M_S),
-            (motion.descent_m_s, descent_m_s, SPEED_RANGE_M_S),
-            (motion.acceleration_limit_m_s2, acceleration_m_s2, ACCELERATION_RANGE_M_S2),
-            (motion.vertical_acceleration_limit_m_s2, vertical_acceleration_m_s2, ACCELERATION_RANGE_M_S2),
-            (motion.acceptance_radius_m, acceptance_radius_m, RADIUS_RANGE_M),
-            (motion.yaw_rate_max_rad_s, yaw_rate_rad_s, YAW_RATE_RANGE_RAD_S),
-            (motion.lift_off_s, lift_off_s, LIFT_OFF_RANGE_S),
-            (motion.airspeed_min_m_s, airspeed_min_m_s, SPEED_RANGE_M_S),
-            (motion.airspeed_max_m_s, airspeed_max_m_s, SPEED_RANGE_M_S),
-            (motion.loiter_radius_m, loiter_radius_m, (-RADIUS_RANGE_M[1], RADIUS_RANGE_M[1])),
-            (motion.bank_limit_rad, bank_limit_rad, BANK_RANGE_RAD),
-            (motion.stall_m_s, stall_m_s, STALL_RANGE_M_S),
-        ):
-            if value is not None and math.isfinite(value):
-                array[i] = max(lowest, min(value, highest))
+    def limit(self, **limits: float) -> None:
+        """Set the given `LIMITS` within the supported range; ignore NaN and infinity."""
+        for name, value in limits.items():
+            array, scale, lowest, highest = LIMITS[name]
+            if math.isfinite(value):
+                getattr(self._motion, array)[self._index] = max(lowest, min(value, highest)) * scale
 
     def corner_speed_m_s(self, turn_rad: float) -> float:
         """Return the highest speed at which a corner stays within the acceptance radius [m/s]."""
