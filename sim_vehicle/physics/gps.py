@@ -9,8 +9,8 @@ import numpy.typing as npt
 from sim_vehicle.physics.geodesy import Floats, LocalFrame
 
 NO_FIX, FIX = 1, 6  # GPS_FIX_TYPE; the autopilots' own simulators report 6 for a fix
-SATELLITES = 10
-HDOP = 1.21
+SATELLITES = 10  # with a fix
+EPH_M = 1.21  # the same number serves as HDOP
 DRIFT_TIME_S = 60.0  # time in which drift decays to 1/e
 VERTICAL_SHARE = 1.6  # ratio of vertical to horizontal errors
 SPEED_NOISE_PER_S = 0.25  # ratio of velocity noise [m/s] to position noise [m]
@@ -37,8 +37,6 @@ class Gps:
         self.offset_m = np.zeros((n, 3))  # injected by a fault
         self.best_fix_type = np.full(n, FIX)  # while GPS is not lost
         self.fix_type = np.full(n, FIX)
-        self.satellites = np.full(n, SATELLITES)
-        self.eph_m = np.full(n, HDOP)  # the same number serves as HDOP
         self._drift = np.zeros((3, n))
         self._position = truth.copy()
         self.position_m: Floats = self._position.T
@@ -67,7 +65,6 @@ class Gps:
             np.multiply(draws[6:9], self._noise_m * SPEED_NOISE_PER_S, out=self.velocity_error)
         np.add(truth, self.error, out=self._position)
         np.copyto(self.fix_type, np.where(self.lost, NO_FIX, self.best_fix_type))
-        np.copyto(self.satellites, np.where(self.lost, 0, SATELLITES))
         self._geodetic = None
 
     def geodetic(self) -> tuple[Floats, Floats]:

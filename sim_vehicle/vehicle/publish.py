@@ -20,7 +20,7 @@ SENSORS = int(
 
 
 def publish(vehicle: Vehicle, now: float) -> None:
-    """Write one vehicle's row, except for its identity, clock faults, threats, strikes and load."""
+    """Write one vehicle's row, except for its identity, clock faults, threats and strikes."""
     status, i = vehicle.status, vehicle.index
     status.booted[i] = vehicle.booted
     status.boot_s[i] = vehicle.readiness.boot_s

@@ -63,8 +63,7 @@ class Status:
         self.fence_breaches = column("u2")
         self.fence_type = column("u1")
         self.fence_time_ms = column("u4")
-        # battery, threats, processor load
+        # battery, threats
         self.battery_state = column("u1")  # MAV_BATTERY_CHARGE_STATE
         self.threatened = column("?")  # hostiles can strike
         self.strikes = column("i4")
-        self.load = column("u2", 100)  # load of the main loop [0.1 %]

@@ -3,6 +3,7 @@
 import numpy as np
 
 from sim_vehicle.files.logs.record import Sample
+from sim_vehicle.physics.gps import EPH_M, SATELLITES
 from sim_vehicle.wire.telemetry.view import View
 
 WH_PER_J = 1.0 / 3600.0
@@ -19,7 +20,7 @@ def samples(v: View) -> list[Sample]:
     velocity_m_s = world.estimate_velocity_m_s[i]
     attitude_rad = dynamics.attitude_rad[i]
     fix_type = np.where(status.gps_seen[i], gps.fix_type[i], 1)
-    satellites = np.where(fix_type >= 2, gps.satellites[i], 0)
+    satellites = np.where(fix_type >= 2, SATELLITES, 0)
     floats = (
         lat_deg[i],
         lon_deg[i],
@@ -39,7 +40,7 @@ def samples(v: View) -> list[Sample]:
         batteries.used_mah[i],
         batteries.used_j[i] * WH_PER_J,
         batteries.remaining[i],
-        gps.eph_m[i],
+        np.full(len(i), EPH_M),
         gps_lat_deg[i],
         gps_lon_deg[i],
         gps.position_m[i, 2],

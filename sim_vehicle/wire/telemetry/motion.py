@@ -4,6 +4,7 @@ import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.physics.geodesy import Floats
+from sim_vehicle.physics.gps import EPH_M
 from sim_vehicle.physics.motion import Bools, MotionOrder
 from sim_vehicle.wire.telemetry.view import Columns, Ints, View
 
@@ -271,7 +272,7 @@ def ekf_status_report(v: View) -> Columns:
 
 def estimator_status(v: View) -> Columns:
     known = v.status.position_known[v.i]
-    eph_m = np.where(known, v.world.gps.eph_m[v.i], np.nan)
+    eph_m = np.where(known, EPH_M, np.nan)
     # Up to PRED_POS_HORIZ_ABS the bits are equal to those of EKF_STATUS_REPORT.
     return {
         "time_usec": v.since_boot_us(),

@@ -4,6 +4,7 @@ import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.physics.geodesy import Floats
+from sim_vehicle.physics.gps import EPH_M
 from sim_vehicle.physics.motion import GRAVITY_M_S2
 from sim_vehicle.wire.encode import Layout
 from sim_vehicle.wire.telemetry.motion import local_position_ned, quaternion
@@ -102,10 +103,9 @@ def odometry(v: View) -> Columns:
     """Return position and velocity (north, east, down), attitude and body rates."""
     local = local_position_ned(v)
     rates = v.world.dynamics.rates_rad_s[v.i]
-    horizontal_m2 = v.world.gps.eph_m[v.i] ** 2
     pose, velocity = (np.full((len(v.i), 21), np.nan) for _ in range(2))
-    pose[:, DIAGONAL[:2]] = horizontal_m2[:, None]
-    pose[:, DIAGONAL[2]] = horizontal_m2 * 1.6**2
+    pose[:, DIAGONAL[:2]] = EPH_M**2
+    pose[:, DIAGONAL[2]] = EPH_M**2 * 1.6**2
     pose[:, DIAGONAL[3:]] = ANGLE_VARIANCE_RAD2
     velocity[:, DIAGONAL[:3]] = VELOCITY_VARIANCE_M2_S2
     return {

@@ -5,6 +5,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.epoch import EPOCH_US
 from sim_vehicle.physics.geodesy import Floats
+from sim_vehicle.physics.gps import EPH_M, SATELLITES
 from sim_vehicle.physics.motion import GRAVITY_M_S2
 from sim_vehicle.wire.telemetry.view import UNKNOWN, UNKNOWN_I16, UNKNOWN_U16, Columns, View
 
@@ -19,7 +20,6 @@ def gps_raw_int(v: View) -> Columns:
     velocity = v.world.dynamics.velocity_m_s[i]
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
     course_deg = np.rad2deg(np.arctan2(velocity[:, 0], velocity[:, 1])) % 360
-    eph_m = gps.eph_m[i]
     return {
         "time_usec": v.since_boot_us(),
         "fix_type": np.where(fix, gps.fix_type[i], mavlink.GPS_FIX_TYPE_NO_FIX),
@@ -27,13 +27,13 @@ def gps_raw_int(v: View) -> Columns:
         "lon": np.where(fix, lon_deg[i], 0) * 1e7,
         "alt": np.where(fix, gps.position_m[i, 2], 0) * 1000,
         "alt_ellipsoid": np.where(fix, gps.position_m[i, 2], 0) * 1000,
-        "eph": np.where(fix, eph_m * 100, UNKNOWN_U16),
-        "epv": np.where(fix, eph_m * 160, UNKNOWN_U16),
+        "eph": np.where(fix, EPH_M * 100, UNKNOWN_U16),
+        "epv": np.where(fix, EPH_M * 160, UNKNOWN_U16),
         "vel": np.where(fix, speed * 100, UNKNOWN_U16),
         "cog": np.where(fix, course_deg * 100 % 36_000, UNKNOWN_U16),
-        "satellites_visible": np.where(fix, gps.satellites[i], 0),
-        "h_acc": np.where(fix, eph_m * 1000, 0),
-        "v_acc": np.where(fix, eph_m * 1600, 0),
+        "satellites_visible": np.where(fix, SATELLITES, 0),
+        "h_acc": np.where(fix, EPH_M * 1000, 0),
+        "v_acc": np.where(fix, EPH_M * 1600, 0),
     }
 
 

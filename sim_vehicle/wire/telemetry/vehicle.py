@@ -4,6 +4,8 @@ import numpy as np
 
 from sim_vehicle.wire.telemetry.view import Columns, View
 
+LOAD_PER_MILLE = 100  # of the main loop
+
 
 def heartbeat(v: View) -> Columns:
     s, i = v.status, v.i
@@ -23,7 +25,7 @@ def sys_status(v: View) -> Columns:
         "onboard_control_sensors_present": s.sensors[i],
         "onboard_control_sensors_enabled": s.sensors_enabled[i],
         "onboard_control_sensors_health": s.health[i],
-        "load": s.load[i],
+        "load": LOAD_PER_MILLE,
         "voltage_battery": batteries.voltage_v[i] * 1000,
         "current_battery": batteries.current_a[i] * 100,
         "battery_remaining": batteries.remaining[i] * 100,
