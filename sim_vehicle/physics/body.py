@@ -3,8 +3,6 @@
 import math
 from functools import partial
 
-import numpy as np
-
 from sim_vehicle.physics.copter import HOVER_THROTTLE
 from sim_vehicle.physics.following import follow
 from sim_vehicle.physics.motion import MotionOrder
@@ -159,8 +157,7 @@ class Body:
 
     def place_deg(self, east_m: float, north_m: float) -> tuple[float, float]:
         """Return latitude and longitude of a position [deg]."""
-        lat_deg, lon_deg = self._world.frame.to_geodetic(np.array([east_m]), np.array([north_m]))
-        return float(lat_deg[0]), float(lon_deg[0])
+        return self._world.frame.point_to_geodetic(east_m, north_m)
 
     # -- commands -----------------------------------------------------------------------------------------
 

@@ -11,16 +11,10 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim_vehicle.vehicle.command import MAX_ALTITUDE_M
 from sim_vehicle.vehicle.mission import Item
 from sim_vehicle.vehicle.params import as_float32
+from sim_vehicle.vehicle.transfer.stores import MAX_LATITUDE_E7, MAX_LONGITUDE_E7, STORED_FRAME
 
-_STORED_FRAME = {
-    mavlink.MAV_FRAME_GLOBAL: mavlink.MAV_FRAME_GLOBAL,
-    mavlink.MAV_FRAME_MISSION: mavlink.MAV_FRAME_GLOBAL,
-    mavlink.MAV_FRAME_GLOBAL_INT: mavlink.MAV_FRAME_GLOBAL,
-    mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT: mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT,
-    mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT: mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT,
-    mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT: mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT,
-    mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT: mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT,
-}
+# A mission also accepts frame MISSION, unlike a fence and rally points.
+_MISSION_FRAME = STORED_FRAME | {mavlink.MAV_FRAME_MISSION: mavlink.MAV_FRAME_GLOBAL}
 
 ItemParameters = tuple[float, float, float, float]
 Rounding = Callable[[float], float]  # value received -> value stored
@@ -164,7 +158,7 @@ def _store(item: Item, with_position: dict[int, Roundings]) -> Item | int:
     param1, param2, param3, param4 = _rounded(item, with_position[item.command])
     return Item(
         item.command,
-        frame=_STORED_FRAME[item.frame],
+        frame=_MISSION_FRAME[item.frame],
         param1=param1,
         param2=param2,
         param3=param3,
@@ -186,13 +180,13 @@ def _refused_parameter(item: Item) -> int | None:
 
 
 def _refused_position(item: Item) -> int | None:
-    if abs(item.x) > 900_000_000:
+    if abs(item.x) > MAX_LATITUDE_E7:
         return int(mavlink.MAV_MISSION_INVALID_PARAM5_X)
-    if abs(item.y) > 1_800_000_000:
+    if abs(item.y) > MAX_LONGITUDE_E7:
         return int(mavlink.MAV_MISSION_INVALID_PARAM6_Y)
     if not abs(item.z) < MAX_ALTITUDE_M:
         return int(mavlink.MAV_MISSION_INVALID_PARAM7)
-    return None if item.frame in _STORED_FRAME else int(mavlink.MAV_MISSION_UNSUPPORTED_FRAME)
+    return None if item.frame in _MISSION_FRAME else int(mavlink.MAV_MISSION_UNSUPPORTED_FRAME)
 
 
 def _rounded(item: Item, roundings: Roundings) -> ItemParameters:

@@ -12,9 +12,8 @@ from sim_vehicle.vehicle.commands import reported_interval_us
 from sim_vehicle.vehicle.interface import Vehicle
 from sim_vehicle.vehicle.numbers import to_int
 from sim_vehicle.wire.encode import DefinedMessage, Layout
+from sim_vehicle.wire.telemetry.px4 import CURRENT_EVENT_SEQUENCE, CURRENT_MODE, TIME_ESTIMATE_TO_TARGET
 
-AVAILABLE_MODES_ID, CURRENT_MODE_ID = 435, 436
-TIME_ESTIMATE_TO_TARGET_ID, CURRENT_EVENT_SEQUENCE_ID = 380, 411
 ADVANCED, NOT_SELECTABLE = 1, 2  # MAV_MODE_PROPERTY
 _ADVANCED_MODES = frozenset({modes.ACRO, modes.STABILIZED, modes.OFFBOARD, modes.PRECISION_LAND})
 
@@ -24,8 +23,8 @@ DEFAULT_RATES_HZ: dict[int, float] = {
     mavlink.MAVLINK_MSG_ID_ATTITUDE: 15.0,
     mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: 10.0,
     mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: 0.5,
-    CURRENT_EVENT_SEQUENCE_ID: 0.33,
-    CURRENT_MODE_ID: 0.5,
+    CURRENT_EVENT_SEQUENCE.message_id: 0.33,
+    CURRENT_MODE.message_id: 0.5,
     mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: 0.5,
     mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 1.0,
     mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 5.0,
@@ -42,7 +41,7 @@ DEFAULT_RATES_HZ: dict[int, float] = {
     mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: 1.0,
     mavlink.MAVLINK_MSG_ID_SYS_STATUS: 1.0,
     mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: 1.0,
-    TIME_ESTIMATE_TO_TARGET_ID: 1.0,
+    TIME_ESTIMATE_TO_TARGET.message_id: 1.0,
     mavlink.MAVLINK_MSG_ID_VFR_HUD: 4.0,
     mavlink.MAVLINK_MSG_ID_VIBRATION: 0.1,
     mavlink.MAVLINK_MSG_ID_WIND_COV: 0.5,
@@ -54,7 +53,7 @@ PUBLISHED_S = {mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: 0.125, mavlink.MAVLINK_MSG_ID
 
 # Messages missing in pymavlink's ArduPilot dialect.
 _AVAILABLE_MODES = Layout(
-    AVAILABLE_MODES_ID,
+    435,
     "AVAILABLE_MODES",
     bytes([134]),
     np.dtype(
@@ -129,6 +128,6 @@ def message_interval(vehicle: Vehicle, parameter: float) -> Sequence[Any]:
 
 ONE_SHOT_MESSAGES = {
     mavlink.MAVLINK_MSG_ID_MESSAGE_INTERVAL: message_interval,
-    AVAILABLE_MODES_ID: available_modes,
+    _AVAILABLE_MODES.message_id: available_modes,
     PROTOCOL_VERSION.message_id: protocol_version,
 }

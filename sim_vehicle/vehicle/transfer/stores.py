@@ -20,7 +20,7 @@ MAX_LATITUDE_E7, MAX_LONGITUDE_E7 = 900_000_000, 1_800_000_000
 
 FENCE_STORAGE_BYTES = 560  # as in ArduPilot's simulated copter
 MAX_RALLY_POINTS = 46
-_STORED_FRAME = {
+STORED_FRAME = {
     mavlink.MAV_FRAME_GLOBAL: mavlink.MAV_FRAME_GLOBAL,
     mavlink.MAV_FRAME_GLOBAL_INT: mavlink.MAV_FRAME_GLOBAL,
     mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT: mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT,
@@ -160,7 +160,7 @@ class FenceStore(Store):
     def put(self, index: int, item: Item, last: int) -> int:
         if index >= len(self._new):
             return INVALID_SEQUENCE
-        if item.frame not in _STORED_FRAME:
+        if item.frame not in STORED_FRAME:
             return int(mavlink.MAV_MISSION_UNSUPPORTED_FRAME)
         if item.command in POLYGONS:
             value = float(int(item.param1) & 0xFF) if math.isfinite(item.param1) else 0.0
@@ -275,11 +275,11 @@ class RallyStore(Store):
             return int(mavlink.MAV_MISSION_INVALID_PARAM6_Y)
         if not -32_768 <= item.z <= 32_767:
             return int(mavlink.MAV_MISSION_INVALID_PARAM7)
-        if item.frame not in _STORED_FRAME:
+        if item.frame not in STORED_FRAME:
             return int(mavlink.MAV_MISSION_UNSUPPORTED_FRAME)
         if index > self.count or index >= self.max_items:
             return ERROR
-        point = Item(item.command, frame=_STORED_FRAME[item.frame], x=item.x, y=item.y, z=float(int(item.z)))
+        point = Item(item.command, frame=STORED_FRAME[item.frame], x=item.x, y=item.y, z=float(int(item.z)))
         self._rally.replace([*self._rally.items[:index], point, *self._rally.items[index + 1 :]])
         return ACCEPTED
 

@@ -27,26 +27,23 @@ _NO_COORDINATES = frozenset(
 _OPAQUE_ID = struct.Struct("<I")
 
 
-class _MissionAck(mavlink.MAVLink_mission_ack_message):  # type: ignore[misc]
-    """MISSION_ACK with the extension field opaque_id, which pymavlink's dialect lacks."""
+class _WithOpaqueId(mavlink.MAVLink_message):  # type: ignore[misc]
+    """A message with the extension field opaque_id, which pymavlink's dialect lacks."""
 
     opaque_id = 0
 
     def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:
-        known = self.unpacker.pack(self.target_system, self.target_component, self.type, self.mission_type)
+        known = self.unpacker.pack(*(getattr(self, name) for name in self.ordered_fieldnames))
         payload = known + _OPAQUE_ID.pack(self.opaque_id)
         return bytes(self._pack(mav, self.crc_extra, payload, force_mavlink1=force_mavlink1))
 
 
-class _MissionCount(mavlink.MAVLink_mission_count_message):  # type: ignore[misc]
-    """MISSION_COUNT with the extension field opaque_id, which pymavlink's dialect lacks."""
+class _MissionAck(_WithOpaqueId, mavlink.MAVLink_mission_ack_message):  # type: ignore[misc]
+    pass
 
-    opaque_id = 0
 
-    def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:
-        known = self.unpacker.pack(self.count, self.target_system, self.target_component, self.mission_type)
-        payload = known + _OPAQUE_ID.pack(self.opaque_id)
-        return bytes(self._pack(mav, self.crc_extra, payload, force_mavlink1=force_mavlink1))
+class _MissionCount(_WithOpaqueId, mavlink.MAVLink_mission_count_message):  # type: ignore[misc]
+    pass
 
 
 def peer_of(message: Any) -> MissionPeer:
