@@ -47,7 +47,6 @@ REBOOT_SILENCE_S = 1.5
 PHASES = 5  # after a boot, the streams of a vehicle start at one of 5 moments within a second
 IDLE_INTERVAL_S = 1.0  # longest time between two decisions of a vehicle
 BUSY_INTERVAL_S = 0.1
-LOOKAHEAD_COMMANDS = 3  # a change of one of 3 navigation commands, from the current on, restarts the current
 
 
 class Autopilot:
@@ -347,21 +346,8 @@ class Autopilot:
 
     # -- mission ------------------------------------------------------------------------------------------
 
-    def start_mission_if_stopped(self) -> None:
-        if self.mission.state is not MissionState.ACTIVE:
-            self.mission.start_or_resume(self.flight.pilot)
-
     def set_current(self, index: int) -> bool:
         return self.mission.set_current(self.flight.pilot, index)
-
-    def mission_changed(self, index: int) -> None:
-        """Restart the current command if the changed item `index` affects it; -1: the list became shorter."""
-        if not self.flies_mission or index == 0 or (index == -1 and self.mission.index < self.mission.count):
-            return
-        if index > 0 and index not in self.mission.next_navigation(LOOKAHEAD_COMMANDS):
-            return
-        restarted = self.mission.restart_current(self.flight.pilot)
-        self.announce("mission_changed" if restarted else "mission_change_failed")
 
     @property
     def flies_mission(self) -> bool:

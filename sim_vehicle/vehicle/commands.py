@@ -12,6 +12,7 @@ from sim_vehicle.physics.geodesy import GeodeticPosition
 from sim_vehicle.vehicle.behaviour import Behaviour
 from sim_vehicle.vehicle.command import MAX_ALTITUDE_M, Command
 from sim_vehicle.vehicle.interface import CommandHandler, Vehicle
+from sim_vehicle.vehicle.mission import MissionState
 from sim_vehicle.vehicle.numbers import finite, to_int
 
 FORCE = 21_196  # param2 of arm and disarm: skip the checks
@@ -84,7 +85,8 @@ def mission_start(vehicle: Vehicle, command: Command, now: float) -> int:
         return FAILED
     if vehicle.armed:
         vehicle.flight.cleared_for_takeoff = True
-    vehicle.start_mission_if_stopped()
+    if vehicle.mission.state is not MissionState.ACTIVE:
+        vehicle.mission.start_or_resume(vehicle.flight.pilot)
     return ACCEPTED
 
 
@@ -215,13 +217,13 @@ def condition_yaw(vehicle: Vehicle, command: Command, _now: float) -> int:
         return FAILED
     if not (math.isfinite(command.param1) and abs(command.param1) <= 360):
         return DENIED
-    turned = vehicle.flight.turn(
+    heading_rad = vehicle.flight.turn(
         command.param1,
         command.param2,
         direction=to_int(command.param3),
         relative=command.param4 == 1,
     )
-    return ACCEPTED if turned else FAILED
+    return FAILED if heading_rad is None else ACCEPTED
 
 
 def fence_enable(vehicle: Vehicle, command: Command, _now: float) -> int:

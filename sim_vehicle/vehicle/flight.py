@@ -57,13 +57,8 @@ class Flight:
     def flying(self) -> bool:
         return self.armed and self.body.airborne
 
-    @property
-    def height_m(self) -> float:
-        """Height above home [m]."""
-        return self.body.alt_amsl_m - self.home().alt_amsl_m
-
     def landing_speed_m_s(self) -> float:
-        return self.flight_parameters.landing.speed_at(self.height_m)
+        return self.flight_parameters.landing.speed_at(self.vehicle.home_and_rally.height_above_home_m)
 
     def limit(self, **limits: float) -> None:
         """Replace limits of the parameters (see `Body.limit`) until the mode changes."""
@@ -108,7 +103,8 @@ class Flight:
             return math.inf
         if self.pilot.landing and self.flying:
             # Half of the time, because the estimate of the height has errors.
-            steady_s = 0.5 * self.flight_parameters.landing.steady_s(self.height_m)
+            height_m = self.vehicle.home_and_rally.height_above_home_m
+            steady_s = 0.5 * self.flight_parameters.landing.steady_s(height_m)
             return now + max(steady_s, RUN_INTERVAL_S)
         return now + RUN_INTERVAL_S
 
@@ -259,17 +255,20 @@ class Flight:
             return False
         return True
 
-    def turn(self, angle_deg: float, rate_deg_s: float, *, direction: int, relative: bool) -> bool:
-        """Turn to a heading or by an angle (`relative`); return False for planes and on the ground."""
+    def turn(self, angle_deg: float, rate_deg_s: float, *, direction: int, relative: bool) -> float | None:
+        """Turn to a heading or by an angle (`relative`); return the heading [rad].
+
+        Return None, without a turn, for planes and on the ground.
+        """
         if self.body.plane or not self.flying:
-            return False
+            return None
         heading_deg = angle_deg
         if relative:
             heading_deg = math.degrees(self.body.heading_rad) + angle_deg * (-1 if direction < 0 else 1)
         rate_rad_s = math.radians(rate_deg_s) if rate_deg_s > 0 else None
-        self.commanded_heading_rad = math.radians(heading_deg % 360.0)
-        self.body.face(self.commanded_heading_rad, rate_rad_s)
-        return True
+        heading_rad = math.radians(heading_deg % 360.0)
+        self.body.face(heading_rad, rate_rad_s)
+        return heading_rad
 
     def altitude_amsl_m(self, frame: int, z_m: float) -> float:
         """Return the altitude of an item [m above mean sea level]; the present altitude for NaN and inf.

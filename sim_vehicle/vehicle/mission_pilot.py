@@ -115,13 +115,14 @@ class MissionPilot:
         body = self._flight.body
         east_m, north_m, _ = body.position_m
         if body.plane and not body.airborne:
-            place_m = self._straight_ahead(body.heading_rad)
-            self._flight.go(
-                (*place_m, self._target_m[2] + CLIMB_MARGIN_M),
-                self._flight.flight_parameters.limits.speed_m_s,
-            )
+            self._climb_toward(self._straight_ahead(body.heading_rad))
         else:
             self._flight.go((east_m, north_m, self._target_m[2]))
+
+    def _climb_toward(self, place_m: tuple[float, float]) -> None:
+        """Climb a plane straight toward a place, to a height above the target's altitude."""
+        up_m = self._target_m[2] + CLIMB_MARGIN_M
+        self._flight.go((*place_m, up_m), self._flight.flight_parameters.limits.speed_m_s)
 
     def _climb_done(self, item: Item) -> bool:
         """Continue the climb; at its end begin the leg to `item` and return True."""
@@ -176,12 +177,9 @@ class MissionPilot:
             place_m = self._takeoff_toward(item) if self._takes_off_straight else (east_m, north_m)
             return *place_m, max(flight.altitude_amsl_m(item.frame, item.z), up_m)
         if item.command == mavlink.MAV_CMD_NAV_CONTINUE_AND_CHANGE_ALT:
-            distance_m, heading_rad = (AHEAD_M if flight.body.plane else 0.0), flight.body.heading_rad
-            ahead_m = (
-                east_m + distance_m * math.sin(heading_rad),
-                north_m + distance_m * math.cos(heading_rad),
-            )
-            return *ahead_m, flight.altitude_amsl_m(item.frame, item.z)
+            body = flight.body
+            place_m = self._straight_ahead(body.heading_rad) if body.plane else (east_m, north_m)
+            return *place_m, flight.altitude_amsl_m(item.frame, item.z)
         return target_of(flight, item)
 
     @property
@@ -212,11 +210,8 @@ class MissionPilot:
             return self._flight.flight_parameters.limits.speed_m_s if through else 0.0
         if not through or following is None or following.command not in FLOWN_THROUGH:
             return 0.0
-        target_m, here_m, next_m = (
-            self._target_m,
-            self._flight.body.position_m,
-            target_of(self._flight, following),
-        )
+        target_m, here_m = self._target_m, self._flight.body.position_m
+        next_m = target_of(self._flight, following)
         inbound = math.atan2(target_m[0] - here_m[0], target_m[1] - here_m[1])
         outbound = math.atan2(next_m[0] - target_m[0], next_m[1] - target_m[1])
         turn_rad = abs(math.remainder(outbound - inbound, 2 * math.pi))
@@ -258,8 +253,7 @@ class MissionPilot:
             return False
         if self._takes_off_straight:
             if not flight.body.airborne:
-                east_m, north_m, up_m = self._target_m
-                flight.go((east_m, north_m, up_m + CLIMB_MARGIN_M), flight.flight_parameters.limits.speed_m_s)
+                self._climb_toward(self._target_m[:2])
                 return False
             return flight.body.alt_amsl_m >= self._target_m[2]
         flight.limit_climb()
@@ -323,8 +317,9 @@ class MissionPilot:
         elif item.command == mavlink.MAV_CMD_CONDITION_YAW:
             relative = item.param4 == 1
             direction = to_int(item.param3)
-            if flight.turn(item.param1, item.param2, direction=direction, relative=relative):
-                self._wanted_heading_rad = flight.commanded_heading_rad
+            heading_rad = flight.turn(item.param1, item.param2, direction=direction, relative=relative)
+            if heading_rad is not None:
+                self._wanted_heading_rad = heading_rad
         elif item.command == mavlink.MAV_CMD_DO_SET_HOME:
             vehicle, place = flight.vehicle, flight.vehicle.here()
             if item.param1 != 1 and item.place_deg is not None:
@@ -354,21 +349,19 @@ class MissionPilot:
             self._flight.vehicle.announce("item_reached", index=index)
 
     def mission_ended(self) -> None:
+        self._leave_mission("mission_ended")
+
+    def no_mission(self) -> None:
+        self._leave_mission("no_mission")
+
+    def _leave_mission(self, event: str) -> None:
         flight = self._flight
         self.forget()
-        flight.vehicle.announce("mission_ended" if flight.flying else "mission_ended_landed")
+        flight.vehicle.announce(event if flight.flying else f"{event}_landed")
         if flight.flying:
             flight.body.stop()
         elif flight.armed:
             flight.disarm()
-        flight.vehicle.modes.mission_over()
-
-    def no_mission(self) -> None:
-        flight = self._flight
-        self.forget()
-        flight.vehicle.announce("no_mission" if flight.flying else "no_mission_landed")
-        if flight.flying:
-            flight.body.stop()
         flight.vehicle.modes.mission_over()
 
 

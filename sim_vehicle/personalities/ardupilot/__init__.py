@@ -34,6 +34,7 @@ from sim_vehicle.vehicle.transfer.ardupilot import ArduPilotTransfer
 from sim_vehicle.vehicle.transfer.stores import FenceStore, MissionStore, RallyStore
 
 MAX_MISSION_ITEMS = 650
+LOOKAHEAD_COMMANDS = 3  # a change of one of 3 navigation commands, from the current on, restarts the current
 _INFO, _NOTICE = mavlink.MAV_SEVERITY_INFO, mavlink.MAV_SEVERITY_NOTICE
 _WARNING, _CRITICAL = mavlink.MAV_SEVERITY_WARNING, mavlink.MAV_SEVERITY_CRITICAL
 _EMERGENCY = mavlink.MAV_SEVERITY_EMERGENCY
@@ -90,7 +91,7 @@ def _transfer(vehicle: Vehicle) -> ArduPilotTransfer:
         store_item,
         MAX_MISSION_ITEMS,
         send_text=vehicle.send_text,
-        changed=vehicle.mission_changed,
+        changed=lambda index: _restart_if_changed(vehicle, index),
         flying=lambda: vehicle.flies_mission,
     )
     return ArduPilotTransfer(
@@ -106,6 +107,17 @@ def _transfer(vehicle: Vehicle) -> ArduPilotTransfer:
         guided=lambda item, altitude_only: _fly_guided(vehicle, item, altitude_only=altitude_only),
         refusal=lambda: vehicle.injected_faults.mission_refusal,
     )
+
+
+def _restart_if_changed(vehicle: Vehicle, index: int) -> None:
+    """Restart the current command if the changed item `index` affects it; -1: the list became shorter."""
+    mission = vehicle.mission
+    if not vehicle.flies_mission or index == 0 or (index == -1 and mission.index < mission.count):
+        return
+    if index > 0 and index not in mission.next_navigation(LOOKAHEAD_COMMANDS):
+        return
+    restarted = mission.restart_current(vehicle.flight.pilot)
+    vehicle.announce("mission_changed" if restarted else "mission_change_failed")
 
 
 def _fly_guided(vehicle: Vehicle, item: Item, *, altitude_only: bool) -> bool:
