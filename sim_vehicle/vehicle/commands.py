@@ -106,7 +106,7 @@ def reposition(vehicle: Vehicle, command: Command, now: float) -> int:
             return DENIED
         alt_amsl_m = vehicle.body.alt_amsl_m
     watch = vehicle.fence_watch
-    if watch.enabled and watch.find(*place, alt_amsl_m - vehicle.flight.home().alt_amsl_m):
+    if watch.enabled and watch.find(*place, alt_amsl_m):
         return FAILED
     if not guided and not vehicle.modes.set_behaviour(Behaviour.GUIDED, now):
         return FAILED

@@ -113,8 +113,9 @@ class FenceWatch:
             int(mavlink.FENCE_BREACH_NONE),
         )
 
-    def find(self, lat_deg: float, lon_deg: float, height_m: float) -> frozenset[str]:
-        """Return the limits that a position (height above home [m]) breaches."""
+    def find(self, lat_deg: float, lon_deg: float, alt_amsl_m: float) -> frozenset[str]:
+        """Return the limits that a position breaches, if the fence is enabled or not."""
+        height_m = alt_amsl_m - self._vehicle.home_and_rally.home_or_here.alt_amsl_m
         return frozenset(self._beyond_m(lat_deg, lon_deg, height_m))
 
     def refusal(self) -> str | None:

@@ -93,7 +93,4 @@ def _global_m(vehicle: Vehicle, message: Any, *, alone: bool) -> st.Vector | Non
 
 def _outside_fence(vehicle: Vehicle, position_m: st.Vector) -> bool:
     watch = vehicle.fence_watch
-    if not watch.enabled:
-        return False
-    lat_deg, lon_deg = vehicle.body.place_deg(*position_m[:2])
-    return bool(watch.find(lat_deg, lon_deg, position_m[2] - vehicle.flight.home().alt_amsl_m))
+    return watch.enabled and bool(watch.find(*vehicle.body.place_deg(*position_m[:2]), position_m[2]))

@@ -155,8 +155,8 @@ def reposition(vehicle: Vehicle, command: Command, now: float) -> int:
 
 
 def _fly_within_fence(vehicle: Vehicle, place: GeodeticPosition) -> None:
-    height_m = place.alt_amsl_m - vehicle.flight.home().alt_amsl_m
-    if vehicle.fence_watch.enabled and vehicle.fence_watch.find(place.lat_deg, place.lon_deg, height_m):
+    watch = vehicle.fence_watch
+    if watch.enabled and watch.find(place.lat_deg, place.lon_deg, place.alt_amsl_m):
         vehicle.announce("reposition_outside_fence")
         return
     vehicle.flight.guided_go(place.lat_deg, place.lon_deg, place.alt_amsl_m)

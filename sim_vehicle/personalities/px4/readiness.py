@@ -124,11 +124,10 @@ def _fence_refusal(vehicle: Vehicle, items: Sequence[Item]) -> str | None:
 
     The check applies only to fixed wings: PX4 was not observed to refuse such a mission of a multicopter.
     """
-    home_m = vehicle.flight.home().alt_amsl_m
     for number, item in enumerate(items, start=1):
         place_deg = item.place_deg if item.command in _POSITION_COMMANDS else None
-        height_m = vehicle.flight.altitude_amsl_m(item.frame, item.z) - home_m
-        if place_deg is not None and vehicle.fence_watch.find(*place_deg, height_m):
+        alt_amsl_m = vehicle.flight.altitude_amsl_m(item.frame, item.z)
+        if place_deg is not None and vehicle.fence_watch.find(*place_deg, alt_amsl_m):
             return f"Geofence violation for waypoint {number}"
     return None
 
