@@ -9,7 +9,7 @@ import numpy as np
 from sim_vehicle.physics import copter, plane
 from sim_vehicle.physics.geodesy import Floats
 from sim_vehicle.physics.motion import GRAVITY_M_S2, Bools, Motion, MotionOrder, Selection
-from sim_vehicle.physics.wind import Wind, WindSettings
+from sim_vehicle.physics.wind import Wind
 
 CRASH_M_S = 5.0  # vertical speed of a ground contact above which the airframe breaks
 MOTOR_LOST_SINK_M_S = 8.0  # final sink rate of a copter with one lost motor
@@ -23,14 +23,12 @@ class Dynamics(Motion):
 
     Parameters
     ----------
-    planes: (n,) True for fixed wings; all copters by default.
-    wind: calm by default.
+    planes: (n,) True for fixed wings.
+    wind: the wind at the vehicles.
     """
 
-    def __init__(self, position_m: Floats, *, planes: Bools | None = None, wind: Wind | None = None) -> None:
-        n = len(position_m)
-        planes = np.zeros(n, dtype=bool) if planes is None else np.asarray(planes, dtype=bool)
-        super().__init__(position_m, planes, wind or Wind(WindSettings(), [np.random.default_rng(0)] * n))
+    def __init__(self, position_m: Floats, planes: Bools, wind: Wind) -> None:
+        super().__init__(position_m, planes, wind)
         self._copters: Selection = np.flatnonzero(~planes) if np.count_nonzero(planes) else slice(None)
         self._planes: Selection = slice(None) if planes.all() else np.flatnonzero(planes)
         self._has_copters, self._has_planes = not planes.all(), bool(planes.any())

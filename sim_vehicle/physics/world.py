@@ -14,7 +14,6 @@ from sim_vehicle.physics.motion import Bools
 from sim_vehicle.physics.noise import Normals
 from sim_vehicle.physics.wind import Wind, WindSettings
 
-CALM, GOOD_GPS = WindSettings(), GpsSettings()
 STEPS_PER_GPS_SAMPLE = 4
 STEPS_PER_BATTERY_UPDATE = 2
 AVIONICS_W = 7.0
@@ -64,7 +63,7 @@ class World:
     ----------
     frame: the local frame of the map.
     lat_deg, lon_deg, alt_amsl_m: (n,) start positions [deg, deg, m].
-    planes: (n,) True for fixed wings; all copters by default.
+    planes: (n,) True for fixed wings.
     rngs: one generator per vehicle, the only source of the vehicle's noise and gusts.
     wind: steady wind and gusts.
     gps: errors of the receivers.
@@ -77,21 +76,18 @@ class World:
         lon_deg: Floats,
         alt_amsl_m: Floats,
         *,
-        planes: Bools | None = None,
-        rngs: Sequence[np.random.Generator] | None = None,
-        wind: WindSettings = CALM,
-        gps: GpsSettings = GOOD_GPS,
+        planes: Bools,
+        rngs: Sequence[np.random.Generator],
+        wind: WindSettings,
+        gps: GpsSettings,
     ) -> None:
-        n = len(lat_deg)
-        if rngs is None:
-            rngs = np.random.default_rng(0).spawn(n)
         streams = [rng.spawn(3) for rng in rngs]
         self.frame = frame
         east_m, north_m = frame.to_local(lat_deg, lon_deg)
         self.wind = Wind(wind, [gusts for gusts, _, _ in streams])
         start_m = np.column_stack([east_m, north_m, alt_amsl_m])
-        self.dynamics = Dynamics(start_m, planes=planes, wind=self.wind)
-        self.batteries = Batteries(n)
+        self.dynamics = Dynamics(start_m, planes, self.wind)
+        self.batteries = Batteries(len(lat_deg))
         dynamics = self.dynamics
         self.armed = dynamics.armed
         self.has_event = dynamics.has_event  # (n,), for the vehicle's autopilot
