@@ -46,7 +46,7 @@ class ArmingRules:
 class CommandRules:
     """COMMAND_LONG and COMMAND_INT, and the targets of all messages: `commands`."""
 
-    handlers: Mapping[int, CommandHandler]  # replace or extend the common handlers
+    handlers: Mapping[int, CommandHandler]  # by MAV_CMD; every other command is UNSUPPORTED
     # (own system id, message to this system or to all systems) -> True if the message is processed
     is_addressed: Callable[[int, Any], bool]
     refuses_foreign: bool = False  # answers a command to another system or component with FAILED

@@ -11,7 +11,6 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import ALT_M, LAT_DEG, LON_DEG
 
 from sim_vehicle.personalities import personality_of
-from sim_vehicle.vehicle.commands import HANDLERS
 from sim_vehicle.vehicle.mission import Item
 from sim_vehicle.wire.parser import CommandCancel
 
@@ -48,7 +47,7 @@ def commands(_bench: Bench, source: random.Random) -> Iterator[Any]:
 
 def likely_commands(bench: Bench, source: random.Random) -> Iterator[Any]:
     """Yield supported commands with nearly valid parameters."""
-    obeyed = sorted({*HANDLERS, *personality_of(bench.name, bench.kind).commands.handlers})
+    obeyed = sorted(personality_of(bench.name, bench.kind).commands.handlers)
     for command in source.choices(obeyed, k=120):
         nearly = [
             source.choice((0.0, 0.0, 1.0, 1.0, 2.0, 3.0, math.nan, number("float", source))) for _ in range(7)

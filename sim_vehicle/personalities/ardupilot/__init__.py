@@ -7,7 +7,7 @@ from types import MappingProxyType
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.personalities.ardupilot import flight_parameters, messages, parameters
-from sim_vehicle.personalities.ardupilot.commands import PLANE_COMMANDS, start_landing
+from sim_vehicle.personalities.ardupilot.commands import COPTER_COMMANDS, PLANE_COMMANDS, start_landing
 from sim_vehicle.personalities.ardupilot.items import store_item, store_plane_item
 from sim_vehicle.personalities.ardupilot.modes import COPTER_MODES, PLANE_MODES, copter_targets, plane_targets
 from sim_vehicle.personalities.ardupilot.receivers import RECEIVERS
@@ -250,7 +250,7 @@ _COPTER = Personality(
         stick_refusals=stick_refusals,
         mandatory_refusals=_mandatory_refusals,
     ),
-    commands=CommandRules({}, is_addressed=lambda _sysid, _message: True),
+    commands=CommandRules(COPTER_COMMANDS, is_addressed=lambda _sysid, _message: True),
     messages=MessageRules(RECEIVERS),
     telemetry=TelemetryRules(
         texts=_TEXTS,

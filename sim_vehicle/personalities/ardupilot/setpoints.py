@@ -9,8 +9,8 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.personalities.ardupilot.commands import FRAMES_WITH_ALTITUDE
 from sim_vehicle.vehicle import setpoint_target as st
-from sim_vehicle.vehicle.commands import FRAMES_WITH_ALTITUDE
 from sim_vehicle.vehicle.interface import Vehicle
 from sim_vehicle.vehicle.setpoint_target import STOP, Target
 

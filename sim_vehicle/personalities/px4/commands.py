@@ -1,4 +1,4 @@
-"""Command handlers of PX4 1.15 that replace or extend `vehicle.commands`.
+"""Commands of PX4 1.15.
 
 Most commands change the mode. A disarmed vehicle accepts every selectable mode. An armed vehicle rejects a
 mode that cannot run, with TEMPORARILY_REJECTED and a text.
@@ -315,22 +315,11 @@ def _accept(_vehicle: Vehicle, _command: Command, _now: float) -> int:
     return ACCEPTED
 
 
-def _unsupported(_vehicle: Vehicle, _command: Command, _now: float) -> int:
-    return UNSUPPORTED
-
-
 def _high_latency(vehicle: Vehicle, _command: Command, _now: float) -> int:
     vehicle.announce("no_high_latency")
     return FAILED
 
 
-_UNSUPPORTED_COMMANDS = (
-    mavlink.MAV_CMD_DO_PAUSE_CONTINUE,
-    mavlink.MAV_CMD_DO_FENCE_ENABLE,
-    mavlink.MAV_CMD_DO_SET_MISSION_CURRENT,
-    mavlink.MAV_CMD_CONDITION_YAW,
-    mavlink.MAV_CMD_DO_MOTOR_TEST,
-)
 _WITHOUT_EFFECT = (
     mavlink.MAV_CMD_NAV_ROI,
     mavlink.MAV_CMD_DO_SET_ROI,
@@ -342,9 +331,11 @@ _WITHOUT_EFFECT = (
 
 
 COMMANDS: MappingProxyType[int, CommandHandler] = MappingProxyType(
-    dict.fromkeys(_UNSUPPORTED_COMMANDS, _unsupported)
-    | dict.fromkeys(_WITHOUT_EFFECT, _accept)
+    dict.fromkeys(_WITHOUT_EFFECT, _accept)
     | {
+        mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: common.send_message(
+            mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION
+        ),
         mavlink.MAV_CMD_REQUEST_PROTOCOL_VERSION: common.send_message(
             messages.PROTOCOL_VERSION.message_id, otherwise=DENIED
         ),
