@@ -78,11 +78,8 @@ class Failsafes:
         self._watch_position(now)
         self._end_hold(now)
         timeout_s = self._vehicle.flight_parameters.gcs.timeout_s
-        due_s = (
-            self._remote.next_s
-            if self._held_action is None
-            else min(self._held_action[1], self._remote.next_s)
-        )
+        held_s = math.inf if self._held_action is None else self._held_action[1]
+        due_s = min(held_s, self._remote.next_s)
         if self._gcs_heartbeat_s is None or self.gcs_lost or math.isinf(timeout_s):
             return due_s
         return min(due_s, self._gcs_heartbeat_s + timeout_s + CHECK_INTERVAL_S)
@@ -113,7 +110,7 @@ class Failsafes:
             delayed
             and self._held_action is None
             and vehicle.position_known(now)
-            and not self._mode_has_priority_over(action)
+            and self._interrupts_for(_BEHAVIOURS[action])
         ):
             self._held_action = (action, now + delay_s)
             vehicle.announce("failsafe_waits", seconds=round(delay_s))
@@ -124,10 +121,10 @@ class Failsafes:
             self._held_action = None
             self._carry_out(action, now)
 
-    def _mode_has_priority_over(self, action: FailsafeAction) -> bool:
-        """Return True if the present behaviour has at least the priority of `action`."""
+    def _interrupts_for(self, behaviour: Behaviour) -> bool:
+        """Return True if an action that requires `behaviour` has priority over the present behaviour."""
         present = _BEHAVIOUR_PRIORITY.get(self._vehicle.mode.behaviour, 0)
-        return present >= _BEHAVIOUR_PRIORITY.get(_BEHAVIOURS[action], 1)
+        return present < _ACTION_PRIORITY.get(behaviour, 1)
 
     def _end_hold(self, now: float) -> None:
         """Carry out the held action after the hold; drop the action if the mode has changed."""
@@ -154,8 +151,7 @@ class Failsafes:
             return
         modes = vehicle.personality.modes.by_number
         mode = self._mode_of(action, now) if mode_number is None else modes[mode_number]
-        present = _BEHAVIOUR_PRIORITY.get(vehicle.mode.behaviour, 0)
-        if mode is not None and present < _ACTION_PRIORITY.get(mode.behaviour, 1):
+        if mode is not None and self._interrupts_for(mode.behaviour):
             vehicle.modes.enter(mode.number)
             if mode.behaviour is Behaviour.GUIDED:
                 self._go_to_return_point()

@@ -9,7 +9,7 @@ import dataclasses
 import math
 import struct
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from enum import Enum, auto
 from typing import Any
 
@@ -98,14 +98,11 @@ class Px4Transfer:
         changed: Callable[[int], None] = lambda _kind: None,
         refusal: Callable[[], MissionRefusal | None] = lambda: None,
     ) -> None:
-        self._mission, self._fence, self._rally = mission, fence, rally
+        self._mission = mission
+        self._lists: dict[int, Mission | Fence | Rally] = {MISSION: mission, FENCE: fence, RALLY: rally}
         self._sysid, self._store_item, self._send, self._send_text = sysid, store_item, send, send_text
-        self._replace, self._set_current, self._changed, self._refusal = (
-            replace,
-            set_current,
-            changed,
-            refusal,
-        )
+        self._replace, self._set_current = replace, set_current
+        self._changed, self._refusal = changed, refusal
         self._max_items = {MISSION: max_items, FENCE: MAX_FENCE_POINTS, RALLY: MAX_RALLY_POINTS}
         self._ids = {MISSION: 0, FENCE: 0, RALLY: 0}
         self._handlers: dict[str, Callable[[Any, MissionPeer, float], None]] = {
@@ -272,10 +269,11 @@ class Px4Transfer:
         return stored
 
     def _store(self, kind: int, items: list[Item], current: int) -> None:
-        if kind == MISSION:
+        stored = self._lists[kind]
+        if isinstance(stored, Mission):
             self._replace(items, current)
             return
-        (self._fence if kind == FENCE else self._rally).replace(items)
+        stored.replace(items)
         self._changed(kind)
 
     def _empty(self, kind: int) -> None:
@@ -294,10 +292,8 @@ class Px4Transfer:
 
     # -- download ----------------------------------------------------------------------------------------
 
-    def _items(self) -> tuple[Item, ...]:
-        if self._kind == MISSION:
-            return tuple(self._mission.items)
-        return {FENCE: self._fence.items, RALLY: self._rally.items}.get(self._kind, ())
+    def _items(self) -> Sequence[Item]:
+        return self._lists[self._kind].items if self._kind in self._lists else ()
 
     def _on_request_list(self, message: Any, peer: MissionPeer, now: float) -> None:
         all_sent = self._state is _State.SENDING and self._seq == len(self._items())
