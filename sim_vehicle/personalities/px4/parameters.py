@@ -31,6 +31,7 @@ _NO_EFFECT: dict[str, float | int] = {
     "MIS_YAW_TMT": -1.0,  # s
     "NAV_MIN_LTR_ALT": -1.0,  # m
     # MAVLink and the system
+    "MAV_COMP_ID": 1,
     "MAV_FWDEXTSP": 1,
     "MAV_HASH_CHK_EN": 1,
     "MAV_HB_FORW_EN": 1,
@@ -78,10 +79,10 @@ _NO_EFFECT: dict[str, float | int] = {
 _NO_EFFECT_COPTER: dict[str, float | int] = {
     "CA_AIRFRAME": 0,
     "CA_ROTOR_COUNT": 4,
+    "MAV_TYPE": 2,
     "MPC_JERK_AUTO": 4.0,  # m/s^3
     "MPC_LAND_ALT3": 1.0,  # m
     "MPC_LAND_CRWL": 0.3,  # m/s
-    "MPC_TILTMAX_AIR": 45.0,  # deg
     "RTL_TYPE": 0,
     "SYS_AUTOSTART": 4001,
     "SYS_HAS_NUM_ASPD": 0,
@@ -95,6 +96,7 @@ _NO_EFFECT_PLANE: dict[str, float | int] = {
     "FW_LND_USETER": 1,
     "FW_TKO_PITCH_MIN": 10.0,  # deg
     "FW_T_SINK_MIN": 2.0,  # m/s
+    "MAV_TYPE": 1,
     "SYS_AUTOSTART": 4003,
     "SYS_HAS_NUM_ASPD": 1,
 }
@@ -141,7 +143,6 @@ _COMMON: dict[str, float | int] = _NO_EFFECT | {
     "RTL_CONE_ANG": 45,  # multicopter: deg, half angle, within RTL_MIN_DIST; 0: always RTL_RETURN_ALT
     "RTL_MIN_DIST": 10.0,  # m
     # MAVLink and the system
-    "MAV_COMP_ID": 1,
     "MAV_SYS_ID": 1,
     "SDLOG_MODE": 1,
     "SYS_FAILURE_EN": 0,  # 1: MAV_CMD_INJECT_FAILURE is obeyed
@@ -160,7 +161,6 @@ COPTER: dict[str, float | int] = (
         "FLW_TGT_HT": 8.0,  # m
         "FLW_TGT_MAX_VEL": 5.0,  # m/s around the target
         "FLW_TGT_RS": 0.1,  # no effect: the target's messages are not filtered
-        "MAV_TYPE": 2,
         "MIS_TAKEOFF_ALT": 2.5,  # m above home
         "MPC_ACC_DOWN_MAX": 3.0,  # m/s^2
         "MPC_ACC_HOR": 3.0,  # m/s^2
@@ -173,6 +173,7 @@ COPTER: dict[str, float | int] = (
         "MPC_MANTHR_MIN": 0.08,  # output at the lowest throttle
         "MPC_MAN_TILT_MAX": 35.0,  # deg
         "MPC_MAN_Y_MAX": 150.0,  # deg/s
+        "MPC_TILTMAX_AIR": 45.0,  # deg, by set-points
         "MPC_TKO_SPEED": 1.5,  # m/s
         "MPC_VEL_MANUAL": 10.0,  # m/s
         "MPC_XY_CRUISE": 5.0,  # m/s
@@ -214,7 +215,6 @@ PLANE: dict[str, float | int] = (
         "FW_T_CLMB_R_SP": 3.0,  # m/s by sticks
         "FW_T_SINK_MAX": 5.0,  # m/s
         "FW_T_SINK_R_SP": 2.0,  # m/s
-        "MAV_TYPE": 1,
         "MIS_TAKEOFF_ALT": 25.0,  # m above home
         "NAV_ACC_RAD": 10.0,  # m
         "NAV_FW_ALT_RAD": 10.0,  # m above or below a waypoint
