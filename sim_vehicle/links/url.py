@@ -1,7 +1,7 @@
 """URLs of links, such as `udpout:127.0.0.1:14550`, `tcpin://0.0.0.0:5760`, `serial:/dev/ttyUSB0:57600`."""
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 FORMS = "udpout:HOST:PORT, udpin:HOST:PORT, tcpin:HOST:PORT, tcpout:HOST:PORT or serial:DEVICE:BAUD"
 NETWORK_KINDS = ("udpout", "udpin", "tcpin", "tcpout")
@@ -39,10 +39,6 @@ class Url:
     @property
     def listens(self) -> bool:
         return self.kind.endswith("in")
-
-    def shifted(self, ports: int) -> "Url":
-        """Return this URL with its port increased by `ports`."""
-        return replace(self, port=self.port + ports)
 
 
 def parse_url(text: str) -> Url:

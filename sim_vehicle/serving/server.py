@@ -5,6 +5,7 @@ import itertools
 import math
 import os
 from collections.abc import Callable, Collection, Hashable, Iterable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -107,7 +108,7 @@ class Server:
                 f"{url}: link {link} needs port {port}, but the highest port is {MAX_PORT}; "
                 "choose a lower port"
             )
-        return url.shifted(link * self.port_step)
+        return replace(url, port=port)
 
     def _refuse_shared_ports(self) -> None:
         """Raise LinkError if two URLs use the same port, because a port belongs to one link."""

@@ -18,23 +18,19 @@ class Arming:
         self._taken_off_at_s = math.nan
 
     @property
-    def armed(self) -> bool:
-        return self._vehicle.body.armed
-
-    @property
     def armed_since_s(self) -> float:
         """Time of the arming [s]; nan while disarmed."""
-        return self._armed_at_s if self.armed else math.nan
+        return self._armed_at_s if self._vehicle.armed else math.nan
 
     @property
     def flying_since_s(self) -> float:
         """Time of the latest take-off since arming [s]; nan before the take-off and while disarmed."""
-        return self._taken_off_at_s if self.armed else math.nan
+        return self._taken_off_at_s if self._vehicle.armed else math.nan
 
     def arm(self, now: float, *, force: bool, text: str = "armed") -> bool:
         """Start the motors and return True; after a refusal, announce the reasons and return False."""
         vehicle = self._vehicle
-        if self.armed:
+        if self._vehicle.armed:
             return True
         if vehicle.body.crashed:  # a crashed vehicle cannot be armed, even by force
             vehicle.announce("arm_refused", reason="Crashed")
@@ -81,10 +77,10 @@ class Arming:
 
         A forced stop in the air makes the vehicle fall.
         """
-        if self._vehicle.body.airborne and self.armed and not force:
+        if self._vehicle.body.airborne and self._vehicle.armed and not force:
             self._vehicle.announce("disarm_refused")
             return False
-        if self.armed:
+        if self._vehicle.armed:
             self.stop()
         return True
 
@@ -103,7 +99,7 @@ class Arming:
 
     def update(self, now: float) -> float:
         """Disarm after a landing, or if no take-off follows arming; return the next check [s] (inf: none)."""
-        if not self.armed:
+        if not self._vehicle.armed:
             return math.inf
         vehicle = self._vehicle
         airborne = vehicle.body.airborne

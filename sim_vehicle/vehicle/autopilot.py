@@ -295,7 +295,7 @@ class Autopilot:
         self.booted = False
         self.status.booted[self.index] = False
         self._boot_due_s = self.alarm_s = now + silence_s
-        if self.arming.armed:
+        if self.armed:
             self.body.arm(False)
 
     def _boot(self, now: float) -> None:
@@ -342,7 +342,7 @@ class Autopilot:
 
     @property
     def armed(self) -> bool:
-        return self.arming.armed
+        return self.body.armed
 
     # -- mission ------------------------------------------------------------------------------------------
 

@@ -12,6 +12,7 @@ from typing import Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.physics.geodesy import distance_m
 from sim_vehicle.vehicle.numbers import finite, to_int
 
 NAVIGATION = frozenset(
@@ -199,18 +200,18 @@ class Mission:
         found = self._find_navigation(1 if self._starts_over else self.index, {}, [])
         return found is not None and self.items[found].command == mavlink.MAV_CMD_NAV_TAKEOFF
 
-    def land_start(self, distance_m: Callable[[Item], float]) -> int | None:
-        """Return the index of the nearest DO_LAND_START with a position; None: no such item.
+    def land_start(self, here_deg: tuple[float, float]) -> int | None:
+        """Return the index of the DO_LAND_START nearest to a position; None: no such item has a position.
 
         A DO_LAND_START without a position has the position of the next item with a position.
         """
         found: list[tuple[float, int]] = []
         for index in range(1, self.count):
             if self.items[index].command == mavlink.MAV_CMD_DO_LAND_START:
-                placed = (item for item in self.items[index:] if item.place_deg is not None)
-                place = next(placed, None)
-                if place is not None:
-                    found.append((distance_m(place), index))
+                places_deg = (item.place_deg for item in self.items[index:] if item.place_deg is not None)
+                place_deg = next(places_deg, None)
+                if place_deg is not None:
+                    found.append((distance_m(here_deg, place_deg), index))
         return min(found)[1] if found else None
 
     def _find_navigation(self, start: int, jumps: dict[int, int], passed: list[int]) -> int | None:

@@ -205,6 +205,6 @@ def test_the_nearest_landing_sequence_is_found() -> None:
         Item(LAND, x=50),
         Item(LAND_START),
     )
-    assert mission.land_start(lambda item: abs(item.x - 90)) == 2
-    assert mission.land_start(lambda item: abs(item.x - 30)) == 4
-    assert ardupilot(Item(WP))[0].land_start(lambda item: 0.0) is None
+    assert mission.land_start((90e-7, 0.0)) == 2
+    assert mission.land_start((30e-7, 0.0)) == 4
+    assert ardupilot(Item(WP))[0].land_start((0.0, 0.0)) is None

@@ -4,7 +4,7 @@ import math
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.physics.geodesy import GeodeticPosition, distance_m
+from sim_vehicle.physics.geodesy import GeodeticPosition
 from sim_vehicle.vehicle.behaviour import Behaviour
 from sim_vehicle.vehicle.command import MAX_ALTITUDE_M, Command
 from sim_vehicle.vehicle.commands import (
@@ -20,7 +20,7 @@ from sim_vehicle.vehicle.commands import (
     set_message_interval,
 )
 from sim_vehicle.vehicle.interface import CommandHandler, Vehicle
-from sim_vehicle.vehicle.mission import Item, MissionState
+from sim_vehicle.vehicle.mission import MissionState
 from sim_vehicle.vehicle.numbers import finite, to_int
 
 FRAMES_WITH_ALTITUDE = frozenset(
@@ -223,13 +223,8 @@ def storage(_vehicle: Vehicle, command: Command, _now: float) -> int:
 
 def start_landing(vehicle: Vehicle, now: float) -> bool:
     """Start AUTO at the nearest landing sequence, regardless of MIS_RESTART; return False if impossible."""
-
-    def distance_to_m(item: Item) -> float:
-        place_deg = item.place_deg
-        assert place_deg is not None
-        return distance_m(vehicle.body.lat_lon_deg, place_deg)
-
-    index = vehicle.mission.land_start(distance_to_m) if vehicle.position_known(now) else None
+    here_deg = vehicle.body.lat_lon_deg
+    index = vehicle.mission.land_start(here_deg) if vehicle.position_known(now) else None
     if index is None or not vehicle.set_current(index):
         vehicle.announce("no_landing_sequence")
         return False
