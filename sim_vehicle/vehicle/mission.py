@@ -122,7 +122,7 @@ class Mission:
     _items: list[Item] = field(default_factory=list)
     _jumps: dict[int, int] = field(default_factory=dict)  # repetitions by index of the DO_JUMP
     _pending: list[int] = field(default_factory=list)  # indices of the do and condition commands still to run
-    _pending_begun_s: float | None = None  # start of the first pending command; None: not begun
+    _command_begun_s: float | None = None  # start of the do or condition command that runs; None: not begun
 
     @property
     def items(self) -> Sequence[Item]:
@@ -165,7 +165,7 @@ class Mission:
         self._items[index] = item
         self._jumps.pop(index, None)
         if self._pending[:1] == [index]:
-            self._pending_begun_s = None  # the new condition has not begun
+            self._command_begun_s = None  # the new condition has not begun
         if index in self._pending and item.command in NAVIGATION | {mavlink.MAV_CMD_DO_JUMP}:
             del self._pending[self._pending.index(index) :]
         return True
@@ -177,7 +177,7 @@ class Mission:
         del self._items[count:]
         self._jumps = {index: done for index, done in self._jumps.items() if index < count}
         if self._pending and self._pending[0] >= count:
-            self._pending_begun_s = None
+            self._command_begun_s = None
         self._pending = [index for index in self._pending if index < count]
         return True
 
@@ -251,7 +251,7 @@ class Mission:
             self._jumps.clear()
             self._advance(pilot, 1)
         elif self.items[self.index].command in NAVIGATION:
-            self.state, self._pending_begun_s = MissionState.ACTIVE, None
+            self.state, self._command_begun_s = MissionState.ACTIVE, None
             self._start(pilot, self.index)  # pending commands stay pending
         else:
             self._advance(pilot, self.index)  # the changed list has no navigation command here
@@ -356,14 +356,14 @@ class Mission:
                 return
             index = self._pending[0]
             item = self.items[index]
-            if self._pending_begun_s is None:
-                self._pending_begun_s = now
+            if self._command_begun_s is None:
+                self._command_begun_s = now
                 self.in_landing |= item.command == mavlink.MAV_CMD_DO_LAND_START
                 pilot.mission_item_started(index, item)
                 pilot.do(item)
-            if not self._passed(pilot, item, now - self._pending_begun_s):
+            if not self._passed(pilot, item, now - self._command_begun_s):
                 return
-            self._pending_begun_s = None
+            self._command_begun_s = None
             self._pending.pop(0)
             pilot.mission_item_reached(index, item)
 
@@ -373,7 +373,7 @@ class Mission:
         return item.command not in CONDITIONS or pilot.condition_met(item)
 
     def _advance(self, pilot: Pilot, start: int) -> None:
-        self._pending, self._pending_begun_s = [], None
+        self._pending, self._command_begun_s = [], None
         self.paused = False
         found = self._find_navigation(start, self._jumps, self._pending)
         if found is None:

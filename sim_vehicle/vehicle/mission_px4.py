@@ -11,7 +11,6 @@ from dataclasses import replace
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.vehicle.mission import (
-    CONDITIONS,
     MAX_ITEMS_PER_UPDATE,
     MAX_JUMPS_IN_A_ROW,
     NAVIGATION,
@@ -20,9 +19,7 @@ from sim_vehicle.vehicle.mission import (
     MissionState,
     Pilot,
 )
-from sim_vehicle.vehicle.numbers import finite, to_int
-
-DELAYS = frozenset({mavlink.MAV_CMD_CONDITION_DELAY})
+from sim_vehicle.vehicle.numbers import to_int
 
 
 def _always(_items: Sequence[Item]) -> bool:
@@ -56,7 +53,6 @@ class Px4Mission(Mission):
         self._was_active = False  # the present list has been active
         self._disarmed_after_active = False  # the vehicle was disarmed after the mission was active
         self._at_end = False  # no item follows the last completed item
-        self._condition_begun_s: float | None = None  # start of the current do or condition command
 
     @property
     def empty(self) -> bool:
@@ -74,7 +70,7 @@ class Px4Mission(Mission):
         return self.items[index]
 
     def starts_with_takeoff(self) -> bool:
-        first = self._resolve(self._start_index(), count_jumps=False)
+        first = self._resolve(0 if self._starts_over else self.index, count_jumps=False)
         return first is not None and self.items[first].command == mavlink.MAV_CMD_NAV_TAKEOFF
 
     def replace(self, pilot: Pilot, items: Sequence[Item], current: int = -1) -> None:
@@ -101,7 +97,7 @@ class Px4Mission(Mission):
 
     def start_or_resume(self, pilot: Pilot, *, restart: bool = False) -> None:
         """Enter the mission mode; an armed vehicle continues at once, a disarmed vehicle after arming."""
-        self.paused, self._in_mission_mode, self.climbs_first = False, True, True
+        self._in_mission_mode = self.climbs_first = True
         if restart:
             self.index, self._at_end = 0, False
         if pilot.armed:
@@ -116,7 +112,7 @@ class Px4Mission(Mission):
     def reset(self) -> None:
         """Stop after disarming or a reboot; the index stays."""
         self._disarmed_after_active = self._disarmed_after_active or self._was_active
-        self.current_item, self.paused, self.climbs_first = None, False, True
+        self.current_item, self.climbs_first = None, True
         if self.state is not MissionState.COMPLETE:
             self.state = MissionState.NOT_STARTED
 
@@ -130,14 +126,8 @@ class Px4Mission(Mission):
             self.state = MissionState.NOT_STARTED
         return True
 
-    def restart_current(self, pilot: Pilot) -> bool:
-        if self.state is not MissionState.ACTIVE or self.index >= self.count:
-            return False
-        self._activate(pilot)
-        return True
-
     def update(self, pilot: Pilot, now: float) -> None:
-        if not self._in_mission_mode or not pilot.armed or self.paused:
+        if not self._in_mission_mode or not pilot.armed:
             return
         if self.state not in (MissionState.ACTIVE, MissionState.COMPLETE) or self._disarmed_after_active:
             self._valid = self._feasible(self.items)
@@ -146,19 +136,18 @@ class Px4Mission(Mission):
             item = self.current_item
             if self.state is not MissionState.ACTIVE or item is None or not self._done(pilot, item, now):
                 return
-            self._condition_begun_s = None
             pilot.mission_item_reached(self.index, item)
             if not item.autocontinue:
                 self.current_item = None  # the vehicle stays at this item
                 return
             self._continue(pilot)
 
-    def _start_index(self) -> int:
-        starts_over = self._disarmed_after_active and self.index + 1 == self.count
-        return 0 if starts_over else self.index
+    @property
+    def _starts_over(self) -> bool:
+        return self._disarmed_after_active and self.index + 1 == self.count
 
     def _activate(self, pilot: Pilot) -> None:
-        if self._disarmed_after_active and self.index + 1 == self.count:
+        if self._starts_over:
             self.index, self._at_end = 0, False
             self._jumps.clear()
         self._disarmed_after_active = False
@@ -183,12 +172,8 @@ class Px4Mission(Mission):
         pilot.mission_ended()
 
     def _begin(self, pilot: Pilot, index: int) -> None:
-        self.index, self.current_item, self._condition_begun_s = (
-            index,
-            self._as_flown(self.items[index]),
-            None,
-        )
-        self.paused = False
+        self.index, self.current_item = index, self._as_flown(self.items[index])
+        self._command_begun_s = None
         pilot.mission_item_started(index, self.current_item)
         if self.current_item.command == mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH:
             self._go_home()
@@ -205,11 +190,9 @@ class Px4Mission(Mission):
     def _done(self, pilot: Pilot, item: Item, now: float) -> bool:
         if item.command in NAVIGATION:
             return pilot.navigation_done(now)
-        if self._condition_begun_s is None:
-            self._condition_begun_s = now
-        if item.command in DELAYS:
-            return now - self._condition_begun_s >= finite(item.param1)
-        return item.command not in CONDITIONS or pilot.condition_met(item)
+        if self._command_begun_s is None:
+            self._command_begun_s = now
+        return self._passed(pilot, item, now - self._command_begun_s)
 
     def _resolve(self, index: int, *, count_jumps: bool) -> int | None:
         """Follow the jumps from `index` and return the index of the next item; None: no such item."""
