@@ -55,16 +55,19 @@ def local_position_ned(v: View) -> Columns:
 
 
 def attitude(v: View) -> Columns:
-    angles, rates = v.world.dynamics.attitude_rad[v.i], v.world.dynamics.rates_rad_s[v.i]
+    angles = v.world.dynamics.attitude_rad[v.i]
     return {
         "time_boot_ms": v.since_boot_ms(),
         "roll": angles[:, 0],
         "pitch": angles[:, 1],
         "yaw": angles[:, 2],
-        "rollspeed": rates[:, 0],
-        "pitchspeed": rates[:, 1],
-        "yawspeed": rates[:, 2],
+        **body_rates(v),
     }
+
+
+def body_rates(v: View) -> Columns:
+    rates = v.world.dynamics.rates_rad_s[v.i]
+    return {"rollspeed": rates[:, 0], "pitchspeed": rates[:, 1], "yawspeed": rates[:, 2]}
 
 
 def quaternion(angles_rad: Floats) -> Floats:
@@ -82,16 +85,14 @@ def quaternion(angles_rad: Floats) -> Floats:
 
 
 def attitude_quaternion(v: View) -> Columns:
-    q, rates = quaternion(v.world.dynamics.attitude_rad[v.i]), v.world.dynamics.rates_rad_s[v.i]
+    q = quaternion(v.world.dynamics.attitude_rad[v.i])
     return {
         "time_boot_ms": v.since_boot_ms(),
         "q1": q[:, 0],
         "q2": q[:, 1],
         "q3": q[:, 2],
         "q4": q[:, 3],
-        "rollspeed": rates[:, 0],
-        "pitchspeed": rates[:, 1],
-        "yawspeed": rates[:, 2],
+        **body_rates(v),
     }
 
 
@@ -133,23 +134,19 @@ SET_POINT = ("vx", "vy", "vz", "afx", "afy", "afz", "yaw", "yaw_rate")
 NED_SIGNS = np.array([[1.0], [1.0], [-1.0]])  # factors from north, east, up to north, east, down
 
 
-def _is_px4(v: View) -> Bools:
-    return np.asarray(v.status.autopilot[v.i] == mavlink.MAV_AUTOPILOT_PX4)
-
-
 def _flying(v: View) -> Bools:
     return np.asarray(v.world.dynamics.airborne[v.i] & v.world.dynamics.armed[v.i])
 
 
 def is_steered(v: View) -> Bools:
     """Return the mask of vehicles with a navigation controller: not an ArduPlane in MANUAL, mode 0."""
-    manual = v.world.dynamics.planes[v.i] & (v.status.custom_mode[v.i] == 0) & ~_is_px4(v)
+    manual = v.world.dynamics.planes[v.i] & (v.status.custom_mode[v.i] == 0) & ~v.is_px4()
     return np.asarray(~manual)
 
 
 def has_global_target(v: View) -> Bools:
     """Return the mask of vehicles with a global target: ArduCopter and PX4 only in flight."""
-    dynamics, i, px4 = v.world.dynamics, v.i, _is_px4(v)
+    dynamics, i, px4 = v.world.dynamics, v.i, v.is_px4()
     has_position = px4 | np.isin(dynamics.order[i], TO_A_POINT)
     return np.asarray(v.status.has_place[i] & ((dynamics.planes[i] & ~px4) | (has_position & _flying(v))))
 
@@ -157,7 +154,7 @@ def has_global_target(v: View) -> Bools:
 def has_local_target(v: View) -> Bools:
     """Return the mask of vehicles with a local target: none under MotionOrder.TILT, PX4 only in flight."""
     status, i = v.status, v.i
-    reports = (_flying(v) | ~_is_px4(v)) & (v.world.dynamics.order[i] != MotionOrder.TILT)
+    reports = (_flying(v) | ~v.is_px4()) & (v.world.dynamics.order[i] != MotionOrder.TILT)
     return np.asarray(status.has_setpoint[i] & status.has_origin[i] & reports)
 
 
@@ -192,7 +189,7 @@ def _ned(east_north_up: Floats) -> Floats:
 
 
 def position_target_global_int(v: View) -> Columns:
-    dynamics, i, px4 = v.world.dynamics, v.i, _is_px4(v)
+    dynamics, i, px4 = v.world.dynamics, v.i, v.is_px4()
     lat_deg, lon_deg = v.world.frame.to_geodetic(dynamics.target_m[i, 0], dynamics.target_m[i, 1])
     return {
         "time_boot_ms": v.since_boot_ms(),
@@ -227,7 +224,7 @@ def _local_mask(v: View, px4: Bools, flies_velocity: Bools) -> Ints:
 
 def position_target_local_ned(v: View) -> Columns:
     """Return a position target or a velocity set-point; an ignored position is 0 on ArduPilot, NaN on PX4."""
-    dynamics, i, px4 = v.world.dynamics, v.i, _is_px4(v)
+    dynamics, i, px4 = v.world.dynamics, v.i, v.is_px4()
     flies_velocity = (dynamics.order[i] == MotionOrder.VELOCITY) & ~dynamics.planes[i]
     mask, set_points = _local_mask(v, px4, flies_velocity), _set_points(v, px4)
     position_m = _ned(dynamics.target[:, i] - v.status.origin_m[i].T)

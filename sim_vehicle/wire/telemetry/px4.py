@@ -7,7 +7,8 @@ from sim_vehicle.physics.geodesy import Floats
 from sim_vehicle.physics.gps import EPH_M
 from sim_vehicle.physics.motion import GRAVITY_M_S2
 from sim_vehicle.wire.encode import Layout
-from sim_vehicle.wire.telemetry.motion import local_position_ned, quaternion
+from sim_vehicle.wire.telemetry.motion import body_rates, local_position_ned, quaternion
+from sim_vehicle.wire.telemetry.sensors import output_us
 from sim_vehicle.wire.telemetry.view import Columns, View
 
 UNKNOWN_TIME_S = -1
@@ -79,14 +80,11 @@ def hil_state_quaternion(v: View) -> Columns:
     """Return the true state, as PX4's simulators do; the time stays 0 as in PX4."""
     dynamics, i = v.world.dynamics, v.i
     lat_deg, lon_deg = v.world.frame.to_geodetic(dynamics.position_m[i, 0], dynamics.position_m[i, 1])
-    rates = dynamics.rates_rad_s[i]
     velocity = dynamics.velocity_m_s[i] * 100
     acceleration_mg = dynamics.acceleration_m_s2[i] * (1000 / GRAVITY_M_S2)
     return {
         "attitude_quaternion": quaternion(dynamics.attitude_rad[i]),
-        "rollspeed": rates[:, 0],
-        "pitchspeed": rates[:, 1],
-        "yawspeed": rates[:, 2],
+        **body_rates(v),
         "lat": lat_deg * 1e7,
         "lon": lon_deg * 1e7,
         "alt": dynamics.position_m[i, 2] * 1000,
@@ -102,7 +100,6 @@ def hil_state_quaternion(v: View) -> Columns:
 def odometry(v: View) -> Columns:
     """Return position and velocity (north, east, down), attitude and body rates."""
     local = local_position_ned(v)
-    rates = v.world.dynamics.rates_rad_s[v.i]
     pose, velocity = (np.full((len(v.i), 21), np.nan) for _ in range(2))
     pose[:, DIAGONAL[:2]] = EPH_M**2
     pose[:, DIAGONAL[2]] = EPH_M**2 * 1.6**2
@@ -114,9 +111,7 @@ def odometry(v: View) -> Columns:
         "child_frame_id": mavlink.MAV_FRAME_LOCAL_NED,
         **{name: local[name] for name in ("x", "y", "z", "vx", "vy", "vz")},
         "q": quaternion(v.world.dynamics.attitude_rad[v.i]),
-        "rollspeed": rates[:, 0],
-        "pitchspeed": rates[:, 1],
-        "yawspeed": rates[:, 2],
+        **body_rates(v),
         "pose_covariance": pose,
         "velocity_covariance": velocity,
         "estimator_type": mavlink.MAV_ESTIMATOR_TYPE_AUTOPILOT,
@@ -124,8 +119,6 @@ def odometry(v: View) -> Columns:
 
 
 def actuator_output_status(v: View) -> Columns:
-    """Return the pulse widths of the outputs [us]: 1000 disarmed, 1100 to 1900 by throttle if armed."""
-    pulse_us = np.where(v.world.armed[v.i], 1100 + 800 * v.world.dynamics.throttle[v.i], 1000.0)
     outputs = np.zeros((len(v.i), 32))
-    outputs[:, :OUTPUTS] = pulse_us[:, None]
+    outputs[:, :OUTPUTS] = output_us(v)[:, None]
     return {"time_usec": v.since_boot_us(), "active": OUTPUTS, "actuator": outputs}

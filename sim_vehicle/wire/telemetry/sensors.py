@@ -43,7 +43,6 @@ def battery_status(v: View) -> Columns:
     voltages[:, 0] = np.rint(batteries.voltage_v[i] * 1000).clip(0, UNKNOWN_U16 - 1)
     share, current_a = batteries.remaining[i], batteries.current_a[i]
     remaining_s = share * batteries.capacity_mah[i] * 3.6 / np.maximum(current_a, 0.01)
-    counts_energy = v.status.autopilot[i] != mavlink.MAV_AUTOPILOT_PX4
     return {
         "battery_function": mavlink.MAV_BATTERY_FUNCTION_ALL,
         "type": mavlink.MAV_BATTERY_TYPE_LIPO,
@@ -51,7 +50,7 @@ def battery_status(v: View) -> Columns:
         "voltages": voltages,
         "current_battery": current_a * 100,
         "current_consumed": batteries.used_mah[i],
-        "energy_consumed": np.where(counts_energy, batteries.used_j[i] / 100, UNKNOWN),
+        "energy_consumed": np.where(v.is_px4(), UNKNOWN, batteries.used_j[i] / 100),
         "battery_remaining": share * 100,
         "time_remaining": remaining_s,
         "charge_state": v.status.battery_state[i],
@@ -168,12 +167,16 @@ def power_status(_v: View) -> Columns:
 
 def rc_channels(v: View) -> Columns:
     channels = {f"chan{n + 1}_raw": v.status.rc_us[v.i, n] for n in range(18)}
-    is_px4 = v.status.autopilot[v.i] == mavlink.MAV_AUTOPILOT_PX4
-    rssi = np.where(is_px4, 100, 255)  # of an override; ArduPilot: unknown
+    rssi = np.where(v.is_px4(), 100, 255)  # of an override; ArduPilot: unknown
     return {"time_boot_ms": v.since_boot_ms(), "chancount": v.status.rc_count[v.i], "rssi": rssi, **channels}
 
 
+def output_us(v: View) -> Floats:
+    """Return the pulse width of each output [us]: 1000 disarmed, 1100 to 1900 by throttle if armed."""
+    return np.where(v.world.armed[v.i], 1100 + 800 * v.world.dynamics.throttle[v.i], 1000.0)
+
+
 def servo_output_raw(v: View) -> Columns:
-    pulse_us = np.where(v.world.armed[v.i], 1100 + 800 * v.world.dynamics.throttle[v.i], 1000.0)
+    pulse_us = output_us(v)
     outputs = {f"servo{n}_raw": pulse_us for n in range(1, 5)}
     return {"time_usec": np.asarray(v.since_boot_us() % (1 << 32), dtype=np.uint32), **outputs}

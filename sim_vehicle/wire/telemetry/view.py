@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.physics.geodesy import Floats
 from sim_vehicle.physics.world import World
@@ -45,6 +46,9 @@ class View:
         seen = self.status.gps_seen[self.i]
         lat = np.rint(np.where(seen, lat_deg[self.i], 0.0) * 1e7).astype(np.int64)
         return lat, np.rint(np.where(seen, lon_deg[self.i], 0.0) * 1e7).astype(np.int64)
+
+    def is_px4(self) -> npt.NDArray[np.bool_]:
+        return np.asarray(self.status.autopilot[self.i] == mavlink.MAV_AUTOPILOT_PX4)
 
     def heading_deg(self) -> Floats:
         return np.asarray(np.rad2deg(self.world.dynamics.attitude_rad[self.i, 2]) % 360.0)
