@@ -1,7 +1,7 @@
 """Conversion between geodetic coordinates and local metres, for whole arrays at once."""
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -11,13 +11,16 @@ Floats = npt.NDArray[np.float64]
 _RADIUS_M, _ECCENTRICITY_SQUARED = 6_378_137.0, 6.694379990141e-3  # WGS84
 
 
-@dataclass(frozen=True, slots=True)
-class GeodeticPosition:
+class GeodeticPosition(NamedTuple):
     """A position: latitude, longitude [deg], altitude above mean sea level [m]."""
 
     lat_deg: float
     lon_deg: float
     alt_amsl_m: float
+
+    @property
+    def lat_lon_deg(self) -> tuple[float, float]:
+        return self.lat_deg, self.lon_deg
 
 
 def metres_per_degree(lat_deg: float) -> tuple[float, float]:

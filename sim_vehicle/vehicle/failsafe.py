@@ -180,8 +180,9 @@ class Failsafes:
     def _go_to_return_point(self) -> None:
         """Fly to the fence's return point, else home, at the fence's `return_height_m` above home."""
         vehicle = self._vehicle
-        place_deg = vehicle.fence.return_point_deg or vehicle.home_and_rally.home_deg
-        alt_amsl_m = vehicle.flight.home().alt_amsl_m + vehicle.flight_parameters.fence.return_height_m
+        home = vehicle.flight.home()
+        place_deg = vehicle.fence.return_point_deg or home.lat_lon_deg
+        alt_amsl_m = home.alt_amsl_m + vehicle.flight_parameters.fence.return_height_m
         vehicle.flight.guided_go(*place_deg, alt_amsl_m)
 
     def gcs_late(self, now: float) -> bool:

@@ -176,7 +176,7 @@ class FenceWatch:
         if (above_m := height_m - limits.max_height_m) >= 0:
             beyond_m[ALTITUDE_MAX] = above_m
         if math.isfinite(limits.radius_m):
-            away_m = distance_m(vehicle.home_and_rally.home_deg, (lat_deg, lon_deg))
+            away_m = distance_m(vehicle.home_and_rally.home_or_here.lat_lon_deg, (lat_deg, lon_deg))
             if away_m >= limits.radius_m:
                 beyond_m[CIRCLE] = away_m - limits.radius_m
         if self._floor_enforced and height_m <= limits.min_height_m:

@@ -67,7 +67,7 @@ class HomeAndRally:
         """Set and report the origin of local coordinates."""
         vehicle = self._vehicle
         self.origin = place
-        self.origin_m = (*vehicle.body.locate(place.lat_deg, place.lon_deg), place.alt_amsl_m)
+        self.origin_m = (*vehicle.body.locate(*place.lat_lon_deg), place.alt_amsl_m)
         vehicle.announce("origin_set")
         vehicle.send_now(mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN, now)
 
@@ -79,11 +79,6 @@ class HomeAndRally:
     def home_or_here(self) -> GeodeticPosition:
         """Home, or the present position while home is not set."""
         return self.home or self._vehicle.here()
-
-    @property
-    def home_deg(self) -> tuple[float, float]:
-        """Latitude and longitude [deg] of home, or of the vehicle while home is not set."""
-        return (self.home.lat_deg, self.home.lon_deg) if self.home else self._vehicle.body.lat_lon_deg
 
     @property
     def height_above_home_m(self) -> float:
@@ -106,7 +101,7 @@ class HomeAndRally:
         parameters = vehicle.flight_parameters.rally
         point = self.rally.nearest(
             vehicle.body.lat_lon_deg,
-            (home.lat_deg, home.lon_deg),
+            home.lat_lon_deg,
             limit_m=parameters.limit_m,
             include_home=parameters.includes_home,
         )

@@ -107,7 +107,7 @@ class Return:
         if parameters.height_at is None:
             return parameters.height_m
         east_m, north_m, up_m = body.position_m
-        place_m = body.locate(self._place.lat_deg, self._place.lon_deg)
+        place_m = body.locate(*self._place.lat_lon_deg)
         distance_m = math.dist((east_m, north_m), place_m)
         return parameters.height_at(distance_m, up_m - self._place.alt_amsl_m)
 
@@ -136,7 +136,7 @@ class Return:
 
     def _fly_home(self) -> None:
         body = self._flight.body
-        self._flight.go((*body.locate(self._place.lat_deg, self._place.lon_deg), self._up_m))
+        self._flight.go((*body.locate(*self._place.lat_lon_deg), self._up_m))
 
     def update(self, now: float) -> bool:
         flight = self._flight

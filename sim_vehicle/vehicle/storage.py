@@ -168,9 +168,9 @@ class Storage:
     def _log_changes(self, log: FlightLog, now: float, state: _LoggedState) -> None:
         before, mission = self._logged, self._vehicle.mission
         if state.origin is not None and state.origin != before.origin:
-            log.origin(now, *_coordinates(state.origin))
+            log.origin(now, *state.origin)
         if state.home is not None and state.home != before.home:
-            log.home(now, *_coordinates(state.home))
+            log.home(now, *state.home)
         if state.armed != before.armed:
             log.armed(now, state.armed)
         if state.mode != before.mode:
@@ -183,10 +183,6 @@ class Storage:
         item = state.mission_item
         if item is not None and item != before.mission_item and item < mission.count:
             log.command(now, item, mission.count, mission.item(item))
-
-
-def _coordinates(place: GeodeticPosition) -> tuple[float, float, float]:
-    return place.lat_deg, place.lon_deg, place.alt_amsl_m
 
 
 def _logged_state(vehicle: Vehicle) -> _LoggedState:

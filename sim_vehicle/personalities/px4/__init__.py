@@ -83,9 +83,8 @@ def _transfer(vehicle: Vehicle) -> Px4Transfer:
 
 def _check_fence(vehicle: Vehicle, mission: Px4Mission) -> None:
     """Check the mission again, and drop the zones of a new fence that home or the flying vehicle violates."""
-    if vehicle.home_and_rally.home is not None and vehicle.fence.discard_violated(
-        *vehicle.home_and_rally.home_deg
-    ):
+    home = vehicle.home_and_rally.home
+    if home is not None and vehicle.fence.discard_violated(*home.lat_lon_deg):
         vehicle.announce("fence_without_home")
     watched = vehicle.flight.flying and vehicle.flight_parameters.fence.enabled
     if watched and vehicle.fence.discard_violated(*vehicle.body.lat_lon_deg):

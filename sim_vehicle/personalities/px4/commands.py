@@ -140,13 +140,10 @@ def reposition(vehicle: Vehicle, command: Command, now: float) -> int:
         return UNSUPPORTED
     if not vehicle.modes.set(modes.HOLD, now):
         return TEMPORARILY_REJECTED
-    here = vehicle.here()
-    has_position = math.isfinite(command.lat_deg) and math.isfinite(command.lon_deg)
-    lat_deg, lon_deg = (command.lat_deg, command.lon_deg) if has_position else (here.lat_deg, here.lon_deg)
-    if abs(lat_deg) > 90 or abs(lon_deg) > 180 or abs(command.z) >= MAX_ALTITUDE_M:
+    place = _place(vehicle, command)
+    if abs(place.lat_deg) > 90 or abs(place.lon_deg) > 180 or abs(command.z) >= MAX_ALTITUDE_M:
         return ACCEPTED  # the commander answers before the navigator checks the numbers
-    up_m = command.z if math.isfinite(command.z) else here.alt_amsl_m
-    _fly_within_fence(vehicle, GeodeticPosition(lat_deg, lon_deg, up_m))
+    _fly_within_fence(vehicle, place)
     if command.param1 > 0:
         vehicle.flight.change_speed(mavlink.SPEED_TYPE_GROUNDSPEED, command.param1)
     if math.isfinite(command.param4) and vehicle.flight.flying and not vehicle.body.plane:
@@ -154,12 +151,19 @@ def reposition(vehicle: Vehicle, command: Command, now: float) -> int:
     return ACCEPTED
 
 
+def _place(vehicle: Vehicle, command: Command) -> GeodeticPosition:
+    """Return the position of a command; the present place and altitude replace missing numbers."""
+    here = vehicle.here()
+    has_place = math.isfinite(command.lat_deg) and math.isfinite(command.lon_deg)
+    place_deg = (command.lat_deg, command.lon_deg) if has_place else here.lat_lon_deg
+    return GeodeticPosition(*place_deg, command.z if math.isfinite(command.z) else here.alt_amsl_m)
+
+
 def _fly_within_fence(vehicle: Vehicle, place: GeodeticPosition) -> None:
-    watch = vehicle.fence_watch
-    if watch.enabled and watch.find(place.lat_deg, place.lon_deg, place.alt_amsl_m):
+    if vehicle.fence_watch.enabled and vehicle.fence_watch.find(*place):
         vehicle.announce("reposition_outside_fence")
         return
-    vehicle.flight.guided_go(place.lat_deg, place.lon_deg, place.alt_amsl_m)
+    vehicle.flight.guided_go(*place)
 
 
 def change_altitude(vehicle: Vehicle, command: Command, now: float) -> int:
@@ -167,8 +171,7 @@ def change_altitude(vehicle: Vehicle, command: Command, now: float) -> int:
     if not vehicle.modes.set(modes.HOLD, now):
         return TEMPORARILY_REJECTED
     if math.isfinite(command.param1):
-        here = vehicle.here()
-        _fly_within_fence(vehicle, GeodeticPosition(here.lat_deg, here.lon_deg, command.param1))
+        _fly_within_fence(vehicle, vehicle.here()._replace(alt_amsl_m=command.param1))
     return ACCEPTED
 
 
@@ -187,18 +190,15 @@ def orbit(vehicle: Vehicle, command: Command, now: float) -> int:
     if not vehicle.flight.flying or not vehicle.position_known(now):
         vehicle.announce("orbit_refused")
         return TEMPORARILY_REJECTED
-    here = vehicle.here()
-    has_centre = math.isfinite(command.lat_deg) and math.isfinite(command.lon_deg)
-    centre_deg = (command.lat_deg, command.lon_deg) if has_centre else (here.lat_deg, here.lon_deg)
+    place = _place(vehicle, command)
+    centre_m, up_m = vehicle.body.locate(*place.lat_lon_deg), place.alt_amsl_m
     radius_m = command.param1 if math.isfinite(command.param1) and command.param1 else ORBIT_RADIUS_M
-    up_m = command.z if math.isfinite(command.z) else here.alt_amsl_m
     if vehicle.body.plane:
         vehicle.modes.enter(modes.HOLD)
-        vehicle.body.loiter(*vehicle.body.locate(*centre_deg), up_m, radius_m)
+        vehicle.body.loiter(*centre_m, up_m, radius_m)
         return ACCEPTED
     vehicle.modes.enter(modes.ORBIT)
     speed_m_s = abs(command.param2) if math.isfinite(command.param2) and command.param2 else ORBIT_SPEED_M_S
-    centre_m = vehicle.body.locate(*centre_deg)
     vehicle.flight.manoeuvre = Orbit(vehicle.body, centre_m, up_m, radius_m, speed_m_s)
     return ACCEPTED
 

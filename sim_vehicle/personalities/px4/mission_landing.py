@@ -62,7 +62,7 @@ def _other_place_is_preferred(vehicle: Vehicle, land: Item, rtl_type: int) -> bo
     here_deg = vehicle.body.lat_lon_deg
     places = [point.place_deg for point in vehicle.home_and_rally.rally.items]
     if rtl_type == CLOSEST:
-        places.append(vehicle.home_and_rally.home_deg)
+        places.append(vehicle.flight.home().lat_lon_deg)
     distances_m = [distance_m(here_deg, place_deg) for place_deg in places if place_deg is not None]
     landing_m = distance_m(here_deg, land.place_deg or (0.0, 0.0))
     return landing_m + (MIN_DISTANCE_THRESHOLD_M if rtl_type == CLOSEST else 0.0) >= min(
