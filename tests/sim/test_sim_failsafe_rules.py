@@ -152,6 +152,8 @@ def test_without_a_threshold_the_position_is_not_watched() -> None:
     station.fly(40)
     station.inject("gps_loss")
     station.wait(20)
+    gps = station.ask(mavlink.MAVLINK_MSG_ID_GPS_RAW_INT)
+    assert (gps.fix_type, gps.satellites_visible) == (mavlink.GPS_FIX_TYPE_NO_FIX, 0)
     assert station.mode == "GUIDED"
     assert "EKF Failsafe" not in station.texts()
 
