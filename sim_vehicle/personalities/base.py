@@ -56,9 +56,9 @@ class CommandRules:
 class MessageRules:
     """Other received messages, and messages on request: `receivers`, `one_shot_messages`."""
 
-    # message type -> handler (vehicle, message, time [s]), besides `receivers.RECEIVERS`
+    # message type -> handler (vehicle, message, time [s]); messages without a handler are ignored
     receivers: Mapping[str, Callable[[Vehicle, Any, float], None]]
-    one_shot: Mapping[int, OneShotMessage] = field(default_factory=dict)  # besides the common ones
+    one_shot: Mapping[int, OneShotMessage]  # message id -> messages to send
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,11 +30,9 @@ from sim_vehicle.vehicle.injected_faults import InjectedFaults
 from sim_vehicle.vehicle.jobs import Jobs
 from sim_vehicle.vehicle.mission import MissionState
 from sim_vehicle.vehicle.modes import Modes
-from sim_vehicle.vehicle.one_shot_messages import ONE_SHOT_MESSAGES
 from sim_vehicle.vehicle.params import Parameters
 from sim_vehicle.vehicle.publish import publish
 from sim_vehicle.vehicle.readiness import Readiness
-from sim_vehicle.vehicle.receivers import RECEIVERS
 from sim_vehicle.vehicle.sender import Sender
 from sim_vehicle.vehicle.setpoints import Setpoints
 from sim_vehicle.wire.outbox import Outbox
@@ -106,7 +104,6 @@ class Autopilot:
             personality.parameters, {personality.parameters.system_id: sysid, **parameters}
         )
         self.flight_parameters: FlightParameters = personality.flight_parameters(self.params)
-        self.one_shot_messages = {**ONE_SHOT_MESSAGES, **personality.messages.one_shot}
         self.fence, self.home_and_rally = Fence(), HomeAndRally(self)
         self.mission = personality.mission.make(self)
         self.modes, self.remote = Modes(self), personality.remote(self)
@@ -157,9 +154,8 @@ class Autopilot:
         if self.rates.can_stream(message_id):
             self.publish(now)
             return self._output.stream_now(self.index, message_id, now)
-        if message_id not in self.one_shot_messages:
-            return False
-        messages = self.one_shot_messages[message_id](self, parameter)
+        one_shot = self.personality.messages.one_shot.get(message_id)
+        messages = () if one_shot is None else one_shot(self, parameter)
         for message in messages:
             self.send(message)
         return bool(messages)
@@ -191,7 +187,7 @@ class Autopilot:
             self.transfer.receive(message, now)
         elif self.storage.handles(kind):
             self.storage.receive(message, now)
-        elif handler := self.personality.messages.receivers.get(kind, RECEIVERS.get(kind)):
+        elif handler := self.personality.messages.receivers.get(kind):
             handler(self, message, now)
         else:
             return

@@ -46,7 +46,8 @@ def get_message_interval(vehicle: Vehicle, command: Command, _now: float) -> int
         return DENIED
     interval_us = reported_interval_us(vehicle, message_id)
     # MESSAGE_INTERVAL is 0 for an unknown message and -1 for a known message that is not streamed.
-    known = vehicle.rates.can_stream(message_id) or message_id in vehicle.one_shot_messages
+    one_shot = vehicle.personality.messages.one_shot
+    known = vehicle.rates.can_stream(message_id) or message_id in one_shot
     vehicle.send(mavlink.MAVLink_message_interval_message(message_id, interval_us if known else 0))
     return ACCEPTED if known else FAILED
 

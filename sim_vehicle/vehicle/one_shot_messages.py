@@ -1,4 +1,4 @@
-"""One-shot messages, which a vehicle sends on request only.
+"""One-shot messages of all autopilots, which a vehicle sends on request only.
 
 The parameters of each function are the vehicle and param2 of the request. The result is the messages to send.
 """

@@ -1,7 +1,7 @@
 """Handlers of the messages that all autopilots treat alike.
 
-HEARTBEAT, the mission transfer and the storage have their own handlers. A personality adds the handlers of
-further messages (`MessageRules.receivers`).
+HEARTBEAT, the mission transfer and the storage have their own handlers. A personality's table
+(`MessageRules.receivers`) has these handlers and its own.
 """
 
 from collections.abc import Callable
@@ -15,6 +15,7 @@ from sim_vehicle.vehicle.command import Command
 from sim_vehicle.vehicle.interface import Vehicle
 
 COMPONENT = int(mavlink.MAV_COMP_ID_AUTOPILOT1)
+Receiver = Callable[[Vehicle, Any, float], None]  # vehicle, message, time [s]
 
 
 def _on_command(vehicle: Vehicle, message: Any, now: float) -> None:
@@ -72,7 +73,7 @@ def _on_sticks(vehicle: Vehicle, message: Any, now: float) -> None:
     vehicle.remote.receive(message, now)
 
 
-RECEIVERS: dict[str, Callable[[Vehicle, Any, float], None]] = {
+COMMON_RECEIVERS: dict[str, Receiver] = {
     "COMMAND_LONG": _on_command,
     "COMMAND_INT": _on_command,
     "COMMAND_CANCEL": _on_cancel,

@@ -29,6 +29,7 @@ from sim_vehicle.vehicle.behaviour import Behaviour, ModeTable
 from sim_vehicle.vehicle.flight_parameters import FailsafeAction
 from sim_vehicle.vehicle.interface import Vehicle
 from sim_vehicle.vehicle.mission import Item, Mission
+from sim_vehicle.vehicle.one_shot_messages import ONE_SHOT_MESSAGES
 from sim_vehicle.vehicle.params import ParameterTable
 from sim_vehicle.vehicle.transfer.ardupilot import ArduPilotTransfer
 from sim_vehicle.vehicle.transfer.stores import FenceStore, MissionStore, RallyStore
@@ -251,7 +252,7 @@ _COPTER = Personality(
         mandatory_refusals=_mandatory_refusals,
     ),
     commands=CommandRules(COPTER_COMMANDS, is_addressed=lambda _sysid, _message: True),
-    messages=MessageRules(RECEIVERS),
+    messages=MessageRules(RECEIVERS, ONE_SHOT_MESSAGES),
     telemetry=TelemetryRules(
         texts=_TEXTS,
         streams=messages.COPTER_STREAMS,

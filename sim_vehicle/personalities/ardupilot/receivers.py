@@ -1,12 +1,11 @@
-"""Handlers of messages that ArduPilot treats in its own way, besides `vehicle.receivers`."""
+"""Handlers of messages that ArduPilot treats in its own way, and all handlers of the firmware."""
 
-from types import MappingProxyType
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.vehicle.interface import Vehicle
-from sim_vehicle.vehicle.receivers import origin_of
+from sim_vehicle.vehicle.receivers import COMMON_RECEIVERS, Receiver, origin_of
 
 
 def _on_set_mode(vehicle: Vehicle, message: Any, now: float) -> None:
@@ -31,11 +30,9 @@ def _on_version_request(vehicle: Vehicle, _message: Any, now: float) -> None:
     vehicle.send_now(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION, now)
 
 
-RECEIVERS = MappingProxyType(
-    {
-        "SET_MODE": _on_set_mode,
-        "SETUP_SIGNING": _on_setup_signing,
-        "SET_GPS_GLOBAL_ORIGIN": _on_set_origin,
-        "AUTOPILOT_VERSION_REQUEST": _on_version_request,
-    }
-)
+RECEIVERS: dict[str, Receiver] = COMMON_RECEIVERS | {
+    "SET_MODE": _on_set_mode,
+    "SETUP_SIGNING": _on_setup_signing,
+    "SET_GPS_GLOBAL_ORIGIN": _on_set_origin,
+    "AUTOPILOT_VERSION_REQUEST": _on_version_request,
+}

@@ -231,7 +231,7 @@ _COPTER = Personality(
         flight_counter="COM_FLIGHT_UUID",
     ),
     commands=CommandRules(COMMANDS, is_addressed=_is_addressed, refuses_foreign=True),
-    messages=MessageRules(RECEIVERS, one_shot=ONE_SHOT_MESSAGES | storage.ONE_SHOT_MESSAGES),
+    messages=MessageRules(RECEIVERS, ONE_SHOT_MESSAGES | storage.ONE_SHOT_MESSAGES),
     telemetry=TelemetryRules(
         texts=_TEXTS,
         streams={},

@@ -7,9 +7,10 @@ import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.personalities.px4 import modes
+from sim_vehicle.vehicle import one_shot_messages
 from sim_vehicle.vehicle.behaviour import PILOTED, Mode
 from sim_vehicle.vehicle.commands import reported_interval_us
-from sim_vehicle.vehicle.interface import Vehicle
+from sim_vehicle.vehicle.interface import OneShotMessage, Vehicle
 from sim_vehicle.vehicle.numbers import to_int
 from sim_vehicle.wire.encode import DefinedMessage, Layout
 from sim_vehicle.wire.telemetry.px4 import CURRENT_EVENT_SEQUENCE, CURRENT_MODE, TIME_ESTIMATE_TO_TARGET
@@ -126,7 +127,7 @@ def message_interval(vehicle: Vehicle, parameter: float) -> Sequence[Any]:
     return [mavlink.MAVLink_message_interval_message(message_id & 0xFFFF, interval_us)]
 
 
-ONE_SHOT_MESSAGES = {
+ONE_SHOT_MESSAGES: dict[int, OneShotMessage] = one_shot_messages.ONE_SHOT_MESSAGES | {
     mavlink.MAVLINK_MSG_ID_MESSAGE_INTERVAL: message_interval,
     _AVAILABLE_MODES.message_id: available_modes,
     PROTOCOL_VERSION.message_id: protocol_version,

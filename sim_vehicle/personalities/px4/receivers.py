@@ -1,13 +1,12 @@
-"""Handlers of messages that PX4 treats in its own way, besides `vehicle.receivers`."""
+"""Handlers of messages that PX4 treats in its own way, and all handlers of the firmware."""
 
-from types import MappingProxyType
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.personalities.px4.manoeuvres import on_follow_target
 from sim_vehicle.vehicle.interface import Vehicle
-from sim_vehicle.vehicle.receivers import origin_of
+from sim_vehicle.vehicle.receivers import COMMON_RECEIVERS, Receiver, origin_of
 
 
 def _on_set_mode(vehicle: Vehicle, message: Any, now: float) -> None:
@@ -35,11 +34,9 @@ def _on_ping(vehicle: Vehicle, message: Any, _now: float) -> None:
         vehicle.send(mavlink.MAVLink_ping_message(message.time_usec, message.seq, *sender))
 
 
-RECEIVERS = MappingProxyType(
-    {
-        "FOLLOW_TARGET": on_follow_target,
-        "SET_MODE": _on_set_mode,
-        "SET_GPS_GLOBAL_ORIGIN": _on_set_origin,
-        "PING": _on_ping,
-    }
-)
+RECEIVERS: dict[str, Receiver] = COMMON_RECEIVERS | {
+    "FOLLOW_TARGET": on_follow_target,
+    "SET_MODE": _on_set_mode,
+    "SET_GPS_GLOBAL_ORIGIN": _on_set_origin,
+    "PING": _on_ping,
+}
