@@ -206,7 +206,8 @@ class Flight:
     def limit_climb(self) -> None:
         """During a take-off, climb slowly near the ground; above, the parameters' speed holds again."""
         takeoff, is_slow = self.flight_parameters.takeoff, "climb_m_s" in self._set_in_flight
-        if takeoff.speed_m_s is None or is_slow is (self.height_m < takeoff.slow_below_m):
+        is_low = self.vehicle.home_and_rally.height_above_home_m < takeoff.slow_below_m
+        if takeoff.speed_m_s is None or is_slow is is_low:
             return
         if is_slow:
             del self._set_in_flight["climb_m_s"]
