@@ -245,6 +245,22 @@ def test_waits_that_end_together_are_staggered(higher: tuple[int, ...], before_s
     )
 
 
+def test_a_vehicle_that_starts_at_its_staggered_end_does_not_hold_again_for_another_start() -> None:
+    story = waiting()
+
+    def others() -> None:
+        for uav in (4, 5):
+            story.goes_home(uav, phase="holding")
+        story.goes_home(1)
+
+    others()
+    while RETURN not in orders(story.holds()):
+        others()
+    story(ev.OrderDone(RETURN))
+    others()
+    assert orders(story.returns()) == []
+
+
 def test_a_silent_returning_vehicle_counts_until_its_latest_landing() -> None:
     story = waiting()
     # 10 s to react, 19 s to climb to 60 m, 300 m at half the speed and 75 s to descend.
