@@ -93,6 +93,13 @@ class Body:
         return bool(self._motion.armed[self._index])
 
     @property
+    def spools_up(self) -> bool:
+        """True while a copter on the ground is ordered to fly, and does not lift off yet."""
+        i, motion = self._index, self._motion
+        is_ordered = self.armed and not self.airborne and motion.order[i] != MotionOrder.GROUNDED
+        return bool(is_ordered and motion.armed_s[i] < motion.lift_off_s[i])
+
+    @property
     def reached(self) -> bool:
         """True once the vehicle has reached the present target."""
         return bool(self._motion.reached[self._index])

@@ -113,7 +113,7 @@ class Arming:
             return math.inf
         parameters = vehicle.flight_parameters.arming
         delay_s = parameters.disarm_landed_s if self._flown else parameters.disarm_unflown_s
-        if vehicle.remote.keeps_armed(now):
+        if vehicle.remote.keeps_armed(now) or vehicle.body.spools_up:
             self._idle_since_s = now
         due_s = max(self._armed_at_s, vehicle.flight.ground_since_s, self._idle_since_s) + delay_s
         if self._flown and vehicle.flies_mission and not self._rules.landing_disarms:

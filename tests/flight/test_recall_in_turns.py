@@ -135,7 +135,7 @@ def test_a_swarm_in_one_process_returns_in_turns(tmp_path: Path, monkeypatch: py
     monitor = ReturnMonitor()
     inject(Trouble(on_step=monitor), monkeypatch)
     back = GiveOrder(None, "return")
-    report, ui, answers = run_virtual(flown_with_commands(tmp_path, (45.0, back), (60.0, back)))
+    report, ui, answers = run_virtual(flown_with_commands(tmp_path, (50.0, back), (65.0, back)))
     assert [outcomes(answer) for answer in answers] == [["taken"] * 3] * 2
     assert any(vehicle.note.endswith("[already-done]") for vehicle in answers[1].vehicles)
     assert len(set(monitor.since_s.values())) > 1
@@ -234,7 +234,7 @@ def test_agents_in_several_processes_return_in_turns(tmp_path: Path, monkeypatch
 @pytest.mark.full
 def test_ctrl_c_returns_the_vehicles_in_turns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     trouble = Trouble(on_step=(monitor := ReturnMonitor()))
-    report, ui = fly_with(trouble, tmp_path, monkeypatch, scenario=gathering(), address_of=interrupting(45.0))
+    report, ui = fly_with(trouble, tmp_path, monkeypatch, scenario=gathering(), address_of=interrupting(50.0))
     assert report.ended == "stopped"
     assert monitor.least_m > MIN_HORIZONTAL_M
     assert len(set(monitor.since_s.values())) > 1
@@ -245,7 +245,7 @@ def test_ctrl_c_returns_the_vehicles_in_turns(tmp_path: Path, monkeypatch: pytes
 @pytest.mark.full
 def test_at_the_deadline_all_waiting_vehicles_return(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scenario = gathering(flight={"altitude_m": 15.0, "on_exit_deadline_s": 3.0})
-    report, ui = fly_with(Trouble(), tmp_path, monkeypatch, scenario=scenario, address_of=interrupting(45.0))
+    report, ui = fly_with(Trouble(), tmp_path, monkeypatch, scenario=scenario, address_of=interrupting(50.0))
     assert len(report.final_states) == 3
     assert all("mode RTL" in line for line in report.final_states)
     assert any(text.endswith("[exit-now]") for text in ui.said)
@@ -255,7 +255,7 @@ def test_at_the_deadline_all_waiting_vehicles_return(tmp_path: Path, monkeypatch
 def test_ctrl_c_twice_returns_all_vehicles_at_the_same_time(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    address_of = interrupting(45.0, 45.5)
+    address_of = interrupting(50.0, 50.5)
     report, ui = fly_with(Trouble(), tmp_path, monkeypatch, scenario=gathering(), address_of=address_of)
     assert report.ended == "abandoned"
     assert len(report.final_states) == 3
@@ -287,7 +287,7 @@ def test_ctrl_c_lands_vehicles_beside_each_other_at_once(tmp_path: Path) -> None
 class FaultyUi(Ui):
     def refresh(self, view: SwarmView) -> None:
         super().refresh(view)
-        if view.flown_s > 40.0:
+        if view.flown_s > 45.0:
             raise RuntimeError("a bug")
 
 

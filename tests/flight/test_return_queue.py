@@ -60,7 +60,7 @@ def test_ctrl_c_of_several_agents_returns_them_in_turns(
 ) -> None:
     monitor = ReturnMonitor()
     inject(Trouble(on_step=monitor), monkeypatch)
-    pressing(tmp_path, monkeypatch, gathering(), 38.0)
+    pressing(tmp_path, monkeypatch, gathering(), 43.0)
     assert len({round(at_s) for at_s in monitor.since_s.values()}) > 1
     assert monitor.least_m > MIN_HORIZONTAL_M
 
