@@ -186,9 +186,9 @@ def _land_if_clear(state: AgentState, wait: Wait) -> StepResult:
     return state, [ev.NotifyOperator("the vehicle lands as ordered [ground-clear]"), *ordered]
 
 
-def _land_here(state: AgentState, wait: Wait) -> StepResult:
+def _land_here(state: AgentState, wait: Wait, **changes: Any) -> StepResult:
     ended = {"phase": Phase.LEAVING, "wait": wait.ended(state.vehicle.time_boot_s), **SHARED_AT_ONCE}
-    return command(state, ev.FlightOrder.LAND, **ended)
+    return command(state, ev.FlightOrder.LAND, **ended, **changes)
 
 
 def _wait_or_start(state: AgentState, wait: Wait) -> StepResult:
@@ -200,7 +200,7 @@ def _wait_or_start(state: AgentState, wait: Wait) -> StepResult:
             ended = wait.ended(now_s) if wait.purpose is WaitFor.RETURN_PATH else None
             if _return_conflicts(state) and not _landing_conflicts(state):
                 text = "the return path is not clear at the end of the wait"
-                state, ordered = _land_here(state, wait)
+                state, ordered = _land_here(state, wait, outcome=text)
                 return state, [
                     ev.NotifyOperator(f"{text}; the vehicle lands where it is [return-blocked]"),
                     *ordered,
