@@ -19,7 +19,7 @@ def through_the_gap(**sections: Any) -> Scenario:
     """
     return small(
         area={**AREA, "rows": 9},
-        simulate={"count": 2, "ready_s": 3.0},
+        simulate={"count": 2, "ready_s": 3.0, "start_distance_m": 40.0},
         flight={"altitude_m": 15.0, "altitude_step_m": 0.0},
         threats={"count": len(GAP), "hostiles": GAP},
         planner={"w": 0.9},
