@@ -37,7 +37,7 @@ class ArmingRules:
     stick_refusals: Callable[[Vehicle, float], list[str]]  # reasons against arming by the sticks
     # reasons against an arming by force, which skips the other checks
     mandatory_refusals: Callable[[Vehicle, float], list[str]] = lambda _vehicle, _now: []
-    # the end of a landing disarms; False: only `disarm_landed_s` disarms, and never inside a mission
+    # the end of a landing disarms; False: after a flight only `disarm_landed_s` disarms, and not in a mission
     landing_disarms: bool = True
     flight_counter: str | None = None  # name of the parameter that counts flights
 

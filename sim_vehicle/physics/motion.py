@@ -101,7 +101,7 @@ class Motion:
 
     def _begin_orders(self, n: int) -> None:
         self.armed: Bools = np.zeros(n, dtype=bool)
-        self.armed_s = np.zeros(n)  # time on the ground since arming
+        self.armed_s = np.zeros(n)  # time on the ground since arming: a later take-off is not delayed
         self.order = np.full(n, MotionOrder.GROUNDED, dtype=np.int64)
         self.target = self.position.copy()
         self.target_m = self.target.T

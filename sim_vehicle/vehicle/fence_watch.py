@@ -114,7 +114,7 @@ class FenceWatch:
         )
 
     def find(self, lat_deg: float, lon_deg: float, alt_amsl_m: float) -> frozenset[str]:
-        """Return the limits that a position breaches, if the fence is enabled or not."""
+        """Return the limits that a position breaches, also while the fence is disabled."""
         height_m = alt_amsl_m - self._vehicle.home_and_rally.home_or_here.alt_amsl_m
         return frozenset(self._beyond_m(lat_deg, lon_deg, height_m))
 

@@ -204,16 +204,14 @@ class Flight:
         self.manoeuvre = Takeoff(self, alt_amsl_m)
 
     def limit_climb(self) -> None:
-        """During a take-off, climb slowly near the ground; above, the parameters' speed holds again."""
-        takeoff, is_slow = self.flight_parameters.takeoff, "climb_m_s" in self._set_in_flight
-        is_low = self.vehicle.home_and_rally.height_above_home_m < takeoff.slow_below_m
-        if takeoff.speed_m_s is None or is_slow is is_low:
+        """Climb slowly near the ground, until `apply_limits`. Called during a take-off."""
+        takeoff = self.flight_parameters.takeoff
+        if takeoff.speed_m_s is None:
             return
-        if is_slow:
-            del self._set_in_flight["climb_m_s"]
-            self.apply_limits()
-        else:
-            self.limit(climb_m_s=takeoff.speed_m_s)
+        climb_m_s = self._set_in_flight.get("climb_m_s", self.flight_parameters.limits.climb_m_s)
+        if self.vehicle.home_and_rally.height_above_home_m < takeoff.slow_below_m:
+            climb_m_s = min(climb_m_s, takeoff.speed_m_s)
+        self.body.limit(climb_m_s=climb_m_s)
 
     def guided_go(self, lat_deg: float, lon_deg: float, alt_amsl_m: float) -> None:
         """Fly to a position; a vehicle on the ground stays there."""

@@ -175,7 +175,10 @@ class Takeoff:
         self._flight.limit_climb()
         body = self._flight.body
         at_altitude = body.plane or abs(body.alt_amsl_m - self._alt_amsl_m) < TAKEOFF_TOLERANCE_M
-        return body.airborne and body.reached and at_altitude
+        is_done = body.airborne and body.reached and at_altitude
+        if is_done:
+            self._flight.apply_limits()
+        return is_done
 
 
 class CircleToAltitude:

@@ -140,6 +140,7 @@ class MissionPilot:
 
     def _begin(self, item: Item, *, interrupted: bool) -> None:
         flight, following = self._flight, self._following
+        flight.apply_limits()  # the slow climb of a take-off is over
         if item.command in LANDINGS:
             # Without an approach line a plane spirals down.
             self._manoeuvre = Landing(flight, item.place_deg, circles=flight.mission.without_approach)

@@ -68,6 +68,8 @@ def _walk(loader: yaml.SafeLoader, node: yaml.Node, path: KeyPath, lines: dict[K
         raise YamlError(node.start_mark.line + 1, text)
     if isinstance(node, yaml.MappingNode):
         for key_node, value_node in node.value:
+            if isinstance(key_node, yaml.ScalarNode):
+                _check(loader, key_node)
             here = (*path, str(key_node.value))
             line = key_node.start_mark.line + 1
             if here in lines:
@@ -79,11 +81,16 @@ def _walk(loader: yaml.SafeLoader, node: yaml.Node, path: KeyPath, lines: dict[K
             lines[(*path, index)] = item.start_mark.line + 1
             _walk(loader, item, (*path, index), lines)
     else:
-        try:
-            loader.construct_object(node)
-        except (ValueError, AttributeError) as error:  # such as a date of month 13
-            text = f"{node.value!r} is no valid {node.tag.rpartition(':')[2]}; write a text in quotes"
-            raise YamlError(node.start_mark.line + 1, text) from error
+        _check(loader, node)
+
+
+def _check(loader: yaml.SafeLoader, scalar: yaml.Node) -> None:
+    """Raise YamlError for a scalar that does not fit its tag, such as a date of month 13."""
+    try:
+        loader.construct_object(scalar)
+    except (ValueError, AttributeError, LookupError) as error:
+        text = f"{scalar.value!r} is no valid {scalar.tag.rpartition(':')[2]}; write a text in quotes"
+        raise YamlError(scalar.start_mark.line + 1, text) from error
 
 
 def _tupled(data: Any) -> Any:

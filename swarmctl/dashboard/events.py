@@ -39,7 +39,7 @@ def of_words(before: Words, after: Words, *, is_bus: bool) -> Iterator[tuple[Sev
 def of_change(change: RouteChange) -> str:
     """Return a new plan in words: the reason, the length and ΣP_s."""
     new = change.new
-    text = f"plan {new.plan_id} of {new.length_m:.0f} m with ΣP_s {new.exposure_sum:.2f}"
+    text = f"plan {new.plan_id} of {new.length_m:.0f} m with ΣP_s {new.exposure_sum:.3f}"
     who = dict.fromkeys(learned.observer for learned in change.because)
     return f"{text}, after observations by {', '.join(who)}" if who else text
 

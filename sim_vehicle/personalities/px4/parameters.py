@@ -166,7 +166,7 @@ COPTER: dict[str, float | int] = (
         "MPC_ACC_HOR": 3.0,  # m/s^2
         "MPC_ACC_HOR_MAX": 5.0,  # m/s^2 by sticks
         "MPC_ACC_UP_MAX": 4.0,  # m/s^2
-        "MPC_LAND_ALT1": 10.0,  # m above home, below which a landing slows
+        "MPC_LAND_ALT1": 10.0,  # m above home, below which a landing slows, and a take-off is slow
         "MPC_LAND_ALT2": 5.0,  # m above home, below which a landing has MPC_LAND_SPEED
         "MPC_HOLD_DZ": 0.1,  # share of a stick's range
         "MPC_LAND_SPEED": 0.7,  # m/s
@@ -174,7 +174,7 @@ COPTER: dict[str, float | int] = (
         "MPC_MAN_TILT_MAX": 35.0,  # deg
         "MPC_MAN_Y_MAX": 150.0,  # deg/s
         "MPC_TILTMAX_AIR": 45.0,  # deg, by set-points
-        "MPC_TKO_SPEED": 1.5,  # m/s
+        "MPC_TKO_SPEED": 1.5,  # m/s, below MPC_LAND_ALT1
         "MPC_VEL_MANUAL": 10.0,  # m/s
         "MPC_XY_CRUISE": 5.0,  # m/s
         "MPC_XY_MAN_EXPO": 0.6,
