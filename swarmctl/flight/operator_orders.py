@@ -75,7 +75,7 @@ def order_refusal(
     real vehicle there, and real vehicles accept orders from this machine only.
     """
     real = names(not_simulated(members))
-    if has_keys or not real:
+    if not real or (has_keys and not flies_all):
         return ""
     if not flies_all:
         return (

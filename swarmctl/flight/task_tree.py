@@ -191,12 +191,13 @@ async def _show(flight: Flight) -> None:
         clocks = [m.state.vehicle.time_boot_s for m in flight.members if not m.runner.is_untaken]
         samples = [*samples[-20:], (time.monotonic(), max(clocks, default=0.0))]
         (t0, v0), (t1, v1) = samples[0], samples[-1]
+        counters = flight.resources.network.counters
         rows = [
             vehicle_row(
                 m.state,
                 m.runner.link.age_s(),
                 m.overdue_because,
-                flight.resources.network.counters[m.spec.sysid].refused.total(),
+                counters[m.spec.sysid].refused.total(),
                 lost_timeout_s=config.flight.lost_timeout_s,
             )
             for m in flight.members

@@ -109,6 +109,13 @@ def test_a_flight_over_the_landing_spot_is_announced_to_the_end_of_its_route_bef
     assert flown_m[-1] == pytest.approx(SPOT_M[0] - before_m, abs=0.1)
 
 
+def test_a_descent_is_announced_from_the_landing_spot_on() -> None:
+    story = LandingStory()
+    story.at(3.0)
+    (intent,) = (m for m in publications(story.at(0.5)) if isinstance(m, IntentShared))
+    assert intent.points[1].alt_amsl_m < intent.points[0].alt_amsl_m
+
+
 @pytest.mark.parametrize(
     ("what", "changes"),
     [

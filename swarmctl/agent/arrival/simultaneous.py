@@ -94,8 +94,8 @@ class _PathToGoal:
     initial_m_s: float
     """present speed [m/s]"""
     takeoff_s: float
-    """lift-off and remaining climb of a copter, or ground roll of a fixed wing [s]; 0 s for the lift-off
-    and the ground roll after arming"""
+    """time until the lift-off and remaining climb of a copter, or ground roll of a fixed wing that is not
+    armed yet [s]"""
     change: MissionChange | None = None
     """change to a new plan"""
     turn_radius_m: float | None = None

@@ -200,7 +200,7 @@ def _can_stop_for(state: AgentState, stop: Trajectory, uav: int, intent: Neighbo
 def _helps(stop: Trajectory, paths: Paths, others: Sequence[Paths], limits: Limits) -> bool:
     """Return whether a stop is clear of the others' paths, or better than to fly on by `paths`.
 
-    A stop in the way of the flights that are announced is not better, whatever else may happen.
+    A stop that is much worse with regard to the announced flights is not better, whatever else may happen.
     """
     every = [path for theirs in others for path in theirs]
     share = share_of((stop,), every, limits)
@@ -209,7 +209,8 @@ def _helps(stop: Trajectory, paths: Paths, others: Sequence[Paths], limits: Limi
     announced = [theirs[0] for theirs in others]
     if share < share_of(paths, every, limits) + BETTER_BY:
         return False
-    return share_of((stop,), announced, limits) >= min(ENOUGH, share_of(paths[:1], announced, limits))
+    flown_on = min(share_of(paths[:1], announced, limits), 1.0)
+    return share_of((stop,), announced, limits) > flown_on - BETTER_BY
 
 
 def _paths(state: AgentState, uav: int, intent: NeighbourIntent) -> Paths:

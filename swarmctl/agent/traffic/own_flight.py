@@ -316,10 +316,10 @@ def _descends_vertically(here: LocalPoint, points_ahead: Sequence[PlanarPoint], 
 
     A route may lead over the landing spot before its end: there the descent does not begin.
     """
-    away_m = math.dist(here[:2], points_ahead[-1])
+    spot = points_ahead[-1]
     if here[2] < height_m - AIRBORNE_M:
-        return away_m < VERTICAL_WITHIN_M
-    return len(points_ahead) == 1 and away_m < DESCENT_BEGINS_WITHIN_M
+        return math.dist(here[:2], spot) < VERTICAL_WITHIN_M
+    return all(math.dist(point, spot) < DESCENT_BEGINS_WITHIN_M for point in (here[:2], *points_ahead))
 
 
 def _fixed_wing_trajectory(state: AgentState, here: LocalPoint, speed_m_s: float) -> Trajectory | None:

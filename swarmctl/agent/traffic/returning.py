@@ -193,14 +193,18 @@ def _land_here(state: AgentState, wait: Wait, **changes: Any) -> StepResult:
 
 def _wait_or_start(state: AgentState, wait: Wait) -> StepResult:
     now_s, urgent = state.vehicle.time_boot_s, bool(urgent_return_reason(state))
+    # At the end of the longest wait, vehicles start one after the other.
+    n_later = _n_waiting_with_higher_id(state) if wait.purpose is WaitFor.RETURN_PATH else 0
     clear = partial(is_way_clear, state, ev.FlightOrder.RETURN)
-    ends, wait = verdict(wait, now_s, clear, early_s=_early_s(state, wait), urgent=urgent)
+    early_s = STAGGER_S * min(n_later, MAX_STAGGERED)
+    ends, wait = verdict(wait, now_s, clear, early_s=early_s, urgent=urgent)
     match ends:
         case Verdict.OVER:
-            ended = wait.ended(now_s) if wait.purpose is WaitFor.RETURN_PATH else None
+            ended = wait.over(now_s) if wait.purpose is WaitFor.RETURN_PATH else None
             if _return_conflicts(state) and not _landing_conflicts(state):
                 text = "the return path is not clear at the end of the wait"
-                state, ordered = _land_here(state, wait, outcome=text)
+                outcome = f"{state.outcome}; {text}" if state.outcome else text
+                state, ordered = _land_here(state, wait, outcome=outcome)
                 return state, [
                     ev.NotifyOperator(f"{text}; the vehicle lands where it is [return-blocked]"),
                     *ordered,
@@ -213,12 +217,6 @@ def _wait_or_start(state: AgentState, wait: Wait) -> StepResult:
         ev.NotifyOperator("the return path is clear; the vehicle returns [return-clear]"),
         *ordered,
     ]
-
-
-def _early_s(state: AgentState, wait: Wait) -> float:
-    """Return how much earlier the longest wait ends [s]: vehicles start one after the other."""
-    n = _n_waiting_with_higher_id(state) if wait.purpose is WaitFor.RETURN_PATH else 0
-    return STAGGER_S * min(n, MAX_STAGGERED)
 
 
 def is_way_clear(state: AgentState, order: ev.FlightOrder) -> bool:
@@ -282,7 +280,7 @@ def _n_waiting_with_higher_id(state: AgentState) -> int:
 def _yield_to_simultaneous_start(state: AgentState, wait: Wait) -> StepResult:
     """Hold again if the path is not clear of a vehicle with priority that started at the same time."""
     now_s = state.vehicle.time_boot_s
-    if not wait.may_go_on(now_s) or now_s >= wait.deadline_boot_s - _early_s(state, wait):
+    if not wait.may_go_on(now_s) or now_s >= wait.deadline_boot_s:
         return state, []
     mine = Standing(Activity.LANDING, True, state.task.uav)
     first = {
