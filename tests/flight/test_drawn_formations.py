@@ -40,6 +40,7 @@ FOUND = {
     265: "a vehicle climbed at a waypoint, and was expected to climb on its way",
     514: "a member turned late, because the message with the new route was lost",
     967: "a leader turned off a second after its new plan, and its followers could not",
+    161: "three waiting vehicles started and held again in turns at their staggered ends",
     569: "a vehicle flew over its landing spot on the way to the goal, and was announced to descend there",
     647: "a vehicle stopped in the way of a faster one that could not stop any more",
     27: "a vehicle that was refused the mode of set-points met a single vehicle",

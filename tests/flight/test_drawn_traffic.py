@@ -11,6 +11,7 @@ from drawn_traffic import draw
 N_DEFAULT, N_FULL = 12, 50
 
 FOUND = {
+    171: "a vehicle three metres below another one began to climb",
     29: "a vehicle that held below a landing one waited for it, and the other way round",
     64: "a new any-angle route from a lattice route ended the program with an IndexError",
     73: "a vehicle climbed over its goal through the height of a landing one",

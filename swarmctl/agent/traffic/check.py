@@ -135,7 +135,8 @@ def _separates(flight: Trajectory, present: Trajectory | None, other: Trajectory
     """Return whether a flight separates two vehicles that are close now.
 
     From SEPARATES_WITHIN_S on, the flight has to keep the limits. Until then the vehicles may be closer than
-    ENOUGH if they hardly come closer than now, or if the present flight comes closer by BETTER_BY.
+    ENOUGH if they keep the limits, or hardly come closer than now if they are nearer already, or if the
+    present flight comes closer by BETTER_BY.
     """
     begin_s = flight.times_s[0]
     if not _leads_away(flight, other, limits):
@@ -146,7 +147,8 @@ def _separates(flight: Trajectory, present: Trajectory | None, other: Trajectory
         return True
     now = limits.share(math.dist(here[:2], there[:2]), abs(here[2] - there[2]))
     # A vehicle that brakes now may come as near as the limits.
-    if least >= min((1.0 - CLOSER_BY) * now, 1.0 if present is None else ENOUGH) - 1e-6:
+    allowed = min((1.0 - CLOSER_BY) * now, 1.0 if present is None else ENOUGH)
+    if least >= (max(allowed, 1.0) if now >= 1.0 else allowed) - 1e-6:
         return True
     present_least = None if present is None else _least_share(present, other, limits)
     return present_least is not None and least >= present_least + BETTER_BY
