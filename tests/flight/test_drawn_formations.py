@@ -35,7 +35,6 @@ FOUND = {
     425: "members forgot a leader that returned through them before it had passed",
     993: "a mute vehicle, in hold, returned through the hold of another one",
     785: "a member was announced at the speed of its group, and crept",
-    755: "a member descended to the height of one that had stopped ahead of it",
     827: "members left their column because its leader was silent, and stopped too near to each other",
     265: "a vehicle climbed at a waypoint, and was expected to climb on its way",
     514: "a member turned late, because the message with the new route was lost",

@@ -102,7 +102,7 @@ def test_a_bound_that_cannot_be_met_is_reported_once_and_stops_no_vehicle(tmp_pa
     vehicles = flown(swarm({"name": "constrained"}, arrive_within_s=84.0), tmp_path, ui)
     late = [vehicle for vehicle in vehicles if not vehicle["arrival_bound_kept"]]
     assert late
-    assert all(vehicle["arrived_s"] < 98.0 for vehicle in late)
+    assert all(vehicle["arrived_s"] < 103.0 for vehicle in late)
     for vehicle in late:
         (line,) = coded(ui.said, vehicle["name"], "no-timely-route")
         assert " 84 s" in line

@@ -98,7 +98,7 @@ def test_a_pilot_takes_over_from_a_vehicle_that_is_on_its_way_home(
 
 @pytest.mark.full
 def test_vehicles_blown_off_their_routes_return(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    trouble = Trouble(wind={"speed_m_s": 25.0, "from_deg": 0.0, "gust_m_s": 0.0})
+    trouble = Trouble(wind={"speed_m_s": 26.0, "from_deg": 0.0, "gust_m_s": 0.0})
     report, ui = fly_with(trouble, tmp_path, monkeypatch, scenario=pair())
     assert [modes[:2] for modes in trouble.modes.values()] == [["AUTO", "RTL"]] * 2
     for name in ("uav1", "uav2"):

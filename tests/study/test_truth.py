@@ -142,7 +142,10 @@ def arrival_s(pair: Pair) -> tuple[Sequence[float], Sequence[float]]:
 def test_a_vehicle_alone_flies_the_route_of_the_abstract_mission(alone: list[Pair]) -> None:
     for pair in alone:
         (flown,), (track,) = pair.flown(), pair.mission.tracks
-        assert without_grazed(flown) == list(track)
+        route = without_grazed(flown)
+        # Of two routes with one cost the flight may take the other one.
+        assert length_cells(route) == pytest.approx(length_cells(track))
+        assert [pair.p_s[cell] for cell in route] == pytest.approx([pair.p_s[cell] for cell in track])
 
 
 def test_vehicles_together_fly_routes_as_long_and_as_exposed_on_average(together: list[Pair]) -> None:
