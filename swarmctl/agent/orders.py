@@ -158,7 +158,7 @@ def _resume(state: AgentState) -> StepResult:
     return state.enter(
         Phase.FLYING,
         order=state.order.noted(ev.FlightOrder.LAUNCH),
-        plans=state.plans.without_route().resumed(),
+        plans=state.plans.without_mission().resumed(),
     ), []
 
 

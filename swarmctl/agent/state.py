@@ -230,7 +230,7 @@ class AgentState:
 
     @property
     def followed(self) -> ev.SwapMission | None:
-        """The plan being flown, to be flown after the launch, or interrupted to give way."""
+        """The mission being flown, to be flown after the launch, or interrupted to give way."""
         return (self.interrupted if self.is_waiting else None) or self.plans.mission
 
     def with_progress(self) -> AgentState:

@@ -88,10 +88,9 @@ def _nearest_place(state: AgentState, here: LocalPoint, uav: int, told: MemberRe
     message, intent = told.message, state.all_intents.get(uav)
     there = (*told.here_m, message.alt_amsl_m)
     places = [extrapolate(there, message.velocity_m_s, told.at_boot_s, AHEAD_S).nearest(here[:2])]
-    at = None if intent is None else intent.flight.at(told.at_boot_s)
-    if intent is not None and at is not None and math.dist(at[:2], told.here_m) <= OFF_INTENT_M:
-        announced = intent.flight.since(told.at_boot_s)
-        assert announced is not None
+    announced = None if intent is None else intent.flight.since(told.at_boot_s)
+    has_begun = announced is not None and announced.times_s[0] == told.at_boot_s
+    if announced and has_begun and math.dist(announced.points[0][:2], told.here_m) <= OFF_INTENT_M:
         places.append(announced.lasting(told.at_boot_s + SOON_S).nearest(here[:2]))
     return min(places, key=lambda at: math.dist(here[:2], at[:2]))
 

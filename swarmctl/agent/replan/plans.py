@@ -158,14 +158,14 @@ class Plans:
     # --- orders
 
     def interrupted(self) -> Plans:
-        """Return the plans of a vehicle whose route a hold interrupts."""
-        return self.without_route().not_due().not_before(-math.inf)
+        """Return the plans of a vehicle whose mission a hold interrupts."""
+        return self.without_mission().not_due().not_before(-math.inf)
 
-    def without_route(self) -> Plans:
-        """Return the plans of a vehicle that leaves its route."""
+    def without_mission(self) -> Plans:
+        """Return the plans of a vehicle that leaves its mission."""
         return replace(self, mission=None)
 
-    def on_route(self, mission: ev.SwapMission | None) -> Plans:
+    def with_mission(self, mission: ev.SwapMission | None) -> Plans:
         """Return the plans of a vehicle that goes on by an interrupted mission."""
         return replace(self, mission=mission)
 

@@ -119,7 +119,7 @@ def land_after_unconfirmed_hold(state: AgentState) -> StepResult:
 
 
 def _land_here(state: AgentState, text: str) -> StepResult:
-    plans = state.plans.on_route(state.interrupted)
+    plans = state.plans.with_mission(state.interrupted)
     state, ordered = command(state, ev.FlightOrder.LAND, plans=plans, wait=None)
     return state, [ev.NotifyOperator(text), *ordered]
 
@@ -276,7 +276,7 @@ def _land(state: AgentState) -> StepResult:
     assert swap is not None
     assert here is not None
     if math.dist(here[:2], spot) <= AT_SPOT_M:
-        return command(state, ev.FlightOrder.LAND, plans=state.plans.on_route(swap), wait=_ended(state))
+        return command(state, ev.FlightOrder.LAND, plans=state.plans.with_mission(swap), wait=_ended(state))
     begins = Waypoint(*state.task.grid.frame.to_geodetic(*here[:2]), here[2])
     landing = replace(swap.plan.landing, alt_rel_m=here[2])
     plan = replace(swap.plan, track=(), landing=landing, begins=begins, leaves_ahead=False, from_hold=True)

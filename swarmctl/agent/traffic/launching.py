@@ -134,10 +134,10 @@ def _intents_waited_for(state: AgentState) -> dict[int, NeighbourIntent]:
 
 def _route_clashes(state: AgentState, others: Mapping[int, NeighbourIntent]) -> tuple[Clash, ...]:
     """Return the conflicts of the first route with `others`, for a take-off now or a little later."""
-    start, route = state.vehicle.takeoff_lat_lon, state.plans.mission
-    if start is None or route is None or not others:
+    start, mission = state.vehicle.takeoff_lat_lon, state.plans.mission
+    if start is None or mission is None or not others:
         return ()
-    flight = to_shared_frame(state, from_takeoff(state.task, route.plan, start))
+    flight = to_shared_frame(state, from_takeoff(state.task, mission.plan, start))
     if flight is None:
         return ()
     flight, limits = until_landing(flight), state.task.separation.limits

@@ -139,10 +139,10 @@ def reach(state: AgentState, for_s: float, straight_on_s: float) -> Bounds | Non
 
 def _lands_beyond(state: AgentState, distance_m: float) -> bool:
     """Return whether the vehicle flies its route, and its landing is farther ahead than a distance."""
-    progress, route = state.progress, state.plans.mission
+    progress, mission = state.progress, state.plans.mission
     if state.phase is not Phase.FLYING or state.plans.pending is not None or state.is_waiting:
         return False
-    if progress is None or route is None or progress.flight.plan is not route:
+    if progress is None or mission is None or progress.flight.plan is not mission:
         return False
     return progress.to_landing_m - progress.at.cross_track_m > REACH_FACTOR * distance_m
 
@@ -192,13 +192,13 @@ def _through_change(
     speed_m_s: float,
 ) -> Trajectory:
     """Return the trajectory of a copter that changes from its present route to `plan`, along `path`."""
-    route, vehicle = state.plans.mission, state.vehicle
-    assert route is not None
-    present_path = state.points_ahead(route) or waypoints_of(state.task, route.plan)
+    mission, vehicle = state.plans.mission, state.vehicle
+    assert mission is not None
+    present_path = state.points_ahead(mission) or waypoints_of(state.task, mission.plan)
     return fly_through_change(
         here,
         (vehicle.east_m_s, vehicle.north_m_s),
-        FlightPart(route.plan.height_m, present_path),
+        FlightPart(mission.plan.height_m, present_path),
         change,
         FlightPart(plan.height_m, path),
         speed_m_s,
@@ -339,8 +339,8 @@ def _fixed_wing_trajectory(state: AgentState, here: LocalPoint, speed_m_s: float
 
 def _climbs_vertically(state: AgentState, here: LocalPoint, plan: FlightPlan) -> bool:
     """Return whether the vehicle is still in its take-off: in its first mission, low above home."""
-    home, route = state.vehicle.home_lat_lon, state.plans.mission
-    if home is None or route is None or route.plan.begins is not None:
+    home, mission = state.vehicle.home_lat_lon, state.plans.mission
+    if home is None or mission is None or mission.plan.begins is not None:
         return False
     place = state.task.grid.frame.to_local(*home)
     return math.dist(here[:2], place) < VERTICAL_WITHIN_M and here[2] < plan.height_m - AIRBORNE_M

@@ -180,16 +180,16 @@ def _clashes(
 
 
 def _changes_height(before: AgentState, plan: FlightPlan) -> bool:
-    route = before.plans.mission
-    return route is not None and abs(plan.height_m - route.plan.height_m) >= AIRBORNE_M
+    mission = before.plans.mission
+    return mission is not None and abs(plan.height_m - mission.plan.height_m) >= AIRBORNE_M
 
 
 def _with_level_off_if_needed(before: AgentState, plan: FlightPlan) -> FlightPlan:
     """Return the plan, with a level-off waypoint if the plan changes the height."""
-    here, route = position_of(before), before.plans.mission
+    here, mission = position_of(before), before.plans.mission
     if here is None or before.task.wings is not None:
         return plan
-    if route is None:
+    if mission is None:
         return with_level_off(before.task, plan, here)  # the vehicle stands still during the upload
     if not _changes_height(before, plan):
         return plan

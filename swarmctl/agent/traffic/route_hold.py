@@ -215,7 +215,12 @@ def give_up(state: AgentState) -> StepResult:
     longest_s, fallback = state.wait.rule.longest_s, state.task.fallback
     reason = f"the vehicle has held for {longest_s:.0f} s, and the way is still not clear"
     state, ordered = command(
-        state, fallback, phase=Phase.LEAVING, given_up=True, outcome=reason, plans=state.plans.without_route()
+        state,
+        fallback,
+        phase=Phase.LEAVING,
+        given_up=True,
+        outcome=reason,
+        plans=state.plans.without_mission(),
     )
     does = "returns" if fallback is ev.FlightOrder.RETURN else "lands where it is"
     return state, [ev.NotifyOperator(f"{reason}; the vehicle {does} [held-too-long]"), *ordered]
