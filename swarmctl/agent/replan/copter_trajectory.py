@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 from swarmctl.agent.replan import travel_time, wing_trajectory
 from swarmctl.agent.replan.climb import DESCENT_M_S, LIFT_S, climb_s
-from swarmctl.agent.replan.stopping import CORNER_M, RESTART_M_S, MissionChange, split_track
+from swarmctl.agent.replan.stopping import CORNER_M, STOPPED_M_S, MissionChange, split_track
 from swarmctl.agent.state import Task
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory
 from swarmctl.core.geo import LatLon
@@ -22,8 +22,6 @@ RAMPS_S = 20.0
 """time for which a flight shows where it speeds up and brakes; farther ahead only its corners [s]"""
 REACHED_M = 3.0
 """distance from its next waypoint at which a stopped vehicle flies on from there, and not back [m]"""
-LEVEL_AHEAD_M = 4.0
-"""distance over ground in which a vehicle climbs from a stand [m]: more than waypoints count as reached"""
 LEVEL_S = 2.0
 """duration of a climb or descent below which the flight counts as level [s]"""
 SAME_TIME_S = 1e-3
@@ -58,15 +56,15 @@ def with_level_off(
 ) -> FlightPlan:
     """Return the plan with one more waypoint, at the point where the vehicle can reach the plan's height.
 
-    The climb or descent begins in `after_s` [s]; None: from a stand, and nearly vertical. Vehicles climb
-    evenly between waypoints, so a plan without this waypoint reaches its height only at its first waypoint. A
-    plan whose first waypoint is near, or whose height hardly differs, stays unchanged.
+    The climb or descent begins in `after_s` [s]; None: from a stand, on the spot. Vehicles climb evenly
+    between waypoints, so a plan without this waypoint reaches its height only at its first waypoint. A plan
+    whose first waypoint is near, or whose height hardly differs, stays unchanged.
     """
     height_m, first = plan.height_m, waypoints_of(task, plan)[0]
     takes_s = climb_s(height_m - here[2])
-    level_m = LEVEL_AHEAD_M if after_s is None else task.arrival.speed_m_s * (after_s + takes_s)
+    level_m = 0.0 if after_s is None else task.arrival.speed_m_s * (after_s + takes_s)
     away_m = math.dist(here[:2], first)
-    if takes_s < LEVEL_S or away_m < 1.25 * level_m:
+    if takes_s < LEVEL_S or away_m <= 1.25 * level_m:
         return plan
     east_m, north_m = (a + level_m / away_m * (b - a) for a, b in zip(here[:2], first, strict=True))
     level = Waypoint(*task.grid.frame.to_geodetic(east_m, north_m), height_m)
@@ -140,13 +138,13 @@ def fly_through_change(
         if n == 1 and flown_m <= CORNER_M
         else (changes_at[0] - before[0], changes_at[1] - before[1])
     )
-    if change.brakes_m_s2 and changes_m_s > RESTART_M_S and (away_m := math.hypot(*along)) > 0.0:
+    if change.brakes_m_s2 and changes_m_s > STOPPED_M_S and (away_m := math.hypot(*along)) > 0.0:
         if in_s > times_s[-1] + SAME_TIME_S:
             points.append(changes_at)
             times_s.append(in_s)
         share = changes_m_s**2 / (2.0 * change.brakes_m_s2 * away_m)
         changes_at = (changes_at[0] + share * along[0], changes_at[1] + share * along[1], changes_at[2])
-        in_s, changes_m_s = in_s + changes_m_s / change.brakes_m_s2, RESTART_M_S
+        in_s, changes_m_s = in_s + changes_m_s / change.brakes_m_s2, 0.0
         # A vehicle at a waypoint, but not at its height, climbs or descends there.
         if len(path) > 1 and math.dist(changes_at, (*path[0], new.height_m)) <= REACHED_M:
             path = path[1:]
@@ -168,8 +166,7 @@ def _fly_on(
 ) -> Trajectory:
     """Return the trajectory on a track from `here` along `path`, at `height_m` to the landing."""
     # The vehicle climbs evenly to the first point of its path. A longer climb delays all later points.
-    level_m = next((away_m for point in path if (away_m := math.dist(here[:2], point)) > 0.0), 0.0)
-    level_m = min(level_m, track.at_m[-1])
+    level_m = min(math.dist(here[:2], path[0]) if path else 0.0, track.at_m[-1])
     level, level_s = track.at(level_m)
     late_s = max(climb_s(height_m - here[2]) - level_s, 0.0)
     n = bisect_left(track.at_m, level_m - CORNER_M) or 1
@@ -177,7 +174,7 @@ def _fly_on(
     for point, at_m, at_s in zip(track.points[1:n], track.at_m[1:n], track.times_s[1:n], strict=True):
         points.append((*point, here[2] + at_m / level_m * (height_m - here[2])))
         times_s.append(at_s * (1.0 + late_s / level_s))
-    if level_m > 0.0 and track.at_m[n] > level_m + CORNER_M and height_m != here[2]:
+    if track.at_m[-1] > 0.0 and track.at_m[n] > level_m + CORNER_M and height_m != here[2]:
         points.append((*level, height_m))
         times_s.append(level_s + late_s)
     for point, at_s in zip(track.points[n:], track.times_s[n:], strict=True):

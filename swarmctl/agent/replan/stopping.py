@@ -18,8 +18,8 @@ from swarmctl.core.planar import PlanarPoint
 
 STANDING_M_S = 1.0
 """Greatest speed of a vehicle that needs no stop [m/s]."""
-RESTART_M_S = 0.1
-"""Start speed after a stop [m/s]; from 0, `travel_time` would assume a second stop after a short leg."""
+STOPPED_M_S = 0.1
+"""Speed up to which a vehicle counts as stopped [m/s]."""
 CORNER_M = 0.01
 """Greatest distance from a stop to the next corner at which both count as one point [m]."""
 
@@ -134,4 +134,4 @@ def after_stop(
     if change is None or not change.brakes_m_s2:
         return 0.0, track, initial_m_s
     parts = split_track(track, change.stops_in_m)
-    return (0.0, track, initial_m_s) if parts is None else (change.stops_in_s, parts[1], RESTART_M_S)
+    return (0.0, track, initial_m_s) if parts is None else (change.stops_in_s, parts[1], 0.0)

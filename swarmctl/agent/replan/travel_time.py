@@ -1,17 +1,9 @@
 """The travel time of a copter on a track, with braking before turns and speeding up after them. Pure.
 
-Acceleration and corner radius are the defaults of ArduCopter's parameters; the other constants are estimates.
-The table has the time lost at a turn between long legs, in flight and as estimated here. Estimates are high,
-so that a vehicle is early rather than late.
-
-| speed | 45° | 90° | 135° |
-|---|---|---|---|
-| 5 m/s | 0.1 s | 1.3 s | 1.8 s |
-| 10 m/s | 1.1 s | 3.3 s | 4.1 s |
-| 10 m/s, estimated | 1.6 s | 3.5 s | 4.5 s |
-| 20 m/s | 4.8 s | 8.0 s | 9.0 s |
-
-Between short legs a turn may cost as much as a stop, so the estimate has a stop there.
+Acceleration, jerk and corner radius are the defaults of ArduCopter's parameters; the other constants are
+estimates. ArduCopter plans each leg from rest to rest, and blends it with its neighbours: so a short leg is
+slow, even straight on. `docs/measured.md` compares flights and estimates. Estimates are high, so that a
+vehicle is early rather than late.
 """
 
 from __future__ import annotations
@@ -20,21 +12,23 @@ import math
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import accumulate, pairwise
+from itertools import pairwise
 
 from swarmctl.core.planar import PlanarPoint
 from swarmctl.core.vehicle import BRAKING_M_S2
 
 ACCELERATION_M_S2 = 2.5
 """WPNAV_ACCEL"""
+JERK_M_S3 = 1.0
+"""WPNAV_JERK"""
+LEG_SHARE = 0.95
+"""Greatest speed on a short leg, as a share of the greatest one between two stops with JERK_M_S3."""
 CORNER_RADIUS_M = 2.0
 """WPNAV_RADIUS: greatest distance from a corner at which the vehicle may cut the corner"""
 CORNER_SHARE = 0.75
 """Estimated speed at a corner, as a share of the speed by ACCELERATION_M_S2 and CORNER_RADIUS_M."""
 SETTLE_S = 0.8
-"""additional time at each turn until the vehicle follows the next leg [s]"""
-SHORT_S = 4.5
-"""Duration of a leg at full speed [s]; the estimate has a stop at both ends of a shorter leg."""
+"""additional time at each turn at which the vehicle slows down, until it follows the next leg [s]"""
 STRAIGHT_RAD = 0.1
 """Greatest turn that counts as straight [rad]."""
 BESIDE_M, BESIDE_RAD = 3.0, 0.5
@@ -71,11 +65,11 @@ def arrives_s(
 
     `initial_m_s` is the speed at the start. The result is not before the start of the last leg.
     """
-    corners, times_s, passed_m_s = _corner_times_and_speeds(track, speed_m_s, initial_m_s)
-    if len(corners) < 2:
+    _, legs = _corners_and_legs(track, speed_m_s, initial_m_s)
+    if not legs:
         return 0.0
-    last_m = math.dist(corners[-2], corners[-1])
-    return times_s[-1] - _leg_end_s(passed_m_s[-2], last_m, min(remaining_m, last_m), speed_m_s)
+    last = legs[-1]
+    return math.fsum(leg.duration_s for leg in legs) - last.last_s(min(remaining_m, last.length_m))
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,49 +121,96 @@ def timed_track(
 
     Legs that begin after `ramps_s` have no points between their corners.
     """
-    corners, times_s, passed_m_s = _corner_times_and_speeds(track, speed_m_s, initial_m_s)
-    points, at_m, each_s, speeds_m_s = corners[:1], [0.0], [0.0], passed_m_s[:1]
-    for i, (a, b) in enumerate(pairwise(corners)):
-        begin_m_s, end_m_s, leg_m = passed_m_s[i], passed_m_s[i + 1], math.dist(a, b)
-        (top_m_s, up_m, down_m), from_m = _ramps(begin_m_s, end_m_s, leg_m, speed_m_s), at_m[-1]
-        up_s = times_s[i] + (SETTLE_S if i else 0.0) + (top_m_s - begin_m_s) / ACCELERATION_M_S2
-        down_s = times_s[i + 1] - (top_m_s - end_m_s) / BRAKING_M_S2
-        for on_m, on_s in ((up_m, up_s), (leg_m - down_m, down_s)):
-            is_later = each_s[-1] + LEAST_RAMP_S < on_s < times_s[i + 1] - LEAST_RAMP_S
-            is_farther = LEAST_RAMP_M < on_m < leg_m - LEAST_RAMP_M
-            if is_later and is_farther and times_s[i] <= ramps_s:
-                share = on_m / leg_m
+    corners, legs = _corners_and_legs(track, speed_m_s, initial_m_s)
+    points, at_m, each_s, speeds_m_s = corners[:1], [0.0], [0.0], [min(initial_m_s, speed_m_s)]
+    begin_s = 0.0
+    for leg, (a, b) in zip(legs, pairwise(corners), strict=True):
+        end_s, from_m = begin_s + leg.duration_s, at_m[-1]
+        up_s = begin_s + leg.settle_s + (leg.top_m_s - leg.begin_m_s) / ACCELERATION_M_S2
+        down_s = end_s - (leg.top_m_s - leg.end_m_s) / BRAKING_M_S2
+        for on_m, on_s in ((leg.up_m, up_s), (leg.length_m - leg.down_m, down_s)):
+            is_later = each_s[-1] + LEAST_RAMP_S < on_s < end_s - LEAST_RAMP_S
+            is_farther = LEAST_RAMP_M < on_m < leg.length_m - LEAST_RAMP_M
+            if is_later and is_farther and begin_s <= ramps_s:
+                share = on_m / leg.length_m
                 points.append((a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])))
                 at_m.append(from_m + on_m)
                 each_s.append(on_s)
-                speeds_m_s.append(top_m_s)
+                speeds_m_s.append(leg.top_m_s)
         points.append(b)
-        at_m.append(from_m + leg_m)
-        each_s.append(times_s[i + 1])
-        speeds_m_s.append(end_m_s)
+        at_m.append(from_m + leg.length_m)
+        each_s.append(end_s)
+        speeds_m_s.append(leg.end_m_s)
+        begin_s = end_s
     return TimedTrack(points, at_m, each_s, speeds_m_s)
 
 
-def _corner_times_and_speeds(
+@dataclass(frozen=True, slots=True)
+class _Leg:
+    """A leg between two corners: speeding up, full speed if it is long enough, and braking."""
+
+    length_m: float
+    up_m: float
+    """distance of speeding up [m]"""
+    down_m: float
+    """distance of braking [m]"""
+    begin_m_s: float
+    top_m_s: float
+    end_m_s: float
+    settle_s: float
+    """time until the vehicle follows the leg after a turn [s]"""
+
+    @property
+    def duration_s(self) -> float:
+        up_m_s, down_m_s = self.top_m_s - self.begin_m_s, self.top_m_s - self.end_m_s
+        level_m = max(self.length_m - self.up_m - self.down_m, 0.0)
+        level_s = level_m / self.top_m_s if self.top_m_s > 0.0 else 0.0
+        return self.settle_s + up_m_s / ACCELERATION_M_S2 + level_s + down_m_s / BRAKING_M_S2
+
+    def last_s(self, last_m: float) -> float:
+        """Return the time for the last metres of a leg that ends in a stop [s]."""
+        if last_m <= self.down_m:
+            return math.sqrt(2 * last_m / BRAKING_M_S2)
+        return self.top_m_s / BRAKING_M_S2 + (last_m - self.down_m) / self.top_m_s
+
+
+def _corners_and_legs(
     track: Sequence[PlanarPoint], speed_m_s: float, initial_m_s: float
-) -> tuple[list[PlanarPoint], list[float], list[float]]:
-    """Return both ends and the corners, the time at each [s], and the speed at each [m/s]."""
+) -> tuple[list[PlanarPoint], list[_Leg]]:
+    """Return both ends and the corners of a track, and the legs between them."""
     corners = _corners(track)
     legs_m = [math.dist(a, b) for a, b in pairwise(corners)]
     if not legs_m:
-        return corners, [0.0] * len(corners), [0.0] * len(corners)
-    short = [leg_m < SHORT_S * speed_m_s for leg_m in legs_m]
-    short[0] = short[0] and initial_m_s == 0.0 and len(legs_m) > 1
-    passed_m_s = [min(initial_m_s, speed_m_s)]
-    for i in range(1, len(legs_m)):
-        turn_rad = _turn_rad(*corners[i - 1 : i + 2])
-        passed_m_s.append(0.0 if short[i - 1] or short[i] else _corner_m_s(turn_rad, speed_m_s))
+        return corners, []
+    tops_m_s = [min(_top_m_s(leg_m), speed_m_s) for leg_m in legs_m]
+    passed_m_s, settles_s = [min(initial_m_s, speed_m_s)], [0.0]
+    tops_m_s[0] = max(passed_m_s[0], tops_m_s[0])  # the vehicle may have begun this leg earlier
+    for i, straight_m_s in enumerate(map(min, pairwise(tops_m_s))):
+        turned_m_s = _corner_m_s(_turn_rad(*corners[i : i + 3]))
+        passed_m_s.append(min(turned_m_s, straight_m_s))
+        settles_s.append(SETTLE_S if turned_m_s < straight_m_s else 0.0)
     passed_m_s.append(0.0)
     _make_flyable(passed_m_s, legs_m)
-    legs = zip(pairwise(passed_m_s), legs_m, strict=True)
-    each_s = [_leg_s(*ends, leg_m, speed_m_s) for ends, leg_m in legs]
-    each_s[1:] = [leg_s + SETTLE_S for leg_s in each_s[1:]]
-    return corners, list(accumulate(each_s, initial=0.0)), passed_m_s
+    ends_m_s = pairwise(passed_m_s)
+    return corners, [_leg(*of) for of in zip(legs_m, ends_m_s, tops_m_s, settles_s, strict=True)]
+
+
+def _leg(length_m: float, ends_m_s: tuple[float, float], most_m_s: float, settle_s: float) -> _Leg:
+    """Return the leg that is flown with at most `most_m_s`."""
+    up, down = ACCELERATION_M_S2, BRAKING_M_S2
+    begin_m_s, end_m_s = ends_m_s
+    crossing_m_s = math.sqrt((2 * up * down * length_m + down * begin_m_s**2 + up * end_m_s**2) / (up + down))
+    top_m_s = min(max(crossing_m_s, begin_m_s, end_m_s), most_m_s)
+    up_m, down_m = (top_m_s**2 - begin_m_s**2) / (2 * up), (top_m_s**2 - end_m_s**2) / (2 * down)
+    return _Leg(length_m, up_m, down_m, begin_m_s, top_m_s, end_m_s, settle_s)
+
+
+def _top_m_s(leg_m: float) -> float:
+    """Return the greatest speed on a leg [m/s].
+
+    With the jerk J, a vehicle reaches (J · L² / 4)^(1/3) half-way between two stops (`SCurve`).
+    """
+    return LEG_SHARE * math.cbrt(0.25 * JERK_M_S3 * leg_m**2)
 
 
 def _corners(track: Sequence[PlanarPoint]) -> list[PlanarPoint]:
@@ -195,10 +236,9 @@ def _turn_rad(before: PlanarPoint, here: PlanarPoint, after: PlanarPoint) -> flo
     return abs(math.remainder(angle_out - angle_in, math.tau))
 
 
-def _corner_m_s(turn_rad: float, speed_m_s: float) -> float:
+def _corner_m_s(turn_rad: float) -> float:
     widening = 1.0 / max(math.cos(turn_rad / 2.0), 1e-6) - 1.0
-    rounded_m_s = math.sqrt(ACCELERATION_M_S2 * CORNER_RADIUS_M / max(widening, 1e-9))
-    return min(CORNER_SHARE * rounded_m_s, speed_m_s)
+    return CORNER_SHARE * math.sqrt(ACCELERATION_M_S2 * CORNER_RADIUS_M / max(widening, 1e-9))
 
 
 def _make_flyable(passed_m_s: list[float], legs_m: Sequence[float]) -> None:
@@ -208,34 +248,3 @@ def _make_flyable(passed_m_s: list[float], legs_m: Sequence[float]) -> None:
     for i, leg_m in enumerate(legs_m):
         reached_m_s = math.sqrt(passed_m_s[i] ** 2 + 2 * ACCELERATION_M_S2 * leg_m)
         passed_m_s[i + 1] = min(passed_m_s[i + 1], reached_m_s)
-
-
-def _leg_s(begin_m_s: float, end_m_s: float, leg_m: float, speed_m_s: float) -> float:
-    """Return the time for a leg: speeding up, full speed if the leg is long enough, and braking [s]."""
-    top_m_s, up_m, down_m = _ramps(begin_m_s, end_m_s, leg_m, speed_m_s)
-    ramps_s = (top_m_s - begin_m_s) / ACCELERATION_M_S2 + (top_m_s - end_m_s) / BRAKING_M_S2
-    return ramps_s + (max(leg_m - up_m - down_m, 0.0) / top_m_s if top_m_s > 0.0 else 0.0)
-
-
-def _ramps(begin_m_s: float, end_m_s: float, leg_m: float, speed_m_s: float) -> tuple[float, float, float]:
-    """Return the greatest speed on a leg [m/s], and the distances of speeding up and of braking [m]."""
-    top_m_s = _top_m_s(begin_m_s, end_m_s, leg_m, speed_m_s)
-    up_m = (top_m_s**2 - begin_m_s**2) / (2 * ACCELERATION_M_S2)
-    return top_m_s, up_m, (top_m_s**2 - end_m_s**2) / (2 * BRAKING_M_S2)
-
-
-def _top_m_s(begin_m_s: float, end_m_s: float, leg_m: float, speed_m_s: float) -> float:
-    up, down = ACCELERATION_M_S2, BRAKING_M_S2
-    crossing_m_s = math.sqrt((2 * up * down * leg_m + down * begin_m_s**2 + up * end_m_s**2) / (up + down))
-    return min(max(crossing_m_s, begin_m_s, end_m_s), speed_m_s)
-
-
-def _leg_end_s(begin_m_s: float, leg_m: float, last_m: float, speed_m_s: float) -> float:
-    """Return the least time for the last metres of a leg that ends in a stop [s]."""
-    if last_m <= 0.0:
-        return 0.0
-    top_m_s = _top_m_s(begin_m_s, 0.0, leg_m, speed_m_s)
-    braking_m = top_m_s**2 / (2 * BRAKING_M_S2)
-    if last_m <= braking_m:
-        return math.sqrt(2 * last_m / BRAKING_M_S2)
-    return top_m_s / BRAKING_M_S2 + (last_m - braking_m) / top_m_s

@@ -112,7 +112,7 @@ def clashes_if_changed(
     A flight that separates two close vehicles does not clash.
     """
     limits = state.task.separation.limits
-    near_s = flight.times_s[0] + (TIME_TOLERANCE_S if present is None else SEPARATES_WITHIN_S)
+    near_s = flight.times_s[0] + TIME_TOLERANCE_S if present is None else _separated_s(flight)
 
     def separates(intent: NeighbourIntent) -> bool:
         # Over a goal a vehicle has no other way than down: there the planned times of a late vehicle count.
@@ -124,9 +124,14 @@ def clashes_if_changed(
     return _soonest_of_each([clash for clash, of in found if clash.at_s > near_s or not separates(of)])
 
 
+def _separated_s(flight: Trajectory) -> float:
+    """Return the time by which a flight keeps the limits; a vehicle in hold leaves it after an upload."""
+    return flight.moves_from_s + SEPARATES_WITHIN_S
+
+
 def _leads_away(flight: Trajectory, other: Trajectory, limits: Limits, *, is_late: bool = False) -> bool:
-    """Return whether a flight keeps the limits after SEPARATES_WITHIN_S; `is_late`: the other may be late."""
-    after = flight.since(flight.times_s[0] + SEPARATES_WITHIN_S)
+    """Return whether a flight keeps the limits once it is separated; `is_late`: the other may be late."""
+    after = flight.since(_separated_s(flight))
     late = frozenset({0} if is_late else ())
     return after is None or not find_clashes(after, {0: other}, limits, late=late)
 
@@ -134,7 +139,7 @@ def _leads_away(flight: Trajectory, other: Trajectory, limits: Limits, *, is_lat
 def _separates(flight: Trajectory, present: Trajectory | None, other: Trajectory, limits: Limits) -> bool:
     """Return whether a flight separates two vehicles that are close now.
 
-    From SEPARATES_WITHIN_S on, the flight has to keep the limits. Until then the vehicles may be closer than
+    From `_separated_s` on, the flight has to keep the limits. Until then the vehicles may be closer than
     ENOUGH if they keep the limits, or hardly come closer than now if they are nearer already, or if the
     present flight comes closer by BETTER_BY.
     """

@@ -312,12 +312,15 @@ def heights_to_try(state: AgentState, plan: FlightPlan) -> Sequence[float]:
     """Return the heights above home to try [m], lowest first; none if the vehicle's height is unknown.
 
     The heights are the task's altitude, and heights just above the plan and each other vehicle's flight. A
-    height that the vehicle would reach only over its goal is no way out: others come down there.
+    height that the vehicle would reach only over its goal is no way out: others come down there. From a hold
+    it climbs on the spot.
     """
     task, vehicle, planned_m, here = state.task, state.vehicle, plan.height_m, position_of(state)
     if vehicle.alt_amsl_m is None or vehicle.alt_rel_m is None or here is None:
         return []
-    least_m, reachable_m = reachable_heights_m(state, here, waypoints_of(task, plan))
+    least_m, reachable_m = -math.inf, math.inf
+    if state.plans.mission is not None:
+        least_m, reachable_m = reachable_heights_m(state, here, waypoints_of(task, plan))
     home_m = home_amsl_m(state)
     margin_m = HEIGHT_MARGIN * task.separation.limits.vertical_m
     tops_m = {

@@ -111,6 +111,12 @@ class Trajectory:
         return _of_checked((t_s, *self.times_s[i:]), (at, *self.points[i:]))
 
     @property
+    def moves_from_s(self) -> float:
+        """Time at which the vehicle leaves the first point; the begin of the flight if it never does."""
+        moves = next((i for i, point in enumerate(self.points) if point != self.points[0]), 1)
+        return self.times_s[moves - 1]
+
+    @property
     def ends_in_hold(self) -> bool:
         """True if the vehicle stays at the last point."""
         return len(self.points) > 1 and self.points[-1] == self.points[-2]
