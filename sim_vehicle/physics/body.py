@@ -28,6 +28,7 @@ LIMITS = {
     "stall_m_s": ("stall_m_s", 1.0, 2.0, 50.0),
 }
 MAX_WIND_M_S = 100.0
+LEG_SHARE = 0.95  # highest speed on a blended leg, as a share of the highest one between two stops
 CAPACITY_RANGE_MAH, VOLTAGE_RANGE_V = (1.0, 1e6), (1.0, 1000.0)
 
 
@@ -334,6 +335,15 @@ class Body:
             return speed
         turn_radius_m = float(motion.acceptance_radius_m[i]) / widening
         return min(speed, math.sqrt(float(motion.acceleration_limit_m_s2[i]) * turn_radius_m))
+
+    def leg_speed_m_s(self, leg_m: float, jerk_m_s3: float) -> float:
+        """Return the highest speed on a leg of a mission [m/s].
+
+        ArduCopter plans each leg from rest to rest, with limited jerk, and blends it with its neighbours
+        (`SCurve`): so a short leg is slow, even straight on. With infinite jerk, legs have no such limit.
+        """
+        half_way_m_s = math.cbrt(0.25 * jerk_m_s3 * leg_m**2)
+        return min(float(self._motion.speed_m_s[self._index]), LEG_SHARE * half_way_m_s)
 
     def set_gps_fix(self, fix_type: int) -> None:
         """Set the best and the present GPS_FIX_TYPE of the receiver."""

@@ -54,7 +54,7 @@ class MissionPilot:
         self._target_m: LocalPoint = (0.0, 0.0, 0.0)
         self._wanted_heading_rad: float | None = None
         self._under_way = False  # on a leg to a waypoint
-        self._after_braking_m_s: float | None = None  # pass speed of the leg that begins after braking
+        self._braking = False  # before a leg
         self._following: Item | None = None
         self._climbing = False  # in place, before the leg to the current item
         self.item_reached = NO_ITEM  # index of the item reached last since the boot
@@ -72,7 +72,7 @@ class MissionPilot:
     @property
     def busy(self) -> bool:
         """True while a wait, braking or a manoeuvre is in progress."""
-        waiting = self._wait_until_s is not None or self._after_braking_m_s is not None or self._climbing
+        waiting = self._wait_until_s is not None or self._braking or self._climbing
         return self._manoeuvre is not None or waiting
 
     @property
@@ -82,7 +82,7 @@ class MissionPilot:
     def forget(self) -> None:
         """Forget the current command."""
         self._manoeuvre, self._wait_until_s, self._wanted_heading_rad = None, None, None
-        self._under_way, self._after_braking_m_s, self._climbing = False, None, False
+        self._under_way, self._braking, self._climbing = False, False, False
 
     # -- navigation commands ------------------------------------------------------------------------------
 
@@ -156,11 +156,19 @@ class MissionPilot:
         else:
             flight.body.limit(acceptance_radius_m=self._radius_m(item))
             self._under_way = not flight.taking_off
-            if interrupted and self._under_way and flight.flight_parameters.mission.begins_legs_at_rest:
-                self._after_braking_m_s = self._pass_speed_m_s(item, following)
+            self._braking = (
+                interrupted and self._under_way and flight.flight_parameters.mission.begins_legs_at_rest
+            )
+            if self._braking:
                 flight.body.stop()
-                return
-            flight.go(self._target_m, self._pass_speed_m_s(item, following))
+            else:
+                self._begin_leg(item)
+
+    def _begin_leg(self, item: Item) -> None:
+        body = self._flight.body
+        if self._under_way:
+            body.limit(speed_m_s=self._leg_speed_m_s(body.position_m, self._target_m))
+        self._flight.go(self._target_m, self._pass_speed_m_s(item, self._following))
 
     def _radius_m(self, item: Item) -> float:
         """Return the acceptance radius of an item [m]; only a plane obeys the radius in an item."""
@@ -216,7 +224,14 @@ class MissionPilot:
         inbound = math.atan2(target_m[0] - here_m[0], target_m[1] - here_m[1])
         outbound = math.atan2(next_m[0] - target_m[0], next_m[1] - target_m[1])
         turn_rad = abs(math.remainder(outbound - inbound, 2 * math.pi))
-        return self._flight.body.corner_speed_m_s(turn_rad)
+        corner_m_s = self._flight.body.corner_speed_m_s(turn_rad)
+        return min(corner_m_s, self._leg_speed_m_s(target_m, next_m))
+
+    def _leg_speed_m_s(self, begin_m: LocalPoint, end_m: LocalPoint) -> float:
+        """Return the greatest speed on a leg, by the limits of its autopilot [m/s]."""
+        leg_m, parameters = math.dist(begin_m, end_m), self._flight.flight_parameters
+        leg_m = max(leg_m, parameters.limits.acceptance_radius_m)
+        return self._flight.body.leg_speed_m_s(leg_m, parameters.mission.leg_jerk_m_s3)
 
     def navigation_done(self, now: float) -> bool:
         item = self._flight.mission.current_item
@@ -230,21 +245,20 @@ class MissionPilot:
             return self._landing_done(item, now)
         if self._manoeuvre is not None:
             return self._manoeuvre.update(now)
-        if self._brake():
+        if self._brake(item):
             return False
         done = self._waypoint_done(item, now)
         self._under_way = self._under_way and not done
         return done
 
-    def _brake(self) -> bool:
-        """Return True while braking before a leg; begin the leg once the vehicle is slow."""
-        if self._after_braking_m_s is None:
+    def _brake(self, item: Item) -> bool:
+        """Return True while braking before the leg to `item`; begin it once the vehicle is slow."""
+        if not self._braking:
             return False
-        flight, pass_speed_m_s = self._flight, self._after_braking_m_s
-        if math.hypot(*flight.body.velocity_m_s[:2]) > LEG_START_SPEED_M_S:
+        if math.hypot(*self._flight.body.velocity_m_s[:2]) > LEG_START_SPEED_M_S:
             return True
-        self._after_braking_m_s = None
-        flight.go(self._target_m, pass_speed_m_s)
+        self._braking = False
+        self._begin_leg(item)
         return False
 
     def _takeoff_done(self) -> bool:

@@ -116,7 +116,8 @@ def test_the_stop_stays_ahead_while_the_plan_is_pending() -> None:
     for east_m in (85.0, 95.0, 105.0):
         for story in stories:
             story.at(east_m)
-        assert landing_delay_s(*stories) == pytest.approx(STOP_COST_S, abs=0.1)
+        # A leg that begins at the stop is shorter, and so a little slower.
+        assert STOP_COST_S - 0.1 < landing_delay_s(*stories) < STOP_COST_S + 0.6
 
 
 def test_the_intent_continues_the_braking_and_then_speeds_up_from_the_stop() -> None:

@@ -20,7 +20,7 @@ from swarmctl.core.vehicle import Landed, ModeRole, VehicleState
 Mode = Literal["idle", "takeoff", "mission", "hold", "setpoints", "pilot", "return", "land"]
 Vector = tuple[float, float, float]
 
-ACCELERATION_M_S2, BRAKES_M_S2 = 2.5, 2.5
+ACCELERATION_M_S2, BRAKES_M_S2, JERK_M_S3 = 2.5, 2.5, 1.0
 CLIMB_M_S, DESCENT_M_S, LAND_M_S, LOW_M = 2.5, 1.5, 0.5, 10.0
 LIFT_S = 4.0
 VERTICAL_M_S2 = {True: 1.0, False: 3.0}
@@ -256,7 +256,8 @@ class LightVehicle:
             return self._hover(target[:2], self._climb_to(target[2]))
         turn = self._turn_speed(target, after[0]) if after else 0.0
         to_turn_m = max(away_m - REACHED_M, 0.0) if after else away_m
-        speed = min(self._cruise_m_s, math.sqrt(turn * turn + 2.0 * 0.7 * BRAKES_M_S2 * to_turn_m))
+        fastest = self._leg_m_s(self._leg_from, target)
+        speed = min(fastest, math.sqrt(turn * turn + 2.0 * 0.7 * BRAKES_M_S2 * to_turn_m))
         if du:
             rate = CLIMB_M_S if du > 0.0 else DESCENT_M_S
             speed = min(speed, rate * away_m / abs(du))
@@ -274,12 +275,18 @@ class LightVehicle:
     def _cruise_m_s(self) -> float:
         return self.speed_m_s if self.commanded_m_s is None else self.commanded_m_s
 
+    def _leg_m_s(self, begin: Vector, end: Vector) -> float:
+        """Return the greatest speed on a leg: ArduCopter limits its jerk between the ends of a short leg."""
+        short_m_s = 0.95 * math.cbrt(0.25 * JERK_M_S3 * math.dist(begin[:2], end[:2]) ** 2)
+        return min(self._cruise_m_s, short_m_s if self.stops_for_missions else math.inf)
+
     def _turn_speed(self, corner: Vector, after: Vector) -> float:
         a = (corner[0] - self._leg_from[0], corner[1] - self._leg_from[1])
         b = (after[0] - corner[0], after[1] - corner[1])
         turn_rad = abs(math.remainder(math.atan2(a[0], a[1]) - math.atan2(b[0], b[1]), math.tau))
         # While the velocity turns, the vehicle moves v² · turn² / 2a beside its new leg.
-        return min(self._cruise_m_s, math.sqrt(2.0 * ACCELERATION_M_S2 * CORNER_M) / max(turn_rad, 1e-6))
+        turns_m_s = math.sqrt(2.0 * ACCELERATION_M_S2 * CORNER_M) / max(turn_rad, 1e-6)
+        return min(self._leg_m_s(corner, after), turns_m_s)
 
     def _hover(self, place: Sequence[float], up_m_s: float) -> Vector:
         e, n = (max(-2.0, min(2.0, there - here)) for there, here in zip(place, self.at[:2], strict=True))

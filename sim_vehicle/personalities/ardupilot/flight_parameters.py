@@ -239,6 +239,7 @@ def copter_flight_parameters(params: Parameters) -> FlightParameters:
             takes_off=bool(options & 2),
             restarts=params["MIS_RESTART"] == 1,
             begins_legs_at_rest=True,
+            leg_jerk_m_s3=max(params["WPNAV_JERK"], 1.0),
             zero_keeps_altitude=True,
         ),
         returning=fp.ReturnParameters(

@@ -1,0 +1,20 @@
+"""Short legs of a mission, beside those of ArduCopter 4.6.2 (docs/measured.md)."""
+
+from __future__ import annotations
+
+import pytest
+from flown_legs import FLOWN_LEGS, FlownLeg
+from station import Station, takeoff, waypoint
+
+
+@pytest.mark.parametrize("leg", FLOWN_LEGS, ids=str)
+def test_a_short_leg_takes_as_long_as_on_firmware(leg: FlownLeg) -> None:
+    station = Station()
+    station.set_parameter("WPNAV_SPEED", 100.0 * leg.speed_m_s)
+    corners = [waypoint(north_m, east_m) for east_m, north_m in leg.corners_m[1:]]
+    station.fly_mission([takeoff(20.0), *corners])
+    reached_s = []
+    for seq in (6, 8):
+        station.until(lambda seq=seq: seq in station.reached, 120.0)
+        reached_s.append(station.now)
+    assert reached_s[1] - reached_s[0] == pytest.approx(2.0 * leg.duration_s, rel=0.12)
