@@ -6,15 +6,11 @@ import math
 from collections import defaultdict, deque
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from swarmctl.agent.traffic.separation.approach import Limits, PairDistance, nearest, too_close
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Segment
 
 MAX_GAP_S = 3.0
 """Greatest time between two positions that are joined to a segment [s]."""
-
-_ONES = np.ones(3)
 
 VehiclePair = tuple[int, int]
 """system ids, the lower first"""
@@ -24,11 +20,20 @@ VehiclePair = tuple[int, int]
 class _Track:
     last_s: float
     here: LocalPoint
-    row: int
-    """index of the vehicle in the arrays of `FlownSeparation`"""
     segments: deque[Segment] = field(default_factory=deque)
     """segments of the last MAX_GAP_S, in order"""
     lengths_m: deque[float] = field(default_factory=deque)
+    reach_m: float = 0.0
+    """length of the stored segments [m]"""
+
+    def add(self, segment: Segment, length_m: float) -> None:
+        """Store a segment, and drop the segments that ended MAX_GAP_S before it."""
+        self.segments.append(segment)
+        self.lengths_m.append(length_m)
+        while self.segments[0].end_s < segment.end_s - MAX_GAP_S:
+            self.segments.popleft()
+            self.lengths_m.popleft()
+        self.reach_m = math.fsum(self.lengths_m)
 
 
 class FlownSeparation:
@@ -37,11 +42,6 @@ class FlownSeparation:
     def __init__(self, limits: Limits) -> None:
         self._limits = limits
         self._tracks: dict[int, _Track] = {}
-        self._uavs: list[int] = []
-        """system id of each row"""
-        self._here = np.empty((0, 3))
-        self._reach_m = np.empty(0)
-        """length of the stored segments of each vehicle [m]"""
         self.nearest: PairDistance | None = None
         self.between: VehiclePair | None = None
         self.too_close_s: defaultdict[VehiclePair, float] = defaultdict(float)
@@ -51,38 +51,28 @@ class FlownSeparation:
         """Add the position of a vehicle in the air; return whether the least distance has decreased."""
         track = self._tracks.get(uav)
         if track is None:
-            track = self._tracks[uav] = _Track(t_s, here, len(self._uavs))
-            self._uavs.append(uav)
-            self._here = np.vstack((self._here, np.full(3, math.inf)))
-            self._reach_m = np.append(self._reach_m, 0.0)
+            track = self._tracks[uav] = _Track(t_s, here)
         if t_s <= track.last_s:
             return False
-        segment, self._here[track.row] = Segment(track.last_s, t_s, track.here, here), here
+        segment = Segment(track.last_s, t_s, track.here, here)
         track.last_s, track.here = t_s, here
         if segment.end_s - segment.begin_s > MAX_GAP_S:
             return False
         length_m = math.dist(segment.a, segment.b)
-        self._store(track, segment, length_m)
-        is_nearer = [self._compare(uav, other, segment) for other in self._within_reach(track.row, length_m)]
+        track.add(segment, length_m)
+        is_nearer = [self._compare(uav, other, segment) for other in self._within_reach(uav, here, length_m)]
         return any(is_nearer)
 
-    def _store(self, track: _Track, segment: Segment, length_m: float) -> None:
-        track.segments.append(segment)
-        track.lengths_m.append(length_m)
-        while track.segments[0].end_s < segment.end_s - MAX_GAP_S:
-            track.segments.popleft()
-            track.lengths_m.popleft()
-        self._reach_m[track.row] = math.fsum(track.lengths_m)
-
-    def _within_reach(self, row: int, length_m: float) -> list[int]:
+    def _within_reach(self, uav: int, here: LocalPoint, length_m: float) -> list[int]:
         """Return the vehicles whose segments may be closer than the least distance or the limits."""
         limits = self._limits
         least_m = math.inf if self.nearest is None else self.nearest.distance_m
         near_m = max(least_m, math.hypot(limits.horizontal_m, limits.vertical_m)) + length_m
-        away_m = self._here - self._here[row]
-        away_m *= away_m
-        (rows,) = (away_m @ _ONES <= (near_m + self._reach_m) ** 2).nonzero()
-        return [self._uavs[i] for i in rows.tolist() if i != row]
+        return [
+            other
+            for other, track in self._tracks.items()
+            if math.dist(here, track.here) <= near_m + track.reach_m and other != uav
+        ]
 
     def _compare(self, uav: int, other: int, segment: Segment) -> bool:
         """Compare a new segment with another vehicle's; return whether the least distance has decreased."""
