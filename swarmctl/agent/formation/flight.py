@@ -20,7 +20,7 @@ from swarmctl.agent.formation.approaches.base import (
     ThreatField,
 )
 from swarmctl.agent.formation.approaches.place_keeping import keep_separation
-from swarmctl.agent.formation.membership import Formation, far_from_place
+from swarmctl.agent.formation.membership import Formation, MemberReport, far_from_place
 from swarmctl.agent.formation.near_members import near_members, obstacles, places_of, with_members_shown
 from swarmctl.agent.formation.shape import ShapePlace, least_spacing_m
 from swarmctl.agent.formation.split import followers_in_place
@@ -249,8 +249,8 @@ def _view(state: AgentState, formation: Formation, along: Along | None) -> Group
     assert leader is not None
     assert vehicle.lat_lon is not None
     assert vehicle.alt_amsl_m is not None
-    others = near_members(state, formation, formation.lost_after_s)
     with_places = near_members(state, formation, formation.keeps_place_s)
+    others = [u for u in with_places if now_s - membership.told[u].at_boot_s <= formation.lost_after_s]
     places = places_of(state, formation, (*with_places, state.task.uav))
     velocity_m_s = vehicle.east_m_s, vehicle.north_m_s, vehicle.climb_m_s
     # Telemetry is as old as the link's delay: the vehicle has flown on since.
@@ -266,7 +266,7 @@ def _view(state: AgentState, formation: Formation, along: Along | None) -> Group
         position_m=here,
         velocity_m_s=velocity_m_s,
         place=places[state.task.uav],
-        others=tuple(_member(state, uav, places[uav], route.way_of(uav)) for uav in others),
+        others=tuple([_member(membership.told[u], now_s, places[u], route.way_of(u)) for u in others]),
         obstacles=obstacles(state, formation),
         along=along,
         reference=route.reference,
@@ -310,14 +310,13 @@ def _begin(state: AgentState) -> Along | None:
     return Along(s_m, min(state.vehicle.ground_speed_m_s, route.profile.at(s_m)))
 
 
-def _member(state: AgentState, uav: int, place: ShapePlace, way: MemberWay | None) -> OtherMember:
-    told = state.membership.told[uav]
+def _member(told: MemberReport, now_s: float, place: ShapePlace, way: MemberWay | None) -> OtherMember:
     message = told.message
     return OtherMember(
         position_m=(*told.here_m, message.alt_amsl_m),
         velocity_m_s=message.velocity_m_s,
         place=place,
-        age_s=max(state.now_boot_s - told.at_boot_s, 0.0),
+        age_s=max(now_s - told.at_boot_s, 0.0),
         error_m=message.error_m,
         way=way,
     )

@@ -288,11 +288,13 @@ class Membership:
         A member that was not heard for `lost_after_s` is absent.
         """
         return tuple(
-            uav
-            for uav in members
-            if (told := self.told.get(uav)) is not None
-            and told.message.joins
-            and now_s - told.at_boot_s <= lost_after_s
+            [
+                uav
+                for uav in members
+                if (told := self.told.get(uav)) is not None
+                and told.message.joins
+                and now_s - told.at_boot_s <= lost_after_s
+            ]
         )
 
     def without_place(self, now_s: float) -> Membership:

@@ -42,7 +42,7 @@ def near_members(state: AgentState, formation: Formation, silence_s: float) -> t
     told = state.membership.told
     others = state.membership.present(formation.members, state.now_boot_s, silence_s)
     return tuple(
-        uav for uav in others if uav != state.task.uav and math.dist(here, told[uav].here_m) <= within_m
+        [uav for uav in others if uav != state.task.uav and math.dist(here, told[uav].here_m) <= within_m]
     )
 
 
@@ -65,14 +65,14 @@ def obstacles(state: AgentState, formation: Formation) -> tuple[Nearby, ...]:
     own = state.last_position
     if own.lat_lon is None or own.alt_amsl_m is None:
         return ()
-    here = (*state.task.grid.frame.to_local(*own.lat_lon), own.alt_amsl_m)
+    here, now_s = (*state.task.grid.frame.to_local(*own.lat_lon), own.alt_amsl_m), state.now_boot_s
     for uav, told in state.membership.told.items():
-        message, age_s = told.message, state.now_boot_s - told.at_boot_s
-        if _leaves(state, formation, told):
+        message, age_s = told.message, now_s - told.at_boot_s
+        if _leaves(formation, told, age_s):
             there = (*told.here_m, message.alt_amsl_m)
             found.append(Nearby(there, message.velocity_m_s, max(age_s, 0.0)))
             found.append(Nearby(_nearest_place(state, here, uav, told), (0.0, 0.0, 0.0)))
-        elif uav != state.task.uav and _is_silent(state, formation, told, SILENT_S):
+        elif uav != state.task.uav and _is_silent(formation, told, age_s, SILENT_S):
             east_m, north_m, _ = _nearest_place(state, here, uav, told)
             # In a level group it may be anywhere between its last height and the group's.
             heights_m = {message.alt_amsl_m, here[2]} if formation.is_level else {message.alt_amsl_m}
@@ -137,19 +137,20 @@ def _present_members_of(state: AgentState) -> frozenset[int]:
     present = frozenset(near_members(state, formation, formation.lost_after_s))
     if state.phase is not Phase.FORMATION:
         return present
+    now_s = state.now_boot_s
+    ages_s = ((uav, told, now_s - told.at_boot_s) for uav, told in membership.told.items())
     return present | {
         uav
-        for uav, told in membership.told.items()
-        if _leaves(state, formation, told) or _is_silent(state, formation, told, SOON_S)
+        for uav, told, age_s in ages_s
+        if _leaves(formation, told, age_s) or _is_silent(formation, told, age_s, SOON_S)
     }
 
 
-def _leaves(state: AgentState, formation: Formation, told: MemberReport) -> bool:
-    """Return whether a member leaves the group, and still tells its position."""
-    return not told.message.joins and state.now_boot_s - told.at_boot_s <= formation.lost_after_s
+def _leaves(formation: Formation, told: MemberReport, age_s: float) -> bool:
+    """Return whether a member leaves the group, and still tells its position; `age_s`: age of its message."""
+    return not told.message.joins and age_s <= formation.lost_after_s
 
 
-def _is_silent(state: AgentState, formation: Formation, told: MemberReport, for_s: float) -> bool:
+def _is_silent(formation: Formation, told: MemberReport, age_s: float, for_s: float) -> bool:
     """Return whether a member was in the group, and has told nothing since, for at most `for_s` [s]."""
-    age_s = state.now_boot_s - told.at_boot_s
     return told.message.joins and formation.lost_after_s < age_s <= for_s

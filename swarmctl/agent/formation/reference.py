@@ -208,11 +208,13 @@ class SpeedProfile:
 
     def at(self, s_m: float) -> float:
         """Return the greatest speed at a distance along the route [m/s]; 0 from the end on."""
-        s_m = max(s_m, 0.0)
+        # Each predicted second of a flight in a group comes here several times; `max` and `min` take longer.
+        s_m = s_m if s_m > 0.0 else 0.0
         if s_m >= self.length_m:
             return 0.0
         place = s_m / self.step_m
-        k = min(int(place), len(self.speeds_m_s) - 2)
+        k, last = int(place), len(self.speeds_m_s) - 2
+        k = last if k > last else k
         share = place - k
         return (1.0 - share) * self.speeds_m_s[k] + share * self.speeds_m_s[k + 1]
 
