@@ -148,8 +148,9 @@ class PeerRecord(msgspec.Struct, gc=False):
             self.state, self.state_s = content, now_s
         elif isinstance(content, MemberShared) and before is not None:
             # The agent may not have taken the message before, which may have had the route.
-            content = content.with_route_of(before.frame.content)  # type: ignore[arg-type]
-            decoded = replace(decoded, frame=replace(frame, content=content))
+            with_route = content.with_route_of(before.frame.content)  # type: ignore[arg-type]
+            if with_route is not content:
+                decoded = replace(decoded, frame=replace(frame, content=with_route))
         self.newest[type(content)] = decoded
         self.untaken.add(type(content))
 
