@@ -54,7 +54,10 @@ class Telemetry:
         self.stood_still_s = 0.0
         self._dialect = dialect
         self._state = VehicleState(brakes_m_s2=dialect.brakes_m_s2)
-        self._changes: dict[str, Any] = {}
+        self._latest: dict[str, Any] = dict(vars(self._state))
+        """newest value of each field of the state"""
+        self._has_changed = False
+        """True if `_state` lacks some of these values"""
         self._now = 0.0
         self._clock = VehicleClock()
         self._new_state_s = -math.inf
@@ -87,15 +90,9 @@ class Telemetry:
 
     @property
     def state(self) -> VehicleState:
-        if self._changes:
-            self._state = replace(self._state, **self._changes)
-            self._changes = {}
+        if self._has_changed:
+            self._state, self._has_changed = replace(self._state, **self._latest), False
         return self._state
-
-    @property
-    def _time_boot_s(self) -> float:
-        """The state's time, without a new state for the changes before a message is complete."""
-        return float(self._changes.get("time_boot_s", self._state.time_boot_s))
 
     def receive(self, message: Message, now: float) -> bool:
         """Update the state from a message; return True for a new state. `now`: local clock [s]."""
@@ -103,12 +100,12 @@ class Telemetry:
         handler = self._handlers.get(kind)
         if handler is None:
             return False
-        self._now = now
+        self._now, self._has_changed = now, True
         changes_readiness = self._readiness.receive(message)
         is_new_state = handler(message)
         if changes_readiness:
-            reasons = self._readiness.reasons(self._changes.get("mode", self._state.mode))
-            self._changes |= {"ready": not reasons, "not_ready": reasons}
+            reasons = self._readiness.reasons(self._latest["mode"])
+            self._latest |= {"ready": not reasons, "not_ready": reasons}
         if not is_new_state and kind in _PERIODIC_SOURCES:
             is_new_state = now - self._new_state_s >= NEW_STATE_PERIOD_S
         if is_new_state:
@@ -117,7 +114,7 @@ class Telemetry:
 
     def set_other_mission(self, is_stored: bool) -> None:
         """Set whether the vehicle stores another mission than the verified one."""
-        self._changes["other_mission"] = is_stored
+        self._latest["other_mission"], self._has_changed = is_stored, True
 
     @property
     def position_age_s(self) -> float:
@@ -150,40 +147,40 @@ class Telemetry:
         self.n_heartbeats += 1
         mode = self._dialect.mode_name(int(message.custom_mode))
         armed = is_armed(message)
-        is_changed = mode != self.state.mode or armed != self.state.armed
-        self._changes |= {"mode": mode, "mode_role": self._roles.get(mode, "other"), "armed": armed}
-        self._changes["heartbeat_s"] = self._now
+        is_changed = (mode, armed) != (self._latest["mode"], self._latest["armed"])
+        self._latest |= {"mode": mode, "mode_role": self._roles.get(mode, "other"), "armed": armed}
+        self._latest["heartbeat_s"] = self._now
         self._forget_old_position()
         return is_changed
 
     def _forget_old_position(self) -> None:
         """Drop an old position, so that no sensing, planning or return uses it."""
         if self._position_is_old:
-            self._changes |= _NO_POSITION
+            self._latest |= _NO_POSITION
 
     @property
     def _position_is_old(self) -> bool:
-        reported_s = self.state.position_s
+        reported_s = self._latest["position_s"]
         return reported_s is None or self._now - reported_s > MAX_POSITION_AGE_S
 
     def _system_time(self, message: Message) -> bool:
         """Update the vehicle's clock while no positions arrive; positions also carry the clock."""
         time_boot_s = self._read_clock(message)
-        if time_boot_s is not None and self._position_is_old and time_boot_s > self.state.time_boot_s:
-            self._changes["time_boot_s"] = time_boot_s
+        if time_boot_s is not None and self._position_is_old and time_boot_s > self._latest["time_boot_s"]:
+            self._latest["time_boot_s"] = time_boot_s
         return False
 
     def _global_position(self, message: Message) -> bool:
         time_boot_s = self._read_clock(message)
-        if time_boot_s is None or time_boot_s < self._time_boot_s:
+        if time_boot_s is None or time_boot_s < self._latest["time_boot_s"]:
             return False
         self._count_standing(time_boot_s)
         position = _position_fields(message)
         if position is not _NO_POSITION:
-            self._changes["position_s"] = self._now
+            self._latest["position_s"] = self._now
             self._positions_s.append(self._now)
-        self._changes |= position
-        self._changes |= {
+        self._latest |= position
+        self._latest |= {
             "time_boot_s": time_boot_s,
             "ground_speed_m_s": (message.vx**2 + message.vy**2) ** 0.5 / 100.0,
             "east_m_s": message.vy / 100.0,
@@ -198,29 +195,23 @@ class Telemetry:
 
         Braking in hold mode also counts.
         """
-        last = self.state
-        is_still = last.ground_speed_m_s < STILL_M_S and abs(last.climb_m_s) < STILL_CLIMB_M_S
-        is_still = is_still or last.mode_role == "hold"
-        if is_still and last.armed and last.landed is Landed.IN_AIR:
-            self.stood_still_s += time_boot_s - last.time_boot_s
+        last = self._latest
+        is_still = last["ground_speed_m_s"] < STILL_M_S and abs(last["climb_m_s"]) < STILL_CLIMB_M_S
+        is_still = is_still or last["mode_role"] == "hold"
+        if is_still and last["armed"] and last["landed"] is Landed.IN_AIR:
+            self.stood_still_s += time_boot_s - last["time_boot_s"]
 
     def _read_clock(self, message: Message) -> float | None:
         """Return a message's time since boot [s]; None if it shows a reboot, which clears the state."""
-        time_boot_s, has_rebooted = self._clock.read(message, self._now, self._time_boot_s)
+        time_boot_s, has_rebooted = self._clock.read(message, self._now, self._latest["time_boot_s"])
         if not has_rebooted:
-            self._changes["delay_s"] = round(self._clock.age_s(self._now, time_boot_s), 1)
+            self._latest["delay_s"] = round(self._clock.age_s(self._now, time_boot_s), 1)
             return time_boot_s
         # Heartbeats come without a request, so their fields stay; other fields are from before the reboot.
-        last = self.state
-        self._state = VehicleState(
-            time_boot_s=time_boot_s,
-            mode=last.mode,
-            mode_role=last.mode_role,
-            armed=last.armed,
-            brakes_m_s2=last.brakes_m_s2,
-            heartbeat_s=last.heartbeat_s,
-        )
-        self._changes = {}
+        kept = ("mode", "mode_role", "armed", "brakes_m_s2", "heartbeat_s")
+        self._latest = vars(VehicleState(time_boot_s=time_boot_s)) | {
+            name: self._latest[name] for name in kept
+        }
         self._readiness = Readiness(self._dialect)
         self._had_gps = False
         self.n_reboots += 1
@@ -228,7 +219,7 @@ class Telemetry:
 
     def _sys_status(self, message: Message) -> bool:
         percent, millivolts = int(message.battery_remaining), int(message.voltage_battery)
-        self._changes |= {
+        self._latest |= {
             "gps_ok": self._gps_ok(
                 message.onboard_control_sensors_present, message.onboard_control_sensors_health
             ),
@@ -251,12 +242,12 @@ class Telemetry:
         return False if self._had_gps else None
 
     def _extended_sys_state(self, message: Message) -> bool:
-        self._changes["landed"] = _LANDED.get(message.landed_state, Landed.UNDEFINED)
+        self._latest["landed"] = _LANDED.get(message.landed_state, Landed.UNDEFINED)
         return False
 
     def _mission_current(self, message: Message) -> bool:
         seq, total = int(message.seq), int(message.total)
-        self._changes |= {
+        self._latest |= {
             # After an upload without a marked item, PX4 reports -1 until its navigator's next cycle.
             "mission_seq": None if seq == 0xFFFF else seq,
             "mission_total": None if total == 0xFFFF else total,
@@ -266,7 +257,7 @@ class Telemetry:
     def _home_position(self, message: Message) -> bool:
         if not _is_possible(message.latitude, message.longitude, message.altitude):
             return False
-        self._changes |= {
+        self._latest |= {
             "home_lat_deg": message.latitude / 1e7,
             "home_lon_deg": message.longitude / 1e7,
             "home_alt_amsl_m": message.altitude / 1000.0,
@@ -282,7 +273,7 @@ class Telemetry:
             self.texts.append((severity, text))
             self.n_texts += 1
             if severity <= mavlink.MAV_SEVERITY_WARNING:
-                self._changes["status_text"] = text
+                self._latest["status_text"] = text
             strikes = strike_count(text)
             if strikes is not None:
                 self._raise_strikes(strikes)
@@ -296,7 +287,7 @@ class Telemetry:
 
     def _raise_strikes(self, count: int) -> None:
         # The highest running count is right, even if messages were lost or late.
-        self._changes["strikes"] = max(self.state.strikes, count)
+        self._latest["strikes"] = max(self._latest["strikes"], count)
 
 
 _NO_POSITION: Mapping[str, float | None] = MappingProxyType(
