@@ -137,6 +137,8 @@ def _wait_if_conflicting(state: AgentState, here: LocalPoint) -> StepResult:
     others, limits = known_flights(state), state.task.separation.limits
     near = near_flights(flight, others, limits)
     waited_for = _go_first(state, here, near)
+    if not waited_for:
+        return state, []
     descends_s = landing_start_s(flight)
     # Until shortly before the descent, only conflicts of the level flight count. For a conflict of the
     # descent, the vehicle stops later, near its landing spot, unless it would stand in the way there.

@@ -91,6 +91,8 @@ def stop_in_time(state: AgentState) -> StepResult:
     mine = _own_paths(state, here, velocity, plan)
     flights = known_flights(state)
     others = {uav: f for path in mine for uav, f in near_flights(path, flights, limits).items()}
+    if not others:
+        return state, []
     stop = _stop(state, here, velocity, now_s)
     to_avoid = {uav for uav, flight in others.items() if _has_to_stop(state, mine, stop, uav, flight)}
     if not to_avoid:

@@ -244,16 +244,16 @@ def _phase_trajectory(state: AgentState, here: LocalPoint, for_s: float) -> Traj
             lift_s = state.launch.lifts_off_in_s(state.vehicle.time_boot_s) if here[2] < AIRBORNE_M else 0.0
             return climb_then_fly(here, swap.plan.height_m, waypoints_of(task, swap.plan), speed_m_s, lift_s)
         case Phase.FLYING | Phase.LANDING if swap is not None and not state.is_waiting:
-            plan, path = swap.plan, waypoints_of(task, swap.plan)
+            plan = swap.plan
             if state.phase is Phase.LANDING and state.order.given is ev.FlightOrder.LAND:
                 return _land_here(state, here)
-            remaining = state.points_ahead(swap) or path
+            remaining = state.points_ahead(swap) or waypoints_of(task, plan)
             if state.phase is Phase.LANDING and _descends_vertically(here, remaining, plan.height_m):
-                return land_from([(*path[-1], here[2])], [0.0])
+                return land_from([(*remaining[-1], here[2])], [0.0])
             if _climbs_vertically(state, here, plan):
-                return climb_then_fly(here, plan.height_m, path, speed_m_s)
+                return climb_then_fly(here, plan.height_m, waypoints_of(task, plan), speed_m_s)
             if state.plans.mission is None and state.plans.pending is not None:
-                return _from_hold(state, here, plan, path, swap_due_s(state))
+                return _from_hold(state, here, plan, waypoints_of(task, plan), swap_due_s(state))
             if (change := change_ahead(state)) is not None:
                 return _through_change(state, here, change, plan, remaining, speed_m_s)
             return fly_along(here, plan.height_m, remaining, speed_m_s, state.vehicle.ground_speed_m_s)
