@@ -123,7 +123,7 @@ class Fleet:
             self._threats = Threats(
                 area.rows, area.cols, area.cell_size_m, scenario.firing_strength, scenario.hostiles
             )
-        self._cells = np.full(len(specs), OUTSIDE)
+        self._cells = np.full((2, len(specs)), OUTSIDE)
         self._next_tick = 0
         self._parsers: dict[Hashable, Parser] = {}
         self.counters = Counters()
@@ -315,12 +315,16 @@ class Fleet:
         if self._threats is None:
             return
         dynamics = self.world.dynamics
-        cells = np.where(dynamics.airborne, self._threats.cells(dynamics.position_m), OUTSIDE)
-        for index in np.flatnonzero((cells != self._cells) & (cells != OUTSIDE)).tolist():
-            vehicle, cell = self.vehicles[index], int(cells[index])
-            for hostile in self._threats.fire(cell, vehicle.rng):
-                vehicle.record_strike(self._threats.row_col(cell), hostile, now)
+        cells = np.where(dynamics.airborne, self._threats.cells(dynamics.position), OUTSIDE)
+        entered = cells != self._cells
+        if not np.count_nonzero(entered):
+            return
         self._cells = cells
+        for index in np.flatnonzero(entered.any(axis=0)).tolist():
+            vehicle, (col, row) = self.vehicles[index], cells[:, index].astype(int).tolist()
+            if self._threats.contains(row, col):
+                for hostile in self._threats.fire(row, col, vehicle.rng):
+                    vehicle.record_strike((row, col), hostile, now)
 
 
 def _world(scenario: Scenario, generators: Sequence[np.random.Generator]) -> World:

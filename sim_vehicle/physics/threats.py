@@ -3,12 +3,10 @@
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from sim_vehicle.physics.geodesy import Floats
 
-Ints = npt.NDArray[np.int64]
-OUTSIDE = -1
+OUTSIDE = -1  # row and column of a vehicle on the ground
 
 
 class Threats:
@@ -33,19 +31,16 @@ class Threats:
         self._strength_by_steps = firing_strength
         self._hostiles = frozenset(hostiles)
 
-    def cells(self, position_m: Floats) -> Ints:
-        """Return the cell indices (row * cols + col) of positions (n, 3) [m]; OUTSIDE beyond the area."""
-        col = np.floor(position_m[:, 0] / self._cell_size_m).astype(np.int64)
-        row = np.floor(position_m[:, 1] / self._cell_size_m).astype(np.int64)
-        inside = (row >= 0) & (row < self._rows) & (col >= 0) & (col < self._cols)
-        return np.where(inside, row * self._cols + col, OUTSIDE)
+    def cells(self, position: Floats) -> Floats:
+        """Return columns and rows, (2, n), of positions (3, n) [m]; also of positions beyond the area."""
+        return np.floor(position[:2] / self._cell_size_m)
 
-    def row_col(self, cell: int) -> tuple[int, int]:
-        return divmod(cell, self._cols)
+    def contains(self, row: int, col: int) -> bool:
+        """Return True for a cell of the area."""
+        return 0 <= row < self._rows and 0 <= col < self._cols
 
-    def fire(self, cell: int, rng: np.random.Generator) -> list[tuple[int, int]]:
-        """Return the hostiles that hit a vehicle entering `cell`; each hostile in range draws once."""
-        row, col = self.row_col(cell)
+    def fire(self, row: int, col: int, rng: np.random.Generator) -> list[tuple[int, int]]:
+        """Return the hostiles that hit a vehicle entering a cell; each hostile in range draws once."""
         hits = []
         for row_step in (-1, 0, 1):
             for col_step in (-1, 0, 1):

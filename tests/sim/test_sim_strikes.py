@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import LAT_DEG, LON_DEG, Station, land, scenario, takeoff, waypoint
 
 from sim_vehicle.fleet import Fleet
-from sim_vehicle.physics.threats import OUTSIDE, Threats
+from sim_vehicle.physics.threats import Threats
 
 STRENGTH = (0.6, 0.3, 0.1)
 ENTRIES = 4000
@@ -22,7 +22,7 @@ def test_the_share_of_struck_entries_is_the_firing_strength(cell: tuple[int, int
     # Eq. 1, within four standard deviations of the binomial
     threats = Threats(5, 5, 50.0, STRENGTH, [(2, 2)])
     rng = np.random.default_rng(11)
-    hits = sum(len(threats.fire(cell[0] * 5 + cell[1], rng)) for _ in range(ENTRIES))
+    hits = sum(len(threats.fire(*cell, rng)) for _ in range(ENTRIES))
     deviation = math.sqrt(ENTRIES * strength * (1 - strength))
     assert abs(hits - ENTRIES * strength) <= 4 * deviation
 
@@ -30,15 +30,15 @@ def test_the_share_of_struck_entries_is_the_firing_strength(cell: tuple[int, int
 def test_every_hostile_in_reach_fires_independently() -> None:
     threats = Threats(3, 3, 50.0, (1.0, 0.9, 0.8), [(r, c) for r in range(3) for c in range(3)])
     rng = np.random.default_rng(5)
-    hits = [len(threats.fire(4, rng)) for _ in range(500)]
+    hits = [len(threats.fire(1, 1, rng)) for _ in range(500)]
     assert np.mean(hits) == pytest.approx(1 + 4 * 0.9 + 4 * 0.8, abs=0.2)
 
 
 def test_cells_count_north_and_east_from_the_south_west_corner() -> None:
     threats = Threats(3, 4, 50.0, STRENGTH, [])
     places = np.array([[0.0, 0, 9], [199.9, 0, 9], [0, 149.9, 9], [60, 110, 9], [-0.1, 5, 9], [5, 150.0, 9]])
-    cells = threats.cells(places).tolist()
-    assert [threats.row_col(c) if c != OUTSIDE else None for c in cells] == [
+    cells = [(int(row), int(col)) for col, row in threats.cells(places.T).T]
+    assert [cell if threats.contains(*cell) else None for cell in cells] == [
         (0, 0), (0, 3), (2, 0), (2, 1), None, None,
     ]  # fmt: skip
 

@@ -70,9 +70,9 @@ def pairs_of(n_vehicles: int, folder: Path, *, any_angle: bool = False) -> list[
 def noting(entered: list[Cell], fire: Callable[..., list[Cell]]) -> Callable[..., list[Cell]]:
     """Return the simulator's `fire`, which notes each cell entered."""
 
-    def noted(threats: Threats, cell: int, rng: np.random.Generator) -> list[Cell]:
-        entered.append(threats.row_col(cell))
-        return fire(threats, cell, rng)
+    def noted(threats: Threats, row: int, col: int, rng: np.random.Generator) -> list[Cell]:
+        entered.append((row, col))
+        return fire(threats, row, col, rng)
 
     return noted
 
