@@ -95,7 +95,7 @@ def pack_payloads(layout: Layout, n: int, columns: Mapping[str, Any]) -> Payload
         if base.kind in "iu" and array.dtype.kind == "f":
             lowest, highest = _LIMITS[base.str]
             array = np.minimum(np.maximum(np.rint(array), lowest), highest)
-            if np.isnan(array).any():
+            if np.count_nonzero(np.isnan(array)):
                 array = np.nan_to_num(array)
         payloads[name] = array
     return payloads

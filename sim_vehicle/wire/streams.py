@@ -63,9 +63,9 @@ class Streams:
 
     def due(self, now: float) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:
         """Yield each message id due by `now` [s] with its vehicles; schedule their next messages."""
-        for row in np.flatnonzero(self._row_due_s <= now + EPSILON_S).tolist():
+        for row in (self._row_due_s <= now + EPSILON_S).nonzero()[0].tolist():
             due_s = self._due_s[row]
-            vehicles = np.flatnonzero(due_s <= now + EPSILON_S)
+            (vehicles,) = (due_s <= now + EPSILON_S).nonzero()
             due_s[vehicles] = np.maximum(due_s[vehicles] + self._interval_s[row, vehicles], now)
             self._row_due_s[row] = due_s.min()
             yield IDS[row], vehicles
