@@ -14,13 +14,12 @@ from typing import Any
 import pytest
 import typer
 from companion_world import NAMES, STATION, Swarm
-from flights import Ui, small
+from flights import Ui, fly_with_commands, small
 
 from swarmctl.agent.given_order import GivenOrder
 from swarmctl.agent.launch import Launch
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.state import ARRIVED
-from swarmctl.bus.endpoint import BusEndpoint
 from swarmctl.bus.transports import BUSES, BusKind
 from swarmctl.bus.transports.base import Failure
 from swarmctl.bus.transports.memory import MemoryBus
@@ -319,23 +318,8 @@ def test_a_simulated_vehicle_gets_its_own_port_and_a_vehicle_with_a_url_is_real(
 
 
 def test_one_process_with_all_vehicles_takes_orders_for_simulated_ones(tmp_path: Path) -> None:
-    async def scene() -> tuple[OperatorAnswer, FlightReport]:
-        bus, there = MemoryBus(), client.FlightEndpoints("small", BusEndpoint("127.0.0.1", 7447))
-        flight = asyncio.create_task(
-            app.fly(
-                small(simulate={"count": 1, "ready_s": 3.0}),
-                tmp_path,
-                Ui(),
-                clock="virtual",
-                permission=lambda foreign: None,
-                bus=bus,
-            )
-        )
-        await asyncio.sleep(20.0)
-        answer = await client.ask(bus, there, GiveOrder(None, "land"))
-        return answer, await flight
-
-    answer, report = run_virtual(scene())
+    scenario = small(simulate={"count": 1, "ready_s": 3.0})
+    report, (answer,) = fly_with_commands(scenario, tmp_path, (20.0, GiveOrder(None, "land")))
     assert not answer.refused
     assert [vehicle.outcome for vehicle in answer.vehicles] == ["taken"]
     assert not report.all_arrived

@@ -11,22 +11,18 @@ from pathlib import Path
 
 import pytest
 from evidence_files import sent_to
-from flights import Ui, fly, small
+from flights import STATION, fly, small
 from typer.testing import CliRunner, Result
 
 from swarmctl.bus import keys
-from swarmctl.bus.endpoint import BusEndpoint
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.cli.main import cli
 from swarmctl.core.messages import SetWeights
-from swarmctl.flight import app
 from swarmctl.flight.run import DEFAULT_OPTIONS
-from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.preflight.waivers import parse_waivers
 from swarmctl.report.evidence.chain import CheckedChain, check
 from swarmctl.report.evidence.digest import digest
 from swarmctl.report.evidence.log import FILE_NAME
-from swarmctl.report.outcome import FlightReport
 from swarmctl.security.issue import make_keys
 from swarmctl.station import client
 
@@ -90,31 +86,18 @@ def test_the_digest_shows_answers_and_effects_of_a_flight(flown: Path) -> None:
 @pytest.mark.virtual
 def test_operators_actions_are_in_the_evidence(tmp_path: Path) -> None:
     scenario = small(sensor={"source": "external"})
-    station = client.FlightEndpoints("small", BusEndpoint("127.0.0.1", 7447))
     report = json.dumps({"version": 1, "cells": [[0, 0, False]], "source": "operator"}).encode()
     by_camera = json.dumps({"version": 1, "cells": [[0, 1, False]], "source": "camera"}).encode()
-    waivers = parse_waivers(["battery:uav1"], ["uav1"])
+    options = replace(DEFAULT_OPTIONS, waivers=parse_waivers(["battery:uav1"], ["uav1"]))
+    bus = MemoryBus()
 
-    async def scene() -> FlightReport:
-        bus = MemoryBus()
-        flight = asyncio.create_task(
-            app.fly(
-                scenario,
-                tmp_path,
-                Ui(),
-                clock="virtual",
-                permission=lambda _: None,
-                bus=bus,
-                options=replace(DEFAULT_OPTIONS, waivers=waivers),
-            )
-        )
+    async def operate() -> None:
         await asyncio.sleep(30.0)
-        await client.ask(bus, station, SetWeights((1,), w=1.0))
+        await client.ask(bus, STATION, SetWeights((1,), w=1.0))
         for data in (report, by_camera):
             await bus.ask(keys.sensor_report("small", 2), data, 5.0)
-        return await flight
 
-    assert run_virtual(scene()).bug is None
+    fly(scenario, tmp_path, bus=bus, options=options, beside=operate)
     entries = evidence(tmp_path).entries
     asked = [(e.vehicle, e.what["asks"]) for e in entries if e.kind == "operator"]
     assert asked == [("uav1", "weights"), ("uav2", "observe")]

@@ -2,33 +2,25 @@
 
 from __future__ import annotations
 
-import asyncio
 from itertools import pairwise, product
 from pathlib import Path
-from typing import Any
 
 import pytest
 from evidence_files import sent_to
-from flights import AREA, Ui, coded, fly
+from flights import AREA, Ui, coded, fly, fly_with_commands
 from group_flights import COLS, ROWS, group, in_place, rms, seen, settled, turn_cells
+from profiles import full_only
 
 from swarmctl.agent.state import ARRIVED
-from swarmctl.bus.endpoint import BusEndpoint
-from swarmctl.bus.transports.memory import MemoryBus
-from swarmctl.config.scenario import Scenario
-from swarmctl.core.messages import GiveOrder, Request, SetWeights
-from swarmctl.flight import app
-from swarmctl.flight.virtual_clock import run_virtual
+from swarmctl.core.messages import GiveOrder, SetWeights
 from swarmctl.report.evidence.chain import check
 from swarmctl.report.evidence.log import FILE_NAME
-from swarmctl.station import client
 
 pytestmark = pytest.mark.virtual
 
 APPROACHES = ["leader_following", "behavioural", "virtual_structure"]
 full = pytest.mark.full
 MISSION = 0  # MAV_MISSION_TYPE
-STATION = client.FlightEndpoints("small", BusEndpoint("127.0.0.1", 7447))
 
 
 def on_each_autopilot(*in_short: tuple[str, str]) -> pytest.MarkDecorator:
@@ -36,10 +28,6 @@ def on_each_autopilot(*in_short: tuple[str, str]) -> pytest.MarkDecorator:
     pairs = product(APPROACHES, ["ardupilot", "px4"])
     cases = [pytest.param(*pair, marks=() if pair in in_short else full) for pair in pairs]
     return pytest.mark.parametrize(("approach", "autopilot"), cases)
-
-
-def flies_by_set_points(approach: str) -> set[int]:
-    return {2, 3} if approach == "leader_following" else {1, 2, 3}
 
 
 @on_each_autopilot(("leader_following", "ardupilot"), ("virtual_structure", "px4"))
@@ -51,14 +39,15 @@ def test_members_keep_their_places_at_10_m_s_with_100_ms_of_delay(
     assert [state.outcome for state in report.states.values()] == [ARRIVED] * 3
     assert report.summary["separation"]["too_close"] == []
     members = in_place(tmp_path, scenario)
-    assert set(members) == flies_by_set_points(approach)
+    assert set(members) == ({2, 3} if approach == "leader_following" else {1, 2, 3})
     for rows in members.values():
         assert rows[-1].boot_s - rows[0].boot_s > 30.0
         assert rms([row.across_m for row in rows]) < 1.0
         assert rms([row.along_m for row in rows]) < 2.0
 
 
-@pytest.mark.parametrize("approach", [pytest.param(a, marks=full) for a in APPROACHES])
+@full
+@pytest.mark.parametrize("approach", APPROACHES)
 def test_two_seconds_without_messages_of_the_leader_move_nobody_by_5_m(approach: str, tmp_path: Path) -> None:
     quiet = [{"uavs": ["uav1"], "from_s": 45.0, "until_s": 47.0}]
     scenario = group(approach, communication={"quiet": quiet})
@@ -66,20 +55,6 @@ def test_two_seconds_without_messages_of_the_leader_move_nobody_by_5_m(approach:
     assert report.summary["separation"]["too_close"] == []
     for rows in filter(None, seen(tmp_path, scenario).values()):
         assert max(row.error_m for row in settled(rows, 44.0)) < 5.0
-
-
-def through_a_gap(approach: str = "leader_following") -> Scenario:
-    wall = [[row, COLS // 2] for row in range(ROWS) if row != ROWS // 2]
-    return group(
-        approach,
-        area={**AREA, "rows": ROWS, "cols": COLS, "no_fly": wall},
-        formation={
-            "members": ["uav2", "uav1", "uav3"],
-            "shape": {"kind": "line", "spacing_m": 45.0},
-            "narrow_shape": {"kind": "column", "spacing_m": 20.0},
-        },
-        simulate={"start_spacing_m": 45.0},
-    )
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
@@ -97,7 +72,16 @@ def test_a_group_keeps_its_shape_beside_a_hostile_that_it_passes_sooner_than_it_
 
 
 def test_a_group_changes_its_shape_for_a_gap(tmp_path: Path) -> None:
-    scenario = through_a_gap()
+    wall = [[row, COLS // 2] for row in range(ROWS) if row != ROWS // 2]
+    scenario = group(
+        area={**AREA, "rows": ROWS, "cols": COLS, "no_fly": wall},
+        formation={
+            "members": ["uav2", "uav1", "uav3"],
+            "shape": {"kind": "line", "spacing_m": 45.0},
+            "narrow_shape": {"kind": "column", "spacing_m": 20.0},
+        },
+        simulate={"start_spacing_m": 45.0},
+    )
     ui = Ui()
     report = fly(scenario, tmp_path, ui=ui)
     (alpha,) = report.summary["formations"]
@@ -117,7 +101,8 @@ def test_a_group_of_copters_that_stop_for_missions_does_not_stop_for_a_new_route
     assert min(row.speed_m_s for row in under_way) > 2.0
 
 
-@pytest.mark.parametrize("approach", [pytest.param(a, marks=full) for a in APPROACHES])
+@full
+@pytest.mark.parametrize("approach", APPROACHES)
 def test_a_group_splits_at_a_wall_with_gaps_and_meets_again(approach: str, tmp_path: Path) -> None:
     rows, cols = 15, 17
     scenario = group(
@@ -143,37 +128,14 @@ def test_a_group_splits_at_a_wall_with_gaps_and_meets_again(approach: str, tmp_p
         assert max(row.error_m for row in found[-40:]) < 4.0
 
 
-def asked(scenario: Scenario, folder: Path, at_s: float, request: Request) -> tuple[Any, Ui]:
-    """Fly, and give an operator's command, which the vehicles take."""
-
-    async def scene() -> Any:
-        bus, ui = MemoryBus(), Ui()
-        flight = asyncio.create_task(
-            app.fly(scenario, folder, ui, clock="virtual", permission=lambda _: None, bus=bus)
-        )
-        await asyncio.sleep(at_s)
-        answer = await client.ask(bus, STATION, request)
-        assert {vehicle.outcome for vehicle in answer.vehicles} == {"taken"}
-        return await flight, ui
-
-    report, ui = run_virtual(scene())
-    assert report.bug is None
-    return report, ui
-
-
-@pytest.mark.parametrize(
-    "approach",
-    [
-        "leader_following",
-        pytest.param("virtual_structure", marks=full),
-        pytest.param("behavioural", marks=full),
-    ],
-)
+@pytest.mark.parametrize("approach", [APPROACHES[0], *full_only(*APPROACHES[1:])])
 def test_after_the_leader_lands_the_next_member_leads_within_2_s_and_nobody_stands(
     approach: str, tmp_path: Path
 ) -> None:
     scenario, ordered_s = group(approach), 45.0
-    report, ui = asked(scenario, tmp_path, ordered_s, GiveOrder(("uav1",), "land"))
+    land, ui = GiveOrder(("uav1",), "land"), Ui()
+    report, (answer,) = fly_with_commands(scenario, tmp_path, (ordered_s, land), ui=ui)
+    assert {vehicle.outcome for vehicle in answer.vehicles} == {"taken"}
     rows = seen(tmp_path, scenario)
     for uav in (2, 3):
         later = [row for row in rows[uav] if row.boot_s > ordered_s]
@@ -186,17 +148,13 @@ def test_after_the_leader_lands_the_next_member_leads_within_2_s_and_nobody_stan
     assert coded(ui.said, "uav2", "leaves-group")
 
 
-def through_a_turn(approach: str, autopilot: str) -> Scenario:
-    size, no_fly, goal = turn_cells()
-    area = {**AREA, "rows": size, "cols": size, "no_fly": no_fly}
-    return group(approach, area=area, simulate={"autopilot": autopilot, "goal": goal})
-
-
 @on_each_autopilot(("leader_following", "ardupilot"))
 def test_through_a_turn_of_90_degrees_no_member_is_4_m_from_its_place(
     approach: str, autopilot: str, tmp_path: Path
 ) -> None:
-    scenario = through_a_turn(approach, autopilot)
+    size, no_fly, goal = turn_cells()
+    area = {**AREA, "rows": size, "cols": size, "no_fly": no_fly}
+    scenario = group(approach, area=area, simulate={"autopilot": autopilot, "goal": goal})
     report = fly(scenario, tmp_path)
     assert [state.outcome for state in report.states.values()] == [ARRIVED] * 3
     for rows in in_place(tmp_path, scenario).values():
@@ -206,7 +164,9 @@ def test_through_a_turn_of_90_degrees_no_member_is_4_m_from_its_place(
 @full
 def test_new_weights_in_flight_reach_all_members_the_evidence_and_the_record(tmp_path: Path) -> None:
     scenario, weights = group("behavioural"), {"formation": 1.5, "threat": 0.0}
-    report, _ = asked(scenario, tmp_path, 45.0, SetWeights(("uav1",), behaviours=weights))
+    command = SetWeights(("uav1",), behaviours=weights)
+    report, (answer,) = fly_with_commands(scenario, tmp_path, (45.0, command))
+    assert {vehicle.outcome for vehicle in answer.vehicles} == {"taken"}
     assert {state.membership.weights for state in report.states.values()} == {(1.0, 1.5, 0.0, 1.0)}
     with (tmp_path / FILE_NAME).open("rb") as file:
         asks = [entry.what for entry in check(file).entries if entry.kind == "operator"]
@@ -215,7 +175,7 @@ def test_new_weights_in_flight_reach_all_members_the_evidence_and_the_record(tmp
     assert [state.outcome for state in report.states.values()] == [ARRIVED] * 3
 
 
-@pytest.mark.parametrize("autopilot", ["ardupilot", pytest.param("px4", marks=full)])
+@pytest.mark.parametrize("autopilot", ["ardupilot", *full_only("px4")])
 def test_a_member_without_the_others_goes_on_by_its_stored_mission(autopilot: str, tmp_path: Path) -> None:
     quiet = [{"uavs": ["uav1", "uav2", "uav3"], "from_s": 35.0}]
     changes = {"simulate": {"autopilot": autopilot}, "communication": {"quiet": quiet}}

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from agent_stories import Story, orders
 from companion_world import NAMES, STATION, Swarm
-from flights import Ui, coded, fly, small
+from flights import Ui, coded, fly, fly_with_commands, small
 from interruptions import interrupting
 from recall_stories import ReturnMonitor, gathering
 from trouble import Trouble, fly_with, inject, select_mode
@@ -23,21 +23,18 @@ from swarmctl.agent.phases import Phase
 from swarmctl.agent.state import ARRIVED
 from swarmctl.agent.traffic.return_schedule import MIN_HORIZONTAL_M
 from swarmctl.agent.traffic.wait import Wait, WaitFor
-from swarmctl.bus.endpoint import BusEndpoint
-from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.core import events as ev
 from swarmctl.core.events import FlightOrder
-from swarmctl.core.messages import GiveOrder, OperatorAnswer, Request, VehicleAnswer
-from swarmctl.flight import app, operator_orders
+from swarmctl.core.messages import GiveOrder, OperatorAnswer, VehicleAnswer
+from swarmctl.flight import operator_orders
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.report.live_rows import SwarmView
 from swarmctl.report.outcome import FlightReport
-from swarmctl.station import client, recall
+from swarmctl.station import recall
 
 pytestmark = pytest.mark.virtual
 
 HOLD, RETURN, LAND = FlightOrder.HOLD, FlightOrder.RETURN, FlightOrder.LAND
-ONE_FLIES_ALL = client.FlightEndpoints("small", BusEndpoint("127.0.0.1", 7447))
 
 
 # --- the agent
@@ -113,20 +110,6 @@ def test_a_repeated_order_changes_nothing(order: FlightOrder) -> None:
 # --- whole swarms
 
 
-async def flown_with_commands(
-    tmp_path: Path, *commands: tuple[float, Request]
-) -> tuple[FlightReport, Ui, list[Any]]:
-    """Fly all vehicles in one process; an operator gives commands at these times."""
-    bus, ui, answers = MemoryBus(), Ui(), []
-    flight = asyncio.create_task(
-        app.fly(gathering(), tmp_path, ui, clock="virtual", permission=lambda foreign: None, bus=bus)
-    )
-    for at_s, command in commands:
-        await asyncio.sleep(at_s - asyncio.get_running_loop().time())
-        answers.append(await recall.ask(bus, ONE_FLIES_ALL, command))
-    return await flight, ui, answers
-
-
 def outcomes(answer: OperatorAnswer) -> list[str]:
     return [vehicle.outcome for vehicle in answer.vehicles]
 
@@ -134,8 +117,8 @@ def outcomes(answer: OperatorAnswer) -> list[str]:
 def test_a_swarm_in_one_process_returns_in_turns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monitor = ReturnMonitor()
     inject(Trouble(on_step=monitor), monkeypatch)
-    back = GiveOrder(None, "return")
-    report, ui, answers = run_virtual(flown_with_commands(tmp_path, (50.0, back), (65.0, back)))
+    back, ui = GiveOrder(None, "return"), Ui()
+    report, answers = fly_with_commands(gathering(), tmp_path, (50.0, back), (65.0, back), ui=ui)
     assert [outcomes(answer) for answer in answers] == [["taken"] * 3] * 2
     assert any(vehicle.note.endswith("[already-done]") for vehicle in answers[1].vehicles)
     assert len(set(monitor.since_s.values())) > 1
@@ -149,7 +132,7 @@ def test_a_swarm_in_one_process_returns_in_turns(tmp_path: Path, monkeypatch: py
 @pytest.mark.full
 def test_one_vehicle_lands_by_order_and_the_others_fly_on(tmp_path: Path) -> None:
     land = GiveOrder(("uav2",), "land")
-    report, _, (answer,) = run_virtual(flown_with_commands(tmp_path, (35.0, land)))
+    report, (answer,) = fly_with_commands(gathering(), tmp_path, (35.0, land))
     assert outcomes(answer) == ["taken"]
     first, landed, third = report.states.values()
     assert first.outcome == third.outcome == ARRIVED
@@ -162,7 +145,7 @@ def test_vehicles_recalled_before_the_launch_stay_on_the_ground(
     tmp_path: Path,
 ) -> None:
     back, launch = GiveOrder(None, "return"), GiveOrder(None, "launch")
-    report, _, answers = run_virtual(flown_with_commands(tmp_path, (3.0, back), (60.0, launch)))
+    report, answers = fly_with_commands(gathering(), tmp_path, (3.0, back), (60.0, launch))
     assert "[stays-on-ground]" in answers[0].vehicles[0].note
     assert outcomes(answers[1]) == ["taken"] * 3
     assert report.all_arrived

@@ -2,27 +2,17 @@
 
 from __future__ import annotations
 
-import asyncio
 from pathlib import Path
 
 import pytest
-from flights import Ui, small
+from flights import fly_with_commands, small
 from wings_flights import winged
 
 from swarmctl.agent.state import ARRIVED
-from swarmctl.bus.endpoint import BusEndpoint
-from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.config.scenario import Scenario
-from swarmctl.core.messages import GiveOrder, OperatorAnswer
-from swarmctl.flight import app
-from swarmctl.flight.virtual_clock import run_virtual
-from swarmctl.report.outcome import FlightReport
-from swarmctl.station import client
+from swarmctl.core.messages import GiveOrder
 
 pytestmark = pytest.mark.virtual
-
-STATION = client.FlightEndpoints("small", BusEndpoint("127.0.0.1", 7447))
-HELD_S = 20.0
 
 
 def winged_by(*autopilots: str) -> Scenario:
@@ -38,21 +28,8 @@ def winged_by(*autopilots: str) -> Scenario:
     ],
 )
 def test_a_vehicle_arrives_after_a_hold_and_an_order_to_resume(scenario: Scenario, tmp_path: Path) -> None:
-    answers: list[OperatorAnswer] = []
-
-    async def scene() -> FlightReport:
-        bus = MemoryBus()
-        flight = asyncio.create_task(
-            app.fly(scenario, tmp_path, Ui(), clock="virtual", permission=lambda _: None, bus=bus)
-        )
-        await asyncio.sleep(45.0)
-        for order in ("hold", "resume"):
-            answers.append(await client.ask(bus, STATION, GiveOrder(None, order)))
-            await asyncio.sleep(HELD_S)
-        return await flight
-
-    report = run_virtual(scene())
-    assert report.bug is None
+    hold, resume = GiveOrder(None, "hold"), GiveOrder(None, "resume")
+    report, answers = fly_with_commands(scenario, tmp_path, (45.0, hold), (65.0, resume))
     assert [vehicle.outcome for answer in answers for vehicle in answer.vehicles] == ["taken"] * 4
     assert [state.outcome for state in report.states.values()] == [ARRIVED] * 2
     assert all(state.plans.swaps.n_failed == 0 for state in report.states.values())

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 import math
 import re
@@ -12,22 +11,18 @@ from typing import Any
 
 import pytest
 from agent_stories import Story, orders
-from flights import Ui, coded, small
+from flights import Ui, coded, fly_with_commands, small
 from recorded import effects, messages
 from rich.console import Console
 
 from swarmctl.agent.phases import Phase
-from swarmctl.bus.endpoint import BusEndpoint
-from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.config.scenario import Scenario
 from swarmctl.core import events as ev
 from swarmctl.core.exposure import exposure
 from swarmctl.core.messages import OperatorAnswer, SetWeights, VehicleAnswer
 from swarmctl.core.threat import FiringStrength
-from swarmctl.flight import app
-from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.planners import PLANNERS, method
-from swarmctl.report import outputs, record
+from swarmctl.report import record
 from swarmctl.report.answers import weights_line
 from swarmctl.report.live_rows import SwarmView, live_table, plain_line, vehicle_row
 from swarmctl.report.outcome import FlightReport
@@ -282,9 +277,6 @@ def test_the_last_of_many_changes_are_kept_and_all_are_counted() -> None:
 # --- a whole swarm
 
 
-STATION = client.FlightEndpoints("small", BusEndpoint("127.0.0.1", 7447))
-
-
 @dataclass
 class Flown:
     scenario: Scenario
@@ -293,35 +285,14 @@ class Flown:
     answer: OperatorAnswer
     ui: Ui
 
-    def swaps(self, uav: int) -> list[dict[str, Any]]:
-        """Every plan of a vehicle, in order."""
-        return [recorded["effect"] for recorded in effects(self.folder, "SwapMission", f"uav{uav}")]
-
-
-def fly_and_set(folder: Path, command: SetWeights, *, at_s: float, **sections: object) -> Flown:
-    scenario, ui = small(**sections), Ui()
-
-    async def scene() -> tuple[FlightReport, OperatorAnswer]:
-        bus = MemoryBus()
-        flight = asyncio.create_task(
-            app.fly(scenario, folder, ui, clock="virtual", permission=lambda _: None, bus=bus)
-        )
-        await asyncio.sleep(at_s)
-        answer = await client.ask(bus, STATION, command)
-        return await flight, answer
-
-    report, answer = run_virtual(scene())
-    if report.bug is not None:
-        raise report.bug
-    outputs.write_run(folder, scenario, report)
-    return Flown(scenario, folder, report, answer, ui)
-
 
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory: pytest.TempPathFactory) -> Flown:
     """Three vehicles on their shortest routes; the first two get w = 1 and no receivers in flight."""
     command = SetWeights((1, 2), w=1.0, range=0, by="ana")
-    return fly_and_set(tmp_path_factory.mktemp("set"), command, at_s=30.0, planner={"w": 0.0})
+    scenario, folder, ui = small(planner={"w": 0.0}), tmp_path_factory.mktemp("set"), Ui()
+    report, (answer,) = fly_with_commands(scenario, folder, (30.0, command), ui=ui)
+    return Flown(scenario, folder, report, answer, ui)
 
 
 @pytest.mark.virtual
@@ -332,7 +303,8 @@ def test_routes_change_from_the_answered_plan_on(flown: Flown) -> None:
     assert {v.outcome for v in flown.answer.vehicles} == {"taken"}
     changed = 0
     for uav in (1, 2, 3):
-        for swap in flown.swaps(uav):
+        for recorded in effects(flown.folder, "SwapMission", f"uav{uav}"):
+            swap = recorded["effect"]
             if swap["plan_id"] >= from_plan.get(uav, math.inf):
                 assert swap["cost"] == pytest.approx(swap["exposure_sum"])  # Eq. 5 at w = 1
                 changed += 1
@@ -409,9 +381,8 @@ def test_the_change_is_shown(flown: Flown) -> None:
 @pytest.mark.virtual
 def test_one_command_changes_all_vehicles_and_names_those_that_have_arrived(tmp_path: Path) -> None:
     command = SetWeights(None, w=0.9)
-    late = fly_and_set(
-        tmp_path, command, at_s=110.0, simulate={"count": 2, "ready_s": 3.0, "delay_step_s": 60.0}
-    )
-    assert [v.outcome for v in late.answer.vehicles] == ["over", "taken"]
-    assert not client.has_failed(command, late.answer)
-    assert client.has_failed(SetWeights((1, 2), w=0.9), late.answer)
+    scenario = small(simulate={"count": 2, "ready_s": 3.0, "delay_step_s": 60.0})
+    _, (answer,) = fly_with_commands(scenario, tmp_path, (110.0, command))
+    assert [v.outcome for v in answer.vehicles] == ["over", "taken"]
+    assert not client.has_failed(command, answer)
+    assert client.has_failed(SetWeights((1, 2), w=0.9), answer)

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
+from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from swarmctl.bus.endpoint import BusEndpoint
 from swarmctl.bus.transports.base import Transport
+from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.config.model import Config
 from swarmctl.config.scenario import Scenario, build
+from swarmctl.core.messages import OperatorAnswer, Request
 from swarmctl.flight import app
 from swarmctl.flight.run import DEFAULT_OPTIONS, FlightOptions
 from swarmctl.flight.simulator import AddressOf, undisturbed
@@ -16,6 +21,7 @@ from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.report import outputs
 from swarmctl.report.live_rows import SwarmView
 from swarmctl.report.outcome import FlightReport
+from swarmctl.station import client, recall
 
 
 @dataclass
@@ -36,6 +42,8 @@ class Ui:
         self.views.append(view)
 
 
+STATION = client.FlightEndpoints("small", BusEndpoint("127.0.0.1", 7447))
+"""the operator's address of a flight with all vehicles in one process, on a bus in memory"""
 AREA = {"origin_lat_deg": 46.0, "origin_lon_deg": 14.4, "rows": 8, "cols": 8, "cell_size_m": 50.0}
 
 
@@ -69,21 +77,48 @@ def fly(
     broken: bool = False,
     options: FlightOptions = DEFAULT_OPTIONS,
     bus: Transport | None = None,
+    beside: Callable[[], Awaitable[None]] | None = None,
 ) -> FlightReport:
-    """Fly on the virtual clock and write the run folder; raise a bug unless `broken` is set."""
+    """Fly on the virtual clock and write the run folder; raise a bug unless `broken` is set.
+
+    `beside`: actions of an operator, from the start of the flight on.
+    """
     folder.mkdir(parents=True, exist_ok=True)
-    flight = app.fly(
-        scenario,
-        folder,
-        ui or Ui(),
-        clock="virtual",
-        permission=lambda foreign: None,
-        address_of=address_of,
-        bus=bus,
-        options=options,
-    )
-    report = run_virtual(flight)
+
+    async def scene() -> FlightReport:
+        flight = asyncio.create_task(
+            app.fly(
+                scenario,
+                folder,
+                ui or Ui(),
+                clock="virtual",
+                permission=lambda foreign: None,
+                address_of=address_of,
+                bus=bus,
+                options=options,
+            )
+        )
+        if beside is not None:
+            await beside()
+        return await flight
+
+    report = run_virtual(scene())
     if report.bug is not None and not broken:
         raise report.bug
     outputs.write_run(folder, scenario, report)
     return report
+
+
+def fly_with_commands(
+    scenario: Scenario, folder: Path, *commands: tuple[float, Request], ui: Ui | None = None
+) -> tuple[FlightReport, list[OperatorAnswer]]:
+    """Fly as `fly` does; an operator gives commands at these times [s], in order. Return the answers too."""
+    bus = MemoryBus()
+    answers: list[OperatorAnswer] = []
+
+    async def operate() -> None:
+        for at_s, command in commands:
+            await asyncio.sleep(at_s - asyncio.get_running_loop().time())
+            answers.append(await recall.ask(bus, STATION, command))
+
+    return fly(scenario, folder, ui=ui, bus=bus, beside=operate), answers

@@ -10,19 +10,17 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from flights import AREA, small
+from flights import AREA, STATION, small
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from trouble import OTHER_STATION, Trouble
 
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.vehicle.behaviour import Behaviour
-from swarmctl.bus.endpoint import BusEndpoint
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.messages import GiveOrder
 from swarmctl.station import client
 
-STATION = client.FlightEndpoints("small", BusEndpoint("127.0.0.1", 7447))
 KINDS = ("ardupilot", "px4")
 WINGED = (*KINDS, "arduplane", "px4plane")
 FROM_S, UNTIL_S = 3.0, 90.0
