@@ -7,7 +7,7 @@ import contextlib
 import datetime as dt
 import json
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -32,10 +32,9 @@ from swarmctl.core.messages import (
     VehicleAnswer,
     decode_answer,
 )
-from swarmctl.flight import app, companion, operator_orders
+from swarmctl.flight import app, companion
 from swarmctl.flight.permission import Permission
 from swarmctl.flight.virtual_clock import run_virtual
-from swarmctl.links.base import Identity
 from swarmctl.report.outcome import FlightReport
 from swarmctl.security.issue import make_keys
 from swarmctl.security.participant import load_keyring
@@ -324,33 +323,3 @@ def test_one_process_with_all_vehicles_takes_orders_for_simulated_ones(tmp_path:
     assert [vehicle.outcome for vehicle in answer.vehicles] == ["taken"]
     assert not report.all_arrived
     assert report.summary["operator_commands"] == {"passed_on": 1, "refused": 0}
-
-
-@dataclass
-class KnownMember:
-    """The fields of a member that the rule about orders reads."""
-
-    name: str
-    identity: Identity | None
-
-
-@pytest.mark.parametrize(
-    ("uid2", "has_keys", "closed"),
-    [
-        (b"sim_vehicle\0", False, False),
-        (b"sim_vehicle\0", True, False),
-        (b"\x12\x34", False, True),
-        (b"\x12\x34", True, False),
-        (None, False, True),
-        (None, True, False),
-    ],
-)
-def test_without_keys_only_simulated_vehicles_take_orders(
-    uid2: bytes | None, has_keys: bool, closed: bool
-) -> None:
-    identity = None if uid2 is None else Identity(1, 3, 2, "ArduPilot 4.6.2", uid2.ljust(18, b"\0"))
-    member: Any = KnownMember("alpha", identity)
-    order = GiveOrder(None, "hold")
-    reason = operator_orders.order_refusal(small(), [member], order, flies_all=False, has_keys=has_keys)
-    assert bool(reason) is closed
-    assert not closed or ("alpha" in reason and reason.endswith("[orders-need-keys]"))

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import re
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -26,7 +25,6 @@ from swarmctl.agent.traffic.wait import Wait, WaitFor
 from swarmctl.core import events as ev
 from swarmctl.core.events import FlightOrder
 from swarmctl.core.messages import GiveOrder, OperatorAnswer, VehicleAnswer
-from swarmctl.flight import operator_orders
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.report.live_rows import SwarmView
 from swarmctl.report.outcome import FlightReport
@@ -149,43 +147,6 @@ def test_vehicles_recalled_before_the_launch_stay_on_the_ground(
     assert "[stays-on-ground]" in answers[0].vehicles[0].note
     assert outcomes(answers[1]) == ["taken"] * 3
     assert report.all_arrived
-
-
-@dataclass
-class KnownMember:
-    """The fields of a member that the rule about orders reads."""
-
-    name: str
-    identity: Any = None
-
-
-@pytest.mark.parametrize(
-    ("order", "listen", "refused"),
-    [
-        ("launch", "tcp/127.0.0.1:0", "[launch-by-fly-only]"),
-        ("return", "tcp/127.0.0.1:0", ""),
-        ("land", "none", ""),
-        ("land", "tcp/0.0.0.0:7447", "[orders-need-keys]"),
-    ],
-)
-def test_unsigned_orders_launch_no_aircraft_and_come_from_this_machine_only(
-    order: Any, listen: str, refused: str
-) -> None:
-    scenario = small(communication={"bus": "memory", "listen": listen})
-    members: Any = [KnownMember("alpha")]
-    found = operator_orders.order_refusal(
-        scenario, members, GiveOrder(None, order), flies_all=True, has_keys=False
-    )
-    assert refused in found
-    assert bool(found) is bool(refused)
-
-
-def test_the_range_of_a_swarm_with_a_real_vehicle_is_not_changed() -> None:
-    simulated: Any = KnownMember("uav1", SimpleNamespace(simulated=True))
-    assert operator_orders.range_refusal(small(), [simulated]) == ""
-    for real in (KnownMember("alpha"), KnownMember("alpha", SimpleNamespace(simulated=False))):
-        members: Any = [simulated, real]
-        assert operator_orders.range_refusal(small(), members).endswith("[range-of-real-vehicles]")
 
 
 @pytest.mark.full
