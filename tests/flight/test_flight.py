@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import pytest
-from flights import AREA, Ui, coded, fly, small
+from flights import AREA, FaultyUi, Ui, coded, fly, small
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from interruptions import interrupting, silent
@@ -27,7 +27,7 @@ from swarmctl.config.checks import check_config
 from swarmctl.config.scenario import Scenario, build
 from swarmctl.links.transports.base import Address
 from swarmctl.report import record
-from swarmctl.report.live_rows import NOT_YET, OK, SwarmView
+from swarmctl.report.live_rows import NOT_YET, OK
 from swarmctl.report.outcome import FlightReport
 
 pytestmark = pytest.mark.virtual
@@ -201,7 +201,7 @@ def test_another_seed_is_another_flight(tmp_path: Path) -> None:
 
 def test_a_silent_vehicle_is_shown_lost_and_then_restored(tmp_path: Path) -> None:
     ui = Ui()
-    report = fly(small(), tmp_path, address_of=silent(2, 25.0, 45.0), ui=ui)
+    report = fly(small(), tmp_path, address_of=silent(25.0, 45.0), ui=ui)
     assert [s.outcome for s in report.states.values()] == ["arrived"] * 3
     assert len(coded(ui.said, "uav2", "telemetry-lost")) == 1
     assert len(coded(ui.said, "uav2", "telemetry-back")) == 1
@@ -215,7 +215,7 @@ def test_a_silent_vehicle_is_shown_lost_and_then_restored(tmp_path: Path) -> Non
 @pytest.mark.full
 def test_a_swarm_flies_on_without_a_vehicle_that_stays_silent(tmp_path: Path) -> None:
     scenario = small(flight={"lost_timeout_s": 40.0})
-    report = fly(scenario, tmp_path, address_of=silent(2, 25.0))
+    report = fly(scenario, tmp_path, address_of=silent(25.0))
     assert [report.states[n].outcome for n in (1, 3)] == ["arrived"] * 2
     assert report.states[2].lost
     assert not report.all_arrived
@@ -224,7 +224,7 @@ def test_a_swarm_flies_on_without_a_vehicle_that_stays_silent(tmp_path: Path) ->
 
 
 def test_a_vehicle_that_never_answers_stops_the_flight_before_any_arming(tmp_path: Path) -> None:
-    report = fly(small(), tmp_path, address_of=silent(2, 0.0))
+    report = fly(small(), tmp_path, address_of=silent(0.0))
     assert report.ended == "failed"
     (line,) = report.trouble
     assert "uav2 (system 2" in line
@@ -344,21 +344,8 @@ def test_every_vehicle_arrives_after_link_outages_of_any_kind(
     assert [s.outcome for s in report.states.values()] == ["arrived"] * 3
 
 
-class FaultyUi(Ui):
-    """A user interface that fails in flight."""
-
-    def __init__(self, error: BaseException) -> None:
-        super().__init__()
-        self.error = error
-
-    def refresh(self, view: SwarmView) -> None:
-        super().refresh(view)
-        if view.flown_s > 20.0:
-            raise self.error
-
-
 def test_a_bug_in_flight_returns_every_vehicle_and_reports_its_final_state(tmp_path: Path) -> None:
-    report = fly(small(), tmp_path, ui=FaultyUi(RuntimeError("a bug")), broken=True)
+    report = fly(small(), tmp_path, ui=FaultyUi(), broken=True)
     assert isinstance(report.bug, ExceptionGroup)
     assert report.ended == "failed"
     assert len(report.final_states) == 3
@@ -372,7 +359,7 @@ def test_a_bug_in_flight_returns_every_vehicle_and_reports_its_final_state(tmp_p
     ids=["closed pipe", "Rich's way out"],
 )
 def test_a_terminal_that_goes_away_does_not_end_the_flight(error: BaseException, tmp_path: Path) -> None:
-    report = fly(small(), tmp_path, ui=FaultyUi(error))
+    report = fly(small(), tmp_path, ui=FaultyUi(error=error))
     assert report.all_arrived
 
 

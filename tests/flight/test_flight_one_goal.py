@@ -7,7 +7,7 @@ from itertools import combinations
 from pathlib import Path
 
 import pytest
-from flights import AREA, Ui, fly, small
+from flights import AREA, SEPARATION_WAIVED, Ui, fly, small
 from trouble import Trouble, inject
 
 from sim_vehicle.truth import Truth
@@ -16,8 +16,6 @@ from swarmctl.agent.traffic import landing_queue
 from swarmctl.agent.traffic.separation.clash import HEIGHT_TOLERANCE_M
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.geo import distance_m
-from swarmctl.flight.run import FlightOptions
-from swarmctl.preflight.waivers import Waiver
 from swarmctl.report import record
 from swarmctl.report.outcome import FlightReport
 
@@ -89,7 +87,7 @@ def flown(
     monitor, ui = SeparationMonitor(scenario), Ui()
     with monkeypatch.context() as patched:
         inject(Trouble(on_step=monitor.look), patched)
-        report = fly(scenario, folder, ui=ui, options=FlightOptions(waivers=(Waiver("separation"),)))
+        report = fly(scenario, folder, ui=ui, options=SEPARATION_WAIVED)
     assert report.all_arrived, [state.outcome for state in report.states.values()]
     return report, monitor, ui
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import importlib
 import json
 import math
 import re
@@ -11,12 +10,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from flights import Ui, coded, fly, small
-from gap_scenario import through_the_gap
+from flights import SEPARATION_WAIVED, Ui, coded, fly, small
+from gap_scenario import compare_no_plans, through_the_gap
 
-from swarmctl.flight.run import FlightOptions
 from swarmctl.flight.runner import Runner
-from swarmctl.preflight.waivers import Waiver
 from swarmctl.report import record
 from swarmctl.report.flight_table import swarm_lines
 
@@ -43,11 +40,7 @@ def test_the_least_distance_flown_is_in_the_summary(tmp_path: Path) -> None:
 
 @pytest.fixture
 def uncompared(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Switch off the comparison of plans between vehicles; only the watch remains."""
-    step = importlib.import_module("swarmctl.agent.step")
-    changes = importlib.import_module("swarmctl.agent.replan.mission_changes")
-    monkeypatch.setattr(changes, "deconflict", lambda _before, decided, _now: decided)
-    monkeypatch.setattr(step, "check_own_route", lambda state: (state, []))
+    compare_no_plans(monkeypatch)
 
 
 def meeting(folder: Path, action: str, **sections: Any) -> tuple[dict[str, Any], list[str]]:
@@ -61,7 +54,7 @@ def meeting(folder: Path, action: str, **sections: Any) -> tuple[dict[str, Any],
     )
     ui = Ui()
     # Preflight finds this conflict, so the operator has to waive the check.
-    report = fly(scenario, folder, ui=ui, options=FlightOptions(waivers=(Waiver("separation"),)))
+    report = fly(scenario, folder, ui=ui, options=SEPARATION_WAIVED)
     assert [state.outcome for state in report.states.values()] == ["arrived", "arrived"]
     return report.summary["separation"], ui.said
 
@@ -138,7 +131,7 @@ def flown_after_waiting(folder: Path, **simulate: float) -> None:
         threats={"count": 0},
     )
     ui = Ui()
-    report = fly(scenario, folder, ui=ui, options=FlightOptions(waivers=(Waiver("separation"),)))
+    report = fly(scenario, folder, ui=ui, options=SEPARATION_WAIVED)
     assert report.all_arrived
     (waits,), (launches,) = coded(ui.said, "uav2", "launch-waits"), coded(ui.said, "uav2", "launch-clear")
     assert "uav1 in " in waits

@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
-import importlib
 from pathlib import Path
 
 import pytest
 from flight_monitor import FlightMonitor, findings
-from flights import Ui, fly, small
-from gap_scenario import through_the_gap
+from flights import SEPARATION_WAIVED, Ui, fly, small
+from gap_scenario import compare_no_plans, through_the_gap
 from random_flights import RandomFlight, draw
 from trouble import Trouble, inject, select_mode
 
+from swarmctl.agent import step
 from swarmctl.agent.commands import StepResult, command, release_vehicle
+from swarmctl.agent.failsafes import enforcement
 from swarmctl.agent.state import AgentState
 from swarmctl.core import events as ev
-from swarmctl.flight.run import FlightOptions
 from swarmctl.mavlink.dialects.ardupilot import ArduPilot
-from swarmctl.preflight.waivers import Waiver
 
 pytestmark = pytest.mark.virtual
 
-WAIVED = FlightOptions(waivers=(Waiver("separation"),))
-"""the preflight check is waived; in flight the vehicles still keep their separation"""
 FILES = ("run.mcap", "evidence.jsonl", "summary.json", "map.png", "uav1.plan", "uav1.tlog", "uav2.tlog")
 
 
@@ -32,7 +29,7 @@ def flown(drawn: RandomFlight, folder: Path, monkeypatch: pytest.MonkeyPatch) ->
     monitor.attend()
     with monkeypatch.context() as patched:
         inject(drawn.trouble, patched)
-        report = fly(drawn.scenario, folder, ui=Ui(), options=WAIVED, bus=drawn.bus)
+        report = fly(drawn.scenario, folder, ui=Ui(), options=SEPARATION_WAIVED, bus=drawn.bus)
     return findings(monitor, report, folder)
 
 
@@ -52,8 +49,8 @@ def test_equal_seeds_leave_equal_files(tmp_path: Path, monkeypatch: pytest.Monke
 # --- broken rules are found
 
 
-def slow_wire(uav: int) -> Trouble:
-    return Trouble(faults=[{"fault": "delay", "params": {"delay_s": 0.3}, "vehicles": [uav], "at_s": 10.0}])
+def slow_wire() -> Trouble:
+    return Trouble(faults=[{"fault": "delay", "params": {"delay_s": 0.3}, "vehicles": [1], "at_s": 10.0}])
 
 
 @pytest.mark.full
@@ -61,7 +58,7 @@ def test_a_mission_written_over_the_flown_one_is_found_as_a_mixture(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def plain() -> RandomFlight:
-        return RandomFlight(small(simulate={"count": 2, "ready_s": 3.0}), slow_wire(1))
+        return RandomFlight(small(simulate={"count": 2, "ready_s": 3.0}), slow_wire())
 
     assert flown(plain(), tmp_path / "behind", monkeypatch) == []
     monkeypatch.setattr(ArduPilot, "uploads_atomically", True)
@@ -77,15 +74,13 @@ def test_an_order_to_a_released_vehicle_is_found(tmp_path: Path, monkeypatch: py
         return state, [*released, *ordered]
 
     def taken_over() -> RandomFlight:
-        trouble = slow_wire(1)
+        trouble = slow_wire()
         trouble.faults.append({"fault": "absent_ack", "vehicles": [1], "at_s": 25.0})
         trouble.actions += [(30.0, select_mode(1, "LOITER")), (60.0, select_mode(1, "LAND"))]
         return RandomFlight(small(simulate={"count": 2, "ready_s": 3.0}), trouble, excused={1})
 
     assert flown(taken_over(), tmp_path / "let go", monkeypatch) == []
-    monkeypatch.setattr(
-        importlib.import_module("swarmctl.agent.failsafes.enforcement"), "release_vehicle", fights
-    )
+    monkeypatch.setattr(enforcement, "release_vehicle", fights)
     found = flown(taken_over(), tmp_path / "fought", monkeypatch)
     assert found
     assert all(text.endswith("[order]") for text in found)
@@ -99,10 +94,7 @@ def test_two_vehicles_too_close_without_a_warning_are_found(
         return RandomFlight(through_the_gap(), Trouble())
 
     assert flown(drawn_together(), tmp_path / "apart", monkeypatch) == []
-    step = importlib.import_module("swarmctl.agent.step")
-    changes = importlib.import_module("swarmctl.agent.replan.mission_changes")
-    monkeypatch.setattr(changes, "deconflict", lambda _before, decided, _now: decided)
-    monkeypatch.setattr(step, "check_own_route", lambda state: (state, []))
+    compare_no_plans(monkeypatch)
     monkeypatch.setattr(step, "raise_alarms", lambda state: (state, []))
     monkeypatch.setattr(step, "stop_in_time", lambda state: (state, []))
     found = flown(drawn_together(), tmp_path / "together", monkeypatch)

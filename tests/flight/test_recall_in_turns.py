@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from agent_stories import Story, orders
 from companion_world import NAMES, STATION, Swarm
-from flights import Ui, coded, fly, fly_with_commands, small
+from flights import FaultyUi, Ui, coded, fly, fly_with_commands, small
 from interruptions import interrupting
 from recall_stories import ReturnMonitor, gathering
 from trouble import Trouble, fly_with, inject, select_mode
@@ -26,7 +26,6 @@ from swarmctl.core import events as ev
 from swarmctl.core.events import FlightOrder
 from swarmctl.core.messages import GiveOrder, OperatorAnswer, VehicleAnswer
 from swarmctl.flight.virtual_clock import run_virtual
-from swarmctl.report.live_rows import SwarmView
 from swarmctl.report.outcome import FlightReport
 from swarmctl.station import recall
 
@@ -228,19 +227,12 @@ def test_ctrl_c_lands_vehicles_beside_each_other_at_once(tmp_path: Path) -> None
     assert all("disarmed" in line for line in report.final_states)
 
 
-class FaultyUi(Ui):
-    def refresh(self, view: SwarmView) -> None:
-        super().refresh(view)
-        if view.flown_s > 45.0:
-            raise RuntimeError("a bug")
-
-
 def test_a_failed_flight_returns_the_vehicles_in_turns(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     trouble = Trouble(on_step=(monitor := ReturnMonitor()))
     inject(trouble, monkeypatch)
-    ui = FaultyUi()
+    ui = FaultyUi(after_s=45.0)
     report = fly(gathering(), tmp_path, ui=ui, broken=True)
     assert isinstance(report.bug, ExceptionGroup)
     assert any("uav1, uav2, uav3" in text and text.endswith("[emergency]") for text in ui.said)
@@ -258,6 +250,6 @@ def test_an_emergency_leaves_a_vehicle_alone_that_a_pilot_takes_over(
 ) -> None:
     trouble = Trouble(actions=[(60.0, select_mode(2, "LOITER"))])
     inject(trouble, monkeypatch)
-    report = fly(gathering(), tmp_path, ui=FaultyUi(), broken=True)
+    report = fly(gathering(), tmp_path, ui=FaultyUi(after_s=45.0), broken=True)
     assert trouble.modes[2] == ["AUTO", "GUIDED", "LOITER"]
     assert ["mode RTL" in line for line in report.final_states] == [True, False, True]

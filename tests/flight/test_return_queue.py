@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
-from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 from companion_world import NAMES, Swarm
 from flights import small
+from interruptions import interrupts
 from recall_stories import ReturnMonitor, gathering
 from trouble import Trouble, inject
 
@@ -17,7 +16,6 @@ from sim_vehicle.truth import Truth
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.traffic.return_schedule import MIN_HORIZONTAL_M
 from swarmctl.config.scenario import Scenario
-from swarmctl.flight import task_tree
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.report.outcome import FlightReport
 
@@ -26,15 +24,7 @@ def pressing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, scenario: Scenario, at_s: float
 ) -> list[FlightReport]:
     """Fly several agents and press Ctrl-C on each at the same time."""
-    pressed: list[Callable[[], None]] = []
-
-    @contextlib.contextmanager
-    def signals(interrupted: Callable[[], None]) -> Iterator[None]:
-        pressed.append(interrupted)
-        yield
-
-    # One process has one handler of signals.
-    monkeypatch.setattr(task_tree, "_signals", signals)
+    presses = interrupts(monkeypatch)
 
     async def scene() -> list[FlightReport]:
         swarm = Swarm(tmp_path, scenario)
@@ -44,7 +34,7 @@ def pressing(
         for uav in uavs:
             await swarm.until(uav, Phase.FLYING)
         await asyncio.sleep(at_s)
-        for press in pressed:
+        for press in presses:
             press()
         return list(await asyncio.gather(*swarm.flights.values()))
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import errno
 import fcntl
 import random
@@ -14,6 +13,7 @@ from typing import BinaryIO
 import pytest
 from crash_world import Meanwhile, Moment, crashed, drift, lost_observations, resume, unfinished
 from flights import AREA, coded, small
+from interruptions import interrupts
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from recorded import effects, events
 from trouble import MODES, OTHER_STATION, Trouble
@@ -23,7 +23,7 @@ from wings_flights import winged
 from sim_vehicle.faults.spec import parse_fault
 from sim_vehicle.fleet import Fleet
 from swarmctl.config.scenario import Scenario
-from swarmctl.flight import app, task_tree
+from swarmctl.flight import app
 from swarmctl.flight.run import DEFAULT_OPTIONS
 from swarmctl.flight.wiring import Flight
 from swarmctl.links.base import SystemIdConflict
@@ -373,17 +373,10 @@ def test_half_a_copy_of_the_earlier_record_is_not_the_last_run(
 def test_ctrl_c_amid_the_takeover_lets_the_vehicles_go(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    scenario, pressed = pair(), list[Callable[[], None]]()
-
-    @contextlib.contextmanager
-    def signals(interrupted: Callable[[], None]) -> Iterator[None]:
-        pressed.append(interrupted)
-        yield
-
-    monkeypatch.setattr(task_tree, "_signals", signals)
+    scenario, presses = pair(), interrupts(monkeypatch)
     with crashed(scenario, tmp_path / "a", monkeypatch, when=at(20.0)) as crash:
         assert crash is not None
-        stop = (crash.at_s + 5.5, lambda _fleet: pressed[-1]())
+        stop = (crash.at_s + 5.5, lambda _fleet: presses[-1]())
         resumed = resume(scenario, crash, tmp_path / "b", monkeypatch, later=stop)
     assert resumed.report.ended == "stopped"
     assert {state.phase for state in resumed.report.states.values()} == {"released"}

@@ -18,6 +18,7 @@ from swarmctl.flight import app
 from swarmctl.flight.run import DEFAULT_OPTIONS, FlightOptions
 from swarmctl.flight.simulator import AddressOf, undisturbed
 from swarmctl.flight.virtual_clock import run_virtual
+from swarmctl.preflight.waivers import Waiver
 from swarmctl.report import outputs
 from swarmctl.report.live_rows import SwarmView
 from swarmctl.report.outcome import FlightReport
@@ -42,8 +43,23 @@ class Ui:
         self.views.append(view)
 
 
+@dataclass
+class FaultyUi(Ui):
+    """A user interface that fails after a time in flight [s]."""
+
+    error: BaseException = field(default_factory=lambda: RuntimeError("a bug"))
+    after_s: float = 20.0
+
+    def refresh(self, view: SwarmView) -> None:
+        super().refresh(view)
+        if view.flown_s > self.after_s:
+            raise self.error
+
+
 STATION = client.FlightEndpoints("small", BusEndpoint("127.0.0.1", 7447))
 """the operator's address of a flight with all vehicles in one process, on a bus in memory"""
+SEPARATION_WAIVED = FlightOptions(waivers=(Waiver("separation"),))
+"""The preflight check is waived; in flight the vehicles still keep their separation."""
 AREA = {"origin_lat_deg": 46.0, "origin_lon_deg": 14.4, "rows": 8, "cols": 8, "cell_size_m": 50.0}
 
 

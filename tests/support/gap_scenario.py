@@ -1,11 +1,14 @@
-"""Two vehicles that meet at a gap."""
+"""Two vehicles that meet at a gap, and flights without the comparison of plans."""
 
 from __future__ import annotations
 
 from typing import Any
 
+import pytest
 from flights import AREA, small
 
+from swarmctl.agent import step
+from swarmctl.agent.replan import mission_changes
 from swarmctl.config.scenario import Scenario
 
 GAP = ([0, 3], [1, 3], [2, 3], [6, 3], [7, 3], [8, 3])
@@ -25,3 +28,9 @@ def through_the_gap(**sections: Any) -> Scenario:
         planner={"w": 0.9},
         **sections,
     )
+
+
+def compare_no_plans(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Switch off the comparison of plans between vehicles; alarms and the last resort remain."""
+    monkeypatch.setattr(mission_changes, "deconflict", lambda _before, decided, _now: decided)
+    monkeypatch.setattr(step, "check_own_route", lambda state: (state, []))
