@@ -1,4 +1,4 @@
-"""Errors of time bounds are reported at their keys, before anything starts."""
+"""Errors of time bounds and common arrivals are reported at their keys, before anything starts."""
 
 from __future__ import annotations
 
@@ -12,6 +12,9 @@ REAL = (
     '  - {name: alpha, url: "udpin://:14999", sysid: 1, goal: [3, 7],\n'
     "     start: {lat_deg: 46.00157, lon_deg: 14.3994}, REST}\n"
 )
+
+
+TOGETHER = "arrival: {mode: simultaneous}\n"
 
 
 def simulate(rest: str) -> str:
@@ -85,6 +88,31 @@ ROWS: list[tuple[str, str, str, list[tuple[str, ...]]]] = [
         [("6: vehicles[0].arrive_within_s", "90 s", "alpha")],
     ),
     (
+        "a time bound beside a common arrival",
+        "{name: time_bound}",
+        TOGETHER + simulate("arrive_within_s: 500"),
+        [("5: simulate.arrive_within_s",)],
+    ),
+    (
+        "a common arrival of a vehicle without a speed",
+        "{name: dijkstra}",
+        TOGETHER + REAL.replace("REST", "altitude_m: 20"),
+        [("6: vehicles[0].speed_m_s",)],
+    ),
+    ("the same with a speed", "{name: dijkstra}", TOGETHER + REAL.replace("REST", "speed_m_s: 8"), []),
+    (
+        "staggered arrivals without a spacing",
+        "{name: dijkstra}",
+        "arrival: {mode: staggered}\n" + simulate("delay_step_s: 0"),
+        [("4: arrival", "spacing_s")],
+    ),
+    (
+        "a spacing of simultaneous arrivals",
+        "{name: dijkstra}",
+        "arrival: {mode: simultaneous, spacing_s: 5}\n" + simulate("delay_step_s: 0"),
+        [("4: arrival", "spacing_s")],
+    ),
+    (
         "a w that its planner does not use",
         "{name: survival, w: 0.1, psi_per_cell: 3}",
         simulate("delay_step_s: 0"),
@@ -124,7 +152,7 @@ ROWS: list[tuple[str, str, str, list[tuple[str, ...]]]] = [
 
 
 @pytest.mark.parametrize(("planner", "vehicles", "expected"), [r[1:] for r in ROWS], ids=[r[0] for r in ROWS])
-def test_an_error_of_a_time_bound_is_reported_at_its_key(
+def test_an_error_of_an_arrival_is_reported_at_its_key(
     planner: str, vehicles: str, expected: list[tuple[str, ...]], tmp_path: Path
 ) -> None:
     found = problems(f"{SMALL_AREA}planner: {planner}\n{vehicles}", tmp_path)

@@ -22,6 +22,11 @@ def test_every_shipped_configuration_is_an_example() -> None:
     assert [example(path.stem).read_text() for path in CONFIGS] == [path.read_text() for path in CONFIGS]
 
 
+@pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
+def test_every_shipped_configuration_is_valid(path: Path) -> None:
+    build(model.load(path, check_config))
+
+
 def test_the_wheel_has_every_example() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())
     included = project["tool"]["hatch"]["build"]["targets"]["wheel"]["force-include"]

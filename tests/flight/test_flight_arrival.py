@@ -6,11 +6,8 @@ import json
 from pathlib import Path
 
 import pytest
-from flights import AREA, fly, small
+from flights import fly, small
 
-from swarmctl.config import model
-from swarmctl.config.checks import check_config
-from swarmctl.config.model import Config
 from swarmctl.report.flight_table import swarm_lines
 
 pytestmark = pytest.mark.virtual
@@ -59,47 +56,3 @@ def test_vehicles_choose_longer_routes_where_speed_alone_is_not_enough(
     assert by_speed.summary["arrival"]["spread_s"] > 25.0
     flown_m = [run.states[3].flown.length_m for run in (chosen, by_speed)]
     assert flown_m[0] > flown_m[1] + 150.0
-
-
-def test_the_shipped_arrival_configuration_is_valid() -> None:
-    shipped = model.load(Path(__file__).parents[2] / "configs" / "arrive.yaml", check_config)
-    assert shipped.arrival is not None
-    assert shipped.arrival.mode == "simultaneous"
-
-
-@pytest.mark.full
-def test_independent_arrivals_have_no_spread(tmp_path: Path) -> None:
-    report = fly(small(simulate={"count": 1, "ready_s": 3.0}), tmp_path)
-    assert report.summary["arrival"] is None
-
-
-def problems(**sections: object) -> list[str]:
-    content: dict[str, object] = {"area": AREA, "threats": {"count": 5}, "arrival": {"mode": "simultaneous"}}
-    loaded = Config.model_validate_json(json.dumps({**content, **sections}))
-    return [f"{'.'.join(map(str, problem.path))}: {problem.text}" for problem in check_config(loaded)]
-
-
-def test_time_bounds_beside_simultaneous_arrival_are_refused() -> None:
-    planner = {"name": "time_bound"}
-    (found,) = problems(simulate={"count": 2, "arrive_within_s": 500.0}, planner=planner)
-    assert found.startswith("simulate.arrive_within_s: ")
-
-
-def test_simultaneous_arrival_needs_vehicle_speeds() -> None:
-    start = {"lat_deg": 46.001, "lon_deg": 14.399}
-    vehicle = {"name": "a", "url": "udpin://:14550", "sysid": 1, "start": start, "goal": [3, 7]}
-    (found,) = problems(vehicles=[vehicle])
-    assert found.startswith("vehicles.0.speed_m_s: ")
-    assert problems(vehicles=[{**vehicle, "speed_m_s": 8.0}]) == []
-
-
-@pytest.mark.parametrize(
-    ("arrival", "expected"),
-    [
-        ({"mode": "staggered"}, "spacing_s"),
-        ({"mode": "simultaneous", "spacing_s": 5.0}, "spacing_s"),
-    ],
-)
-def test_a_spacing_is_for_staggered_arrivals(arrival: dict[str, object], expected: str) -> None:
-    with pytest.raises(ValueError, match=expected):
-        problems(arrival=arrival, simulate={"count": 2})
