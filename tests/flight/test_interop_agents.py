@@ -6,13 +6,14 @@ import json
 import re
 import signal
 import subprocess
-import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from swarmctl_process import SWARMCTL, read_until
+from namespaces import until
+from swarmctl_process import read_until, run, started
 from zenoh_nodes import free_port
 
 from swarmctl.core.messages import VehicleAnswer
@@ -35,31 +36,17 @@ class Field:
     """A folder with a configuration, and the processes started in it."""
 
     folder: Path
-    started: list[subprocess.Popen[str]] = field(default_factory=list)
+    processes: ExitStack
 
     def start(self, *words: str) -> subprocess.Popen[str]:
-        process = subprocess.Popen(
-            [*SWARMCTL, *words, "--config", "apart.yaml"],
-            cwd=self.folder,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-        )
-        self.started.append(process)
-        return process
+        process = started(*words, "--config", "apart.yaml", cwd=self.folder)
+        return self.processes.enter_context(process)
 
     def agent(self, uav: str, *words: str) -> subprocess.Popen[str]:
         return self.start("agent", "--uav", uav, *words)
 
     def run(self, *words: str) -> subprocess.CompletedProcess[str]:
-        return subprocess.run(
-            [*SWARMCTL, *words, "--config", "apart.yaml"],
-            cwd=self.folder,
-            timeout=60.0,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+        return run(*words, "--config", "apart.yaml", cwd=self.folder)
 
     def summary(self, name: str) -> dict[str, object]:
         (file,) = (self.folder / "runs").glob(f"*-apart-{name}/summary.json")
@@ -70,24 +57,8 @@ class Field:
 @pytest.fixture
 def place(tmp_path: Path) -> Iterator[Field]:
     (tmp_path / "apart.yaml").write_text(APART.replace("PORT", str(free_port())))
-    field = Field(tmp_path)
-    try:
-        yield field
-    finally:
-        for process in field.started:
-            process.kill()
-            process.wait()
-            if process.stdout is not None:
-                process.stdout.close()
-
-
-def eventually(seen: Callable[[], bool], within_s: float = 40.0) -> bool:
-    until_s = time.monotonic() + within_s
-    while time.monotonic() < until_s:
-        if seen():
-            return True
-        time.sleep(0.2)
-    return False
+    with ExitStack() as processes:
+        yield Field(tmp_path, processes)
 
 
 def test_agents_launch_by_order_and_fly_on_without_the_router(place: Field) -> None:
@@ -97,11 +68,7 @@ def test_agents_launch_by_order_and_fly_on_without_the_router(place: Field) -> N
     for agent in (one, two):
         read_until(agent, "[network-reached]")
 
-    def both_stand_by() -> bool:
-        seen = place.run("watch", "--once")
-        return seen.returncode == 0 and seen.stdout.count("standby") == 2
-
-    assert eventually(both_stand_by)
+    until(lambda: place.run("watch", "--once").stdout.count("standby") == 2, lambda: "not both on standby")
     launched = place.run("order", "launch", "--all")
     taken = [order_line("launch", VehicleAnswer(n, f"uav{n}", "taken")) for n in (1, 2)]
     assert (launched.returncode, launched.stdout.splitlines()) == (0, taken)

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 
 import pytest
 from pymavlink import mavutil
+from swarmctl_process import read_until, run, started
 
 pytestmark = [pytest.mark.interop, pytest.mark.full]
 
-SWARMCTL = [sys.executable, "-c", "from swarmctl.cli.entry import main; main()"]
 SMALL = """\
 name: watched
 area: {origin_lat_deg: 46.0, origin_lon_deg: 14.4, rows: 8, cols: 8, cell_size_m: 50}
@@ -27,22 +26,11 @@ def test_a_forwarded_station_sees_the_whole_flight_and_the_evidence_is_whole(tmp
     (tmp_path / "watched.yaml").write_text(SMALL)
     station = mavutil.mavlink_connection("udpin:127.0.0.1:0", source_system=250)
     port = station.port.getsockname()[1]
-    closed_endpoint = "tcpout:127.0.0.1:9"
-    words = [
-        "fly",
-        "--config",
-        "watched.yaml",
-        "--forward",
-        f"udpout:127.0.0.1:{port}",
-        "--forward",
-        closed_endpoint,
-    ]
+    forward = ["--forward", f"udpout:127.0.0.1:{port}", "--forward", "tcpout:127.0.0.1:9"]  # a closed port
     seen: set[tuple[int, str]] = set()
     armed: set[int] = set()
     ends = time.monotonic() + LIMIT_S
-    with subprocess.Popen(
-        [*SWARMCTL, *words], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
-    ) as flight:
+    with started("fly", "--config", "watched.yaml", *forward, cwd=tmp_path) as flight:
         try:
             while flight.poll() is None and time.monotonic() < ends:
                 message = station.recv_match(blocking=True, timeout=0.5)
@@ -52,7 +40,6 @@ def test_a_forwarded_station_sees_the_whole_flight_and_the_evidence_is_whole(tmp
                         armed.add(message.get_srcSystem())
             output = flight.stdout.read() if flight.stdout is not None else ""
         finally:
-            flight.kill()
             station.close()
     assert flight.returncode == 0, output
     assert armed == {1, 2}
@@ -66,9 +53,7 @@ def test_a_forwarded_station_sees_the_whole_flight_and_the_evidence_is_whole(tmp
 
 def audit(cwd: Path) -> subprocess.CompletedProcess[str]:
     (folder,) = (cwd / "runs").iterdir()
-    return subprocess.run(
-        [*SWARMCTL, "audit", str(folder)], capture_output=True, text=True, timeout=LIMIT_S, check=False
-    )
+    return run("audit", folder, cwd=cwd)
 
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
@@ -76,17 +61,10 @@ def test_evidence_names_the_end_by_signal_and_is_not_closed_after_a_kill(
     tmp_path: Path, how: signal.Signals
 ) -> None:
     (tmp_path / "watched.yaml").write_text(f"{SMALL}flight: {{on_exit: land}}\n")
-    with subprocess.Popen(
-        [*SWARMCTL, "fly", "--config", "watched.yaml", "-v"], cwd=tmp_path, stdout=subprocess.PIPE, text=True
-    ) as flight:
-        try:
-            assert flight.stdout is not None
-            for line in flight.stdout:
-                if "uav1: launching → flying" in line:
-                    flight.send_signal(how)
-            flight.wait(LIMIT_S)
-        finally:
-            flight.kill()
+    with started("fly", "--config", "watched.yaml", "-v", cwd=tmp_path) as flight:
+        read_until(flight, "uav1: launching → flying")
+        flight.send_signal(how)
+        flight.communicate(timeout=LIMIT_S)
     audited = audit(tmp_path)
     if how is signal.SIGINT:
         assert audited.returncode == 0, audited.stderr

@@ -9,13 +9,12 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from swarmctl_process import ROOT, SWARMCTL, read_until, run
+from swarmctl_process import ROOT, read_until, run, started
 from zenoh_nodes import free_port
 
 pytestmark = pytest.mark.interop
@@ -26,17 +25,6 @@ name: small
 area: {origin_lat_deg: 46.0, origin_lon_deg: 14.4, rows: 8, cols: 8, cell_size_m: 50}
 threats: {count: 5}
 """
-
-
-@contextmanager
-def started(*words: str | Path, cwd: Path) -> Iterator[subprocess.Popen[str]]:
-    with subprocess.Popen(
-        [*SWARMCTL, *map(str, words)], cwd=cwd, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
-    ) as process:
-        try:
-            yield process
-        finally:
-            process.kill()
 
 
 @pytest.mark.full
@@ -205,10 +193,10 @@ def test_no_simulator_is_left_behind(tmp_path: Path) -> None:
     config.write_text(SMALL + "simulate: {count: 1, speedup: 20}\n")
     with started("fly", "--config", config, cwd=tmp_path) as process:
         read_until(process, "uav1: flying")
-        (simulator,) = children_with(f"--parent-pid\0{process.pid}\0")
+        (simulator,) = simulators_of(process)
         process.kill()
         process.wait(timeout=10.0)
-    assert ends_within(simulator, 10.0), "the simulator outlived the ground station"
+    assert has_ended(simulator), "the simulator outlived the ground station"
 
 
 @pytest.mark.full
@@ -229,7 +217,7 @@ def test_a_simulator_that_dies_is_reported_with_its_vehicles(tmp_path: Path) -> 
     config.write_text(SMALL + "simulate: {count: 1, speedup: 5, ready_s: 0}\n")
     with started("fly", "--config", config, cwd=tmp_path) as process:
         read_until(process, "uav1: flying")
-        (simulator,) = children_with(f"--parent-pid\0{process.pid}\0")
+        (simulator,) = simulators_of(process)
         os.kill(simulator, signal.SIGKILL)
         lines = read_until(process, "run folder:")
         assert process.wait(timeout=30.0) == 1
@@ -237,8 +225,9 @@ def test_a_simulator_that_dies_is_reported_with_its_vehicles(tmp_path: Path) -> 
     assert any(line.startswith("uav1: ") and line.endswith("[simulator-ended]") for line in lines)
 
 
-def children_with(mark: str) -> list[int]:
-    found = []
+def simulators_of(process: subprocess.Popen[str]) -> list[int]:
+    """Return the process ids of the simulators that a ground station has started."""
+    found, mark = [], f"--parent-pid\0{process.pid}\0"
     for path in Path("/proc").glob("[0-9]*/cmdline"):
         with suppress(OSError):  # the process has ended meanwhile
             if mark in path.read_text(errors="replace"):
@@ -246,12 +235,13 @@ def children_with(mark: str) -> list[int]:
     return found
 
 
-def ends_within(pid: int, seconds: float) -> bool:
+def has_ended(pid: int) -> bool:
+    """Return whether a process ends within 10 s."""
     try:
         process = os.pidfd_open(pid)
     except ProcessLookupError:
         return True
     try:
-        return bool(select.select([process], [], [], seconds)[0])
+        return bool(select.select([process], [], [], 10.0)[0])
     finally:
         os.close(process)

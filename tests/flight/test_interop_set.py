@@ -8,11 +8,12 @@ import re
 import signal
 import subprocess
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from swarmctl_process import ROOT, SWARMCTL, read_until
+from swarmctl_process import ROOT, read_until, run, started
 
 pytestmark = [pytest.mark.interop, pytest.mark.full]
 
@@ -36,35 +37,17 @@ class Place:
     def environment(self) -> dict[str, str]:
         return {**os.environ, "TMPDIR": str(self.folder), "PYTHONPATH": str(ROOT)}
 
-    def configuration(self, name: str) -> Path:
-        path = self.folder / f"{name}.yaml"
-        path.write_text(SMALL.replace("NAME", name))
-        return path
-
-    def fly(self, name: str) -> subprocess.Popen[str]:
-        words = ["fly", "--config", str(self.configuration(name)), "--out", str(self.folder / name)]
-        return subprocess.Popen(
-            [*SWARMCTL, *words],
-            cwd=self.folder,
-            env=self.environment,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-        )
+    def fly(self, name: str) -> AbstractContextManager[subprocess.Popen[str]]:
+        config = self.folder / f"{name}.yaml"
+        config.write_text(SMALL.replace("NAME", name))
+        words = ("fly", "--config", config, "--out", self.folder / name)
+        return started(*words, cwd=self.folder, env=self.environment)
 
     def set(self, *words: str) -> subprocess.CompletedProcess[str]:
         return self.run("set", *words)
 
     def run(self, *words: str, **variables: str) -> subprocess.CompletedProcess[str]:
-        return subprocess.run(
-            [*SWARMCTL, *words],
-            cwd=self.folder,
-            env=self.environment | variables,
-            timeout=60.0,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+        return run(*words, cwd=self.folder, env=self.environment | variables)
 
     def summary(self, name: str) -> dict[str, object]:
         (run,) = (self.folder / name).iterdir()
@@ -79,35 +62,31 @@ def place(tmp_path: Path) -> Place:
 
 def test_one_of_two_swarms_takes_a_command_and_the_other_is_unaffected(place: Place) -> None:
     with place.fly("one") as one, place.fly("two") as two:
-        try:
-            for flight in (one, two):
-                read_until(flight, "uav2: flying")
-            taken = place.set("--swarm", "one", "--uav", "uav2", "--w", "0.9")
-            assert (taken.returncode, taken.stderr) == (0, "")
-            assert re.match(r"uav2: w = 0\.9 .*\d", taken.stdout)
-            read_until(one, taken.stdout.strip().partition(";")[0])
+        for flight in (one, two):
+            read_until(flight, "uav2: flying")
+        taken = place.set("--swarm", "one", "--uav", "uav2", "--w", "0.9")
+        assert (taken.returncode, taken.stderr) == (0, "")
+        assert re.match(r"uav2: w = 0\.9 .*\d", taken.stdout)
+        read_until(one, taken.stdout.strip().partition(";")[0])
 
-            # Neither command changes a file, so both may run at the same time.
-            with ThreadPoolExecutor() as pool:
-                refused = [
-                    pool.submit(place.set, *words, "--w", "0.1")
-                    for words in (("--uav", "2"), ("--swarm", "one", "--uav", "7"))
-                ]
-            unclear, unknown = (done.result() for done in refused)
-            assert unclear.returncode == 2
-            assert "[which-swarm]" in unclear.stderr
-            assert re.search(r"\bone\b.* tcp/127\.0\.0\.1:", unclear.stderr)
-            assert unknown.returncode == 1
-            assert re.search(r"\b7\b.*\[unknown-vehicle\]", unknown.stderr)
+        # Neither command changes a file, so both may run at the same time.
+        with ThreadPoolExecutor() as pool:
+            refused = [
+                pool.submit(place.set, *words, "--w", "0.1")
+                for words in (("--uav", "2"), ("--swarm", "one", "--uav", "7"))
+            ]
+        unclear, unknown = (done.result() for done in refused)
+        assert unclear.returncode == 2
+        assert "[which-swarm]" in unclear.stderr
+        assert re.search(r"\bone\b.* tcp/127\.0\.0\.1:", unclear.stderr)
+        assert unknown.returncode == 1
+        assert re.search(r"\b7\b.*\[unknown-vehicle\]", unknown.stderr)
 
-            for flight in (one, two):
-                flight.send_signal(signal.SIGINT)
-            for flight in (one, two):
-                read_until(flight, "run folder:")
-                assert flight.wait(timeout=30.0) == 130
-        finally:
-            one.kill()
-            two.kill()
+        for flight in (one, two):
+            flight.send_signal(signal.SIGINT)
+        for flight in (one, two):
+            read_until(flight, "run folder:")
+            assert flight.wait(timeout=30.0) == 130
     changed, untouched = place.summary("one"), place.summary("two")
     assert changed["operator_commands"] == {"passed_on": 1, "refused": 1}
     assert untouched["operator_commands"] == {"passed_on": 0, "refused": 0}
@@ -124,21 +103,18 @@ def test_another_user_can_neither_land_nor_set_the_swarm_and_its_operator_can(pl
     (token := stranger.folder / "token").write_text("0123456789abcdef" * 4)
     token.chmod(0o600)
     with place.fly("one") as flight:
-        try:
-            read_until(flight, "uav2: flying")
-            (entry,) = (place.folder / f"swarmctl-{os.getuid()}").glob("one.*.json")
-            there = ["--swarm", "one", "--connect", json.loads(entry.read_text())["endpoint"]]
-            for words in (["abort", "land", "--all"], ["set", "--all", "--w", "0.9"]):
-                refused = stranger.run(*words, *there)
-                assert (refused.returncode, "[no-token]" in refused.stderr) == (1, True), refused
-                refused = stranger.run(*words, *there, SWARMCTL_TOKEN_FILE=str(token))
-                assert (refused.returncode, "[wrong-token]" in refused.stderr) == (1, True), refused
-            read_until(flight, "[wrong-token]")
-            taken = place.run("abort", "land", "--all", *there)
-            assert taken.returncode == 0, taken
-            read_until(flight, "run folder:")
-        finally:
-            flight.kill()
+        read_until(flight, "uav2: flying")
+        (entry,) = (place.folder / f"swarmctl-{os.getuid()}").glob("one.*.json")
+        there = ["--swarm", "one", "--connect", json.loads(entry.read_text())["endpoint"]]
+        for words in (["abort", "land", "--all"], ["set", "--all", "--w", "0.9"]):
+            refused = stranger.run(*words, *there)
+            assert (refused.returncode, "[no-token]" in refused.stderr) == (1, True), refused
+            refused = stranger.run(*words, *there, SWARMCTL_TOKEN_FILE=str(token))
+            assert (refused.returncode, "[wrong-token]" in refused.stderr) == (1, True), refused
+        read_until(flight, "[wrong-token]")
+        taken = place.run("abort", "land", "--all", *there)
+        assert taken.returncode == 0, taken
+        read_until(flight, "run folder:")
     assert place.summary("one")["operator_commands"] == {"passed_on": 1, "refused": 2}
 
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import subprocess
 from pathlib import Path
 
 import pytest
 from cli_runner import swarmctl
 from simulator_process import free_udp_port, simulator
-from swarmctl_process import SWARMCTL, read_until, run
+from swarmctl_process import read_until, run, started
 
 from swarmctl.report.unfinished_run import CONTINUED
 
@@ -52,15 +51,11 @@ def test_a_killed_station_is_continued(tmp_path: Path) -> None:
     )
     url = f"udpout://127.0.0.1:{port}"
     with simulator("--scenario", str(vehicles), "--url", url, "--speedup", "5", errors=lambda _: True):
-        command = [*SWARMCTL, "fly", "--config", str(config)]
-        with subprocess.Popen(
-            command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
-        ) as station:
+        with started("fly", "--config", config, cwd=tmp_path) as station:
             read_until(station, "beta: flying")
             (folder,) = (tmp_path / "runs").iterdir()
             again = swarmctl("fly", "--resume", folder)
             assert (again.exit_code, "[still-running]" in again.output) == (1, True)
-            station.kill()
         done = run("fly", "--resume", "last", cwd=tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
     # On a busy machine a vehicle may have landed before.

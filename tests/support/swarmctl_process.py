@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
@@ -12,10 +14,28 @@ ROOT = Path(__file__).parents[2]
 SWARMCTL = [sys.executable, "-c", "from swarmctl.cli.entry import main; main()"]
 
 
-def run(*words: str | Path, cwd: Path, timeout_s: float = 90.0) -> subprocess.CompletedProcess[str]:
+def run(
+    *words: str | Path, cwd: Path, timeout_s: float = 90.0, env: Mapping[str, str] | None = None
+) -> subprocess.CompletedProcess[str]:
+    command = [*SWARMCTL, *map(str, words)]
     return subprocess.run(
-        [*SWARMCTL, *map(str, words)], cwd=cwd, timeout=timeout_s, capture_output=True, text=True, check=False
+        command, cwd=cwd, env=env, timeout=timeout_s, capture_output=True, text=True, check=False
     )
+
+
+@contextmanager
+def started(
+    *words: str | Path, cwd: Path, env: Mapping[str, str] | None = None
+) -> Iterator[subprocess.Popen[str]]:
+    """Run the program during the block, with errors in its output, and kill it at the end."""
+    command = [*SWARMCTL, *map(str, words)]
+    with subprocess.Popen(
+        command, cwd=cwd, env=env, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    ) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
 
 
 def read_until(process: subprocess.Popen[str], text: str) -> list[str]:
