@@ -43,41 +43,27 @@ def flown(scenario: Scenario, folder: Path, ui: Ui | None = None) -> list[dict[s
     return vehicles
 
 
-@pytest.fixture(scope="module")
-def unbounded(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
-    return flown(swarm({"name": "dijkstra", "w": 1.0}), tmp_path_factory.mktemp("unbounded"))
-
-
 @pytest.mark.full
-def test_without_a_bound_the_least_exposed_routes_take_longer(unbounded: list[dict[str, Any]]) -> None:
-    assert all(vehicle["arrived_s"] > WITHIN_S for vehicle in unbounded)
-    assert all(vehicle["arrival_bound_kept"] is None for vehicle in unbounded)
-    assert all(vehicle["last_plan"]["searched"] == [] for vehicle in unbounded)
+def test_without_a_bound_the_least_exposed_routes_take_longer(tmp_path: Path) -> None:
+    for vehicle in flown(swarm({"name": "dijkstra", "w": 1.0}), tmp_path):
+        assert vehicle["arrived_s"] > WITHIN_S
+        assert vehicle["arrival_bound_kept"] is None
+        assert vehicle["last_plan"]["searched"] == []
 
 
 @pytest.mark.parametrize("planner", [pytest.param("time_bound", marks=pytest.mark.full), "constrained"])
-def test_with_a_bound_the_swarm_arrives_in_time(
-    planner: str, unbounded: list[dict[str, Any]], tmp_path: Path
-) -> None:
-    vehicles = flown(swarm({"name": planner}, arrive_within_s=WITHIN_S), tmp_path)
-    for vehicle, free in zip(vehicles, unbounded, strict=True):
+def test_with_a_bound_the_swarm_arrives_in_time(planner: str, tmp_path: Path) -> None:
+    for vehicle in flown(swarm({"name": planner}, arrive_within_s=WITHIN_S), tmp_path):
         assert vehicle["arrive_within_s"] == WITHIN_S
         assert vehicle["arrived_s"] <= WITHIN_S
         assert vehicle["arrival_bound_kept"] is True
-        assert vehicle["flown_m"] < free["flown_m"]
-        assert vehicle["last_plan"]["searched"]
-
-
-@pytest.mark.full
-def test_the_lower_bound_of_the_last_plan_is_in_the_summary(tmp_path: Path) -> None:
-    for vehicle in flown(swarm({"name": "constrained"}, arrive_within_s=WITHIN_S), tmp_path):
         plan = vehicle["last_plan"]
-        assert plan["lower_bound"] == pytest.approx(plan["cost"])
         assert set(plan["searched"][0]) == {"w", "length_cells", "exposure_sum"}
+        assert (plan["lower_bound"] is not None) is (planner == "constrained")
 
 
 @pytest.mark.full
-def test_an_arrival_window_is_kept_at_both_ends(unbounded: list[dict[str, Any]], tmp_path: Path) -> None:
+def test_an_arrival_window_is_kept_at_both_ends(tmp_path: Path) -> None:
     scenario = swarm(
         {"name": "time_bound", "options": {"minimise": "distance"}},
         arrive_after_s=104.0,

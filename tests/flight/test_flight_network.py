@@ -41,11 +41,21 @@ def test_a_swarm_on_a_poor_network_arrives_and_agrees(tmp_path: Path) -> None:
     assert record.replay(tmp_path / "run.mcap").difference == ""
 
 
-def test_the_network_follows_the_seed(tmp_path: Path) -> None:
-    for name in ("a", "b"):
-        fly(small(communication=POOR, simulate=FOUR), tmp_path / name)
-    for file in ("run.mcap", "summary.json", "map.png"):
-        assert (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes(), file
+def test_equal_seeds_leave_equal_files_and_another_seed_does_not(tmp_path: Path) -> None:
+    """Hostiles, their number, sensors, the network and the vehicles draw from the seed."""
+    drawn = {
+        "threats": {"count": {"distribution": "uniform", "min": 3, "max": 8}},
+        "sensor": {"p_miss": 0.2, "p_false_alarm": 0.05},
+        "communication": POOR,
+        "simulate": FOUR,
+    }
+    runs = [tmp_path / name for name in ("one", "same", "other")]
+    for run, seed in zip(runs, (3, 3, 4), strict=True):
+        fly(small(**drawn, seed=seed), run)
+    for file in ("run.mcap", "summary.json", "map.png", "uav1.plan", "uav1.tlog"):
+        one, same, other = ((run / file).read_bytes() for run in runs)
+        assert one == same, file
+        assert one != other, file
 
 
 def test_network_delay_separates_observation_and_belief(tmp_path: Path) -> None:

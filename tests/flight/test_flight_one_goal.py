@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from flights import AREA, SEPARATION_WAIVED, Ui, fly, small
+from profiles import full_only
 from trouble import Trouble, inject
 
 from sim_vehicle.truth import Truth
@@ -92,11 +93,7 @@ def flown(
     return report, monitor, ui
 
 
-SWARMS = [two, three, six]
-
-
-@pytest.mark.full
-@pytest.mark.parametrize("swarm", SWARMS)
+@pytest.mark.parametrize("swarm", [two, *full_only(three, six)])
 def test_vehicles_that_arrive_at_one_goal_together_land_apart(
     swarm: Callable[[], Scenario], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -107,22 +104,16 @@ def test_vehicles_that_arrive_at_one_goal_together_land_apart(
     goes_on = [line for line in ui.said if line.endswith("[descent-clear]")]
     assert len(goes_on) >= len(waits)
     assert report.summary["separation"]["plans_in_flight"]["by_waiting"] >= len(waits)
+    # A vehicle in the landing queue has arrived with the others.
+    assert report.summary["arrival"]["spread_s"] < 3.0
     assert record.replay(tmp_path / "run.mcap").difference == ""
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("swarm", SWARMS[2:])
 def test_without_the_landing_queue_and_the_last_resort_vehicles_come_too_close(
-    swarm: Callable[[], Scenario], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(landing_queue, "_may_wait", lambda _state: False)
     monkeypatch.setattr(step, "stop_in_time", lambda state: (state, []))
-    _, monitor, _ = flown(swarm(), tmp_path, monkeypatch)
+    _, monitor, _ = flown(six(), tmp_path, monkeypatch)
     assert any(len(times) > 1 for times in monitor.too_close.values())
-
-
-def test_a_vehicle_in_the_landing_queue_has_arrived_with_the_others(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    report, _, _ = flown(two(), tmp_path, monkeypatch)
-    assert report.summary["arrival"]["spread_s"] < 3.0

@@ -85,10 +85,17 @@ def test_the_header_states_the_effect_of_ctrl_c(tmp_path: Path, monkeypatch: pyt
 
 
 @pytest.mark.full
-def test_a_silent_vehicle_is_shown_as_lost_and_its_loss_is_reported(tmp_path: Path) -> None:
-    ui = Ui()
+def test_a_silent_vehicle_is_shown_as_lost_and_its_loss_is_reported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ui, drawn = Ui(), list[MapPicture]()
+    monkeypatch.setattr(sheet, "draw_map", lambda path, picture: drawn.append(picture))
     scenario = small(flight={"altitude_m": 15.0, "lost_timeout_s": 40.0})
     report = fly(scenario, tmp_path, address_of=silent(25.0), ui=ui)
+    assert not report.all_arrived
+    assert [(track.outcome, track.is_lost) for track in drawn[0].tracks] == [
+        ("arrived", False), ("lost", True), ("arrived", False),
+    ]  # fmt: skip
     (line,) = coded(ui.said, "uav2", "given-up")
     assert "40 s" in line
     (outcome,) = (v["outcome"] for v in report.summary["vehicles"] if v["name"] == "uav2")
@@ -108,17 +115,6 @@ def test_a_silent_vehicle_is_shown_as_lost_and_its_loss_is_reported(tmp_path: Pa
     (shown,) = (text for text in page.getvalue().splitlines() if text.split()[:1] == ["uav2"])
     assert "given up" in shown
     assert "flying" not in shown
-
-
-@pytest.mark.full
-def test_the_map_marks_a_lost_vehicle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    drawn: list[MapPicture] = []
-    monkeypatch.setattr(sheet, "draw_map", lambda path, picture: drawn.append(picture))
-    scenario = small(flight={"altitude_m": 15.0, "lost_timeout_s": 40.0})
-    fly(scenario, tmp_path, address_of=silent(25.0))
-    assert [(track.outcome, track.is_lost) for track in drawn[0].tracks] == [
-        ("arrived", False), ("lost", True), ("arrived", False),
-    ]  # fmt: skip
 
 
 def arms(sysid: int) -> Callable[[Fleet], None]:
