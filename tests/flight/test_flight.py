@@ -18,8 +18,7 @@ from hypothesis import strategies as st
 from interruptions import interrupting, silent
 from mcap.reader import make_reader
 from profiles import examples
-from pymavlink import mavutil
-from recorded import effects, messages
+from recorded import effects, messages, on_the_wire
 
 from swarmctl.agent.phases import Phase
 from swarmctl.config import model
@@ -149,14 +148,11 @@ def test_the_layout_shows_topics_that_the_record_has(shipped: tuple[Scenario, Fl
 def test_pymavlink_reads_the_tlog_of_each_vehicle(shipped: tuple[Scenario, FlightReport, Path]) -> None:
     _, _, folder = shipped
     for sysid in range(1, 6):
-        log = mavutil.mavlink_connection(str(folder / f"uav{sysid}.tlog"))
-        seen: Counter[tuple[int, str]] = Counter()
-        while (message := log.recv_match()) is not None:
-            seen[message.get_srcSystem(), message.get_type()] += 1
+        messages_on_the_wire = on_the_wire(folder, f"uav{sysid}")
+        seen = Counter((m.get_srcSystem(), m.get_type()) for m in messages_on_the_wire)
         assert seen[sysid, "HEARTBEAT"] > 100
         assert seen[255, "MISSION_COUNT"] >= 1
         assert {system for system, _ in seen} == {sysid, 255}
-        log.close()
 
 
 def test_the_plan_files_hold_the_last_missions(shipped: tuple[Scenario, FlightReport, Path]) -> None:

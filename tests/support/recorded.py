@@ -1,4 +1,4 @@
-"""Contents of a run folder's `run.mcap`, by a reader independent of the program."""
+"""Contents of a run folder's `run.mcap` and tlogs, by readers independent of the program."""
 
 from __future__ import annotations
 
@@ -8,6 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from mcap.reader import make_reader
+from pymavlink import mavutil
+
+from swarmctl.config.scenario import Scenario
 
 
 def messages(folder: Path, topic: str) -> Iterator[dict[str, Any]]:
@@ -31,3 +34,25 @@ def _of(folder: Path, topic: str, key: str, kind: str, vehicle: str | None) -> I
     for record in messages(folder, topic):
         if record[key]["type"] == kind and vehicle in (None, record["vehicle"]):
             yield record
+
+
+def on_the_wire(folder: Path, name: str) -> Iterator[Any]:
+    """Yield the messages of a vehicle's tlog, those of the ground station too."""
+    log = mavutil.mavlink_connection(str(folder / f"{name}.tlog"))
+    try:
+        while (message := log.recv_match()) is not None:
+            yield message
+    finally:
+        log.close()
+
+
+def first_heartbeats(folder: Path, scenario: Scenario) -> list[Any]:
+    """Return the first heartbeat of each vehicle in its tlog."""
+    return [
+        next(
+            message
+            for message in on_the_wire(folder, spec.name)
+            if (message.get_srcSystem(), message.get_type()) == (spec.sysid, "HEARTBEAT")
+        )
+        for spec in scenario.specs
+    ]
