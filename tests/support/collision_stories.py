@@ -15,8 +15,8 @@ from swarmctl.core.frames import StateShared
 class ApproachStory(Story):
     """Vehicle 2 flies east along row 4 at 10 m/s; `other` delivers a state of vehicle 1 or 3."""
 
-    def __init__(self, action: AvoidanceAction = "hold", uav: int = 2, **changes: Any) -> None:
-        super().__init__(uav=uav, separation=replace(SeparationRules(), action=action), **changes)
+    def __init__(self, action: AvoidanceAction = "hold", **changes: Any) -> None:
+        super().__init__(uav=2, separation=replace(SeparationRules(), action=action), **changes)
         self.flying()
         self.at(100.0)
 

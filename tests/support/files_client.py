@@ -43,8 +43,8 @@ class FileStation(Station):
 class MessageCodec:
     """The MAVLink encoding between a ground station and the code under test."""
 
-    def __init__(self, *, sysid: int = 255, compid: int = 190) -> None:
-        self._station = mavlink.MAVLink(None, srcSystem=sysid, srcComponent=compid)
+    def __init__(self, *, sysid: int = 255) -> None:
+        self._station = mavlink.MAVLink(None, srcSystem=sysid, srcComponent=190)
         self._vehicle = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
         self._decoder = mavlink.MAVLink(None)
 

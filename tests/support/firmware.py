@@ -14,7 +14,7 @@ from typing import Any
 
 import yaml
 from firmware_builds import Builds
-from firmware_witness import Fix, Seen, Witness
+from firmware_witness import Seen, Witness
 from flown_cells import Flown, flown
 from namespaces import BridgedNetwork, Process, bridged_network
 from swarmctl_process import ROOT, SWARMCTL
@@ -172,17 +172,17 @@ class Airfield:
             self.keep(FLOWN, str(found[name]))
         return found
 
-    def distance_from_m(self, name: str, place: LatLon, fix: Fix | None = None) -> float:
-        """Return the distance of a vehicle from a place, by its last position or a given one."""
-        at = fix or self.witness[self.sysids[name]].fixes[-1]
+    def distance_from_m(self, name: str, place: LatLon) -> float:
+        """Return the distance of a vehicle's last position from a place."""
+        at = self.witness[self.sysids[name]].fixes[-1]
         return distance_m((at.lat_deg, at.lon_deg), place)
 
     def distance_from_goal_m(self, name: str) -> float:
         centre = self.scenario.grid.centre
         return min(self.distance_from_m(name, centre(goal)) for goal in self._spec(name).goals)
 
-    def distance_from_start_m(self, name: str, fix: Fix | None = None) -> float:
-        return self.distance_from_m(name, self._spec(name).start, fix)
+    def distance_from_start_m(self, name: str) -> float:
+        return self.distance_from_m(name, self._spec(name).start)
 
     def _spec(self, name: str) -> Spec:
         return next(one for one in self.scenario.specs if one.name == name)

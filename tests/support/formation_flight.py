@@ -388,13 +388,14 @@ class FormationFlight:
         )
 
 
-def least_distance_m(samples: Sequence[Sample], members: Sequence[int], up_m: float = 5.0) -> float:
+def least_distance_m(samples: Sequence[Sample], members: Sequence[int]) -> float:
+    """Return the least horizontal distance between members within 5 m in height."""
     least = math.inf
     for sample in samples:
         for a, i in enumerate(members):
             for j in members[a + 1 :]:
                 p, q = sample.positions[i], sample.positions[j]
-                if abs(p[2] - q[2]) < up_m:
+                if abs(p[2] - q[2]) < 5.0:
                     least = min(least, math.dist(p[:2], q[:2]))
     return least
 

@@ -100,9 +100,9 @@ def seen(folder: Path, scenario: Scenario) -> Mapping[int, list[Seen]]:
     return rows
 
 
-def settled(rows: list[Seen], since_s: float, within_m: float = 3.0) -> list[Seen]:
+def settled(rows: list[Seen], since_s: float) -> list[Seen]:
     """Return the messages from the member's first arrival at its place on, after a time of its clock."""
-    first = next(i for i, row in enumerate(rows) if row.boot_s > since_s and row.error_m < within_m)
+    first = next(i for i, row in enumerate(rows) if row.boot_s > since_s and row.error_m < 3.0)
     return rows[first:]
 
 

@@ -52,8 +52,9 @@ def rows(factors: Mapping[str, Sequence[Any]], n_worlds: int = 30, n_vehicles: i
     return pd.concat(tables, ignore_index=True)
 
 
-def tracks(table: pd.DataFrame, size: int = 20) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return tracks and hostiles of seed 0 in an area of `size` × `size` cells."""
+def tracks(table: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Return tracks and hostiles of seed 0 in an area of 20 × 20 cells."""
+    size = 20
     rng = np.random.default_rng(3)
     parts = []
     for (level, uav), _ in table[table["seed"] == 0].groupby(["level", "uav"]):

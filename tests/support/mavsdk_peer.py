@@ -93,10 +93,13 @@ class Vehicle:
             assert updated, f"{what}: not within {limit_s} s; mode {self.mode.name}, texts {self.texts[-5:]}"
             self._update.clear()
 
-    def ask_for_telemetry(self, rate_hz: float = 10.0) -> None:
-        """Request telemetry: ArduPilot streams little by default, and no plug-in requests mission states."""
+    def ask_for_telemetry(self) -> None:
+        """Request telemetry at 10 Hz.
+
+        ArduPilot streams little by default, and no plug-in requests mission states.
+        """
         for what in ARDUPILOT_RATES:
-            getattr(self.telemetry, f"set_rate_{what}")(rate_hz)
+            getattr(self.telemetry, f"set_rate_{what}")(10.0)
         self.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAVLINK_MSG_ID_MISSION_CURRENT, 2e5)
 
     def command(self, number: int, *params: float) -> None:
@@ -128,8 +131,8 @@ class Vehicle:
         if self.px4:
             self.in_mode(FlightMode.HOLD)
 
-    def in_mode(self, mode: FlightMode, limit_s: float = FLIGHT_S) -> None:
-        self.until(lambda: self.mode == mode, f"mode {mode.name}", limit_s)
+    def in_mode(self, mode: FlightMode) -> None:
+        self.until(lambda: self.mode == mode, f"mode {mode.name}")
 
     def disarmed(self) -> None:
         self.until(lambda: not self.telemetry.armed(), "disarmed")
@@ -184,11 +187,11 @@ class MavsdkPeer:
     def _on_update(self, _user_data: Any) -> None:
         self._found.set()
 
-    def take(self, personality: str, *, telemetry: bool = True) -> Vehicle:
+    def take(self, personality: str) -> Vehicle:
         """Return an unused vehicle; request telemetry from an ArduPilot."""
         vehicle = Vehicle(self._untouched(personality), personality)
         self._vehicles.append(vehicle)
-        if telemetry and not vehicle.px4:
+        if not vehicle.px4:
             vehicle.ask_for_telemetry()
         return vehicle
 
@@ -229,14 +232,14 @@ class StreamedValues:
     def __call__(self, value: Any, *_: Any) -> None:
         self._queue.put(value)
 
-    def next(self, limit_s: float = LIMIT_S) -> Any:
-        value = self._queue.get(timeout=limit_s)
+    def next(self) -> Any:
+        value = self._queue.get(timeout=LIMIT_S)
         self.seen.append(value)
         return value
 
-    def until(self, condition: Callable[[Any], bool], limit_s: float = LIMIT_S) -> Any:
+    def until(self, condition: Callable[[Any], bool]) -> Any:
         """Return the first value that satisfies a condition."""
-        while not condition(value := self.next(limit_s)):
+        while not condition(value := self.next()):
             pass
         return value
 

@@ -28,12 +28,12 @@ def plan(*points_m: tuple[float, float], up_m: float = 40.0) -> FlightPlan:
     return FlightPlan(up_m, track, track[-1])
 
 
-def flight(*points_m: tuple[float, float], speed_m_s: float = 10.0, up_m: float = 40.0) -> Trajectory:
-    """Return a trajectory with a climb of 16 s, the points, and a descent of 40 s."""
-    times_s, points = [0.0, 16.0], [(*points_m[0], 0.0), (*points_m[0], up_m)]
+def flight(*points_m: tuple[float, float]) -> Trajectory:
+    """Return a trajectory at 10 m/s with a climb of 16 s to 40 m, the points, and a descent of 40 s."""
+    times_s, points = [0.0, 16.0], [(*points_m[0], 0.0), (*points_m[0], 40.0)]
     for a, b in pairwise(points_m):
-        times_s.append(times_s[-1] + math.dist(a, b) / speed_m_s)
-        points.append((*b, up_m))
+        times_s.append(times_s[-1] + math.dist(a, b) / 10.0)
+        points.append((*b, 40.0))
     return Trajectory((*times_s, times_s[-1] + 40.0), (*points, (*points_m[-1], 0.0)))
 
 

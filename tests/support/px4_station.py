@@ -18,7 +18,7 @@ TAKEOFF, HOLD, MISSION, RETURN, LAND, FOLLOW = 2, 3, 4, 5, 6, 8
 NAN = math.nan
 
 
-def px4_scenario(kind: str = "copter", params: dict[str, float] | None = None) -> Scenario:
+def px4_scenario(kind: str, params: dict[str, float] | None) -> Scenario:
     vehicle = {
         "sysid": 1,
         "lat_deg": LAT_DEG,
@@ -40,9 +40,8 @@ class Px4Station(Station):
         *,
         ready_s: float | None = 0.0,
         params: dict[str, float] | None = None,
-        sysid: int = 255,
     ) -> None:
-        super().__init__(Fleet(px4_scenario(kind, params), ready_s=ready_s), sysid=sysid)
+        super().__init__(Fleet(px4_scenario(kind, params), ready_s=ready_s))
 
     def change(self, main: int, sub: int = 0) -> int:
         return self.command(mavlink.MAV_CMD_DO_SET_MODE, 1, main, sub)
@@ -104,10 +103,11 @@ class Px4Station(Station):
             )
         )
 
-    def stream_setpoints(self, seconds: float, *target_m: float, hz: float = 10.0) -> None:
-        for _ in range(round(seconds * hz)):
+    def stream_setpoints(self, seconds: float, *target_m: float) -> None:
+        """Send the set-point ten times a second."""
+        for _ in range(round(seconds * 10.0)):
             self.setpoint(*target_m)
-            self.wait(1.0 / hz)
+            self.wait(0.1)
 
 
 class QuietPx4Station(Px4Station):

@@ -58,9 +58,9 @@ def run(*arguments: str, before: str = "", steps: str = "") -> subprocess.Comple
     )  # fmt: skip
 
 
-def line(process: Any, limit_s: float = LIMIT_S) -> str:
+def line(process: Any) -> str:
     """Return the next line of standard output; fail without one. Lines must be read one at a time."""
-    assert select.select([process.stdout], [], [], limit_s)[0], f"no line within {limit_s} s"
+    assert select.select([process.stdout], [], [], LIMIT_S)[0], f"no line within {LIMIT_S} s"
     return str(process.stdout.readline())
 
 

@@ -70,11 +70,9 @@ def waypoints(count: int, **changes: Any) -> list[dict[str, Any]]:
     return [fields(seq, **changes) for seq in range(count)]
 
 
-def square(
-    command: int = POLYGON, side_e7: int = 10_000, vertices: int = 4, frame: int = 0
-) -> list[dict[str, Any]]:
+def square(command: int = POLYGON, vertices: int = 4, frame: int = 0) -> list[dict[str, Any]]:
     """Return a square fence as four items that announce `vertices`."""
-    corners = ((0, 0), (side_e7, 0), (side_e7, side_e7), (0, side_e7))
+    corners = ((0, 0), (10_000, 0), (10_000, 10_000), (0, 10_000))
     return [
         fields(seq, command, frame=frame, param1=vertices, x=460_000_000 + dx, y=145_000_000 + dy, z=0.0)
         for seq, (dx, dy) in enumerate(corners)
