@@ -6,11 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from failsafe_faults import outage, sagging
 from flights import Ui, coded, fly, small
 from profiles import full_only
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from trouble import Trouble, fly_with, inject, select_mode
+from trouble import Trouble, fly_with, inject, outage, sagging, select_mode
 
 from swarmctl.agent.failsafes.base import DemandKind
 from swarmctl.agent.phases import Phase

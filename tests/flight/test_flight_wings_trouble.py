@@ -6,9 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from failsafe_faults import outage, sagging
 from flights import coded
-from trouble import Trouble, fly_with
+from trouble import fly_with, outage, sagging
 from wings_flights import away_m, winged
 
 from swarmctl.agent.replan.landing_pattern import ROLL_OUT_M
@@ -69,16 +68,7 @@ def test_a_fixed_wing_at_the_emergency_battery_level_is_left_to_its_own_failsafe
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """PX4 then lands where it is; no order contradicts it."""
-    trouble = Trouble(
-        faults=[
-            {
-                "fault": "battery_sag",
-                "params": {"at_most": 0.04, "sag_v": 0.0},
-                "vehicles": [2],
-                "at_s": 30.0,
-            }
-        ]
-    )
+    trouble = sagging(0.04)
     report, _ = fly_with(trouble, tmp_path, monkeypatch, scenario=pair(rules={"low_battery": None}))
     assert trouble.modes[2][-1] == "Land"
     assert report.states[2].phase == "released"

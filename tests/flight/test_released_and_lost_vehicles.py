@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import asyncio
 import io
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +12,7 @@ from interruptions import interrupting, silent
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from recorded import events
 from rich.console import Console
-from trouble import Trouble, fly_with, inject, select_mode
+from trouble import Trouble, another_station_sends, fly_with, inject, select_mode
 
 from sim_vehicle.fleet import Fleet
 from swarmctl.agent.phases import Phase
@@ -117,22 +115,17 @@ def test_a_silent_vehicle_is_shown_as_lost_and_its_loss_is_reported(
     assert "flying" not in shown
 
 
-def arms(sysid: int) -> Callable[[Fleet], None]:
-    """Return an action of another station that arms a vehicle without its pre-arm checks."""
-
-    def action(fleet: Fleet) -> None:
-        station = mavlink.MAVLink(None, 200, 190)
-        arm = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
-        message = station.command_long_encode(sysid, 1, arm, 0, 1, 21196, 0, 0, 0, 0, 0)
-        fleet.receive(message.pack(station), asyncio.get_running_loop().time(), peer="another station")
-
-    return action
+def arm_second(fleet: Fleet) -> None:
+    """Let another station arm the second vehicle without its pre-arm checks."""
+    arm = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
+    message = mavlink.MAVLink_command_long_message(2, 1, arm, 0, 1, 21196, 0, 0, 0, 0, 0)
+    another_station_sends(fleet, message)
 
 
 def armed_early() -> Trouble:
     """Return the arming of the second vehicle by another station before the first vehicle is ready."""
     unfit = {"fault": "sensor_unhealthy", "params": {"sensor": "mag"}, "vehicles": [1], "for_s": 15.0}
-    return Trouble(faults=[unfit], actions=[(10.0, arms(2))])
+    return Trouble(faults=[unfit], actions=[(10.0, arm_second)])
 
 
 @pytest.mark.full

@@ -12,7 +12,7 @@ from typing import Any
 
 from flights import AREA, STATION, small
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from trouble import OTHER_STATION, Trouble
+from trouble import Trouble, another_station_sends, mode_message
 
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.vehicle.behaviour import Behaviour
@@ -167,18 +167,11 @@ def _chooses(fleet: Fleet, uav: int, behaviour: Behaviour) -> None:
     personality = fleet.vehicles[fleet.sysids.index(uav)].personality
     if all(mode.behaviour is not behaviour for mode in personality.modes.by_number.values()):
         behaviour = Behaviour.RETURN  # ArduPlane has no mode that lands
-    number = personality.modes.of(behaviour).number
-    enabled = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
-    _sends(fleet, mavlink.MAVLink_set_mode_message(uav, enabled, number))
+    another_station_sends(fleet, mode_message(uav, personality.modes.of(behaviour).number))
 
 
 def _empties(fleet: Fleet, uav: int) -> None:
-    _sends(fleet, mavlink.MAVLink_mission_count_message(uav, 1, 0, 0))
-
-
-def _sends(fleet: Fleet, message: Any) -> None:
-    station = mavlink.MAVLink(None, OTHER_STATION, 190)
-    fleet.receive(message.pack(station), asyncio.get_running_loop().time(), peer="another station")
+    another_station_sends(fleet, mavlink.MAVLink_mission_count_message(uav, 1, 0, 0))
 
 
 def _operator(drawn: RandomFlight, rng: random.Random, uav: int) -> None:

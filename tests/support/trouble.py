@@ -57,17 +57,31 @@ class Trouble:
                 modes.append(mode)
 
 
+def sagging(share: float) -> Trouble:
+    """Return a fault that limits the second vehicle's charge to this share after 30 s."""
+    params = {"at_most": share, "sag_v": 0.0}
+    return Trouble(faults=[{"fault": "battery_sag", "params": params, "vehicles": [2], "at_s": 30.0}])
+
+
+def outage(for_s: float) -> Trouble:
+    """Return a lost link of the second vehicle after 30 s."""
+    return Trouble(faults=[{"fault": "link_outage", "vehicles": [2], "at_s": 30.0, "for_s": for_s}])
+
+
+def another_station_sends(fleet: Fleet, message: mavlink.MAVLink_message, now: float | None = None) -> None:
+    """Deliver another station's message; `now` is the loop's time unless given."""
+    at_s = asyncio.get_running_loop().time() if now is None else now
+    station = mavlink.MAVLink(None, OTHER_STATION, 190)
+    fleet.receive(message.pack(station), at_s, peer="another station")
+
+
+def mode_message(sysid: int, number: int) -> mavlink.MAVLink_message:
+    return mavlink.MAVLink_set_mode_message(sysid, mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, number)
+
+
 def select_mode(sysid: int, mode: str) -> Callable[[Fleet], None]:
     """Return an action of another station that selects a mode, as a pilot's switch does."""
-
-    def action(fleet: Fleet) -> None:
-        station = mavlink.MAVLink(None, OTHER_STATION, 190)
-        enabled = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
-        message = station.set_mode_encode(sysid, enabled, MODES[mode])
-        now = asyncio.get_running_loop().time()
-        fleet.receive(message.pack(station), now, peer="another station")
-
-    return action
+    return lambda fleet: another_station_sends(fleet, mode_message(sysid, MODES[mode]))
 
 
 def inject(trouble: Trouble, monkeypatch: pytest.MonkeyPatch) -> None:
