@@ -35,14 +35,17 @@ ALONE, PAIR = ({"count": n, "ready_s": 3.0} for n in (1, 2))
 SHIPPED = Path(__file__).parents[2] / "configs" / "swarm.yaml"
 
 
+Shipped = tuple[Scenario, FlightReport, Path]
+
+
 @pytest.fixture(scope="module")
-def shipped(tmp_path_factory: pytest.TempPathFactory) -> tuple[Scenario, FlightReport, Path]:
+def shipped(tmp_path_factory: pytest.TempPathFactory) -> Shipped:
     scenario = build(model.load(SHIPPED, check_config))
     folder = tmp_path_factory.mktemp("shipped")
     return scenario, fly(scenario, folder), folder
 
 
-def test_the_shipped_swarm_arrives(shipped: tuple[Scenario, FlightReport, Path]) -> None:
+def test_the_shipped_swarm_arrives(shipped: Shipped) -> None:
     _, report, _ = shipped
     assert report.trouble == ()
     assert [s.outcome for s in report.states.values()] == ["arrived"] * 5
@@ -64,13 +67,13 @@ def test_normal_preparation_shows_neither_notes_nor_warnings(tmp_path: Path) -> 
     assert {(row.note, row.link, row.silence) for row in on_ground} <= {("", OK, ""), ("", NOT_YET, "")}
 
 
-def test_every_agent_ends_with_the_same_belief(shipped: tuple[Scenario, FlightReport, Path]) -> None:
+def test_every_agent_ends_with_the_same_belief(shipped: Shipped) -> None:
     _, report, _ = shipped
     beliefs = {s.belief.known.tobytes() for s in report.states.values()}
     assert len(beliefs) == 1
 
 
-def test_beliefs_match_the_true_hostiles(shipped: tuple[Scenario, FlightReport, Path]) -> None:
+def test_beliefs_match_the_true_hostiles(shipped: Shipped) -> None:
     scenario, report, _ = shipped
     known = report.states[1].belief.known
     for row in range(20):
@@ -79,9 +82,7 @@ def test_beliefs_match_the_true_hostiles(shipped: tuple[Scenario, FlightReport, 
                 assert known[row, col] == ((row, col) in scenario.hostiles)
 
 
-def test_the_summary_holds_latencies_and_vehicles(
-    shipped: tuple[Scenario, FlightReport, Path],
-) -> None:
+def test_the_summary_holds_latencies_and_vehicles(shipped: Shipped) -> None:
     _, report, folder = shipped
     summary = json.loads((folder / "summary.json").read_text())
     assert summary["arrival"] is None  # the vehicles arrive independently
@@ -105,7 +106,7 @@ def test_the_summary_holds_latencies_and_vehicles(
         assert row["cells_own"] + row["cells_heard"] == state.belief.n_observed
 
 
-def test_other_readers_open_the_record(shipped: tuple[Scenario, FlightReport, Path]) -> None:
+def test_other_readers_open_the_record(shipped: Shipped) -> None:
     _, _, folder = shipped
     with (folder / "run.mcap").open("rb") as file:
         topics = Counter(channel.topic for _, channel, _ in make_reader(file).iter_messages())
@@ -119,9 +120,7 @@ def test_other_readers_open_the_record(shipped: tuple[Scenario, FlightReport, Pa
     assert {"foxglove.LocationFix", "foxglove.GeoJSON", "foxglove.Log"} <= set(schemas)
 
 
-def test_the_record_draws_area_hostiles_and_routes_on_a_map(
-    shipped: tuple[Scenario, FlightReport, Path],
-) -> None:
+def test_the_record_draws_area_hostiles_and_routes_on_a_map(shipped: Shipped) -> None:
     scenario, report, folder = shipped
 
     def shapes(topic: str) -> list[dict[str, Any]]:
@@ -138,14 +137,14 @@ def test_the_record_draws_area_hostiles_and_routes_on_a_map(
     assert route["geometry"]["coordinates"][-1] == pytest.approx([landing.lon_deg, landing.lat_deg], abs=1e-6)
 
 
-def test_the_layout_shows_topics_that_the_record_has(shipped: tuple[Scenario, FlightReport, Path]) -> None:
+def test_the_layout_shows_topics_that_the_record_has(shipped: Shipped) -> None:
     _, _, folder = shipped
     layout = json.loads((folder / "foxglove.json").read_text(encoding="utf-8"))
     for topic in layout["configById"]["map!swarm"]["topicColors"]:
         assert next(messages(folder, topic))
 
 
-def test_pymavlink_reads_the_tlog_of_each_vehicle(shipped: tuple[Scenario, FlightReport, Path]) -> None:
+def test_pymavlink_reads_the_tlog_of_each_vehicle(shipped: Shipped) -> None:
     _, _, folder = shipped
     for sysid in range(1, 6):
         messages_on_the_wire = on_the_wire(folder, f"uav{sysid}")
@@ -155,7 +154,7 @@ def test_pymavlink_reads_the_tlog_of_each_vehicle(shipped: tuple[Scenario, Fligh
         assert {system for system, _ in seen} == {sysid, 255}
 
 
-def test_the_plan_files_hold_the_last_missions(shipped: tuple[Scenario, FlightReport, Path]) -> None:
+def test_the_plan_files_hold_the_last_missions(shipped: Shipped) -> None:
     _, report, folder = shipped
     for sysid, state in report.states.items():
         plan = json.loads((folder / f"uav{sysid}.plan").read_text())
@@ -168,12 +167,12 @@ def test_the_plan_files_hold_the_last_missions(shipped: tuple[Scenario, FlightRe
         ]
 
 
-def test_the_map_is_drawn(shipped: tuple[Scenario, FlightReport, Path]) -> None:
+def test_the_map_is_drawn(shipped: Shipped) -> None:
     _, _, folder = shipped
     assert (folder / "map.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_a_replay_makes_the_same_decisions(shipped: tuple[Scenario, FlightReport, Path]) -> None:
+def test_a_replay_makes_the_same_decisions(shipped: Shipped) -> None:
     _, _, folder = shipped
     verdict = record.replay(folder / "run.mcap")
     assert verdict.difference == ""
