@@ -68,3 +68,19 @@ def test_a_flight_with_a_place_in_a_box_may_meet_the_box(
     place = flight.at(at_s)
     assert place is not None
     assert flight.may_meet(Bounds((at_s, *place), (at_s, *place)).wider(sides))
+
+
+@given(flights(), st.sampled_from([0.0, 0.3, 3.0]))
+def test_a_thinned_flight_passes_each_of_its_points(flight: Trajectory, within_m: float) -> None:
+    thinned = flight.thinned(within_m)
+    assert set(thinned.points) <= set(flight.points)
+    assert (thinned.times_s[0], thinned.times_s[-1]) == (flight.times_s[0], flight.times_s[-1])
+    for time_s, point in zip(flight.times_s, flight.points, strict=True):
+        at = thinned.at(time_s)
+        assert at is not None
+        assert max(abs(a - b) for a, b in zip(at, point, strict=True)) <= within_m + 1e-9
+
+
+def test_a_straight_flight_is_thinned_to_its_ends() -> None:
+    straight = Trajectory(tuple(map(float, range(9))), tuple((3.0 * k, -k, 30.0) for k in range(9)))
+    assert len(straight.thinned(0.1).points) == 2

@@ -15,7 +15,9 @@ from swarmctl.core.planar import by_heading
 EVERY_S = 2.0
 """Time between two points of the flight [s]."""
 MAX_POINTS = 100
-"""Greatest number of points: the flight is announced for 200 s at most."""
+"""Greatest number of computed points: the flight is announced for 200 s at most."""
+NEAR_M = 0.3
+"""Distance on each axis within which the flight may pass a computed point [m]; such a point is left out."""
 
 
 def flight_in_group(state: AgentState, here: LocalPoint, for_s: float = math.inf) -> Trajectory | None:
@@ -57,4 +59,4 @@ def flight_in_group(state: AgentState, here: LocalPoint, for_s: float = math.inf
         times.append(t_s)
         up_m = here[2] + min(max(rises_m, -DESCENT_M_S * t_s), CLIMB_M_S * t_s)
         points.append((east_m + left * off_e, north_m + left * off_n, up_m))
-    return Trajectory(tuple(times), tuple(points)) if len(points) > 1 else None
+    return Trajectory(tuple(times), tuple(points)).thinned(NEAR_M) if len(points) > 1 else None
