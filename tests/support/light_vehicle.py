@@ -277,7 +277,8 @@ class LightVehicle:
 
     def _leg_m_s(self, begin: Vector, end: Vector) -> float:
         """Return the greatest speed on a leg: ArduCopter limits its jerk between the ends of a short leg."""
-        short_m_s = 0.95 * math.cbrt(0.25 * JERK_M_S3 * math.dist(begin[:2], end[:2]) ** 2)
+        leg_m = max(math.dist(begin[:2], end[:2]), CORNER_M)
+        short_m_s = 0.95 * math.cbrt(0.25 * JERK_M_S3 * leg_m**2)
         return min(self._cruise_m_s, short_m_s if self.stops_for_missions else math.inf)
 
     def _turn_speed(self, corner: Vector, after: Vector) -> float:
