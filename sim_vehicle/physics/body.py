@@ -183,10 +183,19 @@ class Body:
         """Idle on the ground."""
         self._motion.order[self._index] = MotionOrder.GROUNDED
 
-    def fly_to(self, east_m: float, north_m: float, up_m: float, pass_speed_m_s: float = 0.0) -> None:
+    def fly_to(
+        self,
+        east_m: float,
+        north_m: float,
+        up_m: float,
+        pass_speed_m_s: float = 0.0,
+        *,
+        jerk_m_s3: float = math.inf,
+    ) -> None:
         """Fly a straight leg from the previous target (if reached) or from the present position.
 
         A copter stops at the end unless `pass_speed_m_s` [m/s] is positive; a plane flies past the end.
+        `jerk_m_s3` limits a copter's speed on a short leg.
         """
         i, motion = self._index, self._motion
         if not _finite(east_m, north_m, up_m):
@@ -200,6 +209,7 @@ class Body:
         self._set_leg(float(start[0, i]), float(start[1, i]), east_m, north_m)
         motion.target[:, i] = (east_m, north_m, up_m)
         motion.pass_speed_m_s[i] = pass_speed_m_s
+        motion.leg_speed_m_s[i] = self.leg_speed_m_s(float(motion.leg_length_m[i]), jerk_m_s3)
         motion.circle_radius_m[i] = 0.0
         self._begin(MotionOrder.POSITION)
 
@@ -339,11 +349,15 @@ class Body:
     def leg_speed_m_s(self, leg_m: float, jerk_m_s3: float) -> float:
         """Return the highest speed on a leg of a mission [m/s].
 
-        ArduCopter plans each leg from rest to rest, with limited jerk, and blends it with its neighbours
-        (`SCurve`): so a short leg is slow, even straight on. With infinite jerk, legs have no such limit.
+        ArduCopter plans each leg from rest to rest, with limited jerk and acceleration, and blends it with
+        its neighbours (`SCurve`): so a short leg is slow, even straight on. Infinite jerk: without a limit.
         """
-        half_way_m_s = math.cbrt(0.25 * jerk_m_s3 * leg_m**2)
-        return min(float(self._motion.speed_m_s[self._index]), LEG_SHARE * half_way_m_s)
+        if jerk_m_s3 == math.inf:
+            return math.inf
+        i, motion = self._index, self._motion
+        leg_m = max(leg_m, float(motion.acceptance_radius_m[i]))
+        by_jerk_m_s = LEG_SHARE * math.cbrt(0.25 * jerk_m_s3 * leg_m**2)
+        return min(by_jerk_m_s, math.sqrt(float(motion.acceleration_limit_m_s2[i]) * leg_m))
 
     def set_gps_fix(self, fix_type: int) -> None:
         """Set the best and the present GPS_FIX_TYPE of the receiver."""

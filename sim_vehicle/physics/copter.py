@@ -115,7 +115,7 @@ def _pursuit(m: Motion, i: Selection, order: Ints, climb_error_m: Floats) -> Flo
     passing = m.pass_speed_m_s[i]
     braking = np.sqrt(passing**2 + (2 * BRAKING_SHARE) * m.acceleration_limit_m_s2[i] * distance)
     stopping = np.where(passing > 0, np.inf, POSITION_GAIN_HZ * distance)
-    speed = np.minimum(np.minimum(m.speed_m_s[i], braking), stopping)
+    speed = np.minimum(np.minimum(np.minimum(m.speed_m_s[i], m.leg_speed_m_s[i]), braking), stopping)
     # Horizontal and vertical motion end together, so that a leg is a straight line in space.
     climb_limit = np.where(climb_error_m > 0, m.climb_m_s[i], m.descent_m_s[i])
     climb_time = np.abs(climb_error_m) / np.maximum(climb_limit, 0.1)

@@ -111,6 +111,7 @@ class Motion:
         self.leg_heading_rad = np.zeros(n)
         self.circle_radius_m = np.zeros(n)  # around the target, clockwise if positive; 0: a leg
         self.slope = np.zeros(n)  # for MotionOrder.GLIDE: height lost per length of the leg
+        self.leg_speed_m_s = np.full(n, np.inf)  # highest speed of a copter on its leg
         self.pass_speed_m_s = np.zeros(n)  # allowed speed at the target
         self.reached: Bools = np.zeros(n, dtype=bool)  # latched until the next target
         self.rate_m_s = np.zeros(n)  # for MotionOrder.RATE, VELOCITY, TILT and STICKS, up positive

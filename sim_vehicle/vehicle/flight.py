@@ -183,13 +183,19 @@ class Flight:
 
     # -- guided -------------------------------------------------------------------------------------------
 
-    def go(self, target_m: tuple[float, float, float], pass_speed_m_s: float = 0.0) -> None:
+    def go(
+        self,
+        target_m: tuple[float, float, float],
+        pass_speed_m_s: float = 0.0,
+        *,
+        jerk_m_s3: float = math.inf,
+    ) -> None:
         """Fly to a point (east, north, up [m]) and hold (a plane circles), or pass the point at a speed."""
         self.guided_target_m = target_m
         if self.body.plane and pass_speed_m_s == 0.0:
             self.body.loiter(*target_m)
         else:
-            self.body.fly_to(*target_m, pass_speed_m_s)
+            self.body.fly_to(*target_m, pass_speed_m_s, jerk_m_s3=jerk_m_s3)
 
     def takeoff_to(self, alt_amsl_m: float) -> bool:
         """Take off to an altitude [m above mean sea level]; return False if the vehicle cannot take off."""

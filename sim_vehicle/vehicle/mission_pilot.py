@@ -165,10 +165,13 @@ class MissionPilot:
                 self._begin_leg(item)
 
     def _begin_leg(self, item: Item) -> None:
-        body = self._flight.body
-        if self._under_way:
-            body.limit(speed_m_s=self._leg_speed_m_s(body.position_m, self._target_m))
-        self._flight.go(self._target_m, self._pass_speed_m_s(item, self._following))
+        jerk_m_s3 = self._jerk_m_s3(item) if self._under_way else math.inf
+        self._flight.go(self._target_m, self._pass_speed_m_s(item, self._following), jerk_m_s3=jerk_m_s3)
+
+    def _jerk_m_s3(self, item: Item) -> float:
+        """Return the jerk that limits the speed on the leg to an item [m/s³]; a spline has no such limit."""
+        is_spline = item.command == mavlink.MAV_CMD_NAV_SPLINE_WAYPOINT
+        return math.inf if is_spline else self._flight.flight_parameters.mission.leg_jerk_m_s3
 
     def _radius_m(self, item: Item) -> float:
         """Return the acceptance radius of an item [m]; only a plane obeys the radius in an item."""
@@ -224,14 +227,9 @@ class MissionPilot:
         inbound = math.atan2(target_m[0] - here_m[0], target_m[1] - here_m[1])
         outbound = math.atan2(next_m[0] - target_m[0], next_m[1] - target_m[1])
         turn_rad = abs(math.remainder(outbound - inbound, 2 * math.pi))
-        corner_m_s = self._flight.body.corner_speed_m_s(turn_rad)
-        return min(corner_m_s, self._leg_speed_m_s(target_m, next_m))
-
-    def _leg_speed_m_s(self, begin_m: LocalPoint, end_m: LocalPoint) -> float:
-        """Return the greatest speed on a leg, by the limits of its autopilot [m/s]."""
-        leg_m, parameters = math.dist(begin_m, end_m), self._flight.flight_parameters
-        leg_m = max(leg_m, parameters.limits.acceptance_radius_m)
-        return self._flight.body.leg_speed_m_s(leg_m, parameters.mission.leg_jerk_m_s3)
+        body, next_leg_m = self._flight.body, math.dist(target_m[:2], next_m[:2])
+        next_leg_m_s = body.leg_speed_m_s(next_leg_m, self._jerk_m_s3(following))
+        return min(body.corner_speed_m_s(turn_rad), next_leg_m_s)
 
     def navigation_done(self, now: float) -> bool:
         item = self._flight.mission.current_item
