@@ -90,6 +90,12 @@ class PlaceMemory:
     along: Along
     """the reference point"""
 
+    @property
+    def demanded_m_s(self) -> Vector:
+        """The velocity demanded of the member."""
+        (ve, vn, vu), (re, rn, ru) = self.velocity_m_s, self.rate_m_s
+        return ve + re, vn + rn, vu + ru
+
 
 @dataclass(frozen=True, slots=True)
 class Group:

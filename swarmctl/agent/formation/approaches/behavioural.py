@@ -112,7 +112,9 @@ def fly(params: Params, group: Group) -> ApproachResult:
     climb = min(max(place_m[2] - own[2], -CLIMB_M_S), CLIMB_M_S)
     wanted = _steady(group, bounded((*velocity, climb), group.limits.speed_m_s))
     safe = keep_separation(group, wanted) or wanted
-    memory = PlaceMemory(group.now_s, place_m, safe, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), along)
+    offset = (own[0] - place_m[0], own[1] - place_m[1], own[2] - place_m[2])
+    rate = (safe[0] - moving[0], safe[1] - moving[1], safe[2] - moving[2])
+    memory = PlaceMemory(group.now_s, place_m, moving, offset, rate, along)
     return ApproachResult(SetPointDemand(safe), error_of(group, pose, place_m), memory)
 
 
@@ -265,7 +267,7 @@ def _across(velocity: Planar, unit: Planar, priority: float) -> Planar:
 def _steady(group: Group, wanted: tuple[float, float, float]) -> tuple[float, float, float]:
     """Return the wanted velocity, within the acceleration from the velocity demanded before."""
     memory = group.memory
-    before = group.velocity_m_s if memory is None else memory.velocity_m_s
+    before = group.velocity_m_s if memory is None else memory.demanded_m_s
     dt = 0.1 if memory is None else min(max(group.now_s - memory.now_s, 0.0), 1.0)
     east, north, _ = bounded(
         (wanted[0] - before[0], wanted[1] - before[1], 0.0), 2.0 * ACCELERATION_M_S2 * dt
