@@ -12,6 +12,8 @@ from collision_stories import ApproachStory
 
 from swarmctl.agent.failsafes.base import Fence
 from swarmctl.agent.phases import Phase
+from swarmctl.agent.replan.swap_times import SwapTimes
+from swarmctl.agent.traffic.own_flight import planned_flight
 from swarmctl.agent.traffic.prediction import silent_neighbours
 from swarmctl.agent.traffic.separation.watch import AvoidanceAction
 from swarmctl.core import events as ev
@@ -277,8 +279,27 @@ def test_a_vehicle_in_the_way_of_one_that_cannot_give_way_climbs_at_once() -> No
     assert found == ["resumes-higher"]
     climb, *_ = story.swap().plan.track
     east_m, north_m = GRID.frame.to_local(climb.lat_deg, climb.lon_deg)
-    assert math.dist((east_m, north_m), (160.0, MID_M[1])) < 5.0
+    assert math.dist((east_m, north_m), (160.0, MID_M[1])) < 0.1
     assert climb.alt_rel_m == pytest.approx(33.6)
+
+
+def test_two_vehicles_in_hold_within_the_limits_separate_by_a_climb_on_the_spot() -> None:
+    story, away_m = ApproachStory(), 8.0
+    story.stopped()
+    story.state = replace(story.state, plans=replace(story.state.plans, swap_times=SwapTimes((4.0,), (0.0,))))
+    found = []
+    for _ in range(4):
+        story.other(1, 160.0 + away_m, MID_M[1], (0.0, 0.0, 0.0))
+        found += codes(story.at(160.0, **STILL))
+    assert found == ["resumes-higher"]
+    story(ev.MissionAccepted(story.swap().plan_id, 4.0, 0.0))
+    # The wind has moved the vehicle past the spot; the announced flight stays there nevertheless.
+    story.at(160.3, **STILL, alt_rel_m=31.0)
+    flight = planned_flight(story.state)
+    assert flight is not None
+    now_s = story.state.vehicle.time_boot_s
+    places = [flight.at(now_s + in_s) for in_s in (1.0, 2.0, 3.0)]
+    assert all(place is not None and math.dist(place[:2], (160.3, MID_M[1])) < 1.0 for place in places)
 
 
 def test_a_vehicle_without_a_clear_height_keeps_holding_and_reports_repeatedly() -> None:

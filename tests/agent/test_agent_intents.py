@@ -244,6 +244,19 @@ def test_a_plan_that_comes_too_close_has_to_be_clearly_better_than_the_present_p
     assert len(clashes_of_route(story.state, passing(7.0), known_flights(story.state), present)) == clashes
 
 
+def test_a_vehicle_that_passes_during_the_upload_is_in_the_way() -> None:
+    """Vehicle 1 passes through the hold of vehicle 2 when its climb has hardly begun."""
+    story = IntentStory()
+    east_m, north_m = 75.0, MID_M[1]
+    story.other(1, (0.0, east_m, north_m - 105.0), (20.0, east_m, north_m + 95.0))
+    begin_s, here = story.state.vehicle.time_boot_s, (east_m, north_m, AMSL_M)
+    climb = Trajectory(
+        (begin_s, begin_s + 8.0, begin_s + 35.0), (here, here, (east_m, north_m, AMSL_M + 40.0))
+    )
+    hold = Trajectory((begin_s, begin_s + 30.0), (here, here))
+    assert len(clashes_of_route(story.state, climb, known_flights(story.state), hold)) == 1
+
+
 def test_an_old_intent_is_ignored() -> None:
     story = IntentStory()
     story.crossing(1, age_s=MAX_AGE_S + 1.0)

@@ -58,7 +58,7 @@ def with_level_off(
 
     The climb or descent begins in `after_s` [s]; None: from a stand, on the spot. Vehicles climb evenly
     between waypoints, so a plan without this waypoint reaches its height only at its first waypoint. A plan
-    whose first waypoint is near, or whose height hardly differs, stays unchanged.
+    whose first waypoint is nearer than this point, or whose height hardly differs, stays unchanged.
     """
     height_m, first = plan.height_m, waypoints_of(task, plan)[0]
     takes_s = climb_s(height_m - here[2])
@@ -174,7 +174,7 @@ def _fly_on(
     for point, at_m, at_s in zip(track.points[1:n], track.at_m[1:n], track.times_s[1:n], strict=True):
         points.append((*point, here[2] + at_m / level_m * (height_m - here[2])))
         times_s.append(at_s * (1.0 + late_s / level_s))
-    if track.at_m[-1] > 0.0 and track.at_m[n] > level_m + CORNER_M and height_m != here[2]:
+    if n < len(track.at_m) and track.at_m[n] > level_m + CORNER_M and height_m != here[2]:
         points.append((*level, height_m))
         times_s.append(level_s + late_s)
     for point, at_s in zip(track.points[n:], track.times_s[n:], strict=True):

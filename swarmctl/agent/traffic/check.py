@@ -34,7 +34,7 @@ MARGIN = 1.15
 FRESH_S = 20.0
 """Age from which on an intent is the last of a silent vehicle [s]: three intents in a row may be lost."""
 SEPARATES_WITHIN_S = 6.0
-"""Time within which two close vehicles have to separate [s]; a climb or a turn takes this long."""
+"""Time from the first motion within which two close vehicles have to separate [s]: a climb takes as long."""
 WAIT_WITHIN_S = 15.0
 """Time within which a conflict with a vehicle that cannot change its plan causes a wait [s]."""
 ENOUGH = 1.1
@@ -112,7 +112,7 @@ def clashes_if_changed(
     A flight that separates two close vehicles does not clash.
     """
     limits = state.task.separation.limits
-    near_s = flight.times_s[0] + TIME_TOLERANCE_S if present is None else _separated_s(flight)
+    near_s = flight.times_s[0] + (TIME_TOLERANCE_S if present is None else SEPARATES_WITHIN_S)
 
     def separates(intent: NeighbourIntent) -> bool:
         # Over a goal a vehicle has no other way than down: there the planned times of a late vehicle count.
@@ -124,14 +124,12 @@ def clashes_if_changed(
     return _soonest_of_each([clash for clash, of in found if clash.at_s > near_s or not separates(of)])
 
 
-def _separated_s(flight: Trajectory) -> float:
-    """Return the time by which a flight keeps the limits; a vehicle in hold leaves it after an upload."""
-    return flight.moves_from_s + SEPARATES_WITHIN_S
-
-
 def _leads_away(flight: Trajectory, other: Trajectory, limits: Limits, *, is_late: bool = False) -> bool:
-    """Return whether a flight keeps the limits once it is separated; `is_late`: the other may be late."""
-    after = flight.since(_separated_s(flight))
+    """Return whether a flight keeps the limits SEPARATES_WITHIN_S after its first motion, and from then on.
+
+    A vehicle in hold moves only after its upload. `is_late`: the other may be late.
+    """
+    after = flight.since(flight.moves_from_s + SEPARATES_WITHIN_S)
     late = frozenset({0} if is_late else ())
     return after is None or not find_clashes(after, {0: other}, limits, late=late)
 
@@ -139,9 +137,9 @@ def _leads_away(flight: Trajectory, other: Trajectory, limits: Limits, *, is_lat
 def _separates(flight: Trajectory, present: Trajectory | None, other: Trajectory, limits: Limits) -> bool:
     """Return whether a flight separates two vehicles that are close now.
 
-    From `_separated_s` on, the flight has to keep the limits. Until then the vehicles may be closer than
-    ENOUGH if they keep the limits, or hardly come closer than now if they are nearer already, or if the
-    present flight comes closer by BETTER_BY.
+    It has to lead away (`_leads_away`). Until then the vehicles may be closer than ENOUGH if they keep the
+    limits, or hardly come closer than now if they are nearer already, or if the present flight comes closer
+    by BETTER_BY.
     """
     begin_s = flight.times_s[0]
     if not _leads_away(flight, other, limits):

@@ -247,7 +247,7 @@ def _phase_trajectory(state: AgentState, here: LocalPoint, for_s: float) -> Traj
             plan = swap.plan
             if state.phase is Phase.LANDING and state.order.given is ev.FlightOrder.LAND:
                 return _land_here(state, here)
-            remaining = state.points_ahead(swap) or waypoints_of(task, plan)
+            remaining = _points_ahead(state, here, swap)
             if state.phase is Phase.LANDING and _descends_vertically(here, remaining, plan.height_m):
                 return land_from([(*remaining[-1], here[2])], [0.0])
             if _climbs_vertically(state, here, plan):
@@ -335,6 +335,24 @@ def _fixed_wing_trajectory(state: AgentState, here: LocalPoint, speed_m_s: float
         heading_rad = math.atan2(vehicle.east_m_s, vehicle.north_m_s)
         return wing_trajectory.approach_from(task, swap.plan, here, heading_rad, speed_m_s)
     return None
+
+
+def _points_ahead(state: AgentState, here: LocalPoint, swap: ev.SwapMission) -> Sequence[PlanarPoint]:
+    """Return the waypoints ahead and the landing spot; all of them while the vehicle levels off."""
+    ahead = None if _levels_off(state, here, swap.plan) else state.points_ahead(swap)
+    return ahead or waypoints_of(state.task, swap.plan)
+
+
+def _levels_off(state: AgentState, here: LocalPoint, plan: FlightPlan) -> bool:
+    """Return whether the vehicle still climbs or descends on the spot where its mission begins.
+
+    Wind may have moved it past this spot, which then no longer counts as ahead (`with_level_off`).
+    """
+    if plan.begins is None or abs(plan.height_m - here[2]) < AIRBORNE_M:
+        return False
+    frame = state.task.grid.frame
+    places = (frame.to_local(at.lat_deg, at.lon_deg) for at in (plan.begins, *plan.track[:1]))
+    return all(math.dist(here[:2], place) < VERTICAL_WITHIN_M for place in places)
 
 
 def _climbs_vertically(state: AgentState, here: LocalPoint, plan: FlightPlan) -> bool:

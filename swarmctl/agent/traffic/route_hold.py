@@ -313,7 +313,7 @@ def heights_to_try(state: AgentState, plan: FlightPlan) -> Sequence[float]:
 
     The heights are the task's altitude, and heights just above the plan and each other vehicle's flight. A
     height that the vehicle would reach only over its goal is no way out: others come down there. From a hold
-    it climbs on the spot.
+    the vehicle climbs on the spot, and this limit does not apply.
     """
     task, vehicle, planned_m, here = state.task, state.vehicle, plan.height_m, position_of(state)
     if vehicle.alt_amsl_m is None or vehicle.alt_rel_m is None or here is None:

@@ -114,9 +114,9 @@ class Trajectory:
 
     @property
     def moves_from_s(self) -> float:
-        """Time at which the vehicle leaves the first point; the begin of the flight if it never does."""
-        moves = next((i for i, point in enumerate(self.points) if point != self.points[0]), 1)
-        return self.times_s[moves - 1]
+        """Time at which the vehicle leaves the first point; the start of the flight if it never does."""
+        first_moved = next((i for i, point in enumerate(self.points) if point != self.points[0]), 1)
+        return self.times_s[first_moved - 1]
 
     @property
     def ends_in_hold(self) -> bool:
