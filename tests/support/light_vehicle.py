@@ -287,7 +287,8 @@ class LightVehicle:
         turn_rad = abs(math.remainder(math.atan2(a[0], a[1]) - math.atan2(b[0], b[1]), math.tau))
         # While the velocity turns, the vehicle moves v² · turn² / 2a beside its new leg.
         turns_m_s = math.sqrt(2.0 * ACCELERATION_M_S2 * CORNER_M) / max(turn_rad, 1e-6)
-        return min(self._leg_m_s(corner, after), turns_m_s)
+        stops_m_s = math.sqrt(1.4 * BRAKES_M_S2 * math.dist(corner[:2], after[:2]))
+        return min(self._leg_m_s(corner, after), turns_m_s, stops_m_s)
 
     def _hover(self, place: Sequence[float], up_m_s: float) -> Vector:
         e, n = (max(-2.0, min(2.0, there - here)) for there, here in zip(place, self.at[:2], strict=True))
