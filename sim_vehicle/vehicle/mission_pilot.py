@@ -251,13 +251,10 @@ class MissionPilot:
 
     def _brake(self, item: Item) -> bool:
         """Return True while braking before the leg to `item`; begin it once the vehicle is slow."""
-        if not self._braking:
-            return False
-        if math.hypot(*self._flight.body.velocity_m_s[:2]) > LEG_START_SPEED_M_S:
-            return True
-        self._braking = False
-        self._begin_leg(item)
-        return False
+        if self._braking and math.hypot(*self._flight.body.velocity_m_s[:2]) <= LEG_START_SPEED_M_S:
+            self._braking = False
+            self._begin_leg(item)
+        return self._braking
 
     def _takeoff_done(self) -> bool:
         flight = self._flight
