@@ -11,6 +11,8 @@ from drawn_formations import draw
 N_DEFAULT, N_FULL = 4, 5
 
 FOUND = {
+    404: "two vehicles in hold within the limits blocked each other until their deadline",
+    657: "a joining member of a behavioural group announced another flight than it flew",
     6: "a vehicle of a level group that had ended climbed to its own height past another one's hold",
     26: "two members with one height met after the take-off",
     18: "a mute vehicle returned and met a member on its mission; a member returned through its group",
