@@ -123,7 +123,7 @@ def _check_members(section: FormationSection, members: list[Spec], here: KeyPath
     if section.speed_m_s is not None and section.speed_m_s >= slowest.speed_m_s:
         text = (
             f"{section.speed_m_s:g} m/s leaves {slowest.name} ({slowest.speed_m_s:g} m/s) no reserve for "
-            f"turns; give {0.8 * slowest.speed_m_s:.3g} or less"
+            f"turns; give less, such as {0.7 * slowest.speed_m_s:.3g}"
         )
         yield ConfigProblem((*here, "speed_m_s"), text)
 

@@ -93,10 +93,10 @@ def _formation_line(group: dict[str, Any]) -> str:
     members = [m for m in group["members"].values() if m["rms_error_m"]["along"] is not None]
     if not members:
         return f"group {group['name']} ({group['approach']}): no member reached its place"
-    in_place_s = [member["time_in_place_s"] for member in members]
     along_m, across_m = (max(m["rms_error_m"][axis] for m in members) for axis in ("along", "across"))
     led = ", ".join(f"{name} for {led_s:.0f} s" for name, led_s in group["led_s"].items()) or "nobody"
     apart = [name for name, m in group["members"].items() if not m["joins"] and name not in group["led_s"]]
+    in_place_s = [m["time_in_place_s"] for name, m in group["members"].items() if name not in apart]
     never = f"; {' and '.join(apart)} never joined" if apart else ""
     return (
         f"group {group['name']} ({group['approach']}): led by {led}; members in place for "
