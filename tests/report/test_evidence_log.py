@@ -226,3 +226,14 @@ def test_the_wait_for_a_blocked_disk_has_a_limit(
         run.evidence.close()
 
     play(story())
+
+
+def test_on_a_virtual_clock_the_wait_for_the_disk_has_no_limit(
+    disk: SlowDisk, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(log, "SYNC_TIMEOUT_S", 0.0)
+    run = Written(tmp_path, lambda: 0.0)
+    disk.free.clear()
+    threading.Timer(0.05, disk.free.set).start()
+    assert asyncio.run(run.evidence.wait_until_stored()) == ""
+    run.evidence.close()

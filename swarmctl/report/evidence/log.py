@@ -61,7 +61,7 @@ class Evidence(Observer):
         """Create the file; `opened` describes the run. Raises OSError if the file cannot be created.
 
         now: the clock of the run [s]
-        waits_in_thread: leave the loop running during a wait for the disk; else the loop stops
+        waits_in_thread: leave the loop running during a wait for the disk; False: the loop stops
         """
         self.trouble = ""
         """reason for an early end of the evidence; empty if there is none"""
@@ -130,14 +130,18 @@ class Evidence(Observer):
         self._add("note", {"said": text})
 
     async def wait_until_stored(self) -> str:
-        """Wait at most SYNC_TIMEOUT_S for all entries to reach the disk; return the failure, or ""."""
+        """Wait for all entries to reach the disk; return the failure, or "".
+
+        In a thread the wait ends after SYNC_TIMEOUT_S. While the loop stops, on a virtual clock, it has no
+        end: a flight must not depend on the speed of the disk.
+        """
         if self._file.closed:
             return f"{self._path}: the evidence is closed"
         sync = self._begin_sync()
         if self._waits_in_thread:
             await asyncio.wait({asyncio.wrap_future(sync)}, timeout=SYNC_TIMEOUT_S)
         else:
-            wait({sync}, timeout=SYNC_TIMEOUT_S)
+            wait({sync})
         if not sync.done():
             return f"{self._path}: the disk has not stored the evidence within {SYNC_TIMEOUT_S:g} s"
         self._end(self._sync_error)
