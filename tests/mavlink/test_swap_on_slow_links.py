@@ -29,7 +29,7 @@ def corners(east_m: float, *norths_m: float) -> list[PlanarPoint]:
     return [(east_m, north_m) for north_m in norths_m]
 
 
-OLD = corners(0.0, 60.0, 120.0, 700.0)
+OLD = corners(0.0, 80.0, 160.0, 700.0)
 """A straight route to the north; the vehicle flies to the second waypoint first."""
 
 
