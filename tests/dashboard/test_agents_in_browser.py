@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 from collections.abc import Callable
@@ -21,7 +22,7 @@ pytestmark = [
 ]
 # The way is long: a browser on a loaded machine takes a minute for what this file does during the flight.
 SWARM = """\
-name: apart
+name: NAME
 area: {origin_lat_deg: 46.0, origin_lon_deg: 14.4, rows: 8, cols: 8, cell_size_m: 300}
 threats: {count: 5}
 communication: {router: "tcp/127.0.0.1:PORT"}
@@ -35,7 +36,9 @@ RANGE = "range of communication"
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    (tmp_path / "apart.yaml").write_text(SWARM.replace("PORT", str(free_port())))
+    (tmp_path / "apart.yaml").write_text(
+        SWARM.replace("PORT", str(free_port())).replace("NAME", f"apart-{os.getpid()}")
+    )
     return tmp_path
 
 
