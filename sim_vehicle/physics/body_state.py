@@ -1,4 +1,4 @@
-"""What one vehicle's autopilot reads of its airframe and battery."""
+"""The airframe and the battery of one vehicle, as its autopilot reads them."""
 
 import math
 

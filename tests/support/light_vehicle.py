@@ -25,6 +25,8 @@ CLIMB_M_S, DESCENT_M_S, LAND_M_S, LOW_M = 2.5, 1.5, 0.5, 10.0
 LIFT_S = 4.0
 VERTICAL_M_S2 = {True: 1.0, False: 3.0}
 """acceleration of climbs, by `stops_for_missions` [m/s²]: WPNAV_ACCEL_Z, and the lesser of PX4's limits"""
+LEG_SHARE = 0.95
+"""greatest speed on a short leg, as a share of the greatest one between two stops with JERK_M_S3"""
 VERTICAL_LEAD_S = 0.2
 """time by which the climb leads the speed over ground on a leg [s]"""
 REACHED_M = 1.5
@@ -278,7 +280,7 @@ class LightVehicle:
     def _leg_m_s(self, begin: Vector, end: Vector) -> float:
         """Return the greatest speed on a leg: ArduCopter limits its jerk between the ends of a short leg."""
         leg_m = max(math.dist(begin[:2], end[:2]), CORNER_M)
-        short_m_s = 0.95 * math.cbrt(0.25 * JERK_M_S3 * leg_m**2)
+        short_m_s = LEG_SHARE * math.cbrt(0.25 * JERK_M_S3 * leg_m**2)
         return min(self._cruise_m_s, short_m_s if self.stops_for_missions else math.inf)
 
     def _turn_speed(self, corner: Vector, after: Vector) -> float:

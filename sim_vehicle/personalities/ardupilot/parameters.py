@@ -87,8 +87,8 @@ COPTER: dict[str, float | int] = _COPTER_BASE | {
     "RTL_SPEED": 0,  # cm/s, 0: WPNAV_SPEED
     "THR_DZ": 100,  # share of the throttle on each side of its middle [0.1 %]
     "WPNAV_ACCEL": 250.0,  # cm/s/s
-    "WPNAV_JERK": 1.0,  # m/s/s/s of the legs of a mission
     "WPNAV_ACCEL_Z": 100.0,  # cm/s/s
+    "WPNAV_JERK": 1.0,  # m/s/s/s of the legs of a mission
     "WPNAV_RADIUS": 200.0,  # cm
     "WPNAV_SPEED": 1000.0,  # cm/s
     "WPNAV_SPEED_DN": 150.0,  # cm/s
