@@ -47,21 +47,29 @@ def keys_folder() -> Path:
     return _keys()[1]
 
 
-def free_port() -> int:
-    """Return a port below the kernel's own range, so that no other process gets it meanwhile.
+_reserved: list[socket.socket] = []
 
+
+def free_port() -> int:
+    """Return a port that no other process gets before this one ends.
+
+    A bound socket reserves it. Listeners share an address with it because both allow that.
     The port is free for streams and datagrams: quic listens for datagrams.
     """
     while True:
         port = secrets.choice(range(20_000, 32_000))
+        stream = socket.socket()
         with (
             contextlib.suppress(OSError),
-            contextlib.closing(socket.socket()) as stream,
             contextlib.closing(socket.socket(type=socket.SOCK_DGRAM)) as datagrams,
         ):
-            stream.bind(("127.0.0.1", port))
             datagrams.bind(("127.0.0.1", port))
+            stream.bind(("127.0.0.1", port))
+            # After the bind, which fails beside a reservation of another process.
+            stream.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            _reserved.append(stream)
             return port
+        stream.close()
 
 
 def here(protocol: str) -> BusEndpoint:
