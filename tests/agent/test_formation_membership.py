@@ -185,6 +185,26 @@ def test_the_last_member_gives_way_to_a_leader_that_returns_through_its_hold(lik
     assert (leader.state.phase, follower.state.phase) == (Phase.LEAVING, Phase.FLYING)
 
 
+def test_a_leader_that_hears_nobody_any_more_flies_no_faster_than_announced() -> None:
+    swarm = LightGroup().joined()
+    leader = swarm.agents[0].vehicle
+    as_announced_m_s = leader.commanded_m_s
+    assert as_announced_m_s is not None
+    assert as_announced_m_s < leader.speed_m_s
+    swarm.air.mute[1] = [(swarm.now, swarm.now + 20.0)]
+    swarm.run(swarm.now + 19.0, lambda _now: None)
+    assert leader.commanded_m_s == as_announced_m_s
+
+
+def test_a_leader_whose_group_has_ended_flies_at_its_own_speed() -> None:
+    swarm = LightGroup().joined()
+    leader = swarm.agents[0].vehicle
+    for follower in swarm.agents[1:]:
+        follower(ev.OperatorCommand(ev.FlightOrder.RETURN))
+    swarm.run(swarm.now + 10.0, lambda _now: None)
+    assert leader.commanded_m_s == leader.speed_m_s
+
+
 def test_a_long_route_is_told_by_its_corners() -> None:
     north = [(0.0, 10.0 * k) for k in range(400)]
     east = [(10.0 * k, 3990.0) for k in range(1, 400)]

@@ -45,6 +45,7 @@ FOUND = {
     569: "a vehicle flew over its landing spot on the way to the goal, and was announced to descend there",
     647: "a vehicle stopped in the way of a faster one that could not stop any more",
     27: "a vehicle that was refused the mode of set-points met a single vehicle",
+    257: "a leader whose radio was silent flew faster than it had announced",
 }
 """seeds that broke a rule before, with the cause; in the full run"""
 

@@ -28,7 +28,7 @@ from swarmctl.agent.formation.ways import MemberWay
 from swarmctl.agent.own_modes import own_mode_roles
 from swarmctl.agent.phases import EN_ROUTE, ENDED, Phase
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.prediction import home_amsl_m, position_of, reported_amsl_m
+from swarmctl.agent.traffic.prediction import hears_nobody, home_amsl_m, position_of, reported_amsl_m
 from swarmctl.agent.traffic.route_hold import ceiling_m, hold, would_block
 from swarmctl.core import events as ev
 from swarmctl.core.any_angle.track import cells_under
@@ -67,9 +67,9 @@ def _fly_in_formation(state: AgentState) -> StepResult:
     if in_formation and state.vehicle.mode_role not in own_mode_roles(state):
         return state, []  # a pilot may have chosen this mode: `taken_over` decides
     if membership.leader is None or membership.route is None:
-        return _leave(state, _why_apart(state)) if in_formation else _at_full_speed(state)
+        return _leave(state, _why_apart(state)) if in_formation else _at_full_speed(state, formation)
     if membership.n_present == 1:
-        return _alone(state, formation) if in_formation else _at_full_speed(state)
+        return _alone(state, formation) if in_formation else _at_full_speed(state, formation)
     not_alone = replace(membership, alone_since_boot_s=None, stands_still=False)
     state = replace(state, membership=not_alone)
     if in_formation:
@@ -212,9 +212,15 @@ def _lead_mission(state: AgentState, flown: ApproachResult) -> StepResult:
     return (state, []) if wanted_m_s is None else set_speed(state, wanted_m_s)
 
 
-def _at_full_speed(state: AgentState) -> StepResult:
-    """Set the vehicle's own speed again after it has led a group."""
+def _at_full_speed(state: AgentState, formation: Formation) -> StepResult:
+    """Set the vehicle's own speed again after it has led a group.
+
+    In silence the vehicle flies on as announced, because the others expect it later than at full speed. So
+    members that were heard lately, and keep their places, count as present: the silence may be its own.
+    """
     if state.speed.m_s is None or state.task.arrival_group is not None:
+        return state, []
+    if hears_nobody(state) or near_members(state, formation, formation.keeps_place_s):
         return state, []
     return set_speed(state, state.task.arrival.speed_m_s)
 
