@@ -185,6 +185,25 @@ def test_the_last_member_gives_way_to_a_leader_that_returns_through_its_hold(lik
     assert (leader.state.phase, follower.state.phase) == (Phase.LEAVING, Phase.FLYING)
 
 
+@each_kind
+def test_a_member_that_leaves_gives_way_by_set_points_until_another_member_has_passed(
+    like_ardupilot: bool,
+) -> None:
+    column = {"shape": {"kind": "column", "spacing_m": 20.0}, "heights": "level"}
+    swarm = LightGroup(like_ardupilot=like_ardupilot, formation=column).joined()
+    passing, slow = swarm.agents[1:]
+    slow.vehicle.speed_m_s = 0.5
+    swarm.run_while(lambda: slow.state.membership.far is None, 10.0)
+    swarm.run(swarm.now + 14.0, lambda _now: None)
+    # The other member has been as slow, and comes up from behind.
+    passing.vehicle.at[:] = slow.vehicle.at[0] - 8.0, slow.vehicle.at[1] + 8.0, slow.vehicle.at[2]
+    swarm.run_while(lambda: slow.state.phase is Phase.FORMATION, 30.0)
+    assert math.dist(passing.vehicle.at, slow.vehicle.at) > 11.5
+    assert passing.vehicle.at[0] > slow.vehicle.at[0]
+    assert passing.state.phase is Phase.FORMATION
+    assert not passing.state.membership.told[3].message.joins, "the group does not wait for it"
+
+
 def test_a_leader_that_hears_nobody_any_more_flies_no_faster_than_announced() -> None:
     swarm = LightGroup().joined()
     leader = swarm.agents[0].vehicle

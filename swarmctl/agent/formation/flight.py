@@ -46,7 +46,8 @@ CLEAR_LIMITS = 3.0
 STOPS_WITHIN_S = 3.0
 """Time in which a member can stop, after some reaction [s]."""
 GIVES_WAY_FOR_S = 30.0
-"""Time for which the last member gives way to those that have left [s]; they tell their positions so long."""
+"""Greatest time for which a member gives way before it leaves [s]: members that left tell their positions for
+as long."""
 ANNOUNCED_WITHIN_S = 2.0
 """Time within which a member that leaves has announced its next flight to the others [s]."""
 RESTING_TARGET_LEAD_S = 0.1
@@ -68,20 +69,10 @@ def _fly_in_formation(state: AgentState) -> StepResult:
         return state, []  # a pilot may have chosen this mode: `taken_over` decides
     if membership.leader is None or membership.route is None:
         return _leave(state, _why_apart(state)) if in_formation else _at_full_speed(state, formation)
-    if membership.n_present == 1:
-        return _alone(state, formation) if in_formation else _at_full_speed(state, formation)
-    not_alone = replace(membership, alone_since_boot_s=None, stands_still=False)
-    state = replace(state, membership=not_alone)
     if in_formation:
-        state, flown = _flown(state, formation)
-        if (far_m := _comes_no_nearer(state, formation)) is not None:
-            for_s, limit_m = formation.max_error_s, formation.max_error_m
-            why = f"for {for_s:g} s the vehicle has been more than {limit_m:g} m from its place"
-            return _leave(state, f"{why}, and comes no nearer ({far_m:.0f} m now)")
-        if (cell := _cell_in_the_way(state, formation)) is not None:
-            what = "no-fly" if cell in state.task.no_fly else "hostile"
-            return _leave(state, f"the {what} cell {list(cell)} lies on the straight way to its place")
-        return state, _set_points(state, flown.demand)
+        return _alone(state, formation) if membership.n_present == 1 else _with_group(state, formation)
+    if membership.n_present == 1:
+        return _at_full_speed(state, formation)
     if state.leads_group and formation.approach.LEADER_FLIES_MISSION:
         return _lead_mission(*_flown(state, formation))
     if not state.flies_mission or state.alarms:
@@ -130,32 +121,46 @@ def not_following(state: AgentState, reason: str) -> StepResult:
     return state, [ev.NotifyOperator(f"{reason}; the vehicle flies its own mission [not-joined]")]
 
 
-def _alone(state: AgentState, formation: Formation) -> StepResult:
-    """Leave if all others have left. Else fly on while they keep the place, stand still, and then leave.
+def _with_group(state: AgentState, formation: Formation) -> StepResult:
+    """Fly to the place, or leave. A member whose hold would be in the way of another one gives way first."""
+    flying, flown = _flown(state, formation)
+    if (why := _why_off_place(flying, formation)) is not None:
+        return _stand_still(state, formation) if _gives_way(state) else _leave(state, why)
+    membership = replace(flying.membership, stands_since_boot_s=None)
+    return replace(flying, membership=membership), _set_points(flying, flown.demand)
 
-    A member that leaves holds. If all others have left, and its hold would be in the way of another vehicle,
-    the member stands still by set-points, and gives way, for at most GIVES_WAY_FOR_S.
-    """
-    membership, now_s = state.membership, state.now_boot_s
-    since_s = now_s if membership.alone_since_boot_s is None else membership.alone_since_boot_s
-    alone_s = now_s - since_s
+
+def _alone(state: AgentState, formation: Formation) -> StepResult:
+    """Leave if all others have left. Else fly on while they keep the place, stand still, and then leave."""
+    membership = state.membership
+    alone_s = state.now_boot_s - membership.n_present_since_boot_s
     if membership.told and not any(report.message.joins for report in membership.told.values()):
-        stands_still = True
-        gives_way = alone_s < GIVES_WAY_FOR_S and would_block(with_members_shown(state))
-        if alone_s >= ANNOUNCED_WITHIN_S and not gives_way:
-            return _leave(state, "all other members have left")
-    else:
-        stands_still = alone_s >= formation.keeps_place_s - formation.lost_after_s
-        if alone_s >= formation.alone_after_s:
-            return _leave(state, f"no other member was heard for {formation.alone_after_s:g} s")
-    begins = stands_still and not membership.stands_still
-    membership = replace(membership, alone_since_boot_s=since_s, stands_still=stands_still)
-    state = replace(state, membership=membership)
-    if not stands_still:
-        state, flown = _flown(state, formation)
-        return state, _set_points(state, flown.demand)
-    if begins:
-        state = state.with_new_flight()
+        if alone_s < ANNOUNCED_WITHIN_S or _gives_way(state):
+            return _stand_still(state, formation)
+        return _leave(state, "all other members have left")
+    if alone_s >= formation.alone_after_s:
+        return _leave(state, f"no other member was heard for {formation.alone_after_s:g} s")
+    if membership.stands_still or alone_s >= formation.keeps_place_s - formation.lost_after_s:
+        return _stand_still(state, formation)
+    state, flown = _flown(state, formation)
+    return state, _set_points(state, flown.demand)
+
+
+def _gives_way(state: AgentState) -> bool:
+    """Return whether a member gives way by set-points before it leaves, for at most GIVES_WAY_FOR_S.
+
+    It does so while its hold would be in the way of another vehicle, because in hold it cannot give way.
+    """
+    since_s = state.membership.stands_since_boot_s
+    is_due = since_s is not None and state.now_boot_s - since_s >= GIVES_WAY_FOR_S
+    return not is_due and would_block(with_members_shown(state))
+
+
+def _stand_still(state: AgentState, formation: Formation) -> StepResult:
+    """Stand still by set-points, and keep apart from the others."""
+    if not state.membership.stands_still:
+        membership = replace(state.membership, stands_since_boot_s=state.now_boot_s)
+        state = replace(state, membership=membership).with_new_flight()
     still, group = (0.0, 0.0, 0.0), _view(state, formation, _along(state))
     return state, _set_points(state, SetPointDemand(keep_separation(group, still) or still))
 
@@ -178,6 +183,18 @@ def _why_apart(state: AgentState) -> str:
     if not vehicle.has_position or vehicle.alt_amsl_m is None:
         return "the vehicle's position is unknown"
     return "the group's route is unknown" if membership.route is None else "no leader is heard"
+
+
+def _why_off_place(state: AgentState, formation: Formation) -> str | None:
+    """Return the reason why a member cannot fly to its place; None if it can."""
+    if (far_m := _comes_no_nearer(state, formation)) is not None:
+        for_s, limit_m = formation.max_error_s, formation.max_error_m
+        why = f"for {for_s:g} s the vehicle has been more than {limit_m:g} m from its place"
+        return f"{why}, and comes no nearer ({far_m:.0f} m now)"
+    if (cell := _cell_in_the_way(state, formation)) is not None:
+        what = "no-fly" if cell in state.task.no_fly else "hostile"
+        return f"the {what} cell {list(cell)} lies on the straight way to its place"
+    return None
 
 
 def _comes_no_nearer(state: AgentState, formation: Formation) -> float | None:

@@ -13,7 +13,7 @@ from swarmctl.core.records import replace
 from swarmctl.core.split import SplitShared
 
 LEAVES_WITHIN_S = 30.0
-"""Time for which a vehicle that leaves goes on to tell its position, because others may fly behind it [s]."""
+"""Time for which a vehicle that left goes on to tell its position, because others may fly behind it [s]."""
 ROUTE_EVERY_S = 1.0
 """Time between two messages with an unchanged route [s]."""
 
@@ -24,8 +24,9 @@ def tell_group(state: AgentState) -> StepResult:
     last, now_s = state.last_position, state.vehicle.time_boot_s
     if formation is None or last.alt_amsl_m is None or last.lat_deg is None or last.lon_deg is None:
         return state, []
-    joins = membership.leader is not None and not state.ended
-    leaves = not joins and 0.0 <= now_s - membership.joined_boot_s < LEAVES_WITHIN_S
+    in_group = membership.leader is not None and not state.ended
+    joins = in_group and not membership.stands_still
+    leaves = not joins and 0.0 <= now_s - membership.in_group_boot_s < LEAVES_WITHIN_S
     if not joins and not leaves and not membership.joins_told:
         return state, []
     is_leader = joins and state.leads_group
@@ -47,8 +48,8 @@ def tell_group(state: AgentState) -> StepResult:
         message = _as_leader(state, message, with_route=with_route)
         if with_route and message.route:
             membership = replace(membership, route_sent_boot_s=now_s)
-    joined_boot_s = now_s if joins else membership.joined_boot_s
-    membership = replace(membership, sent_boot_s=now_s, joins_told=joins, joined_boot_s=joined_boot_s)
+    in_group_boot_s = now_s if in_group else membership.in_group_boot_s
+    membership = replace(membership, sent_boot_s=now_s, joins_told=joins, in_group_boot_s=in_group_boot_s)
     state = replace(state, membership=membership)
     return state, [ev.Publish(message, group=formation.members)]
 

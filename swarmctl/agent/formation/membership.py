@@ -243,9 +243,8 @@ class Membership:
     """weights of the approach's behaviours after an operator's change, in its order; empty: as configured"""
     setpoint_role: str = ""
     """role of the mode in which the vehicle follows set-points; empty: not confirmed yet"""
-    alone_since_boot_s: float | None = None
-    stands_still: bool = False
-    """True: the vehicle is alone in its group, and stands still by set-points"""
+    stands_since_boot_s: float | None = None
+    """time since which the vehicle has stood still by set-points before it leaves; None: it does not"""
     left_boot_s: float = -math.inf
     is_over: bool = False
     """True: the group has ended for this vehicle"""
@@ -253,8 +252,8 @@ class Membership:
     route_sent_boot_s: float = -math.inf
     joins_told: bool = False
     """last value of `MemberShared.joins` that was sent"""
-    joined_boot_s: float = -math.inf
-    """last time at which it was True"""
+    in_group_boot_s: float = -math.inf
+    """time of the last message from within the group"""
     neighbours: Mapping[int, NeighbourReport] = field(default_factory=dict)
     """states of present members: hidden from the rules for other traffic while they are present"""
     intents: Mapping[int, NeighbourIntent] = field(default_factory=dict)
@@ -264,6 +263,10 @@ class Membership:
     def along(self) -> Along | None:
         """The reference point as this vehicle last computed it; its age counts from `memory.now_s`."""
         return None if self.memory is None else self.memory.along
+
+    @property
+    def stands_still(self) -> bool:
+        return self.stands_since_boot_s is not None
 
     @property
     def from_place_m(self) -> float:
@@ -308,6 +311,5 @@ class Membership:
             error_m=None,
             far=None,
             setpoint_role="",
-            alone_since_boot_s=None,
             left_boot_s=now_s,
         )
