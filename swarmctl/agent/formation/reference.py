@@ -18,7 +18,7 @@ import math
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -166,6 +166,12 @@ class SpeedProfile:
     step_m: float
     speeds_m_s: tuple[float, ...]
     length_m: float
+    _times_s: tuple[float, ...] = field(init=False)
+    """time at which the reference point is at each sample, at full speed"""
+
+    def __post_init__(self) -> None:
+        takes_s = (_time_s(a, b, self.step_m) for a, b in pairwise(self.speeds_m_s))
+        object.__setattr__(self, "_times_s", tuple(accumulate(takes_s, initial=0.0)))
 
     @classmethod
     def of(
@@ -225,15 +231,31 @@ class SpeedProfile:
         """
         if for_s <= 0.0:
             return s_m, speed_m_s
-        limit = self.at(s_m)
-        share = min(speed_m_s / limit, 1.0) if limit > 0.0 else 0.0
-        steps = min(int(for_s / 0.5) + 1, _STEPS)
-        each_s = for_s / steps
-        for _ in range(steps):
-            halfway = share * self.at(s_m + 0.5 * each_s * speed_m_s) if share else 0.0
-            s_m += each_s * halfway
-            speed_m_s = share * self.at(s_m)
-        return min(s_m, self.length_m), speed_m_s
+        limit_m_s = self.at(s_m)
+        share = min(speed_m_s / limit_m_s, 1.0) if limit_m_s > 0.0 else 0.0
+        if share <= 0.0:
+            return min(s_m, self.length_m), 0.0
+        s_m = s_m if s_m > 0.0 else 0.0
+        k = min(int(s_m / self.step_m), len(self._times_s) - 2)
+        at_s = (
+            self._times_s[k] + _time_s(self.speeds_m_s[k], limit_m_s, s_m - k * self.step_m) + share * for_s
+        )
+        k = bisect_right(self._times_s, at_s) - 1
+        if k > len(self._times_s) - 2:
+            return self.length_m, 0.0
+        # Between two samples the speed is a straight line over the distance, so it grows exponentially.
+        begin_m_s, in_s = self.speeds_m_s[k], at_s - self._times_s[k]
+        growth = (self.speeds_m_s[k + 1] - begin_m_s) / self.step_m
+        grown = math.expm1(growth * in_s) / growth if growth else in_s
+        return k * self.step_m + begin_m_s * grown, share * (begin_m_s + growth * begin_m_s * grown)
+
+
+def _time_s(begin_m_s: float, end_m_s: float, way_m: float) -> float:
+    """Return the time of a way on which the speed is a straight line over the distance [s]."""
+    change = end_m_s - begin_m_s
+    if abs(change) < 1e-6 * begin_m_s:
+        return way_m / begin_m_s
+    return way_m * math.log(end_m_s / begin_m_s) / change
 
 
 def _directions(legs: StraightLegs) -> tuple[tuple[float, float, float], ...]:
