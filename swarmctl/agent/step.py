@@ -14,7 +14,7 @@ from swarmctl.agent.commands import RETRY_AFTER_S, StepResult, command, release_
 from swarmctl.agent.failsafes.enforcement import apply_failsafes
 from swarmctl.agent.formation.flight import fly_in_formation, not_following, note_following
 from swarmctl.agent.formation.member_messages import tell_group
-from swarmctl.agent.formation.presence import note_group, receive_members
+from swarmctl.agent.formation.presence import note_group, receive_messages
 from swarmctl.agent.orders import handle_operator_command, weights_changed
 from swarmctl.agent.own_modes import ROLE_OF_ORDER
 from swarmctl.agent.phases import IN_FLIGHT, ON_GROUND, Phase
@@ -154,6 +154,8 @@ def _order_failed(state: AgentState, event: ev.OrderFailed, now: float) -> StepR
 def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> StepResult:
     """Act on new telemetry: note it, end the flight, follow the failsafe rules, steer, tell the others."""
     state = _note_telemetry(replace(state, silent_s=0.0) if state.silent_s else state, event.state)
+    if event.members:
+        state = receive_messages(state, event.members)
     if has_touched_down(state):
         return end_at_touchdown(state), []
     effects: list[ev.Effect] = []
@@ -302,7 +304,6 @@ _HANDLERS: dict[type[Any], Callable[[AgentState, Any, float], StepResult]] = {
     ev.ObservationsReceived: learn_from_others,
     ev.Neighbours: receive_neighbours,
     ev.Intents: _intents,
-    ev.Members: receive_members,
     ev.SpeedFailed: speed_failed,
     ev.MissionAccepted: mission_accepted,
     ev.MissionFailed: mission_failed,

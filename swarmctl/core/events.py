@@ -77,8 +77,10 @@ class Ready(_Record, frozen=True):
     """the autopilot's unique id, as hex digits"""
 
 
-class TelemetryReceived(_Record, frozen=True):
+class TelemetryReceived(_Record, frozen=True, omit_defaults=True):
     state: VehicleState
+    members: tuple[tuple[int, float, MemberShared], ...] = ()
+    """new messages of the members of this vehicle's group: (UAV, age of the message [s], message)"""
 
 
 class Observed(_Record, frozen=True):
@@ -103,14 +105,6 @@ class Intents(_Record, frozen=True):
     """The latest intents of all other UAVs, after a change: (UAV, age of the message [s], intent)."""
 
     intents: tuple[tuple[int, float, IntentShared], ...] = msgspec.field(name="told")
-
-
-class Members(_Record, frozen=True):
-    """New messages of the members of this vehicle's group: (UAV, age of the message [s], message)."""
-
-    boot_s: float
-    """time to which the ages belong, by the vehicle's clock [s]"""
-    told: tuple[tuple[int, float, MemberShared], ...]
 
 
 class MissionAccepted(_Record, frozen=True):
@@ -212,7 +206,6 @@ Event = (
     | ObservationsReceived
     | Neighbours
     | Intents
-    | Members
     | MissionAccepted
     | MissionFailed
     | OrderDone

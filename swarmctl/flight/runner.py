@@ -169,8 +169,7 @@ class Runner:
             case StateChanged(state):
                 if state.lat_deg is not None and state.lon_deg is not None:
                     self._network.moved(self.state.task.uav, state.lat_deg, state.lon_deg)
-                self._read_members(state.time_boot_s + max(state.delay_s, 0.0))
-                self.post(ev.TelemetryReceived(state))
+                self.post(ev.TelemetryReceived(state, self._new_of_members()))
                 self._read_neighbours(state.time_boot_s)
                 if cells := self._sensor.observe(state):
                     self.post(ev.Observed(cells))
@@ -205,12 +204,11 @@ class Runner:
             case FirstHeartbeat():
                 self.note("first heartbeat")
 
-    def _read_members(self, boot_s: float) -> None:
-        """Queue the new messages of the vehicle's group, before the telemetry that is flown by them."""
-        if self.state.task.formation is None:
-            return
-        if members := self._network.take_new(self.state.task.uav, MemberShared):
-            self.post(ev.Members(boot_s, members))
+    def _new_of_members(self) -> tuple[tuple[int, float, MemberShared], ...]:
+        """Return the new messages of the vehicle's group, as `TelemetryReceived.members`."""
+        if self.state.task.formation is None or not self._may_fold.is_set():
+            return ()
+        return self._network.take_new(self.state.task.uav, MemberShared)
 
     def _read_neighbours(self, boot_s: float) -> None:
         if 0.0 <= boot_s - self._neighbours_read_s < NEIGHBOURS_EVERY_S:

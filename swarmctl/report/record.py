@@ -341,11 +341,9 @@ def _rows(messages: list[StoredMessage]) -> Iterator[Row]:
     events = msgspec.json.Decoder(EventRecord)
     effects = msgspec.json.Decoder(EffectRecord)
     for message in messages:
-        _, first, *rest = message.topic.split("/")
-        kind = rest[0] if rest else ""
-        if message.topic == EVENTS or kind == "event":
+        if message.topic == EVENTS:
             event = events.decode(message.data)
-            yield Row(event.vehicle or first, event, message.log_time_ns)
-        elif message.topic == EFFECTS or kind == "effect":
+            yield Row(event.vehicle, event, message.log_time_ns)
+        elif message.topic == EFFECTS:
             effect = effects.decode(message.data)
-            yield Row(effect.vehicle or first, effect, message.log_time_ns)
+            yield Row(effect.vehicle, effect, message.log_time_ns)

@@ -23,9 +23,9 @@ from mcap.writer import MCAP0_MAGIC
 from swarmctl import __version__
 from swarmctl.config.model import Config
 
-FORMAT = 3
-READABLE = frozenset({"2", "3"})
-"""readable formats; format 2 has a channel for each vehicle and each kind of event and effect"""
+FORMAT = 4
+READABLE = frozenset({"3", "4"})
+"""readable formats; in format 3 the messages of a group are events of their own, which no replay takes"""
 _RECORD = struct.Struct("<BQ")
 """opcode and length, before each record of an MCAP file"""
 _CHUNK = struct.Struct("<QQQII")

@@ -258,12 +258,10 @@ class LightAgent:
         self._members[uav] = (sent_s, message.with_route_of(earlier))
         self._new_members.add(uav)
 
-    def _read_members(self, now: float) -> None:
-        if self._new_members:
-            newest = ((uav, *self._members[uav]) for uav in sorted(self._new_members))
-            told = tuple((uav, now - sent_s, message) for uav, sent_s, message in newest)
-            self._new_members.clear()
-            self(ev.Members(self.boot_s + now, told))
+    def _new_of_members(self, now: float) -> tuple[tuple[int, float, MemberShared], ...]:
+        newest = [(uav, *self._members[uav]) for uav in sorted(self._new_members)]
+        self._new_members.clear()
+        return tuple((uav, now - sent_s, message) for uav, sent_s, message in newest)
 
     def report(self) -> None:
         """Pass on the vehicle's telemetry, then what the neighbours sent, as the runner does."""
@@ -278,9 +276,8 @@ class LightAgent:
         if self._lost_s > -math.inf:
             self._lost_s = -math.inf
             self(ev.LinkRestored())
-        self._read_members(now)
         vehicle = self.vehicle.telemetry(self.boot_s + now)
-        self(ev.TelemetryReceived(vehicle))
+        self(ev.TelemetryReceived(vehicle, self._new_of_members(now)))
         if now >= self.pilot_since_s:
             self._pilot_seen_s = min(self._pilot_seen_s, now)
         if now - self._read_s >= NEIGHBOURS_EVERY_S:

@@ -16,7 +16,6 @@ from swarmctl.agent.formation.reference import Reference, SpeedProfile, window_f
 from swarmctl.agent.formation.shape import Shape, ShapePlace, radius_m
 from swarmctl.agent.formation.ways import MemberWay, SplitStretch
 from swarmctl.agent.traffic.separation.watch import NeighbourIntent, NeighbourReport
-from swarmctl.core import events as ev
 from swarmctl.core.frames import MAX_POINTS, MemberShared
 from swarmctl.core.geo import LocalFrame
 from swarmctl.core.planar import PlanarPoint, turning_points
@@ -273,15 +272,20 @@ class Membership:
         """Distance from the place over ground [m]; 0 if the vehicle flies to no place."""
         return 0.0 if self.error_m is None else math.hypot(*self.error_m[:2])
 
-    def with_messages(self, event: ev.Members, frame: LocalFrame) -> Membership:
-        """Return the membership with new messages; `frame`: the area's local frame."""
+    def with_messages(
+        self, told: Iterable[tuple[int, float, MemberShared]], now_s: float, frame: LocalFrame
+    ) -> Membership:
+        """Return the membership with new messages: (UAV, age of the message at `now_s`, message).
+
+        frame: the area's local frame
+        """
         new = {
             uav: MemberReport(
                 message,
-                event.boot_s - age_s - message.age_s,
+                now_s - age_s - message.age_s,
                 frame.to_local(message.lat_deg, message.lon_deg),
             )
-            for uav, age_s, message in event.told
+            for uav, age_s, message in told
         }
         return replace(self, told={**self.told, **new})
 

@@ -31,9 +31,10 @@ REJOINS_AFTER_S = 10.0
 """Time from leaving a group until the vehicle may join again [s]."""
 
 
-def receive_members(state: AgentState, event: ev.Members, _now: float) -> StepResult:
-    """Store the messages of the group."""
-    return replace(state, membership=state.membership.with_messages(event, state.task.grid.frame)), []
+def receive_messages(state: AgentState, told: Sequence[tuple[int, float, MemberShared]]) -> AgentState:
+    """Store messages of the group: (UAV, age of the message [s], message)."""
+    membership = state.membership.with_messages(told, state.now_boot_s, state.task.grid.frame)
+    return replace(state, membership=membership)
 
 
 def note_group(state: AgentState) -> StepResult:

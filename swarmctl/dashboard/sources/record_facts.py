@@ -19,11 +19,11 @@ from swarmctl.core.events import (
     ObservationsReceived,
     Publish,
     SwapMission,
-    TelemetryReceived,
     WeightsChanged,
 )
 from swarmctl.core.frames import IntentShared, MemberShared, StateShared
 from swarmctl.core.observation import Observation
+from swarmctl.core.vehicle import VehicleState
 from swarmctl.dashboard.model import Timeline
 from swarmctl.report import foxglove
 from swarmctl.report.foxglove import LogLevel
@@ -33,6 +33,12 @@ from swarmctl.report.record_file import StoredMessage
 MAX_HEARD_AGE_S = 5.0
 """age above which an intent came in another vehicle's answer, not from its sender [s]"""
 _TAG = b'"type":"'
+
+
+class _Telemetry(msgspec.Struct, tag="TelemetryReceived"):
+    """`core.events.TelemetryReceived` without the messages of other members."""
+
+    state: VehicleState
 
 
 class _HeardIntents(msgspec.Struct, tag="Intents"):
@@ -62,7 +68,7 @@ _FACTS: dict[bytes, tuple[Callable[[bytes], Any], str]] = {
     **{
         str(kind.__struct_config__.tag).encode(): (_decoder(kind, "event"), "event")
         for kind in (
-            TelemetryReceived,
+            _Telemetry,
             ObservationsReceived,
             MissionAccepted,
             MissionFailed,
@@ -85,9 +91,7 @@ _log = msgspec.json.Decoder(_Log)
 def _kind_of(topic: str) -> str:
     if topic == foxglove.LOG:
         return "log"
-    # Format 2 has a topic for each vehicle and kind.
-    kind = [*topic.split("/"), "", ""][2]
-    return "fact" if topic in (EVENTS, EFFECTS) or kind in ("event", "effect") else ""
+    return "fact" if topic in (EVENTS, EFFECTS) else ""
 
 
 class RecordFacts:
@@ -119,14 +123,14 @@ class RecordFacts:
             return
         decode, field = found
         record = decode(message.data)
-        uav = self._uav.get(record.vehicle or message.topic.split("/")[1])
+        uav = self._uav.get(record.vehicle)
         if uav is not None:
             self._fold(uav, time_s, getattr(record, field))
 
     def _fold(self, uav: int, time_s: float, fact: object) -> None:  # noqa: PLR0912, one kind a line
         timeline = self._timeline
         match fact:
-            case TelemetryReceived(state):
+            case _Telemetry(state):
                 timeline.telemetry(uav, time_s, state)
             case _HeardIntents(told):
                 for other, age_s, _ in told:
