@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from agent_stories import GRID, MID_M, codes, operator_texts, orders, publications
 from collision_stories import ApproachStory
+from msgspec import structs
 
 from swarmctl.agent.failsafes.base import Fence
 from swarmctl.agent.phases import Phase
@@ -292,14 +293,18 @@ def test_two_vehicles_in_hold_within_the_limits_separate_by_a_climb_on_the_spot(
         story.other(1, 160.0 + away_m, MID_M[1], (0.0, 0.0, 0.0))
         found += codes(story.at(160.0, **STILL))
     assert found == ["resumes-higher"]
-    story(ev.MissionAccepted(story.swap().plan_id, 4.0, 0.0))
+    climb = story.swap()
+    story(ev.MissionAccepted(climb.plan_id, 4.0, 0.0))
     # The wind has moved the vehicle past the spot; the announced flight stays there nevertheless.
     story.at(160.3, **STILL, alt_rel_m=31.0)
-    flight = planned_flight(story.state)
-    assert flight is not None
-    now_s = story.state.vehicle.time_boot_s
-    places = [flight.at(now_s + in_s) for in_s in (1.0, 2.0, 3.0)]
-    assert all(place is not None and math.dist(place[:2], (160.3, MID_M[1])) < 1.0 for place in places)
+    levelling = story.state
+    new = structs.replace(climb, plan_id=climb.plan_id + 1)
+    changing = replace(levelling, plans=levelling.plans.sent(new, levelling.now_boot_s))
+    for state in (levelling, changing):
+        flight, now_s = planned_flight(state), state.vehicle.time_boot_s
+        assert flight is not None
+        places = [flight.at(now_s + in_s) for in_s in (1.0, 2.0, 3.0)]
+        assert all(place is not None and math.dist(place[:2], (160.3, MID_M[1])) < 1.0 for place in places)
 
 
 def test_a_vehicle_without_a_clear_height_keeps_holding_and_reports_repeatedly() -> None:
@@ -314,9 +319,9 @@ def test_a_holding_vehicle_stays_clear_of_a_silent_vehicle() -> None:
     story.stopped()
     # Vehicle 1 holds over the crossing, sends one more state and then falls silent.
     story.other(1, MID_M[0], MID_M[1], (0.0, 0.0, 0.0))
-    found_codes = [operator_texts(story.at(140.0, **STILL)) for _ in range(50)]
+    found_codes = [operator_texts(story.at(160.0, **STILL)) for _ in range(50)]
     assert not any(found_codes)
-    later = [code for _ in range(150) for code in codes(story.at(140.0, **STILL))]
+    later = [code for _ in range(150) for code in codes(story.at(160.0, **STILL))]
     assert {"keeps-holding", "resumes-higher"} & set(later)
     assert not story.state.is_waiting, "the vehicle resumes above that position or after three minutes"
 

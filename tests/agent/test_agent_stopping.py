@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 from agent_stories import GRID, Story, publications
+from flown_legs import START_LOSS_S
 from hypothesis import example, given
 from hypothesis import strategies as st
 
@@ -28,8 +29,8 @@ from swarmctl.mavlink.dialects import dialect_for
 from swarmctl.mavlink.telemetry.vehicle_state import Telemetry
 
 ROW_M = GRID.centre_m((4, 4))[1]
-STOP_COST_S = 10.0 / (2.0 * 2.5) + 10.0 / (2.0 * 2.5)
-"""Time lost by braking from 10 m/s at 2.5 m/s² and by speeding up at the same rate [s]."""
+STOP_COST_S = 10.0 / (2.0 * 2.5) + START_LOSS_S
+"""Time lost by braking from 10 m/s at 2.5 m/s² and by speeding up again [s]."""
 
 
 class StopStory(Story):
@@ -125,8 +126,8 @@ def test_the_intent_continues_the_braking_and_then_speeds_up_from_the_stop() -> 
     for story in stories:
         story.at(85.0, 7.5)
         story.accept_plan()
-    # 3 s for 11.25 m, and 2 s lost by speeding up from a stop; 0.125 s from 7.5 m/s.
-    assert landing_delay_s(*stories) == pytest.approx(3.0 - 1.125 + 2.0 - 0.125, abs=0.1)
+    # 3 s for 11.25 m, and 3.9 s lost by speeding up from a stop; 0.125 s from 7.5 m/s.
+    assert landing_delay_s(*stories) == pytest.approx(3.0 - 1.125 + START_LOSS_S - 0.125, abs=0.1)
     for story in stories:
         story.at(98.0, 2.0, time_boot_s=story.state.plans.swaps.done_boot_s + 3.1)
     assert landing_delay_s(*stories) == pytest.approx(0.0, abs=1e-6)
@@ -254,7 +255,7 @@ def test_the_times_of_a_landing_increase_on_every_clock(up_m: float, boot_s: flo
     assert all(later > earlier for earlier, later in pairwise(landing.times_s))
 
 
-@pytest.mark.parametrize(("rise_m", "climbs_s"), [(4.0, 4.0), (25.0, 12.5), (-1.0, 2.0), (-15.0, 11.5)])
+@pytest.mark.parametrize(("rise_m", "climbs_s"), [(4.0, 4.0), (25.0, 12.5), (-4.0, 3.0 + 7.0 / 6.0), (-15.0, 11.5)])
 def test_a_climb_speeds_up_and_slows_down_at_1_m_s2(rise_m: float, climbs_s: float) -> None:
     """At 2.5 m/s up and 1.5 m/s down, the defaults of ArduCopter's WPNAV_SPEED_UP and WPNAV_SPEED_DN."""
     flight = fly_along((0.0, 0.0, 30.0), 30.0 + rise_m, [(4.0, 0.0), (400.0, 0.0)], 10.0)

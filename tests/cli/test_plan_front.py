@@ -32,7 +32,7 @@ name: small
 area: {origin_lat_deg: 46.0, origin_lon_deg: 14.4, rows: 12, cols: 12, cell_size_m: 50, no_fly: [[6, 6]]}
 threats: {count: 9}
 planner: {name: constrained}
-simulate: {count: 2, arrive_within_s: 93}
+simulate: {count: 2, arrive_within_s: 97}
 """
 
 
@@ -82,7 +82,7 @@ def test_the_configured_route_and_late_routes_are_marked(small: Path, tmp_path: 
         configured = vehicle["configured"]
         assert configured["cells"] == vehicle["routes"][configured["index"]]["cells"]
         assert configured["in_time"]
-        late = [route for route in vehicle["routes"] if route["arrives_s"] > 93.0]
+        late = [route for route in vehicle["routes"] if route["arrives_s"] > 97.0]
         assert late
         assert [route for route in vehicle["routes"] if not route["in_time"]] == late
         assert all(route["exposure_sum"] < configured["exposure_sum"] for route in late)
@@ -107,7 +107,7 @@ def test_a_limited_search_is_marked(small: Path, tmp_path: Path) -> None:
 
 def test_vehicles_that_do_not_fit_on_a_sheet_get_another_sheet(tmp_path: Path) -> None:
     file = tmp_path / "many.yaml"
-    file.write_text(SMALL.replace("count: 2, arrive_within_s: 93", "count: 8"))
+    file.write_text(SMALL.replace("count: 2, arrive_within_s: 97", "count: 8"))
     _, _, files = front_of(file, tmp_path / "runs")
     assert files == {"front.json", "front.png", "front-2.png"}
 
@@ -132,7 +132,7 @@ def test_wrong_usage_is_an_error(words: list[str], output: str, small: Path, tmp
 
 def test_a_planner_with_another_objective_is_shown_beside_the_front(tmp_path: Path) -> None:
     file = tmp_path / "survival.yaml"
-    file.write_text(SMALL.replace("constrained", "survival").replace(", arrive_within_s: 93", ""))
+    file.write_text(SMALL.replace("constrained", "survival").replace(", arrive_within_s: 97", ""))
     output, content, _ = front_of(file, tmp_path / "runs")
     assert "← survival" in output
     for vehicle in content["vehicles"]:
@@ -154,7 +154,7 @@ def test_a_configured_route_off_the_front_has_its_chance_and_its_track(tmp_path:
     file = tmp_path / "off.yaml"
     text = SMALL.replace("rows: 12, cols: 12", "rows: 9, cols: 14").replace(", no_fly: [[6, 6]]", "")
     text = text.replace("count: 9", "count: 70").replace("constrained", "survival")
-    file.write_text(text.replace("count: 2, arrive_within_s: 93", "count: 3"))
+    file.write_text(text.replace("count: 2, arrive_within_s: 97", "count: 3"))
     output, content, _ = front_of(file, tmp_path / "runs", "--uav", "uav2")
     (row,) = [line for line in output.splitlines() if "not on the front" in line]
     (vehicle,) = content["vehicles"]

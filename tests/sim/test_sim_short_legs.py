@@ -1,9 +1,9 @@
-"""Short legs of a mission, beside those of ArduCopter 4.6.2 (docs/measured.md)."""
+"""Starts and short legs of a mission, beside those of ArduCopter 4.6.2 (docs/measured.md)."""
 
 from __future__ import annotations
 
 import pytest
-from flown_legs import FLOWN_LEGS, FlownLeg
+from flown_legs import FLOWN_LEGS, START_LOSS_S, FlownLeg
 from station import Station, takeoff, waypoint
 
 
@@ -18,3 +18,14 @@ def test_a_short_leg_takes_as_long_as_on_firmware(leg: FlownLeg) -> None:
         station.until(lambda seq=seq: seq in station.reached, 120.0)
         reached_s.append(station.now)
     assert reached_s[1] - reached_s[0] == pytest.approx(2.0 * leg.duration_s, rel=0.12)
+
+
+def test_a_start_from_a_stand_takes_as_long_as_on_firmware() -> None:
+    station = Station()
+    station.set_parameter("WPNAV_SPEED", 1000.0)
+    station.fly_mission([takeoff(20.0), waypoint(200.0, 0.0), waypoint(400.0, 0.0)])
+    reached_s = []
+    for seq in (1, 2):
+        station.until(lambda seq=seq: seq in station.reached, 120.0)
+        reached_s.append(station.now)
+    assert reached_s[1] - reached_s[0] == pytest.approx(20.0 + START_LOSS_S, abs=0.5)

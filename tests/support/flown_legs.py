@@ -9,6 +9,8 @@ from itertools import accumulate
 from swarmctl.core.planar import PlanarPoint
 
 N_LEGS = 12
+START_LOSS_S = 3.9
+"""time lost from a stand to 10 m/s [s]"""
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,8 @@ CLIMB_M_S, DESCENT_M_S, LAND_M_S, LOW_M = 2.5, 1.5, 0.5, 10.0
 LIFT_S = 4.0
 VERTICAL_M_S2 = {True: 1.0, False: 3.0}
 """acceleration of climbs, by `stops_for_missions` [m/s²]: WPNAV_ACCEL_Z, and the lesser of PX4's limits"""
+RAMP_M_S3 = 2.0 / math.pi * JERK_M_S3
+"""mean growth of the acceleration from a stand"""
 LEG_SHARE = 0.95
 """greatest speed on a short leg, as a share of the greatest one between two stops with JERK_M_S3"""
 VERTICAL_LEAD_S = 0.2
@@ -188,7 +190,9 @@ class LightVehicle:
 
     def _accelerate(self, east: float, north: float, up: float, dt_s: float) -> None:
         de, dn = east - self.velocity[0], north - self.velocity[1]
-        most = ACCELERATION_M_S2 * dt_s
+        most, flown_m_s = ACCELERATION_M_S2 * dt_s, math.hypot(*self.velocity[:2])
+        if self.stops_for_missions and self.mode == "mission" and math.hypot(east, north) > flown_m_s:
+            most = min(most, (math.sqrt(2.0 * RAMP_M_S3 * flown_m_s) + RAMP_M_S3 * dt_s) * dt_s)
         share = min(most / max(math.hypot(de, dn), 1e-9), 1.0)
         self.velocity[0] += share * de
         self.velocity[1] += share * dn

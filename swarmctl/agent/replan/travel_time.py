@@ -3,7 +3,7 @@
 Acceleration, jerk and corner radius are the defaults of ArduCopter's parameters; the other constants are
 estimates. ArduCopter plans each leg from rest to rest, and blends it with its neighbours: so a short leg is
 slow, even straight on. A PX4 is faster on short legs. Estimates of turns are high, so that a vehicle is early
-rather than late; a start from a stand takes an ArduCopter 1.9 s longer (`docs/measured.md`).
+rather than late.
 """
 
 from __future__ import annotations
@@ -29,6 +29,8 @@ CORNER_SHARE = 0.75
 """Estimated speed at a corner, as a share of the speed by ACCELERATION_M_S2 and CORNER_RADIUS_M."""
 SETTLE_S = 0.8
 """additional time at each turn at which the vehicle slows down, until it follows the next leg [s]"""
+START_S, STARTED_M_S = 1.9, 1.0
+"""Delay of a start from a stand, because the jerk is limited [s]; speed at which it is over [m/s]."""
 STRAIGHT_RAD = 0.1
 """Greatest turn that counts as straight [rad]."""
 BESIDE_M, BESIDE_RAD = 3.0, 0.5
@@ -158,7 +160,7 @@ class _Leg:
     top_m_s: float
     end_m_s: float
     settle_s: float
-    """time until the vehicle follows the leg after a turn [s]"""
+    """time until the vehicle follows the leg after a turn, or from a stand [s]"""
 
     @property
     def duration_s(self) -> float:
@@ -183,7 +185,8 @@ def _corners_and_legs(
     if not legs_m:
         return corners, []
     tops_m_s = [min(_top_m_s(leg_m), speed_m_s) for leg_m in legs_m]
-    passed_m_s, settles_s = [min(initial_m_s, speed_m_s)], [0.0]
+    passed_m_s = [min(initial_m_s, speed_m_s)]
+    settles_s = [START_S * max(1.0 - initial_m_s / STARTED_M_S, 0.0)]
     tops_m_s[0] = max(passed_m_s[0], tops_m_s[0])  # the vehicle may have begun this leg earlier
     for i, straight_m_s in enumerate(map(min, pairwise(tops_m_s))):
         turned_m_s = _corner_m_s(_turn_rad(*corners[i : i + 3]))

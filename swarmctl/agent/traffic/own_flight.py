@@ -194,11 +194,10 @@ def _through_change(
     """Return the trajectory of a copter that changes from its present route to `plan`, along `path`."""
     mission, vehicle = state.plans.mission, state.vehicle
     assert mission is not None
-    present_path = state.points_ahead(mission) or waypoints_of(state.task, mission.plan)
     return fly_through_change(
         here,
         (vehicle.east_m_s, vehicle.north_m_s),
-        FlightPart(mission.plan.height_m, present_path),
+        FlightPart(mission.plan.height_m, _points_ahead(state, here, mission)),
         change,
         FlightPart(plan.height_m, path),
         speed_m_s,
