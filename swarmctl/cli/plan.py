@@ -107,6 +107,9 @@ def _plan_front(scenario: Scenario, out_folder: Path, uav: str, max_labels: int)
     folder = run_folder(out_folder, f"{scenario.config.name}-front")
     front.write_fronts(folder, scenario, found)
     out.print(front.front_table(found))
-    for text in [*front.front_notes(found), front.EXPLANATION]:
+    notes = [*front.front_notes(found), front.EXPLANATION]
+    if scenario.config.formations:
+        notes.append("The front of a member is that of its own mission; a group's route is planned for all.")
+    for text in notes:
         out.print(text, style="bright_black", highlight=False, markup=False)
     say(f"all routes, with their cells, and the picture: {folder}")

@@ -255,7 +255,9 @@ def test_the_times_of_a_landing_increase_on_every_clock(up_m: float, boot_s: flo
     assert all(later > earlier for earlier, later in pairwise(landing.times_s))
 
 
-@pytest.mark.parametrize(("rise_m", "climbs_s"), [(4.0, 4.0), (25.0, 12.5), (-4.0, 3.0 + 7.0 / 6.0), (-15.0, 11.5)])
+@pytest.mark.parametrize(
+    ("rise_m", "climbs_s"), [(4.0, 4.0), (25.0, 12.5), (-4.0, 3.0 + 7.0 / 6.0), (-15.0, 11.5)]
+)
 def test_a_climb_speeds_up_and_slows_down_at_1_m_s2(rise_m: float, climbs_s: float) -> None:
     """At 2.5 m/s up and 1.5 m/s down, the defaults of ArduCopter's WPNAV_SPEED_UP and WPNAV_SPEED_DN."""
     flight = fly_along((0.0, 0.0, 30.0), 30.0 + rise_m, [(4.0, 0.0), (400.0, 0.0)], 10.0)

@@ -76,6 +76,8 @@ def test_members_that_exchange_their_places_meet_halfway() -> None:
     [
         {"kind": "offsets"},
         {"kind": "wedge", "offsets_m": ((1.0, 2.0, 3.0),)},
+        {"kind": "line", "opening_deg": 60.0},
+        {"kind": "offsets", "offsets_m": ((1.0, 2.0, 3.0),), "spacing_m": 20.0},
         {"spacing_m": 0.0},
         {"opening_deg": 190.0},
         {"kind": "diamond"},

@@ -47,9 +47,14 @@ class Shape(Section):
     )
 
     @model_validator(mode="after")
-    def _offsets_fit_the_kind(self) -> Shape:
-        if (self.kind == "offsets") != bool(self.offsets_m):
-            raise ValueError("`offsets_m` belongs to the kind `offsets`, and this kind needs it")
+    def _numbers_fit_the_kind(self) -> Shape:
+        if self.kind == "offsets" and not self.offsets_m:
+            raise ValueError("the kind `offsets` needs `offsets_m`")
+        unused = {"opening_deg": self.kind != "wedge", "offsets_m": self.kind != "offsets"}
+        unused |= dict.fromkeys(("spacing_m", "height_step_m"), self.kind == "offsets")
+        for name, field in type(self).model_fields.items():
+            if unused.get(name) and getattr(self, name) != field.default:
+                raise ValueError(f"`{name}` has no effect on the kind `{self.kind}`; remove it")
         return self
 
     @property
