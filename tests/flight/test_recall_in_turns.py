@@ -228,7 +228,7 @@ def test_a_failed_flight_returns_the_vehicles_in_turns(
 ) -> None:
     trouble = Trouble(on_step=(monitor := ReturnMonitor()))
     inject(trouble, monkeypatch)
-    ui = FaultyUi(after_s=45.0)
+    ui = FaultyUi(after_s=47.0)
     report = fly(gathering(), tmp_path, ui=ui, broken=True)
     assert isinstance(report.bug, ExceptionGroup)
     assert json.loads((tmp_path / "summary.json").read_text())["ended"] == report.ended == "failed"

@@ -15,7 +15,7 @@ from swarmctl.core.geo import distance_m
 def gathering(**sections: object) -> Scenario:
     """Return a swarm of three vehicles with one goal.
 
-    From 45 s to 55 s two of them may return at once, and the vehicle between them afterwards.
+    From 47 s to 55 s two of them may return at once, and the vehicle between them afterwards.
     """
     return small(simulate={"count": 3, "ready_s": 3.0, "goal": [4, 7]}, **sections)
 
