@@ -206,6 +206,7 @@ def test_a_member_that_leaves_gives_way_by_set_points_until_another_member_has_p
 
 def test_a_leader_that_hears_nobody_any_more_flies_no_faster_than_announced() -> None:
     swarm = LightGroup().joined()
+    swarm.run(swarm.now + 2.0, lambda _now: None)
     leader = swarm.agents[0].vehicle
     as_announced_m_s = leader.commanded_m_s
     assert as_announced_m_s is not None
