@@ -121,7 +121,7 @@ def kernel_times(scenario: Scenario) -> Table:
         bound = (start, width, step, settings.w * least, search.rest)
         searched = (start, np.inf, goals, False, settings, area, search)
         field = search.label, step, step * (ROOT2 - 1.0), search.straight, False, width
-        way = (*field, goals, np.full(1, start), np.empty(0))
+        way = (*field, goals, start, np.empty(0))
         for part, kernel, arguments in (
             ("exposure (Eq. 3 and 4)", replan_kernels.believed_exposure, believed),
             ("edge costs (Eq. 5)", replan_kernels.write_straight, (settings, search)),

@@ -61,7 +61,7 @@ class CostToGo:
 
         Raises as `cells_from` does.
         """
-        return self._field.routes_from([self._checked(start) for start in starts])
+        return [self._field.path_from(cell) for cell in [self._checked(start) for start in starts]]
 
     def _checked(self, start: Cell) -> Cell:
         cell = checked_cell("start", start, self.cost)

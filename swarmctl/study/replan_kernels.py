@@ -166,8 +166,8 @@ def replan(i: int, goals: Ints, settings: Settings, area: Area, vehicles: Vehicl
     below = old * (1.0 - 0.5 * BETTER_BY)
     if spread_to(here, below, goals, has_walls, settings, area, search) >= below:
         return  # also without any route: a vehicle in flight keeps its own
-    extra, starts = step * (ROOT2 - 1.0), np.full(1, here)
-    path, _, _ = descend(search.label, step, extra, straight, has_walls, width, goals, starts, np.empty(0))
+    extra = step * (ROOT2 - 1.0)
+    path, _ = descend(search.label, step, extra, straight, has_walls, width, goals, here, np.empty(0))
     if old > route_cost(path, settings, width, search) * (1.0 + BETTER_BY):
         take_route(i, path, vehicles)
 

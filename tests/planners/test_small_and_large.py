@@ -89,9 +89,7 @@ def test_fields_and_routes_are_equal_with_and_without_compiled_code(problem: Pro
     cells = list(np.ndindex(*problem.exposure.shape))
     assert [small.cost_of(cell) for cell in cells] == [large.cost_of(cell) for cell in cells]
     starts = [cell for cell in cells if math.isfinite(small.cost_of(cell))]
-    for of_small, of_large in zip(small.routes_from(starts), large.routes_from(starts), strict=True):
-        np.testing.assert_array_equal(of_small, of_large)
-    for start in starts[:5]:
+    for start in starts:
         assert small.route_from(start) == large.route_from(start)
 
 
@@ -182,7 +180,7 @@ def test_a_large_area_needs_no_compiler_after_the_warm_up() -> None:
             problem = Problem(area, (10, 0), ((10, 29), (0, 29)), 0.5, 0.13, max_length_cells=35.0)
             for search in SEARCHES.values():
                 answer(search, problem)
-            cost_to_go(area, [(10, 29)], 1.0, 0.13).paths_from([(10, 0), (10, 1)])
+            cost_to_go(area, [(10, 29)], 1.0, 0.13).cells_from((10, 0))
             replanner = Replanner(area, [(10, 29)], 0.5, 0.13)
             replanner.route((10, 0))
             replanner.renew(area * 0.9)

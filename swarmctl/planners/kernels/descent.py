@@ -16,7 +16,6 @@ from swarmctl.planners.kernels.lattice import (
     Ints,
     cuts_corner,
     enlarged,
-    index_above,
     offsets_of,
     pop_least,
     push,
@@ -28,8 +27,6 @@ LENGTH_TIE = 1e-9
 """difference below which lengths are equal [cells]; different sums of steps differ by more on real areas"""
 UNKNOWN = np.inf
 """value in `length` of a cell whose length is not known yet"""
-ON_STACK = -1.0
-"""value in `length` of a cell on the stack of `find_lengths`"""
 MANY_GOALS = 4
 """number of goals above which `_least_length` is 0, to save time"""
 
@@ -74,12 +71,11 @@ def descend(
     has_walls: bool,
     width: int,
     goals: Ints,
-    starts: Ints,
+    start: int,
     length: Floats,
-) -> tuple[Ints, Ints, Floats]:
-    """Return the routes from all starts of finite cost to the sorted `goals`, one after the other.
+) -> tuple[Ints, Floats]:
+    """Return the route from a start of finite cost to one of the sorted `goals`, and `length`.
 
-    The values are `path`, `ends` and `length`. `ends` has the index in `path` after each route's last cell.
     `length` includes the lengths computed here, and has size 0 if none are known.
 
     At a tie with unknown lengths the search assumes that the shortest route is as short as the lattice
@@ -87,79 +83,41 @@ def descend(
     """
     offsets = offsets_of(width)
     neighbour_costs = np.empty(8)
-    path = np.empty(512 * starts.size, dtype=np.int64)
-    ends = np.empty(starts.size, dtype=np.int64)
-    passed = np.zeros(label.size if starts.size > 1 else 0, dtype=np.int32)  # index in `path`, plus 1
-    count = 0
-    for route in range(starts.size):
-        m, assumed_since = starts[route], -1
-        path[count] = m
-        count += 1
-        begin = count
-        while not is_goal(goals, m):
-            if starts.size > 1 and assumed_since < 0 and passed[m] > 0:  # copy a previous route from m on
-                first = passed[m]
-                end = ends[index_above(ends, route, first)]
-                while count + end - first >= path.size:
-                    path = enlarged(path)
-                for index in range(first, end):
-                    path[count] = path[index]
-                    count += 1
-                break
-            bound = np.inf
-            for k in range(8):
-                neighbour_costs[k] = label[m + offsets[k]] + (0.0 if k < 4 else extra) + step
-                if has_walls and k >= 4 and cuts_corner(straight, offsets, m, k):
-                    neighbour_costs[k] = np.inf
-                bound = min(bound, neighbour_costs[k])
-            bound *= 1.0 + REL_TIE
-            best, ties = -1, 0
-            for k in range(7, -1, -1):
-                if neighbour_costs[k] <= bound:
-                    ties += 1
-                    best = m + offsets[k]
-            if ties > 1 and assumed_since < 0 and (length.size == 0 or length[m] == UNKNOWN):
-                assumed_since = count
-            if ties > 1 or assumed_since >= 0:
-                best, assumption_fails = _next_of_shortest(
-                    neighbour_costs, bound, width, offsets, goals, m, length, assumed_since >= 0
-                )
-                if assumption_fails:
-                    count, assumed_since = assumed_since, -1
-                    m = path[count - 1]
-                    length = _with_lengths_from(label, step, extra, straight, width, goals, m, length)
-                    continue
-            m = best
-            if count == path.size:
-                path = enlarged(path)
-            path[count] = m
-            count += 1
-        ends[route] = count
-        for index in range(begin - 1, count if starts.size > 1 else 0):
-            if passed[path[index]] > 0:
-                break
-            passed[path[index]] = index + 1
+    path = np.empty(512, dtype=np.int64)
+    path[0] = m = start
+    count, assumed_since = 1, -1
+    while not is_goal(goals, m):
+        bound = np.inf
+        for k in range(8):
+            neighbour_costs[k] = label[m + offsets[k]] + (0.0 if k < 4 else extra) + step
+            if has_walls and k >= 4 and cuts_corner(straight, offsets, m, k):
+                neighbour_costs[k] = np.inf
+            bound = min(bound, neighbour_costs[k])
+        bound *= 1.0 + REL_TIE
+        best, ties = -1, 0
+        for k in range(7, -1, -1):
+            if neighbour_costs[k] <= bound:
+                ties += 1
+                best = m + offsets[k]
+        if ties > 1 and assumed_since < 0 and (length.size == 0 or length[m] == UNKNOWN):
+            assumed_since = count
+        if ties > 1 or assumed_since >= 0:
+            best, assumption_fails = _next_of_shortest(
+                neighbour_costs, bound, width, offsets, goals, m, length, assumed_since >= 0
+            )
+            if assumption_fails:
+                count, assumed_since = assumed_since, -1
+                m = path[count - 1]
+                if length.size == 0:
+                    length = np.full(label.size, UNKNOWN)
+                find_lengths(label, step, extra, straight, width, goals, m, length)
+                continue
+        m = best
         if count == path.size:
             path = enlarged(path)
-    return path[:count], ends, length
-
-
-def _with_lengths_from(
-    label: Floats,
-    step: float,
-    extra: float,
-    straight: Floats,
-    width: int,
-    goals: Ints,
-    m: int,
-    length: Floats,
-) -> Floats:
-    """Return `length` with the lengths of all cells on the cheapest routes from m; size 0: a new array."""
-    if length.size == 0:
-        length = np.full(label.size, UNKNOWN)
-    if not find_lengths(label, step, extra, straight, width, goals, m, length):
-        find_lengths_with_cycles(label, step, extra, straight, width, goals, m, length)
-    return length
+        path[count] = m
+        count += 1
+    return path[:count], length
 
 
 def _next_of_shortest(
@@ -203,59 +161,8 @@ def _least_length(goals: Ints, width: int, m: int) -> float:
 def is_goal(goals: Ints, m: int) -> bool:
     if goals.size == 1:
         return bool(goals[0] == m)
-    above = index_above(goals, goals.size, m)
-    return bool(above > 0 and goals[above - 1] == m)
-
-
-def find_lengths(
-    label: Floats,
-    step: float,
-    extra: float,
-    straight: Floats,
-    width: int,
-    goals: Ints,
-    start: int,
-    length: Floats,
-) -> bool:
-    """Write the least length of the cheapest routes, for all cells on the cheapest routes from `start`.
-
-    The search is depth first. Return False if steps of cost 0 form a cycle; `length` is then incomplete.
-    """
-    offsets = offsets_of(width)
-    stack = np.empty(1024, dtype=np.int64)
-    directions = np.empty(1024, dtype=np.int64)  # a bit for each direction
-    unvisited = np.empty(1024, dtype=np.int64)
-    size, m = 0, start
-    while True:
-        if length[m] == UNKNOWN:  # a new cell
-            if size == stack.size:
-                stack, directions, unvisited = enlarged(stack), enlarged(directions), enlarged(unvisited)
-            stack[size] = m
-            length[m] = ON_STACK
-            directions[size] = _cheapest_directions(label, step, extra, straight, offsets, goals, m)
-            unvisited[size] = directions[size]
-            size += 1
-        elif length[m] == ON_STACK:
-            for i in range(size):
-                length[stack[i]] = UNKNOWN
-            return False
-        here = stack[size - 1]
-        if unvisited[size - 1] != 0:
-            k = 0
-            while (unvisited[size - 1] >> k) & 1 == 0:
-                k += 1
-            unvisited[size - 1] &= unvisited[size - 1] - 1
-            m = here + offsets[k]
-            continue
-        best = np.inf if directions[size - 1] != 0 else 0.0
-        for k in range(8):
-            if (directions[size - 1] >> k) & 1 != 0:
-                best = min(best, length[here + offsets[k]] + (1.0 if k < 4 else ROOT2))
-        length[here] = best
-        size -= 1
-        if size == 0:
-            return True
-        m = here
+    at = np.searchsorted(goals, m)
+    return bool(at < goals.size and goals[at] == m)
 
 
 def _cheapest_directions(
@@ -273,7 +180,7 @@ def _cheapest_directions(
     return directions
 
 
-def find_lengths_with_cycles(
+def find_lengths(
     label: Floats,
     step: float,
     extra: float,
@@ -283,9 +190,9 @@ def find_lengths_with_cycles(
     start: int,
     length: Floats,
 ) -> None:
-    """Write the lengths that `find_lengths` writes, also if steps of cost 0 form a cycle.
+    """Write the least length of the cheapest routes, for all cells on the cheapest routes from `start`.
 
-    The method is Dijkstra's algorithm over the edges of cheapest routes.
+    The method is Dijkstra's algorithm over the edges of cheapest routes, which may form cycles of cost 0.
     """
     offsets = offsets_of(width)
     cells, directions, size = _cells_without_length(label, step, extra, straight, width, goals, start, length)

@@ -68,13 +68,12 @@ class Field(abc.ABC):
         """Return the least cost from a cell to a goal; infinite without a route."""
 
     @abc.abstractmethod
-    def routes_from(self, starts: Sequence[Cell]) -> list[Ints]:
-        """Return a route to a goal for each start of finite cost, as rows and columns, (n, 2)."""
+    def path_from(self, start: Cell) -> Ints:
+        """Return the route from a start of finite cost to a goal, as rows and columns, (n, 2)."""
 
     def route_from(self, start: Cell) -> tuple[Cell, ...]:
         """Return the route from a start of finite cost to a goal, both included."""
-        (path,) = self.routes_from([start])
-        rows, cols = path.T.tolist()
+        rows, cols = self.path_from(start).T.tolist()
         return tuple(zip(rows, cols, strict=True))
 
     def matches(self, exposure: Floats, goals: Sequence[Cell], w: float, psi_per_cell: float) -> bool:

@@ -32,7 +32,7 @@ class LargeField(Field):
         self.span = 1.0
         """width of a bucket of the search"""
         self._lengths: list[Floats] = []
-        """At most one array of known lengths of routes [cells]. `routes_from` removes the array during its
+        """At most one array of known lengths of routes [cells]. `path_from` removes the array during its
         work, because threads may share a field."""
 
     def cost(self) -> Floats:
@@ -50,19 +50,17 @@ class LargeField(Field):
         offsets = offsets_of(self.width)
         return compiled(descent.cost_of)(self.label, self.step, self.extra, self.straight, offsets, m)
 
-    def routes_from(self, starts: Sequence[Cell]) -> list[Ints]:
-        if not starts:
-            return []
+    def path_from(self, start: Cell) -> Ints:
         try:
             length = self._lengths.pop()
         except IndexError:
             length = NO_LENGTHS
-        path, ends, length = compiled(descent.descend)(
+        path, length = compiled(descent.descend)(
             self.label, self.step, self.extra, self.straight, self.has_walls, self.width, self.goals,
-            np.array([self.index(start) for start in starts], dtype=np.int64), length,
+            self.index(start), length,
         )  # fmt: skip
         self._lengths[:] = [length]
-        return np.split(np.stack(np.divmod(path, self.width), axis=1) - 1, ends[:-1])
+        return np.stack(np.divmod(path, self.width), axis=1) - 1
 
     def search(self, exposure: Floats, goals: Sequence[Cell], w: float, psi_per_cell: float) -> None:
         """Compute the field for P_s of shape (rows, cols), without checks."""

@@ -40,18 +40,6 @@ def enlarged(array: NDArray[T]) -> NDArray[T]:
     return larger
 
 
-def index_above(array: Ints, size: int, value: int) -> int:
-    """Return the index of the first among the first `size` values, which are sorted, above `value`."""
-    low, high = 0, size
-    while low < high:
-        middle = (low + high) >> 1
-        if array[middle] <= value:
-            low = middle + 1
-        else:
-            high = middle
-    return low
-
-
 def push(items: Ints, keys: Floats, size: int, item: int, key: float) -> tuple[Ints, Floats, int]:
     """Add an item to a heap, least key first; return the heap, enlarged if necessary, and its size."""
     if size == items.size:

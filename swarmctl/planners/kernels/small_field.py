@@ -44,16 +44,12 @@ class SmallField(Field):
             return 0.0
         return float(self._costs[cell[0] * self.cols + cell[1]])
 
-    def routes_from(self, starts: Sequence[Cell]) -> list[Ints]:
-        goals = set(self.goals.tolist())
-        only_next_cells = self._only_next_cells
-        paths = []
-        for start in starts:
-            path = [self.index(start)]
-            while (cell := path[-1]) not in goals:
-                path.append(only_next_cells[cell] or self._next_cells[cell])
-            paths.append(np.stack(np.divmod(path, self.width), axis=1) - 1)
-        return paths
+    def path_from(self, start: Cell) -> Ints:
+        goals, only_next_cells = set(self.goals.tolist()), self._only_next_cells
+        path = [self.index(start)]
+        while (cell := path[-1]) not in goals:
+            path.append(only_next_cells[cell] or self._next_cells[cell])
+        return np.stack(np.divmod(path, self.width), axis=1) - 1
 
     def _labels(self, seeds: Floats) -> Floats:
         """Return the labels of all cells, from the labels of the goals.
