@@ -200,31 +200,22 @@ def method(name: str, planner: Planner, options: Mapping[str, object]) -> Method
         raise ValueError(f"options of planner {name}: {str(error)[:1].lower()}{str(error)[1:]}") from error
 
 
-def eq5_route(problem: Problem, cells: Sequence[Cell]) -> Route:
-    """Return a route with its cost by Eq. 5, summed over its edges."""
-    return route_of(problem, cells, None)
-
-
-def route_of(problem: Problem, cells: Sequence[Cell], cost: float | None) -> Route:
+def route_of(problem: Problem, cells: Sequence[Cell], cost: float | None = None) -> Route:
     """Return a route with its sums; `cost` is its planner's measure, None for Eq. 5."""
     # One array serves all sums: converting a thousand tuples holds the interpreter lock.
     path = np.asarray(cells, dtype=np.int64)
-    length, total = measures.length_cells(path), measures.exposure_sum(problem.exposure, path)
     if cost is None:
-        cost = _eq5(problem, length, total) if problem.gain is None else eq5_cost(problem, cells)
+        cost = eq5_cost(problem, path)
+    length, total = measures.length_cells(path), measures.exposure_sum(problem.exposure, path)
     return Route(tuple(cells), cost, length, total, measures.safety_factor(problem.exposure, path))
 
 
-def eq5_cost(problem: Problem, cells: Sequence[Cell]) -> float:
+def eq5_cost(problem: Problem, cells: measures.RouteCells) -> float:
     """Return Σ C_mn over a route (Eq. 5), less the gains."""
-    path = np.asarray(cells, dtype=np.int64)
-    total = measures.exposure_sum(problem.less_gain(problem.exposure), path)
-    return _eq5(problem, measures.length_cells(path), total)
-
-
-def _eq5(problem: Problem, length: float, total: float) -> float:
-    distance = (1.0 - problem.w) * problem.psi_per_cell * length
-    return distance + (problem.w * total if problem.w > 0.0 else 0.0)
+    distance = (1.0 - problem.w) * problem.psi_per_cell * measures.length_cells(cells)
+    if problem.w == 0.0:
+        return distance
+    return distance + problem.w * measures.exposure_sum(problem.less_gain(problem.exposure), cells)
 
 
 def is_open(problem: Problem, cells: Sequence[Cell]) -> bool:

@@ -25,8 +25,8 @@ from swarmctl.planners.base import (
     checked_cell,
     checked_field,
     eq5_cost,
-    eq5_route,
     is_open,
+    route_of,
 )
 from swarmctl.planners.pool import Pool
 from swarmctl.planners.replan import Replanner
@@ -78,7 +78,7 @@ def plan(problem: Problem, _params: Params) -> Route:
     exposure = problem.less_gain(problem.passable)  # cells above the maximum exposure are walls here
     search = _search_again if exposure.size >= LARGE_AREA_CELLS else _search_all
     try:
-        return eq5_route(problem, search(problem, exposure))
+        return route_of(problem, search(problem, exposure))
     except Unreachable:
         raise problem.unreachable() from None
 

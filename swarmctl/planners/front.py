@@ -12,7 +12,7 @@ import math
 from dataclasses import dataclass, field
 
 from swarmctl.planners import bounds, kernels
-from swarmctl.planners.base import Problem, Route, checked_count, eq5_route
+from swarmctl.planners.base import Problem, Route, checked_count, route_of
 from swarmctl.planners.envelope import Envelope, SummedRoute
 
 MAX_LABELS = 20_000_000
@@ -53,7 +53,7 @@ def pareto_front(problem: Problem, *, max_labels: int | None = None) -> Front:
     window = bounds.window(problem)
     short, to_length = envelope.search(math.inf)
     if short.length_cells > window[1]:
-        raise bounds.shortest_too_long(problem, eq5_route(problem, short.cells))
+        raise bounds.shortest_too_long(problem, route_of(problem, short.cells))
     long, to_exposure = envelope.search(0.0)
     points = _Points(long)
     n_labels = 0
@@ -102,9 +102,9 @@ def _front(envelope: Envelope, points: _Points) -> Front:
     kept = [route for route in everything if least <= route.length_cells <= greatest]
     if not kept and points.complete:
         nearest = min(everything, key=lambda r: max(least - r.length_cells, r.length_cells - greatest))
-        raise bounds.none_between(problem, "no route of the front", eq5_route(problem, nearest.cells))
+        raise bounds.none_between(problem, "no route of the front", route_of(problem, nearest.cells))
     return Front(
-        tuple(eq5_route(problem, route.cells) for route in kept),
+        tuple(route_of(problem, route.cells) for route in kept),
         tuple(route in ranges for route in kept),
         tuple(_w_range(problem, everything[0], route, ranges.get(route)) for route in kept),
         points.complete,

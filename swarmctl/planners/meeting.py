@@ -64,11 +64,6 @@ class Split:
         """True if the split saves more than the rounding of the sums."""
         return self.apart < self.together * (1.0 - REL_TIE * 1e3)
 
-    @property
-    def saving(self) -> float:
-        """Return the cost that the split saves; 0 if it is not cheaper."""
-        return self.together - self.apart if self.is_cheaper else 0.0
-
 
 def split(
     problem: Problem,

@@ -24,24 +24,21 @@ NEEDS_MACHINE_CODE = False
 
 N_DETOURS, N_PAIRED = 400, 25
 """greatest number of cells, evenly over the area, for detours over one cell, and over two cells"""
+LABELS = constrained.Params(max_labels=200_000)
 
 
 @dataclass(frozen=True, slots=True)
 class Params:
-    """The effort of the search."""
-
-    max_labels: int = 200_000
-    """greatest number of labels, as in `constrained`"""
+    """No parameters."""
 
 
-def plan(problem: Problem, params: Params) -> Route:
+def plan(problem: Problem, _params: Params) -> Route:
     """Return the least exposed route found within both bounds on length; `w` and ψ have no influence.
 
     Raises Unreachable, and BoundTooTight with the longest route found below the lower bound, or with the
     shortest route if all routes are above the upper bound.
     """
-    upper = replace(problem, min_length_cells=0.0)
-    nearest = constrained.plan(upper, constrained.Params(max_labels=params.max_labels))
+    nearest = constrained.plan(replace(problem, min_length_cells=0.0), LABELS)
     if bounds.keeps(problem, nearest.cells):
         return nearest
     detours = _Detours(problem)

@@ -104,15 +104,6 @@ def test_a_pair_splits_around_a_threat_and_meets_behind_it() -> None:
     assert {row for row, _ in found.routes[1]} == {4, 5, 6}
 
 
-def test_members_at_their_places_in_an_open_field_stay_together() -> None:
-    problem = Problem(np.full((5, 9), 0.1), (2, 1), ((2, 8),), 0.5, 0.2)
-    found = split(problem, Params((PAIR,), start_heading_deg=90.0), [(2, 1), (1, 1)], 1.2)
-    assert not found.is_cheaper
-    assert found.saving == 0.0
-    assert found.apart == pytest.approx(found.together)
-    assert found.routes == (((2, 1),), ((1, 1),))
-
-
 @pytest.mark.parametrize("start", [(5, 1), (-1, 1), (0, 0)])
 def test_a_member_outside_the_area_or_in_a_wall_keeps_the_group_together(start: Cell) -> None:
     field = np.full((5, 9), 0.1)

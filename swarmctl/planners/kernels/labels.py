@@ -81,7 +81,7 @@ def label_search(
     longest_cells: float,
     below_exposure: float,
     whole_front: bool,
-    max_labels: int = 0,
+    max_labels: int,
 ) -> LabelSearchResult:
     """Return routes no longer than `longest_cells` and less exposed than `below_exposure`; `exposure` is P_s.
 

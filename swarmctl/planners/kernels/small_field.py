@@ -90,9 +90,7 @@ class SmallField(Field):
     def _is_cheapest(self) -> NDArray[np.bool_]:
         """(cells, 8): True for the steps of the cheapest routes."""
         costs, bound = self._neighbour_costs + self.step, self._costs * (1.0 + REL_TIE)
-        is_cheapest = (costs <= bound[:, np.newaxis]) & np.isfinite(costs)
-        is_cheapest[np.isin(self._graph.cells, self.goals)] = False
-        return is_cheapest
+        return (costs <= bound[:, np.newaxis]) & np.isfinite(costs)
 
     @functools.cached_property
     def _only_next_cells(self) -> list[int]:
