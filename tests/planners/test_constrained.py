@@ -1,7 +1,6 @@
 """The least exposed route within a bound, compared with all routes."""
 
 import dataclasses
-import math
 from itertools import pairwise
 
 import numpy as np
@@ -11,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from profiles import examples, full_only
 
-from swarmctl.planners import BadProblem, BoundTooTight, Problem, constrained, time_bound
+from swarmctl.planners import BadProblem, Problem, constrained, time_bound
 from swarmctl.planners.constrained import Params
 
 EXACT = Params(max_labels=0)
@@ -34,40 +33,6 @@ def test_a_route_has_the_least_exposure_within_the_bound_and_then_the_least_leng
     found = constrained.plan(problem, EXACT)
     assert (found.length_cells, found.exposure_sum) == pytest.approx(best, abs=1e-9)
     assert found.lower_bound == found.cost == found.exposure_sum
-
-
-@settings(max_examples=examples(100), deadline=None, derandomize=True)
-@given(problem=small_problems(), share=st.floats(0.0, 1.0), max_labels=st.integers(1, 30))
-def test_a_spent_budget_gives_the_best_route_so_far_and_a_lower_bound(
-    problem: Problem, share: float, max_labels: int
-) -> None:
-    points = all_points(problem)
-    if not points:
-        return
-    front = front_of(points)
-    bound = front[0][0] + share * (front[-1][0] - front[0][0])
-    problem = dataclasses.replace(problem, max_length_cells=bound)
-    best = [point for point in front if point[0] <= bound + 1e-9][-1]
-    found = constrained.plan(problem, Params(max_labels))
-    assert found.lower_bound is not None
-    assert found.lower_bound <= best[1] + 1e-9
-    assert best[1] - 1e-9 <= found.cost
-    assert found.length_cells <= bound + 1e-9
-
-
-@pytest.mark.parametrize("shape", [(3, 5), *full_only(((4, 4),))])
-@pytest.mark.parametrize("seed", [0, 1, *full_only(*range(2, 10))])
-def test_routes_between_corners_of_a_larger_map_are_the_least_exposed(
-    shape: tuple[int, int], seed: int
-) -> None:
-    rng = np.random.default_rng(seed)
-    field = rng.random(shape) ** 4
-    free = Problem(field, (0, 0), ((shape[0] - 1, shape[1] - 1),), 0.5, 1.0)
-    points = all_points(free)
-    for bound in {round(length, 9) for length, _ in points if length < 12.0}:
-        found = constrained.plan(dataclasses.replace(free, max_length_cells=bound), EXACT)
-        best = min(total for length, total in points if length <= bound + 1e-8)
-        assert found.exposure_sum == pytest.approx(best, abs=1e-12)
 
 
 def test_a_route_that_no_w_finds() -> None:
@@ -104,11 +69,3 @@ def test_the_lower_bound_grows_with_the_budget_up_to_the_cost(bound: float) -> N
 def test_a_least_length_is_refused_with_the_name_of_a_planner_that_supports_it() -> None:
     with pytest.raises(BadProblem, match="time_bound"):
         constrained.plan(dataclasses.replace(rough(0), min_length_cells=3.0), EXACT)
-
-
-def test_a_bound_that_no_route_keeps_is_an_error_with_the_shortest_route() -> None:
-    bounded = dataclasses.replace(rough(0), max_length_cells=58.0)
-    with pytest.raises(BoundTooTight) as caught:
-        constrained.plan(bounded, EXACT)
-    assert caught.value.nearest.length_cells == 59.0
-    assert constrained.measure(bounded, caught.value.nearest.cells, EXACT) == math.inf

@@ -104,13 +104,12 @@ def field_of(kind: str, shape: tuple[int, int], rng: np.random.Generator) -> NDA
 KINDS = ("random", "belief", "few levels", "zero", "mostly zero", "ridges", "soft walls", "walls", "maze")
 
 
-@pytest.mark.parametrize("w", [0.0, 0.5, 0.95, 1.0, None])
-@pytest.mark.parametrize("shape", [(1, 1), (1, 9), (9, 1), (2, 2), (7, 12), (20, 20), (33, 18)])
+@pytest.mark.parametrize("w", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("shape", [(1, 1), (1, 9), (7, 12), (33, 18)])
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_field_equals_that_of_scipy(shape: tuple[int, int], w: float | None, kind: str) -> None:
-    rng = np.random.default_rng([*shape, KINDS.index(kind), 0 if w is None else int(10 * w) + 1])
+def test_the_field_equals_that_of_scipy(shape: tuple[int, int], w: float, kind: str) -> None:
+    rng = np.random.default_rng([*shape, KINDS.index(kind), int(10 * w)])
     p_s = field_of(kind, shape, rng)
-    w = float(rng.random()) if w is None else w
     psi = float(rng.choice([0.0, 0.132, 1.0]))
     goals = tuple(
         (int(rng.integers(shape[0])), int(rng.integers(shape[1]))) for _ in range(rng.integers(1, 4))

@@ -146,6 +146,7 @@ NAN_FIELD[2, 3], NEGATIVE_FIELD[1, 4] = math.nan, -0.1
         ({"goals": ((0, 0), (0, 5))}, "(0, 5)"),
         ({"goals": ()}, "goal"),
         ({"exposure": "many"}, "<U4"),
+        ({"exposure": np.ma.masked_array(FIELD, np.eye(4, 5))}, "masked"),
         ({"exposure": FIELD.astype(complex)}, "complex128"),
         ({"exposure": FIELD * 1e300}, "1e+299"),
         ({"start": (1.5, 0)}, "(1.5, 0)"),

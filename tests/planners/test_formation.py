@@ -169,24 +169,6 @@ def test_a_wedge_becomes_a_column_only_where_the_passage_is_too_narrow(width: in
         plan(problem, Params((WEDGE,)))
 
 
-def test_a_wide_group_keeps_more_distance_from_a_threat_than_a_single_vehicle() -> None:
-    field = np.zeros((15, 21))
-    field[6:9, 10] = 0.5
-    problem = Problem(field, (7, 2), ((7, 20),), 1.0, 0.13)
-    wide = Params((((0.0, 0.0), (0.0, 2.0), (0.0, -2.0)),))
-    own, group = plan(problem, Params()), plan(problem, wide)
-    assert (own.exposure_sum, measure(problem, own.cells, wide)) == (0.0, 0.5)
-    assert group.cost == 0.0
-
-
-def test_a_group_that_starts_outside_enters_the_area_in_its_shape() -> None:
-    problem = Problem(np.zeros((9, 12)), (4, 0), ((4, 11),), 0.5, 1.0)
-    route = plan(problem, Params((COLUMN,), start_heading_deg=90.0))
-    assert route.cells == tuple((4, col) for col in range(12))
-    tracks = members_along(problem, route.cells, Params((COLUMN,), start_heading_deg=90.0))
-    assert tracks[0].tolist() == [[4, 0], [4, -1], [4, -2]]
-
-
 def test_a_change_cost_is_paid_for_a_change_to_another_shape_than_the_first() -> None:
     problem = passage(1)
 
@@ -202,13 +184,6 @@ def test_a_group_returns_to_its_first_shape_if_other_shapes_cost_more() -> None:
     dear, free = (Params((WEDGE, COLUMN), start_shape=0, other_shape_cost=cost) for cost in (0.3, 0.0))
     assert shapes_along(problem, plan(problem, free).cells, free)[-1] == 1
     assert shapes_along(problem, plan(problem, dear).cells, dear)[-1] == 0
-
-
-def test_the_survival_of_a_step_counts_a_strike_on_several_members_once() -> None:
-    field = np.full((5, 5), 0.5)
-    problem = Problem(field, (2, 2), ((2, 3),), 1.0, 0.1)
-    assert plan(problem, Params((LINE,))).cost == pytest.approx(1.5)
-    assert plan(problem, Params((LINE,), exposure="survival")).cost == pytest.approx(1.0 - 0.5**3)
 
 
 @pytest.mark.parametrize(

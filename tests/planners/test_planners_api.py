@@ -22,9 +22,6 @@ PROBLEM = Problem(FIELD, (6, 0), ((6, 19),), 0.5, 0.13, max_length_cells=25.0)
 @pytest.mark.parametrize("name", PLANNERS)
 def test_plan_uses_the_planner_of_the_given_name(name: str) -> None:
     assert plan(PROBLEM, name) == PLANNERS[name].plan(PROBLEM, PLANNERS[name].Params())
-
-
-def test_plan_without_a_name_uses_the_planner_of_the_paper() -> None:
     assert plan(PROBLEM) == plan(PROBLEM, "dijkstra")
 
 
