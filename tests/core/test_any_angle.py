@@ -129,37 +129,10 @@ def test_a_track_has_the_fewest_legs_and_the_least_length_among_those(
     assert track.length_cells == pytest.approx(best[1])
 
 
-@pytest.mark.parametrize(
-    ("measure", "corners"),
-    [
-        (ExposureMeasure.INTEGRAL, ((0, 0), (1, 2))),
-        (
-            ExposureMeasure.ENTERED,
-            ((0, 0), (0, 1), (1, 2)),
-        ),  # the straight line enters three cells, the route two
-    ],
-)
-def test_a_knights_move_over_unknown_cells(measure: ExposureMeasure, corners: tuple[Cell, ...]) -> None:
-    threat = ThreatMap.of(np.full((2, 3), 0.13))
-    assert pull_straight(threat, [(0, 0), (0, 1), (1, 2)], measure).corners == corners
-
-
 @BOTH
 def test_a_knights_move_over_cells_known_to_be_clear(measure: ExposureMeasure) -> None:
     track = pull_straight(ThreatMap.of(np.zeros((2, 3))), [(0, 0), (0, 1), (1, 2)], measure)
     assert track == Track(((0, 0), (1, 2)), ((0, 0), (0, 1), (1, 1), (1, 2)), math.sqrt(5), 0.0, 1.0)
-
-
-@BOTH
-def test_a_track_keeps_clear_of_a_wall_beside_it(measure: ExposureMeasure) -> None:
-    p_s = np.zeros((3, 5))
-    p_s[1, 2] = math.inf
-    route = ((0, 0), (0, 1), (0, 2), (0, 3), (1, 4))
-    assert pull_straight(ThreatMap.of(np.zeros((3, 5))), route, measure).corners == ((0, 0), (1, 4))
-    track = pull_straight(ThreatMap.of(p_s), route, measure)
-    assert track.corners[0:1] + track.corners[-1:] == ((0, 0), (1, 4))
-    assert (1, 2) not in track.over
-    assert len(track.corners) == 3
 
 
 @pytest.mark.parametrize("route", [[(1, 1)], [(1, 1), (1, 2)], [(1, 1), (1, 2), (1, 1)]])

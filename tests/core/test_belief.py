@@ -71,12 +71,6 @@ def test_occupancy_is_a_probability_for_any_announced_number(observations, n_hos
         assert p.sum() == pytest.approx(n_hostiles)
 
 
-def test_prior_of_the_model() -> None:
-    belief = Belief.prior(20, 20, 24)
-    assert (belief.known == UNKNOWN).all()
-    np.testing.assert_allclose(belief.occupancy(), 0.06, rtol=1e-12)
-
-
 def test_eq_4_after_nine_cells_of_the_model() -> None:
     around = ((r, c, (r, c) == (10, 10)) for r in (9, 10, 11) for c in (9, 10, 11))
     belief = Belief.prior(20, 20, 24).merge([seen(1, 0, *around)])

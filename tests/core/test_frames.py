@@ -227,14 +227,6 @@ def test_an_impossible_message_is_refused(content: Content, field: str, value: o
     assert refusal(content, **{field: value}).why is RefusalReason.MALFORMED
 
 
-MOVING = {"alt_amsl_m": 340.0, "velocity_m_s": (3.0, -4.0, 0.5), "earliest_in_s": 21.5}
-
-
-def test_velocity_and_arrival_time_survive_encoding() -> None:
-    moving = msgspec.structs.replace(STATE, **MOVING)
-    assert SEAL.decode(encoded(moving)).content == moving
-
-
 def test_the_longest_intent_fits_into_a_relayed_message() -> None:
     points = tuple(IntentPoint(t + 0.1, 46.0 + 1e-7 * t, 14.1, 340.1) for t in range(frames.MAX_POINTS))
     assert len(encoded(IntentShared(2**31, points))) < frames.MAX_INNER_BYTES / 3

@@ -56,9 +56,6 @@ def test_thinning_keeps_the_cells_under_the_track(start: Cell, steps: list[Cell]
 @pytest.mark.parametrize(
     ("cells", "turns"),
     [
-        ([(0, 0)], [(0, 0)]),
-        ([(0, 0), (0, 1)], [(0, 0), (0, 1)]),
-        ([(0, 0), (0, 1), (0, 2), (0, 3)], [(0, 0), (0, 3)]),
         ([(0, 0), (1, 1), (2, 2), (2, 3), (2, 4)], [(0, 0), (2, 2), (2, 4)]),
         ([(0, 0), (0, 1), (0, 0)], [(0, 0), (0, 1), (0, 0)]),
     ],
@@ -128,7 +125,7 @@ def test_a_route_without_cells_is_refused() -> None:
 
 
 @pytest.mark.parametrize("cell_size_m", [2.0, 50.0])
-@pytest.mark.parametrize("count", [1, 2, 3, 4, 5, 9, 10, 20, 100])
+@pytest.mark.parametrize("count", [1, 4, 5, 100])
 def test_vehicles_that_share_a_goal_land_apart_and_inside_it(count: int, cell_size_m: float) -> None:
     grid = Grid(4, 4, cell_size_m, 47.4, 8.5)
     spots = [landing_spot(grid, (1, 2), index, count, 10.0) for index in range(count)]
@@ -183,16 +180,3 @@ def test_a_cut_corner_enters_only_the_permitted_cell(east: float, north: float, 
     }
     if asked:
         assert on_the_way <= {here, there, asked[0]}
-
-
-def test_a_corner_is_not_cut_over_a_cell_that_is_not_allowed() -> None:
-    position = at(3.9 * GRID.cell_size_m, 3.5 * GRID.cell_size_m)
-    plan = flight_plan(
-        GRID,
-        [(3, 3), (4, 4)],
-        altitude_m=30.0,
-        landing_lat_lon=HOME,
-        position=position,
-        may_cross=lambda cell: cell != (3, 4),
-    )
-    assert tracks(plan) == [(3, 3), (4, 4)]

@@ -76,20 +76,6 @@ def test_a_track_passes_over_the_cells_of_its_points_in_order(points: list[GridP
             )
 
 
-@pytest.mark.parametrize(
-    ("a", "b", "cells"),
-    [
-        ((0, 0), (0, 2), [(0, 0), (0, 1), (0, 2)]),
-        ((0, 0), (2, 2), [(0, 0), (1, 1), (2, 2)]),  # through corners: as the lattice's diagonal steps
-        ((2, 0), (0, 2), [(2, 0), (1, 1), (0, 2)]),
-        ((0, 0), (1, 2), [(0, 0), (0, 1), (1, 1), (1, 2)]),
-        ((0, 0), (1, 3), [(0, 0), (0, 1), (1, 2), (1, 3)]),  # through one corner in its middle
-    ],
-)
-def test_a_corner_leads_into_the_diagonal_neighbour_alone(a: Cell, b: Cell, cells: list[Cell]) -> None:
-    assert crossed_cells((centre(a), centre(b))).cells == tuple(cells)
-
-
 @st.composite
 def fields(draw: st.DrawFn) -> np.ndarray:
     rng = np.random.default_rng(draw(st.integers(0, 2**32)))
@@ -147,13 +133,6 @@ def test_the_integral_equals_the_sum_over_many_samples() -> None:
     x, y = a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])
     sampled = p_s[np.floor(y).astype(int), np.floor(x).astype(int)].mean() * math.dist(a, b)
     assert ThreatMap.of(p_s).integral(under.cells, under.lengths)[0] == pytest.approx(sampled, rel=1e-4)
-
-
-def test_a_vehicle_in_a_wall_may_leave_it() -> None:
-    p_s = np.zeros((3, 3))
-    p_s[0, 0] = p_s[2, 2] = math.inf
-    assert is_clear(ThreatMap.of(p_s), (centre((0, 0)), centre((0, 2))))
-    assert not is_clear(ThreatMap.of(p_s), (centre((0, 2)), centre((0, 0))))
 
 
 def test_a_cell_above_the_maximum_exposure_is_a_wall() -> None:
