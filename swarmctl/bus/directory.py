@@ -51,8 +51,7 @@ def registered(swarm: str, endpoint: BusEndpoint, token: str) -> Iterator[None]:
     with contextlib.ExitStack() as stack:
         stack.enter_context(_listed(swarm, {"swarm": swarm, "endpoint": str(endpoint), "token": token}))
         stack.callback(record_end, swarm)
-        with contextlib.suppress(OSError):
-            _end_file(_folder(), swarm, None).unlink(missing_ok=True)
+        forget_end(swarm)
         yield
 
 
@@ -108,24 +107,25 @@ def _entries() -> list[RunningSwarm | RunningAgent]:
 def record_end(swarm: str, uav: int | None = None) -> None:
     """Record that the flight of a swarm, or of one agent, ends now; ignore an unwritable folder."""
     with contextlib.suppress(OSError):
-        _end_file(_folder(), swarm, uav).touch()
+        _end_file(swarm, uav).touch()
 
 
-def forget_end(swarm: str, uav: int) -> None:
-    """Remove the record of the end of an agent's earlier flight."""
+def forget_end(swarm: str, uav: int | None = None) -> None:
+    """Remove the record of the end of an earlier flight of a swarm, or of one agent."""
     with contextlib.suppress(OSError):
-        _end_file(_folder(), swarm, uav).unlink(missing_ok=True)
+        _end_file(swarm, uav).unlink(missing_ok=True)
 
 
 def ended_unix_s(swarm: str, uav: int | None = None) -> float | None:
     """Return the unix time [s] of the end of the last flight of a swarm, or of one agent; None if unknown."""
     with contextlib.suppress(OSError):
-        return _end_file(_folder(), swarm, uav).stat().st_mtime
+        return _end_file(swarm, uav).stat().st_mtime
     return None
 
 
-def _end_file(folder: Path, swarm: str, uav: int | None) -> Path:
-    return folder / f"{swarm}@{'' if uav is None else uav}.ended"
+def _end_file(swarm: str, uav: int | None) -> Path:
+    """Return the path of the record of a flight's end. Raises OSError."""
+    return _folder() / f"{swarm}@{'' if uav is None else uav}.ended"
 
 
 def _locked(draft: Path) -> TextIO:

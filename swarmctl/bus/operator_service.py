@@ -70,7 +70,7 @@ class _PendingCommand:
 
     uavs: list[int]
     reply: Reply
-    answers: dict[int, VehicleAnswer] = field(default_factory=dict)
+    answers: dict[int, VehicleAnswer]
 
 
 @dataclass(slots=True)
@@ -101,14 +101,6 @@ ReturnDelays = Callable[[Sequence[int]], Mapping[int, float]]
 """function that returns the delay of each vehicle's return if all these vehicles are recalled [s]"""
 
 
-def accept_all(_command: Request) -> str:
-    return ""
-
-
-def no_delays(_uavs: Sequence[int]) -> Mapping[int, float]:
-    return {}
-
-
 class OperatorService:
     """The operator service of a process.
 
@@ -124,8 +116,8 @@ class OperatorService:
         agents: Mapping[int, Agent],
         *,
         uav: int | None = None,
-        refusal: RefusalCheck = accept_all,
-        delays: ReturnDelays = no_delays,
+        refusal: RefusalCheck = lambda _command: "",
+        delays: ReturnDelays = lambda _uavs: {},
         authentication: Authentication = NO_AUTHENTICATION,
     ) -> None:
         self.counts = CommandCounts()
@@ -220,9 +212,8 @@ class OperatorService:
     ) -> None:
         self.counts.passed_on += 1
         number = self.counts.passed_on
-        self._pending[number] = _PendingCommand(
-            uavs, reply, {u: self._busy_answer(u) for u in uavs if u in busy}
-        )
+        refusals = {u: VehicleAnswer(u, self._agents[u].name, "refused", note=BUSY) for u in busy}
+        self._pending[number] = _PendingCommand(uavs, reply, refusals)
         asyncio.get_running_loop().call_later(ANSWER_WITHIN_S, partial(self._close, number))
         is_recall = isinstance(command, GiveOrder) and command.order == "return" and len(uavs) > 1
         delays = self._return_delays(uavs) if is_recall else {}
@@ -287,9 +278,6 @@ class OperatorService:
             "vehicle, or repeat the command [not-handled-yet]"
         )
         return VehicleAnswer(uav, self._agents[uav].name, "unconfirmed", note=note)
-
-    def _busy_answer(self, uav: int) -> VehicleAnswer:
-        return VehicleAnswer(uav, self._agents[uav].name, "refused", note=BUSY)
 
     def _refuse(self, why: str, reply: Reply | None, *, is_shown: bool = True) -> None:
         self.counts.refused += 1

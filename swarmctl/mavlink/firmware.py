@@ -11,7 +11,6 @@ from swarmctl.core.vehicle import Airframe
 from swarmctl.mavlink.dialects import Unsupported, dialect_for
 from swarmctl.mavlink.events import Identity
 
-_PLANES = frozenset({int(mavlink.MAV_TYPE_FIXED_WING)})
 _VERSION = re.compile(r"(\d+)\.(\d+)")
 
 
@@ -30,7 +29,7 @@ class Firmware:
 
 def airframe_of(identity: Identity) -> Airframe:
     """Return the airframe by MAV_TYPE; everything but a fixed wing counts as a copter."""
-    return "plane" if identity.vehicle_type in _PLANES else "copter"
+    return "plane" if identity.vehicle_type == mavlink.MAV_TYPE_FIXED_WING else "copter"
 
 
 def firmware_of(identity: Identity) -> Firmware:

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator
-
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.geo import distance_m
@@ -91,14 +88,10 @@ def nearest_landing(items: tuple[MissionItem, ...], state: VehicleState) -> int 
 
     While the vehicle's position is unknown, return the first circle.
     """
-    position = None if state.lat_deg is None or state.lon_deg is None else (state.lat_deg, state.lon_deg)
-
-    def distance_to_m(seq: int) -> float:
-        centre = items[seq].x / 1e7, items[seq].y / 1e7
-        return math.inf if position is None else distance_m(position, centre)
-
-    return min(_circles(items), key=distance_to_m, default=None)
-
-
-def _circles(items: tuple[MissionItem, ...]) -> Iterator[int]:
-    return (seq for seq in sorted(landing_items(items)) if items[seq].command == LOITER_TO_ALT)
+    circles = [seq for seq in sorted(landing_items(items)) if items[seq].command == LOITER_TO_ALT]
+    here = state.lat_lon
+    if here is None:
+        return next(iter(circles), None)
+    return min(
+        circles, key=lambda seq: distance_m(here, (items[seq].x / 1e7, items[seq].y / 1e7)), default=None
+    )
