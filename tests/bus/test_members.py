@@ -67,9 +67,7 @@ def test_an_impossible_split_is_refused(begin_m: float, end_m: float, points: An
         SplitShared(begin_m, end_m, ((2, points),))
 
 
-@pytest.mark.parametrize(
-    "split", [[0.0, 10.0], [0.0, 10.0, [[2, []]]], [0.0, 10.0, [[2, [[46.0]]]]], [10.0, 0.0, []]]
-)
+@pytest.mark.parametrize("split", [[0.0, 10.0, [[2, []]]], [10.0, 0.0, []]])
 def test_a_frame_with_a_malformed_split_is_refused(split: Any) -> None:
     codec = FrameCodec("small")
     data = codec.encode(Frame(1, 1, 1, UNIX_S, member(route_id=7, route=ROUTE, split=SPLIT)))

@@ -233,17 +233,6 @@ def test_a_swarm_with_range_0_sends_nothing() -> None:
     assert sum(u.node.counters.sent.total() for u in swarm.uavs.values()) == 0
 
 
-def test_a_swarm_with_equal_beliefs_sends_no_requests() -> None:
-    swarm = NodeSwarm(IDS)
-    for uav in swarm.uavs.values():
-        uav.observe((uav.uav, 0, True))
-    swarm.run(20.0)
-    before = [u.node.counters.snapshots_asked for u in swarm.uavs.values()]
-    swarm.run(60.0)
-    assert swarm.agree()
-    assert [u.node.counters.snapshots_asked for u in swarm.uavs.values()] == before
-
-
 @pytest.mark.parametrize("relay", [False, True])
 def test_relaying_reaches_uavs_beyond_the_observers_range_at_once(relay: bool) -> None:
     swarm = NodeSwarm((1, 2, 3), NodeOptions(ROWS, COLS, k=1, relay=relay, sync_every_s=4.0))
@@ -301,13 +290,3 @@ def test_snapshots_have_intents() -> None:
     swarm.uavs[3].start()
     swarm.run(8.0)
     assert known(swarm, 3) == {1: 5}
-
-
-def test_a_forged_intent_is_refused() -> None:
-    swarm = NodeSwarm((1, 2, 3))
-    swarm.run(2.0)
-    sender = swarm.uavs[3]
-    (out,) = sender.node.publish(intent(5), swarm.now).messages
-    swarm.deliver(1, 2, out.act, out.data)
-    assert known(swarm, 2) == {}
-    assert swarm.uavs[2].node.counters.refused[RefusalReason.SOURCE] == 1

@@ -60,12 +60,6 @@ def test_a_radio_with_defaults_is_transparent() -> None:
     "settings",
     [
         RadioSettings(delay_s=0.1),
-        RadioSettings(jitter_s=0.1),
-        RadioSettings(loss=0.1),
-        RadioSettings(bandwidth_bytes_s=1e6),
-        RadioSettings(max_distance_m=1e6),
-        RadioSettings(min_distance_m=1.0),
-        RadioSettings(partitions=(Partition((frozenset({1}),)),)),
         RadioSettings(quiet=(RadioSilence(frozenset({1})),)),
     ],
 )
@@ -97,12 +91,6 @@ def test_jitter_is_uniform_and_reorders() -> None:
         share = sum(0.125 * quarter <= s < 0.125 * (quarter + 1) for s in later_s) / len(later_s)
         assert share == pytest.approx(0.25, abs=0.02)
     assert later_s != sorted(later_s)
-
-
-@given(SENT, st.integers(0, 2**40))
-def test_equal_seeds_give_equal_outcomes(sent: list[Sent], seed: int) -> None:
-    settings = RadioSettings(jitter_s=1.0, loss=0.4, loss_burst=2.0, bandwidth_bytes_s=2000.0)
-    assert outcomes(Radio(settings, seed), sent) == outcomes(Radio(settings, seed), sent)
 
 
 def test_other_seeds_and_pairs_have_other_outcomes() -> None:
@@ -146,9 +134,8 @@ def test_additional_causes_of_loss_do_not_change_the_outcomes_of_other_messages(
 @pytest.mark.parametrize("seed", [1, *full_only(2)])
 @pytest.mark.parametrize(
     ("loss", "loss_burst", "mean_burst"),
-    [(0.3, None, 1 / 0.7), (0.02, None, 1 / 0.98), (0.3, 5.0, 5.0), (0.3, 1.0, 1.0), (0.9, 9.0, 9.0),
-     (0.1, 10.0, 10.0)],
-)  # fmt: skip
+    [(0.3, None, 1 / 0.7), (0.3, 1.0, 1.0), (0.9, 9.0, 9.0), (0.1, 10.0, 10.0)],
+)
 def test_the_share_and_the_bursts_of_losses_are_as_configured(
     loss: float, loss_burst: float | None, mean_burst: float, seed: int
 ) -> None:
