@@ -9,9 +9,6 @@ from functools import partial
 
 import pytest
 from flying_bench import BOTH, HOME, FlyingBench, on_the_ground, plan
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
-from profiles import examples
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.mavlink.procedures import basic
@@ -32,7 +29,6 @@ SQUARE = (
     (LAT + 0.01, LON + 0.01),
     (LAT + 0.01, LON - 0.01),
 )
-TRIANGLE = ((LAT - 0.02, LON), (LAT + 0.01, LON + 0.02), (LAT + 0.01, LON - 0.02))
 
 
 def put(bench: FlyingBench, polygon) -> str | None:
@@ -56,22 +52,6 @@ def test_a_fence_is_uploaded_and_read_back_equal(personality):
     found = bench.do("read fence", read_fence)
     assert found.outcome is DownloadOutcome.COMPLETE
     assert fence_differences(fence_items(SQUARE), found.items) == ()
-
-
-@BOTH
-def test_the_mission_is_not_touched(personality):
-    bench = on_the_ground(personality)
-    before = bench.vehicle.mission.count
-    assert put(bench, TRIANGLE) is None
-    assert bench.vehicle.mission.count == before
-
-
-@BOTH
-def test_a_fence_replaces_the_one_before(personality):
-    bench = on_the_ground(personality)
-    assert put(bench, SQUARE) is None
-    assert put(bench, TRIANGLE) is None
-    assert keeps(bench, TRIANGLE)
 
 
 @BOTH
@@ -192,13 +172,3 @@ def test_an_impossible_fence_is_not_sent():
         fence_items(SQUARE[:2])
     with pytest.raises(ValueError, match=r"\b61\b"):
         fence_items([(LAT, LON + i / 1e4) for i in range(MAX_VERTICES + 1)])
-
-
-@settings(max_examples=examples(25), deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
-@given(
-    loss=st.floats(0.0, 0.4), seed=st.integers(0, 10_000), personality=st.sampled_from(["ardupilot", "px4"])
-)
-def test_success_is_reported_truly_over_a_bad_link(loss, seed, personality):
-    bench = on_the_ground(personality, loss=loss, seed=seed)
-    if put(bench, SQUARE) is None:
-        assert keeps(bench, SQUARE)

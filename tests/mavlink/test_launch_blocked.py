@@ -66,13 +66,6 @@ def test_a_launch_without_confirmed_disarming_fails() -> None:
     assert "[no-disarming]" in result.failure
 
 
-def test_a_failed_disarming_on_the_ground_is_reported() -> None:
-    bench = Bench(Script(stays_on_ground=True)).prepared()
-    arms = bench.copter.arm
-    bench.copter.arm = lambda p1, *rest: arms(p1, *rest) if p1 else 4  # type: ignore[method-assign]
-    assert "[no-disarming]" in (result_of_launch(bench, lambda: "").failure or "")
-
-
 @pytest.mark.parametrize("lost", [1, 2])
 def test_an_unanswered_arming_is_followed_to_its_end(lost: int) -> None:
     """The vehicle may have armed: obstacles are checked again before the take-off."""
@@ -93,7 +86,7 @@ def test_an_unanswered_arming_is_followed_to_its_end(lost: int) -> None:
 
 
 @pytest.mark.parametrize("blocked", [False, True], ids=["the vehicle does not rise", "the route is blocked"])
-@pytest.mark.parametrize("landed", [Landed.UNDEFINED, Landed.IN_AIR, Landed.TAKEOFF, Landed.LANDING])
+@pytest.mark.parametrize("landed", [Landed.UNDEFINED, Landed.IN_AIR])
 def test_a_vehicle_that_may_be_in_the_air_is_never_disarmed(
     landed: Landed, blocked: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -32,13 +32,6 @@ def split(data: bytes) -> list[Frame]:
     return FrameSplitter().feed(data)
 
 
-def test_boot_text_between_frames_is_skipped():
-    splitter = FrameSplitter()
-    text = b"\n\nInit ArduCopter V4.6.2 (abc)\n\nFree RAM: 1234\n"
-    frames = splitter.feed(text + heartbeat(0) + text + heartbeat(1))
-    assert [f.data[4] for f in frames] == [0, 1]
-
-
 def test_mavlink_1_frames_are_read_too():
     (frame,) = split(heartbeat(v1=True, sysid=3))
     assert (frame.sysid, frame.compid, frame.msgid) == (3, 1, 0)

@@ -5,9 +5,6 @@ from __future__ import annotations
 import pytest
 from bench import Bench, Script
 from flying_bench import BOTH, HOME, FlyingBench, on_the_ground
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
-from profiles import examples
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.mavlink.procedures.rally import RALLY, RallyPoints, count_rally_points
@@ -86,21 +83,3 @@ def test_the_count_is_requested_again_while_another_station_uploads() -> None:
     bench = on_the_ground("ardupilot")
     another_uploads(bench, 1, announced=2)
     assert counted(bench) == RallyPoints(1), "the upload is not atomic: the first point stays"
-
-
-@settings(max_examples=examples(25), deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
-@given(
-    loss=st.floats(0.0, 0.5),
-    seed=st.integers(0, 10_000),
-    points=st.integers(0, 3),
-    personality=st.sampled_from(["ardupilot", "px4"]),
-)
-def test_the_number_over_a_bad_link_is_right_or_unknown(
-    loss: float, seed: int, points: int, personality: str
-) -> None:
-    bench = on_the_ground(personality, loss=loss, seed=seed)
-    heal, bench.faults = bench.faults, type(bench.faults)()
-    if points:
-        another_uploads(bench, points)
-    bench.faults = heal
-    assert counted(bench).count in (points, None)
