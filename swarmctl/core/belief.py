@@ -315,11 +315,8 @@ class Belief:
             *self._checkpoints.values(),
             *(item.seen for item in self._own_log().items),
         ]
-
-        def sort_key(item: BeliefItem) -> tuple[Source, int]:
-            return item.source, 0 if isinstance(item, Checkpoint) else item.seq
-
-        return iter(sorted(items, key=sort_key))
+        items.sort(key=lambda item: (item.source, 0 if isinstance(item, Checkpoint) else item.seq))
+        return iter(items)
 
     def n_cells_from(self, observer: int) -> int:
         """Return the number of different cells that this observer has reported."""

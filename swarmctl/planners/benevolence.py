@@ -61,12 +61,8 @@ def cell_gains(
     values = np.zeros(exposure.shape)
     for other in others:
         values += value_of_knowing(p_occupied, exposure, strength, other, w, psi_per_cell)
-    return seen_from(values) / VIEWS_OF_A_CELL
-
-
-def seen_from(values: Floats) -> Floats:
-    """Return for every cell the sum of `values` (rows, cols) over the 3 × 3 cells around the cell."""
-    return ndimage.correlate(values, np.ones((3, 3)), output=np.float64, mode="constant", cval=0.0)
+    seen = ndimage.correlate(values, np.ones((3, 3)), output=np.float64, mode="constant", cval=0.0)
+    return seen / VIEWS_OF_A_CELL
 
 
 def value_of_knowing(

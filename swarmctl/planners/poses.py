@@ -59,11 +59,6 @@ class Poses:
         """Greatest number of rows or columns between the leader and a member."""
         return int(np.abs(self.cells).max())
 
-    def enters_other_shape(self) -> NDArray[np.bool_]:
-        """Return True for changes of pose to a new shape that is not the first one, (poses, poses)."""
-        shape = np.arange(len(self.cells)) // 8
-        return np.not_equal.outer(shape, shape) & (shape > 0)
-
 
 @functools.lru_cache(maxsize=16)
 def poses_of(shapes: tuple[Shape, ...], max_turn_deg: int) -> Poses:
@@ -148,10 +143,12 @@ def group_area(
         entry[pad:-pad, pad:-pad, k] = np.where(np.isnan(cost), math.inf, cost)
 
     distance = (1.0 - problem.w) * problem.psi_per_cell
-    turn = distance * poses.ways_cells + change_cost * poses.enters_other_shape()
+    shape = np.arange(n_poses) // 8
+    enters_other_shape = np.not_equal.outer(shape, shape) & (shape > 0)
+    turn = distance * poses.ways_cells + change_cost * enters_other_shape
     turn[~poses.is_allowed] = math.inf
     cells_ahead = np.tile(STEP_CELLS, n_poses // 8)
-    price = n_members * distance + np.where(np.arange(n_poses) < 8, 0.0, other_shape_cost)
+    price = n_members * distance + np.where(shape > 0, other_shape_cost, 0.0)
     offsets = offsets_of(width)
     graph = GroupGraph(
         barrier=barrier.reshape(-1),

@@ -49,7 +49,8 @@ def plane_approaches(plan: FlightPlan) -> tuple[Approach, Approach]:
 def check_points(track: Sequence[Waypoint], plan: FlightPlan) -> None:
     """Raise ValueError if a point or the take-off altitude of a plan is invalid."""
     for label, point in (*((f"waypoint {i}", p) for i, p in enumerate(track)), ("landing", plan.landing)):
-        _check_point(label, point)
+        if not (-90 <= point.lat_deg <= 90 and -180 <= point.lon_deg <= 180 and isfinite(point.alt_rel_m)):
+            raise ValueError(f"{label}: expected a valid latitude, longitude and altitude, found {point}")
     if not (isfinite(plan.takeoff_alt_m) and plan.takeoff_alt_m > 0):
         raise ValueError(f"take-off altitude: expected metres above 0, found {plan.takeoff_alt_m}")
 
@@ -84,8 +85,3 @@ def differences(
         for seq, (a, b) in enumerate(zip(sent, found, strict=True), first)
         if not same(seq, a, b)
     )
-
-
-def _check_point(label: str, point: Waypoint) -> None:
-    if not (-90 <= point.lat_deg <= 90 and -180 <= point.lon_deg <= 180 and isfinite(point.alt_rel_m)):
-        raise ValueError(f"{label}: expected a valid latitude, longitude and altitude, found {point}")

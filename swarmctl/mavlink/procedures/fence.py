@@ -12,11 +12,11 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import MissionItem
-from swarmctl.mavlink.procedures.basic import Done
 from swarmctl.mavlink.procedures.guarded import UNTIL_REPLACED_S, command, send_acknowledged
 from swarmctl.mavlink.procedures.verified_upload import UPLOAD_TRIES, read_back, upload_verified
 from swarmctl.mavlink.protocol.mission_download import DownloadResult
 from swarmctl.mavlink.protocol.mission_upload import Upload
+from swarmctl.mavlink.protocol.outcome import Done
 from swarmctl.mavlink.protocol.procedure import Context, Procedure
 
 FENCE = int(mavlink.MAV_MISSION_TYPE_FENCE)

@@ -142,7 +142,10 @@ def send_guarded(
     CommandLate if the vehicle does not fulfil `after` at the end of the command's life.
     """
     n_texts_before = ctx.telemetry.n_texts
-    expected = _either(before, after)
+
+    def expected(state: VehicleState) -> bool:
+        return before(state) or after(state)
+
     result: CommandResult | None = None
     done = False
     for attempt in range(TRIES):
@@ -208,10 +211,6 @@ def _await_effect(
     if not expected(ctx.state):
         raise TakenOver(describe_takeover(ctx.state))
     return False
-
-
-def _either(one: StateCondition, other: StateCondition) -> StateCondition:
-    return lambda s: one(s) or other(s)
 
 
 def _failure(ctx: Context, result: CommandResult, n_texts_before: int) -> str:

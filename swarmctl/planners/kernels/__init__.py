@@ -12,10 +12,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from swarmctl.core.grid import Cell
-from swarmctl.planners.kernels.descent import LENGTH_TIE, REL_TIE
+from swarmctl.planners.kernels.descent import LENGTH_TIE
 from swarmctl.planners.kernels.field import Field, is_small
-from swarmctl.planners.kernels.labels import LabelSearchResult, ToGo, label_search
-from swarmctl.planners.kernels.large_field import compilable, spread_large
+from swarmctl.planners.kernels.labels import ToGo, label_search
+from swarmctl.planners.kernels.large_field import spread_large
 from swarmctl.planners.kernels.lattice import Floats
 from swarmctl.planners.kernels.small_field import SmallField
 
@@ -34,11 +34,8 @@ def spread(
 
 __all__ = [
     "LENGTH_TIE",
-    "REL_TIE",
     "Field",
-    "LabelSearchResult",
     "ToGo",
-    "compilable",
     "is_small",
     "label_search",
     "spread",
