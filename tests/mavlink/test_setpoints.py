@@ -267,29 +267,6 @@ def test_a_hold_of_another_party_is_not_left(personality):
 # Set-points that stop
 
 
-def test_ardupilot_rests_in_guided_after_set_points_stop():
-    bench, _ = led("ardupilot")
-    bench.run(2.5)
-    assert speed_m_s(bench) == pytest.approx(8, abs=0.5)
-    bench.run(20)
-    assert bench.mode == "GUIDED"
-    assert speed_m_s(bench) < 0.2
-
-
-@pytest.mark.parametrize(
-    ("action", "mode", "role"),
-    [(5, "AUTO.LOITER", "hold"), (3, "AUTO.RTL", "return"), (4, "AUTO.LAND", "land")],
-)
-def test_px4_leaves_offboard_by_its_parameter_after_set_points_stop(action, mode, role):
-    bench, leader = led("px4", COM_OBL_RC_ACT=action)
-    assert bench.session.state.mode_role == "setpoints"
-    assert bench.run(1.5, lambda: bench.mode == mode)
-    bench.run(2)
-    assert bench.session.state.mode_role == role
-    lead(bench, leader.at, 1)
-    assert bench.mode == "OFFBOARD", "set-points that return are followed"
-
-
 def test_after_an_order_to_hold_a_late_set_point_does_not_restore_offboard():
     bench, leader = led("px4")
     bench.run(3)

@@ -181,7 +181,8 @@ def test_a_pilots_mode_is_not_available_in_the_air_without_a_pilot() -> None:
 
 
 @pytest.mark.parametrize(
-    ("action", "mode"), [(0, "Position"), (1, "Altitude"), (2, "Stabilized"), (4, "Land"), (5, "Hold")]
+    ("action", "mode"),
+    [(0, "Position"), (1, "Altitude"), (2, "Stabilized"), (3, "Return"), (4, "Land"), (5, "Hold")],
 )
 def test_com_obl_rc_act_is_the_reaction_to_lost_setpoints(action: int, mode: str) -> None:
     station = QuietPx4Station(params={"COM_OBL_RC_ACT": action, "COM_OF_LOSS_T": 1.0})
