@@ -65,9 +65,9 @@ def obstacles(state: AgentState, formation: Formation) -> tuple[Nearby, ...]:
     own = state.last_position
     if own.lat_lon is None or own.alt_amsl_m is None:
         return ()
-    here, now_s = (*state.task.grid.frame.to_local(*own.lat_lon), own.alt_amsl_m), state.now_boot_s
-    for uav, told in state.membership.told.items():
-        message, age_s = told.message, now_s - told.at_boot_s
+    here = (*state.task.grid.frame.to_local(*own.lat_lon), own.alt_amsl_m)
+    for uav, told, age_s in _not_present(state, formation):
+        message = told.message
         if _leaves(formation, told, age_s):
             there = (*told.here_m, message.alt_amsl_m)
             found.append(Nearby(there, message.velocity_m_s, max(age_s, 0.0)))
@@ -114,11 +114,14 @@ def with_traffic(
     Present members are hidden from the rules for other traffic, because they keep apart by set-points.
     """
     members, membership = _present_members_of(state), state.membership
+    if neighbours is None and intents is None and members == membership.hidden:
+        return state
     neighbours = state.all_neighbours if neighbours is None else neighbours
     intents = state.all_intents if intents is None else intents
-    if members or membership.neighbours or membership.intents:
+    if members or membership.hidden:
         membership = replace(
             membership,
+            hidden=members,
             neighbours={uav: report for uav, report in neighbours.items() if uav in members},
             intents={uav: intent for uav, intent in intents.items() if uav in members},
         )
@@ -137,13 +140,22 @@ def _present_members_of(state: AgentState) -> frozenset[int]:
     present = frozenset(near_members(state, formation, formation.lost_after_s))
     if state.phase is not Phase.FORMATION:
         return present
-    now_s = state.now_boot_s
-    ages_s = ((uav, told, now_s - told.at_boot_s) for uav, told in membership.told.items())
     return present | {
         uav
-        for uav, told, age_s in ages_s
+        for uav, told, age_s in _not_present(state, formation)
         if _leaves(formation, told, age_s) or _is_silent(formation, told, age_s, SOON_S)
     }
+
+
+def _not_present(state: AgentState, formation: Formation) -> list[tuple[int, MemberReport, float]]:
+    """Return the members that leave or are silent, their last messages, and the ages of these [s]."""
+    now_s = state.now_boot_s
+    ages_s = ((uav, told, now_s - told.at_boot_s) for uav, told in state.membership.told.items())
+    return [
+        (uav, told, age_s)
+        for uav, told, age_s in ages_s
+        if age_s > formation.lost_after_s or not told.message.joins
+    ]
 
 
 def _leaves(formation: Formation, told: MemberReport, age_s: float) -> bool:

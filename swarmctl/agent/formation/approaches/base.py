@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,9 +30,8 @@ class MemberLimits:
     separation_up_m: float = 5.0
 
 
-@dataclass(frozen=True, slots=True)
-class Nearby:
-    """The position of another vehicle, as it was last told."""
+class Nearby(msgspec.Struct, frozen=True):
+    """The position of another vehicle, as it was last told. A set-point builds one for each member."""
 
     position_m: Vector
     velocity_m_s: Vector
@@ -39,8 +39,7 @@ class Nearby:
     """time since this was true [s]"""
 
 
-@dataclass(frozen=True, slots=True)
-class OtherMember(Nearby):
+class OtherMember(Nearby, frozen=True):
     """The last message of another present member."""
 
     place: ShapePlace = (0.0, 0.0, 0.0)
