@@ -67,7 +67,7 @@ class Px4:
         {
             mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 5.0,
             mavlink.MAVLINK_MSG_ID_SYS_STATUS: 1.0,
-            mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 2.0,
+            mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 1.0,
             mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: 2.0,
             mavlink.MAVLINK_MSG_ID_HOME_POSITION: 0.5,
         }
