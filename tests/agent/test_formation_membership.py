@@ -216,6 +216,17 @@ def test_a_leader_that_hears_nobody_any_more_flies_no_faster_than_announced() ->
     assert leader.commanded_m_s == as_announced_m_s
 
 
+def test_a_structure_whose_leader_hears_nobody_any_more_moves_no_faster() -> None:
+    swarm = LightGroup(approach="virtual_structure").joined()
+    leader, slow = swarm.agents[0].vehicle, swarm.agents[2].vehicle
+    slow.speed_m_s = 1.0
+    swarm.run_while(lambda: math.hypot(*leader.velocity[:2]) > 3.0, 30.0)
+    swarm.air.mute[1] = [(swarm.now, swarm.now + 20.0)]
+    speeds_m_s = []
+    swarm.run(swarm.now + 12.0, lambda _now: speeds_m_s.append(math.hypot(*leader.velocity[:2])))
+    assert max(speeds_m_s) < 3.5
+
+
 def test_a_leader_whose_group_has_ended_flies_at_its_own_speed() -> None:
     swarm = LightGroup().joined()
     leader = swarm.agents[0].vehicle

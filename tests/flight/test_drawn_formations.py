@@ -11,6 +11,7 @@ from drawn_formations import draw
 N_DEFAULT, N_FULL = 4, 5
 
 FOUND = {
+    323: "a structure whose leader was mute no longer waited, and moved ahead of what the others expected",
     404: "two vehicles in hold within the limits blocked each other until their deadline",
     657: "a joining member of a behavioural group announced another flight than it flew",
     6: "a vehicle of a level group that had ended climbed to its own height past another one's hold",

@@ -89,9 +89,12 @@ def _own_error_m(group: Group) -> float:
 def _advanced(group: Group, told: Along, share: float) -> Along:
     """Return the reference point moved on from `told`, toward a share of the profile's speed.
 
-    The speed changes by at most half of the acceleration.
+    The speed changes by at most half of the acceleration. It does not grow while no other member is heard:
+    the silence may be this vehicle's own, and the others expect it later than at full speed.
     """
     wanted = group.profile.at(told.s_m + told.age_s * told.speed_m_s) * share
+    if not group.others:
+        wanted = min(wanted, told.speed_m_s)
     change = 0.5 * ACCELERATION_M_S2 * told.age_s
     speed_m_s = min(max(wanted, told.speed_m_s - change), told.speed_m_s + change)
     s_m = told.s_m + 0.5 * told.age_s * (told.speed_m_s + speed_m_s)
