@@ -216,6 +216,15 @@ def test_a_leader_that_hears_nobody_any_more_flies_no_faster_than_announced() ->
     assert leader.commanded_m_s == as_announced_m_s
 
 
+@pytest.mark.parametrize("approach", ["leader_following", "virtual_structure", "behavioural"])
+def test_a_group_that_is_silent_for_some_seconds_stays_together(approach: str) -> None:
+    swarm = LightGroup(approach=approach).joined()
+    before = [agent.state.phase for agent in swarm.agents]
+    swarm.air.mute.update({uav: [(swarm.now, swarm.now + 8.0)] for uav in (1, 2, 3)})
+    swarm.run(swarm.now + 12.0, lambda _now: None)
+    assert [agent.state.phase for agent in swarm.agents] == before
+
+
 def test_a_structure_whose_leader_hears_nobody_any_more_moves_no_faster() -> None:
     swarm = LightGroup(approach="virtual_structure").joined()
     leader, slow = swarm.agents[0].vehicle, swarm.agents[2].vehicle

@@ -25,7 +25,9 @@ def tell_group(state: AgentState) -> StepResult:
     if formation is None or last.alt_amsl_m is None or last.lat_deg is None or last.lon_deg is None:
         return state, []
     in_group = membership.leader is not None and not state.ended
-    joins = in_group and not membership.stands_still
+    # A member that stands still because it hears nobody has not left: all may be silent for some seconds.
+    leaves_beside_others = membership.stands_still and membership.n_present > 1
+    joins = in_group and not leaves_beside_others
     leaves = not joins and 0.0 <= now_s - membership.in_group_boot_s < LEAVES_WITHIN_S
     if not joins and not leaves and not membership.joins_told:
         return state, []
