@@ -2,8 +2,8 @@
 
 Acceleration, jerk and corner radius are the defaults of ArduCopter's parameters; the other constants are
 estimates. ArduCopter plans each leg from rest to rest, and blends it with its neighbours: so a short leg is
-slow, even straight on. A PX4 is faster on short legs. Estimates of turns are high, so that a vehicle is early
-rather than late.
+slow, even straight on. A PX4 is faster on short legs, and from a stand (`docs/measured.md`). Estimates of
+turns are high, so that a vehicle is early rather than late.
 """
 
 from __future__ import annotations
