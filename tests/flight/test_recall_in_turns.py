@@ -247,6 +247,6 @@ def test_an_emergency_leaves_a_vehicle_alone_that_a_pilot_takes_over(
 ) -> None:
     trouble = Trouble(actions=[(60.0, select_mode(2, "LOITER"))])
     inject(trouble, monkeypatch)
-    report = fly(gathering(), tmp_path, ui=FaultyUi(after_s=45.0), broken=True)
+    report = fly(gathering(), tmp_path, ui=FaultyUi(after_s=47.0), broken=True)
     assert trouble.modes[2] == ["AUTO", "GUIDED", "LOITER"]
     assert ["mode RTL" in line for line in report.final_states] == [True, False, True]
