@@ -7,7 +7,6 @@ from collections.abc import Iterable, Iterator, Mapping
 from itertools import combinations, product
 
 from swarmctl.agent.formation.approaches.place_keeping import MARGIN_M, MARGIN_UP_M
-from swarmctl.agent.formation.flight import LOWEST_M
 from swarmctl.agent.formation.shape import (
     Shape,
     ShapePlace,
@@ -16,6 +15,7 @@ from swarmctl.agent.formation.shape import (
     radius_m,
     width_m,
 )
+from swarmctl.agent.formation.view import LOWEST_M
 from swarmctl.agent.traffic.route_hold import CEILING_MARGIN_M
 from swarmctl.config.communication import vehicle_of
 from swarmctl.config.formations import FormationSection
