@@ -202,6 +202,9 @@ def test_a_member_that_leaves_gives_way_by_set_points_until_another_member_has_p
     assert passing.vehicle.at[0] > slow.vehicle.at[0]
     assert passing.state.phase is Phase.FORMATION
     assert not passing.state.membership.told[3].message.joins, "the group does not wait for it"
+    told = []
+    swarm.run(swarm.now + 2.0, lambda _now: told.append(passing.state.membership.told[3].message.joins))
+    assert not any(told), "neither when it has left"
 
 
 def test_a_leader_that_hears_nobody_any_more_flies_no_faster_than_announced() -> None:

@@ -24,7 +24,7 @@ def tell_group(state: AgentState) -> StepResult:
     last, now_s = state.last_position, state.vehicle.time_boot_s
     if formation is None or last.alt_amsl_m is None or last.lat_deg is None or last.lon_deg is None:
         return state, []
-    in_group = membership.leader is not None and not state.ended
+    in_group = membership.leader is not None and not state.is_waiting and not state.ended
     # A member that stands still because it hears nobody has not left: all may be silent for some seconds.
     leaves_beside_others = membership.stands_still and membership.n_present > 1
     joins = in_group and not leaves_beside_others

@@ -317,5 +317,6 @@ class Membership:
             error_m=None,
             far=None,
             setpoint_role="",
+            stands_since_boot_s=None,
             left_boot_s=now_s,
         )

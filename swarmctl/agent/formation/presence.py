@@ -46,7 +46,7 @@ def note_group(state: AgentState) -> StepResult:
     if formation is None:
         return state, []
     if not _belongs(state) or _is_without_way(state, formation):
-        alone = replace(before, leader=None, n_present=1, stands_since_boot_s=None)
+        alone = replace(before, leader=None, n_present=1)
         return (state if before.leader is None else with_traffic(replace(state, membership=alone))), []
     others = near_members(state, formation, formation.lost_after_s)
     present = [uav for uav in formation.members if uav == state.task.uav or uav in others]
