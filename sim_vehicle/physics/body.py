@@ -6,7 +6,7 @@ from functools import partial
 from sim_vehicle.physics.body_state import BodyState
 from sim_vehicle.physics.copter import HOVER_THROTTLE
 from sim_vehicle.physics.following import follow
-from sim_vehicle.physics.motion import NO_RAMP, MotionOrder
+from sim_vehicle.physics.motion import NO_JERK_LIMIT_M_S3, MotionOrder
 from sim_vehicle.physics.world import World
 
 MIN_LEG_M = 2.0  # shortest leg that sets a copter's heading
@@ -29,7 +29,7 @@ LIMITS = {
     "stall_m_s": ("stall_m_s", 1.0, 2.0, 50.0),
 }
 MAX_WIND_M_S = 100.0
-RAMP_SHARE = 2.0 / math.pi  # mean jerk from a stand, as a share of the greatest one (`SCurve`: a cosine)
+MEAN_JERK_SHARE = 2.0 / math.pi  # mean jerk from a stand, as a share of the greatest one (`SCurve`: a cosine)
 LEG_SHARE = 0.95  # highest speed on a blended leg, as a share of the highest one between two stops
 CAPACITY_RANGE_MAH, VOLTAGE_RANGE_V = (1.0, 1e6), (1.0, 1000.0)
 
@@ -87,8 +87,7 @@ class Body(BodyState):
         motion.pass_speed_m_s[i] = pass_speed_m_s
         motion.leg_speed_m_s[i] = self.leg_speed_m_s(float(motion.leg_length_m[i]), jerk_m_s3)
         motion.circle_radius_m[i] = 0.0
-        self._begin(MotionOrder.POSITION)
-        motion.ramp_m_s3[i] = min(RAMP_SHARE * jerk_m_s3, NO_RAMP)
+        self._begin(MotionOrder.POSITION, min(MEAN_JERK_SHARE * jerk_m_s3, NO_JERK_LIMIT_M_S3))
 
     def loiter(self, east_m: float, north_m: float, up_m: float, radius_m: float | None = None) -> None:
         """Circle around a point, clockwise if `radius_m` is positive; None or 0: the default radius."""
@@ -262,10 +261,10 @@ class Body(BodyState):
 
     # -- internals ----------------------------------------------------------------------------------------
 
-    def _begin(self, order: int) -> None:
+    def _begin(self, order: int, start_jerk_m_s3: float = NO_JERK_LIMIT_M_S3) -> None:
         self._motion.order[self._index] = order
         self._motion.reached[self._index] = False
-        self._motion.ramp_m_s3[self._index] = NO_RAMP
+        self._motion.start_jerk_m_s3[self._index] = start_jerk_m_s3
         if order == MotionOrder.POSITION and not self._motion.heading_is_commanded[self._index]:
             self._face_along_leg()
 

@@ -15,7 +15,7 @@ from sim_vehicle.physics.geodesy import Floats
 from sim_vehicle.physics.motion import (
     FULL_TURN_RAD,
     GRAVITY_M_S2,
-    NO_RAMP,
+    NO_JERK_LIMIT_M_S3,
     Bools,
     Ints,
     Motion,
@@ -83,14 +83,12 @@ def _horizontal_acceleration(
     moves = order == MotionOrder.VELOCITY
     if np.count_nonzero(moves):
         np.copyto(wanted, m.wanted_velocity[:, i], where=moves)
-    wanted_speed = np.hypot(wanted[0], wanted[1])
-    wanted -= m.estimate_velocity[:2, i]
-    limit = m.acceleration_limit_m_s2[i]
-    ramp = m.ramp_m_s3[i]
-    if np.count_nonzero(ramp < NO_RAMP):
+    limit, jerk = m.acceleration_limit_m_s2[i], m.start_jerk_m_s3[i]
+    if np.count_nonzero(jerk < NO_JERK_LIMIT_M_S3):
         speed = np.hypot(m.estimate_velocity[0, i], m.estimate_velocity[1, i])
-        growing = np.minimum(limit, np.sqrt(2.0 * ramp * speed) + ramp * dt_s)
-        limit = np.where(wanted_speed > speed, growing, limit)
+        growing = np.minimum(limit, np.sqrt(2.0 * jerk * speed) + jerk * dt_s)
+        limit = np.where(np.hypot(wanted[0], wanted[1]) > speed, growing, limit)
+    wanted -= m.estimate_velocity[:2, i]
     if m.any_motor_lost:
         limit = np.where(m.motors_lost[i] > 0, np.minimum(limit, SPINNING_LIMIT_M_S2), limit)
     wanted *= np.minimum(1.0 / dt_s, limit / np.maximum(np.hypot(wanted[0], wanted[1]), 1e-12))

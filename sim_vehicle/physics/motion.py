@@ -18,7 +18,7 @@ Selection = slice | npt.NDArray[np.intp]  # vehicles: all, or some by index
 GRAVITY_M_S2 = 9.80665
 MAX_YAW_RATE_RAD_S = np.deg2rad(90.0)
 FULL_TURN_RAD = 2.0 * np.pi
-NO_RAMP = 1e6
+NO_JERK_LIMIT_M_S3 = 1e6  # finite, so that its products with 0 are numbers
 
 
 class MotionOrder:
@@ -113,7 +113,7 @@ class Motion:
         self.circle_radius_m = np.zeros(n)  # around the target, clockwise if positive; 0: a leg
         self.slope = np.zeros(n)  # for MotionOrder.GLIDE: height lost per length of the leg
         self.leg_speed_m_s = np.full(n, np.inf)  # highest speed of a copter on its leg
-        self.ramp_m_s3 = np.full(n, NO_RAMP)  # growth of the acceleration of a copter that speeds up
+        self.start_jerk_m_s3 = np.full(n, NO_JERK_LIMIT_M_S3)  # mean jerk of a copter that speeds up
         self.pass_speed_m_s = np.zeros(n)  # allowed speed at the target
         self.reached: Bools = np.zeros(n, dtype=bool)  # latched until the next target
         self.rate_m_s = np.zeros(n)  # for MotionOrder.RATE, VELOCITY, TILT and STICKS, up positive

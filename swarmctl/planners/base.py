@@ -212,6 +212,7 @@ def route_of(problem: Problem, cells: Sequence[Cell], cost: float | None = None)
 
 def eq5_cost(problem: Problem, cells: measures.RouteCells) -> float:
     """Return Σ C_mn over a route (Eq. 5), less the gains."""
+    cells = np.asarray(cells, dtype=np.int64)  # once for both sums
     distance = (1.0 - problem.w) * problem.psi_per_cell * measures.length_cells(cells)
     if problem.w == 0.0:
         return distance

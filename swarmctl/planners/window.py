@@ -24,7 +24,7 @@ NEEDS_MACHINE_CODE = False
 
 N_DETOURS, N_PAIRED = 400, 25
 """greatest number of cells, evenly over the area, for detours over one cell, and over two cells"""
-LABELS = constrained.Params(max_labels=200_000)
+SEARCH = constrained.Params(max_labels=200_000)
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +38,7 @@ def plan(problem: Problem, _params: Params) -> Route:
     Raises Unreachable, and BoundTooTight with the longest route found below the lower bound, or with the
     shortest route if all routes are above the upper bound.
     """
-    nearest = constrained.plan(replace(problem, min_length_cells=0.0), LABELS)
+    nearest = constrained.plan(replace(problem, min_length_cells=0.0), SEARCH)
     if bounds.keeps(problem, nearest.cells):
         return nearest
     detours = _Detours(problem)

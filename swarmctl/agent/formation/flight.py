@@ -30,8 +30,7 @@ from swarmctl.core.setpoint import SetPoint
 STOPS_WITHIN_S = 3.0
 """Time in which a member can stop, after some reaction [s]."""
 GIVES_WAY_FOR_S = 30.0
-"""Greatest time for which a member gives way before it leaves [s]: members that left tell their positions for
-as long."""
+"""Greatest time for which a member gives way before it leaves [s]."""
 ANNOUNCED_WITHIN_S = 2.0
 """Time within which a member that leaves has announced its next flight to the others [s]."""
 
@@ -131,7 +130,7 @@ def _alone(state: AgentState, formation: Formation) -> StepResult:
 def _gives_way(state: AgentState) -> bool:
     """Return whether a member gives way by set-points before it leaves, for at most GIVES_WAY_FOR_S.
 
-    It does so while its hold would be in the way of another vehicle, because in hold it cannot give way.
+    A vehicle in hold cannot give way, so a hold in the way of another vehicle has to wait.
     """
     since_s = state.membership.stands_since_boot_s
     is_due = since_s is not None and state.now_boot_s - since_s >= GIVES_WAY_FOR_S
@@ -212,10 +211,10 @@ def _lead_mission(state: AgentState, flown: ApproachResult) -> StepResult:
 
 
 def _at_full_speed(state: AgentState, formation: Formation) -> StepResult:
-    """Set the vehicle's own speed again after it has led a group.
+    """Set the vehicle's own speed again after it has led a group, unless it may only have lost its radio.
 
-    In silence the vehicle flies on as announced, because the others expect it later than at full speed. So
-    members that were heard lately, and keep their places, count as present: the silence may be its own.
+    The others expect a silent vehicle as announced, or later. So the speed stays as announced while the
+    vehicle hears nobody, and while the members heard lately keep their places.
     """
     if state.speed.m_s is None or state.task.arrival_group is not None:
         return state, []

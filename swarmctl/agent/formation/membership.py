@@ -257,8 +257,8 @@ class Membership:
     """states of present members: hidden from the rules for other traffic while they are present"""
     intents: Mapping[int, NeighbourIntent] = field(default_factory=dict)
     """their intents, also hidden: they count when a member is absent"""
-    hidden: frozenset[int] = frozenset()
-    """the members of which messages are hidden"""
+    hidden_members: frozenset[int] = frozenset()
+    """members whose states and intents are hidden"""
 
     @property
     def along(self) -> Along | None:

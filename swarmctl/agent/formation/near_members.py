@@ -114,14 +114,14 @@ def with_traffic(
     Present members are hidden from the rules for other traffic, because they keep apart by set-points.
     """
     members, membership = _present_members_of(state), state.membership
-    if neighbours is None and intents is None and members == membership.hidden:
+    if neighbours is None and intents is None and members == membership.hidden_members:
         return state
     neighbours = state.all_neighbours if neighbours is None else neighbours
     intents = state.all_intents if intents is None else intents
-    if members or membership.hidden:
+    if members or membership.hidden_members:
         membership = replace(
             membership,
-            hidden=members,
+            hidden_members=members,
             neighbours={uav: report for uav, report in neighbours.items() if uav in members},
             intents={uav: intent for uav, intent in intents.items() if uav in members},
         )

@@ -50,10 +50,13 @@ class Shape(Section):
     def _numbers_fit_the_kind(self) -> Shape:
         if self.kind == "offsets" and not self.offsets_m:
             raise ValueError("the kind `offsets` needs `offsets_m`")
-        unused = {"opening_deg": self.kind != "wedge", "offsets_m": self.kind != "offsets"}
-        unused |= dict.fromkeys(("spacing_m", "height_step_m"), self.kind == "offsets")
-        for name, field in type(self).model_fields.items():
-            if unused.get(name) and getattr(self, name) != field.default:
+        if self.kind == "offsets":
+            unused = ["opening_deg", "spacing_m", "height_step_m"]
+        else:
+            unused = ["offsets_m"] if self.kind == "wedge" else ["offsets_m", "opening_deg"]
+        for name in unused:
+            # A recorded configuration has all defaults.
+            if getattr(self, name) != type(self).model_fields[name].default:
                 raise ValueError(f"`{name}` has no effect on the kind `{self.kind}`; remove it")
         return self
 

@@ -2,7 +2,7 @@
 
 An ArduPilot copter brakes to a stop before it flies by a new mission, even straight on
 (`VehicleState.brakes_m_s2`). The copter flies by its old plan until it brakes, and speeds up after the stop.
-At 10 m/s, braking and speeding up again together cost about 6 s.
+At 10 m/s, braking and speeding up again together cost about 6 s, and `travel_time` counts that.
 """
 
 from __future__ import annotations

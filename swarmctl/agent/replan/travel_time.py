@@ -29,8 +29,10 @@ CORNER_SHARE = 0.75
 """Estimated speed at a corner, as a share of the speed by ACCELERATION_M_S2 and CORNER_RADIUS_M."""
 SETTLE_S = 0.8
 """additional time at each turn at which the vehicle slows down, until it follows the next leg [s]"""
-START_S, STARTED_M_S = 1.9, 1.0
-"""Delay of a start from a stand, because the jerk is limited [s]; speed at which it is over [m/s]."""
+START_S = 1.9
+"""Delay of a start from a stand, because the jerk is limited [s]."""
+STARTED_M_S = 1.0
+"""Speed from which a start is no longer delayed [m/s]; below, the delay falls evenly."""
 STRAIGHT_RAD = 0.1
 """Greatest turn that counts as straight [rad]."""
 BESIDE_M, BESIDE_RAD = 3.0, 0.5
@@ -160,7 +162,7 @@ class _Leg:
     top_m_s: float
     end_m_s: float
     settle_s: float
-    """time until the vehicle follows the leg after a turn, or from a stand [s]"""
+    """delay at the begin of the leg: SETTLE_S after a turn, START_S from a stand [s]"""
 
     @property
     def duration_s(self) -> float:

@@ -90,7 +90,7 @@ def _advanced(group: Group, told: Along, share: float) -> Along:
     """Return the reference point moved on from `told`, toward a share of the profile's speed.
 
     The speed changes by at most half of the acceleration. It does not grow while no other member is heard:
-    the silence may be this vehicle's own, and the others expect it later than at full speed.
+    the vehicle's own radio may be silent, and the others expect it as announced, or later.
     """
     wanted = group.profile.at(told.s_m + told.age_s * told.speed_m_s) * share
     if not group.others:
