@@ -77,7 +77,9 @@ def launched(page: Any, swarm: Swarm) -> list[Any]:
 
 def order(page: Any, name: str) -> None:
     page.get_by_role("button", name=name, exact=True).press("Enter")
-    page.get_by_role("button", name="Give the order").press("Enter")
+    confirm = page.get_by_role("button", name="Give the order")
+    confirm.press("Enter")
+    confirm.wait_for(state="detached")  # a dialog that still closes has the button of the next one's name
 
 
 def test_each_slider_and_command_arrives_at_a_vehicle(swarm: Swarm, browser: Any) -> None:
