@@ -10,7 +10,7 @@ import contextlib
 import inspect
 import json
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -29,7 +29,7 @@ from swarmctl.core.grid import Cell
 from swarmctl.core.observation import Observation
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.report import foxglove, record_file
-from swarmctl.report.record_file import FORMAT, StoredMessage, StoredRecord
+from swarmctl.report.record_file import FORMAT, StoredRecord
 from swarmctl.report.ui import Observer
 
 FLUSH_PERIOD_S = 1.0
@@ -299,10 +299,11 @@ def fold(content: RecordContent, scenario: Scenario, on_folded: OnFolded) -> Rep
 
 def recorded_observations(run: Path) -> tuple[Config, list[Observation]]:
     """Return the configuration of a recorded run and its vehicles' observations. Raises RecordError."""
-    content = read(record_path(run))
-    effects = (row.record.effect for row in content.rows if isinstance(row.record, EffectRecord))
+    stored = record_file.read(record_path(run))
+    rows = _rows(record_path(run), stored, {EFFECTS})
+    effects = (row.record.effect for row in rows if isinstance(row.record, EffectRecord))
     messages = (effect.message for effect in effects if isinstance(effect, ev.Publish))
-    return content.stored.config, [m for m in messages if isinstance(m, Observation)]
+    return stored.config, [m for m in messages if isinstance(m, Observation)]
 
 
 def record_path(run: Path) -> Path:
@@ -331,19 +332,21 @@ class RecordContent:
 def read(path: Path) -> RecordContent:
     """Return the complete part of a record. Raises RecordError."""
     stored = record_file.read(path)
+    return RecordContent(stored, list(_rows(path, stored, _DECODERS.keys())))
+
+
+_DECODERS: dict[str, msgspec.json.Decoder[EventRecord] | msgspec.json.Decoder[EffectRecord]] = {
+    EVENTS: msgspec.json.Decoder(EventRecord),
+    EFFECTS: msgspec.json.Decoder(EffectRecord),
+}
+
+
+def _rows(path: Path, stored: StoredRecord, topics: Collection[str]) -> Iterator[Row]:
+    """Yield the rows of some topics. Raises RecordError."""
     try:
-        return RecordContent(stored, list(_rows(stored.messages)))
-    except Exception as error:  # a damaged record fails in many ways: JSON, unknown kinds of events
-        raise record_file.damaged(path, error) from error
-
-
-def _rows(messages: list[StoredMessage]) -> Iterator[Row]:
-    events = msgspec.json.Decoder(EventRecord)
-    effects = msgspec.json.Decoder(EffectRecord)
-    for message in messages:
-        if message.topic == EVENTS:
-            event = events.decode(message.data)
-            yield Row(event.vehicle, event, message.log_time_ns)
-        elif message.topic == EFFECTS:
-            effect = effects.decode(message.data)
-            yield Row(effect.vehicle, effect, message.log_time_ns)
+        for message in stored.messages:
+            if message.topic in topics:
+                record = _DECODERS[message.topic].decode(message.data)
+                yield Row(record.vehicle, record, message.log_time_ns)
+    except ValueError as error:  # JSON, or an unknown kind of event
+        raise record_file.undecodable(path, stored.format, error) from error

@@ -25,7 +25,8 @@ from swarmctl.config.model import Config
 
 FORMAT = 4
 READABLE = frozenset({"3", "4"})
-"""readable formats; in format 3 the messages of a group are events of their own, which no replay takes"""
+"""Readable formats. In format 3 the messages of a group are events of their own: a dashboard and `--known`
+read the record of such a flight, a replay does not."""
 _RECORD = struct.Struct("<BQ")
 """opcode and length, before each record of an MCAP file"""
 _CHUNK = struct.Struct("<QQQII")
@@ -57,6 +58,8 @@ class StoredMessage(NamedTuple):
 class StoredRecord:
     """The complete part of a record."""
 
+    format: str
+    """one of READABLE"""
     config: Config
     messages: list[StoredMessage]
     """in the order of their numbers"""
@@ -84,7 +87,8 @@ def read(path: Path) -> StoredRecord:
         messages = [message for chunk in stream.chunks() for message in chunk]
     finally:
         stream.close()
-    return StoredRecord(config, sorted(messages, key=lambda message: message.number), not stream.is_complete)
+    messages.sort(key=lambda message: message.number)
+    return StoredRecord(stream.format, config, messages, not stream.is_complete)
 
 
 def not_found(path: Path) -> RecordError:
@@ -96,6 +100,16 @@ def damaged(path: Path, error: Exception) -> RecordError:
     return RecordError(f"{path}: cannot be read as a record: {reason} [damaged]")
 
 
+def other_format(path: Path) -> RecordError:
+    text = f"swarmctl {__version__} cannot read this record; use the version that wrote it"
+    return RecordError(f"{path}: {text} [other-format]")
+
+
+def undecodable(path: Path, format_: str, error: Exception) -> RecordError:
+    """Return the error for content that does not decode: of another format, or else damaged."""
+    return damaged(path, error) if format_ == str(FORMAT) else other_format(path)
+
+
 class RecordStream:
     """The messages of one record, in the order of writing. Each call goes on where the last one ended.
 
@@ -104,6 +118,8 @@ class RecordStream:
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        self.format = ""
+        """format of the record, as soon as its configuration is read"""
         self.is_complete = False
         """True after the end of a finished record"""
         self.n_read = 0
@@ -135,13 +151,13 @@ class RecordStream:
             metadata = next(r.metadata for r in records if isinstance(r, Metadata) and r.name == "swarmctl")
         except Exception as error:  # a damaged record fails in many ways
             raise damaged(self.path, error) from error
-        if metadata.get("format") not in READABLE:
-            text = f"swarmctl {__version__} cannot read this record; use the version that wrote it"
-            raise RecordError(f"{self.path}: {text} [other-format]")
+        self.format = metadata.get("format", "")
+        if self.format not in READABLE:
+            raise other_format(self.path)
         try:
             return Config.model_validate_json(metadata["config"])
         except (KeyError, ValueError) as error:
-            raise damaged(self.path, error) from error
+            raise undecodable(self.path, self.format, error) from error
 
     def chunks(self) -> Iterator[list[StoredMessage]]:
         """Yield the messages of each complete chunk that the file has now, after those of earlier calls."""

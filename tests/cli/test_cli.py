@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 from cli_flight import CliFlight
 from cli_runner import SHIPPED, swarmctl
-from mcap.reader import make_reader
-from mcap.writer import Writer
 from profiles import examples
+from recorded import of_format_3, rewrite
 
 from swarmctl.agent.formation.approaches import APPROACHES
 
@@ -141,30 +141,23 @@ def test_a_record_with_a_changed_byte_replays_or_is_reported_as_damaged(
 
 def forget(record: Path, copy: Path, *, vehicle: str, event: str) -> None:
     """Copy a record without a vehicle's first event of a kind."""
-    with record.open("rb") as source, copy.open("wb") as target:
-        reader, writer = make_reader(source), Writer(target)
-        writer.start()
-        for metadata in reader.iter_metadata():
-            writer.add_metadata(metadata.name, dict(metadata.metadata))
-        schema = writer.register_schema("any", "jsonschema", b'{"type": "object"}')
-        channels: dict[str, int] = {}
-        forgotten = False
-        for _, channel, message in reader.iter_messages():
-            if channel.topic == "/events" and not forgotten:
-                content = json.loads(message.data)
-                forgotten = (content["vehicle"], content["event"]["type"]) == (vehicle, event)
-                if forgotten:
-                    continue
-            if channel.topic not in channels:
-                channels[channel.topic] = writer.register_channel(channel.topic, "json", schema)
-            writer.add_message(
-                channels[channel.topic],
-                message.log_time,
-                message.data,
-                message.publish_time,
-                message.sequence,
-            )
-        writer.finish()
+    forgotten = False
+
+    def change(topic: str, content: dict[str, Any]) -> bool:
+        nonlocal forgotten
+        is_it = topic == "/events" and (content["vehicle"], content["event"]["type"]) == (vehicle, event)
+        kept = forgotten or not is_it
+        forgotten |= is_it
+        return kept
+
+    rewrite(record, copy, change)
+
+
+def test_a_record_of_an_earlier_format_is_no_damaged_record(small_flight: CliFlight, tmp_path: Path) -> None:
+    of_format_3(small_flight.run / "run.mcap", tmp_path / "run.mcap")
+    result = swarmctl("replay", tmp_path)
+    assert result.exit_code == 2
+    assert "[other-format]" in result.stderr
 
 
 @pytest.mark.parametrize("content", [None, b"", b"not a record"], ids=["missing", "empty", "garbage"])

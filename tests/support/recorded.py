@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 from mcap.reader import make_reader
+from mcap.writer import Writer
 from pymavlink import mavutil
 
 from swarmctl.config.scenario import Scenario
@@ -34,6 +35,43 @@ def _of(folder: Path, topic: str, key: str, kind: str, vehicle: str | None) -> I
     for record in messages(folder, topic):
         if record[key]["type"] == kind and vehicle in (None, record["vehicle"]):
             yield record
+
+
+def rewrite(
+    record: Path, copy: Path, change: Callable[[str, dict[str, Any]], bool], *, format_: str | None = None
+) -> None:
+    """Copy a record. `change` gets each topic and content, may change the content, and returns whether to
+    keep it."""
+    with record.open("rb") as source, copy.open("wb") as target:
+        reader, writer = make_reader(source), Writer(target)
+        writer.start()
+        for metadata in reader.iter_metadata():
+            entries = dict(metadata.metadata)
+            writer.add_metadata(metadata.name, entries | ({"format": format_} if format_ else {}))
+        schema = writer.register_schema("any", "jsonschema", b'{"type": "object"}')
+        channels: dict[str, int] = {}
+        for _, channel, message in reader.iter_messages():
+            topic, content = channel.topic, json.loads(message.data)
+            if not change(topic, content):
+                continue
+            if topic not in channels:
+                channels[topic] = writer.register_channel(topic, "json", schema)
+            data = json.dumps(content).encode()
+            writer.add_message(
+                channels[topic], message.log_time, data, message.publish_time, message.sequence
+            )
+        writer.finish()
+
+
+def of_format_3(record: Path, copy: Path) -> None:
+    """Copy a record as format 3: with a group's messages as an event of their own, in place of Neighbours."""
+
+    def change(topic: str, content: dict[str, Any]) -> bool:
+        if topic == "/events" and content["event"]["type"] == "Neighbours":
+            content["event"] = {"type": "Members", "boot_s": 1.0, "told": []}
+        return True
+
+    rewrite(record, copy, change, format_="3")
 
 
 def on_the_wire(folder: Path, name: str) -> Iterator[Any]:
