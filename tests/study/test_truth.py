@@ -147,23 +147,42 @@ def test_a_vehicle_alone_flies_the_route_of_the_abstract_mission(alone: list[Pai
         # Of two routes with one cost the flight may take the other one.
         is_as_long = length_cells(route) == pytest.approx(length_cells(track))
         n_same += is_as_long and [pair.p_s[cell] for cell in route] == [pair.p_s[cell] for cell in track]
-    assert n_same >= len(alone) - 1  # a vehicle may see a hostile a moment before or after it decides
+    # World 206 differs: a vehicle may see a hostile a moment before or after it decides.
+    assert n_same >= len(alone) - 1
 
 
 def test_vehicles_together_fly_routes_as_long_and_as_exposed_on_average(together: list[Pair]) -> None:
     mean, half = difference(together, planned_length)
-    assert abs(mean) <= half < 0.3
+    assert abs(mean) < 0.1
+    assert half < 0.1
     mean, half = difference(together, planned_exposure)
     assert abs(mean) <= half < 0.1
 
 
-@pytest.mark.parametrize(("swarm", "within_s"), [("together", 5.0), ("straightened", 7.0)])
+def test_a_vehicle_alone_arrives_when_the_abstract_mission_says_but_for_its_changes_of_plan(
+    alone: list[Pair],
+) -> None:
+    """A change costs a flight some 5 s of slow starts on its new mission, which the abstract mission lacks.
+
+    Without a change a flight is some 4 s early, because the times lost at turns are estimated high.
+    """
+    for pair in alone:
+        (flown_s,), (mission_s,) = arrival_s(pair)
+        (flown_cells,), (mission_cells,) = planned_length(pair)
+        (state,) = pair.flight.states.values()
+        cell_s = state.task.grid.cell_size_m / state.task.arrival.speed_m_s
+        later_s = flown_s - mission_s - cell_s * (flown_cells - mission_cells)
+        assert later_s == pytest.approx(-4.0 + 5.0 * state.plans.replans, abs=3.0)
+
+
+@pytest.mark.parametrize(("swarm", "within_s"), [("together", 4.0), ("straightened", 5.5)])
 def test_vehicles_together_arrive_when_the_abstract_mission_says(
     swarm: str, within_s: float, request: pytest.FixtureRequest
 ) -> None:
+    """About half of the vehicles never change their plan, and arrive 3 s early; a change costs some 5 s."""
     mean, half = difference(request.getfixturevalue(swarm), arrival_s)
     assert abs(mean) <= within_s
-    assert half < 3.0
+    assert half < 2.0
 
 
 @pytest.mark.parametrize("swarm", ["alone", "together", "straightened"])
