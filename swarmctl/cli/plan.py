@@ -108,7 +108,7 @@ def _plan_front(scenario: Scenario, out_folder: Path, uav: str, max_labels: int)
     front.write_fronts(folder, scenario, found)
     out.print(front.front_table(found))
     notes = [*front.front_notes(found), front.EXPLANATION]
-    if scenario.config.formations:
+    if any(task.formation is not None and task.uav in selected for task in scenario.tasks):
         notes.append("The front of a member is that of its own mission; a group's route is planned for all.")
     for text in notes:
         out.print(text, style="bright_black", highlight=False, markup=False)

@@ -98,6 +98,18 @@ def test_one_vehicle_can_be_named(named: str, small: Path, tmp_path: Path) -> No
     assert "uav1" not in output
 
 
+@pytest.mark.parametrize(("named", "is_member"), [("uav1", True), ("uav3", False)])
+def test_only_the_front_of_a_member_has_a_note_about_groups(
+    named: str, is_member: bool, tmp_path: Path
+) -> None:
+    file = tmp_path / "group.yaml"
+    group = "formations: [{name: alpha, members: [uav1, uav2]}]\n"
+    content = SMALL.replace("constrained", "dijkstra").replace("count: 2, arrive_within_s: 97", "count: 3")
+    file.write_text(f"{content}{group}")
+    output, _, _ = front_of(file, tmp_path / "runs", "--uav", named)
+    assert ("group" in output) is is_member
+
+
 def test_a_limited_search_is_marked(small: Path, tmp_path: Path) -> None:
     output, content, _ = front_of(small, tmp_path / "runs", "--max-labels", "1")
     assert not any(v["complete"] for v in content["vehicles"])
