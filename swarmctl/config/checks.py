@@ -14,7 +14,7 @@ from swarmctl.agent.replan.decide import first_flight, first_problem, first_rout
 from swarmctl.agent.state import Task
 from swarmctl.config.arrival_checks import check_arrival, check_time_bounds, unmet_time_bound
 from swarmctl.config.communication_checks import check_communication
-from swarmctl.config.formations_checks import check_formations, check_groups
+from swarmctl.config.formations_checks import check_formations, check_groups, check_planes_in_groups
 from swarmctl.config.links_checks import check_links
 from swarmctl.config.model import Config
 from swarmctl.config.preflight_checks import check_preflight
@@ -49,7 +49,8 @@ def check_config(config: Config) -> Iterator[ConfigProblem]:
     problems += check_formations(config)
     problems += check_links(config)
     problems += check_preflight(config)
-    problems += check_wings(config)
+    # Other problems of planes are left out until no plane is in a group: they may concern only that plane.
+    problems += list(check_planes_in_groups(config)) or check_wings(config)
     if config.simulate is None and not config.vehicles:
         text = "there is no vehicle; add `simulate: {count: 5}`, or a list of vehicles"
         problems.append(ConfigProblem(("vehicles",), text))
@@ -131,7 +132,7 @@ def _check_turns(scenario: Scenario, task: Task, route: Route, path: KeyPath) ->
         yield ConfigProblem(path, text)
         return
     if task.any_angle is None:
-        return  # a plane in a group, which is refused there
+        return  # a member of a group, whose mission is never straightened
     side_m = max(scenario.grid.size_east_m, scenario.grid.size_north_m)
     if task.turn_radius_m > side_m:
         text = f"{task.turn_radius_m:g} m is more than the longest side of the area, {side_m:g} m; lower it"

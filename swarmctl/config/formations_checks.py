@@ -22,7 +22,7 @@ from swarmctl.config.formations import FormationSection
 from swarmctl.config.model import Config
 from swarmctl.config.problems import ConfigProblem
 from swarmctl.config.scenario import Scenario
-from swarmctl.config.specs import Spec
+from swarmctl.config.specs import Spec, airframes_of
 from swarmctl.config.yaml_lines import KeyPath
 from swarmctl.links import LINKS
 
@@ -54,6 +54,16 @@ def check_formations(config: Config) -> Iterator[ConfigProblem]:
             member_of[uav] = section.name
     if config.formations:
         yield from _check_other_sections(config)
+
+
+def check_planes_in_groups(config: Config) -> Iterator[ConfigProblem]:
+    """Yield the problem of each group with planes."""
+    planes = {sysid for sysid, airframe in airframes_of(config).items() if airframe == "plane"}
+    names = {str(key) for sysid, name in config.identities if sysid in planes for key in (sysid, name)}
+    for i, section in enumerate(config.formations):
+        if found := [str(ref) for ref in section.members if str(ref) in names]:
+            text = "a place in a shape needs a vehicle that can hover; remove the planes: "
+            yield ConfigProblem(("formations", i, "members"), f"{text}{', '.join(found)}")
 
 
 def _check_other_sections(config: Config) -> Iterator[ConfigProblem]:
@@ -109,9 +119,6 @@ def _check_offsets(
 
 def _check_members(section: FormationSection, members: list[Spec], here: KeyPath) -> Iterator[ConfigProblem]:
     path = (*here, "members")
-    if planes := _names(spec for spec in members if spec.airframe == "plane"):
-        text = f"a place in a shape needs a vehicle that can hover; remove the planes: {planes}"
-        yield ConfigProblem(path, text)
     if without := _names(spec for spec in members if not LINKS[spec.link].sends_set_points):
         yield ConfigProblem(
             path, f"a member needs a link that sends set-points; set link: direct for {without}"

@@ -95,6 +95,14 @@ def _simulated(config: Config, grid: Grid) -> Iterator[Spec]:
         )
 
 
+def airframes_of(config: Config) -> dict[int, Airframe]:
+    """Return the airframe of each vehicle, by system id."""
+    n_simulated = 0 if config.simulate is None else config.simulate.count
+    simulated = (AUTOPILOTS[simulated_autopilot(config, i)].airframe for i in range(n_simulated))
+    airframes = (*simulated, *(vehicle.airframe for vehicle in config.vehicles))
+    return {sysid: airframe for (sysid, _), airframe in zip(config.identities, airframes, strict=True)}
+
+
 def simulated_autopilot(config: Config, index: int) -> str:
     """Return the autopilot of the simulated vehicle `index`, from 0."""
     simulate = config.simulate

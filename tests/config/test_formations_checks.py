@@ -145,15 +145,6 @@ def test_a_group_that_can_fly_is_accepted(group: dict[str, Any]) -> None:
             {}, {"communication": {"min_distance_m": 35.0}}, ("shape",), id="members are too near to hear"
         ),
         pytest.param(
-            {},
-            {
-                "simulate": {"autopilot": ["ardupilot", "ardupilot", "arduplane"]},
-                "flight": {"any_angle": True},
-            },
-            ("members",),
-            id="a plane",
-        ),
-        pytest.param(
             {"split_factor": 1.1, "exposure": "survival"},
             {"flight": {"altitude_step_m": 6.0}},
             ("split_factor",),
@@ -177,6 +168,18 @@ def test_a_group_that_cannot_fly_is_refused(
     group: dict[str, Any], sections: dict[str, Any], key: tuple[str | int, ...]
 ) -> None:
     assert ("formations", 0, *key) in keys_of_problems(group, **sections)
+
+
+@pytest.mark.parametrize("any_angle", [False, True])
+def test_a_plane_in_a_group_is_the_only_problem(any_angle: bool) -> None:
+    """Problems of the plane's own flight would lead the reader away from the cause."""
+    found = problems(
+        {},
+        simulate={"autopilot": ["ardupilot", "ardupilot", "arduplane"]},
+        flight={"any_angle": any_angle},
+    )
+    assert [problem.path for problem in found] == [("formations", 0, "members")]
+    assert found[0].text.endswith(": uav3")
 
 
 def test_a_vehicle_in_two_groups_is_refused() -> None:
