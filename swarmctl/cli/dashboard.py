@@ -184,18 +184,17 @@ def _sender(
     swarm: str, config: Path | None = None, connect: str | None = None
 ) -> Callable[[Request], Awaitable[OperatorAnswer]]:
     """Return the way of commands from the page to a swarm, that of `swarmctl order` and `set`."""
-    from swarmctl.cli.operator_command import commander  # noqa: PLC0415
+    from swarmctl.cli.operator_command import send_command  # noqa: PLC0415
     from swarmctl.dashboard.orders_panel import NotSent  # noqa: PLC0415
     from swarmctl.security.files import KeyringError  # noqa: PLC0415
     from swarmctl.station.client import NoAnswer  # noqa: PLC0415
 
-    send = commander(swarm, config, connect)
-
     async def send_or_tell(request: Request) -> OperatorAnswer:
         try:
-            return await send(request)
+            _, answer = await send_command(request, swarm if config is None else None, config, connect)
         except (BusError, KeyringError, NoAnswer, ValueError) as error:
             raise NotSent(str(error)) from error
+        return answer
 
     return send_or_tell
 

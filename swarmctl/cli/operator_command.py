@@ -68,10 +68,7 @@ def send_or_exit(
     """Send a command and print the answers; exit on a failure, or if a vehicle did not take the command."""
     try:
         request = make_request()
-        flight, keyring = _find_flight_and_keys(swarm, config, connect)
-        credentials = joining.credentials_for(flight.endpoint, keyring)
-        signing = signing_for(flight, keyring)
-        answer = asyncio.run(send(flight, request, credentials, signing))
+        flight, answer = asyncio.run(send_command(request, swarm, config, connect, send))
     except KeyringError as error:
         fail_for_keys(config, error)
     except (BusError, client.NoAnswer) as error:
@@ -81,20 +78,20 @@ def send_or_exit(
     _print_answer(request, answer, flight, line_of)
 
 
-def commander(
-    swarm: str, config: Path | None = None, connect: str | None = None
-) -> Callable[[Request], Coroutine[Any, Any, OperatorAnswer]]:
-    """Return a function that sends a command as this program's commands do, and schedules returns.
+async def send_command(
+    request: Request,
+    swarm: str | None,
+    config: Path | None,
+    connect: str | None,
+    send: SendCommand = recall.send,
+) -> tuple[FlightEndpoints, OperatorAnswer]:
+    """Find the flight and send a command to it; return both the flight and its answer.
 
-    The function raises BusError, KeyringError, client.NoAnswer and ValueError.
+    Raises BusError, KeyringError, client.NoAnswer and ValueError.
     """
-
-    async def send(request: Request) -> OperatorAnswer:
-        flight, keyring = _find_flight_and_keys(swarm if config is None else None, config, connect)
-        credentials = joining.credentials_for(flight.endpoint, keyring)
-        return await recall.send(flight, request, credentials, signing_for(flight, keyring))
-
-    return send
+    flight, keyring = _find_flight_and_keys(swarm, config, connect)
+    credentials = joining.credentials_for(flight.endpoint, keyring)
+    return flight, await send(flight, request, credentials, signing_for(flight, keyring))
 
 
 def signing_for(flight: FlightEndpoints, keyring: Keyring | None) -> RequestSigning:
