@@ -22,7 +22,7 @@ from swarmctl.report.foxglove import colour_of
 from swarmctl.report.pictures.chart import draw_area
 from swarmctl.report.pictures.front import EXPOSED
 from swarmctl.report.pictures.scene import MapPicture
-from swarmctl.report.pictures.sheet import DPI, LEFT_IN, WIDTH_IN, Sheet
+from swarmctl.report.pictures.sheet import LEFT_IN, WIDTH_IN, Sheet, save_png
 from swarmctl.report.pictures.style import INK, OUTSIDE, QUIET
 
 PICTURE = Path(__file__).parents[1] / "docs" / "images" / "formation-plan.png"
@@ -90,7 +90,7 @@ def draw(problem: Problem, tracks: NDArray[np.int64], shapes: tuple[int, ...], s
     axes.legend(
         loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=5, frameon=False, fontsize=8.5, labelcolor=INK
     )
-    sheet.figure.savefig(PICTURE, dpi=DPI, format="png", metadata={"Software": None})
+    save_png(sheet.figure, PICTURE)
 
 
 def _name(member: int) -> str:

@@ -23,6 +23,7 @@ from swarmctl.core.belief import UNKNOWN
 from swarmctl.flight import app
 from swarmctl.flight.run import real_clock_need
 from swarmctl.flight.virtual_clock import run_virtual
+from swarmctl.report.formations import AXES
 from swarmctl.report.outcome import FlightReport
 from swarmctl.report.summary import known_to_any
 from swarmctl.report.ui import SilentUi
@@ -88,9 +89,6 @@ class FlownVehicle:
     leader_changes: int
     shape_changes: int
     splits: int
-
-
-AXES = ("along", "across", "height")
 
 
 def unsupported(scenario: Scenario) -> str | None:

@@ -16,6 +16,7 @@ import re
 import shutil
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -65,7 +66,9 @@ class Results:
         for name in reversed(TABLES):  # the rows come last: they say that the batch is finished
             columns: Columns = getattr(table, name)
             if name == "rows" or (columns and len(next(iter(columns.values())))):
-                _write_part(self._part(batch.level, batch.seeds, name), pa.table(dict(columns)))
+                part = pa.table(dict(columns))
+                path = self._part(batch.level, batch.seeds, name)
+                _replace(path, partial(pq.write_table, part, compression="zstd"))
         self._done[batch.level].append(batch.seeds)
 
     def values(self, level: int, measure: str, seeds: range) -> tuple[np.ndarray, np.ndarray]:
@@ -138,10 +141,6 @@ def _write_sorted(path: Path, tables: Iterator[pa.Table]) -> int:
     if writer is not None:
         temporary.replace(path)
     return n_rows
-
-
-def _write_part(path: Path, table: pa.Table) -> None:
-    _replace(path, lambda temporary: pq.write_table(table, temporary, compression="zstd"))
 
 
 def _replace(path: Path, write: Callable[[Path], object]) -> None:

@@ -45,9 +45,8 @@ def draw_area(axes: Axes, picture: MapPicture, points_per_m: float) -> None:
     hostile, n1, n2 = shading(picture)
     missed = hostile & (picture.known != OCCUPIED)
     mistaken = ~hostile & (picture.known == OCCUPIED)
-    colours = np.array(
-        [_rgb(colour) for colour in (OBSERVED, UNOBSERVED, FOUND, NEVER_FOUND)], dtype=np.uint8
-    )
+    hex_colours = (OBSERVED, UNOBSERVED, FOUND, NEVER_FOUND)
+    colours = np.array([[*bytes.fromhex(colour[1:])] for colour in hex_colours], dtype=np.uint8)
     image = colours[np.where(hostile, np.where(missed, 3, 2), picture.known == UNKNOWN)]
     extent = (0.0, grid.size_east_m, 0.0, grid.size_north_m)
     axes.imshow(image, origin="lower", extent=extent, interpolation="nearest", aspect="auto", zorder=1)
@@ -89,10 +88,6 @@ def _draw_lines(axes: Axes, grid: Grid, ends: list[Ends], **style: Any) -> None:
 def _outline(axes: Axes, grid: Grid, row: int, col: int, **style: Any) -> None:
     size = grid.cell_size_m
     axes.add_patch(Rectangle((col * size, row * size), size, size, fill=False, **style))
-
-
-def _rgb(colour: str) -> tuple[int, int, int]:
-    return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
 
 
 def draw_tracks(axes: Axes, picture: MapPicture, points_per_m: float) -> None:

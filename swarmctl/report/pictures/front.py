@@ -22,7 +22,7 @@ from swarmctl.core.grid import Grid
 from swarmctl.report.pictures.chart import draw_area
 from swarmctl.report.pictures.panel import FrontPanel
 from swarmctl.report.pictures.scene import MapPicture, VehicleTrack, local_m, view_of
-from swarmctl.report.pictures.sheet import DPI, LEFT_IN, WIDTH_IN, Sheet
+from swarmctl.report.pictures.sheet import LEFT_IN, WIDTH_IN, Sheet, save_png
 from swarmctl.report.pictures.style import FORBIDDEN, GRID_LINE, INK, OUTSIDE, QUIET
 
 ALONG = LinearSegmentedColormap.from_list("along the front", ("#D55E00", "#A0568C", "#0072B2", "#00506B"))
@@ -47,8 +47,7 @@ CHOSEN_DASHES = (0, (3, 1.5))
 
 def draw_fronts(path: Path, grid: Grid, panels: Sequence[FrontPanel], title: str, subtitle: str) -> None:
     """Write the PNG, 1440 pixels wide; equal fronts give equal bytes. Raises OSError."""
-    figure = front_figure(grid, panels, title, subtitle)
-    figure.savefig(path, dpi=DPI, format="png", metadata={"Software": None})
+    save_png(front_figure(grid, panels, title, subtitle), path)
 
 
 def front_figure(grid: Grid, panels: Sequence[FrontPanel], title: str, subtitle: str) -> Figure:

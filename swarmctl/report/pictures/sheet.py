@@ -37,8 +37,11 @@ BELOW_COLUMNS = 2
 
 def draw_map(path: Path, picture: MapPicture) -> None:
     """Write the PNG, 1440 pixels wide; equal pictures give equal bytes. Raises OSError."""
-    figure = figure_of(picture)
-    # Without `Software`, the bytes do not depend on matplotlib's version number.
+    save_png(figure_of(picture), path)
+
+
+def save_png(figure: Figure, path: Path) -> None:
+    """Write a figure; the bytes do not depend on matplotlib's version number. Raises OSError."""
     figure.savefig(path, dpi=DPI, format="png", metadata={"Software": None})
 
 

@@ -40,7 +40,7 @@ def positions(values: Sequence[object]) -> list[float]:
 
 def draw_lines(
     axes: Axes, labels: Labels, x: tuple[str, Sequence[object]], by: tuple[str | None, Sequence[object]],
-    found: Estimates, scale: str = "linear", named: bool = True,
+    found: Estimates, scale: str, named: bool,
 ) -> None:  # fmt: skip
     """Draw one line for each row of `found` (by, x), with its interval as a band and its name at its end."""
     factor, values = x
@@ -91,7 +91,7 @@ def limits(found: Estimates) -> tuple[float, float]:
 
 def draw_rows(
     axes: Axes, x: tuple[str, Sequence[object]], by: tuple[str | None, Sequence[object]], found: Estimates,
-    named: bool = True,
+    named: bool,
 ) -> None:  # fmt: skip
     """Draw `found` (by, x) as dots with intervals, one row a value, the first one at the top."""
     factor, values = x
