@@ -21,6 +21,9 @@ BRAKING_M_S2 = 1.75
 """Deceleration assumed for a copter's stop. The defaults of WPNAV_ACCEL (2.5) and MPC_ACC_HOR (3) are higher,
 but limits of the jerk and late telemetry make the stop longer."""
 
+START_DELAY_S = 1.9
+"""`VehicleState.start_delay_s` assumed for an unknown vehicle: the delay of an ArduCopter, the longest."""
+
 
 class Landed(IntEnum):
     """MAV_LANDED_STATE."""
@@ -69,6 +72,8 @@ class VehicleState:
     mission_total: int | None = None
     brakes_m_s2: float | None = None
     """deceleration to a stop before a new mission in flight [m/s²]; None: the vehicle turns without a stop"""
+    start_delay_s: float = START_DELAY_S
+    """delay of a start from a stand, because the jerk is limited [s]"""
     other_mission: bool = False
     """True if the vehicle stores another mission than the verified one"""
     home_lat_deg: float | None = None

@@ -263,5 +263,6 @@ def _trajectory(vehicle: VehicleToCheck) -> Trajectory | None:
     plan, state = _verified_plan(vehicle), vehicle.runner.link.state()
     if plan is None or state.lat_deg is None or state.lon_deg is None:
         return None
-    trajectory = from_takeoff(vehicle.runner.state.task, plan, (state.lat_deg, state.lon_deg))
+    task, start = vehicle.runner.state.task, (state.lat_deg, state.lon_deg)
+    trajectory = from_takeoff(task, plan, start, state.start_delay_s)
     return trajectory.later(vehicle.spec.delay_s)

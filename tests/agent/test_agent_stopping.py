@@ -31,6 +31,8 @@ from swarmctl.mavlink.telemetry.vehicle_state import Telemetry
 ROW_M = GRID.centre_m((4, 4))[1]
 STOP_COST_S = 10.0 / (2.0 * 2.5) + START_LOSS_S
 """Time lost by braking from 10 m/s at 2.5 m/s² and by speeding up again [s]."""
+DELAY_S = 1.9
+"""Delay of a start from a stand [s]."""
 
 
 class StopStory(Story):
@@ -217,17 +219,22 @@ def changing(
     """Return the flight of a vehicle at HERE with a mission change after `in_s`."""
     change = MissionChange(in_s, 10.0 * in_s, 10.0, brakes_m_s2)
     before, after = FlightPart(heights_m[0], present), FlightPart(heights_m[1], new)
-    return fly_through_change(HERE, velocity_m_s, before, change, after, 10.0, leaves_ahead=leaves_ahead)
+    return fly_through_change(
+        HERE, velocity_m_s, before, change, after, 10.0, start_delay_s=DELAY_S, leaves_ahead=leaves_ahead
+    )
 
 
 def test_a_change_after_the_landing_has_no_effect() -> None:
     present = [(60.0, 0.0), (60.0, 30.0)]
-    assert changing(30.0, present, FAR) == fly_along(HERE, 30.0, present, 10.0, 10.0)
+    assert changing(30.0, present, FAR) == fly_along(HERE, 30.0, present, 10.0, 10.0, start_delay_s=DELAY_S)
 
 
 def test_the_vehicle_turns_by_its_present_plan_and_stops_straight_ahead() -> None:
     present = [(100.0, 0.0), (100.0, 400.0)]
-    planned, flight = fly_along(HERE, 30.0, present, 10.0, 10.0), changing(16.0, present, FAR)
+    planned, flight = (
+        fly_along(HERE, 30.0, present, 10.0, 10.0, start_delay_s=DELAY_S),
+        changing(16.0, present, FAR),
+    )
     for t in (5.0, 9.0, 12.0, 16.0):
         assert flight.at(t) == pytest.approx(planned.at(t))
     changes_at, stops_at = planned.at(16.0), flight.at(20.0)
@@ -260,7 +267,9 @@ def test_the_times_of_a_landing_increase_on_every_clock(up_m: float, boot_s: flo
 )
 def test_a_climb_speeds_up_and_slows_down_at_1_m_s2(rise_m: float, climbs_s: float) -> None:
     """At 2.5 m/s up and 1.5 m/s down, the defaults of ArduCopter's WPNAV_SPEED_UP and WPNAV_SPEED_DN."""
-    flight = fly_along((0.0, 0.0, 30.0), 30.0 + rise_m, [(4.0, 0.0), (400.0, 0.0)], 10.0)
+    flight = fly_along(
+        (0.0, 0.0, 30.0), 30.0 + rise_m, [(4.0, 0.0), (400.0, 0.0)], 10.0, start_delay_s=DELAY_S
+    )
     assert flight.at(climbs_s) == pytest.approx((4.0, 0.0, 30.0 + rise_m))
 
 
@@ -275,7 +284,7 @@ def test_a_vehicle_that_brakes_now_stops_in_the_direction_of_its_velocity() -> N
 
 @pytest.mark.parametrize("present_m", [24.0, 0.0, 50.0])
 def test_until_the_change_the_vehicle_climbs_or_descends_by_its_present_plan(present_m: float) -> None:
-    planned = fly_along(HERE, present_m, FAR, 10.0, 10.0)
+    planned = fly_along(HERE, present_m, FAR, 10.0, 10.0, start_delay_s=DELAY_S)
     flight, changes_at = changing(4.0, FAR, FAR, heights_m=(present_m, 70.0)), planned.at(4.0)
     assert flight.at(2.0) == pytest.approx(planned.at(2.0))
     assert changes_at is not None
@@ -289,13 +298,23 @@ def test_a_vehicle_that_does_not_brake_leaves_its_present_plan_at_the_change() -
 
 
 @pytest.mark.parametrize(
-    ("autopilot", "vehicle_type", "brakes_m_s2"), [(3, 2, 2.5), (3, 1, None), (12, 2, None)]
+    ("autopilot", "vehicle_type", "brakes_m_s2", "start_delay_s"),
+    [(3, 2, 2.5, 1.9), (3, 1, None, 0.0), (12, 2, None, 0.2), (12, 1, None, 0.0)],
 )
-def test_the_deceleration_follows_from_the_firmware(
-    autopilot: int, vehicle_type: int, brakes_m_s2: float | None
+def test_stops_and_starts_follow_from_the_firmware(
+    autopilot: int, vehicle_type: int, brakes_m_s2: float | None, start_delay_s: float
 ) -> None:
-    """Cases: ArduPilot's copters and planes, PX4's copters."""
-    assert Telemetry(dialect_for(autopilot, vehicle_type)).state.brakes_m_s2 == brakes_m_s2
+    """Cases: copters and planes of ArduPilot and of PX4."""
+    state = Telemetry(dialect_for(autopilot, vehicle_type)).state
+    assert (state.brakes_m_s2, state.start_delay_s) == (brakes_m_s2, start_delay_s)
+
+
+@pytest.mark.parametrize("start_delay_s", [0.2, 1.9])
+def test_the_flight_of_a_standing_vehicle_has_the_delay_of_its_start(start_delay_s: float) -> None:
+    stories = StopStory(None), StopStory(None)
+    for story, delay_s in zip(stories, (start_delay_s, 0.0), strict=True):
+        story.at(75.0, 0.0, start_delay_s=delay_s)
+    assert landing_delay_s(*stories) == pytest.approx(start_delay_s, abs=0.01)
 
 
 @pytest.mark.parametrize(

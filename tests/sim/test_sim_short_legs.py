@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import pytest
-from flown_legs import FLOWN_LEGS, START_LOSS_S, FlownLeg
-from station import Station, takeoff, waypoint
+from flown_legs import FLOWN_LEGS, PX4_START_LOSS_S, START_LOSS_S, FlownLeg
+from px4_station import QuietPx4Station
+from station import Station, place_m, takeoff, waypoint
+
+from swarmctl.agent.replan.travel_time import timed_track
+from swarmctl.mavlink.dialects import dialect_for
 
 
 @pytest.mark.parametrize("leg", FLOWN_LEGS, ids=str)
@@ -20,12 +26,32 @@ def test_a_short_leg_takes_as_long_as_on_firmware(leg: FlownLeg) -> None:
     assert reached_s[1] - reached_s[0] == pytest.approx(2.0 * leg.duration_s, rel=0.12)
 
 
-def test_a_start_from_a_stand_takes_as_long_as_on_firmware() -> None:
+def ardupilot() -> Station:
     station = Station()
     station.set_parameter("WPNAV_SPEED", 1000.0)
-    station.fly_mission([takeoff(20.0), waypoint(200.0, 0.0), waypoint(400.0, 0.0)])
-    reached_s = []
-    for seq in (1, 2):
-        station.until(lambda seq=seq: seq in station.reached, 120.0)
-        reached_s.append(station.now)
-    assert reached_s[1] - reached_s[0] == pytest.approx(20.0 + START_LOSS_S, abs=0.5)
+    return station
+
+
+def px4() -> Station:
+    station = QuietPx4Station()
+    station.set_parameter("MPC_XY_CRUISE", 10.0)
+    return station
+
+
+@pytest.mark.parametrize(
+    ("station", "autopilot", "loss_s"), [(ardupilot, 3, START_LOSS_S), (px4, 12, PX4_START_LOSS_S)]
+)
+def test_a_start_from_a_stand_takes_as_long_as_on_firmware_and_as_planned(
+    station: Callable[[], Station], autopilot: int, loss_s: float
+) -> None:
+    flown, copter = station(), dialect_for(autopilot, 2)
+    flown.fly_mission([takeoff(20.0), waypoint(200.0, 0.0), waypoint(400.0, 0.0)])
+    flown.until(lambda: copter.first_waypoint_seq - 1 in flown.reached, 120.0)
+    begins_s, (begins_m, _) = flown.now, place_m(flown)
+    track = [(0.0, 0.0), (0.0, 400.0)]
+    planned = timed_track(track, 10.0, start_delay_s=copter.start_delay_s)
+    for away_m in (30.0, 150.0):
+        flown.until(lambda away_m=away_m: place_m(flown)[0] - begins_m >= away_m, 60.0)
+        took_s = flown.now - begins_s
+        assert took_s == pytest.approx(0.1 * away_m + loss_s, abs=0.5)
+        assert took_s == pytest.approx(planned.at(away_m)[1], abs=0.4)

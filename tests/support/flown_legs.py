@@ -11,6 +11,8 @@ from swarmctl.core.planar import PlanarPoint
 N_LEGS = 12
 START_LOSS_S = 3.9
 """time lost from a stand to 10 m/s [s]"""
+PX4_START_LOSS_S = 2.2
+"""the same of PX4 1.15.3 [s]"""
 
 
 @dataclass(frozen=True)

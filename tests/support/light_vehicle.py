@@ -27,6 +27,8 @@ VERTICAL_M_S2 = {True: 1.0, False: 3.0}
 """acceleration of climbs, by `stops_for_missions` [m/s²]: WPNAV_ACCEL_Z, and the lesser of PX4's limits"""
 RAMP_M_S3 = 2.0 / math.pi * JERK_M_S3
 """mean growth of the acceleration from a stand"""
+START_DELAY_S = {True: 1.9, False: 0.0}
+"""delay of a start from a stand, by `stops_for_missions` [s]"""
 LEG_SHARE = 0.95
 """greatest speed on a short leg, as a share of the greatest one between two stops with JERK_M_S3"""
 VERTICAL_LEAD_S = 0.2
@@ -338,6 +340,7 @@ class LightVehicle:
             gps_ok=True,
             battery_percent=round(self.battery_percent),
             brakes_m_s2=BRAKES_M_S2 if self.stops_for_missions else None,
+            start_delay_s=START_DELAY_S[self.stops_for_missions],
             home_lat_deg=home_lat_deg,
             home_lon_deg=home_lon_deg,
             home_alt_amsl_m=self.home_amsl_m,

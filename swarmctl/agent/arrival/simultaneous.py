@@ -98,6 +98,8 @@ class _PathToGoal:
     armed yet [s]"""
     change: MissionChange | None = None
     """change to a new plan"""
+    start_delay_s: float = 0.0
+    """delay of a start from a stand [s]"""
     turn_radius_m: float | None = None
     """turn radius of a fixed wing, which flies at one speed [m]; None for a vehicle that brakes at corners"""
 
@@ -108,11 +110,14 @@ class _PathToGoal:
             flown_m = math.fsum(math.dist(a, b) for a, b in pairwise(flown))
             return self.takeoff_s + max(flown_m - self.edge_m, 0.0) / speed_m_s
         stop_s, track, initial_m_s = after_stop(self.track, min(self.initial_m_s, speed_m_s), self.change)
-        return (
-            self.takeoff_s
-            + stop_s
-            + travel_time.arrives_s(track, speed_m_s, initial_m_s=initial_m_s, remaining_m=self.edge_m)
+        in_s = travel_time.arrives_s(
+            track,
+            speed_m_s,
+            initial_m_s=initial_m_s,
+            remaining_m=self.edge_m,
+            start_delay_s=self.start_delay_s,
         )
+        return self.takeoff_s + stop_s + in_s
 
 
 def _path_to_goal(state: AgentState) -> _PathToGoal | None:
@@ -128,7 +133,7 @@ def _path_to_goal(state: AgentState) -> _PathToGoal | None:
         return _PathToGoal(track, edge_m, speed_m_s, roll_s, turn_radius_m=state.task.turn_radius_m)
     lift_s = 0.0 if state.phase in IN_FLIGHT else state.launch.lifts_off_in_s(vehicle.time_boot_s)
     takeoff_s = lift_s + climb_s(max(state.height_m - (vehicle.alt_rel_m or 0.0), 0.0))
-    return _PathToGoal(track, edge_m, speed_m_s, takeoff_s, change_ahead(state))
+    return _PathToGoal(track, edge_m, speed_m_s, takeoff_s, change_ahead(state), vehicle.start_delay_s)
 
 
 def _slowest_m_s(state: AgentState, group: ArrivalGroup) -> float:

@@ -15,6 +15,7 @@ from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory
 from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import FlightPlan, Waypoint
 from swarmctl.core.planar import PlanarPoint
+from swarmctl.core.vehicle import START_DELAY_S
 
 LAND_M_S = 0.5
 """descent rate below LOW_M [m/s]: the default of LAND_SPEED"""
@@ -30,7 +31,9 @@ LOW_M = 10.0
 """height above home at which the descent slows down [m]: the default of LAND_ALT_LOW"""
 
 
-def from_takeoff(task: Task, plan: FlightPlan, start: LatLon) -> Trajectory:
+def from_takeoff(
+    task: Task, plan: FlightPlan, start: LatLon, start_delay_s: float = START_DELAY_S
+) -> Trajectory:
     """Return the trajectory of a whole flight from arming at `start`, with heights above home [m].
 
     A copter climbs vertically, flies to its waypoints, and descends vertically at its landing spot.
@@ -38,7 +41,8 @@ def from_takeoff(task: Task, plan: FlightPlan, start: LatLon) -> Trajectory:
     if task.wings is not None:
         return wing_trajectory.from_takeoff(task, plan, start)
     here = (*task.grid.frame.to_local(*start), 0.0)
-    return climb_then_fly(here, plan.height_m, waypoints_of(task, plan), task.arrival.speed_m_s, LIFT_S)
+    path, speed_m_s = waypoints_of(task, plan), task.arrival.speed_m_s
+    return climb_then_fly(here, plan.height_m, path, speed_m_s, LIFT_S, start_delay_s=start_delay_s)
 
 
 def at_height(plan: FlightPlan, height_m: float) -> FlightPlan:
@@ -78,14 +82,21 @@ def waypoints_of(task: Task, plan: FlightPlan) -> list[PlanarPoint]:
 
 
 def climb_then_fly(
-    here: LocalPoint, height_m: float, path: Sequence[PlanarPoint], speed_m_s: float, lift_s: float = 0.0
+    here: LocalPoint,
+    height_m: float,
+    path: Sequence[PlanarPoint],
+    speed_m_s: float,
+    lift_s: float = 0.0,
+    *,
+    start_delay_s: float,
 ) -> Trajectory:
     """Return the trajectory of a vertical climb after `lift_s` [s], a flight along `path`, and a landing."""
     up_s = lift_s + climb_s(max(height_m - here[2], 0.0))
     there = (here[0], here[1], height_m)
+    flight = fly_along(there, height_m, path, speed_m_s, start_delay_s=start_delay_s)
     if up_s == 0.0:
-        return fly_along(there, height_m, path, speed_m_s)
-    flight = fly_along(there, height_m, path, speed_m_s).later(up_s)
+        return flight
+    flight = flight.later(up_s)
     return Trajectory((0.0, *flight.times_s), (here, *flight.points))
 
 
@@ -107,6 +118,7 @@ def fly_through_change(
     new: FlightPart,
     speed_m_s: float,
     *,
+    start_delay_s: float,
     leaves_ahead: bool = False,
 ) -> Trajectory:
     """Return the trajectory by the present plan until a mission change, then by the new plan to its landing.
@@ -120,7 +132,11 @@ def fly_through_change(
     """
     initial_m_s, path, in_s = math.hypot(*velocity_m_s), new.path, change.in_s
     track = travel_time.timed_track(
-        [here[:2], *present.path], speed_m_s, initial_m_s=initial_m_s, ramps_s=max(RAMPS_S, in_s)
+        [here[:2], *present.path],
+        speed_m_s,
+        initial_m_s=initial_m_s,
+        start_delay_s=start_delay_s,
+        ramps_s=max(RAMPS_S, in_s),
     )
     flight = _fly_on(track, here, present.height_m, present.path)
     changes_at = flight.at(in_s)
@@ -148,16 +164,30 @@ def fly_through_change(
         # A vehicle at a waypoint, but not at its height, climbs or descends there.
         if len(path) > 1 and math.dist(changes_at, (*path[0], new.height_m)) <= REACHED_M:
             path = path[1:]
-    after = fly_along(changes_at, new.height_m, path, speed_m_s, changes_m_s).later(in_s)
+    after = fly_along(
+        changes_at, new.height_m, path, speed_m_s, changes_m_s, start_delay_s=start_delay_s
+    ).later(in_s)
     n = bisect_left(times_s, in_s - SAME_TIME_S)
     return Trajectory((*times_s[:n], *after.times_s), (*points[:n], *after.points))
 
 
 def fly_along(
-    here: LocalPoint, height_m: float, path: Sequence[PlanarPoint], speed_m_s: float, initial_m_s: float = 0.0
+    here: LocalPoint,
+    height_m: float,
+    path: Sequence[PlanarPoint],
+    speed_m_s: float,
+    initial_m_s: float = 0.0,
+    *,
+    start_delay_s: float,
 ) -> Trajectory:
     """Return the trajectory along `path` at `height_m` to the landing, from `here` at speed `initial_m_s`."""
-    track = travel_time.timed_track([here[:2], *path], speed_m_s, initial_m_s=initial_m_s, ramps_s=RAMPS_S)
+    track = travel_time.timed_track(
+        [here[:2], *path],
+        speed_m_s,
+        initial_m_s=initial_m_s,
+        start_delay_s=start_delay_s,
+        ramps_s=RAMPS_S,
+    )
     return _fly_on(track, here, height_m, path)
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 from swarmctl.agent.replan import travel_time
 from swarmctl.agent.replan.climb import LIFT_S, climb_s
+from swarmctl.core.vehicle import START_DELAY_S
 
 HOLD_S = 0.5
 """assumed hold for the first swap in flight [s]; later swaps use measured times"""
@@ -93,13 +94,13 @@ class LengthBounds:
         return LengthBounds(self.min_cells, min(kept, self.max_cells))
 
 
-def before_takeoff(arrival: TimeBound, altitude_m: float) -> LeadIn:
+def before_takeoff(arrival: TimeBound, altitude_m: float, start_delay_s: float = START_DELAY_S) -> LeadIn:
     """Return the lead-in of a vehicle on the ground: a climb, the flight to the entry cell, and a stop.
 
     A stop at the entry cell is assumed, because the turn there may have any angle.
     """
     approach = ((0.0, 0.0), (arrival.approach_m, 0.0))
-    lost_s = LIFT_S + travel_time.lost_s(approach, arrival.speed_m_s)
+    lost_s = LIFT_S + travel_time.lost_s(approach, arrival.speed_m_s, start_delay_s=start_delay_s)
     return LeadIn(elapsed_s=0.0, climb_m=altitude_m, lead_m=arrival.approach_m, lost_s=lost_s)
 
 

@@ -21,6 +21,7 @@ from swarmctl.core.exposure import length_cells
 from swarmctl.core.geo import distance_m
 from swarmctl.core.grid import Cell
 from swarmctl.core.planar import PlanarPoint
+from swarmctl.core.vehicle import START_DELAY_S
 from swarmctl.planners.base import BoundTooTight, Problem, Route, is_open
 
 BETTER_BY = 1e-9
@@ -46,6 +47,8 @@ class JoiningLeg:
     """points from the vehicle on, without the start of the route"""
     initial_m_s: float = 0.0
     """speed at the first point [m/s]"""
+    start_delay_s: float = START_DELAY_S
+    """delay of the vehicle's start from a stand [s]"""
 
 
 FROM_A_STOP = JoiningLeg()
@@ -54,9 +57,8 @@ FROM_A_STOP = JoiningLeg()
 def joining_leg(state: AgentState, splice: Splice) -> JoiningLeg:
     """Return the flight from the vehicle to a new route at the splice point."""
     flies_on = state.plans.swap_times.stop_s == 0.0 and state.vehicle.brakes_m_s2 is None
-    return JoiningLeg(
-        splice.path, state.vehicle.ground_speed_m_s if splice.leaves_ahead and flies_on else 0.0
-    )
+    initial_m_s = state.vehicle.ground_speed_m_s if splice.leaves_ahead and flies_on else 0.0
+    return JoiningLeg(splice.path, initial_m_s, state.vehicle.start_delay_s)
 
 
 def lead_in_to(state: AgentState, splice: Splice) -> LeadIn:
@@ -67,7 +69,7 @@ def lead_in_to(state: AgentState, splice: Splice) -> LeadIn:
     """
     task, vehicle = state.task, state.vehicle
     if state.launch.armed_boot_s is None or vehicle.lat_lon is None:
-        return before_takeoff(task.arrival, task.altitude_m)
+        return before_takeoff(task.arrival, task.altitude_m, vehicle.start_delay_s)
     if splice.leaves_ahead:
         lead_m = splice.lead_m
     elif splice.index is not None and state.progress is not None:
@@ -107,7 +109,13 @@ def route_lost_s(task: Task, cells: Sequence[Cell], joining: JoiningLeg = FROM_A
         return 0.0
     track = [*joining.path, *(task.grid.centre_m(cell) for cell in cells)]
     half_m = HALF_CELL * task.grid.cell_size_m
-    return lost_s(track, task.arrival.speed_m_s, initial_m_s=joining.initial_m_s, remaining_m=half_m)
+    return lost_s(
+        track,
+        task.arrival.speed_m_s,
+        initial_m_s=joining.initial_m_s,
+        remaining_m=half_m,
+        start_delay_s=joining.start_delay_s,
+    )
 
 
 def arrives_s(task: Task, length: float, cells: Sequence[Cell]) -> float:
@@ -125,13 +133,14 @@ def misses_by(
 
 def ahead_lost_s(state: AgentState, ahead: Sequence[Cell], splice: Splice) -> float:
     """Return the time lost at turns on the rest of the present route, begun at the present speed [s]."""
-    task, progress, speed_m_s = state.task, state.progress, state.vehicle.ground_speed_m_s
+    task, progress, delay_s = state.task, state.progress, state.vehicle.start_delay_s
+    speed_m_s = state.vehicle.ground_speed_m_s
     if splice.leaves_ahead:
-        return route_lost_s(task, ahead, JoiningLeg(splice.path, speed_m_s))
+        return route_lost_s(task, ahead, JoiningLeg(splice.path, speed_m_s, delay_s))
     if state.launch.armed_boot_s is None or progress is None:
-        return route_lost_s(task, ahead)
+        return route_lost_s(task, ahead, JoiningLeg(start_delay_s=delay_s))
     over = ahead[1:] if splice.index == progress.cell_index and len(ahead) > 1 else ahead
-    return route_lost_s(task, over, JoiningLeg((progress.here,), speed_m_s))
+    return route_lost_s(task, over, JoiningLeg((progress.here,), speed_m_s, delay_s))
 
 
 def _in_cells(task: Task, seconds: float) -> float:

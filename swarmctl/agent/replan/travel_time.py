@@ -2,8 +2,8 @@
 
 Acceleration, jerk and corner radius are the defaults of ArduCopter's parameters; the other constants are
 estimates. ArduCopter plans each leg from rest to rest, and blends it with its neighbours: so a short leg is
-slow, even straight on. A PX4 is faster on short legs, and from a stand (`docs/measured.md`). Estimates of
-turns are high, so that a vehicle is early rather than late.
+slow, even straight on. A PX4 is faster on short legs (`docs/measured.md`). Estimates of turns are high, so
+that a vehicle is early rather than late.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from swarmctl.core.planar import PlanarPoint
-from swarmctl.core.vehicle import BRAKING_M_S2
+from swarmctl.core.vehicle import BRAKING_M_S2, START_DELAY_S
 
 ACCELERATION_M_S2 = 2.5
 """WPNAV_ACCEL"""
@@ -29,10 +29,9 @@ CORNER_SHARE = 0.75
 """Estimated speed at a corner, as a share of the speed by ACCELERATION_M_S2 and CORNER_RADIUS_M."""
 SETTLE_S = 0.8
 """additional time at each turn at which the vehicle slows down, until it follows the next leg [s]"""
-START_S = 1.9
-"""Delay of a start from a stand, because the jerk is limited [s]."""
 STARTED_M_S = 1.0
-"""Speed from which a start is no longer delayed [m/s]; below, the delay falls evenly."""
+"""Speed from which a start is no longer delayed [m/s]; below, the delay (`VehicleState.start_delay_s`) falls
+evenly."""
 STRAIGHT_RAD = 0.1
 """Greatest turn that counts as straight [rad]."""
 BESIDE_M, BESIDE_RAD = 3.0, 0.5
@@ -50,26 +49,38 @@ def braking_loss_s(speed_m_s: float, brakes_m_s2: float = BRAKING_M_S2) -> float
 
 
 def lost_s(
-    track: Sequence[PlanarPoint], speed_m_s: float, *, initial_m_s: float = 0.0, remaining_m: float = 0.0
+    track: Sequence[PlanarPoint],
+    speed_m_s: float,
+    *,
+    initial_m_s: float = 0.0,
+    remaining_m: float = 0.0,
+    start_delay_s: float = START_DELAY_S,
 ) -> float:
     """Return the time lost by braking and turns on a track that ends in a stop [s]; at least 0.
 
     The loss is the time of `arrives_s`, minus the time for the whole track at constant `speed_m_s`.
     """
     at_speed_s = math.fsum(math.dist(a, b) for a, b in pairwise(_corners(track))) / speed_m_s
-    return max(
-        arrives_s(track, speed_m_s, initial_m_s=initial_m_s, remaining_m=remaining_m) - at_speed_s, 0.0
+    arrival_s = arrives_s(
+        track, speed_m_s, initial_m_s=initial_m_s, remaining_m=remaining_m, start_delay_s=start_delay_s
     )
+    return max(arrival_s - at_speed_s, 0.0)
 
 
 def arrives_s(
-    track: Sequence[PlanarPoint], speed_m_s: float, *, initial_m_s: float = 0.0, remaining_m: float = 0.0
+    track: Sequence[PlanarPoint],
+    speed_m_s: float,
+    *,
+    initial_m_s: float = 0.0,
+    remaining_m: float = 0.0,
+    start_delay_s: float = START_DELAY_S,
 ) -> float:
     """Return the time until a vehicle is `remaining_m` before the end of a track that ends in a stop [s].
 
-    `initial_m_s` is the speed at the start. The result is not before the start of the last leg.
+    `initial_m_s` is the speed at the start, `start_delay_s` the delay of a start from a stand. The result is
+    not before the start of the last leg.
     """
-    _, legs = _corners_and_legs(track, speed_m_s, initial_m_s)
+    _, legs = _corners_and_legs(track, speed_m_s, initial_m_s, start_delay_s)
     if not legs:
         return 0.0
     last = legs[-1]
@@ -119,13 +130,18 @@ class TimedTrack:
 
 
 def timed_track(
-    track: Sequence[PlanarPoint], speed_m_s: float, *, initial_m_s: float = 0.0, ramps_s: float = math.inf
+    track: Sequence[PlanarPoint],
+    speed_m_s: float,
+    *,
+    initial_m_s: float = 0.0,
+    start_delay_s: float = START_DELAY_S,
+    ramps_s: float = math.inf,
 ) -> TimedTrack:
     """Return the flight from the speed `initial_m_s` along a track, of at least one point, to a stop.
 
     Legs that begin after `ramps_s` have no points between their corners.
     """
-    corners, legs = _corners_and_legs(track, speed_m_s, initial_m_s)
+    corners, legs = _corners_and_legs(track, speed_m_s, initial_m_s, start_delay_s)
     points, at_m, each_s, speeds_m_s = corners[:1], [0.0], [0.0], [min(initial_m_s, speed_m_s)]
     begin_s = 0.0
     for leg, (a, b) in zip(legs, pairwise(corners), strict=True):
@@ -162,7 +178,7 @@ class _Leg:
     top_m_s: float
     end_m_s: float
     settle_s: float
-    """delay at the begin of the leg: SETTLE_S after a turn, START_S from a stand [s]"""
+    """delay at the begin of the leg: SETTLE_S after a turn, or of a start from a stand [s]"""
 
     @property
     def duration_s(self) -> float:
@@ -179,7 +195,7 @@ class _Leg:
 
 
 def _corners_and_legs(
-    track: Sequence[PlanarPoint], speed_m_s: float, initial_m_s: float
+    track: Sequence[PlanarPoint], speed_m_s: float, initial_m_s: float, start_delay_s: float
 ) -> tuple[list[PlanarPoint], list[_Leg]]:
     """Return both ends and the corners of a track, and the legs between them."""
     corners = _corners(track)
@@ -188,7 +204,7 @@ def _corners_and_legs(
         return corners, []
     tops_m_s = [min(_top_m_s(leg_m), speed_m_s) for leg_m in legs_m]
     passed_m_s = [min(initial_m_s, speed_m_s)]
-    settles_s = [START_S * max(1.0 - initial_m_s / STARTED_M_S, 0.0)]
+    settles_s = [start_delay_s * max(1.0 - initial_m_s / STARTED_M_S, 0.0)]
     tops_m_s[0] = max(passed_m_s[0], tops_m_s[0])  # the vehicle may have begun this leg earlier
     for i, straight_m_s in enumerate(map(min, pairwise(tops_m_s))):
         turned_m_s = _corner_m_s(_turn_rad(*corners[i : i + 3]))

@@ -234,7 +234,13 @@ def _descent_conflicts(state: AgentState, here_amsl: LocalPoint) -> tuple[Clash,
         landing = (
             land_from([here], [0.0])
             if is_at_spot
-            else fly_along(here, up_m, [spot], state.task.arrival.speed_m_s)
+            else fly_along(
+                here,
+                up_m,
+                [spot],
+                state.task.arrival.speed_m_s,
+                start_delay_s=state.vehicle.start_delay_s,
+            )
         )
         flight = to_shared_frame(state, landing)
     if flight is None:

@@ -137,7 +137,8 @@ def _route_clashes(state: AgentState, others: Mapping[int, NeighbourIntent]) -> 
     start, mission = state.vehicle.takeoff_lat_lon, state.plans.mission
     if start is None or mission is None or not others:
         return ()
-    flight = to_shared_frame(state, from_takeoff(state.task, mission.plan, start))
+    delay_s = state.vehicle.start_delay_s
+    flight = to_shared_frame(state, from_takeoff(state.task, mission.plan, start, delay_s))
     if flight is None:
         return ()
     flight, limits = until_landing(flight), state.task.separation.limits

@@ -76,6 +76,7 @@ class ArduPilot:
     uploads_atomically = False
     flies_stored_within_m = inf
     brakes_m_s2: float | None = None
+    start_delay_s = 0.0
     serves_single_items = True
     lands_at_nearest = True
     may_lack_rally = True
@@ -131,6 +132,7 @@ class ArduCopter(ArduPilot):
     # A leg that does not follow a completed leg begins at rest, at the stopping point
     # (`AC_WPNav::set_wp_destination`).
     brakes_m_s2 = 2.5  # default of WPNAV_ACCEL
+    start_delay_s = 1.9  # with the default of WPNAV_JERK, measured in software
     speed_type = int(mavlink.SPEED_TYPE_GROUNDSPEED)
 
     def mission_items(self, plan: FlightPlan, start: LatLon | None = None) -> tuple[MissionItem, ...]:

@@ -103,6 +103,10 @@ class Dialect(Protocol):
         """Deceleration before the flight to a new current item; None: the vehicle turns without a stop."""
 
     @property
+    def start_delay_s(self) -> float:
+        """Time lost at a start from a stand because the jerk is limited [s]; 0 for a plane."""
+
+    @property
     def serves_single_items(self) -> bool:
         """Return whether the vehicle answers requests for single mission items outside of a transfer."""
 

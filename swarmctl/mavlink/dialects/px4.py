@@ -76,6 +76,7 @@ class Px4:
     """PX4 begins at the current item, which landings and uploads do not reset"""
     arms_at_any_item = True
     brakes_m_s2 = None
+    start_delay_s = 0.0
     may_lack_rally = False
     first_waypoint_seq = 1
     """after the take-off; there is no home placeholder"""
@@ -118,6 +119,7 @@ class Px4Copter(Px4):
     firmware = "PX4"
     land_mode = "AUTO.LAND"
     setpoint_mode = "OFFBOARD"
+    start_delay_s = 0.2  # with the default of MPC_JERK_AUTO, measured in software
     land_command = None
     lands_at_nearest = True
     speed_type = int(mavlink.SPEED_TYPE_GROUNDSPEED)

@@ -53,7 +53,7 @@ class Telemetry:
         self.n_reboots = 0
         self.stood_still_s = 0.0
         self._dialect = dialect
-        self._state = VehicleState(brakes_m_s2=dialect.brakes_m_s2)
+        self._state = VehicleState(brakes_m_s2=dialect.brakes_m_s2, start_delay_s=dialect.start_delay_s)
         self._latest: dict[str, Any] = dict(vars(self._state))
         """newest value of each field of the state"""
         self._has_changed = False
@@ -208,7 +208,7 @@ class Telemetry:
             self._latest["delay_s"] = round(self._clock.age_s(self._now, time_boot_s), 1)
             return time_boot_s
         # Heartbeats come without a request, so their fields stay; other fields are from before the reboot.
-        kept = ("mode", "mode_role", "armed", "brakes_m_s2", "heartbeat_s")
+        kept = ("mode", "mode_role", "armed", "brakes_m_s2", "start_delay_s", "heartbeat_s")
         self._latest = vars(VehicleState(time_boot_s=time_boot_s)) | {
             name: self._latest[name] for name in kept
         }
