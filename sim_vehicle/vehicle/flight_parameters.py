@@ -166,7 +166,7 @@ class MissionParameters:
     takes_off: bool = True  # arming in the mission mode starts the take-off
     restarts: bool = False  # entering the mission mode begins at the first item
     begins_legs_at_rest: bool = False  # the vehicle brakes after an interrupted leg
-    leg_jerk_m_s3: float = math.inf  # limits the speed of a copter on a short leg
+    leg_jerk_m_s3: float = math.inf  # of a copter on a leg of a mission or a return (`Body.fly_to`)
     items_set_radius: bool = True  # an item of a plane can set its acceptance radius
     zero_keeps_altitude: bool = False  # altitude 0 of an item is the present altitude
     loiter_leaves_aligned: bool = False  # a circle to an altitude ends only toward the next position

@@ -135,8 +135,8 @@ class Return:
         self._fly_home()
 
     def _fly_home(self) -> None:
-        body = self._flight.body
-        self._flight.go((*body.locate(*self._place.lat_lon_deg), self._up_m))
+        body, jerk_m_s3 = self._flight.body, self._flight.flight_parameters.mission.leg_jerk_m_s3
+        self._flight.go((*body.locate(*self._place.lat_lon_deg), self._up_m), jerk_m_s3=jerk_m_s3)
 
     def update(self, now: float) -> bool:
         flight = self._flight

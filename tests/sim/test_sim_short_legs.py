@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
-from flown_legs import FLOWN_LEGS, PX4_START_LOSS_S, START_LOSS_S, FlownLeg
+from flown_legs import FLOWN_LEGS, GUIDED_START_LOSS_S, PX4_START_LOSS_S, START_LOSS_S, FlownLeg
 from px4_station import QuietPx4Station
 from station import Station, place_m, takeoff, waypoint
 
@@ -55,3 +55,17 @@ def test_a_start_from_a_stand_takes_as_long_as_on_firmware_and_as_planned(
         took_s = flown.now - begins_s
         assert took_s == pytest.approx(0.1 * away_m + loss_s, abs=0.5)
         assert took_s == pytest.approx(planned.at(away_m)[1], abs=0.4)
+
+
+def test_a_return_starts_like_a_mission_and_a_guided_flight_faster() -> None:
+    """RTL flies its leg by `AC_WPNav`, GUIDED by the position control with its higher jerk."""
+    flown = ardupilot()
+    flown.set_parameter("RTL_ALT", 1500)
+    flown.fly(20.0)
+    assert flown.reposition(200.0, 20.0) == 0
+    guided_s = flown.until(lambda: place_m(flown)[0] >= 100.0, 60.0)
+    assert guided_s == pytest.approx(10.0 + GUIDED_START_LOSS_S, abs=0.4)
+    flown.wait(30.0)
+    assert flown.set_mode(6) == 0
+    return_s = flown.until(lambda: place_m(flown)[0] <= 100.0, 60.0)
+    assert return_s == pytest.approx(10.0 + START_LOSS_S, abs=0.5)

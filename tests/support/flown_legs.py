@@ -11,6 +11,8 @@ from swarmctl.core.planar import PlanarPoint
 N_LEGS = 12
 START_LOSS_S = 3.9
 """time lost from a stand to 10 m/s [s]"""
+GUIDED_START_LOSS_S = 2.25
+"""the same in GUIDED to a position, by PSC_JERK_XY and WPNAV_ACCEL (`input_pos_xyz`) [s]"""
 PX4_START_LOSS_S = 2.2
 """the same of PX4 1.15.3 [s]"""
 

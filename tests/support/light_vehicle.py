@@ -193,7 +193,8 @@ class LightVehicle:
     def _accelerate(self, east: float, north: float, up: float, dt_s: float) -> None:
         de, dn = east - self.velocity[0], north - self.velocity[1]
         most, flown_m_s = ACCELERATION_M_S2 * dt_s, math.hypot(*self.velocity[:2])
-        if self.stops_for_missions and self.mode == "mission" and math.hypot(east, north) > flown_m_s:
+        is_limited = self.stops_for_missions and self.mode in ("mission", "return")
+        if is_limited and math.hypot(east, north) > flown_m_s:
             most = min(most, (math.sqrt(2.0 * RAMP_M_S3 * flown_m_s) + RAMP_M_S3 * dt_s) * dt_s)
         share = min(most / max(math.hypot(de, dn), 1e-9), 1.0)
         self.velocity[0] += share * de
