@@ -107,8 +107,10 @@ def _with_group(state: AgentState, formation: Formation) -> StepResult:
     flying, flown = _flown(state, formation)
     if (why := _why_off_place(flying, formation)) is not None:
         return _stand_still(state, formation) if _gives_way(state) else _leave(state, why)
-    membership = replace(flying.membership, stands_since_boot_s=None)
-    return replace(flying, membership=membership), _set_points(flying, flown.demand)
+    if flying.membership.stands_still:
+        membership = replace(flying.membership, stands_since_boot_s=None)
+        flying = replace(flying, membership=membership).with_new_flight()
+    return flying, _set_points(flying, flown.demand)
 
 
 def _alone(state: AgentState, formation: Formation) -> StepResult:
