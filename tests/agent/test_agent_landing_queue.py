@@ -93,6 +93,16 @@ def test_the_higher_vehicle_waits_over_its_landing_spot() -> None:
     assert (story.state.conflicts.counts.predicted, story.state.conflicts.counts.by_waiting) == (1, 1)
 
 
+def test_a_conflict_of_the_descent_stops_the_vehicle_near_its_landing_spot() -> None:
+    """The vehicle below is hardly farther away than the vertical limit."""
+    story = LandingStory()
+    story.at(16.0)
+    for before_m in (14.0, 12.0, 10.0):
+        story.other(1, (0.0, 2.0, 26.5), (30.0, 2.0, 26.5))
+        assert codes(story.at(before_m)) == []
+    assert codes(story.at(4.0)) == ["landing-queue"]
+
+
 def test_a_landing_is_announced_at_once_as_fixed() -> None:
     (intent,) = (m for m in publications(LandingStory().at(10.0)) if isinstance(m, IntentShared))
     assert not intent.may_change

@@ -111,8 +111,7 @@ def test_first_routes_that_would_meet_are_separated_before_any_alarm(
 ) -> None:
     separation, shown = meeting(tmp_path, "hold")
     assert separation["too_close"] == []
-    holds = ("[landing-queue]", "[stops-in-time]")  # over the goal
-    assert separation["held"] == sum(line.endswith(holds) for line in shown) == 1
+    assert separation["held"] == len(coded(shown, "uav2", "landing-queue")) == 1
     assert separation["climbed"] == 0
     assert separation["first_routes"] == {"predicted": 1, "by_height": 0}
     assert separation["plans_in_flight"]["by_height"] >= 1

@@ -28,7 +28,7 @@ from swarmctl.agent.traffic.check import (
     near_flights,
     share_of,
 )
-from swarmctl.agent.traffic.landing_queue import hold_before_landing
+from swarmctl.agent.traffic.landing_queue import HOLD_BEFORE_DESCENT_S, hold_before_landing
 from swarmctl.agent.traffic.own_flight import planned_flight, position_amsl, reach
 from swarmctl.agent.traffic.prediction import (
     HEARD_S,
@@ -47,6 +47,7 @@ from swarmctl.agent.traffic.separation.trajectory import (
     Trajectory,
     brake,
     extrapolate,
+    landing_start_s,
     until_landing,
 )
 from swarmctl.agent.traffic.separation.watch import NeighbourIntent, NeighbourReport
@@ -85,7 +86,7 @@ def stop_in_time(state: AgentState) -> StepResult:
         return state, []
     vehicle, limits = state.vehicle, state.task.separation.limits
     now_s, velocity = vehicle.time_boot_s, (vehicle.east_m_s, vehicle.north_m_s, vehicle.climb_m_s)
-    if state.phase in EN_ROUTE:
+    if state.phase in EN_ROUTE or _queues_later(state, plan):
         plan = until_landing(plan)  # over the goal the landing queue decides
     plan = plan.lasting(now_s + look_ahead_s)
     mine = _own_paths(state, here, velocity, plan)
@@ -109,6 +110,12 @@ def stop_in_time(state: AgentState) -> StepResult:
         f"the vehicle would come too close to {names} soon; it holds until its way is clear [stops-in-time]"
     )
     return _hold(state, to, text)
+
+
+def _queues_later(state: AgentState, plan: Trajectory) -> bool:
+    """Return whether the landing queue decides about the descent later, near the landing spot."""
+    descends_in_s = landing_start_s(plan) - state.vehicle.time_boot_s
+    return state.phase is Phase.LANDING and descends_in_s > HOLD_BEFORE_DESCENT_S
 
 
 def _stop_if_unannounced(state: AgentState) -> StepResult:
