@@ -5,12 +5,13 @@ from that velocity gives an acceleration, to which the acceleration of the set-p
 and jerk are limited.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from sim_vehicle.physics.geodesy import Floats
-from sim_vehicle.physics.motion import Ints, Motion, MotionOrder
+from sim_vehicle.physics.motion import FollowedSetpoints, Ints, Motion, MotionOrder
 
 MAX_SPEED_M_S, MAX_ACCELERATION_M_S2 = 50.0, 30.0  # of a set-point
 NO_LIMIT = 1e6  # finite, so that its products with 0 are numbers
@@ -51,23 +52,39 @@ def follow(
     target = motion.follow
     if motion.order[i] != MotionOrder.FOLLOW:
         target.wanted_acceleration_m_s2[:, i] = motion.acceleration[:, i]
+    if motion.order[i] != MotionOrder.FOLLOW or target.controls[i] is not control:
+        _begin(target, i, control)
     target.position_m[:, i] = position_m
-    target.velocity_m_s[:, i] = np.clip(velocity_m_s, -MAX_SPEED_M_S, MAX_SPEED_M_S)
-    push = np.clip(np.nan_to_num(push_m_s2), -MAX_ACCELERATION_M_S2, MAX_ACCELERATION_M_S2)
-    target.acceleration_m_s2[:, i] = push
+    target.velocity_m_s[:, i] = [_within(v, MAX_SPEED_M_S) for v in velocity_m_s]
+    target.acceleration_m_s2[:, i] = [
+        0.0 if math.isnan(a) else _within(a, MAX_ACCELERATION_M_S2) for a in push_m_s2
+    ]
+    target.speed_m_s[i] = control.speed_m_s or motion.speed_m_s[i]
+    target.climb_m_s[i] = control.climb_m_s or motion.climb_m_s[i]
+    target.descent_m_s[i] = control.descent_m_s or motion.descent_m_s[i]
+    here_m = motion.estimate[:, i].tolist()
+    motion.target[:, i] = [
+        at if math.isnan(wanted) else wanted for at, wanted in zip(here_m, position_m, strict=True)
+    ]
+    motion.pass_speed_m_s[i] = motion.circle_radius_m[i] = 0.0
+    motion.order[i], motion.reached[i] = MotionOrder.FOLLOW, False
+
+
+def _begin(target: FollowedSetpoints, i: int, control: Following) -> None:
+    """Set the gains and limits of copter `i`."""
+    target.controls[i] = control
     for row, gains in enumerate((control.horizontal, control.vertical)):
         target.position_hz[row, i], target.velocity_hz[row, i] = gains.position_hz, gains.velocity_hz
         target.acceleration_limit_m_s2[row, i] = gains.acceleration_m_s2
         target.braking_m_s2[row, i] = gains.braking_m_s2
         target.jerk_limit_m_s3[row, i], target.lag_s[row, i] = gains.jerk_m_s3, gains.lag_s
-    target.speed_m_s[i] = control.speed_m_s or motion.speed_m_s[i]
-    target.climb_m_s[i] = control.climb_m_s or motion.climb_m_s[i]
-    target.descent_m_s[i] = control.descent_m_s or motion.descent_m_s[i]
     target.limits_total[i], target.target_moves[i] = control.limits_total, control.target_moves
     target.faces_course[i] = control.faces_course
-    motion.target[:, i] = np.where(np.isnan(position_m), motion.estimate[:, i], position_m)
-    motion.pass_speed_m_s[i] = motion.circle_radius_m[i] = 0.0
-    motion.order[i], motion.reached[i] = MotionOrder.FOLLOW, False
+
+
+def _within(value: float, limit: float) -> float:
+    """Return the value clipped to the limit on both sides; nan stays nan."""
+    return value if math.isnan(value) else max(-limit, min(value, limit))
 
 
 def accelerate(m: Motion, i: Ints, dt_s: float) -> Floats:

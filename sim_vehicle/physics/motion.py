@@ -56,6 +56,7 @@ class FollowedSetpoints:
         self.limits_total: Bools = np.zeros(n, dtype=bool)
         self.target_moves: Bools = np.zeros(n, dtype=bool)
         self.faces_course: Bools = np.zeros(n, dtype=bool)
+        self.controls: list[object] = [None] * n  # origin of the gains
 
 
 class Motion:

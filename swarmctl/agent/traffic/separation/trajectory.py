@@ -23,8 +23,6 @@ DRIFT_M_S = 0.8
 """Horizontal speed below which a vehicle drifts in the wind, and comes back to its place [m/s]."""
 LEAST_BRAKING_S = 0.1
 """Duration of braking below which a flight counts as a hold from its begin [s]."""
-_ANY_VELOCITY: tuple[tuple[float, ...], tuple[float, ...]] = (3 * (-math.inf,), 3 * (math.inf,))
-"""least and greatest velocity on each axis"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,23 +143,25 @@ class Trajectory:
 
     def thinned(self, within_m: float) -> Trajectory:
         """Return the flight without points that it passes anyway, within `within_m` on each axis."""
-        kept, (least, most) = [0], _ANY_VELOCITY
+        kept = [0]
+        (e0, n0, u0), t0 = self.points[0], self.times_s[0]
+        # Least and greatest velocities east, north, up with which the flight passes all points since then.
+        least_e = least_n = least_u = -math.inf
+        most_e = most_n = most_u = math.inf
         for i in range(1, len(self.points)):
-            velocity, low, high = self._velocities(kept[-1], i, within_m)
-            if not (all(map(operator.le, least, velocity)) and all(map(operator.le, velocity, most))):
+            (e, n, u), per_s = self.points[i], 1.0 / (self.times_s[i] - t0)
+            ve, vn, vu, by = (e - e0) * per_s, (n - n0) * per_s, (u - u0) * per_s, within_m * per_s
+            if not (least_e <= ve <= most_e and least_n <= vn <= most_n and least_u <= vu <= most_u):
                 kept.append(i - 1)
-                least, most = _ANY_VELOCITY
-                _, low, high = self._velocities(i - 1, i, within_m)
-            least, most = tuple(map(max, least, low)), tuple(map(min, most, high))
+                (e0, n0, u0), t0 = self.points[i - 1], self.times_s[i - 1]
+                per_s = 1.0 / (self.times_s[i] - t0)
+                ve, vn, vu, by = (e - e0) * per_s, (n - n0) * per_s, (u - u0) * per_s, within_m * per_s
+                least_e = least_n = least_u = -math.inf
+                most_e = most_n = most_u = math.inf
+            least_e, least_n, least_u = max(least_e, ve - by), max(least_n, vn - by), max(least_u, vu - by)
+            most_e, most_n, most_u = min(most_e, ve + by), min(most_n, vn + by), min(most_u, vu + by)
         kept.append(len(self.points) - 1)
         return _of_checked(tuple([self.times_s[i] for i in kept]), tuple([self.points[i] for i in kept]))
-
-    def _velocities(self, i: int, j: int, within_m: float) -> tuple[LocalPoint, LocalPoint, LocalPoint]:
-        """Return the velocity from point i to point j, and the least and greatest ones that pass near j."""
-        per_s = 1.0 / (self.times_s[j] - self.times_s[i])
-        (e0, n0, u0), (e1, n1, u1) = self.points[i], self.points[j]
-        e, n, u, by = (e1 - e0) * per_s, (n1 - n0) * per_s, (u1 - u0) * per_s, within_m * per_s
-        return (e, n, u), (e - by, n - by, u - by), (e + by, n + by, u + by)
 
     def higher(self, by_m: float) -> Trajectory:
         """Return the same flight, shifted in height."""
