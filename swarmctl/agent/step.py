@@ -152,15 +152,20 @@ def _order_failed(state: AgentState, event: ev.OrderFailed, now: float) -> StepR
 
 
 def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> StepResult:
-    """Act on new telemetry: note it, end the flight, follow the failsafe rules, steer, tell the others."""
+    """Act on new telemetry and messages: note them, end the flight, follow the rules, steer, tell others."""
     state = _note_telemetry(replace(state, silent_s=0.0) if state.silent_s else state, event.state)
     if event.members:
         state = receive_messages(state, event.members)
+    if event.neighbours:
+        state = receive_neighbours(state, event.neighbours)
+    if event.intents:
+        state = receive_intents(state, event.intents)
     if has_touched_down(state):
         return end_at_touchdown(state), []
     effects: list[ev.Effect] = []
     rules, steering = partial(apply_failsafes, now=now), partial(_steer, now=now)
-    for part in (_note_delay, rules, steering, tell_group, _send_intent):
+    send_intent = partial(_send_intent, others_changed=bool(event.intents))
+    for part in (_note_delay, rules, steering, tell_group, send_intent):
         state, new = part(state)
         effects += new
     if state.ended and not may_be_armed(state):
@@ -238,22 +243,18 @@ def _note_delay(state: AgentState) -> StepResult:
     return replace(state, telemetry_is_late=is_late), messages
 
 
-def _send_intent(state: AgentState) -> StepResult:
-    """Send the planned flight; a released vehicle in the air still matters to other vehicles."""
-    if state.telemetry_is_late and not state.ended:
-        return state, []
-    state, published = share_intent(state)
-    if not published:
+def _send_intent(state: AgentState, *, others_changed: bool) -> StepResult:
+    """Send the planned flight if it is due, and check it against the others' flights after any change.
+
+    A released vehicle in the air still matters to other vehicles.
+    """
+    published: list[ev.Effect] = []
+    if state.ended or not state.telemetry_is_late:
+        state, published = share_intent(state)
+    if not (published or others_changed):
         return state, []
     state, conflicts = check_own_route(state)
     return state, [*published, *conflicts]
-
-
-def _intents(state: AgentState, event: ev.Intents, _now: float) -> StepResult:
-    state = receive_intents(state, event)
-    state, conflict = watch_first_route(state)
-    state, checked = check_own_route(state)
-    return state, [*conflict, *checked]
 
 
 def _update_position(state: AgentState, vehicle: VehicleState) -> AgentState:
@@ -302,8 +303,6 @@ _HANDLERS: dict[type[Any], Callable[[AgentState, Any, float], StepResult]] = {
     ev.TelemetryReceived: _telemetry,
     ev.Observed: learn_from_sensor,
     ev.ObservationsReceived: learn_from_others,
-    ev.Neighbours: receive_neighbours,
-    ev.Intents: _intents,
     ev.SpeedFailed: speed_failed,
     ev.MissionAccepted: mission_accepted,
     ev.MissionFailed: mission_failed,

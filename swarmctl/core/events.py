@@ -78,9 +78,19 @@ class Ready(_Record, frozen=True):
 
 
 class TelemetryReceived(_Record, frozen=True, omit_defaults=True):
+    """A new state of the vehicle, with what other UAVs have told since the last one.
+
+    A message comes as (UAV, age of the message [s], message). Agents read states and intents of others at
+    intervals.
+    """
+
     state: VehicleState
     members: tuple[tuple[int, float, MemberShared], ...] = ()
-    """new messages of the members of this vehicle's group: (UAV, age of the message [s], message)"""
+    """new messages of the members of this vehicle's group"""
+    neighbours: tuple[tuple[int, StateShared], ...] = ()
+    """new states of other UAVs that matter to this agent: (UAV, its state)"""
+    intents: tuple[tuple[int, float, IntentShared], ...] = ()
+    """new intents of all other UAVs"""
 
 
 class Observed(_Record, frozen=True):
@@ -93,18 +103,6 @@ class ObservationsReceived(_Record, frozen=True, tag="Heard"):
     """Observations of other UAVs that are new to this agent."""
 
     items: tuple[BeliefItem, ...] = msgspec.field(name="told")
-
-
-class Neighbours(_Record, frozen=True):
-    """New states of other UAVs that matter to this agent: (UAV, its state)."""
-
-    states: tuple[tuple[int, StateShared], ...]
-
-
-class Intents(_Record, frozen=True):
-    """The latest intents of all other UAVs, after a change: (UAV, age of the message [s], intent)."""
-
-    intents: tuple[tuple[int, float, IntentShared], ...] = msgspec.field(name="told")
 
 
 class MissionAccepted(_Record, frozen=True):
@@ -204,8 +202,6 @@ Event = (
     | TelemetryReceived
     | Observed
     | ObservationsReceived
-    | Neighbours
-    | Intents
     | MissionAccepted
     | MissionFailed
     | OrderDone

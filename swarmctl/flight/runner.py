@@ -29,6 +29,7 @@ from swarmctl.core.mission import FlightPlan
 from swarmctl.core.observation import BeliefItem
 from swarmctl.core.operator_text import extended
 from swarmctl.core.setpoint import SetPoint
+from swarmctl.core.vehicle import VehicleState
 from swarmctl.links.base import (
     AddressChanged,
     FirstHeartbeat,
@@ -169,8 +170,7 @@ class Runner:
             case StateChanged(state):
                 if state.lat_deg is not None and state.lon_deg is not None:
                     self._network.moved(self.state.task.uav, state.lat_deg, state.lon_deg)
-                self.post(ev.TelemetryReceived(state, self._new_of_members()))
-                self._read_neighbours(state.time_boot_s)
+                self.post(self._with_messages(state))
                 if cells := self._sensor.observe(state):
                     self.post(ev.Observed(cells))
             case VehicleLost(age_s):
@@ -204,21 +204,18 @@ class Runner:
             case FirstHeartbeat():
                 self.note("first heartbeat")
 
-    def _new_of_members(self) -> tuple[tuple[int, float, MemberShared], ...]:
-        """Return the new messages of the vehicle's group, as `TelemetryReceived.members`."""
-        if self.state.task.formation is None or not self._may_fold.is_set():
-            return ()
-        return self._network.take_new(self.state.task.uav, MemberShared)
-
-    def _read_neighbours(self, boot_s: float) -> None:
-        if 0.0 <= boot_s - self._neighbours_read_s < NEIGHBOURS_EVERY_S:
-            return
-        self._neighbours_read_s = boot_s
-        states = self._network.take_new(self.state.task.uav, StateShared)
-        if relevant := relevant_states(self.state, {uav: state for uav, _age_s, state in states}):
-            self.post(ev.Neighbours(relevant))
-        if intents := self._network.take_new(self.state.task.uav, IntentShared):
-            self.post(ev.Intents(intents))
+    def _with_messages(self, state: VehicleState) -> ev.TelemetryReceived:
+        """Return telemetry with the new messages of other vehicles; states and intents come at intervals."""
+        uav, take_new = self.state.task.uav, self._network.take_new
+        if not self._may_fold.is_set():
+            return ev.TelemetryReceived(state)
+        members = () if self.state.task.formation is None else take_new(uav, MemberShared)
+        if 0.0 <= state.time_boot_s - self._neighbours_read_s < NEIGHBOURS_EVERY_S:
+            return ev.TelemetryReceived(state, members)
+        self._neighbours_read_s = state.time_boot_s
+        states = {uav: shared for uav, _age_s, shared in take_new(uav, StateShared)}
+        neighbours = relevant_states(self.state, states)
+        return ev.TelemetryReceived(state, members, neighbours, take_new(uav, IntentShared))
 
     async def run(self) -> None:
         """Fold events until cancelled; a cancellation also ends the jobs."""

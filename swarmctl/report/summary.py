@@ -102,8 +102,8 @@ class FlightStatistics(Observer):
                 self.separation.moved(after, vehicle.flight_time_s, now)
                 self.arrivals.moved(after, now)
                 self.formations.moved(before, after)
-            case ev.Neighbours(states):
-                self.separation.neighbours_moved(after, states, vehicle.flight_time_s, now)
+                if event.neighbours:
+                    self.separation.neighbours_moved(after, event.neighbours, vehicle.flight_time_s, now)
             case ev.ObservationsReceived(items) if after.belief is not before.belief:
                 self._merged_s.update(((*o.source, o.seq), now) for o in items if isinstance(o, Observation))
             case ev.MissionAccepted() if before.plans.pending is not None and after.plans.pending is None:

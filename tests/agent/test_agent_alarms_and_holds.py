@@ -208,9 +208,9 @@ def test_a_vehicle_on_the_ground_or_high_enough_raises_no_alarm(changes: dict[st
 def test_the_least_distance_includes_vehicles_of_other_processes() -> None:
     story, closeness = ApproachStory(), SeparationStatistics()
     for second in range(8):
+        story.other(1, 130.0, MID_M[1] + 5.0, (0.0, 0.0, 0.0), alt_rel_m=38.0, age_s=0.0)
         story.at(100.0 + 10.0 * second)
         closeness.moved(story.state, float(second), story.now)
-        story.other(1, 130.0, MID_M[1] + 5.0, (0.0, 0.0, 0.0), alt_rel_m=38.0)
         seen = [(1, story.state.neighbours[1].state)]
         closeness.neighbours_moved(story.state, seen, float(second), story.now)
     least = closeness.summary({2: story.state})["least_distance"]
@@ -272,7 +272,8 @@ def test_a_vehicle_in_the_way_of_one_that_cannot_give_way_climbs_at_once() -> No
         IntentPoint(in_s, *GRID.frame.to_geodetic(160.0, MID_M[1] - away_m), 330.0)
         for in_s, away_m in ((0.0, 120.0), (24.0, -120.0))
     )
-    story(ev.Intents(((3, 0.0, IntentShared(1, path, may_change=False)),)))
+    story.tell(intents=((3, 0.0, IntentShared(1, path, may_change=False)),))
+    story.at(160.0, **still)
     found = []
     for _ in range(3):
         story.other(1, 185.0, MID_M[1], (0.0, 0.0, 0.0))
@@ -330,7 +331,7 @@ def test_a_vehicle_that_hears_nobody_keeps_its_hold_until_it_is_heard_again() ->
     """The others keep clear of its flight as announced for 90 s, and do not learn of a new one."""
     story = ApproachStory()
     story.stopped()
-    story.other(1, MID_M[0], MID_M[1] + 60.0, (0.0, 10.0, 0.0), age_s=1.0)
+    story.other(1, MID_M[0], MID_M[1] + 60.0, (0.0, 10.0, 0.0), age_s=3.0)
     found_codes = [code for _ in range(80) for code in codes(story.at(140.0, **STILL))]
     assert found_codes == ["keeps-holding"]
     story.other(1, MID_M[0], MID_M[1] + 900.0, (0.0, 10.0, 0.0))

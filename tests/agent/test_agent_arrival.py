@@ -32,8 +32,7 @@ class ArrivalStory(Story):
     def other(self, earliest_in_s: float | None, uav: int = 2) -> None:
         lat_deg, lon_deg = GRID.frame.to_geodetic(5000.0, ROW_M)
         shared = StateShared(1.0, lat_deg, lon_deg, 30.0, "flying", 0, 0, earliest_in_s=earliest_in_s)
-        self(ev.Neighbours(((uav, shared),)))
-        self.now -= 1.0
+        self.tell(neighbours=((uav, shared),))
 
 
 def speeds(effects: list[ev.Effect]) -> list[float]:

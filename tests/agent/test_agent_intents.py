@@ -57,7 +57,7 @@ class IntentStory(Story):
         """Receive an intent of vehicle `uav`: points (seconds from then, east, north), at the same height."""
         up_m, changes["age_s"] = changes.pop("up_m", 0.0), changes.pop("message_age_s", 0.0)
         path = tuple(IntentPoint(t, *GRID.frame.to_geodetic(e, n), AMSL_M + up_m) for t, e, n in points)
-        return self(ev.Intents(((uav, age_s, IntentShared(1, path, **changes)),)))
+        return self.told(intents=((uav, age_s, IntentShared(1, path, **changes)),))
 
     def crossing(self, uav: int, **changes: Any) -> list[ev.Effect]:
         """Receive an intent that crosses the middle of the area from the south when vehicle 2 is there."""
@@ -95,7 +95,7 @@ def test_a_newly_heard_vehicle_gets_the_intent_at_once() -> None:
     story = IntentStory()
     place = GRID.frame.to_geodetic(75.0, MID_M[1] + 60.0)
     heard = StateShared(0.0, *place, 30.0, "flying", 0, 0, alt_amsl_m=AMSL_M)
-    story(ev.Neighbours(((3, heard),)))
+    story.told(neighbours=((3, heard),))
     assert len(intents(story.at(85.0))) == 1
 
 
@@ -123,7 +123,7 @@ def test_a_return_withdraws_the_intent() -> None:
     other = IntentStory()
     other.crossing(1)
     assert 1 in other.state.intents
-    other(ev.Intents(((1, 0.0, intent),)))
+    other.told(intents=((1, 0.0, intent),))
     assert 1 not in other.state.intents
 
 
@@ -290,7 +290,7 @@ def test_a_landing_already_begun_has_priority(may_change: bool, gives_way: bool)
     in_s = (east_m - 75.0) / 10.0
     down = [(0.0, 8.0), (in_s - 4.0, 8.0), (in_s + 1.0, 0.0), (in_s + 30.0, -30.0)]
     points = tuple(IntentPoint(t, *place, AMSL_M + up_m) for t, up_m in down)
-    effects = story(ev.Intents(((1, 0.0, IntentShared(1, points, may_change=may_change)),)))
+    effects = story.told(intents=((1, 0.0, IntentShared(1, points, may_change=may_change)),))
     assert ("route-conflict" in codes(effects)) is gives_way
 
 
@@ -377,7 +377,8 @@ class Swarm:
                 self.fold(uav, ev.MissionAccepted(plan_id))
             while self.mail and self.mail[0][0] <= self.now_s:
                 _, _, to, uav, sent_s, intent = heapq.heappop(self.mail)
-                self.fold(to, ev.Intents(((uav, self.now_s - sent_s, intent),)))
+                told = ((uav, self.now_s - sent_s, intent),)
+                self.fold(to, ev.TelemetryReceived(self.stories[to].state.vehicle, intents=told))
             for uav, story in self.stories.items():
                 self.position(uav)
                 if story.state.plans.pending is None:
@@ -519,7 +520,7 @@ def test_a_new_plan_respects_the_uncertainty_of_a_lost_position(
     away_m: float, around_m: float, height_m: float
 ) -> None:
     """Its intent has half the last height, and an uncertainty down to the ground."""
-    story = IntentStory()
+    story = IntentStory(action="none")
     there = (200.0, MID_M[1] - away_m)
     vague = {"up_m": -15.0, "around_m": (around_m, 15.0), "may_change": False}
     story.other(7, (0.0, *there), (60.0, *there), **vague)

@@ -48,20 +48,18 @@ class LandingStory(Story):
         here |= {"alt_rel_m": up_m, "alt_amsl_m": HOME_AMSL_M + up_m}
         return self.over(GOAL, **{**here, **changes})
 
-    def other(self, uav: int, *points: tuple[float, float, float], **changes: Any) -> list[ev.Effect]:
-        """Receive an intent of vehicle `uav`, also over the goal: points (seconds from now, metres east of
+    def other(self, uav: int, *points: tuple[float, float, float], **changes: Any) -> None:
+        """Send an intent of vehicle `uav`, also over the goal: points (seconds from now, metres east of
         the landing spot, height above home)."""
         path = tuple(
             IntentPoint(t, *GRID.frame.to_geodetic(SPOT_M[0] + east_m, SPOT_M[1]), HOME_AMSL_M + up_m)
             for t, east_m, up_m in points
         )
         intent = IntentShared(1, path, **{"may_change": False, **changes})
-        effects = self(ev.Intents(((uav, 0.0, intent),)))
-        self.now -= 1.0
-        return effects
+        self.tell(intents=((uav, 0.0, intent),))
 
     def passing_below(self, uav: int = 1, in_s: float = 6.0, up_m: float = 22.0, **changes: Any) -> None:
-        """Receive an intent that passes the landing spot and lands beside it."""
+        """Send an intent that passes the landing spot and lands beside it."""
         points = (
             (0.0, -5.0 * in_s, up_m),
             (in_s, 0.0, up_m),
@@ -236,11 +234,10 @@ def test_of_two_vehicles_that_wait_for_each_other_the_higher_one_goes_on_later(
     assert orders(story.at(4.0)) == [ev.FlightOrder.HOLD]
     held_boot_s = story.state.vehicle.time_boot_s
     story(ev.OrderDone(ev.FlightOrder.HOLD))
-    story(ev.Intents(((1, 0.0, IntentShared(0)),)))
+    story.tell(intents=((1, 0.0, IntentShared(0)),))
     waited_s = []
     for _ in range(8):
-        story(ev.Neighbours(((1, other),)))
-        story.now -= 1.0
+        story.tell(neighbours=((1, other),))
         if "descent-clear" in codes(story.at(3.0, **HOLDS)):
             waited_s.append(story.state.vehicle.time_boot_s - held_boot_s)
     assert 0.0 <= waited_s[0] - (RULES[WaitFor.DESCENT].least_s + later_s) <= 1.0
@@ -248,7 +245,7 @@ def test_of_two_vehicles_that_wait_for_each_other_the_higher_one_goes_on_later(
 
 def test_a_landing_does_not_wait_for_a_landed_silent_vehicle() -> None:
     story = LandingStory().waiting()
-    story(ev.Intents(((1, 0.0, IntentShared(0)),)))
+    story.tell(intents=((1, 0.0, IntentShared(0)),))
     found_codes = [code for _ in range(4) for code in codes(story.at(0.5, **HOLDS))]
     assert found_codes == ["descent-clear"]
 
@@ -271,7 +268,7 @@ def test_the_mission_of_a_landing_copter_is_not_changed() -> None:
 
 def test_a_copter_without_a_mission_lands_at_its_position() -> None:
     story = LandingStory().waiting()
-    story(ev.Intents(((1, 0.0, IntentShared(0)),)))
+    story.tell(intents=((1, 0.0, IntentShared(0)),))
     while story.state.plans.pending is None:
         story.at(3.0, **HOLDS)
     plan_id = story.state.plans.pending.plan_id
@@ -290,7 +287,7 @@ def test_an_unconfirmed_hold_is_not_repeated_when_useless() -> None:
     story.passing_below()
     assert orders(story.at(4.0)) == [ev.FlightOrder.HOLD]
     story(ev.OrderFailed(ev.FlightOrder.HOLD, "no answer"))
-    story(ev.Intents(((1, 0.0, IntentShared(0)),)))
+    story.tell(intents=((1, 0.0, IntentShared(0)),))
     assert set(descending(story, 28.0, 24.0, 20.0, 16.0, 12.0, 10.0, 9.0, 8.0)) == {ev.FlightOrder.LAND}
     assert not story.state.is_waiting
 
@@ -334,6 +331,5 @@ def test_the_state_of_a_vehicle_without_an_intent_is_extrapolated() -> None:
         velocity_m_s=(0.0, 7.0, 0.0),
         hears=(2,),
     )
-    story(ev.Neighbours(((1, passing),)))
-    story.now -= 1.0
+    story.tell(neighbours=((1, passing),))
     assert orders(story.at(4.0)) == [ev.FlightOrder.HOLD]

@@ -5,7 +5,6 @@ from __future__ import annotations
 from agent_stories import GRID, MID_M, codes, orders
 from collision_stories import ApproachStory
 
-from swarmctl.core import events as ev
 from swarmctl.core.frames import IntentPoint, IntentShared
 
 
@@ -24,7 +23,7 @@ def test_a_vehicle_does_not_stop_where_a_faster_one_is_about_to_pass_by_its_anno
     story.other(1, east_m - 35.0, MID_M[1] + 9.0, (14.0, -1.8, 0.0))
     path = (0.0, east_m - 35.0, MID_M[1] + 9.0), (2.9, east_m + 5.0, MID_M[1] + 4.0), (6.0, east_m, 300.0)
     points = tuple(IntentPoint(t, *GRID.frame.to_geodetic(east, north), 330.0) for t, east, north in path)
-    story(ev.Intents(((1, 0.0, IntentShared(1, points)),)))
+    story.told(intents=((1, 0.0, IntentShared(1, points)),))
     story.now -= 1.0
     slow = {"ground_speed_m_s": 3.5, "east_m_s": 3.5}
     assert orders(story.at(east_m, **slow)) == []

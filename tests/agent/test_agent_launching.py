@@ -44,7 +44,7 @@ class OnGround(Story):
         path = tuple(
             IntentPoint(t, *GRID.frame.to_geodetic(e, n), AMSL_M - 30.0 + up) for t, e, n, up in points
         )
-        return self(ev.Intents(((7, 0.0, IntentShared(1, path)),)))
+        return self.told(intents=((7, 0.0, IntentShared(1, path)),))
 
     def hovers(self) -> list[ev.Effect]:
         """Receive an intent over the middle of the row, at the height of vehicle 2's mission."""
@@ -79,8 +79,7 @@ def test_a_conflict_keeps_the_vehicle_on_the_ground_and_is_reported_once(command
     assert ("`order launch --uav 2 --ignore 7`" in text) is (command is not None)
     assert [e.answer.note for e in effects if isinstance(e, ev.Answer)] == [text] * (command is not None)
     assert operator_texts(story.wait_on_ground()) == []
-    story.other((0.0, *MID_M, 30.0), (60.0, *MID_M, 200.0))
-    effects = story.wait_on_ground()
+    effects = story.other((0.0, *MID_M, 30.0), (60.0, *MID_M, 200.0))
     assert orders(effects) == [LAUNCH]
     assert codes(effects) == ["launch-clear"]
     assert (story.state.phase, story.state.trouble) == (Phase.LAUNCHING, "")
@@ -186,8 +185,7 @@ def test_a_conflict_before_arming_makes_the_vehicle_wait(command: int | None) ->
     assert "180 s" in operator_texts(effects)[0]
     assert [m.points for m in publications(effects) if isinstance(m, IntentShared)] == [()]
     assert orders(story.wait_on_ground()) == []
-    story.other((0.0, *MID_M, 30.0), (60.0, *MID_M, 200.0))
-    effects = story.wait_on_ground()
+    effects = story.other((0.0, *MID_M, 30.0), (60.0, *MID_M, 200.0))
     assert orders(effects) == [LAUNCH]
     assert codes(effects) == ["launch-clear"]
 
@@ -229,13 +227,13 @@ def test_one_launch_order_arms_once(command: int | None, phase: Phase) -> None:
 def test_of_simultaneous_launches_the_higher_system_id_waits(uav: int, may_change: bool, waits: bool) -> None:
     """If both waited, none would fly. A vehicle that is armed already goes first."""
     path = tuple(IntentPoint(t, *GRID.frame.to_geodetic(*MID_M), AMSL_M) for t in (0.0, 120.0))
-    announced = ev.Intents(((uav, 0.0, IntentShared(1, path, may_change=may_change, on_ground=True)),))
+    announced = ((uav, 0.0, IntentShared(1, path, may_change=may_change, on_ground=True)),)
     story = OnGround()
     story.ordered()
-    story(announced)
+    story.told(intents=announced)
     assert bool(story.state.launch.conflict) is waits
     later = OnGround()
-    later(announced)
+    later.told(intents=announced)
     assert bool(orders(later.ordered())) is not waits
 
 
@@ -323,4 +321,4 @@ def test_a_conflict_during_the_launch_is_reported_at_its_beginning_and_its_end()
     story.ordered()
     (found,) = (e for e in story.hovers() if isinstance(e, ev.LaunchConflict))
     assert "vehicle 7 " in found.text
-    assert ev.LaunchConflict("") in story(ev.Intents(((7, 0.0, IntentShared(2, ())),)))
+    assert ev.LaunchConflict("") in story.told(intents=((7, 0.0, IntentShared(2, ())),))

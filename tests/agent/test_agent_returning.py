@@ -62,8 +62,7 @@ class ReturnStory(Story):
         state: dict[str, Any] = {"time_s": self.now, "lat_deg": lat_deg, "lon_deg": lon_deg, "n_found": 0}
         state |= {"alt_rel_m": 34.0, "alt_amsl_m": AMSL_M + 4.0, "phase": "leaving", "n_observed": 0}
         state |= {"returns_to": (LAT_DEG, LON_DEG), **changes}
-        self(ev.Neighbours(((uav, StateShared(**state)),)))
-        self.now -= 1.0
+        self.tell(neighbours=((uav, StateShared(**state)),))
 
 
 def shared(effects: list[ev.Effect]) -> StateShared:

@@ -82,9 +82,12 @@ def test_benevolence_knows_the_others_by_configuration_and_then_by_their_intents
         centres = [grid.frame.to_geodetic(*grid.centre_m(cell)) for cell in cells]
         return IntentShared(1, tuple(IntentPoint(10.0 * k, *at, 300.0) for k, at in enumerate(centres)))
 
-    state, _ = step(state, ev.Intents(((2, 0.0, heading_for((4, 3), (4, 7))),)), 1.0)
+    def told(intent: IntentShared) -> ev.TelemetryReceived:
+        return ev.TelemetryReceived(state.vehicle, intents=((2, 0.0, intent),))
+
+    state, _ = step(state, told(heading_for((4, 3), (4, 7))), 1.0)
     assert (state.others[2].cell, state.others[3].cell) == ((4, 3), task.others[3].cell)
-    state, _ = step(state, ev.Intents(((2, 0.0, IntentShared(0)),)), 2.0)
+    state, _ = step(state, told(IntentShared(0)), 2.0)
     assert sorted(state.others) == [3]
 
 

@@ -126,7 +126,8 @@ def test_a_launch_waits_for_a_vehicle_that_enters_its_route_during_the_checks() 
             ordered_s.append(now)
         if ordered_s and now - ordered_s[0] >= 5.0:
             is_there = now - ordered_s[0] < 30.0
-            runner.post(ev.Intents(((7, 0.0, hovers if is_there else IntentShared(1, ())),)))
+            told = ((7, 0.0, hovers if is_there else IntentShared(1, ())),)
+            runner.post(ev.TelemetryReceived(runner.state.vehicle, intents=told))
         if "launch" in ground.links[0].calls and not launched_s:
             launched_s.append(now)
         return bool(launched_s)

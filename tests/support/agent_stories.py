@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from typing import Any
 
 import msgspec
 
@@ -51,9 +52,12 @@ class Story:
         self.state = begin(task(**changes), Belief.prior(GRID.rows, GRID.cols, 4))
         self.now = 0.0
         self.effects: list[ev.Effect] = []
+        self._messages: dict[str, Any] = {}
 
     def __call__(self, event: ev.Event) -> list[ev.Effect]:
         self.now += 1.0
+        if isinstance(event, ev.TelemetryReceived) and self._messages:
+            event, self._messages = msgspec.structs.replace(event, **self._messages), {}
         self.state, self.effects = step(self.state, event, self.now)
         for message in publications(self.effects):
             check_accepted(message)
@@ -90,6 +94,16 @@ class Story:
     def hear(self, *cells: tuple[int, int, bool], observer: int = 2, seq: int = 1) -> list[ev.Effect]:
         observation = Observation(observer, seq, self.now, cells)
         return self(ev.ObservationsReceived((observation,)))
+
+    def tell(self, **messages: tuple[Any, ...]) -> None:
+        """Send `neighbours` or `intents` of other vehicles; they come with the next telemetry."""
+        for field, new in messages.items():
+            self._messages[field] = self._messages.get(field, ()) + new
+
+    def told(self, **messages: tuple[Any, ...]) -> list[ev.Effect]:
+        """Deliver such messages with the latest telemetry once more."""
+        self.tell(**messages)
+        return self(ev.TelemetryReceived(self.state.vehicle))
 
     def launching(self) -> Story:
         self(ev.Ready())

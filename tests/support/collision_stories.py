@@ -32,13 +32,13 @@ class ApproachStory(Story):
         lat_deg, lon_deg = GRID.frame.to_geodetic(east_m, north_m)
         shared = {"time_s": 1.0, "lat_deg": lat_deg, "lon_deg": lon_deg, "alt_rel_m": 30.0, "phase": "flying"}
         shared |= {"n_observed": 0, "n_found": 0, "velocity_m_s": velocity, "hears": (self.state.task.uav,)}
-        shared |= changes
+        shared |= {"age_s": 1.0, **changes}
         shared.setdefault("alt_amsl_m", 300.0 + shared["alt_rel_m"])
-        self(ev.Neighbours(((uav, StateShared(**shared)),)))
-        self.now -= 1.0
+        # It is of the time of the last telemetry, and comes with the next one.
+        self.tell(neighbours=((uav, StateShared(**shared)),))
 
     def crossing(self, uav: int, away_m: float = 100.0, **changes: Any) -> None:
-        """Deliver the state, one second old, of a vehicle on its way north over the middle of the area.
+        """Send the state of a vehicle on its way north over the middle of the area.
 
         It will be `away_m` before the middle when vehicle 2 gets its next telemetry.
         """

@@ -264,7 +264,7 @@ class LightAgent:
         return tuple((uav, now - sent_s, message) for uav, sent_s, message in newest)
 
     def report(self) -> None:
-        """Pass on the vehicle's telemetry, then what the neighbours sent, as the runner does."""
+        """Pass on the vehicle's telemetry with what the others sent, as the runner does."""
         now = self.swarm.now
         if any(since <= now < until for since, until in self.silent):
             silent_s = now - self._contact_s
@@ -277,28 +277,30 @@ class LightAgent:
             self._lost_s = -math.inf
             self(ev.LinkRestored())
         vehicle = self.vehicle.telemetry(self.boot_s + now)
-        self(ev.TelemetryReceived(vehicle, self._new_of_members(now)))
-        if now >= self.pilot_since_s:
-            self._pilot_seen_s = min(self._pilot_seen_s, now)
+        telemetry = ev.TelemetryReceived(vehicle, self._new_of_members(now))
         if now - self._read_s >= NEIGHBOURS_EVERY_S:
             self._read_s = now
-            self._read_neighbours(now)
+            telemetry = self._with_messages(telemetry, now)
+        self(telemetry)
+        if now >= self.pilot_since_s:
+            self._pilot_seen_s = min(self._pilot_seen_s, now)
         self._sense()
         self.tick()
 
-    def _read_neighbours(self, now: float) -> None:
+    def _with_messages(self, telemetry: ev.TelemetryReceived, now: float) -> ev.TelemetryReceived:
         aged = {
             uav: msgspec.structs.replace(state, age_s=state.age_s + now - sent_s)
             for uav, (sent_s, state) in self._states.items()
             if uav in self._fresh
         }
         self._fresh.clear()
-        if near := relevant_states(self.state, dict(sorted(aged.items()))):
-            self(ev.Neighbours(near))
-        if fresh := sorted(self._fresh_intents):
-            self._fresh_intents.clear()
-            intents = ((uav, *self._intents[uav]) for uav in fresh)
-            self(ev.Intents(tuple((uav, now - at_s, intent) for uav, at_s, intent in intents)))
+        heard = [(uav, *self._intents[uav]) for uav in sorted(self._fresh_intents)]
+        self._fresh_intents.clear()
+        return msgspec.structs.replace(
+            telemetry,
+            neighbours=relevant_states(self.state, dict(sorted(aged.items()))),
+            intents=tuple((uav, now - at_s, intent) for uav, at_s, intent in heard),
+        )
 
     def _sense(self) -> None:
         here = self.state.cell

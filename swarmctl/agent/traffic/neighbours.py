@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 from swarmctl.agent.arrival.simultaneous import note_arrival_times
-from swarmctl.agent.commands import StepResult
 from swarmctl.agent.formation.near_members import with_traffic
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.prediction import HEARD_S, MAX_AGE_S, MAX_REPORT_AGE_S
 from swarmctl.agent.traffic.returning import note_returning
 from swarmctl.agent.traffic.separation.watch import NeighbourReport
-from swarmctl.core import events as ev
 from swarmctl.core.frames import StateShared
 from swarmctl.core.planar import PlanarPoint
 from swarmctl.core.records import replace
@@ -38,12 +36,12 @@ def relevant_states(
     )
 
 
-def receive_neighbours(state: AgentState, event: ev.Neighbours, _now: float) -> StepResult:
+def receive_neighbours(state: AgentState, states: Sequence[tuple[int, StateShared]]) -> AgentState:
     """Store the states of nearby and returning vehicles, and the arrival times."""
     now_s, to_local = state.vehicle.time_boot_s, state.task.grid.frame.to_local
     reports = {
         uav: NeighbourReport(shared, now_s - shared.age_s, *to_local(shared.lat_deg, shared.lon_deg))
-        for uav, shared in event.states
+        for uav, shared in states
     }
     before, is_near = state.all_neighbours, _near_test(state)
     kept = {
@@ -58,9 +56,9 @@ def receive_neighbours(state: AgentState, event: ev.Neighbours, _now: float) -> 
     }
     if any(uav not in before or now_s - before[uav].at_s > HEARD_S for uav in new):
         state = replace(state, intent_new_boot_s=now_s)  # a vehicle hears this one for the first time
-    state = note_returning(note_arrival_times(state, event.states), reports)
+    state = note_returning(note_arrival_times(state, states), reports)
     state = replace(state, wait=state.wait and state.wait.noted(reports))
-    return with_traffic(state, neighbours={**kept, **new}), []
+    return with_traffic(state, neighbours={**kept, **new})
 
 
 def _near_test(state: AgentState) -> Callable[[StateShared, PlanarPoint], bool]:

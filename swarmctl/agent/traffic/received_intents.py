@@ -5,7 +5,7 @@ Without a recent intent of a vehicle, `last_resort` and `alarms` still watch its
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -15,7 +15,6 @@ from swarmctl.agent.traffic.intents import MAX_UNCERTAINTY_M
 from swarmctl.agent.traffic.prediction import MAX_AGE_S
 from swarmctl.agent.traffic.separation.trajectory import Bounds, Trajectory, until_landing
 from swarmctl.agent.traffic.separation.watch import NeighbourIntent
-from swarmctl.core import events as ev
 from swarmctl.core.frames import IntentShared
 from swarmctl.core.geo import LocalFrame
 from swarmctl.core.records import replace
@@ -25,11 +24,11 @@ SAME_TIME_S = 1e-6
 """Least time between two points of a received intent [s]; by a clock of many days, less is no time."""
 
 
-def receive_intents(state: AgentState, event: ev.Intents) -> AgentState:
-    """Return the state with the recent intents of other vehicles."""
+def receive_intents(state: AgentState, intents: Sequence[tuple[int, float, IntentShared]]) -> AgentState:
+    """Return the state with new intents of other vehicles: (UAV, age of the message [s], intent)."""
     now_s = state.vehicle.time_boot_s
     kept = dict(state.all_intents)
-    for uav, age_s, intent in event.intents:
+    for uav, age_s, intent in intents:
         announced = _announced_flight(state.task.grid.frame, intent)
         kept.pop(uav, None)
         if announced is not None and uav != state.task.uav:
@@ -44,18 +43,18 @@ def receive_intents(state: AgentState, event: ev.Intents) -> AgentState:
                 ahead, bounds, intent.may_change, sent_s, uncertainty, intent.on_ground, landing
             )
     fresh = {uav: known for uav, known in kept.items() if 0.0 <= now_s - known.sent_s <= MAX_AGE_S}
-    state = replace(state, others=_with_present_cells(state, event, kept))
+    state = replace(state, others=_with_present_cells(state, [uav for uav, _, _ in intents], kept))
     return with_traffic(state, intents=fresh)
 
 
 def _with_present_cells(
-    state: AgentState, event: ev.Intents, kept: Mapping[int, NeighbourIntent]
+    state: AgentState, senders: Sequence[int], kept: Mapping[int, NeighbourIntent]
 ) -> Mapping[int, OtherVehicle]:
     """Return `state.others` by new intents; a vehicle that has withdrawn its intent has ended its route."""
     if not state.task.others:
         return state.others
     grid, others = state.task.grid, dict(state.others)
-    for uav, _, _ in event.intents:
+    for uav in senders:
         if uav not in kept:
             others.pop(uav, None)
         elif uav in state.task.others:

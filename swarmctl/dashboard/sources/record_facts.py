@@ -36,21 +36,11 @@ _TAG = b'"type":"'
 
 
 class _Telemetry(msgspec.Struct, tag="TelemetryReceived"):
-    """`core.events.TelemetryReceived` without the messages of other members."""
+    """`core.events.TelemetryReceived` without the contents of messages."""
 
     state: VehicleState
-
-
-class _HeardIntents(msgspec.Struct, tag="Intents"):
-    """`core.events.Intents` without the intents themselves."""
-
-    told: tuple[tuple[int, float, msgspec.Raw], ...]
-
-
-class _HeardStates(msgspec.Struct, tag="Neighbours"):
-    """`core.events.Neighbours` without the states themselves."""
-
-    states: tuple[tuple[int, msgspec.Raw], ...]
+    neighbours: tuple[tuple[int, msgspec.Raw], ...] = ()
+    intents: tuple[tuple[int, float, msgspec.Raw], ...] = ()
 
 
 class _Log(msgspec.Struct):
@@ -75,8 +65,6 @@ _FACTS: dict[bytes, tuple[Callable[[bytes], Any], str]] = {
             LinkLost,
             LinkRestored,
             WeightsChanged,
-            _HeardIntents,
-            _HeardStates,
         )
     },
     **{
@@ -130,15 +118,13 @@ class RecordFacts:
     def _fold(self, uav: int, time_s: float, fact: object) -> None:  # noqa: PLR0912, one kind a line
         timeline = self._timeline
         match fact:
-            case _Telemetry(state):
+            case _Telemetry(state, neighbours, intents):
                 timeline.telemetry(uav, time_s, state)
-            case _HeardIntents(told):
-                for other, age_s, _ in told:
+                for other, _ in neighbours:
+                    timeline.heard(uav, other, time_s)
+                for other, age_s, _ in intents:
                     if age_s < MAX_HEARD_AGE_S:
                         timeline.heard(uav, other, time_s, is_intent=True)
-            case _HeardStates(states):
-                for other, _ in states:
-                    timeline.heard(uav, other, time_s)
             case ObservationsReceived(items):
                 timeline.learned(uav, time_s, items)
             case Publish(StateShared() as state):
