@@ -12,9 +12,10 @@ import numpy as np
 from swarmctl.agent.formation.near_members import with_traffic
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.intents import MAX_UNCERTAINTY_M
-from swarmctl.agent.traffic.prediction import MAX_AGE_S
-from swarmctl.agent.traffic.separation.trajectory import Bounds, Trajectory, until_landing
-from swarmctl.agent.traffic.separation.watch import NeighbourIntent
+from swarmctl.agent.traffic.own_flight import HOLD_DURATION_S
+from swarmctl.agent.traffic.prediction import AIRBORNE_M, MAX_AGE_S, reported_amsl_m
+from swarmctl.agent.traffic.separation.trajectory import Bounds, Trajectory, brake, until_landing
+from swarmctl.agent.traffic.separation.watch import NeighbourIntent, NeighbourReport
 from swarmctl.core.frames import IntentShared
 from swarmctl.core.geo import LocalFrame
 from swarmctl.core.records import replace
@@ -45,6 +46,20 @@ def receive_intents(state: AgentState, intents: Sequence[tuple[int, float, Inten
     fresh = {uav: known for uav, known in kept.items() if 0.0 <= now_s - known.sent_s <= MAX_AGE_S}
     state = replace(state, others=_with_present_cells(state, [uav for uav, _, _ in intents], kept))
     return with_traffic(state, intents=fresh)
+
+
+def with_holds(state: AgentState, reports: Mapping[int, NeighbourReport]) -> Mapping[int, NeighbourIntent]:
+    """Return the known intents; a vehicle that reports a wait has stopped, also if its intent was lost."""
+    intents = dict(state.all_intents)
+    for uav, report in reports.items():
+        intent, shared = intents.get(uav), report.state
+        if intent is None or not shared.waits or shared.alt_rel_m < AIRBORNE_M:
+            continue
+        if intent.sent_s < report.at_s and not intent.flight.ends_in_hold:
+            here = report.east_m, report.north_m, reported_amsl_m(state, report)
+            flight = brake(here, shared.velocity_m_s, report.at_s, HOLD_DURATION_S)
+            intents[uav] = NeighbourIntent(flight, Bounds.of(flight), may_change=False, sent_s=report.at_s)
+    return intents
 
 
 def _with_present_cells(
