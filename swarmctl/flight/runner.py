@@ -263,10 +263,7 @@ class Runner:
     def _perform(self, effect: ev.Effect, jobs: asyncio.TaskGroup) -> None:
         match effect:
             case ev.Publish(message, against, group):
-                recipients = self._network.publish(self.state.task.uav, message, frozenset(against), group)
-                now = asyncio.get_running_loop().time()
-                for observer in self._observers:
-                    observer.sent(self.state.task.uav, message, recipients, now)
+                self._network.publish(self.state.task.uav, message, frozenset(against), group)
             case ev.SwapMission():
                 self._start(partial(self._swap, effect), jobs)
             case ev.LaunchConflict(text):

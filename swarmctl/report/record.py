@@ -1,6 +1,6 @@
 """The record of a run, and its replay through `swarmctl.agent.step.step`.
 
-`run.mcap` holds every event, effect and bus message as JSON, with schemas. Foxglove and any other reader of
+`run.mcap` holds every event and effect as JSON, with schemas. Foxglove and any other reader of
 MCAP can open the file. Equal runs on the virtual clock write equal bytes.
 """
 
@@ -24,7 +24,6 @@ from swarmctl.agent.step import step
 from swarmctl.config.model import Config
 from swarmctl.config.scenario import Scenario, build
 from swarmctl.core import events as ev
-from swarmctl.core.frames import AgentMessage
 from swarmctl.core.grid import Cell
 from swarmctl.core.observation import Observation
 from swarmctl.core.vehicle import VehicleState
@@ -35,8 +34,8 @@ from swarmctl.report.ui import Observer
 FLUSH_PERIOD_S = 1.0
 """longest time without a flush, by the run's clock [s]: a process that is killed loses this time at most"""
 
-EVENTS, EFFECTS, MESSAGES = "/events", "/effects", "/messages"
-"""topics of the agents' events, effects and messages"""
+EVENTS, EFFECTS = "/events", "/effects"
+"""topics of the agents' events and effects"""
 
 
 class EventRecord(msgspec.Struct, frozen=True):
@@ -48,13 +47,6 @@ class EventRecord(msgspec.Struct, frozen=True):
 class EffectRecord(msgspec.Struct, frozen=True):
     now_s: float
     effect: ev.Effect
-    vehicle: str = ""
-
-
-class BusRecord(msgspec.Struct, frozen=True):
-    now_s: float
-    recipients: int
-    message: AgentMessage
     vehicle: str = ""
 
 
@@ -141,9 +133,6 @@ class Recorder(Observer):
             self._writer.flush()  # type: ignore[no-untyped-call]
         except OSError as error:
             self._end(error)
-
-    def sent(self, uav: int, message: AgentMessage, recipients: int, now: float) -> None:
-        self._write(MESSAGES, BusRecord(now, recipients, message, self._names[uav]), now)
 
     def noted(self, uav: int, text: str, now: float, *, to_operator: bool) -> None:
         level = foxglove.LogLevel.INFO if to_operator else foxglove.LogLevel.DEBUG

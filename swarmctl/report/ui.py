@@ -8,7 +8,6 @@ from typing import Any, Protocol
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.core import events as ev
-from swarmctl.core.frames import AgentMessage
 from swarmctl.core.messages import VehicleAnswer
 from swarmctl.report.answers import order_line, weights_line
 from swarmctl.report.live_rows import SwarmView
@@ -42,8 +41,6 @@ class Observer:
     def folded(
         self, before: AgentState, event: ev.Event, after: AgentState, effects: list[ev.Effect], now: float
     ) -> None: ...
-
-    def sent(self, uav: int, message: AgentMessage, recipients: int, now: float) -> None: ...
 
     def noted(self, uav: int, text: str, now: float, *, to_operator: bool) -> None:
         """Receive a message about a vehicle; `to_operator`: True if an operator should read it."""

@@ -19,7 +19,6 @@ from swarmctl.agent.state import AgentState
 from swarmctl.bus.network import RunClock
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.core import events as ev
-from swarmctl.core.frames import AgentMessage
 from swarmctl.core.inference.sensor import PERFECT
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.flight.network import network_of
@@ -80,8 +79,6 @@ class Notes:
     def folded(
         self, before: AgentState, event: ev.Event, after: AgentState, effects: list[ev.Effect], now: float
     ) -> None: ...
-
-    def sent(self, uav: int, message: AgentMessage, recipients: int, now: float) -> None: ...
 
     def noted(self, uav: int, text: str, now: float, *, to_operator: bool) -> None:
         self.lines.append((text, to_operator))

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from agent_stories import Story, orders
 from flights import Ui, coded, fly_with_commands, small
-from recorded import effects, messages
+from recorded import effects, events
 from rich.console import Console
 
 from swarmctl.agent.phases import Phase
@@ -331,13 +331,12 @@ def test_the_range_changes_in_a_vehicle_that_plans_no_more(w: float | None, outc
 
 @pytest.mark.virtual
 def test_the_range_of_the_named_vehicles_changes(flown: Flown) -> None:
-    reached: dict[str, list[int]] = {}
-    for message in messages(flown.folder, "/messages"):
-        reached.setdefault(message["vehicle"], []).append(message["recipients"])
-    for name in ("uav1", "uav2"):
-        assert reached[name] == sorted(reached[name], reverse=True)
-        assert set(reached[name]) == {2, 0}
-    assert set(reached["uav3"]) == {2}
+    heard_s: dict[int, float] = {}
+    for received in events(flown.folder, "TelemetryReceived"):
+        for uav, *_ in received["event"].get("intents", ()):
+            heard_s[uav] = received["now_s"]
+    assert max(heard_s[1], heard_s[2]) < 35.0  # nobody receives them any more, 5 s after the change
+    assert heard_s[3] > 60.0
 
 
 @pytest.mark.virtual
