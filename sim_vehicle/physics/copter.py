@@ -97,9 +97,11 @@ def _horizontal_acceleration(
 
 def _follow(m: Motion, i: Selection, follows: Bools, dt_s: float) -> Floats:
     """Return the acceleration of the copters that follow a set-point, 0 of others, (3, n) [m/s2]."""
-    selected = np.arange(len(m.order))[i][follows]
-    pushed = np.zeros((3, len(follows)))
-    pushed[:, follows] = following.accelerate(m, selected, dt_s)
+    if follows.all():
+        selected, pushed = i, following.accelerate(m, i, dt_s)  # views of a slice cost less than copies
+    else:
+        selected, pushed = np.arange(len(m.order))[i][follows], np.zeros((3, len(follows)))
+        pushed[:, follows] = following.accelerate(m, selected, dt_s)
     followed = m.follow.position_m[:, selected]
     m.target[:, selected] = np.where(np.isnan(followed), m.estimate[:, selected], followed)
     following.face_course(m, selected)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim_vehicle.physics.geodesy import Floats
-from sim_vehicle.physics.motion import FollowedSetpoints, Ints, Motion, MotionOrder
+from sim_vehicle.physics.motion import FollowedSetpoints, Motion, MotionOrder, Selection
 
 MAX_SPEED_M_S, MAX_ACCELERATION_M_S2 = 50.0, 30.0  # of a set-point
 NO_LIMIT = 1e6  # finite, so that its products with 0 are numbers
@@ -87,33 +87,37 @@ def _within(value: float, limit: float) -> float:
     return value if math.isnan(value) else max(-limit, min(value, limit))
 
 
-def accelerate(m: Motion, i: Ints, dt_s: float) -> Floats:
+def accelerate(m: Motion, i: Selection, dt_s: float) -> Floats:
     """Return the acceleration east, north, up of the copters `i`, (3, n) [m/s2]; move their targets on."""
     f = m.follow
     position, wanted, push = f.position_m[:, i], f.velocity_m_s[:, i], f.acceleration_m_s2[:, i]
-    has_position = ~np.isnan(position)
-    feed = np.nan_to_num(wanted)
+    has_position, has_velocity = ~np.isnan(position), ~np.isnan(wanted)
+    feed = np.where(has_velocity, wanted, 0.0)
     velocity = _total(m, i, _correction(m, i, np.where(has_position, position - m.estimate[:, i], 0.0)), feed)
     f.wanted_velocity_m_s[:, i] = velocity
     error = velocity - m.estimate_velocity[:, i]
     size, jerk = _sizes(error), f.jerk_limit_m_s3[:, i]
     change = np.minimum(_root(size, f.velocity_hz[:, i], jerk), f.acceleration_limit_m_s2[:, i])
     acceleration = error * _rows(np.minimum(change, size / dt_s) / np.maximum(size, 1e-9))
-    acceleration = np.where(has_position | ~np.isnan(wanted), acceleration, 0.0) + push
+    acceleration = np.where(has_position | has_velocity, acceleration, 0.0) + push
     before = f.wanted_acceleration_m_s2[:, i]
     step = acceleration - before
     share = np.minimum(dt_s / np.maximum(f.lag_s[:, i], dt_s), jerk * dt_s / np.maximum(_sizes(step), 1e-9))
     acceleration = before + step * _rows(share)
     f.wanted_acceleration_m_s2[:, i] = acceleration
     moves = f.target_moves[i]
-    f.position_m[:, i] = position + np.where(moves, (feed + push * (dt_s / 2)) * dt_s, 0.0)
-    f.velocity_m_s[:, i] = wanted + np.where(moves, push * dt_s, 0.0)
+    if np.count_nonzero(moves):
+        f.position_m[:, i] = position + np.where(moves, (feed + push * (dt_s / 2)) * dt_s, 0.0)
+        f.velocity_m_s[:, i] = wanted + np.where(moves, push * dt_s, 0.0)
     return acceleration
 
 
 def _sizes(vector: Floats) -> Floats:
     """Return the horizontal and the vertical size, (2, n)."""
-    return np.vstack([np.hypot(vector[0], vector[1]), np.abs(vector[2])])
+    sizes = np.empty((2, vector.shape[1]))
+    np.hypot(vector[0], vector[1], out=sizes[0])
+    np.abs(vector[2], out=sizes[1])
+    return sizes
 
 
 def _rows(pair: Floats) -> Floats:
@@ -128,21 +132,23 @@ def _root(size: Floats, gain: Floats, limit: Floats) -> Floats:
     return np.asarray(root)
 
 
-def _correction(m: Motion, i: Ints, error: Floats) -> Floats:
+def _correction(m: Motion, i: Selection, error: Floats) -> Floats:
     """Return the velocity toward the target within the speed limits, (3, n) [m/s]."""
     f, size = m.follow, _sizes(error)
     speed = _root(size, f.position_hz[:, i], f.braking_m_s2[:, i])
-    highest = np.vstack([f.speed_m_s[i], np.where(error[2] > 0, f.climb_m_s[i], f.descent_m_s[i])])
+    highest = np.empty_like(size)
+    highest[0], highest[1] = f.speed_m_s[i], np.where(error[2] > 0, f.climb_m_s[i], f.descent_m_s[i])
     # The flight to a resting target is a straight line in space, if the autopilot knows that it rests.
-    straight = f.target_moves[i] & np.isnan(f.velocity_m_s[:, i]).all(axis=0)
+    straight = f.target_moves[i]
     if np.count_nonzero(straight):
+        straight = straight & np.isnan(f.velocity_m_s[:, i]).all(axis=0)
         share = size / np.maximum(np.hypot(size[0], size[1]), 1e-9)
         along = (highest / np.maximum(share, 1e-9)).min(axis=0)
         highest = np.where(straight, along * share, highest)
     return np.asarray(error * _rows(np.minimum(speed, highest) / np.maximum(size, 1e-9)))
 
 
-def _total(m: Motion, i: Ints, correction: Floats, feed: Floats) -> Floats:
+def _total(m: Motion, i: Selection, correction: Floats, feed: Floats) -> Floats:
     """Return the correction, and as much of the feed-forward as the speed limits allow, (3, n) [m/s]."""
     f = m.follow
     total = correction + feed
@@ -156,10 +162,10 @@ def _total(m: Motion, i: Ints, correction: Floats, feed: Floats) -> Floats:
         horizontal = correction[:2] + unit * np.clip(most, 0.0, size)
         vertical = np.clip(total[2], -f.descent_m_s[i], f.climb_m_s[i])
         total = np.where(limited, np.vstack([horizontal, vertical]), total)
-    return np.asarray(np.clip(total, -MAX_SPEED_M_S, MAX_SPEED_M_S))
+    return np.minimum(np.maximum(total, -MAX_SPEED_M_S), MAX_SPEED_M_S)
 
 
-def face_course(m: Motion, i: Ints) -> None:
+def face_course(m: Motion, i: Selection) -> None:
     """Turn the copters that face their course into the direction of their wanted velocity."""
     east, north, _ = m.follow.wanted_velocity_m_s[:, i]
     fast = np.hypot(east, north) > FACING_SHARE * m.follow.speed_m_s[i]
