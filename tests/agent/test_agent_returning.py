@@ -31,6 +31,7 @@ from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.report import record
 
 MAX_RETURN_WAIT_S = RULES[WaitFor.RETURN_PATH].longest_s
+MAX_LANDING_WAIT_S = RULES[WaitFor.GROUND].longest_s
 
 HOLD, RETURN, LAND = ev.FlightOrder.HOLD, ev.FlightOrder.RETURN, ev.FlightOrder.LAND
 LAT_DEG, LON_DEG = GRID.centre((4, 0))
@@ -497,6 +498,18 @@ def test_an_ordered_landing_waits_for_a_vehicle_below() -> None:
         assert orders(story.holds(60)) == []
     story.goes_home(3, **{**below, "phase": "done", "alt_rel_m": 0.0, "alt_amsl_m": AMSL_M - 30.0})
     assert orders(story.holds(60)) == [LAND]
+
+
+def test_an_ordered_landing_with_a_vehicle_below_becomes_a_return_at_its_deadline() -> None:
+    below = {"col": 4, "phase": "released", "returns_to": None, "alt_amsl_m": AMSL_M - 4.0}
+    story = ordered(LAND, **below)
+    given: list[ev.FlightOrder] = []
+    began_s = story.now
+    while not given:
+        story.goes_home(3, **below)
+        given = orders(story.holds(60))
+    assert given == [RETURN]
+    assert story.now - began_s == pytest.approx(MAX_LANDING_WAIT_S, abs=4.0)
 
 
 @pytest.mark.virtual

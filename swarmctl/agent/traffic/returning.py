@@ -9,7 +9,7 @@ Vehicles broadcast their returns, and their holds before a return.
 | two vehicles started at the same time | within 5 s the vehicle with the higher system id holds again |
 | another vehicle soon flies through the path home | the vehicle holds, if its hold is in nobody's way |
 | urgent return (very low battery) | is first; holds for 10 s at most while others fly on its path |
-| a vehicle has waited for 120 s | returns, or lands if only the ground is clear |
+| a vehicle has waited for 120 s | returns or lands as it was ordered, or the other way if only that is clear |
 | several vehicles wait so long | lower system ids start up to 60 s earlier, in 10 s steps |
 """
 
@@ -182,6 +182,10 @@ def _land_if_clear(state: AgentState, wait: Wait) -> StepResult:
     ends, wait = verdict(wait, state.vehicle.time_boot_s, clear)
     if ends in (Verdict.WAIT, Verdict.BLOCKED):
         return replace(state, wait=wait), []
+    if ends is Verdict.OVER and _landing_conflicts(state) and not _return_conflicts(state):
+        state, ordered = start_return(state)
+        text = "the ground is not clear at the end of the wait; the vehicle returns [landing-blocked]"
+        return state, [ev.NotifyOperator(text), *ordered]
     state, ordered = _land_here(state, wait)
     return state, [ev.NotifyOperator("the vehicle lands as ordered [ground-clear]"), *ordered]
 

@@ -76,7 +76,7 @@ RULES: Mapping[WaitFor, WaitRule] = {
     WaitFor.GROUND: WaitRule(
         "in hold before an ordered landing",
         120.0,
-        "lands in any case",
+        "lands, or returns if only the way home is clear",
         frozenset({Phase.HOLDING, Phase.LEAVING}),
     ),
     WaitFor.TURN: WaitRule(
