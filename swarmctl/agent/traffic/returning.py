@@ -9,7 +9,7 @@ Vehicles broadcast their returns, and their holds before a return.
 | two vehicles started at the same time | within 5 s the vehicle with the higher system id holds again |
 | another vehicle soon flies through the path home | the vehicle holds, if its hold is in nobody's way |
 | urgent return (very low battery) | is first; holds for 10 s at most while others fly on its path |
-| a vehicle has waited for 120 s | returns or lands as it was ordered, or the other way if only that is clear |
+| a vehicle has waited for 120 s | returns or lands as ordered, or the other way if only that is clear |
 | several vehicles wait so long | lower system ids start up to 60 s earlier, in 10 s steps |
 """
 
