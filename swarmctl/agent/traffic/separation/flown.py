@@ -77,9 +77,9 @@ class FlownSeparation:
     def _compare(self, uav: int, other: int, segment: Segment) -> bool:
         """Compare a new segment with another vehicle's; return whether the least distance has decreased."""
         pair, is_nearer = (min(uav, other), max(uav, other)), False
-        for theirs in self._tracks[other].segments:
+        for theirs in reversed(self._tracks[other].segments):
             if theirs.end_s <= segment.begin_s:
-                continue
+                break
             at = nearest(segment, theirs)
             if at is None:
                 continue
