@@ -37,6 +37,7 @@ FOUND = {
     963: "an alarm ended each flight that the trajectory check had found clear",
     641: "a vehicle with priority came from behind upon a vehicle that gave way but could not",
     337: "a vehicle stopped above another one, and an urgent landing began at once",
+    788: "a vehicle that took no commands for 2 s got no second order to hold",
     191: "an ordered landing descended through a vehicle that another station held",
 }
 """seeds that broke a rule before, with the cause"""

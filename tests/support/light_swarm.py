@@ -34,6 +34,8 @@ LOST_AFTER_S = 3.0
 """silence after which the link counts as lost [s]"""
 CONFIRMS_AFTER_S, ORDER_FAILS_AFTER_S = 0.6, 4.0
 """time after which telemetry confirms an order, at the earliest and at the latest [s]"""
+ORDER_EVERY_S = 1.0
+"""time after which the link sends an order again that the vehicle has not answered [s]"""
 STOPS_WITHIN_S = 7.0
 """time in which a vehicle with a new link is stopped, or has climbed away from the place [s]"""
 
@@ -111,7 +113,7 @@ class LightAgent:
             case ev.SwapMission():
                 self._begin(lambda job: self._swap(effect, job))
             case ev.Command(order):
-                self._begin(lambda job: self._order(order, job))
+                self._begin(lambda job: self._order(order, job, self.swarm.now + ORDER_FAILS_AFTER_S))
             case ev.LaunchConflict(text):
                 self._conflict = text
             case ev.Release():
@@ -176,12 +178,15 @@ class LightAgent:
         else:
             self(ev.SpeedFailed("no answer"))
 
-    def _order(self, order: ev.FlightOrder, job: int) -> None:
+    def _order(self, order: ev.FlightOrder, job: int, until_s: float) -> None:
         if order is ev.FlightOrder.LAUNCH:
             self._later(job, 0.5, lambda: self._arm(job))
             return
         if not self._reaches():
-            self._later(job, ORDER_FAILS_AFTER_S, lambda: self(ev.OrderFailed(order, "no answer")))
+            if self.swarm.now < until_s:
+                self._later(job, ORDER_EVERY_S, lambda: self._order(order, job, until_s))
+            else:
+                self(ev.OrderFailed(order, "no answer"))
             return
         if order is ev.FlightOrder.FORMATION:
             self._later(job, self.swarm.rng.uniform(0.1, 0.5), lambda: self._follow_setpoints(job))

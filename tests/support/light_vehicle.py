@@ -135,9 +135,8 @@ class LightVehicle:
             self.mode = "setpoints"
 
     def return_home(self) -> None:
-        top_m = max(self.at[2], self.return_height_m)
         self.mode, self._braking = "return", True
-        self._fly_to([(self.at[0], self.at[1], top_m), (*self.home_m, top_m)])
+        self._fly_to([(*self.home_m, max(self.at[2], self.return_height_m))])
 
     def land(self) -> None:
         self.mode, self._anchor, self._braking = "land", None, True
@@ -220,8 +219,7 @@ class LightVehicle:
             climbs = self.stops_for_missions and abs(self.velocity[2]) > 0.3
             if climbs or math.hypot(*self.velocity[:2]) > 0.3:
                 return 0.0, 0.0, 0.0
-            self._braking, self._anchor = False, (self.at[0], self.at[1], self.at[2])
-            self._leg_from = self._anchor
+            self._begin_from_stand()
         if self.mode in ("hold", "pilot", "setpoints"):
             assert self._anchor is not None
             return self._hover(self._anchor[:2], self._climb_to(self._anchor[2]))
@@ -237,6 +235,12 @@ class LightVehicle:
                 self._anchor = self._leg_from
         assert self._anchor is not None
         return self._hover(self._anchor[:2], self._descent())
+
+    def _begin_from_stand(self) -> None:
+        self._braking, self._anchor = False, (self.at[0], self.at[1], self.at[2])
+        self._leg_from = self._anchor
+        if self.mode == "return":  # it climbs where it has stopped
+            self._targets.insert(0, (*self._anchor[:2], self._targets[0][2]))
 
     def _by_setpoint(self) -> Vector | None:
         """Return the velocity by the last set-point; None if it is too old."""
