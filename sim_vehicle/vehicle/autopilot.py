@@ -20,6 +20,7 @@ from sim_vehicle.physics.body import Body
 from sim_vehicle.physics.geodesy import GeodeticPosition
 from sim_vehicle.vehicle.arming import Arming
 from sim_vehicle.vehicle.behaviour import Behaviour, Mode
+from sim_vehicle.vehicle.command import sender_of
 from sim_vehicle.vehicle.failsafe import Failsafes
 from sim_vehicle.vehicle.fence import Fence
 from sim_vehicle.vehicle.fence_watch import FenceWatch
@@ -69,7 +70,6 @@ class Autopilot:
 
     now: float
     failsafes: Failsafes
-    fence_watch: FenceWatch
 
     def __init__(
         self,
@@ -109,7 +109,6 @@ class Autopilot:
         self.modes, self.remote = Modes(self), personality.remote(self)
         self.flight = Flight(self)
         self.arming = Arming(self)
-        self.fence_watch = FenceWatch(self)
         self.transfer = personality.mission.transfer(self)
         self.jobs = Jobs(self.sender.acknowledge)
         self.setpoints = Setpoints(self)
@@ -152,17 +151,13 @@ class Autopilot:
     def send_now(self, message_id: int, now: float, parameter: float = 0.0) -> bool:
         """Send one message on request; return False if the message is unknown or has no data yet."""
         if self.rates.can_stream(message_id):
-            self.publish(now)
+            publish(self, now)
             return self._output.stream_now(self.index, message_id, now)
         one_shot = self.personality.messages.one_shot.get(message_id)
         messages = () if one_shot is None else one_shot(self, parameter)
         for message in messages:
             self.send(message)
         return bool(messages)
-
-    def publish(self, now: float) -> None:
-        """Write this vehicle's row of the status."""
-        publish(self, now)
 
     # -- input --------------------------------------------------------------------------------------------
 
@@ -179,8 +174,7 @@ class Autopilot:
         foreign = getattr(message, "target_system", 0) not in (0, self.sysid)
         if foreign or not self.personality.commands.is_addressed(self.sysid, message):
             if self.personality.commands.refuses_foreign and kind in ("COMMAND_LONG", "COMMAND_INT"):
-                sender = (message.get_srcSystem(), message.get_srcComponent())
-                self.sender.acknowledge(message.command, mavlink.MAV_RESULT_FAILED, 0, sender)
+                self.sender.acknowledge(message.command, mavlink.MAV_RESULT_FAILED, 0, sender_of(message))
             return
         self.now = now
         if self.transfer.handles(kind):
@@ -193,7 +187,7 @@ class Autopilot:
             return
         self.storage.record_changes(now)
         self.alarm_s = self._update_due_s = now
-        self.publish(now)
+        publish(self, now)
 
     def _receive_heartbeat(self, heartbeat: Any, now: float) -> None:
         sysid = heartbeat.get_srcSystem()
@@ -279,7 +273,7 @@ class Autopilot:
             now + BUSY_INTERVAL_S if self.params.listing else math.inf,
         )
         self._set_alarm(now)
-        self.publish(now)
+        publish(self, now)
 
     def _set_alarm(self, now: float) -> None:
         fence_s = now + BUSY_INTERVAL_S if self.fence_watch.active else math.inf

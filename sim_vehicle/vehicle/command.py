@@ -8,6 +8,11 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 MAX_ALTITUDE_M = 83_000.0  # limit of the absolute altitude, as in the mission storage of ArduPilot
 
 
+def sender_of(message: Any) -> tuple[int, int]:
+    """Return the system and component id of the sender."""
+    return message.get_srcSystem(), message.get_srcComponent()
+
+
 @dataclass(frozen=True, slots=True)
 class Command:
     """One command; `lat_deg` and `lon_deg` are parameters 5 and 6, `z` [m] is parameter 7."""
@@ -39,7 +44,7 @@ class Command:
             z=message.z if as_int else message.param7,
             frame=message.frame if as_int else mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT,
             as_int=as_int,
-            sender=(message.get_srcSystem(), message.get_srcComponent()),
+            sender=sender_of(message),
         )
 
     def place(self) -> tuple[float, float] | None:

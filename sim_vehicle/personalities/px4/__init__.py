@@ -60,9 +60,6 @@ def _transfer(vehicle: Vehicle) -> Px4Transfer:
             vehicle.modes.mission_checked_s = vehicle.now + MISSION_CHECK_S
         mission.replace(vehicle.flight.pilot, items, current)
 
-    def set_current(index: int) -> None:
-        vehicle.set_current(index)
-
     return Px4Transfer(
         mission,
         vehicle.fence,
@@ -73,7 +70,7 @@ def _transfer(vehicle: Vehicle) -> Px4Transfer:
         send=vehicle.send,
         send_text=vehicle.send_text,
         replace=replace_mission,
-        set_current=set_current,
+        set_current=vehicle.set_current,
         changed=lambda kind: (
             _check_fence(vehicle, mission) if kind == mavlink.MAV_MISSION_TYPE_FENCE else None
         ),

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.vehicle.fence import CIRCLES, POLYGONS
 from sim_vehicle.vehicle.mission import Item
 
 # Accepted frame of an item with a position -> frame of this item in a download.
@@ -32,10 +33,8 @@ _WITH_POSITION = frozenset(
         mavlink.MAV_CMD_DO_SET_ROI_LOCATION,
         mavlink.MAV_CMD_CONDITION_GATE,
         mavlink.MAV_CMD_NAV_FENCE_RETURN_POINT,
-        mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION,
-        mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION,
-        mavlink.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION,
-        mavlink.MAV_CMD_NAV_FENCE_CIRCLE_EXCLUSION,
+        *POLYGONS,
+        *CIRCLES,
         mavlink.MAV_CMD_NAV_RALLY_POINT,
     }
 )

@@ -5,6 +5,7 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.personalities.px4.manoeuvres import on_follow_target
+from sim_vehicle.vehicle.command import sender_of
 from sim_vehicle.vehicle.interface import Vehicle
 from sim_vehicle.vehicle.receivers import COMMON_RECEIVERS, Receiver, origin_of
 
@@ -14,8 +15,7 @@ def _on_set_mode(vehicle: Vehicle, message: Any, now: float) -> None:
     has_mode = message.base_mode & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
     accepted = has_mode and vehicle.modes.set(message.custom_mode, now)
     result = mavlink.MAV_RESULT_ACCEPTED if accepted else mavlink.MAV_RESULT_TEMPORARILY_REJECTED
-    sender = (message.get_srcSystem(), message.get_srcComponent())
-    vehicle.sender.acknowledge(mavlink.MAV_CMD_DO_SET_MODE, result, 0, sender)
+    vehicle.sender.acknowledge(mavlink.MAV_CMD_DO_SET_MODE, result, 0, sender_of(message))
 
 
 def _on_set_origin(vehicle: Vehicle, message: Any, now: float) -> None:
@@ -30,8 +30,7 @@ def _on_set_origin(vehicle: Vehicle, message: Any, now: float) -> None:
 def _on_ping(vehicle: Vehicle, message: Any, _now: float) -> None:
     """Answer a PING without a target."""
     if message.target_system == message.target_component == 0:
-        sender = (message.get_srcSystem(), message.get_srcComponent())
-        vehicle.send(mavlink.MAVLink_ping_message(message.time_usec, message.seq, *sender))
+        vehicle.send(mavlink.MAVLink_ping_message(message.time_usec, message.seq, *sender_of(message)))
 
 
 RECEIVERS: dict[str, Receiver] = COMMON_RECEIVERS | {

@@ -13,6 +13,7 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.epoch import EPSILON_S
+from sim_vehicle.vehicle.command import sender_of
 from sim_vehicle.vehicle.injected_faults import MissionRefusal
 from sim_vehicle.vehicle.mission import Item
 from sim_vehicle.vehicle.transfer.stores import Store
@@ -23,7 +24,6 @@ from sim_vehicle.vehicle.transfer.wire import (
     count_message,
     item_from_message,
     item_message,
-    peer_of,
 )
 
 REQUEST_AGAIN_S = 1.0
@@ -204,9 +204,9 @@ class ArduPilotTransfer:
         store_item: Callable[[Item], Item | int],
         send: Send,
         send_text: SendText,
-        stored: Callable[[int, int], None] = lambda _kind, _total: None,
-        guided: Callable[[Item, bool], bool] = lambda _item, _altitude_only: False,
-        refusal: Callable[[], MissionRefusal | None] = lambda: None,
+        stored: Callable[[int, int], None],
+        guided: Callable[[Item, bool], bool],
+        refusal: Callable[[], MissionRefusal | None],
     ) -> None:
         self._send, self._guided, self._refusal, self._store_item = send, guided, refusal, store_item
         self.stores = stores
@@ -240,7 +240,7 @@ class ArduPilotTransfer:
 
     def receive(self, message: Any, now: float) -> None:
         """Process one message of the mission protocol at `now` [s]."""
-        peer, kind = peer_of(message), message.mission_type
+        peer, kind = sender_of(message), message.mission_type
         server = self._servers.get(kind)
         if server is None:
             self._send(ack_message(peer, int(mavlink.MAV_MISSION_UNSUPPORTED), kind))

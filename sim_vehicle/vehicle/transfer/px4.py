@@ -16,7 +16,8 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.epoch import EPSILON_S
-from sim_vehicle.vehicle.fence import POLYGONS, Fence
+from sim_vehicle.vehicle.command import sender_of
+from sim_vehicle.vehicle.fence import CIRCLES, POLYGONS, Fence
 from sim_vehicle.vehicle.home_and_rally import Rally
 from sim_vehicle.vehicle.injected_faults import MissionRefusal
 from sim_vehicle.vehicle.mission import Item, Mission
@@ -30,7 +31,6 @@ from sim_vehicle.vehicle.transfer.wire import (
     count_message,
     item_from_message,
     item_message,
-    peer_of,
 )
 
 REQUEST_AGAIN_S = 0.25
@@ -42,15 +42,7 @@ CRITICAL = int(mavlink.MAV_SEVERITY_CRITICAL)
 COMPONENTS = frozenset(
     {mavlink.MAV_COMP_ID_ALL, mavlink.MAV_COMP_ID_AUTOPILOT1, mavlink.MAV_COMP_ID_MISSIONPLANNER}
 )
-_NOT_IN_A_MISSION = frozenset(
-    {
-        mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION,
-        mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION,
-        mavlink.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION,
-        mavlink.MAV_CMD_NAV_FENCE_CIRCLE_EXCLUSION,
-        mavlink.MAV_CMD_NAV_RALLY_POINT,
-    }
-)
+_NOT_IN_A_MISSION = POLYGONS | CIRCLES | {mavlink.MAV_CMD_NAV_RALLY_POINT}
 _ABSOLUTE = (mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_INT)
 _RELATIVE = (mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT, mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT)
 _INT_FRAMES = (mavlink.MAV_FRAME_GLOBAL_INT, mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT)
@@ -94,9 +86,9 @@ class Px4Transfer:
         send: Callable[[Any], None],
         send_text: Callable[[int, str], None],
         replace: Callable[[list[Item], int], None],
-        set_current: Callable[[int], None],
-        changed: Callable[[int], None] = lambda _kind: None,
-        refusal: Callable[[], MissionRefusal | None] = lambda: None,
+        set_current: Callable[[int], object],
+        changed: Callable[[int], None],
+        refusal: Callable[[], MissionRefusal | None],
     ) -> None:
         self._mission = mission
         self._lists: dict[int, Mission | Fence | Rally] = {MISSION: mission, FENCE: fence, RALLY: rally}
@@ -154,7 +146,7 @@ class Px4Transfer:
             and message.target_system == self._sysid
             and message.target_component in COMPONENTS
         ):
-            handler(message, peer_of(message), now)
+            handler(message, sender_of(message), now)
 
     def tick(self, now: float) -> None:
         """Repeat requests, or end the transfer after a timeout, at `now` [s]."""

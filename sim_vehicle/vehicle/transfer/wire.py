@@ -46,10 +46,6 @@ class _MissionCount(_WithOpaqueId, mavlink.MAVLink_mission_count_message):  # ty
     pass
 
 
-def peer_of(message: Any) -> MissionPeer:
-    return message.get_srcSystem(), message.get_srcComponent()
-
-
 def ack_message(peer: MissionPeer, result: int, kind: int, opaque_id: int = 0) -> Any:
     """Return MISSION_ACK with a MAV_MISSION_RESULT."""
     message = _MissionAck(*peer, result, kind)
