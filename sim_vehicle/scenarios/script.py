@@ -94,9 +94,7 @@ class ScriptStation:
     on_frame: receiver of every whole message, in both directions.
     """
 
-    def __init__(
-        self, scenario: Scenario, *, on_frame: FrameSink = lambda _index, _frame, _now: None
-    ) -> None:
+    def __init__(self, scenario: Scenario, *, on_frame: FrameSink) -> None:
         self._on_frame = on_frame
         self.contacts = [Contact(spec) for spec in scenario.vehicles]
         self.failures: list[StepFailure] = []

@@ -147,12 +147,6 @@ def test_each_link_component_and_system_has_its_own_timestamp() -> None:
     assert not accepts(ours, sent_by(peer(timestamp=START + 5)), START)
 
 
-def test_the_own_time_follows_the_latest_received_timestamp_under_the_key() -> None:
-    ours = signing()
-    assert accepts(ours, sent_by(peer(timestamp=START + 1000)), START)
-    assert ours.sign(0, START).timestamp == START + 1001
-
-
 DAY = 24 * 3600 * TICKS_PER_S
 
 

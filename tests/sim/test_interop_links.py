@@ -238,9 +238,6 @@ def test_a_stalled_client_costs_bounded_memory_and_gets_whole_frames() -> None:
     assert numbers == sorted(set(numbers))
 
 
-# -- serial ------------------------------------------------------------------------------------------------
-
-
 # -- several at once, and nonsense -------------------------------------------------------------------------
 
 

@@ -85,6 +85,8 @@ def test_the_interval_of_a_message_is_reported_and_an_unknown_message_is_refused
     for message_id, result, interval_us in ((33, 0, 1_000_000), (46, 0, -1), (111, 4, 0), (4, 4, 0)):
         assert station.command(asked, message_id) == result
         assert station.of("MESSAGE_INTERVAL")[-1].interval_us == interval_us
+    assert station.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, 111, 1e6) == mavlink.MAV_RESULT_DENIED
+    assert station.command(mavlink.MAV_CMD_REQUEST_MESSAGE, 111) == mavlink.MAV_RESULT_FAILED
 
 
 # -- values --------------------------------------------------------------------------------------------------

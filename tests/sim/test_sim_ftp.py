@@ -296,6 +296,3 @@ def test_every_listed_entry_can_be_opened_after_any_operations(steps: list[Any])
             else:
                 assert len(tree.read(full)) == entry.size
     assert tree.read("etc/motd") == b"hello"
-
-
-# -- pymavlink's client --------------------------------------------------------------------------------

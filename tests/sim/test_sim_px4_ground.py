@@ -241,15 +241,13 @@ def test_calibration_progress_is_reported_in_texts() -> None:
 @given(st.integers(-(2**31), 2**31 - 1))
 def test_every_integer_is_stored_exactly(number: int) -> None:
     station = Px4Station()
-    payload_before = len(station.raw)
+    before = len(station.raw)
     wire = struct.pack("<i", number)
     message = mavlink.MAVLink_param_set_message(1, 1, b"COM_FLTMODE1", 0.0, mavlink.MAV_PARAM_TYPE_INT32)
-    frame = bytearray(message.pack(station.codec))
     # The value is the first field of the payload; a float variable would not keep every pattern.
-    payload = wire + bytes(frame[14:-2])
-    raw = mavlink.MAVLink_param_set_message(1, 1, b"COM_FLTMODE1", 0.0, mavlink.MAV_PARAM_TYPE_INT32)
-    station._take(station.fleet.receive(raw._pack(station.codec, raw.crc_extra, payload), 0.0))
-    assert wire.rstrip(b"\0") in station.raw[payload_before:]
+    payload = wire + bytes(message.pack(station.codec)[14:-2])
+    station._take(station.fleet.receive(message._pack(station.codec, message.crc_extra, payload), 0.0))
+    assert wire.rstrip(b"\0") in station.raw[before:]
 
 
 def test_the_list_begins_with_a_hash_that_changes_with_the_values() -> None:
@@ -306,18 +304,23 @@ def test_a_mission_with_a_distant_start_is_kept_and_not_flown() -> None:
     assert station.command(mavlink.MAV_CMD_MISSION_START) == ACCEPTED
 
 
-def test_the_list_ends_when_a_ground_station_sends_the_hash() -> None:
+def _listed(station: Px4Station) -> list[Any]:
+    """Request the parameter list; return the PARAM_VALUE messages that come at once."""
+    before = len(station.of("PARAM_VALUE"))
+    station.send(mavlink.MAVLink_param_request_list_message(1, 1))
+    return station.of("PARAM_VALUE")[before:]
+
+
+def _with_a_full_link() -> tuple[Px4Station, int]:
+    """Return a station whose last list has not ended, as its link is full, and the length of a whole list."""
     station = Px4Station()
+    whole = len(_listed(station))
+    assert any(len(_listed(station)) < whole for _ in range(100))
+    return station, whole
 
-    def listed() -> int:
-        before = len(station.of("PARAM_VALUE"))
-        station.send(mavlink.MAVLink_param_request_list_message(1, 1))
-        return len(station.of("PARAM_VALUE")) - before
 
-    whole = listed()
-    for _ in range(100):  # until the link has no room for more at a time
-        if listed() < whole:
-            break
+def test_the_list_ends_when_a_ground_station_sends_the_hash() -> None:
+    station, whole = _with_a_full_link()
     hash_value = struct.unpack("<f", struct.pack("<I", 0x1234))[0]
     station.send(
         mavlink.MAVLink_param_set_message(1, 1, b"_HASH_CHECK", hash_value, mavlink.MAV_PARAM_TYPE_UINT32)
@@ -325,17 +328,11 @@ def test_the_list_ends_when_a_ground_station_sends_the_hash() -> None:
     before = len(station.of("PARAM_VALUE"))
     station.wait(2.0)
     assert len(station.of("PARAM_VALUE")) == before
-    assert listed() == whole  # the next list is a new one
+    assert len(_listed(station)) == whole  # the next list is a new one
 
 
 def test_a_repeated_list_has_no_hash() -> None:
-    station = Px4Station()
-    for _ in range(100):
-        before = len(station.of("PARAM_VALUE"))
-        station.send(mavlink.MAVLink_param_request_list_message(1, 1))
-        listed_values = station.of("PARAM_VALUE")[before:]
-        if not listed_values or listed_values[-1].param_index + 1 < listed_values[-1].param_count:
-            break
+    station, _ = _with_a_full_link()
     before = len(station.of("PARAM_VALUE"))
     station.send(mavlink.MAVLink_param_request_list_message(1, 1))
     station.wait(2.0)

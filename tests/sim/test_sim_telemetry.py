@@ -19,17 +19,7 @@ ONLY_PX4 = {
     mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION,
     mavlink.MAVLINK_MSG_ID_ODOMETRY,
 }
-NOT_ARDUPILOTS = ONLY_PX4 | {
-    mavlink.MAVLINK_MSG_ID_ALTITUDE,
-    mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS,
-    mavlink.MAVLINK_MSG_ID_TIMESYNC,
-    mavlink.MAVLINK_MSG_ID_WIND_COV,
-    380,  # TIME_ESTIMATE_TO_TARGET
-    411,  # CURRENT_EVENT_SEQUENCE
-    436,  # CURRENT_MODE
-}
 ONLY_WITH_HOSTILES = mavlink.MAVLINK_MSG_ID_NAMED_VALUE_INT
-WITHOUT_A_SENSOR = mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR
 ASKED_FOR = (firmware.ALWAYS | firmware.COPTER_ONLY | firmware.NOT_IN_MANUAL) - {
     mavlink.MAVLINK_MSG_ID_HEARTBEAT,
     mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
@@ -63,20 +53,6 @@ def test_each_message_has_the_requested_rate_and_can_be_stopped(
     assert len(rate) == pytest.approx(50, abs=1)
     assert station.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, -1) == 0
     assert [m for m in station.wait(5) if m.get_msgId() == message_id] == []
-
-
-def test_the_stream_of_a_missing_sensor_is_accepted_and_stays_empty() -> None:
-    station = Station()
-    station.stream(WITHOUT_A_SENSOR, hz=5)
-    assert [m for m in station.wait(5) if m.get_msgId() == WITHOUT_A_SENSOR] == []
-
-
-@pytest.mark.autopilots("MAVSDK 5 telemetry")
-@pytest.mark.parametrize("message_id", sorted(NOT_ARDUPILOTS))
-def test_messages_unsupported_by_ardupilot_are_denied(message_id: int) -> None:
-    station = Station()
-    assert station.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, 1e6) == mavlink.MAV_RESULT_DENIED
-    assert station.command(mavlink.MAV_CMD_REQUEST_MESSAGE, message_id) == mavlink.MAV_RESULT_FAILED
 
 
 def test_landed_state_follows_the_flight() -> None:

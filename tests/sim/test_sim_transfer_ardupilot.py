@@ -20,7 +20,6 @@ from transfer_bench import (
     requests,
     results,
     square,
-    waypoints,
 )
 
 ACCEPTED, ERROR, UNSUPPORTED_FRAME, UNSUPPORTED, NO_SPACE = 0, 1, 2, 3, 4
@@ -245,9 +244,3 @@ def test_an_item_with_current_2_is_a_guided_target() -> None:
     assert results(bench.item(fields(0, current=2, command=2999))) == [UNSUPPORTED]
     assert bench.calls == [("guided", 20.0, False), ("guided", 20.0, False), ("guided", 33.0, True)]
     assert bench.mission.count == 0
-
-
-def test_ardupilot_has_no_mission_ids() -> None:
-    bench = ardupilot()
-    bench.upload(waypoints(3))
-    assert bench.machine.ids == (0, 0, 0)
