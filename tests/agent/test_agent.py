@@ -35,10 +35,7 @@ BOOTED = {"mode": "STABILIZE", "mode_role": "other", "armed": False, "time_boot_
 
 
 def waiting() -> Story:
-    story = Story()
-    story(ev.Ready())
-    story.swap()
-    story.accept()
+    story = Story().standby()
     story.over((4, 0), mode="GUIDED", mode_role="hold", armed=False)
     return story
 
@@ -80,8 +77,7 @@ def test_a_ready_vehicle_gets_its_mission_and_is_launched() -> None:
 def test_a_first_sighting_is_published_once() -> None:
     story = Story().flying()
     effects = story(ev.Observed(((4, 0, False), (4, 1, True))))
-    (message,) = publications(effects)
-    assert isinstance(message, Observation)
+    (message,) = publications(effects, Observation)
     assert (message.observer, message.seq) == (1, 1)
     assert message.cells == ((4, 0, False), (4, 1, True))
     assert story(ev.Observed(((4, 0, False), (4, 1, True)))) == []
@@ -90,8 +86,7 @@ def test_a_first_sighting_is_published_once() -> None:
 def test_a_received_observation_is_not_published_again() -> None:
     story = Story().flying()
     story.hear((4, 1, True))
-    (message,) = publications(story(ev.Observed(((4, 1, True), (5, 1, False)))))
-    assert isinstance(message, Observation)
+    (message,) = publications(story(ev.Observed(((4, 1, True), (5, 1, False)))), Observation)
     assert message.cells == ((5, 1, False),)
 
 
@@ -311,10 +306,7 @@ def test_an_order_not_followed_is_repeated() -> None:
 
 
 def test_a_vehicle_armed_by_another_operator_is_not_launched() -> None:
-    story = Story()
-    story(ev.Ready())
-    story.swap()
-    story.accept()
+    story = Story().standby()
     assert without_messages(story.over((4, 0), mode="LOITER", mode_role="other")) == [ev.Release()]
     assert story(ev.OperatorCommand(ev.FlightOrder.LAUNCH)) == []
 
@@ -330,10 +322,8 @@ def test_a_vehicle_tells_the_swarm_that_its_launch_has_failed() -> None:
     story.over((4, 0), armed=False, landed=Landed.ON_GROUND)
     effects = story(ev.OrderFailed(ev.FlightOrder.LAUNCH, "no acknowledgement"))
     assert story.state.phase is Phase.FAILED
-    told = [e.message for e in effects if isinstance(e, ev.Publish)]
-    assert [(m.phase, m.outcome) for m in told if isinstance(m, StateShared)] == [
-        (Phase.FAILED, story.state.outcome)
-    ]
+    (told,) = publications(effects, StateShared)
+    assert (told.phase, told.outcome) == (Phase.FAILED, story.state.outcome)
 
 
 @pytest.mark.parametrize("order", [ev.FlightOrder.HOLD, ev.FlightOrder.RETURN])
@@ -360,10 +350,7 @@ def test_a_launch_aborted_before_arming_ends_with_the_landing_mode() -> None:
 
 
 def test_a_vehicle_that_reboots_on_the_ground_is_prepared_again() -> None:
-    story = Story()
-    story(ev.Ready())
-    story.swap()
-    story.accept()
+    story = Story().standby()
     story(ev.Rebooted())
     assert story.state.phase is Phase.WAITING
     assert story(ev.OperatorCommand(ev.FlightOrder.LAUNCH)) == []
@@ -543,7 +530,7 @@ def test_the_state_is_shared_about_once_a_second_by_the_vehicles_clock() -> None
     shared = 0
     for tenth in range(100, 150):
         effects = story.over((4, 1), time_boot_s=tenth / 10)
-        shared += sum(isinstance(m, StateShared) for m in publications(effects))
+        shared += len(publications(effects, StateShared))
     assert shared == 5
 
 
@@ -628,8 +615,6 @@ def test_a_repeated_position_adds_no_distance_and_is_not_shared() -> None:
         story.state.flown.cells,
         story.state.vehicle.time_boot_s,
     )
-    effects_of_each = [story.over((4, 1), time_boot_s=boot_s, position_s=boot_s) for _ in range(3)]
+    effects = [e for _ in range(3) for e in story.over((4, 1), time_boot_s=boot_s, position_s=boot_s)]
     assert (story.state.flown.length_m, story.state.flown.cells) == (flown_m, cells)
-    assert not any(
-        isinstance(message, StateShared) for effects in effects_of_each for message in publications(effects)
-    )
+    assert publications(effects, StateShared) == []

@@ -7,18 +7,17 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from agent_stories import GRID, MID_M, codes, operator_texts, orders, publications
+from agent_stories import AMSL_M, GRID, MID_M, codes, intent_path, operator_texts, orders, publications
 from collision_stories import ApproachStory
 from msgspec import structs
 
 from swarmctl.agent.failsafes.base import Fence
 from swarmctl.agent.phases import Phase
-from swarmctl.agent.replan.swap_times import SwapTimes
 from swarmctl.agent.traffic.own_flight import planned_flight
 from swarmctl.agent.traffic.prediction import silent_neighbours
 from swarmctl.agent.traffic.separation.watch import AvoidanceAction
 from swarmctl.core import events as ev
-from swarmctl.core.frames import IntentPoint, IntentShared, StateShared
+from swarmctl.core.frames import IntentShared, StateShared
 from swarmctl.core.vehicle import Landed
 from swarmctl.report.separation import SeparationStatistics
 
@@ -26,7 +25,7 @@ STILL: dict[str, Any] = {"ground_speed_m_s": 0.0, "east_m_s": 0.0, "mode": "GUID
 
 
 def acknowledged(effects: list[ev.Effect]) -> tuple[int, ...]:
-    (state,) = (message for message in publications(effects) if isinstance(message, StateShared))
+    (state,) = publications(effects, StateShared)
     return state.hears
 
 
@@ -144,7 +143,7 @@ def test_a_vehicle_on_the_ground_shares_no_alarm() -> None:
     story.crossing(1)
     story.at(125.0)
     down = {"armed": False, "landed": Landed.ON_GROUND}
-    (shared,) = (m for m in publications(story.at(126.0, **down)) if isinstance(m, StateShared))
+    (shared,) = publications(story.at(126.0, **down), StateShared)
     assert "vehicle 1" not in shared.trouble
 
 
@@ -268,10 +267,7 @@ def test_a_vehicle_in_the_way_of_one_that_cannot_give_way_climbs_at_once() -> No
     story, still = ApproachStory(), {**STILL, "alt_amsl_m": 330.0}
     story.stopped()
     story.at(160.0, **still)
-    path = tuple(
-        IntentPoint(in_s, *GRID.frame.to_geodetic(160.0, MID_M[1] - away_m), 330.0)
-        for in_s, away_m in ((0.0, 120.0), (24.0, -120.0))
-    )
+    path = intent_path((0.0, 160.0, MID_M[1] - 120.0, AMSL_M), (24.0, 160.0, MID_M[1] + 120.0, AMSL_M))
     story.told(intents=((3, 0.0, IntentShared(1, path, may_change=False)),))
     story.other(1, 185.0, MID_M[1], (0.0, 0.0, 0.0))
     assert codes(story.at(160.0, **still))[0] == "resumes-higher"
@@ -284,7 +280,7 @@ def test_a_vehicle_in_the_way_of_one_that_cannot_give_way_climbs_at_once() -> No
 def test_two_vehicles_in_hold_within_the_limits_separate_by_a_climb_on_the_spot() -> None:
     story, away_m = ApproachStory(), 8.0
     story.stopped()
-    story.state = replace(story.state, plans=replace(story.state.plans, swap_times=SwapTimes((4.0,), (0.0,))))
+    story.swaps_took(4.0)
     found = []
     for _ in range(4):
         story.other(1, 160.0 + away_m, MID_M[1], (0.0, 0.0, 0.0))

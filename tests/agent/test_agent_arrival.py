@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import pytest
-from agent_stories import GRID, Story, orders
+from agent_stories import GRID, MID_M, Story, orders, publications, swaps
 
 from swarmctl.agent.arrival import simultaneous
 from swarmctl.agent.arrival.common_time import UNKNOWN_M_S, ArrivalGroup
 from swarmctl.agent.replan.swap_times import SwapHistory
 from swarmctl.core import events as ev
 from swarmctl.core.frames import StateShared
-
-ROW_M = GRID.centre_m((4, 4))[1]
 
 
 class ArrivalStory(Story):
@@ -24,13 +21,8 @@ class ArrivalStory(Story):
         super().__init__(uav=uav, w=w, arrival_group=ArrivalGroup({1: 0, 2: 1}, **simultaneous))
         self.flying()
 
-    def at(self, east_m: float, **changes: Any) -> list[ev.Effect]:
-        lat_deg, lon_deg = GRID.frame.to_geodetic(east_m, ROW_M)
-        motion = {"lat_deg": lat_deg, "lon_deg": lon_deg, "ground_speed_m_s": 10.0, "east_m_s": 10.0}
-        return self.over((4, 0), **{**motion, **changes})
-
     def other(self, earliest_in_s: float | None, uav: int = 2) -> None:
-        lat_deg, lon_deg = GRID.frame.to_geodetic(5000.0, ROW_M)
+        lat_deg, lon_deg = GRID.frame.to_geodetic(5000.0, MID_M[1])
         shared = StateShared(1.0, lat_deg, lon_deg, 30.0, "flying", 0, 0, earliest_in_s=earliest_in_s)
         self.tell(neighbours=((uav, shared),))
 
@@ -41,8 +33,7 @@ def speeds(effects: list[ev.Effect]) -> list[float]:
 
 def test_a_single_vehicle_flies_at_full_speed_and_reports_its_earliest_arrival() -> None:
     story = ArrivalStory()
-    (message,) = (e.message for e in story.at(100.0) if isinstance(e, ev.Publish))
-    assert isinstance(message, StateShared)
+    (message,) = publications(story.at(100.0), StateShared)
     # 300 m to the edge of the goal cell at 10 m/s; the braking for the landing is inside the cell.
     assert message.earliest_in_s == pytest.approx(30.0, abs=0.5)
     assert speeds(story.effects) == []
@@ -137,7 +128,7 @@ def test_a_refused_full_speed_is_set_again() -> None:
 
 
 def next_swap(story: ArrivalStory) -> ev.SwapMission | None:
-    return next((effect for effect in story.tick() if isinstance(effect, ev.SwapMission)), None)
+    return next(iter(swaps(story.tick())), None)
 
 
 def test_an_early_vehicle_takes_a_safer_route() -> None:

@@ -10,7 +10,18 @@ from typing import Any
 
 import numpy as np
 import pytest
-from agent_stories import AMSL_M, GRID, MID_M, Story, codes, operator_texts, orders, publications
+from agent_stories import (
+    AMSL_M,
+    GRID,
+    MID_M,
+    Story,
+    codes,
+    intent_path,
+    operator_texts,
+    orders,
+    publications,
+    swaps,
+)
 from hypothesis import Phase as HypothesisPhase
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
@@ -28,14 +39,14 @@ from swarmctl.agent.traffic.separation.clash import TIME_TOLERANCE_S, find_clash
 from swarmctl.agent.traffic.separation.trajectory import Trajectory, until_landing
 from swarmctl.agent.traffic.separation.watch import AvoidanceAction, SeparationRules
 from swarmctl.core import events as ev
-from swarmctl.core.frames import IntentPoint, IntentShared, StateShared
+from swarmctl.core.frames import IntentShared, StateShared
 from swarmctl.core.observation import Observation
 
 PHASES = (HypothesisPhase.explicit, HypothesisPhase.reuse, HypothesisPhase.generate)
 
 
 def intents(effects: list[ev.Effect]) -> list[IntentShared]:
-    return [message for message in publications(effects) if isinstance(message, IntentShared)]
+    return publications(effects, IntentShared)
 
 
 class IntentStory(Story):
@@ -46,17 +57,12 @@ class IntentStory(Story):
         self.flying()
         self.at(75.0)
 
-    def at(self, east_m: float, **changes: Any) -> list[ev.Effect]:
-        lat_deg, lon_deg = GRID.frame.to_geodetic(east_m, MID_M[1])
-        here = {"lat_deg": lat_deg, "lon_deg": lon_deg, "ground_speed_m_s": 10.0, "east_m_s": 10.0}
-        return self.over((4, 1), **{**here, "alt_amsl_m": AMSL_M, **changes})
-
     def other(
         self, uav: int, *points: tuple[float, float, float], age_s: float = 0.0, **changes: Any
     ) -> list[ev.Effect]:
         """Receive an intent of vehicle `uav`: points (seconds from then, east, north), at the same height."""
         up_m, changes["age_s"] = changes.pop("up_m", 0.0), changes.pop("message_age_s", 0.0)
-        path = tuple(IntentPoint(t, *GRID.frame.to_geodetic(e, n), AMSL_M + up_m) for t, e, n in points)
+        path = intent_path(*((t, e, n, AMSL_M + up_m) for t, e, n in points))
         return self.told(intents=((uav, age_s, IntentShared(1, path, **changes)),))
 
     def crossing(self, uav: int, **changes: Any) -> list[ev.Effect]:
@@ -137,7 +143,7 @@ def report_hostile_ahead(story: IntentStory) -> list[ev.Effect]:
 
 
 def heights(effects: list[ev.Effect]) -> list[float]:
-    return [e.plan.landing.alt_rel_m for e in effects if isinstance(e, ev.SwapMission)]
+    return [swap.plan.landing.alt_rel_m for swap in swaps(effects)]
 
 
 def test_a_new_plan_without_conflict_is_uploaded_and_announced() -> None:
@@ -286,10 +292,9 @@ def test_the_higher_system_id_gives_way_and_a_fixed_plan_has_priority(
 def test_a_landing_already_begun_has_priority(may_change: bool, gives_way: bool) -> None:
     """The height of a vehicle en route is known, but not the time of its descent."""
     story, (east_m, north_m) = IntentStory(), (MID_M[0], MID_M[1] + 5.0)
-    place = GRID.frame.to_geodetic(east_m, north_m)
     in_s = (east_m - 75.0) / 10.0
     down = [(0.0, 8.0), (in_s - 4.0, 8.0), (in_s + 1.0, 0.0), (in_s + 30.0, -30.0)]
-    points = tuple(IntentPoint(t, *place, AMSL_M + up_m) for t, up_m in down)
+    points = intent_path(*((t, east_m, north_m, AMSL_M + up_m) for t, up_m in down))
     effects = story.told(intents=((1, 0.0, IntentShared(1, points, may_change=may_change)),))
     assert ("route-conflict" in codes(effects)) is gives_way
 
@@ -450,7 +455,7 @@ NOWHERE: dict[str, Any] = {"lat_deg": None, "lon_deg": None, "alt_rel_m": None, 
 
 
 def states(effects: list[ev.Effect]) -> list[StateShared]:
-    return [message for message in publications(effects) if isinstance(message, StateShared)]
+    return publications(effects, StateShared)
 
 
 def without_position(seconds: int) -> tuple[IntentStory, list[ev.Effect]]:

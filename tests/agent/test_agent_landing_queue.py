@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from agent_stories import GRID, Story, codes, orders, publications
+from agent_stories import GRID, Story, codes, intent_path, operator_texts, orders, publications, swaps
 
 from swarmctl.agent.failsafes import low_battery
 from swarmctl.agent.failsafes.base import ActiveRule
@@ -15,7 +15,7 @@ from swarmctl.agent.traffic.route_hold import hold
 from swarmctl.agent.traffic.separation.watch import SeparationRules
 from swarmctl.agent.traffic.wait import GOES_SECOND_AFTER_S, PASSES_WITHIN_S, RULES, WaitFor
 from swarmctl.core import events as ev
-from swarmctl.core.frames import IntentPoint, IntentShared, StateShared
+from swarmctl.core.frames import IntentShared, StateShared
 from swarmctl.core.vehicle import Landed
 
 HOME_AMSL_M = 300.0
@@ -24,14 +24,6 @@ SPOT_M = GRID.centre_m(GOAL)
 """Landing spot of vehicle 2, alone in its cell, as (east, north) [m]."""
 STILL: dict[str, Any] = {"ground_speed_m_s": 0.0, "east_m_s": 0.0}
 HOLDS: dict[str, Any] = {**STILL, "mode": "GUIDED", "mode_role": "hold"}
-
-
-def operator_texts(effects: list[ev.Effect]) -> list[str]:
-    return [effect.text for effect in effects if isinstance(effect, ev.NotifyOperator)]
-
-
-def swaps(effects: list[ev.Effect]) -> list[ev.SwapMission]:
-    return [effect for effect in effects if isinstance(effect, ev.SwapMission)]
 
 
 class LandingStory(Story):
@@ -51,11 +43,8 @@ class LandingStory(Story):
     def other(self, uav: int, *points: tuple[float, float, float], **changes: Any) -> None:
         """Send an intent of vehicle `uav`, also over the goal: points (seconds from now, metres east of
         the landing spot, height above home)."""
-        path = tuple(
-            IntentPoint(t, *GRID.frame.to_geodetic(SPOT_M[0] + east_m, SPOT_M[1]), HOME_AMSL_M + up_m)
-            for t, east_m, up_m in points
-        )
-        intent = IntentShared(1, path, **{"may_change": False, **changes})
+        path = ((t, SPOT_M[0] + east_m, SPOT_M[1], HOME_AMSL_M + up_m) for t, east_m, up_m in points)
+        intent = IntentShared(1, intent_path(*path), **{"may_change": False, **changes})
         self.tell(intents=((uav, 0.0, intent),))
 
     def passing_below(self, uav: int = 1, in_s: float = 6.0, up_m: float = 22.0, **changes: Any) -> None:
@@ -86,7 +75,7 @@ def test_the_higher_vehicle_waits_over_its_landing_spot() -> None:
     assert orders(effects) == [ev.FlightOrder.HOLD]
     assert codes(effects) == ["landing-queue"]
     assert "vehicle 1 " in operator_texts(effects)[0]
-    (intent,) = (message for message in publications(effects) if isinstance(message, IntentShared))
+    (intent,) = publications(effects, IntentShared)
     assert {round(point.alt_amsl_m, 1) for point in intent.points} == {HOME_AMSL_M + 30.0}
     assert (story.state.conflicts.counts.predicted, story.state.conflicts.counts.by_waiting) == (1, 1)
 
@@ -102,7 +91,7 @@ def test_a_conflict_of_the_descent_stops_the_vehicle_near_its_landing_spot() -> 
 
 
 def test_a_landing_is_announced_at_once_as_fixed() -> None:
-    (intent,) = (m for m in publications(LandingStory().at(10.0)) if isinstance(m, IntentShared))
+    (intent,) = publications(LandingStory().at(10.0), IntentShared)
     assert not intent.may_change
 
 
@@ -110,7 +99,7 @@ def test_a_flight_over_the_landing_spot_is_announced_to_the_end_of_its_route_bef
     story = LandingStory(landing_index=0, landing_count=2)
     before_m = SPOT_M[0] - GRID.frame.to_local(*story.state.task.landing_spot(GOAL))[0]
     story.at(before_m + 10.0)
-    (intent,) = (m for m in publications(story.at(before_m)) if isinstance(m, IntentShared))
+    (intent,) = publications(story.at(before_m), IntentShared)
     flown_m = [GRID.frame.to_local(point.lat_deg, point.lon_deg)[0] for point in intent.points]
     assert before_m == pytest.approx(6.0, abs=0.1)
     assert max(flown_m) == pytest.approx(SPOT_M[0], abs=0.1)
@@ -120,7 +109,7 @@ def test_a_flight_over_the_landing_spot_is_announced_to_the_end_of_its_route_bef
 def test_a_descent_is_announced_from_the_landing_spot_on() -> None:
     story = LandingStory()
     story.at(3.0)
-    (intent,) = (m for m in publications(story.at(0.5)) if isinstance(m, IntentShared))
+    (intent,) = publications(story.at(0.5), IntentShared)
     assert intent.points[1].alt_amsl_m < intent.points[0].alt_amsl_m
 
 
@@ -176,8 +165,7 @@ def test_at_one_height_the_higher_system_id_waits(uav: int, waits: bool) -> None
     story.at(30.0)
     story.other(uav, (0.0, 6.0, 30.0), (30.0, 6.0, 30.0))
     effects = story.at(24.0, ground_speed_m_s=8.0, east_m_s=8.0)
-    notes = [effect.text for effect in effects if isinstance(effect, ev.NotifyOperator)]
-    assert any(note.endswith("[landing-queue]") for note in notes) is waits
+    assert ("landing-queue" in codes(effects)) is waits
 
 
 def test_a_copter_with_a_clear_descent_lands_on_its_spot() -> None:

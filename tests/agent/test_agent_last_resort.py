@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from agent_stories import GRID, MID_M, codes, orders
+from agent_stories import AMSL_M, MID_M, codes, intent_path, orders
 from collision_stories import ApproachStory
 
 from swarmctl.core import events as ev
-from swarmctl.core.frames import IntentPoint, IntentShared
+from swarmctl.core.frames import IntentShared
 
 
 def test_a_vehicle_stops_in_time_if_its_follower_can_stop_too() -> None:
@@ -22,18 +22,17 @@ def test_a_vehicle_stops_in_time_if_its_follower_can_stop_too() -> None:
 def test_a_vehicle_does_not_stop_where_a_faster_one_is_about_to_pass_by_its_announced_flight() -> None:
     story, east_m = ApproachStory(), 150.0
     story.other(1, east_m - 35.0, MID_M[1] + 9.0, (14.0, -1.8, 0.0))
-    path = (0.0, east_m - 35.0, MID_M[1] + 9.0), (2.9, east_m + 5.0, MID_M[1] + 4.0), (6.0, east_m, 300.0)
-    points = tuple(IntentPoint(t, *GRID.frame.to_geodetic(east, north), 330.0) for t, east, north in path)
-    story.tell(intents=((1, 0.0, IntentShared(1, points)),))
+    here = (0.0, east_m - 35.0, MID_M[1] + 9.0, AMSL_M)
+    path = intent_path(here, (2.9, east_m + 5.0, MID_M[1] + 4.0, AMSL_M), (6.0, east_m, 300.0, AMSL_M))
+    story.tell(intents=((1, 0.0, IntentShared(1, path)),))
     slow = {"ground_speed_m_s": 3.5, "east_m_s": 3.5}
     assert orders(story.at(east_m, **slow)) == []
 
 
 def test_a_vehicle_that_reports_a_wait_has_stopped_although_its_announced_flight_was_lost() -> None:
     story, ahead_m = ApproachStory(), 45.0
-    path = (0.0, 100.0 + ahead_m), (30.0, 400.0 + ahead_m)
-    points = tuple(IntentPoint(t, *GRID.frame.to_geodetic(east, MID_M[1]), 330.0) for t, east in path)
-    story.tell(intents=((1, 0.0, IntentShared(1, points)),))
+    path = intent_path((0.0, 100.0 + ahead_m, MID_M[1], AMSL_M), (30.0, 400.0 + ahead_m, MID_M[1], AMSL_M))
+    story.tell(intents=((1, 0.0, IntentShared(1, path)),))
     assert orders(story.at(100.0)) == []
     story.other(1, 100.0 + ahead_m, MID_M[1], (10.0, 0.0, 0.0))
     assert orders(story.at(110.0)) == []

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from agent_stories import Story, codes, orders
+from agent_stories import Story, answers, codes, orders
 
 from swarmctl.agent.own_modes import ROLE_OF_ORDER
 from swarmctl.agent.phases import Phase
@@ -73,17 +73,9 @@ def test_late_telemetry_shows_no_other_operators_mode_and_no_arrival() -> None:
 GROUND = {"armed": False, "mode": "GUIDED", "mode_role": "hold"}
 
 
-def ready_to_launch() -> Story:
-    story = Story()
-    story(ev.Ready())
-    story.swap()
-    story.accept()
-    return story
-
-
 def test_a_launch_waits_for_recent_telemetry() -> None:
     """The process orders its own launch once, so this order stays."""
-    story = ready_to_launch()
+    story = Story().standby()
     story.over((4, 0), **GROUND, delay_s=8.0)
     assert orders(story(ev.OperatorCommand(ev.FlightOrder.LAUNCH))) == []
     assert orders(story.over((4, 0), **GROUND, delay_s=8.0)) == []
@@ -97,7 +89,7 @@ def test_an_operators_order_to_fly_on_is_refused_while_telemetry_is_late(
 ) -> None:
     """The operator may have stopped watching the vehicle when telemetry recovers."""
     if order is ev.FlightOrder.LAUNCH:
-        story = ready_to_launch()
+        story = Story().standby()
         story.over((4, 0), **GROUND, delay_s=delay_s)
     else:
         story = Story().flying()
@@ -105,7 +97,7 @@ def test_an_operators_order_to_fly_on_is_refused_while_telemetry_is_late(
         story(ev.OrderDone(ev.FlightOrder.HOLD))
         story.over((4, 3), mode="GUIDED", mode_role="hold", delay_s=delay_s)
     phase = story.state.phase
-    (answer,) = (e.answer for e in story(ev.OperatorCommand(order, 2)) if isinstance(e, ev.Answer))
+    (answer,) = answers(story(ev.OperatorCommand(order, 2)))
     assert answer.outcome == outcome
     assert (story.state.phase is phase) is (outcome == "refused")
 

@@ -6,13 +6,24 @@ import re
 from typing import Any
 
 import pytest
-from agent_stories import AMSL_M, GRID, MID_M, Story, codes, operator_texts, orders, publications
+from agent_stories import (
+    AMSL_M,
+    GRID,
+    MID_M,
+    Story,
+    answers,
+    codes,
+    intent_path,
+    operator_texts,
+    orders,
+    publications,
+)
 
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.traffic.prediction import MAX_AGE_S
 from swarmctl.agent.traffic.wait import RULES, WaitFor
 from swarmctl.core import events as ev
-from swarmctl.core.frames import IntentPoint, IntentShared
+from swarmctl.core.frames import IntentShared
 
 LONGEST_S = RULES[WaitFor.FIRST_ROUTE].longest_s
 
@@ -31,9 +42,7 @@ class OnGround(Story):
 
     def __init__(self, **changes: Any) -> None:
         super().__init__(uav=2, **changes)
-        self(ev.Ready())
-        self.swap()
-        self.accept()
+        self.standby()
         self.wait_on_ground()
 
     def wait_on_ground(self) -> list[ev.Effect]:
@@ -41,9 +50,7 @@ class OnGround(Story):
 
     def other(self, *points: tuple[float, float, float, float]) -> list[ev.Effect]:
         """Receive an intent of vehicle 7: points (seconds from then, east, north, up above home)."""
-        path = tuple(
-            IntentPoint(t, *GRID.frame.to_geodetic(e, n), AMSL_M - 30.0 + up) for t, e, n, up in points
-        )
+        path = intent_path(*((t, e, n, AMSL_M - 30.0 + up) for t, e, n, up in points))
         return self.told(intents=((7, 0.0, IntentShared(1, path)),))
 
     def hovers(self) -> list[ev.Effect]:
@@ -77,7 +84,7 @@ def test_a_conflict_keeps_the_vehicle_on_the_ground_and_is_reported_once(command
     assert "vehicle 7 " in text
     assert "180 s" in text
     assert ("`order launch --uav 2 --ignore 7`" in text) is (command is not None)
-    assert [e.answer.note for e in effects if isinstance(e, ev.Answer)] == [text] * (command is not None)
+    assert [answer.note for answer in answers(effects)] == [text] * (command is not None)
     assert operator_texts(story.wait_on_ground()) == []
     effects = story.other((0.0, *MID_M, 30.0), (60.0, *MID_M, 200.0))
     assert orders(effects) == [LAUNCH]
@@ -183,7 +190,7 @@ def test_a_conflict_before_arming_makes_the_vehicle_wait(command: int | None) ->
     assert orders(effects) == []
     assert codes(effects) == ["launch-waits"]
     assert "180 s" in operator_texts(effects)[0]
-    assert [m.points for m in publications(effects) if isinstance(m, IntentShared)] == [()]
+    assert [intent.points for intent in publications(effects, IntentShared)] == [()]
     assert orders(story.wait_on_ground()) == []
     effects = story.other((0.0, *MID_M, 30.0), (60.0, *MID_M, 200.0))
     assert orders(effects) == [LAUNCH]
@@ -226,7 +233,7 @@ def test_one_launch_order_arms_once(command: int | None, phase: Phase) -> None:
 )
 def test_of_simultaneous_launches_the_higher_system_id_waits(uav: int, may_change: bool, waits: bool) -> None:
     """If both waited, none would fly. A vehicle that is armed already goes first."""
-    path = tuple(IntentPoint(t, *GRID.frame.to_geodetic(*MID_M), AMSL_M) for t in (0.0, 120.0))
+    path = intent_path((0.0, *MID_M, AMSL_M), (120.0, *MID_M, AMSL_M))
     announced = ((uav, 0.0, IntentShared(1, path, may_change=may_change, on_ground=True)),)
     story = OnGround()
     story.ordered()
@@ -242,7 +249,7 @@ def test_take_off_is_announced_before_and_after() -> None:
     story.ordered()
 
     def announced() -> list[bool]:
-        return [m.on_ground for m in publications(story.effects) if isinstance(m, IntentShared)]
+        return [intent.on_ground for intent in publications(story.effects, IntentShared)]
 
     story.wait_on_ground()
     assert announced() == [True]
@@ -270,8 +277,8 @@ def test_a_vehicle_can_be_ignored_during_the_launch() -> None:
     assert orders(story.ordered()) == [LAUNCH]
     story.hovers()
     assert story.state.launch.conflict
-    (note,) = (e.answer.note for e in story.ordered(2, ignore=(7,)) if isinstance(e, ev.Answer))
-    assert note.endswith("[launching]")
+    (answer,) = answers(story.ordered(2, ignore=(7,)))
+    assert answer.note.endswith("[launching]")
     assert story.state.launch.conflict == ""
 
 
@@ -293,9 +300,9 @@ def test_a_repeated_order_does_not_restart_the_wait() -> None:
         story.wait_on_ground()
     effects = story.ordered()
     assert orders(effects) == []
-    (note,) = (e.answer.note for e in effects if isinstance(e, ev.Answer))
-    assert "vehicle 7 " in note
-    left_s = float(re.findall(r"(\d+) s", note)[-1])
+    (answer,) = answers(effects)
+    assert "vehicle 7 " in answer.note
+    left_s = float(re.findall(r"(\d+) s", answer.note)[-1])
     assert left_s == pytest.approx(LONGEST_S - 60.0, abs=4.0)
 
 

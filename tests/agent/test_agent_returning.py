@@ -10,7 +10,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from agent_stories import AMSL_M, GRID, Story, codes, operator_texts, orders, publications
+from agent_stories import AMSL_M, GRID, Story, answers, codes, operator_texts, orders, publications
 from recall_stories import gathering
 from trouble import Trouble, fly_with
 
@@ -67,7 +67,7 @@ class ReturnStory(Story):
 
 
 def shared(effects: list[ev.Effect]) -> StateShared:
-    (state,) = (message for message in publications(effects) if isinstance(message, StateShared))
+    (state,) = publications(effects, StateShared)
     return state
 
 
@@ -342,7 +342,7 @@ def test_an_operators_order_takes_precedence() -> None:
     story = waiting()
     assert orders(story(ev.OperatorCommand(RETURN, 1))) == [RETURN]
     again = waiting()
-    (answer,) = (e.answer for e in again(ev.OperatorCommand(HOLD, 1)) if isinstance(e, ev.Answer))
+    (answer,) = answers(again(ev.OperatorCommand(HOLD, 1)))
     assert answer.note.endswith("[return-cancelled]")
     assert "23 %" in answer.note
     again.goes_home(3, phase="done", returns_to=None)
@@ -351,7 +351,7 @@ def test_an_operators_order_takes_precedence() -> None:
 
 def recall(story: ReturnStory, after_s: float = 120.0) -> tuple[list[ev.FlightOrder], VehicleAnswer]:
     effects = story(ev.OperatorCommand(RETURN, 7, after_s))
-    (answer,) = (e.answer for e in effects if isinstance(e, ev.Answer))
+    (answer,) = answers(effects)
     return orders(effects), answer
 
 
@@ -378,7 +378,7 @@ def test_a_recall_does_not_stop_a_landing_by_low_battery(command: int | None, af
     assert orders(story.at(9)) == [LAND]
     effects = story(ev.OperatorCommand(RETURN, command, after_s))
     assert orders(effects) == []
-    for answer in (e.answer for e in effects if isinstance(e, ev.Answer)):
+    for answer in answers(effects):
         assert answer.outcome == "refused"
         assert answer.note.endswith("[failsafe-landing]")
         assert "9 %" in answer.note

@@ -45,10 +45,8 @@ class StopStory(Story):
         self.at(75.0)
 
     def at(self, east_m: float, speed_m_s: float = 10.0, **changes: Any) -> list[ev.Effect]:
-        lat_deg, lon_deg = GRID.frame.to_geodetic(east_m, ROW_M)
-        here = {"lat_deg": lat_deg, "lon_deg": lon_deg, "alt_amsl_m": 330.0}
         moves = {"ground_speed_m_s": speed_m_s, "east_m_s": speed_m_s, "brakes_m_s2": self.brakes_m_s2}
-        return self.over((4, 1), **{**here, **moves, **changes})
+        return super().at(east_m, **{**moves, **changes})
 
     def new_plan(self) -> list[ev.Effect]:
         """Report a hostile ahead on the row."""
@@ -61,7 +59,7 @@ class StopStory(Story):
 
 
 def published_intent(effects: list[ev.Effect]) -> IntentShared:
-    (intent,) = (message for message in publications(effects) if isinstance(message, IntentShared))
+    (intent,) = publications(effects, IntentShared)
     return intent
 
 
@@ -76,9 +74,9 @@ def flight(intent: IntentShared) -> Trajectory:
 
 
 def earliest_in_s(effects: list[ev.Effect]) -> float:
-    (in_s,) = (message.earliest_in_s for message in publications(effects) if isinstance(message, StateShared))
-    assert in_s is not None
-    return in_s
+    (message,) = publications(effects, StateShared)
+    assert message.earliest_in_s is not None
+    return message.earliest_in_s
 
 
 def test_the_intent_of_a_new_plan_is_later_by_the_cost_of_the_stop() -> None:

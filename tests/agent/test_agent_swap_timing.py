@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import pytest
-from agent_stories import GRID, Story, orders
+from agent_stories import GRID, MID_M, Story, orders, swaps
 
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.mission_changes import MAX_FAILED_SWAPS
@@ -16,8 +15,6 @@ from swarmctl.core.any_angle.corners import ExposureMeasure
 from swarmctl.core.geo import distance_m
 from swarmctl.core.threat import FiringStrength
 
-ROW_M = GRID.centre_m((4, 4))[1]
-
 
 class SwapStory(Story):
     """A flight east along row 4 at 10 m/s, from cell (4, 0) to (4, 8), with swaps of `took_s`."""
@@ -26,22 +23,11 @@ class SwapStory(Story):
         super().__init__(**changes)
         self.flying()
         if took_s is not None:
-            self.state = replace(
-                self.state, plans=replace(self.state.plans, swap_times=SwapTimes((took_s,), (0.0,)))
-            )
-
-    def at(self, east_m: float, **changes: Any) -> list[ev.Effect]:
-        lat_deg, lon_deg = GRID.frame.to_geodetic(east_m, ROW_M)
-        motion = {"lat_deg": lat_deg, "lon_deg": lon_deg, "ground_speed_m_s": 10.0, "east_m_s": 10.0}
-        return self.over((4, 0), **{**motion, **changes})
+            self.swaps_took(took_s)
 
     def points(self, swap: ev.SwapMission) -> list[tuple[float, float]]:
         """Return the waypoints of a plan, east and north [m]."""
         return [GRID.frame.to_local(p.lat_deg, p.lon_deg) for p in swap.plan.track]
-
-
-def swaps(effects: list[ev.Effect]) -> list[ev.SwapMission]:
-    return [effect for effect in effects if isinstance(effect, ev.SwapMission)]
 
 
 def run_swap(story: SwapStory, took_s: float, *cells: tuple[int, int, bool], seq: int = 1) -> ev.SwapMission:
@@ -101,7 +87,7 @@ def test_the_splice_point_is_ahead_of_the_vehicle_at_the_end_of_the_swap(took_s:
     story.hear((4, 7, True))
     swap = story.swap()
     assert swap.plan.leaves_ahead
-    turns_m = next(east_m for east_m, north_m in story.points(swap) if abs(north_m - ROW_M) < 0.1)
+    turns_m = next(east_m for east_m, north_m in story.points(swap) if abs(north_m - MID_M[1]) < 0.1)
     assert turns_m >= 30.0 + 10.0 * took_s
     kept = int(turns_m // 50.0)
     assert swap.cells[: kept + 1] == before.cells[: kept + 1]
@@ -142,7 +128,7 @@ def test_a_vehicle_at_a_corner_soon_after_a_swap_is_still_on_its_route() -> None
 
 
 def _place(east_m: float) -> tuple[float, float]:
-    return GRID.frame.to_geodetic(east_m, ROW_M)
+    return GRID.frame.to_geodetic(east_m, MID_M[1])
 
 
 @pytest.mark.parametrize("is_ahead", [True, False])
@@ -154,7 +140,7 @@ def test_corners_before_the_splice_point_are_kept_only_ahead_of_the_vehicle(is_a
     _, came, corner, goes = next(turn for turn in _turns(cells) if turn[1] != turn[3])
     (east_m, north_m), (rows, cols) = GRID.centre_m(corner), came if is_ahead else goes
     way, length = (-20.0 if is_ahead else 20.0), (rows**2 + cols**2) ** 0.5
-    story.state = replace(story.state, plans=replace(story.state.plans, swap_times=SwapTimes((2.5,), (0.0,))))
+    story.swaps_took(2.5)
     lat_deg, lon_deg = GRID.frame.to_geodetic(east_m + way * cols / length, north_m + way * rows / length)
     motion = {"ground_speed_m_s": 10.0, "east_m_s": 10.0 * cols / length, "north_m_s": 10.0 * rows / length}
     home = dict(zip(("home_lat_deg", "home_lon_deg"), GRID.centre(cells[0]), strict=True))
@@ -206,7 +192,7 @@ def test_a_splice_point_on_a_track_is_after_the_swap_and_beside_a_centre() -> No
     length_m = ((e1 - e0) ** 2 + (n1 - n0) ** 2) ** 0.5
     east, north = (e1 - e0) / length_m, (n1 - n0) / length_m
     lat_deg, lon_deg = GRID.frame.to_geodetic(e0 + 100.0 * east, n0 + 100.0 * north)
-    story.state = replace(story.state, plans=replace(story.state.plans, swap_times=SwapTimes((6.0,), (0.0,))))
+    story.swaps_took(6.0)
     motion = {"ground_speed_m_s": 10.0, "east_m_s": 10.0 * east, "north_m_s": 10.0 * north}
     story.over((0, 0), lat_deg=lat_deg, lon_deg=lon_deg, **motion)
     ahead = [cell for cell in flown.track.over if cell[1] in (6, 7)]

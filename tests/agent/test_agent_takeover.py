@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from agent_stories import GRID, Story, orders, publications
-from collision_stories import MID_M, ApproachStory
+from agent_stories import GRID, MID_M, Story, orders, publications, swaps
+from collision_stories import ApproachStory
 
 from swarmctl.agent.phases import Phase
 from swarmctl.core import events as ev
@@ -43,13 +43,13 @@ def test_a_failsafe_hold_after_an_interrupted_mission_change_is_not_overridden()
     story(ev.LinkRestored())
     effects = wait(story, 10, **HOLD)
     assert ev.Release() in effects
-    assert not [e for e in effects if isinstance(e, ev.SwapMission)]
+    assert swaps(effects) == []
 
 
 def test_a_mission_change_that_ended_in_hold_is_resumed() -> None:
     story, swap = swapping()
     story(ev.MissionFailed(swap.plan_id, "hold", "the vehicle does not hold the new mission"))
-    (again,) = (e for e in wait(story, 12, **HOLD) if isinstance(e, ev.SwapMission))
+    (again,) = swaps(wait(story, 12, **HOLD))
     assert again.plan.from_hold
     assert not swap.plan.from_hold
     story(ev.MissionAccepted(again.plan_id))
@@ -89,7 +89,7 @@ def test_an_ordered_hold_outlasts_giving_way(number: int | None) -> None:
     for second in range(30):
         story.other(1, MID_M[0], MID_M[1] - 90.0 + 10.0 * second, (0.0, 10.0, 0.0))
         story.at(140.0, east_m_s=0.0, **HOLD)
-        flies_on += [e for e in story.tick() if isinstance(e, ev.SwapMission)]
+        flies_on += swaps(story.tick())
     assert story.state.phase is Phase.HOLDING
     assert flies_on == []
 
@@ -116,11 +116,7 @@ def test_a_released_vehicle_shares_its_position_while_armed() -> None:
     story = Story().flying()
     story.over((4, 1), mode="LOITER", mode_role="other")
     assert story.state.phase is Phase.RELEASED
-    (message,) = shared(story.over((4, 2), mode="LOITER", mode_role="other"))
+    (message,) = publications(story.over((4, 2), mode="LOITER", mode_role="other"), StateShared)
     assert message.phase == "released"
     assert GRID.cell_at(message.lat_deg, message.lon_deg) == (4, 2)
-    assert shared(story.over((4, 2), mode="LOITER", mode_role="other", armed=False)) == []
-
-
-def shared(effects: list[ev.Effect]) -> list[StateShared]:
-    return [message for message in publications(effects) if isinstance(message, StateShared)]
+    assert publications(story.over((4, 2), mode="LOITER", mode_role="other", armed=False), StateShared) == []

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from agent_stories import GRID, Story, orders
+from agent_stories import GRID, Story, orders, swaps
 from flown_legs import FLOWN_LEGS, START_LOSS_S, FlownLeg
 
 from swarmctl.agent.launch import Launch
@@ -71,10 +71,6 @@ def flying(at_s: float = 20.0, **bounds: float) -> Story:
     flight.over((0, 0), time_boot_s=100.0 + at_s)
     assert flight.state.phase is Phase.FLYING
     return flight
-
-
-def swaps(effects: list[ev.Effect]) -> list[ev.SwapMission]:
-    return [effect for effect in effects if isinstance(effect, ev.SwapMission)]
 
 
 def test_the_bound_counts_from_the_first_armed_heartbeat() -> None:

@@ -56,9 +56,7 @@ def uploading() -> Story:
 
 
 def standby() -> Story:
-    story = uploading()
-    story.accept()
-    return story
+    return Story().standby()
 
 
 def replanning() -> Story:

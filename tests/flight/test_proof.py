@@ -48,11 +48,7 @@ def launching() -> Story:
 
 
 def on_standby() -> Story:
-    story = Story()
-    story(ev.Ready())
-    story.swap()
-    story.accept()
-    return story
+    return Story().standby()
 
 
 def ordered(order: ev.FlightOrder) -> Moment:

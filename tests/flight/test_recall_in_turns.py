@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from agent_stories import Story, orders
+from agent_stories import Story, answers, orders
 from companion_world import NAMES, STATION, Swarm
 from flights import FaultyUi, Ui, coded, fly, fly_with_commands, small
 from interruptions import interrupting
@@ -39,7 +39,7 @@ HOLD, RETURN, LAND = FlightOrder.HOLD, FlightOrder.RETURN, FlightOrder.LAND
 
 
 def answer_of(effects: list[ev.Effect]) -> VehicleAnswer:
-    (answer,) = (e.answer for e in effects if isinstance(e, ev.Answer))
+    (answer,) = answers(effects)
     return answer
 
 

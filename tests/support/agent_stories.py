@@ -4,22 +4,26 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
 
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.mission_changes import needs_tick
+from swarmctl.agent.replan.swap_times import SwapTimes
 from swarmctl.agent.state import Task, begin
 from swarmctl.agent.step import step
 from swarmctl.core import events as ev
 from swarmctl.core.belief import Belief
+from swarmctl.core.frames import IntentPoint
 from swarmctl.core.grid import Cell, Grid
+from swarmctl.core.messages import VehicleAnswer
 from swarmctl.core.observation import Observation
 from swarmctl.core.threat import FiringStrength
 from swarmctl.core.vehicle import Landed, VehicleState
 from swarmctl.planners import PLANNERS, Method
 
+Kind = TypeVar("Kind")
 GRID = Grid(9, 9, 50.0, 46.0, 14.0)
 MID_M = GRID.centre_m((4, 4))
 AMSL_M = 330.0
@@ -67,7 +71,7 @@ class Story:
         return self(ev.Tick()) if needs_tick(self.state, self.now) else []
 
     def swap(self) -> ev.SwapMission:
-        (effect,) = (e for e in self.tick() if isinstance(e, ev.SwapMission))
+        (effect,) = swaps(self.tick())
         return effect
 
     def accept(self) -> list[ev.Effect]:
@@ -91,6 +95,18 @@ class Story:
         )
         return self(ev.TelemetryReceived(replace(state, **changes)))  # type: ignore[arg-type]
 
+    def at(self, east_m: float, **changes: Any) -> list[ev.Effect]:
+        """Report the vehicle on its flight east along row 4 at 10 m/s."""
+        lat_deg, lon_deg = GRID.frame.to_geodetic(east_m, MID_M[1])
+        here = {"lat_deg": lat_deg, "lon_deg": lon_deg, "ground_speed_m_s": 10.0, "east_m_s": 10.0}
+        here["alt_amsl_m"] = AMSL_M - 30.0 + (changes.get("alt_rel_m", 30.0) or 0.0)
+        return self.over((4, 0), **{**here, **changes})
+
+    def swaps_took(self, took_s: float, stood_s: float = 0.0) -> None:
+        """Let the agent have measured a swap of this duration, with a stop of `stood_s`."""
+        times = SwapTimes((took_s,), (stood_s,))
+        self.state = replace(self.state, plans=replace(self.state.plans, swap_times=times))
+
     def hear(self, *cells: tuple[int, int, bool], observer: int = 2, seq: int = 1) -> list[ev.Effect]:
         observation = Observation(observer, seq, self.now, cells)
         return self(ev.ObservationsReceived((observation,)))
@@ -105,10 +121,14 @@ class Story:
         self.tell(**messages)
         return self(ev.TelemetryReceived(self.state.vehicle))
 
-    def launching(self) -> Story:
+    def standby(self) -> Story:
         self(ev.Ready())
         self.swap()
         self.accept()
+        return self
+
+    def launching(self) -> Story:
+        self.standby()
         self(ev.OperatorCommand(ev.FlightOrder.LAUNCH))
         assert self.state.phase is Phase.LAUNCHING
         return self
@@ -132,8 +152,22 @@ def check_accepted(message: object) -> None:
     msgspec.msgpack.decode(msgspec.msgpack.encode(message), type=type(message))
 
 
-def publications(effects: list[ev.Effect]) -> list[object]:
-    return [e.message for e in effects if isinstance(e, ev.Publish)]
+def publications(effects: list[ev.Effect], kind: type[Kind] = object) -> list[Kind]:
+    """Return the published messages of a kind."""
+    return [e.message for e in effects if isinstance(e, ev.Publish) and isinstance(e.message, kind)]
+
+
+def swaps(effects: list[ev.Effect]) -> list[ev.SwapMission]:
+    return [effect for effect in effects if isinstance(effect, ev.SwapMission)]
+
+
+def answers(effects: list[ev.Effect]) -> list[VehicleAnswer]:
+    return [effect.answer for effect in effects if isinstance(effect, ev.Answer)]
+
+
+def intent_path(*points: tuple[float, float, float, float]) -> tuple[IntentPoint, ...]:
+    """Return the points (seconds from now, east, north, above the sea) of an intent."""
+    return tuple(IntentPoint(t, *GRID.frame.to_geodetic(e, n), amsl_m) for t, e, n, amsl_m in points)
 
 
 def orders(effects: list[ev.Effect]) -> list[ev.FlightOrder]:

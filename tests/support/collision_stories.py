@@ -20,12 +20,6 @@ class ApproachStory(Story):
         self.flying()
         self.at(100.0)
 
-    def at(self, east_m: float, **changes: Any) -> list[ev.Effect]:
-        lat_deg, lon_deg = GRID.frame.to_geodetic(east_m, MID_M[1])
-        position = {"lat_deg": lat_deg, "lon_deg": lon_deg, "ground_speed_m_s": 10.0, "east_m_s": 10.0}
-        position["alt_amsl_m"] = 300.0 + changes.get("alt_rel_m", 30.0)
-        return self.over((4, 2), **{**position, **changes})
-
     def other(
         self, uav: int, east_m: float, north_m: float, velocity: tuple[float, float, float], **changes: Any
     ) -> None:
