@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from agent_stories import Story, swaps
 from flights import AREA, fly, small
 from recorded import effects
 
@@ -16,7 +17,7 @@ from swarmctl.agent.commands import RETRY_AFTER_S
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.decide import first_flight, first_problem, first_route
 from swarmctl.agent.replan.route_to_mission import flown_route, pulled_track
-from swarmctl.agent.state import AgentState, begin
+from swarmctl.agent.state import begin
 from swarmctl.agent.step import step
 from swarmctl.bus.node.exchange import NetworkCounters
 from swarmctl.config import model
@@ -25,11 +26,11 @@ from swarmctl.config.model import ConfigError
 from swarmctl.config.scenario import Scenario, build
 from swarmctl.core import events as ev
 from swarmctl.core.any_angle.corners import ExposureMeasure
+from swarmctl.core.any_angle.pull import Track
 from swarmctl.core.exposure import exposure_sum, length_cells
 from swarmctl.core.grid import Cell
 from swarmctl.core.observation import Observation
 from swarmctl.core.route import ends_and_turns, flight_plan
-from swarmctl.core.vehicle import Landed, VehicleState
 from swarmctl.planners import Problem
 from swarmctl.report import first_plans, outputs, record
 from swarmctl.report.summary import FlightStatistics, TakeoffPlan, summary
@@ -178,101 +179,58 @@ def test_w_weighs_turns_only_for_planners_that_use_it() -> None:
 # --- one vehicle under way
 
 
-class Flight:
-    """A vehicle that flies a skew track over cells known to be clear."""
-
-    def __init__(self) -> None:
-        plain = scenario(ExposureMeasure.ENTERED)
-        task = replace(plain.tasks[0], entry=(0, 0), goals=((5, 14),))
-        self.grid, self.now = task.grid, 0.0
-        self.state: AgentState = begin(task, plain.prior)
-        clear = tuple((row, col, False) for row in range(8) for col in range(16))
-        self.fold(ev.ObservationsReceived((Observation(9, 1, 0.0, clear),)))
-        self.fold(ev.Ready())
-        self.swap = self.tick()
-        self.fold(ev.MissionAccepted(1))
-        self.fold(ev.OperatorCommand(ev.FlightOrder.LAUNCH))
-        self.fold(ev.OrderDone(ev.FlightOrder.LAUNCH))
-
-    def fold(self, event: ev.Event) -> list[ev.Effect]:
-        self.now += 1.0
-        self.state, effects = step(self.state, event, self.now)
-        return effects
-
-    def tick(self) -> ev.SwapMission | None:
-        swaps = [e for e in self.fold(ev.Tick()) if isinstance(e, ev.SwapMission)]
-        return swaps[0] if swaps else None
-
-    def over(self, cell: Cell) -> None:
-        lat_deg, lon_deg = self.grid.centre(cell)
-        vehicle = VehicleState(
-            self.now,
-            lat_deg,
-            lon_deg,
-            40.0,
-            ground_speed_m_s=10.0,
-            mode_role="mission",
-            armed=True,
-            landed=Landed.IN_AIR,
-        )
-        self.fold(ev.TelemetryReceived(vehicle))
-
-    def hear(self, seq: int, *cells: tuple[int, int, bool]) -> None:
-        self.fold(ev.ObservationsReceived((Observation(8, seq, self.now, cells),)))
+def on_a_skew_track() -> tuple[Story, ev.SwapMission, Track]:
+    """Return a vehicle that flies a skew track over cells known to be clear, its mission and its track."""
+    plain, story = scenario(ExposureMeasure.ENTERED), Story()
+    story.state = begin(replace(plain.tasks[0], entry=(0, 0), goals=((5, 14),)), plain.prior)
+    story.hear(*((row, col, False) for row in range(8) for col in range(16)), observer=9)
+    story.launching()
+    story(ev.OrderDone(ev.FlightOrder.LAUNCH))
+    mission = story.state.plans.mission
+    assert mission is not None
+    assert mission.track is not None
+    return story, mission, mission.track
 
 
 def test_observations_elsewhere_change_no_mission_at_any_point_of_the_track() -> None:
-    flight = Flight()
-    assert flight.swap is not None
-    assert flight.swap.track is not None
-    assert flight.swap.track.corners == ((0, 0), (5, 14))
-    assert set(flight.swap.track.over) - set(flight.swap.cells)
+    story, mission, track = on_a_skew_track()
+    assert track.corners == ((0, 0), (5, 14))
+    assert set(track.over) - set(mission.cells)
     progress = []
-    for n, cell in enumerate(flight.swap.track.over[:-1]):
-        flight.over(cell)
-        flight.hear(n + 1, (12, n % 16, False))
-        assert flight.tick() is None, cell
-        assert flight.state.progress is not None
-        progress.append(flight.state.progress.cell_index)
+    for n, cell in enumerate(track.over[:-1]):
+        story.over(cell, ground_speed_m_s=10.0)
+        story.hear((12, n % 16, False), seq=n + 1)
+        assert swaps(story.tick()) == [], cell
+        assert story.state.progress is not None
+        progress.append(story.state.progress.cell_index)
     assert progress == sorted(progress)
     assert progress[0] == 0
-    assert progress[-1] >= len(flight.swap.cells) - 3
+    assert progress[-1] >= len(mission.cells) - 3
 
 
 def test_a_wall_of_threats_ahead_on_the_track_changes_the_mission() -> None:
-    flight = Flight()
-    assert flight.swap is not None
-    assert flight.swap.track is not None
-    over = flight.swap.track.over
-    beside = [c for c in over if c not in flight.swap.cells]
-    for cell in over[: over.index(beside[0]) + 1]:
-        flight.over(cell)
-    flight.state = replace(
-        flight.state,
-        task=replace(flight.state.task, no_fly=frozenset({beside[-1]})),
-        plans=flight.state.plans.due(),
-    )
-    swap = flight.tick()
-    assert swap is not None
+    story, mission, track = on_a_skew_track()
+    beside = [c for c in track.over if c not in mission.cells]
+    for cell in track.over[: track.over.index(beside[0]) + 1]:
+        story.over(cell, ground_speed_m_s=10.0)
+    task = replace(story.state.task, no_fly=frozenset({beside[-1]}))
+    story.state = replace(story.state, task=task, plans=story.state.plans.due())
+    swap = story.swap()
     assert swap.track is not None
-    assert swap.cells[0] in over
+    assert swap.cells[0] in track.over
     assert beside[-1] not in swap.track.over
     # The change fails: the vehicle stays on its old plan, and that plan still needs a change.
-    flight.fold(ev.MissionFailed(swap.plan_id, "old", "no answer"))
-    flight.now += RETRY_AFTER_S
-    again = flight.tick()
-    assert again is not None
-    assert again.cells == swap.cells
+    story(ev.MissionFailed(swap.plan_id, "old", "no answer"))
+    story.now += RETRY_AFTER_S
+    assert story.swap().cells == swap.cells
 
 
 def test_a_vehicle_on_a_pulled_track_arrives_over_its_goal() -> None:
-    flight = Flight()
-    assert flight.swap is not None
-    assert flight.swap.track is not None
-    for cell in flight.swap.track.over:
-        flight.over(cell)
-    assert flight.state.phase is Phase.LANDING
-    assert flight.state.flown.cells == flight.swap.track.over
+    story, _, track = on_a_skew_track()
+    for cell in track.over:
+        story.over(cell, ground_speed_m_s=10.0)
+    assert story.state.phase is Phase.LANDING
+    assert story.state.flown.cells == track.over
 
 
 # --- configuration

@@ -4,20 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
 import pytest
-from director_ground import MARK, WAITING_FOR, Clearance, Ground, StubLink, all_launched
+from director_ground import MARK, WAITING_FOR, Clearance, Ground, StubLink, all_launched, runner_of
 from flights import small
 
-from swarmctl.bus.network import RunClock
-from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.core import events as ev
-from swarmctl.core.inference.sensor import PERFECT
 from swarmctl.flight.director import NOT_READY_S
 from swarmctl.flight.member import Member
-from swarmctl.flight.network import network_of
 from swarmctl.flight.permission import PreflightFailed
-from swarmctl.flight.runner import LaunchNotPermitted, Runner
+from swarmctl.flight.runner import LaunchNotPermitted
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.links.base import (
     Identity,
@@ -28,7 +23,6 @@ from swarmctl.links.base import (
     UploadFailed,
     VehicleRebooted,
 )
-from swarmctl.sensors.footprint import Footprint
 
 pytestmark = pytest.mark.virtual
 
@@ -70,16 +64,8 @@ def test_without_permission_no_vehicle_is_prepared() -> None:
 
 def test_a_launch_without_permission_is_a_bug_and_no_take_off() -> None:
     async def scene() -> StubLink:
-        scenario = small()
-        link = StubLink(Identity(1, 3, 2, "", MARK), scenario.specs[0].start)
-        runner = Runner(
-            scenario.tasks[0],
-            scenario.prior,
-            lambda _: link,
-            Footprint(scenario.grid, frozenset(), PERFECT, np.random.default_rng(0)),
-            network_of(scenario, MemoryBus(), RunClock(0.0)),
-            (),
-        )
+        link = StubLink(Identity(1, 3, 2, "", MARK), (46.0, 14.0))
+        runner = runner_of(small(), link)
         runner.post(ev.Ready())
         runner.post(ev.OperatorCommand(ev.FlightOrder.LAUNCH))
         with pytest.raises(ExceptionGroup) as raised:

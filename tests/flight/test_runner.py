@@ -9,24 +9,19 @@ import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
-import numpy as np
 import pytest
+from director_ground import runner_of
 from flights import small
 
 from swarmctl.agent.launch import Launch
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.state import AgentState
-from swarmctl.bus.network import RunClock
-from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.core import events as ev
-from swarmctl.core.inference.sensor import PERFECT
 from swarmctl.core.vehicle import VehicleState
-from swarmctl.flight.network import network_of
 from swarmctl.flight.runner import Runner
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.links.base import StatusText
 from swarmctl.mavlink.protocol.outcome import Swapped
-from swarmctl.sensors.footprint import Footprint
 
 TAKES_S = 5.0
 
@@ -86,15 +81,7 @@ class Notes:
 
 def flying(link: SlowLink, *observers: Notes) -> Runner:
     """Return the runner of a vehicle in flight."""
-    scenario = small()
-    runner = Runner(
-        scenario.tasks[0],
-        scenario.prior,
-        lambda _: link,  # type: ignore[arg-type,return-value]
-        Footprint(scenario.grid, frozenset(), PERFECT, np.random.default_rng(0)),
-        network_of(scenario, MemoryBus(), RunClock(0.0)),
-        observers,
-    )
+    runner = runner_of(small(), link, 0, *observers)
     where = VehicleState(lat_deg=46.0, lon_deg=14.0, alt_rel_m=30.0, armed=True)
     runner.state = replace(runner.state, phase=Phase.FLYING, vehicle=where, launch=Launch(armed_boot_s=0.0))
     return runner

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 import pytest
-from crash_world import Meanwhile, Moment, crashed, drift, lost_observations, resume, unfinished
+from crash_world import Crash, Meanwhile, Moment, crashed, drift, lost_observations, resume, unfinished
 from flights import AREA, coded, small
 from interruptions import interrupts
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -93,7 +93,6 @@ def test_a_station_that_dies_at_any_moment_is_continued(
         trouble = Trouble(faults=LOSSY if kind == "lossy" else [])
         folder = tmp_path / f"{draw}"
         with crashed(scenario, folder, monkeypatch, when=moment, trouble=trouble) as crash:
-            assert crash is not None
             resumed = resume(scenario, crash, tmp_path / f"{draw}-on", monkeypatch, outage_s=outage_s)
         story = f"{kind} {draw}: crash {crash.at_s:.1f} s, silent {outage_s} s: {resumed.ui.said}"
         # A plane stays armed on the ground if its launch is cut off; a copter disarms itself and is launched.
@@ -109,7 +108,6 @@ def test_the_record_goes_on_and_both_runs_stay_valid(tmp_path: Path, monkeypatch
     """A second crash, in the run that went on after the first: its record alone has the whole flight."""
     scenario = pair()
     with crashed(scenario, tmp_path / "a", monkeypatch, when=at(20.0)) as first:
-        assert first is not None
         drift(first, 5.0)
         run = unfinished(scenario, first)
         options = replace(DEFAULT_OPTIONS, resumes=run)
@@ -118,7 +116,6 @@ def test_the_record_goes_on_and_both_runs_stay_valid(tmp_path: Path, monkeypatch
             scenario, tmp_path / "b", monkeypatch, when=moment, options=options, earlier=first
         )
         with run.file, second_run as second:
-            assert second is not None
             resumed = resume(scenario, second, tmp_path / "c", monkeypatch)
     assert set(resumed.outcomes().values()) == {"arrived"}
     assert resumed.broken_rules() == []
@@ -173,7 +170,6 @@ def test_a_vehicle_that_another_station_touched_is_let_go(
     scenario = pair()
 
     with crashed(scenario, tmp_path / "a", monkeypatch, when=at(40.0)) as crash:
-        assert crash is not None
         # A vehicle that its pilot holds has to land some time, or the flight does not end.
         lands = (crash.at_s + 30.0, land)
         resumed = resume(scenario, crash, tmp_path / "b", monkeypatch, meanwhile=meanwhile, later=lands)
@@ -192,7 +188,6 @@ def test_a_vehicle_that_does_not_answer_delays_no_other(
 ) -> None:
     scenario = pair()
     with crashed(scenario, tmp_path / "a", monkeypatch, when=at(30.0)) as crash:
-        assert crash is not None
         begins_s = crash.at_s + 5.0
 
         def address_of(sysid: int, now: float) -> tuple[str, int] | None:
@@ -220,7 +215,6 @@ def test_a_second_sender_with_the_id_of_one_vehicle_stops_no_other(
         return await made(flight)
 
     with crashed(scenario, tmp_path / "a", monkeypatch, when=at(30.0)) as crash:
-        assert crash is not None
         monkeypatch.setattr(app, "run_tasks", run_tasks)
         resumed = resume(scenario, crash, tmp_path / "b", monkeypatch)
     assert resumed.report.ended == "ended"
@@ -234,13 +228,19 @@ def test_without_the_permission_no_vehicle_is_taken_over(
 ) -> None:
     scenario = pair()
     with crashed(scenario, tmp_path / "a", monkeypatch, when=at(30.0)) as crash:
-        assert crash is not None
         monkeypatch.setattr(mavlink_events, "SIMULATOR_MARK", b"another autopilot")
         resumed = resume(scenario, crash, tmp_path / "b", monkeypatch)
     assert resumed.report.ended == "failed"
     assert all(line.endswith("[not-simulated]") for line in resumed.report.trouble)
     assert max(entry["now_s"] for entry in effects(resumed.folder, "Command")) < crash.at_s
     assert all(entry["event"]["reason"] for entry in events(resumed.folder, "Restarted"))
+
+
+def dead(folder: Path, monkeypatch: pytest.MonkeyPatch, at_s: float) -> tuple[Scenario, Crash]:
+    """Return the scenario and the files of a station that died at this time."""
+    scenario = pair()
+    with crashed(scenario, folder / "a", monkeypatch, when=at(at_s)) as crash:
+        return scenario, crash
 
 
 def cut(data: bytes) -> bytes:
@@ -262,9 +262,7 @@ def test_a_run_with_changed_files_is_refused(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    scenario = pair()
-    with crashed(scenario, tmp_path / "a", monkeypatch, when=at(1.0)) as crash:
-        assert crash is not None
+    scenario, crash = dead(tmp_path, monkeypatch, 1.0)
     file = crash.folder / name
     file.write_bytes(change(file.read_bytes()))
     with pytest.raises(UnfinishedRunError, match=rf"\[{code}\]"):
@@ -275,9 +273,7 @@ def test_a_record_that_ends_long_before_the_commands_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A full disk ended the record, and later there was room for more evidence."""
-    scenario = pair()
-    with crashed(scenario, tmp_path / "a", monkeypatch, when=at(30.0)) as crash:
-        assert crash is not None
+    scenario, crash = dead(tmp_path, monkeypatch, 30.0)
     file = crash.folder / "run.mcap"
     whole = file.read_bytes()
     file.write_bytes(whole[: len(whole) // 4])
@@ -290,22 +286,18 @@ def test_a_record_that_ends_long_before_the_commands_is_refused(
 
 
 def test_a_run_that_is_still_flown_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    scenario = pair()
-    with crashed(scenario, tmp_path / "a", monkeypatch, when=at(1.0)) as crash:
-        assert crash is not None
-        with (crash.folder / "run.mcap").open("ab") as file:
-            fcntl.flock(file, fcntl.LOCK_EX)
-            with pytest.raises(UnfinishedRunError, match=r"\[still-running\]"):
-                unfinished(scenario, crash)
-        unfinished(scenario, crash).file.close()
+    scenario, crash = dead(tmp_path, monkeypatch, 1.0)
+    with (crash.folder / "run.mcap").open("ab") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        with pytest.raises(UnfinishedRunError, match=r"\[still-running\]"):
+            unfinished(scenario, crash)
+    unfinished(scenario, crash).file.close()
 
 
 def test_what_the_other_program_wrote_until_its_end_is_read(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    scenario = pair()
-    with crashed(scenario, tmp_path / "a", monkeypatch, when=at(1.0)) as crash:
-        assert crash is not None
+    scenario, crash = dead(tmp_path, monkeypatch, 1.0)
     path = crash.folder / "run.mcap"
     whole, lock = path.read_bytes(), record_file.lock
 
@@ -330,10 +322,8 @@ def test_a_run_that_cannot_be_locked_is_refused_but_a_new_flight_begins(
     def no_locks(_file: object, _how: int) -> None:
         raise OSError(errno.ENOLCK, "No locks available")
 
-    scenario = pair()
     monkeypatch.setattr(record_file.fcntl, "flock", no_locks)
-    with crashed(scenario, tmp_path / "a", monkeypatch, when=at(1.0)) as crash:
-        assert crash is not None
+    scenario, crash = dead(tmp_path, monkeypatch, 1.0)
     with pytest.raises(UnfinishedRunError, match=r"run\.mcap.*\[no-locks\]"):
         unfinished(scenario, crash)
 
@@ -341,9 +331,7 @@ def test_a_run_that_cannot_be_locked_is_refused_but_a_new_flight_begins(
 def test_half_a_copy_of_the_earlier_record_is_not_the_last_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    scenario = pair()
-    with crashed(scenario, tmp_path / "a", monkeypatch, when=at(1.0)) as crash:
-        assert crash is not None
+    scenario, crash = dead(tmp_path, monkeypatch, 1.0)
     stored, found = record_file.read(crash.folder / "run.mcap"), []
 
     def copied() -> Iterator[record_file.StoredMessage]:
@@ -363,7 +351,6 @@ def test_ctrl_c_amid_the_takeover_lets_the_vehicles_go(
 ) -> None:
     scenario, presses = pair(), interrupts(monkeypatch)
     with crashed(scenario, tmp_path / "a", monkeypatch, when=at(20.0)) as crash:
-        assert crash is not None
         stop = (crash.at_s + 5.5, lambda _fleet: presses[-1]())
         resumed = resume(scenario, crash, tmp_path / "b", monkeypatch, later=stop)
     assert resumed.report.ended == "stopped"

@@ -79,7 +79,7 @@ class Story:
         return self(ev.MissionAccepted(self.state.plans.pending.plan_id))
 
     def over(self, cell: Cell, **changes: object) -> list[ev.Effect]:
-        lat_deg, lon_deg = GRID.centre(cell)
+        lat_deg, lon_deg = self.state.task.grid.centre(cell)
         state = VehicleState(
             time_boot_s=self.now,
             lat_deg=lat_deg,

@@ -123,8 +123,8 @@ def crashed(
     trouble: Trouble | None = None,
     options: FlightOptions = DEFAULT_OPTIONS,
     earlier: Crash | None = None,
-) -> Iterator[Crash | None]:
-    """Fly until `when(time, messages to the vehicles)`; yield the crash, None after the end.
+) -> Iterator[Crash]:
+    """Fly until `when(time, messages to the vehicles)`, before the end of the flight; yield the crash.
 
     `earlier`: a crash after which this station goes on.
     """
@@ -154,7 +154,8 @@ def crashed(
         flight.add_done_callback(lambda _: loop.stop())
         loop.run_forever()
     try:
-        yield found[0] if found else None
+        assert found, "the flight ended before its crash"
+        yield found[0]
     finally:
         flight.cancel()
         with contextlib.suppress(asyncio.CancelledError):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from flights import small
@@ -186,15 +187,21 @@ class Ground:
             prepares_s=self.prepares_s.get(spec.sysid, 0.0),
         )
         self.links.append(link)
-        sensor = Footprint(self.scenario.grid, self.scenario.hostiles, PERFECT, np.random.default_rng(0))
-        return Member(
-            spec, Runner(self.scenario.tasks[index], self.scenario.prior, lambda _: link, sensor, network, ())
-        )
+        return Member(spec, runner_of(self.scenario, link, index, network=network))
 
     def _permit(self, foreign: Sequence[Member]) -> None:
         self.asked += [m.name for m in foreign]
         if not self.allowed:
             raise PreflightFailed(["not allowed"])
+
+
+def runner_of(
+    scenario: Scenario, link: Any, index: int = 0, *observers: Any, network: Network | None = None
+) -> Runner:
+    """Return the runner of a vehicle with this link."""
+    sensor = Footprint(scenario.grid, scenario.hostiles, PERFECT, np.random.default_rng(0))
+    network = network or network_of(scenario, MemoryBus(), RunClock(0.0))
+    return Runner(scenario.tasks[index], scenario.prior, lambda _: link, sensor, network, observers)
 
 
 def all_launched(members: Sequence[Member]) -> bool:
