@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 from agent_stories import Story, answers, orders
 from companion_world import NAMES, STATION, Swarm
-from flights import FaultyUi, Ui, coded, fly, fly_with_commands, small
+from flights import FaultyUi, Ui, coded, fly, fly_with_commands
 from interruptions import interrupting
-from recall_stories import ReturnMonitor, gathering
+from recall_stories import ReturnMonitor, gathering, landing_together
 from trouble import Trouble, fly_with, inject, select_mode
 
 from swarmctl.agent.failsafes import low_battery
@@ -210,13 +210,8 @@ def test_ctrl_c_twice_returns_all_vehicles_at_the_same_time(
 
 @pytest.mark.full
 def test_ctrl_c_lands_the_lower_of_two_vehicles_first(tmp_path: Path) -> None:
-    scenario = small(
-        simulate={"count": 2, "goal": [4, 7], "ready_s": 3.0},
-        threats={"count": 0},
-        flight={"altitude_m": 15.0, "altitude_step_m": 6.0, "on_exit": "land", "on_exit_deadline_s": 200.0},
-    )
     ui = Ui()
-    report = fly(scenario, tmp_path, address_of=interrupting(66.0), ui=ui)
+    report = fly(landing_together(), tmp_path, address_of=interrupting(66.0), ui=ui)
     assert report.final_states == ()  # both landed in their goal cell, so they have arrived
     down_s = [report.statistics.vehicles[uav].last_s for uav in (1, 2)]
     assert down_s[1] > down_s[0]

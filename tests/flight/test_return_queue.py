@@ -7,9 +7,8 @@ from pathlib import Path
 
 import pytest
 from companion_world import NAMES, Swarm
-from flights import small
 from interruptions import interrupts
-from recall_stories import ReturnMonitor, gathering
+from recall_stories import ReturnMonitor, gathering, landing_together
 from trouble import Trouble, inject
 
 from sim_vehicle.truth import Truth
@@ -60,11 +59,6 @@ def test_ctrl_c_of_several_agents_returns_them_in_turns(
 def test_ctrl_c_of_several_agents_lands_the_lower_vehicle_first(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    scenario = small(
-        simulate={"count": 2, "goal": [4, 7], "ready_s": 3.0},
-        threats={"count": 0},
-        flight={"altitude_m": 15.0, "altitude_step_m": 6.0, "on_exit": "land", "on_exit_deadline_s": 200.0},
-    )
     down_s: dict[int, float] = {}
 
     def note(now: float, truth: Truth) -> None:
@@ -73,6 +67,6 @@ def test_ctrl_c_of_several_agents_lands_the_lower_vehicle_first(
                 down_s[int(sysid)] = now
 
     inject(Trouble(on_step=note), monkeypatch)
-    reports = pressing(tmp_path, monkeypatch, scenario, 60.0)
+    reports = pressing(tmp_path, monkeypatch, landing_together(), 60.0)
     assert down_s[2] > down_s[1]
     assert [report.summary["separation"]["too_close"] for report in reports] == [[], []]

@@ -20,6 +20,15 @@ def gathering(**sections: object) -> Scenario:
     return small(simulate={"count": 3, "ready_s": 3.0, "goal": [4, 7]}, **sections)
 
 
+def landing_together() -> Scenario:
+    """Return a swarm of two vehicles with one goal, 6 m apart in height, that lands when it is stopped."""
+    return small(
+        simulate={"count": 2, "goal": [4, 7], "ready_s": 3.0},
+        threats={"count": 0},
+        flight={"altitude_m": 15.0, "altitude_step_m": 6.0, "on_exit": "land", "on_exit_deadline_s": 200.0},
+    )
+
+
 @dataclass
 class ReturnMonitor:
     """The start times of returns, and the least horizontal distance between returning vehicles."""
