@@ -105,14 +105,6 @@ def test_the_speed_is_set_again_after_a_new_plan() -> None:
     assert len(speeds(story.at(103.0, ground_speed_m_s=2.0))) == 1
 
 
-def test_a_refused_speed_is_set_again() -> None:
-    story = ArrivalStory()
-    story.other(60.0)
-    story.at(100.0)
-    story(ev.SpeedFailed("no answer"))
-    assert len(speeds(story.at(110.0))) == 1
-
-
 def test_a_refused_full_speed_is_set_again() -> None:
     story = ArrivalStory()
     story.other(60.0)

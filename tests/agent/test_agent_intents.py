@@ -33,7 +33,6 @@ from swarmctl.agent.replan.mission_changes import needs_tick
 from swarmctl.agent.traffic.check import clashes_of_route, known_flights
 from swarmctl.agent.traffic.intents import MAX_UNCERTAINTY_M, REPEAT_EVERY_S
 from swarmctl.agent.traffic.own_flight import HOLD_DURATION_S, LAST_POSITION_S
-from swarmctl.agent.traffic.prediction import MAX_AGE_S
 from swarmctl.agent.traffic.route_deconfliction import RETRY_S
 from swarmctl.agent.traffic.separation.clash import TIME_TOLERANCE_S, find_clashes
 from swarmctl.agent.traffic.separation.trajectory import Trajectory, until_landing
@@ -261,12 +260,6 @@ def test_a_vehicle_that_passes_during_the_upload_is_in_the_way() -> None:
     )
     hold = Trajectory((begin_s, begin_s + 30.0), (here, here))
     assert len(clashes_of_route(story.state, climb, known_flights(story.state), hold)) == 1
-
-
-def test_an_old_intent_is_ignored() -> None:
-    story = IntentStory()
-    story.crossing(1, age_s=MAX_AGE_S + 1.0)
-    assert heights(report_hostile_ahead(story)) == [30.0]
 
 
 # --- plans made before the other vehicle's intent arrives

@@ -280,16 +280,6 @@ def test_an_unconfirmed_hold_is_not_repeated_when_useless() -> None:
     assert not story.state.is_waiting
 
 
-def test_a_low_vehicle_is_not_ordered_to_wait_after_a_lost_link() -> None:
-    story = LandingStory()
-    story.passing_below()
-    assert orders(story.at(4.0)) == [ev.FlightOrder.HOLD]
-    story(ev.LinkLost(6.0))
-    descending(story, 20.0, 15.0, 10.0)
-    story(ev.LinkRestored())
-    assert set(descending(story, 3.0, 2.0, 1.5)) == {ev.FlightOrder.LAND}
-
-
 def test_a_low_battery_ends_the_wait_above_the_landing_spot() -> None:
     rules = (ActiveRule(low_battery, low_battery.Params(seconds=0.0)),)
     story = LandingStory(rules=rules).waiting()
@@ -301,23 +291,3 @@ def test_a_low_battery_ends_the_wait_above_the_landing_spot() -> None:
     fresh.at(10.0, battery_percent=9)
     fresh.passing_below()
     assert orders(fresh.at(4.0, battery_percent=9)) == []
-
-
-def test_the_state_of_a_vehicle_without_an_intent_is_extrapolated() -> None:
-    story = LandingStory()
-    story.at(10.0)
-    lat_deg, lon_deg = GRID.frame.to_geodetic(SPOT_M[0], SPOT_M[1] - 40.0)
-    passing = StateShared(
-        time_s=1.0,
-        lat_deg=lat_deg,
-        lon_deg=lon_deg,
-        alt_rel_m=22.0,
-        alt_amsl_m=HOME_AMSL_M + 22.0,
-        phase="leaving",
-        n_observed=0,
-        n_found=0,
-        velocity_m_s=(0.0, 7.0, 0.0),
-        hears=(2,),
-    )
-    story.tell(neighbours=((1, passing),))
-    assert orders(story.at(4.0)) == [ev.FlightOrder.HOLD]

@@ -5,14 +5,11 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from agent_stories import AMSL_M, GRID, Story, answers, codes, operator_texts, orders, publications
-from recall_stories import gathering
-from trouble import Trouble, fly_with
 
 from swarmctl.agent.failsafes import low_battery, not_following
 from swarmctl.agent.failsafes.base import ActiveRule, Demand, DemandKind
@@ -28,7 +25,6 @@ from swarmctl.core.frames import MAX_MAGNITUDE, StateShared
 from swarmctl.core.messages import VehicleAnswer
 from swarmctl.flight.shutdown import Shutdown
 from swarmctl.flight.virtual_clock import run_virtual
-from swarmctl.report import record
 
 MAX_RETURN_WAIT_S = RULES[WaitFor.RETURN_PATH].longest_s
 MAX_LANDING_WAIT_S = RULES[WaitFor.GROUND].longest_s
@@ -210,26 +206,6 @@ def test_a_lower_battery_ends_the_wait() -> None:
     assert orders(story.returns(18)) == []
 
 
-def test_a_vehicle_below_the_waiting_charge_returns_at_once() -> None:
-    story = ReturnStory()
-    story.goes_home(3)
-    assert orders(story.at(19)) == [RETURN]
-
-
-def test_a_vehicle_below_the_landing_charge_lands() -> None:
-    story = waiting()
-    assert orders(story.holds(9)) == [LAND]
-
-
-def test_the_wait_is_bounded() -> None:
-    story = waiting()
-    given = []
-    for _ in range(int(MAX_RETURN_WAIT_S) + 1):
-        story.goes_home(3)
-        given += orders(story.holds())
-    assert given == [RETURN]
-
-
 @pytest.mark.parametrize(("higher", "before_s"), [((), 0.0), ((4,), 10.0), ((4, 5), 20.0)])
 def test_waits_that_end_together_are_staggered(higher: tuple[int, ...], before_s: float) -> None:
     story = waiting()
@@ -304,15 +280,6 @@ def test_a_later_return_has_its_own_wait() -> None:
     story.now += MAX_RETURN_WAIT_S
     story.goes_home(3)
     assert orders(story.holds(22)) == []
-
-
-def test_a_return_started_after_the_longest_wait_continues() -> None:
-    story = ReturnStory()
-    assert orders(story.at(20)) == [RETURN]
-    story(ev.OrderDone(RETURN))
-    story.goes_home(1)
-    assert orders(story.returns(19)) == []
-    assert orders(story.returns(19)) == []
 
 
 def test_a_return_under_way_is_not_stopped() -> None:
@@ -475,15 +442,6 @@ def ordered(order: ev.FlightOrder, **other: Any) -> ReturnStory:
     return story
 
 
-def test_an_ordered_return_waits_for_a_clear_path() -> None:
-    story = ordered(RETURN)
-    for col in (5, 4, 3, 2, 1):
-        story.goes_home(3, col=col)
-        assert orders(story.holds(60)) == []
-    story.goes_home(3, col=0, phase="done", returns_to=None)
-    assert orders(story.holds(60)) == [RETURN]
-
-
 def test_a_repeated_return_does_not_wait() -> None:
     story = ordered(RETURN)
     assert orders(story.holds(60)) == []
@@ -510,20 +468,3 @@ def test_an_ordered_landing_with_a_vehicle_below_becomes_a_return_at_its_deadlin
         given = orders(story.holds(60))
     assert given == [RETURN]
     assert story.now - began_s == pytest.approx(MAX_LANDING_WAIT_S, abs=4.0)
-
-
-@pytest.mark.virtual
-def test_three_low_batteries_at_once_return_one_after_the_other(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    sag = {"fault": "battery_sag", "params": {"at_most": 0.24, "sag_v": 0.0}, "at_s": 44.0}
-    trouble = Trouble(faults=[sag])
-    # The vehicles are 36 m apart at the start of the returns.
-    scenario = gathering(rules={"low_battery": {"wait_percent": 14.0}}, separation={"horizontal_m": 60.0})
-    report, ui = fly_with(trouble, tmp_path, monkeypatch, scenario=scenario)
-    assert trouble.modes[1] == ["AUTO", "RTL"]
-    assert ["AUTO", "RTL", "GUIDED", "RTL"] in trouble.modes.values()
-    assert not any(state.vehicle.armed for state in report.states.values())
-    begun = [i for i, text in enumerate(ui.said) if text.endswith("[return-clear]")]
-    assert begun
-    assert record.replay(tmp_path / "run.mcap").difference == ""

@@ -95,7 +95,7 @@ def test_the_splice_point_is_ahead_of_the_vehicle_at_the_end_of_the_swap(took_s:
     assert distance_m((swap.plan.begins.lat_deg, swap.plan.begins.lon_deg), _place(30.0)) < 0.1
 
 
-@pytest.mark.parametrize(("east_m", "speed_m_s"), [(-100.0, 0.0), (-90.0, 10.0), (-40.0, 10.0), (10.0, 10.0)])
+@pytest.mark.parametrize(("east_m", "speed_m_s"), [(-100.0, 0.0), (10.0, 10.0)])
 def test_a_plan_leaves_ahead_of_a_vehicle_on_its_way_to_the_first_centre(
     east_m: float, speed_m_s: float
 ) -> None:

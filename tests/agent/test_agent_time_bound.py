@@ -95,14 +95,6 @@ def test_the_detour_is_flown_only_with_enough_time() -> None:
         assert flight.state.late == ""
 
 
-def test_elapsed_time_is_taken_from_the_bound() -> None:
-    early, late = flying(within_s=87.0), flying(at_s=40.0, within_s=87.0)
-    for flight in (early, late):
-        flight.hear(*HOSTILES_ON_ROUTE)
-    assert length_cells(early.swap().cells) > 8.0
-    assert swaps(late.tick()) == []
-
-
 def test_a_late_vehicle_flies_on_and_reports_its_arrival_time() -> None:
     flight = flying(at_s=60.0, within_s=80.0)
     flight.hear((0, 4, True))

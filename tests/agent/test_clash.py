@@ -39,11 +39,6 @@ def test_parallel_flights_do_not_clash_at_any_time_shift() -> None:
     assert met(EAST, extrapolate((-100.0, 19.0, 40.0), (10.0, 0.0, 0.0), 0.0, 20.0)) == [1]
 
 
-def test_a_standing_vehicle_clashes_at_any_time() -> None:
-    assert met(EAST, extrapolate((0.0, 21.0, 40.0), (0.0, 0.0, 0.0), 0.0, 20.0)) == []
-    assert met(EAST, extrapolate((0.0, 21.0, 40.0), (0.0, 0.0, 0.0), 30.0, 20.0)) == []
-
-
 def test_a_height_difference_of_the_limit_is_no_clash() -> None:
     assert met(EAST, extrapolate((0.0, -100.0, 45.0), (0.0, 10.0, 0.0), 0.0, 20.0)) == []
     assert (

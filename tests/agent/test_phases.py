@@ -13,7 +13,7 @@ from swarmctl.agent.phases import IllegalTransition, Phase, changed
 from swarmctl.core import events as ev
 from swarmctl.core.vehicle import Landed
 
-Act = Callable[[Story], None]
+Act = Callable[[Story], object]
 ROLES = ("mission", "hold", "return", "land", "other", "")
 FLYING = ("old", "new", "hold", "theirs", "unknown")
 
@@ -35,20 +35,8 @@ def mission_failed(flying: str, *, is_late: bool) -> Act:
 def telemetry(column: int, role: str, *, armed: bool, is_down: bool, delay_s: float) -> Act:
     landed = Landed.ON_GROUND if is_down else Landed.IN_AIR
     alt_m = 0.0 if is_down else 30.0
-    return lambda story: void(
-        story.over(
-            (4, column),
-            mode=role,
-            mode_role=role,
-            armed=armed,
-            landed=landed,
-            alt_rel_m=alt_m,
-            delay_s=delay_s,
-        )
-    )
-
-
-def void(_result: object) -> None: ...
+    flies = {"armed": armed, "landed": landed, "alt_rel_m": alt_m}
+    return lambda story: story.over((4, column), mode=role, mode_role=role, delay_s=delay_s, **flies)
 
 
 orders = st.sampled_from(list(ev.FlightOrder))
@@ -70,7 +58,7 @@ events = st.one_of(
     ),
 )
 acts = st.one_of(
-    events.map(lambda event: lambda story: void(story(event))),
+    events.map(lambda event: lambda story: story(event)),
     st.just(mission_accepted),
     st.builds(mission_failed, st.sampled_from(FLYING), is_late=st.booleans()),
     st.builds(
@@ -84,8 +72,8 @@ acts = st.one_of(
 )
 BEGINNINGS: dict[str, Act] = {
     "on the ground": lambda _story: None,
-    "launching": lambda story: void(story.launching()),
-    "flying": lambda story: void(story.flying()),
+    "launching": Story.launching,
+    "flying": Story.flying,
 }
 
 

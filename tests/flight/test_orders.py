@@ -253,14 +253,6 @@ def test_a_reboot_cancels_a_launch_that_waits_for_a_plan() -> None:
     assert orders(story.accept()) == []
 
 
-def test_an_order_during_a_lost_link_is_sent_when_the_link_is_restored() -> None:
-    story = lost()
-    story(ev.OperatorCommand(LAND, 1))
-    story(ev.OrderFailed(LAND, "no answer"))
-    story(ev.LinkRestored())
-    assert orders(story.over((4, 1))) == [LAND]
-
-
 # --- the operator service
 
 
