@@ -53,7 +53,7 @@ def follow(
     if motion.order[i] != MotionOrder.FOLLOW:
         target.wanted_acceleration_m_s2[:, i] = motion.acceleration[:, i]
     if motion.order[i] != MotionOrder.FOLLOW or target.controls[i] is not control:
-        _begin(target, i, control)
+        _set_gains(target, i, control)
     target.position_m[:, i] = position_m
     target.velocity_m_s[:, i] = [_within(v, MAX_SPEED_M_S) for v in velocity_m_s]
     target.acceleration_m_s2[:, i] = [
@@ -70,7 +70,7 @@ def follow(
     motion.order[i], motion.reached[i] = MotionOrder.FOLLOW, False
 
 
-def _begin(target: FollowedSetpoints, i: int, control: Following) -> None:
+def _set_gains(target: FollowedSetpoints, i: int, control: Following) -> None:
     """Set the gains and limits of copter `i`."""
     target.controls[i] = control
     for row, gains in enumerate((control.horizontal, control.vertical)):

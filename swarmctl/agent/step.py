@@ -39,7 +39,7 @@ from swarmctl.agent.traffic.launching import (
     watch_first_route,
 )
 from swarmctl.agent.traffic.neighbours import receive_neighbours
-from swarmctl.agent.traffic.received_intents import receive_intents
+from swarmctl.agent.traffic.received_intents import receive_intents, with_reported_holds
 from swarmctl.agent.traffic.returning import update_return
 from swarmctl.agent.traffic.route_deconfliction import check_own_route
 from swarmctl.agent.traffic.route_hold import resume_if_clear
@@ -152,7 +152,7 @@ def _order_failed(state: AgentState, event: ev.OrderFailed, now: float) -> StepR
 
 
 def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> StepResult:
-    """Act on new telemetry and messages: note them, end the flight, follow the rules, steer, tell others."""
+    """Note new telemetry and messages, end the flight, follow the failsafe rules, steer, tell the others."""
     state = _note_telemetry(replace(state, silent_s=0.0) if state.silent_s else state, event.state)
     if event.members:
         state = receive_messages(state, event.members)
@@ -160,6 +160,8 @@ def _telemetry(state: AgentState, event: ev.TelemetryReceived, now: float) -> St
         state = receive_neighbours(state, event.neighbours)
     if event.intents:
         state = receive_intents(state, event.intents)
+    if event.neighbours or event.intents:
+        state = with_reported_holds(state)
     if has_touched_down(state):
         return end_at_touchdown(state), []
     effects: list[ev.Effect] = []

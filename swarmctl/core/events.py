@@ -80,8 +80,7 @@ class Ready(_Record, frozen=True):
 class TelemetryReceived(_Record, frozen=True, omit_defaults=True):
     """A new state of the vehicle, with what other UAVs have told since the last one.
 
-    A message comes as (UAV, age of the message [s], message). Agents read states and intents of others at
-    intervals.
+    A message comes as (UAV, age of the message [s], message).
     """
 
     state: VehicleState

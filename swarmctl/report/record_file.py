@@ -25,8 +25,8 @@ from swarmctl.config.model import Config
 
 FORMAT = 4
 READABLE = frozenset({"3", "4"})
-"""Readable formats. In format 3 the messages of a group are events of their own: a dashboard and `--known`
-read the record of such a flight, a replay does not."""
+"""Readable formats. In format 3 the messages of other vehicles are events of their own. A dashboard reads
+such a record without them, `--known` as well; a replay does not."""
 _RECORD = struct.Struct("<BQ")
 """opcode and length, before each record of an MCAP file"""
 _CHUNK = struct.Struct("<QQQII")

@@ -43,11 +43,13 @@ class SeparationStatistics:
     ) -> None:
         """Record the new positions of airborne vehicles of other processes."""
         for uav, state in states:
-            if uav in self._own_uavs or state.alt_rel_m < AIRBORNE_M or state.age_s > 0.0:
+            if uav in self._own_uavs or state.alt_rel_m < AIRBORNE_M:
                 continue
             east_m, north_m = after.task.grid.frame.to_local(state.lat_deg, state.lon_deg)
             height_m = state.alt_rel_m if state.alt_amsl_m is None else state.alt_amsl_m
-            if self._flown_separation(after).add_position(uav, now, (east_m, north_m, height_m)):
+            if self._flown_separation(after).add_position(
+                uav, now - state.age_s, (east_m, north_m, height_m)
+            ):
                 self._at_flight_s = flight_time_s
 
     def _flown_separation(self, after: AgentState) -> FlownSeparation:

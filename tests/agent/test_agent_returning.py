@@ -458,13 +458,23 @@ def test_an_ordered_landing_waits_for_a_vehicle_below() -> None:
     assert orders(story.holds(60)) == [LAND]
 
 
-def test_an_ordered_landing_with_a_vehicle_below_becomes_a_return_at_its_deadline() -> None:
+@pytest.mark.parametrize(
+    ("first", "home", "then"),
+    [
+        ({}, {}, RETURN),
+        ({"returns_to": (LAT_DEG, LON_DEG), "phase": "leaving"}, {}, LAND),
+        ({}, {"home_lat_deg": None, "home_lon_deg": None}, LAND),
+    ],
+    ids=["way home clear", "another vehicle returns first", "home unknown"],
+)
+def test_an_ordered_landing_with_a_vehicle_below_becomes_a_return_at_its_deadline(
+    first: dict[str, Any], home: dict[str, Any], then: ev.FlightOrder
+) -> None:
     below = {"col": 4, "phase": "released", "returns_to": None, "alt_amsl_m": AMSL_M - 4.0}
     story = ordered(LAND, **below)
-    given: list[ev.FlightOrder] = []
-    began_s = story.now
-    while not given:
+    given: list[tuple[float, ev.FlightOrder]] = []
+    for second in range(int(MAX_LANDING_WAIT_S) + 4):
         story.goes_home(3, **below)
-        given = orders(story.holds(60))
-    assert given == [RETURN]
-    assert story.now - began_s == pytest.approx(MAX_LANDING_WAIT_S, abs=4.0)
+        story.goes_home(4, **{"col": 6, "phase": "done", "returns_to": None, "alt_rel_m": 0.0, **first})
+        given += [(second, order) for order in orders(story.holds(60, **home))]
+    assert given[0] == (pytest.approx(MAX_LANDING_WAIT_S, abs=4.0), then)

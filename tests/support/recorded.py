@@ -64,11 +64,11 @@ def rewrite(
 
 
 def of_format_3(record: Path, copy: Path) -> None:
-    """Copy a record as format 3: with a group's messages as an event of their own, in place of Neighbours."""
+    """Copy a record as format 3, with events of their own for the messages of others, here for the intents."""
 
     def change(topic: str, content: dict[str, Any]) -> bool:
-        if topic == "/events" and content["event"]["type"] == "Neighbours":
-            content["event"] = {"type": "Members", "boot_s": 1.0, "told": []}
+        if topic == "/events" and "intents" in content["event"]:
+            content["event"] = {"type": "Intents", "told": content["event"]["intents"]}
         return True
 
     rewrite(record, copy, change, format_="3")

@@ -115,7 +115,8 @@ def stop_in_time(state: AgentState) -> StepResult:
 def _queues_later(state: AgentState, plan: Trajectory) -> bool:
     """Return whether the landing queue decides about the descent later, near the landing spot."""
     descends_in_s = landing_start_s(plan) - state.vehicle.time_boot_s
-    return state.phase is Phase.LANDING and descends_in_s > HOLD_BEFORE_DESCENT_S
+    is_queued = state.phase is Phase.LANDING and state.plans.pending is None
+    return is_queued and descends_in_s > HOLD_BEFORE_DESCENT_S
 
 
 def _stop_if_unannounced(state: AgentState) -> StepResult:

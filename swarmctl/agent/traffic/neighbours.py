@@ -9,7 +9,6 @@ from swarmctl.agent.arrival.simultaneous import note_arrival_times
 from swarmctl.agent.formation.near_members import with_traffic
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.prediction import HEARD_S, MAX_AGE_S, MAX_REPORT_AGE_S
-from swarmctl.agent.traffic.received_intents import with_holds
 from swarmctl.agent.traffic.returning import note_returning
 from swarmctl.agent.traffic.separation.watch import NeighbourReport
 from swarmctl.core.frames import StateShared
@@ -59,7 +58,7 @@ def receive_neighbours(state: AgentState, states: Sequence[tuple[int, StateShare
         state = replace(state, intent_new_boot_s=now_s)  # a vehicle hears this one for the first time
     state = note_returning(note_arrival_times(state, states), reports)
     state = replace(state, wait=state.wait and state.wait.noted(reports))
-    return with_traffic(state, neighbours={**kept, **new}, intents=with_holds(state, new))
+    return with_traffic(state, neighbours={**kept, **new})
 
 
 def _near_test(state: AgentState) -> Callable[[StateShared, PlanarPoint], bool]:

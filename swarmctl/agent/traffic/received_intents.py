@@ -15,7 +15,7 @@ from swarmctl.agent.traffic.intents import MAX_UNCERTAINTY_M
 from swarmctl.agent.traffic.own_flight import HOLD_DURATION_S
 from swarmctl.agent.traffic.prediction import AIRBORNE_M, MAX_AGE_S, reported_amsl_m
 from swarmctl.agent.traffic.separation.trajectory import Bounds, Trajectory, brake, until_landing
-from swarmctl.agent.traffic.separation.watch import NeighbourIntent, NeighbourReport
+from swarmctl.agent.traffic.separation.watch import NeighbourIntent
 from swarmctl.core.frames import IntentShared
 from swarmctl.core.geo import LocalFrame
 from swarmctl.core.records import replace
@@ -48,18 +48,19 @@ def receive_intents(state: AgentState, intents: Sequence[tuple[int, float, Inten
     return with_traffic(state, intents=fresh)
 
 
-def with_holds(state: AgentState, reports: Mapping[int, NeighbourReport]) -> Mapping[int, NeighbourIntent]:
-    """Return the known intents; a vehicle that reports a wait has stopped, also if its intent was lost."""
-    intents = dict(state.all_intents)
-    for uav, report in reports.items():
-        intent, shared = intents.get(uav), report.state
-        if intent is None or not shared.waits or shared.alt_rel_m < AIRBORNE_M:
+def with_reported_holds(state: AgentState) -> AgentState:
+    """Return the state with the holds of copters that report a wait, where the intent of the hold is lost."""
+    holds = {}
+    for uav, intent in state.all_intents.items():
+        report = state.all_neighbours.get(uav)
+        if report is None or report.at_s <= intent.sent_s or intent.flight.ends_in_hold:
             continue
-        if intent.sent_s < report.at_s and not intent.flight.ends_in_hold:
+        shared = report.state
+        if shared.waits and shared.hovers and shared.alt_rel_m >= AIRBORNE_M:
             here = report.east_m, report.north_m, reported_amsl_m(state, report)
             flight = brake(here, shared.velocity_m_s, report.at_s, HOLD_DURATION_S)
-            intents[uav] = NeighbourIntent(flight, Bounds.of(flight), may_change=False, sent_s=report.at_s)
-    return intents
+            holds[uav] = NeighbourIntent(flight, Bounds.of(flight), may_change=False, sent_s=report.at_s)
+    return with_traffic(state, intents={**state.all_intents, **holds}) if holds else state
 
 
 def _with_present_cells(

@@ -9,7 +9,8 @@ Vehicles broadcast their returns, and their holds before a return.
 | two vehicles started at the same time | within 5 s the vehicle with the higher system id holds again |
 | another vehicle soon flies through the path home | the vehicle holds, if its hold is in nobody's way |
 | urgent return (very low battery) | is first; holds for 10 s at most while others fly on its path |
-| a vehicle has waited for 120 s | returns or lands as ordered, or the other way if only that is clear |
+| a vehicle has waited for 120 s | returns, or lands if only the ground is clear |
+| a vehicle has waited for 120 s before a landing | lands, or returns if only the way home is clear |
 | several vehicles wait so long | lower system ids start up to 60 s earlier, in 10 s steps |
 """
 
@@ -182,12 +183,19 @@ def _land_if_clear(state: AgentState, wait: Wait) -> StepResult:
     ends, wait = verdict(wait, state.vehicle.time_boot_s, clear)
     if ends in (Verdict.WAIT, Verdict.BLOCKED):
         return replace(state, wait=wait), []
-    if ends is Verdict.OVER and _landing_conflicts(state) and not _return_conflicts(state):
-        state, ordered = start_return(state)
-        text = "the ground is not clear at the end of the wait; the vehicle returns [landing-blocked]"
-        return state, [ev.NotifyOperator(text), *ordered]
+    if ends is Verdict.OVER and _landing_conflicts(state) and _may_return_instead(state):
+        text = "the ground is not clear at the end of the wait"
+        outcome = f"{state.outcome}; {text}" if state.outcome else text
+        state, ordered = start_return(state, may_hold_again=True, outcome=outcome)
+        return state, [ev.NotifyOperator(f"{text}; the vehicle returns [landing-blocked]"), *ordered]
     state, ordered = _land_here(state, wait)
     return state, [ev.NotifyOperator("the vehicle lands as ordered [ground-clear]"), *ordered]
+
+
+def _may_return_instead(state: AgentState) -> bool:
+    """Return whether a return is clear, and no rule demands that the vehicle lands."""
+    must_land = any(demand is not None and demand.kind is DemandKind.LAND for demand in state.demands)
+    return not must_land and bool(return_flights(state)) and is_way_clear(state, ev.FlightOrder.RETURN)
 
 
 def _land_here(state: AgentState, wait: Wait, **changes: Any) -> StepResult:
