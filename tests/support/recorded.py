@@ -64,7 +64,7 @@ def rewrite(
 
 
 def of_format_3(record: Path, copy: Path) -> None:
-    """Copy a record as format 3, with events of their own for the messages of others, here for the intents."""
+    """Copy a record as format 3, which has an event of its own for the intents of others."""
 
     def change(topic: str, content: dict[str, Any]) -> bool:
         if topic == "/events" and "intents" in content["event"]:
