@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 from agent_stories import AMSL_M, MID_M, codes, intent_path, orders
 from collision_stories import ApproachStory
 
@@ -29,13 +30,17 @@ def test_a_vehicle_does_not_stop_where_a_faster_one_is_about_to_pass_by_its_anno
     assert orders(story.at(east_m, **slow)) == []
 
 
-def test_a_vehicle_that_reports_a_wait_has_stopped_although_its_announced_flight_was_lost() -> None:
+@pytest.mark.parametrize(("hovers", "then"), [(True, ev.FlightOrder.HOLD), (False, None)])
+def test_a_copter_that_reports_a_wait_has_stopped_although_its_announced_hold_was_lost(
+    hovers: bool, then: ev.FlightOrder | None
+) -> None:
     story, ahead_m = ApproachStory(), 45.0
     path = intent_path((0.0, 100.0 + ahead_m, MID_M[1], AMSL_M), (30.0, 400.0 + ahead_m, MID_M[1], AMSL_M))
     story.tell(intents=((1, 0.0, IntentShared(1, path)),))
     assert orders(story.at(100.0)) == []
     story.other(1, 100.0 + ahead_m, MID_M[1], (10.0, 0.0, 0.0))
     assert orders(story.at(110.0)) == []
-    story.other(1, 110.0 + ahead_m, MID_M[1], (10.0, 0.0, 0.0), waits="in hold on its route")
-    found = [orders(story.at(east_m)) for east_m in range(120, 160, 10)]
-    assert [ev.FlightOrder.HOLD] in found
+    story.other(1, 110.0 + ahead_m, MID_M[1], (10.0, 0.0, 0.0), waits="in hold", hovers=hovers)
+    story.tell(intents=((1, 3.0, IntentShared(1, path)),))  # late, and older than the wait
+    found = [order for east_m in range(120, 160, 10) for order in orders(story.at(east_m))]
+    assert found[:1] == ([] if then is None else [then])
