@@ -199,6 +199,21 @@ def test_a_late_current_item_leaves_out_no_waypoint_of_the_new_plan():
     assert bench.aim == (first.x, first.y)
 
 
+def test_a_plan_that_goes_straight_to_a_later_waypoint_of_the_old_one_leaves_out_those_between():
+    bench = FlyingBench("px4").flying(metric_plan((0.0, 150.0), (150.0, 300.0), (0.0, 450.0), (0.0, 600.0)))
+    assert bench.run(60, lambda: place(bench)[1] > 20.0)
+    result = bench.swap(metric_plan((0.0, 450.0), (0.0, 600.0), leaves_ahead=True))
+    assert result.flying == "new"
+    east_m = []
+
+    def is_down() -> bool:
+        east_m.append(abs(place(bench)[0]))
+        return not bench.vehicle.armed
+
+    assert bench.run(200, is_down)
+    assert max(east_m) < 5.0
+
+
 @pytest.mark.parametrize(
     ("leaves_ahead", "refused"), [(True, False), *full_only((True, True), (False, False), (False, True))]
 )

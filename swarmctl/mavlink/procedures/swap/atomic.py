@@ -162,7 +162,9 @@ class AtomicSwap(Machine[State]):
             return new, first
         waypoint, on_first_leg = new[first], list[MissionItem]()
         # The plan leaves out items that the vehicle has passed, but the last MISSION_CURRENT may be older.
-        n_before = old.seq + (old.progress.leg_over(waypoint) or 0)
+        # A plan may also go straight to a later waypoint of the old one: items ahead are no such items.
+        n_behind = old.progress.n_behind(self.ctx.state)
+        n_before = old.seq + min(old.progress.leg_over(waypoint) or 0, n_behind)
         if n_before > first and _position(old.items[n_before - 1]) == _position(waypoint):
             n_before -= 1
         else:

@@ -129,6 +129,16 @@ class RouteProgress:
         on_item = (i for i, leg in legs for place in places if distance_to_leg(place, *leg) <= SAME_PLACE_M)
         return next(on_item, None)
 
+    def n_behind(self, state: VehicleState) -> int:
+        """Return how many of the first items are behind the vehicle, by its velocity."""
+        if self._frame is None or state.lat_lon is None:
+            return 0
+        east_m, north_m = self._frame.to_local(*state.lat_lon)
+        ahead_m2_s = (
+            (e - east_m) * state.east_m_s + (n - north_m) * state.north_m_s for e, n in self._points[1:]
+        )
+        return sum(1 for _ in takewhile(lambda ahead: ahead < 0.0, ahead_m2_s))
+
     def is_near_leg_to(self, item: int, state: VehicleState) -> bool:
         """Return whether the vehicle is near the leg to an item; a number beyond the list means the last."""
         item = min(item, len(self._points) - 2)
