@@ -14,8 +14,6 @@ from collections.abc import Awaitable, Callable, Coroutine, Iterable, Sequence
 from functools import partial
 from typing import Any
 
-import msgspec
-
 from swarmctl.agent.phases import ON_GROUND
 from swarmctl.agent.replan.mission_changes import needs_tick
 from swarmctl.agent.state import AgentState, Task, begin
@@ -215,11 +213,7 @@ class Runner:
         if 0.0 <= state.time_boot_s - self._neighbours_read_s < NEIGHBOURS_EVERY_S:
             return ev.TelemetryReceived(state, members)
         self._neighbours_read_s = state.time_boot_s
-        states = {
-            other: msgspec.structs.replace(shared, age_s=shared.age_s + age_s)
-            for other, age_s, shared in take_new(uav, StateShared)
-        }
-        neighbours = relevant_states(self.state, states)
+        neighbours = relevant_states(self.state, take_new(uav, StateShared))
         return ev.TelemetryReceived(state, members, neighbours, take_new(uav, IntentShared))
 
     async def run(self) -> None:

@@ -293,17 +293,13 @@ class LightAgent:
         self.tick()
 
     def _with_messages(self, telemetry: ev.TelemetryReceived, now: float) -> ev.TelemetryReceived:
-        aged = {
-            uav: msgspec.structs.replace(state, age_s=state.age_s + now - sent_s)
-            for uav, (sent_s, state) in self._states.items()
-            if uav in self._fresh
-        }
+        told = [(uav, *self._states[uav]) for uav in sorted(self._fresh)]
         self._fresh.clear()
         heard = [(uav, *self._intents[uav]) for uav in sorted(self._fresh_intents)]
         self._fresh_intents.clear()
         return msgspec.structs.replace(
             telemetry,
-            neighbours=relevant_states(self.state, dict(sorted(aged.items()))),
+            neighbours=relevant_states(self.state, [(uav, now - at_s, state) for uav, at_s, state in told]),
             intents=tuple((uav, now - at_s, intent) for uav, at_s, intent in heard),
         )
 

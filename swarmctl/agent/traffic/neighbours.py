@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
+
+import msgspec
 
 from swarmctl.agent.arrival.simultaneous import note_arrival_times
 from swarmctl.agent.formation.near_members import with_traffic
@@ -20,17 +22,19 @@ MARGIN_M_S = 5.0
 
 
 def relevant_states(
-    state: AgentState, states: Mapping[int, StateShared]
+    state: AgentState, told: Iterable[tuple[int, float, StateShared]]
 ) -> tuple[tuple[int, StateShared], ...]:
-    """Return the states of senders that are or were near, or return; all if the arrivals are simultaneous."""
-    if state.task.arrival_group is not None:
-        return tuple(states.items())
+    """Return the states of senders that are or were near, or return; all if the arrivals are simultaneous.
+
+    told: (UAV, age of the message [s], state); the ages of the returned states include it
+    """
     is_near, to_local = _near_test(state), state.task.grid.frame.to_local
-    known = state.returning.keys() | state.neighbours.keys()
+    known, takes_all = state.returning.keys() | state.neighbours.keys(), state.task.arrival_group is not None
     return tuple(
-        (uav, other)
-        for uav, other in states.items()
-        if other.returns_to is not None
+        (uav, msgspec.structs.replace(other, age_s=other.age_s + age_s))
+        for uav, age_s, other in told
+        if takes_all
+        or other.returns_to is not None
         or uav in known
         or is_near(other, to_local(other.lat_deg, other.lon_deg))
     )

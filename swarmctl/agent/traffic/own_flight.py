@@ -170,16 +170,16 @@ def flight_by_plan(state: AgentState, plan: FlightPlan) -> Trajectory | None:
     here = position_of(state)
     if here is None:
         return None
-    task, path = state.task, waypoints_of(state.task, plan)
+    task, path, speed_m_s = state.task, waypoints_of(state.task, plan), state.task.arrival.speed_m_s
     if task.wings is not None:
-        return to_shared_frame(
-            state, wing_trajectory.in_flight(task, plan, here, path[:-1], task.arrival.speed_m_s)
-        )
-    if _climbs_vertically(state, here, plan):
-        return to_shared_frame(state, _climb(state, here, plan.height_m, path, task.arrival.speed_m_s))
-    if (change := change_for_new_plan(state)) is None:
-        return to_shared_frame(state, _from_hold(state, here, plan, path, state.plans.swap_times.likely_s))
-    flight = _through_change(state, here, change, plan, path, task.arrival.speed_m_s)
+        flight = wing_trajectory.in_flight(task, plan, here, path[:-1], speed_m_s)
+    elif _climbs_vertically(state, here, plan):
+        delay_s = state.vehicle.start_delay_s
+        flight = climb_then_fly(here, plan.height_m, path, speed_m_s, start_delay_s=delay_s)
+    elif (change := change_for_new_plan(state)) is None:
+        flight = _from_hold(state, here, plan, path, state.plans.swap_times.likely_s)
+    else:
+        flight = _through_change(state, here, change, plan, path, speed_m_s)
     return to_shared_frame(state, flight)
 
 
@@ -210,37 +210,12 @@ def _from_hold(
     state: AgentState, here: LocalPoint, plan: FlightPlan, path: list[PlanarPoint], after_s: float
 ) -> Trajectory:
     """Return the trajectory of a copter that holds, and begins `plan` after `after_s` [s]."""
-    flight = _fly(state, here, plan.height_m, path, state.task.arrival.speed_m_s)
+    speed_m_s, delay_s = state.task.arrival.speed_m_s, state.vehicle.start_delay_s
+    flight = fly_along(here, plan.height_m, path, speed_m_s, start_delay_s=delay_s)
     if after_s <= 0.0:
         return flight
     flight = flight.later(after_s)
     return Trajectory((0.0, *flight.times_s), (here, *flight.points))
-
-
-def _fly(
-    state: AgentState,
-    here: LocalPoint,
-    height_m: float,
-    path: Sequence[PlanarPoint],
-    speed_m_s: float,
-    initial_m_s: float = 0.0,
-) -> Trajectory:
-    """Return `fly_along` for this vehicle."""
-    delay_s = state.vehicle.start_delay_s
-    return fly_along(here, height_m, path, speed_m_s, initial_m_s, start_delay_s=delay_s)
-
-
-def _climb(
-    state: AgentState,
-    here: LocalPoint,
-    height_m: float,
-    path: Sequence[PlanarPoint],
-    speed_m_s: float,
-    lift_s: float = 0.0,
-) -> Trajectory:
-    """Return `climb_then_fly` for this vehicle."""
-    delay_s = state.vehicle.start_delay_s
-    return climb_then_fly(here, height_m, path, speed_m_s, lift_s, start_delay_s=delay_s)
 
 
 def to_shared_frame(state: AgentState, flight: Trajectory | None) -> Trajectory | None:
@@ -260,7 +235,7 @@ def _phase_trajectory(state: AgentState, here: LocalPoint, for_s: float) -> Traj
     It lasts `for_s` at least, or until its end [s].
     """
     task, swap = state.task, state.plans.pending or state.plans.mission
-    speed_m_s = state.speed.m_s or task.arrival.speed_m_s
+    speed_m_s, delay_s = state.speed.m_s or task.arrival.speed_m_s, state.vehicle.start_delay_s
     if task.wings is not None:
         return _fixed_wing_trajectory(state, here, speed_m_s)
     match state.phase:
@@ -269,7 +244,7 @@ def _phase_trajectory(state: AgentState, here: LocalPoint, for_s: float) -> Traj
         case Phase.LAUNCHING if swap is not None:
             lift_s = state.launch.lifts_off_in_s(state.vehicle.time_boot_s) if here[2] < AIRBORNE_M else 0.0
             path = waypoints_of(task, swap.plan)
-            return _climb(state, here, swap.plan.height_m, path, speed_m_s, lift_s)
+            return climb_then_fly(here, swap.plan.height_m, path, speed_m_s, lift_s, start_delay_s=delay_s)
         case Phase.FLYING | Phase.LANDING if swap is not None and not state.is_waiting:
             plan = swap.plan
             if state.phase is Phase.LANDING and state.order.given is ev.FlightOrder.LAND:
@@ -278,12 +253,14 @@ def _phase_trajectory(state: AgentState, here: LocalPoint, for_s: float) -> Traj
             if state.phase is Phase.LANDING and _descends_vertically(here, remaining, plan.height_m):
                 return land_from([(*remaining[-1], here[2])], [0.0])
             if _climbs_vertically(state, here, plan):
-                return _climb(state, here, plan.height_m, waypoints_of(task, plan), speed_m_s)
+                path = waypoints_of(task, plan)
+                return climb_then_fly(here, plan.height_m, path, speed_m_s, start_delay_s=delay_s)
             if state.plans.mission is None and state.plans.pending is not None:
                 return _from_hold(state, here, plan, waypoints_of(task, plan), swap_due_s(state))
             if (change := change_ahead(state)) is not None:
                 return _through_change(state, here, change, plan, remaining, speed_m_s)
-            return _fly(state, here, plan.height_m, remaining, speed_m_s, state.vehicle.ground_speed_m_s)
+            flown_m_s = state.vehicle.ground_speed_m_s
+            return fly_along(here, plan.height_m, remaining, speed_m_s, flown_m_s, start_delay_s=delay_s)
         case Phase.FLYING | Phase.FORMATION | Phase.LANDING | Phase.HOLDING:
             return hold_from(state, here, 0.0)
         case Phase.LEAVING if state.order.given is ev.FlightOrder.LAND:
@@ -308,16 +285,17 @@ def _return_trajectory(state: AgentState, here: LocalPoint, height_m: float) -> 
     to_e, to_n = (place[0] - here[0]) / away_m, (place[1] - here[1]) / away_m
     toward_m_s = to_e * vehicle.east_m_s + to_n * vehicle.north_m_s
     if _is_high(here, height_m) and toward_m_s >= TOWARD_HOME * vehicle.ground_speed_m_s:
-        return _fly(state, here, here[2], [place], state.task.arrival.speed_m_s, toward_m_s)
+        speed_m_s, delay_s = state.task.arrival.speed_m_s, vehicle.start_delay_s
+        return fly_along(here, here[2], [place], speed_m_s, toward_m_s, start_delay_s=delay_s)
     return _from_stop(state, here, lambda stop: _fly_home(state, stop, place, height_m))
 
 
 def _fly_home(state: AgentState, here: LocalPoint, place: PlanarPoint, height_m: float) -> Trajectory:
     """Return the trajectory of a return from a stop to a place above the home."""
-    speed_m_s = state.task.arrival.speed_m_s
+    speed_m_s, delay_s = state.task.arrival.speed_m_s, state.vehicle.start_delay_s
     if _is_high(here, height_m):
-        return _fly(state, here, here[2], [place], speed_m_s)
-    return _climb(state, here, height_m, [place], speed_m_s)
+        return fly_along(here, here[2], [place], speed_m_s, start_delay_s=delay_s)
+    return climb_then_fly(here, height_m, [place], speed_m_s, start_delay_s=delay_s)
 
 
 def _is_high(here: LocalPoint, height_m: float) -> bool:

@@ -50,9 +50,9 @@ def receive_intents(state: AgentState, intents: Sequence[tuple[int, float, Inten
 
 def with_reported_holds(state: AgentState) -> AgentState:
     """Return the state with the holds of copters that report a wait, where the intent of the hold is lost."""
-    holds = {}
-    for uav, intent in state.all_intents.items():
-        report = state.all_neighbours.get(uav)
+    intents, reports, holds = state.all_intents, state.all_neighbours, {}
+    for uav, intent in intents.items():
+        report = reports.get(uav)
         if report is None or report.at_s <= intent.sent_s or intent.flight.ends_in_hold:
             continue
         shared = report.state
@@ -60,7 +60,7 @@ def with_reported_holds(state: AgentState) -> AgentState:
             here = report.east_m, report.north_m, reported_amsl_m(state, report)
             flight = brake(here, shared.velocity_m_s, report.at_s, HOLD_DURATION_S)
             holds[uav] = NeighbourIntent(flight, Bounds.of(flight), may_change=False, sent_s=report.at_s)
-    return with_traffic(state, intents={**state.all_intents, **holds}) if holds else state
+    return with_traffic(state, intents={**intents, **holds}) if holds else state
 
 
 def _with_present_cells(

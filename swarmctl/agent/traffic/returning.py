@@ -185,11 +185,14 @@ def _land_if_clear(state: AgentState, wait: Wait) -> StepResult:
         return replace(state, wait=wait), []
     if ends is Verdict.OVER and _landing_conflicts(state) and _may_return_instead(state):
         text = "the ground is not clear at the end of the wait"
-        outcome = f"{state.outcome}; {text}" if state.outcome else text
-        state, ordered = start_return(state, may_hold_again=True, outcome=outcome)
+        state, ordered = start_return(state, may_hold_again=True, outcome=_outcome_with(state, text))
         return state, [ev.NotifyOperator(f"{text}; the vehicle returns [landing-blocked]"), *ordered]
     state, ordered = _land_here(state, wait)
     return state, [ev.NotifyOperator("the vehicle lands as ordered [ground-clear]"), *ordered]
+
+
+def _outcome_with(state: AgentState, text: str) -> str:
+    return f"{state.outcome}; {text}" if state.outcome else text
 
 
 def _may_return_instead(state: AgentState) -> bool:
@@ -215,8 +218,7 @@ def _wait_or_start(state: AgentState, wait: Wait) -> StepResult:
             ended = wait.over(now_s) if wait.purpose is WaitFor.RETURN_PATH else None
             if _return_conflicts(state) and not _landing_conflicts(state):
                 text = "the return path is not clear at the end of the wait"
-                outcome = f"{state.outcome}; {text}" if state.outcome else text
-                state, ordered = _land_here(state, wait, outcome=outcome)
+                state, ordered = _land_here(state, wait, outcome=_outcome_with(state, text))
                 return state, [
                     ev.NotifyOperator(f"{text}; the vehicle lands where it is [return-blocked]"),
                     *ordered,

@@ -149,15 +149,17 @@ class Trajectory:
         least_e = least_n = least_u = -math.inf
         most_e = most_n = most_u = math.inf
         for i in range(1, len(self.points)):
-            (e, n, u), per_s = self.points[i], 1.0 / (self.times_s[i] - t0)
-            ve, vn, vu, by = (e - e0) * per_s, (n - n0) * per_s, (u - u0) * per_s, within_m * per_s
-            if not (least_e <= ve <= most_e and least_n <= vn <= most_n and least_u <= vu <= most_u):
+            (e, n, u), t = self.points[i], self.times_s[i]
+            while True:  # once, or again from a kept point
+                per_s = 1.0 / (t - t0)
+                ve, vn, vu = (e - e0) * per_s, (n - n0) * per_s, (u - u0) * per_s
+                if least_e <= ve <= most_e and least_n <= vn <= most_n and least_u <= vu <= most_u:
+                    break
                 kept.append(i - 1)
                 (e0, n0, u0), t0 = self.points[i - 1], self.times_s[i - 1]
-                per_s = 1.0 / (self.times_s[i] - t0)
-                ve, vn, vu, by = (e - e0) * per_s, (n - n0) * per_s, (u - u0) * per_s, within_m * per_s
                 least_e = least_n = least_u = -math.inf
                 most_e = most_n = most_u = math.inf
+            by = within_m * per_s
             least_e, least_n, least_u = max(least_e, ve - by), max(least_n, vn - by), max(least_u, vu - by)
             most_e, most_n, most_u = min(most_e, ve + by), min(most_n, vn + by), min(most_u, vu + by)
         kept.append(len(self.points) - 1)
