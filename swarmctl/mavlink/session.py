@@ -266,6 +266,8 @@ class Session:
             step.messages.extend(vehicle.streams.tick(now))
         step.messages.extend(telemetry.questions(now))
         vehicle.streams.on_message(message.get_msgId(), now)
+        if is_new_state:
+            step.messages.extend(vehicle.streams.set_armed(telemetry.state.armed, now))
         return is_new_state
 
     def _watch_mission(self, vehicle: _Vehicle, message: Message, now: float) -> bool:

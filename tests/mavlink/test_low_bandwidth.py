@@ -10,6 +10,7 @@ from flying_bench import BOTH, FlyingBench
 from metric_plans import place, plan
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from swarmctl.mavlink.procedures import basic
 from swarmctl.mavlink.protocol.conversation import MavlinkPeer
 from swarmctl.mavlink.session import Session
 from swarmctl.mavlink.telemetry.instruments import read_instruments
@@ -70,6 +71,32 @@ def test_a_low_position_rate_keeps_the_whole_telemetry_small(personality: str) -
     assert bench.n_lost == 0
     positions = [data for at_s, data in bench.down if at_s > bench.now - 20.0 and data[7] == POSITION]
     assert len(positions) == pytest.approx(40, abs=2)
+
+
+@BOTH
+def test_positions_come_once_a_second_after_a_flight_and_at_full_rate_in_the_next(personality: str) -> None:
+    bench = LowBandwidthBench(personality, 20_000.0).uploaded(plan((0.0, 60.0)))
+    positions: list[float] = []
+    bench.on_datagram = lambda data: positions.append(bench.now) if data[7] == POSITION else None
+
+    def n_in_10_s() -> int:
+        bench.run(10.0)
+        return sum(at_s > bench.now - 10.0 for at_s in positions)
+
+    n_before = n_in_10_s()
+    assert bench.do("launch", basic.launch).failure is None
+    assert n_in_10_s() == pytest.approx(n_before, abs=2)
+    assert bench.do("land", basic.land).failure is None
+    assert bench.run(60.0, lambda: not bench.session.state.armed)
+    bench.run(3.0)
+    assert n_in_10_s() == pytest.approx(10, abs=1)
+    assert bench.do("prepare", basic.prepare).failure is None
+    numbers = count()
+    bench.block = lambda m: getattr(m, "command", None) == INTERVAL and next(numbers) < 2
+    assert bench.do("launch", basic.launch).failure is None
+    bench.run(10.0)
+    assert next(numbers) > 2
+    assert n_in_10_s() == pytest.approx(n_before, abs=2), "the lost requests are not repeated"
 
 
 @BOTH

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,6 +15,8 @@ from swarmctl.mavlink.protocol.conversation import MavlinkPeer
 
 _REPEAT_PAUSE_S, _MAX_REPEAT_PAUSE_S = 3.0, 30.0
 """first and longest pause between requests for a missing stream"""
+AFTER_FLIGHT_HZ = 1.0
+"""highest rate after a flight: the radio then serves the vehicles that still fly"""
 AFTER_SILENCE_S = 1.5
 """delay of new requests after a silence: if the vehicle has not rebooted, its streams continue"""
 
@@ -48,22 +51,24 @@ class Streaming:
 class StreamKeeper:
     """Keeper of the streams `rates_hz` (message id -> rate); `stops_others` ends the `UNUSED_IDS` streams.
 
-    Only the arrival of a message confirms a request; acknowledgements are ignored. The pauses between
-    requests for a missing message grow, because some firmwares do not support that message.
+    Only the arrival of a message confirms a request; acknowledgements are ignored. A message at less than
+    half of its rate confirms nothing. The pauses between requests for a missing message grow, because some
+    firmwares do not support that message.
     """
 
     def __init__(
         self, peer: MavlinkPeer, rates_hz: Mapping[int, float], *, stops_others: bool = False
     ) -> None:
         self._peer = peer
-        self._rates_hz = rates_hz
+        self._flight_hz = self._rates_hz = rates_hz
+        self._armed = False
         self._due: dict[int, float] = {}
         self._check_at: float | None = None
         """time of the next search for missing streams [s]"""
         self._repeat_s = dict.fromkeys(rates_hz, _REPEAT_PAUSE_S)
         self._stops_others = stops_others
         self._received_s: dict[int, float] = {}
-        """last arrival of each unused message [s]"""
+        """last arrival of each message [s]"""
         self._stopped: dict[int, tuple[float, float]] = {}
         """time of the last command to end each stream, and pause before the next command [s]"""
         self._to_stop: deque[int] = deque()
@@ -87,15 +92,28 @@ class StreamKeeper:
         if self._check_at is not None:
             self.demand(due)
 
-    def on_message(self, msgid: int, now: float) -> None:
-        if msgid in self._due:
-            self._repeat_s[msgid] = _REPEAT_PAUSE_S
-            self._due[msgid] = now + max(_REPEAT_PAUSE_S, 3.0 / self._rates_hz[msgid])
-        elif self._stops_others and self._due and msgid in UNUSED_IDS:
-            self._on_unused(msgid, now)
+    def set_armed(self, armed: bool, now: float) -> list[Message]:
+        """Return the requests for other rates: a vehicle that disarms after a flight needs fewer messages."""
+        if armed is self._armed:
+            return []
+        self._armed, before = armed, self._rates_hz
+        limit_hz = math.inf if armed else AFTER_FLIGHT_HZ
+        self._rates_hz = {msgid: min(hz, limit_hz) for msgid, hz in self._flight_hz.items()}
+        for msgid in self._due:
+            if self._rates_hz[msgid] != before[msgid]:
+                self._due[msgid], self._repeat_s[msgid] = now, _REPEAT_PAUSE_S
+        return self.tick(now)
 
-    def _on_unused(self, msgid: int, now: float) -> None:
+    def on_message(self, msgid: int, now: float) -> None:
         received_s, self._received_s[msgid] = self._received_s.get(msgid), now
+        if msgid in self._due:
+            if received_s is None or now - received_s <= 2.0 / self._rates_hz[msgid]:
+                self._repeat_s[msgid] = _REPEAT_PAUSE_S
+                self._due[msgid] = now + max(_REPEAT_PAUSE_S, 3.0 / self._rates_hz[msgid])
+        elif self._stops_others and self._due and msgid in UNUSED_IDS:
+            self._on_unused(msgid, received_s, now)
+
+    def _on_unused(self, msgid: int, received_s: float | None, now: float) -> None:
         if received_s is None or now - received_s > _MAX_STREAM_INTERVAL_S or msgid in self._to_stop:
             return
         if msgid in self._stopped:
