@@ -74,7 +74,7 @@ def _simulated(config: Config, grid: Grid) -> Iterator[Spec]:
         start = _start(grid, simulate, i)
         entry = entry_of(config, grid, start)
         assert entry is not None
-        airframe = AUTOPILOTS[simulated_autopilot(config, i)].airframe
+        airframe = simulated_airframe(config, i)
         is_plane = airframe == "plane"
         yield Spec(
             name=name,
@@ -98,7 +98,7 @@ def _simulated(config: Config, grid: Grid) -> Iterator[Spec]:
 def airframes_of(config: Config) -> dict[int, Airframe]:
     """Return the airframe of each vehicle, by system id."""
     n_simulated = 0 if config.simulate is None else config.simulate.count
-    simulated = (AUTOPILOTS[simulated_autopilot(config, i)].airframe for i in range(n_simulated))
+    simulated = (simulated_airframe(config, i) for i in range(n_simulated))
     airframes = (*simulated, *(vehicle.airframe for vehicle in config.vehicles))
     return {sysid: airframe for (sysid, _), airframe in zip(config.identities, airframes, strict=True)}
 
@@ -111,6 +111,11 @@ def simulated_autopilot(config: Config, index: int) -> str:
     if isinstance(chosen, str):
         chosen = MIXED if chosen == "mixed" else (chosen,)
     return chosen[index % len(chosen)]
+
+
+def simulated_airframe(config: Config, index: int) -> Airframe:
+    """Return the airframe of the simulated vehicle `index`, from 0."""
+    return AUTOPILOTS[simulated_autopilot(config, index)].airframe
 
 
 def simulated_goals(config: Config, grid: Grid, index: int) -> tuple[Cell, ...]:

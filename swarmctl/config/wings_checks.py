@@ -9,11 +9,10 @@ from itertools import combinations, pairwise
 from swarmctl.agent.replan.landing import goal_pattern, home_approach, home_pattern
 from swarmctl.agent.state import Task
 from swarmctl.config.arrival_checks import time_bounds
-from swarmctl.config.autopilots import AUTOPILOTS
 from swarmctl.config.model import Config
 from swarmctl.config.problems import ConfigProblem
 from swarmctl.config.scenario import Scenario
-from swarmctl.config.specs import Spec, simulated_autopilot
+from swarmctl.config.specs import Spec, simulated_airframe
 from swarmctl.config.vehicles import Simulate, Vehicle
 from swarmctl.config.yaml_lines import KeyPath
 from swarmctl.core.geo import distance_m
@@ -49,8 +48,7 @@ def check_wings(config: Config) -> Iterator[ConfigProblem]:
 def _has_planes(config: Config, section: Simulate | Vehicle) -> bool:
     if isinstance(section, Vehicle):
         return section.airframe == "plane"
-    autopilots = (simulated_autopilot(config, i) for i in range(section.count))
-    return any(AUTOPILOTS[name].airframe == "plane" for name in autopilots)
+    return any(simulated_airframe(config, i) == "plane" for i in range(section.count))
 
 
 def check_plane(scenario: Scenario, spec: Spec, task: Task, here: KeyPath) -> Iterator[ConfigProblem]:

@@ -183,12 +183,15 @@ def _land_if_clear(state: AgentState, wait: Wait) -> StepResult:
     ends, wait = verdict(wait, state.vehicle.time_boot_s, clear)
     if ends in (Verdict.WAIT, Verdict.BLOCKED):
         return replace(state, wait=wait), []
-    if ends is Verdict.OVER and _landing_conflicts(state) and _may_return_instead(state):
-        text = "the ground is not clear at the end of the wait"
-        state, ordered = start_return(state, may_hold_again=True, outcome=_outcome_with(state, text))
-        return state, [ev.NotifyOperator(f"{text}; the vehicle returns [landing-blocked]"), *ordered]
+    blocked = "the ground is not clear at the end of the wait" if _landing_conflicts(state) else ""
+    if blocked and _may_return_instead(state):
+        state, ordered = start_return(state, may_hold_again=True, outcome=_outcome_with(state, blocked))
+        return state, [ev.NotifyOperator(f"{blocked}; the vehicle returns [landing-blocked]"), *ordered]
+    text = f"{blocked}; the vehicle lands as ordered [lands-anyway]"
+    if not blocked:
+        text = "the ground is clear; the vehicle lands as ordered [ground-clear]"
     state, ordered = _land_here(state, wait)
-    return state, [ev.NotifyOperator("the vehicle lands as ordered [ground-clear]"), *ordered]
+    return state, [ev.NotifyOperator(text), *ordered]
 
 
 def _outcome_with(state: AgentState, text: str) -> str:
