@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from swarmctl.agent.arrival.common_time import CommandedSpeed
@@ -23,13 +24,14 @@ def command(
 ) -> StepResult:
     """Give the vehicle an order and cancel a mission change in progress; `changes` are further fields.
 
-    The other vehicles learn of the new flight at once, unless the link is lost: then the vehicle may fly on.
+    The other vehicles learn of the order and of the new flight at once. With a lost link the vehicle may fly
+    on, so no new flight is told.
     `by_person`: an operator or a recall has just given the order, so it is sent whatever the mode is.
     """
     sent = state.order.sent(order, own_mode_roles(state))
     phase = changes.pop("phase", state.phase)
     plans = changes.pop("plans", state.plans).without_upload()
-    state = state.enter(phase, **changes, plans=plans, order=sent)
+    state = state.enter(phase, **changes, plans=plans, order=sent, last_shared_s=-math.inf)
     return state if state.lost else state.with_new_flight(), [ev.Command(order, by_person)]
 
 

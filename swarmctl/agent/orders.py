@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -15,6 +14,8 @@ from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.returning import (
     demanded,
     follows_order,
+    hold_and_wait,
+    holds_by_order,
     holds_first,
     position_for_return,
     urgent_return_reason,
@@ -179,12 +180,12 @@ def _abort_launch(state: AgentState) -> StepResult:
 def _follow_in_flight(state: AgentState, event: ev.OperatorCommand) -> StepResult:
     """Hold, return or land; first hold if the order has a start time, or if the way is not clear."""
     order, now_s = event.order, state.vehicle.time_boot_s
-    changes: dict[str, Any] = {"plans": state.plans.not_due(), "wait": None}
+    changes: dict[str, Any] = {"plans": state.plans.not_due()}
     if (state.vehicle.alt_rel_m or 0.0) > TOUCHING_DOWN_M:
         changes["arrived_boot_s"] = None  # the vehicle is over its goal, but does not land there
     changes["outcome"] = f"{order} ordered"
     if order not in _WAIT_OF_ORDER:
-        return command(state, order, by_person=True, phase=Phase.HOLDING, **changes)
+        return command(state, order, by_person=True, phase=Phase.HOLDING, wait=None, **changes)
     purpose = _WAIT_OF_ORDER[order]
     if event.after_s and not urgent_return_reason(state):  # other returns are scheduled around an urgent one
         wait = begin(WaitFor.TURN, now_s, until_s=now_s + event.after_s)
@@ -193,20 +194,13 @@ def _follow_in_flight(state: AgentState, event: ev.OperatorCommand) -> StepResul
     else:
         waited = _wait_for(state, order)
         ended = begin(purpose, now_s).ended(now_s) if waited is None else waited.over(now_s)
-        return command(state, order, by_person=True, **(changes | {"phase": Phase.LEAVING, "wait": ended}))
-    changes |= {"phase": Phase.HOLDING, "wait": wait, "last_shared_s": -math.inf}
-    if _holds(state):
-        return replace(state, **changes), []
-    return command(state, ev.FlightOrder.HOLD, by_person=True, **changes)
+        return command(state, order, by_person=True, phase=Phase.LEAVING, wait=ended, **changes)
+    return hold_and_wait(state, wait, by_person=True, **changes)
 
 
 def _is_of_shutdown(state: AgentState, event: ev.OperatorCommand) -> bool:
     """Return whether an order comes from a shutdown: all vehicles hold, and tell first that they wait."""
-    return event.command is None and _holds(state) and state.order.is_followed
-
-
-def _holds(state: AgentState) -> bool:
-    return state.phase is Phase.HOLDING and state.order.given is ev.FlightOrder.HOLD
+    return event.command is None and holds_by_order(state) and state.order.is_followed
 
 
 def _may_wait(state: AgentState, event: ev.OperatorCommand) -> bool:

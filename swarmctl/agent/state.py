@@ -84,7 +84,8 @@ class Task:
     wings: FixedWing | None = None
     """parameters of a fixed wing; None: a copter"""
     fallback: ev.FlightOrder = ev.FlightOrder.RETURN
-    """order after MAX_FAILED_SWAPS failed mission changes, or if there is no route: RETURN or LAND"""
+    """RETURN or LAND, after MAX_FAILED_SWAPS failed mission changes or a hold until its deadline, and without
+    a route"""
     rules: tuple[ActiveRule, ...] = ALWAYS_ON
     fence: Fence | None = None
     separation: SeparationRules = DEFAULT_SEPARATION
@@ -107,9 +108,12 @@ class Task:
         """Return another vehicle's name for a message."""
         return self.names.get(uav, f"vehicle {uav}")
 
-    def problem(self, p_s: NDArray[np.float64], start: Cell, w: float) -> Problem:
-        """Return the planning problem from a cell to the goals; `p_s` (rows, cols): exposure P_s."""
-        return Problem(p_s, start, self.goals, w, self.psi_per_cell, self.max_exposure)
+    def problem(self, p_s: NDArray[np.float64], start: Cell, w: float, **more: Any) -> Problem:
+        """Return the planning problem from a cell to the goals, for exposure P_s of shape (rows, cols).
+
+        `more` are further fields of `Problem`.
+        """
+        return Problem(p_s, start, self.goals, w, self.psi_per_cell, self.max_exposure, **more)
 
     def landing_spot(self, goal: Cell) -> LatLon:
         """Return this vehicle's landing spot in a goal cell."""

@@ -198,7 +198,7 @@ def test_a_copter_over_its_landing_spot_lands_there() -> None:
 
 def test_a_vehicle_that_stopped_on_its_way_into_the_goal_cell_has_waited_long_enough() -> None:
     story = LandingStory()
-    held, _ = hold(story.state, story.state.plans.mission, {})
+    held, _ = hold(story.state, story.state.plans.mission, frozenset())
     story.state, held_boot_s = held, story.state.vehicle.time_boot_s
     story(ev.OrderDone(ev.FlightOrder.HOLD))
     clear = [

@@ -155,7 +155,7 @@ def test_an_urgent_return_waits_for_a_passing_vehicle_but_not_for_long(
 def test_a_vehicle_in_hold_that_hears_nobody_waits_before_its_return() -> None:
     story = ReturnStory()
     story.goes_home(3, col=5, phase="flying", returns_to=None, alt_amsl_m=AMSL_M)
-    story.state, _ = hold(story.state, story.state.plans.mission, {})
+    story.state, _ = hold(story.state, story.state.plans.mission, frozenset())
     story(ev.OrderDone(HOLD))
     for _ in range(5):
         assert orders(story.holds(60)) == []

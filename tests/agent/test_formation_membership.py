@@ -264,12 +264,12 @@ def test_a_long_route_is_told_by_its_corners() -> None:
     north = [(0.0, 10.0 * k) for k in range(400)]
     east = [(10.0 * k, 3990.0) for k in range(1, 400)]
     route = GroupRoute.of(1, 1, (*north, *east), (), GROUP, 12.0)
-    assert route.points_m == ((0.0, 0.0), (0.0, 3990.0), (3990.0, 3990.0))
+    assert route.reference.points_m == ((0.0, 0.0), (0.0, 3990.0), (3990.0, 3990.0))
 
 
 def test_a_route_with_too_many_corners_ends_earlier() -> None:
     zigzag = tuple((10.0 * k, 10.0 * (k % 2)) for k in range(2 * MAX_POINTS))
-    assert GroupRoute.of(1, 1, zigzag, (), GROUP, 12.0).points_m == zigzag[:MAX_POINTS]
+    assert GroupRoute.of(1, 1, zigzag, (), GROUP, 12.0).reference.points_m == zigzag[:MAX_POINTS]
 
 
 def behaviours(swarm: LightGroup) -> list[tuple[float, ...]]:

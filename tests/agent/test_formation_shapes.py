@@ -12,7 +12,6 @@ from swarmctl.agent.formation.shape import (
     assigned,
     least_spacing_between_m,
     least_spacing_m,
-    places,
     radius_m,
     width_m,
 )
@@ -24,7 +23,8 @@ KINDS = ("wedge", "line", "column", "circle")
 def test_the_leader_is_at_the_reference_and_no_neighbours_are_nearer_than_the_spacing(
     kind: str, n: int, spacing_m: float, opening_deg: float
 ) -> None:
-    of = places(kind, n, spacing_m, opening_deg=opening_deg)
+    shape = Shape(kind=kind, spacing_m=spacing_m, opening_deg=opening_deg if kind == "wedge" else 90.0)
+    of = shape.places(n)
     assert len(of) == n
     assert of[0] == (0.0, 0.0, 0.0)
     assert least_spacing_m(of) >= spacing_m * (1 - 1e-9) or n == 1
@@ -32,21 +32,21 @@ def test_the_leader_is_at_the_reference_and_no_neighbours_are_nearer_than_the_sp
 
 
 def test_a_wedge_of_three_opens_behind_the_leader_by_its_angle() -> None:
-    _, right, left = places("wedge", 3, 10.0, opening_deg=90.0, height_step_m=2.0)
+    _, right, left = Shape(kind="wedge", spacing_m=10.0, height_step_m=2.0).places(3)
     half = 10.0 / math.sqrt(2.0)
     assert right == pytest.approx((-half, half, 2.0))
     assert left == pytest.approx((-half, -half, 4.0))
 
 
 def test_a_narrow_wedge_brings_the_arms_nearer_than_the_spacing() -> None:
-    assert least_spacing_m(places("wedge", 3, 10.0, opening_deg=20.0)) == pytest.approx(
+    assert least_spacing_m(Shape(kind="wedge", spacing_m=10.0, opening_deg=20.0).places(3)) == pytest.approx(
         20.0 * math.sin(math.radians(10.0))
     )
 
 
 def test_a_circle_of_four_is_a_diamond_with_the_leader_in_front() -> None:
     side = 20.0 / math.sqrt(2.0)
-    front, right, left, back = places("circle", 4, 20.0)
+    front, right, left, back = Shape(kind="circle", spacing_m=20.0).places(4)
     assert front == (0.0, 0.0, 0.0)
     assert right == pytest.approx((-side, side, 0.0))
     assert left == pytest.approx((-side, -side, 0.0))
@@ -54,7 +54,7 @@ def test_a_circle_of_four_is_a_diamond_with_the_leader_in_front() -> None:
 
 
 def test_width_and_radius_of_a_line_and_a_column() -> None:
-    line, column = places("line", 5, 30.0), places("column", 5, 30.0)
+    line, column = Shape(kind="line").places(5), Shape(kind="column").places(5)
     assert (width_m(line), radius_m(line)) == (120.0, 60.0)
     assert (width_m(column), radius_m(column)) == (0.0, 120.0)
 

@@ -268,8 +268,8 @@ def test_each_route_lists_the_weights_that_lead_to_it() -> None:
             assert not vehicle.front.supported[index]
             continue
         low, high = (float(word) for word in output.split(" to "))
-        task = replace(vehicle.task, method=paper)
-        found = first_route(task, scenario.prior, (low + high) / 2)
+        task = replace(vehicle.task, method=paper, w=(low + high) / 2)
+        found = first_route(task, scenario.prior)
         assert (found.length_cells, found.exposure_sum) == pytest.approx(
             (route.length_cells, route.exposure_sum)
         )

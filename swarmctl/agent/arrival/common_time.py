@@ -53,11 +53,7 @@ class CommandedSpeed:
 
     def unknown(self) -> CommandedSpeed:
         """Return the speed after a failed command, or after a mode change that may have reset it."""
-        return replace(self, m_s=UNKNOWN_M_S)
-
-    def after_swap(self) -> CommandedSpeed:
-        """Return the speed after a change of the mission: unknown if there was a command."""
-        return self if self.m_s is None else self.unknown()
+        return self if self.m_s is None else replace(self, m_s=UNKNOWN_M_S)
 
 
 def agreed_arrival_s(group: ArrivalGroup, earliest_s: Mapping[int, float]) -> float:

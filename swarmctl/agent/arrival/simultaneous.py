@@ -121,7 +121,7 @@ class _PathToGoal:
 
 
 def _path_to_goal(state: AgentState) -> _PathToGoal | None:
-    vehicle, swap = state.vehicle, state.plans.pending or state.plans.mission
+    vehicle, swap = state.vehicle, state.plans.pending or state.followed
     progress = None if swap is None else state.progress_on(swap)
     if progress is None:
         return None

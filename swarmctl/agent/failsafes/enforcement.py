@@ -21,7 +21,7 @@ from swarmctl.agent.failsafes.base import (
 from swarmctl.agent.own_modes import own_mode_roles
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.returning import SHARED_AT_ONCE, start_return, wait_to_return
+from swarmctl.agent.traffic.returning import start_return, wait_to_return
 from swarmctl.agent.traffic.wait import WaitFor
 from swarmctl.core import events as ev
 from swarmctl.core.records import replace
@@ -137,5 +137,5 @@ def _order_for(state: AgentState, demand: Demand) -> StepResult:
         if (waiting := wait_to_return(state, **changes)) is not None:
             return waiting
         return start_return(state, may_hold_again=not demand.urgent, **changes)
-    changes |= {"wait": None, **SHARED_AT_ONCE}
-    return command(state, order, phase=Phase.LEAVING if is_leaving else Phase.HOLDING, **changes)
+    phase = Phase.LEAVING if is_leaving else Phase.HOLDING
+    return command(state, order, phase=phase, wait=None, **changes)

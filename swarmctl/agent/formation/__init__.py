@@ -13,5 +13,5 @@
 | `group_planner`, `group_plan` | the leader's planner, and new routes in flight |
 | `member_messages`, `trajectory` | messages to the members; the predicted flight |
 
-Imports core and planners. Begin with `flight`.
+Imports core, planners and parts of traffic. Begin with `flight`.
 """

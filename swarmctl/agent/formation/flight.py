@@ -152,7 +152,7 @@ def _leave(state: AgentState, why: str) -> StepResult:
     """Hold, and then fly the own mission when its way is clear; the hold gives way to nobody yet."""
     assert state.task.formation is not None
     text = f"{why}; the vehicle leaves group {state.task.formation.name}, holds, and flies its own mission"
-    state, effects = hold(state, state.plans.mission, {}, n_holds=state.n_holds)
+    state, effects = hold(state, state.plans.mission, frozenset(), n_holds=state.n_holds)
     return state, [ev.NotifyOperator(f"{text} [leaves-group]"), *effects]
 
 
@@ -218,7 +218,7 @@ def _at_full_speed(state: AgentState, formation: Formation) -> StepResult:
     The others expect a silent vehicle as announced, or later. So the speed stays as announced while the
     vehicle hears nobody, and while the members heard lately keep their places.
     """
-    if state.speed.m_s is None or state.task.arrival_group is not None:
+    if state.speed.m_s is None:
         return state, []
     if hears_nobody(state) or near_members(state, formation, formation.keeps_place_s):
         return state, []

@@ -69,17 +69,19 @@ def _as_leader(state: AgentState, message: MemberShared, *, with_route: bool) ->
         along_m=along.s_m,
         speed_m_s=along.speed_m_s,
         route_id=route.number,
-        route=tuple(to_geodetic(*point) for point in route.points_m) if with_route else (),
+        route=tuple(to_geodetic(*point) for point in route.reference.points_m) if with_route else (),
         shapes=route.shapes if with_route else (),
-        split=_told_split(state, route.split_at(along.s_m)) if with_route else None,
+        split=_split_message(state, route.split_at(along.s_m)) if with_route else None,
         height_amsl_m=home_m + state.height_m,
     )
 
 
-def _told_split(state: AgentState, split: SplitStretch | None) -> SplitShared | None:
+def _split_message(state: AgentState, split: SplitStretch | None) -> SplitShared | None:
     """Return the split as the leader tells it; None after its end."""
     if split is None:
         return None
     to_geodetic = state.task.grid.frame.to_geodetic
-    ways = ((uav, tuple(to_geodetic(*point) for point in points)) for uav, points in split.points_m.items())
+    ways = (
+        (uav, tuple(to_geodetic(*point) for point in way.curve.points_m)) for uav, way in split.ways.items()
+    )
     return SplitShared(split.begin_m, split.end_m, tuple(ways))

@@ -160,8 +160,6 @@ class GroupRoute:
 
     leader: int
     number: int
-    points_m: tuple[PlanarPoint, ...]
-    """east, north in the area's local frame [m]"""
     shapes: tuple[tuple[float, int], ...]
     """(distance along the route [m], number of the shape from there on)"""
     reference: Reference
@@ -186,15 +184,14 @@ class GroupRoute:
 
         Only its corners count, because a message holds MAX_POINTS of them. A longer route ends earlier.
         """
-        points_m = tuple(turning_points(points_m)[:MAX_POINTS])
         extent_m = formation.radius_m
-        reference = Reference(points_m, window_for(extent_m))
+        reference = Reference(tuple(turning_points(points_m)[:MAX_POINTS]), window_for(extent_m))
         end_m = max(reference.length_m - formation.ends_before_m, 0.0)
         ways = () if split is None else [(w.begin_m, w.end_m, w.curve) for w in split.ways.values()]
         profile = SpeedProfile.of(
             reference, extent_m, formation.speed_m_s, max_speed_m_s, ACCELERATION_M_S2, end_m, ways
         )
-        return cls(leader, number, points_m, shapes, reference, profile, plan, split)
+        return cls(leader, number, shapes, reference, profile, plan, split)
 
     def is_of(self, leader: int, number: int) -> bool:
         return (self.leader, self.number) == (leader, number)

@@ -114,8 +114,8 @@ def _with_route(state: AgentState, formation: Formation, membership: Membership)
         if not told.route or (present is not None and present.is_of(leader, told.route_id)):
             return membership
         points_m = tuple(state.task.grid.frame.to_local(*point) for point in told.route)
-        number, shapes, split = told.route_id, told.shapes, _told_split(state, told)
-        ways = () if split is None else split.points_m.values()
+        number, shapes, split = told.route_id, told.shapes, _received_split(state, told)
+        ways = () if split is None else [way.curve.points_m for way in split.ways.values()]
         if not all(_is_near_area(state, points) for points in (points_m, *ways)):
             return membership  # a wrong route of the leader must lead nobody away
         speed_m_s = state.task.arrival.speed_m_s
@@ -146,7 +146,7 @@ def _with_route(state: AgentState, formation: Formation, membership: Membership)
     )
 
 
-def _told_split(state: AgentState, told: MemberShared) -> SplitStretch | None:
+def _received_split(state: AgentState, told: MemberShared) -> SplitStretch | None:
     """Return the split that the leader has told, with the ways of the members in metres."""
     if (split := told.split) is None:
         return None

@@ -14,6 +14,7 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
+from swarmctl.core.planar import distance_to_leg
 from swarmctl.core.section import Section
 
 ShapePlace = tuple[float, float, float]
@@ -67,32 +68,12 @@ class Shape(Section):
 
     def places(self, n: int) -> tuple[ShapePlace, ...]:
         """Return the places of `n` members. Raises ValueError if `offsets_m` has too few."""
-        return places(
-            self.kind,
-            n,
-            self.spacing_m,
-            opening_deg=self.opening_deg,
-            height_step_m=self.height_step_m,
-            offsets_m=self.offsets_m,
-        )
-
-
-def places(
-    kind: ShapeKind,
-    n: int,
-    spacing_m: float,
-    *,
-    opening_deg: float = 90.0,
-    height_step_m: float = 0.0,
-    offsets_m: Sequence[ShapePlace] = (),
-) -> tuple[ShapePlace, ...]:
-    """Return the places of `n` members: forward, right, up [m]. `Shape` has the meaning of each argument."""
-    if kind == "offsets":
-        if len(offsets_m) < n - 1:
-            raise ValueError(f"{len(offsets_m)} offsets: expected {n - 1}, one for each member but the first")
-        return (REFERENCE_PLACE, *offsets_m)[:n]
-    flat = _FLAT[kind](n, spacing_m, math.radians(opening_deg))
-    return tuple((forward, right, k * height_step_m) for k, (forward, right) in enumerate(flat))
+        if self.kind == "offsets":
+            if (found := len(self.offsets_m)) < n - 1:
+                raise ValueError(f"{found} offsets: expected {n - 1}, one for each member but the first")
+            return (REFERENCE_PLACE, *self.offsets_m)[:n]
+        flat = _FLAT[self.kind](n, self.spacing_m, math.radians(self.opening_deg))
+        return tuple((forward, right, k * self.height_step_m) for k, (forward, right) in enumerate(flat))
 
 
 def assigned(present: Sequence[bool], *, closes_up: bool) -> tuple[int | None, ...]:
@@ -124,7 +105,7 @@ def least_spacing_between_m(before: Sequence[ShapePlace], after: Sequence[ShapeP
     least = math.inf
     for (a, a_to), (b, b_to) in combinations(zip(before, after, strict=True), 2):
         begin, end = (b[0] - a[0], b[1] - a[1]), (b_to[0] - a_to[0], b_to[1] - a_to[1])
-        least = min(least, _nearest_to_origin(begin, end))
+        least = min(least, distance_to_leg((0.0, 0.0), begin, end))
     return least
 
 
@@ -136,13 +117,6 @@ def radius_m(of: Sequence[ShapePlace]) -> float:
 def width_m(of: Sequence[ShapePlace]) -> float:
     """Return the distance across the direction of flight between the outermost places [m]."""
     return max(right for _, right, _ in of) - min(right for _, right, _ in of) if of else 0.0
-
-
-def _nearest_to_origin(a: tuple[float, float], b: tuple[float, float]) -> float:
-    along, across = b[0] - a[0], b[1] - a[1]
-    squared = along * along + across * across
-    share = min(max(-(a[0] * along + a[1] * across) / squared, 0.0), 1.0) if squared else 0.0
-    return math.hypot(a[0] + share * along, a[1] + share * across)
 
 
 def _sides(n: int) -> list[tuple[int, int]]:

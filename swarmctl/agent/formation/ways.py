@@ -77,9 +77,8 @@ class SplitStretch:
 
     begin_m: float
     end_m: float
-    points_m: Mapping[int, Sequence[PlanarPoint]]
-    """points of the way of each member but the leader, (east, north) [m]"""
     ways: Mapping[int, MemberWay]
+    """the way of each member but the leader"""
     plan: SplitPlan | None = None
     """the leader's alone"""
 
@@ -91,11 +90,12 @@ class SplitStretch:
         points_m: Mapping[int, Sequence[PlanarPoint]],
         plan: SplitPlan | None = None,
     ) -> SplitStretch:
+        """Return a split with ways along `points_m`, (east, north) [m]."""
         ways = {
             uav: MemberWay(begin_m, end_m, Reference(tuple(points), LEAST_WINDOW_M))
             for uav, points in points_m.items()
         }
-        return cls(begin_m, end_m, points_m, ways, plan)
+        return cls(begin_m, end_m, ways, plan)
 
     def is_at(self, s_m: float) -> bool:
         """Return whether the group is apart at a distance along the route."""

@@ -94,10 +94,7 @@ def climb_then_fly(
     up_s = lift_s + climb_s(max(height_m - here[2], 0.0))
     there = (here[0], here[1], height_m)
     flight = fly_along(there, height_m, path, speed_m_s, start_delay_s=start_delay_s)
-    if up_s == 0.0:
-        return flight
-    flight = flight.later(up_s)
-    return Trajectory((0.0, *flight.times_s), (here, *flight.points))
+    return flight if up_s == 0.0 else flight.after(here, up_s)
 
 
 @dataclass(frozen=True, slots=True)

@@ -185,23 +185,22 @@ def route_gains(
     )
 
 
-def first_route(task: Task, belief: Belief, w: float | None = None) -> Route:
+def first_route(task: Task, belief: Belief) -> Route:
     """Return the route from the entry cell, as planned before the flight.
 
     The route of a group's first member is the group's. Raises Unreachable, or BoundTooTight if no route meets
     the task's time bound.
     """
     task = replace(task, method=first_method(task))
-    return route_within_bounds(task, first_problem(task, belief, w))
+    return route_within_bounds(task, first_problem(task, belief))
 
 
-def first_problem(task: Task, belief: Belief, w: float | None = None) -> Problem:
+def first_problem(task: Task, belief: Belief) -> Problem:
     """Return the planning problem before the flight."""
     p_s = believed_exposure(task, belief, task.strength)
     lead_in = before_takeoff(task.arrival, task.altitude_m)
-    w = task.w if w is None else w
-    gain = route_gains(task, p_s, belief, task.strength, w, task.others)
-    return problem_from(task, p_s, task.entry, w, lead_in, gain)
+    gain = route_gains(task, p_s, belief, task.strength, task.w, task.others)
+    return problem_from(task, p_s, task.entry, task.w, lead_in, gain)
 
 
 def first_flight(task: Task, problem: Problem, route: Route) -> FlightPlan:
@@ -222,16 +221,8 @@ def problem_from(
 ) -> Problem:
     """Return the planning problem from a cell that the vehicle reaches after `lead_in`."""
     bounds = bounds_of(task, lead_in)
-    return Problem(
-        p_s,
-        start,
-        task.goals,
-        w,
-        task.psi_per_cell,
-        task.max_exposure,
-        bounds.min_cells,
-        bounds.max_cells,
-        gain,
+    return task.problem(
+        p_s, start, w, min_length_cells=bounds.min_cells, max_length_cells=bounds.max_cells, gain=gain
     )
 
 

@@ -98,7 +98,7 @@ def mission_accepted(state: AgentState, event: ev.MissionAccepted, _now: float) 
     # The vehicle has flown on since the decision.
     state = replace(state, plans=state.plans.taken(swap), trouble="").with_progress()
     # A mode change during the swap may have reset the commanded speed.
-    state = replace(state, speed=state.speed.after_swap())
+    state = replace(state, speed=state.speed.unknown())
     if state.phase in IN_FLIGHT:
         now_s, stops_s = state.vehicle.time_boot_s, stop_end_s(state)
         plans = state.plans.changed_in_flight(now_s, stops_s, event.took_s, event.stood_still_s)

@@ -19,7 +19,7 @@ from swarmctl.planners.base import Route
 @dataclass(frozen=True, slots=True)
 class Plans:
     mission: ev.SwapMission | None = None
-    """mission being flown, or to be flown after the launch; None while a hold interrupts it"""
+    """mission being flown, or to be flown after the launch; None while a hold on the route interrupts it"""
     accepted: ev.SwapMission | None = None
     """last mission verified on the vehicle, flown or not"""
     pending: ev.SwapMission | None = None

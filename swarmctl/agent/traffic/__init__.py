@@ -18,10 +18,10 @@
 | `returning`, `return_schedule` | return path | holds until the path is clear |
 | `last_resort` | plans and velocities, `look_ahead_s` ahead | stops a copter in time |
 
-One check: launch, new plan, flown plan, hold, return and landing ask `check.clashes_with` about
-`check.known_flights`: intents, else extrapolated positions, else last positions. A vehicle off its intent
-counts with its intent and its extrapolated position. Returns have uncertain speeds and heights, so
-`return_schedule` also compares their whole corridors.
+One check: launch, new plan, hold, return and landing ask `check.clashes_with` about `check.known_flights`,
+the flown plan about `check.known_intents`. Known flights are intents, else extrapolated positions, else last
+positions. A vehicle off its intent counts with its intent and its extrapolated position. Returns have
+uncertain speeds and heights, so `return_schedule` also compares their whole corridors.
 
 One rule: vehicles do not negotiate. All vehicles apply `priority.gives_way` to the same data, so one of two
 vehicles gives way if at least one can.

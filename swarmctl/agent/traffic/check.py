@@ -1,6 +1,7 @@
 """The trajectory check: a flight, the known flights of other vehicles, and limits give the clashes. Pure.
 
-Launch, new plans, holds, landings and the flown plan ask `clashes_with` about `known_flights`.
+Launch, new plans, holds and landings ask `clashes_with` about `known_flights`, the flown plan about
+`known_intents`.
 """
 
 from __future__ import annotations

@@ -18,7 +18,6 @@ queue does nothing. A fixed wing does not wait, because it cannot hover.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
@@ -40,14 +39,14 @@ from swarmctl.agent.traffic.check import (
     near_flights,
     standing_of,
 )
-from swarmctl.agent.traffic.own_flight import planned_flight, position_amsl, to_shared_frame
-from swarmctl.agent.traffic.prediction import hears_nobody, position_of, stopping_point
+from swarmctl.agent.traffic.own_flight import hold_from, planned_flight, position_amsl, to_shared_frame
+from swarmctl.agent.traffic.prediction import hears_nobody, position_of
 from swarmctl.agent.traffic.priority import Activity, Standing, gives_way
 from swarmctl.agent.traffic.returning import is_urgent
 from swarmctl.agent.traffic.route_hold import follows_own_order, give_up, goes_second, hold_would_block
 from swarmctl.agent.traffic.separation.clash import Clash
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory, landing_start_s
-from swarmctl.agent.traffic.separation.watch import NeighbourIntent, NeighbourReport
+from swarmctl.agent.traffic.separation.watch import NeighbourIntent
 from swarmctl.agent.traffic.wait import MIN_HEIGHT_M, Verdict, Wait, WaitFor, begin, verdict
 from swarmctl.core import events as ev
 from swarmctl.core.mission import Waypoint
@@ -150,22 +149,21 @@ def _wait_if_conflicting(state: AgentState, here: LocalPoint) -> StepResult:
         for clash in clashes_with(flight, waited_for, limits)
         if clash.at_s < min(until_s, now_s + _conflict_horizon_s(waited_for[clash.other]))
     ]
-    east_m, north_m, up_m = stopping_point(state, here)
+    east_m, north_m, up_m = hold_from(state, here, now_s).points[-1]
     # A descending vehicle stops at once, or within about a second.
     stops_at_m = {up_m, up_m + min(state.vehicle.climb_m_s, 0.0)}
     if not clashes or any(hold_would_block(state, (east_m, north_m, z), others) for z in stops_at_m):
         return state, []
-    counts, n, reports = state.conflicts.counts, len(clashes), state.neighbours
+    counts, n = state.conflicts.counts, len(clashes)
     counts = replace(counts, predicted=counts.predicted + n, by_waiting=counts.by_waiting + n)
     state = replace(state, conflicts=replace(state.conflicts, counts=counts))
-    to = {clash.other: reports[clash.other] for clash in clashes if clash.other in reports}
-    state, effects = hold_before_landing(state, to)
+    state, effects = hold_before_landing(state, frozenset(clash.other for clash in clashes))
     text = f"the landing would conflict with {describe_clashes(state, clashes)}"
     text += "; the vehicle holds until its descent is clear [landing-queue]"
     return state, [ev.NotifyOperator(text), *effects]
 
 
-def hold_before_landing(state: AgentState, to: Mapping[int, NeighbourReport]) -> StepResult:
+def hold_before_landing(state: AgentState, to: frozenset[int]) -> StepResult:
     """Order a hold until the descent is clear; a second hold on the way to one landing keeps the deadline."""
     mission, now_s = state.plans.mission or state.interrupted, state.vehicle.time_boot_s
     wait = begin(WaitFor.DESCENT, now_s, mission=mission, to=to, before=state.wait)

@@ -15,7 +15,7 @@ too, when its last moment for a stop has come.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from swarmctl.agent.commands import StepResult
 from swarmctl.agent.phases import EN_ROUTE, Phase
@@ -95,7 +95,7 @@ def stop_in_time(state: AgentState) -> StepResult:
     if not others:
         return state, []
     stop = _stop(state, here, velocity, now_s)
-    to_avoid = {uav for uav, flight in others.items() if _has_to_stop(state, mine, stop, uav, flight)}
+    to_avoid = frozenset(uav for uav, f in others.items() if _has_to_stop(state, mine, stop, uav, f))
     if not to_avoid:
         return state, []
     # The stop must not be worse with regard to all vehicles that cannot stop for it in time.
@@ -104,12 +104,11 @@ def stop_in_time(state: AgentState) -> StepResult:
     }
     if not _helps(stop, mine, [_paths(state, uav, flight) for uav, flight in cannot_stop.items()], limits):
         return state, []
-    to = {uav: state.neighbours[uav] for uav in to_avoid if uav in state.neighbours}
     names = " and ".join(map(state.task.name_of, sorted(to_avoid)))
     text = (
         f"the vehicle would come too close to {names} soon; it holds until its way is clear [stops-in-time]"
     )
-    return _hold(state, to, text)
+    return _hold(state, to_avoid, text)
 
 
 def _queues_later(state: AgentState, plan: Trajectory) -> bool:
@@ -135,10 +134,10 @@ def _stop_if_unannounced(state: AgentState) -> StepResult:
     if not is_unannounced or not (may_stop(state) or (follows_own_order(state) and begins_route)):
         return state, []
     text = "no other vehicle is heard any more, and none knows this flight; the vehicle holds [unannounced]"
-    return _hold(state, {}, text)
+    return _hold(state, frozenset(), text)
 
 
-def _hold(state: AgentState, to: Mapping[int, NeighbourReport], text: str) -> StepResult:
+def _hold(state: AgentState, to: frozenset[int], text: str) -> StepResult:
     match state.phase:
         case Phase.FLYING | Phase.FORMATION:
             state, effects = hold(state, state.plans.mission or state.plans.pending, to)
@@ -161,7 +160,7 @@ def _has_to_stop(state: AgentState, mine: Paths, stop: Trajectory, uav: int, int
     last_moment_s = vehicle.time_boot_s + REACTS_S + vehicle.ground_speed_m_s / BRAKING_M_S2
     if share_of([path.lasting(last_moment_s) for path in mine], theirs, limits) < ENOUGH:
         return True
-    if state.task.separation.action == "climb" and state.phase in EN_ROUTE:
+    if state.task.separation.action == "climb" and state.phase is Phase.FLYING:
         return False  # until its last moment the vehicle climbs to give way
     here = position_amsl(state)
     assert here is not None

@@ -61,7 +61,6 @@ def receive_neighbours(state: AgentState, states: Sequence[tuple[int, StateShare
     if any(uav not in before or now_s - before[uav].at_s > HEARD_S for uav in new):
         state = replace(state, intent_new_boot_s=now_s)  # a vehicle hears this one for the first time
     state = note_returning(note_arrival_times(state, states), reports)
-    state = replace(state, wait=state.wait and state.wait.noted(reports))
     return with_traffic(state, neighbours={**kept, **new})
 
 

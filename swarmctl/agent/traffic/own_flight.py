@@ -173,49 +173,48 @@ def flight_by_plan(state: AgentState, plan: FlightPlan) -> Trajectory | None:
     task, path, speed_m_s = state.task, waypoints_of(state.task, plan), state.task.arrival.speed_m_s
     if task.wings is not None:
         flight = wing_trajectory.in_flight(task, plan, here, path[:-1], speed_m_s)
-    elif _climbs_vertically(state, here, plan):
-        delay_s = state.vehicle.start_delay_s
-        flight = climb_then_fly(here, plan.height_m, path, speed_m_s, start_delay_s=delay_s)
-    elif (change := change_for_new_plan(state)) is None:
-        flight = _from_hold(state, here, plan, path, state.plans.swap_times.likely_s)
     else:
-        flight = _through_change(state, here, change, plan, path, speed_m_s)
+        change, begins_s = change_for_new_plan(state), state.plans.swap_times.likely_s
+        flight = _fly_plan(state, here, plan, path, change, begins_s, speed_m_s)
     return to_shared_frame(state, flight)
 
 
-def _through_change(
+def _fly_plan(
     state: AgentState,
     here: LocalPoint,
-    change: MissionChange,
     plan: FlightPlan,
-    path: Sequence[PlanarPoint],
+    ahead: Sequence[PlanarPoint],
+    change: MissionChange | None,
+    begins_s: float,
     speed_m_s: float,
 ) -> Trajectory:
-    """Return the trajectory of a copter that changes from its present route to `plan`, along `path`."""
-    mission, vehicle = state.plans.mission, state.vehicle
-    assert mission is not None
+    """Return the trajectory of a copter by `plan`, whose points `ahead` are left; heights above home.
+
+    change: the change from the present plan; None: the vehicle flies `plan` already, or it holds
+    begins_s: time until a vehicle that holds begins `plan` [s]
+    """
+    task, vehicle, mission = state.task, state.vehicle, state.plans.mission
+    delay_s = vehicle.start_delay_s
+    if _climbs_vertically(state, here, plan):
+        path = waypoints_of(task, plan)
+        return climb_then_fly(here, plan.height_m, path, speed_m_s, start_delay_s=delay_s)
+    if mission is None:
+        path, speed_m_s = waypoints_of(task, plan), task.arrival.speed_m_s
+        flight = fly_along(here, plan.height_m, path, speed_m_s, start_delay_s=delay_s)
+        return flight.after(here, begins_s) if begins_s > 0.0 else flight
+    if change is None:
+        flown_m_s = vehicle.ground_speed_m_s
+        return fly_along(here, plan.height_m, ahead, speed_m_s, flown_m_s, start_delay_s=delay_s)
     return fly_through_change(
         here,
         (vehicle.east_m_s, vehicle.north_m_s),
         FlightPart(mission.plan.height_m, _points_ahead(state, here, mission)),
         change,
-        FlightPart(plan.height_m, path),
+        FlightPart(plan.height_m, ahead),
         speed_m_s,
-        start_delay_s=vehicle.start_delay_s,
+        start_delay_s=delay_s,
         leaves_ahead=plan.leaves_ahead,
     )
-
-
-def _from_hold(
-    state: AgentState, here: LocalPoint, plan: FlightPlan, path: list[PlanarPoint], after_s: float
-) -> Trajectory:
-    """Return the trajectory of a copter that holds, and begins `plan` after `after_s` [s]."""
-    speed_m_s, delay_s = state.task.arrival.speed_m_s, state.vehicle.start_delay_s
-    flight = fly_along(here, plan.height_m, path, speed_m_s, start_delay_s=delay_s)
-    if after_s <= 0.0:
-        return flight
-    flight = flight.later(after_s)
-    return Trajectory((0.0, *flight.times_s), (here, *flight.points))
 
 
 def to_shared_frame(state: AgentState, flight: Trajectory | None) -> Trajectory | None:
@@ -252,15 +251,8 @@ def _phase_trajectory(state: AgentState, here: LocalPoint, for_s: float) -> Traj
             remaining = _points_ahead(state, here, swap)
             if state.phase is Phase.LANDING and _descends_vertically(here, remaining, plan.height_m):
                 return land_from([(*remaining[-1], here[2])], [0.0])
-            if _climbs_vertically(state, here, plan):
-                path = waypoints_of(task, plan)
-                return climb_then_fly(here, plan.height_m, path, speed_m_s, start_delay_s=delay_s)
-            if state.plans.mission is None and state.plans.pending is not None:
-                return _from_hold(state, here, plan, waypoints_of(task, plan), swap_due_s(state))
-            if (change := change_ahead(state)) is not None:
-                return _through_change(state, here, change, plan, remaining, speed_m_s)
-            flown_m_s = state.vehicle.ground_speed_m_s
-            return fly_along(here, plan.height_m, remaining, speed_m_s, flown_m_s, start_delay_s=delay_s)
+            change, begins_s = change_ahead(state), swap_due_s(state)
+            return _fly_plan(state, here, plan, remaining, change, begins_s, speed_m_s)
         case Phase.FLYING | Phase.FORMATION | Phase.LANDING | Phase.HOLDING:
             return hold_from(state, here, 0.0)
         case Phase.LEAVING if state.order.given is ev.FlightOrder.LAND:
@@ -312,8 +304,7 @@ def _from_stop(state: AgentState, here: LocalPoint, go_on: Callable[[LocalPoint]
     if state.task.wings is not None or state.vehicle.ground_speed_m_s < STANDING_M_S:
         return go_on(here)
     braking = hold_from(state, here, 0.0)
-    flight = go_on(braking.points[1]).later(braking.times_s[1])
-    return Trajectory((0.0, *flight.times_s), (here, *flight.points))
+    return go_on(braking.points[1]).after(here, braking.times_s[1])
 
 
 def _descends_vertically(here: LocalPoint, points_ahead: Sequence[PlanarPoint], height_m: float) -> bool:

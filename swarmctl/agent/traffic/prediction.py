@@ -11,19 +11,15 @@ from swarmctl.agent.phases import ENDED, Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.separation.trajectory import Bounds, LocalPoint, Trajectory, extrapolate
 from swarmctl.agent.traffic.separation.watch import NeighbourReport
-from swarmctl.agent.traffic.wait import WaitFor
 from swarmctl.core.frames import StateShared
-from swarmctl.core.vehicle import BRAKING_M_S2, VehicleState
+from swarmctl.core.vehicle import VehicleState
 
 MAX_REPORT_AGE_S = 5.0
 """Greatest age of a state from which another vehicle's position is predicted [s]."""
 HEARD_S = 3.0
 """Time without a state of any vehicle nearby after which a vehicle hears no other vehicle any more [s]."""
 MAX_AGE_S = 90.0
-"""Greatest age of an intent in use [s]: others keep clear of a silent vehicle's flight as announced."""
-SILENT_S = 180.0
-"""Time for which a vehicle that gave way stays clear of the last position of a silent vehicle [s]; others
-forget it with its state, after MAX_AGE_S."""
+"""Greatest age of a state or an intent in use [s]: others keep clear of a silent vehicle's last one."""
 AIRBORNE_M = 1.0
 """Height above home below which a vehicle counts as on the ground [m]."""
 
@@ -34,13 +30,6 @@ def position_of(state: AgentState) -> LocalPoint | None:
     if vehicle.lat_lon is None or vehicle.alt_rel_m is None:
         return None
     return (*state.task.grid.frame.to_local(*vehicle.lat_lon), vehicle.alt_rel_m)
-
-
-def stopping_point(state: AgentState, here: LocalPoint) -> LocalPoint:
-    """Return the point at which the vehicle stops if it holds now."""
-    vehicle = state.vehicle
-    braking_s = vehicle.ground_speed_m_s / (2.0 * BRAKING_M_S2)
-    return here[0] + vehicle.east_m_s * braking_s, here[1] + vehicle.north_m_s * braking_s, here[2]
 
 
 def predict(state: AgentState, report: NeighbourReport) -> Trajectory | None:
@@ -132,14 +121,9 @@ def acknowledged_s(state: AgentState) -> float:
 
 def silent_neighbours(state: AgentState) -> dict[int, Trajectory]:
     """Return the last positions of silent vehicles, as trajectories; for vehicles without a known intent."""
-    now_s, wait = state.vehicle.time_boot_s, state.wait
-    given_way = {} if wait is None else wait.to
-    if wait is not None and wait.purpose is WaitFor.DESCENT:
-        # A silent vehicle with LANDING in its last report counts as landed.
-        given_way = {uav: report for uav, report in given_way.items() if report.state.phase != Phase.LANDING}
-    reports = {**state.neighbours, **given_way}
+    now_s = state.vehicle.time_boot_s
     return {
-        uav: extrapolate(_reported_position(state, report), (0.0, 0.0, 0.0), now_s, SILENT_S)
-        for uav, report in reports.items()
-        if MAX_REPORT_AGE_S < now_s - report.at_s <= SILENT_S and report.state.alt_rel_m >= AIRBORNE_M
+        uav: extrapolate(_reported_position(state, report), (0.0, 0.0, 0.0), now_s, MAX_AGE_S)
+        for uav, report in state.neighbours.items()
+        if MAX_REPORT_AGE_S < now_s - report.at_s <= MAX_AGE_S and report.state.alt_rel_m >= AIRBORNE_M
     }

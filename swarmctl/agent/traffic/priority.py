@@ -1,7 +1,7 @@
 """The rule of priority: which of two vehicles in conflict gives way. Pure.
 
 Every vehicle applies this rule to the same two standings, so exactly one of two vehicles gives way if at
-least one can. `docs/traffic.md` shows RULE as a table.
+least one can. `docs/traffic.md` shows the rule as a table.
 """
 
 from __future__ import annotations
@@ -20,21 +20,16 @@ class Activity(IntEnum):
     """Activities in order of priority: the lower number goes first."""
 
     EMERGENCY = 1
+    """flown by a failsafe or another station, or without a link"""
     LANDING = 2
+    """lands, or returns"""
     EN_ROUTE = 3
+    """flies its route"""
     CLIMBING = 4
+    """is about to take off"""
     WAITING = 5
+    """holds by an order, or before its return or landing"""
 
-
-RULE: Mapping[Activity, tuple[str, str]] = {
-    Activity.EMERGENCY: ("flown by a failsafe or another station, or without a link", "never"),
-    Activity.LANDING: ("lands, or returns", "hovers above its landing spot"),
-    Activity.EN_ROUTE: ("flies its route", "takes another route or height, or holds"),
-    Activity.CLIMBING: ("is about to take off", "waits on the ground; not once it climbs"),
-    Activity.WAITING: ("holds for other vehicles", "holds on"),
-}
-"""For each activity: the vehicle, and its way to give way. Equal activities: the lower height goes first if
-both vehicles land, otherwise the lower system id."""
 
 ACTIVITY_OF_PHASE: Mapping[str, Activity] = {
     Phase.LAUNCHING: Activity.CLIMBING,
@@ -67,7 +62,8 @@ def activity_of(phase: str) -> Activity:
 def gives_way(one: Standing, other: Standing) -> bool:
     """Return whether `one` gives way to `other`.
 
-    A vehicle that cannot give way has priority over all that can. Otherwise RULE decides.
+    A vehicle that cannot give way has priority over all that can. Otherwise the order of activities decides.
+    Of two landing vehicles the lower one goes first, and of other equal vehicles the lower system id.
     """
     if not (one.can_yield and other.can_yield):
         return one.can_yield

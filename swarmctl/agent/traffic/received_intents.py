@@ -1,6 +1,6 @@
 """Store the recent intents of other vehicles as trajectories by the own clock. Pure.
 
-Without a recent intent of a vehicle, `last_resort` and `alarms` still watch its position.
+Without a recent intent of a vehicle, its reported position counts (`check.known_flights`).
 """
 
 from __future__ import annotations

@@ -36,7 +36,7 @@ from swarmctl.agent.traffic.check import (
     known_flights,
 )
 from swarmctl.agent.traffic.own_flight import landing_flight, position_amsl, return_flights
-from swarmctl.agent.traffic.prediction import hears_nobody
+from swarmctl.agent.traffic.prediction import MAX_REPORT_AGE_S, hears_nobody
 from swarmctl.agent.traffic.priority import Activity, Standing, activity_of, gives_way
 from swarmctl.agent.traffic.return_schedule import may_be_returning, position_from_state, schedule_for
 from swarmctl.agent.traffic.route_hold import would_block
@@ -54,10 +54,6 @@ MAX_STAGGERED = 6
 """Greatest number of steps of STAGGER_S by which a vehicle starts early."""
 CLIMBED_SHARE = 0.9
 """Share of the cruise altitude above which a fixed wing has finished its take-off."""
-SHARED_AT_ONCE: dict[str, Any] = {"last_shared_s": -math.inf}
-"""changed field after which the state is sent at once"""
-MAX_WAITING_AGE_S = 5.0
-"""Silence after which a waiting vehicle no longer counts [s]; returning vehicles: `may_be_returning`."""
 
 
 def return_target(state: AgentState) -> LatLon | None:
@@ -102,10 +98,20 @@ def wait_to_return(state: AgentState, **changes: Any) -> StepResult | None:
     if _takes_off(state) or not _is_blocked(state):
         return None
     waiting = begin(WaitFor.RETURN_PATH, state.vehicle.time_boot_s, before=state.wait)
-    changes |= {"phase": Phase.HOLDING, "wait": waiting, **SHARED_AT_ONCE}
-    if state.phase is Phase.HOLDING and state.order.given is ev.FlightOrder.HOLD:
-        return replace(state, **changes), []
-    return command(state, ev.FlightOrder.HOLD, **changes)
+    return hold_and_wait(state, waiting, **changes)
+
+
+def hold_and_wait(state: AgentState, wait: Wait, *, by_person: bool = False, **changes: Any) -> StepResult:
+    """Hold for a wait before a return or landing; `by_person` and `changes` as in `command`."""
+    changes |= {"phase": Phase.HOLDING, "wait": wait}
+    if holds_by_order(state):
+        return replace(state, **changes, last_shared_s=-math.inf), []
+    return command(state, ev.FlightOrder.HOLD, by_person=by_person, **changes)
+
+
+def holds_by_order(state: AgentState) -> bool:
+    """Return whether the vehicle holds already, by an order of this agent."""
+    return state.phase is Phase.HOLDING and state.order.given is ev.FlightOrder.HOLD
 
 
 def _is_blocked(state: AgentState) -> bool:
@@ -138,14 +144,14 @@ def _purpose(state: AgentState) -> WaitFor:
     return WaitFor.GROUND if state.order.given is ev.FlightOrder.LAND else WaitFor.RETURN_PATH
 
 
-def hold_before_leaving(state: AgentState, to: Mapping[int, NeighbourReport]) -> StepResult:
+def hold_before_leaving(state: AgentState, to: frozenset[int]) -> StepResult:
     """Hold until the return path or the ground is clear; all holds of one order have one deadline."""
     now_s, wait, purpose = state.vehicle.time_boot_s, state.wait, _purpose(state)
     if wait is not None and wait.purpose is purpose:
-        waiting = replace(wait.again(), since_boot_s=now_s, checked_boot_s=now_s, to={**wait.to, **to})
+        waiting = replace(wait.again(), since_boot_s=now_s, checked_boot_s=now_s, to=wait.to | to)
     else:
         waiting = begin(purpose, now_s, to=to)
-    return command(state, ev.FlightOrder.HOLD, phase=Phase.HOLDING, wait=waiting, **SHARED_AT_ONCE)
+    return command(state, ev.FlightOrder.HOLD, phase=Phase.HOLDING, wait=waiting)
 
 
 def _takes_off(state: AgentState) -> bool:
@@ -164,8 +170,7 @@ def start_return(state: AgentState, *, may_hold_again: bool = False, **changes: 
     now_s = state.vehicle.time_boot_s
     if may_hold_again:
         changes["wait"] = begin(WaitFor.RETURN_PATH, now_s, before=state.wait).ended(now_s)
-    changes = {"wait": None, **changes, **SHARED_AT_ONCE}
-    return command(state, ev.FlightOrder.RETURN, phase=Phase.LEAVING, **changes)
+    return command(state, ev.FlightOrder.RETURN, phase=Phase.LEAVING, **{"wait": None, **changes})
 
 
 def update_return(state: AgentState) -> StepResult:
@@ -200,13 +205,14 @@ def _outcome_with(state: AgentState, text: str) -> str:
 
 def _may_return_instead(state: AgentState) -> bool:
     """Return whether a return is clear, and no rule demands that the vehicle lands."""
-    must_land = any(demand is not None and demand.kind is DemandKind.LAND for demand in state.demands)
-    return not must_land and bool(return_flights(state)) and is_way_clear(state, ev.FlightOrder.RETURN)
+    if demanded(state, DemandKind.LAND) or not return_flights(state):
+        return False
+    return is_way_clear(state, ev.FlightOrder.RETURN)
 
 
 def _land_here(state: AgentState, wait: Wait, **changes: Any) -> StepResult:
-    ended = {"phase": Phase.LEAVING, "wait": wait.ended(state.vehicle.time_boot_s), **SHARED_AT_ONCE}
-    return command(state, ev.FlightOrder.LAND, **ended, **changes)
+    ended = wait.ended(state.vehicle.time_boot_s)
+    return command(state, ev.FlightOrder.LAND, phase=Phase.LEAVING, wait=ended, **changes)
 
 
 def _wait_or_start(state: AgentState, wait: Wait) -> StepResult:
@@ -289,7 +295,7 @@ def _n_waiting_with_higher_id(state: AgentState) -> int:
     return sum(
         uav > state.task.uav
         and report.state.phase == Phase.HOLDING
-        and now_s - report.at_s <= MAX_WAITING_AGE_S
+        and now_s - report.at_s <= MAX_REPORT_AGE_S
         for uav, report in state.returning.items()
     )
 
@@ -331,7 +337,7 @@ def is_return_path_clear(state: AgentState, reports: Mapping[int, NeighbourRepor
             continue
         age_s, activity = now_s - report.at_s, activity_of(report.state.phase)
         if activity is Activity.WAITING:
-            counts = age_s <= MAX_WAITING_AGE_S and gives_way(mine, Standing(activity, True, uav))
+            counts = age_s <= MAX_REPORT_AGE_S and gives_way(mine, Standing(activity, True, uav))
         else:
             counts = may_be_returning(position, age_s)
         if counts:

@@ -1,6 +1,6 @@
-"""Route deconfliction: new plans avoid the known intents of other vehicles. Pure.
+"""Route deconfliction: new plans avoid the known flights of other vehicles. Pure.
 
-A new plan of a flying vehicle is compared with the recent intents of other vehicles before the upload.
+A new plan of a flying vehicle is compared with the known flights of other vehicles before the upload.
 
 | the new plan | action |
 |---|---|
@@ -242,5 +242,5 @@ def _defer(
     if not holds:
         return state, messages
     conflicts = replace(state.conflicts, predicted=frozenset())
-    state, ordered = hold(state, before.plans.mission or swap, {}, conflicts=conflicts)
+    state, ordered = hold(state, before.plans.mission or swap, others, conflicts=conflicts)
     return state, [*messages, *ordered]

@@ -9,7 +9,7 @@ has left its group goes on by its stored mission, if that is possible.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
 from itertools import pairwise
 from typing import Any
@@ -41,11 +41,10 @@ from swarmctl.agent.traffic.prediction import (
     home_amsl_m,
     position_of,
     reported_amsl_m,
-    stopping_point,
 )
 from swarmctl.agent.traffic.priority import SAME_HEIGHT_M, Standing, activity_of, gives_way
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory
-from swarmctl.agent.traffic.separation.watch import HEIGHT_MARGIN, NeighbourReport
+from swarmctl.agent.traffic.separation.watch import HEIGHT_MARGIN
 from swarmctl.agent.traffic.wait import MIN_HEIGHT_M, Verdict, Wait, WaitFor, begin, verdict
 from swarmctl.core import events as ev
 from swarmctl.core.mission import FlightPlan
@@ -105,7 +104,10 @@ def may_hold(state: AgentState) -> bool:
 def would_block(state: AgentState) -> bool:
     """Return whether a hold that begins now would block another vehicle, as in `hold_would_block`."""
     here = position_amsl(state)
-    return here is not None and hold_would_block(state, stopping_point(state, here), known_flights(state))
+    if here is None:
+        return False
+    stop = hold_from(state, here, state.vehicle.time_boot_s).points[-1]
+    return hold_would_block(state, stop, known_flights(state))
 
 
 def hold_would_block(state: AgentState, stop: LocalPoint, others: Others) -> bool:
@@ -147,9 +149,7 @@ def goes_second(state: AgentState) -> bool:
     )
 
 
-def hold(
-    state: AgentState, mission: ev.SwapMission | None, to: Mapping[int, NeighbourReport], **changes: Any
-) -> StepResult:
+def hold(state: AgentState, mission: ev.SwapMission | None, to: frozenset[int], **changes: Any) -> StepResult:
     """Order a hold to give way; a second hold on the way to one clear route keeps the first deadline.
 
     The vehicle has no route while it holds. A member of a group leaves its place, and may go on by its stored

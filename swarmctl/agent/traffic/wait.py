@@ -8,11 +8,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from enum import Enum, StrEnum
 
 from swarmctl.agent.phases import Phase
-from swarmctl.agent.traffic.separation.watch import NeighbourReport
 from swarmctl.core.events import SwapMission
 
 
@@ -32,8 +31,6 @@ class WaitRule:
     where: str
     longest_s: float
     """time from the start of the wait to its deadline [s]"""
-    at_deadline: str
-    """the vehicle's action at the deadline"""
     phases: frozenset[Phase]
     least_s: float = 0.0
     """shortest wait [s]: time to stop, and to send the new intent to other vehicles"""
@@ -46,14 +43,12 @@ RULES: Mapping[WaitFor, WaitRule] = {
     WaitFor.FIRST_ROUTE: WaitRule(
         "on the ground",
         180.0,
-        "its launch is cancelled",
         frozenset({Phase.STANDBY, Phase.LAUNCHING}),
         check_every_s=0.0,
     ),
     WaitFor.ROUTE: WaitRule(
         "in hold on its route",
         300.0,
-        "returns, or lands with `on_exit: land`",
         frozenset({Phase.FLYING}),
         least_s=3.0,
         report_every_s=60.0,
@@ -61,7 +56,6 @@ RULES: Mapping[WaitFor, WaitRule] = {
     WaitFor.DESCENT: WaitRule(
         "in hold above its landing spot",
         300.0,
-        "returns, or lands with `on_exit: land`",
         frozenset({Phase.LANDING}),
         least_s=3.0,
         check_every_s=0.2,
@@ -70,19 +64,16 @@ RULES: Mapping[WaitFor, WaitRule] = {
     WaitFor.RETURN_PATH: WaitRule(
         "in hold before its return",
         120.0,
-        "returns, or lands where it is if only the ground is clear",
         frozenset({Phase.HOLDING, Phase.LEAVING}),
     ),
     WaitFor.GROUND: WaitRule(
         "in hold before an ordered landing",
         120.0,
-        "lands, or returns if only the way home is clear",
         frozenset({Phase.HOLDING, Phase.LEAVING}),
     ),
     WaitFor.TURN: WaitRule(
         "in hold until its turn in a recall",
         math.inf,
-        "returns",
         frozenset({Phase.HOLDING}),
         least_s=math.inf,
     ),
@@ -122,8 +113,8 @@ class Wait:
     deadline_boot_s: float
     mission: SwapMission | None = None
     """mission that the hold interrupted; None: the wait interrupts no mission"""
-    to: Mapping[int, NeighbourReport] = field(default_factory=dict)
-    """last states of the vehicles to which this vehicle gives way"""
+    to: frozenset[int] = frozenset()
+    """system ids of the vehicles to which this vehicle gives way"""
     checked_boot_s: float = -math.inf
     clear_boot_s: float | None = None
     """time since which all checks were clear; None: the last one was not"""
@@ -166,10 +157,6 @@ class Wait:
         """Return the wait of a vehicle that has to wait again; its deadline stays."""
         return replace(self, ended_boot_s=None, clear_boot_s=None)
 
-    def noted(self, reports: Mapping[int, NeighbourReport]) -> Wait:
-        """Return the wait with new states of the vehicles to which this vehicle gives way."""
-        return replace(self, to={uav: reports.get(uav, report) for uav, report in self.to.items()})
-
     def is_report_due(self, now_s: float) -> bool:
         return now_s - max(self.reported_boot_s, self.since_boot_s) >= self.rule.report_every_s
 
@@ -183,17 +170,16 @@ def begin(
     *,
     until_s: float = math.inf,
     mission: SwapMission | None = None,
-    to: Mapping[int, NeighbourReport] | None = None,
+    to: frozenset[int] = frozenset(),
     by_stored: bool = False,
     before: Wait | None = None,
 ) -> Wait:
     """Return a new wait, at most until `until_s`. A wait `before`, hardly over, goes on with its deadline."""
     if before is not None and before.purpose is purpose and before.may_go_on(now_s):
-        again = {**before.to, **(to or {})}
-        before = replace(before, by_stored=by_stored or before.by_stored)
-        return replace(before.again(), since_boot_s=now_s, mission=mission, to=again, checked_boot_s=now_s)
+        before = replace(before.again(), by_stored=by_stored or before.by_stored, to=before.to | to)
+        return replace(before, since_boot_s=now_s, mission=mission, checked_boot_s=now_s)
     deadline_s = min(now_s + RULES[purpose].longest_s, until_s)
-    return Wait(purpose, now_s, deadline_s, mission, to or {}, checked_boot_s=now_s, by_stored=by_stored)
+    return Wait(purpose, now_s, deadline_s, mission, to, checked_boot_s=now_s, by_stored=by_stored)
 
 
 def verdict(

@@ -244,7 +244,7 @@ def _projected(
     size = math.hypot(*threat)
     if size > 1e-9:
         unit = (threat[0] / size, threat[1] / size)
-        priority = min(size / params.threat_m_s, 1.0) if params.threat_m_s else 0.0
+        priority = min(size / params.threat_m_s, 1.0)
         # Only what goes up the gradient is taken away: to leave a threat faster is no conflict.
         toward = east * unit[0] + north * unit[1]
         if toward < 0.0:

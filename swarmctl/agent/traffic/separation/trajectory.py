@@ -141,6 +141,10 @@ class Trajectory:
         """Return the same flight, shifted in time."""
         return _of_checked(tuple([t + seconds for t in self.times_s]), self.points)
 
+    def after(self, here: LocalPoint, seconds: float) -> Trajectory:
+        """Return a flight that begins `here` at 0 s, and goes on by this flight `seconds` later."""
+        return Trajectory((0.0, *[t + seconds for t in self.times_s]), (here, *self.points))
+
     def thinned(self, within_m: float) -> Trajectory:
         """Return the flight without points that it passes anyway, within `within_m` on each axis."""
         kept = [0]
