@@ -10,6 +10,7 @@ from agent_stories import GRID, MID_M, Story, orders, publications, swaps
 from swarmctl.agent.arrival import simultaneous
 from swarmctl.agent.arrival.common_time import UNKNOWN_M_S, ArrivalGroup
 from swarmctl.agent.replan.swap_times import SwapHistory
+from swarmctl.agent.traffic.route_hold import hold
 from swarmctl.core import events as ev
 from swarmctl.core.frames import StateShared
 
@@ -37,6 +38,14 @@ def test_a_single_vehicle_flies_at_full_speed_and_reports_its_earliest_arrival()
     # 300 m to the edge of the goal cell at 10 m/s; the braking for the landing is inside the cell.
     assert message.earliest_in_s == pytest.approx(30.0, abs=0.5)
     assert speeds(story.effects) == []
+
+
+def test_a_vehicle_that_holds_to_give_way_still_reports_its_earliest_arrival() -> None:
+    story = ArrivalStory()
+    story.at(100.0)
+    story.state, _ = hold(story.state, story.state.plans.mission, frozenset())
+    (message,) = publications(story.at(100.0), StateShared)
+    assert message.earliest_in_s == pytest.approx(30.0, abs=3.0)
 
 
 def test_a_vehicle_slows_down_for_a_slower_vehicle() -> None:
@@ -103,6 +112,14 @@ def test_the_speed_is_set_again_after_a_new_plan() -> None:
     story.accept()
     assert story.state.speed.m_s == UNKNOWN_M_S
     assert len(speeds(story.at(103.0, ground_speed_m_s=2.0))) == 1
+
+
+def test_a_failed_mission_change_leaves_a_speed_alone_that_was_never_set() -> None:
+    story = ArrivalStory()
+    story.hear((4, 4, True))
+    story(ev.MissionFailed(story.swap().plan_id, "old", "no answer"))
+    story.at(103.0)
+    assert speeds(story.at(105.0)) == []
 
 
 def test_a_refused_full_speed_is_set_again() -> None:
