@@ -29,7 +29,7 @@ from swarmctl.agent.state import AgentState
 from swarmctl.agent.touchdown import end_at_touchdown, has_touched_down, may_be_armed, note_disarming
 from swarmctl.agent.traffic.alarms import raise_alarms
 from swarmctl.agent.traffic.intents import share_intent
-from swarmctl.agent.traffic.landing_queue import arrive, land_after_unconfirmed_hold, queue_for_landing
+from swarmctl.agent.traffic.landing_queue import arrive, queue_for_landing
 from swarmctl.agent.traffic.last_resort import stop_in_time
 from swarmctl.agent.traffic.launching import (
     cancel_launch,
@@ -190,7 +190,6 @@ def _steer(state: AgentState, now: float) -> StepResult:
         launch_if_possible,
         watch_first_route,
         _arrive,
-        land_after_unconfirmed_hold,
         partial(_repeat_order, now=now),
         update_return,
         raise_alarms,

@@ -91,32 +91,6 @@ def queue_for_landing(state: AgentState) -> StepResult:
     return _wait_if_conflicting(state, here) if _may_wait(state) else (state, [])
 
 
-def land_after_unconfirmed_hold(state: AgentState) -> StepResult:
-    """Order the landing if the vehicle has not confirmed the hold, and is too low or has a clear descent."""
-    if (
-        state.phase is not Phase.LANDING
-        or state.wait is None
-        or not state.is_waiting
-        or state.order.is_followed
-        or state.lost
-    ):
-        return state, []
-    here, up_m = position_amsl(state), state.vehicle.alt_rel_m
-    if here is None or up_m is None:
-        return state, []
-    is_low = up_m < MIN_HEIGHT_M
-    began_boot_s = max(state.wait.since_boot_s, state.arrived_boot_s or -math.inf)
-    has_just_begun = state.vehicle.time_boot_s - began_boot_s < state.wait.rule.least_s
-    is_hold_needed = has_just_begun or bool(_descent_conflicts(state, here))
-    if is_hold_needed and not is_low:
-        return state, []
-    why = "it is too low to wait" if is_low else "its descent is clear"
-    text = (
-        f"the vehicle did not confirm the hold before its landing, and {why}; the vehicle lands where it is"
-    )
-    return _land_here(state, f"{text} [landing-unconfirmed]")
-
-
 def _land_here(state: AgentState, text: str) -> StepResult:
     plans = state.plans.with_mission(state.interrupted)
     state, ordered = command(state, ev.FlightOrder.LAND, plans=plans, wait=None)
@@ -193,13 +167,16 @@ def _go_first(state: AgentState, here: LocalPoint, others: Others) -> dict[int, 
 
 
 def _land_if_clear(state: AgentState, wait: Wait, here: LocalPoint) -> StepResult:
-    now_s = state.vehicle.time_boot_s
+    now_s, confirmed = state.vehicle.time_boot_s, state.order.is_followed
+    unconfirmed = "the vehicle did not confirm the hold before its landing, and {}; it lands where it is"
+    unconfirmed += " [landing-unconfirmed]"
+    if not confirmed and (state.vehicle.alt_rel_m or 0.0) < MIN_HEIGHT_M:
+        return _land_here(state, unconfirmed.format("it is too low to wait"))
     # A stopped vehicle may still report LANDING for some seconds.
-    is_holding = state.order.is_followed and state.vehicle.landed is not Landed.LANDING
-    may_land = is_holding and not hears_nobody(state)
+    still_stops = confirmed and state.vehicle.landed is Landed.LANDING
 
     def is_clear() -> bool:
-        return may_land and not _descent_conflicts(state, here)
+        return not (still_stops or hears_nobody(state) or _descent_conflicts(state, here))
 
     urgent, second = is_urgent(state), partial(goes_second, state)
     ends, wait = verdict(wait, now_s, is_clear, goes_second=second, urgent=urgent)
@@ -209,6 +186,8 @@ def _land_if_clear(state: AgentState, wait: Wait, here: LocalPoint) -> StepResul
             return _land_here(state, text)
         case Verdict.OVER:
             return give_up(state)
+        case Verdict.CLEAR if not confirmed:
+            return _land_here(state, unconfirmed.format("its descent is clear"))
         case Verdict.CLEAR:
             state, ordered = _land(state)
             text = "the descent is clear; the vehicle lands [descent-clear]"
