@@ -41,7 +41,7 @@ from swarmctl.core.planar import PlanarPoint
 from swarmctl.core.records import replace
 from swarmctl.core.route import landing_spot
 from swarmctl.core.threat import FiringStrength
-from swarmctl.core.vehicle import VehicleState
+from swarmctl.core.vehicle import START_DELAY_S, VehicleState
 from swarmctl.planners.base import Method, Problem
 from swarmctl.planners.benevolence import OtherVehicle
 
@@ -83,6 +83,8 @@ class Task:
     """least turn radius on straightened routes [m]; 0: turns on the spot"""
     wings: FixedWing | None = None
     """parameters of a fixed wing; None: a copter"""
+    start_delay_s: float = START_DELAY_S
+    """`VehicleState.start_delay_s` as configured, for plans before the vehicle is known [s]"""
     fallback: ev.FlightOrder = ev.FlightOrder.RETURN
     """RETURN or LAND, after MAX_FAILED_SWAPS failed mission changes or a hold until its deadline, and without
     a route"""

@@ -70,7 +70,7 @@ def _check_support(
 
 def unmet_time_bound(task: Task, nearest: Route, here: KeyPath) -> Iterator[ConfigProblem]:
     """Yield the problem of a bound that no route meets; `nearest` comes closest to the bound."""
-    arrival, lead_in = task.arrival, before_takeoff(task.arrival, task.altitude_m)
+    arrival, lead_in = task.arrival, before_takeoff(task.arrival, task.altitude_m, task.start_delay_s)
     takes_s = arrives_s(task, nearest.length_cells, nearest.cells)
     up_s, lead_s = climb_s(task.altitude_m), lead_in.lead_m / arrival.speed_m_s
     through_s = nearest.length_cells * task.grid.cell_size_m / arrival.speed_m_s

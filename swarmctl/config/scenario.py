@@ -228,6 +228,7 @@ def _tasks(
             any_angle=config.flight.any_angle_exposure if is_pulled else None,
             turn_radius_m=spec.turn_radius_m,
             wings=wings_of(config, spec),
+            start_delay_s=spec.start_delay_s,
             # An abandoned vehicle must not hold, because no agent would end the hold.
             fallback=FlightOrder.LAND if config.flight.on_exit == "land" else FlightOrder.RETURN,
             rules=active_rules(config.rules, declared),

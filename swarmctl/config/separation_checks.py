@@ -90,7 +90,7 @@ def _flights(scenario: Scenario, routes: Mapping[int, Route]) -> Iterator[tuple[
 
 def _flight(scenario: Scenario, spec: Spec, task: Task, route: Route) -> Trajectory:
     plan = first_flight(task, first_problem(task, scenario.prior), route)
-    return from_takeoff(task, plan, spec.start).later(spec.delay_s)
+    return from_takeoff(task, plan, spec.start, task.start_delay_s).later(spec.delay_s)
 
 
 def _problem(scenario: Scenario, one: Spec, other: Spec, near: str) -> ConfigProblem:

@@ -12,7 +12,7 @@ from swarmctl.config.model import Config
 from swarmctl.config.vehicles import Side, Simulate
 from swarmctl.core.geo import LatLon, distance_m
 from swarmctl.core.grid import Cell, Grid
-from swarmctl.core.vehicle import Airframe
+from swarmctl.core.vehicle import START_DELAY_S, Airframe
 
 DEFAULT_SPEED_M_S = 10.0
 """assumed speed of a copter without `speed_m_s`: ArduCopter's default of WPNAV_SPEED"""
@@ -38,6 +38,8 @@ class Spec:
     """infinite if no latest arrival is configured"""
     turn_radius_m: float = 0.0
     airframe: Airframe = "copter"
+    start_delay_s: float = START_DELAY_S
+    """delay of a start from a stand [s]; for an unknown copter the longest"""
 
 
 def specs_of(config: Config, grid: Grid) -> tuple[Spec, ...]:
@@ -74,7 +76,8 @@ def _simulated(config: Config, grid: Grid) -> Iterator[Spec]:
         start = _start(grid, simulate, i)
         entry = entry_of(config, grid, start)
         assert entry is not None
-        airframe = simulated_airframe(config, i)
+        autopilot = AUTOPILOTS[simulated_autopilot(config, i)]
+        airframe = autopilot.airframe
         is_plane = airframe == "plane"
         yield Spec(
             name=name,
@@ -90,6 +93,7 @@ def _simulated(config: Config, grid: Grid) -> Iterator[Spec]:
             speed_m_s=config.wings.speed_m_s if is_plane else simulate.speed_m_s,
             turn_radius_m=config.wings.turn_radius_m if is_plane else 0.0,
             airframe=airframe,
+            start_delay_s=autopilot.start_delay_s,
             arrive_after_s=simulate.arrive_after_s,
             arrive_within_s=math.inf if simulate.arrive_within_s is None else simulate.arrive_within_s,
         )
@@ -189,6 +193,7 @@ def _configured(config: Config, grid: Grid) -> Iterator[Spec]:
             arrive_within_s=math.inf if vehicle.arrive_within_s is None else vehicle.arrive_within_s,
             turn_radius_m=vehicle.turn_radius_m or (config.wings.turn_radius_m if is_plane else 0.0),
             airframe=vehicle.airframe,
+            start_delay_s=0.0 if is_plane else START_DELAY_S,
         )
 
 

@@ -92,7 +92,8 @@ class VehicleFront:
 
     def is_in_time(self, flown: FlownRoute) -> bool:
         """Return whether the track keeps the time bound, by the rule of the planner."""
-        bounds = bounds_of(self.task, before_takeoff(self.task.arrival, self.task.altitude_m))
+        task = self.task
+        bounds = bounds_of(task, before_takeoff(task.arrival, task.altitude_m, task.start_delay_s))
         return misses_by(self.task, bounds, flown.length_cells, flown.corners) == 0.0
 
 
@@ -344,7 +345,9 @@ def panel_of(vehicle: VehicleFront) -> FrontPanel:
     front, arrival, chosen = vehicle.front, vehicle.task.arrival, vehicle.chosen
     n, n_hull = len(front.routes), sum(front.supported)
     about = f"{n} route{'s' if n != 1 else ''}, {n_hull} on the hull"
-    entry_s = before_takeoff(arrival, vehicle.task.altitude_m).arrives_s(arrival, 0.0)
+    entry_s = before_takeoff(arrival, vehicle.task.altitude_m, vehicle.task.start_delay_s).arrives_s(
+        arrival, 0.0
+    )
     ends = ((arrival.after_s, "not before"), (arrival.within_s, "within"))
     return FrontPanel(
         name=vehicle.name,

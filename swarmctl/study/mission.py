@@ -384,7 +384,7 @@ class _Mission:
 
 def on_ground(task: Task, spec: Spec, belief: Belief) -> Vehicle:
     """Return a vehicle before its start: it climbs, and then flies straight to its entry cell."""
-    lead_in = before_takeoff(task.arrival, task.altitude_m)
+    lead_in = before_takeoff(task.arrival, task.altitude_m, task.start_delay_s)
     over_entry_s = spec.delay_s + lead_in.arrives_s(task.arrival, 0.0)
     climbed_s = over_entry_s - task.arrival.approach_m / task.arrival.speed_m_s
     start_m, entry_m = task.grid.frame.to_local(*spec.start), task.grid.centre_m(task.entry)

@@ -324,7 +324,7 @@ def test_a_corner_on_the_braking_way_is_passed_once(corner_m: float) -> None:
     st.floats(0.0, 1.0),
 )
 def test_a_timed_track_keeps_order_and_speed(path: list[PlanarPoint], speed_m_s: float, share: float) -> None:
-    track = timed_track([(0.0, 0.0), *path], speed_m_s, initial_m_s=share * speed_m_s)
+    track = timed_track([(0.0, 0.0), *path], speed_m_s, initial_m_s=share * speed_m_s, start_delay_s=DELAY_S)
     for (a, b), (begin_s, end_s) in zip(pairwise(track.points), pairwise(track.times_s), strict=True):
         assert 0.0 < math.dist(a, b) <= 1.001 * speed_m_s * (end_s - begin_s) + 1e-6
     assert track.after(track.times_s[-1])[0] == track.at_m[-1]
@@ -335,6 +335,7 @@ def test_a_timed_track_keeps_order_and_speed(path: list[PlanarPoint], speed_m_s:
 def test_a_vehicle_beside_its_route_does_not_stop_at_the_next_waypoint_of_a_straight_route() -> None:
     path = [(100.0, 0.0), (130.0, 0.0), (300.0, 0.0)]
     on_route, beside = (
-        timed_track([(90.0, north_m), *path], 10.0, initial_m_s=10.0) for north_m in (0.0, 2.0)
+        timed_track([(90.0, north_m), *path], 10.0, initial_m_s=10.0, start_delay_s=DELAY_S)
+        for north_m in (0.0, 2.0)
     )
     assert beside.times_s[-1] == pytest.approx(on_route.times_s[-1], abs=0.1)

@@ -219,12 +219,14 @@ TURNS = [
 def test_the_cost_of_braking_and_speeding_up(
     track: list[tuple[float, float]], begins: float, ends: float, lost: float
 ) -> None:
-    assert lost_s(track, 10.0, initial_m_s=begins, remaining_m=ends) == pytest.approx(lost, abs=0.05)
+    assert lost_s(track, 10.0, initial_m_s=begins, remaining_m=ends, start_delay_s=1.9) == pytest.approx(
+        lost, abs=0.05
+    )
 
 
 @pytest.mark.parametrize("leg", [leg for leg in FLOWN_LEGS if leg.turn_deg], ids=str)
 def test_legs_take_as_long_as_in_flight_or_a_little_longer(leg: FlownLeg) -> None:
-    flight = timed_track(leg.corners_m, leg.speed_m_s)
+    flight = timed_track(leg.corners_m, leg.speed_m_s, start_delay_s=1.9)
     planned_s = flight.at(6.0 * leg.length_m)[1] - flight.at(5.0 * leg.length_m)[1]
     assert leg.duration_s - 0.05 <= planned_s <= 1.1 * leg.duration_s
 

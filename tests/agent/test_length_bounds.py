@@ -24,7 +24,7 @@ AT_10_M_S = TimeBound(speed_m_s=10.0, within_s=120.0, approach_m=85.0)
 
 
 def test_every_length_is_allowed_without_a_time_bound() -> None:
-    assert length_bounds(TimeBound(), CELL_M, before_takeoff(TimeBound(), 40.0)) == LengthBounds(
+    assert length_bounds(TimeBound(), CELL_M, before_takeoff(TimeBound(), 40.0, 1.9)) == LengthBounds(
         0.0, math.inf
     )
 
@@ -32,7 +32,7 @@ def test_every_length_is_allowed_without_a_time_bound() -> None:
 def test_the_climb_and_the_flight_to_the_entry_count_before_take_off() -> None:
     # 40 m at 2.5 m/s, 2.5 s to speed up and brake, and 4 s to lift off; 85 m at 10 m/s from rest to rest:
     # speeding up costs 3.9 s, braking by 1.75 m/s² 20/7 s. Of 120 s that leaves 93 s less 6.757 s.
-    on_ground = before_takeoff(AT_10_M_S, altitude_m=40.0)
+    on_ground = before_takeoff(AT_10_M_S, altitude_m=40.0, start_delay_s=1.9)
     left_m = 930.0 - 40.0 - 10.0 * (START_LOSS_S + 20.0 / 7.0)
     assert length_bounds(AT_10_M_S, CELL_M, on_ground) == LengthBounds(0.0, pytest.approx(left_m / CELL_M))
     assert on_ground.arrives_s(AT_10_M_S, left_m) == pytest.approx(120.0)

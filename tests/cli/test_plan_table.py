@@ -71,7 +71,10 @@ def test_a_time_bound_is_for_the_configured_route_alone() -> None:
     crossing = {"area": LARGER, "threats": {"count": 14}, "planner": {"name": "constrained"}}
     free = small(**crossing, simulate={"count": 3})
     # The bound is the time straight across the area, and a little for the take-off.
-    within_s = max(before_takeoff(t.arrival, t.altitude_m).arrives_s(t.arrival, 750.0) for t in free.tasks)
+    within_s = max(
+        before_takeoff(t.arrival, t.altitude_m, t.start_delay_s).arrives_s(t.arrival, 750.0)
+        for t in free.tasks
+    )
     bounded = small(**crossing, simulate={"count": 3, "arrive_within_s": within_s + 2.0})
     papers, others = (
         [

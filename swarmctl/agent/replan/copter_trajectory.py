@@ -15,7 +15,6 @@ from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory
 from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import FlightPlan, Waypoint
 from swarmctl.core.planar import PlanarPoint
-from swarmctl.core.vehicle import START_DELAY_S
 
 LAND_M_S = 0.5
 """descent rate below LOW_M [m/s]: the default of LAND_SPEED"""
@@ -31,12 +30,11 @@ LOW_M = 10.0
 """height above home at which the descent slows down [m]: the default of LAND_ALT_LOW"""
 
 
-def from_takeoff(
-    task: Task, plan: FlightPlan, start: LatLon, start_delay_s: float = START_DELAY_S
-) -> Trajectory:
+def from_takeoff(task: Task, plan: FlightPlan, start: LatLon, start_delay_s: float) -> Trajectory:
     """Return the trajectory of a whole flight from arming at `start`, with heights above home [m].
 
     A copter climbs vertically, flies to its waypoints, and descends vertically at its landing spot.
+    `start_delay_s` is the delay of its starts from a stand.
     """
     if task.wings is not None:
         return wing_trajectory.from_takeoff(task, plan, start)

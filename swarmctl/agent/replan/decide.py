@@ -19,7 +19,6 @@ from swarmctl.agent.replan.route_to_mission import (
 from swarmctl.agent.replan.spare_time import with_spare_time
 from swarmctl.agent.replan.splice import Splice, splice_on_route, splice_on_track
 from swarmctl.agent.replan.time_bound import (
-    FROM_A_STOP,
     JoiningLeg,
     ahead_lost_s,
     arrival_outside_bound_s,
@@ -125,7 +124,7 @@ def choose_route(
     ahead: tuple[Cell, ...] | None,
     swap_cost: float = 0.0,
     lost_s: float = 0.0,
-    joining: JoiningLeg = FROM_A_STOP,
+    joining: JoiningLeg | None = None,
 ) -> tuple[Route, bool]:
     """Return the best route found, and whether the rest of the present route, `ahead`, is as good.
 
@@ -198,7 +197,7 @@ def first_route(task: Task, belief: Belief) -> Route:
 def first_problem(task: Task, belief: Belief) -> Problem:
     """Return the planning problem before the flight."""
     p_s = believed_exposure(task, belief, task.strength)
-    lead_in = before_takeoff(task.arrival, task.altitude_m)
+    lead_in = before_takeoff(task.arrival, task.altitude_m, task.start_delay_s)
     gain = route_gains(task, p_s, belief, task.strength, task.w, task.others)
     return problem_from(task, p_s, task.entry, task.w, lead_in, gain)
 

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 from swarmctl.agent.replan import travel_time
 from swarmctl.agent.replan.climb import LIFT_S, climb_s
-from swarmctl.core.vehicle import START_DELAY_S
 
 HOLD_S = 0.5
 """assumed hold for the first swap in flight [s]; later swaps use measured times"""
@@ -94,7 +93,7 @@ class LengthBounds:
         return LengthBounds(self.min_cells, min(kept, self.max_cells))
 
 
-def before_takeoff(arrival: TimeBound, altitude_m: float, start_delay_s: float = START_DELAY_S) -> LeadIn:
+def before_takeoff(arrival: TimeBound, altitude_m: float, start_delay_s: float) -> LeadIn:
     """Return the lead-in of a vehicle on the ground: a climb, the flight to the entry cell, and a stop.
 
     A stop at the entry cell is assumed, because the turn there may have any angle.

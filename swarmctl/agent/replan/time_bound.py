@@ -21,7 +21,6 @@ from swarmctl.core.exposure import length_cells
 from swarmctl.core.geo import distance_m
 from swarmctl.core.grid import Cell
 from swarmctl.core.planar import PlanarPoint
-from swarmctl.core.vehicle import START_DELAY_S
 from swarmctl.planners.base import BoundTooTight, Problem, Route, is_open
 
 BETTER_BY = 1e-9
@@ -43,22 +42,19 @@ def bounds_of(task: Task, lead_in: LeadIn) -> LengthBounds:
 class JoiningLeg:
     """The flight of a vehicle to the start of its new route."""
 
+    start_delay_s: float
+    """delay of the vehicle's start from a stand [s]"""
     path: tuple[PlanarPoint, ...] = ()
     """points from the vehicle on, without the start of the route"""
     initial_m_s: float = 0.0
     """speed at the first point [m/s]"""
-    start_delay_s: float = START_DELAY_S
-    """delay of the vehicle's start from a stand [s]"""
-
-
-FROM_A_STOP = JoiningLeg()
 
 
 def joining_leg(state: AgentState, splice: Splice) -> JoiningLeg:
     """Return the flight from the vehicle to a new route at the splice point."""
     flies_on = state.plans.swap_times.stop_s == 0.0 and state.vehicle.brakes_m_s2 is None
     initial_m_s = state.vehicle.ground_speed_m_s if splice.leaves_ahead and flies_on else 0.0
-    return JoiningLeg(splice.path, initial_m_s, state.vehicle.start_delay_s)
+    return JoiningLeg(state.vehicle.start_delay_s, splice.path, initial_m_s)
 
 
 def lead_in_to(state: AgentState, splice: Splice) -> LeadIn:
@@ -99,14 +95,15 @@ def swap_cost_cells(state: AgentState, lead_in: LeadIn, splice: Splice) -> float
     return (stands_s * task.arrival.speed_m_s + back_m) / task.grid.cell_size_m
 
 
-def route_lost_s(task: Task, cells: Sequence[Cell], joining: JoiningLeg = FROM_A_STOP) -> float:
+def route_lost_s(task: Task, cells: Sequence[Cell], joining: JoiningLeg | None = None) -> float:
     """Return the time that a vehicle loses at turns on a route over these cells and on the flight to it [s].
 
-    The result is 0 if there is no latest arrival. A straightened track turns less than its route, so a
-    vehicle on a track is earlier.
+    The result is 0 if there is no latest arrival; `joining` is None for a start from a stop. A straightened
+    track turns less than its route, so a vehicle on a track is earlier.
     """
     if math.isinf(task.arrival.within_s):
         return 0.0
+    joining = joining or JoiningLeg(task.start_delay_s)
     track = [*joining.path, *(task.grid.centre_m(cell) for cell in cells)]
     half_m = HALF_CELL * task.grid.cell_size_m
     return lost_s(
@@ -120,12 +117,16 @@ def route_lost_s(task: Task, cells: Sequence[Cell], joining: JoiningLeg = FROM_A
 
 def arrives_s(task: Task, length: float, cells: Sequence[Cell]) -> float:
     """Return the arrival time after take-off [s], for a route over `cells` of this length [cells]."""
-    lead_in = before_takeoff(task.arrival, task.altitude_m)
+    lead_in = before_takeoff(task.arrival, task.altitude_m, task.start_delay_s)
     return lead_in.arrives_s(task.arrival, length * task.grid.cell_size_m, route_lost_s(task, cells))
 
 
 def misses_by(
-    task: Task, bounds: LengthBounds, length: float, cells: Sequence[Cell], joining: JoiningLeg = FROM_A_STOP
+    task: Task,
+    bounds: LengthBounds,
+    length: float,
+    cells: Sequence[Cell],
+    joining: JoiningLeg | None = None,
 ) -> float:
     """Return the distance of a route over `cells` from its bounds [cells], with the time lost at turns."""
     return bounds.misses_by(length, _in_cells(task, route_lost_s(task, cells, joining)))
@@ -136,11 +137,11 @@ def ahead_lost_s(state: AgentState, ahead: Sequence[Cell], splice: Splice) -> fl
     task, progress, delay_s = state.task, state.progress, state.vehicle.start_delay_s
     speed_m_s = state.vehicle.ground_speed_m_s
     if splice.leaves_ahead:
-        return route_lost_s(task, ahead, JoiningLeg(splice.path, speed_m_s, delay_s))
+        return route_lost_s(task, ahead, JoiningLeg(delay_s, splice.path, speed_m_s))
     if state.launch.armed_boot_s is None or progress is None:
-        return route_lost_s(task, ahead, JoiningLeg(start_delay_s=delay_s))
+        return route_lost_s(task, ahead, JoiningLeg(delay_s))
     over = ahead[1:] if splice.index == progress.cell_index and len(ahead) > 1 else ahead
-    return route_lost_s(task, over, JoiningLeg((progress.here,), speed_m_s, delay_s))
+    return route_lost_s(task, over, JoiningLeg(delay_s, (progress.here,), speed_m_s))
 
 
 def _in_cells(task: Task, seconds: float) -> float:
@@ -148,7 +149,7 @@ def _in_cells(task: Task, seconds: float) -> float:
 
 
 def route_within_bounds(
-    task: Task, problem: Problem, swap_cost: float = 0.0, joining: JoiningLeg = FROM_A_STOP
+    task: Task, problem: Problem, swap_cost: float = 0.0, joining: JoiningLeg | None = None
 ) -> Route:
     """Return a route that meets the bounds even with the cost `swap_cost` [cells] of the swap.
 
@@ -167,7 +168,9 @@ def route_within_bounds(
     return _plan_with_turn_losses(task, problem, bounds.max_cells, joining)
 
 
-def _plan_with_turn_losses(task: Task, problem: Problem, latest_cells: float, joining: JoiningLeg) -> Route:
+def _plan_with_turn_losses(
+    task: Task, problem: Problem, latest_cells: float, joining: JoiningLeg | None
+) -> Route:
     """Return a route of at most `latest_cells`, with the time lost at turns counted as length.
 
     Planners bound the length alone. So the loss of each route found sets the bound of the next search, until
@@ -197,7 +200,7 @@ def _plan_with_turn_losses(task: Task, problem: Problem, latest_cells: float, jo
     raise BoundTooTight(text, nearest)
 
 
-def _misses_by(task: Task, bounds: LengthBounds, route: Route, joining: JoiningLeg) -> float:
+def _misses_by(task: Task, bounds: LengthBounds, route: Route, joining: JoiningLeg | None) -> float:
     return misses_by(task, bounds, route.length_cells, route.cells, joining)
 
 
@@ -208,7 +211,7 @@ def is_no_worse(
     route: Route,
     swap_cost: float,
     lost_s: float = 0.0,
-    joining: JoiningLeg = FROM_A_STOP,
+    joining: JoiningLeg | None = None,
 ) -> bool:
     """Return whether the rest of the present route is open and at least as good as a new route.
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from swarmctl.core.planar import PlanarPoint
-from swarmctl.core.vehicle import BRAKING_M_S2, START_DELAY_S
+from swarmctl.core.vehicle import BRAKING_M_S2
 
 ACCELERATION_M_S2 = 2.5
 """WPNAV_ACCEL"""
@@ -54,7 +54,7 @@ def lost_s(
     *,
     initial_m_s: float = 0.0,
     remaining_m: float = 0.0,
-    start_delay_s: float = START_DELAY_S,
+    start_delay_s: float,
 ) -> float:
     """Return the time lost by braking and turns on a track that ends in a stop [s]; at least 0.
 
@@ -73,7 +73,7 @@ def arrives_s(
     *,
     initial_m_s: float = 0.0,
     remaining_m: float = 0.0,
-    start_delay_s: float = START_DELAY_S,
+    start_delay_s: float,
 ) -> float:
     """Return the time until a vehicle is `remaining_m` before the end of a track that ends in a stop [s].
 
@@ -134,7 +134,7 @@ def timed_track(
     speed_m_s: float,
     *,
     initial_m_s: float = 0.0,
-    start_delay_s: float = START_DELAY_S,
+    start_delay_s: float,
     ramps_s: float = math.inf,
 ) -> TimedTrack:
     """Return the flight from the speed `initial_m_s` along a track, of at least one point, to a stop.

@@ -15,7 +15,7 @@ from swarmctl.mavlink.dialects.px4 import Px4Copter
 from swarmctl.mavlink.dialects.px4plane import Px4Plane
 from swarmctl.mavlink.protocol.command import name_of
 
-__all__ = ["Dialect", "Unsupported", "dialect_for"]
+__all__ = ["ArduCopter", "ArduPlane", "Dialect", "Px4Copter", "Px4Plane", "Unsupported", "dialect_for"]
 
 _MULTICOPTERS = (
     mavlink.MAV_TYPE_QUADROTOR,

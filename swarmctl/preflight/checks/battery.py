@@ -100,7 +100,7 @@ def problems(scenario: Scenario) -> Iterator[str]:
         if endurance_s is None:
             continue
         plan = first_flight(task, first_problem(task, scenario.prior), first_route(task, scenario.prior))
-        flight = from_takeoff(task, plan, spec.start)
+        flight = from_takeoff(task, plan, spec.start, task.start_delay_s)
         duration_s = out_and_back_s(flight, plan, spec.start, spec.speed_m_s)
         percent = charge_percent(duration_s, endurance_s, section.reserve_percent)
         if percent > FULL_PERCENT:
