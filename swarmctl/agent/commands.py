@@ -43,7 +43,7 @@ def may_set_speed(state: AgentState) -> bool:
 
 def set_speed(state: AgentState, wanted_m_s: float) -> StepResult:
     """Set the speed of the mission, if the present speed differs by SPEED_CHANGE_M_S or more."""
-    present_m_s = state.task.arrival.speed_m_s if state.speed.m_s is None else state.speed.m_s
+    present_m_s = state.task.speed_m_s if state.speed.m_s is None else state.speed.m_s
     if not may_set_speed(state) or abs(wanted_m_s - present_m_s) < SPEED_CHANGE_M_S:
         return state, []
     speed = CommandedSpeed(wanted_m_s, state.vehicle.time_boot_s)

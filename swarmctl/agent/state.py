@@ -110,6 +110,11 @@ class Task:
         """Return another vehicle's name for a message."""
         return self.names.get(uav, f"vehicle {uav}")
 
+    @property
+    def speed_m_s(self) -> float:
+        """Cruise speed [m/s]."""
+        return self.arrival.speed_m_s
+
     def problem(self, p_s: NDArray[np.float64], start: Cell, w: float, **more: Any) -> Problem:
         """Return the planning problem from a cell to the goals, for exposure P_s of shape (rows, cols).
 

@@ -95,7 +95,7 @@ def planned_shapes(first: FirstRoute) -> Iterator[tuple[LatLon, ...]]:
     centres_m = [curve.locate(task.grid.centre_m(cell)) for cell in cells]
     n = len(formation.members)
     shapes = tuple(shape_changes(formation.change_m(n), method, first.problem, cells, centres_m))
-    route = GroupRoute.of(task.uav, 1, points_m, shapes, formation, task.arrival.speed_m_s)
+    route = GroupRoute.of(task.uav, 1, points_m, shapes, formation, task.speed_m_s)
     at_m = 0.0
     while at_m < route.reference.length_m - formation.ends_before_m:
         pose = route.reference.at(at_m)

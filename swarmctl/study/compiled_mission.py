@@ -110,7 +110,7 @@ class CompiledMission:
             vehicle = on_ground(task, spec, scenario.prior)
             begin_s, start_m, end_s, entry_m = vehicle.leg
             times_s = vehicle.enters_s, vehicle.over_entry_s, begin_s
-            floats[i] = *times_s, *start_m, end_s, *entry_m, task.arrival.speed_m_s, math.nan
+            floats[i] = *times_s, *start_m, end_s, *entry_m, task.speed_m_s, math.nan
             ints[i, [k.UAV, k.PHASE, k.SEARCHES]] = task.uav, k.ENDED, 1
             if first is not None:
                 ints[i, [k.PHASE, k.N_ROUTE]] = k.SEE, len(first.cells)

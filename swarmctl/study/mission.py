@@ -167,7 +167,7 @@ class Vehicle:
     @property
     def enters_s(self) -> float:
         """Time at the edge of the entry cell, half a cell before its centre, for a start outside the area."""
-        half_cell_s = 0.5 * self.task.grid.cell_size_m / self.task.arrival.speed_m_s
+        half_cell_s = 0.5 * self.task.grid.cell_size_m / self.task.speed_m_s
         return max(self.over_entry_s - half_cell_s, self.leg[0])
 
     def position_m(self, now_s: float) -> PointM:
@@ -320,7 +320,7 @@ class _Mission:
             self._replan(vehicle, here, now_s)
         way, index = vehicle.way, vehicle.index
         vehicle.index += 1
-        cell_s = task.grid.cell_size_m / task.arrival.speed_m_s
+        cell_s = task.grid.cell_size_m / task.speed_m_s
         step_cells = way.to_edge[index] + way.from_edge[index]
         vehicle.track_cells += step_cells
         ends_s, there = now_s + step_cells * cell_s, way.cells[index + 1]
@@ -386,7 +386,7 @@ def on_ground(task: Task, spec: Spec, belief: Belief) -> Vehicle:
     """Return a vehicle before its start: it climbs, and then flies straight to its entry cell."""
     lead_in = before_takeoff(task.arrival, task.altitude_m, task.start_delay_s)
     over_entry_s = spec.delay_s + lead_in.arrives_s(task.arrival, 0.0)
-    climbed_s = over_entry_s - task.arrival.approach_m / task.arrival.speed_m_s
+    climbed_s = over_entry_s - task.arrival.approach_m / task.speed_m_s
     start_m, entry_m = task.grid.frame.to_local(*spec.start), task.grid.centre_m(task.entry)
     leg = climbed_s, start_m, over_entry_s, entry_m
     own = belief if task.autonomy > 0.0 else None

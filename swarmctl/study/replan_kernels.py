@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from swarmctl.agent.replan.time_bound import BETTER_BY
+from swarmctl.agent.replan.time_bound import BETTER_COST_SHARE
 from swarmctl.planners.kernels.descent import descend
 from swarmctl.planners.kernels.lattice import ROOT2, Bytes, Floats, Ints, cuts_corner, pop_least
 from swarmctl.study.kernel_layout import (
@@ -163,12 +163,12 @@ def replan(i: int, goals: Ints, settings: Settings, area: Area, vehicles: Vehicl
     ints[i, SEARCHES] += 1
     ahead = routes[i, ints[i, INDEX] : ints[i, N_ROUTE]].astype(np.int64)
     old = route_cost(ahead, settings, width, search)
-    below = old * (1.0 - 0.5 * BETTER_BY)
+    below = old * (1.0 - 0.5 * BETTER_COST_SHARE)
     if spread_to(here, below, goals, has_walls, settings, area, search) >= below:
         return  # also without any route: a vehicle in flight keeps its own
     extra = step * (ROOT2 - 1.0)
     path, _ = descend(search.label, step, extra, straight, has_walls, width, goals, here, np.empty(0))
-    if old > route_cost(path, settings, width, search) * (1.0 + BETTER_BY):
+    if old > route_cost(path, settings, width, search) * (1.0 + BETTER_COST_SHARE):
         take_route(i, path, vehicles)
 
 

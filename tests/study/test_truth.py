@@ -170,7 +170,7 @@ def test_a_vehicle_alone_arrives_when_the_abstract_mission_says_but_for_its_chan
         (flown_s,), (mission_s,) = arrival_s(pair)
         (flown_cells,), (mission_cells,) = planned_length(pair)
         (state,) = pair.flight.states.values()
-        cell_s = state.task.grid.cell_size_m / state.task.arrival.speed_m_s
+        cell_s = state.task.grid.cell_size_m / state.task.speed_m_s
         later_s = flown_s - mission_s - cell_s * (flown_cells - mission_cells)
         assert later_s == pytest.approx(-4.0 + 5.0 * state.plans.replans, abs=3.0)
 

@@ -91,7 +91,7 @@ def draw(seed: int) -> DrawnFormation:
             task.grid.frame,
             task.grid.frame.to_local(*spec.start),
             300.0,
-            task.arrival.speed_m_s * (rng.uniform(0.9, 1.05) if wind else 1.0),
+            task.speed_m_s * (rng.uniform(0.9, 1.05) if wind else 1.0),
             task.altitude_m,
             rng.random() < 0.5,
             wind,

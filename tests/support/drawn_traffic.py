@@ -149,7 +149,7 @@ def draw(seed: int) -> DrawnTraffic:
             frame,
             frame.to_local(*spec.start),
             300.0,
-            task.arrival.speed_m_s * (rng.uniform(0.85, 1.05) if wind else 1.0),
+            task.speed_m_s * (rng.uniform(0.85, 1.05) if wind else 1.0),
             task.altitude_m,
             rng.random() < 0.5,
             wind,

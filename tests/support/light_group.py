@@ -43,7 +43,7 @@ class LightGroup(LightSwarm):
         super().__init__(group(approach, **changes), random.Random(1), Air())
         for i, (task, spec) in enumerate(zip(self.scenario.tasks, self.scenario.specs, strict=True)):
             frame = task.grid.frame
-            start_m, speed_m_s = frame.to_local(*spec.start), task.arrival.speed_m_s
+            start_m, speed_m_s = frame.to_local(*spec.start), task.speed_m_s
             vehicle = LateVehicle(
                 frame, start_m, 300.0, speed_m_s, task.altitude_m, like_ardupilot, 0.0, random.Random(i)
             )

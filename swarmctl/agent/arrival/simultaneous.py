@@ -39,7 +39,7 @@ def earliest_in_s(state: AgentState) -> float | None:
     if state.arrived_boot_s is not None and (state.phase is Phase.LANDING or state.outcome == ARRIVED):
         return state.arrived_boot_s - state.vehicle.time_boot_s
     path = _path_to_goal(state) if state.phase in BEFORE_ARRIVAL else None
-    return None if path is None else path.arrives_in_s(state.task.arrival.speed_m_s)
+    return None if path is None else path.arrives_in_s(state.task.speed_m_s)
 
 
 def note_arrival_times(state: AgentState, states: Sequence[tuple[int, StateShared]]) -> AgentState:
@@ -66,7 +66,7 @@ def adjust_speed(state: AgentState) -> StepResult:
     group, now_s = state.task.arrival_group, state.vehicle.time_boot_s
     if group is None or not may_set_speed(state):
         return state, []
-    full_m_s = state.task.arrival.speed_m_s
+    full_m_s = state.task.speed_m_s
     path = _path_to_goal(state)
     if path is None or (soonest_s := path.arrives_in_s(full_m_s)) < FIXED_SPEED_WITHIN_S:
         return state, []

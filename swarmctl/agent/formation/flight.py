@@ -222,7 +222,7 @@ def _at_full_speed(state: AgentState, formation: Formation) -> StepResult:
         return state, []
     if hears_nobody(state) or near_members(state, formation, formation.keeps_place_s):
         return state, []
-    return set_speed(state, state.task.arrival.speed_m_s)
+    return set_speed(state, state.task.speed_m_s)
 
 
 def _flown(state: AgentState, formation: Formation) -> tuple[AgentState, ApproachResult]:

@@ -17,7 +17,7 @@ from swarmctl.agent.formation.split import cells_along, split_in_metres
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.decide import believed_exposure
 from swarmctl.agent.replan.splice import GROUP_TURNS_AFTER_S, is_wall_close, may_learn_of_walls
-from swarmctl.agent.replan.time_bound import BETTER_BY
+from swarmctl.agent.replan.time_bound import BETTER_COST_SHARE
 from swarmctl.agent.state import AgentState
 from swarmctl.core import events as ev
 from swarmctl.core.records import replace
@@ -74,7 +74,7 @@ def plan_in_formation(state: AgentState) -> AgentState:
     state = state.without_trouble()
     rest = [cell for _, cell in ahead]
     present = method.measure(problem, rest) if rest[-1] in task.goals else math.inf
-    if present <= found.cost * (1.0 + BETTER_BY):
+    if present <= found.cost * (1.0 + BETTER_COST_SHARE):
         return state
     return replace(state, membership=_on_new_route(state, route, splice_m, found, method, problem))
 
@@ -116,7 +116,7 @@ def _on_new_route(
         split = split_in_metres(state, plan, along.s_m - moved_m, centres_m[len(plan.routes[0])])
     elif split is not None:
         split = split.moved(-moved_m)
-    speed_m_s = task.arrival.speed_m_s
+    speed_m_s = task.speed_m_s
     new = GroupRoute.of(task.uav, number, points_m, tuple(shapes), formation, speed_m_s, split=split)
     return replace(
         membership,

@@ -118,7 +118,7 @@ def _with_route(state: AgentState, formation: Formation, membership: Membership)
         ways = () if split is None else [way.curve.points_m for way in split.ways.values()]
         if not all(_is_near_area(state, points) for points in (points_m, *ways)):
             return membership  # a wrong route of the leader must lead nobody away
-        speed_m_s = state.task.arrival.speed_m_s
+        speed_m_s = state.task.speed_m_s
         route = GroupRoute.of(leader, number, points_m, shapes, formation, speed_m_s, split=split)
     elif state.phase is Phase.FORMATION:
         if present is None or present.leader == leader:
@@ -201,7 +201,7 @@ def _route_of_mission(state: AgentState, formation: Formation, membership: Membe
         progress.flight.legs.points[:-1],
         tuple(shapes),
         formation,
-        task.arrival.speed_m_s,
+        task.speed_m_s,
         plan,
         split,
     )

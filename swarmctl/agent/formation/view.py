@@ -58,7 +58,7 @@ def view_of(state: AgentState, formation: Formation, along: Along | None) -> Gro
         profile=route.profile,
         height_m=_height_amsl_m(state, formation, places),
         limits=MemberLimits(
-            speed_m_s=state.task.arrival.speed_m_s,
+            speed_m_s=state.task.speed_m_s,
             separation_m=limits.horizontal_m,
             separation_up_m=limits.vertical_m,
         ),
@@ -78,7 +78,7 @@ def along_of(state: AgentState) -> Along | None:
     if leader is not None and not state.leads_group and route is not None:
         told = membership.told[leader]
         if route.is_of(leader, told.message.route_id):
-            message, fastest_m_s = told.message, state.task.arrival.speed_m_s
+            message, fastest_m_s = told.message, state.task.speed_m_s
             along_m = min(message.along_m, route.reference.length_m)
             return Along(along_m, min(message.speed_m_s, fastest_m_s), max(now_s - told.at_boot_s, 0.0))
     if (memory := membership.memory) is None:

@@ -39,7 +39,7 @@ def from_takeoff(task: Task, plan: FlightPlan, start: LatLon, start_delay_s: flo
     if task.wings is not None:
         return wing_trajectory.from_takeoff(task, plan, start)
     here = (*task.grid.frame.to_local(*start), 0.0)
-    path, speed_m_s = waypoints_of(task, plan), task.arrival.speed_m_s
+    path, speed_m_s = waypoints_of(task, plan), task.speed_m_s
     return climb_then_fly(here, plan.height_m, path, speed_m_s, LIFT_S, start_delay_s=start_delay_s)
 
 
@@ -64,7 +64,7 @@ def with_level_off(
     """
     height_m, first = plan.height_m, waypoints_of(task, plan)[0]
     takes_s = climb_s(height_m - here[2])
-    level_m = 0.0 if after_s is None else task.arrival.speed_m_s * (after_s + takes_s)
+    level_m = 0.0 if after_s is None else task.speed_m_s * (after_s + takes_s)
     away_m = math.dist(here[:2], first)
     if takes_s < LEVEL_S or away_m <= 1.25 * level_m:
         return plan

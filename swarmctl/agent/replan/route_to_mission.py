@@ -196,7 +196,7 @@ def corners_ahead(task: Task, corners: Sequence[Cell], position: LatLon) -> Sequ
     """
     grid = task.grid
     cell, here = grid.cell_at(*position), grid.frame.to_local(*position)
-    soon_m = 0.5 * CHANGE_S * task.arrival.speed_m_s
+    soon_m = 0.5 * CHANGE_S * task.speed_m_s
     first = 0
     while first + 1 < len(corners):
         corner, after = grid.centre_m(corners[first]), grid.centre_m(corners[first + 1])

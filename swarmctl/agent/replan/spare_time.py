@@ -36,7 +36,7 @@ def with_spare_time(state: AgentState, task: Task) -> Task:
     if state.launch.armed_boot_s is None or due_s - RESERVE_S <= vehicle.time_boot_s:
         return task
     remaining_s = due_s - vehicle.time_boot_s
-    full_m_s = task.arrival.speed_m_s
+    full_m_s = task.speed_m_s
     # Time at full speed for the distance that the vehicle flies at its least speed until its due time.
     least_s = remaining_s * least_m_s(full_m_s, task.arrival_group.slowest_m_s) / full_m_s
     elapsed_s = vehicle.time_boot_s - state.launch.armed_boot_s

@@ -72,7 +72,7 @@ def splice_on_route(state: AgentState, p_s: NDArray[np.float64]) -> Splice:
     cells, index = swap.cells, progress.cell_index
     if task.wings is not None:
         change_s = max(CHANGE_S, state.plans.swap_times.expected_s)
-        least_m = TURN_OFF_RADII * task.turn_radius_m + change_s * task.arrival.speed_m_s
+        least_m = TURN_OFF_RADII * task.turn_radius_m + change_s * task.speed_m_s
         far = (i for i in range(index + 1, len(cells)) if progress.to_centre_m(i) >= least_m)
         last = next(far, len(cells) - 1)
         return Splice(cells[index : last + 1], last)

@@ -53,7 +53,7 @@ class MissionChange:
 
 def distance_and_speed_after(state: AgentState, seconds: float) -> tuple[float, float]:
     """Return the estimated distance flown by the plan in `seconds` [m], and the final speed [m/s]."""
-    planned_m_s, speed_m_s = state.speed.m_s or state.task.arrival.speed_m_s, state.vehicle.ground_speed_m_s
+    planned_m_s, speed_m_s = state.speed.m_s or state.task.speed_m_s, state.vehicle.ground_speed_m_s
     top_m_s = max(speed_m_s, min(planned_m_s, speed_m_s + ACCELERATION_M_S2 * seconds))
     return 0.5 * (speed_m_s + top_m_s) * seconds, top_m_s
 

@@ -23,7 +23,7 @@ from swarmctl.core.grid import Cell
 from swarmctl.core.planar import PlanarPoint
 from swarmctl.planners.base import BoundTooTight, Problem, Route, is_open
 
-BETTER_BY = 1e-9
+BETTER_COST_SHARE = 1e-9
 """Share of cost by which a new route must beat the present route, so that rounding causes no swap."""
 
 MAX_TRIES = 5
@@ -92,7 +92,7 @@ def swap_cost_cells(state: AgentState, lead_in: LeadIn, splice: Splice) -> float
         return 0.0
     back_m = 0.0 if splice.leaves_ahead else _to_centre_m(state, splice) - lead_in.lead_m
     stands_s = swap_loss_s(task.arrival, state.plans.swap_times.stop_s, vehicle.brakes_m_s2)
-    return (stands_s * task.arrival.speed_m_s + back_m) / task.grid.cell_size_m
+    return (stands_s * task.speed_m_s + back_m) / task.grid.cell_size_m
 
 
 def route_lost_s(task: Task, cells: Sequence[Cell], joining: JoiningLeg | None = None) -> float:
@@ -108,7 +108,7 @@ def route_lost_s(task: Task, cells: Sequence[Cell], joining: JoiningLeg | None =
     half_m = HALF_CELL * task.grid.cell_size_m
     return lost_s(
         track,
-        task.arrival.speed_m_s,
+        task.speed_m_s,
         initial_m_s=joining.initial_m_s,
         remaining_m=half_m,
         start_delay_s=joining.start_delay_s,
@@ -145,7 +145,7 @@ def ahead_lost_s(state: AgentState, ahead: Sequence[Cell], splice: Splice) -> fl
 
 
 def _in_cells(task: Task, seconds: float) -> float:
-    return seconds * task.arrival.speed_m_s / task.grid.cell_size_m
+    return seconds * task.speed_m_s / task.grid.cell_size_m
 
 
 def route_within_bounds(
@@ -225,7 +225,7 @@ def is_no_worse(
     would_miss = _misses_by(task, bounds.with_reserve(swap_cost), route, joining)
     if misses > 0.0 or would_miss > 0.0:
         return misses <= would_miss
-    return task.method.measure(problem, ahead) <= route.cost * (1.0 + BETTER_BY)
+    return task.method.measure(problem, ahead) <= route.cost * (1.0 + BETTER_COST_SHARE)
 
 
 def arrival_outside_bound_s(

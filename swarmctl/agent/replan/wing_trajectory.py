@@ -27,7 +27,7 @@ ROLL_OUT_S = 8.0
 def from_takeoff(task: Task, plan: FlightPlan, start: LatLon) -> Trajectory:
     """Return the trajectory of a whole flight, from arming at `start` to the stop, heights above home [m]."""
     begin = task.grid.frame.to_local(*start)
-    builder = _TrajectoryBuilder((*begin, 0.0), task.arrival.speed_m_s)
+    builder = _TrajectoryBuilder((*begin, 0.0), task.speed_m_s)
     builder.stay(ROLL_S)
     _fly_and_land(builder, task, plan, [begin, *_points_of(task, plan)])
     return builder.trajectory()

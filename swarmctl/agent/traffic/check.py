@@ -42,7 +42,7 @@ ENOUGH = 1.1
 """Share of the limits that two near vehicles keep if they can: they drift, and brake early or late."""
 CLOSER_BY = 0.1
 """Share of their distance by which two close vehicles may come closer before they separate."""
-BETTER_BY = 0.3
+BETTER_PLAN_SHARE = 0.3
 """Least improvement, as a share of the limits, of a plan that is still too close to another vehicle."""
 
 PLACES_EVERY_S = 0.5
@@ -140,7 +140,7 @@ def _separates(flight: Trajectory, present: Trajectory | None, other: Trajectory
 
     It has to lead away (`_leads_away`). Until then the vehicles may be closer than ENOUGH if they keep the
     limits, or hardly come closer than now if they are nearer already, or if the present flight comes closer
-    by BETTER_BY.
+    by BETTER_PLAN_SHARE.
     """
     begin_s = flight.times_s[0]
     if not _leads_away(flight, other, limits):
@@ -155,7 +155,7 @@ def _separates(flight: Trajectory, present: Trajectory | None, other: Trajectory
     if least >= (max(allowed, 1.0) if now >= 1.0 else allowed) - 1e-6:
         return True
     present_least = None if present is None else _least_share(present, other, limits)
-    return present_least is not None and least >= present_least + BETTER_BY
+    return present_least is not None and least >= present_least + BETTER_PLAN_SHARE
 
 
 def _separates_from_late(flight: Trajectory, other: Trajectory, limits: Limits) -> bool:

@@ -215,7 +215,7 @@ def _descent_conflicts(state: AgentState, here_amsl: LocalPoint) -> tuple[Clash,
                 here,
                 up_m,
                 [spot],
-                state.task.arrival.speed_m_s,
+                state.task.speed_m_s,
                 start_delay_s=state.vehicle.start_delay_s,
             )
         )

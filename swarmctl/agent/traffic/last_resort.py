@@ -65,7 +65,7 @@ LIKELY_REACTION_S, LIKELY_BRAKING_M_S2 = 0.75, 2.6
 """Probable time to the start of braking [s], and deceleration: with them two flights are compared."""
 SPEED_OVER_S = 0.5
 """Time over which the speed on an announced flight is taken [s]."""
-BETTER_BY = 0.2
+BETTER_STOP_SHARE = 0.2
 """Least improvement by a stop that is still too close, as a share of the limits."""
 
 Paths = Sequence[Trajectory]
@@ -216,10 +216,10 @@ def _helps(stop: Trajectory, paths: Paths, others: Sequence[Paths], limits: Limi
     if share >= ENOUGH:
         return True
     announced = [theirs[0] for theirs in others]
-    if share < share_of(paths, every, limits) + BETTER_BY:
+    if share < share_of(paths, every, limits) + BETTER_STOP_SHARE:
         return False
     flown_on = min(share_of(paths[:1], announced, limits), 1.0)
-    return share_of((stop,), announced, limits) > flown_on - BETTER_BY
+    return share_of((stop,), announced, limits) > flown_on - BETTER_STOP_SHARE
 
 
 def _paths(state: AgentState, uav: int, intent: NeighbourIntent) -> Paths:
@@ -263,7 +263,7 @@ def _stop(state: AgentState, here: LocalPoint, velocity_m_s: LocalPoint, now_s: 
 
 def _compared_s(state: AgentState) -> float:
     """Return the time ahead in which flights are compared [s]: enough for the rule of priority to decide."""
-    last_moment_s = REACTS_S + state.task.arrival.speed_m_s / BRAKING_M_S2
+    last_moment_s = REACTS_S + state.task.speed_m_s / BRAKING_M_S2
     return max(state.task.separation.look_ahead_s, last_moment_s + DECIDES_WITHIN_S)
 
 

@@ -126,7 +126,7 @@ def reach(state: AgentState, for_s: float, straight_on_s: float) -> Bounds | Non
     heights_m += [swap.plan.height_m for swap in swaps if swap is not None]
     if state.phase is Phase.LEAVING:
         heights_m.append(task.altitude_m)
-    fastest_m_s = max(vehicle.ground_speed_m_s, task.arrival.speed_m_s, state.speed.m_s or 0.0)
+    fastest_m_s = max(vehicle.ground_speed_m_s, task.speed_m_s, state.speed.m_s or 0.0)
     away_m = REACH_FACTOR * (for_s * fastest_m_s + VERTICAL_WITHIN_M)
     if not _lands_beyond(state, away_m):
         heights_m.append(up_m - for_s * DESCENT_M_S)
@@ -170,7 +170,7 @@ def flight_by_plan(state: AgentState, plan: FlightPlan) -> Trajectory | None:
     here = position_of(state)
     if here is None:
         return None
-    task, path, speed_m_s = state.task, waypoints_of(state.task, plan), state.task.arrival.speed_m_s
+    task, path, speed_m_s = state.task, waypoints_of(state.task, plan), state.task.speed_m_s
     if task.wings is not None:
         flight = wing_trajectory.in_flight(task, plan, here, path[:-1], speed_m_s)
     else:
@@ -199,7 +199,7 @@ def _fly_plan(
         path = waypoints_of(task, plan)
         return climb_then_fly(here, plan.height_m, path, speed_m_s, start_delay_s=delay_s)
     if mission is None:
-        path, speed_m_s = waypoints_of(task, plan), task.arrival.speed_m_s
+        path, speed_m_s = waypoints_of(task, plan), task.speed_m_s
         flight = fly_along(here, plan.height_m, path, speed_m_s, start_delay_s=delay_s)
         return flight.after(here, begins_s) if begins_s > 0.0 else flight
     if change is None:
@@ -234,7 +234,7 @@ def _phase_trajectory(state: AgentState, here: LocalPoint, for_s: float) -> Traj
     It lasts `for_s` at least, or until its end [s].
     """
     task, swap = state.task, state.plans.pending or state.plans.mission
-    speed_m_s, delay_s = state.speed.m_s or task.arrival.speed_m_s, state.vehicle.start_delay_s
+    speed_m_s, delay_s = state.speed.m_s or task.speed_m_s, state.vehicle.start_delay_s
     if task.wings is not None:
         return _fixed_wing_trajectory(state, here, speed_m_s)
     match state.phase:
@@ -277,14 +277,14 @@ def _return_trajectory(state: AgentState, here: LocalPoint, height_m: float) -> 
     to_e, to_n = (place[0] - here[0]) / away_m, (place[1] - here[1]) / away_m
     toward_m_s = to_e * vehicle.east_m_s + to_n * vehicle.north_m_s
     if _is_high(here, height_m) and toward_m_s >= TOWARD_HOME * vehicle.ground_speed_m_s:
-        speed_m_s, delay_s = state.task.arrival.speed_m_s, vehicle.start_delay_s
+        speed_m_s, delay_s = state.task.speed_m_s, vehicle.start_delay_s
         return fly_along(here, here[2], [place], speed_m_s, toward_m_s, start_delay_s=delay_s)
     return _from_stop(state, here, lambda stop: _fly_home(state, stop, place, height_m))
 
 
 def _fly_home(state: AgentState, here: LocalPoint, place: PlanarPoint, height_m: float) -> Trajectory:
     """Return the trajectory of a return from a stop to a place above the home."""
-    speed_m_s, delay_s = state.task.arrival.speed_m_s, state.vehicle.start_delay_s
+    speed_m_s, delay_s = state.task.speed_m_s, state.vehicle.start_delay_s
     if _is_high(here, height_m):
         return fly_along(here, here[2], [place], speed_m_s, start_delay_s=delay_s)
     return climb_then_fly(here, height_m, [place], speed_m_s, start_delay_s=delay_s)

@@ -358,7 +358,7 @@ def position_for_return(state: AgentState) -> VehiclePosition | None:
         v.alt_amsl_m,
         *v.home_lat_lon,
         v.home_alt_amsl_m,
-        speed_m_s=state.task.arrival.speed_m_s,
+        speed_m_s=state.task.speed_m_s,
         # A fixed wing in hold may be anywhere on its circle.
         min_separation_m=(limits.horizontal_m + 2.0 * holding_radius_m(state.task), limits.vertical_m),
         # Also True for an urgent return that a failsafe demands and the vehicle does not follow yet.

@@ -304,7 +304,7 @@ def reachable_heights_m(
     A later climb would end over the goal, where other vehicles come down.
     """
     legs_m = sum(math.dist(a, b) for a, b in pairwise([here[:2], *path]))
-    remaining_s = max(0.5 * legs_m / state.task.arrival.speed_m_s - state.plans.swap_times.expected_s, 0.0)
+    remaining_s = max(0.5 * legs_m / state.task.speed_m_s - state.plans.swap_times.expected_s, 0.0)
     return here[2] - DESCENT_M_S * remaining_s, here[2] + CLIMB_M_S * remaining_s
 
 
