@@ -37,16 +37,29 @@ class Document:
         return 1
 
 
+class _Loader(yaml.SafeLoader):
+    """A loader that raises YamlError for a scalar that does not fit its tag, such as a date of month 13."""
+
+    def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
+        if not isinstance(node, yaml.ScalarNode):
+            return super().construct_object(node, deep)
+        try:
+            return super().construct_object(node, deep)
+        except (ValueError, AttributeError, LookupError, OverflowError) as error:
+            text = f"{node.value!r:.60} is no valid {node.tag.rpartition(':')[2]}; write a text in quotes"
+            raise YamlError(node.start_mark.line + 1, text) from error
+
+
 def parse(text: str) -> Document:
     """Return the document of a YAML text. Raises YamlError."""
     loader = None
     try:
-        loader = yaml.SafeLoader(text)
+        loader = _Loader(text)
         node = loader.get_single_node()
         if node is None:
             raise YamlError(1, "the file is empty; `swarmctl init FILE` writes a starter configuration")
         lines: dict[KeyPath, int] = {}
-        _walk(loader, node, (), lines)
+        _walk(node, (), lines)
         return Document(_tupled(loader.construct_document(node)), lines)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
@@ -61,36 +74,23 @@ def parse(text: str) -> Document:
             loader.dispose()
 
 
-def _walk(loader: yaml.SafeLoader, node: yaml.Node, path: KeyPath, lines: dict[KeyPath, int]) -> None:
-    """Note the line of each key and list item below a node, and check the scalars. Raises YamlError."""
+def _walk(node: yaml.Node, path: KeyPath, lines: dict[KeyPath, int]) -> None:
+    """Note the line of each key and list item below a node. Raises YamlError for a repeated key."""
     if len(lines) > MAX_VALUES:
         text = f"the file has more than {MAX_VALUES} values, with its aliases expanded; remove aliases"
         raise YamlError(node.start_mark.line + 1, text)
     if isinstance(node, yaml.MappingNode):
         for key_node, value_node in node.value:
-            if isinstance(key_node, yaml.ScalarNode):
-                _check(loader, key_node)
             here = (*path, str(key_node.value))
             line = key_node.start_mark.line + 1
             if here in lines:
                 raise YamlError(line, f"key {here[-1]!r} is already on line {lines[here]}; remove one")
             lines[here] = line
-            _walk(loader, value_node, here, lines)
+            _walk(value_node, here, lines)
     elif isinstance(node, yaml.SequenceNode):
         for index, item in enumerate(node.value):
             lines[(*path, index)] = item.start_mark.line + 1
-            _walk(loader, item, (*path, index), lines)
-    else:
-        _check(loader, node)
-
-
-def _check(loader: yaml.SafeLoader, scalar: yaml.Node) -> None:
-    """Raise YamlError for a scalar that does not fit its tag, such as a date of month 13."""
-    try:
-        loader.construct_object(scalar)
-    except (ValueError, AttributeError, LookupError) as error:
-        text = f"{scalar.value!r} is no valid {scalar.tag.rpartition(':')[2]}; write a text in quotes"
-        raise YamlError(scalar.start_mark.line + 1, text) from error
+            _walk(item, (*path, index), lines)
 
 
 def _tupled(data: Any) -> Any:

@@ -18,6 +18,12 @@ def test_starts_that_are_too_near_are_found_with_a_third_start_between_their_lon
     assert_problems(problems(f"{near}{third}\n", tmp_path), [(":8: vehicles", "a and b")])
 
 
+def test_a_merge_key_takes_the_values_of_its_anchor(tmp_path: Path) -> None:
+    text = GOOD.replace("  - {name: a,", "  - &a {name: a,").replace("  - {name: b,", "  - {<<: *a, name: b,")
+    assert "<<: *a" in text
+    assert problems(text, tmp_path) == problems(GOOD, tmp_path)
+
+
 MILLION_ALIASES = "[&a [0,0,0,0,0,0,0,0,0,0]" + "".join(
     f", &{name} [{','.join(10 * [f'*{before}'])}]" for before, name in pairwise("abcdef")
 )
