@@ -38,7 +38,8 @@ class Document:
 def parse(text: str, *, as_json: bool = False) -> Document:
     """Return the content of a YAML or JSON document; raise FileSyntaxError with the line of an error.
 
-    The YAML parser finds the lines of a JSON document, because JSON without tabs is YAML.
+    The YAML parser finds the lines of a JSON document, because JSON without tabs is YAML. It does not find
+    the values: `1e-07` is a text in YAML, and `\\ud83d\\ude00` is not one character.
     """
     if not as_json:
         return _parse_yaml(text)
@@ -46,13 +47,29 @@ def parse(text: str, *, as_json: bool = False) -> Document:
         data = json.loads(text)
     except json.JSONDecodeError as error:
         raise FileSyntaxError(error.lineno, f"invalid JSON: {error.msg} (column {error.colno})") from error
+    except (ValueError, RecursionError) as error:  # a number of thousands of digits, a deep nesting
+        raise FileSyntaxError(1, f"invalid JSON: {error}") from error
     return Document(data, _parse_yaml(text.replace("\t", " ")).lines)
+
+
+class _Loader(yaml.SafeLoader):
+    """A loader that raises FileSyntaxError for a value that does not fit its type."""
+
+    def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
+        if not isinstance(node, yaml.ScalarNode):
+            return super().construct_object(node, deep)
+        try:
+            return super().construct_object(node, deep)
+        except (ValueError, AttributeError, LookupError, OverflowError) as error:
+            kind = node.tag.rpartition(":")[2]
+            text = f"{node.value!r:.60} is not a valid {kind}; write a text in quotes"
+            raise FileSyntaxError(node.start_mark.line + 1, text) from error
 
 
 def _parse_yaml(text: str) -> Document:
     loader = None
     try:
-        loader = yaml.SafeLoader(text)
+        loader = _Loader(text)
         node = loader.get_single_node()
         if node is None:
             raise FileSyntaxError(1, "the file is empty; add at least `vehicles` or `count`")

@@ -51,13 +51,41 @@ def place_m(scenario: Scenario, index: int) -> tuple[float, float]:
 
 @pytest.mark.parametrize(
     ("text", "found"),
-    [("{", "scenario.json:1: "), ('{\n\t"count": 1,\n\t"seed": -1\n}', "scenario.json:3: seed: ")],
-    ids=["not closed", "tabs"],
+    [
+        ("{", "scenario.json:1: "),
+        ('{\n\t"count": 1,\n\t"seed": -1\n}', "scenario.json:3: seed: "),
+        ("[" * 100_000, "scenario.json:1: "),
+        ('{"seed": ' + "1" * 5000 + "}", "scenario.json:1: "),
+    ],
+    ids=["not closed", "tabs", "deep", "long number"],
 )
 def test_errors_in_json_have_their_lines(text: str, found: str) -> None:
     with pytest.raises(ScenarioError) as caught:
         parse_scenario(text, "scenario.json")
     assert found in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "value",
+    ["2026-13-01", "!!int x", "!!bool x", "!!timestamp x", "1:" * 200 + "1.0", "1" * 5000],
+    ids=["date", "int", "bool", "timestamp", "too large", "too long"],
+)
+def test_a_value_that_does_not_fit_its_type_has_its_line(tmp_path: Path, value: str) -> None:
+    (found,) = refused(tmp_path, f"{HOME}count: 1\nabout: {value}\n")
+    assert found.startswith("scenario.yaml:3: "), found
+    assert "is not a valid" in found
+
+
+def test_a_merge_key_adds_the_values_of_an_anchor(tmp_path: Path) -> None:
+    scenario = from_yaml(tmp_path, f"{HOME}vehicles: [&first {{personality: px4}}, {{<<: *first}}]\n")
+    assert [vehicle.personality for vehicle in scenario.vehicles] == ["px4", "px4"]
+
+
+def test_a_small_number_in_json_is_a_number() -> None:
+    text = '{"home": {"lat_deg": 1e-07, "lon_deg": 14.5}, "count": 1, "about": "\\ud83d\\ude00"}'
+    scenario = parse_scenario(text, "scenario.json")
+    assert scenario.vehicles[0].lat_deg == pytest.approx(1e-7)
+    assert scenario.about == "\N{GRINNING FACE}"
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
