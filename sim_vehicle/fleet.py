@@ -202,11 +202,14 @@ class Fleet:
         self._advance(now)
         return self._take(now)
 
-    def inject(self, spec: FaultSpec, now: float) -> None:
-        """Begin a fault `spec.at_s` [s] after `now` [s]; raise FaultError for an unknown vehicle."""
+    def inject(self, spec: FaultSpec, now: float, indices: Sequence[int] | None = None) -> None:
+        """Begin a fault `spec.at_s` [s] after `now` [s]; raise FaultError for an unknown vehicle.
+
+        indices: the vehicles; None: the system ids of `spec`, on every link.
+        """
         self._advance(now)
         self._send_pending(now)
-        self._schedule.inject(spec, now)
+        self._schedule.inject(spec, now, indices)
 
     def faults_on(self, index: int) -> tuple[str, ...]:
         """Return the names of a vehicle's running faults."""

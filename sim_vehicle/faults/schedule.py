@@ -79,9 +79,12 @@ class Schedule:
         for callback in tuple(self._tickers.values()):
             callback(now)
 
-    def inject(self, spec: FaultSpec, now: float) -> None:
-        """Plan a fault at `now + spec.at_s` [s]; raise FaultError if a vehicle is unknown."""
-        self._plan(spec, self._indices(spec), now + spec.at_s)
+    def inject(self, spec: FaultSpec, now: float, indices: Sequence[int] | None = None) -> None:
+        """Plan a fault at `now + spec.at_s` [s]; raise FaultError if a vehicle is unknown.
+
+        indices: the vehicles; None: the system ids of `spec`, on every link.
+        """
+        self._plan(spec, self._indices(spec) if indices is None else indices, now + spec.at_s)
         self.tick(now)
 
     def replace(self, index: int, key: Hashable, specs: Sequence[FaultSpec], now: float) -> None:

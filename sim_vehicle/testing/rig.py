@@ -120,10 +120,13 @@ class Vehicle:
         return self.truth.height_m
 
     def inject(self, fault: str) -> None:
-        """Begin a fault in the form of `--fault`, such as `gps_loss:for=10`; `at` counts from this call."""
+        """Begin a fault in the form of `--fault`, such as `gps_loss:for=10`; `at` counts from this call.
+
+        Raises FaultError for an invalid fault, and for a fault with its own `sysid`.
+        """
         __tracebackhide__ = True
         try:
-            self._rig.inject(fault, self.sysid)
+            self._rig.inject(fault, self.index)
         except FaultError as error:
             raise FaultError(str(error)) from None
 
@@ -222,10 +225,14 @@ class Rig:
 
         self._call(received)
 
-    def inject(self, fault: str, sysid: int) -> None:
+    def inject(self, fault: str, index: int) -> None:
         __tracebackhide__ = True
-        spec = parse_fault(fault).model_copy(update={"vehicles": [sysid]})
-        self._call(lambda: self.existing().inject(spec, self.now))
+        spec = parse_fault(fault)
+        if spec.vehicles is not None:
+            raise FaultError(
+                f"fault {spec.fault}: `vehicle.inject` chooses the vehicle; remove sysid [fault-vehicle]"
+            )
+        self._call(lambda: self.existing().inject(spec, self.now, [index]))
 
     def step_problem(self, index: int, step: ScriptStep) -> str:
         scenario = self.existing().scenario

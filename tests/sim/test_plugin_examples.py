@@ -12,6 +12,7 @@ import pytest
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.faults.spec import FaultError
 from sim_vehicle.scenarios import ScenarioError
 from sim_vehicle.testing.rig import Clock, NotWithinTimeError, Swarm, Vehicle
 from sim_vehicle.testing.served import ServedFleet
@@ -50,6 +51,22 @@ def test_a_vehicle_lands_on_a_low_battery(vehicle: Vehicle, clock: Clock) -> Non
     clock.run_until(pump, timeout=60)
     assert lander.landing
     assert vehicle.mode == "LAND"
+
+
+def test_a_fault_concerns_one_of_two_vehicles_with_the_same_system_id(swarm: MakeSwarm, clock: Clock) -> None:
+    vehicles = swarm(count=251)
+    first, last = vehicles[0], vehicles[-1]
+    assert (first.sysid, first.link) == (1, 0)
+    assert (last.sysid, last.link) == (1, 1)
+    last.inject("battery_sag:at_most=0.2")
+    clock.run_for(0.1)
+    assert last.truth.battery_remaining < 0.21
+    assert first.truth.battery_remaining > 0.9
+
+
+def test_a_fault_with_its_own_system_id_is_refused(vehicle: Vehicle) -> None:
+    with pytest.raises(FaultError, match="remove sysid"):
+        vehicle.inject("gps_loss:sysid=2")
 
 
 # -- a ground station with a socket, under test in real time -----------------------------------------------
