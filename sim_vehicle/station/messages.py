@@ -1,6 +1,7 @@
 """Contents of a ground station's messages: commands, plan items, parameter values; names and texts."""
 
 import struct
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -146,3 +147,11 @@ class StatusTexts:
             self.texts.append("")
         chunks[message.chunk_seq] = message.text
         self.texts[index] = "".join(chunks.get(i, GAP) for i in range(max(chunks) + 1))
+
+
+def joined_texts(messages: Iterable[Any]) -> list[str]:
+    """Return the texts of STATUSTEXT messages, with their chunks joined."""
+    texts = StatusTexts()
+    for message in messages:
+        texts.receive(message)
+    return texts.texts

@@ -18,6 +18,7 @@ from sim_vehicle.scenarios.script import ScriptStation
 from sim_vehicle.scenarios.steps import ScriptStep
 from sim_vehicle.serving.tlog import tlogs
 from sim_vehicle.station.frames import STATION, Receiver, Sender
+from sim_vehicle.station.messages import joined_texts
 from sim_vehicle.wire.outbox import Frames
 
 if TYPE_CHECKING:
@@ -96,8 +97,8 @@ class Vehicle:
 
     @property
     def texts(self) -> list[str]:
-        """The vehicle's STATUSTEXT messages."""
-        return [message.text for message in self.messages("STATUSTEXT")]
+        """The texts of the vehicle's STATUSTEXT messages, with their chunks joined."""
+        return joined_texts(self.messages("STATUSTEXT"))
 
     @property
     def truth(self) -> VehicleTruth:

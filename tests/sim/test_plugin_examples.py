@@ -64,6 +64,14 @@ def test_a_fault_concerns_one_of_two_vehicles_with_the_same_system_id(swarm: Mak
     assert first.truth.battery_remaining > 0.9
 
 
+def test_a_long_text_is_one_text(swarm: MakeSwarm) -> None:
+    (vehicle,) = swarm(personality="px4", ready_s=10)
+    arm = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
+    vehicle.send(mavlink.MAVLink_command_long_message(vehicle.sysid, 1, arm, 0, 1, 0, 0, 0, 0, 0, 0))
+    assert len(vehicle.messages("STATUSTEXT")) > len(vehicle.texts)
+    assert "Arming denied: Resolve system health failures first" in vehicle.texts
+
+
 def test_a_fault_with_its_own_system_id_is_refused(vehicle: Vehicle) -> None:
     with pytest.raises(FaultError, match="remove sysid"):
         vehicle.inject("gps_loss:sysid=2")

@@ -10,7 +10,7 @@ from station import ALT_M, LAT_DEG, LON_DEG, Station
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.personalities import personality_of
 from sim_vehicle.scenarios import Scenario
-from sim_vehicle.station.messages import StatusTexts, to_wire
+from sim_vehicle.station.messages import to_wire
 
 ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED = 0, 1, 2, 3, 4
 MANUAL, ALTITUDE, POSITION, AUTO, ACRO, OFFBOARD, STABILIZED = 1, 2, 3, 4, 5, 6, 7
@@ -57,13 +57,6 @@ class Px4Station(Station):
             self.stream(message_id, hz=10)
             self.wait(0.2)
         return self.of("MISSION_CURRENT")[-1]
-
-    def texts(self) -> list[str]:
-        """Return the texts, with their chunks joined."""
-        texts = StatusTexts()
-        for message in self.of("STATUSTEXT"):
-            texts.receive(message)
-        return texts.texts
 
     @property
     def custom_mode(self) -> tuple[int, int]:

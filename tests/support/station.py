@@ -10,7 +10,7 @@ from sim_vehicle.fleet import Fleet
 from sim_vehicle.scenarios import Scenario
 from sim_vehicle.station.exchanges import UploadPlan
 from sim_vehicle.station.frames import Receiver
-from sim_vehicle.station.messages import MISSION, PlanItem, command_int, command_long, heartbeat
+from sim_vehicle.station.messages import MISSION, PlanItem, command_int, command_long, heartbeat, joined_texts
 
 LAT_DEG, LON_DEG, ALT_M = 46.0490, 14.5060, 300.0
 STEP_S = 0.1
@@ -246,7 +246,7 @@ class Station:
         return [m for m in self.received if m.get_type() == kind]
 
     def texts(self) -> list[str]:
-        return [m.text for m in self.of("STATUSTEXT")]
+        return joined_texts(self.of("STATUSTEXT"))
 
     def heartbeat(self) -> Any:
         return self.ask(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
