@@ -18,7 +18,7 @@ LIMITS = {
     "climb_m_s": ("climb_m_s", 1.0, 0.05, 100.0),
     "descent_m_s": ("descent_m_s", 1.0, 0.05, 100.0),
     "acceleration_m_s2": ("acceleration_limit_m_s2", 1.0, 0.05, 30.0),
-    "start_jerk_m_s3": ("start_jerk_limit_m_s3", 1.0, 0.05, NO_JERK_LIMIT_M_S3),
+    "autopilot_jerk_m_s3": ("autopilot_jerk_m_s3", 1.0, 0.05, NO_JERK_LIMIT_M_S3),
     "vertical_acceleration_m_s2": ("vertical_acceleration_limit_m_s2", 1.0, 0.05, 30.0),
     "acceptance_radius_m": ("acceptance_radius_m", 1.0, 0.05, 1e4),
     "yaw_rate_deg_s": ("yaw_rate_max_rad_s", RADIANS, 1.0, 400.0),
@@ -88,7 +88,7 @@ class Body(BodyState):
         motion.pass_speed_m_s[i] = pass_speed_m_s
         motion.leg_speed_m_s[i] = self.leg_speed_m_s(float(motion.leg_length_m[i]), jerk_m_s3)
         motion.circle_radius_m[i] = 0.0
-        start_jerk_m_s3 = min(MEAN_JERK_SHARE * jerk_m_s3, float(motion.start_jerk_limit_m_s3[i]))
+        start_jerk_m_s3 = min(MEAN_JERK_SHARE * jerk_m_s3, float(motion.autopilot_jerk_m_s3[i]))
         self._begin(MotionOrder.POSITION, start_jerk_m_s3)
 
     def loiter(self, east_m: float, north_m: float, up_m: float, radius_m: float | None = None) -> None:

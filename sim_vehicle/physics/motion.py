@@ -114,8 +114,10 @@ class Motion:
         self.circle_radius_m = np.zeros(n)  # around the target, clockwise if positive; 0: a leg
         self.slope = np.zeros(n)  # for MotionOrder.GLIDE: height lost per length of the leg
         self.leg_speed_m_s = np.full(n, np.inf)  # highest speed of a copter on its leg
-        self.start_jerk_m_s3 = np.full(n, NO_JERK_LIMIT_M_S3)  # mean jerk of a copter that speeds up
-        self.start_jerk_limit_m_s3 = np.full(n, NO_JERK_LIMIT_M_S3)  # the highest one, to any position
+        self.start_jerk_m_s3 = np.full(
+            n, NO_JERK_LIMIT_M_S3
+        )  # mean jerk of a copter that speeds up by this order
+        self.autopilot_jerk_m_s3 = np.full(n, NO_JERK_LIMIT_M_S3)  # the highest start_jerk_m_s3 of any order
         self.pass_speed_m_s = np.zeros(n)  # allowed speed at the target
         self.reached: Bools = np.zeros(n, dtype=bool)  # latched until the next target
         self.rate_m_s = np.zeros(n)  # for MotionOrder.RATE, VELOCITY, TILT and STICKS, up positive

@@ -231,7 +231,7 @@ def disarmed(view: RunView, _: None) -> tuple[Bools, Measured]:
     return ~view.truth.armed, ["armed" if is_armed else "disarmed" for is_armed in view.truth.armed]
 
 
-@check("eventually")
+@check("eventually", unit="m high")
 def airborne(view: RunView, _: None) -> tuple[Bools, Measured]:
     """The vehicle is in the air."""
     return view.truth.airborne, view.height_m

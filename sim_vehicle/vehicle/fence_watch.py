@@ -98,7 +98,7 @@ class FenceWatch:
 
     @property
     def ceiling_amsl_m(self) -> float:
-        """Highest altitude of a return if `return_under_fence` [m above mean sea level]; inf: no limit."""
+        """Highest altitude of a return if `returning.under_fence` [m above mean sea level]; inf: no limit."""
         limits = self._parameters
         if not self.enabled:
             return math.inf

@@ -30,7 +30,7 @@ class Flight:
         self.behaviour = Behaviour.MANUAL
         self.landing_now = False
         self.taking_off = False
-        self.takeoff_amsl_m: float | None = None  # requested altitude; None: `takeoff_height_m` above home
+        self.takeoff_amsl_m: float | None = None  # requested altitude; None: `takeoff.height_m` above home
         self.ground_since_s = -math.inf
         self.manoeuvre: Manoeuvre | None = None  # outside of missions
         self.guided_target_m: tuple[float, float, float] | None = None

@@ -49,7 +49,7 @@ class Limits:
     acceleration_m_s2: float
     vertical_acceleration_m_s2: float
     acceptance_radius_m: float
-    start_jerk_m_s3: float = math.inf  # of a copter that speeds up to a position
+    autopilot_jerk_m_s3: float = math.inf  # of a copter that speeds up to a position
     yaw_rate_deg_s: float = 60.0  # of a copter
     lift_off_s: float = 0.0  # least time from arming to the lift-off of a copter
 

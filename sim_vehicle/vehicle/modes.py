@@ -137,7 +137,7 @@ class Modes:
             self._enter(self._armable_mode)
 
     def taken_off(self) -> None:
-        """Change mode after the climb of a take-off, if `after_takeoff` is set."""
+        """Change mode after the climb of a take-off, if `takeoff.then` of the flight parameters is set."""
         vehicle = self._vehicle
         behaviour = vehicle.flight_parameters.takeoff.then
         if behaviour is None:
@@ -150,7 +150,7 @@ class Modes:
             vehicle.flight.go(target_m)  # completes the climb
 
     def mission_over(self) -> None:
-        """Change mode in flight after the last item of a mission, if `mission_ends_in` is set."""
+        """Change mode in flight after the last item of a mission, if `mission.ends_in` is set."""
         ends_in = self._vehicle.personality.mission.ends_in
         if ends_in is not None and self._vehicle.flight.flying:
             self.enter_behaviour(ends_in)

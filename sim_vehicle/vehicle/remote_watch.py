@@ -1,4 +1,4 @@
-"""Remote control failsafe of one vehicle: with `rc_short_action`, a short stage precedes the long stage.
+"""Remote control failsafe of one vehicle: with `rc.short_action`, a short stage precedes the long stage.
 
 The end of a loss undoes only the mode change of the short stage.
 """
@@ -16,7 +16,7 @@ class RemoteWatch:
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
-        self.lost = False  # no frame for rc_timeout_s
+        self.lost = False  # no frame for rc.timeout_s
         self._frame_s = -math.inf  # last frame from a ground station
         self._since_s = math.inf  # start of the time without frames; inf: frames arrive
         self._loss_counts = True  # the failsafe acts on the present loss

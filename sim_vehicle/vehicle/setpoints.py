@@ -38,7 +38,7 @@ class Setpoints:
         self._lost = None
 
     def streaming(self, now: float) -> bool:
-        """Return True if the latest set-point is younger than `setpoint_timeout_s`."""
+        """Return True if the latest set-point is younger than `setpoints.timeout_s`."""
         return now - self._last_received_s < self._vehicle.flight_parameters.setpoints.timeout_s
 
     @property

@@ -234,7 +234,7 @@ def test_a_missed_deadline_fails_at_its_time() -> None:
     checked = check_of({"airborne": {"by_s": 30}})
     assert checked.observe(view(29.95)) == []
     (first, *_) = checked.observe(view(30.0, position_m=np.array([at(0, 0, 1.5)] * N)))
-    assert (first.t_s, first.found) == (30.0, "1.5")
+    assert (first.t_s, first.found) == (30.0, "1.5 m high")
     assert checked.observe(view(31.0, truth={"airborne": YES})) == []
     assert len(checked.failures) == N
 

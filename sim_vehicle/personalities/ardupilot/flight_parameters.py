@@ -223,7 +223,7 @@ def copter_flight_parameters(params: Parameters) -> FlightParameters:
             descent_m_s=_m_s(params, "WPNAV_SPEED_DN"),
             acceleration_m_s2=max(params["WPNAV_ACCEL"], 10.0) / 100,
             vertical_acceleration_m_s2=max(params["WPNAV_ACCEL_Z"], 10.0) / 100,
-            start_jerk_m_s3=max(params["PSC_JERK_XY"], 1.0),
+            autopilot_jerk_m_s3=max(params["PSC_JERK_XY"], 1.0),
             acceptance_radius_m=max(params["WPNAV_RADIUS"], 10.0) / 100,
             yaw_rate_deg_s=max(params["ATC_SLEW_YAW"], 500.0) / 100,
             lift_off_s=LIFT_OFF_S,

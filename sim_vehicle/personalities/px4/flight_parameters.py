@@ -241,7 +241,7 @@ def copter_flight_parameters(params: Parameters) -> FlightParameters:
             climb_m_s=_positive(min(params["MPC_Z_V_AUTO_UP"], params["MPC_Z_VEL_MAX_UP"])),
             descent_m_s=descent_m_s,
             acceleration_m_s2=_positive(params["MPC_ACC_HOR"]),
-            start_jerk_m_s3=_positive(params["MPC_JERK_AUTO"]),
+            autopilot_jerk_m_s3=_positive(params["MPC_JERK_AUTO"]),
             vertical_acceleration_m_s2=vertical_acceleration_m_s2,
             acceptance_radius_m=max(params["NAV_ACC_RAD"], 0.05),
             yaw_rate_deg_s=_positive(params["MPC_YAWRAUTO_MAX"]),

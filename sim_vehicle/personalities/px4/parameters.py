@@ -80,7 +80,6 @@ _NO_EFFECT_COPTER: dict[str, float | int] = {
     "CA_AIRFRAME": 0,
     "CA_ROTOR_COUNT": 4,
     "MAV_TYPE": 2,
-    "MPC_JERK_AUTO": 4.0,  # m/s^3
     "MPC_LAND_ALT3": 1.0,  # m
     "MPC_LAND_CRWL": 0.3,  # m/s
     "RTL_TYPE": 0,
@@ -168,6 +167,7 @@ COPTER: dict[str, float | int] = (
         "MPC_ACC_UP_MAX": 4.0,  # m/s^2
         "MPC_LAND_ALT1": 10.0,  # m above home, below which a landing slows, and a take-off is slow
         "MPC_LAND_ALT2": 5.0,  # m above home, below which a landing has MPC_LAND_SPEED
+        "MPC_JERK_AUTO": 4.0,  # m/s^3, toward a position
         "MPC_HOLD_DZ": 0.1,  # share of a stick's range
         "MPC_LAND_SPEED": 0.7,  # m/s
         "MPC_MANTHR_MIN": 0.08,  # output at the lowest throttle
