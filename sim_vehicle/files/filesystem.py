@@ -9,7 +9,7 @@ import errno
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-MAX_BYTES = 1 << 20  # largest total size of written files
+MAX_BYTES = 1 << 20  # largest total size of written files [bytes]
 MAX_ENTRIES = 128  # largest number of written files and created directories
 
 
@@ -49,7 +49,6 @@ class FileSystem:
 
     sources: returns the generated files by path; called for each access.
     writable: directories for written files, including their subdirectories, without a leading `/`.
-    max_bytes: largest total size of written files [bytes].
     """
 
     def __init__(
@@ -57,11 +56,9 @@ class FileSystem:
         sources: Callable[[], Mapping[str, GeneratedFile]],
         *,
         writable: tuple[str, ...] = (),
-        max_bytes: int = MAX_BYTES,
     ) -> None:
         self._sources = sources
         self._writable = writable
-        self._max_bytes = max_bytes
         self._files: dict[str, bytearray] = {}
         self._created: set[str] = set()
 
@@ -232,7 +229,7 @@ class FileSystem:
     def _grow(self, content: bytearray, size: int) -> None:
         added = size - len(content)
         if added > 0:
-            if sum(map(len, self._files.values())) + added > self._max_bytes:
+            if sum(map(len, self._files.values())) + added > MAX_BYTES:
                 raise FileError(errno.ENOSPC)
             content.extend(bytes(added))
 

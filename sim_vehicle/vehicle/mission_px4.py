@@ -22,14 +22,6 @@ from sim_vehicle.vehicle.mission import (
 from sim_vehicle.vehicle.numbers import to_int
 
 
-def _always(_items: Sequence[Item]) -> bool:
-    return True
-
-
-def _nothing() -> None:
-    pass
-
-
 class Px4Mission(Mission):
     """Mission with items from index 0; the vehicle stores but does not fly an infeasible mission.
 
@@ -40,10 +32,10 @@ class Px4Mission(Mission):
 
     def __init__(
         self,
-        feasible: Callable[[Sequence[Item]], bool] = _always,
-        go_home: Callable[[], None] = _nothing,
+        feasible: Callable[[Sequence[Item]], bool],
+        go_home: Callable[[], None],
         *,
-        plane: bool = False,
+        plane: bool,
     ) -> None:
         super().__init__(home=lambda: Item(mavlink.MAV_CMD_NAV_WAYPOINT), climbs_first=True)
         self._plane = plane

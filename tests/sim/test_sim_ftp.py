@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from profiles import examples
 
 from sim_vehicle.files import ftp_rules as ftp
-from sim_vehicle.files.filesystem import FileError, FileSystem, GeneratedFile, constant
+from sim_vehicle.files.filesystem import MAX_BYTES, FileError, FileSystem, GeneratedFile, constant
 from sim_vehicle.files.ftp_rules import FtpError, FtpRules, Opcode
 
 BOTH = pytest.mark.parametrize("rules", [ftp.ARDUPILOT, ftp.PX4], ids=["ardupilot", "px4"])
@@ -22,7 +22,7 @@ FILES = {"etc/motd": b"hello", "etc/big.bin": TEXT, "etc/empty": b""}
 
 def files(**more: GeneratedFile) -> FileSystem:
     sources = {name: constant(content) for name, content in FILES.items()} | more
-    return FileSystem(lambda: sources, writable=("disk",), max_bytes=10_000)
+    return FileSystem(lambda: sources, writable=("disk",))
 
 
 def client(rules: FtpRules, **pace: float) -> FtpClient:
@@ -252,8 +252,8 @@ def test_the_disk_space_is_limited() -> None:
     session = opened(c, b"/disk/f", Opcode.CREATE_FILE)
     full = c.one(Opcode.WRITE_FILE, b"x", session=session, offset=2**31)
     assert list(full.data) == [FtpError.FAIL_ERRNO, errno.ENOSPC]
-    assert c.one(Opcode.TRUNCATE_FILE, b"/disk/f", offset=9_999).opcode == Opcode.ACK
-    assert c.one(Opcode.TRUNCATE_FILE, b"/disk/f", offset=10_001).data[1] == errno.ENOSPC
+    assert c.one(Opcode.TRUNCATE_FILE, b"/disk/f", offset=MAX_BYTES).opcode == Opcode.ACK
+    assert c.one(Opcode.TRUNCATE_FILE, b"/disk/f", offset=MAX_BYTES + 1).data[1] == errno.ENOSPC
 
 
 def test_only_px4_truncates() -> None:

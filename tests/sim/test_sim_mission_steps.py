@@ -1,7 +1,7 @@
 """The order in which both autopilots execute a mission, with a pilot that only records."""
 
 import pytest
-from transfer_bench import IdlePilot
+from transfer_bench import IdlePilot, px4_mission
 
 from sim_vehicle.vehicle.mission import Item, Mission, MissionState
 from sim_vehicle.vehicle.mission_px4 import Px4Mission
@@ -15,7 +15,7 @@ def jump(to: int, times: int) -> Item:
 
 
 def px4(*items: Item) -> tuple[Px4Mission, IdlePilot]:
-    mission, pilot = Px4Mission(), IdlePilot()
+    mission, pilot = px4_mission(), IdlePilot()
     mission.replace(pilot, items)
     return mission, pilot
 
@@ -141,7 +141,7 @@ def test_px4_in_flight_continues_a_new_mission_and_ends_at_an_empty_one() -> Non
 
 def test_px4_flies_no_infeasible_mission() -> None:
     pilot = IdlePilot()
-    mission = Px4Mission(feasible=lambda items: all(item.z < 100 for item in items))
+    mission = px4_mission(lambda items: all(item.z < 100 for item in items))
     mission.replace(pilot, [Item(WP, z=200.0)])
     fly(mission, pilot)
     assert pilot.log == [("no mission", -1)]

@@ -204,9 +204,14 @@ def ardupilot() -> Bench:
     return Bench(make)
 
 
+def px4_mission(feasible: Callable[[Sequence[Item]], bool] = lambda _items: True) -> Px4Mission:
+    """Return the mission of a PX4 multicopter; `feasible` accepts a list of items or not."""
+    return Px4Mission(feasible, lambda: None, plane=False)
+
+
 def px4() -> Bench:
     def make(bench: Bench) -> Px4Transfer:
-        mission = Px4Mission()
+        mission = px4_mission()
         bench.mission = mission
         return Px4Transfer(
             mission,
