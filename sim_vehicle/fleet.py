@@ -332,7 +332,6 @@ class Fleet:
 
 def _world(scenario: Scenario, generators: Sequence[np.random.Generator]) -> World:
     specs, wind, gps = scenario.vehicles, scenario.wind, scenario.gps
-    defaults = GpsSettings()
     world = World(
         LocalFrame(*scenario.origin_deg),
         np.array([spec.lat_deg for spec in specs]),
@@ -341,10 +340,7 @@ def _world(scenario: Scenario, generators: Sequence[np.random.Generator]) -> Wor
         planes=np.array([spec.kind == "plane" for spec in specs]),
         rngs=generators,
         wind=WindSettings(wind.speed_m_s, wind.from_deg, wind.gust_m_s),
-        gps=GpsSettings(
-            defaults.noise_m if gps.noise_m is None else gps.noise_m,
-            defaults.drift_m if gps.drift_m is None else gps.drift_m,
-        ),
+        gps=GpsSettings(gps.noise_m, gps.drift_m),
     )
     headings_rad = np.deg2rad([spec.heading_deg for spec in specs])
     world.dynamics.attitude[2] = np.arctan2(np.sin(headings_rad), np.cos(headings_rad))

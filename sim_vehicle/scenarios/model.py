@@ -19,6 +19,7 @@ from pydantic import (
 from sim_vehicle.faults.spec import FaultSpec, parse_fault
 from sim_vehicle.personalities import PERSONALITIES, personality_of
 from sim_vehicle.physics.geodesy import LocalFrame
+from sim_vehicle.physics.gps import GpsSettings
 from sim_vehicle.scenarios.base import (
     Altitude,
     Latitude,
@@ -36,6 +37,7 @@ from sim_vehicle.scenarios.steps import CheckSpec, ScriptStep
 from sim_vehicle.scenarios.yaml_lines import KeyPath
 
 MAX_DISTANCE_M = 50_000.0
+GOOD_RECEIVER = GpsSettings()
 
 Finding = tuple[KeyPath, str]  # path in the scenario, text of the problem
 
@@ -130,10 +132,10 @@ class Wind(Section):
 
 
 class Gps(Section):
-    """The standard deviations of the GPS receiver's noise and slow drift; None: values of a good receiver."""
+    """The standard deviations of the GPS receiver's noise and slow drift; the defaults: a good receiver."""
 
-    noise_m: Annotated[float, Field(strict=True, ge=0, le=100)] | None = None
-    drift_m: Annotated[float, Field(strict=True, ge=0, le=100)] | None = None
+    noise_m: Annotated[float, Field(strict=True, ge=0, le=100)] = GOOD_RECEIVER.noise_m
+    drift_m: Annotated[float, Field(strict=True, ge=0, le=100)] = GOOD_RECEIVER.drift_m
 
 
 def _folder_name(name: str) -> str:

@@ -87,9 +87,7 @@ class StepExchanges:
         return Command(self._send, command_int(self._target, command, *params, frame=frame, x=x, y=y, z=z))
 
     def _mode_for(self, behaviour: Behaviour) -> Exchange:
-        modes = self._personality.modes.by_number.values()
-        number = next(mode.number for mode in modes if mode.behaviour is behaviour)
-        return ChangeMode(self._send, self._target, number)
+        return ChangeMode(self._send, self._target, self._personality.modes.of(behaviour).number)
 
     def _mission(self) -> Exchange:
         items = self._writer.mission(self._spec.mission, home_first=self._personality.mission.home_item)

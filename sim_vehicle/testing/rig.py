@@ -4,9 +4,11 @@ import difflib
 import inspect
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
 
 from sim_vehicle.epoch import EPSILON_S
 from sim_vehicle.faults.spec import FaultError, parse_fault
@@ -200,19 +202,8 @@ class Rig:
 
     def truth(self, index: int) -> VehicleTruth:
         truth = self._call(self.existing().truth)
-        return VehicleTruth(
-            lat_deg=float(truth.lat_deg[index]),
-            lon_deg=float(truth.lon_deg[index]),
-            alt_amsl_m=float(truth.alt_amsl_m[index]),
-            height_m=float(truth.height_m[index]),
-            speed_m_s=float(truth.speed_m_s[index]),
-            airborne=bool(truth.airborne[index]),
-            armed=bool(truth.armed[index]),
-            crashed=bool(truth.crashed[index]),
-            battery_remaining=float(truth.battery_remaining[index]),
-            strikes=int(truth.strikes[index]),
-            mode=truth.mode[index],
-        )
+        values = {field.name: getattr(truth, field.name)[index] for field in fields(VehicleTruth)}
+        return VehicleTruth(**{n: v.item() if isinstance(v, np.generic) else v for n, v in values.items()})
 
     def deliver(self, message: Any, vehicle: Vehicle) -> None:
         fleet = self.existing()

@@ -8,6 +8,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.physics.attitude import angles_rad
 from sim_vehicle.physics.copter import MAX_LEAN_RAD, lean_acceleration_m_s2
 from sim_vehicle.vehicle.interface import Vehicle
 
@@ -39,7 +40,7 @@ class AttitudeSetpoints:
         self.reset()
         if not all(math.isfinite(q) for q in message.q) or not any(message.q):
             return False
-        roll, pitch, yaw = _angles_rad(message.q)
+        roll, pitch, yaw = angles_rad(message.q)
         self._apply(roll, pitch, yaw, message.thrust, None)
         return True
 
@@ -78,13 +79,3 @@ class AttitudeSetpoints:
             body.move(target_m_s, yaw_rad=yaw_rad, yaw_rate_rad_s=yaw_rate)
             return
         body.tilt((east, north), climb_m_s, yaw_rad=yaw_rad, yaw_rate_rad_s=yaw_rate)
-
-
-def _angles_rad(q: Any) -> tuple[float, float, float]:
-    """Return roll, pitch and yaw [rad] of a quaternion w, x, y, z."""
-    w, x, y, z = q
-    return (
-        math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)),
-        math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x)))),
-        math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)),
-    )

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from sim_vehicle.files.logs.record import Failsafe, LogStart, Sample
+from sim_vehicle.physics.attitude import quaternion
 from sim_vehicle.vehicle.mission import Item
 
 MAGIC = b"ULog\x01\x12\x35\x01"
@@ -133,7 +134,7 @@ class UlogLog:
         ref_lat_deg, ref_lon_deg, ref_alt_m = self._origin_deg_m
         north_m_s, east_m_s, down_m_s = sample.north_m_s, sample.east_m_s, sample.down_m_s
         self.content += _SAMPLE.pack(
-            _ATTITUDE, _D, 0, us, us, *_quaternion(sample.roll_rad, sample.pitch_rad, sample.yaw_rad),
+            _ATTITUDE, _D, 0, us, us, *quaternion(sample.roll_rad, sample.pitch_rad, sample.yaw_rad),
             _LOCAL, _D, 1, us, us, ref_lat_deg, ref_lon_deg, sample.north_m, sample.east_m, -sample.up_m,
             north_m_s, east_m_s, down_m_s, sample.yaw_rad, ref_alt_m, True, True, True, True,
             _GLOBAL, _D, 2, us, us, sample.lat_deg, sample.lon_deg, sample.alt_amsl_m, 0.0, False,
@@ -186,16 +187,3 @@ class UlogLog:
 
     def strike(self, now: float, count: int, over: tuple[int, int], by: tuple[int, int]) -> None:
         self._add("strike", now, count, *over, *by)
-
-
-def _quaternion(roll_rad: float, pitch_rad: float, yaw_rad: float) -> tuple[float, float, float, float]:
-    """Return the rotation from body to north-east-down, (w, x, y, z)."""
-    cr, sr = math.cos(roll_rad / 2), math.sin(roll_rad / 2)
-    cp, sp = math.cos(pitch_rad / 2), math.sin(pitch_rad / 2)
-    cy, sy = math.cos(yaw_rad / 2), math.sin(yaw_rad / 2)
-    return (
-        cr * cp * cy + sr * sp * sy,
-        sr * cp * cy - cr * sp * sy,
-        cr * sp * cy + sr * cp * sy,
-        cr * cp * sy - sr * sp * cy,
-    )

@@ -5,9 +5,10 @@ from collections.abc import Callable
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.physics.attitude import quaternions
 from sim_vehicle.physics.geodesy import Floats
 from sim_vehicle.physics.motion import Bools
-from sim_vehicle.wire.telemetry.motion import ekf_status_report, quaternion
+from sim_vehicle.wire.telemetry.motion import ekf_status_report
 from sim_vehicle.wire.telemetry.sensors import magnetic_field_mgauss, scaled_pressure, wind
 from sim_vehicle.wire.telemetry.view import UNKNOWN_I16, Columns, View
 
@@ -118,7 +119,7 @@ def sim_state(v: View) -> Columns:
     velocity = dynamics.velocity_m_s[i]
     return {
         **_true_motion(v),
-        **dict(zip(("q1", "q2", "q3", "q4"), quaternion(dynamics.attitude_rad[i]).T, strict=True)),
+        **dict(zip(("q1", "q2", "q3", "q4"), quaternions(dynamics.attitude_rad[i]).T, strict=True)),
         "lat": lat,
         "lon": lon,
         "lat_int": lat,
@@ -136,7 +137,7 @@ def attitude_target(v: View) -> Columns:
     angles = np.column_stack([dynamics.wanted_tilt_rad[:, i].T, dynamics.wanted_heading_rad[i]])
     return {
         "time_boot_ms": v.since_boot_ms(),
-        "q": quaternion(angles),
+        "q": quaternions(angles),
         "body_yaw_rate": dynamics.wanted_yaw_rate_rad_s[i],
         "thrust": dynamics.throttle[i],
     }
@@ -227,7 +228,7 @@ def autopilot_state_for_gimbal_device(v: View) -> Columns:
     velocity = v.world.estimate_velocity_m_s[i]
     return {
         "time_boot_us": v.since_boot_us(),
-        "q": quaternion(dynamics.attitude_rad[i]),
+        "q": quaternions(dynamics.attitude_rad[i]),
         "vx": velocity[:, 1],
         "vy": velocity[:, 0],
         "vz": -velocity[:, 2],

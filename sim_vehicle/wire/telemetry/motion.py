@@ -3,6 +3,7 @@
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.physics.attitude import quaternions
 from sim_vehicle.physics.geodesy import Floats
 from sim_vehicle.physics.gps import EPH_M
 from sim_vehicle.physics.motion import Bools, MotionOrder
@@ -70,22 +71,8 @@ def body_rates(v: View) -> Columns:
     return {"rollspeed": rates[:, 0], "pitchspeed": rates[:, 1], "yawspeed": rates[:, 2]}
 
 
-def quaternion(angles_rad: Floats) -> Floats:
-    """Convert roll, pitch, yaw [rad] (n, 3) to w, x, y, z (n, 4)."""
-    half = angles_rad / 2
-    (cr, cp, cy), (sr, sp, sy) = np.cos(half).T, np.sin(half).T
-    return np.column_stack(
-        [
-            cr * cp * cy + sr * sp * sy,
-            sr * cp * cy - cr * sp * sy,
-            cr * sp * cy + sr * cp * sy,
-            cr * cp * sy - sr * sp * cy,
-        ]
-    )
-
-
 def attitude_quaternion(v: View) -> Columns:
-    q = quaternion(v.world.dynamics.attitude_rad[v.i])
+    q = quaternions(v.world.dynamics.attitude_rad[v.i])
     return {
         "time_boot_ms": v.since_boot_ms(),
         "q1": q[:, 0],

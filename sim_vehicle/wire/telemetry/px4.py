@@ -3,11 +3,12 @@
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.physics.attitude import quaternions
 from sim_vehicle.physics.geodesy import Floats
 from sim_vehicle.physics.gps import EPH_M
 from sim_vehicle.physics.motion import GRAVITY_M_S2
 from sim_vehicle.wire.encode import Layout
-from sim_vehicle.wire.telemetry.motion import body_rates, local_position_ned, quaternion
+from sim_vehicle.wire.telemetry.motion import body_rates, local_position_ned
 from sim_vehicle.wire.telemetry.sensors import output_us
 from sim_vehicle.wire.telemetry.view import Columns, View
 
@@ -83,7 +84,7 @@ def hil_state_quaternion(v: View) -> Columns:
     velocity = dynamics.velocity_m_s[i] * 100
     acceleration_mg = dynamics.acceleration_m_s2[i] * (1000 / GRAVITY_M_S2)
     return {
-        "attitude_quaternion": quaternion(dynamics.attitude_rad[i]),
+        "attitude_quaternion": quaternions(dynamics.attitude_rad[i]),
         **body_rates(v),
         "lat": lat_deg * 1e7,
         "lon": lon_deg * 1e7,
@@ -110,7 +111,7 @@ def odometry(v: View) -> Columns:
         "frame_id": mavlink.MAV_FRAME_LOCAL_NED,
         "child_frame_id": mavlink.MAV_FRAME_LOCAL_NED,
         **{name: local[name] for name in ("x", "y", "z", "vx", "vy", "vz")},
-        "q": quaternion(v.world.dynamics.attitude_rad[v.i]),
+        "q": quaternions(v.world.dynamics.attitude_rad[v.i]),
         **body_rates(v),
         "pose_covariance": pose,
         "velocity_covariance": velocity,
