@@ -5,7 +5,7 @@ station need further ones. The values are those of ArduPilot 4.6.2 in SITL, whos
 """
 
 # name, type, value of ArduCopter, value of ArduPlane (-: no such parameter), ground station and its page
-_ROWS = """
+ROWS = """
 COMPASS_DEV_ID    int32        97539        97539  QGC sensors
 COMPASS_DEV_ID2   int32       131874       131874  QGC sensors
 COMPASS_DEV_ID3   int32       263178       263178  QGC sensors
@@ -206,18 +206,3 @@ ICE_ENABLE        int8             -            0  MAVProxy
 GCS_PID_MASK      int16            0            0  MAVProxy
 ARMING_MIS_ITEMS  int32            0            0  MAVProxy
 """
-_WIDTHS = {"int8": 8, "int16": 16, "int32": 32}
-
-
-def _table(column: int) -> dict[str, float | int]:
-    """Return names and values of a column of the rows."""
-    values: dict[str, float | int] = {}
-    for row in _ROWS.strip().splitlines():
-        cells = row.split()
-        if cells[column] != "-":
-            values[cells[0]] = float(cells[column]) if cells[1] == "float" else int(cells[column])
-    return values
-
-
-COPTER, PLANE = _table(2), _table(3)
-BITS = {row.split()[0]: _WIDTHS[row.split()[1]] for row in _ROWS.strip().splitlines() if " float " not in row}
