@@ -14,8 +14,6 @@ from sim_vehicle.conformance.dialects import PLANE_TYPES, version_text
 from sim_vehicle.conformance.registry import CATEGORIES
 
 UNEXPLAINED, USAGE_ERROR = 1, 2  # exit codes
-OUTCOMES = {"p": "passed", "f": "failed", "s": "skipped"}
-NO_RESULT = "."
 # Parts of the reasons for which a skipped check never ran; such a check is no result.
 NOT_ASKED = (
     "[vehicle-silent]",
@@ -93,13 +91,9 @@ def read(paths: Iterable[Path]) -> list[VehicleResults]:
 
 def _vehicles(content: Any) -> Iterator[VehicleResults]:
     if COMPACT in content:
-        for place, (name, version, simulator) in enumerate(content[COMPACT]):
-            vehicle = VehicleResults(name, version, bool(simulator))
-            for check, letters in content["checks"].items():
-                if letters[place] != NO_RESULT:
-                    observation = content["seen"].get(check, {}).get(vehicle.title, "")
-                    vehicle.results[check] = OUTCOMES[letters[place]], observation
-            yield vehicle
+        for entry in content[COMPACT]:
+            results = {c: (outcome, entry["seen"].get(c, "")) for c, outcome in entry["outcomes"].items()}
+            yield VehicleResults(entry["name"], entry["version"], entry["simulator"], results)
         return
     identity = content["vehicle"]
     yield VehicleResults(
@@ -115,26 +109,22 @@ def _is_result(entry: Mapping[str, Any]) -> bool:
 
 
 def compact(vehicles: Sequence[VehicleResults]) -> str:
-    """Return all results as JSON: a line for each check with a letter for each vehicle, then observations.
+    """Return all results as JSON: outcomes and observations by check, for each vehicle.
 
     The observations of passed checks, and of checks that are for other vehicles, are left out.
     """
-    checks = sorted({check for vehicle in vehicles for check in vehicle.results})
-    letters = {
-        check: "".join(vehicle.results.get(check, (NO_RESULT, ""))[0][0] for vehicle in vehicles)
-        for check in checks
-    }
-    seen: dict[str, dict[str, str]] = {}
+    content = []
     for vehicle in vehicles:
-        for check, (outcome, observation) in sorted(vehicle.results.items()):
-            if outcome != "passed" and not observation.startswith("only for"):
-                seen.setdefault(check, {})[vehicle.title] = observation
-    content = {
-        COMPACT: [[vehicle.name, vehicle.version, vehicle.simulator] for vehicle in vehicles],
-        "checks": letters,
-        "seen": dict(sorted(seen.items())),
-    }
-    return json.dumps(content, indent=1) + "\n"
+        results = sorted(vehicle.results.items())
+        seen = {
+            c: text
+            for c, (outcome, text) in results
+            if outcome != "passed" and text and not text.startswith("only for")
+        }
+        outcomes = {check: outcome for check, (outcome, _) in results}
+        identity = {"name": vehicle.name, "version": vehicle.version, "simulator": vehicle.simulator}
+        content.append({**identity, "outcomes": outcomes, "seen": seen})
+    return json.dumps({COMPACT: content}, indent=1) + "\n"
 
 
 @dataclass(frozen=True, slots=True)
