@@ -250,7 +250,7 @@ def cancel_upload(vehicle: VehicleUnderTest) -> None:
     cancelled = mavlink.MAV_MISSION_OPERATION_CANCELLED
     vehicle.send(mavlink.MAVLink_mission_ack_message(*vehicle.target, cancelled, MISSION))
     # ArduPilot ignores the cancellation and ends the transfer by its time-out.
-    vehicle.wait(10.0 if vehicle.dialect.name == "ardupilot" else 1.0 if vehicle.dialect.known else 10.0)
+    vehicle.wait(1.0 if vehicle.dialect.name == "px4" else 10.0)
 
 
 def begin_upload(vehicle: VehicleUnderTest, items: list[PlanItem], sent: int) -> int:

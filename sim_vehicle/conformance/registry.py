@@ -16,6 +16,7 @@ from sim_vehicle.conformance.guard import ARM, CRASH, PERMISSIONS
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 CheckFunction = Callable[[VehicleUnderTest], str]
+KNOWN = ("ardupilot", "px4")  # dialects of the autopilots with known behaviour
 
 # In the order of the run; checks that could disturb other checks come late.
 CATEGORIES = (

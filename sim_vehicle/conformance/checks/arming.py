@@ -17,16 +17,15 @@ from sim_vehicle.conformance.assertions import (
 from sim_vehicle.conformance.checks.fence import fence_in_force, polygon
 from sim_vehicle.conformance.guard import ARM
 from sim_vehicle.conformance.plans import FENCE
-from sim_vehicle.conformance.registry import check
+from sim_vehicle.conformance.registry import KNOWN, check
 from sim_vehicle.conformance.traffic import SECOND_STATION
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 ARM_COMMAND = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
 FORCE = 21_196  # value of parameter 2 for arming or disarming without checks
 REFUSAL_S = 2.0  # longest wait for the reason of a refusal
-IDLE_DISARM_PARAMETERS = {"ardupilot": "DISARM_DELAY", "px4": "COM_DISARM_PRFLT"}
 _check = partial(check, needs=[ARM], limit_s=200)
-_known_check = partial(check, needs=[ARM], limit_s=200, dialects=("ardupilot", "px4"))
+_known_check = partial(check, needs=[ARM], limit_s=200, dialects=KNOWN)
 _copter_check = partial(check, needs=[ARM], limit_s=200, dialects=("ardupilot",), kind="copter")
 
 
@@ -139,10 +138,13 @@ def mode_not_armable(vehicle: VehicleUnderTest) -> str:
     return "FAILED, not armable"
 
 
-@_check("arming.refusal_has_a_reason", source="AUTOPILOTS 1.3: reason only in STATUSTEXT")
+@_check(
+    "arming.refusal_has_a_reason",
+    dialects=("ardupilot",),
+    source="AUTOPILOTS 1.3: reason only in STATUSTEXT",
+)
 def refusal_has_a_reason(vehicle: VehicleUnderTest) -> str:
     """Outside of an enabled fence arming is refused, and a text names the breach."""
-    vehicle.known(ardupilot=True)
     plans.require_type(vehicle, FENCE)
     flying.wait_ready(vehicle)
     with fence_in_force(vehicle, polygon(vehicle, ((500, 500), (500, 600), (600, 600), (600, 500)))):
@@ -157,10 +159,9 @@ def refusal_has_a_reason(vehicle: VehicleUnderTest) -> str:
     return texts[0]
 
 
-@_check("arming.sets_home", source="AUTOPILOTS 1.11: home is re-set at every arming")
+@_known_check("arming.sets_home", source="AUTOPILOTS 1.11: home is re-set at every arming")
 def sets_home(vehicle: VehicleUnderTest) -> str:
     """After arming, home is within 5 m of the vehicle."""
-    vehicle.known(ardupilot=True, px4=True)
     with flying.armed(vehicle):
         vehicle.wait(1.0)
         away_m = plans.distance_m(flying.home(vehicle), plans.current_position(vehicle))
@@ -178,7 +179,7 @@ def sets_home(vehicle: VehicleUnderTest) -> str:
 )
 def idle_disarms(vehicle: VehicleUnderTest) -> str:
     """An armed vehicle on the ground disarms after the configured delay."""
-    parameter = IDLE_DISARM_PARAMETERS[vehicle.dialect.name]
+    parameter = vehicle.known(ardupilot="DISARM_DELAY", px4="COM_DISARM_PRFLT")
     delay_s = parameters.value_or_none(vehicle, parameter)
     if delay_s is None or not 0 < delay_s < 60:
         raise Skip(f"{parameter} is {delay_s}; the check needs a delay between 0 and 60 s")
@@ -202,7 +203,7 @@ def by_force(vehicle: VehicleUnderTest) -> str:
 @check(
     "arming.reboot_is_refused",
     needs=[ARM, "reboot"],
-    dialects=("ardupilot", "px4"),
+    dialects=KNOWN,
     limit_s=200,
     source="AUTOPILOTS 2: reboot is DENIED when armed",
 )

@@ -10,11 +10,11 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim_vehicle.conformance import parameters, plans
 from sim_vehicle.conformance.assertions import ACCEPTED, equal, near, refused
 from sim_vehicle.conformance.plans import FENCE, RALLY
-from sim_vehicle.conformance.registry import check
+from sim_vehicle.conformance.registry import KNOWN, check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.station.messages import MISSION, PlanItem
 
-CLAIMS, KNOWN = ("MISSION_FENCE",), ("ardupilot", "px4")
+CLAIMS = ("MISSION_FENCE",)
 INCLUSION_VERTEX = mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION
 EXCLUSION_VERTEX = mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION
 INCLUSION_CIRCLE = mavlink.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION
@@ -268,10 +268,9 @@ def _points(vehicle: VehicleUnderTest, count: int = 3) -> list[PlanItem]:
     return [replace(blank, x=x, y=y, z=20.0 + i) for i, (x, y) in enumerate(places)]
 
 
-@_rally_check("rally.is_empty_at_first", source="AUTOPILOTS 2: rally ok (count 0)")
+@_rally_check("rally.is_empty_at_first", dialects=KNOWN, source="AUTOPILOTS 2: rally ok (count 0)")
 def empty(vehicle: VehicleUnderTest) -> str:
     """After MISSION_CLEAR_ALL the count is 0."""
-    vehicle.known(ardupilot=True, px4=True)
     plans.clear(vehicle, RALLY)
     return str(equal(plans.count(vehicle, RALLY), 0, "count"))
 

@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying, parameters, plans
 from sim_vehicle.conformance.assertions import ACCEPTED, Skip, equal, holds, near, refused
-from sim_vehicle.conformance.registry import check
+from sim_vehicle.conformance.registry import KNOWN, check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 # type masks of the set-point messages
@@ -16,7 +16,7 @@ POSITION_ONLY, VELOCITY_ONLY, POSITION_AND_VELOCITY = 0x0DF8, 0x0DC7, 0x0DC0
 MAX_BEHIND_M = 4.0  # twice the time between set-points, and the delay of the reported position
 MAX_STOP_S = 10.0  # longest time to a stop
 _any_copter_check = partial(check, airborne=True, kind="copter", limit_s=300)
-_copter_check = partial(_any_copter_check, dialects=("ardupilot", "px4"))
+_copter_check = partial(_any_copter_check, dialects=KNOWN)
 _ardupilot_check = partial(_any_copter_check, dialects=("ardupilot",))
 _px4_check = partial(_any_copter_check, dialects=("px4",))
 
@@ -41,7 +41,7 @@ def _stream_velocity(
 
 def _follow_setpoints(vehicle: VehicleUnderTest) -> None:
     """Prepare the vehicle to follow velocities: PX4 needs a stream of velocities, then OFFBOARD."""
-    if vehicle.dialect.name == "px4":
+    if vehicle.known(ardupilot=False, px4=True):
         _stream_velocity(vehicle, 0.0, 2.0)
         equal(flying.try_mode(vehicle, "offboard"), ACCEPTED, "OFFBOARD")
 
@@ -100,8 +100,7 @@ def setpoint_unknown_frame(vehicle: VehicleUnderTest) -> str:
 def setpoint_times_out(vehicle: VehicleUnderTest) -> str:
     """The vehicle stops within 10 s after the last velocity set-point (PX4: COM_OBL_RC_ACT 5, hold)."""
     # By default PX4 enters its position mode, which without manual control does not brake.
-    px4 = vehicle.dialect.name == "px4"
-    with parameters.changed(vehicle, "COM_OBL_RC_ACT", 5) if px4 else nullcontext():
+    with vehicle.known(ardupilot=nullcontext(), px4=parameters.changed(vehicle, "COM_OBL_RC_ACT", 5)):
         _follow_setpoints(vehicle)
         _stream_velocity(vehicle, 3.0, 4.0)
         took_s = vehicle.wait_until(lambda: flying.speed_m_s(vehicle) < 0.7, "a stop", MAX_STOP_S)

@@ -10,7 +10,7 @@ from sim_vehicle.conformance.assertions import ACCEPTED, CheckFailed, Skip, equa
 from sim_vehicle.conformance.dialects import version_text
 from sim_vehicle.conformance.flying import mode_name
 from sim_vehicle.conformance.frames import PROTOCOL_VERSION
-from sim_vehicle.conformance.registry import check
+from sim_vehicle.conformance.registry import KNOWN, check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.station.frames import ReceivedFrame
 
@@ -250,13 +250,13 @@ check("version.claims_mavlink2", statement="MAVLINK2 is claimed.")(lambda v: _cl
 check("version.claims_integer_missions", statement="MISSION_INT is claimed.")(
     lambda v: _claims(v, "MISSION_INT")
 )
-check("version.claims_command_int", statement="COMMAND_INT is claimed.", dialects=("ardupilot", "px4"))(
+check("version.claims_command_int", statement="COMMAND_INT is claimed.", dialects=KNOWN)(
     lambda v: _claims(v, "COMMAND_INT")
 )
 check(
     "version.claims_fence_and_rally",
     statement="MISSION_FENCE and MISSION_RALLY are claimed.",
-    dialects=("ardupilot", "px4"),
+    dialects=KNOWN,
     source="AUTOPILOTS 2: fence, types 2/3/255",
 )(lambda v: _claims(v, "MISSION_FENCE", "MISSION_RALLY"))
 

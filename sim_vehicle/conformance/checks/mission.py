@@ -14,7 +14,7 @@ from sim_vehicle.conformance.assertions import (
     refused,
     within,
 )
-from sim_vehicle.conformance.registry import check
+from sim_vehicle.conformance.registry import KNOWN, check
 from sim_vehicle.conformance.traffic import SECOND_STATION
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.station.frames import STATION
@@ -157,10 +157,9 @@ def is_numbered(vehicle: VehicleUnderTest) -> str:
     return f"0 to {len(back) - 1}"
 
 
-@check("mission.download.legacy_request")
+@check("mission.download.legacy_request", dialects=KNOWN)
 def legacy_request(vehicle: VehicleUnderTest) -> str:
     """MISSION_REQUEST is answered by MISSION_ITEM (floats), within 3 m of the uploaded position."""
-    vehicle.known(ardupilot=True, px4=True)
     items = plans.store_sample(vehicle)
     _expect_near(items, plans.download(vehicle, as_float=True), 1e7)
     return "MISSION_ITEM"

@@ -10,7 +10,7 @@ from sim_vehicle.conformance.assertions import ACCEPTED, Skip, equal, holds, nea
 from sim_vehicle.conformance.checks.fence import fence_in_force, polygon
 from sim_vehicle.conformance.guard import ARM
 from sim_vehicle.conformance.plans import FENCE
-from sim_vehicle.conformance.registry import check
+from sim_vehicle.conformance.registry import KNOWN, check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.station.messages import PlanItem
 
@@ -291,10 +291,11 @@ def count_zero_in_flight(vehicle: VehicleUnderTest) -> str:
     return "ACCEPTED, loiters"
 
 
-@_air_check("mission-flight.upload_in_flight", source="AUTOPILOTS 2: re-upload in AUTO/mission mode")
+@_air_check(
+    "mission-flight.upload_in_flight", dialects=KNOWN, source="AUTOPILOTS 2: re-upload in AUTO/mission mode"
+)
 def upload_in_flight(vehicle: VehicleUnderTest) -> str:
     """An upload in flight is accepted and keeps the current index; the vehicle flies to the new waypoint."""
-    vehicle.known(ardupilot=True, px4=True)
     seq = missions.under_way(vehicle)
     place = plans.current_position(vehicle)
     items = [PlanItem(i.command, i.x, i.y, i.z, i.frame) for i in plans.download(vehicle)]

@@ -9,7 +9,7 @@ from sim_vehicle.conformance import flying, parameters, plans
 from sim_vehicle.conformance.assertions import ACCEPTED, Skip, equal, holds
 from sim_vehicle.conformance.checks.fence import polygon
 from sim_vehicle.conformance.guard import ARM, REBOOT
-from sim_vehicle.conformance.registry import check
+from sim_vehicle.conformance.registry import KNOWN, check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
 MIN_UPTIME_S = 20.0  # shortest time since the boot before a reboot; a lower time afterwards proves it
@@ -107,10 +107,9 @@ def parameters_stay(vehicle: VehicleUnderTest) -> str:
     return f"{name} = {value}"
 
 
-@_check("reboot.mission_stays", limit_s=200)
+@_check("reboot.mission_stays", dialects=KNOWN, limit_s=200)
 def mission_stays(vehicle: VehicleUnderTest) -> str:
     """The mission survives a reboot."""
-    vehicle.known(ardupilot=True, px4=True)
     items = plans.store_sample(vehicle)
     vehicle.wait(1.0)
     _reboot(vehicle)
@@ -118,10 +117,9 @@ def mission_stays(vehicle: VehicleUnderTest) -> str:
     return f"{len(items)} items"
 
 
-@_check("reboot.fence_stays", claims=["MISSION_FENCE"], limit_s=200)
+@_check("reboot.fence_stays", dialects=KNOWN, claims=["MISSION_FENCE"], limit_s=200)
 def fence_stays(vehicle: VehicleUnderTest) -> str:
     """The fence survives a reboot."""
-    vehicle.known(ardupilot=True, px4=True)
     plans.upload_or_fail(vehicle, polygon(vehicle), plans.FENCE)
     vehicle.wait(1.0)
     _reboot(vehicle)

@@ -14,7 +14,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim_vehicle.conformance import flying
 from sim_vehicle.conformance.assertions import ACCEPTED, equal, holds, near
 from sim_vehicle.conformance.guard import ARM
-from sim_vehicle.conformance.registry import check
+from sim_vehicle.conformance.registry import KNOWN, check
 from sim_vehicle.conformance.traffic import SECOND_STATION
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
@@ -111,7 +111,7 @@ def joystick_sets_channels(vehicle: VehicleUnderTest) -> str:
     "arming.throttle_is_up",
     needs=[ARM],
     kind="copter",
-    dialects=("ardupilot", "px4"),
+    dialects=KNOWN,
     limit_s=240,
     source="AP_Arming.cpp, rc_arm_checks; Commander.cpp, arm",
 )
