@@ -5,13 +5,12 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator
-from importlib import import_module
 from typing import Any
 
-import typer
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
+from swarmctl.cli.main import load_command
 from swarmctl.cli.registry import COMMANDS
 from swarmctl.config.model import Config
 from swarmctl.study.experiment_file import ExperimentFile
@@ -136,10 +135,8 @@ def commands() -> str:
         "",
         "Generated from the commands; `swarmctl COMMAND --help` prints the same.",
     ]
-    for name, (module, _) in COMMANDS.items():
-        app = typer.Typer()
-        import_module(f"swarmctl.cli.{module}").register(app)
-        command = typer.main.get_command(app)
+    for name in COMMANDS:
+        command = load_command(name)
         lines += _command(f"swarmctl {name}", command)
         for inner, below in getattr(command, "commands", {}).items():
             lines += _command(f"swarmctl {name} {inner}", below)

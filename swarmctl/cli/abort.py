@@ -37,10 +37,6 @@ def _print_running() -> None:
             say(f"found {client.describe(flight)}", console=err)
 
 
-def register(cli: typer.Typer) -> None:
-    cli.command("abort")(abort)
-
-
 def abort(
     manoeuvre: Annotated[
         Literal["hold", "return", "land"], typer.Argument(metavar="hold|return|land", show_default=False)

@@ -55,10 +55,6 @@ from swarmctl.security.participant import Keyring
 Launch = Literal["ordered", "when-ready"]
 
 
-def register(cli: typer.Typer) -> None:
-    cli.command("agent")(agent)
-
-
 def agent(
     config: ConfigOption,
     uav: Annotated[

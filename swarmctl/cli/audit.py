@@ -28,10 +28,6 @@ UNSIGNED = (
 )
 
 
-def register(cli: typer.Typer) -> None:
-    cli.command()(audit)
-
-
 def audit(
     run: Annotated[Path, typer.Argument(help=f"A run folder, or its {FILE_NAME}.", show_default=False)],
     keys: Annotated[

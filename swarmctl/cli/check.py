@@ -6,8 +6,6 @@ import datetime as dt
 from collections.abc import Iterator
 from pathlib import Path
 
-import typer
-
 from swarmctl.bus.transports.access import OPERATOR, ROUTER, name_of
 from swarmctl.cli.configuration import (
     config_or_example,
@@ -22,10 +20,6 @@ from swarmctl.cli.console import ConfigOrExampleOption, ExampleOption, OutOption
 from swarmctl.config.scenario import Scenario
 from swarmctl.config.yaml_lines import Document
 from swarmctl.preflight.checks import battery
-
-
-def register(cli: typer.Typer) -> None:
-    cli.command()(check)
 
 
 def check(

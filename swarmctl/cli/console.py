@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import Annotated, Any, NoReturn
 
 import typer
 from rich.console import Console
@@ -18,6 +18,9 @@ FILE_COLUMNS = 140
 # Without emoji: they would replace a line number such as `:100:`.
 out = Console(width=None if sys.stdout.isatty() else FILE_COLUMNS, emoji=False)
 err = Console(stderr=True, emoji=False)
+
+STYLE: dict[str, Any] = {"pretty_exceptions_enable": False, "rich_markup_mode": "markdown"}
+"""attributes of the program's and each command's Typer application"""
 
 ConfigOption = Annotated[
     Path,

@@ -30,10 +30,6 @@ RUNS = Path("runs")
 """parent of the run folders of flights that the set-up starts"""
 
 
-def register(cli: typer.Typer) -> None:
-    cli.command()(dashboard)
-
-
 def dashboard(
     run: Annotated[
         Path | None,

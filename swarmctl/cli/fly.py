@@ -57,10 +57,6 @@ ClockOption = Annotated[
 ]
 
 
-def register(cli: typer.Typer) -> None:
-    cli.command()(fly)
-
-
 def fly(
     config: ConfigOrExampleOption = None,
     example: ExampleOption = None,

@@ -11,10 +11,6 @@ from swarmctl.cli.console import FAILED, fail, say
 from swarmctl.config.examples import MAX_STARTER_VEHICLES, starter
 
 
-def register(cli: typer.Typer) -> None:
-    cli.command()(init)
-
-
 def init(
     file: Annotated[
         Path, typer.Argument(metavar="FILE", help="File to write; an existing file is not overwritten.")

@@ -21,10 +21,6 @@ from swarmctl.security.files import AUTHORITY, KeyringError
 from swarmctl.security.issue import ParticipantFolder, make_keys
 
 
-def register(cli: typer.Typer) -> None:
-    cli.command("keys")(keys)
-
-
 def keys(
     config: ConfigOption,
     out_folder: Annotated[

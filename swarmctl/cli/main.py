@@ -15,7 +15,7 @@ from typer.core import TyperCommand, TyperGroup
 
 from swarmctl import __version__
 from swarmctl.bus.transports.process_exit import exit_process
-from swarmctl.cli.console import BUG, INTERRUPTED, OK, err, say
+from swarmctl.cli.console import BUG, INTERRUPTED, OK, STYLE, err, say
 from swarmctl.cli.registry import COMMANDS
 
 
@@ -29,21 +29,20 @@ class _LazyGroup(TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         if args and args[0] in COMMANDS:
-            self.add_command(_load_command(args[0]), args[0])
+            self.add_command(load_command(args[0]), args[0])
         return super().resolve_command(ctx, args)
 
 
-def _load_command(name: str) -> Any:
-    module, _ = COMMANDS[name]
-    app = typer.Typer(add_completion=False, **_STYLE)
-    import_module(f"swarmctl.cli.{module}").register(app)
+def load_command(name: str) -> Any:
+    """Import a command's file, and return its `app`, or else its function of the same name, as a command."""
+    file, _ = COMMANDS[name]
+    module = import_module(f"swarmctl.cli.{file}")
+    app = getattr(module, "app", None)
+    if not isinstance(app, typer.Typer):
+        app = typer.Typer(add_completion=False, **STYLE)
+        app.command(name)(getattr(module, file))
     return typer.main.get_command(app)
 
-
-_STYLE: dict[str, Any] = {
-    "pretty_exceptions_enable": False,
-    "rich_markup_mode": "markdown",
-}
 
 cli = typer.Typer(
     name="swarmctl",
@@ -53,7 +52,7 @@ cli = typer.Typer(
     "its run folder has a map, a summary and all logs. `swarmctl plan` shows first routes without a flight, "
     "`swarmctl check` lists the problems of a configuration.",
     no_args_is_help=True,
-    **_STYLE,
+    **STYLE,
 )
 
 

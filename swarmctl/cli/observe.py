@@ -44,10 +44,6 @@ MAX_INDEX = 2**31
 """a number greater than the rows and columns of any area"""
 
 
-def register(cli: typer.Typer) -> None:
-    cli.command()(observe)
-
-
 def observe(
     uav: Annotated[
         str,

@@ -20,10 +20,6 @@ from swarmctl.report.answers import order_line
 from swarmctl.station import client
 
 
-def register(cli: typer.Typer) -> None:
-    cli.command("order")(order)
-
-
 def order(
     kind: Annotated[OrderKind, typer.Argument(metavar="launch|resume|hold|return|land", show_default=False)],
     uav: UavsOption = None,

@@ -27,10 +27,6 @@ from swarmctl.report import first_plans, front, outputs
 from swarmctl.report.prior_run import PriorRunError, vehicles_without_route, with_prior_run
 
 
-def register(cli: typer.Typer) -> None:
-    cli.command()(plan)
-
-
 def plan(
     config: ConfigOrExampleOption = None,
     example: ExampleOption = None,

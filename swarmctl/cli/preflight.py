@@ -38,10 +38,6 @@ from swarmctl.preflight import report
 from swarmctl.report.outcome import FlightReport
 
 
-def register(cli: typer.Typer) -> None:
-    cli.command()(preflight)
-
-
 def preflight(
     config: ConfigOrExampleOption = None,
     example: ExampleOption = None,

@@ -1,6 +1,7 @@
 """The table of commands: file and summary of each command.
 
-A command's file has `register(cli)`. `swarmctl --help` shows the summaries without importing a command.
+A command's file has a function of the file's name, or a Typer application `app` for a command with further
+commands. `swarmctl --help` shows the summaries without importing a command.
 """
 
 from __future__ import annotations

@@ -12,10 +12,6 @@ from swarmctl.cli.console import FAILED, USAGE, err, fail, say
 from swarmctl.report import record, record_file
 
 
-def register(cli: typer.Typer) -> None:
-    cli.command()(replay)
-
-
 def replay(
     run: Annotated[Path, typer.Argument(help="A run folder, or its run.mcap.", show_default=False)],
 ) -> None:

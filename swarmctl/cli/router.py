@@ -23,11 +23,7 @@ from swarmctl.security.participant import load_keyring
 from swarmctl.station import router as routing
 
 
-def register(cli: typer.Typer) -> None:
-    cli.command("router")(route)
-
-
-def route(
+def router(
     config: ConfigOption,
     listen: Annotated[
         str,

@@ -4,14 +4,8 @@ from __future__ import annotations
 
 import json
 
-import typer
-
 from swarmctl.cli.console import out
 from swarmctl.config.model import Config
-
-
-def register(cli: typer.Typer) -> None:
-    cli.command()(schema)
 
 
 def schema() -> None:

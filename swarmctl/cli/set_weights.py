@@ -21,10 +21,6 @@ from swarmctl.report.answers import weights_line
 from swarmctl.station import client
 
 
-def register(cli: typer.Typer) -> None:
-    cli.command("set")(set_weights)
-
-
 def set_weights(
     uav: UavsOption = None,
     all_vehicles: AllOption = False,

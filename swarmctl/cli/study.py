@@ -22,7 +22,7 @@ from rich.progress import (
 )
 from rich.text import Text
 
-from swarmctl.cli.console import FAILED, INTERRUPTED, USAGE, err, fail, say
+from swarmctl.cli.console import FAILED, INTERRUPTED, STYLE, USAGE, err, fail, say
 
 if TYPE_CHECKING:
     from swarmctl.study.cluster import Workers
@@ -33,12 +33,10 @@ PACKAGES = ("distributed", "pandas", "pyarrow")
 STARTING = "starting; the first study on a machine compiles for some 20 s"
 """text beside the progress bar until the first batch"""
 
-
-def register(cli: typer.Typer) -> None:
-    cli.callback(invoke_without_command=True)(study)
-    cli.command()(report)
+app = typer.Typer(name="study", add_completion=False, **STYLE)
 
 
+@app.callback(invoke_without_command=True)
 def study(
     context: typer.Context,
     config: Annotated[
@@ -92,6 +90,7 @@ def study(
     _report(folder)
 
 
+@app.command()
 def report(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Results folder of a study.")],
 ) -> None:

@@ -2,15 +2,9 @@
 
 from __future__ import annotations
 
-import typer
-
 from swarmctl.cli import machine_code
 from swarmctl.cli.console import FAILED, fail, out, say
 from swarmctl.planners.kernels.compilation import numba_cache
-
-
-def register(cli: typer.Typer) -> None:
-    cli.command("warm-up")(warm_up)
 
 
 def warm_up() -> None:

@@ -17,17 +17,13 @@ from swarmctl.bus.transports.zenoh import ZenohBus
 from swarmctl.cli.configuration import load_roster_or_exit
 from swarmctl.cli.console import FAILED, INTERRUPTED, OK, ConfigOption, ConnectOption, fail, log, out
 from swarmctl.cli.ground_station import GroundStation, ground_station_or_exit
-from swarmctl.station import watch
+from swarmctl.station import watch as watching
 from swarmctl.station.watch import StateBoard, SwarmView, table
 
 LINES_EVERY_S = 30.0
 
 
-def register(cli: typer.Typer) -> None:
-    cli.command("watch")(show)
-
-
-def show(
+def watch(
     config: ConfigOption,
     connect: ConnectOption = None,
     once: Annotated[
@@ -81,7 +77,7 @@ async def _watch(
         with contextlib.suppress(ValueError, RuntimeError):  # not the main thread
             asyncio.get_running_loop().add_signal_handler(number, interrupted)
     with ZenohBus(station.network) as bus:
-        await watch.watch(bus, board, swarm, lambda: station.state_of(bus), show_view, once=once)
+        await watching.watch(bus, board, swarm, lambda: station.state_of(bus), show_view, once=once)
 
 
 @contextlib.contextmanager
@@ -97,4 +93,4 @@ def _once() -> Iterator[Callable[[SwarmView], None]]:
 
 @contextlib.contextmanager
 def _lines() -> Iterator[Callable[[SwarmView], None]]:
-    yield watch.StateLines(log, LINES_EVERY_S).show
+    yield watching.StateLines(log, LINES_EVERY_S).show

@@ -11,12 +11,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-import typer
 from typer.testing import CliRunner
 
-from swarmctl.cli import check as check_command
-from swarmctl.cli import keys as keys_command
-from swarmctl.cli import router as router_command
+from swarmctl.cli.main import cli
 from swarmctl.security.files import KeyringError
 from swarmctl.security.issue import make_keys
 from swarmctl.security.participant import find_problems, load_keyring
@@ -232,14 +229,6 @@ def test_an_unwritable_folder_is_refused_with_its_path(tmp_path: Path) -> None:
 # --- the commands
 
 
-def commands() -> typer.Typer:
-    app = typer.Typer()
-    check_command.register(app)
-    keys_command.register(app)
-    router_command.register(app)
-    return app
-
-
 CONFIG = """\
 name: wide
 area: {origin_lat_deg: 46.05, origin_lon_deg: 14.4, rows: 8, cols: 8, cell_size_m: 50}
@@ -259,7 +248,7 @@ def config(tmp_path: Path) -> Path:
 def test_keys_are_made_for_all_participants_of_a_configuration(config: Path, tmp_path: Path) -> None:
     out = tmp_path / "keys"
     result = CliRunner().invoke(
-        commands(), ["keys", "--config", str(config), "--out", str(out), "--host", "router=ground"]
+        cli, ["keys", "--config", str(config), "--out", str(out), "--host", "router=ground"]
     )
     assert result.exit_code == 0, result.output
     assert {path.name for path in out.iterdir()} == {"ca", "uav1", "uav2", "operator", "router"}
@@ -271,14 +260,14 @@ def test_keys_are_made_for_all_participants_of_a_configuration(config: Path, tmp
 
 
 def test_a_host_without_a_participant_is_refused(config: Path, tmp_path: Path) -> None:
-    result = CliRunner().invoke(commands(), ["keys", "--config", str(config), "--host", "ground"])
+    result = CliRunner().invoke(cli, ["keys", "--config", str(config), "--host", "ground"])
     assert result.exit_code == 2
     assert "NAME=HOST" in result.output
 
 
 def test_the_configuration_of_the_router_is_printed_for_zenohd(config: Path, tmp_path: Path) -> None:
     make_keys(tmp_path / "keys", ["router"], 30, dt.datetime.now(dt.UTC))
-    result = CliRunner().invoke(commands(), ["router", "--config", str(config), "--print"])
+    result = CliRunner().invoke(cli, ["router", "--config", str(config), "--print"])
     assert result.exit_code == 0, result.output
     printed = json.loads(result.output)
     assert printed["mode"] == "router"
@@ -298,7 +287,7 @@ def test_the_configuration_of_the_router_is_printed_for_zenohd(config: Path, tmp
 def test_a_router_that_cannot_start_reports_the_reason(
     options: list[str], code: int, reason: str, config: Path
 ) -> None:
-    result = CliRunner().invoke(commands(), ["router", "--config", str(config), *options])
+    result = CliRunner().invoke(cli, ["router", "--config", str(config), *options])
     assert result.exit_code == code
     assert reason in " ".join(result.output.split())
 
@@ -309,7 +298,7 @@ def test_the_command_names_the_folders_to_copy_again(config: Path, tmp_path: Pat
     for gone in ("", "", "uav2"):
         if gone:
             shutil.rmtree(tmp_path / "keys" / gone)
-        result = CliRunner().invoke(commands(), words)
+        result = CliRunner().invoke(cli, words)
         assert result.exit_code == 0, result.output
         outputs.append(result.output)
     assert "uav1" in outputs[0]
@@ -322,12 +311,12 @@ def test_the_command_names_the_folders_to_copy_again(config: Path, tmp_path: Pat
 
 def test_the_check_of_a_configuration_includes_its_keys(config: Path, tmp_path: Path) -> None:
     words = ["check", "--config", str(config), "--out", str(tmp_path / "runs")]
-    missing = CliRunner().invoke(commands(), words)
+    missing = CliRunner().invoke(cli, words)
     assert (missing.exit_code, "keys/uav1: " in missing.stderr) == (1, True)
     names, now = ["uav1", "uav2", "operator", "router"], dt.datetime.now(dt.UTC)
     make_keys(tmp_path / "keys", names, 30, now)
-    assert CliRunner().invoke(commands(), words).exit_code == 0
+    assert CliRunner().invoke(cli, words).exit_code == 0
     shutil.rmtree(tmp_path / "keys")
     make_keys(tmp_path / "keys", names, 1, now - dt.timedelta(days=2))
-    expired = CliRunner().invoke(commands(), words)
+    expired = CliRunner().invoke(cli, words)
     assert (expired.exit_code, expired.stderr.count("[certificate-expired]")) == (1, 4)
