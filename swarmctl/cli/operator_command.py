@@ -5,9 +5,9 @@ from __future__ import annotations
 import asyncio
 import datetime as dt
 import time
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -15,7 +15,6 @@ from swarmctl.bus import directory
 from swarmctl.bus.authentication import RequestSigning
 from swarmctl.bus.transports.access import OPERATOR
 from swarmctl.bus.transports.base import BusError
-from swarmctl.bus.transports.zenoh_config import Credentials
 from swarmctl.cli.configuration import fail_for_keys, load_roster_or_exit
 from swarmctl.cli.console import FAILED, USAGE, err, fail, out, say
 from swarmctl.config import joining
@@ -52,9 +51,6 @@ ConnectOption = Annotated[
         metavar="tcp/HOST:PORT", help="Endpoint of the flight or the router, if not on this machine."
     ),
 ]
-SendCommand = Callable[
-    [FlightEndpoints, Request, Credentials | None, RequestSigning], Coroutine[Any, Any, OperatorAnswer]
-]
 
 
 def send_or_exit(
@@ -63,12 +59,11 @@ def send_or_exit(
     config: Path | None,
     connect: str | None,
     line_of: Callable[[VehicleAnswer], str],
-    send: SendCommand = recall.send,
 ) -> None:
     """Send a command and print the answers; exit on a failure, or if a vehicle did not take the command."""
     try:
         request = make_request()
-        flight, answer = asyncio.run(send_command(request, swarm, config, connect, send))
+        flight, answer = asyncio.run(send_command(request, swarm, config, connect))
     except KeyringError as error:
         fail_for_keys(config, error)
     except (BusError, client.NoAnswer) as error:
@@ -79,11 +74,7 @@ def send_or_exit(
 
 
 async def send_command(
-    request: Request,
-    swarm: str | None,
-    config: Path | None,
-    connect: str | None,
-    send: SendCommand = recall.send,
+    request: Request, swarm: str | None, config: Path | None, connect: str | None
 ) -> tuple[FlightEndpoints, OperatorAnswer]:
     """Find the flight and send a command to it; return both the flight and its answer.
 
@@ -91,7 +82,7 @@ async def send_command(
     """
     flight, keyring = _find_flight_and_keys(swarm, config, connect)
     credentials = joining.credentials_for(flight.endpoint, keyring)
-    return flight, await send(flight, request, credentials, signing_for(flight, keyring))
+    return flight, await recall.send(flight, request, credentials, signing_for(flight, keyring))
 
 
 def signing_for(flight: FlightEndpoints, keyring: Keyring | None) -> RequestSigning:

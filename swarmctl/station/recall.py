@@ -1,10 +1,10 @@
-"""Recall of a swarm: scheduled start times for the returns, so that no two vehicles conflict."""
+"""Sending of commands: tolerance for unknown names, and a recall with start times without conflicts."""
 
 from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import msgspec
 
@@ -13,6 +13,7 @@ from swarmctl.bus.authentication import NO_AUTHENTICATION, RequestSigning
 from swarmctl.bus.transports.base import Transport
 from swarmctl.bus.transports.zenoh_config import Credentials
 from swarmctl.core.messages import MAX_AFTER_S, GiveOrder, OperatorAnswer, Request, VehicleAnswer
+from swarmctl.core.operator_text import resolve_vehicles
 from swarmctl.station import client
 from swarmctl.station.client import FlightEndpoints
 
@@ -41,12 +42,56 @@ async def ask(
 ) -> OperatorAnswer:
     """Send a command over an open bus; an order to return also schedules the vehicles' returns.
 
-    Raises BadOptions and NoAnswer.
+    An order that ends flights goes to all vehicles with valid names, and unknown names become refused
+    answers: a misspelt name must not keep the other vehicles in the air. Raises BadOptions and NoAnswer.
     """
-    # If one process flies all vehicles, that process schedules the returns. A single vehicle waits by itself.
-    if not (flight.agents and isinstance(command, GiveOrder) and command.order == "return"):
+    if not (isinstance(command, GiveOrder) and command.order in client.ENDING_ORDERS):
         return await client.ask(bus, flight, command, signing)
-    if command.uavs is not None and len(command.uavs) == 1:
+    words = tuple(map(str, command.uavs or ()))
+    if flight.agents:  # each agent answers for one vehicle, and the configuration has all names
+        problems = {word: why for word in words if (why := _name_problem(word, flight.agents))}
+        valid = tuple(word for word in words if word not in problems)
+        if not problems or not valid:
+            return await _give(bus, flight, command, signing)
+        answer = await _give(bus, flight, _addressed(command, valid), signing)
+        return _with_refused(answer, problems)
+    answer = await _give(bus, flight, command, signing)
+    if not answer.refused or len(words) < 2:
+        return answer
+    answers = {word: await _give(bus, flight, _addressed(command, (word,)), signing) for word in words}
+    vehicles = tuple(vehicle for each in answers.values() for vehicle in each.vehicles)
+    problems = {
+        word: each.refused.removeprefix("nothing was changed: ")
+        for word, each in answers.items()
+        if each.refused
+    }
+    return _with_refused(OperatorAnswer(vehicles), problems) if vehicles else answer
+
+
+def _addressed(command: GiveOrder, words: tuple[str, ...]) -> GiveOrder:
+    return msgspec.structs.replace(command, uavs=words)
+
+
+def _with_refused(answer: OperatorAnswer, problems: Mapping[str, str]) -> OperatorAnswer:
+    refused = (VehicleAnswer(0, word, "refused", note=why) for word, why in problems.items())
+    return msgspec.structs.replace(answer, vehicles=(*answer.vehicles, *refused))
+
+
+def _name_problem(word: str, names: Mapping[int, str]) -> str:
+    try:
+        resolve_vehicles([word], names)
+    except ValueError as error:
+        return str(error)
+    return ""
+
+
+async def _give(
+    bus: Transport, flight: FlightEndpoints, command: GiveOrder, signing: RequestSigning
+) -> OperatorAnswer:
+    """Send an order that ends flights; schedule the returns of several vehicles with separate agents."""
+    # If one process flies all vehicles, that process schedules the returns. A single vehicle waits by itself.
+    is_single = command.uavs is not None and len(command.uavs) == 1
+    if not flight.agents or command.order != "return" or is_single:
         return await client.ask(bus, flight, command, signing)
     began_s = _now_s()
     first_answers = await _send_repeatedly(

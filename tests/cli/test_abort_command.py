@@ -23,8 +23,12 @@ def _no_other_flight(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
 
 
+def run(words: str) -> Result:
+    return CliRunner().invoke(cli, words.split())
+
+
 def abort(words: str) -> Result:
-    return CliRunner().invoke(cli, ["abort", *words.split()])
+    return run(f"abort {words}")
 
 
 def ordered(order: str, uav: int) -> str:
@@ -82,13 +86,22 @@ def test_an_unknown_vehicle_is_refused_and_no_vehicle_gets_the_order() -> None:
     assert station.posted == []
 
 
-def test_a_misspelt_name_does_not_keep_the_others_in_the_air() -> None:
+@pytest.mark.parametrize("command", ["abort", "order"])
+def test_a_misspelt_name_does_not_keep_the_others_in_the_air(command: str) -> None:
     with station_in_a_thread() as station:
-        result = abort("land --uav nosuch --uav uav1")
+        result = run(f"{command} land --uav nosuch --uav uav1")
     assert result.exit_code == 1
     assert [uav for uav, _ in station.posted] == [1]
     assert ordered("land", 1) in result.stdout.splitlines()
     assert re.search(r"^nosuch: .*\[unknown-vehicle\]$", result.stderr, re.MULTILINE)
+
+
+def test_a_misspelt_name_keeps_all_vehicles_on_the_ground() -> None:
+    with station_in_a_thread() as station:
+        result = run("order launch --uav nosuch --uav uav1")
+    assert result.exit_code == 1
+    assert "[unknown-vehicle]" in result.stderr
+    assert station.posted == []
 
 
 def test_an_abort_without_a_name_shows_the_flight_and_keeps_stale_records(tmp_path: Path) -> None:
