@@ -29,15 +29,12 @@ def set_weights(
     ] = None,
     firing_strength: Annotated[
         str,
-        typer.Option(metavar="D,N1,N2", help="All three firing strengths together, such as 0.7,0.3,0.1."),
+        typer.Option(
+            metavar="D,N1,N2",
+            help="Firing strengths over a hostile's cell, the 4 adjacent cells and the 4 diagonal cells, "
+            "such as 0.7,0.3,0.1.",
+        ),
     ] = "",
-    direct: Annotated[float | None, typer.Option(help="Firing strength over a hostile's cell.")] = None,
-    first_neighbour: Annotated[
-        float | None, typer.Option(help="Firing strength over the 4 adjacent cells.")
-    ] = None,
-    second_neighbour: Annotated[
-        float | None, typer.Option(help="Firing strength over the 4 diagonal cells.")
-    ] = None,
     reach: Annotated[
         str | None,
         typer.Option(
@@ -59,17 +56,16 @@ def set_weights(
     --range changes the range of communication at once, and --behaviours the flight of a group with the
     approach `behavioural`. There the weights of the leader count for all members.
     """
+    strengths = _strengths_or_exit(firing_strength)
     weights = _behaviours_or_exit(behaviours)
     wanted: CommunicationRange | None = None if reach is None else _range_or_exit(reach)
 
     def command() -> SetWeights:
-        strengths = client.strengths(firing_strength, (direct, first_neighbour, second_neighbour))
         return SetWeights(
             client.chosen_vehicles(uav or [], all_vehicles), w, strengths, wanted, behaviours=weights
         )
 
     def line(answer: VehicleAnswer) -> str:
-        strengths = client.strengths(firing_strength, (direct, first_neighbour, second_neighbour))
         text = weights_line(
             w, None if strengths is None else FiringStrength(*strengths), answer, wanted, weights
         )
@@ -79,6 +75,16 @@ def set_weights(
         return f"{text}; plan {answer.from_plan} is made only if another route is better"
 
     send_or_exit(command, swarm, config, connect, line)
+
+
+def _strengths_or_exit(text: str) -> tuple[float, float, float] | None:
+    if not text:
+        return None
+    try:
+        direct, first_neighbour, second_neighbour = map(float, text.split(","))
+    except ValueError:
+        fail([f"--firing-strength {text}: expected three numbers, such as 0.7,0.3,0.1"], USAGE)
+    return direct, first_neighbour, second_neighbour
 
 
 def _behaviours_or_exit(text: str) -> dict[str, float]:

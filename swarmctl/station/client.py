@@ -62,30 +62,6 @@ def chosen_vehicles(uavs: list[str], all_vehicles: bool) -> tuple[str, ...] | No
     return None if all_vehicles else tuple(uavs)
 
 
-def strengths(text: str, single: tuple[float | None, ...]) -> tuple[float, float, float] | None:
-    """Return the three firing strengths of the options; None without such an option. Raises BadOptions.
-
-    All three are required, because this program does not know the strengths that the swarm uses.
-    """
-    if text and any(value is not None for value in single):
-        raise BadOptions(
-            "--firing-strength sets all three strengths; remove --direct, --first-neighbour and "
-            "--second-neighbour [strengths-twice]"
-        )
-    try:
-        values = [float(part) for part in text.split(",")] if text else [v for v in single if v is not None]
-    except ValueError:
-        raise BadOptions(f"--firing-strength {text!r}: expected three numbers, such as 0.7,0.3,0.1") from None
-    if not values:
-        return None
-    if len(values) != 3:
-        raise BadOptions(
-            f"firing strengths: found {len(values)}, expected three: give --firing-strength 0.7,0.3,0.1, or "
-            "all of --direct, --first-neighbour and --second-neighbour"
-        )
-    return values[0], values[1], values[2]
-
-
 def find(swarm: str | None, config: Roster | None, connect: str | None) -> FlightEndpoints:
     """Return the flight that the options select: by endpoint, by name, or the only flight on this machine.
 

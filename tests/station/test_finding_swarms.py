@@ -309,11 +309,9 @@ def test_a_flights_age_is_in_its_largest_unit(age_s: float, text: str) -> None:
         ("--all --w 1.5", "w = 1.5: "),
         ("--all --w nan", "w = nan: "),
         ("--all --w a", "Invalid value for '--w'"),
-        ("--all --direct 0.7", "found 1, "),
-        ("--all --firing-strength 0.7,0.3", "found 2, "),
-        ("--all --firing-strength a,b,c", "--firing-strength 'a,b,c': "),
+        ("--all --firing-strength 0.7,0.3", "--firing-strength 0.7,0.3: "),
+        ("--all --firing-strength a,b,c", "--firing-strength a,b,c: "),
         ("--all --firing-strength 0.1,0.3,0.7", "decrease strictly"),
-        ("--all --firing-strength 0.7,0.3,0.1 --direct 0.7", "[strengths-twice]"),
     ],
 )
 def test_an_unclear_command_is_a_usage_error(words: str, reason: str, no_flight: Path) -> None:
@@ -324,8 +322,7 @@ def test_an_unclear_command_is_a_usage_error(words: str, reason: str, no_flight:
 
 def test_a_command_is_given_and_answered(no_flight: Path) -> None:
     with station_in_a_thread() as station:
-        words = "set --all --w 0.2 --direct 0.7 --first-neighbour 0.3 --second-neighbour 0.1"
-        result = CliRunner().invoke(cli, words.split())
+        result = CliRunner().invoke(cli, ["set", "--all", "--w", "0.2", "--firing-strength", "0.7,0.3,0.1"])
     assert result.exit_code == 0
     for name, line in zip(("uav1", "uav2"), result.stdout.splitlines(), strict=True):
         assert line.startswith(f"{name}: w = 0.2 ")
