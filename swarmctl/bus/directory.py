@@ -2,8 +2,7 @@
 
 Each flight, and each agent without keys, has a locked file in the user's folder. No other user can read
 the file, because it has the token that authenticates requests. A file without a lock is a stale record of
-a killed process: readers ignore the file, and the next flight removes it. After a flight an empty file keeps
-the time of the flight's end.
+a killed process: readers ignore the file, and the next flight removes it.
 """
 
 from __future__ import annotations
@@ -45,14 +44,9 @@ class RunningAgent:
     started_unix_s: float
 
 
-@contextlib.contextmanager
-def registered(swarm: str, endpoint: BusEndpoint, token: str) -> Iterator[None]:
-    """List a flight in the directory while the context lasts, then record its end. Raises BusError."""
-    with contextlib.ExitStack() as stack:
-        stack.enter_context(_listed(swarm, {"swarm": swarm, "endpoint": str(endpoint), "token": token}))
-        stack.callback(record_end, swarm)
-        forget_end(swarm)
-        yield
+def registered(swarm: str, endpoint: BusEndpoint, token: str) -> contextlib.AbstractContextManager[None]:
+    """List a flight in the directory while the context lasts. Raises BusError."""
+    return _listed(swarm, {"swarm": swarm, "endpoint": str(endpoint), "token": token})
 
 
 def registered_agent(swarm: str, uav: int, token: str) -> contextlib.AbstractContextManager[None]:
@@ -102,30 +96,6 @@ def _entries() -> list[RunningSwarm | RunningAgent]:
     except OSError as error:
         raise _unusable(error) from error
     return [entry for entry in found if entry is not None]
-
-
-def record_end(swarm: str, uav: int | None = None) -> None:
-    """Record that the flight of a swarm, or of one agent, ends now; ignore an unwritable folder."""
-    with contextlib.suppress(OSError):
-        _end_file(swarm, uav).touch()
-
-
-def forget_end(swarm: str, uav: int | None = None) -> None:
-    """Remove the record of the end of an earlier flight of a swarm, or of one agent."""
-    with contextlib.suppress(OSError):
-        _end_file(swarm, uav).unlink(missing_ok=True)
-
-
-def ended_unix_s(swarm: str, uav: int | None = None) -> float | None:
-    """Return the unix time [s] of the end of the last flight of a swarm, or of one agent; None if unknown."""
-    with contextlib.suppress(OSError):
-        return _end_file(swarm, uav).stat().st_mtime
-    return None
-
-
-def _end_file(swarm: str, uav: int | None) -> Path:
-    """Return the path of the record of a flight's end. Raises OSError."""
-    return _folder() / f"{swarm}@{'' if uav is None else uav}.ended"
 
 
 def _locked(draft: Path) -> TextIO:

@@ -10,7 +10,6 @@ from typing import Annotated, Literal
 
 import typer
 
-from swarmctl.bus import directory
 from swarmctl.bus.endpoint import NO_ENDPOINT
 from swarmctl.bus.transports.access import name_of
 from swarmctl.bus.transports.base import BusError
@@ -118,7 +117,6 @@ def _fly(
 ) -> None:
     (spec,) = scenario.specs
     folder = run_folder(out_folder, f"{scenario.config.name}-{spec.name}")
-    directory.forget_end(scenario.config.name, spec.sysid)
     display = terminal(verbose=verbose, with_time=True)
     tune_collector()
     with uninterrupted() as run:
@@ -140,8 +138,6 @@ def _fly(
                 )
         except (BusError, KeyringError) as error:
             fail([str(error)], FAILED)
-        if report.ended == "ended":
-            directory.record_end(scenario.config.name, spec.sysid)
         conclude(report, scenario, folder)
 
 

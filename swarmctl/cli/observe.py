@@ -215,8 +215,7 @@ async def send_report(
     if answer is None:
         raise NoAnswer(
             f"vehicle {uav} of {flight.swarm} accepts no reports at {flight.endpoint}: "
-            f"{client.ended_text(flight.swarm, uav) or 'its flight may have ended'}, or the vehicle is not "
-            "of this swarm, or its configuration lacks `sensor: {source: external}` or `both` "
-            "[no-report-receiver]"
+            "its flight may have ended, or the vehicle is not of this swarm, or its configuration lacks "
+            "`sensor: {source: external}` or `both` [no-report-receiver]"
         )
     return answer

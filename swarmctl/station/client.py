@@ -92,13 +92,12 @@ def find(swarm: str | None, config: Roster | None, connect: str | None) -> Fligh
     named = [entry for entry in running if swarm in (None, entry.swarm)]
     if named:
         return _only(named)
-    if swarm is not None and (ended := ended_text(swarm)):
-        raise BusError(f"{ended}; no command was sent [flight-ended]")
     others = f"; running: {', '.join(map(describe, running))}" if running else ""
     raise BusError(
         f"this user has no flight {f'of swarm {swarm} ' if swarm else ''}on this machine that takes "
-        f"commands{others}. A flight with --clock virtual, bus: memory or listen: none takes no commands. "
-        "For agents on other machines, give --config [no-swarm]"
+        f"commands{others}; no command was sent. The flight may have ended. A flight with --clock virtual, "
+        "bus: memory or listen: none takes no commands. For agents on other machines, give --config "
+        "[no-swarm]"
     )
 
 
@@ -149,15 +148,6 @@ def duration_text(seconds: float) -> str:
     return f"{max(seconds, 0.0):.0f} s"
 
 
-def ended_text(swarm: str, uav: int | None = None) -> str:
-    """Return when the last flight of a swarm or agent ended on this machine, as text; empty if unknown."""
-    ended_unix_s = directory.ended_unix_s(swarm, uav)
-    if ended_unix_s is None:
-        return ""
-    flight = f"the flight of {swarm}" if uav is None else f"the flight of vehicle {uav} of {swarm}"
-    return f"{flight} ended {duration_text(time.time() - ended_unix_s)} ago (see its summary.json)"
-
-
 def may_span_machines(config: Roster) -> bool:
     """Return whether the swarm's agents may run on separate machines."""
     return config.communication.router is not None or bool(config.communication.mesh)
@@ -202,9 +192,6 @@ def connected(flight: FlightEndpoints, credentials: Credentials | None = None) -
         with bus:
             yield bus
         return
-    if ended := ended_text(flight.swarm):
-        tried = "; ".join(failures)
-        raise BusError(f"{ended} on this machine; no command was sent ({tried}) [flight-ended]")
     raise BusError("; ".join(failures))
 
 
@@ -284,7 +271,7 @@ async def _ask_each(
             return VehicleAnswer(uav, name, "unconfirmed", note=note)
         verified = list(_verified_answers(signing, uav, key, payload, answers))
         n_dropped = len(answers) - len(verified)
-        return _one_answer(uav, name, ended_text(flight.swarm, uav), verified, n_dropped)
+        return _one_answer(uav, name, verified, n_dropped)
 
     return OperatorAnswer(tuple(await asyncio.gather(*map(ask_agent, uavs))))
 
@@ -297,26 +284,24 @@ def _verified_answers(
             yield signing.verify_answer(uav, key, asked, data)
 
 
-def _one_answer(uav: int, name: str, ended: str, answers: Sequence[bytes], n_dropped: int) -> VehicleAnswer:
+def _one_answer(uav: int, name: str, answers: Sequence[bytes], n_dropped: int) -> VehicleAnswer:
     """Return an agent's answer; `n_dropped` answers did not have the vehicle's signature."""
     if not n_dropped:
-        return _decode_one(uav, name, ended, answers)
+        return _decode_one(uav, name, answers)
     warning = (
         f"{n_dropped} answer{'s' if n_dropped > 1 else ''} without the vehicle's signature "
         "(another process answers for the vehicle, or the vehicle has other keys or another token)"
     )
     if not answers:
         return VehicleAnswer(uav, name, "unconfirmed", note=f"no signed answer, and {warning}")
-    answer = _decode_one(uav, name, ended, answers)
+    answer = _decode_one(uav, name, answers)
     dropped_text = f"dropped: {warning}"
     note = extended(answer.note, f"; {dropped_text}") if answer.note else dropped_text
     return msgspec.structs.replace(answer, note=note)
 
 
-def _decode_one(uav: int, name: str, ended: str, answers: Sequence[bytes]) -> VehicleAnswer:
+def _decode_one(uav: int, name: str, answers: Sequence[bytes]) -> VehicleAnswer:
     if not answers:
-        if ended:
-            return VehicleAnswer(uav, name, "silent", note=f"{ended} on this machine [flight-ended]")
         note = (
             "the vehicle's agent does not answer: the flight has ended, or `swarmctl agent` does not run or "
             "has no connection to the network [agent-silent]"

@@ -266,19 +266,16 @@ def test_options_that_name_no_swarm_are_refused(
         client.find(swarm, config, connect)
 
 
-def test_a_flight_that_has_ended_is_reported_as_ended(no_flight: Path) -> None:
+def test_a_flight_that_has_ended_is_not_found(no_flight: Path) -> None:
     with directory.registered("one", HERE, "token"):
-        assert directory.ended_unix_s("one") is None
-    with pytest.raises(BusError, match="flight-ended"):
+        assert client.find("one", None, None) == client.FlightEndpoints("one", HERE)
+    with pytest.raises(BusError, match=r"may have ended.*\[no-swarm\]"):
         client.find("one", None, None)
     with directory.registered("one", HERE, "token"):
         assert client.find("one", None, None) == client.FlightEndpoints("one", HERE)
 
 
-@pytest.mark.parametrize("ended", [True, False])
-def test_agents_that_have_landed_are_reported_as_ended(ended: bool, no_flight: Path) -> None:
-    if ended:
-        directory.record_end("s", 1)
+def test_agents_that_have_landed_are_silent(no_flight: Path) -> None:
     station = client.FlightEndpoints("s", HERE, agents={1: "a", 2: "b"})
 
     async def scene() -> list[VehicleAnswer]:
@@ -286,9 +283,7 @@ def test_agents_that_have_landed_are_reported_as_ended(ended: bool, no_flight: P
 
     answers = run_virtual(scene())
     assert [answer.outcome for answer in answers] == ["silent", "silent"]
-    assert ["[flight-ended]" in answer.note for answer in answers] == [ended, False]
-    directory.forget_end("s", 1)
-    assert directory.ended_unix_s("s", 1) is None
+    assert all("[agent-silent]" in answer.note for answer in answers)
 
 
 @pytest.mark.parametrize(
