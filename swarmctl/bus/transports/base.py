@@ -25,21 +25,11 @@ class BusError(Exception):
 
 
 class Transport(Protocol):
-    """Transport of bytes by key. `put` does not wait: a message that cannot be sent now is dropped.
+    """Transport of bytes by key. `put` does not wait: a message that is too long, or cannot be sent
+    now, is dropped.
 
-    An exception in a receiver is counted and reported; other receivers and the loop continue.
+    An exception in a receiver is reported; other receivers and the loop continue.
     """
-
-    @property
-    def dropped(self) -> int:
-        """Number of messages without a link or too long, and of messages and queries for a full queue.
-
-        Zenoh's own drops on a slow link are unknown, and do not count.
-        """
-
-    @property
-    def failed(self) -> int:
-        """Number of deliveries that ended with an exception of the receiver."""
 
     def put(self, key: str, payload: bytes) -> None: ...
 

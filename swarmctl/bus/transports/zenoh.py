@@ -108,10 +108,15 @@ class ZenohBus:
 
     @property
     def dropped(self) -> int:
+        """Number of messages without a link or too long, and of messages and queries for a full queue.
+
+        Zenoh's own drops on a slow link are unknown, and do not count.
+        """
         return self._inbox.dropped + self._dropped
 
     @property
     def failed(self) -> int:
+        """Number of deliveries that ended with an exception of the receiver."""
         return self._inbox.failed
 
     @property
