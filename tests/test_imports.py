@@ -135,6 +135,8 @@ SHELLS = {
     "sim_vehicle.serving.serve", "sim_vehicle.serving.server", "sim_vehicle.serving.pace",
     "sim_vehicle.serving.manual_clock", "sim_vehicle.serving.display",
     "sim_vehicle.scenarios.command", "sim_vehicle.testing.served", "sim_vehicle.conformance.sockets",
+    # The only module below all rooms that write files.
+    "swarmctl.core.whole_file",
 }  # fmt: skip
 IMPURE = {"time", "random", "asyncio", "socket", "threading", "subprocess", "os", "datetime"}
 

@@ -7,9 +7,6 @@ compared. A save refuses a configuration with problems, and a file that has chan
 from __future__ import annotations
 
 import io
-import os
-import shutil
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -24,6 +21,7 @@ from swarmctl.config.examples import starter
 from swarmctl.config.model import Config, validate
 from swarmctl.config.problems import ConfigError, problem_lines
 from swarmctl.config.yaml_lines import Document, KeyPath
+from swarmctl.core.whole_file import write_whole
 
 STARTER_VEHICLES = 5
 """vehicles of the configuration with which a new file begins"""
@@ -132,7 +130,7 @@ class Draft:
             raise ConfigError([f"{self.path}: {text}"])
         content = self.text.encode()
         try:
-            _write_whole(target, content)
+            write_whole(target, content)
         except OSError as error:
             text = f"the file cannot be written: {error.strerror or error}"
             raise ConfigError([f"{self.path}: {text}"]) from error
@@ -171,22 +169,3 @@ def _in_a_line(value: list[Any]) -> CommentedSeq:
     sequence = CommentedSeq(_in_a_line(item) if isinstance(item, list) else item for item in value)
     sequence.fa.set_flow_style()
     return sequence
-
-
-def _write_whole(target: Path, content: bytes) -> None:
-    handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        if target.exists():
-            shutil.copymode(target, name)
-        else:
-            mask = os.umask(0)
-            os.umask(mask)
-            Path(name).chmod(0o666 & ~mask)
-        Path(name).replace(target)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise

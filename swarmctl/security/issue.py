@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import datetime as dt
 import ipaddress
-import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,6 +14,7 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
+from swarmctl.core.whole_file import write_whole
 from swarmctl.security.files import (
     AUTHORITY,
     PARTICIPANT_NAME,
@@ -257,13 +257,10 @@ def _general_names(hosts: Iterable[str]) -> list[x509.GeneralName]:
 
 
 def _write(path: Path, content: bytes, mode: int = 0o644) -> None:
-    """Write a file atomically; the mode is set before the first byte."""
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-    draft = path.with_name(f".{path.name}.new")
-    draft.unlink(missing_ok=True)
-    with os.fdopen(os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb") as file:
-        file.write(content)
-    draft.rename(path)
+    for draft in path.parent.glob(f".{path.name}.*.new"):  # a killed process may have left a private key
+        draft.unlink(missing_ok=True)
+    write_whole(path, content, mode)
 
 
 def _write_key(path: Path, key: ec.EllipticCurvePrivateKey | Ed25519PrivateKey) -> None:

@@ -10,13 +10,12 @@ tracks.parquet, hostiles.parquet   cells of the seeds whose tracks are kept
 from __future__ import annotations
 
 import fcntl
+import io
 import json
-import os
 import re
 import shutil
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +23,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from swarmctl.core.whole_file import write_whole
 from swarmctl.study.batches import Batch
 from swarmctl.study.experiment import Experiment
 from swarmctl.study.levels import Level
@@ -68,7 +68,9 @@ class Results:
             if name == "rows" or (columns and len(next(iter(columns.values())))):
                 part = pa.table(dict(columns))
                 path = self._part(batch.level, batch.seeds, name)
-                _replace(path, partial(pq.write_table, part, compression="zstd"))
+                content = io.BytesIO()
+                pq.write_table(part, content, compression="zstd")
+                write_whole(path, content.getvalue())
         self._done[batch.level].append(batch.seeds)
 
     def values(self, level: int, measure: str, seeds: range) -> tuple[np.ndarray, np.ndarray]:
@@ -93,7 +95,7 @@ class Results:
     def write_manifest(self, manifest: Mapping[str, Any]) -> None:
         """Replace the manifest."""
         text = json.dumps(manifest, indent=1, ensure_ascii=False) + "\n"
-        _replace(self.folder / "manifest.json", lambda path: path.write_text(text, encoding="utf-8"))
+        write_whole(self.folder / "manifest.json", text.encode())
 
     def _part(self, level: int, seeds: range, name: str) -> Path:
         return self._parts / f"level-{level:05}-seeds-{seeds.start}-{seeds.stop}-{name}.parquet"
@@ -143,15 +145,6 @@ def _write_sorted(path: Path, tables: Iterator[pa.Table]) -> int:
     return n_rows
 
 
-def _replace(path: Path, write: Callable[[Path], object]) -> None:
-    """Write a file in one step: after a crash the old or the new file is there, never a half."""
-    temporary = path.with_suffix(".tmp")
-    write(temporary)
-    with temporary.open("rb") as file:
-        os.fsync(file.fileno())
-    temporary.replace(path)
-
-
 @contextmanager
 def open_results(folder: Path, experiment: Experiment) -> Iterator[Results]:
     """Create a results folder, or go on with that of an interrupted study. Raises ResultsError."""
@@ -170,7 +163,7 @@ def open_results(folder: Path, experiment: Experiment) -> Iterator[Results]:
         _require_same(folder, experiment)
         (folder / "experiment.yaml").write_text(experiment.portable_text, encoding="utf-8")
         (folder / "base.yaml").write_text(experiment.base_text, encoding="utf-8")
-        for file in (folder / "parts").glob("*.tmp"):
+        for file in (folder / "parts").glob(".*.new"):
             file.unlink()
         yield Results(folder, experiment)
 
