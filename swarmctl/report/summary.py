@@ -212,7 +212,7 @@ def summary(
         "operator_commands": commands,
         "vehicles": [
             _vehicle(scenario, states[task.uav], statistics, networks[task.uav])
-            | {"looks": payload_reports.get(task.uav)}
+            | {"payload_reports": payload_reports.get(task.uav)}
             for task in scenario.tasks
         ],
         "configuration": configuration,
@@ -275,7 +275,7 @@ def _vehicle(
         "communication_penalty": scenario.config.communication.penalty_per_m * state.flown.length_m,
         "latency": statistics.latencies(task.uav),
         "cells_own": n_own,
-        "cells_heard": state.belief.n_observed - n_own,
+        "cells_received": state.belief.n_observed - n_own,
         "hostiles_known": state.belief.n_found,
         "battery_percent": state.vehicle.battery_percent,
     }

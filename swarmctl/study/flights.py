@@ -168,7 +168,7 @@ def _of_vehicle(
         "penalty": vehicle["communication_penalty"],
         "flight_time_s": _number(vehicle["arrived_s"]),
         "arrival_s": _number(state.arrived_boot_s) - first_armed_s,
-        "cells_known": vehicle["cells_own"] + vehicle["cells_heard"],
+        "cells_known": vehicle["cells_own"] + vehicle["cells_received"],
         "cells_own": vehicle["cells_own"],
         "hostiles_known": vehicle["hostiles_known"],
     }

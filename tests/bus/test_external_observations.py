@@ -540,7 +540,7 @@ def test_a_swarm_with_external_sensors_flies_by_their_reports_only(tmp_path: Pat
     assert report.states[2].plans.replans >= 1
     assert ahead not in report.states[2].flown.cells
     assert report.all_arrived
-    assert [vehicle["looks"] for vehicle in report.summary["vehicles"]] == [
+    assert [vehicle["payload_reports"] for vehicle in report.summary["vehicles"]] == [
         {"taken": 0, "refused": {RejectReason.OUTSIDE: 1}},
         {"taken": 1, "refused": {}},
         {"taken": 1, "refused": {}},

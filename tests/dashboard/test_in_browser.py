@@ -45,7 +45,7 @@ def test_a_replay_is_scrubbed_to_its_end(run: Path, address: str, browser: Any) 
     page.keyboard.press("End")
     for vehicle in summary["vehicles"]:
         card = page.locator(".card-vehicle", has_text=vehicle["name"])
-        await_facts(card, vehicle["cells_own"] + vehicle["cells_heard"], vehicle)
+        await_facts(card, vehicle["cells_own"] + vehicle["cells_received"], vehicle)
     again = browser.browser.new_context().new_page()
     assert again.goto(address).status == 401, "the address works once"
     assert errors == []

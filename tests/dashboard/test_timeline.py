@@ -76,7 +76,7 @@ def test_the_end_of_a_record_is_that_of_the_summary(flight: Flight) -> None:
     picture = flight.timeline.at()
     for shown, told in zip(picture.vehicles, flight.summary["vehicles"], strict=True):
         assert (shown.name, shown.phase, shown.note) == (told["name"], told["phase"], told["outcome"])
-        assert shown.cells_known == told["cells_own"] + told["cells_heard"]
+        assert shown.cells_known == told["cells_own"] + told["cells_received"]
         assert shown.hostiles_known == told["hostiles_known"]
         assert (shown.strikes, shown.replans) == (told["strikes"], told["replans"])
         assert shown.battery_percent == told["battery_percent"]

@@ -40,7 +40,7 @@ def test_two_runs_are_scrubbed_together(folder: Path, address: str, browser: Any
         run = page.get_by_role("region", name=name)
         for vehicle in json.loads((folder / name / "summary.json").read_text())["vehicles"]:
             card = run.locator(".card-vehicle", has_text=vehicle["name"])
-            await_facts(card, vehicle["cells_own"] + vehicle["cells_heard"], vehicle)
+            await_facts(card, vehicle["cells_own"] + vehicle["cells_received"], vehicle)
     assert errors == []
 
 

@@ -103,7 +103,7 @@ def test_the_summary_holds_latencies_and_vehicles(shipped: Shipped) -> None:
         assert row["messages_sent"] == sum(row["network"]["sent"].values())
         assert row["network"]["sent"]["inform/state"] % 4 == 0
         assert row["network"]["refused"] == row["network"]["lost"] == {}
-        assert row["cells_own"] + row["cells_heard"] == state.belief.n_observed
+        assert row["cells_own"] + row["cells_received"] == state.belief.n_observed
 
 
 def test_other_readers_open_the_record(shipped: Shipped) -> None:

@@ -73,4 +73,4 @@ def test_vehicles_below_the_minimum_distance_exchange_nothing(tmp_path: Path) ->
     for row in report.summary["vehicles"]:
         # Before the first position no vehicle is too near.
         assert row["network"]["lost"]["too_near"] > 50
-        assert row["cells_heard"] == 0
+        assert row["cells_received"] == 0

@@ -219,7 +219,7 @@ def _all_know_the_same(swarm: Swarm, station: Process, missed_s: float, apart: t
     assert not [name for name, belief in at_the_end.items() if differ(first, belief)], known
     for name in swarm.agents:
         (vehicle,) = swarm.summary(name)["vehicles"]
-        assert (vehicle["cells_own"] + vehicle["cells_heard"], vehicle["hostiles_known"]) == known[name]
+        assert (vehicle["cells_own"] + vehicle["cells_received"], vehicle["hostiles_known"]) == known[name]
         assert vehicle["network"]["refused"] == {}
         assert vehicle["network"]["flagged"] == {}
     assert set(re.findall(r"(\d+) messages refused", station.output)) == {"0"}

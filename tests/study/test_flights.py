@@ -64,7 +64,7 @@ def test_rows_agree_with_the_summary_of_the_same_flight_and_do_not_depend_on_wor
         assert row.flight_time_s == vehicle["arrived_s"]
         assert row.messages_sent == vehicle["network"]["sent"]["inform/observation"]
         assert row.all_messages_sent == vehicle["messages_sent"]
-        assert row.cells_known == vehicle["cells_own"] + vehicle["cells_heard"] == row.cells_sensed
+        assert row.cells_known == vehicle["cells_own"] + vehicle["cells_received"] == row.cells_sensed
         for name in ("strikes", "searches", "replans", "hostiles_known", "cells_own"):
             assert row[name] == vehicle[name]
         assert row.rms_along_m == member["rms_error_m"]["along"]
