@@ -183,12 +183,12 @@ def _sender(
     from swarmctl.cli.operator_command import send_command  # noqa: PLC0415
     from swarmctl.dashboard.orders_panel import NotSent  # noqa: PLC0415
     from swarmctl.security.files import KeyringError  # noqa: PLC0415
-    from swarmctl.station.client import NoAnswer  # noqa: PLC0415
+    from swarmctl.station.client import NoValidAnswer  # noqa: PLC0415
 
     async def send_or_tell(request: Request) -> OperatorAnswer:
         try:
             _, answer = await send_command(request, swarm if config is None else None, config, connect)
-        except (BusError, KeyringError, NoAnswer, ValueError) as error:
+        except (BusError, KeyringError, NoValidAnswer, ValueError) as error:
             raise NotSent(str(error)) from error
         return answer
 

@@ -38,7 +38,7 @@ from swarmctl.core.grid import Cell
 from swarmctl.core.messages import MAX_SYSTEM_ID, BadMessage
 from swarmctl.security.files import KeyringError
 from swarmctl.station import client
-from swarmctl.station.client import BadOptions, FlightEndpoints, NoAnswer
+from swarmctl.station.client import BadOptions, FlightEndpoints, NoValidAnswer
 
 MAX_INDEX = 2**31
 """a number greater than the rows and columns of any area"""
@@ -97,7 +97,7 @@ def observe(
         fail([str(error)], USAGE)
     try:
         answer = asyncio.run(_report(flight, credentials, receiver, report, signing))
-    except (BusError, NoAnswer) as error:
+    except (BusError, NoValidAnswer) as error:
         fail([str(error)], FAILED)
     if not answer.taken:
         fail([f"vehicle {uav} of {flight.swarm} refused the report: {answer.why}"], FAILED)
@@ -180,7 +180,7 @@ async def _report(
     report: Report,
     signing: RequestSigning,
 ) -> ReportAnswer:
-    """Connect, send a report and return the answer. Raises BusError and NoAnswer."""
+    """Connect, send a report and return the answer. Raises BusError and NoValidAnswer."""
     with client.connected(flight, credentials) as bus:
         return await send_report(bus, flight, uav, report, signing)
 
@@ -192,28 +192,28 @@ async def send_report(
     report: Report,
     signing: RequestSigning = NO_AUTHENTICATION,
 ) -> ReportAnswer:
-    """Send a report over an open bus and return the answer. Raises NoAnswer."""
+    """Send a report over an open bus and return the answer. Raises NoValidAnswer."""
     signer = uav if flight.agents else None
     try:
         answer = await external_observations.send_report(
             bus, flight.swarm, uav, report, signing, signer=signer
         )
     except NotAuthorised as error:
-        raise NoAnswer(str(error)) from None
+        raise NoValidAnswer(str(error)) from None
     except BadMessage:
-        raise NoAnswer(client.unverified(flight)) from None
+        raise NoValidAnswer(client.unverified(flight)) from None
     except TimeoutError:
-        raise NoAnswer(
+        raise NoValidAnswer(
             f"{flight.swarm} at {flight.endpoint} did not answer within "
             f"{external_observations.TIMEOUT_S:g} s; the vehicle may have accepted the report [no-answer]"
         ) from None
     except ValueError as error:
-        raise NoAnswer(
+        raise NoValidAnswer(
             f"{flight.swarm} at {flight.endpoint}: {error}; the flight may run another "
             "version of this program"
         ) from None
     if answer is None:
-        raise NoAnswer(
+        raise NoValidAnswer(
             f"vehicle {uav} of {flight.swarm} accepts no reports at {flight.endpoint}: "
             "its flight may have ended, or the vehicle is not of this swarm, or its configuration lacks "
             "`sensor: {source: external}` or `both` [no-report-receiver]"

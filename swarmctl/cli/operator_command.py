@@ -66,7 +66,7 @@ def send_or_exit(
         flight, answer = asyncio.run(send_command(request, swarm, config, connect))
     except KeyringError as error:
         fail_for_keys(config, error)
-    except (BusError, client.NoAnswer) as error:
+    except (BusError, client.NoValidAnswer) as error:
         fail([str(error)], FAILED)
     except ValueError as error:
         fail([str(error)], USAGE)
@@ -78,7 +78,7 @@ async def send_command(
 ) -> tuple[FlightEndpoints, OperatorAnswer]:
     """Find the flight and send a command to it; return both the flight and its answer.
 
-    Raises BusError, KeyringError, client.NoAnswer and ValueError.
+    Raises BusError, KeyringError, client.NoValidAnswer and ValueError.
     """
     flight, keyring = _find_flight_and_keys(swarm, config, connect)
     credentials = joining.credentials_for(flight.endpoint, keyring)

@@ -18,7 +18,7 @@ from swarmctl.cli.configuration import load_roster_or_exit
 from swarmctl.cli.console import FAILED, INTERRUPTED, OK, ConfigOption, ConnectOption, fail, log, out
 from swarmctl.cli.ground_station import GroundStation, ground_station_or_exit
 from swarmctl.station import watch as watching
-from swarmctl.station.watch import StateBoard, SwarmView, table
+from swarmctl.station.watch import StateBoard, StationView, table
 
 LINES_EVERY_S = 30.0
 
@@ -60,7 +60,7 @@ async def _watch(
     station: GroundStation,
     board: StateBoard,
     swarm: str,
-    show_view: Callable[[SwarmView], None],
+    show_view: Callable[[StationView], None],
     *,
     once: bool,
 ) -> None:
@@ -81,16 +81,16 @@ async def _watch(
 
 
 @contextlib.contextmanager
-def _live() -> Iterator[Callable[[SwarmView], None]]:
+def _live() -> Iterator[Callable[[StationView], None]]:
     with Live(console=out, auto_refresh=False) as live:
         yield lambda view: live.update(table(view), refresh=True)
 
 
 @contextlib.contextmanager
-def _once() -> Iterator[Callable[[SwarmView], None]]:
+def _once() -> Iterator[Callable[[StationView], None]]:
     yield lambda view: out.print(table(view))
 
 
 @contextlib.contextmanager
-def _lines() -> Iterator[Callable[[SwarmView], None]]:
+def _lines() -> Iterator[Callable[[StationView], None]]:
     yield watching.StateLines(log, LINES_EVERY_S).show

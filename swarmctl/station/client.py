@@ -39,7 +39,7 @@ class BadOptions(ValueError):
     """Missing, invalid or contradictory options of a command; the text has the remedy."""
 
 
-class NoAnswer(Exception):
+class NoValidAnswer(Exception):
     """A command without a valid answer; the text states whether the command may have had an effect."""
 
 
@@ -198,7 +198,7 @@ def connected(flight: FlightEndpoints, credentials: Credentials | None = None) -
 async def ask(
     bus: Transport, flight: FlightEndpoints, command: Request, signing: RequestSigning = NO_AUTHENTICATION
 ) -> OperatorAnswer:
-    """Send a command over an open bus and return the answer. Raises BadOptions and NoAnswer."""
+    """Send a command over an open bus and return the answer. Raises BadOptions and NoValidAnswer."""
     kind = KINDS[type(command)]
     if flight.agents:
         return await _ask_each(bus, flight, kind, command, signing)
@@ -206,32 +206,32 @@ async def ask(
     try:
         payload = signing.sign(None, key, encode(command))
     except NotAuthorised as error:
-        raise NoAnswer(str(error)) from None
+        raise NoValidAnswer(str(error)) from None
     try:
         answers = await bus.ask(key, payload, TIMEOUT_S)
     except TimeoutError:
-        raise NoAnswer(
+        raise NoValidAnswer(
             f"{flight.swarm} at {flight.endpoint} did not answer within {TIMEOUT_S:g} s. The command may "
             "have had an effect; check the flight's table, or repeat the command [no-answer]"
         ) from None
     if not answers:
-        raise NoAnswer(
+        raise NoValidAnswer(
             f"no swarm {flight.swarm} answers at {flight.endpoint}, or the swarm's queue of commands is "
             "full; nothing was changed [not-served]"
         )
     if len(answers) > 1:
-        raise NoAnswer(
+        raise NoValidAnswer(
             f"{len(answers)} processes answer for {flight.swarm} at {flight.endpoint}, so the result of "
             "the command is unknown; end all processes but one, and check the remaining flight's table"
         )
     try:
         answer = signing.verify_answer(None, key, payload, answers[0])
     except BadMessage:
-        raise NoAnswer(unverified(flight)) from None
+        raise NoValidAnswer(unverified(flight)) from None
     try:
         return decode_answer(answer)
     except BadMessage as error:
-        raise NoAnswer(
+        raise NoValidAnswer(
             f"{flight.swarm} at {flight.endpoint} sent an invalid answer: {error}. The command may have "
             "had an effect; the flight may run another version of this program"
         ) from error

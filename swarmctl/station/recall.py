@@ -31,7 +31,7 @@ async def send(
 ) -> OperatorAnswer:
     """Send a command and return the answer; an order to return also schedules the vehicles' returns.
 
-    Raises BusError, BadOptions and NoAnswer.
+    Raises BusError, BadOptions and NoValidAnswer.
     """
     with client.connected(flight, credentials) as bus:
         return await ask(bus, flight, command, signing)
@@ -43,7 +43,7 @@ async def ask(
     """Send a command over an open bus; an order to return also schedules the vehicles' returns.
 
     An order that ends flights goes to all vehicles with valid names, and unknown names become refused
-    answers: a misspelt name must not keep the other vehicles in the air. Raises BadOptions and NoAnswer.
+    answers: a misspelt name must not keep the other vehicles in the air. Raises BadOptions and NoValidAnswer.
     """
     if not (isinstance(command, GiveOrder) and command.order in client.ENDING_ORDERS):
         return await client.ask(bus, flight, command, signing)

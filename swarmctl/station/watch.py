@@ -50,7 +50,7 @@ CONTRADICTED_LEGEND = (
 
 
 @dataclass(frozen=True, slots=True)
-class VehicleRow:
+class StateRow:
     """The latest state of one vehicle."""
 
     name: str
@@ -74,13 +74,13 @@ class VehicleRow:
 
 
 @dataclass(frozen=True, slots=True)
-class SwarmView:
+class StationView:
     """The whole swarm at one moment."""
 
     swarm: str
     network: str
     """endpoint and state of the connection, as text"""
-    rows: Sequence[VehicleRow]
+    rows: Sequence[StateRow]
     refused: int
     """number of refused messages: invalid, repeated, old, or not a state of a vehicle of this swarm"""
 
@@ -138,18 +138,18 @@ class StateBoard:
     def has_any(self) -> bool:
         return bool(self._states)
 
-    def view(self, network: str, now_s: float) -> SwarmView:
-        return SwarmView(self._swarm, network, [self._row(uav, now_s) for uav in self._names], self.refused)
+    def view(self, network: str, now_s: float) -> StationView:
+        return StationView(self._swarm, network, [self._row(uav, now_s) for uav in self._names], self.refused)
 
-    def _row(self, uav: int, now_s: float) -> VehicleRow:
+    def _row(self, uav: int, now_s: float) -> StateRow:
         name, newest = self._names[uav], self._states.get(uav)
         if newest is None:
-            return VehicleRow(name, None, None, None)
+            return StateRow(name, None, None, None)
         state, received_s = newest
         flagged = state.flagged[: len(self._names)]
         contradicted_by = tuple(self._names.get(other, str(other)) for other in flagged)
         cell = self._grid.cell_at(state.lat_deg, state.lon_deg)
-        return VehicleRow(name, now_s - received_s, state, cell, contradicted_by)
+        return StateRow(name, now_s - received_s, state, cell, contradicted_by)
 
 
 async def watch(
@@ -157,7 +157,7 @@ async def watch(
     board: StateBoard,
     swarm: str,
     network: Callable[[], str],
-    show: Callable[[SwarmView], None],
+    show: Callable[[StationView], None],
     *,
     once: bool,
     wall_clock: Callable[[], float] = time.time,
@@ -183,7 +183,7 @@ async def watch(
         await asyncio.sleep(REFRESH_S)
 
 
-def table(view: SwarmView) -> Group:
+def table(view: StationView) -> Group:
     """Return a view as a table for a terminal."""
     any_late = any(row.state is not None and row.state.late_s is not None for row in view.rows)
     any_contradicted = any(row.contradicted_by for row in view.rows)
@@ -204,7 +204,7 @@ def table(view: SwarmView) -> Group:
     return Group(head, grid, Text(legend, style="bright_black"), *notes)
 
 
-def _cells(row: VehicleRow) -> list[Text]:
+def _cells(row: StateRow) -> list[Text]:
     state = row.state
     age = Text("never" if row.age_s is None else f"{row.age_s:.0f}", style="red" if row.is_silent else "")
     if state is None:
@@ -224,7 +224,7 @@ def _cells(row: VehicleRow) -> list[Text]:
     ]
 
 
-def _late(row: VehicleRow) -> Text:
+def _late(row: StateRow) -> Text:
     late_s = None if row.state is None else row.state.late_s
     return Text("" if late_s is None else number(late_s), style="red")
 
@@ -239,7 +239,7 @@ class StateLines:
         self._network = ""
         self._last: dict[str, tuple[str, bool]] = {}
 
-    def show(self, view: SwarmView) -> None:
+    def show(self, view: StationView) -> None:
         is_due = self._n_views % self._views_per_line == 0
         self._n_views += 1
         if view.network != self._network:
@@ -252,7 +252,7 @@ class StateLines:
             self._last[row.name] = current
 
 
-def line(row: VehicleRow) -> str:
+def line(row: StateRow) -> str:
     """Return one vehicle as a plain line."""
     state = row.state
     if state is None:

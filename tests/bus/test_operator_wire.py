@@ -314,7 +314,7 @@ def test_a_station_without_an_answer_leaves_the_outcome_unknown() -> None:
         bus.serve(KEY, lambda key, payload, reply: None)
         await client.ask(bus, client.FlightEndpoints("test", ANYWHERE), SetWeights((1,), w=0.2))
 
-    with pytest.raises(client.NoAnswer, match="no-answer"):
+    with pytest.raises(client.NoValidAnswer, match="no-answer"):
         run_virtual(scene())
 
 

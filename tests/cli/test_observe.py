@@ -37,7 +37,7 @@ from swarmctl.security.issue import make_keys
 from swarmctl.security.participant import load_keyring
 from swarmctl.security.requests import by_token
 from swarmctl.security.token import new_token
-from swarmctl.station.client import FlightEndpoints, NoAnswer
+from swarmctl.station.client import FlightEndpoints, NoValidAnswer
 
 GRID = Grid(8, 8, 50.0, 46.0, 14.4)
 CONFIGURATION = """\
@@ -240,7 +240,7 @@ def test_an_invalid_answer_is_an_error_and_not_a_bug(reply: bytes | None, reason
             lambda _key, _payload, answer: None if reply is None else answer(reply),
         )
         station = FlightEndpoints("test", BusEndpoint("127.0.0.1", 7447))
-        with pytest.raises(NoAnswer, match=reason):
+        with pytest.raises(NoValidAnswer, match=reason):
             await observe.send_report(bus, station, 3, Report(1, cells=((4, 7, True),)))
 
     run_virtual(scene())

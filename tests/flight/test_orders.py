@@ -483,7 +483,7 @@ def test_two_answers_for_one_swarm_are_both_discarded() -> None:
         bus = Crowd(forged)
         bus.serve("swarmctl/test/station/request/weights/operator", lambda _k, _p, r: r(forged("", b"")))
         alone = client.FlightEndpoints("test", BusEndpoint("127.0.0.1", 7447))
-        with pytest.raises(client.NoAnswer, match=r"^2 processes"):
+        with pytest.raises(client.NoValidAnswer, match=r"^2 processes"):
             await client.ask(bus, alone, SetWeights(None, w=0.2))
 
     run_virtual(scene())

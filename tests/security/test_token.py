@@ -146,7 +146,7 @@ def test_a_command_without_the_token_fails_with_a_remedy(tokens: dict[int | None
                 await client.ask(bus, flight, SetWeights(None, w=0.2), signing)
 
     with pytest.raises(
-        client.NoAnswer, match=r"SWARMCTL_TOKEN_FILE.*\[wrong-token\]" if tokens else "no-token"
+        client.NoValidAnswer, match=r"SWARMCTL_TOKEN_FILE.*\[wrong-token\]" if tokens else "no-token"
     ):
         asyncio.run(scene())
 

@@ -19,7 +19,7 @@ from swarmctl.core.frames import UNSIGNED, VERSION, Frame, FrameCodec, StateShar
 from swarmctl.core.grid import Grid
 from swarmctl.core.observation import Observation
 from swarmctl.flight.virtual_clock import run_virtual
-from swarmctl.station.watch import ONCE_TIMEOUT_S, StateBoard, StateLines, SwarmView, line, table, watch
+from swarmctl.station.watch import ONCE_TIMEOUT_S, StateBoard, StateLines, StationView, line, table, watch
 
 pytestmark = pytest.mark.virtual
 
@@ -47,7 +47,7 @@ def key(uav: int) -> str:
     return keys.to_station("test", uav)
 
 
-def text(view: SwarmView) -> str:
+def text(view: StationView) -> str:
     shown = Console(width=130, record=True, file=StringIO())
     shown.print(table(view))
     return shown.export_text()
@@ -250,9 +250,9 @@ def test_plain_lines_show_changes_and_all_vehicles_in_intervals() -> None:
 
 
 def test_a_single_view_waits_for_all_vehicles_with_a_time_out() -> None:
-    async def scene(speaking: tuple[int, ...]) -> tuple[list[SwarmView], float]:
+    async def scene(speaking: tuple[int, ...]) -> tuple[list[StationView], float]:
         bus, seen = MemoryBus(), board()
-        views: list[SwarmView] = []
+        views: list[StationView] = []
         loop = asyncio.get_running_loop()
         for uav in speaking:
             loop.call_later(1.0, bus.put, key(uav), frame(state(), sender=uav))

@@ -187,7 +187,7 @@ def _operator(drawn: RandomFlight, rng: random.Random, uav: int) -> None:
 
 def _order(drawn: RandomFlight, at_s: float, order: Any, uavs: tuple[int, ...] | None) -> None:
     async def give() -> None:
-        with contextlib.suppress(client.NoAnswer):  # the flight is over
+        with contextlib.suppress(client.NoValidAnswer):  # the flight is over
             await client.ask(drawn.bus, STATION, GiveOrder(uavs, order))
 
     def action(_fleet: Fleet) -> None:
