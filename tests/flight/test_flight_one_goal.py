@@ -12,8 +12,6 @@ from profiles import full_only
 from trouble import Trouble, inject
 
 from sim_vehicle.truth import Truth
-from swarmctl.agent import step
-from swarmctl.agent.traffic import landing_queue
 from swarmctl.agent.traffic.separation.clash import HEIGHT_TOLERANCE_M
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.geo import distance_m
@@ -107,13 +105,3 @@ def test_vehicles_that_arrive_at_one_goal_together_land_apart(
     # A vehicle in the landing queue has arrived with the others.
     assert report.summary["arrival"]["spread_s"] < 3.0
     assert record.replay(tmp_path / "run.mcap").difference == ""
-
-
-@pytest.mark.full
-def test_without_the_landing_queue_and_the_last_resort_vehicles_come_too_close(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(landing_queue, "_may_wait", lambda _state: False)
-    monkeypatch.setattr(step, "stop_in_time", lambda state: (state, []))
-    _, monitor, _ = flown(six(), tmp_path, monkeypatch)
-    assert any(len(times) > 1 for times in monitor.too_close.values())

@@ -171,13 +171,6 @@ def drawn_together(folder: Path, **separation: Any) -> tuple[dict[str, Any], lis
     return report.summary["separation"] | {"lines": lines}, ui.said
 
 
-@pytest.mark.full
-@pytest.mark.usefixtures("uncompared")
-def test_new_routes_without_comparison_lead_vehicles_into_each_other(tmp_path: Path) -> None:
-    separation, _ = drawn_together(tmp_path)
-    assert separation["too_close"][0]["seconds"] > 1.0
-
-
 def test_one_of_two_meeting_routes_is_flown_at_another_height(tmp_path: Path) -> None:
     separation, shown = drawn_together(tmp_path)
     assert separation["too_close"] == []
