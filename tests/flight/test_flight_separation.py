@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 import math
 import re
@@ -10,14 +9,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from flights import SEPARATION_WAIVED, Ui, coded, fly, small
-from gap_scenario import compare_no_plans, through_the_gap
+from flights import AREA, SEPARATION_WAIVED, Ui, coded, fly, small
 
-from swarmctl.flight.runner import Runner
-from swarmctl.report import record
+from swarmctl.agent import step
+from swarmctl.agent.replan import mission_changes
 from swarmctl.report.flight_table import swarm_lines
 
 pytestmark = pytest.mark.virtual
+
+GAP = ([0, 3], [1, 3], [2, 3], [6, 3], [7, 3], [8, 3])
+"""unknown hostiles with a gap half-way between the first routes of two copters"""
 
 
 @pytest.mark.full
@@ -38,19 +39,13 @@ def test_the_least_distance_flown_is_in_the_summary(tmp_path: Path) -> None:
     assert " and ".join(least["vehicles"]) in line
 
 
-@pytest.fixture
-def uncompared(monkeypatch: pytest.MonkeyPatch) -> None:
-    compare_no_plans(monkeypatch)
-
-
-def meeting(folder: Path, action: str, **sections: Any) -> tuple[dict[str, Any], list[str]]:
+def meeting(folder: Path, action: str) -> tuple[dict[str, Any], list[str]]:
     """Fly two copters, 1.5 m apart in height, to one goal at one time; return summary and messages."""
     scenario = small(
         simulate={"count": 2, "goal": [4, 7], "ready_s": 3.0},
         flight={"altitude_m": 15.0, "altitude_step_m": 1.5},
         separation={"action": action},
         threats={"count": 0},
-        **sections,
     )
     ui = Ui()
     # Preflight finds this conflict, so the operator has to waive the check.
@@ -60,8 +55,12 @@ def meeting(folder: Path, action: str, **sections: Any) -> tuple[dict[str, Any],
 
 
 @pytest.mark.full
-@pytest.mark.usefixtures("uncompared")
-def test_without_an_action_both_vehicles_alarm_and_come_too_close(tmp_path: Path) -> None:
+def test_without_an_action_both_vehicles_alarm_and_come_too_close(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # The comparison of plans between vehicles is switched off; alarms remain.
+    monkeypatch.setattr(mission_changes, "deconflict", lambda _before, decided, _now: decided)
+    monkeypatch.setattr(step, "check_own_route", lambda state: (state, []))
     separation, shown = meeting(tmp_path, "none")
     least = separation["least_distance"]
     assert least["horizontal_m"] < 10.0
@@ -74,41 +73,7 @@ def test_without_an_action_both_vehicles_alarm_and_come_too_close(tmp_path: Path
     assert separation["held"] == separation["climbed"] == 0
 
 
-@pytest.mark.full
-@pytest.mark.usefixtures("uncompared")
-def test_the_higher_system_id_holds_until_the_other_has_passed(tmp_path: Path) -> None:
-    separation, shown = meeting(tmp_path, "hold")
-    assert separation["too_close"] == []
-    assert separation["held"] >= 1
-    (yields, *_), (resumes, *_) = coded(shown, "uav2", "alarm-yields"), coded(shown, "uav2", "resumes")
-    assert shown.index(yields) < shown.index(resumes)
-    assert coded(shown, "uav2", "stops-in-time")
-
-
-@pytest.mark.full
-@pytest.mark.usefixtures("uncompared")
-def test_the_lower_system_id_holds_if_the_higher_one_does_not_receive_its_states(tmp_path: Path) -> None:
-    mute = {"bus": "memory", "quiet": [{"from_s": 0.0, "uavs": [1]}]}
-    separation, shown = meeting(tmp_path, "hold", communication=mute)
-    assert separation["too_close"] == []
-    assert separation["held"] >= 1
-    assert not any("[alarm" in line for line in shown if line.startswith("uav2: "))
-    assert coded(shown, "uav1", "alarm-not-heard")
-    assert coded(shown, "uav1", "stops-in-time")
-
-
-@pytest.mark.full
-@pytest.mark.usefixtures("uncompared")
-def test_a_vehicle_that_gives_way_may_climb_instead(tmp_path: Path) -> None:
-    separation, _ = meeting(tmp_path, "climb")
-    assert separation["too_close"] == []
-    assert separation["least_distance"]["vertical_m"] > 3.0
-    assert (separation["held"], separation["climbed"]) == (0, 1)
-
-
-def test_first_routes_that_would_meet_are_separated_before_any_alarm(
-    tmp_path: Path,
-) -> None:
+def test_first_routes_that_would_meet_are_separated_before_any_alarm(tmp_path: Path) -> None:
     separation, shown = meeting(tmp_path, "hold")
     assert separation["too_close"] == []
     assert separation["held"] == len(coded(shown, "uav2", "landing-queue")) == 1
@@ -120,70 +85,31 @@ def test_first_routes_that_would_meet_are_separated_before_any_alarm(
     assert any("uav1 in " in line for line in shown if line.startswith("uav2: "))
 
 
-def flown_after_waiting(folder: Path, **simulate: float) -> None:
-    """Fly two vehicles to one goal, hardly apart in height; check that both arrive.
-
-    The second waits on the ground until the first is out of its way.
-    """
+def test_one_of_two_meeting_routes_is_flown_at_another_height(tmp_path: Path) -> None:
+    """Two copters at one height, 200 m apart, see the hostiles at one time and head for the gap."""
     scenario = small(
-        simulate={"count": 2, "goal": [4, 7], "ready_s": 3.0, **simulate},
-        flight={"altitude_m": 15.0, "altitude_step_m": 1.5},
-        threats={"count": 0},
+        area={**AREA, "rows": 9},
+        simulate={"count": 2, "ready_s": 3.0, "start_distance_m": 40.0},
+        flight={"altitude_m": 15.0, "altitude_step_m": 0.0},
+        threats={"count": len(GAP), "hostiles": GAP},
+        planner={"w": 0.9},
+        separation={"action": "none"},
     )
     ui = Ui()
-    report = fly(scenario, folder, ui=ui, options=SEPARATION_WAIVED)
-    assert report.all_arrived
-    (waits,), (launches,) = coded(ui.said, "uav2", "launch-waits"), coded(ui.said, "uav2", "launch-clear")
-    assert "uav1 in " in waits
-    assert ui.said.index(waits) < ui.said.index(launches)
-    separation = report.summary["separation"]
-    assert separation["plans_in_flight"]["unresolved"] == 0
-    assert separation["too_close"] == []
-
-
-@pytest.mark.full
-def test_a_later_launch_waits_on_the_ground_until_its_route_is_clear(tmp_path: Path) -> None:
-    flown_after_waiting(tmp_path, delay_step_s=3.0)
-
-
-@pytest.mark.full
-def test_a_launch_after_long_checks_compares_its_route_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    check = Runner._check_launch
-
-    async def at_length(runner: Runner) -> None:
-        await asyncio.sleep(4.0 if runner.state.task.uav == 2 else 0.0)
-        await check(runner)
-
-    monkeypatch.setattr(Runner, "_check_launch", at_length)
-    flown_after_waiting(tmp_path)
-    assert record.replay(tmp_path / "run.mcap").difference == ""
-
-
-def drawn_together(folder: Path, **separation: Any) -> tuple[dict[str, Any], list[str]]:
-    """Return the summary and the messages of a flight without action on vehicles that come near."""
-    scenario = through_the_gap(separation={"action": "none", **separation})
-    ui = Ui()
-    report = fly(scenario, folder, ui=ui)
+    report = fly(scenario, tmp_path, ui=ui)
     assert [state.outcome for state in report.states.values()] == ["arrived", "arrived"]
-    lines = swarm_lines(report.summary)
-    return report.summary["separation"] | {"lines": lines}, ui.said
-
-
-def test_one_of_two_meeting_routes_is_flown_at_another_height(tmp_path: Path) -> None:
-    separation, shown = drawn_together(tmp_path)
+    separation = report.summary["separation"]
     assert separation["too_close"] == []
     assert separation["least_distance"]["vertical_m"] > 3.0
     plans = separation["plans_in_flight"]
     assert plans["predicted"] >= 1
     assert plans["by_height"] >= 1
     assert plans["unresolved"] == 0
-    assert any(f": {plans['predicted']}; " in line for line in separation["lines"])
+    assert any(f": {plans['predicted']}; " in line for line in swarm_lines(report.summary))
     # A later plan is fitted to the earlier one. Of two at the same time the higher system id gives way.
-    changes = [coded(shown, uav, "height-change") for uav in ("uav1", "uav2")]
-    assert any(changes) or coded(shown, "uav2", "route-conflict")
-    assert not coded(shown, "uav1", "route-conflict")
+    changes = [coded(ui.said, uav, "height-change") for uav in ("uav1", "uav2")]
+    assert any(changes) or coded(ui.said, "uav2", "route-conflict")
+    assert not coded(ui.said, "uav1", "route-conflict")
 
 
 @pytest.mark.full
