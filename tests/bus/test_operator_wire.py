@@ -185,6 +185,10 @@ def test_commands_above_the_rate_limit_are_refused_and_reported_once_until_a_pau
         await asyncio.sleep(0.5)
         assert await send(2) == ["", ""]
         assert len(station.said) == 2
+        await asyncio.sleep(2.0)
+        for _ in range(8):
+            await bus.ask(KEY, b"nonsense", 5.0)
+        assert "[commands-too-fast]" in (await send(1))[0]
 
     run_virtual(scene())
 

@@ -266,6 +266,30 @@ def test_options_that_name_no_swarm_are_refused(
         client.find(swarm, config, connect)
 
 
+APART: dict[str, object] = {"router": "tcp/10.0.0.1:7447"}
+MESHED: dict[str, object] = {"mesh": {"uav1": "tcp/10.0.0.1:7447", "uav2": "tcp/10.0.0.2:7447"}}
+VEHICLES = {1: "uav1", 2: "uav2", 3: "uav3"}
+ROUTER, OTHER = BusEndpoint("10.0.0.1", 7447), BusEndpoint("10.0.0.2", 7447)
+
+
+def meant(communication: dict[str, object], connect: str | None = None) -> client.FlightEndpoints:
+    return client.find(None, listening(bus="zenoh", **communication), connect)
+
+
+def test_agents_in_several_processes_are_asked_at_the_router_or_in_the_mesh(no_flight: Path) -> None:
+    assert meant(APART) == client.FlightEndpoints("small", ROUTER, agents=VEHICLES)
+    assert meant(MESHED) == client.FlightEndpoints("small", ROUTER, (OTHER,), VEHICLES)
+    assert meant(APART, "tcp/10.0.0.2:7447") == client.FlightEndpoints("small", OTHER, agents=VEHICLES)
+
+
+def test_a_flight_of_one_process_on_this_machine_comes_first(no_flight: Path) -> None:
+    here = BusEndpoint("127.0.0.1", 4001)
+    with directory.registered("small", here, "token"):
+        assert meant(APART) == client.FlightEndpoints("small", here)
+    with directory.registered("another", here, "token"):
+        assert meant(APART).agents == VEHICLES
+
+
 def test_a_flight_that_has_ended_is_not_found(no_flight: Path) -> None:
     with directory.registered("one", HERE, "token"):
         assert client.find("one", None, None) == client.FlightEndpoints("one", HERE)

@@ -13,7 +13,7 @@ from swarmctl.bus.transports import zenoh_config
 from swarmctl.bus.transports.base import Transport
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.bus.transports.zenoh import ZenohBus
-from swarmctl.core.messages import VehicleAnswer
+from swarmctl.core.messages import GiveOrder, VehicleAnswer
 
 KEY = "swarmctl/test/station/request/weights/operator"
 ANYWHERE = BusEndpoint("127.0.0.1", 0)
@@ -33,34 +33,46 @@ class StubAgent:
 
 
 class Station:
-    """An operator service with two agents that accept every command at once, unless they are slow."""
+    """An operator service whose agents accept every command at once, unless they are slow.
+
+    `uav`: the only vehicle, with keys of its own; None: two vehicles with the station's keys.
+    `closed`: the reason for which the service refuses orders.
+    """
 
     def __init__(
         self,
         transport: Transport,
         *,
+        uav: int | None = None,
         slow: tuple[int, ...] = (),
+        closed: str = "",
         authentication: Authentication = NO_AUTHENTICATION,
     ) -> None:
         self.said: list[str] = []
         self.posted: list[tuple[int, AgentCommand]] = []
         self.late: list[Callable[[], None]] = []
         """answers of the slow agents"""
-        agents = {uav: self._agent(uav, slow=uav in slow) for uav in (1, 2)}
+        self.slow = slow
         self.service = OperatorService(
-            transport, "test", self.said.append, agents, authentication=authentication
+            transport,
+            "test",
+            self.said.append,
+            {n: self._agent(n) for n in ((1, 2) if uav is None else (uav,))},
+            uav=uav,
+            refusal=lambda command: closed if isinstance(command, GiveOrder) else "",
+            authentication=authentication,
         )
 
     @property
     def counts(self) -> CommandCounts:
         return self.service.counts
 
-    def _agent(self, uav: int, *, slow: bool) -> StubAgent:
+    def _agent(self, uav: int) -> StubAgent:
         taken = VehicleAnswer(uav, f"uav{uav}", "taken", 5)
 
         def command(event: AgentCommand, answer_to: AnswerTo) -> None:
             self.posted.append((uav, event))
-            if slow:
+            if uav in self.slow:
                 self.late.append(lambda: answer_to(taken))
             else:
                 answer_to(taken)
