@@ -3,42 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import combinations
 from pathlib import Path
 
 import pytest
+from flight_monitor import FlightMonitor
 from flights import AREA, SEPARATION_WAIVED, Ui, fly, small
 from profiles import full_only
+from random_flights import RandomFlight
 from trouble import Trouble, inject
 
-from sim_vehicle.truth import Truth
-from swarmctl.agent.traffic.separation.clash import HEIGHT_TOLERANCE_M
 from swarmctl.config.scenario import Scenario
-from swarmctl.core.geo import distance_m
 from swarmctl.report import record
-from swarmctl.report.outcome import FlightReport
 
 pytestmark = pytest.mark.virtual
-
-UP_M = 1.0
-
-
-class SeparationMonitor:
-    """The times at which pairs of vehicles were too close in the air."""
-
-    def __init__(self, scenario: Scenario) -> None:
-        self.limits, self.tasks = scenario.config.separation, scenario.tasks
-        self.too_close: dict[tuple[int, int], list[float]] = {}
-
-    def look(self, now: float, truth: Truth) -> None:
-        assert now < 300.0, "the flight does not end"
-        up = [i for i in range(len(self.tasks)) if truth.armed[i] and truth.height_m[i] > UP_M]
-        for i, j in combinations(up, 2):
-            here, there = ((float(truth.lat_deg[k]), float(truth.lon_deg[k])) for k in (i, j))
-            vertical_m = abs(float(truth.alt_amsl_m[i] - truth.alt_amsl_m[j]))
-            near = distance_m(here, there) < self.limits.horizontal_m
-            if near and vertical_m < self.limits.vertical_m - HEIGHT_TOLERANCE_M:
-                self.too_close.setdefault((self.tasks[i].uav, self.tasks[j].uav), []).append(now)
 
 
 def two() -> Scenario:
@@ -80,23 +57,17 @@ def six() -> Scenario:
     )
 
 
-def flown(
-    scenario: Scenario, folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> tuple[FlightReport, SeparationMonitor, Ui]:
-    monitor, ui = SeparationMonitor(scenario), Ui()
-    with monkeypatch.context() as patched:
-        inject(Trouble(on_step=monitor.look), patched)
-        report = fly(scenario, folder, ui=ui, options=SEPARATION_WAIVED)
-    assert report.all_arrived, [state.outcome for state in report.states.values()]
-    return report, monitor, ui
-
-
 @pytest.mark.parametrize("swarm", [two, *full_only(three, six)])
 def test_vehicles_that_arrive_at_one_goal_together_land_apart(
     swarm: Callable[[], Scenario], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    report, monitor, ui = flown(swarm(), tmp_path, monkeypatch)
-    assert monitor.too_close == {}
+    drawn, ui = RandomFlight(swarm(), Trouble()), Ui()
+    monitor = FlightMonitor(drawn)
+    monitor.attend()
+    inject(drawn.trouble, monkeypatch)
+    report = fly(drawn.scenario, tmp_path, ui=ui, options=SEPARATION_WAIVED)
+    assert report.all_arrived, [state.outcome for state in report.states.values()]
+    assert monitor.close == {}
     waits = [line for line in ui.said if line.endswith("[landing-queue]")]
     assert waits or any(line.endswith(("[stops-in-time]", "[plan-deferred-hold]")) for line in ui.said)
     goes_on = [line for line in ui.said if line.endswith("[descent-clear]")]

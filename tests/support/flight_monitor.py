@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
@@ -14,7 +13,7 @@ from typing import Any
 import msgspec
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from random_flights import ANSWERS_S, RandomFlight
-from recorded import effects, messages
+from recorded import effects, messages, on_the_wire
 
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.truth import Truth
@@ -195,14 +194,9 @@ def _is_passed(item: tuple[int, int, int, float], place: LatLon, first: tuple[in
 
 def _sent(folder: Path, name: str) -> Iterator[tuple[float, Any]]:
     """Yield the station's messages with their times."""
-    data, at = (folder / f"{name}.tlog").read_bytes(), 0
-    codec = mavlink.MAVLink(None)
-    while at < len(data):
-        time_us, _magic, length = struct.unpack_from(">QBB", data, at)
-        frame = data[at + 8 : at + 8 + 12 + length]
-        at += 8 + 12 + length
-        if frame[5] == STATION:
-            yield time_us / 1e6 - VIRTUAL_EPOCH_NS / 1e9, codec.decode(bytearray(frame))
+    for message in on_the_wire(folder, name):
+        if message.get_srcSystem() == STATION:
+            yield message._timestamp - VIRTUAL_EPOCH_NS / 1e9, message
 
 
 def _orders(monitor: FlightMonitor, folder: Path) -> Iterator[str]:
