@@ -4,48 +4,46 @@ from __future__ import annotations
 
 import struct
 from dataclasses import replace
+from typing import Any
 
 import pytest
 from flying_bench import BOTH, Faults, FlyingBench, on_the_ground, plan
 from profiles import full_only
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.station.exchanges import UploadPlan
+from sim_vehicle.station.frames import Receiver
+from sim_vehicle.station.messages import PlanItem
 from swarmctl.core.mission import MissionItem
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.mavlink.dialects import dialect_for
 from swarmctl.mavlink.events import StateChanged
-from swarmctl.mavlink.protocol.codec import GCS_COMPID, GCS_SYSID, FrameSplitter, decode
+from swarmctl.mavlink.protocol.codec import GCS_COMPID, GCS_SYSID
 from swarmctl.mavlink.protocol.conversation import MavlinkPeer
 from swarmctl.mavlink.protocol.mission_transfer import item_message
-from swarmctl.mavlink.protocol.mission_upload import Upload, UploadOutcome
 from swarmctl.mavlink.telemetry.mission_watch import OTHER_MISSION_LASTS_S, SETTLING_S, MissionWatch
 
 
 def another_uploads(bench: FlyingBench, north: int) -> None:
     """Upload by the protocol from another address, as QGroundControl does."""
-    items = bench.session.mission_items(plan(north=north, east=-0.002))
-    upload = Upload(MavlinkPeer(1, own_sysid=200, own_compid=190), items)
-    station = mavlink.MAVLink(None, srcSystem=200, srcComponent=190)
-    queue = upload.start(bench.now)
+    items = [
+        PlanItem(i.command, i.x, i.y, i.z, i.frame, (i.param1, i.param2, i.param3, i.param4))
+        for i in bench.session.mission_items(plan(north=north, east=-0.002))
+    ]
+    station, receiver, queue = mavlink.MAVLink(None, 200, 190), Receiver(), list[Any]()
+    upload = UploadPlan(queue.append, (1, 1), items, sysid=200)
+    upload.begin(bench.now)
     for _ in range(400):
-        frames = [
-            frame
-            for message in queue
-            for _, frame in bench.fleet.receive(message.pack(station), bench.now, peer="other")
-        ]
-        queue = []
-        for frame in frames:
-            for part in FrameSplitter().feed(frame):
-                message = decode(part)
-                if message is not None and upload.result is None:
-                    queue += upload.receive(message, bench.now)
-        if upload.result is not None:
+        while queue:
+            for _, frame in bench.fleet.receive(queue.pop(0).pack(station), bench.now, peer="other"):
+                for message in receiver.messages(frame):
+                    upload.receive(message, bench.now)
+        if upload.outcome is not None:
             break
-        if not queue:
-            bench.run(FlyingBench.STEP_S)
-            queue = upload.tick(bench.now)
-    assert upload.result is not None
-    assert upload.result.outcome is UploadOutcome.ACCEPTED
+        bench.run(FlyingBench.STEP_S)
+        upload.tick(bench.now)
+    assert upload.outcome is not None
+    assert upload.outcome.accepted
 
 
 def states(bench: FlyingBench) -> list[VehicleState]:

@@ -12,7 +12,6 @@ from simulator_process import (
     Ground,
     free_tcp_port,
     free_udp_port,
-    heartbeat,
     line,
     simulator,
     udp_socket,
@@ -27,6 +26,7 @@ from sim_vehicle.links.url import parse_url
 from sim_vehicle.scenarios import default_scenario
 from sim_vehicle.serving.pace import RealTime
 from sim_vehicle.serving.server import Server
+from sim_vehicle.station.messages import heartbeat
 from sim_vehicle.wire.outbox import Frames
 
 pytestmark = pytest.mark.interop

@@ -15,6 +15,7 @@ from typing import Any
 from namespaces import until
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.station.messages import PlanItem, command_long, set_mode
 from swarmctl.core.geo import distance_m
 
 OTHER_STATION = 250
@@ -116,9 +117,7 @@ class Witness:
 
     def set_mode(self, sysid: int, custom_mode: int) -> None:
         """Select a mode as another station does, and wait until the vehicle reports the mode."""
-        is_px4 = custom_mode > 0xFFFF
-        main, sub = (custom_mode >> 16 & 0xFF, custom_mode >> 24) if is_px4 else (custom_mode, 0)
-        self._command(sysid, mavlink.MAV_CMD_DO_SET_MODE, 1, main, sub)
+        self._send(sysid, set_mode((sysid, 1), custom_mode))
         self.until(lambda w: w[sysid].mode == custom_mode, f"mode {custom_mode} of {sysid}", ANSWER_S)
 
     def set_parameter(self, sysid: int, name: str, value: float) -> None:
@@ -134,11 +133,8 @@ class Witness:
 
     def upload(self, sysid: int, items: Sequence[tuple[int, float, float, float]]) -> None:
         """Upload a mission of (command, latitude, longitude, height) as another station does."""
-        frame = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT
         self._uploads[sysid] = [
-            mavlink.MAVLink_mission_item_int_message(
-                sysid, 1, seq, frame, command, 0, 1, 0, 0, 0, 0, round(lat * 1e7), round(lon * 1e7), height
-            )
+            PlanItem(command, round(lat * 1e7), round(lon * 1e7), height).message((sysid, 1), seq)
             for seq, (command, lat, lon, height) in enumerate(items)
         ]
         self._seen[sysid].messages.pop("MISSION_ACK", None)
@@ -199,11 +195,9 @@ class Witness:
             mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
             mavlink.MAVLINK_MSG_ID_MISSION_CURRENT,
         ):
-            self._command(sysid, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, number, 1e6 / POSITION_HZ)
-
-    def _command(self, sysid: int, command: int, *params: float) -> None:
-        padded = [*params, *[0.0] * (7 - len(params))]
-        self._send(sysid, mavlink.MAVLink_command_long_message(sysid, 1, command, 0, *padded))
+            interval_us = 1e6 / POSITION_HZ
+            command = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
+            self._send(sysid, command_long((sysid, 1), command, number, interval_us))
 
     def _send(self, sysid: int, message: Any) -> None:
         self._socket.sendto(message.pack(self._codec), self._seen[sysid].address)

@@ -13,6 +13,7 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.station.frames import Receiver
+from sim_vehicle.station.messages import command_long
 
 LIMIT_S = 20.0
 
@@ -188,9 +189,4 @@ class Ground:
         )
 
     def reboot(self, target: int) -> None:
-        self.send(mavlink.MAVLink_command_long_message(target, 0, 246, 0, 1, 0, 0, 0, 0, 0, 0))
-
-
-def heartbeat() -> Any:
-    """Return the heartbeat of a ground station."""
-    return mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3)
+        self.send(command_long((target, 0), mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1))
