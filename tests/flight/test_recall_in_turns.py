@@ -5,15 +5,16 @@ from __future__ import annotations
 import asyncio
 import json
 import re
+from collections.abc import Awaitable, Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 from agent_stories import Story, answers, orders
-from companion_world import NAMES, STATION, Swarm
+from companion_world import STATION, Swarm
 from flights import FaultyUi, Ui, coded, fly, fly_with_commands
-from interruptions import interrupting
+from interruptions import interrupting, interrupts
 from recall_stories import ReturnMonitor, gathering, landing_together
 from trouble import Trouble, fly_with, inject, select_mode
 
@@ -23,6 +24,7 @@ from swarmctl.agent.phases import Phase
 from swarmctl.agent.state import ARRIVED
 from swarmctl.agent.traffic.return_schedule import MIN_HORIZONTAL_M
 from swarmctl.agent.traffic.wait import Wait, WaitFor
+from swarmctl.config.scenario import Scenario
 from swarmctl.core import events as ev
 from swarmctl.core.events import FlightOrder
 from swarmctl.core.messages import GiveOrder, OperatorAnswer, VehicleAnswer
@@ -149,30 +151,70 @@ def test_vehicles_recalled_before_the_launch_stay_on_the_ground(
     assert report.all_arrived
 
 
-@pytest.mark.full
-def test_agents_in_several_processes_return_in_turns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monitor = ReturnMonitor()
-    inject(Trouble(on_step=monitor), monkeypatch)
+Presses = list[Callable[[], None]]
+"""functions that press Ctrl-C, one for each agent"""
 
-    async def scene() -> tuple[list[OperatorAnswer], list[FlightReport]]:
-        swarm = Swarm(tmp_path, gathering())
-        for uav in NAMES:
+
+def flown_by_agents(
+    scenario: Scenario,
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    after_s: float,
+    act: Callable[[Swarm, Presses], Awaitable[None]],
+) -> list[FlightReport]:
+    """Fly each vehicle by an agent of its own, and act `after_s` seconds after all of them fly."""
+    presses = interrupts(monkeypatch)
+
+    async def scene() -> list[FlightReport]:
+        swarm = Swarm(folder, scenario)
+        uavs = [spec.sysid for spec in scenario.specs]
+        for uav in uavs:
             swarm.start(uav, "when-ready")
-        for uav in NAMES:
+        for uav in uavs:
             await swarm.until(uav, Phase.FLYING)
-        await asyncio.sleep(45.0)
-        answers = []
-        for _ in range(2):
-            answers.append(await recall.ask(swarm.bus, STATION, GiveOrder(None, "return")))
-            await asyncio.sleep(5.0)
-        return answers, list(await asyncio.gather(*swarm.flights.values()))
+        await asyncio.sleep(after_s)
+        await act(swarm, presses)
+        return list(await asyncio.gather(*swarm.flights.values()))
 
-    (first, second), reports = run_virtual(scene())
-    assert outcomes(first) == outcomes(second) == ["taken"] * 3
-    assert any(vehicle.note.endswith("[already-done]") for vehicle in second.vehicles)
+    return list(run_virtual(scene()))
+
+
+async def press_all(_swarm: Swarm, presses: Presses) -> None:
+    for press in presses:
+        press()
+
+
+async def order_all(swarm: Swarm, _presses: Presses) -> None:
+    answers = []
+    for _ in range(2):
+        answers.append(await recall.ask(swarm.bus, STATION, GiveOrder(None, "return")))
+        await asyncio.sleep(5.0)
+    assert [outcomes(answer) for answer in answers] == [["taken"] * 3] * 2
+    assert any(vehicle.note.endswith("[already-done]") for vehicle in answers[1].vehicles)
+
+
+@pytest.mark.parametrize(
+    ("act", "ended"),
+    [
+        pytest.param(press_all, "stopped", id="Ctrl-C"),
+        pytest.param(order_all, "ended", id="orders", marks=pytest.mark.full),
+    ],
+)
+def test_agents_in_several_processes_return_in_turns(
+    act: Callable[[Swarm, Presses], Awaitable[None]],
+    ended: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """No process assigns turns after Ctrl-C on each."""
+    inject(Trouble(on_step=(monitor := ReturnMonitor())), monkeypatch)
+    reports = flown_by_agents(gathering(), tmp_path, monkeypatch, 43.0, act)
+    assert [report.ended for report in reports] == [ended] * 3
     assert len({round(at_s) for at_s in monitor.since_s.values()}) > 1
+    assert monitor.least_m > MIN_HORIZONTAL_M
     states = [state for report in reports for state in report.states.values()]
     assert [(state.phase, state.order.given) for state in states] == [(Phase.DONE, RETURN)] * 3
+    assert not any(state.vehicle.armed for state in states)
 
 
 @pytest.mark.full
@@ -209,13 +251,19 @@ def test_ctrl_c_twice_returns_all_vehicles_at_the_same_time(
 
 
 @pytest.mark.full
-def test_ctrl_c_lands_the_lower_of_two_vehicles_first(tmp_path: Path) -> None:
-    ui = Ui()
-    report = fly(landing_together(), tmp_path, address_of=interrupting(66.0), ui=ui)
-    assert report.final_states == ()  # both landed in their goal cell, so they have arrived
-    down_s = [report.statistics.vehicles[uav].last_s for uav in (1, 2)]
-    assert down_s[1] > down_s[0]
-    assert report.summary["separation"]["too_close"] == []
+@pytest.mark.parametrize("by_agents", [False, True], ids=["one process", "several"])
+def test_ctrl_c_lands_the_lower_of_two_vehicles_first(
+    by_agents: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if by_agents:
+        reports = flown_by_agents(landing_together(), tmp_path, monkeypatch, 60.0, press_all)
+    else:
+        reports = [fly(landing_together(), tmp_path, address_of=interrupting(66.0))]
+    down_s = {uav: report.statistics.vehicles[uav].last_s for report in reports for uav in report.states}
+    assert down_s[2] > down_s[1]
+    for report in reports:
+        assert report.final_states == ()  # both landed in their goal cell, so they have arrived
+        assert report.summary["separation"]["too_close"] == []
 
 
 def test_a_failed_flight_returns_the_vehicles_in_turns(

@@ -5,16 +5,16 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import shutil
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import pytest
+from companion_world import Swarm
 from crash_world import STEP_S, Wire
-from flights import Ui, small
+from flights import small
 
 from sim_vehicle.fleet import Fleet
-from swarmctl.bus.transports.memory import MemoryBus
-from swarmctl.config.scenario import Scenario
 from swarmctl.flight import companion, virtual_simulator
 from swarmctl.flight.run import VIRTUAL_EPOCH_NS
 from swarmctl.flight.virtual_clock import run_virtual
@@ -26,12 +26,10 @@ UAVS = (1, 2)
 DIES_S, RESTARTS_S = 30.0, 45.0
 
 
-class Companions:
-    def __init__(self, folder: Path, scenario: Scenario) -> None:
-        self.folder, self.scenario = folder, scenario
-        self.bus = MemoryBus()
-        self.wires: dict[int, Wire] = {}
-        self.fleets: dict[int, Fleet] = {}
+@dataclass
+class Companions(Swarm):
+    wires: dict[int, Wire] = field(default_factory=dict)
+    fleets: dict[int, Fleet] = field(default_factory=dict)
 
     def fleet_of(self, content: Any, **more: Any) -> Wire:
         (spec,) = content.vehicles
@@ -39,22 +37,6 @@ class Companions:
             self.fleets[spec.sysid] = Fleet(content, **more)
         wire = self.wires[spec.sysid] = Wire(self.fleets[spec.sysid], lambda _now, _n: None)
         return wire
-
-    def start(self, uav: int, name: str, resumes: UnfinishedRun | None = None) -> asyncio.Task[FlightReport]:
-        folder = self.folder / name
-        folder.mkdir()
-        return asyncio.create_task(
-            companion.fly(
-                companion.scenario_for(self.scenario, uav),
-                folder,
-                Ui(),
-                clock="virtual",
-                permission=lambda _external: None,
-                launch="when-ready",
-                bus=self.bus,
-                resumes=resumes,
-            )
-        )
 
     async def fly_on(self, uav: int, until_s: float) -> None:
         """Let a vehicle fly without an agent."""
@@ -64,19 +46,20 @@ class Companions:
             self.fleets[uav].step(loop.time())
 
     async def story(self) -> tuple[UnfinishedRun, dict[int, FlightReport]]:
-        flights = {uav: self.start(uav, f"uav{uav}") for uav in UAVS}
+        for uav in UAVS:
+            self.start(uav, "when-ready")
         await asyncio.sleep(DIES_S)
         shutil.copytree(self.folder / "uav1", self.folder / "crash")
         self.wires[1].is_cut = True
-        flights[1].cancel()
+        self.flights[1].cancel()
         with contextlib.suppress(asyncio.CancelledError):
-            await flights[1]
+            await self.flights[1]
         await self.fly_on(1, RESTARTS_S)
         alone = companion.scenario_for(self.scenario, 1)
         _, run = unfinished_run.load(self.folder / "crash", lambda _config: alone, VIRTUAL_EPOCH_NS)
         with run.file:
-            flights[1] = self.start(1, "uav1-on", run)
-            return run, {uav: await flight for uav, flight in flights.items()}
+            self.start(1, "when-ready", name="uav1-on", resumes=run)
+            return run, {uav: await flight for uav, flight in self.flights.items()}
 
 
 @pytest.mark.full

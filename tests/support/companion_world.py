@@ -19,6 +19,7 @@ from swarmctl.core.messages import (
 from swarmctl.flight import companion
 from swarmctl.flight.director import Launch
 from swarmctl.report.outcome import FlightReport
+from swarmctl.report.unfinished_run import UnfinishedRun
 from swarmctl.station import client
 
 NAMES = {1: "uav1", 2: "uav2", 3: "uav3"}
@@ -37,8 +38,16 @@ class Swarm:
     uis: dict[int, Ui] = field(default_factory=dict)
     flights: dict[int, asyncio.Task[FlightReport]] = field(default_factory=dict)
 
-    def start(self, uav: int, launch: Launch = "ordered") -> None:
-        folder = self.folder / f"uav{uav}"
+    def start(
+        self,
+        uav: int,
+        launch: Launch = "ordered",
+        *,
+        name: str = "",
+        resumes: UnfinishedRun | None = None,
+    ) -> None:
+        """Start the agent of a vehicle; its run folder is `name`, or else named like the vehicle."""
+        folder = self.folder / (name or f"uav{uav}")
         folder.mkdir()
         self.uis[uav] = Ui()
         self.flights[uav] = asyncio.create_task(
@@ -50,6 +59,7 @@ class Swarm:
                 permission=lambda foreign: None,
                 launch=launch,
                 bus=self.bus,
+                resumes=resumes,
             )
         )
 

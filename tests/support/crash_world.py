@@ -20,7 +20,7 @@ from flights import Ui
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from random_flights import RandomFlight
 from recorded import effects
-from trouble import Trouble
+from trouble import Trouble, watched
 
 from sim_vehicle.fleet import Fleet
 from swarmctl.config.scenario import Scenario
@@ -188,13 +188,7 @@ def resume(
     loop, ui = VirtualTimeLoop(), Ui()
     loop.advance(crash.at_s)
 
-    class Watched(Fleet):
-        def step(self, now: float) -> Any:
-            frames = super().step(now)
-            monitor.drawn.trouble.watch(self)
-            return frames
-
-    crash.fleet.__class__ = Watched
+    crash.fleet.__class__ = watched(monitor.drawn.trouble)
     folder.mkdir(parents=True)
     run = unfinished(scenario, crash)
     with monkeypatch.context() as patched, run.file:

@@ -84,9 +84,8 @@ def select_mode(sysid: int, mode: str) -> Callable[[Fleet], None]:
     return lambda fleet: another_station_sends(fleet, mode_message(sysid, MODES[mode]))
 
 
-def inject(trouble: Trouble, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Give this trouble to the simulator of every following flight."""
-    scenario_json = virtual_simulator.scenario_json
+def watched(trouble: Trouble) -> type[Fleet]:
+    """Return the class of a fleet that this trouble meets at every step."""
 
     class Watched(Fleet):
         def step(self, now: float) -> Any:
@@ -94,10 +93,16 @@ def inject(trouble: Trouble, monkeypatch: pytest.MonkeyPatch) -> None:
             trouble.watch(self)
             return frames
 
+    return Watched
+
+
+def inject(trouble: Trouble, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Give this trouble to the simulator of every following flight."""
+    scenario_json = virtual_simulator.scenario_json
     monkeypatch.setattr(
         virtual_simulator, "scenario_json", lambda scenario: trouble.added_to(scenario_json(scenario))
     )
-    monkeypatch.setattr(virtual_simulator, "Fleet", Watched)
+    monkeypatch.setattr(virtual_simulator, "Fleet", watched(trouble))
 
 
 def fly_with(
