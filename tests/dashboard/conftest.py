@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 from dashboard_process import StartDashboard
-from swarmctl_process import SWARMCTL
+from swarmctl_process import started
 
 CHROMIUM = shutil.which("chromium")
 LONGEST_WAIT_S = 90.0
@@ -39,17 +39,8 @@ def start_dashboard() -> Iterator[StartDashboard]:
     with ExitStack() as processes:
 
         def start(*words: str | Path, cwd: Path | None = None) -> subprocess.Popen[str]:
-            process = subprocess.Popen(
-                [*SWARMCTL, *map(str, words)],
-                cwd=cwd,
-                # Without a desktop the program opens no browser itself.
-                env=dict(os.environ, DISPLAY="", WAYLAND_DISPLAY=""),
-                stdout=subprocess.PIPE,
-                stderr=subprocess.STDOUT,
-                text=True,
-            )
-            processes.enter_context(process)
-            processes.callback(process.kill)
-            return process
+            # Without a desktop the program opens no browser itself.
+            no_desktop = dict(os.environ, DISPLAY="", WAYLAND_DISPLAY="")
+            return processes.enter_context(started(*words, cwd=cwd, env=no_desktop))
 
         yield start

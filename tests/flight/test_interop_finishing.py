@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from swarmctl_process import run
 
 from swarmctl.cli.flights import LATE_INTERRUPT
 
@@ -44,14 +44,7 @@ def flown(
     room, module, name = where.rsplit(".", 2)
     code = INTERRUPTED_WHERE.replace("ROOM", room).replace("MODULE", module).replace("NAME", name)
     code = code.replace("NUMBER", number).replace("TIMES", str(times))
-    return subprocess.run(
-        [sys.executable, "-c", code, *words, "--config", "small.yaml"],
-        cwd=folder,
-        timeout=90.0,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    return run(*words, "--config", "small.yaml", cwd=folder, program=code)
 
 
 @pytest.mark.parametrize(

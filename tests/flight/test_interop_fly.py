@@ -8,12 +8,12 @@ import select
 import signal
 import socket
 import subprocess
-import sys
 from contextlib import suppress
 from pathlib import Path
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from simulator_process import simulator
 from swarmctl_process import ROOT, read_until, run, started
 from zenoh_nodes import free_port
 
@@ -119,14 +119,11 @@ def test_a_vehicle_of_a_separate_simulator_is_flown_by_its_url(tmp_path: Path) -
     port = free_port()
     config = tmp_path / "by_url.yaml"
     config.write_text(vehicles(port, timeout_s=15.0))
-    home = ["--home", "46.0,14.399,300", "--sysid", "7", "--ready-s", "1", "--speedup", "20"]
-    home += ["--param", "LAND_SPEED=150", "--param", "WPNAV_SPEED_DN=300", "--param", "DISARM_DELAY=0"]
-    command = [sys.executable, "-m", "sim_vehicle", *home, "--url", f"udpout:127.0.0.1:{port}"]
-    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as simulator:
-        try:
-            done = run("fly", "--config", config, cwd=tmp_path)
-        finally:
-            simulator.terminate()
+    options = ["--home", "46.0,14.399,300", "--sysid", "7", "--speedup", "20"]
+    for value in ("LAND_SPEED=150", "WPNAV_SPEED_DN=300", "DISARM_DELAY=0"):
+        options += ["--param", value]
+    with simulator(*options, "--url", f"udpout:127.0.0.1:{port}"):
+        done = run("fly", "--config", config, cwd=tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "1 of 1 arrived" in done.stdout
 
@@ -193,10 +190,10 @@ def test_no_simulator_is_left_behind(tmp_path: Path) -> None:
     config.write_text(SMALL + "simulate: {count: 1, speedup: 20}\n")
     with started("fly", "--config", config, cwd=tmp_path) as process:
         read_until(process, "uav1: flying")
-        (simulator,) = simulators_of(process)
+        (child,) = simulators_of(process)
         process.kill()
         process.wait(timeout=10.0)
-    assert has_ended(simulator), "the simulator outlived the ground station"
+    assert has_ended(child), "the simulator outlived the ground station"
 
 
 @pytest.mark.full
@@ -217,8 +214,8 @@ def test_a_simulator_that_dies_is_reported_with_its_vehicles(tmp_path: Path) -> 
     config.write_text(SMALL + "simulate: {count: 1, speedup: 5, ready_s: 0}\n")
     with started("fly", "--config", config, cwd=tmp_path) as process:
         read_until(process, "uav1: flying")
-        (simulator,) = simulators_of(process)
-        os.kill(simulator, signal.SIGKILL)
+        (child,) = simulators_of(process)
+        os.kill(child, signal.SIGKILL)
         lines = read_until(process, "run folder:")
         assert process.wait(timeout=30.0) == 1
     assert any(" signal 9 " in line and line.endswith("[simulator-ended]") for line in lines)

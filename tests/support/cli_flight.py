@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from dataclasses import dataclass
 from pathlib import Path
+
+from swarmctl_process import run
 
 SMALL = """\
 name: small
@@ -32,19 +32,8 @@ class CliFlight:
 def fly(folder: Path, *words: str | Path) -> CliFlight:
     """Fly on the virtual clock; `words` select the configuration."""
     out = folder / "runs"
-    command = [
-        sys.executable,
-        "-c",
-        PROGRAM,
-        "fly",
-        "--clock",
-        "virtual",
-        "--out",
-        str(out),
-        *map(str, words),
-    ]
-    done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=300)
+    done = run("fly", "--clock", "virtual", "--out", out, *words, cwd=None, timeout_s=300.0, program=PROGRAM)
     assert done.returncode == 0, done.stdout + done.stderr
-    (run,) = out.iterdir()
+    (run_folder,) = out.iterdir()
     *lines, compilers = done.stdout.splitlines()
-    return CliFlight(run, "\n".join(lines), compilers.split())
+    return CliFlight(run_folder, "\n".join(lines), compilers.split())

@@ -9,15 +9,19 @@ from contextlib import contextmanager
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-
-
-SWARMCTL = [sys.executable, "-c", "from swarmctl.cli.entry import main; main()"]
+PROGRAM = "from swarmctl.cli.entry import main; main()"
+SWARMCTL = [sys.executable, "-c", PROGRAM]
 
 
 def run(
-    *words: str | Path, cwd: Path, timeout_s: float = 90.0, env: Mapping[str, str] | None = None
+    *words: str | Path,
+    cwd: Path | None,
+    timeout_s: float = 90.0,
+    env: Mapping[str, str] | None = None,
+    program: str = PROGRAM,
 ) -> subprocess.CompletedProcess[str]:
-    command = [*SWARMCTL, *map(str, words)]
+    """Run the program to its end; `program`: Python code that starts it in another way."""
+    command = [sys.executable, "-c", program, *map(str, words)]
     return subprocess.run(
         command, cwd=cwd, env=env, timeout=timeout_s, capture_output=True, text=True, check=False
     )
@@ -25,7 +29,7 @@ def run(
 
 @contextmanager
 def started(
-    *words: str | Path, cwd: Path, env: Mapping[str, str] | None = None
+    *words: str | Path, cwd: Path | None, env: Mapping[str, str] | None = None
 ) -> Iterator[subprocess.Popen[str]]:
     """Run the program during the block, with errors in its output, and kill it at the end."""
     command = [*SWARMCTL, *map(str, words)]
