@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 
 import pytest
-from wings_configs import winged
+from wings_flights import winged
 
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.decide import first_flight, first_problem, first_route
@@ -15,11 +15,10 @@ from swarmctl.agent.replan.route_to_mission import corners_ahead
 from swarmctl.agent.replan.splice import splice_on_route
 from swarmctl.agent.replan.swap_times import SwapTimes
 from swarmctl.agent.state import AgentState, begin
-from swarmctl.config.scenario import build
 from swarmctl.core import events as ev
 from swarmctl.core.grid import Cell
 
-SCENARIO = build(winged())
+SCENARIO = winged()
 GRID = SCENARIO.grid
 WING, _ = SCENARIO.tasks
 ROUTE = tuple((3, col) for col in range(12))

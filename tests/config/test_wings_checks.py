@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from pydantic import ValidationError
-from wings_configs import winged
+from wings_flights import winged, winged_config
 
 from swarmctl.config.checks import check_config
 from swarmctl.config.model import Config
@@ -35,7 +35,7 @@ def plane(**changes: Any) -> dict[str, Any]:
 
 
 def real(*vehicles: dict[str, Any], **sections: Any) -> Config:
-    content = json.loads(winged(**sections).model_dump_json(exclude={"simulate"}, exclude_unset=True))
+    content = json.loads(winged_config(**sections).model_dump_json(exclude={"simulate"}, exclude_unset=True))
     return Config.model_validate_json(json.dumps({**content, "vehicles": list(vehicles)}))
 
 
@@ -45,7 +45,7 @@ def found(config: Config) -> list[tuple[str, str]]:
 
 @pytest.mark.parametrize("autopilot", ["arduplane", "px4plane"])
 def test_fixed_wings_and_copters_may_fly_together(autopilot: str) -> None:
-    assert found(winged(simulate={"autopilot": [autopilot, "ardupilot"]})) == []
+    assert found(winged_config(simulate={"autopilot": [autopilot, "ardupilot"]})) == []
     assert found(real(plane())) == []
 
 
@@ -55,7 +55,7 @@ def test_fixed_wings_and_copters_may_fly_together(autopilot: str) -> None:
         ({"flight": {"any_angle": False}}, "flight.any_angle", ()),
         ({"simulate": {"start_distance_m": 60.0}}, "simulate.start_distance_m", ("uav1", "85 m")),
         ({"wings": {"takeoff_height_m": 60.0}}, "simulate.start_distance_m", ("60 m", "takeoff_height_m")),
-        ({"wings": {"final_height_m": 50.0}}, "wings.final_height_m", ("uav1", "40 m", "50 m")),
+        ({"wings": {"final_height_m": 50.0}}, "wings.final_height_m", ("uav1", "30 m", "50 m")),
         ({"simulate": {"goal": [5, 11]}}, "simulate.goal", ("uav1", "uav2")),
         ({"simulate": {"link": "mavsdk"}}, "simulate.link", ("direct",)),
         (
@@ -70,12 +70,12 @@ def test_fixed_wings_and_copters_may_fly_together(autopilot: str) -> None:
 def test_a_setting_that_a_fixed_wing_cannot_fly_is_reported_at_its_key(
     sections: dict[str, Any], key: str, values: tuple[str, ...]
 ) -> None:
-    problems = found(winged(**sections))
+    problems = found(winged_config(**sections))
     assert any(key == where and all(v in text for v in values) for where, text in problems), problems
 
 
 def test_the_section_wings_without_a_fixed_wing_is_refused() -> None:
-    (problem,) = found(winged(simulate={"autopilot": "ardupilot"}, wings={"glide_deg": 5.0}))
+    (problem,) = found(winged_config(simulate={"autopilot": "ardupilot"}, wings={"glide_deg": 5.0}))
     assert problem[0] == "wings"
 
 
@@ -97,12 +97,12 @@ def test_landings_that_meet_are_refused_at_any_time() -> None:
 )
 def test_contradictory_wings_are_refused(wings: dict[str, float], values: tuple[str, ...]) -> None:
     with pytest.raises(ValidationError) as error:
-        winged(wings=wings)
+        winged_config(wings=wings)
     assert all(value in str(error.value) for value in values)
 
 
 def test_a_task_has_the_configured_performance_of_its_fixed_wing() -> None:
-    scenario = build(winged(wings={"turn_radius_m": 45.0, "speed_m_s": 17.0}))
+    scenario = winged(wings={"turn_radius_m": 45.0, "speed_m_s": 17.0})
     wing, copter = scenario.tasks
     assert wing.wings is not None
     assert (wing.turn_radius_m, wing.arrival.speed_m_s) == (45.0, 17.0)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import asyncio
 
 import pytest
-from link_world import WIRE, FleetWorld, north, play, until
+from link_world import WIRE, FleetWorld, play, until
+from wire_bench import north_of_home
 
 from sim_vehicle.faults.spec import parse_fault
 from swarmctl.links.base import AddressChanged, SystemIdConflict, VehicleRebooted
@@ -31,7 +32,7 @@ def test_a_rebooted_vehicle_is_followed_to_its_new_port():
             await until(lambda: link.state().has_position)
             world.to_vehicles.clear()
             await link.prepare(60, lambda _: None)
-            await link.upload(north(2))
+            await link.upload(north_of_home(2))
             assert {address for _, address in world.to_vehicles} == {new}
             assert not any(isinstance(event, SystemIdConflict) for event in world.events)
 
@@ -58,7 +59,7 @@ def test_system_ids_distinguish_a_mixed_fleet_on_one_endpoint():
             links = [world.link(sysid) for sysid in (1, 2, 3)]
             await asyncio.gather(*(link.connect(10) for link in links))
             await asyncio.gather(*(link.prepare(60, lambda _: None) for link in links))
-            await asyncio.gather(*(link.upload(north(2 + i)) for i, link in enumerate(links)))
+            await asyncio.gather(*(link.upload(north_of_home(2 + i)) for i, link in enumerate(links)))
             assert [link.state().mode for link in links] == ["GUIDED", "AUTO.LOITER", "GUIDED"]
             counts = [vehicle.mission.count for vehicle in world.fleet.vehicles]
             assert counts == [len(link.items()) for link in links] == [5, 5, 7]

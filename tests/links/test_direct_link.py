@@ -6,9 +6,10 @@ import asyncio
 from pathlib import Path
 
 import pytest
-from link_world import BEGAN_US, World, flying, north, play
+from link_world import BEGAN_US, World, flying, play
 from pymavlink import mavutil
 from scripted_copter import Copter
+from wire_bench import north_of_home
 
 from swarmctl.links.base import (
     AddressChanged,
@@ -57,7 +58,7 @@ def test_no_vehicle_is_armed_before_its_evidence_is_on_disk():
             link = world.link()
             await link.connect(10)
             await link.prepare(30, lambda _: None)
-            await link.upload(north(2))
+            await link.upload(north_of_home(2))
             with pytest.raises(LaunchFailed, match="the disk is full"):
                 await link.launch()
             assert not {command for command, _ in world.copters[1].commands} & {300, 400}
@@ -127,7 +128,7 @@ def test_equal_runs_send_equal_bytes():
         async def story():
             async with World(Copter(1)) as world:
                 link = await flying(world)
-                await link.swap(north(5, east=0.001))
+                await link.swap(north_of_home(5, east=0.001))
                 sent.extend(world.to_vehicles)
 
         play(story())
@@ -143,7 +144,7 @@ def test_the_tlog_is_read_by_pymavlink_with_both_directions(tmp_path):
         async with World(Copter(1), tlog=path) as world:
             link = world.link()
             await link.connect(10)
-            await link.upload(north(2))
+            await link.upload(north_of_home(2))
             await asyncio.sleep(2)
 
     play(story())
@@ -167,9 +168,9 @@ def test_an_unwritable_tlog_is_reported_once_and_the_link_stays(path):
         async with World(Copter(1), tlog=Path(path)) as world:
             link = world.link()
             await link.connect(10)
-            await link.upload(north(2))
+            await link.upload(north_of_home(2))
             await asyncio.sleep(10)
-            await link.upload(north(3))
+            await link.upload(north_of_home(3))
             link.close()
         (line,) = world.said
         assert line.startswith(path)
@@ -210,7 +211,7 @@ def test_a_closed_front_end_sends_nothing_and_leaves_no_timers():
             await link.connect(10)
             await link.prepare(30, lambda _: None)
             world.silent = True
-            uploading = asyncio.create_task(link.upload(north(3)))
+            uploading = asyncio.create_task(link.upload(north_of_home(3)))
             await asyncio.sleep(0.5)
             await world.front.close()
             await asyncio.sleep(0.01)

@@ -8,9 +8,10 @@ from pathlib import Path
 import pytest
 from evidence_files import ARM as ARMING
 from evidence_files import HOLD, Written
-from link_world import World, north, play, until
+from link_world import World, play, until
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scripted_copter import Copter
+from wire_bench import north_of_home
 
 from swarmctl.links.base import LaunchFailed
 
@@ -45,7 +46,7 @@ def test_an_arming_command_that_cannot_be_recorded_is_not_sent(tmp_path: Path) -
             link = world.link()
             await link.connect(10)
             await link.prepare(30, lambda _: None)
-            await link.upload(north(8))
+            await link.upload(north_of_home(8))
             with pytest.raises(LaunchFailed, match=r"\[no-arming\]"):
                 await link.launch(world.disk_is_full)
             assert world.launch_commands() == []

@@ -9,8 +9,9 @@ import asyncio
 import contextlib
 
 import pytest
-from link_world import World, asked_of, flying, north, play, until
+from link_world import World, asked_of, flying, play, until
 from scripted_copter import Copter, Script
+from wire_bench import north_of_home
 
 from swarmctl.core.setpoint import SetPoint
 from swarmctl.links import LINKS
@@ -65,11 +66,11 @@ def test_a_whole_flight_with_a_swap(kind):
             await link.prepare(30, reasons.append)
             assert any("STABILIZE" in reason for texts in reasons for reason in texts)
             assert link.state().ready
-            await link.upload(north(8))
+            await link.upload(north_of_home(8))
             await link.launch()
             assert link.state().alt_rel_m > 0.5
             await until(lambda: link.state().mission_seq == 3)
-            await link.swap(north(6, east=0.002))
+            await link.swap(north_of_home(6, east=0.002))
             assert [i.command for i in link.items()] == [16, 22, *[16] * 8, 21, *[16] * 6, 21]
             assert link.items()[11].y == round(14.508 * 1e7), "the new route is not appended to the old one"
             await until(lambda: not copter.armed, 200)
@@ -180,7 +181,7 @@ def test_failures_name_the_vehicle_the_url_and_its_reason(kind, script, error, p
             world.copters[1].script = script
             context = pytest.raises(error, match=part) if error else contextlib.nullcontext()
             with context as caught:
-                await link.upload(north(3))
+                await link.upload(north_of_home(3))
                 await link.launch()
             if error:
                 assert "alpha (system 1 at memory:test)" in str(caught.value)
@@ -194,7 +195,7 @@ def test_a_blocked_launch_does_not_arm(kind):
             link = world.link()
             await link.connect(10)
             await link.prepare(30, lambda _: None)
-            await link.upload(north(3))
+            await link.upload(north_of_home(3))
             with pytest.raises(LaunchBlockedError, match=r"alpha .* vehicle 7") as caught:
                 await link.launch(lambda: "vehicle 7")
             assert (caught.value.why, caught.value.was_armed) == ("vehicle 7", False)
@@ -211,12 +212,12 @@ def test_a_failed_swap_reports_the_mission_that_is_flown(kind):
         async with World(Copter(1), kind=kind) as world:
             link = await flying(world)
             world.copters[1].script = Script(refuse_set_current=True)
-            done = await link.swap(north(4, east=0.001))
+            done = await link.swap(north_of_home(4, east=0.001))
             assert "DO_SET_MISSION_CURRENT" in done.failure
             assert done.flying == "hold"
             await link.return_home()
             assert link.state().mode == "RTL"
-            done = await link.swap(north(4, east=0.001))
+            done = await link.swap(north_of_home(4, east=0.001))
             assert "RTL" in done.failure
             assert done.flying == "theirs"
 
@@ -228,10 +229,10 @@ def test_hold_interrupts_a_swap_and_other_calls_are_refused_as_busy(kind):
         async with World(Copter(1), kind=kind) as world:
             link = await flying(world)
             world.silent = True
-            swap = asyncio.create_task(link.swap(north(6, east=0.002)))
+            swap = asyncio.create_task(link.swap(north_of_home(6, east=0.002)))
             await asyncio.sleep(0.1)
             with pytest.raises(Busy, match=r"upload .*swap"):
-                await link.upload(north(2))
+                await link.upload(north_of_home(2))
             world.silent = False
             await link.hold()
             assert link.state().mode == "GUIDED"
@@ -249,7 +250,7 @@ def test_a_cancelled_upload_is_cancelled_on_the_vehicle(kind):
             link = world.link()
             await link.connect(10)
             copter.on_mission_item_int = lambda m: None
-            upload = asyncio.create_task(link.upload(north(3)))
+            upload = asyncio.create_task(link.upload(north_of_home(3)))
             await until(lambda: copter.transfer is not None)
             upload.cancel()
             with pytest.raises(asyncio.CancelledError):
@@ -258,7 +259,7 @@ def test_a_cancelled_upload_is_cancelled_on_the_vehicle(kind):
             assert copter.acks_received == [15]
             assert ProcedureDone("upload", Done("cancelled")) in world.events
             del copter.on_mission_item_int
-            await link.upload(north(3))
+            await link.upload(north_of_home(3))
 
     play(story(), real=kind != "direct")
 
@@ -358,7 +359,7 @@ def test_set_points_are_sent_before_and_during_the_call_that_follows_them(kind):
                 await link.follow_setpoints()
             await link.connect(10)
             await link.prepare(30, lambda _: None)
-            await link.upload(north(8))
+            await link.upload(north_of_home(8))
             with pytest.raises(CommandFailed):
                 await link.follow_setpoints()
             await link.launch()

@@ -5,9 +5,10 @@ from __future__ import annotations
 import asyncio
 
 import pytest
-from link_world import World, flying, north, play, until
+from link_world import World, flying, play, until
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scripted_copter import MODES, Copter, Script
+from wire_bench import north_of_home
 
 from swarmctl.links.base import CommandFailed, LinkError
 from swarmctl.links.url import Endpoint
@@ -68,7 +69,7 @@ def test_an_upload_without_its_last_acknowledgement_is_read_back():
                     send(message)
 
             copter.send = lossy
-            await link.upload(north(4))
+            await link.upload(north_of_home(4))
             assert lost
             assert len(link.items()) == len(copter.mission) == 7
             assert len(sent_of(world, "MISSION_COUNT")) == 1, "the mission was sent again"
@@ -85,7 +86,7 @@ def test_a_vehicle_without_the_messages_that_mavsdk_needs_is_refused_by_name():
             await link.connect(5)
             await link.prepare(10, lambda _: None)
             with pytest.raises(LinkError, match=r"alpha .*INT_MESSAGES_NOT_SUPPORTED"):
-                await link.upload(north(4))
+                await link.upload(north_of_home(4))
 
     play(story(), real=True)
 
@@ -99,7 +100,7 @@ def test_fifty_vehicles_share_one_mavsdk_without_mixing_messages():
             links = [world.link(i, f"v{i}") for i in range(1, 51)]
             await asyncio.gather(*(link.connect(10) for link in links))
             await asyncio.gather(*(link.prepare(20, lambda _: None) for link in links))
-            await asyncio.gather(*(link.upload(north(i % 7 + 1)) for i, link in enumerate(links)))
+            await asyncio.gather(*(link.upload(north_of_home(i % 7 + 1)) for i, link in enumerate(links)))
             assert [len(link.items()) for link in links] == [i % 7 + 4 for i in range(50)]
             assert [len(c.mission) for c in world.copters.values()] == [i % 7 + 4 for i in range(50)]
 

@@ -6,9 +6,10 @@ import asyncio
 from pathlib import Path
 
 import pytest
-from link_world import north, play, until
+from link_world import play, until
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from signed_world import KEY, SignedWorld, station
+from wire_bench import north_of_home
 
 from swarmctl.core.setpoint import SetPoint
 from swarmctl.links.base import FramesRefused, NoAnswer, VehicleLost
@@ -23,7 +24,7 @@ def test_pymavlink_verifies_all_frames_of_a_signed_flight_both_ways(tmp_path: Pa
             link = world.link()
             await link.connect(10)
             await link.prepare(60, lambda _: None)
-            await link.upload(north(2))
+            await link.upload(north_of_home(2))
             await link.launch()
             await until(lambda: not link.state().armed, 300)
             assert world.front.refusal_summary == ""
@@ -134,7 +135,7 @@ def test_signed_set_points_are_followed(tmp_path: Path) -> None:
             link = world.link()
             await link.connect(10)
             await link.prepare(60, lambda _: None)
-            await link.upload(north(8))
+            await link.upload(north_of_home(8))
             await link.launch()
             await until(lambda: link.state().mission_seq == 3)
             await link.follow_setpoints()

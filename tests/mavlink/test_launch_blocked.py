@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
-from bench import Bench, plan
+from bench import Bench, north_of_home
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scripted_copter import Copter, Script
 
@@ -19,7 +19,7 @@ WHY = "its first route would meet that of vehicle 7 in 9 s"
 
 
 def result_of_launch(bench: Bench, blocked_by: Callable[[], str]) -> Done:
-    bench.upload(plan(north=4))
+    bench.upload(north_of_home(4))
     result: Done = bench.do("launch", lambda ctx: basic.launch(ctx, blocked_by))
     return result
 

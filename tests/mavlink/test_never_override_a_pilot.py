@@ -7,12 +7,12 @@ from functools import partial
 from math import inf
 
 import pytest
-from bench import STEP_S, Bench, Faults, plan
+from bench import STEP_S, Bench, Faults, north_of_home
 from scripted_copter import Script
 
 from swarmctl.mavlink.procedures import basic
 
-OLD, NEW = plan(north=8), plan(north=6, east=0.002)
+OLD, NEW = north_of_home(8), north_of_home(6, east=0.002)
 GUIDED, LOITER = 4, 5
 MODE, ARM, START, CURRENT = 176, 400, 300, 224
 DELAY_S = 0.3

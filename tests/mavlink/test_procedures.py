@@ -6,7 +6,7 @@ from dataclasses import replace
 from functools import partial
 
 import pytest
-from bench import Bench, Faults, plan
+from bench import Bench, Faults, north_of_home
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from profiles import examples
@@ -16,7 +16,7 @@ from scripted_copter import Script
 from swarmctl.mavlink.events import VehicleRebooted
 from swarmctl.mavlink.procedures import basic
 
-OLD, NEW = plan(north=8), plan(north=6, east=0.002, alt=33.333)
+OLD, NEW = north_of_home(8), north_of_home(6, east=0.002, alt=33.333)
 MODEST = settings(
     max_examples=examples(25),
     deadline=None,
@@ -73,7 +73,7 @@ def test_a_failed_swap_leaves_and_reports_a_whole_plan_or_hold(script, flying, p
 
 
 def test_the_return_to_an_appended_plan_skips_the_plans_before_that_plan():
-    bench, appended = Bench().flying(OLD), plan(north=6, east=0.002)
+    bench, appended = Bench().flying(OLD), north_of_home(6, east=0.002)
     assert bench.swap(appended).flying == "new"
     bench.copter.script = Script(partial_lists=False, refuse_item=3)
     assert bench.swap(NEW).flying == "old"
@@ -207,7 +207,7 @@ faults = st.builds(
 def test_an_upload_reports_success_only_for_the_exact_mission(faults, count):
     bench = Bench(faults=faults)
     assert bench.run(200, lambda: bench.session.state.mode != "")
-    mission = plan(north=count)
+    mission = north_of_home(count)
     done = bench.upload(mission)
     if done.failure is None:
         assert bench.mission_is(mission)
@@ -238,7 +238,7 @@ def speeds_sent(bench: Bench) -> list:
 
 
 def test_the_ground_speed_is_sent_once_and_a_refusal_is_reported():
-    bench = Bench(Script(speeds=False)).flying(plan(north=8))
+    bench = Bench(Script(speeds=False)).flying(north_of_home(8))
     assert (
         bench.do("set_speed", partial(basic.set_speed, speed_m_s=6.5)).failure
         == "DO_CHANGE_SPEED: UNSUPPORTED"
@@ -248,7 +248,7 @@ def test_the_ground_speed_is_sent_once_and_a_refusal_is_reported():
 
 
 def test_no_speed_is_sent_to_a_vehicle_that_does_not_fly_its_mission():
-    bench = Bench().flying(plan(north=8))
+    bench = Bench().flying(north_of_home(8))
     bench.copter.mode = 4
     bench.run(3)
     assert "GUIDED" in bench.do("set_speed", partial(basic.set_speed, speed_m_s=6.5)).failure
@@ -256,7 +256,7 @@ def test_no_speed_is_sent_to_a_vehicle_that_does_not_fly_its_mission():
 
 
 def test_an_unanswered_speed_is_repeated_a_limited_number_of_times():
-    bench = Bench().flying(plan(north=8))
+    bench = Bench().flying(north_of_home(8))
     bench.block = lambda message: getattr(message, "command", None) == CHANGE_SPEED
     assert "no answer" in bench.do("set_speed", partial(basic.set_speed, speed_m_s=6.5)).failure
     assert [m.confirmation for m in speeds_sent(bench)] == [0, 1, 2, 3, 4]

@@ -11,12 +11,7 @@ from swarmctl.core.mission import FlightPlan
 
 STEP_S = WireBench.STEP_S
 
-__all__ = ["STEP_S", "Bench", "Faults", "plan"]
-
-
-def plan(*, north: int = 5, alt: float = 20.0, east: float = 0.0) -> FlightPlan:
-    """Return a plan of `north` waypoints 111 m apart going north, with a landing on the last."""
-    return north_of_home(north=north, step_deg=0.001, alt=alt, east=east)
+__all__ = ["STEP_S", "Bench", "Faults", "north_of_home"]
 
 
 class Bench(WireBench):

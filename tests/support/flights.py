@@ -68,8 +68,8 @@ def coded(lines: list[str], vehicle: str, code: str) -> list[str]:
     return [line for line in lines if line.startswith(f"{vehicle}:") and line.endswith(f"[{code}]")]
 
 
-def small(**sections: object) -> Scenario:
-    """Return three copters over 8 × 8 cells with 5 hostiles, changed by `sections`."""
+def small_config(**sections: object) -> Config:
+    """Return a configuration of three copters over 8 × 8 cells with 5 hostiles, changed by `sections`."""
     content: dict[str, object] = {
         "name": "small",
         "seed": 3,
@@ -81,7 +81,11 @@ def small(**sections: object) -> Scenario:
         },  # the climb to the usual 40 m and the descent are a quarter of the work
         "simulate": {"count": 3, "ready_s": 3.0},
     }
-    return build(Config.model_validate_json(json.dumps({**content, **sections})))
+    return Config.model_validate_json(json.dumps({**content, **sections}))
+
+
+def small(**sections: object) -> Scenario:
+    return build(small_config(**sections))
 
 
 def fly(

@@ -26,7 +26,7 @@ __all__ = ["ALT_M", "BOTH", "HOME", "Faults", "FlyingBench", "on_the_ground", "p
 
 def plan(*, north: int = 5, alt: float = 20.0, east: float = 0.0) -> FlightPlan:
     """Return a plan of `north` waypoints 55 m apart going north, with a landing on the last."""
-    return north_of_home(north=north, step_deg=0.0005, alt=alt, east=east)
+    return north_of_home(north, 0.0005, alt=alt, east=east)
 
 
 class FlyingBench(WireBench):

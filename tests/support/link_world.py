@@ -9,10 +9,10 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scripted_copter import Copter
+from wire_bench import north_of_home
 
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.scenarios import Scenario
-from swarmctl.core.mission import FlightPlan, Waypoint
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.links import LINKS
 from swarmctl.links.direct import DirectLink
@@ -36,11 +36,6 @@ def play(story, *, real: bool = False) -> None:
 
     run = asyncio.run if real else run_virtual
     run(bounded())
-
-
-def north(count: int, east: float = 0.0) -> FlightPlan:
-    points = tuple(Waypoint(46.049 + 0.001 * i, 14.506 + east, 20.0) for i in range(1, count + 1))
-    return FlightPlan(20.0, points, points[-1])
 
 
 class ForwardReceiver:
@@ -198,7 +193,7 @@ async def flying(world: World):
     link = world.link()
     await link.connect(10)
     await link.prepare(30, lambda _: None)
-    await link.upload(north(8))
+    await link.upload(north_of_home(8))
     await link.launch()
     await until(lambda: link.state().mission_seq == 3)
     return link

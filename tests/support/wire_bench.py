@@ -30,9 +30,14 @@ class Faults:
     seed: int = 0
 
 
-def north_of_home(*, north: int, step_deg: float, alt: float, east: float) -> FlightPlan:
-    """Return a plan of `north` waypoints `step_deg` apart going north, with a landing on the last."""
-    points = tuple(Waypoint(HOME[0] + step_deg * i, HOME[1] + east, alt) for i in range(1, north + 1))
+def north_of_home(
+    count: int = 5, step_deg: float = 0.001, *, alt: float = 20.0, east: float = 0.0
+) -> FlightPlan:
+    """Return a plan of waypoints going north, with a landing on the last.
+
+    A step of 0.001° is 111 m.
+    """
+    points = tuple(Waypoint(HOME[0] + step_deg * i, HOME[1] + east, alt) for i in range(1, count + 1))
     return FlightPlan(alt, points, points[-1])
 
 
