@@ -9,13 +9,15 @@ import numpy as np
 
 from sim_vehicle.epoch import EPSILON_S
 from sim_vehicle.fleet import Fleet
+from sim_vehicle.personalities import personality_of
 from sim_vehicle.physics.geodesy import Floats, LocalFrame
 from sim_vehicle.scenarios.checking import CheckFailure, RunningCheck
 from sim_vehicle.scenarios.checks import RunView
-from sim_vehicle.scenarios.model import Scenario
+from sim_vehicle.scenarios.model import Scenario, VehicleSpec
 from sim_vehicle.scenarios.plan import FenceShape
 from sim_vehicle.scenarios.script import FrameSink, ScriptStation, StepFailure
 from sim_vehicle.truth import Truth
+from sim_vehicle.vehicle.mission import Mission, MissionState
 
 Corner = tuple[float, float]  # east, north [m]
 
@@ -101,6 +103,7 @@ class Run:
         goals = [v.goal_m() or (np.nan, np.nan) for v in scenario.vehicles]
         self._goal_m = self._start_m[:, :2] + np.array(goals, dtype=np.float64)
         self._goal_item = [v.goal_item() for v in scenario.vehicles]
+        self._mission_ends = [_MissionEnd(v) for v in scenario.vehicles]
         self._flown = np.zeros(len(scenario.vehicles), dtype=bool)
         self._flown_m = np.zeros(len(scenario.vehicles))
         self._previous_m = self._start_m
@@ -197,7 +200,12 @@ class Run:
             ),
             flown=self._flown,
             heartbeat_age_s=self.now - np.array([contact.last_heartbeat_s for contact in contacts]),
-            mission_done=np.array([contact.progress.done for contact in contacts]),
+            mission_done=np.array(
+                [
+                    end.reached(vehicle.mission)
+                    for end, vehicle in zip(self._mission_ends, self.fleet.vehicles, strict=True)
+                ]
+            ),
             outside_fence_m=np.array(
                 [
                     outside_m(contact.spec.fence, *from_start[i, :2].tolist()) if contact.spec.fence else 0.0
@@ -227,6 +235,30 @@ class Run:
             )
             for i, contact in enumerate(self.station.contacts)
         ]
+
+
+class _MissionEnd:
+    """The end of one vehicle's mission."""
+
+    def __init__(self, spec: VehicleSpec) -> None:
+        legs = spec.mission
+        flown = [i for i, leg in enumerate(legs) if leg.flown]
+        self._last_item = spec.item_of(flown[-1]) if flown else math.inf
+        self._lands_before = any(legs[i].lands for i in flown[:-1])
+        reports_state = personality_of(spec.personality, spec.kind).telemetry.mission_state
+        self._ends_at_return = bool(flown) and legs[flown[-1]].returns and not reports_state
+        self._last_item_seen = self._reached = False
+
+    def reached(self, mission: Mission) -> bool:
+        """Return True if the mission is complete now or was complete at an earlier call."""
+        is_last = mission.index >= self._last_item
+        self._last_item_seen |= is_last
+        # ArduPilot also completes a mission at a landing before the last item.
+        if mission.state is MissionState.COMPLETE and (self._last_item_seen or not self._lands_before):
+            self._reached |= mission.flyable  # PX4 also completes a mission that it cannot fly
+        # PX4 leaves the mission mode at a last item that returns, and does not complete the mission.
+        self._reached |= self._ends_at_return and is_last and mission.state is MissionState.PAUSED
+        return self._reached
 
 
 def outside_m(shapes: Sequence[FenceShape], east_m: float, north_m: float) -> float:

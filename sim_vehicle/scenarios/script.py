@@ -9,7 +9,6 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.epoch import EPSILON_S
 from sim_vehicle.scenarios.model import Scenario, VehicleSpec
-from sim_vehicle.scenarios.progress import MissionProgress
 from sim_vehicle.scenarios.step_exchanges import StepExchanges
 from sim_vehicle.scenarios.steps import ScriptStep
 from sim_vehicle.station.exchanges import Exchange
@@ -29,8 +28,6 @@ PROCESSED_IDS = frozenset(
         mavlink.MAVLINK_MSG_ID_SYS_STATUS,
         mavlink.MAVLINK_MSG_ID_STATUSTEXT,
         mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
-        mavlink.MAVLINK_MSG_ID_MISSION_ITEM_REACHED,
-        mavlink.MAVLINK_MSG_ID_MISSION_CURRENT,
         mavlink.MAVLINK_MSG_ID_MISSION_REQUEST,
         mavlink.MAVLINK_MSG_ID_MISSION_REQUEST_INT,
         mavlink.MAVLINK_MSG_ID_MISSION_ACK,
@@ -78,9 +75,6 @@ class Contact:
     streams_requested_s: float = -STREAMS_MISSING_S
     status_texts: StatusTexts = field(default_factory=StatusTexts)
     messages: int = 0
-
-    def __post_init__(self) -> None:
-        self.progress = MissionProgress(self.spec)
 
     @property
     def texts(self) -> Sequence[str]:
@@ -184,7 +178,6 @@ class ScriptStation:
             contact.status_texts.receive(message)
         elif kind == "GLOBAL_POSITION_INT":
             contact.telemetry_s = now
-        contact.progress.receive(message, now)
         if contact.pending and contact.pending[0].began_s is not None:
             running = contact.pending[0]
             if running.exchanges and running.retry_s is None and running.exchanges[0].outcome is None:
