@@ -28,9 +28,9 @@ class RunningCheck:
     """One check during a run, with at most one failure for each vehicle."""
 
     def __init__(self, spec: CheckSpec, scenario: Scenario) -> None:
-        self.spec = spec
+        self.name, self.argument, self.settings = spec.chosen, spec.argument, spec.settings
         self.failures: list[CheckFailure] = []
-        self._check = CHECKS[spec.name]
+        self._check = CHECKS[spec.chosen]
         self._vehicles = [(v.sysid, v.link) for v in scenario.vehicles]
         self._selected = np.array(
             [spec.vehicles is None or v.sysid in spec.vehicles for v in scenario.vehicles]
@@ -42,17 +42,16 @@ class RunningCheck:
 
     def is_settled(self, now: float) -> bool:
         """Return True if the run need not go on for this check."""
-        if self.spec.when == "eventually":
+        if self.settings.when == "eventually":
             return self._closed or not self._undecided.any()
-        return now >= (self.spec.until_s or self.spec.from_s)
+        return now >= (self.settings.until_s or self.settings.from_s)
 
     @property
     def description(self) -> str:
         """Return the check as one line of text."""
-        spec = self.spec
-        value = spec.value
+        spec, value = self.settings, self.argument
         argument = "" if value is None else f" {value:g}" if isinstance(value, float) else f" {value}"
-        description = [spec.name + argument]
+        description = [self.name + argument]
         if spec.when != self._check.when:
             description.append(spec.when)
         for name, time_s in (("from", spec.from_s or None), ("until", spec.until_s), ("by", spec.by_s)):
@@ -66,12 +65,12 @@ class RunningCheck:
 
     def observe(self, view: RunView) -> list[CheckFailure]:
         """Evaluate the check at this step and return new failures."""
-        spec = self.spec
+        spec = self.settings
         if self._closed or spec.when == "end" or view.now + EPSILON_S < spec.from_s:
             return []
         if spec.until_s is not None and view.now > spec.until_s + EPSILON_S:
             return self._close(view) if spec.when == "eventually" else []
-        holds, found = self._check.function(view, spec.value)
+        holds, found = self._check.function(view, self.argument)
         self._evaluated = True
         self._note_nearest(view)
         if spec.when == "always":
@@ -85,18 +84,18 @@ class RunningCheck:
         """Return the failures that are known only at the end of the run."""
         if self._closed:
             return []
-        if self.spec.when == "always":
+        if self.settings.when == "always":
             # A check fails if the run ended before `from_s`, or if no step was between the check's times.
             unseen = ["no step of the run between the check's times [not-evaluated]"] * len(self._selected)
             return [] if self._evaluated else self._fail(self._undecided.copy(), view, unseen)
-        if self.spec.when == "end":
-            holds, _ = self._check.function(view, self.spec.value)
+        if self.settings.when == "end":
+            holds, _ = self._check.function(view, self.argument)
             self._undecided &= ~holds
         return self._close(view)
 
     def _close(self, view: RunView) -> list[CheckFailure]:
         self._closed = True
-        _, found = self._check.function(view, self.spec.value)
+        _, found = self._check.function(view, self.argument)
         return self._fail(self._undecided.copy(), view, self._at_closest_approach(found))
 
     def _note_nearest(self, view: RunView) -> None:
@@ -110,7 +109,7 @@ class RunningCheck:
 
         Without a finite distance, return the vehicle's text from `found`.
         """
-        if self.spec.when != "eventually":
+        if self.settings.when != "eventually":
             return found
         return [
             f"{away_m:.4g} m away at the closest approach, at {self._nearest_s[i]:.2f} s"

@@ -8,22 +8,24 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from operator import ge, gt, le
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
+from pydantic import Field
 
 from sim_vehicle.physics.geodesy import Floats
+from sim_vehicle.scenarios.base import Number, Probability
 from sim_vehicle.truth import Truth
 
 Bools = npt.NDArray[np.bool_]
 When = Literal["always", "eventually", "end"]
 Need = Literal["goal", "fence", "area", "mission", "hostiles", "others"]
 Measured = Floats | Sequence[str]
-TIMES = ("from_s", "until_s", "by_s")
-COMMON = ("vehicles", "when", *TIMES)  # settings of every check
-MARGIN = {"argument": "margin_m", "default": 0.0, "unit": "m outside", "least": 0}  # of an area or a fence
-BOUND = 1e9  # largest magnitude of a numeric argument
+AtLeast0 = Annotated[Number, Field(ge=0)]
+Words = Annotated[str, Field(pattern=r"\S")]
+# the argument of the checks of an area and a fence
+MARGIN = {"argument": "margin_m", "default": 0.0, "unit": "m outside", "type": AtLeast0}
 
 
 @dataclass(frozen=True)
@@ -107,19 +109,10 @@ class Check:
     function: CheckFunction
     argument: str | None = None  # name of the argument; None: without an argument
     default: float | str | None = None  # None: the argument must be given
-    takes_text: bool = False  # the argument is text, not a number
+    type: Any = Number  # of the argument, for pydantic
     unit: str = ""
     needs: Need | None = None
-    least: float = -BOUND  # lower bound of a meaningful argument
-    most: float = BOUND  # upper bound of a meaningful argument
     away_m: AwayFunction | None = None  # distance to the event [m]; inf while no event is expected
-
-    @property
-    def bounds(self) -> str:
-        """Return the bounds as text that follows "a number"; empty without bounds."""
-        if self.most < BOUND:
-            return f" from {self.least:g} to {self.most:g}"
-        return f" of at least {self.least:g}" if self.least > -BOUND else ""
 
 
 CHECKS: dict[str, Check] = {}
@@ -169,50 +162,51 @@ _LIMITS: tuple[
 ] = (
     ("min_separation_m",
      "In the air the vehicle is at least this far from the nearest other airborne vehicle.",
-     lambda v: v.separation_m, ge, {"argument": "metres", "unit": "m", "needs": "others", "least": 0.1}),
+     lambda v: v.separation_m, ge, {"argument": "metres", "unit": "m", "needs": "others",
+      "type": Annotated[Number, Field(ge=0.1)]}),
     ("max_height_m", "The vehicle is at most this high above its start.",
      lambda v: v.height_m, le, {"argument": "metres", "unit": "m"}),
     ("min_height_m", "The vehicle is at least this high above its start (give `from_s` and `until_s`).",
      lambda v: v.height_m, ge, {"argument": "metres", "unit": "m"}),
     ("max_speed_m_s", "The vehicle is at most this fast over the ground.",
-     lambda v: v.truth.speed_m_s, le, {"argument": "speed", "unit": "m/s", "least": 0}),
+     lambda v: v.truth.speed_m_s, le, {"argument": "speed", "unit": "m/s", "type": AtLeast0}),
     ("stays_within_m", "The vehicle stays within this distance of its start.",
-     lambda v: v.from_start_m, le, {"argument": "metres", "unit": "m", "least": 0}),
+     lambda v: v.from_start_m, le, {"argument": "metres", "unit": "m", "type": AtLeast0}),
     ("stays_in_area", "The vehicle does not leave the scenario's area by more than the margin.",
      lambda v: v.outside_area_m, le, {**MARGIN, "needs": "area"}),
     ("no_fence_breach", "The vehicle does not cross its fence by more than the margin.",
      lambda v: v.outside_fence_m, le, {**MARGIN, "needs": "fence"}),
     ("battery_above", "The battery has more than this share of the full charge.",
      lambda v: v.truth.battery_remaining, gt,
-     {"argument": "share", "unit": "of the charge", "least": 0, "most": 1}),
+     {"argument": "share", "unit": "of the charge", "type": Probability}),
     ("no_strike", "No hostile has hit the vehicle.",
      lambda v: v.truth.strikes.astype(float), le, {"needs": "hostiles"}),
     ("strikes_at_most", "Hostiles have hit the vehicle at most this often.",
      lambda v: v.truth.strikes.astype(float), le,
-     {"argument": "count", "unit": "strikes", "needs": "hostiles", "least": 0}),
+     {"argument": "count", "unit": "strikes", "needs": "hostiles", "type": AtLeast0}),
     ("alive", "The time since the vehicle's last heartbeat is at most this long.",
      lambda v: v.heartbeat_age_s, le,
-     {"argument": "silence_s", "default": 3.0, "unit": "s silent", "least": 0}),
+     {"argument": "silence_s", "default": 3.0, "unit": "s silent", "type": AtLeast0}),
 )  # fmt: skip
 for _name, _summary, _measure, _keeps, _settings in _LIMITS:
     check("always", **_settings)(_limit_check(_name, _summary, _measure, _keeps))
 
 
-@check("always", "words", takes_text=True)
+@check("always", "words", type=Words)
 def never_says(view: RunView, words: str) -> tuple[Bools, Measured]:
     """The ground station receives no text with these words."""
     received = view.received_text(words)
     return ~received, ["received" if text else "not received" for text in received]
 
 
-@check("eventually", "words", takes_text=True)
+@check("eventually", "words", type=Words)
 def heard_text(view: RunView, words: str) -> tuple[Bools, Measured]:
     """The ground station receives a text with these words."""
     received = view.received_text(words)
     return received, ["received" if text else "not received" for text in received]
 
 
-@check("eventually", "mode", takes_text=True)
+@check("eventually", "mode", type=Words)
 def mode_is(view: RunView, mode: str) -> tuple[Bools, Measured]:
     """The vehicle is in this mode, or in one of several modes (`RTL|Return`)."""
     wanted = mode.casefold().split("|")
@@ -249,7 +243,7 @@ def landed(view: RunView, _: None) -> tuple[Bools, Measured]:
     ]
 
 
-@check("end", "metres", least=0)
+@check("end", "metres", type=AtLeast0)
 def lands_within_m(view: RunView, metres: float) -> tuple[Bools, Measured]:
     """The vehicle has flown and is on the ground, undamaged, within this distance of its start."""
     return _on_ground_undamaged(view) & (view.from_start_m <= metres), [
@@ -267,7 +261,7 @@ def _distance_to_goal_m(view: RunView) -> Floats:
     return np.where(view.flown & view.bound_for_goal, view.from_goal_m, np.inf)
 
 
-@check("eventually", "within_m", default=5.0, needs="goal", least=0, away_m=_distance_to_goal_m)
+@check("eventually", "within_m", default=5.0, needs="goal", type=AtLeast0, away_m=_distance_to_goal_m)
 def reached_goal(view: RunView, within_m: float) -> tuple[Bools, Measured]:
     """The vehicle has flown and is within this distance of `goal`, or of its mission's last position."""
     reached = view.flown & view.bound_for_goal & (view.from_goal_m <= within_m)
@@ -281,57 +275,3 @@ def mission_complete(view: RunView, _: None) -> tuple[Bools, Measured]:
     """The vehicle has flown and its mission is complete (PX4: the last item is reached)."""
     complete = view.flown & view.mission_done
     return complete, ["complete" if done else "not complete" for done in complete]
-
-
-def settings_of(data: Any) -> Any:
-    """Return the fields of a CheckSpec from a check in a scenario file; raise ValueError if invalid.
-
-    Forms: `no_crash`, `min_separation_m: 5`, `landed: {by_s: 300, vehicles: [2]}`.
-    """
-    name: Any
-    given: Any
-    if isinstance(data, dict) and "name" in data:
-        name, given = data["name"], {key: value for key, value in data.items() if key != "name"}
-    elif isinstance(data, str):
-        name, given = data, {}
-    elif isinstance(data, dict) and len(data) == 1:
-        ((name, given),) = data.items()
-    else:
-        raise ValueError(f"must be a name, or `name: argument`, found {data!r}; see `run --list-checks`")
-    known = CHECKS.get(name)
-    if known is None:
-        raise ValueError(f"unknown check {name!r}; the checks are {', '.join(CHECKS)}")
-    if given is None:
-        given = {}
-    if not isinstance(given, dict):
-        given = {"value": given}
-    given = {key: value for key, value in given.items() if value is not None}
-    return {"when": known.when, **_renamed(known, given), "name": name}
-
-
-def _renamed(known: Check, given: dict[str, Any]) -> dict[str, Any]:
-    fields = {key: value for key, value in given.items() if key in COMMON}
-    for key in given.keys() - fields.keys():
-        if known.argument is None or key not in ("value", known.argument):
-            takes = ", ".join([*([known.argument] if known.argument else []), *COMMON])
-            raise ValueError(f"{known.name} has no setting {key!r}; the settings are {takes}")
-        fields["value"] = given[key]
-    if known.argument is None:
-        return fields
-    value = fields.setdefault("value", known.default)
-    if value is None:
-        raise ValueError(
-            f"{known.name} needs an argument, for example `{known.name}: {'RTL' if known.takes_text else 5}`"
-        )
-    if not _fits(known, value):
-        kind = "text" if known.takes_text else f"a number{known.bounds}"
-        raise ValueError(f"{known.name} takes {kind} ({known.argument}), found {value!r:.60}")
-    return fields
-
-
-def _fits(known: Check, value: Any) -> bool:
-    """Return True for a non-empty text or a number within the bounds, as the check needs."""
-    if known.takes_text:
-        return isinstance(value, str) and bool(value.strip())
-    number = isinstance(value, int | float) and not isinstance(value, bool)
-    return number and known.least <= value <= known.most

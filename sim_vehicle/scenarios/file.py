@@ -33,6 +33,7 @@ EXPECTED = {
     "bool_type": "must be true or false",
     "bool_parsing": "must be true or false",
     "string_type": "must be text",
+    "string_pattern_mismatch": "must have a visible character",
     "literal_error": "must be {expected}",
     "greater_than_equal": "must be at least {ge:g}",
     "greater_than": "must be more than {gt:g}",

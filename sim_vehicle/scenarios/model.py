@@ -255,8 +255,8 @@ class Scenario(Section):
 
     def _check_requirements(self) -> Iterator[Finding]:
         for index, check in enumerate(self.checks):
-            if missing := self._missing(CHECKS[check.name].needs, self.selected(check.vehicles)):
-                yield ("checks", index), f"{check.name} needs {missing}"
+            if missing := self._missing(CHECKS[check.chosen].needs, self.selected(check.vehicles)):
+                yield ("checks", index), f"{check.chosen} needs {missing}"
 
     def _missing(self, need: str | None, vehicles: Sequence[VehicleSpec]) -> str:
         """Return what a check needs and the scenario or a vehicle lacks, in words, or an empty text."""
@@ -278,9 +278,9 @@ class Scenario(Section):
             if step.mode is not None
         ]
         requested += [
-            (("checks", index), check.name, str(check.value), check.vehicles)
+            (("checks", index), check.chosen, str(check.argument), check.vehicles)
             for index, check in enumerate(self.checks)
-            if CHECKS[check.name].argument == "mode"
+            if CHECKS[check.chosen].argument == "mode"
         ]
         for where, what, alternatives, sysids in requested:
             kinds: set[tuple[str, str]] = {(v.personality, v.kind) for v in self.selected(sysids)}
@@ -293,12 +293,13 @@ class Scenario(Section):
             if step.at_s >= self.until_s:
                 yield ("script", index), self._too_late(step.chosen, "at_s", step.at_s)
         for index, check in enumerate(self.checks):
-            if check.from_s >= self.until_s:
-                yield ("checks", index), self._too_late(check.name, "from_s", check.from_s)
+            settings = check.settings
+            if settings.from_s >= self.until_s:
+                yield ("checks", index), self._too_late(check.chosen, "from_s", settings.from_s)
                 continue
-            for name, time_s in (("until_s", check.until_s), ("by_s", check.by_s)):
+            for name, time_s in (("until_s", settings.until_s), ("by_s", settings.by_s)):
                 if time_s is not None and time_s > self.until_s:
-                    yield ("checks", index), self._too_late(check.name, name, time_s)
+                    yield ("checks", index), self._too_late(check.chosen, name, time_s)
                     break
 
     def _late_faults(self) -> Iterator[Finding]:

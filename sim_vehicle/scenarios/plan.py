@@ -113,7 +113,9 @@ def _height_alone(value: Any) -> Any:
 class Leg(OneOf):
     """One entry of a mission."""
 
-    takeoff: Annotated[Takeoff, BeforeValidator(_height_alone)] | None = None
+    takeoff: (
+        Annotated[Takeoff, BeforeValidator(_height_alone, json_schema_input_type=Height | Takeoff)] | None
+    ) = None
     waypoint: Waypoint | None = None
     loiter: Loiter | None = None
     speed_m_s: Annotated[float, Field(strict=True, gt=0, le=200)] | None = None

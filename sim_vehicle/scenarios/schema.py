@@ -6,7 +6,6 @@ from pydantic import BaseModel
 
 from sim_vehicle.faults import FAULTS
 from sim_vehicle.scenarios.base import OneOf
-from sim_vehicle.scenarios.checks import CHECKS, COMMON, Check
 from sim_vehicle.scenarios.file import SHORT_FORMS, Home, Shorthand, section_of
 from sim_vehicle.scenarios.model import Scenario
 from sim_vehicle.scenarios.plan import FenceShape, Leg
@@ -26,11 +25,8 @@ def file_schema() -> Schema:
     vehicle["properties"] |= {name: short[name] for name in SHORT_FORMS}
     vehicle["properties"]["kind"] = vehicle["properties"]["type"]
     vehicle["required"] = [name for name in vehicle.get("required", []) if name not in REPLACEABLE_KEYS]
-    for model in (Leg, FenceShape, ScriptStep):
+    for model in (Leg, FenceShape, ScriptStep, CheckSpec):
         sections[model.__name__] = _one_of(model, sections[model.__name__])
-    leg = sections["Leg"]["anyOf"][-1]["properties"]
-    leg["takeoff"] = {"anyOf": [leg["takeoff"], {"type": "number", "exclusiveMinimum": 0}]}
-    sections["CheckSpec"] = _checks(sections["CheckSpec"])
     sections["FaultSpec"] = {"anyOf": [{"type": "string", "description": _faults()}, sections["FaultSpec"]]}
     schema["properties"] |= {"home": Home.model_json_schema(), "count": short["count"]}
     schema["required"] = []
@@ -56,35 +52,6 @@ def _without_null(value: Schema) -> Schema:
     types = [entry for entry in value.get("anyOf", []) if entry != {"type": "null"}]
     rest = {key: inner for key, inner in value.items() if key not in ("anyOf", "default")}
     return {**rest, **types[0]} if len(types) == 1 else value
-
-
-def _checks(found: Schema) -> Schema:
-    common = {name: found["properties"][name] for name in COMMON}
-    bare = [name for name, check in CHECKS.items() if check.argument is None or check.default is not None]
-    entries = {name: _check(check, common) for name, check in CHECKS.items()}
-    entry = {
-        "type": "object",
-        "description": (CheckSpec.__doc__ or "").strip(),
-        "properties": entries,
-        "additionalProperties": False,
-        "minProperties": 1,
-        "maxProperties": 1,
-    }
-    return {"anyOf": [{"enum": bare}, entry]}
-
-
-def _check(check: Check, common: Schema) -> Schema:
-    settings: Schema = {"type": "object", "properties": dict(common), "additionalProperties": False}
-    forms: list[Schema] = [settings]
-    if check.argument is not None:
-        argument: Schema = {"type": "string" if check.takes_text else "number"}
-        settings["properties"][check.argument] = argument
-        forms.insert(0, argument)
-        if check.default is None:
-            settings["required"] = [check.argument]
-    if check.argument is None or check.default is not None:
-        forms.append({"type": "null"})
-    return {"description": f"{check.summary} Evaluated: {check.when}.", "anyOf": forms}
 
 
 def _faults() -> str:

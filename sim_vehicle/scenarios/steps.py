@@ -1,11 +1,11 @@
 """The steps and checks of a scenario file."""
 
-from typing import Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import BeforeValidator, Field, create_model, field_validator, model_validator
 
 from sim_vehicle.scenarios.base import Metres, NoSettings, Number, OneOf, Seconds, Section, SystemId
-from sim_vehicle.scenarios.checks import When, settings_of
+from sim_vehicle.scenarios.checks import CHECKS, Check, When
 from sim_vehicle.scenarios.plan import Height, mavlink_number
 
 
@@ -69,40 +69,78 @@ class ScriptStep(OneOf):
         return frozenset({"at_s", "timeout_s", "vehicles", "expect"})
 
 
-class CheckSpec(Section):
-    """One check: name in the registry, argument (`value`), vehicles and times.
+class CheckSettings(Section):
+    """The vehicles and times of one check.
 
     - `when: always`: the condition holds all the time from `from_s` to `until_s` [s] or the end of the run.
     - `when: eventually`: the condition holds once, from `from_s` to `by_s` or `until_s` [s] or the run's end.
     - `when: end`: the condition holds at the end of the run.
     """
 
-    name: str
-    value: float | str | None = None
     vehicles: Annotated[tuple[SystemId, ...], Field(min_length=1)] | None = None
     when: When
     from_s: Seconds = 0.0
     until_s: Seconds | None = None
     by_s: Seconds | None = None
 
-    @model_validator(mode="before")
-    @classmethod
-    def _from_one_line(cls, data: Any) -> Any:
-        """Accept `no_crash`, `min_separation_m: 5` and `landed: {by_s: 300}`."""
-        return settings_of(data)
-
     @model_validator(mode="after")
     def _times_fit(self) -> Self:
         if self.by_s is not None and self.when != "eventually":
             raise ValueError(
-                f"`by_s` needs `when: eventually`, but {self.name} has `when: {self.when}`; remove `by_s`"
+                f"`by_s` needs `when: eventually`, but this check has `when: {self.when}`; remove `by_s`"
             )
         if self.when == "end" and (self.from_s > 0 or self.until_s is not None):
             raise ValueError(
-                f"{self.name} is evaluated at the end of the run, not from `from_s` to `until_s`; "
+                "is evaluated at the end of the run, not from `from_s` to `until_s`; "
                 "remove both times, or add `when: always` or `when: eventually`"
             )
         for name, time_s in (("until_s", self.until_s), ("by_s", self.by_s)):
             if time_s is not None and time_s <= self.from_s:
                 raise ValueError(f"`{name}` ({time_s:g}) must be later than `from_s` ({self.from_s:g})")
         return self
+
+
+def _settings(check: Check) -> Any:
+    """Return the type of a check's settings, which may be the check's argument alone."""
+    fields: dict[str, Any] = {"when": (When, check.when)}
+    if check.argument is not None:
+        fields[check.argument] = (check.type, ... if check.default is None else check.default)
+    doc = f"{check.summary} Evaluated: {check.when}."
+    model = create_model(check.name, __base__=CheckSettings, __doc__=doc, **fields)
+    if check.argument is None:
+        return model
+
+    def from_argument(data: Any) -> Any:
+        return data if isinstance(data, dict | model) else {check.argument: data}
+
+    return Annotated[model, BeforeValidator(from_argument, json_schema_input_type=check.type | model)]
+
+
+class _CheckSpec(OneOf):
+    """One check with its settings: `no_crash`, `min_separation_m: 5` or `landed: {by_s: 300}`."""
+
+    @property
+    def settings(self) -> CheckSettings:
+        settings: CheckSettings = getattr(self, self.chosen)
+        return settings
+
+    @property
+    def vehicles(self) -> tuple[int, ...] | None:
+        return self.settings.vehicles
+
+    @property
+    def argument(self) -> Any:
+        """Return the check's argument, or None for a check without an argument."""
+        name = CHECKS[self.chosen].argument
+        return None if name is None else getattr(self.settings, name)
+
+
+if TYPE_CHECKING:
+    CheckSpec = _CheckSpec
+else:
+    CheckSpec = create_model(
+        "CheckSpec",
+        __base__=_CheckSpec,
+        __doc__=_CheckSpec.__doc__,
+        **{name: (_settings(check) | None, None) for name, check in CHECKS.items()},
+    )

@@ -163,7 +163,7 @@ def test_a_bad_scenario_exits_with_2_before_anything_is_flown(hop: Path, tmp_pat
     bad.write_text(HOP.replace("no_crash", "no_crsh"))
     done = invoke(hop, bad, "--out", tmp_path / "out")
     assert done.exit_code == 2
-    assert "bad.yaml:11: checks.0: unknown check 'no_crsh'" in done.output
+    assert "bad.yaml:11: checks.0.no_crsh: unknown key" in done.output
     assert not (tmp_path / "out").exists()
     assert invoke().exit_code == 2
     assert invoke("no such file.yaml").exit_code == 2

@@ -208,9 +208,9 @@ faults: [packet_los]
     assert "land and rtl" in text
     assert "'ardupilot' or 'px4'" in text
     assert "`checks`" in text
-    assert "'no_crsh'" in text
-    assert "`min_separation_m: 5`" in text
-    assert "landed has no setting 'by'" in text
+    assert "did you mean `no_crash`?" in text
+    assert "min_separation_m.metres: is missing" in text
+    assert "landed.by: unknown key; did you mean `by_s`?" in text
     assert "packet_loss?" in text
     assert "[fault-name]" in text
 
@@ -235,8 +235,8 @@ faults: [packet_los]
         (HOME + "count: 1\nchecks: [reached_goal]", 3, "`goal`"),
         (HOME + "count: 1\nchecks: [no_fence_breach]", 3, "`fence`"),
         (HOME + "count: 1\nchecks: [stays_in_area]", 3, "`area`"),
-        (HOME + "count: 1\nchecks: [{no_crash: 5}]", 3, "'value'"),
-        (HOME + "count: 1\nchecks: [{mode_is: 5}]", 3, "(mode), found 5"),
+        (HOME + "count: 1\nchecks: [{no_crash: 5}]", 3, "(vehicles, when, "),
+        (HOME + "count: 1\nchecks: [{mode_is: 5}]", 3, "checks.0.mode_is.mode: must be text, found 5"),
         (HOME + "count: 1\nchecks: [{no_crash: {by_s: 5}}]", 3, "`by_s`"),
         (HOME + "count: 1\nwind: {speed_m_s: '7'}", 3, "wind.speed_m_s: must be a number, found '7'"),
         # vehicles and threats
@@ -276,12 +276,12 @@ faults: [packet_los]
         (HOME + "count: 1\nchecks: [no_strike]", 3, "no_strike needs the scenario's `hostiles`"),
         (HOME + "count: 1\nchecks: [strikes_at_most: 0]", 3, "strikes_at_most needs the scenario's"),
         (HOME + "count: 1\nchecks: [min_separation_m: 5]", 3, "min_separation_m"),
-        (HOME + "count: 2\nchecks: [min_separation_m: -5]", 3, "at least 0.1 (metres), found -5"),
-        (HOME + "count: 1\nchecks: [max_height_m: .nan]", 3, "(metres), found nan"),
-        (HOME + "count: 1\nchecks: [max_height_m: .inf]", 3, "(metres), found inf"),
-        (HOME + "count: 1\nchecks: [battery_above: 30]", 3, "from 0 to 1 (share), found 30"),
-        (HOME + "count: 1\nchecks: [never_says: '']", 3, "(words), found ''"),
-        (HOME + "count: 1\nchecks: [heard_text: ' ']", 3, "(words), found ' '"),
+        (HOME + "count: 2\nchecks: [min_separation_m: -5]", 3, "metres: must be at least 0.1, found -5"),
+        (HOME + "count: 1\nchecks: [max_height_m: .nan]", 3, "metres: must be a finite number, found nan"),
+        (HOME + "count: 1\nchecks: [max_height_m: .inf]", 3, "metres: must be a finite number, found inf"),
+        (HOME + "count: 1\nchecks: [battery_above: 30]", 3, "share: must be at most 1, found 30"),
+        (HOME + "count: 1\nchecks: [never_says: '']", 3, "words: must have a visible character, found ''"),
+        (HOME + "count: 1\nchecks: [heard_text: ' ']", 3, "words: must have a visible character, found ' '"),
         # unknown names
         (HOME + "count: 1\nchecks: [mode_is: RLT]", 3, "did you mean RTL?"),
         (HOME + MIXED + "checks: [mode_is: RTL|Retrun]", 3, "did you mean Return?"),
@@ -418,6 +418,7 @@ def test_shipped_scenarios_fit_the_schema(path: Path) -> None:
         ("count: 1\nchekcs: []", False),
         ("count: 1\nchecks: [min_separation_m]", False),
         ("count: 1\nchecks: [no_crsh]", False),
+        ("count: 1\nchecks: [battery_above: 2]", False),
         ("count: 1\nscript: [{rtl: , land: }]", False),
         ("count: 1\nscript: [takeoff]", False),
         ("vehicles: [{mission: [waypoint: {east_m: 3}]}]", False),
