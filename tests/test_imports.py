@@ -53,7 +53,7 @@ SIMULATOR: dict[str, set[str]] = {
     "sim_vehicle.wire": {"physics", "epoch"},
     "sim_vehicle.files": {"physics", "wire", "epoch", "vehicle.mission"},
     "sim_vehicle.vehicle": {"physics", "wire", "files", "personalities.base", "faults", "epoch"},
-    "sim_vehicle.faults": {"vehicle.injected_faults", "wire", "ranges", "epoch"},
+    "sim_vehicle.faults": {"vehicle.injected_faults", "wire", "ranges", "epoch", "problems"},
     "sim_vehicle.links": set(),
     # The conformance suite and its client fit any autopilot, so they must not depend on the simulated ones.
     "sim_vehicle.conformance": {"links.url", "station"},

@@ -1,6 +1,5 @@
 """Fault specifications: kind, vehicles and times, from the command line, a scenario file or code."""
 
-import difflib
 from dataclasses import dataclass
 from typing import Annotated, Any, Self
 
@@ -8,6 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from sim_vehicle.faults import FAULTS
 from sim_vehicle.faults.base import Fault
+from sim_vehicle.problems import nearest
 
 SystemId = Annotated[int, Field(ge=1, le=255)]
 COMMON_KEYS = {  # keys that every fault accepts
@@ -129,8 +129,8 @@ def _check_name(name: str) -> None:
 
 
 def _suggestion(word: str, words: list[str]) -> str:
-    close = difflib.get_close_matches(word, words, n=1, cutoff=MIN_SIMILARITY)
-    return f" (did you mean {close[0]}?)" if close else ""
+    close = nearest(word, words, MIN_SIMILARITY)
+    return f" (did you mean {close}?)" if close else ""
 
 
 def _first_finding(name: str, error: ValidationError) -> str:

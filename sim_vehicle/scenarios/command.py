@@ -1,6 +1,5 @@
 """`python -m sim_vehicle run`: fly and check scenarios; the exit code is the verdict."""
 
-import difflib
 import json
 import shlex
 import time
@@ -12,6 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.text import Text
 
+from sim_vehicle.problems import nearest
 from sim_vehicle.scenarios import Scenario, ScenarioError, load_scenario
 from sim_vehicle.scenarios.checks import CHECKS
 from sim_vehicle.scenarios.report import fold, print_verdict, write_verdict
@@ -173,6 +173,6 @@ def find_scenario(text: str) -> Path:
     names = shipped()
     if text in names:
         return names[text]
-    near = difflib.get_close_matches(path.stem, names, n=1)
-    meant = f"; did you mean {near[0]}?" if near else ""
+    near = nearest(path.stem, names)
+    meant = f"; did you mean {near}?" if near else ""
     raise ScenarioError(f"{text}: no such file and no shipped scenario{meant}; `run --list` shows the names")

@@ -1,8 +1,5 @@
 """The reader of scenario files. It expands short forms and reports every problem with a line number."""
 
-import difflib
-import inspect
-import typing
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -10,6 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from sim_vehicle.personalities import PERSONALITIES
 from sim_vehicle.physics.geodesy import LocalFrame
+from sim_vehicle.problems import describe, remedy
 from sim_vehicle.scenarios.base import Altitude, Latitude, Length, Longitude, Metres, Section
 from sim_vehicle.scenarios.model import Finding, InconsistentScenarioError, Scenario
 from sim_vehicle.scenarios.steps import ScriptStep
@@ -20,28 +18,6 @@ VEHICLES_PER_LINK = 250
 POSITION_KEYS = ("lat_deg", "lon_deg", "alt_amsl_m")
 Model = TypeVar("Model", bound=BaseModel)
 SHORT_FORMS = ("count", "spacing_m", "east_m", "north_m")
-SECTION_TYPES = ("model_type", "model_attributes_type", "dict_type")
-# pydantic's error types in plain words.
-EXPECTED = {
-    **dict.fromkeys(SECTION_TYPES, "must be a section with keys"),
-    **dict.fromkeys(
-        ("list_type", "tuple_type"), "must be a list: `[first, second]`, or a line `- entry` for each entry"
-    ),
-    **dict.fromkeys(("float_type", "float_parsing"), "must be a number"),
-    **dict.fromkeys(("int_type", "int_parsing", "int_from_float"), "must be a whole number"),
-    "finite_number": "must be a finite number",
-    "bool_type": "must be true or false",
-    "bool_parsing": "must be true or false",
-    "string_type": "must be text",
-    "string_pattern_mismatch": "must have a visible character",
-    "literal_error": "must be {expected}",
-    "greater_than_equal": "must be at least {ge:g}",
-    "greater_than": "must be more than {gt:g}",
-    "less_than_equal": "must be at most {le:g}",
-    "less_than": "must be less than {lt:g}",
-    "too_short": "must have at least {min_length} entries",
-    "too_long": "must have at most {max_length} entries",
-}
 
 
 class ScenarioError(ValueError):
@@ -104,28 +80,24 @@ def parse_scenario(text: str, file: str, *, default_name: str = "", standalone: 
 
 def parse_data(data: dict[str, Any]) -> Scenario:
     """Return the scenario of data without short forms; raise ScenarioError with all problems."""
-    try:
-        return Scenario.model_validate(data)
-    except ValidationError as error:
-        raise _without_lines(error, Scenario) from None
+    return validated(Scenario, data)
 
 
 def read_step(action: str, value: Any) -> ScriptStep:
     """Return one step of a script from its name and value; raise ScenarioError if the step is invalid."""
     actions = [name for name in ScriptStep.choices() if name != "heartbeat"]  # concerns all vehicles
     if action not in actions:
-        near = difflib.get_close_matches(str(action), actions, n=1)
-        cure = f"did you mean {near[0]!r}?" if near else f"the actions are {', '.join(actions)}"
-        raise ScenarioError(f"unknown action {action!r}; {cure}")
+        raise ScenarioError(f"unknown action {action!r}; {remedy(action, actions, 'actions')}")
+    return validated(ScriptStep, {action: value})
+
+
+def validated(model: type[Model], data: Any) -> Model:
+    """Return the model of data; raise ScenarioError with a line for each problem."""
     try:
-        return ScriptStep.model_validate({action: value})
+        return model.model_validate(data)
     except ValidationError as error:
-        raise _without_lines(error, ScriptStep) from None
-
-
-def _without_lines(error: ValidationError, model: type[BaseModel]) -> ScenarioError:
-    lines = [f"{'.'.join(map(str, path))}: {text}" for path, text in _findings(error, [], model)]
-    return ScenarioError("\n".join(line.removeprefix(": ") for line in lines))
+        lines = [f"{'.'.join(map(str, path))}: {text}" for path, text in _findings(error, [], model)]
+        raise ScenarioError("\n".join(line.removeprefix(": ") for line in lines)) from None
 
 
 def _expanded(data: dict[Any, Any]) -> tuple[list[Finding], dict[Any, Any], list[int]]:
@@ -230,7 +202,7 @@ def _findings(error: ValidationError, sources: list[int], model: type[BaseModel]
             continue
         loc = tuple(part for part in detail["loc"] if part != "kind")
         path = _in_file(loc, sources)
-        for text in _describe(detail, loc, model).split("\n"):
+        for text in describe(detail, loc, model).split("\n"):
             if (path, text) not in found:
                 found.append((path, text))
     return found
@@ -241,54 +213,6 @@ def _in_file(path: KeyPath, sources: list[int]) -> KeyPath:
     if len(path) > 1 and path[0] == "vehicles" and isinstance(path[1], int) and sources:
         return ("vehicles", sources[path[1]], *path[2:])
     return path
-
-
-def _describe(detail: Any, loc: KeyPath, model: type[BaseModel]) -> str:
-    if detail["type"] == "extra_forbidden":
-        allowed = _keys_at(model, loc[:-1])
-        near = difflib.get_close_matches(str(loc[-1]), allowed, n=1)
-        return "unknown key" + (
-            f"; did you mean `{near[0]}`?" if near else f"; the keys are {', '.join(allowed)}"
-        )
-    if detail["type"] == "missing":
-        return "is missing; add this key"
-    if detail["type"] == "value_error":
-        return str(detail["msg"].removeprefix("Value error, "))
-    found = detail["input"]
-    written = "nothing" if found is None or found == {} else repr(found)
-    wanted = EXPECTED.get(detail["type"])
-    if wanted is None:
-        return f"{detail['msg'][0].lower()}{detail['msg'][1:]}, found {written:.60}"
-    section = _section_at(model, loc) if detail["type"] in SECTION_TYPES else None
-    if section is not None and not section.model_fields:
-        return f"takes no value, found {written:.60}"
-    keys = f" ({', '.join(section.model_fields)})" if section is not None else ""
-    return f"{wanted.format(**detail.get('ctx', {}))}{keys}, found {written:.60}"
-
-
-def _keys_at(model: Any, loc: KeyPath) -> list[str]:
-    section = _section_at(model, loc)
-    return list(section.model_fields) if section is not None else []
-
-
-def _section_at(model: Any, loc: KeyPath) -> type[BaseModel] | None:
-    annotation: Any = model
-    for part in loc:
-        section = section_of(annotation)
-        if isinstance(part, str) and section is not None:
-            field = section.model_fields.get(part)
-            annotation = field.annotation if field is not None else None
-    return section_of(annotation)
-
-
-def section_of(annotation: Any) -> type[BaseModel] | None:
-    """Return the model in an annotation, such as `Annotated[list[Model], ...] | None`, or None."""
-    if inspect.isclass(annotation) and issubclass(annotation, BaseModel):
-        return annotation
-    for inner in typing.get_args(annotation):
-        if (found := section_of(inner)) is not None:
-            return found
-    return None
 
 
 def _lines(findings: list[Finding], document: Document, file: str) -> list[str]:

@@ -1,6 +1,5 @@
 """A scenario: vehicles, wind, faults, threats, script and checks, and their consistency."""
 
-import difflib
 import math
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -20,6 +19,7 @@ from sim_vehicle.faults.spec import FaultSpec, parse_fault
 from sim_vehicle.personalities import PERSONALITIES, personality_of
 from sim_vehicle.physics.geodesy import LocalFrame
 from sim_vehicle.physics.gps import GpsSettings
+from sim_vehicle.problems import remedy
 from sim_vehicle.scenarios.base import (
     Altitude,
     Latitude,
@@ -345,13 +345,10 @@ def _mode_names(personality: str, kind: str, *, selectable: bool) -> list[str]:
 def _mode_problem(alternatives: str, available: Mapping[tuple[str, str], Sequence[str]]) -> str:
     """Return the problem with a mode or with alternatives (`RTL|Return`), or an empty text."""
     wanted = alternatives.split("|")
-    known = {name.casefold(): name for names in available.values() for name in names}
+    known = [name for names in available.values() for name in names]
     for word in wanted:
-        if word.casefold() not in known:
-            near = difflib.get_close_matches(word.casefold(), known, n=1)
-            all_names = dict.fromkeys(name for names in available.values() for name in names)
-            cure = f"did you mean {known[near[0]]}?" if near else f"the modes are {', '.join(all_names)}"
-            return f"no selected vehicle has a mode {word!r}; {cure}"
+        if word.casefold() not in {name.casefold() for name in known}:
+            return f"no selected vehicle has a mode {word!r}; {remedy(word, known, 'modes')}"
     for (personality, kind), names in available.items():
         if not {name.casefold() for name in names} & {word.casefold() for word in wanted}:
             return (

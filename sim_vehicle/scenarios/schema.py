@@ -5,8 +5,9 @@ from typing import Any
 from pydantic import BaseModel
 
 from sim_vehicle.faults import FAULTS
+from sim_vehicle.problems import section_of
 from sim_vehicle.scenarios.base import OneOf
-from sim_vehicle.scenarios.file import SHORT_FORMS, Home, Shorthand, section_of
+from sim_vehicle.scenarios.file import SHORT_FORMS, Home, Shorthand
 from sim_vehicle.scenarios.model import Scenario
 from sim_vehicle.scenarios.plan import FenceShape, Leg
 from sim_vehicle.scenarios.steps import CheckSpec, ScriptStep

@@ -1,6 +1,5 @@
 """The conversion of command-line options into a scenario; one line for each problem."""
 
-import difflib
 import itertools
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -11,7 +10,9 @@ from typing import TypeVar
 from sim_vehicle.faults.spec import FaultError, parse_fault
 from sim_vehicle.links.url import Url, UrlError, parse_url
 from sim_vehicle.personalities import PERSONALITIES, personality_of
+from sim_vehicle.problems import nearest
 from sim_vehicle.scenarios import Scenario, ScenarioError, default_scenario, load_scenario
+from sim_vehicle.scenarios.file import parse_data
 
 MAX_SYSID = 250
 MAX_LATITUDE = 89  # [deg]; near a pole a short step east spans many degrees of longitude
@@ -93,13 +94,11 @@ def make_scenario(options: FleetOptions) -> tuple[Scenario, list[str]]:
     return _validated(data), notes
 
 
-def _validated(data: Mapping[str, object]) -> Scenario:
+def _validated(data: dict[str, object]) -> Scenario:
     try:
-        return Scenario.model_validate(data)
-    except ValueError as error:  # a value out of range, or an unknown system id
-        lines = [line.strip() for line in str(error).splitlines() if "Value error, " in line]
-        text = lines[0].partition("Value error, ")[2].partition(" [type=")[0] if lines else str(error)
-        raise OptionError(text) from error
+        return parse_data(data)
+    except ScenarioError as error:  # a value out of range, or an unknown system id
+        raise OptionError(str(error)) from error
 
 
 def _try(findings: list[str], parse: Callable[..., Value], given: object, prefix: str = "") -> Value | None:
@@ -292,6 +291,6 @@ def _no_such_parameter(name: str, vehicles: list[dict[str, object]]) -> str:
         for kind in {(str(v["personality"]), str(v["kind"])) for v in vehicles}
         for parameter in personality_of(*kind).parameters.defaults
     }
-    near = difflib.get_close_matches(name.upper(), known, n=3)
-    cure = f"did you mean {' or '.join(near)}?" if near else "a ground station lists all parameters"
+    near = nearest(name, known)
+    cure = f"did you mean {near}?" if near else "a ground station lists all parameters"
     return f"--param {name}: no vehicle of this fleet has this parameter; {cure} [unknown-parameter]"

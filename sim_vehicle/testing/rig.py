@@ -1,6 +1,5 @@
 """A fleet under test and its clock, stepped by the test or by the thread of a server."""
 
-import difflib
 import inspect
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
@@ -14,6 +13,7 @@ from sim_vehicle.epoch import EPSILON_S
 from sim_vehicle.faults.spec import FaultError, parse_fault
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.personalities import PERSONALITIES
+from sim_vehicle.problems import remedy
 from sim_vehicle.scenarios import Scenario, ScenarioError, default_scenario, load_scenario
 from sim_vehicle.scenarios.file import parse_data, read_step
 from sim_vehicle.scenarios.script import ScriptStation
@@ -365,6 +365,4 @@ def scenario_for(
 
 def _check_choice(argument: str, given: str, choices: Sequence[str]) -> None:
     if given not in choices:
-        near = difflib.get_close_matches(str(given), choices, n=1)
-        cure = f"did you mean {near[0]!r}?" if near else f"the values are {', '.join(choices)}"
-        raise ScenarioError(f"{argument}={given!r}: {cure}")
+        raise ScenarioError(f"{argument}={given!r}: {remedy(given, choices, 'values')}")

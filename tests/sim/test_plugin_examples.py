@@ -175,7 +175,7 @@ def test_a_step_that_fails_fails_the_test(vehicle: Vehicle, clock: Clock) -> Non
     ("action", "found"),
     [
         (("land_on_the_moon",), "'land_on_the_moon'"),
-        (("takeof", 5), "did you mean 'takeoff'?"),
+        (("takeof", 5), "did you mean `takeoff`?"),
         (("takeoff",), "takeoff: "),
         (("mode", "Mission"), "vehicle 1 has no mode 'Mission'"),
         (("fly_mission",), "vehicle 1 has no `mission`"),
@@ -193,7 +193,7 @@ def test_an_impossible_action_is_an_error(vehicle: Vehicle, action: tuple[Any, .
     [
         ({"count": 0}, "count=0: "),
         ({"personality": "betaflight"}, "personality='betaflight': "),
-        ({"kind": "plain"}, "kind='plain': did you mean 'plane'?"),
+        ({"kind": "plain"}, "kind='plain': did you mean `plane`?"),
         ({"personality": "px4", "params": {"RTL_ALT": 500}}, "px4 copter: RTL_ALT"),
         ({"faults": ["gps_los"]}, "gps_loss?"),
         ({"faults": "gps_loss"}, "faults='gps_loss'"),

@@ -200,8 +200,9 @@ def test_options_override_a_scenario(tmp_path: Path) -> None:
 
 
 def test_a_fault_on_an_unknown_system_id_is_an_error() -> None:
-    with pytest.raises(OptionError, match=r"\[9\]"):
-        make_scenario(FleetOptions(count=2, faults=["gps_loss:sysid=9"]))
+    faults = ["gps_loss:sysid=9", "gps_loss:sysid=8"]
+    with pytest.raises(OptionError, match=r"^faults\.0: .* \[9\].*\nfaults\.1: .* \[8\]"):
+        make_scenario(FleetOptions(count=2, faults=faults))
 
 
 def test_vehicles_face_the_heading_of_home() -> None:

@@ -283,8 +283,8 @@ faults: [packet_los]
         (HOME + "count: 1\nchecks: [never_says: '']", 3, "words: must have a visible character, found ''"),
         (HOME + "count: 1\nchecks: [heard_text: ' ']", 3, "words: must have a visible character, found ' '"),
         # unknown names
-        (HOME + "count: 1\nchecks: [mode_is: RLT]", 3, "did you mean RTL?"),
-        (HOME + MIXED + "checks: [mode_is: RTL|Retrun]", 3, "did you mean Return?"),
+        (HOME + "count: 1\nchecks: [mode_is: RLT]", 3, "did you mean `RTL`?"),
+        (HOME + MIXED + "checks: [mode_is: RTL|Retrun]", 3, "did you mean `Return`?"),
         (HOME + MIXED + "checks: [mode_is: RTL]", 3, "px4 copter has no mode 'RTL'"),
         (HOME + "count: 1\nscript: [mode: RTL|Retrun]", 3, "'Retrun'"),
         (HOME + "count: 1\nscript: [command: {command: ENUM_END}]", 3, "command.command: 'ENUM_END'"),
