@@ -37,7 +37,6 @@ def fleet(
         typer.Option(
             "--home",
             "-l",
-            "--custom-location",
             metavar="LAT,LON,ALT[,HDG]",
             help="Position of the first vehicle [deg, deg, m above sea level, deg]; further vehicles stand "
             "5 m apart to the east. Default: Ljubljana, Slovenia.",
@@ -45,13 +44,11 @@ def fleet(
     ] = None,
     personality: Annotated[
         str | None,
-        typer.Option(
-            metavar="NAME", help="ardupilot (default), px4, mixed (alternating), or ardupilot:3,px4:2."
-        ),
+        typer.Option(metavar="NAME", help="ardupilot (default), px4, or mixed (alternating)."),
     ] = None,
     kind: Annotated[
         str | None,
-        typer.Option("--type", "--vehicle", "-v", metavar="TYPE", help="copter (default) or plane."),
+        typer.Option("--type", metavar="TYPE", help="copter (default) or plane."),
     ] = None,
     speedup: Annotated[
         float | None,

@@ -6,8 +6,9 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 from pydantic_core import CoreSchema, core_schema
 
-Latitude = Annotated[float, Field(strict=True, ge=-90, le=90)]  # deg
+Latitude = Annotated[float, Field(strict=True, ge=-89, le=89)]  # deg; near a pole longitudes converge
 Longitude = Annotated[float, Field(strict=True, ge=-180, le=180)]  # deg
+Heading = Annotated[float, Field(strict=True, ge=0, le=360)]  # deg, clockwise from north
 Altitude = Annotated[float, Field(strict=True, ge=-500, le=9000)]  # m above mean sea level
 Probability = Annotated[float, Field(strict=True, ge=0, le=1)]
 Metres = Annotated[float, Field(strict=True, ge=-100_000, le=100_000)]  # coordinate [m]

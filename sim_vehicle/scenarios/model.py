@@ -22,6 +22,7 @@ from sim_vehicle.physics.gps import GpsSettings
 from sim_vehicle.problems import remedy
 from sim_vehicle.scenarios.base import (
     Altitude,
+    Heading,
     Latitude,
     Length,
     Longitude,
@@ -59,7 +60,7 @@ class VehicleSpec(Section):
     lat_deg: Latitude
     lon_deg: Longitude
     alt_amsl_m: Altitude = 10.0
-    heading_deg: Annotated[float, Field(strict=True, ge=0, le=360)] = 0.0  # clockwise from north
+    heading_deg: Heading = 0.0
     personality: Annotated[str, NameIn(PERSONALITIES)] = "ardupilot"
     kind: Annotated[Literal["copter", "plane"], Field(validation_alias=AliasChoices("type", "kind"))] = (
         "copter"

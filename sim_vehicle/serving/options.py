@@ -7,28 +7,31 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
+from pydantic import BaseModel
+
 from sim_vehicle.faults.spec import FaultError, parse_fault
 from sim_vehicle.links.url import Url, UrlError, parse_url
 from sim_vehicle.personalities import PERSONALITIES, personality_of
 from sim_vehicle.problems import nearest
-from sim_vehicle.scenarios import Scenario, ScenarioError, default_scenario, load_scenario
-from sim_vehicle.scenarios.file import parse_data
+from sim_vehicle.scenarios import Scenario, ScenarioError, Wind, default_scenario, load_scenario
+from sim_vehicle.scenarios.base import Heading
+from sim_vehicle.scenarios.file import Home, parse_data, validated
 
 MAX_SYSID = 250
-MAX_LATITUDE = 89  # [deg]; near a pole a short step east spans many degrees of longitude
-# name, lower bound, upper bound, unit of each number
-HOME_BOUNDS = (
-    ("latitude", -MAX_LATITUDE, MAX_LATITUDE, ""), ("longitude", -180, 180, ""),
-    ("altitude", -500, 9000, ""), ("heading", -360, 360, ""),
-)  # fmt: skip
-WIND_BOUNDS = (("speed", 0, 60, " m/s"), ("direction", 0, 360, " degrees"), ("gust", 0, 30, " m/s"))
 DEFAULT_HOME = "46.0490,14.5060,300"  # Ljubljana, Slovenia
-KINDS = {"copter": "copter", "plane": "plane", "arducopter": "copter", "arduplane": "plane"}
+KINDS = ("copter", "plane")
 Value = TypeVar("Value")
+Model = TypeVar("Model", bound=BaseModel)
 
 
 class OptionError(ValueError):
     """An unusable command line; the text has a line for each problem: option, value, remedy."""
+
+
+class HomeOption(Home):
+    """The home of `--home`, with the heading of the vehicles."""
+
+    heading_deg: Heading = 0.0  # clockwise from north
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +88,7 @@ def make_scenario(options: FleetOptions) -> tuple[Scenario, list[str]]:
     if options.seed is not None:
         data["seed"] = options.seed
     if wind is not None:
-        data["wind"] = wind
+        data["wind"] = wind.model_dump()
     data["faults"] = [*data["faults"], *(fault.model_dump() for fault in faults if fault is not None)]
     if base.script or base.checks:
         notes.append(
@@ -152,71 +155,49 @@ def _counted(options: FleetOptions) -> Scenario:
             f"--per-port {per_port}: system ids go from {first} (--sysid) to {MAX_SYSID}; "
             f"a port carries at most {most} vehicles; use --per-port {most} or less"
         )
-    *home, heading_deg = parse_home(options.home or DEFAULT_HOME)
-    kind = parse_kind(options.kind or "copter")
-    data = default_scenario(count, home=(home[0], home[1], home[2])).model_dump()
+    kind = (options.kind or "copter").lower()
+    if kind not in KINDS:
+        raise OptionError(f"--type {options.kind!r}: expected {' or '.join(KINDS)}")
+    home = parse_home(options.home or DEFAULT_HOME)
+    data = default_scenario(count, home=(home.lat_deg, home.lon_deg, home.alt_amsl_m)).model_dump()
     for i, vehicle in enumerate(data["vehicles"]):
         vehicle["sysid"] = first + (i if distinct else i % per_port)
         vehicle["link"] = i // per_port
         vehicle["personality"] = personalities[i]
         vehicle["kind"] = kind
-        vehicle["heading_deg"] = heading_deg
+        vehicle["heading_deg"] = home.heading_deg
     return _validated(data)
 
 
 def parse_personality(text: str, count: int | None) -> list[str]:
-    """Return the personality of each vehicle from `px4`, `mixed` (alternating) or `ardupilot:3,px4:2`."""
+    """Return the personality of each vehicle from one name, or from `mixed` (alternating)."""
     given = text.lower()
-    if given in PERSONALITIES:
-        return [given] * (count or 1)
     if given == "mixed":
         return list(itertools.islice(itertools.cycle(PERSONALITIES), count or len(PERSONALITIES)))
-    found: list[str] = []
-    for part in text.split(","):
-        name, _, number = part.strip().lower().partition(":")
-        if name not in PERSONALITIES or not number.isdecimal() or int(number) < 1:
-            expected = f"{', '.join(PERSONALITIES)}, mixed, or a number of each, such as ardupilot:3,px4:2"
-            raise OptionError(f"--personality {text!r}: {part.strip()!r} is unknown; expected {expected}")
-        found += [name] * int(number)
-    if count is not None and count != len(found):
-        raise OptionError(
-            f"--personality {text!r} has {len(found)} vehicles, but --count is {count}; remove --count"
-        )
-    return found
+    if given not in PERSONALITIES:
+        raise OptionError(f"--personality {text!r}: expected {', '.join(PERSONALITIES)} or mixed")
+    return [given] * (count or 1)
 
 
-def parse_kind(text: str) -> str:
-    """Return copter or plane; ArduPilot's firmware names are accepted."""
-    if text.lower() not in KINDS:
-        raise OptionError(f"--type {text!r}: expected copter or plane (or ArduCopter, ArduPlane)")
-    return KINDS[text.lower()]
+def parse_home(text: str) -> HomeOption:
+    """Return the home of LAT,LON,ALT[,HEADING] in degrees and metres above sea level."""
+    return _section("--home", text, HomeOption, 3, f"LAT,LON,ALT[,HEADING], for example {DEFAULT_HOME}")
 
 
-def parse_home(text: str) -> tuple[float, float, float, float]:
-    """Return latitude [deg], longitude [deg], altitude [m above sea level], heading [deg, default north]."""
-    numbers = _numbers(text)
-    if len(numbers) not in (3, 4):
-        raise OptionError(f"--home {text!r} is not LAT,LON,ALT[,HEADING], for example {DEFAULT_HOME}")
-    _check_bounds(f"--home {text!r}", numbers, HOME_BOUNDS)
-    heading_deg = numbers[3] % 360 if len(numbers) == 4 else 0.0
-    return numbers[0], numbers[1], numbers[2], heading_deg
+def parse_wind(text: str) -> Wind:
+    """Return the wind of SPEED,FROM[,GUST] in m/s, degrees and m/s."""
+    return _section("--wind", text, Wind, 2, "SPEED,FROM[,GUST] in m/s, degrees, m/s; for example 5,270,2")
 
 
-def parse_wind(text: str) -> dict[str, float]:
-    """Return the wind of SPEED,FROM[,GUST] in m/s, degrees and m/s, with the keys of a scenario."""
-    numbers = _numbers(text)
-    if len(numbers) not in (2, 3):
-        raise OptionError(
-            f"--wind {text!r} is not SPEED,FROM[,GUST] in m/s, degrees, m/s; for example 5,270,2"
-        )
-    _check_bounds(f"--wind {text!r}", numbers, WIND_BOUNDS)
-    return dict(zip(("speed_m_s", "from_deg", "gust_m_s"), numbers, strict=False))
-
-
-def _check_bounds(option: str, numbers: Sequence[float], bounds: Sequence[tuple[str, int, int, str]]) -> None:
-    for value, (name, low, high, unit) in zip(numbers, bounds, strict=False):
-        if not low <= value <= high:
-            raise OptionError(f"{option}: the {name} {value:g} is out of range; use {low} to {high}{unit}")
+def _section(option: str, text: str, model: type[Model], least: int, form: str) -> Model:
+    """Return a model of the numbers in a text, at least `least` in the order of the model's fields."""
+    numbers, names = _numbers(text), list(model.model_fields)
+    if not least <= len(numbers) <= len(names):
+        raise OptionError(f"{option} {text!r} is not {form}")
+    try:
+        return validated(model, dict(zip(names, numbers, strict=False)))
+    except ScenarioError as error:
+        raise OptionError("\n".join(f"{option} {line}" for line in str(error).splitlines())) from error
 
 
 def _numbers(text: str) -> list[float]:

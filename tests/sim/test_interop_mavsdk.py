@@ -28,14 +28,14 @@ SITE = ("--home", f"{LAT_DEG},{LON_DEG},300", "--speedup", "12", "--ready-s", "0
 
 @pytest.fixture(scope="module")
 def fast() -> Iterator[MavsdkPeer]:
-    with connected("--personality", "ardupilot:1,px4:1", "--speedup", "25", *COPTERS) as peer:
+    with connected("--personality", "mixed", "--speedup", "25", *COPTERS) as peer:
         yield peer
 
 
 @pytest.fixture(scope="module")
 def slow() -> Iterator[MavsdkPeer]:
     """Connect at a speed that the transfers of MAVSDK allow."""
-    with connected("--personality", "ardupilot:1,px4:1", *SITE, *COPTERS) as peer:
+    with connected("--personality", "mixed", *SITE, *COPTERS) as peer:
         yield peer
 
 

@@ -225,7 +225,7 @@ faults: [packet_los]
         ("a: [", 1, "YAML"),
         (HOME + "count: 0", 2, "count: must be at least 1, found 0"),
         ("count: 2", 1, "`home`"),
-        ("home: {lat_deg: 91, lon_deg: 0}\ncount: 1", 1, "home.lat_deg: must be at most 90, found 91"),
+        ("home: {lat_deg: 91, lon_deg: 0}\ncount: 1", 1, "home.lat_deg: must be at most 89, found 91"),
         (HOME + "count: 1\nvehicles: [{}]", 2, "count: "),
         (HOME + "vehicles:\n  - {lat_deg: 46, lon_deg: 14, east_m: 3}", 3, "0.east_m: "),
         (HOME + "count: 1\nscript:\n  - {mode: HOVER}", 4, "script.0: mode: "),
