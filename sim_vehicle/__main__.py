@@ -2,6 +2,7 @@
 
 import importlib
 import io
+import os
 import signal
 import sys
 from collections.abc import Callable
@@ -230,50 +231,40 @@ def main() -> None:
 # -- output after the loss of its reader --------------------------------------------------------------------
 
 
-class _TolerantFile(io.FileIO):
-    """A file that discards the data of failed writes and reports the first failure."""
+class _TolerantStream(io.TextIOWrapper):
+    """A standard stream that discards all text after its first failure."""
 
-    def __init__(self, file: int, report: Callable[[OSError], None]) -> None:
-        super().__init__(file, "w", closefd=False)
-        self._report: Callable[[OSError], None] | None = report
-
-    def write(self, data: Any, /) -> int:
+    def write(self, text: str, /) -> int:
         try:
-            return super().write(data)
+            return super().write(text)
         except OSError as error:
-            report, self._report = self._report, None
-            if report is not None:
-                report(error)
-            return memoryview(data).nbytes
+            self._discard(error)
+            return len(text)
+
+    def flush(self) -> None:
+        try:
+            super().flush()
+        except OSError as error:
+            self._discard(error)
+
+    def _discard(self, error: OSError) -> None:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), self.fileno())
+        if self is sys.stdout and sys.stderr is not None and not isinstance(error, BrokenPipeError):
+            sys.stderr.write(f"sim_vehicle: standard output is lost ({error.strerror})\n")
 
 
 def tolerate_lost_output() -> None:
-    """Let a run and its exit code survive lost output: a closed pipe (`| head`) or a full disk.
-
-    A full disk of standard output is reported on standard error; a closed pipe is not reported.
-    """
-    if sys.platform == "win32":  # a Windows console is not a file
-        return
-    sys.stdout = _tolerant(sys.stdout, _report_full_disk)
-    sys.stderr = _tolerant(sys.stderr, lambda _: None)
-
-
-def _report_full_disk(error: OSError) -> None:
-    if sys.stderr is not None and not isinstance(error, BrokenPipeError):
-        sys.stderr.write(f"sim_vehicle: standard output is lost ({error.strerror})\n")
-
-
-def _tolerant(stream: Any, report: Callable[[OSError], None]) -> Any:
-    """Return a stream that discards failed writes; return a missing or replaced stream unchanged."""
-    if stream not in (sys.__stdout__, sys.__stderr__) or not isinstance(stream, io.TextIOWrapper):
-        return stream
-    return io.TextIOWrapper(
-        io.BufferedWriter(_TolerantFile(stream.fileno(), report)),
-        encoding=stream.encoding,
-        errors=stream.errors,
-        line_buffering=stream.line_buffering,
-        write_through=stream.write_through,
-    )
+    """Let a run and its exit code survive lost output: a closed pipe (`| head`) or a full disk."""
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is getattr(sys, f"__{name}__") and isinstance(stream, io.TextIOWrapper):
+            setattr(
+                sys,
+                name,
+                _TolerantStream(
+                    stream.buffer, stream.encoding, stream.errors, line_buffering=stream.line_buffering
+                ),
+            )
 
 
 if __name__ == "__main__":
