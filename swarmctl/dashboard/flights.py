@@ -11,6 +11,7 @@ from typing import Protocol
 from swarmctl.config.scenario import Scenario
 from swarmctl.dashboard.model import Timeline
 from swarmctl.dashboard.orders_panel import Send
+from swarmctl.dashboard.server import in_background
 from swarmctl.dashboard.sources.recording import RecordSource
 from swarmctl.report.record import record_path
 from swarmctl.report.record_file import RecordError
@@ -89,7 +90,7 @@ class Flights:
                 source = RecordSource(process.folder, "live file")
             except RecordError as error:
                 raise NotStarted(str(error)) from error
-            reading = asyncio.create_task(source.run())
+            reading = in_background(source.run())
             send = self._send_to(scenario.config.name)
             self._started.append(StartedFlight(process, source.timeline, send, reading))
         finally:

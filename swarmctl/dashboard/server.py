@@ -76,10 +76,23 @@ def _is_wildcard(host: str) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """A timeline that grows while `run` runs."""
+    """A timeline that grows while `run` runs; if reading fails, `run` puts the reason into its text."""
 
     timeline: Timeline
     run: Callable[[], Coroutine[None, None, None]]
+
+
+def in_background(run: Coroutine[None, None, None]) -> asyncio.Task[None]:
+    """Start a task that nothing waits for; an exception goes to the loop's handler at once."""
+
+    def report(task: asyncio.Task[None]) -> None:
+        if not task.cancelled() and (error := task.exception()) is not None:
+            text = "a source of the dashboard failed"
+            task.get_loop().call_exception_handler({"message": text, "exception": error, "task": task})
+
+    task = asyncio.create_task(run)
+    task.add_done_callback(report)
+    return task
 
 
 async def serve(
@@ -122,7 +135,7 @@ async def serve_page(
 
     @contextlib.asynccontextmanager
     async def reading(_app: FastAPI) -> AsyncIterator[None]:
-        task = None if run is None else asyncio.create_task(run())
+        task = None if run is None else in_background(run())
         try:
             yield
         finally:

@@ -25,7 +25,8 @@ from swarmctl.core.frames import Frame, FrameCodec, IntentPoint, IntentShared, S
 from swarmctl.dashboard import looks
 from swarmctl.dashboard.changes import changes
 from swarmctl.dashboard.model import EVERYBODY, Timeline
-from swarmctl.dashboard.picture import OCCUPIED, OWN, SEEN, Picture
+from swarmctl.dashboard.picture import OCCUPIED, OWN, SEEN, Picture, SourceKind
+from swarmctl.dashboard.server import in_background
 from swarmctl.dashboard.sources.bus import BusSource
 from swarmctl.dashboard.sources.recording import QUIET_AFTER_S, RecordSource
 from swarmctl.flight.virtual_clock import run_virtual
@@ -190,6 +191,46 @@ def test_a_cut_or_foreign_file_is_told(flight: Flight, tmp_path: Path) -> None:
         whole(tmp_path)
     with pytest.raises(RecordError):
         RecordSource(tmp_path / "nothing", "recording")
+
+
+@pytest.mark.parametrize("kind", ["recording", "live file"])
+def test_damage_ends_the_reading_of_its_run_and_is_told_on_the_page(
+    kind: SourceKind, flight: Flight, tmp_path: Path
+) -> None:
+    damaged = bytearray((flight.run / "run.mcap").read_bytes())
+    damaged[len(damaged) // 2 : len(damaged) // 2 + 2000] = bytes(2000)
+    (tmp_path / "run.mcap").write_bytes(damaged)
+    source, other = RecordSource(tmp_path, kind), RecordSource(flight.run, "recording")
+
+    async def read_both() -> None:
+        async with asyncio.TaskGroup() as tasks:
+            tasks.create_task(source.run())
+            tasks.create_task(other.run())
+
+    asyncio.run(read_both())
+    picture = source.timeline.at()
+    assert "[damaged]" in picture.source.text
+    assert not picture.source.is_live
+    assert picture.source.age_s == 0.0
+    assert 0.0 < picture.source.total_s == picture.source.end_s < flight.timeline.end_s
+    assert other.is_read
+    source.close()
+    other.close()
+
+
+def test_a_mistake_in_a_source_reaches_the_handler_of_the_loop() -> None:
+    reported: list[dict[str, Any]] = []
+
+    async def mistake() -> None:
+        raise KeyError("uav1")
+
+    async def run() -> None:
+        asyncio.get_running_loop().set_exception_handler(lambda _, context: reported.append(context))
+        await asyncio.wait([in_background(mistake())])
+        await asyncio.sleep(0)
+
+    asyncio.run(run())
+    assert [type(context["exception"]) for context in reported] == [KeyError]
 
 
 def test_a_station_on_the_bus_shows_what_the_record_shows(flight: Flight) -> None:

@@ -105,9 +105,14 @@ class RecordSource:
             )
 
     async def run(self) -> None:
-        """Read until the record is complete or the task is cancelled. Raises RecordError."""
+        """Read until the record is complete or damaged, or the task is cancelled."""
         while True:
-            if self.read():
+            try:
+                has_more = self.read()
+            except RecordError as error:
+                self._end_at_damage(error)
+                return
+            if has_more:
                 await asyncio.sleep(0)
             elif self.timeline.kind == "recording" or self.is_read:
                 if not self.is_read:
@@ -115,6 +120,11 @@ class RecordSource:
                 return
             else:
                 await asyncio.sleep(LOOK_EVERY_S)
+
+    def _end_at_damage(self, error: RecordError) -> None:
+        timeline = self.timeline
+        timeline.is_live, timeline.now_s, timeline.total_s = False, timeline.end_s, timeline.end_s
+        timeline.text = f"{error}; the part before, up to {timeline.end_s:.0f} s, is shown"
 
 
 WAIT_S = 60.0
