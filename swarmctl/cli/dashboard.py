@@ -89,10 +89,17 @@ def dashboard(
     if other_run is not None and other_run == run:
         fail([f"{run} is given twice; give two different runs"], USAGE)
     try:
-        from swarmctl.dashboard.server import CannotServe, Source, serve, serve_page  # noqa: PLC0415
+        from swarmctl.dashboard.server import (  # noqa: PLC0415
+            CannotListen,
+            CannotServe,
+            Source,
+            serve,
+            serve_page,
+        )
     except ModuleNotFoundError as error:
         fail([f"the dashboard needs {error.name}: pip install 'mavlink-swarmctl[dashboard]'"], USAGE)
     from swarmctl.dashboard.sources.recording import RecordSource, open_live  # noqa: PLC0415
+    from swarmctl.report.record import record_path  # noqa: PLC0415
 
     where = _where(listen, port, cert, key, config)
     background = None if tiles is None else _tiles_or_exit(tiles)
@@ -120,21 +127,24 @@ def dashboard(
         runs = [run] if other_run is None else [run, other_run]
         opened = [await open_live(path) if live else RecordSource(path, "recording") for path in runs]
         sources = [Source(source.timeline, source.run) for source in opened]
-        is_flying = live and len(opened) == 1 and opened[0].timeline.is_live
-        send = _sender(opened[0].timeline.area.swarm) if is_flying else None
+        record = record_path(run)
+        is_flying = live and other_run is None and record_file.is_in_progress(record)
+        send = _sender_to_flight(opened[0].timeline.area.swarm, record) if is_flying else None
         titled = dict(zip(map(str, runs), sources, strict=True))
-        await serve(titled, where, announce, send, background)
+        try:
+            await serve(titled, where, announce, send, background)
+        finally:
+            for source in opened:
+                source.close()
 
     try:
         asyncio.run(shown())
     except (CannotServe, record_file.RecordError) as error:
         fail([str(error)], USAGE)
-    except BusError as error:
+    except (BusError, CannotListen) as error:
         fail([str(error)], FAILED)
     except ConfigError as error:
         fail(error.lines, USAGE)
-    except OSError as error:
-        fail([f"port {port}: {error.strerror}; choose another --port"], FAILED)
 
 
 def _where(host: str, port: int, cert: Path | None, key: Path | None, config: Path | None) -> Where:
@@ -195,6 +205,20 @@ def _sender(
     return send_or_tell
 
 
+def _sender_to_flight(swarm: str, record: Path) -> Callable[[Request], Awaitable[OperatorAnswer]]:
+    """Return the sender of commands to a flight; after its end a later flight may have the same name."""
+    from swarmctl.dashboard.orders_panel import NotSent  # noqa: PLC0415
+
+    send = _sender(swarm)
+
+    async def send_to_flight(request: Request) -> OperatorAnswer:
+        if not record_file.is_in_progress(record):
+            raise NotSent(f"{record}: the flight has ended; nothing was sent [flight-ended]")
+        return await send(request)
+
+    return send_to_flight
+
+
 def _study_page(folder: Path) -> Callable[[object], None]:
     """Return the registration of the page of a study. Raises ConfigError."""
     try:
@@ -219,7 +243,7 @@ def _setup_page(path: Path, tiles: Tiles | None) -> Callable[[Sessions], None]:
     from swarmctl.dashboard.flights import Flights  # noqa: PLC0415
 
     Draft.open(path)
-    flights = Flights(partial(SetupFlight, runs=RUNS), _sender)
+    flights = Flights(partial(SetupFlight, runs=RUNS), _sender_to_flight)
 
     def find_problems(draft: Draft, scenario: Scenario) -> list[str]:
         return problems_of(draft.path, draft.document, scenario, RUNS)

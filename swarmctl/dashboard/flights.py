@@ -54,8 +54,8 @@ class StartedFlight:
 class Flights:
     """The flights of one set-up, one after the other."""
 
-    def __init__(self, start: StartProcess, send_to: Callable[[str], Send]) -> None:
-        """`send_to` returns the way of commands to a swarm."""
+    def __init__(self, start: StartProcess, send_to: Callable[[str, Path], Send]) -> None:
+        """`send_to` returns the sender of commands to a flight, from the names of swarm and record."""
         self._start, self._send_to = start, send_to
         self._started: list[StartedFlight] = []
         self._is_starting = False
@@ -91,7 +91,7 @@ class Flights:
             except RecordError as error:
                 raise NotStarted(str(error)) from error
             reading = in_background(source.run())
-            send = self._send_to(scenario.config.name)
+            send = self._send_to(scenario.config.name, record_path(process.folder))
             self._started.append(StartedFlight(process, source.timeline, send, reading))
         finally:
             self._is_starting = False

@@ -36,6 +36,10 @@ class CannotServe(ValueError):
     """An address without the protection that it needs; the text says what to do."""
 
 
+class CannotListen(Exception):
+    """A server socket that cannot be created; the text has the address and the reason."""
+
+
 @dataclass(frozen=True, slots=True)
 class Where:
     """The address of the page, and the certificate and key for TLS; other machines reach it over TLS only."""
@@ -104,7 +108,7 @@ async def serve(
 ) -> None:
     """Serve sources, by title, until cancelled; `send` sends commands, and `announce` gets role and address.
 
-    Raises OSError if the port is in use, and CannotServe.
+    Raises CannotListen and CannotServe.
     """
     timelines = {title: source.timeline for title, source in sources.items()}
 
@@ -126,10 +130,15 @@ async def serve_page(
     run: Callable[[], Coroutine[None, None, None]] | None = None,
     tiles: Tiles | None = None,
 ) -> None:
-    """Serve the page that `register` adds, with the task `run` beside it."""
+    """Serve the page that `register` adds, with the task `run` beside it. Raises as `serve`."""
     names = where.names()
     is_encrypted = where.certificate is not None
-    listener = socket.create_server((where.host, where.port))
+    try:
+        listener = socket.create_server((where.host, where.port))
+    except OSError as error:
+        raise CannotListen(
+            f"{where.host}:{where.port}: {error.strerror or error}; choose another --port or --listen"
+        ) from error
     port = listener.getsockname()[1]
     sessions = Sessions(is_one_time=not is_encrypted)
 

@@ -79,6 +79,18 @@ def lock(file: BinaryIO) -> bool:
     return True
 
 
+def is_in_progress(path: Path) -> bool:
+    """Return whether a process writes a record; True on a file system without locks. Raises RecordError."""
+    try:
+        with path.open("rb") as file:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except FileNotFoundError:
+        raise not_found(path) from None
+    except OSError:  # BlockingIOError: the recorder has the lock
+        return True
+    return False
+
+
 def read(path: Path) -> StoredRecord:
     """Return the complete part of a record. Raises RecordError."""
     stream = RecordStream(path)
