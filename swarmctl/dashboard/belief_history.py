@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from swarmctl.core.belief import OCCUPIED as BELIEVED_OCCUPIED
 from swarmctl.core.belief import Belief, LookCounts, ObservationLog
-from swarmctl.core.observation import BeliefItem, Checkpoint, Observation, Source
+from swarmctl.core.observation import BeliefItem, Checkpoint, Observation
 from swarmctl.dashboard.picture import OCCUPIED, OWN, SEEN, UNSEEN, CellCodes
 
 Name = tuple[int, int, int]
@@ -47,9 +47,7 @@ class BeliefHistory:
         self._prior = prior
         self._uav = uav
         self._cols = prior.looks.shape[1]
-        self._learned: set[Name] = set()
-        self._held: dict[Source, list[Observation]] = {}
-        self._checkpoints: dict[Source, Checkpoint] = {}
+        self._newest = prior
         self.times_s = array("d")
         """time of each item"""
         self._ends = array("q")
@@ -57,8 +55,7 @@ class BeliefHistory:
         self._cells, self._looks, self._hits = array("i"), array("i"), array("i")
         self._own = bytearray()
         self._seen_cells: set[int] = set()
-        self._hits_of: dict[int, int] = {}
-        """hits of each cell with a hit"""
+        self._hit_cells: set[int] = set()
         self._n_known, self._n_hit = array("i"), array("i")
         """number of different cells after each item: all, and those with a hit"""
         self._counts_hits = prior.sensor.is_perfect and prior.count.is_number
@@ -66,65 +63,46 @@ class BeliefHistory:
         self._cache: BeliefAt | None = None
 
     def learn(self, time_s: float, items: Iterable[BeliefItem]) -> None:
-        """Add what is new of these observations; a cell outside the area is ignored, as by the agents."""
+        """Add what is new of these observations; what the agents refuse is ignored."""
         for item in items:
+            try:
+                after = self._newest.merge((item,))
+            except ValueError:  # outside the area, a malformed checkpoint, or a second content of one name
+                continue
+            if after is self._newest:
+                continue
             if isinstance(item, Checkpoint):
-                self._replace(time_s, item)
-                continue
-            name = (item.observer, item.incarnation, item.seq)
-            checkpoint = self._checkpoints.get(item.source)
-            if name in self._learned or (checkpoint is not None and item.seq <= checkpoint.upto):
-                continue
-            rows, cols = self._prior.looks.shape
-            if any(row >= rows or col >= cols for row, col, _ in item.cells):
-                continue
-            self._learned.add(name)
-            self._held.setdefault(item.source, []).append(item)
-            self._add(item, 1)
-            self._end_item(time_s)
+                self._add_difference(after, item.observer)
+            else:
+                self._add(item)
+            self._newest = after
+            self.times_s.append(time_s)
+            self._ends.append(len(self._cells))
+            self._n_known.append(len(self._seen_cells))
+            self._n_hit.append(len(self._hit_cells))
 
-    def _replace(self, time_s: float, checkpoint: Checkpoint) -> None:
-        """Put a checkpoint in the place of the observations and the checkpoint that it summarises."""
-        source, before = checkpoint.source, self._checkpoints.get(checkpoint.source)
-        if before is not None and checkpoint.upto <= before.upto:
-            return
-        try:
-            counts = checkpoint.counts(self._prior.looks.size)
-        except ValueError:  # the agents refuse it, too
-            return
-        for cell, looks, hits in zip(counts.cells, counts.looks, counts.hits, strict=True):
-            self._add_cell(checkpoint.observer, int(cell), int(looks), int(hits))
-        held = self._held.pop(source, [])
-        for item in (item for item in held if item.seq <= checkpoint.upto):
-            self._add(item, -1)
-        self._held[source] = [item for item in held if item.seq > checkpoint.upto]
-        if before is not None:
-            old = before.counts(self._prior.looks.size)
-            for cell, looks, hits in zip(old.cells, old.looks, old.hits, strict=True):
-                self._add_cell(checkpoint.observer, int(cell), -int(looks), -int(hits))
-        self._checkpoints[source] = checkpoint
-        self._end_item(time_s)
-
-    def _add(self, item: Observation, sign: int) -> None:
+    def _add(self, item: Observation) -> None:
         for row, col, occupied in item.cells:
-            self._add_cell(item.observer, row * self._cols + col, sign, sign * occupied)
+            cell = row * self._cols + col
+            self._add_cell(item.observer, cell, 1, int(occupied))
+            self._seen_cells.add(cell)
+            if occupied:
+                self._hit_cells.add(cell)
+
+    def _add_difference(self, after: Belief, observer: int) -> None:
+        """Add the cells whose counts a checkpoint changes. Each of its other cells has counts already."""
+        looks = (after.looks - self._newest.looks).ravel()
+        hits = (after.hits - self._newest.hits).ravel()
+        for cell in np.flatnonzero((looks != 0) | (hits != 0)).tolist():
+            self._add_cell(observer, cell, int(looks[cell]), int(hits[cell]))
+        self._seen_cells = set(np.flatnonzero(after.looks).tolist())
+        self._hit_cells = set(np.flatnonzero(after.hits).tolist())
 
     def _add_cell(self, observer: int, cell: int, looks: int, hits: int) -> None:
         self._cells.append(cell)
         self._looks.append(looks)
         self._hits.append(hits)
         self._own.append(observer == self._uav)
-        self._seen_cells.add(cell)
-        if hits and not (new := self._hits_of.get(cell, 0) + hits):
-            del self._hits_of[cell]
-        elif hits:
-            self._hits_of[cell] = new
-
-    def _end_item(self, time_s: float) -> None:
-        self.times_s.append(time_s)
-        self._ends.append(len(self._cells))
-        self._n_known.append(len(self._seen_cells))
-        self._n_hit.append(len(self._hits_of))
 
     def version(self, time_s: float) -> int:
         """Return the number of items up to a time."""
