@@ -9,7 +9,7 @@ from swarmctl.agent.state import AgentState
 from swarmctl.bus.external_observations import ReportCounts
 from swarmctl.config.specs import Spec
 from swarmctl.flight.runner import Runner
-from swarmctl.links.base import Identity
+from swarmctl.mavlink.events import Identity
 from swarmctl.report.final_state import describe_final_state
 
 POLL_S = 0.1

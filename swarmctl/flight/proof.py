@@ -13,7 +13,8 @@ from swarmctl.agent.progress import planned_legs
 from swarmctl.agent.state import AgentState
 from swarmctl.core import events as ev
 from swarmctl.core.vehicle import Landed, VehicleState
-from swarmctl.links.base import Identity, Recognised
+from swarmctl.mavlink.events import Identity
+from swarmctl.mavlink.procedures.recognise import Recognised
 from swarmctl.report.unfinished_run import RecordedVehicle
 
 MAX_OFF_ROUTE_M = 150.0

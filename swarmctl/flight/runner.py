@@ -32,18 +32,20 @@ from swarmctl.core.setpoint import SetPoint
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.links.base import (
     AddressChanged,
-    FirstHeartbeat,
     FramesRefused,
-    Identity,
     LaunchBlockedError,
     Link,
     LinkError,
     LinkEvent,
+    SystemIdConflict,
+    UploadFailed,
+)
+from swarmctl.mavlink.events import (
+    FirstHeartbeat,
+    Identity,
     ProcedureDone,
     StateChanged,
     StatusText,
-    SystemIdConflict,
-    UploadFailed,
     VehicleLost,
     VehicleRebooted,
     VehicleRestored,

@@ -18,7 +18,8 @@ from swarmctl.flight.run import Run
 from swarmctl.flight.runner import Runner
 from swarmctl.flight.takeover import Takeover
 from swarmctl.links import LINKS
-from swarmctl.links.base import Link, LinkEvent, Streaming
+from swarmctl.links.base import Link, LinkEvent
+from swarmctl.mavlink.telemetry.streams import Streaming
 from swarmctl.preflight.collection import FactCollector
 from swarmctl.preflight.conversation import Preflight
 from swarmctl.preflight.results import CheckResult

@@ -16,54 +16,10 @@ from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import FlightPlan, MissionItem
 from swarmctl.core.setpoint import SetPoint
 from swarmctl.core.vehicle import VehicleState
-from swarmctl.mavlink.events import (
-    FirstHeartbeat,
-    Identity,
-    ProcedureDone,
-    SessionEvent,
-    StateChanged,
-    StatusText,
-    VehicleLost,
-    VehicleRebooted,
-    VehicleRestored,
-)
+from swarmctl.mavlink.events import Identity, SessionEvent
 from swarmctl.mavlink.procedures.recognise import Recognised
 from swarmctl.mavlink.protocol.outcome import Swapped
 from swarmctl.mavlink.telemetry.instruments import Instruments
-from swarmctl.mavlink.telemetry.streams import Streaming
-
-__all__ = [
-    "AddressChanged",
-    "Busy",
-    "ChannelEvent",
-    "CommandFailed",
-    "FenceFailed",
-    "FirstHeartbeat",
-    "FramesRefused",
-    "Identity",
-    "Instruments",
-    "LaunchBlockedError",
-    "LaunchFailed",
-    "Link",
-    "LinkError",
-    "LinkEvent",
-    "NoAnswer",
-    "NotReady",
-    "ParametersFailed",
-    "PrepareFailed",
-    "ProcedureDone",
-    "Recognised",
-    "StateChanged",
-    "StatusText",
-    "Streaming",
-    "SystemIdConflict",
-    "TransportError",
-    "UnsupportedVehicle",
-    "UploadFailed",
-    "VehicleLost",
-    "VehicleRebooted",
-    "VehicleRestored",
-]
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,9 +16,6 @@ from swarmctl.links.base import (
     Busy,
     CommandFailed,
     FenceFailed,
-    FirstHeartbeat,
-    Identity,
-    Instruments,
     LaunchBlockedError,
     LaunchFailed,
     LinkError,
@@ -27,7 +24,6 @@ from swarmctl.links.base import (
     NotReady,
     ParametersFailed,
     PrepareFailed,
-    ProcedureDone,
     UnsupportedVehicle,
     UploadFailed,
 )
@@ -36,6 +32,7 @@ from swarmctl.links.line import Channel
 from swarmctl.links.signing import REMEDIES
 from swarmctl.links.transports import TRANSPORTS
 from swarmctl.links.url import Endpoint
+from swarmctl.mavlink.events import FirstHeartbeat, Identity, ProcedureDone
 from swarmctl.mavlink.procedures import basic, fence, rally
 from swarmctl.mavlink.procedures.basic import Done, Swapped, Uploaded
 from swarmctl.mavlink.procedures.recognise import Recognised, recognise
@@ -47,6 +44,7 @@ from swarmctl.mavlink.protocol.outcome import LaunchBlocked
 from swarmctl.mavlink.protocol.procedure import Context, Procedure
 from swarmctl.mavlink.session import Session, SessionStep
 from swarmctl.mavlink.telemetry import instruments
+from swarmctl.mavlink.telemetry.instruments import Instruments
 from swarmctl.mavlink.telemetry.streams import Streaming
 
 REPORT_PERIOD_S = 1.0

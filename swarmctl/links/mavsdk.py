@@ -26,10 +26,11 @@ from mavsdk.plugins.mission_raw import MissionItem as RawItem
 from mavsdk.plugins.mission_raw import MissionRaw, MissionRawError
 
 from swarmctl.core.mission import MissionItem
-from swarmctl.links.base import Identity, LinkError
+from swarmctl.links.base import LinkError
 from swarmctl.links.direct import DirectLink
 from swarmctl.links.frontend import FrontEnd
 from swarmctl.links.mavsdk_conversations import MavsdkGate, OnEnd, with_mavsdk
+from swarmctl.mavlink.events import Identity
 from swarmctl.mavlink.protocol.codec import GCS_COMPID, GCS_SYSID, FrameSplitter, Message, decode
 from swarmctl.mavlink.protocol.procedure import Context, Procedure
 from swarmctl.mavlink.session import SessionStep

@@ -17,7 +17,8 @@ from swarmctl.agent.traffic.separation.trajectory import Trajectory
 from swarmctl.config.scenario import Scenario, separation_of
 from swarmctl.config.specs import Spec
 from swarmctl.core.mission import FlightPlan, MissionItem
-from swarmctl.links.base import FenceFailed, Identity, Link, LinkError
+from swarmctl.links.base import FenceFailed, Link, LinkError
+from swarmctl.mavlink.events import Identity
 from swarmctl.mavlink.firmware import firmware_of
 from swarmctl.mavlink.telemetry.instruments import Instruments
 from swarmctl.preflight.checks.battery import SIMULATED_ENDURANCE_S

@@ -14,15 +14,8 @@ from swarmctl.flight.member import Member
 from swarmctl.flight.permission import PreflightFailed
 from swarmctl.flight.runner import LaunchNotPermitted
 from swarmctl.flight.virtual_clock import run_virtual
-from swarmctl.links.base import (
-    Identity,
-    LaunchFailed,
-    NoAnswer,
-    NotReady,
-    SystemIdConflict,
-    UploadFailed,
-    VehicleRebooted,
-)
+from swarmctl.links.base import LaunchFailed, NoAnswer, NotReady, SystemIdConflict, UploadFailed
+from swarmctl.mavlink.events import Identity, VehicleRebooted
 
 pytestmark = pytest.mark.virtual
 

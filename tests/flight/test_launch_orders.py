@@ -14,10 +14,7 @@ from swarmctl.core import events as ev
 from swarmctl.core.frames import IntentPoint, IntentShared
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.flight.member import Member
-from swarmctl.links.base import (
-    StateChanged,
-    VehicleRebooted,
-)
+from swarmctl.mavlink.events import StateChanged, VehicleRebooted
 
 pytestmark = pytest.mark.virtual
 

@@ -10,7 +10,7 @@ from flights import small
 
 from swarmctl.core.messages import GiveOrder
 from swarmctl.flight import operator_orders
-from swarmctl.links.base import Identity
+from swarmctl.mavlink.events import Identity
 
 
 @dataclass

@@ -15,7 +15,8 @@ from swarmctl.core import events as ev
 from swarmctl.core.vehicle import Landed, VehicleState
 from swarmctl.flight import proof
 from swarmctl.flight.proof import Finding
-from swarmctl.links.base import Identity, Recognised
+from swarmctl.mavlink.events import Identity
+from swarmctl.mavlink.procedures.recognise import Recognised
 from swarmctl.report.unfinished_run import RecordedVehicle
 
 UID2 = bytes(range(18))

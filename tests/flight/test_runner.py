@@ -20,7 +20,7 @@ from swarmctl.core import events as ev
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.flight.runner import Runner
 from swarmctl.flight.virtual_clock import run_virtual
-from swarmctl.links.base import StatusText
+from swarmctl.mavlink.events import StatusText
 from swarmctl.mavlink.protocol.outcome import Swapped
 
 TAKES_S = 5.0

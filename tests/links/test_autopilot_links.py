@@ -9,7 +9,8 @@ from link_world import WIRE, FleetWorld, play, until
 from wire_bench import north_of_home
 
 from sim_vehicle.faults.spec import parse_fault
-from swarmctl.links.base import AddressChanged, SystemIdConflict, VehicleRebooted
+from swarmctl.links.base import AddressChanged, SystemIdConflict
+from swarmctl.mavlink.events import VehicleRebooted
 
 
 @pytest.mark.autopilots("1.1", "1.2", "1.18")

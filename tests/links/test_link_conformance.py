@@ -20,18 +20,15 @@ from swarmctl.links.base import (
     Busy,
     CommandFailed,
     FenceFailed,
-    FirstHeartbeat,
     LaunchBlockedError,
     LaunchFailed,
     LinkError,
     NoAnswer,
     NotReady,
-    ProcedureDone,
     UnsupportedVehicle,
     UploadFailed,
-    VehicleLost,
-    VehicleRestored,
 )
+from swarmctl.mavlink.events import FirstHeartbeat, ProcedureDone, VehicleLost, VehicleRestored
 from swarmctl.mavlink.protocol.outcome import Done
 
 REAL = {"mavsdk"}

@@ -12,8 +12,9 @@ from signed_world import KEY, SignedWorld, station
 from wire_bench import north_of_home
 
 from swarmctl.core.setpoint import SetPoint
-from swarmctl.links.base import FramesRefused, NoAnswer, VehicleLost
+from swarmctl.links.base import FramesRefused, NoAnswer
 from swarmctl.links.signing import LATE, OTHER_KEY, REPEATED, UNSIGNED
+from swarmctl.mavlink.events import VehicleLost
 from swarmctl.security.mavlink_key import TimestampFile
 
 

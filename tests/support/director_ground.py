@@ -24,13 +24,13 @@ from swarmctl.flight.runner import Runner
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.links.base import (
     CommandFailed,
-    Identity,
     LaunchBlockedError,
     LaunchFailed,
     NoAnswer,
     NotReady,
     UploadFailed,
 )
+from swarmctl.mavlink.events import Identity
 from swarmctl.mavlink.protocol.outcome import Swapped
 from swarmctl.sensors.footprint import Footprint
 
