@@ -13,7 +13,7 @@ import typer
 
 from swarmctl.cli.console import FAILED, USAGE, fail, out, say
 from swarmctl.core.operator_text import printable
-from swarmctl.report.evidence.chain import FORMAT, CheckedChain, Closed, Entry, check, signed_content
+from swarmctl.report.evidence.chain import CheckedChain, Closed, Entry, check, signed_content
 from swarmctl.report.evidence.commands import CHANGED_PART
 from swarmctl.report.evidence.digest import VehicleDigest, digest
 from swarmctl.report.evidence.log import FILE_NAME, sha256_of
@@ -98,7 +98,7 @@ def _changed_files(folder: Path, closing: Closed, *, may_miss: bool) -> dict[str
 def _tlogs(folder: Path, checked: CheckedChain, except_for: Container[str]) -> dict[str, bytes]:
     """Return the contents of the tlogs by vehicle."""
     found = {}
-    for vehicle in checked.opened.vehicles if checked.opened.format == FORMAT else ():
+    for vehicle in checked.opened.vehicles:
         name = f"{Path(vehicle).name}.tlog"
         with contextlib.suppress(OSError, ValueError):
             if name not in except_for:
@@ -191,7 +191,7 @@ def _table(
     if not are_proved:
         caption.append("answers and effects are from tlogs that the evidence does not cover")
     if not all(vehicle in with_tlog for vehicle in digests):
-        caption.append("?: no unchanged tlog of format 2, so the answers are unknown")
+        caption.append("?: no unchanged tlog, so the answers are unknown")
     table = FittedTable(COLUMNS, caption=caption, elsewhere="`swarmctl audit --all`")
     for vehicle, found in digests.items():
         for command, row in found.rows.items():

@@ -4,18 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import (
-    Field,
-    SerializerFunctionWrapHandler,
-    ValidationInfo,
-    field_validator,
-    model_serializer,
-)
+from pydantic import Field, ValidationInfo, field_validator
 
 from swarmctl.core.section import NameIn, Section
 from swarmctl.planners import PLANNERS, method
-
-SOCIAL_WEIGHTS = ("autonomy", "benevolence")
 
 
 class PlannerSection(Section):
@@ -60,9 +52,3 @@ class PlannerSection(Section):
         if (name := info.data.get("name")) is not None:
             method(name, PLANNERS[name], options)
         return options
-
-    @model_serializer(mode="wrap")
-    def _without_unused_weights(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Leave out weights of 0, so that records of flights without them stay as they were."""
-        content: dict[str, Any] = serialize(self)
-        return {key: value for key, value in content.items() if key not in SOCIAL_WEIGHTS or value}

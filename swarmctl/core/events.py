@@ -1,7 +1,6 @@
 """The closed lists of an agent's inputs (events) and outputs (effects).
 
-Both are plain data, so that `swarmctl replay` can fold the events of a recorded run again. A class with a
-`tag` has this tag as its name in records.
+Both are plain data, so that `swarmctl replay` can fold the events of a recorded run again.
 """
 
 from __future__ import annotations
@@ -72,7 +71,7 @@ class Ready(_Record, frozen=True):
     """The vehicle answers, has the expected identity, and is ready to arm."""
 
     firmware: str = ""
-    """name and version; empty in records of earlier versions"""
+    """name and version; empty without an identity"""
     uid2: str = ""
     """the autopilot's unique id, as hex digits"""
 
@@ -98,10 +97,10 @@ class Observed(_Record, frozen=True):
     cells: tuple[tuple[int, int, bool], ...]
 
 
-class ObservationsReceived(_Record, frozen=True, tag="Heard"):
+class ObservationsReceived(_Record, frozen=True):
     """Observations of other UAVs that are new to this agent."""
 
-    items: tuple[BeliefItem, ...] = msgspec.field(name="told")
+    items: tuple[BeliefItem, ...]
 
 
 class MissionAccepted(_Record, frozen=True):
@@ -136,7 +135,7 @@ class OrderFailed(_Record, frozen=True):
     """a check before the launch failed, and no command was sent"""
 
 
-class LaunchPostponed(_Record, frozen=True, tag="LaunchPutOff"):
+class LaunchPostponed(_Record, frozen=True):
     """A check before the take-off found a conflict with another vehicle; this vehicle is not armed."""
 
     reason: str
@@ -166,7 +165,7 @@ class OperatorCommand(_Record, frozen=True):
     after_s: float | None = None
     """time of a hold before a return in a recall, by the vehicle's clock [s]; None: a vehicle holds until its
     return path, or the ground below it, is clear of other vehicles"""
-    ignore: tuple[int, ...] = msgspec.field(default=(), name="past")
+    ignore: tuple[int, ...] = ()
     """vehicles that a launch does not wait for"""
     by: str = ""
     """person and program that gave the order; empty: not told"""
@@ -268,7 +267,7 @@ class SetRange(_Record, frozen=True):
     range: CommunicationRange
 
 
-class SendSetPoint(_Record, frozen=True, tag="FlyBy"):
+class SendSetPoint(_Record, frozen=True):
     """Send this set-point to the vehicle now; nothing repeats it."""
 
     set_point: SetPoint
@@ -285,7 +284,7 @@ class Answer(_Record, frozen=True):
     answer: VehicleAnswer
 
 
-class NotifyOperator(_Record, frozen=True, tag="Tell"):
+class NotifyOperator(_Record, frozen=True):
     """A text about the vehicle for the operator."""
 
     text: str

@@ -101,7 +101,7 @@ class GiveOrder(
     order: OrderKind
     after_s: float | None = None
     """time for which the vehicle holds before a return in a recall [s]; None: no recall"""
-    ignore: tuple[int | str, ...] = msgspec.field(default=(), name="past")
+    ignore: tuple[int | str, ...] = ()
     """vehicles that a launch does not wait for"""
     by: str = ""
     """person and program that give the command, for the evidence; empty: not told"""
@@ -154,7 +154,7 @@ class VehiclePosition(msgspec.Struct, frozen=True):
     home_lon_deg: float
     home_alt_amsl_m: float
     speed_m_s: float
-    min_separation_m: tuple[float, float] = msgspec.field(name="keeps_m")
+    min_separation_m: tuple[float, float]
     """required distances to other vehicles, over ground and in height [m]"""
     is_returning: bool = False
 

@@ -338,4 +338,4 @@ def _rows(path: Path, stored: StoredRecord, topics: Collection[str]) -> Iterator
                 record = _DECODERS[message.topic].decode(message.data)
                 yield Row(record.vehicle, record, message.log_time_ns)
     except ValueError as error:  # JSON, or an unknown kind of event
-        raise record_file.undecodable(path, stored.format, error) from error
+        raise record_file.damaged(path, error) from error

@@ -23,10 +23,8 @@ from mcap.writer import MCAP0_MAGIC
 from swarmctl import __version__
 from swarmctl.config.model import Config
 
-FORMAT = 4
-READABLE = frozenset({"3", "4"})
-"""Readable formats. In format 3 the messages of other vehicles are events of their own. A dashboard reads
-such a record without them, `--known` as well; a replay does not."""
+FORMAT = 5
+"""number that grows with each change of the events, the effects or the configuration"""
 _RECORD = struct.Struct("<BQ")
 """opcode and length, before each record of an MCAP file"""
 _CHUNK = struct.Struct("<QQQII")
@@ -58,8 +56,6 @@ class StoredMessage(NamedTuple):
 class StoredRecord:
     """The complete part of a record."""
 
-    format: str
-    """one of READABLE"""
     config: Config
     messages: list[StoredMessage]
     """in the order of their numbers"""
@@ -100,7 +96,7 @@ def read(path: Path) -> StoredRecord:
     finally:
         stream.close()
     messages.sort(key=lambda message: message.number)
-    return StoredRecord(stream.format, config, messages, not stream.is_complete)
+    return StoredRecord(config, messages, not stream.is_complete)
 
 
 def not_found(path: Path) -> RecordError:
@@ -112,14 +108,9 @@ def damaged(path: Path, error: Exception) -> RecordError:
     return RecordError(f"{path}: cannot be read as a record: {reason} [damaged]")
 
 
-def other_format(path: Path) -> RecordError:
-    text = f"swarmctl {__version__} cannot read this record; use the version that wrote it"
-    return RecordError(f"{path}: {text} [other-format]")
-
-
-def undecodable(path: Path, format_: str, error: Exception) -> RecordError:
-    """Return the error for content that does not decode: of another format, or else damaged."""
-    return damaged(path, error) if format_ == str(FORMAT) else other_format(path)
+def other_format(path: Path, found: str) -> RecordError:
+    text = f"the record has format {found or '?'}, and swarmctl {__version__} reads format {FORMAT}"
+    return RecordError(f"{path}: {text}; use the version that wrote it [other-format]")
 
 
 class RecordStream:
@@ -130,8 +121,6 @@ class RecordStream:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.format = ""
-        """format of the record, as soon as its configuration is read"""
         self.is_complete = False
         """True after the end of a finished record"""
         self.n_read = 0
@@ -163,13 +152,12 @@ class RecordStream:
             metadata = next(r.metadata for r in records if isinstance(r, Metadata) and r.name == "swarmctl")
         except Exception as error:  # a damaged record fails in many ways
             raise damaged(self.path, error) from error
-        self.format = metadata.get("format", "")
-        if self.format not in READABLE:
-            raise other_format(self.path)
+        if (found := metadata.get("format", "")) != str(FORMAT):
+            raise other_format(self.path, found)
         try:
             return Config.model_validate_json(metadata["config"])
         except (KeyError, ValueError) as error:
-            raise undecodable(self.path, self.format, error) from error
+            raise damaged(self.path, error) from error
 
     def chunks(self) -> Iterator[list[StoredMessage]]:
         """Yield the messages of each complete chunk that the file has now, after those of earlier calls."""

@@ -11,7 +11,7 @@ import pytest
 from cli_flight import CliFlight
 from cli_runner import SHIPPED, swarmctl
 from profiles import examples
-from recorded import of_format_3, rewrite
+from recorded import of_another_format, rewrite
 
 from swarmctl.agent.formation.approaches import APPROACHES
 
@@ -153,9 +153,12 @@ def forget(record: Path, copy: Path, *, vehicle: str, event: str) -> None:
     rewrite(record, copy, change)
 
 
-def test_a_record_of_an_earlier_format_is_no_damaged_record(small_flight: CliFlight, tmp_path: Path) -> None:
-    of_format_3(small_flight.run / "run.mcap", tmp_path / "run.mcap")
-    result = swarmctl("replay", tmp_path)
+@pytest.mark.parametrize("words", [["replay"], ["dashboard"], ["plan", "--config", SHIPPED, "--known"]])
+def test_a_record_of_another_format_is_refused(
+    words: list[str | Path], small_flight: CliFlight, tmp_path: Path
+) -> None:
+    of_another_format(small_flight.run / "run.mcap", tmp_path / "run.mcap")
+    result = swarmctl(*words, tmp_path)
     assert result.exit_code == 2
     assert "[other-format]" in result.stderr
 

@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 from cli_flight import SMALL, CliFlight
 from cli_runner import swarmctl
-from recorded import of_format_3
 
 
 @pytest.fixture
@@ -34,13 +33,6 @@ def test_earlier_observations_change_the_front(flown: Path, tmp_path: Path) -> N
     assert min(known) < min(exposures(tmp_path / "without"))
     summary = json.loads((flown / "summary.json").read_text())
     assert summary["hostiles"]["found"] > 0
-
-
-def test_observations_of_an_earlier_format_of_the_record_serve_too(flown: Path, tmp_path: Path) -> None:
-    of_format_3(flown / "run.mcap", tmp_path / "run.mcap")
-    (tmp_path / "old").mkdir()
-    (tmp_path / "new").mkdir()
-    assert exposures(tmp_path / "old", "--known", tmp_path) == exposures(tmp_path / "new", "--known", flown)
 
 
 def test_an_invalid_run_is_an_error_with_its_path(flown: Path, tmp_path: Path) -> None:

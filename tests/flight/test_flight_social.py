@@ -114,10 +114,3 @@ def test_nobody_to_learn_from_a_route_means_no_gain(sections: dict[str, object])
 def test_benevolence_is_refused_where_it_has_no_meaning(sections: dict[str, object]) -> None:
     problems = list(check_config(small(**sections).config))
     assert ("planner", "benevolence") in [problem.path for problem in problems]
-
-
-def test_weights_of_zero_leave_no_trace_in_a_configuration() -> None:
-    content = small(planner={"autonomy": 0.0, "benevolence": 0.25}).config.model_dump(mode="json")
-    assert "autonomy" not in content["planner"]
-    assert content["planner"]["benevolence"] == 0.25
-    assert small().config == small(planner={"autonomy": 0.0, "benevolence": 0.0}).config

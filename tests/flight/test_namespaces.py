@@ -100,7 +100,7 @@ class Swarm:
 
 def _observations(run: Path, until_s: float) -> Iterator[BeliefItem]:
     """Yield an agent's own observations and those it received."""
-    for record in [*events(run, "Heard"), *effects(run, "Publish")]:
+    for record in [*events(run, "ObservationsReceived"), *effects(run, "Publish")]:
         if record["log_time_ns"] / 1e9 > until_s:
             continue
         if "event" in record:

@@ -13,8 +13,6 @@ import msgspec
 from swarmctl import __version__
 
 FORMAT = 2
-READABLE = frozenset({1, FORMAT})
-"""format 1 has lines of other kinds too, one line for all items of a transfer, and no hashes of files"""
 GENESIS = "0" * 64
 """`previous` of the first entry"""
 EntryKind = Literal["opened", "command", "waiver", "operator", "note", "closed"]
@@ -32,7 +30,7 @@ class Entry(msgspec.Struct, forbid_unknown_fields=True):
     unix_s: Annotated[float, msgspec.Meta(ge=0, le=MAX_UNIX_S)]
     run_s: float
     vehicle: str | None
-    kind: str
+    kind: EntryKind
     what: dict[str, Any]
     previous: str
     hash: str
@@ -127,11 +125,9 @@ class CheckedChain:
     @property
     def other_format(self) -> str:
         """The reason why this version cannot read the evidence; empty if it can."""
-        if self.opened.format in READABLE:
+        if self.opened.format == FORMAT:
             return ""
-        text = (
-            f"the evidence has format {self.opened.format}, and swarmctl {__version__} reads 1 and {FORMAT}"
-        )
+        text = f"the evidence has format {self.opened.format}, and swarmctl {__version__} reads {FORMAT}"
         return f"{text}; use the version that wrote it [other-format]"
 
 
