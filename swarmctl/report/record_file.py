@@ -1,7 +1,8 @@
 """Reading of `run.mcap`: the format, the configuration, the messages, and the lock of a run in progress.
 
 The reader takes a file from its begin on, also while a flight writes it. It parses only the fields that are
-used, so that a dashboard opens the record of an hour in seconds.
+used, so that a dashboard opens the record of an hour in seconds: `mcap.stream_reader.breakup_chunk` takes
+1.8 times as long.
 """
 
 from __future__ import annotations
