@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from itertools import compress
-
-import numpy as np
+from operator import attrgetter
 
 from swarmctl.agent.replan.climb import climb_s
 from swarmctl.agent.replan.length_bounds import before_takeoff
@@ -16,9 +15,10 @@ from swarmctl.config.model import Config
 from swarmctl.config.problems import ConfigProblem
 from swarmctl.config.vehicles import Simulate, Vehicle
 from swarmctl.config.yaml_lines import KeyPath
-from swarmctl.planners import PLANNERS, BadProblem, Method, Problem, Route, method
+from swarmctl.planners import PLANNERS, Route
 
-TWO_CELLS = ((0, 0), (0, 1))
+SUPPORTS = {"arrive_within_s": attrgetter("KEEPS_LONGEST"), "arrive_after_s": attrgetter("KEEPS_SHORTEST")}
+"""time bound -> the declaration of a planner that keeps it"""
 
 
 def time_bounds(section: Simulate | Vehicle) -> list[str]:
@@ -43,11 +43,10 @@ def check_arrival(config: Config) -> Iterator[ConfigProblem]:
 
 def check_time_bounds(config: Config) -> Iterator[ConfigProblem]:
     """Yield problems of time bounds: no speed, a contradiction, or a planner that ignores the bound."""
-    supports = {"arrive_within_s": _rejects_long_routes, "arrive_after_s": _rejects_short_routes}
     for here, section in config.vehicle_sections:
         after_s, within_s = section.arrive_after_s, section.arrive_within_s
         for key in time_bounds(section):
-            yield from _check_support(config, (*here, key), supports[key])
+            yield from _check_support(config.planner.name, (*here, key), key)
         if time_bounds(section) and section.speed_m_s is None:
             text = "is missing: a time bound needs the vehicle's speed over ground [m/s]; add it"
             yield ConfigProblem((*here, "speed_m_s"), text)
@@ -57,15 +56,11 @@ def check_time_bounds(config: Config) -> Iterator[ConfigProblem]:
             yield ConfigProblem((*here, "arrive_after_s"), text)
 
 
-def _check_support(
-    config: Config, path: KeyPath, supports: Callable[[Method], bool]
-) -> Iterator[ConfigProblem]:
-    chosen = config.planner
-    if supports(method(chosen.name, PLANNERS[chosen.name], chosen.options)):
-        return
-    others = [name for name, planner in PLANNERS.items() if supports(method(name, planner, {}))]
-    text = f"planner {chosen.name} ignores this bound; set planner.name: {' or '.join(others)}"
-    yield ConfigProblem(path, text, depends_on=("planner", "name"))
+def _check_support(planner: str, path: KeyPath, bound: str) -> Iterator[ConfigProblem]:
+    names = [name for name, other in PLANNERS.items() if SUPPORTS[bound](other)]
+    if planner not in names:
+        text = f"planner {planner} ignores this bound; set planner.name: {' or '.join(names)}"
+        yield ConfigProblem(path, text, depends_on=("planner", "name"))
 
 
 def unmet_time_bound(task: Task, nearest: Route, here: KeyPath) -> Iterator[ConfigProblem]:
@@ -85,30 +80,3 @@ def unmet_time_bound(task: Task, nearest: Route, here: KeyPath) -> Iterator[Conf
         text = f"no route of planner {task.method.name} takes {task.name} {arrival} from take-off to goal: "
         text += f"the closest route takes {takes_s:.1f} s ({parts}); widen the window"
         yield ConfigProblem((*here, "arrive_after_s"), text)
-
-
-def _rejects_long_routes(chosen: Method) -> bool:
-    """Return whether the planner rejects routes that are too long."""
-    return math.isinf(chosen.measure(_two_cells(max_length_cells=0.5), TWO_CELLS))
-
-
-def _rejects_short_routes(chosen: Method) -> bool:
-    """Return whether the planner accepts a lower bound, and rejects routes that are too short."""
-    try:
-        chosen.plan(_two_cells(min_length_cells=0.5))
-        return math.isinf(chosen.measure(_two_cells(min_length_cells=2.0), TWO_CELLS))
-    except BadProblem:
-        return False
-
-
-def _two_cells(*, min_length_cells: float = 0.0, max_length_cells: float = math.inf) -> Problem:
-    start, goal = TWO_CELLS
-    return Problem(
-        np.zeros((1, 2)),
-        start,
-        (goal,),
-        w=0.5,
-        psi_per_cell=1.0,
-        min_length_cells=min_length_cells,
-        max_length_cells=max_length_cells,
-    )

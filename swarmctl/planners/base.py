@@ -157,6 +157,14 @@ class Planner(Protocol):
         """True if the planner needs compiled kernels on small areas, too."""
 
     @property
+    def KEEPS_LONGEST(self) -> bool:  # noqa: N802 - a constant of a module
+        """True if the planner keeps `max_length_cells`."""
+
+    @property
+    def KEEPS_SHORTEST(self) -> bool:  # noqa: N802 - a constant of a module
+        """True if the planner keeps `min_length_cells`."""
+
+    @property
     def Params(self) -> Any:  # noqa: N802 - it is a class, found in a module
         """A frozen dataclass with a default for each field."""
 

@@ -28,6 +28,8 @@ SMALL_GAP = 0.02
 
 USES_W = False
 NEEDS_MACHINE_CODE = False
+KEEPS_LONGEST = True
+KEEPS_SHORTEST = False
 
 
 @dataclass(frozen=True, slots=True)

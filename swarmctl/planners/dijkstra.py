@@ -33,6 +33,8 @@ from swarmctl.planners.replan import Replanner
 
 USES_W = True
 NEEDS_MACHINE_CODE = False
+KEEPS_LONGEST = False
+KEEPS_SHORTEST = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,6 +31,8 @@ from swarmctl.planners.poses import HEADINGS_DEG, GroupArea, Poses, Shape, group
 
 USES_W = True
 NEEDS_MACHINE_CODE = True
+KEEPS_LONGEST = False
+KEEPS_SHORTEST = False
 
 MAX_PLACE_CELLS = 1000.0
 

@@ -24,6 +24,8 @@ from swarmctl.planners.meeting import split
 
 USES_W = True
 NEEDS_MACHINE_CODE = True
+KEEPS_LONGEST = False
+KEEPS_SHORTEST = False
 
 MOST_TIMES_AS_LONG = 3.0
 """Greatest length of a member's own way, in lengths of the leader's: the leader flies so much slower."""

@@ -24,6 +24,8 @@ the route enters as few such cells as possible. A cell of infinite P_s is a wall
 
 USES_W = False
 NEEDS_MACHINE_CODE = False
+KEEPS_LONGEST = False
+KEEPS_SHORTEST = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,6 +24,8 @@ from swarmctl.planners.envelope import Envelope, SummedRoute
 
 USES_W = False
 NEEDS_MACHINE_CODE = False
+KEEPS_LONGEST = True
+KEEPS_SHORTEST = True
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,6 +21,8 @@ from swarmctl.planners.base import Problem, Route, route_of
 
 USES_W = False
 NEEDS_MACHINE_CODE = False
+KEEPS_LONGEST = True
+KEEPS_SHORTEST = True
 
 N_DETOURS, N_PAIRED = 400, 25
 """greatest number of cells, evenly over the area, for detours over one cell, and over two cells"""

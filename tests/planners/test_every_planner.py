@@ -95,6 +95,22 @@ def test_only_a_planner_that_declares_w_uses_w(planner: Planner) -> None:
 
 
 @every_planner
+def test_only_a_planner_that_declares_a_bound_keeps_it(planner: Planner) -> None:
+    cells = ((0, 0), (0, 1))
+    free = Problem(np.zeros((1, 2)), cells[0], cells[1:], 0.5, 1.0)
+
+    def keeps(**bound: float) -> bool:
+        return math.isinf(planner.measure(dataclasses.replace(free, **bound), cells, planner.Params()))
+
+    assert keeps(max_length_cells=0.5) == planner.KEEPS_LONGEST
+    try:
+        is_accepted = bool(solve(planner, dataclasses.replace(free, min_length_cells=0.5)))
+    except BadProblem:
+        is_accepted = False
+    assert (is_accepted and keeps(min_length_cells=2.0)) == planner.KEEPS_SHORTEST
+
+
+@every_planner
 def test_a_start_at_the_goal_gives_a_route_of_one_cell(planner: Planner) -> None:
     route = solve(planner, Problem(np.full((3, 3), 0.5), (1, 1), ((0, 0), (1, 1)), 0.5, 0.1))
     assert dataclasses.replace(route, lower_bound=None) == Route(((1, 1),), 0.0, 0.0, 0.0, 1.0)
