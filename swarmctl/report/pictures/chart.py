@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -32,11 +33,9 @@ from swarmctl.report.pictures.style import (
     UNOBSERVED,
     draw_badge,
     flown_widths,
+    hatch_lines,
     planned_styles,
 )
-
-Ends = tuple[tuple[float, float], tuple[float, float]]
-"""the ends of a line, in columns east and rows north"""
 
 
 def draw_area(axes: Axes, picture: MapPicture, points_per_m: float) -> None:
@@ -52,20 +51,16 @@ def draw_area(axes: Axes, picture: MapPicture, points_per_m: float) -> None:
     axes.imshow(image, origin="lower", extent=extent, interpolation="nearest", aspect="auto", zorder=1)
     cell_pt = grid.cell_size_m * points_per_m
     if cell_pt > 5.0:
-        edges: list[Ends] = [((0, r), (grid.cols, r)) for r in range(1, grid.rows)]
+        edges: list[ArrayLike] = [((0, r), (grid.cols, r)) for r in range(1, grid.rows)]
         edges += [((c, 0), (c, grid.rows)) for c in range(1, grid.cols)]
         _draw_lines(axes, grid, edges, colors=GRID_LINE, linewidths=0.4, zorder=1.5)
-    offsets = (np.arange(n := min(max(round(cell_pt / 3.2), 2), 6)) + 0.5) / n
-    hatch: list[Ends] = [
-        ((c, r + y), (c + 1, r + y)) for r, c in np.argwhere(n1).tolist() for y in offsets.tolist()
-    ]
-    hatch += [((c + x, r), (c + x, r + 1)) for r, c in np.argwhere(n2).tolist() for x in offsets.tolist()]
+    n = min(max(round(cell_pt / 3.2), 2), 6)
+    hatch = [np.add(hatch_lines("level", n), (c, r)) for r, c in np.argwhere(n1).tolist()]
+    hatch += [np.add(hatch_lines("upright", n), (c, r)) for r, c in np.argwhere(n2).tolist()]
     width = 0.7 if cell_pt > 8.0 else 0.4
     _draw_lines(axes, grid, hatch, colors=HATCH, linewidths=width, zorder=2)
 
-    crosses: list[Ends] = []
-    for row, col in sorted(picture.no_fly):
-        crosses += [((col, row), (col + 1, row + 1)), ((col, row + 1), (col + 1, row))]
+    crosses = [np.add(hatch_lines("crossed"), (col, row)) for row, col in sorted(picture.no_fly)]
     _draw_lines(axes, grid, crosses, colors=FORBIDDEN, linewidths=1.2, zorder=3.5)
     for row, col in sorted(picture.no_fly):
         _outline(axes, grid, row, col, edgecolor=FORBIDDEN, lw=1.2, zorder=3.5)
@@ -80,7 +75,8 @@ def draw_area(axes: Axes, picture: MapPicture, points_per_m: float) -> None:
     )
 
 
-def _draw_lines(axes: Axes, grid: Grid, ends: list[Ends], **style: Any) -> None:
+def _draw_lines(axes: Axes, grid: Grid, ends: Sequence[ArrayLike], **style: Any) -> None:
+    """Draw lines whose `ends` are columns east and rows north."""
     lines = np.array(ends, dtype=np.float64).reshape(-1, 2, 2) * grid.cell_size_m
     axes.add_collection(LineCollection(list(lines), **style))
 

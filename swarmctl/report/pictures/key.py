@@ -8,7 +8,6 @@ from collections.abc import Callable
 from typing import Any
 
 from matplotlib.axes import Axes
-from matplotlib.patches import Rectangle
 
 from swarmctl.core.belief import OCCUPIED, UNKNOWN
 from swarmctl.report.foxglove import colour_of
@@ -16,17 +15,16 @@ from swarmctl.report.pictures.scene import GROUP_EVERY_S, MapPicture, VehicleTra
 from swarmctl.report.pictures.style import (
     FORBIDDEN,
     FOUND,
-    GRID_LINE,
     GROUP_POINT,
-    HATCH,
     INK,
     NEVER_FOUND,
-    OBSERVED,
     STRIKE,
     UNOBSERVED,
+    Hatch,
     draw_badge,
     flown_widths,
     planned_styles,
+    shaded_square,
 )
 
 MAX_KEY_VEHICLES = 30
@@ -86,12 +84,12 @@ def cell_rows(picture: MapPicture) -> list[KeyRow]:
     missed = {"facecolor": NEVER_FOUND, "edgecolor": FOUND, "ls": (0, (2, 1.5))}
     rows = {
         _cell_row("goal", {"edgecolor": INK, "lw": 2.0}): True,
-        _cell_row("no-fly", {"edgecolor": FORBIDDEN, "lw": 1.2}, hatch="crossed"): bool(picture.no_fly),
+        _cell_row("no-fly", {"edgecolor": FORBIDDEN, "lw": 1.2}, "crossed"): bool(picture.no_fly),
         _cell_row(f"hostile, found ({n_found})", {"facecolor": FOUND}): n_found > 0,
         _cell_row(f"hostile, not found ({n_missed})", missed): n_missed > 0,
         _cell_row(f"false alarm believed ({n_mistaken})", {"edgecolor": FOUND, "lw": 1.6}): n_mistaken > 0,
-        _cell_row("next to a hostile (N1)", {}, hatch="level"): n1.any(),
-        _cell_row("diagonal to a hostile (N2)", {}, hatch="upright"): n2.any(),
+        _cell_row("next to a hostile (N1)", {}, "level"): n1.any(),
+        _cell_row("diagonal to a hostile (N2)", {}, "upright"): n2.any(),
         _cell_row(f"seen ({n_seen} cells)", {}): n_seen > 0,
         _cell_row(f"never seen ({n_unseen} cells)", {"facecolor": UNOBSERVED}): n_unseen > 0,
     }
@@ -144,19 +142,9 @@ def _point_row(text: str, marker: str, style: dict[str, Any]) -> KeyRow:
     return draw
 
 
-def _cell_row(text: str, style: dict[str, Any], *, hatch: str = "") -> KeyRow:
+def _cell_row(text: str, style: dict[str, Any], hatch: Hatch | None = None) -> KeyRow:
     def draw(axes: Axes, x: float, y: float) -> None:
-        left, top, side = x + 0.07, y - 0.08, 0.16
-        patch_style = {"facecolor": OBSERVED, "edgecolor": GRID_LINE, "lw": 0.8, **style}
-        axes.add_patch(Rectangle((left, top), side, side, **patch_style))
-        for share in (side / 8, 3 * side / 8, 5 * side / 8, 7 * side / 8):
-            if hatch == "level":
-                axes.plot([left, left + side], [top + share, top + share], color=HATCH, lw=0.7)
-            elif hatch == "crossed":
-                axes.plot([left, left + side], [top, top + side], color=FORBIDDEN, lw=1.2)
-                axes.plot([left, left + side], [top + side, top], color=FORBIDDEN, lw=1.2)
-            elif hatch == "upright":
-                axes.plot([left + share, left + share], [top, top + side], color=HATCH, lw=0.7)
+        shaded_square(axes, x + 0.07, y - 0.08, 0.16, hatch, **style)
         _text(axes, x, y, text)
 
     return draw

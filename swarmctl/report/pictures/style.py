@@ -1,15 +1,20 @@
-"""Colours, lines and the numbered disc, the same on the map and in the legend."""
+"""Colours, lines, shadings and the numbered disc, the same on the map and in the legend."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.patches import Rectangle
+from numpy.typing import NDArray
 
 from swarmctl.report.foxglove import colour_of
 from swarmctl.report.pictures.scene import MapPicture
 
+Hatch = Literal["level", "upright", "crossed"]
+"""lines of a cell: next to a hostile (N1), diagonal to a hostile (N2), no-fly"""
 Dashes = tuple[float, tuple[float, ...]]
 
 STRIKE = "#F0E442"
@@ -46,6 +51,27 @@ def planned_styles(picture: MapPicture) -> dict[str, dict[str, Any]]:
     bands = BANDS[-len(labels) :] if labels else ()
     styles = [{"ls": "-", "lw": width, "alpha": alpha} for width, alpha in bands]
     return {label: {**styles[i % len(styles)], "zorder": 6 + i / 10} for i, label in enumerate(labels)}
+
+
+def hatch_lines(hatch: Hatch, n: int = 4) -> NDArray[np.float64]:
+    """Return the lines of a shading in the unit square, (n, 2, 2); `crossed` has two lines."""
+    ends, offsets = np.array([0.0, 1.0]), (np.arange(n) + 0.5) / n
+    if hatch == "crossed":
+        return np.array([[[0.0, 0.0], [1.0, 1.0]], [[0.0, 1.0], [1.0, 0.0]]])
+    along, across = np.meshgrid(ends, offsets)
+    return np.stack([along, across] if hatch == "level" else [across, along], axis=-1)
+
+
+def shaded_square(
+    axes: Axes, left: float, low: float, side: float, hatch: Hatch | None = None, **style: Any
+) -> None:
+    """Draw a cell of a legend, shaded as on the map."""
+    edge = {"facecolor": OBSERVED, "edgecolor": GRID_LINE, "lw": 0.8, **style}
+    axes.add_patch(Rectangle((left, low), side, side, **edge))
+    if hatch is not None:
+        lines = hatch_lines(hatch) * side + (left, low)
+        colour, width = (FORBIDDEN, 1.2) if hatch == "crossed" else (HATCH, 0.7)
+        axes.add_collection(LineCollection(list(lines), colors=colour, linewidths=width))
 
 
 def draw_badge(axes: Axes, x: float, y: float, index: int) -> None:

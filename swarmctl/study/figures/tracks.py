@@ -8,7 +8,6 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
 from pydantic import Field
 
 from swarmctl.core.belief import CLEAR, OCCUPIED
@@ -16,7 +15,7 @@ from swarmctl.core.grid import Grid
 from swarmctl.report.foxglove import colour_of
 from swarmctl.report.pictures.chart import draw_area
 from swarmctl.report.pictures.scene import MapPicture
-from swarmctl.report.pictures.style import FOUND, HATCH, INK, STRIKE
+from swarmctl.report.pictures.style import FOUND, HATCH, INK, STRIKE, Hatch, shaded_square
 from swarmctl.study.figures.base import Spec, Study, index_of
 from swarmctl.study.figures.measures import factor_label, mathtext
 from swarmctl.study.figures.panels import factors_of, words_of
@@ -134,22 +133,17 @@ def _draw_key(figure: Figure) -> None:
     axes.set(xlim=(0, width_mm), ylim=(0, KEY_MM))
     axes.axis("off")
     x, size, middle = 3.0, 2.8, KEY_MM / 2
-    for text, kind in (("hostile", "O"), ("N1", "N1"), ("N2", "N2"), ("strike", "*"), ("goal", "s")):
-        low = middle - size / 2
-        if kind in {"*", "s"}:
-            mark: Any = (
-                {"mfc": STRIKE, "mec": INK, "ms": 5.0}
-                if kind == "*"
-                else {"mfc": INK, "mec": "white", "ms": 3.6}
-            )
-            axes.plot(x + size / 2, middle, kind, mew=0.4, **mark)
+    shadings: dict[str, Hatch | None] = {"hostile": None, "N1": "level", "N2": "upright"}
+    marks: dict[str, dict[str, Any]] = {
+        "strike": {"marker": "*", "mfc": STRIKE, "mec": INK, "ms": 5.0},
+        "goal": {"marker": "s", "mfc": INK, "mec": "white", "ms": 3.6},
+    }
+    for text in (*shadings, *marks):
+        if text in marks:
+            axes.plot(x + size / 2, middle, mew=0.4, **marks[text])
         else:
-            face = FOUND if kind == "O" else "white"
-            axes.add_patch(Rectangle((x, low), size, size, fc=face, ec=HATCH, lw=0.4))
-            for part in np.linspace(low, low + size, 5)[1:-1] if kind == "N1" else ():
-                axes.plot([x, x + size], [part, part], color=HATCH, lw=0.6)
-            for part in np.linspace(x, x + size, 5)[1:-1] if kind == "N2" else ():
-                axes.plot([part, part], [low, low + size], color=HATCH, lw=0.6)
+            style = {"facecolor": FOUND} if text == "hostile" else {}
+            shaded_square(axes, x, middle - size / 2, size, shadings[text], edgecolor=HATCH, lw=0.4, **style)
         axes.text(x + size + 1.0, middle, text, va="center", fontsize=6.5)
         x += size + 4.5 + 1.35 * len(text)
 
