@@ -29,7 +29,7 @@ from swarmctl.config.separation import SeparationSection
 from swarmctl.config.threats import Threats
 from swarmctl.config.vehicles import Simulate, Vehicle
 from swarmctl.config.wings import WingsSection
-from swarmctl.config.yaml_lines import KeyPath
+from swarmctl.config.yaml_lines import KeyPath, touches
 from swarmctl.core.grid import Cell
 from swarmctl.core.inference.sensor import SensorModel
 from swarmctl.core.operator_text import VEHICLE_NAME
@@ -156,7 +156,7 @@ def _check_valid_part(data: Any, wrong: list[KeyPath], check: Check) -> Iterator
         return
     vehicles = data.get("vehicles")
     kept = list(range(len(vehicles))) if isinstance(vehicles, tuple) else []
-    kept = [i for i in kept if not any(_touches(("vehicles", i), w) for w in wrong)]
+    kept = [i for i in kept if not any(touches(("vehicles", i), w) for w in wrong)]
     valid = _without(data, wrong)
     if isinstance(vehicles, tuple) and "vehicles" in valid:
         valid["vehicles"] = tuple(vehicles[i] for i in kept)
@@ -169,7 +169,7 @@ def _check_valid_part(data: Any, wrong: list[KeyPath], check: Check) -> Iterator
         if len(path) > 1 and path[0] == "vehicles" and isinstance(path[1], int):
             path = ("vehicles", kept[path[1]], *path[2:])
         concerned = [path, problem.depends_on] if problem.depends_on else [path]
-        if not any(_touches(key, w) for key in concerned for w in wrong):
+        if not any(touches(key, w) for key in concerned for w in wrong):
             yield ConfigProblem(path, problem.text)
 
 
@@ -261,8 +261,3 @@ def _without(data: Any, paths: list[KeyPath], here: KeyPath = ()) -> Any:
     if isinstance(data, dict):
         return {k: _without(v, paths, (*here, k)) for k, v in data.items() if (*here, str(k)) not in paths}
     return data
-
-
-def _touches(path: KeyPath, other: KeyPath) -> bool:
-    shorter = min(len(path), len(other))
-    return path[:shorter] == other[:shorter]

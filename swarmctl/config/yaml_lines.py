@@ -13,6 +13,12 @@ MAX_VALUES = 300_000
 """greatest number of keys and list items, with aliases expanded"""
 
 
+def touches(path: KeyPath, other: KeyPath) -> bool:
+    """Return whether one of two keys is the other, or within it."""
+    shorter = min(len(path), len(other))
+    return path[:shorter] == other[:shorter]
+
+
 class YamlError(ValueError):
     """Malformed YAML, or a repeated key; `line` is the line number, from 1."""
 

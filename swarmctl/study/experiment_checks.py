@@ -12,7 +12,7 @@ from swarmctl.config.checks import check_config
 from swarmctl.config.model import Config, schema_problems, validate
 from swarmctl.config.problems import ConfigProblem, dotted
 from swarmctl.config.scenario import build
-from swarmctl.config.yaml_lines import KeyPath
+from swarmctl.config.yaml_lines import KeyPath, touches
 from swarmctl.core.section import Section
 from swarmctl.study.experiment_file import ExperimentFile, Steps
 from swarmctl.study.kinds import KINDS, Kind
@@ -27,10 +27,10 @@ from swarmctl.study.levels import (
     require_key,
     suggestion,
 )
+from swarmctl.study.tables import KEY_COLUMNS
 
 SETTINGS = "search"
 """the section of the settings of a kind, and the first part of their dotted keys"""
-KEY_COLUMNS = ("level", "uav")
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,11 +73,11 @@ def factors_of(section: ExperimentFile) -> tuple[list[Factor], list[ConfigProble
     factors: list[Factor] = []
     problems: list[ConfigProblem] = []
     for name, values in section.factors.items():
-        if name in (*KEY_COLUMNS, *kind.measures):
+        if wrong := list(_check_factor(name, values, schema)):
+            problems += wrong
+        elif name in (*KEY_COLUMNS, *kind.measures):
             text = f"{name} is a column of the results; choose another name"
             problems.append(ConfigProblem(("factors", name), text))
-        elif wrong := list(_check_factor(name, values, schema)):
-            problems += wrong
         else:
             factors.append(_factor(name, values, schema))
     return factors, problems + list(_check_overlap(section, factors))
@@ -188,13 +188,10 @@ def _refusal(path: KeyPath, text: str, levels: Sequence[Level]) -> str:
 
 def _cause(path: KeyPath, level: Level, factors: Sequence[Factor], section: ExperimentFile) -> KeyPath:
     """Return the place in the experiment file that changes a key; if there is none, that of the factors."""
+    if not path:
+        return ("factors",)
     for factor in factors:
         choice = factor.choices[factor.labels.index(level.values[factor.name])]
-        if any(_touches(key_path(key), path) for key in choice.changes):
+        if any(touches(key_path(key), path) for key in choice.changes):
             return "factors", factor.name
-    return next((("set", key) for key in section.set if _touches(key_path(key), path)), ("factors",))
-
-
-def _touches(path: KeyPath, other: KeyPath) -> bool:
-    shorter = min(len(path), len(other))
-    return shorter > 0 and path[:shorter] == other[:shorter]
+    return next((("set", key) for key in section.set if touches(key_path(key), path)), ("factors",))

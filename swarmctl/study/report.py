@@ -16,8 +16,8 @@ from swarmctl.study.figures.base import Spec, Study
 from swarmctl.study.figures.measures import DERIVED, estimate
 from swarmctl.study.figures.style import files, print_style, svg
 from swarmctl.study.report_page import DrawnFigure, page
-
-KEYS = ("level", "seed", "uav")
+from swarmctl.study.results import read_manifest
+from swarmctl.study.tables import KEY_COLUMNS
 
 
 class ReportError(ValueError):
@@ -74,7 +74,7 @@ def read(folder: Path, manifest: Mapping[str, Any]) -> Study:
     measures = [
         name
         for name in table.columns
-        if name not in (*KEYS, *factors) and (table[name].dtype == bool or table[name].dtype.kind in "iuf")
+        if name not in (*KEY_COLUMNS, *factors) and table[name].dtype.kind in "biuf"
     ]
     tracks, hostiles = (_table(folder / f"{name}.parquet") for name in ("tracks", "hostiles"))
     return Study(table, factors, measures, (manifest["rows"], manifest["cols"]), tracks, hostiles)
@@ -102,7 +102,7 @@ def _columns(summary: pd.DataFrame, factors: Mapping[str, object], measures: Seq
 
 
 def _draw(folder: Path, study: Study, spec: Spec, number: int) -> DrawnFigure:
-    name = spec.name or f"{number:02}-{spec.kind}"
+    name = spec.file_name(number)
     with print_style():
         figure = draw(study, spec)
         files(figure, folder / "figures", name)
@@ -125,10 +125,9 @@ def _table(path: Path) -> pd.DataFrame | None:
 
 def manifest_of(folder: Path) -> dict[str, Any]:
     """Return the manifest of a results folder. Raises ReportError if there is none."""
-    path = folder / "manifest.json"
-    if not path.exists():
+    if not (manifest := read_manifest(folder)):
         raise ReportError(f"{folder} has no manifest.json; name the folder of a study [study-none]")
-    return dict(json.loads(path.read_text(encoding="utf-8")))
+    return manifest
 
 
 def _experiment(folder: Path, manifest: Mapping[str, Any]) -> tuple[str, Sequence[Mapping[str, Any]]]:

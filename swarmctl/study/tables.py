@@ -19,6 +19,8 @@ Columns = Mapping[str, NDArray[Any]]
 Types = Mapping[str, type[np.generic]]
 _TYPES: Types = {"bool": np.bool_, "float": np.float64, "int": np.int32}
 _KEY_TYPES: Types = {"seed": np.int64, "uav": np.int16}
+KEY_COLUMNS = ("level", *_KEY_TYPES)
+"""columns of the results that name a row"""
 
 
 @dataclass(frozen=True, slots=True)

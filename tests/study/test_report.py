@@ -73,6 +73,6 @@ def test_a_level_that_was_left_out_is_a_gap(tmp_path: Path) -> None:
 def test_a_folder_without_results_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ReportError, match="manifest"):
         write(tmp_path)
-    (tmp_path / "manifest.json").write_text(json.dumps({}), encoding="utf-8")
+    (tmp_path / "manifest.json").write_text(json.dumps({"rows": 1}), encoding="utf-8")
     with pytest.raises(ReportError, match=r"results\.parquet"):
         write(tmp_path)

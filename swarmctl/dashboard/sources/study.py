@@ -90,7 +90,7 @@ class StudySource:
         """Return title, caption and file of all other figures, as the study has drawn them."""
         found = []
         for number, spec in enumerate(self._specs(), start=1):
-            path = self.folder / "figures" / f"{spec.name or f'{number:02}-{spec.kind}'}.png"
+            path = self.folder / "figures" / f"{spec.file_name(number)}.png"
             if not isinstance(spec, Lines) and path.is_file():
                 found.append((spec.title, caption(self.study, spec), path))
         return found

@@ -23,6 +23,10 @@ Names = Annotated[
 ]
 
 
+def factors_of(*names: str | None) -> set[str]:
+    return {name for name in names if name is not None}
+
+
 class Spec(Section):
     """The keys that all kinds of figures have."""
 
@@ -37,9 +41,13 @@ class Spec(Section):
     over: Names | None = Field(None, description="Factors over whose values the figure takes means.")
     width: Literal["one", "two"] = Field("one", description="One column of print (88 mm) or two (180 mm).")
 
+    def file_name(self, number: int) -> str:
+        """Return the name of the figure's files without suffix; `number` counts the figures from 1."""
+        return self.name or f"{number:02}-{self.kind}"
+
     def factors(self) -> set[str]:
         """Return the factors that the figure shows."""
-        return {self.panels} if self.panels is not None else set()
+        return factors_of(self.panels)
 
     def measures(self) -> set[str]:
         """Return the measures that the figure shows."""

@@ -9,10 +9,10 @@ from pydantic import Field
 
 from swarmctl.report.pictures.style import QUIET
 from swarmctl.study import statistics
-from swarmctl.study.figures.base import Names, Spec, Study, index_of, n_text
+from swarmctl.study.figures.base import Names, Spec, Study, factors_of, index_of, n_text
 from swarmctl.study.figures.labels import Label, Labels
 from swarmctl.study.figures.measures import label, mathtext, value_label
-from swarmctl.study.figures.panels import factors_of, words_of
+from swarmctl.study.figures.panels import words_of
 from swarmctl.study.figures.style import MARKERS, colours, page
 from swarmctl.study.statistics import Estimates, Floats
 

@@ -18,6 +18,7 @@ from swarmctl.study.figures.base import (
     Spec,
     Study,
     Value,
+    factors_of,
     index_of,
     n_text,
     require_log_values,
@@ -28,7 +29,7 @@ from swarmctl.study.figures.dots import height_mm
 from swarmctl.study.figures.labels import Labels
 from swarmctl.study.figures.marks import draw_lines, draw_rows, draw_zero, name_series
 from swarmctl.study.figures.measures import factor_label, label, one_of, parts, value_label
-from swarmctl.study.figures.panels import estimates_of, factors_of, panels_of, words_of
+from swarmctl.study.figures.panels import estimates_of, panels_of, words_of
 from swarmctl.study.figures.style import columns_of, fit, heading, is_numeric, set_unit
 from swarmctl.study.statistics import Estimates
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from matplotlib.figure import Figure
 from pydantic import Field
 
-from swarmctl.study.figures.base import Names, Spec, Study, interval_text
+from swarmctl.study.figures.base import Names, Spec, Study, factors_of, interval_text
 from swarmctl.study.figures.marks import draw_rows, name_series
 from swarmctl.study.figures.measures import estimate, factor_label, label
-from swarmctl.study.figures.panels import estimates_of, factors_of, panels_of
+from swarmctl.study.figures.panels import estimates_of, panels_of
 from swarmctl.study.figures.style import columns_of, fit, set_unit
 
 

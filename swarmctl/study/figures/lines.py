@@ -8,11 +8,11 @@ from typing import Literal
 from matplotlib.figure import Figure
 from pydantic import Field
 
-from swarmctl.study.figures.base import Names, Spec, Study, interval_text, require_log_values
+from swarmctl.study.figures.base import Names, Spec, Study, factors_of, interval_text, require_log_values
 from swarmctl.study.figures.labels import Labels
 from swarmctl.study.figures.marks import draw_lines
 from swarmctl.study.figures.measures import estimate, factor_label, label
-from swarmctl.study.figures.panels import estimates_of, factors_of, panels_of
+from swarmctl.study.figures.panels import estimates_of, panels_of
 from swarmctl.study.figures.style import columns_of, set_unit
 
 

@@ -28,10 +28,6 @@ class Panel:
     value: object
 
 
-def factors_of(*names: str | None) -> set[str]:
-    return {name for name in names if name is not None}
-
-
 def words_of(spec: Spec, value: object, text: str) -> str:
     """Return the words above a panel, after its value of the factor `panels`."""
     return text if spec.panels is None else f"{value_label(spec.panels, value)}: {text}"

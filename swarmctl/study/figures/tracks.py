@@ -18,18 +18,14 @@ from swarmctl.report.pictures.scene import MapPicture
 from swarmctl.report.pictures.style import FOUND, HATCH, INK, STRIKE, Hatch, shaded_square
 from swarmctl.study.figures.base import Spec, Study, index_of
 from swarmctl.study.figures.measures import factor_label, mathtext
-from swarmctl.study.figures.panels import factors_of, words_of
+from swarmctl.study.figures.panels import words_of
 from swarmctl.study.figures.style import SMALL_PT, WIDTH_MM, dark, page
 
 KEY_MM, HEAD_MM = 6.0, 5.0
 
 
 class Tracks(Spec):
-    panels: str | None = Field(None, description="Factor with one panel for each value.")
     seed: int | None = Field(None, ge=0, description="World that is drawn. Default: the first one kept.")
-
-    def factors(self) -> set[str]:
-        return factors_of(self.panels)
 
 
 def draw(study: Study, spec: Tracks) -> Figure:

@@ -11,11 +11,11 @@ from matplotlib.figure import Figure
 from pydantic import Field
 
 from swarmctl.report.pictures.style import INK
-from swarmctl.study.figures.base import Names, Spec, Study, interval_text
+from swarmctl.study.figures.base import Names, Spec, Study, factors_of, interval_text
 from swarmctl.study.figures.labels import Label, Labels
 from swarmctl.study.figures.marks import limits
 from swarmctl.study.figures.measures import estimate, factor_label, label, mathtext, value_label
-from swarmctl.study.figures.panels import Panel, estimates_of, factors_of, panels_of
+from swarmctl.study.figures.panels import Panel, estimates_of, panels_of
 from swarmctl.study.figures.style import MARKERS, colours, from_zero, set_log, set_unit
 from swarmctl.study.statistics import Estimates
 
