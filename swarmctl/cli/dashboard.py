@@ -92,7 +92,7 @@ def dashboard(
         from swarmctl.dashboard.server import (  # noqa: PLC0415
             CannotListen,
             CannotServe,
-            Source,
+            GrowingTimeline,
             serve,
             serve_page,
         )
@@ -126,7 +126,7 @@ def dashboard(
             return
         runs = [run] if other_run is None else [run, other_run]
         opened = [await open_live(path) if live else RecordSource(path, "recording") for path in runs]
-        sources = [Source(source.timeline, source.run) for source in opened]
+        sources = [GrowingTimeline(source.timeline, source.run) for source in opened]
         record = record_path(run)
         is_flying = live and other_run is None and record_file.is_in_progress(record)
         send = _sender_to_flight(opened[0].timeline.area.swarm, record) if is_flying else None
@@ -173,7 +173,7 @@ async def _watch(config: Path, connect: str | None, serve: Callable[..., Corouti
     """Serve the page of a swarm of agents. Raises BusError."""
     from swarmctl.bus.transports.zenoh import ZenohBus  # noqa: PLC0415
     from swarmctl.cli.ground_station import ground_station_or_exit  # noqa: PLC0415
-    from swarmctl.dashboard.server import Source  # noqa: PLC0415
+    from swarmctl.dashboard.server import GrowingTimeline  # noqa: PLC0415
     from swarmctl.dashboard.sources.bus import BusSource  # noqa: PLC0415
 
     scenario, swarm = load_scenario_or_exit(config), load_roster_or_exit(config)
@@ -183,7 +183,7 @@ async def _watch(config: Path, connect: str | None, serve: Callable[..., Corouti
         source = BusSource(scenario, station.codec, now_s)
         run = partial(source.run, bus, partial(station.state_of, bus))
         send = _sender(swarm.name, config, connect)
-        await serve({str(config): Source(source.timeline, run)}, send=send)
+        await serve({str(config): GrowingTimeline(source.timeline, run)}, send=send)
 
 
 def _sender(

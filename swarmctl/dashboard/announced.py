@@ -19,7 +19,7 @@ from swarmctl.core.exposure import exposure_sum, safety_factor
 from swarmctl.core.frames import IntentShared
 from swarmctl.core.grid import Grid
 from swarmctl.dashboard.belief_history import Name
-from swarmctl.dashboard.picture import Route
+from swarmctl.dashboard.picture import ShownRoute
 
 if TYPE_CHECKING:
     from swarmctl.dashboard.facts import VehicleFacts
@@ -30,15 +30,17 @@ NEAR_CELLS = 2
 MAX_REASONS = 5
 
 
-def route(grid: Grid, intent: IntentShared, p_s: NDArray[np.float64]) -> Route:
+def route(grid: Grid, intent: IntentShared, p_s: NDArray[np.float64]) -> ShownRoute:
     """Return an announced flight as a route, with length and exposure by P_s."""
     points = tuple(grid.frame.to_local(p.lat_deg, p.lon_deg) for p in intent.points)
     cells = tuple(filter(grid.contains, cells_under(points, grid.cell_size_m)))
     length_m = sum(math.dist(a, b) for a, b in pairwise(points))
-    return Route(intent.plan_id, cells, points, length_m, exposure_sum(p_s, cells), safety_factor(p_s, cells))
+    return ShownRoute(
+        intent.plan_id, cells, points, length_m, exposure_sum(p_s, cells), safety_factor(p_s, cells)
+    )
 
 
-def because(timeline: Timeline, vehicle: VehicleFacts, new: Route) -> tuple[Name, ...]:
+def because(timeline: Timeline, vehicle: VehicleFacts, new: ShownRoute) -> tuple[Name, ...]:
     """Return the newest observations that may have led from a vehicle's route to a new one."""
     old = vehicle.route.last
     if old is None:

@@ -16,7 +16,7 @@ from swarmctl.core.messages import CommunicationRange
 from swarmctl.core.threat import FiringStrength
 from swarmctl.dashboard.belief_history import BeliefHistory
 from swarmctl.dashboard.history import Items, Steps
-from swarmctl.dashboard.picture import Point, Route
+from swarmctl.dashboard.picture import MapPoint, ShownRoute
 
 
 class Motion(NamedTuple):
@@ -115,9 +115,9 @@ class VehicleFacts:
         self.words = Steps(Words())
         self.word_s = array("d")
         """times of the vehicle's words"""
-        self.track: Items[Point] = Items()
-        self.route: Steps[Route | None] = Steps(None)
-        self.plans: dict[int, Route] = {}
+        self.track: Items[MapPoint] = Items()
+        self.route: Steps[ShownRoute | None] = Steps(None)
+        self.plans: dict[int, ShownRoute] = {}
         """routes by plan number"""
         self.beliefs = beliefs
         self.intents: Items[SentIntent] = Items()

@@ -27,7 +27,7 @@ from swarmctl.core.observation import BeliefItem, Observation
 from swarmctl.core.operator_text import printable
 from swarmctl.core.threat import FiringStrength
 from swarmctl.core.vehicle import VehicleState
-from swarmctl.dashboard import announced, conflicts, events, looks, motions
+from swarmctl.dashboard import announced, conflicts, events, motions, picture_parts
 from swarmctl.dashboard.belief_history import BeliefHistory, Name
 from swarmctl.dashboard.facts import Motion, SentIntent, VehicleFacts, Words
 from swarmctl.dashboard.history import EachSecond, Items
@@ -37,9 +37,9 @@ from swarmctl.dashboard.picture import (
     Event,
     Learned,
     Picture,
-    Route,
     RouteChange,
     Severity,
+    ShownRoute,
     SourceKind,
     SourceState,
     Strike,
@@ -55,7 +55,7 @@ class Timeline:
     """Everything known of one swarm, from the first time to the last."""
 
     def __init__(self, scenario: Scenario, kind: SourceKind) -> None:
-        self.area: AreaPicture = looks.area(scenario)
+        self.area: AreaPicture = picture_parts.area(scenario)
         self.kind: SourceKind = kind
         self.is_live = self.is_flight
         self.now_s = 0.0
@@ -84,7 +84,7 @@ class Timeline:
         """numbers of the alarms that a person has acknowledged"""
         self.strikes: Items[Strike] = Items()
         self._conflicts = EachSecond(lambda time_s: conflicts.predicted(self, time_s))
-        self._hearing = EachSecond(lambda time_s: looks.hearing(self, time_s))
+        self._hearing = EachSecond(lambda time_s: picture_parts.hearing(self, time_s))
         self._exposures: dict[str, tuple[object, NDArray[np.float64]]] = {}
 
     @property
@@ -162,16 +162,18 @@ class Timeline:
     def planned(self, uav: int, time_s: float, swap: SwapMission) -> None:
         """Fold the decision for a new plan."""
         time_s, vehicle = self._touch(time_s), self.vehicles[uav]
-        new = looks.route(self.scenario.grid, swap)
+        new = picture_parts.route(self.scenario.grid, swap)
         self._change_route(vehicle, time_s, new, swap.because)
 
-    def chosen(self, uav: int, time_s: float, new: Route) -> None:
+    def chosen(self, uav: int, time_s: float, new: ShownRoute) -> None:
         """Fold a route that a vehicle flies from now on, without an upload."""
         time_s, vehicle = self._touch(time_s), self.vehicles[uav]
         self._change_route(vehicle, time_s, new, ())
         vehicle.route.add(time_s, new)
 
-    def _change_route(self, vehicle: VehicleFacts, time_s: float, new: Route, names: Iterable[Name]) -> None:
+    def _change_route(
+        self, vehicle: VehicleFacts, time_s: float, new: ShownRoute, names: Iterable[Name]
+    ) -> None:
         vehicle.plans[new.plan_id] = new
         because = tuple(map(self._learned, names))
         old = vehicle.route.last
@@ -307,7 +309,7 @@ class Timeline:
     def at(self, time_s: float | None = None, whose: str = EVERYBODY) -> Picture:
         """Return the picture at a time, with the belief of a vehicle or of EVERYBODY; None: now."""
         time_s = self.now_s if time_s is None else min(max(time_s, 0.0), self.now_s)
-        vehicles = tuple(looks.vehicle(self, v, time_s) for v in self.vehicles.values())
+        vehicles = tuple(picture_parts.vehicle(self, v, time_s) for v in self.vehicles.values())
         history = self._beliefs(whose)
         return Picture(
             time_s,
@@ -320,7 +322,7 @@ class Timeline:
             self.events.until(time_s),
             self.changes.until(time_s),
             self.strikes.until(time_s),
-            looks.groups(self, time_s),
+            picture_parts.groups(self, time_s),
         )
 
     @property

@@ -18,7 +18,7 @@ from swarmctl.dashboard.history import Grown
 
 SourceKind = Literal["recording", "live file", "bus", "abstract mission"]
 Severity = Literal["info", "warning", "alarm"]
-Point = tuple[float, float]
+MapPoint = tuple[float, float]
 """east, north [m]"""
 CellCodes = NDArray[np.uint8]
 """(rows, cols) of UNSEEN, or SEEN with OCCUPIED and OWN added"""
@@ -40,7 +40,7 @@ class AreaPicture(msgspec.Struct, frozen=True):
     """south-west, south-east, north-east and north-west corner [deg]"""
     goals: tuple[Cell, ...]
     no_fly: tuple[Cell, ...]
-    fence: tuple[Point, ...]
+    fence: tuple[MapPoint, ...]
     """corners in order; empty: no fence is known"""
     hostiles: tuple[Cell, ...] | None
     """true cells of the hostiles; None if nothing simulates them"""
@@ -70,13 +70,13 @@ class SourceState(msgspec.Struct, frozen=True):
     """kinds of data that this source does not have, in words"""
 
 
-class Route(msgspec.Struct, frozen=True):
+class ShownRoute(msgspec.Struct, frozen=True):
     """A planned route."""
 
     plan_id: int
     cells: tuple[Cell, ...]
     """cells below the route"""
-    points: tuple[Point, ...]
+    points: tuple[MapPoint, ...]
     """flown points with the landing"""
     length_m: float
     exposure_sum: float
@@ -102,9 +102,9 @@ class RouteChange(msgspec.Struct, frozen=True):
 
     time_s: float
     vehicle: str
-    old: Route | None
+    old: ShownRoute | None
     """route flown before; None for the first route"""
-    new: Route
+    new: ShownRoute
     because: tuple[Learned, ...]
 
 
@@ -125,7 +125,7 @@ class Conflict(msgspec.Struct, frozen=True):
     vehicles: tuple[str, str]
     in_s: float
     """time until the least distance [s]"""
-    at: Point
+    at: MapPoint
     """place of the first vehicle at that time"""
 
 
@@ -143,7 +143,7 @@ class Group(msgspec.Struct, frozen=True):
 class Strike(msgspec.Struct, frozen=True):
     time_s: float
     vehicle: str
-    at: Point
+    at: MapPoint
     count: int
 
 
@@ -166,7 +166,7 @@ class VehiclePicture(msgspec.Struct, frozen=True):
     phase: str
     """phase of the agent; empty before the first word"""
     mode: str
-    position: Point | None
+    position: MapPoint | None
     height_m: float | None
     """above home [m]"""
     speed_m_s: float | None
@@ -192,9 +192,9 @@ class VehiclePicture(msgspec.Struct, frozen=True):
     """what the vehicle waits for, in words; empty: for nothing"""
     note: str
     """alarm, outcome or trouble in words, as in the terminal"""
-    route: Route | None
+    route: ShownRoute | None
     """plan that is flown"""
-    track: Grown[Point]
+    track: Grown[MapPoint]
     """flown track"""
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from nicegui import events, ui
 from numpy.typing import NDArray
 
-from swarmctl.dashboard import looks
+from swarmctl.dashboard import picture_parts
 from swarmctl.dashboard.changes import changes
 from swarmctl.dashboard.model import EVERYBODY, Timeline
 from swarmctl.dashboard.orders_panel import OrdersPanel, Send
@@ -183,7 +183,7 @@ class RunView:
 
     def _show_change(self, change: RouteChange) -> None:
         self._seek(change.time_s)
-        rest = looks.rest_of_old(self.timeline, change)
+        rest = picture_parts.rest_of_old(self.timeline, change)
         old = rest or change.old
         ghosts = [] if old is None else [{"points": old.points, "colour": "#888888"}]
         self._draw_ghosts(ghosts)

@@ -79,7 +79,7 @@ def _is_wildcard(host: str) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
+class GrowingTimeline:
     """A timeline that grows while `run` runs; if reading fails, `run` puts the reason into its text."""
 
     timeline: Timeline
@@ -100,7 +100,7 @@ def in_background(run: Coroutine[None, None, None]) -> asyncio.Task[None]:
 
 
 async def serve(
-    sources: Mapping[str, Source],
+    sources: Mapping[str, GrowingTimeline],
     where: Where,
     announce: Callable[[str, str], None],
     send: Send | None = None,

@@ -12,8 +12,8 @@ from swarmctl.config.model import Config
 from swarmctl.config.scenario import Scenario
 from swarmctl.config.yaml_lines import KeyPath
 from swarmctl.core.grid import Grid
-from swarmctl.dashboard import looks
-from swarmctl.dashboard.picture import Point, Route
+from swarmctl.dashboard import picture_parts
+from swarmctl.dashboard.picture import MapPoint, ShownRoute
 from swarmctl.planners import Unreachable
 from swarmctl.report import first_plans
 
@@ -36,12 +36,12 @@ class FirstRouteShown:
     """A vehicle's first route on the map."""
 
     name: str
-    start: Point
-    route: Route | None
+    start: MapPoint
+    route: ShownRoute | None
     """None if no track of the route can be flown"""
 
 
-def edits_of_click(config: Config, tool: str, whose: str, at: Point) -> Edits:
+def edits_of_click(config: Config, tool: str, whose: str, at: MapPoint) -> Edits:
     """Return the edits for a click at (east, north) [m]. Raises ValueError with the reason for a refusal."""
     grid = config.grid
     if tool == "area":
@@ -71,7 +71,7 @@ def _section(config: Config, whose: str) -> KeyPath:
     return ("vehicles", [vehicle.name for vehicle in config.vehicles].index(whose))
 
 
-def _start(config: Config, grid: Grid, whose: str, at: Point) -> Edits:
+def _start(config: Config, grid: Grid, whose: str, at: MapPoint) -> Edits:
     if whose != SIMULATED:
         lat_deg, lon_deg = grid.frame.to_geodetic(*at)
         place = _section(config, whose)
@@ -106,7 +106,7 @@ def first_routes(scenario: Scenario) -> list[FirstRouteShown]:
     for spec, first in zip(scenario.specs, found, strict=True):
         route = None
         with contextlib.suppress(Unreachable):
-            route = looks.flown(first.task, first.problem, first.route)
+            route = picture_parts.flown(first.task, first.problem, first.route)
         shown.append(FirstRouteShown(spec.name, grid.frame.to_local(*spec.start), route))
     return shown
 
@@ -126,5 +126,5 @@ def as_changes(routes: list[FirstRouteShown]) -> Mapping[str, Any]:
     return {"vehicles": vehicles}
 
 
-def _course_deg(begin: Point, end: Point) -> float:
+def _course_deg(begin: MapPoint, end: MapPoint) -> float:
     return math.degrees(math.atan2(end[0] - begin[0], end[1] - begin[1])) % 360.0

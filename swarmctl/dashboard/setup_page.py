@@ -14,7 +14,7 @@ from swarmctl.config.problems import ConfigError
 from swarmctl.config.scenario import Scenario, build
 from swarmctl.config.yaml_lines import KeyPath
 from swarmctl.core.exposure import exposure
-from swarmctl.dashboard import looks, style
+from swarmctl.dashboard import picture_parts, style
 from swarmctl.dashboard.access import SESSION, Sessions
 from swarmctl.dashboard.draft import Draft
 from swarmctl.dashboard.flights import Flights, NotStarted
@@ -202,7 +202,7 @@ class SetupPage:
             self._draw(scenario, routes)
 
     def _draw(self, scenario: Scenario, routes: list[FirstRouteShown]) -> None:
-        area = looks.area(scenario)
+        area = picture_parts.area(scenario)
         self._map.set_area(area)
         p_s = exposure(scenario.prior.occupancy(), scenario.strength)
         self._map.set_exposure(p_s, max(float(p_s.max(initial=0.0)), scenario.strength.direct))

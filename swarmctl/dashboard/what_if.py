@@ -15,9 +15,9 @@ from swarmctl.agent.state import Task
 from swarmctl.core.exposure import exposure
 from swarmctl.core.grid import Cell
 from swarmctl.core.threat import FiringStrength
-from swarmctl.dashboard import looks
+from swarmctl.dashboard import picture_parts
 from swarmctl.dashboard.model import Timeline
-from swarmctl.dashboard.picture import Route
+from swarmctl.dashboard.picture import ShownRoute
 from swarmctl.planners import Problem, Unreachable
 from swarmctl.planners.front import Front, pareto_front
 
@@ -45,18 +45,20 @@ class Question:
     occupancy: NDArray[np.float64]
     """(rows, cols) probability that a cell is occupied, by the vehicle's belief"""
     cell: Cell
-    planned: Route | None
+    planned: ShownRoute | None
     """the plan that is flown; None before the first"""
 
     def problem(self, weights: Weights) -> Problem:
         task, p_s = self.task, exposure(self.occupancy, weights.strength)
         return task.problem(p_s, self.cell, weights.w)
 
-    def rest_of_plan(self, strength: FiringStrength) -> Route | None:
+    def rest_of_plan(self, strength: FiringStrength) -> ShownRoute | None:
         """Return the rest of the plan, with ΣP_s by these strengths; None beside the plan."""
         if self.planned is None:
             return None
-        return looks.rest_of(self.planned, self.cell, exposure(self.occupancy, strength), self.task.grid)
+        return picture_parts.rest_of(
+            self.planned, self.cell, exposure(self.occupancy, strength), self.task.grid
+        )
 
 
 def question_of(timeline: Timeline, name: str, time_s: float) -> Question:
@@ -89,21 +91,21 @@ def range_of(timeline: Timeline, name: str, time_s: float) -> int:
     return most if reach == "all" else min(reach, most)
 
 
-def route_with(question: Question, weights: Weights) -> Route:
+def route_with(question: Question, weights: Weights) -> ShownRoute:
     """Return the route that the vehicle's planner finds with these weights. Raises NoAnswer."""
     problem = question.problem(weights)
     try:
         route = question.task.method.plan(problem)
-        return looks.flown(question.task, problem, route)
+        return picture_parts.flown(question.task, problem, route)
     except Unreachable as error:
         raise NoAnswer(str(error)) from error
 
 
-def front_of(question: Question, weights: Weights) -> tuple[Front, tuple[Route, ...]]:
+def front_of(question: Question, weights: Weights) -> tuple[Front, tuple[ShownRoute, ...]]:
     """Return the Pareto front of length and ΣP_s, and its routes as they are flown. Raises NoAnswer."""
     problem = question.problem(weights)
     try:
         front = pareto_front(problem, max_labels=MAX_LABELS)
-        return front, tuple(looks.flown(question.task, problem, route) for route in front.routes)
+        return front, tuple(picture_parts.flown(question.task, problem, route) for route in front.routes)
     except Unreachable as error:
         raise NoAnswer(str(error)) from error

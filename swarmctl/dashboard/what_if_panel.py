@@ -12,7 +12,7 @@ from swarmctl.core.messages import CommunicationRange, SetWeights
 from swarmctl.core.threat import FiringStrength
 from swarmctl.dashboard.model import EVERYBODY, Timeline
 from swarmctl.dashboard.orders_panel import Send, send_and_tell, tell
-from swarmctl.dashboard.picture import Route
+from swarmctl.dashboard.picture import ShownRoute
 from swarmctl.dashboard.what_if import (
     NoAnswer,
     Question,
@@ -50,7 +50,7 @@ class WhatIfPanel:
         self._colours = dict(zip(timeline.area.names, timeline.area.colours, strict=True))
         self._whose, self._time_s = EVERYBODY, 0.0
         self._is_busy = self._is_outdated = False
-        self._front: tuple[Route, ...] = ()
+        self._front: tuple[ShownRoute, ...] = ()
         self._w_of: list[float | None] = []
         self._values: dict[str, float] = {}
         self._sliders: dict[str, ui.slider] = {}
@@ -213,9 +213,11 @@ class WhatIfPanel:
         self._front_text.set_text(f"{self._whose}: {route}; {found_by}")
 
 
-def _answers(questions: dict[str, Question], weights: Weights) -> dict[str, tuple[Route | None, Route | str]]:
+def _answers(
+    questions: dict[str, Question], weights: Weights
+) -> dict[str, tuple[ShownRoute | None, ShownRoute | str]]:
     """Return the rest of the plan and the route for each question, or the reason why there is none."""
-    found: dict[str, tuple[Route | None, Route | str]] = {}
+    found: dict[str, tuple[ShownRoute | None, ShownRoute | str]] = {}
     for name, question in questions.items():
         try:
             found[name] = question.rest_of_plan(weights.strength), route_with(question, weights)

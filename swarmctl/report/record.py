@@ -252,8 +252,8 @@ def replay(path: Path, prepare: Callable[[Config], None] = lambda _: None) -> Re
     return fold(content, build(content.stored.config), lambda *_: None)
 
 
-OnFolded = Callable[[AgentState, ev.Event, AgentState, list[ev.Effect], "Row"], None]
-"""(state before, event, state after, effects, row of the event)"""
+OnFolded = Callable[[AgentState, ev.Event, AgentState, list[ev.Effect], "RecordEntry"], None]
+"""(state before, event, state after, effects, entry of the event)"""
 
 
 def fold(content: RecordContent, scenario: Scenario, on_folded: OnFolded) -> ReplayResult:
@@ -261,8 +261,8 @@ def fold(content: RecordContent, scenario: Scenario, on_folded: OnFolded) -> Rep
     states = {task.name: begin(task, scenario.prior) for task in scenario.tasks}
     expected: dict[str, list[ev.Effect]] = {name: [] for name in states}
     events, effects, is_cut = 0, 0, content.stored.is_cut
-    for row in content.rows:
-        name, record = row.vehicle, row.record
+    for entry in content.entries:
+        name, record = entry.vehicle, entry.record
         if isinstance(record, EffectRecord):
             effects += 1
             due = expected[name]
@@ -279,7 +279,7 @@ def fold(content: RecordContent, scenario: Scenario, on_folded: OnFolded) -> Rep
         before = states[name]
         states[name], folded = step(before, record.event, record.now_s)
         expected[name] = list(folded)
-        on_folded(before, record.event, states[name], folded, row)
+        on_folded(before, record.event, states[name], folded, entry)
     for name, due in expected.items():
         if due and not is_cut:
             return ReplayResult(events, effects, f"{name} at the end: nothing recorded, now {due[0]}", is_cut)
@@ -289,8 +289,8 @@ def fold(content: RecordContent, scenario: Scenario, on_folded: OnFolded) -> Rep
 def recorded_observations(run: Path) -> tuple[Config, list[Observation]]:
     """Return the configuration of a recorded run and its vehicles' observations. Raises RecordError."""
     stored = record_file.read(record_path(run))
-    rows = _rows(record_path(run), stored, {EFFECTS})
-    effects = (row.record.effect for row in rows if isinstance(row.record, EffectRecord))
+    entries = _entries(record_path(run), stored, {EFFECTS})
+    effects = (entry.record.effect for entry in entries if isinstance(entry.record, EffectRecord))
     messages = (effect.message for effect in effects if isinstance(effect, ev.Publish))
     return stored.config, [m for m in messages if isinstance(m, Observation)]
 
@@ -301,7 +301,7 @@ def record_path(run: Path) -> Path:
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class RecordEntry:
     """An event or effect of one vehicle's agent."""
 
     vehicle: str
@@ -315,13 +315,13 @@ class RecordContent:
     """A record with its events and effects."""
 
     stored: StoredRecord
-    rows: list[Row]
+    entries: list[RecordEntry]
 
 
 def read(path: Path) -> RecordContent:
     """Return the complete part of a record. Raises RecordError."""
     stored = record_file.read(path)
-    return RecordContent(stored, list(_rows(path, stored, _DECODERS.keys())))
+    return RecordContent(stored, list(_entries(path, stored, _DECODERS.keys())))
 
 
 _DECODERS: dict[str, msgspec.json.Decoder[EventRecord] | msgspec.json.Decoder[EffectRecord]] = {
@@ -330,12 +330,12 @@ _DECODERS: dict[str, msgspec.json.Decoder[EventRecord] | msgspec.json.Decoder[Ef
 }
 
 
-def _rows(path: Path, stored: StoredRecord, topics: Collection[str]) -> Iterator[Row]:
-    """Yield the rows of some topics. Raises RecordError."""
+def _entries(path: Path, stored: StoredRecord, topics: Collection[str]) -> Iterator[RecordEntry]:
+    """Yield the entries of some topics. Raises RecordError."""
     try:
         for message in stored.messages:
             if message.topic in topics:
                 record = _DECODERS[message.topic].decode(message.data)
-                yield Row(record.vehicle, record, message.log_time_ns)
+                yield RecordEntry(record.vehicle, record, message.log_time_ns)
     except ValueError as error:  # JSON, or an unknown kind of event
         raise record_file.damaged(path, error) from error

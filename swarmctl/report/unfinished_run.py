@@ -140,7 +140,7 @@ def rebuild(
 
     epoch_ns: wall time at time 0 of this program's clock [ns since 1970]
     """
-    if strangers := {row.vehicle for row in content.rows} - {task.name for task in scenario.tasks}:
+    if strangers := {entry.vehicle for entry in content.entries} - {task.name for task in scenario.tasks}:
         raise UnfinishedRunError(
             f"{run}: the record is of other vehicles too: {', '.join(sorted(strangers))}; give the run of "
             "this vehicle's own agent, or use `swarmctl fly` [other-vehicles]"
@@ -149,11 +149,15 @@ def rebuild(
     statistics = FlightStatistics()
 
     def on_folded(
-        before: AgentState, event: ev.Event, after: AgentState, effects: list[ev.Effect], row: record.Row
+        before: AgentState,
+        event: ev.Event,
+        after: AgentState,
+        effects: list[ev.Effect],
+        entry: record.RecordEntry,
     ) -> None:
-        vehicle, unix_s = vehicles[after.task.uav], row.log_time_ns / 1e9
+        vehicle, unix_s = vehicles[after.task.uav], entry.log_time_ns / 1e9
         vehicle.state = after
-        statistics.folded(before, event, after, effects, (row.log_time_ns - epoch_ns) / 1e9)
+        statistics.folded(before, event, after, effects, (entry.log_time_ns - epoch_ns) / 1e9)
         match event:
             case ev.Ready(firmware, uid2):
                 vehicle.firmware, vehicle.uid2 = firmware, uid2
@@ -173,7 +177,7 @@ def rebuild(
             "the version that flew the run [other-decisions]"
         )
     folder = _folder(run)
-    checked = _evidence(folder, max((row.log_time_ns for row in content.rows), default=0) / 1e9)
+    checked = _evidence(folder, max((entry.log_time_ns for entry in content.entries), default=0) / 1e9)
     commands = _own_commands(checked)
     for vehicle in vehicles.values():
         vehicle.mode_params = _commanded_mode(commands, vehicle.state.task.name)

@@ -36,7 +36,7 @@ class NoSensor:
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
+class SensorSource:
     """The origin of a vehicle's observations."""
 
     sensor: Callable[[Grid, frozenset[Cell], SensorModel, np.random.Generator], Sensor]
@@ -50,7 +50,7 @@ class Source:
 
 
 SOURCES = {
-    "simulated": Source(Footprint, external=False),
-    "external": Source(NoSensor, external=True),
-    "both": Source(Footprint, external=True),
+    "simulated": SensorSource(Footprint, external=False),
+    "external": SensorSource(NoSensor, external=True),
+    "both": SensorSource(Footprint, external=True),
 }

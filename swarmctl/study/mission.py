@@ -48,9 +48,9 @@ from swarmctl.core.grid import Cell
 from swarmctl.core.observation import Observation
 from swarmctl.planners.base import Problem, Route, Unreachable
 from swarmctl.planners.benevolence import OtherVehicle
+from swarmctl.study.entered_cells import NONE_ENTERED, EnteredCells, along_route, along_track
 from swarmctl.study.tables import SeedResult
 from swarmctl.study.vehicle_result import MissionResult, measured
-from swarmctl.study.way import NO_WAY, Way, along_route, along_track
 from swarmctl.study.world import World
 
 MAX_ENTRIES_PER_CELL = 4
@@ -61,7 +61,7 @@ PointM = tuple[float, float]
 """(east, north) from the south-west corner of the area [m]"""
 
 
-class Phase(IntEnum):
+class EventOrder(IntEnum):
     """The order of events at one moment, least first."""
 
     SEE = 0
@@ -145,10 +145,10 @@ class Vehicle:
     first: Route | Track | None = None
     """route by the belief before the mission; None without a way to a goal"""
     route: tuple[Cell, ...] = ()
-    way: Way = NO_WAY
+    entered: EnteredCells = NONE_ENTERED
     """the cells entered on the route, or on its straightened track"""
     index: int = 0
-    """index in `way` of the cell that the vehicle is in"""
+    """index in `entered` of the cell that the vehicle is in"""
     track_cells: float = 0.0
     """length flown on straightened tracks [cells]"""
     has_news: bool = False
@@ -201,8 +201,8 @@ class _Mission:
         pairs = zip(scenario.tasks, scenario.specs, strict=True)
         self._vehicles = [on_ground(task, spec, scenario.prior) for task, spec in pairs]
         self._message_numbers = itertools.count()
-        self.events: list[tuple[float, Phase, int, Act]] = []
-        """(time, phase, number of the vehicle or message, action)"""
+        self.events: list[tuple[float, EventOrder, int, Act]] = []
+        """(time, order, number of the vehicle or message, action)"""
 
     def begin(self) -> None:
         """Plan the first routes, as before a flight, and schedule the entries into the area."""
@@ -224,22 +224,22 @@ class _Mission:
         """Let a vehicle fly a new route; return its straightened track, if it has one. Raises Unreachable."""
         track = pulled_track(vehicle.task, problem, route)
         vehicle.route, vehicle.index = route.cells, 0
-        vehicle.way = along_route(route.cells) if track is None else along_track(track.corners)
+        vehicle.entered = along_route(route.cells) if track is None else along_track(track.corners)
         return track
 
     def _enters_at(self, i: int, edge_s: float, centre_s: float) -> None:
-        self._schedule(edge_s, Phase.SEE, i, partial(self._enter, i))
-        self._schedule(centre_s, Phase.DECIDE, i, partial(self._decide, i))
+        self._schedule(edge_s, EventOrder.SEE, i, partial(self._enter, i))
+        self._schedule(centre_s, EventOrder.DECIDE, i, partial(self._decide, i))
 
-    def _schedule(self, at_s: float, phase: Phase, number: int, act: Act) -> None:
-        heapq.heappush(self.events, (at_s, phase, number, act))
+    def _schedule(self, at_s: float, order: EventOrder, number: int, act: Act) -> None:
+        heapq.heappush(self.events, (at_s, order, number, act))
 
     # --- at the edge of a cell
 
     def _enter(self, i: int, now_s: float) -> None:
         """Let the hostiles fire, see the 3 × 3 cells, and tell the others what is new."""
         vehicle, world = self._vehicles[i], self._world
-        cell, uav = vehicle.way.cells[vehicle.index], vehicle.task.uav
+        cell, uav = vehicle.entered.cells[vehicle.index], vehicle.task.uav
         vehicle.flown.append(cell)
         vehicle.visits[cell] += 1
         vehicle.strikes.append(world.strikes(uav, cell, vehicle.visits[cell], self._scenario.strength))
@@ -287,7 +287,7 @@ class _Mission:
             arrives_s = self._radio.send(vehicle.task.uav, self._vehicles[j].task.uav, n_bytes, now_s)
             if not isinstance(arrives_s, LossReason):
                 receive = partial(self._receive, j, i, observation, here)
-                self._schedule(arrives_s, Phase.RECEIVE, next(self._message_numbers), receive)
+                self._schedule(arrives_s, EventOrder.RECEIVE, next(self._message_numbers), receive)
 
     def _receive(
         self, i: int, sender: int, observation: Observation, sent_from: PointM, now_s: float
@@ -308,7 +308,7 @@ class _Mission:
     def _decide(self, i: int, now_s: float) -> None:
         """Arrive, or choose the next cell and fly there."""
         vehicle = self._vehicles[i]
-        task, here = vehicle.task, vehicle.way.cells[vehicle.index]
+        task, here = vehicle.task, vehicle.entered.cells[vehicle.index]
         if here in task.goals:
             vehicle.arrived_s = now_s
             self._watcher.arrives(task.uav, now_s)
@@ -318,15 +318,15 @@ class _Mission:
         if vehicle.has_news and here in vehicle.route:  # a track also crosses cells beside its route
             vehicle.has_news = False
             self._replan(vehicle, here, now_s)
-        way, index = vehicle.way, vehicle.index
+        entered, index = vehicle.entered, vehicle.index
         vehicle.index += 1
         cell_s = task.grid.cell_size_m / task.speed_m_s
-        step_cells = way.to_edge[index] + way.from_edge[index]
+        step_cells = entered.to_edge[index] + entered.from_edge[index]
         vehicle.track_cells += step_cells
-        ends_s, there = now_s + step_cells * cell_s, way.cells[index + 1]
+        ends_s, there = now_s + step_cells * cell_s, entered.cells[index + 1]
         vehicle.leg = now_s, task.grid.centre_m(here), ends_s, task.grid.centre_m(there)
         self._watcher.flies(task.uav, vehicle.leg)
-        self._enters_at(i, now_s + way.to_edge[index] * cell_s, ends_s)
+        self._enters_at(i, now_s + entered.to_edge[index] * cell_s, ends_s)
 
     def _replan(self, vehicle: Vehicle, here: Cell, now_s: float) -> None:
         """Take the best route by the present belief if it is better than the rest of the present route."""
@@ -348,7 +348,7 @@ class _Mission:
     def _others(self, vehicle: Vehicle) -> dict[int, OtherVehicle]:
         """Return the present cells of the others that have not arrived, for a benevolent vehicle."""
         return {
-            other.task.uav: OtherVehicle(other.way.cells[other.index], other.task.goals)
+            other.task.uav: OtherVehicle(other.entered.cells[other.index], other.task.goals)
             for other in self._vehicles
             if other.task.uav in vehicle.task.others and other.arrived_s is None and other.route
         }

@@ -22,7 +22,7 @@ from swarmctl.agent.state import AgentState
 from swarmctl.bus import keys
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.core.frames import Frame, FrameCodec, IntentPoint, IntentShared, StateShared
-from swarmctl.dashboard import looks
+from swarmctl.dashboard import picture_parts
 from swarmctl.dashboard.changes import changes
 from swarmctl.dashboard.model import EVERYBODY, Timeline
 from swarmctl.dashboard.picture import OCCUPIED, OWN, SEEN, Picture, SourceKind
@@ -132,12 +132,12 @@ def test_a_change_of_a_route_tells_both_routes_and_what_was_learned(flight: Flig
     assert changed
     for change in changed:
         assert all(learned.observed_s <= change.time_s for learned in change.because)
-        rest = looks.rest_of_old(flight.timeline, change)
+        rest = picture_parts.rest_of_old(flight.timeline, change)
         if rest is not None:
             assert rest.cells == change.old.cells[-len(rest.cells) :]
             p_s = flight.timeline.exposure(change.vehicle, change.time_s)
             assert rest.exposure_sum == pytest.approx(sum(p_s[cell] for cell in rest.cells[1:]))
-    assert any(looks.rest_of_old(flight.timeline, change) is not None for change in changed)
+    assert any(picture_parts.rest_of_old(flight.timeline, change) is not None for change in changed)
 
 
 def test_a_record_that_grows_is_shown_as_far_as_it_is_and_ages(flight: Flight, tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from swarmctl.core.frames import StateShared
 from swarmctl.core.observation import Observation
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.dashboard.model import Timeline
-from swarmctl.dashboard.picture import Point, Route
+from swarmctl.dashboard.picture import MapPoint, ShownRoute
 from swarmctl.planners import base as planners
 from swarmctl.study.mission import Leg, Watcher, fly_mission
 from swarmctl.study.vehicle_result import MissionResult
@@ -32,12 +32,12 @@ Tell = Callable[[float], None]
 
 def replayed(scenario: Scenario, world: World) -> tuple[Timeline, MissionResult]:
     """Return the timeline and the results of a mission. Raises ValueError if it cannot be flown."""
-    told = _Told(scenario, world)
-    result = fly_mission(scenario, world, told)
-    return told.timeline(), result
+    watcher = _MissionWatcher(scenario, world)
+    result = fly_mission(scenario, world, watcher)
+    return watcher.timeline(), result
 
 
-class _Told(Watcher):
+class _MissionWatcher(Watcher):
     """All that a mission tells, with its times."""
 
     def __init__(self, scenario: Scenario, world: World) -> None:
@@ -87,10 +87,10 @@ class _Told(Watcher):
         self._plans[uav] += 1
         grid, sums = self._scenario.grid, track or route
         corners = route.cells if track is None else track.corners
-        points: tuple[Point, ...] = tuple(grid.centre_m(cell) for cell in corners)
+        points: tuple[MapPoint, ...] = tuple(grid.centre_m(cell) for cell in corners)
         length_m = sums.length_cells * grid.cell_size_m
         cells = route.cells
-        new = Route(self._plans[uav], cells, points, length_m, sums.exposure_sum, sums.safety_factor)
+        new = ShownRoute(self._plans[uav], cells, points, length_m, sums.exposure_sum, sums.safety_factor)
         self._timeline.chosen(uav, time_s, new)
 
     def _enter(self, uav: int, strikes: int, time_s: float) -> None:
@@ -132,7 +132,7 @@ class _Told(Watcher):
         )  # fmt: skip
         self._timeline.shared(uav, time_s, word, has_telemetry=True)
 
-    def _motion(self, uav: int, time_s: float) -> tuple[Point, Point]:
+    def _motion(self, uav: int, time_s: float) -> tuple[MapPoint, MapPoint]:
         """Return position [m] and velocity [m/s] by the legs flown."""
         legs = self._legs[uav]
         n = bisect_right(legs, time_s, key=lambda leg: leg[0])

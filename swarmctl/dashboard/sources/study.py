@@ -35,7 +35,7 @@ COMPARED = ("arrived", "length_cells", "strikes", "replans", "cells_known")
 
 
 @dataclass(frozen=True, slots=True)
-class Point:
+class ChartPoint:
     """A mean with the limits of its 95 % interval, and the levels that it is the mean of."""
 
     x: object
@@ -55,7 +55,7 @@ class Chart:
     x: str
     y: str
     x_scale: str
-    series: dict[str, list[Point]]
+    series: dict[str, list[ChartPoint]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +108,7 @@ class StudySource:
         for measure in spec.y:
             found = estimate(study.table, measure, index, shape)
             for panel in study.shown(spec, spec.panels):
-                series: dict[str, list[Point]] = {}
+                series: dict[str, list[ChartPoint]] = {}
                 for by in study.shown(spec, spec.by):
                     points = []
                     for x in study.shown(spec, spec.x):
@@ -119,7 +119,7 @@ class StudySource:
                         levels = order.get(int(np.ravel_multi_index(at, shape)), ())
                         if levels and np.isfinite(found.value[at]):
                             value, low, high = (float(e[at]) for e in (found.value, found.low, found.high))
-                            points.append(Point(x, value, low, high, int(found.n_worlds[at]), levels))
+                            points.append(ChartPoint(x, value, low, high, int(found.n_worlds[at]), levels))
                     name = label(measure) if spec.by is None else value_label(spec.by, by)
                     series[name] = points
                 where = "" if spec.panels is None else value_label(spec.panels, panel)

@@ -12,7 +12,7 @@ from swarmctl.core.grid import Cell
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
+class EnteredCells:
     """The cells entered, in order. The middle of a cell is halfway between entry and exit."""
 
     cells: tuple[Cell, ...]
@@ -22,20 +22,20 @@ class Way:
     """length from that exit to the middle of the next cell [cells]"""
 
 
-NO_WAY = Way((), (), ())
+NONE_ENTERED = EnteredCells((), (), ())
 
 
-def along_route(cells: Sequence[Cell]) -> Way:
-    """Return the way from centre to centre."""
+def along_route(cells: Sequence[Cell]) -> EnteredCells:
+    """Return the cells on the way from centre to centre."""
     steps = (math.sqrt(2.0) if a[0] != b[0] and a[1] != b[1] else 1.0 for a, b in pairwise(cells))
     halves = tuple(0.5 * step for step in steps)
-    return Way(tuple(cells), halves, halves)
+    return EnteredCells(tuple(cells), halves, halves)
 
 
-def along_track(corners: Sequence[Cell]) -> Way:
-    """Return the way along straight legs between the centres of corners."""
+def along_track(corners: Sequence[Cell]) -> EnteredCells:
+    """Return the cells along straight legs between the centres of corners."""
     crossed = crossed_cells([centre(corner) for corner in corners])
     last = len(crossed.cells) - 1
     # The way begins and ends in the middle of a cell.
     halves = [length if i in (0, last) else 0.5 * length for i, length in enumerate(crossed.lengths)]
-    return Way(crossed.cells, tuple(halves[:-1]), tuple(halves[1:]))
+    return EnteredCells(crossed.cells, tuple(halves[:-1]), tuple(halves[1:]))

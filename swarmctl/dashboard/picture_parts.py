@@ -26,8 +26,8 @@ from swarmctl.dashboard.picture import (
     AreaPicture,
     Group,
     Hearing,
-    Route,
     RouteChange,
+    ShownRoute,
     VehiclePicture,
 )
 from swarmctl.planners import Problem
@@ -66,11 +66,11 @@ def area(scenario: Scenario) -> AreaPicture:
     )
 
 
-def route(grid: Grid, swap: SwapMission) -> Route:
+def route(grid: Grid, swap: SwapMission) -> ShownRoute:
     """Return a plan as a route."""
     plan = swap.plan
     points = [(p.lat_deg, p.lon_deg) for p in (*plan.waypoints, plan.landing)]
-    return Route(
+    return ShownRoute(
         swap.plan_id,
         swap.cells,
         tuple(grid.frame.to_local(*point) for point in points),
@@ -80,15 +80,15 @@ def route(grid: Grid, swap: SwapMission) -> Route:
     )
 
 
-def flown(task: Task, problem: Problem, route: planners.Route) -> Route:
+def flown(task: Task, problem: Problem, route: planners.Route) -> ShownRoute:
     """Return a planner's route as it would be flown. Raises Unreachable if it cannot be flown."""
     track, grid = flown_route(task, problem, route), task.grid
     points = tuple(grid.centre_m(cell) for cell in track.corners)
     length_m = track.length_cells * grid.cell_size_m
-    return Route(0, route.cells, points, length_m, track.exposure_sum, track.safety_factor)
+    return ShownRoute(0, route.cells, points, length_m, track.exposure_sum, track.safety_factor)
 
 
-def rest_of_old(timeline: Timeline, change: RouteChange) -> Route | None:
+def rest_of_old(timeline: Timeline, change: RouteChange) -> ShownRoute | None:
     """Return the rest of the old route at a change, by the belief at the decision; None: not known."""
     if change.old is None:
         return None
@@ -98,14 +98,14 @@ def rest_of_old(timeline: Timeline, change: RouteChange) -> Route | None:
     return rest_of(change.old, cell, p_s, timeline.scenario.grid)
 
 
-def rest_of(old: Route, cell: Cell | None, p_s: NDArray[np.float64], grid: Grid) -> Route | None:
+def rest_of(old: ShownRoute, cell: Cell | None, p_s: NDArray[np.float64], grid: Grid) -> ShownRoute | None:
     """Return the rest of a route from a cell on, with length and exposure by P_s; None beside the route."""
     if cell is None or cell not in old.cells:
         return None
     rest = old.cells[len(old.cells) - 1 - old.cells[::-1].index(cell) :]
     points = tuple(grid.centre_m(cell) for cell in rest)
     length_m = length_cells(rest) * grid.cell_size_m
-    return Route(old.plan_id, rest, points, length_m, exposure_sum(p_s, rest), safety_factor(p_s, rest))
+    return ShownRoute(old.plan_id, rest, points, length_m, exposure_sum(p_s, rest), safety_factor(p_s, rest))
 
 
 def vehicle(timeline: Timeline, facts: VehicleFacts, time_s: float) -> VehiclePicture:
