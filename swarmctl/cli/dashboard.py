@@ -1,4 +1,4 @@
-"""`swarmctl dashboard`: the browser's view of a recorded run, or of a flight in progress."""
+"""`swarmctl dashboard`: the browser's view of a run, a flight in progress, a swarm, a study, or a set-up."""
 
 from __future__ import annotations
 
@@ -79,10 +79,10 @@ def dashboard(
     ] = None,
     parent_pid: Annotated[int, typer.Option(hidden=True, help="End with this process.")] = 0,
 ) -> None:
-    """Show a recorded run, or a flight in progress, in a browser on this machine.
+    """Show a recorded run, a flight in progress, or the results of a study in a browser on this machine.
 
     Two runs are shown side by side on one time. With --config, watch a swarm of `swarmctl agent`
-    processes. With --setup, edit a configuration on a map instead.
+    processes. With --setup, edit a configuration on a map, and fly it.
     """
     if sum(given is not None for given in (run, config, setup)) != 1:
         fail(["give one of a run folder, --config FILE and --setup FILE"], USAGE)

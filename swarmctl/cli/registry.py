@@ -58,7 +58,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     ),
     "dashboard": (
         "dashboard",
-        "Show a recorded run, or a flight in progress, in a browser on this machine.",
+        "Show a recorded run, a flight in progress, or the results of a study in a browser on this machine.",
     ),
     "replay": ("replay", "Repeat the decisions of a recorded run, and report whether they are the same."),
     "audit": ("audit", "Check the evidence of a run line by line, and summarise it."),

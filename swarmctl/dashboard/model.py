@@ -1,8 +1,8 @@
 """The fold of the dashboard: what a source delivers becomes a timeline, and a timeline gives pictures.
 
-All three sources call the same methods. Nothing here reads a clock, a file or the bus. A timeline stores each
-change with its time, so a picture at any time is a bisection, during a flight too. Times are seconds since
-the begin of the record, or since the station joined.
+All sources of timelines call the same methods. Nothing here reads a clock, a file or the bus. A timeline
+stores each change with its time, so a picture at any time is a bisection, during a flight too. Times are
+seconds since the begin of the record, or since the station joined.
 """
 
 from __future__ import annotations

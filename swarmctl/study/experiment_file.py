@@ -35,7 +35,7 @@ class Until(Section):
         gt=0.0, description="Half the width of the 95 % interval of the mean, reached at every level."
     )
     block: int = Field(
-        100, ge=2, description="Number of worlds between two decisions. Only complete blocks count."
+        100, ge=2, description="Number of worlds between two decisions; the last block ends at `worlds`."
     )
 
 

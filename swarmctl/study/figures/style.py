@@ -163,7 +163,7 @@ def _is_right_of(axes: Axes, other: Axes) -> bool:
 
 
 def set_scale(axes: Axes, scale: str, values: Sequence[object]) -> None:
-    """Label the horizontal axis: numbers at their places, names one beside the other."""
+    """Set the scale and the labels of a horizontal axis of numbers; an axis of names stays as it is."""
     if is_numeric(values):
         numbers = sorted(float(value) for value in values)  # type: ignore[arg-type]
         if scale == "log":
