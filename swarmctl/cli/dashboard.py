@@ -213,7 +213,7 @@ def _sender_to_flight(swarm: str, record: Path) -> Callable[[Request], Awaitable
 
     async def send_to_flight(request: Request) -> OperatorAnswer:
         if not record_file.is_in_progress(record):
-            raise NotSent(f"{record}: the flight has ended; nothing was sent [flight-ended]")
+            raise NotSent(f"{record}: the process of the flight has ended; nothing was sent [flight-ended]")
         return await send(request)
 
     return send_to_flight
