@@ -13,7 +13,7 @@ import msgspec
 
 from swarmctl.core.threat import FiringStrength
 
-VERSION = 1
+VERSION = 2
 MAX_SYSTEM_ID = 254
 """greatest system id of a vehicle; 255 is a ground station's by convention"""
 MAX_AFTER_S = 7200.0

@@ -40,14 +40,14 @@ from swarmctl.station import client
 
 
 def packed(**fields: object) -> bytes:
-    return b"\x01" + msgspec.msgpack.encode({"type": "set_weights", **fields})
+    return b"\x02" + msgspec.msgpack.encode({"type": "set_weights", **fields})
 
 
 WRONG: dict[str, bytes] = {
     "empty": b"",
-    "no MessagePack": b"\x01nonsense",
-    "another version": b"\x02" + packed(uavs=[1], w=0.5)[1:],
-    "a message of UAVs": b"\x01" + msgspec.msgpack.encode({"type": "state", "sender": 1}),
+    "no MessagePack": b"\x02nonsense",
+    "another version": b"\x03" + packed(uavs=[1], w=0.5)[1:],
+    "a message of UAVs": b"\x02" + msgspec.msgpack.encode({"type": "state", "sender": 1}),
     "w above 1": packed(uavs=[1], w=1.5),
     "w below 0": packed(uavs=[1], w=-0.1),
     "w not a number": packed(uavs=[1], w=math.nan),
@@ -96,14 +96,14 @@ def test_a_command_survives_the_wire(
 @settings(max_examples=examples(150), deadline=None, derandomize=True)
 def test_any_bytes_are_a_command_or_refused(data: bytes) -> None:
     with suppress(BadMessage):
-        decode_command(b"\x01" + data)
+        decode_command(b"\x02" + data)
     with suppress(BadMessage):
-        decode_answer(b"\x01" + data)
+        decode_answer(b"\x02" + data)
 
 
 def test_unknown_fields_of_an_answer_are_ignored() -> None:
     later = {"type": "operator_answer", "refused": "no", "vehicles": [], "more": 1}
-    assert decode_answer(b"\x01" + msgspec.msgpack.encode(later)) == OperatorAnswer(refused="no")
+    assert decode_answer(b"\x02" + msgspec.msgpack.encode(later)) == OperatorAnswer(refused="no")
 
 
 @pytest.fixture(params=[memory_pair, zenoh_pair])
