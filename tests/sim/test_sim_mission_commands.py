@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import Station, item, land, place_m, takeoff, waypoint
 
 from sim_vehicle.personalities.ardupilot.items import store_item, store_plane_item
-from sim_vehicle.vehicle.mission import Item
+from sim_vehicle.vehicle.mission import Item, Mission
 
 TURNS, TO_ALT, DELAY, SPLINE = (
     mavlink.MAV_CMD_NAV_LOITER_TURNS,
@@ -165,6 +165,18 @@ def test_a_landing_sequence_and_a_missing_payload_do_not_stop_a_mission() -> Non
     station.fly_mission([takeoff(5), *(item(command) for command in idle), waypoint(20, 0, 5), land(20, 0)])
     station.until(lambda: not station.armed, 120)
     assert station.reached == [1, *range(2, 10)]
+
+
+def test_the_nearest_landing_sequence_is_found() -> None:
+    start, land = mavlink.MAV_CMD_DO_LAND_START, mavlink.MAV_CMD_NAV_LAND
+    mission = Mission(home=lambda: Item(0))
+    items = [Item(0), Item(start), Item(16, x=100), Item(start, x=40), Item(land, x=50), Item(start)]
+    for index, kept in enumerate(items):
+        mission.put(index, kept)
+    assert mission.land_start((90e-7, 0.0)) == 1
+    assert mission.land_start((30e-7, 0.0)) == 3
+    mission.cut(1)
+    assert mission.land_start((0.0, 0.0)) is None
 
 
 def test_a_mission_can_set_home() -> None:

@@ -1,9 +1,9 @@
-"""PX4 1.15: the distance of a mission (MIS_DIST_1WP), and answers that differ from other autopilots."""
+"""PX4 1.15: the distance of a mission (MIS_DIST_1WP), its current item, and answers of PX4 alone."""
 
 import pytest
-from px4_station import ACCEPTED, AUTO, DENIED, HOLD, MISSION, TEMPORARILY_REJECTED, QuietPx4Station
+from px4_station import ACCEPTED, AUTO, DENIED, HOLD, LAND, MISSION, TEMPORARILY_REJECTED, QuietPx4Station
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from station import item, takeoff, waypoint
+from station import item, place_m, takeoff, waypoint
 
 LIMIT_M = 40.0
 TOO_FAR = "First waypoint too far away: "
@@ -53,6 +53,74 @@ def test_a_new_fence_checks_the_flying_mission_again() -> None:
     assert station.upload([circle], mavlink.MAV_MISSION_TYPE_FENCE) == 0
     station.wait(1.0)
     assert_refused(station)
+
+
+# -- the current item ------------------------------------------------------------------------------------
+
+
+def set_current(station: QuietPx4Station, index: int) -> None:
+    station.send(mavlink.MAVLink_mission_set_current_message(1, 1, index))
+
+
+def jump(to: int, times: int) -> dict[str, object]:
+    return item(mavlink.MAV_CMD_DO_JUMP, frame=2, x=0, y=0, param1=to, param2=times)
+
+
+def test_a_complete_mission_starts_again_from_a_requested_item_with_new_counts_of_jumps() -> None:
+    station = QuietPx4Station()
+    station.fly_mission([takeoff(5), waypoint(10, 0, 5), waypoint(20, 0, 5), jump(1, 1), waypoint(25, 0, 5)])
+    station.until(lambda: station.texts().count("Mission finished, loitering") == 1, 90)
+    assert station.reached == [0, 1, 2, 1, 2, 4]
+    station.change(AUTO, MISSION)
+    station.wait(0.5)
+    assert "No valid mission available, loitering" in station.texts()
+    set_current(station, 1)
+    assert station.change(AUTO, MISSION) == ACCEPTED
+    station.until(lambda: station.texts().count("Mission finished, loitering") == 2, 90)
+    assert station.reached[6:] == [1, 2, 1, 2, 4]
+
+
+def test_the_vehicle_stays_at_an_item_without_autocontinue() -> None:
+    station = QuietPx4Station()
+    station.count(3)
+    for seq, fields in enumerate((takeoff(5), waypoint(15, 0, 5), waypoint(40, 0, 5))):
+        message = station.item_message(seq, fields)
+        message.autocontinue = int(seq != 1)
+        station.send(message)
+    station.wait(1.0)
+    assert station.change(AUTO, MISSION) == ACCEPTED
+    assert station.arm() == ACCEPTED
+    station.until(lambda: station.reached == [0, 1], 60)
+    station.wait(10)
+    assert station.reached == [0, 1]
+    assert station.custom_mode == (AUTO, MISSION)
+    assert place_m(station)[0] < 20
+    set_current(station, 2)
+    station.until(lambda: station.reached == [0, 1, 2], 60)
+
+
+def land_and_start(station: QuietPx4Station, *items: dict[str, object]) -> int:
+    """Land and disarm, upload a mission if there is one, and start; return the current item."""
+    assert station.change(AUTO, LAND) == ACCEPTED
+    station.until(lambda: not station.armed, 60)
+    if items:
+        station.upload_and_wait(items)
+    assert station.change(AUTO, MISSION) == ACCEPTED
+    assert station.arm() == ACCEPTED
+    station.wait(0.5)
+    return station.current
+
+
+def test_a_landing_and_an_upload_keep_the_index_until_the_mission_is_complete() -> None:
+    station = QuietPx4Station()
+    items = [takeoff(5), waypoint(10, 0, 5), waypoint(30, 0, 5), waypoint(40, 0, 5)]
+    station.fly_mission(items)
+    station.until(lambda: station.reached == [0, 1], 60)
+    assert land_and_start(station) == 2
+    station.until(lambda: station.reached == [0, 1, 2, 3], 90)
+    assert land_and_start(station, *items[:3], waypoint(50, 0, 5)) == 3
+    station.until(lambda: station.reached == [0, 1, 2, 3, 3], 90)
+    assert land_and_start(station) == 0
 
 
 # -- PX4's answers ---------------------------------------------------------------------------------------
