@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import heapq
-import math
 from dataclasses import replace
-from itertools import combinations, count
 from typing import Any
 
-import numpy as np
 import pytest
 from agent_stories import (
     AMSL_M,
@@ -22,26 +18,16 @@ from agent_stories import (
     publications,
     swaps,
 )
-from hypothesis import Phase as HypothesisPhase
-from hypothesis import example, given, settings
-from hypothesis import strategies as st
-from profiles import examples
 
 from swarmctl.agent.failsafes.base import Fence
-from swarmctl.agent.phases import Phase
-from swarmctl.agent.replan.mission_changes import needs_tick
 from swarmctl.agent.traffic.check import clashes_of_route, known_flights
 from swarmctl.agent.traffic.intents import MAX_UNCERTAINTY_M, REPEAT_EVERY_S
 from swarmctl.agent.traffic.own_flight import HOLD_DURATION_S, LAST_POSITION_S
 from swarmctl.agent.traffic.route_deconfliction import RETRY_S
-from swarmctl.agent.traffic.separation.clash import TIME_TOLERANCE_S, find_clashes
-from swarmctl.agent.traffic.separation.trajectory import Trajectory, until_landing
+from swarmctl.agent.traffic.separation.trajectory import Trajectory
 from swarmctl.agent.traffic.separation.watch import AvoidanceAction, SeparationRules
 from swarmctl.core import events as ev
 from swarmctl.core.frames import IntentShared, StateShared
-from swarmctl.core.observation import Observation
-
-PHASES = (HypothesisPhase.explicit, HypothesisPhase.reuse, HypothesisPhase.generate)
 
 
 def intents(effects: list[ev.Effect]) -> list[IntentShared]:
@@ -302,143 +288,6 @@ def test_a_conflict_is_reported_and_counted_once() -> None:
     assert story.state.conflicts.counts.predicted == 1
     story.other(1, (0.0, 0.0, 0.0), (60.0, 400.0, 0.0))
     assert story.state.conflicts.predicted == frozenset()
-
-
-# --- several agents
-
-
-class Swarm:
-    """Two or three vehicles at one height that fly their intents over a network with delay and loss."""
-
-    def __init__(self, ways: list[tuple[int, int]]) -> None:
-        self.now_s, self.order = 100.0, count()
-        self.mail: list[tuple[float, int, int, int, float, IntentShared]] = []
-        self.swaps: list[tuple[float, int, int]] = []
-        self.carry: Any = lambda _a, _b: 0.1
-        self.swap_s = lambda: 0.3
-        self.stories = {}
-        for uav, (entry_row, goal_row) in enumerate(ways, start=1):
-            self.stories[uav] = Story(uav=uav, entry=(entry_row, 0), goals=((goal_row, 8),), w=0.9)
-            self.stories[uav].launching()
-            self.stories[uav](ev.OrderDone(ev.FlightOrder.LAUNCH))
-        self.starts = {uav: GRID.centre_m((row, 0)) for uav, (row, _) in enumerate(ways, start=1)}
-        for uav in self.stories:
-            self.position(uav)
-
-    def fold(self, uav: int, event: ev.Event) -> None:
-        story = self.stories[uav]
-        story.now = self.now_s - 1.0
-        for effect in story(event):
-            match effect:
-                case ev.Publish(IntentShared() as intent):
-                    for other in self.stories:
-                        delay_s = None if other == uav else self.carry(uav, other)
-                        if delay_s is not None:
-                            row = (self.now_s + delay_s, next(self.order), other, uav, self.now_s, intent)
-                            heapq.heappush(self.mail, row)
-                case ev.SwapMission(plan_id=plan_id):
-                    heapq.heappush(self.swaps, (self.now_s + self.swap_s(), uav, plan_id))
-                case ev.Command(order):
-                    self.fold(uav, ev.OrderDone(order))
-
-    def position(self, uav: int) -> None:
-        state = self.stories[uav].state
-        here, before = (*self.starts[uav], AMSL_M), (*self.starts[uav], AMSL_M)
-        if state.own_intent is not None:
-            here = state.own_intent.at(self.now_s) or state.own_intent.points[-1]
-            before = state.own_intent.at(self.now_s - 0.5) or here
-        velocity = tuple(2.0 * (b - a) for a, b in zip(before, here, strict=True))
-        lat_deg, lon_deg = GRID.frame.to_geodetic(here[0], here[1])
-        self.stories[uav].now = self.now_s - 1.0
-        vehicle = replace(
-            state.vehicle,
-            time_boot_s=self.now_s,
-            lat_deg=lat_deg,
-            lon_deg=lon_deg,
-            alt_rel_m=here[2] - AMSL_M + 30.0,
-            alt_amsl_m=here[2],
-            ground_speed_m_s=math.hypot(*velocity[:2]),
-            east_m_s=velocity[0],
-            north_m_s=velocity[1],
-            climb_m_s=velocity[2],
-            mode_role="hold" if state.is_waiting else "mission",
-            armed=True,
-        )
-        self.fold(uav, ev.TelemetryReceived(vehicle))
-
-    def run(self, seconds: float) -> None:
-        end_s = self.now_s + seconds
-        while self.now_s < end_s:
-            self.now_s += 0.5
-            while self.swaps and self.swaps[0][0] <= self.now_s:
-                _, uav, plan_id = heapq.heappop(self.swaps)
-                self.fold(uav, ev.MissionAccepted(plan_id))
-            while self.mail and self.mail[0][0] <= self.now_s:
-                _, _, to, uav, sent_s, intent = heapq.heappop(self.mail)
-                told = ((uav, self.now_s - sent_s, intent),)
-                self.fold(to, ev.TelemetryReceived(self.stories[to].state.vehicle, intents=told))
-            for uav, story in self.stories.items():
-                self.position(uav)
-                if story.state.plans.pending is None:
-                    story.now = self.now_s
-                    if needs_tick(story.state, self.now_s):
-                        self.fold(uav, ev.Tick())
-
-    def learns(self, uav: int, cell: tuple[int, int], seq: int) -> None:
-        self.fold(uav, ev.ObservationsReceived((Observation(9, seq, 0.0, ((*cell, True),)),)))
-
-
-rows = st.integers(0, 8)
-ways = st.lists(st.tuples(rows, rows), min_size=2, max_size=3, unique_by=(lambda w: w[0], lambda w: w[1]))
-news = st.lists(
-    st.tuples(st.integers(1, 3), st.tuples(rows, st.integers(2, 7)), st.floats(0.0, 4.0)), max_size=5
-)
-
-
-ONE_LANDS_UNDER_ANOTHER = (
-    [(3, 6), (5, 4), (8, 1)],
-    [(1, (0, 5), 0.52), (2, (3, 4), 0.6), (3, (3, 3), 2.31), (3, (2, 2), 3.65), (3, (4, 5), 0.0)],
-    *(0.868, 0.001, 1.384, 12773),
-)
-
-
-@given(ways, news, st.floats(0.0, 1.0), st.floats(0.0, 3.0), st.floats(0.2, 4.0), st.integers(0, 2**32 - 1))
-@example(*ONE_LANDS_UNDER_ANOTHER)
-@settings(max_examples=examples(40), deadline=None, phases=PHASES)
-def test_no_two_plans_conflict_after_all_intents_have_arrived(
-    ways: list[tuple[int, int]],
-    news: list[tuple[int, tuple[int, int], float]],
-    loss: float,
-    delay_s: float,
-    swap_s: float,
-    seed: int,
-) -> None:
-    """Earlier intents may be lost or late."""
-    rng = np.random.default_rng(seed)
-    swarm = Swarm(ways)
-    swarm.swap_s = lambda: swap_s * rng.random()
-    swarm.carry = lambda _a, _b: None if rng.random() < loss else delay_s * rng.random()
-    for seq, (uav, cell, after_s) in enumerate(news, start=1):
-        swarm.run(after_s)
-        swarm.learns(min(uav, len(ways)), cell, seq)
-    swarm.carry = lambda _a, _b: 0.1
-    swarm.run(4.0 * REPEAT_EVERY_S + 2.0 * swap_s)
-    for one, other in combinations(swarm.stories.values(), 2):
-        a, b = one.state, other.state
-        if Phase.FLYING not in (a.phase, b.phase) or a.own_intent is None or b.own_intent is None:
-            continue
-        # `landing_queue` handles descents through another vehicle's height. Times are compared by
-        # positions up to 0.5 s old.
-        mine, theirs = until_landing(a.own_intent), {b.task.uav: until_landing(b.own_intent)}
-        meet = find_clashes(mine, theirs, a.task.separation.limits, TIME_TOLERANCE_S - 0.6)
-        assert not meet, (
-            a.phase,
-            b.phase,
-            a.conflicts.predicted,
-            b.conflicts.predicted,
-            a.conflicts.deferred_for,
-            b.conflicts.deferred_for,
-        )
 
 
 # --- vehicles without a position

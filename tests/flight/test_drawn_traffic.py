@@ -5,10 +5,20 @@
 
 from __future__ import annotations
 
+from itertools import combinations
+
 import pytest
 from drawn_traffic import draw
+from profiles import full_only
+
+from swarmctl.agent.phases import Phase
+from swarmctl.agent.traffic.intents import REPEAT_EVERY_S
+from swarmctl.agent.traffic.separation.clash import TIME_TOLERANCE_S, find_clashes
+from swarmctl.agent.traffic.separation.trajectory import Trajectory, until_landing
 
 N_DEFAULT, N_FULL = 12, 50
+NEWS_S = 20.0
+"""time until which messages are lost [s]; the vehicles are on their way then"""
 
 FOUND = (
     29, 58, 64, 73, 103, 112, 118, 139, 171, 191, 195, 218, 287, 312, 314, 337, 377, 490, 500, 538, 546,
@@ -27,6 +37,28 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
         is_full, n = metafunc.config.getoption("--full"), metafunc.config.getoption("--drawn-traffic")
         seeds = {*range(n or (N_FULL if is_full else N_DEFAULT)), *FOUND}
         metafunc.parametrize("seed", sorted(seeds | {*(FOUND_IN_FULL_RUNS if is_full else ())}))
+
+
+@pytest.mark.parametrize("quiet_seed", [9, 11, 12, 13, 15, *full_only(*range(9))])
+def test_after_all_intents_have_arrived_no_two_flights_conflict(quiet_seed: int) -> None:
+    """Earlier intents may be lost or late. `landing_queue` handles descents through another one's height."""
+    drawn = draw(quiet_seed)
+    swarm = drawn.swarm
+    swarm.run(NEWS_S, lambda _now: None)
+    swarm.air.loss = 0.0
+    swarm.air.mute.clear()
+    swarm.run(NEWS_S + 4.0 * REPEAT_EVERY_S, lambda _now: None)
+    flown = {agent: agent.state.own_intent for agent in swarm.agents}
+    flights = {
+        agent: Trajectory(tuple(t - agent.boot_s for t in flight.times_s), flight.points)
+        for agent, flight in ((agent, until_landing(intent)) for agent, intent in flown.items() if intent)
+    }
+    for one, other in combinations(flights, 2):
+        limits = one.task.separation.limits
+        # Times are compared by positions up to 0.5 s old.
+        clashes = find_clashes(flights[one], {other.uav: flights[other]}, limits, TIME_TOLERANCE_S - 0.6)
+        if Phase.FLYING in (one.state.phase, other.state.phase):
+            assert clashes == (), (one.uav, drawn.story)
 
 
 def test_drawn_traffic_keeps_its_limits_and_ends_every_wait(seed: int) -> None:
