@@ -8,17 +8,15 @@ from __future__ import annotations
 
 import math
 import random
-from collections import Counter
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import drawn_traffic as traffic
-from drawn_traffic import LATER_S, LAUNCHED_S, SPOTS, DrawnTraffic, Witness, begin, tell
+from drawn_traffic import LATER_S, LAUNCHED_S, SPOTS, DrawnTraffic, Witness, populate
 from flights import AREA, small
 from light_swarm import Air, LightAgent, LightSwarm
-from light_vehicle import STOPS_AFTER_S, LightVehicle
+from light_vehicle import STOPS_AFTER_S
 
-from swarmctl.agent.phases import Phase
 from swarmctl.config.formations_checks import check_groups
 from swarmctl.config.scenario import Scenario
 
@@ -33,14 +31,10 @@ ABANDONED_S = 30.0
 
 @dataclass
 class FormationWitness(Witness):
-    in_formation_s: Counter[int] = field(default_factory=Counter)
-    """number of looks at which each vehicle followed set-points"""
-
     def look(self, now: float) -> None:
         super().look(now)
         for agent in self.swarm.agents:
             vehicle = agent.vehicle
-            self.in_formation_s[agent.uav] += agent.state.phase is Phase.FORMATION
             unheard = any(since <= now < until + LATER_S for since, until in agent.silent)
             waits = vehicle.mode == "setpoints" and vehicle.setpoint_age_s > STOPS_AFTER_S + LATER_S
             if waits and not unheard:
@@ -64,7 +58,7 @@ class DrawnFormation(DrawnTraffic):
                 continue
             self.witness.ordered_hold.add(agent.uav)
             if now - self.released_s.setdefault(agent.uav, now) > ABANDONED_S:
-                self.excused_from_s[agent.uav] = now
+                self.witness.excused_from_s[agent.uav] = now
                 vehicle.return_home()
 
     @property
@@ -85,23 +79,8 @@ def draw(seed: int) -> DrawnFormation:
         scenario = _scenario(rng, seed)
     air = Air(rng.choice([0.0, 0.0, 0.1, 0.3]), rng.choice([0.02, 0.1, 0.3]), rng.choice([0.0, 0.0, 0.2]))
     swarm = LightSwarm(scenario, rng, air, STEP_S)
-    wind = rng.choice([0.0, 0.0, 0.2, 0.4])
-    for i, (task, spec) in enumerate(zip(scenario.tasks, scenario.specs, strict=True)):
-        vehicle = LightVehicle(
-            task.grid.frame,
-            task.grid.frame.to_local(*spec.start),
-            300.0,
-            task.speed_m_s * (rng.uniform(0.9, 1.05) if wind else 1.0),
-            task.altitude_m,
-            rng.random() < 0.5,
-            wind,
-            random.Random(rng.random()),
-        )
-        agent = LightAgent(swarm, i, vehicle, rng.uniform(10.0, 100.0))
-        agent.swap_s = rng.choice([0.4, 0.8, 1.5, 3.0])
-        swarm.agents.append(agent)
-    drawn = DrawnFormation(seed, scenario, swarm, FormationWitness(swarm, lambda _u, _t: False))
-    drawn.witness.excused = lambda uav, now: now >= drawn.excused_from_s.get(uav, math.inf)
+    drawn = DrawnFormation(swarm, FormationWitness(swarm))
+    wind = populate(swarm, rng, slowest_share=0.9)
     section = scenario.config.formations[0]
     shapes = [section.shape.kind] + ([section.narrow_shape.kind] if section.narrow_shape else [])
     heights, n = section.heights, len(section.members)
@@ -109,9 +88,7 @@ def draw(seed: int) -> DrawnFormation:
         f"{n} of {len(swarm.agents)} by {section.approach}: {shapes}, {section.shape.spacing_m:.0f} m, "
         f"{heights}, split {section.split_factor}, {section.lost_member}; {air}, wind {wind}"
     )
-    stagger_s = rng.choice([0.0, 0.0, 2.0])
-    for i, agent in enumerate(swarm.agents):
-        begin(drawn, agent, 1.0 + i * stagger_s)
+    swarm.launch(rng.choice([0.0, 0.0, 2.0]))
     for _ in range(rng.choice([0, 1, 1, 2, 3])):
         member = swarm.agents[0] if rng.random() < 0.3 else rng.choice(swarm.agents)
         rng.choice(_EVENTS)(drawn, rng, member)
@@ -184,23 +161,8 @@ def _group(rng: random.Random, n: int, has_gap: bool) -> dict[str, Any]:
 
 
 def _taken_over(drawn: DrawnTraffic, rng: random.Random, agent: LightAgent) -> None:
-    """A pilot stops a vehicle in the air, and flies it home later."""
     at_s, for_s = rng.uniform(LAUNCHED_S, 80.0), rng.choice([20.0, 120.0])
-
-    def stop() -> None:
-        if agent.vehicle.armed and not agent.vehicle.is_descending:
-            drawn.witness.ordered_hold.add(agent.uav)
-            drawn.taken_over.add(agent.uav)
-            agent.pilot_since_s = drawn.swarm.now
-            agent.vehicle.take_over()
-
-    def home() -> None:
-        if agent.vehicle.armed and agent.vehicle.mode == "pilot":
-            drawn.excused_from_s[agent.uav] = drawn.swarm.now
-            agent.vehicle.return_home()
-
-    tell(drawn, at_s, f"a pilot stops {agent.uav}", stop)
-    tell(drawn, at_s + for_s, f"the pilot brings {agent.uav} home", home)
+    traffic.taken_over(drawn, agent, at_s, for_s, by_pilot=True)
 
 
 _EVENTS = [

@@ -15,7 +15,6 @@ from typing import Any
 
 from flights import AREA, small
 from light_swarm import Air, LightAgent, LightSwarm
-from light_vehicle import LightVehicle
 
 from swarmctl.agent.traffic.return_schedule import schedule_for
 from swarmctl.agent.traffic.returning import position_for_return
@@ -51,7 +50,8 @@ class Breach:
 @dataclass
 class Witness:
     swarm: LightSwarm
-    excused: Callable[[int, float], bool]
+    excused_from_s: dict[int, float] = field(default_factory=dict)
+    """times from which no rule of this program keeps a vehicle away from others"""
     breaches: list[Breach] = field(default_factory=list)
     too_long: list[str] = field(default_factory=list)
     _held_since: dict[int, float] = field(default_factory=dict)
@@ -85,7 +85,7 @@ class Witness:
         in_the_way = any(
             a.uav in self.ordered_hold and a.vehicle.mode == "hold" and b.is_silent(now) for a, b in pairs
         )
-        return in_the_way or self.excused(one.uav, now) or self.excused(other.uav, now)
+        return in_the_way or any(now >= self.excused_from_s.get(a.uav, math.inf) for a in (one, other))
 
     def _note(self, pair: tuple[int, int], now: float, share: float) -> None:
         for breach in self.breaches:
@@ -107,12 +107,9 @@ class Witness:
 
 @dataclass
 class DrawnTraffic:
-    seed: int
-    scenario: Scenario
     swarm: LightSwarm
     witness: Witness
     story: list[str] = field(default_factory=list)
-    excused_from_s: dict[int, float] = field(default_factory=dict)
     taken_over: set[int] = field(default_factory=set)
     """vehicles that another station flies; they do not follow the orders of this program"""
     ends: bool = False
@@ -142,40 +139,27 @@ def draw(seed: int) -> DrawnTraffic:
     scenario = _scenario(rng, seed, n)
     air = Air(rng.choice([0.0, 0.0, 0.1, 0.3]), rng.choice([0.02, 0.05, 0.3]), rng.choice([0.0, 0.0, 0.2]))
     swarm = LightSwarm(scenario, rng, air)
-    wind = rng.choice([0.0, 0.0, 0.2, 0.4])
-    for i, (task, spec) in enumerate(zip(scenario.tasks, scenario.specs, strict=True)):
-        frame = task.grid.frame
-        vehicle = LightVehicle(
-            frame,
-            frame.to_local(*spec.start),
-            300.0,
-            task.speed_m_s * (rng.uniform(0.85, 1.05) if wind else 1.0),
-            task.altitude_m,
-            rng.random() < 0.5,
-            wind,
-            random.Random(rng.random()),
-        )
-        agent = LightAgent(swarm, i, vehicle, rng.uniform(10.0, 100.0))
-        agent.swap_s = rng.choice([0.4, 0.8, 1.5, 3.0])
-        swarm.agents.append(agent)
-    drawn = DrawnTraffic(seed, scenario, swarm, Witness(swarm, lambda _u, _t: False))
-    drawn.witness.excused = lambda uav, now: now >= drawn.excused_from_s.get(uav, math.inf)
-    stagger_s = rng.choice([0.0, 0.0, 2.0, 8.0])
-    for i, agent in enumerate(swarm.agents):
-        begin(drawn, agent, 1.0 + i * stagger_s)
+    drawn = DrawnTraffic(swarm, Witness(swarm))
+    populate(swarm, rng, slowest_share=0.85)
+    swarm.launch(rng.choice([0.0, 0.0, 2.0, 8.0]))
     for _ in range(rng.choice([0, 1, 2, 3])):
         rng.choice(_EVENTS)(drawn, rng, rng.choice(swarm.agents))
     return drawn
 
 
-def begin(drawn: DrawnTraffic, agent: LightAgent, launch_s: float) -> None:
-    def ready() -> None:
-        agent.report()
-        agent(ev.Ready())
-        agent.tick()
-
-    drawn.swarm.at(0.0, ready)
-    drawn.swarm.at(launch_s, lambda: agent(ev.OperatorCommand(ev.FlightOrder.LAUNCH)))
+def populate(swarm: LightSwarm, rng: random.Random, slowest_share: float) -> float:
+    """Add a drawn vehicle for each task of the scenario; return the gusts of the wind [m/s]."""
+    wind = rng.choice([0.0, 0.0, 0.2, 0.4])
+    for _ in swarm.scenario.tasks:
+        agent = swarm.add(
+            speed_share=rng.uniform(slowest_share, 1.05) if wind else 1.0,
+            like_ardupilot=rng.random() < 0.5,
+            gust_m_s=wind,
+            rng=random.Random(rng.random()),
+            boot_s=rng.uniform(10.0, 100.0),
+        )
+        agent.swap_s = rng.choice([0.4, 0.8, 1.5, 3.0])
+    return wind
 
 
 def _scenario(rng: random.Random, seed: int, n: int) -> Scenario:
@@ -306,24 +290,34 @@ def refusals(drawn: DrawnTraffic, rng: random.Random, agent: LightAgent) -> None
     drawn.story.append(f"{at_s:.1f} s: {agent.uav} takes no commands for {for_s:g} s")
 
 
-def _taken_over(drawn: DrawnTraffic, rng: random.Random, agent: LightAgent) -> None:
-    """Another station holds a vehicle in the air, and calls it home later."""
-    at_s = rng.uniform(LAUNCHED_S, 60.0)
-    later_s = at_s + rng.choice([30.0, 400.0])
+def taken_over(
+    drawn: DrawnTraffic, agent: LightAgent, at_s: float, for_s: float, *, by_pilot: bool = False
+) -> None:
+    """Another station, or a pilot, stops a vehicle in the air and flies it home later."""
+    vehicle, who = agent.vehicle, "a pilot" if by_pilot else "another station"
 
-    def hold() -> None:
-        if agent.vehicle.armed:
-            drawn.witness.ordered_hold.add(agent.uav)
-            drawn.taken_over.add(agent.uav)
-            agent.vehicle.hold()
+    def stop() -> None:
+        if not vehicle.armed or (by_pilot and vehicle.is_descending):
+            return
+        drawn.witness.ordered_hold.add(agent.uav)
+        drawn.taken_over.add(agent.uav)
+        if by_pilot:
+            agent.pilot_since_s = drawn.swarm.now
+            vehicle.take_over()
+        else:
+            vehicle.hold()
 
     def home() -> None:
-        if agent.vehicle.armed and agent.vehicle.mode == "hold":
-            drawn.excused_from_s[agent.uav] = drawn.swarm.now
-            agent.vehicle.return_home()
+        if vehicle.armed and vehicle.mode == ("pilot" if by_pilot else "hold"):
+            drawn.witness.excused_from_s[agent.uav] = drawn.swarm.now
+            vehicle.return_home()
 
-    tell(drawn, at_s, f"another station holds {agent.uav}", hold)
-    tell(drawn, later_s, f"another station calls {agent.uav} home", home)
+    tell(drawn, at_s, f"{who} stops {agent.uav}", stop)
+    tell(drawn, at_s + for_s, f"{who} brings {agent.uav} home", home)
+
+
+def _taken_over(drawn: DrawnTraffic, rng: random.Random, agent: LightAgent) -> None:
+    taken_over(drawn, agent, rng.uniform(LAUNCHED_S, 60.0), rng.choice([30.0, 400.0]))
 
 
 _EVENTS = [recall, order, order, low_battery, lost_link, mute, refusals, _taken_over]

@@ -12,7 +12,6 @@ from light_swarm import TELEMETRY_EVERY, Air, LightAgent, LightSwarm
 from light_vehicle import LightVehicle
 
 from swarmctl.agent.phases import Phase
-from swarmctl.core import events as ev
 from swarmctl.core.vehicle import VehicleState
 
 
@@ -41,22 +40,9 @@ class LightGroup(LightSwarm):
         self, *, like_ardupilot: bool = True, approach: str = "leader_following", **changes: Any
     ) -> None:
         super().__init__(group(approach, **changes), random.Random(1), Air())
-        for i, (task, spec) in enumerate(zip(self.scenario.tasks, self.scenario.specs, strict=True)):
-            frame = task.grid.frame
-            start_m, speed_m_s = frame.to_local(*spec.start), task.speed_m_s
-            vehicle = LateVehicle(
-                frame, start_m, 300.0, speed_m_s, task.altitude_m, like_ardupilot, 0.0, random.Random(i)
-            )
-            agent = LightAgent(self, i, vehicle, 10.0)
-            self.agents.append(agent)
-            self.at(0.0, lambda agent=agent: self._make_ready(agent))  # type: ignore[misc]
-            self.at(1.0, lambda agent=agent: agent(ev.OperatorCommand(ev.FlightOrder.LAUNCH)))  # type: ignore[misc]
-
-    @staticmethod
-    def _make_ready(agent: LightAgent) -> None:
-        agent.report()
-        agent(ev.Ready())
-        agent.tick()
+        for i in range(len(self.scenario.tasks)):
+            self.add(like_ardupilot=like_ardupilot, rng=random.Random(i), kind=LateVehicle)
+        self.launch()
 
     def joined(self) -> LightGroup:
         """Fly until both followers have been at their places for a while."""

@@ -8,6 +8,7 @@ import math
 import random
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import msgspec
@@ -93,6 +94,11 @@ class LightAgent:
         self.state, effects = step(self.state, event, self.swarm.now)
         for effect in effects:
             self._perform(effect)
+
+    def make_ready(self) -> None:
+        self.report()
+        self(ev.Ready())
+        self.tick()
 
     def tick(self) -> None:
         if needs_tick(self.state, self.swarm.now):
@@ -327,6 +333,41 @@ class LightSwarm:
         self.agents: list[LightAgent] = []
         self._due: list[tuple[float, int, Callable[[], None]]] = []
         self._numbers = itertools.count()
+
+    def add(
+        self,
+        *,
+        speed_share: float = 1.0,
+        like_ardupilot: bool = True,
+        gust_m_s: float = 0.0,
+        rng: random.Random,
+        boot_s: float = 10.0,
+        kind: type[LightVehicle] = LightVehicle,
+    ) -> LightAgent:
+        """Add the vehicle of the next task with its agent, ready from the start."""
+        index = len(self.agents)
+        task, spec = self.scenario.tasks[index], self.scenario.specs[index]
+        frame, speed_m_s = task.grid.frame, task.arrival.speed_m_s * speed_share
+        vehicle = kind(
+            frame,
+            frame.to_local(*spec.start),
+            300.0,
+            speed_m_s,
+            task.altitude_m,
+            like_ardupilot,
+            gust_m_s,
+            rng,
+        )
+        agent = LightAgent(self, index, vehicle, boot_s)
+        self.agents.append(agent)
+        self.at(0.0, agent.make_ready)
+        return agent
+
+    def launch(self, stagger_s: float = 0.0) -> None:
+        """Order the launch of the vehicles one after another."""
+        order = ev.OperatorCommand(ev.FlightOrder.LAUNCH)
+        for i, agent in enumerate(self.agents):
+            self.at(1.0 + i * stagger_s, partial(agent, order))
 
     def at(self, at_s: float, action: Callable[[], None]) -> None:
         heapq.heappush(self._due, (at_s, next(self._numbers), action))
