@@ -1,198 +1,194 @@
-"""Groups of point masses in closed loop with the laws: accuracy, faults, and distance of the members."""
+"""The approaches in groups of light vehicles, and the two laws that need no flight."""
 
 from __future__ import annotations
 
 import math
-from itertools import pairwise
+from itertools import product
+from typing import Any
 
 import numpy as np
 import pytest
-from formation_flight import (
-    ARDUPILOT,
-    ARDUPILOT_5_HZ,
-    PX4,
-    PX4_5_HZ,
-    FormationFlight,
-    Sample,
-    least_distance_m,
-    rms,
-)
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from flights import AREA
+from group_flights import turn_cells
+from light_group import LightGroup
+from profiles import full_only
 
-from swarmctl.agent.formation.approaches import APPROACHES
-from swarmctl.agent.formation.approaches.base import Group, MemberLimits, Nearby, ThreatField
+from swarmctl.agent.formation.approaches import APPROACHES, behavioural, virtual_structure
+from swarmctl.agent.formation.approaches.base import (
+    Along,
+    Group,
+    MemberLimits,
+    Nearby,
+    OtherMember,
+    ThreatField,
+)
 from swarmctl.agent.formation.approaches.behavioural import gradient
 from swarmctl.agent.formation.approaches.place_keeping import keep_separation
 from swarmctl.agent.formation.reference import Reference, SpeedProfile
-from swarmctl.agent.formation.shape import Shape
+from swarmctl.agent.phases import Phase
 
-WEDGE = Shape(kind="wedge", spacing_m=30.0)
-STRAIGHT = ((0.0, 0.0), (0.0, 1000.0))
-CORNER = ((0.0, 0.0), (0.0, 300.0), (400.0, 300.0))
-AUTOPILOTS = {"px4": PX4, "px4-5hz": PX4_5_HZ, "ardupilot": ARDUPILOT, "ardupilot-5hz": ARDUPILOT_5_HZ}
+SHORT = [("behavioural", True), ("leader_following", True), ("virtual_structure", False)]
+"""approach, and whether the vehicles are like ArduCopter"""
+REST = [case for case in product(APPROACHES, [True, False]) if case not in SHORT]
 
-each_approach = pytest.mark.parametrize("approach", APPROACHES)
-each_autopilot = pytest.mark.parametrize("autopilot", AUTOPILOTS)
+each_null_space = pytest.mark.parametrize("null_space", [False, True])
 
 
-def errors_m(samples: list[Sample], axis: int) -> list[float]:
-    return [error[axis] for sample in samples for error in sample.errors]
-
-
-def largest_m(samples: list[Sample]) -> float:
-    return max(math.hypot(*error[:2]) for sample in samples for error in sample.errors)
-
-
-@each_approach
-@each_autopilot
-def test_straight_at_10_m_s_the_places_are_kept(approach: str, autopilot: str) -> None:
-    flight = FormationFlight(approach, WEDGE, STRAIGHT, 3, AUTOPILOTS[autopilot], loss=0.3)
-    samples = flight.run(35.0)[-300:]
-    assert rms([s.velocities[0][1] for s in samples]) > 9.5
-    assert rms(errors_m(samples, 1)) < 1.0
-    assert rms(errors_m(samples, 0)) < 2.0
-
-
-@each_approach
-@each_autopilot
-def test_a_turn_of_90_degrees_keeps_each_member_near_its_moving_place(approach: str, autopilot: str) -> None:
-    samples = FormationFlight(approach, WEDGE, CORNER, 5, AUTOPILOTS[autopilot], loss=0.1).run(65.0)[200:]
-    assert samples[-1].s_m > 430.0
-    assert largest_m(samples) < 4.0
-    assert least_distance_m(samples, range(5)) > 25.0
-
-
-@each_approach
-@pytest.mark.parametrize("begins_s", [24.0, 29.0, 34.0])
-def test_two_seconds_of_lost_messages_cost_less_than_5_m_in_a_turn(approach: str, begins_s: float) -> None:
-    flight = FormationFlight(approach, WEDGE, CORNER, 5, ARDUPILOT, outages=[(begins_s, begins_s + 2.0)])
-    samples = flight.run(50.0)[200:]
-    assert largest_m(samples) < 5.0
-    assert least_distance_m(samples, range(5)) > 20.0
-
-
-@each_approach
-@pytest.mark.parametrize("closes_up", [True, False])
-def test_after_the_loss_of_the_leader_the_next_member_leads_and_nobody_stands_still(
-    approach: str, closes_up: bool
+@pytest.mark.parametrize(("approach", "like_ardupilot"), [*SHORT, *full_only(*REST)])
+def test_members_keep_their_places_on_straight_legs_and_through_a_turn(
+    approach: str, *, like_ardupilot: bool
 ) -> None:
-    flight = FormationFlight(
-        approach, WEDGE, STRAIGHT, 4, ARDUPILOT, failures={0: 25.0}, closes_up=closes_up, lost_after_s=2.0
+    size, no_fly, goal = turn_cells()
+    area = {**AREA, "rows": size, "cols": size, "no_fly": no_fly}
+    swarm = LightGroup(
+        approach=approach, like_ardupilot=like_ardupilot, area=area, simulate={"goal": goal}
+    ).joined()
+    leader, followers, began_s = swarm.agents[0].vehicle, swarm.agents[1:], swarm.now
+    errors_m, from_place_m, headings = [], [], set()
+
+    def look(now: float) -> None:
+        errors_m.extend(math.hypot(*agent.state.membership.error_m[:2]) for agent in followers)
+        assert swarm.share_of_limits(*swarm.agents) > 2.5
+        headings.add(tuple(round(speed / 9.5) for speed in leader.velocity[:2]))
+        if now > began_s + 45.0:
+            from_place_m.extend(swarm.from_place_m(agent.uav) for agent in followers)
+
+    swarm.run(began_s + 4.0, lambda _now: None)
+    swarm.run(began_s + 50.0, look)
+    assert {(0, -1), (1, 0)} <= headings
+    assert max(errors_m) < 4.0
+    # Cells that are not flown over turn members of the behavioural approach aside.
+    assert max(from_place_m) < (4.0 if approach == "behavioural" else 1.5)
+
+
+@pytest.mark.parametrize("options", [{"null_space": False}, {"null_space": True}])
+def test_two_members_of_the_behavioural_approach_pass_each_other(options: dict[str, Any]) -> None:
+    """Each one starts on the side of the other one's place."""
+    group = {"members": ["uav2", "uav3", "uav1"], "heights": "level", "options": options}
+    swarm = LightGroup(approach="behavioural", formation=group)
+    shares: list[float] = []
+    swarm.run(45.0, lambda now: shares.append(swarm.share_of_limits(*swarm.agents) if now > 20.0 else 9.0))
+    assert min(shares) > 1.0
+    assert all(swarm.is_in_place(agent) for agent in swarm.agents)
+
+
+@pytest.mark.parametrize("approach", ["leader_following", "virtual_structure"])
+def test_a_group_waits_for_a_slow_member(approach: str) -> None:
+    swarm = LightGroup(approach=approach).joined()
+    leader, slow = swarm.agents[0].vehicle, swarm.agents[2]
+    slow.vehicle.speed_m_s = 5.0
+    swarm.run(swarm.now + 25.0, lambda _now: None)
+    assert math.hypot(*leader.velocity[:2]) < 7.0
+    assert slow.state.phase is Phase.FORMATION
+
+
+def member(flies: tuple[float, float, float], **facts: object) -> Group:
+    """Return a member that flies alone along a route to the east, at its height."""
+    route = Reference(((0.0, 60.0), (900.0, 60.0)), 15.0)
+    return Group(
+        **{
+            "now_s": 0.0,
+            "position_m": (100.0, 60.0, 30.0),
+            "velocity_m_s": flies,
+            "place": (0.0, 0.0, 0.0),
+            "others": (),
+            "along": Along(100.0, 8.0),
+            "reference": route,
+            "profile": SpeedProfile.of(route, 10.0, 8.0, 10.0, 2.0),
+            "height_m": 30.0,
+            "limits": MemberLimits(10.0, separation_m=10.0, separation_up_m=3.0),
+            **facts,
+        }
     )
-    samples = flight.run(75.0)
-    flown = [s for s in samples if s.now_s > 20.0]
-    assert min(math.hypot(*s.velocities[k][:2]) for s in flown for k in (1, 2, 3)) > 2.0
-    assert least_distance_m(flown, (1, 2, 3)) > flight.separation_m
-    assert flight.pilots[2].place == WEDGE.places(4)[1 if closes_up else 2]
-    errors = [error for s in samples[-100:] for error in s.errors[1:]]
-    assert max(math.hypot(*error[:2]) for error in errors) < 2.0
-
-
-@each_approach
-def test_a_new_shape_is_taken_at_a_bounded_speed_and_distance(approach: str) -> None:
-    column = Shape(kind="column", spacing_m=20.0)
-    flight = FormationFlight(approach, WEDGE, STRAIGHT, 5, PX4, shapes=[(20.0, column)])
-    samples = flight.run(70.0)
-    assert least_distance_m(samples, range(5)) > 12.0
-    assert max(math.hypot(*v[:2]) for s in samples for v in s.velocities) < 12.5
-    assert largest_m(samples[-100:]) < 2.0
-
-
-@each_approach
-def test_a_new_route_moves_no_demand_by_a_jump(approach: str) -> None:
-    beside = ((40.0, 0.0), (40.0, 1000.0))
-    flight = FormationFlight(approach, WEDGE, STRAIGHT, 3, PX4, routes=[(20.0, beside)])
-    samples = flight.run(50.0)
-    accelerations = [
-        math.dist(a.velocities[k][:2], b.velocities[k][:2]) / 0.05
-        for a, b in pairwise(samples[100:])
-        for k in (1, 2)
-    ]
-    assert abs(samples[-1].positions[0][0] - 40.0) < 3.0
-    assert max(accelerations) < 6.0
-
-
-@each_approach
-def test_a_member_that_starts_aside_joins_without_a_conflict(approach: str) -> None:
-    starts = ((0.0, 0.0), (60.0, -60.0), (-20.0, -20.0))
-    flight = FormationFlight(approach, WEDGE, STRAIGHT, 3, ARDUPILOT, starts=starts)
-    samples = flight.run(60.0)
-    assert least_distance_m(samples, range(3)) > 15.0
-    assert largest_m(samples[-100:]) < 2.0
-
-
-@pytest.mark.parametrize("null_space", [False, True])
-def test_two_members_of_the_behavioural_approach_pass_each_other_on_the_way_to_their_places(
-    null_space: bool,
-) -> None:
-    starts = ((0.0, 0.0), (-21.2, -21.2), (21.2, -21.2))  # each in the other's place
-    flight = FormationFlight(
-        "behavioural", WEDGE, STRAIGHT, 3, PX4, starts=starts, params={"null_space": null_space}
-    )
-    samples = flight.run(70.0)
-    assert least_distance_m(samples, range(3)) > 10.0
-    assert largest_m(samples[-100:]) < 3.0
 
 
 @pytest.mark.parametrize(("ahead_m", "descends"), [(60.0, True), (25.0, False)])
 def test_a_member_descends_to_the_height_of_a_standing_vehicle_only_if_it_can_stop_before_it(
     ahead_m: float, *, descends: bool
 ) -> None:
-    route = Reference(((0.0, 0.0), (500.0, 0.0)), 15.0)
-    flies = (8.0, 0.0, -1.0)
-    group = Group(
-        now_s=0.0,
-        position_m=(0.0, 0.0, 34.0),
-        velocity_m_s=flies,
-        place=(0.0, 0.0, 0.0),
-        others=(),
-        along=None,
-        reference=route,
-        profile=SpeedProfile.of(route, 10.0, 8.0, 10.0, 2.0),
-        height_m=30.0,
-        limits=MemberLimits(10.0, separation_m=10.0, separation_up_m=3.0),
-        obstacles=(Nearby((ahead_m, 0.0, 30.0), (0.0, 0.0, 0.0)),),
-    )
+    flies, standing = (8.0, 0.0, -1.0), Nearby((100.0 + ahead_m, 60.0, 30.0), (0.0, 0.0, 0.0))
+    group = member(flies, position_m=(100.0, 60.0, 34.0), obstacles=(standing,))
     safe = keep_separation(group, flies)
     assert (safe is None) is descends
     assert safe is None or safe[2] > -0.5
 
 
-def ridge(side_m: float, cell_m: float = 10.0) -> ThreatField:
-    """P_s that falls from the line `side_m` to the east."""
-    east_m = (np.arange(20) + 0.5) * cell_m
-    return ThreatField(np.tile(np.maximum(1.0 - np.abs(east_m - side_m) / 50.0, 0.0), (100, 1)), cell_m)
+@pytest.mark.parametrize(
+    ("law", "params"),
+    [
+        (behavioural.fly, behavioural.Params(collision_weight=0.0)),
+        (virtual_structure.fly, virtual_structure.Params()),
+    ],
+)
+def test_a_member_passes_an_oncoming_one_on_the_right(law: Any, params: Any) -> None:
+    oncoming = OtherMember((130.0, 60.0, 30.0), (-8.0, 0.0, 0.0))
+    east_m_s, north_m_s, _ = law(params, member((8.0, 0.0, 0.0), others=(oncoming,))).demand.velocity_m_s
+    assert east_m_s < 7.0
+    assert north_m_s < -0.5
 
 
-@pytest.mark.parametrize("null_space", [False, True])
-def test_the_behavioural_approach_goes_around_a_threat(null_space: bool) -> None:
-    route = ((60.0, 0.0), (60.0, 900.0))
-    flown = []
-    for threats in (None, ridge(70.0)):
-        flight = FormationFlight(
-            "behavioural", WEDGE, route, 2, PX4, params={"null_space": null_space}, threats=threats
-        )
-        flown.append(flight.run(40.0)[-1])
-    assert flown[1].positions[0][0] < flown[0].positions[0][0] - 2.0
-    assert flown[1].s_m > 250.0
+def test_no_member_is_to_fly_faster_than_its_limit() -> None:
+    demand = virtual_structure.fly(virtual_structure.Params(), member((13.0, 0.0, 0.0))).demand
+    assert demand is not None
+    assert demand.velocity_m_s[0] == pytest.approx(10.0)
 
 
-@pytest.mark.parametrize("null_space", [False, True])
-def test_threats_ahead_do_not_stop_a_behavioural_group(null_space: bool) -> None:
-    north_m = (np.arange(100) + 0.5) * 10.0
-    wall = np.tile(np.maximum(1.0 - np.abs(north_m - 200.0) / 50.0, 0.0)[:, None], (1, 20))
-    params = {"null_space": null_space, "threat_weight": 5.0}
-    flight = FormationFlight(
-        "behavioural",
-        WEDGE,
-        ((60.0, 0.0), (60.0, 900.0)),
-        2,
-        PX4,
-        params=params,
-        threats=ThreatField(wall, 10.0),
+@pytest.mark.parametrize("jump_m", [(40.0, 0.0, 0.0), (0.0, 40.0, 0.0), (0.0, 0.0, 10.0)])
+def test_a_jump_of_a_place_moves_no_demand_by_a_jump(jump_m: tuple[float, float, float]) -> None:
+    """A new shape, a new route and a new leader move a place like this."""
+    flies, law = (8.0, 0.0, 0.0), virtual_structure.fly
+    params = virtual_structure.Params()
+    before = law(params, member(flies))
+    forward_m, left_m, up_m = jump_m
+    after = law(
+        params,
+        member(
+            flies,
+            now_s=0.2,
+            position_m=(101.6, 60.0, 30.0),
+            along=Along(101.6, 8.0),
+            place=(forward_m, -left_m, up_m),
+            memory=before.memory,
+        ),
     )
-    assert flight.run(60.0)[-1].s_m > 300.0
+    assert after.demand is not None
+    assert after.demand.position_m == pytest.approx((101.6, 60.0, 30.0), abs=0.5)
+
+
+def ridge(along: int, at_m: float) -> ThreatField:
+    """Return P_s that falls to both sides of a line across an axis (0: north, 1: east)."""
+    away_m = np.abs((np.arange(40) + 0.5) * 10.0 - at_m)
+    exposure = np.maximum(1.0 - away_m / 50.0, 0.0)
+    return ThreatField(np.tile(exposure, (40, 1)) if along else np.tile(exposure[:, None], (1, 40)), 10.0)
+
+
+@each_null_space
+def test_threats_turn_a_member_aside_but_do_not_stop_it(null_space: bool) -> None:
+    params = behavioural.Params(null_space=null_space, threat_weight=5.0)
+
+    def flown(threats: ThreatField | None) -> tuple[float, float]:
+        """Return the progress, and the distance to the left of the route, after 12 s."""
+        at, velocity, memory = [100.0, 60.0], (8.0, 0.0, 0.0), None
+        for k in range(120):
+            group = member(velocity, position_m=(*at, 30.0), now_s=0.1 * k, memory=memory, threats=threats)
+            result = behavioural.fly(params, group)
+            velocity, memory = result.demand.velocity_m_s, result.memory
+            at = [here + 0.1 * speed for here, speed in zip(at, velocity, strict=False)]
+        return at[0] - 100.0, at[1] - 60.0
+
+    assert flown(None) == pytest.approx((96.0, 0.0), abs=1.0)
+    beside, ahead = flown(ridge(0, 70.0)), flown(ridge(1, 140.0))
+    assert beside[0] > 75.0
+    assert beside[1] < -20.0
+    assert ahead[0] > 95.0
+    assert ahead[1] == pytest.approx(0.0, abs=0.1)
+
+
+def test_a_member_of_the_behavioural_approach_moves_away_from_a_near_one() -> None:
+    beside = OtherMember((100.0, 48.0, 30.0), (8.0, 0.0, 0.0), place=(0.0, 12.0, 0.0))
+    demand = behavioural.fly(behavioural.Params(), member((8.0, 0.0, 0.0), others=(beside,))).demand
+    assert demand is not None
+    assert demand.velocity_m_s[1] > 0.2
 
 
 @pytest.mark.parametrize("row", range(3))
@@ -201,54 +197,3 @@ def test_the_gradient_of_a_plane_of_exposure_is_its_slope(row: int, col: int) ->
     exposure = 0.1 * np.arange(5)[None, :] + 0.2 * np.arange(5)[:, None]
     east, north = gradient(ThreatField(exposure, 10.0), 15.0 + 9.0 * col, 16.0 + 9.0 * row)
     assert (east, north) == pytest.approx((0.1, 0.2))
-
-
-def test_the_structure_waits_for_a_member_that_is_held_back() -> None:
-    fast, slow = (
-        FormationFlight("virtual_structure", WEDGE, STRAIGHT, 3, PX4, max_speed_m_s=speed).run(50.0)[-1].s_m
-        for speed in (12.0, 7.0)
-    )
-    assert slow < 0.8 * fast
-
-
-@st.composite
-def flights(draw: st.DrawFn) -> FormationFlight:
-    steps = ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1))
-    points, direction = [(0.0, 0.0)], draw(st.integers(0, 7))
-    cell_m = draw(st.sampled_from((20.0, 50.0, 100.0)))
-    for turn in draw(st.lists(st.sampled_from((-2, -1, 0, 0, 1, 2, 4)), min_size=3, max_size=12)):
-        direction = (direction + turn) % 8
-        (east, north), step = points[-1], steps[direction]
-        points.append((east + cell_m * step[0], north + cell_m * step[1]))
-    shapes = st.builds(
-        Shape,
-        kind=st.sampled_from(("wedge", "line", "column", "circle")),
-        spacing_m=st.sampled_from((15.0, 20.0, 30.0)),
-        height_step_m=st.sampled_from((0.0, 0.0, 6.0)),
-    )
-    n = draw(st.integers(2, 6))
-    begins_s = draw(st.floats(3.0, 40.0))
-    failures = draw(st.dictionaries(st.integers(0, n - 1), st.floats(5.0, 40.0), max_size=n - 1))
-    return FormationFlight(
-        draw(st.sampled_from(sorted(APPROACHES))),
-        draw(shapes),
-        points,
-        n,
-        draw(st.sampled_from(sorted(AUTOPILOTS)).map(AUTOPILOTS.__getitem__)),
-        loss=draw(st.sampled_from((0.0, 0.1, 0.3))),
-        seed=draw(st.integers(0, 99)),
-        closes_up=draw(st.booleans()),
-        outages=[(begins_s, begins_s + 2.0)],
-        failures=failures,
-        shapes=draw(st.lists(st.tuples(st.floats(5.0, 30.0), shapes), max_size=1)),
-    )
-
-
-@given(flights())
-@settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-def test_in_drawn_flights_with_faults_no_two_members_come_nearer_than_the_separation(
-    flight: FormationFlight,
-) -> None:
-    for sample in flight.run(50.0):
-        here = [k for k, pilot in enumerate(flight.pilots) if sample.now_s < pilot.fails_at_s]
-        assert least_distance_m([sample], here) >= flight.separation_m

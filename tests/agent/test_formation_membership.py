@@ -162,14 +162,8 @@ def test_at_the_end_of_the_route_each_member_plans_anew_and_flies_to_its_goal() 
 
 def least_share(swarm: LightGroup, one: LightAgent, other: LightAgent) -> float:
     """Fly for 30 s, and return the least distance of two vehicles as a share of the limits."""
-    limits, shares = swarm.scenario.config.separation, []
-
-    def look(_now: float) -> None:
-        east_m, north_m, up_m = (a - b for a, b in zip(one.vehicle.at, other.vehicle.at, strict=True))
-        apart = math.hypot(east_m, north_m) / limits.horizontal_m
-        shares.append(max(apart, abs(up_m) / limits.vertical_m))
-
-    swarm.run(swarm.now + 30.0, look)
+    shares: list[float] = []
+    swarm.run(swarm.now + 30.0, lambda _now: shares.append(swarm.share_of_limits(one, other)))
     return min(shares)
 
 

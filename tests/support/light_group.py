@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import random
 from dataclasses import replace
+from itertools import combinations
 from typing import Any
 
 from group_flights import group
@@ -69,3 +70,12 @@ class LightGroup(LightSwarm):
         forward_m, right_m, _ = formation.places(0, len(self.agents))[uav - 1]
         east_m, north_m = leader.at[0] + forward_m, leader.at[1] - right_m
         return math.hypot(member.vehicle.at[0] - east_m, member.vehicle.at[1] - north_m)
+
+    def share_of_limits(self, *agents: LightAgent) -> float:
+        """Return the least true separation of two of the vehicles, as a share of the limits."""
+        limits = self.scenario.config.separation
+        pairs = combinations([agent.vehicle.at for agent in agents], 2)
+        return min(
+            max(math.dist(a[:2], b[:2]) / limits.horizontal_m, abs(a[2] - b[2]) / limits.vertical_m)
+            for a, b in pairs
+        )
