@@ -142,6 +142,18 @@ def test_a_distance_condition_delays_a_do_command() -> None:
     assert station.fleet.truth().speed_m_s[0] == pytest.approx(3, abs=0.3)
 
 
+def test_another_current_item_drops_a_condition_and_its_do_command() -> None:
+    station = Station()
+    speed = item(SPEED, param1=1, param2=3.0)
+    station.fly_mission(
+        [takeoff(10), item(DISTANCE, param1=20), speed, waypoint(100, 0, 10), waypoint(60, 30, 10)]
+    )
+    station.until(lambda: station.reached == [1], 60)
+    assert station.command(mavlink.MAV_CMD_DO_SET_MISSION_CURRENT, 5) == 0
+    station.until(lambda: station.reached[-1] == 5, 60)
+    assert station.reached == [1, 5]
+
+
 def test_a_yaw_condition_turns_the_vehicle() -> None:
     station = Station()
     station.stream(mavlink.MAVLINK_MSG_ID_ATTITUDE)
@@ -165,6 +177,16 @@ def test_a_landing_sequence_and_a_missing_payload_do_not_stop_a_mission() -> Non
     station.fly_mission([takeoff(5), *(item(command) for command in idle), waypoint(20, 0, 5), land(20, 0)])
     station.until(lambda: not station.armed, 120)
     assert station.reached == [1, *range(2, 10)]
+
+
+def test_after_the_last_leg_only_the_first_do_command_runs() -> None:
+    station = Station()
+    homes = [item(mavlink.MAV_CMD_DO_SET_HOME, north_m, 0, 0, param1=0) for north_m in (50, 80)]
+    station.fly_mission([takeoff(10), *homes])
+    station.until(lambda: station.height_m > 9.5, 60)
+    station.wait(3)
+    home = station.ask(mavlink.MAVLINK_MSG_ID_HOME_POSITION)
+    assert home.latitude == homes[0]["x"]
 
 
 def test_the_nearest_landing_sequence_is_found() -> None:
@@ -198,9 +220,16 @@ def px4_item(command: int, *args: float, **fields: Any) -> dict[str, Any]:
 def test_px4_flies_a_mission_over_its_do_commands_and_holds_at_the_end() -> None:
     station = QuietPx4Station()
     station.fly_mission(
-        [takeoff(10), px4_item(SPEED, param1=1, param2=4.0), waypoint(40, 0, 10), px4_item(DELAY, param1=3)]
+        [
+            takeoff(10),
+            px4_item(SPEED, param1=1, param2=4.0),
+            waypoint(40, 0, 10),
+            px4_item(mavlink.MAV_CMD_CONDITION_DELAY, param1=3),
+        ]
     )
-    station.until(lambda: "Mission finished, loitering" in station.texts(), 120)
+    station.until(lambda: station.reached[-1:] == [2], 120)
+    waited_s = station.until(lambda: "Mission finished, loitering" in station.texts(), 30)
+    assert waited_s == pytest.approx(3, abs=0.5)
     assert station.reached == [0, 1, 2, 3]
     station.wait(0.5)
     assert station.custom_mode == (4, 3)

@@ -123,6 +123,16 @@ def test_a_landing_and_an_upload_keep_the_index_until_the_mission_is_complete() 
     assert land_and_start(station) == 0
 
 
+def test_an_empty_mission_in_flight_ends_in_hold() -> None:
+    station = QuietPx4Station()
+    station.fly_mission([takeoff(5), waypoint(60, 0, 5), waypoint(90, 0, 5)])
+    station.until(lambda: station.reached == [0], 60)
+    station.upload_and_wait([])
+    assert "No valid mission available, loitering" in station.texts()
+    assert station.custom_mode == (AUTO, HOLD)
+    assert station.current == 0
+
+
 # -- PX4's answers ---------------------------------------------------------------------------------------
 
 
