@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
+import fcntl
 import json
 import re
 from pathlib import Path
@@ -15,6 +16,7 @@ from flights import fly, small
 from map_tiles import mbtiles
 
 from swarmctl.dashboard.server import MAX_MESSAGE_BYTES
+from swarmctl.report.record import record_path
 from swarmctl.security.issue import make_keys
 
 pytestmark = pytest.mark.interop
@@ -75,6 +77,8 @@ def test_operator_and_viewer_see_each_other_over_tls(
 ) -> None:
     make_keys(tmp_path, ["operator"], 1, dt.datetime.now(dt.UTC))
     keys = tmp_path / "operator"
+    record = record_path(run).open("rb")
+    fcntl.flock(record, fcntl.LOCK_EX)  # as the process of a flight does
     words = ("dashboard", run, "--live", "--cert", keys / "cert.pem", "--key", keys / "key.pem")
     addresses = addresses_of(start_dashboard(*words), 2)
     pages = [browser.browser.new_context(ignore_https_errors=True).new_page() for _ in addresses]
@@ -88,6 +92,7 @@ def test_operator_and_viewer_see_each_other_over_tls(
     assert viewer.get_by_role("button", name="Hold").count() == 0
     viewer.close()
     operator.get_by_text("also here").wait_for(state="hidden")
+    record.close()
 
 
 def test_the_tiles_of_a_file_lie_below_the_area(

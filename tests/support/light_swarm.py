@@ -347,7 +347,7 @@ class LightSwarm:
         """Add the vehicle of the next task with its agent, ready from the start."""
         index = len(self.agents)
         task, spec = self.scenario.tasks[index], self.scenario.specs[index]
-        frame, speed_m_s = task.grid.frame, task.arrival.speed_m_s * speed_share
+        frame, speed_m_s = task.grid.frame, task.speed_m_s * speed_share
         vehicle = kind(
             frame,
             frame.to_local(*spec.start),
