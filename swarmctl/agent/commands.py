@@ -31,7 +31,7 @@ def command(
     sent = state.order.sent(order, own_mode_roles(state))
     phase = changes.pop("phase", state.phase)
     plans = changes.pop("plans", state.plans).without_upload()
-    state = state.enter(phase, **changes, plans=plans, order=sent, last_shared_s=-math.inf)
+    state = state.enter(phase, **changes, plans=plans, order=sent, state_sent_boot_s=-math.inf)
     return state if state.lost else state.with_new_flight(), [ev.Command(order, by_person)]
 
 

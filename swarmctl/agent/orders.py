@@ -20,7 +20,7 @@ from swarmctl.agent.traffic.returning import (
     position_for_return,
     urgent_return_reason,
 )
-from swarmctl.agent.traffic.wait import RULES, Wait, WaitFor, begin
+from swarmctl.agent.traffic.wait import RULES, Wait, WaitFor, begin_wait
 from swarmctl.core import events as ev
 from swarmctl.core.messages import CommandOutcome, VehicleAnswer
 from swarmctl.core.records import replace
@@ -188,12 +188,12 @@ def _follow_in_flight(state: AgentState, event: ev.OperatorCommand) -> StepResul
         return command(state, order, by_person=True, phase=Phase.HOLDING, wait=None, **changes)
     purpose = _WAIT_OF_ORDER[order]
     if event.after_s and not urgent_return_reason(state):  # other returns are scheduled around an urgent one
-        wait = begin(WaitFor.TURN, now_s, until_s=now_s + event.after_s)
+        wait = begin_wait(WaitFor.TURN, now_s, until_s=now_s + event.after_s)
     elif _may_wait(state, event) and (holds_first(state, order) or _is_of_shutdown(state, event)):
-        wait = begin(purpose, now_s)
+        wait = begin_wait(purpose, now_s)
     else:
         waited = _wait_for(state, order)
-        ended = begin(purpose, now_s).ended(now_s) if waited is None else waited.over(now_s)
+        ended = begin_wait(purpose, now_s).ended(now_s) if waited is None else waited.over(now_s)
         return command(state, order, by_person=True, phase=Phase.LEAVING, wait=ended, **changes)
     return hold_and_wait(state, wait, by_person=True, **changes)
 

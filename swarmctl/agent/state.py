@@ -22,7 +22,7 @@ from swarmctl.agent.progress import Progress, points_ahead_on, progress_on
 from swarmctl.agent.replan.landing_pattern import FixedWing
 from swarmctl.agent.replan.length_bounds import UNBOUNDED, TimeBound
 from swarmctl.agent.replan.plans import Plans
-from swarmctl.agent.traffic.conflicts import Conflicts
+from swarmctl.agent.traffic.plan_conflicts import Conflicts
 from swarmctl.agent.traffic.separation.trajectory import Trajectory
 from swarmctl.agent.traffic.separation.watch import (
     DEFAULT_SEPARATION,
@@ -132,8 +132,8 @@ class Task:
 class AgentState:
     """Everything an agent knows; `step` returns a new state and never changes a state in place.
 
-    Fields that end in `_boot_s`, and `last_shared_s`, are times by the vehicle's clock. `disarmed_since_s` is
-    a time by the run's clock.
+    Fields that end in `_boot_s` are times by the vehicle's clock. `disarmed_since_s` is a time by the run's
+    clock.
     """
 
     task: Task
@@ -199,7 +199,7 @@ class AgentState:
     incarnation: int = 0
     """number that grows with each start of the agent's program, part of the names of observations"""
     next_seq: int = 1
-    last_shared_s: float = -math.inf
+    state_sent_boot_s: float = -math.inf
     flown: Flown = field(default_factory=Flown)
     refused: int = 0
     """number of impossible observations received"""
@@ -350,7 +350,7 @@ class AgentState:
         return self.phase in ENDED
 
 
-def begin(task: Task, belief: Belief) -> AgentState:
+def initial_state(task: Task, belief: Belief) -> AgentState:
     """Return the state of an agent before its flight."""
     own = belief if task.autonomy > 0.0 else None
     return AgentState(task=task, belief=belief, w=task.w, strength=task.strength, own=own, others=task.others)

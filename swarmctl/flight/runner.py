@@ -16,7 +16,7 @@ from typing import Any
 
 from swarmctl.agent.phases import ON_GROUND
 from swarmctl.agent.replan.mission_changes import needs_tick
-from swarmctl.agent.state import AgentState, Task, begin
+from swarmctl.agent.state import AgentState, Task, initial_state
 from swarmctl.agent.step import step
 from swarmctl.agent.traffic.neighbours import relevant_states
 from swarmctl.bus.network import Network
@@ -90,7 +90,7 @@ class Runner:
 
         `recorded`: the state by an earlier program's record; folding then waits for `take_up`.
         """
-        self.state = begin(task, prior) if recorded is None else recorded
+        self.state = initial_state(task, prior) if recorded is None else recorded
         self._may_fold = asyncio.Event()
         self.is_untaken = recorded is not None
         """True until the vehicle is compared with its record: nothing may be sent to it before"""

@@ -19,7 +19,7 @@ import msgspec
 from mcap.writer import Writer
 
 from swarmctl import __version__
-from swarmctl.agent.state import AgentState, begin
+from swarmctl.agent.state import AgentState, initial_state
 from swarmctl.agent.step import step
 from swarmctl.config.model import Config
 from swarmctl.config.scenario import Scenario, build
@@ -258,7 +258,7 @@ OnFolded = Callable[[AgentState, ev.Event, AgentState, list[ev.Effect], "RecordE
 
 def fold(content: RecordContent, scenario: Scenario, on_folded: OnFolded) -> ReplayResult:
     """Fold the recorded events of every agent, compare the effects, and call `on_folded` after each event."""
-    states = {task.name: begin(task, scenario.prior) for task in scenario.tasks}
+    states = {task.name: initial_state(task, scenario.prior) for task in scenario.tasks}
     expected: dict[str, list[ev.Effect]] = {name: [] for name in states}
     events, effects, is_cut = 0, 0, content.stored.is_cut
     for entry in content.entries:

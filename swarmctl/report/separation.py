@@ -7,7 +7,7 @@ from dataclasses import asdict
 from typing import Any
 
 from swarmctl.agent.state import AgentState
-from swarmctl.agent.traffic.conflicts import DeconflictionCounts
+from swarmctl.agent.traffic.plan_conflicts import DeconflictionCounts
 from swarmctl.agent.traffic.prediction import AIRBORNE_M
 from swarmctl.agent.traffic.separation.conflicts import CrossingCounts
 from swarmctl.agent.traffic.separation.flown import FlownSeparation

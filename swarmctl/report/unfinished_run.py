@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from swarmctl.agent.state import AgentState, begin
+from swarmctl.agent.state import AgentState, initial_state
 from swarmctl.config.model import Config
 from swarmctl.config.scenario import Scenario
 from swarmctl.core import events as ev
@@ -145,7 +145,7 @@ def rebuild(
             f"{run}: the record is of other vehicles too: {', '.join(sorted(strangers))}; give the run of "
             "this vehicle's own agent, or use `swarmctl fly` [other-vehicles]"
         )
-    vehicles = {task.uav: RecordedVehicle(begin(task, scenario.prior)) for task in scenario.tasks}
+    vehicles = {task.uav: RecordedVehicle(initial_state(task, scenario.prior)) for task in scenario.tasks}
     statistics = FlightStatistics()
 
     def on_folded(

@@ -14,7 +14,7 @@ from swarmctl.agent.replan.plans import Plans
 from swarmctl.agent.replan.route_to_mission import corners_ahead
 from swarmctl.agent.replan.splice import splice_on_route
 from swarmctl.agent.replan.swap_times import SwapTimes
-from swarmctl.agent.state import AgentState, begin
+from swarmctl.agent.state import AgentState, initial_state
 from swarmctl.core import events as ev
 from swarmctl.core.grid import Cell
 
@@ -27,7 +27,7 @@ ROUTE = tuple((3, col) for col in range(12))
 
 def flying(east_m: float, task=WING, **changes) -> AgentState:
     """Return the state of a vehicle over row 3, at this distance from the west edge, on a plan over ROUTE."""
-    state = begin(task, SCENARIO.prior)
+    state = initial_state(task, SCENARIO.prior)
     problem = first_problem(task, SCENARIO.prior)
     plan = first_flight(task, problem, first_route(task, SCENARIO.prior))
     swap = ev.SwapMission(1, plan, ROUTE, (), 0.0, 0.0, 1.0, 0.0)

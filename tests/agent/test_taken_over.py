@@ -8,7 +8,7 @@ import pytest
 from failsafe_facts import RuleRunner, at, facts
 
 from swarmctl.agent.failsafes import taken_over
-from swarmctl.agent.failsafes.base import Activity, DemandKind
+from swarmctl.agent.failsafes.base import DemandKind, FlightActivity
 from swarmctl.agent.failsafes.taken_over import FOREIGN_ON_GROUND_S
 from swarmctl.core.vehicle import STALE_MODE_S, VehicleState
 
@@ -72,7 +72,7 @@ OTHER = {"other_mission": True, "mission_total": 21}
 
 
 @pytest.mark.parametrize("activity", ["launch", "mission", "goal"])
-def test_a_foreign_mission_in_use_releases_the_vehicle(activity: Activity) -> None:
+def test_a_foreign_mission_in_use_releases_the_vehicle(activity: FlightActivity) -> None:
     demand = RuleRunner(taken_over)(0.0, facts(at(0.0, 0.0, **OTHER), activity=activity))
     assert demand is not None
     assert demand.kind is DemandKind.RELEASE

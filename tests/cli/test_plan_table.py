@@ -11,7 +11,7 @@ from group_flights import group
 from rich.table import Table
 
 from swarmctl.agent.replan.length_bounds import before_takeoff
-from swarmctl.agent.state import Task, begin
+from swarmctl.agent.state import Task, initial_state
 from swarmctl.agent.step import step
 from swarmctl.config.scenario import Scenario
 from swarmctl.core import events as ev
@@ -33,7 +33,7 @@ def table_of(scenario: Scenario) -> list[list[str]]:
 
 def first_mission(task: Task, scenario: Scenario) -> ev.SwapMission:
     """Return the agent's decision before the vehicle takes off."""
-    state, _ = step(begin(task, scenario.prior), ev.Ready(), 0.0)
+    state, _ = step(initial_state(task, scenario.prior), ev.Ready(), 0.0)
     _, (swap,) = step(state, ev.Tick(), 1.0)
     assert isinstance(swap, ev.SwapMission)
     return swap

@@ -17,7 +17,7 @@ from swarmctl.agent.commands import RETRY_AFTER_S
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.decide import first_flight, first_problem, first_route
 from swarmctl.agent.replan.route_to_mission import flown_route, pulled_track
-from swarmctl.agent.state import begin
+from swarmctl.agent.state import initial_state
 from swarmctl.agent.step import step
 from swarmctl.bus.node.exchange import NetworkCounters
 from swarmctl.config import model
@@ -101,7 +101,7 @@ def test_without_any_angle_the_lattice_route_is_flown_unchanged(lattice: Path) -
 @pytest.mark.parametrize("seed", range(1, 6))
 def test_a_first_track_is_no_worse_than_its_route(seed: int) -> None:
     for task in scenario(ExposureMeasure.ENTERED, seed).tasks:
-        state = begin(task, scenario(ExposureMeasure.ENTERED, seed).prior)
+        state = initial_state(task, scenario(ExposureMeasure.ENTERED, seed).prior)
         state, _ = step(state, ev.Ready(), 0.0)
         state, (swap,) = step(state, ev.Tick(), 1.0)
         assert isinstance(swap, ev.SwapMission)
@@ -129,14 +129,14 @@ def test_the_chance_at_take_off_is_computed_for_the_track_with_the_belief_at_tak
     task = plain.tasks[0]
     seen = Observation(9, 1, 0.0, tuple((12, col, (12, col) in plain.hostiles) for col in range(16)))
     belief = plain.prior.merge((seen,))
-    state, _ = step(begin(task, belief), ev.Ready(), 0.0)
+    state, _ = step(initial_state(task, belief), ev.Ready(), 0.0)
     _, (swap,) = step(state, ev.Tick(), 1.0)
     assert isinstance(swap, ev.SwapMission)
     assert swap.track is not None
     assert swap.track.over != swap.cells
     statistics = FlightStatistics()
     statistics.vehicles[task.uav].takeoff_plan = TakeoffPlan(swap, belief, task.strength)
-    states = {t.uav: begin(t, plain.prior) for t in plain.tasks}
+    states = {t.uav: initial_state(t, plain.prior) for t in plain.tasks}
     networks = {t.uav: NetworkCounters() for t in plain.tasks}
     content = summary(
         plain,
@@ -182,7 +182,7 @@ def test_w_weighs_turns_only_for_planners_that_use_it() -> None:
 def on_a_skew_track() -> tuple[Story, ev.SwapMission, Track]:
     """Return a vehicle that flies a skew track over cells known to be clear, its mission and its track."""
     plain, story = scenario(ExposureMeasure.ENTERED), Story()
-    story.state = begin(replace(plain.tasks[0], entry=(0, 0), goals=((5, 14),)), plain.prior)
+    story.state = initial_state(replace(plain.tasks[0], entry=(0, 0), goals=((5, 14),)), plain.prior)
     story.hear(*((row, col, False) for row in range(8) for col in range(16)), observer=9)
     story.launching()
     story(ev.OrderDone(ev.FlightOrder.LAUNCH))

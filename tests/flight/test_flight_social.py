@@ -8,7 +8,7 @@ import pytest
 from flights import fly, small
 
 from swarmctl.agent.replan.decide import believed_exposure, first_problem
-from swarmctl.agent.state import begin
+from swarmctl.agent.state import initial_state
 from swarmctl.agent.step import step
 from swarmctl.config.checks import check_config
 from swarmctl.config.scenario import Scenario
@@ -42,7 +42,7 @@ def test_a_flight_arrives_and_is_decided_again_in_the_same_way(
 def own_and_told(autonomy: float) -> tuple[Scenario, np.ndarray]:
     """Return the scenario, and P_s of a vehicle that saw (2, 2) clear and was told a hostile in (5, 5)."""
     scenario = small(planner={"autonomy": autonomy})
-    state = begin(scenario.tasks[0], scenario.prior)
+    state = initial_state(scenario.tasks[0], scenario.prior)
     state, _ = step(state, ev.Observed(((2, 2, False),)), 1.0)
     told = Observation(2, 1, 1.0, ((5, 5, True),))
     state, _ = step(state, ev.ObservationsReceived((told,)), 2.0)
@@ -61,7 +61,7 @@ def test_autonomy_blends_what_was_seen_with_what_was_told() -> None:
 def test_an_autonomous_vehicle_observes_again_what_it_was_only_told() -> None:
     def told_then_seen(autonomy: float) -> list[ev.Effect]:
         scenario = small(planner={"autonomy": autonomy})
-        state = begin(scenario.tasks[0], scenario.prior)
+        state = initial_state(scenario.tasks[0], scenario.prior)
         told = Observation(2, 1, 1.0, ((5, 5, True),))
         state, _ = step(state, ev.ObservationsReceived((told,)), 1.0)
         return step(state, ev.Observed(((5, 5, True),)), 2.0)[1]
@@ -76,7 +76,7 @@ def test_benevolence_knows_the_others_by_configuration_and_then_by_their_intents
     task = scenario.tasks[0]
     assert sorted(task.others) == [2, 3]
     grid = task.grid
-    state = begin(task, scenario.prior)
+    state = initial_state(task, scenario.prior)
 
     def heading_for(*cells: tuple[int, int]) -> IntentShared:
         centres = [grid.frame.to_geodetic(*grid.centre_m(cell)) for cell in cells]

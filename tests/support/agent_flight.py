@@ -10,7 +10,7 @@ from flying_bench import HOME, FlyingBench
 
 from swarmctl.agent.phases import ON_GROUND, Phase
 from swarmctl.agent.replan.mission_changes import needs_tick
-from swarmctl.agent.state import Task, begin
+from swarmctl.agent.state import Task, initial_state
 from swarmctl.agent.step import step
 from swarmctl.core import events as ev
 from swarmctl.core.belief import Belief
@@ -56,7 +56,7 @@ class AgentFlight:
         self.bench = FlyingBench(personality, params=SPEED[personality]).prepared()
         self.bench.delay_s = delay_s
         prior = Belief.prior(GRID.rows, GRID.cols, 12)
-        self.state = begin(task(**changes), prior)
+        self.state = initial_state(task(**changes), prior)
         self.flown: list[PlanarPoint] = []
         self.swaps: list[tuple[float, ev.SwapMission]] = []
         self.planned: list[ev.SwapMission] = []

@@ -11,7 +11,7 @@ import msgspec
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.mission_changes import needs_tick
 from swarmctl.agent.replan.swap_times import SwapTimes
-from swarmctl.agent.state import Task, begin
+from swarmctl.agent.state import Task, initial_state
 from swarmctl.agent.step import step
 from swarmctl.core import events as ev
 from swarmctl.core.belief import Belief
@@ -53,7 +53,7 @@ class Story:
     """An agent that handles events one after the other; it keeps the effects of the last."""
 
     def __init__(self, **changes: object) -> None:
-        self.state = begin(task(**changes), Belief.prior(GRID.rows, GRID.cols, 4))
+        self.state = initial_state(task(**changes), Belief.prior(GRID.rows, GRID.cols, 4))
         self.now = 0.0
         self.effects: list[ev.Effect] = []
         self._messages: dict[str, Any] = {}

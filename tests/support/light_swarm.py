@@ -17,7 +17,7 @@ from light_vehicle import LightVehicle
 
 from swarmctl.agent.phases import ON_GROUND
 from swarmctl.agent.replan.mission_changes import needs_tick
-from swarmctl.agent.state import AgentState, begin
+from swarmctl.agent.state import AgentState, initial_state
 from swarmctl.agent.step import step
 from swarmctl.agent.traffic.neighbours import relevant_states
 from swarmctl.config.scenario import Scenario
@@ -61,7 +61,7 @@ class LightAgent:
     def __init__(self, swarm: LightSwarm, index: int, vehicle: LightVehicle, boot_s: float) -> None:
         self.swarm, self.vehicle, self.boot_s = swarm, vehicle, boot_s
         self.task = swarm.scenario.tasks[index]
-        self.state: AgentState = begin(self.task, swarm.scenario.prior)
+        self.state: AgentState = initial_state(self.task, swarm.scenario.prior)
         self.said: list[tuple[float, str]] = []
         self.silent: list[tuple[float, float]] = []
         """times without a link to the vehicle"""

@@ -28,10 +28,10 @@ class DemandKind(StrEnum):
 STRENGTH: dict[DemandKind, int] = {kind: rank for rank, kind in enumerate(DemandKind)}
 """Rank of each demand; the agent follows the strongest."""
 
-Activity = Literal["ground", "launch", "mission", "goal", "hold", "return", "land"]
+FlightActivity = Literal["ground", "launch", "mission", "goal", "hold", "return", "land"]
 """Current activity of a vehicle; `goal`: landing at its goal by its mission."""
 
-ACTIVITY_AS_DEMAND: dict[Activity, DemandKind] = {
+ACTIVITY_AS_DEMAND: dict[FlightActivity, DemandKind] = {
     "mission": DemandKind.WARN,
     "hold": DemandKind.HOLD,
     "return": DemandKind.RETURN,
@@ -65,7 +65,7 @@ class FailsafeFacts:
     vehicle: VehicleState
     frame: LocalFrame
     """local frame of the area, for lengths"""
-    activity: Activity = "ground"
+    activity: FlightActivity = "ground"
     own_roles: frozenset[str] = frozenset()
     """roles of the modes that the agent may have set"""
     orders_given: int = 0

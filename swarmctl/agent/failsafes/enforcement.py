@@ -13,10 +13,10 @@ from swarmctl.agent.failsafes.base import (
     ACTIVITY_AS_DEMAND,
     STRENGTH,
     ActiveRule,
-    Activity,
     Demand,
     DemandKind,
     FailsafeFacts,
+    FlightActivity,
 )
 from swarmctl.agent.own_modes import own_mode_roles
 from swarmctl.agent.phases import Phase
@@ -26,7 +26,7 @@ from swarmctl.agent.traffic.wait import WaitFor
 from swarmctl.core import events as ev
 from swarmctl.core.records import replace
 
-_ACTIVITY_OF_PHASE: dict[Phase, Activity] = {
+_ACTIVITY_OF_PHASE: dict[Phase, FlightActivity] = {
     Phase.LAUNCHING: "launch",
     Phase.FLYING: "mission",
     Phase.FORMATION: "mission",
@@ -107,7 +107,7 @@ def failsafe_facts(state: AgentState) -> FailsafeFacts:
     )
 
 
-def _activity(state: AgentState) -> Activity:
+def _activity(state: AgentState) -> FlightActivity:
     if state.phase is Phase.LEAVING:
         return "return" if state.order.given is ev.FlightOrder.RETURN else "land"
     return _ACTIVITY_OF_PHASE.get(state.phase, "ground")

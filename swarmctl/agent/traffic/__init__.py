@@ -26,8 +26,8 @@ uncertain speeds and heights, so `return_schedule` also compares their whole cor
 One rule: vehicles do not negotiate. All vehicles apply `priority.gives_way` to the same data, so one of two
 vehicles gives way if at least one can.
 
-One wait: `AgentState.wait`, made by `wait.begin`, ended by `wait.verdict` or by the end of its phase. Launch,
-route, descent, return path and turn in a recall are its purposes.
+One wait: `AgentState.wait`, made by `wait.begin_wait`, ended by `wait.verdict` or by the end of its phase.
+Launch, route, descent, return path and turn in a recall are its purposes.
 
 Begin with `check`, `priority` and `wait`.
 """

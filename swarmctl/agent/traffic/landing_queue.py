@@ -47,7 +47,7 @@ from swarmctl.agent.traffic.route_hold import follows_own_order, give_up, goes_s
 from swarmctl.agent.traffic.separation.clash import Clash
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory, landing_start_s
 from swarmctl.agent.traffic.separation.watch import NeighbourIntent
-from swarmctl.agent.traffic.wait import MIN_HEIGHT_M, Verdict, Wait, WaitFor, begin, verdict
+from swarmctl.agent.traffic.wait import MIN_HEIGHT_M, Verdict, Wait, WaitFor, begin_wait, verdict
 from swarmctl.core import events as ev
 from swarmctl.core.mission import Waypoint
 from swarmctl.core.planar import PlanarPoint
@@ -73,7 +73,7 @@ def arrive(state: AgentState) -> AgentState:
     }
     if wait is not None and state.waits_for(WaitFor.ROUTE):  # it stops in its goal cell
         until_s, mission = wait.deadline_boot_s, wait.mission
-        changes["wait"] = begin(
+        changes["wait"] = begin_wait(
             WaitFor.DESCENT, wait.since_boot_s, until_s=until_s, mission=mission, to=wait.to
         )
     return state.enter(Phase.LANDING, **changes).with_new_flight()
@@ -140,7 +140,7 @@ def _wait_if_conflicting(state: AgentState, here: LocalPoint) -> StepResult:
 def hold_before_landing(state: AgentState, to: frozenset[int]) -> StepResult:
     """Order a hold until the descent is clear; a second hold on the way to one landing keeps the deadline."""
     mission, now_s = state.plans.mission or state.interrupted, state.vehicle.time_boot_s
-    wait = begin(WaitFor.DESCENT, now_s, mission=mission, to=to, before=state.wait)
+    wait = begin_wait(WaitFor.DESCENT, now_s, mission=mission, to=to, before=state.wait)
     return command(replace(state, n_holds=state.n_holds + 1), ev.FlightOrder.HOLD, wait=wait)
 
 

@@ -27,7 +27,7 @@ from swarmctl.agent.traffic.priority import Activity, Standing, gives_way
 from swarmctl.agent.traffic.separation.clash import Clash
 from swarmctl.agent.traffic.separation.trajectory import until_landing
 from swarmctl.agent.traffic.separation.watch import NeighbourIntent
-from swarmctl.agent.traffic.wait import Verdict, WaitFor, begin, verdict
+from swarmctl.agent.traffic.wait import Verdict, WaitFor, begin_wait, verdict
 from swarmctl.core import events as ev
 from swarmctl.core.records import replace
 
@@ -154,7 +154,7 @@ def _conflict_text(state: AgentState, clashes: tuple[Clash, ...]) -> str:
 def _wait(state: AgentState, why: str, clashes: Sequence[Clash], *, again: bool = False) -> StepResult:
     """Wait on the ground, or cancel the launch. Further attempts do not restart the waiting time."""
     now_s = state.vehicle.time_boot_s
-    wait = state.wait or begin(WaitFor.FIRST_ROUTE, now_s)
+    wait = state.wait or begin_wait(WaitFor.FIRST_ROUTE, now_s)
     ends, wait = verdict(wait, now_s, lambda: False)
     if ends is Verdict.OVER:
         why += f", even after a wait of {wait.rule.longest_s:.0f} s on the ground"

@@ -42,7 +42,7 @@ from swarmctl.agent.traffic.return_schedule import may_be_returning, position_fr
 from swarmctl.agent.traffic.route_hold import would_block
 from swarmctl.agent.traffic.separation.trajectory import Trajectory
 from swarmctl.agent.traffic.separation.watch import NeighbourReport
-from swarmctl.agent.traffic.wait import MIN_HEIGHT_M, Verdict, Wait, WaitFor, begin, verdict
+from swarmctl.agent.traffic.wait import MIN_HEIGHT_M, Verdict, Wait, WaitFor, begin_wait, verdict
 from swarmctl.core import events as ev
 from swarmctl.core.geo import LatLon
 from swarmctl.core.messages import VehiclePosition
@@ -97,7 +97,7 @@ def wait_to_return(state: AgentState, **changes: Any) -> StepResult | None:
     """
     if _takes_off(state) or not _is_blocked(state):
         return None
-    waiting = begin(WaitFor.RETURN_PATH, state.vehicle.time_boot_s, before=state.wait)
+    waiting = begin_wait(WaitFor.RETURN_PATH, state.vehicle.time_boot_s, before=state.wait)
     return hold_and_wait(state, waiting, **changes)
 
 
@@ -105,7 +105,7 @@ def hold_and_wait(state: AgentState, wait: Wait, *, by_person: bool = False, **c
     """Hold for a wait before a return or landing; `by_person` and `changes` as in `command`."""
     changes |= {"phase": Phase.HOLDING, "wait": wait}
     if holds_by_order(state):
-        return replace(state, **changes, last_shared_s=-math.inf), []
+        return replace(state, **changes, state_sent_boot_s=-math.inf), []
     return command(state, ev.FlightOrder.HOLD, by_person=by_person, **changes)
 
 
@@ -150,7 +150,7 @@ def hold_before_leaving(state: AgentState, to: frozenset[int]) -> StepResult:
     if wait is not None and wait.purpose is purpose:
         waiting = replace(wait.again(), since_boot_s=now_s, checked_boot_s=now_s, to=wait.to | to)
     else:
-        waiting = begin(purpose, now_s, to=to)
+        waiting = begin_wait(purpose, now_s, to=to)
     return command(state, ev.FlightOrder.HOLD, phase=Phase.HOLDING, wait=waiting)
 
 
@@ -169,7 +169,7 @@ def start_return(state: AgentState, *, may_hold_again: bool = False, **changes: 
     """
     now_s = state.vehicle.time_boot_s
     if may_hold_again:
-        changes["wait"] = begin(WaitFor.RETURN_PATH, now_s, before=state.wait).ended(now_s)
+        changes["wait"] = begin_wait(WaitFor.RETURN_PATH, now_s, before=state.wait).ended(now_s)
     return command(state, ev.FlightOrder.RETURN, phase=Phase.LEAVING, **{"wait": None, **changes})
 
 

@@ -31,9 +31,9 @@ from swarmctl.agent.traffic.check import (
     known_intents,
     standing_of,
 )
-from swarmctl.agent.traffic.conflicts import DeconflictionCounts, FlightComparison
 from swarmctl.agent.traffic.intents import may_change
 from swarmctl.agent.traffic.own_flight import flight_by_plan, planned_flight
+from swarmctl.agent.traffic.plan_conflicts import DeconflictionCounts, FlightComparison
 from swarmctl.agent.traffic.prediction import AIRBORNE_M, hears_nobody, position_of
 from swarmctl.agent.traffic.priority import Activity, Standing, gives_way
 from swarmctl.agent.traffic.route_hold import climbs_to_give_way, heights_to_try, hold, may_hold

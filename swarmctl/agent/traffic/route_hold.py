@@ -45,7 +45,7 @@ from swarmctl.agent.traffic.prediction import (
 from swarmctl.agent.traffic.priority import SAME_HEIGHT_M, Standing, activity_of, gives_way
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory
 from swarmctl.agent.traffic.separation.watch import HEIGHT_MARGIN
-from swarmctl.agent.traffic.wait import MIN_HEIGHT_M, Verdict, Wait, WaitFor, begin, verdict
+from swarmctl.agent.traffic.wait import MIN_HEIGHT_M, Verdict, Wait, WaitFor, begin_wait, verdict
 from swarmctl.core import events as ev
 from swarmctl.core.mission import FlightPlan
 from swarmctl.core.planar import PlanarPoint
@@ -157,7 +157,7 @@ def hold(state: AgentState, mission: ev.SwapMission | None, to: frozenset[int], 
     """
     in_group, now_s = state.phase is Phase.FORMATION, state.vehicle.time_boot_s
     by_stored = in_group and not state.membership.is_over
-    wait = begin(WaitFor.ROUTE, now_s, mission=mission, to=to, by_stored=by_stored, before=state.wait)
+    wait = begin_wait(WaitFor.ROUTE, now_s, mission=mission, to=to, by_stored=by_stored, before=state.wait)
     changes = {
         "phase": Phase.FLYING,
         "wait": wait,

@@ -164,7 +164,7 @@ class Wait:
         return replace(self, reported_boot_s=now_s)
 
 
-def begin(
+def begin_wait(
     purpose: WaitFor,
     now_s: float,
     *,
