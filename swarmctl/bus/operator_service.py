@@ -20,6 +20,7 @@ from swarmctl.bus.rate import TokenBucket
 from swarmctl.bus.transports.base import MAX_QUERY_BYTES, Reply, Transport
 from swarmctl.core import events as ev
 from swarmctl.core.messages import (
+    ENDING_ORDERS,
     BadMessage,
     GiveOrder,
     OperatorAnswer,
@@ -28,8 +29,9 @@ from swarmctl.core.messages import (
     VehicleAnswer,
     decode_command,
     encode,
+    refused_names,
 )
-from swarmctl.core.operator_text import excerpt, printable, resolve_vehicles
+from swarmctl.core.operator_text import excerpt, name_problems, printable, resolve_vehicles
 
 ANSWER_WITHIN_S = 3.0
 """longest wait for the agents' answers; an agent in a long search may answer too late"""
@@ -69,6 +71,8 @@ class _PendingCommand:
     """A command that some agents have not answered yet."""
 
     uavs: list[int]
+    unknown: Mapping[str, str]
+    """names that no vehicle has, and the reasons"""
     reply: Reply
     answers: dict[int, VehicleAnswer]
 
@@ -186,7 +190,7 @@ class OperatorService:
     def _execute(self, key: str, verified: bytes, reply: Reply) -> None:
         try:
             command = self._command(key, verified)
-            uavs = self._vehicles(command)
+            uavs, unknown = self._vehicles(command)
             ignored = self._ignored_vehicles(command)
         except (BadMessage, ValueError) as error:
             self._refuse(str(error), reply)
@@ -194,7 +198,7 @@ class OperatorService:
         # A change of weights causes a new plan; an order does not wait for that plan.
         busy = set() if isinstance(command, GiveOrder) else self._busy.keys() & set(uavs)
         if len(busy) < len(uavs):
-            self._pass_on(command, uavs, ignored, busy, reply)
+            self._pass_on(command, uavs, unknown, ignored, busy, reply)
         else:
             self._refuse(f"no vehicle of the command is free: {BUSY}", reply)
 
@@ -208,12 +212,18 @@ class OperatorService:
         return command
 
     def _pass_on(
-        self, command: Request, uavs: list[int], ignored: tuple[int, ...], busy: Set[int], reply: Reply
+        self,
+        command: Request,
+        uavs: list[int],
+        unknown: Mapping[str, str],
+        ignored: tuple[int, ...],
+        busy: Set[int],
+        reply: Reply,
     ) -> None:
         self.counts.passed_on += 1
         number = self.counts.passed_on
         refusals = {u: VehicleAnswer(u, self._agents[u].name, "refused", note=BUSY) for u in busy}
-        self._pending[number] = _PendingCommand(uavs, reply, refusals)
+        self._pending[number] = _PendingCommand(uavs, unknown, reply, refusals)
         asyncio.get_running_loop().call_later(ANSWER_WITHIN_S, partial(self._close, number))
         is_recall = isinstance(command, GiveOrder) and command.order == "return" and len(uavs) > 1
         delays = self._return_delays(uavs) if is_recall else {}
@@ -223,12 +233,20 @@ class OperatorService:
             event = _event(number, command, delays.get(uav), ignored)
             self._agents[uav].command(event, partial(self._answered, number))
 
-    def _vehicles(self, command: Request) -> list[int]:
-        """Return the command's vehicles in the swarm's order. Raises ValueError for an unknown vehicle."""
-        if command.uavs is None:
-            return list(self._agents)
+    def _vehicles(self, command: Request) -> tuple[list[int], dict[str, str]]:
+        """Return the command's vehicles in the swarm's order, and the names that no vehicle has.
+
+        An order that ends flights is for the vehicles with valid names: a misspelt name must not keep the
+        others in the air. Raises ValueError for another command with such a name, and if no name is valid.
+        """
+        words, names = command.uavs, self._names()
+        if words is None:
+            return list(self._agents), {}
+        ends_flights = isinstance(command, GiveOrder) and command.order in ENDING_ORDERS
+        unknown = name_problems(words, names) if ends_flights else {}
+        valid = [word for word in words if str(word) not in unknown]
         try:
-            return resolve_vehicles(command.uavs, self._names())
+            return resolve_vehicles(valid or words, names), unknown
         except ValueError as error:
             raise ValueError(f"nothing was changed: {error}") from None
 
@@ -269,7 +287,8 @@ class OperatorService:
         waiting = self._pending.pop(number, None)
         if waiting is None:
             return
-        answers = (waiting.answers.get(uav) or self._unconfirmed(uav) for uav in waiting.uavs)
+        answers = [waiting.answers.get(uav) or self._unconfirmed(uav) for uav in waiting.uavs]
+        answers += refused_names(waiting.unknown)
         waiting.reply(encode(OperatorAnswer(vehicles=tuple(answers))))
 
     def _unconfirmed(self, uav: int) -> VehicleAnswer:

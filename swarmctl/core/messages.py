@@ -7,6 +7,7 @@ with an unknown field is refused, because an agent must not execute only a part 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Literal, TypeVar
 
 import msgspec
@@ -16,6 +17,8 @@ from swarmctl.core.threat import FiringStrength
 VERSION = 2
 MAX_SYSTEM_ID = 254
 """greatest system id of a vehicle; 255 is a ground station's by convention"""
+ENDING_ORDERS = ("hold", "return", "land")
+"""orders that end a flight"""
 MAX_AFTER_S = 7200.0
 """longest wait of a vehicle for its turn to return [s]"""
 MAX_NAME = 32
@@ -163,6 +166,7 @@ class VehicleAnswer(msgspec.Struct, frozen=True):
     """The answer of one vehicle to a command."""
 
     uav: int
+    """system id; 0 in the refusal of a name that no vehicle has"""
     name: str
     outcome: CommandOutcome
     """- taken: the agent follows the command
@@ -179,11 +183,16 @@ class VehicleAnswer(msgspec.Struct, frozen=True):
     """None on the ground, and if the position is unknown"""
 
 
+def refused_names(problems: Mapping[str, str]) -> list[VehicleAnswer]:
+    """Return a refusal for each name that no vehicle has; `problems` has the names and the reasons."""
+    return [VehicleAnswer(0, word, "refused", note=why) for word, why in problems.items()]
+
+
 class OperatorAnswer(msgspec.Struct, frozen=True, tag="operator_answer"):
     """The answer to an operator's command."""
 
     vehicles: tuple[VehicleAnswer, ...] = ()
-    """answers of the named vehicles, in the order of the swarm"""
+    """answers of the named vehicles, in the order of the swarm; then the refusals of unknown names"""
     refused: str = ""
     """reason why no vehicle got the command; empty if the vehicles got the command"""
 

@@ -74,6 +74,17 @@ def resolve_vehicles(words: Iterable[int | str], names: Mapping[int, str]) -> li
     return [uav for uav in names if uav in found]
 
 
+def name_problems(words: Iterable[int | str], names: Mapping[int, str]) -> dict[str, str]:
+    """Return the words that do not name exactly one vehicle, each with the reason (`resolve_vehicles`)."""
+    problems = {}
+    for word in dict.fromkeys(map(str, words)):
+        try:
+            resolve_vehicles([word], names)
+        except ValueError as error:
+            problems[word] = str(error)
+    return problems
+
+
 def _listed(words: Iterable[str]) -> str:
     listed = list(words)
     more = len(listed) - MAX_LISTED

@@ -21,6 +21,7 @@ from swarmctl.bus.transports.zenoh import ZenohBus
 from swarmctl.bus.transports.zenoh_config import Credentials
 from swarmctl.config.roster import Roster
 from swarmctl.core.messages import (
+    ENDING_ORDERS,
     BadMessage,
     GiveOrder,
     OperatorAnswer,
@@ -32,7 +33,6 @@ from swarmctl.core.messages import (
 from swarmctl.core.operator_text import extended, resolve_vehicles
 
 TIMEOUT_S = ANSWER_WITHIN_S + 2.0
-ENDING_ORDERS = ("hold", "return", "land")
 
 
 class BadOptions(ValueError):

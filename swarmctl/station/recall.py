@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import msgspec
 
@@ -12,8 +12,16 @@ from swarmctl.agent.traffic.return_schedule import is_plausible, schedule_for
 from swarmctl.bus.authentication import NO_AUTHENTICATION, RequestSigning
 from swarmctl.bus.transports.base import Transport
 from swarmctl.bus.transports.zenoh_config import Credentials
-from swarmctl.core.messages import MAX_AFTER_S, GiveOrder, OperatorAnswer, Request, VehicleAnswer
-from swarmctl.core.operator_text import resolve_vehicles
+from swarmctl.core.messages import (
+    ENDING_ORDERS,
+    MAX_AFTER_S,
+    GiveOrder,
+    OperatorAnswer,
+    Request,
+    VehicleAnswer,
+    refused_names,
+)
+from swarmctl.core.operator_text import name_problems
 from swarmctl.station import client
 from swarmctl.station.client import FlightEndpoints
 
@@ -43,46 +51,19 @@ async def ask(
     """Send a command over an open bus; an order to return also schedules the vehicles' returns.
 
     An order that ends flights goes to all vehicles with valid names, and unknown names become refused
-    answers: a misspelt name must not keep the other vehicles in the air. Raises BadOptions and NoValidAnswer.
+    answers: a misspelt name must not keep the other vehicles in the air. A process that flies all vehicles
+    does the same. Raises BadOptions and NoValidAnswer.
     """
-    if not (isinstance(command, GiveOrder) and command.order in client.ENDING_ORDERS):
+    if not (isinstance(command, GiveOrder) and command.order in ENDING_ORDERS):
         return await client.ask(bus, flight, command, signing)
     words = tuple(map(str, command.uavs or ()))
-    if flight.agents:  # each agent answers for one vehicle, and the configuration has all names
-        problems = {word: why for word in words if (why := _name_problem(word, flight.agents))}
-        valid = tuple(word for word in words if word not in problems)
-        if not problems or not valid:
-            return await _give(bus, flight, command, signing)
-        answer = await _give(bus, flight, _addressed(command, valid), signing)
-        return _with_refused(answer, problems)
-    answer = await _give(bus, flight, command, signing)
-    if not answer.refused or len(words) < 2:
-        return answer
-    answers = {word: await _give(bus, flight, _addressed(command, (word,)), signing) for word in words}
-    vehicles = tuple(vehicle for each in answers.values() for vehicle in each.vehicles)
-    problems = {
-        word: each.refused.removeprefix("nothing was changed: ")
-        for word, each in answers.items()
-        if each.refused
-    }
-    return _with_refused(OperatorAnswer(vehicles), problems) if vehicles else answer
-
-
-def _addressed(command: GiveOrder, words: tuple[str, ...]) -> GiveOrder:
-    return msgspec.structs.replace(command, uavs=words)
-
-
-def _with_refused(answer: OperatorAnswer, problems: Mapping[str, str]) -> OperatorAnswer:
-    refused = (VehicleAnswer(0, word, "refused", note=why) for word, why in problems.items())
-    return msgspec.structs.replace(answer, vehicles=(*answer.vehicles, *refused))
-
-
-def _name_problem(word: str, names: Mapping[int, str]) -> str:
-    try:
-        resolve_vehicles([word], names)
-    except ValueError as error:
-        return str(error)
-    return ""
+    problems = name_problems(words, flight.agents) if flight.agents else {}  # the configuration has all names
+    if not problems or len(problems) == len(words):
+        return await _give(bus, flight, command, signing)
+    valid = tuple(word for word in words if word not in problems)
+    answer = await _give(bus, flight, msgspec.structs.replace(command, uavs=valid), signing)
+    vehicles = (*answer.vehicles, *refused_names(problems))
+    return msgspec.structs.replace(answer, vehicles=vehicles)
 
 
 async def _give(
