@@ -262,7 +262,11 @@ def tolerate_lost_output() -> None:
                 sys,
                 name,
                 _TolerantStream(
-                    stream.buffer, stream.encoding, stream.errors, line_buffering=stream.line_buffering
+                    stream.buffer,
+                    stream.encoding,
+                    stream.errors,
+                    line_buffering=stream.line_buffering,
+                    write_through=stream.write_through,
                 ),
             )
 

@@ -40,11 +40,11 @@ def nearest(word: object, known: Iterable[str], similarity: float = MIN_SIMILARI
     return names[near[0]] if near else None
 
 
-def remedy(word: object, known: Iterable[str], what: str) -> str:
-    """Return a question for the nearest known name, else all names as the text `the WHAT are a, b`."""
+def remedy(word: object, known: Iterable[str], plural: str) -> str:
+    """Return a question for the nearest known name, else a text with all names, which `plural` describes."""
     names = list(dict.fromkeys(known))
     near = nearest(word, names)
-    return f"did you mean `{near}`?" if near else f"the {what} are {', '.join(names)}"
+    return f"did you mean `{near}`?" if near else f"the {plural} are {', '.join(names)}"
 
 
 def describe(detail: Any, loc: Sequence[str | int], model: type[BaseModel]) -> str:

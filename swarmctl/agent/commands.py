@@ -25,7 +25,7 @@ def command(
     """Give the vehicle an order and cancel a mission change in progress; `changes` are further fields.
 
     The other vehicles learn of the order and of the new flight at once. With a lost link the vehicle may fly
-    on, so no new flight is told.
+    on, so no new flight is announced.
     `by_person`: an operator or a recall has just given the order, so it is sent whatever the mode is.
     """
     sent = state.order.sent(order, own_mode_roles(state))

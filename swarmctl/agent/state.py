@@ -115,12 +115,28 @@ class Task:
         """Cruise speed [m/s]."""
         return self.arrival.speed_m_s
 
-    def problem(self, p_s: NDArray[np.float64], start: Cell, w: float, **more: Any) -> Problem:
-        """Return the planning problem from a cell to the goals, for exposure P_s of shape (rows, cols).
-
-        `more` are further fields of `Problem`.
-        """
-        return Problem(p_s, start, self.goals, w, self.psi_per_cell, self.max_exposure, **more)
+    def problem(
+        self,
+        p_s: NDArray[np.float64],
+        start: Cell,
+        w: float,
+        *,
+        min_length_cells: float = 0.0,
+        max_length_cells: float = math.inf,
+        gain: NDArray[np.float64] | None = None,
+    ) -> Problem:
+        """Return the planning problem from a cell to the goals; `p_s` (rows, cols): exposure P_s."""
+        return Problem(
+            p_s,
+            start,
+            self.goals,
+            w,
+            self.psi_per_cell,
+            self.max_exposure,
+            min_length_cells,
+            max_length_cells,
+            gain,
+        )
 
     def landing_spot(self, goal: Cell) -> LatLon:
         """Return this vehicle's landing spot in a goal cell."""

@@ -17,6 +17,7 @@ from swarmctl.cli.configuration import load_roster_or_exit, load_scenario_or_exi
 from swarmctl.cli.console import FAILED, OK, USAGE, ConnectOption, fail, say
 from swarmctl.config.problems import ConfigError
 from swarmctl.core.messages import OperatorAnswer, Request
+from swarmctl.core.operator_text import extended
 from swarmctl.report import record_file
 
 if TYPE_CHECKING:
@@ -212,8 +213,14 @@ def _sender_to_flight(swarm: str, record: Path) -> Callable[[Request], Awaitable
     send = _sender(swarm)
 
     async def send_to_flight(request: Request) -> OperatorAnswer:
-        if not record_file.is_in_progress(record):
-            raise NotSent(f"{record}: the process of the flight has ended; nothing was sent [flight-ended]")
+        try:
+            is_flying = record_file.is_in_progress(record)
+        except record_file.RecordError as error:
+            advice = f"; nothing was sent; use `swarmctl abort --swarm {swarm}`"
+            raise NotSent(extended(str(error), advice)) from error
+        if not is_flying:
+            text = "the process of the flight has ended; nothing was sent; open the present flight's page"
+            raise NotSent(f"{record}: {text} [flight-ended]")
         return await send(request)
 
     return send_to_flight

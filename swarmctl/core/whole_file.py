@@ -13,7 +13,7 @@ def write_whole(path: Path, content: bytes, mode: int | None = None) -> None:
     for a new file. Raises OSError.
     """
     kept = path.stat().st_mode & 0o777 if mode is None and path.exists() else None
-    first = next(each for each in (mode, kept, 0o666) if each is not None)
+    first = mode if mode is not None else 0o666 if kept is None else kept
     draft = path.with_name(f".{path.name}.{os.getpid()}.new")
     draft.unlink(missing_ok=True)
     try:

@@ -63,7 +63,7 @@ class BeliefHistory:
         self._cache: BeliefAt | None = None
 
     def learn(self, time_s: float, items: Iterable[BeliefItem]) -> None:
-        """Add what is new of these observations; what the agents refuse is ignored."""
+        """Add the new ones of these observations. An item that the agents refuse is ignored."""
         for item in items:
             try:
                 after = self._newest.merge((item,))

@@ -91,7 +91,7 @@ def in_background(run: Coroutine[None, None, None]) -> asyncio.Task[None]:
 
     def report(task: asyncio.Task[None]) -> None:
         if not task.cancelled() and (error := task.exception()) is not None:
-            text = "a source of the dashboard failed"
+            text = "a source of the dashboard failed; the page shows the data up to now"
             task.get_loop().call_exception_handler({"message": text, "exception": error, "task": task})
 
     task = asyncio.create_task(run)

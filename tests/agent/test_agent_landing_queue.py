@@ -207,6 +207,16 @@ def test_a_vehicle_that_stopped_on_its_way_into_the_goal_cell_has_waited_long_en
     assert clear[0] - held_boot_s == pytest.approx(RULES[WaitFor.ROUTE].least_s, abs=1.0)
 
 
+def test_a_vehicle_that_has_not_confirmed_its_hold_may_still_fly_on_into_its_goal_cell() -> None:
+    story = LandingStory()
+    story.state, _ = hold(story.state, story.state.plans.mission, frozenset())
+    for _ in range(4):
+        assert orders(story.over((GOAL[0], GOAL[1] - 1))) == []
+    given = [orders(story.at(10.0)) for _ in range(8)]
+    assert given[:3] == [[], [], []]
+    assert [ev.FlightOrder.LAND] in given
+
+
 @pytest.mark.parametrize(
     ("up_m", "waits", "later_s"),
     [(22.0, "", 0.0), (22.0, "for others", GOES_SECOND_AFTER_S), (38.0, "for others", 0.0)],

@@ -168,15 +168,14 @@ def _go_first(state: AgentState, here: LocalPoint, others: Others) -> dict[int, 
 
 def _land_if_clear(state: AgentState, wait: Wait, here: LocalPoint) -> StepResult:
     now_s, confirmed = state.vehicle.time_boot_s, state.order.is_followed
-    unconfirmed = "the vehicle did not confirm the hold before its landing, and {}; it lands where it is"
-    unconfirmed += " [landing-unconfirmed]"
     if not confirmed and (state.vehicle.alt_rel_m or 0.0) < MIN_HEIGHT_M:
-        return _land_here(state, unconfirmed.format("it is too low to wait"))
-    # A stopped vehicle may still report LANDING for some seconds.
-    still_stops = confirmed and state.vehicle.landed is Landed.LANDING
+        return _land_unconfirmed(state, "it is too low to wait")
+    # A stopped vehicle may still report LANDING for some seconds, and an unconfirmed one may still move.
+    arrived_s = -math.inf if state.arrived_boot_s is None else state.arrived_boot_s
+    may_move = state.vehicle.landed is Landed.LANDING if confirmed else now_s - arrived_s < wait.rule.least_s
 
     def is_clear() -> bool:
-        return not (still_stops or hears_nobody(state) or _descent_conflicts(state, here))
+        return not (may_move or hears_nobody(state) or _descent_conflicts(state, here))
 
     urgent, second = is_urgent(state), partial(goes_second, state)
     ends, wait = verdict(wait, now_s, is_clear, goes_second=second, urgent=urgent)
@@ -187,7 +186,7 @@ def _land_if_clear(state: AgentState, wait: Wait, here: LocalPoint) -> StepResul
         case Verdict.OVER:
             return give_up(state)
         case Verdict.CLEAR if not confirmed:
-            return _land_here(state, unconfirmed.format("its descent is clear"))
+            return _land_unconfirmed(state, "its descent is clear")
         case Verdict.CLEAR:
             state, ordered = _land(state)
             text = "the descent is clear; the vehicle lands [descent-clear]"
@@ -200,6 +199,11 @@ def _land_if_clear(state: AgentState, wait: Wait, here: LocalPoint) -> StepResul
     text += f"would still conflict with {describe_clashes(state, _descent_conflicts(state, here))}"
     text += "; the vehicle continues to hold [landing-queue-long]"
     return replace(state, wait=wait.reported(now_s)), [ev.NotifyOperator(text)]
+
+
+def _land_unconfirmed(state: AgentState, why: str) -> StepResult:
+    text = f"the vehicle did not confirm the hold before its landing, and {why}"
+    return _land_here(state, f"{text}; the vehicle lands where it is [landing-unconfirmed]")
 
 
 def _descent_conflicts(state: AgentState, here_amsl: LocalPoint) -> tuple[Clash, ...]:

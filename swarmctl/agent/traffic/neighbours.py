@@ -22,17 +22,17 @@ MARGIN_M_S = 5.0
 
 
 def relevant_states(
-    state: AgentState, told: Iterable[tuple[int, float, StateShared]]
+    state: AgentState, received: Iterable[tuple[int, float, StateShared]]
 ) -> tuple[tuple[int, StateShared], ...]:
     """Return the states of senders that are or were near, or return; all if the arrivals are simultaneous.
 
-    told: (UAV, age of the message [s], state); the ages of the returned states include it
+    received: (UAV, age of the message [s], state); the ages of the returned states include it
     """
     is_near, to_local = _near_test(state), state.task.grid.frame.to_local
     known, takes_all = state.returning.keys() | state.neighbours.keys(), state.task.arrival_group is not None
     return tuple(
         (uav, msgspec.structs.replace(other, age_s=other.age_s + age_s))
-        for uav, age_s, other in told
+        for uav, age_s, other in received
         if takes_all
         or other.returns_to is not None
         or uav in known

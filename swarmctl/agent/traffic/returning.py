@@ -188,7 +188,8 @@ def _land_if_clear(state: AgentState, wait: Wait) -> StepResult:
     ends, wait = verdict(wait, state.vehicle.time_boot_s, clear)
     if ends in (Verdict.WAIT, Verdict.BLOCKED):
         return replace(state, wait=wait), []
-    blocked = "the ground is not clear at the end of the wait" if _landing_conflicts(state) else ""
+    is_blocked = ends is Verdict.OVER and _landing_conflicts(state)
+    blocked = "the ground is not clear at the end of the wait" if is_blocked else ""
     if blocked and _may_return_instead(state):
         state, ordered = start_return(state, may_hold_again=True, outcome=_outcome_with(state, blocked))
         return state, [ev.NotifyOperator(f"{blocked}; the vehicle returns [landing-blocked]"), *ordered]
