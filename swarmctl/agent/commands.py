@@ -11,6 +11,7 @@ from swarmctl.agent.phases import Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.core import events as ev
 from swarmctl.core.records import replace
+from swarmctl.core.setpoint import SetPoint
 
 StepResult = tuple[AgentState, list[ev.Effect]]
 RETRY_AFTER_S = 5.0
@@ -25,14 +26,17 @@ def command(
     """Give the vehicle an order and cancel a mission change in progress; `changes` are further fields.
 
     The other vehicles learn of the order and of the new flight at once. With a lost link the vehicle may fly
-    on, so no new flight is announced.
-    `by_person`: an operator or a recall has just given the order, so it is sent whatever the mode is.
+    on, so no new flight is announced. A member of a group stops by a set-point until its hold begins: it would
+    go on by its last one. `by_person`: an operator or a recall has just given the order, so it is sent whatever the mode is.
     """
-    sent = state.order.sent(order, own_mode_roles(state))
+    roles, stops = own_mode_roles(state), state.phase is Phase.FORMATION and order is ev.FlightOrder.HOLD
+    stops = stops and state.vehicle.mode_role in roles  # not a vehicle that a pilot may fly
+    sent = state.order.sent(order, roles)
     phase = changes.pop("phase", state.phase)
     plans = changes.pop("plans", state.plans).without_upload()
     state = state.enter(phase, **changes, plans=plans, order=sent, state_sent_boot_s=-math.inf)
-    return state if state.lost else state.with_new_flight(), [ev.Command(order, by_person)]
+    effects: list[ev.Effect] = [ev.SendSetPoint(SetPoint((0.0, 0.0, 0.0)))] if stops else []
+    return state if state.lost else state.with_new_flight(), [*effects, ev.Command(order, by_person)]
 
 
 def may_set_speed(state: AgentState) -> bool:
