@@ -26,8 +26,9 @@ def command(
     """Give the vehicle an order and cancel a mission change in progress; `changes` are further fields.
 
     The other vehicles learn of the order and of the new flight at once. With a lost link the vehicle may fly
-    on, so no new flight is announced. A member of a group stops by a set-point until its hold begins: it would
-    go on by its last one. `by_person`: an operator or a recall has just given the order, so it is sent whatever the mode is.
+    on, so no new flight is announced. A member of a group stops by a set-point until its hold begins, because
+    it would go on by its last one.
+    `by_person`: an operator or a recall has just given the order, so it is sent whatever the mode is.
     """
     roles, stops = own_mode_roles(state), state.phase is Phase.FORMATION and order is ev.FlightOrder.HOLD
     stops = stops and state.vehicle.mode_role in roles  # not a vehicle that a pilot may fly

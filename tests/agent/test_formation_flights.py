@@ -26,6 +26,7 @@ from swarmctl.agent.formation.approaches.behavioural import gradient
 from swarmctl.agent.formation.approaches.place_keeping import keep_separation
 from swarmctl.agent.formation.reference import Reference, SpeedProfile
 from swarmctl.agent.phases import Phase
+from swarmctl.core import events as ev
 
 SHORT = [("behavioural", True), ("leader_following", True), ("virtual_structure", False)]
 """approach, and whether the vehicles are like ArduCopter"""
@@ -80,6 +81,20 @@ def test_a_group_waits_for_a_slow_member(approach: str) -> None:
     swarm.run(swarm.now + 25.0, lambda _now: None)
     assert math.hypot(*leader.velocity[:2]) < 7.0
     assert slow.state.phase is Phase.FORMATION
+
+
+@pytest.mark.parametrize("like_ardupilot", [True, False])
+def test_a_member_that_has_to_hold_stops_at_once_also_if_the_order_is_lost(
+    monkeypatch: pytest.MonkeyPatch, *, like_ardupilot: bool
+) -> None:
+    swarm = LightGroup(like_ardupilot=like_ardupilot).joined()
+    follower = swarm.agents[1]
+    monkeypatch.setattr(follower, "_reaches", lambda: False)
+    follower(ev.OperatorCommand(ev.FlightOrder.HOLD))
+    swarm.run(swarm.now + 0.4, lambda _now: None)
+    begun_m_s = math.hypot(*follower.vehicle.velocity[:2])
+    swarm.run(swarm.now + 2.0, lambda _now: None)
+    assert math.hypot(*follower.vehicle.velocity[:2]) < 0.5 * begun_m_s
 
 
 def member(flies: tuple[float, float, float], **facts: object) -> Group:
