@@ -120,8 +120,6 @@ def hold(ctx: Context, *, check_mode_first: bool = False) -> Procedure[Done]:
     dialect, stop = ctx.dialect, setpoint_message(ctx.peer, STOP)
     # If the hold mode also follows set-points, setting it again does not stop the vehicle.
     stops = dialect.setpoint_mode == dialect.hold_mode and ctx.now - ctx.setpoint_sent_s <= SETPOINTS_LAST_S
-    if stops and not check_mode_first:
-        yield SendUntil(stop, lambda: True, 0.0)
     # PX4 may hold because set-points stopped. It would follow the next set-point, but not after a command.
     done = yield from _set_mode_urgently(
         ctx, dialect.hold_mode, check_mode_first=check_mode_first, skip_if_done=False
