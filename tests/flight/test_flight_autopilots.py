@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from flights import fly, small
+from pymavlink.dialects.v20.ardupilotmega import MAV_MODE_FLAG_SAFETY_ARMED
 from recorded import first_heartbeats, on_the_wire
 
 from swarmctl.config import model
@@ -56,6 +57,11 @@ def test_a_swarm_with_reduced_telemetry_arrives(tmp_path: Path) -> None:
     assert sum(s.plans.replans for s in report.states.values()) > 0
     for sysid in (1, 2):
         sent = [m for m in on_the_wire(tmp_path, f"uav{sysid}") if m.get_srcSystem() == sysid]
-        in_last_minute = Counter(m.get_type() for m in sent if m._timestamp > sent[-1]._timestamp - 60.0)
+        armed_s = [
+            m._timestamp
+            for m in sent
+            if m.get_type() == "HEARTBEAT" and m.base_mode & MAV_MODE_FLAG_SAFETY_ARMED
+        ]
+        in_last_minute = Counter(m.get_type() for m in sent if 0.0 <= armed_s[-1] - m._timestamp < 60.0)
         assert in_last_minute["GLOBAL_POSITION_INT"] == pytest.approx(120, abs=5)
         assert in_last_minute["ATTITUDE"] == in_last_minute["GPS_RAW_INT"] == 0
