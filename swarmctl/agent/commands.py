@@ -11,7 +11,7 @@ from swarmctl.agent.phases import Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.core import events as ev
 from swarmctl.core.records import replace
-from swarmctl.core.setpoint import SetPoint
+from swarmctl.core.setpoint import STOP
 
 StepResult = tuple[AgentState, list[ev.Effect]]
 RETRY_AFTER_S = 5.0
@@ -30,14 +30,16 @@ def command(
     it would go on by its last one.
     `by_person`: an operator or a recall has just given the order, so it is sent whatever the mode is.
     """
-    roles, stops = own_mode_roles(state), state.phase is Phase.FORMATION and order is ev.FlightOrder.HOLD
-    stops = stops and state.vehicle.mode_role in roles  # not a vehicle that a pilot may fly
+    roles = own_mode_roles(state)
+    effects: list[ev.Effect] = [ev.Command(order, by_person)]
+    follows = state.phase is Phase.FORMATION and state.vehicle.mode_role in roles  # not if a pilot may fly it
+    if follows and order is ev.FlightOrder.HOLD:
+        effects.insert(0, ev.SendSetPoint(STOP))
     sent = state.order.sent(order, roles)
     phase = changes.pop("phase", state.phase)
     plans = changes.pop("plans", state.plans).without_upload()
     state = state.enter(phase, **changes, plans=plans, order=sent, state_sent_boot_s=-math.inf)
-    effects: list[ev.Effect] = [ev.SendSetPoint(SetPoint((0.0, 0.0, 0.0)))] if stops else []
-    return state if state.lost else state.with_new_flight(), [*effects, ev.Command(order, by_person)]
+    return state if state.lost else state.with_new_flight(), effects
 
 
 def may_set_speed(state: AgentState) -> bool:

@@ -17,3 +17,7 @@ class SetPoint(msgspec.Struct, frozen=True):
     alt_amsl_m: float | None = None
     """Height above the sea, by the vehicle's own estimate (`VehicleState.alt_amsl_m`) [m]; present together
     with `at`."""
+
+
+STOP = SetPoint((0.0, 0.0, 0.0))
+"""a set-point that stops the vehicle where it is"""

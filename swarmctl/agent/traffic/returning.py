@@ -151,7 +151,7 @@ def hold_before_leaving(state: AgentState, to: frozenset[int]) -> StepResult:
         waiting = replace(wait.again(), since_boot_s=now_s, checked_boot_s=now_s, to=wait.to | to)
     else:
         waiting = begin_wait(purpose, now_s, to=to)
-    return command(state, ev.FlightOrder.HOLD, phase=Phase.HOLDING, wait=waiting)
+    return hold_and_wait(state, waiting)
 
 
 def _takes_off(state: AgentState) -> bool:
@@ -206,9 +206,8 @@ def _outcome_with(state: AgentState, text: str) -> str:
 
 def _may_return_instead(state: AgentState) -> bool:
     """Return whether a return is clear, and no rule demands that the vehicle lands."""
-    if demanded(state, DemandKind.LAND) or not return_flights(state):
-        return False
-    return is_way_clear(state, ev.FlightOrder.RETURN)
+    must_land = any(demand is not None and demand.kind is DemandKind.LAND for demand in state.demands)
+    return not must_land and bool(return_flights(state)) and is_way_clear(state, ev.FlightOrder.RETURN)
 
 
 def _land_here(state: AgentState, wait: Wait, **changes: Any) -> StepResult:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.mission import MissionItem
+from swarmctl.core.setpoint import STOP
 from swarmctl.core.vehicle import Landed
 from swarmctl.mavlink.procedures.guarded import (
     HEARTBEAT_WAIT_S,
@@ -31,7 +32,7 @@ from swarmctl.mavlink.protocol.codec import Message
 from swarmctl.mavlink.protocol.command import Command
 from swarmctl.mavlink.protocol.outcome import Done, Swapped, Uploaded
 from swarmctl.mavlink.protocol.procedure import Context, Procedure
-from swarmctl.mavlink.protocol.setpoint import STOP, setpoint_message
+from swarmctl.mavlink.protocol.setpoint import setpoint_message
 from swarmctl.mavlink.protocol.wait import CollectMessages, RequestUntil, SendUntil, WaitUntil
 from swarmctl.mavlink.telemetry.vehicle_state import STILL_CLIMB_M_S, STILL_M_S
 

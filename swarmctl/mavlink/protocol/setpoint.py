@@ -18,9 +18,6 @@ from swarmctl.core.setpoint import SetPoint
 from swarmctl.mavlink.protocol.codec import Message
 from swarmctl.mavlink.protocol.conversation import MavlinkPeer
 
-STOP = SetPoint((0.0, 0.0, 0.0))
-"""a set-point that stops the vehicle where it is"""
-
 _NO_POSITION = (
     mavlink.POSITION_TARGET_TYPEMASK_X_IGNORE
     | mavlink.POSITION_TARGET_TYPEMASK_Y_IGNORE
