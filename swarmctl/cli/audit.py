@@ -65,9 +65,11 @@ def audit(
     troubles = [*_troubles(path, checked, keys), *changed.values()]
     if troubles:
         fail([printable(text) for text in troubles], FAILED)
+    absent = sum(not (path.parent / Path(name).name).exists() for name in closing.files)
     _say(
         f"{path}: complete and unchanged: {len(checked.entries)} entries, with the hashes of "
-        f"{len(closing.files)} files; the final hash is {checked.last_hash}"
+        f"{len(closing.files)} files{f' ({absent} not here, so not checked)' if absent else ''}; the final "
+        f"hash is {checked.last_hash}"
     )
     _say(_signed_by(closing, keys))
 
@@ -84,13 +86,15 @@ def _changed_files(folder: Path, closing: Closed, *, may_miss: bool) -> dict[str
         try:
             found = sha256_of(path)
         except FileNotFoundError:
-            found = expected if may_miss else "no such file"
+            if not may_miss:
+                changed[name] = f"{path}: missing; expected the SHA-256 {expected} [file-changed]"
+            continue
         except (OSError, ValueError) as error:
             found = str(error)
         if found != expected:
             changed[name] = (
-                f"{path}: changed after the flight: found {found}, expected the SHA-256 {expected}; the "
-                "table leaves out a changed tlog [file-changed]"
+                f"{path}: changed after the flight, and left out of the table: found {found}, expected the "
+                f"SHA-256 {expected} [file-changed]"
             )
     return changed
 

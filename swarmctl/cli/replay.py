@@ -25,8 +25,8 @@ def replay(
         fail([str(error)], USAGE)
     if verdict.is_cut:
         say(
-            "the record has no end, because the recording process died or the file was cut; "
-            "only the complete part is replayed [record-cut]"
+            "the record has no end: the recording process died, or the file was cut or damaged; "
+            "only the part before is replayed [record-cut]"
         )
     if verdict.difference:
         fail([f"the decisions differ: {verdict.difference}"], FAILED)

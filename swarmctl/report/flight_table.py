@@ -71,8 +71,8 @@ def swarm_lines(summary: dict[str, Any]) -> list[str]:
     first, plans = separation["first_routes"], separation["plans_in_flight"]
     if first is not None and first["predicted"]:
         lines.append(
-            f"first routes: {first['predicted']} pairs come too close horizontally at the same time; height "
-            f"separates {first['by_height']} of them"
+            f"pairs of first routes too close horizontally at the same time: {first['predicted']}; separated "
+            f"by height: {first['by_height']}"
         )
     if plans["predicted"]:
         lines.append(

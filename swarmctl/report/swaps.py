@@ -80,8 +80,8 @@ def swap_lines(vehicles: Sequence[dict[str, Any]]) -> list[str]:
     if failed > MAX_LISTED:
         lines.append(f"  and {failed - MAX_LISTED} more: swaps.failures in summary.json")
     lines += [
-        f"  {name} held or stood still in {swaps['stood_still']} of {swaps['changed'] + swaps['failed']} "
-        f"changes: {swaps['stood_still_s']:.1f} s in all, {swaps['longest_stood_still_s']:.1f} s at most"
+        f"  {name}, changes with a stop: {swaps['stood_still']} of {swaps['changed'] + swaps['failed']}; "
+        f"{swaps['stood_still_s']:.1f} s in all, {swaps['longest_stood_still_s']:.1f} s at most"
         for name, swaps in stood
     ]
     return lines
