@@ -28,7 +28,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from typing import NamedTuple
 
@@ -42,6 +42,7 @@ from sim_vehicle.fleet import Fleet
 from sim_vehicle.scenarios import default_scenario
 from swarmctl.agent.replan import swap_times
 from swarmctl.core.mission import FlightPlan, MissionItem, Waypoint
+from swarmctl.core.records import replace
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.links import LINKS

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+
+import msgspec
 
 from swarmctl.core.events import FlightOrder
+from swarmctl.core.records import replace
 
 
-@dataclass(frozen=True, slots=True)
-class GivenOrder:
+class GivenOrder(msgspec.Struct, frozen=True):
     given: FlightOrder | None = None
     """last order for the vehicle, sent or only noted"""
     is_followed: bool = False

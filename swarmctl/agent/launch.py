@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import msgspec
 
 from swarmctl.agent.replan.climb import LIFT_S
+from swarmctl.core.records import replace
 
 
-@dataclass(frozen=True, slots=True)
-class Launch:
+class Launch(msgspec.Struct, frozen=True):
     """Times are by the vehicle's clock."""
 
     is_ordered: bool = False

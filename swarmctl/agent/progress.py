@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from dataclasses import dataclass
 from itertools import pairwise
+
+import msgspec
 
 from swarmctl.core import events as ev
 from swarmctl.core.geo import LatLon
@@ -37,8 +38,7 @@ OVERHEAD_M = 1.0
 """Greatest distance before a centre at which a vehicle counts as over the centre [m]."""
 
 
-@dataclass(frozen=True, slots=True)
-class PlannedFlight:
+class PlannedFlight(msgspec.Struct, frozen=True):
     """A plan over ground: from the take-off or the begin in the air over the waypoints to the landing."""
 
     plan: ev.SwapMission
@@ -71,8 +71,7 @@ class PlannedFlight:
         return plan is self.plan and (not vehicle.armed or _takeoff(vehicle) in (None, self.takeoff))
 
 
-@dataclass(frozen=True, slots=True)
-class Progress:
+class Progress(msgspec.Struct, frozen=True):
     """The position of a vehicle on its planned flight."""
 
     flight: PlannedFlight

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -49,8 +49,7 @@ ARRIVED = "arrived"
 """outcome of a flight that landed at its goal"""
 
 
-@dataclass(frozen=True, slots=True)
-class Task:
+class Task(msgspec.Struct, frozen=True):
     """Task of one vehicle and its rules; constant during a run.
 
     `strength` and `w` are initial values. An operator may change the values in `AgentState`, as with the
@@ -98,12 +97,12 @@ class Task:
     """weight of the vehicle's own observations above those of others (`weighed_occupancy`), in [0, 1]"""
     benevolence: float = 0.0
     """weight of what the others would learn against the own cost (`planners.benevolence`), in [0, 1]"""
-    others: Mapping[int, OtherVehicle] = field(default_factory=dict)
+    others: Mapping[int, OtherVehicle] = msgspec.field(default_factory=dict)
     """entry cells and goals of the vehicles that hear this vehicle; empty without benevolence"""
 
     formation: Formation | None = None
     """the vehicle's group; None: it flies alone"""
-    names: Mapping[int, str] = field(default_factory=dict)
+    names: Mapping[int, str] = msgspec.field(default_factory=dict)
     """names of all vehicles of the configuration, for messages"""
 
     def name_of(self, uav: int) -> str:
@@ -144,8 +143,7 @@ class Task:
         return landing_spot(self.grid, goal, self.landing_index, self.landing_count, separation_m)
 
 
-@dataclass(frozen=True)  # without slots `replace` is fast
-class AgentState:
+class AgentState(msgspec.Struct, frozen=True):
     """Everything an agent knows; `step` returns a new state and never changes a state in place.
 
     Fields that end in `_boot_s` are times by the vehicle's clock. `disarmed_since_s` is a time by the run's
@@ -160,11 +158,11 @@ class AgentState:
     """firing strengths of the next plan (Eq. 1)"""
     own: Belief | None = None
     """belief by the vehicle's own observations; None without autonomy"""
-    others: Mapping[int, OtherVehicle] = field(default_factory=dict)
+    others: Mapping[int, OtherVehicle] = msgspec.field(default_factory=dict)
     """present cells and goals of the vehicles in `task.others` that are not known to have ended"""
     phase: Phase = Phase.WAITING
-    vehicle: VehicleState = field(default_factory=VehicleState)
-    last_position: VehicleState = field(default_factory=VehicleState)
+    vehicle: VehicleState = msgspec.field(default_factory=VehicleState)
+    last_position: VehicleState = msgspec.field(default_factory=VehicleState)
     """telemetry of the last message with a position"""
     cell: Cell | None = None
     """cell below the last position; None outside the area, or before the first position"""
@@ -174,14 +172,14 @@ class AgentState:
     """time without telemetry, noted once a second while the link is lost [s]"""
     telemetry_is_late: bool = False
     """True while telemetry is too old to decide by it"""
-    plans: Plans = field(default_factory=Plans)
+    plans: Plans = msgspec.field(default_factory=Plans)
     progress: Progress | None = None
     """progress on `followed`, by the last telemetry with a position"""
-    launch: Launch = field(default_factory=Launch)
-    order: GivenOrder = field(default_factory=GivenOrder)
+    launch: Launch = msgspec.field(default_factory=Launch)
+    order: GivenOrder = msgspec.field(default_factory=GivenOrder)
     wait: Wait | None = None
     """wait for other vehicles; None: the vehicle waits for none"""
-    returning: Mapping[int, NeighbourReport] = field(default_factory=dict)
+    returning: Mapping[int, NeighbourReport] = msgspec.field(default_factory=dict)
     """last states of other vehicles that return or wait to return"""
     arrived_boot_s: float | None = None
     """time at which the vehicle was first seen in its goal cell; None after an order to leave the goal"""
@@ -190,23 +188,23 @@ class AgentState:
     memories: tuple[Any, ...] = ()
     """memory of each failsafe rule, in the order of `task.rules`"""
     demands: tuple[Demand | None, ...] = ()
-    neighbours: Mapping[int, NeighbourReport] = field(default_factory=dict)
+    neighbours: Mapping[int, NeighbourReport] = msgspec.field(default_factory=dict)
     """last states of vehicles nearby, those of silent vehicles, too"""
     alarms: tuple[ProximityAlarm, ...] = ()
     """vehicles predicted to come too close"""
     height_offset_m: float = 0.0
     """height above the task's altitude, for separation from other vehicles [m]"""
-    intents: Mapping[int, NeighbourIntent] = field(default_factory=dict)
+    intents: Mapping[int, NeighbourIntent] = msgspec.field(default_factory=dict)
     own_intent: Trajectory | None = None
     """last intent sent; times by the vehicle's clock, heights above the sea"""
     intent_sent_boot_s: float = -math.inf
     intent_new_boot_s: float = -math.inf
     """time from which on the intent is new to others: they may not have received it yet"""
-    conflicts: Conflicts = field(default_factory=Conflicts)
-    membership: Membership = field(default_factory=Membership)
+    conflicts: Conflicts = msgspec.field(default_factory=Conflicts)
+    membership: Membership = msgspec.field(default_factory=Membership)
     """the vehicle's group as it knows it"""
-    common_arrival: CommonArrival = field(default_factory=CommonArrival)
-    speed: CommandedSpeed = field(default_factory=CommandedSpeed)
+    common_arrival: CommonArrival = msgspec.field(default_factory=CommonArrival)
+    speed: CommandedSpeed = msgspec.field(default_factory=CommandedSpeed)
     n_alarms: int = 0
     n_holds: int = 0
     """number of holds for other vehicles"""
@@ -216,7 +214,7 @@ class AgentState:
     """number that grows with each start of the agent's program, part of the names of observations"""
     next_seq: int = 1
     state_sent_boot_s: float = -math.inf
-    flown: Flown = field(default_factory=Flown)
+    flown: Flown = msgspec.field(default_factory=Flown)
     refused: int = 0
     """number of impossible observations received"""
     given_up: bool = False

@@ -7,8 +7,6 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-import msgspec
-
 from swarmctl.agent.arrival.simultaneous import adjust_speed, speed_failed
 from swarmctl.agent.commands import RETRY_AFTER_S, StepResult, command, release_vehicle
 from swarmctl.agent.failsafes.enforcement import apply_failsafes
@@ -104,8 +102,8 @@ def _with_note(effect: ev.Effect, note: str) -> ev.Effect:
     """Return the effect; if it answers an accepted order, with `note` as the note of the answer."""
     if not isinstance(effect, ev.Answer) or effect.answer.outcome != "taken":
         return effect
-    answer = msgspec.structs.replace(effect.answer, note=note)
-    return msgspec.structs.replace(effect, answer=answer)
+    answer = replace(effect.answer, note=note)
+    return replace(effect, answer=answer)
 
 
 def _order_done(state: AgentState, event: ev.OrderDone, _now: float) -> StepResult:

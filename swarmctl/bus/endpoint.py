@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, replace
+
+import msgspec
 
 from swarmctl.core import operator_text
+from swarmctl.core.records import replace
 
 CERTIFICATE_PROTOCOLS = ("tls", "quic")
 """protocols with certificates on both sides"""
@@ -17,8 +19,7 @@ _FORM = re.compile(
 )
 
 
-@dataclass(frozen=True, slots=True)
-class BusEndpoint:
+class BusEndpoint(msgspec.Struct, frozen=True):
     """An address and a protocol; port 0 stands for any free port."""
 
     host: str

@@ -11,6 +11,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Sized
 from dataclasses import dataclass, field
 from functools import partial
 
+import msgspec
 import numpy as np
 
 from swarmctl.bus import keys
@@ -47,8 +48,7 @@ MAX_LINES = 10
 """largest number of shown lines for each topic and UAV; the counters count all"""
 
 
-@dataclass(frozen=True, slots=True)
-class RunClock:
+class RunClock(msgspec.Struct, frozen=True):
     """The times of a run, derived from the event loop's clock."""
 
     unix_s_at_zero: float

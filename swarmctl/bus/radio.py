@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from enum import StrEnum
 
+import msgspec
 import numpy as np
 
 from swarmctl.core.geo import LatLon, distance_m
@@ -41,8 +41,7 @@ class LossReason(StrEnum):
     """overload of the receivers' machine; not a part of the model"""
 
 
-@dataclass(frozen=True, slots=True)
-class Partition:
+class Partition(msgspec.Struct, frozen=True):
     """A split of the swarm into groups, from `from_s` to before `until_s` [s since the start].
 
     A UAV reaches only UAVs of its own group. A UAV outside all groups is isolated.
@@ -58,8 +57,7 @@ class Partition:
         return any(sender in group and to in group for group in self.groups)
 
 
-@dataclass(frozen=True, slots=True)
-class RadioSilence:
+class RadioSilence(msgspec.Struct, frozen=True):
     """Radio silence of UAVs, from `from_s` to before `until_s` [s since the start]."""
 
     uavs: frozenset[int]
@@ -97,8 +95,7 @@ def gilbert_probabilities(loss: float, burst: float | None) -> tuple[float, floa
     return min(1.0, loss / (1.0 - loss) / burst), 1.0 - 1.0 / burst
 
 
-@dataclass(frozen=True, slots=True)
-class RadioSettings:
+class RadioSettings(msgspec.Struct, frozen=True):
     """Settings of the radio model; UAVs are given by system id. The defaults deliver every message at once.
 
     Raises ValueError for a `loss` or `loss_burst` that `gilbert_probabilities` refuses.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import datetime as dt
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -41,6 +40,7 @@ from swarmctl.cli.resume import LAST, ResumeOption, load_or_exit
 from swarmctl.config import joining
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.operator_text import extended, resolve_vehicles
+from swarmctl.core.records import replace
 from swarmctl.flight import companion
 from swarmctl.flight.gc_tuning import tune_collector
 from swarmctl.flight.permission import Permission

@@ -8,7 +8,6 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Coroutine, Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 from types import FrameType
 from typing import Annotated, Any, TypeVar
@@ -19,6 +18,7 @@ from swarmctl.cli.console import FAILED, INTERRUPTED, USAGE, fail, out, say, say
 from swarmctl.config.links_checks import forwarding_problem
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.operator_text import typed_names
+from swarmctl.core.records import replace
 from swarmctl.flight.member import Member
 from swarmctl.flight.permission import Permission, PreflightFailed
 from swarmctl.flight.run import real_clock_need

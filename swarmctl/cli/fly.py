@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -43,6 +42,7 @@ from swarmctl.cli.flights import (
 from swarmctl.cli.live_dashboard import live_dashboard
 from swarmctl.cli.resume import ResumeOption, load_or_exit, require_host, run_or_exit
 from swarmctl.config.scenario import Scenario
+from swarmctl.core.records import replace
 from swarmctl.flight import app
 from swarmctl.flight.gc_tuning import tune_collector
 from swarmctl.flight.run import DEFAULT_OPTIONS, Clock

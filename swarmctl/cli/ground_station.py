@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import datetime as dt
-from dataclasses import dataclass
 from pathlib import Path
+
+import msgspec
 
 from swarmctl.bus.transports.access import OPERATOR
 from swarmctl.bus.transports.zenoh import ZenohBus
@@ -18,8 +19,7 @@ from swarmctl.core.operator_text import extended
 from swarmctl.security.files import KeyringError
 
 
-@dataclass(frozen=True, slots=True)
-class GroundStation:
+class GroundStation(msgspec.Struct, frozen=True):
     network: Configuration
     codec: FrameCodec
     """verifies the vehicles' signatures, if the swarm has keys"""

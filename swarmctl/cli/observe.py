@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import datetime as dt
 import json
-from dataclasses import replace
 from typing import Annotated
 
 import typer
@@ -36,6 +35,7 @@ from swarmctl.config.communication import mesh_endpoints, vehicle_of
 from swarmctl.config.roster import Roster
 from swarmctl.core.grid import Cell
 from swarmctl.core.messages import MAX_SYSTEM_ID, BadMessage
+from swarmctl.core.records import replace
 from swarmctl.security.files import KeyringError
 from swarmctl.station import client
 from swarmctl.station.client import BadOptions, FlightEndpoints, NoValidAnswer

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tempfile
-from dataclasses import replace
 from pathlib import Path
 
 import typer
@@ -30,6 +29,7 @@ from swarmctl.cli.flights import (
 )
 from swarmctl.cli.fly import ClockOption
 from swarmctl.config.scenario import Scenario
+from swarmctl.core.records import replace
 from swarmctl.flight import app
 from swarmctl.flight.gc_tuning import tune_collector
 from swarmctl.flight.run import DEFAULT_OPTIONS

@@ -6,7 +6,8 @@ A new autopilot is a line in `AUTOPILOTS`, with a personality of the simulator.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+
+import msgspec
 
 from swarmctl.core.vehicle import Airframe
 from swarmctl.mavlink.dialects import ArduCopter, ArduPlane, Px4Copter, Px4Plane
@@ -16,8 +17,7 @@ BATTERY_MAH = 6600.0
 """battery capacity of simulated ArduPilot vehicles [mAh], enough for heights of hundreds of metres"""
 
 
-@dataclass(frozen=True, slots=True)
-class SimulatedAutopilot:
+class SimulatedAutopilot(msgspec.Struct, frozen=True):
     """An autopilot of the simulator."""
 
     personality: str

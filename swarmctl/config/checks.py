@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from bisect import bisect_left
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
@@ -28,6 +27,7 @@ from swarmctl.config.yaml_lines import KeyPath
 from swarmctl.core.any_angle.track import cells_under
 from swarmctl.core.geo import distance_m
 from swarmctl.core.grid import Cell, Grid
+from swarmctl.core.records import replace
 from swarmctl.core.route import greatest_landing_spacing_m
 from swarmctl.links.url import parse_url
 from swarmctl.planners import PLANNERS, BoundTooTight, Route, Unreachable

@@ -129,8 +129,10 @@ def read_document(path: Path) -> yaml_lines.Document:
         raise ConfigError([f"{path}: the file does not exist; give --config a YAML file"]) from None
     except IsADirectoryError:
         raise ConfigError([f"{path}: this is a folder; give --config a YAML file"]) from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError([f"{path}: the file cannot be read: {error}"]) from error
+    except UnicodeDecodeError as error:
+        raise ConfigError([f"{path}: this is no text in UTF-8; give --config a YAML file"]) from error
+    except OSError as error:
+        raise ConfigError([f"{path}: the file cannot be read: {error.strerror or error}"]) from error
     except yaml_lines.YamlError as error:
         raise ConfigError([f"{path}:{error.line}: {error.text}"]) from error
 

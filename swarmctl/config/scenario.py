@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
 from enum import IntEnum
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -34,6 +34,7 @@ from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.inference.hostiles import HostileCount
 from swarmctl.core.inference.sensor import SensorModel
 from swarmctl.core.inference.survival import ProbabilityEstimate, survival_probability
+from swarmctl.core.records import replace
 from swarmctl.core.threat import FiringStrength
 from swarmctl.planners import PLANNERS, method
 from swarmctl.planners.benevolence import OtherVehicle
@@ -54,8 +55,7 @@ class RandomStream(IntEnum):
     SURVIVAL = 2
 
 
-@dataclass(frozen=True, slots=True)
-class Scenario:
+class Scenario(msgspec.Struct, frozen=True):
     """All data of a run before its start."""
 
     config: Config

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+
+import msgspec
 
 from swarmctl.agent.replan.landing_pattern import FixedWing
 from swarmctl.config.autopilots import AUTOPILOTS, MIXED
@@ -18,8 +19,7 @@ DEFAULT_SPEED_M_S = 10.0
 """assumed speed of a copter without `speed_m_s`: ArduCopter's default of WPNAV_SPEED"""
 
 
-@dataclass(frozen=True, slots=True)
-class Spec:
+class Spec(msgspec.Struct, frozen=True):
     """One vehicle: its link, its start, its goals and its performance."""
 
     name: str

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
+import msgspec
 import yaml
 
 KeyPath = tuple[str | int, ...]
@@ -28,8 +28,7 @@ class YamlError(ValueError):
         self.text = text
 
 
-@dataclass(frozen=True, slots=True)
-class Document:
+class Document(msgspec.Struct, frozen=True):
     """The data of a file, with tuples for lists, and the line of each path."""
 
     data: Any
@@ -68,7 +67,9 @@ def parse(text: str) -> Document:
         _walk(node, (), lines)
         return Document(_tupled(loader.construct_document(node)), lines)
     except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
+        # A key without a colon begins at its context; the parser notices it on a later line.
+        begins_at_context = error.context == "while scanning a simple key"
+        mark = error.context_mark if begins_at_context else error.problem_mark or error.context_mark
         line = mark.line + 1 if mark is not None else 1
         raise YamlError(line, f"the YAML is malformed: {error.problem or error.context}") from error
     except yaml.YAMLError as error:

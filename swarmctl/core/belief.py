@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -59,8 +60,7 @@ class ObservationLog:
         ]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LookCounts:
+class LookCounts(msgspec.Struct, frozen=True, eq=False):
     """Looks at each cell, and looks that showed a hostile, (rows, cols). A look is one cell observed once."""
 
     looks: NDArray[np.int32]

@@ -30,6 +30,7 @@ import msgspec
 from swarmctl.core.geo import LatLon
 from swarmctl.core.messages import MAX_BEHAVIOUR_WEIGHT, MAX_BEHAVIOURS
 from swarmctl.core.observation import Checkpoint, Id, Incarnation, Observation, Seq
+from swarmctl.core.records import replace
 from swarmctl.core.split import SplitShared
 
 VERSION = 3
@@ -219,7 +220,7 @@ class MemberShared(msgspec.Struct, frozen=True, omit_defaults=True, gc=False, ta
         """Return the message; if it lacks the route that `before` has, with this route."""
         if self.route or before.route_id != self.route_id:
             return self
-        return msgspec.structs.replace(self, route=before.route, shapes=before.shapes, split=before.split)
+        return replace(self, route=before.route, shapes=before.shapes, split=before.split)
 
 
 class HeldObservations(msgspec.Struct, frozen=True, array_like=True):

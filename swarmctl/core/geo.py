@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import overload
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 from pyproj import Geod, Transformer
@@ -29,8 +29,16 @@ def _projection(lat_deg: float, lon_deg: float) -> Transformer:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class LocalFrame:
+def check_origin(lat_deg: float, lon_deg: float) -> None:
+    """Raise ValueError for degrees that are no place on the ground."""
+    if not (-90.0 <= lat_deg <= 90.0 and -180.0 <= lon_deg <= 180.0):
+        raise ValueError(
+            f"origin ({lat_deg}, {lon_deg}): expected a latitude in [-90, 90] and a longitude "
+            "in [-180, 180], in degrees and in this order"
+        )
+
+
+class LocalFrame(msgspec.Struct, frozen=True, dict=True):
     """A plane that touches the ellipsoid at (lat_deg, lon_deg), with axes east and north.
 
     The projection is azimuthal equidistant: distance and direction from the origin are exact. At 50 km from
@@ -39,17 +47,14 @@ class LocalFrame:
 
     lat_deg: float
     lon_deg: float
-    _local: Callable[[float, float], tuple[float, float]] = field(init=False, repr=False, compare=False)
-    """`to_local` of single points; it remembers the last points, because many vehicles ask for each"""
 
     def __post_init__(self) -> None:
-        if not (-90.0 <= self.lat_deg <= 90.0 and -180.0 <= self.lon_deg <= 180.0):
-            raise ValueError(
-                f"origin ({self.lat_deg}, {self.lon_deg}): expected a latitude in [-90, 90] and a longitude "
-                "in [-180, 180], in degrees and in this order"
-            )
-        transform = _projection(self.lat_deg, self.lon_deg).transform
-        object.__setattr__(self, "_local", lru_cache(maxsize=POINTS_KEPT)(transform))
+        check_origin(self.lat_deg, self.lon_deg)
+
+    @cached_property
+    def _local(self) -> Callable[[float, float], tuple[float, float]]:
+        """`to_local` of single points; it remembers the last points, because many vehicles ask for each."""
+        return lru_cache(maxsize=POINTS_KEPT)(_projection(self.lat_deg, self.lon_deg).transform)
 
     @overload
     def to_local(self, lat_deg: float, lon_deg: float) -> tuple[float, float]: ...

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from functools import cached_property
 
-from swarmctl.core.geo import LatLon, LocalFrame
+import msgspec
+
+from swarmctl.core.geo import LatLon, LocalFrame, check_origin
 
 Cell = tuple[int, int]
 """(row, col); row 0 is the south edge and rows grow north, columns grow east."""
 
 
-@dataclass(frozen=True, slots=True)
-class Grid:
+class Grid(msgspec.Struct, frozen=True, dict=True):
     """`rows` × `cols` cells of `cell_size_m`; the origin is the south-west corner of cell (0, 0)."""
 
     rows: int
@@ -20,15 +21,18 @@ class Grid:
     cell_size_m: float
     origin_lat_deg: float
     origin_lon_deg: float
-    frame: LocalFrame = field(init=False, repr=False, compare=False)
-    """the plane with its origin at the south-west corner"""
 
     def __post_init__(self) -> None:
         if self.rows < 1 or self.cols < 1:
             raise ValueError(f"an area of {self.rows} × {self.cols} cells: expected at least 1 × 1")
         if not (math.isfinite(self.cell_size_m) and self.cell_size_m > 0.0):
             raise ValueError(f"cell size of {self.cell_size_m} m: expected a finite number above 0")
-        object.__setattr__(self, "frame", LocalFrame(self.origin_lat_deg, self.origin_lon_deg))
+        check_origin(self.origin_lat_deg, self.origin_lon_deg)
+
+    @cached_property
+    def frame(self) -> LocalFrame:
+        """The plane with its origin at the south-west corner."""
+        return LocalFrame(self.origin_lat_deg, self.origin_lon_deg)
 
     @property
     def n_cells(self) -> int:

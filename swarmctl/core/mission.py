@@ -7,14 +7,15 @@ An agent decides on a `FlightPlan`. The autopilot dialects in `swarmctl.mavlink`
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+
+import msgspec
+from msgspec.structs import force_setattr
 
 MAX_OVERSHOOT_M = 8.0
 """Default of `FlightPlan.max_overshoot_m` [m]."""
 
 
-@dataclass(frozen=True, slots=True)
-class Waypoint:
+class Waypoint(msgspec.Struct, frozen=True):
     """A point to fly over: WGS-84 degrees, altitude above home [m]."""
 
     lat_deg: float
@@ -22,8 +23,7 @@ class Waypoint:
     alt_rel_m: float
 
 
-@dataclass(frozen=True, slots=True)
-class Approach:
+class Approach(msgspec.Struct, frozen=True):
     """The landing of a fixed wing.
 
     The vehicle descends in a circle to the height of `final`, and leaves the circle straight to `final`. From
@@ -38,8 +38,7 @@ class Approach:
     touchdown: Waypoint
 
 
-@dataclass(frozen=True, slots=True)
-class FlightPlan:
+class FlightPlan(msgspec.Struct, frozen=True):
     """A take-off, a flight along `track`, and a landing at `landing`.
 
     `landing.alt_rel_m` is the altitude at which the descent begins. Some firmwares refuse a mission without a
@@ -75,8 +74,7 @@ class FlightPlan:
         return self.track if self.begins is None else (self.begins, *self.track)
 
 
-@dataclass(frozen=True, slots=True)
-class MissionItem:
+class MissionItem(msgspec.Struct, frozen=True):
     """One MISSION_ITEM_INT without its address: positions in degrees × 1e7 as on the wire.
 
     The vehicle chooses the value of a NaN parameter. Items with NaN in the same parameters are equal.
@@ -102,4 +100,4 @@ class MissionItem:
         for name in ("param1", "param2", "param3", "param4"):
             if math.isnan(getattr(self, name)):
                 # Tuples with NaN are equal only if both hold the same NaN object, so all items share one.
-                object.__setattr__(self, name, math.nan)
+                force_setattr(self, name, math.nan)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 import zlib
 from collections.abc import Iterable
-from dataclasses import dataclass
 from functools import lru_cache
 from hashlib import blake2b
 from typing import Annotated
@@ -64,8 +63,7 @@ class Observation(msgspec.Struct, frozen=True, gc=False, tag="inform/observation
         )
 
 
-@dataclass(frozen=True, slots=True)
-class CellCounts:
+class CellCounts(msgspec.Struct, frozen=True):
     """Looks at some cells, and looks that showed a hostile; arrays of one length."""
 
     cells: NDArray[np.int64]

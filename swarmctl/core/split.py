@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Annotated
 
 import msgspec
@@ -17,8 +16,7 @@ MAX_WAYS = 254
 MAX_DISTANCE_M = 1e7
 
 
-@dataclass(frozen=True, slots=True)
-class SplitPlan:
+class SplitPlan(msgspec.Struct, frozen=True):
     """The members' own routes to the place where they meet again, and the shape in which they fly on."""
 
     members: tuple[int, ...]

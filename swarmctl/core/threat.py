@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 
-@dataclass(frozen=True, slots=True)
-class FiringStrength:
+class FiringStrength(msgspec.Struct, frozen=True):
     """Hit probabilities on entry into a cell near a hostile.
 
     `direct`: the hostile's own cell; `first_neighbour`: a cell with a shared edge; `second_neighbour`: a cell

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import accumulate, pairwise
+
+import msgspec
 
 from swarmctl.core.planar import PlanarPoint
 
@@ -14,8 +15,7 @@ EQUALLY_NEAR_M = 1e-6
 """Difference in distance below which two legs count as equally near [m]."""
 
 
-@dataclass(frozen=True, slots=True)
-class TrackPosition:
+class TrackPosition(msgspec.Struct, frozen=True):
     """The place on a track that is nearest to a point."""
 
     along_m: float
@@ -26,8 +26,7 @@ class TrackPosition:
     """index of the leg; leg i leads from point i to point i + 1"""
 
 
-@dataclass(frozen=True, slots=True)
-class StraightLegs:
+class StraightLegs(msgspec.Struct, frozen=True):
     """A track over two points or more."""
 
     points: tuple[PlanarPoint, ...]

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import IntEnum
 from typing import Literal
+
+import msgspec
 
 Airframe = Literal["copter", "plane"]
 ModeRole = Literal["", "hold", "mission", "return", "land", "setpoints", "other"]
@@ -35,8 +36,7 @@ class Landed(IntEnum):
     LANDING = 4
 
 
-@dataclass(frozen=True)  # without slots `replace` is fast
-class VehicleState:
+class VehicleState(msgspec.Struct, frozen=True):
     """Values of the last telemetry; None for a value not reported yet, and for an outdated position."""
 
     time_boot_s: float = 0.0

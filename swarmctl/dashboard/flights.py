@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
+
+import msgspec
 
 from swarmctl.config.scenario import Scenario
 from swarmctl.dashboard.model import Timeline
@@ -42,8 +43,7 @@ class NotStarted(Exception):
     """A flight that has not begun; the text has the reasons."""
 
 
-@dataclass(frozen=True, slots=True)
-class StartedFlight:
+class StartedFlight(msgspec.Struct, frozen=True):
     process: FlightProcess
     timeline: Timeline
     send: Send

@@ -25,6 +25,7 @@ from swarmctl.core.frames import IntentShared, MemberShared, StateShared
 from swarmctl.core.messages import CommunicationRange
 from swarmctl.core.observation import BeliefItem, Observation
 from swarmctl.core.operator_text import printable
+from swarmctl.core.records import replace
 from swarmctl.core.threat import FiringStrength
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.dashboard import announced, conflicts, events, motions, picture_parts
@@ -282,7 +283,7 @@ class Timeline:
                 break
         else:
             return
-        after = msgspec.structs.replace(before, **changes)
+        after = replace(before, **changes)
         vehicle.words.add(time_s, after)
         for severity, text in events.of_words(before, after, is_bus=self.kind == "bus"):
             self._event(vehicle.name, time_s, severity, text)

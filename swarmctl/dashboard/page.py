@@ -7,11 +7,11 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import msgspec
 from fastapi import Request
 from nicegui import events, ui
 
 from swarmctl.core.messages import MAX_BY
+from swarmctl.core.records import replace
 from swarmctl.dashboard import style
 from swarmctl.dashboard.access import SESSION, Session, Sessions
 from swarmctl.dashboard.model import Timeline
@@ -292,7 +292,7 @@ def _sender(session: Session, send: Send | None) -> Send | None:
     if send is None or session.role != "operator":
         return None
     by = f"dashboard: {session.name}"[:MAX_BY]
-    return lambda request: send(msgspec.structs.replace(request, by=by))
+    return lambda request: send(replace(request, by=by))
 
 
 def _people(own: Session, sessions: Sessions) -> str:

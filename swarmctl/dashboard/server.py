@@ -8,10 +8,10 @@ import socket
 import ssl
 import time
 from collections.abc import AsyncIterator, Callable, Coroutine, Mapping
-from dataclasses import dataclass
 from ipaddress import ip_address
 from pathlib import Path
 
+import msgspec
 import uvicorn
 from fastapi import FastAPI
 from nicegui import ui
@@ -40,8 +40,7 @@ class CannotListen(Exception):
     """A server socket that cannot be created; the text has the address and the reason."""
 
 
-@dataclass(frozen=True, slots=True)
-class Where:
+class Where(msgspec.Struct, frozen=True):
     """The address of the page, and the certificate and key for TLS; other machines reach it over TLS only."""
 
     host: str = LOOPBACK[0]
@@ -78,8 +77,7 @@ def _is_wildcard(host: str) -> bool:
         return False
 
 
-@dataclass(frozen=True, slots=True)
-class GrowingTimeline:
+class GrowingTimeline(msgspec.Struct, frozen=True):
     """A timeline that grows while `run` runs; if reading fails, `run` puts the reason into its text."""
 
     timeline: Timeline

@@ -5,8 +5,9 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
+
+import msgspec
 
 from swarmctl.config.model import Config
 from swarmctl.config.scenario import Scenario
@@ -31,8 +32,7 @@ SIMULATED = ""
 Edits = dict[KeyPath, Any]
 
 
-@dataclass(frozen=True, slots=True)
-class FirstRouteShown:
+class FirstRouteShown(msgspec.Struct, frozen=True):
     """A vehicle's first route on the map."""
 
     name: str

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import sqlite3
 from contextlib import closing
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
+import msgspec
 from fastapi import FastAPI, Response
 
 MAX_ZOOM = 19
@@ -21,8 +21,7 @@ class TilesError(ValueError):
     """Tiles that cannot be shown; the text says what to do."""
 
 
-@dataclass(frozen=True, slots=True)
-class Tiles:
+class Tiles(msgspec.Struct, frozen=True):
     """Tiles in Web Mercator."""
 
     template: str

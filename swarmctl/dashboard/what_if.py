@@ -6,8 +6,7 @@ The answers leave out time bounds, benevolence and the way of the vehicle to the
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,16 +28,14 @@ class NoAnswer(ValueError):
     """The reason why there is no route to show, as text."""
 
 
-@dataclass(frozen=True, slots=True)
-class Weights:
+class Weights(msgspec.Struct, frozen=True):
     """The weights of the paper's sliders."""
 
     w: float
     strength: FiringStrength
 
 
-@dataclass(frozen=True, slots=True)
-class Question:
+class Question(msgspec.Struct, frozen=True):
     """A vehicle at one time: its task, what it believes, and where it is."""
 
     task: Task

@@ -6,7 +6,6 @@ import asyncio
 import contextlib
 import time
 from collections.abc import Iterator
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -19,6 +18,7 @@ from swarmctl.bus.transports.zenoh_config import Configuration
 from swarmctl.config import joining
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.frames import FrameCodec
+from swarmctl.core.records import replace
 from swarmctl.flight import app
 from swarmctl.flight.director import Launch
 from swarmctl.flight.permission import Permission

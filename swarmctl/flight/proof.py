@@ -5,7 +5,7 @@ Pure: the record, and what was found on the vehicle, decide. Without a proof the
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import msgspec
 
 from swarmctl.agent.own_modes import own_mode_roles
 from swarmctl.agent.phases import ENDED, ON_GROUND, Phase
@@ -23,8 +23,7 @@ SETTLED_S = 3.0
 """time after a mission change from which on the recorded current item is one of the new mission"""
 
 
-@dataclass(frozen=True, slots=True)
-class Finding:
+class Finding(msgspec.Struct, frozen=True):
     """The present state of a vehicle, and the result of the read-back."""
 
     identity: Identity

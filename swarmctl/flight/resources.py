@@ -7,8 +7,9 @@ import contextlib
 import time
 from collections.abc import AsyncIterator, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
-from dataclasses import dataclass
 from pathlib import Path
+
+import msgspec
 
 from swarmctl.bus.authentication import Authentication
 from swarmctl.bus.network import Network
@@ -34,8 +35,7 @@ from swarmctl.security.requests import by_token
 from swarmctl.security.token import new_token, token_of_environment
 
 
-@dataclass(frozen=True, slots=True)
-class Records:
+class Records(msgspec.Struct, frozen=True):
     """The observers of a flight."""
 
     recorder: Recorder
@@ -97,8 +97,7 @@ def begin_evidence(run: Run) -> Evidence:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class FlightResources:
+class FlightResources(msgspec.Struct, frozen=True):
     """Open resources that all members of a flight share."""
 
     front_end: FrontEnd

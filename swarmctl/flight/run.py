@@ -6,15 +6,17 @@ import asyncio
 import socket
 import time
 from collections.abc import Callable, Coroutine, Mapping
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
+
+import msgspec
 
 from swarmctl.bus.authentication import NO_AUTHENTICATION, Authentication
 from swarmctl.bus.network import RunClock
 from swarmctl.config.scenario import Scenario
 from swarmctl.config.specs import Spec
 from swarmctl.core.frames import FrameCodec
+from swarmctl.core.records import replace
 from swarmctl.flight.director import Launch
 from swarmctl.flight.permission import Permission
 from swarmctl.flight.simulator import AddressOf
@@ -30,8 +32,7 @@ VIRTUAL_EPOCH_NS = 1_767_225_600 * 10**9
 """2026-01-01, the wall time of virtual runs at loop time 0 [ns since 1970]: equal runs write equal files"""
 
 
-@dataclass(frozen=True, slots=True)
-class FlightOptions:
+class FlightOptions(msgspec.Struct, frozen=True):
     """Options of a process that flies vehicles."""
 
     launch: Launch = "when-ready"
@@ -56,8 +57,7 @@ class FlightOptions:
 DEFAULT_OPTIONS = FlightOptions()
 
 
-@dataclass(frozen=True, slots=True)
-class Run:
+class Run(msgspec.Struct, frozen=True):
     """The facts of one run."""
 
     scenario: Scenario

@@ -16,9 +16,10 @@ Imports mavlink and core. A new link is one module and one line in `LINKS`; its 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
+
+import msgspec
 
 from swarmctl.links.base import Link
 from swarmctl.links.direct import DirectLink
@@ -30,8 +31,7 @@ def _mavsdk_link(*args: Any, **kwargs: Any) -> Link:
     return link
 
 
-@dataclass(frozen=True, slots=True)
-class LinkKind:
+class LinkKind(msgspec.Struct, frozen=True):
     """A kind of link."""
 
     open: Callable[..., Link]

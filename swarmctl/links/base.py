@@ -9,8 +9,9 @@ except:
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Protocol
+
+import msgspec
 
 from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import FlightPlan, MissionItem
@@ -22,23 +23,20 @@ from swarmctl.mavlink.protocol.outcome import Swapped
 from swarmctl.mavlink.telemetry.instruments import Instruments
 
 
-@dataclass(frozen=True, slots=True)
-class AddressChanged:
+class AddressChanged(msgspec.Struct, frozen=True):
     """New address of the vehicle, to which the link now sends; a reboot may change a UDP address."""
 
     address: str
 
 
-@dataclass(frozen=True, slots=True)
-class SystemIdConflict:
+class SystemIdConflict(msgspec.Struct, frozen=True):
     """Two senders with this system id at the same time; frames of the second sender are dropped."""
 
     address: str
     """address of the second sender"""
 
 
-@dataclass(frozen=True, slots=True)
-class FramesRefused:
+class FramesRefused(msgspec.Struct, frozen=True):
     """Refused frames with the vehicle's system id; for each reason at most one event a minute."""
 
     text: str

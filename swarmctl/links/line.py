@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Set
-from dataclasses import dataclass
 from enum import Enum
 from math import inf
 from typing import Protocol
+
+import msgspec
 
 from swarmctl.links.base import AddressChanged, ChannelEvent, FramesRefused, SystemIdConflict
 from swarmctl.links.forwarding import Forwarder
@@ -152,8 +153,7 @@ class Channel:
             self._tlog = None
 
 
-@dataclass(frozen=True, slots=True)
-class LineShared:
+class LineShared(msgspec.Struct, frozen=True):
     """Objects shared by all lines of a front end."""
 
     encoder: Encoder

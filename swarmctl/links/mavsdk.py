@@ -40,7 +40,7 @@ _TRANSFER_TIMEOUT_S = 1.5
 second, so the default of 0.5 s is too short."""
 _MAX_CLOCK_GAP_S = 1.0
 """largest difference between the loop's clock and the machine's monotonic clock"""
-_ITEM_FIELDS = tuple(MissionItem.__dataclass_fields__)
+_ITEM_FIELDS = MissionItem.__struct_fields__
 
 
 class MavsdkStation:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+
+import msgspec
 
 DEFAULT_BAUD = 57600
 
 
-@dataclass(frozen=True, slots=True)
-class Endpoint:
+class Endpoint(msgspec.Struct, frozen=True):
     """Endpoint of vehicles or of other stations. Vehicles at equal endpoints share one transport."""
 
     kind: str
@@ -98,8 +98,7 @@ def _network_text(endpoint: Endpoint) -> str:
     return f"{endpoint.kind}://{host}:{endpoint.port}"
 
 
-@dataclass(frozen=True, slots=True)
-class UrlForm:
+class UrlForm(msgspec.Struct, frozen=True):
     """The form of a URL of one kind of endpoint."""
 
     example: str

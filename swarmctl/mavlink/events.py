@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
+
+import msgspec
 
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.mavlink.protocol.outcome import Done
@@ -12,8 +13,7 @@ SIMULATOR_MARK = b"sim_vehicle\0"
 """first bytes of `AUTOPILOT_VERSION.uid2` in the built-in simulator"""
 
 
-@dataclass(frozen=True, slots=True)
-class Identity:
+class Identity(msgspec.Struct, frozen=True):
     """Identity of a vehicle, from its heartbeat and AUTOPILOT_VERSION."""
 
     sysid: int
@@ -32,16 +32,14 @@ class Identity:
         return self.uid2.startswith(SIMULATOR_MARK)
 
 
-@dataclass(frozen=True, slots=True)
-class FirstHeartbeat:
+class FirstHeartbeat(msgspec.Struct, frozen=True):
     """The first heartbeat of the vehicle's autopilot."""
 
     autopilot: int
     vehicle_type: int
 
 
-@dataclass(frozen=True, slots=True)
-class StateChanged:
+class StateChanged(msgspec.Struct, frozen=True):
     """A new state of the vehicle.
 
     | occasion | delay |
@@ -55,27 +53,23 @@ class StateChanged:
     state: VehicleState
 
 
-@dataclass(frozen=True, slots=True)
-class VehicleLost:
+class VehicleLost(msgspec.Struct, frozen=True):
     """No heartbeat for longer than the limit; reported again each second until the next heartbeat."""
 
     age_s: float
 
 
-@dataclass(frozen=True, slots=True)
-class VehicleRestored:
+class VehicleRestored(msgspec.Struct, frozen=True):
     """The first heartbeat after a loss."""
 
     silent_s: float
 
 
-@dataclass(frozen=True, slots=True)
-class VehicleRebooted:
+class VehicleRebooted(msgspec.Struct, frozen=True):
     """A reboot, recognised by the vehicle's clock. Settings made over the link may be lost."""
 
 
-@dataclass(frozen=True, slots=True)
-class StatusText:
+class StatusText(msgspec.Struct, frozen=True):
     """A STATUSTEXT."""
 
     severity: int
@@ -83,8 +77,7 @@ class StatusText:
     text: str
 
 
-@dataclass(frozen=True, slots=True)
-class ProcedureDone:
+class ProcedureDone(msgspec.Struct, frozen=True):
     """The end of a procedure (launch, swap ...)."""
 
     name: str

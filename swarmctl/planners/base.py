@@ -6,12 +6,12 @@ import math
 import operator
 import sys
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
 from itertools import pairwise
 from typing import Any, Protocol
 
 import msgspec
 import numpy as np
+from msgspec.structs import force_setattr
 from numpy.typing import NDArray
 
 from swarmctl.core import exposure as measures
@@ -38,8 +38,7 @@ class BoundTooTight(Unreachable):
         self.nearest = nearest
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Problem:
+class Problem(msgspec.Struct, frozen=True, eq=False):
     """A search for the best route from `start` to one of `goals`. Raises BadProblem for invalid values.
 
     exposure: P_s, shape (rows, cols), 0 or more, infinite in walls; an array of float64 is not copied
@@ -76,7 +75,7 @@ class Problem:
             ("goals", goals),
             ("start", checked_cell("start", self.start, exposure)),
         ):
-            object.__setattr__(self, name, value)
+            force_setattr(self, name, value)
         if not _number("maximum exposure", self.max_exposure) >= 0.0:
             raise BadProblem(f"maximum exposure {self.max_exposure}: expected 0 or more")
         least = _number("least length", self.min_length_cells)
@@ -112,8 +111,7 @@ class Problem:
         return Unreachable(f"no route leads from {self.start} to a goal: {walls} lie between")
 
 
-@dataclass(frozen=True, slots=True)
-class Searched:
+class Searched(msgspec.Struct, frozen=True):
     """A search of a planner: its w, and the sums of the route found."""
 
     w: float
@@ -121,8 +119,7 @@ class Searched:
     exposure_sum: float
 
 
-@dataclass(frozen=True, slots=True)
-class Route:
+class Route(msgspec.Struct, frozen=True):
     """Neighbouring cells from the start to a goal, both included, and their sums.
 
     cost: measure that the planner minimises; for `dijkstra` the sum of Eq. 5 over the route
@@ -178,8 +175,7 @@ class Planner(Protocol):
         """
 
 
-@dataclass(frozen=True, slots=True)
-class Method:
+class Method(msgspec.Struct, frozen=True):
     """A planner with its parameters."""
 
     name: str
@@ -197,7 +193,7 @@ class Method:
 
 def method(name: str, planner: Planner, options: Mapping[str, object]) -> Method:
     """Return a planner with the parameters in `options`. Raises ValueError for an invalid option."""
-    known = sorted(f.name for f in fields(planner.Params))
+    known = sorted(planner.Params.__struct_fields__)
     for option in options:
         if option not in known:
             expected = f"its options are {', '.join(known)}" if known else "it has no options"

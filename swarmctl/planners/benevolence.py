@@ -18,8 +18,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 from scipy import ndimage
 
@@ -38,8 +38,7 @@ MAX_W = 1.0 - 1e-6
 """w above this value is lowered to it, so that each step costs something and routes have no loops"""
 
 
-@dataclass(frozen=True, slots=True)
-class OtherVehicle:
+class OtherVehicle(msgspec.Struct, frozen=True):
     """Last known cell and goals of another vehicle."""
 
     cell: Cell

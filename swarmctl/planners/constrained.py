@@ -14,10 +14,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+
+import msgspec
 
 from swarmctl.core import exposure as measures
 from swarmctl.core.grid import Cell
+from swarmctl.core.records import replace
 from swarmctl.planners import bounds, kernels
 from swarmctl.planners.base import BadProblem, Problem, Route, checked_count, is_open, route_of
 from swarmctl.planners.envelope import Envelope, SummedRoute
@@ -32,8 +34,7 @@ KEEPS_LONGEST = True
 KEEPS_SHORTEST = False
 
 
-@dataclass(frozen=True, slots=True)
-class Params:
+class Params(msgspec.Struct, frozen=True):
     """The effort of the search."""
 
     max_labels: int | None = 4_000_000

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -37,13 +37,11 @@ KEEPS_LONGEST = False
 KEEPS_SHORTEST = False
 
 
-@dataclass(frozen=True, slots=True)
-class Params:
+class Params(msgspec.Struct, frozen=True):
     """No parameters: w and ψ are part of the problem."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class CostToGo:
+class CostToGo(msgspec.Struct, frozen=True, eq=False):
     """The least cost by Eq. 5 from every cell to the nearest goal."""
 
     cost: NDArray[np.float64]

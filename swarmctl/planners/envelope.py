@@ -15,7 +15,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+
+import msgspec
 
 from swarmctl.core import exposure as measures
 from swarmctl.core.grid import Cell
@@ -32,8 +33,7 @@ N_PRICES = 3
 """number of prices above 0 before the search at price 0, which takes the most time"""
 
 
-@dataclass(frozen=True, slots=True)
-class SummedRoute:
+class SummedRoute(msgspec.Struct, frozen=True):
     """A route and its two sums."""
 
     cells: tuple[Cell, ...]
@@ -45,8 +45,7 @@ class SummedRoute:
         return self.exposure_sum + price * self.length_cells
 
 
-@dataclass(frozen=True, slots=True)
-class Edge:
+class Edge(msgspec.Struct, frozen=True):
     """Two neighbours of the envelope, the price at which both cost the same, and the field at that price."""
 
     short: SummedRoute
@@ -55,8 +54,7 @@ class Edge:
     field: kernels.Field
 
 
-@dataclass(frozen=True, slots=True)
-class Bracket:
+class Bracket(msgspec.Struct, frozen=True):
     """A route of the envelope within a bound on length, and a longer route beyond the bound."""
 
     short: SummedRoute

@@ -14,10 +14,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -37,8 +37,7 @@ KEEPS_SHORTEST = False
 MAX_PLACE_CELLS = 1000.0
 
 
-@dataclass(frozen=True, slots=True)
-class Params:
+class Params(msgspec.Struct, frozen=True):
     """The shapes of a group, and the cost of its exposure and of its changes."""
 
     shapes: tuple[Shape, ...] = (((0.0, 0.0),),)

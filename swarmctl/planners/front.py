@@ -11,6 +11,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+import msgspec
+
 from swarmctl.planners import bounds, kernels
 from swarmctl.planners.base import Problem, Route, checked_count, route_of
 from swarmctl.planners.envelope import Envelope, SummedRoute
@@ -19,8 +21,7 @@ MAX_LABELS = 20_000_000
 """default limit on the number of labels over all triangles; a label takes about 50 bytes"""
 
 
-@dataclass(frozen=True, slots=True)
-class Front:
+class Front(msgspec.Struct, frozen=True):
     """Routes from short and exposed to long and safe.
 
     Lengths that differ by less than LENGTH_TIE count as equal, and so do exposures that differ by a share of

@@ -18,11 +18,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 
+import msgspec
 import numpy as np
 
 from swarmctl.core.grid import Cell
+from swarmctl.core.records import replace
 from swarmctl.planners import kernels
 from swarmctl.planners.base import BadProblem, Problem
 from swarmctl.planners.formation import Params, area_of
@@ -33,8 +34,7 @@ from swarmctl.planners.kernels.lattice import Floats
 from swarmctl.planners.poses import HEADINGS_DEG
 
 
-@dataclass(frozen=True, slots=True)
-class Meeting:
+class Meeting(msgspec.Struct, frozen=True):
     """The state in which a group meets: the leader's cell, the heading and the shape."""
 
     cell: Cell
@@ -42,8 +42,7 @@ class Meeting:
     shape: int
 
 
-@dataclass(frozen=True, slots=True)
-class Split:
+class Split(msgspec.Struct, frozen=True):
     """The costs of flying together and apart.
 
     together: the group's cost from the start

@@ -13,8 +13,8 @@ from __future__ import annotations
 
 import functools
 import math
-from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
@@ -37,8 +37,7 @@ POINTS_A_CELL = 4
 """points a cell of length at which a member's way from place to place is compared with walls"""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Poses:
+class Poses(msgspec.Struct, frozen=True, eq=False):
     """Places of the members in each pose, and the changes between poses."""
 
     cells: Ints
@@ -83,8 +82,7 @@ def _whole(places: Floats) -> Ints:
     return np.rint(places).astype(np.int64)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class GroupArea:
+class GroupArea(msgspec.Struct, frozen=True, eq=False):
     """The graph of a group's states, with indices from cells and back."""
 
     graph: GroupGraph

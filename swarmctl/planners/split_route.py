@@ -11,11 +11,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
 
+import msgspec
 import numpy as np
 
 from swarmctl.core.grid import Cell
+from swarmctl.core.records import replace
 from swarmctl.core.route import ends_and_turns
 from swarmctl.core.split import MAX_WAY_POINTS, SplitPlan
 from swarmctl.planners import formation
@@ -34,8 +35,7 @@ POINTS_ADDED = 4
 _LOOKS = 129
 
 
-@dataclass(frozen=True, slots=True)
-class UnderWay:
+class UnderWay(msgspec.Struct, frozen=True):
     """The rest of a split that the group flies."""
 
     routes: tuple[tuple[Cell, ...], ...]
@@ -45,11 +45,10 @@ class UnderWay:
     shape: int
 
 
-@dataclass(frozen=True, slots=True)
-class Params:
+class Params(msgspec.Struct, frozen=True):
     """A group, its members' cells at the start of the problem, and the price of flying apart."""
 
-    group: formation.Params = field(default_factory=formation.Params)
+    group: formation.Params = msgspec.field(default_factory=formation.Params)
     members: tuple[int, ...] = (0,)
     """system ids in the order of the places, the leader first"""
     starts: tuple[Cell, ...] = ((0, 0),)

@@ -10,11 +10,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from typing import Literal
+
+import msgspec
 
 from swarmctl.core import exposure as measures
 from swarmctl.core.grid import Cell
+from swarmctl.core.records import replace
 from swarmctl.planners import bounds
 from swarmctl.planners.base import Problem, Route, is_open, route_of
 from swarmctl.planners.envelope import Envelope, SummedRoute
@@ -28,8 +30,7 @@ KEEPS_LONGEST = True
 KEEPS_SHORTEST = True
 
 
-@dataclass(frozen=True, slots=True)
-class Params:
+class Params(msgspec.Struct, frozen=True):
     """The measure to minimise among the routes that keep the bounds."""
 
     minimise: Literal["exposure", "distance"] = "exposure"

@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
 
+import msgspec
 import numpy as np
 
 from swarmctl.core import exposure as measures
 from swarmctl.core.grid import Cell
+from swarmctl.core.records import replace
 from swarmctl.planners import bounds, constrained, kernels
 from swarmctl.planners.base import Problem, Route, route_of
 
@@ -29,8 +30,7 @@ N_DETOURS, N_PAIRED = 400, 25
 SEARCH = constrained.Params(max_labels=200_000)
 
 
-@dataclass(frozen=True, slots=True)
-class Params:
+class Params(msgspec.Struct, frozen=True):
     """No parameters."""
 
 

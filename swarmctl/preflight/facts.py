@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Protocol
+
+import msgspec
 
 from swarmctl.agent.traffic.separation.approach import Limits
 from swarmctl.agent.traffic.separation.trajectory import Trajectory
@@ -16,8 +17,7 @@ from swarmctl.mavlink.telemetry.instruments import Instruments
 from swarmctl.preflight.policy import RequiredParameter
 
 
-@dataclass(frozen=True, slots=True)
-class OtherVehicle:
+class OtherVehicle(msgspec.Struct, frozen=True):
     """Another vehicle of the swarm. A vehicle of another process has no identity and no trajectory here."""
 
     name: str
@@ -30,8 +30,7 @@ class OtherVehicle:
     """True for a vehicle in flight, or down again, that an earlier program launched"""
 
 
-@dataclass(frozen=True, slots=True)
-class PreflightFacts:
+class PreflightFacts(msgspec.Struct, frozen=True):
     """The facts of one vehicle. None or an empty mapping: unknown."""
 
     name: str
@@ -90,8 +89,7 @@ class PreflightFacts:
     """configured kind of vehicle"""
 
 
-@dataclass(frozen=True, slots=True)
-class Finding:
+class Finding(msgspec.Struct, frozen=True):
     """The outcome of a check, for operators: the found value, the wanted value, and what to do."""
 
     ok: bool

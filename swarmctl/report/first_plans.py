@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+
+import msgspec
 
 from swarmctl.agent.formation.group_planner import first_method, leads_first, shape_changes
 from swarmctl.agent.formation.membership import GroupRoute
@@ -16,6 +17,7 @@ from swarmctl.agent.state import Task
 from swarmctl.config.scenario import PAPER_PLANNER, Scenario
 from swarmctl.core.belief import Belief
 from swarmctl.core.geo import LatLon
+from swarmctl.core.records import replace
 from swarmctl.planners import PLANNERS, Method, Problem, Route, Unreachable
 from swarmctl.report.pictures.scene import GROUP_EVERY_S
 from swarmctl.report.tables import Column, FittedTable, estimate_texts, product_text
@@ -28,8 +30,7 @@ COLUMNS = (
 )  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class FirstRoute:
+class FirstRoute(msgspec.Struct, frozen=True):
     """A vehicle's route before any observation."""
 
     task: Task
@@ -91,7 +92,7 @@ def planned_shapes(first: FirstRoute) -> Iterator[tuple[LatLon, ...]]:
         return
     track = first_flight(task, first.problem, first.route).track
     points_m = tuple(frame.to_local(point.lat_deg, point.lon_deg) for point in track)
-    curve, cells = Reference(points_m, window_for(formation.radius_m)), first.route.cells
+    curve, cells = Reference.over(points_m, window_for(formation.radius_m)), first.route.cells
     centres_m = [curve.locate(task.grid.centre_m(cell)) for cell in cells]
     n = len(formation.members)
     shapes = tuple(shape_changes(formation.change_m(n), method, first.problem, cells, centres_m))

@@ -8,10 +8,10 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,6 +25,7 @@ from swarmctl.config.specs import Spec
 from swarmctl.core.any_angle.turns import rounded
 from swarmctl.core.geo import LatLon
 from swarmctl.core.inference.survival import ProbabilityEstimate
+from swarmctl.core.records import replace
 from swarmctl.planners import Problem, Route, Unreachable
 from swarmctl.planners.front import Front, pareto_front
 from swarmctl.report.pictures.panel import FrontBound, FrontPanel, FrontPoint
@@ -46,8 +47,7 @@ PULLED_NOTE = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Candidate:
+class Candidate(msgspec.Struct, frozen=True):
     """A route of the front, and the track that the vehicle would fly for this route."""
 
     route: Route
@@ -59,8 +59,7 @@ class Candidate:
     """chance of surviving the track"""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class VehicleFront:
+class VehicleFront(msgspec.Struct, frozen=True, eq=False):
     """One vehicle's front at take-off, and the configured route."""
 
     spec: Spec

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
+import msgspec
 from rich.console import Group
 from rich.text import Text
 
@@ -45,8 +45,7 @@ COLOURS = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class VehicleRow:
+class VehicleRow(msgspec.Struct, frozen=True):
     """The live view of one vehicle."""
 
     name: str
@@ -68,8 +67,7 @@ class VehicleRow:
     """`lost` or `given up` if telemetry from an armed vehicle has stopped; else empty"""
 
 
-@dataclass(frozen=True, slots=True)
-class SwarmView:
+class SwarmView(msgspec.Struct, frozen=True):
     """The live view of the whole swarm."""
 
     name: str

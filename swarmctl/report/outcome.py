@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Any, Literal
+
+import msgspec
 
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.state import ARRIVED, AgentState
@@ -15,8 +16,7 @@ from swarmctl.report.summary import FlightStatistics
 Ending = Literal["ended", "stopped", "abandoned", "failed"]
 
 
-@dataclass(frozen=True, slots=True)
-class FlightReport:
+class FlightReport(msgspec.Struct, frozen=True):
     """The report of one flight: ending, final states, summary and results of preflight."""
 
     ended: Ending
@@ -29,7 +29,7 @@ class FlightReport:
     summary: dict[str, Any]
     bug: Exception | None = None
     """unexpected exception, caused by a bug"""
-    checked: dict[str, tuple[CheckResult, ...]] = field(default_factory=dict)
+    checked: dict[str, tuple[CheckResult, ...]] = msgspec.field(default_factory=dict)
     """results of the preflight checks, by vehicle name"""
 
     @property

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 from swarmctl.agent.replan.decide import first_route
 from swarmctl.config.scenario import Scenario, build
 from swarmctl.core.geo import distance_m
+from swarmctl.core.records import replace
 from swarmctl.planners import Unreachable
 from swarmctl.report import record, record_file
 

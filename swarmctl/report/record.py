@@ -11,7 +11,6 @@ import inspect
 import json
 import math
 from collections.abc import Callable, Collection, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -230,8 +229,7 @@ def _dedented(schema: Any) -> Any:
     return inspect.cleandoc(schema) if isinstance(schema, str) else schema
 
 
-@dataclass(frozen=True, slots=True)
-class ReplayResult:
+class ReplayResult(msgspec.Struct, frozen=True):
     """The result of a replay."""
 
     events: int
@@ -300,8 +298,7 @@ def record_path(run: Path) -> Path:
     return run / "run.mcap" if run.is_dir() else run
 
 
-@dataclass(frozen=True, slots=True)
-class RecordEntry:
+class RecordEntry(msgspec.Struct, frozen=True):
     """An event or effect of one vehicle's agent."""
 
     vehicle: str
@@ -310,8 +307,7 @@ class RecordEntry:
     """wall time [ns since 1970]"""
 
 
-@dataclass(frozen=True, slots=True)
-class RecordContent:
+class RecordContent(msgspec.Struct, frozen=True):
     """A record with its events and effects."""
 
     stored: StoredRecord

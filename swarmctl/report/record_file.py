@@ -11,10 +11,10 @@ import fcntl
 import struct
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
+import msgspec
 import zstandard
 from mcap.opcode import Opcode
 from mcap.records import Metadata
@@ -53,8 +53,7 @@ class StoredMessage(NamedTuple):
     data: bytes
 
 
-@dataclass(frozen=True, slots=True)
-class StoredRecord:
+class StoredRecord(msgspec.Struct, frozen=True):
     """The complete part of a record."""
 
     config: Config

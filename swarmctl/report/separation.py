@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from typing import Any
+
+import msgspec
 
 from swarmctl.agent.state import AgentState
 from swarmctl.agent.traffic.plan_conflicts import DeconflictionCounts
@@ -72,7 +73,7 @@ class SeparationStatistics:
             "alarms": sum(state.n_alarms for state in states.values()),
             "held": sum(state.n_holds for state in states.values()),
             "climbed": sum(state.n_climbs for state in states.values()),
-            "first_routes": None if crossings is None else asdict(crossings),
+            "first_routes": None if crossings is None else msgspec.structs.asdict(crossings),
             "plans_in_flight": _plan_conflicts(states),
         }
 
@@ -91,7 +92,7 @@ class SeparationStatistics:
 
 def _plan_conflicts(states: Mapping[int, AgentState]) -> dict[str, int]:
     """Return predicted conflicts of plans and their resolutions, counted at the vehicle that gives way."""
-    names = DeconflictionCounts.__slots__
+    names = DeconflictionCounts.__struct_fields__
     added = {name: sum(getattr(state.conflicts.counts, name) for state in states.values()) for name in names}
     resolved = sum(n for name, n in added.items() if name != "predicted")
     return added | {"unresolved": added["predicted"] - resolved}

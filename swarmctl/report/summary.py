@@ -7,10 +7,11 @@ import math
 import platform
 from collections import defaultdict, deque
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from importlib.metadata import version
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -40,8 +41,7 @@ MAX_WEIGHTS = 500
 """greatest number of a vehicle's weight changes in the summary; the newest are listed"""
 
 
-@dataclass(frozen=True, slots=True)
-class TakeoffPlan:
+class TakeoffPlan(msgspec.Struct, frozen=True):
     """The route, the belief and the firing strengths at take-off."""
 
     route: ev.SwapMission
@@ -333,7 +333,7 @@ def _plan(route: Route) -> dict[str, Any]:
     return {
         "cost": _finite(route.cost),
         "lower_bound": None if route.lower_bound is None else _finite(route.lower_bound),
-        "searched": [asdict(searched) for searched in route.searched],
+        "searched": [msgspec.structs.asdict(searched) for searched in route.searched],
     }
 
 
@@ -350,7 +350,7 @@ def _weights(
         "flight_time_s": flight_time_s,
         "from_plan": from_plan,
         "w": w,
-        "firing_strength": asdict(strength),
+        "firing_strength": msgspec.structs.asdict(strength),
     }
 
 

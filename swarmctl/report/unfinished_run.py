@@ -12,6 +12,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO
 
+import msgspec
+
 from swarmctl.agent.state import AgentState, initial_state
 from swarmctl.config.model import Config
 from swarmctl.config.scenario import Scenario
@@ -55,8 +57,7 @@ class RecordedVehicle:
     """parameters of the last MAV_CMD_DO_SET_MODE of this program; empty if there was none"""
 
 
-@dataclass(frozen=True, slots=True)
-class UnfinishedRun:
+class UnfinishedRun(msgspec.Struct, frozen=True):
     """A run whose program died in flight, with its files."""
 
     folder: Path

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
+import msgspec
 from cryptography.exceptions import InvalidSignature
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
 
@@ -22,8 +22,7 @@ from swarmctl.security.files import (
 from swarmctl.security.revocation import revoked_at
 
 
-@dataclass(frozen=True, slots=True)
-class EvidenceSigner:
+class EvidenceSigner(msgspec.Struct, frozen=True):
     """The signing key of one participant."""
 
     name: str

@@ -5,15 +5,16 @@ from __future__ import annotations
 import datetime as dt
 import ipaddress
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
 from pathlib import Path
 
+import msgspec
 from cryptography import x509
 from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
+from swarmctl.core.records import replace
 from swarmctl.core.whole_file import write_whole
 from swarmctl.security.files import (
     AUTHORITY,
@@ -47,8 +48,7 @@ BACKDATED_BY = dt.timedelta(days=1)
 PRIVATE_MODE = 0o600
 
 
-@dataclass(frozen=True, slots=True)
-class ParticipantFolder:
+class ParticipantFolder(msgspec.Struct, frozen=True):
     """A participant's folder, and the end of its certificate's validity."""
 
     name: str
@@ -105,8 +105,7 @@ def make_keys(
     return [replace(item, is_changed=not item.is_new and item.name in changed) for item in folders]
 
 
-@dataclass(frozen=True, slots=True)
-class _Authority:
+class _Authority(msgspec.Struct, frozen=True):
     key: ec.EllipticCurvePrivateKey
     certificate: x509.Certificate
 

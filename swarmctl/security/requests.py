@@ -139,8 +139,7 @@ class RequestVerifier:
             )
 
 
-@dataclass(frozen=True, slots=True)
-class SignedRequests:
+class SignedRequests(msgspec.Struct, frozen=True):
     """The receiver's side: a verifier of requests from `clock`'s present on, and the signer of answers."""
 
     verifier: RequestVerifier
@@ -171,8 +170,7 @@ def by_token(swarm: str, token: Token, tolerance_s: float, clock: Callable[[], f
     return SignedRequests(verifier, token.sign, clock, is_cheap=True)
 
 
-@dataclass(frozen=True, slots=True)
-class OperatorSigning:
+class OperatorSigning(msgspec.Struct, frozen=True):
     """The signing of requests with the operator's keys, and the check of the vehicles' signed answers."""
 
     swarm: str
@@ -188,8 +186,7 @@ class OperatorSigning:
         return verify_answer(self.swarm, key, asked, data, partial(self.keyring.verify, uav))
 
 
-@dataclass(frozen=True, slots=True)
-class TokenSigning:
+class TokenSigning(msgspec.Struct, frozen=True):
     """The signing of requests with the receivers' tokens, and the check of their signed answers."""
 
     swarm: str

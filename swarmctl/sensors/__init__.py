@@ -8,9 +8,9 @@ this room. A new simulated sensor is a module here and a line in `SOURCES`; its 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Protocol
 
+import msgspec
 import numpy as np
 
 from swarmctl.core.grid import Cell, Grid
@@ -35,8 +35,7 @@ class NoSensor:
         return ()
 
 
-@dataclass(frozen=True, slots=True)
-class SensorSource:
+class SensorSource(msgspec.Struct, frozen=True):
     """The origin of a vehicle's observations."""
 
     sensor: Callable[[Grid, frozenset[Cell], SensorModel, np.random.Generator], Sensor]

@@ -7,7 +7,6 @@ import contextlib
 import re
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 
 import msgspec
 
@@ -31,6 +30,7 @@ from swarmctl.core.messages import (
     encode,
 )
 from swarmctl.core.operator_text import extended, resolve_vehicles
+from swarmctl.core.records import replace
 
 TIMEOUT_S = ANSWER_WITHIN_S + 2.0
 
@@ -43,15 +43,14 @@ class NoValidAnswer(Exception):
     """A command without a valid answer; the text states whether the command may have had an effect."""
 
 
-@dataclass(frozen=True, slots=True)
-class FlightEndpoints:
+class FlightEndpoints(msgspec.Struct, frozen=True):
     """Endpoints of a swarm in flight, and the agents that answer at these endpoints."""
 
     swarm: str
     endpoint: BusEndpoint
     others: tuple[BusEndpoint, ...] = ()
     """further endpoints, tried in order"""
-    agents: Mapping[int, str] = field(default_factory=dict)
+    agents: Mapping[int, str] = msgspec.field(default_factory=dict)
     """vehicles (system id: name) with separate agents; empty: one process answers for all vehicles"""
 
 
@@ -254,14 +253,14 @@ async def _ask_each(
         uavs = list(flight.agents if command.uavs is None else resolve_vehicles(command.uavs, flight.agents))
         if isinstance(command, GiveOrder) and command.ignore:  # an agent knows no other vehicle's name
             ignored = tuple(resolve_vehicles(command.ignore, flight.agents))
-            command = msgspec.structs.replace(command, ignore=ignored)
+            command = replace(command, ignore=ignored)
     except ValueError as error:
         raise BadOptions(f"nothing was changed: {error}") from None
 
     async def ask_agent(uav: int) -> VehicleAnswer:
         key, name = keys.request(flight.swarm, kind, uav), flight.agents[uav]
         try:
-            payload = signing.sign(uav, key, encode(msgspec.structs.replace(command, uavs=(uav,))))
+            payload = signing.sign(uav, key, encode(replace(command, uavs=(uav,))))
         except NotAuthorised as error:
             return VehicleAnswer(uav, name, "refused", note=str(error))
         try:
@@ -297,7 +296,7 @@ def _one_answer(uav: int, name: str, answers: Sequence[bytes], n_dropped: int) -
     answer = _decode_one(uav, name, answers)
     dropped_text = f"dropped: {warning}"
     note = extended(answer.note, f"; {dropped_text}") if answer.note else dropped_text
-    return msgspec.structs.replace(answer, note=note)
+    return replace(answer, note=note)
 
 
 def _decode_one(uav: int, name: str, answers: Sequence[bytes]) -> VehicleAnswer:

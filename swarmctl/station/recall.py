@@ -6,8 +6,6 @@ import asyncio
 import math
 from collections.abc import Sequence
 
-import msgspec
-
 from swarmctl.agent.traffic.return_schedule import is_plausible, schedule_for
 from swarmctl.bus.authentication import NO_AUTHENTICATION, RequestSigning
 from swarmctl.bus.transports.base import Transport
@@ -22,6 +20,7 @@ from swarmctl.core.messages import (
     refused_names,
 )
 from swarmctl.core.operator_text import name_problems
+from swarmctl.core.records import replace
 from swarmctl.station import client
 from swarmctl.station.client import FlightEndpoints
 
@@ -61,9 +60,9 @@ async def ask(
     if not problems or len(problems) == len(words):
         return await _give(bus, flight, command, signing)
     valid = tuple(word for word in words if word not in problems)
-    answer = await _give(bus, flight, msgspec.structs.replace(command, uavs=valid), signing)
+    answer = await _give(bus, flight, replace(command, uavs=valid), signing)
     vehicles = (*answer.vehicles, *refused_names(problems))
-    return msgspec.structs.replace(answer, vehicles=vehicles)
+    return replace(answer, vehicles=vehicles)
 
 
 async def _give(
@@ -75,9 +74,7 @@ async def _give(
     if not flight.agents or command.order != "return" or is_single:
         return await client.ask(bus, flight, command, signing)
     began_s = _now_s()
-    first_answers = await _send_repeatedly(
-        bus, flight, msgspec.structs.replace(command, after_s=FALLBACK_RETURN_S), signing
-    )
+    first_answers = await _send_repeatedly(bus, flight, replace(command, after_s=FALLBACK_RETURN_S), signing)
     recalled = [v for v in first_answers if v.outcome == "taken"]
     places = {v.uav: v.place for v in recalled if v.place is not None and is_plausible(v.place)}
     schedule = schedule_for(places)
@@ -93,7 +90,7 @@ async def _give(
         # Vehicles at unknown positions return after the expected landings of the vehicles at known positions.
         begins_s = schedule.begins_s.get(vehicle.uav, schedule.all_landed_s)
         after_s = min(extra_delay_s + begins_s, MAX_AFTER_S)
-        delayed = msgspec.structs.replace(command, uavs=(vehicle.uav,), after_s=after_s)
+        delayed = replace(command, uavs=(vehicle.uav,), after_s=after_s)
         (answer,) = await _send_repeatedly(bus, flight, delayed, signing)
         if answer.outcome == "taken":
             return answer
@@ -102,7 +99,7 @@ async def _give(
             f"returns {FALLBACK_RETURN_S:g} s after the first command and ignores other vehicles: "
             f"{answer.note}"
         )
-        return msgspec.structs.replace(vehicle, note=note)
+        return replace(vehicle, note=note)
 
     answers = {answer.uav: answer for answer in await asyncio.gather(*map(send_start_time, recalled))}
     return OperatorAnswer(
@@ -125,7 +122,7 @@ async def _send_repeatedly(
         if not unconfirmed:
             break
         remaining_s = max((command.after_s or 0.0) - (_now_s() - began_s), 0.0)
-        repeated = msgspec.structs.replace(command, uavs=unconfirmed, after_s=remaining_s)
+        repeated = replace(command, uavs=unconfirmed, after_s=remaining_s)
         for v in (await client.ask(bus, flight, repeated, signing)).vehicles:
             if v.outcome != "silent":
                 answers[v.uav] = v
@@ -140,7 +137,7 @@ def _with_unconfirmed_note(vehicle: VehicleAnswer, extra_delay_s: float) -> Vehi
         f"if the vehicle took the command, it holds and returns after {FALLBACK_RETURN_S:g} s; the other "
         f"vehicles {others}: {vehicle.note}"
     )
-    return msgspec.structs.replace(vehicle, note=note)
+    return replace(vehicle, note=note)
 
 
 def _now_s() -> float:

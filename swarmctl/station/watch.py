@@ -6,8 +6,8 @@ import asyncio
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 
+import msgspec
 from rich.console import Group
 from rich.text import Text
 
@@ -49,8 +49,7 @@ CONTRADICTED_LEGEND = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class StateRow:
+class StateRow(msgspec.Struct, frozen=True):
     """The latest state of one vehicle."""
 
     name: str
@@ -73,8 +72,7 @@ class StateRow:
         return "" if text == ARRIVED else printable(text)
 
 
-@dataclass(frozen=True, slots=True)
-class StationView:
+class StationView(msgspec.Struct, frozen=True):
     """The whole swarm at one moment."""
 
     swarm: str

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+
+import msgspec
 
 BATCH_S = 1.0
 FIRST_SIZE = 4
 GREATEST_GROWTH = 8
 
 
-@dataclass(frozen=True, slots=True)
-class Batch:
+class Batch(msgspec.Struct, frozen=True):
     """Missions of one level, which one worker computes in one go."""
 
     level: int

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
+
+import msgspec
 
 from swarmctl.core.any_angle.track import centre, crossed_cells
 from swarmctl.core.grid import Cell
 
 
-@dataclass(frozen=True, slots=True)
-class EnteredCells:
+class EnteredCells(msgspec.Struct, frozen=True):
     """The cells entered, in order. The middle of a cell is halfway between entry and exit."""
 
     cells: tuple[Cell, ...]

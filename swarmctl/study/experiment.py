@@ -9,10 +9,10 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import msgspec
 from pydantic import ValidationError
 
 from swarmctl.config import yaml_lines
@@ -26,8 +26,7 @@ from swarmctl.study.kinds import KINDS, Kind
 from swarmctl.study.levels import Factor, Level, Scalar, levels_of
 
 
-@dataclass(frozen=True, slots=True)
-class Experiment:
+class Experiment(msgspec.Struct, frozen=True):
     """An experiment without problems."""
 
     text: str

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
+import msgspec
 from pydantic import BaseModel, ValidationError, create_model
 
 from swarmctl.config.checks import check_config
@@ -33,8 +33,7 @@ SETTINGS = "search"
 """the section of the settings of a kind, and the first part of their dotted keys"""
 
 
-@dataclass(frozen=True, slots=True)
-class Setup:
+class Setup(msgspec.Struct, frozen=True):
     """The computation of one level: its configuration, and the settings of its kind."""
 
     config: Config

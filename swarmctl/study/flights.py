@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 import tempfile
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -35,8 +35,7 @@ class FlightFailed(Exception):
     """A flight that ended by an error. The text has the seed, the cause and the remedy."""
 
 
-@dataclass(frozen=True, slots=True)
-class FlownVehicle:
+class FlownVehicle(msgspec.Struct, frozen=True):
     """The measures of one vehicle in one flight.
 
     A measure with the name of one in `VehicleResult` has its meaning. Errors of a vehicle without a place in

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
+
+import msgspec
 
 from swarmctl.config.model import Config
 from swarmctl.config.scenario import Scenario, build
@@ -23,8 +24,7 @@ from swarmctl.study.vehicle_result import VehicleResult
 from swarmctl.study.world import World
 
 
-@dataclass(frozen=True, slots=True)
-class Kind:
+class Kind(msgspec.Struct, frozen=True):
     """Something that an experiment computes."""
 
     row: type[Any]

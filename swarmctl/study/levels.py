@@ -8,9 +8,9 @@ import json
 import operator
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, get_args, get_origin
 
+import msgspec
 from pydantic import BaseModel
 
 from swarmctl.config.model import models_in
@@ -27,16 +27,14 @@ _CONDITION = re.compile(r"\s*(\S+)\s*(<=|>=|==|!=|<|>)\s*(\S+)\s*")
 _PART = re.compile(r"([^.\[\]]+)|\[(\d+)\]")
 
 
-@dataclass(frozen=True, slots=True)
-class Choice:
+class Choice(msgspec.Struct, frozen=True):
     """One value of a factor: its label in the results, and the keys of the configuration that it sets."""
 
     label: Scalar
     changes: Mapping[str, Any]
 
 
-@dataclass(frozen=True, slots=True)
-class Factor:
+class Factor(msgspec.Struct, frozen=True):
     """A column of the results, and its values in the order of the experiment file."""
 
     name: str
@@ -52,8 +50,7 @@ class Factor:
         return tuple(labels) if len(kinds) == 1 else tuple(str(label) for label in labels)
 
 
-@dataclass(frozen=True, slots=True)
-class Level:
+class Level(msgspec.Struct, frozen=True):
     """One combination of values."""
 
     index: int

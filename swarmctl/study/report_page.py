@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from html import escape
 from typing import Any
 
+import msgspec
 import pandas as pd
 
 from swarmctl.study.figures.base import Study, n_text
@@ -62,8 +62,7 @@ footer { margin-top: 3rem; color: var(--quiet); font-size: .82rem; }
 """
 
 
-@dataclass(frozen=True, slots=True)
-class DrawnFigure:
+class DrawnFigure(msgspec.Struct, frozen=True):
     """A figure of the report."""
 
     name: str

@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Annotated
 
+import msgspec
 import numpy as np
 from pydantic import Field
 
@@ -23,6 +23,7 @@ from swarmctl.core.belief import Belief
 from swarmctl.core.grid import Cell
 from swarmctl.core.inference.survival import survival_among, survival_probability
 from swarmctl.core.observation import Observation
+from swarmctl.core.records import replace
 from swarmctl.core.section import NameIn, Section
 from swarmctl.planners import PLANNERS, Problem, Route, plan
 from swarmctl.study import w_search
@@ -66,8 +67,7 @@ class Stream(IntEnum):
     SURVIVAL = 3
 
 
-@dataclass(frozen=True, slots=True)
-class RouteResult:
+class RouteResult(msgspec.Struct, frozen=True):
     """A route: its sums by the belief, what happens among the true hostiles, and how far it is from exact."""
 
     uav: int

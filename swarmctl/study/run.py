@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
+
+import msgspec
 
 from swarmctl.study import provenance
 from swarmctl.study.batches import Batch, BatchQueue, missing
@@ -22,8 +23,7 @@ NextBlock = Callable[[int, float], None]
 """called before one more block of `until`, with the number of worlds and half the widest interval"""
 
 
-@dataclass(frozen=True, slots=True)
-class Outcome:
+class Outcome(msgspec.Struct, frozen=True):
     """A finished study."""
 
     n_worlds: int

@@ -7,9 +7,9 @@ of each interval here. Arrays have one row a group (a level, or a value on an ax
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import stats
@@ -23,8 +23,7 @@ _CHUNK = 250
 """number of resamples drawn at once, which limits the memory to 2 MB for 1000 worlds"""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Estimates:
+class Estimates(msgspec.Struct, frozen=True, eq=False):
     """Estimated values with their intervals, arrays of one shape; NaN: not defined."""
 
     value: Floats
@@ -49,8 +48,7 @@ class Estimates:
         return np.where(np.isfinite(width), width / 2, np.inf)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Sums:
+class Sums(msgspec.Struct, frozen=True, eq=False):
     """Sums of a measure (groups, worlds), and the number of summed values; 0 values: no such world."""
 
     total: Floats

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields
 from operator import attrgetter
 from typing import Any, Generic, TypeVar
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,14 +17,13 @@ R = TypeVar("R")
 Columns = Mapping[str, NDArray[Any]]
 """arrays of one length, by the names of the columns"""
 Types = Mapping[str, type[np.generic]]
-_TYPES: Types = {"bool": np.bool_, "float": np.float64, "int": np.int32}
+_TYPES = {bool: np.bool_, float: np.float64, int: np.int32}
 _KEY_TYPES: Types = {"seed": np.int64, "uav": np.int16}
 KEY_COLUMNS = ("level", *_KEY_TYPES)
 """columns of the results that name a row"""
 
 
-@dataclass(frozen=True, slots=True)
-class SeedResult(Generic[R]):
+class SeedResult(msgspec.Struct, Generic[R], frozen=True):
     """The results of one seed, one item for each vehicle."""
 
     rows: tuple[R, ...]
@@ -35,22 +34,21 @@ class SeedResult(Generic[R]):
     """the number of strikes at each entry; empty: not known for each entry"""
 
 
-@dataclass(frozen=True, slots=True)
-class Table:
+class Table(msgspec.Struct, frozen=True):
     """The results of some seeds at one level, as columns of equal length: one row a seed and vehicle."""
 
     rows: Columns
     """`seed`, `uav` and the measures"""
-    tracks: Columns = field(default_factory=dict)
+    tracks: Columns = msgspec.field(default_factory=dict)
     """`seed`, `uav`, `step`, `row`, `col` of the entered cells, for the seeds whose tracks are kept; missions
     have the `strikes` of each step besides"""
-    hostiles: Columns = field(default_factory=dict)
+    hostiles: Columns = msgspec.field(default_factory=dict)
     """`seed`, `row`, `col` of the true hostiles, for the seeds whose tracks are kept"""
 
 
 def names_of(row: type[Any]) -> tuple[str, ...]:
-    """Return the columns of a dataclass of rows."""
-    return tuple(field.name for field in fields(row))
+    """Return the columns of a type of rows."""
+    return tuple(row.__struct_fields__)
 
 
 def table_of(
@@ -60,7 +58,8 @@ def table_of(
 
     The vehicles of a seed are sorted by system id.
     """
-    names, types = names_of(row), {field.name: _TYPES[str(field.type)] for field in fields(row)}
+    fields = msgspec.structs.fields(row)
+    names, types = names_of(row), {field.name: _TYPES[field.type] for field in fields}
     values = attrgetter(*names)
     rows: list[tuple[Any, ...]] = []
     tracks: list[tuple[int, ...]] = []

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,8 +15,7 @@ from swarmctl.planners.base import Route
 from swarmctl.study.tables import SeedResult
 
 
-@dataclass(frozen=True, slots=True)
-class VehicleResult:
+class VehicleResult(msgspec.Struct, frozen=True):
     """The measures of one vehicle in one mission.
 
     A vehicle without a way to a goal stays on the ground: it has not arrived, and its lengths are 0.

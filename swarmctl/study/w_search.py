@@ -11,10 +11,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Generator, Mapping
-from dataclasses import dataclass, replace
 
+import msgspec
 import numpy as np
 
+from swarmctl.core.records import replace
 from swarmctl.planners import BoundTooTight, Problem, Route, plan
 from swarmctl.planners.kernels import LENGTH_TIE
 
@@ -25,8 +26,7 @@ HOTTEST, COLDEST = 0.3, 0.003
 """first and last temperature of simulated annealing, in units of fitness"""
 
 
-@dataclass(frozen=True, slots=True)
-class Found:
+class Found(msgspec.Struct, frozen=True):
     """The routes of a search in w, in the order of the tries."""
 
     tried: tuple[Route, ...]

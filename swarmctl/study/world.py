@@ -7,9 +7,9 @@ number for the same hostile, whatever its route before, and whatever the number 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import IntEnum
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -48,8 +48,7 @@ def _mix(value: int) -> int:
     return value ^ value >> 31
 
 
-@dataclass(frozen=True, slots=True)
-class World:
+class World(msgspec.Struct, frozen=True):
     """The true hostiles and the draws of one seed, in an area of `rows` × `cols` cells."""
 
     seed: int

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -18,6 +17,7 @@ from swarmctl.agent.traffic.prediction import silent_neighbours
 from swarmctl.agent.traffic.separation.watch import AvoidanceAction
 from swarmctl.core import events as ev
 from swarmctl.core.frames import IntentShared, StateShared
+from swarmctl.core.records import replace
 from swarmctl.core.vehicle import Landed
 from swarmctl.report.separation import SeparationStatistics
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 from agent_stories import GRID, MID_M, Story, orders, publications, swaps
 
@@ -13,6 +11,7 @@ from swarmctl.agent.replan.swap_times import SwapHistory
 from swarmctl.agent.traffic.route_hold import hold
 from swarmctl.core import events as ev
 from swarmctl.core.frames import StateShared
+from swarmctl.core.records import replace
 
 
 class ArrivalStory(Story):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import pytest
 from wings_flights import winged
@@ -17,6 +16,7 @@ from swarmctl.agent.replan.swap_times import SwapTimes
 from swarmctl.agent.state import AgentState, initial_state
 from swarmctl.core import events as ev
 from swarmctl.core.grid import Cell
+from swarmctl.core.records import replace
 
 SCENARIO = winged()
 GRID = SCENARIO.grid

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -28,6 +27,7 @@ from swarmctl.agent.traffic.separation.trajectory import Trajectory
 from swarmctl.agent.traffic.separation.watch import AvoidanceAction, SeparationRules
 from swarmctl.core import events as ev
 from swarmctl.core.frames import IntentShared, StateShared
+from swarmctl.core.records import replace
 
 
 def intents(effects: list[ev.Effect]) -> list[IntentShared]:

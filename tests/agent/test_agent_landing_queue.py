@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -16,6 +15,7 @@ from swarmctl.agent.traffic.separation.watch import SeparationRules
 from swarmctl.agent.traffic.wait import GOES_SECOND_AFTER_S, PASSES_WITHIN_S, RULES, WaitFor
 from swarmctl.core import events as ev
 from swarmctl.core.frames import IntentShared, StateShared
+from swarmctl.core.records import replace
 from swarmctl.core.vehicle import Landed
 
 HOME_AMSL_M = 300.0

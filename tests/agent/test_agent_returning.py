@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -23,6 +22,7 @@ from swarmctl.config.flight import FlightSection
 from swarmctl.core import events as ev
 from swarmctl.core.frames import MAX_MAGNITUDE, StateShared
 from swarmctl.core.messages import VehicleAnswer
+from swarmctl.core.records import replace
 from swarmctl.flight.shutdown import Shutdown
 from swarmctl.flight.virtual_clock import run_virtual
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -25,6 +24,7 @@ from swarmctl.core.any_angle.corners import ExposureMeasure
 from swarmctl.core.belief import Belief
 from swarmctl.core.exposure import length_cells
 from swarmctl.core.grid import Cell
+from swarmctl.core.records import replace
 from swarmctl.core.threat import FiringStrength
 from swarmctl.planners import PLANNERS, BoundTooTight, Method, Problem, Route
 from swarmctl.planners.base import is_open, route_of

@@ -99,7 +99,7 @@ def test_a_member_that_has_to_hold_stops_at_once_also_if_the_order_is_lost(
 
 def member(flies: tuple[float, float, float], **facts: object) -> Group:
     """Return a member that flies alone along a route to the east, at its height."""
-    route = Reference(((0.0, 60.0), (900.0, 60.0)), 15.0)
+    route = Reference.over(((0.0, 60.0), (900.0, 60.0)), 15.0)
     return Group(
         **{
             "now_s": 0.0,

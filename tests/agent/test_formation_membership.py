@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import pytest
 from light_group import LateVehicle, LightGroup
@@ -18,6 +17,7 @@ from swarmctl.agent.step import step
 from swarmctl.agent.traffic.own_flight import planned_flight, position_amsl
 from swarmctl.core import events as ev
 from swarmctl.core.frames import MAX_POINTS
+from swarmctl.core.records import replace
 from swarmctl.core.setpoint import SetPoint
 from swarmctl.core.vehicle import VehicleState
 

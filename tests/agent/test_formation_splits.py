@@ -133,7 +133,7 @@ def test_the_velocity_of_a_place_on_a_way_is_its_derivative(
             found.append((east_m, north_m))
         return tuple(found)
 
-    reference = Reference(points(route), window_for(60.0))
+    reference = Reference.over(points(route), window_for(60.0))
     split = SplitStretch.of(20.0, reference.length_m - 10.0, {3: points(way)})
     way_of_3 = split.ways[3]
 
@@ -154,8 +154,8 @@ def test_the_velocity_of_a_place_on_a_way_is_its_derivative(
 
 
 def test_a_long_way_slows_the_route_so_that_its_member_can_follow() -> None:
-    reference = Reference(((0.0, 0.0), (0.0, 1000.0)), window_for(30.0))
-    way = Reference(((0.0, 0.0), (600.0, 400.0), (0.0, 800.0)), 15.0)
+    reference = Reference.over(((0.0, 0.0), (0.0, 1000.0)), window_for(30.0))
+    way = Reference.over(((0.0, 0.0), (600.0, 400.0), (0.0, 800.0)), 15.0)
     profile = SpeedProfile.of(reference, 30.0, 10.0, 14.0, 2.0, ways=[(100.0, 900.0, way)])
     ratio = way.length_m / 800.0
     assert max(profile.at(s_m) for s_m in range(100, 900, 5)) * ratio <= 12.01

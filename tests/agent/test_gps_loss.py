@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 from failsafe_facts import RuleRunner, at, facts
 
 from swarmctl.agent.failsafes import gps_loss
 from swarmctl.agent.failsafes.base import DemandKind, FailsafeFacts
+from swarmctl.core.records import replace
 
 NO_FIX = at(0.0, 0.0, gps_ok=False)
 

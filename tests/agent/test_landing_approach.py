@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from itertools import pairwise
 
 import pytest
@@ -25,6 +24,7 @@ from swarmctl.agent.replan.landing_pattern import (
 )
 from swarmctl.core.geo import LocalFrame
 from swarmctl.core.planar import contains
+from swarmctl.core.records import replace
 
 FRAME = LocalFrame(46.0, 14.4)
 WINGS = FixedWing(

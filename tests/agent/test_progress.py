@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from itertools import pairwise
 
 import pytest
@@ -14,6 +13,7 @@ from swarmctl.agent.progress import PlannedFlight, Progress, progress_on
 from swarmctl.core import events as ev
 from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.mission import Waypoint
+from swarmctl.core.records import replace
 from swarmctl.core.route import flight_plan
 from swarmctl.core.vehicle import VehicleState
 

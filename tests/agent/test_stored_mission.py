@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import pairwise
 
 import pytest
@@ -10,6 +9,7 @@ from agent_stories import GRID, Story
 
 from swarmctl.agent.replan.stored_mission import rest_of_stored
 from swarmctl.core import events as ev
+from swarmctl.core.records import replace
 
 BESIDE = (6, 4)
 """a cell beside the route along row 4"""

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 from failsafe_facts import RuleRunner, at, facts
 
 from swarmctl.agent.failsafes import taken_over
 from swarmctl.agent.failsafes.base import DemandKind, FlightActivity
 from swarmctl.agent.failsafes.taken_over import FOREIGN_ON_GROUND_S
+from swarmctl.core.records import replace
 from swarmctl.core.vehicle import STALE_MODE_S, VehicleState
 
 LOITER = at(0.0, 0.0, mode="LOITER", mode_role="other")

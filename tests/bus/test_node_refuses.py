@@ -30,6 +30,7 @@ from swarmctl.core.frames import (
     StateShared,
 )
 from swarmctl.core.observation import Checkpoint, Observation, checkpoint
+from swarmctl.core.records import replace
 
 MOST = WORK_BURST // WORK_PER_MESSAGE
 """Messages accepted at once."""
@@ -435,7 +436,7 @@ def test_requests_to_a_peer_with_false_claims_become_rarer() -> None:
     swarm = NodeSwarm((1, 2, 3), NodeOptions(ROWS, COLS, sync_every_s=1000.0))
     swarm.uavs[1].publish_state = lambda: None  # type: ignore[method-assign]
     for second in range(100):
-        claim = msgspec.structs.replace(state(), last_seq=2**50, knows=second)
+        claim = replace(state(), last_seq=2**50, knows=second)
         claimed = frame(claim, n=100 + 2 * second, unix_s=swarm.unix_s)
         swarm.deliver(1, 2, "inform/state", SEAL.encode(claimed))
         answer = frame(Snapshot((), True), n=101 + 2 * second, unix_s=swarm.unix_s)

@@ -7,7 +7,7 @@ import datetime as dt
 import json
 from collections.abc import AsyncIterator, Callable
 from contextlib import AsyncExitStack, ExitStack, asynccontextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -34,6 +34,7 @@ from swarmctl.bus.transports import access, zenoh_config
 from swarmctl.bus.transports.base import MAX_MESSAGE_BYTES
 from swarmctl.bus.transports.zenoh import ZenohBus
 from swarmctl.bus.transports.zenoh_config import Configuration, Credentials
+from swarmctl.core.records import replace
 from swarmctl.security import issue as making
 from swarmctl.security.issue import make_keys
 

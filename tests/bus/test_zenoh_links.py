@@ -8,7 +8,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import replace
 
 import pytest
 from profiles import full_only
@@ -29,6 +28,7 @@ from swarmctl.bus import keys
 from swarmctl.bus.endpoint import BusEndpoint
 from swarmctl.bus.transports import renewal, zenoh, zenoh_config
 from swarmctl.bus.transports.zenoh import CLOSE_S, ZenohBus
+from swarmctl.core.records import replace
 
 pytestmark = pytest.mark.interop
 TO_TWO = keys.uav_message(SWARM, 2, "inform/state", 1)

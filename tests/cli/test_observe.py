@@ -11,7 +11,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -32,6 +31,7 @@ from swarmctl.bus.transports.zenoh_config import Configuration, Credentials
 from swarmctl.cli import observe
 from swarmctl.cli.main import cli
 from swarmctl.core.grid import Grid
+from swarmctl.core.records import replace
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.security.issue import make_keys
 from swarmctl.security.participant import load_keyring

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -22,6 +21,7 @@ from swarmctl.agent.replan.decide import first_route
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.inference.survival import ProbabilityEstimate
 from swarmctl.core.observation import Observation
+from swarmctl.core.records import replace
 from swarmctl.planners import PLANNERS, Method, Route
 from swarmctl.planners.front import Front
 from swarmctl.report import front

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import pytest
 from flights import AREA, small
@@ -16,6 +15,7 @@ from swarmctl.agent.step import step
 from swarmctl.config.scenario import Scenario
 from swarmctl.core import events as ev
 from swarmctl.core.any_angle.corners import ExposureMeasure
+from swarmctl.core.records import replace
 from swarmctl.report.first_plans import first_routes, plan_table, planned_shapes
 from swarmctl.report.tables import estimate_texts, product_text
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -11,6 +10,7 @@ from flights import small
 
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.exposure import exposure, exposure_sum
+from swarmctl.core.records import replace
 from swarmctl.core.threat import FiringStrength
 from swarmctl.dashboard.model import Timeline
 from swarmctl.dashboard.sources.mission import replayed

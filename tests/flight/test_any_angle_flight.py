@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +29,7 @@ from swarmctl.core.any_angle.pull import Track
 from swarmctl.core.exposure import exposure_sum, length_cells
 from swarmctl.core.grid import Cell
 from swarmctl.core.observation import Observation
+from swarmctl.core.records import replace
 from swarmctl.core.route import ends_and_turns, flight_plan
 from swarmctl.planners import Problem
 from swarmctl.report import first_plans, outputs, record

@@ -7,7 +7,6 @@ import contextlib
 import datetime as dt
 import json
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +31,7 @@ from swarmctl.core.messages import (
     VehicleAnswer,
     decode_answer,
 )
+from swarmctl.core.records import replace
 from swarmctl.flight import app, companion
 from swarmctl.flight.permission import Permission
 from swarmctl.flight.virtual_clock import run_virtual

@@ -6,7 +6,6 @@ import asyncio
 import datetime as dt
 import hashlib
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -18,6 +17,7 @@ from swarmctl.bus import keys
 from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.cli.main import cli
 from swarmctl.core.messages import SetWeights
+from swarmctl.core.records import replace
 from swarmctl.flight.run import DEFAULT_OPTIONS
 from swarmctl.preflight.waivers import parse_waivers
 from swarmctl.report.evidence.chain import CheckedChain, check

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +18,7 @@ from swarmctl.agent.replan.landing_pattern import ROLL_OUT_M
 from swarmctl.config import model
 from swarmctl.config.checks import check_config
 from swarmctl.config.scenario import Scenario, build
+from swarmctl.core.records import replace
 from swarmctl.flight.simulator import scenario_json
 
 pytestmark = pytest.mark.virtual

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Sequence
-from dataclasses import replace
 
 import pytest
 from director_ground import Clearance, Ground
@@ -12,6 +11,7 @@ from flights import small
 
 from swarmctl.core import events as ev
 from swarmctl.core.frames import IntentPoint, IntentShared
+from swarmctl.core.records import replace
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.flight.member import Member
 from swarmctl.mavlink.events import StateChanged, VehicleRebooted

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -12,6 +11,7 @@ from agent_stories import GRID, Story, orders
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.state import ARRIVED
 from swarmctl.core import events as ev
+from swarmctl.core.records import replace
 from swarmctl.core.vehicle import Landed, VehicleState
 from swarmctl.flight import proof
 from swarmctl.flight.proof import Finding

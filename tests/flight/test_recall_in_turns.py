@@ -6,7 +6,6 @@ import asyncio
 import json
 import re
 from collections.abc import Awaitable, Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +27,7 @@ from swarmctl.config.scenario import Scenario
 from swarmctl.core import events as ev
 from swarmctl.core.events import FlightOrder
 from swarmctl.core.messages import GiveOrder, OperatorAnswer, VehicleAnswer
+from swarmctl.core.records import replace
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.report.outcome import FlightReport
 from swarmctl.station import recall

@@ -7,7 +7,7 @@ import contextlib
 import gc
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import pytest
 from director_ground import runner_of
@@ -17,6 +17,7 @@ from swarmctl.agent.launch import Launch
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.state import AgentState
 from swarmctl.core import events as ev
+from swarmctl.core.records import replace
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.flight.runner import Runner
 from swarmctl.flight.virtual_clock import run_virtual

@@ -6,7 +6,6 @@ import errno
 import fcntl
 import random
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import BinaryIO
 
@@ -23,6 +22,7 @@ from wings_flights import winged
 from sim_vehicle.faults.spec import parse_fault
 from sim_vehicle.fleet import Fleet
 from swarmctl.config.scenario import Scenario
+from swarmctl.core.records import replace
 from swarmctl.flight import app
 from swarmctl.flight.run import DEFAULT_OPTIONS
 from swarmctl.flight.wiring import Flight

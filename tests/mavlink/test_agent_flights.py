@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 from agent_flight import GRID, ROW, AgentFlight, largest_retreat_m
 from profiles import full_only
@@ -11,6 +9,7 @@ from profiles import full_only
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.swap_times import SwapTimes
 from swarmctl.core import events as ev
+from swarmctl.core.records import replace
 from swarmctl.core.route import MAX_OVERSHOOT_CELLS
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import pytest
 from flying_bench import HOME
@@ -11,6 +10,7 @@ from plane_flights import FIRST, GOAL, LOW_M, RADIUS_M, away_m, bench, landed
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.mission import FlightPlan, MissionItem
+from swarmctl.core.records import replace
 from swarmctl.mavlink.dialects import dialect_for
 from swarmctl.mavlink.procedures import basic
 from swarmctl.mavlink.procedures.land import landing_items

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 from flying_bench import BOTH, Faults, FlyingBench, plan
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from swarmctl.core.records import replace
 from swarmctl.mavlink.procedures import basic
 
 OLD, NEW = plan(north=8), plan(north=5, east=0.001)

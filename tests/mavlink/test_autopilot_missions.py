@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import pytest
 from flying_bench import BOTH, Faults, FlyingBench, plan
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.mission import MissionItem
+from swarmctl.core.records import replace
 from swarmctl.mavlink.procedures import basic
 
 OLD = plan(north=8, alt=33.333)

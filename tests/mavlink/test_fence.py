@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 
 import pytest
 from flying_bench import BOTH, HOME, FlyingBench, on_the_ground, plan
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from swarmctl.core.records import replace
 from swarmctl.mavlink.procedures import basic
 from swarmctl.mavlink.procedures.fence import (
     MAX_VERTICES,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
 from math import inf
 
@@ -10,6 +9,7 @@ import pytest
 from bench import STEP_S, Bench, Faults, north_of_home
 from scripted_copter import Script
 
+from swarmctl.core.records import replace
 from swarmctl.mavlink.procedures import basic
 
 OLD, NEW = north_of_home(8), north_of_home(6, east=0.002)

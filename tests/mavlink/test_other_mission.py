@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import struct
-from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -15,6 +14,7 @@ from sim_vehicle.station.exchanges import UploadPlan
 from sim_vehicle.station.frames import Receiver
 from sim_vehicle.station.messages import PlanItem
 from swarmctl.core.mission import MissionItem
+from swarmctl.core.records import replace
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.mavlink.dialects import dialect_for
 from swarmctl.mavlink.events import StateChanged

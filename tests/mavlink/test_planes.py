@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
 
 import pytest
@@ -24,6 +23,7 @@ from profiles import full_only
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.geo import distance_m
+from swarmctl.core.records import replace
 from swarmctl.core.vehicle import Landed
 from swarmctl.mavlink.procedures import basic
 from swarmctl.mavlink.procedures.land import landing_items

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import struct
-from dataclasses import replace
 
 import pytest
 from flying_bench import FlyingBench, plan
@@ -14,6 +13,7 @@ from profiles import full_only
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.mission import FlightPlan, MissionItem, Waypoint
+from swarmctl.core.records import replace
 from swarmctl.mavlink.dialects import dialect_for
 from swarmctl.mavlink.dialects.px4 import Px4Copter
 from swarmctl.mavlink.protocol.mission_upload import UploadOutcome

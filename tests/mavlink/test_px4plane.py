@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import pytest
 from flying_bench import HOME
@@ -11,6 +10,7 @@ from plane_flights import FIRST, FRAME, GOAL, LOW_M, RADIUS_M, SECOND, START, aw
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.mission import MissionItem
+from swarmctl.core.records import replace
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.mavlink.dialects import dialect_for
 from swarmctl.mavlink.dialects.plan import append_items

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -13,6 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from wire_bench import Faults
 
 from swarmctl.core.geo import LocalFrame, distance_m
+from swarmctl.core.records import replace
 from swarmctl.core.setpoint import SetPoint
 from swarmctl.mavlink.dialects import dialect_for
 from swarmctl.mavlink.dialects.px4 import Px4

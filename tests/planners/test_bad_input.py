@@ -1,6 +1,5 @@
 """Problems without a route, or with an evident route, for every search."""
 
-import dataclasses
 import math
 from collections.abc import Callable
 from typing import Any
@@ -8,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from swarmctl.core.records import replace
 from swarmctl.planners import PLANNERS, BadProblem, BoundTooTight, Problem, Route, Unreachable, pareto_front
 
 Search = Callable[[Problem], Route]
@@ -32,7 +32,7 @@ ROW = Problem(np.array([[0.1, 0.2, 0.3, 0.4]]), (0, 0), ((0, 3),), 0.5, 0.1)
 
 @bounded_search
 def test_an_unreachable_goal_with_a_bound_is_unreachable_and_not_too_far(search: Search) -> None:
-    limited = dataclasses.replace(ROW, max_exposure=0.25, max_length_cells=2.0)
+    limited = replace(ROW, max_exposure=0.25, max_length_cells=2.0)
     with pytest.raises(Unreachable) as caught:
         search(limited)
     assert not isinstance(caught.value, BoundTooTight)
@@ -42,7 +42,7 @@ def test_an_unreachable_goal_with_a_bound_is_unreachable_and_not_too_far(search:
 def test_a_bound_below_the_shortest_route_is_an_error_with_that_route(search: Search) -> None:
     field = np.vstack([ROW.exposure, np.zeros((1, 4))])  # a longer route has no exposure
     with pytest.raises(BoundTooTight) as caught:
-        search(dataclasses.replace(ROW, exposure=field, max_length_cells=2.9))
+        search(replace(ROW, exposure=field, max_length_cells=2.9))
     assert caught.value.nearest.cells == ((0, 0), (0, 1), (0, 2), (0, 3))
 
 

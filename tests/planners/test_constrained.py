@@ -1,6 +1,5 @@
 """The least exposed route within a bound, compared with all routes."""
 
-import dataclasses
 from itertools import pairwise
 
 import numpy as np
@@ -10,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from profiles import examples, full_only
 
+from swarmctl.core.records import replace
 from swarmctl.planners import BadProblem, Problem, constrained, time_bound
 from swarmctl.planners.constrained import Params
 
@@ -28,7 +28,7 @@ def test_a_route_has_the_least_exposure_within_the_bound_and_then_the_least_leng
     bound = front[0][0] + share * (front[-1][0] - front[0][0])
     if on_a_route:
         bound = min((length for length, _ in front), key=lambda length: abs(length - bound))
-    problem = dataclasses.replace(problem, max_length_cells=bound)
+    problem = replace(problem, max_length_cells=bound)
     best = [point for point in front if point[0] <= bound + 1e-9][-1]
     found = constrained.plan(problem, EXACT)
     assert (found.length_cells, found.exposure_sum) == pytest.approx(best, abs=1e-9)
@@ -36,7 +36,7 @@ def test_a_route_has_the_least_exposure_within_the_bound_and_then_the_least_leng
 
 
 def test_a_route_that_no_w_finds() -> None:
-    bounded = dataclasses.replace(three_arms(), max_length_cells=3.5)
+    bounded = replace(three_arms(), max_length_cells=3.5)
     found = constrained.plan(bounded, EXACT)
     assert (found.length_cells, found.exposure_sum) == (3.0, 1.0)
     assert time_bound.plan(bounded, time_bound.Params()).exposure_sum == 2.0
@@ -51,7 +51,7 @@ def rough(seed: int) -> Problem:
 def test_the_lower_bound_grows_with_the_budget_up_to_the_cost(bound: float) -> None:
     gains = []
     for seed in range(8):
-        bounded = dataclasses.replace(rough(seed), max_length_cells=bound)
+        bounded = replace(rough(seed), max_length_cells=bound)
         steps = [constrained.plan(bounded, Params(n)) for n in (1, 30, 100, 300, 0)]
         best = steps[-1].cost
         for less, more in pairwise(steps):
@@ -68,4 +68,4 @@ def test_the_lower_bound_grows_with_the_budget_up_to_the_cost(bound: float) -> N
 
 def test_a_least_length_is_refused_with_the_name_of_a_planner_that_supports_it() -> None:
     with pytest.raises(BadProblem, match="time_bound"):
-        constrained.plan(dataclasses.replace(rough(0), min_length_cells=3.0), EXACT)
+        constrained.plan(replace(rough(0), min_length_cells=3.0), EXACT)

@@ -1,6 +1,5 @@
 """Properties of every planner in the registry."""
 
-import dataclasses
 import math
 from itertools import pairwise
 
@@ -12,6 +11,7 @@ from profiles import examples
 
 from swarmctl.core.exposure import exposure_sum, length_cells, safety_factor
 from swarmctl.core.grid import Cell
+from swarmctl.core.records import replace
 from swarmctl.planners import PLANNERS, BadProblem, Planner, Problem, Route, Unreachable
 
 QUICK = settings(max_examples=examples(30), deadline=None, derandomize=True)
@@ -48,7 +48,7 @@ def test_a_route_leads_from_the_start_to_a_goal_with_the_measures_of_its_cells(
     problem.exposure.flags.writeable = False
     route = solve(planner, problem)
     np.testing.assert_array_equal(problem.exposure, before)
-    assert solve(planner, dataclasses.replace(problem, exposure=before)) == route
+    assert solve(planner, replace(problem, exposure=before)) == route
     assert route.cells[0] == problem.start
     assert route.cells[-1] in problem.goals
     assert not set(route.cells[:-1]) & set(problem.goals)
@@ -66,7 +66,7 @@ def test_the_measure_of_a_route_through_a_wall_is_infinite(planner: Planner) -> 
     field[0, 1] = 0.5
     problem = Problem(field, (0, 0), ((0, 2),), 0.5, 0.1)
     for limit, walled in ((0.4, True), (0.5, False)):
-        limited = dataclasses.replace(problem, max_exposure=limit)
+        limited = replace(problem, max_exposure=limit)
         for cells in (((0, 0), (0, 1), (0, 2)), ((0, 0), (1, 1), (0, 2))):
             assert math.isinf(planner.measure(limited, cells, planner.Params())) == walled
 
@@ -75,10 +75,10 @@ def test_the_measure_of_a_route_through_a_wall_is_infinite(planner: Planner) -> 
 @QUICK
 @given(problem=problems(), limit=st.sampled_from([0.0, 0.3, 0.6]))
 def test_a_maximum_exposure_makes_walls(planner: Planner, problem: Problem, limit: float) -> None:
-    limited = dataclasses.replace(problem, max_exposure=limit)
+    limited = replace(problem, max_exposure=limit)
     walls = np.where(problem.exposure > limit, math.inf, problem.exposure)
     try:
-        cells = solve(planner, dataclasses.replace(problem, exposure=walls)).cells
+        cells = solve(planner, replace(problem, exposure=walls)).cells
     except Unreachable:
         with pytest.raises(Unreachable):
             solve(planner, limited)
@@ -90,7 +90,7 @@ def test_a_maximum_exposure_makes_walls(planner: Planner, problem: Problem, limi
 def test_only_a_planner_that_declares_w_uses_w(planner: Planner) -> None:
     field = np.random.default_rng(4).random((9, 15))
     problem = Problem(field, (4, 0), ((4, 14),), 0.0, 0.3)
-    routes = {solve(planner, dataclasses.replace(problem, w=w)).cells for w in (0.0, 0.5, 1.0)}
+    routes = {solve(planner, replace(problem, w=w)).cells for w in (0.0, 0.5, 1.0)}
     assert (len(routes) > 1) == planner.USES_W
 
 
@@ -100,11 +100,11 @@ def test_only_a_planner_that_declares_a_bound_keeps_it(planner: Planner) -> None
     free = Problem(np.zeros((1, 2)), cells[0], cells[1:], 0.5, 1.0)
 
     def keeps(**bound: float) -> bool:
-        return math.isinf(planner.measure(dataclasses.replace(free, **bound), cells, planner.Params()))
+        return math.isinf(planner.measure(replace(free, **bound), cells, planner.Params()))
 
     assert keeps(max_length_cells=0.5) == planner.KEEPS_LONGEST
     try:
-        is_accepted = bool(solve(planner, dataclasses.replace(free, min_length_cells=0.5)))
+        is_accepted = bool(solve(planner, replace(free, min_length_cells=0.5)))
     except BadProblem:
         is_accepted = False
     assert (is_accepted and keeps(min_length_cells=2.0)) == planner.KEEPS_SHORTEST
@@ -113,7 +113,7 @@ def test_only_a_planner_that_declares_a_bound_keeps_it(planner: Planner) -> None
 @every_planner
 def test_a_start_at_the_goal_gives_a_route_of_one_cell(planner: Planner) -> None:
     route = solve(planner, Problem(np.full((3, 3), 0.5), (1, 1), ((0, 0), (1, 1)), 0.5, 0.1))
-    assert dataclasses.replace(route, lower_bound=None) == Route(((1, 1),), 0.0, 0.0, 0.0, 1.0)
+    assert replace(route, lower_bound=None) == Route(((1, 1),), 0.0, 0.0, 0.0, 1.0)
 
 
 @every_planner
@@ -190,7 +190,7 @@ def test_an_invalid_problem_is_refused_with_the_found_value(change: dict[str, ob
     start: Cell = (0, 0)
     sound = Problem(FIELD, start, ((3, 4),), 0.5, 0.1)
     with pytest.raises(BadProblem) as caught:
-        dataclasses.replace(sound, **change)
+        replace(sound, **change)
     assert found in str(caught.value)
 
 

@@ -1,6 +1,5 @@
 """The route of a group, compared with a plain search over every cell, heading and shape."""
 
-import dataclasses
 import math
 
 import numpy as np
@@ -11,6 +10,7 @@ from hypothesis import strategies as st
 from profiles import examples
 
 from swarmctl.core.exposure import length_cells
+from swarmctl.core.records import replace
 from swarmctl.planners import PLANNERS, Problem, Route, Unreachable, dijkstra, formation, method
 from swarmctl.planners.formation import Params, measure, members_along, plan, shapes_along
 
@@ -77,7 +77,7 @@ def found(problem: Problem, params: Params) -> Route | None:
 def test_a_group_of_one_gets_the_route_of_eq_5(problem: Problem, gains: bool) -> None:
     if gains:
         gain = np.random.default_rng(1).random(problem.exposure.shape) * 0.3
-        problem = dataclasses.replace(problem, gain=gain)
+        problem = replace(problem, gain=gain)
     route = found(problem, Params())
     try:
         own = dijkstra.plan(problem, dijkstra.Params())

@@ -1,6 +1,5 @@
 """The whole front, compared with all routes, and on larger maps with an exchange between cells."""
 
-import dataclasses
 import functools
 import itertools
 import math
@@ -12,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from profiles import examples, full_only
 
+from swarmctl.core.records import replace
 from swarmctl.planners import (
     BoundTooTight,
     Front,
@@ -72,7 +72,7 @@ def test_dijkstra_finds_each_point_for_every_w_of_its_range(seed: int) -> None:
         assert left[1] == right[0]
     for route, (low, high) in ranges:
         for w in (0.999 * low + 0.001 * high, 0.5 * (low + high), 0.001 * low + 0.999 * high):
-            found = dijkstra.plan(dataclasses.replace(rough(seed), w=w), dijkstra.Params())
+            found = dijkstra.plan(replace(rough(seed), w=w), dijkstra.Params())
             assert (found.length_cells, found.exposure_sum) == pytest.approx(
                 (route.length_cells, route.exposure_sum), abs=1e-9
             )
@@ -83,13 +83,13 @@ def test_dijkstra_finds_each_point_for_every_w_of_its_range(seed: int) -> None:
 def test_no_planner_is_better_than_the_front_and_routes_within_a_bound_lie_on_it(seed: int) -> None:
     points = points_of(rough_front(seed))
     for w in np.linspace(0.0, 1.0, 21).tolist():
-        found = dijkstra.plan(dataclasses.replace(rough(seed), w=w), dijkstra.Params())
+        found = dijkstra.plan(replace(rough(seed), w=w), dijkstra.Params())
         assert any(
             length <= found.length_cells + 1e-9 and total <= found.exposure_sum + 1e-9
             for length, total in points
         )
     for bound in np.linspace(39.0, points[-1][0] + 1.0, 15).tolist():
-        bounded = dataclasses.replace(rough(seed), max_length_cells=bound)
+        bounded = replace(rough(seed), max_length_cells=bound)
         for found in (
             constrained.plan(bounded, constrained.Params()),
             time_bound.plan(bounded, time_bound.Params("exposure")),
@@ -109,7 +109,7 @@ def test_the_front_within_bounds_is_the_part_between_them(seed: int, ends: tuple
         for route, by_w, between in zip(whole.routes, whole.supported, whole.w_ranges, strict=True)
         if least - LENGTH_TIE <= route.length_cells <= greatest + LENGTH_TIE
     ]
-    bounded = dataclasses.replace(rough(seed), min_length_cells=least, max_length_cells=greatest)
+    bounded = replace(rough(seed), min_length_cells=least, max_length_cells=greatest)
     if not inside:
         with pytest.raises(BoundTooTight):
             pareto_front(bounded)
@@ -128,7 +128,7 @@ def test_a_route_on_an_edge_of_the_hull_has_no_range_of_w() -> None:
 
 
 def test_a_front_without_weight_of_length_has_ranges_of_w_only_at_its_ends() -> None:
-    front = pareto_front(dataclasses.replace(rough(0), psi_per_cell=0.0))
+    front = pareto_front(replace(rough(0), psi_per_cell=0.0))
     assert points_of(front) == points_of(pareto_front(rough(0)))
     assert front.w_ranges[0] == (0.0, 0.0)
     assert front.w_ranges[-1] == (0.0, 1.0)
@@ -156,7 +156,7 @@ def test_a_spent_label_budget_keeps_all_supported_points_and_only_points_of_the_
 def test_bounds_without_a_point_are_an_error_with_the_nearest_route(
     window: tuple[float, float], nearest: float | None
 ) -> None:
-    bounded = dataclasses.replace(rough(0), min_length_cells=window[0], max_length_cells=window[1])
+    bounded = replace(rough(0), min_length_cells=window[0], max_length_cells=window[1])
     with pytest.raises(BoundTooTight) as caught:
         pareto_front(bounded)
     longest = rough_front(0).routes[-1].length_cells

@@ -1,6 +1,5 @@
 """The split of a group, compared with every meeting."""
 
-import dataclasses
 import math
 
 import numpy as np
@@ -11,6 +10,7 @@ from hypothesis import strategies as st
 from profiles import examples
 
 from swarmctl.core.grid import Cell
+from swarmctl.core.records import replace
 from swarmctl.planners import BadProblem, Problem, dijkstra
 from swarmctl.planners.formation import Params
 from swarmctl.planners.meeting import split
@@ -83,7 +83,7 @@ def test_apart_is_the_least_sum_over_all_meetings(
     flown = 0.0
     for start, route, cell in zip(starts, found.routes, meeting_cells, strict=True):
         assert (route[0], route[-1]) == (start, cell)
-        to_cell = dataclasses.replace(problem, start=start, goals=(cell,))
+        to_cell = replace(problem, start=start, goals=(cell,))
         flown += dijkstra.measure(to_cell, route, dijkstra.Params())
     if apart <= together:
         assert factor * flown + onward[found.meeting.cell, pose] == pytest.approx(apart, rel=1e-9, abs=1e-12)

@@ -116,7 +116,7 @@ def answer(search: Callable[[Problem], Route | Front], problem: Problem) -> obje
 
 def content(answered: object) -> object:
     return (
-        tuple(getattr(answered, name) for name in Front.__slots__)
+        tuple(getattr(answered, name) for name in Front.__struct_fields__)
         if isinstance(answered, Front)
         else answered
     )

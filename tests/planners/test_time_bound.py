@@ -1,6 +1,5 @@
 """Figure 7, compared with all routes, and with `dijkstra` at the searched values of w."""
 
-import dataclasses
 import math
 
 import numpy as np
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from profiles import examples
 
 from swarmctl.core.exposure import exposure
+from swarmctl.core.records import replace
 from swarmctl.core.threat import FiringStrength
 from swarmctl.planners import BoundTooTight, Problem, dijkstra, time_bound
 from swarmctl.planners.time_bound import Params
@@ -41,7 +41,7 @@ def test_the_route_is_the_best_of_all_w_that_keep_the_window(
     window = [max(shortest + share * (longest - shortest), 0.0) for share in ends]
     if on_a_route:
         window = [min((length for length, _ in routes), key=lambda x: abs(x - end)) for end in window]
-    problem = dataclasses.replace(problem, min_length_cells=min(window), max_length_cells=max(window))
+    problem = replace(problem, min_length_cells=min(window), max_length_cells=max(window))
     keep = [(length, total) for length, total in routes if misses_by(problem, length) <= 1e-8]
     if not keep:
         with pytest.raises(BoundTooTight) as caught:
@@ -68,16 +68,16 @@ def terrain(seed: int, side: int) -> NDArray[np.float64]:
 def test_every_search_is_a_route_of_dijkstras_and_few_are_needed(seed: int) -> None:
     field = terrain(seed, 200)
     free = Problem(field, (100, 0), ((100, 199),), 0.5, 0.132)
-    safest = dijkstra.plan(dataclasses.replace(free, w=1.0), dijkstra.Params())
+    safest = dijkstra.plan(replace(free, w=1.0), dijkstra.Params())
     for share in (0.05, 0.5, 0.95):
         bound = 199.0 + share * (safest.length_cells - 199.0)
-        found = time_bound.plan(dataclasses.replace(free, max_length_cells=bound), LEAST_EXPOSED)
+        found = time_bound.plan(replace(free, max_length_cells=bound), LEAST_EXPOSED)
         assert found.length_cells <= bound
         assert len(found.searched) <= 15
         best = min(s.exposure_sum for s in found.searched if s.length_cells <= bound)
         assert found.exposure_sum == best
         for searched in found.searched[1:4]:
-            route = dijkstra.plan(dataclasses.replace(free, w=searched.w), dijkstra.Params())
+            route = dijkstra.plan(replace(free, w=searched.w), dijkstra.Params())
             assert route.length_cells == pytest.approx(searched.length_cells)
             assert route.exposure_sum == pytest.approx(searched.exposure_sum)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -11,6 +10,7 @@ from preflight_facts import FIT, FIX, FRAME, SQUARE, START, STATE, flight, place
 
 from swarmctl.config.preflight import Policy
 from swarmctl.core.mission import Approach, FlightPlan, Waypoint
+from swarmctl.core.records import replace
 from swarmctl.mavlink.events import Identity
 from swarmctl.mavlink.firmware import Firmware
 from swarmctl.mavlink.procedures.fence import fence_items

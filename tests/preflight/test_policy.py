@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 import struct
-from dataclasses import replace
 from typing import Any
 
 import pytest
 
 from swarmctl.agent.replan.landing_pattern import FixedWing
 from swarmctl.config.preflight import Policy
+from swarmctl.core.records import replace
 from swarmctl.mavlink.events import Identity
 from swarmctl.mavlink.firmware import Firmware, firmware_of
 from swarmctl.preflight.policy import DeclaredBehaviour, NoParameterTable, RequiredParameter, parameters_for

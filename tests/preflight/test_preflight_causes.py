@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -13,6 +12,7 @@ from rich.console import Console
 from trouble import Trouble, inject
 
 from swarmctl.config.scenario import Scenario
+from swarmctl.core.records import replace
 from swarmctl.flight.run import DEFAULT_OPTIONS
 from swarmctl.preflight import report as tables
 from swarmctl.preflight.checks import battery, route

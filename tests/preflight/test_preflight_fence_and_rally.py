@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import struct
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -16,6 +15,7 @@ from trouble import OTHER_STATION, Trouble, inject
 
 from sim_vehicle.fleet import Fleet
 from sim_vehicle.vehicle.mission import Item
+from swarmctl.core.records import replace
 from swarmctl.flight import virtual_simulator
 from swarmctl.flight.run import DEFAULT_OPTIONS
 from swarmctl.preflight.waivers import Waiver
@@ -58,8 +58,12 @@ def switches_off(fleet: Fleet) -> None:
 
 def puts_rally_points(fleet: Fleet) -> None:
     here = [round(degrees * 1e7) for degrees in fleet.vehicles[1].body.lat_lon_deg]
-    place = Item(mavlink.MAV_CMD_NAV_RALLY_POINT, frame=3, x=here[0] + 900, y=here[1], z=30.0)
-    fleet.vehicles[1].home_and_rally.rally.replace([place, replace(place, x=here[0] - 900)])
+    fleet.vehicles[1].home_and_rally.rally.replace(
+        [
+            Item(mavlink.MAV_CMD_NAV_RALLY_POINT, frame=3, x=here[0] + offset, y=here[1], z=30.0)
+            for offset in (900, -900)
+        ]
+    )
 
 
 FAR_ABOVE_M = 1000.0

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import dataclasses
 import math
 from itertools import combinations
 from pathlib import Path
@@ -13,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from swarmctl.core.grid import Grid
+from swarmctl.core.records import replace
 from swarmctl.report.pictures.front import colours, draw_fronts, front_figure
 from swarmctl.report.pictures.panel import FrontBound, FrontPanel, FrontPoint
 
@@ -44,7 +44,7 @@ def panel(n: int = 5, name: str = "uav1", **changes: object) -> FrontPanel:
         chosen_label="constrained",
         bounds=[FrontBound(1100.0, "within 132 s", is_latest=True)],
     )
-    return dataclasses.replace(made, **changes)
+    return replace(made, **changes)
 
 
 def drawn(*panels: FrontPanel) -> Figure:

@@ -1,4 +1,3 @@
-import dataclasses
 import re
 from pathlib import Path
 
@@ -12,6 +11,7 @@ from profiles import full_only
 
 from swarmctl.core.belief import CLEAR, OCCUPIED, UNKNOWN
 from swarmctl.core.grid import Cell, Grid
+from swarmctl.core.records import replace
 from swarmctl.report.pictures.scene import MapPicture, PlannedTrack, VehicleTrack
 from swarmctl.report.pictures.sheet import draw_map, figure_of
 
@@ -42,7 +42,7 @@ def picture(n_vehicles: int = 2, rows: int = 20, cols: int = 20, **changes: obje
     made = MapPicture(
         grid, hostiles, known, tracks, "First flight", f"{n_vehicles} vehicles · w = 0.5 · seed 7"
     )
-    return dataclasses.replace(made, **changes)
+    return replace(made, **changes)
 
 
 def cell_pixels(path: Path, shown: MapPicture, cell: Cell) -> NDArray[np.int64]:
@@ -135,8 +135,8 @@ def test_the_legend_lies_outside_the_map_and_nothing_in_it_overlaps_or_is_cut_of
     n_vehicles: int, rows: int, cols: int, outcome: str
 ) -> None:
     shown = picture(n_vehicles, rows, cols)
-    tracks = [dataclasses.replace(track, outcome=outcome) for track in shown.tracks]
-    figure = figure_of(dataclasses.replace(shown, tracks=tracks))
+    tracks = [replace(track, outcome=outcome) for track in shown.tracks]
+    figure = figure_of(replace(shown, tracks=tracks))
     figure.draw_without_rendering()
     chart, *keys = figure.axes
     map_box = chart.get_window_extent()
@@ -170,8 +170,8 @@ def test_the_legend_has_every_vehicle_and_only_the_marks_on_the_map() -> None:
 @pytest.mark.parametrize("n_vehicles", [1, 5, 20])
 def test_a_long_outcome_stands_whole_in_the_legend(n_vehicles: int) -> None:
     shown = picture(n_vehicles)
-    tracks = [dataclasses.replace(track, outcome=LONG) for track in shown.tracks]
-    words = " ".join(legend_of(dataclasses.replace(shown, tracks=tracks))).split()
+    tracks = [replace(track, outcome=LONG) for track in shown.tracks]
+    words = " ".join(legend_of(replace(shown, tracks=tracks))).split()
     assert " ".join(words).count(LONG) == n_vehicles
 
 
@@ -184,7 +184,7 @@ def test_a_cell_wrongly_taken_for_a_hostile_is_outlined_and_in_the_legend() -> N
     shown = picture()
     known = shown.known.copy()
     known[3, 3] = OCCUPIED
-    mistaken = figure_of(dataclasses.replace(shown, known=known))
+    mistaken = figure_of(replace(shown, known=known))
     legend = [text.get_text() for key in mistaken.axes[1:] for text in texts_of(key)]
     before = legend_of(shown)
     assert len(legend) == len(before) + 1
@@ -206,11 +206,8 @@ def test_a_lost_vehicles_track_ends_with_a_mark_of_its_own() -> None:
 
     def drawn(*lost: bool) -> tuple[list[bool], list[bool]]:
         """Return of each end mark, in the legend and on the map, whether it is the white one."""
-        tracks = [
-            dataclasses.replace(track, is_lost=is_lost)
-            for track, is_lost in zip(shown.tracks, lost, strict=True)
-        ]
-        chart, *keys = figure_of(dataclasses.replace(shown, tracks=tracks)).axes
+        tracks = [replace(track, is_lost=is_lost) for track, is_lost in zip(shown.tracks, lost, strict=True)]
+        chart, *keys = figure_of(replace(shown, tracks=tracks)).axes
         legend = [line for key in keys for line in key.lines]
         return tuple(
             [line.get_markerfacecolor() == "white" for line in lines if line.get_marker() == "s"]
@@ -225,8 +222,8 @@ def test_a_lost_vehicles_track_ends_with_a_mark_of_its_own() -> None:
 def test_numbers_of_vehicles_with_one_start_do_not_overlap() -> None:
     shown = picture(n_vehicles=6)
     start = shown.tracks[0].start
-    together = [dataclasses.replace(track, start=start) for track in shown.tracks]
-    chart = figure_of(dataclasses.replace(shown, tracks=together)).axes[0]
+    together = [replace(track, start=start) for track in shown.tracks]
+    chart = figure_of(replace(shown, tracks=together)).axes[0]
     at = chart.transData.transform([text.get_position() for text in texts_of(chart)])
     gaps = np.hypot(*(at[:, None] - at[None, :]).transpose(2, 0, 1))[~np.eye(6, dtype=bool)]
     assert gaps.min() > 0.9 * 11.5 / 72.0 * 160.0

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-import msgspec
 import pytest
 
 from swarmctl.bus.endpoint import BusEndpoint
@@ -19,6 +18,7 @@ from swarmctl.core.messages import (
     decode_command,
     encode,
 )
+from swarmctl.core.records import replace
 from swarmctl.flight.virtual_clock import run_virtual
 from swarmctl.station import recall
 from swarmctl.station.client import TIMEOUT_S, FlightEndpoints
@@ -119,14 +119,14 @@ def test_a_vehicle_at_an_unknown_position_waits_as_well() -> None:
 def test_an_impossible_position_counts_as_unknown(
     changes: dict[str, Any],
 ) -> None:
-    agents = Agents({1: place(), 2: msgspec.structs.replace(place(), **changes)})
+    agents = Agents({1: place(), 2: replace(place(), **changes)})
     recalled(agents)
     assert agents.last(1) == 0.0
     assert agents.last(2) > 0.0
 
 
 def test_an_impossible_position_gives_no_duration_of_a_return() -> None:
-    agents = Agents({1: msgspec.structs.replace(place(), speed_m_s=0.0), 2: None}, lambda uav, _: uav == 1)
+    agents = Agents({1: replace(place(), speed_m_s=0.0), 2: None}, lambda uav, _: uav == 1)
     recalled(agents)
     assert agents.last(1) >= 2.0 * FALLBACK_RETURN_S
 

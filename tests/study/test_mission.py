@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from itertools import pairwise
 
@@ -12,6 +11,7 @@ from flights import small
 
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.exposure import exposure, exposure_sum, length_cells
+from swarmctl.core.records import replace
 from swarmctl.study.mission import fly_mission
 from swarmctl.study.vehicle_result import MissionResult
 from swarmctl.study.world import World, uniform
@@ -43,7 +43,7 @@ def test_a_silent_vehicle_flies_as_if_it_were_alone() -> None:
     for i, spec in enumerate(scenario.specs):
         alone = mission(scenario.only(spec.sysid))
         assert alone.tracks == (together.tracks[i],)
-        expected = dataclasses.replace(together.rows[i], arrival_s=alone.rows[0].arrival_s)
+        expected = replace(together.rows[i], arrival_s=alone.rows[0].arrival_s)
         assert alone.rows == (expected,)
         assert alone.rows[0].messages_sent == alone.rows[0].messages_received == 0
 

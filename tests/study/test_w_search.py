@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from swarmctl.core.exposure import exposure
+from swarmctl.core.records import replace
 from swarmctl.core.threat import FiringStrength
 from swarmctl.planners import BoundTooTight, Problem, pareto_front, plan
 from swarmctl.study import w_search

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 from typing import Any, TypeVar
 
 import msgspec
@@ -19,6 +18,7 @@ from swarmctl.core.frames import IntentPoint
 from swarmctl.core.grid import Cell, Grid
 from swarmctl.core.messages import VehicleAnswer
 from swarmctl.core.observation import Observation
+from swarmctl.core.records import replace
 from swarmctl.core.threat import FiringStrength
 from swarmctl.core.vehicle import Landed, VehicleState
 from swarmctl.planners import PLANNERS, Method
@@ -61,7 +61,7 @@ class Story:
     def __call__(self, event: ev.Event) -> list[ev.Effect]:
         self.now += 1.0
         if isinstance(event, ev.TelemetryReceived) and self._messages:
-            event, self._messages = msgspec.structs.replace(event, **self._messages), {}
+            event, self._messages = replace(event, **self._messages), {}
         self.state, self.effects = step(self.state, event, self.now)
         for message in publications(self.effects):
             check_accepted(message)

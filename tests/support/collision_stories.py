@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 from agent_stories import GRID, MID_M, Story, orders
@@ -10,6 +9,7 @@ from agent_stories import GRID, MID_M, Story, orders
 from swarmctl.agent.traffic.separation.watch import AvoidanceAction, SeparationRules
 from swarmctl.core import events as ev
 from swarmctl.core.frames import StateShared
+from swarmctl.core.records import replace
 
 
 class ApproachStory(Story):

@@ -10,7 +10,7 @@ import asyncio
 import contextlib
 import shutil
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ from trouble import Trouble, watched
 
 from sim_vehicle.fleet import Fleet
 from swarmctl.config.scenario import Scenario
+from swarmctl.core.records import replace
 from swarmctl.flight import app, virtual_simulator
 from swarmctl.flight.run import DEFAULT_OPTIONS, VIRTUAL_EPOCH_NS, FlightOptions
 from swarmctl.flight.simulator import AddressOf, undisturbed

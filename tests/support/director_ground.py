@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from swarmctl.bus.transports.memory import MemoryBus
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.inference.sensor import PERFECT
 from swarmctl.core.mission import FlightPlan, MissionItem
+from swarmctl.core.records import replace
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.flight.director import Director, Launch
 from swarmctl.flight.member import Member

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import random
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import drawn_traffic as traffic
@@ -19,6 +19,7 @@ from light_vehicle import STOPS_AFTER_S
 
 from swarmctl.config.formations_checks import check_groups
 from swarmctl.config.scenario import Scenario
+from swarmctl.core.records import replace
 
 ENDS_WITHIN_S = 1500.0
 START_SPACING_M = 20.0

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import combinations
 from typing import Any
 
@@ -20,6 +20,7 @@ from swarmctl.agent.traffic.return_schedule import schedule_for
 from swarmctl.agent.traffic.returning import position_for_return
 from swarmctl.config.scenario import Scenario
 from swarmctl.core import events as ev
+from swarmctl.core.records import replace
 
 UP_M = 1.0
 HEIGHT_TOLERANCE_M = 0.3

@@ -6,7 +6,6 @@ may take over, the position may be lost, or the vehicle may land.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from random import Random
 from typing import Any
 
@@ -15,6 +14,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from swarmctl.core.geo import LocalFrame
 from swarmctl.core.mission import Approach, FlightPlan, Waypoint
 from swarmctl.core.planar import PlanarPoint
+from swarmctl.core.records import replace
 from swarmctl.core.vehicle import Landed, VehicleState
 from swarmctl.mavlink.dialects import Dialect
 from swarmctl.mavlink.dialects.ardupilot import ArduCopter

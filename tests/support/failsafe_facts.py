@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 from swarmctl.agent.failsafes.base import Demand, FailsafeFacts, Rule
 from swarmctl.core.events import SwapMission
 from swarmctl.core.geo import LocalFrame
 from swarmctl.core.mission import FlightPlan, Waypoint
+from swarmctl.core.records import replace
 from swarmctl.core.vehicle import Landed, VehicleState
 
 FRAME = LocalFrame(46.0, 14.4)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import random
-from dataclasses import replace
 from itertools import combinations
 from typing import Any
 
@@ -13,6 +12,7 @@ from light_swarm import TELEMETRY_EVERY, Air, LightAgent, LightSwarm
 from light_vehicle import LightVehicle
 
 from swarmctl.agent.phases import Phase
+from swarmctl.core.records import replace
 from swarmctl.core.vehicle import VehicleState
 
 

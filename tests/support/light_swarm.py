@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
-import msgspec
 from agent_stories import check_accepted
 from light_vehicle import LightVehicle
 
@@ -25,6 +24,7 @@ from swarmctl.core import events as ev
 from swarmctl.core.frames import IntentShared, MemberShared, StateShared
 from swarmctl.core.grid import Cell
 from swarmctl.core.observation import Observation
+from swarmctl.core.records import replace
 from swarmctl.mavlink.telemetry.presence import LOST_EVERY_S
 
 STEP_S = 0.125
@@ -303,7 +303,7 @@ class LightAgent:
         self._fresh.clear()
         heard = [(uav, *self._intents[uav]) for uav in sorted(self._fresh_intents)]
         self._fresh_intents.clear()
-        return msgspec.structs.replace(
+        return replace(
             telemetry,
             neighbours=relevant_states(self.state, [(uav, now - at_s, state) for uav, at_s, state in told]),
             intents=tuple((uav, now - at_s, intent) for uav, at_s, intent in heard),

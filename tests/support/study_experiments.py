@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
+import msgspec
 import numpy as np
 from cli_runner import SHIPPED
 
@@ -32,8 +32,7 @@ def small_experiment(folder: Path, *lines: str, worlds: int = 20) -> Experiment:
     return load_experiment(experiment_file(folder, FACTORS, *lines), worlds)
 
 
-@dataclass(frozen=True)
-class QuickRow:
+class QuickRow(msgspec.Struct, frozen=True):
     uav: int
     strikes: int
     survived: bool

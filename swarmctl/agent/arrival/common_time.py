@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+
+import msgspec
+
+from swarmctl.core.records import replace
 
 LEAST_SHARE = 0.2
 """least speed of an early vehicle, as a share of its full speed"""
@@ -16,8 +19,7 @@ N_BISECTIONS = 14
 """number of bisections for a speed, to within about 1 mm/s"""
 
 
-@dataclass(frozen=True, slots=True)
-class ArrivalGroup:
+class ArrivalGroup(msgspec.Struct, frozen=True):
     """The vehicles that arrive together, and the rules of their arrival."""
 
     rank: Mapping[int, int]
@@ -30,11 +32,10 @@ class ArrivalGroup:
     """configured least speed of an early vehicle [m/s]"""
 
 
-@dataclass(frozen=True, slots=True)
-class CommonArrival:
+class CommonArrival(msgspec.Struct, frozen=True):
     """The common arrival as one vehicle knows it; times are by its own clock."""
 
-    others_earliest_s: Mapping[int, float] = field(default_factory=dict)
+    others_earliest_s: Mapping[int, float] = msgspec.field(default_factory=dict)
     """earliest arrivals of other vehicles over their goals"""
     due_s: float | None = None
     """this vehicle's time of arrival"""
@@ -42,8 +43,7 @@ class CommonArrival:
     """`due_s` for which spare time was planned; None: no spare time was planned"""
 
 
-@dataclass(frozen=True, slots=True)
-class CommandedSpeed:
+class CommandedSpeed(msgspec.Struct, frozen=True):
     """The speed commanded on the present plan."""
 
     m_s: float | None = None

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
+
+import msgspec
 
 from swarmctl.agent.arrival.common_time import ArrivalGroup, due_s, speed_for
 from swarmctl.agent.commands import StepResult, may_set_speed, set_speed
@@ -83,8 +84,7 @@ def speed_failed(state: AgentState, event: ev.SpeedFailed, _now: float) -> StepR
     return replace(state, speed=state.speed.unknown(), trouble=event.reason), []
 
 
-@dataclass(frozen=True, slots=True)
-class _PathToGoal:
+class _PathToGoal(msgspec.Struct, frozen=True):
     """The flight from a vehicle to its goal cell."""
 
     track: Sequence[PlanarPoint]

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, Literal, Protocol
+
+import msgspec
 
 from swarmctl.core.events import SwapMission
 from swarmctl.core.geo import LocalFrame
@@ -41,8 +42,7 @@ ACTIVITY_AS_DEMAND: dict[FlightActivity, DemandKind] = {
 """Demand that each activity in flight already fulfils; only a stronger demand changes the activity."""
 
 
-@dataclass(frozen=True, slots=True)
-class Demand:
+class Demand(msgspec.Struct, frozen=True):
     kind: DemandKind
     reason: str
     """text for the operator: found and expected values"""
@@ -50,16 +50,14 @@ class Demand:
     """False: before a return, the vehicle holds until its return path is clear; True: it reacts at once"""
 
 
-@dataclass(frozen=True, slots=True)
-class Fence:
+class Fence(msgspec.Struct, frozen=True):
     corners_m: tuple[tuple[float, float], ...]
     """(east, north) in the area's local frame [m], in order"""
     ceiling_m: float
     """greatest height above home [m]"""
 
 
-@dataclass(frozen=True, slots=True)
-class FailsafeFacts:
+class FailsafeFacts(msgspec.Struct, frozen=True):
     """Input of the rules."""
 
     vehicle: VehicleState
@@ -124,8 +122,7 @@ class OptionalRule(Rule, Protocol):
         """One sentence for the configuration reference."""
 
 
-@dataclass(frozen=True, slots=True)
-class ActiveRule:
+class ActiveRule(msgspec.Struct, frozen=True):
     rule: Rule
     params: Section
 

@@ -13,9 +13,9 @@ A single position may be wrong, so the rule takes the weaker demand of the last 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import dist
 
+import msgspec
 from pydantic import Field
 
 from swarmctl.agent.failsafes.base import STRENGTH, Demand, DemandKind, FailsafeFacts, Fence
@@ -43,8 +43,7 @@ class Params(Section):
     seconds: float = Field(2.0, gt=0.0, description="time from the order until the vehicle brakes [s]")
 
 
-@dataclass(frozen=True, slots=True)
-class FenceAheadMemory:
+class FenceAheadMemory(msgspec.Struct, frozen=True):
     here: PlanarPoint
     """position after the last movement of at least MIN_MOVEMENT_M"""
     course: PlanarPoint | None = None

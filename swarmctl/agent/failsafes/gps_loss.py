@@ -12,8 +12,7 @@ If the autopilot does not react, this rule acts:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+import msgspec
 from pydantic import Field
 
 from swarmctl.agent.failsafes.base import Demand, DemandKind, FailsafeFacts, true_since
@@ -32,8 +31,7 @@ class Params(Section):
     )
 
 
-@dataclass(frozen=True, slots=True)
-class GpsLossMemory:
+class GpsLossMemory(msgspec.Struct, frozen=True):
     no_fix_since_s: float | None = None
     """time of the first SYS_STATUS without a fix"""
     no_position_since_s: float | None = None

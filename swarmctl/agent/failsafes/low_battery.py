@@ -9,11 +9,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
+import msgspec
 from pydantic import Field
 
 from swarmctl.agent.failsafes.base import STRENGTH, Demand, DemandKind, FailsafeFacts, has_lasted, true_since
+from swarmctl.core.records import replace
 from swarmctl.core.section import Section
 
 NAME = "low_battery"
@@ -50,8 +50,7 @@ class Params(Section):
             )
 
 
-@dataclass(frozen=True, slots=True)
-class LowBatteryMemory:
+class LowBatteryMemory(msgspec.Struct, frozen=True):
     return_since_s: float | None = None
     land_since_s: float | None = None
     demanded: Demand | None = None

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal
 
+import msgspec
 from pydantic import Field
 
 from swarmctl.agent.failsafes.base import Demand, DemandKind, FailsafeFacts, has_lasted, true_since
@@ -30,8 +30,7 @@ class Params(Section):
     action: Literal["warn", "hold", "return", "land"] = Field("return", description="reaction")
 
 
-@dataclass(frozen=True, slots=True)
-class NotFollowingMemory:
+class NotFollowingMemory(msgspec.Struct, frozen=True):
     plan_id: int
     track_m: tuple[PlanarPoint, ...]
     """(east, north) [m], from the vehicle's position when the rule first saw this plan"""

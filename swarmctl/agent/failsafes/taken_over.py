@@ -6,7 +6,7 @@ the agent did not select, and a vehicle that flies another station's mission.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import msgspec
 
 from swarmctl.agent.failsafes.base import Demand, DemandKind, FailsafeFacts, has_lasted, true_since
 from swarmctl.core.section import Section
@@ -25,8 +25,7 @@ class Params(Section):
     """No parameters."""
 
 
-@dataclass(frozen=True, slots=True)
-class TakenOverMemory:
+class TakenOverMemory(msgspec.Struct, frozen=True):
     foreign_since_s: float | None = None
     orders_given: int = 0
     text: str = ""

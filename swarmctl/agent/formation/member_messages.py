@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import msgspec
-
 from swarmctl.agent.commands import StepResult
 from swarmctl.agent.formation.ways import SplitStretch
 from swarmctl.agent.state import AgentState
@@ -58,13 +56,13 @@ def tell_group(state: AgentState) -> StepResult:
 
 def _as_leader(state: AgentState, message: MemberShared, *, with_route: bool) -> MemberShared:
     """Return the message with the reference point, and with the route if it is due."""
-    message = msgspec.structs.replace(message, weights=state.membership.weights)
+    message = replace(message, weights=state.membership.weights)
     route, along, last = state.membership.route, state.membership.along, state.last_position
     if route is None or along is None:
         return message
     to_geodetic = state.task.grid.frame.to_geodetic
     home_m = (last.alt_amsl_m or 0.0) - (last.alt_rel_m or 0.0)
-    return msgspec.structs.replace(
+    return replace(
         message,
         along_m=along.s_m,
         speed_m_s=along.speed_m_s,

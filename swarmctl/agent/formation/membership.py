@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, Literal
+
+import msgspec
 
 from swarmctl.agent.formation.approaches.base import ACCELERATION_M_S2, Along, Approach, PlaceMemory
 from swarmctl.agent.formation.reference import Reference, SpeedProfile, window_for
@@ -32,8 +34,7 @@ NEARER_M = 1.0
 """Least distance by which a member that follows comes nearer to its place in `Formation.max_error_s` [m]."""
 
 
-@dataclass(frozen=True, slots=True)
-class Formation:
+class Formation(msgspec.Struct, frozen=True, dict=True):
     """The configured group of a vehicle."""
 
     name: str
@@ -66,17 +67,18 @@ class Formation:
     """price of flying apart (`planners.meeting`); None: the group never splits"""
     reach_m: float = math.inf
     """range of messages [m]"""
-    radius_m: float = field(init=False)
-    """greatest distance of a place from the reference point, over all shapes [m]"""
-    _places: tuple[tuple[tuple[ShapePlace, ...], ...], ...] = field(init=False)
-    """places by shape and number of members, because they are asked for at each set-point"""
 
-    def __post_init__(self) -> None:
+    @cached_property
+    def _places(self) -> tuple[tuple[tuple[ShapePlace, ...], ...], ...]:
+        """Places by shape and number of members, because they are asked for at each set-point."""
         numbers = range(len(self.members) + 1)
         # Too few offsets are a problem of the configuration, which is checked later.
-        of = tuple(tuple(shape.places(min(n, shape.n_most)) for n in numbers) for shape in self.shapes)
-        object.__setattr__(self, "_places", of)
-        object.__setattr__(self, "radius_m", max(radius_m(sizes[-1]) for sizes in of))
+        return tuple(tuple(shape.places(min(n, shape.n_most)) for n in numbers) for shape in self.shapes)
+
+    @cached_property
+    def radius_m(self) -> float:
+        """Greatest distance of a place from the reference point, over all shapes [m]."""
+        return max(radius_m(sizes[-1]) for sizes in self._places)
 
     def weights_with(self, before: tuple[float, ...], changes: Mapping[str, float]) -> tuple[float, ...]:
         """Return the weights of all behaviours after changes by name; `before`: empty as configured."""
@@ -119,8 +121,7 @@ class Formation:
         return PLACE_KEPT * self.lost_after_s
 
 
-@dataclass(frozen=True, slots=True)
-class MemberReport:
+class MemberReport(msgspec.Struct, frozen=True):
     """The newest message of a member."""
 
     message: MemberShared
@@ -130,8 +131,7 @@ class MemberReport:
     """its position, (east, north) in the area's local frame [m]"""
 
 
-@dataclass(frozen=True, slots=True)
-class FarFromPlace:
+class FarFromPlace(msgspec.Struct, frozen=True):
     """A member that is farther from its place than it should be."""
 
     least_m: float
@@ -154,8 +154,7 @@ def far_from_place(
     return before
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class GroupRoute:
+class GroupRoute(msgspec.Struct, frozen=True, eq=False):
     """The route of a group's reference point, as its leader tells it."""
 
     leader: int
@@ -185,7 +184,7 @@ class GroupRoute:
         Only its corners count, because a message holds MAX_POINTS of them. A longer route ends earlier.
         """
         extent_m = formation.radius_m
-        reference = Reference(tuple(turning_points(points_m)[:MAX_POINTS]), window_for(extent_m))
+        reference = Reference.over(tuple(turning_points(points_m)[:MAX_POINTS]), window_for(extent_m))
         end_m = max(reference.length_m - formation.ends_before_m, 0.0)
         ways = () if split is None else [(w.begin_m, w.end_m, w.curve) for w in split.ways.values()]
         profile = SpeedProfile.of(
@@ -209,11 +208,10 @@ class GroupRoute:
         return None if self.split is None else self.split.ways.get(uav)
 
 
-@dataclass(frozen=True)  # without slots `replace` is fast
-class Membership:
+class Membership(msgspec.Struct, frozen=True):
     """The group as one vehicle knows it; times are by this vehicle's clock."""
 
-    told: Mapping[int, MemberReport] = field(default_factory=dict)
+    told: Mapping[int, MemberReport] = msgspec.field(default_factory=dict)
     route: GroupRoute | None = None
     """the route that the vehicle follows, or tells while it leads"""
     leader: int | None = None
@@ -250,9 +248,9 @@ class Membership:
     """last value of `MemberShared.joins` that was sent"""
     in_group_boot_s: float = -math.inf
     """time of the last message from within the group"""
-    neighbours: Mapping[int, NeighbourReport] = field(default_factory=dict)
+    neighbours: Mapping[int, NeighbourReport] = msgspec.field(default_factory=dict)
     """states of present members: hidden from the rules for other traffic while they are present"""
-    intents: Mapping[int, NeighbourIntent] = field(default_factory=dict)
+    intents: Mapping[int, NeighbourIntent] = msgspec.field(default_factory=dict)
     """their intents, also hidden: they count when a member is absent"""
     hidden_members: frozenset[int] = frozenset()
     """members whose states and intents are hidden"""

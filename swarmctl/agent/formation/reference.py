@@ -17,10 +17,11 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import accumulate, pairwise
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -74,32 +75,32 @@ def window_for(radius_m: float) -> float:
     return max(LEAST_WINDOW_M, WINDOW_OF_RADIUS * radius_m)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Reference:
-    """A route as a smooth curve. Raises ValueError for a route without a point.
-
-    points_m: waypoints (east, north) [m]
-    window_m: window of the heading before and after a corner [m] (`window_for`)
-    """
+class Reference(msgspec.Struct, frozen=True, eq=False):
+    """A route as a smooth curve."""
 
     points_m: tuple[PlanarPoint, ...]
-    window_m: float
-    legs: StraightLegs = field(init=False)
-    _knots_m: tuple[float, ...] = field(init=False)
+    """waypoints (east, north) [m]"""
+    legs: StraightLegs
+    knots_m: tuple[float, ...]
     """distances between which the curve is one polynomial"""
-    _pieces: tuple[_Piece, ...] = field(init=False)
+    pieces: tuple[_Piece, ...]
 
-    def __post_init__(self) -> None:
-        if not self.points_m:
+    @classmethod
+    def over(cls, points_m: tuple[PlanarPoint, ...], window_m: float) -> Reference:
+        """Return the curve of a route.
+
+        window_m: window of the heading before and after a corner [m] (`window_for`)
+
+        Raises ValueError for a route without a point.
+        """
+        if not points_m:
             raise ValueError("a route without a point: expected at least one")
-        points = [self.points_m[0]]
-        points += [b for a, b in pairwise(self.points_m) if math.dist(a, b) > LEAST_LEG_M]
+        points = [points_m[0]]
+        points += [b for a, b in pairwise(points_m) if math.dist(a, b) > LEAST_LEG_M]
         if len(points) == 1:
             points *= 2
         legs = StraightLegs.over(points)
-        knots_m, pieces = _pieces(legs, self.window_m)
-        for name, value in (("legs", legs), ("_knots_m", knots_m), ("_pieces", pieces)):
-            object.__setattr__(self, name, value)
+        return cls(points_m, legs, *_pieces(legs, window_m))
 
     @property
     def length_m(self) -> float:
@@ -108,9 +109,9 @@ class Reference:
     def at(self, s_m: float) -> Pose:
         """Return the reference at a distance along the route; before and past the route its ends."""
         s_m = min(max(s_m, 0.0), self.legs.at_m[-1])
-        k = min(bisect_right(self._knots_m, s_m), len(self._pieces)) - 1
-        h = s_m - self._knots_m[k]
-        e, e1, e2, e3, n, n1, n2, n3, chi, chi1, chi2 = self._pieces[k]
+        k = min(bisect_right(self.knots_m, s_m), len(self.pieces)) - 1
+        h = s_m - self.knots_m[k]
+        e, e1, e2, e3, n, n1, n2, n3, chi, chi1, chi2 = self.pieces[k]
         return Pose(
             e + h * (e1 + h * (0.5 * e2 + h * e3 / 6.0)),
             n + h * (n1 + h * (0.5 * n2 + h * n3 / 6.0)),
@@ -125,9 +126,9 @@ class Reference:
         self, at_m: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Return |dχ/ds|, |d²χ/ds²| and |d²p/ds²| at distances along the route."""
-        pieces = np.array(self._pieces)
-        k = np.clip(np.searchsorted(self._knots_m, at_m, side="right") - 1, 0, len(pieces) - 1)
-        h, (_, _, e2, e3, _, _, n2, n3, _, chi1, chi2) = at_m - np.array(self._knots_m)[k], pieces[k].T
+        pieces = np.array(self.pieces)
+        k = np.clip(np.searchsorted(self.knots_m, at_m, side="right") - 1, 0, len(pieces) - 1)
+        h, (_, _, e2, e3, _, _, n2, n3, _, chi1, chi2) = at_m - np.array(self.knots_m)[k], pieces[k].T
         return np.abs(chi1 + h * chi2), np.abs(chi2), np.hypot(e2 + h * e3, n2 + h * n3)
 
     def project(self, point: PlanarPoint, near_m: float, reach_m: float) -> float:
@@ -159,19 +160,18 @@ class Reference:
         return math.hypot(point[0] - pose.east_m, point[1] - pose.north_m)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SpeedProfile:
+class SpeedProfile(msgspec.Struct, frozen=True, eq=False, dict=True):
     """The greatest speed of the reference point at each distance along a route."""
 
     step_m: float
     speeds_m_s: tuple[float, ...]
     length_m: float
-    _times_s: tuple[float, ...] = field(init=False)
-    """time at which the reference point is at each sample, at full speed"""
 
-    def __post_init__(self) -> None:
+    @cached_property
+    def _times_s(self) -> tuple[float, ...]:
+        """Time at which the reference point is at each sample, at full speed [s]."""
         takes_s = (_time_s(a, b, self.step_m) for a, b in pairwise(self.speeds_m_s))
-        object.__setattr__(self, "_times_s", tuple(accumulate(takes_s, initial=0.0)))
+        return tuple(accumulate(takes_s, initial=0.0))
 
     @classmethod
     def of(

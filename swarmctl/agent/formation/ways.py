@@ -8,7 +8,8 @@ way to the shape.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+
+import msgspec
 
 from swarmctl.agent.formation.reference import LEAST_WINDOW_M, Pose, Reference
 from swarmctl.agent.formation.shape import ShapePlace
@@ -20,8 +21,7 @@ INTO_SHAPE_M = 30.0
 """Distance along the route, before the end of a split, on which the places pass into the shape [m]."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class MemberWay:
+class MemberWay(msgspec.Struct, frozen=True, eq=False):
     """The way of a member during a split, by the distance along the group's route."""
 
     begin_m: float
@@ -71,8 +71,7 @@ def offset_of(
     )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SplitStretch:
+class SplitStretch(msgspec.Struct, frozen=True, eq=False):
     """A stretch of a group's route on which the members fly apart."""
 
     begin_m: float
@@ -92,7 +91,7 @@ class SplitStretch:
     ) -> SplitStretch:
         """Return a split with ways along `points_m`, (east, north) [m]."""
         ways = {
-            uav: MemberWay(begin_m, end_m, Reference(tuple(points), LEAST_WINDOW_M))
+            uav: MemberWay(begin_m, end_m, Reference.over(tuple(points), LEAST_WINDOW_M))
             for uav, points in points_m.items()
         }
         return cls(begin_m, end_m, ways, plan)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from bisect import bisect_left
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+
+import msgspec
 
 from swarmctl.agent.replan import travel_time, wing_trajectory
 from swarmctl.agent.replan.climb import DESCENT_M_S, LIFT_S, climb_s
@@ -15,6 +16,7 @@ from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Trajectory
 from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import FlightPlan, Waypoint
 from swarmctl.core.planar import PlanarPoint
+from swarmctl.core.records import replace
 
 LAND_M_S = 0.5
 """descent rate below LOW_M [m/s]: the default of LAND_SPEED"""
@@ -95,8 +97,7 @@ def climb_then_fly(
     return flight if up_s == 0.0 else flight.after(here, up_s)
 
 
-@dataclass(frozen=True, slots=True)
-class FlightPart:
+class FlightPart(msgspec.Struct, frozen=True):
     """A flight at one height."""
 
     height_m: float
@@ -163,7 +164,7 @@ def fly_through_change(
         changes_at, new.height_m, path, speed_m_s, changes_m_s, start_delay_s=start_delay_s
     ).later(in_s)
     n = bisect_left(times_s, in_s - SAME_TIME_S)
-    return Trajectory((*times_s[:n], *after.times_s), (*points[:n], *after.points))
+    return Trajectory((*times_s[:n], *after.times_s), (*points[:n], *after.points)).checked()
 
 
 def fly_along(
@@ -219,4 +220,4 @@ def land_from(points: Sequence[LocalPoint], times_s: Sequence[float]) -> Traject
     # A vehicle on the ground keeps its place for a moment, so that the trajectory has a duration.
     points.append((east_m, north_m, min(up_m, 0.0)))
     times_s.append(times_s[-1] + max(min(up_m, LOW_M), LOW_M / 100.0) / LAND_M_S)
-    return Trajectory(tuple(times_s), tuple(points))
+    return Trajectory(tuple(times_s), tuple(points)).checked()

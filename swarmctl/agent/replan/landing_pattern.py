@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
+
+import msgspec
 
 from swarmctl.core.geo import LatLon, LocalFrame
 from swarmctl.core.mission import Approach, Waypoint
@@ -32,8 +33,7 @@ class NoApproach(ValueError):
     """No landing direction has enough room."""
 
 
-@dataclass(frozen=True, slots=True)
-class FixedWing:
+class FixedWing(msgspec.Struct, frozen=True):
     """The properties of a fixed wing on which plans depend."""
 
     loiter_radius_m: float
@@ -67,14 +67,12 @@ class FixedWing:
         return self.final_m + 4.0 * self.loiter_radius_m + ROLL_OUT_M
 
 
-@dataclass(frozen=True, slots=True)
-class Pose:
+class Pose(msgspec.Struct, frozen=True):
     point: PlanarPoint
     heading_rad: float
 
 
-@dataclass(frozen=True, slots=True)
-class LandingPattern:
+class LandingPattern(msgspec.Struct, frozen=True):
     """A landing seen from above."""
 
     centre: PlanarPoint

@@ -7,7 +7,8 @@ take-off is the first report that the vehicle is armed. Times are by the vehicle
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+
+import msgspec
 
 from swarmctl.agent.replan import travel_time
 from swarmctl.agent.replan.climb import LIFT_S, climb_s
@@ -22,8 +23,7 @@ HALF_DIAGONAL_CELLS = math.sqrt(0.5)
 """greatest distance between the edge of the goal cell and its centre [cells]"""
 
 
-@dataclass(frozen=True, slots=True)
-class TimeBound:
+class TimeBound(msgspec.Struct, frozen=True):
     """The bound on a vehicle's arrival time, and the numbers that turn time into length."""
 
     speed_m_s: float = 10.0
@@ -49,8 +49,7 @@ class TimeBound:
 UNBOUNDED = TimeBound()
 
 
-@dataclass(frozen=True, slots=True)
-class LeadIn:
+class LeadIn(msgspec.Struct, frozen=True):
     """The flight before the planned route: elapsed time, and remaining flight to the route's first cell."""
 
     elapsed_s: float
@@ -71,8 +70,7 @@ class LeadIn:
         return self.elapsed_s + climb_s(max(self.climb_m, 0.0)) + self.lost_s + at_speed_s + lost_s
 
 
-@dataclass(frozen=True, slots=True)
-class LengthBounds:
+class LengthBounds(msgspec.Struct, frozen=True):
     """Bounds on the length of a route [cells]."""
 
     min_cells: float = 0.0

@@ -6,18 +6,18 @@ Only the methods here change the record; other modules name the change.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from swarmctl.agent.replan.swap_times import SwapHistory, SwapTimes
 from swarmctl.core import events as ev
+from swarmctl.core.records import replace
 from swarmctl.planners.base import Route
 
 
-@dataclass(frozen=True, slots=True)
-class Plans:
+class Plans(msgspec.Struct, frozen=True):
     mission: ev.SwapMission | None = None
     """mission being flown, or to be flown after the launch; None while a hold on the route interrupts it"""
     accepted: ev.SwapMission | None = None
@@ -46,8 +46,8 @@ class Plans:
     searches: int = 0
     replans: int = 0
     """number of mission changes in flight"""
-    swaps: SwapHistory = field(default_factory=SwapHistory)
-    swap_times: SwapTimes = field(default_factory=SwapTimes)
+    swaps: SwapHistory = msgspec.field(default_factory=SwapHistory)
+    swap_times: SwapTimes = msgspec.field(default_factory=SwapTimes)
 
     # --- the need for a decision
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,6 +25,7 @@ from swarmctl.core.geo import LatLon
 from swarmctl.core.grid import Cell
 from swarmctl.core.mission import FlightPlan, Waypoint
 from swarmctl.core.planar import distance_to_leg
+from swarmctl.core.records import replace
 from swarmctl.core.route import ends_and_turns, flight_plan, track_plan
 from swarmctl.planners.base import Problem, Route, Unreachable
 
@@ -32,8 +33,7 @@ NO_WAYPOINT_WITHIN_M = 5.0
 """Distance from the direct leg within which a splice point needs no waypoint [m]."""
 
 
-@dataclass(frozen=True, slots=True)
-class FlownRoute:
+class FlownRoute(msgspec.Struct, frozen=True):
     """The flown form of a route, and its measures."""
 
     cells: tuple[Cell, ...]

@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -42,8 +42,7 @@ TURN_OFF_RADII = math.tan(math.pi / 8.0)
 """Distance before a turn by 45° at which a fixed wing turns off [turn radii]."""
 
 
-@dataclass(frozen=True, slots=True)
-class Splice:
+class Splice(msgspec.Struct, frozen=True):
     """The common part of the present route and a new route."""
 
     kept: tuple[Cell, ...]

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
+
+import msgspec
 
 from swarmctl.agent.replan.travel_time import ACCELERATION_M_S2
 from swarmctl.agent.state import AgentState
@@ -24,8 +25,7 @@ CORNER_M = 0.01
 """Greatest distance from a stop to the next corner at which both count as one point [m]."""
 
 
-@dataclass(frozen=True, slots=True)
-class MissionChange:
+class MissionChange(msgspec.Struct, frozen=True):
     """A change to a new plan ahead of a vehicle. Until then the vehicle flies by its present plan.
 
     Distance and speed are estimates without corners: the vehicle is not farther, and not faster.

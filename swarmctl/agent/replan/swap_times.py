@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+
+import msgspec
+
+from swarmctl.core.records import replace
 
 N_KEPT = 3
 """number of last swaps with stored durations; the longest stored duration is expected"""
@@ -19,8 +22,7 @@ MAX_STANDSTILL_S = 0.3
 """longest standstill that does not count as a stop [s]; in telemetry a slow turn may look the same"""
 
 
-@dataclass(frozen=True, slots=True)
-class SwapTimes:
+class SwapTimes(msgspec.Struct, frozen=True):
     """Durations of one vehicle's last swaps, by the vehicle's clock."""
 
     took_s: tuple[float, ...] = ()
@@ -69,8 +71,7 @@ class SwapTimes:
         return longest_s if longest_s > MAX_STANDSTILL_S else 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class SwapHistory:
+class SwapHistory(msgspec.Struct, frozen=True):
     """The last mission changes of one vehicle; times are by the vehicle's clock."""
 
     decided_boot_s: float = -math.inf

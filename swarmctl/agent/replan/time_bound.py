@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+
+import msgspec
 
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.length_bounds import (
@@ -21,6 +22,7 @@ from swarmctl.core.exposure import length_cells
 from swarmctl.core.geo import distance_m
 from swarmctl.core.grid import Cell
 from swarmctl.core.planar import PlanarPoint
+from swarmctl.core.records import replace
 from swarmctl.planners.base import BoundTooTight, Problem, Route, is_open
 
 BETTER_COST_SHARE = 1e-9
@@ -38,8 +40,7 @@ def bounds_of(task: Task, lead_in: LeadIn) -> LengthBounds:
     return length_bounds(task.arrival, task.grid.cell_size_m, lead_in)
 
 
-@dataclass(frozen=True, slots=True)
-class JoiningLeg:
+class JoiningLeg(msgspec.Struct, frozen=True):
     """The flight of a vehicle to the start of its new route."""
 
     start_delay_s: float

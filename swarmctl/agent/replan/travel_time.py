@@ -11,8 +11,9 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
+
+import msgspec
 
 from swarmctl.core.planar import PlanarPoint
 from swarmctl.core.vehicle import BRAKING_M_S2
@@ -87,8 +88,7 @@ def arrives_s(
     return math.fsum(leg.duration_s for leg in legs) - last.last_s(min(remaining_m, last.length_m))
 
 
-@dataclass(frozen=True, slots=True)
-class TimedTrack:
+class TimedTrack(msgspec.Struct, frozen=True):
     """A flight along a track that ends in a stop: the points at which the acceleration changes."""
 
     points: Sequence[PlanarPoint]
@@ -165,8 +165,7 @@ def timed_track(
     return TimedTrack(points, at_m, each_s, speeds_m_s)
 
 
-@dataclass(frozen=True, slots=True)
-class _Leg:
+class _Leg(msgspec.Struct, frozen=True):
     """A leg between two corners: speeding up, full speed if it is long enough, and braking."""
 
     length_m: float

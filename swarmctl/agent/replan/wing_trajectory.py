@@ -138,4 +138,4 @@ class _TrajectoryBuilder:
             self._times_s.append(self._times_s[-1] + took_s)
 
     def trajectory(self) -> Trajectory:
-        return Trajectory(tuple(self._times_s), tuple(self._points))
+        return Trajectory(tuple(self._times_s), tuple(self._points)).checked()

@@ -21,8 +21,6 @@ import math
 from functools import partial
 from typing import Any
 
-import msgspec
-
 from swarmctl.agent.commands import StepResult, command
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.copter_trajectory import fly_along, land_from, waypoints_of
@@ -269,7 +267,7 @@ def _land(state: AgentState) -> StepResult:
     begins = Waypoint(*state.task.grid.frame.to_geodetic(*here[:2]), here[2])
     landing = replace(swap.plan.landing, alt_rel_m=here[2])
     plan = replace(swap.plan, track=(), landing=landing, begins=begins, leaves_ahead=False, from_hold=True)
-    new = msgspec.structs.replace(swap, plan_id=state.plans.next_plan_id, plan=plan, because=(), track=None)
+    new = replace(swap, plan_id=state.plans.next_plan_id, plan=plan, because=(), track=None)
     state = replace(
         state,
         wait=_ended(state),

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 
-import msgspec
-
 from swarmctl.agent.arrival.simultaneous import note_arrival_times
 from swarmctl.agent.formation.near_members import with_traffic
 from swarmctl.agent.state import AgentState
@@ -31,7 +29,7 @@ def relevant_states(
     is_near, to_local = _near_test(state), state.task.grid.frame.to_local
     known, takes_all = state.returning.keys() | state.neighbours.keys(), state.task.arrival_group is not None
     return tuple(
-        (uav, msgspec.structs.replace(other, age_s=other.age_s + age_s))
+        (uav, replace(other, age_s=other.age_s + age_s))
         for uav, age_s, other in received
         if takes_all
         or other.returns_to is not None

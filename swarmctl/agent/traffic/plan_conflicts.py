@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+
+import msgspec
 
 from swarmctl.agent.traffic.separation.clash import Clash
 from swarmctl.agent.traffic.separation.trajectory import Trajectory
 from swarmctl.agent.traffic.separation.watch import NeighbourIntent
 
 
-@dataclass(frozen=True, slots=True)
-class DeconflictionCounts:
+class DeconflictionCounts(msgspec.Struct, frozen=True):
     """Numbers of conflicts predicted between plans: all, and by resolution."""
 
     predicted: int = 0
@@ -23,8 +23,7 @@ class DeconflictionCounts:
     """conflicts that ended because the other vehicle changed its plan, or times shifted"""
 
 
-@dataclass(frozen=True, slots=True)
-class FlightComparison:
+class FlightComparison(msgspec.Struct, frozen=True):
     own: Trajectory
     other: NeighbourIntent
     clash: Clash | None
@@ -33,12 +32,11 @@ class FlightComparison:
         return self.own is own and self.other is other
 
 
-@dataclass(frozen=True, slots=True)
-class Conflicts:
-    compared: Mapping[int, FlightComparison] = field(default_factory=dict)
+class Conflicts(msgspec.Struct, frozen=True):
+    compared: Mapping[int, FlightComparison] = msgspec.field(default_factory=dict)
     """last comparison with each other vehicle"""
     predicted: frozenset[int] = frozenset()
     """vehicles in conflict with the flown route, to which this vehicle has to give way"""
     deferred_for: frozenset[int] = frozenset()
     """vehicles for which a new plan was deferred"""
-    counts: DeconflictionCounts = field(default_factory=DeconflictionCounts)
+    counts: DeconflictionCounts = msgspec.field(default_factory=DeconflictionCounts)

@@ -7,8 +7,9 @@ least one can. `docs/traffic.md` shows the rule as a table.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from enum import IntEnum
+
+import msgspec
 
 from swarmctl.agent.phases import Phase
 
@@ -42,8 +43,7 @@ ACTIVITY_OF_PHASE: Mapping[str, Activity] = {
 """activity of a vehicle by the phase in its broadcast state; any other phase: EMERGENCY"""
 
 
-@dataclass(frozen=True, slots=True)
-class Standing:
+class Standing(msgspec.Struct, frozen=True):
     """The facts about one vehicle that the rule compares."""
 
     activity: Activity

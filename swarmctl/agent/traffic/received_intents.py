@@ -98,10 +98,8 @@ def _flight_in(frame: LocalFrame, intent: IntentShared) -> tuple[Trajectory, Bou
         return None
     in_s, lat_deg, lon_deg, up_m = announced.T
     east_m, north_m = frame.to_local(lat_deg, lon_deg)
-    times_s = tuple(in_s.tolist())
-    points = tuple(zip(east_m.tolist(), north_m.tolist(), up_m.tolist(), strict=True))
-    try:
-        flight = Trajectory(times_s, points)
-    except ValueError:  # too far away for the local frame
+    if not (np.isfinite(east_m).all() and np.isfinite(north_m).all()):  # too far away for the local frame
         return None
+    points = zip(east_m.tolist(), north_m.tolist(), up_m.tolist(), strict=True)
+    flight = Trajectory(tuple(in_s.tolist()), tuple(points))
     return flight, Bounds.of(flight)

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -46,8 +46,7 @@ MIN_SPEED_M_S = 0.1
 """Least plausible announced speed [m/s]."""
 
 
-@dataclass(frozen=True, slots=True)
-class ReturningVehicle:
+class ReturningVehicle(msgspec.Struct, frozen=True):
     """A recalled vehicle."""
 
     uav: int
@@ -91,8 +90,7 @@ class ReturningVehicle:
         return self.departs_within_s + self.home_distance_m / (SLOWER * self.speed_m_s) + sinks_m / SINK_M_S
 
 
-@dataclass(frozen=True, slots=True)
-class ReturnSchedule:
+class ReturnSchedule(msgspec.Struct, frozen=True):
     """Start times of returns."""
 
     begins_s: Mapping[int, float]

@@ -21,8 +21,6 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
-import msgspec
-
 from swarmctl.agent.commands import StepResult, command
 from swarmctl.agent.failsafes import lost_link
 from swarmctl.agent.failsafes.base import STRENGTH, DemandKind
@@ -328,7 +326,7 @@ def is_return_path_clear(state: AgentState, reports: Mapping[int, NeighbourRepor
     own, now_s = position_for_return(state), state.vehicle.time_boot_s
     if own is None:
         return True
-    own = msgspec.structs.replace(own, is_returning=False)
+    own = replace(own, is_returning=False)
     mine = Standing(Activity.WAITING, True, state.task.uav)
     positions = {}
     for uav, report in reports.items():

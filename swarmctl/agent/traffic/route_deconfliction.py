@@ -16,8 +16,6 @@ plan has priority, otherwise the lower system id (`priority`). The other vehicle
 
 from __future__ import annotations
 
-import msgspec
-
 from swarmctl.agent.commands import StepResult
 from swarmctl.agent.phases import Phase
 from swarmctl.agent.replan.copter_trajectory import at_height, with_level_off
@@ -133,7 +131,7 @@ def deconflict(before: AgentState, decided: StepResult, now: float) -> StepResul
     swap = next((effect for effect in effects if isinstance(effect, ev.SwapMission)), None)
     if swap is None or state.phase is not Phase.FLYING:
         return decided
-    swap = msgspec.structs.replace(swap, plan=_with_level_off_if_needed(before, swap.plan))
+    swap = replace(swap, plan=_with_level_off_if_needed(before, swap.plan))
     flight = flight_by_plan(before, swap.plan)
     if before.alarms and climbs_to_give_way(before) and _changes_height(before, swap.plan):
         return _upload(state, swap)  # an evasive climb comes first
@@ -168,7 +166,7 @@ def deconflict(before: AgentState, decided: StepResult, now: float) -> StepResul
         others_text = describe_clashes(state, clashes)
         text = f"at {swap.plan.height_m:.0f} m the new route would conflict with {others_text}; the vehicle "
         text += f"flies the route at {height_m:.0f} m above home"
-        state, taken = _upload(state, msgspec.structs.replace(swap, plan=plan))
+        state, taken = _upload(state, replace(swap, plan=plan))
         return state, [ev.NotifyOperator(f"{text} [height-change]"), *taken]
     return _defer(before, state, swap, clashes, others, now)
 

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
 from enum import Enum, StrEnum
+
+import msgspec
 
 from swarmctl.agent.phases import Phase
 from swarmctl.core.events import SwapMission
+from swarmctl.core.records import replace
 
 
 class WaitFor(StrEnum):
@@ -26,8 +28,7 @@ class WaitFor(StrEnum):
     TURN = "turn"
 
 
-@dataclass(frozen=True, slots=True)
-class WaitRule:
+class WaitRule(msgspec.Struct, frozen=True):
     where: str
     longest_s: float
     """time from the start of the wait to its deadline [s]"""
@@ -104,8 +105,7 @@ class Verdict(Enum):
     """the deadline is reached"""
 
 
-@dataclass(frozen=True, slots=True)
-class Wait:
+class Wait(msgspec.Struct, frozen=True):
     """A wait; times are by the vehicle's clock."""
 
     purpose: WaitFor

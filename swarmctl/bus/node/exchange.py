@@ -18,8 +18,7 @@ STALE_S = 60.0
 """age at which messages may be replays and are refused, in addition to the round trip of the radio model"""
 
 
-@dataclass(frozen=True, slots=True)
-class NodeOptions:
+class NodeOptions(msgspec.Struct, frozen=True):
     """Options of all nodes of a swarm."""
 
     rows: int
@@ -51,8 +50,7 @@ class Instant(NamedTuple):
     """wall clock [s since 1970]"""
 
 
-@dataclass(frozen=True, slots=True)
-class OutgoingMessage:
+class OutgoingMessage(msgspec.Struct, frozen=True):
     """A message and its receivers."""
 
     to: tuple[int, ...]

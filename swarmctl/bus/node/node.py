@@ -15,7 +15,6 @@ import math
 from collections.abc import Callable, Iterable
 
 import numpy as np
-from msgspec.structs import replace
 
 from swarmctl.bus.node.contradictions import Contradictions
 from swarmctl.bus.node.decoding import DecodedFrame, DecodeFrame
@@ -57,6 +56,7 @@ from swarmctl.core.frames import (
 from swarmctl.core.geo import LatLon
 from swarmctl.core.grid import Cell
 from swarmctl.core.observation import BeliefItem, Checkpoint, Observation, Source
+from swarmctl.core.records import replace
 
 CHECKPOINT_EVERY = 64
 """number of own observations between two checkpoints"""

@@ -8,7 +8,6 @@ from collections.abc import Iterable, Mapping
 import msgspec
 import numpy as np
 from msgspec import field
-from msgspec.structs import replace
 
 from swarmctl.bus.node.decoding import DecodedFrame
 from swarmctl.bus.node.exchange import STALE_S, NewestT, NodeOptions
@@ -24,6 +23,7 @@ from swarmctl.core.frames import (
     StateShared,
 )
 from swarmctl.core.geo import LatLon, distances_m
+from swarmctl.core.records import replace
 
 SILENT_AFTER_S = 5.0
 """silence of a UAV after which its next message causes a request for missed observations"""

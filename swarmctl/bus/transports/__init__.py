@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, closing
-from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
+
+import msgspec
 
 from swarmctl.bus.transports.base import Transport
 from swarmctl.bus.transports.memory import MemoryBus
@@ -28,8 +29,7 @@ def _zenoh(*args: Any, **kwargs: Any) -> AbstractContextManager[Transport]:
     return opened
 
 
-@dataclass(frozen=True, slots=True)
-class BusKind:
+class BusKind(msgspec.Struct, frozen=True):
     """A kind of transport that a flight opens by its configuration."""
 
     open: Callable[..., AbstractContextManager[Transport]]

@@ -12,8 +12,9 @@ has the rights of all subjects.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
+
+import msgspec
 
 from swarmctl.bus import keys
 
@@ -28,8 +29,7 @@ def name_of(uav: int) -> str:
     return f"uav{uav}"
 
 
-@dataclass(frozen=True, slots=True)
-class Rule:
+class Rule(msgspec.Struct, frozen=True):
     """Permission of Zenoh's message kinds, by direction and keys."""
 
     flows: tuple[str, ...]

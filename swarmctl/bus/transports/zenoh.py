@@ -8,7 +8,6 @@ import json
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from queue import SimpleQueue
 from types import TracebackType
@@ -30,6 +29,7 @@ from swarmctl.bus.transports.inbox import Delivery, Inbox
 from swarmctl.bus.transports.renewal import LinkSet, MeshNeighbours, Renewal
 from swarmctl.bus.transports.subscriptions import Subscriptions, report_to_loop
 from swarmctl.bus.transports.zenoh_config import Configuration
+from swarmctl.core.records import replace
 
 MAX_PENDING_QUERIES = 32
 """largest number of queued queries; a flood of queries does not displace messages between UAVs"""

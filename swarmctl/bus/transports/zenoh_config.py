@@ -16,9 +16,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+
+import msgspec
 
 from swarmctl.bus import keys
 from swarmctl.bus.endpoint import BusEndpoint
@@ -43,19 +44,17 @@ GIVE_UP_AFTER_US = 1_000_000
 """time after which a waiting declaration or answer closes the link, because neither may be dropped"""
 
 
-@dataclass(frozen=True, slots=True)
-class Credentials:
+class Credentials(msgspec.Struct, frozen=True):
     """PEM files: the swarm's certificate authority, the participant's certificate and its private key."""
 
     ca: Path
     certificate: Path
     key: Path
-    common_names: Mapping[str, str] = field(default_factory=dict)
+    common_names: Mapping[str, str] = msgspec.field(default_factory=dict)
     """common names of certificates that differ from the participant's name, by participant"""
 
 
-@dataclass(frozen=True, slots=True)
-class Configuration:
+class Configuration(msgspec.Struct, frozen=True):
     """Configuration of a session."""
 
     values: Mapping[str, Any]

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from swarmctl.core.any_angle.legs import ENTERED, INTEGRAL, N_MEASURES, Bools, Ints, measure_legs
@@ -54,8 +54,7 @@ class Unflyable(ValueError):
     """No track was found over the cells of a route with turns as wide as the vehicle needs."""
 
 
-@dataclass(frozen=True, slots=True)
-class CostWeights:
+class CostWeights(msgspec.Struct, frozen=True):
     """Weights of Eq. 5, for the choice between tracks that are all worse than the route."""
 
     w: float

@@ -5,8 +5,7 @@ Legs run from centre to centre, so their crossings of grid lines and corners are
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,8 +21,7 @@ INTEGRAL, ENTERED = 1, 3
 """row numbers of ∫P_s ds and of ΣP_s"""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LegMeasures:
+class LegMeasures(msgspec.Struct, frozen=True, eq=False):
     """Measures of n legs."""
 
     measures: Floats

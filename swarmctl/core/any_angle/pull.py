@@ -13,9 +13,9 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import accumulate
 
+import msgspec
 import numpy as np
 
 from swarmctl.core.any_angle.corners import TIE_TOLERANCE, CostWeights, ExposureMeasure, choose_corners
@@ -30,8 +30,7 @@ TOLERATED_EXCESS = 0.05
 excess does not justify a swap of the mission."""
 
 
-@dataclass(frozen=True, slots=True)
-class Track:
+class Track(msgspec.Struct, frozen=True):
     """A straightened route."""
 
     corners: tuple[Cell, ...]

@@ -19,9 +19,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -47,8 +47,7 @@ def centre(cell: Cell) -> GridPoint:
     return cell[1] + 0.5, cell[0] + 0.5
 
 
-@dataclass(frozen=True, slots=True)
-class CrossedCells:
+class CrossedCells(msgspec.Struct, frozen=True):
     """The cells under a track in the order flown, once for each visit, with the length over each [cells]."""
 
     cells: tuple[Cell, ...]
@@ -105,8 +104,7 @@ def _crossings(here: float, there: float) -> Floats:
     return (lines - here) / (there - here)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ThreatMap:
+class ThreatMap(msgspec.Struct, frozen=True, eq=False):
     """P_s in the forms that measures of tracks need. Infinite P_s counts as 0; `is_clear` avoids walls."""
 
     p_s: Floats

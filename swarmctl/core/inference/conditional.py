@@ -19,8 +19,8 @@ point bound excludes negligible totals.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
@@ -41,8 +41,7 @@ N_BISECTIONS = 32
 """number of bisections for t, which need not be exact"""
 
 
-@dataclass(frozen=True, slots=True)
-class _Window:
+class _Window(msgspec.Struct, frozen=True):
     """A sequence with values at lo, lo + 1, ... and zero elsewhere."""
 
     lo: int

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaln, xlog1py, xlogy
@@ -13,8 +13,7 @@ LOG_RANGE = 745.0
 """difference of log weight from the likeliest number, beyond which a number counts as impossible"""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class HostileCount:
+class HostileCount(msgspec.Struct, frozen=True, eq=False):
     """A prior over n_HA. Raises ValueError for no n, a negative or unordered n, or log weights not finite."""
 
     n: NDArray[np.int64]

@@ -7,8 +7,8 @@ function takes the classes of a whole area.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit, gammaln
@@ -24,8 +24,7 @@ SURE_SIGMA = 1.645
 """least excess of the found over the announced number [standard deviations]: one-sided 95 %, normal"""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class CellClasses:
+class CellClasses(msgspec.Struct, frozen=True, eq=False):
     """Classes of cells with equal looks and hits."""
 
     looks: Ints

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import xlogy
 
 
-@dataclass(frozen=True, slots=True)
-class SensorModel:
+class SensorModel(msgspec.Struct, frozen=True):
     """The error rates of one look at one cell; looks err independently.
 
     Raises ValueError unless both rates are in [0, 1) and their sum is below 1. With a sum of 1 a look carries

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,8 +28,7 @@ MIN_EFFECTIVE_WORLDS = 100.0
 interval is too narrow. Wilson's interval is valid for all values in [0, 1]."""
 
 
-@dataclass(frozen=True, slots=True)
-class ProbabilityEstimate:
+class ProbabilityEstimate(msgspec.Struct, frozen=True):
     """An estimated probability with its 95 % interval."""
 
     estimate: float

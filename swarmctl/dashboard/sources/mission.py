@@ -10,13 +10,12 @@ from bisect import bisect_right
 from collections.abc import Callable
 from functools import partial
 
-import msgspec
-
 from swarmctl.agent.state import ARRIVED
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.any_angle.pull import Track
 from swarmctl.core.frames import StateShared
 from swarmctl.core.observation import Observation
+from swarmctl.core.records import replace
 from swarmctl.core.vehicle import VehicleState
 from swarmctl.dashboard.model import Timeline
 from swarmctl.dashboard.picture import MapPoint, ShownRoute
@@ -44,7 +43,7 @@ class _MissionWatcher(Watcher):
         self._scenario = scenario
         self._timeline = Timeline(scenario, "abstract mission")
         hostiles = tuple(sorted(world.hostiles))
-        self._timeline.area = msgspec.structs.replace(self._timeline.area, hostiles=hostiles)
+        self._timeline.area = replace(self._timeline.area, hostiles=hostiles)
         uavs = [task.uav for task in scenario.tasks]
         self._starts = {spec.sysid: scenario.grid.frame.to_local(*spec.start) for spec in scenario.specs}
         self._legs: dict[int, list[Leg]] = {uav: [] for uav in uavs}

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from swarmctl.config.scenario import build
@@ -34,8 +34,7 @@ COMPARED = ("arrived", "length_cells", "strikes", "replans", "cells_known")
 """measures by which a mission flown again is compared with the results"""
 
 
-@dataclass(frozen=True, slots=True)
-class ChartPoint:
+class ChartPoint(msgspec.Struct, frozen=True):
     """A mean with the limits of its 95 % interval, and the levels that it is the mean of."""
 
     x: object
@@ -46,8 +45,7 @@ class ChartPoint:
     levels: tuple[int, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Chart:
+class Chart(msgspec.Struct, frozen=True):
     """One panel of a figure of the kind `lines`."""
 
     title: str
@@ -58,8 +56,7 @@ class Chart:
     series: dict[str, list[ChartPoint]]
 
 
-@dataclass(frozen=True, slots=True)
-class WorldResult:
+class WorldResult(msgspec.Struct, frozen=True):
     """One world of some levels."""
 
     level: int

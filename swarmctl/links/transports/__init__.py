@@ -7,7 +7,8 @@ line in `URL_FORMS` of `swarmctl.links.url`.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+
+import msgspec
 
 from swarmctl.links.transports.base import Transport
 from swarmctl.links.transports.serial import SerialPort
@@ -16,8 +17,7 @@ from swarmctl.links.transports.udp import Udp
 from swarmctl.links.url import Endpoint
 
 
-@dataclass(frozen=True, slots=True)
-class TransportKind:
+class TransportKind(msgspec.Struct, frozen=True):
     """The transport for one kind of endpoint."""
 
     transport: Callable[[Endpoint], Transport] | None

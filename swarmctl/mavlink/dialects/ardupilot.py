@@ -6,7 +6,6 @@ Facts observed on ArduCopter 4.6.2 in software-in-the-loop.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from math import inf, trunc
 from types import MappingProxyType
 
@@ -14,6 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.geo import LatLon
 from swarmctl.core.mission import FlightPlan, MissionItem
+from swarmctl.core.records import replace
 from swarmctl.mavlink.dialects.plan import LAND, TAKEOFF, WAYPOINT, copter_track, differences, item_at
 from swarmctl.mavlink.protocol.command import Command, CommandResult
 from swarmctl.mavlink.protocol.conversation import Conversation, MavlinkPeer

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.any_angle.turns import tangent_length
 from swarmctl.core.geo import LatLon, LocalFrame
 from swarmctl.core.mission import Approach, FlightPlan, MissionItem
+from swarmctl.core.records import replace
 from swarmctl.mavlink.dialects.ardupilot import HOME_PLACEHOLDER, RELATIVE, ArduPilot, modes
 from swarmctl.mavlink.dialects.plan import (
     LAND,

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from math import isfinite
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.mission import Approach, FlightPlan, MissionItem, Waypoint
+from swarmctl.core.records import replace
 
 TAKEOFF, WAYPOINT, LAND = (
     int(mavlink.MAV_CMD_NAV_TAKEOFF),

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.geo import LatLon, LocalFrame
 from swarmctl.core.mission import Approach, FlightPlan, MissionItem, Waypoint
+from swarmctl.core.records import replace
 from swarmctl.mavlink.dialects.plan import (
     JUMP,
     LAND,

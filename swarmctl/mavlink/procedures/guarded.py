@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence, Set
-from dataclasses import dataclass
 
+import msgspec
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.vehicle import MAX_DELAY_S, RECENT_DELAY_S, VehicleState
@@ -35,8 +35,7 @@ UNTIL_REPLACED_S = math.inf
 StateCondition = Callable[[VehicleState], bool]
 
 
-@dataclass(frozen=True, slots=True)
-class GuardedCommand:
+class GuardedCommand(msgspec.Struct, frozen=True):
     """A command with the end of its life. It is never sent after that end, but decided anew."""
 
     next_try: Callable[[int], Conversation[CommandResult] | None]

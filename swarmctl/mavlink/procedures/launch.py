@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from swarmctl.core.records import replace
 from swarmctl.core.vehicle import Landed, VehicleState
 from swarmctl.mavlink.procedures.guarded import (
     UNTIL_REPLACED_S,

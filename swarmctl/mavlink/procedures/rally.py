@@ -10,8 +10,7 @@ MAV_MISSION_UNSUPPORTED and returns to home (`GCS_MAVLINK::handle_mission_reques
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+import msgspec
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.mavlink.protocol.codec import Message
@@ -22,8 +21,7 @@ from swarmctl.mavlink.protocol.procedure import Context, Procedure
 RALLY = int(mavlink.MAV_MISSION_TYPE_RALLY)
 
 
-@dataclass(frozen=True, slots=True)
-class RallyPoints:
+class RallyPoints(msgspec.Struct, frozen=True):
     """Number of a vehicle's rally points; None: unknown, because of `failure`."""
 
     count: int | None

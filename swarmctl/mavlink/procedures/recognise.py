@@ -11,7 +11,6 @@ Nothing on the vehicle changes. A list on the vehicle may hold more than the flo
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 from swarmctl.core.mission import FlightPlan, MissionItem
 from swarmctl.core.vehicle import Landed
@@ -30,8 +29,7 @@ STATE_WAIT_S = 10.0
 """longest wait for position, arming state and current item, which the streams bring"""
 
 
-@dataclass(frozen=True, slots=True)
-class Recognised(Done):
+class Recognised(Done, frozen=True):
     """Result of a recognition. A failure means that the vehicle or its mission could not be read."""
 
     plan_id: int | None = None

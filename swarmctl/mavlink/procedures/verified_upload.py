@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from swarmctl.core.mission import MissionItem
 from swarmctl.mavlink.protocol.mission_download import Download, DownloadOutcome, DownloadResult
@@ -56,8 +55,7 @@ def upload_mission(
     return uploaded
 
 
-@dataclass(frozen=True, slots=True)
-class VerifiedUpload(Done):
+class VerifiedUpload(Done, frozen=True):
     """Result of an upload with read-back."""
 
     found: tuple[MissionItem, ...] = ()

@@ -7,9 +7,9 @@ An acknowledgement shows whether the vehicle accepts the command; only telemetry
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import Enum
 
+import msgspec
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.mavlink.protocol.codec import Message
@@ -24,8 +24,7 @@ class CommandOutcome(Enum):
     NO_ANSWER = "no answer"
 
 
-@dataclass(frozen=True, slots=True)
-class CommandResult:
+class CommandResult(msgspec.Struct, frozen=True):
     """Outcome of one try of a command."""
 
     outcome: CommandOutcome

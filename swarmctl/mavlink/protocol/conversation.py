@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Container
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import Generic, TypeVar
+
+import msgspec
 
 from swarmctl.mavlink.protocol.codec import GCS_COMPID, GCS_SYSID, Message
 
@@ -44,8 +45,7 @@ def check_transition(machine: object, before: str, after: str, may_follow: Conta
         raise IllegalEvent(f"{type(machine).__name__}: {after} does not follow {before}")
 
 
-@dataclass(frozen=True, slots=True)
-class MavlinkPeer:
+class MavlinkPeer(msgspec.Struct, frozen=True):
     """Ids of the vehicle in a conversation, and of this ground station."""
 
     sysid: int

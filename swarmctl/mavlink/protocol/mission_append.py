@@ -22,8 +22,8 @@ message ArduPilot accepts no further item. So after a loss each announcement and
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
+import msgspec
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.mission import MissionItem
@@ -33,8 +33,7 @@ from swarmctl.mavlink.protocol.mission_transfer import MISSION, MissionTransfer,
 from swarmctl.mavlink.protocol.mission_upload import WINDOW
 
 
-@dataclass(frozen=True, slots=True)
-class AppendResult:
+class AppendResult(msgspec.Struct, frozen=True):
     """Result of an append."""
 
     failure: str | None

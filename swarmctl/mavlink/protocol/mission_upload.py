@@ -15,9 +15,9 @@ and only a read-back proves success.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from enum import Enum
 
+import msgspec
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.core.mission import MissionItem
@@ -43,8 +43,7 @@ class UploadOutcome(Enum):
     """stopped by `too_late`, because the upload became useless"""
 
 
-@dataclass(frozen=True, slots=True)
-class UploadResult:
+class UploadResult(msgspec.Struct, frozen=True):
     """Outcome of an upload, with a text for the operator."""
 
     outcome: UploadOutcome

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal
+
+import msgspec
 
 from swarmctl.core.events import MissionAccepted, MissionFailed, PlanAfterFailure
 
@@ -11,31 +12,27 @@ FlyingAfterSwap = Literal["new", "old", "hold", "theirs", "unknown"]
 """mission or mode after a swap; theirs: another mode, set by the pilot, a failsafe or another station"""
 
 
-@dataclass(frozen=True, slots=True)
-class Done:
+class Done(msgspec.Struct, frozen=True):
     """Result of a procedure; `failure` is None after a success."""
 
     failure: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class LaunchBlocked(Done):
+class LaunchBlocked(Done, frozen=True):
     """Result of a launch that another vehicle blocked; the vehicle is on the ground, disarmed."""
 
     was_armed: bool = False
     """True if the vehicle was armed and has been disarmed again"""
 
 
-@dataclass(frozen=True, slots=True)
-class Uploaded(Done):
+class Uploaded(Done, frozen=True):
     """Result of an upload on the ground."""
 
     swap_takes_s: float = 0.0
     """expected time of a swap over this link, estimated from the time of this upload [s]"""
 
 
-@dataclass(frozen=True, slots=True)
-class Swapped(Done):
+class Swapped(Done, frozen=True):
     """Result of a swap, and the mission or mode that the vehicle flies now."""
 
     flying: FlyingAfterSwap = "unknown"

@@ -6,8 +6,7 @@ of HOME_POSITION and SYS_STATUS brings recent values into the vehicle's state.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+import msgspec
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.mavlink.protocol.codec import Message
@@ -28,8 +27,7 @@ _UNKNOWN_HDOP = 0xFFFF
 _UNKNOWN_SATELLITES = 0xFF
 
 
-@dataclass(frozen=True, slots=True)
-class GpsFix:
+class GpsFix(msgspec.Struct, frozen=True):
     """GPS_RAW_INT; None: not reported by the receiver."""
 
     fix_type: int
@@ -39,8 +37,7 @@ class GpsFix:
     """horizontal dilution of precision"""
 
 
-@dataclass(frozen=True, slots=True)
-class Instruments:
+class Instruments(msgspec.Struct, frozen=True):
     """Readings of a vehicle's instruments; None: not received in time."""
 
     gps: GpsFix | None

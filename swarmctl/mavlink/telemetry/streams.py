@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass
 
+import msgspec
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from swarmctl.mavlink.protocol.codec import Message
@@ -31,8 +31,7 @@ _STOP_AGAIN_S, _STOP_AGAIN_LIMIT_S = 5.0, 120.0
 """first and longest pause before a stream is ended again: another station may have requested the stream"""
 
 
-@dataclass(frozen=True, slots=True)
-class Streaming:
+class Streaming(msgspec.Struct, frozen=True):
     """Settings of a vehicle's streams."""
 
     position_hz: float | None = None

@@ -8,9 +8,9 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any
 
+import msgspec
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from swarmctl.core.records import replace
 from swarmctl.core.vehicle import MAX_DELAY_S, Landed, ModeRole, VehicleState
 from swarmctl.mavlink.dialects import Dialect
 from swarmctl.mavlink.protocol.codec import Message
@@ -54,7 +54,7 @@ class Telemetry:
         self.stood_still_s = 0.0
         self._dialect = dialect
         self._state = VehicleState(brakes_m_s2=dialect.brakes_m_s2, start_delay_s=dialect.start_delay_s)
-        self._latest: dict[str, Any] = dict(vars(self._state))
+        self._latest: dict[str, Any] = msgspec.structs.asdict(self._state)
         """newest value of each field of the state"""
         self._has_changed = False
         """True if `_state` lacks some of these values"""
@@ -91,7 +91,7 @@ class Telemetry:
     @property
     def state(self) -> VehicleState:
         if self._has_changed:
-            self._state, self._has_changed = replace(self._state, **self._latest), False
+            self._state, self._has_changed = VehicleState(**self._latest), False
         return self._state
 
     def receive(self, message: Message, now: float) -> bool:
@@ -209,7 +209,7 @@ class Telemetry:
             return time_boot_s
         # Heartbeats come without a request, so their fields stay; other fields are from before the reboot.
         kept = ("mode", "mode_role", "armed", "brakes_m_s2", "start_delay_s", "heartbeat_s")
-        self._latest = vars(VehicleState(time_boot_s=time_boot_s)) | {
+        self._latest = msgspec.structs.asdict(VehicleState(time_boot_s=time_boot_s)) | {
             name: self._latest[name] for name in kept
         }
         self._readiness = Readiness(self._dialect)

@@ -11,8 +11,8 @@ goal is final, and the least key is a lower bound for all routes that are not fo
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -37,8 +37,7 @@ FIRST_POOL = 1 << 12
 """number of labels for which a search allocates memory at its start"""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ToGo:
+class ToGo(msgspec.Struct, frozen=True, eq=False):
     """Lower bounds for the route from each cell to a goal: padded flat arrays, 0 in walls."""
 
     length: Floats
@@ -61,8 +60,7 @@ def _to_go(field: Field) -> Floats:
     return np.subtract(field.label, exposed, out=np.zeros(exposed.size), where=np.isfinite(exposed))
 
 
-@dataclass(frozen=True, slots=True)
-class LabelSearchResult:
+class LabelSearchResult(msgspec.Struct, frozen=True):
     """The result of a label search."""
 
     routes: tuple[tuple[Cell, ...], ...]

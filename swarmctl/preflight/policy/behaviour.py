@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+
+import msgspec
 
 from swarmctl.agent.replan.landing_pattern import FixedWing
 from swarmctl.agent.traffic.return_schedule import CLIMBS_TO_M
@@ -11,8 +12,7 @@ from swarmctl.config.preflight import Policy
 from swarmctl.preflight.policy.required import NoParameterTable, RequiredParameter
 
 
-@dataclass(frozen=True, slots=True)
-class DeclaredBehaviour:
+class DeclaredBehaviour(msgspec.Struct, frozen=True):
     """The declared behaviour of one vehicle: failsafes, heights, speeds and turns."""
 
     policy: Policy

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
 
 from swarmctl.agent.replan.climb import CLIMB_M_S, DESCENT_M_S
 from swarmctl.agent.replan.copter_trajectory import LAND_M_S, LOW_M
 from swarmctl.agent.replan.travel_time import ACCELERATION_M_S2, CORNER_RADIUS_M
 from swarmctl.agent.traffic.return_schedule import FASTER
+from swarmctl.core.records import replace
 from swarmctl.preflight.policy.behaviour import DeclaredBehaviour, cruise_speed
 from swarmctl.preflight.policy.required import RequiredParameter, Version, exactly
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+
+import msgspec
 
 from swarmctl.mavlink.protocol.parameters import same_value
 
@@ -17,8 +18,7 @@ class NoParameterTable(Exception):
     """No table: the firmware's parameters are unknown, or cannot express the declared behaviour."""
 
 
-@dataclass(frozen=True, slots=True)
-class RequiredParameter:
+class RequiredParameter(msgspec.Struct, frozen=True):
     """A parameter and the accepted values: `values`, and numbers from `least` to `most`.
 
     If `bit` is set, whole numbers without this bit are accepted, and `set_to` is not used.

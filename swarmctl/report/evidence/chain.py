@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 import msgspec
@@ -96,8 +95,7 @@ def signed_content(n_entries: int, last_hash: str, files: dict[str, str]) -> byt
     return b"swarmctl evidence\0" + json.dumps(content, sort_keys=True, separators=(",", ":")).encode()
 
 
-@dataclass(frozen=True, slots=True)
-class CheckedChain:
+class CheckedChain(msgspec.Struct, frozen=True):
     """The result of the check of a file of entries."""
 
     entries: tuple[Entry, ...]

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,8 +12,7 @@ from swarmctl.core.geo import LatLon
 from swarmctl.core.grid import Cell
 
 
-@dataclass(frozen=True, slots=True)
-class FrontPoint:
+class FrontPoint(msgspec.Struct, frozen=True):
     """One route of the front."""
 
     length_m: float
@@ -24,8 +23,7 @@ class FrontPoint:
     """the route's line on the map; None: not drawn"""
 
 
-@dataclass(frozen=True, slots=True)
-class FrontBound:
+class FrontBound(msgspec.Struct, frozen=True):
     """The route length at which the arrival is at one limit of the time bound, if turns take no time."""
 
     length_m: float
@@ -34,8 +32,7 @@ class FrontBound:
     """True: longer routes arrive too late; False: shorter routes arrive too early"""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class FrontPanel:
+class FrontPanel(msgspec.Struct, frozen=True, eq=False):
     """The front of one vehicle."""
 
     name: str

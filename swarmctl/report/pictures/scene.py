@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
@@ -21,16 +21,14 @@ GROUP_EVERY_S = 20.0
 """Time between two positions of a group on a map [s]."""
 
 
-@dataclass(frozen=True, slots=True)
-class PlannedTrack:
+class PlannedTrack(msgspec.Struct, frozen=True):
     """One planned line of a vehicle; lines with equal labels, e.g. "w = 0.5", share a style."""
 
     label: str
     points: Sequence[LatLon]
 
 
-@dataclass(frozen=True, slots=True)
-class VehicleTrack:
+class VehicleTrack(msgspec.Struct, frozen=True):
     """Planned and flown lines and the outcome of one vehicle; positions are (latitude, longitude)."""
 
     name: str
@@ -46,8 +44,7 @@ class VehicleTrack:
     """outcome of the vehicle for the legend, such as "arrived" """
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class MapPicture:
+class MapPicture(msgspec.Struct, frozen=True, eq=False):
     """The content of a map."""
 
     grid: Grid

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
+import msgspec
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
@@ -57,8 +57,7 @@ class Spec(Section):
         """Raise ValueError for values that the factors do not have."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Study:
+class Study(msgspec.Struct, frozen=True, eq=False):
     """The content of a results folder."""
 
     table: pd.DataFrame
@@ -105,8 +104,7 @@ class Study:
         return np.array([order[value_text(value)] for value in uniques], dtype=np.int64)[codes]
 
 
-@dataclass(frozen=True, slots=True)
-class FigureKind:
+class FigureKind(msgspec.Struct, frozen=True):
     """A kind of figure: one file, and one line in FIGURES."""
 
     spec: type[Spec]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
+import msgspec
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
@@ -148,8 +148,7 @@ def mathtext(text: str) -> str:
     return text.replace("$", r"\$").replace("P_s", r"$P_\mathrm{s}$")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Parts:
+class Parts(msgspec.Struct, frozen=True, eq=False):
     """A measure as numerator and denominator by group and world, and the type of its values."""
 
     dtype: np.dtype[Any]

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -19,8 +19,7 @@ from swarmctl.study.statistics import Estimates
 Estimator = Callable[[pd.DataFrame, str, NDArray[np.int64], Sequence[int]], Estimates]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Panel:
+class Panel(msgspec.Struct, frozen=True, eq=False):
     """One panel: where it is, its measure, and its value of the factor `panels`."""
 
     axes: Axes

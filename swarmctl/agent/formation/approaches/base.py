@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, Protocol
 
 import msgspec
@@ -19,8 +18,7 @@ ACCELERATION_M_S2, CLIMB_M_S = 2.0, 1.0
 """Greatest acceleration over ground, and greatest climb or sink rate, demanded of a member."""
 
 
-@dataclass(frozen=True, slots=True)
-class MemberLimits:
+class MemberLimits(msgspec.Struct, frozen=True):
     """Limits of the group's vehicles, and the distance between them."""
 
     speed_m_s: float
@@ -50,8 +48,7 @@ class OtherMember(Nearby, frozen=True):
     """its own way while the group is split"""
 
 
-@dataclass(frozen=True, slots=True)
-class Along:
+class Along(msgspec.Struct, frozen=True):
     """The reference point along the route, as the leader told it."""
 
     s_m: float
@@ -62,8 +59,7 @@ class Along:
     """time since this was true [s]"""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ThreatField:
+class ThreatField(msgspec.Struct, frozen=True, eq=False):
     """The exposure P_s of the area, as this member knows it."""
 
     exposure: NDArray[np.float64]
@@ -72,8 +68,7 @@ class ThreatField:
     """size of a cell; the south-west corner of the area is the origin of the local frame [m]"""
 
 
-@dataclass(frozen=True, slots=True)
-class PlaceMemory:
+class PlaceMemory(msgspec.Struct, frozen=True):
     """The facts that a law keeps from call to call. A member that joins, or has paused, begins with none."""
 
     now_s: float
@@ -96,8 +91,7 @@ class PlaceMemory:
         return ve + re, vn + rn, vu + ru
 
 
-@dataclass(frozen=True, slots=True)
-class Group:
+class Group(msgspec.Struct, frozen=True):
     """A group as one of its members sees it now."""
 
     now_s: float
@@ -136,8 +130,7 @@ class Group:
         return self.leader is None
 
 
-@dataclass(frozen=True, slots=True)
-class SetPointDemand:
+class SetPointDemand(msgspec.Struct, frozen=True):
     """The velocity that a member shall fly, with the position that moves at this velocity.
 
     Without a position the velocity alone counts.
@@ -147,8 +140,7 @@ class SetPointDemand:
     position_m: Vector | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class ApproachResult:
+class ApproachResult(msgspec.Struct, frozen=True):
     """The answer of an approach."""
 
     demand: SetPointDemand | None

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from bisect import bisect_left
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import NamedTuple
+
+import msgspec
 
 from swarmctl.agent.traffic.separation.trajectory import LocalPoint, Segment, Trajectory
 
@@ -14,8 +15,7 @@ ROUNDING = 1e-9
 """Greatest rounding error of a share of the limits."""
 
 
-@dataclass(frozen=True, slots=True)
-class Limits:
+class Limits(msgspec.Struct, frozen=True):
     """Separation limits: two vehicles are too close while both distances are below the limits."""
 
     horizontal_m: float
@@ -26,8 +26,7 @@ class Limits:
         return max(horizontal_m / self.horizontal_m, vertical_m / self.vertical_m)
 
 
-@dataclass(frozen=True, slots=True)
-class PairDistance:
+class PairDistance(msgspec.Struct, frozen=True):
     """Distances of two vehicles at one time."""
 
     t_s: float

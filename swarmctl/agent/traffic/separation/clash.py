@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence, Set
-from dataclasses import dataclass
 from itertools import pairwise
 from types import MappingProxyType
 
+import msgspec
 import numpy as np
 
 from swarmctl.agent.traffic.separation.approach import Limits
@@ -32,8 +32,7 @@ _DIRECTIONS = tuple((math.cos(k * math.tau / 8), math.sin(k * math.tau / 8)) for
 """eight unit vectors"""
 
 
-@dataclass(frozen=True, slots=True)
-class Clash:
+class Clash(msgspec.Struct, frozen=True):
     """A clash with another vehicle's flight."""
 
     other: int

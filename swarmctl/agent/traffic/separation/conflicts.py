@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+
+import msgspec
 
 from swarmctl.agent.traffic.separation.approach import Limits, PairDistance, closest, intervals
 from swarmctl.agent.traffic.separation.trajectory import Segment, Trajectory
 
 
-@dataclass(frozen=True, slots=True)
-class PairConflict:
+class PairConflict(msgspec.Struct, frozen=True):
     """Two vehicles that will be too close; `uav` has the lower system id."""
 
     uav: int
@@ -33,8 +33,7 @@ def conflicts(flights: Mapping[int, Trajectory], limits: Limits) -> tuple[PairCo
     return tuple(sorted(found, key=lambda conflict: (conflict.begin_s, conflict.uav, conflict.other)))
 
 
-@dataclass(frozen=True, slots=True)
-class CrossingCounts:
+class CrossingCounts(msgspec.Struct, frozen=True):
     """Number of pairs of flights that are closer than the horizontal limit at the same time."""
 
     predicted: int

@@ -6,8 +6,9 @@ import math
 import operator
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from functools import cached_property
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,8 +26,7 @@ LEAST_BRAKING_S = 0.1
 """Duration of braking below which a flight counts as a hold from its begin [s]."""
 
 
-@dataclass(frozen=True, slots=True)
-class Segment:
+class Segment(msgspec.Struct, frozen=True):
     """Flight at constant velocity from `a` at `begin_s` to `b` at `end_s`."""
 
     begin_s: float
@@ -41,26 +41,25 @@ class Segment:
         return ae + share * (be - ae), an + share * (bn - an), au + share * (bu - au)
 
 
-@dataclass(frozen=True, slots=True)
-class Trajectory:
+class Trajectory(msgspec.Struct, frozen=True, dict=True):
     """A vehicle's flight from `times_s[0]` to `times_s[-1]`. At other times the vehicle has no conflicts."""
 
     times_s: tuple[float, ...]
     """strictly increasing"""
     points: tuple[LocalPoint, ...]
-    _boxes: Boxes | None = field(default=None, init=False, repr=False, compare=False)
-    """bounding boxes of the segments; None before their first use"""
+    """one for each time, finite"""
 
-    def __post_init__(self) -> None:
-        if len(self.times_s) != len(self.points):
-            raise ValueError(
-                f"{len(self.times_s)} times for {len(self.points)} points: expected equal numbers"
-            )
+    def checked(self) -> Trajectory:
+        """Return this flight, after a check that it can be compared with others.
+
+        Raises ValueError for times that do not increase, or a value that is not finite.
+        """
         # A sum is finite only if each number is.
         if not math.isfinite(sum(self.times_s) + sum(map(sum, self.points))):
             raise ValueError("a time or a coordinate is not finite: expected seconds and metres")
         if any(map(operator.le, self.times_s[1:], self.times_s)):
             raise ValueError("times do not increase: expected each to be later than the previous one")
+        return self
 
     def segments(self) -> Iterator[Segment]:
         return map(self.segment, range(len(self.times_s) - 1))
@@ -68,18 +67,15 @@ class Trajectory:
     def segment(self, i: int) -> Segment:
         return Segment(self.times_s[i], self.times_s[i + 1], self.points[i], self.points[i + 1])
 
-    @property
+    @cached_property
     def boxes(self) -> Boxes:
         """The bounding boxes of the segments in time and space."""
-        if self._boxes is None:
-            points = np.array([(t, *point) for t, point in zip(self.times_s, self.points, strict=True)])
-            boxes = np.empty((max(len(points) - 1, 0), 8))
-            if len(boxes):
-                np.minimum(points[:-1], points[1:], out=boxes[:, :4])
-                np.maximum(points[:-1], points[1:], out=boxes[:, 4:])
-            object.__setattr__(self, "_boxes", boxes)
-            return boxes
-        return self._boxes
+        points = np.array([(t, *point) for t, point in zip(self.times_s, self.points, strict=True)])
+        boxes = np.empty((max(len(points) - 1, 0), 8))
+        if len(boxes):
+            np.minimum(points[:-1], points[1:], out=boxes[:, :4])
+            np.maximum(points[:-1], points[1:], out=boxes[:, 4:])
+        return boxes
 
     def may_meet(self, box: Bounds) -> bool:
         """Return whether the flight may come into a box: a quick test by the segments in the box's time."""
@@ -108,7 +104,7 @@ class Trajectory:
         if at is None:
             return self if self.times_s and t_s < self.times_s[0] else None
         i = bisect_right(self.times_s, t_s)
-        return _of_checked((t_s, *self.times_s[i:]), (at, *self.points[i:]))
+        return Trajectory((t_s, *self.times_s[i:]), (at, *self.points[i:]))
 
     @property
     def moves_from_s(self) -> float:
@@ -125,7 +121,7 @@ class Trajectory:
         """Return the flight until `until_s`; a flight that ends earlier stays at its last point."""
         n, at = bisect_left(self.times_s, until_s), self.at(until_s)
         last = self.points[-1] if at is None else at
-        return _of_checked((*self.times_s[:n], until_s), (*self.points[:n], last))
+        return Trajectory((*self.times_s[:n], until_s), (*self.points[:n], last))
 
     def nearest(self, point: PlanarPoint) -> LocalPoint:
         """Return the place of the flight that is nearest to (east, north) [m] over ground."""
@@ -139,7 +135,7 @@ class Trajectory:
 
     def later(self, seconds: float) -> Trajectory:
         """Return the same flight, shifted in time."""
-        return _of_checked(tuple([t + seconds for t in self.times_s]), self.points)
+        return Trajectory(tuple([t + seconds for t in self.times_s]), self.points)
 
     def after(self, here: LocalPoint, seconds: float) -> Trajectory:
         """Return a flight that begins `here` at 0 s, and goes on by this flight `seconds` later."""
@@ -167,25 +163,15 @@ class Trajectory:
             least_e, least_n, least_u = max(least_e, ve - by), max(least_n, vn - by), max(least_u, vu - by)
             most_e, most_n, most_u = min(most_e, ve + by), min(most_n, vn + by), min(most_u, vu + by)
         kept.append(len(self.points) - 1)
-        return _of_checked(tuple([self.times_s[i] for i in kept]), tuple([self.points[i] for i in kept]))
+        return Trajectory(tuple([self.times_s[i] for i in kept]), tuple([self.points[i] for i in kept]))
 
     def higher(self, by_m: float) -> Trajectory:
         """Return the same flight, shifted in height."""
         points = tuple([(east_m, north_m, up_m + by_m) for east_m, north_m, up_m in self.points])
-        return _of_checked(self.times_s, points)
+        return Trajectory(self.times_s, points)
 
 
-def _of_checked(times_s: tuple[float, ...], points: tuple[LocalPoint, ...]) -> Trajectory:
-    """Return a flight by the times and points of another one, which need no second check."""
-    flight = object.__new__(Trajectory)
-    object.__setattr__(flight, "times_s", times_s)
-    object.__setattr__(flight, "points", points)
-    object.__setattr__(flight, "_boxes", None)
-    return flight
-
-
-@dataclass(frozen=True, slots=True)
-class Bounds:
+class Bounds(msgspec.Struct, frozen=True):
     """Bounding box of a flight in time and space."""
 
     least: tuple[float, float, float, float]
@@ -237,7 +223,7 @@ class Bounds:
 def until_landing(flight: Trajectory) -> Trajectory:
     """Return the flight up to its final vertical descent; the whole flight if the descent has begun."""
     n = _n_before_landing(flight.points)
-    return flight if n < 2 or n == len(flight.points) else _of_checked(flight.times_s[:n], flight.points[:n])
+    return flight if n < 2 or n == len(flight.points) else Trajectory(flight.times_s[:n], flight.points[:n])
 
 
 def landing_start_s(flight: Trajectory) -> float:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
 from typing import Literal
+
+import msgspec
 
 from swarmctl.agent.traffic.separation.approach import Limits, PairDistance, closest, intervals
 from swarmctl.agent.traffic.separation.clash import HEIGHT_TOLERANCE_M
 from swarmctl.agent.traffic.separation.trajectory import Bounds, Trajectory
 from swarmctl.core.frames import StateShared
+from swarmctl.core.records import replace
 
 AvoidanceAction = Literal["hold", "climb", "none"]
 
@@ -24,8 +26,7 @@ HEIGHT_MARGIN = 1.2
 DEFAULT_LIMITS = Limits(10.0, 3.0)
 
 
-@dataclass(frozen=True, slots=True)
-class SeparationRules:
+class SeparationRules(msgspec.Struct, frozen=True):
     """Separation limits of the vehicles, and the evasive action."""
 
     limits: Limits = DEFAULT_LIMITS
@@ -36,8 +37,7 @@ class SeparationRules:
 DEFAULT_SEPARATION = SeparationRules()
 
 
-@dataclass(frozen=True, slots=True)
-class NeighbourReport:
+class NeighbourReport(msgspec.Struct, frozen=True):
     """Last state received from another vehicle."""
 
     state: StateShared
@@ -48,8 +48,7 @@ class NeighbourReport:
     """reported position in the local frame of the area [m]"""
 
 
-@dataclass(frozen=True, slots=True)
-class NeighbourIntent:
+class NeighbourIntent(msgspec.Struct, frozen=True):
     """Last intent received from another vehicle: its present or next flight."""
 
     flight: Trajectory
@@ -108,8 +107,7 @@ class NeighbourIntent:
         return Limits(limits.horizontal_m + horizontal_m, limits.vertical_m + vertical_m)
 
 
-@dataclass(frozen=True, slots=True)
-class ProximityAlarm:
+class ProximityAlarm(msgspec.Struct, frozen=True):
     """A prediction that another vehicle comes too close."""
 
     other: int

@@ -7,10 +7,10 @@ command, the vehicle flies its old route and lands.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from enum import StrEnum
 
 from swarmctl.core.mission import MissionItem
+from swarmctl.core.records import replace
 from swarmctl.core.vehicle import Landed, VehicleState
 from swarmctl.mavlink.procedures.guarded import (
     UNTIL_REPLACED_S,

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from enum import StrEnum
 
 from swarmctl.core.mission import MissionItem
+from swarmctl.core.records import replace
 from swarmctl.core.vehicle import Landed
 from swarmctl.mavlink.dialects.plan import LAND, append_items
 from swarmctl.mavlink.procedures.guarded import (

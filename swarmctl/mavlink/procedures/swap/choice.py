@@ -14,9 +14,9 @@ autopilot:
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 from swarmctl.core.mission import FlightPlan
+from swarmctl.core.records import replace
 from swarmctl.core.vehicle import STALE_MODE_S, Landed
 from swarmctl.mavlink.dialects import Dialect
 from swarmctl.mavlink.procedures.guarded import NotInControl, TakenOver, confirm_state, describe_takeover

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Generic, TypeVar
 
+import msgspec
+
 from swarmctl.core.mission import FlightPlan, MissionItem
 from swarmctl.mavlink.procedures.guarded import (
     NotInControl,
@@ -98,8 +100,7 @@ class Swap:
         return 0.0 if brakes_m_s2 is None else self.ctx.state.ground_speed_m_s**2 / (2.0 * brakes_m_s2)
 
 
-@dataclass(frozen=True, slots=True)
-class OldPlan:
+class OldPlan(msgspec.Struct, frozen=True):
     """The plan flown before a swap, as a separate mission, with its current item."""
 
     items: tuple[MissionItem, ...]

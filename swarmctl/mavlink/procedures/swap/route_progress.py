@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import accumulate, pairwise, takewhile
+
+import msgspec
 
 from swarmctl.core.geo import LocalFrame
 from swarmctl.core.mission import MissionItem
@@ -25,8 +26,7 @@ SAME_PLACE_M = 1.0
 """greatest distance from a route at which an item counts as on that route"""
 
 
-@dataclass(frozen=True, slots=True)
-class RoutePosition:
+class RoutePosition(msgspec.Struct, frozen=True):
     """Position of a vehicle on a route."""
 
     item: int
