@@ -57,8 +57,8 @@ class FlightEndpoints(msgspec.Struct, frozen=True):
 def chosen_vehicles(uavs: list[str], all_vehicles: bool) -> tuple[str, ...] | None:
     """Return the vehicles as given, by name or system id; None for all vehicles. Raises BadOptions."""
     if all_vehicles == bool(uavs):
-        raise BadOptions("give either --uav NAME (or system id; repeatable) or --all [which-vehicles]")
-    return None if all_vehicles else tuple(uavs)
+        raise BadOptions("give either --uav NAME,NAME (or system ids) or --all [which-vehicles]")
+    return None if all_vehicles else tuple(name for names in uavs for name in names.split(","))
 
 
 def find(swarm: str | None, config: Roster | None, connect: str | None) -> FlightEndpoints:

@@ -89,7 +89,7 @@ def test_an_unknown_vehicle_is_refused_and_no_vehicle_gets_the_order() -> None:
 @pytest.mark.parametrize("command", ["abort", "order"])
 def test_a_misspelt_name_does_not_keep_the_others_in_the_air(command: str) -> None:
     with station_in_a_thread() as station:
-        result = run(f"{command} land --uav nosuch --uav uav1")
+        result = run(f"{command} land --uav nosuch,uav1")
     assert result.exit_code == 1
     assert [uav for uav, _ in station.posted] == [1]
     assert ordered("land", 1) in result.stdout.splitlines()
