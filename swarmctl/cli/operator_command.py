@@ -29,7 +29,10 @@ from swarmctl.station.client import FlightEndpoints
 UavsOption = Annotated[
     list[str] | None,
     typer.Option(
-        "--uav", metavar="NAME", help="A vehicle's name or system id, or several with commas.", show_default=False
+        "--uav",
+        metavar="NAME",
+        help="A vehicle's name or system id, or several with commas.",
+        show_default=False,
     ),
 ]
 AllOption = Annotated[bool, typer.Option("--all", help="All vehicles of the swarm.")]

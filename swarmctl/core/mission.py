@@ -99,5 +99,5 @@ class MissionItem(msgspec.Struct, frozen=True):
     def __post_init__(self) -> None:
         for name in ("param1", "param2", "param3", "param4"):
             if math.isnan(getattr(self, name)):
-                # Tuples with NaN are equal only if both hold the same NaN object, so all items share one.
+                # Records with NaN are equal only if both hold the same NaN object, so all items share one.
                 force_setattr(self, name, math.nan)

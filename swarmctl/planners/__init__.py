@@ -18,10 +18,10 @@ Small areas need no compiler. Large areas are searched by numba's machine code, 
 Benevolence and `formation` need the machine code on any area.
 `warm_up` compiles this code once (about 10 s) for this and all later processes. `kernels` has all searches.
 
-A planner is one module with a frozen dataclass `Params`, the constants of `base.Planner`, the functions
-`plan(problem, params)` and `measure(problem, cells, params)`, and one line in `PLANNERS`. Of `swarmctl` the
-planners import only `core`. `meeting.split` compares a group with its members alone,
-and `split_route` plans for a group that may split.
+A planner is one module with a frozen `msgspec.Struct` named `Params`, the constants of `base.Planner`, the
+functions `plan(problem, params)` and `measure(problem, cells, params)`, and one line in `PLANNERS`. Of
+`swarmctl` the planners import only `core`. `meeting.split` compares a group with its members alone, and
+`split_route` plans for a group that may split.
 """
 
 from __future__ import annotations

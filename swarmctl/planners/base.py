@@ -163,7 +163,7 @@ class Planner(Protocol):
 
     @property
     def Params(self) -> Any:  # noqa: N802 - it is a class, found in a module
-        """A frozen dataclass with a default for each field."""
+        """A frozen `msgspec.Struct` with a default for each field."""
 
     def plan(self, problem: Problem, params: Any, /) -> Route:
         """Return the best route by this planner's measure. Raises Unreachable and BadProblem."""

@@ -28,7 +28,7 @@ class Kind(msgspec.Struct, frozen=True):
     """Something that an experiment computes."""
 
     row: type[Any]
-    """dataclass of a row: the field `uav`, then the measures"""
+    """`msgspec.Struct` of a row: the field `uav`, then the measures"""
     computer: Callable[[Scenario, Any], Callable[[World], SeedResult[Any]]]
     """returns the function that computes one world, by scenario and settings of a level"""
     unsupported: Callable[[Scenario], str | None] = lambda _: None

@@ -58,8 +58,7 @@ def table_of(
 
     The vehicles of a seed are sorted by system id.
     """
-    fields = msgspec.structs.fields(row)
-    names, types = names_of(row), {field.name: _TYPES[field.type] for field in fields}
+    names, types = names_of(row), {field.name: _TYPES[field.type] for field in msgspec.structs.fields(row)}
     values = attrgetter(*names)
     rows: list[tuple[Any, ...]] = []
     tracks: list[tuple[int, ...]] = []

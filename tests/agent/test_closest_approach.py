@@ -54,7 +54,7 @@ def test_time_alone_separates() -> None:
     assert intervals(one, one.later(1.9), LIMITS) == (pytest.approx((1.9, 10.0)),)
 
 
-@pytest.mark.parametrize("times_s", [(1.0, 1.0), (0.0, math.nan)])
+@pytest.mark.parametrize("times_s", [(1.0, 1.0), (0.0, math.nan), (0.0, 1.0, 2.0)])
 def test_an_invalid_trajectory_is_refused(times_s: tuple[float, ...]) -> None:
     with pytest.raises(ValueError, match="expected"):
         Trajectory(times_s, ((0.0, 0.0, 0.0),) * 2).checked()

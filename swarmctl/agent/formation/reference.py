@@ -66,7 +66,7 @@ class Pose(NamedTuple):
         return self.east_m + east_m, self.north_m + north_m
 
 
-_Piece = tuple[float, float, float, float, float, float, float, float, float, float, float]
+Piece = tuple[float, float, float, float, float, float, float, float, float, float, float]
 """east, north and their first three derivatives by the distance; heading and its first two"""
 
 
@@ -83,7 +83,7 @@ class Reference(msgspec.Struct, frozen=True, eq=False):
     legs: StraightLegs
     knots_m: tuple[float, ...]
     """distances between which the curve is one polynomial"""
-    pieces: tuple[_Piece, ...]
+    pieces: tuple[Piece, ...]
 
     @classmethod
     def over(cls, points_m: tuple[PlanarPoint, ...], window_m: float) -> Reference:
@@ -272,7 +272,7 @@ def _directions(legs: StraightLegs) -> tuple[tuple[float, float, float], ...]:
     return tuple(directions)
 
 
-def _pieces(legs: StraightLegs, window_m: float) -> tuple[tuple[float, ...], tuple[_Piece, ...]]:
+def _pieces(legs: StraightLegs, window_m: float) -> tuple[tuple[float, ...], tuple[Piece, ...]]:
     """Return the knots of the curve, and the polynomial after each knot.
 
     The values at the knots are sums over the corners near them. Between two knots d²p/ds² and dχ/ds are

@@ -59,4 +59,4 @@ def flight_in_group(state: AgentState, here: LocalPoint, for_s: float = math.inf
         times.append(t_s)
         up_m = here[2] + min(max(rises_m, -DESCENT_M_S * t_s), CLIMB_M_S * t_s)
         points.append((east_m + left * off_e, north_m + left * off_n, up_m))
-    return Trajectory(tuple(times), tuple(points)).thinned(NEAR_M) if len(points) > 1 else None
+    return Trajectory(tuple(times), tuple(points)).checked().thinned(NEAR_M) if len(points) > 1 else None

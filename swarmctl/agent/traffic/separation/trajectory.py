@@ -52,8 +52,12 @@ class Trajectory(msgspec.Struct, frozen=True, dict=True):
     def checked(self) -> Trajectory:
         """Return this flight, after a check that it can be compared with others.
 
-        Raises ValueError for times that do not increase, or a value that is not finite.
+        Raises ValueError for unequal numbers, times that do not increase, and values that are not finite.
         """
+        if len(self.times_s) != len(self.points):
+            raise ValueError(
+                f"{len(self.times_s)} times for {len(self.points)} points: expected equal numbers"
+            )
         # A sum is finite only if each number is.
         if not math.isfinite(sum(self.times_s) + sum(map(sum, self.points))):
             raise ValueError("a time or a coordinate is not finite: expected seconds and metres")
