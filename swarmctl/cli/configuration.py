@@ -88,9 +88,9 @@ def flight_problems(
     from swarmctl.preflight import host  # noqa: PLC0415
 
     key_problems = problem_lines(path, document, _signing_key_problems(scenario))
-    lines = {
-        vehicle.name: document.line_of(("vehicles", i)) for i, vehicle in enumerate(scenario.config.vehicles)
-    }
+    lines = {spec.name: document.line_of(("simulate",)) for spec in scenario.specs}
+    for i, vehicle in enumerate(scenario.config.vehicles):
+        lines[vehicle.name] = document.line_of(("vehicles", i))
     found = []
     for text in (*host.troubles(scenario, runs), *more):
         line = lines.get(text.split(":")[0])
