@@ -187,7 +187,6 @@ class Autopilot:
             return
         self.storage.record_changes(now)
         self.alarm_s = self._update_due_s = now
-        publish(self, now)
 
     def _receive_heartbeat(self, heartbeat: Any, now: float) -> None:
         sysid = heartbeat.get_srcSystem()
