@@ -15,6 +15,7 @@ from swarmctl.bus.transports.access import OPERATOR
 from swarmctl.bus.transports.base import BusError
 from swarmctl.cli.configuration import load_roster_or_exit, load_scenario_or_exit
 from swarmctl.cli.console import FAILED, OK, USAGE, ConnectOption, fail, say
+from swarmctl.cli.live_dashboard import MISSING
 from swarmctl.config.problems import ConfigError
 from swarmctl.core.messages import OperatorAnswer, Request
 from swarmctl.core.operator_text import extended
@@ -98,7 +99,7 @@ def dashboard(
             serve_page,
         )
     except ModuleNotFoundError as error:
-        fail([f"the dashboard needs {error.name}: pip install 'mavlink-swarmctl[dashboard]'"], USAGE)
+        fail([MISSING.format(error.name, "dashboard")], USAGE)
     from swarmctl.dashboard.sources.recording import RecordSource, open_live  # noqa: PLC0415
     from swarmctl.report.record import record_path  # noqa: PLC0415
 
@@ -233,7 +234,7 @@ def _study_page(folder: Path) -> Callable[[object], None]:
         from swarmctl.dashboard.sources.study import StudySource  # noqa: PLC0415
         from swarmctl.study.report import ReportError  # noqa: PLC0415
     except ModuleNotFoundError as error:
-        fail([f"the results of a study need {error.name}: pip install 'mavlink-swarmctl[study]'"], USAGE)
+        fail([MISSING.format(error.name, "study")], USAGE)
     try:
         source = StudySource(folder)
     except ReportError as error:

@@ -19,7 +19,7 @@ from swarmctl.cli.console import INTERRUPTED, USAGE, fail, say
 
 NICENESS = 10
 """lower priority than the flight has, as for `nice`"""
-MISSING = "the dashboard needs {}: pip install 'mavlink-swarmctl[dashboard]'"
+MISSING = "the dashboard needs {}: in the folder of the project, pip install '.[{}]'"
 
 
 @contextlib.contextmanager
@@ -30,7 +30,7 @@ def live_dashboard(folder: Path) -> Iterator[None]:
     packages are missing.
     """
     if find_spec("nicegui") is None:
-        fail([MISSING.format("nicegui")], USAGE)
+        fail([MISSING.format("nicegui", "dashboard")], USAGE)
     # In a new session Ctrl-C does not end the dashboard, which shows the shutdown too.
     options = ["--live", "--parent-pid", str(os.getpid())]
     process = subprocess.Popen(
