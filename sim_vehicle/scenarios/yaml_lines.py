@@ -77,7 +77,9 @@ def _parse_yaml(text: str) -> Document:
         _walk(node, (), lines)
         return Document(loader.construct_document(node), lines)
     except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
+        # A key without a colon begins at its context; the parser notices it on a later line.
+        begins_at_context = error.context == "while scanning a simple key"
+        mark = error.context_mark if begins_at_context else error.problem_mark or error.context_mark
         line = mark.line + 1 if mark is not None else 1
         raise FileSyntaxError(line, f"invalid YAML: {error.problem or error.context}") from error
     except yaml.YAMLError as error:

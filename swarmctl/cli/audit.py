@@ -59,17 +59,17 @@ def audit(
     if checked.other_format:
         fail([f"{path}: {checked.other_format}"], USAGE)
     closing = checked.closing or Closed()
-    changed = _changed_files(path.parent, closing, may_miss=not run.is_dir())
+    missing, changed = _file_troubles(path.parent, closing)
     if checked.entries:
         _show(checked, _tlogs(path.parent, checked, except_for=changed), shows_all=shows_all)
-    troubles = [*_troubles(path, checked, keys), *changed.values()]
+    may_miss = not run.is_dir()
+    troubles = [*_troubles(path, checked, keys), *changed.values(), *([] if may_miss else missing)]
     if troubles:
         fail([printable(text) for text in troubles], FAILED)
-    absent = sum(not (path.parent / Path(name).name).exists() for name in closing.files)
+    not_checked = f" ({len(missing)} not here, so not checked)" if missing else ""
     _say(
         f"{path}: complete and unchanged: {len(checked.entries)} entries, with the hashes of "
-        f"{len(closing.files)} files{f' ({absent} not here, so not checked)' if absent else ''}; the final "
-        f"hash is {checked.last_hash}"
+        f"{len(closing.files)} files{not_checked}; the final hash is {checked.last_hash}"
     )
     _say(_signed_by(closing, keys))
 
@@ -78,16 +78,15 @@ def _say(text: str) -> None:
     say(printable(text))
 
 
-def _changed_files(folder: Path, closing: Closed, *, may_miss: bool) -> dict[str, str]:
-    """Return messages about the files that differ from the closing entry, by name."""
-    changed = {}
+def _file_troubles(folder: Path, closing: Closed) -> tuple[list[str], dict[str, str]]:
+    """Return messages about missing files, and about files that differ from the closing entry, by name."""
+    missing, changed = [], {}
     for name, expected in closing.files.items():
         path = folder / Path(name).name
         try:
             found = sha256_of(path)
         except FileNotFoundError:
-            if not may_miss:
-                changed[name] = f"{path}: missing; expected the SHA-256 {expected} [file-changed]"
+            missing.append(f"{path}: missing; expected the SHA-256 {expected} [file-changed]")
             continue
         except (OSError, ValueError) as error:
             found = str(error)
@@ -96,7 +95,7 @@ def _changed_files(folder: Path, closing: Closed, *, may_miss: bool) -> dict[str
                 f"{path}: changed after the flight, and left out of the table: found {found}, expected the "
                 f"SHA-256 {expected} [file-changed]"
             )
-    return changed
+    return missing, changed
 
 
 def _tlogs(folder: Path, checked: CheckedChain, except_for: Container[str]) -> dict[str, bytes]:

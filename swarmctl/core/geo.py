@@ -29,15 +29,6 @@ def _projection(lat_deg: float, lon_deg: float) -> Transformer:
     )
 
 
-def check_origin(lat_deg: float, lon_deg: float) -> None:
-    """Raise ValueError for degrees that are no place on the ground."""
-    if not (-90.0 <= lat_deg <= 90.0 and -180.0 <= lon_deg <= 180.0):
-        raise ValueError(
-            f"origin ({lat_deg}, {lon_deg}): expected a latitude in [-90, 90] and a longitude "
-            "in [-180, 180], in degrees and in this order"
-        )
-
-
 class LocalFrame(msgspec.Struct, frozen=True, dict=True):
     """A plane that touches the ellipsoid at (lat_deg, lon_deg), with axes east and north.
 
@@ -49,7 +40,11 @@ class LocalFrame(msgspec.Struct, frozen=True, dict=True):
     lon_deg: float
 
     def __post_init__(self) -> None:
-        check_origin(self.lat_deg, self.lon_deg)
+        if not (-90.0 <= self.lat_deg <= 90.0 and -180.0 <= self.lon_deg <= 180.0):
+            raise ValueError(
+                f"origin ({self.lat_deg}, {self.lon_deg}): expected a latitude in [-90, 90] and a longitude "
+                "in [-180, 180], in degrees and in this order"
+            )
 
     @cached_property
     def _local(self) -> Callable[[float, float], tuple[float, float]]:

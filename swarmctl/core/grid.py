@@ -7,7 +7,7 @@ from functools import cached_property
 
 import msgspec
 
-from swarmctl.core.geo import LatLon, LocalFrame, check_origin
+from swarmctl.core.geo import LatLon, LocalFrame
 
 Cell = tuple[int, int]
 """(row, col); row 0 is the south edge and rows grow north, columns grow east."""
@@ -27,7 +27,7 @@ class Grid(msgspec.Struct, frozen=True, dict=True):
             raise ValueError(f"an area of {self.rows} × {self.cols} cells: expected at least 1 × 1")
         if not (math.isfinite(self.cell_size_m) and self.cell_size_m > 0.0):
             raise ValueError(f"cell size of {self.cell_size_m} m: expected a finite number above 0")
-        check_origin(self.origin_lat_deg, self.origin_lon_deg)
+        LocalFrame(self.origin_lat_deg, self.origin_lon_deg)  # raises ValueError for an invalid origin
 
     @cached_property
     def frame(self) -> LocalFrame:

@@ -29,7 +29,7 @@ from swarmctl.core.messages import (
     decode_answer,
     encode,
 )
-from swarmctl.core.operator_text import extended, resolve_vehicles
+from swarmctl.core.operator_text import extended, resolve_vehicles, typed_names
 from swarmctl.core.records import replace
 
 TIMEOUT_S = ANSWER_WITHIN_S + 2.0
@@ -56,9 +56,10 @@ class FlightEndpoints(msgspec.Struct, frozen=True):
 
 def chosen_vehicles(uavs: list[str], all_vehicles: bool) -> tuple[str, ...] | None:
     """Return the vehicles as given, by name or system id; None for all vehicles. Raises BadOptions."""
-    if all_vehicles == bool(uavs):
+    names = tuple(name for text in uavs for name in typed_names(text))
+    if all_vehicles == bool(names):
         raise BadOptions("give either --uav NAME,NAME (or system ids) or --all [which-vehicles]")
-    return None if all_vehicles else tuple(name for names in uavs for name in names.split(","))
+    return None if all_vehicles else names
 
 
 def find(swarm: str | None, config: Roster | None, connect: str | None) -> FlightEndpoints:

@@ -44,6 +44,7 @@ def ordered(order: str, uav: int) -> str:
         ("launch --all", "Invalid value for"),
         ("hold", "[which-vehicles]"),
         ("hold --all --uav 1", "[which-vehicles]"),
+        ("hold --uav ,", "[which-vehicles]"),
         ("land --all --connect tcp/127.0.0.1:7447", "[which-swarm]"),
         ("return --all --config nowhere.yaml", "nowhere.yaml: "),
     ],

@@ -103,6 +103,7 @@ BAD: list[tuple[str, str, str, list[tuple[str, ...]]]] = [
     ("a tag that does not fit", "rows: 20", "rows: !!int many", [(":2", "'many'", "int")]),
     ("a NUL byte", "name: test", "name: te\0st", [(":1",)]),
     ("malformed YAML", "vehicles:", "vehicles: [", [(":9",)]),
+    ("a key without a colon", "area:", "seed\narea:", [(":2",)]),
     ("an alias within itself", "vehicles:", "x: &a [*a]\nvehicles:", [(":1",)]),
     ("aliases by the million", "vehicles:", f"x: {MILLION_ALIASES}\nvehicles:", [(":8",)]),
     (

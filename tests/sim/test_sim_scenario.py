@@ -223,6 +223,7 @@ faults: [packet_los]
         ("count: 1\ncount: 2", 2, "key 'count' is a duplicate of line 1"),
         ("count: &a [*a]", 1, ""),
         ("a: [", 1, "YAML"),
+        ("count: 1\nseed\nspeedup: 1", 2, "YAML"),
         (HOME + "count: 0", 2, "count: must be at least 1, found 0"),
         ("count: 2", 1, "`home`"),
         ("home: {lat_deg: 91, lon_deg: 0}\ncount: 1", 1, "home.lat_deg: must be at most 89, found 91"),
