@@ -13,6 +13,7 @@ import typer
 
 from swarmctl.cli.console import FAILED, USAGE, fail, out, say
 from swarmctl.core.operator_text import printable
+from swarmctl.report import record_file
 from swarmctl.report.evidence.chain import CheckedChain, Closed, Entry, check, signed_content
 from swarmctl.report.evidence.commands import CHANGED_PART
 from swarmctl.report.evidence.digest import VehicleDigest, digest
@@ -53,7 +54,7 @@ def audit(
         with path.open("rb") as file:
             checked = check(file)
     except FileNotFoundError:
-        fail([f"{path}: no such file; give the folder of a run with its {FILE_NAME} [no-evidence]"], USAGE)
+        fail([str(record_file.not_found(path))], USAGE)
     except OSError as error:
         fail([f"{path}: cannot be read: {error.strerror or error}"], USAGE)
     if checked.other_format:

@@ -11,7 +11,7 @@ import typer
 from swarmctl.cli.configuration import (
     config_or_example,
     describe,
-    keys_problem_lines,
+    fail_for_keys,
     load_scenario_or_exit,
     require_flyable,
 )
@@ -40,13 +40,14 @@ from swarmctl.cli.flights import (
     with_forwarding,
 )
 from swarmctl.cli.live_dashboard import live_dashboard
-from swarmctl.cli.resume import ResumeOption, load_or_exit, require_host, run_or_exit
+from swarmctl.cli.resume import ResumeOption, load_or_exit, run_or_exit
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.records import replace
 from swarmctl.flight import app
 from swarmctl.flight.gc_tuning import tune_collector
 from swarmctl.flight.run import DEFAULT_OPTIONS, Clock
 from swarmctl.flight.virtual_clock import run_virtual
+from swarmctl.preflight import host
 from swarmctl.report.evidence.log import Signer
 from swarmctl.security.evidence_keys import operator_evidence_signer
 from swarmctl.security.files import KeyringError
@@ -94,7 +95,8 @@ def fly(
         fail(["--dashboard shows flights in real time; open the run with `swarmctl dashboard RUN`"], USAGE)
     may_arm = arming_permission(scenario, real=real, confirm=confirm)
     if config is None:
-        require_host(scenario, out_folder)
+        if troubles := list(host.troubles(scenario, out_folder)):
+            fail(troubles, FAILED)
     elif clock == "real":
         require_flyable(config, scenario, out_folder)
     options = replace(
@@ -129,7 +131,4 @@ def _signer(config: Path | None, scenario: Scenario) -> Signer | None:
     try:
         return operator_evidence_signer(scenario.config.communication.keys)
     except KeyringError as error:
-        lines = (
-            [f"communication.keys: {error}"] if config is None else keys_problem_lines(config, [str(error)])
-        )
-        fail(lines, FAILED)
+        fail_for_keys(config, error)

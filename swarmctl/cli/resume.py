@@ -12,8 +12,8 @@ from swarmctl.cli import machine_code
 from swarmctl.cli.console import FAILED, USAGE, err, fail
 from swarmctl.config.model import Config
 from swarmctl.config.scenario import Scenario, build
-from swarmctl.preflight import host
 from swarmctl.report import unfinished_run
+from swarmctl.report.record_file import RecordError
 from swarmctl.report.unfinished_run import UnfinishedRun, UnfinishedRunError
 
 LAST = "last"
@@ -47,12 +47,8 @@ def load_or_exit(run: Path, given: Scenario | None = None) -> tuple[Scenario, Un
         return unfinished_run.load(run, lambda recorded: _scenario(run, recorded, given), _epoch_ns())
     except UnfinishedRunError as error:
         fail([f"--resume {error}"], FAILED)
-
-
-def require_host(scenario: Scenario, runs: Path) -> None:
-    """Exit with all problems of this machine that prevent a flight of a recorded configuration."""
-    if found := list(host.troubles(scenario, runs)):
-        fail(found, FAILED)
+    except RecordError as error:
+        fail([f"--resume {error}"], USAGE)
 
 
 def _scenario(run: Path, recorded: Config, given: Scenario | None) -> Scenario:

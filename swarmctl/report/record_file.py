@@ -100,7 +100,8 @@ def read(path: Path) -> StoredRecord:
 
 
 def not_found(path: Path) -> RecordError:
-    return RecordError(f"{path}: not found; give the folder of a run, which holds run.mcap [no-record]")
+    """Return the error for a missing run, or for a file that its folder lacks."""
+    return RecordError(f"{path}: not found; give the folder of a run [no-run]")
 
 
 def damaged(path: Path, error: Exception) -> RecordError:

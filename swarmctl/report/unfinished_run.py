@@ -78,14 +78,14 @@ class UnfinishedRun(msgspec.Struct, frozen=True):
 
 
 def unfinished_content(run: Path) -> tuple[record.RecordContent, BinaryIO]:
-    """Return the content and the locked file of an unfinished run's record. Raises UnfinishedRunError."""
+    """Return the content and the locked file of an unfinished run's record.
+
+    Raises UnfinishedRunError, and RecordError for a missing or unreadable record.
+    """
     with contextlib.ExitStack() as opened:
-        try:
-            file = opened.enter_context(_locked(run))
-            # After the lock: until then another program may have written more.
-            content = record.read(record.record_path(run))
-        except record_file.RecordError as error:
-            raise UnfinishedRunError(str(error)) from error
+        file = opened.enter_context(_locked(run))
+        # After the lock: until then another program may have written more.
+        content = record.read(record.record_path(run))
         if not content.stored.is_cut:
             raise UnfinishedRunError(
                 f"{run}: the run has ended in order, so there is nothing to go on with; start a new flight "
@@ -189,7 +189,7 @@ def rebuild(
 def load(
     run: Path, scenario_of: Callable[[Config], Scenario], epoch_ns: int
 ) -> tuple[Scenario, UnfinishedRun]:
-    """Return the scenario and the content of an unfinished run. Raises UnfinishedRunError.
+    """Return the scenario and the content of an unfinished run. Raises UnfinishedRunError and RecordError.
 
     `scenario_of` gets the recorded configuration.
     """

@@ -163,6 +163,20 @@ def test_a_record_of_another_format_is_refused(
     assert "[other-format]" in result.stderr
 
 
+TAKING_A_RUN: list[list[str | Path]] = [
+    ["replay"], ["audit"], ["dashboard"], ["dashboard", "--live"], ["fly", "--resume"],
+    ["plan", "--config", SHIPPED, "--known"], ["agent", "--config", SHIPPED, "--uav", "1", "--resume"],
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("words", TAKING_A_RUN, ids=lambda words: " ".join(map(str, words[::3])))
+def test_every_command_reports_a_missing_run_alike(words: list[str | Path], tmp_path: Path) -> None:
+    result = swarmctl(*words, tmp_path / "nowhere")
+    assert result.exit_code == 2
+    assert f"{tmp_path / 'nowhere'}: not found" in result.stderr
+    assert "[no-run]" in result.stderr
+
+
 @pytest.mark.parametrize("content", [None, b"", b"not a record"], ids=["missing", "empty", "garbage"])
 def test_an_invalid_record_is_an_error(content: bytes | None, tmp_path: Path) -> None:
     if content is not None:

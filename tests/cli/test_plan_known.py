@@ -39,7 +39,7 @@ def test_an_invalid_run_is_an_error_with_its_path(flown: Path, tmp_path: Path) -
     config = flown.parent.parent / "small.yaml"
     done = swarmctl("plan", "--config", config, "--out", tmp_path / "runs", "--known", tmp_path)
     assert done.exit_code == 2
-    assert "[no-record]" in done.output
+    assert "[no-run]" in done.output
 
 
 @pytest.mark.parametrize(

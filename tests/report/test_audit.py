@@ -98,7 +98,7 @@ CHANGES: dict[str, tuple[Callable[[Path], object], str, str]] = {
     "another record": (changed("run.mcap", b"r", b"R"), "file-changed", "run.mcap: "),
     "another tlog": (changed("alpha.tlog", bytes(8), b"1" * 8), "file-changed", "alpha.tlog: "),
     "no record": (lambda run: (run / "run.mcap").unlink(), "file-changed", "run.mcap: "),
-    "no evidence": (lambda run: (run / FILE_NAME).unlink(), "no-evidence", f"{FILE_NAME}: "),
+    "no evidence": (lambda run: (run / FILE_NAME).unlink(), "no-run", f"{FILE_NAME}: "),
     "an earlier format": (
         lines(lambda _: chained(entries(("answer", {}), format=1))), "other-format", f"{FILE_NAME}: ",
     ),
@@ -116,7 +116,7 @@ def test_a_change_is_found_and_its_place_is_named(
     change(run)
     result = audit(run)
     assert code_of(result) == code
-    assert result.exit_code == (2 if code in ("no-evidence", "other-format") else 1)
+    assert result.exit_code == (2 if code in ("no-run", "other-format") else 1)
     assert result.stderr.startswith(f"{run}/{where}")
 
 
