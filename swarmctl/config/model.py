@@ -7,7 +7,6 @@ area; `load` reports these problems in the same form.
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Annotated, Any, get_args
@@ -32,7 +31,7 @@ from swarmctl.config.wings import WingsSection
 from swarmctl.config.yaml_lines import KeyPath, touches
 from swarmctl.core.grid import Cell
 from swarmctl.core.inference.sensor import SensorModel
-from swarmctl.core.operator_text import VEHICLE_NAME
+from swarmctl.core.operator_text import VEHICLE_NAME, did_you_mean
 from swarmctl.core.section import NameIn, Section
 from swarmctl.planners import needs_machine_code
 from swarmctl.sensors import SOURCES
@@ -246,8 +245,7 @@ def _unknown_key(path: KeyPath, schema: type[BaseModel]) -> str:
         elif isinstance(part, str):  # the name of a union member
             models = [m for m in models if m.__name__.lower() == part]
     known = sorted(models[0].model_fields) if models else []
-    close = difflib.get_close_matches(str(path[-1]), known, n=1)
-    hint = f"did you mean {close[0]!r}?" if close else f"the keys here are {', '.join(known)}"
+    hint = did_you_mean(str(path[-1]), known) or f"the keys here are {', '.join(known)}"
     return f"unknown key; {hint}"
 
 

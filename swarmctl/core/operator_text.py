@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import ipaddress
 import re
 from collections.abc import Iterable, Mapping
@@ -47,6 +48,12 @@ def typed_names(text: str) -> list[str]:
     return [name.strip() for name in text.split(",") if name.strip()]
 
 
+def did_you_mean(word: str, known: Iterable[str], cutoff: float = 0.6) -> str:
+    """Return a question with the most similar known word; "" if none has a similarity of the cutoff."""
+    close = difflib.get_close_matches(word, list(known), n=1, cutoff=cutoff)
+    return f"did you mean {close[0]!r}?" if close else ""
+
+
 def resolve_vehicles(words: Iterable[int | str], names: Mapping[int, str]) -> list[int]:
     """Return the system ids that `words` name, each once, in the order of `names` (system id: name).
 
@@ -63,7 +70,8 @@ def resolve_vehicles(words: Iterable[int | str], names: Mapping[int, str]) -> li
                 "identifier [ambiguous-vehicle]"
             )
         if not vehicles:
-            unknown.append(word)
+            hint = did_you_mean(word, names.values())
+            unknown.append(f"{word} ({hint})" if hint else word)
         found.update(vehicles)
     if unknown:
         known = _listed(f"{uav} ({name})" for uav, name in names.items())

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import itertools
 import json
 import operator
@@ -15,6 +14,7 @@ from pydantic import BaseModel
 
 from swarmctl.config.model import models_in
 from swarmctl.config.yaml_lines import KeyPath
+from swarmctl.core.operator_text import did_you_mean
 
 Scalar = bool | int | float | str
 """a value of a factor as results show it"""
@@ -174,11 +174,11 @@ def _alternatives(annotation: Any) -> Iterator[Any]:
 def suggestion(word: str, known: Iterable[str]) -> str:
     """Return the advice for a word that is none of the known ones."""
     known = list(known)
-    close = difflib.get_close_matches(word, known, n=1, cutoff=0.8)  # above that of a common section
-    if not close:  # `count` for `simulate.count`
-        close = [key for key in known if key.rsplit(".", 1)[-1] == word.rsplit(".", 1)[-1]]
-    if close:
-        return f"did you mean {close[0]!r}?"
+    ends_so = [key for key in known if key.rsplit(".", 1)[-1] == word.rsplit(".", 1)[-1]]
+    hint = did_you_mean(word, known, cutoff=0.8)  # above the similarity of keys with a common section
+    hint = hint or did_you_mean(word, ends_so[:1], cutoff=0.0)  # `simulate.count` for `count`
+    if hint:
+        return hint
     if len(known) <= 12:
         return f"expected {' or '.join(known)}"
     return "the page reference/configuration.md and `swarmctl schema` have all keys"
