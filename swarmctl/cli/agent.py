@@ -76,7 +76,7 @@ def agent(
         typer.Option(metavar="tcp/HOST:PORT", help="The router's endpoint, instead of communication.router."),
     ] = None,
     real: RealOption = False,
-    confirm: ConfirmOption = "",
+    confirm: ConfirmOption = None,
     forward: ForwardOption = None,
     waive: WaiveOption = None,
     resume: ResumeOption = None,

@@ -11,6 +11,8 @@ from typing import Annotated, Any, NoReturn
 import typer
 from rich.console import Console
 
+from swarmctl.core.operator_text import typed_names
+
 OK, FAILED, USAGE, BUG, INTERRUPTED = 0, 1, 2, 3, 130
 
 FILE_COLUMNS = 140
@@ -55,6 +57,11 @@ ConnectOption = Annotated[
 ]
 OutOption = Annotated[Path, typer.Option("--out", help="Parent folder of the run folders.")]
 VerboseOption = Annotated[bool, typer.Option("--verbose", "-v", help="Show all messages.")]
+
+
+def split_items(texts: list[str] | None) -> list[str]:
+    """Return all items of an option that may be repeated and may have several items, separated by commas."""
+    return [item for text in texts or () for item in typed_names(text)]
 
 
 def say(text: str, style: str | None = None, console: Console = out) -> None:

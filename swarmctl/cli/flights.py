@@ -14,7 +14,7 @@ from typing import Annotated, Any, TypeVar
 
 import typer
 
-from swarmctl.cli.console import FAILED, INTERRUPTED, USAGE, fail, out, say, say_error, timed
+from swarmctl.cli.console import FAILED, INTERRUPTED, USAGE, fail, out, say, say_error, split_items, timed
 from swarmctl.config.links_checks import forwarding_problem
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.operator_text import typed_names
@@ -33,8 +33,12 @@ RealOption = Annotated[
     bool, typer.Option("--real", help="Allow arming vehicles outside the built-in simulator.")
 ]
 ConfirmOption = Annotated[
-    str,
-    typer.Option(metavar="NAME,NAME", help="With --real, in scripts: the names of all real vehicles."),
+    list[str] | None,
+    typer.Option(
+        metavar="NAME,…",
+        callback=split_items,
+        help="With --real, in scripts: the names of all real vehicles.",
+    ),
 ]
 ForwardOption = Annotated[
     list[str] | None,
@@ -45,14 +49,13 @@ ForwardOption = Annotated[
         "as udpout:127.0.0.1:14550; repeatable.",
     ),
 ]
-
-
 WaiveOption = Annotated[
     list[str] | None,
     typer.Option(
         "--waive",
-        metavar="CHECK[:VEHICLE]",
-        help="Accept a failed preflight check. Tables and summary.json show the waiver; repeatable.",
+        metavar="CHECK[:VEHICLE],…",
+        callback=split_items,
+        help="Accept failed preflight checks. Tables and summary.json show the waivers.",
     ),
 ]
 T = TypeVar("T")
@@ -163,7 +166,7 @@ def _write_files(folder: Path, scenario: Scenario, report: FlightReport) -> str:
     return ""
 
 
-def arming_permission(scenario: Scenario, *, real: bool, confirm: str) -> Permission:
+def arming_permission(scenario: Scenario, *, real: bool, confirm: Sequence[str] | None) -> Permission:
     """Return a function that raises PreflightFailed for vehicles neither simulated nor confirmed."""
     allowed = _confirmed(scenario, confirm) if real else frozenset()
 
@@ -175,7 +178,7 @@ def arming_permission(scenario: Scenario, *, real: bool, confirm: str) -> Permis
     return permit
 
 
-def _confirmed(scenario: Scenario, confirm: str) -> frozenset[str]:
+def _confirmed(scenario: Scenario, confirm: Sequence[str] | None) -> frozenset[str]:
     """Return the names of all real vehicles; exit unless the operator gives or types exactly these names."""
     names = [spec.name for spec in scenario.specs if not spec.simulated]
     if not names:
@@ -192,14 +195,13 @@ def _confirmed(scenario: Scenario, confirm: str) -> frozenset[str]:
         for spec in scenario.specs:
             if not spec.simulated:
                 say(f"  {spec.name}: system {spec.sysid} at {spec.url}")
-        confirm = typer.prompt(
-            "These real vehicles will be armed and fly. Type their names, separated by commas"
+        confirm = typed_names(
+            typer.prompt("These real vehicles will be armed and fly. Type their names, separated by commas")
         )
-    typed = typed_names(confirm)
-    if sorted(typed) != sorted(names):
+    if sorted(confirm) != sorted(names):
         fail(
             [
-                f"confirmation of real vehicles: expected {','.join(names)}, found {','.join(typed)}; no "
+                f"confirmation of real vehicles: expected {','.join(names)}, found {','.join(confirm)}; no "
                 "flight was started [not-confirmed]"
             ],
             USAGE,

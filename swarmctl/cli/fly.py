@@ -63,7 +63,7 @@ def fly(
     example: ExampleOption = None,
     clock: ClockOption = "real",
     real: RealOption = False,
-    confirm: ConfirmOption = "",
+    confirm: ConfirmOption = None,
     forward: ForwardOption = None,
     waive: WaiveOption = None,
     resume: ResumeOption = None,

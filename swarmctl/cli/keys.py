@@ -14,7 +14,7 @@ from rich.table import Table
 from swarmctl.bus.endpoint import parse_endpoint
 from swarmctl.bus.transports.access import OPERATOR, ROUTER, name_of
 from swarmctl.cli.configuration import load_roster_or_exit
-from swarmctl.cli.console import FAILED, USAGE, ConfigOption, fail, out, say
+from swarmctl.cli.console import FAILED, USAGE, ConfigOption, fail, out, say, split_items
 from swarmctl.config.communication import mesh_endpoints
 from swarmctl.config.roster import Roster
 from swarmctl.security.files import AUTHORITY, KeyringError
@@ -31,16 +31,17 @@ def keys(
         list[str] | None,
         typer.Option(
             "--host",
-            metavar="NAME=HOST",
-            help="A further host name or address of a participant (the router, or a vehicle of a mesh); "
-            "repeatable.",
+            metavar="NAME=HOST,…",
+            callback=split_items,
+            help="Further host names or addresses of participants (the router, or a vehicle of a mesh).",
         ),
     ] = None,
     revoke: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="NAME",
-            help="Revoke the keys of a vehicle, of `operator` or of `router`, and make new ones; repeatable.",
+            metavar="NAME,…",
+            callback=split_items,
+            help="Revoke the keys of vehicles, of `operator` or of `router`, and make new ones.",
         ),
     ] = None,
     share: Annotated[

@@ -16,7 +16,7 @@ from swarmctl.bus.authentication import RequestSigning
 from swarmctl.bus.transports.access import OPERATOR
 from swarmctl.bus.transports.base import BusError
 from swarmctl.cli.configuration import fail_for_keys, load_roster_or_exit
-from swarmctl.cli.console import FAILED, USAGE, err, fail, out, say
+from swarmctl.cli.console import FAILED, USAGE, err, fail, out, say, split_items
 from swarmctl.config import joining
 from swarmctl.core.messages import OperatorAnswer, Request, VehicleAnswer
 from swarmctl.security.files import KeyringError
@@ -30,8 +30,9 @@ UavsOption = Annotated[
     list[str] | None,
     typer.Option(
         "--uav",
-        metavar="NAME",
-        help="A vehicle's name or system id, or several with commas.",
+        metavar="NAME,…",
+        callback=split_items,
+        help="The vehicles, by name or system id.",
         show_default=False,
     ),
 ]

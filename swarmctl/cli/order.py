@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from swarmctl.cli.console import split_items
 from swarmctl.cli.operator_command import (
     AllOption,
     ConnectOption,
@@ -27,9 +28,10 @@ def order(
         list[str] | None,
         typer.Option(
             "--ignore",
-            metavar="NAME",
-            help="Launch although the route conflicts with the flight of this vehicle (name or system id); "
-            "repeatable. The last resort in flight still covers that vehicle.",
+            metavar="NAME,…",
+            callback=split_items,
+            help="Launch although the route conflicts with the flights of these vehicles (name or system "
+            "id). The last resort in flight still covers these vehicles.",
             show_default=False,
         ),
     ] = None,
@@ -48,7 +50,7 @@ def order(
     expires; give the order again.
     """
     send_or_exit(
-        lambda: GiveOrder(client.chosen_vehicles(uav or [], all_vehicles), kind, ignore=tuple(ignore or ())),
+        lambda: GiveOrder(client.chosen_vehicles(uav, all_vehicles), kind, ignore=tuple(ignore or ())),
         swarm,
         config,
         connect,

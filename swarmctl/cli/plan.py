@@ -18,6 +18,7 @@ from swarmctl.cli.console import (
     out,
     run_folder,
     say,
+    split_items,
 )
 from swarmctl.config.scenario import Scenario
 from swarmctl.core.inference.survival import N_WORLDS
@@ -38,11 +39,14 @@ def plan(
         ),
     ] = False,
     uav: Annotated[
-        str,
+        list[str] | None,
         typer.Option(
-            metavar="NAME", help="With --front: only this vehicle (name or system id).", show_default=False
+            metavar="NAME,…",
+            callback=split_items,
+            help="With --front: only these vehicles (name or system id).",
+            show_default=False,
         ),
-    ] = "",
+    ] = None,
     max_labels: Annotated[
         int, typer.Option(min=1, help="With --front: limit on the partial routes of a vehicle's search.")
     ] = MAX_LABELS,
@@ -56,10 +60,10 @@ def plan(
     if known is not None:
         scenario = _with_prior(scenario, known)
     if front:
-        _plan_front(scenario, out_folder, uav, max_labels)
+        _plan_front(scenario, out_folder, uav or [], max_labels)
         return
     if uav:
-        fail(["--uav selects the vehicle for --front; give --front too"], USAGE)
+        fail(["--uav selects the vehicles for --front; give --front too"], USAGE)
     folder = run_folder(out_folder, f"{scenario.config.name}-plan")
     routes = first_plans.first_routes(scenario)
     outputs.write_plans(folder, scenario, routes)
@@ -93,12 +97,12 @@ def _with_prior(scenario: Scenario, run: Path) -> Scenario:
     return scenario
 
 
-def _plan_front(scenario: Scenario, out_folder: Path, uav: str, max_labels: int) -> None:
+def _plan_front(scenario: Scenario, out_folder: Path, uavs: list[str], max_labels: int) -> None:
     names = {spec.sysid: spec.name for spec in scenario.specs}
     try:
-        selected = resolve_vehicles([uav], names) if uav else list(names)
+        selected = resolve_vehicles(uavs, names) if uavs else list(names)
     except ValueError as error:
-        fail([f"--uav {uav}: {error}"], USAGE)
+        fail([f"--uav: {error}"], USAGE)
     found = front.fronts(scenario, [names[sysid] for sysid in selected], max_labels)
     folder = run_folder(out_folder, f"{scenario.config.name}-front")
     front.write_fronts(folder, scenario, found)

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from swarmctl.cli.console import USAGE, fail
+from swarmctl.cli.console import USAGE, fail, split_items
 from swarmctl.cli.operator_command import (
     AllOption,
     ConnectOption,
@@ -42,11 +42,13 @@ def set_weights(
         ),
     ] = None,
     behaviours: Annotated[
-        str,
+        list[str] | None,
         typer.Option(
-            metavar="NAME=WEIGHT,…", help="Weights of a group's behaviours, such as goal=1,threat=0.8."
+            metavar="NAME=WEIGHT,…",
+            callback=split_items,
+            help="Weights of a group's behaviours, such as goal=1,threat=0.8.",
         ),
-    ] = "",
+    ] = None,
     swarm: SwarmOption = None,
     config: FlyingConfigOption = None,
     connect: ConnectOption = None,
@@ -57,13 +59,12 @@ def set_weights(
     approach `behavioural`. There the weights of the leader count for all members.
     """
     strengths = _strengths_or_exit(firing_strength)
-    weights = _behaviours_or_exit(behaviours)
+    weights = _behaviours_or_exit(behaviours or [])
     wanted: CommunicationRange | None = None if reach is None else _range_or_exit(reach)
 
     def command() -> SetWeights:
-        return SetWeights(
-            client.chosen_vehicles(uav or [], all_vehicles), w, strengths, wanted, behaviours=weights
-        )
+        uavs = client.chosen_vehicles(uav, all_vehicles)
+        return SetWeights(uavs, w, strengths, wanted, behaviours=weights)
 
     def line(answer: VehicleAnswer) -> str:
         text = weights_line(
@@ -87,9 +88,9 @@ def _strengths_or_exit(text: str) -> tuple[float, float, float] | None:
     return direct, first_neighbour, second_neighbour
 
 
-def _behaviours_or_exit(text: str) -> dict[str, float]:
+def _behaviours_or_exit(parts: list[str]) -> dict[str, float]:
     found = {}
-    for part in filter(None, text.split(",")):
+    for part in parts:
         name, _, weight = part.partition("=")
         try:
             found[name.strip()] = float(weight)

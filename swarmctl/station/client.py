@@ -29,7 +29,7 @@ from swarmctl.core.messages import (
     decode_answer,
     encode,
 )
-from swarmctl.core.operator_text import extended, resolve_vehicles, typed_names
+from swarmctl.core.operator_text import did_you_mean, extended, resolve_vehicles
 from swarmctl.core.records import replace
 
 TIMEOUT_S = ANSWER_WITHIN_S + 2.0
@@ -54,12 +54,11 @@ class FlightEndpoints(msgspec.Struct, frozen=True):
     """vehicles (system id: name) with separate agents; empty: one process answers for all vehicles"""
 
 
-def chosen_vehicles(uavs: list[str], all_vehicles: bool) -> tuple[str, ...] | None:
+def chosen_vehicles(uavs: Sequence[str] | None, all_vehicles: bool) -> tuple[str, ...] | None:
     """Return the vehicles as given, by name or system id; None for all vehicles. Raises BadOptions."""
-    names = tuple(name for text in uavs for name in typed_names(text))
-    if all_vehicles == bool(names):
+    if all_vehicles == bool(uavs):
         raise BadOptions("give either --uav NAME,NAME (or system ids) or --all [which-vehicles]")
-    return None if all_vehicles else names
+    return tuple(uavs) if uavs else None
 
 
 def find(swarm: str | None, config: Roster | None, connect: str | None) -> FlightEndpoints:
@@ -93,6 +92,8 @@ def find(swarm: str | None, config: Roster | None, connect: str | None) -> Fligh
     if named:
         return _only(named)
     others = f"; running: {', '.join(map(describe, running))}" if running else ""
+    if hint := did_you_mean(swarm or "", (entry.swarm for entry in running)):
+        others += f"; {hint}"
     raise BusError(
         f"this user has no flight {f'of swarm {swarm} ' if swarm else ''}on this machine that takes "
         f"commands{others}; no command was sent. The flight may have ended. A flight with --clock virtual, "

@@ -211,6 +211,17 @@ def test_real_vehicles_need_their_names_typed(
     assert not (tmp_path / "runs").exists()
 
 
+@pytest.mark.parametrize(
+    "words", [["--waive", "gps,nosuch"], ["--waive", "gps", "--waive", "nosuch"]], ids=["commas", "repeated"]
+)
+def test_several_items_are_typed_with_commas_or_by_repeating_the_option(
+    words: list[str], tmp_path: Path
+) -> None:
+    result = swarmctl("preflight", "--example", "swarm", "--clock", "virtual", *words)
+    assert result.exit_code == 2
+    assert "--waive nosuch: " in result.stderr
+
+
 def test_vehicles_with_a_url_do_not_fly_on_the_virtual_clock(real: Path, tmp_path: Path) -> None:
     result = swarmctl("fly", "--config", real, "--clock", "virtual", "--out", tmp_path / "runs")
     assert result.exit_code == 2
