@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
 from typing import Annotated, Literal
 
 import typer
 
-from swarmctl.bus import directory
-from swarmctl.bus.transports.base import BusError
-from swarmctl.cli.console import err, say
 from swarmctl.cli.operator_command import (
     AllOption,
     ConnectOption,
@@ -18,7 +14,6 @@ from swarmctl.cli.operator_command import (
     UavsOption,
 )
 from swarmctl.cli.order import order
-from swarmctl.station import client
 
 
 def abort(
@@ -37,13 +32,4 @@ def abort(
     its turn, so that return routes do not conflict. A repeated command changes nothing for vehicles that
     already follow the command.
     """
-    if swarm is None and config is None and connect is None:
-        _print_running()
     order(manoeuvre, uav, all_vehicles=all_vehicles, config=config, connect=connect, swarm=swarm)
-
-
-def _print_running() -> None:
-    """Print this user's flights on this machine, with their ages."""
-    with contextlib.suppress(BusError):  # reported by the search for the flight
-        for flight in directory.running_swarms():
-            say(f"found {client.describe(flight)}", console=err)

@@ -20,14 +20,15 @@ from swarmctl.bus.sensor_reports import (
     report_schema,
 )
 from swarmctl.bus.transports.access import OPERATOR
-from swarmctl.bus.transports.base import BusError, Transport
+from swarmctl.bus.transports.base import Transport
 from swarmctl.bus.transports.zenoh_config import Credentials
-from swarmctl.cli.configuration import fail_for_keys, load_roster_or_exit
-from swarmctl.cli.console import FAILED, USAGE, fail, out, say
+from swarmctl.cli.configuration import load_roster_or_exit
+from swarmctl.cli.console import FAILED, fail, out, say
 from swarmctl.cli.operator_command import (
     ConnectOption,
     FlyingConfigOption,
     SwarmOption,
+    exit_on_failure,
     signing_for,
 )
 from swarmctl.config import joining
@@ -36,7 +37,6 @@ from swarmctl.config.roster import Roster
 from swarmctl.core.grid import Cell
 from swarmctl.core.messages import MAX_SYSTEM_ID, BadMessage
 from swarmctl.core.records import replace
-from swarmctl.security.files import KeyringError
 from swarmctl.station import client
 from swarmctl.station.client import BadOptions, FlightEndpoints, NoValidAnswer
 
@@ -85,20 +85,11 @@ def observe(
         out.print_json(json.dumps(report_schema()))
         return
     roster = None if config is None else load_roster_or_exit(config)
-    try:
+    with exit_on_failure(config):
         report = make_report(cell or [], at or [], occupied)
         receiver = _vehicle(uav, roster)
         flight, credentials, signing = _find_flight(swarm, roster, connect, receiver)
-    except KeyringError as error:
-        fail_for_keys(config, error)
-    except BusError as error:
-        fail([str(error)], FAILED)
-    except ValueError as error:
-        fail([str(error)], USAGE)
-    try:
         answer = asyncio.run(_report(flight, credentials, receiver, report, signing))
-    except (BusError, NoValidAnswer) as error:
-        fail([str(error)], FAILED)
     if not answer.taken:
         fail([f"vehicle {uav} of {flight.swarm} refused the report: {answer.why}"], FAILED)
     states = ((row, col, "occupied" if is_occupied else "clear") for row, col, is_occupied in answer.cells)

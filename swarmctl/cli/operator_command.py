@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import datetime as dt
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Annotated
 
@@ -65,16 +66,25 @@ def send_or_exit(
     line_of: Callable[[VehicleAnswer], str],
 ) -> None:
     """Send a command and print the answers; exit on a failure, or if a vehicle did not take the command."""
-    try:
+    with exit_on_failure(config):
         request = make_request()
         flight, answer = asyncio.run(send_command(request, swarm, config, connect))
+    if swarm is None and config is None:
+        say(f"the only flight on this machine: {flight.swarm} at {flight.endpoint}", console=err)
+    _print_answer(request, answer, flight, line_of)
+
+
+@contextlib.contextmanager
+def exit_on_failure(config: Path | None) -> Iterator[None]:
+    """Exit with the error of a command to a flight: of usage, of keys, of the search, or of the answer."""
+    try:
+        yield
     except KeyringError as error:
         fail_for_keys(config, error)
     except (BusError, client.NoValidAnswer) as error:
         fail([str(error)], FAILED)
     except ValueError as error:
         fail([str(error)], USAGE)
-    _print_answer(request, answer, flight, line_of)
 
 
 async def send_command(

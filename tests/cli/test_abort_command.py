@@ -11,6 +11,8 @@ import pytest
 from station_threads import station_in_a_thread
 from typer.testing import CliRunner, Result
 
+from swarmctl.bus import directory
+from swarmctl.bus.endpoint import BusEndpoint
 from swarmctl.cli.main import cli
 from swarmctl.core import events as ev
 from swarmctl.core.events import FlightOrder
@@ -105,6 +107,31 @@ def test_a_misspelt_name_keeps_all_vehicles_on_the_ground() -> None:
     assert station.posted == []
 
 
+def test_vehicles_to_ignore_are_typed_like_the_vehicles_to_launch() -> None:
+    with station_in_a_thread() as station:
+        result = run("order launch --uav uav1 --ignore nosuch,uav2")
+    assert result.exit_code == 1
+    assert "name nosuch;" in result.stderr
+    assert station.posted == []
+
+
+def test_an_unknown_name_is_answered_with_a_similar_name() -> None:
+    with station_in_a_thread():
+        assert "did you mean 'uav2'?" in run("order launch --uav uaw2").stderr
+        assert "did you mean 'test'?" in run("order launch --all --swarm tset").stderr
+
+
+@pytest.mark.parametrize("command", ["abort", "order"])
+def test_several_flights_are_listed_once(command: str) -> None:
+    with (
+        directory.registered("one", BusEndpoint("127.0.0.1", 4001), "token"),
+        directory.registered("two", BusEndpoint("127.0.0.1", 4002), "token"),
+    ):
+        result = run(f"{command} hold --all")
+    assert result.exit_code == 2
+    assert [result.stderr.count(endpoint) for endpoint in ("127.0.0.1:4001", "127.0.0.1:4002")] == [1, 1]
+
+
 def test_an_abort_without_a_name_shows_the_flight_and_keeps_stale_records(tmp_path: Path) -> None:
     folder = tmp_path / f"swarmctl-{os.getuid()}"
     with station_in_a_thread() as station:
@@ -112,7 +139,7 @@ def test_an_abort_without_a_name_shows_the_flight_and_keeps_stale_records(tmp_pa
         stale.write_text('{"swarm": "killed", "endpoint": "tcp/127.0.0.1:4003", "pid": 1}')
         result = abort("hold --all")
     assert result.exit_code == 0
-    assert re.search(rf"\btest .*tcp/127\.0\.0\.1:\d+ .* \d+ s, .*\b{os.getpid()}\b", result.stderr)
+    assert re.search(r"\btest .*tcp/127\.0\.0\.1:\d+", result.stderr)
     assert "killed" not in result.stderr
     assert stale.exists()
     assert len(station.posted) == 2
