@@ -10,13 +10,12 @@ from swarmctl.bus.transports.access import OPERATOR, ROUTER, name_of
 from swarmctl.cli.configuration import (
     config_or_example,
     describe,
+    document_of,
     flight_problems,
     keys_problem_lines,
-    keys_problems_of,
     load_scenario_or_exit,
-    require_flyable,
 )
-from swarmctl.cli.console import ConfigOrExampleOption, ExampleOption, OutOption, say
+from swarmctl.cli.console import FAILED, ConfigOrExampleOption, ExampleOption, OutOption, fail, say
 from swarmctl.config.scenario import Scenario
 from swarmctl.config.yaml_lines import Document
 from swarmctl.preflight.checks import battery
@@ -28,8 +27,8 @@ def check(
     """Check a configuration and this machine, and list the problems, without a flight."""
     config = config_or_example(config, example)
     scenario = load_scenario_or_exit(config)
-    problems = [*keys_problem_lines(config, _key_problems(scenario)), *battery.problems(scenario)]
-    require_flyable(config, scenario, out_folder, problems)
+    if problems := problems_of(config, document_of(config), scenario, out_folder):
+        fail(problems, FAILED)
     say(f"{config}: no problems. {describe(scenario)}")
     real = [spec.name for spec in scenario.specs if not spec.simulated]
     if real and scenario.config.preflight.endurance_s is None:
@@ -39,9 +38,8 @@ def check(
 
 def problems_of(path: Path, document: Document, scenario: Scenario, out_folder: Path) -> list[str]:
     """Return the problems that `check` lists for a valid configuration, of which `document` is the text."""
-    problems = [*keys_problems_of(path, document, _key_problems(scenario)), *battery.problems(scenario)]
-    signing, others = flight_problems(path, document, scenario, out_folder, problems)
-    return [*signing, *others]
+    problems = [*keys_problem_lines(path, document, _key_problems(scenario)), *battery.problems(scenario)]
+    return flight_problems(path, document, scenario, out_folder, problems)
 
 
 def _key_problems(scenario: Scenario) -> Iterator[str]:

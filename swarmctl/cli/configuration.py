@@ -67,35 +67,37 @@ def _problems(config: Config) -> Iterable[ConfigProblem]:
     return check_config(config)
 
 
-def require_flyable(path: Path, scenario: Scenario, runs: Path, more: Iterable[str] = ()) -> None:
+def require_flyable(path: Path, scenario: Scenario, runs: Path) -> None:
     """Exit with all problems that prevent a flight of this configuration on this machine now.
 
-    `runs` is the parent of the run folders. `more` lists problems that the caller has found.
+    `runs` is the parent of the run folders.
     """
-    document = yaml_lines.parse(path.read_text(encoding="utf-8"))
-    key_problems, problems = flight_problems(path, document, scenario, runs, more)
-    if key_problems or problems:
-        fail([*key_problems, *problems], USAGE if key_problems else FAILED)
+    if problems := flight_problems(path, document_of(path), scenario, runs):
+        fail(problems, FAILED)
+
+
+def document_of(path: Path) -> yaml_lines.Document:
+    """Return the text of a valid configuration, with the line of each key."""
+    return yaml_lines.parse(path.read_text(encoding="utf-8"))
 
 
 def flight_problems(
     path: Path, document: yaml_lines.Document, scenario: Scenario, runs: Path, more: Iterable[str] = ()
-) -> tuple[list[str], list[str]]:
-    """Return the problems of `links.signing_key`, and all other problems of a flight on this machine now.
+) -> list[str]:
+    """Return all problems of a flight on this machine now; `more` lists problems that the caller has found.
 
     A problem of one vehicle or of `links.signing_key` begins with the file and line.
     """
     from swarmctl.preflight import host  # noqa: PLC0415
 
-    key_problems = problem_lines(path, document, _signing_key_problems(scenario))
+    found = problem_lines(path, document, _signing_key_problems(scenario))
     lines = {spec.name: document.line_of(("simulate",)) for spec in scenario.specs}
     for i, vehicle in enumerate(scenario.config.vehicles):
         lines[vehicle.name] = document.line_of(("vehicles", i))
-    found = []
     for text in (*host.troubles(scenario, runs), *more):
         line = lines.get(text.split(":")[0])
         found.append(text if line is None else f"{path}:{line}: {text}")
-    return key_problems, found
+    return found
 
 
 def _signing_key_problems(scenario: Scenario) -> Iterator[ConfigProblem]:
@@ -110,15 +112,11 @@ def _signing_key_problems(scenario: Scenario) -> Iterator[ConfigProblem]:
 
 def fail_for_keys(path: Path | None, error: KeyringError) -> NoReturn:
     """Exit with an error of keys, at the line of the folder if a configuration names it."""
-    fail([str(error)] if path is None else keys_problem_lines(path, [str(error)]), FAILED)
+    lines = [str(error)]
+    fail(lines if path is None else keys_problem_lines(path, document_of(path), lines), FAILED)
 
 
-def keys_problem_lines(path: Path, problems: Iterable[str]) -> list[str]:
+def keys_problem_lines(path: Path, document: yaml_lines.Document, problems: Iterable[str]) -> list[str]:
     """Return the problems of the folder `communication.keys`, each with the file and line that name it."""
-    document = yaml_lines.parse(path.read_text(encoding="utf-8"))
-    return keys_problems_of(path, document, problems)
-
-
-def keys_problems_of(path: Path, document: yaml_lines.Document, problems: Iterable[str]) -> list[str]:
     located = (ConfigProblem(("communication", "keys"), text) for text in problems)
     return problem_lines(path, document, located)

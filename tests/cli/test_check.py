@@ -37,7 +37,7 @@ def test_a_bad_signing_key_is_an_error_of_the_file_before_a_run_folder_is_made(
     key.chmod(0o600)
     file = config(tmp_path, str(key))
     result = swarmctl(*command, "--config", file)
-    assert result.exit_code == 2, result.output
+    assert result.exit_code == 1, result.output
     assert f"{file}:5: links.signing_key: " in result.stderr
     assert sorted(p.name for p in tmp_path.iterdir()) == ["key", "two.yaml"]
 
