@@ -69,7 +69,7 @@ STDERR = 2
 def parse_waivers_or_exit(texts: list[str] | None, scenario: Scenario) -> tuple[Waiver, ...]:
     """Return the waivers of the options; exit if a waiver is not allowed."""
     try:
-        return parse_waivers(texts or (), [spec.name for spec in scenario.specs])
+        return parse_waivers(texts or (), {spec.sysid: spec.name for spec in scenario.specs})
     except ValueError as error:
         fail([f"--waive {error}"], USAGE)
 

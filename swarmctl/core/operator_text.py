@@ -70,7 +70,7 @@ def resolve_vehicles(words: Iterable[int | str], names: Mapping[int, str]) -> li
                 "identifier [ambiguous-vehicle]"
             )
         if not vehicles:
-            hint = did_you_mean(word, names.values())
+            hint = did_you_mean(word, names.values(), cutoff=0.8)  # above that of uav1 and uav2
             unknown.append(f"{word} ({hint})" if hint else word)
         found.update(vehicles)
     if unknown:

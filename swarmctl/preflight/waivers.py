@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable, Mapping
 
 import msgspec
 
+from swarmctl.core.operator_text import resolve_vehicles
 from swarmctl.preflight.checks import CHECKS
 
 
@@ -20,15 +21,15 @@ class Waiver(msgspec.Struct, frozen=True):
         return self.check == check and self.vehicle in (None, vehicle)
 
 
-def parse_waivers(texts: Iterable[str], vehicles: Collection[str]) -> tuple[Waiver, ...]:
-    """Return the waivers of texts `CHECK` or `CHECK:VEHICLE`.
+def parse_waivers(texts: Iterable[str], names: Mapping[int, str]) -> tuple[Waiver, ...]:
+    """Return the waivers of texts `CHECK` or `CHECK:VEHICLE`; `names`: of all vehicles, by system id.
 
     Raises ValueError for an unknown check or vehicle, and for a check that may not be waived.
     """
-    return tuple(_parse_waiver(text, vehicles) for text in texts)
+    return tuple(_parse_waiver(text, names) for text in texts)
 
 
-def _parse_waiver(text: str, vehicles: Collection[str]) -> Waiver:
+def _parse_waiver(text: str, names: Mapping[int, str]) -> Waiver:
     check, colon, vehicle = text.partition(":")
     is_waivable = {module.NAME: module.WAIVABLE for module in CHECKS}
     waivable = ", ".join(name for name, may in is_waivable.items() if may)
@@ -36,6 +37,10 @@ def _parse_waiver(text: str, vehicles: Collection[str]) -> Waiver:
         raise ValueError(f"{text}: unknown check {check!r}; the checks are {', '.join(is_waivable)}")
     if not is_waivable[check]:
         raise ValueError(f"{text}: check {check} cannot be waived; the waivable checks are {waivable}")
-    if colon and vehicle not in vehicles:
-        raise ValueError(f"{text}: unknown vehicle {vehicle!r}; the vehicles are {', '.join(vehicles)}")
-    return Waiver(check, vehicle if colon else None)
+    if not colon:
+        return Waiver(check)
+    try:
+        (sysid,) = resolve_vehicles([vehicle], names)
+    except ValueError as error:
+        raise ValueError(f"{text}: {error}") from None
+    return Waiver(check, names[sysid])

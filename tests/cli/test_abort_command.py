@@ -117,7 +117,7 @@ def test_vehicles_to_ignore_are_typed_like_the_vehicles_to_launch() -> None:
 
 def test_an_unknown_name_is_answered_with_a_similar_name() -> None:
     with station_in_a_thread():
-        assert "did you mean 'uav2'?" in run("order launch --uav uaw2").stderr
+        assert "did you mean 'uav2'?" in run("order launch --uav uavv2").stderr
         assert "did you mean 'test'?" in run("order launch --all --swarm tset").stderr
 
 

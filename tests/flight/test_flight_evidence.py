@@ -88,7 +88,7 @@ def test_operators_actions_are_in_the_evidence(tmp_path: Path) -> None:
     scenario = small(sensor={"source": "external"})
     report = json.dumps({"version": 1, "cells": [[0, 0, False]], "source": "operator"}).encode()
     by_camera = json.dumps({"version": 1, "cells": [[0, 1, False]], "source": "camera"}).encode()
-    options = replace(DEFAULT_OPTIONS, waivers=parse_waivers(["battery:uav1"], ["uav1"]))
+    options = replace(DEFAULT_OPTIONS, waivers=parse_waivers(["battery:uav1"], {1: "uav1"}))
     bus = MemoryBus()
 
     async def operate() -> None:
