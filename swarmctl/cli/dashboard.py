@@ -107,8 +107,7 @@ def dashboard(
     background = None if tiles is None else _tiles_or_exit(tiles)
 
     def announce(role: str, address: str) -> None:
-        is_once = where.certificate is None
-        say(f"open this address once: {address}" if is_once else f"address for each {role}: {address}")
+        say(f"{'open this address once' if where.certificate is None else f'for each {role}'}: {address}")
 
     async def until_parent_ends() -> None:
         while os.getppid() == parent_pid:  # noqa: ASYNC110 - the end of a parent raises no event
@@ -157,6 +156,8 @@ def _where(host: str, port: int, cert: Path | None, key: Path | None, config: Pa
         fail(["give --cert and --key together"], USAGE)
     if cert is None and config is not None and host not in LOOPBACK:
         keys = load_roster_or_exit(config).communication.keys
+    except SystemExit:  # Ctrl-C, the normal end
+        raise typer.Exit from None
         if keys is not None:
             cert, key = Path(keys) / OPERATOR / "cert.pem", Path(keys) / OPERATOR / "key.pem"
     return Where(host, port, cert, key)

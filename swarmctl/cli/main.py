@@ -1,7 +1,7 @@
 """The program: its commands, shell completion and exit codes.
 
 Exit codes: 0 done, 1 failed for a reported cause, 2 wrong usage or configuration, 3 a bug, 130 interrupted
-before the work was done. `router` and `watch` run until Ctrl-C and then end with 0.
+before the work was done. `router`, `watch` and `dashboard` run until Ctrl-C and then end with 0.
 """
 
 from __future__ import annotations

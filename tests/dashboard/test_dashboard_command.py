@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+import signal
 import socket
 from pathlib import Path
 from typing import Any
 
 import pytest
 from cli_runner import swarmctl
+from dashboard_process import StartDashboard, address_of
 from flights import small
 
 from swarmctl.core.messages import GiveOrder
@@ -50,6 +52,16 @@ def test_a_flight_in_progress_gets_orders_until_its_end(
     (send,) = sent_by
     with pytest.raises(NotSent, match=r"\[flight-ended\]"):
         asyncio.run(send(GiveOrder(None, "hold")))
+
+
+def test_an_interrupt_is_the_normal_end(
+    recorder: Recorder, start_dashboard: StartDashboard, tmp_path: Path
+) -> None:
+    recorder.close()
+    process = start_dashboard("dashboard", tmp_path)
+    address_of(process)
+    process.send_signal(signal.SIGINT)
+    assert process.wait(timeout=30.0) == 0
 
 
 def test_a_taken_port_is_told_with_its_address(recorder: Recorder, tmp_path: Path) -> None:
