@@ -18,6 +18,7 @@ from swarmctl.cli.console import (
     FAILED,
     USAGE,
     ConfigOption,
+    ConnectOption,
     OutOption,
     VerboseOption,
     fail,
@@ -71,10 +72,7 @@ def agent(
             help="ordered: at `swarmctl order launch`; when-ready: after the checks and the vehicle's delay."
         ),
     ] = "ordered",
-    connect: Annotated[
-        str | None,
-        typer.Option(metavar="tcp/HOST:PORT", help="The router's endpoint, instead of communication.router."),
-    ] = None,
+    connect: ConnectOption = None,
     real: RealOption = False,
     confirm: ConfirmOption = None,
     forward: ForwardOption = None,

@@ -30,7 +30,9 @@ UNSIGNED = (
 
 
 def audit(
-    run: Annotated[Path, typer.Argument(help=f"A run folder, or its {FILE_NAME}.", show_default=False)],
+    run: Annotated[
+        Path, typer.Argument(metavar="RUN", help=f"A run folder, or its {FILE_NAME}.", show_default=False)
+    ],
     keys: Annotated[
         Path | None,
         typer.Option(

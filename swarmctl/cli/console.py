@@ -24,24 +24,15 @@ err = Console(stderr=True, emoji=False)
 STYLE: dict[str, Any] = {"pretty_exceptions_enable": False, "rich_markup_mode": "markdown"}
 """attributes of the program's and each command's Typer application"""
 
-ConfigOption = Annotated[
-    Path,
-    typer.Option(
-        "--config",
-        "-c",
-        help="Configuration of the swarm (YAML), such as configs/swarm.yaml.",
-        show_default=False,
-    ),
-]
-ConfigOrExampleOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--config",
-        "-c",
-        help="Configuration of the swarm (YAML), such as configs/swarm.yaml. `swarmctl init` writes one.",
-        show_default=False,
-    ),
-]
+_CONFIG = typer.Option(
+    "--config",
+    "-c",
+    metavar="FILE",
+    help="Configuration of the swarm (YAML), such as configs/swarm.yaml. `swarmctl init` writes one.",
+    show_default=False,
+)
+ConfigOption = Annotated[Path, _CONFIG]
+ConfigOrExampleOption = Annotated[Path | None, _CONFIG]
 ExampleOption = Annotated[
     str | None,
     typer.Option(
@@ -53,7 +44,7 @@ ExampleOption = Annotated[
 ]
 ConnectOption = Annotated[
     str | None,
-    typer.Option(metavar="tcp/HOST:PORT", help="The router, instead of communication.router."),
+    typer.Option(metavar="tcp/HOST:PORT", help="The router's endpoint, instead of communication.router."),
 ]
 OutOption = Annotated[Path, typer.Option("--out", help="Parent folder of the run folders.")]
 VerboseOption = Annotated[bool, typer.Option("--verbose", "-v", help="Show all messages.")]

@@ -35,31 +35,41 @@ RUNS = Path("runs")
 def dashboard(
     run: Annotated[
         Path | None,
-        typer.Argument(help="A run folder, its run.mcap, or the folder of a study.", show_default=False),
+        typer.Argument(
+            metavar="RUN", help="A run folder, its run.mcap, or the folder of a study.", show_default=False
+        ),
     ] = None,
     other_run: Annotated[
-        Path | None, typer.Argument(help="Another run, shown beside the first one.", show_default=False)
+        Path | None,
+        typer.Argument(
+            metavar="OTHER_RUN", help="Another run, shown beside the first one.", show_default=False
+        ),
     ] = None,
     config: Annotated[
         Path | None,
         typer.Option(
-            "--config", "-c", metavar="FILE", help="Watch a swarm of `swarmctl agent`.", show_default=False
+            "--config",
+            "-c",
+            metavar="FILE",
+            help="Configuration of a swarm of `swarmctl agent`, to watch it.",
+            show_default=False,
         ),
     ] = None,
     connect: ConnectOption = None,
-    live: Annotated[bool, typer.Option("--live", help="Follow a flight in progress.")] = False,
+    live: Annotated[bool, typer.Option("--live", help="Follow the flight that writes RUN.")] = False,
     setup: Annotated[
         Path | None,
         typer.Option(
             "--setup",
             metavar="FILE",
-            help="Edit a configuration on a map.",
+            help="Configuration to edit on a map; a new file begins with the starter.",
             show_default=False,
         ),
     ] = None,
-    port: Annotated[int, typer.Option(help="The port on this machine; 0: a free one.", min=0, max=65535)] = 0,
+    port: Annotated[int, typer.Option(help="Port on this machine; 0: any free port.", min=0, max=65535)] = 0,
     listen: Annotated[
-        str, typer.Option(metavar="HOST", help="An address of this machine that others reach, with TLS.")
+        str,
+        typer.Option(metavar="HOST", help="Address to listen at; for other machines with TLS."),
     ] = "127.0.0.1",
     cert: Annotated[
         Path | None,
@@ -146,6 +156,8 @@ def dashboard(
         fail([str(error)], FAILED)
     except ConfigError as error:
         fail(error.lines, USAGE)
+    except SystemExit:  # Ctrl-C, the normal end
+        raise typer.Exit from None
 
 
 def _where(host: str, port: int, cert: Path | None, key: Path | None, config: Path | None) -> Where:
@@ -156,8 +168,6 @@ def _where(host: str, port: int, cert: Path | None, key: Path | None, config: Pa
         fail(["give --cert and --key together"], USAGE)
     if cert is None and config is not None and host not in LOOPBACK:
         keys = load_roster_or_exit(config).communication.keys
-    except SystemExit:  # Ctrl-C, the normal end
-        raise typer.Exit from None
         if keys is not None:
             cert, key = Path(keys) / OPERATOR / "cert.pem", Path(keys) / OPERATOR / "key.pem"
     return Where(host, port, cert, key)

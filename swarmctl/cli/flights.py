@@ -55,7 +55,7 @@ WaiveOption = Annotated[
         "--waive",
         metavar="CHECK[:VEHICLE],…",
         callback=split_items,
-        help="Accept failed preflight checks. Tables and summary.json show the waivers.",
+        help="Accept failed preflight checks, of one vehicle or of all. The results show the waivers.",
     ),
 ]
 T = TypeVar("T")

@@ -1,4 +1,4 @@
-"""Machine code of the planners for large areas and benevolence, compiled once in a separate process."""
+"""Machine code of the planners, compiled once in a separate process."""
 
 from __future__ import annotations
 

@@ -39,13 +39,14 @@ UavsOption = Annotated[
 ]
 AllOption = Annotated[bool, typer.Option("--all", help="All vehicles of the swarm.")]
 SwarmOption = Annotated[
-    str | None, typer.Option(help="The swarm's name, if several swarms fly on this machine.")
+    str | None, typer.Option(metavar="NAME", help="The swarm's name, if several swarms fly on this machine.")
 ]
 FlyingConfigOption = Annotated[
     Path | None,
     typer.Option(
         "--config",
         "-c",
+        metavar="FILE",
         help="The swarm's configuration, instead of --swarm. With communication.router or mesh the command "
         "goes to each vehicle's own agent.",
     ),
@@ -53,7 +54,9 @@ FlyingConfigOption = Annotated[
 ConnectOption = Annotated[
     str | None,
     typer.Option(
-        metavar="tcp/HOST:PORT", help="Endpoint of the flight or the router, if not on this machine."
+        metavar="tcp/HOST:PORT",
+        help="Endpoint of the flight or the router: on another machine, or of one of several flights with "
+        "the same name.",
     ),
 ]
 

@@ -54,7 +54,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     ),
     "warm-up": (
         "warm_up",
-        "Compile the planners for large areas and benevolence, once on a machine.",
+        "Compile the planners for large areas, groups and benevolence, once on a machine.",
     ),
     "dashboard": (
         "dashboard",

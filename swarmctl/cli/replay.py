@@ -13,7 +13,9 @@ from swarmctl.report import record, record_file
 
 
 def replay(
-    run: Annotated[Path, typer.Argument(help="A run folder, or its run.mcap.", show_default=False)],
+    run: Annotated[
+        Path, typer.Argument(metavar="RUN", help="A run folder, or its run.mcap.", show_default=False)
+    ],
 ) -> None:
     """Repeat the decisions of a recorded run, and report whether they are the same."""
     try:

@@ -23,7 +23,7 @@ ResumeOption = Annotated[
         "--resume",
         metavar="RUN",
         help="Take over the vehicles of a run whose program died in flight: its folder, or `last`, the "
-        "newest run in the folder of --out.",
+        "newest run of this swarm or vehicle in the folder of --out.",
         show_default=False,
     ),
 ]

@@ -28,12 +28,13 @@ def router(
     listen: Annotated[
         str,
         typer.Option(
-            metavar="ENDPOINT", help="Endpoint instead of communication.router, such as tls/0.0.0.0:7447."
+            metavar="ENDPOINT",
+            help="Endpoint to listen at, instead of communication.router, such as tls/0.0.0.0:7447.",
         ),
     ] = "",
     keys: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Folder of `swarmctl keys`, instead of communication.keys."),
+        typer.Option(metavar="FOLDER", help="Folder of `swarmctl keys`, instead of communication.keys."),
     ] = None,
     prints_only: Annotated[
         bool,

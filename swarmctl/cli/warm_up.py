@@ -8,7 +8,7 @@ from swarmctl.planners.kernels.compilation import numba_cache
 
 
 def warm_up() -> None:
-    """Compile the planners for large areas and benevolence, once on a machine."""
+    """Compile the planners for large areas, groups and benevolence, once on a machine."""
     if (stored := numba_cache()) is None:
         fail(["machine code cannot be stored; set NUMBA_CACHE_DIR to a writable folder"], FAILED)
     folder, _ = stored
