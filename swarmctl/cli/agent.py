@@ -39,8 +39,9 @@ from swarmctl.cli.flights import (
 )
 from swarmctl.cli.resume import LAST, ResumeOption, load_or_exit
 from swarmctl.config import joining
+from swarmctl.config.communication import vehicle_of
 from swarmctl.config.scenario import Scenario
-from swarmctl.core.operator_text import extended, resolve_vehicles
+from swarmctl.core.operator_text import extended
 from swarmctl.core.records import replace
 from swarmctl.flight import companion
 from swarmctl.flight.gc_tuning import tune_collector
@@ -142,23 +143,21 @@ def _fly(
 def _unfinished_run(resume: str | None, runs: Path, scenario: Scenario) -> UnfinishedRun | None:
     if resume is None:
         return None
+    if resume != LAST:
+        return load_or_exit(Path(resume), scenario)[1]
     (spec,) = scenario.specs
-    run: Path | None = Path(resume)
-    if resume == LAST:
-        run = unfinished_run.last_run(runs, f"{scenario.config.name}-{spec.name}")
-        if run is None or not unfinished_run.is_unfinished(run, time.time()):
-            say(f"{spec.name}: {runs} has no unfinished run of this vehicle; a new flight begins")
-            return None
-    assert run is not None
-    return load_or_exit(run, scenario)[1]
+    run = unfinished_run.last_run(runs, f"{scenario.config.name}-{spec.name}")
+    if run is not None and unfinished_run.is_unfinished(run, time.time()):
+        return load_or_exit(run, scenario)[1]
+    say(f"{spec.name}: {runs} has no unfinished run of this vehicle; a new flight begins")
+    return None
 
 
 def _vehicle(scenario: Scenario, uav: str) -> int:
     try:
-        (sysid,) = resolve_vehicles([uav], scenario.config.names)
+        return vehicle_of(uav, scenario.config.names)
     except ValueError as error:
-        fail([f"--uav {uav}: {error}"], USAGE)
-    return sysid
+        fail([f"--uav: {error}"], USAGE)
 
 
 def _url(url: str | None) -> str | None:
@@ -182,7 +181,7 @@ def _network(
     scenario: Scenario, connect: str | None, launch: Launch, keyring: Keyring | None
 ) -> Configuration | None:
     (spec,) = scenario.specs
-    is_isolated = scenario.config.communication.router is None and not scenario.config.communication.mesh
+    is_isolated = not scenario.config.communication.spans_machines
     if connect is None and is_isolated and launch == "when-ready":
         say(f"{spec.name} flies without a network: `communication` has neither router nor mesh [no-network]")
         return None

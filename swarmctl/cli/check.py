@@ -10,12 +10,12 @@ from swarmctl.bus.transports.access import OPERATOR, ROUTER, name_of
 from swarmctl.cli.configuration import (
     config_or_example,
     describe,
-    document_of,
     flight_problems,
     keys_problem_lines,
     load_scenario_or_exit,
 )
 from swarmctl.cli.console import FAILED, ConfigOrExampleOption, ExampleOption, OutOption, fail, say
+from swarmctl.config.model import read_document
 from swarmctl.config.scenario import Scenario
 from swarmctl.config.yaml_lines import Document
 from swarmctl.preflight.checks import battery
@@ -27,7 +27,7 @@ def check(
     """Check a configuration and this machine, and list the problems, without a flight."""
     config = config_or_example(config, example)
     scenario = load_scenario_or_exit(config)
-    if problems := problems_of(config, document_of(config), scenario, out_folder):
+    if problems := problems_of(config, read_document(config), scenario, out_folder):
         fail(problems, FAILED)
     say(f"{config}: no problems. {describe(scenario)}")
     real = [spec.name for spec in scenario.specs if not spec.simulated]

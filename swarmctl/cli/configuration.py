@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 from swarmctl.cli.console import FAILED, USAGE, err, fail
-from swarmctl.config import yaml_lines
 from swarmctl.config.examples import example
 from swarmctl.config.problems import ConfigError, ConfigProblem, problem_lines
 from swarmctl.config.roster import Roster, load_roster
@@ -16,6 +15,7 @@ from swarmctl.security.files import KeyringError
 if TYPE_CHECKING:
     from swarmctl.config.model import Config
     from swarmctl.config.scenario import Scenario
+    from swarmctl.config.yaml_lines import Document
 
 
 def load_roster_or_exit(path: Path) -> Roster:
@@ -72,17 +72,14 @@ def require_flyable(path: Path, scenario: Scenario, runs: Path) -> None:
 
     `runs` is the parent of the run folders.
     """
-    if problems := flight_problems(path, document_of(path), scenario, runs):
+    from swarmctl.config.model import read_document  # noqa: PLC0415
+
+    if problems := flight_problems(path, read_document(path), scenario, runs):
         fail(problems, FAILED)
 
 
-def document_of(path: Path) -> yaml_lines.Document:
-    """Return the text of a valid configuration, with the line of each key."""
-    return yaml_lines.parse(path.read_text(encoding="utf-8"))
-
-
 def flight_problems(
-    path: Path, document: yaml_lines.Document, scenario: Scenario, runs: Path, more: Iterable[str] = ()
+    path: Path, document: Document, scenario: Scenario, runs: Path, more: Iterable[str] = ()
 ) -> list[str]:
     """Return all problems of a flight on this machine now; `more` lists problems that the caller has found.
 
@@ -112,11 +109,13 @@ def _signing_key_problems(scenario: Scenario) -> Iterator[ConfigProblem]:
 
 def fail_for_keys(path: Path | None, error: KeyringError) -> NoReturn:
     """Exit with an error of keys, at the line of the folder if a configuration names it."""
+    from swarmctl.config.model import read_document  # noqa: PLC0415
+
     lines = [str(error)]
-    fail(lines if path is None else keys_problem_lines(path, document_of(path), lines), FAILED)
+    fail(lines if path is None else keys_problem_lines(path, read_document(path), lines), FAILED)
 
 
-def keys_problem_lines(path: Path, document: yaml_lines.Document, problems: Iterable[str]) -> list[str]:
+def keys_problem_lines(path: Path, document: Document, problems: Iterable[str]) -> list[str]:
     """Return the problems of the folder `communication.keys`, each with the file and line that name it."""
     located = (ConfigProblem(("communication", "keys"), text) for text in problems)
     return problem_lines(path, document, located)

@@ -29,8 +29,8 @@ ResumeOption = Annotated[
 ]
 
 
-def run_or_exit(given: str, runs: Path, name: str = "") -> Path:
-    """Return the folder of the run; exit if `last` is given and the folder has no run of this name."""
+def run_or_exit(given: str, runs: Path, name: str) -> Path:
+    """Return the folder of the run; exit if `last` is given and `runs` has none of this name (empty: any)."""
     if given != LAST:
         return Path(given)
     if (found := unfinished_run.last_run(runs, name)) is None:

@@ -37,7 +37,7 @@ def watch(
     swarm = load_roster_or_exit(config)
     station = ground_station_or_exit(config, swarm, connect)
     board = StateBoard(swarm.name, swarm.names, swarm.grid, station.codec)
-    shown = _live if out.is_terminal and not once else _lines if not once else _once
+    shown = _once if once else _live if out.is_terminal else _lines
     try:
         with shown() as show_view:
             asyncio.run(_watch(station, board, swarm.name, show_view, once=once))

@@ -187,6 +187,11 @@ class Communication(Section):
         "distance; planning ignores it.",
     )
 
+    @property
+    def spans_machines(self) -> bool:
+        """True if the vehicles' agents may run on separate machines."""
+        return self.router is not None or bool(self.mesh)
+
     def model_post_init(self, _context: object) -> None:
         if self.router is not None and self.mesh:
             raise ValueError("router (a star) and mesh exclude each other; remove one of them")

@@ -11,10 +11,9 @@ from swarmctl.config.communication import Communication, VehicleRef, vehicle_of
 from swarmctl.config.model import Config
 from swarmctl.config.problems import ConfigProblem
 from swarmctl.config.yaml_lines import KeyPath
+from swarmctl.core.operator_text import listed
 
 SECTION: KeyPath = ("communication",)
-MAX_LISTED = 10
-"""greatest number of vehicle names in one problem"""
 
 
 def check_communication(config: Config) -> Iterator[ConfigProblem]:
@@ -101,8 +100,7 @@ def _check_mesh(c: Communication, names: Mapping[int, str]) -> Iterator[ConfigPr
     yield from _check_once(uavs, names, "give each vehicle one endpoint")
     missing = [name for uav, name in names.items() if uav not in uavs.values()]
     if missing and not unknown:
-        more = f" and {len(missing) - MAX_LISTED} more" if len(missing) > MAX_LISTED else ""
-        text = f"no endpoint for {', '.join(missing[:MAX_LISTED])}{more}, so the other agents cannot connect"
+        text = f"no endpoint for {listed(missing)}, so the other agents cannot connect"
         yield ConfigProblem(here, f"{text}; give each vehicle an endpoint", depends_on=("vehicles",))
     first: dict[str, str] = {}
     for word, text in c.mesh.items():

@@ -21,7 +21,7 @@ from swarmctl.config.communication import vehicle_of
 from swarmctl.config.formations import FormationSection
 from swarmctl.config.model import Config
 from swarmctl.config.problems import ConfigProblem
-from swarmctl.config.scenario import Scenario
+from swarmctl.config.scenario import GROUP_SPEED, Scenario
 from swarmctl.config.specs import Spec, airframes_of
 from swarmctl.config.yaml_lines import KeyPath
 from swarmctl.links import LINKS
@@ -130,7 +130,7 @@ def _check_members(section: FormationSection, members: list[Spec], here: KeyPath
     if section.speed_m_s is not None and section.speed_m_s >= slowest.speed_m_s:
         text = (
             f"{section.speed_m_s:g} m/s leaves {slowest.name} ({slowest.speed_m_s:g} m/s) no reserve for "
-            f"turns; give less, such as {0.7 * slowest.speed_m_s:.3g}"
+            f"turns; give less, such as {GROUP_SPEED * slowest.speed_m_s:.3g}"
         )
         yield ConfigProblem((*here, "speed_m_s"), text)
 

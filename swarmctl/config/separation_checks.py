@@ -8,7 +8,6 @@ from itertools import combinations
 
 from swarmctl.agent.replan.copter_trajectory import from_takeoff
 from swarmctl.agent.replan.decide import first_flight, first_problem
-from swarmctl.agent.state import Task
 from swarmctl.agent.traffic.separation.approach import Limits
 from swarmctl.agent.traffic.separation.clash import TIME_TOLERANCE_S
 from swarmctl.agent.traffic.separation.conflicts import conflicts
@@ -83,14 +82,10 @@ def _flights(scenario: Scenario, routes: Mapping[int, Route]) -> Iterator[tuple[
         if route is None:
             continue
         try:
-            yield spec.sysid, _flight(scenario, spec, task, route)
+            plan = first_flight(task, first_problem(task, scenario.prior), route)
         except Unreachable:
             continue  # another check reports an unflyable route
-
-
-def _flight(scenario: Scenario, spec: Spec, task: Task, route: Route) -> Trajectory:
-    plan = first_flight(task, first_problem(task, scenario.prior), route)
-    return from_takeoff(task, plan, spec.start, task.start_delay_s).later(spec.delay_s)
+        yield spec.sysid, from_takeoff(task, plan, spec.start, task.start_delay_s).later(spec.delay_s)
 
 
 def _problem(scenario: Scenario, one: Spec, other: Spec, near: str) -> ConfigProblem:

@@ -66,7 +66,7 @@ def resolve_vehicles(words: Iterable[int | str], names: Mapping[int, str]) -> li
         if len(vehicles) > 1:
             raise ValueError(
                 f"{word} is the system id of one vehicle and the name of another: "
-                f"{_listed(f'{uav} ({names[uav]})' for uav in vehicles)}; select the vehicle by its other "
+                f"{listed(f'{uav} ({names[uav]})' for uav in vehicles)}; select the vehicle by its other "
                 "identifier [ambiguous-vehicle]"
             )
         if not vehicles:
@@ -74,9 +74,9 @@ def resolve_vehicles(words: Iterable[int | str], names: Mapping[int, str]) -> li
             unknown.append(f"{word} ({hint})" if hint else word)
         found.update(vehicles)
     if unknown:
-        known = _listed(f"{uav} ({name})" for uav, name in names.items())
+        known = listed(f"{uav} ({name})" for uav, name in names.items())
         raise ValueError(
-            f"no vehicle has the system id or name {_listed(unknown)}; the vehicles are {known} "
+            f"no vehicle has the system id or name {listed(unknown)}; the vehicles are {known} "
             "[unknown-vehicle]"
         )
     return [uav for uav in names if uav in found]
@@ -93,7 +93,8 @@ def name_problems(words: Iterable[int | str], names: Mapping[int, str]) -> dict[
     return problems
 
 
-def _listed(words: Iterable[str]) -> str:
-    listed = list(words)
-    more = len(listed) - MAX_LISTED
-    return ", ".join(listed[:MAX_LISTED]) + (f" and {more} more" if more > 0 else "")
+def listed(words: Iterable[str]) -> str:
+    """Return the first MAX_LISTED words, and the number of the others."""
+    known = list(words)
+    more = len(known) - MAX_LISTED
+    return ", ".join(known[:MAX_LISTED]) + (f" and {more} more" if more > 0 else "")

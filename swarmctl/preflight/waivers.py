@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 
 import msgspec
 
-from swarmctl.core.operator_text import resolve_vehicles
+from swarmctl.config.communication import vehicle_of
 from swarmctl.preflight.checks import CHECKS
 
 
@@ -40,7 +40,6 @@ def _parse_waiver(text: str, names: Mapping[int, str]) -> Waiver:
     if not colon:
         return Waiver(check)
     try:
-        (sysid,) = resolve_vehicles([vehicle], names)
+        return Waiver(check, names[vehicle_of(vehicle, names)])
     except ValueError as error:
         raise ValueError(f"{text}: {error}") from None
-    return Waiver(check, names[sysid])

@@ -68,18 +68,12 @@ def find(swarm: str | None, config: Roster | None, connect: str | None) -> Fligh
     flight.
     """
     swarm = _swarm_name(swarm, config)
-    agents = config.names if config is not None and may_span_machines(config) else {}
+    agents = config.names if config is not None and config.communication.spans_machines else {}
     if connect is not None:
         endpoint = _endpoint(connect)
         swarm = swarm or _swarm_at(endpoint)
         return FlightEndpoints(swarm, endpoint, agents=agents)
-    if config is not None and agents:
-        local = [entry for entry in directory.running_swarms() if entry.swarm == swarm]
-        if local:  # one process on this machine flies all vehicles
-            return _only(local)
-        points = entry_points(config)
-        return FlightEndpoints(config.name, points[0], tuple(points[1:]), agents)
-    if config is not None:
+    if config is not None and not agents:
         if not BUSES[config.communication.bus].is_networked or config.communication.listen == NO_ENDPOINT:
             raise BadOptions(
                 f"{swarm} takes no commands: `communication` has bus: memory, or listen: none [not-listening]"
@@ -89,8 +83,11 @@ def find(swarm: str | None, config: Roster | None, connect: str | None) -> Fligh
             return FlightEndpoints(config.name, listen.client_endpoint)
     running = directory.running_swarms()
     named = [entry for entry in running if swarm in (None, entry.swarm)]
-    if named:
+    if named:  # one process on this machine flies all vehicles
         return _only(named)
+    if config is not None and agents:
+        points = entry_points(config)
+        return FlightEndpoints(config.name, points[0], tuple(points[1:]), agents)
     others = f"; running: {', '.join(map(describe, running))}" if running else ""
     if hint := did_you_mean(swarm or "", (entry.swarm for entry in running)):
         others += f"; {hint}"
@@ -147,11 +144,6 @@ def duration_text(seconds: float) -> str:
         if seconds >= 2.0 * unit_s:
             return f"{seconds / unit_s:.0f} {unit}"
     return f"{max(seconds, 0.0):.0f} s"
-
-
-def may_span_machines(config: Roster) -> bool:
-    """Return whether the swarm's agents may run on separate machines."""
-    return config.communication.router is not None or bool(config.communication.mesh)
 
 
 def entry_points(config: Roster) -> list[BusEndpoint]:
