@@ -45,9 +45,7 @@ from swarmctl.core.operator_text import extended
 from swarmctl.core.records import replace
 from swarmctl.flight import companion
 from swarmctl.flight.gc_tuning import tune_collector
-from swarmctl.flight.permission import Permission
 from swarmctl.links.url import parse_url
-from swarmctl.preflight.waivers import Waiver
 from swarmctl.report import unfinished_run
 from swarmctl.report.unfinished_run import UnfinishedRun
 from swarmctl.security.files import KeyringError
@@ -99,21 +97,6 @@ def agent(
     network = _network(scenario, connect, launch, keyring)
     require_flyable(config, _without_listen(scenario), out_folder)
     waivers = parse_waivers_or_exit(waive, scenario)
-    _fly(scenario, out_folder, launch, network, keyring, may_arm, waivers, unfinished, verbose=verbose)
-
-
-def _fly(
-    scenario: Scenario,
-    out_folder: Path,
-    launch: Launch,
-    network: Configuration | None,
-    keyring: Keyring | None,
-    may_arm: Permission,
-    waivers: tuple[Waiver, ...],
-    unfinished: UnfinishedRun | None,
-    *,
-    verbose: bool,
-) -> None:
     (spec,) = scenario.specs
     folder = run_folder(out_folder, f"{scenario.config.name}-{spec.name}")
     display = terminal(verbose=verbose, with_time=True)

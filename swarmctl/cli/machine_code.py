@@ -25,7 +25,7 @@ COMPILER = (
 
 
 class CompilerError(Exception):
-    """A failure of the compiling process."""
+    """A failure of the compiling process, or no folder for machine code."""
 
 
 def prepare(config: Config, console: Console) -> None:
@@ -33,27 +33,18 @@ def prepare(config: Config, console: Console) -> None:
 
     If the compiling process fails, or machine code cannot be stored, this process compiles later.
     """
-    if not config.needs_machine_code or is_ready():
-        return
-    if numba_cache() is None:
-        text = "machine code cannot be stored, so every run compiles the planners"
-        say(f"{text}; set NUMBA_CACHE_DIR to a writable folder", console=console)
+    if not config.needs_machine_code:
         return
     try:
-        compile_all(console)
+        if not ready_file().exists():
+            compile_all(console)
     except CompilerError as error:
         say(str(error), console=console)
 
 
-def is_ready() -> bool:
-    """Return whether the machine code is stored for this machine and this version of the planners."""
-    file = _ready_file()
-    return file is not None and file.exists()
-
-
 def compile_all(console: Console, compiler: Sequence[str] = COMPILER) -> float:
     """Compile in another process and show its progress; return the duration [s]. Raises CompilerError."""
-    began_s = time.monotonic()
+    file, began_s = ready_file(), time.monotonic()
     with subprocess.Popen(compiler, stdout=subprocess.PIPE, text=True) as process:
         try:
             _show(_progress(process), console)
@@ -64,15 +55,18 @@ def compile_all(console: Console, compiler: Sequence[str] = COMPILER) -> float:
         raise CompilerError(
             f"the compiling process ended with exit code {process.returncode}; see the messages above"
         )
-    if (file := _ready_file()) is not None:
-        file.touch()
+    file.touch()
     return time.monotonic() - began_s
 
 
-def _ready_file() -> Path | None:
-    """Return the path of a file that exists if all machine code is stored; None if no folder is writable."""
+def ready_file() -> Path:
+    """Return the path of a file that exists if this machine has this version's machine code.
+
+    Raises CompilerError if no folder is writable.
+    """
     if (stored := numba_cache()) is None:
-        return None
+        text = "machine code cannot be stored, so every run compiles the planners"
+        raise CompilerError(f"{text}; set NUMBA_CACHE_DIR to a writable folder")
     folder, key = stored
     return folder / f"swarmctl-{key}.ready"
 

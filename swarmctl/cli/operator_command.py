@@ -72,9 +72,14 @@ def send_or_exit(
     with exit_on_failure(config):
         request = make_request()
         flight, answer = asyncio.run(send_command(request, swarm, config, connect))
-    if swarm is None and config is None:
+    if swarm is None and config is None and connect is None:
         say(f"the only flight on this machine: {flight.swarm} at {flight.endpoint}", console=err)
-    _print_answer(request, answer, flight, line_of)
+    if answer.refused:
+        fail([f"{flight.swarm} refused the command: {answer.refused}"], FAILED)
+    for vehicle in answer.vehicles:
+        say(line_of(vehicle), console=out if vehicle.outcome == "taken" else err)
+    if client.has_failed(request, answer):
+        raise typer.Exit(FAILED)
 
 
 @contextlib.contextmanager
@@ -130,14 +135,3 @@ def _find_flight_and_keys(
     if roster is None or not flight.agents:
         return flight, None
     return flight, joining.keyring_of(roster, OPERATOR, dt.datetime.now(dt.UTC))
-
-
-def _print_answer(
-    request: Request, answer: OperatorAnswer, flight: FlightEndpoints, line_of: Callable[[VehicleAnswer], str]
-) -> None:
-    if answer.refused:
-        fail([f"{flight.swarm} refused the command: {answer.refused}"], FAILED)
-    for vehicle in answer.vehicles:
-        say(line_of(vehicle), console=out if vehicle.outcome == "taken" else err)
-    if client.has_failed(request, answer):
-        raise typer.Exit(FAILED)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import datetime as dt
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -14,7 +13,7 @@ from swarmctl.bus.endpoint import BusEndpoint, parse_endpoint
 from swarmctl.bus.transports import zenoh_config
 from swarmctl.bus.transports.access import ROUTER
 from swarmctl.bus.transports.base import BusError
-from swarmctl.bus.transports.zenoh_config import Configuration, Credentials
+from swarmctl.bus.transports.zenoh_config import Credentials
 from swarmctl.cli.configuration import fail_for_keys, load_roster_or_exit
 from swarmctl.cli.console import FAILED, USAGE, ConfigOption, fail, log, say
 from swarmctl.config.communication import Communication
@@ -55,7 +54,11 @@ def router(
             f"{endpoint} is open to other machines without authentication: other machines can send as any "
             "vehicle; use tls/ or quic/ with `swarmctl keys` [open-endpoint]"
         )
-    _run(configuration, swarm.names, {} if credentials is None else credentials.common_names)
+    common_names = {} if credentials is None else credentials.common_names
+    try:
+        asyncio.run(routing.run(configuration, log, swarm.names, common_names))
+    except BusError as error:
+        fail([str(error)], FAILED)
 
 
 def _endpoint(communication: Communication, listen: str) -> BusEndpoint:
@@ -82,10 +85,3 @@ def _credentials(
         return load_keyring(folder, ROUTER, dt.datetime.now(dt.UTC)).credentials
     except KeyringError as error:
         fail_for_keys(config if keys is None else None, error)
-
-
-def _run(configuration: Configuration, names: Mapping[int, str], common_names: Mapping[str, str]) -> None:
-    try:
-        asyncio.run(routing.run(configuration, log, names, common_names))
-    except BusError as error:
-        fail([str(error)], FAILED)

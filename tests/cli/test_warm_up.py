@@ -65,7 +65,7 @@ def test_a_small_area_needs_no_machine_code() -> None:
     on = console()
     machine_code.prepare(configured(SMALL), on)
     assert printed(on) == ""
-    assert not machine_code.is_ready()
+    assert not machine_code.ready_file().exists()
 
 
 @pytest.mark.parametrize("config", [configured(LARGE), configured(SMALL, benevolence=0.5)])
@@ -76,13 +76,13 @@ def test_each_step_is_a_line_and_the_second_time_nothing_is_compiled(
     monkeypatch.setattr(machine_code.compile_all, "__defaults__", (THREE_STEPS,))
     machine_code.prepare(config, on)
     assert [f"{done} of 3" in printed(on) for done in range(4)] == [True] * 4
-    assert machine_code.is_ready()
+    assert machine_code.ready_file().exists()
     monkeypatch.setattr(machine_code.compile_all, "__defaults__", (compiler("raise SystemExit(1)"),))
     again = console()
     machine_code.prepare(config, again)
     assert printed(again) == ""
     monkeypatch.setattr(machine_code, "numba_cache", lambda: (cache, "another machine"))
-    assert not machine_code.is_ready()
+    assert not machine_code.ready_file().exists()
 
 
 @pytest.mark.usefixtures("cache")
@@ -97,7 +97,7 @@ def test_a_terminal_shows_a_progress_bar() -> None:
 def test_a_compiler_that_fails_is_an_error_and_leaves_nothing_ready() -> None:
     with pytest.raises(machine_code.CompilerError, match="7"):
         machine_code.compile_all(console(), compiler("print(0, 2); raise SystemExit(7)"))
-    assert not machine_code.is_ready()
+    assert not machine_code.ready_file().exists()
 
 
 def test_a_machine_without_a_folder_for_machine_code_gets_advice(
