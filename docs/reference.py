@@ -151,7 +151,8 @@ def _command(name: str, command: Any) -> Iterator[str]:
         if option.name in ("help", "install_completion", "show_completion"):
             continue
         is_argument = option.param_type_name == "argument"
-        names = (option.metavar or option.name.upper()) if is_argument else ", ".join(option.opts)
+        words = [] if is_argument else [", ".join(option.opts)]
+        names = " ".join([*words, option.metavar or (option.name.upper() if is_argument else "")]).strip()
         shown = option.default not in (None, False, [], ()) and not callable(option.default)
         default = "required" if option.required else f"`{option.default}`" if shown else ""
         yield f"| `{names}` | {_cell(default)} | {_cell(getattr(option, 'help', None) or '')} |"
