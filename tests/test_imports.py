@@ -50,14 +50,23 @@ ALONE: dict[str, set[str]] = {
 # Rooms of the simulator, by the same rule.
 SIMULATOR: dict[str, set[str]] = {
     "sim_vehicle.physics": set(),
-    "sim_vehicle.wire": {"physics", "epoch"},
-    "sim_vehicle.files": {"physics", "wire", "epoch", "vehicle.mission"},
-    "sim_vehicle.vehicle": {"physics", "wire", "files", "personalities.base", "faults", "epoch"},
+    "sim_vehicle.definitions": set(),
+    "sim_vehicle.wire": {"physics", "definitions", "epoch"},
+    "sim_vehicle.files": {"physics", "definitions", "wire", "epoch", "vehicle.mission"},
+    "sim_vehicle.vehicle": {
+        "physics",
+        "definitions",
+        "wire",
+        "files",
+        "personalities.base",
+        "faults",
+        "epoch",
+    },
     "sim_vehicle.faults": {"vehicle.injected_faults", "wire", "ranges", "epoch", "problems"},
     "sim_vehicle.links": set(),
     # The conformance suite and its client fit any autopilot, so they must not depend on the simulated ones.
-    "sim_vehicle.conformance": {"links.url", "station"},
-    "sim_vehicle.station": {"epoch"},
+    "sim_vehicle.conformance": {"links.url", "station", "definitions"},
+    "sim_vehicle.station": {"definitions", "epoch"},
 }
 
 # Foreign package -> the only modules that may import it.

@@ -2,8 +2,6 @@
 
 from typing import Any, TypeVar
 
-from pymavlink.dialects.v20 import ardupilotmega as mavlink
-
 from sim_vehicle.station.messages import enum_name
 
 T = TypeVar("T")
@@ -18,11 +16,6 @@ class Skip(Exception):
 
 
 ACCEPTED = "ACCEPTED"  # MAV_RESULT_ACCEPTED and MAV_MISSION_ACCEPTED
-
-
-def id_of(kind: str) -> int:
-    found: int = getattr(mavlink, f"MAVLINK_MSG_ID_{kind}")
-    return found
 
 
 def result_name(result: int) -> str:

@@ -10,8 +10,6 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.conformance.frames import OutgoingFrame
-
 ARM = "arm"  # motors turn, or the vehicle flies
 REBOOT = "reboot"
 ALTER = "alter"  # a lasting change: logs, calibration, stored parameters, signing key
@@ -83,30 +81,30 @@ def permission_for(message: Any) -> str | None:
     return _COMMAND_PERMISSIONS.get(message.command)
 
 
-def is_read_only(sent: OutgoingFrame) -> bool:
-    """Return True if a frame changes nothing on any receiver."""
-    if sent.kind in ("COMMAND_LONG", "COMMAND_INT"):
-        return sent.message.command in _READ_ONLY_COMMANDS
-    return sent.kind in _READ_ONLY
+def is_read_only(message: Any) -> bool:
+    """Return True if a message changes nothing on any receiver."""
+    kind = message.get_type()
+    if kind in ("COMMAND_LONG", "COMMAND_INT"):
+        return message.command in _READ_ONLY_COMMANDS
+    return kind in _READ_ONLY
 
 
-def is_for(sent: OutgoingFrame, sysid: int) -> bool:
-    """Return True if a frame is for this system alone; `sysid` is 0 before the connection."""
-    return sysid != 0 and sent.target == sysid
+def target_of(message: Any) -> int:
+    """Return the system id of the receiver of a message; 0: all receivers."""
+    # Only MANUAL_CONTROL uses the second name.
+    return int(next((getattr(message, n) for n in ("target_system", "target") if hasattr(message, n)), 0))
 
 
-def refusal(sent: OutgoingFrame, permissions: Set[str], saved_plans: Set[int]) -> str | None:
-    """Return the reason against sending a frame to the vehicle under test, or None.
+def refusal(message: Any, permissions: Set[str], saved_plans: Set[int]) -> str | None:
+    """Return the reason against sending a message to the vehicle under test, or None.
 
     `saved_plans`: MAV_MISSION_TYPE of the plans with a copy.
     """
-    needed = None if sent.message is None else permission_for(sent.message)
+    kind, needed = message.get_type(), permission_for(message)
     if needed is not None and needed not in permissions:
-        return f"{sent.kind} needs {'the built-in simulator' if needed == SIMULATOR else f'--allow-{needed}'}"
-    plan_type = (
-        sent.message.mission_type if sent.kind in _PLAN_MESSAGES else _LEGACY_PLAN_MESSAGES.get(sent.kind)
-    )
+        return f"{kind} needs {'the built-in simulator' if needed == SIMULATOR else f'--allow-{needed}'}"
+    plan_type = message.mission_type if kind in _PLAN_MESSAGES else _LEGACY_PLAN_MESSAGES.get(kind)
     if plan_type is not None and plan_type not in saved_plans:
         name = PLAN_NAMES.get(plan_type, f"plans of type {plan_type}")
-        return f"{sent.kind} was not sent, because the {name} could not be saved [plan-unsaved]"
+        return f"{kind} was not sent, because the {name} could not be saved [plan-unsaved]"
     return None

@@ -9,8 +9,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance.assertions import CheckFailed, Skip
 from sim_vehicle.conformance.dialects import VehicleIdentity
-from sim_vehicle.conformance.frames import LONGEST_FRAME, frames_in
-from sim_vehicle.conformance.guard import Forbidden, is_for, is_read_only, refusal
+from sim_vehicle.conformance.frames import LONGEST_FRAME, messages_in
+from sim_vehicle.conformance.guard import Forbidden, is_read_only, refusal, target_of
 from sim_vehicle.station.exchanges import Exchange, ExchangeOutcome
 from sim_vehicle.station.frames import NOISE, STATION, ReceivedFrame, Receiver, Sender, Source
 from sim_vehicle.station.messages import heartbeat
@@ -126,10 +126,12 @@ class Traffic:
 
         A frame that could change another vehicle is `Forbidden`; no option allows such a frame.
         """
-        for sent in frames_in(self._sent_tail + data, len(self._sent_tail)):
-            if not is_for(sent, self.identity.sysid) and not is_read_only(sent):
-                return Forbidden(f"{sent.kind} is for system {sent.target}, not for {self.identity.sysid}")
-            reason = refusal(sent, self.permissions, self.saved_plans)
+        own = self.identity.sysid  # 0 before the connection
+        for message in messages_in(self._sent_tail + data, len(self._sent_tail)):
+            target = target_of(message)
+            if (own == 0 or target != own) and not is_read_only(message):
+                return Forbidden(f"{message.get_type()} is for system {target}, not for {own}")
+            reason = refusal(message, self.permissions, self.saved_plans)
             if reason is not None:
                 return Skip(reason)
         return None

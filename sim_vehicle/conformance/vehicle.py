@@ -1,6 +1,5 @@
 """The vehicle under test: its state, its commands, and the changes to undo."""
 
-import struct
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
@@ -8,10 +7,10 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.conformance.assertions import ACCEPTED, CheckFailed, Skip, command_name, equal, id_of
+from sim_vehicle.conformance.assertions import ACCEPTED, CheckFailed, Skip, command_name, equal
 from sim_vehicle.conformance.dialects import GENERIC, Dialect, VehicleIdentity, dialect_of
-from sim_vehicle.conformance.frames import fields
 from sim_vehicle.conformance.traffic import ATTEMPTS, Traffic, Wire, WireError, is_autopilot
+from sim_vehicle.definitions import id_of
 from sim_vehicle.station.exchanges import Command
 from sim_vehicle.station.frames import STATION, ReceivedFrame, Source
 from sim_vehicle.station.messages import command_int, command_long
@@ -174,15 +173,6 @@ class VehicleUnderTest(Traffic):
                 return message
             if not denied or self.now >= end_s:
                 raise Skip(f"the vehicle does not send {kind} on request ({result})")
-
-    def request_fields(self, number: int, layout: struct.Struct, *params: float) -> tuple[Any, ...]:
-        """Request a message unknown to the codec and return its fields; raise Skip if it is refused."""
-        kind, mark = f"UNKNOWN_{number}", self.mark()
-        result = self.command(mavlink.MAV_CMD_REQUEST_MESSAGE, number, *params)
-        if result != ACCEPTED:
-            raise Skip(f"the vehicle does not send message {number} on request ({result})")
-        self.expect(kind, mark=mark, description=f"message {number} after its request was accepted")
-        return fields(self.last[kind], layout)
 
     def set_interval(self, kind: str, rate_hz: float) -> str:
         """Send SET_MESSAGE_INTERVAL (-1: stop, 0: default rate); return the name of the MAV_RESULT."""

@@ -10,29 +10,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
+from sim_vehicle.definitions import (
+    COMPONENT_INFORMATION,
+    COMPONENT_INFORMATION_BASIC,
+    COMPONENT_METADATA,
+    DefinedMessage,
+    Layout,
+)
 from sim_vehicle.files.ftp import checksum
-from sim_vehicle.wire.encode import DefinedMessage, Layout
 
 DIRECTORY = "/etc/extras"
 PARAMETER_TYPE = 1  # COMP_METADATA_TYPE_PARAMETER
-
-
-def _layout(message_id: int, name: str, crc_extra: int, **fields: str) -> Layout:
-    return Layout(message_id, name, bytes([crc_extra]), np.dtype(list(fields.items())))
-
-
-# Messages missing in pymavlink.
-COMPONENT_INFORMATION = _layout(
-    395, "COMPONENT_INFORMATION", 0, time_boot_ms="<u4", general_metadata_file_crc="<u4",
-    peripherals_metadata_file_crc="<u4", general_metadata_uri="S100", peripherals_metadata_uri="S100",
-)  # fmt: skip
-COMPONENT_INFORMATION_BASIC = _layout(
-    396, "COMPONENT_INFORMATION_BASIC", 50, capabilities="<u8", time_boot_ms="<u4", time_manufacture_s="<u4",
-    vendor_name="S32", model_name="S32", software_version="S24", hardware_version="S24", serial_number="S32",
-)  # fmt: skip
-COMPONENT_METADATA = _layout(397, "COMPONENT_METADATA", 182, time_boot_ms="<u4", file_crc="<u4", uri="S100")
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +68,7 @@ class ComponentMetadata:
         }
 
     def message(self, layout: Layout, time_boot_ms: int) -> DefinedMessage:
-        """Return the message with one of this module's layouts."""
+        """Return COMPONENT_METADATA, COMPONENT_INFORMATION or COMPONENT_INFORMATION_BASIC."""
         uri, component = f"mftp://{self._general_path}".encode(), self._component
         values: dict[int, dict[str, Any]] = {
             COMPONENT_METADATA.message_id: {"file_crc": self._general_crc, "uri": uri},

@@ -6,6 +6,8 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.definitions import decoded
+
 Source = tuple[int, int]  # (system id, component id)
 
 STATION: Source = (255, mavlink.MAV_COMP_ID_MISSIONPLANNER)
@@ -73,9 +75,12 @@ class Receiver:
 
     def frames(self, data: bytes, now: float) -> Iterator[ReceivedFrame]:
         """Yield the frames that are complete now, and the bytes of `NOISE`."""
-        for message in self.codec.parse_buffer(data) or ():
+        for message in self._parsed(data):
             yield ReceivedFrame(now, message.get_type(), message, bytes(message.get_msgbuf()))
 
     def messages(self, data: bytes) -> list[Any]:
         """Return the messages that are complete now, without noise."""
-        return [m for m in self.codec.parse_buffer(data) or () if m.get_type() != NOISE]
+        return [message for message in self._parsed(data) if message.get_type() != NOISE]
+
+    def _parsed(self, data: bytes) -> Iterator[Any]:
+        return map(decoded, self.codec.parse_buffer(data) or ())

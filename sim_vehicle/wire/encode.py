@@ -1,13 +1,11 @@
 """MAVLink 2 frames for a whole fleet at once: columns of numbers in, one frame per vehicle out.
 
-Message layouts (wire order, types, CRC_EXTRA) come from pymavlink. The payloads of all vehicles are one
-structured array. A stream costs a few array operations and about 1 us per frame; pymavlink's objects, packing
-and Python CRC cost far more.
+The payloads of all vehicles are one structured array. A stream costs a few array operations and about 1 us
+per frame; pymavlink's objects, packing and Python CRC cost far more.
 """
 
 import struct
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,71 +13,19 @@ import numpy.typing as npt
 from fastcrc.crc16 import mcrf4xx
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.definitions import Layout
 from sim_vehicle.wire.frame import MAVLINK2
 
 MAGIC = bytes([MAVLINK2])
 # length, incompatibility flags, compatibility flags, sequence, system, component, 3 bytes of the message id
 _HEADER = struct.Struct("<BBBBBBBBB")
 _CRC = struct.Struct("<H")
-_NUMPY_TYPES = {
-    "uint8_t": "u1",
-    "int8_t": "i1",
-    "uint16_t": "<u2",
-    "int16_t": "<i2",
-    "uint32_t": "<u4",
-    "int32_t": "<i4",
-    "uint64_t": "<u8",
-    "int64_t": "<i8",
-    "float": "<f4",
-    "double": "<f8",
-    "uint8_t_mavlink_version": "u1",
-}
 # Smallest and largest float that each integer type can hold.
 _LIMITS = {
     np.dtype(kind).str: (float(np.iinfo(kind).min), np.nextafter(float(np.iinfo(kind).max) + 1, 0))
     for kind in (np.uint8, np.int8, np.uint16, np.int16, np.uint32, np.int32, np.uint64, np.int64)
 }
 Payloads = npt.NDArray[Any]
-
-
-@dataclass(frozen=True, slots=True)
-class Layout:
-    """The layout of one message; `dtype` has the fields of the payload in wire order, without padding."""
-
-    message_id: int
-    name: str
-    crc_extra: bytes
-    dtype: np.dtype[Any]
-
-
-def layout_of(message_id: int) -> Layout:
-    """Return the layout of a message of the dialect; raise KeyError if the id is unknown."""
-    message = mavlink.mavlink_map[message_id]
-    types = dict(zip(message.fieldnames, message.fieldtypes, strict=True))
-    lengths = dict(zip(message.ordered_fieldnames, message.array_lengths, strict=True))
-    fields: list[Any] = []
-    for name in message.ordered_fieldnames:
-        length = lengths[name]
-        if types[name] == "char":
-            fields.append((name, f"S{max(length, 1)}"))
-        elif length:
-            fields.append((name, _NUMPY_TYPES[types[name]], (length,)))
-        else:
-            fields.append((name, _NUMPY_TYPES[types[name]]))
-    return Layout(message_id, message.msgname, bytes([message.crc_extra]), np.dtype(fields))
-
-
-class DefinedMessage(mavlink.MAVLink_message):  # type: ignore[misc]
-    """A message that the dialect lacks, defined by its layout; packs like pymavlink's messages."""
-
-    def __init__(self, layout: Layout, **fields: Any) -> None:
-        super().__init__(layout.message_id, layout.name)
-        self._layout = layout
-        self._payload = pack_payloads(layout, 1, fields).tobytes()
-
-    def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:
-        extra = self._layout.crc_extra[0]
-        return bytes(self._pack(mav, extra, self._payload, force_mavlink1=force_mavlink1))
 
 
 def pack_payloads(layout: Layout, n: int, columns: Mapping[str, Any]) -> Payloads:

@@ -7,14 +7,13 @@ import struct
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.generator.mavcrc import x25crc
 
-from sim_vehicle.files.component_metadata import (
+from sim_vehicle.definitions import (
     COMPONENT_INFORMATION,
     COMPONENT_INFORMATION_BASIC,
     COMPONENT_METADATA,
-    Component,
-    ComponentMetadata,
+    Layout,
 )
-from sim_vehicle.wire.encode import Layout
+from sim_vehicle.files.component_metadata import Component, ComponentMetadata
 
 PARAMETERS = {"MIS_TAKEOFF_ALT": 2.5, "NAV_RCL_ACT": 2}
 METADATA = ComponentMetadata(Component("PX4", "SITL", "1.15.2", capabilities=0xE0EF), PARAMETERS)

@@ -4,12 +4,12 @@ import struct
 from typing import Any
 
 import pytest
+from fuzz_attacks import cancellation
 from fuzz_bench import CRAFT, Bench
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import LAT_DEG, LON_DEG
 
 from sim_vehicle.files.ftp import HEADER
-from sim_vehicle.wire.parser import CommandCancel
 
 PLACE = (round(LAT_DEG * 1e7), round((LON_DEG + 1e-3) * 1e7))
 HEARTBEAT = mavlink.MAVLINK_MSG_ID_HEARTBEAT
@@ -152,7 +152,7 @@ def calibration_results(
 ) -> list[int]:
     """Return the results of a calibration with a cancellation after its start."""
     assert bench.command(CALIBRATION, 1) == IN_PROGRESS
-    cancel = bytearray(bench.frame(CommandCancel(sysid, 1, CALIBRATION), mavlink1=mavlink1))
+    cancel = bytearray(bench.frame(cancellation(sysid, 1, CALIBRATION), mavlink1=mavlink1))
     cancel[-1] ^= spoilt
     messages = [*bench.put(bytes(cancel)), *bench.wait(5.0)]
     acks = [m for m in messages if m.get_type() == "COMMAND_ACK" and m.command == CALIBRATION]

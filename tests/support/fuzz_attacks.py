@@ -10,9 +10,9 @@ from fuzz_values import COMPONENTS, TARGETS, number, place, random_message
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from station import ALT_M, LAT_DEG, LON_DEG
 
+from sim_vehicle.definitions import COMMAND_CANCEL, DefinedMessage
 from sim_vehicle.personalities import personality_of
 from sim_vehicle.vehicle.mission import Item
-from sim_vehicle.wire.parser import CommandCancel
 
 Attack = Callable[[Bench, random.Random], Iterator[Any]]
 
@@ -25,6 +25,11 @@ def any_message(_bench: Bench, source: random.Random) -> Iterator[Any]:
     kinds = [kind for kind in mavlink.mavlink_map.values() if kind.msgname != "SETUP_SIGNING"]
     for kind in source.sample(kinds, len(kinds)):
         yield random_message(kind, source)
+
+
+def cancellation(system: int, component: int, command: int) -> DefinedMessage:
+    """Return COMMAND_CANCEL."""
+    return DefinedMessage(COMMAND_CANCEL, target_system=system, target_component=component, command=command)
 
 
 def commands(_bench: Bench, source: random.Random) -> Iterator[Any]:
@@ -42,7 +47,7 @@ def commands(_bench: Bench, source: random.Random) -> Iterator[Any]:
                 target, component, frame, command, 0, 0, *hostile[:4], *place(source), hostile[6]
             )
         if source.random() < 0.1:
-            yield CommandCancel(target, component, command)
+            yield cancellation(target, component, command)
 
 
 def likely_commands(bench: Bench, source: random.Random) -> Iterator[Any]:
@@ -73,7 +78,7 @@ def likely_commands(bench: Bench, source: random.Random) -> Iterator[Any]:
                 source.choice((20.0, nearly[6])),
             )
         if source.random() < 0.1:
-            yield CommandCancel(sysid, 1, command)
+            yield cancellation(sysid, 1, command)
 
 
 def setpoints(bench: Bench, source: random.Random) -> Iterator[Any]:

@@ -1,7 +1,6 @@
 """COMMAND_LONG and COMMAND_INT: acknowledgement, targets, repetition, progress."""
 
 import math
-import struct
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -9,12 +8,12 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sim_vehicle.conformance import flying
-from sim_vehicle.conformance.assertions import ACCEPTED, Skip, command_name, equal, holds, id_of, result_name
-from sim_vehicle.conformance.frames import COMMAND_CANCEL, COMMAND_CANCEL_EXTRA, frame
+from sim_vehicle.conformance.assertions import ACCEPTED, Skip, command_name, equal, holds, result_name
 from sim_vehicle.conformance.guard import ALTER, CRASH
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.traffic import SECOND_STATION
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
+from sim_vehicle.definitions import COMMAND_CANCEL, DefinedMessage, id_of
 from sim_vehicle.station.frames import STATION, Source
 from sim_vehicle.station.messages import set_mode
 
@@ -241,8 +240,9 @@ def ends_in_a_result(vehicle: VehicleUnderTest) -> str:
 
 
 def _cancel(vehicle: VehicleUnderTest, command: int) -> None:
-    payload = struct.pack("<HBB", command, *vehicle.target)
-    vehicle.send_raw(frame(vehicle.sender, COMMAND_CANCEL, payload, COMMAND_CANCEL_EXTRA))
+    sysid, component = vehicle.target
+    fields = {"command": command, "target_system": sysid, "target_component": component}
+    vehicle.send(DefinedMessage(COMMAND_CANCEL, **fields))
 
 
 @check("commands.progress.can_be_cancelled", needs=[ALTER], limit_s=120)

@@ -2,20 +2,18 @@
 
 import json
 import lzma
-import struct
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
-from sim_vehicle.conformance import frames, ftp, parameters
+from sim_vehicle.conformance import ftp, parameters
 from sim_vehicle.conformance.assertions import CheckFailed, Skip, equal, holds
 from sim_vehicle.conformance.ftp import FtpClient
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 
-METADATA = struct.Struct("<II100s")  # COMPONENT_METADATA on the wire: time_boot_ms, file_crc, uri
 PARAMETER_METADATA = 1  # COMP_METADATA_TYPE_PARAMETER
 SCHEME = "mftp://"
 PACKED = "@PARAM/param.pck"
@@ -221,8 +219,8 @@ def packed_parameters(vehicle: VehicleUnderTest) -> str:
 
 def _metadata(vehicle: VehicleUnderTest) -> tuple[int, str]:
     """Return checksum and URI of the general metadata file."""
-    _, crc, uri = vehicle.request_fields(frames.COMPONENT_METADATA, METADATA)
-    return crc, uri.rstrip(b"\0").decode("ascii", "replace")
+    found = vehicle.request("COMPONENT_METADATA")
+    return found.file_crc, found.uri.decode("ascii", "replace")
 
 
 def _path_in(uri: str) -> str:

@@ -1,6 +1,5 @@
 """The heartbeat, the framing of all messages, the identity of the vehicle."""
 
-import struct
 from itertools import pairwise
 from typing import Any
 
@@ -9,12 +8,10 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sim_vehicle.conformance.assertions import ACCEPTED, CheckFailed, Skip, equal, holds, within
 from sim_vehicle.conformance.dialects import version_text
 from sim_vehicle.conformance.flying import mode_name
-from sim_vehicle.conformance.frames import PROTOCOL_VERSION
 from sim_vehicle.conformance.registry import KNOWN, check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
 from sim_vehicle.station.frames import ReceivedFrame
 
-PROTOCOL = struct.Struct("<HHH")  # the first fields of PROTOCOL_VERSION on the wire
 RELEASES = {0: "development", 64: "alpha", 128: "beta", 192: "candidate", 255: "official"}
 LISTEN_S = 8.0
 MAX_LOST_SHARE = 0.05  # share of frames that a real link may lose
@@ -275,6 +272,7 @@ def claims_a_parameter_encoding(vehicle: VehicleUnderTest) -> str:
 @check("version.protocol_version")
 def protocol_version(vehicle: VehicleUnderTest) -> str:
     """PROTOCOL_VERSION, where supported, has version 200 (2.0) within its range."""
-    version, lowest, highest = vehicle.request_fields(PROTOCOL_VERSION, PROTOCOL)
-    within(equal(version, 200, "version"), lowest, highest, "version within its range")
+    seen = vehicle.request("PROTOCOL_VERSION")
+    lowest, highest = seen.min_version, seen.max_version
+    within(equal(seen.version, 200, "version"), lowest, highest, "version within its range")
     return f"{lowest} to {highest}"

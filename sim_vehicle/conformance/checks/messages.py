@@ -11,13 +11,13 @@ from sim_vehicle.conformance.assertions import (
     Skip,
     equal,
     holds,
-    id_of,
     near,
     refused,
     within,
 )
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
+from sim_vehicle.definitions import id_of
 
 NOT_A_MESSAGE = 16_777_000  # an unused message id
 REQUESTED = (

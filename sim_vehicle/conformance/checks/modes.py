@@ -1,11 +1,10 @@
 """Flight modes on the ground: setting, refusals, reports."""
 
-import struct
 from functools import partial
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.conformance import flying, frames, plans
+from sim_vehicle.conformance import flying, plans
 from sim_vehicle.conformance.assertions import ACCEPTED, Skip, equal, holds, refused
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
@@ -16,8 +15,6 @@ MODE_ROLES = (
     "manual", "altitude", "position", "guided", "loiter", "circle", "hold", "return", "land", "stabilized",
 )  # fmt: skip
 NO_SUCH_MODE = 99
-AVAILABLE = struct.Struct("<IIBBB35s")  # AVAILABLE_MODES on the wire
-CURRENT = struct.Struct("<IIB")  # CURRENT_MODE on the wire
 
 
 def _sets_mode(vehicle: VehicleUnderTest, role: str) -> str:
@@ -141,19 +138,18 @@ def survives_silence(vehicle: VehicleUnderTest) -> str:
 @check("modes.current_mode_message")
 def current_mode_message(vehicle: VehicleUnderTest) -> str:
     """CURRENT_MODE, where supported, agrees with the heartbeat."""
-    custom_mode, _, _ = vehicle.request_fields(frames.CURRENT_MODE, CURRENT)
-    equal(custom_mode, vehicle.mode, "custom_mode")
-    return flying.mode_name(vehicle, custom_mode)
+    seen = vehicle.request("CURRENT_MODE").custom_mode
+    return flying.mode_name(vehicle, equal(seen, vehicle.mode, "custom_mode"))
 
 
 @check("modes.available_modes")
 def available_modes(vehicle: VehicleUnderTest) -> str:
     """AVAILABLE_MODES, where supported, are numbered without gaps and include the current mode."""
-    vehicle.request_fields(frames.AVAILABLE_MODES, AVAILABLE, 0)
+    mark = vehicle.mark()
+    total = vehicle.request("AVAILABLE_MODES", 0).number_modes
     vehicle.wait(3.0)
-    entries = [e for e in vehicle.received if e.kind == f"UNKNOWN_{frames.AVAILABLE_MODES}"]
-    modes = [frames.fields(entry, AVAILABLE) for entry in entries]
-    total = modes[0][2]
-    equal({mode[3] for mode in modes}, set(range(1, total + 1)), "mode_index")
-    holds(vehicle.mode in {mode[0] for mode in modes}, f"the current mode {vehicle.mode} is not listed")
+    modes = vehicle.since(mark, "AVAILABLE_MODES")
+    equal({mode.mode_index for mode in modes}, set(range(1, total + 1)), "mode_index")
+    is_listed = any(mode.custom_mode == vehicle.mode for mode in modes)
+    holds(is_listed, f"the current mode {vehicle.mode} is not listed")
     return f"{total} modes"

@@ -1,6 +1,5 @@
 """Robustness against garbage, malformed frames and floods; the texts and answers at the end of the run."""
 
-import struct
 from collections.abc import Callable, Iterable
 from functools import partial
 from itertools import pairwise
@@ -16,6 +15,7 @@ from sim_vehicle.conformance.guard import SIMULATOR
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.traffic import SECOND_STATION
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
+from sim_vehicle.definitions import layout_of
 from sim_vehicle.station.frames import STATION, Source
 from sim_vehicle.station.messages import heartbeat
 
@@ -236,7 +236,7 @@ def _survives_messages(vehicle: VehicleUnderTest, payload: Callable[[int], bytes
     for message_id, message in sorted(mavlink.mavlink_map.items()):
         if message.msgname in _EXCLUDED or message_id < 0:
             continue
-        data = _addressed(message, payload(message.unpacker.size), vehicle.target)
+        data = _addressed(message_id, payload(message.unpacker.size), vehicle.target)
         sent = frame(vehicle.sender, message_id, data, message.crc_extra)
         if vehicle.objection(sent) is not None:
             continue
@@ -249,15 +249,12 @@ def _survives_messages(vehicle: VehicleUnderTest, payload: Callable[[int], bytes
     return f"{count} messages"
 
 
-def _addressed(message: Any, payload: bytes, target: tuple[int, int]) -> bytes:
+def _addressed(message_id: int, payload: bytes, target: tuple[int, int]) -> bytes:
     """Return a payload with the target in its target fields."""
-    data, layout = bytearray(payload), message.native_format.decode()
+    data, layout = bytearray(payload), layout_of(message_id).dtype
     for name, value in zip(("target_system", "target_component"), target, strict=True):
-        if name in message.fieldnames:
-            place = message.ordered_fieldnames.index(name)
-            lengths = [max(1, length) for length in message.array_lengths[:place]]
-            before = "".join(f"{n}{kind}" for n, kind in zip(lengths, layout[1 : place + 1], strict=True))
-            data[struct.calcsize(f"<{before}")] = value
+        if layout.fields and name in layout.fields:
+            data[layout.fields[name][1]] = value
     return bytes(data)
 
 

@@ -10,6 +10,7 @@ from types import MappingProxyType
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.definitions import PROTOCOL_VERSION
 from sim_vehicle.faults import failure_command as failures
 from sim_vehicle.personalities.px4 import messages, modes
 from sim_vehicle.personalities.px4.manoeuvres import Orbit
@@ -337,7 +338,7 @@ COMMANDS: MappingProxyType[int, CommandHandler] = MappingProxyType(
             mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION
         ),
         mavlink.MAV_CMD_REQUEST_PROTOCOL_VERSION: common.send_message(
-            messages.PROTOCOL_VERSION.message_id, otherwise=DENIED
+            PROTOCOL_VERSION.message_id, otherwise=DENIED
         ),
         mavlink.MAV_CMD_COMPONENT_ARM_DISARM: arm_disarm,
         mavlink.MAV_CMD_DO_SET_MODE: set_mode,

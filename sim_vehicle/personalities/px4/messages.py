@@ -3,17 +3,22 @@
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.definitions import (
+    AVAILABLE_MODES,
+    CURRENT_EVENT_SEQUENCE,
+    CURRENT_MODE,
+    PROTOCOL_VERSION,
+    TIME_ESTIMATE_TO_TARGET,
+    DefinedMessage,
+)
 from sim_vehicle.personalities.px4 import modes
 from sim_vehicle.vehicle import one_shot_messages
 from sim_vehicle.vehicle.behaviour import PILOTED, Mode
 from sim_vehicle.vehicle.commands import reported_interval_us
 from sim_vehicle.vehicle.interface import OneShotMessage, Vehicle
 from sim_vehicle.vehicle.numbers import to_int
-from sim_vehicle.wire.encode import DefinedMessage, Layout
-from sim_vehicle.wire.telemetry.px4 import CURRENT_EVENT_SEQUENCE, CURRENT_MODE, TIME_ESTIMATE_TO_TARGET
 
 ADVANCED, NOT_SELECTABLE = 1, 2  # MAV_MODE_PROPERTY
 _ADVANCED_MODES = frozenset({modes.ACRO, modes.STABILIZED, modes.OFFBOARD, modes.PRECISION_LAND})
@@ -52,37 +57,6 @@ DEFAULT_RATES_HZ: dict[int, float] = {
 # Message id -> interval of the data behind its stream [s]; a request without news since is DENIED.
 PUBLISHED_S = {mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: 0.125, mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 0.02}
 
-# Messages missing in pymavlink's ArduPilot dialect.
-_AVAILABLE_MODES = Layout(
-    435,
-    "AVAILABLE_MODES",
-    bytes([134]),
-    np.dtype(
-        [
-            ("custom_mode", "<u4"),
-            ("properties", "<u4"),
-            ("number_modes", "u1"),
-            ("mode_index", "u1"),
-            ("standard_mode", "u1"),
-            ("mode_name", "S35"),
-        ]
-    ),
-)
-PROTOCOL_VERSION = Layout(
-    300,
-    "PROTOCOL_VERSION",
-    bytes([217]),
-    np.dtype(
-        [
-            ("version", "<u2"),
-            ("min_version", "<u2"),
-            ("max_version", "<u2"),
-            ("spec_version_hash", "u1", (8,)),
-            ("library_version_hash", "u1", (8,)),
-        ]
-    ),
-)
-
 
 def targets(vehicle: Vehicle) -> tuple[bool, bool]:
     """Return the reported targets (global, local): both in Auto modes, only local in Offboard and Orbit."""
@@ -96,7 +70,7 @@ def _available_mode(index: int, total: int, mode: Mode) -> DefinedMessage:
     if not mode.selectable:
         properties |= NOT_SELECTABLE
     return DefinedMessage(
-        _AVAILABLE_MODES,
+        AVAILABLE_MODES,
         custom_mode=mode.number,
         properties=properties,
         number_modes=total,
@@ -129,6 +103,6 @@ def message_interval(vehicle: Vehicle, parameter: float) -> Sequence[Any]:
 
 ONE_SHOT_MESSAGES: dict[int, OneShotMessage] = one_shot_messages.ONE_SHOT_MESSAGES | {
     mavlink.MAVLINK_MSG_ID_MESSAGE_INTERVAL: message_interval,
-    _AVAILABLE_MODES.message_id: available_modes,
+    AVAILABLE_MODES.message_id: available_modes,
     PROTOCOL_VERSION.message_id: protocol_version,
 }

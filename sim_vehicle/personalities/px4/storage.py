@@ -4,21 +4,20 @@ from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any
 
-from sim_vehicle.files import ftp_rules, log_transfer
-from sim_vehicle.files.component_metadata import (
+from sim_vehicle.definitions import (
     COMPONENT_INFORMATION,
     COMPONENT_INFORMATION_BASIC,
     COMPONENT_METADATA,
-    Component,
-    ComponentMetadata,
+    Layout,
 )
+from sim_vehicle.files import ftp_rules, log_transfer
+from sim_vehicle.files.component_metadata import Component, ComponentMetadata
 from sim_vehicle.files.logs.recorder import LogLimits
 from sim_vehicle.files.logs.ulog import UlogLog
 from sim_vehicle.files.vehicle_files import px4_files
 from sim_vehicle.personalities.px4 import parameters
 from sim_vehicle.vehicle.interface import Vehicle
 from sim_vehicle.vehicle.storage import Storage
-from sim_vehicle.wire.encode import Layout
 
 
 def storage(vehicle: Vehicle, limits: LogLimits) -> Storage:

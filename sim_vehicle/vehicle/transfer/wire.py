@@ -1,11 +1,11 @@
 """Conversion of mission items, counts and acknowledgements to messages, and of messages to items."""
 
 import math
-import struct
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.definitions import DefinedMessage, Layout, layout_of
 from sim_vehicle.vehicle.mission import Item
 
 MissionPeer = tuple[int, int]  # system and component id of a ground station
@@ -24,39 +24,23 @@ _NO_COORDINATES = frozenset(
         mavlink.MAV_CMD_NAV_ATTITUDE_TIME,
     }
 )
-_OPAQUE_ID = struct.Struct("<I")
-
-
-class _WithOpaqueId(mavlink.MAVLink_message):  # type: ignore[misc]
-    """A message with the extension field opaque_id, which pymavlink's dialect lacks."""
-
-    opaque_id = 0
-
-    def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:
-        known = self.unpacker.pack(*(getattr(self, name) for name in self.ordered_fieldnames))
-        payload = known + _OPAQUE_ID.pack(self.opaque_id)
-        return bytes(self._pack(mav, self.crc_extra, payload, force_mavlink1=force_mavlink1))
-
-
-class _MissionAck(_WithOpaqueId, mavlink.MAVLink_mission_ack_message):  # type: ignore[misc]
-    pass
-
-
-class _MissionCount(_WithOpaqueId, mavlink.MAVLink_mission_count_message):  # type: ignore[misc]
-    pass
+_ACK, _COUNT = (
+    layout_of(number) for number in (mavlink.MAVLINK_MSG_ID_MISSION_ACK, mavlink.MAVLINK_MSG_ID_MISSION_COUNT)
+)
 
 
 def ack_message(peer: MissionPeer, result: int, kind: int, opaque_id: int = 0) -> Any:
     """Return MISSION_ACK with a MAV_MISSION_RESULT."""
-    message = _MissionAck(*peer, result, kind)
-    message.opaque_id = opaque_id
-    return message
+    return _for_peer(_ACK, peer, type=result, mission_type=kind, opaque_id=opaque_id)
 
 
 def count_message(peer: MissionPeer, count: int, kind: int, opaque_id: int = 0) -> Any:
-    message = _MissionCount(*peer, count, kind)
-    message.opaque_id = opaque_id
-    return message
+    return _for_peer(_COUNT, peer, count=count, mission_type=kind, opaque_id=opaque_id)
+
+
+def _for_peer(layout: Layout, peer: MissionPeer, **fields: int) -> DefinedMessage:
+    system, component = peer
+    return DefinedMessage(layout, target_system=system, target_component=component, **fields)
 
 
 def item_from_message(message: Any) -> Item | None:

@@ -5,13 +5,15 @@ Fields without a column are 0. Units are those of the message definitions.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.wire.encode import Layout, Payloads, layout_of, pack_payloads
+from sim_vehicle import definitions
+from sim_vehicle.definitions import Layout, layout_of
+from sim_vehicle.wire.encode import Payloads, pack_payloads
 from sim_vehicle.wire.telemetry import ardupilot, motion, px4, sensors, vehicle
 from sim_vehicle.wire.telemetry.view import Columns, View
 
@@ -79,9 +81,9 @@ _BUILDERS: dict[int, Builder] = {
     mavlink.MAVLINK_MSG_ID_FLIGHT_INFORMATION: px4.flight_information,
     mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION: px4.hil_state_quaternion,
     mavlink.MAVLINK_MSG_ID_ODOMETRY: px4.odometry,
-    px4.TIME_ESTIMATE_TO_TARGET.message_id: px4.time_estimate_to_target,
-    px4.CURRENT_EVENT_SEQUENCE.message_id: px4.current_event_sequence,
-    px4.CURRENT_MODE.message_id: px4.current_mode,
+    definitions.TIME_ESTIMATE_TO_TARGET.message_id: px4.time_estimate_to_target,
+    definitions.CURRENT_EVENT_SEQUENCE.message_id: px4.current_event_sequence,
+    definitions.CURRENT_MODE.message_id: px4.current_mode,
 }
 _ABSENT = dict.fromkeys(ardupilot.ABSENT, _nothing)
 ARDUPILOT_ONLY = frozenset(_ABSENT | ardupilot.BUILDERS)
@@ -93,7 +95,7 @@ _HAS_DATA: dict[int, Callable[[View], Mask]] = ardupilot.HAS_DATA | {
             mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN,
             mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
             mavlink.MAVLINK_MSG_ID_ODOMETRY,
-            px4.TIME_ESTIMATE_TO_TARGET.message_id,
+            definitions.TIME_ESTIMATE_TO_TARGET.message_id,
         ),
         lambda v: v.status.has_origin[v.i],
     ),
@@ -105,27 +107,9 @@ _HAS_DATA: dict[int, Callable[[View], Mask]] = ardupilot.HAS_DATA | {
     mavlink.MAVLINK_MSG_ID_RC_CHANNELS: lambda v: np.asarray(v.status.rc_count[v.i] > 0),
     mavlink.MAVLINK_MSG_ID_NAMED_VALUE_INT: lambda v: v.status.threatened[v.i],
 }
-_MISSING_IN_DIALECT = {
-    layout.message_id: layout
-    for layout in (px4.TIME_ESTIMATE_TO_TARGET, px4.CURRENT_EVENT_SEQUENCE, px4.CURRENT_MODE)
-}
-# Extension fields missing in the dialect; CRC_EXTRA does not cover extension fields.
-_EXTENSIONS = {
-    mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: ("mission_id", "fence_id", "rally_points_id"),
-}
-
-
-def _layout(message_id: int) -> Layout:
-    if message_id in _MISSING_IN_DIALECT:
-        return _MISSING_IN_DIALECT[message_id]
-    layout = layout_of(message_id)
-    known = layout.dtype.names or ()
-    fields = [(name, "<u4") for name in _EXTENSIONS.get(message_id, ()) if name not in known]
-    return replace(layout, dtype=np.dtype(layout.dtype.descr + fields)) if fields else layout
-
 
 STREAMS: dict[int, Stream] = {
-    message_id: Stream(_layout(message_id), columns, _HAS_DATA.get(message_id))
+    message_id: Stream(layout_of(message_id), columns, _HAS_DATA.get(message_id))
     for message_id, columns in (_ABSENT | ardupilot.BUILDERS | _BUILDERS).items()
 }
 

@@ -1,4 +1,4 @@
-"""Messages that only PX4 streams, and the definitions that pymavlink's ArduPilot dialect lacks."""
+"""Messages that only PX4 streams."""
 
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -7,7 +7,6 @@ from sim_vehicle.physics.attitude import quaternions
 from sim_vehicle.physics.geodesy import Floats
 from sim_vehicle.physics.gps import EPH_M
 from sim_vehicle.physics.motion import GRAVITY_M_S2
-from sim_vehicle.wire.encode import Layout
 from sim_vehicle.wire.telemetry.motion import body_rates, local_position_ned
 from sim_vehicle.wire.telemetry.sensors import output_us
 from sim_vehicle.wire.telemetry.view import Columns, View
@@ -16,30 +15,6 @@ UNKNOWN_TIME_S = -1
 OUTPUTS = 4  # motors or servos
 DIAGONAL = (0, 6, 11, 15, 18, 20)  # diagonal of a symmetric 6 x 6 matrix, upper triangle by rows
 ANGLE_VARIANCE_RAD2, VELOCITY_VARIANCE_M2_S2 = 1e-4, 1e-2
-
-TIME_ESTIMATE_TO_TARGET = Layout(
-    380,
-    "TIME_ESTIMATE_TO_TARGET",
-    bytes([232]),
-    np.dtype(
-        [
-            ("safe_return", "<i4"),
-            ("land", "<i4"),
-            ("mission_next_item", "<i4"),
-            ("mission_end", "<i4"),
-            ("commanded_action", "<i4"),
-        ]
-    ),
-)
-CURRENT_EVENT_SEQUENCE = Layout(
-    411, "CURRENT_EVENT_SEQUENCE", bytes([106]), np.dtype([("sequence", "<u2"), ("flags", "u1")])
-)
-CURRENT_MODE = Layout(
-    436,
-    "CURRENT_MODE",
-    bytes([193]),
-    np.dtype([("custom_mode", "<u4"), ("intended_custom_mode", "<u4"), ("standard_mode", "u1")]),
-)
 
 
 def time_estimate_to_target(v: View) -> Columns:
