@@ -1,4 +1,4 @@
-"""Layouts of MAVLink messages, with the messages and fields that pymavlink's dialect lacks.
+"""Layouts of MAVLink frames and messages, with the messages and fields that pymavlink's dialect lacks.
 
 pymavlink packs and decodes the messages of its dialect. `DefinedMessage` and `decoded` do the same for the
 definitions of this module, which come from MAVLink's common.xml.
@@ -11,6 +11,8 @@ import numpy as np
 from fastcrc.crc16 import mcrf4xx
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+MAVLINK1, MAVLINK2 = 0xFE, 0xFD  # first byte of a frame
+HEADER_BYTES = {MAVLINK1: 6, MAVLINK2: 10}  # by the first byte, which is included
 _NUMPY_TYPES = {
     "uint8_t": "u1",
     "int8_t": "i1",
@@ -25,7 +27,6 @@ _NUMPY_TYPES = {
     "uint8_t_mavlink_version": "u1",
 }
 _UNKNOWN = "UNKNOWN_"  # begins pymavlink's name of a message that its dialect lacks
-_MAVLINK1 = 0xFE  # first byte of a frame
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,7 +117,7 @@ def layout_of(message_id: int) -> Layout:
 
 
 class DefinedMessage(mavlink.MAVLink_message):  # type: ignore[misc]
-    """A message with one of this module's layouts, used like pymavlink's messages; missing fields are 0."""
+    """A message with a layout that pymavlink lacks, used like pymavlink's messages; missing fields are 0."""
 
     def __init__(self, layout: Layout, **fields: Any) -> None:
         super().__init__(layout.message_id, layout.name)
@@ -137,7 +138,7 @@ def decoded(message: Any) -> Any:
         return message
     frame = bytes(message.get_msgbuf())
     layout = _DEFINED.get(int(message.get_type().removeprefix(_UNKNOWN)))
-    start = 6 if frame[0] == _MAVLINK1 else 10
+    start = HEADER_BYTES[frame[0]]
     end = start + frame[1]
     checksum = int.from_bytes(frame[end : end + 2], "little")
     if layout is None or mcrf4xx(frame[1:end] + layout.crc_extra) != checksum:
@@ -145,7 +146,7 @@ def decoded(message: Any) -> Any:
     size = layout.dtype.itemsize
     values = np.frombuffer(frame[start:end][:size].ljust(size, b"\0"), layout.dtype)[0].item()
     found = DefinedMessage(layout, **dict(zip(layout.dtype.fields or (), values, strict=True)))
-    seq, system, component = frame[2:5] if frame[0] == _MAVLINK1 else frame[4:7]
+    seq, system, component = frame[2:5] if frame[0] == MAVLINK1 else frame[4:7]
     found._header = mavlink.MAVLink_header(
         layout.message_id, mlen=frame[1], seq=seq, srcSystem=system, srcComponent=component
     )

@@ -7,11 +7,10 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.generator.mavcrc import x25crc
 
-from sim_vehicle.definitions import CRC_EXTRA, decoded
+from sim_vehicle.definitions import CRC_EXTRA, HEADER_BYTES, MAVLINK1, decoded
 from sim_vehicle.station.frames import STATION, Sender, Source
 
 LONGEST_FRAME = 280  # bytes of a signed MAVLink 2 frame
-_HEADER_BYTES = {0xFE: 6, 0xFD: 10}
 
 
 def messages_in(data: bytes, begin: int = 0) -> Iterator[Any]:
@@ -21,24 +20,24 @@ def messages_in(data: bytes, begin: int = 0) -> Iterator[Any]:
     inside another frame. Signatures and flags are ignored, because some receivers ignore them.
     """
     for start, byte in enumerate(data):
-        head = _HEADER_BYTES.get(byte)
+        head = HEADER_BYTES.get(byte)
         if head is None or start + head > len(data):
             continue
         end = start + head + data[start + 1] + 2
         if begin < end <= len(data):
-            found = _message(data[start:end], head)
+            found = _message(data[start:end])
             if found is not None:
                 yield found
 
 
-def _message(raw: bytes, head: int) -> Any | None:
+def _message(raw: bytes) -> Any | None:
     """Decode a frame without a signature; return None for a wrong checksum or an unknown message."""
-    number = raw[5] if head == _HEADER_BYTES[0xFE] else int.from_bytes(raw[7:10], "little")
+    number = raw[5] if raw[0] == MAVLINK1 else int.from_bytes(raw[7:10], "little")
     extra = CRC_EXTRA.get(number)
     if extra is None or x25crc(raw[1:-2] + bytes([extra])).crc != struct.unpack("<H", raw[-2:])[0]:
         return None
     # pymavlink rejects some flags; this frame has none.
-    whole = _frame((0, 0, 0, 255, 190), number, raw[head:-2], extra)
+    whole = _frame((0, 0, 0, 255, 190), number, raw[HEADER_BYTES[raw[0]] : -2], extra)
     return decoded(mavlink.MAVLink(None).decode(bytearray(whole)))
 
 

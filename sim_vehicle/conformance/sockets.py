@@ -9,12 +9,12 @@ from typing import Any
 import serial
 
 from sim_vehicle.conformance.traffic import Wire, WireError
+from sim_vehicle.definitions import MAVLINK1, MAVLINK2
 from sim_vehicle.links.url import Url
 
 DATAGRAM_BYTES = 65_536
 CONNECT_S, SEND_S = 5.0, 5.0  # longest time of the first connection, and of sending one piece
 RECONNECT_S = 0.5  # between attempts to reconnect, for example while a vehicle reboots
-V1, V2 = 0xFE, 0xFD  # first byte of a frame of MAVLink 1 and 2
 ADDRESS_SILENCE_S = 1.0  # [s of vehicle time]; after a longer silence a system id may change its address
 
 
@@ -249,9 +249,9 @@ class SerialWire(_StreamWire):
 
 def _source(data: bytes) -> int | None:
     """Return the system id of the frame at the start of a datagram; None if no frame starts there."""
-    if len(data) >= 8 and data[0] == V1:
+    if len(data) >= 8 and data[0] == MAVLINK1:
         return data[3]
-    if len(data) >= 12 and data[0] == V2:
+    if len(data) >= 12 and data[0] == MAVLINK2:
         return data[5]
     return None
 

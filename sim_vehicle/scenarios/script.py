@@ -7,6 +7,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.definitions import HEADER_BYTES, MAVLINK2
 from sim_vehicle.epoch import EPSILON_S
 from sim_vehicle.scenarios.model import Scenario, VehicleSpec
 from sim_vehicle.scenarios.step_exchanges import StepExchanges
@@ -14,14 +15,13 @@ from sim_vehicle.scenarios.steps import ScriptStep
 from sim_vehicle.station.exchanges import Exchange
 from sim_vehicle.station.frames import NOISE, Receiver, Sender
 from sim_vehicle.station.messages import StatusTexts, heartbeat
-from sim_vehicle.wire.frame import HEADER2_BYTES, MAVLINK2
 
 HEARTBEAT_S = 1.0
 SETTLED_S = 3.0  # delay after the first heartbeat; some autopilots undo an earlier mode change
 RETRY_S = 1.0  # delay after a refusal
 STREAMS_MISSING_S = 5.0  # time without telemetry after which streams are requested
 STREAM_HZ = 4
-EMPTY_FRAME_BYTES = HEADER2_BYTES + 2  # a frame without payload and signature
+EMPTY_FRAME_BYTES = HEADER_BYTES[MAVLINK2] + 2  # a frame without payload and signature
 PROCESSED_IDS = frozenset(
     {
         mavlink.MAVLINK_MSG_ID_HEARTBEAT,
@@ -274,5 +274,6 @@ class ScriptStation:
 
 def _is_plain_telemetry(data: bytes) -> bool:
     """Return True for one whole unsigned frame of a kind that the station does not process."""
-    whole = len(data) >= HEADER2_BYTES and data[0] == MAVLINK2 and len(data) == data[1] + EMPTY_FRAME_BYTES
-    return whole and int.from_bytes(data[7:10], "little") not in PROCESSED_IDS
+    is_mavlink2 = len(data) >= EMPTY_FRAME_BYTES and data[0] == MAVLINK2
+    is_whole = is_mavlink2 and len(data) == data[1] + EMPTY_FRAME_BYTES
+    return is_whole and int.from_bytes(data[7:10], "little") not in PROCESSED_IDS

@@ -9,11 +9,11 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
+from sim_vehicle.definitions import MAVLINK2
 from sim_vehicle.fleet import TICK_S, Fleet
 from sim_vehicle.links import Link, LinkCallbacks, LinkError, make_link
 from sim_vehicle.links.url import MAX_PORT, Url
 from sim_vehicle.serving.pace import Pace
-from sim_vehicle.wire.frame import MAVLINK2
 from sim_vehicle.wire.outbox import Frames
 
 BIN_S = 0.0005  # width of a bin of the histogram

@@ -6,13 +6,12 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.definitions import decoded
+from sim_vehicle.definitions import HEADER_BYTES, MAVLINK2, decoded
 
 Source = tuple[int, int]  # (system id, component id)
 
 STATION: Source = (255, mavlink.MAV_COMP_ID_MISSIONPLANNER)
 NOISE = "BAD_DATA"  # kind of bytes outside of valid frames
-V2 = 0xFD  # first byte of a MAVLink 2 frame
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,23 +25,19 @@ class ReceivedFrame:
 
     @property
     def seq(self) -> int:
-        return self.raw[4 if self.raw[0] == V2 else 2]
+        return self.raw[4 if self.raw[0] == MAVLINK2 else 2]
 
     @property
     def sysid(self) -> int:
-        return self.raw[5 if self.raw[0] == V2 else 3]
+        return self.raw[5 if self.raw[0] == MAVLINK2 else 3]
 
     @property
     def component(self) -> int:
-        return self.raw[6 if self.raw[0] == V2 else 4]
-
-    @property
-    def msgid(self) -> int:
-        return int.from_bytes(self.raw[7:10], "little") if self.raw[0] == V2 else self.raw[5]
+        return self.raw[6 if self.raw[0] == MAVLINK2 else 4]
 
     @property
     def payload(self) -> bytes:
-        start = 10 if self.raw[0] == V2 else 6
+        start = HEADER_BYTES[self.raw[0]]
         return self.raw[start : start + self.raw[1]]
 
 

@@ -4,13 +4,14 @@ import math
 import struct
 import zlib
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sim_vehicle.definitions import HEADER_BYTES, DefinedMessage, layout_of
 from sim_vehicle.files.pacing import Pacer
-from sim_vehicle.wire.frame import header_bytes
 
 HASH_NAME = "_HASH_CHECK"
 FRAME_BYTES = 37  # length of a PARAM_VALUE frame
@@ -21,6 +22,9 @@ WIRE_TYPES = {
     16: int(mavlink.MAV_PARAM_TYPE_INT16),
     32: int(mavlink.MAV_PARAM_TYPE_INT32),
 }
+_VALUE = layout_of(mavlink.MAVLINK_MSG_ID_PARAM_VALUE)
+# PARAM_VALUE with the bytes of an integer, because a float conversion changes those of a signalling NaN.
+_INTEGER_VALUE = replace(_VALUE, dtype=np.dtype([("param_value", "<u4"), *_VALUE.dtype.descr[1:]]))
 # ArduPilot adds this offset before the truncation of a float, so that 2.999 becomes 3.
 TRUNCATION_OFFSET = 0.01
 
@@ -153,9 +157,8 @@ class Parameters:
         if self._byte_wise and message.param_type == mavlink.MAV_PARAM_TYPE_INT32:
             # The original bytes, because a float conversion changes the bytes of a signalling NaN.
             frame = bytes(message.get_msgbuf())
-            start = header_bytes(frame)
-            value = frame[start : start + 4] or struct.pack("<f", message.param_value)
-            return int(struct.unpack("<i", value)[0])
+            start = HEADER_BYTES[frame[0]]
+            return int.from_bytes(frame[start : start + 4], "little", signed=True)
         return float(message.param_value)
 
     def _wire_type(self, name: str) -> int:
@@ -170,8 +173,7 @@ class Parameters:
         return crc ^ 0xFFFFFFFF
 
     def _hash_message(self) -> Any:
-        bits = struct.pack("<I", self.hash())
-        return _BytesValue(HASH_NAME, bits, mavlink.MAV_PARAM_TYPE_UINT32, len(self._names), UNINDEXED)
+        return self._integer_message(HASH_NAME, self.hash(), mavlink.MAV_PARAM_TYPE_UINT32, UNINDEXED)
 
     def value_message(self, index: int, *, named: bool = False) -> Any:
         """Return PARAM_VALUE of an index; ArduPilot omits the index in an answer by name (`named`)."""
@@ -179,18 +181,12 @@ class Parameters:
         value = self._values[name]
         kind = self._wire_type(name)
         if self._byte_wise and isinstance(value, int):
-            return _BytesValue(name, struct.pack("<i", value), kind, len(self._names), index)
+            return self._integer_message(name, value, kind, index)
         sent_index = UNINDEXED if named and not self._byte_wise else index
         return mavlink.MAVLink_param_value_message(name.encode(), value, kind, len(self._names), sent_index)
 
-
-class _BytesValue(mavlink.MAVLink_param_value_message):  # type: ignore[misc]
-    """PARAM_VALUE with four raw bytes as its value."""
-
-    def __init__(self, name: str, value: bytes, kind: int, count: int, index: int) -> None:
-        super().__init__(name.encode(), struct.unpack("<f", value)[0], kind, count, index)
-        self._bytes = value
-
-    def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:
-        rest = struct.pack("<HH16sB", self.param_count, self.param_index, self._param_id_raw, self.param_type)
-        return bytes(self._pack(mav, self.crc_extra, self._bytes + rest, force_mavlink1=force_mavlink1))
+    def _integer_message(self, name: str, value: int, kind: int, index: int) -> DefinedMessage:
+        return DefinedMessage(
+            _INTEGER_VALUE, param_value=value & 0xFFFFFFFF, param_count=len(self._names), param_index=index,
+            param_id=name.encode(), param_type=kind,
+        )  # fmt: skip

@@ -13,8 +13,7 @@ import numpy.typing as npt
 from fastcrc.crc16 import mcrf4xx
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.definitions import Layout
-from sim_vehicle.wire.frame import MAVLINK2
+from sim_vehicle.definitions import MAVLINK2, Layout
 
 MAGIC = bytes([MAVLINK2])
 # length, incompatibility flags, compatibility flags, sequence, system, component, 3 bytes of the message id

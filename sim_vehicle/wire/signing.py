@@ -12,7 +12,7 @@ from typing import Any
 from fastcrc.crc16 import mcrf4xx
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_vehicle.wire.frame import HEADER2_BYTES, MAVLINK2
+from sim_vehicle.definitions import HEADER_BYTES, MAVLINK2
 
 TICKS_PER_S = 100_000  # a time stamp counts 10 us since the start of 2015
 LAST_TIMESTAMP = 2**48 - 1  # largest time stamp in a signature
@@ -107,7 +107,7 @@ class Signing:
 
 
 def _is_unsigned_mavlink2(frame: bytes) -> bool:
-    return len(frame) >= HEADER2_BYTES + 2 and frame[0] == MAVLINK2 and not frame[2] & SIGNED
+    return len(frame) >= HEADER_BYTES[MAVLINK2] + 2 and frame[0] == MAVLINK2 and not frame[2] & SIGNED
 
 
 def _message_id(frame: bytes) -> int:

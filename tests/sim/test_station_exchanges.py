@@ -187,4 +187,4 @@ def test_a_sender_numbers_the_frames_of_each_station() -> None:
         (255, 190, 1, 7.0),
         (254, 191, 0, 7.0),
     ]
-    assert {f.msgid for f in frames} == {mavlink.MAVLINK_MSG_ID_COMMAND_LONG}
+    assert {f.kind for f in frames} == {"COMMAND_LONG"}

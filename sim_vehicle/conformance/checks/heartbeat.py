@@ -10,6 +10,7 @@ from sim_vehicle.conformance.dialects import version_text
 from sim_vehicle.conformance.flying import mode_name
 from sim_vehicle.conformance.registry import KNOWN, check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
+from sim_vehicle.definitions import MAVLINK2
 from sim_vehicle.station.frames import ReceivedFrame
 
 RELEASES = {0: "development", 64: "alpha", 128: "beta", 192: "candidate", 255: "official"}
@@ -143,7 +144,7 @@ def goes_on_without_a_station(vehicle: VehicleUnderTest) -> str:
 def frames_are_mavlink2(vehicle: VehicleUnderTest) -> str:
     """The vehicle sends only MAVLink 2 frames to a station that sends MAVLink 2."""
     frames = _frames(vehicle, 3.0, 2)
-    old = sorted({entry.kind for entry in frames if entry.raw[0] != 0xFD})
+    old = sorted({entry.kind for entry in frames if entry.raw[0] != MAVLINK2})
     holds(not old, f"saw MAVLink 1 frames: {', '.join(old)}")
     return f"{len(frames)} frames"
 
@@ -163,7 +164,7 @@ def sequence_numbers_count(vehicle: VehicleUnderTest) -> str:
 def payloads_are_trimmed(vehicle: VehicleUnderTest) -> str:
     """MAVLink 2 payloads have no trailing zeros, as the specification demands."""
     with vehicle.streaming({"ATTITUDE": 5.0, "SYS_STATUS": 5.0}):
-        frames = [e for e in _frames(vehicle, 2.0, 8) if e.raw[0] == 0xFD]
+        frames = [e for e in _frames(vehicle, 2.0, 8) if e.raw[0] == MAVLINK2]
     for entry in frames:
         if len(entry.payload) > 1 and entry.payload[-1] == 0:
             raise CheckFailed(

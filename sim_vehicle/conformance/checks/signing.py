@@ -12,6 +12,7 @@ from sim_vehicle.conformance.assertions import ACCEPTED, CheckFailed, Skip, equa
 from sim_vehicle.conformance.guard import ALTER
 from sim_vehicle.conformance.registry import check
 from sim_vehicle.conformance.vehicle import VehicleUnderTest
+from sim_vehicle.definitions import MAVLINK2
 from sim_vehicle.station.frames import STATION, ReceivedFrame
 
 SIGNED = 0x01  # MAVLink 2 incompatibility flag of a signed frame
@@ -31,7 +32,7 @@ def _sign_with(vehicle: VehicleUnderTest, source: tuple[int, int], key: bytes, s
 
 
 def _signed(entries: list[ReceivedFrame]) -> list[ReceivedFrame]:
-    return [e for e in entries if e.raw[0] == 0xFD and e.raw[2] & SIGNED]
+    return [e for e in entries if e.raw[0] == MAVLINK2 and e.raw[2] & SIGNED]
 
 
 def _is_signed_with(entry: ReceivedFrame, key: bytes) -> bool:
